@@ -1,0 +1,892 @@
+//! Settings of discretisation and solver: one sized struct, one table that describes it.
+//!
+//! [`OPTIONS`] is the only source of names, defaults, ranges and descriptions. The struct is the fast
+//! door (C programs fill it directly), the table is the other one: set and get by name, with
+//! introspection for bindings and a hint when a name is misspelt. Tests keep both the same.
+//!
+//! Leaf module: knows [`crate::error`] only. It judges single values and simple pairs of values; what a
+//! combination means for a problem is checked where the problem is built.
+
+use crate::error::{Error, Result};
+use std::fmt::Write as _;
+use std::mem::offset_of;
+
+/// Runge-Kutta family (rk_family).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum RkFamily {
+    /// Radau IIA: stiffly accurate, order 2 n_s - 1.
+    RadauIia = 0,
+    /// Gauss-Legendre: order 2 n_s, no stage at the end of the element.
+    GaussLegendre = 1,
+    /// Explicit methods, for modes that are not stiff.
+    Explicit = 2,
+}
+
+/// Treatment of switches by the discretisation (discretisation).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Discretisation {
+    /// Finite elements with switch detection: element boundaries move onto the switches.
+    Fesd = 0,
+    /// Fixed step sizes; switches lie inside the elements and the order drops to one.
+    Standard = 1,
+}
+
+/// Unknowns at the stage points (stage_form).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StageForm {
+    /// The library chooses.
+    Auto = 0,
+    /// States at the stage points (integral form).
+    Values = 1,
+    /// State derivatives at the stage points (differential form).
+    Derivatives = 2,
+}
+
+/// Granularity of the cross complementarity (cross).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Cross {
+    /// One pair for each finite element and component, between two sums over the stage points.
+    Element = 0,
+    /// One pair for each stage point and component, against the sum over the element.
+    Stage = 1,
+    /// One pair for each pair of stage points and component.
+    Full = 2,
+}
+
+/// Step equilibration during the homotopy (step_equilibration).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepEquilibration {
+    /// No term: step sizes without a switch between them are not determined.
+    None = 0,
+    /// Penalty on the deviation from the mean step size.
+    Mean = 1,
+    /// Penalty on the difference of neighbouring step sizes.
+    Difference = 2,
+    /// Difference of neighbouring step sizes weighted by the switch indicator eta.
+    EtaProduct = 3,
+}
+
+/// Polishing after the homotopy (polish).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Polish {
+    /// The interior point solution is final.
+    Off = 0,
+    /// Fix the active set and solve the smooth problem to polish_tol.
+    On = 1,
+}
+
+/// Initial guess of the discretised problem (initial_guess).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum InitialGuess {
+    /// The initial value at every node.
+    Constant = 0,
+    /// A simulation with the guessed controls.
+    Simulation = 1,
+}
+
+/// Verbosity of the log sink (log_level); each level contains the ones before it.
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LogLevel {
+    /// Nothing.
+    Silent = 0,
+    /// Failures.
+    Error = 1,
+    /// Results that deserve a second look.
+    Warning = 2,
+    /// One summary per solve.
+    Info = 3,
+    /// One line per iteration.
+    Debug = 4,
+    /// Inner steps: line search, factorisations, active-set changes.
+    Trace = 5,
+}
+
+/// Writes the value names of an enumeration once, for conversion and for the option table.
+macro_rules! value_names {
+    ($type:ident { $($variant:ident = $name:literal),+ $(,)? }) => {
+        impl $type {
+            /// Value names, by value.
+            pub const NAMES: &'static [&'static str] = &[$($name),+];
+
+            /// Value of this number; `None` outside the enumeration.
+            pub fn from_i64(value: i64) -> Option<Self> {
+                [$(Self::$variant),+].into_iter().find(|v| *v as i64 == value)
+            }
+
+            /// Name of the value.
+            pub fn name(self) -> &'static str {
+                Self::NAMES[self as usize]
+            }
+        }
+    };
+}
+value_names!(RkFamily { RadauIia = "radau_iia", GaussLegendre = "gauss_legendre", Explicit = "explicit" });
+value_names!(Discretisation { Fesd = "fesd", Standard = "standard" });
+value_names!(StageForm { Auto = "auto", Values = "values", Derivatives = "derivatives" });
+value_names!(Cross { Element = "element", Stage = "stage", Full = "full" });
+value_names!(StepEquilibration { None = "none", Mean = "mean", Difference = "difference", EtaProduct = "eta_product" });
+value_names!(Polish { Off = "off", On = "on" });
+value_names!(InitialGuess { Constant = "constant", Simulation = "simulation" });
+value_names!(LogLevel {
+    Silent = "silent",
+    Error = "error",
+    Warning = "warning",
+    Info = "info",
+    Debug = "debug",
+    Trace = "trace",
+});
+
+/// Settings of discretisation and solver.
+///
+/// Fill with `swb_settings_init` in C, `Settings::default()` in Rust, then change what differs. Fields
+/// are only ever appended; every field is 8 bytes wide, so there are no holes. An integer field that is
+/// an enumeration takes the values of the enumeration named in its description. Ranges: see the option
+/// table (`swb_option_range`).
+#[repr(C)]
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Settings {
+    /// Size of this struct in bytes, written by the init function: tells the library how much to read.
+    pub struct_size: u64,
+    /// Runge-Kutta family (enum rk_family).
+    pub rk_family: i64,
+    /// Stage points of the Runge-Kutta method.
+    pub n_s: i64,
+    /// Finite elements of a control stage or a simulation step.
+    pub n_fe: i64,
+    /// Treatment of switches: moving element boundaries or fixed steps (enum discretisation).
+    pub discretisation: i64,
+    /// Unknowns at the stage points (enum stage_form).
+    pub stage_form: i64,
+    /// Granularity of the cross complementarity (enum cross).
+    pub cross: i64,
+    /// Step equilibration during the homotopy (enum step_equilibration).
+    pub step_equilibration: i64,
+    /// Weight of the soft step equilibration.
+    pub rho_h: f64,
+    /// Step sizes stay between (1 - gamma_h) and (1 + gamma_h) times the nominal one.
+    pub gamma_h: f64,
+    /// Convergence tolerance of the interior point at sigma = 0, before polishing.
+    pub tol: f64,
+    /// Limit on the interior point iterations of one solve, over all homotopy steps.
+    pub max_iter: i64,
+    /// Limit on the wall time of one solve, in seconds.
+    pub max_time: f64,
+    /// Initial barrier parameter.
+    pub mu_init: f64,
+    /// Initial relaxation of the complementarity.
+    pub sigma_init: f64,
+    /// Smallest relaxation of the complementarity.
+    pub sigma_min: f64,
+    /// Linear reduction of the relaxation: sigma becomes at most sigma_factor sigma.
+    pub sigma_factor: f64,
+    /// Superlinear reduction of the relaxation: sigma becomes at most sigma^sigma_exponent.
+    pub sigma_exponent: f64,
+    /// Barrier parameter that belongs to a relaxation, as a multiple of it.
+    pub mu_over_sigma: f64,
+    /// Barrier parameter at which the first problem, at sigma_init, counts as solved.
+    pub plateau_mu: f64,
+    /// Constraint violation at which the first problem, at sigma_init, counts as solved.
+    pub plateau_viol: f64,
+    /// Identify the active set and solve the smooth problem that remains (enum polish).
+    pub polish: i64,
+    /// Tolerance of the polished solution.
+    pub polish_tol: f64,
+    /// Initial guess where none is given (enum initial_guess).
+    pub initial_guess: i64,
+    /// Verbosity of the log sink (enum log_level).
+    pub log_level: i64,
+}
+
+/// A value on its way to or from an option.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// For integer and enumeration options, and for float options.
+    Int(i64),
+    /// For float options.
+    Float(f64),
+    /// For every option: a number as text, or the value name of an enumeration.
+    Text(String),
+}
+
+impl From<i64> for Value {
+    fn from(v: i64) -> Self {
+        Value::Int(v)
+    }
+}
+impl From<f64> for Value {
+    fn from(v: f64) -> Self {
+        Value::Float(v)
+    }
+}
+impl From<&str> for Value {
+    fn from(v: &str) -> Self {
+        Value::Text(v.to_owned())
+    }
+}
+
+/// Kind of an option.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    /// Integer.
+    Int,
+    /// Floating-point number.
+    Float,
+    /// Enumeration: the names of the values 0, 1, ...
+    Enum(&'static [&'static str]),
+}
+
+/// An end of a range.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Bound {
+    /// The value itself is allowed.
+    Closed(f64),
+    /// The value itself is not allowed.
+    Open(f64),
+}
+
+impl Bound {
+    /// Number of this end.
+    pub fn value(self) -> f64 {
+        match self {
+            Bound::Closed(v) | Bound::Open(v) => v,
+        }
+    }
+
+    /// Is the number itself outside the range?
+    pub fn is_open(self) -> bool {
+        matches!(self, Bound::Open(_))
+    }
+}
+
+/// Description of one option: a row of [`OPTIONS`].
+pub struct OptionInfo {
+    /// Name, equal to the field of [`Settings`].
+    pub name: &'static str,
+    /// Kind, with the value names of enumerations.
+    pub kind: Kind,
+    /// Default; integers and enumeration values are exact in f64.
+    pub default: f64,
+    /// Lower end of the range.
+    pub min: Bound,
+    /// Upper end of the range.
+    pub max: Bound,
+    /// Symbol in the literature, or empty.
+    pub symbol: &'static str,
+    /// Description in one sentence.
+    pub doc: &'static str,
+    /// Fixed once the object is built (it shapes the problem), or free between solves?
+    pub setup_only: bool,
+    /// Byte offset in [`Settings`].
+    pub offset: usize,
+    get: fn(&Settings) -> f64,
+    set: fn(&mut Settings, f64),
+}
+
+const SETUP: bool = true;
+const FREE: bool = false;
+const INF: f64 = f64::INFINITY;
+use Bound::{Closed, Open};
+
+/// A row of the table; the field itself gives name, offset and access.
+macro_rules! row {
+    ($field:ident: Enum($type:ident::$default:ident), $symbol:literal, $setup:ident, $doc:literal) => {
+        row!(@ $field, i64, Kind::Enum($type::NAMES), $type::$default as i64 as f64,
+            Closed(0.0), Closed(($type::NAMES.len() - 1) as f64), $symbol, $setup, $doc)
+    };
+    ($field:ident: Int($default:literal, $min:expr, $max:expr), $symbol:literal, $setup:ident, $doc:literal) => {
+        row!(@ $field, i64, Kind::Int, $default as f64, $min, $max, $symbol, $setup, $doc)
+    };
+    ($field:ident: Float($default:expr, $min:expr, $max:expr), $symbol:literal, $setup:ident, $doc:literal) => {
+        row!(@ $field, f64, Kind::Float, $default, $min, $max, $symbol, $setup, $doc)
+    };
+    (@ $field:ident, $type:ty, $kind:expr, $default:expr, $min:expr, $max:expr, $symbol:literal, $setup:ident, $doc:literal) => {
+        OptionInfo {
+            name: stringify!($field),
+            kind: $kind,
+            default: $default,
+            min: $min,
+            max: $max,
+            symbol: $symbol,
+            doc: $doc,
+            setup_only: $setup,
+            offset: offset_of!(Settings, $field),
+            get: |s| s.$field as f64,
+            set: |s, v| s.$field = v as $type,
+        }
+    };
+}
+
+/// All options, in the order of the fields of [`Settings`].
+#[rustfmt::skip]
+pub static OPTIONS: &[OptionInfo] = &[
+    row!(rk_family: Enum(RkFamily::RadauIia), "", SETUP,
+        "Runge-Kutta family (enum rk_family)."),
+    row!(n_s: Int(2, Closed(1.0), Closed(9.0)), "n_s", SETUP,
+        "Stage points of the Runge-Kutta method."),
+    row!(n_fe: Int(3, Closed(1.0), Closed(1000.0)), "N_FE", SETUP,
+        "Finite elements of a control stage or a simulation step."),
+    row!(discretisation: Enum(Discretisation::Fesd), "", SETUP,
+        "Treatment of switches: moving element boundaries or fixed steps (enum discretisation)."),
+    row!(stage_form: Enum(StageForm::Auto), "", SETUP,
+        "Unknowns at the stage points (enum stage_form)."),
+    row!(cross: Enum(Cross::Element), "", SETUP,
+        "Granularity of the cross complementarity (enum cross)."),
+    row!(step_equilibration: Enum(StepEquilibration::Difference), "", SETUP,
+        "Step equilibration during the homotopy (enum step_equilibration)."),
+    row!(rho_h: Float(1.0, Closed(0.0), Open(INF)), "rho_h", FREE,
+        "Weight of the soft step equilibration."),
+    row!(gamma_h: Float(1.0, Open(0.0), Closed(1.0)), "gamma_h", FREE,
+        "Step sizes stay between (1 - gamma_h) and (1 + gamma_h) times the nominal one."),
+    row!(tol: Float(1e-9, Open(0.0), Open(1.0)), "epsilon_tol", FREE,
+        "Convergence tolerance of the interior point at sigma = 0, before polishing."),
+    row!(max_iter: Int(3000, Closed(0.0), Closed(1e9)), "", FREE,
+        "Limit on the interior point iterations of one solve, over all homotopy steps."),
+    row!(max_time: Float(INF, Closed(0.0), Closed(INF)), "", FREE,
+        "Limit on the wall time of one solve, in seconds."),
+    row!(mu_init: Float(0.1, Open(0.0), Open(INF)), "mu_0", FREE,
+        "Initial barrier parameter."),
+    row!(sigma_init: Float(1.0, Open(0.0), Open(INF)), "sigma_0", FREE,
+        "Initial relaxation of the complementarity."),
+    row!(sigma_min: Float(1e-9, Open(0.0), Closed(1.0)), "sigma_N", FREE,
+        "Smallest relaxation of the complementarity."),
+    row!(sigma_factor: Float(0.2, Open(0.0), Open(1.0)), "kappa_sigma", FREE,
+        "Linear reduction of the relaxation: sigma becomes at most sigma_factor sigma."),
+    row!(sigma_exponent: Float(1.5, Closed(1.0), Closed(3.0)), "theta_sigma", FREE,
+        "Superlinear reduction of the relaxation: sigma becomes at most sigma^sigma_exponent."),
+    row!(mu_over_sigma: Float(0.1, Open(0.0), Closed(1e3)), "", FREE,
+        "Barrier parameter that belongs to a relaxation, as a multiple of it."),
+    row!(plateau_mu: Float(1e-2, Open(0.0), Open(INF)), "", FREE,
+        "Barrier parameter at which the first problem, at sigma_init, counts as solved."),
+    row!(plateau_viol: Float(1e-4, Open(0.0), Open(INF)), "", FREE,
+        "Constraint violation at which the first problem, at sigma_init, counts as solved."),
+    row!(polish: Enum(Polish::On), "", FREE,
+        "Identify the active set and solve the smooth problem that remains (enum polish)."),
+    row!(polish_tol: Float(1e-12, Open(0.0), Open(1.0)), "", FREE,
+        "Tolerance of the polished solution."),
+    row!(initial_guess: Enum(InitialGuess::Constant), "", FREE,
+        "Initial guess where none is given (enum initial_guess)."),
+    row!(log_level: Enum(LogLevel::Silent), "", FREE,
+        "Verbosity of the log sink (enum log_level)."),
+];
+
+impl OptionInfo {
+    /// Current value in `settings`.
+    pub fn get(&self, settings: &Settings) -> Value {
+        match self.kind {
+            Kind::Float => Value::Float((self.get)(settings)),
+            Kind::Int | Kind::Enum(_) => Value::Int((self.get)(settings) as i64),
+        }
+    }
+
+    /// Current value in `settings` as text: the value name of an enumeration, else a number that reads
+    /// back to the same bits.
+    pub fn get_text(&self, settings: &Settings) -> String {
+        let v = (self.get)(settings);
+        match self.kind {
+            Kind::Float => float_text(v),
+            Kind::Int => format!("{}", v as i64),
+            Kind::Enum(names) => match names.get(v as usize) {
+                Some(name) if v >= 0.0 => (*name).to_owned(),
+                _ => format!("{}", v as i64),
+            },
+        }
+    }
+
+    /// Is the number inside the range of this option? NaN never is.
+    pub fn contains(&self, v: f64) -> bool {
+        (match self.min {
+            Closed(a) => v >= a,
+            Open(a) => v > a,
+        }) && match self.max {
+            Closed(b) => v <= b,
+            Open(b) => v < b,
+        }
+    }
+
+    /// Range as text: `[1, 9]`, `(0, inf)`, or the value names of an enumeration.
+    pub fn range_text(&self) -> String {
+        if let Kind::Enum(names) = self.kind {
+            return names.join(" | ");
+        }
+        let (left, right) = (
+            if self.min.is_open() { '(' } else { '[' },
+            if self.max.is_open() { ')' } else { ']' },
+        );
+        format!("{left}{}, {}{right}", self.min.value(), self.max.value())
+    }
+
+    fn check(&self, v: f64) -> Result<()> {
+        if self.contains(v) {
+            return Ok(());
+        }
+        Err(Error::Range(match self.kind {
+            Kind::Enum(_) => format!(
+                "option '{}' is {v}, which is none of {}",
+                self.name,
+                self.enum_text()
+            ),
+            _ => format!(
+                "option '{}' is {v}, outside {}",
+                self.name,
+                self.range_text()
+            ),
+        }))
+    }
+
+    fn enum_text(&self) -> String {
+        let Kind::Enum(names) = self.kind else {
+            return String::new();
+        };
+        let pairs: Vec<String> = names
+            .iter()
+            .enumerate()
+            .map(|(i, n)| format!("{i} ({n})"))
+            .collect();
+        pairs.join(", ")
+    }
+
+    /// Number for this option out of a value of any type.
+    fn number(&self, value: &Value) -> Result<f64> {
+        match (self.kind, value) {
+            (Kind::Float, Value::Float(v)) => Ok(*v),
+            (_, Value::Int(v)) => {
+                // Beyond 2^53 an integer is not exact in f64; no range reaches that far.
+                if v.unsigned_abs() > 1 << 53 {
+                    return Err(Error::Range(format!(
+                        "option '{}' is {v}, outside {}",
+                        self.name,
+                        self.range_text()
+                    )));
+                }
+                Ok(*v as f64)
+            }
+            (Kind::Int | Kind::Enum(_), Value::Float(v)) => Err(Error::Option(format!(
+                "option '{}' takes {}, not the float {v}",
+                self.name,
+                self.kind_text()
+            ))),
+            (Kind::Float, Value::Text(t)) => {
+                t.trim().parse::<f64>().map_err(|_| self.not_a_value(t))
+            }
+            (Kind::Int, Value::Text(t)) => {
+                let v = t.trim().parse::<i64>().map_err(|_| self.not_a_value(t))?;
+                self.number(&Value::Int(v))
+            }
+            (Kind::Enum(names), Value::Text(t)) => {
+                let t = t.trim();
+                if let Some(i) = names.iter().position(|n| *n == t) {
+                    return Ok(i as f64);
+                }
+                match t.parse::<i64>() {
+                    Ok(v) => self.number(&Value::Int(v)),
+                    Err(_) => Err(self.not_a_value(t)),
+                }
+            }
+        }
+    }
+
+    fn kind_text(&self) -> &'static str {
+        match self.kind {
+            Kind::Int => "an integer",
+            Kind::Float => "a number",
+            Kind::Enum(_) => "a value name or its integer",
+        }
+    }
+
+    fn not_a_value(&self, text: &str) -> Error {
+        let mut message = format!(
+            "option '{}' takes {}, not '{text}'",
+            self.name,
+            self.kind_text()
+        );
+        if let Kind::Enum(names) = self.kind {
+            match nearest(text, names.iter().copied()) {
+                Some(n) => message += &format!("; did you mean '{n}'?"),
+                None => message += &format!("; one of {}", names.join(", ")),
+            }
+        }
+        Error::Option(message)
+    }
+}
+
+/// Row of an option by name; the error names the nearest option.
+pub fn option(name: &str) -> Result<&'static OptionInfo> {
+    OPTIONS.iter().find(|o| o.name == name).ok_or_else(|| {
+        let hint = match nearest(name, OPTIONS.iter().map(|o| o.name)) {
+            Some(n) => format!("; did you mean '{n}'?"),
+            None => String::new(),
+        };
+        Error::Option(format!("unknown option '{name}'{hint}"))
+    })
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let mut s = Settings {
+            struct_size: std::mem::size_of::<Settings>() as u64,
+            rk_family: 0,
+            n_s: 0,
+            n_fe: 0,
+            discretisation: 0,
+            stage_form: 0,
+            cross: 0,
+            step_equilibration: 0,
+            rho_h: 0.0,
+            gamma_h: 0.0,
+            tol: 0.0,
+            max_iter: 0,
+            max_time: 0.0,
+            mu_init: 0.0,
+            sigma_init: 0.0,
+            sigma_min: 0.0,
+            sigma_factor: 0.0,
+            sigma_exponent: 0.0,
+            mu_over_sigma: 0.0,
+            plateau_mu: 0.0,
+            plateau_viol: 0.0,
+            polish: 0,
+            polish_tol: 0.0,
+            initial_guess: 0,
+            log_level: 0,
+        };
+        for o in OPTIONS {
+            (o.set)(&mut s, o.default);
+        }
+        s
+    }
+}
+
+impl Settings {
+    /// Set an option by name. An unknown name or a value of the wrong type is [`Error::Option`], a value
+    /// outside the range [`Error::Range`]; the settings are then unchanged.
+    pub fn set_by_name(&mut self, name: &str, value: impl Into<Value>) -> Result<()> {
+        let o = option(name)?;
+        let v = o.number(&value.into())?;
+        o.check(v)?;
+        (o.set)(self, v);
+        Ok(())
+    }
+
+    /// Value of an option by name; enumerations as integers.
+    pub fn get_by_name(&self, name: &str) -> Result<Value> {
+        Ok(option(name)?.get(self))
+    }
+
+    /// Check every value against its range, and the pairs that belong together.
+    pub fn validate(&self) -> Result<()> {
+        for o in OPTIONS {
+            o.check((o.get)(self))?;
+        }
+        if self.sigma_min > self.sigma_init {
+            return Err(Error::Range(format!(
+                "option 'sigma_min' is {:e}, above 'sigma_init' {:e}",
+                self.sigma_min, self.sigma_init
+            )));
+        }
+        Ok(())
+    }
+
+    /// Check like [`Settings::validate`], and that nothing changed since `setup` that shapes the problem.
+    pub fn validate_as_update(&self, setup: &Settings) -> Result<()> {
+        self.validate()?;
+        for o in OPTIONS.iter().filter(|o| o.setup_only) {
+            if (o.get)(self) != (o.get)(setup) {
+                return Err(Error::State(format!(
+                    "option '{}' is fixed at setup: it was {}, not {}",
+                    o.name,
+                    o.get_text(setup),
+                    o.get_text(self)
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// All options as one JSON object; enumerations by value name, infinite values as text.
+    pub fn to_json(&self) -> String {
+        let mut out = String::from("{");
+        for (i, o) in OPTIONS.iter().enumerate() {
+            let text = o.get_text(self);
+            let quoted = matches!(o.kind, Kind::Enum(_)) || !(o.get)(self).is_finite();
+            let quote = if quoted { "\"" } else { "" };
+            let comma = if i == 0 { "" } else { ", " };
+            let _ = write!(out, "{comma}\"{}\": {quote}{text}{quote}", o.name);
+        }
+        out.push('}');
+        out
+    }
+
+    /// [`RkFamily`] of these settings.
+    pub fn rk_family(&self) -> Result<RkFamily> {
+        RkFamily::from_i64(self.rk_family).ok_or_else(|| bad("rk_family", self.rk_family))
+    }
+
+    /// [`Discretisation`] of these settings.
+    pub fn discretisation(&self) -> Result<Discretisation> {
+        Discretisation::from_i64(self.discretisation)
+            .ok_or_else(|| bad("discretisation", self.discretisation))
+    }
+
+    /// [`StageForm`] of these settings.
+    pub fn stage_form(&self) -> Result<StageForm> {
+        StageForm::from_i64(self.stage_form).ok_or_else(|| bad("stage_form", self.stage_form))
+    }
+
+    /// [`Cross`] of these settings.
+    pub fn cross(&self) -> Result<Cross> {
+        Cross::from_i64(self.cross).ok_or_else(|| bad("cross", self.cross))
+    }
+
+    /// [`StepEquilibration`] of these settings.
+    pub fn step_equilibration(&self) -> Result<StepEquilibration> {
+        StepEquilibration::from_i64(self.step_equilibration)
+            .ok_or_else(|| bad("step_equilibration", self.step_equilibration))
+    }
+
+    /// Polishing on or off.
+    pub fn polish(&self) -> bool {
+        self.polish != Polish::Off as i64
+    }
+
+    /// [`InitialGuess`] of these settings.
+    pub fn initial_guess(&self) -> Result<InitialGuess> {
+        InitialGuess::from_i64(self.initial_guess)
+            .ok_or_else(|| bad("initial_guess", self.initial_guess))
+    }
+
+    /// [`LogLevel`] of these settings; a number outside means the nearest level.
+    pub fn log_level(&self) -> LogLevel {
+        LogLevel::from_i64(self.log_level.clamp(0, LogLevel::Trace as i64))
+            .unwrap_or(LogLevel::Silent)
+    }
+}
+
+fn bad(name: &str, value: i64) -> Error {
+    match option(name).and_then(|o| o.check(value as f64)) {
+        Err(e) => e,
+        Ok(()) => Error::Internal(format!("value {value} of option '{name}' has no name")),
+    }
+}
+
+/// Shortest text that reads back to the same number, in the notation of C and JSON.
+fn float_text(v: f64) -> String {
+    if v.is_infinite() {
+        return if v > 0.0 { "inf".into() } else { "-inf".into() };
+    }
+    let plain = format!("{v:?}");
+    let scientific = format!("{v:e}");
+    if scientific.len() < plain.len() {
+        scientific
+    } else {
+        plain
+    }
+}
+
+/// The candidate nearest to `word`, if one is near enough to be meant.
+pub(crate) fn nearest<'a>(
+    word: &str,
+    candidates: impl Iterator<Item = &'a str>,
+) -> Option<&'a str> {
+    let word = word.trim().to_ascii_lowercase().replace(['-', ' '], "_");
+    let limit = (word.chars().count() / 3).max(1) + 1;
+    candidates
+        .map(|c| (edit_distance(&word, c), c))
+        .filter(|(d, c)| *d <= limit && *d < c.chars().count())
+        .min_by_key(|(d, _)| *d)
+        .map(|(_, c)| c)
+}
+
+/// Insertions, deletions, substitutions and swaps of neighbours that turn `a` into `b`.
+fn edit_distance(a: &str, b: &str) -> usize {
+    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
+    let width = b.len() + 1;
+    let mut d = vec![0; (a.len() + 1) * width];
+    for i in 0..=a.len() {
+        for j in 0..=b.len() {
+            d[i * width + j] = if i == 0 || j == 0 {
+                i + j
+            } else {
+                let substitution = d[(i - 1) * width + j - 1] + usize::from(a[i - 1] != b[j - 1]);
+                let mut best = substitution
+                    .min(d[(i - 1) * width + j] + 1)
+                    .min(d[i * width + j - 1] + 1);
+                if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
+                    best = best.min(d[(i - 2) * width + j - 2] + 1);
+                }
+                best
+            };
+        }
+    }
+    d[a.len() * width + b.len()]
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn table_tiles_the_struct() {
+        let mut next = 8; // behind struct_size
+        for o in OPTIONS {
+            assert_eq!(o.offset, next, "option {}", o.name);
+            next += 8;
+        }
+        assert_eq!(next, std::mem::size_of::<Settings>());
+        assert_eq!(std::mem::align_of::<Settings>(), 8);
+    }
+
+    #[test]
+    fn docs_of_fields_and_table_agree() {
+        let source = include_str!("settings.rs");
+        let body = source.split("pub struct Settings {").nth(1).unwrap();
+        let body = body.split("\n}").next().unwrap();
+        let mut lines = body
+            .lines()
+            .map(str::trim)
+            .skip_while(|l| !l.starts_with("pub struct_size"));
+        lines.next();
+        for o in OPTIONS {
+            let doc = lines.next().unwrap().strip_prefix("/// ").unwrap();
+            assert_eq!(doc, o.doc);
+            assert!(lines
+                .next()
+                .unwrap()
+                .starts_with(&format!("pub {}: ", o.name)));
+        }
+    }
+
+    #[test]
+    fn defaults_are_valid() {
+        let s = Settings::default();
+        s.validate().unwrap();
+        assert_eq!(s.struct_size, std::mem::size_of::<Settings>() as u64);
+        assert_eq!(
+            (s.n_s, s.n_fe, s.max_iter, s.step_equilibration),
+            (2, 3, 3000, 2)
+        );
+        assert_eq!(s.rk_family(), Ok(RkFamily::RadauIia));
+        assert!(s.max_time.is_infinite() && s.polish());
+        for o in OPTIONS {
+            assert!(o.contains(o.default), "{}", o.name);
+            assert!(!o.contains(f64::NAN), "{}", o.name);
+            assert!(o.doc.ends_with('.') && !o.doc.contains('\n'), "{}", o.name);
+        }
+    }
+
+    #[test]
+    fn names_follow_values() {
+        for (i, name) in StepEquilibration::NAMES.iter().enumerate() {
+            assert_eq!(StepEquilibration::from_i64(i as i64).unwrap().name(), *name);
+        }
+        assert_eq!(RkFamily::from_i64(3), None);
+        assert_eq!(RkFamily::from_i64(-1), None);
+    }
+
+    #[test]
+    fn every_option_goes_round_by_text() {
+        let mut s = Settings::default();
+        for o in OPTIONS {
+            let before = o.get_text(&s);
+            s.set_by_name(o.name, before.as_str()).unwrap();
+            assert_eq!(o.get_text(&s), before);
+            assert_eq!(s.get_by_name(o.name).unwrap(), o.get(&s));
+        }
+        assert_eq!(s, Settings::default());
+    }
+
+    #[test]
+    fn set_checks_type_and_range() {
+        let mut s = Settings::default();
+        s.set_by_name("tol", 1e-6).unwrap();
+        s.set_by_name("n_s", 4i64).unwrap();
+        s.set_by_name("rho_h", 2i64).unwrap();
+        s.set_by_name("rk_family", "gauss_legendre").unwrap();
+        s.set_by_name("max_time", "inf").unwrap();
+        assert_eq!((s.tol, s.n_s, s.rho_h, s.rk_family), (1e-6, 4, 2.0, 1));
+        let before = s;
+        for (name, value, code) in [
+            ("tol", Value::Float(0.0), -3),
+            ("tol", Value::Float(1.0), -3),
+            ("tol", Value::Float(f64::NAN), -3),
+            ("gamma_h", Value::Float(1.5), -3),
+            ("n_s", Value::Int(10), -3),
+            ("n_s", Value::Int(i64::MIN), -3),
+            ("n_s", Value::Float(2.0), -6),
+            ("n_s", Value::Text("two".into()), -6),
+            ("n_s", Value::Text("2.5".into()), -6),
+            ("cross", Value::Int(3), -3),
+            ("cross", Value::Text("elemnt".into()), -6),
+            ("max_time", Value::Text("nan".into()), -3),
+            ("none_such", Value::Int(0), -6),
+            ("struct_size", Value::Int(0), -6),
+        ] {
+            let e = s.set_by_name(name, value.clone()).unwrap_err();
+            assert_eq!(e.code(), code, "{name} {value:?}: {e}");
+        }
+        assert_eq!(s, before);
+    }
+
+    #[test]
+    fn misspelt_names_are_recognised() {
+        let hint = |name: &str| option(name).err().unwrap().to_string();
+        assert_eq!(hint("tolr"), "unknown option 'tolr'; did you mean 'tol'?");
+        assert_eq!(
+            hint("max_itre"),
+            "unknown option 'max_itre'; did you mean 'max_iter'?"
+        );
+        assert_eq!(
+            hint("max-iter"),
+            "unknown option 'max-iter'; did you mean 'max_iter'?"
+        );
+        assert_eq!(
+            hint("discretization"),
+            "unknown option 'discretization'; did you mean 'discretisation'?"
+        );
+        assert_eq!(hint("frobnicate_all"), "unknown option 'frobnicate_all'");
+        let e = Settings::default()
+            .set_by_name("cross", "elemnt")
+            .unwrap_err()
+            .to_string();
+        assert!(e.ends_with("did you mean 'element'?"), "{e}");
+    }
+
+    #[test]
+    fn validate_finds_bad_fields_and_pairs() {
+        let bad = |change: fn(&mut Settings)| {
+            let mut s = Settings::default();
+            change(&mut s);
+            s.validate().unwrap_err().to_string()
+        };
+        assert_eq!(bad(|s| s.tol = -1.0), "option 'tol' is -1, outside (0, 1)");
+        assert_eq!(bad(|s| s.n_s = 0), "option 'n_s' is 0, outside [1, 9]");
+        assert!(bad(|s| s.polish = 7).contains("none of 0 (off), 1 (on)"));
+        assert!(bad(|s| s.sigma_init = 1e-12).contains("sigma_min"));
+        let (old, mut new) = (Settings::default(), Settings::default());
+        new.tol = 1e-7;
+        new.validate_as_update(&old).unwrap();
+        new.n_s = 3;
+        assert_eq!(new.validate_as_update(&old).unwrap_err().code(), -4);
+    }
+
+    #[test]
+    fn json_is_complete() {
+        let json = Settings::default().to_json();
+        assert!(
+            json.starts_with("{\"rk_family\": \"radau_iia\", \"n_s\": 2, "),
+            "{json}"
+        );
+        assert!(
+            json.contains("\"max_time\": \"inf\"") && json.contains("\"tol\": 1e-9"),
+            "{json}"
+        );
+        assert_eq!(json.matches(": ").count(), OPTIONS.len());
+    }
+}
