@@ -1,0 +1,441 @@
+//! The KKT level: equilibration, regularisation, inertia and iterative refinement over a backend.
+//!
+//! The matrix is `K = [H + delta_w I, J'; J, -D - delta_c I]`, symmetric of order `n_primal + m`, given
+//! by one upper triangle that stores the whole diagonal. A factorisation without pivoting of an
+//! indefinite matrix need not exist. It does for a quasidefinite one (R. Vanderbei, "Symmetric
+//! quasidefinite matrices", SIAM J. Optim. 5, 1995), and three measures make it usable for the others:
+//!
+//! 1. Equilibration: `S K S` with row norms near 1 (D. Ruiz, RAL-TR-2001-034), `S` powers of two, hence
+//!    free of rounding.
+//! 2. A static shift of `S K S`, positive on primal and negative on dual diagonals. The product of the two
+//!    must stay above about 1e-15, or a free variable without curvature between two constraints makes a
+//!    Schur complement that swallows the dual shift. On a breakdown the shift grows by 10.
+//! 3. Refinement against `S K S` *without* the shift, so that the shift perturbs the factors and not
+//!    the solution.
+//!
+//! The signs of the pivots count the inertia. They are right as long as no eigenvalue of `S K S` is of the
+//! order of the shift; [`KktStatus`] separates these cases. Signs are never forced: in a nonconvex problem
+//! that replaces the step by something else without a word.
+
+use super::csc::{mul_add_symmetric_upper, Pattern};
+use super::ldl::{Factorisation, Inertia, LdlStats, SymmetricSolver};
+use crate::error::{Error, Result};
+
+/// Settings of [`Kkt`]; the defaults come from measurements on collocation problems with switches.
+#[derive(Debug, Clone, PartialEq)]
+pub struct KktSettings {
+    /// Shift of the equilibrated diagonal that is always on (plus on primal, minus on dual rows); 3e-8.
+    pub static_shift: f64,
+    /// Largest shift that a breakdown may raise it to; 1e-5.
+    pub max_shift: f64,
+    /// Sweeps of the equilibration; 3. With 0 the matrix is not scaled.
+    pub ruiz_sweeps: usize,
+    /// Largest number of refinement steps; 10.
+    pub refine_max: usize,
+    /// Relative residual at which refinement stops; 1e-12.
+    pub refine_tol: f64,
+    /// Relative residual above which a solution is not [`KktSolve::ok`]; 1e-5.
+    pub singular_residual: f64,
+    /// A pivot of smaller magnitude is a breakdown; 1e-14.
+    pub min_pivot: f64,
+    /// With a wrong inertia, a pivot of the wrong sign and of magnitude up to this multiple of the shift
+    /// says nothing about the curvature: the matrix counts as singular; 10.
+    pub ambiguous_pivot: f64,
+}
+
+impl Default for KktSettings {
+    fn default() -> KktSettings {
+        KktSettings {
+            static_shift: 3e-8,
+            max_shift: 1e-5,
+            ruiz_sweeps: 3,
+            refine_max: 10,
+            refine_tol: 1e-12,
+            singular_residual: 1e-5,
+            min_pivot: 1e-14,
+            ambiguous_pivot: 10.0,
+        }
+    }
+}
+
+/// What a factorisation says about the matrix.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum KktStatus {
+    /// `n_primal` positive and `m` negative eigenvalues.
+    Ok,
+    /// The count is wrong and no pivot is ambiguous: genuine negative curvature; raise `delta_w`. The
+    /// factors can be used.
+    WrongInertia,
+    /// A breakdown at every shift, a value that is not finite, or a wrong count that an eigenvalue of the
+    /// order of the shift may explain; raise `delta_c` first. In the last case the factors can be used.
+    Singular,
+}
+
+/// How a solve ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct KktSolve {
+    /// `|r| / (|S K S| |x| + |b|)` in the maximum norm and equilibrated units, of the returned solution;
+    /// infinite without a solution.
+    pub residual: f64,
+    /// Refinement steps taken.
+    pub steps: usize,
+    /// Whether the residual is finite and at most [`KktSettings::singular_residual`].
+    pub ok: bool,
+}
+
+/// A KKT matrix with its factors; see the module documentation. Memory is allocated in [`Kkt::new`] only
+/// (with a backend that keeps to that, as the sparse one does).
+pub struct Kkt {
+    upper: Pattern,
+    n_primal: usize,
+    settings: KktSettings,
+    backend: Box<dyn SymmetricSolver>,
+    /// Position of every diagonal entry.
+    diag: Vec<usize>,
+    /// Scaling of every row (powers of two), and of every entry.
+    scale: Vec<f64>,
+    entry_scale: Vec<f64>,
+    /// `S (K + deltas) S` without the static shift.
+    matrix: Vec<f64>,
+    true_diag: Vec<f64>,
+    /// Norm of `matrix`, formed at the first solve.
+    norm: Option<f64>,
+    shift: f64,
+    inertia: Inertia,
+    has_factors: bool,
+    factorisations: usize,
+    b: Vec<f64>,
+    x: Vec<f64>,
+    best: Vec<f64>,
+    r: Vec<f64>,
+}
+
+/// Bounds of the scaling factors: the powers of two inside [1e-8, 1e8].
+const SCALE_MIN: f64 = 1.0 / 67_108_864.0;
+const SCALE_MAX: f64 = 67_108_864.0;
+
+impl Kkt {
+    /// Analyses the upper triangle `upper` of order `n_primal + m`; every diagonal entry must be stored,
+    /// zero or not.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] if the pattern is no upper triangle, lacks a diagonal entry or has fewer rows
+    /// than `n_primal`; [`Error::Range`] for settings out of range; what the backend's analysis returns.
+    pub fn new(
+        upper: &Pattern,
+        n_primal: usize,
+        mut backend: Box<dyn SymmetricSolver>,
+        settings: KktSettings,
+    ) -> Result<Kkt> {
+        let n = upper.n_cols();
+        if n_primal > n {
+            return Err(Error::Dimension(format!(
+                "KKT matrix: {n_primal} primal variables, but only {n} columns; the order is primal plus dual"
+            )));
+        }
+        let positive = |v: f64| v.is_finite() && v > 0.0;
+        if !positive(settings.static_shift) || !positive(settings.max_shift) {
+            return Err(Error::Range(format!(
+                "KKT settings: static_shift {} and max_shift {} must be positive and finite; the factorisation does \
+                 not pivot and needs the shift",
+                settings.static_shift, settings.max_shift
+            )));
+        }
+        for (name, v) in [
+            ("refine_tol", settings.refine_tol),
+            ("singular_residual", settings.singular_residual),
+            ("min_pivot", settings.min_pivot),
+            ("ambiguous_pivot", settings.ambiguous_pivot),
+        ] {
+            if v.is_nan() || v < 0.0 {
+                return Err(Error::Range(format!("KKT settings: {name} is {v}; it must not be negative")));
+            }
+        }
+        backend.analyse(upper)?;
+        let mut diag = Vec::with_capacity(n);
+        for j in 0..n {
+            diag.push(upper.get(j, j).ok_or_else(|| {
+                Error::Dimension(format!(
+                    "KKT matrix: the diagonal entry of column {j} is not in the pattern; store all of them, zeros too"
+                ))
+            })?);
+        }
+        Ok(Kkt {
+            upper: upper.clone(),
+            n_primal,
+            settings,
+            backend,
+            diag,
+            scale: vec![1.0; n],
+            entry_scale: vec![1.0; upper.nnz()],
+            matrix: vec![0.0; upper.nnz()],
+            true_diag: vec![0.0; n],
+            norm: None,
+            shift: 0.0,
+            inertia: Inertia::default(),
+            has_factors: false,
+            factorisations: 0,
+            b: vec![0.0; n],
+            x: vec![0.0; n],
+            best: vec![0.0; n],
+            r: vec![0.0; n],
+        })
+    }
+
+    /// Computes the scaling from the matrix `values` (order of the pattern), for the factorisations that
+    /// follow; present factors keep theirs only until then, so factor before the next solve.
+    ///
+    /// Rows without a finite nonzero entry keep the factor 1. Values that are not finite are ignored.
+    ///
+    /// # Panics
+    /// If the number of values is not that of the pattern.
+    pub fn equilibrate(&mut self, values: &[f64]) {
+        assert_eq!(values.len(), self.upper.nnz(), "equilibrate: one value per entry of the pattern");
+        self.has_factors = false;
+        let (ptr, idx) = (self.upper.col_ptr(), self.upper.row_idx());
+        self.scale.fill(1.0);
+        let norms = &mut self.r;
+        for _ in 0..self.settings.ruiz_sweeps {
+            norms.fill(0.0);
+            for (j, w) in ptr.windows(2).enumerate() {
+                let sj = self.scale[j];
+                let mut column = 0.0_f64;
+                for (&i, &v) in idx[w[0]..w[1]].iter().zip(&values[w[0]..w[1]]) {
+                    let a = v.abs() * sj * self.scale[i];
+                    // False for NaN; infinity is filtered too.
+                    if a <= f64::MAX {
+                        column = column.max(a);
+                        norms[i] = norms[i].max(a);
+                    }
+                }
+                norms[j] = norms[j].max(column);
+            }
+            for (s, &a) in self.scale.iter_mut().zip(norms.iter()) {
+                if a > 0.0 {
+                    *s = (*s / a.sqrt()).clamp(SCALE_MIN, SCALE_MAX);
+                }
+            }
+        }
+        for s in &mut self.scale {
+            *s = nearest_power_of_two(*s);
+        }
+        for (j, w) in ptr.windows(2).enumerate() {
+            let sj = self.scale[j];
+            for (e, &i) in self.entry_scale[w[0]..w[1]].iter_mut().zip(&idx[w[0]..w[1]]) {
+                *e = sj * self.scale[i];
+            }
+        }
+    }
+
+    /// Factors the matrix `values` (order of the pattern, neither shifted nor scaled) with `delta_w` added
+    /// to the primal and `delta_c` subtracted from the dual diagonals, both in the units of `values`.
+    ///
+    /// # Panics
+    /// If the number of values is not that of the pattern.
+    pub fn factor(&mut self, values: &[f64], delta_w: f64, delta_c: f64) -> KktStatus {
+        assert_eq!(values.len(), self.upper.nnz(), "factor: one value per entry of the pattern");
+        self.has_factors = false;
+        self.norm = None;
+        self.inertia = Inertia::default();
+        let mut poison = (delta_w + delta_c) * 0.0;
+        for ((m, &v), &s) in self.matrix.iter_mut().zip(values).zip(&self.entry_scale) {
+            let a = v * s;
+            poison += a * 0.0;
+            *m = a;
+        }
+        // 0 * finite is 0, all else is NaN.
+        if poison != 0.0 {
+            return KktStatus::Singular;
+        }
+        for (j, (&k, &s)) in self.diag.iter().zip(&self.scale).enumerate() {
+            let delta = if j < self.n_primal { delta_w } else { -delta_c };
+            self.matrix[k] += delta * s * s;
+            self.true_diag[j] = self.matrix[k];
+        }
+        self.shift = self.settings.static_shift;
+        let result = loop {
+            for (j, (&k, &a)) in self.diag.iter().zip(&self.true_diag).enumerate() {
+                self.matrix[k] = if j < self.n_primal { a + self.shift } else { a - self.shift };
+            }
+            self.factorisations += 1;
+            let result = self.backend.factor(&self.matrix);
+            if let Factorisation::Ok(inertia) = result {
+                if self.upper.n_cols() == 0 || self.backend.stats().min_abs_pivot >= self.settings.min_pivot {
+                    break Some(inertia);
+                }
+            }
+            if self.shift >= self.settings.max_shift {
+                break None;
+            }
+            self.shift = (10.0 * self.shift).min(self.settings.max_shift);
+        };
+        for (&k, &a) in self.diag.iter().zip(&self.true_diag) {
+            self.matrix[k] = a;
+        }
+        let Some(inertia) = result else { return KktStatus::Singular };
+        self.has_factors = true;
+        self.inertia = inertia;
+        if inertia.positive == self.n_primal && inertia.zero == 0 {
+            KktStatus::Ok
+        } else if self.smallest_suspect() <= self.settings.ambiguous_pivot * self.shift {
+            KktStatus::Singular
+        } else {
+            KktStatus::WrongInertia
+        }
+    }
+
+    /// Smallest magnitude among the pivots whose sign is not that of their row (plus for primal, minus for
+    /// dual). A pivot of the right sign is no suspect however small it is: a variable without curvature
+    /// that is eliminated first has exactly the shift as its pivot. Without scalar pivots, the smallest
+    /// magnitude of all.
+    fn smallest_suspect(&self) -> f64 {
+        let (pivots, order) = self.backend.pivots();
+        if pivots.is_empty() {
+            return self.backend.stats().min_abs_pivot;
+        }
+        let wrong = pivots.iter().zip(order).filter(|&(&d, &row)| (d > 0.0) != (row < self.n_primal));
+        wrong.fold(f64::INFINITY, |m, (d, _)| m.min(d.abs()))
+    }
+
+    /// Solves with the last factors and refines: `(K + deltas) sol = rhs`, without the static shift. The
+    /// iterate with the smallest residual is returned; refinement stops when a step gains less than a
+    /// factor of 2. Without factors, or if no iterate is finite, `sol` is zero and not `ok`.
+    ///
+    /// # Panics
+    /// If `rhs` or `sol` has not length `n`.
+    pub fn solve(&mut self, rhs: &[f64], sol: &mut [f64]) -> KktSolve {
+        let n = self.upper.n_cols();
+        assert_eq!((rhs.len(), sol.len()), (n, n), "solve: one value per row of the matrix");
+        if !self.has_factors {
+            sol.fill(0.0);
+            return KktSolve { residual: f64::INFINITY, steps: 0, ok: false };
+        }
+        for ((b, &v), &s) in self.b.iter_mut().zip(rhs).zip(&self.scale) {
+            *b = v * s;
+        }
+        let b_norm = max_abs(&self.b);
+        if b_norm == 0.0 {
+            sol.fill(0.0);
+            return KktSolve { residual: 0.0, steps: 0, ok: true };
+        }
+        let k_norm = match self.norm {
+            Some(v) => v,
+            None => {
+                let v = norm_inf(&self.upper, &self.matrix, &mut self.r);
+                *self.norm.insert(v)
+            }
+        };
+        self.r.copy_from_slice(&self.b);
+        self.x.fill(0.0);
+        let mut best = f64::INFINITY;
+        let mut steps = 0;
+        loop {
+            self.backend.solve(&mut self.r);
+            for (x, &d) in self.x.iter_mut().zip(&self.r) {
+                *x += d;
+            }
+            self.r.copy_from_slice(&self.b);
+            mul_add_symmetric_upper(&self.upper, &self.matrix, &self.x, &mut self.r, -1.0);
+            let residual = max_abs(&self.r) / (k_norm * max_abs(&self.x) + b_norm);
+            let previous = best;
+            // False for NaN.
+            if residual < best {
+                best = residual;
+                std::mem::swap(&mut self.best, &mut self.x);
+                if residual <= self.settings.refine_tol
+                    || steps == self.settings.refine_max
+                    || 2.0 * residual > previous
+                {
+                    break;
+                }
+                self.x.copy_from_slice(&self.best);
+            } else {
+                break;
+            }
+            steps += 1;
+        }
+        if !best.is_finite() {
+            sol.fill(0.0);
+            return KktSolve { residual: f64::INFINITY, steps, ok: false };
+        }
+        for ((v, &x), &s) in sol.iter_mut().zip(&self.best).zip(&self.scale) {
+            *v = x * s;
+        }
+        KktSolve { residual: best, steps, ok: best <= self.settings.singular_residual }
+    }
+
+    /// Inertia of the last factorisation; zeros without factors.
+    pub fn inertia(&self) -> Inertia {
+        self.inertia
+    }
+
+    /// Numeric factorisations so far, with those that a breakdown made necessary.
+    pub fn factorisations(&self) -> usize {
+        self.factorisations
+    }
+
+    /// Facts about the backend's last factorisation (pivots in equilibrated units).
+    pub fn stats(&self) -> LdlStats {
+        self.backend.stats()
+    }
+
+    /// Order of the matrix, `n_primal + m`.
+    pub fn n(&self) -> usize {
+        self.upper.n_cols()
+    }
+
+    /// Number of primal rows.
+    pub fn n_primal(&self) -> usize {
+        self.n_primal
+    }
+
+    /// The static shift of the last factorisation, in equilibrated units; above the setting after a
+    /// breakdown.
+    pub fn shift(&self) -> f64 {
+        self.shift
+    }
+
+    /// Scaling factor of every row, powers of two (length `n`).
+    pub fn scaling(&self) -> &[f64] {
+        &self.scale
+    }
+
+    /// The settings.
+    pub fn settings(&self) -> &KktSettings {
+        &self.settings
+    }
+}
+
+/// The power of two nearest in the logarithm; `v` positive and normal.
+fn nearest_power_of_two(v: f64) -> f64 {
+    // The exponent alone is the next power of two below; sqrt(2) moves the border between two of them.
+    f64::from_bits((v * std::f64::consts::SQRT_2).to_bits() & 0x7ff0_0000_0000_0000)
+}
+
+/// Maximum norm; NaN if an entry is.
+fn max_abs(v: &[f64]) -> f64 {
+    let mut poison = 0.0;
+    let mut m = 0.0_f64;
+    for &a in v {
+        m = m.max(a.abs());
+        poison += a * 0.0;
+    }
+    m + poison
+}
+
+/// Largest absolute row sum of the symmetric matrix; `work` has length `n`.
+fn norm_inf(p: &Pattern, v: &[f64], work: &mut [f64]) -> f64 {
+    work.fill(0.0);
+    for (j, w) in p.col_ptr().windows(2).enumerate() {
+        let mut s = 0.0;
+        for (&i, &a) in p.row_idx()[w[0]..w[1]].iter().zip(&v[w[0]..w[1]]) {
+            let a = a.abs();
+            if i != j {
+                work[i] += a;
+            }
+            s += a;
+        }
+        work[j] += s;
+    }
+    work.iter().fold(0.0, |m: f64, &a| m.max(a))
+}
