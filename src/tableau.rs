@@ -479,7 +479,9 @@ mod tests {
         for s in 1..=4 {
             let t = Tableau::new(Family::Explicit, s).unwrap();
             let ac: Vec<f64> = (0..s).map(|i| (0..s).map(|j| t.a(i, j) * t.c[j]).sum()).collect();
-            let ac2: Vec<f64> = (0..s).map(|i| (0..s).map(|j| t.a(i, j) * t.c[j] * t.c[j]).sum()).collect();
+            let ac2: Vec<f64> = (0..s)
+                .map(|i| (0..s).map(|j| t.a(i, j) * t.c[j] * t.c[j]).sum())
+                .collect();
             let aac: Vec<f64> = (0..s).map(|i| (0..s).map(|j| t.a(i, j) * ac[j]).sum()).collect();
             let dot = |v: &[f64]| t.b.iter().zip(v).map(|(b, v)| b * v).sum::<f64>();
             if s >= 3 {

@@ -37,6 +37,9 @@ type Weighted = dyn Fn(&Point, &[f64], &mut [f64]) -> i32 + Send + Sync;
 /// Near the border of the domain, where one side is not defined, the differences are taken from the
 /// other side; where neither side is defined the derivative is [`EvalError::Recoverable`].
 ///
+/// A declared pattern must hold every entry that can differ from zero: a missing one spoils others, because
+/// the columns of one colour are moved together. [`super::check_derivatives`] finds it.
+///
 /// ```
 /// use switchback::func::{Callback, Dims, Function, Point};
 ///
@@ -250,12 +253,12 @@ impl Callback {
             let u = map[k];
             out[u] += v;
         };
-        Differences { dims: self.dims, pattern: full, colouring: &self.hess_colouring }.run(
-            at,
-            &mut gradient,
-            &mut emit,
-            work,
-        )?;
+        Differences {
+            dims: self.dims,
+            pattern: full,
+            colouring: &self.hess_colouring,
+        }
+        .run(at, &mut gradient, &mut emit, work)?;
         for j in 0..upper.n_cols() {
             for k in upper.range(j) {
                 if upper.row_idx()[k] != j {
@@ -320,12 +323,12 @@ impl Function for Callback {
         if let Some(jacobian) = &self.jacobian {
             return guarded(out, |out| jacobian(at, out));
         }
-        Differences { dims: self.dims, pattern: &self.jac_pattern, colouring: &self.jac_colouring }.run(
-            at,
-            &mut |at, f| self.call_value(at, f),
-            &mut |k, v| out[k] = v,
-            work,
-        )?;
+        Differences {
+            dims: self.dims,
+            pattern: &self.jac_pattern,
+            colouring: &self.jac_colouring,
+        }
+        .run(at, &mut |at, f| self.call_value(at, f), &mut |k, v| out[k] = v, work)?;
         finite(out)
     }
 
@@ -373,5 +376,384 @@ impl fmt::Debug for Callback {
             .field("hessian_given", &self.hessian.is_some())
             .field("hessian_entries", &self.hess_pattern.nnz())
             .finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::sync::Arc;
+
+    const DIMS: Dims = Dims { x: 3, u: 1, p: 1 };
+    const X: [f64; 3] = [0.7, -1.3, 2.1];
+
+    fn at() -> Point<'static> {
+        Point {
+            t: 0.4,
+            x: &X,
+            u: &[0.9],
+            p: &[1.7],
+        }
+    }
+
+    fn pattern(m: usize, n: usize, entries: &[(usize, usize)]) -> Pattern {
+        let rows: Vec<usize> = entries.iter().map(|e| e.0).collect();
+        let cols: Vec<usize> = entries.iter().map(|e| e.1).collect();
+        Pattern::from_triplets(m, n, &rows, &cols).0
+    }
+
+    /// `(x0² u + sin(x1 t), exp(x2) p)`; inputs are x0 x1 x2 u p t.
+    fn value(at: &Point, out: &mut [f64]) -> i32 {
+        out[0] = at.x[0] * at.x[0] * at.u[0] + (at.x[1] * at.t).sin();
+        out[1] = at.x[2].exp() * at.p[0];
+        0
+    }
+
+    fn jac_pattern() -> Pattern {
+        pattern(2, 6, &[(0, 0), (0, 1), (1, 2), (0, 3), (1, 4), (0, 5)])
+    }
+
+    fn jacobian(at: &Point, out: &mut [f64]) -> i32 {
+        let phase = at.x[1] * at.t;
+        out[0] = 2.0 * at.x[0] * at.u[0];
+        out[1] = phase.cos() * at.t;
+        out[2] = at.x[2].exp() * at.p[0];
+        out[3] = at.x[0] * at.x[0];
+        out[4] = at.x[2].exp();
+        out[5] = phase.cos() * at.x[1];
+        0
+    }
+
+    fn hess_pattern() -> Pattern {
+        pattern(6, 6, &[(0, 0), (1, 1), (2, 2), (0, 3), (2, 4), (1, 5), (5, 5)])
+    }
+
+    fn hessian(at: &Point, w: &[f64], out: &mut [f64]) -> i32 {
+        let phase = at.x[1] * at.t;
+        out[0] = w[0] * 2.0 * at.u[0];
+        out[1] = -w[0] * phase.sin() * at.t * at.t;
+        out[2] = w[1] * at.x[2].exp() * at.p[0];
+        out[3] = w[0] * 2.0 * at.x[0];
+        out[4] = w[1] * at.x[2].exp();
+        out[5] = w[0] * (phase.cos() - phase.sin() * phase);
+        out[6] = -w[0] * phase.sin() * at.x[1] * at.x[1];
+        0
+    }
+
+    fn exact() -> Callback {
+        Callback::new("f", DIMS, 2, value)
+            .with_jacobian(jac_pattern(), jacobian)
+            .unwrap()
+            .with_hessian(hess_pattern(), hessian)
+            .unwrap()
+    }
+
+    fn jac_of(f: &Callback) -> Vec<f64> {
+        let mut out = vec![f64::NAN; f.jac_pattern().nnz()];
+        f.jacobian(&at(), &mut out, &mut vec![f64::NAN; f.work_len()]).unwrap();
+        out
+    }
+
+    fn hess_of(f: &Callback) -> Vec<f64> {
+        let mut out = vec![f64::NAN; f.hess_pattern().nnz()];
+        f.hessian(&at(), &[0.8, -1.1], &mut out, &mut vec![f64::NAN; f.work_len()])
+            .unwrap();
+        out
+    }
+
+    /// Largest difference of two sparse matrices whose patterns may differ.
+    fn gap(p: &Pattern, a: &[f64], q: &Pattern, b: &[f64]) -> f64 {
+        let value = |p: &Pattern, v: &[f64], i, j| p.get(i, j).map_or(0.0, |k| v[k]);
+        let mut worst: f64 = 0.0;
+        for j in 0..p.n_cols() {
+            for i in 0..p.n_rows() {
+                worst = worst.max((value(p, a, i, j) - value(q, b, i, j)).abs());
+            }
+        }
+        worst
+    }
+
+    #[test]
+    fn exact_derivatives_are_passed_on() {
+        let f = exact();
+        let mut out = [0.0; 6];
+        jacobian(&at(), &mut out);
+        assert_eq!(jac_of(&f), out);
+        assert!(!f.jacobian_is_approximate() && !f.hessian_is_approximate());
+        assert_eq!(f.work_len(), 0);
+        assert_eq!((f.name(), f.n_out(), f.dims()), ("f", 2, DIMS));
+    }
+
+    #[test]
+    fn jacobian_by_differences() {
+        let f = Callback::new("f", DIMS, 2, value)
+            .with_jacobian_pattern(jac_pattern())
+            .unwrap();
+        assert!(f.jacobian_is_approximate());
+        for (a, b) in jac_of(&f).iter().zip(jac_of(&exact())) {
+            assert!((a - b).abs() < 2e-9, "{a} {b}");
+        }
+    }
+
+    #[test]
+    fn default_pattern_is_dense_in_x_and_u_without_p_and_t() {
+        let f = Callback::new("f", DIMS, 2, value);
+        let p = f.jac_pattern();
+        for j in 0..6 {
+            assert_eq!(p.rows(j).len(), if j < 4 { 2 } else { 0 });
+        }
+        let e = exact();
+        let (v, w) = (jac_of(&f), jac_of(&e));
+        for j in 0..4 {
+            for i in 0..2 {
+                let b = e.jac_pattern().get(i, j).map_or(0.0, |k| w[k]);
+                assert!((v[p.get(i, j).unwrap()] - b).abs() < 2e-9);
+            }
+        }
+    }
+
+    #[test]
+    fn colours_save_evaluations() {
+        let count = Arc::new(AtomicUsize::new(0));
+        let counter = count.clone();
+        let f = Callback::new("f", DIMS, 2, move |at, out| {
+            counter.fetch_add(1, Ordering::Relaxed);
+            value(at, out)
+        })
+        .with_jacobian_pattern(jac_pattern())
+        .unwrap();
+        jac_of(&f);
+        // Row 0 has four entries, row 1 two.
+        assert_eq!(count.load(Ordering::Relaxed), 8);
+    }
+
+    #[test]
+    fn hessian_by_differences_of_the_jacobian() {
+        let e = exact();
+        let base = || {
+            Callback::new("f", DIMS, 2, value)
+                .with_jacobian(jac_pattern(), jacobian)
+                .unwrap()
+        };
+        for f in [base(), base().with_hessian_pattern(hess_pattern()).unwrap()] {
+            assert!(f.hessian_is_approximate() && !f.jacobian_is_approximate());
+            let d = gap(f.hess_pattern(), &hess_of(&f), e.hess_pattern(), &hess_of(&e));
+            assert!(d < 5e-9, "{d}");
+        }
+    }
+
+    #[test]
+    fn hessian_by_second_differences() {
+        let e = exact();
+        let f = Callback::new("f", DIMS, 2, value)
+            .with_jacobian_pattern(jac_pattern())
+            .unwrap();
+        let d = gap(f.hess_pattern(), &hess_of(&f), e.hess_pattern(), &hess_of(&e));
+        assert!(d < 1e-6, "{d}");
+    }
+
+    #[test]
+    fn order_of_declarations_does_not_matter() {
+        let a = Callback::new("f", DIMS, 2, value)
+            .with_hessian_pattern(hess_pattern())
+            .unwrap()
+            .with_jacobian(jac_pattern(), jacobian)
+            .unwrap();
+        let e = exact();
+        assert!(gap(a.hess_pattern(), &hess_of(&a), e.hess_pattern(), &hess_of(&e)) < 5e-9);
+        let l = Callback::new("f", DIMS, 2, value)
+            .linear()
+            .with_jacobian(jac_pattern(), jacobian)
+            .unwrap();
+        assert_eq!(l.hess_pattern().nnz(), 0);
+        assert!(!l.hessian_is_approximate());
+        assert_eq!(hess_of(&l), Vec::<f64>::new());
+    }
+
+    #[test]
+    fn random_sparse_quadratics() {
+        // f_r = Σ q_rab z_a z_b over few inputs of each row: every derivative is known.
+        let mut state = 5u64;
+        let mut next = move || {
+            state = state
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let dims = Dims { x: 8, u: 3, p: 0 };
+        let n = dims.n_in();
+        for _ in 0..20 {
+            let m = 5;
+            let mut terms = Vec::new();
+            for r in 0..m {
+                for _ in 0..3 {
+                    let (a, b) = ((next() * n as f64) as usize, (next() * n as f64) as usize);
+                    terms.push((r, a.min(b), a.max(b), next() - 0.5));
+                }
+            }
+            let entries: Vec<_> = terms.iter().flat_map(|t| [(t.0, t.1), (t.0, t.2)]).collect();
+            let jp = pattern(m, n, &entries);
+            let z: Vec<f64> = (0..n).map(|_| 4.0 * (next() - 0.5)).collect();
+            let w: Vec<f64> = (0..m).map(|_| next() - 0.5).collect();
+            let (t1, t2, p2) = (terms.clone(), terms.clone(), jp.clone());
+            let f = Callback::new("q", dims, m, move |at, out| {
+                for &(r, a, b, q) in &t1 {
+                    out[r] += q * fdiff::input(dims, at, a) * fdiff::input(dims, at, b);
+                }
+                0
+            });
+            let by_values = f.with_jacobian_pattern(jp.clone()).unwrap();
+            let t3 = terms.clone();
+            let by_jacobian = Callback::new("q", dims, m, move |at, out| {
+                for &(r, a, b, q) in &t3 {
+                    out[r] += q * fdiff::input(dims, at, a) * fdiff::input(dims, at, b);
+                }
+                0
+            })
+            .with_jacobian(jp, move |at, out| {
+                for &(r, a, b, q) in &t2 {
+                    out[p2.get(r, a).unwrap()] += q * fdiff::input(dims, at, b);
+                    out[p2.get(r, b).unwrap()] += q * fdiff::input(dims, at, a);
+                }
+                0
+            })
+            .unwrap();
+            let mut hess = vec![0.0; n * n];
+            for &(r, a, b, q) in &terms {
+                hess[a * n + b] += w[r] * q * if a == b { 2.0 } else { 1.0 };
+            }
+            for (f, tol) in [(&by_jacobian, 1e-8), (&by_values, 1e-6)] {
+                let mut out = vec![0.0; f.hess_pattern().nnz()];
+                let mut work = vec![0.0; f.work_len()];
+                f.hessian(&fdiff::point(dims, &z), &w, &mut out, &mut work).unwrap();
+                for j in 0..n {
+                    for i in 0..=j {
+                        let v = f.hess_pattern().get(i, j).map_or(0.0, |k| out[k]);
+                        assert!((v - hess[i * n + j]).abs() < tol, "{v} {}", hess[i * n + j]);
+                    }
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn one_sided_at_the_border_of_the_domain() {
+        // NaN where x0 < 1, a code where x1 > 2: one group of the colouring, opposite sides.
+        let dims = Dims { x: 2, u: 0, p: 0 };
+        let f = Callback::new("f", dims, 2, |at, out| {
+            out[0] = if at.x[0] < 1.0 { f64::NAN } else { at.x[0] * at.x[0] };
+            out[1] = at.x[1].powi(3);
+            i32::from(at.x[1] > 2.0)
+        });
+        let f = f.with_jacobian_pattern(pattern(2, 3, &[(0, 0), (1, 1)])).unwrap();
+        let mut work = vec![0.0; f.work_len()];
+        let mut out = [0.0; 2];
+        let at = Point {
+            t: 0.0,
+            x: &[1.0, 2.0],
+            u: &[],
+            p: &[],
+        };
+        f.jacobian(&at, &mut out, &mut work).unwrap();
+        assert!((out[0] - 2.0).abs() < 1e-8 && (out[1] - 12.0).abs() < 1e-7, "{out:?}");
+        let mut hess = [0.0; 2];
+        f.hessian(&at, &[1.0, 1.0], &mut hess, &mut work).unwrap();
+        assert!(
+            (hess[0] - 2.0).abs() < 1e-3 && (hess[1] - 12.0).abs() < 1e-2,
+            "{hess:?}"
+        );
+    }
+
+    #[test]
+    fn no_side_is_recoverable() {
+        let dims = Dims { x: 1, u: 0, p: 0 };
+        let f = Callback::new("f", dims, 1, |at, out| {
+            out[0] = 1.0;
+            i32::from(at.x[0] != 3.0)
+        });
+        let mut work = vec![0.0; f.work_len()];
+        let at = Point {
+            t: 0.0,
+            x: &[3.0],
+            u: &[],
+            p: &[],
+        };
+        assert_eq!(f.value(&at, &mut [0.0], &mut work), Ok(()));
+        assert_eq!(f.jacobian(&at, &mut [0.0], &mut work), Err(EvalError::Recoverable));
+        assert_eq!(
+            f.hessian(&at, &[1.0], &mut [0.0], &mut work),
+            Err(EvalError::Recoverable)
+        );
+    }
+
+    #[test]
+    fn codes_nan_and_panics() {
+        let dims = Dims { x: 1, u: 0, p: 0 };
+        let f = Callback::new("f", dims, 1, |at, out| {
+            out[0] = match at.x[0] as i32 {
+                0 => 1.0,
+                1 => f64::NAN,
+                2 => f64::INFINITY,
+                3 => return 4,
+                4 => return -7,
+                _ => panic!("on purpose"),
+            };
+            0
+        });
+        let mut work = vec![0.0; f.work_len()];
+        let mut run = |x: f64| {
+            let at = Point {
+                t: 0.0,
+                x: &[x],
+                u: &[],
+                p: &[],
+            };
+            let v = f.value(&at, &mut [0.0], &mut work);
+            let j = f.jacobian(&at, &mut [0.0], &mut work);
+            assert!(v.is_ok() || v == j);
+            v
+        };
+        assert_eq!(run(0.5), Ok(()));
+        assert_eq!(run(1.5), Err(EvalError::Recoverable));
+        assert_eq!(run(2.5), Err(EvalError::Recoverable));
+        assert_eq!(run(3.5), Err(EvalError::Recoverable));
+        assert_eq!(run(4.5), Err(EvalError::Fatal(-7)));
+        assert_eq!(run(5.5), Err(EvalError::Fatal(Callback::PANIC_CODE)));
+    }
+
+    #[test]
+    fn patterns_of_the_wrong_size_are_refused() {
+        let f = || Callback::new("f", DIMS, 2, value);
+        assert!(matches!(
+            f().with_jacobian_pattern(Pattern::dense(2, 5)),
+            Err(Error::Dimension(_))
+        ));
+        assert!(matches!(
+            f().with_jacobian(Pattern::dense(3, 6), jacobian),
+            Err(Error::Dimension(_))
+        ));
+        assert!(matches!(
+            f().with_hessian_pattern(Pattern::empty(5, 5)),
+            Err(Error::Dimension(_))
+        ));
+        assert!(matches!(
+            f().with_hessian(Pattern::dense(6, 6), hessian),
+            Err(Error::Range(_))
+        ));
+    }
+
+    #[test]
+    fn zero_weights_cost_nothing_and_may_be_shared_between_threads() {
+        let f = Callback::new("f", DIMS, 2, value);
+        let mut out = vec![1.0; f.hess_pattern().nnz()];
+        f.hessian(&at(), &[0.0, 0.0], &mut out, &mut vec![0.0; f.work_len()])
+            .unwrap();
+        assert!(out.iter().all(|v| *v == 0.0));
+        std::thread::scope(|s| {
+            for _ in 0..2 {
+                s.spawn(|| jac_of(&f));
+            }
+        });
     }
 }

@@ -30,7 +30,14 @@ pub struct CheckSettings {
 
 impl Default for CheckSettings {
     fn default() -> Self {
-        CheckSettings { first: 1e-6, second: 1e-5, floor: 1e-3, weights: None, hessian: true, parameters: false }
+        CheckSettings {
+            first: 1e-6,
+            second: 1e-5,
+            floor: 1e-3,
+            weights: None,
+            hessian: true,
+            parameters: false,
+        }
     }
 }
 
@@ -132,7 +139,11 @@ impl fmt::Display for CheckReport {
             write!(f, "\n  and {} more", self.mismatches.len() - SHOWN)?;
         }
         if !self.skipped.is_empty() {
-            write!(f, "\n  not compared (border of the domain): {}", self.skipped.join(", "))?;
+            write!(
+                f,
+                "\n  not compared (border of the domain): {}",
+                self.skipped.join(", ")
+            )?;
         }
         Ok(())
     }
@@ -145,7 +156,8 @@ impl fmt::Display for CheckReport {
 /// differences are central, of two step sizes, extrapolated; what the two disagree by, and the rounding
 /// errors, are granted on top of the tolerance. Near the border of the domain the step is reduced, then
 /// one-sided differences are taken. A wrong Jacobian lets the Hessian look wrong too: mend it first.
-/// Derivatives that are differences themselves pass unless their pattern is wrong.
+/// Derivatives that are differences themselves pass unless their pattern is wrong; a missing entry then
+/// spoils others as well, because columns are moved together.
 ///
 /// Where the size of a value makes its rounding errors large, so is what is granted: check at points of
 /// moderate size.
@@ -155,9 +167,11 @@ impl fmt::Display for CheckReport {
 pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings) -> Result<CheckReport> {
     let dims = f.dims();
     let (n_in, m) = (dims.n_in(), f.n_out());
-    for (what, given, expected) in
-        [("x", at.x.len(), dims.x), ("u", at.u.len(), dims.u), ("p", at.p.len(), dims.p)]
-    {
+    for (what, given, expected) in [
+        ("x", at.x.len(), dims.x),
+        ("u", at.u.len(), dims.u),
+        ("p", at.p.len(), dims.p),
+    ] {
         if given != expected {
             return Err(Error::Dimension(format!(
                 "{}: the point has {given} entries of {what}, expected {expected}",
@@ -167,7 +181,10 @@ pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings)
     }
     let inputs = [at.x, at.u, at.p, std::slice::from_ref(&at.t)];
     if inputs.iter().any(|block| block.iter().any(|v| !v.is_finite())) {
-        return Err(Error::Range(format!("{}: the point of the check is not finite", f.name())));
+        return Err(Error::Range(format!(
+            "{}: the point of the check is not finite",
+            f.name()
+        )));
     }
     let weights = match &settings.weights {
         Some(w) if w.len() != m => {
@@ -184,7 +201,10 @@ pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings)
         EvalError::Recoverable => {
             Error::NonFinite(format!("{}: {what} not defined at the point of the check", f.name()))
         }
-        EvalError::Fatal(code) => Error::User { code, what: format!("{what} of {}", f.name()) },
+        EvalError::Fatal(code) => Error::User {
+            code,
+            what: format!("{what} of {}", f.name()),
+        },
     };
 
     let jp = f.jac_pattern();
@@ -196,7 +216,8 @@ pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings)
     f.value(at, &mut value, &mut work).map_err(|e| fail(e, "value"))?;
     f.jacobian(at, &mut jac, &mut work).map_err(|e| fail(e, "Jacobian"))?;
     if settings.hessian {
-        f.hessian(at, &weights, &mut hess, &mut work).map_err(|e| fail(e, "Hessian"))?;
+        f.hessian(at, &weights, &mut hess, &mut work)
+            .map_err(|e| fail(e, "Hessian"))?;
     }
 
     let mut report = CheckReport {
@@ -250,13 +271,22 @@ pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings)
         if !settings.hessian {
             continue;
         }
-        let noise = if f.jacobian_is_approximate() { 4.0 * fdiff::STEP_FIRST.powi(2) } else { f64::EPSILON };
+        let noise = if f.jacobian_is_approximate() {
+            4.0 * fdiff::STEP_FIRST.powi(2)
+        } else {
+            f64::EPSILON
+        };
         let done = column
             .difference(j, n_in, noise, &mut |at, out| {
                 f.jacobian(at, &mut jac_moved, &mut work)?;
                 for (c, o) in out.iter_mut().enumerate() {
                     let entries = jp.range(c);
-                    *o = jp.rows(c).iter().zip(&jac_moved[entries]).map(|(&r, v)| weights[r] * v).sum();
+                    *o = jp
+                        .rows(c)
+                        .iter()
+                        .zip(&jac_moved[entries])
+                        .map(|(&r, v)| weights[r] * v)
+                        .sum();
                 }
                 Ok(())
             })
@@ -407,4 +437,213 @@ type Stencil = ([f64; 4], [f64; 4], [f64; 4]);
 /// What `v + h` loses by rounding is `eps |v| / h` relative to the step, far below the tolerances.
 fn round_step(h: f64) -> f64 {
     h.log2().round().exp2()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Callback;
+    use super::*;
+    use crate::linalg::csc::Pattern;
+
+    const DIMS: Dims = Dims { x: 2, u: 1, p: 1 };
+
+    fn at() -> Point<'static> {
+        Point {
+            t: 0.3,
+            x: &[0.8, -1.4],
+            u: &[0.6],
+            p: &[2.0],
+        }
+    }
+
+    fn pattern(m: usize, n: usize, entries: &[(usize, usize)]) -> Pattern {
+        let rows: Vec<usize> = entries.iter().map(|e| e.0).collect();
+        let cols: Vec<usize> = entries.iter().map(|e| e.1).collect();
+        Pattern::from_triplets(m, n, &rows, &cols).0
+    }
+
+    /// `(x0 x1², p sin(u))`, p constant unless asked for.
+    fn value(at: &Point, out: &mut [f64]) -> i32 {
+        out[0] = at.x[0] * at.x[1] * at.x[1];
+        out[1] = at.p[0] * at.u[0].sin();
+        0
+    }
+
+    fn function(first: f64, second: f64) -> Callback {
+        Callback::new("f", DIMS, 2, value)
+            .with_jacobian(pattern(2, 5, &[(0, 0), (0, 1), (1, 2)]), move |at, out| {
+                out[0] = at.x[1] * at.x[1];
+                out[1] = first * 2.0 * at.x[0] * at.x[1];
+                out[2] = at.p[0] * at.u[0].cos();
+                0
+            })
+            .unwrap()
+            .with_hessian(pattern(5, 5, &[(0, 1), (1, 1), (2, 2)]), move |at, w, out| {
+                out[0] = w[0] * 2.0 * at.x[1];
+                out[1] = w[0] * 2.0 * at.x[0];
+                out[2] = -second * w[1] * at.p[0] * at.u[0].sin();
+                0
+            })
+            .unwrap()
+    }
+
+    #[test]
+    fn correct_derivatives_pass() {
+        let r = check_derivatives(&function(1.0, 1.0), &at(), &CheckSettings::default()).unwrap();
+        assert!(r.passed(), "{r}");
+        assert!(r.worst_first < 1e-10 && r.worst_second < 1e-10, "{r}");
+        assert!(r.skipped.is_empty());
+        // Four columns (p is left out): two outputs each, and a triangle of four.
+        assert_eq!(r.n_compared, 8 + 10);
+    }
+
+    #[test]
+    fn a_wrong_jacobian_value_is_found() {
+        let settings = CheckSettings {
+            hessian: false,
+            ..Default::default()
+        };
+        let r = check_derivatives(&function(1.00001, 1.0), &at(), &settings).unwrap();
+        assert_eq!(r.mismatches.len(), 1);
+        let m = &r.mismatches[0];
+        assert_eq!((m.kind, m.row, m.col), (MismatchKind::Jacobian, 0, 1));
+        assert_eq!((m.row_name.as_str(), m.col_name.as_str()), ("out[0]", "x[1]"));
+        assert!((m.error - 1e-5).abs() < 1e-8);
+        assert!(r.to_string().contains("(out[0], x[1])"), "{r}");
+    }
+
+    #[test]
+    fn a_wrong_hessian_value_is_found() {
+        let r = check_derivatives(&function(1.0, 1.001), &at(), &CheckSettings::default()).unwrap();
+        assert_eq!(r.mismatches.len(), 1, "{r}");
+        let m = &r.mismatches[0];
+        assert_eq!(m.kind, MismatchKind::Hessian);
+        assert_eq!((m.row_name.as_str(), m.col_name.as_str()), ("u[0]", "u[0]"));
+    }
+
+    #[test]
+    fn missing_entries_are_found_worst_first() {
+        let f = Callback::new("f", DIMS, 2, |at, out| {
+            value(at, out);
+            out[1] += 1e-3 * at.t * at.x[0];
+            0
+        })
+        .with_jacobian(pattern(2, 5, &[(0, 0), (1, 0), (0, 1)]), |at, out| {
+            out[0] = at.x[1] * at.x[1];
+            out[1] = 1e-3 * at.t;
+            out[2] = 2.0 * at.x[0] * at.x[1];
+            0
+        })
+        .unwrap()
+        .with_hessian_pattern(pattern(5, 5, &[(0, 1)]))
+        .unwrap();
+        let r = check_derivatives(&f, &at(), &CheckSettings::default()).unwrap();
+        let found = |kind, row, col| r.mismatches.iter().any(|m| (m.kind, m.row, m.col) == (kind, row, col));
+        assert!(found(MismatchKind::JacobianPattern, 1, 2), "{r}");
+        assert!(found(MismatchKind::JacobianPattern, 1, 4), "{r}");
+        assert!(found(MismatchKind::HessianPattern, 1, 1), "{r}");
+        assert!(found(MismatchKind::HessianPattern, 0, 4), "{r}");
+        // The missing (x[1], x[1]) spoils the differences of its colour: (x[0], x[1]) is wrong as well.
+        assert!(found(MismatchKind::Hessian, 0, 1), "{r}");
+        assert_eq!(r.mismatches.len(), 5, "{r}");
+        assert!(r.mismatches.windows(2).all(|w| w[0].error >= w[1].error));
+    }
+
+    #[test]
+    fn parameters_are_constants_unless_declared_or_asked_for() {
+        let f = function(1.0, 1.0);
+        let settings = CheckSettings {
+            parameters: true,
+            ..Default::default()
+        };
+        let r = check_derivatives(&f, &at(), &settings).unwrap();
+        assert!(r
+            .mismatches
+            .iter()
+            .any(|m| m.kind == MismatchKind::JacobianPattern && m.col_name == "p[0]"));
+    }
+
+    #[test]
+    fn approximate_derivatives_pass() {
+        for f in [
+            Callback::new("f", DIMS, 2, value),
+            Callback::new("f", DIMS, 2, value)
+                .with_jacobian_pattern(pattern(2, 5, &[(0, 0), (0, 1), (1, 2), (1, 3)]))
+                .unwrap(),
+        ] {
+            let r = check_derivatives(&f, &at(), &CheckSettings::default()).unwrap();
+            assert!(r.passed(), "{r}");
+        }
+    }
+
+    #[test]
+    fn the_border_of_the_domain_is_checked_from_inside() {
+        let dims = Dims { x: 1, u: 0, p: 0 };
+        let f = |factor: f64| {
+            Callback::new("f", dims, 1, |at, out| {
+                out[0] = at.x[0].exp();
+                i32::from(at.x[0] < 1.0)
+            })
+            .with_jacobian(pattern(1, 2, &[(0, 0)]), move |at, out| {
+                out[0] = factor * at.x[0].exp();
+                0
+            })
+            .unwrap()
+        };
+        let at = Point {
+            t: 0.0,
+            x: &[1.0],
+            u: &[],
+            p: &[],
+        };
+        let r = check_derivatives(&f(1.0), &at, &CheckSettings::default()).unwrap();
+        assert!(r.passed() && r.skipped.is_empty(), "{r}");
+        let r = check_derivatives(&f(1.0001), &at, &CheckSettings::default()).unwrap();
+        assert!(!r.passed());
+    }
+
+    #[test]
+    fn columns_without_room_are_skipped() {
+        let dims = Dims { x: 1, u: 0, p: 0 };
+        let f = Callback::new("f", dims, 1, |at, out| {
+            out[0] = 1.0;
+            i32::from(at.x[0] != 1.0)
+        })
+        .with_jacobian_pattern(pattern(1, 2, &[]))
+        .unwrap();
+        let at = Point {
+            t: 0.0,
+            x: &[1.0],
+            u: &[],
+            p: &[],
+        };
+        let r = check_derivatives(&f, &at, &CheckSettings::default()).unwrap();
+        assert_eq!(r.skipped, ["x[0]"]);
+        assert!(r.to_string().contains("x[0]"));
+    }
+
+    #[test]
+    fn failures() {
+        let dims = Dims { x: 1, u: 0, p: 0 };
+        let f = |code: i32| Callback::new("f", dims, 1, move |_, _| code);
+        let at = Point {
+            t: 0.0,
+            x: &[1.0],
+            u: &[],
+            p: &[],
+        };
+        let check = |code, at: &Point, s: &CheckSettings| check_derivatives(&f(code), at, s);
+        let s = CheckSettings::default();
+        assert!(matches!(check(1, &at, &s), Err(Error::NonFinite(_))));
+        assert!(matches!(check(-3, &at, &s), Err(Error::User { code: -3, .. })));
+        let short = Point { x: &[], ..at };
+        assert!(matches!(check(0, &short, &s), Err(Error::Dimension(_))));
+        let nan = Point { t: f64::NAN, ..at };
+        assert!(matches!(check(0, &nan, &s), Err(Error::Range(_))));
+        let s = CheckSettings {
+            weights: Some(vec![1.0; 2]),
+            ..s
+        };
+        assert!(matches!(check(0, &at, &s), Err(Error::Dimension(_))));
+    }
 }

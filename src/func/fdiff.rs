@@ -201,7 +201,10 @@ impl Differences<'_> {
         let (z, rest) = work.split_at_mut(self.dims.n_in());
         let (f0, rest) = rest.split_at_mut(m);
         let (f1, rest) = rest.split_at_mut(m);
-        let mut s = Scratch { z, f: [f0, f1, &mut rest[..m]] };
+        let mut s = Scratch {
+            z,
+            f: [f0, f1, &mut rest[..m]],
+        };
         gather(self.dims, at, s.z);
         for group in self.colouring.groups() {
             match self.central(at, group, eval, emit, &mut s) {
@@ -365,7 +368,8 @@ fn mixed(f: Corner, hi: f64, hj: f64, centre: f64) -> Result<f64, EvalError> {
         return Ok(v);
     }
     for (a, b) in [(-hi, -hj), (hi, hj), (-hi, hj), (hi, -hj)] {
-        let mut corner = || -> Result<f64, EvalError> { Ok(((f(a, b)? - f(a, 0.0)?) - (f(0.0, b)? - centre)) / (a * b)) };
+        let mut corner =
+            || -> Result<f64, EvalError> { Ok(((f(a, b)? - f(a, 0.0)?) - (f(0.0, b)? - centre)) / (a * b)) };
         if let Some(v) = inside(corner())? {
             return Ok(v);
         }
@@ -381,7 +385,10 @@ mod tests {
     struct Lcg(u64);
     impl Lcg {
         fn next(&mut self) -> f64 {
-            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            self.0 = self
+                .0
+                .wrapping_mul(6364136223846793005)
+                .wrapping_add(1442695040888963407);
             (self.0 >> 11) as f64 / (1u64 << 53) as f64
         }
     }
@@ -419,8 +426,8 @@ mod tests {
                     }
                 }
             }
-            for j in 0..n {
-                assert_eq!(count[j], usize::from(!p.rows(j).is_empty()));
+            for (j, c) in count.into_iter().enumerate() {
+                assert_eq!(c, usize::from(!p.rows(j).is_empty()));
             }
         }
     }
@@ -461,9 +468,13 @@ mod tests {
                 }
                 Ok(())
             };
-            Differences { dims, pattern: &pattern, colouring: &colouring }
-                .run(&point(dims, &z), &mut eval, &mut |k, v| out[k] = v, &mut work)
-                .unwrap();
+            Differences {
+                dims,
+                pattern: &pattern,
+                colouring: &colouring,
+            }
+            .run(&point(dims, &z), &mut eval, &mut |k, v| out[k] = v, &mut work)
+            .unwrap();
             for (o, v) in out.iter().zip(&values) {
                 assert!((o - v).abs() < 1e-8, "{o} {v}");
             }
