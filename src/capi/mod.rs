@@ -1,0 +1,98 @@
+//! The C ABI over everything: `include/switchback.h` is generated from this folder.
+//!
+//! No mathematics lives here. An export checks what comes in over the border, calls one safe function of
+//! the library and hands the result out. What the border promises:
+//!
+//! - no panic, exit, print or signal handler crosses it; a failure is a [`status::swb_status`], its
+//!   message waits in the thread ([`guard`]);
+//! - on failure nothing is written to outputs, except NULL to `*out` of a constructor and the needed
+//!   length of a text;
+//! - NULL with length 0 is an empty array; inputs are copied;
+//! - `const swb_x *` may be used by several threads at once, `swb_x *` by one; breaking this, or calling
+//!   back into the same object from a callback, is `SWB_ERR_STATE`, not undefined behaviour ([`handle`]);
+//! - freeing NULL does nothing.
+//!
+//! # How to write an export
+//!
+//! One file per object, listed below in the order of the header. An object is a marker type (opaque in
+//! the header) with the Rust type behind it:
+//!
+//! ```ignore
+//! /// Optimal control problem.
+//! pub struct swb_ocp(());
+//! impl Object for swb_ocp {
+//!     type Value = crate::ocp::Ocp;
+//!     const NAME: &'static str = "swb_ocp";
+//! }
+//!
+//! /// Create an optimal control problem of `system`.
+//! ///
+//! /// @param[in]  system   copied; may be freed afterwards
+//! /// @param[in]  settings NULL for the defaults
+//! /// @param[out] out      the new object, NULL on failure; free with swb_ocp_free
+//! /// @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
+//! #[no_mangle]
+//! pub unsafe extern "C" fn swb_ocp_new(
+//!     system: *const swb_system,
+//!     settings: *const Settings,
+//!     out: *mut *mut swb_ocp,
+//! ) -> swb_status {
+//!     guard(|| unsafe {
+//!         let settings = settings::read(settings)?;
+//!         handle::create(out, |_interrupt| {
+//!             handle::with_ref(system, |s| Ocp::new(s.clone(), settings))
+//!         })
+//!     })
+//! }
+//!
+//! /// Set the bounds of the control.
+//! ///
+//! /// @param[in] lower [nu]
+//! /// @param[in] upper [nu]
+//! /// @return SWB_OK; SWB_ERR_DIMENSION if nu does not fit
+//! /// @thread exclusive on `ocp`
+//! #[no_mangle]
+//! pub unsafe extern "C" fn swb_ocp_set_control_bounds(
+//!     ocp: *mut swb_ocp, lower: *const f64, n_lower: i64, upper: *const f64, n_upper: i64,
+//! ) -> swb_status {
+//!     guard(|| unsafe {
+//!         let lower = raw::slice(lower, n_lower, "lower")?;
+//!         let upper = raw::slice(upper, n_upper, "upper")?;
+//!         handle::with_mut(ocp, |o| o.set_control_bounds(lower, upper))
+//!     })
+//! }
+//!
+//! /// Free; NULL is allowed.
+//! #[no_mangle]
+//! pub unsafe extern "C" fn swb_ocp_free(ocp: *mut swb_ocp) {
+//!     unsafe { handle::free(ocp) }
+//! }
+//! ```
+//!
+//! Rules the header generator cannot enforce:
+//! - the whole body sits in [`guard::guard`] (or [`guard::query`] if it returns a value);
+//! - read all inputs first, compute, then write all outputs: [`raw::write_slice`] checks the length and
+//!   never makes a reference to the caller's memory;
+//! - types: `f64`, `i64` for sizes, indices and enumerations inside structs, `i32` for flags and
+//!   enumeration arguments, `*const c_char`; enums are returned, never taken (an undefined number would
+//!   be undefined behaviour); no `bool`, no `usize`;
+//! - structs that may grow start with `struct_size: u64` and contain 8-byte fields only;
+//! - callbacks are `Option<unsafe extern "C" fn(..., *mut c_void)>`, return 0 ok, > 0 recoverable, < 0
+//!   fatal, and may be called while the object is borrowed: keep no other lock;
+//! - write every exported item out: the generator does not expand macros;
+//! - after a change: `make header`, and the new symbols into `capi_tests/abi/symbols.txt`.
+#![allow(unsafe_code)]
+#![allow(non_camel_case_types)]
+#![allow(rustdoc::broken_intra_doc_links)]
+// The contract of all pointers is the one above; it is not repeated in a section of every function.
+#![allow(clippy::missing_safety_doc)]
+
+pub mod guard;
+pub mod handle;
+pub mod raw;
+
+// In the order of the header.
+pub mod log;
+pub mod settings;
+pub mod status;
+pub mod version;
