@@ -91,8 +91,11 @@ pub mod guard;
 pub mod handle;
 pub mod raw;
 
-// In the order of the header.
-pub mod log;
-pub mod settings;
+// What follows is in the order of the header; blank lines keep the formatter from sorting it.
 pub mod status;
+
 pub mod version;
+
+pub mod log;
+
+pub mod settings;

@@ -337,7 +337,7 @@ pub extern "C" fn swb_option_value_name(index: i64, value: i64) -> *const c_char
 
 /// Kind of an option.
 ///
-/// @param[out] kind an enum swb_option_kind
+/// @param[out] kind an enum swb_kind
 /// @return SWB_OK; SWB_ERR_DIMENSION if there is no such index
 #[no_mangle]
 pub unsafe extern "C" fn swb_option_kind(index: i64, kind: *mut i32) -> swb_status {

@@ -1,0 +1,131 @@
+# make demo      the whole gallery: tables on the terminal, plots in out/
+# make check     everything that must hold before a commit; what .ci/run runs
+# make install   library, header, CMake and pkg-config files into PREFIX
+# make header    write include/switchback.h from src/capi
+# make deps      install what is missing (Debian packages, SUNDIALS, Python modules)
+# make clean     remove build/, out/ and target/
+
+PREFIX ?= /usr/local
+LIBDIR ?= lib
+CARGO ?= cargo
+CMAKE ?= cmake
+PYTHON ?= python3
+JOBS ?= $(shell nproc 2>/dev/null || echo 2)
+
+TARGET := $(abspath $(or $(CARGO_TARGET_DIR),target))
+BUILD := $(abspath build)
+OUT := $(abspath out)
+VENV := $(BUILD)/venv
+SUNDIALS := $(BUILD)/sundials
+HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml --target-dir $(TARGET)/header --
+
+.NOTPARALLEL:
+.PHONY: all build demo check install header deps clean \
+	demo-report demo-c demo-python stage \
+	check-format check-lint check-rust check-header check-stage check-c check-pkgconfig check-python
+
+all: build
+
+build:
+	$(CARGO) build --release
+
+header:
+	$(HEADER) .
+
+deps:
+	sh scripts/deps.sh $(BUILD)
+
+install: build
+	$(CMAKE) -DPREFIX=$(abspath $(PREFIX)) -DLIBDIR=$(LIBDIR) -DBUILD_DIR=$(TARGET)/release -P cmake/install.cmake
+
+clean:
+	rm -rf $(BUILD) $(OUT) $(TARGET)
+
+# --- the gallery ----------------------------------------------------------------------------------
+
+demo: deps build
+	mkdir -p $(OUT)
+	$(MAKE) demo-report demo-c demo-python
+	@echo "plots and tables: $(OUT)"
+
+# Rust: one program knows every example.
+demo-report:
+ifneq ($(wildcard examples/report.rs examples/report/main.rs),)
+	$(CARGO) run --release --example report -- all --plot $(OUT)
+endif
+
+# C: built like a user would, against an installed prefix; each program runs without arguments.
+demo-c:
+ifneq ($(wildcard examples/c/CMakeLists.txt),)
+	$(MAKE) stage
+	$(CMAKE) -S examples/c -B $(BUILD)/examples_c -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=$(BUILD)/prefix
+	$(CMAKE) --build $(BUILD)/examples_c --parallel $(JOBS)
+	set -e; for source in examples/c/*.c; do \
+		echo "== $$source"; $(BUILD)/examples_c/$$(basename $$source .c); \
+	done
+endif
+
+# Python: each script takes the folder for its plots.
+demo-python:
+ifneq ($(wildcard examples/python/*.py),)
+	$(MAKE) wheel
+	set -e; for script in examples/python/*.py; do \
+		echo "== $$script"; MPLBACKEND=Agg $(VENV)/bin/python $$script $(OUT); \
+	done
+endif
+
+# --- the checks -----------------------------------------------------------------------------------
+
+check: deps
+	$(MAKE) check-format check-lint check-rust check-header
+	$(MAKE) check-stage check-c check-pkgconfig check-python
+	@echo "all checks passed"
+
+check-format:
+	$(CARGO) fmt --check
+	$(CARGO) fmt --check --manifest-path tools/header/Cargo.toml
+
+check-lint:
+	$(CARGO) clippy --all-targets -- -D warnings
+
+check-rust:
+	$(CARGO) test --release
+
+check-header:
+	$(HEADER) --check .
+
+# Install, then move: nothing may remember where it was installed.
+stage: build
+	rm -rf $(BUILD)/prefix
+	$(MAKE) install PREFIX=$(BUILD)/prefix > /dev/null
+
+check-stage: stage
+	rm -rf $(BUILD)/moved
+	mv $(BUILD)/prefix $(BUILD)/moved
+
+# The C tests see the package only: shared and static library, refused versions, header, symbols,
+# valgrind, and IDAS if there is one.
+check-c:
+	rm -rf $(BUILD)/capi
+	$(CMAKE) -S capi_tests -B $(BUILD)/capi -DCMAKE_PREFIX_PATH=$(BUILD)/moved -DSUNDIALS_ROOT=$(SUNDIALS)
+	$(CMAKE) --build $(BUILD)/capi --parallel $(JOBS)
+	ctest --test-dir $(BUILD)/capi --output-on-failure --no-tests=error --parallel $(JOBS)
+
+check-pkgconfig:
+	sh scripts/check_pkgconfig.sh $(BUILD)/moved $(LIBDIR) $(BUILD)/pkgconfig
+
+# The Python tests see the installed wheel only.
+.PHONY: wheel
+wheel: build
+ifneq ($(wildcard bindings/python/pyproject.toml),)
+	rm -rf $(BUILD)/wheel
+	SWITCHBACK_LIBRARY=$(TARGET)/release/libswitchback.so $(VENV)/bin/pip wheel --quiet --no-deps \
+		--no-build-isolation --wheel-dir $(BUILD)/wheel ./bindings/python
+	$(VENV)/bin/pip install --quiet --no-deps --force-reinstall $(BUILD)/wheel/*.whl
+endif
+
+check-python:
+ifneq ($(wildcard bindings/python/pyproject.toml),)
+	$(MAKE) wheel
+	cd $(BUILD) && MPLBACKEND=Agg $(VENV)/bin/python -m pytest -q -p no:cacheprovider $(CURDIR)/bindings/python/tests
+endif
