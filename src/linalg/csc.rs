@@ -267,7 +267,11 @@ pub fn mul_add_transposed(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alph
 /// [`Pattern::is_upper`]): they would count twice. Allocates nothing. Panics if a length is wrong.
 pub fn mul_add_symmetric_upper(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64], alpha: f64) {
     assert_eq!(p.n_rows, p.n_cols, "mul_add_symmetric_upper: a symmetric matrix is square");
-    assert_eq!((v.len(), x.len(), y.len()), (p.nnz(), p.n_cols, p.n_rows), "mul_add_symmetric_upper: lengths of v, x, y");
+    assert_eq!(
+        (v.len(), x.len(), y.len()),
+        (p.nnz(), p.n_cols, p.n_rows),
+        "mul_add_symmetric_upper: lengths of v, x, y"
+    );
     for (j, w) in p.col_ptr.windows(2).enumerate() {
         let (mut rows, mut vals) = (&p.row_idx[w[0]..w[1]], &v[w[0]..w[1]]);
         let ax = alpha * x[j];
@@ -288,6 +292,7 @@ pub fn mul_add_symmetric_upper(p: &Pattern, v: &[f64], x: &[f64], y: &mut [f64],
 }
 
 #[cfg(test)]
+#[allow(clippy::needless_range_loop)]
 mod tests {
     use super::*;
 

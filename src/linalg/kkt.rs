@@ -237,14 +237,13 @@ impl Kkt {
         self.has_factors = false;
         self.norm = None;
         self.inertia = Inertia::default();
-        let mut poison = (delta_w + delta_c) * 0.0;
+        let mut finite = delta_w.is_finite() & delta_c.is_finite();
         for ((m, &v), &s) in self.matrix.iter_mut().zip(values).zip(&self.entry_scale) {
             let a = v * s;
-            poison += a * 0.0;
+            finite &= a.is_finite();
             *m = a;
         }
-        // 0 * finite is 0, all else is NaN.
-        if poison != 0.0 {
+        if !finite {
             return KktStatus::Singular;
         }
         for (j, (&k, &s)) in self.diag.iter().zip(&self.scale).enumerate() {
@@ -412,15 +411,9 @@ fn nearest_power_of_two(v: f64) -> f64 {
     f64::from_bits((v * std::f64::consts::SQRT_2).to_bits() & 0x7ff0_0000_0000_0000)
 }
 
-/// Maximum norm; NaN if an entry is.
+/// Maximum norm; NaN if an entry is. Without the sign, the bits of floats order like the floats, NaN last.
 fn max_abs(v: &[f64]) -> f64 {
-    let mut poison = 0.0;
-    let mut m = 0.0_f64;
-    for &a in v {
-        m = m.max(a.abs());
-        poison += a * 0.0;
-    }
-    m + poison
+    f64::from_bits(v.iter().fold(0, |m: u64, a| m.max(a.abs().to_bits())))
 }
 
 /// Largest absolute row sum of the symmetric matrix; `work` has length `n`.
@@ -438,4 +431,288 @@ fn norm_inf(p: &Pattern, v: &[f64], work: &mut [f64]) -> f64 {
         work[j] += s;
     }
     work.iter().fold(0.0, |m: f64, &a| m.max(a))
+}
+
+#[cfg(test)]
+#[allow(clippy::needless_range_loop)]
+mod tests {
+    use super::super::ldl::{Dense, SuiteSparse};
+    use super::*;
+
+    /// Upper triangle of a dense matrix: all nonzeros and the whole diagonal.
+    fn upper(a: &[&[f64]]) -> (Pattern, Vec<f64>) {
+        let n = a.len();
+        let (mut rows, mut cols) = (Vec::new(), Vec::new());
+        for j in 0..n {
+            for i in 0..=j {
+                if i == j || a[i][j] != 0.0 {
+                    rows.push(i);
+                    cols.push(j);
+                }
+            }
+        }
+        let (p, _) = Pattern::from_triplets(n, n, &rows, &cols);
+        let v = rows.iter().zip(&cols).map(|(&i, &j)| a[i][j]).collect();
+        (p, v)
+    }
+
+    fn sparse(p: &Pattern, n_primal: usize) -> Kkt {
+        Kkt::new(p, n_primal, Box::new(SuiteSparse::new()), KktSettings::default()).unwrap()
+    }
+
+    fn close(a: &[f64], b: &[f64], tol: f64) {
+        assert_eq!(a.len(), b.len());
+        for (x, y) in a.iter().zip(b) {
+            assert!((x - y).abs() <= tol * (1.0 + y.abs()), "{a:?} {b:?}");
+        }
+    }
+
+    #[test]
+    fn refinement_removes_the_shift() {
+        // Free variable without curvature between two constraints: no pivot exists without a shift.
+        let (p, v) =
+            upper(&[&[0.0, 0.0, 1.0, 2.0], &[0.0, 1.0, 1.0, -1.0], &[1.0, 1.0, 0.0, 0.0], &[2.0, -1.0, 0.0, 0.0]]);
+        let mut k = sparse(&p, 2);
+        k.equilibrate(&v);
+        assert_eq!(k.factor(&v, 0.0, 0.0), KktStatus::Ok);
+        let x = [1.0, -2.0, 3.0, 0.5];
+        let (mut b, mut s) = ([0.0; 4], [0.0; 4]);
+        mul_add_symmetric_upper(&p, &v, &x, &mut b, 1.0);
+        let r = k.solve(&b, &mut s);
+        assert!(r.ok && r.residual <= 1e-12 && r.steps <= 3, "{r:?}");
+        close(&s, &x, 1e-12);
+        assert_eq!(k.factorisations(), 1);
+        assert_eq!((k.n(), k.n_primal()), (4, 2));
+    }
+
+    #[test]
+    fn deltas_are_unscaled_and_part_of_the_matrix() {
+        let (p, v) = upper(&[&[1e6, 0.0, 1e3], &[0.0, 1e-4, 2.0], &[1e3, 2.0, -1e-3]]);
+        let (dw, dc) = (0.25, 0.125);
+        let mut w = v.clone();
+        for j in 0..3 {
+            w[p.get(j, j).unwrap()] += if j < 2 { dw } else { -dc };
+        }
+        let (mut a, mut b) = ([0.0; 3], [0.0; 3]);
+        let mut k = sparse(&p, 2);
+        k.equilibrate(&v);
+        assert!(k.scaling().iter().any(|&s| s != 1.0));
+        assert_eq!(k.factor(&v, dw, dc), KktStatus::Ok);
+        assert!(k.solve(&[1.0, 2.0, 3.0], &mut a).ok);
+        let mut r = [1.0, 2.0, 3.0];
+        mul_add_symmetric_upper(&p, &w, &a, &mut r, -1.0);
+        close(&r, &[0.0; 3], 1e-10);
+        assert_eq!(k.factor(&w, 0.0, 0.0), KktStatus::Ok);
+        assert!(k.solve(&[1.0, 2.0, 3.0], &mut b).ok);
+        close(&a, &b, 1e-12);
+    }
+
+    #[test]
+    fn masked_and_dependent_rows_factor() {
+        // Row 3 is masked (all zero), rows 2 and 4 are the same constraint.
+        let (p, v) = upper(&[
+            &[2.0, 0.0, 1.0, 0.0, 1.0],
+            &[0.0, 1.0, 1.0, 0.0, 1.0],
+            &[1.0, 1.0, 0.0, 0.0, 0.0],
+            &[0.0; 5],
+            &[1.0, 1.0, 0.0, 0.0, 0.0],
+        ]);
+        let mut k = sparse(&p, 2);
+        k.equilibrate(&v);
+        assert_eq!(k.scaling()[3], 1.0);
+        assert_eq!(k.factor(&v, 0.0, 0.0), KktStatus::Ok);
+        assert_eq!(k.inertia(), Inertia { positive: 2, negative: 3, zero: 0 });
+        // Consistent right-hand side: solved, the multipliers are shared.
+        let mut s = [0.0; 5];
+        let r = k.solve(&[1.0, 1.0, 3.0, 0.0, 3.0], &mut s);
+        assert!(r.ok && r.residual < 1e-10, "{r:?}");
+        close(&[s[0] + s[1], s[2] - s[4], s[3]], &[3.0, 0.0, 0.0], 1e-7);
+        // Inconsistent: what comes back is finite, and the true residual says so or the solution is huge.
+        let r = k.solve(&[1.0, 1.0, 3.0, 0.0, 4.0], &mut s);
+        assert!(s.iter().all(|a| a.is_finite()));
+        assert!(!r.ok || s.iter().any(|a| a.abs() > 1e4), "{r:?} {s:?}");
+    }
+
+    #[test]
+    fn wrong_inertia_and_delta_w() {
+        // Negative curvature that the constraint does not fix, next to a variable whose pivot is the shift:
+        // a small pivot of the right sign is no reason to call the matrix singular.
+        let (p, v) =
+            upper(&[&[-1.0, 0.0, 0.0, 0.0], &[0.0, 0.0, 0.0, 1.0], &[0.0, 0.0, 1.0, 1.0], &[0.0, 1.0, 1.0, 0.0]]);
+        let mut k = sparse(&p, 3);
+        k.equilibrate(&v);
+        assert_eq!(k.factor(&v, 0.0, 0.0), KktStatus::WrongInertia);
+        assert!(k.stats().min_abs_pivot <= 10.0 * k.shift());
+        assert_eq!(k.inertia(), Inertia { positive: 2, negative: 2, zero: 0 });
+        // The factors are those of the matrix all the same.
+        let mut s = [0.0; 4];
+        assert!(k.solve(&[1.0, 1.0, 1.0, 1.0], &mut s).ok);
+        close(&s[..1], &[-1.0], 1e-12);
+        assert_eq!(k.factor(&v, 2.0, 0.0), KktStatus::Ok);
+    }
+
+    #[test]
+    fn curvature_of_the_size_of_the_shift_is_singular() {
+        let backends: [Box<dyn SymmetricSolver>; 2] = [Box::new(SuiteSparse::new()), Box::new(Dense::new())];
+        for backend in backends {
+            let (p, v) = upper(&[&[1.0, 0.0], &[0.0, -1e-7]]);
+            // Not equilibrated: that would scale the tiny entry up to 1.
+            let mut k = Kkt::new(&p, 2, backend, KktSettings::default()).unwrap();
+            assert_eq!(k.factor(&v, 0.0, 0.0), KktStatus::Singular);
+            assert_eq!(k.inertia().negative, 1);
+            assert_eq!(k.factor(&v, 1e-4, 0.0), KktStatus::Ok);
+        }
+    }
+
+    #[test]
+    fn breakdown_raises_the_shift() {
+        // -3e-8 on a primal diagonal cancels the first shift exactly.
+        let (p, v) = upper(&[&[1.0, 0.0], &[0.0, -3e-8]]);
+        let mut k = sparse(&p, 2);
+        assert_eq!(k.factor(&v, 0.0, 0.0), KktStatus::Ok);
+        assert!(k.shift() > 1e-7 && k.factorisations() == 2, "{} {}", k.shift(), k.factorisations());
+        // No latch: the next matrix starts from the setting again.
+        assert_eq!(k.factor(&[1.0, 1.0], 0.0, 0.0), KktStatus::Ok);
+        assert_eq!((k.shift(), k.factorisations()), (3e-8, 3));
+        // With the largest shift equal to the first there is no way out.
+        let settings = KktSettings { max_shift: 3e-8, ..KktSettings::default() };
+        let mut k = Kkt::new(&p, 2, Box::new(SuiteSparse::new()), settings).unwrap();
+        assert_eq!(k.factor(&v, 0.0, 0.0), KktStatus::Singular);
+        let mut s = [7.0; 2];
+        let r = k.solve(&[1.0, 1.0], &mut s);
+        assert!(!r.ok && r.residual.is_infinite() && s == [0.0; 2]);
+    }
+
+    #[test]
+    fn not_finite() {
+        let (p, v) = upper(&[&[2.0, 1.0], &[1.0, 0.0]]);
+        let mut k = sparse(&p, 1);
+        for bad in [f64::NAN, f64::INFINITY] {
+            for i in 0..3 {
+                let mut w = v.clone();
+                w[i] = bad;
+                k.equilibrate(&w);
+                assert!(k.scaling().iter().all(|s| s.is_finite() && *s > 0.0));
+                assert_eq!(k.factor(&w, 0.0, 0.0), KktStatus::Singular);
+                assert!(!k.solve(&[1.0, 1.0], &mut [0.0; 2]).ok);
+            }
+            assert_eq!(k.factor(&v, bad, 0.0), KktStatus::Singular);
+            assert_eq!(k.factor(&v, 0.0, bad), KktStatus::Singular);
+        }
+        assert_eq!(k.factorisations(), 0);
+        k.equilibrate(&v);
+        assert_eq!(k.factor(&v, 0.0, 0.0), KktStatus::Ok);
+        let mut s = [5.0; 2];
+        for bad in [f64::NAN, f64::INFINITY] {
+            let r = k.solve(&[bad, 1.0], &mut s);
+            assert!(!r.ok && s == [0.0; 2], "{r:?}");
+        }
+        assert!(k.solve(&[1.0, 1.0], &mut s).ok);
+        close(&s, &[1.0, -1.0], 1e-12);
+        // Zero right-hand side.
+        assert_eq!(k.solve(&[0.0, -0.0], &mut s), KktSolve { residual: 0.0, steps: 0, ok: true });
+    }
+
+    #[test]
+    fn equilibration() {
+        let (p, v) = upper(&[&[1e10, 1.0, 1e5], &[1.0, 1e-6, 1e-3], &[1e5, 1e-3, 0.0]]);
+        let mut k = sparse(&p, 2);
+        k.equilibrate(&v);
+        let s = k.scaling();
+        for &a in s {
+            assert_eq!(a.to_bits() & 0x000f_ffff_ffff_ffff, 0, "a power of two");
+            assert!((1e-8..=1e8).contains(&a));
+        }
+        for i in 0..3 {
+            let row = (0..3).map(|j| v[p.get(i.min(j), i.max(j)).unwrap()].abs() * s[i] * s[j]).fold(0.0, f64::max);
+            assert!((0.2..=4.0).contains(&row), "row {i}: {row}");
+        }
+        // Extreme entries stay inside the clamp.
+        let (p, v) = upper(&[&[1e300, 0.0], &[0.0, 1e-300]]);
+        let mut k = sparse(&p, 2);
+        k.equilibrate(&v);
+        assert_eq!(k.scaling(), [SCALE_MIN, SCALE_MAX]);
+        for (v, e) in [(1.0, 1.0), (1.3, 1.0), (1.5, 2.0), (0.6, 0.5), (0.8, 1.0), (3.0, 4.0)] {
+            assert_eq!(nearest_power_of_two(v), e);
+        }
+    }
+
+    /// Random indefinite KKT matrices of nine orders of magnitude: status and inertia as the eigenvalues
+    /// have it, solution as LU has it.
+    #[test]
+    fn agrees_with_the_dense_backend() {
+        let mut state = 42_u64;
+        let mut unit = || {
+            state ^= state >> 12;
+            state ^= state << 25;
+            state ^= state >> 27;
+            (state.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+        };
+        let mut seen = [0; 2];
+        for round in 0..60 {
+            let (n, m) = (6 + round % 20, 2 + round % 5);
+            let mut a = vec![vec![0.0; n + m]; n + m];
+            let curvature = if round % 2 == 0 { 3.0 } else { 0.3 };
+            for j in 0..n {
+                for i in 0..j {
+                    a[i][j] = if unit() > 0.6 { unit() } else { 0.0 };
+                }
+                a[j][j] = if unit() > 0.5 { 0.0 } else { curvature * n as f64 * (0.5 + unit().abs()) };
+            }
+            for j in n..n + m {
+                for row in a.iter_mut().take(n) {
+                    row[j] = if unit() > 0.2 { unit() } else { 0.0 };
+                }
+            }
+            let units: Vec<f64> = (0..n + m).map(|_| 10f64.powf(4.5 * unit())).collect();
+            for j in 0..n + m {
+                for i in 0..=j {
+                    a[i][j] *= units[i] * units[j];
+                }
+            }
+            let rows: Vec<&[f64]> = a.iter().map(Vec::as_slice).collect();
+            let (p, v) = upper(&rows);
+            let mut k = sparse(&p, n);
+            let settings = KktSettings { static_shift: 1e-14, max_shift: 1e-14, ..KktSettings::default() };
+            let mut d = Kkt::new(&p, n, Box::new(Dense::new()), settings).unwrap();
+            k.equilibrate(&v);
+            d.equilibrate(&v);
+            let status = d.factor(&v, 0.0, 0.0);
+            if d.stats().min_abs_pivot < 1e-5 {
+                continue;
+            }
+            assert_eq!(k.factor(&v, 0.0, 0.0), status, "round {round}");
+            assert_eq!(k.inertia(), d.inertia());
+            seen[usize::from(status == KktStatus::Ok)] += 1;
+            let b: Vec<f64> = units.iter().map(|u| u * unit()).collect();
+            let (mut x, mut y) = (vec![0.0; n + m], vec![0.0; n + m]);
+            assert!(k.solve(&b, &mut x).ok && d.solve(&b, &mut y).ok);
+            // Forward error: residual times condition, in equilibrated units about 1e-12 / 1e-5.
+            let size = y.iter().zip(&units).fold(1.0, |a: f64, (v, u)| a.max((v * u).abs()));
+            for j in 0..n + m {
+                assert!(((x[j] - y[j]) * units[j]).abs() < 1e-6 * size, "round {round}: {} {}", x[j], y[j]);
+            }
+        }
+        assert!(seen[0] > 5 && seen[1] > 5, "{seen:?}");
+    }
+
+    #[test]
+    fn refuses() {
+        let make = |p: &Pattern, n: usize, s: KktSettings| Kkt::new(p, n, Box::new(SuiteSparse::new()), s).err();
+        let message = |e: Option<Error>| e.expect("an error").to_string();
+        let ok = KktSettings::default();
+        assert!(message(make(&Pattern::dense_upper(2), 3, ok.clone())).contains("3 primal"));
+        let no_diag = Pattern::new(2, 2, vec![0, 1, 2], vec![0, 0]).unwrap();
+        assert!(message(make(&no_diag, 1, ok.clone())).contains("column 1"));
+        assert!(message(make(&Pattern::dense(2, 2), 1, ok.clone())).contains("below the diagonal"));
+        let zero = KktSettings { static_shift: 0.0, ..ok.clone() };
+        assert!(message(make(&Pattern::dense_upper(2), 1, zero)).contains("static_shift 0"));
+        let nan = KktSettings { refine_tol: f64::NAN, ..ok.clone() };
+        assert!(message(make(&Pattern::dense_upper(2), 1, nan)).contains("refine_tol"));
+        // Nothing at all is legal.
+        let mut k = Kkt::new(&Pattern::empty(0, 0), 0, Box::new(SuiteSparse::new()), ok).unwrap();
+        k.equilibrate(&[]);
+        assert_eq!(k.factor(&[], 0.0, 0.0), KktStatus::Ok);
+        assert!(k.solve(&[], &mut []).ok);
+    }
 }

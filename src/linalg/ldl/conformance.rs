@@ -1,5 +1,7 @@
 //! One suite for every backend of [`SymmetricSolver`].
 
+#![allow(clippy::needless_range_loop)]
+
 use super::{Dense, Factorisation, Inertia, SuiteSparse, SymmetricSolver};
 use crate::error::Error;
 use crate::linalg::csc::{mul_add_symmetric_upper, Pattern};
@@ -289,8 +291,18 @@ macro_rules! suite {
 macro_rules! conformance {
     ($backend:ident, $make:expr) => {
         suite!(
-            $backend, $make, random_systems, counts_inertia, permutation, singular, not_finite, reuse, small, refuses,
-            same_bits, pivots
+            $backend,
+            $make,
+            random_systems,
+            counts_inertia,
+            permutation,
+            singular,
+            not_finite,
+            reuse,
+            small,
+            refuses,
+            same_bits,
+            pivots
         );
     };
 }

@@ -130,12 +130,13 @@ impl SymmetricSolver for SuiteSparse {
         // SAFETY: `up` (n + 1) and `ui` (up[n]) are a valid compressed-column matrix of order n with
         // sorted rows, `perm` has length n; null control and info mean the defaults. An empty `ui` has a
         // non-null dangling pointer, which AMD only tests against null.
-        let rc = unsafe {
-            amd_order(n_int, up.as_ptr(), ui.as_ptr(), perm.as_mut_ptr(), ptr::null_mut(), ptr::null_mut())
-        };
+        let rc =
+            unsafe { amd_order(n_int, up.as_ptr(), ui.as_ptr(), perm.as_mut_ptr(), ptr::null_mut(), ptr::null_mut()) };
         match rc {
             AMD_OK | AMD_OK_BUT_JUMBLED => {}
-            AMD_OUT_OF_MEMORY => return Err(Error::Library(format!("suitesparse: AMD ran out of memory for {n} rows"))),
+            AMD_OUT_OF_MEMORY => {
+                return Err(Error::Library(format!("suitesparse: AMD ran out of memory for {n} rows")))
+            }
             rc => return Err(Error::Library(format!("suitesparse: amd_order returned {rc} for {n} rows"))),
         }
         self.perm = perm.iter().map(|&v| v as usize).collect();
@@ -203,15 +204,13 @@ impl SymmetricSolver for SuiteSparse {
         assert_eq!(values.len(), self.nnz_a, "suitesparse: one value per entry of the analysed pattern");
         self.factored = false;
         (self.min_abs, self.max_abs) = (0.0, 0.0);
-        // A product with zero keeps NaN and infinity and is cheaper than a test in the loop.
-        let mut poison = 0.0;
+        let mut finite = true;
         for (a, &k) in self.ax.iter_mut().zip(&self.src) {
             let v = values[k as usize];
-            poison += v * 0.0;
+            finite &= v.is_finite();
             *a = v;
         }
-        if poison != 0.0 {
-            // Only NaN gets here: 0 * finite is 0.
+        if !finite {
             let bad = self.ax.iter().position(|v| !v.is_finite()).unwrap_or(0);
             let col = self.ap.partition_point(|&p| p as usize <= bad) - 1;
             return Factorisation::Singular { pivot: self.perm[col] };
@@ -244,14 +243,16 @@ impl SymmetricSolver for SuiteSparse {
             }
         }
         let mut inertia = Inertia::default();
-        let (mut lo, mut hi, mut poison) = (f64::INFINITY, 0.0_f64, 0.0);
+        // Without the sign, the bits of floats order like the floats, NaN last.
+        let (mut lo, mut hi) = (u64::MAX, 0);
         for &d in &self.d {
             inertia.positive += usize::from(d > 0.0);
-            poison += d * 0.0;
-            lo = lo.min(d.abs());
-            hi = hi.max(d.abs());
+            let bits = d.abs().to_bits();
+            lo = lo.min(bits);
+            hi = hi.max(bits);
         }
-        if poison != 0.0 {
+        let (lo, hi) = (f64::from_bits(lo), f64::from_bits(hi));
+        if !hi.is_finite() {
             let k = self.d.iter().position(|v| !v.is_finite()).unwrap_or(0);
             return Factorisation::Singular { pivot: self.perm[k] };
         }

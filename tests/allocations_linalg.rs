@@ -1,0 +1,70 @@
+//! Scaling, factorisation and solution allocate nothing after the analysis.
+
+use std::alloc::{GlobalAlloc, Layout, System};
+use std::cell::Cell;
+use switchback::linalg::csc::Pattern;
+use switchback::linalg::kkt::{Kkt, KktSettings, KktStatus};
+use switchback::linalg::ldl::SuiteSparse;
+
+struct Counting;
+
+thread_local! {
+    static COUNT: Cell<usize> = const { Cell::new(0) };
+}
+
+fn count() {
+    // An allocation while the thread ends must not panic.
+    let _ = COUNT.try_with(|c| c.set(c.get() + 1));
+}
+
+// SAFETY: every call is passed on to the system allocator unchanged.
+unsafe impl GlobalAlloc for Counting {
+    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
+        count();
+        System.alloc(layout)
+    }
+    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
+        System.dealloc(ptr, layout)
+    }
+    unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
+        count();
+        System.realloc(ptr, layout, new_size)
+    }
+}
+
+#[global_allocator]
+static ALLOCATOR: Counting = Counting;
+
+#[test]
+fn no_allocation_after_new() {
+    let (n, m) = (40, 25);
+    let (mut rows, mut cols): (Vec<usize>, Vec<usize>) = ((0..n + m).collect(), (0..n + m).collect());
+    for j in 0..m {
+        for i in [j, j + 3, j + 9] {
+            rows.push(i);
+            cols.push(n + j);
+        }
+    }
+    let (p, map) = Pattern::from_triplets(n + m, n + m, &rows, &cols);
+    let mut v = vec![0.0; p.nnz()];
+    for (k, &pos) in map.iter().enumerate() {
+        v[pos] = if rows[k] != cols[k] { 1.0 + k as f64 } else { f64::from(rows[k] < n) };
+    }
+    let mut kkt = Kkt::new(&p, n, Box::new(SuiteSparse::new()), KktSettings::default()).unwrap();
+    let (rhs, mut sol) = (vec![1.0; n + m], vec![0.0; n + m]);
+    let nan = vec![f64::NAN; p.nnz()];
+    let indefinite: Vec<f64> = v.iter().map(|a| -a).collect();
+    assert!(COUNT.with(Cell::get) > 0, "the counter must count");
+
+    let before = COUNT.with(Cell::get);
+    for round in 0..3 {
+        kkt.equilibrate(&v);
+        let good = kkt.factor(&v, 1e-4 * f64::from(round), 1e-9);
+        let solve = kkt.solve(&rhs, &mut sol);
+        let bad = kkt.factor(&nan, 0.0, 0.0);
+        let wrong = kkt.factor(&indefinite, 0.0, 0.0);
+        let _ = kkt.stats();
+        assert!(good == KktStatus::Ok && bad == KktStatus::Singular && wrong != KktStatus::Ok && solve.ok);
+    }
+    assert_eq!(COUNT.with(Cell::get), before);
+}
