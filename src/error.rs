@@ -1,0 +1,79 @@
+//! Errors of the library: what went wrong, with the numbers, and what to do about it.
+//!
+//! An [`Error`] means that a call could not do its work. How an algorithm ended (solved, infeasible,
+//! out of iterations) is no error: that is [`crate::nlp::Outcome`].
+
+use std::fmt;
+
+/// Why a call failed. The message says what to do; [`Error::code`] is the status of the C ABI.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Error {
+    /// A required pointer was null.
+    Null(String),
+    /// A size or an index does not fit.
+    Dimension(String),
+    /// A value is outside its range (NaN, lower bound above upper bound, unsorted pattern ...).
+    Range(String),
+    /// The call does not fit the state of the object.
+    State(String),
+    /// The combination is not supported.
+    Unsupported(String),
+    /// An unknown option or a value of the wrong type.
+    Option(String),
+    /// A user function returned a negative code.
+    User { code: i32, what: String },
+    /// A user function has no finite value where one is needed.
+    NonFinite(String),
+    /// Stopped by `interrupt`, or by a callback that asked for it.
+    Interrupted,
+    /// The numerical method cannot go on and there is no usable result.
+    Numeric(String),
+    /// A foreign library failed, or a resource is missing.
+    Library(String),
+    /// A defect in this library, caught at the boundary.
+    Internal(String),
+}
+
+/// Result of a fallible call.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// Status code of the C ABI; append-only, see `docs/errors.md`.
+    pub fn code(&self) -> i32 {
+        match self {
+            Error::Null(_) => -1,
+            Error::Dimension(_) => -2,
+            Error::Range(_) => -3,
+            Error::State(_) => -4,
+            Error::Unsupported(_) => -5,
+            Error::Option(_) => -6,
+            Error::User { .. } => -20,
+            Error::NonFinite(_) => -21,
+            Error::Interrupted => -23,
+            Error::Numeric(_) => -30,
+            Error::Library(_) => -50,
+            Error::Internal(_) => -99,
+        }
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Error::Null(s)
+            | Error::Dimension(s)
+            | Error::Range(s)
+            | Error::State(s)
+            | Error::Unsupported(s)
+            | Error::Option(s)
+            | Error::NonFinite(s)
+            | Error::Numeric(s)
+            | Error::Library(s) => f.write_str(s),
+            Error::User { code, what } => write!(f, "{what} returned {code}: a negative code stops the call"),
+            Error::Interrupted => f.write_str("interrupted; the object can be used again"),
+            Error::Internal(s) => write!(f, "internal error, please report it: {s}"),
+        }
+    }
+}
+
+impl std::error::Error for Error {}

@@ -1,0 +1,352 @@
+//! Variables and rows of the discretised problem, numbered in the order of time.
+
+use crate::dcs::Dcs;
+use crate::error::{Error, Result};
+use crate::settings::{Cross, Discretisation, Settings, StageForm, StepEquilibration};
+use crate::system::SharedFunction;
+use crate::tableau::{Family, Tableau};
+
+/// Choices of the discretisation.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Options {
+    /// Runge-Kutta family.
+    pub family: Family,
+    /// Stages of the method.
+    pub n_s: usize,
+    /// Switch detection, or fixed steps.
+    pub discretisation: Discretisation,
+    /// Unknowns at the stage points.
+    pub stage_form: StageForm,
+    /// Granularity of the cross complementarity.
+    pub cross: Cross,
+    /// Step equilibration during the homotopy.
+    pub equilibration: StepEquilibration,
+    /// Weight of the soft forms.
+    pub rho_h: f64,
+    /// Step sizes lie in `[(1 − γ) h̄, (1 + γ) h̄]` (7.50).
+    pub gamma_h: f64,
+}
+
+impl Options {
+    /// Reads the options out of the settings.
+    pub fn from_settings(s: &Settings) -> Result<Options> {
+        s.validate()?;
+        let family = match s.rk_family()? {
+            crate::settings::RkFamily::RadauIia => Family::RadauIia,
+            crate::settings::RkFamily::GaussLegendre => Family::GaussLegendre,
+            crate::settings::RkFamily::Explicit => Family::Explicit,
+        };
+        Ok(Options {
+            family,
+            n_s: s.n_s as usize,
+            discretisation: s.discretisation()?,
+            stage_form: s.stage_form()?,
+            cross: s.cross()?,
+            equilibration: s.step_equilibration()?,
+            rho_h: s.rho_h,
+            gamma_h: s.gamma_h,
+        })
+    }
+}
+
+/// Where path constraints hold.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum PathAt {
+    /// At both ends of every control stage, with the control of that stage.
+    ControlGrid,
+    /// At the start of every control stage and the end of every element.
+    Elements,
+    /// At the start of every control stage and at every stage point.
+    StagePoints,
+}
+
+/// `lower ≤ c(x, u, p, t) ≤ upper` along the horizon.
+#[derive(Clone)]
+pub struct PathConstraint {
+    /// The function.
+    pub f: SharedFunction,
+    /// Lower bounds.
+    pub lower: Vec<f64>,
+    /// Upper bounds.
+    pub upper: Vec<f64>,
+    /// Where.
+    pub at: PathAt,
+}
+
+/// `lower ≤ c(x(T), p) ≤ upper`.
+#[derive(Clone)]
+pub struct Terminal {
+    /// The function; its control is that of the last stage.
+    pub f: SharedFunction,
+    /// Lower bounds.
+    pub lower: Vec<f64>,
+    /// Upper bounds.
+    pub upper: Vec<f64>,
+}
+
+/// What is discretised.
+#[derive(Clone)]
+pub struct Spec {
+    /// The dynamics.
+    pub dcs: Dcs,
+    /// Choices of the discretisation.
+    pub options: Options,
+    /// Control stages.
+    pub n_stages: usize,
+    /// Finite elements per control stage.
+    pub n_fe: usize,
+    /// Cost rate.
+    pub lagrange: Option<SharedFunction>,
+    /// Terminal cost.
+    pub mayer: Option<SharedFunction>,
+    /// Path constraints.
+    pub path: Vec<PathConstraint>,
+    /// Terminal constraints.
+    pub terminal: Vec<Terminal>,
+}
+
+/// Variables and rows of one finite element. Blocks are given by their first index.
+#[derive(Debug, Clone, Default)]
+pub(super) struct ElementIndex {
+    pub stage: usize,
+    pub n: usize,
+    pub h: Option<usize>,
+    pub u: usize,
+    pub x_start: usize,
+    pub x_end: usize,
+    /// Per stage point.
+    pub v: Vec<usize>,
+    pub x: Vec<usize>,
+    pub theta: Vec<usize>,
+    pub lambda: Vec<usize>,
+    pub mu: Vec<usize>,
+    /// Boundary multipliers: before the first stage point, and after the last where that is no boundary.
+    pub lambda_start: Option<usize>,
+    pub lambda_end: Option<usize>,
+    pub mu_end: usize,
+    pub sum_theta: usize,
+    pub sum_lambda: usize,
+    pub row_dyn: Vec<usize>,
+    pub row_conv: Vec<usize>,
+    pub row_alg: Vec<usize>,
+    pub row_norm: Vec<usize>,
+    pub row_end: Option<usize>,
+    pub row_end_alg: usize,
+    pub row_sum_theta: Option<usize>,
+    pub row_sum_lambda: Option<usize>,
+    /// `h_n − h_{n−1}`, free until the polish.
+    pub row_equal: Option<usize>,
+    /// (7.10).
+    pub row_eta: Option<usize>,
+}
+
+/// The numbering.
+#[derive(Debug, Clone)]
+pub(super) struct Layout {
+    pub nx: usize,
+    pub nu: usize,
+    pub n_cells: usize,
+    pub n_sub: usize,
+    pub n: usize,
+    pub m: usize,
+    pub x0: usize,
+    pub mu0: usize,
+    pub lambda0: Option<usize>,
+    pub row_alg0: usize,
+    pub u: Vec<usize>,
+    pub elements: Vec<ElementIndex>,
+    /// Rows `Σ h = T` per control stage.
+    pub row_time: Vec<usize>,
+    pub row_path: Vec<usize>,
+    pub row_terminal: Vec<usize>,
+    pub pairs: Vec<(usize, usize)>,
+    pub groups: Vec<usize>,
+    pub n_groups: usize,
+    pub values_form: bool,
+    pub fesd: bool,
+    /// Lifted sums exist.
+    pub sums: bool,
+}
+
+#[derive(Default)]
+struct Counter(usize);
+
+impl Counter {
+    fn take(&mut self, k: usize) -> usize {
+        self.0 += k;
+        self.0 - k
+    }
+}
+
+impl Layout {
+    pub fn new(spec: &Spec, tableau: &Tableau) -> Result<Layout> {
+        let o = &spec.options;
+        if spec.n_stages == 0 || spec.n_fe == 0 {
+            return Err(Error::Dimension("at least one control stage and one finite element are needed".into()));
+        }
+        let values_form = match o.stage_form {
+            StageForm::Auto => tableau.a_inv.is_some(),
+            StageForm::Derivatives => false,
+            StageForm::Values if tableau.a_inv.is_some() => true,
+            StageForm::Values => {
+                return Err(Error::Unsupported(
+                    "stage values as unknowns need an invertible Butcher matrix: use stage_form 'derivatives' \
+                     with explicit methods"
+                        .into(),
+                ))
+            }
+        };
+        let (nx, nu) = (spec.dcs.nx(), spec.dcs.dims().u);
+        let (n_cells, n_sub) = (spec.dcs.n_cells(), spec.dcs.subsystems().len());
+        // a model that does not switch is plain collocation on a fixed grid
+        let fesd = o.discretisation == Discretisation::Fesd && n_cells > 0;
+        let needs_end = !tableau.stiffly_accurate();
+        let n_s = tableau.n_s;
+        let eta = fesd && o.equilibration == StepEquilibration::EtaProduct;
+        let sums = fesd && (o.cross == Cross::Element || eta);
+        let (mut var, mut row) = (Counter::default(), Counter::default());
+        let x0 = var.take(nx);
+        let (mut mu0, mut lambda0, mut row_alg0) = (0, None, 0);
+        if fesd {
+            lambda0 = Some(var.take(n_cells));
+            mu0 = var.take(n_sub);
+            row_alg0 = row.take(n_cells);
+        }
+        let (mut x_prev, mut lambda_prev) = (x0, lambda0);
+        let mut l = Layout {
+            nx,
+            nu,
+            n_cells,
+            n_sub,
+            n: 0,
+            m: 0,
+            x0,
+            mu0,
+            lambda0,
+            row_alg0,
+            u: Vec::new(),
+            elements: Vec::new(),
+            row_time: Vec::new(),
+            row_path: Vec::new(),
+            row_terminal: Vec::new(),
+            pairs: Vec::new(),
+            groups: Vec::new(),
+            n_groups: 0,
+            values_form,
+            fesd,
+            sums,
+        };
+        for k in 0..spec.n_stages {
+            let u = var.take(nu);
+            l.u.push(u);
+            for n in 0..spec.n_fe {
+                let mut e = ElementIndex { stage: k, n, u, x_start: x_prev, lambda_start: lambda_prev, ..Default::default() };
+                if fesd {
+                    e.h = Some(var.take(1));
+                }
+                for _ in 0..n_s {
+                    if !values_form {
+                        e.v.push(var.take(nx));
+                        e.row_conv.push(row.take(nx));
+                    }
+                    e.x.push(var.take(nx));
+                    e.theta.push(var.take(n_cells));
+                    e.lambda.push(var.take(n_cells));
+                    e.mu.push(var.take(n_sub));
+                    e.row_dyn.push(row.take(nx));
+                    e.row_alg.push(row.take(n_cells));
+                    e.row_norm.push(row.take(n_sub));
+                }
+                if needs_end {
+                    e.x_end = var.take(nx);
+                    e.row_end = Some(row.take(nx));
+                } else {
+                    e.x_end = e.x[n_s - 1];
+                }
+                if fesd && needs_end {
+                    e.lambda_end = Some(var.take(n_cells));
+                    e.mu_end = var.take(n_sub);
+                    e.row_end_alg = row.take(n_cells);
+                }
+                if sums {
+                    e.sum_lambda = var.take(n_cells);
+                    e.row_sum_lambda = Some(row.take(n_cells));
+                    e.sum_theta = e.theta[0];
+                    if n_s > 1 {
+                        e.sum_theta = var.take(n_cells);
+                        e.row_sum_theta = Some(row.take(n_cells));
+                    }
+                } else if fesd && o.cross == Cross::Stage {
+                    e.sum_lambda = var.take(n_cells);
+                    e.row_sum_lambda = Some(row.take(n_cells));
+                }
+                if fesd && n > 0 {
+                    e.row_equal = Some(row.take(1));
+                    if eta {
+                        e.row_eta = Some(row.take(1));
+                    }
+                }
+                x_prev = e.x_end;
+                lambda_prev = e.lambda_end.or(e.lambda.last().copied());
+                l.add_pairs(&e, o.cross);
+                l.elements.push(e);
+            }
+            if fesd {
+                l.row_time.push(row.take(1));
+            }
+        }
+        for p in &spec.path {
+            let points = match p.at {
+                PathAt::ControlGrid => 2 * spec.n_stages,
+                PathAt::Elements => spec.n_stages * (spec.n_fe + 1),
+                PathAt::StagePoints => spec.n_stages * (spec.n_fe * n_s + 1),
+            };
+            for _ in 0..points {
+                l.row_path.push(row.take(p.f.n_out()));
+            }
+        }
+        for t in &spec.terminal {
+            l.row_terminal.push(row.take(t.f.n_out()));
+        }
+        l.n = var.0;
+        l.m = row.0;
+        Ok(l)
+    }
+
+    fn add_pairs(&mut self, e: &ElementIndex, cross: Cross) {
+        let n_s = e.x.len();
+        let base = self.n_groups;
+        for c in 0..self.n_cells {
+            if !self.fesd {
+                for i in 0..n_s {
+                    self.pairs.push((e.lambda[i] + c, e.theta[i] + c));
+                    self.groups.push(base + c * n_s + i);
+                }
+                continue;
+            }
+            match cross {
+                Cross::Element => {
+                    self.pairs.push((e.sum_lambda + c, e.sum_theta + c));
+                    self.groups.push(base + c);
+                }
+                Cross::Stage => {
+                    for i in 0..n_s {
+                        // with the lifted sum of λ already there for (7.10) this is the same variable
+                        self.pairs.push((e.sum_lambda + c, e.theta[i] + c));
+                        self.groups.push(base + c);
+                    }
+                }
+                Cross::Full => {
+                    let lambdas = e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end);
+                    for &lam in lambdas {
+                        for i in 0..n_s {
+                            self.pairs.push((lam + c, e.theta[i] + c));
+                            self.groups.push(base + c);
+                        }
+                    }
+                }
+            }
+        }
+        self.n_groups += if self.fesd { self.n_cells } else { self.n_cells * n_s };
+    }
+}

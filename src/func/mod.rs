@@ -1,0 +1,92 @@
+//! Functions the user supplies: values, Jacobian and Hessian of a weighted sum with fixed sparse patterns.
+//!
+//! Everything a model consists of (vector fields, switching functions, costs, constraints) is a
+//! [`Function`] of a [`Point`]. The inputs are the blocks `x`, `u`, `p` and the time `t`; derivative
+//! patterns number them in this order, `n_in = nx + nu + np + 1`. This layer knows neither time
+//! stepping nor optimisation.
+
+mod callback;
+mod check;
+mod fdiff;
+
+pub use callback::Callback;
+pub use check::{check_derivatives, CheckReport, CheckSettings, Mismatch, MismatchKind};
+
+use crate::linalg::csc::Pattern;
+
+/// Sizes of the input blocks.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Dims {
+    /// States (or the variables of a generic optimisation problem).
+    pub x: usize,
+    /// Controls.
+    pub u: usize,
+    /// Parameters.
+    pub p: usize,
+}
+
+impl Dims {
+    /// Columns of the derivative patterns: `x`, `u`, `p`, then `t`.
+    pub fn n_in(&self) -> usize {
+        self.x + self.u + self.p + 1
+    }
+    /// Column of the time.
+    pub fn t_col(&self) -> usize {
+        self.x + self.u + self.p
+    }
+}
+
+/// Where a function is evaluated; the slices have the lengths of [`Dims`].
+#[derive(Debug, Clone, Copy)]
+pub struct Point<'a> {
+    pub t: f64,
+    pub x: &'a [f64],
+    pub u: &'a [f64],
+    pub p: &'a [f64],
+}
+
+/// Why a function has no value at a point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum EvalError {
+    /// Not defined here (positive code of a callback, or a value that is not finite): a shorter step may help.
+    Recoverable,
+    /// Negative code of a callback: stop.
+    Fatal(i32),
+}
+
+/// Result of one evaluation.
+pub type EvalResult = std::result::Result<(), EvalError>;
+
+/// A vector function with first and second derivatives.
+///
+/// Implementations are immutable and may be called from several threads at once; what they need to
+/// write is the workspace of length [`Function::work_len`] that the caller owns. Outputs are written in
+/// full on success and hold only finite values.
+pub trait Function: Send + Sync {
+    /// Name used in messages, e.g. `"f0"`.
+    fn name(&self) -> &str;
+    /// Input blocks.
+    fn dims(&self) -> Dims;
+    /// Length of the value.
+    fn n_out(&self) -> usize;
+    /// Pattern of the Jacobian, `n_out × n_in`.
+    fn jac_pattern(&self) -> &Pattern;
+    /// Pattern of the Hessian of a weighted sum of the outputs, `n_in × n_in`, upper triangle.
+    fn hess_pattern(&self) -> &Pattern;
+    /// Length of the workspace the evaluations need.
+    fn work_len(&self) -> usize;
+    /// Value, `out[n_out]`.
+    fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult;
+    /// Jacobian, `out[jac_pattern().nnz()]` in CSC order.
+    fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult;
+    /// `Σ_i weights[i] ∇² f_i`, `out[hess_pattern().nnz()]` in CSC order, upper triangle.
+    fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult;
+    /// True where [`Function::jacobian`] is finite differences.
+    fn jacobian_is_approximate(&self) -> bool {
+        false
+    }
+    /// True where [`Function::hessian`] is finite differences.
+    fn hessian_is_approximate(&self) -> bool {
+        false
+    }
+}

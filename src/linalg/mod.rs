@@ -1,0 +1,9 @@
+//! Sparse linear algebra: compressed columns, LDLᵀ factorisation, the KKT level above it.
+//!
+//! `csc` holds patterns, matrices and value maps; `ldl` is the protocol of a symmetric solver with its
+//! backends; `kkt` adds equilibration, regularisation, inertia and iterative refinement. This layer
+//! does not know optimisation.
+
+pub mod csc;
+pub mod kkt;
+pub mod ldl;

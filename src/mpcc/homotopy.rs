@@ -1,0 +1,94 @@
+//! The path of relaxed problems: `σ` tied to the barrier parameter.
+//!
+//! First the problem with `σ = σ_0` is solved loosely (the plateau: this one decides which local optimum
+//! is found); then a ladder `σ ← max(σ_end, min(κ σ, σ^1.5))`, `μ = ρ σ`, every rung only to `E ≤ 10 μ`
+//! with all multipliers passed on. When a rung jams at an almost feasible point, `σ` is raised again.
+
+use std::ops::Range;
+
+use super::solver::MpccSettings;
+use crate::nlp::{Advance, Continuation, Level, Measures};
+
+/// The schedule of the Scholtes relaxation.
+#[derive(Debug, Clone)]
+pub struct Scholtes {
+    settings: MpccSettings,
+    rows: Range<usize>,
+    start: Level,
+    end: f64,
+    on_plateau: bool,
+    raises: usize,
+}
+
+impl Scholtes {
+    /// A path from the initial relaxation to `sigma_end`.
+    pub fn new(settings: MpccSettings, rows: Range<usize>, sigma_end: f64) -> Scholtes {
+        let start = Level { mu: settings.mu_init, sigma: settings.sigma_init };
+        let on_plateau = settings.sigma_init > sigma_end;
+        Scholtes { settings, rows, start, end: sigma_end, on_plateau, raises: 0 }
+    }
+
+    /// A path that goes on from `level`.
+    pub fn resume(settings: MpccSettings, rows: Range<usize>, level: Level, sigma_end: f64) -> Scholtes {
+        Scholtes { settings, rows, start: level, end: sigma_end, on_plateau: false, raises: 0 }
+    }
+
+    fn rung(&self, sigma: f64, mu: f64) -> Level {
+        let s = &self.settings;
+        let sigma = (s.sigma_factor * sigma).min(sigma.powf(s.sigma_exponent)).max(self.end);
+        Level { sigma, mu: (s.mu_over_sigma * sigma).min(mu) }
+    }
+}
+
+impl Continuation for Scholtes {
+    fn start(&mut self) -> Level {
+        self.start
+    }
+
+    fn advance(&mut self, m: &Measures) -> Advance {
+        let Level { mu, sigma } = m.level;
+        let s = &self.settings;
+        if self.on_plateau {
+            if mu > s.plateau_mu {
+                if m.error <= 10.0 * mu {
+                    return Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(s.plateau_mu), sigma });
+                }
+                return Advance::Stay;
+            }
+            if m.error > s.plateau_mu || m.primal > s.plateau_viol {
+                return Advance::Stay;
+            }
+            self.on_plateau = false;
+            return Advance::To(self.rung(sigma, mu));
+        }
+        if m.error > 10.0 * mu {
+            return Advance::Stay;
+        }
+        if sigma > self.end {
+            return Advance::To(self.rung(sigma, mu));
+        }
+        // the last rung: the barrier goes below the relaxation
+        if m.error0 <= s.tol.max(self.end) && m.primal <= s.tol.max(self.end) {
+            return Advance::Done;
+        }
+        let floor = 0.1 * s.tol.max(self.end);
+        if mu > floor {
+            Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(floor), sigma })
+        } else {
+            Advance::Stay
+        }
+    }
+
+    fn jammed(&mut self, m: &Measures) -> Option<Level> {
+        if self.raises == 3 || m.primal > 1e-3 || self.on_plateau {
+            return None;
+        }
+        self.raises += 1;
+        let sigma = (10.0 * m.level.sigma).min(self.settings.sigma_init);
+        (sigma > m.level.sigma).then_some(Level { sigma, mu: (10.0 * m.level.mu).min(self.settings.mu_over_sigma * sigma) })
+    }
+
+    fn relaxed_rows(&self) -> Range<usize> {
+        self.rows.clone()
+    }
+}

@@ -1,0 +1,21 @@
+//! Mathematical programs with complementarity constraints.
+//!
+//! ```text
+//! min f(w)   s.t.   bounds,   c_l ≤ c(w) ≤ c_u,   0 ≤ w_a ⊥ w_b ≥ 0 for pairs (a, b)
+//! ```
+//!
+//! Vertical form: both members of a pair are variables with lower bound zero ([`Lifted`] brings functions
+//! `G`, `H` into it). One interior-point run follows the relaxation `w_a w_b ≤ σ` of Scholtes with `σ` tied
+//! to the barrier parameter; then the active set is identified, the branch problem with that set is solved
+//! to the last digits, and the multipliers of the pairs come out of it.
+
+mod homotopy;
+mod lifted;
+mod problem;
+mod relaxed;
+mod solver;
+
+pub use homotopy::Scholtes;
+pub use lifted::{Lifted, Member};
+pub use problem::{Mpcc, Side};
+pub use solver::{MpccSettings, MpccSolver, Polish, Solution};

@@ -1,0 +1,44 @@
+//! The problem with complementarity constraints as the solver sees it.
+
+use crate::nlp::{Bounds, Nlp};
+
+/// Which member of a pair is zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Side {
+    /// `w_a = 0`.
+    First,
+    /// `w_b = 0`.
+    Second,
+}
+
+/// A nonlinear program with complementarity pairs `0 ≤ w_a ⊥ w_b ≥ 0`. The rows of the [`Nlp`] are the
+/// ordinary ones; the solver adds the products.
+pub trait Mpcc: Nlp {
+    /// The pairs `(a, b)`; both variables have lower bound 0. A variable may be in several pairs.
+    fn pairs(&self) -> &[(usize, usize)];
+
+    /// Number of decisions. Pairs of one group have the same side zero.
+    fn n_groups(&self) -> usize {
+        self.pairs().len()
+    }
+
+    /// Group of a pair.
+    fn group(&self, pair: usize) -> usize {
+        pair
+    }
+
+    /// Changes `bounds` to those of the branch problem in which `sides[group]` is zero.
+    fn branch(&self, sides: &[Side], bounds: &mut Bounds) {
+        for (k, &(a, b)) in self.pairs().iter().enumerate() {
+            let zero = match sides[self.group(k)] {
+                Side::First => a,
+                Side::Second => b,
+            };
+            bounds.xl[zero] = 0.0;
+            bounds.xu[zero] = 0.0;
+        }
+    }
+
+    /// Terms that only guide the homotopy are left out while `on`.
+    fn set_polishing(&mut self, _on: bool) {}
+}

@@ -1,0 +1,356 @@
+//! Relaxed path, active set, polish.
+
+use std::time::Instant;
+
+use super::homotopy::Scholtes;
+use super::problem::{Mpcc, Side};
+use super::relaxed::{Relaxed, Structure};
+use crate::error::Result;
+use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Iterate, Monotone, Outcome, Residuals, Start, Statistics};
+
+/// Parameters of the path and the polish.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct MpccSettings {
+    /// Tolerance of the scaled optimality error.
+    pub tol: f64,
+    /// Iterations allowed in all.
+    pub max_iter: usize,
+    /// First barrier parameter.
+    pub mu_init: f64,
+    /// First relaxation `σ_0`.
+    pub sigma_init: f64,
+    /// Last relaxation.
+    pub sigma_min: f64,
+    /// Linear decrease `κ` of the relaxation.
+    pub sigma_factor: f64,
+    /// Superlinear decrease.
+    pub sigma_exponent: f64,
+    /// `ρ = μ/σ` on the ladder.
+    pub mu_over_sigma: f64,
+    /// Barrier parameter, and error, at which the plateau ends.
+    pub plateau_mu: f64,
+    /// Violation at which the plateau ends.
+    pub plateau_viol: f64,
+    /// Identify the active set and solve the branch problem?
+    pub polish: bool,
+    /// Violation allowed after the polish.
+    pub polish_tol: f64,
+}
+
+impl Default for MpccSettings {
+    fn default() -> Self {
+        MpccSettings {
+            tol: 1e-9,
+            max_iter: 3000,
+            mu_init: 0.1,
+            sigma_init: 1.0,
+            sigma_min: 1e-9,
+            sigma_factor: 0.2,
+            sigma_exponent: 1.5,
+            mu_over_sigma: 0.1,
+            plateau_mu: 1e-2,
+            plateau_viol: 1e-4,
+            polish: true,
+            polish_tol: 1e-12,
+        }
+    }
+}
+
+/// How the polish ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Polish {
+    /// Not asked for, or not reached.
+    None = 0,
+    /// The branch problem is solved: the pairs are exactly complementary.
+    Done = 1,
+    /// The identified branch has no solution; the point is that of the relaxation.
+    Rejected = 2,
+}
+
+/// What a solve found.
+#[derive(Debug, Clone)]
+pub struct Solution {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// How the polish ended.
+    pub polish: Polish,
+    /// The point `[n]`.
+    pub x: Vec<f64>,
+    /// Objective, without terms that only guide the homotopy when polished.
+    pub objective: f64,
+    /// Multipliers of the ordinary rows `[m]`.
+    pub y: Vec<f64>,
+    /// Multipliers of the bounds of the variables, lower minus upper `[n]`. For members of pairs these are
+    /// the multipliers `ν`, `ξ` of the MPCC, (2.31).
+    pub z: Vec<f64>,
+    /// Which side of each group is zero.
+    pub sides: Vec<Side>,
+    /// Residuals at `σ = 0`.
+    pub residuals: Residuals,
+    /// Cost of everything.
+    pub stats: Statistics,
+}
+
+/// Relaxation at which the polish is tried first; later only when that one is rejected.
+const FIRST_POLISH: f64 = 1e-6;
+/// Branches tried per polish.
+const MAX_BRANCHES: usize = 8;
+
+/// A solver for problems of one structure.
+pub struct MpccSolver {
+    st: Structure,
+    ipm: Ipm,
+    /// Parameters, may be changed between solves.
+    pub settings: MpccSettings,
+    bounds: Bounds,
+    saved: Iterate,
+    solution: Solution,
+    sides: Vec<Side>,
+    votes: Vec<(f64, f64)>,
+    /// Groups, the least certain decision first.
+    order: Vec<usize>,
+    branch: Bounds,
+}
+
+impl MpccSolver {
+    /// Analyses the structure and allocates.
+    pub fn new(p: &mut dyn Mpcc, settings: MpccSettings) -> Result<MpccSolver> {
+        let (n, m, n_groups) = (p.n(), p.m(), p.n_groups());
+        let mut st = Structure::new(p);
+        let all = m + st.bilinear.len();
+        let ipm = Ipm::new(&Relaxed { inner: p, st: &mut st }, IpmSettings::default())?;
+        Ok(MpccSolver {
+            st,
+            ipm,
+            settings,
+            bounds: Bounds::free(n, all),
+            branch: Bounds::free(n, m),
+            saved: Iterate::zeros(n, all),
+            solution: Solution {
+                outcome: Outcome::Failed,
+                polish: Polish::None,
+                x: vec![0.0; n],
+                objective: f64::NAN,
+                y: vec![0.0; m],
+                z: vec![0.0; n],
+                sides: vec![Side::First; n_groups],
+                residuals: Residuals::default(),
+                stats: Statistics::default(),
+            },
+            sides: vec![Side::First; n_groups],
+            votes: vec![(0.0, 0.0); n_groups],
+            order: (0..n_groups).collect(),
+        })
+    }
+
+    /// The result of the last solve.
+    pub fn solution(&self) -> &Solution {
+        &self.solution
+    }
+
+    /// Solves from `x0[n]`.
+    pub fn solve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control) -> &Solution {
+        let clock = Instant::now();
+        self.begin(p);
+        let s = self.settings;
+        let rows = self.st.m..self.st.m + self.st.bilinear.len();
+        if rows.is_empty() {
+            let mut rule = Monotone { mu_init: s.mu_init, tol: s.tol, primal_tol: s.polish_tol.max(1e-12) };
+            p.set_polishing(true);
+            self.st.bounds(bounds, 0.0, &mut self.bounds);
+            let outcome = self.run(p, Start::Cold(x0), &mut rule, control, b' ');
+            self.record(p, outcome, Polish::None);
+            p.set_polishing(false);
+        } else {
+            let first = if s.polish { s.sigma_min.max(FIRST_POLISH) } else { s.sigma_min };
+            let mut path = Scholtes::new(s, rows.clone(), first.min(s.sigma_init));
+            self.st.bounds(bounds, s.sigma_init, &mut self.bounds);
+            let mut outcome = self.run(p, Start::Cold(x0), &mut path, control, b' ');
+            self.record(p, outcome, Polish::None);
+            if s.polish && matches!(outcome, Outcome::Solved | Outcome::Stalled) {
+                self.saved.copy_from(self.ipm.iterate());
+                let level = self.ipm.level();
+                if !self.polish(p, bounds, control) && outcome == Outcome::Solved && s.sigma_min < first {
+                    let mut path = Scholtes::resume(s, rows, level, s.sigma_min);
+                    self.st.bounds(bounds, level.sigma, &mut self.bounds);
+                    let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
+                    outcome = self.run(p, Start::Warm(&saved, 1e-12), &mut path, control, b' ');
+                    self.saved = saved;
+                    self.record(p, outcome, Polish::Rejected);
+                    if matches!(outcome, Outcome::Solved | Outcome::Stalled) {
+                        self.saved.copy_from(self.ipm.iterate());
+                        self.polish(p, bounds, control);
+                    }
+                }
+            }
+        }
+        self.solution.stats.time_total = clock.elapsed().as_secs_f64();
+        &self.solution
+    }
+
+    /// Solves the branch problem `sides` from `x0[n]` within `max_iter` iterations; true when it has a
+    /// solution, which is then the result.
+    pub fn solve_branch(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        sides: &[Side],
+        x0: &[f64],
+        max_iter: usize,
+        control: &mut Control,
+    ) -> bool {
+        let clock = Instant::now();
+        self.begin(p);
+        self.saved.x.copy_from_slice(x0);
+        for v in [&mut self.saved.y, &mut self.saved.vl, &mut self.saved.vu] {
+            v.fill(0.0);
+        }
+        for v in [&mut self.saved.zl, &mut self.saved.zu] {
+            v.fill(0.0);
+        }
+        self.sides.copy_from_slice(sides);
+        let limit = self.settings.max_iter;
+        self.settings.max_iter = max_iter;
+        let ok = self.try_branch(p, bounds, control);
+        self.settings.max_iter = limit;
+        if ok {
+            self.record(p, Outcome::Solved, Polish::Done);
+        }
+        self.solution.stats.time_total = clock.elapsed().as_secs_f64();
+        p.set_polishing(false);
+        ok
+    }
+
+    fn begin(&mut self, p: &mut dyn Mpcc) {
+        p.set_polishing(false);
+        self.solution.stats = Statistics::default();
+        self.solution.polish = Polish::None;
+        self.ipm.settings_mut().restoration = true;
+    }
+
+    fn run(
+        &mut self,
+        p: &mut dyn Mpcc,
+        start: Start,
+        path: &mut dyn crate::nlp::Continuation,
+        control: &mut Control,
+        phase: u8,
+    ) -> Outcome {
+        let used = self.solution.stats.iterations;
+        let settings = self.ipm.settings_mut();
+        settings.max_iter = self.settings.max_iter.saturating_sub(used);
+        self.ipm.set_phase(phase);
+        let mut relaxed = Relaxed { inner: p, st: &mut self.st };
+        let outcome = self.ipm.solve(&mut relaxed, &self.bounds, start, path, control);
+        let (total, s) = (&mut self.solution.stats, self.ipm.statistics());
+        total.iterations += s.iterations;
+        total.factorisations += s.factorisations;
+        total.evaluations += s.evaluations;
+        total.restoration_iterations += s.restoration_iterations;
+        total.max_delta_w = total.max_delta_w.max(s.max_delta_w);
+        total.time_eval += s.time_eval;
+        total.time_linalg += s.time_linalg;
+        if phase == b'p' {
+            total.polish_iterations += s.iterations;
+        }
+        outcome
+    }
+
+    /// Copies point, multipliers and residuals out of the interior-point solver.
+    fn record(&mut self, p: &mut dyn Mpcc, outcome: Outcome, polish: Polish) {
+        let relaxed = Relaxed { inner: p, st: &mut self.st };
+        self.solution.residuals = self.ipm.residuals(&relaxed);
+        let (it, s) = (self.ipm.iterate(), &mut self.solution);
+        s.outcome = outcome;
+        s.polish = polish;
+        s.x.copy_from_slice(&it.x);
+        s.objective = self.ipm.objective();
+        s.y.copy_from_slice(&it.y[..self.st.m]);
+        for j in 0..s.z.len() {
+            s.z[j] = it.zl[j] - it.zu[j];
+        }
+        if polish == Polish::Done {
+            s.sides.copy_from_slice(&self.sides);
+            // fixed members have no bound multiplier in the branch problem: it is the gradient that is left
+            self.ipm.fixed_multipliers(&mut s.z);
+        } else {
+            // (2.31): ν = z_a − y w_b, ξ = z_b − y w_a
+            for b in &self.st.bilinear {
+                s.z[b.a] -= it.y[b.row] * it.x[b.b];
+                s.z[b.b] -= it.y[b.row] * it.x[b.a];
+            }
+        }
+    }
+
+    /// Votes of the pairs of every group: the side with the smaller sum is zero.
+    fn identify(&mut self, p: &dyn Mpcc, x: &[f64]) {
+        self.votes.fill((0.0, 0.0));
+        for (k, &(a, b)) in p.pairs().iter().enumerate() {
+            let v = &mut self.votes[p.group(k)];
+            v.0 += x[a].max(0.0);
+            v.1 += x[b].max(0.0);
+        }
+        for (side, v) in self.sides.iter_mut().zip(&self.votes) {
+            *side = if v.0 <= v.1 { Side::First } else { Side::Second };
+        }
+        let doubt = |v: &(f64, f64)| v.0.min(v.1) / v.0.max(v.1).max(1e-300);
+        let votes = &self.votes;
+        self.order.sort_unstable_by(|&a, &b| doubt(&votes[b]).total_cmp(&doubt(&votes[a])).then(a.cmp(&b)));
+    }
+
+    /// Turns the `k`-th least certain decision round.
+    fn flip(&mut self, k: Option<usize>) {
+        if let Some(k) = k {
+            let side = &mut self.sides[self.order[k]];
+            *side = if *side == Side::First { Side::Second } else { Side::First };
+        }
+    }
+
+    /// Branch problem of the identified active set, then of its neighbours; true when one is solved.
+    fn polish(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+        let x = std::mem::take(&mut self.saved.x);
+        self.identify(p, &x);
+        self.saved.x = x;
+        let mut attempt = 0usize;
+        loop {
+            let ok = self.try_branch(p, bounds, control);
+            if ok {
+                self.record(p, Outcome::Solved, Polish::Done);
+                p.set_polishing(false);
+                return true;
+            }
+            // next: the identified set with the least certain decision that is left turned round
+            self.flip(attempt.checked_sub(1));
+            if attempt == MAX_BRANCHES.min(self.sides.len()) {
+                p.set_polishing(false);
+                self.solution.polish = Polish::Rejected;
+                return false;
+            }
+            self.flip(Some(attempt));
+            attempt += 1;
+        }
+    }
+
+    fn try_branch(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        p.set_polishing(true);
+        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
+        // below 1e-10 the barrier no longer moves the solution by more than the tolerance of the polish
+        let tol = self.settings.tol.min(1e-9);
+        let mut rule = Monotone { mu_init: 1e-6, tol, primal_tol: self.settings.polish_tol };
+        self.ipm.settings_mut().restoration = false;
+        let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
+        let outcome = self.run(p, Start::Warm(&saved, 1e-8), &mut rule, control, b'p');
+        self.saved = saved;
+        self.ipm.settings_mut().restoration = true;
+        let close = self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st });
+        outcome == Outcome::Solved || (outcome == Outcome::Stalled && self.nearly_solved(&close))
+    }
+
+    /// A branch problem whose last digits are lost to rounding counts as solved.
+    fn nearly_solved(&self, r: &Residuals) -> bool {
+        r.primal <= self.settings.polish_tol && r.dual <= 1e-6 && r.complementarity <= 1e-8
+    }
+}

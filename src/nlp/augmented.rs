@@ -1,0 +1,262 @@
+//! The Newton system of the barrier problem: assembly, convexification, inertia, solution.
+//!
+//! Slacks are eliminated, so the matrix is
+//!
+//! ```text
+//! [ H + Σ_x + δ_w I      Jᵀ        ]
+//! [ J              −Σ_s⁻¹ − δ_c I  ]
+//! ```
+//!
+//! of order `n + m` with a fixed pattern. Fixed variables and free rows keep their places as ±1 on the
+//! diagonal, so that one symbolic factorisation serves every choice of bounds.
+
+use super::iterate::{Iterate, RowKind, Shape, Values};
+use super::problem::{Bilinear, Bounds, Nlp};
+use crate::error::Result;
+use crate::linalg::csc::Pattern;
+use crate::linalg::kkt::{Kkt, KktSettings, KktStatus};
+use crate::linalg::ldl::SuiteSparse;
+
+/// First perturbation of the Hessian, and its growth and decay (Wächter and Biegler, section 3.1).
+const DELTA_W_FIRST: f64 = 1e-4;
+const DELTA_W_MIN: f64 = 1e-20;
+const DELTA_W_MAX: f64 = 1e20;
+const GROW_FIRST: f64 = 100.0;
+const GROW: f64 = 8.0;
+const SHRINK: f64 = 1.0 / 3.0;
+/// Share of the geometric mean of the barrier curvatures a product multiplier may reach.
+const PAIR_CLIP: f64 = 0.999;
+
+/// Where a pair's product enters the matrix.
+#[derive(Debug, Clone, Copy)]
+struct PairSlot {
+    pair: Bilinear,
+    entry: usize,
+}
+
+/// The system, its right-hand side and its solution.
+pub(super) struct Augmented {
+    n: usize,
+    kkt: Kkt,
+    values: Vec<f64>,
+    // (position in values, column or row) of every Hessian and Jacobian entry
+    hess_pos: Vec<u32>,
+    hess_rc: Vec<(u32, u32)>,
+    jac_pos: Vec<u32>,
+    jac_rc: Vec<(u32, u32)>,
+    diag: Vec<u32>,
+    pairs: Vec<PairSlot>,
+    pub rhs: Vec<f64>,
+    pub sol: Vec<f64>,
+    /// Last successful perturbation of the Hessian.
+    delta_w_last: f64,
+    /// Perturbation in the present factorisation.
+    pub delta_w: f64,
+    equilibrated_at: f64,
+}
+
+impl Augmented {
+    pub fn new(nlp: &dyn Nlp) -> Result<Augmented> {
+        let (n, m) = (nlp.n(), nlp.m());
+        let (hp, jp) = (nlp.hess_pattern(), nlp.jac_pattern());
+        let (mut rows, mut cols) = (Vec::new(), Vec::new());
+        let mut hess_rc = Vec::with_capacity(hp.nnz());
+        let mut jac_rc = Vec::with_capacity(jp.nnz());
+        for j in 0..n {
+            for &i in hp.rows(j) {
+                rows.push(i);
+                cols.push(j);
+                hess_rc.push((i as u32, j as u32));
+            }
+        }
+        for j in 0..n {
+            for &i in jp.rows(j) {
+                rows.push(j);
+                cols.push(n + i);
+                jac_rc.push((i as u32, j as u32));
+            }
+        }
+        for k in 0..n + m {
+            rows.push(k);
+            cols.push(k);
+        }
+        let bilinear = nlp.bilinear();
+        for p in bilinear {
+            rows.push(p.a.min(p.b));
+            cols.push(p.a.max(p.b));
+        }
+        let (pattern, map) = Pattern::from_triplets(n + m, n + m, &rows, &cols);
+        let map: Vec<u32> = map.into_iter().map(|k| k as u32).collect();
+        let (nh, nj) = (hess_rc.len(), jac_rc.len());
+        let pairs = bilinear
+            .iter()
+            .enumerate()
+            .map(|(k, &pair)| PairSlot { pair, entry: map[nh + nj + n + m + k] as usize })
+            .collect();
+        Ok(Augmented {
+            n,
+            values: vec![0.0; pattern.nnz()],
+            kkt: Kkt::new(&pattern, n, Box::new(SuiteSparse::new()), KktSettings::default())?,
+            hess_pos: map[..nh].to_vec(),
+            jac_pos: map[nh..nh + nj].to_vec(),
+            diag: map[nh + nj..nh + nj + n + m].to_vec(),
+            hess_rc,
+            jac_rc,
+            pairs,
+            rhs: vec![0.0; n + m],
+            sol: vec![0.0; n + m],
+            delta_w_last: 0.0,
+            delta_w: 0.0,
+            equilibrated_at: f64::NAN,
+        })
+    }
+
+    pub fn factorisations(&self) -> usize {
+        self.kkt.factorisations()
+    }
+
+    /// Forgets what earlier solves taught about perturbation and scaling.
+    pub fn restart(&mut self) {
+        self.delta_w_last = 0.0;
+        self.equilibrated_at = f64::NAN;
+    }
+
+    /// Writes the matrix; `hessian` false puts the identity in its place (least-squares multipliers).
+    pub fn assemble(&mut self, shape: &Shape, b: &Bounds, it: &Iterate, v: &Values, hessian: bool) {
+        let n = self.n;
+        self.values.fill(0.0);
+        if hessian {
+            for (k, &(i, j)) in self.hess_rc.iter().enumerate() {
+                if !(shape.fixed[i as usize] || shape.fixed[j as usize]) {
+                    self.values[self.hess_pos[k] as usize] += v.hess[k];
+                }
+            }
+        }
+        for (k, &(i, j)) in self.jac_rc.iter().enumerate() {
+            if !(shape.fixed[j as usize] || shape.row[i as usize] == RowKind::Free) {
+                self.values[self.jac_pos[k] as usize] += v.jac[k];
+            }
+        }
+        for j in 0..n {
+            let d = &mut self.values[self.diag[j] as usize];
+            if shape.fixed[j] || !hessian {
+                *d = 1.0;
+            } else {
+                *d += sigma_x(shape, b, it, j);
+            }
+        }
+        for i in 0..it.s.len() {
+            let d = &mut self.values[self.diag[n + i] as usize];
+            match shape.row[i] {
+                RowKind::Free => *d = -1.0,
+                RowKind::Equality => {}
+                RowKind::Inequality if hessian => *d = -1.0 / sigma_s(shape, b, it, i),
+                RowKind::Inequality => *d = -1.0,
+            }
+        }
+    }
+
+    /// Factors with the right inertia; perturbs where needed. False when no perturbation helps.
+    ///
+    /// `mu` decides when the equilibration is due again, and scales `δ_c`.
+    pub fn factor(&mut self, shape: &Shape, b: &Bounds, it: &Iterate, mu: f64) -> bool {
+        if self.equilibrated_at != mu {
+            self.kkt.equilibrate(&self.values);
+            self.equilibrated_at = mu;
+        }
+        self.delta_w = 0.0;
+        let mut delta_c = 0.0;
+        let mut status = self.kkt.factor(&self.values, 0.0, 0.0);
+        if status == KktStatus::Ok {
+            return true;
+        }
+        // a scaling chosen for other values may be what is wrong
+        self.kkt.equilibrate(&self.values);
+        if self.clip_pairs(shape, b, it) {
+            status = self.kkt.factor(&self.values, 0.0, 0.0);
+            if status == KktStatus::Ok {
+                return true;
+            }
+        }
+        if status == KktStatus::Singular {
+            delta_c = 1e-8 * mu.powf(0.25);
+            status = self.kkt.factor(&self.values, 0.0, delta_c);
+            if status == KktStatus::Ok {
+                return true;
+            }
+        }
+        let first = self.delta_w_last == 0.0;
+        let mut delta = if first { DELTA_W_FIRST } else { (SHRINK * self.delta_w_last).max(DELTA_W_MIN) };
+        while delta <= DELTA_W_MAX {
+            match self.kkt.factor(&self.values, delta, delta_c) {
+                KktStatus::Ok => {
+                    self.delta_w_last = delta;
+                    self.delta_w = delta;
+                    return true;
+                }
+                KktStatus::Singular if delta_c == 0.0 => delta_c = 1e-8 * mu.powf(0.25),
+                _ => {}
+            }
+            delta *= if first { GROW_FIRST } else { GROW };
+        }
+        false
+    }
+
+    /// Factors without asking for a positive definite reduced Hessian (least-squares multipliers).
+    pub fn factor_plain(&mut self) -> bool {
+        self.kkt.equilibrate(&self.values);
+        self.equilibrated_at = f64::NAN;
+        self.kkt.factor(&self.values, 0.0, 0.0) == KktStatus::Ok
+    }
+
+    /// Solves for `sol` from `rhs`; false when the solution is no use.
+    pub fn solve(&mut self) -> bool {
+        let Augmented { kkt, rhs, sol, .. } = self;
+        kkt.solve(rhs, sol).ok && sol.iter().all(|v| v.is_finite())
+    }
+
+    /// Limits the multipliers of the products so that every 2 × 2 block with its barrier terms is positive
+    /// semidefinite. True when something changed.
+    fn clip_pairs(&mut self, shape: &Shape, b: &Bounds, it: &Iterate) -> bool {
+        let mut changed = false;
+        for p in &self.pairs {
+            let Bilinear { a, b: bb, row } = p.pair;
+            if shape.fixed[a] || shape.fixed[bb] || shape.row[row] == RowKind::Free {
+                continue;
+            }
+            let limit = PAIR_CLIP * (sigma_x(shape, b, it, a) * sigma_x(shape, b, it, bb)).sqrt();
+            let y = it.y[row];
+            if y.abs() > limit {
+                self.values[p.entry] += limit.copysign(y) - y;
+                changed = true;
+            }
+        }
+        changed
+    }
+}
+
+/// Barrier curvature of variable `j`.
+#[inline]
+pub(super) fn sigma_x(shape: &Shape, b: &Bounds, it: &Iterate, j: usize) -> f64 {
+    let mut s = 0.0;
+    if shape.has_xl[j] {
+        s += it.zl[j] / (it.x[j] - b.xl[j]);
+    }
+    if shape.has_xu[j] {
+        s += it.zu[j] / (b.xu[j] - it.x[j]);
+    }
+    s
+}
+
+/// Barrier curvature of the slack of row `i`, kept away from zero.
+#[inline]
+pub(super) fn sigma_s(shape: &Shape, b: &Bounds, it: &Iterate, i: usize) -> f64 {
+    let mut s = 0.0;
+    if shape.has_cl[i] {
+        s += it.vl[i] / (it.s[i] - b.cl[i]);
+    }
+    if shape.has_cu[i] {
+        s += it.vu[i] / (b.cu[i] - it.s[i]);
+    }
+    s.max(1e-14)
+}

@@ -1,0 +1,27 @@
+//! Primal-dual interior-point method for sparse nonlinear programs.
+//!
+//! ```text
+//! min f(x)   s.t.   x_l ≤ x ≤ x_u,   c_l ≤ c(x) ≤ c_u
+//! ```
+//!
+//! Filter line search after Wächter and Biegler (Math. Program. 106, 2006), written for problems whose
+//! bounds move while they are solved: a [`Continuation`] owns the barrier parameter `μ` and a relaxation
+//! `σ` that is the upper bound of a range of rows. Square and over-determined problems are legal. The
+//! layer does not know time, and it knows of complementarity only that some rows are products of two
+//! variables ([`Bilinear`]).
+//!
+//! `problem` is the interface, `iterate` holds the primal-dual point and its residuals, `augmented` the
+//! Newton system, `filter` the acceptance test, `restore` the elastic problem, `solver` the main loop.
+
+mod augmented;
+mod filter;
+mod iterate;
+mod problem;
+mod report;
+mod restore;
+mod solver;
+
+pub use iterate::Iterate;
+pub use problem::{Bilinear, Bounds, Nlp, INFINITE};
+pub use report::{Control, IterationInfo, Outcome, Residuals, Statistics};
+pub use solver::{Advance, Continuation, Ipm, IpmSettings, Level, Measures, Monotone, Start};

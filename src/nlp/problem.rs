@@ -1,0 +1,107 @@
+//! The nonlinear program as the solver sees it.
+
+use crate::error::{Error, Result};
+use crate::func::{EvalError, EvalResult};
+use crate::linalg::csc::Pattern;
+
+/// Bounds of this modulus or more count as absent.
+pub const INFINITE: f64 = 1e20;
+
+/// A row of the constraints that is the product `x[a] · x[b]`.
+///
+/// The solver convexifies the product Hessian of such a row by itself before it perturbs the whole
+/// Hessian, and never needs it evaluated by the user.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Bilinear {
+    /// First variable.
+    pub a: usize,
+    /// Second variable.
+    pub b: usize,
+    /// Row of `c`.
+    pub row: usize,
+}
+
+/// Functions and derivatives of a nonlinear program; patterns are fixed.
+pub trait Nlp {
+    /// Number of variables.
+    fn n(&self) -> usize;
+    /// Number of rows of `c`.
+    fn m(&self) -> usize;
+    /// Pattern of the Jacobian of `c`, `m × n`.
+    fn jac_pattern(&self) -> &Pattern;
+    /// Pattern of the Hessian of `w f + yᵀc`, `n × n`, upper triangle.
+    fn hess_pattern(&self) -> &Pattern;
+    /// Objective, returned, and constraints `c[m]` at `x[n]`.
+    fn eval(&mut self, x: &[f64], c: &mut [f64]) -> std::result::Result<f64, EvalError>;
+    /// Gradient `grad[n]` and Jacobian values `jac[nnz]` at `x[n]`, the point evaluated last or another.
+    fn derivatives(&mut self, x: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult;
+    /// Values of `∇²(w f + yᵀc)`, `hess[nnz]`, at the point where [`Nlp::derivatives`] was called last.
+    fn hessian(&mut self, x: &[f64], w: f64, y: &[f64], hess: &mut [f64]) -> EvalResult;
+    /// Rows that are products of two variables.
+    fn bilinear(&self) -> &[Bilinear] {
+        &[]
+    }
+}
+
+/// Bounds of variables and rows. Equal bounds fix a variable or make a row an equality; a row without
+/// finite bounds takes no part.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Bounds {
+    /// Lower bounds `[n]`.
+    pub xl: Vec<f64>,
+    /// Upper bounds `[n]`.
+    pub xu: Vec<f64>,
+    /// Lower bounds of the rows `[m]`.
+    pub cl: Vec<f64>,
+    /// Upper bounds of the rows `[m]`.
+    pub cu: Vec<f64>,
+}
+
+impl Bounds {
+    /// No bounds at all.
+    pub fn free(n: usize, m: usize) -> Bounds {
+        Bounds {
+            xl: vec![f64::NEG_INFINITY; n],
+            xu: vec![f64::INFINITY; n],
+            cl: vec![f64::NEG_INFINITY; m],
+            cu: vec![f64::INFINITY; m],
+        }
+    }
+
+    /// Copies values without changing sizes.
+    pub fn copy_from(&mut self, other: &Bounds) {
+        self.xl.copy_from_slice(&other.xl);
+        self.xu.copy_from_slice(&other.xu);
+        self.cl.copy_from_slice(&other.cl);
+        self.cu.copy_from_slice(&other.cu);
+    }
+
+    /// Checks sizes, NaN and order.
+    pub fn validate(&self, n: usize, m: usize) -> Result<()> {
+        let pairs = [(&self.xl, &self.xu, n, "variable"), (&self.cl, &self.cu, m, "constraint")];
+        for (lo, hi, len, what) in pairs {
+            if lo.len() != len || hi.len() != len {
+                return Err(Error::Dimension(format!(
+                    "bounds of the {what}s have lengths {} and {}, expected {len}",
+                    lo.len(),
+                    hi.len()
+                )));
+            }
+            for i in 0..len {
+                if lo[i].is_nan() || hi[i].is_nan() {
+                    return Err(Error::Range(format!("bound of {what} {i} is NaN; use an infinity for no bound")));
+                }
+                if lo[i] > hi[i] {
+                    return Err(Error::Range(format!(
+                        "{what} {i} has lower bound {} above upper bound {}",
+                        lo[i], hi[i]
+                    )));
+                }
+                if lo[i] >= INFINITE || hi[i] <= -INFINITE {
+                    return Err(Error::Range(format!("{what} {i} is bounded to infinity: [{}, {}]", lo[i], hi[i])));
+                }
+            }
+        }
+        Ok(())
+    }
+}

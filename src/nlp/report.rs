@@ -1,0 +1,133 @@
+//! How a solve ended, what it cost, and what is left of every residual.
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
+
+/// How an algorithm ended. Values ≥ 0 come with a usable point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Outcome {
+    /// All residuals are below the tolerance.
+    Solved = 0,
+    /// Out of iterations; the point is the last iterate.
+    MaxIter = 1,
+    /// Out of time; the point is the last iterate.
+    MaxTime = 2,
+    /// A callback or an interrupt asked to stop; the point is the last iterate.
+    Stopped = 3,
+    /// Converged to a point that minimises the violation of the constraints locally.
+    Infeasible = 4,
+    /// No progress possible although the tolerance is not reached.
+    Stalled = 5,
+    /// The iterates diverge.
+    Diverging = 6,
+    /// A function has no value at the starting point, or failed for good.
+    Failed = 7,
+}
+
+impl Outcome {
+    /// Name as in the settings and reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Outcome::Solved => "solved",
+            Outcome::MaxIter => "max_iter",
+            Outcome::MaxTime => "max_time",
+            Outcome::Stopped => "stopped",
+            Outcome::Infeasible => "infeasible",
+            Outcome::Stalled => "stalled",
+            Outcome::Diverging => "diverging",
+            Outcome::Failed => "failed",
+        }
+    }
+}
+
+/// Residuals of the optimality conditions, unscaled, maximum norm.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Residuals {
+    /// Violation of rows and bounds.
+    pub primal: f64,
+    /// Gradient of the Lagrangian.
+    pub dual: f64,
+    /// Products of slacks and multipliers of bounds.
+    pub complementarity: f64,
+    /// Largest `G_i H_i` over the pairs.
+    pub pair_product: f64,
+    /// Largest `min(G_i, H_i)` over the pairs.
+    pub pair_min: f64,
+}
+
+/// What a solve cost.
+#[derive(Debug, Clone, Copy, Default, PartialEq)]
+pub struct Statistics {
+    /// Interior-point iterations, restoration included.
+    pub iterations: usize,
+    /// Numeric factorisations.
+    pub factorisations: usize,
+    /// Evaluations of objective and constraints.
+    pub evaluations: usize,
+    /// Iterations inside the restoration phase.
+    pub restoration_iterations: usize,
+    /// Iterations spent in the polish.
+    pub polish_iterations: usize,
+    /// Largest perturbation of the Hessian.
+    pub max_delta_w: f64,
+    /// Seconds in functions and derivatives.
+    pub time_eval: f64,
+    /// Seconds in factorisations and solves.
+    pub time_linalg: f64,
+    /// Seconds in all.
+    pub time_total: f64,
+}
+
+/// One line of the iteration log, in the columns Ipopt made familiar, with `σ` and the pairs' residual.
+#[derive(Debug, Clone, Copy, Default)]
+pub struct IterationInfo {
+    /// Iteration number.
+    pub iter: usize,
+    /// Objective.
+    pub objective: f64,
+    /// Primal infeasibility.
+    pub inf_pr: f64,
+    /// Dual infeasibility.
+    pub inf_du: f64,
+    /// Barrier parameter.
+    pub mu: f64,
+    /// Relaxation parameter, 0 without one.
+    pub sigma: f64,
+    /// Largest product of a pair.
+    pub inf_cc: f64,
+    /// Length of the last primal step.
+    pub step: f64,
+    /// Perturbation of the Hessian.
+    pub delta_w: f64,
+    /// Dual step length.
+    pub alpha_du: f64,
+    /// Primal step length.
+    pub alpha_pr: f64,
+    /// Trial points of the line search.
+    pub trials: usize,
+    /// `' '` main phase, `'r'` restoration, `'p'` polish, `'j'` relaxation raised after a jam.
+    pub phase: u8,
+}
+
+/// What can stop a solve from outside, and who is told of its progress.
+#[derive(Default)]
+pub struct Control<'a> {
+    /// Set from any thread to stop.
+    pub interrupt: Option<&'a AtomicBool>,
+    /// Called once per iteration; false stops.
+    pub monitor: Option<&'a mut dyn FnMut(&IterationInfo) -> bool>,
+    /// Latest end of the solve.
+    pub deadline: Option<Instant>,
+}
+
+impl Control<'_> {
+    /// Reports an iteration; returns why to stop, if so.
+    pub(crate) fn check(&mut self, info: &IterationInfo) -> Option<Outcome> {
+        let go_on = self.monitor.as_mut().map_or(true, |f| f(info));
+        if !go_on || self.interrupt.is_some_and(|i| i.load(Ordering::Relaxed)) {
+            return Some(Outcome::Stopped);
+        }
+        self.deadline.is_some_and(|d| Instant::now() >= d).then_some(Outcome::MaxTime)
+    }
+}

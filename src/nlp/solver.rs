@@ -1,0 +1,1025 @@
+//! The main loop: residuals, level, Hessian, direction, line search, update.
+
+use std::ops::Range;
+use std::time::Instant;
+
+use super::augmented::{sigma_s, Augmented};
+use super::filter::{alpha_min, noise, Filter, DELTA, ETA_PHI, GAMMA_PHI, GAMMA_THETA, S_PHI, S_THETA};
+use super::iterate::{barrier, kkt_error, lagrangian_gradient, theta, Iterate, KktError, RowKind, Shape, Values};
+use super::problem::{Bounds, Nlp};
+use super::report::{Control, IterationInfo, Outcome, Residuals, Statistics};
+use super::restore::Restoration;
+use crate::error::Result;
+use crate::func::EvalError;
+use crate::linalg::csc::Pattern;
+
+/// Constants of the method; the parameters of the homotopy belong to the [`Continuation`].
+#[derive(Debug, Clone, Copy)]
+pub struct IpmSettings {
+    /// Iterations allowed.
+    pub max_iter: usize,
+    /// Relative distance a cold start keeps from the bounds (`κ_1 = κ_2`).
+    pub bound_push: f64,
+    /// Second-order corrections per iteration.
+    pub max_soc: usize,
+    /// Multipliers of the first least-squares estimate above this are dropped.
+    pub y_init_max: f64,
+    /// May a restoration phase be entered?
+    pub restoration: bool,
+}
+
+impl Default for IpmSettings {
+    fn default() -> Self {
+        IpmSettings { max_iter: 3000, bound_push: 1e-2, max_soc: 4, y_init_max: 1e3, restoration: true }
+    }
+}
+
+/// A barrier problem: barrier parameter `μ`, relaxation `σ`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Level {
+    /// Barrier parameter.
+    pub mu: f64,
+    /// Upper bound of the relaxed rows.
+    pub sigma: f64,
+}
+
+/// Errors a [`Continuation`] decides by.
+#[derive(Debug, Clone, Copy)]
+pub struct Measures {
+    /// Present level.
+    pub level: Level,
+    /// Scaled error of the barrier problem of this level.
+    pub error: f64,
+    /// Scaled error at `μ = 0`.
+    pub error0: f64,
+    /// Violation of the rows at this level.
+    pub primal: f64,
+    /// Dual infeasibility, scaled.
+    pub dual: f64,
+    /// Largest product of a pair.
+    pub pair_product: f64,
+}
+
+/// What a [`Continuation`] answers.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub enum Advance {
+    /// Go on with this level.
+    Stay,
+    /// This level is solved well enough: next level.
+    To(Level),
+    /// The problem is solved.
+    Done,
+}
+
+/// Decides the sequence of barrier problems.
+pub trait Continuation {
+    /// The first level.
+    fn start(&mut self) -> Level;
+    /// Called at every iterate, again after every [`Advance::To`].
+    fn advance(&mut self, m: &Measures) -> Advance;
+    /// The line search found no way on; an easier level to retry, if any.
+    fn jammed(&mut self, _m: &Measures) -> Option<Level> {
+        None
+    }
+    /// Rows whose upper bound is `σ`.
+    fn relaxed_rows(&self) -> Range<usize> {
+        0..0
+    }
+}
+
+/// The monotone rule of Fiacco and McCormick: `μ ← max(tol/10, min(0.2 μ, μ^1.5))` once `E_μ ≤ 10 μ`.
+#[derive(Debug, Clone, Copy)]
+pub struct Monotone {
+    /// First barrier parameter.
+    pub mu_init: f64,
+    /// Tolerance for the scaled error.
+    pub tol: f64,
+    /// Tolerance for the violation of the rows; at most `tol`.
+    pub primal_tol: f64,
+}
+
+impl Continuation for Monotone {
+    fn start(&mut self) -> Level {
+        Level { mu: self.mu_init, sigma: 0.0 }
+    }
+    fn advance(&mut self, m: &Measures) -> Advance {
+        if m.error0 <= self.tol && m.primal <= self.primal_tol {
+            return Advance::Done;
+        }
+        let (mu, floor) = (m.level.mu, 0.1 * self.tol);
+        if m.error <= 10.0 * mu && mu > floor {
+            Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(floor), ..m.level })
+        } else {
+            Advance::Stay
+        }
+    }
+}
+
+/// Where a solve starts.
+#[derive(Debug, Clone, Copy)]
+pub enum Start<'a> {
+    /// From a point `x[n]`, multipliers estimated.
+    Cold(&'a [f64]),
+    /// From a primal-dual point of the same problem, kept as it is up to `push` from the bounds.
+    Warm(&'a Iterate, f64),
+}
+
+/// Called with every accepted `x`; true ends the solve (used by the restoration phase).
+pub(super) type Probe<'a> = &'a mut dyn FnMut(&[f64]) -> bool;
+
+/// What the line search came to.
+enum Search {
+    Accepted,
+    Jammed,
+    Fatal,
+}
+
+/// An interior-point solver for problems of one structure. All memory is allocated by [`Ipm::new`], but
+/// for the restoration phase, which allocates when it is first needed.
+pub struct Ipm {
+    n: usize,
+    m: usize,
+    jac: Pattern,
+    hess_nnz: usize,
+    settings: IpmSettings,
+    shape: Shape,
+    bounds: Bounds,
+    it: Iterate,
+    trial: Iterate,
+    v: Values,
+    c_trial: Vec<f64>,
+    f_trial: f64,
+    lag: Vec<f64>,
+    system: Augmented,
+    filter: Filter,
+    dx: Vec<f64>,
+    ds: Vec<f64>,
+    dzl: Vec<f64>,
+    dzu: Vec<f64>,
+    dvl: Vec<f64>,
+    dvu: Vec<f64>,
+    // directions of the second-order correction
+    dx_soc: Vec<f64>,
+    ds_soc: Vec<f64>,
+    residual: Vec<f64>,
+    level: Level,
+    stats: Statistics,
+    info: IterationInfo,
+    phase: u8,
+    resto: Option<Box<Restoration>>,
+}
+
+impl Ipm {
+    /// Analyses the structure of `nlp` and allocates everything a solve needs.
+    pub fn new(nlp: &dyn Nlp, settings: IpmSettings) -> Result<Ipm> {
+        let (n, m) = (nlp.n(), nlp.m());
+        let hess_nnz = nlp.hess_pattern().nnz();
+        let jac = nlp.jac_pattern().clone();
+        Ok(Ipm {
+            n,
+            m,
+            hess_nnz,
+            settings,
+            shape: Shape::new(n, m),
+            bounds: Bounds::free(n, m),
+            it: Iterate::zeros(n, m),
+            trial: Iterate::zeros(n, m),
+            v: Values {
+                f: 0.0,
+                c: vec![0.0; m],
+                grad: vec![0.0; n],
+                jac: vec![0.0; jac.nnz()],
+                hess: vec![0.0; hess_nnz],
+            },
+            c_trial: vec![0.0; m],
+            f_trial: 0.0,
+            lag: vec![0.0; n],
+            system: Augmented::new(nlp)?,
+            filter: Filter::new(),
+            dx: vec![0.0; n],
+            ds: vec![0.0; m],
+            dzl: vec![0.0; n],
+            dzu: vec![0.0; n],
+            dvl: vec![0.0; m],
+            dvu: vec![0.0; m],
+            dx_soc: vec![0.0; n],
+            ds_soc: vec![0.0; m],
+            residual: vec![0.0; m],
+            level: Level { mu: 0.1, sigma: 0.0 },
+            stats: Statistics::default(),
+            info: IterationInfo::default(),
+            phase: b' ',
+            resto: None,
+            jac,
+        })
+    }
+
+    /// Constants of the method.
+    pub fn settings_mut(&mut self) -> &mut IpmSettings {
+        &mut self.settings
+    }
+
+    /// The primal-dual point reached.
+    pub fn iterate(&self) -> &Iterate {
+        &self.it
+    }
+
+    /// Objective at that point.
+    pub fn objective(&self) -> f64 {
+        self.v.f
+    }
+
+    /// Rows at that point.
+    pub fn constraints(&self) -> &[f64] {
+        &self.v.c
+    }
+
+    /// Bounds of the last solve, with `σ` where it ended.
+    pub fn bounds(&self) -> &Bounds {
+        &self.bounds
+    }
+
+    /// The level the last solve ended at.
+    pub fn level(&self) -> Level {
+        self.level
+    }
+
+    /// What the last solve cost.
+    pub fn statistics(&self) -> &Statistics {
+        &self.stats
+    }
+
+    /// Marks the lines of the log.
+    pub fn set_phase(&mut self, phase: u8) {
+        self.phase = phase;
+    }
+
+    /// Solves from `start` under `bounds`. The point, its residuals and the statistics are then available.
+    pub fn solve(
+        &mut self,
+        nlp: &mut dyn Nlp,
+        bounds: &Bounds,
+        start: Start,
+        continuation: &mut dyn Continuation,
+        control: &mut Control,
+    ) -> Outcome {
+        self.run(nlp, bounds, start, continuation, control, None)
+    }
+
+    pub(super) fn run(
+        &mut self,
+        nlp: &mut dyn Nlp,
+        bounds: &Bounds,
+        start: Start,
+        continuation: &mut dyn Continuation,
+        control: &mut Control,
+        mut probe: Option<Probe>,
+    ) -> Outcome {
+        let clock = Instant::now();
+        self.stats = Statistics::default();
+        let base = self.system.factorisations();
+        let outcome = self.iterate_to_end(nlp, bounds, start, continuation, control, &mut probe);
+        self.stats.factorisations += self.system.factorisations() - base;
+        self.stats.time_total = clock.elapsed().as_secs_f64();
+        outcome
+    }
+
+    fn iterate_to_end(
+        &mut self,
+        nlp: &mut dyn Nlp,
+        bounds: &Bounds,
+        start: Start,
+        continuation: &mut dyn Continuation,
+        control: &mut Control,
+        probe: &mut Option<Probe>,
+    ) -> Outcome {
+        self.bounds.copy_from(bounds);
+        self.level = continuation.start();
+        self.relax(continuation.relaxed_rows());
+        self.shape.classify(&self.bounds);
+        self.system.restart();
+        if !self.initialise(nlp, start) {
+            return Outcome::Failed;
+        }
+        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c));
+        self.info = IterationInfo::default();
+        let mut jams = 0;
+        loop {
+            let mut m = self.measure(nlp);
+            self.fill_info(&m);
+            if let Some(stop) = control.check(&self.info) {
+                return stop;
+            }
+            loop {
+                match continuation.advance(&m) {
+                    Advance::Done => return Outcome::Solved,
+                    Advance::Stay => break,
+                    Advance::To(level) => {
+                        self.change_level(level, continuation.relaxed_rows());
+                        m = self.measure(nlp);
+                    }
+                }
+            }
+            if self.stats.iterations >= self.settings.max_iter {
+                return Outcome::MaxIter;
+            }
+            if self.it.x.iter().any(|v| v.abs() > 1e20) {
+                return Outcome::Diverging;
+            }
+            self.info.phase = self.phase;
+            let searched = if self.direction(nlp) { self.line_search(nlp) } else { Search::Jammed };
+            match searched {
+                Search::Accepted => {
+                    if probe.as_mut().is_some_and(|p| p(&self.it.x)) {
+                        return Outcome::Solved;
+                    }
+                }
+                Search::Fatal => return Outcome::Failed,
+                Search::Jammed => {
+                    if self.soft_step(nlp) {
+                        self.info.phase = b's';
+                    } else if let Some(level) = continuation.jammed(&m) {
+                        self.info.phase = b'j';
+                        self.change_level(level, continuation.relaxed_rows());
+                    } else if self.settings.restoration && jams < 20 {
+                        jams += 1;
+                        if let Some(end) = self.restore(nlp, control, &m) {
+                            return end;
+                        }
+                        self.info.phase = b'r';
+                    } else {
+                        return Outcome::Stalled;
+                    }
+                }
+            }
+            self.stats.iterations += 1;
+            self.info.iter = self.stats.iterations;
+            self.stats.max_delta_w = self.stats.max_delta_w.max(self.system.delta_w);
+        }
+    }
+
+    fn relax(&mut self, rows: Range<usize>) {
+        for i in rows {
+            self.bounds.cu[i] = self.level.sigma;
+        }
+    }
+
+    /// Point inside the bounds, function values, multipliers.
+    fn initialise(&mut self, nlp: &mut dyn Nlp, start: Start) -> bool {
+        let (push, warm) = match start {
+            Start::Cold(x) => {
+                self.it.x.copy_from_slice(x);
+                (self.settings.bound_push, false)
+            }
+            Start::Warm(it, push) => {
+                self.it.copy_from(it);
+                (push, true)
+            }
+        };
+        let Ipm { it, bounds: b, shape, .. } = self;
+        for j in 0..it.x.len() {
+            it.x[j] = if shape.fixed[j] { b.xl[j] } else { push_inside(it.x[j], b.xl[j], b.xu[j], push) };
+        }
+        if !self.evaluate(nlp) || !self.differentiate(nlp) {
+            return false;
+        }
+        let mu = self.level.mu;
+        let Ipm { it, bounds: b, shape, v, .. } = self;
+        for i in 0..it.s.len() {
+            it.s[i] = match shape.row[i] {
+                RowKind::Equality => b.cl[i],
+                RowKind::Free => v.c[i],
+                RowKind::Inequality => push_inside(v.c[i], b.cl[i], b.cu[i], push),
+            };
+        }
+        for j in 0..it.x.len() {
+            it.zl[j] = start_multiplier(shape.has_xl[j], warm, it.zl[j], it.x[j] - b.xl[j], mu);
+            it.zu[j] = start_multiplier(shape.has_xu[j], warm, it.zu[j], b.xu[j] - it.x[j], mu);
+        }
+        for i in 0..it.s.len() {
+            it.vl[i] = start_multiplier(shape.has_cl[i], warm, it.vl[i], it.s[i] - b.cl[i], mu);
+            it.vu[i] = start_multiplier(shape.has_cu[i], warm, it.vu[i], b.cu[i] - it.s[i], mu);
+            if shape.row[i] == RowKind::Free {
+                it.y[i] = 0.0;
+            }
+        }
+        if !warm {
+            self.estimate_multipliers();
+        }
+        true
+    }
+
+    /// Least-squares multipliers of the rows, (36) of Wächter and Biegler; zero where they are too large.
+    fn estimate_multipliers(&mut self) {
+        let Ipm { system, shape, bounds, it, v, n, .. } = self;
+        it.y.fill(0.0);
+        system.assemble(shape, bounds, it, v, false);
+        for j in 0..*n {
+            system.rhs[j] = if shape.fixed[j] { 0.0 } else { -(v.grad[j] - it.zl[j] + it.zu[j]) };
+        }
+        for i in 0..it.y.len() {
+            system.rhs[*n + i] = if shape.row[i] == RowKind::Inequality { -(it.vu[i] - it.vl[i]) } else { 0.0 };
+        }
+        if system.factor_plain() && system.solve() {
+            let y = &system.sol[*n..];
+            let largest = y.iter().fold(0f64, |a, v| a.max(v.abs()));
+            if largest <= self.settings.y_init_max {
+                it.y.copy_from_slice(y);
+            }
+        }
+        for i in 0..it.y.len() {
+            if shape.row[i] == RowKind::Free {
+                it.y[i] = 0.0;
+            }
+        }
+    }
+
+    fn evaluate(&mut self, nlp: &mut dyn Nlp) -> bool {
+        let clock = Instant::now();
+        self.stats.evaluations += 1;
+        let r = nlp.eval(&self.it.x, &mut self.v.c);
+        self.stats.time_eval += clock.elapsed().as_secs_f64();
+        match r {
+            Ok(f) => {
+                self.v.f = f;
+                f.is_finite()
+            }
+            Err(_) => false,
+        }
+    }
+
+    fn differentiate(&mut self, nlp: &mut dyn Nlp) -> bool {
+        let clock = Instant::now();
+        let r = nlp.derivatives(&self.it.x, &mut self.v.grad, &mut self.v.jac);
+        self.stats.time_eval += clock.elapsed().as_secs_f64();
+        r.is_ok()
+    }
+
+    fn errors(&mut self, mu: f64) -> KktError {
+        kkt_error(&self.shape, &self.bounds, &self.it, &self.v.c, &self.lag, mu)
+    }
+
+    fn measure(&mut self, nlp: &dyn Nlp) -> Measures {
+        lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
+        let e = self.errors(self.level.mu);
+        let e0 = self.errors(0.0);
+        Measures {
+            level: self.level,
+            error: e.scaled(),
+            error0: e0.scaled(),
+            primal: e.primal,
+            dual: e.dual / e.s_d,
+            pair_product: self.pair_product(nlp),
+        }
+    }
+
+    fn pair_product(&self, nlp: &dyn Nlp) -> f64 {
+        nlp.bilinear().iter().map(|p| self.it.x[p.a] * self.it.x[p.b]).fold(0.0, f64::max)
+    }
+
+    /// Unscaled residuals at the point reached.
+    pub fn residuals(&mut self, nlp: &dyn Nlp) -> Residuals {
+        lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
+        let e = self.errors(0.0);
+        let pair_min = nlp.bilinear().iter().map(|p| self.it.x[p.a].min(self.it.x[p.b])).fold(0.0, f64::max);
+        Residuals {
+            primal: e.primal,
+            dual: e.dual,
+            complementarity: e.compl,
+            pair_product: self.pair_product(nlp),
+            pair_min,
+        }
+    }
+
+    fn fill_info(&mut self, m: &Measures) {
+        let i = &mut self.info;
+        i.iter = self.stats.iterations;
+        i.objective = self.v.f;
+        i.inf_pr = m.primal;
+        i.inf_du = m.dual;
+        i.mu = m.level.mu;
+        i.sigma = m.level.sigma;
+        i.inf_cc = m.pair_product;
+        i.delta_w = self.system.delta_w;
+    }
+
+    /// Moves to another barrier problem; slacks of rows whose bound moved follow it.
+    fn change_level(&mut self, level: Level, rows: Range<usize>) {
+        self.level = level;
+        for i in rows {
+            if self.shape.row[i] != RowKind::Inequality {
+                continue;
+            }
+            self.bounds.cu[i] = level.sigma;
+            // the distance that keeps this row on the central path with its present multiplier
+            let gap = (level.mu / self.it.vu[i].max(1e-300)).min(0.9 * level.sigma);
+            self.it.s[i] = self.v.c[i].min(level.sigma - gap);
+            let dist = level.sigma - self.it.s[i];
+            self.it.vu[i] = clamp_multiplier(self.it.vu[i], dist, level.mu);
+        }
+        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c));
+    }
+
+    /// Newton direction of the barrier problem.
+    fn direction(&mut self, nlp: &mut dyn Nlp) -> bool {
+        let clock = Instant::now();
+        debug_assert_eq!(self.v.hess.len(), self.hess_nnz);
+        let ok = nlp.hessian(&self.it.x, 1.0, &self.it.y, &mut self.v.hess).is_ok();
+        let evaluated = clock.elapsed().as_secs_f64();
+        self.stats.time_eval += evaluated;
+        if !ok {
+            return false;
+        }
+        let Ipm { system, shape, bounds, it, v, residual, .. } = self;
+        system.assemble(shape, bounds, it, v, true);
+        for i in 0..it.s.len() {
+            residual[i] = if shape.row[i] == RowKind::Free { 0.0 } else { v.c[i] - it.s[i] };
+        }
+        let ok = system.factor(shape, bounds, it, self.level.mu) && self.solve_direction(false);
+        self.stats.time_linalg += clock.elapsed().as_secs_f64() - evaluated;
+        ok
+    }
+
+    /// Solves with the present factor for the violation in `residual`; `soc` writes only the primal part.
+    fn solve_direction(&mut self, soc: bool) -> bool {
+        let mu = self.level.mu;
+        let Ipm { system, shape, bounds: b, it, lag, residual, n, .. } = self;
+        for j in 0..*n {
+            let mut r = -lag[j];
+            if shape.has_xl[j] {
+                r += mu / (it.x[j] - b.xl[j]);
+            }
+            if shape.has_xu[j] {
+                r -= mu / (b.xu[j] - it.x[j]);
+            }
+            system.rhs[j] = if shape.fixed[j] { 0.0 } else { r };
+        }
+        for i in 0..residual.len() {
+            system.rhs[*n + i] = match shape.row[i] {
+                RowKind::Free => 0.0,
+                RowKind::Equality => -residual[i],
+                RowKind::Inequality => -residual[i] - slack_gradient(shape, b, it, i, mu) / sigma_s(shape, b, it, i),
+            };
+        }
+        if !system.solve() {
+            return false;
+        }
+        let (dx, ds) =
+            if soc { (&mut self.dx_soc, &mut self.ds_soc) } else { (&mut self.dx, &mut self.ds) };
+        dx.copy_from_slice(&system.sol[..*n]);
+        let dy = &system.sol[*n..];
+        for i in 0..residual.len() {
+            ds[i] = if shape.row[i] == RowKind::Inequality {
+                (dy[i] - slack_gradient(shape, b, it, i, mu)) / sigma_s(shape, b, it, i)
+            } else {
+                0.0
+            };
+        }
+        if soc {
+            return true;
+        }
+        self.trial.y.copy_from_slice(dy);
+        for j in 0..*n {
+            self.dzl[j] = multiplier_step(shape.has_xl[j], it.zl[j], it.x[j] - b.xl[j], dx[j], mu);
+            self.dzu[j] = multiplier_step(shape.has_xu[j], it.zu[j], b.xu[j] - it.x[j], -dx[j], mu);
+        }
+        for i in 0..residual.len() {
+            self.dvl[i] = multiplier_step(shape.has_cl[i], it.vl[i], it.s[i] - b.cl[i], ds[i], mu);
+            self.dvu[i] = multiplier_step(shape.has_cu[i], it.vu[i], b.cu[i] - it.s[i], -ds[i], mu);
+        }
+        true
+    }
+
+    /// Largest primal step length that keeps the fraction `1 − τ` of the distance to every bound.
+    fn alpha_primal(&self, tau: f64, soc: bool) -> f64 {
+        let (dx, ds) = if soc { (&self.dx_soc, &self.ds_soc) } else { (&self.dx, &self.ds) };
+        let (b, sh, it) = (&self.bounds, &self.shape, &self.it);
+        let mut a = 1f64;
+        for j in 0..self.n {
+            if sh.has_xl[j] {
+                a = a.min(ratio(tau, it.x[j] - b.xl[j], dx[j]));
+            }
+            if sh.has_xu[j] {
+                a = a.min(ratio(tau, b.xu[j] - it.x[j], -dx[j]));
+            }
+        }
+        for i in 0..self.m {
+            if sh.has_cl[i] {
+                a = a.min(ratio(tau, it.s[i] - b.cl[i], ds[i]));
+            }
+            if sh.has_cu[i] {
+                a = a.min(ratio(tau, b.cu[i] - it.s[i], -ds[i]));
+            }
+        }
+        a
+    }
+
+    fn alpha_dual(&self, tau: f64) -> f64 {
+        let it = &self.it;
+        let mut a = 1f64;
+        for j in 0..self.n {
+            a = a.min(ratio(tau, it.zl[j], self.dzl[j])).min(ratio(tau, it.zu[j], self.dzu[j]));
+        }
+        for i in 0..self.m {
+            a = a.min(ratio(tau, it.vl[i], self.dvl[i])).min(ratio(tau, it.vu[i], self.dvu[i]));
+        }
+        a
+    }
+
+    /// Directional derivative of the barrier objective.
+    fn slope(&self) -> f64 {
+        let mu = self.level.mu;
+        let (b, sh, it) = (&self.bounds, &self.shape, &self.it);
+        let mut s = 0.0;
+        for j in 0..self.n {
+            let mut g = self.v.grad[j];
+            if sh.has_xl[j] {
+                g -= mu / (it.x[j] - b.xl[j]);
+            }
+            if sh.has_xu[j] {
+                g += mu / (b.xu[j] - it.x[j]);
+            }
+            s += g * self.dx[j];
+        }
+        for i in 0..self.m {
+            if sh.has_cl[i] {
+                s -= mu / (it.s[i] - b.cl[i]) * self.ds[i];
+            }
+            if sh.has_cu[i] {
+                s += mu / (b.cu[i] - it.s[i]) * self.ds[i];
+            }
+        }
+        s
+    }
+
+    /// Evaluates the point `alpha` along the direction; barrier objective and violation, or why not.
+    fn try_point(
+        &mut self,
+        nlp: &mut dyn Nlp,
+        alpha: f64,
+        soc: bool,
+    ) -> std::result::Result<(f64, f64), EvalError> {
+        let (dx, ds) = if soc { (&self.dx_soc, &self.ds_soc) } else { (&self.dx, &self.ds) };
+        for j in 0..self.n {
+            self.trial.x[j] = self.it.x[j] + alpha * dx[j];
+        }
+        for i in 0..self.m {
+            self.trial.s[i] = self.it.s[i] + alpha * ds[i];
+        }
+        let clock = Instant::now();
+        self.stats.evaluations += 1;
+        let r = nlp.eval(&self.trial.x, &mut self.c_trial);
+        self.stats.time_eval += clock.elapsed().as_secs_f64();
+        let f = r?;
+        self.f_trial = f;
+        let phi = barrier(&self.shape, &self.bounds, &self.trial.x, &self.trial.s, f, self.level.mu);
+        let th = theta(&self.shape, &self.trial.s, &self.c_trial);
+        if phi.is_finite() && th.is_finite() {
+            Ok((phi, th))
+        } else {
+            Err(EvalError::Recoverable)
+        }
+    }
+
+    fn line_search(&mut self, nlp: &mut dyn Nlp) -> Search {
+        let mu = self.level.mu;
+        let tau = (1.0 - mu).max(0.99);
+        let (alpha_max, alpha_du) = (self.alpha_primal(tau, false), self.alpha_dual(tau));
+        let th0 = theta(&self.shape, &self.it.s, &self.v.c);
+        let phi0 = barrier(&self.shape, &self.bounds, &self.it.x, &self.it.s, self.v.f, mu);
+        let slope = self.slope();
+        let a_min = alpha_min(th0, slope, self.filter.theta_min());
+        let tiny = (0..self.n).all(|j| self.dx[j].abs() <= 10.0 * f64::EPSILON * (1.0 + self.it.x[j].abs()));
+        let mut alpha = alpha_max;
+        let mut trials = 0;
+        self.info.alpha_du = alpha_du;
+        loop {
+            trials += 1;
+            let tried = self.try_point(nlp, alpha, false);
+            match tried {
+                Err(EvalError::Fatal(_)) => return Search::Fatal,
+                Err(EvalError::Recoverable) => {}
+                Ok((phi, th)) => {
+                    let ok = self.acceptable(alpha, phi0, th0, slope, phi, th);
+                    if ok || tiny {
+                        self.augment_filter(alpha, phi0, th0, slope, phi);
+                        return self.accept(nlp, alpha, alpha_du, trials);
+                    }
+                    if trials == 1 && th >= th0 {
+                        let alpha_soc = self.second_order_correction(nlp, alpha, tau, phi0, th0, slope, th);
+                        if let Some(alpha_soc) = alpha_soc {
+                            return self.accept(nlp, alpha_soc, alpha_du, trials);
+                        }
+                    }
+                }
+            }
+            alpha *= 0.5;
+            if alpha < a_min || trials > 40 {
+                return Search::Jammed;
+            }
+        }
+    }
+
+    fn switching(alpha: f64, th0: f64, slope: f64) -> bool {
+        slope < 0.0 && alpha * (-slope).powf(S_PHI) > DELTA * th0.powf(S_THETA)
+    }
+
+    fn acceptable(&self, alpha: f64, phi0: f64, th0: f64, slope: f64, phi: f64, th: f64) -> bool {
+        if !self.filter.accepts(th, phi) {
+            return false;
+        }
+        if th0 <= self.filter.theta_min() && Self::switching(alpha, th0, slope) {
+            phi <= phi0 + ETA_PHI * alpha * slope + noise(phi0)
+        } else {
+            th <= (1.0 - GAMMA_THETA) * th0 || phi <= phi0 - GAMMA_PHI * th0 + noise(phi0)
+        }
+    }
+
+    fn augment_filter(&mut self, alpha: f64, phi0: f64, th0: f64, slope: f64, phi: f64) {
+        let armijo = phi <= phi0 + ETA_PHI * alpha * slope + noise(phi0);
+        if !(Self::switching(alpha, th0, slope) && armijo) {
+            self.filter.add(th0, phi0);
+        }
+    }
+
+    /// Corrections for the curvature of the rows, section 2.4; the step length of an accepted one.
+    #[allow(clippy::too_many_arguments)]
+    fn second_order_correction(
+        &mut self,
+        nlp: &mut dyn Nlp,
+        alpha: f64,
+        tau: f64,
+        phi0: f64,
+        th0: f64,
+        slope: f64,
+        th_first: f64,
+    ) -> Option<f64> {
+        const KAPPA_SOC: f64 = 0.99;
+        let mut th_old = th_first;
+        let mut alpha_last = alpha;
+        for k in 0..self.settings.max_soc {
+            for i in 0..self.m {
+                if self.shape.row[i] != RowKind::Free {
+                    let before = if k == 0 { self.v.c[i] - self.it.s[i] } else { self.residual[i] };
+                    self.residual[i] = alpha_last * before + self.c_trial[i] - self.trial.s[i];
+                }
+            }
+            let clock = Instant::now();
+            let ok = self.solve_direction(true);
+            self.stats.time_linalg += clock.elapsed().as_secs_f64();
+            if !ok {
+                return None;
+            }
+            alpha_last = self.alpha_primal(tau, true);
+            match self.try_point(nlp, alpha_last, true) {
+                Ok((phi, th)) => {
+                    if self.acceptable(alpha, phi0, th0, slope, phi, th) {
+                        self.augment_filter(alpha, phi0, th0, slope, phi);
+                        return Some(alpha_last);
+                    }
+                    if th > KAPPA_SOC * th_old {
+                        return None;
+                    }
+                    th_old = th;
+                }
+                Err(_) => return None,
+            }
+        }
+        None
+    }
+
+    /// Takes the point in `trial` with its values; multipliers go along by their own step length.
+    fn accept(&mut self, nlp: &mut dyn Nlp, alpha: f64, alpha_du: f64, trials: usize) -> Search {
+        self.info.alpha_pr = alpha;
+        self.info.trials = trials;
+        self.info.step = self.dx.iter().fold(0.0, |a: f64, d| a.max(d.abs()));
+        std::mem::swap(&mut self.it.x, &mut self.trial.x);
+        std::mem::swap(&mut self.it.s, &mut self.trial.s);
+        std::mem::swap(&mut self.v.c, &mut self.c_trial);
+        self.v.f = self.f_trial;
+        let mu = self.level.mu;
+        let Ipm { it, trial, bounds: b, shape: sh, .. } = self;
+        for i in 0..it.y.len() {
+            if sh.row[i] != RowKind::Free {
+                it.y[i] += alpha * trial.y[i];
+            }
+        }
+        // distances may not underflow against the bound they belong to
+        for j in 0..it.x.len() {
+            if sh.has_xl[j] {
+                it.x[j] = it.x[j].max(b.xl[j] + tiny_gap(b.xl[j]));
+                it.zl[j] = clamp_multiplier(it.zl[j] + alpha_du * self.dzl[j], it.x[j] - b.xl[j], mu);
+            }
+            if sh.has_xu[j] {
+                it.x[j] = it.x[j].min(b.xu[j] - tiny_gap(b.xu[j]));
+                it.zu[j] = clamp_multiplier(it.zu[j] + alpha_du * self.dzu[j], b.xu[j] - it.x[j], mu);
+            }
+        }
+        for i in 0..it.s.len() {
+            if sh.has_cl[i] {
+                it.s[i] = it.s[i].max(b.cl[i] + tiny_gap(b.cl[i]));
+                it.vl[i] = clamp_multiplier(it.vl[i] + alpha_du * self.dvl[i], it.s[i] - b.cl[i], mu);
+            }
+            if sh.has_cu[i] {
+                it.s[i] = it.s[i].min(b.cu[i] - tiny_gap(b.cu[i]));
+                it.vu[i] = clamp_multiplier(it.vu[i] + alpha_du * self.dvu[i], b.cu[i] - it.s[i], mu);
+            }
+        }
+        if self.differentiate(nlp) {
+            Search::Accepted
+        } else {
+            Search::Fatal
+        }
+    }
+
+    /// Takes the full step when it lowers the whole optimality error (soft restoration, section 3.3 of the
+    /// paper on Ipopt); this is what brings the last digits when the filter only sees rounding.
+    fn soft_step(&mut self, nlp: &mut dyn Nlp) -> bool {
+        let mu = self.level.mu;
+        let tau = (1.0 - mu).max(0.99);
+        let before = self.errors(mu).scaled();
+        let alpha = self.alpha_primal(tau, false).min(self.alpha_dual(tau));
+        if !alpha.is_finite() || self.dx.iter().any(|d| !d.is_finite()) {
+            return false;
+        }
+        let saved_f = self.v.f;
+        if self.try_point(nlp, alpha, false).is_err() {
+            return false;
+        }
+        // keep what is needed to go back
+        let mut saved = std::mem::replace(&mut self.trial, Iterate::zeros(0, 0));
+        std::mem::swap(&mut self.v.c, &mut self.c_trial);
+        std::mem::swap(&mut self.it.x, &mut saved.x);
+        std::mem::swap(&mut self.it.s, &mut saved.s);
+        self.v.f = self.f_trial;
+        self.add_duals(&saved.y, alpha);
+        let ok = self.differentiate(nlp);
+        lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
+        let better = ok && self.errors(mu).scaled() <= (1.0 - 1e-4) * before;
+        if !better {
+            self.add_duals(&saved.y, -alpha);
+            std::mem::swap(&mut self.it.x, &mut saved.x);
+            std::mem::swap(&mut self.it.s, &mut saved.s);
+            std::mem::swap(&mut self.v.c, &mut self.c_trial);
+            self.v.f = saved_f;
+            self.differentiate(nlp);
+            lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
+        }
+        self.trial = saved;
+        better
+    }
+
+    fn add_duals(&mut self, dy: &[f64], alpha: f64) {
+        let Ipm { it, dzl, dzu, dvl, dvu, .. } = self;
+        for (v, d) in [
+            (&mut it.y, dy),
+            (&mut it.zl, &dzl[..]),
+            (&mut it.zu, &dzu[..]),
+            (&mut it.vl, &dvl[..]),
+            (&mut it.vu, &dvu[..]),
+        ] {
+            for k in 0..v.len() {
+                v[k] += alpha * d[k];
+            }
+        }
+    }
+
+    /// Feasibility restoration: the same method on the elastic problem. `Some` ends the solve.
+    fn restore(&mut self, nlp: &mut dyn Nlp, control: &mut Control, m: &Measures) -> Option<Outcome> {
+        let th0 = theta(&self.shape, &self.it.s, &self.v.c);
+        if m.primal <= 1e-2 * m.level.mu.max(1e-10).min(1e-8) {
+            // nothing to restore: the jam is not one of feasibility
+            return Some(Outcome::Stalled);
+        }
+        let phi0 = barrier(&self.shape, &self.bounds, &self.it.x, &self.it.s, self.v.f, self.level.mu);
+        self.filter.add(th0, phi0);
+        let mut resto = match self.resto.take() {
+            Some(r) => r,
+            None => match Restoration::new(nlp, self.settings) {
+                Ok(r) => Box::new(r),
+                Err(_) => return Some(Outcome::Stalled),
+            },
+        };
+        let left = self.settings.max_iter - self.stats.iterations;
+        let (found, outcome) =
+            resto.run(nlp, &self.bounds, &self.it, &self.v.c, self.level.mu.max(m.primal), left, control);
+        let cost = resto.statistics();
+        self.stats.iterations += cost.iterations;
+        self.stats.restoration_iterations += cost.iterations;
+        self.stats.factorisations += cost.factorisations;
+        self.stats.evaluations += cost.evaluations;
+        self.it.x.copy_from_slice(resto.x());
+        self.resto = Some(resto);
+        if !self.evaluate(nlp) || !self.differentiate(nlp) {
+            return Some(Outcome::Failed);
+        }
+        let mu = self.level.mu;
+        let Ipm { it, bounds: b, shape, v, .. } = self;
+        for j in 0..it.x.len() {
+            if !shape.fixed[j] {
+                it.x[j] = push_inside(it.x[j], b.xl[j], b.xu[j], 1e-10);
+            }
+            it.zl[j] = start_multiplier(shape.has_xl[j], false, 0.0, it.x[j] - b.xl[j], mu).min(1e3);
+            it.zu[j] = start_multiplier(shape.has_xu[j], false, 0.0, b.xu[j] - it.x[j], mu).min(1e3);
+        }
+        for i in 0..it.s.len() {
+            if shape.row[i] == RowKind::Inequality {
+                it.s[i] = push_inside(v.c[i], b.cl[i], b.cu[i], 1e-8);
+            }
+            it.vl[i] = start_multiplier(shape.has_cl[i], false, 0.0, it.s[i] - b.cl[i], mu).min(1e3);
+            it.vu[i] = start_multiplier(shape.has_cu[i], false, 0.0, b.cu[i] - it.s[i], mu).min(1e3);
+        }
+        self.estimate_multipliers();
+        if found {
+            return None;
+        }
+        match outcome {
+            Outcome::Solved if self.max_violation() > 1e-8 => Some(Outcome::Infeasible),
+            Outcome::Solved => None,
+            Outcome::Stalled | Outcome::MaxIter if self.stats.iterations < self.settings.max_iter => {
+                Some(Outcome::Stalled)
+            }
+            other => Some(other),
+        }
+    }
+
+    /// Writes the multipliers of fixed variables into `z[n]`: what is left of the gradient of the Lagrangian.
+    pub fn fixed_multipliers(&self, z: &mut [f64]) {
+        for j in (0..self.n).filter(|&j| self.shape.fixed[j]) {
+            let rows = self.jac.range(j).map(|k| self.v.jac[k] * self.it.y[self.jac.row_idx()[k]]);
+            z[j] = self.v.grad[j] + rows.sum::<f64>();
+        }
+    }
+
+    fn max_violation(&self) -> f64 {
+        super::iterate::primal_error(&self.shape, &self.it, &self.v.c)
+    }
+}
+
+/// Gradient of the barrier Lagrangian in the slack of row `i`.
+#[inline]
+fn slack_gradient(shape: &Shape, b: &Bounds, it: &Iterate, i: usize, mu: f64) -> f64 {
+    let mut g = -it.y[i];
+    if shape.has_cl[i] {
+        g -= mu / (it.s[i] - b.cl[i]);
+    }
+    if shape.has_cu[i] {
+        g += mu / (b.cu[i] - it.s[i]);
+    }
+    g
+}
+
+#[inline]
+fn multiplier_step(has: bool, z: f64, dist: f64, d_dist: f64, mu: f64) -> f64 {
+    if has {
+        (mu - z * d_dist) / dist - z
+    } else {
+        0.0
+    }
+}
+
+/// Step length at which `value + α step = (1 − τ) value`.
+#[inline]
+fn ratio(tau: f64, value: f64, step: f64) -> f64 {
+    if step < 0.0 {
+        -tau * value / step
+    } else {
+        1.0
+    }
+}
+
+/// Keeps a multiplier within a factor of the central path, (16) of Wächter and Biegler.
+#[inline]
+fn clamp_multiplier(z: f64, dist: f64, mu: f64) -> f64 {
+    const KAPPA_SIGMA: f64 = 1e10;
+    z.clamp(mu / (KAPPA_SIGMA * dist), KAPPA_SIGMA * mu / dist)
+}
+
+#[inline]
+fn tiny_gap(bound: f64) -> f64 {
+    1e-20f64.max(f64::EPSILON * bound.abs())
+}
+
+fn start_multiplier(has: bool, warm: bool, z: f64, dist: f64, mu: f64) -> f64 {
+    match (has, warm) {
+        (false, _) => 0.0,
+        (true, true) if z > 0.0 => z,
+        _ => mu / dist,
+    }
+}
+
+/// Moves a value inside its bounds by a relative distance, (34)-(35) of Wächter and Biegler.
+fn push_inside(v: f64, lo: f64, hi: f64, push: f64) -> f64 {
+    use super::problem::INFINITE;
+    let (has_lo, has_hi) = (lo > -INFINITE, hi < INFINITE);
+    match (has_lo, has_hi) {
+        (true, true) => {
+            let pl = (push * lo.abs().max(1.0)).min(push.min(0.25) * (hi - lo));
+            let pu = (push * hi.abs().max(1.0)).min(push.min(0.25) * (hi - lo));
+            v.clamp(lo + pl, hi - pu)
+        }
+        (true, false) => v.max(lo + push * lo.abs().max(1.0)),
+        (false, true) => v.min(hi - push * hi.abs().max(1.0)),
+        (false, false) => v,
+    }
+}

@@ -1,0 +1,180 @@
+//! Piecewise smooth systems as the user states them.
+//!
+//! ```text
+//! ẋ = f0(x,u,p,t) + Σ_k Σ_i θ_i^k f_i^k(x,u,p,t),   θ^k in the Filippov set of subsystem k       (6.22)
+//! ```
+//!
+//! A [`Subsystem`] has its own modes and regions: switching functions `ψ` with a sign matrix, or Stewart's
+//! indicator functions. Subsystems add: `n` of them with two modes cost `2n` modes, not `2^n`.
+
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::func::{Dims, Function};
+
+/// A function that may be shared by models and threads.
+pub type SharedFunction = Arc<dyn Function>;
+
+/// How the regions of a subsystem are given.
+#[derive(Clone)]
+pub enum Regions {
+    /// Region `i` is where `signs[i][j] ψ_j(x) > 0` for every `j` with `signs[i][j] ≠ 0` (Definition 6.3);
+    /// 0 means that `ψ_j` does not matter. Row-major, `n_modes × n_psi`, entries −1, 0, 1.
+    Signs {
+        /// Switching functions.
+        psi: SharedFunction,
+        /// Sign matrix.
+        signs: Vec<i8>,
+    },
+    /// Region `i` is where `g_i(x)` is the smallest indicator (6.4); `n_modes` functions.
+    Indicators(SharedFunction),
+}
+
+/// Modes that exclude each other, up to convex combination.
+#[derive(Clone)]
+pub struct Subsystem {
+    /// States the modes drive; the mode matrix has one row for each.
+    pub rows: Vec<usize>,
+    /// Mode vector fields `F`, column-major `rows.len() × n_modes`.
+    pub modes: SharedFunction,
+    /// Number of modes.
+    pub n_modes: usize,
+    /// Where each mode is valid.
+    pub regions: Regions,
+}
+
+/// A piecewise smooth system.
+#[derive(Clone)]
+pub struct System {
+    dims: Dims,
+    f0: Option<SharedFunction>,
+    subsystems: Vec<Subsystem>,
+}
+
+impl System {
+    /// A system without dynamics: `nx` states, `nu` controls, `np` parameters.
+    pub fn new(nx: usize, nu: usize, np: usize) -> Result<System> {
+        if nx == 0 {
+            return Err(Error::Dimension("a system needs at least one state".into()));
+        }
+        Ok(System { dims: Dims { x: nx, u: nu, p: np }, f0: None, subsystems: Vec::new() })
+    }
+
+    /// Sizes of states, controls and parameters.
+    pub fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    /// Smooth part of the right-hand side, `nx` outputs.
+    pub fn f0(&self) -> Option<&SharedFunction> {
+        self.f0.as_ref()
+    }
+
+    /// The subsystems in the order they were added.
+    pub fn subsystems(&self) -> &[Subsystem] {
+        &self.subsystems
+    }
+
+    /// Sets the part of the right-hand side that does not switch.
+    pub fn set_f0(&mut self, f0: SharedFunction) -> Result<()> {
+        self.check(f0.as_ref(), self.dims.x)?;
+        self.f0 = Some(f0);
+        Ok(())
+    }
+
+    /// Adds a subsystem and checks everything that can be checked without evaluating it. Returns its index.
+    pub fn add_subsystem(&mut self, s: Subsystem) -> Result<usize> {
+        let k = self.subsystems.len();
+        if s.n_modes == 0 {
+            return Err(Error::Dimension(format!("subsystem {k} has no modes")));
+        }
+        if s.rows.is_empty() {
+            return Err(Error::Dimension(format!("subsystem {k} drives no state: list the states its modes drive")));
+        }
+        for (i, &r) in s.rows.iter().enumerate() {
+            if r >= self.dims.x {
+                return Err(Error::Range(format!("subsystem {k} drives state {r}, but there are {}", self.dims.x)));
+            }
+            if s.rows[..i].contains(&r) {
+                return Err(Error::Range(format!("subsystem {k} lists state {r} twice")));
+            }
+        }
+        self.check(s.modes.as_ref(), s.rows.len() * s.n_modes)?;
+        match &s.regions {
+            Regions::Indicators(g) => self.check(g.as_ref(), s.n_modes)?,
+            Regions::Signs { psi, signs } => {
+                self.check(psi.as_ref(), psi.n_out())?;
+                check_signs(k, s.n_modes, psi.n_out(), signs)?;
+            }
+        }
+        self.subsystems.push(s);
+        Ok(k)
+    }
+
+    /// Is anything there to integrate?
+    pub fn validate(&self) -> Result<()> {
+        if self.f0.is_none() && self.subsystems.is_empty() {
+            return Err(Error::State("the system has no dynamics: set f0 or add a subsystem".into()));
+        }
+        Ok(())
+    }
+
+    fn check(&self, f: &dyn Function, n_out: usize) -> Result<()> {
+        let d = f.dims();
+        if d != self.dims {
+            return Err(Error::Dimension(format!(
+                "function '{}' takes (x, u, p) of sizes ({}, {}, {}), the system has ({}, {}, {})",
+                f.name(),
+                d.x,
+                d.u,
+                d.p,
+                self.dims.x,
+                self.dims.u,
+                self.dims.p
+            )));
+        }
+        if f.n_out() != n_out {
+            return Err(Error::Dimension(format!(
+                "function '{}' has {} outputs, expected {n_out}",
+                f.name(),
+                f.n_out()
+            )));
+        }
+        Ok(())
+    }
+}
+
+fn check_signs(k: usize, n_modes: usize, n_psi: usize, signs: &[i8]) -> Result<()> {
+    if signs.len() != n_modes * n_psi {
+        return Err(Error::Dimension(format!(
+            "sign matrix of subsystem {k} has {} entries, expected {n_modes} modes x {n_psi} switching functions",
+            signs.len()
+        )));
+    }
+    if let Some(i) = signs.iter().position(|s| !(-1..=1).contains(s)) {
+        return Err(Error::Range(format!(
+            "sign matrix of subsystem {k} has the entry {} in row {}, column {}: only -1, 0 and 1 have a meaning",
+            signs[i],
+            i / n_psi,
+            i % n_psi
+        )));
+    }
+    let row = |i: usize| &signs[i * n_psi..(i + 1) * n_psi];
+    for i in 0..n_modes {
+        if n_modes > 1 && row(i).iter().all(|&s| s == 0) {
+            return Err(Error::Range(format!(
+                "row {i} of the sign matrix of subsystem {k} is zero: the mode would be valid everywhere"
+            )));
+        }
+        for j in 0..i {
+            let apart = row(i).iter().zip(row(j)).any(|(a, b)| a * b == -1);
+            if !apart {
+                return Err(Error::Range(format!(
+                    "rows {j} and {i} of the sign matrix of subsystem {k} overlap: \
+                     some switching function must have opposite signs in them"
+                )));
+            }
+        }
+    }
+    Ok(())
+}
