@@ -21,7 +21,12 @@ pub enum Error {
     /// An unknown option or a value of the wrong type.
     Option(String),
     /// A user function returned a negative code.
-    User { code: i32, what: String },
+    User {
+        /// The code.
+        code: i32,
+        /// Which function.
+        what: String,
+    },
     /// A user function has no finite value where one is needed.
     NonFinite(String),
     /// Stopped by `interrupt`, or by a callback that asked for it.

@@ -3,6 +3,7 @@
 #![warn(missing_docs)]
 #![allow(clippy::needless_range_loop)]
 
+pub mod capi;
 pub mod dcs;
 pub mod error;
 pub mod fesd;

@@ -416,10 +416,7 @@ impl OptionInfo {
         if let Kind::Enum(names) = self.kind {
             return names.join(" | ");
         }
-        let (left, right) = (
-            if self.min.is_open() { '(' } else { '[' },
-            if self.max.is_open() { ')' } else { ']' },
-        );
+        let (left, right) = (if self.min.is_open() { '(' } else { '[' }, if self.max.is_open() { ')' } else { ']' });
         format!("{left}{}, {}{right}", self.min.value(), self.max.value())
     }
 
@@ -428,16 +425,8 @@ impl OptionInfo {
             return Ok(());
         }
         Err(Error::Range(match self.kind {
-            Kind::Enum(_) => format!(
-                "option '{}' is {v}, which is none of {}",
-                self.name,
-                self.enum_text()
-            ),
-            _ => format!(
-                "option '{}' is {v}, outside {}",
-                self.name,
-                self.range_text()
-            ),
+            Kind::Enum(_) => format!("option '{}' is {v}, which is none of {}", self.name, self.enum_text()),
+            _ => format!("option '{}' is {v}, outside {}", self.name, self.range_text()),
         }))
     }
 
@@ -445,11 +434,7 @@ impl OptionInfo {
         let Kind::Enum(names) = self.kind else {
             return String::new();
         };
-        let pairs: Vec<String> = names
-            .iter()
-            .enumerate()
-            .map(|(i, n)| format!("{i} ({n})"))
-            .collect();
+        let pairs: Vec<String> = names.iter().enumerate().map(|(i, n)| format!("{i} ({n})")).collect();
         pairs.join(", ")
     }
 
@@ -460,22 +445,14 @@ impl OptionInfo {
             (_, Value::Int(v)) => {
                 // Beyond 2^53 an integer is not exact in f64; no range reaches that far.
                 if v.unsigned_abs() > 1 << 53 {
-                    return Err(Error::Range(format!(
-                        "option '{}' is {v}, outside {}",
-                        self.name,
-                        self.range_text()
-                    )));
+                    return Err(Error::Range(format!("option '{}' is {v}, outside {}", self.name, self.range_text())));
                 }
                 Ok(*v as f64)
             }
-            (Kind::Int | Kind::Enum(_), Value::Float(v)) => Err(Error::Option(format!(
-                "option '{}' takes {}, not the float {v}",
-                self.name,
-                self.kind_text()
-            ))),
-            (Kind::Float, Value::Text(t)) => {
-                t.trim().parse::<f64>().map_err(|_| self.not_a_value(t))
+            (Kind::Int | Kind::Enum(_), Value::Float(v)) => {
+                Err(Error::Option(format!("option '{}' takes {}, not the float {v}", self.name, self.kind_text())))
             }
+            (Kind::Float, Value::Text(t)) => t.trim().parse::<f64>().map_err(|_| self.not_a_value(t)),
             (Kind::Int, Value::Text(t)) => {
                 let v = t.trim().parse::<i64>().map_err(|_| self.not_a_value(t))?;
                 self.number(&Value::Int(v))
@@ -502,11 +479,7 @@ impl OptionInfo {
     }
 
     fn not_a_value(&self, text: &str) -> Error {
-        let mut message = format!(
-            "option '{}' takes {}, not '{text}'",
-            self.name,
-            self.kind_text()
-        );
+        let mut message = format!("option '{}' takes {}, not '{text}'", self.name, self.kind_text());
         if let Kind::Enum(names) = self.kind {
             match nearest(text, names.iter().copied()) {
                 Some(n) => message += &format!("; did you mean '{n}'?"),
@@ -631,8 +604,7 @@ impl Settings {
 
     /// [`Discretisation`] of these settings.
     pub fn discretisation(&self) -> Result<Discretisation> {
-        Discretisation::from_i64(self.discretisation)
-            .ok_or_else(|| bad("discretisation", self.discretisation))
+        Discretisation::from_i64(self.discretisation).ok_or_else(|| bad("discretisation", self.discretisation))
     }
 
     /// [`StageForm`] of these settings.
@@ -658,14 +630,12 @@ impl Settings {
 
     /// [`InitialGuess`] of these settings.
     pub fn initial_guess(&self) -> Result<InitialGuess> {
-        InitialGuess::from_i64(self.initial_guess)
-            .ok_or_else(|| bad("initial_guess", self.initial_guess))
+        InitialGuess::from_i64(self.initial_guess).ok_or_else(|| bad("initial_guess", self.initial_guess))
     }
 
     /// [`LogLevel`] of these settings; a number outside means the nearest level.
     pub fn log_level(&self) -> LogLevel {
-        LogLevel::from_i64(self.log_level.clamp(0, LogLevel::Trace as i64))
-            .unwrap_or(LogLevel::Silent)
+        LogLevel::from_i64(self.log_level.clamp(0, LogLevel::Trace as i64)).unwrap_or(LogLevel::Silent)
     }
 }
 
@@ -691,10 +661,7 @@ fn float_text(v: f64) -> String {
 }
 
 /// The candidate nearest to `word`, if one is near enough to be meant.
-pub(crate) fn nearest<'a>(
-    word: &str,
-    candidates: impl Iterator<Item = &'a str>,
-) -> Option<&'a str> {
+pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
     let word = word.trim().to_ascii_lowercase().replace(['-', ' '], "_");
     let limit = (word.chars().count() / 3).max(1) + 1;
     candidates
@@ -715,9 +682,7 @@ fn edit_distance(a: &str, b: &str) -> usize {
                 i + j
             } else {
                 let substitution = d[(i - 1) * width + j - 1] + usize::from(a[i - 1] != b[j - 1]);
-                let mut best = substitution
-                    .min(d[(i - 1) * width + j] + 1)
-                    .min(d[i * width + j - 1] + 1);
+                let mut best = substitution.min(d[(i - 1) * width + j] + 1).min(d[i * width + j - 1] + 1);
                 if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
                     best = best.min(d[(i - 2) * width + j - 2] + 1);
                 }
@@ -748,18 +713,12 @@ mod tests {
         let source = include_str!("settings.rs");
         let body = source.split("pub struct Settings {").nth(1).unwrap();
         let body = body.split("\n}").next().unwrap();
-        let mut lines = body
-            .lines()
-            .map(str::trim)
-            .skip_while(|l| !l.starts_with("pub struct_size"));
+        let mut lines = body.lines().map(str::trim).skip_while(|l| !l.starts_with("pub struct_size"));
         lines.next();
         for o in OPTIONS {
             let doc = lines.next().unwrap().strip_prefix("/// ").unwrap();
             assert_eq!(doc, o.doc);
-            assert!(lines
-                .next()
-                .unwrap()
-                .starts_with(&format!("pub {}: ", o.name)));
+            assert!(lines.next().unwrap().starts_with(&format!("pub {}: ", o.name)));
         }
     }
 
@@ -768,10 +727,7 @@ mod tests {
         let s = Settings::default();
         s.validate().unwrap();
         assert_eq!(s.struct_size, std::mem::size_of::<Settings>() as u64);
-        assert_eq!(
-            (s.n_s, s.n_fe, s.max_iter, s.step_equilibration),
-            (2, 3, 3000, 2)
-        );
+        assert_eq!((s.n_s, s.n_fe, s.max_iter, s.step_equilibration), (2, 3, 3000, 2));
         assert_eq!(s.rk_family(), Ok(RkFamily::RadauIia));
         assert!(s.max_time.is_infinite() && s.polish());
         for o in OPTIONS {
@@ -838,23 +794,11 @@ mod tests {
     fn misspelt_names_are_recognised() {
         let hint = |name: &str| option(name).err().unwrap().to_string();
         assert_eq!(hint("tolr"), "unknown option 'tolr'; did you mean 'tol'?");
-        assert_eq!(
-            hint("max_itre"),
-            "unknown option 'max_itre'; did you mean 'max_iter'?"
-        );
-        assert_eq!(
-            hint("max-iter"),
-            "unknown option 'max-iter'; did you mean 'max_iter'?"
-        );
-        assert_eq!(
-            hint("discretization"),
-            "unknown option 'discretization'; did you mean 'discretisation'?"
-        );
+        assert_eq!(hint("max_itre"), "unknown option 'max_itre'; did you mean 'max_iter'?");
+        assert_eq!(hint("max-iter"), "unknown option 'max-iter'; did you mean 'max_iter'?");
+        assert_eq!(hint("discretization"), "unknown option 'discretization'; did you mean 'discretisation'?");
         assert_eq!(hint("frobnicate_all"), "unknown option 'frobnicate_all'");
-        let e = Settings::default()
-            .set_by_name("cross", "elemnt")
-            .unwrap_err()
-            .to_string();
+        let e = Settings::default().set_by_name("cross", "elemnt").unwrap_err().to_string();
         assert!(e.ends_with("did you mean 'element'?"), "{e}");
     }
 
@@ -879,14 +823,8 @@ mod tests {
     #[test]
     fn json_is_complete() {
         let json = Settings::default().to_json();
-        assert!(
-            json.starts_with("{\"rk_family\": \"radau_iia\", \"n_s\": 2, "),
-            "{json}"
-        );
-        assert!(
-            json.contains("\"max_time\": \"inf\"") && json.contains("\"tol\": 1e-9"),
-            "{json}"
-        );
+        assert!(json.starts_with("{\"rk_family\": \"radau_iia\", \"n_s\": 2, "), "{json}");
+        assert!(json.contains("\"max_time\": \"inf\"") && json.contains("\"tol\": 1e-9"), "{json}");
         assert_eq!(json.matches(": ").count(), OPTIONS.len());
     }
 }

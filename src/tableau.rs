@@ -60,9 +60,7 @@ impl Tableau {
             Family::RadauIia | Family::GaussLegendre => Self::MAX_STAGES,
         };
         if n_s == 0 || n_s > max {
-            return Err(Error::Unsupported(format!(
-                "{family:?} methods have 1 to {max} stages, {n_s} were asked for"
-            )));
+            return Err(Error::Unsupported(format!("{family:?} methods have 1 to {max} stages, {n_s} were asked for")));
         }
         match family {
             Family::RadauIia => Ok(Self::collocation(family, radau_nodes(n_s), 2 * n_s - 1)),
@@ -77,9 +75,7 @@ impl Tableau {
     /// Collocation method on given distinct nodes `c > 0`.
     fn collocation(family: Family, c: Vec<f64>, order: usize) -> Tableau {
         let n = c.len();
-        let bary = (0..n)
-            .map(|j| 1.0 / (0..n).filter(|&k| k != j).map(|k| c[j] - c[k]).product::<f64>())
-            .collect();
+        let bary = (0..n).map(|j| 1.0 / (0..n).filter(|&k| k != j).map(|k| c[j] - c[k]).product::<f64>()).collect();
         let mut tab = Tableau {
             family,
             n_s: n,
@@ -122,17 +118,7 @@ impl Tableau {
                 vec![0.0, 0.5, 0.5, 1.0],
             ),
         };
-        Tableau {
-            family: Family::Explicit,
-            n_s,
-            a,
-            b,
-            c,
-            a_inv: None,
-            order: n_s,
-            bary: Vec::new(),
-            rule: Vec::new(),
-        }
+        Tableau { family: Family::Explicit, n_s, a, b, c, a_inv: None, order: n_s, bary: Vec::new(), rule: Vec::new() }
     }
 
     /// Coefficient `a_ij`.
@@ -182,10 +168,7 @@ impl Tableau {
     /// Fails with [`Error::Unsupported`] for methods that are no collocation methods.
     pub fn lagrange_at(&self, tau: f64, out: &mut [f64]) -> Result<()> {
         if !self.is_collocation() {
-            return Err(Error::Unsupported(format!(
-                "{:?} methods have no collocation polynomial",
-                self.family
-            )));
+            return Err(Error::Unsupported(format!("{:?} methods have no collocation polynomial", self.family)));
         }
         for (j, o) in out[..self.n_s].iter_mut().enumerate() {
             *o = self.lagrange(j, tau);
@@ -323,9 +306,8 @@ fn radau_nodes(n: usize) -> Vec<f64> {
 /// `A^{-1}` is the differentiation matrix without the row and the column of the node zero.
 fn differentiation(c: &[f64]) -> Vec<f64> {
     let n = c.len();
-    let omega: Vec<f64> = (0..n)
-        .map(|j| c[j] * (0..n).filter(|&k| k != j).map(|k| c[j] - c[k]).product::<f64>())
-        .collect();
+    let omega: Vec<f64> =
+        (0..n).map(|j| c[j] * (0..n).filter(|&k| k != j).map(|k| c[j] - c[k]).product::<f64>()).collect();
     let mut d = vec![0.0; n * n];
     for i in 0..n {
         for j in 0..n {
@@ -420,12 +402,9 @@ mod tests {
 
     #[test]
     fn limits() {
-        for (f, s) in [
-            (Family::RadauIia, 0),
-            (Family::RadauIia, 10),
-            (Family::GaussLegendre, 10),
-            (Family::Explicit, 5),
-        ] {
+        for (f, s) in
+            [(Family::RadauIia, 0), (Family::RadauIia, 10), (Family::GaussLegendre, 10), (Family::Explicit, 5)]
+        {
             assert!(matches!(Tableau::new(f, s), Err(Error::Unsupported(_))));
         }
     }
@@ -479,9 +458,7 @@ mod tests {
         for s in 1..=4 {
             let t = Tableau::new(Family::Explicit, s).unwrap();
             let ac: Vec<f64> = (0..s).map(|i| (0..s).map(|j| t.a(i, j) * t.c[j]).sum()).collect();
-            let ac2: Vec<f64> = (0..s)
-                .map(|i| (0..s).map(|j| t.a(i, j) * t.c[j] * t.c[j]).sum())
-                .collect();
+            let ac2: Vec<f64> = (0..s).map(|i| (0..s).map(|j| t.a(i, j) * t.c[j] * t.c[j]).sum()).collect();
             let aac: Vec<f64> = (0..s).map(|i| (0..s).map(|j| t.a(i, j) * ac[j]).sum()).collect();
             let dot = |v: &[f64]| t.b.iter().zip(v).map(|(b, v)| b * v).sum::<f64>();
             if s >= 3 {
@@ -591,9 +568,7 @@ mod tests {
             let n = t.n_s;
             let k: Vec<f64> = (0..n).map(|j| (1.3 * j as f64 + 0.4).sin()).collect();
             let (x0, h) = (0.7, 0.3);
-            let xs: Vec<f64> = (0..n)
-                .map(|i| x0 + h * (0..n).map(|j| t.a(i, j) * k[j]).sum::<f64>())
-                .collect();
+            let xs: Vec<f64> = (0..n).map(|i| x0 + h * (0..n).map(|j| t.a(i, j) * k[j]).sum::<f64>()).collect();
             let (mut d, mut w) = (vec![0.0; n], vec![0.0; n]);
             for theta in [0.0, 0.2, 0.5, 0.9, 1.0] {
                 t.state_weights(theta, &mut d).unwrap();
@@ -621,9 +596,7 @@ mod tests {
                     assert!((s - theta.powi(q as i32) / q as f64).abs() < 1e-14);
                 }
                 if t.dense_order() >= 3 {
-                    let s: f64 = (0..n)
-                        .map(|i| w[i] * (0..n).map(|j| t.a(i, j) * t.c[j]).sum::<f64>())
-                        .sum();
+                    let s: f64 = (0..n).map(|i| w[i] * (0..n).map(|j| t.a(i, j) * t.c[j]).sum::<f64>()).sum();
                     assert!((s - theta.powi(3) / 6.0).abs() < 1e-14);
                 }
             }

@@ -59,20 +59,14 @@ pub fn caught<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
 /// Make `e` the last error of this thread.
 pub fn remember(e: &Error) {
     let message = raw::c_string(&e.to_string());
-    let user_code = if let Error::User { code, .. } = e {
-        *code
-    } else {
-        0
-    };
+    let user_code = if let Error::User { code, .. } = e { *code } else { 0 };
     let _ = LAST.try_with(|last| *last.borrow_mut() = LastError { message, user_code });
 }
 
 fn panic_text(payload: &(dyn Any + Send)) -> &str {
     match payload.downcast_ref::<&str>() {
         Some(s) => s,
-        None => payload
-            .downcast_ref::<String>()
-            .map_or("panic", String::as_str),
+        None => payload.downcast_ref::<String>().map_or("panic", String::as_str),
     }
 }
 
@@ -84,10 +78,7 @@ fn silence() {
         std::panic::set_hook(Box::new(move |info| {
             let guarded = DEPTH.try_with(|d| d.get() > 0).unwrap_or(false);
             // Panics of foreign Rust callbacks that cannot unwind abort the process: not silently.
-            let aborts = info
-                .payload()
-                .downcast_ref::<&str>()
-                .is_some_and(|s| s.contains("cannot unwind"));
+            let aborts = info.payload().downcast_ref::<&str>().is_some_and(|s| s.contains("cannot unwind"));
             if guarded && !aborts {
                 let place = info.location().map(ToString::to_string);
                 let _ = PLACE.try_with(|p| p.replace(place));
@@ -104,8 +95,7 @@ fn silence() {
 /// change it. Never NULL.
 #[no_mangle]
 pub extern "C" fn swb_last_error() -> *const c_char {
-    LAST.try_with(|last| last.borrow().message.as_ptr())
-        .unwrap_or(c"".as_ptr())
+    LAST.try_with(|last| last.borrow().message.as_ptr()).unwrap_or(c"".as_ptr())
 }
 
 /// Code that the user function returned, if the last failed call of this thread failed by it; else 0.
@@ -120,15 +110,9 @@ pub extern "C" fn swb_last_user_code() -> i32 {
 /// @param[out] needed length with the final NUL, written in any case; may be NULL
 /// @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short. The last error is unchanged.
 #[no_mangle]
-pub unsafe extern "C" fn swb_last_error_copy(
-    buf: *mut c_char,
-    len: i64,
-    needed: *mut i64,
-) -> swb_status {
+pub unsafe extern "C" fn swb_last_error_copy(buf: *mut c_char, len: i64, needed: *mut i64) -> swb_status {
     let result = caught(|| {
-        let text = LAST
-            .try_with(|last| last.borrow().message.clone())
-            .unwrap_or_default();
+        let text = LAST.try_with(|last| last.borrow().message.clone()).unwrap_or_default();
         unsafe { raw::write_text(text.to_bytes(), buf, len, needed) }
     });
     match result {
@@ -143,25 +127,16 @@ mod tests {
     use std::ffi::CStr;
 
     fn last() -> String {
-        unsafe { CStr::from_ptr(swb_last_error()) }
-            .to_str()
-            .unwrap()
-            .to_owned()
+        unsafe { CStr::from_ptr(swb_last_error()) }.to_str().unwrap().to_owned()
     }
 
     #[test]
     fn failure_is_remembered_and_success_keeps_it() {
-        assert_eq!(
-            guard(|| Err(Error::Range("x[3] is NaN".into()))),
-            swb_status::SWB_ERR_RANGE
-        );
+        assert_eq!(guard(|| Err(Error::Range("x[3] is NaN".into()))), swb_status::SWB_ERR_RANGE);
         assert_eq!(last(), "x[3] is NaN");
         assert_eq!(guard(|| Ok(())), swb_status::SWB_OK);
         assert_eq!(last(), "x[3] is NaN");
-        let user = Error::User {
-            code: -7,
-            what: "the right-hand side".into(),
-        };
+        let user = Error::User { code: -7, what: "the right-hand side".into() };
         assert_eq!(guard(|| Err(user)), swb_status::SWB_ERR_USER);
         assert_eq!(swb_last_user_code(), -7);
     }
@@ -171,10 +146,7 @@ mod tests {
         let status = guard(|| panic!("index {} of {}", 4, 3));
         assert_eq!(status, swb_status::SWB_ERR_INTERNAL);
         let message = last();
-        assert!(
-            message.contains("index 4 of 3") && message.contains("guard.rs"),
-            "{message}"
-        );
+        assert!(message.contains("index 4 of 3") && message.contains("guard.rs"), "{message}");
         assert_eq!(query(5, || panic!("again")), 5);
     }
 
@@ -194,20 +166,11 @@ mod tests {
         let mut needed = 0;
         let mut buf = [1 as c_char; 8];
         unsafe {
-            assert_eq!(
-                swb_last_error_copy(std::ptr::null_mut(), 0, &mut needed),
-                swb_status::SWB_OK
-            );
+            assert_eq!(swb_last_error_copy(std::ptr::null_mut(), 0, &mut needed), swb_status::SWB_OK);
             assert_eq!(needed, 4);
-            assert_eq!(
-                swb_last_error_copy(buf.as_mut_ptr(), 3, &mut needed),
-                swb_status::SWB_ERR_DIMENSION
-            );
+            assert_eq!(swb_last_error_copy(buf.as_mut_ptr(), 3, &mut needed), swb_status::SWB_ERR_DIMENSION);
             assert_eq!(buf, [1; 8]);
-            assert_eq!(
-                swb_last_error_copy(buf.as_mut_ptr(), 4, std::ptr::null_mut()),
-                swb_status::SWB_OK
-            );
+            assert_eq!(swb_last_error_copy(buf.as_mut_ptr(), 4, std::ptr::null_mut()), swb_status::SWB_OK);
             assert_eq!(CStr::from_ptr(buf.as_ptr()), c"abc");
             assert_eq!(buf[4], 1);
         }

@@ -51,10 +51,7 @@ const fn magic(name: &str) -> u64 {
 ///
 /// # Safety
 /// `out` is NULL or can be written.
-pub unsafe fn create<O: Object>(
-    out: *mut *mut O,
-    make: impl FnOnce(&Interrupt) -> Result<O::Value>,
-) -> Result<()> {
+pub unsafe fn create<O: Object>(out: *mut *mut O, make: impl FnOnce(&Interrupt) -> Result<O::Value>) -> Result<()> {
     unsafe { raw::write(out, ptr::null_mut(), "out")? };
     let interrupt = Interrupt::default();
     let value = make(&interrupt)?;
@@ -72,19 +69,13 @@ pub unsafe fn create<O: Object>(
 ///
 /// # Safety
 /// `object` is NULL or comes from [`create`] and is not freed during the call.
-pub unsafe fn with_ref<O: Object, R>(
-    object: *const O,
-    body: impl FnOnce(&O::Value) -> Result<R>,
-) -> Result<R>
+pub unsafe fn with_ref<O: Object, R>(object: *const O, body: impl FnOnce(&O::Value) -> Result<R>) -> Result<R>
 where
     O::Value: Sync,
 {
     let handle = unsafe { check(object)? };
     let claim = |uses: i32| (uses >= 0).then_some(uses + 1);
-    if let Err(uses) = handle
-        .uses
-        .fetch_update(Ordering::Acquire, Ordering::Relaxed, claim)
-    {
+    if let Err(uses) = handle.uses.fetch_update(Ordering::Acquire, Ordering::Relaxed, claim) {
         return Err(taken::<O>(uses));
     }
     struct Release<'a>(&'a AtomicI32);
@@ -101,14 +92,9 @@ where
 ///
 /// # Safety
 /// `object` is NULL or comes from [`create`] and is not freed during the call.
-pub unsafe fn with_mut<O: Object, R>(
-    object: *mut O,
-    body: impl FnOnce(&mut O::Value) -> Result<R>,
-) -> Result<R> {
+pub unsafe fn with_mut<O: Object, R>(object: *mut O, body: impl FnOnce(&mut O::Value) -> Result<R>) -> Result<R> {
     let handle = unsafe { check(object)? };
-    let claimed = handle
-        .uses
-        .compare_exchange(0, EXCLUSIVE, Ordering::Acquire, Ordering::Relaxed);
+    let claimed = handle.uses.compare_exchange(0, EXCLUSIVE, Ordering::Acquire, Ordering::Relaxed);
     if let Err(uses) = claimed {
         return Err(taken::<O>(uses));
     }
@@ -128,9 +114,7 @@ pub unsafe fn with_mut<O: Object, R>(
 /// # Safety
 /// `object` is NULL or comes from [`create`] and is not freed during the call.
 pub unsafe fn interrupt<O: Object>(object: *const O) -> Result<()> {
-    unsafe { check(object)? }
-        .interrupt
-        .store(true, Ordering::Relaxed);
+    unsafe { check(object)? }.interrupt.store(true, Ordering::Relaxed);
     Ok(())
 }
 
@@ -145,10 +129,7 @@ pub unsafe fn free<O: Object>(object: *mut O) {
     let result = caught(|| {
         let handle = unsafe { check(object)? };
         let claim = |uses: i32| (uses == 0 || uses == BROKEN).then_some(EXCLUSIVE);
-        if let Err(uses) = handle
-            .uses
-            .fetch_update(Ordering::Acquire, Ordering::Relaxed, claim)
-        {
+        if let Err(uses) = handle.uses.fetch_update(Ordering::Acquire, Ordering::Relaxed, claim) {
             return Err(taken::<O>(uses));
         }
         handle.magic.store(FREED, Ordering::Relaxed);
@@ -166,11 +147,7 @@ unsafe fn check<'a, O: Object>(object: *const O) -> Result<&'a Handle<O::Value>>
     // Only the first word is read before the type is known.
     let found = unsafe { &*ptr::addr_of!((*p).magic) }.load(Ordering::Relaxed);
     if found != magic(O::NAME) {
-        let why = if found == FREED {
-            "has been freed"
-        } else {
-            "is no such object"
-        };
+        let why = if found == FREED { "has been freed" } else { "is no such object" };
         return Err(Error::State(format!("the {} {why}", O::NAME)));
     }
     Ok(unsafe { &*p })
@@ -178,14 +155,8 @@ unsafe fn check<'a, O: Object>(object: *const O) -> Result<&'a Handle<O::Value>>
 
 fn taken<O: Object>(uses: i32) -> Error {
     Error::State(match uses {
-        BROKEN => format!(
-            "the {} was left behind by an internal error; it can only be freed",
-            O::NAME
-        ),
-        _ => format!(
-            "the {} is in use, by another thread or by the call that called back",
-            O::NAME
-        ),
+        BROKEN => format!("the {} was left behind by an internal error; it can only be freed", O::NAME),
+        _ => format!("the {} is in use, by another thread or by the call that called back", O::NAME),
     })
 }
 
@@ -233,12 +204,7 @@ mod tests {
         let mut out = ptr::NonNull::<Counter>::dangling().as_ptr();
         let e = unsafe { create(&mut out, |_| Err(Error::Range("no".into()))) }.unwrap_err();
         assert_eq!((e.code(), out.is_null()), (-3, true));
-        assert_eq!(
-            unsafe { create::<Counter>(ptr::null_mut(), |_| unreachable!()) }
-                .unwrap_err()
-                .code(),
-            -1
-        );
+        assert_eq!(unsafe { create::<Counter>(ptr::null_mut(), |_| unreachable!()) }.unwrap_err().code(), -1);
     }
 
     #[test]
@@ -268,16 +234,8 @@ mod tests {
     fn wrong_pointers() {
         let c = new(0);
         unsafe {
-            assert_eq!(
-                with_ref(c.cast::<Other>(), |_| Ok(())).unwrap_err().code(),
-                -4
-            );
-            assert_eq!(
-                with_ref(ptr::null::<Counter>(), |_| Ok(()))
-                    .unwrap_err()
-                    .code(),
-                -1
-            );
+            assert_eq!(with_ref(c.cast::<Other>(), |_| Ok(())).unwrap_err().code(), -4);
+            assert_eq!(with_ref(ptr::null::<Counter>(), |_| Ok(())).unwrap_err().code(), -1);
             free(c.cast::<Other>()); // refused
             free(c);
         }
@@ -289,10 +247,7 @@ mod tests {
         unsafe {
             assert_eq!(guard(|| with_mut(c, |_| panic!("defect"))) as i32, -99);
             let e = with_ref(c, |_| Ok(())).unwrap_err();
-            assert!(
-                e.code() == -4 && e.to_string().contains("can only be freed"),
-                "{e}"
-            );
+            assert!(e.code() == -4 && e.to_string().contains("can only be freed"), "{e}");
             free(c);
         }
     }

@@ -14,8 +14,7 @@ use std::ffi::{c_char, c_void};
 /// Receives one log line, without line break. `level` is an enum swb_log_level, `line` is valid during
 /// the call only. May be called by the thread that runs the solver, never after the call that was given
 /// the sink, or the object that holds it, has ended. Must not unwind (no exception, no longjmp).
-pub type swb_log_fn =
-    Option<unsafe extern "C" fn(level: i64, line: *const c_char, user_data: *mut c_void)>;
+pub type swb_log_fn = Option<unsafe extern "C" fn(level: i64, line: *const c_char, user_data: *mut c_void)>;
 
 /// A C callback for log lines with its user data.
 #[derive(Clone, Copy)]
@@ -32,10 +31,7 @@ unsafe impl Sync for LogSink {}
 impl LogSink {
     /// The sink of a callback; `None` without one.
     pub fn new(function: swb_log_fn, user_data: *mut c_void) -> Option<Self> {
-        function.map(|function| LogSink {
-            function,
-            user_data,
-        })
+        function.map(|function| LogSink { function, user_data })
     }
 
     /// Send one line.
@@ -65,11 +61,7 @@ pub unsafe extern "C" fn swb_settings_log(
         let default = Settings::default();
         for o in OPTIONS {
             let value = o.get_text(&settings);
-            let level = if value == o.get_text(&default) {
-                LogLevel::Debug
-            } else {
-                LogLevel::Info
-            };
+            let level = if value == o.get_text(&default) { LogLevel::Debug } else { LogLevel::Info };
             sink.line(level, &format!("settings {} = {value}", o.name));
         }
         Ok(())

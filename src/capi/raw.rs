@@ -32,10 +32,7 @@ pub fn check<T>(p: *const T, what: &str) -> Result<()> {
         return Err(Error::Null(format!("{what} is NULL")));
     }
     if !p.is_aligned() {
-        return Err(Error::Range(format!(
-            "{what} is not aligned to {} bytes",
-            std::mem::align_of::<T>()
-        )));
+        return Err(Error::Range(format!("{what} is not aligned to {} bytes", std::mem::align_of::<T>())));
     }
     Ok(())
 }
@@ -66,10 +63,7 @@ pub unsafe fn write_optional<T>(p: *mut T, value: T) {
 /// `p` is NULL or `n` values can be written there; it does not overlap `values`.
 pub unsafe fn write_slice<T: Copy>(p: *mut T, n: i64, values: &[T], what: &str) -> Result<()> {
     if length(n, what)? != values.len() {
-        return Err(Error::Dimension(format!(
-            "{what} has length {n}, not {}",
-            values.len()
-        )));
+        return Err(Error::Dimension(format!("{what} has length {n}, not {}", values.len())));
     }
     if values.is_empty() {
         return Ok(());
@@ -85,9 +79,7 @@ pub unsafe fn write_slice<T: Copy>(p: *mut T, n: i64, values: &[T], what: &str) 
 /// `p` is NULL or points to a NUL-terminated text that nobody writes while the result lives.
 pub unsafe fn text<'a>(p: *const c_char, what: &str) -> Result<&'a str> {
     check(p, what)?;
-    unsafe { CStr::from_ptr(p) }
-        .to_str()
-        .map_err(|_| Error::Range(format!("{what} is not UTF-8")))
+    unsafe { CStr::from_ptr(p) }.to_str().map_err(|_| Error::Range(format!("{what} is not UTF-8")))
 }
 
 /// Write a text with its final NUL to `[len]` at `buf`, and its length with the NUL to `needed`.
@@ -105,9 +97,7 @@ pub unsafe fn write_text(text: &[u8], buf: *mut c_char, len: i64, needed: *mut i
     }
     check(buf, "the buffer")?;
     if capacity < wanted {
-        return Err(Error::Dimension(format!(
-            "the buffer has length {len}, the text needs {wanted}"
-        )));
+        return Err(Error::Dimension(format!("the buffer has length {len}, the text needs {wanted}")));
     }
     unsafe {
         ptr::copy_nonoverlapping(text.as_ptr().cast::<c_char>(), buf, text.len());
@@ -153,12 +143,7 @@ mod tests {
     fn outputs_are_untouched_on_failure() {
         let mut y = [7.0; 3];
         unsafe {
-            assert_eq!(
-                write_slice(y.as_mut_ptr(), 3, &[1.0, 2.0], "y")
-                    .unwrap_err()
-                    .code(),
-                -2
-            );
+            assert_eq!(write_slice(y.as_mut_ptr(), 3, &[1.0, 2.0], "y").unwrap_err().code(), -2);
             assert_eq!(y, [7.0; 3]);
             write_slice(y.as_mut_ptr(), 2, &[1.0, 2.0], "y").unwrap();
             write_slice::<f64>(ptr::null_mut(), 0, &[], "y").unwrap();

@@ -42,11 +42,7 @@ pub unsafe fn read(settings: *const Settings) -> Result<Settings> {
     }
     let size = unsafe { size_of_callers(settings)? }.min(OURS);
     unsafe {
-        ptr::copy_nonoverlapping(
-            settings.cast::<u8>(),
-            (&mut copy as *mut Settings).cast::<u8>(),
-            size as usize,
-        );
+        ptr::copy_nonoverlapping(settings.cast::<u8>(), (&mut copy as *mut Settings).cast::<u8>(), size as usize);
     }
     copy.struct_size = OURS;
     Ok(copy)
@@ -55,19 +51,14 @@ pub unsafe fn read(settings: *const Settings) -> Result<Settings> {
 unsafe fn size_of_callers(settings: *const Settings) -> Result<u64> {
     raw::check(settings, "settings")?;
     let size = unsafe { settings.cast::<u64>().read() };
-    check_size(size).map_err(|_| {
-        Error::State(format!(
-            "settings has struct_size {size}: call swb_settings_init first"
-        ))
-    })?;
+    check_size(size)
+        .map_err(|_| Error::State(format!("settings has struct_size {size}: call swb_settings_init first")))?;
     Ok(size)
 }
 
 fn check_size(size: u64) -> Result<()> {
     if !(8..=LARGEST).contains(&size) || size % 8 != 0 {
-        return Err(Error::Dimension(format!(
-            "struct_size is {size}, not sizeof(swb_settings)"
-        )));
+        return Err(Error::Dimension(format!("struct_size is {size}, not sizeof(swb_settings)")));
     }
     Ok(())
 }
@@ -97,17 +88,11 @@ unsafe fn change(settings: *mut Settings, name: *const c_char, value: Value) -> 
 /// @param[in]  struct_size sizeof(swb_settings)
 /// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 #[no_mangle]
-pub unsafe extern "C" fn swb_settings_init(
-    settings: *mut Settings,
-    struct_size: u64,
-) -> swb_status {
+pub unsafe extern "C" fn swb_settings_init(settings: *mut Settings, struct_size: u64) -> swb_status {
     guard(|| {
         raw::check(settings, "settings")?;
         check_size(struct_size)?;
-        let default = Settings {
-            struct_size,
-            ..Settings::default()
-        };
+        let default = Settings { struct_size, ..Settings::default() };
         let known = struct_size.min(OURS) as usize;
         let bytes = settings.cast::<u8>();
         unsafe {
@@ -124,11 +109,7 @@ pub unsafe extern "C" fn swb_settings_init(
 /// @return SWB_OK; SWB_ERR_OPTION if there is no such option (the message names the nearest one);
 ///         SWB_ERR_RANGE if the value is outside the range; SWB_ERR_STATE without swb_settings_init
 #[no_mangle]
-pub unsafe extern "C" fn swb_settings_set_int(
-    settings: *mut Settings,
-    name: *const c_char,
-    value: i64,
-) -> swb_status {
+pub unsafe extern "C" fn swb_settings_set_int(settings: *mut Settings, name: *const c_char, value: i64) -> swb_status {
     guard(|| unsafe { change(settings, name, Value::Int(value)) })
 }
 
@@ -153,13 +134,7 @@ pub unsafe extern "C" fn swb_settings_set_string(
     name: *const c_char,
     value: *const c_char,
 ) -> swb_status {
-    guard(|| unsafe {
-        change(
-            settings,
-            name,
-            Value::Text(raw::text(value, "value")?.to_owned()),
-        )
-    })
+    guard(|| unsafe { change(settings, name, Value::Text(raw::text(value, "value")?.to_owned())) })
 }
 
 /// Get an integer or enumeration option by name.
@@ -273,12 +248,7 @@ fn info(index: i64) -> Result<&'static OptionInfo> {
     usize::try_from(index)
         .ok()
         .and_then(|i| OPTIONS.get(i))
-        .ok_or_else(|| {
-            Error::Dimension(format!(
-                "option index {index} is outside 0..{}",
-                OPTIONS.len() - 1
-            ))
-        })
+        .ok_or_else(|| Error::Dimension(format!("option index {index} is outside 0..{}", OPTIONS.len() - 1)))
 }
 
 /// Number of options; their indices are 0 to count - 1, in the order of the fields of swb_settings.
@@ -294,10 +264,7 @@ pub extern "C" fn swb_option_count() -> i64 {
 pub unsafe extern "C" fn swb_option_find(name: *const c_char, index: *mut i64) -> swb_status {
     guard(|| unsafe {
         let found = option(raw::text(name, "name")?)?;
-        let i = OPTIONS
-            .iter()
-            .position(|o| o.name == found.name)
-            .unwrap_or(0);
+        let i = OPTIONS.iter().position(|o| o.name == found.name).unwrap_or(0);
         raw::write(index, i as i64, "index")
     })
 }
@@ -305,25 +272,19 @@ pub unsafe extern "C" fn swb_option_find(name: *const c_char, index: *mut i64) -
 /// Name of an option; NULL if there is no such index. Static.
 #[no_mangle]
 pub extern "C" fn swb_option_name(index: i64) -> *const c_char {
-    query(ptr::null(), || {
-        texts(index).map_or(ptr::null(), |t| t.name.as_ptr())
-    })
+    query(ptr::null(), || texts(index).map_or(ptr::null(), |t| t.name.as_ptr()))
 }
 
 /// Description of an option in one sentence; NULL if there is no such index. Static.
 #[no_mangle]
 pub extern "C" fn swb_option_doc(index: i64) -> *const c_char {
-    query(ptr::null(), || {
-        texts(index).map_or(ptr::null(), |t| t.doc.as_ptr())
-    })
+    query(ptr::null(), || texts(index).map_or(ptr::null(), |t| t.doc.as_ptr()))
 }
 
 /// Symbol of an option in the literature, or ""; NULL if there is no such index. Static.
 #[no_mangle]
 pub extern "C" fn swb_option_symbol(index: i64) -> *const c_char {
-    query(ptr::null(), || {
-        texts(index).map_or(ptr::null(), |t| t.symbol.as_ptr())
-    })
+    query(ptr::null(), || texts(index).map_or(ptr::null(), |t| t.symbol.as_ptr()))
 }
 
 /// Name of a value of an enumeration option; NULL if there is no such value. Static.
@@ -411,10 +372,7 @@ mod tests {
             unsafe {
                 assert_eq!(swb_settings_init(p, 8 * n as u64), swb_status::SWB_OK);
                 assert_eq!(read(p).unwrap(), Settings::default());
-                assert_eq!(
-                    swb_settings_set_int(p, c"rk_family".as_ptr(), 1),
-                    swb_status::SWB_OK
-                );
+                assert_eq!(swb_settings_set_int(p, c"rk_family".as_ptr(), 1), swb_status::SWB_OK);
                 assert_eq!(read(p).unwrap().rk_family, 1);
                 let last = swb_settings_set_int(p, c"log_level".as_ptr(), 5);
                 assert_eq!(last == swb_status::SWB_OK, n >= ours);
@@ -433,10 +391,7 @@ mod tests {
             assert_eq!(swb_settings_validate(p), swb_status::SWB_ERR_STATE);
             assert_eq!(swb_settings_init(p, 7), swb_status::SWB_ERR_DIMENSION);
             assert_eq!(swb_settings_init(p, 0), swb_status::SWB_ERR_DIMENSION);
-            assert_eq!(
-                swb_settings_init(ptr::null_mut(), OURS),
-                swb_status::SWB_ERR_NULL
-            );
+            assert_eq!(swb_settings_init(ptr::null_mut(), OURS), swb_status::SWB_ERR_NULL);
         }
         assert!(memory.iter().all(|w| *w == 0xdead_beef_dead_beef));
     }

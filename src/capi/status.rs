@@ -50,71 +50,23 @@ use swb_status::*;
 pub const STATUS: &[(swb_status, &CStr, &CStr)] = &[
     (SWB_OK, c"SWB_OK", c"success"),
     (SWB_ERR_NULL, c"SWB_ERR_NULL", c"a required pointer is NULL"),
-    (
-        SWB_ERR_DIMENSION,
-        c"SWB_ERR_DIMENSION",
-        c"a size or an index does not fit",
-    ),
-    (
-        SWB_ERR_RANGE,
-        c"SWB_ERR_RANGE",
-        c"a value is outside its range",
-    ),
-    (
-        SWB_ERR_STATE,
-        c"SWB_ERR_STATE",
-        c"the call does not fit the state of the object",
-    ),
-    (
-        SWB_ERR_UNSUPPORTED,
-        c"SWB_ERR_UNSUPPORTED",
-        c"the combination is not supported",
-    ),
-    (
-        SWB_ERR_OPTION,
-        c"SWB_ERR_OPTION",
-        c"unknown option, or a value of the wrong type",
-    ),
-    (
-        SWB_ERR_USER,
-        c"SWB_ERR_USER",
-        c"a user function returned a negative code",
-    ),
-    (
-        SWB_ERR_NONFINITE,
-        c"SWB_ERR_NONFINITE",
-        c"a user function has no finite value where one is needed",
-    ),
-    (
-        SWB_ERR_INTERRUPTED,
-        c"SWB_ERR_INTERRUPTED",
-        c"interrupted; the object can be used again",
-    ),
-    (
-        SWB_ERR_NUMERIC,
-        c"SWB_ERR_NUMERIC",
-        c"the numerical method cannot go on",
-    ),
-    (
-        SWB_ERR_LIBRARY,
-        c"SWB_ERR_LIBRARY",
-        c"a foreign library failed, or a resource is missing",
-    ),
-    (
-        SWB_ERR_INTERNAL,
-        c"SWB_ERR_INTERNAL",
-        c"internal error, please report it",
-    ),
+    (SWB_ERR_DIMENSION, c"SWB_ERR_DIMENSION", c"a size or an index does not fit"),
+    (SWB_ERR_RANGE, c"SWB_ERR_RANGE", c"a value is outside its range"),
+    (SWB_ERR_STATE, c"SWB_ERR_STATE", c"the call does not fit the state of the object"),
+    (SWB_ERR_UNSUPPORTED, c"SWB_ERR_UNSUPPORTED", c"the combination is not supported"),
+    (SWB_ERR_OPTION, c"SWB_ERR_OPTION", c"unknown option, or a value of the wrong type"),
+    (SWB_ERR_USER, c"SWB_ERR_USER", c"a user function returned a negative code"),
+    (SWB_ERR_NONFINITE, c"SWB_ERR_NONFINITE", c"a user function has no finite value where one is needed"),
+    (SWB_ERR_INTERRUPTED, c"SWB_ERR_INTERRUPTED", c"interrupted; the object can be used again"),
+    (SWB_ERR_NUMERIC, c"SWB_ERR_NUMERIC", c"the numerical method cannot go on"),
+    (SWB_ERR_LIBRARY, c"SWB_ERR_LIBRARY", c"a foreign library failed, or a resource is missing"),
+    (SWB_ERR_INTERNAL, c"SWB_ERR_INTERNAL", c"internal error, please report it"),
 ];
 
 impl From<&Error> for swb_status {
     fn from(e: &Error) -> Self {
         let code = e.code();
-        STATUS
-            .iter()
-            .map(|row| row.0)
-            .find(|s| *s as i32 == code)
-            .unwrap_or(SWB_ERR_INTERNAL)
+        STATUS.iter().map(|row| row.0).find(|s| *s as i32 == code).unwrap_or(SWB_ERR_INTERNAL)
     }
 }
 
@@ -150,10 +102,7 @@ mod tests {
             Error::State(s()),
             Error::Unsupported(s()),
             Error::Option(s()),
-            Error::User {
-                code: -3,
-                what: s(),
-            },
+            Error::User { code: -3, what: s() },
             Error::NonFinite(s()),
             Error::Interrupted,
             Error::Numeric(s()),

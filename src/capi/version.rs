@@ -55,12 +55,7 @@ pub extern "C" fn swb_check_version(major: i32, minor: i32) -> swb_status {
 }
 
 fn serves(library: (i32, i32), header: (i32, i32)) -> bool {
-    library.0 == header.0
-        && if library.0 == 0 {
-            library.1 == header.1
-        } else {
-            library.1 >= header.1
-        }
+    library.0 == header.0 && if library.0 == 0 { library.1 == header.1 } else { library.1 >= header.1 }
 }
 
 #[cfg(test)]
@@ -70,10 +65,7 @@ mod tests {
     #[test]
     fn versions() {
         assert_eq!(swb_check_version(MAJOR, MINOR), swb_status::SWB_OK);
-        assert_eq!(
-            swb_check_version(MAJOR, MINOR + 1),
-            swb_status::SWB_ERR_UNSUPPORTED
-        );
+        assert_eq!(swb_check_version(MAJOR, MINOR + 1), swb_status::SWB_ERR_UNSUPPORTED);
         assert!(serves((1, 4), (1, 2)) && !serves((1, 4), (1, 5)) && !serves((2, 0), (1, 0)));
         assert!(!serves((0, 4), (0, 3)));
     }

@@ -240,7 +240,8 @@ impl Layout {
             let u = var.take(nu);
             l.u.push(u);
             for n in 0..spec.n_fe {
-                let mut e = ElementIndex { stage: k, n, u, x_start: x_prev, lambda_start: lambda_prev, ..Default::default() };
+                let mut e =
+                    ElementIndex { stage: k, n, u, x_start: x_prev, lambda_start: lambda_prev, ..Default::default() };
                 if fesd {
                     e.h = Some(var.take(1));
                 }

@@ -168,7 +168,9 @@ impl Fesd {
                 path.push(b.call(&p.f, els[0].x_start, l.u[k]));
                 match p.at {
                     PathAt::ControlGrid => path.push(b.call(&p.f, els[spec.n_fe - 1].x_end, l.u[k])),
-                    PathAt::Elements => path.extend(els.iter().map(|e| b.call(&p.f, e.x_end, l.u[k])).collect::<Vec<_>>()),
+                    PathAt::Elements => {
+                        path.extend(els.iter().map(|e| b.call(&p.f, e.x_end, l.u[k])).collect::<Vec<_>>())
+                    }
                     PathAt::StagePoints => {
                         for e in els {
                             path.extend(e.x.iter().map(|&x| b.call(&p.f, x, l.u[k])).collect::<Vec<_>>());
@@ -485,11 +487,14 @@ impl Fesd {
     /// Pairs (step, reference) of the soft step equilibration: deviations `w[a] − w[b]` or `w[a] − h̄`.
     fn soft_terms(&self) -> impl Iterator<Item = (usize, Option<usize>)> + '_ {
         let mean = self.spec.options.equilibration == StepEquilibration::Mean;
-        self.l.elements.windows(2).filter_map(move |p| match (p[0].h, p[1].h) {
-            (Some(a), Some(b)) if p[1].n > 0 && !mean => Some((b, Some(a))),
-            _ => None,
-        })
-        .chain(self.l.elements.iter().filter_map(move |e| e.h.filter(|_| mean).map(|h| (h, None))))
+        self.l
+            .elements
+            .windows(2)
+            .filter_map(move |p| match (p[0].h, p[1].h) {
+                (Some(a), Some(b)) if p[1].n > 0 && !mean => Some((b, Some(a))),
+                _ => None,
+            })
+            .chain(self.l.elements.iter().filter_map(move |e| e.h.filter(|_| mean).map(|h| (h, None))))
     }
 
     fn point<'a>(&'a self, c: &Call, w: &'a [f64]) -> Point<'a> {
@@ -840,7 +845,16 @@ impl Fesd {
 
     /// Derivatives of `coef · f` at a stage point with respect to its inputs and `θ`.
     #[allow(clippy::too_many_arguments)]
-    fn rhs_jac<S: Sink>(&self, e: &ElementIndex, ec: &ElementCalls, i: usize, row: usize, coef: f64, w: &[f64], s: &mut S) {
+    fn rhs_jac<S: Sink>(
+        &self,
+        e: &ElementIndex,
+        ec: &ElementCalls,
+        i: usize,
+        row: usize,
+        coef: f64,
+        w: &[f64],
+        s: &mut S,
+    ) {
         for (d, c) in self.spec.dcs.drifts().iter().zip(&ec.drift[i]) {
             for (p, &(col, o)) in self.jac_cols[c.f].iter().enumerate() {
                 if let Some(v) = self.var(c, col) {

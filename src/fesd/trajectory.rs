@@ -89,8 +89,7 @@ pub struct Trajectory {
 impl Trajectory {
     /// An empty one for a model.
     pub fn new(dcs: &Dcs, tableau: &Tableau) -> Trajectory {
-        let modes =
-            dcs.subsystems().iter().map(|s| 1 + s.cells.iter().map(|c| c.mode).max().unwrap_or(0)).collect();
+        let modes = dcs.subsystems().iter().map(|s| 1 + s.cells.iter().map(|c| c.mode).max().unwrap_or(0)).collect();
         Trajectory { tableau: tableau.clone(), nx: dcs.dims().x, modes, elements: Vec::new(), switches: Vec::new() }
     }
 

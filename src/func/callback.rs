@@ -253,12 +253,12 @@ impl Callback {
             let u = map[k];
             out[u] += v;
         };
-        Differences {
-            dims: self.dims,
-            pattern: full,
-            colouring: &self.hess_colouring,
-        }
-        .run(at, &mut gradient, &mut emit, work)?;
+        Differences { dims: self.dims, pattern: full, colouring: &self.hess_colouring }.run(
+            at,
+            &mut gradient,
+            &mut emit,
+            work,
+        )?;
         for j in 0..upper.n_cols() {
             for k in upper.range(j) {
                 if upper.row_idx()[k] != j {
@@ -323,12 +323,12 @@ impl Function for Callback {
         if let Some(jacobian) = &self.jacobian {
             return guarded(out, |out| jacobian(at, out));
         }
-        Differences {
-            dims: self.dims,
-            pattern: &self.jac_pattern,
-            colouring: &self.jac_colouring,
-        }
-        .run(at, &mut |at, f| self.call_value(at, f), &mut |k, v| out[k] = v, work)?;
+        Differences { dims: self.dims, pattern: &self.jac_pattern, colouring: &self.jac_colouring }.run(
+            at,
+            &mut |at, f| self.call_value(at, f),
+            &mut |k, v| out[k] = v,
+            work,
+        )?;
         finite(out)
     }
 
@@ -389,12 +389,7 @@ mod tests {
     const X: [f64; 3] = [0.7, -1.3, 2.1];
 
     fn at() -> Point<'static> {
-        Point {
-            t: 0.4,
-            x: &X,
-            u: &[0.9],
-            p: &[1.7],
-        }
+        Point { t: 0.4, x: &X, u: &[0.9], p: &[1.7] }
     }
 
     fn pattern(m: usize, n: usize, entries: &[(usize, usize)]) -> Pattern {
@@ -457,8 +452,7 @@ mod tests {
 
     fn hess_of(f: &Callback) -> Vec<f64> {
         let mut out = vec![f64::NAN; f.hess_pattern().nnz()];
-        f.hessian(&at(), &[0.8, -1.1], &mut out, &mut vec![f64::NAN; f.work_len()])
-            .unwrap();
+        f.hessian(&at(), &[0.8, -1.1], &mut out, &mut vec![f64::NAN; f.work_len()]).unwrap();
         out
     }
 
@@ -487,9 +481,7 @@ mod tests {
 
     #[test]
     fn jacobian_by_differences() {
-        let f = Callback::new("f", DIMS, 2, value)
-            .with_jacobian_pattern(jac_pattern())
-            .unwrap();
+        let f = Callback::new("f", DIMS, 2, value).with_jacobian_pattern(jac_pattern()).unwrap();
         assert!(f.jacobian_is_approximate());
         for (a, b) in jac_of(&f).iter().zip(jac_of(&exact())) {
             assert!((a - b).abs() < 2e-9, "{a} {b}");
@@ -531,11 +523,7 @@ mod tests {
     #[test]
     fn hessian_by_differences_of_the_jacobian() {
         let e = exact();
-        let base = || {
-            Callback::new("f", DIMS, 2, value)
-                .with_jacobian(jac_pattern(), jacobian)
-                .unwrap()
-        };
+        let base = || Callback::new("f", DIMS, 2, value).with_jacobian(jac_pattern(), jacobian).unwrap();
         for f in [base(), base().with_hessian_pattern(hess_pattern()).unwrap()] {
             assert!(f.hessian_is_approximate() && !f.jacobian_is_approximate());
             let d = gap(f.hess_pattern(), &hess_of(&f), e.hess_pattern(), &hess_of(&e));
@@ -546,9 +534,7 @@ mod tests {
     #[test]
     fn hessian_by_second_differences() {
         let e = exact();
-        let f = Callback::new("f", DIMS, 2, value)
-            .with_jacobian_pattern(jac_pattern())
-            .unwrap();
+        let f = Callback::new("f", DIMS, 2, value).with_jacobian_pattern(jac_pattern()).unwrap();
         let d = gap(f.hess_pattern(), &hess_of(&f), e.hess_pattern(), &hess_of(&e));
         assert!(d < 1e-6, "{d}");
     }
@@ -562,10 +548,7 @@ mod tests {
             .unwrap();
         let e = exact();
         assert!(gap(a.hess_pattern(), &hess_of(&a), e.hess_pattern(), &hess_of(&e)) < 5e-9);
-        let l = Callback::new("f", DIMS, 2, value)
-            .linear()
-            .with_jacobian(jac_pattern(), jacobian)
-            .unwrap();
+        let l = Callback::new("f", DIMS, 2, value).linear().with_jacobian(jac_pattern(), jacobian).unwrap();
         assert_eq!(l.hess_pattern().nnz(), 0);
         assert!(!l.hessian_is_approximate());
         assert_eq!(hess_of(&l), Vec::<f64>::new());
@@ -576,9 +559,7 @@ mod tests {
         // f_r = Σ q_rab z_a z_b over few inputs of each row: every derivative is known.
         let mut state = 5u64;
         let mut next = move || {
-            state = state
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (state >> 11) as f64 / (1u64 << 53) as f64
         };
         let dims = Dims { x: 8, u: 3, p: 0 };
@@ -649,20 +630,12 @@ mod tests {
         let f = f.with_jacobian_pattern(pattern(2, 3, &[(0, 0), (1, 1)])).unwrap();
         let mut work = vec![0.0; f.work_len()];
         let mut out = [0.0; 2];
-        let at = Point {
-            t: 0.0,
-            x: &[1.0, 2.0],
-            u: &[],
-            p: &[],
-        };
+        let at = Point { t: 0.0, x: &[1.0, 2.0], u: &[], p: &[] };
         f.jacobian(&at, &mut out, &mut work).unwrap();
         assert!((out[0] - 2.0).abs() < 1e-8 && (out[1] - 12.0).abs() < 1e-7, "{out:?}");
         let mut hess = [0.0; 2];
         f.hessian(&at, &[1.0, 1.0], &mut hess, &mut work).unwrap();
-        assert!(
-            (hess[0] - 2.0).abs() < 1e-3 && (hess[1] - 12.0).abs() < 1e-2,
-            "{hess:?}"
-        );
+        assert!((hess[0] - 2.0).abs() < 1e-3 && (hess[1] - 12.0).abs() < 1e-2, "{hess:?}");
     }
 
     #[test]
@@ -673,18 +646,10 @@ mod tests {
             i32::from(at.x[0] != 3.0)
         });
         let mut work = vec![0.0; f.work_len()];
-        let at = Point {
-            t: 0.0,
-            x: &[3.0],
-            u: &[],
-            p: &[],
-        };
+        let at = Point { t: 0.0, x: &[3.0], u: &[], p: &[] };
         assert_eq!(f.value(&at, &mut [0.0], &mut work), Ok(()));
         assert_eq!(f.jacobian(&at, &mut [0.0], &mut work), Err(EvalError::Recoverable));
-        assert_eq!(
-            f.hessian(&at, &[1.0], &mut [0.0], &mut work),
-            Err(EvalError::Recoverable)
-        );
+        assert_eq!(f.hessian(&at, &[1.0], &mut [0.0], &mut work), Err(EvalError::Recoverable));
     }
 
     #[test]
@@ -703,12 +668,7 @@ mod tests {
         });
         let mut work = vec![0.0; f.work_len()];
         let mut run = |x: f64| {
-            let at = Point {
-                t: 0.0,
-                x: &[x],
-                u: &[],
-                p: &[],
-            };
+            let at = Point { t: 0.0, x: &[x], u: &[], p: &[] };
             let v = f.value(&at, &mut [0.0], &mut work);
             let j = f.jacobian(&at, &mut [0.0], &mut work);
             assert!(v.is_ok() || v == j);
@@ -725,30 +685,17 @@ mod tests {
     #[test]
     fn patterns_of_the_wrong_size_are_refused() {
         let f = || Callback::new("f", DIMS, 2, value);
-        assert!(matches!(
-            f().with_jacobian_pattern(Pattern::dense(2, 5)),
-            Err(Error::Dimension(_))
-        ));
-        assert!(matches!(
-            f().with_jacobian(Pattern::dense(3, 6), jacobian),
-            Err(Error::Dimension(_))
-        ));
-        assert!(matches!(
-            f().with_hessian_pattern(Pattern::empty(5, 5)),
-            Err(Error::Dimension(_))
-        ));
-        assert!(matches!(
-            f().with_hessian(Pattern::dense(6, 6), hessian),
-            Err(Error::Range(_))
-        ));
+        assert!(matches!(f().with_jacobian_pattern(Pattern::dense(2, 5)), Err(Error::Dimension(_))));
+        assert!(matches!(f().with_jacobian(Pattern::dense(3, 6), jacobian), Err(Error::Dimension(_))));
+        assert!(matches!(f().with_hessian_pattern(Pattern::empty(5, 5)), Err(Error::Dimension(_))));
+        assert!(matches!(f().with_hessian(Pattern::dense(6, 6), hessian), Err(Error::Range(_))));
     }
 
     #[test]
     fn zero_weights_cost_nothing_and_may_be_shared_between_threads() {
         let f = Callback::new("f", DIMS, 2, value);
         let mut out = vec![1.0; f.hess_pattern().nnz()];
-        f.hessian(&at(), &[0.0, 0.0], &mut out, &mut vec![0.0; f.work_len()])
-            .unwrap();
+        f.hessian(&at(), &[0.0, 0.0], &mut out, &mut vec![0.0; f.work_len()]).unwrap();
         assert!(out.iter().all(|v| *v == 0.0));
         std::thread::scope(|s| {
             for _ in 0..2 {

@@ -30,14 +30,7 @@ pub struct CheckSettings {
 
 impl Default for CheckSettings {
     fn default() -> Self {
-        CheckSettings {
-            first: 1e-6,
-            second: 1e-5,
-            floor: 1e-3,
-            weights: None,
-            hessian: true,
-            parameters: false,
-        }
+        CheckSettings { first: 1e-6, second: 1e-5, floor: 1e-3, weights: None, hessian: true, parameters: false }
     }
 }
 
@@ -139,11 +132,7 @@ impl fmt::Display for CheckReport {
             write!(f, "\n  and {} more", self.mismatches.len() - SHOWN)?;
         }
         if !self.skipped.is_empty() {
-            write!(
-                f,
-                "\n  not compared (border of the domain): {}",
-                self.skipped.join(", ")
-            )?;
+            write!(f, "\n  not compared (border of the domain): {}", self.skipped.join(", "))?;
         }
         Ok(())
     }
@@ -167,11 +156,7 @@ impl fmt::Display for CheckReport {
 pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings) -> Result<CheckReport> {
     let dims = f.dims();
     let (n_in, m) = (dims.n_in(), f.n_out());
-    for (what, given, expected) in [
-        ("x", at.x.len(), dims.x),
-        ("u", at.u.len(), dims.u),
-        ("p", at.p.len(), dims.p),
-    ] {
+    for (what, given, expected) in [("x", at.x.len(), dims.x), ("u", at.u.len(), dims.u), ("p", at.p.len(), dims.p)] {
         if given != expected {
             return Err(Error::Dimension(format!(
                 "{}: the point has {given} entries of {what}, expected {expected}",
@@ -181,18 +166,11 @@ pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings)
     }
     let inputs = [at.x, at.u, at.p, std::slice::from_ref(&at.t)];
     if inputs.iter().any(|block| block.iter().any(|v| !v.is_finite())) {
-        return Err(Error::Range(format!(
-            "{}: the point of the check is not finite",
-            f.name()
-        )));
+        return Err(Error::Range(format!("{}: the point of the check is not finite", f.name())));
     }
     let weights = match &settings.weights {
         Some(w) if w.len() != m => {
-            return Err(Error::Dimension(format!(
-                "{}: {} weights for {m} outputs",
-                f.name(),
-                w.len()
-            )))
+            return Err(Error::Dimension(format!("{}: {} weights for {m} outputs", f.name(), w.len())))
         }
         Some(w) => w.clone(),
         None => (0..m).map(|i| 1.0 + 0.5 * (2.399_963 * i as f64 + 0.7).sin()).collect(),
@@ -201,10 +179,7 @@ pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings)
         EvalError::Recoverable => {
             Error::NonFinite(format!("{}: {what} not defined at the point of the check", f.name()))
         }
-        EvalError::Fatal(code) => Error::User {
-            code,
-            what: format!("{what} of {}", f.name()),
-        },
+        EvalError::Fatal(code) => Error::User { code, what: format!("{what} of {}", f.name()) },
     };
 
     let jp = f.jac_pattern();
@@ -216,8 +191,7 @@ pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings)
     f.value(at, &mut value, &mut work).map_err(|e| fail(e, "value"))?;
     f.jacobian(at, &mut jac, &mut work).map_err(|e| fail(e, "Jacobian"))?;
     if settings.hessian {
-        f.hessian(at, &weights, &mut hess, &mut work)
-            .map_err(|e| fail(e, "Hessian"))?;
+        f.hessian(at, &weights, &mut hess, &mut work).map_err(|e| fail(e, "Hessian"))?;
     }
 
     let mut report = CheckReport {
@@ -271,22 +245,13 @@ pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings)
         if !settings.hessian {
             continue;
         }
-        let noise = if f.jacobian_is_approximate() {
-            4.0 * fdiff::STEP_FIRST.powi(2)
-        } else {
-            f64::EPSILON
-        };
+        let noise = if f.jacobian_is_approximate() { 4.0 * fdiff::STEP_FIRST.powi(2) } else { f64::EPSILON };
         let done = column
             .difference(j, n_in, noise, &mut |at, out| {
                 f.jacobian(at, &mut jac_moved, &mut work)?;
                 for (c, o) in out.iter_mut().enumerate() {
                     let entries = jp.range(c);
-                    *o = jp
-                        .rows(c)
-                        .iter()
-                        .zip(&jac_moved[entries])
-                        .map(|(&r, v)| weights[r] * v)
-                        .sum();
+                    *o = jp.rows(c).iter().zip(&jac_moved[entries]).map(|(&r, v)| weights[r] * v).sum();
                 }
                 Ok(())
             })
@@ -375,15 +340,8 @@ impl Column {
         const CENTRAL: Stencil = ([0.5, -0.5, 1.0, -1.0], [1.0, -1.0, 0.0, 0.0], [0.0, 0.0, 0.5, -0.5]);
         const RIGHT: Stencil = ([0.0, 0.5, 1.0, 2.0], [-3.0, 4.0, -1.0, 0.0], [-1.5, 0.0, 2.0, -0.5]);
         const LEFT: Stencil = ([0.0, -0.5, -1.0, -2.0], [3.0, -4.0, 1.0, 0.0], [1.5, 0.0, -2.0, 0.5]);
-        let tries = [
-            (CENTRAL, 1.0),
-            (CENTRAL, 0.1),
-            (CENTRAL, 0.01),
-            (LEFT, 0.5),
-            (RIGHT, 0.5),
-            (LEFT, 0.05),
-            (RIGHT, 0.05),
-        ];
+        let tries =
+            [(CENTRAL, 1.0), (CENTRAL, 0.1), (CENTRAL, 0.01), (LEFT, 0.5), (RIGHT, 0.5), (LEFT, 0.05), (RIGHT, 0.05)];
         for (stencil, scale) in tries {
             match self.stencil(j, m, noise, stencil, scale, eval) {
                 Err(EvalError::Recoverable) => continue,
@@ -448,12 +406,7 @@ mod tests {
     const DIMS: Dims = Dims { x: 2, u: 1, p: 1 };
 
     fn at() -> Point<'static> {
-        Point {
-            t: 0.3,
-            x: &[0.8, -1.4],
-            u: &[0.6],
-            p: &[2.0],
-        }
+        Point { t: 0.3, x: &[0.8, -1.4], u: &[0.6], p: &[2.0] }
     }
 
     fn pattern(m: usize, n: usize, entries: &[(usize, usize)]) -> Pattern {
@@ -499,10 +452,7 @@ mod tests {
 
     #[test]
     fn a_wrong_jacobian_value_is_found() {
-        let settings = CheckSettings {
-            hessian: false,
-            ..Default::default()
-        };
+        let settings = CheckSettings { hessian: false, ..Default::default() };
         let r = check_derivatives(&function(1.00001, 1.0), &at(), &settings).unwrap();
         assert_eq!(r.mismatches.len(), 1);
         let m = &r.mismatches[0];
@@ -552,15 +502,9 @@ mod tests {
     #[test]
     fn parameters_are_constants_unless_declared_or_asked_for() {
         let f = function(1.0, 1.0);
-        let settings = CheckSettings {
-            parameters: true,
-            ..Default::default()
-        };
+        let settings = CheckSettings { parameters: true, ..Default::default() };
         let r = check_derivatives(&f, &at(), &settings).unwrap();
-        assert!(r
-            .mismatches
-            .iter()
-            .any(|m| m.kind == MismatchKind::JacobianPattern && m.col_name == "p[0]"));
+        assert!(r.mismatches.iter().any(|m| m.kind == MismatchKind::JacobianPattern && m.col_name == "p[0]"));
     }
 
     #[test]
@@ -590,12 +534,7 @@ mod tests {
             })
             .unwrap()
         };
-        let at = Point {
-            t: 0.0,
-            x: &[1.0],
-            u: &[],
-            p: &[],
-        };
+        let at = Point { t: 0.0, x: &[1.0], u: &[], p: &[] };
         let r = check_derivatives(&f(1.0), &at, &CheckSettings::default()).unwrap();
         assert!(r.passed() && r.skipped.is_empty(), "{r}");
         let r = check_derivatives(&f(1.0001), &at, &CheckSettings::default()).unwrap();
@@ -611,12 +550,7 @@ mod tests {
         })
         .with_jacobian_pattern(pattern(1, 2, &[]))
         .unwrap();
-        let at = Point {
-            t: 0.0,
-            x: &[1.0],
-            u: &[],
-            p: &[],
-        };
+        let at = Point { t: 0.0, x: &[1.0], u: &[], p: &[] };
         let r = check_derivatives(&f, &at, &CheckSettings::default()).unwrap();
         assert_eq!(r.skipped, ["x[0]"]);
         assert!(r.to_string().contains("x[0]"));
@@ -626,12 +560,7 @@ mod tests {
     fn failures() {
         let dims = Dims { x: 1, u: 0, p: 0 };
         let f = |code: i32| Callback::new("f", dims, 1, move |_, _| code);
-        let at = Point {
-            t: 0.0,
-            x: &[1.0],
-            u: &[],
-            p: &[],
-        };
+        let at = Point { t: 0.0, x: &[1.0], u: &[], p: &[] };
         let check = |code, at: &Point, s: &CheckSettings| check_derivatives(&f(code), at, s);
         let s = CheckSettings::default();
         assert!(matches!(check(1, &at, &s), Err(Error::NonFinite(_))));
@@ -640,10 +569,7 @@ mod tests {
         assert!(matches!(check(0, &short, &s), Err(Error::Dimension(_))));
         let nan = Point { t: f64::NAN, ..at };
         assert!(matches!(check(0, &nan, &s), Err(Error::Range(_))));
-        let s = CheckSettings {
-            weights: Some(vec![1.0; 2]),
-            ..s
-        };
+        let s = CheckSettings { weights: Some(vec![1.0; 2]), ..s };
         assert!(matches!(check(0, &at, &s), Err(Error::Dimension(_))));
     }
 }

@@ -155,12 +155,7 @@ pub(super) fn gather(dims: Dims, at: &Point, z: &mut [f64]) {
 
 /// The point whose inputs are `z[n_in]`.
 pub(super) fn point(dims: Dims, z: &[f64]) -> Point<'_> {
-    Point {
-        t: z[dims.t_col()],
-        x: &z[..dims.x],
-        u: &z[dims.x..dims.x + dims.u],
-        p: &z[dims.x + dims.u..dims.t_col()],
-    }
+    Point { t: z[dims.t_col()], x: &z[..dims.x], u: &z[dims.x..dims.x + dims.u], p: &z[dims.x + dims.u..dims.t_col()] }
 }
 
 /// Step for an input of the given value.
@@ -201,10 +196,7 @@ impl Differences<'_> {
         let (z, rest) = work.split_at_mut(self.dims.n_in());
         let (f0, rest) = rest.split_at_mut(m);
         let (f1, rest) = rest.split_at_mut(m);
-        let mut s = Scratch {
-            z,
-            f: [f0, f1, &mut rest[..m]],
-        };
+        let mut s = Scratch { z, f: [f0, f1, &mut rest[..m]] };
         gather(self.dims, at, s.z);
         for group in self.colouring.groups() {
             match self.central(at, group, eval, emit, &mut s) {
@@ -320,11 +312,7 @@ pub(super) fn second_differences(
                 z[j] = vj;
                 v
             };
-            out[k] = if i == j {
-                diagonal(&mut corner, hi, centre)?
-            } else {
-                mixed(&mut corner, hi, hj, centre)?
-            };
+            out[k] = if i == j { diagonal(&mut corner, hi, centre)? } else { mixed(&mut corner, hi, hj, centre)? };
         }
     }
     Ok(())
@@ -345,11 +333,7 @@ fn diagonal(f: Corner, h: f64, centre: f64) -> Result<f64, EvalError> {
     let mut stencil = |a: f64, b: f64| -> Result<f64, EvalError> {
         // Three equidistant points: one is the centre.
         let (va, vb) = (f(a, 0.0)?, f(b, 0.0)?);
-        Ok(if a == -b {
-            (va - centre + (vb - centre)) / (h * h)
-        } else {
-            (vb - va - (va - centre)) / (h * h)
-        })
+        Ok(if a == -b { (va - centre + (vb - centre)) / (h * h) } else { (vb - va - (va - centre)) / (h * h) })
     };
     for (a, b) in [(h, -h), (-h, -2.0 * h), (h, 2.0 * h)] {
         if let Some(v) = inside(stencil(a, b))? {
@@ -385,10 +369,7 @@ mod tests {
     struct Lcg(u64);
     impl Lcg {
         fn next(&mut self) -> f64 {
-            self.0 = self
-                .0
-                .wrapping_mul(6364136223846793005)
-                .wrapping_add(1442695040888963407);
+            self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
             (self.0 >> 11) as f64 / (1u64 << 53) as f64
         }
     }
@@ -468,13 +449,9 @@ mod tests {
                 }
                 Ok(())
             };
-            Differences {
-                dims,
-                pattern: &pattern,
-                colouring: &colouring,
-            }
-            .run(&point(dims, &z), &mut eval, &mut |k, v| out[k] = v, &mut work)
-            .unwrap();
+            Differences { dims, pattern: &pattern, colouring: &colouring }
+                .run(&point(dims, &z), &mut eval, &mut |k, v| out[k] = v, &mut work)
+                .unwrap();
             for (o, v) in out.iter().zip(&values) {
                 assert!((o - v).abs() < 1e-8, "{o} {v}");
             }

@@ -39,9 +39,13 @@ impl Dims {
 /// Where a function is evaluated; the slices have the lengths of [`Dims`].
 #[derive(Debug, Clone, Copy)]
 pub struct Point<'a> {
+    /// Time.
     pub t: f64,
+    /// States, or variables.
     pub x: &'a [f64],
+    /// Controls.
     pub u: &'a [f64],
+    /// Parameters.
     pub p: &'a [f64],
 }
 

@@ -85,7 +85,8 @@ impl Continuation for Scholtes {
         }
         self.raises += 1;
         let sigma = (10.0 * m.level.sigma).min(self.settings.sigma_init);
-        (sigma > m.level.sigma).then_some(Level { sigma, mu: (10.0 * m.level.mu).min(self.settings.mu_over_sigma * sigma) })
+        (sigma > m.level.sigma)
+            .then_some(Level { sigma, mu: (10.0 * m.level.mu).min(self.settings.mu_over_sigma * sigma) })
     }
 
     fn relaxed_rows(&self) -> Range<usize> {

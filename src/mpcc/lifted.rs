@@ -40,9 +40,7 @@ impl<P: Nlp> Lifted<P> {
         let mut place = |mem: Member, k: usize| -> Result<usize> {
             match mem {
                 Member::Variable(j) if j < n0 => Ok(j),
-                Member::Variable(j) => {
-                    Err(Error::Range(format!("pair {k} names variable {j}, the problem has {n0}")))
-                }
+                Member::Variable(j) => Err(Error::Range(format!("pair {k} names variable {j}, the problem has {n0}"))),
                 Member::Row(i) if i >= m => Err(Error::Range(format!("pair {k} names row {i}, the problem has {m}"))),
                 Member::Row(i) => {
                     if lifts.iter().any(|l| l.0 == i) {

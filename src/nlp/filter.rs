@@ -44,8 +44,7 @@ impl Filter {
 
     /// Is the pair outside the forbidden region?
     pub fn accepts(&self, theta: f64, phi: f64) -> bool {
-        theta <= self.theta_max
-            && self.entries.iter().all(|&(t, p)| theta <= t || phi <= p + noise(p))
+        theta <= self.theta_max && self.entries.iter().all(|&(t, p)| theta <= t || phi <= p + noise(p))
     }
 
     /// Forbids everything (almost) as bad as the pair.

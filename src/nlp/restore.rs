@@ -274,8 +274,7 @@ impl Restoration {
             found
         };
         let mut rule = Monotone { mu_init: mu, tol: 1e-8, primal_tol: 1e-8 };
-        let outcome =
-            ipm.run(&mut elastic, &self.bounds, Start::Cold(start), &mut rule, control, Some(&mut probe));
+        let outcome = ipm.run(&mut elastic, &self.bounds, Start::Cold(start), &mut rule, control, Some(&mut probe));
         (found, outcome)
     }
 }

@@ -564,8 +564,7 @@ impl Ipm {
         if !system.solve() {
             return false;
         }
-        let (dx, ds) =
-            if soc { (&mut self.dx_soc, &mut self.ds_soc) } else { (&mut self.dx, &mut self.ds) };
+        let (dx, ds) = if soc { (&mut self.dx_soc, &mut self.ds_soc) } else { (&mut self.dx, &mut self.ds) };
         dx.copy_from_slice(&system.sol[..*n]);
         let dy = &system.sol[*n..];
         for i in 0..residual.len() {
@@ -653,12 +652,7 @@ impl Ipm {
     }
 
     /// Evaluates the point `alpha` along the direction; barrier objective and violation, or why not.
-    fn try_point(
-        &mut self,
-        nlp: &mut dyn Nlp,
-        alpha: f64,
-        soc: bool,
-    ) -> std::result::Result<(f64, f64), EvalError> {
+    fn try_point(&mut self, nlp: &mut dyn Nlp, alpha: f64, soc: bool) -> std::result::Result<(f64, f64), EvalError> {
         let (dx, ds) = if soc { (&self.dx_soc, &self.ds_soc) } else { (&self.dx, &self.ds) };
         for j in 0..self.n {
             self.trial.x[j] = self.it.x[j] + alpha * dx[j];

@@ -334,8 +334,7 @@ impl Ocp {
         if let Some(g) = &self.x_guess {
             return Ok(g.clone());
         }
-        let x0: Vec<f64> =
-            self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
         if self.settings.initial_guess()? == InitialGuess::Simulation {
             let mut sim = Simulator::new(&self.system, &self.settings)?;
             sim.set_params(&self.params)?;
