@@ -138,6 +138,8 @@ pub(super) struct ElementIndex {
     pub row_equal: Option<usize>,
     /// (7.10).
     pub row_eta: Option<usize>,
+    /// Slopes of `λ` at the start, for modes that leave at the start of a control stage; free until the polish.
+    pub row_slope: Option<usize>,
 }
 
 /// The numbering.
@@ -286,6 +288,10 @@ impl Layout {
                     if eta {
                         e.row_eta = Some(row.take(1));
                     }
+                }
+                // a node at 0 leaves no polynomial through the start
+                if fesd && n == 0 && k > 0 && tableau.c[0] > 0.0 {
+                    e.row_slope = Some(row.take(n_cells));
                 }
                 x_prev = e.x_end;
                 lambda_prev = e.lambda_end.or(e.lambda.last().copied());

@@ -123,6 +123,8 @@ pub struct Fesd {
     jac_map: Vec<u32>,
     hess: Pattern,
     hess_map: Vec<u32>,
+    /// Derivative at 0 of the polynomial through the values at 0 and at the nodes.
+    slope: Vec<f64>,
     params: Vec<f64>,
     /// Length of a control stage.
     duration: f64,
@@ -211,6 +213,7 @@ impl Fesd {
             jac_map: Vec::new(),
             hess: Pattern::empty(0, 0),
             hess_map: Vec::new(),
+            slope: slope_weights(&tableau.c),
             params: vec![0.0; spec.dcs.dims().p],
             duration,
             polishing: false,
@@ -311,7 +314,8 @@ impl Fesd {
             if l.sums {
                 nonneg(&mut b, e.sum_theta);
             }
-            if let Some(i) = e.row_equal {
+            let slopes = e.row_slope.map_or(0..0, |r| r..r + l.n_cells);
+            for i in slopes.chain(e.row_equal) {
                 b.cl[i] = f64::NEG_INFINITY;
                 b.cu[i] = f64::INFINITY;
             }
@@ -655,6 +659,12 @@ impl Fesd {
                     c[row + k] = w[e.sum_lambda + k] - all.map(|&j| w[j + k]).sum::<f64>();
                 }
             }
+            if let (Some(row), Some(start)) = (e.row_slope, e.lambda_start) {
+                for k in 0..l.n_cells {
+                    let points = std::iter::once(&start).chain(&e.lambda);
+                    c[row + k] = points.zip(&self.slope).map(|(&j, d)| d * w[j + k]).sum();
+                }
+            }
         }
         for (k, &row) in l.row_time.iter().enumerate() {
             let els = &l.elements[k * self.spec.n_fe..(k + 1) * self.spec.n_fe];
@@ -813,6 +823,11 @@ impl Fesd {
                     s.add(row + c, e.sum_lambda + c, 1.0);
                     for &j in e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end) {
                         s.add(row + c, j + c, -1.0);
+                    }
+                }
+                if let (Some(row), Some(start)) = (e.row_slope, e.lambda_start) {
+                    for (&j, &d) in std::iter::once(&start).chain(&e.lambda).zip(&self.slope) {
+                        s.add(row + c, j + c, d);
                     }
                 }
             }
@@ -1046,6 +1061,21 @@ impl Fesd {
     }
 }
 
+/// Derivative at 0 of the Lagrange polynomials on the nodes `0, c_1, ..., c_s`.
+fn slope_weights(c: &[f64]) -> Vec<f64> {
+    let nodes: Vec<f64> = std::iter::once(0.0).chain(c.iter().copied()).collect();
+    let others = |j: usize| nodes.iter().enumerate().filter(move |&(k, _)| k != j).map(|(_, v)| *v);
+    (0..nodes.len())
+        .map(|j| match j {
+            0 => -others(0).map(|v| 1.0 / v).sum::<f64>(),
+            _ => {
+                let inner: f64 = others(j).filter(|&v| v != 0.0).map(|v| -v / (nodes[j] - v)).product();
+                inner / nodes[j]
+            }
+        })
+        .collect()
+}
+
 /// First guess of the multipliers `λ`.
 const LAMBDA_GUESS: f64 = 0.5;
 
@@ -1174,7 +1204,8 @@ impl Mpcc for Fesd {
 
     /// The active set of every element is `sides`: `λ`, or `θ`, is zero at all its points. Where it does not
     /// change, neighbouring steps are equal. Where components only leave it, the first of them leaves with
-    /// `θ = 0`: a sliding mode ends there, and `θ` is continuous.
+    /// `θ = 0`: a sliding mode ends there, and `θ` is continuous. At the start of a control stage, where `θ` may
+    /// jump with the control, what leaves does so with `λ̇ ≥ 0`.
     fn branch(&self, sides: &[Side], b: &mut Bounds) {
         let l = &self.l;
         let fix = |b: &mut Bounds, j: usize| {
@@ -1211,8 +1242,16 @@ impl Mpcc for Fesd {
                 b.cl[row] = f64::NEG_INFINITY;
                 b.cu[row] = f64::INFINITY;
             }
-            let Some(row) = e.row_equal else { continue };
+            if i_e == 0 {
+                continue;
+            }
             let before = |c: usize| sides[(i_e - 1) * n + c] == Side::First;
+            if let Some(row) = e.row_slope {
+                for c in (0..n).filter(|&c| before(c) && !active(c)) {
+                    b.cl[row + c] = 0.0;
+                }
+            }
+            let Some(row) = e.row_equal else { continue };
             let enters = (0..n).any(|c| active(c) && !before(c));
             let leaves = (0..n).find(|&c| before(c) && !active(c));
             match (enters, leaves) {

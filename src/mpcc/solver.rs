@@ -96,6 +96,8 @@ pub struct Solution {
 const FIRST_POLISH: f64 = 1e-6;
 /// Branches tried per polish.
 const MAX_BRANCHES: usize = 8;
+/// Iterations one branch gets: near a solution it takes a handful.
+const BRANCH_ITERATIONS: usize = 40;
 
 /// A solver for problems of one structure.
 pub struct MpccSolver {
@@ -239,7 +241,8 @@ impl MpccSolver {
     ) -> Outcome {
         let used = self.solution.stats.iterations;
         let settings = self.ipm.settings_mut();
-        settings.max_iter = self.settings.max_iter.saturating_sub(used);
+        let left = self.settings.max_iter.saturating_sub(used);
+        settings.max_iter = if phase == b'p' { left.min(BRANCH_ITERATIONS) } else { left };
         self.ipm.set_phase(phase);
         let mut relaxed = Relaxed { inner: p, st: &mut self.st };
         let outcome = self.ipm.solve(&mut relaxed, &self.bounds, start, path, control);
