@@ -9,6 +9,10 @@
 //! with zeros are split into the cells they stand for only where there are any. Proposition 6.4 (`g = −Sψ`)
 //! holds for full rows alone: with zeros, `−S_i ψ` can exceed `−S_j ψ` inside region `i`.
 
+mod point;
+
+pub use point::{is_ambiguous, Continuation, PointEvaluator};
+
 use std::sync::Arc;
 
 use crate::error::Result;

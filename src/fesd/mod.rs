@@ -23,5 +23,5 @@ mod problem;
 mod trajectory;
 
 pub use layout::{Options, PathAt, PathConstraint, Spec, Terminal};
-pub use problem::Fesd;
+pub use problem::{Fesd, Violation};
 pub use trajectory::{Element, Switch, SwitchKind, Trajectory};

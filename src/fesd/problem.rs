@@ -59,6 +59,21 @@ struct Cache {
     work: Vec<f64>,
 }
 
+/// A multiplier with the wrong sign.
+#[derive(Debug, Clone, Copy)]
+pub struct Violation<'a> {
+    /// Element.
+    pub element: usize,
+    /// Cell.
+    pub cell: usize,
+    /// `θ` or `λ`?
+    pub of_theta: bool,
+    /// State there.
+    pub x: &'a [f64],
+    /// Time there, where the model has a clock.
+    pub t: Option<f64>,
+}
+
 /// Receives the entries of a sparse matrix in a fixed order.
 trait Sink {
     fn add(&mut self, row: usize, col: usize, v: f64);
@@ -276,6 +291,11 @@ impl Fesd {
         Ok(())
     }
 
+    /// The parameters.
+    pub fn params(&self) -> &[f64] {
+        &self.params
+    }
+
     /// Evaluations of single model functions so far.
     pub fn model_evaluations(&self) -> usize {
         self.evaluations
@@ -336,6 +356,62 @@ impl Fesd {
             b.cu[r..r + t.upper.len()].copy_from_slice(&t.upper);
         }
         b
+    }
+
+    /// Lets the multipliers that are not fixed take any sign: with an active set for every element the equations
+    /// are square, and the signs show where that set is wrong. The multipliers at a given initial value follow
+    /// from it: a value that is on a switching surface up to rounding would contradict `λ_{0,0} = 0`.
+    pub fn free_signs(&self, b: &mut Bounds) {
+        let l = &self.l;
+        let first = l.elements[0].row_sum_lambda.map(|_| l.elements[0].sum_lambda);
+        for j in l.lambda0.into_iter().chain(first) {
+            b.xu[j..j + l.n_cells].fill(f64::INFINITY);
+        }
+        let mut free = |from: usize| {
+            for j in (from..from + l.n_cells).filter(|&j| b.xu[j] != 0.0) {
+                b.xl[j] = f64::NEG_INFINITY;
+            }
+        };
+        l.lambda0.into_iter().for_each(&mut free);
+        for e in &l.elements {
+            e.theta.iter().chain(&e.lambda).chain(&e.lambda_end).for_each(|&j| free(j));
+            if e.row_sum_lambda.is_some() {
+                free(e.sum_lambda);
+            }
+            if l.sums {
+                free(e.sum_theta);
+            }
+        }
+    }
+
+    /// The first multiplier below `-tol` in the order of time: element, cell, and whether it is a `θ`; with the
+    /// states at that point.
+    pub fn first_violation<'a>(&self, w: &'a [f64], tol: f64) -> Option<Violation<'a>> {
+        let (l, nx) = (&self.l, self.spec.dcs.dims().x);
+        for (element, e) in l.elements.iter().enumerate() {
+            let ends = e.lambda_end.map(|lam| (e.x_end, None, lam));
+            let stages = (0..e.x.len()).map(|i| (e.x[i], Some(e.theta[i]), e.lambda[i]));
+            for (x, theta, lambda) in stages.chain(ends) {
+                for cell in 0..l.n_cells {
+                    let of_theta = theta.is_some_and(|j| w[j + cell] < -tol);
+                    if of_theta || w[lambda + cell] < -tol {
+                        let t = self.spec.dcs.clock().map(|c| w[x + c]);
+                        return Some(Violation { element, cell, of_theta, x: &w[x..x + nx], t });
+                    }
+                }
+            }
+        }
+        None
+    }
+
+    /// Number of cells, over all subsystems.
+    pub fn n_cells(&self) -> usize {
+        self.l.n_cells
+    }
+
+    /// True when elements have free lengths.
+    pub fn detects_switches(&self) -> bool {
+        self.l.fesd
     }
 
     /// Rewrites the bounds that depend on the length of a control stage.

@@ -191,31 +191,26 @@ impl MpccSolver {
         &self.solution
     }
 
-    /// Solves the branch problem `sides` from `x0[n]` within `max_iter` iterations; true when it has a
-    /// solution, which is then the result.
+    /// Solves the branch problem with the given `bounds` from `x0[n]`, with `sides` the active set they stand for;
+    /// true when it has a solution, which is then the result.
     pub fn solve_branch(
         &mut self,
         p: &mut dyn Mpcc,
         bounds: &Bounds,
         sides: &[Side],
         x0: &[f64],
-        max_iter: usize,
         control: &mut Control,
     ) -> bool {
         let clock = Instant::now();
         self.begin(p);
-        self.saved.x.copy_from_slice(x0);
-        for v in [&mut self.saved.y, &mut self.saved.vl, &mut self.saved.vu] {
-            v.fill(0.0);
-        }
-        for v in [&mut self.saved.zl, &mut self.saved.zu] {
+        let it = &mut self.saved;
+        it.x.copy_from_slice(x0);
+        for v in [&mut it.y, &mut it.vl, &mut it.vu, &mut it.zl, &mut it.zu] {
             v.fill(0.0);
         }
         self.sides.copy_from_slice(sides);
-        let limit = self.settings.max_iter;
-        self.settings.max_iter = max_iter;
-        let ok = self.try_branch(p, bounds, control);
-        self.settings.max_iter = limit;
+        self.branch.copy_from(bounds);
+        let ok = self.run_branch(p, control);
         if ok {
             self.record(p, Outcome::Solved, Polish::Done);
         }
@@ -338,6 +333,11 @@ impl MpccSolver {
     fn try_branch(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
+        self.run_branch(p, control)
+    }
+
+    /// Solves under the bounds in `branch` from the point in `saved`.
+    fn run_branch(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
         p.set_polishing(true);
         self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
         // below 1e-10 the barrier no longer moves the solution by more than the tolerance of the polish

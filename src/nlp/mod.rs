@@ -14,6 +14,7 @@
 //! Newton system, `filter` the acceptance test, `restore` the elastic problem, `solver` the main loop.
 
 mod augmented;
+mod callback;
 mod filter;
 mod iterate;
 mod problem;
@@ -21,6 +22,7 @@ mod report;
 mod restore;
 mod solver;
 
+pub use callback::CallbackNlp;
 pub use iterate::Iterate;
 pub use problem::{Bilinear, Bounds, Nlp, INFINITE};
 pub use report::{Control, IterationInfo, Outcome, Residuals, Statistics};

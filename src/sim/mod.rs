@@ -1,14 +1,20 @@
 //! Simulation of piecewise smooth systems, step by step with FESD.
 //!
 //! Every step is a small square MPCC of `n_fe` finite elements. Its structure and symbolic factorisation serve
-//! the whole simulation. A step first tries the active set the last one ended with, which costs a few Newton
-//! iterations; only when that branch has no solution the homotopy decides where the step switches.
+//! the whole simulation. A step first follows a predicted active set: with one active set per element the
+//! equations are square and take a few Newton iterations; a multiplier of the wrong sign shows where the next
+//! switch is, and the complementarity problem (6.19) which set follows. Only when that leads nowhere the
+//! homotopy decides, and a step with more switches than elements is halved.
+//!
+//! Where the continuation is not unique, the set of the last element is kept if it is one of the solutions,
+//! else the smallest set is taken, the lowest index first; the time is noted in [`SimResult::non_unique`].
 
 use std::time::Instant;
 
-use crate::dcs::Dcs;
+use crate::dcs::{is_ambiguous, Continuation, Dcs, PointEvaluator};
 use crate::error::{Error, Result};
 use crate::fesd::{Fesd, Options, Spec, Trajectory};
+use crate::func::Point;
 use crate::mpcc::{Mpcc, MpccSolver, Polish, Side};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
 use crate::ocp::{deadline, finite, mpcc_settings};
@@ -27,6 +33,8 @@ pub struct SimResult {
     pub stats: Statistics,
     /// Steps done.
     pub steps: usize,
+    /// Times at which the continuation was not unique; the simulation took one of the solutions.
+    pub non_unique: Vec<f64>,
     /// Steps that needed the homotopy.
     pub homotopies: usize,
     /// Largest violation of the equations over the steps.
@@ -35,8 +43,16 @@ pub struct SimResult {
     pub pair_min: f64,
 }
 
-/// Iterations a predicted active set gets before the homotopy takes over.
-const PREDICTION_ITERATIONS: usize = 25;
+/// A step is halved at most so often before it counts as failed.
+const MAX_HALVINGS: usize = 10;
+/// Homotopies a step with its parts may cost: the bound on the work where switches accumulate.
+const MAX_HOMOTOPIES: usize = 24;
+/// Active sets tried at the start of a step before the homotopy decides.
+const MAX_PLANS: usize = 6;
+/// Distance to a switching surface, relative to the gradient, that counts as being on it.
+const ON_SURFACE: f64 = 1e-9;
+/// Multipliers above this negative value count as zero: rounding of the Newton iteration.
+const SIGN_TOL: f64 = 1e-10;
 
 /// A simulator: model, state, and what is reused from step to step.
 pub struct Simulator {
@@ -52,8 +68,13 @@ pub struct Simulator {
     u: Vec<f64>,
     w: Vec<f64>,
     sides: Vec<Side>,
-    /// Has a solution to start the next step from?
-    warm: bool,
+    branch: Bounds,
+    point: PointEvaluator,
+    /// Active set of the last element, empty where none is known.
+    last: Vec<bool>,
+    saved_x: Vec<f64>,
+    /// Homotopies left to the present step.
+    tries: usize,
 }
 
 impl Simulator {
@@ -86,7 +107,11 @@ impl Simulator {
             u: vec![0.0; d.u],
             w: vec![0.0; problem.n()],
             sides: vec![Side::First; problem.n_groups()],
-            warm: false,
+            branch: problem.bounds(),
+            point: PointEvaluator::new(&problem.spec().dcs),
+            last: Vec::with_capacity(problem.n_cells()),
+            saved_x: vec![0.0; d.x],
+            tries: MAX_HOMOTOPIES,
             problem,
             solver,
         })
@@ -98,7 +123,7 @@ impl Simulator {
         finite("state", x, self.nx)?;
         self.t = t;
         self.x.copy_from_slice(x);
-        self.warm = false;
+        self.last.clear();
         Ok(())
     }
 
@@ -169,6 +194,7 @@ impl Simulator {
             stats: Statistics::default(),
             steps: 0,
             homotopies: 0,
+            non_unique: Vec::new(),
             primal: 0.0,
             pair_min: 0.0,
         }
@@ -180,61 +206,159 @@ impl Simulator {
         if self.settings.max_time.is_finite() && control.deadline.is_none() {
             control.deadline = deadline(self.settings.max_time);
         }
+        let (t, elements, switches) = (self.t, r.trajectory.elements.len(), r.trajectory.switches.len());
+        self.saved_x.copy_from_slice(&self.x);
+        self.tries = MAX_HOMOTOPIES;
+        self.divide(h, MAX_HALVINGS, control, r);
+        if r.outcome == Outcome::Solved {
+            r.steps += 1;
+            self.t = t + h;
+        } else {
+            self.t = t;
+            self.x.copy_from_slice(&self.saved_x);
+            self.last.clear();
+            r.trajectory.elements.truncate(elements);
+            r.trajectory.switches.truncate(switches);
+        }
+        r.stats.time_total += clock.elapsed().as_secs_f64();
+    }
+
+    /// A step, or two of half the length where one has no solution with so few elements.
+    fn divide(&mut self, h: f64, depth: usize, control: &mut Control, r: &mut SimResult) {
+        self.prepare(h);
+        let plans = if self.problem.detects_switches() && self.settings.polish() { self.plans(r) } else { Vec::new() };
+        let planned = plans.iter().any(|p| self.follow(p, control, r));
+        if !planned {
+            r.homotopies += 1;
+            self.solver.settings = mpcc_settings(&self.settings);
+            self.solver.solve(&mut self.problem, &self.bounds, &self.w, control);
+            add(&mut r.stats, &self.solver.solution().stats);
+            let s = self.solver.solution();
+            let exact = s.polish == Polish::Done || !self.problem.detects_switches() || !self.settings.polish();
+            let stopped = matches!(s.outcome, Outcome::Stopped | Outcome::MaxTime);
+            self.tries = self.tries.saturating_sub(1);
+            if (s.outcome != Outcome::Solved || !exact) && !stopped && depth > 0 && self.tries > 0 {
+                self.divide(0.5 * h, depth - 1, control, r);
+                if r.outcome == Outcome::Solved {
+                    self.divide(0.5 * h, depth - 1, control, r);
+                }
+                return;
+            }
+        }
+        self.take(h, r);
+    }
+
+    /// Bounds and starting point of a step of length `h` from the present state.
+    fn prepare(&mut self, h: f64) {
         self.problem.set_duration(h);
         self.problem.write_durations(&mut self.bounds);
         self.problem.bound_initial(&mut self.bounds, &self.x, &self.x, self.t);
         self.problem.bound_control(&mut self.bounds, 0, &self.u, &self.u);
         self.problem.guess(&mut self.w, self.t, |_, x| x.copy_from_slice(&self.x), |_, u| u.copy_from_slice(&self.u));
-        let predicted = self.warm && self.settings.polish() && self.predict(control, r);
-        if !predicted {
-            r.homotopies += 1;
-            self.solver.settings = mpcc_settings(&self.settings);
-            self.solver.solve(&mut self.problem, &self.bounds, &self.w, control);
-            add(&mut r.stats, &self.solver.solution().stats);
-        }
+    }
+
+    /// Takes over the solution of the step.
+    fn take(&mut self, h: f64, r: &mut SimResult) {
         let s = self.solver.solution();
         r.outcome = s.outcome;
-        r.stats.time_total += clock.elapsed().as_secs_f64();
+        self.last.clear();
         if s.outcome != Outcome::Solved {
-            self.warm = false;
             return;
         }
         r.primal = r.primal.max(s.residuals.primal);
         r.pair_min = r.pair_min.max(s.residuals.pair_min);
         let polished = s.polish == Polish::Done;
         r.trajectory.append(&self.problem, &s.x, polished.then_some(&s.sides[..]), self.t);
-        r.steps += 1;
         if let Some(e) = r.trajectory.elements.last() {
             self.x.copy_from_slice(&e.x1);
         }
         self.t += h;
-        self.warm = polished;
-        if polished {
-            self.continue_last_active_set();
+        if polished && self.problem.detects_switches() {
+            let n = self.problem.n_cells();
+            let end = s.sides.len();
+            self.last.extend(s.sides[end - n..].iter().map(|&s| s == Side::First));
         }
     }
 
-    /// Every element of the next step gets the active set of the last element of this one.
-    fn continue_last_active_set(&mut self) {
-        let sides = &self.solver.solution().sides;
-        let per_element = sides.len() / self.settings.n_fe as usize;
-        let last = sides.len() - per_element;
-        for (k, s) in self.sides.iter_mut().enumerate() {
-            *s = sides[last + k % per_element.max(1)];
+    /// Active sets a step may begin with: that of the last element first, then what (6.19) allows at this state.
+    fn plans(&mut self, r: &mut SimResult) -> Vec<Vec<bool>> {
+        let mut plans = Vec::new();
+        let solutions = self.continuations(&self.x.clone(), self.t, None);
+        if is_ambiguous(&solutions) && r.non_unique.last().is_none_or(|&t| t < self.t) {
+            r.non_unique.push(self.t);
         }
+        if !self.last.is_empty() && (solutions.is_empty() || solutions.iter().any(|s| s.active == self.last)) {
+            plans.push(self.last.clone());
+        }
+        for s in solutions.into_iter().take(MAX_PLANS) {
+            if !plans.contains(&s.active) {
+                plans.push(s.active);
+            }
+        }
+        plans
     }
 
-    fn predict(&mut self, control: &mut Control, r: &mut SimResult) -> bool {
-        let ok = self.solver.solve_branch(
-            &mut self.problem,
-            &self.bounds,
-            &self.sides,
-            &self.w,
-            PREDICTION_ITERATIONS,
-            control,
-        );
-        add(&mut r.stats, &self.solver.solution().stats);
-        ok
+    /// Solutions of (6.19) at a state, with candidates by the values of the indicators, or given.
+    fn continuations(&mut self, x: &[f64], t: f64, candidates: Option<&[bool]>) -> Vec<Continuation> {
+        let dcs = &self.problem.spec().dcs;
+        let at = Point { t, x, u: &self.u, p: self.problem.params() };
+        if self.point.evaluate(dcs, &at).is_err() {
+            return Vec::new();
+        }
+        let near;
+        let candidates = match candidates {
+            Some(c) => c,
+            None => {
+                near = self.point.candidates(dcs, ON_SURFACE);
+                &near
+            }
+        };
+        self.point.continuations(dcs, candidates)
+    }
+
+    /// Solves the square equations for the active set `first` in all elements; where a sign fails, the next
+    /// element gets the set that follows, until all signs hold. False when that leads nowhere.
+    fn follow(&mut self, first: &[bool], control: &mut Control, r: &mut SimResult) -> bool {
+        let (n, n_fe) = (self.problem.n_cells(), self.settings.n_fe as usize);
+        let mut current = first.to_vec();
+        self.set_sides(0, &current);
+        for switches in 0..n_fe {
+            self.branch.copy_from(&self.bounds);
+            self.problem.branch(&self.sides, &mut self.branch);
+            self.problem.free_signs(&mut self.branch);
+            let ok = self.solver.solve_branch(&mut self.problem, &self.branch, &self.sides, &self.w, control);
+            add(&mut r.stats, &self.solver.solution().stats);
+            if !ok {
+                return false;
+            }
+            let Some(v) = self.problem.first_violation(&self.solver.solution().x, SIGN_TOL) else { return true };
+            if v.element < switches || switches + 1 == n_fe {
+                return false;
+            }
+            let (cell, of_theta, x, t) = (v.cell, v.of_theta, v.x.to_vec(), v.t.unwrap_or(self.t));
+            if of_theta {
+                current[cell] = false;
+            } else {
+                let mut candidates = current.clone();
+                candidates[cell] = true;
+                let next = self.continuations(&x, t, Some(&candidates));
+                let Some(next) = next.into_iter().find(|s| s.active != current) else { return false };
+                current = next.active;
+            }
+            if (0..n).all(|c| !current[c]) {
+                return false;
+            }
+            self.set_sides(switches + 1, &current);
+        }
+        false
+    }
+
+    /// Active set of all elements from `element` on.
+    fn set_sides(&mut self, element: usize, active: &[bool]) {
+        let n = active.len();
+        for (k, s) in self.sides.iter_mut().enumerate().skip(element * n) {
+            *s = if active[k % n] { Side::First } else { Side::Second };
+        }
     }
 }
 

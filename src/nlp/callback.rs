@@ -1,0 +1,276 @@
+//! A nonlinear program made of functions.
+
+use std::sync::Arc;
+
+use super::problem::Nlp;
+use crate::error::{Error, Result};
+use crate::func::{EvalError, EvalResult, Function, Point};
+use crate::linalg::csc::Pattern;
+
+/// A function at `Point { t: 0, x: w, u: [], p }`, and where its derivatives go.
+struct Part {
+    f: Arc<dyn Function>,
+    work: Vec<f64>,
+    /// Values of the Jacobian; those of the variables come first.
+    jac: Vec<f64>,
+    /// Values of the Hessian, and the entry of the merged pattern each of them is added to, if any.
+    hess: Vec<f64>,
+    hess_map: Vec<Option<usize>>,
+}
+
+impl Part {
+    fn new(f: Arc<dyn Function>) -> Part {
+        Part {
+            work: vec![0.0; f.work_len()],
+            jac: vec![0.0; f.jac_pattern().nnz()],
+            hess: vec![0.0; f.hess_pattern().nnz()],
+            hess_map: Vec::new(),
+            f,
+        }
+    }
+
+    fn add_hessian(&mut self, at: &Point, weights: &[f64], out: &mut [f64]) -> EvalResult {
+        self.f.hessian(at, weights, &mut self.hess, &mut self.work)?;
+        for (v, k) in self.hess.iter().zip(&self.hess_map) {
+            if let Some(k) = k {
+                out[*k] += v;
+            }
+        }
+        Ok(())
+    }
+}
+
+/// `min f(w, p)` subject to bounds on `w` and `c(w, p)`, with `f` and `c` given as [`Function`]s.
+///
+/// The variables are the block `x` of the functions, the parameters their block `p`; there are no controls and
+/// the time is 0. Patterns are merged when it is made; evaluating allocates nothing.
+pub struct CallbackNlp {
+    n: usize,
+    params: Vec<f64>,
+    objective: Part,
+    constraints: Option<Part>,
+    jac: Pattern,
+    hess: Pattern,
+    /// Outputs of the constraints.
+    m: usize,
+}
+
+impl CallbackNlp {
+    /// A problem in `n` variables and `np` parameters, which are zero until they are set.
+    pub fn new(
+        n: usize,
+        np: usize,
+        objective: Arc<dyn Function>,
+        constraints: Option<Arc<dyn Function>>,
+    ) -> Result<CallbackNlp> {
+        if n == 0 {
+            return Err(Error::Dimension("a problem needs at least one variable".into()));
+        }
+        for f in std::iter::once(&objective).chain(&constraints) {
+            let d = f.dims();
+            if (d.x, d.u, d.p) != (n, 0, np) {
+                return Err(Error::Dimension(format!(
+                    "function '{}' takes (x, u, p) of sizes ({}, {}, {}), expected ({n}, 0, {np})",
+                    f.name(),
+                    d.x,
+                    d.u,
+                    d.p
+                )));
+            }
+        }
+        if objective.n_out() != 1 {
+            return Err(Error::Dimension(format!(
+                "objective '{}' has {} outputs, expected 1",
+                objective.name(),
+                objective.n_out()
+            )));
+        }
+        let m = constraints.as_ref().map_or(0, |c| c.n_out());
+        let jac = match &constraints {
+            Some(c) => columns(c.jac_pattern(), m, n)?,
+            None => Pattern::empty(0, n),
+        };
+        let (mut rows, mut cols) = (Vec::new(), Vec::new());
+        let mut objective = Part::new(objective);
+        let mut constraints = constraints.map(Part::new);
+        let mut places = Vec::new();
+        for part in std::iter::once(&objective).chain(&constraints) {
+            let p = part.f.hess_pattern();
+            for j in 0..p.n_cols() {
+                for &i in p.rows(j) {
+                    // upper triangle: the row of an entry is no parameter unless the column is one
+                    places.push((j < n).then_some(rows.len()));
+                    if j < n {
+                        rows.push(i);
+                        cols.push(j);
+                    }
+                }
+            }
+        }
+        let (hess, map) = Pattern::from_triplets(n, n, &rows, &cols);
+        let mut places = places.into_iter().map(|place| place.map(|k: usize| map[k]));
+        for part in std::iter::once(&mut objective).chain(&mut constraints) {
+            part.hess_map = places.by_ref().take(part.hess.len()).collect();
+        }
+        Ok(CallbackNlp { n, params: vec![0.0; np], objective, constraints, jac, hess, m })
+    }
+
+    /// Sets the parameters.
+    pub fn set_params(&mut self, p: &[f64]) -> Result<()> {
+        if p.len() != self.params.len() {
+            return Err(Error::Dimension(format!("{} parameters given, expected {}", p.len(), self.params.len())));
+        }
+        if let Some(i) = p.iter().position(|v| !v.is_finite()) {
+            return Err(Error::Range(format!("parameter {i} is {}: it must be finite", p[i])));
+        }
+        self.params.copy_from_slice(p);
+        Ok(())
+    }
+}
+
+/// The first `n` columns of a pattern: a leading part of its entries.
+fn columns(p: &Pattern, m: usize, n: usize) -> Result<Pattern> {
+    let col_ptr = p.col_ptr()[..=n].to_vec();
+    let row_idx = p.row_idx()[..col_ptr[n]].to_vec();
+    Pattern::new(m, n, col_ptr, row_idx)
+}
+
+impl Nlp for CallbackNlp {
+    fn n(&self) -> usize {
+        self.n
+    }
+    fn m(&self) -> usize {
+        self.m
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        &self.jac
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        &self.hess
+    }
+    fn eval(&mut self, x: &[f64], c: &mut [f64]) -> std::result::Result<f64, EvalError> {
+        let at = Point { t: 0.0, x, u: &[], p: &self.params };
+        let mut f = [0.0];
+        self.objective.f.value(&at, &mut f, &mut self.objective.work)?;
+        if let Some(part) = &mut self.constraints {
+            part.f.value(&at, c, &mut part.work)?;
+        }
+        Ok(f[0])
+    }
+    fn derivatives(&mut self, x: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult {
+        let at = Point { t: 0.0, x, u: &[], p: &self.params };
+        let o = &mut self.objective;
+        o.f.jacobian(&at, &mut o.jac, &mut o.work)?;
+        let p = o.f.jac_pattern();
+        for (j, g) in grad.iter_mut().enumerate() {
+            // one row: a column holds one entry or none
+            *g = o.jac[p.range(j)].iter().sum();
+        }
+        if let Some(part) = &mut self.constraints {
+            part.f.jacobian(&at, &mut part.jac, &mut part.work)?;
+            jac.copy_from_slice(&part.jac[..jac.len()]);
+        }
+        Ok(())
+    }
+    fn hessian(&mut self, x: &[f64], w: f64, y: &[f64], hess: &mut [f64]) -> EvalResult {
+        let at = Point { t: 0.0, x, u: &[], p: &self.params };
+        hess.fill(0.0);
+        self.objective.add_hessian(&at, &[w], hess)?;
+        match &mut self.constraints {
+            Some(part) => part.add_hessian(&at, y, hess),
+            None => Ok(()),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::func::{Callback, Dims};
+
+    const DIMS: Dims = Dims { x: 2, u: 0, p: 1 };
+
+    fn pattern(m: usize, n: usize, entries: &[(usize, usize)]) -> Pattern {
+        let rows: Vec<usize> = entries.iter().map(|e| e.0).collect();
+        let cols: Vec<usize> = entries.iter().map(|e| e.1).collect();
+        Pattern::from_triplets(m, n, &rows, &cols).0
+    }
+
+    /// `f = p x0 x1`, `c = (x0², x0 + p x1)`, with the parameter's derivatives declared as well.
+    fn problem() -> CallbackNlp {
+        let f = Callback::new("f", DIMS, 1, |at, out| {
+            out[0] = at.p[0] * at.x[0] * at.x[1];
+            0
+        })
+        .with_jacobian(pattern(1, 4, &[(0, 0), (0, 1), (0, 2)]), |at, out| {
+            out.copy_from_slice(&[at.p[0] * at.x[1], at.p[0] * at.x[0], at.x[0] * at.x[1]]);
+            0
+        })
+        .unwrap()
+        .with_hessian(pattern(4, 4, &[(0, 1), (0, 2), (1, 2)]), |at, w, out| {
+            out.copy_from_slice(&[w[0] * at.p[0], w[0] * at.x[1], w[0] * at.x[0]]);
+            0
+        })
+        .unwrap();
+        let c = Callback::new("c", DIMS, 2, |at, out| {
+            out[0] = at.x[0] * at.x[0];
+            out[1] = at.x[0] + at.p[0] * at.x[1];
+            0
+        })
+        .with_jacobian(pattern(2, 4, &[(0, 0), (1, 0), (1, 1), (1, 2)]), |at, out| {
+            out.copy_from_slice(&[2.0 * at.x[0], 1.0, at.p[0], at.x[1]]);
+            0
+        })
+        .unwrap()
+        .with_hessian(pattern(4, 4, &[(0, 0), (1, 2)]), |_, w, out| {
+            out.copy_from_slice(&[2.0 * w[0], w[1]]);
+            0
+        })
+        .unwrap();
+        let mut p = CallbackNlp::new(2, 1, Arc::new(f), Some(Arc::new(c))).unwrap();
+        p.set_params(&[3.0]).unwrap();
+        p
+    }
+
+    #[test]
+    fn values_and_merged_derivatives() {
+        let mut p = problem();
+        assert_eq!((p.n(), p.m(), p.jac_pattern().nnz(), p.hess_pattern().nnz()), (2, 2, 3, 2));
+        let x = [2.0, 5.0];
+        let (mut c, mut g, mut jac, mut hess) = ([0.0; 2], [0.0; 2], [0.0; 3], [9.0; 2]);
+        assert_eq!(p.eval(&x, &mut c), Ok(30.0));
+        assert_eq!(c, [4.0, 17.0]);
+        p.derivatives(&x, &mut g, &mut jac).unwrap();
+        assert_eq!((g, jac), ([15.0, 6.0], [4.0, 1.0, 3.0]));
+        p.hessian(&x, 2.0, &[10.0, 7.0], &mut hess).unwrap();
+        let h = p.hess_pattern();
+        assert_eq!((hess[h.get(0, 0).unwrap()], hess[h.get(0, 1).unwrap()]), (20.0, 6.0));
+    }
+
+    #[test]
+    fn sizes_are_checked() {
+        let two = |name: &str, d, m| Arc::new(Callback::new(name, d, m, |_, _| 0)) as Arc<dyn Function>;
+        assert_eq!(CallbackNlp::new(0, 0, two("f", DIMS, 1), None).err().unwrap().code(), -2);
+        assert_eq!(CallbackNlp::new(2, 0, two("f", DIMS, 1), None).err().unwrap().code(), -2);
+        assert_eq!(CallbackNlp::new(2, 1, two("f", DIMS, 2), None).err().unwrap().code(), -2);
+        let e = CallbackNlp::new(2, 1, two("f", DIMS, 1), Some(two("c", Dims { x: 3, u: 0, p: 1 }, 2))).err().unwrap();
+        assert!(e.to_string().contains("'c'"), "{e}");
+        let mut p = problem();
+        assert_eq!(p.set_params(&[]).unwrap_err().code(), -2);
+        assert_eq!(p.set_params(&[f64::NAN]).unwrap_err().code(), -3);
+    }
+
+    #[test]
+    fn a_problem_without_rows() {
+        let f = Callback::new("f", Dims { x: 1, u: 0, p: 0 }, 1, |at, out| {
+            out[0] = (at.x[0] - 1.0).powi(2);
+            0
+        });
+        let mut p = CallbackNlp::new(1, 0, Arc::new(f), None).unwrap();
+        assert_eq!((p.m(), p.jac_pattern().nnz()), (0, 0));
+        assert_eq!(p.eval(&[3.0], &mut []), Ok(4.0));
+        let mut g = [0.0];
+        p.derivatives(&[3.0], &mut g, &mut []).unwrap();
+        assert!((g[0] - 4.0).abs() < 1e-8);
+    }
+}
