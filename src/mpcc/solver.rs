@@ -97,7 +97,7 @@ const FIRST_POLISH: f64 = 1e-6;
 /// Branches tried per polish.
 const MAX_BRANCHES: usize = 8;
 /// Iterations one branch gets: near a solution it takes a handful.
-const BRANCH_ITERATIONS: usize = 40;
+const BRANCH_ITERATIONS: usize = 20;
 
 /// A solver for problems of one structure.
 pub struct MpccSolver {
