@@ -1,0 +1,71 @@
+//! Measures speed against error on the standard problems.
+//!
+//! `cargo run --release --example report -- CASE [--json] [--plot DIR]`, `CASE` one of [`cases::ALL`] or `all`.
+//! Prints a table; with `--json` one object per line and nothing else on standard output.
+
+mod cases;
+mod json;
+mod models;
+mod svg;
+
+use std::path::PathBuf;
+
+/// Where results go.
+pub struct Context {
+    json: bool,
+    plot: Option<PathBuf>,
+}
+
+impl Context {
+    /// One result.
+    fn record(&self, o: &json::Object) {
+        if self.json {
+            println!("{}", o.line());
+        }
+    }
+    /// What a person reads.
+    fn say(&self, text: &str) {
+        if !self.json {
+            println!("{}", text.trim_end());
+        }
+    }
+    fn plot(&self, p: &svg::Plot, name: &str) {
+        if let Some(dir) = &self.plot {
+            if let Err(e) = p.save(dir, name) {
+                eprintln!("cannot write {}: {e}", dir.join(name).display());
+            }
+        }
+    }
+}
+
+fn usage(problem: &str) -> ! {
+    let names: Vec<&str> = cases::ALL.iter().map(|c| c.0).collect();
+    eprintln!("{problem}\nusage: report CASE [--json] [--plot DIR]\ncases: {}, all", names.join(", "));
+    std::process::exit(2)
+}
+
+fn main() {
+    let mut context = Context { json: false, plot: None };
+    let mut case = None;
+    let mut args = std::env::args().skip(1);
+    while let Some(a) = args.next() {
+        match a.as_str() {
+            "--json" => context.json = true,
+            "--plot" => match args.next() {
+                Some(dir) => context.plot = Some(dir.into()),
+                None => usage("--plot needs a directory"),
+            },
+            _ if a.starts_with('-') => usage(&format!("unknown option '{a}'")),
+            _ if case.is_some() => usage("one case at a time"),
+            _ => case = Some(a),
+        }
+    }
+    let Some(case) = case else { usage("which case?") };
+    let chosen: Vec<_> = cases::ALL.iter().filter(|c| case == "all" || case == c.0).collect();
+    if chosen.is_empty() {
+        usage(&format!("unknown case '{case}'"));
+    }
+    for (_, run) in chosen {
+        run(&context);
+    }
+}
