@@ -1,4 +1,8 @@
-//! The step equilibration row `η (h_1 − h_0)` of (7.10), `η = Π_i (λ^B_i λ^F_i + θ^B_i θ^F_i)`.
+//! The step equilibration term `η (h_1 − h_0)²` with the indicator of (7.10), `η = Π_i (λ^B_i λ^F_i + θ^B_i θ^F_i)`.
+//!
+//! The thesis asks for `η (h_1 − h_0) = 0`. Such rows have no multipliers in the limit (their gradients vanish at a
+//! switch), and an interior-point method creeps on them; as a penalty the term has the same zeros, is zero at
+//! exact solutions whatever its weight, and leaves exactness to the branch problem.
 //!
 //! Local variables, in this order: `λ^B`, `λ^F`, `θ^B`, `θ^F` (`n` each), `h_0`, `h_1`.
 
@@ -22,37 +26,39 @@ fn partner(n: usize, j: usize) -> (usize, usize) {
     ((block ^ 1) * n + i, i)
 }
 
-/// Value of the row.
+/// Value of the term.
 pub(super) fn value(n: usize, w: &[f64]) -> f64 {
-    product(n, w, &[]) * (w[4 * n + 1] - w[4 * n])
+    product(n, w, &[]) * (w[4 * n + 1] - w[4 * n]).powi(2)
 }
 
 /// Derivative with respect to local variable `j`.
 pub(super) fn gradient(n: usize, w: &[f64], j: usize) -> f64 {
+    let dh = w[4 * n + 1] - w[4 * n];
     if j >= 4 * n {
-        let eta = product(n, w, &[]);
-        return if j == 4 * n { -eta } else { eta };
+        let g = 2.0 * product(n, w, &[]) * dh;
+        return if j == 4 * n { -g } else { g };
     }
     let (p, i) = partner(n, j);
-    product(n, w, &[i]) * w[p] * (w[4 * n + 1] - w[4 * n])
+    product(n, w, &[i]) * w[p] * dh * dh
 }
 
 /// Second derivative with respect to local variables `j ≤ k`.
 pub(super) fn hessian(n: usize, w: &[f64], j: usize, k: usize) -> f64 {
-    if j >= 4 * n {
-        return 0.0;
-    }
     let dh = w[4 * n + 1] - w[4 * n];
+    if j >= 4 * n {
+        let g = 2.0 * product(n, w, &[]);
+        return if j == k { g } else { -g };
+    }
     let (pj, i) = partner(n, j);
     if k >= 4 * n {
-        let g = product(n, w, &[i]) * w[pj];
+        let g = 2.0 * product(n, w, &[i]) * w[pj] * dh;
         return if k == 4 * n { -g } else { g };
     }
     let (pk, l) = partner(n, k);
     if i == l {
-        return if pj == k { product(n, w, &[i]) * dh } else { 0.0 };
+        return if pj == k { product(n, w, &[i]) * dh * dh } else { 0.0 };
     }
-    product(n, w, &[i, l]) * w[pj] * w[pk] * dh
+    product(n, w, &[i, l]) * w[pj] * w[pk] * dh * dh
 }
 
 #[cfg(test)]

@@ -136,8 +136,6 @@ pub(super) struct ElementIndex {
     pub row_sum_lambda: Option<usize>,
     /// `h_n − h_{n−1}`, free until the polish.
     pub row_equal: Option<usize>,
-    /// (7.10).
-    pub row_eta: Option<usize>,
     /// Slopes of `λ` at the start, for modes that leave at the start of a control stage; free until the polish.
     pub row_slope: Option<usize>,
 }
@@ -168,6 +166,8 @@ pub(super) struct Layout {
     pub fesd: bool,
     /// Lifted sums exist.
     pub sums: bool,
+    /// Terms `η (h_n − h_{n−1})²` exist.
+    pub eta: bool,
 }
 
 #[derive(Default)]
@@ -237,6 +237,7 @@ impl Layout {
             values_form,
             fesd,
             sums,
+            eta,
         };
         for k in 0..spec.n_stages {
             let u = var.take(nu);
@@ -285,9 +286,6 @@ impl Layout {
                 }
                 if fesd && n > 0 {
                     e.row_equal = Some(row.take(1));
-                    if eta {
-                        e.row_eta = Some(row.take(1));
-                    }
                 }
                 // a node at 0 leaves no polynomial through the start
                 if fesd && n == 0 && k > 0 && tableau.c[0] > 0.0 {

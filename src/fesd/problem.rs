@@ -45,7 +45,7 @@ struct ElementCalls {
 struct Scratch {
     /// Right-hand side at a point.
     f: Vec<f64>,
-    /// Local variables of an η row.
+    /// Local variables of an η term.
     local: Vec<f64>,
 }
 
@@ -241,7 +241,7 @@ impl Fesd {
         let w = vec![1.0; f.l.n];
         let mut rec = Recorder::default();
         let mut scratch = std::mem::take(&mut f.scratch);
-        f.jacobian_entries(&w, &mut scratch, &mut rec);
+        f.jacobian_entries(&w, &mut scratch.f, &mut rec);
         let (p, map) = Pattern::from_triplets(f.l.m, f.l.n, &rec.rows, &rec.cols);
         f.jac = p;
         f.jac_map = map.into_iter().map(|k| k as u32).collect();
@@ -764,7 +764,7 @@ impl Fesd {
         (0..t.n_s).map(|i| t.b[i] * a_inv[i * t.n_s + j]).sum()
     }
 
-    /// Local variables of the η row between two elements.
+    /// Local variables of the η term between two elements.
     fn eta_vars(&self, a: &ElementIndex, b: &ElementIndex, k: usize) -> usize {
         let n = self.l.n_cells;
         match (k / n.max(1), k % n.max(1)) {
@@ -774,6 +774,29 @@ impl Fesd {
             (3, i) => b.sum_theta + i,
             (_, i) => if i == 0 { a.h } else { b.h }.unwrap_or(0),
         }
+    }
+
+    /// Neighbouring elements of one control stage with an η term between them.
+    fn eta_pairs(&self) -> impl Iterator<Item = (&ElementIndex, &ElementIndex)> {
+        let on = self.l.eta;
+        self.l.elements.windows(2).filter(move |p| on && p[1].n > 0).map(|p| (&p[0], &p[1]))
+    }
+
+    fn eta_weight(&self) -> f64 {
+        if self.polishing {
+            0.0
+        } else {
+            self.spec.options.rho_h
+        }
+    }
+
+    fn eta_value(&self, w: &[f64], local: &mut [f64]) -> f64 {
+        let mut sum = 0.0;
+        for (a, b) in self.eta_pairs() {
+            self.load_eta(a, b, w, local);
+            sum += eta::value(self.l.n_cells, local);
+        }
+        self.eta_weight() * sum
     }
 
     fn load_eta(&self, a: &ElementIndex, b: &ElementIndex, w: &[f64], out: &mut [f64]) {
@@ -804,13 +827,12 @@ impl Fesd {
     }
 
     /// Writes all Jacobian entries in a fixed order.
-    fn jacobian_entries<S: Sink>(&self, w: &[f64], scratch: &mut Scratch, s: &mut S) {
+    fn jacobian_entries<S: Sink>(&self, w: &[f64], f: &mut [f64], s: &mut S) {
         let (l, t) = (&self.l, &self.tableau);
         let n_s = t.n_s;
         if let Some(lam) = l.lambda0 {
             self.indicator_jac(&self.ind_start, l.row_alg0, lam, l.mu0, s);
         }
-        let Scratch { f, local } = scratch;
         for (e, ec) in l.elements.iter().zip(&self.ecalls) {
             let h = self.h_of(e, w);
             for i in 0..n_s {
@@ -917,12 +939,6 @@ impl Fesd {
             if let (Some(row), Some(a), Some(b)) = (p[1].row_equal, p[0].h, p[1].h) {
                 s.add(row, b, 1.0);
                 s.add(row, a, -1.0);
-            }
-            if let Some(row) = p[1].row_eta {
-                self.load_eta(&p[0], &p[1], w, local);
-                for k in 0..local.len() {
-                    s.add(row, self.eta_vars(&p[0], &p[1], k), eta::gradient(l.n_cells, local, k));
-                }
             }
         }
         for (call, &row) in self.path.iter().zip(&self.path_rows).chain(self.terminal.iter().zip(&l.row_terminal)) {
@@ -1123,14 +1139,13 @@ impl Fesd {
                 add_sym(s, a, b, -rho);
             }
         }
-        for p in l.elements.windows(2) {
-            if let Some(row) = p[1].row_eta {
-                self.load_eta(&p[0], &p[1], w, local);
-                for k in 0..local.len() {
-                    for j in 0..=k {
-                        let v = y[row] * eta::hessian(l.n_cells, local, j, k);
-                        add_sym(s, self.eta_vars(&p[0], &p[1], j), self.eta_vars(&p[0], &p[1], k), v);
-                    }
+        let weight = obj * self.eta_weight();
+        for (a, b) in self.eta_pairs() {
+            self.load_eta(a, b, w, local);
+            for k in 0..local.len() {
+                for j in 0..=k {
+                    let v = if weight == 0.0 { 0.0 } else { weight * eta::hessian(l.n_cells, local, j, k) };
+                    add_sym(s, self.eta_vars(a, b, j), self.eta_vars(a, b, k), v);
                 }
             }
         }
@@ -1198,17 +1213,12 @@ impl Nlp for Fesd {
         self.evaluate_values(w)?;
         let mut scratch = std::mem::take(&mut self.scratch);
         self.constraint_values(w, c, &mut scratch.f);
-        for p in self.l.elements.windows(2) {
-            if let Some(row) = p[1].row_eta {
-                self.load_eta(&p[0], &p[1], w, &mut scratch.local);
-                c[row] = eta::value(self.l.n_cells, &scratch.local);
-            }
-        }
+        let eta = self.eta_value(w, &mut scratch.local);
         self.scratch = scratch;
         let rho = self.soft_weight();
         let h = self.h_nominal();
         let soft: f64 = self.soft_terms().map(|(a, b)| (w[a] - b.map_or(h, |b| w[b])).powi(2)).sum();
-        Ok(self.user_cost(w) + rho * soft)
+        Ok(self.user_cost(w) + rho * soft + eta)
     }
 
     fn derivatives(&mut self, w: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult {
@@ -1245,7 +1255,14 @@ impl Nlp for Fesd {
         jac.fill(0.0);
         let map = std::mem::take(&mut self.jac_map);
         let mut scratch = std::mem::take(&mut self.scratch);
-        self.jacobian_entries(w, &mut scratch, &mut Writer { map: &map, k: 0, values: jac });
+        let weight = self.eta_weight();
+        for (a, b) in self.eta_pairs() {
+            self.load_eta(a, b, w, &mut scratch.local);
+            for k in 0..scratch.local.len() {
+                grad[self.eta_vars(a, b, k)] += weight * eta::gradient(self.l.n_cells, &scratch.local, k);
+            }
+        }
+        self.jacobian_entries(w, &mut scratch.f, &mut Writer { map: &map, k: 0, values: jac });
         self.jac_map = map;
         self.scratch = scratch;
         Ok(())
@@ -1313,10 +1330,6 @@ impl Mpcc for Fesd {
                         fix(b, e.sum_theta + c);
                     }
                 }
-            }
-            if let Some(row) = e.row_eta {
-                b.cl[row] = f64::NEG_INFINITY;
-                b.cu[row] = f64::INFINITY;
             }
             if i_e == 0 {
                 continue;

@@ -18,19 +18,25 @@ pub struct Scholtes {
     end: f64,
     on_plateau: bool,
     raises: usize,
+    /// Iterations on the present rung.
+    stays: usize,
 }
+
+/// Iterations after which an almost feasible rung counts as done: where the multipliers have no limit the error
+/// never gets small, and the next rung, or the polish, decides more than further iterations.
+const RUNG_ITERATIONS: usize = 60;
 
 impl Scholtes {
     /// A path from the initial relaxation to `sigma_end`.
     pub fn new(settings: MpccSettings, rows: Range<usize>, sigma_end: f64) -> Scholtes {
         let start = Level { mu: settings.mu_init, sigma: settings.sigma_init };
         let on_plateau = settings.sigma_init > sigma_end;
-        Scholtes { settings, rows, start, end: sigma_end, on_plateau, raises: 0 }
+        Scholtes { settings, rows, start, end: sigma_end, on_plateau, raises: 0, stays: 0 }
     }
 
     /// A path that goes on from `level`.
     pub fn resume(settings: MpccSettings, rows: Range<usize>, level: Level, sigma_end: f64) -> Scholtes {
-        Scholtes { settings, rows, start: level, end: sigma_end, on_plateau: false, raises: 0 }
+        Scholtes { settings, rows, start: level, end: sigma_end, on_plateau: false, raises: 0, stays: 0 }
     }
 
     fn rung(&self, sigma: f64, mu: f64) -> Level {
@@ -61,10 +67,13 @@ impl Continuation for Scholtes {
             self.on_plateau = false;
             return Advance::To(self.rung(sigma, mu));
         }
-        if m.error > 10.0 * mu {
+        self.stays += 1;
+        let stuck = self.stays > RUNG_ITERATIONS && m.primal <= (10.0 * sigma).max(1e-4);
+        if m.error > 10.0 * mu && !stuck {
             return Advance::Stay;
         }
         if sigma > self.end {
+            self.stays = 0;
             return Advance::To(self.rung(sigma, mu));
         }
         // the last rung: the barrier goes below the relaxation
@@ -72,7 +81,9 @@ impl Continuation for Scholtes {
             return Advance::Done;
         }
         let floor = 0.1 * s.tol.max(self.end);
-        if mu > floor {
+        if stuck {
+            Advance::GiveUp
+        } else if mu > floor {
             Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(floor), sigma })
         } else {
             Advance::Stay

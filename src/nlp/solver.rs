@@ -69,6 +69,8 @@ pub enum Advance {
     To(Level),
     /// The problem is solved.
     Done,
+    /// Further iterations do not help.
+    GiveUp,
 }
 
 /// Decides the sequence of barrier problems.
@@ -313,6 +315,7 @@ impl Ipm {
             loop {
                 match continuation.advance(&m) {
                     Advance::Done => return Outcome::Solved,
+                    Advance::GiveUp => return Outcome::Stalled,
                     Advance::Stay => break,
                     Advance::To(level) => {
                         self.change_level(level, continuation.relaxed_rows());

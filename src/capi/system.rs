@@ -1,0 +1,155 @@
+//! Piecewise smooth systems.
+
+use super::function::{shared, swb_function};
+use super::guard::guard;
+use super::handle::{self, Object};
+use super::raw;
+use super::status::swb_status;
+use crate::error::{Error, Result};
+use crate::system::{Regions, Subsystem, System};
+
+/// Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.
+pub struct swb_system(());
+impl Object for swb_system {
+    type Value = System;
+    const NAME: &'static str = "swb_system";
+}
+
+fn count(n: i64, what: &str) -> Result<usize> {
+    usize::try_from(n).map_err(|_| Error::Dimension(format!("{what} is {n}: it must not be negative")))
+}
+
+/// Create a system without dynamics.
+///
+/// @param[in]  nx  states, at least 1
+/// @param[in]  nu  controls
+/// @param[in]  np  parameters
+/// @param[out] out the new object, NULL on failure; free with swb_system_free
+/// @return SWB_OK; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_create(nx: i64, nu: i64, np: i64, out: *mut *mut swb_system) -> swb_status {
+    guard(|| unsafe {
+        handle::create(out, |_| System::new(count(nx, "nx")?, count(nu, "nu")?, count(np, "np")?))
+    })
+}
+
+/// Set the part of the right-hand side that does not switch: nx outputs.
+///
+/// @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_set_f0(system: *mut swb_system, f0: *const swb_function) -> swb_status {
+    guard(|| unsafe {
+        let f0 = shared(f0, "f0")?;
+        handle::with_mut(system, |s| s.set_f0(f0))
+    })
+}
+
+/// Rows as the library counts them.
+unsafe fn rows_of(rows: *const i64, n_rows: i64) -> Result<Vec<usize>> {
+    let rows = unsafe { raw::slice(rows, n_rows, "rows")? };
+    let bad = |r: i64| Error::Range(format!("rows holds {r}: states count from 0"));
+    rows.iter().map(|&r| usize::try_from(r).map_err(|_| bad(r))).collect()
+}
+
+unsafe fn add(
+    system: *mut swb_system,
+    (rows, n_rows): (*const i64, i64),
+    modes: *const swb_function,
+    n_modes: i64,
+    index: *mut i64,
+    regions: impl FnOnce() -> Result<Regions>,
+) -> Result<()> {
+    unsafe {
+        let subsystem = Subsystem {
+            rows: rows_of(rows, n_rows)?,
+            modes: shared(modes, "modes")?,
+            n_modes: count(n_modes, "n_modes")?,
+            regions: regions()?,
+        };
+        let k = handle::with_mut(system, |s| s.add_subsystem(subsystem))?;
+        raw::write_optional(index, k as i64);
+    }
+    Ok(())
+}
+
+/// Add a subsystem whose regions are given by switching functions and a sign matrix: mode i is valid where
+/// signs[i][j] psi_j(x) > 0 for every j with signs[i][j] != 0.
+///
+/// @param[in]  rows    [n_rows] the states the modes drive
+/// @param[in]  modes   n_rows * n_modes outputs: the vector fields, mode after mode
+/// @param[in]  psi     switching functions, one output each
+/// @param[in]  signs   [n_signs] n_modes rows with an entry -1, 0 or 1 for each switching function, row
+///                     after row
+/// @param[out] index   number of the subsystem; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat or regions overlap
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_add_subsystem(
+    system: *mut swb_system,
+    rows: *const i64,
+    n_rows: i64,
+    modes: *const swb_function,
+    n_modes: i64,
+    psi: *const swb_function,
+    signs: *const i8,
+    n_signs: i64,
+    index: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        add(system, (rows, n_rows), modes, n_modes, index, || {
+            let signs = raw::slice(signs, n_signs, "signs")?.to_vec();
+            Ok(Regions::Signs { psi: shared(psi, "psi")?, signs })
+        })
+    })
+}
+
+/// Add a subsystem whose regions are given by Stewart's indicator functions: mode i is valid where g_i(x)
+/// is the smallest.
+///
+/// @param[in]  rows       [n_rows] the states the modes drive
+/// @param[in]  modes      n_rows * n_modes outputs: the vector fields, mode after mode
+/// @param[in]  indicators g: n_modes outputs
+/// @param[out] index      number of the subsystem; may be NULL
+/// @return as swb_system_add_subsystem
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_add_subsystem_indicators(
+    system: *mut swb_system,
+    rows: *const i64,
+    n_rows: i64,
+    modes: *const swb_function,
+    n_modes: i64,
+    indicators: *const swb_function,
+    index: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        add(system, (rows, n_rows), modes, n_modes, index, || Ok(Regions::Indicators(shared(indicators, "indicators")?)))
+    })
+}
+
+/// Sizes of a system. Any output may be NULL.
+///
+/// @return SWB_OK
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_sizes(
+    system: *const swb_system,
+    nx: *mut i64,
+    nu: *mut i64,
+    np: *mut i64,
+    n_subsystems: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(system, |s| {
+            let d = s.dims();
+            raw::write_optional(nx, d.x as i64);
+            raw::write_optional(nu, d.u as i64);
+            raw::write_optional(np, d.p as i64);
+            raw::write_optional(n_subsystems, s.subsystems().len() as i64);
+            Ok(())
+        })
+    })
+}
+
+/// Free; objects made of the system keep what they need. NULL is allowed.
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_free(system: *mut swb_system) {
+    unsafe { handle::free(system) }
+}
