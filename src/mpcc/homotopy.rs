@@ -7,7 +7,7 @@
 use std::ops::Range;
 
 use super::solver::MpccSettings;
-use crate::nlp::{Advance, Continuation, Level, Measures};
+use crate::nlp::{Advance, Continuation, Level, Measures, Monotone};
 
 /// The schedule of the Scholtes relaxation.
 #[derive(Debug, Clone)]
@@ -102,5 +102,41 @@ impl Continuation for Scholtes {
 
     fn relaxed_rows(&self) -> Range<usize> {
         self.rows.clone()
+    }
+}
+
+/// The monotone barrier rule for a branch problem, which may have no solution: it gives up when the violation has
+/// stopped falling.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Branch {
+    rule: Monotone,
+    best: f64,
+    since: usize,
+}
+
+/// Iterations without a violation half as large that end a branch.
+const PATIENCE: usize = 5;
+
+impl Branch {
+    pub fn new(rule: Monotone) -> Branch {
+        Branch { rule, best: f64::INFINITY, since: 0 }
+    }
+}
+
+impl Continuation for Branch {
+    fn start(&mut self) -> Level {
+        self.rule.start()
+    }
+    fn advance(&mut self, m: &Measures) -> Advance {
+        if m.primal <= 0.5 * self.best {
+            self.best = m.primal;
+            self.since = 0;
+        } else {
+            self.since += 1;
+        }
+        if self.since > PATIENCE && m.primal > 1e-9 {
+            return Advance::GiveUp;
+        }
+        self.rule.advance(m)
     }
 }

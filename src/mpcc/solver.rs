@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::homotopy::Scholtes;
+use super::homotopy::{Branch, Scholtes};
 use super::problem::{Mpcc, Side};
 use super::relaxed::{Relaxed, Structure};
 use crate::error::Result;
@@ -97,7 +97,7 @@ const FIRST_POLISH: f64 = 1e-6;
 /// Branches tried per polish.
 const MAX_BRANCHES: usize = 8;
 /// Iterations one branch gets: near a solution it takes a handful.
-const BRANCH_ITERATIONS: usize = 20;
+const BRANCH_ITERATIONS: usize = 30;
 
 /// A solver for problems of one structure.
 pub struct MpccSolver {
@@ -342,7 +342,7 @@ impl MpccSolver {
         self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
         // below 1e-10 the barrier no longer moves the solution by more than the tolerance of the polish
         let tol = self.settings.tol.min(1e-9);
-        let mut rule = Monotone { mu_init: 1e-6, tol, primal_tol: self.settings.polish_tol };
+        let mut rule = Branch::new(Monotone { mu_init: 1e-6, tol, primal_tol: self.settings.polish_tol });
         self.ipm.settings_mut().restoration = false;
         let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
         let outcome = self.run(p, Start::Warm(&saved, 1e-8), &mut rule, control, b'p');

@@ -50,9 +50,12 @@ const MAX_HOMOTOPIES: usize = 24;
 /// Active sets tried at the start of a step before the homotopy decides.
 const MAX_PLANS: usize = 6;
 /// Distance to a switching surface, relative to the gradient, that counts as being on it.
-const ON_SURFACE: f64 = 1e-9;
+const ON_SURFACE: f64 = 2e-8;
 /// Multipliers above this negative value count as zero: rounding of the Newton iteration.
 const SIGN_TOL: f64 = 1e-10;
+/// The same where no set satisfies the first tolerance: a switch so close to the end of the step that an element
+/// behind it would have no length in double precision. The next step then begins on the surface.
+const LOOSE_SIGN_TOL: f64 = 1e-8;
 
 /// A simulator: model, state, and what is reused from step to step.
 pub struct Simulator {
@@ -227,7 +230,8 @@ impl Simulator {
     fn divide(&mut self, h: f64, depth: usize, control: &mut Control, r: &mut SimResult) {
         self.prepare(h);
         let plans = if self.problem.detects_switches() && self.settings.polish() { self.plans(r) } else { Vec::new() };
-        let planned = plans.iter().any(|p| self.follow(p, control, r));
+        let planned =
+            [SIGN_TOL, LOOSE_SIGN_TOL].iter().any(|&tol| plans.iter().any(|p| self.follow(p, tol, control, r)));
         if !planned {
             r.homotopies += 1;
             self.solver.settings = mpcc_settings(&self.settings);
@@ -318,7 +322,7 @@ impl Simulator {
 
     /// Solves the square equations for the active set `first` in all elements; where a sign fails, the next
     /// element gets the set that follows, until all signs hold. False when that leads nowhere.
-    fn follow(&mut self, first: &[bool], control: &mut Control, r: &mut SimResult) -> bool {
+    fn follow(&mut self, first: &[bool], tol: f64, control: &mut Control, r: &mut SimResult) -> bool {
         let (n, n_fe) = (self.problem.n_cells(), self.settings.n_fe as usize);
         let mut current = first.to_vec();
         self.set_sides(0, &current);
@@ -331,7 +335,7 @@ impl Simulator {
             if !ok {
                 return false;
             }
-            let Some(v) = self.problem.first_violation(&self.solver.solution().x, SIGN_TOL) else { return true };
+            let Some(v) = self.problem.first_violation(&self.solver.solution().x, tol) else { return true };
             if v.element < switches || switches + 1 == n_fe {
                 return false;
             }
