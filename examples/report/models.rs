@@ -238,15 +238,12 @@ pub fn coulomb() -> System {
     s
 }
 
-/// (7.35): `min ∫ x² dt + (x(2) − 5/3)²` over `x0`, `x' ∈ 2 − sign x`.
-pub fn tutorial_ocp(settings: &Settings) -> Ocp {
-    let sys = switching('a');
-    let d = sys.dims();
-    let mut o = Ocp::new(&sys, 2.0, 1, settings).expect("the settings fit");
-    let square = |name: &str, shift: f64| {
+/// Cost rate and terminal cost of (7.35).
+pub fn tutorial_costs() -> [SharedFunction; 2] {
+    [("L", 0.0), ("M", 5.0 / 3.0)].map(|(name, shift)| {
         smooth(
             name,
-            d,
+            Dims { x: 1, u: 0, p: 0 },
             1,
             move |at, o| o[0] = (at.x[0] - shift) * (at.x[0] - shift),
             &[(0, 0)],
@@ -254,9 +251,15 @@ pub fn tutorial_ocp(settings: &Settings) -> Ocp {
             &[(0, 0)],
             |_, w, o| o[0] = 2.0 * w[0],
         )
-    };
-    o.set_lagrange(square("L", 0.0)).expect("L fits");
-    o.set_mayer(square("M", 5.0 / 3.0)).expect("M fits");
+    })
+}
+
+/// (7.35): `min ∫ x² dt + (x(2) − 5/3)²` over `x0`, `x' ∈ 2 − sign x`.
+pub fn tutorial_ocp(settings: &Settings) -> Ocp {
+    let mut o = Ocp::new(&switching('a'), 2.0, 1, settings).expect("the settings fit");
+    let [l, m] = tutorial_costs();
+    o.set_lagrange(l).expect("L fits");
+    o.set_mayer(m).expect("M fits");
     o.set_x0_bounds(&[-INF], &[INF]).expect("one state");
     o
 }
