@@ -372,6 +372,233 @@ typedef int32_t swb_kind;
 #endif // __cplusplus
 
 /**
+ * How a solve ended. Numbers are only ever added.
+ */
+enum swb_outcome
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * All residuals are below the tolerance.
+     */
+    SWB_OUTCOME_SOLVED = 0,
+    /**
+     * Out of iterations; the point is the last iterate.
+     */
+    SWB_OUTCOME_MAX_ITER = 1,
+    /**
+     * Out of time; the point is the last iterate.
+     */
+    SWB_OUTCOME_MAX_TIME = 2,
+    /**
+     * A callback or an interrupt asked to stop; the point is the last iterate.
+     */
+    SWB_OUTCOME_STOPPED = 3,
+    /**
+     * Converged to a point that minimises the violation of the constraints locally.
+     */
+    SWB_OUTCOME_INFEASIBLE = 4,
+    /**
+     * No progress is possible although the tolerance is not reached.
+     */
+    SWB_OUTCOME_STALLED = 5,
+    /**
+     * The iterates diverge.
+     */
+    SWB_OUTCOME_DIVERGING = 6,
+    /**
+     * There is no usable point; the call returned an error that says why.
+     */
+    SWB_OUTCOME_FAILED = 7,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_outcome swb_outcome;
+#else
+typedef int32_t swb_outcome;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Was the active set identified and the smooth problem that remains solved?
+ */
+enum swb_polished
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Not asked for, or not reached.
+     */
+    SWB_POLISHED_NONE = 0,
+    /**
+     * Yes: the pairs are exactly complementary.
+     */
+    SWB_POLISHED_DONE = 1,
+    /**
+     * The identified branch has no solution; the point is that of the relaxation.
+     */
+    SWB_POLISHED_REJECTED = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_polished swb_polished;
+#else
+typedef int32_t swb_polished;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Input blocks of a function, to be added up.
+ */
+enum swb_input
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * States, or variables.
+     */
+    SWB_INPUT_X = 1,
+    /**
+     * Controls.
+     */
+    SWB_INPUT_U = 2,
+    /**
+     * Parameters.
+     */
+    SWB_INPUT_P = 4,
+    /**
+     * Time.
+     */
+    SWB_INPUT_T = 8,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_input swb_input;
+#else
+typedef int32_t swb_input;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What happens at a switch.
+ */
+enum swb_switch_kind
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Modes leave the active set and others enter it.
+     */
+    SWB_SWITCH_KIND_CROSS = 0,
+    /**
+     * Modes enter: a sliding mode begins, or gets another mode.
+     */
+    SWB_SWITCH_KIND_ENTER = 1,
+    /**
+     * Modes leave: a sliding mode ends, or loses a mode.
+     */
+    SWB_SWITCH_KIND_LEAVE = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_switch_kind swb_switch_kind;
+#else
+typedef int32_t swb_switch_kind;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Where a path constraint holds.
+ */
+enum swb_path_at
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * At both ends of every control stage, with the control of that stage.
+     */
+    SWB_PATH_AT_CONTROL_GRID = 0,
+    /**
+     * At the start of every control stage and the end of every finite element.
+     */
+    SWB_PATH_AT_ELEMENTS = 1,
+    /**
+     * At the start of every control stage and at every stage point.
+     */
+    SWB_PATH_AT_STAGE_POINTS = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_path_at swb_path_at;
+#else
+typedef int32_t swb_path_at;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What a member of a complementarity pair is.
+ */
+enum swb_member
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * A variable; its lower bound becomes zero.
+     */
+    SWB_MEMBER_VARIABLE = 0,
+    /**
+     * A row of the constraints; its own bounds are not used.
+     */
+    SWB_MEMBER_CONSTRAINT = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_member swb_member;
+#else
+typedef int32_t swb_member;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Function with first and second derivatives: reference counted inside, so the handle may be freed as
+ * soon as the function was handed to a model.
+ */
+typedef struct swb_function swb_function;
+
+/**
+ * Nonlinear program with complementarity constraints: minimise f(w,p) subject to bounds on w and c(w,p),
+ * and 0 <= G _|_ H >= 0 for pairs of variables or rows of c. Without pairs, a nonlinear program.
+ */
+typedef struct swb_mpcc swb_mpcc;
+
+/**
+ * Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
+ */
+typedef struct swb_ocp swb_ocp;
+
+/**
+ * Simulator of a system: time, state, and the trajectory since the state was set.
+ */
+typedef struct swb_simulator swb_simulator;
+
+/**
+ * Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.
+ */
+typedef struct swb_system swb_system;
+
+/**
+ * Trajectory of a simulation or of an optimal control problem: finite elements, each a polynomial, that
+ * end where the system switches. Owned by the caller, independent of the object it comes from.
+ */
+typedef struct swb_trajectory swb_trajectory;
+
+/**
  * Settings of discretisation and solver.
  *
  * Fill with `swb_settings_init` in C, `Settings::default()` in Rust, then change what differs. Fields
@@ -488,6 +715,301 @@ typedef struct swb_settings {
  * the sink, or the object that holds it, has ended. Must not unwind (no exception, no longjmp).
  */
 typedef void (*swb_log_fn)(int64_t level, const char *line, void *user_data);
+
+/**
+ * Where a function is evaluated. Derivatives number the inputs in this order: x, u, p, then t.
+ */
+typedef struct swb_point {
+    /**
+     * Time; NAN during a solve for functions that do not say that they depend on it.
+     */
+    double t;
+    /**
+     * [nx] states, or the variables of a program; NULL if nx is 0.
+     */
+    const double *x;
+    /**
+     * [nu] controls; NULL if nu is 0.
+     */
+    const double *u;
+    /**
+     * [np] parameters; NULL if np is 0.
+     */
+    const double *p;
+} swb_point;
+
+/**
+ * Value: writes out [n_out], which comes filled with zeros.
+ *
+ * Returns 0; a positive number if the function is not defined at the point, which makes the solver try
+ * another one (so do values that are not finite); a negative number to end the call with SWB_ERR_USER.
+ * May be called by every thread that uses an object with this function.
+ */
+typedef int32_t (*swb_value_fn)(const struct swb_point *at, double *out, void *user_data);
+
+/**
+ * Called once when the last user of a function is gone.
+ */
+typedef void (*swb_destroy_fn)(void *user_data);
+
+/**
+ * Jacobian: writes out [nnz], the values of the entries of the pattern; comes filled with zeros. Returns
+ * as swb_value_fn.
+ */
+typedef int32_t (*swb_jacobian_fn)(const struct swb_point *at, double *out, void *user_data);
+
+/**
+ * Hessian of the sum of the outputs weighted with weights [n_out]: writes out [nnz], the values of the
+ * entries of the pattern; comes filled with zeros. Returns as swb_value_fn.
+ */
+typedef int32_t (*swb_hessian_fn)(const struct swb_point *at,
+                                  const double *weights,
+                                  double *out,
+                                  void *user_data);
+
+/**
+ * Numbers of a trajectory, the lengths of its arrays.
+ */
+typedef struct swb_trajectory_info {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * States.
+     */
+    int64_t nx;
+    /**
+     * Finite elements.
+     */
+    int64_t n_elements;
+    /**
+     * Stage points of each element.
+     */
+    int64_t n_s;
+    /**
+     * Subsystems that can switch: those with more than one mode, in the order they were added.
+     */
+    int64_t n_subsystems;
+    /**
+     * Modes of all these subsystems, one after the other.
+     */
+    int64_t n_modes;
+    /**
+     * Switches.
+     */
+    int64_t n_switches;
+    /**
+     * Start.
+     */
+    double t_start;
+    /**
+     * End.
+     */
+    double t_end;
+} swb_trajectory_info;
+
+/**
+ * A change of the active set of a subsystem.
+ */
+typedef struct swb_switch {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Time.
+     */
+    double t;
+    /**
+     * The element that begins here.
+     */
+    int64_t element;
+    /**
+     * The subsystem.
+     */
+    int64_t subsystem;
+    /**
+     * An enum swb_switch_kind.
+     */
+    int64_t kind;
+    /**
+     * Active modes before, bit i for mode i; modes from 64 on are in swb_trajectory_active only.
+     */
+    uint64_t before;
+    /**
+     * Active modes after.
+     */
+    uint64_t after;
+} swb_switch;
+
+/**
+ * Residuals of the optimality conditions, unscaled, maximum norm.
+ */
+typedef struct swb_residuals {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Violation of constraints and bounds.
+     */
+    double primal;
+    /**
+     * Gradient of the Lagrangian; 0 for simulations.
+     */
+    double dual;
+    /**
+     * Products of slacks and multipliers of bounds; 0 for simulations.
+     */
+    double complementarity;
+    /**
+     * Largest product G_i H_i of a pair; 0 for simulations.
+     */
+    double pair_product;
+    /**
+     * Largest min(G_i, H_i) of a pair.
+     */
+    double pair_min;
+} swb_residuals;
+
+/**
+ * What a solve cost, or all steps of a simulation.
+ */
+typedef struct swb_stats {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Interior-point iterations, restoration included.
+     */
+    int64_t iterations;
+    /**
+     * Numeric factorisations.
+     */
+    int64_t factorisations;
+    /**
+     * Evaluations of objective and constraints.
+     */
+    int64_t evaluations;
+    /**
+     * Iterations inside the restoration phase.
+     */
+    int64_t restoration_iterations;
+    /**
+     * Iterations spent in the polish.
+     */
+    int64_t polish_iterations;
+    /**
+     * Largest perturbation of the Hessian.
+     */
+    double max_delta_w;
+    /**
+     * Seconds in functions and derivatives.
+     */
+    double time_eval;
+    /**
+     * Seconds in factorisations and solves.
+     */
+    double time_linalg;
+    /**
+     * Seconds in all.
+     */
+    double time_total;
+    /**
+     * Seconds to build the problem, not part of time_total; 0 when an earlier structure was used again.
+     */
+    double time_build;
+    /**
+     * Variables of the solved program; 0 for simulations.
+     */
+    int64_t n_variables;
+    /**
+     * Constraints of the solved program; 0 for simulations.
+     */
+    int64_t n_constraints;
+    /**
+     * Complementarity pairs of the solved program; 0 for simulations.
+     */
+    int64_t n_pairs;
+    /**
+     * Steps of a simulation; else 0.
+     */
+    int64_t n_steps;
+    /**
+     * Steps of a simulation that the homotopy had to decide; else 0.
+     */
+    int64_t n_homotopies;
+} swb_stats;
+
+/**
+ * One iteration of a solve.
+ */
+typedef struct swb_iteration_info {
+    /**
+     * Size of this struct in bytes, as the library knows it.
+     */
+    uint64_t struct_size;
+    /**
+     * Iteration number; starts again with every phase, and with every step of a simulation.
+     */
+    int64_t iter;
+    /**
+     * Objective.
+     */
+    double objective;
+    /**
+     * Primal infeasibility.
+     */
+    double inf_pr;
+    /**
+     * Dual infeasibility.
+     */
+    double inf_du;
+    /**
+     * Barrier parameter.
+     */
+    double mu;
+    /**
+     * Relaxation of the complementarity, 0 without one.
+     */
+    double sigma;
+    /**
+     * Largest product of a pair.
+     */
+    double inf_cc;
+    /**
+     * Length of the last primal step.
+     */
+    double step;
+    /**
+     * Perturbation of the Hessian.
+     */
+    double delta_w;
+    /**
+     * Dual step length.
+     */
+    double alpha_du;
+    /**
+     * Primal step length.
+     */
+    double alpha_pr;
+    /**
+     * Trial points of the line search.
+     */
+    int64_t trials;
+    /**
+     * Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam.
+     */
+    int64_t phase;
+} swb_iteration_info;
+
+/**
+ * Called once per iteration by the thread that solves; a return other than 0 stops the solve with the
+ * outcome SWB_OUTCOME_STOPPED. `info` is valid during the call only. Must not unwind.
+ */
+typedef int32_t (*swb_iteration_fn)(const struct swb_iteration_info *info, void *user_data);
 
 #ifdef __cplusplus
 extern "C" {
@@ -727,6 +1249,1227 @@ SWB_API swb_status swb_option_default(int64_t index, double *value);
  * @return SWB_OK; SWB_ERR_DIMENSION if there is no such index
  */
 SWB_API swb_status swb_option_setup_only(int64_t index, int32_t *setup_only);
+
+/**
+ * Name of an outcome, such as "solved"; NULL for any other number. Static.
+ */
+SWB_API const char *swb_outcome_name(int32_t outcome);
+
+/**
+ * Create a function given by its values.
+ *
+ * Derivatives are added by swb_function_set_jacobian and swb_function_set_hessian; without them they are
+ * finite differences of a function of all x and u that depends neither on p (a constant then) nor on t
+ * (swb_function_set_inputs says otherwise).
+ *
+ * @param[in]  name      used in messages, such as "f0"
+ * @param[in]  value     the callback
+ * @param[in]  user_data passed on to all callbacks unchanged
+ * @param[in]  destroy   called with user_data when handle and models are gone; may be NULL. Not called if
+ *                       this call fails.
+ * @param[out] out       the new object, NULL on failure; free with swb_function_free
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if a size is negative
+ */
+SWB_API
+swb_status swb_function_create(const char *name,
+                               int64_t nx,
+                               int64_t nu,
+                               int64_t np,
+                               int64_t n_out,
+                               swb_value_fn value,
+                               void *user_data,
+                               swb_destroy_fn destroy,
+                               struct swb_function **out);
+
+/**
+ * Give the Jacobian, n_out rows and a column for each of x, u, p and t.
+ *
+ * Entries outside the pattern are zero for the library.
+ *
+ * @param[in] col_ptr   [nx + nu + np + 2] where the columns start; the last one is nnz
+ * @param[in] row_idx   [nnz] rows from 0, increasing within each column
+ * @param[in] jacobian  NULL: the pattern alone; the values are differences
+ * @return SWB_OK; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern; SWB_ERR_STATE if the
+ *         function belongs to a model already
+ */
+SWB_API
+swb_status swb_function_set_jacobian(struct swb_function *f,
+                                     const int64_t *col_ptr,
+                                     int64_t n_col_ptr,
+                                     const int64_t *row_idx,
+                                     int64_t nnz,
+                                     swb_jacobian_fn jacobian);
+
+/**
+ * Give the Hessian of the weighted sum of the outputs, upper triangle (row <= column); a row and a column
+ * for each of x, u, p and t.
+ *
+ * @param[in] col_ptr   [nx + nu + np + 2] where the columns start; the last one is nnz
+ * @param[in] row_idx   [nnz] rows from 0, increasing within each column
+ * @param[in] hessian   NULL: the pattern alone; the values are differences
+ * @return as swb_function_set_jacobian
+ */
+SWB_API
+swb_status swb_function_set_hessian(struct swb_function *f,
+                                    const int64_t *col_ptr,
+                                    int64_t n_col_ptr,
+                                    const int64_t *row_idx,
+                                    int64_t nnz,
+                                    swb_hessian_fn hessian);
+
+/**
+ * Say that all second derivatives vanish.
+ *
+ * @return SWB_OK; SWB_ERR_STATE if the function belongs to a model already
+ */
+SWB_API swb_status swb_function_set_linear(struct swb_function *f);
+
+/**
+ * Say which inputs the function depends on; the Jacobian is dense in them and made by differences.
+ *
+ * @param[in] inputs sum of enum swb_input, such as SWB_INPUT_X + SWB_INPUT_T
+ * @return SWB_OK; SWB_ERR_RANGE if there are no such inputs; SWB_ERR_STATE if the function belongs to a
+ *         model already
+ */
+SWB_API
+swb_status swb_function_set_inputs(struct swb_function *f,
+                                   int32_t inputs);
+
+/**
+ * Sizes of a function. Any output may be NULL.
+ *
+ * @param[out] jacobian_nnz entries of the Jacobian pattern, declared or derived
+ * @param[out] hessian_nnz  entries of the Hessian pattern, declared or derived
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_function_sizes(const struct swb_function *f,
+                              int64_t *nx,
+                              int64_t *nu,
+                              int64_t *np,
+                              int64_t *n_out,
+                              int64_t *jacobian_nnz,
+                              int64_t *hessian_nnz);
+
+/**
+ * Name of a function.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
+ */
+SWB_API
+swb_status swb_function_name(const struct swb_function *f,
+                             char *buf,
+                             int64_t len,
+                             int64_t *needed);
+
+/**
+ * Pattern of the Jacobian, declared or derived.
+ *
+ * @param[out] col_ptr [nx + nu + np + 2]
+ * @param[out] row_idx [nnz]
+ * @return SWB_OK; SWB_ERR_DIMENSION if a length is not that of the pattern
+ */
+SWB_API
+swb_status swb_function_jacobian_pattern(const struct swb_function *f,
+                                         int64_t *col_ptr,
+                                         int64_t n_col_ptr,
+                                         int64_t *row_idx,
+                                         int64_t nnz);
+
+/**
+ * Pattern of the Hessian, upper triangle, declared or derived.
+ *
+ * @param[out] col_ptr [nx + nu + np + 2]
+ * @param[out] row_idx [nnz]
+ * @return SWB_OK; SWB_ERR_DIMENSION if a length is not that of the pattern
+ */
+SWB_API
+swb_status swb_function_hessian_pattern(const struct swb_function *f,
+                                        int64_t *col_ptr,
+                                        int64_t n_col_ptr,
+                                        int64_t *row_idx,
+                                        int64_t nnz);
+
+/**
+ * Evaluate a function.
+ *
+ * @param[out] out [n_out]
+ * @return SWB_OK; SWB_ERR_NONFINITE if it is not defined at the point; SWB_ERR_USER if the callback
+ *         returned a negative code
+ */
+SWB_API
+swb_status swb_function_eval(const struct swb_function *f,
+                             const struct swb_point *at,
+                             double *out,
+                             int64_t n_out);
+
+/**
+ * Evaluate the Jacobian of a function.
+ *
+ * @param[out] out [nnz] values of the entries of the pattern
+ * @return as swb_function_eval
+ */
+SWB_API
+swb_status swb_function_eval_jacobian(const struct swb_function *f,
+                                      const struct swb_point *at,
+                                      double *out,
+                                      int64_t nnz);
+
+/**
+ * Evaluate the Hessian of the weighted sum of the outputs of a function.
+ *
+ * @param[in]  weights [n_weights] one for each output
+ * @param[out] out     [nnz] values of the entries of the pattern
+ * @return as swb_function_eval
+ */
+SWB_API
+swb_status swb_function_eval_hessian(const struct swb_function *f,
+                                     const struct swb_point *at,
+                                     const double *weights,
+                                     int64_t n_weights,
+                                     double *out,
+                                     int64_t nnz);
+
+/**
+ * Compare the derivatives of a function at a point with finite differences, inside and outside the
+ * declared patterns.
+ *
+ * @param[out] passed    1 if nothing disagrees; may be NULL
+ * @param[out] max_error largest relative error of an entry, accepted ones included; may be NULL
+ * @param[out] buf       [len] the report with its final NUL; NULL with len 0 to ask for the length only
+ * @param[out] needed    length with the final NUL; may be NULL
+ * @return SWB_OK, also if something disagrees; SWB_ERR_RANGE if the point is not finite;
+ *         SWB_ERR_DIMENSION if the buffer is too short; else as swb_function_eval
+ */
+SWB_API
+swb_status swb_function_check_derivatives(const struct swb_function *f,
+                                          const struct swb_point *at,
+                                          int32_t *passed,
+                                          double *max_error,
+                                          char *buf,
+                                          int64_t len,
+                                          int64_t *needed);
+
+/**
+ * Free the handle; models that have the function keep it. NULL is allowed.
+ */
+SWB_API void swb_function_free(struct swb_function *f);
+
+/**
+ * Create a system without dynamics.
+ *
+ * @param[in]  nx  states, at least 1
+ * @param[in]  nu  controls
+ * @param[in]  np  parameters
+ * @param[out] out the new object, NULL on failure; free with swb_system_free
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API swb_status swb_system_create(int64_t nx, int64_t nu, int64_t np, struct swb_system **out);
+
+/**
+ * Set the part of the right-hand side that does not switch: nx outputs.
+ *
+ * @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
+ */
+SWB_API swb_status swb_system_set_f0(struct swb_system *system, const struct swb_function *f0);
+
+/**
+ * Add a subsystem whose regions are given by switching functions and a sign matrix: mode i is valid where
+ * signs[i][j] psi_j(x) > 0 for every j with signs[i][j] != 0.
+ *
+ * @param[in]  rows    [n_rows] the states the modes drive
+ * @param[in]  modes   n_rows * n_modes outputs: the vector fields, mode after mode
+ * @param[in]  psi     switching functions, one output each
+ * @param[in]  signs   [n_signs] n_modes rows with an entry -1, 0 or 1 for each switching function, row
+ *                     after row
+ * @param[out] index   number of the subsystem; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat or regions overlap
+ */
+SWB_API
+swb_status swb_system_add_subsystem(struct swb_system *system,
+                                    const int64_t *rows,
+                                    int64_t n_rows,
+                                    const struct swb_function *modes,
+                                    int64_t n_modes,
+                                    const struct swb_function *psi,
+                                    const int8_t *signs,
+                                    int64_t n_signs,
+                                    int64_t *index);
+
+/**
+ * Add a subsystem whose regions are given by Stewart's indicator functions: mode i is valid where g_i(x)
+ * is the smallest.
+ *
+ * @param[in]  rows       [n_rows] the states the modes drive
+ * @param[in]  modes      n_rows * n_modes outputs: the vector fields, mode after mode
+ * @param[in]  indicators g: n_modes outputs
+ * @param[out] index      number of the subsystem; may be NULL
+ * @return as swb_system_add_subsystem
+ */
+SWB_API
+swb_status swb_system_add_subsystem_indicators(struct swb_system *system,
+                                               const int64_t *rows,
+                                               int64_t n_rows,
+                                               const struct swb_function *modes,
+                                               int64_t n_modes,
+                                               const struct swb_function *indicators,
+                                               int64_t *index);
+
+/**
+ * Sizes of a system. Any output may be NULL.
+ *
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_system_sizes(const struct swb_system *system,
+                            int64_t *nx,
+                            int64_t *nu,
+                            int64_t *np,
+                            int64_t *n_subsystems);
+
+/**
+ * Free; objects made of the system keep what they need. NULL is allowed.
+ */
+SWB_API void swb_system_free(struct swb_system *system);
+
+/**
+ * Numbers of a trajectory.
+ *
+ * @param[out] info        every field is written
+ * @param[in]  struct_size sizeof(swb_trajectory_info)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_trajectory_get_info(const struct swb_trajectory *trajectory,
+                                   struct swb_trajectory_info *info,
+                                   uint64_t struct_size);
+
+/**
+ * Times of the element boundaries.
+ *
+ * @param[out] t [n] n_elements + 1; none if there are no elements
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_times(const struct swb_trajectory *trajectory,
+                                double *t,
+                                int64_t n);
+
+/**
+ * States at the element boundaries.
+ *
+ * @param[out] x [n] (n_elements + 1) * nx, the states of one boundary together; none if there are no
+ *               elements
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_states(const struct swb_trajectory *trajectory,
+                                 double *x,
+                                 int64_t n);
+
+/**
+ * Lengths of the elements.
+ *
+ * @param[out] h [n] n_elements
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_steps(const struct swb_trajectory *trajectory,
+                                double *h,
+                                int64_t n);
+
+/**
+ * Control stages the elements belong to; 0 in simulations.
+ *
+ * @param[out] stage [n] n_elements
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_control_stages(const struct swb_trajectory *trajectory,
+                                         int64_t *stage,
+                                         int64_t n);
+
+/**
+ * Numbers of modes of the subsystems that can switch.
+ *
+ * @param[out] n_modes [n] n_subsystems
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_modes(const struct swb_trajectory *trajectory,
+                                int64_t *n_modes,
+                                int64_t n);
+
+/**
+ * Which modes are active in the elements: one alone, or several in a sliding mode.
+ *
+ * @param[out] active [n] n_elements * n_modes, 0 or 1, the modes of one element together
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_active(const struct swb_trajectory *trajectory,
+                                 int32_t *active,
+                                 int64_t n);
+
+/**
+ * Times of the stage points.
+ *
+ * @param[out] t [n] n_elements * n_s
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_stage_times(const struct swb_trajectory *trajectory,
+                                      double *t,
+                                      int64_t n);
+
+/**
+ * States at the stage points.
+ *
+ * @param[out] x [n] n_elements * n_s * nx, the states of one point together
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_stage_states(const struct swb_trajectory *trajectory,
+                                       double *x,
+                                       int64_t n);
+
+/**
+ * Convex multipliers of the modes at the stage points.
+ *
+ * @param[out] theta [n] n_elements * n_s * n_modes, the multipliers of one point together
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_stage_theta(const struct swb_trajectory *trajectory,
+                                      double *theta,
+                                      int64_t n);
+
+/**
+ * Switches in the order of time.
+ *
+ * @param[out] switches    [n] n_switches
+ * @param[in]  struct_size sizeof(swb_switch)
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_trajectory_switches(const struct swb_trajectory *trajectory,
+                                   struct swb_switch *switches,
+                                   int64_t n,
+                                   uint64_t struct_size);
+
+/**
+ * States at any times, by the polynomials of the elements.
+ *
+ * @param[in]  t [n_t] between start and end, in any order
+ * @param[out] x [n_x] n_t * nx, the states of one time together
+ * @return SWB_OK; SWB_ERR_RANGE if a time is outside; SWB_ERR_STATE if the trajectory is empty
+ */
+SWB_API
+swb_status swb_trajectory_state_at(const struct swb_trajectory *trajectory,
+                                   const double *t,
+                                   int64_t n_t,
+                                   double *x,
+                                   int64_t n_x);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_trajectory_free(struct swb_trajectory *trajectory);
+
+/**
+ * Create a simulator. Time, state, controls and parameters are zero until they are set.
+ *
+ * @param[in]  system   copied; may be freed afterwards
+ * @param[in]  settings NULL for the defaults
+ * @param[out] out      the new object, NULL on failure; free with swb_simulator_free
+ * @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its
+ *         range; SWB_ERR_UNSUPPORTED if options do not go together
+ */
+SWB_API
+swb_status swb_simulator_create(const struct swb_system *system,
+                                const struct swb_settings *settings,
+                                struct swb_simulator **out);
+
+/**
+ * Set time and state, and begin a new trajectory.
+ *
+ * @param[in] x [nx]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API
+swb_status swb_simulator_set_state(struct swb_simulator *sim,
+                                   double t,
+                                   const double *x,
+                                   int64_t nx);
+
+/**
+ * Set the controls, constant from now on.
+ *
+ * @param[in] u [nu]
+ * @return as swb_simulator_set_state
+ */
+SWB_API
+swb_status swb_simulator_set_controls(struct swb_simulator *sim,
+                                      const double *u,
+                                      int64_t nu);
+
+/**
+ * Set the parameters.
+ *
+ * @param[in] p [np]
+ * @return as swb_simulator_set_state
+ */
+SWB_API swb_status swb_simulator_set_params(struct swb_simulator *sim, const double *p, int64_t np);
+
+/**
+ * Simulate over a duration in equal steps of n_fe finite elements each, from where the last call ended;
+ * the trajectory grows. It ends early where a step fails; time, state and trajectory are then those of
+ * the last step that was done.
+ *
+ * @param[out] outcome an enum swb_outcome: solved, or that of the step that failed; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_USER if a user function returned a negative code;
+ *         SWB_ERR_NONFINITE if one has no value where it is needed
+ */
+SWB_API
+swb_status swb_simulator_run(struct swb_simulator *sim,
+                             double duration,
+                             int64_t n_steps,
+                             int32_t *outcome);
+
+/**
+ * Simulate one step of n_fe finite elements over the duration h; the trajectory grows.
+ *
+ * @param[out] outcome an enum swb_outcome; may be NULL
+ * @return as swb_simulator_run
+ */
+SWB_API swb_status swb_simulator_step(struct swb_simulator *sim, double h, int32_t *outcome);
+
+/**
+ * Forget trajectory and statistics; time and state stay.
+ *
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_simulator_clear(struct swb_simulator *sim);
+
+/**
+ * Time reached.
+ *
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_simulator_get_time(const struct swb_simulator *sim, double *t);
+
+/**
+ * State reached.
+ *
+ * @param[out] x [nx]
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API swb_status swb_simulator_get_state(const struct swb_simulator *sim, double *x, int64_t nx);
+
+/**
+ * How the last step ended.
+ *
+ * @param[out] outcome an enum swb_outcome; solved before the first step
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_simulator_get_outcome(const struct swb_simulator *sim, int32_t *outcome);
+
+/**
+ * Largest residuals over the steps of the trajectory.
+ *
+ * @param[out] residuals   every field is written
+ * @param[in]  struct_size sizeof(swb_residuals)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_simulator_get_residuals(const struct swb_simulator *sim,
+                                       struct swb_residuals *residuals,
+                                       uint64_t struct_size);
+
+/**
+ * What the steps of the trajectory cost.
+ *
+ * @param[out] stats       every field is written
+ * @param[in]  struct_size sizeof(swb_stats)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_simulator_get_stats(const struct swb_simulator *sim,
+                                   struct swb_stats *stats,
+                                   uint64_t struct_size);
+
+/**
+ * A copy of the trajectory since the state was set; empty before the first step.
+ *
+ * @param[out] out the new object, NULL on failure; free with swb_trajectory_free
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_simulator_get_trajectory(const struct swb_simulator *sim,
+                                        struct swb_trajectory **out);
+
+/**
+ * Set an integer or enumeration option of a simulator (or a float one, to an integer) by name.
+ *
+ * @return as swb_settings_set_int
+ */
+SWB_API
+swb_status swb_simulator_set_int(struct swb_simulator *sim,
+                                 const char *name,
+                                 int64_t value);
+
+/**
+ * Set a float option of a simulator by name.
+ *
+ * @return as swb_settings_set_double
+ */
+SWB_API
+swb_status swb_simulator_set_double(struct swb_simulator *sim,
+                                    const char *name,
+                                    double value);
+
+/**
+ * Set any option of a simulator by name from text: a number, or the value name of an enumeration.
+ *
+ * @return as swb_settings_set_string
+ */
+SWB_API
+swb_status swb_simulator_set_string(struct swb_simulator *sim,
+                                    const char *name,
+                                    const char *value);
+
+/**
+ * Set all options of a simulator.
+ *
+ * @param[in] settings NULL for the defaults
+ * @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
+ */
+SWB_API
+swb_status swb_simulator_set_settings(struct swb_simulator *sim,
+                                      const struct swb_settings *settings);
+
+/**
+ * Options of a simulator, all of them.
+ *
+ * @param[out] settings    every field is written
+ * @param[in]  struct_size sizeof(swb_settings)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_simulator_get_settings(const struct swb_simulator *sim,
+                                      struct swb_settings *settings,
+                                      uint64_t struct_size);
+
+/**
+ * Set who is called once per iteration; NULL for nobody.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_simulator_set_iteration(struct swb_simulator *sim,
+                                       swb_iteration_fn iteration,
+                                       void *user_data);
+
+/**
+ * Set who gets the log, as much as the option log_level says; NULL for nobody.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_simulator_set_log(struct swb_simulator *sim,
+                                 swb_log_fn log,
+                                 void *user_data);
+
+/**
+ * Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
+ * thread and from signal handlers; only swb_simulator_free must not run at the same time.
+ *
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API
+swb_status swb_simulator_interrupt(const struct swb_simulator *sim);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_simulator_free(struct swb_simulator *sim);
+
+/**
+ * Create an optimal control problem. Bounds are infinite, the initial state is free, initial time and
+ * parameters are zero, and there is no cost, until they are set.
+ *
+ * @param[in]  system   copied; may be freed afterwards
+ * @param[in]  horizon  duration
+ * @param[in]  n_stages control intervals of equal length
+ * @param[in]  settings NULL for the defaults
+ * @param[out] out      the new object, NULL on failure; free with swb_ocp_free
+ * @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if the horizon is not
+ *         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
+ */
+SWB_API
+swb_status swb_ocp_create(const struct swb_system *system,
+                          double horizon,
+                          int64_t n_stages,
+                          const struct swb_settings *settings,
+                          struct swb_ocp **out);
+
+/**
+ * Set the cost rate, one output: its integral over the horizon is minimised.
+ *
+ * @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
+ */
+SWB_API swb_status swb_ocp_set_lagrange(struct swb_ocp *ocp, const struct swb_function *f);
+
+/**
+ * Set the terminal cost, one output; its control is that of the last stage.
+ *
+ * @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
+ */
+SWB_API swb_status swb_ocp_set_mayer(struct swb_ocp *ocp, const struct swb_function *f);
+
+/**
+ * Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
+ *
+ * @param[in] lower [n_lower] one for each output
+ * @param[in] upper [n_upper] one for each output
+ * @param[in] at    an enum swb_path_at
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
+ */
+SWB_API
+swb_status swb_ocp_add_path(struct swb_ocp *ocp,
+                            const struct swb_function *f,
+                            const double *lower,
+                            int64_t n_lower,
+                            const double *upper,
+                            int64_t n_upper,
+                            int32_t at);
+
+/**
+ * Add the constraint lower <= f(x,u,p,t) <= upper at the end of the horizon; its control is that of the
+ * last stage.
+ *
+ * @param[in] lower [n_lower] one for each output
+ * @param[in] upper [n_upper] one for each output
+ * @return as swb_ocp_add_path
+ */
+SWB_API
+swb_status swb_ocp_add_terminal(struct swb_ocp *ocp,
+                                const struct swb_function *f,
+                                const double *lower,
+                                int64_t n_lower,
+                                const double *upper,
+                                int64_t n_upper);
+
+/**
+ * Set bounds of the states at all stage points and element ends after the initial time.
+ *
+ * @param[in] lower [n_lower] nx
+ * @param[in] upper [n_upper] nx
+ * @return as swb_ocp_add_path
+ */
+SWB_API
+swb_status swb_ocp_set_state_bounds(struct swb_ocp *ocp,
+                                    const double *lower,
+                                    int64_t n_lower,
+                                    const double *upper,
+                                    int64_t n_upper);
+
+/**
+ * Set bounds of the initial state; equal bounds fix it.
+ *
+ * @param[in] lower [n_lower] nx
+ * @param[in] upper [n_upper] nx
+ * @return as swb_ocp_add_path
+ */
+SWB_API
+swb_status swb_ocp_set_initial_bounds(struct swb_ocp *ocp,
+                                      const double *lower,
+                                      int64_t n_lower,
+                                      const double *upper,
+                                      int64_t n_upper);
+
+/**
+ * Fix the initial state.
+ *
+ * @param[in] x0 [nx]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
+ */
+SWB_API swb_status swb_ocp_set_initial_state(struct swb_ocp *ocp, const double *x0, int64_t nx);
+
+/**
+ * Set bounds of the controls.
+ *
+ * @param[in] lower [n_lower] nu
+ * @param[in] upper [n_upper] nu
+ * @return as swb_ocp_add_path
+ */
+SWB_API
+swb_status swb_ocp_set_control_bounds(struct swb_ocp *ocp,
+                                      const double *lower,
+                                      int64_t n_lower,
+                                      const double *upper,
+                                      int64_t n_upper);
+
+/**
+ * Set the parameters.
+ *
+ * @param[in] p [np]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API swb_status swb_ocp_set_params(struct swb_ocp *ocp, const double *p, int64_t np);
+
+/**
+ * Set the initial time.
+ *
+ * @return SWB_OK; SWB_ERR_RANGE if it is not finite
+ */
+SWB_API swb_status swb_ocp_set_initial_time(struct swb_ocp *ocp, double t0);
+
+/**
+ * Give states to start from, linear in between.
+ *
+ * @param[in] times [n_times] rising, from the start of the horizon
+ * @param[in] x     [n_x] n_times * nx, the states of one time together
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
+ */
+SWB_API
+swb_status swb_ocp_set_state_guess(struct swb_ocp *ocp,
+                                   const double *times,
+                                   int64_t n_times,
+                                   const double *x,
+                                   int64_t n_x);
+
+/**
+ * Give controls to start from.
+ *
+ * @param[in] u [n_u] n_stages * nu, the controls of one stage together
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API swb_status swb_ocp_set_control_guess(struct swb_ocp *ocp, const double *u, int64_t n_u);
+
+/**
+ * Solve. The problem is discretised at the first solve, and again only when its structure changed.
+ *
+ * @param[out] outcome an enum swb_outcome; may be NULL
+ * @return SWB_OK, however the solver ended; SWB_ERR_USER if a user function returned a negative code;
+ *         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
+ *         SWB_ERR_UNSUPPORTED if options do not go together
+ */
+SWB_API
+swb_status swb_ocp_solve(struct swb_ocp *ocp,
+                         int32_t *outcome);
+
+/**
+ * How the last solve ended.
+ *
+ * @param[out] outcome an enum swb_outcome
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_get_outcome(const struct swb_ocp *ocp, int32_t *outcome);
+
+/**
+ * Was the active set identified and the problem solved with it?
+ *
+ * @param[out] polished an enum swb_polished
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_get_polished(const struct swb_ocp *ocp, int32_t *polished);
+
+/**
+ * Cost, without terms that only guide the solver.
+ *
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_get_cost(const struct swb_ocp *ocp, double *cost);
+
+/**
+ * Controls.
+ *
+ * @param[out] u [n_u] n_stages * nu, the controls of one stage together
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_get_controls(const struct swb_ocp *ocp, double *u, int64_t n_u);
+
+/**
+ * Residuals of the last solve.
+ *
+ * @param[out] residuals   every field is written
+ * @param[in]  struct_size sizeof(swb_residuals)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_get_residuals(const struct swb_ocp *ocp,
+                                 struct swb_residuals *residuals,
+                                 uint64_t struct_size);
+
+/**
+ * What the last solve cost.
+ *
+ * @param[out] stats       every field is written
+ * @param[in]  struct_size sizeof(swb_stats)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_get_stats(const struct swb_ocp *ocp,
+                             struct swb_stats *stats,
+                             uint64_t struct_size);
+
+/**
+ * A copy of the trajectory of the last solve.
+ *
+ * @param[out] out the new object, NULL on failure; free with swb_trajectory_free
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_get_trajectory(const struct swb_ocp *ocp, struct swb_trajectory **out);
+
+/**
+ * Set an integer or enumeration option of an optimal control problem (or a float one, to an integer) by name.
+ *
+ * @return as swb_settings_set_int
+ */
+SWB_API
+swb_status swb_ocp_set_int(struct swb_ocp *ocp,
+                           const char *name,
+                           int64_t value);
+
+/**
+ * Set a float option of an optimal control problem by name.
+ *
+ * @return as swb_settings_set_double
+ */
+SWB_API swb_status swb_ocp_set_double(struct swb_ocp *ocp, const char *name, double value);
+
+/**
+ * Set any option of an optimal control problem by name from text: a number, or the value name of an enumeration.
+ *
+ * @return as swb_settings_set_string
+ */
+SWB_API
+swb_status swb_ocp_set_string(struct swb_ocp *ocp,
+                              const char *name,
+                              const char *value);
+
+/**
+ * Set all options of an optimal control problem.
+ *
+ * @param[in] settings NULL for the defaults
+ * @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
+ */
+SWB_API swb_status swb_ocp_set_settings(struct swb_ocp *ocp, const struct swb_settings *settings);
+
+/**
+ * Options of an optimal control problem, all of them.
+ *
+ * @param[out] settings    every field is written
+ * @param[in]  struct_size sizeof(swb_settings)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_ocp_get_settings(const struct swb_ocp *ocp,
+                                struct swb_settings *settings,
+                                uint64_t struct_size);
+
+/**
+ * Set who is called once per iteration; NULL for nobody.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_ocp_set_iteration(struct swb_ocp *ocp,
+                                 swb_iteration_fn iteration,
+                                 void *user_data);
+
+/**
+ * Set who gets the log, as much as the option log_level says; NULL for nobody.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_ocp_set_log(struct swb_ocp *ocp, swb_log_fn log, void *user_data);
+
+/**
+ * Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
+ * thread and from signal handlers; only swb_ocp_free must not run at the same time.
+ *
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API
+swb_status swb_ocp_interrupt(const struct swb_ocp *ocp);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_ocp_free(struct swb_ocp *ocp);
+
+/**
+ * Create a program without pairs and bounds, parameters and start zero.
+ *
+ * @param[in]  n           variables, the block x of the functions
+ * @param[in]  np          parameters, the block p of the functions
+ * @param[in]  objective   one output
+ * @param[in]  constraints the rows c; NULL if there are none
+ * @param[in]  settings    NULL for the defaults
+ * @param[out] out         the new object, NULL on failure; free with swb_mpcc_free
+ * @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
+ */
+SWB_API
+swb_status swb_mpcc_create(int64_t n,
+                           int64_t np,
+                           const struct swb_function *objective,
+                           const struct swb_function *constraints,
+                           const struct swb_settings *settings,
+                           struct swb_mpcc **out);
+
+/**
+ * Add the pair 0 <= G _|_ H >= 0.
+ *
+ * A constraint may be in one pair only; a variable in several.
+ *
+ * @param[in] kind_g  an enum swb_member: what G is
+ * @param[in] index_g its index
+ * @param[in] kind_h  an enum swb_member: what H is
+ * @param[in] index_h its index
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such kind or a member cannot be used; SWB_ERR_DIMENSION if
+ *         there is no such index
+ */
+SWB_API
+swb_status swb_mpcc_add_pair(struct swb_mpcc *mpcc,
+                             int32_t kind_g,
+                             int64_t index_g,
+                             int32_t kind_h,
+                             int64_t index_h);
+
+/**
+ * Set bounds of the variables.
+ *
+ * @param[in] lower [n_lower] n
+ * @param[in] upper [n_upper] n
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
+ */
+SWB_API
+swb_status swb_mpcc_set_bounds(struct swb_mpcc *mpcc,
+                               const double *lower,
+                               int64_t n_lower,
+                               const double *upper,
+                               int64_t n_upper);
+
+/**
+ * Set bounds of the constraints; equal bounds make an equation. Those of rows in pairs are not used.
+ *
+ * @param[in] lower [n_lower] rows
+ * @param[in] upper [n_upper] rows
+ * @return as swb_mpcc_set_bounds
+ */
+SWB_API
+swb_status swb_mpcc_set_constraint_bounds(struct swb_mpcc *mpcc,
+                                          const double *lower,
+                                          int64_t n_lower,
+                                          const double *upper,
+                                          int64_t n_upper);
+
+/**
+ * Set the parameters.
+ *
+ * @param[in] values [np]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API swb_status swb_mpcc_set_params(struct swb_mpcc *mpcc, const double *values, int64_t np);
+
+/**
+ * Set the point to start from.
+ *
+ * @param[in] w [n]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API swb_status swb_mpcc_set_start(struct swb_mpcc *mpcc, const double *w, int64_t n);
+
+/**
+ * Solve.
+ *
+ * @param[out] outcome an enum swb_outcome; may be NULL
+ * @return SWB_OK, however the solver ended; SWB_ERR_USER if a user function returned a negative code;
+ *         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
+ *         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
+ */
+SWB_API
+swb_status swb_mpcc_solve(struct swb_mpcc *mpcc,
+                          int32_t *outcome);
+
+/**
+ * How the last solve ended.
+ *
+ * @param[out] outcome an enum swb_outcome
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_mpcc_get_outcome(const struct swb_mpcc *mpcc, int32_t *outcome);
+
+/**
+ * Was the active set identified and the smooth program that remains solved?
+ *
+ * @param[out] polished an enum swb_polished
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_mpcc_get_polished(const struct swb_mpcc *mpcc, int32_t *polished);
+
+/**
+ * Objective.
+ *
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_mpcc_get_objective(const struct swb_mpcc *mpcc, double *objective);
+
+/**
+ * The point.
+ *
+ * @param[out] w [n]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_mpcc_get_solution(const struct swb_mpcc *mpcc, double *w, int64_t n);
+
+/**
+ * Constraints at the point.
+ *
+ * @param[out] c [m] rows; NaN where the solve failed
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_mpcc_get_constraints(const struct swb_mpcc *mpcc, double *c, int64_t m);
+
+/**
+ * Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
+ *
+ * @param[out] y [m] of the constraints
+ * @param[out] z [n] of the bounds, lower minus upper; for variables in pairs the multiplier of the pair
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_multipliers(const struct swb_mpcc *mpcc,
+                                    double *y,
+                                    int64_t m,
+                                    double *z,
+                                    int64_t n);
+
+/**
+ * Values of the members of the pairs, and their multipliers (nu of G, xi of H) at the point, in the order
+ * the pairs were added.
+ *
+ * @param[out] g  [n_pairs] may be NULL
+ * @param[out] h  [n_pairs] may be NULL
+ * @param[out] nu [n_pairs] may be NULL
+ * @param[out] xi [n_pairs] may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_pairs(const struct swb_mpcc *mpcc,
+                              double *g,
+                              double *h,
+                              double *nu,
+                              double *xi,
+                              int64_t n_pairs);
+
+/**
+ * Residuals of the last solve.
+ *
+ * @param[out] residuals   every field is written
+ * @param[in]  struct_size sizeof(swb_residuals)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_residuals(const struct swb_mpcc *mpcc,
+                                  struct swb_residuals *residuals,
+                                  uint64_t struct_size);
+
+/**
+ * What the last solve cost.
+ *
+ * @param[out] stats       every field is written
+ * @param[in]  struct_size sizeof(swb_stats)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_stats(const struct swb_mpcc *mpcc,
+                              struct swb_stats *stats,
+                              uint64_t struct_size);
+
+/**
+ * Set an integer or enumeration option of a program (or a float one, to an integer) by name.
+ *
+ * @return as swb_settings_set_int
+ */
+SWB_API swb_status swb_mpcc_set_int(struct swb_mpcc *mpcc, const char *name, int64_t value);
+
+/**
+ * Set a float option of a program by name.
+ *
+ * @return as swb_settings_set_double
+ */
+SWB_API swb_status swb_mpcc_set_double(struct swb_mpcc *mpcc, const char *name, double value);
+
+/**
+ * Set any option of a program by name from text: a number, or the value name of an enumeration.
+ *
+ * @return as swb_settings_set_string
+ */
+SWB_API swb_status swb_mpcc_set_string(struct swb_mpcc *mpcc, const char *name, const char *value);
+
+/**
+ * Set all options of a program.
+ *
+ * @param[in] settings NULL for the defaults
+ * @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
+ */
+SWB_API
+swb_status swb_mpcc_set_settings(struct swb_mpcc *mpcc,
+                                 const struct swb_settings *settings);
+
+/**
+ * Options of a program, all of them.
+ *
+ * @param[out] settings    every field is written
+ * @param[in]  struct_size sizeof(swb_settings)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_mpcc_get_settings(const struct swb_mpcc *mpcc,
+                                 struct swb_settings *settings,
+                                 uint64_t struct_size);
+
+/**
+ * Set who is called once per iteration; NULL for nobody.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_mpcc_set_iteration(struct swb_mpcc *mpcc,
+                                  swb_iteration_fn iteration,
+                                  void *user_data);
+
+/**
+ * Set who gets the log, as much as the option log_level says; NULL for nobody.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_mpcc_set_log(struct swb_mpcc *mpcc, swb_log_fn log, void *user_data);
+
+/**
+ * Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
+ * thread and from signal handlers; only swb_mpcc_free must not run at the same time.
+ *
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API
+swb_status swb_mpcc_interrupt(const struct swb_mpcc *mpcc);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_mpcc_free(struct swb_mpcc *mpcc);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -115,12 +115,8 @@ impl Caller {
         }
         let array = |v: &[f64]| if v.is_empty() { ptr::null() } else { v.as_ptr() };
         let blind = self.timeless && trouble::solving();
-        let point = swb_point {
-            t: if blind { f64::NAN } else { at.t },
-            x: array(at.x),
-            u: array(at.u),
-            p: array(at.p),
-        };
+        let point =
+            swb_point { t: if blind { f64::NAN } else { at.t }, x: array(at.x), u: array(at.u), p: array(at.p) };
         let target = if out.is_empty() { ptr::null_mut() } else { out.as_mut_ptr() };
         let code = f(&point, target, self.data.pointer);
         if code == 0 && out.iter().all(|v| v.is_finite()) {
@@ -291,12 +287,11 @@ unsafe fn pattern(
             cols + 1
         )));
     }
-    Pattern::new(rows, cols, index(col_ptr, "col_ptr")?, index(row_idx, "row_idx")?)
-        .map_err(|e| match e {
-            Error::Dimension(s) => Error::Dimension(format!("{what}: {s}")),
-            Error::Range(s) => Error::Range(format!("{what}: {s}")),
-            other => other,
-        })
+    Pattern::new(rows, cols, index(col_ptr, "col_ptr")?, index(row_idx, "row_idx")?).map_err(|e| match e {
+        Error::Dimension(s) => Error::Dimension(format!("{what}: {s}")),
+        Error::Range(s) => Error::Range(format!("{what}: {s}")),
+        other => other,
+    })
 }
 
 /// Create a function given by its values.
@@ -435,7 +430,8 @@ pub unsafe extern "C" fn swb_function_set_inputs(f: *mut swb_function, inputs: i
             if !(0..16).contains(&inputs) {
                 return Err(Error::Range(format!("inputs is {inputs}: it must be a sum of enum swb_input")));
             }
-            let blocks = [(swb_input::X, f.dims.x), (swb_input::U, f.dims.u), (swb_input::P, f.dims.p), (swb_input::T, 1)];
+            let blocks =
+                [(swb_input::X, f.dims.x), (swb_input::U, f.dims.u), (swb_input::P, f.dims.p), (swb_input::T, 1)];
             let mut col_ptr = vec![0];
             let mut row_idx = Vec::new();
             for (block, n) in blocks {

@@ -90,6 +90,7 @@
 pub mod guard;
 pub mod handle;
 pub mod raw;
+mod trouble;
 
 // What follows is in the order of the header; blank lines keep the formatter from sorting it.
 pub mod status;
@@ -99,3 +100,17 @@ pub mod version;
 pub mod log;
 
 pub mod settings;
+
+pub mod report;
+
+pub mod function;
+
+pub mod system;
+
+pub mod trajectory;
+
+pub mod simulator;
+
+pub mod ocp;
+
+pub mod mpcc;

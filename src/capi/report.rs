@@ -55,9 +55,7 @@ pub fn outcome_number(o: Outcome) -> i32 {
 /// Name of an outcome, such as "solved"; NULL for any other number. Static.
 #[no_mangle]
 pub extern "C" fn swb_outcome_name(outcome: i32) -> *const c_char {
-    query(ptr::null(), || {
-        OUTCOMES.iter().find(|row| row.1 as i32 == outcome).map_or(ptr::null(), |row| row.2.as_ptr())
-    })
+    query(ptr::null(), || OUTCOMES.iter().find(|row| row.1 as i32 == outcome).map_or(ptr::null(), |row| row.2.as_ptr()))
 }
 
 /// Was the active set identified and the smooth problem that remains solved?
@@ -281,7 +279,7 @@ impl Hooks {
     ) -> Result<Outcome> {
         let level = if self.log.is_some() { level } else { LogLevel::Silent };
         let mut monitor = |i: &IterationInfo| {
-            if level >= LogLevel::Debug {
+            if level as i64 >= LogLevel::Debug as i64 {
                 self.line(LogLevel::Debug, &iteration_line(i));
             }
             self.iteration.map_or(true, |f| {
@@ -290,7 +288,7 @@ impl Hooks {
                 unsafe { f(&info, self.iteration_data) == 0 }
             })
         };
-        let watched = self.iteration.is_some() || level >= LogLevel::Debug;
+        let watched = self.iteration.is_some() || level as i64 >= LogLevel::Debug as i64;
         let mut control = Control {
             interrupt: Some(&self.interrupt),
             monitor: if watched { Some(&mut monitor) } else { None },
@@ -300,22 +298,26 @@ impl Hooks {
         let result = match (troubles.fatal, result) {
             (Some(complaint), _) => Err(complaint.error()),
             (None, Ok(Outcome::Failed)) => Err(troubles.last.map_or_else(
-                || Error::Numeric(format!("{what}: the linear systems cannot be solved; check scaling and derivatives")),
+                || {
+                    Error::Numeric(format!(
+                        "{what}: the linear systems cannot be solved; check scaling and derivatives"
+                    ))
+                },
                 |complaint| complaint.error(),
             )),
             (None, result) => result,
         };
-        match &result {
-            Ok(Outcome::Stopped) => self.interrupt.store(false, Ordering::Relaxed),
-            Err(e) if level >= LogLevel::Error => self.line(LogLevel::Error, &format!("{what} error = {e}")),
-            _ => {}
+        // an interrupt is for this solve alone, whatever ended it
+        self.interrupt.store(false, Ordering::Relaxed);
+        if let Err(e) = &result {
+            self.tell(level, LogLevel::Error, || format!("{what} error = {e}"));
         }
         result
     }
 
     /// Send a line, if there is a sink and `level` lets it pass.
     pub fn tell(&self, level: LogLevel, importance: LogLevel, line: impl FnOnce() -> String) {
-        if self.log.is_some() && level >= importance {
+        if self.log.is_some() && level as i64 >= importance as i64 {
             self.line(importance, &line());
         }
     }

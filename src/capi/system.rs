@@ -28,9 +28,7 @@ fn count(n: i64, what: &str) -> Result<usize> {
 /// @return SWB_OK; SWB_ERR_DIMENSION
 #[no_mangle]
 pub unsafe extern "C" fn swb_system_create(nx: i64, nu: i64, np: i64, out: *mut *mut swb_system) -> swb_status {
-    guard(|| unsafe {
-        handle::create(out, |_| System::new(count(nx, "nx")?, count(nu, "nu")?, count(np, "np")?))
-    })
+    guard(|| unsafe { handle::create(out, |_| System::new(count(nx, "nx")?, count(nu, "nu")?, count(np, "np")?)) })
 }
 
 /// Set the part of the right-hand side that does not switch: nx outputs.
@@ -121,7 +119,9 @@ pub unsafe extern "C" fn swb_system_add_subsystem_indicators(
     index: *mut i64,
 ) -> swb_status {
     guard(|| unsafe {
-        add(system, (rows, n_rows), modes, n_modes, index, || Ok(Regions::Indicators(shared(indicators, "indicators")?)))
+        add(system, (rows, n_rows), modes, n_modes, index, || {
+            Ok(Regions::Indicators(shared(indicators, "indicators")?))
+        })
     })
 }
 

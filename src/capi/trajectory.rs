@@ -217,7 +217,9 @@ pub unsafe extern "C" fn swb_trajectory_active(
     active: *mut i32,
     n: i64,
 ) -> swb_status {
-    unsafe { per_element(trajectory, active, n, "active", |_, e, all| all.extend(e.active.iter().map(|&a| i32::from(a)))) }
+    unsafe {
+        per_element(trajectory, active, n, "active", |_, e, all| all.extend(e.active.iter().map(|&a| i32::from(a))))
+    }
 }
 
 /// Times of the stage points.
@@ -230,9 +232,7 @@ pub unsafe extern "C" fn swb_trajectory_stage_times(
     t: *mut f64,
     n: i64,
 ) -> swb_status {
-    unsafe {
-        per_element(trajectory, t, n, "t", |r, e, all| all.extend(r.tableau().c.iter().map(|c| e.t + c * e.h)))
-    }
+    unsafe { per_element(trajectory, t, n, "t", |r, e, all| all.extend(r.tableau().c.iter().map(|c| e.t + c * e.h))) }
 }
 
 /// States at the stage points.
@@ -281,7 +281,12 @@ pub unsafe extern "C" fn swb_trajectory_switches(
             let bytes = switches.cast::<u8>();
             for (k, s) in r.switches.iter().enumerate() {
                 let at = bytes.wrapping_add(k * struct_size as usize);
-                write_sized(&swb_switch::of(s), if bytes.is_null() { switches } else { at.cast() }, struct_size, "switches")?;
+                write_sized(
+                    &swb_switch::of(s),
+                    if bytes.is_null() { switches } else { at.cast() },
+                    struct_size,
+                    "switches",
+                )?;
             }
             Ok(())
         })

@@ -1,0 +1,651 @@
+//! Nonlinear programs, with complementarity constraints or without.
+
+use super::function::{shared, shared_optional, swb_function};
+use super::guard::guard;
+use super::handle::{self, Interrupt, Object};
+use super::log::swb_log_fn;
+use super::raw;
+use super::report::{
+    outcome_number, polished_number, swb_iteration_fn, swb_residuals, swb_stats, write_sized, Exclusive, Hooks,
+};
+use super::settings;
+use super::status::swb_status;
+use crate::error::{Error, Result};
+use crate::mpcc::{Lifted, Member, Mpcc, MpccSolver, Solution};
+use crate::nlp::{Bounds, CallbackNlp, Nlp, Outcome};
+use crate::ocp::{deadline, mpcc_settings};
+use crate::settings::{LogLevel, Settings, Value};
+use crate::system::SharedFunction;
+use std::ffi::{c_char, c_void};
+use std::time::Instant;
+
+/// Nonlinear program with complementarity constraints: minimise f(w,p) subject to bounds on w and c(w,p),
+/// and 0 <= G _|_ H >= 0 for pairs of variables or rows of c. Without pairs, a nonlinear program.
+pub struct swb_mpcc(());
+impl Object for swb_mpcc {
+    type Value = Program;
+    const NAME: &'static str = "swb_mpcc";
+}
+
+/// What a member of a complementarity pair is.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_member {
+    /// A variable; its lower bound becomes zero.
+    Variable = 0,
+    /// A row of the constraints; its own bounds are not used.
+    Constraint = 1,
+}
+
+struct Built {
+    problem: Lifted<CallbackNlp>,
+    solver: MpccSolver,
+}
+
+struct Result1 {
+    solution: Solution,
+    /// Rows at the solution.
+    c: Vec<f64>,
+    /// Variables of the members of the pairs.
+    pairs: Vec<(usize, usize)>,
+    time_build: f64,
+    dimensions: (usize, usize, usize),
+}
+
+/// What is behind the handle.
+pub struct Program {
+    n: usize,
+    m: usize,
+    objective: SharedFunction,
+    constraints: Option<SharedFunction>,
+    members: Vec<(Member, Member)>,
+    bounds: Bounds,
+    params: Vec<f64>,
+    start: Vec<f64>,
+    pub(super) settings: Settings,
+    built: Exclusive<Option<Built>>,
+    result: Option<Result1>,
+    pub(super) hooks: Hooks,
+}
+
+impl Program {
+    fn new(
+        (n, np): (usize, usize),
+        objective: SharedFunction,
+        constraints: Option<SharedFunction>,
+        settings: Settings,
+        interrupt: &Interrupt,
+    ) -> Result<Program> {
+        let m = CallbackNlp::new(n, np, objective.clone(), constraints.clone())?.m();
+        Ok(Program {
+            n,
+            m,
+            objective,
+            constraints,
+            members: Vec::new(),
+            bounds: Bounds::free(n, m),
+            params: vec![0.0; np],
+            start: vec![0.0; n],
+            settings,
+            built: Exclusive::new(None),
+            result: None,
+            hooks: Hooks::new(interrupt),
+        })
+    }
+
+    fn set_option(&mut self, name: &str, value: Value) -> Result<()> {
+        let mut settings = self.settings;
+        settings.set_by_name(name, value)?;
+        self.set_settings(settings)
+    }
+
+    fn set_settings(&mut self, settings: Settings) -> Result<()> {
+        self.settings = settings;
+        Ok(())
+    }
+
+    fn member(&self, kind: i32, index: i64, what: &str) -> Result<Member> {
+        let (len, make): (usize, fn(usize) -> Member) = match kind {
+            k if k == swb_member::Variable as i32 => (self.n, Member::Variable),
+            k if k == swb_member::Constraint as i32 => (self.m, Member::Row),
+            _ => return Err(Error::Range(format!("the kind of {what} is {kind}: it must be an enum swb_member"))),
+        };
+        let i = usize::try_from(index).ok().filter(|i| *i < len);
+        i.map(make).ok_or_else(|| Error::Dimension(format!("the index of {what} is {index}, outside 0..{len}")))
+    }
+
+    fn build(&mut self) -> Result<f64> {
+        if self.built.get().is_some() {
+            return Ok(0.0);
+        }
+        let clock = Instant::now();
+        let inner = CallbackNlp::new(self.n, self.params.len(), self.objective.clone(), self.constraints.clone())?;
+        let mut problem = Lifted::new(inner, &self.members)?;
+        let solver = MpccSolver::new(&mut problem, mpcc_settings(&self.settings))?;
+        *self.built.get() = Some(Built { problem, solver });
+        Ok(clock.elapsed().as_secs_f64())
+    }
+
+    fn solve(&mut self) -> Result<Outcome> {
+        self.settings.validate()?;
+        self.bounds.validate(self.n, self.m)?;
+        let time_build = self.build()?;
+        let Some(Built { problem, solver }) = self.built.get() else {
+            return Err(Error::Internal("the program was not built".into()));
+        };
+        problem.inner().set_params(&self.params)?;
+        let bounds = problem.bounds(&self.bounds)?;
+        bounds.validate(problem.n(), problem.m())?;
+        solver.settings = mpcc_settings(&self.settings);
+        let level = self.settings.log_level();
+        let (start, seconds, result) = (&self.start, self.settings.max_time, &mut self.result);
+        *result = None;
+        let outcome = self.hooks.run("mpcc", level, |control| {
+            if seconds.is_finite() {
+                control.deadline = deadline(seconds);
+            }
+            let w0 = problem.start(start);
+            solver.solve(problem, &bounds, &w0, control);
+            let solution = solver.solution().clone();
+            let outcome = solution.outcome;
+            let mut c = vec![0.0; problem.m()];
+            if outcome == Outcome::Failed || problem.inner().eval(&solution.x[..start.len()], &mut c).is_err() {
+                c.fill(f64::NAN);
+            }
+            let n_pairs = problem.pairs().len();
+            *result = Some(Result1 {
+                solution,
+                c,
+                pairs: (0..n_pairs).map(|k| problem.pair(k)).collect(),
+                time_build,
+                dimensions: (problem.n(), problem.m(), n_pairs),
+            });
+            Ok(outcome)
+        })?;
+        let importance = if outcome == Outcome::Solved { LogLevel::Info } else { LogLevel::Warning };
+        self.hooks.tell(level, importance, || {
+            self.result.as_ref().map_or_else(String::new, |r| {
+                let s = &r.solution;
+                format!(
+                    "mpcc outcome = {}, polish = {:?}, objective = {:.10e}, primal = {:.2e}, dual = {:.2e}, \
+                     pair_min = {:.2e}, iterations = {}, time = {:.3e}, time_build = {:.3e}",
+                    s.outcome.name(),
+                    s.polish,
+                    s.objective,
+                    s.residuals.primal,
+                    s.residuals.dual,
+                    s.residuals.pair_min,
+                    s.stats.iterations,
+                    s.stats.time_total,
+                    r.time_build
+                )
+            })
+        });
+        Ok(outcome)
+    }
+
+    fn result(&self) -> Result<&Result1> {
+        self.result.as_ref().ok_or_else(|| Error::State("there is no result: call swb_mpcc_solve first".into()))
+    }
+}
+
+/// Bounds from the caller, checked.
+unsafe fn bounds_of<'a>(
+    what: &str,
+    (lower, n_lower): (*const f64, i64),
+    (upper, n_upper): (*const f64, i64),
+) -> Result<(&'a [f64], &'a [f64])> {
+    let (lower, upper) = unsafe { (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?) };
+    for (i, (l, u)) in lower.iter().zip(upper).enumerate() {
+        if l.is_nan() || u.is_nan() {
+            return Err(Error::Range(format!("bound of {what} {i} is NaN; use an infinity for no bound")));
+        }
+        if l > u {
+            return Err(Error::Range(format!("{what} {i} has lower bound {l} above upper bound {u}")));
+        }
+    }
+    Ok((lower, upper))
+}
+
+fn expect(what: &str, n: usize, expected: usize) -> Result<()> {
+    if n != expected {
+        return Err(Error::Dimension(format!("{what} has {n} entries, expected {expected}")));
+    }
+    Ok(())
+}
+
+/// Create a program without pairs and bounds, parameters and start zero.
+///
+/// @param[in]  n           variables, the block x of the functions
+/// @param[in]  np          parameters, the block p of the functions
+/// @param[in]  objective   one output
+/// @param[in]  constraints the rows c; NULL if there are none
+/// @param[in]  settings    NULL for the defaults
+/// @param[out] out         the new object, NULL on failure; free with swb_mpcc_free
+/// @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_create(
+    n: i64,
+    np: i64,
+    objective: *const swb_function,
+    constraints: *const swb_function,
+    settings: *const Settings,
+    out: *mut *mut swb_mpcc,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::create(out, |interrupt| {
+            let settings = settings::read(settings)?;
+            settings.validate()?;
+            let size = |n: i64, what: &str| {
+                usize::try_from(n).map_err(|_| Error::Dimension(format!("{what} is {n}: it must not be negative")))
+            };
+            let sizes = (size(n, "n")?, size(np, "np")?);
+            let objective = shared(objective, "objective")?;
+            let constraints = shared_optional(constraints, "constraints")?;
+            Program::new(sizes, objective, constraints, settings, interrupt)
+        })
+    })
+}
+
+/// Add the pair 0 <= G _|_ H >= 0.
+///
+/// A constraint may be in one pair only; a variable in several.
+///
+/// @param[in] kind_g  an enum swb_member: what G is
+/// @param[in] index_g its index
+/// @param[in] kind_h  an enum swb_member: what H is
+/// @param[in] index_h its index
+/// @return SWB_OK; SWB_ERR_RANGE if there is no such kind or a member cannot be used; SWB_ERR_DIMENSION if
+///         there is no such index
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_add_pair(
+    mpcc: *mut swb_mpcc,
+    kind_g: i32,
+    index_g: i64,
+    kind_h: i32,
+    index_h: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(mpcc, |p| {
+            let pair = (p.member(kind_g, index_g, "G")?, p.member(kind_h, index_h, "H")?);
+            if pair.0 == pair.1 {
+                return Err(Error::Range("both members of the pair are the same".into()));
+            }
+            let rows = || p.members.iter().flat_map(|m| [m.0, m.1]);
+            for member in [pair.0, pair.1] {
+                if let (Member::Row(i), true) = (member, rows().any(|m| m == member)) {
+                    return Err(Error::Range(format!(
+                        "constraint {i} is in a pair already: make it a variable of its own and use that in both"
+                    )));
+                }
+            }
+            p.members.push(pair);
+            *p.built.get() = None;
+            p.result = None;
+            Ok(())
+        })
+    })
+}
+
+/// Set bounds of the variables.
+///
+/// @param[in] lower [n_lower] n
+/// @param[in] upper [n_upper] n
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_bounds(
+    mpcc: *mut swb_mpcc,
+    lower: *const f64,
+    n_lower: i64,
+    upper: *const f64,
+    n_upper: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (lower, upper) = bounds_of("variable", (lower, n_lower), (upper, n_upper))?;
+        handle::with_mut(mpcc, |p| {
+            expect("lower", lower.len(), p.n)?;
+            expect("upper", upper.len(), p.n)?;
+            p.bounds.xl.copy_from_slice(lower);
+            p.bounds.xu.copy_from_slice(upper);
+            Ok(())
+        })
+    })
+}
+
+/// Set bounds of the constraints; equal bounds make an equation. Those of rows in pairs are not used.
+///
+/// @param[in] lower [n_lower] rows
+/// @param[in] upper [n_upper] rows
+/// @return as swb_mpcc_set_bounds
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_constraint_bounds(
+    mpcc: *mut swb_mpcc,
+    lower: *const f64,
+    n_lower: i64,
+    upper: *const f64,
+    n_upper: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (lower, upper) = bounds_of("constraint", (lower, n_lower), (upper, n_upper))?;
+        handle::with_mut(mpcc, |p| {
+            expect("lower", lower.len(), p.m)?;
+            expect("upper", upper.len(), p.m)?;
+            p.bounds.cl.copy_from_slice(lower);
+            p.bounds.cu.copy_from_slice(upper);
+            Ok(())
+        })
+    })
+}
+
+/// Set the parameters.
+///
+/// @param[in] values [np]
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_params(mpcc: *mut swb_mpcc, values: *const f64, np: i64) -> swb_status {
+    guard(|| unsafe {
+        let values = raw::slice(values, np, "values")?;
+        handle::with_mut(mpcc, |p| {
+            crate::ocp::finite("parameter", values, p.params.len())?;
+            p.params.copy_from_slice(values);
+            Ok(())
+        })
+    })
+}
+
+/// Set the point to start from.
+///
+/// @param[in] w [n]
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_start(mpcc: *mut swb_mpcc, w: *const f64, n: i64) -> swb_status {
+    guard(|| unsafe {
+        let w = raw::slice(w, n, "w")?;
+        handle::with_mut(mpcc, |p| {
+            crate::ocp::finite("start", w, p.n)?;
+            p.start.copy_from_slice(w);
+            Ok(())
+        })
+    })
+}
+
+/// Solve.
+///
+/// @param[out] outcome an enum swb_outcome; may be NULL
+/// @return SWB_OK, however the solver ended; SWB_ERR_USER if a user function returned a negative code;
+///         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
+///         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_solve(mpcc: *mut swb_mpcc, outcome: *mut i32) -> swb_status {
+    guard(|| unsafe {
+        let reached = handle::with_mut(mpcc, Program::solve)?;
+        raw::write_optional(outcome, outcome_number(reached));
+        Ok(())
+    })
+}
+
+/// How the last solve ended.
+///
+/// @param[out] outcome an enum swb_outcome
+/// @return SWB_OK; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_outcome(mpcc: *const swb_mpcc, outcome: *mut i32) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| raw::write(outcome, outcome_number(p.result()?.solution.outcome), "outcome"))
+    })
+}
+
+/// Was the active set identified and the smooth program that remains solved?
+///
+/// @param[out] polished an enum swb_polished
+/// @return SWB_OK; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_polished(mpcc: *const swb_mpcc, polished: *mut i32) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| raw::write(polished, polished_number(p.result()?.solution.polish), "polished"))
+    })
+}
+
+/// Objective.
+///
+/// @return SWB_OK; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_objective(mpcc: *const swb_mpcc, objective: *mut f64) -> swb_status {
+    guard(|| unsafe { handle::with_ref(mpcc, |p| raw::write(objective, p.result()?.solution.objective, "objective")) })
+}
+
+/// The point.
+///
+/// @param[out] w [n]
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_solution(mpcc: *const swb_mpcc, w: *mut f64, n: i64) -> swb_status {
+    guard(|| unsafe { handle::with_ref(mpcc, |p| raw::write_slice(w, n, &p.result()?.solution.x[..p.n], "w")) })
+}
+
+/// Constraints at the point.
+///
+/// @param[out] c [m] rows; NaN where the solve failed
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_constraints(mpcc: *const swb_mpcc, c: *mut f64, m: i64) -> swb_status {
+    guard(|| unsafe { handle::with_ref(mpcc, |p| raw::write_slice(c, m, &p.result()?.c, "c")) })
+}
+
+/// Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
+///
+/// @param[out] y [m] of the constraints
+/// @param[out] z [n] of the bounds, lower minus upper; for variables in pairs the multiplier of the pair
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_multipliers(
+    mpcc: *const swb_mpcc,
+    y: *mut f64,
+    m: i64,
+    z: *mut f64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            let s = &p.result()?.solution;
+            if usize::try_from(n) != Ok(p.n) {
+                return Err(Error::Dimension(format!("z has length {n}, not {}", p.n)));
+            }
+            raw::check(z, "z")?;
+            raw::write_slice(y, m, &s.y, "y")?;
+            raw::write_slice(z, n, &s.z[..p.n], "z")
+        })
+    })
+}
+
+/// Values of the members of the pairs, and their multipliers (nu of G, xi of H) at the point, in the order
+/// the pairs were added.
+///
+/// @param[out] g  [n_pairs] may be NULL
+/// @param[out] h  [n_pairs] may be NULL
+/// @param[out] nu [n_pairs] may be NULL
+/// @param[out] xi [n_pairs] may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_pairs(
+    mpcc: *const swb_mpcc,
+    g: *mut f64,
+    h: *mut f64,
+    nu: *mut f64,
+    xi: *mut f64,
+    n_pairs: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            let r = p.result()?;
+            if usize::try_from(n_pairs) != Ok(r.pairs.len()) {
+                return Err(Error::Dimension(format!("n_pairs is {n_pairs}, not {}", r.pairs.len())));
+            }
+            let s = &r.solution;
+            let column = |values: &[f64], first: bool| -> Vec<f64> {
+                r.pairs.iter().map(|(a, b)| values[if first { *a } else { *b }]).collect()
+            };
+            for (out, values, first) in [(g, &s.x, true), (h, &s.x, false), (nu, &s.z, true), (xi, &s.z, false)] {
+                if !out.is_null() {
+                    raw::write_slice(out, n_pairs, &column(values, first), "output")?;
+                }
+            }
+            Ok(())
+        })
+    })
+}
+
+/// Residuals of the last solve.
+///
+/// @param[out] residuals   every field is written
+/// @param[in]  struct_size sizeof(swb_residuals)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_residuals(
+    mpcc: *const swb_mpcc,
+    residuals: *mut swb_residuals,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            write_sized(&swb_residuals::of(&p.result()?.solution.residuals), residuals, struct_size, "residuals")
+        })
+    })
+}
+
+/// What the last solve cost.
+///
+/// @param[out] stats       every field is written
+/// @param[in]  struct_size sizeof(swb_stats)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_stats(
+    mpcc: *const swb_mpcc,
+    stats: *mut swb_stats,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            let r = p.result()?;
+            let value = swb_stats {
+                time_build: r.time_build,
+                n_variables: r.dimensions.0 as i64,
+                n_constraints: r.dimensions.1 as i64,
+                n_pairs: r.dimensions.2 as i64,
+                ..swb_stats::of(&r.solution.stats)
+            };
+            write_sized(&value, stats, struct_size, "stats")
+        })
+    })
+}
+
+/// Set an integer or enumeration option of a program (or a float one, to an integer) by name.
+///
+/// @return as swb_settings_set_int
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_int(mpcc: *mut swb_mpcc, name: *const c_char, value: i64) -> swb_status {
+    guard(|| unsafe {
+        let name = raw::text(name, "name")?;
+        handle::with_mut(mpcc, |o| o.set_option(name, Value::Int(value)))
+    })
+}
+
+/// Set a float option of a program by name.
+///
+/// @return as swb_settings_set_double
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_double(mpcc: *mut swb_mpcc, name: *const c_char, value: f64) -> swb_status {
+    guard(|| unsafe {
+        let name = raw::text(name, "name")?;
+        handle::with_mut(mpcc, |o| o.set_option(name, Value::Float(value)))
+    })
+}
+
+/// Set any option of a program by name from text: a number, or the value name of an enumeration.
+///
+/// @return as swb_settings_set_string
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_string(
+    mpcc: *mut swb_mpcc,
+    name: *const c_char,
+    value: *const c_char,
+) -> swb_status {
+    guard(|| unsafe {
+        let (name, value) = (raw::text(name, "name")?, raw::text(value, "value")?);
+        handle::with_mut(mpcc, |o| o.set_option(name, Value::Text(value.to_owned())))
+    })
+}
+
+/// Set all options of a program.
+///
+/// @param[in] settings NULL for the defaults
+/// @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_settings(mpcc: *mut swb_mpcc, settings: *const Settings) -> swb_status {
+    guard(|| unsafe {
+        let settings = settings::read(settings)?;
+        settings.validate()?;
+        handle::with_mut(mpcc, |o| o.set_settings(settings))
+    })
+}
+
+/// Options of a program, all of them.
+///
+/// @param[out] settings    every field is written
+/// @param[in]  struct_size sizeof(swb_settings)
+/// @return SWB_OK; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_settings(
+    mpcc: *const swb_mpcc,
+    settings: *mut Settings,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe { handle::with_ref(mpcc, |o| write_sized(&o.settings, settings, struct_size, "settings")) })
+}
+
+/// Set who is called once per iteration; NULL for nobody.
+///
+/// @param[in] user_data passed on unchanged
+/// @return SWB_OK
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_iteration(
+    mpcc: *mut swb_mpcc,
+    iteration: swb_iteration_fn,
+    user_data: *mut c_void,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(mpcc, |o| {
+            o.hooks.set_iteration(iteration, user_data);
+            Ok(())
+        })
+    })
+}
+
+/// Set who gets the log, as much as the option log_level says; NULL for nobody.
+///
+/// @param[in] user_data passed on unchanged
+/// @return SWB_OK
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_log(mpcc: *mut swb_mpcc, log: swb_log_fn, user_data: *mut c_void) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(mpcc, |o| {
+            o.hooks.set_log(log, user_data);
+            Ok(())
+        })
+    })
+}
+
+/// Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
+/// thread and from signal handlers; only swb_mpcc_free must not run at the same time.
+///
+/// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_interrupt(mpcc: *const swb_mpcc) -> swb_status {
+    guard(|| unsafe { handle::interrupt(mpcc) })
+}
+
+/// Free; NULL is allowed.
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_free(mpcc: *mut swb_mpcc) {
+    unsafe { handle::free(mpcc) }
+}

@@ -1,0 +1,548 @@
+//! Optimal control.
+
+use super::function::{shared, swb_function};
+use super::guard::guard;
+use super::handle::{self, Interrupt, Object};
+use super::log::swb_log_fn;
+use super::raw;
+use super::report::{
+    outcome_number, polished_number, swb_iteration_fn, swb_residuals, swb_stats, write_sized, Exclusive, Hooks,
+};
+use super::settings;
+use super::status::swb_status;
+use super::system::swb_system;
+use super::trajectory::{hand_out, swb_trajectory};
+use crate::error::{Error, Result};
+use crate::fesd::PathAt;
+use crate::nlp::Outcome;
+use crate::ocp::{Ocp, OcpResult};
+use crate::settings::{LogLevel, Settings, Value};
+use std::ffi::{c_char, c_void};
+
+/// Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
+pub struct swb_ocp(());
+impl Object for swb_ocp {
+    type Value = Problem;
+    const NAME: &'static str = "swb_ocp";
+}
+
+/// Where a path constraint holds.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_path_at {
+    /// At both ends of every control stage, with the control of that stage.
+    ControlGrid = 0,
+    /// At the start of every control stage and the end of every finite element.
+    Elements = 1,
+    /// At the start of every control stage and at every stage point.
+    StagePoints = 2,
+}
+
+/// What is behind the handle.
+pub struct Problem {
+    ocp: Exclusive<Ocp>,
+    pub(super) settings: Settings,
+    result: Option<OcpResult>,
+    pub(super) hooks: Hooks,
+}
+
+impl Problem {
+    fn set_option(&mut self, name: &str, value: Value) -> Result<()> {
+        let mut settings = self.settings;
+        settings.set_by_name(name, value)?;
+        self.set_settings(settings)
+    }
+
+    fn set_settings(&mut self, settings: Settings) -> Result<()> {
+        self.settings = settings;
+        Ok(())
+    }
+
+    fn solve(&mut self) -> Result<Outcome> {
+        let level = self.settings.log_level();
+        let (ocp, result) = (self.ocp.get(), &mut self.result);
+        ocp.set_settings(&self.settings)?;
+        *result = None;
+        let outcome = self.hooks.run("ocp", level, |control| {
+            let r = ocp.solve(control)?;
+            *result = Some(r.clone());
+            Ok(r.outcome)
+        })?;
+        let importance = if outcome == Outcome::Solved { LogLevel::Info } else { LogLevel::Warning };
+        self.hooks.tell(level, importance, || {
+            self.result.as_ref().map_or_else(String::new, |r| {
+                format!(
+                    "ocp outcome = {}, polish = {:?}, cost = {:.10e}, primal = {:.2e}, dual = {:.2e}, pair_min = {:.2e}, \
+                     iterations = {}, variables = {}, constraints = {}, pairs = {}, time = {:.3e}, time_build = {:.3e}",
+                    r.outcome.name(),
+                    r.polish,
+                    r.cost,
+                    r.residuals.primal,
+                    r.residuals.dual,
+                    r.residuals.pair_min,
+                    r.stats.iterations,
+                    r.dimensions.0,
+                    r.dimensions.1,
+                    r.dimensions.2,
+                    r.stats.time_total,
+                    r.time_build
+                )
+            })
+        });
+        Ok(outcome)
+    }
+
+    fn result(&self) -> Result<&OcpResult> {
+        self.result.as_ref().ok_or_else(|| Error::State("there is no result: call swb_ocp_solve first".into()))
+    }
+}
+
+fn new(ocp: Ocp, interrupt: &Interrupt) -> Problem {
+    Problem { settings: *ocp.settings(), ocp: Exclusive::new(ocp), result: None, hooks: Hooks::new(interrupt) }
+}
+
+unsafe fn change(ocp: *mut swb_ocp, body: impl FnOnce(&mut Ocp) -> Result<()>) -> Result<()> {
+    unsafe { handle::with_mut(ocp, |o| body(o.ocp.get())) }
+}
+
+/// Create an optimal control problem. Bounds are infinite, the initial state is free, initial time and
+/// parameters are zero, and there is no cost, until they are set.
+///
+/// @param[in]  system   copied; may be freed afterwards
+/// @param[in]  horizon  duration
+/// @param[in]  n_stages control intervals of equal length
+/// @param[in]  settings NULL for the defaults
+/// @param[out] out      the new object, NULL on failure; free with swb_ocp_free
+/// @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if the horizon is not
+///         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_create(
+    system: *const swb_system,
+    horizon: f64,
+    n_stages: i64,
+    settings: *const Settings,
+    out: *mut *mut swb_ocp,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::create(out, |interrupt| {
+            let settings = settings::read(settings)?;
+            let n = usize::try_from(n_stages)
+                .map_err(|_| Error::Dimension(format!("n_stages is {n_stages}: it must be at least 1")))?;
+            handle::with_ref(system, |s| Ok(new(Ocp::new(s, horizon, n, &settings)?, interrupt)))
+        })
+    })
+}
+
+/// Set the cost rate, one output: its integral over the horizon is minimised.
+///
+/// @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_lagrange(ocp: *mut swb_ocp, f: *const swb_function) -> swb_status {
+    guard(|| unsafe {
+        let f = shared(f, "f")?;
+        change(ocp, |o| o.set_lagrange(f))
+    })
+}
+
+/// Set the terminal cost, one output; its control is that of the last stage.
+///
+/// @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_mayer(ocp: *mut swb_ocp, f: *const swb_function) -> swb_status {
+    guard(|| unsafe {
+        let f = shared(f, "f")?;
+        change(ocp, |o| o.set_mayer(f))
+    })
+}
+
+/// Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
+///
+/// @param[in] lower [n_lower] one for each output
+/// @param[in] upper [n_upper] one for each output
+/// @param[in] at    an enum swb_path_at
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_add_path(
+    ocp: *mut swb_ocp,
+    f: *const swb_function,
+    lower: *const f64,
+    n_lower: i64,
+    upper: *const f64,
+    n_upper: i64,
+    at: i32,
+) -> swb_status {
+    guard(|| unsafe {
+        let places = [
+            (swb_path_at::ControlGrid, PathAt::ControlGrid),
+            (swb_path_at::Elements, PathAt::Elements),
+            (swb_path_at::StagePoints, PathAt::StagePoints),
+        ];
+        let at = places.iter().find(|p| p.0 as i32 == at).map(|p| p.1);
+        let at = at.ok_or_else(|| Error::Range("at is no enum swb_path_at".into()))?;
+        let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
+        let f = shared(f, "f")?;
+        change(ocp, |o| o.add_path(f, lower, upper, at))
+    })
+}
+
+/// Add the constraint lower <= f(x,u,p,t) <= upper at the end of the horizon; its control is that of the
+/// last stage.
+///
+/// @param[in] lower [n_lower] one for each output
+/// @param[in] upper [n_upper] one for each output
+/// @return as swb_ocp_add_path
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_add_terminal(
+    ocp: *mut swb_ocp,
+    f: *const swb_function,
+    lower: *const f64,
+    n_lower: i64,
+    upper: *const f64,
+    n_upper: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
+        let f = shared(f, "f")?;
+        change(ocp, |o| o.add_terminal(f, lower, upper))
+    })
+}
+
+/// Set bounds of the states at all stage points and element ends after the initial time.
+///
+/// @param[in] lower [n_lower] nx
+/// @param[in] upper [n_upper] nx
+/// @return as swb_ocp_add_path
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_state_bounds(
+    ocp: *mut swb_ocp,
+    lower: *const f64,
+    n_lower: i64,
+    upper: *const f64,
+    n_upper: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
+        change(ocp, |o| o.set_x_bounds(lower, upper))
+    })
+}
+
+/// Set bounds of the initial state; equal bounds fix it.
+///
+/// @param[in] lower [n_lower] nx
+/// @param[in] upper [n_upper] nx
+/// @return as swb_ocp_add_path
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_initial_bounds(
+    ocp: *mut swb_ocp,
+    lower: *const f64,
+    n_lower: i64,
+    upper: *const f64,
+    n_upper: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
+        change(ocp, |o| o.set_x0_bounds(lower, upper))
+    })
+}
+
+/// Fix the initial state.
+///
+/// @param[in] x0 [nx]
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_initial_state(ocp: *mut swb_ocp, x0: *const f64, nx: i64) -> swb_status {
+    guard(|| unsafe {
+        let x0 = raw::slice(x0, nx, "x0")?;
+        change(ocp, |o| {
+            if let Some(i) = x0.iter().position(|v| !v.is_finite()) {
+                return Err(Error::Range(format!("initial state {i} is {}: it must be finite", x0[i])));
+            }
+            o.set_x0(x0)
+        })
+    })
+}
+
+/// Set bounds of the controls.
+///
+/// @param[in] lower [n_lower] nu
+/// @param[in] upper [n_upper] nu
+/// @return as swb_ocp_add_path
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_control_bounds(
+    ocp: *mut swb_ocp,
+    lower: *const f64,
+    n_lower: i64,
+    upper: *const f64,
+    n_upper: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
+        change(ocp, |o| o.set_u_bounds(lower, upper))
+    })
+}
+
+/// Set the parameters.
+///
+/// @param[in] p [np]
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_params(ocp: *mut swb_ocp, p: *const f64, np: i64) -> swb_status {
+    guard(|| unsafe {
+        let p = raw::slice(p, np, "p")?;
+        change(ocp, |o| o.set_params(p))
+    })
+}
+
+/// Set the initial time.
+///
+/// @return SWB_OK; SWB_ERR_RANGE if it is not finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_initial_time(ocp: *mut swb_ocp, t0: f64) -> swb_status {
+    guard(|| unsafe { change(ocp, |o| o.set_t0(t0)) })
+}
+
+/// Give states to start from, linear in between.
+///
+/// @param[in] times [n_times] rising, from the start of the horizon
+/// @param[in] x     [n_x] n_times * nx, the states of one time together
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_state_guess(
+    ocp: *mut swb_ocp,
+    times: *const f64,
+    n_times: i64,
+    x: *const f64,
+    n_x: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (times, x) = (raw::slice(times, n_times, "times")?, raw::slice(x, n_x, "x")?);
+        change(ocp, |o| o.set_x_guess(times, x))
+    })
+}
+
+/// Give controls to start from.
+///
+/// @param[in] u [n_u] n_stages * nu, the controls of one stage together
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_control_guess(ocp: *mut swb_ocp, u: *const f64, n_u: i64) -> swb_status {
+    guard(|| unsafe {
+        let u = raw::slice(u, n_u, "u")?;
+        change(ocp, |o| o.set_u_guess(u))
+    })
+}
+
+/// Solve. The problem is discretised at the first solve, and again only when its structure changed.
+///
+/// @param[out] outcome an enum swb_outcome; may be NULL
+/// @return SWB_OK, however the solver ended; SWB_ERR_USER if a user function returned a negative code;
+///         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
+///         SWB_ERR_UNSUPPORTED if options do not go together
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_solve(ocp: *mut swb_ocp, outcome: *mut i32) -> swb_status {
+    guard(|| unsafe {
+        let reached = handle::with_mut(ocp, Problem::solve)?;
+        raw::write_optional(outcome, outcome_number(reached));
+        Ok(())
+    })
+}
+
+/// How the last solve ended.
+///
+/// @param[out] outcome an enum swb_outcome
+/// @return SWB_OK; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_outcome(ocp: *const swb_ocp, outcome: *mut i32) -> swb_status {
+    guard(|| unsafe { handle::with_ref(ocp, |o| raw::write(outcome, outcome_number(o.result()?.outcome), "outcome")) })
+}
+
+/// Was the active set identified and the problem solved with it?
+///
+/// @param[out] polished an enum swb_polished
+/// @return SWB_OK; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_polished(ocp: *const swb_ocp, polished: *mut i32) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(ocp, |o| raw::write(polished, polished_number(o.result()?.polish), "polished"))
+    })
+}
+
+/// Cost, without terms that only guide the solver.
+///
+/// @return SWB_OK; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_cost(ocp: *const swb_ocp, cost: *mut f64) -> swb_status {
+    guard(|| unsafe { handle::with_ref(ocp, |o| raw::write(cost, o.result()?.cost, "cost")) })
+}
+
+/// Controls.
+///
+/// @param[out] u [n_u] n_stages * nu, the controls of one stage together
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_controls(ocp: *const swb_ocp, u: *mut f64, n_u: i64) -> swb_status {
+    guard(|| unsafe { handle::with_ref(ocp, |o| raw::write_slice(u, n_u, &o.result()?.controls, "u")) })
+}
+
+/// Residuals of the last solve.
+///
+/// @param[out] residuals   every field is written
+/// @param[in]  struct_size sizeof(swb_residuals)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_residuals(
+    ocp: *const swb_ocp,
+    residuals: *mut swb_residuals,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(ocp, |o| {
+            write_sized(&swb_residuals::of(&o.result()?.residuals), residuals, struct_size, "residuals")
+        })
+    })
+}
+
+/// What the last solve cost.
+///
+/// @param[out] stats       every field is written
+/// @param[in]  struct_size sizeof(swb_stats)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_stats(ocp: *const swb_ocp, stats: *mut swb_stats, struct_size: u64) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(ocp, |o| {
+            let r = o.result()?;
+            let value = swb_stats {
+                time_build: r.time_build,
+                n_variables: r.dimensions.0 as i64,
+                n_constraints: r.dimensions.1 as i64,
+                n_pairs: r.dimensions.2 as i64,
+                ..swb_stats::of(&r.stats)
+            };
+            write_sized(&value, stats, struct_size, "stats")
+        })
+    })
+}
+
+/// A copy of the trajectory of the last solve.
+///
+/// @param[out] out the new object, NULL on failure; free with swb_trajectory_free
+/// @return SWB_OK; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_trajectory(ocp: *const swb_ocp, out: *mut *mut swb_trajectory) -> swb_status {
+    guard(|| unsafe {
+        raw::write(out, std::ptr::null_mut(), "out")?;
+        handle::with_ref(ocp, |o| hand_out(o.result().map(|r| &r.trajectory), out))
+    })
+}
+
+/// Set an integer or enumeration option of an optimal control problem (or a float one, to an integer) by name.
+///
+/// @return as swb_settings_set_int
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_int(ocp: *mut swb_ocp, name: *const c_char, value: i64) -> swb_status {
+    guard(|| unsafe {
+        let name = raw::text(name, "name")?;
+        handle::with_mut(ocp, |o| o.set_option(name, Value::Int(value)))
+    })
+}
+
+/// Set a float option of an optimal control problem by name.
+///
+/// @return as swb_settings_set_double
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_double(ocp: *mut swb_ocp, name: *const c_char, value: f64) -> swb_status {
+    guard(|| unsafe {
+        let name = raw::text(name, "name")?;
+        handle::with_mut(ocp, |o| o.set_option(name, Value::Float(value)))
+    })
+}
+
+/// Set any option of an optimal control problem by name from text: a number, or the value name of an enumeration.
+///
+/// @return as swb_settings_set_string
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_string(
+    ocp: *mut swb_ocp,
+    name: *const c_char,
+    value: *const c_char,
+) -> swb_status {
+    guard(|| unsafe {
+        let (name, value) = (raw::text(name, "name")?, raw::text(value, "value")?);
+        handle::with_mut(ocp, |o| o.set_option(name, Value::Text(value.to_owned())))
+    })
+}
+
+/// Set all options of an optimal control problem.
+///
+/// @param[in] settings NULL for the defaults
+/// @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_settings(ocp: *mut swb_ocp, settings: *const Settings) -> swb_status {
+    guard(|| unsafe {
+        let settings = settings::read(settings)?;
+        settings.validate()?;
+        handle::with_mut(ocp, |o| o.set_settings(settings))
+    })
+}
+
+/// Options of an optimal control problem, all of them.
+///
+/// @param[out] settings    every field is written
+/// @param[in]  struct_size sizeof(swb_settings)
+/// @return SWB_OK; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_settings(
+    ocp: *const swb_ocp,
+    settings: *mut Settings,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe { handle::with_ref(ocp, |o| write_sized(&o.settings, settings, struct_size, "settings")) })
+}
+
+/// Set who is called once per iteration; NULL for nobody.
+///
+/// @param[in] user_data passed on unchanged
+/// @return SWB_OK
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_iteration(
+    ocp: *mut swb_ocp,
+    iteration: swb_iteration_fn,
+    user_data: *mut c_void,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(ocp, |o| {
+            o.hooks.set_iteration(iteration, user_data);
+            Ok(())
+        })
+    })
+}
+
+/// Set who gets the log, as much as the option log_level says; NULL for nobody.
+///
+/// @param[in] user_data passed on unchanged
+/// @return SWB_OK
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_log(ocp: *mut swb_ocp, log: swb_log_fn, user_data: *mut c_void) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(ocp, |o| {
+            o.hooks.set_log(log, user_data);
+            Ok(())
+        })
+    })
+}
+
+/// Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
+/// thread and from signal handlers; only swb_ocp_free must not run at the same time.
+///
+/// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_interrupt(ocp: *const swb_ocp) -> swb_status {
+    guard(|| unsafe { handle::interrupt(ocp) })
+}
+
+/// Free; NULL is allowed.
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_free(ocp: *mut swb_ocp) {
+    unsafe { handle::free(ocp) }
+}
