@@ -1313,6 +1313,10 @@ impl Mpcc for Fesd {
         }
         let n = l.n_cells;
         for (i_e, e) in l.elements.iter().enumerate() {
+            // equal steps need no bound, and one would stop a switch on its way to the optimum
+            if let Some(h) = e.h.filter(|_| self.spec.options.gamma_h >= 1.0) {
+                b.xu[h] = f64::INFINITY;
+            }
             let active = |c: usize| sides[i_e * n + c] == Side::First;
             for c in 0..n {
                 if active(c) {
