@@ -120,9 +120,9 @@ pub fn run(c: &Context) {
                 let o = o.int("expected", want).flag("ok", ok).num("h_from", from).num("h_to", to);
                 c.record(&o.int("failed", failed));
                 let label = format!("{} {n_s}", family.name());
-                let mark = if i_f == 1 { Mark::Dashed } else { Mark::LineDots };
-                error_plot.add_coloured(&label, mark, 4 * i_f + n_s - 1, by_h);
-                work_plot.add_coloured(&label, mark, 4 * i_f + n_s - 1, by_time);
+                let mark = [Mark::LineDots, Mark::Dashed, Mark::Line][i_f];
+                error_plot.add_coloured(&label, mark, n_s - 1, by_h);
+                work_plot.add_coloured(&label, mark, n_s - 1, by_time);
             }
         }
         c.plot(&error_plot, &format!("oscillator-order-{}.svg", disc.name()));

@@ -1,0 +1,116 @@
+//! Modules know only what lies below them.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+
+/// Every module and what it may use; [`ABOVE_ALL`] may use everything and nobody uses it.
+const LAYERS: &[(&str, &[&str])] = &[
+    ("error", &[]),
+    ("settings", &["error"]),
+    ("log", &["error", "settings"]),
+    ("tableau", &["error"]),
+    ("linalg", &["error", "settings", "log"]),
+    ("func", &["error", "settings", "log", "linalg"]),
+    ("nlp", &["error", "settings", "log", "linalg", "func"]),
+    ("mpcc", &["error", "settings", "log", "linalg", "func", "nlp"]),
+    ("system", &["error", "settings", "log", "linalg", "func"]),
+    ("dcs", &["error", "settings", "log", "linalg", "func", "system"]),
+    ("fesd", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs"]),
+    ("sim", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "fesd"]),
+    ("ocp", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "fesd", "sim"]),
+];
+const ABOVE_ALL: &str = "capi";
+
+fn sources(dir: &Path, out: &mut Vec<PathBuf>) {
+    let mut entries: Vec<PathBuf> = fs::read_dir(dir).unwrap().map(|e| e.unwrap().path()).collect();
+    entries.sort();
+    for p in entries {
+        if p.is_dir() {
+            sources(&p, out);
+        } else if p.extension().is_some_and(|e| e == "rs") {
+            out.push(p);
+        }
+    }
+}
+
+/// Modules named after `crate::` in the code: `crate::a::b` gives `a`, `crate::{a, b::{c}}` gives `a` and `b`.
+fn used(text: &str) -> Vec<String> {
+    let code: Vec<&str> = text.lines().map(|l| l.split("//").next().unwrap_or("")).collect();
+    let code = code.join("\n");
+    let word = |s: &str| s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
+    let mut out = Vec::new();
+    for (at, _) in code.match_indices("crate::") {
+        let before = code[..at].chars().next_back();
+        if before.is_some_and(|c| c.is_alphanumeric() || c == '_' || c == '$') {
+            continue;
+        }
+        let rest = &code[at + "crate::".len()..];
+        let Some(group) = rest.strip_prefix('{') else {
+            out.push(word(rest));
+            continue;
+        };
+        let (mut depth, mut item) = (0, true);
+        for (i, c) in group.char_indices() {
+            match c {
+                '{' => depth += 1,
+                '}' if depth == 0 => break,
+                '}' => depth -= 1,
+                ',' if depth == 0 => item = true,
+                c if item && c.is_alphabetic() => {
+                    out.push(word(&group[i..]));
+                    item = false;
+                }
+                _ => {}
+            }
+        }
+    }
+    out
+}
+
+#[test]
+fn no_module_uses_one_above_it() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&src, &mut files);
+    assert!(files.len() > 20, "found only {} files", files.len());
+    let mut wrong = Vec::new();
+    for f in &files {
+        let inside = f.strip_prefix(&src).unwrap();
+        let first = inside.components().next().unwrap().as_os_str().to_str().unwrap();
+        let module = first.strip_suffix(".rs").unwrap_or(first);
+        if module == "lib" || module == ABOVE_ALL {
+            continue;
+        }
+        let Some((_, allowed)) = LAYERS.iter().find(|l| l.0 == module) else {
+            wrong.push(format!("module {module} has no layer: give it one here"));
+            continue;
+        };
+        for u in used(&fs::read_to_string(f).unwrap()) {
+            let is_module = u == ABOVE_ALL || LAYERS.iter().any(|l| l.0 == u);
+            if is_module && u != module && !allowed.contains(&u.as_str()) {
+                wrong.push(format!("{} uses crate::{u}, which is above {module}", inside.display()));
+            }
+        }
+    }
+    wrong.dedup();
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn fesd_does_not_know_the_solver() {
+    let mut files = Vec::new();
+    sources(&Path::new(env!("CARGO_MANIFEST_DIR")).join("src/fesd"), &mut files);
+    for f in files {
+        let text = fs::read_to_string(&f).unwrap();
+        let code: Vec<&str> = text.lines().map(|l| l.split("//").next().unwrap_or("")).collect();
+        for name in ["MpccSolver", "Ipm", "Continuation"] {
+            assert!(!code.iter().any(|l| l.contains(name)), "{} names {name}", f.display());
+        }
+    }
+}
+
+#[test]
+fn the_scanner_sees_all_forms() {
+    let text = "use crate::a::b;\nuse crate::{c, d::{e, f}, g};\n// crate::h\nlet x = crate::i::j(); my_crate::k";
+    assert_eq!(used(text), ["a", "c", "d", "g", "i"]);
+}
