@@ -148,7 +148,7 @@ pub struct UserFunction {
 
 impl UserFunction {
     fn build(&self) -> Result<Callback> {
-        let timeless = self.jacobian.as_ref().map_or(true, |j| j.0.rows(self.dims.t_col()).is_empty());
+        let timeless = self.jacobian.as_ref().is_none_or(|j| j.0.rows(self.dims.t_col()).is_empty());
         let caller = Caller { name: self.name.clone(), data: self.data.clone(), timeless };
         let (c, value) = (caller.clone(), self.value);
         // SAFETY: here and below, the functions obey the contracts of their types, the pointers live as long

@@ -282,7 +282,7 @@ impl Hooks {
             if level as i64 >= LogLevel::Debug as i64 {
                 self.line(LogLevel::Debug, &iteration_line(i));
             }
-            self.iteration.map_or(true, |f| {
+            self.iteration.is_none_or(|f| {
                 let info = iteration_info(i);
                 // SAFETY: the contract of `swb_iteration_fn`; the struct outlives the call.
                 unsafe { f(&info, self.iteration_data) == 0 }

@@ -530,6 +530,11 @@ impl Fesd {
         }
     }
 
+    /// First indices of the initial value and of the controls of every stage.
+    pub fn places(&self) -> (usize, Vec<usize>) {
+        (self.l.x0, self.l.u.clone())
+    }
+
     /// Controls of a point, `[n_stages · nu]`.
     pub fn controls(&self, w: &[f64]) -> Vec<f64> {
         self.l.u.iter().flat_map(|&u| w[u..u + self.l.nu].to_vec()).collect()

@@ -31,6 +31,8 @@ pub struct Element {
     pub mu: Vec<f64>,
     /// Is the mode part of the active set? `[n_modes]`.
     pub active: Vec<bool>,
+    /// The same for the cells the modes consist of `[n_cells]`.
+    pub active_cells: Vec<bool>,
 }
 
 /// What happens at a switch, by the active sets before and after.
@@ -165,6 +167,7 @@ impl Trajectory {
                 lambda: ei.lambda.iter().flat_map(|&j| w[j..j + l.n_cells].to_vec()).collect(),
                 mu: ei.mu.iter().flat_map(|&j| w[j..j + l.n_sub].to_vec()).collect(),
                 active: vec![false; n_modes],
+                active_cells: vec![false; l.n_cells],
             };
             e.hk = if l.values_form {
                 let a_inv = self.tableau.a_inv.as_deref().unwrap_or(&[]);
@@ -187,10 +190,11 @@ impl Trajectory {
                         th += w[ei.theta[i] + cell];
                     }
                     let by_value = th > lam;
-                    e.active[mode0 + c.mode] |= match sides {
+                    e.active_cells[cell] = match sides {
                         Some(s) if l.fesd => s[i_e * l.n_cells + cell] == Side::First,
                         _ => by_value,
                     };
+                    e.active[mode0 + c.mode] |= e.active_cells[cell];
                     cell += 1;
                 }
                 mode0 += self.modes[k];

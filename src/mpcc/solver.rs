@@ -107,6 +107,8 @@ pub struct MpccSolver {
     pub settings: MpccSettings,
     bounds: Bounds,
     saved: Iterate,
+    /// Room for a point.
+    point: Vec<f64>,
     solution: Solution,
     sides: Vec<Side>,
     votes: Vec<(f64, f64)>,
@@ -129,6 +131,7 @@ impl MpccSolver {
             bounds: Bounds::free(n, all),
             branch: Bounds::free(n, m),
             saved: Iterate::zeros(n, all),
+            point: vec![0.0; n],
             solution: Solution {
                 outcome: Outcome::Failed,
                 polish: Polish::None,
@@ -153,6 +156,19 @@ impl MpccSolver {
 
     /// Solves from `x0[n]`.
     pub fn solve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control) -> &Solution {
+        self.solve_with(p, bounds, x0, control, &mut |_, _| false)
+    }
+
+    /// Solves from `x0[n]`; `suggest` is asked for an active set, given the point the relaxation reached, when the one
+    /// that was identified has no solution. It answers whether it wrote one.
+    pub fn solve_with(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        control: &mut Control,
+        suggest: &mut dyn FnMut(&[f64], &mut [Side]) -> bool,
+    ) -> &Solution {
         let clock = Instant::now();
         self.begin(p);
         let s = self.settings;
@@ -173,7 +189,7 @@ impl MpccSolver {
             if s.polish && matches!(outcome, Outcome::Solved | Outcome::Stalled) {
                 self.saved.copy_from(self.ipm.iterate());
                 let level = self.ipm.level();
-                if !self.polish(p, bounds, control) && outcome == Outcome::Solved && s.sigma_min < first {
+                if !self.polish(p, bounds, control, suggest) && outcome == Outcome::Solved && s.sigma_min < first {
                     let mut path = Scholtes::resume(s, rows, level, s.sigma_min);
                     self.st.bounds(bounds, level.sigma, &mut self.bounds);
                     let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
@@ -182,7 +198,7 @@ impl MpccSolver {
                     self.record(p, outcome, Polish::Rejected);
                     if matches!(outcome, Outcome::Solved | Outcome::Stalled) {
                         self.saved.copy_from(self.ipm.iterate());
-                        self.polish(p, bounds, control);
+                        self.polish(p, bounds, control, suggest);
                     }
                 }
             }
@@ -298,36 +314,54 @@ impl MpccSolver {
     }
 
     /// Turns the `k`-th least certain decision round.
-    fn flip(&mut self, k: Option<usize>) {
-        if let Some(k) = k {
-            let side = &mut self.sides[self.order[k]];
-            *side = if *side == Side::First { Side::Second } else { Side::First };
-        }
+    fn flip(&mut self, k: usize) {
+        let side = &mut self.sides[self.order[k]];
+        *side = if *side == Side::First { Side::Second } else { Side::First };
     }
 
-    /// Branch problem of the identified active set, then of its neighbours; true when one is solved.
-    fn polish(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+    /// Branch problem of the identified active set, then of the suggested one, then of the neighbours of the
+    /// first; true when one is solved.
+    fn polish(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        control: &mut Control,
+        suggest: &mut dyn FnMut(&[f64], &mut [Side]) -> bool,
+    ) -> bool {
         let x = std::mem::take(&mut self.saved.x);
         self.identify(p, &x);
-        self.saved.x = x;
-        let mut attempt = 0usize;
-        loop {
-            let ok = self.try_branch(p, bounds, control);
-            if ok {
-                self.record(p, Outcome::Solved, Polish::Done);
-                p.set_polishing(false);
-                return true;
-            }
-            // next: the identified set with the least certain decision that is left turned round
-            self.flip(attempt.checked_sub(1));
-            if attempt == MAX_BRANCHES.min(self.sides.len()) {
-                p.set_polishing(false);
-                self.solution.polish = Polish::Rejected;
-                return false;
-            }
-            self.flip(Some(attempt));
-            attempt += 1;
+        let mut ok = self.try_branch_at(p, bounds, &x, control);
+        if !ok && suggest(&x, &mut self.sides) {
+            ok = self.try_branch_at(p, bounds, &x, control);
         }
+        if !ok {
+            self.identify(p, &x);
+            for k in 0..MAX_BRANCHES.min(self.sides.len()) {
+                self.flip(k);
+                ok = self.try_branch_at(p, bounds, &x, control);
+                if ok {
+                    break;
+                }
+                self.flip(k);
+            }
+        }
+        self.saved.x = x;
+        if ok {
+            self.record(p, Outcome::Solved, Polish::Done);
+        } else {
+            self.solution.polish = Polish::Rejected;
+        }
+        p.set_polishing(false);
+        ok
+    }
+
+    /// Tries the branch `sides` from the point `x` with the multipliers of the relaxation.
+    fn try_branch_at(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
+        std::mem::swap(&mut self.point, &mut self.saved.x);
+        self.saved.x.copy_from_slice(x);
+        let ok = self.try_branch(p, bounds, control);
+        std::mem::swap(&mut self.point, &mut self.saved.x);
+        ok
     }
 
     fn try_branch(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {

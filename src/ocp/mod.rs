@@ -10,12 +10,15 @@
 //! elements (7.50). [`Ocp`] collects the problem, discretises it when it is first solved, and keeps structure and
 //! symbolic factorisation for further solves with other bounds, parameters and starting points.
 
+mod identify;
+
 use std::time::Instant;
 
+use self::identify::Identifier;
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::fesd::{Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
-use crate::mpcc::{MpccSettings, MpccSolver, Polish};
+use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::{InitialGuess, Settings};
 use crate::sim::Simulator;
@@ -49,6 +52,7 @@ struct Built {
     problem: Fesd,
     solver: MpccSolver,
     bounds: Bounds,
+    identifier: Identifier,
 }
 
 /// An optimal control problem.
@@ -268,7 +272,11 @@ impl Ocp {
         let mut problem = Fesd::new(spec, self.horizon / self.n_stages as f64)?;
         let solver = MpccSolver::new(&mut problem, mpcc_settings(&self.settings))?;
         let bounds = problem.bounds();
-        self.built = Some(Built { problem, solver, bounds });
+        let mut identifier = Identifier::new(&self.system, &self.settings);
+        identifier.duration = problem.duration();
+        identifier.n_fe = problem.spec().n_fe;
+        (identifier.x0_at, identifier.u_at) = problem.places();
+        self.built = Some(Built { problem, solver, bounds, identifier });
         Ok(clock.elapsed().as_secs_f64())
     }
 
@@ -276,7 +284,7 @@ impl Ocp {
     pub fn solve(&mut self, control: &mut Control) -> Result<&OcpResult> {
         let time_build = self.build()?;
         let guess = self.state_guess(control)?;
-        let Some(Built { mut problem, mut solver, mut bounds }) = self.built.take() else {
+        let Some(Built { mut problem, mut solver, mut bounds, mut identifier }) = self.built.take() else {
             return Err(Error::Internal("the problem was not built".into()));
         };
         let d = self.system.dims();
@@ -299,7 +307,11 @@ impl Ocp {
         if self.settings.max_time.is_finite() && control.deadline.is_none() {
             control.deadline = deadline(self.settings.max_time);
         }
-        solver.solve(&mut problem, &bounds, &w0, control);
+        identifier.params.clone_from(&self.params);
+        identifier.t0 = self.t0;
+        let detects = problem.detects_switches();
+        let mut suggest = |w: &[f64], sides: &mut [Side]| detects && identifier.suggest(w, sides);
+        solver.solve_with(&mut problem, &bounds, &w0, control, &mut suggest);
         let s = solver.solution();
         let tableau = Tableau::new(problem.spec().options.family, problem.spec().options.n_s)?;
         let mut trajectory = Trajectory::new(&problem.spec().dcs, &tableau);
@@ -317,7 +329,7 @@ impl Ocp {
             dimensions: (problem.n(), problem.m(), crate::mpcc::Mpcc::pairs(&problem).len()),
         };
         let cost = problem.cost(&s.x).unwrap_or(f64::NAN);
-        self.built = Some(Built { problem, solver, bounds });
+        self.built = Some(Built { problem, solver, bounds, identifier });
         Ok(self.result.insert(OcpResult { cost, ..result }))
     }
 

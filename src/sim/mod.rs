@@ -233,6 +233,7 @@ impl Simulator {
         let planned =
             [SIGN_TOL, LOOSE_SIGN_TOL].iter().any(|&tol| plans.iter().any(|p| self.follow(p, tol, control, r)));
         if !planned {
+            self.start_guess();
             r.homotopies += 1;
             self.solver.settings = mpcc_settings(&self.settings);
             self.solver.solve(&mut self.problem, &self.bounds, &self.w, control);
@@ -258,6 +259,10 @@ impl Simulator {
         self.problem.write_durations(&mut self.bounds);
         self.problem.bound_initial(&mut self.bounds, &self.x, &self.x, self.t);
         self.problem.bound_control(&mut self.bounds, 0, &self.u, &self.u);
+        self.start_guess();
+    }
+
+    fn start_guess(&mut self) {
         self.problem.guess(&mut self.w, self.t, |_, x| x.copy_from_slice(&self.x), |_, u| u.copy_from_slice(&self.u));
     }
 
@@ -323,10 +328,13 @@ impl Simulator {
     /// Solves the square equations for the active set `first` in all elements; where a sign fails, the next
     /// element gets the set that follows, until all signs hold. False when that leads nowhere.
     fn follow(&mut self, first: &[bool], tol: f64, control: &mut Control, r: &mut SimResult) -> bool {
+        self.start_guess();
         let (n, n_fe) = (self.problem.n_cells(), self.settings.n_fe as usize);
         let mut current = first.to_vec();
         self.set_sides(0, &current);
-        for switches in 0..n_fe {
+        // first element of the present set
+        let mut begin = 0;
+        for _ in 0..n_fe {
             self.branch.copy_from(&self.bounds);
             self.problem.branch(&self.sides, &mut self.branch);
             self.problem.free_signs(&mut self.branch);
@@ -336,7 +344,9 @@ impl Simulator {
                 return false;
             }
             let Some(v) = self.problem.first_violation(&self.solver.solution().x, tol) else { return true };
-            if v.element < switches || switches + 1 == n_fe {
+            // the switch goes to the end of the element it was seen in, and leaves one element behind it
+            let last = v.element.min(n_fe.saturating_sub(2));
+            if v.element < begin || last < begin || n_fe == 1 {
                 return false;
             }
             let (cell, of_theta, x, t) = (v.cell, v.of_theta, v.x.to_vec(), v.t.unwrap_or(self.t));
@@ -352,7 +362,9 @@ impl Simulator {
             if (0..n).all(|c| !current[c]) {
                 return false;
             }
-            self.set_sides(switches + 1, &current);
+            begin = last + 1;
+            self.set_sides(begin, &current);
+            self.w.copy_from_slice(&self.solver.solution().x);
         }
         false
     }
