@@ -7,7 +7,7 @@
 #define OMEGA 6.283185307179586
 
 /* x' = A1 x inside the unit circle, A2 x outside; A1 turns one way, A2 the other. */
-static int32_t oscillator_modes(const swb_point *at, double *out, void *user_data)
+static inline int32_t oscillator_modes(const swb_point *at, double *out, void *user_data)
 {
     double x = at->x[0], y = at->x[1];
     (void)user_data;
@@ -18,7 +18,7 @@ static int32_t oscillator_modes(const swb_point *at, double *out, void *user_dat
     return 0;
 }
 
-static int32_t oscillator_modes_jacobian(const swb_point *at, double *out, void *user_data)
+static inline int32_t oscillator_modes_jacobian(const swb_point *at, double *out, void *user_data)
 {
     static const double values[8] = {1, -OMEGA, 1, OMEGA, OMEGA, 1, -OMEGA, 1};
     (void)at;
@@ -27,14 +27,14 @@ static int32_t oscillator_modes_jacobian(const swb_point *at, double *out, void 
     return 0;
 }
 
-static int32_t circle(const swb_point *at, double *out, void *user_data)
+static inline int32_t circle(const swb_point *at, double *out, void *user_data)
 {
     (void)user_data;
     out[0] = at->x[0] * at->x[0] + at->x[1] * at->x[1] - 1.0;
     return 0;
 }
 
-static int32_t circle_jacobian(const swb_point *at, double *out, void *user_data)
+static inline int32_t circle_jacobian(const swb_point *at, double *out, void *user_data)
 {
     (void)user_data;
     out[0] = 2.0 * at->x[0];
@@ -42,7 +42,7 @@ static int32_t circle_jacobian(const swb_point *at, double *out, void *user_data
     return 0;
 }
 
-static int32_t circle_hessian(const swb_point *at, const double *weights, double *out, void *user_data)
+static inline int32_t circle_hessian(const swb_point *at, const double *weights, double *out, void *user_data)
 {
     (void)at;
     (void)user_data;
@@ -56,7 +56,7 @@ static const int64_t DENSE_1X2[] = {0, 1, 2, 2}, DENSE_1X2_ROWS[] = {0, 0};
 static const int64_t DIAGONAL_2[] = {0, 1, 2, 2}, DIAGONAL_2_ROWS[] = {0, 1};
 
 /* A function; derivatives by differences. */
-static swb_function *make_function(const char *name, int64_t nx, int64_t nu, int64_t np, int64_t n_out,
+static inline swb_function *make_function(const char *name, int64_t nx, int64_t nu, int64_t np, int64_t n_out,
                                    swb_value_fn value, void *user_data)
 {
     swb_function *f = NULL;
@@ -64,7 +64,7 @@ static swb_function *make_function(const char *name, int64_t nx, int64_t nu, int
     return f;
 }
 
-static swb_system *make_oscillator(void)
+static inline swb_system *make_oscillator(void)
 {
     static const int64_t rows[] = {0, 1};
     static const int8_t signs[] = {-1, 1};

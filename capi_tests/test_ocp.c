@@ -1,0 +1,278 @@
+/* Optimal control: a problem with a known solution, one with sliding modes, options, what can go wrong. */
+#include <stdlib.h>
+
+#include "models.h"
+
+/* x' = 2 - sign(x): 3 on the left, 1 on the right. */
+static int32_t slopes(const swb_point *at, double *out, void *user_data)
+{
+    (void)at;
+    (void)user_data;
+    out[0] = 3.0;
+    out[1] = 1.0;
+    return 0;
+}
+
+static int32_t first_state(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[0];
+    return 0;
+}
+
+static int32_t square(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[0] * at->x[0];
+    return 0;
+}
+
+static int32_t distance(const swb_point *at, double *out, void *user_data)
+{
+    double d = at->x[0] - 5.0 / 3.0;
+    (void)user_data;
+    out[0] = d * d;
+    return 0;
+}
+
+static swb_ocp *make_problem(const swb_settings *settings)
+{
+    static const int64_t rows[] = {0};
+    static const int8_t signs[] = {-1, 1};
+    static const double lower[] = {-2.0}, upper[] = {-1.0};
+    swb_function *modes = make_function("F", 1, 0, 0, 2, slopes, NULL);
+    swb_function *psi = make_function("c", 1, 0, 0, 1, first_state, NULL);
+    swb_function *rate = make_function("L", 1, 0, 0, 1, square, NULL);
+    swb_function *end = make_function("M", 1, 0, 0, 1, distance, NULL);
+    swb_system *system = NULL;
+    swb_ocp *ocp = NULL;
+
+    CHECK_OK(swb_function_set_linear(modes));
+    CHECK_OK(swb_function_set_linear(psi));
+    CHECK_OK(swb_system_create(1, 0, 0, &system));
+    CHECK_OK(swb_system_add_subsystem(system, rows, 1, modes, 2, psi, signs, 2, NULL));
+    CHECK_OK(swb_ocp_create(system, 2.0, 5, settings, &ocp));
+    CHECK_OK(swb_ocp_set_lagrange(ocp, rate));
+    CHECK_OK(swb_ocp_set_mayer(ocp, end));
+    CHECK_OK(swb_ocp_set_initial_bounds(ocp, lower, 1, upper, 1));
+    swb_system_free(system);
+    swb_function_free(modes);
+    swb_function_free(psi);
+    swb_function_free(rate);
+    swb_function_free(end);
+    return ocp;
+}
+
+/* Start x0, switch at -x0/3; the cost is -x0^3/9 + (2 + x0/3)^3/3 + (1/3 + x0/3)^2, least at x0 below. */
+static void known_solution(void)
+{
+    const double x0 = (18.0 - sqrt(1668.0)) / 16.0;
+    const double best = -x0 * x0 * x0 / 9.0 + pow(2.0 + x0 / 3.0, 3.0) / 3.0 + pow((1.0 + x0) / 3.0, 2.0);
+    swb_settings settings;
+    swb_ocp *ocp;
+    swb_trajectory *r = NULL;
+    swb_trajectory_info info;
+    swb_switch s;
+    swb_stats stats;
+    swb_residuals residuals;
+    int32_t outcome = -1, polished = -1;
+    int64_t stage[10];
+    double cost = 0.0, x[11];
+
+    CHECK_OK(swb_settings_init(&settings, sizeof settings));
+    settings.n_fe = 2;
+    ocp = make_problem(&settings);
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_cost(ocp, &cost));
+    CHECK(strstr(swb_last_error(), "swb_ocp_solve") != NULL);
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_trajectory(ocp, &r));
+    CHECK(r == NULL);
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_ocp_get_polished(ocp, &polished));
+    CHECK(polished == SWB_POLISHED_DONE);
+    CHECK_OK(swb_ocp_get_cost(ocp, &cost));
+    CHECK_NEAR(cost, best, 1e-9);
+    CHECK_OK(swb_ocp_get_trajectory(ocp, &r));
+    CHECK_OK(swb_trajectory_get_info(r, &info, sizeof info));
+    CHECK(info.n_elements == 10 && info.n_switches == 1 && info.t_end == 2.0);
+    CHECK_OK(swb_trajectory_states(r, x, 11));
+    CHECK_NEAR(x[0], x0, 1e-6);
+    CHECK_NEAR(x[10], 2.0 + x0 / 3.0, 1e-6);
+    CHECK_OK(swb_trajectory_switches(r, &s, 1, sizeof s));
+    CHECK_NEAR(s.t, -x0 / 3.0, 1e-6);
+    CHECK_OK(swb_trajectory_control_stages(r, stage, 10));
+    CHECK(stage[0] == 0 && stage[1] == 0 && stage[2] == 1 && stage[9] == 4);
+    CHECK_OK(swb_ocp_get_stats(ocp, &stats, sizeof stats));
+    CHECK(stats.iterations > 0 && stats.n_variables > 0 && stats.n_constraints > 0 && stats.n_pairs > 0);
+    CHECK(stats.time_build > 0.0);
+    CHECK_OK(swb_ocp_get_residuals(ocp, &residuals, sizeof residuals));
+    CHECK(residuals.primal < 1e-9 && residuals.dual < 1e-6 && residuals.pair_min < 1e-9);
+    CHECK_OK(swb_ocp_get_controls(ocp, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_controls(ocp, x, 1));
+    swb_trajectory_free(r);
+
+    /* Again, with what was built, and with other options. */
+    CHECK_OK(swb_ocp_solve(ocp, NULL));
+    CHECK_OK(swb_ocp_get_stats(ocp, &stats, sizeof stats));
+    CHECK(stats.time_build == 0.0);
+    CHECK_OK(swb_ocp_set_int(ocp, "n_s", 3));
+    CHECK_OK(swb_ocp_get_settings(ocp, &settings, sizeof settings));
+    CHECK(settings.n_s == 3 && settings.n_fe == 2 && settings.initial_guess == SWB_INITIAL_GUESS_CONSTANT);
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_ocp_get_cost(ocp, &cost));
+    CHECK(cost >= best - 1e-9 && cost < best + 0.04); /* the switch may stick to the control grid, at x0 = -1.2 */
+    CHECK_OK(swb_ocp_get_stats(ocp, &stats, sizeof stats));
+    CHECK(stats.time_build > 0.0);
+    /* From a simulation: another start may end in another local solution. */
+    CHECK_OK(swb_ocp_set_string(ocp, "initial_guess", "simulation"));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_ocp_get_cost(ocp, &cost));
+    CHECK(cost >= best - 1e-9);
+    CHECK_OK(swb_ocp_set_int(ocp, "max_iter", 2));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_MAX_ITER);
+    CHECK_OK(swb_ocp_set_double(ocp, "max_time", 0.0));
+    CHECK_OK(swb_ocp_set_int(ocp, "max_iter", 1000));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_MAX_TIME);
+    swb_ocp_free(ocp);
+}
+
+/* x1' = v1 + u-free part that slides on x1 = 0; v' = u; path, terminal and control bounds, guesses. */
+static int32_t drift(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[1];
+    out[1] = at->u[0] + at->p[0];
+    return 0;
+}
+
+static int32_t push(const swb_point *at, double *out, void *user_data)
+{
+    (void)at;
+    (void)user_data;
+    out[0] = 1.0;
+    out[1] = -1.0;
+    return 0;
+}
+
+static int32_t effort(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->u[0] * at->u[0] + at->x[1] * at->x[1];
+    return 0;
+}
+
+static int32_t speed(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[1] + 0.0 * at->u[0];
+    return 0;
+}
+
+static int32_t both(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[0];
+    out[1] = at->x[1];
+    return 0;
+}
+
+static void constraints(void)
+{
+    static const int64_t rows[] = {0};
+    static const int8_t signs[] = {-1, 1};
+    static const double x0[] = {-0.5, 0.0}, goal[] = {0.25, 0.5}, u_lower[] = {-4.0}, u_upper[] = {4.0};
+    static const double x_lower[] = {-1.0, -(double)INFINITY}, x_upper[] = {1.0, 1e20};
+    static const double v_lower[] = {-2.0}, v_upper[] = {1.4}, p[] = {0.1}, times[] = {0.0, 2.0};
+    static const double guess[] = {-0.5, 0.0, 0.25, 0.5}, u_guess[] = {1.0, 1.0, 0.0, -1.0};
+    swb_function *f0 = make_function("f0", 2, 1, 1, 2, drift, NULL), *psi = make_function("c", 2, 1, 1, 1, first_state, NULL);
+    swb_function *modes = make_function("F", 2, 1, 1, 2, push, NULL), *rate = make_function("L", 2, 1, 1, 1, effort, NULL);
+    swb_function *path = make_function("v", 2, 1, 1, 1, speed, NULL), *end = make_function("e", 2, 1, 1, 2, both, NULL);
+    swb_system *system = NULL;
+    swb_ocp *ocp = NULL;
+    swb_trajectory *r = NULL;
+    swb_trajectory_info info;
+    int32_t outcome = -1, at;
+    double u[4], *x, last = 0.0, cost;
+    int64_t i;
+
+    CHECK_OK(swb_system_create(2, 1, 1, &system));
+    CHECK_OK(swb_system_set_f0(system, f0));
+    CHECK_OK(swb_system_add_subsystem(system, rows, 1, modes, 2, psi, signs, 2, NULL));
+    CHECK_OK(swb_ocp_create(system, 2.0, 4, NULL, &ocp));
+    CHECK_OK(swb_ocp_set_lagrange(ocp, rate));
+    CHECK_OK(swb_ocp_add_terminal(ocp, end, goal, 2, goal, 2));
+    CHECK_OK(swb_ocp_set_initial_state(ocp, x0, 2));
+    CHECK_OK(swb_ocp_set_state_bounds(ocp, x_lower, 2, x_upper, 2));
+    CHECK_OK(swb_ocp_set_control_bounds(ocp, u_lower, 1, u_upper, 1));
+    CHECK_OK(swb_ocp_set_params(ocp, p, 1));
+    CHECK_OK(swb_ocp_set_initial_time(ocp, 10.0));
+    CHECK_OK(swb_ocp_set_state_guess(ocp, times, 2, guess, 4));
+    CHECK_OK(swb_ocp_set_control_guess(ocp, u_guess, 4));
+    for (at = SWB_PATH_AT_CONTROL_GRID; at <= SWB_PATH_AT_STAGE_POINTS; at++) {
+        CHECK_OK(swb_ocp_add_path(ocp, path, v_lower, 1, v_upper, 1, at));
+        CHECK_OK(swb_ocp_solve(ocp, &outcome));
+        CHECK(outcome == SWB_OUTCOME_SOLVED);
+        CHECK_OK(swb_ocp_get_cost(ocp, &cost));
+        CHECK(cost >= last - 1e-6); /* more constraints cost more */
+        last = cost;
+    }
+    CHECK_OK(swb_ocp_get_controls(ocp, u, 4));
+    for (i = 0; i < 4; i++)
+        CHECK(fabs(u[i]) <= 4.0 + 1e-9);
+    CHECK_OK(swb_ocp_get_trajectory(ocp, &r));
+    CHECK_OK(swb_trajectory_get_info(r, &info, sizeof info));
+    CHECK_NEAR(info.t_start, 10.0, 1e-14);
+    CHECK_NEAR(info.t_end, 12.0, 1e-12);
+    x = malloc((size_t)(2 * (info.n_elements + 1)) * sizeof *x);
+    CHECK_OK(swb_trajectory_states(r, x, 2 * (info.n_elements + 1)));
+    for (i = 0; i <= info.n_elements; i++)
+        CHECK(x[2 * i + 1] <= 1.4 + 1e-7);
+    CHECK_NEAR(x[2 * info.n_elements], 0.25, 1e-8);
+    CHECK_NEAR(x[2 * info.n_elements + 1], 0.5, 1e-8);
+    free(x);
+    swb_trajectory_free(r);
+
+    /* Refusals. */
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_add_path(ocp, path, v_upper, 1, v_lower, 1, SWB_PATH_AT_ELEMENTS));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_add_path(ocp, path, v_lower, 1, v_upper, 1, 3));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_add_path(ocp, end, v_lower, 1, v_upper, 1, SWB_PATH_AT_ELEMENTS));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_add_path(ocp, NULL, v_lower, 1, v_upper, 1, SWB_PATH_AT_ELEMENTS));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_lagrange(ocp, end));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_params(ocp, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_control_guess(ocp, u, 3));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_state_guess(ocp, x0, 0, guess, 0));
+    u[0] = (double)NAN;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_control_bounds(ocp, u, 1, u_upper, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_params(ocp, u, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_initial_time(ocp, u[0]));
+    u[1] = 0.0;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_initial_state(ocp, u, 2));
+    CHECK_STATUS(SWB_ERR_OPTION, swb_ocp_set_int(ocp, "n_stages", 3));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_int(ocp, "n_s", 30));
+    swb_ocp_free(ocp);
+    ocp = NULL;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_create(system, -1.0, 4, NULL, &ocp));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_create(system, (double)NAN, 4, NULL, &ocp));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_create(system, 1.0, 0, NULL, &ocp));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_create(system, 1.0, -4, NULL, &ocp));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_create(NULL, 1.0, 4, NULL, &ocp));
+    CHECK(ocp == NULL);
+    swb_system_free(system);
+    swb_function_free(f0);
+    swb_function_free(psi);
+    swb_function_free(modes);
+    swb_function_free(rate);
+    swb_function_free(path);
+    swb_function_free(end);
+}
+
+int main(void)
+{
+    known_solution();
+    constraints();
+    return CHECK_DONE();
+}
