@@ -34,7 +34,6 @@ fn the_tutorial_problem_has_one_optimum_from_every_start() {
 }
 
 #[test]
-#[ignore = "ends where two elements before the switch have reached the upper bound of the step size"]
 fn the_tutorial_problem_with_a_small_first_relaxation() {
     let set = Settings { sigma_init: 1e-4, ..settings(GaussLegendre, 2, 20, FESD) };
     for start in [-2.0, -1.6, -1.2, -0.8] {

@@ -86,6 +86,7 @@ fn leaving_with_methods_without_a_node_at_the_end() {
 fn where_the_continuation_is_not_unique_some_solution_is_found() {
     for (family, n_s) in [(RadauIia, 2), (GaussLegendre, 2), (Explicit, 2)] {
         let (r, x) = simulate(&switching('d'), &settings(family, n_s, 3, FESD), &[0.0], 2.0, 5);
+        assert_eq!(r.non_unique.first(), Some(&0.0), "{family:?} {n_s}: {:?}", r.non_unique);
         let leaves = 2.0 - x[0].abs();
         for e in &r.trajectory.elements {
             let exact = (e.t + e.h - leaves).max(0.0) * x[0].signum();
@@ -175,4 +176,68 @@ fn oscillator_switch_time_and_samples() {
     let inside = [(-0.27f64).exp() * a.cos(), -(-0.27f64).exp() * a.sin()];
     let outside = [0.31f64.exp() * b.cos(), 0.31f64.exp() * b.sin()];
     assert_samples(&r.trajectory, &[(0.73, &inside), (1.31, &outside)], 1e-7, "oscillator");
+}
+
+#[test]
+fn where_the_continuation_is_unique_nothing_else_is_claimed() {
+    for (sys, x0, t_end) in [
+        (switching('a'), vec![-1.0], 2.0),
+        (switching('b'), vec![-0.5], 2.0),
+        (switching('c'), vec![-0.5], 2.0),
+        (switching('c'), vec![0.0], 2.0),
+        (oscillator(), OSCILLATOR_X0.to_vec(), PI / 2.0),
+        (coulomb(), vec![1.0, 0.2], 10.0),
+    ] {
+        for n in [7, 10] {
+            let (r, _) = simulate(&sys, &settings(RadauIia, 3, 3, FESD), &x0, t_end, n);
+            assert!(r.non_unique.is_empty(), "{:?}", r.non_unique);
+        }
+    }
+}
+
+// reference "zeno_T0999": the last switch 2.7 ms before the accumulation point
+#[test]
+fn switches_that_accumulate_up_to_shortly_before_the_end() {
+    for n in [10, 33] {
+        let (r, x) = simulate(&zeno(), &settings(RadauIia, 2, 3, FESD), &[1.0, 1.0], 0.999, n);
+        assert_near(&x, &[-0.001_743_484_224_965_706_4, -0.000_256_515_775_034_293_55], 1e-11, "zeno");
+        let times: Vec<f64> = r.trajectory.switches.iter().map(|s| s.t).collect();
+        let exact: Vec<f64> = (0..6).map(|k| 1.0 - 2.0 / 3.0 * 3f64.powi(-k)).collect();
+        assert_near(&times, &exact, 1e-10, "switching times");
+    }
+}
+
+/// Infinitely many switches before `t = 1`: the simulation may give up, but it must come back, and it must not
+/// claim a wrong solution.
+#[test]
+fn a_zeno_point_is_no_trap() {
+    let mut s = switchback::sim::Simulator::new(&zeno(), &settings(RadauIia, 2, 3, FESD)).unwrap();
+    s.set_state(0.0, &[1.0, 1.0]).unwrap();
+    let clock = std::time::Instant::now();
+    let r = s.run(2.0, 20, &mut Default::default()).unwrap();
+    assert!(clock.elapsed().as_secs_f64() < 10.0, "{} s", clock.elapsed().as_secs_f64());
+    if r.outcome == switchback::nlp::Outcome::Solved {
+        assert_near(s.state(), &[0.0, 0.0], 1e-6, "after the accumulation point");
+    } else {
+        assert!(s.time() <= 1.0 && r.steps >= 8, "t = {}, {} steps", s.time(), r.steps);
+    }
+}
+
+// reference "stickslip1": limit cycle; a mode that is not active has a pole on the trajectory
+#[test]
+fn stick_and_slip() {
+    let (r, x) = simulate(&stick_slip(), &settings(RadauIia, 4, 3, FESD), &[-0.8, -1.0], 40.0, 250);
+    assert_near(&x, &[1.167_852_141_933_150_4, 0.008_029_188_597_314_394], 1e-9, "stick-slip");
+    let events = [
+        (0.718_626_155_124_502_7, 0, Cross),
+        (2.059_609_682_635_571, 0, Enter),
+        (11.095_912_541_146_825, 0, Leave),
+        (15.799_277_539_088_978, 0, Enter),
+        (20.326_682_999_229_806, 0, Leave),
+        (25.030_047_997_171_955, 0, Enter),
+        (29.557_453_457_312_782, 0, Leave),
+        (34.260_818_455_254_935, 0, Enter),
+        (38.788_223_915_395_76, 0, Leave),
+    ];
+    assert_switches(&r.trajectory, &events, 1e-8, "stick-slip");
 }

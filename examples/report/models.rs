@@ -238,6 +238,43 @@ pub fn coulomb() -> System {
     s
 }
 
+/// (4.1): switches accumulate at the origin, which is reached from `(1, 1)` at `t = 1`.
+pub fn zeno() -> System {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let mut s = System::new(2, 0, 0).expect("two states");
+    for (k, f) in [[-1.0, -2.0, 1.0, 2.0], [2.0, -1.0, -2.0, 1.0]].iter().enumerate() {
+        let psi = affine("psi", d, &[0.0], &[(0, k, 1.0)]);
+        add_sides(&mut s, &[0, 1], affine("F", d, f, &[]), psi);
+    }
+    s
+}
+
+/// Oscillator on a belt of speed 0.2 with friction that falls with the speed of sliding; `x = (x, v)`. The mode
+/// of `v > 0.2` has a pole at `v = −0.8`, where it is not active.
+pub fn stick_slip() -> System {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let mut s = System::new(2, 0, 0).expect("two states");
+    s.set_f0(affine("f0", d, &[0.0; 2], &[(1, 0, -1.0), (0, 1, 1.0)])).expect("f0 fits");
+    let f = smooth(
+        "F",
+        d,
+        2,
+        |at, o| {
+            o[0] = -1.0 / (0.8 + at.x[1]);
+            o[1] = 1.0 / (1.2 - at.x[1]);
+        },
+        &[(0, 1), (1, 1)],
+        |at, o| {
+            o[0] = (0.8 + at.x[1]).powi(-2);
+            o[1] = (1.2 - at.x[1]).powi(-2);
+        },
+        &[(1, 1)],
+        |at, w, o| o[0] = -2.0 * w[0] * (0.8 + at.x[1]).powi(-3) + 2.0 * w[1] * (1.2 - at.x[1]).powi(-3),
+    );
+    add_sides(&mut s, &[1], f, affine("psi", d, &[-0.2], &[(0, 1, 1.0)]));
+    s
+}
+
 /// Cost rate and terminal cost of (7.35).
 pub fn tutorial_costs() -> [SharedFunction; 2] {
     [("L", 0.0), ("M", 5.0 / 3.0)].map(|(name, shift)| {

@@ -49,12 +49,6 @@ fn is_solution_of_d(tr: &Trajectory) -> bool {
     })
 }
 
-/// Stands in for a detection by the library: at the start of (d) both modes point away from the surface.
-/// To be replaced by the times in the result of the simulation.
-fn not_unique_at_start(p: &Problem) -> bool {
-    p.model == 'd' && p.x0 == 0.0
-}
-
 pub fn run(c: &Context) {
     let methods = [
         (RkFamily::RadauIia, 1),
@@ -89,11 +83,14 @@ pub fn run(c: &Context) {
                     let solved = r.outcome == Outcome::Solved;
                     let mut error = p.x_end.map_or(f64::NAN, |e| (x[0] - e).abs());
                     let mut note = String::new();
-                    if not_unique_at_start(p) {
-                        note = "continuation not unique at t = 0".into();
-                        let found = if is_solution_of_d(&r.trajectory) { "a solution" } else { "NOT A SOLUTION" };
+                    if let Some(t) = r.non_unique.first() {
+                        note = format!("continuation not unique at t = {t}");
+                    }
+                    if p.x_end.is_none() && solved {
+                        let right = is_solution_of_d(&r.trajectory);
+                        error = if right { 0.0 } else { f64::NAN };
+                        let found = if right { "a solution" } else { "NOT A SOLUTION" };
                         note += &format!("; {found}, x(T) = {:.3}", x[0]);
-                        error = if is_solution_of_d(&r.trajectory) { 0.0 } else { f64::NAN };
                     }
                     if !solved {
                         error = f64::NAN;
@@ -102,7 +99,7 @@ pub fn run(c: &Context) {
                     let m = Measured { n_sim, error, wall_s, stats: r.stats, outcome: r.outcome };
                     let times: Vec<f64> = r.trajectory.switches.iter().map(|s| s.t).collect();
                     let o = m.object("switching", &set).text("problem", p.name).num("switch_error", ts);
-                    c.record(&o.list("switch_times", &times).text("note", &note));
+                    c.record(&o.list("switch_times", &times).list("non_unique", &r.non_unique).text("note", &note));
                     table.row(vec![
                         p.name.into(),
                         family.name().into(),
