@@ -278,15 +278,19 @@ impl Hooks {
         body: impl FnOnce(&mut Control) -> Result<Outcome>,
     ) -> Result<Outcome> {
         let level = if self.log.is_some() { level } else { LogLevel::Silent };
+        let mut go_on = true;
         let mut monitor = |i: &IterationInfo| {
             if level as i64 >= LogLevel::Debug as i64 {
                 self.line(LogLevel::Debug, &iteration_line(i));
             }
-            self.iteration.is_none_or(|f| {
-                let info = iteration_info(i);
-                // SAFETY: the contract of `swb_iteration_fn`; the struct outlives the call.
-                unsafe { f(&info, self.iteration_data) == 0 }
-            })
+            // who asked to stop is not asked again, whatever else is tried
+            go_on = go_on
+                && self.iteration.is_none_or(|f| {
+                    let info = iteration_info(i);
+                    // SAFETY: the contract of `swb_iteration_fn`; the struct outlives the call.
+                    unsafe { f(&info, self.iteration_data) == 0 }
+                });
+            go_on
         };
         let watched = self.iteration.is_some() || level as i64 >= LogLevel::Debug as i64;
         let mut control = Control {

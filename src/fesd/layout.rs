@@ -136,7 +136,7 @@ pub(super) struct ElementIndex {
     pub row_sum_lambda: Option<usize>,
     /// `h_n − h_{n−1}`, free until the polish.
     pub row_equal: Option<usize>,
-    /// Slopes of `λ` at the start, for modes that leave at the start of a control stage; free until the polish.
+    /// Slopes of `λ` at the start, for modes that leave there; free until the polish.
     pub row_slope: Option<usize>,
 }
 
@@ -288,7 +288,7 @@ impl Layout {
                     e.row_equal = Some(row.take(1));
                 }
                 // a node at 0 leaves no polynomial through the start
-                if fesd && n == 0 && k > 0 && tableau.c[0] > 0.0 {
+                if fesd && (n > 0 || k > 0) && tableau.c[0] > 0.0 {
                     e.row_slope = Some(row.take(n_cells));
                 }
                 x_prev = e.x_end;

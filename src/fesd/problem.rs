@@ -384,17 +384,28 @@ impl Fesd {
         }
     }
 
-    /// The first multiplier below `-tol` in the order of time: element, cell, and whether it is a `θ`; with the
+    /// The first `λ` below `-tol_lambda` or `θ` below `-tol_theta` in the order of time: element, cell, and whether it is a `θ`; with the
     /// states at that point.
-    pub fn first_violation<'a>(&self, w: &'a [f64], tol: f64) -> Option<Violation<'a>> {
+    ///
+    /// The `θ` that ends a sliding mode according to `sides` is left out at the end of its element.
+    pub fn first_violation<'a>(
+        &self,
+        w: &'a [f64],
+        sides: &[Side],
+        tol_lambda: f64,
+        tol_theta: f64,
+    ) -> Option<Violation<'a>> {
         let (l, nx) = (&self.l, self.spec.dcs.dims().x);
         for (element, e) in l.elements.iter().enumerate() {
             let ends = e.lambda_end.map(|lam| (e.x_end, None, lam));
             let stages = (0..e.x.len()).map(|i| (e.x[i], Some(e.theta[i]), e.lambda[i]));
+            let last = e.theta.last().copied();
             for (x, theta, lambda) in stages.chain(ends) {
                 for cell in 0..l.n_cells {
-                    let of_theta = theta.is_some_and(|j| w[j + cell] < -tol);
-                    if of_theta || w[lambda + cell] < -tol {
+                    let next = sides.get((element + 1) * l.n_cells + cell);
+                    let theta = theta.filter(|_| theta != last || next != Some(&Side::Second));
+                    let of_theta = theta.is_some_and(|j| w[j + cell] < -tol_theta);
+                    if of_theta || w[lambda + cell] < -tol_lambda {
                         let t = self.spec.dcs.clock().map(|c| w[x + c]);
                         return Some(Violation { element, cell, of_theta, x: &w[x..x + nx], t });
                     }
@@ -1301,9 +1312,10 @@ impl Mpcc for Fesd {
     }
 
     /// The active set of every element is `sides`: `λ`, or `θ`, is zero at all its points. Where it does not
-    /// change, neighbouring steps are equal. Where components only leave it, the first of them leaves with
-    /// `θ = 0`: a sliding mode ends there, and `θ` is continuous. At the start of a control stage, where `θ` may
-    /// jump with the control, what leaves does so with `λ̇ ≥ 0`.
+    /// change, neighbouring steps are equal. Where components only leave it, a sliding mode ends: the first of them
+    /// leaves with `λ̇ = 0`, which is `θ = 0` up to the error of the method but, unlike that, never lets `λ` fall below
+    /// zero afterwards. At the start of a control stage, where `θ` may jump with the control, it is `λ̇ ≥ 0`. Methods
+    /// with a node at 0 have no polynomial through the start and use `θ = 0` at the last stage point.
     fn branch(&self, sides: &[Side], b: &mut Bounds) {
         let l = &self.l;
         let fix = |b: &mut Bounds, j: usize| {
@@ -1358,8 +1370,14 @@ impl Mpcc for Fesd {
                     b.cu[row] = 0.0;
                 }
                 (false, Some(c)) => {
-                    let last = l.elements[i_e - 1].theta[self.tableau.n_s - 1];
-                    fix(b, last + c);
+                    let last = l.elements[i_e - 1].theta[self.tableau.n_s - 1] + c;
+                    match e.row_slope {
+                        Some(slope) => {
+                            b.cu[slope + c] = 0.0;
+                            b.xl[last] = f64::NEG_INFINITY;
+                        }
+                        None => fix(b, last),
+                    }
                 }
                 (true, _) => {}
             }
