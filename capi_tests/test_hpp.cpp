@@ -1,0 +1,166 @@
+// The C++ header: owners, lambdas, exceptions through the library.
+#include "switchback.hpp"
+
+#include <cmath>
+#include <cstdio>
+#include <string>
+
+static int failures;
+#define CHECK(condition)                                                                                               \
+    do {                                                                                                               \
+        if (!(condition)) {                                                                                            \
+            failures++;                                                                                                \
+            std::fprintf(stderr, "%s:%d: %s is false\n", __FILE__, __LINE__, #condition);                              \
+        }                                                                                                              \
+    } while (0)
+
+template <class Body>
+static swb_status status_of(Body &&body) {
+    try {
+        body();
+    } catch (const swb::Error &e) {
+        CHECK(std::string(e.what()).size() > 5);
+        return e.status();
+    }
+    return SWB_OK;
+}
+
+static const double omega = 6.283185307179586;
+
+static swb::System oscillator(int *calls, int fail_at = -1) {
+    const swb::Sizes sizes{2, 0, 0};
+    swb::Function modes("F", sizes, 4, [=](const swb_point &at, double *out) {
+        if (++*calls == fail_at)
+            throw std::logic_error("thrown in a mode");
+        const double x = at.x[0], y = at.x[1];
+        out[0] = x + omega * y;
+        out[1] = -omega * x + y;
+        out[2] = x - omega * y;
+        out[3] = omega * x + y;
+    });
+    swb::Function circle("c", sizes, 1, [](const swb_point &at, double *out) {
+        out[0] = at.x[0] * at.x[0] + at.x[1] * at.x[1] - 1.0;
+        return 0;
+    });
+    circle
+        .jacobian({{0, 1, 2, 2}, {0, 0}},
+                  [](const swb_point &at, double *out) {
+                      out[0] = 2 * at.x[0];
+                      out[1] = 2 * at.x[1];
+                  })
+        .hessian({{0, 1, 2, 2}, {0, 1}},
+                 [](const swb_point &, const double *w, double *out) { out[0] = out[1] = 2 * w[0]; });
+    CHECK(circle.check_derivatives(0.0, {0.3, -0.7}).passed);
+    CHECK(std::abs(circle(0.0, {0.6, 0.8})[0]) < 1e-15);
+    CHECK(status_of([&] { circle(0.0, {0.6}); }) == SWB_ERR_DIMENSION);
+    swb::System system(sizes);
+    system.subsystem({0, 1}, modes, 2, circle, {-1, 1});
+    CHECK(status_of([&] { modes.linear(); }) == SWB_ERR_STATE);
+    return system;
+}
+
+static void simulation() {
+    int calls = 0;
+    swb::Settings settings;
+    settings.set("n_s", 5).set("n_fe", "2").set("tol", 1e-10);
+    CHECK(settings.n_s == 5 && settings.json().find("\"n_fe\": 2") != std::string::npos);
+    swb::Simulator first(oscillator(&calls), settings);
+    swb::Simulator sim = std::move(first);
+    const double x0[] = {std::exp(-1.0), 0.0};
+    sim.state(0.0, x0);
+    CHECK(sim.run(std::acos(-1.0) / 2, 10) == SWB_OUTCOME_SOLVED);
+    CHECK(std::abs(sim.state()[0] + 1.5974603774506981) < 1e-8);
+    const swb::Trajectory r = sim.trajectory();
+    CHECK(r.switches().size() == 1 && std::abs(r.switches()[0].t - 1.0) < 1e-8);
+    CHECK(r.times().size() == 21 && r.states().size() == 42 && r.active().size() == 40);
+    CHECK(r.stage_times().size() == 100 && r.stage_states().size() == 200 && r.stage_theta().size() == 200);
+    const swb::Vector x = r.at({0.25, 0.5});
+    CHECK(std::abs(std::hypot(x[2], x[3]) - std::exp(-0.5)) < 1e-5);
+    CHECK(sim.stats().n_steps == 10 && sim.settings().n_s == 5);
+    CHECK(status_of([&] { sim.run(-1.0, 3); }) == SWB_ERR_RANGE);
+    CHECK(status_of([&] { sim.set("n_s", 3.5); }) == SWB_ERR_OPTION);
+}
+
+static void exceptions() {
+    int calls = 0;
+    swb::Simulator sim(oscillator(&calls, 150));
+    sim.state(0.0, {0.3, 0.0});
+    bool caught = false;
+    try {
+        sim.run(0.5, 10);
+    } catch (const std::logic_error &e) {
+        caught = std::string(e.what()) == "thrown in a mode";
+    }
+    CHECK(caught && calls == 150);
+    CHECK(sim.run(0.1, 1) == SWB_OUTCOME_SOLVED);
+
+    // Out of the monitor.
+    caught = false;
+    sim.on_iteration([](const swb_iteration_info &) -> bool { throw std::string("enough"); });
+    try {
+        sim.run(0.1, 1);
+    } catch (const std::string &s) {
+        caught = s == "enough";
+    }
+    CHECK(caught);
+    int iterations = 0;
+    sim.on_iteration([&](const swb_iteration_info &) { return ++iterations == 2; });
+    CHECK(sim.run(0.1, 1) == SWB_OUTCOME_STOPPED && iterations == 2);
+    sim.on_iteration(nullptr);
+    sim.interrupt();
+    CHECK(sim.run(0.1, 1) == SWB_OUTCOME_STOPPED);
+    int lines = 0;
+    sim.on_log([&](int64_t, const char *) { lines++; });
+    sim.set("log_level", "info");
+    CHECK(sim.run(0.1, 1) == SWB_OUTCOME_SOLVED && lines == 1);
+
+    // A code instead of an exception.
+    swb::Function f("f", {1, 0, 0}, 1, [](const swb_point &, double *) { return -5; });
+    try {
+        f(0.0, {1.0});
+        CHECK(false);
+    } catch (const swb::Error &e) {
+        CHECK(e.status() == SWB_ERR_USER && e.user_code() == -5);
+    }
+}
+
+static void optimal_control() {
+    const swb::Sizes sizes{1, 1, 0};
+    swb::Function f0("f0", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.u[0]; });
+    swb::Function cost("L", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.u[0] * at.u[0]; });
+    swb::Function end("e", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[0]; });
+    swb::System system(sizes);
+    system.f0(f0);
+    swb::Ocp ocp(system, 2.0, 4);
+    ocp.lagrange(cost);
+    ocp.terminal(end, {1.0}, {1.0});
+    ocp.initial_state({0.0});
+    ocp.control_bounds({-swb::infinity}, {3.0});
+    CHECK(ocp.solve() == SWB_OUTCOME_SOLVED);
+    CHECK(std::abs(ocp.cost() - 0.5) < 1e-8);
+    for (double u : ocp.controls())
+        CHECK(std::abs(u - 0.5) < 1e-6);
+    CHECK(ocp.trajectory().info().n_switches == 0 && ocp.residuals().primal < 1e-9);
+}
+
+static void programs() {
+    swb::Function f("f", {2, 0, 0}, 1, [](const swb_point &at, double *out) {
+        out[0] = (at.x[0] - 1) * (at.x[0] - 1) + at.x[1] * at.x[1];
+    });
+    swb::Function c("c", {2, 0, 0}, 1, [](const swb_point &at, double *out) { out[0] = at.x[1] - at.x[0]; });
+    swb::Mpcc jr1(2, 0, f, c);
+    jr1.pair(swb::variable(1), swb::constraint(0));
+    CHECK(jr1.solve() == SWB_OUTCOME_SOLVED && std::abs(jr1.objective() - 0.5) < 1e-8);
+    CHECK(std::abs(jr1.solution()[0] - 0.5) < 1e-6 && jr1.multipliers().first.size() == 1);
+    swb::Mpcc free(2, 0, f);
+    free.start({3.0, 3.0});
+    CHECK(free.solve() == SWB_OUTCOME_SOLVED && std::abs(free.objective()) < 1e-12);
+}
+
+int main() {
+    simulation();
+    exceptions();
+    optimal_control();
+    programs();
+    return failures ? 1 : 0;
+}

@@ -1,0 +1,610 @@
+/* switchback for C++17: the C interface with owners, exceptions and lambdas. Header only. BSD-2-Clause, see LICENSE.
+ *
+ * Objects own their handle and can be moved, not copied. A call that fails throws swb::Error; an exception thrown by a
+ * callback ends the call and comes out of it unchanged. Arrays are std::vector<double>, or anything swb::View takes. */
+#ifndef SWITCHBACK_HPP
+#define SWITCHBACK_HPP
+
+#include "switchback.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <exception>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <stdexcept>
+#include <string>
+#include <type_traits>
+#include <utility>
+#include <vector>
+
+namespace swb {
+
+using Vector = std::vector<double>;
+
+inline constexpr double infinity = std::numeric_limits<double>::infinity();
+
+/// A call that could not do its work.
+class Error : public std::runtime_error {
+public:
+    Error(swb_status status, const std::string &message, int user_code)
+        : std::runtime_error(message), status_(status), user_code_(user_code) {}
+
+    swb_status status() const noexcept { return status_; }
+    /// Negative code of the user function that ended the call, or 0.
+    int user_code() const noexcept { return user_code_; }
+
+private:
+    swb_status status_;
+    int user_code_;
+};
+
+namespace detail {
+
+/// The exception of a callback on its way through the library.
+inline std::exception_ptr &pending() noexcept {
+    static thread_local std::exception_ptr exception;
+    return exception;
+}
+
+/// Throws what a callback threw, or the error of the call.
+inline void check(swb_status status) {
+    if (std::exception_ptr exception = std::exchange(pending(), nullptr))
+        std::rethrow_exception(exception);
+    if (status != SWB_OK)
+        throw Error(status, swb_last_error(), swb_last_user_code());
+}
+
+template <class Body>
+int32_t guarded(int32_t on_exception, Body &&body) noexcept {
+    try {
+        return body();
+    } catch (...) {
+        if (!pending())
+            pending() = std::current_exception();
+        return on_exception;
+    }
+}
+
+template <class Handle, void (*free)(Handle *)>
+struct Deleter {
+    void operator()(Handle *handle) const noexcept { free(handle); }
+};
+template <class Handle, void (*free)(Handle *)>
+using Owner = std::unique_ptr<Handle, Deleter<Handle, free>>;
+
+/// Asks for the length of a text, then for the text.
+template <class Call>
+std::string text(Call &&call) {
+    int64_t needed = 0;
+    check(call(nullptr, 0, &needed));
+    std::string buffer(static_cast<std::size_t>(needed), '\0');
+    check(call(buffer.data(), needed, nullptr));
+    buffer.resize(buffer.size() - 1);
+    return buffer;
+}
+
+} // namespace detail
+
+/// A read-only array of numbers that somebody else owns.
+class View {
+public:
+    View() = default;
+    View(const double *data, std::size_t size) : data_(data), size_(size) {}
+    View(const Vector &v) : View(v.data(), v.size()) {}
+    View(std::initializer_list<double> v) : View(v.begin(), v.size()) {}
+    template <std::size_t N>
+    View(const double (&v)[N]) : View(v, N) {}
+
+    const double *data() const { return size_ == 0 ? nullptr : data_; }
+    std::size_t size() const { return size_; }
+    int64_t length() const { return static_cast<int64_t>(size_); }
+    double operator[](std::size_t i) const { return data_[i]; }
+    const double *begin() const { return data_; }
+    const double *end() const { return data_ + size_; }
+
+private:
+    const double *data_ = nullptr;
+    std::size_t size_ = 0;
+};
+
+/// Sizes of the inputs of a function.
+struct Sizes {
+    int64_t nx = 0, nu = 0, np = 0;
+};
+
+/// Structure of a sparse matrix by columns: rows increase within a column.
+struct Pattern {
+    std::vector<int64_t> col_ptr, row_idx;
+};
+
+/// Settings: fields by name of the C struct, or by text.
+class Settings : public swb_settings {
+public:
+    Settings() { detail::check(swb_settings_init(this, sizeof(swb_settings))); }
+    Settings &set(const char *name, const char *value) {
+        detail::check(swb_settings_set_string(this, name, value));
+        return *this;
+    }
+    Settings &set(const char *name, double value) {
+        detail::check(swb_settings_set_double(this, name, value));
+        return *this;
+    }
+    template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>
+    Settings &set(const char *name, Integer value) {
+        detail::check(swb_settings_set_int(this, name, static_cast<int64_t>(value)));
+        return *this;
+    }
+    std::string json() const {
+        return detail::text([this](char *b, int64_t n, int64_t *needed) { return swb_settings_to_json(this, b, n, needed); });
+    }
+};
+
+/// A function with derivatives. Callbacks return nothing, or an int: positive where the function is not defined,
+/// negative to stop; they get arrays filled with zeros.
+class Function {
+public:
+    using Value = std::function<int(const swb_point &, double *)>;
+    using Hessian = std::function<int(const swb_point &, const double *, double *)>;
+
+    /// value(point, out) writes out[n_out].
+    template <class F>
+    Function(const char *name, Sizes sizes, int64_t n_out, F value) {
+        auto data = std::make_unique<Callbacks>();
+        data->value = wrap(std::move(value));
+        swb_function *f = nullptr;
+        detail::check(swb_function_create(name, sizes.nx, sizes.nu, sizes.np, n_out, call_value, data.get(), destroy, &f));
+        callbacks_ = data.release();
+        owner_.reset(f);
+    }
+
+    /// jacobian(point, out) writes the entries of the pattern; columns are x, u, p, t.
+    template <class F>
+    Function &jacobian(const Pattern &pattern, F jacobian) {
+        callbacks_->jacobian = wrap(std::move(jacobian));
+        set_jacobian(pattern, call_jacobian);
+        return *this;
+    }
+    /// The pattern alone: the values are differences.
+    Function &jacobian(const Pattern &pattern) {
+        set_jacobian(pattern, nullptr);
+        return *this;
+    }
+    /// hessian(point, weights, out) writes the entries of the pattern of the upper triangle.
+    template <class F>
+    Function &hessian(const Pattern &pattern, F hessian) {
+        callbacks_->hessian = wrap_hessian(std::move(hessian));
+        set_hessian(pattern, call_hessian);
+        return *this;
+    }
+    /// The pattern alone: the values are differences.
+    Function &hessian(const Pattern &pattern) {
+        set_hessian(pattern, nullptr);
+        return *this;
+    }
+    /// There are no second derivatives.
+    Function &linear() {
+        detail::check(swb_function_set_linear(get()));
+        return *this;
+    }
+    /// Sum of enum swb_input: the inputs the function depends on.
+    Function &inputs(int32_t mask) {
+        detail::check(swb_function_set_inputs(get(), mask));
+        return *this;
+    }
+
+    Vector operator()(double t, View x, View u = {}, View p = {}) const {
+        int64_t n_out = 0;
+        detail::check(swb_function_sizes(get(), nullptr, nullptr, nullptr, &n_out, nullptr, nullptr));
+        Vector out(static_cast<std::size_t>(n_out));
+        const swb_point at = point(t, x, u, p);
+        detail::check(swb_function_eval(get(), &at, out.data(), n_out));
+        return out;
+    }
+
+    struct Check {
+        bool passed;
+        double max_error;
+        std::string report;
+    };
+    /// Compares the derivatives with finite differences.
+    Check check_derivatives(double t, View x, View u = {}, View p = {}) const {
+        const swb_point at = point(t, x, u, p);
+        int32_t passed = 0;
+        Check result{};
+        result.report = detail::text([&](char *b, int64_t n, int64_t *needed) {
+            return swb_function_check_derivatives(get(), &at, &passed, &result.max_error, b, n, needed);
+        });
+        result.passed = passed != 0;
+        return result;
+    }
+
+    swb_function *get() const noexcept { return owner_.get(); }
+
+private:
+    struct Callbacks {
+        Value value, jacobian;
+        Hessian hessian;
+    };
+
+    template <class F>
+    static Value wrap(F f) {
+        if constexpr (std::is_void_v<std::invoke_result_t<F, const swb_point &, double *>>)
+            return [f = std::move(f)](const swb_point &at, double *out) mutable { return f(at, out), 0; };
+        else
+            return f;
+    }
+    template <class F>
+    static Hessian wrap_hessian(F f) {
+        if constexpr (std::is_void_v<std::invoke_result_t<F, const swb_point &, const double *, double *>>)
+            return [f = std::move(f)](const swb_point &at, const double *w, double *out) mutable { return f(at, w, out), 0; };
+        else
+            return f;
+    }
+    static int32_t call_value(const swb_point *at, double *out, void *data) {
+        return detail::guarded(-1, [&] { return static_cast<Callbacks *>(data)->value(*at, out); });
+    }
+    static int32_t call_jacobian(const swb_point *at, double *out, void *data) {
+        return detail::guarded(-1, [&] { return static_cast<Callbacks *>(data)->jacobian(*at, out); });
+    }
+    static int32_t call_hessian(const swb_point *at, const double *weights, double *out, void *data) {
+        return detail::guarded(-1, [&] { return static_cast<Callbacks *>(data)->hessian(*at, weights, out); });
+    }
+    static void destroy(void *data) { delete static_cast<Callbacks *>(data); }
+
+    void set_jacobian(const Pattern &p, swb_jacobian_fn f) {
+        detail::check(swb_function_set_jacobian(get(), p.col_ptr.data(), static_cast<int64_t>(p.col_ptr.size()),
+                                                p.row_idx.data(), static_cast<int64_t>(p.row_idx.size()), f));
+    }
+    void set_hessian(const Pattern &p, swb_hessian_fn f) {
+        detail::check(swb_function_set_hessian(get(), p.col_ptr.data(), static_cast<int64_t>(p.col_ptr.size()),
+                                               p.row_idx.data(), static_cast<int64_t>(p.row_idx.size()), f));
+    }
+    swb_point point(double t, View x, View u, View p) const {
+        int64_t nx = 0, nu = 0, np = 0;
+        detail::check(swb_function_sizes(get(), &nx, &nu, &np, nullptr, nullptr, nullptr));
+        if (x.length() != nx || u.length() != nu || p.length() != np)
+            throw Error(SWB_ERR_DIMENSION, "the point has other sizes than the function", 0);
+        return swb_point{t, x.data(), u.data(), p.data()};
+    }
+
+    detail::Owner<swb_function, swb_function_free> owner_;
+    Callbacks *callbacks_ = nullptr; // owned by the library
+};
+
+/// A piecewise smooth system.
+class System {
+public:
+    explicit System(Sizes sizes) {
+        swb_system *s = nullptr;
+        detail::check(swb_system_create(sizes.nx, sizes.nu, sizes.np, &s));
+        owner_.reset(s);
+    }
+    System &f0(const Function &f) {
+        detail::check(swb_system_set_f0(get(), f.get()));
+        return *this;
+    }
+    /// Modes, switching functions and sign matrix, row after row.
+    System &subsystem(const std::vector<int64_t> &rows, const Function &modes, int64_t n_modes, const Function &psi,
+                      const std::vector<int8_t> &signs) {
+        detail::check(swb_system_add_subsystem(get(), rows.data(), static_cast<int64_t>(rows.size()), modes.get(), n_modes,
+                                               psi.get(), signs.data(), static_cast<int64_t>(signs.size()), nullptr));
+        return *this;
+    }
+    /// Modes and Stewart's indicator functions.
+    System &subsystem(const std::vector<int64_t> &rows, const Function &modes, int64_t n_modes, const Function &indicators) {
+        detail::check(swb_system_add_subsystem_indicators(get(), rows.data(), static_cast<int64_t>(rows.size()), modes.get(),
+                                                          n_modes, indicators.get(), nullptr));
+        return *this;
+    }
+    swb_system *get() const noexcept { return owner_.get(); }
+
+private:
+    detail::Owner<swb_system, swb_system_free> owner_;
+};
+
+/// A copy of what a simulation or an optimal control problem found.
+class Trajectory {
+public:
+    explicit Trajectory(swb_trajectory *handle) : owner_(handle) {
+        detail::check(swb_trajectory_get_info(handle, &info_, sizeof info_));
+    }
+    const swb_trajectory_info &info() const noexcept { return info_; }
+    /// Of the element boundaries.
+    Vector times() const { return array(swb_trajectory_times, boundaries()); }
+    /// At the element boundaries, the states of one boundary together.
+    Vector states() const { return array(swb_trajectory_states, boundaries() * info_.nx); }
+    Vector steps() const { return array(swb_trajectory_steps, info_.n_elements); }
+    Vector stage_times() const { return array(swb_trajectory_stage_times, points()); }
+    Vector stage_states() const { return array(swb_trajectory_stage_states, points() * info_.nx); }
+    Vector stage_theta() const { return array(swb_trajectory_stage_theta, points() * info_.n_modes); }
+    std::vector<int32_t> active() const {
+        std::vector<int32_t> out(static_cast<std::size_t>(info_.n_elements * info_.n_modes));
+        detail::check(swb_trajectory_active(get(), out.data(), static_cast<int64_t>(out.size())));
+        return out;
+    }
+    std::vector<swb_switch> switches() const {
+        std::vector<swb_switch> out(static_cast<std::size_t>(info_.n_switches));
+        detail::check(swb_trajectory_switches(get(), out.data(), info_.n_switches, sizeof(swb_switch)));
+        return out;
+    }
+    /// States at any times, the states of one time together.
+    Vector at(View times) const {
+        Vector x(times.size() * static_cast<std::size_t>(info_.nx));
+        detail::check(swb_trajectory_state_at(get(), times.data(), times.length(), x.data(), static_cast<int64_t>(x.size())));
+        return x;
+    }
+    swb_trajectory *get() const noexcept { return owner_.get(); }
+
+private:
+    template <class Call>
+    Vector array(Call call, int64_t n) const {
+        Vector out(static_cast<std::size_t>(n));
+        detail::check(call(get(), out.data(), n));
+        return out;
+    }
+    int64_t boundaries() const { return info_.n_elements == 0 ? 0 : info_.n_elements + 1; }
+    int64_t points() const { return info_.n_elements * info_.n_s; }
+
+    detail::Owner<swb_trajectory, swb_trajectory_free> owner_;
+    swb_trajectory_info info_{};
+};
+
+namespace detail {
+
+/// What simulators, optimal control problems and programs share.
+template <class Handle, class Calls>
+class Solver {
+public:
+    /// Called once per iteration; true stops. Called by the thread that solves.
+    void on_iteration(std::function<bool(const swb_iteration_info &)> f) {
+        auto kept = std::make_unique<std::function<bool(const swb_iteration_info &)>>(std::move(f));
+        check(Calls::set_iteration(get(), *kept ? call_iteration : nullptr, kept.get()));
+        iteration_ = std::move(kept);
+    }
+    /// Called with every line of the log, as much as the option log_level says.
+    void on_log(std::function<void(int64_t, const char *)> f) {
+        auto kept = std::make_unique<std::function<void(int64_t, const char *)>>(std::move(f));
+        check(Calls::set_log(get(), *kept ? call_log : nullptr, kept.get()));
+        log_ = std::move(kept);
+    }
+    /// Stops the running call, or the next one; from any thread and signal handler.
+    void interrupt() const noexcept { Calls::interrupt(get()); }
+
+    void set(const char *name, const char *value) { check(Calls::set_string(get(), name, value)); }
+    void set(const char *name, double value) { check(Calls::set_double(get(), name, value)); }
+    template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>
+    void set(const char *name, Integer value) {
+        check(Calls::set_int(get(), name, static_cast<int64_t>(value)));
+    }
+    void set(const Settings &settings) { check(Calls::set_settings(get(), &settings)); }
+    Settings settings() const {
+        Settings s;
+        check(Calls::get_settings(get(), &s, sizeof(swb_settings)));
+        return s;
+    }
+    swb_residuals residuals() const {
+        swb_residuals r{};
+        check(Calls::get_residuals(get(), &r, sizeof r));
+        return r;
+    }
+    swb_stats stats() const {
+        swb_stats s{};
+        check(Calls::get_stats(get(), &s, sizeof s));
+        return s;
+    }
+    swb_outcome outcome() const {
+        int32_t o = 0;
+        check(Calls::get_outcome(get(), &o));
+        return static_cast<swb_outcome>(o);
+    }
+    Handle *get() const noexcept { return owner_.get(); }
+
+protected:
+    Owner<Handle, Calls::free> owner_;
+
+private:
+    static int32_t call_iteration(const swb_iteration_info *info, void *data) {
+        return guarded(1, [&] {
+            return static_cast<int32_t>((*static_cast<std::function<bool(const swb_iteration_info &)> *>(data))(*info));
+        });
+    }
+    static void call_log(int64_t level, const char *line, void *data) {
+        guarded(0, [&] { return (*static_cast<std::function<void(int64_t, const char *)> *>(data))(level, line), 0; });
+    }
+    std::unique_ptr<std::function<bool(const swb_iteration_info &)>> iteration_;
+    std::unique_ptr<std::function<void(int64_t, const char *)>> log_;
+};
+
+#define SWB_DETAIL_CALLS(object)                                                                                       \
+    struct object##_calls {                                                                                            \
+        static constexpr auto set_iteration = swb_##object##_set_iteration;                                            \
+        static constexpr auto set_log = swb_##object##_set_log;                                                        \
+        static constexpr auto interrupt = swb_##object##_interrupt;                                                    \
+        static constexpr auto set_string = swb_##object##_set_string;                                                  \
+        static constexpr auto set_double = swb_##object##_set_double;                                                  \
+        static constexpr auto set_int = swb_##object##_set_int;                                                        \
+        static constexpr auto set_settings = swb_##object##_set_settings;                                              \
+        static constexpr auto get_settings = swb_##object##_get_settings;                                              \
+        static constexpr auto get_residuals = swb_##object##_get_residuals;                                            \
+        static constexpr auto get_stats = swb_##object##_get_stats;                                                    \
+        static constexpr auto get_outcome = swb_##object##_get_outcome;                                                \
+        static void free(swb_##object *handle) { swb_##object##_free(handle); }                                        \
+    }
+SWB_DETAIL_CALLS(simulator);
+SWB_DETAIL_CALLS(ocp);
+SWB_DETAIL_CALLS(mpcc);
+#undef SWB_DETAIL_CALLS
+
+} // namespace detail
+
+/// Simulates a system.
+class Simulator : public detail::Solver<swb_simulator, detail::simulator_calls> {
+public:
+    explicit Simulator(const System &system, const Settings &settings = {}) {
+        swb_simulator *s = nullptr;
+        detail::check(swb_simulator_create(system.get(), &settings, &s));
+        owner_.reset(s);
+    }
+    /// Begins a new trajectory.
+    void state(double t, View x) { detail::check(swb_simulator_set_state(get(), t, x.data(), x.length())); nx_ = x.size(); }
+    void controls(View u) { detail::check(swb_simulator_set_controls(get(), u.data(), u.length())); }
+    void params(View p) { detail::check(swb_simulator_set_params(get(), p.data(), p.length())); }
+    swb_outcome run(double duration, int64_t n_steps) {
+        int32_t o = 0;
+        detail::check(swb_simulator_run(get(), duration, n_steps, &o));
+        return static_cast<swb_outcome>(o);
+    }
+    swb_outcome step(double h) { return run(h, 1); }
+    void clear() { detail::check(swb_simulator_clear(get())); }
+    double time() const {
+        double t = 0;
+        detail::check(swb_simulator_get_time(get(), &t));
+        return t;
+    }
+    Vector state() const {
+        Vector x(nx_);
+        detail::check(swb_simulator_get_state(get(), x.data(), static_cast<int64_t>(x.size())));
+        return x;
+    }
+    Trajectory trajectory() const {
+        swb_trajectory *r = nullptr;
+        detail::check(swb_simulator_get_trajectory(get(), &r));
+        return Trajectory(r);
+    }
+
+private:
+    std::size_t nx_ = 0;
+};
+
+/// Optimal control of a system.
+class Ocp : public detail::Solver<swb_ocp, detail::ocp_calls> {
+public:
+    Ocp(const System &system, double horizon, int64_t n_stages, const Settings &settings = {}) : n_stages_(n_stages) {
+        swb_ocp *o = nullptr;
+        detail::check(swb_ocp_create(system.get(), horizon, n_stages, &settings, &o));
+        owner_.reset(o);
+        detail::check(swb_system_sizes(system.get(), nullptr, &nu_, nullptr, nullptr));
+    }
+    void lagrange(const Function &f) { detail::check(swb_ocp_set_lagrange(get(), f.get())); }
+    void mayer(const Function &f) { detail::check(swb_ocp_set_mayer(get(), f.get())); }
+    void path(const Function &f, View lower, View upper, swb_path_at at = SWB_PATH_AT_CONTROL_GRID) {
+        detail::check(swb_ocp_add_path(get(), f.get(), lower.data(), lower.length(), upper.data(), upper.length(), at));
+    }
+    void terminal(const Function &f, View lower, View upper) {
+        detail::check(swb_ocp_add_terminal(get(), f.get(), lower.data(), lower.length(), upper.data(), upper.length()));
+    }
+    void state_bounds(View lower, View upper) {
+        detail::check(swb_ocp_set_state_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
+    }
+    void control_bounds(View lower, View upper) {
+        detail::check(swb_ocp_set_control_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
+    }
+    void initial_bounds(View lower, View upper) {
+        detail::check(swb_ocp_set_initial_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
+    }
+    void initial_state(View x0) { detail::check(swb_ocp_set_initial_state(get(), x0.data(), x0.length())); }
+    void initial_time(double t0) { detail::check(swb_ocp_set_initial_time(get(), t0)); }
+    void params(View p) { detail::check(swb_ocp_set_params(get(), p.data(), p.length())); }
+    void state_guess(View times, View x) {
+        detail::check(swb_ocp_set_state_guess(get(), times.data(), times.length(), x.data(), x.length()));
+    }
+    void control_guess(View u) { detail::check(swb_ocp_set_control_guess(get(), u.data(), u.length())); }
+    swb_outcome solve() {
+        int32_t o = 0;
+        detail::check(swb_ocp_solve(get(), &o));
+        return static_cast<swb_outcome>(o);
+    }
+    double cost() const {
+        double c = 0;
+        detail::check(swb_ocp_get_cost(get(), &c));
+        return c;
+    }
+    /// The controls of one stage together.
+    Vector controls() const {
+        Vector u(static_cast<std::size_t>(n_stages_ * nu_));
+        detail::check(swb_ocp_get_controls(get(), u.data(), static_cast<int64_t>(u.size())));
+        return u;
+    }
+    swb_polished polished() const {
+        int32_t p = 0;
+        detail::check(swb_ocp_get_polished(get(), &p));
+        return static_cast<swb_polished>(p);
+    }
+    Trajectory trajectory() const {
+        swb_trajectory *r = nullptr;
+        detail::check(swb_ocp_get_trajectory(get(), &r));
+        return Trajectory(r);
+    }
+
+private:
+    int64_t n_stages_ = 0, nu_ = 0;
+};
+
+/// A member of a complementarity pair.
+struct Member {
+    swb_member kind;
+    int64_t index;
+};
+inline Member variable(int64_t index) { return {SWB_MEMBER_VARIABLE, index}; }
+inline Member constraint(int64_t index) { return {SWB_MEMBER_CONSTRAINT, index}; }
+
+/// A nonlinear program, with complementarity pairs or without.
+class Mpcc : public detail::Solver<swb_mpcc, detail::mpcc_calls> {
+public:
+    Mpcc(int64_t n, int64_t np, const Function &objective, const Function &constraints, const Settings &settings = {})
+        : Mpcc(n, np, objective, &constraints, settings) {}
+    Mpcc(int64_t n, int64_t np, const Function &objective, const Settings &settings = {})
+        : Mpcc(n, np, objective, nullptr, settings) {}
+
+    void pair(Member g, Member h) { detail::check(swb_mpcc_add_pair(get(), g.kind, g.index, h.kind, h.index)); }
+    void bounds(View lower, View upper) {
+        detail::check(swb_mpcc_set_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
+    }
+    void constraint_bounds(View lower, View upper) {
+        detail::check(swb_mpcc_set_constraint_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
+    }
+    void params(View p) { detail::check(swb_mpcc_set_params(get(), p.data(), p.length())); }
+    void start(View w) { detail::check(swb_mpcc_set_start(get(), w.data(), w.length())); }
+    swb_outcome solve() {
+        int32_t o = 0;
+        detail::check(swb_mpcc_solve(get(), &o));
+        return static_cast<swb_outcome>(o);
+    }
+    double objective() const {
+        double f = 0;
+        detail::check(swb_mpcc_get_objective(get(), &f));
+        return f;
+    }
+    Vector solution() const {
+        Vector w(static_cast<std::size_t>(n_));
+        detail::check(swb_mpcc_get_solution(get(), w.data(), n_));
+        return w;
+    }
+    /// Of the constraints, and of the bounds, lower minus upper.
+    std::pair<Vector, Vector> multipliers() const {
+        std::pair<Vector, Vector> r{Vector(static_cast<std::size_t>(m_)), Vector(static_cast<std::size_t>(n_))};
+        detail::check(swb_mpcc_get_multipliers(get(), r.first.data(), m_, r.second.data(), n_));
+        return r;
+    }
+    swb_polished polished() const {
+        int32_t p = 0;
+        detail::check(swb_mpcc_get_polished(get(), &p));
+        return static_cast<swb_polished>(p);
+    }
+
+private:
+    Mpcc(int64_t n, int64_t np, const Function &objective, const Function *constraints, const Settings &settings) : n_(n) {
+        swb_mpcc *p = nullptr;
+        detail::check(swb_mpcc_create(n, np, objective.get(), constraints ? constraints->get() : nullptr, &settings, &p));
+        owner_.reset(p);
+        if (constraints)
+            detail::check(swb_function_sizes(constraints->get(), nullptr, nullptr, nullptr, &m_, nullptr, nullptr));
+    }
+    int64_t n_ = 0, m_ = 0;
+};
+
+} // namespace swb
+
+#endif
