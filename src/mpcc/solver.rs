@@ -99,6 +99,10 @@ const MAX_BRANCHES: usize = 8;
 /// Iterations one branch gets: near a solution it takes a handful.
 const BRANCH_ITERATIONS: usize = 30;
 
+/// Proposes active sets: given a number that counts from 0, the point the relaxation reached, and the sides that were
+/// identified, changes the sides; false when it knows no more.
+pub type Suggest<'a> = &'a mut dyn FnMut(usize, &[f64], &mut [Side]) -> bool;
+
 /// A solver for problems of one structure.
 pub struct MpccSolver {
     st: Structure,
@@ -156,18 +160,17 @@ impl MpccSolver {
 
     /// Solves from `x0[n]`.
     pub fn solve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control) -> &Solution {
-        self.solve_with(p, bounds, x0, control, &mut |_, _| false)
+        self.solve_with(p, bounds, x0, control, &mut |_, _, _| false)
     }
 
-    /// Solves from `x0[n]`; `suggest` is asked for an active set, given the point the relaxation reached, when the one
-    /// that was identified has no solution. It answers whether it wrote one.
+    /// Solves from `x0[n]`; `suggest` is asked for other active sets when the one that was identified has no solution.
     pub fn solve_with(
         &mut self,
         p: &mut dyn Mpcc,
         bounds: &Bounds,
         x0: &[f64],
         control: &mut Control,
-        suggest: &mut dyn FnMut(&[f64], &mut [Side]) -> bool,
+        suggest: Suggest,
     ) -> &Solution {
         let clock = Instant::now();
         self.begin(p);
@@ -321,17 +324,18 @@ impl MpccSolver {
 
     /// Branch problem of the identified active set, then of the suggested one, then of the neighbours of the
     /// first; true when one is solved.
-    fn polish(
-        &mut self,
-        p: &mut dyn Mpcc,
-        bounds: &Bounds,
-        control: &mut Control,
-        suggest: &mut dyn FnMut(&[f64], &mut [Side]) -> bool,
-    ) -> bool {
+    fn polish(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
         let x = std::mem::take(&mut self.saved.x);
         self.identify(p, &x);
         let mut ok = self.try_branch_at(p, bounds, &x, control);
-        if !ok && suggest(&x, &mut self.sides) {
+        for k in 0.. {
+            if ok {
+                break;
+            }
+            self.identify(p, &x);
+            if !suggest(k, &x, &mut self.sides) {
+                break;
+            }
             ok = self.try_branch_at(p, bounds, &x, control);
         }
         if !ok {

@@ -1,7 +1,9 @@
-//! The active sets of a whole horizon from a simulation with the controls that were found.
+//! Active sets of a whole horizon for the branch problem, where those read off the multipliers have no solution.
 //!
 //! Near its end the homotopy knows the controls well, but an active set that is read off its multipliers can have a
-//! switch in the wrong element. The event-driven simulation of these controls has every switch where it belongs.
+//! switch in the wrong element. It likes to end a sliding mode at the end of a control stage, where the conditions at
+//! stage points leave it room; so such switches are moved to either side first. The simulation of the controls found
+//! has every switch where it belongs, and comes last because it costs more.
 
 use crate::error::Result;
 use crate::fesd::Trajectory;
@@ -22,6 +24,16 @@ pub(super) struct Identifier {
     pub x0_at: usize,
     pub u_at: Vec<usize>,
     simulator: Option<Simulator>,
+    /// Way to try next.
+    next: usize,
+}
+
+/// Where proposals come from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Way {
+    Before,
+    After,
+    Simulate,
 }
 
 impl Identifier {
@@ -36,13 +48,47 @@ impl Identifier {
             x0_at: 0,
             u_at: Vec::new(),
             simulator: None,
+            next: 0,
         }
     }
 
-    /// Writes the active set of every element into `sides`; false when the simulation fails or has more phases in a
+    /// The `k`-th proposal, see [`crate::mpcc::Suggest`]. False when the simulation fails or has more phases in a
     /// control stage than there are elements.
-    pub fn suggest(&mut self, w: &[f64], sides: &mut [Side]) -> bool {
-        self.simulate(w, sides).unwrap_or(false)
+    pub fn suggest(&mut self, k: usize, w: &[f64], sides: &mut [Side]) -> bool {
+        let ways = [Way::Before, Way::After, Way::Simulate];
+        if k == 0 {
+            self.next = 0;
+        }
+        while self.next < ways.len() {
+            self.next += 1;
+            let found = match ways[self.next - 1] {
+                Way::Simulate => self.simulate(w, sides).unwrap_or(false),
+                way => self.move_switches(way == Way::Before, sides),
+            };
+            if found {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Moves what switches between control stages into the last element before, or the first after.
+    fn move_switches(&self, before: bool, sides: &mut [Side]) -> bool {
+        let n_cells = sides.len() / (self.u_at.len() * self.n_fe);
+        let mut moved = false;
+        for k in 1..self.u_at.len() {
+            let next = k * self.n_fe * n_cells;
+            let last = next - n_cells;
+            if self.n_fe > 1 && sides[last..next] != sides[next..next + n_cells] {
+                moved = true;
+                if before {
+                    sides.copy_within(next..next + n_cells, last);
+                } else {
+                    sides.copy_within(last..next, next);
+                }
+            }
+        }
+        moved
     }
 
     fn simulate(&mut self, w: &[f64], sides: &mut [Side]) -> Result<bool> {

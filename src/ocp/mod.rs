@@ -310,7 +310,7 @@ impl Ocp {
         identifier.params.clone_from(&self.params);
         identifier.t0 = self.t0;
         let detects = problem.detects_switches();
-        let mut suggest = |w: &[f64], sides: &mut [Side]| detects && identifier.suggest(w, sides);
+        let mut suggest = |k: usize, w: &[f64], sides: &mut [Side]| detects && identifier.suggest(k, w, sides);
         solver.solve_with(&mut problem, &bounds, &w0, control, &mut suggest);
         let s = solver.solution();
         let tableau = Tableau::new(problem.spec().options.family, problem.spec().options.n_s)?;
