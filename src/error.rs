@@ -82,3 +82,14 @@ impl fmt::Display for Error {
 }
 
 impl std::error::Error for Error {}
+
+/// Checks length and finiteness of input data.
+pub(crate) fn finite(what: &str, v: &[f64], n: usize) -> Result<()> {
+    if v.len() != n {
+        return Err(Error::Dimension(format!("{} values given for {what}, expected {n}", v.len())));
+    }
+    match v.iter().position(|x| !x.is_finite()) {
+        Some(i) => Err(Error::Range(format!("{what} {i} is {}: it must be finite", v[i]))),
+        None => Ok(()),
+    }
+}

@@ -32,7 +32,7 @@
 //! /// @param[out] out      the new object, NULL on failure; free with swb_ocp_free
 //! /// @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 //! #[no_mangle]
-//! pub unsafe extern "C" fn swb_ocp_new(
+//! pub unsafe extern "C" fn swb_ocp_create(
 //!     system: *const swb_system,
 //!     settings: *const Settings,
 //!     out: *mut *mut swb_ocp,
@@ -79,6 +79,8 @@
 //! - structs that may grow start with `struct_size: u64` and contain 8-byte fields only;
 //! - callbacks are `Option<unsafe extern "C" fn(..., *mut c_void)>`, return 0 ok, > 0 recoverable, < 0
 //!   fatal, and may be called while the object is borrowed: keep no other lock;
+//! - what user functions complain about is in [`trouble`]; a solve runs inside [`report::Hooks::run`], which turns it
+//!   into the status of the call;
 //! - write every exported item out: the generator does not expand macros;
 //! - after a change: `make header`, and the new symbols into `capi_tests/abi/symbols.txt`.
 #![allow(unsafe_code)]
@@ -91,6 +93,9 @@ pub mod guard;
 pub mod handle;
 pub mod raw;
 mod trouble;
+
+#[cfg(test)]
+mod docs;
 
 // What follows is in the order of the header; blank lines keep the formatter from sorting it.
 pub mod status;

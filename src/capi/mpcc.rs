@@ -11,9 +11,9 @@ use super::report::{
 use super::settings;
 use super::status::swb_status;
 use crate::error::{Error, Result};
-use crate::mpcc::{Lifted, Member, Mpcc, MpccSolver, Solution};
+use crate::mpcc::{Lifted, Member, Mpcc, MpccSettings, MpccSolver, Solution};
+use crate::nlp::deadline;
 use crate::nlp::{Bounds, CallbackNlp, Nlp, Outcome};
-use crate::ocp::{deadline, mpcc_settings};
 use crate::settings::{LogLevel, Settings, Value};
 use crate::system::SharedFunction;
 use std::ffi::{c_char, c_void};
@@ -121,7 +121,7 @@ impl Program {
         let clock = Instant::now();
         let inner = CallbackNlp::new(self.n, self.params.len(), self.objective.clone(), self.constraints.clone())?;
         let mut problem = Lifted::new(inner, &self.members)?;
-        let solver = MpccSolver::new(&mut problem, mpcc_settings(&self.settings))?;
+        let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
         *self.built.get() = Some(Built { problem, solver });
         Ok(clock.elapsed().as_secs_f64())
     }
@@ -136,7 +136,7 @@ impl Program {
         problem.inner().set_params(&self.params)?;
         let bounds = problem.bounds(&self.bounds)?;
         bounds.validate(problem.n(), problem.m())?;
-        solver.settings = mpcc_settings(&self.settings);
+        solver.settings = MpccSettings::from(&self.settings);
         let level = self.settings.log_level();
         let (start, seconds, result) = (&self.start, self.settings.max_time, &mut self.result);
         *result = None;
@@ -346,7 +346,7 @@ pub unsafe extern "C" fn swb_mpcc_set_params(mpcc: *mut swb_mpcc, values: *const
     guard(|| unsafe {
         let values = raw::slice(values, np, "values")?;
         handle::with_mut(mpcc, |p| {
-            crate::ocp::finite("parameter", values, p.params.len())?;
+            crate::error::finite("parameter", values, p.params.len())?;
             p.params.copy_from_slice(values);
             Ok(())
         })
@@ -362,7 +362,7 @@ pub unsafe extern "C" fn swb_mpcc_set_start(mpcc: *mut swb_mpcc, w: *const f64, 
     guard(|| unsafe {
         let w = raw::slice(w, n, "w")?;
         handle::with_mut(mpcc, |p| {
-            crate::ocp::finite("start", w, p.n)?;
+            crate::error::finite("start", w, p.n)?;
             p.start.copy_from_slice(w);
             Ok(())
         })

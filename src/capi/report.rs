@@ -36,7 +36,7 @@ pub enum swb_outcome {
     Failed = 7,
 }
 
-const OUTCOMES: &[(Outcome, swb_outcome, &CStr)] = &[
+pub(super) const OUTCOMES: &[(Outcome, swb_outcome, &CStr)] = &[
     (Outcome::Solved, swb_outcome::Solved, c"solved"),
     (Outcome::MaxIter, swb_outcome::MaxIter, c"max_iter"),
     (Outcome::MaxTime, swb_outcome::MaxTime, c"max_time"),

@@ -7,6 +7,7 @@ use super::problem::{Mpcc, Side};
 use super::relaxed::{Relaxed, Structure};
 use crate::error::Result;
 use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Iterate, Monotone, Outcome, Residuals, Start, Statistics};
+use crate::settings::Settings;
 
 /// Parameters of the path and the polish.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -52,6 +53,25 @@ impl Default for MpccSettings {
             plateau_viol: 1e-4,
             polish: true,
             polish_tol: 1e-12,
+        }
+    }
+}
+
+impl From<&Settings> for MpccSettings {
+    fn from(s: &Settings) -> MpccSettings {
+        MpccSettings {
+            tol: s.tol,
+            max_iter: s.max_iter as usize,
+            mu_init: s.mu_init,
+            sigma_init: s.sigma_init,
+            sigma_min: s.sigma_min,
+            sigma_factor: s.sigma_factor,
+            sigma_exponent: s.sigma_exponent,
+            mu_over_sigma: s.mu_over_sigma,
+            plateau_mu: s.plateau_mu,
+            plateau_viol: s.plateau_viol,
+            polish: s.polish(),
+            polish_tol: s.polish_tol,
         }
     }
 }

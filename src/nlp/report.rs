@@ -131,3 +131,8 @@ impl Control<'_> {
         self.deadline.is_some_and(|d| Instant::now() >= d).then_some(Outcome::MaxTime)
     }
 }
+
+/// The time `seconds` from now; none where that is beyond all clocks.
+pub(crate) fn deadline(seconds: f64) -> Option<Instant> {
+    std::time::Duration::try_from_secs_f64(seconds).ok().and_then(|d| Instant::now().checked_add(d))
+}

@@ -16,10 +16,10 @@ use std::time::Instant;
 
 use self::identify::Identifier;
 use crate::dcs::Dcs;
-use crate::error::{Error, Result};
+use crate::error::{finite, Error, Result};
 use crate::fesd::{Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
 use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side};
-use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
+use crate::nlp::{deadline, Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::{InitialGuess, Settings};
 use crate::sim::Simulator;
 use crate::system::{SharedFunction, System};
@@ -270,7 +270,7 @@ impl Ocp {
             terminal: self.terminal.clone(),
         };
         let mut problem = Fesd::new(spec, self.horizon / self.n_stages as f64)?;
-        let solver = MpccSolver::new(&mut problem, mpcc_settings(&self.settings))?;
+        let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
         let bounds = problem.bounds();
         let mut identifier = Identifier::new(&self.system, &self.settings);
         identifier.duration = problem.duration();
@@ -303,7 +303,7 @@ impl Ocp {
             |t, x| interpolate(&guess.0, &guess.1, t, x),
             |k, u| u.copy_from_slice(&u_start[k * d.u..(k + 1) * d.u]),
         );
-        solver.settings = mpcc_settings(&self.settings);
+        solver.settings = MpccSettings::from(&self.settings);
         if self.settings.max_time.is_finite() && control.deadline.is_none() {
             control.deadline = deadline(self.settings.max_time);
         }
@@ -367,28 +367,6 @@ impl Ocp {
     }
 }
 
-/// The part of the settings the solver reads.
-pub(crate) fn mpcc_settings(s: &Settings) -> MpccSettings {
-    MpccSettings {
-        tol: s.tol,
-        max_iter: s.max_iter as usize,
-        mu_init: s.mu_init,
-        sigma_init: s.sigma_init,
-        sigma_min: s.sigma_min,
-        sigma_factor: s.sigma_factor,
-        sigma_exponent: s.sigma_exponent,
-        mu_over_sigma: s.mu_over_sigma,
-        plateau_mu: s.plateau_mu,
-        plateau_viol: s.plateau_viol,
-        polish: s.polish(),
-        polish_tol: s.polish_tol,
-    }
-}
-
-pub(crate) fn deadline(seconds: f64) -> Option<Instant> {
-    std::time::Duration::try_from_secs_f64(seconds).ok().and_then(|d| Instant::now().checked_add(d))
-}
-
 fn check_bounds(what: &str, lower: &[f64], upper: &[f64], n: usize) -> Result<()> {
     if lower.len() != n || upper.len() != n {
         return Err(Error::Dimension(format!(
@@ -409,17 +387,6 @@ fn check_bounds(what: &str, lower: &[f64], upper: &[f64], n: usize) -> Result<()
         }
     }
     Ok(())
-}
-
-/// Checks length and finiteness of input data.
-pub(crate) fn finite(what: &str, v: &[f64], n: usize) -> Result<()> {
-    if v.len() != n {
-        return Err(Error::Dimension(format!("{} values given for {what}, expected {n}", v.len())));
-    }
-    match v.iter().position(|x| !x.is_finite()) {
-        Some(i) => Err(Error::Range(format!("{what} {i} is {}: it must be finite", v[i]))),
-        None => Ok(()),
-    }
 }
 
 /// A point well inside an interval.

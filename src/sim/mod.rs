@@ -12,12 +12,11 @@
 use std::time::Instant;
 
 use crate::dcs::{is_ambiguous, Continuation, Dcs, PointEvaluator};
-use crate::error::{Error, Result};
+use crate::error::{finite, Error, Result};
 use crate::fesd::{Fesd, Options, Spec, Trajectory};
 use crate::func::Point;
-use crate::mpcc::{Mpcc, MpccSolver, Polish, Side};
-use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
-use crate::ocp::{deadline, finite, mpcc_settings};
+use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side};
+use crate::nlp::{deadline, Bounds, Control, Nlp, Outcome, Statistics};
 use crate::settings::Settings;
 use crate::system::System;
 use crate::tableau::Tableau;
@@ -100,7 +99,7 @@ impl Simulator {
             terminal: Vec::new(),
         };
         let mut problem = Fesd::new(spec, 1.0)?;
-        let solver = MpccSolver::new(&mut problem, mpcc_settings(settings))?;
+        let solver = MpccSolver::new(&mut problem, MpccSettings::from(settings))?;
         Ok(Simulator {
             settings: *settings,
             nx: d.x,
@@ -237,7 +236,7 @@ impl Simulator {
         if !planned {
             self.start_guess();
             r.homotopies += 1;
-            self.solver.settings = mpcc_settings(&self.settings);
+            self.solver.settings = MpccSettings::from(&self.settings);
             self.solver.solve(&mut self.problem, &self.bounds, &self.w, control);
             add(&mut r.stats, &self.solver.solution().stats);
             let s = self.solver.solution();
