@@ -1,4 +1,18 @@
 //! Simulation and optimal control of systems that switch.
+//!
+//! A piecewise smooth system
+//!
+//! ```text
+//! ẋ = f0(x,u,p,t) + Σ_k Σ_i θ_i^k f_i^k(x,u,p,t),   mode i of subsystem k valid in its region R_i^k
+//! ```
+//!
+//! becomes a dynamic complementarity system ([`dcs`]), is discretised by finite elements with switch detection
+//! ([`fesd`]), and solved as a mathematical program with complementarity constraints ([`mpcc`]) by an interior-point
+//! method ([`nlp`]) over sparse LDLᵀ factorisations ([`linalg`]). [`system`] states models made of [`func`]tions,
+//! [`sim`] simulates them, [`ocp`] controls them optimally. [`capi`] is the C interface over all of it.
+//!
+//! Equation and section numbers in brackets are those of A. Nurkanović, *Numerical Methods for Optimal Control of
+//! Nonsmooth Dynamical Systems* (PhD thesis, Freiburg 2023). ARCHITECTURE.md has the layers and the decisions.
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 #![allow(clippy::needless_range_loop)]
