@@ -2,6 +2,7 @@
 # make check     everything that must hold before a commit; what .ci/run runs
 # make install   library, header, CMake and pkg-config files into PREFIX
 # make header    write include/switchback.h from src/capi
+# make docs      write docs/errors.md and docs/options.md from the tables
 # make deps      install what is missing (Debian packages, SUNDIALS, Python modules)
 # make clean     remove build/, out/ and target/
 
@@ -20,9 +21,9 @@ SUNDIALS := $(BUILD)/sundials
 HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml --target-dir $(TARGET)/header --
 
 .NOTPARALLEL:
-.PHONY: all build demo check install header deps clean \
+.PHONY: all build demo check install header docs deps clean \
 	demo-report demo-c demo-python stage \
-	check-format check-lint check-rust check-header check-stage check-c check-pkgconfig check-python
+	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python
 
 all: build
 
@@ -31,6 +32,9 @@ build:
 
 header:
 	$(HEADER) .
+
+docs:
+	SWB_WRITE_DOCS=1 $(CARGO) test --quiet --release --lib capi::docs
 
 deps:
 	sh scripts/deps.sh $(BUILD)
@@ -54,14 +58,14 @@ ifneq ($(wildcard examples/report.rs examples/report/main.rs),)
 	$(CARGO) run --release --example report -- all --plot $(OUT)
 endif
 
-# C: built like a user would, against an installed prefix; each program runs without arguments.
+# C: built like a user would, against an installed prefix; each program takes the folder for its plots.
 demo-c:
 ifneq ($(wildcard examples/c/CMakeLists.txt),)
 	$(MAKE) stage
 	$(CMAKE) -S examples/c -B $(BUILD)/examples_c -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=$(BUILD)/prefix
 	$(CMAKE) --build $(BUILD)/examples_c --parallel $(JOBS)
 	set -e; for source in examples/c/*.c; do \
-		echo "== $$source"; $(BUILD)/examples_c/$$(basename $$source .c); \
+		echo "== $$source"; $(BUILD)/examples_c/$$(basename $$source .c) $(OUT); \
 	done
 endif
 
@@ -78,7 +82,7 @@ endif
 
 check: deps
 	$(MAKE) check-format check-lint check-rust check-header
-	$(MAKE) check-stage check-c check-pkgconfig check-python
+	$(MAKE) check-stage check-c check-examples check-pkgconfig check-python
 	@echo "all checks passed"
 
 check-format:
@@ -110,6 +114,13 @@ check-c:
 	$(CMAKE) -S capi_tests -B $(BUILD)/capi -DCMAKE_PREFIX_PATH=$(BUILD)/moved -DSUNDIALS_ROOT=$(SUNDIALS)
 	$(CMAKE) --build $(BUILD)/capi --parallel $(JOBS)
 	ctest --test-dir $(BUILD)/capi --output-on-failure --no-tests=error --parallel $(JOBS)
+
+check-examples:
+	$(CMAKE) -S examples/c -B $(BUILD)/examples_c_check -DCMAKE_BUILD_TYPE=Release -DCMAKE_PREFIX_PATH=$(BUILD)/moved
+	$(CMAKE) --build $(BUILD)/examples_c_check --parallel $(JOBS)
+	set -e; for source in examples/c/*.c; do \
+		$(BUILD)/examples_c_check/$$(basename $$source .c) $(BUILD)/examples_c_check > /dev/null; \
+	done
 
 check-pkgconfig:
 	sh scripts/check_pkgconfig.sh $(BUILD)/moved $(LIBDIR) $(BUILD)/pkgconfig
