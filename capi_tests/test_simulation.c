@@ -137,7 +137,7 @@ static void going_on(void)
     CHECK_NEAR(parts[1], whole[1], 1e-10);
     CHECK_OK(swb_simulator_get_trajectory(sim, &r));
     CHECK_OK(swb_trajectory_get_info(r, &info, sizeof info));
-    CHECK(info.n_elements == 20 && info.n_switches == 1 && info.t_start == 0.0);
+    CHECK(info.n_elements >= 20 && info.n_switches == 1 && info.t_start == 0.0); /* a step may be divided */
     swb_trajectory_free(r);
 
     /* Other options: the method changes, so the trajectory begins anew; time and state stay. */
