@@ -417,6 +417,12 @@ impl Fesd {
         None
     }
 
+    /// State at the start of an element, and the time where the model has a clock.
+    pub fn start_of<'a>(&self, element: usize, w: &'a [f64]) -> (&'a [f64], Option<f64>) {
+        let x = self.l.elements[element].x_start;
+        (&w[x..x + self.spec.dcs.dims().x], self.spec.dcs.clock().map(|c| w[x + c]))
+    }
+
     /// Number of cells, over all subsystems.
     pub fn n_cells(&self) -> usize {
         self.l.n_cells

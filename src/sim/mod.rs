@@ -335,7 +335,9 @@ impl Simulator {
         self.set_sides(0, &current);
         // first element of the present set
         let mut begin = 0;
-        for _ in 0..n_fe {
+        // candidates at a switch whose following set was chosen by the fields behind it, not at it
+        let mut unverified: Option<Vec<bool>> = None;
+        for _ in 0..2 * n_fe {
             self.branch.copy_from(&self.bounds);
             self.problem.branch(&self.sides, &mut self.branch);
             self.problem.free_signs(&mut self.branch);
@@ -343,6 +345,17 @@ impl Simulator {
             add(&mut r.stats, &self.solver.solution().stats);
             if !ok {
                 return false;
+            }
+            if let Some(candidates) = unverified.take() {
+                let (x, t) = self.problem.start_of(begin, &self.solver.solution().x);
+                let (x, t) = (x.to_vec(), t.unwrap_or(self.t));
+                let solutions = self.continuations(&x, t, Some(&candidates));
+                if let Some(first) = solutions.first().filter(|_| solutions.iter().all(|s| s.active != current)) {
+                    current.clone_from(&first.active);
+                    self.set_sides(begin, &current);
+                    self.w.copy_from_slice(&self.solver.solution().x);
+                    continue;
+                }
             }
             let Some(v) = self.problem.first_violation(&self.solver.solution().x, &self.sides, tol.0, tol.1, tol.2)
             else {
@@ -362,6 +375,7 @@ impl Simulator {
                 let next = self.continuations(&x, t, Some(&candidates));
                 let Some(next) = next.into_iter().find(|s| s.active != current) else { return false };
                 current = next.active;
+                unverified = Some(candidates);
             }
             if (0..n).all(|c| !current[c]) {
                 return false;
