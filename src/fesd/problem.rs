@@ -387,15 +387,15 @@ impl Fesd {
     /// The first `λ` below `-tol_lambda` or `θ` below `-tol_theta` in the order of time: element, cell, and whether it is a `θ`; with the
     /// states at that point.
     ///
-    /// The `θ` that ends a sliding mode according to `sides` is left out at the end of its element, with `open_end` also
-    /// that at the very end: a mode may leave there, or begin to.
+    /// The `θ` that ends a sliding mode according to `sides` is left out at the end of its element; those at the very end
+    /// have the tolerance `tol_end`: a mode may leave there, or begin to.
     pub fn first_violation<'a>(
         &self,
         w: &'a [f64],
         sides: &[Side],
         tol_lambda: f64,
         tol_theta: f64,
-        open_end: bool,
+        tol_end: f64,
     ) -> Option<Violation<'a>> {
         let (l, nx) = (&self.l, self.spec.dcs.dims().x);
         for (element, e) in l.elements.iter().enumerate() {
@@ -405,7 +405,9 @@ impl Fesd {
             for (x, theta, lambda) in stages.chain(ends) {
                 for cell in 0..l.n_cells {
                     let next = sides.get((element + 1) * l.n_cells + cell);
-                    let theta = theta.filter(|_| theta != last || next.map_or(!open_end, |s| *s == Side::First));
+                    let at_end = theta == last;
+                    let theta = theta.filter(|_| !at_end || next != Some(&Side::Second));
+                    let tol_theta = if at_end && next.is_none() { tol_end } else { tol_theta };
                     let of_theta = theta.is_some_and(|j| w[j + cell] < -tol_theta);
                     if of_theta || w[lambda + cell] < -tol_lambda {
                         let t = self.spec.dcs.clock().map(|c| w[x + c]);

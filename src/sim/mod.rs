@@ -50,13 +50,13 @@ const MAX_HOMOTOPIES: usize = 24;
 const MAX_PLANS: usize = 6;
 /// Distance to a switching surface, relative to the gradient, that counts as being on it.
 const ON_SURFACE: f64 = 2e-8;
-/// How far below zero the multipliers `λ` and `θ` may be: rounding of the Newton iteration. A `θ` of this size acts for
+/// How far below zero the multipliers `λ`, `θ`, and `θ` at the end of the step may be: rounding of the Newton iteration. A `θ` of this size acts for
 /// as short a time, its effect on the states is the square.
-const SIGN_TOL: (f64, f64, bool) = (1e-10, 1e-8, false);
+const SIGN_TOL: (f64, f64, f64) = (1e-10, 1e-8, 1e-8);
 /// The same where no set satisfies the first tolerance: a switch so close to the end of the step that an element
 /// behind it would have no length in double precision, or where the end of a sliding mode falls into the error of the
 /// method at the end of the step. The next step then begins on the surface.
-const LOOSE_SIGN_TOL: (f64, f64, bool) = (1e-8, 1e-6, true);
+const LOOSE_SIGN_TOL: (f64, f64, f64) = (1e-8, 1e-6, 1e-3);
 
 /// A simulator: model, state, and what is reused from step to step.
 pub struct Simulator {
@@ -328,7 +328,7 @@ impl Simulator {
 
     /// Solves the square equations for the active set `first` in all elements; where a sign fails, the next
     /// element gets the set that follows, until all signs hold. False when that leads nowhere.
-    fn follow(&mut self, first: &[bool], tol: (f64, f64, bool), control: &mut Control, r: &mut SimResult) -> bool {
+    fn follow(&mut self, first: &[bool], tol: (f64, f64, f64), control: &mut Control, r: &mut SimResult) -> bool {
         self.start_guess();
         let (n, n_fe) = (self.problem.n_cells(), self.settings.n_fe as usize);
         let mut current = first.to_vec();
