@@ -1,0 +1,50 @@
+"""Puts the library into the wheel: the file $SWITCHBACK_LIBRARY, else what cargo built in this repository."""
+
+import os
+import shutil
+from pathlib import Path
+
+from setuptools import setup
+from setuptools.command.build_py import build_py
+
+try:
+    from setuptools.command.bdist_wheel import bdist_wheel
+except ImportError:  # before setuptools 70.1
+    from wheel.bdist_wheel import bdist_wheel
+
+HERE = Path(__file__).resolve().parent
+
+
+def library() -> Path:
+    chosen = os.environ.get("SWITCHBACK_LIBRARY")
+    target = os.environ.get("CARGO_TARGET_DIR") or HERE.parents[1] / "target"
+    path = Path(chosen) if chosen else Path(target) / "release" / "libswitchback.so"
+    if not path.is_file():
+        raise SystemExit(
+            f"switchback: there is no library {path}; build it with 'cargo build --release', "
+            "or set SWITCHBACK_LIBRARY to where it is"
+        )
+    return path
+
+
+class BuildWithLibrary(build_py):
+    def run(self):
+        super().run()
+        destination = Path(self.build_lib) / "switchback"
+        if self.editable_mode if hasattr(self, "editable_mode") else False:
+            destination = HERE / "src" / "switchback"
+        shutil.copyfile(library(), destination / "libswitchback.so")
+
+
+class PlatformWheel(bdist_wheel):
+    """One wheel for every Python of the platform: the library does not know Python."""
+
+    def finalize_options(self):
+        super().finalize_options()
+        self.root_is_pure = False
+
+    def get_tag(self):
+        return "py3", "none", super().get_tag()[2]
+
+
+setup(cmdclass={"build_py": BuildWithLibrary, "bdist_wheel": PlatformWheel})

@@ -1,0 +1,92 @@
+"""Simulation and optimal control of systems that switch.
+
+    import switchback as swb
+
+    system = swb.System(nx=1)
+    system.add_subsystem(modes=[[3.0], [1.0]], psi=lambda x: x[0], signs=[-1, 1])
+    result = swb.simulate(system, x0=[-1.0], duration=2.0, n_steps=10)
+    print(result.trajectory.switches)
+"""
+
+from ._ffi import LogLevel, Member, Outcome, PathAt, Polished, Status, SwitchKind
+from ._library import path as library_path
+from ._library import version as library_version
+from .errors import (
+    ArgumentError,
+    DimensionError,
+    InternalError,
+    InterruptedSolve,
+    LibraryError,
+    NonfiniteError,
+    NullError,
+    NumericError,
+    OptionError,
+    RangeError,
+    StateError,
+    SwitchbackError,
+    Undefined,
+    UnsupportedError,
+    UserError,
+)
+from .function import DerivativeCheck, Function
+from .mpcc import Mpcc, MpccResult, Nlp, PairMember, constraint, variable
+from .ocp import Ocp, OcpResult
+from .plot import plot
+from .results import Iteration, Residuals, Stats, print_iteration
+from .settings import Option, Settings, options
+from .simulator import SimulationResult, Simulator, simulate
+from .system import System
+from .trajectory import Switch, Trajectory
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "ArgumentError",
+    "DerivativeCheck",
+    "DimensionError",
+    "Function",
+    "InternalError",
+    "InterruptedSolve",
+    "Iteration",
+    "LibraryError",
+    "LogLevel",
+    "Member",
+    "Mpcc",
+    "MpccResult",
+    "Nlp",
+    "NonfiniteError",
+    "NullError",
+    "NumericError",
+    "Ocp",
+    "OcpResult",
+    "Option",
+    "OptionError",
+    "Outcome",
+    "PairMember",
+    "PathAt",
+    "Polished",
+    "RangeError",
+    "Residuals",
+    "Settings",
+    "SimulationResult",
+    "Simulator",
+    "StateError",
+    "Stats",
+    "Status",
+    "Switch",
+    "SwitchKind",
+    "SwitchbackError",
+    "System",
+    "Trajectory",
+    "Undefined",
+    "UnsupportedError",
+    "UserError",
+    "constraint",
+    "library_path",
+    "library_version",
+    "options",
+    "plot",
+    "print_iteration",
+    "simulate",
+    "variable",
+]

@@ -1,0 +1,240 @@
+"""Calls into the library: objects and their lifetime, exceptions out of callbacks, Ctrl-C."""
+
+from __future__ import annotations
+
+import ctypes
+import signal
+import threading
+import weakref
+from collections import Counter
+from typing import Any, Callable, ClassVar
+
+from . import _ffi
+from ._library import lib
+from .errors import StateError, Undefined, from_status
+
+live: Counter[str] = Counter()  # objects of the library by kind, for tests
+_live_lock = threading.RLock()
+
+
+class Frame:
+    """What the callbacks of one running call have to say to it."""
+
+    __slots__ = ("error", "undefined", "stop")
+
+    def __init__(self) -> None:
+        self.error: BaseException | None = None
+        self.undefined: Undefined | None = None
+        self.stop = False
+
+
+class _Frames(threading.local):
+    """Running calls of this thread, the innermost last: callbacks run on the thread of the call."""
+
+    def __init__(self) -> None:
+        self.stack: list[Frame] = []
+
+
+_frames = _Frames()
+
+
+def frame() -> Frame:
+    return _frames.stack[-1] if _frames.stack else Frame()
+
+
+def failed(error: BaseException) -> int:
+    """What a callback returns because of an exception, which is kept for the end of the call."""
+    current = frame()
+    if isinstance(error, Undefined):
+        current.undefined = error
+        return 1
+    if current.error is None:
+        current.error = error
+    return -1
+
+
+class Interrupts:
+    """While a call runs, the first Ctrl-C asks it to stop; the handler of before hears of it at the end.
+
+    A second Ctrl-C goes to that handler at once, so that a callback that hangs can be left.
+    """
+
+    def __init__(self, current: Frame):
+        self.current = current
+        self.previous: Any = None
+        self.pending: tuple[int, Any] | None = None
+
+    def _handle(self, number: int, where: Any) -> None:
+        if self.pending is None:
+            self.pending = (number, where)
+            self.current.stop = True
+        else:
+            self.previous(number, where)
+
+    def __enter__(self) -> Interrupts:
+        if threading.current_thread() is threading.main_thread():
+            handler = signal.getsignal(signal.SIGINT)
+            if callable(handler):
+                self.previous = handler
+                signal.signal(signal.SIGINT, self._handle)
+        return self
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        if self.previous is not None:
+            signal.signal(signal.SIGINT, self.previous)
+            if self.pending is not None and error is None:
+                self.previous(*self.pending)
+
+
+class _Nothing:
+    def __enter__(self) -> None: ...
+
+    def __exit__(self, *_: Any) -> None: ...
+
+
+_nothing = _Nothing()
+
+
+def check(status: int, cause: BaseException | None = None) -> None:
+    """Raise the exception of a status code with the message of the library."""
+    if status != 0:
+        message = lib.swb_last_error().decode("utf-8", "replace")
+        raise from_status(status, message, lib.swb_last_user_code()) from cause
+
+
+def call(function: Callable[..., int], *arguments: Any, interruptible: bool = False) -> None:
+    """Call the library; objects among the arguments are kept alive and stand for their handles.
+
+    An exception that a callback left behind is raised again; else a status that is not OK becomes one.
+    """
+    held: list[Handle] = []
+    current = Frame()
+    stack = _frames.stack
+    try:
+        converted = []
+        for a in arguments:
+            if isinstance(a, Handle):
+                a._hold()
+                held.append(a)
+                a = a._handle
+            converted.append(a)
+        with Interrupts(current) if interruptible else _nothing:
+            stack.append(current)
+            try:
+                status = function(*converted)
+            finally:
+                stack.remove(current)
+    finally:
+        for h in held:
+            h._release()
+    if current.error is not None:
+        error, current.error = current.error, None
+        try:
+            raise error
+        finally:
+            del error
+    check(status, current.undefined)
+
+
+def _free(kind: str, handle: int) -> None:
+    getattr(lib, f"swb_{kind}_free")(handle)
+    with _live_lock:
+        live[kind] -= 1
+
+
+class Handle:
+    """An object of the library. It is freed by `close`, at the end of a `with` block, or when it is not used
+    any more."""
+
+    _kind: ClassVar[str]
+    _handle: int
+    _finalizer: weakref.finalize | None = None
+
+    def _create(self, *arguments: Any) -> None:
+        self._lock = threading.RLock()
+        self._uses = 0
+        handle = ctypes.c_void_p()
+        call(getattr(lib, f"swb_{self._kind}_create"), *arguments, ctypes.byref(handle))
+        self._own(handle.value)
+
+    def _own(self, handle: int | None) -> None:
+        assert handle is not None
+        self._handle = handle
+        with _live_lock:
+            live[self._kind] += 1
+        self._finalizer = weakref.finalize(self, _free, self._kind, handle)
+
+    def _hold(self) -> None:
+        if self._finalizer is None:
+            raise StateError(f"{type(self).__name__} was not created: its constructor did not finish")
+        with self._lock:
+            if not self._finalizer.alive:
+                raise StateError(f"{type(self).__name__} is closed")
+            self._uses += 1
+
+    def _release(self) -> None:
+        with self._lock:
+            self._uses -= 1
+
+    @property
+    def closed(self) -> bool:
+        """Was it closed?"""
+        return self._finalizer is None or not self._finalizer.alive
+
+    def close(self) -> None:
+        """Free it; a second time does nothing."""
+        if self._finalizer is None:
+            return
+        with self._lock:
+            if self._uses:
+                raise StateError(f"{type(self).__name__} is in use and cannot be closed")
+            self._finalizer()
+
+    def __enter__(self) -> Any:
+        return self
+
+    def __exit__(self, *_: Any) -> None:
+        self.close()
+
+    def __reduce__(self) -> Any:
+        raise TypeError(f"{type(self).__name__} cannot be pickled or copied")
+
+    def _do(self, name: str, *arguments: Any, interruptible: bool = False) -> None:
+        call(getattr(lib, f"swb_{self._kind}_{name}"), self, *arguments, interruptible=interruptible)
+
+    def _get(self, name: str, kind: Any) -> Any:
+        out = kind()
+        self._do(name, ctypes.byref(out))
+        return out.value
+
+    def _struct(self, name: str, kind: Any) -> Any:
+        out = kind()
+        self._do(name, ctypes.byref(out), ctypes.sizeof(out))
+        return out
+
+
+def text(function: Callable[..., int], *arguments: Any) -> str:
+    """A text from a function that fills a buffer."""
+    needed = ctypes.c_int64()
+    call(function, *arguments, None, 0, ctypes.byref(needed))
+    buffer = ctypes.create_string_buffer(needed.value)
+    call(function, *arguments, buffer, needed.value, None)
+    return buffer.value.decode("utf-8")
+
+
+def encode(value: Any, what: str) -> bytes:
+    """A text for the library."""
+    from .errors import ArgumentError
+
+    if not isinstance(value, str):
+        raise ArgumentError(f"{what} must be a text, not {type(value).__name__}")
+    if "\0" in value:
+        raise ArgumentError(f"{what} contains a NUL character")
+    try:
+        return value.encode("utf-8")
+    except UnicodeEncodeError:
+        raise ArgumentError(f"{what} is no valid text") from None
+
+
+NO_ITERATION = _ffi.swb_iteration_fn(0)
+NO_LOG = _ffi.swb_log_fn(0)

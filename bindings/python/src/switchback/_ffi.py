@@ -1,0 +1,439 @@
+"""The C interface, generated from include/switchback.h by tools/gen_ffi.py; do not edit."""
+
+# fmt: off
+from ctypes import (  # noqa: F401
+    CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int8, c_int32, c_int64, c_uint64, c_void_p,
+)
+from enum import IntEnum
+
+VERSION = (0, 1, 0)
+
+
+class Names(IntEnum):
+    """Numbers that print as their names."""
+
+    def __str__(self):
+        return self.name.lower()
+
+    def __format__(self, spec):
+        return format(str(self), spec)
+
+
+class Status(Names):
+    """enum swb_status"""
+
+    OK = 0
+    NULL = -1
+    DIMENSION = -2
+    RANGE = -3
+    STATE = -4
+    UNSUPPORTED = -5
+    OPTION = -6
+    USER = -20
+    NONFINITE = -21
+    INTERRUPTED = -23
+    NUMERIC = -30
+    LIBRARY = -50
+    INTERNAL = -99
+
+
+class RkFamily(Names):
+    """enum swb_rk_family"""
+
+    RADAU_IIA = 0
+    GAUSS_LEGENDRE = 1
+    EXPLICIT = 2
+
+
+class Discretisation(Names):
+    """enum swb_discretisation"""
+
+    FESD = 0
+    STANDARD = 1
+
+
+class StageForm(Names):
+    """enum swb_stage_form"""
+
+    AUTO = 0
+    VALUES = 1
+    DERIVATIVES = 2
+
+
+class Cross(Names):
+    """enum swb_cross"""
+
+    ELEMENT = 0
+    STAGE = 1
+    FULL = 2
+
+
+class StepEquilibration(Names):
+    """enum swb_step_equilibration"""
+
+    NONE = 0
+    MEAN = 1
+    DIFFERENCE = 2
+    ETA_PRODUCT = 3
+
+
+class Polish(Names):
+    """enum swb_polish"""
+
+    OFF = 0
+    ON = 1
+
+
+class InitialGuess(Names):
+    """enum swb_initial_guess"""
+
+    CONSTANT = 0
+    SIMULATION = 1
+
+
+class LogLevel(Names):
+    """enum swb_log_level"""
+
+    SILENT = 0
+    ERROR = 1
+    WARNING = 2
+    INFO = 3
+    DEBUG = 4
+    TRACE = 5
+
+
+class Kind(Names):
+    """enum swb_kind"""
+
+    INT = 0
+    FLOAT = 1
+    ENUM = 2
+
+
+class Outcome(Names):
+    """enum swb_outcome"""
+
+    SOLVED = 0
+    MAX_ITER = 1
+    MAX_TIME = 2
+    STOPPED = 3
+    INFEASIBLE = 4
+    STALLED = 5
+    DIVERGING = 6
+    FAILED = 7
+
+
+class Polished(Names):
+    """enum swb_polished"""
+
+    NONE = 0
+    DONE = 1
+    REJECTED = 2
+
+
+class Input(Names):
+    """enum swb_input"""
+
+    X = 1
+    U = 2
+    P = 4
+    T = 8
+
+
+class SwitchKind(Names):
+    """enum swb_switch_kind"""
+
+    CROSS = 0
+    ENTER = 1
+    LEAVE = 2
+
+
+class PathAt(Names):
+    """enum swb_path_at"""
+
+    CONTROL_GRID = 0
+    ELEMENTS = 1
+    STAGE_POINTS = 2
+
+
+class Member(Names):
+    """enum swb_member"""
+
+    VARIABLE = 0
+    CONSTRAINT = 1
+
+
+class swb_settings(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("rk_family", c_int64),
+        ("n_s", c_int64),
+        ("n_fe", c_int64),
+        ("discretisation", c_int64),
+        ("stage_form", c_int64),
+        ("cross", c_int64),
+        ("step_equilibration", c_int64),
+        ("rho_h", c_double),
+        ("gamma_h", c_double),
+        ("tol", c_double),
+        ("max_iter", c_int64),
+        ("max_time", c_double),
+        ("mu_init", c_double),
+        ("sigma_init", c_double),
+        ("sigma_min", c_double),
+        ("sigma_factor", c_double),
+        ("sigma_exponent", c_double),
+        ("mu_over_sigma", c_double),
+        ("plateau_mu", c_double),
+        ("plateau_viol", c_double),
+        ("polish", c_int64),
+        ("polish_tol", c_double),
+        ("initial_guess", c_int64),
+        ("log_level", c_int64),
+    ]
+
+
+class swb_point(Structure):
+    _fields_ = [
+        ("t", c_double),
+        ("x", c_void_p),
+        ("u", c_void_p),
+        ("p", c_void_p),
+    ]
+
+
+class swb_trajectory_info(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("nx", c_int64),
+        ("n_elements", c_int64),
+        ("n_s", c_int64),
+        ("n_subsystems", c_int64),
+        ("n_modes", c_int64),
+        ("n_switches", c_int64),
+        ("t_start", c_double),
+        ("t_end", c_double),
+    ]
+
+
+class swb_switch(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("element", c_int64),
+        ("subsystem", c_int64),
+        ("kind", c_int64),
+        ("before", c_uint64),
+        ("after", c_uint64),
+    ]
+
+
+class swb_residuals(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("primal", c_double),
+        ("dual", c_double),
+        ("complementarity", c_double),
+        ("pair_product", c_double),
+        ("pair_min", c_double),
+    ]
+
+
+class swb_stats(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("iterations", c_int64),
+        ("factorisations", c_int64),
+        ("evaluations", c_int64),
+        ("restoration_iterations", c_int64),
+        ("polish_iterations", c_int64),
+        ("max_delta_w", c_double),
+        ("time_eval", c_double),
+        ("time_linalg", c_double),
+        ("time_total", c_double),
+        ("time_build", c_double),
+        ("n_variables", c_int64),
+        ("n_constraints", c_int64),
+        ("n_pairs", c_int64),
+        ("n_steps", c_int64),
+        ("n_homotopies", c_int64),
+    ]
+
+
+class swb_iteration_info(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("iter", c_int64),
+        ("objective", c_double),
+        ("inf_pr", c_double),
+        ("inf_du", c_double),
+        ("mu", c_double),
+        ("sigma", c_double),
+        ("inf_cc", c_double),
+        ("step", c_double),
+        ("delta_w", c_double),
+        ("alpha_du", c_double),
+        ("alpha_pr", c_double),
+        ("trials", c_int64),
+        ("phase", c_int64),
+    ]
+
+
+swb_log_fn = CFUNCTYPE(None, c_int64, c_char_p, c_void_p)
+swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
+swb_destroy_fn = CFUNCTYPE(None, c_void_p)
+swb_jacobian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
+swb_hessian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p, c_void_p)
+swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
+
+# name: (result, arguments)
+FUNCTIONS = {
+    "swb_last_error": (c_char_p, []),
+    "swb_last_user_code": (c_int32, []),
+    "swb_last_error_copy": (c_int32, [c_void_p, c_int64, c_void_p]),
+    "swb_status_string": (c_char_p, [c_int32]),
+    "swb_status_name": (c_char_p, [c_int32]),
+    "swb_version": (c_char_p, []),
+    "swb_abi_version": (c_int32, []),
+    "swb_check_version": (c_int32, [c_int32, c_int32]),
+    "swb_settings_log": (c_int32, [POINTER(swb_settings), swb_log_fn, c_void_p]),
+    "swb_settings_init": (c_int32, [POINTER(swb_settings), c_uint64]),
+    "swb_settings_set_int": (c_int32, [POINTER(swb_settings), c_char_p, c_int64]),
+    "swb_settings_set_double": (c_int32, [POINTER(swb_settings), c_char_p, c_double]),
+    "swb_settings_set_string": (c_int32, [POINTER(swb_settings), c_char_p, c_char_p]),
+    "swb_settings_get_int": (c_int32, [POINTER(swb_settings), c_char_p, c_void_p]),
+    "swb_settings_get_double": (c_int32, [POINTER(swb_settings), c_char_p, c_void_p]),
+    "swb_settings_get_string": (c_int32, [POINTER(swb_settings), c_char_p, c_void_p, c_int64, c_void_p]),
+    "swb_settings_validate": (c_int32, [POINTER(swb_settings)]),
+    "swb_settings_to_json": (c_int32, [POINTER(swb_settings), c_void_p, c_int64, c_void_p]),
+    "swb_option_count": (c_int64, []),
+    "swb_option_find": (c_int32, [c_char_p, c_void_p]),
+    "swb_option_name": (c_char_p, [c_int64]),
+    "swb_option_doc": (c_char_p, [c_int64]),
+    "swb_option_symbol": (c_char_p, [c_int64]),
+    "swb_option_value_name": (c_char_p, [c_int64, c_int64]),
+    "swb_option_kind": (c_int32, [c_int64, c_void_p]),
+    "swb_option_range": (c_int32, [c_int64, c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_option_default": (c_int32, [c_int64, c_void_p]),
+    "swb_option_setup_only": (c_int32, [c_int64, c_void_p]),
+    "swb_outcome_name": (c_char_p, [c_int32]),
+    "swb_function_create": (c_int32, [c_char_p, c_int64, c_int64, c_int64, c_int64, swb_value_fn, c_void_p, swb_destroy_fn, c_void_p]),
+    "swb_function_set_jacobian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, swb_jacobian_fn]),
+    "swb_function_set_hessian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, swb_hessian_fn]),
+    "swb_function_set_linear": (c_int32, [c_void_p]),
+    "swb_function_set_inputs": (c_int32, [c_void_p, c_int32]),
+    "swb_function_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_function_name": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_function_jacobian_pattern": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_function_hessian_pattern": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_function_eval": (c_int32, [c_void_p, POINTER(swb_point), c_void_p, c_int64]),
+    "swb_function_eval_jacobian": (c_int32, [c_void_p, POINTER(swb_point), c_void_p, c_int64]),
+    "swb_function_eval_hessian": (c_int32, [c_void_p, POINTER(swb_point), c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_function_check_derivatives": (c_int32, [c_void_p, POINTER(swb_point), c_void_p, c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_function_free": (None, [c_void_p]),
+    "swb_system_create": (c_int32, [c_int64, c_int64, c_int64, c_void_p]),
+    "swb_system_set_f0": (c_int32, [c_void_p, c_void_p]),
+    "swb_system_add_subsystem": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_system_add_subsystem_indicators": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p]),
+    "swb_system_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_system_free": (None, [c_void_p]),
+    "swb_trajectory_get_info": (c_int32, [c_void_p, POINTER(swb_trajectory_info), c_uint64]),
+    "swb_trajectory_times": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_trajectory_states": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_trajectory_steps": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_trajectory_control_stages": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_trajectory_modes": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_trajectory_active": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_trajectory_stage_times": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_trajectory_stage_states": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_trajectory_stage_theta": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_trajectory_switches": (c_int32, [c_void_p, POINTER(swb_switch), c_int64, c_uint64]),
+    "swb_trajectory_state_at": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_trajectory_free": (None, [c_void_p]),
+    "swb_simulator_create": (c_int32, [c_void_p, POINTER(swb_settings), c_void_p]),
+    "swb_simulator_set_state": (c_int32, [c_void_p, c_double, c_void_p, c_int64]),
+    "swb_simulator_set_controls": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_simulator_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_simulator_run": (c_int32, [c_void_p, c_double, c_int64, c_void_p]),
+    "swb_simulator_step": (c_int32, [c_void_p, c_double, c_void_p]),
+    "swb_simulator_clear": (c_int32, [c_void_p]),
+    "swb_simulator_get_time": (c_int32, [c_void_p, c_void_p]),
+    "swb_simulator_get_state": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_simulator_get_outcome": (c_int32, [c_void_p, c_void_p]),
+    "swb_simulator_get_residuals": (c_int32, [c_void_p, POINTER(swb_residuals), c_uint64]),
+    "swb_simulator_get_stats": (c_int32, [c_void_p, POINTER(swb_stats), c_uint64]),
+    "swb_simulator_get_trajectory": (c_int32, [c_void_p, c_void_p]),
+    "swb_simulator_set_int": (c_int32, [c_void_p, c_char_p, c_int64]),
+    "swb_simulator_set_double": (c_int32, [c_void_p, c_char_p, c_double]),
+    "swb_simulator_set_string": (c_int32, [c_void_p, c_char_p, c_char_p]),
+    "swb_simulator_set_settings": (c_int32, [c_void_p, POINTER(swb_settings)]),
+    "swb_simulator_get_settings": (c_int32, [c_void_p, POINTER(swb_settings), c_uint64]),
+    "swb_simulator_set_iteration": (c_int32, [c_void_p, swb_iteration_fn, c_void_p]),
+    "swb_simulator_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
+    "swb_simulator_interrupt": (c_int32, [c_void_p]),
+    "swb_simulator_free": (None, [c_void_p]),
+    "swb_ocp_create": (c_int32, [c_void_p, c_double, c_int64, POINTER(swb_settings), c_void_p]),
+    "swb_ocp_set_lagrange": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_set_mayer": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_add_path": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_int32]),
+    "swb_ocp_add_terminal": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_set_state_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_set_initial_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_set_initial_state": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_set_control_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_set_initial_time": (c_int32, [c_void_p, c_double]),
+    "swb_ocp_set_state_guess": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_set_control_guess": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_solve": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_get_outcome": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_get_polished": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_get_cost": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_get_controls": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_get_residuals": (c_int32, [c_void_p, POINTER(swb_residuals), c_uint64]),
+    "swb_ocp_get_stats": (c_int32, [c_void_p, POINTER(swb_stats), c_uint64]),
+    "swb_ocp_get_trajectory": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_set_int": (c_int32, [c_void_p, c_char_p, c_int64]),
+    "swb_ocp_set_double": (c_int32, [c_void_p, c_char_p, c_double]),
+    "swb_ocp_set_string": (c_int32, [c_void_p, c_char_p, c_char_p]),
+    "swb_ocp_set_settings": (c_int32, [c_void_p, POINTER(swb_settings)]),
+    "swb_ocp_get_settings": (c_int32, [c_void_p, POINTER(swb_settings), c_uint64]),
+    "swb_ocp_set_iteration": (c_int32, [c_void_p, swb_iteration_fn, c_void_p]),
+    "swb_ocp_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
+    "swb_ocp_interrupt": (c_int32, [c_void_p]),
+    "swb_ocp_free": (None, [c_void_p]),
+    "swb_mpcc_create": (c_int32, [c_int64, c_int64, c_void_p, c_void_p, POINTER(swb_settings), c_void_p]),
+    "swb_mpcc_add_pair": (c_int32, [c_void_p, c_int32, c_int64, c_int32, c_int64]),
+    "swb_mpcc_set_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_mpcc_set_constraint_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_mpcc_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mpcc_set_start": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mpcc_solve": (c_int32, [c_void_p, c_void_p]),
+    "swb_mpcc_get_outcome": (c_int32, [c_void_p, c_void_p]),
+    "swb_mpcc_get_polished": (c_int32, [c_void_p, c_void_p]),
+    "swb_mpcc_get_objective": (c_int32, [c_void_p, c_void_p]),
+    "swb_mpcc_get_solution": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mpcc_get_constraints": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mpcc_get_multipliers": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_mpcc_get_pairs": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_int64]),
+    "swb_mpcc_get_residuals": (c_int32, [c_void_p, POINTER(swb_residuals), c_uint64]),
+    "swb_mpcc_get_stats": (c_int32, [c_void_p, POINTER(swb_stats), c_uint64]),
+    "swb_mpcc_set_int": (c_int32, [c_void_p, c_char_p, c_int64]),
+    "swb_mpcc_set_double": (c_int32, [c_void_p, c_char_p, c_double]),
+    "swb_mpcc_set_string": (c_int32, [c_void_p, c_char_p, c_char_p]),
+    "swb_mpcc_set_settings": (c_int32, [c_void_p, POINTER(swb_settings)]),
+    "swb_mpcc_get_settings": (c_int32, [c_void_p, POINTER(swb_settings), c_uint64]),
+    "swb_mpcc_set_iteration": (c_int32, [c_void_p, swb_iteration_fn, c_void_p]),
+    "swb_mpcc_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
+    "swb_mpcc_interrupt": (c_int32, [c_void_p]),
+    "swb_mpcc_free": (None, [c_void_p]),
+}
+
+
+def declare(library):
+    """Give the functions of the loaded library their types."""
+    for name, (result, arguments) in FUNCTIONS.items():
+        function = getattr(library, name)
+        function.restype = result
+        function.argtypes = arguments
+    return library

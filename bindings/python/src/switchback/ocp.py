@@ -1,0 +1,215 @@
+"""Optimal control."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, field
+from typing import Any, Mapping, Sequence
+
+import numpy
+
+from ._arrays import Array, address, bounds, index, number, real, table, vector
+from ._ffi import Outcome, PathAt, Polished
+from ._solver import Solver
+from .errors import ArgumentError, DimensionError
+from .function import Function
+from .results import HasOutcome, OnIteration, OnLog, Residuals, Stats, polished_of
+from .settings import Settings
+from .simulator import _need_system
+from .system import System
+from .trajectory import Trajectory
+
+__all__ = ["Ocp", "OcpResult"]
+
+
+@dataclass(frozen=True)
+class OcpResult(HasOutcome):
+    """What a solve found; `controls` has a row for each control stage, which last from `control_times` on."""
+
+    outcome: Outcome
+    polished: Polished
+    cost: float
+    controls: Array
+    control_times: Array = field(repr=False)
+    trajectory: Trajectory
+    residuals: Residuals
+    stats: Stats
+
+    def plot(self, path: Any = None, **keywords: Any) -> Any:
+        """See `switchback.plot`."""
+        from .plot import plot
+
+        return plot(self, path, **keywords)
+
+
+class Ocp(Solver):
+    """Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
+
+    Bounds are infinite, the initial state is free, initial time and parameters are zero, and there is no cost,
+    until they are set, by keyword or by the methods. Options by `settings` or by keyword.
+    """
+
+    _kind = "ocp"
+
+    def __init__(
+        self,
+        system: System,
+        horizon: float,
+        n_stages: int,
+        settings: Settings | Mapping[str, Any] | None = None,
+        *,
+        lagrange: Any = None,
+        mayer: Any = None,
+        initial_state: Any = None,
+        initial_time: float | None = None,
+        initial_bounds: Sequence[Any] | None = None,
+        state_bounds: Sequence[Any] | None = None,
+        control_bounds: Sequence[Any] | None = None,
+        params: Any = None,
+        on_iteration: OnIteration | None = None,
+        on_log: OnLog | None = None,
+        **options: Any,
+    ):
+        _need_system(system)
+        self.nx, self.nu, self.np = system.nx, system.nu, system.np
+        self.horizon, self.n_stages = number(horizon, "horizon"), index(n_stages, "n_stages")
+        self.initial_time = 0.0
+        chosen = Settings._from(settings, options)
+        self._create(system, self.horizon, self.n_stages, ctypes.byref(chosen._c))
+        self._functions = list(system._functions)
+        self._monitors(on_iteration, on_log)
+        for value, method in (
+            (lagrange, self.set_lagrange),
+            (mayer, self.set_mayer),
+            (initial_state, self.set_initial_state),
+            (initial_time, self.set_initial_time),
+            (params, self.set_params),
+        ):
+            if value is not None:
+                method(value)
+        for pair, name, set_bounds in (
+            (initial_bounds, "initial_bounds", self.set_initial_bounds),
+            (state_bounds, "state_bounds", self.set_state_bounds),
+            (control_bounds, "control_bounds", self.set_control_bounds),
+        ):
+            if pair is not None:
+                if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+                    raise DimensionError(f"{name} must be (lower, upper)")
+                set_bounds(*pair)
+
+    def _function(self, f: Any, n_out: int, name: str) -> Function:
+        return Function._of(f, (self.nx, self.nu, self.np), n_out, name)
+
+    def set_lagrange(self, f: Any) -> None:
+        """Set the cost rate, one output: its integral over the horizon is minimised."""
+        function = self._function(f, 1, "lagrange")
+        self._do("set_lagrange", function)
+        self._functions.append(function)
+
+    def set_mayer(self, f: Any) -> None:
+        """Set the terminal cost, one output; its control is that of the last stage."""
+        function = self._function(f, 1, "mayer")
+        self._do("set_mayer", function)
+        self._functions.append(function)
+
+    @staticmethod
+    def _rows(f: Any, lower: Any, upper: Any, name: str) -> int:
+        if isinstance(f, Function):
+            return f.n_out
+        sizes = {real(b, name).size for b in (lower, upper) if b is not None and numpy.ndim(b) > 0}
+        if len(sizes) > 1:
+            raise DimensionError(f"bounds of {name}: {' and '.join(map(str, sorted(sizes)))} numbers")
+        return sizes.pop() if sizes else 1
+
+    def add_path(self, f: Any, lower: Any = None, upper: Any = None, at: PathAt | str = PathAt.CONTROL_GRID) -> None:
+        """Add the constraint lower <= f(x, u, p, t) <= upper along the horizon: at "control_grid", "elements" or
+        "stage_points". The bounds tell the number of outputs."""
+        if isinstance(at, str):
+            try:
+                at = PathAt[at.upper()]
+            except KeyError:
+                known = ", ".join(v.name.lower() for v in PathAt)
+                raise ArgumentError(f"at must be one of {known}, not '{at}'") from None
+        n = self._rows(f, lower, upper, "path constraint")
+        function = self._function(f, n, "path")
+        low, high = bounds(lower, upper, n, "bounds of a path constraint")
+        self._do("add_path", function, address(low), n, address(high), n, index(at, "at"))
+        self._functions.append(function)
+
+    def add_terminal(self, f: Any, lower: Any = None, upper: Any = None) -> None:
+        """Add the constraint lower <= f(x, u, p, t) <= upper at the end of the horizon."""
+        n = self._rows(f, lower, upper, "terminal constraint")
+        function = self._function(f, n, "terminal")
+        low, high = bounds(lower, upper, n, "bounds of a terminal constraint")
+        self._do("add_terminal", function, address(low), n, address(high), n)
+        self._functions.append(function)
+
+    def _bounds(self, name: str, lower: Any, upper: Any, n: int, what: str) -> None:
+        low, high = bounds(lower, upper, n, what)
+        self._do(name, address(low), n, address(high), n)
+
+    def set_state_bounds(self, lower: Any = None, upper: Any = None) -> None:
+        """Set bounds of the states after the initial time; None is no bound, one number is for all."""
+        self._bounds("set_state_bounds", lower, upper, self.nx, "bounds of the states")
+
+    def set_initial_bounds(self, lower: Any = None, upper: Any = None) -> None:
+        """Set bounds of the initial state; equal bounds fix it."""
+        self._bounds("set_initial_bounds", lower, upper, self.nx, "bounds of the initial state")
+
+    def set_control_bounds(self, lower: Any = None, upper: Any = None) -> None:
+        """Set bounds of the controls."""
+        self._bounds("set_control_bounds", lower, upper, self.nu, "bounds of the controls")
+
+    def set_initial_state(self, x0: Any) -> None:
+        """Fix the initial state."""
+        array = vector(x0, self.nx, "x0")
+        self._do("set_initial_state", address(array), len(array))
+
+    def set_initial_time(self, t0: float) -> None:
+        """Set the initial time."""
+        t = number(t0, "t0")
+        self._do("set_initial_time", t)
+        self.initial_time = t
+
+    def set_params(self, p: Any) -> None:
+        """Set the parameters."""
+        array = vector(p, self.np, "p")
+        self._do("set_params", address(array), len(array))
+
+    def set_state_guess(self, times: Any, x: Any) -> None:
+        """Give states to start from, a row for each of the rising times, linear in between."""
+        t = numpy.atleast_1d(real(times, "times"))
+        if t.ndim != 1:
+            raise DimensionError(f"times has shape {t.shape}, expected one dimension")
+        array = table(x, len(t), self.nx, "x")
+        self._do("set_state_guess", address(t), len(t), address(array), array.size)
+
+    def set_control_guess(self, u: Any) -> None:
+        """Give controls to start from, a row for each stage."""
+        array = table(u, self.n_stages, self.nu, "u")
+        self._do("set_control_guess", address(array), array.size)
+
+    def solve(self) -> OcpResult:
+        """Solve. Look at `result.success`: the outcome may be another one than solved."""
+        self._solve("solve")
+        return self.result
+
+    @property
+    def result(self) -> OcpResult:
+        """What the last solve found."""
+        u = numpy.empty((self.n_stages, self.nu))
+        self._do("get_controls", address(u), u.size)
+        times = self.initial_time + self.horizon / self.n_stages * numpy.arange(self.n_stages + 1)
+        return OcpResult(
+            self.outcome,
+            polished_of(self._get("get_polished", ctypes.c_int32)),
+            self._get("get_cost", ctypes.c_double),
+            u,
+            times,
+            Trajectory._take(self),
+            self.residuals,
+            self.stats,
+        )
+
+    def __repr__(self) -> str:
+        return f"<Ocp nx={self.nx} nu={self.nu} horizon={self.horizon:g} n_stages={self.n_stages}>"

@@ -1,0 +1,124 @@
+"""Plots of states, controls, step sizes, active modes and switches."""
+
+from __future__ import annotations
+
+from typing import Any, Sequence
+
+import numpy
+
+from .errors import ArgumentError, StateError
+from .trajectory import Trajectory
+
+__all__ = ["plot"]
+
+_GRID = {"color": "0.9", "linewidth": 0.6}
+
+
+def _pyplot() -> Any:
+    try:
+        import matplotlib.pyplot
+    except ImportError as error:
+        raise ImportError("plots need matplotlib: pip install matplotlib") from error
+    return matplotlib.pyplot
+
+
+def _labels(names: Sequence[str] | None, letter: str, count: int) -> list[str]:
+    if names is None:
+        return [f"${letter}_{{{i + 1}}}$" for i in range(count)]
+    if len(names) != count:
+        raise ArgumentError(f"{len(names)} names for {count} curves: {list(names)}")
+    return list(names)
+
+
+def plot(
+    result: Any,
+    path: Any = None,
+    *,
+    names: Sequence[str] | None = None,
+    control_names: Sequence[str] | None = None,
+    states: Sequence[int] | None = None,
+    title: str | None = None,
+    points: int = 12,
+) -> Any:
+    """Plot a trajectory, or the result of a simulation or an optimal control problem: states, controls, step
+    sizes and active modes over time, with the switches as dotted lines.
+
+    `states` chooses states, `names` and `control_names` label them, `points` are drawn for each finite element. With
+    `path` the figure is saved there. Returns the matplotlib figure.
+    """
+    trajectory = result if isinstance(result, Trajectory) else getattr(result, "trajectory", None)
+    if not isinstance(trajectory, Trajectory):
+        raise ArgumentError(f"there is no trajectory in {type(result).__name__}")
+    if trajectory.n_elements == 0:
+        raise StateError("the trajectory is empty")
+    plt = _pyplot()
+    controls = getattr(result, "controls", None)
+    has_controls = controls is not None and controls.size > 0
+    n_modes = sum(trajectory.n_modes)
+
+    heights = [3.0] + ([1.8] if has_controls else []) + [1.4] + ([0.5 + 0.22 * n_modes] if n_modes else [])
+    figure, axes = plt.subplots(
+        len(heights), 1, sharex=True, squeeze=False, figsize=(8.0, 0.8 + sum(heights)),
+        gridspec_kw={"height_ratios": heights}, layout="constrained",
+    )
+    panels = iter(axes[:, 0])
+
+    ax = next(panels)
+    _states(ax, trajectory, names, states, points)
+    if has_controls:
+        ax = next(panels)
+        for column, label in zip(controls.T, _labels(control_names, "u", controls.shape[1])):
+            ax.stairs(column, result.control_times, baseline=None, label=label, linewidth=1.5)
+        ax.set_ylabel("controls")
+        _legend(ax, controls.shape[1])
+    ax = next(panels)
+    ax.stairs(trajectory.steps, trajectory.times, baseline=None, color="0.3", linewidth=1.2)
+    ax.set_ylim(bottom=0.0)
+    ax.set_ylabel("step sizes")
+    if n_modes:
+        _modes(next(panels), trajectory)
+    for ax in axes[:, 0]:
+        ax.grid(**_GRID)
+        for t in trajectory.switch_times:
+            ax.axvline(t, color="0.5", linestyle=":", linewidth=0.8)
+    axes[-1, 0].set_xlabel("time")
+    axes[-1, 0].set_xlim(trajectory.t_start, trajectory.t_end)
+    if title:
+        figure.suptitle(title)
+    if path is not None:
+        figure.savefig(path, dpi=150)
+        plt.close(figure)
+    return figure
+
+
+def _states(ax: Any, r: Trajectory, names: Sequence[str] | None, states: Sequence[int] | None, points: int) -> None:
+    chosen = list(range(r.nx)) if states is None else list(states)
+    between = numpy.linspace(0.0, 1.0, max(points, 1) + 1)[:-1]
+    t = numpy.append((r.times[:-1, None] + r.steps[:, None] * between).ravel(), r.t_end)
+    x = r(numpy.clip(t, r.t_start, r.t_end))
+    labels = _labels(names, "x", len(chosen) if names is not None and len(names) != r.nx else r.nx)
+    if len(labels) == r.nx:
+        labels = [labels[i] for i in chosen]
+    for i, label in zip(chosen, labels):
+        (line,) = ax.plot(t, x[:, i], label=label, linewidth=1.5)
+        ax.plot(r.times, r.states[:, i], ".", color=line.get_color(), markersize=3)
+    ax.set_ylabel("states")
+    _legend(ax, len(chosen))
+
+
+def _modes(ax: Any, r: Trajectory) -> None:
+    labels = []
+    for k, n in enumerate(r.n_modes):
+        for i in range(n):
+            active = r.active_modes(k)[:, i]
+            spans = [(t, h) for t, h, on in zip(r.times, r.steps, active) if on]
+            ax.broken_barh(spans, (len(labels) - 0.4, 0.8), facecolor=f"C{k % 10}", alpha=0.8)
+            labels.append(f"{k}: {i}" if len(r.n_modes) > 1 else str(i))
+    ax.set_yticks(range(len(labels)), labels, fontsize="x-small")
+    ax.set_ylim(-0.6, len(labels) - 0.4)
+    ax.set_ylabel("modes")
+
+
+def _legend(ax: Any, count: int) -> None:
+    if 1 < count <= 12:
+        ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="small", frameon=False)

@@ -1,0 +1,121 @@
+"""What a solve says about itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any, Callable
+
+from . import _ffi
+from ._ffi import Outcome, Polished
+from ._library import lib
+
+__all__ = ["Iteration", "Residuals", "Stats", "print_iteration"]
+
+
+class _FromStruct:
+    @classmethod
+    def _of(cls, c: Any) -> Any:
+        return cls(**{f.name: getattr(c, f.name) for f in fields(cls)})  # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class Residuals(_FromStruct):
+    """Residuals of the optimality conditions, unscaled, maximum norm."""
+
+    primal: float
+    dual: float
+    complementarity: float
+    pair_product: float
+    pair_min: float
+
+
+@dataclass(frozen=True)
+class Stats(_FromStruct):
+    """What a solve cost, or all steps of a simulation; times in seconds."""
+
+    iterations: int
+    factorisations: int
+    evaluations: int
+    restoration_iterations: int
+    polish_iterations: int
+    max_delta_w: float
+    time_eval: float
+    time_linalg: float
+    time_total: float
+    time_build: float
+    n_variables: int
+    n_constraints: int
+    n_pairs: int
+    n_steps: int
+    n_homotopies: int
+
+
+@dataclass(frozen=True)
+class Iteration:
+    """One iteration of a solve. `phase` is ' ' main, 'r' restoration, 'p' polish, 'j' relaxation raised."""
+
+    iter: int
+    objective: float
+    inf_pr: float
+    inf_du: float
+    mu: float
+    sigma: float
+    inf_cc: float
+    step: float
+    delta_w: float
+    alpha_du: float
+    alpha_pr: float
+    trials: int
+    phase: str
+
+    @classmethod
+    def _of(cls, c: _ffi.swb_iteration_info) -> Iteration:
+        values = {f.name: getattr(c, f.name) for f in fields(cls)}
+        values["phase"] = chr(c.phase) if 0 < c.phase < 128 else " "
+        return cls(**values)
+
+
+def print_iteration(i: Iteration) -> None:
+    """Print an iteration as one line; give it as `on_iteration`."""
+    if i.iter % 20 == 0:
+        print("  iter     objective    inf_pr    inf_du    inf_cc     sigma        mu  alpha_pr", flush=True)
+    print(
+        f"{i.iter:5d}{i.phase} {i.objective: .6e} {i.inf_pr:9.2e} {i.inf_du:9.2e} {i.inf_cc:9.2e} "
+        f"{i.sigma:9.2e} {i.mu:9.2e} {i.alpha_pr:9.2e}",
+        flush=True,
+    )
+
+
+OnIteration = Callable[[Iteration], Any]
+OnLog = Callable[[str, str], Any]
+
+
+class HasOutcome:
+    """What all results have in common."""
+
+    outcome: Outcome
+
+    @property
+    def success(self) -> bool:
+        """Solved?"""
+        return self.outcome == Outcome.SOLVED
+
+    @property
+    def message(self) -> str:
+        """The outcome in words."""
+        return (lib.swb_outcome_name(int(self.outcome)) or b"unknown").decode()
+
+
+def outcome_of(number: int) -> Outcome:
+    """An outcome, also one that this package does not know."""
+    try:
+        return Outcome(number)
+    except ValueError:
+        return number  # type: ignore[return-value]
+
+
+def polished_of(number: int) -> Polished:
+    try:
+        return Polished(number)
+    except ValueError:
+        return number  # type: ignore[return-value]

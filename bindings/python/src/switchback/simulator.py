@@ -1,0 +1,162 @@
+"""Simulation."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, field
+from typing import Any, Mapping
+
+import numpy
+
+from ._arrays import Array, address, index, number, table, vector
+from ._ffi import Outcome
+from ._solver import Solver
+from .errors import ArgumentError
+from .results import HasOutcome, OnIteration, OnLog, Residuals, Stats
+from .settings import Settings
+from .system import System
+from .trajectory import Trajectory
+
+__all__ = ["SimulationResult", "Simulator", "simulate"]
+
+
+class Simulator(Solver):
+    """Simulator of a system: time, state, and the trajectory since the state was set.
+
+    Options by `settings` or by keyword: `Simulator(system, n_s=4, n_fe=3)`.
+    """
+
+    _kind = "simulator"
+
+    def __init__(
+        self,
+        system: System,
+        settings: Settings | Mapping[str, Any] | None = None,
+        *,
+        on_iteration: OnIteration | None = None,
+        on_log: OnLog | None = None,
+        **options: Any,
+    ):
+        _need_system(system)
+        self.nx, self.nu, self.np = system.nx, system.nu, system.np
+        chosen = Settings._from(settings, options)
+        self._create(system, ctypes.byref(chosen._c))
+        self._functions = list(system._functions)
+        self._monitors(on_iteration, on_log)
+
+    def set_state(self, x: Any, t: float = 0.0) -> None:
+        """Set state and time, and begin a new trajectory."""
+        array = vector(x, self.nx, "x")
+        self._do("set_state", number(t, "t"), address(array), len(array))
+
+    def set_controls(self, u: Any) -> None:
+        """Set the controls, constant from now on."""
+        array = vector(u, self.nu, "u")
+        self._do("set_controls", address(array), len(array))
+
+    def set_params(self, p: Any) -> None:
+        """Set the parameters."""
+        array = vector(p, self.np, "p")
+        self._do("set_params", address(array), len(array))
+
+    def run(self, duration: float, n_steps: int) -> Outcome:
+        """Simulate over a duration in equal steps of n_fe finite elements each, from where the last call ended. It
+        ends early where a step fails."""
+        return self._solve("run", number(duration, "duration"), index(n_steps, "n_steps"))
+
+    def step(self, h: float) -> Outcome:
+        """Simulate one step of n_fe finite elements over the duration h."""
+        return self._solve("step", number(h, "h"))
+
+    def clear(self) -> None:
+        """Forget trajectory and statistics; time and state stay."""
+        self._do("clear")
+
+    @property
+    def time(self) -> float:
+        """Time reached."""
+        return self._get("get_time", ctypes.c_double)
+
+    @property
+    def state(self) -> Array:
+        """State reached."""
+        out = numpy.empty(self.nx)
+        self._do("get_state", address(out), out.size)
+        return out
+
+    @property
+    def trajectory(self) -> Trajectory:
+        """A copy of the trajectory since the state was set."""
+        return Trajectory._take(self)
+
+    def __repr__(self) -> str:
+        return "<Simulator, closed>" if self.closed else f"<Simulator at t={self.time:g}>"
+
+
+@dataclass(frozen=True)
+class SimulationResult(HasOutcome):
+    """What a simulation found; `controls` has a row for each step, which last from `control_times` on."""
+
+    outcome: Outcome
+    time: float
+    state: Array
+    trajectory: Trajectory
+    residuals: Residuals
+    stats: Stats
+    controls: Array = field(repr=False)
+    control_times: Array = field(repr=False)
+
+    def plot(self, path: Any = None, **keywords: Any) -> Any:
+        """See `switchback.plot`."""
+        from .plot import plot
+
+        return plot(self, path, **keywords)
+
+
+def simulate(
+    system: System,
+    x0: Any,
+    duration: float,
+    n_steps: int,
+    *,
+    t0: float = 0.0,
+    u: Any = None,
+    p: Any = None,
+    settings: Settings | Mapping[str, Any] | None = None,
+    on_iteration: OnIteration | None = None,
+    on_log: OnLog | None = None,
+    **options: Any,
+) -> SimulationResult:
+    """Simulate a system from x0 over a duration in equal steps.
+
+    `u` are constant controls, or with a row for each step those of the steps. Look at `result.success`: the
+    simulation ends early where a step fails. For going on, stopping and changing things use a `Simulator`.
+    """
+    with Simulator(system, settings, on_iteration=on_iteration, on_log=on_log, **options) as sim:
+        start, steps, span = number(t0, "t0"), index(n_steps, "n_steps"), number(duration, "duration")
+        sim.set_state(x0, start)
+        if p is not None or sim.np:
+            sim.set_params(p)
+        if numpy.ndim(u) == 2 and steps > 0:
+            controls = table(u, steps, sim.nu, "u")
+            control_times = start + span / steps * numpy.arange(steps + 1)
+            outcome = Outcome.SOLVED
+            for row in controls:
+                sim.set_controls(row)
+                outcome = sim.step(span / steps)
+                if outcome != Outcome.SOLVED:
+                    break
+        else:
+            if u is not None or sim.nu:
+                sim.set_controls(u)
+            controls = numpy.empty((1, 0)) if u is None else vector(u, sim.nu, "u").reshape(1, -1).copy()
+            control_times = numpy.array([start, start + span])
+            outcome = sim.run(span, steps)
+        return SimulationResult(
+            outcome, sim.time, sim.state, sim.trajectory, sim.residuals, sim.stats, controls, control_times
+        )
+
+
+def _need_system(system: Any) -> None:
+    if not isinstance(system, System):
+        raise ArgumentError(f"system must be a System, not {type(system).__name__}")

@@ -1,0 +1,124 @@
+"""Piecewise smooth systems."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any, Callable, Sequence
+
+import numpy
+
+from ._arrays import address, index
+from ._call import Handle
+from .errors import ArgumentError, DimensionError, RangeError
+from .function import Function
+
+__all__ = ["System"]
+
+
+class System(Handle):
+    """x' = f0(x, u, p, t) plus, for each subsystem, a convex combination of its modes.
+
+    Functions are given as `Function`, as callables (see there), as lists of callables, one for each mode, or as
+    arrays of constants.
+    """
+
+    _kind = "system"
+
+    def __init__(self, nx: int, nu: int = 0, np: int = 0, f0: Any = None):
+        self.nx, self.nu, self.np = index(nx, "nx"), index(nu, "nu"), index(np, "np")
+        self._functions: list[Function] = []  # their callbacks are called as long as a model is there
+        self.n_subsystems = 0
+        self._create(self.nx, self.nu, self.np)
+        if f0 is not None:
+            self.set_f0(f0)
+
+    def function(self, value: Callable[..., Any], n_out: int | tuple[int, ...] = 1, **keywords: Any) -> Function:
+        """A function with the sizes of this system; keywords as those of `Function`."""
+        return Function(value, self.nx, self.nu, self.np, n_out, **keywords)
+
+    def _function(self, f: Any, n_out: int | tuple[int, ...], name: str) -> Function:
+        return Function._of(f, (self.nx, self.nu, self.np), n_out, name)
+
+    def set_f0(self, f0: Any) -> None:
+        """Set the part of the right-hand side that does not switch: nx outputs."""
+        f = self._function(f0, self.nx, "f0")
+        self._do("set_f0", f)
+        self._functions.append(f)
+
+    def _rows(self, rows: Any) -> numpy.ndarray:
+        if rows is None:
+            return numpy.arange(self.nx, dtype=numpy.int64)
+        array = numpy.atleast_1d(numpy.asarray(rows))
+        if array.size and (array.ndim != 1 or array.dtype.kind not in "iu"):
+            raise RangeError(f"rows must be indices of states, not {rows!r:.60}")
+        return numpy.ascontiguousarray(array, dtype=numpy.int64)
+
+    def add_subsystem(self, modes: Any, psi: Any, signs: Any, rows: Sequence[int] | None = None) -> int:
+        """Add a subsystem whose regions are given by switching functions psi and a sign matrix: mode i is valid
+        where signs[i, j] psi_j(x) > 0 for every j with signs[i, j] != 0.
+
+        `signs` has a row for each mode and a column for each switching function; with one of these, a list. The
+        modes return an array (n_modes, n_rows), a vector field for each mode, or the same numbers flat; they drive
+        the states `rows`, all of them if it is None. Returns the number of the subsystem.
+        """
+        try:
+            matrix = numpy.asarray(signs)
+        except ValueError:
+            raise DimensionError("signs is no regular array") from None
+        matrix = matrix.reshape(-1, 1) if matrix.ndim == 1 else matrix
+        if matrix.ndim != 2:
+            raise DimensionError(f"signs has shape {matrix.shape}, expected (n_modes, n_psi)")
+        if matrix.dtype.kind not in "fiub" or not numpy.isin(matrix, (-1, 0, 1)).all():
+            raise RangeError("signs must be -1, 0 or 1")
+        n_modes, n_psi = matrix.shape
+        packed = numpy.ascontiguousarray(matrix, dtype=numpy.int8)
+        chosen = self._rows(rows)
+        f = self._function(modes, (n_modes, len(chosen)), "modes")
+        g = self._function(psi, n_psi, "psi")
+        number = ctypes.c_int64()
+        self._do(
+            "add_subsystem",
+            address(chosen),
+            len(chosen),
+            f,
+            n_modes,
+            g,
+            address(packed),
+            packed.size,
+            ctypes.byref(number),
+        )
+        return self._added(number, f, g)
+
+    def add_subsystem_indicators(
+        self, modes: Any, indicators: Any, rows: Sequence[int] | None = None, n_modes: int | None = None
+    ) -> int:
+        """Add a subsystem whose regions are given by Stewart's indicator functions: mode i is valid where g_i(x) is
+        the smallest. `n_modes` is needed if neither modes nor indicators tell it. Returns its number."""
+        chosen = self._rows(rows)
+        if n_modes is None:
+            if isinstance(indicators, Function):
+                n_modes = indicators.n_out
+            elif isinstance(indicators, (list, tuple)):
+                n_modes = len(indicators)
+            elif isinstance(modes, Function) and len(chosen):
+                n_modes = modes.n_out // len(chosen)
+            elif isinstance(modes, (list, tuple)):
+                n_modes = len(modes)
+            else:
+                raise ArgumentError("n_modes: the number of modes must be given")
+        count = index(n_modes, "n_modes")
+        f = self._function(modes, (count, len(chosen)), "modes")
+        g = self._function(indicators, count, "indicators")
+        number = ctypes.c_int64()
+        self._do(
+            "add_subsystem_indicators", address(chosen), len(chosen), f, count, g, ctypes.byref(number)
+        )
+        return self._added(number, f, g)
+
+    def _added(self, number: ctypes.c_int64, *functions: Function) -> int:
+        self._functions += functions
+        self.n_subsystems += 1
+        return number.value
+
+    def __repr__(self) -> str:
+        return f"<System nx={self.nx} nu={self.nu} np={self.np}, {self.n_subsystems} subsystems>"
