@@ -287,8 +287,7 @@ impl Layout {
                 if fesd && n > 0 {
                     e.row_equal = Some(row.take(1));
                 }
-                // a node at 0 leaves no polynomial through the start
-                if fesd && (n > 0 || k > 0) && tableau.c[0] > 0.0 {
+                if fesd && (n > 0 || k > 0) {
                     e.row_slope = Some(row.take(n_cells));
                 }
                 x_prev = e.x_end;

@@ -764,7 +764,7 @@ impl Fesd {
             if let (Some(row), Some(start)) = (e.row_slope, e.lambda_start) {
                 for k in 0..l.n_cells {
                     let points = std::iter::once(&start).chain(&e.lambda);
-                    c[row + k] = points.zip(&self.slope).map(|(&j, d)| d * w[j + k]).sum();
+                    c[row + k] = points.chain(&e.lambda_end).zip(&self.slope).map(|(&j, d)| d * w[j + k]).sum();
                 }
             }
         }
@@ -950,8 +950,10 @@ impl Fesd {
                     }
                 }
                 if let (Some(row), Some(start)) = (e.row_slope, e.lambda_start) {
-                    for (&j, &d) in std::iter::once(&start).chain(&e.lambda).zip(&self.slope) {
-                        s.add(row + c, j + c, d);
+                    for (&j, &d) in std::iter::once(&start).chain(&e.lambda).chain(&e.lambda_end).zip(&self.slope) {
+                        if d != 0.0 {
+                            s.add(row + c, j + c, d);
+                        }
                     }
                 }
             }
@@ -1178,8 +1180,17 @@ impl Fesd {
     }
 }
 
-/// Derivative at 0 of the Lagrange polynomials on the nodes `0, c_1, ..., c_s`.
+/// Weights of `λ` at the start, the stage points and the end of an element in its slope at the start: the derivative
+/// at 0 of the polynomial through the start and the stage points. An explicit method knows the slope from the first
+/// point its first stage leads to.
 fn slope_weights(c: &[f64]) -> Vec<f64> {
+    if c[0] == 0.0 {
+        let mut w = vec![0.0; c.len() + 2];
+        let (first, at) = c.iter().enumerate().find(|(_, &c)| c > 0.0).map_or((c.len(), 1.0), |(i, &c)| (i, c));
+        w[0] = -1.0 / at;
+        w[first + 1] = 1.0 / at;
+        return w;
+    }
     let nodes: Vec<f64> = std::iter::once(0.0).chain(c.iter().copied()).collect();
     let others = |j: usize| nodes.iter().enumerate().filter(move |&(k, _)| k != j).map(|(_, v)| *v);
     (0..nodes.len())
@@ -1324,8 +1335,7 @@ impl Mpcc for Fesd {
     /// The active set of every element is `sides`: `λ`, or `θ`, is zero at all its points. Where it does not
     /// change, neighbouring steps are equal. Where components only leave it, a sliding mode ends: the first of them
     /// leaves with `λ̇ = 0`, which is `θ = 0` up to the error of the method but, unlike that, never lets `λ` fall below
-    /// zero afterwards. At the start of a control stage, where `θ` may jump with the control, it is `λ̇ ≥ 0`. Methods
-    /// with a node at 0 have no polynomial through the start and use `θ = 0` at the last stage point.
+    /// zero afterwards. At the start of a control stage, where `θ` may jump with the control, it is `λ̇ ≥ 0`.
     fn branch(&self, sides: &[Side], b: &mut Bounds) {
         let l = &self.l;
         let fix = |b: &mut Bounds, j: usize| {
@@ -1381,12 +1391,9 @@ impl Mpcc for Fesd {
                 }
                 (false, Some(c)) => {
                     let last = l.elements[i_e - 1].theta[self.tableau.n_s - 1] + c;
-                    match e.row_slope {
-                        Some(slope) => {
-                            b.cu[slope + c] = 0.0;
-                            b.xl[last] = f64::NEG_INFINITY;
-                        }
-                        None => fix(b, last),
+                    if let Some(slope) = e.row_slope {
+                        b.cu[slope + c] = 0.0;
+                        b.xl[last] = f64::NEG_INFINITY;
                     }
                 }
                 (true, _) => {}
