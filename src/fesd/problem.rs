@@ -363,16 +363,28 @@ impl Fesd {
     /// from it: a value that is on a switching surface up to rounding would contradict `λ_{0,0} = 0`.
     pub fn free_signs(&self, b: &mut Bounds) {
         let l = &self.l;
-        let first = l.elements[0].row_sum_lambda.map(|_| l.elements[0].sum_lambda);
-        for j in l.lambda0.into_iter().chain(first) {
-            b.xu[j..j + l.n_cells].fill(f64::INFINITY);
+        if let Some(lambda0) = l.lambda0 {
+            // one active cell per subsystem keeps λ = 0: it says what μ is
+            let mut j = lambda0;
+            for sub in self.spec.dcs.subsystems() {
+                let cells = j..j + sub.cells.len();
+                let pinned = cells.clone().find(|&j| b.xu[j] == 0.0);
+                for j in cells.filter(|&j| Some(j) != pinned) {
+                    b.xl[j] = f64::NEG_INFINITY;
+                    b.xu[j] = f64::INFINITY;
+                }
+                j += sub.cells.len();
+            }
+            if l.elements[0].row_sum_lambda.is_some() {
+                let j = l.elements[0].sum_lambda;
+                b.xu[j..j + l.n_cells].fill(f64::INFINITY);
+            }
         }
         let mut free = |from: usize| {
             for j in (from..from + l.n_cells).filter(|&j| b.xu[j] != 0.0) {
                 b.xl[j] = f64::NEG_INFINITY;
             }
         };
-        l.lambda0.into_iter().for_each(&mut free);
         for e in &l.elements {
             e.theta.iter().chain(&e.lambda).chain(&e.lambda_end).for_each(|&j| free(j));
             if e.row_sum_lambda.is_some() {

@@ -18,4 +18,4 @@ mod solver;
 pub use homotopy::Scholtes;
 pub use lifted::{Lifted, Member};
 pub use problem::{Mpcc, Side};
-pub use solver::{MpccSettings, MpccSolver, Polish, Solution, Suggest};
+pub use solver::{MpccSettings, MpccSolver, Polish, Solution, Suggest, Wanted};

@@ -119,9 +119,21 @@ const MAX_BRANCHES: usize = 8;
 /// Iterations one branch gets: near a solution it takes a handful.
 const BRANCH_ITERATIONS: usize = 30;
 
-/// Proposes active sets: given a number that counts from 0, the point the relaxation reached, and the sides that were
-/// identified, changes the sides; false when it knows no more.
-pub type Suggest<'a> = &'a mut dyn FnMut(usize, &[f64], &mut [Side]) -> bool;
+/// What an active set is asked for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Wanted {
+    /// The set that was identified has no solution: the `k`-th other one.
+    Repair(usize),
+    /// A set is solved: the `k`-th neighbour that may be better.
+    Improve(usize),
+}
+
+/// Proposes active sets: given what is wanted, the point reached, and the present sides, changes the sides; false when
+/// it knows no more.
+pub type Suggest<'a> = &'a mut dyn FnMut(Wanted, &[f64], &mut [Side]) -> bool;
+
+/// Improvements accepted at most.
+const MAX_IMPROVEMENTS: usize = 10;
 
 /// A solver for problems of one structure.
 pub struct MpccSolver {
@@ -353,7 +365,7 @@ impl MpccSolver {
                 break;
             }
             self.identify(p, &x);
-            if !suggest(k, &x, &mut self.sides) {
+            if !suggest(Wanted::Repair(k), &x, &mut self.sides) {
                 break;
             }
             ok = self.try_branch_at(p, bounds, &x, control);
@@ -369,14 +381,41 @@ impl MpccSolver {
                 self.flip(k);
             }
         }
-        self.saved.x = x;
         if ok {
             self.record(p, Outcome::Solved, Polish::Done);
+            self.improve(p, bounds, control, suggest);
         } else {
             self.solution.polish = Polish::Rejected;
         }
+        self.saved.x = x;
         p.set_polishing(false);
         ok
+    }
+
+    /// Moves to neighbouring active sets as long as the objective falls. The result stays the best point.
+    fn improve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) {
+        for _ in 0..MAX_IMPROVEMENTS {
+            let best = self.solution.objective;
+            let mut better = false;
+            for k in 0.. {
+                self.sides.copy_from_slice(&self.solution.sides);
+                let x = std::mem::take(&mut self.solution.x);
+                let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
+                let ok = more && self.try_branch_at(p, bounds, &x, control);
+                self.solution.x = x;
+                if ok && self.ipm.objective() < best - 1e-9 * (1.0 + best.abs()) {
+                    self.record(p, Outcome::Solved, Polish::Done);
+                    better = true;
+                    break;
+                }
+                if !more {
+                    break;
+                }
+            }
+            if !better {
+                return;
+            }
+        }
     }
 
     /// Tries the branch `sides` from the point `x` with the multipliers of the relaxation.

@@ -7,7 +7,7 @@
 
 use crate::error::Result;
 use crate::fesd::Trajectory;
-use crate::mpcc::Side;
+use crate::mpcc::{Side, Wanted};
 use crate::nlp::{Control, Outcome};
 use crate::settings::Settings;
 use crate::sim::Simulator;
@@ -52,9 +52,15 @@ impl Identifier {
         }
     }
 
-    /// The `k`-th proposal, see [`crate::mpcc::Suggest`]. False when the simulation fails or has more phases in a
-    /// control stage than there are elements.
-    pub fn suggest(&mut self, k: usize, w: &[f64], sides: &mut [Side]) -> bool {
+    /// The next proposal, see [`crate::mpcc::Suggest`].
+    pub fn suggest(&mut self, wanted: Wanted, w: &[f64], sides: &mut [Side]) -> bool {
+        match wanted {
+            Wanted::Repair(k) => self.repair(k, w, sides),
+            Wanted::Improve(k) => self.improve(k, sides),
+        }
+    }
+
+    fn repair(&mut self, k: usize, w: &[f64], sides: &mut [Side]) -> bool {
         let ways = [Way::Before, Way::After, Way::Simulate];
         if k == 0 {
             self.next = 0;
@@ -63,7 +69,7 @@ impl Identifier {
             self.next += 1;
             let found = match ways[self.next - 1] {
                 Way::Simulate => self.simulate(w, sides).unwrap_or(false),
-                way => self.move_switches(way == Way::Before, sides),
+                way => (1..self.u_at.len()).fold(false, |any, k| self.move_switch(k, way, sides) || any),
             };
             if found {
                 return true;
@@ -72,23 +78,45 @@ impl Identifier {
         false
     }
 
-    /// Moves what switches between control stages into the last element before, or the first after.
-    fn move_switches(&self, before: bool, sides: &mut [Side]) -> bool {
-        let n_cells = sides.len() / (self.u_at.len() * self.n_fe);
-        let mut moved = false;
-        for k in 1..self.u_at.len() {
-            let next = k * self.n_fe * n_cells;
-            let last = next - n_cells;
-            if self.n_fe > 1 && sides[last..next] != sides[next..next + n_cells] {
-                moved = true;
-                if before {
-                    sides.copy_within(next..next + n_cells, last);
-                } else {
-                    sides.copy_within(last..next, next);
+    /// A switch that lies exactly between two control stages may want to be inside one of them, where the branch
+    /// problem at hand cannot bring it.
+    fn improve(&self, k: usize, sides: &mut [Side]) -> bool {
+        let mut left = k;
+        for boundary in 1..self.u_at.len() {
+            for way in [Way::Before, Way::After] {
+                if self.is_switch(boundary, sides) {
+                    if left == 0 {
+                        return self.move_switch(boundary, way, sides);
+                    }
+                    left -= 1;
                 }
             }
         }
-        moved
+        false
+    }
+
+    /// First sides of the last element before a boundary between control stages, and of the first after it.
+    fn around(&self, boundary: usize, sides: &[Side]) -> (usize, usize, usize) {
+        let n_cells = sides.len() / (self.u_at.len() * self.n_fe);
+        let next = boundary * self.n_fe * n_cells;
+        (next - n_cells, next, n_cells)
+    }
+
+    fn is_switch(&self, boundary: usize, sides: &[Side]) -> bool {
+        let (last, next, n) = self.around(boundary, sides);
+        self.n_fe > 1 && sides[last..next] != sides[next..next + n]
+    }
+
+    /// Moves what switches at a boundary between control stages into the last element before, or the first after.
+    fn move_switch(&self, boundary: usize, way: Way, sides: &mut [Side]) -> bool {
+        let (last, next, n) = self.around(boundary, sides);
+        let switches = self.is_switch(boundary, sides);
+        if switches && way == Way::Before {
+            sides.copy_within(next..next + n, last);
+        } else if switches {
+            sides.copy_within(last..next, next);
+        }
+        switches
     }
 
     fn simulate(&mut self, w: &[f64], sides: &mut [Side]) -> Result<bool> {

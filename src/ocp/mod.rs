@@ -18,7 +18,7 @@ use self::identify::Identifier;
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
 use crate::fesd::{Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
-use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side};
+use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side, Wanted};
 use crate::nlp::{deadline, Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::{InitialGuess, Settings};
 use crate::sim::Simulator;
@@ -310,7 +310,7 @@ impl Ocp {
         identifier.params.clone_from(&self.params);
         identifier.t0 = self.t0;
         let detects = problem.detects_switches();
-        let mut suggest = |k: usize, w: &[f64], sides: &mut [Side]| detects && identifier.suggest(k, w, sides);
+        let mut suggest = |k: Wanted, w: &[f64], sides: &mut [Side]| detects && identifier.suggest(k, w, sides);
         solver.solve_with(&mut problem, &bounds, &w0, control, &mut suggest);
         let s = solver.solution();
         let tableau = Tableau::new(problem.spec().options.family, problem.spec().options.n_s)?;
