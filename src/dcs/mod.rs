@@ -66,7 +66,7 @@ impl Dcs {
         let dims = system.dims();
         let mut drifts = Vec::new();
         let mut clock = false;
-        let mut note = |f: &SharedFunction| clock |= f.jac_pattern().rows(dims.t_col()).first().is_some();
+        let mut note = |f: &SharedFunction| clock |= !f.jac_pattern().rows(dims.t_col()).is_empty();
         if let Some(f) = system.f0() {
             note(f);
             drifts.push(Drift { rows: (0..dims.x).collect(), f: f.clone() });

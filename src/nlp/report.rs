@@ -124,7 +124,7 @@ pub struct Control<'a> {
 impl Control<'_> {
     /// Reports an iteration; returns why to stop, if so.
     pub(crate) fn check(&mut self, info: &IterationInfo) -> Option<Outcome> {
-        let go_on = self.monitor.as_mut().map_or(true, |f| f(info));
+        let go_on = self.monitor.as_mut().is_none_or(|f| f(info));
         if !go_on || self.interrupt.is_some_and(|i| i.load(Ordering::Relaxed)) {
             return Some(Outcome::Stopped);
         }

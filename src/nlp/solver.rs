@@ -884,7 +884,7 @@ impl Ipm {
     /// Feasibility restoration: the same method on the elastic problem. `Some` ends the solve.
     fn restore(&mut self, nlp: &mut dyn Nlp, control: &mut Control, m: &Measures) -> Option<Outcome> {
         let th0 = theta(&self.shape, &self.it.s, &self.v.c);
-        if m.primal <= 1e-2 * m.level.mu.max(1e-10).min(1e-8) {
+        if m.primal <= 1e-2 * m.level.mu.clamp(1e-10, 1e-8) {
             // nothing to restore: the jam is not one of feasibility
             return Some(Outcome::Stalled);
         }

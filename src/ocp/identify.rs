@@ -69,7 +69,7 @@ impl Identifier {
             self.next += 1;
             let found = match ways[self.next - 1] {
                 Way::Simulate => self.simulate(w, sides).unwrap_or(false),
-                way => (1..self.u_at.len()).fold(false, |any, k| self.move_switch(k, way, sides) || any),
+                way => (1..self.u_at.len()).filter(|&k| self.move_switch(k, way, sides)).count() > 0,
             };
             if found {
                 return true;
