@@ -243,7 +243,7 @@ impl MpccSolver {
     }
 
     /// Solves the branch problem with the given `bounds` from `x0[n]`, with `sides` the active set they stand for;
-    /// true when it has a solution, which is then the result.
+    /// when it has a solution, that is then the result.
     pub fn solve_branch(
         &mut self,
         p: &mut dyn Mpcc,
@@ -251,7 +251,7 @@ impl MpccSolver {
         sides: &[Side],
         x0: &[f64],
         control: &mut Control,
-    ) -> bool {
+    ) -> Outcome {
         let clock = Instant::now();
         self.begin(p);
         let it = &mut self.saved;
@@ -261,13 +261,14 @@ impl MpccSolver {
         }
         self.sides.copy_from_slice(sides);
         self.branch.copy_from(bounds);
-        let ok = self.run_branch(p, control);
-        if ok {
-            self.record(p, Outcome::Solved, Polish::Done);
+        let outcome = self.run_branch(p, control);
+        if outcome == Outcome::Solved {
+            self.record(p, outcome, Polish::Done);
         }
+        self.solution.outcome = outcome;
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
         p.set_polishing(false);
-        ok
+        outcome
     }
 
     fn begin(&mut self, p: &mut dyn Mpcc) {
@@ -430,11 +431,11 @@ impl MpccSolver {
     fn try_branch(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
-        self.run_branch(p, control)
+        self.run_branch(p, control) == Outcome::Solved
     }
 
     /// Solves under the bounds in `branch` from the point in `saved`.
-    fn run_branch(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
+    fn run_branch(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> Outcome {
         p.set_polishing(true);
         self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
         // below 1e-10 the barrier no longer moves the solution by more than the tolerance of the polish
@@ -446,7 +447,10 @@ impl MpccSolver {
         self.saved = saved;
         self.ipm.settings_mut().restoration = true;
         let close = self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st });
-        outcome == Outcome::Solved || (outcome == Outcome::Stalled && self.nearly_solved(&close))
+        if outcome == Outcome::Stalled && self.nearly_solved(&close) {
+            return Outcome::Solved;
+        }
+        outcome
     }
 
     /// A branch problem whose last digits are lost to rounding counts as solved.

@@ -36,6 +36,8 @@ pub struct SimResult {
     pub non_unique: Vec<f64>,
     /// Steps that needed the homotopy.
     pub homotopies: usize,
+    /// Parts of steps for which no active set was found: their solution is that of the relaxation, `λθ ≤ σ_min`.
+    pub inexact: usize,
     /// Largest violation of the equations over the steps.
     pub primal: f64,
     /// Largest `min(λ, θ)` over the steps.
@@ -198,6 +200,7 @@ impl Simulator {
             stats: Statistics::default(),
             steps: 0,
             homotopies: 0,
+            inexact: 0,
             non_unique: Vec::new(),
             primal: 0.0,
             pair_min: 0.0,
@@ -231,8 +234,16 @@ impl Simulator {
     fn divide(&mut self, h: f64, depth: usize, control: &mut Control, r: &mut SimResult) {
         self.prepare(h);
         let plans = if self.problem.detects_switches() && self.settings.polish() { self.plans(r) } else { Vec::new() };
-        let planned =
-            [SIGN_TOL, LOOSE_SIGN_TOL].iter().any(|&tol| plans.iter().any(|p| self.follow(p, tol, control, r)));
+        let mut planned = false;
+        for (tol, plan) in [SIGN_TOL, LOOSE_SIGN_TOL].iter().flat_map(|t| plans.iter().map(move |p| (*t, p))) {
+            planned = self.follow(plan, tol, control, r);
+            if planned {
+                break;
+            }
+            if is_stop(r.outcome) {
+                return;
+            }
+        }
         if !planned {
             self.start_guess();
             r.homotopies += 1;
@@ -241,7 +252,8 @@ impl Simulator {
             add(&mut r.stats, &self.solver.solution().stats);
             let s = self.solver.solution();
             let exact = s.polish == Polish::Done || !self.problem.detects_switches() || !self.settings.polish();
-            let stopped = matches!(s.outcome, Outcome::Stopped | Outcome::MaxTime);
+            let stopped = is_stop(s.outcome);
+            let inexact = s.outcome == Outcome::Solved && !exact;
             self.tries = self.tries.saturating_sub(1);
             if (s.outcome != Outcome::Solved || !exact) && !stopped && depth > 0 && self.tries > 0 {
                 self.divide(0.5 * h, depth - 1, control, r);
@@ -250,6 +262,7 @@ impl Simulator {
                 }
                 return;
             }
+            r.inexact += inexact as usize;
         }
         self.take(h, r);
     }
@@ -341,9 +354,9 @@ impl Simulator {
             self.branch.copy_from(&self.bounds);
             self.problem.branch(&self.sides, &mut self.branch);
             self.problem.free_signs(&mut self.branch);
-            let ok = self.solver.solve_branch(&mut self.problem, &self.branch, &self.sides, &self.w, control);
+            r.outcome = self.solver.solve_branch(&mut self.problem, &self.branch, &self.sides, &self.w, control);
             add(&mut r.stats, &self.solver.solution().stats);
-            if !ok {
+            if r.outcome != Outcome::Solved {
                 return false;
             }
             if let Some(candidates) = unverified.take() {
@@ -394,6 +407,11 @@ impl Simulator {
             *s = if active[k % n] { Side::First } else { Side::Second };
         }
     }
+}
+
+/// Did somebody ask to stop?
+fn is_stop(outcome: Outcome) -> bool {
+    matches!(outcome, Outcome::Stopped | Outcome::MaxTime)
 }
 
 fn check_run(duration: f64, n_steps: usize) -> Result<()> {
