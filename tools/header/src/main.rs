@@ -53,15 +53,9 @@ fn generate(root: &Path) -> Result<String> {
         .map(|(part, number)| format!("#define SWB_VERSION_{part} {number}\n"))
         .collect();
     let after = config.after_includes.take().unwrap_or_default();
-    config.after_includes = Some(
-        after
-            .replace("@VERSION_MACROS@\n", &macros)
-            .replace("@VERSION@", &version),
-    );
+    config.after_includes = Some(after.replace("@VERSION_MACROS@\n", &macros).replace("@VERSION@", &version));
 
-    let mut builder = Builder::new()
-        .with_config(config)
-        .with_src(root.join("src/settings.rs"));
+    let mut builder = Builder::new().with_config(config).with_src(root.join("src/settings.rs"));
     for module in modules(&fs::read_to_string(root.join("src/capi/mod.rs"))?) {
         builder = builder.with_src(root.join(format!("src/capi/{module}.rs")));
     }
@@ -73,16 +67,11 @@ fn generate(root: &Path) -> Result<String> {
 /// Version in the `[package]` section.
 fn package_version(manifest: &str) -> Result<String> {
     let line = manifest.lines().find(|l| l.starts_with("version"));
-    let version = line
-        .and_then(|l| l.split('"').nth(1))
-        .ok_or("no version in Cargo.toml")?;
+    let version = line.and_then(|l| l.split('"').nth(1)).ok_or("no version in Cargo.toml")?;
     Ok(version.to_owned())
 }
 
 /// Names of the modules declared in a file, in their order.
 fn modules(source: &str) -> Vec<&str> {
-    source
-        .lines()
-        .filter_map(|l| l.strip_prefix("pub mod ")?.strip_suffix(';'))
-        .collect()
+    source.lines().filter_map(|l| l.strip_prefix("pub mod ")?.strip_suffix(';')).collect()
 }
