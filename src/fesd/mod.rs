@@ -14,14 +14,18 @@
 //! - in the branch problem equilibration is the linear `h_n = h_{n−1}`, and the end of a sliding mode is
 //!   `θ = 0` at the boundary, which the complementarity conditions alone leave open by `O(h)`.
 //!
-//! `layout` numbers variables and rows, `problem` evaluates, `trajectory` reads solutions. This layer does not
+//! `layout` numbers variables and rows, `problem` evaluates the model, `assemble` writes rows and derivatives, `branch`
+//! the bounds, `trajectory` reads solutions. This layer does not
 //! know the solver.
 
+mod assemble;
+mod branch;
 mod eta;
 mod layout;
 mod problem;
 mod trajectory;
 
+pub use branch::Violation;
 pub use layout::{Options, PathAt, PathConstraint, Spec, Terminal};
-pub use problem::{Fesd, Violation};
+pub use problem::Fesd;
 pub use trajectory::{Element, Switch, SwitchKind, Trajectory};

@@ -1,0 +1,283 @@
+//! Bounds of the discretised problem: relaxed, with an active set for every element, and with free signs.
+
+use super::problem::Fesd;
+use crate::mpcc::{Mpcc, Side};
+use crate::nlp::Bounds;
+use crate::system::SharedFunction;
+
+/// A multiplier with the wrong sign.
+#[derive(Debug, Clone, Copy)]
+pub struct Violation<'a> {
+    /// Element.
+    pub element: usize,
+    /// Cell.
+    pub cell: usize,
+    /// `θ` or `λ`?
+    pub of_theta: bool,
+    /// State there.
+    pub x: &'a [f64],
+    /// Time there, where the model has a clock.
+    pub t: Option<f64>,
+}
+
+impl Fesd {
+    /// Bounds of the relaxed problem: signs of the multipliers, step sizes, rows. States, controls and the
+    /// initial value are left free for the caller.
+    pub fn bounds(&self) -> Bounds {
+        let l = &self.l;
+        let mut b = Bounds::free(l.n, l.m);
+        b.cl.fill(0.0);
+        b.cu.fill(0.0);
+        let nonneg = |b: &mut Bounds, from: usize| b.xl[from..from + l.n_cells].fill(0.0);
+        if let Some(j) = l.lambda0 {
+            nonneg(&mut b, j);
+        }
+        for e in &l.elements {
+            for i in 0..e.x.len() {
+                nonneg(&mut b, e.theta[i]);
+                nonneg(&mut b, e.lambda[i]);
+            }
+            if let Some(j) = e.lambda_end {
+                nonneg(&mut b, j);
+            }
+            if e.row_sum_lambda.is_some() {
+                nonneg(&mut b, e.sum_lambda);
+            }
+            if l.sums {
+                nonneg(&mut b, e.sum_theta);
+            }
+            let slopes = e.row_slope.map_or(0..0, |r| r..r + l.n_cells);
+            for i in slopes.chain(e.row_equal) {
+                b.cl[i] = f64::NEG_INFINITY;
+                b.cu[i] = f64::INFINITY;
+            }
+        }
+        self.write_durations(&mut b);
+        let mut rows = l.row_path.iter();
+        for p in &self.spec.path {
+            let n_calls = self.path.iter().filter(|c| self.same(c.f, &p.f)).count();
+            for _ in 0..n_calls {
+                if let Some(&r) = rows.next() {
+                    b.cl[r..r + p.lower.len()].copy_from_slice(&p.lower);
+                    b.cu[r..r + p.upper.len()].copy_from_slice(&p.upper);
+                }
+            }
+        }
+        for (t, &r) in self.spec.terminal.iter().zip(&l.row_terminal) {
+            b.cl[r..r + t.lower.len()].copy_from_slice(&t.lower);
+            b.cu[r..r + t.upper.len()].copy_from_slice(&t.upper);
+        }
+        b
+    }
+
+    /// Lets the multipliers that are not fixed take any sign: with an active set for every element the equations
+    /// are square, and the signs show where that set is wrong. The multipliers at a given initial value follow
+    /// from it: a value that is on a switching surface up to rounding would contradict `λ_{0,0} = 0`.
+    pub fn free_signs(&self, b: &mut Bounds) {
+        let l = &self.l;
+        if let Some(lambda0) = l.lambda0 {
+            // one active cell per subsystem keeps λ = 0: it says what μ is
+            let mut j = lambda0;
+            for sub in self.spec.dcs.subsystems() {
+                let cells = j..j + sub.cells.len();
+                let pinned = cells.clone().find(|&j| b.xu[j] == 0.0);
+                for j in cells.filter(|&j| Some(j) != pinned) {
+                    b.xl[j] = f64::NEG_INFINITY;
+                    b.xu[j] = f64::INFINITY;
+                }
+                j += sub.cells.len();
+            }
+            if l.elements[0].row_sum_lambda.is_some() {
+                let j = l.elements[0].sum_lambda;
+                b.xu[j..j + l.n_cells].fill(f64::INFINITY);
+            }
+        }
+        let mut free = |from: usize| {
+            for j in (from..from + l.n_cells).filter(|&j| b.xu[j] != 0.0) {
+                b.xl[j] = f64::NEG_INFINITY;
+            }
+        };
+        for e in &l.elements {
+            e.theta.iter().chain(&e.lambda).chain(&e.lambda_end).for_each(|&j| free(j));
+            if e.row_sum_lambda.is_some() {
+                free(e.sum_lambda);
+            }
+            if l.sums {
+                free(e.sum_theta);
+            }
+        }
+    }
+
+    /// The first `λ` below `-tol_lambda` or `θ` below `-tol_theta` in the order of time: element, cell, and whether it is a `θ`; with the
+    /// states at that point.
+    ///
+    /// The `θ` that ends a sliding mode according to `sides` is left out at the end of its element; those at the very end
+    /// have the tolerance `tol_end`: a mode may leave there, or begin to.
+    pub fn first_violation<'a>(
+        &self,
+        w: &'a [f64],
+        sides: &[Side],
+        tol_lambda: f64,
+        tol_theta: f64,
+        tol_end: f64,
+    ) -> Option<Violation<'a>> {
+        let (l, nx) = (&self.l, self.spec.dcs.dims().x);
+        for (element, e) in l.elements.iter().enumerate() {
+            let ends = e.lambda_end.map(|lam| (e.x_end, None, lam));
+            let stages = (0..e.x.len()).map(|i| (e.x[i], Some(e.theta[i]), e.lambda[i]));
+            let last = e.theta.last().copied();
+            for (x, theta, lambda) in stages.chain(ends) {
+                for cell in 0..l.n_cells {
+                    let next = sides.get((element + 1) * l.n_cells + cell);
+                    let at_end = theta == last;
+                    let theta = theta.filter(|_| !at_end || next != Some(&Side::Second));
+                    let tol_theta = if at_end && next.is_none() { tol_end } else { tol_theta };
+                    let of_theta = theta.is_some_and(|j| w[j + cell] < -tol_theta);
+                    if of_theta || w[lambda + cell] < -tol_lambda {
+                        let t = self.spec.dcs.clock().map(|c| w[x + c]);
+                        return Some(Violation { element, cell, of_theta, x: &w[x..x + nx], t });
+                    }
+                }
+            }
+        }
+        None
+    }
+
+    /// State at the start of an element, and the time where the model has a clock.
+    pub fn start_of<'a>(&self, element: usize, w: &'a [f64]) -> (&'a [f64], Option<f64>) {
+        let x = self.l.elements[element].x_start;
+        (&w[x..x + self.spec.dcs.dims().x], self.spec.dcs.clock().map(|c| w[x + c]))
+    }
+
+    /// Rewrites the bounds that depend on the length of a control stage.
+    pub fn write_durations(&self, b: &mut Bounds) {
+        let (h, g) = (self.h_nominal(), self.spec.options.gamma_h);
+        for e in &self.l.elements {
+            if let Some(j) = e.h {
+                b.xl[j] = (1.0 - g) * h;
+                b.xu[j] = if self.spec.n_fe == 1 { f64::INFINITY } else { (1.0 + g) * h };
+            }
+        }
+        for &r in &self.l.row_time {
+            b.cl[r] = self.duration;
+            b.cu[r] = self.duration;
+        }
+    }
+
+    fn same(&self, f: usize, g: &SharedFunction) -> bool {
+        std::sync::Arc::ptr_eq(&self.functions[f], g)
+    }
+
+    /// Sets bounds of all user states along the horizon, the initial value excepted.
+    pub fn bound_states(&self, b: &mut Bounds, lower: &[f64], upper: &[f64]) {
+        for e in &self.l.elements {
+            let ends = e.row_end.map(|_| e.x_end);
+            for &x in e.x.iter().chain(&ends) {
+                b.xl[x..x + lower.len()].copy_from_slice(lower);
+                b.xu[x..x + upper.len()].copy_from_slice(upper);
+            }
+        }
+    }
+
+    /// Sets bounds of the initial value; `t0` is the clock, if there is one.
+    pub fn bound_initial(&self, b: &mut Bounds, lower: &[f64], upper: &[f64], t0: f64) {
+        let x = self.l.x0;
+        b.xl[x..x + lower.len()].copy_from_slice(lower);
+        b.xu[x..x + upper.len()].copy_from_slice(upper);
+        if let Some(c) = self.spec.dcs.clock() {
+            b.xl[x + c] = t0;
+            b.xu[x + c] = t0;
+        }
+    }
+
+    /// Sets bounds of the control of stage `k`.
+    pub fn bound_control(&self, b: &mut Bounds, k: usize, lower: &[f64], upper: &[f64]) {
+        let u = self.l.u[k];
+        b.xl[u..u + lower.len()].copy_from_slice(lower);
+        b.xu[u..u + upper.len()].copy_from_slice(upper);
+    }
+}
+
+impl Mpcc for Fesd {
+    fn pairs(&self) -> &[(usize, usize)] {
+        &self.l.pairs
+    }
+    fn n_groups(&self) -> usize {
+        self.l.n_groups
+    }
+    fn group(&self, pair: usize) -> usize {
+        self.l.groups[pair]
+    }
+    fn set_polishing(&mut self, on: bool) {
+        self.polishing = on;
+    }
+
+    /// The active set of every element is `sides`: `λ`, or `θ`, is zero at all its points. Where it does not
+    /// change, neighbouring steps are equal. Where components only leave it, a sliding mode ends: the first of them
+    /// leaves with `λ̇ = 0`, which is `θ = 0` up to the error of the method but, unlike that, never lets `λ` fall below
+    /// zero afterwards. At the start of a control stage, where `θ` may jump with the control, it is `λ̇ ≥ 0`.
+    fn branch(&self, sides: &[Side], b: &mut Bounds) {
+        let l = &self.l;
+        let fix = |b: &mut Bounds, j: usize| {
+            b.xl[j] = 0.0;
+            b.xu[j] = 0.0;
+        };
+        if !l.fesd {
+            for (k, &(lam, theta)) in l.pairs.iter().enumerate() {
+                fix(b, if sides[l.groups[k]] == Side::First { lam } else { theta });
+            }
+            return;
+        }
+        let n = l.n_cells;
+        for (i_e, e) in l.elements.iter().enumerate() {
+            // equal steps need no bound, and one would stop a switch on its way to the optimum
+            if let Some(h) = e.h.filter(|_| self.spec.options.gamma_h >= 1.0) {
+                b.xu[h] = f64::INFINITY;
+            }
+            let active = |c: usize| sides[i_e * n + c] == Side::First;
+            for c in 0..n {
+                if active(c) {
+                    for &j in e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end) {
+                        fix(b, j + c);
+                    }
+                    if e.row_sum_lambda.is_some() {
+                        fix(b, e.sum_lambda + c);
+                    }
+                } else {
+                    for &j in &e.theta {
+                        fix(b, j + c);
+                    }
+                    if l.sums {
+                        fix(b, e.sum_theta + c);
+                    }
+                }
+            }
+            if i_e == 0 {
+                continue;
+            }
+            let before = |c: usize| sides[(i_e - 1) * n + c] == Side::First;
+            if let Some(row) = e.row_slope {
+                for c in (0..n).filter(|&c| before(c) && !active(c)) {
+                    b.cl[row + c] = 0.0;
+                }
+            }
+            let Some(row) = e.row_equal else { continue };
+            let enters = (0..n).any(|c| active(c) && !before(c));
+            let leaves = (0..n).find(|&c| before(c) && !active(c));
+            match (enters, leaves) {
+                (false, None) => {
+                    b.cl[row] = 0.0;
+                    b.cu[row] = 0.0;
+                }
+                (false, Some(c)) => {
+                    let last = l.elements[i_e - 1].theta[self.tableau.n_s - 1] + c;
+                    if let Some(slope) = e.row_slope {
+                        b.cu[slope + c] = 0.0;
+                        b.xl[last] = f64::NEG_INFINITY;
+                    }
+                }
+                (true, _) => {}
+            }
+        }
+    }
+}
