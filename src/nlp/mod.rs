@@ -11,12 +11,13 @@
 //! variables ([`Bilinear`]).
 //!
 //! `problem` is the interface, `iterate` holds the primal-dual point and its residuals, `augmented` the
-//! Newton system, `filter` the acceptance test, `restore` the elastic problem, `solver` the main loop.
+//! Newton system, `filter` the acceptance test, `linesearch` the steps, `restore` the elastic problem, `solver` the main loop.
 
 mod augmented;
 mod callback;
 mod filter;
 mod iterate;
+mod linesearch;
 mod problem;
 mod report;
 mod restore;
