@@ -4,7 +4,7 @@ import os
 import shutil
 from pathlib import Path
 
-from setuptools import setup
+from setuptools import Distribution, setup
 from setuptools.command.build_py import build_py
 
 try:
@@ -30,21 +30,23 @@ def library() -> Path:
 class BuildWithLibrary(build_py):
     def run(self):
         super().run()
-        destination = Path(self.build_lib) / "switchback"
-        if self.editable_mode if hasattr(self, "editable_mode") else False:
-            destination = HERE / "src" / "switchback"
+        editable = getattr(self, "editable_mode", False)
+        destination = HERE / "src" / "switchback" if editable else Path(self.build_lib) / "switchback"
         shutil.copyfile(library(), destination / "libswitchback.so")
+
+
+class Platform(Distribution):
+    """Belongs to a platform, although nothing is compiled here."""
+
+    def has_ext_modules(self):
+        return True
 
 
 class PlatformWheel(bdist_wheel):
     """One wheel for every Python of the platform: the library does not know Python."""
 
-    def finalize_options(self):
-        super().finalize_options()
-        self.root_is_pure = False
-
     def get_tag(self):
         return "py3", "none", super().get_tag()[2]
 
 
-setup(cmdclass={"build_py": BuildWithLibrary, "bdist_wheel": PlatformWheel})
+setup(cmdclass={"build_py": BuildWithLibrary, "bdist_wheel": PlatformWheel}, distclass=Platform)

@@ -27,16 +27,16 @@ def real(value: Any, name: str) -> Array:
             array = array.astype(numpy.float64)
         except (TypeError, ValueError):
             raise RangeError(f"{name} must be real numbers, not {value!r:.60}") from None
-    return numpy.ascontiguousarray(array, dtype=numpy.float64)
+    return numpy.asarray(array, dtype=numpy.float64, order="C")
 
 
-def vector(value: Any, n: int, name: str, rows: str = "") -> Array:
+def vector(value: Any, n: int, name: str) -> Array:
     """`n` numbers; a number alone if `n` is 1."""
     array = numpy.atleast_1d(real(value, name))
     if array.shape == (n, 1) or array.shape == (1, n):
         array = array.reshape(n)
     if array.shape != (n,):
-        raise DimensionError(f"{name} has shape {array.shape}, expected ({n},){rows}")
+        raise DimensionError(f"{name} has shape {array.shape}, expected ({n},)")
     return array
 
 

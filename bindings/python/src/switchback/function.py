@@ -484,7 +484,10 @@ class Function(Handle):
         union = [n for n in _NAMES if any(n in some for some in names)]
         places = [[union.index(n) for n in some] for some in names]
         shape = n_out if isinstance(n_out, tuple) else (n_out,)
-        each = int(numpy.prod(shape)) // len(parts)
+        total = int(numpy.prod(shape))
+        if shape[0] != len(parts) if len(shape) > 1 else total % len(parts):
+            raise DimensionError(f"{name}: {len(parts)} functions, expected {shape[0]}")
+        each = total // len(parts)
 
         def value(*inputs: Any) -> Array:
             out = numpy.empty((len(parts), each))

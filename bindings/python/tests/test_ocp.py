@@ -1,0 +1,154 @@
+"""Optimal control: known solutions, constraints, options, refusals."""
+
+import numpy as np
+import pytest
+
+import switchback as swb
+from models import TUTORIAL_COST, TUTORIAL_X0, sides, tutorial
+
+
+def test_tutorial():
+    ocp = tutorial()
+    r = ocp.solve()
+    assert r.success and r.polished == swb.Polished.DONE
+    assert r.cost == pytest.approx(TUTORIAL_COST, abs=1e-10)
+    assert r.trajectory.states[0, 0] == pytest.approx(TUTORIAL_X0, abs=1e-8)
+    assert r.trajectory.switches[0].t == pytest.approx(-TUTORIAL_X0 / 3, abs=1e-8)
+    assert r.controls.shape == (1, 0) and r.stats.n_pairs > 0 and r.stats.time_build > 0
+    assert r.residuals.primal < 1e-9 and r.residuals.dual < 1e-6
+    again = ocp.solve()
+    assert again.stats.time_build == 0.0 and again.cost == pytest.approx(TUTORIAL_COST, abs=1e-10)
+    ocp.set(max_iter=2)
+    assert ocp.solve().outcome == swb.Outcome.MAX_ITER and not ocp.result.success
+    ocp.set(max_iter=1000, max_time=0.0)
+    assert ocp.solve().outcome == swb.Outcome.MAX_TIME
+    assert "horizon=2" in repr(ocp)
+
+
+def constrained():
+    """x1' = x2 + push towards x1 = 0, x2' = u + p."""
+    system = swb.System(2, 1, 1, f0=lambda x, u, p: [x[1], u[0] + p[0]])
+    system.add_subsystem([[1.0], [-1.0]], lambda x: x[0], [-1, 1], rows=[0])
+    ocp = swb.Ocp(system, 2.0, 4, lagrange=lambda x, u: u[0] ** 2 + x[1] ** 2, params=[0.1], initial_time=10.0)
+    ocp.set_initial_state([-0.5, 0.0])
+    ocp.add_terminal(lambda x: x, [0.25, 0.5], [0.25, 0.5])
+    ocp.set_state_bounds([-1.0, -np.inf], [1.0, 1e20])
+    ocp.set_control_bounds(-4.0, 4.0)
+    return ocp
+
+
+def test_constraints():
+    ocp = constrained()
+    ocp.set_state_guess([0.0, 2.0], [[-0.5, 0.0], [0.25, 0.5]])
+    ocp.set_control_guess([1.0, 1.0, 0.0, -1.0])
+    last = 0.0
+    for at in ("control_grid", swb.PathAt.ELEMENTS, "stage_points"):
+        ocp.add_path(lambda x: x[1], -2.0, 1.4, at=at)
+        r = ocp.solve()
+        assert r.success and r.cost >= last - 1e-6
+        last = r.cost
+    assert np.allclose(r.trajectory.states[-1], [0.25, 0.5], atol=1e-8)
+    assert r.trajectory.t_start == pytest.approx(10.0) and r.trajectory.t_end == pytest.approx(12.0)
+    assert r.trajectory.states[:, 1].max() <= 1.4 + 1e-7 and np.abs(r.controls).max() <= 4 + 1e-9
+    assert r.controls.shape == (4, 1) and r.control_times.tolist() == [10.0, 10.5, 11.0, 11.5, 12.0]
+    assert r.trajectory.control_stages.tolist() == sorted(r.trajectory.control_stages.tolist())
+
+
+def sliding_ocp(n_s=2, n_fe=3):
+    """Two sliding modes at once; Python callables without derivatives."""
+    system = swb.System(4, 2, f0=lambda x, u: [x[2], x[3], u[0], u[1]])
+    system.add_subsystem([[-1.0], [1.0]], lambda x: x[0] + 0.15 * x[1] ** 2, [1, -1], rows=[0])
+    system.add_subsystem([[-1.0], [1.0]], lambda x: x[1] - 0.05 * x[0] ** 3, [1, -1], rows=[1])
+    ocp = swb.Ocp(
+        system,
+        4.0,
+        6,
+        lagrange=lambda x, u: u @ u + x[2:] @ x[2:],
+        initial_state=[2 * np.pi / 3, np.pi / 3, 0, 0],
+        state_bounds=([-np.inf, -np.inf, -2, -2], [np.inf, np.inf, 2, 2]),
+        control_bounds=(-10, 10),
+        n_s=n_s,
+        n_fe=n_fe,
+    )
+    goal = [-np.pi / 6, -np.pi / 4]
+    ocp.add_terminal(lambda x: x[:2], goal, goal)
+    return ocp
+
+
+def test_sliding_modes():
+    r = sliding_ocp().solve()
+    assert r.success and np.allclose(r.trajectory.states[-1, :2], [-np.pi / 6, -np.pi / 4], atol=1e-8)
+    both = [r.trajectory.active_modes(k).all(axis=1) for k in (0, 1)]
+    assert np.any(both[0] & both[1])
+
+
+def test_refusals():
+    ocp = constrained()
+    with pytest.raises(swb.StateError, match="solve"):
+        ocp.result
+    inf = np.inf
+    for call in (
+        lambda: ocp.add_path(lambda x: x[1], 1.0, -1.0),
+        lambda: ocp.add_path(lambda x: x[1], -1.0, 1.0, at="nowhere"),
+        lambda: ocp.add_path(lambda x: x[1], -1.0, 1.0, at=7),
+        lambda: ocp.add_path(lambda x: x, [0.0, 0.0], [1.0, 1.0, 1.0]),
+        lambda: ocp.add_path(None, 0.0, 1.0),
+        lambda: ocp.add_path(lambda x: x, np.nan, 1.0),
+        lambda: ocp.add_terminal(swb.Function(lambda x: x, 3, n_out=3), 0.0, 1.0),
+        lambda: ocp.set_lagrange(None),
+        lambda: ocp.set_mayer(swb.Function(lambda x: x, 2, 1, 1, n_out=2)),
+        lambda: ocp.set_params([]),
+        lambda: ocp.set_params([np.nan]),
+        lambda: ocp.set_params(None),
+        lambda: ocp.set_initial_time(np.nan),
+        lambda: ocp.set_initial_time(None),
+        lambda: ocp.set_initial_state([0.0, np.nan]),
+        lambda: ocp.set_initial_state([0.0]),
+        lambda: ocp.set_initial_bounds([0.0], [1.0]),
+        lambda: ocp.set_control_bounds([2.0], [1.0]),
+        lambda: ocp.set_control_bounds(np.nan, 1.0),
+        lambda: ocp.set_state_bounds("ab", None),
+        lambda: ocp.set_control_guess([1.0, 2.0]),
+        lambda: ocp.set_control_guess(None),
+        lambda: ocp.set_control_guess([np.nan] * 4),
+        lambda: ocp.set_state_guess([], np.empty((0, 2))),
+        lambda: ocp.set_state_guess([1.0, 0.0], np.zeros((2, 2))),
+        lambda: ocp.set_state_guess([0.0, 1.0], np.zeros((3, 2))),
+        lambda: ocp.set_state_guess([[0.0]], np.zeros((1, 2))),
+        lambda: ocp.on_iteration(3),
+        lambda: ocp.on_log("print"),
+        lambda: ocp.set(n_stages=3),
+        lambda: ocp.set(n_s=30),
+        lambda: ocp.set(n_s=None),
+        lambda: swb.Ocp(sides(1.0, 2.0), -1.0, 1),
+        lambda: swb.Ocp(sides(1.0, 2.0), inf, 1),
+        lambda: swb.Ocp(sides(1.0, 2.0), np.nan, 1),
+        lambda: swb.Ocp(sides(1.0, 2.0), 1.0, 0),
+        lambda: swb.Ocp(sides(1.0, 2.0), 1.0, 1.5),
+        lambda: swb.Ocp(None, 1.0, 1),
+        lambda: swb.Ocp(sides(1.0, 2.0), 1.0, 1, control_bounds=3),
+        lambda: swb.Ocp(sides(1.0, 2.0), 1.0, 1, settings=7),
+    ):
+        with pytest.raises(swb.ArgumentError) as caught:
+            call()
+        assert len(str(caught.value)) > 10
+    assert ocp.solve().success  # nothing of it had an effect
+
+
+def test_monitors():
+    seen, lines = [], []
+    ocp = tutorial(log_level="debug", on_iteration=seen.append, on_log=lambda level, line: lines.append((level, line)))
+    r = ocp.solve()
+    assert r.success and len(seen) >= r.stats.iterations // 2
+    assert seen[0].iter == 0 and seen[-1].phase in " rpj" and all(i.inf_pr >= 0 for i in seen)
+    assert {"info", "debug"} <= {level for level, _ in lines} and all("=" in line for _, line in lines)
+    ocp.on_iteration(lambda i: i.iter == 3)
+    ocp.on_log(None)
+    assert ocp.solve().outcome == swb.Outcome.STOPPED
+    ocp.on_iteration(None)
+    assert ocp.solve().success
+
+
+def test_print_iteration(capsys):
+    tutorial(on_iteration=swb.print_iteration).solve()
+    assert "inf_pr" in capsys.readouterr().out
