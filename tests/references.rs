@@ -1,5 +1,7 @@
 //! Simulations against solutions known to twenty digits (order 44 Taylor, 256 bit, events by Newton).
 
+#![allow(clippy::excessive_precision)]
+
 mod common;
 use common::models::*;
 use common::*;

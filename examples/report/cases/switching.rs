@@ -21,6 +21,7 @@ struct Problem {
     switches: &'static [f64],
 }
 
+#[allow(clippy::excessive_precision)]
 const PROBLEMS: [Problem; 5] = [
     Problem { name: "a", model: 'a', x0: -1.0, x_end: Some(5.0 / 3.0), switches: &[1.0 / 3.0] },
     // root of 0.54 − t − 0.04 cos 5t
