@@ -15,7 +15,7 @@
 //!   `θ = 0` at the boundary, which the complementarity conditions alone leave open by `O(h)`.
 //!
 //! `layout` numbers variables and rows, `problem` evaluates the model, `assemble` writes rows and derivatives, `branch`
-//! the bounds, `trajectory` reads solutions. This layer does not
+//! the bounds, `restart` starting points behind a switch, `trajectory` reads solutions. This layer does not
 //! know the solver.
 
 mod assemble;
@@ -23,6 +23,7 @@ mod branch;
 mod eta;
 mod layout;
 mod problem;
+mod restart;
 mod trajectory;
 
 pub use branch::Violation;

@@ -380,6 +380,7 @@ impl Simulator {
                 return false;
             }
             let (cell, of_theta, x, t) = (v.cell, v.of_theta, v.x.to_vec(), v.t.unwrap_or(self.t));
+            let event = self.problem.event_time(&self.solver.solution().x, &v);
             if of_theta {
                 current[cell] = false;
             } else {
@@ -395,7 +396,7 @@ impl Simulator {
             }
             begin = last + 1;
             self.set_sides(begin, &current);
-            self.w.copy_from_slice(&self.solver.solution().x);
+            self.problem.restart(&self.solver.solution().x, last, event, &mut self.w);
         }
         false
     }
