@@ -29,9 +29,11 @@ def library() -> Path:
 
 class BuildWithLibrary(build_py):
     def run(self):
-        super().run()
         editable = getattr(self, "editable_mode", False)
         destination = HERE / "src" / "switchback" if editable else Path(self.build_lib) / "switchback"
+        if not editable:
+            shutil.rmtree(destination, ignore_errors=True)  # of an earlier build
+        super().run()
         shutil.copyfile(library(), destination / "libswitchback.so")
 
 

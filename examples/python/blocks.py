@@ -48,4 +48,6 @@ for s in result.trajectory.switches:
     print(f"  t = {s.t:9.6f}  block {s.subsystem + 1} {what}")
 
 names = [f"{letter}{i}" for letter in "qv" for i in (1, 2, 3)]
-result.plot(folder / "python_blocks.svg", states=[3, 4, 5], names=names, title="Velocities of three blocks with friction")
+result.plot(
+    folder / "python_blocks.svg", states=[3, 4, 5], names=names, title="Velocities of three blocks with friction"
+)

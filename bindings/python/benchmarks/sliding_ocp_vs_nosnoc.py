@@ -9,7 +9,7 @@ usage: sliding_ocp_vs_nosnoc.py [--repeat N] [--n-s 2 3] [--json FILE]
 The peer: pip install nosnoc==0.2.0 (brings CasADi with IPOPT and MUMPS). Its settings are those of its own example
 sliding_mode_ocp. Its times are that of building the problem, and CPU seconds inside IPOPT, which is most of a solve.
 Ours are seconds of wall time for building and solving, evaluations of the model included: with models compiled from
-C, as everybody does who cares for time, and for information with plain Python callables without derivatives.
+C, as everybody does who cares for time, and for information with Python callables, with and without derivatives.
 Without nosnoc or without a C compiler that part is left out. Of N runs the fastest counts.
 """
 
@@ -78,7 +78,9 @@ def compiled_functions(code: ctypes.CDLL) -> dict[str, swb.Function]:
         }  # fmt: skip
         if jacobian:
             keywords |= {"jacobian": getattr(code, name + "_jac"), "jacobian_pattern": jacobian}
-        return swb.Function.from_pointers(getattr(code, name), 4, 2, 0, n_out, inputs=inputs, name=name, keep=code, **keywords)
+        return swb.Function.from_pointers(
+            getattr(code, name), 4, 2, 0, n_out, inputs=inputs, name=name, keep=code, **keywords
+        )
 
     return {
         "f0": make("f0", 4, "xu", ([0, 1, 2, 3], [2, 3, 4, 5])),
@@ -99,6 +101,28 @@ def python_functions() -> dict[str, object]:
         "rate": lambda x, u: u[0] ** 2 + u[1] ** 2 + x[2] ** 2 + x[3] ** 2,
         "end": lambda x: x[:2],
     }
+
+
+def differentiated_functions() -> dict[str, swb.Function]:
+    f = python_functions()
+    gradient = {"jacobian_pattern": ([0] * 4, [2, 3, 4, 5]), "hessian_pattern": ([2, 3, 4, 5], [2, 3, 4, 5])}
+    return {
+        "f0": swb.Function.affine(np.zeros(4), np.eye(4, 6, k=2), nx=4, nu=2),
+        "modes": f["modes"],
+        "c1": swb.Function(
+            f["c1"], 4, 2, jacobian=lambda x: (1.0, 0.3 * x[1]), jacobian_pattern=([0, 0], [0, 1]),
+            hessian=lambda weights: 0.3 * weights, hessian_pattern=([1], [1]),
+        ),
+        "c2": swb.Function(
+            f["c2"], 4, 2, jacobian=lambda x: (-0.15 * x[0] ** 2, 1.0), jacobian_pattern=([0, 0], [0, 1]),
+            hessian=lambda x, weights: -0.3 * x[0] * weights, hessian_pattern=([0], [0]),
+        ),
+        "rate": swb.Function(
+            f["rate"], 4, 2, jacobian=lambda x, u: (2 * x[2], 2 * x[3], 2 * u[0], 2 * u[1]),
+            hessian=lambda weights: np.full(4, 2 * weights[0]), **gradient,
+        ),
+        "end": swb.Function.affine(np.zeros(2), np.eye(2, 4), nx=4, nu=2),
+    }  # fmt: skip
 
 
 def ours(functions: dict, n_s: int) -> dict:
@@ -187,7 +211,7 @@ def main() -> int:
         print("no C compiler: only models in Python\n")
 
     record = {"switchback": swb.library_version, "nosnoc": version, "cases": []}
-    print(f"{'n_s':>3} {'package':<28} {'total':>9} {'build':>9} {'IPOPT CPU':>9} {'it':>5} {'cost':>12}  outcome")
+    print(f"{'n_s':>3} {'package':<32} {'total':>9} {'build':>9} {'IPOPT CPU':>9} {'it':>5} {'cost':>12}  outcome")
     for n_s in arguments.n_s:
         case: dict = {"n_s": n_s}
         if version:
@@ -195,13 +219,20 @@ def main() -> int:
         if code is not None:
             compiled = compiled_functions(code)
             case["compiled"] = best([ours(compiled, n_s) for _ in range(arguments.repeat)], "total_s")
+        case["derivatives"] = best([ours(differentiated_functions(), n_s) for _ in range(arguments.repeat)], "total_s")
         case["python"] = best([ours(python_functions(), n_s) for _ in range(arguments.repeat)], "total_s")
-        for name, label in (("nosnoc", f"nosnoc {version}"), ("compiled", "switchback, C model"), ("python", "switchback, Python model")):
+        labels = {
+            "nosnoc": f"nosnoc {version}",
+            "compiled": "switchback, C model",
+            "derivatives": "switchback, Python + derivatives",
+            "python": "switchback, Python",
+        }
+        for name, label in labels.items():
             if name in case:
                 r = case[name]
                 ipopt = f"{r['ipopt_cpu_s']:9.4f}" if "ipopt_cpu_s" in r else 9 * " "
                 print(
-                    f"{n_s:>3} {label:<28} {r['total_s']:9.4f} {r['build_s']:9.4f} {ipopt} {r['iterations']:>5} "
+                    f"{n_s:>3} {label:<32} {r['total_s']:9.4f} {r['build_s']:9.4f} {ipopt} {r['iterations']:>5} "
                     f"{r['cost']:12.6f}  {r['outcome']}"
                 )
         if version:
@@ -210,7 +241,7 @@ def main() -> int:
                     "ipopt_cpu_over_ours": case["nosnoc"]["ipopt_cpu_s"] / case[name]["total_s"],
                     "total_over_ours": case["nosnoc"]["total_s"] / case[name]["total_s"],
                 }
-                for name in ("compiled", "python")
+                for name in ("compiled", "derivatives", "python")
                 if name in case
             }
             for name, ratio in case["ratios"].items():

@@ -41,7 +41,9 @@ class Mine(Exception):
     pass
 
 
-@pytest.mark.parametrize("error", [Mine("mine"), SystemExit(3), GeneratorExit(), MemoryError(), ZeroDivisionError(), KeyboardInterrupt()])
+@pytest.mark.parametrize(
+    "error", [Mine("mine"), SystemExit(3), GeneratorExit(), MemoryError(), ZeroDivisionError(), KeyboardInterrupt()]
+)
 def test_exceptions_come_out(error):
     modes = Failing(throw(error), 10**9)
     with swb.Simulator(oscillator(modes), n_s=2) as sim:
@@ -196,7 +198,9 @@ def test_handler_of_the_user():
     seen = []
     before = signal.signal(signal.SIGINT, lambda number, where: seen.append(number))
     try:
-        r = swb.Nlp(2, lambda x: (signal.raise_signal(signal.SIGINT) if not seen else None, quadratic(x))[1], start=[1, 2]).solve()
+        r = swb.Nlp(
+            2, lambda x: (signal.raise_signal(signal.SIGINT) if not seen else None, quadratic(x))[1], start=[1, 2]
+        ).solve()
         assert r.outcome == swb.Outcome.STOPPED and len(seen) >= 1
     finally:
         signal.signal(signal.SIGINT, before)

@@ -51,7 +51,7 @@ def test_layout(tmp_path):
         for field, _ in struct._fields_:
             lines.append(f'printf("{name}.{field} %zu\\n", offsetof({name}, {field}));')
             expected.append(f"{name}.{field} {getattr(struct, field).offset}")
-    for name, enum in vars(_ffi).items():
+    for enum in vars(_ffi).values():
         if isinstance(enum, type) and issubclass(enum, _ffi.Names) and enum is not _ffi.Names:
             prefix = enum.__doc__.split()[1].upper()
             for value in enum:
@@ -92,7 +92,8 @@ def test_library_of_something_else():
 def test_library_of_another_version(tmp_path):
     source = tmp_path / "old.c"
     source.write_text(
-        'int swb_check_version(int a, int b) { return a + b > 0 ? -5 : 0; }\nconst char *swb_version(void) { return "0.0.7"; }\n'
+        "int swb_check_version(int a, int b) { return a + b > 0 ? -5 : 0; }\n"
+        'const char *swb_version(void) { return "0.0.7"; }\n'
     )
     subprocess.run(["cc", "-shared", "-fPIC", source, "-o", tmp_path / "old.so"], check=True)
     done = run("import switchback", SWITCHBACK_LIBRARY=str(tmp_path / "old.so"))

@@ -37,9 +37,7 @@ HESSIAN_PATTERN = hessian(np.ones(3), [1.0], [1.0], 0.5, [1.0, 1.0]) != 0
 
 
 def exact(**keywords):
-    given = dict(
-        jacobian=jacobian, jacobian_pattern=JACOBIAN_PATTERN, hessian=hessian, hessian_pattern=HESSIAN_PATTERN
-    )
+    given = dict(jacobian=jacobian, jacobian_pattern=JACOBIAN_PATTERN, hessian=hessian, hessian_pattern=HESSIAN_PATTERN)
     return swb.Function(value, **SIZES, n_out=2, **{**given, **keywords})
 
 
@@ -74,7 +72,9 @@ def test_forms_of_derivatives():
     f = exact(jacobian=lambda x, u, p, t: jacobian(x, u, p, t)[rows, columns], jacobian_pattern=(rows, columns))
     assert np.allclose(f.jacobian(X, U, P, T), jacobian(*at()), rtol=1e-15)
     r, c = np.nonzero(np.triu(HESSIAN_PATTERN))
-    f = exact(hessian=lambda weights, x, t, u, p: hessian(x, u, p, t, weights)[r, c], hessian_pattern=(list(r), list(c)))
+    f = exact(
+        hessian=lambda weights, x, t, u, p: hessian(x, u, p, t, weights)[r, c], hessian_pattern=(list(r), list(c))
+    )
     assert np.allclose(f.hessian(X, U, P, T), hessian(*at(), [1, 1]), rtol=1e-15)
     # gradients, and matrices of the first inputs only
     g = swb.Function(lambda x: x @ x, 3, jacobian=lambda x: 2 * x, hessian=lambda weights: 2 * weights[0] * np.eye(3))
@@ -161,7 +161,13 @@ def test_shapes_of_outputs():
 
 @pytest.mark.parametrize(
     "result, message",
-    [(None, "is a return missing"), ("abc", "real numbers"), (1j, "real numbers"), ([1, None], "real numbers"), ({}, "real")],
+    [
+        (None, "is a return missing"),
+        ("abc", "real numbers"),
+        (1j, "real numbers"),
+        ([1, None], "real numbers"),
+        ({}, "real"),
+    ],
 )
 def test_nonsense_from_a_callable(result, message):
     with pytest.raises(TypeError, match=message):
@@ -173,7 +179,9 @@ def test_ragged_result():
         swb.Function(lambda x: [1.0, [2.0, 3.0]], 1, n_out=3)([0.0])
 
 
-@pytest.mark.parametrize("bad", [lambda x: np.zeros(3), lambda x: np.zeros((2, 2)), lambda x: np.zeros((1, 4)), lambda x: None])
+@pytest.mark.parametrize(
+    "bad", [lambda x: np.zeros(3), lambda x: np.zeros((2, 2)), lambda x: np.zeros((1, 4)), lambda x: None]
+)
 def test_wrong_jacobians(bad):
     f = swb.Function(lambda x: x[:2], 3, n_out=2, jacobian=bad)
     with pytest.raises((swb.DimensionError, TypeError)):
@@ -212,7 +220,14 @@ def test_pattern_of_the_wrong_triangle():
 
 def test_wrong_points():
     f = exact()
-    for arguments in (([1.0], U, P, T), (X, None, P, T), (X, U, "a", T), (X, U, P, None), (X, U, P, "now"), ([X], [U, U], P, T)):
+    for arguments in (
+        ([1.0], U, P, T),
+        (X, None, P, T),
+        (X, U, "a", T),
+        (X, U, P, None),
+        (X, U, P, "now"),
+        ([X], [U, U], P, T),
+    ):
         with pytest.raises(swb.ArgumentError):
             f(*arguments)
     with pytest.raises(swb.ArgumentError):
@@ -221,7 +236,18 @@ def test_wrong_points():
         f.check_derivatives([np.nan, 0, 0], U, P, T)
 
 
-@pytest.mark.parametrize("sizes", [(-1, 0, 0, 1), (1, -1, 0, 1), (1, 0, 0, -1), (2**70, 0, 0, 1), (1.5, 0, 0, 1), ("a", 0, 0, 1), (2**62, 2**62, 0, 1)])
+@pytest.mark.parametrize(
+    "sizes",
+    [
+        (-1, 0, 0, 1),
+        (1, -1, 0, 1),
+        (1, 0, 0, -1),
+        (2**70, 0, 0, 1),
+        (1.5, 0, 0, 1),
+        ("a", 0, 0, 1),
+        (2**62, 2**62, 0, 1),
+    ],
+)
 def test_wrong_sizes(sizes):
     with pytest.raises(swb.ArgumentError):
         swb.Function(lambda x: 0.0, *sizes)
@@ -249,16 +275,22 @@ def test_compiled_code(tmp_path):
         pytest.skip("no C compiler here")
     source = tmp_path / "f.c"
     source.write_text(
-        "struct point { double t; const double *x, *u, *p; };\n"
-        "int f(const struct point *at, double *out, void *d) { (void)d; out[0] = at->x[0] * at->x[1]; return 0; }\n"
-        "int j(const struct point *at, double *out, void *d) { (void)d; out[0] = at->x[1]; out[1] = at->x[0]; return 0; }\n"
-        "int h(const struct point *at, const double *w, double *out, void *d) { (void)at; (void)d; out[0] = w[0]; return 0; }\n"
+        "struct p { double t; const double *x, *u, *p; };\n"
+        "int f(const struct p *a, double *out, void *d) { (void)d; out[0] = a->x[0] * a->x[1]; return 0; }\n"
+        "int j(const struct p *a, double *out, void *d) { (void)d; out[0] = a->x[1]; out[1] = a->x[0]; return 0; }\n"
+        "int h(const struct p *a, const double *w, double *o, void *d) { (void)a; (void)d; o[0] = w[0]; return 0; }\n"
     )
     subprocess.run(["cc", "-shared", "-fPIC", source, "-o", tmp_path / "f.so"], check=True)
     library = ctypes.CDLL(str(tmp_path / "f.so"))
     f = swb.Function.from_pointers(
-        library.f, 2, jacobian=library.j, hessian=ctypes.cast(library.h, ctypes.c_void_p).value,
-        hessian_pattern=([0], [1]), inputs="x", name="product", keep=library,
+        library.f,
+        2,
+        jacobian=library.j,
+        hessian=ctypes.cast(library.h, ctypes.c_void_p).value,
+        hessian_pattern=([0], [1]),
+        inputs="x",
+        name="product",
+        keep=library,
     )
     assert f([2.0, 3.0])[0] == 6.0 and f.check_derivatives([2.0, 3.0])
     assert f.hessian([2.0, 3.0], weights=[5.0])[0, 1] == 5.0

@@ -17,7 +17,8 @@ PROBLEMS = {
     ),
     # (0, 0) is M-stationary with a direction of descent
     "leyffer_munson": dict(
-        n=2, f=lambda x: (x[0] - 1) ** 2 + x[1] ** 2 * (x[1] + 1), pairs=[(v(0), v(1))], start=[0.1, 0.1], x=[1, 0], best=0.0
+        n=2, f=lambda x: (x[0] - 1) ** 2 + x[1] ** 2 * (x[1] + 1), pairs=[(v(0), v(1))],
+        start=[0.1, 0.1], x=[1, 0], best=0.0,
     ),
     "kth2": dict(n=2, f=lambda x: x[0] + (x[1] - 1) ** 2, pairs=[(0, 1)], start=[1, 0.5], x=[0, 1], best=0.0),
     "ralph1": dict(
@@ -31,14 +32,16 @@ PROBLEMS = {
     "bard1": dict(
         n=5, f=lambda x: (x[0] - 5) ** 2 + (2 * x[1] + 1) ** 2,
         g=lambda x: [
-            2 * (x[1] - 1) - 1.5 * x[0] + x[2] - 0.5 * x[3] + x[4], 3 * x[0] - x[1] - 3, -x[0] + 0.5 * x[1] + 4, -x[0] - x[1] + 7,
+            2 * (x[1] - 1) - 1.5 * x[0] + x[2] - 0.5 * x[3] + x[4],
+            3 * x[0] - x[1] - 3, -x[0] + 0.5 * x[1] + 4, -x[0] - x[1] + 7,
         ],
         bounds=([0, 0, -INF, -INF, -INF], None), limits=([0, 0, 0, 0], [0, INF, INF, INF]),
         pairs=[(c(1), v(2)), (c(2), v(3)), (c(3), v(4))], start=[1] * 5, x=[1, 0, 3.5, 0, 0], best=17.0,
     ),
     "hs71": dict(
         n=4, f=lambda x: x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2], g=lambda x: [np.prod(x), x @ x], bounds=(1, 5),
-        limits=([25, 40], [INF, 40]), start=[1, 5, 5, 1], x=[1, 4.742999644, 3.821149978, 1.379408295], best=17.0140172891,
+        limits=([25, 40], [INF, 40]), start=[1, 5, 5, 1],
+        x=[1, 4.742999644, 3.821149978, 1.379408295], best=17.0140172891,
     ),
     "rosenbrock": dict(
         n=2, f=lambda x: 100 * (x[1] - x[0] ** 2) ** 2 + (1 - x[0]) ** 2, start=[-1.2, 1], x=[1, 1], best=0.0
@@ -70,7 +73,14 @@ def test_textbook(name):
 
 
 def test_multipliers():
-    nlp = swb.Nlp(2, lambda x: (x[0] - 1) ** 2 + x[1] ** 2, lambda x: x.sum(), 1, bounds=([-INF, 2], None), constraint_bounds=(3, 3))
+    nlp = swb.Nlp(
+        2,
+        lambda x: (x[0] - 1) ** 2 + x[1] ** 2,
+        lambda x: x.sum(),
+        1,
+        bounds=([-INF, 2], None),
+        constraint_bounds=(3, 3),
+    )
     r = nlp.solve()
     assert np.allclose(r.y, 0.0, atol=1e-6) and np.allclose(r.z, [0.0, 4.0], atol=1e-6)
     with pytest.raises(swb.UnsupportedError):
@@ -82,8 +92,9 @@ def test_exact_derivatives():
         lambda w: 100 * (w[1] - w[0] ** 2) ** 2 + (1 - w[0]) ** 2,
         2,
         jacobian=lambda w: [-400 * w[0] * (w[1] - w[0] ** 2) - 2 * (1 - w[0]), 200 * (w[1] - w[0] ** 2)],
-        hessian=lambda w, weights: weights[0]
-        * np.array([[1200 * w[0] ** 2 - 400 * w[1] + 2, -400 * w[0]], [-400 * w[0], 200.0]]),
+        hessian=lambda w, weights: (
+            weights[0] * np.array([[1200 * w[0] ** 2 - 400 * w[1] + 2, -400 * w[0]], [-400 * w[0], 200.0]])
+        ),
     )
     assert f.check_derivatives([-1.2, 1.0])
     assert np.allclose(swb.Nlp(2, f, start=[-1.2, 1]).solve().x, [1, 1])
@@ -117,7 +128,9 @@ def test_undefined_points():
 
 
 def test_no_solution():
-    r = swb.Mpcc(2, lambda x: -x.sum(), lambda x: x, 2, constraint_bounds=(1.0, 9.0), pairs=[(0, 1)], start=[1, 1]).solve()
+    r = swb.Mpcc(
+        2, lambda x: -x.sum(), lambda x: x, 2, constraint_bounds=(1.0, 9.0), pairs=[(0, 1)], start=[1, 1]
+    ).solve()
     assert not r.success and r.message != "solved"
 
 

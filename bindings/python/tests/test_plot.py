@@ -36,7 +36,11 @@ def test_what_is_in_it(result, tmp_path):
 
 
 def test_refusals(result):
-    for call in (lambda: swb.plot(3), lambda: swb.plot(result, names=["a"]), lambda: swb.plot(result, names=["a", "b", "c"])):
+    for call in (
+        lambda: swb.plot(3),
+        lambda: swb.plot(result, names=["a"]),
+        lambda: swb.plot(result, names=["a", "b", "c"]),
+    ):
         with pytest.raises(swb.ArgumentError):
             call()
     plt.close("all")

@@ -29,6 +29,9 @@ def test_oscillator():
     assert np.hypot(*t(0.3)) == pytest.approx(np.exp(-0.7), abs=1e-5)
     assert t([0.1, 0.2, 0.3]).shape == (3, 2) and t([[0.1], [0.2]]).shape == (2, 1, 2) and t([]).shape == (0, 2)
     assert np.allclose(t(t.times), t.states, atol=1e-12)
+    for wrong in (1, -1, None, "a"):
+        with pytest.raises(swb.ArgumentError):
+            t.active_modes(wrong)
     for outside in (-0.1, 2.0, np.nan, None, "a"):
         with pytest.raises(swb.ArgumentError):
             t(outside)
@@ -50,7 +53,9 @@ def test_ways_to_give_modes(modes):
 
 def test_indicators():
     system = swb.System(2)
-    system.add_subsystem_indicators([lambda x: A_IN @ x, lambda x: A_OUT @ x], [lambda x: x @ x - 1, lambda x: 1 - x @ x])
+    system.add_subsystem_indicators(
+        [lambda x: A_IN @ x, lambda x: A_OUT @ x], [lambda x: x @ x - 1, lambda x: 1 - x @ x]
+    )
     r = swb.simulate(system, OSCILLATOR_X0, OSCILLATOR_T, 10, n_s=5)
     assert np.allclose(r.state, OSCILLATOR_XT, atol=1e-9)
     with pytest.raises(swb.ArgumentError, match="n_modes"):
@@ -125,7 +130,9 @@ def test_families(family):
     assert r.success and np.allclose(r.state, OSCILLATOR_XT, atol=1e-3)
 
 
-@pytest.mark.parametrize("x0", [[1.0], [1.0, 2.0, 3.0], [np.nan, 0.0], [np.inf, 0.0], None, "ab", [None, 1], 1j, [[1.0, [2.0]]], {}])
+@pytest.mark.parametrize(
+    "x0", [[1.0], [1.0, 2.0, 3.0], [np.nan, 0.0], [np.inf, 0.0], None, "ab", [None, 1], 1j, [[1.0, [2.0]]], {}]
+)
 def test_wrong_states(x0):
     with pytest.raises(swb.ArgumentError):
         swb.simulate(oscillator(), x0, 1.0, 10)
@@ -133,7 +140,18 @@ def test_wrong_states(x0):
 
 @pytest.mark.parametrize(
     "duration, n_steps",
-    [(np.nan, 10), (np.inf, 10), (-1.0, 10), (1.0, -1), (1.0, 0), (None, 10), (1.0, None), (1.0, 2.5), ("a", 1), (1.0, 2**80)],
+    [
+        (np.nan, 10),
+        (np.inf, 10),
+        (-1.0, 10),
+        (1.0, -1),
+        (1.0, 0),
+        (None, 10),
+        (1.0, None),
+        (1.0, 2.5),
+        ("a", 1),
+        (1.0, 2**80),
+    ],
 )
 def test_wrong_steps(duration, n_steps):
     with pytest.raises(swb.ArgumentError):
@@ -142,7 +160,14 @@ def test_wrong_steps(duration, n_steps):
 
 def test_wrong_controls_and_parameters():
     system = swb.System(1, 2, 1, f0=lambda x, u: u[:1])
-    for keywords in ({}, {"u": [1.0]}, {"u": [1, 2]}, {"u": [1, 2], "p": [1, 2]}, {"u": [1, np.nan], "p": [1]}, {"u": [[1, 2]] * 3, "p": [1]}):
+    for keywords in (
+        {},
+        {"u": [1.0]},
+        {"u": [1, 2]},
+        {"u": [1, 2], "p": [1, 2]},
+        {"u": [1, np.nan], "p": [1]},
+        {"u": [[1, 2]] * 3, "p": [1]},
+    ):
         with pytest.raises(swb.ArgumentError):
             swb.simulate(system, [0.0], 1.0, 2, **keywords)
 

@@ -1,11 +1,11 @@
 """Simulation and optimal control of systems that switch.
 
-    import switchback as swb
+import switchback as swb
 
-    system = swb.System(nx=1)
-    system.add_subsystem(modes=[[3.0], [1.0]], psi=lambda x: x[0], signs=[-1, 1])
-    result = swb.simulate(system, x0=[-1.0], duration=2.0, n_steps=10)
-    print(result.trajectory.switches)
+system = swb.System(nx=1)
+system.add_subsystem(modes=[[3.0], [1.0]], psi=lambda x: x[0], signs=[-1, 1])
+result = swb.simulate(system, x0=[-1.0], duration=2.0, n_steps=10)
+print(result.trajectory.switches)
 """
 
 from ._ffi import LogLevel, Member, Outcome, PathAt, Polished, Status, SwitchKind

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 import signal
 import threading
 import weakref
@@ -12,6 +13,8 @@ from typing import Any, Callable, ClassVar
 from . import _ffi
 from ._library import lib
 from .errors import StateError, Undefined, from_status
+
+_PACKAGE = os.path.dirname(__file__) + os.sep
 
 live: Counter[str] = Counter()  # objects of the library by kind, for tests
 _live_lock = threading.RLock()
@@ -56,7 +59,8 @@ def failed(error: BaseException) -> int:
 class Interrupts:
     """While a call runs, the first Ctrl-C asks it to stop; the handler of before hears of it at the end.
 
-    A second Ctrl-C goes to that handler at once, so that a callback that hangs can be left.
+    A second Ctrl-C goes to that handler at once, so that a callback that hangs can be left; but not while Python
+    is in this package, because an exception at the very start of a callback would be lost in ctypes.
     """
 
     def __init__(self, current: Frame):
@@ -68,7 +72,7 @@ class Interrupts:
         if self.pending is None:
             self.pending = (number, where)
             self.current.stop = True
-        else:
+        elif where is None or not where.f_code.co_filename.startswith(_PACKAGE):
             self.previous(number, where)
 
     def __enter__(self) -> Interrupts:

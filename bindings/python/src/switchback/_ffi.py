@@ -1,9 +1,7 @@
 """The C interface, generated from include/switchback.h by tools/gen_ffi.py; do not edit."""
 
 # fmt: off
-from ctypes import (  # noqa: F401
-    CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int8, c_int32, c_int64, c_uint64, c_void_p,
-)
+from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint64, c_void_p
 from enum import IntEnum
 
 VERSION = (0, 1, 0)

@@ -47,7 +47,8 @@ def _check(library: ctypes.CDLL, place: str) -> None:
         raise ImportError(f"switchback: {place} is no switchback library: {error}") from None
     if check(major, minor) != 0:
         raise ImportError(
-            f"switchback: this package is for version {major}.{minor}.{patch} of the library, {place} has version {other}"
+            f"switchback: this package is for version {major}.{minor}.{patch} of the library, "
+            f"but {place} has version {other}"
         )
 
 

@@ -120,7 +120,7 @@ class Undefined(Exception):
     """Raise it in a function of the model that is not defined at the point: the solver tries another one."""
 
 
-_CLASSES = {
+_CLASSES: dict[int, type[SwitchbackError]] = {
     c.status: c
     for c in (
         NullError,

@@ -78,7 +78,7 @@ def _view(cache: dict[int, Array], where: int, n: int) -> Array:
     if array is None:
         if len(cache) >= _CACHE:
             cache.clear()
-        array = numpy.frombuffer((ctypes.c_double * n).from_address(where))
+        array = numpy.ctypeslib.as_array((ctypes.c_double * n).from_address(where))
         cache[where] = array
     return array
 
@@ -87,7 +87,7 @@ def _reader(names: Sequence[str], sizes: dict[str, int]) -> Callable[[int], list
     """A function that makes the arguments of a callable from the address of a point. The arrays are copies:
     what the callable does with them, also later, is its own affair."""
     points: dict[int, _ffi.swb_point] = {}
-    plan = [(name, sizes.get(name, 0), {}) for name in names]
+    plan: list[tuple[str, int, dict[int, Array]]] = [(name, sizes.get(name, 0), {}) for name in names]
     empty = numpy.empty(0)
     empty.flags.writeable = False
 
@@ -122,7 +122,9 @@ def _numbers(result: Any, what: str) -> Array:
     return array
 
 
-def _value_callback(f: Callable[..., Any], names: Sequence[str], sizes: dict[str, int], shape: tuple[int, ...], what: str):
+def _value_callback(
+    f: Callable[..., Any], names: Sequence[str], sizes: dict[str, int], shape: tuple[int, ...], what: str
+):
     read = _reader(names, sizes)
     n_out = int(numpy.prod(shape))
     outputs: dict[int, Array] = {}
@@ -203,7 +205,9 @@ class _Entries:
         entries.listed = False
         return entries
 
-    def callback(self, f: Callable[..., Any], names: Sequence[str], sizes: dict[str, int], weights: int | None, what: str):
+    def callback(
+        self, f: Callable[..., Any], names: Sequence[str], sizes: dict[str, int], weights: int | None, what: str
+    ):
         """The callback of a Jacobian, or of a Hessian if there are weights."""
         read = _reader([n for n in names if n != "weights"], sizes)
         place = list(names).index("weights") if "weights" in names else None
@@ -312,12 +316,16 @@ class Function(Handle):
         self._begin(value, nx, nu, np, n_out, name, None)
         self._derivatives(jacobian, jacobian_pattern, hessian, hessian_pattern, linear)
 
-    def _begin(self, value: Any, nx: int, nu: int, np: int, n_out: Any, name: str | None, inputs: list[str] | None) -> None:
+    def _begin(
+        self, value: Any, nx: int, nu: int, np: int, n_out: Any, name: str | None, inputs: list[str] | None
+    ) -> None:
         if name is None:
             name = getattr(value, "__name__", None) or "f"
             name = "f" if name == "<lambda>" else name
         self.name = name
-        self.shape = tuple(index(n, "n_out") for n in n_out) if isinstance(n_out, (tuple, list)) else (index(n_out, "n_out"),)
+        self.shape = (
+            tuple(index(n, "n_out") for n in n_out) if isinstance(n_out, (tuple, list)) else (index(n_out, "n_out"),)
+        )
         self.sizes = {"x": index(nx, "nx"), "u": index(nu, "nu"), "p": index(np, "np")}
         for key, size in [*self.sizes.items(), *(("_out", n) for n in self.shape)]:
             if size < 0:
@@ -338,7 +346,9 @@ class Function(Handle):
         name = encode(self.name, "name")
         self._create(name, s["x"], s["u"], s["p"], self.n_out, callback, None, _ffi.swb_destroy_fn(0))
 
-    def _derivatives(self, jacobian: Any, jacobian_pattern: Any, hessian: Any, hessian_pattern: Any, linear: bool) -> None:
+    def _derivatives(
+        self, jacobian: Any, jacobian_pattern: Any, hessian: Any, hessian_pattern: Any, linear: bool
+    ) -> None:
         if linear and (hessian is not None or hessian_pattern is not None):
             raise ArgumentError(f"function '{self.name}': linear and a Hessian contradict each other")
         if jacobian is not None or jacobian_pattern is not None:
@@ -405,7 +415,9 @@ class Function(Handle):
             raise NullError(f"function '{name}': value is None")
         self._callbacks = [pointer, keep]
         s = self.sizes
-        self._create(encode(name, "name"), s["x"], s["u"], s["p"], self.n_out, pointer, user_data, _ffi.swb_destroy_fn(0))
+        self._create(
+            encode(name, "name"), s["x"], s["u"], s["p"], self.n_out, pointer, user_data, _ffi.swb_destroy_fn(0)
+        )
         self._do("set_inputs", sum(_FLAGS[n] for n in inputs if n in _FLAGS))
         if linear and (hessian is not None or hessian_pattern is not None):
             raise ArgumentError(f"function '{name}': linear and a Hessian contradict each other")

@@ -23,7 +23,7 @@ class PairMember(NamedTuple):
     """A member of a complementarity pair; see `variable` and `constraint`."""
 
     kind: Member
-    index: int
+    position: int
 
 
 def variable(i: int) -> PairMember:
@@ -92,7 +92,9 @@ class Mpcc(Solver):
         c = None
         self.m = 0
         if constraints is not None:
-            c = Function._of(constraints, sizes, self._rows(constraints, n_constraints, constraint_bounds), "constraints")
+            c = Function._of(
+                constraints, sizes, self._rows(constraints, n_constraints, constraint_bounds), "constraints"
+            )
             self.m = c.n_out
         chosen = Settings._from(settings, options)
         self._create(self.n, self.np, f, c, ctypes.byref(chosen._c))

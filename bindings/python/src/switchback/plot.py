@@ -53,13 +53,19 @@ def plot(
         raise StateError("the trajectory is empty")
     plt = _pyplot()
     controls = getattr(result, "controls", None)
-    has_controls = controls is not None and controls.size > 0
+    controls = numpy.empty((1, 0)) if controls is None else controls
+    has_controls = controls.size > 0
     n_modes = sum(trajectory.n_modes)
 
     heights = [3.0] + ([1.8] if has_controls else []) + [1.4] + ([0.5 + 0.22 * n_modes] if n_modes else [])
     figure, axes = plt.subplots(
-        len(heights), 1, sharex=True, squeeze=False, figsize=(8.0, 0.8 + sum(heights)),
-        gridspec_kw={"height_ratios": heights}, layout="constrained",
+        len(heights),
+        1,
+        sharex=True,
+        squeeze=False,
+        figsize=(8.0, 0.8 + sum(heights)),
+        gridspec_kw={"height_ratios": heights},
+        layout="constrained",
     )
     panels = iter(axes[:, 0])
 
@@ -79,6 +85,7 @@ def plot(
         _modes(next(panels), trajectory)
     for ax in axes[:, 0]:
         ax.grid(**_GRID)
+        ax.set_axisbelow(True)
         for t in trajectory.switch_times:
             ax.axvline(t, color="0.5", linestyle=":", linewidth=0.8)
     axes[-1, 0].set_xlabel("time")
@@ -86,8 +93,10 @@ def plot(
     if title:
         figure.suptitle(title)
     if path is not None:
-        figure.savefig(path, dpi=150)
-        plt.close(figure)
+        try:
+            figure.savefig(path, dpi=150)
+        finally:
+            plt.close(figure)
     return figure
 
 
@@ -107,7 +116,7 @@ def _states(ax: Any, r: Trajectory, names: Sequence[str] | None, states: Sequenc
 
 
 def _modes(ax: Any, r: Trajectory) -> None:
-    labels = []
+    labels: list[str] = []
     for k, n in enumerate(r.n_modes):
         for i in range(n):
             active = r.active_modes(k)[:, i]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ctypes
 import numbers
 from dataclasses import dataclass
-from typing import Any, Iterator, Mapping, Union
+from typing import Any, ClassVar, Iterator, Mapping, Union
 
 from . import _ffi
 from ._call import call, encode, text
@@ -199,7 +199,7 @@ def _unpickle(values: dict[str, Value]) -> Settings:
 class HasSettings:
     """What objects with options of their own have in common."""
 
-    _kind: str
+    _kind: ClassVar[str]
 
     def set(self, **values: Any) -> None:
         """Set options: `set(n_s=3, cross="stage")`."""

@@ -110,9 +110,7 @@ class System(Handle):
         f = self._function(modes, (count, len(chosen)), "modes")
         g = self._function(indicators, count, "indicators")
         number = ctypes.c_int64()
-        self._do(
-            "add_subsystem_indicators", address(chosen), len(chosen), f, count, g, ctypes.byref(number)
-        )
+        self._do("add_subsystem_indicators", address(chosen), len(chosen), f, count, g, ctypes.byref(number))
         return self._added(number, f, g)
 
     def _added(self, number: ctypes.c_int64, *functions: Function) -> int:

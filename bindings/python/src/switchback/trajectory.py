@@ -10,9 +10,10 @@ from typing import Any
 import numpy
 
 from . import _ffi
-from ._arrays import Array, address, real
+from ._arrays import Array, address, index, real
 from ._call import Handle
 from ._ffi import SwitchKind
+from .errors import DimensionError
 
 __all__ = ["Switch", "Trajectory"]
 
@@ -91,9 +92,7 @@ class Trajectory(Handle):
         self.stage_states = self._array("stage_states", (n, n_s, nx))
         self.stage_theta = self._array("stage_theta", (n, n_s, modes))
         found = (_ffi.swb_switch * max(info.n_switches, 1))()
-        self._do(
-            "switches", found if info.n_switches else None, info.n_switches, ctypes.sizeof(_ffi.swb_switch)
-        )
+        self._do("switches", found if info.n_switches else None, info.n_switches, ctypes.sizeof(_ffi.swb_switch))
         self.switches = [self._switch(found[i]) for i in range(info.n_switches)]
 
     def _switch(self, s: Any) -> Switch:
@@ -109,8 +108,11 @@ class Trajectory(Handle):
 
     def active_modes(self, subsystem: int) -> Array:
         """[n_elements, modes of the subsystem] which modes are active."""
-        start = sum(self.n_modes[:subsystem])
-        return self.active[:, start : start + self.n_modes[subsystem]]
+        k = index(subsystem, "subsystem")
+        if not 0 <= k < len(self.n_modes):
+            raise DimensionError(f"there is no subsystem {k} that switches, their number is {len(self.n_modes)}")
+        start = sum(self.n_modes[:k])
+        return self.active[:, start : start + self.n_modes[k]]
 
     @property
     def switch_times(self) -> Array:
