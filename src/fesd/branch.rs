@@ -20,7 +20,22 @@ pub struct Violation<'a> {
     pub t: Option<f64>,
 }
 
+/// What ends a sliding mode inside a control stage in the branch problem.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Exit {
+    /// The multiplier that grows afterwards starts with zero slope: never leaves `λ < 0` behind.
+    Slope,
+    /// `θ = 0` at the end of the element, for methods with a stage point there: more accurate exit times, but `λ` may
+    /// fall below zero by the error of the method behind it. Other methods use the slope.
+    Theta,
+}
+
 impl Fesd {
+    /// Chooses what ends a sliding mode.
+    pub fn set_exit(&mut self, exit: Exit) {
+        self.exit = exit;
+    }
+
     /// Bounds of the relaxed problem: signs of the multipliers, step sizes, rows. States, controls and the
     /// initial value are left free for the caller.
     pub fn bounds(&self) -> Bounds {
@@ -214,8 +229,7 @@ impl Mpcc for Fesd {
 
     /// The active set of every element is `sides`: `λ`, or `θ`, is zero at all its points. Where it does not
     /// change, neighbouring steps are equal. Where components only leave it, a sliding mode ends: the first of them
-    /// leaves with `λ̇ = 0`, which is `θ = 0` up to the error of the method but, unlike that, never lets `λ` fall below
-    /// zero afterwards. At the start of a control stage, where `θ` may jump with the control, it is `λ̇ ≥ 0`.
+    /// leaves as [`Exit`] says. At the start of a control stage, where `θ` may jump with the control, it is `λ̇ ≥ 0`.
     fn branch(&self, sides: &[Side], b: &mut Bounds) {
         let l = &self.l;
         let fix = |b: &mut Bounds, j: usize| {
@@ -271,9 +285,17 @@ impl Mpcc for Fesd {
                 }
                 (false, Some(c)) => {
                     let last = l.elements[i_e - 1].theta[self.tableau.n_s - 1] + c;
-                    if let Some(slope) = e.row_slope {
-                        b.cu[slope + c] = 0.0;
-                        b.xl[last] = f64::NEG_INFINITY;
+                    match e.row_slope {
+                        Some(slope) if self.exit == Exit::Slope || !self.tableau.stiffly_accurate() => {
+                            b.cu[slope + c] = 0.0;
+                            b.xl[last] = f64::NEG_INFINITY;
+                        }
+                        _ => {
+                            fix(b, last);
+                            for row in e.row_slope {
+                                b.cl[row + c] = f64::NEG_INFINITY;
+                            }
+                        }
                     }
                 }
                 (true, _) => {}

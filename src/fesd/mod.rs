@@ -26,7 +26,7 @@ mod problem;
 mod restart;
 mod trajectory;
 
-pub use branch::Violation;
+pub use branch::{Exit, Violation};
 pub use layout::{Options, PathAt, PathConstraint, Spec, Terminal};
 pub use problem::Fesd;
 pub use trajectory::{Element, Switch, SwitchKind, Trajectory};

@@ -3,6 +3,7 @@
 //! Model functions are evaluated once per point into a cache; everything else reads from there.
 
 use super::assemble::{slope_weights, Recorder, Writer};
+use super::branch::Exit;
 use super::eta;
 use super::layout::{ElementIndex, Layout, PathAt, Spec};
 use crate::error::{Error, Result};
@@ -85,6 +86,7 @@ pub struct Fesd {
     /// Length of a control stage.
     pub(super) duration: f64,
     pub(super) polishing: bool,
+    pub(super) exit: Exit,
     pub(super) scratch: Scratch,
     pub(super) evaluations: usize,
 }
@@ -173,6 +175,7 @@ impl Fesd {
             params: vec![0.0; spec.dcs.dims().p],
             duration,
             polishing: false,
+            exit: Exit::Slope,
             scratch: Scratch { f: vec![0.0; l.nx], local: vec![0.0; eta::n_local(l.n_cells)] },
             evaluations: 0,
             tableau,

@@ -393,6 +393,12 @@ impl MpccSolver {
         ok
     }
 
+    /// Looks for an active set again, from the point the relaxation reached in the last solve, after the branch problems
+    /// have changed; true when one is solved.
+    pub fn polish_again(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
+        self.polish(p, bounds, control, suggest)
+    }
+
     /// Moves to neighbouring active sets as long as the objective falls. The result stays the best point.
     fn improve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) {
         for _ in 0..MAX_IMPROVEMENTS {

@@ -17,7 +17,7 @@ use std::time::Instant;
 use self::identify::Identifier;
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
-use crate::fesd::{Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
+use crate::fesd::{Exit, Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
 use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side, Wanted};
 use crate::nlp::{deadline, Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::{InitialGuess, Settings};
@@ -311,7 +311,13 @@ impl Ocp {
         identifier.t0 = self.t0;
         let detects = problem.detects_switches();
         let mut suggest = |k: Wanted, w: &[f64], sides: &mut [Side]| detects && identifier.suggest(k, w, sides);
+        problem.set_exit(Exit::Slope);
         solver.solve_with(&mut problem, &bounds, &w0, control, &mut suggest);
+        let found = solver.solution();
+        if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
+            problem.set_exit(Exit::Theta);
+            solver.polish_again(&mut problem, &bounds, control, &mut suggest);
+        }
         let s = solver.solution();
         let tableau = Tableau::new(problem.spec().options.family, problem.spec().options.n_s)?;
         let mut trajectory = Trajectory::new(&problem.spec().dcs, &tableau);

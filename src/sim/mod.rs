@@ -13,11 +13,11 @@ use std::time::Instant;
 
 use crate::dcs::{is_ambiguous, Continuation, Dcs, PointEvaluator};
 use crate::error::{finite, Error, Result};
-use crate::fesd::{Fesd, Options, Spec, Trajectory};
+use crate::fesd::{Exit, Fesd, Options, Spec, Trajectory};
 use crate::func::Point;
 use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side};
 use crate::nlp::{deadline, Bounds, Control, Nlp, Outcome, Statistics};
-use crate::settings::Settings;
+use crate::settings::{Discretisation, Settings};
 use crate::system::System;
 use crate::tableau::Tableau;
 
@@ -90,6 +90,13 @@ impl Simulator {
         let d = system.dims();
         let dcs = Dcs::stewart(system)?;
         let options = Options::from_settings(settings)?;
+        if settings.n_fe < 2 && dcs.n_cells() > 0 && options.discretisation == Discretisation::Fesd {
+            return Err(Error::Range(
+                "n_fe = 1 leaves no element behind a switch: use at least 2 elements per step, or the discretisation \
+                 'standard'"
+                    .into(),
+            ));
+        }
         let spec = Spec {
             dcs,
             options,
@@ -235,7 +242,9 @@ impl Simulator {
         self.prepare(h);
         let plans = if self.problem.detects_switches() && self.settings.polish() { self.plans(r) } else { Vec::new() };
         let mut planned = false;
-        for (tol, plan) in [SIGN_TOL, LOOSE_SIGN_TOL].iter().flat_map(|t| plans.iter().map(move |p| (*t, p))) {
+        let ways = [(SIGN_TOL, Exit::Theta), (SIGN_TOL, Exit::Slope), (LOOSE_SIGN_TOL, Exit::Slope)];
+        for ((tol, exit), plan) in ways.iter().flat_map(|w| plans.iter().map(move |p| (*w, p))) {
+            self.problem.set_exit(exit);
             planned = self.follow(plan, tol, control, r);
             if planned {
                 break;
