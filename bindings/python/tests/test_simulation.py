@@ -81,7 +81,7 @@ def test_sliding_mode_that_ends():
 
 
 def test_going_on():
-    with swb.Simulator(oscillator(), n_s=4) as sim:
+    with swb.Simulator(oscillator(), n_s=3) as sim:
         sim.set_state(OSCILLATOR_X0)
         assert sim.time == 0.0 and np.allclose(sim.state, OSCILLATOR_X0)
         assert sim.trajectory.n_elements == 0 and np.isnan(sim.trajectory.t_start)
@@ -100,7 +100,7 @@ def test_going_on():
         assert np.allclose(parts, sim.state, atol=1e-9)
         sim.set(n_s=2, cross="stage", tol=1e-8)
         assert sim.settings.n_s == 2 and sim.settings.cross == "stage"
-        sim.settings = {"n_s": 3}
+        sim.settings = {"n_s": 4}
         assert sim.settings.cross == swb.Settings().cross
         kept = sim.trajectory
         sim.clear()
