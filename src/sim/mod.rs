@@ -44,10 +44,10 @@ pub struct SimResult {
     pub pair_min: f64,
 }
 
-/// A step is halved at most so often before it counts as failed.
+/// A step is halved at most so often.
 const MAX_HALVINGS: usize = 10;
-/// Homotopies a step with its parts may cost: the bound on the work where switches accumulate.
-const MAX_HOMOTOPIES: usize = 24;
+/// Parts of a step that may be beyond exact signs: the bound on the work where switches accumulate.
+const MAX_TRIES: usize = 24;
 /// Active sets tried at the start of a step before the homotopy decides.
 const MAX_PLANS: usize = 6;
 /// Distance to a switching surface, relative to the gradient, that counts as being on it.
@@ -79,7 +79,7 @@ pub struct Simulator {
     /// Active set of the last element, empty where none is known.
     last: Vec<bool>,
     saved_x: Vec<f64>,
-    /// Homotopies left to the present step.
+    /// Parts beyond exact signs left to the present step.
     tries: usize,
 }
 
@@ -124,7 +124,7 @@ impl Simulator {
             point: PointEvaluator::new(&problem.spec().dcs),
             last: Vec::with_capacity(problem.n_cells()),
             saved_x: vec![0.0; d.x],
-            tries: MAX_HOMOTOPIES,
+            tries: MAX_TRIES,
             problem,
             solver,
         })
@@ -222,7 +222,7 @@ impl Simulator {
         }
         let (t, elements, switches) = (self.t, r.trajectory.elements.len(), r.trajectory.switches.len());
         self.saved_x.copy_from_slice(&self.x);
-        self.tries = MAX_HOMOTOPIES;
+        self.tries = MAX_TRIES;
         self.divide(h, MAX_HALVINGS, control, r);
         if r.outcome == Outcome::Solved {
             r.steps += 1;
@@ -237,43 +237,71 @@ impl Simulator {
         r.stats.time_total += clock.elapsed().as_secs_f64();
     }
 
-    /// A step, or two of half the length where one has no solution with so few elements.
+    /// A step, or two of half the length where the signs cannot be satisfied with so few elements.
+    ///
+    /// What a step of the smallest length cannot do exactly is decided by looser signs, then by the homotopy; without
+    /// any predicted active set the homotopy comes first.
     fn divide(&mut self, h: f64, depth: usize, control: &mut Control, r: &mut SimResult) {
         self.prepare(h);
-        let plans = if self.problem.detects_switches() && self.settings.polish() { self.plans(r) } else { Vec::new() };
-        let mut planned = false;
-        let ways = [(SIGN_TOL, Exit::Theta), (SIGN_TOL, Exit::Slope), (LOOSE_SIGN_TOL, Exit::Slope)];
-        for ((tol, exit), plan) in ways.iter().flat_map(|w| plans.iter().map(move |p| (*w, p))) {
-            self.problem.set_exit(exit);
-            planned = self.follow(plan, tol, control, r);
-            if planned {
-                break;
-            }
-            if is_stop(r.outcome) {
-                return;
-            }
+        let predicts = self.problem.detects_switches() && self.settings.polish();
+        let plans = if predicts { self.plans(r) } else { Vec::new() };
+        let mut done = self.follow_any(&plans, &[(SIGN_TOL, Exit::Theta), (SIGN_TOL, Exit::Slope)], control, r);
+        if !done && !plans.is_empty() && depth > 0 && !is_stop(r.outcome) {
+            return self.halve(h, depth, control, r);
         }
-        if !planned {
+        if !done && !is_stop(r.outcome) {
+            self.tries = self.tries.saturating_sub(1);
+            done = self.follow_any(&plans, &[(LOOSE_SIGN_TOL, Exit::Slope)], control, r);
+        }
+        if is_stop(r.outcome) && !done {
+            return;
+        }
+        if !done {
             self.start_guess();
             r.homotopies += 1;
             self.solver.settings = MpccSettings::from(&self.settings);
+            self.problem.set_exit(Exit::Slope);
             self.solver.solve(&mut self.problem, &self.bounds, &self.w, control);
             add(&mut r.stats, &self.solver.solution().stats);
             let s = self.solver.solution();
-            let exact = s.polish == Polish::Done || !self.problem.detects_switches() || !self.settings.polish();
-            let stopped = is_stop(s.outcome);
-            let inexact = s.outcome == Outcome::Solved && !exact;
-            self.tries = self.tries.saturating_sub(1);
-            if (s.outcome != Outcome::Solved || !exact) && !stopped && depth > 0 && self.tries > 0 {
-                self.divide(0.5 * h, depth - 1, control, r);
-                if r.outcome == Outcome::Solved {
-                    self.divide(0.5 * h, depth - 1, control, r);
-                }
-                return;
+            let inexact = s.outcome == Outcome::Solved && predicts && s.polish != Polish::Done;
+            if (s.outcome != Outcome::Solved || inexact) && !is_stop(s.outcome) && depth > 0 && self.tries > 0 {
+                return self.halve(h, depth, control, r);
             }
             r.inexact += inexact as usize;
         }
         self.take(h, r);
+    }
+
+    fn halve(&mut self, h: f64, depth: usize, control: &mut Control, r: &mut SimResult) {
+        self.divide(0.5 * h, depth - 1, control, r);
+        if r.outcome == Outcome::Solved && self.tries > 0 {
+            self.divide(0.5 * h, depth - 1, control, r);
+        } else if r.outcome == Outcome::Solved {
+            r.outcome = Outcome::Stalled;
+        }
+    }
+
+    /// Follows the plans one way after the other until one holds.
+    fn follow_any(
+        &mut self,
+        plans: &[Vec<bool>],
+        ways: &[((f64, f64, f64), Exit)],
+        control: &mut Control,
+        r: &mut SimResult,
+    ) -> bool {
+        for &(tol, exit) in ways {
+            self.problem.set_exit(exit);
+            for plan in plans {
+                if self.follow(plan, tol, control, r) {
+                    return true;
+                }
+                if is_stop(r.outcome) {
+                    return false;
+                }
+            }
+        }
+        false
     }
 
     /// Bounds and starting point of a step of length `h` from the present state.
