@@ -282,13 +282,9 @@ fn left_shortly_after_the_start(n_s: i64, exit: f64, tol: f64) {
 
 #[test]
 fn a_mode_left_shortly_after_the_start_of_a_step() {
-    left_shortly_after_the_start(2, 1e-4, 1e-8);
+    // two stages: a multiplier that is a line over the element knows its zero to the order two
+    left_shortly_after_the_start(2, 3e-4, 1e-8);
     left_shortly_after_the_start(4, 1e-6, 1e-11);
-}
-
-#[test]
-#[ignore = "the step is halved ten times, then the exit lies where the last half ends, at 2.5 + 0.5/1024"]
-fn a_mode_left_shortly_after_the_start_of_a_step_with_six_stages() {
     left_shortly_after_the_start(6, 1e-8, 1e-11);
 }
 
