@@ -11,6 +11,7 @@ use super::problem::{Bounds, Nlp};
 use super::report::{Control, IterationInfo, Outcome, Residuals, Statistics};
 use super::restore::Restoration;
 use crate::error::Result;
+use crate::func::EvalError;
 use crate::linalg::csc::Pattern;
 
 /// Constants of the method; the parameters of the homotopy belong to the [`Continuation`].
@@ -162,6 +163,8 @@ pub struct Ipm {
     pub(super) info: IterationInfo,
     pub(super) phase: u8,
     pub(super) resto: Option<Box<Restoration>>,
+    /// A function asked to stop.
+    pub(super) fatal: bool,
 }
 
 impl Ipm {
@@ -205,6 +208,7 @@ impl Ipm {
             info: IterationInfo::default(),
             phase: b' ',
             resto: None,
+            fatal: false,
             jac,
         })
     }
@@ -325,6 +329,7 @@ impl Ipm {
             self.info.phase = self.phase;
             let searched = if self.direction(nlp) { self.line_search(nlp) } else { Search::Jammed };
             match searched {
+                _ if self.fatal => return Outcome::Failed,
                 Search::Accepted => {
                     if probe.as_mut().is_some_and(|p| p(&self.it.x)) {
                         return Outcome::Solved;
@@ -520,10 +525,11 @@ impl Ipm {
     fn direction(&mut self, nlp: &mut dyn Nlp) -> bool {
         let clock = Instant::now();
         debug_assert_eq!(self.v.hess.len(), self.hess_nnz);
-        let ok = nlp.hessian(&self.it.x, 1.0, &self.it.y, &mut self.v.hess).is_ok();
+        let hessian = nlp.hessian(&self.it.x, 1.0, &self.it.y, &mut self.v.hess);
+        self.fatal = matches!(hessian, Err(EvalError::Fatal(_)));
         let evaluated = clock.elapsed().as_secs_f64();
         self.stats.time_eval += evaluated;
-        if !ok {
+        if hessian.is_err() {
             return false;
         }
         let Ipm { system, shape, bounds, it, v, residual, .. } = self;
