@@ -292,7 +292,7 @@ impl Mpcc for Fesd {
                         }
                         _ => {
                             fix(b, last);
-                            for row in e.row_slope {
+                            if let Some(row) = e.row_slope {
                                 b.cl[row + c] = f64::NEG_INFINITY;
                             }
                         }
