@@ -244,7 +244,11 @@ impl Simulator {
     fn divide(&mut self, h: f64, depth: usize, control: &mut Control, r: &mut SimResult) {
         self.prepare(h);
         let predicts = self.problem.detects_switches() && self.settings.polish();
-        let plans = if predicts { self.plans(r) } else { Vec::new() };
+        // fixed steps are not planned, but where the continuation is not unique is said all the same
+        let mut plans = if self.problem.n_cells() > 0 { self.plans(r) } else { Vec::new() };
+        if !predicts {
+            plans.clear();
+        }
         let mut done = self.follow_any(&plans, &[(SIGN_TOL, Exit::Theta), (SIGN_TOL, Exit::Slope)], control, r);
         if !done && !plans.is_empty() && depth > 0 && !is_stop(r.outcome) {
             return self.halve(h, depth, control, r);

@@ -55,6 +55,7 @@ pub fn run(c: &Context) {
         (RkFamily::RadauIia, 1),
         (RkFamily::RadauIia, 2),
         (RkFamily::RadauIia, 3),
+        (RkFamily::RadauIia, 4),
         (RkFamily::GaussLegendre, 2),
         (RkFamily::GaussLegendre, 3),
         (RkFamily::Explicit, 2),
@@ -78,7 +79,7 @@ pub fn run(c: &Context) {
         let sys = switching(p.model);
         for disc in BOTH {
             for (family, n_s) in methods {
-                for n_sim in [7, 10] {
+                for n_sim in [7, 10, 20] {
                     let set = settings(family, n_s, 3, disc);
                     let (r, x, wall_s) = simulate(&sys, &set, &[p.x0], T, n_sim);
                     let solved = r.outcome == Outcome::Solved;
