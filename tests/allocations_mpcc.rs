@@ -1,44 +1,19 @@
 //! A solver that has been set up solves without allocating.
 
+#[path = "common/counting.rs"]
+mod counting;
+use counting::COUNT;
+
 mod common;
+use std::cell::Cell;
+
 use common::models::{sliding_mode, smooth, PI, SLIDING_X0};
 use common::*;
-use std::alloc::{GlobalAlloc, Layout, System as SystemAllocator};
-use std::cell::Cell;
 use switchback::dcs::Dcs;
 use switchback::fesd::{Fesd, Options, Spec, Terminal};
 use switchback::mpcc::{MpccSettings, MpccSolver, Polish};
 use switchback::nlp::{Control, Nlp, Outcome};
 use switchback::settings::{RkFamily, Settings};
-
-struct Counting;
-
-thread_local! {
-    static COUNT: Cell<usize> = const { Cell::new(0) };
-}
-
-fn count() {
-    // An allocation while the thread ends must not panic.
-    let _ = COUNT.try_with(|c| c.set(c.get() + 1));
-}
-
-// SAFETY: every call is passed on to the system allocator unchanged.
-unsafe impl GlobalAlloc for Counting {
-    unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
-        count();
-        SystemAllocator.alloc(layout)
-    }
-    unsafe fn dealloc(&self, ptr: *mut u8, layout: Layout) {
-        SystemAllocator.dealloc(ptr, layout)
-    }
-    unsafe fn realloc(&self, ptr: *mut u8, layout: Layout, new_size: usize) -> *mut u8 {
-        count();
-        SystemAllocator.realloc(ptr, layout, new_size)
-    }
-}
-
-#[global_allocator]
-static ALLOCATOR: Counting = Counting;
 
 fn problem(set: &Settings) -> Fesd {
     let sys = sliding_mode();
