@@ -227,6 +227,35 @@ impl Mpcc for Fesd {
         self.polishing = on;
     }
 
+    /// In elements whose active set changes, active cells get equal shares and the others a positive `λ`.
+    fn enter_branch(&self, from: &[Side], to: &[Side], w: &mut [f64]) {
+        let l = &self.l;
+        if !l.fesd {
+            return;
+        }
+        let n = l.n_cells;
+        for (i_e, e) in l.elements.iter().enumerate() {
+            let sides = i_e * n..(i_e + 1) * n;
+            if from[sides.clone()] == to[sides.clone()] {
+                continue;
+            }
+            let mut first = 0;
+            for sub in self.spec.dcs.subsystems() {
+                let cells = first..first + sub.cells.len();
+                let active = |c: usize| to[i_e * n + c] == Side::First;
+                let share = 1.0 / cells.clone().filter(|&c| active(c)).count().max(1) as f64;
+                for c in cells {
+                    for (&theta, &lambda) in e.theta.iter().zip(&e.lambda) {
+                        w[theta + c] = if active(c) { share } else { 0.0 };
+                        w[lambda + c] = if active(c) { 0.0 } else { w[lambda + c].max(0.1) };
+                    }
+                }
+                first += sub.cells.len();
+            }
+            self.write_sums(w, e);
+        }
+    }
+
     /// The active set of every element is `sides`: `λ`, or `θ`, is zero at all its points. Where it does not
     /// change, neighbouring steps are equal. Where components only leave it, a sliding mode ends: the first of them
     /// leaves as [`Exit`] says. At the start of a control stage, where `θ` may jump with the control, it is `λ̇ ≥ 0`.

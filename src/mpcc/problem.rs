@@ -39,6 +39,17 @@ pub trait Mpcc: Nlp {
         }
     }
 
+    /// Makes `x`, a point of the branch `from`, a starting point of the branch `to`: what may be positive there and was
+    /// zero is moved inside.
+    fn enter_branch(&self, from: &[Side], to: &[Side], x: &mut [f64]) {
+        for (k, &(a, b)) in self.pairs().iter().enumerate() {
+            let g = self.group(k);
+            if from[g] != to[g] {
+                x[if to[g] == Side::First { b } else { a }] = 1e-2;
+            }
+        }
+    }
+
     /// Terms that only guide the homotopy are left out while `on`.
     fn set_polishing(&mut self, _on: bool) {}
 }

@@ -408,7 +408,7 @@ impl MpccSolver {
                 self.sides.copy_from_slice(&self.solution.sides);
                 let x = std::mem::take(&mut self.solution.x);
                 let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
-                let ok = more && self.try_branch_at(p, bounds, &x, control);
+                let ok = more && self.try_neighbour(p, bounds, &x, control);
                 self.solution.x = x;
                 if ok && self.ipm.objective() < best - 1e-9 * (1.0 + best.abs()) {
                     self.record(p, Outcome::Solved, Polish::Done);
@@ -434,6 +434,34 @@ impl MpccSolver {
         ok
     }
 
+    /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
+    /// positive starts inside.
+    fn try_neighbour(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
+        self.point.copy_from_slice(x);
+        p.enter_branch(&self.solution.sides, &self.sides, &mut self.point);
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        p.set_polishing(true);
+        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
+        let mut rule = Branch::new(self.branch_rule(1e-3));
+        let settings = self.ipm.settings_mut();
+        let push = std::mem::replace(&mut settings.bound_push, 1e-4);
+        settings.restoration = false;
+        let point = std::mem::take(&mut self.point);
+        let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
+        self.point = point;
+        let settings = self.ipm.settings_mut();
+        settings.bound_push = push;
+        settings.restoration = true;
+        outcome == Outcome::Solved
+    }
+
+    /// Barrier rule of a branch problem: below 1e-10 the barrier no longer moves the solution by more than the tolerance
+    /// of the polish.
+    fn branch_rule(&self, mu_init: f64) -> Monotone {
+        Monotone { mu_init, tol: self.settings.tol.min(1e-9), primal_tol: self.settings.polish_tol }
+    }
+
     fn try_branch(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
@@ -444,9 +472,7 @@ impl MpccSolver {
     fn run_branch(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> Outcome {
         p.set_polishing(true);
         self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
-        // below 1e-10 the barrier no longer moves the solution by more than the tolerance of the polish
-        let tol = self.settings.tol.min(1e-9);
-        let mut rule = Branch::new(Monotone { mu_init: 1e-6, tol, primal_tol: self.settings.polish_tol });
+        let mut rule = Branch::new(self.branch_rule(1e-6));
         self.ipm.settings_mut().restoration = false;
         let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
         let outcome = self.run(p, Start::Warm(&saved, 1e-8), &mut rule, control, b'p');
