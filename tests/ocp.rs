@@ -156,3 +156,25 @@ fn a_problem_without_switches_is_plain_collocation() {
     assert_near(&[r.cost], &[12.0 * n * n / (n * n - 1.0)], 1e-9, "cost");
     assert!(r.stats.iterations <= 5, "{} iterations", r.stats.iterations);
 }
+
+#[test]
+fn one_function_may_be_in_two_path_constraints() {
+    use switchback::fesd::PathAt::{ControlGrid, StagePoints};
+    let set = settings(RadauIia, 2, 5, FESD);
+    for tight_first in [true, false] {
+        let mut o = sliding_ocp(&set);
+        let d = o.system().dims();
+        let v2 = smooth("v2", d, 1, |at, o| o[0] = at.x[3], &[(0, 3)], |_, o| o[0] = 1.0, &[], |_, _, _| {});
+        let mut constraints = [(StagePoints, -1.65), (ControlGrid, -5.0)];
+        if !tight_first {
+            constraints.reverse();
+        }
+        for (at, lower) in constraints {
+            o.add_path(v2.clone(), &[lower], &[5.0], at).unwrap();
+        }
+        let r = o.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved);
+        let least = r.trajectory.elements.iter().flat_map(|e| e.xs.chunks(4).map(|x| x[3])).fold(0.0, f64::min);
+        assert!((least + 1.65).abs() < 1e-6, "v2 goes down to {least}: without the constraint it is -1.70");
+    }
+}

@@ -3,7 +3,6 @@
 use super::problem::Fesd;
 use crate::mpcc::{Mpcc, Side};
 use crate::nlp::Bounds;
-use crate::system::SharedFunction;
 
 /// A multiplier with the wrong sign.
 #[derive(Debug, Clone, Copy)]
@@ -70,12 +69,9 @@ impl Fesd {
         self.write_durations(&mut b);
         let mut rows = l.row_path.iter();
         for p in &self.spec.path {
-            let n_calls = self.path.iter().filter(|c| self.same(c.f, &p.f)).count();
-            for _ in 0..n_calls {
-                if let Some(&r) = rows.next() {
-                    b.cl[r..r + p.lower.len()].copy_from_slice(&p.lower);
-                    b.cu[r..r + p.upper.len()].copy_from_slice(&p.upper);
-                }
+            for &r in rows.by_ref().take(p.at.n_points(self.spec.n_stages, self.spec.n_fe, self.tableau.n_s)) {
+                b.cl[r..r + p.lower.len()].copy_from_slice(&p.lower);
+                b.cu[r..r + p.upper.len()].copy_from_slice(&p.upper);
             }
         }
         for (t, &r) in self.spec.terminal.iter().zip(&l.row_terminal) {
@@ -177,10 +173,6 @@ impl Fesd {
             b.cl[r] = self.duration;
             b.cu[r] = self.duration;
         }
-    }
-
-    fn same(&self, f: usize, g: &SharedFunction) -> bool {
-        std::sync::Arc::ptr_eq(&self.functions[f], g)
     }
 
     /// Sets bounds of all user states along the horizon, the initial value excepted.

@@ -60,6 +60,17 @@ pub enum PathAt {
     StagePoints,
 }
 
+impl PathAt {
+    /// Number of points on a horizon.
+    pub(super) fn n_points(self, n_stages: usize, n_fe: usize, n_s: usize) -> usize {
+        match self {
+            PathAt::ControlGrid => 2 * n_stages,
+            PathAt::Elements => n_stages * (n_fe + 1),
+            PathAt::StagePoints => n_stages * (n_fe * n_s + 1),
+        }
+    }
+}
+
 /// `lower ≤ c(x, u, p, t) ≤ upper` along the horizon.
 #[derive(Clone)]
 pub struct PathConstraint {
@@ -300,12 +311,7 @@ impl Layout {
             }
         }
         for p in &spec.path {
-            let points = match p.at {
-                PathAt::ControlGrid => 2 * spec.n_stages,
-                PathAt::Elements => spec.n_stages * (spec.n_fe + 1),
-                PathAt::StagePoints => spec.n_stages * (spec.n_fe * n_s + 1),
-            };
-            for _ in 0..points {
+            for _ in 0..p.at.n_points(spec.n_stages, spec.n_fe, n_s) {
                 l.row_path.push(row.take(p.f.n_out()));
             }
         }
