@@ -12,7 +12,6 @@ use super::settings;
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::mpcc::{Lifted, Member, Mpcc, MpccSettings, MpccSolver, Solution};
-use crate::nlp::deadline;
 use crate::nlp::{Bounds, CallbackNlp, Nlp, Outcome};
 use crate::settings::{LogLevel, Settings, Value};
 use crate::system::SharedFunction;
@@ -141,9 +140,7 @@ impl Program {
         let (start, seconds, result) = (&self.start, self.settings.max_time, &mut self.result);
         *result = None;
         let outcome = self.hooks.run("mpcc", level, |control| {
-            if seconds.is_finite() {
-                control.deadline = deadline(seconds);
-            }
+            control.limit(seconds);
             let w0 = problem.start(start);
             solver.solve(problem, &bounds, &w0, control);
             let solution = solver.solution().clone();

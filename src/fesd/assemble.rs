@@ -142,7 +142,7 @@ impl Fesd {
                 for r in 0..l.nx {
                     let xs = w[e.x_start + r];
                     let step: f64 = if l.values_form {
-                        (0..n_s).map(|j| self.end_weight(j) * (w[e.x[j] + r] - xs)).sum()
+                        (0..n_s).map(|j| self.end_weights[j] * (w[e.x[j] + r] - xs)).sum()
                     } else {
                         h * (0..n_s).map(|j| t.b[j] * w[e.v[j] + r]).sum::<f64>()
                     };
@@ -183,13 +183,6 @@ impl Fesd {
             let n = self.functions[call.f].n_out();
             c[row..row + n].copy_from_slice(&self.cache.val[call.val..call.val + n]);
         }
-    }
-
-    pub(super) fn end_weight(&self, j: usize) -> f64 {
-        // b'A^{-1}
-        let t = &self.tableau;
-        let a_inv = t.a_inv.as_deref().unwrap_or(&[]);
-        (0..t.n_s).map(|i| t.b[i] * a_inv[i * t.n_s + j]).sum()
     }
 
     /// Local variables of the η term between two elements.
@@ -317,7 +310,7 @@ impl Fesd {
                     let mut sum = 0.0;
                     for j in 0..n_s {
                         if l.values_form {
-                            let d = self.end_weight(j);
+                            let d = self.end_weights[j];
                             s.add(row + r, e.x[j] + r, -d);
                             sum += d;
                         } else {

@@ -87,6 +87,8 @@ pub struct Fesd {
     pub(super) duration: f64,
     pub(super) polishing: bool,
     pub(super) exit: Exit,
+    /// Weights of the stage values in the value at the end of an element.
+    pub(super) end_weights: Vec<f64>,
     pub(super) scratch: Scratch,
     pub(super) evaluations: usize,
 }
@@ -176,6 +178,7 @@ impl Fesd {
             duration,
             polishing: false,
             exit: Exit::Slope,
+            end_weights: tableau.boundary_weights().unwrap_or_default(),
             scratch: Scratch { f: vec![0.0; l.nx], local: vec![0.0; eta::n_local(l.n_cells)] },
             evaluations: 0,
             tableau,

@@ -294,13 +294,7 @@ impl MpccSolver {
         let mut relaxed = Relaxed { inner: p, st: &mut self.st };
         let outcome = self.ipm.solve(&mut relaxed, &self.bounds, start, path, control);
         let (total, s) = (&mut self.solution.stats, self.ipm.statistics());
-        total.iterations += s.iterations;
-        total.factorisations += s.factorisations;
-        total.evaluations += s.evaluations;
-        total.restoration_iterations += s.restoration_iterations;
-        total.max_delta_w = total.max_delta_w.max(s.max_delta_w);
-        total.time_eval += s.time_eval;
-        total.time_linalg += s.time_linalg;
+        total.add(s);
         if phase == b'p' {
             total.polish_iterations += s.iterations;
         }
@@ -396,7 +390,10 @@ impl MpccSolver {
     /// Looks for an active set again, from the point the relaxation reached in the last solve, after the branch problems
     /// have changed; true when one is solved.
     pub fn polish_again(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
-        self.polish(p, bounds, control, suggest)
+        let clock = Instant::now();
+        let ok = self.polish(p, bounds, control, suggest);
+        self.solution.stats.time_total += clock.elapsed().as_secs_f64();
+        ok
     }
 
     /// Moves to neighbouring active sets as long as the objective falls. The result stays the best point.

@@ -26,6 +26,5 @@ mod solver;
 pub use callback::CallbackNlp;
 pub use iterate::Iterate;
 pub use problem::{Bilinear, Bounds, Nlp, INFINITE};
-pub(crate) use report::deadline;
 pub use report::{Control, IterationInfo, Outcome, Residuals, Statistics};
 pub use solver::{Advance, Continuation, Ipm, IpmSettings, Level, Measures, Monotone, Start};

@@ -79,6 +79,20 @@ pub struct Statistics {
     pub time_total: f64,
 }
 
+impl Statistics {
+    /// Adds the cost of a part, but for `time_total`: whoever adds up has a clock of its own.
+    pub(crate) fn add(&mut self, part: &Statistics) {
+        self.iterations += part.iterations;
+        self.factorisations += part.factorisations;
+        self.evaluations += part.evaluations;
+        self.restoration_iterations += part.restoration_iterations;
+        self.polish_iterations += part.polish_iterations;
+        self.max_delta_w = self.max_delta_w.max(part.max_delta_w);
+        self.time_eval += part.time_eval;
+        self.time_linalg += part.time_linalg;
+    }
+}
+
 /// One line of the iteration log, in the columns Ipopt made familiar, with `σ` and the pairs' residual.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct IterationInfo {
@@ -122,6 +136,13 @@ pub struct Control<'a> {
 }
 
 impl Control<'_> {
+    /// Sets the latest end of the solve `seconds` from now, unless there is one or the number is not finite.
+    pub(crate) fn limit(&mut self, seconds: f64) {
+        if seconds.is_finite() && self.deadline.is_none() {
+            self.deadline = deadline(seconds);
+        }
+    }
+
     /// Reports an iteration; returns why to stop, if so.
     pub(crate) fn check(&mut self, info: &IterationInfo) -> Option<Outcome> {
         let go_on = self.monitor.as_mut().is_none_or(|f| f(info));
@@ -133,6 +154,6 @@ impl Control<'_> {
 }
 
 /// The time `seconds` from now; none where that is beyond all clocks.
-pub(crate) fn deadline(seconds: f64) -> Option<Instant> {
+fn deadline(seconds: f64) -> Option<Instant> {
     std::time::Duration::try_from_secs_f64(seconds).ok().and_then(|d| Instant::now().checked_add(d))
 }

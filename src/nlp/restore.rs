@@ -33,8 +33,6 @@ pub(super) struct Restoration {
     reference: Vec<f64>,
     weight: Vec<f64>,
     shape: Shape,
-    c: Vec<f64>,
-    s: Vec<f64>,
     inner_jac: Vec<f64>,
     inner_hess: Vec<f64>,
 }
@@ -180,8 +178,6 @@ impl Restoration {
             reference: zeros.clone(),
             weight: zeros,
             shape: Shape::new(n, m),
-            c: vec![0.0; m],
-            s: vec![0.0; m],
             inner_jac,
             inner_hess,
             jac,
@@ -244,8 +240,7 @@ impl Restoration {
         settings.max_iter = max_iter.min(500);
         settings.bound_push = 1e-10;
         self.ipm.set_phase(b'r');
-        let Restoration { shape, c, s, start, ipm, jac, hess, jac_map, hess_map, bilinear, reference, weight, .. } =
-            self;
+        let Restoration { shape, start, ipm, jac, hess, jac_map, hess_map, bilinear, reference, weight, .. } = self;
         let mut elastic = Elastic {
             inner: nlp,
             n,
@@ -261,7 +256,7 @@ impl Restoration {
             inner_hess: &mut self.inner_hess,
         };
         let mut found = false;
-        // violation of the original rows = elastic rows without p and q, which the iterate carries
+        // p − q is the violation of the original rows, up to what the elastic rows themselves are off
         let mut probe = |x: &[f64]| {
             let mut t = 0.0;
             for i in 0..m {
@@ -270,7 +265,6 @@ impl Restoration {
                 }
             }
             found = t <= KAPPA_RESTO * th0;
-            let _ = (&c, &s);
             found
         };
         let mut rule = Monotone { mu_init: mu, tol: 1e-8, primal_tol: 1e-8 };

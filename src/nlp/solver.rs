@@ -136,7 +136,6 @@ pub struct Ipm {
     pub(super) n: usize,
     pub(super) m: usize,
     pub(super) jac: Pattern,
-    pub(super) hess_nnz: usize,
     pub(super) settings: IpmSettings,
     pub(super) shape: Shape,
     pub(super) bounds: Bounds,
@@ -176,7 +175,6 @@ impl Ipm {
         Ok(Ipm {
             n,
             m,
-            hess_nnz,
             settings,
             shape: Shape::new(n, m),
             bounds: Bounds::free(n, m),
@@ -524,7 +522,6 @@ impl Ipm {
     /// Newton direction of the barrier problem.
     fn direction(&mut self, nlp: &mut dyn Nlp) -> bool {
         let clock = Instant::now();
-        debug_assert_eq!(self.v.hess.len(), self.hess_nnz);
         let hessian = nlp.hessian(&self.it.x, 1.0, &self.it.y, &mut self.v.hess);
         self.fatal = matches!(hessian, Err(EvalError::Fatal(_)));
         let evaluated = clock.elapsed().as_secs_f64();

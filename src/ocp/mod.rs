@@ -19,11 +19,10 @@ use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
 use crate::fesd::{Exit, Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
 use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side, Wanted};
-use crate::nlp::{deadline, Bounds, Control, Nlp, Outcome, Residuals, Statistics};
+use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::{InitialGuess, Settings};
 use crate::sim::Simulator;
 use crate::system::{SharedFunction, System};
-use crate::tableau::Tableau;
 
 /// What a solve found.
 #[derive(Debug, Clone)]
@@ -304,9 +303,7 @@ impl Ocp {
             |k, u| u.copy_from_slice(&u_start[k * d.u..(k + 1) * d.u]),
         );
         solver.settings = MpccSettings::from(&self.settings);
-        if self.settings.max_time.is_finite() && control.deadline.is_none() {
-            control.deadline = deadline(self.settings.max_time);
-        }
+        control.limit(self.settings.max_time);
         identifier.params.clone_from(&self.params);
         identifier.t0 = self.t0;
         let detects = problem.detects_switches();
@@ -319,14 +316,13 @@ impl Ocp {
             solver.polish_again(&mut problem, &bounds, control, &mut suggest);
         }
         let s = solver.solution();
-        let tableau = Tableau::new(problem.spec().options.family, problem.spec().options.n_s)?;
-        let mut trajectory = Trajectory::new(&problem.spec().dcs, &tableau);
+        let mut trajectory = Trajectory::new(&problem.spec().dcs, problem.tableau());
         let sides = (s.polish == Polish::Done).then_some(&s.sides[..]);
         trajectory.append(&problem, &s.x, sides, self.t0);
         let result = OcpResult {
             outcome: s.outcome,
             polish: s.polish,
-            cost: f64::NAN,
+            cost: problem.cost(&s.x).unwrap_or(f64::NAN),
             controls: problem.controls(&s.x),
             trajectory,
             residuals: s.residuals,
@@ -334,9 +330,8 @@ impl Ocp {
             time_build,
             dimensions: (problem.n(), problem.m(), crate::mpcc::Mpcc::pairs(&problem).len()),
         };
-        let cost = problem.cost(&s.x).unwrap_or(f64::NAN);
         self.built = Some(Built { problem, solver, bounds, identifier });
-        Ok(self.result.insert(OcpResult { cost, ..result }))
+        Ok(self.result.insert(result))
     }
 
     fn control_guess(&self) -> Vec<f64> {
@@ -358,9 +353,8 @@ impl Ocp {
             sim.set_params(&self.params)?;
             sim.set_state(self.t0, &x0)?;
             let u = self.control_guess();
-            let nu = self.system.dims().u;
-            let inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
-            let r = sim.run_stages(self.horizon, self.n_stages, &u, nu, inner)?;
+            let mut inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
+            let r = sim.run_stages(self.horizon, self.n_stages, Some(&u), &mut inner)?;
             // a simulation that fails half way is still a better start than a constant
             let (mut times, mut states) = (vec![0.0], x0.clone());
             for e in r.trajectory.elements.iter().filter(|e| e.h > 1e-12) {

@@ -16,7 +16,7 @@ use crate::error::{finite, Error, Result};
 use crate::fesd::{Exit, Fesd, Options, Spec, Trajectory};
 use crate::func::Point;
 use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side};
-use crate::nlp::{deadline, Bounds, Control, Nlp, Outcome, Statistics};
+use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
 use crate::settings::{Discretisation, Settings};
 use crate::system::System;
 use crate::tableau::Tableau;
@@ -164,34 +164,27 @@ impl Simulator {
 
     /// Simulates over `duration` in `n_steps` equal steps of `n_fe` finite elements each.
     pub fn run(&mut self, duration: f64, n_steps: usize, control: &mut Control) -> Result<SimResult> {
-        check_run(duration, n_steps)?;
-        let mut r = self.empty_result();
-        let (t0, h) = (self.t, duration / n_steps as f64);
-        for k in 0..n_steps {
-            // the grid does not inherit the rounding of sums
-            self.t = t0 + k as f64 * h;
-            self.advance(h, control, &mut r);
-            if r.outcome != Outcome::Solved {
-                break;
-            }
-        }
-        Ok(r)
+        self.run_stages(duration, n_steps, None, control)
     }
 
-    /// Simulates `n` stages of equal length with the controls `u[n · nu]`, one step each.
+    /// Simulates `n` stages of equal length, one step each, with the controls `u[n · nu]` where they are given.
     pub(crate) fn run_stages(
         &mut self,
         duration: f64,
         n: usize,
-        u: &[f64],
-        nu: usize,
-        mut control: Control,
+        u: Option<&[f64]>,
+        control: &mut Control,
     ) -> Result<SimResult> {
         check_run(duration, n)?;
         let mut r = self.empty_result();
+        let (t0, h) = (self.t, duration / n as f64);
         for k in 0..n {
-            self.set_controls(&u[k * nu..(k + 1) * nu])?;
-            self.advance(duration / n as f64, &mut control, &mut r);
+            if let Some(u) = u {
+                self.set_controls(&u[k * self.nu..(k + 1) * self.nu])?;
+            }
+            // the grid does not inherit the rounding of sums
+            self.t = t0 + k as f64 * h;
+            self.advance(h, control, &mut r);
             if r.outcome != Outcome::Solved {
                 break;
             }
@@ -217,9 +210,7 @@ impl Simulator {
     /// Does one step of length `h` and appends it to `r`. When it fails, time and state stay as they are.
     pub fn advance(&mut self, h: f64, control: &mut Control, r: &mut SimResult) {
         let clock = Instant::now();
-        if self.settings.max_time.is_finite() && control.deadline.is_none() {
-            control.deadline = deadline(self.settings.max_time);
-        }
+        control.limit(self.settings.max_time);
         let (t, elements, switches) = (self.t, r.trajectory.elements.len(), r.trajectory.switches.len());
         self.saved_x.copy_from_slice(&self.x);
         self.tries = MAX_TRIES;
@@ -263,10 +254,9 @@ impl Simulator {
         if !done {
             self.start_guess();
             r.homotopies += 1;
-            self.solver.settings = MpccSettings::from(&self.settings);
             self.problem.set_exit(Exit::Slope);
             self.solver.solve(&mut self.problem, &self.bounds, &self.w, control);
-            add(&mut r.stats, &self.solver.solution().stats);
+            r.stats.add(&self.solver.solution().stats);
             let s = self.solver.solution();
             let inexact = s.outcome == Outcome::Solved && predicts && s.polish != Polish::Done;
             if (s.outcome != Outcome::Solved || inexact) && !is_stop(s.outcome) && depth > 0 && self.tries > 0 {
@@ -308,15 +298,15 @@ impl Simulator {
         false
     }
 
-    /// Bounds and starting point of a step of length `h` from the present state.
+    /// Bounds of a step of length `h` from the present state.
     fn prepare(&mut self, h: f64) {
         self.problem.set_duration(h);
         self.problem.write_durations(&mut self.bounds);
         self.problem.bound_initial(&mut self.bounds, &self.x, &self.x, self.t);
         self.problem.bound_control(&mut self.bounds, 0, &self.u, &self.u);
-        self.start_guess();
     }
 
+    /// Starting point: the present state everywhere.
     fn start_guess(&mut self) {
         self.problem.guess(&mut self.w, self.t, |_, x| x.copy_from_slice(&self.x), |_, u| u.copy_from_slice(&self.u));
     }
@@ -396,7 +386,7 @@ impl Simulator {
             self.problem.branch(&self.sides, &mut self.branch);
             self.problem.free_signs(&mut self.branch);
             r.outcome = self.solver.solve_branch(&mut self.problem, &self.branch, &self.sides, &self.w, control);
-            add(&mut r.stats, &self.solver.solution().stats);
+            r.stats.add(&self.solver.solution().stats);
             if r.outcome != Outcome::Solved {
                 return false;
             }
@@ -464,15 +454,4 @@ fn check_run(duration: f64, n_steps: usize) -> Result<()> {
         return Err(Error::Range("at least one step is needed".into()));
     }
     Ok(())
-}
-
-fn add(total: &mut Statistics, s: &Statistics) {
-    total.iterations += s.iterations;
-    total.factorisations += s.factorisations;
-    total.evaluations += s.evaluations;
-    total.restoration_iterations += s.restoration_iterations;
-    total.polish_iterations += s.polish_iterations;
-    total.max_delta_w = total.max_delta_w.max(s.max_delta_w);
-    total.time_eval += s.time_eval;
-    total.time_linalg += s.time_linalg;
 }
