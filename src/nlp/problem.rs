@@ -37,6 +37,11 @@ pub trait Nlp {
     fn derivatives(&mut self, x: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult;
     /// Values of `∇²(w f + yᵀc)`, `hess[nnz]`, at the point where [`Nlp::derivatives`] was called last.
     fn hessian(&mut self, x: &[f64], w: f64, y: &[f64], hess: &mut [f64]) -> EvalResult;
+    /// Told of every barrier problem before its first evaluation; true when functions depend on it, and have to be
+    /// evaluated again.
+    fn set_level(&mut self, _sigma: f64, _mu: f64) -> bool {
+        false
+    }
     /// Rows that are products of two variables.
     fn bilinear(&self) -> &[Bilinear] {
         &[]

@@ -292,6 +292,7 @@ impl Ipm {
     ) -> Outcome {
         self.bounds.copy_from(bounds);
         self.level = continuation.start();
+        nlp.set_level(self.level.sigma, self.level.mu);
         self.relax(continuation.relaxed_rows());
         self.shape.classify(&self.bounds);
         self.system.restart();
@@ -313,7 +314,9 @@ impl Ipm {
                     Advance::GiveUp => return Outcome::Stalled,
                     Advance::Stay => break,
                     Advance::To(level) => {
-                        self.change_level(level, continuation.relaxed_rows());
+                        if !self.change_level(nlp, level, continuation.relaxed_rows()) {
+                            return Outcome::Failed;
+                        }
                         m = self.measure(nlp);
                     }
                 }
@@ -339,7 +342,9 @@ impl Ipm {
                         self.info.phase = b's';
                     } else if let Some(level) = continuation.jammed(&m) {
                         self.info.phase = b'j';
-                        self.change_level(level, continuation.relaxed_rows());
+                        if !self.change_level(nlp, level, continuation.relaxed_rows()) {
+                            return Outcome::Failed;
+                        }
                     } else if self.settings.restoration && jams < 20 {
                         jams += 1;
                         if let Some(end) = self.restore(nlp, control, &m) {
@@ -502,9 +507,13 @@ impl Ipm {
         i.delta_w = self.system.delta_w;
     }
 
-    /// Moves to another barrier problem; slacks of rows whose bound moved follow it.
-    fn change_level(&mut self, level: Level, rows: Range<usize>) {
+    /// Moves to another barrier problem; slacks of rows whose bound moved follow it. False when functions that
+    /// depend on the level have no value there.
+    fn change_level(&mut self, nlp: &mut dyn Nlp, level: Level, rows: Range<usize>) -> bool {
         self.level = level;
+        if nlp.set_level(level.sigma, level.mu) && !(self.evaluate(nlp) && self.differentiate(nlp)) {
+            return false;
+        }
         for i in rows {
             if self.shape.row[i] != RowKind::Inequality {
                 continue;
@@ -517,6 +526,7 @@ impl Ipm {
             self.it.vu[i] = clamp_multiplier(self.it.vu[i], dist, level.mu);
         }
         self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c));
+        true
     }
 
     /// Newton direction of the barrier problem.
