@@ -18,6 +18,7 @@
 //! that replaces the step by something else without a word.
 
 use super::csc::{mul_add_symmetric_upper, Pattern};
+use super::krylov::Gmres;
 use super::ldl::{Factorisation, Inertia, LdlStats, SymmetricSolver};
 use crate::error::{Error, Result};
 
@@ -108,7 +109,13 @@ pub struct Kkt {
     x: Vec<f64>,
     best: Vec<f64>,
     r: Vec<f64>,
+    gmres: Gmres,
 }
+
+/// Steps of GMRES where refinement stalls.
+const KRYLOV_STEPS: usize = 10;
+/// Relative residual that is worth them.
+const KRYLOV_FROM: f64 = 1e-11;
 
 /// Bounds of the scaling factors: the powers of two inside [1e-8, 1e8].
 const SCALE_MIN: f64 = 1.0 / 67_108_864.0;
@@ -179,6 +186,7 @@ impl Kkt {
             x: vec![0.0; n],
             best: vec![0.0; n],
             r: vec![0.0; n],
+            gmres: Gmres::new(n, KRYLOV_STEPS),
         })
     }
 
@@ -297,8 +305,8 @@ impl Kkt {
     }
 
     /// Solves with the last factors and refines: `(K + deltas) sol = rhs`, without the static shift. The
-    /// iterate with the smallest residual is returned; refinement stops when a step gains less than a
-    /// factor of 2. Without factors, or if no iterate is finite, `sol` is zero and not `ok`.
+    /// iterate with the smallest residual is returned; where a step gains less than a factor of 2, eigenvalues are
+    /// next to the shift, and GMRES goes on. Without factors, or if no iterate is finite, `sol` is zero and not `ok`.
     ///
     /// # Panics
     /// If `rhs` or `sol` has not length `n`.
@@ -328,8 +336,19 @@ impl Kkt {
         self.x.fill(0.0);
         let mut best = f64::INFINITY;
         let mut steps = 0;
+        let mut krylov = false;
         loop {
-            self.backend.solve(&mut self.r);
+            if krylov {
+                let Kkt { gmres, backend, upper, matrix, r, .. } = self;
+                let multiply = |z: &[f64], w: &mut [f64]| {
+                    w.fill(0.0);
+                    mul_add_symmetric_upper(upper, matrix, z, w, 1.0);
+                };
+                let reduction = self.settings.refine_tol / best;
+                steps += gmres.solve(r, reduction, |z| backend.solve(z), multiply);
+            } else {
+                self.backend.solve(&mut self.r);
+            }
             for (x, &d) in self.x.iter_mut().zip(&self.r) {
                 *x += d;
             }
@@ -338,19 +357,22 @@ impl Kkt {
             let residual = max_abs(&self.r) / (k_norm * max_abs(&self.x) + b_norm);
             let previous = best;
             // False for NaN.
-            if residual < best {
+            let better = residual < best;
+            if better {
                 best = residual;
                 std::mem::swap(&mut self.best, &mut self.x);
-                if residual <= self.settings.refine_tol
-                    || steps == self.settings.refine_max
-                    || 2.0 * residual > previous
-                {
-                    break;
-                }
-                self.x.copy_from_slice(&self.best);
-            } else {
+            }
+            let done = best <= self.settings.refine_tol || steps >= self.settings.refine_max;
+            let stalled = !better || 2.0 * residual > previous;
+            if done || !best.is_finite() || (stalled && (krylov || best < KRYLOV_FROM)) {
                 break;
             }
+            krylov |= stalled;
+            if !better {
+                self.r.copy_from_slice(&self.b);
+                mul_add_symmetric_upper(&self.upper, &self.matrix, &self.best, &mut self.r, -1.0);
+            }
+            self.x.copy_from_slice(&self.best);
             steps += 1;
         }
         if !best.is_finite() {

@@ -6,4 +6,5 @@
 
 pub mod csc;
 pub mod kkt;
+mod krylov;
 pub mod ldl;
