@@ -1,0 +1,142 @@
+"""IPOPT with MUMPS through its C interface, and the homotopy of Scholtes around it."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import time
+from ctypes import POINTER, byref, c_char_p, c_double, c_int, c_void_p
+from pathlib import Path
+
+import numpy as np
+
+from mpcc_problems import Problem
+
+SIGMA = [10.0**-k for k in range(10)]
+PRODUCT = 1e-7
+
+# Of both variants: solve every program to 1e-8, keep bounds as they are (a relaxed product would miss the tolerance).
+COMMON = {
+    "linear_solver": "mumps",
+    "tol": 1e-8,
+    "bound_relax_factor": 0.0,
+    "max_iter": 3000,
+    "print_level": 0,
+    "sb": "yes",
+}
+VARIANTS = {
+    "monotone": {},
+    "adaptive": {"mu_strategy": "adaptive", "mu_oracle": "quality-function"},
+}
+STATUS = {
+    0: "solved", 1: "acceptable", 2: "infeasible", 3: "step too small", 4: "diverging", 5: "time", 6: "feasible point",
+    -1: "max_iter", -2: "restoration failed", -3: "step failed", -4: "time", -5: "time", -10: "too few variables",
+    -11: "invalid problem", -12: "invalid option", -13: "invalid number", -100: "exception", -101: "exception",
+    -102: "memory", -199: "internal error",
+}  # fmt: skip
+
+
+class Ipopt:
+    """The library: that of the CasADi wheel, or libipopt of the system."""
+
+    def __init__(self) -> None:
+        places = []
+        try:
+            import casadi
+
+            places += sorted(Path(casadi.__file__).parent.glob("libipopt.so.3"))
+            casadi_version = casadi.__version__
+        except ImportError:
+            casadi_version = None
+        for place in [*map(str, places), "libipopt.so.3"]:
+            try:
+                self.library = library = ctypes.CDLL(place)
+                break
+            except OSError:
+                continue
+        else:
+            raise SystemExit("IPOPT is missing: pip install casadi, or give --no-ipopt")
+        version = [c_int() for _ in range(3)]
+        library.GetIpoptVersion(*map(byref, version))
+        self.version = ".".join(str(v.value) for v in version)
+        self.origin = f"CasADi {casadi_version}" if places else "system"
+        doubles = POINTER(c_double)
+        library.CreateIpoptProblem.restype = c_void_p
+        library.CreateIpoptProblem.argtypes = [
+            c_int, doubles, doubles, c_int, doubles, doubles, c_int, c_int, c_int, *[c_void_p] * 5
+        ]  # fmt: skip
+        library.FreeIpoptProblem.restype, library.FreeIpoptProblem.argtypes = None, [c_void_p]
+        for kind, number in (("Str", c_char_p), ("Num", c_double), ("Int", c_int)):
+            f = getattr(library, f"AddIpopt{kind}Option")
+            f.restype, f.argtypes = ctypes.c_bool, [c_void_p, c_char_p, number]
+        library.SetIntermediateCallback.restype = ctypes.c_bool
+        library.SetIntermediateCallback.argtypes = [c_void_p, c_void_p]
+        library.IpoptSolve.restype = c_int
+        library.IpoptSolve.argtypes = [c_void_p, *[doubles] * 6, c_void_p]
+
+    def _option(self, problem: int, name: str, value: object) -> None:
+        kind = "Str" if isinstance(value, str) else "Int" if isinstance(value, int) else "Num"
+        given = value.encode() if isinstance(value, str) else value
+        if not getattr(self.library, f"AddIpopt{kind}Option")(problem, name.encode(), given):
+            raise SystemExit(f"IPOPT does not know the option {name}={value}")
+
+    def homotopy(self, problem: Problem, variant: str, limit: float) -> dict:
+        """Solve with G_i H_i <= sigma for falling sigma, each from the point before, until the program is solved and
+        all products are small. CPU time is that inside IPOPT; making the problem is not part of it."""
+        code = problem.library
+        member = problem.variable_members()
+        adapter = problem.adapter(member)
+        kept = np.array(code.adapter_kept(adapter)[: code.adapter_n_kept(adapter)], dtype=int)
+        lower = np.concatenate([problem.lbg, np.zeros(2 * problem.c)])[kept]
+        upper = np.concatenate([problem.ubg, np.full(2 * problem.c, np.inf)])[kept]
+        lower = np.concatenate([lower, np.full(problem.c, -np.inf)])
+        upper = np.concatenate([upper, np.zeros(problem.c)])
+        lbx = problem.lbx.copy()
+        variables = problem.pair_variables[member]
+        lbx[variables] = np.maximum(lbx[variables], 0.0)
+        arrays = [np.clip(v, -2e19, 2e19) for v in (lbx, problem.ubx, lower, upper)]
+        xl, xu, gl, gu = (v.ctypes.data_as(POINTER(c_double)) for v in arrays)
+        callbacks = [
+            ctypes.cast(getattr(code, f"scholtes_{f}"), c_void_p) for f in ("f", "g", "grad", "jac", "hess")
+        ]
+        made = self.library.CreateIpoptProblem(
+            problem.n, xl, xu, len(lower), gl, gu, code.adapter_scholtes_n_jac(adapter),
+            code.adapter_scholtes_n_hess(adapter), 0, *callbacks,
+        )  # fmt: skip
+        if not made:
+            raise RuntimeError("IPOPT refuses the problem")
+        try:
+            for name, value in (COMMON | VARIANTS[variant]).items():
+                self._option(made, name, value)
+            self.library.SetIntermediateCallback(made, ctypes.cast(code.scholtes_iteration, c_void_p))
+            code.adapter_set_deadline(adapter, limit)
+            x = problem.x0.copy()
+            f, iterations, cpu, solves = c_double(), 0, 0.0, 0
+            solved, status = False, "none"
+            for sigma in SIGMA:
+                code.adapter_set_sigma(adapter, sigma)
+                code.adapter_reset(adapter)
+                clock = time.thread_time()
+                number = self.library.IpoptSolve(
+                    made, x.ctypes.data_as(POINTER(c_double)), None, byref(f), None, None, None, adapter
+                )
+                cpu += time.thread_time() - clock
+                iterations += code.adapter_iterations(adapter)
+                solves += 1
+                status = STATUS.get(number, str(number))
+                point = problem.measure(x)
+                solved = number in (0, 1) and point.product <= PRODUCT
+                if solved or status == "time":
+                    break
+        finally:
+            self.library.FreeIpoptProblem(made)
+        return {
+            "solved": solved, "outcome": status, "x": x, "iterations": iterations, "cpu": cpu, "solves": solves,
+            "sigma": sigma,
+        }  # fmt: skip
+
+
+def single_thread() -> None:
+    """Before the library is loaded: one thread for BLAS and OpenMP."""
+    for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+        os.environ[name] = "1"

@@ -1,0 +1,98 @@
+"""Our solver on a problem of C callbacks: no Python inside a solve."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import sys
+import time
+from typing import Any, Mapping
+
+import numpy as np
+
+from mpcc_problems import HERE, ROOT, Problem
+
+
+def load(library: str | None) -> Any:
+    """The package of this repository with the given library, else with the one it finds, else what cargo built."""
+    sys.path.insert(0, str(HERE.parent / "src"))
+    built = ROOT / "target" / "release" / "libswitchback.so"
+    if library:
+        os.environ["SWITCHBACK_LIBRARY"] = os.path.abspath(library)
+    elif "SWITCHBACK_LIBRARY" not in os.environ and built.is_file():
+        os.environ["SWITCHBACK_LIBRARY"] = str(built)
+    import switchback
+
+    return switchback
+
+
+def functions(swb: Any, problem: Problem, member: np.ndarray) -> tuple[Any, Any, np.ndarray]:
+    """Objective and constraints, and the row of each row of con among the constraints (-1: none)."""
+    code, n = problem.library, problem.n
+    adapter = problem.adapter(member)
+    n_kept, n_jac = code.adapter_n_kept(adapter), code.adapter_n_jac(adapter)
+    kept = np.array(code.adapter_kept(adapter)[:n_kept], dtype=int)
+    position = np.full(problem.rows, -1)
+    position[kept] = np.arange(n_kept)
+
+    def make(name: str, n_out: int, jacobian: tuple, linear: bool) -> Any:
+        keywords: dict[str, Any] = {"linear": True}
+        if not linear:
+            keywords = {
+                "hessian": getattr(code, f"adapter_{name}_hess"),
+                "hessian_pattern": (problem.hess_row, problem.hess_col),
+            }
+        return swb.Function.from_pointers(
+            getattr(code, f"adapter_{name}"), n, n_out=n_out, jacobian=getattr(code, f"adapter_{name}_jac"),
+            jacobian_pattern=jacobian, inputs="x", user_data=adapter, name=name, keep=code, **keywords,
+        )  # fmt: skip
+
+    objective = make("f", 1, (np.zeros(n, dtype=int), np.arange(n)), problem.is_linear(objective=True))
+    if not n_kept:
+        return objective, None, position
+    rows, cols = (np.array(v[:n_jac], dtype=int) for v in (code.adapter_jac_row(adapter), code.adapter_jac_col(adapter)))
+    return objective, make("c", n_kept, (rows, cols), problem.is_linear(objective=False)), position
+
+
+def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str], limit: float) -> Any:
+    """The problem as an Mpcc. `members`: "auto", members that are variables are given as such; "rows", as rows."""
+    member = problem.variable_members() & (members == "auto")
+    objective, constraints, position = functions(swb, problem, member)
+    rows = position >= 0
+    lower = np.concatenate([problem.lbg, np.zeros(2 * problem.c)])[rows]
+    upper = np.concatenate([problem.ubg, np.full(2 * problem.c, np.inf)])[rows]
+
+    def of(i: int) -> Any:
+        return swb.variable(problem.pair_variables[i]) if member[i] else swb.constraint(position[problem.m + i])
+
+    mpcc = swb.Mpcc(
+        problem.n, objective, constraints, pairs=[(of(i), of(problem.c + i)) for i in range(problem.c)],
+        bounds=(problem.lbx, problem.ubx), constraint_bounds=(lower, upper) if rows.any() else None, start=problem.x0,
+        settings={"max_time": limit} | options,
+    )  # fmt: skip
+    return mpcc
+
+
+def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], limit: float) -> dict:
+    """Solve once. CPU time is that of the one call that solves, which builds and orders the program as well."""
+    from switchback._library import lib
+
+    mpcc = program(swb, problem, members, options, limit)
+    lib.swb_mpcc_set_iteration(mpcc._handle, swb._ffi.swb_iteration_fn(0), None)
+    outcome = ctypes.c_int32()
+    clock = time.thread_time()
+    status = lib.swb_mpcc_solve(mpcc._handle, ctypes.byref(outcome))
+    cpu = time.thread_time() - clock
+    if status != 0:
+        message = lib.swb_last_error().decode("utf-8", "replace")
+        return {"solved": False, "outcome": f"error {status}", "message": message, "x": problem.x0, "iterations": 0, "cpu": cpu}
+    r = mpcc.result
+    stats = r.stats
+    return {
+        "solved": r.success, "outcome": str(r.outcome), "polished": str(r.polished), "x": r.x,
+        "iterations": stats.iterations, "polish_iterations": stats.polish_iterations,
+        "restoration_iterations": stats.restoration_iterations, "factorisations": stats.factorisations,
+        "evaluations": stats.evaluations, "max_delta_w": stats.max_delta_w, "cpu": cpu, "eval": stats.time_eval,
+        "linalg": stats.time_linalg, "build": stats.time_build, "n": stats.n_variables, "m": stats.n_constraints,
+        "pairs": stats.n_pairs, "dual": r.residuals.dual,
+    }  # fmt: skip

@@ -1,0 +1,260 @@
+"""Our solver beside IPOPT's homotopy on programs with complementarity pairs, both on the same C callbacks.
+
+usage: mpcc_train.py [--problems DIR] [--only REGEX] [--limit SECONDS] [--json FILE|-] [--lib FILE]
+                     [--set NAME=VALUE ...] [--members auto|rows] [--no-ipopt] [--ipopt-cache FILE] [--jobs N]
+
+The problems are a folder with mpcc_problem.h, mpcc_vm.c, train.json and the files it names; by default `shared/mpcc`
+beside this repository. Without it nothing is done, which is no failure.
+
+The peer is IPOPT with MUMPS, called through its C interface (pip install casadi): the homotopy of Scholtes,
+G_i H_i <= sigma for sigma = 1, 0.1, ..., 1e-9, each program solved to 1e-8 from the point before, until one is solved
+with all products at most 1e-7. Bounds are not relaxed. `--ipopt-variant monotone` has IPOPT's default barrier update,
+`adaptive` (the default here, and the stronger one: a third of the iterations) the one of nosnoc: mu_strategy adaptive,
+mu_oracle quality-function.
+
+A problem counts as solved if the solver says so and the point, evaluated anew, violates nothing by more than 1e-6 and
+has no product above 1e-7; where no solution exists, if the solver says that (infeasible, or diverging). CPU seconds are
+those of the thread inside the solver, the best of some runs; each problem has a process of its own, so that a crash or
+a hang is one result among others. An objective is no worse if it is within 1e-5 max(1, |f|) of the peer's.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import multiprocessing
+import re
+import sys
+import tempfile
+import time
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+
+import mpcc_compare
+import mpcc_ipopt
+import mpcc_switchback
+from mpcc_problems import ROOT, Code, Problem, training_set
+
+VIOLATION, PRODUCT = 1e-6, 1e-7
+ENOUGH = 0.3  # seconds of runs after which no further one is made
+
+
+def measured(problem: Problem, run, repeat: int, expect: str) -> dict:
+    """The fastest of some runs, with the point measured by the problem's own functions."""
+    best, spent = None, 0.0
+    for _ in range(repeat):
+        result = run()
+        spent += result["cpu"]
+        if best is None or result["cpu"] < best["cpu"]:
+            best = result
+        if spent > ENOUGH:
+            break
+    point = problem.measure(best.pop("x"))
+    claimed = best.pop("solved")
+    if expect == "infeasible":
+        solved = best["outcome"] == "infeasible"
+    elif expect == "unbounded":
+        solved = best["outcome"] == "diverging"
+    else:
+        solved = claimed and point.violation <= VIOLATION and point.product <= PRODUCT
+    return {"solved": bool(solved), "claimed": bool(claimed), **asdict(point), **best}
+
+
+class Bench:
+    """What every process of a problem needs; loaded before they are forked."""
+
+    def __init__(self, arguments: argparse.Namespace, folder: Path, with_ours: bool = True):
+        self.code = Code(arguments.problems, folder)
+        self.problems = arguments.problems
+        self.limit, self.repeat, self.members = arguments.limit, arguments.repeat, arguments.members
+        self.variant = arguments.ipopt_variant
+        self.swb = mpcc_switchback.load(arguments.lib) if with_ours else None
+        self.ipopt = mpcc_ipopt.Ipopt() if arguments.ipopt else None
+
+    def run(self, solver: str, entry: dict, options: dict) -> dict:
+        problem = Problem(self.code, self.problems / entry["file"])
+        expect = entry.get("known", {}).get("expect", "optimal")
+        if solver == "ipopt":
+            return measured(
+                problem, lambda: self.ipopt.homotopy(problem, self.variant, self.limit), self.repeat, expect
+            )
+        return measured(
+            problem, lambda: mpcc_switchback.solve(self.swb, problem, self.members, options, self.limit),
+            self.repeat, expect,
+        )  # fmt: skip
+
+
+def _child(bench: Bench, solver: str, entry: dict, options: dict, pipe) -> None:
+    try:
+        pipe.send(bench.run(solver, entry, options))
+    except BaseException as error:
+        pipe.send({"outcome": "exception", "message": f"{type(error).__name__}: {error}"})
+    pipe.close()
+
+
+def nothing(outcome: str, message: str = "") -> dict:
+    """The result of a run that gave none."""
+    missing = float("nan")
+    return {
+        "solved": False, "claimed": False, "objective": missing, "violation": missing, "product": missing,
+        "pair_min": missing, "iterations": 0, "cpu": missing, "outcome": outcome, "message": message,
+    }  # fmt: skip
+
+
+class Running:
+    """A solver on a problem in a process of its own."""
+
+    def __init__(self, bench: Bench, solver: str, name: str, entry: dict, options: dict, limit: float):
+        context = multiprocessing.get_context("fork")
+        self.solver, self.name = solver, name
+        self.pipe, other = context.Pipe(duplex=False)
+        self.process = context.Process(target=_child, args=(bench, solver, entry, options, other))
+        self.process.start()
+        other.close()
+        self.end = time.monotonic() + 2 * limit + 5
+
+    def poll(self) -> dict | None:
+        """The result if there is one."""
+        result = None
+        if self.pipe.poll():
+            try:
+                result = self.pipe.recv()
+            except EOFError:
+                self.process.join()
+                result = nothing(f"crash, exit code {self.process.exitcode}")
+            if "solved" not in result:
+                result = nothing(result["outcome"], result["message"])
+        elif time.monotonic() > self.end:
+            self.process.kill()
+            result = nothing("hang")
+        if result is not None:
+            self.process.join()
+            self.pipe.close()
+        return result
+
+
+def run_all(bench: Bench, tasks: list[tuple[str, str, dict, dict]], jobs: int, limit: float, done=None) -> list[dict]:
+    """Results of tasks (solver, name, entry, options) in their order; `done(i, result)` is told of each."""
+    results: list[dict] = [{}] * len(tasks)
+    waiting, running = list(enumerate(tasks)), {}
+    while waiting or running:
+        while waiting and len(running) < jobs:
+            i, (solver, name, entry, options) = waiting.pop(0)
+            running[i] = Running(bench, solver, name, entry, options, limit)
+        multiprocessing.connection.wait([r.pipe for r in running.values()], timeout=0.5)
+        for i, r in list(running.items()):
+            result = r.poll()
+            if result is not None:
+                results[i] = result
+                del running[i]
+                if done is not None:
+                    done(i, result)
+    return results
+
+
+def ipopt_key(arguments: argparse.Namespace, name: str) -> str:
+    return f"{arguments.ipopt_variant}/{name}"
+
+
+def parse(argv: list[str] | None = None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    add_arguments(parser)
+    parser.add_argument("--set", action="append", default=[], metavar="NAME=VALUE", help="option of our solver")
+    parser.add_argument("--json", help="write all numbers to this file; - for the terminal, without the table")
+    return parser.parse_args(argv)
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Those that the ablation has too."""
+    parser.add_argument("--problems", type=Path, default=ROOT.parent / "shared" / "mpcc", help="folder of the problems")
+    parser.add_argument("--only", default="", metavar="REGEX", help="problems whose name matches")
+    parser.add_argument("--limit", type=float, default=60.0, metavar="SECONDS", help="of one solve")
+    parser.add_argument("--repeat", type=int, default=5, help="runs of which the fastest counts, for short ones")
+    parser.add_argument("--lib", metavar="FILE", help="libswitchback.so; default: $SWITCHBACK_LIBRARY, or cargo's")
+    parser.add_argument("--members", choices=("auto", "rows"), default="auto", help="variables in pairs as rows?")
+    parser.add_argument("--jobs", type=int, default=1, help="problems at the same time; 1 for honest times")
+    parser.add_argument("--ipopt", action=argparse.BooleanOptionalAction, default=True, help="run the peer")
+    parser.add_argument("--ipopt-variant", choices=tuple(mpcc_ipopt.VARIANTS), default="adaptive")
+    parser.add_argument("--ipopt-cache", type=Path, metavar="FILE", help="results of the peer, read and written")
+
+
+def options_of(settings: list[str]) -> dict[str, str]:
+    options = {}
+    for setting in settings:
+        name, equals, value = setting.partition("=")
+        if not equals:
+            raise SystemExit(f"--set {setting}: expected NAME=VALUE")
+        options[name] = value
+    return options
+
+
+def chosen(arguments: argparse.Namespace) -> dict[str, dict] | None:
+    """The problems, or None with a message where there are none."""
+    if not (arguments.problems / "train.json").is_file():
+        print(f"skipped: no problems in {arguments.problems} (--problems says where they are)")
+        return None
+    every = training_set(arguments.problems)
+    return {name: entry for name, entry in every.items() if re.search(arguments.only, name)}
+
+
+def peer_results(arguments: argparse.Namespace, bench: Bench, problems: dict[str, dict], say) -> dict[str, dict]:
+    """IPOPT's results, from the cache where they are there."""
+    path = arguments.ipopt_cache
+    cache = json.loads(path.read_text()) if path and path.is_file() else {}
+    found = {n: cache[ipopt_key(arguments, n)] for n in problems if ipopt_key(arguments, n) in cache}
+    missing = [n for n in problems if n not in found] if arguments.ipopt else []
+
+    def done(i: int, result: dict) -> None:
+        say(f"ipopt {missing[i]}: {result['outcome']}, {result['iterations']} iterations, {result['cpu']:.4f} s")
+
+    tasks = [("ipopt", n, problems[n], {}) for n in missing]
+    for name, result in zip(missing, run_all(bench, tasks, arguments.jobs, arguments.limit, done)):
+        found[name] = result
+        cache[ipopt_key(arguments, name)] = result
+    if path and missing:
+        path.write_text(json.dumps(cache, indent=1) + "\n")
+    return found
+
+
+def main() -> int:
+    arguments = parse()
+    problems = chosen(arguments)
+    if problems is None:
+        return 0
+    options = options_of(arguments.set)
+    quiet = arguments.json == "-"
+
+    def say(text: str) -> None:
+        print(text, file=sys.stderr, flush=True)
+
+    mpcc_ipopt.single_thread()
+    with tempfile.TemporaryDirectory() as folder:
+        bench = Bench(arguments, Path(folder))
+        peer = peer_results(arguments, bench, problems, say)
+        names = list(problems)
+
+        def done(i: int, result: dict) -> None:
+            say(f"{names[i]}: {result['outcome']}, {result['iterations']} iterations, {result['cpu']:.4f} s")
+
+        tasks = [("switchback", n, problems[n], options) for n in names]
+        ours = dict(zip(names, run_all(bench, tasks, arguments.jobs, arguments.limit, done)))
+    record = mpcc_compare.compare(problems, ours, peer)
+    record["run"] = {
+        "switchback": bench.swb.library_version, "ipopt": bench.ipopt.version if bench.ipopt else None,
+        "ipopt_variant": arguments.ipopt_variant, "ipopt_cached": not arguments.ipopt, "options": options,
+        "members": arguments.members, "limit": arguments.limit, "numpy": np.__version__,
+    }  # fmt: skip
+    text = json.dumps(record, indent=1)
+    if quiet:
+        print(text)
+        return 0
+    if arguments.json:
+        Path(arguments.json).write_text(text + "\n")
+    print(mpcc_compare.table(record))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
