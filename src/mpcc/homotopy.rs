@@ -140,3 +140,47 @@ impl Continuation for Branch {
         self.rule.advance(m)
     }
 }
+
+/// Newton's method on a square system: done at rounding, or where it no longer gets better close to it.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Settle {
+    primal_tol: f64,
+    best: f64,
+    since: usize,
+    steps: usize,
+}
+
+/// Scaled error of a square system that is as good as rounding allows.
+const SETTLED: f64 = 1e-11;
+/// Newton steps that do not help, and Newton steps in all, before a square system is given up.
+const WAIT: usize = 2;
+const MAX_STEPS: usize = 8;
+
+impl Settle {
+    pub fn new(primal_tol: f64) -> Settle {
+        Settle { primal_tol, best: f64::INFINITY, since: 0, steps: 0 }
+    }
+}
+
+impl Continuation for Settle {
+    fn start(&mut self) -> Level {
+        Level { mu: 1e-12, sigma: 0.0 }
+    }
+    fn advance(&mut self, m: &Measures) -> Advance {
+        let error = m.primal.max(m.dual);
+        if m.primal <= self.primal_tol && m.dual <= SETTLED {
+            return Advance::Done;
+        }
+        self.since = if error <= 0.5 * self.best { 0 } else { self.since + 1 };
+        self.best = self.best.min(error);
+        self.steps += 1;
+        if self.since > WAIT || self.steps > MAX_STEPS {
+            return if m.primal <= 100.0 * self.primal_tol && m.dual <= 100.0 * SETTLED {
+                Advance::Done
+            } else {
+                Advance::GiveUp
+            };
+        }
+        Advance::Stay
+    }
+}

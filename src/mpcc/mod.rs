@@ -9,12 +9,18 @@
 //! to the barrier parameter; then the active set is identified, the branch problem with that set is solved
 //! to the last digits, and the multipliers of the pairs come out of it.
 
+mod certificate;
+#[cfg(test)]
+mod certificate_tests;
+mod endgame;
 mod homotopy;
 mod lifted;
+mod lpcc;
 mod problem;
 mod relaxed;
 mod solver;
 
+pub use certificate::{BStationarity, CertSettings, Certificate, Certifier, Doubt, Local, Stationarity};
 pub use homotopy::Scholtes;
 pub use lifted::{Lifted, Member};
 pub use problem::{Mpcc, Side};

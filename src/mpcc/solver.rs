@@ -2,11 +2,12 @@
 
 use std::time::Instant;
 
-use super::homotopy::{Branch, Scholtes};
+use super::endgame::ActiveSet;
+use super::homotopy::Scholtes;
 use super::problem::{Mpcc, Side};
 use super::relaxed::{Relaxed, Structure};
 use crate::error::Result;
-use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Iterate, Monotone, Outcome, Residuals, Start, Statistics};
+use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Iterate, Level, Monotone, Outcome, Residuals, Start, Statistics};
 use crate::settings::Settings;
 
 /// Parameters of the path and the polish.
@@ -112,10 +113,10 @@ pub struct Solution {
     pub stats: Statistics,
 }
 
-/// Relaxation at which the polish is tried first; later only when that one is rejected.
+/// Relaxation at which an active set that leaves no doubt is tried.
+const EARLY_POLISH: f64 = 1e-3;
+/// Relaxation at which the polish is tried in any case; later only when that one is rejected.
 const FIRST_POLISH: f64 = 1e-6;
-/// Branches tried per polish.
-const MAX_BRANCHES: usize = 8;
 /// Iterations one branch gets: near a solution it takes a handful.
 const BRANCH_ITERATIONS: usize = 30;
 
@@ -132,25 +133,25 @@ pub enum Wanted {
 /// it knows no more.
 pub type Suggest<'a> = &'a mut dyn FnMut(Wanted, &[f64], &mut [Side]) -> bool;
 
-/// Improvements accepted at most.
-const MAX_IMPROVEMENTS: usize = 10;
-
 /// A solver for problems of one structure.
 pub struct MpccSolver {
-    st: Structure,
-    ipm: Ipm,
+    pub(super) st: Structure,
+    pub(super) ipm: Ipm,
     /// Parameters, may be changed between solves.
     pub settings: MpccSettings,
-    bounds: Bounds,
-    saved: Iterate,
+    pub(super) bounds: Bounds,
+    pub(super) saved: Iterate,
     /// Room for a point.
-    point: Vec<f64>,
-    solution: Solution,
-    sides: Vec<Side>,
-    votes: Vec<(f64, f64)>,
+    pub(super) point: Vec<f64>,
+    pub(super) solution: Solution,
+    pub(super) sides: Vec<Side>,
+    pub(super) votes: Vec<(f64, f64)>,
     /// Groups, the least certain decision first.
-    order: Vec<usize>,
-    branch: Bounds,
+    pub(super) order: Vec<usize>,
+    pub(super) branch: Bounds,
+    pub(super) active: ActiveSet,
+    /// Where the path goes on.
+    resume_at: Level,
 }
 
 impl MpccSolver {
@@ -182,6 +183,8 @@ impl MpccSolver {
             sides: vec![Side::First; n_groups],
             votes: vec![(0.0, 0.0); n_groups],
             order: (0..n_groups).collect(),
+            active: ActiveSet::new(n, all),
+            resume_at: Level { mu: 0.0, sigma: 0.0 },
         })
     }
 
@@ -207,8 +210,7 @@ impl MpccSolver {
         let clock = Instant::now();
         self.begin(p);
         let s = self.settings;
-        let rows = self.st.m..self.st.m + self.st.bilinear.len();
-        if rows.is_empty() {
+        if self.st.bilinear.is_empty() {
             let mut rule = Monotone { mu_init: s.mu_init, tol: s.tol, primal_tol: s.polish_tol.max(1e-12) };
             p.set_polishing(true);
             self.st.bounds(bounds, 0.0, &mut self.bounds);
@@ -216,30 +218,49 @@ impl MpccSolver {
             self.record(p, outcome, Polish::None);
             p.set_polishing(false);
         } else {
-            let first = if s.polish { s.sigma_min.max(FIRST_POLISH) } else { s.sigma_min };
-            let mut path = Scholtes::new(s, rows.clone(), first.min(s.sigma_init));
-            self.st.bounds(bounds, s.sigma_init, &mut self.bounds);
-            let mut outcome = self.run(p, Start::Cold(x0), &mut path, control, b' ');
-            self.record(p, outcome, Polish::None);
-            if s.polish && matches!(outcome, Outcome::Solved | Outcome::Stalled) {
-                self.saved.copy_from(self.ipm.iterate());
-                let level = self.ipm.level();
-                if !self.polish(p, bounds, control, suggest) && outcome == Outcome::Solved && s.sigma_min < first {
-                    let mut path = Scholtes::resume(s, rows, level, s.sigma_min);
-                    self.st.bounds(bounds, level.sigma, &mut self.bounds);
-                    let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
-                    outcome = self.run(p, Start::Warm(&saved, 1e-12), &mut path, control, b' ');
-                    self.saved = saved;
-                    self.record(p, outcome, Polish::Rejected);
-                    if matches!(outcome, Outcome::Solved | Outcome::Stalled) {
-                        self.saved.copy_from(self.ipm.iterate());
-                        self.polish(p, bounds, control, suggest);
-                    }
-                }
-            }
+            self.follow(p, bounds, x0, control, suggest);
         }
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
         &self.solution
+    }
+
+    /// The path of relaxed problems, with a look at the active set on the way.
+    fn follow(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
+        let s = self.settings;
+        let rows = self.st.m..self.st.m + self.st.bilinear.len();
+        let mut stops = [EARLY_POLISH, FIRST_POLISH, s.sigma_min];
+        for stop in &mut stops {
+            *stop = if s.polish { stop.max(s.sigma_min) } else { s.sigma_min }.min(s.sigma_init);
+        }
+        for k in 0..stops.len() {
+            let last = stops[k] == stops[stops.len() - 1];
+            if !last && stops[k + 1] == stops[k] {
+                continue;
+            }
+            let outcome = if k == 0 || self.solution.stats.iterations == 0 {
+                let mut path = Scholtes::new(s, rows.clone(), stops[k]);
+                self.st.bounds(bounds, s.sigma_init, &mut self.bounds);
+                self.run(p, Start::Cold(x0), &mut path, control, b' ')
+            } else {
+                let level = self.resume_at;
+                let mut path = Scholtes::resume(s, rows.clone(), level, stops[k]);
+                self.st.bounds(bounds, level.sigma, &mut self.bounds);
+                let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
+                let outcome = self.run(p, Start::Warm(&saved, 1e-12), &mut path, control, b' ');
+                self.saved = saved;
+                outcome
+            };
+            self.record(p, outcome, self.solution.polish);
+            if !s.polish || !matches!(outcome, Outcome::Solved | Outcome::Stalled) {
+                return;
+            }
+            self.saved.copy_from(self.ipm.iterate());
+            self.resume_at = self.ipm.level();
+            let early = outcome == Outcome::Solved && self.resume_at.sigma > FIRST_POLISH;
+            if self.polish(p, bounds, control, suggest, early) || last || outcome == Outcome::Stalled {
+                return;
+            }
+        }
     }
 
     /// Solves the branch problem with the given `bounds` from `x0[n]`, with `sides` the active set they stand for;
@@ -278,7 +299,7 @@ impl MpccSolver {
         self.ipm.settings_mut().restoration = true;
     }
 
-    fn run(
+    pub(super) fn run(
         &mut self,
         p: &mut dyn Mpcc,
         start: Start,
@@ -302,7 +323,7 @@ impl MpccSolver {
     }
 
     /// Copies point, multipliers and residuals out of the interior-point solver.
-    fn record(&mut self, p: &mut dyn Mpcc, outcome: Outcome, polish: Polish) {
+    pub(super) fn record(&mut self, p: &mut dyn Mpcc, outcome: Outcome, polish: Polish) {
         let relaxed = Relaxed { inner: p, st: &mut self.st };
         self.solution.residuals = self.ipm.residuals(&relaxed);
         let (it, s) = (self.ipm.iterate(), &mut self.solution);
@@ -325,165 +346,5 @@ impl MpccSolver {
                 s.z[b.b] -= it.y[b.row] * it.x[b.a];
             }
         }
-    }
-
-    /// Votes of the pairs of every group: the side with the smaller sum is zero.
-    fn identify(&mut self, p: &dyn Mpcc, x: &[f64]) {
-        self.votes.fill((0.0, 0.0));
-        for (k, &(a, b)) in p.pairs().iter().enumerate() {
-            let v = &mut self.votes[p.group(k)];
-            v.0 += x[a].max(0.0);
-            v.1 += x[b].max(0.0);
-        }
-        for (side, v) in self.sides.iter_mut().zip(&self.votes) {
-            *side = if v.0 <= v.1 { Side::First } else { Side::Second };
-        }
-        let doubt = |v: &(f64, f64)| v.0.min(v.1) / v.0.max(v.1).max(1e-300);
-        let votes = &self.votes;
-        self.order.sort_unstable_by(|&a, &b| doubt(&votes[b]).total_cmp(&doubt(&votes[a])).then(a.cmp(&b)));
-    }
-
-    /// Turns the `k`-th least certain decision round.
-    fn flip(&mut self, k: usize) {
-        let side = &mut self.sides[self.order[k]];
-        *side = if *side == Side::First { Side::Second } else { Side::First };
-    }
-
-    /// Branch problem of the identified active set, then of the suggested one, then of the neighbours of the
-    /// first; true when one is solved.
-    fn polish(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
-        let x = std::mem::take(&mut self.saved.x);
-        self.identify(p, &x);
-        let mut ok = self.try_branch_at(p, bounds, &x, control);
-        for k in 0.. {
-            if ok {
-                break;
-            }
-            self.identify(p, &x);
-            if !suggest(Wanted::Repair(k), &x, &mut self.sides) {
-                break;
-            }
-            ok = self.try_branch_at(p, bounds, &x, control);
-        }
-        if !ok {
-            self.identify(p, &x);
-            for k in 0..MAX_BRANCHES.min(self.sides.len()) {
-                self.flip(k);
-                ok = self.try_branch_at(p, bounds, &x, control);
-                if ok {
-                    break;
-                }
-                self.flip(k);
-            }
-        }
-        if ok {
-            self.record(p, Outcome::Solved, Polish::Done);
-            self.improve(p, bounds, control, suggest);
-        } else {
-            self.solution.polish = Polish::Rejected;
-        }
-        self.saved.x = x;
-        p.set_polishing(false);
-        ok
-    }
-
-    /// Looks for an active set again, from the point the relaxation reached in the last solve, after the branch problems
-    /// have changed; true when one is solved.
-    pub fn polish_again(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
-        let clock = Instant::now();
-        let ok = self.polish(p, bounds, control, suggest);
-        self.solution.stats.time_total += clock.elapsed().as_secs_f64();
-        ok
-    }
-
-    /// Moves to neighbouring active sets as long as the objective falls. The result stays the best point.
-    fn improve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) {
-        for _ in 0..MAX_IMPROVEMENTS {
-            let best = self.solution.objective;
-            let mut better = false;
-            for k in 0.. {
-                self.sides.copy_from_slice(&self.solution.sides);
-                let x = std::mem::take(&mut self.solution.x);
-                let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
-                let ok = more && self.try_neighbour(p, bounds, &x, control);
-                self.solution.x = x;
-                if ok && self.ipm.objective() < best - 1e-9 * (1.0 + best.abs()) {
-                    self.record(p, Outcome::Solved, Polish::Done);
-                    better = true;
-                    break;
-                }
-                if !more {
-                    break;
-                }
-            }
-            if !better {
-                return;
-            }
-        }
-    }
-
-    /// Tries the branch `sides` from the point `x` with the multipliers of the relaxation.
-    fn try_branch_at(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
-        std::mem::swap(&mut self.point, &mut self.saved.x);
-        self.saved.x.copy_from_slice(x);
-        let ok = self.try_branch(p, bounds, control);
-        std::mem::swap(&mut self.point, &mut self.saved.x);
-        ok
-    }
-
-    /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
-    /// positive starts inside.
-    fn try_neighbour(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
-        self.point.copy_from_slice(x);
-        p.enter_branch(&self.solution.sides, &self.sides, &mut self.point);
-        self.branch.copy_from(bounds);
-        p.branch(&self.sides, &mut self.branch);
-        p.set_polishing(true);
-        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
-        let mut rule = Branch::new(self.branch_rule(1e-3));
-        let settings = self.ipm.settings_mut();
-        let push = std::mem::replace(&mut settings.bound_push, 1e-4);
-        settings.restoration = false;
-        let point = std::mem::take(&mut self.point);
-        let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
-        self.point = point;
-        let settings = self.ipm.settings_mut();
-        settings.bound_push = push;
-        settings.restoration = true;
-        outcome == Outcome::Solved
-    }
-
-    /// Barrier rule of a branch problem: below 1e-10 the barrier no longer moves the solution by more than the tolerance
-    /// of the polish.
-    fn branch_rule(&self, mu_init: f64) -> Monotone {
-        Monotone { mu_init, tol: self.settings.tol.min(1e-9), primal_tol: self.settings.polish_tol }
-    }
-
-    fn try_branch(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
-        self.branch.copy_from(bounds);
-        p.branch(&self.sides, &mut self.branch);
-        self.run_branch(p, control) == Outcome::Solved
-    }
-
-    /// Solves under the bounds in `branch` from the point in `saved`.
-    fn run_branch(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> Outcome {
-        p.set_polishing(true);
-        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
-        let mut rule = Branch::new(self.branch_rule(1e-6));
-        self.ipm.settings_mut().restoration = false;
-        let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
-        let outcome = self.run(p, Start::Warm(&saved, 1e-8), &mut rule, control, b'p');
-        self.saved = saved;
-        self.ipm.settings_mut().restoration = true;
-        let close = self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st });
-        if outcome == Outcome::Stalled && self.nearly_solved(&close) {
-            return Outcome::Solved;
-        }
-        outcome
-    }
-
-    /// A branch problem whose last digits are lost to rounding counts as solved.
-    fn nearly_solved(&self, r: &Residuals) -> bool {
-        r.primal <= self.settings.polish_tol && r.dual <= 1e-6 && r.complementarity <= 1e-8
     }
 }

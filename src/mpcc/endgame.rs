@@ -1,0 +1,372 @@
+//! From the last relaxed problem to an exact point: active set, square Newton system, branch problem.
+//!
+//! The active set is read off the relaxed solution: a side for every group of pairs, and the bounds and rows whose
+//! multiplier exceeds their distance. With it the optimality conditions are a square system; Newton's method solves it
+//! in two or three steps, and what has the wrong sign afterwards changes its place (the primal-dual active set strategy:
+//! M. Hintermüller, K. Ito, K. Kunisch, SIAM J. Optim. 13, 2002). Where that does not settle, the branch problem is
+//! solved by the interior-point method, and other active sets are tried.
+
+use std::time::Instant;
+
+use super::homotopy::{Branch, Settle};
+use super::problem::{Mpcc, Side};
+use super::relaxed::Relaxed;
+use super::solver::{MpccSolver, Polish, Suggest, Wanted};
+use crate::nlp::{Bounds, Control, Iterate, Monotone, Outcome, Residuals, Start, INFINITE};
+
+/// Single decisions turned round at most.
+const MAX_FLIPS: usize = 8;
+/// Improvements accepted at most.
+const MAX_IMPROVEMENTS: usize = 10;
+/// Ratio of the members of a pair up to which it leaves no doubt which one is zero.
+const CLEAR: f64 = 0.05;
+/// Ratio from which both may be zero.
+const DOUBTFUL: f64 = 1e-3;
+/// Newton solves with changing active sets.
+const ROUNDS: usize = 5;
+
+/// Which bound of a variable or row holds with equality.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Active {
+    No,
+    Lower,
+    Upper,
+}
+
+/// Active bounds, and room to work with them.
+pub(super) struct ActiveSet {
+    x: Vec<Active>,
+    c: Vec<Active>,
+    /// Bounds of the branch problem.
+    exact: Bounds,
+    /// Multipliers of fixed variables.
+    z: Vec<f64>,
+    at: Iterate,
+}
+
+impl ActiveSet {
+    pub fn new(n: usize, m: usize) -> ActiveSet {
+        ActiveSet {
+            x: vec![Active::No; n],
+            c: vec![Active::No; m],
+            exact: Bounds::free(n, m),
+            z: vec![0.0; n],
+            at: Iterate::zeros(n, m),
+        }
+    }
+
+    /// Bounds and rows whose multiplier exceeds their distance at the interior point `at`.
+    fn guess(&mut self) {
+        let ActiveSet { x, c, exact: b, at, .. } = self;
+        for j in 0..x.len() {
+            x[j] = guess(at.x[j], b.xl[j], b.xu[j], at.zl[j], at.zu[j]);
+        }
+        for i in 0..c.len() {
+            c[i] = guess(at.s[i], b.cl[i], b.cu[i], at.vl[i], at.vu[i]);
+        }
+    }
+
+    /// The bounds under which the active ones are equations and the others absent.
+    fn bounds(&self, out: &mut Bounds) {
+        let b = &self.exact;
+        for (j, a) in self.x.iter().enumerate() {
+            (out.xl[j], out.xu[j]) = restrict(*a, b.xl[j], b.xu[j]);
+        }
+        for (i, a) in self.c.iter().enumerate() {
+            (out.cl[i], out.cu[i]) = restrict(*a, b.cl[i], b.cu[i]);
+        }
+    }
+
+    /// Takes in what is violated at the point `at` with rows `c`, lets go what has the wrong sign; false when nothing
+    /// changed.
+    fn update(&mut self, c: &[f64]) -> bool {
+        let ActiveSet { x, c: active, exact: b, z, at } = self;
+        let largest = |v: &[f64]| v.iter().fold(0f64, |a, v| a.max(v.abs()));
+        let tol = 1e-9 * (1.0 + largest(&at.y).max(largest(z)));
+        let mut changed = false;
+        for j in 0..x.len() {
+            changed |= update(&mut x[j], at.x[j], b.xl[j], b.xu[j], z[j], tol);
+        }
+        for i in 0..c.len() {
+            changed |= update(&mut active[i], c[i], b.cl[i], b.cu[i], -at.y[i], tol);
+        }
+        changed
+    }
+}
+
+fn guess(v: f64, lo: f64, hi: f64, zl: f64, zu: f64) -> Active {
+    if lo == hi {
+        Active::No
+    } else if lo > -INFINITE && zl > v - lo {
+        Active::Lower
+    } else if hi < INFINITE && zu > hi - v {
+        Active::Upper
+    } else {
+        Active::No
+    }
+}
+
+fn restrict(a: Active, lo: f64, hi: f64) -> (f64, f64) {
+    match a {
+        _ if lo == hi => (lo, hi),
+        Active::Lower => (lo, lo),
+        Active::Upper => (hi, hi),
+        Active::No => (f64::NEG_INFINITY, f64::INFINITY),
+    }
+}
+
+/// `z` is the multiplier, lower minus upper.
+fn update(a: &mut Active, v: f64, lo: f64, hi: f64, z: f64, tol: f64) -> bool {
+    let before = *a;
+    if lo < hi {
+        *a = match before {
+            Active::Lower if z < -tol => Active::No,
+            Active::Upper if z > tol => Active::No,
+            Active::No if v < lo - 1e-12 * (1.0 + lo.abs()) => Active::Lower,
+            Active::No if v > hi + 1e-12 * (1.0 + hi.abs()) => Active::Upper,
+            a => a,
+        };
+    }
+    *a != before
+}
+
+impl MpccSolver {
+    /// Votes of the pairs of every group: the side with the smaller sum is zero.
+    fn identify(&mut self, p: &dyn Mpcc, x: &[f64]) {
+        self.votes.fill((0.0, 0.0));
+        for (k, &(a, b)) in p.pairs().iter().enumerate() {
+            let v = &mut self.votes[p.group(k)];
+            v.0 += x[a].max(0.0);
+            v.1 += x[b].max(0.0);
+        }
+        for (side, v) in self.sides.iter_mut().zip(&self.votes) {
+            *side = if v.0 <= v.1 { Side::First } else { Side::Second };
+        }
+        let votes = &self.votes;
+        self.order.sort_unstable_by(|&a, &b| doubt(&votes[b]).total_cmp(&doubt(&votes[a])).then(a.cmp(&b)));
+    }
+
+    /// Doubt about the `k`-th least certain decision.
+    fn doubt(&self, k: usize) -> f64 {
+        doubt(&self.votes[self.order[k]])
+    }
+
+    /// Turns the `k`-th least certain decision round.
+    fn flip(&mut self, k: usize) {
+        let side = &mut self.sides[self.order[k]];
+        *side = if *side == Side::First { Side::Second } else { Side::First };
+    }
+
+    /// An exact point from the relaxed one in `saved`; true when there is one. `early` tries only what leaves no doubt.
+    ///
+    /// First the square system of the identified active set, then its branch problem, then those of the suggested
+    /// sets, of the set with all doubtful pairs zero on both sides, and of the neighbours of the first.
+    pub(super) fn polish(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        control: &mut Control,
+        suggest: Suggest,
+        early: bool,
+    ) -> bool {
+        let x = std::mem::take(&mut self.saved.x);
+        self.identify(p, &x);
+        let mut ok = (!early || self.doubt(0) <= CLEAR) && self.settle_from(p, bounds, &x, control);
+        if !early {
+            ok = ok || self.try_branch_at(p, bounds, &x, control);
+            for k in 0.. {
+                if ok {
+                    break;
+                }
+                self.identify(p, &x);
+                if !suggest(Wanted::Repair(k), &x, &mut self.sides) {
+                    break;
+                }
+                ok = self.try_branch_at(p, bounds, &x, control);
+            }
+            if !ok {
+                self.identify(p, &x);
+                for k in 0..MAX_FLIPS.min(self.sides.len()) {
+                    if self.doubt(k) < DOUBTFUL {
+                        break;
+                    }
+                    self.flip(k);
+                    ok = self.try_branch_at(p, bounds, &x, control);
+                    if ok {
+                        break;
+                    }
+                    self.flip(k);
+                }
+            }
+        }
+        if ok {
+            self.improve(p, bounds, control, suggest);
+        } else if !early {
+            self.solution.polish = Polish::Rejected;
+        }
+        self.saved.x = x;
+        p.set_polishing(false);
+        ok
+    }
+
+    /// Looks for an active set again, from the point the relaxation reached in the last solve, after the branch problems
+    /// have changed; true when one is solved.
+    pub fn polish_again(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
+        let clock = Instant::now();
+        let ok = self.polish(p, bounds, control, suggest, false);
+        self.solution.stats.time_total += clock.elapsed().as_secs_f64();
+        ok
+    }
+
+    /// Moves to neighbouring active sets as long as the objective falls. The result stays the best point.
+    fn improve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) {
+        for _ in 0..MAX_IMPROVEMENTS {
+            let best = self.solution.objective;
+            let mut better = false;
+            for k in 0.. {
+                self.sides.copy_from_slice(&self.solution.sides);
+                let x = std::mem::take(&mut self.solution.x);
+                let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
+                let ok = more && self.try_neighbour(p, bounds, &x, control);
+                self.solution.x = x;
+                if ok && self.ipm.objective() < best - 1e-9 * (1.0 + best.abs()) {
+                    self.record_exact(p, control);
+                    better = true;
+                    break;
+                }
+                if !more {
+                    break;
+                }
+            }
+            if !better {
+                return;
+            }
+        }
+    }
+
+    /// Records the branch problem just solved, to the last digits where the square system gives them.
+    fn record_exact(&mut self, p: &mut dyn Mpcc, control: &mut Control) {
+        self.record(p, Outcome::Solved, Polish::Done);
+        self.active.at.copy_from(self.ipm.iterate());
+        if self.settle(p, control) {
+            self.record(p, Outcome::Solved, Polish::Done);
+        }
+    }
+
+    /// Square system of the branch `sides` from the point `x` with the multipliers in `saved`; recorded when it has a
+    /// solution with the right signs.
+    fn settle_from(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        p.set_polishing(true);
+        let at = &mut self.active.at;
+        std::mem::swap(&mut self.point, &mut self.saved.x);
+        self.saved.x.copy_from_slice(x);
+        at.copy_from(&self.saved);
+        std::mem::swap(&mut self.point, &mut self.saved.x);
+        // what a product row contributes belongs to the bounds of its members
+        for b in &self.st.bilinear {
+            at.zl[b.a] = (at.zl[b.a] - at.y[b.row] * at.x[b.b]).max(0.0);
+            at.zl[b.b] = (at.zl[b.b] - at.y[b.row] * at.x[b.a]).max(0.0);
+        }
+        let ok = self.settle(p, control);
+        if ok {
+            self.record(p, Outcome::Solved, Polish::Done);
+        }
+        ok
+    }
+
+    /// Newton's method on the square system at the point `active.at` under the bounds in `branch`.
+    fn settle(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
+        self.st.bounds(&self.branch, f64::INFINITY, &mut self.active.exact);
+        self.active.guess();
+        self.ipm.settings_mut().restoration = false;
+        let mut ok = false;
+        for _ in 0..ROUNDS {
+            self.active.bounds(&mut self.bounds);
+            let mut rule = Settle::new(self.settings.polish_tol);
+            let at = std::mem::replace(&mut self.active.at, Iterate::zeros(0, 0));
+            let outcome = self.run(p, Start::Warm(&at, 0.0), &mut rule, control, b'p');
+            self.active.at = at;
+            if outcome != Outcome::Solved {
+                break;
+            }
+            self.active.at.copy_from(self.ipm.iterate());
+            self.ipm.fixed_multipliers(&mut self.active.z);
+            if !self.active.update(self.ipm.constraints()) {
+                ok = true;
+                break;
+            }
+        }
+        self.ipm.settings_mut().restoration = true;
+        ok
+    }
+
+    /// Tries the branch `sides` from the point `x` with the multipliers of the relaxation.
+    fn try_branch_at(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
+        std::mem::swap(&mut self.point, &mut self.saved.x);
+        self.saved.x.copy_from_slice(x);
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        let ok = self.run_branch(p, control) == Outcome::Solved;
+        std::mem::swap(&mut self.point, &mut self.saved.x);
+        if ok {
+            self.record_exact(p, control);
+        }
+        ok
+    }
+
+    /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
+    /// positive starts inside.
+    fn try_neighbour(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
+        self.point.copy_from_slice(x);
+        p.enter_branch(&self.solution.sides, &self.sides, &mut self.point);
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        p.set_polishing(true);
+        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
+        let mut rule = Branch::new(self.branch_rule(1e-3));
+        let settings = self.ipm.settings_mut();
+        let push = std::mem::replace(&mut settings.bound_push, 1e-4);
+        settings.restoration = false;
+        let point = std::mem::take(&mut self.point);
+        let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
+        self.point = point;
+        let settings = self.ipm.settings_mut();
+        settings.bound_push = push;
+        settings.restoration = true;
+        outcome == Outcome::Solved
+    }
+
+    /// Barrier rule of a branch problem: below 1e-10 the barrier no longer moves the solution by more than the tolerance
+    /// of the polish.
+    fn branch_rule(&self, mu_init: f64) -> Monotone {
+        Monotone { mu_init, tol: self.settings.tol.min(1e-9), primal_tol: self.settings.polish_tol }
+    }
+
+    /// Solves under the bounds in `branch` from the point in `saved`.
+    pub(super) fn run_branch(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> Outcome {
+        p.set_polishing(true);
+        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
+        let mut rule = Branch::new(self.branch_rule(1e-6));
+        self.ipm.settings_mut().restoration = false;
+        let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
+        let outcome = self.run(p, Start::Warm(&saved, 1e-8), &mut rule, control, b'p');
+        self.saved = saved;
+        self.ipm.settings_mut().restoration = true;
+        let close = self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st });
+        if outcome == Outcome::Stalled && self.nearly_solved(&close) {
+            return Outcome::Solved;
+        }
+        outcome
+    }
+
+    /// A branch problem whose last digits are lost to rounding counts as solved.
+    fn nearly_solved(&self, r: &Residuals) -> bool {
+        r.primal <= self.settings.polish_tol && r.dual <= 1e-6 && r.complementarity <= 1e-8
+    }
+}
+
+fn doubt(v: &(f64, f64)) -> f64 {
+    v.0.min(v.1) / v.0.max(v.1).max(1e-300)
+}
