@@ -229,7 +229,8 @@ impl MpccSolver {
                 let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
                 let ok = more && self.try_neighbour(p, bounds, &x, control);
                 self.solution.x = x;
-                if ok && self.ipm.objective() < best - 1e-9 * (1.0 + best.abs()) {
+                let objective = self.ipm.objective() / self.st.scaling.objective;
+                if ok && objective < best - 1e-9 * (1.0 + best.abs()) {
                     self.record_exact(p, control);
                     better = true;
                     break;

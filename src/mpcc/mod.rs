@@ -18,6 +18,7 @@ mod lifted;
 mod lpcc;
 mod problem;
 mod relaxed;
+mod scaling;
 mod solver;
 
 pub use certificate::{BStationarity, CertSettings, Certificate, Certifier, Doubt, Local, Stationarity};

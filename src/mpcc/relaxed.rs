@@ -1,6 +1,7 @@
 //! A problem with complementarity constraints as a nonlinear program: products as additional rows.
 
 use super::problem::Mpcc;
+use super::scaling::Scaling;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::Pattern;
 use crate::nlp::{Bilinear, Bounds, Nlp};
@@ -17,6 +18,7 @@ pub(super) struct Structure {
     hess_map: Vec<usize>,
     hess_pair: Vec<usize>,
     pub bilinear: Vec<Bilinear>,
+    pub scaling: Scaling,
     inner_jac: Vec<f64>,
     inner_hess: Vec<f64>,
 }
@@ -46,6 +48,7 @@ impl Structure {
         let bilinear = p.pairs().iter().enumerate().map(|(k, &(a, b))| Bilinear { a, b, row: m + k }).collect();
         Structure {
             m,
+            scaling: Scaling::new(m),
             inner_jac: vec![0.0; p.jac_pattern().nnz()],
             inner_hess: vec![0.0; nnz],
             hess_map: map[..nnz].to_vec(),
@@ -58,12 +61,21 @@ impl Structure {
         }
     }
 
+    /// Scales by the gradients at `x`; not at all where they have no value.
+    pub fn scale(&mut self, p: &mut dyn Mpcc, x: &[f64], grad: &mut [f64]) {
+        self.scaling.reset();
+        if p.derivatives(x, grad, &mut self.inner_jac).is_ok() {
+            self.scaling.choose(grad, p.jac_pattern(), &self.inner_jac);
+        }
+    }
+
     /// Bounds of the relaxed problem: products below `sigma`, or free.
     pub fn bounds(&self, inner: &Bounds, sigma: f64, out: &mut Bounds) {
         out.xl.copy_from_slice(&inner.xl);
         out.xu.copy_from_slice(&inner.xu);
         out.cl[..self.m].copy_from_slice(&inner.cl);
         out.cu[..self.m].copy_from_slice(&inner.cu);
+        self.scaling.bounds(out);
         out.cl[self.m..].fill(f64::NEG_INFINITY);
         out.cu[self.m..].fill(sigma);
     }
@@ -100,17 +112,21 @@ impl Nlp for Relaxed<'_> {
     fn bilinear(&self) -> &[Bilinear] {
         &self.st.bilinear
     }
+    fn objective_scale(&self) -> f64 {
+        self.st.scaling.objective
+    }
     fn eval(&mut self, x: &[f64], c: &mut [f64]) -> Result<f64, EvalError> {
         let (rows, products) = c.split_at_mut(self.st.m);
         let f = self.inner.eval(x, rows)?;
         for (v, p) in products.iter_mut().zip(&self.st.bilinear) {
             *v = x[p.a] * x[p.b];
         }
-        Ok(f)
+        Ok(self.st.scaling.value(f, rows))
     }
     fn derivatives(&mut self, x: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult {
         let st = &mut *self.st;
         self.inner.derivatives(x, grad, &mut st.inner_jac)?;
+        st.scaling.derivatives(grad, self.inner.jac_pattern(), &mut st.inner_jac);
         for (v, &k) in st.inner_jac.iter().zip(&st.jac_map) {
             jac[k] = *v;
         }
@@ -122,7 +138,8 @@ impl Nlp for Relaxed<'_> {
     }
     fn hessian(&mut self, x: &[f64], w: f64, y: &[f64], hess: &mut [f64]) -> EvalResult {
         let st = &mut *self.st;
-        self.inner.hessian(x, w, &y[..st.m], &mut st.inner_hess)?;
+        let (weight, weights) = st.scaling.weights(w, &y[..st.m]);
+        self.inner.hessian(x, weight, weights, &mut st.inner_hess)?;
         hess.fill(0.0);
         for (v, &k) in st.inner_hess.iter().zip(&st.hess_map) {
             hess[k] = *v;

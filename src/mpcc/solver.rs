@@ -37,6 +37,8 @@ pub struct MpccSettings {
     pub polish: bool,
     /// Violation allowed after the polish.
     pub polish_tol: f64,
+    /// Scale objective and rows by their gradients at the starting point?
+    pub scaling: bool,
 }
 
 impl Default for MpccSettings {
@@ -54,6 +56,7 @@ impl Default for MpccSettings {
             plateau_viol: 1e-4,
             polish: true,
             polish_tol: 1e-12,
+            scaling: true,
         }
     }
 }
@@ -73,6 +76,7 @@ impl From<&Settings> for MpccSettings {
             plateau_viol: s.plateau_viol,
             polish: s.polish(),
             polish_tol: s.polish_tol,
+            scaling: true,
         }
     }
 }
@@ -210,6 +214,7 @@ impl MpccSolver {
         let clock = Instant::now();
         self.begin(p);
         let s = self.settings;
+        self.scale(p, x0);
         if self.st.bilinear.is_empty() {
             let mut rule = Monotone { mu_init: s.mu_init, tol: s.tol, primal_tol: s.polish_tol.max(1e-12) };
             p.set_polishing(true);
@@ -275,6 +280,7 @@ impl MpccSolver {
     ) -> Outcome {
         let clock = Instant::now();
         self.begin(p);
+        self.st.scaling.reset();
         let it = &mut self.saved;
         it.x.copy_from_slice(x0);
         for v in [&mut it.y, &mut it.vl, &mut it.vu, &mut it.zl, &mut it.zu] {
@@ -290,6 +296,14 @@ impl MpccSolver {
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
         p.set_polishing(false);
         outcome
+    }
+
+    fn scale(&mut self, p: &mut dyn Mpcc, x0: &[f64]) {
+        if self.settings.scaling {
+            self.st.scale(p, x0, &mut self.point);
+        } else {
+            self.st.scaling.reset();
+        }
     }
 
     fn begin(&mut self, p: &mut dyn Mpcc) {
@@ -330,8 +344,11 @@ impl MpccSolver {
         s.outcome = outcome;
         s.polish = polish;
         s.x.copy_from_slice(&it.x);
-        s.objective = self.ipm.objective();
-        s.y.copy_from_slice(&it.y[..self.st.m]);
+        let scaling = &self.st.scaling;
+        s.objective = self.ipm.objective() / scaling.objective;
+        for (i, y) in s.y.iter_mut().enumerate() {
+            *y = it.y[i] * scaling.rows[i];
+        }
         for j in 0..s.z.len() {
             s.z[j] = it.zl[j] - it.zu[j];
         }
@@ -345,6 +362,9 @@ impl MpccSolver {
                 s.z[b.a] -= it.y[b.row] * it.x[b.b];
                 s.z[b.b] -= it.y[b.row] * it.x[b.a];
             }
+        }
+        for v in s.y.iter_mut().chain(&mut s.z) {
+            *v /= scaling.objective;
         }
     }
 }

@@ -42,6 +42,10 @@ pub trait Nlp {
     fn set_level(&mut self, _sigma: f64, _mu: f64) -> bool {
         false
     }
+    /// Factor the objective is scaled by; reports undo it.
+    fn objective_scale(&self) -> f64 {
+        1.0
+    }
     /// Rows that are products of two variables.
     fn bilinear(&self) -> &[Bilinear] {
         &[]

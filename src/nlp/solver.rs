@@ -304,7 +304,7 @@ impl Ipm {
         let mut jams = 0;
         loop {
             let mut m = self.measure(nlp);
-            self.fill_info(&m);
+            self.fill_info(nlp, &m);
             if let Some(stop) = control.check(&self.info) {
                 return stop;
             }
@@ -495,10 +495,10 @@ impl Ipm {
         }
     }
 
-    fn fill_info(&mut self, m: &Measures) {
+    fn fill_info(&mut self, nlp: &dyn Nlp, m: &Measures) {
         let i = &mut self.info;
         i.iter = self.stats.iterations;
-        i.objective = self.v.f;
+        i.objective = self.v.f / nlp.objective_scale();
         i.inf_pr = m.primal;
         i.inf_du = m.dual;
         i.mu = m.level.mu;
