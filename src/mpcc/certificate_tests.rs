@@ -1,0 +1,508 @@
+//! Points whose type is known by hand, and random linearised problems against the enumeration of all pieces.
+
+use nalgebra::{DMatrix, DVector};
+
+use super::{BStationarity as B, CertSettings, Certificate, Certifier, Doubt, Local, Side, Stationarity as T};
+use crate::linalg::csc::Pattern;
+use crate::nlp::{Bounds, Control};
+
+/// A point with dense rows.
+#[derive(Clone)]
+struct Point {
+    x: Vec<f64>,
+    c: Vec<f64>,
+    grad: Vec<f64>,
+    rows: Vec<Vec<f64>>,
+    bounds: Bounds,
+    pairs: Vec<(usize, usize)>,
+    y: Vec<f64>,
+    z: Vec<f64>,
+}
+
+impl Point {
+    /// The origin, with the gradient given; members of pairs are bounded, everything else is free.
+    fn origin(grad: &[f64], pairs: &[(usize, usize)]) -> Point {
+        let n = grad.len();
+        let mut bounds = Bounds::free(n, 0);
+        for &(a, b) in pairs {
+            bounds.xl[a] = 0.0;
+            bounds.xl[b] = 0.0;
+        }
+        Point {
+            x: vec![0.0; n],
+            c: vec![],
+            grad: grad.to_vec(),
+            rows: vec![],
+            bounds,
+            pairs: pairs.to_vec(),
+            y: vec![],
+            z: vec![],
+        }
+    }
+
+    /// Adds a row with value zero.
+    fn row(mut self, gradient: &[f64], lower: f64, upper: f64) -> Point {
+        self.rows.push(gradient.to_vec());
+        self.c.push(0.0);
+        self.bounds.cl.push(lower);
+        self.bounds.cu.push(upper);
+        self
+    }
+
+    fn lower(mut self, j: usize, lower: f64) -> Point {
+        self.bounds.xl[j] = lower;
+        self
+    }
+
+    fn upper(mut self, j: usize, upper: f64) -> Point {
+        self.bounds.xu[j] = upper;
+        self
+    }
+
+    fn multipliers(mut self, y: &[f64], z: &[f64]) -> Point {
+        self.y = y.to_vec();
+        self.z = z.to_vec();
+        self
+    }
+
+    fn certify(&self, settings: &CertSettings) -> (Certificate, Certifier) {
+        let (m, n) = (self.c.len(), self.x.len());
+        let jac = Pattern::dense(m, n);
+        let values: Vec<f64> = (0..n).flat_map(|j| self.rows.iter().map(move |r| r[j])).collect();
+        let mut certifier = Certifier::new(&jac, &self.pairs).unwrap();
+        let local = Local {
+            x: &self.x,
+            c: &self.c,
+            grad: &self.grad,
+            jac: &jac,
+            jac_values: &values,
+            bounds: &self.bounds,
+            pairs: &self.pairs,
+            y: &self.y,
+            z: &self.z,
+        };
+        let cert = certifier.certify(&local, settings, &mut Control::default());
+        self.check_claims(&cert, &certifier);
+        (cert, certifier)
+    }
+
+    /// What is claimed comes with a proof: multipliers, or a descent.
+    fn check_claims(&self, cert: &Certificate, certifier: &Certifier) {
+        assert_eq!(certifier.descent().is_some(), cert.b == B::No);
+        if let Some((d, sides)) = certifier.descent() {
+            assert!(dot(&self.grad, d) < -1e-8, "{d:?}");
+            for (j, &d) in d.iter().enumerate() {
+                let t = self.x[j] + d;
+                assert!(t >= self.bounds.xl[j] && t <= self.bounds.xu[j] + 1e-12, "{j}: {t}");
+            }
+            for (i, row) in self.rows.iter().enumerate() {
+                let t = self.c[i] + dot(row, d);
+                assert!(t >= self.bounds.cl[i] - 1e-7 && t <= self.bounds.cu[i] + 1e-7, "row {i}: {t}");
+            }
+            for (&(a, b), side) in self.pairs.iter().zip(sides) {
+                let zero = if *side == Side::First { a } else { b };
+                assert!(self.x[zero] + d[zero] <= 1e-12);
+            }
+        }
+        if (cert.stationarity as i32) < T::None as i32 {
+            let (y, z) = certifier.multipliers();
+            let largest = y.iter().chain(z).fold(1f64, |a, v| a.max(v.abs()));
+            for j in 0..self.grad.len() {
+                let rows: f64 = self.rows.iter().zip(y).map(|(r, y)| r[j] * y).sum();
+                assert!((self.grad[j] + rows - z[j]).abs() <= 1e-6 * largest, "variable {j}");
+            }
+        }
+    }
+
+    /// Type, B-stationarity, and that no better type exists.
+    fn expect(&self, kind: T, b: B) -> Certificate {
+        let (cert, _) = self.certify(&CertSettings::default());
+        assert_eq!((cert.stationarity, cert.b, cert.sharp, cert.doubt), (kind, b, true, Doubt::None), "{cert:?}");
+        cert
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+const INF: f64 = f64::INFINITY;
+
+#[test]
+fn one_pair_has_the_type_of_its_signs() {
+    for (grad, kind, b) in [
+        ([1.0, 2.0], T::S, B::Yes),
+        ([0.0, 2.0], T::S, B::Yes),
+        ([-2.0, 0.0], T::M, B::No),
+        ([-1.0, -1.0], T::C, B::No),
+        ([1.0, -1.0], T::A, B::No),
+        ([-1e-2, 1e4], T::A, B::No),
+    ] {
+        let p = Point::origin(&grad, &[(0, 1)]);
+        let cert = p.expect(kind, b);
+        assert_eq!(cert.biactive, 1);
+        let with = p.multipliers(&[], &grad).expect(kind, b);
+        assert_eq!(with.stationarity, cert.stationarity);
+        let largest = grad.iter().fold(1f64, |a, g| a.max(g.abs()));
+        assert!((with.min_multiplier - grad[0].min(grad[1]) / largest).abs() < 1e-12);
+        assert_eq!(with.ulsc, grad[0] != 0.0 && grad[1] != 0.0);
+        if kind == T::S {
+            assert_eq!(with.lps, 0);
+        }
+    }
+}
+
+/// One pair is A-stationary alone, the other C-stationary alone.
+#[test]
+fn pairs_of_different_types_leave_weak_stationarity() {
+    Point::origin(&[1.0, -1.0, -1.0, -1.0], &[(0, 1), (2, 3)]).expect(T::W, B::No);
+}
+
+/// Scheel and Scholtes 2000, example 3: the global minimum is no KKT point.
+#[test]
+fn global_minimum_without_strong_stationarity() {
+    let p =
+        Point::origin(&[1.0, 1.0, -1.0], &[(0, 1)]).row(&[4.0, 0.0, -1.0], 0.0, INF).row(&[0.0, 4.0, -1.0], 0.0, INF);
+    let cert = p.expect(T::M, B::Yes);
+    assert!(cert.nodes >= 3 && cert.lps >= 3);
+}
+
+/// Ralph and Wright, problem ralph1 of MacMPEC: `min 2x − y, 0 ≤ y ⊥ y − x ≥ 0, x ≥ 0`, the second member lifted.
+fn ralph1() -> Point {
+    Point::origin(&[2.0, -1.0, 0.0], &[(1, 2)]).row(&[-1.0, 1.0, -1.0], 0.0, 0.0).lower(0, 0.0)
+}
+
+#[test]
+fn ralph1_is_b_stationary_and_not_s_stationary() {
+    ralph1().expect(T::M, B::Yes);
+    // the multipliers of a branch
+    let cert = ralph1().multipliers(&[0.5], &[1.5, -0.5, -0.5]).expect(T::M, B::Yes);
+    assert!(cert.min_multiplier <= 0.0);
+}
+
+#[test]
+fn node_limits_leave_the_question_open() {
+    let (cert, _) = ralph1().certify(&CertSettings { max_nodes: 1, type_nodes: 1, ..CertSettings::default() });
+    assert_eq!((cert.b, cert.doubt), (B::Undecided, Doubt::Nodes));
+    assert!(!cert.sharp);
+    let (cert, _) = ralph1().certify(&CertSettings { type_nodes: 0, ..CertSettings::default() });
+    assert_eq!((cert.stationarity, cert.b, cert.doubt), (T::Unknown, B::Yes, Doubt::None));
+}
+
+/// ralph2 at the origin: `min x² + y² − 4xy, 0 ≤ x ⊥ y ≥ 0` has no gradient there.
+#[test]
+fn zero_gradient_is_strongly_stationary() {
+    let cert = Point::origin(&[0.0, 0.0], &[(0, 1)]).expect(T::S, B::Yes);
+    assert_eq!((cert.lps, cert.ulsc), (0, false));
+}
+
+/// Without biactive pairs all types are one; multipliers of the zero members have no sign.
+#[test]
+fn strict_complementarity_needs_no_program() {
+    let mut p = Point::origin(&[0.0, -1.0], &[(0, 1)]);
+    p.x[0] = 1.0;
+    let cert = p.clone().multipliers(&[], &[0.0, -1.0]).expect(T::S, B::Yes);
+    assert_eq!((cert.lps, cert.biactive), (0, 0));
+    assert!(p.expect(T::S, B::Yes).lps >= 1, "without multipliers one program finds them");
+    // a point that is not stationary at all
+    p.grad[0] = 0.1;
+    p.expect(T::None, B::No);
+}
+
+/// `x₁ + x₂ ≥ 0` follows from the bounds: the multipliers are not unique, and the ones given hide the best type.
+#[test]
+fn better_multipliers_are_found_where_they_are_not_unique() {
+    let p = Point::origin(&[1.0, 1.0], &[(0, 1)]).row(&[1.0, 1.0], 0.0, INF).multipliers(&[-2.0], &[-1.0, -1.0]);
+    let cert = p.expect(T::S, B::Yes);
+    assert!(cert.lps >= 1 && cert.min_multiplier > -1e-6);
+}
+
+/// A member that an upper bound or another pair holds at zero does not constrain its partner.
+#[test]
+fn pinned_members_have_free_multipliers() {
+    Point::origin(&[-5.0, 1.0], &[(0, 1)]).upper(0, 0.0).expect(T::S, B::Yes);
+    Point::origin(&[5.0, -1.0], &[(0, 1)]).upper(0, 0.0).expect(T::M, B::No);
+    let mut p = Point::origin(&[-5.0, 1.0, 0.0], &[(0, 1), (0, 2)]);
+    p.x[2] = 3.0;
+    p.expect(T::S, B::Yes);
+}
+
+/// Two pairs with a common member: its multiplier is the sum of two.
+#[test]
+fn shared_members_split_their_multiplier() {
+    let pairs = [(0, 1), (0, 2)];
+    for (grad, kind, b) in [
+        ([1.0, 1.0, 1.0], T::S, B::Yes),
+        ([1.0, 1.0, -1.0], T::M, B::No),
+        ([-1.0, -1.0, 1.0], T::C, B::No),
+        ([-1.0, 1.0, 1.0], T::A, B::No),
+    ] {
+        let p = Point::origin(&grad, &pairs);
+        p.expect(kind, b);
+        p.multipliers(&[], &grad).expect(kind, b);
+    }
+}
+
+#[test]
+fn bad_data_give_no_claims() {
+    let good = Point::origin(&[1.0, 1.0], &[(0, 1)]).row(&[1.0, 1.0], 0.0, INF);
+    let bad = |change: &dyn Fn(&mut Point)| {
+        let mut p = good.clone();
+        change(&mut p);
+        let (cert, _) = p.certify(&CertSettings::default());
+        assert_eq!((cert.stationarity, cert.b), (T::Unknown, B::Undecided));
+        cert.doubt
+    };
+    assert_eq!(bad(&|p| p.x[0] = f64::NAN), Doubt::Data);
+    assert_eq!(bad(&|p| p.grad[1] = f64::INFINITY), Doubt::Data);
+    assert_eq!(bad(&|p| p.rows[0][1] = f64::NAN), Doubt::Data);
+    assert_eq!(bad(&|p| p.c[0] = f64::NAN), Doubt::Data);
+    assert_eq!(bad(&|p| p.grad.truncate(1)), Doubt::Data);
+    assert_eq!(bad(&|p| p.bounds.xl[0] = f64::NAN), Doubt::Data);
+    assert_eq!(bad(&|p| p.x = vec![1.0, 1.0]), Doubt::Infeasible);
+    assert_eq!(bad(&|p| p.c[0] = -1.0), Doubt::Infeasible);
+    // multipliers that are no numbers are none
+    good.clone().multipliers(&[f64::NAN], &[0.0, 0.0]).expect(T::S, B::Yes);
+    assert!(Certifier::new(&Pattern::empty(0, 2), &[(0, 2)]).is_err());
+}
+
+#[test]
+fn an_interrupt_leaves_the_question_open() {
+    let stop = std::sync::atomic::AtomicBool::new(true);
+    let p = ralph1();
+    let jac = Pattern::dense(1, 3);
+    let mut certifier = Certifier::new(&jac, &p.pairs).unwrap();
+    let local = Local {
+        x: &p.x,
+        c: &p.c,
+        grad: &p.grad,
+        jac: &jac,
+        jac_values: &p.rows[0],
+        bounds: &p.bounds,
+        pairs: &p.pairs,
+        y: &[],
+        z: &[],
+    };
+    let mut control = Control { interrupt: Some(&stop), ..Control::default() };
+    let cert = certifier.certify(&local, &CertSettings::default(), &mut control);
+    assert_eq!((cert.stationarity, cert.b, cert.doubt), (T::Unknown, B::Undecided, Doubt::Stopped));
+}
+
+/// The only row has no gradient, so no multipliers exist.
+#[test]
+fn points_without_multipliers() {
+    let p = Point::origin(&[1.0, 0.0, 0.0], &[(1, 2)]).row(&[0.0, 0.0, 0.0], -INF, 0.0);
+    p.expect(T::None, B::No);
+}
+
+/// Dependent equalities, more rows than variables, and a feasible cone that is a point.
+#[test]
+fn degenerate_rows() {
+    let rows = [[1.0, 1.0, 0.0], [2.0, 2.0, 0.0], [1.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 3.0, 0.0]];
+    let mut p = Point::origin(&[-3.0, -1.0, 1.0], &[(1, 2)]);
+    for r in &rows {
+        p = p.row(r, 0.0, 0.0);
+    }
+    p.expect(T::S, B::Yes);
+    // the same cone through inequalities without interior
+    let p = Point::origin(&[-3.0, -1.0, 1.0], &[(1, 2)]).row(&[1.0, 1.0, 0.0], -INF, 0.0).lower(0, 0.0);
+    p.expect(T::S, B::Yes);
+    let p = Point::origin(&[-3.0, 1.0, -1.0], &[(1, 2)]).row(&[1.0, 1.0, 0.0], -INF, 0.0).lower(0, 0.0);
+    p.expect(T::A, B::No);
+}
+
+/// Non-negative least squares after Lawson and Hanson: is `target` a non-negative combination of `columns`?
+fn in_cone(columns: &[Vec<f64>], target: &[f64]) -> bool {
+    let rhs = DVector::from_row_slice(target);
+    let mut passive: Vec<usize> = Vec::new();
+    let mut value = vec![0.0; columns.len()];
+    loop {
+        let mut rest = rhs.clone();
+        for &k in &passive {
+            rest -= DVector::from_row_slice(&columns[k]) * value[k];
+        }
+        let size = 1.0 + rhs.amax();
+        let best = (0..columns.len())
+            .filter(|k| !passive.contains(k))
+            .map(|k| (dot(&columns[k], rest.as_slice()), k))
+            .max_by(|a, b| a.0.total_cmp(&b.0));
+        match best {
+            Some((w, k)) if w > 1e-10 * size && rest.amax() > 1e-9 * size => passive.push(k),
+            _ => return rest.amax() <= 1e-7 * size,
+        }
+        loop {
+            let a = DMatrix::from_fn(target.len(), passive.len(), |i, k| columns[passive[k]][i]);
+            let free = a.svd(true, true).solve(&rhs, 1e-12).unwrap();
+            if free.iter().all(|v| *v > 0.0) {
+                passive.iter().zip(free.iter()).for_each(|(&k, v)| value[k] = *v);
+                break;
+            }
+            let mut step = 1f64;
+            for (&k, v) in passive.iter().zip(free.iter()) {
+                if *v <= 0.0 {
+                    step = step.min(value[k] / (value[k] - v).max(1e-300));
+                }
+            }
+            for (&k, v) in passive.iter().zip(free.iter()) {
+                value[k] += step * (v - value[k]);
+            }
+            passive.retain(|&k| value[k] > 1e-13);
+            if passive.is_empty() {
+                break;
+            }
+        }
+    }
+}
+
+/// Signs of a multiplier: not negative, not positive.
+type Range = (bool, bool);
+const UP: Range = (true, false);
+const DOWN: Range = (false, true);
+const ZERO: Range = (true, true);
+const FREE: Range = (false, false);
+
+impl Point {
+    /// Are there multipliers with the signs given at every pair? All rows and bounds of these points are active.
+    fn has_multipliers(&self, signs: &[(Range, Range)]) -> bool {
+        let n = self.grad.len();
+        let mut columns: Vec<Vec<f64>> = Vec::new();
+        let mut push = |v: Vec<f64>, range: Range| {
+            if !range.1 {
+                columns.push(v.clone());
+            }
+            if !range.0 {
+                columns.push(v.iter().map(|t| -t).collect());
+            }
+        };
+        for (i, r) in self.rows.iter().enumerate() {
+            push(r.clone(), (self.bounds.cu[i] == INF, self.bounds.cl[i] == -INF));
+        }
+        let unit = |j: usize| (0..n).map(|i| f64::from(i == j)).collect::<Vec<f64>>();
+        for (&(a, b), &(sa, sb)) in self.pairs.iter().zip(signs) {
+            for (j, s) in [(a, sa), (b, sb)] {
+                if s != ZERO {
+                    push(unit(j), s);
+                }
+            }
+        }
+        in_cone(&columns, &self.grad)
+    }
+
+    fn any_piece(&self, pieces: &[(Range, Range)], all: bool) -> bool {
+        let k = self.pairs.len();
+        let total = pieces.len().pow(k as u32);
+        let mut each = (0..total).map(|mut code| {
+            let choice: Vec<_> = (0..k)
+                .map(|_| {
+                    let p = pieces[code % pieces.len()];
+                    code /= pieces.len();
+                    p
+                })
+                .collect();
+            self.has_multipliers(&choice)
+        });
+        if all {
+            each.all(|ok| ok)
+        } else {
+            each.any(|ok| ok)
+        }
+    }
+
+    /// Type and B-stationarity by enumeration.
+    fn enumerate(&self) -> (T, B) {
+        let b = if self.any_piece(&[(FREE, UP), (UP, FREE)], true) { B::Yes } else { B::No };
+        let kinds: [(T, &[(Range, Range)]); 5] = [
+            (T::S, &[(UP, UP)]),
+            (T::M, &[(UP, UP), (FREE, ZERO), (ZERO, FREE)]),
+            (T::C, &[(UP, UP), (DOWN, DOWN)]),
+            (T::A, &[(UP, FREE), (FREE, UP)]),
+            (T::W, &[(FREE, FREE)]),
+        ];
+        let kind =
+            kinds.into_iter().find(|(_, pieces)| self.any_piece(pieces, false)).map_or(T::None, |(kind, _)| kind);
+        (kind, b)
+    }
+}
+
+/// Numbers from a fixed sequence.
+struct Random(u64);
+
+impl Random {
+    fn next(&mut self) -> f64 {
+        self.0 = self.0.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+        (self.0 >> 33) as f64 / (1u64 << 30) as f64 - 1.0
+    }
+    fn below(&mut self, n: usize) -> usize {
+        ((self.next() + 1.0) * 0.5 * n as f64) as usize % n
+    }
+}
+
+/// A point with `k` biactive pairs. The gradient is a combination of the rows and the members with signs that favour
+/// the types that random numbers seldom give.
+fn random_point(rng: &mut Random, k: usize, share: bool) -> Point {
+    let n = 2 * k + rng.below(3);
+    let pairs: Vec<_> =
+        (0..k).map(|i| if share && i > 0 { (2 * (i - 1), 2 * i + 1) } else { (2 * i, 2 * i + 1) }).collect();
+    let mut grad = vec![0.0; n];
+    let mut rows = Vec::new();
+    for _ in 0..rng.below(2 * k + 2) {
+        // small whole numbers give dependent rows and ties
+        let row: Vec<f64> = (0..n).map(|_| rng.below(5) as f64 - 2.0).collect();
+        let equality = rng.below(3) == 0;
+        let weight = if equality { rng.next() } else { rng.below(3) as f64 };
+        for (g, r) in grad.iter_mut().zip(&row) {
+            *g += weight * r;
+        }
+        rows.push((row, equality));
+    }
+    let favour = rng.below(5);
+    for &(a, b) in &pairs {
+        let favour = if favour == 4 { 2 + rng.below(2) } else { favour };
+        let (u, v) = (rng.below(3) as f64, rng.below(3) as f64);
+        let (u, v) = match favour {
+            0 => (u, v),
+            1 if rng.below(2) == 0 => (0.0, -v),
+            1 => (u, 0.0),
+            2 => (-u, -v),
+            _ => (u, -v),
+        };
+        grad[a] += u;
+        grad[b] += v;
+    }
+    if rng.below(10) == 0 {
+        grad.iter_mut().for_each(|g| *g += rng.next());
+    }
+    let mut p = Point::origin(&grad, &pairs);
+    for (row, equality) in rows {
+        p = p.row(&row, 0.0, if equality { 0.0 } else { INF });
+    }
+    p
+}
+
+#[test]
+fn random_points_agree_with_the_enumeration_of_all_pieces() {
+    let mut rng = Random(7);
+    let mut seen = std::collections::BTreeMap::new();
+    for round in 0..400 {
+        let k = 1 + round % 4;
+        let p = random_point(&mut rng, k, round % 5 == 4);
+        let (kind, b) = p.enumerate();
+        p.expect(kind, b);
+        *seen.entry((kind.name(), b.name())).or_insert(0) += 1;
+    }
+    for case in [("S", "yes"), ("M", "yes"), ("M", "no"), ("C", "no"), ("A", "no"), ("W", "no"), ("none", "no")] {
+        assert!(seen.get(&case).copied().unwrap_or(0) >= 5, "{case:?} is missing: {seen:?}");
+    }
+}
+
+#[test]
+fn six_pairs_agree_with_the_enumeration_of_all_branches() {
+    let mut rng = Random(11);
+    for _ in 0..60 {
+        let k = 5 + rng.below(2);
+        let p = random_point(&mut rng, k, false);
+        let b = if p.any_piece(&[(FREE, UP), (UP, FREE)], true) { B::Yes } else { B::No };
+        let (cert, _) = p.certify(&CertSettings { type_nodes: 0, ..CertSettings::default() });
+        assert_eq!((cert.b, cert.doubt), (b, Doubt::None), "{cert:?}");
+    }
+}

@@ -1,0 +1,327 @@
+//! The linearised problem at a point of an MPCC, (2.29) with a trust region.
+//!
+//! ```text
+//! min ∇fᵀd   s.t.   rows and bounds, linearised,   |d|_∞ ≤ ρ,   signs of d at the members of biactive pairs
+//! ```
+//!
+//! One structure serves every choice of signs, so the interior-point method analyses it once. Nothing is believed
+//! because the method says so: every variable has two bounds, hence any multipliers of the rows give a lower bound of
+//! the optimum (weak duality), and a step counts as a descent only if it is one after its own violation is paid for.
+
+use super::certificate::Local;
+use crate::error::Result;
+use crate::func::{EvalError, EvalResult};
+use crate::linalg::csc::{mul_add, mul_add_transposed, Pattern};
+use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Monotone, Nlp, Outcome, Start, INFINITE};
+
+/// Signs that a component of the step may have. The multiplier of its bound then has the polar signs.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Signs {
+    pub neg: bool,
+    pub pos: bool,
+}
+
+impl Signs {
+    /// Multiplier free.
+    pub const ZERO: Signs = Signs { neg: false, pos: false };
+    /// Multiplier not negative.
+    pub const UP: Signs = Signs { neg: false, pos: true };
+    /// Multiplier not positive.
+    pub const DOWN: Signs = Signs { neg: true, pos: false };
+    /// Multiplier zero.
+    pub const FREE: Signs = Signs { neg: true, pos: true };
+
+    fn and(self, o: Signs) -> Signs {
+        Signs { neg: self.neg && o.neg, pos: self.pos && o.pos }
+    }
+}
+
+/// Signs of the two members of a pair.
+pub(super) type Piece = (Signs, Signs);
+
+/// What is known of the optimum of a linear program.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Verdict {
+    /// `d = 0` is optimal: there are multipliers.
+    Stationary,
+    /// A feasible step lowers the objective.
+    Descent,
+    /// Neither could be shown.
+    Unclear,
+    /// Interrupted, or out of time.
+    Stopped,
+}
+
+/// Relaxation of the inequalities, which may have no interior otherwise, and first barrier parameter; the next attempt
+/// is made when the one before shows nothing.
+const ATTEMPTS: [(f64, f64); 3] = [(1e-9, 1e-1), (1e-8, 1.0), (1e-6, 1e-2)];
+/// Iterations of an attempt.
+const MAX_ITER: usize = 80;
+/// Tolerance of the linear programs, whose data are of order one.
+const LP_TOL: f64 = 1e-10;
+/// Rows whose gradient is below this are none to first order.
+const NO_ROW: f64 = 1e-12;
+
+/// Linear program in the units of the trust region; objective and rows have gradients of maximum norm 1.
+struct Linear {
+    jac: Pattern,
+    hess: Pattern,
+    grad: Vec<f64>,
+    values: Vec<f64>,
+}
+
+impl Nlp for Linear {
+    fn n(&self) -> usize {
+        self.jac.n_cols()
+    }
+    fn m(&self) -> usize {
+        self.jac.n_rows()
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        &self.jac
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        &self.hess
+    }
+    fn eval(&mut self, x: &[f64], c: &mut [f64]) -> std::result::Result<f64, EvalError> {
+        c.fill(0.0);
+        mul_add(&self.jac, &self.values, x, c, 1.0);
+        Ok(dot(&self.grad, x))
+    }
+    fn derivatives(&mut self, _: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult {
+        grad.copy_from_slice(&self.grad);
+        jac.copy_from_slice(&self.values);
+        Ok(())
+    }
+    fn hessian(&mut self, _: &[f64], _: f64, _: &[f64], _: &mut [f64]) -> EvalResult {
+        Ok(())
+    }
+}
+
+/// The linearised problem, its solver, and the multipliers or the step found last.
+pub(super) struct Lpcc {
+    lp: Linear,
+    ipm: Ipm,
+    /// Bounds of the step; members of biactive pairs have the widest that any piece allows.
+    widest: Bounds,
+    /// With the signs of the present piece.
+    bounds: Bounds,
+    relaxed: Bounds,
+    row_scale: Vec<f64>,
+    grad_scale: f64,
+    tol: f64,
+    rho: f64,
+    origin: Vec<f64>,
+    activity: Vec<f64>,
+    signs: Vec<Signs>,
+    /// Step `[n]` of the last program, in units of the trust region.
+    pub step: Vec<f64>,
+    /// Multipliers of the rows `[m]`, in the units of the MPCC.
+    pub y: Vec<f64>,
+    /// Multipliers of the bounds and of the members of pairs `[n]`, lower minus upper.
+    pub z: Vec<f64>,
+    /// Programs solved.
+    pub lps: usize,
+    /// Interior-point iterations in them.
+    pub iterations: usize,
+}
+
+impl Lpcc {
+    /// Allocates for Jacobians with the pattern `jac`, `m × n`.
+    pub fn new(jac: &Pattern) -> Result<Lpcc> {
+        let (m, n) = (jac.n_rows(), jac.n_cols());
+        let lp =
+            Linear { jac: jac.clone(), hess: Pattern::empty(n, n), grad: vec![0.0; n], values: vec![0.0; jac.nnz()] };
+        let settings = IpmSettings { max_iter: MAX_ITER, restoration: false, ..IpmSettings::default() };
+        Ok(Lpcc {
+            ipm: Ipm::new(&lp, settings)?,
+            lp,
+            widest: Bounds::free(n, m),
+            bounds: Bounds::free(n, m),
+            relaxed: Bounds::free(n, m),
+            row_scale: vec![1.0; m],
+            grad_scale: 1.0,
+            tol: 0.0,
+            rho: 1.0,
+            origin: vec![0.0; n],
+            activity: vec![0.0; m],
+            signs: vec![Signs::FREE; n],
+            step: vec![0.0; n],
+            y: vec![0.0; m],
+            z: vec![0.0; n],
+            lps: 0,
+            iterations: 0,
+        })
+    }
+
+    /// Linearises at a point. Distances up to `active` from a bound count as none; `tol` is the violation of the
+    /// stationarity conditions that is allowed, in the units of the gradient, which is not zero.
+    pub fn load(&mut self, p: &Local, active: f64, tol: f64, rho: f64) {
+        self.rho = rho;
+        self.grad_scale = p.grad.iter().fold(0f64, |a, g| a.max(g.abs()));
+        self.tol = tol / self.grad_scale;
+        for (s, g) in self.lp.grad.iter_mut().zip(p.grad) {
+            *s = g / self.grad_scale;
+        }
+        self.row_scale.fill(0.0);
+        for (v, &i) in p.jac_values.iter().zip(p.jac.row_idx()) {
+            self.row_scale[i] = self.row_scale[i].max(v.abs());
+        }
+        for ((s, v), &i) in self.lp.values.iter_mut().zip(p.jac_values).zip(p.jac.row_idx()) {
+            let scale = self.row_scale[i];
+            *s = if scale > NO_ROW { v / scale } else { 0.0 };
+        }
+        let room = |distance: f64| if distance <= active { 0.0 } else { distance / rho };
+        for j in 0..p.x.len() {
+            let b = p.bounds;
+            let fixed = b.xl[j] == b.xu[j];
+            self.widest.xl[j] = if fixed { 0.0 } else { -room(p.x[j] - b.xl[j]).min(1.0) };
+            self.widest.xu[j] = if fixed { 0.0 } else { room(b.xu[j] - p.x[j]).min(1.0) };
+        }
+        for i in 0..p.c.len() {
+            let (lo, hi, scale) = (p.bounds.cl[i], p.bounds.cu[i], self.row_scale[i]);
+            let room = |distance: f64, none: bool| match room(distance / scale) {
+                _ if none || scale <= NO_ROW => f64::INFINITY,
+                r => r,
+            };
+            self.widest.cl[i] = -room(p.c[i] - lo, lo <= -INFINITE);
+            self.widest.cu[i] = room(hi - p.c[i], hi >= INFINITE);
+            if lo == hi && scale > NO_ROW {
+                self.widest.cl[i] = 0.0;
+                self.widest.cu[i] = 0.0;
+            }
+        }
+        self.signs.fill(Signs::FREE);
+    }
+
+    /// Variable `j` is zero whatever its neighbours do: its multiplier is free.
+    pub fn pin(&mut self, j: usize) {
+        self.widest.xl[j] = 0.0;
+        self.widest.xu[j] = 0.0;
+    }
+
+    /// Variable `j` is a member of a biactive pair: its bounds below are those of the pieces.
+    pub fn unpin(&mut self, j: usize) {
+        self.widest.xl[j] = -1.0;
+    }
+
+    /// Solves with the signs `pieces` at the `members` of biactive pairs. A variable in several has all of their signs.
+    pub fn solve(
+        &mut self,
+        members: &[(usize, usize)],
+        pieces: impl Fn(usize) -> Piece,
+        control: &mut Control,
+    ) -> Verdict {
+        for &(a, b) in members {
+            self.signs[a] = Signs::FREE;
+            self.signs[b] = Signs::FREE;
+        }
+        for (k, &(a, b)) in members.iter().enumerate() {
+            let (sa, sb) = pieces(k);
+            self.signs[a] = self.signs[a].and(sa);
+            self.signs[b] = self.signs[b].and(sb);
+        }
+        self.bounds.copy_from(&self.widest);
+        for &(a, b) in members {
+            for j in [a, b] {
+                if !self.signs[j].neg {
+                    self.bounds.xl[j] = 0.0;
+                }
+                if !self.signs[j].pos {
+                    self.bounds.xu[j] = 0.0;
+                }
+            }
+        }
+        for (slack, mu) in ATTEMPTS {
+            self.relax(slack);
+            let mut rule = Monotone { mu_init: mu, tol: LP_TOL, primal_tol: LP_TOL };
+            let mut quiet = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
+            let start = Start::Cold(&self.origin);
+            let outcome = self.ipm.solve(&mut self.lp, &self.relaxed, start, &mut rule, &mut quiet);
+            self.lps += 1;
+            self.iterations += self.ipm.statistics().iterations;
+            if matches!(outcome, Outcome::Stopped | Outcome::MaxTime) {
+                return Verdict::Stopped;
+            }
+            match self.judge() {
+                Verdict::Unclear => {}
+                verdict => return verdict,
+            }
+        }
+        Verdict::Unclear
+    }
+
+    /// Gives the inequalities that are active an interior.
+    fn relax(&mut self, slack: f64) {
+        let (b, r) = (&self.bounds, &mut self.relaxed);
+        let sides = [(&b.xl, &b.xu, &mut r.xl, &mut r.xu), (&b.cl, &b.cu, &mut r.cl, &mut r.cu)];
+        for (lo, hi, rlo, rhi) in sides {
+            for i in 0..lo.len() {
+                let slack = if lo[i] == hi[i] { 0.0 } else { slack };
+                rlo[i] = lo[i] - slack;
+                rhi[i] = hi[i] + slack;
+            }
+        }
+    }
+
+    /// What the point of the interior-point method shows for the bounds that are not relaxed.
+    fn judge(&mut self) -> Verdict {
+        let it = self.ipm.iterate();
+        if it.x.iter().chain(&it.y).any(|v| !v.is_finite()) {
+            return Verdict::Unclear;
+        }
+        let b = &self.bounds;
+        // `loss` is what slacks cost; a multiplier of a row that cannot become active is dropped
+        let mut loss = 0.0;
+        for i in 0..self.y.len() {
+            let room = if it.y[i] > 0.0 { b.cu[i] } else { -b.cl[i] };
+            self.y[i] = if room < 1.0 { it.y[i] } else { 0.0 };
+            loss += self.y[i].abs() * room.min(1.0);
+        }
+        self.z.copy_from_slice(&self.lp.grad);
+        mul_add_transposed(&self.lp.jac, &self.lp.values, &self.y, &mut self.z, 1.0);
+        let mut residual = 0f64;
+        for j in 0..self.z.len() {
+            let room = if self.z[j] > 0.0 { -b.xl[j] } else { b.xu[j] };
+            if room < 1.0 {
+                loss += self.z[j].abs() * room;
+            } else {
+                residual = residual.max(self.z[j].abs());
+                self.z[j] = 0.0;
+            }
+        }
+        for (e, (x, (lo, hi))) in self.step.iter_mut().zip(it.x.iter().zip(b.xl.iter().zip(&b.xu))) {
+            *e = x.clamp(*lo, *hi);
+        }
+        self.activity.fill(0.0);
+        mul_add(&self.lp.jac, &self.lp.values, &self.step, &mut self.activity, 1.0);
+        let gain = -dot(&self.lp.grad, &self.step);
+        let paid: f64 = (0..self.y.len())
+            .map(|i| (1.0 + it.y[i].abs()) * (b.cl[i] - self.activity[i]).max(self.activity[i] - b.cu[i]).max(0.0))
+            .sum();
+        if residual.max(loss) <= self.tol {
+            for (y, s) in self.y.iter_mut().zip(&self.row_scale) {
+                *y *= if *s > NO_ROW { self.grad_scale / s } else { 0.0 };
+            }
+            for z in &mut self.z {
+                *z *= self.grad_scale;
+            }
+            Verdict::Stationary
+        } else if gain > self.tol && gain > 10.0 * paid {
+            Verdict::Descent
+        } else {
+            Verdict::Unclear
+        }
+    }
+
+    /// Writes the step of the last program in the units of the MPCC into `d[n]`.
+    pub fn unscaled_step(&self, d: &mut [f64]) {
+        for (d, e) in d.iter_mut().zip(&self.step) {
+            *d = self.rho * e;
+        }
+    }
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
