@@ -20,29 +20,68 @@ pub struct Scholtes {
     raises: usize,
     /// Iterations on the present rung.
     stays: usize,
+    /// Short steps in a row.
+    short: usize,
+    /// The last relaxation that was solved.
+    solved: f64,
+    /// Smallest reduction, after a rung that was too far.
+    gentle: f64,
 }
 
 /// Iterations after which an almost feasible rung counts as done: where the multipliers have no limit the error
 /// never gets small, and the next rung, or the polish, decides more than further iterations.
-const RUNG_ITERATIONS: usize = 60;
+const RUNG_ITERATIONS: usize = 30;
+/// A step shorter than this is a short one.
+const SHORT: f64 = 0.1;
+/// Short steps in a row that say a level is too far away.
+const PATIENT_STEPS: usize = 8;
+/// Levels taken back, or made easier, at most.
+const MAX_RAISES: usize = 4;
 
 impl Scholtes {
     /// A path from the initial relaxation to `sigma_end`.
     pub fn new(settings: MpccSettings, rows: Range<usize>, sigma_end: f64) -> Scholtes {
         let start = Level { mu: settings.mu_init, sigma: settings.sigma_init };
-        let on_plateau = settings.sigma_init > sigma_end;
-        Scholtes { settings, rows, start, end: sigma_end, on_plateau, raises: 0, stays: 0 }
+        Scholtes { on_plateau: start.sigma > sigma_end, ..Scholtes::resume(settings, rows, start, sigma_end) }
     }
 
     /// A path that goes on from `level`.
     pub fn resume(settings: MpccSettings, rows: Range<usize>, level: Level, sigma_end: f64) -> Scholtes {
-        Scholtes { settings, rows, start: level, end: sigma_end, on_plateau: false, raises: 0, stays: 0 }
+        Scholtes {
+            rows,
+            start: level,
+            end: sigma_end,
+            on_plateau: false,
+            raises: 0,
+            stays: 0,
+            short: 0,
+            solved: level.sigma,
+            gentle: 0.0,
+            settings,
+        }
     }
 
-    fn rung(&self, sigma: f64, mu: f64) -> Level {
+    fn rung(&mut self, sigma: f64, mu: f64) -> Level {
         let s = &self.settings;
-        let sigma = (s.sigma_factor * sigma).min(sigma.powf(s.sigma_exponent)).max(self.end);
+        self.stays = 0;
+        self.short = 0;
+        self.solved = sigma;
+        let next = (s.sigma_factor * sigma).min(sigma.powf(s.sigma_exponent)).max(self.gentle * sigma);
+        let sigma = next.max(self.end);
         Level { sigma, mu: (s.mu_over_sigma * sigma).min(mu) }
+    }
+
+    /// A rung between the last one that was solved and `sigma`, unless they are close.
+    fn between(&mut self, sigma: f64) -> Option<Level> {
+        if self.raises == MAX_RAISES || self.solved < 2.0 * sigma {
+            return None;
+        }
+        self.raises += 1;
+        self.stays = 0;
+        self.short = 0;
+        self.gentle = (sigma / self.solved).sqrt();
+        let sigma = (sigma * self.solved).sqrt();
+        Some(Level { sigma, mu: self.settings.mu_over_sigma * sigma })
     }
 }
 
@@ -53,27 +92,37 @@ impl Continuation for Scholtes {
 
     fn advance(&mut self, m: &Measures) -> Advance {
         let Level { mu, sigma } = m.level;
-        let s = &self.settings;
+        let s = self.settings;
+        self.short = if m.alpha < SHORT { self.short + 1 } else { 0 };
         if self.on_plateau {
             if mu > s.plateau_mu {
                 if m.error <= 10.0 * mu {
+                    self.short = 0;
                     return Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(s.plateau_mu), sigma });
                 }
-                return Advance::Stay;
+            } else if m.error <= s.plateau_mu && m.primal <= s.plateau_viol {
+                self.on_plateau = false;
+                return Advance::To(self.rung(sigma, mu));
             }
-            if m.error > s.plateau_mu || m.primal > s.plateau_viol {
-                return Advance::Stay;
+            if self.short > PATIENT_STEPS && self.raises < MAX_RAISES {
+                // the iterates hug their bounds: a stronger barrier moves them away
+                self.raises += 1;
+                self.short = 0;
+                return Advance::To(Level { mu: 10.0 * mu, sigma });
             }
-            self.on_plateau = false;
-            return Advance::To(self.rung(sigma, mu));
+            return Advance::Stay;
         }
         self.stays += 1;
         let stuck = self.stays > RUNG_ITERATIONS && m.primal <= (10.0 * sigma).max(1e-4);
         if m.error > 10.0 * mu && !stuck {
+            if self.short > PATIENT_STEPS {
+                if let Some(level) = self.between(sigma) {
+                    return Advance::Back(level);
+                }
+            }
             return Advance::Stay;
         }
         if sigma > self.end {
-            self.stays = 0;
             return Advance::To(self.rung(sigma, mu));
         }
         // the last rung: the barrier goes below the relaxation
@@ -91,13 +140,10 @@ impl Continuation for Scholtes {
     }
 
     fn jammed(&mut self, m: &Measures) -> Option<Level> {
-        if self.raises == 3 || m.primal > 1e-3 || self.on_plateau {
+        if self.on_plateau {
             return None;
         }
-        self.raises += 1;
-        let sigma = (10.0 * m.level.sigma).min(self.settings.sigma_init);
-        (sigma > m.level.sigma)
-            .then_some(Level { sigma, mu: (10.0 * m.level.mu).min(self.settings.mu_over_sigma * sigma) })
+        self.between(m.level.sigma)
     }
 
     fn relaxed_rows(&self) -> Range<usize> {
@@ -116,6 +162,8 @@ pub(super) struct Branch {
 
 /// Iterations without a violation half as large that end a branch.
 const PATIENCE: usize = 5;
+/// Violation from which more of them are worth it.
+const CLOSE: f64 = 1e-6;
 
 impl Branch {
     pub fn new(rule: Monotone) -> Branch {
@@ -134,7 +182,8 @@ impl Continuation for Branch {
         } else {
             self.since += 1;
         }
-        if self.since > PATIENCE && m.primal > 1e-9 {
+        let patience = if m.primal > CLOSE { PATIENCE } else { 3 * PATIENCE };
+        if self.since > patience && m.primal > 1e-9 {
             return Advance::GiveUp;
         }
         self.rule.advance(m)

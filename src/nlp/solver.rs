@@ -59,6 +59,8 @@ pub struct Measures {
     pub dual: f64,
     /// Largest product of a pair.
     pub pair_product: f64,
+    /// Length of the last primal step; 1 before the first.
+    pub alpha: f64,
 }
 
 /// What a [`Continuation`] answers.
@@ -68,6 +70,8 @@ pub enum Advance {
     Stay,
     /// This level is solved well enough: next level.
     To(Level),
+    /// This level is too far from the last one: back to the point where that was left, and on with another one.
+    Back(Level),
     /// The problem is solved.
     Done,
     /// Further iterations do not help.
@@ -141,6 +145,8 @@ pub struct Ipm {
     pub(super) bounds: Bounds,
     pub(super) it: Iterate,
     pub(super) trial: Iterate,
+    /// Where the last level was left.
+    left: Iterate,
     pub(super) v: Values,
     pub(super) c_trial: Vec<f64>,
     pub(super) f_trial: f64,
@@ -180,6 +186,7 @@ impl Ipm {
             bounds: Bounds::free(n, m),
             it: Iterate::zeros(n, m),
             trial: Iterate::zeros(n, m),
+            left: Iterate::zeros(n, m),
             v: Values {
                 f: 0.0,
                 c: vec![0.0; m],
@@ -300,7 +307,8 @@ impl Ipm {
             return Outcome::Failed;
         }
         self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c));
-        self.info = IterationInfo::default();
+        self.info = IterationInfo { alpha_pr: 1.0, ..IterationInfo::default() };
+        self.left.copy_from(&self.it);
         let mut jams = 0;
         loop {
             let mut m = self.measure(nlp);
@@ -313,7 +321,14 @@ impl Ipm {
                     Advance::Done => return Outcome::Solved,
                     Advance::GiveUp => return Outcome::Stalled,
                     Advance::Stay => break,
+                    Advance::Back(level) => {
+                        if !self.go_back(nlp) || !self.change_level(nlp, level, continuation.relaxed_rows()) {
+                            return Outcome::Failed;
+                        }
+                        m = self.measure(nlp);
+                    }
                     Advance::To(level) => {
+                        self.left.copy_from(&self.it);
                         if !self.change_level(nlp, level, continuation.relaxed_rows()) {
                             return Outcome::Failed;
                         }
@@ -342,7 +357,7 @@ impl Ipm {
                         self.info.phase = b's';
                     } else if let Some(level) = continuation.jammed(&m) {
                         self.info.phase = b'j';
-                        if !self.change_level(nlp, level, continuation.relaxed_rows()) {
+                        if !self.go_back(nlp) || !self.change_level(nlp, level, continuation.relaxed_rows()) {
                             return Outcome::Failed;
                         }
                     } else if self.settings.restoration && jams < 20 {
@@ -474,7 +489,14 @@ impl Ipm {
             primal: e.primal,
             dual: e.dual / e.s_d,
             pair_product: self.pair_product(nlp),
+            alpha: self.info.alpha_pr,
         }
+    }
+
+    /// Back to the point where the last level was left.
+    fn go_back(&mut self, nlp: &mut dyn Nlp) -> bool {
+        self.it.copy_from(&self.left);
+        self.evaluate(nlp) && self.differentiate(nlp)
     }
 
     fn pair_product(&self, nlp: &dyn Nlp) -> f64 {
