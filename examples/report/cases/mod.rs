@@ -1,5 +1,6 @@
 //! The cases, and what they share.
 
+mod mpcc_textbook;
 mod oscillator;
 mod sliding_ocp;
 mod switching;
@@ -22,6 +23,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("switching", switching::run),
     ("tutorial-ocp", tutorial_ocp::run),
     ("sliding-ocp", sliding_ocp::run),
+    ("mpcc-textbook", mpcc_textbook::run),
 ];
 
 pub const BOTH: [Discretisation; 2] = [Discretisation::Fesd, Discretisation::Standard];
