@@ -13,11 +13,6 @@ def family(name: str) -> str:
     return name.partition(":")[0]
 
 
-def total_iterations(result: dict) -> int:
-    """Iterations with those of the polish."""
-    return result["iterations"] + result.get("polish_iterations", 0)
-
-
 def distance(f: float, reference: float) -> float:
     """How much worse f is than a reference, relative to max(1, |reference|)."""
     return (f - reference) / max(1.0, abs(reference))
@@ -49,11 +44,20 @@ def row(name: str, entry: dict, ours: dict, peer: dict | None) -> dict:
     if peer and ours["solved"] and peer["solved"]:
         out["both"] = True
         out["cpu_ratio"] = peer["cpu"] / max(ours["cpu"], 1e-9)
-        out["iteration_ratio"] = max(total_iterations(peer), 1) / max(total_iterations(ours), 1)
+        out["iteration_ratio"] = max(peer["iterations"], 1) / max(ours["iterations"], 1)
         if out["expect"] == "optimal":
-            out["worse_by"] = distance(ours["objective"], peer["objective"])
+            worth = peer["objective"] if peer.get("branch") is None else peer["branch"]
+            out["worse_by"] = distance(ours["objective"], worth)
             out["no_worse"] = out["worse_by"] <= RELATIVE
+            out["no_worse_than_relaxed"] = distance(ours["objective"], peer["objective"]) <= RELATIVE
     return out
+
+
+def figures(result: dict | None) -> dict | None:
+    """A result without its point, numbers that are not finite left out."""
+    if result is None:
+        return None
+    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in result.items() if k != "x"}
 
 
 def geometric_mean(values: Iterable[float]) -> float | None:
@@ -82,14 +86,15 @@ def summary(rows: list[dict]) -> dict:
         "only_ours": [r["name"] for r in with_peer if r["ours"]["solved"] and not r["peer"]["solved"]],
         "neither": [r["name"] for r in with_peer if not r["ours"]["solved"] and not r["peer"]["solved"]],
         "no_worse": share(r["no_worse"] for r in both if "no_worse" in r),
+        "no_worse_than_relaxed": share(r["no_worse_than_relaxed"] for r in both if "no_worse" in r),
         "better": [r["name"] for r in both if r.get("worse_by", 0.0) < -RELATIVE],
         "worse": [r["name"] for r in both if not r.get("no_worse", True)],
         "cpu_ratio": geometric_mean(r["cpu_ratio"] for r in both),
         "iteration_ratio": geometric_mean(r["iteration_ratio"] for r in both),
         "cpu_ours": sum(r["ours"]["cpu"] for r in both),
         "cpu_peer": sum(r["peer"]["cpu"] for r in both),
-        "iterations_ours": sum(total_iterations(r["ours"]) for r in both),
-        "iterations_peer": sum(total_iterations(r["peer"]) for r in both),
+        "iterations_ours": sum(r["ours"]["iterations"] for r in both),
+        "iterations_peer": sum(r["peer"]["iterations"] for r in both),
         "identified": share(r in identified for r in points),
         "exact": share(r["ours"]["pair_min"] <= EXACT for r in points),
         "exact_of_identified": share(r["ours"]["pair_min"] <= EXACT for r in identified),
@@ -106,7 +111,7 @@ def summary(rows: list[dict]) -> dict:
 
 def compare(problems: dict[str, dict], ours: dict[str, dict], peer: dict[str, dict]) -> dict:
     """Rows and summaries; the peer may have run on none or some of the problems."""
-    rows = [row(name, entry, ours[name], peer.get(name)) for name, entry in problems.items()]
+    rows = [row(name, entry, figures(ours[name]), figures(peer.get(name))) for name, entry in problems.items()]
     families = sorted({r["family"] for r in rows})
     return {
         "problems": rows,
@@ -116,7 +121,11 @@ def compare(problems: dict[str, dict], ours: dict[str, dict], peer: dict[str, di
 
 
 def number(value: float | None, form: str) -> str:
-    return "-" if value is None or value != value else format(value, form)
+    return "-" if value is None else format(value, form)
+
+
+def milliseconds(result: dict | None) -> float | None:
+    return None if result is None or result["cpu"] is None else 1e3 * result["cpu"]
 
 
 def table(record: dict) -> str:
@@ -133,21 +142,23 @@ def table(record: dict) -> str:
         lines.append(
             f"{r['name'][:50]:<50} {how[:9]:>9}{polish} {other[:10]:>10} {number(ours['objective'], '15.8e'):>15} "
             f"{number(r.get('worse_by'), '9.1e'):>9} {number(ours['violation'], '7.0e'):>7} "
-            f"{number(ours['product'], '7.0e'):>7} {number(ours['pair_min'], '8.0e'):>8} {total_iterations(ours):>5} "
-            f"{total_iterations(peer) if peer else '-':>5} {number(1e3 * ours['cpu'], '9.3f'):>9} "
-            f"{number(1e3 * peer['cpu'] if peer else None, '9.2f'):>9} {number(r.get('cpu_ratio'), '6.1f'):>6}  {r['known']}"
+            f"{number(ours['product'], '7.0e'):>7} {number(ours['pair_min'], '8.0e'):>8} {ours['iterations']:>5} "
+            f"{peer['iterations'] if peer else '-':>5} {number(milliseconds(ours), '9.3f'):>9} "
+            f"{number(milliseconds(peer), '9.2f'):>9} {number(r.get('cpu_ratio'), '6.1f'):>6}  {r['known']}"
         )
     lines += [
         "",
-        "ours: ! not solved, * active set identified, - branch rejected; worse by: objective against the peer's, relative",
+        "ours: ! not solved, * active set identified, - branch rejected; worse by: objective against what the peer's point "
+        "is worth, relative",
         "",
-        f"{'family':<10} {'problems':>8} {'ours':>5} {'peer':>5} {'CPU ratio':>9} {'it. ratio':>9} {'no worse':>8} "
+        f"{'family':<10} {'problems':>8} {'ours':>5} {'peer':>5} {'CPU ratio':>9} {'it. ratio':>9} {'no worse':>8} {'relaxed':>8} "
         f"{'identified':>10} {'exact':>6} {'CPU ours':>9} {'peer':>9}",
     ]
     for name, s in [*record["families"].items(), ("all", record["summary"])]:
         lines.append(
             f"{name:<10} {s['problems']:>8} {s['solved']:>5} {s['peer_solved']:>5} {number(s['cpu_ratio'], '9.2f'):>9} "
             f"{number(s['iteration_ratio'], '9.2f'):>9} {number(s['no_worse'], '8.1%'):>8} "
+            f"{number(s['no_worse_than_relaxed'], '8.1%'):>8} "
             f"{number(s['identified'], '10.1%'):>10} {number(s['exact'], '6.1%'):>6} {s['cpu_ours']:>9.3f} "
             f"{s['cpu_peer']:>9.3f}"
         )

@@ -28,6 +28,7 @@ VARIANTS = {
     "monotone": {},
     "adaptive": {"mu_strategy": "adaptive", "mu_oracle": "quality-function"},
 }
+SOLVED = (0, 1)
 STATUS = {
     0: "solved", 1: "acceptable", 2: "infeasible", 3: "step too small", 4: "diverging", 5: "time", 6: "feasible point",
     -1: "max_iter", -2: "restoration failed", -3: "step failed", -4: "time", -5: "time", -10: "too few variables",
@@ -80,52 +81,47 @@ class Ipopt:
         if not getattr(self.library, f"AddIpopt{kind}Option")(problem, name.encode(), given):
             raise SystemExit(f"IPOPT does not know the option {name}={value}")
 
-    def homotopy(self, problem: Problem, variant: str, limit: float) -> dict:
-        """Solve with G_i H_i <= sigma for falling sigma, each from the point before, until the program is solved and
-        all products are small. CPU time is that inside IPOPT; making the problem is not part of it."""
+    def _create(self, problem: Problem, adapter: int, lbx, ubx, lower, upper, variant: str) -> int:
         code = problem.library
-        member = problem.variable_members()
-        adapter = problem.adapter(member)
-        kept = np.array(code.adapter_kept(adapter)[: code.adapter_n_kept(adapter)], dtype=int)
-        lower = np.concatenate([problem.lbg, np.zeros(2 * problem.c)])[kept]
-        upper = np.concatenate([problem.ubg, np.full(2 * problem.c, np.inf)])[kept]
-        lower = np.concatenate([lower, np.full(problem.c, -np.inf)])
-        upper = np.concatenate([upper, np.zeros(problem.c)])
-        lbx = problem.lbx.copy()
-        variables = problem.pair_variables[member]
-        lbx[variables] = np.maximum(lbx[variables], 0.0)
-        arrays = [np.clip(v, -2e19, 2e19) for v in (lbx, problem.ubx, lower, upper)]
+        arrays = [np.clip(v, -2e19, 2e19) for v in (lbx, ubx, lower, upper)]
         xl, xu, gl, gu = (v.ctypes.data_as(POINTER(c_double)) for v in arrays)
-        callbacks = [
-            ctypes.cast(getattr(code, f"scholtes_{f}"), c_void_p) for f in ("f", "g", "grad", "jac", "hess")
-        ]
+        callbacks = [ctypes.cast(getattr(code, f"scholtes_{f}"), c_void_p) for f in ("f", "g", "grad", "jac", "hess")]
         made = self.library.CreateIpoptProblem(
             problem.n, xl, xu, len(lower), gl, gu, code.adapter_scholtes_n_jac(adapter),
             code.adapter_scholtes_n_hess(adapter), 0, *callbacks,
         )  # fmt: skip
         if not made:
             raise RuntimeError("IPOPT refuses the problem")
+        for name, value in (COMMON | VARIANTS[variant]).items():
+            self._option(made, name, value)
+        self.library.SetIntermediateCallback(made, ctypes.cast(code.scholtes_iteration, c_void_p))
+        return made
+
+    def _solve(self, made: int, adapter: int, x: np.ndarray) -> int:
+        at = x.ctypes.data_as(POINTER(c_double))
+        return self.library.IpoptSolve(made, at, None, byref(c_double()), None, None, None, adapter)
+
+    def homotopy(self, problem: Problem, variant: str, limit: float) -> dict:
+        """Solve with G_i H_i <= sigma for falling sigma, each from the point before, until the program is solved and
+        all products are small. CPU time is that inside IPOPT; making the problem is not part of it."""
+        code = problem.library
+        program = Relaxed(problem)
+        adapter = program.adapter
+        made = self._create(problem, adapter, *program.bounds(), variant)
+        code.adapter_set_deadline(adapter, limit)
+        x = problem.x0.copy()
+        iterations, cpu, solves, solved, status = 0, 0.0, 0, False, "none"
         try:
-            for name, value in (COMMON | VARIANTS[variant]).items():
-                self._option(made, name, value)
-            self.library.SetIntermediateCallback(made, ctypes.cast(code.scholtes_iteration, c_void_p))
-            code.adapter_set_deadline(adapter, limit)
-            x = problem.x0.copy()
-            f, iterations, cpu, solves = c_double(), 0, 0.0, 0
-            solved, status = False, "none"
             for sigma in SIGMA:
                 code.adapter_set_sigma(adapter, sigma)
                 code.adapter_reset(adapter)
                 clock = time.thread_time()
-                number = self.library.IpoptSolve(
-                    made, x.ctypes.data_as(POINTER(c_double)), None, byref(f), None, None, None, adapter
-                )
+                number = self._solve(made, adapter, x)
                 cpu += time.thread_time() - clock
                 iterations += code.adapter_iterations(adapter)
                 solves += 1
                 status = STATUS.get(number, str(number))
-                point = problem.measure(x)
-                solved = number in (0, 1) and point.product <= PRODUCT
+                solved = number in SOLVED and problem.measure(x).product <= PRODUCT
                 if solved or status == "time":
                     break
         finally:
@@ -134,6 +130,55 @@ class Ipopt:
             "solved": solved, "outcome": status, "x": x, "iterations": iterations, "cpu": cpu, "solves": solves,
             "sigma": sigma,
         }  # fmt: skip
+
+    def branch_objective(self, problem: Problem, x: np.ndarray, variant: str, limit: float) -> float | None:
+        """Objective of the program in which the smaller member of each pair at x is zero, solved from x; None if that
+        fails. A relaxation is below what any point without it reaches; this is what the point is worth."""
+        program = Relaxed(problem)
+        made = self._create(problem, program.adapter, *program.branch(x), variant)
+        problem.library.adapter_set_deadline(program.adapter, limit)
+        y = x.copy()
+        try:
+            number = self._solve(made, program.adapter, y)
+        finally:
+            self.library.FreeIpoptProblem(made)
+        point = problem.measure(y)
+        return point.objective if number in SOLVED and max(point.violation, point.product) <= 1e-8 else None
+
+
+class Relaxed:
+    """The relaxation as IPOPT gets it: variables, rows that are no products, products minus sigma."""
+
+    def __init__(self, problem: Problem):
+        code = problem.library
+        self.problem = problem
+        self.member = problem.variable_members()
+        self.adapter = problem.adapter(self.member)
+        self.kept = np.array(code.adapter_kept(self.adapter)[: code.adapter_n_kept(self.adapter)], dtype=int)
+
+    def bounds(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """Lower and upper bounds of the variables and of the rows."""
+        p = self.problem
+        lower = np.concatenate([p.lbg, np.zeros(2 * p.c)])[self.kept]
+        upper = np.concatenate([p.ubg, np.full(2 * p.c, np.inf)])[self.kept]
+        lbx = p.lbx.copy()
+        variables = p.pair_variables[self.member]
+        lbx[variables] = np.maximum(lbx[variables], 0.0)
+        products = np.full(p.c, np.inf), np.zeros(p.c)
+        return lbx, p.ubx.copy(), np.concatenate([lower, -products[0]]), np.concatenate([upper, products[1]])
+
+    def branch(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """The same with the smaller members at x zero, and no products."""
+        p = self.problem
+        lbx, ubx, lower, upper = self.bounds()
+        pairs = p.pair_values(x)
+        zero = np.concatenate([pairs[0] <= pairs[1], pairs[0] > pairs[1]])
+        ubx[p.pair_variables[self.member & zero]] = 0.0
+        row = np.full(p.rows, -1)
+        row[self.kept] = np.arange(len(self.kept))
+        upper[row[p.m :][~self.member & zero]] = 0.0
+        upper[len(self.kept) :] = np.inf
+        return lbx, ubx, lower, upper
 
 
 def single_thread() -> None:

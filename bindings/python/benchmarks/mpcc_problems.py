@@ -98,10 +98,13 @@ class Problem:
         out = np.empty(max(n_out, 1))
         x = np.ascontiguousarray(x, dtype=float)
         weights = None if y is None else np.ascontiguousarray(y, dtype=float).ctypes.data
-        where = (v.ctypes.data_as(POINTER(c_double)) for v in (x, out))
-        at, to = where
+        at, to = (v.ctypes.data_as(POINTER(c_double)) for v in (x, out))
         getattr(self.raw, name)(at, weights, to, self.raw.user)
         return out[:n_out]
+
+    def pair_values(self, x: np.ndarray) -> np.ndarray:
+        """[2, c] G and H at x."""
+        return self._call("con", x, None, self.rows)[self.m :].reshape(2, self.c)
 
     def measure(self, x: np.ndarray) -> Measured:
         f = float(self._call("f", x, None, 1)[0])
