@@ -114,3 +114,27 @@ fn derivatives_of_formulas_are_exact() {
         }
     }
 }
+
+/// Scholtes (2001): under strict complementarity the solution of the relaxed problem is Lipschitz in `σ`.
+#[test]
+fn relaxed_solutions_approach_at_the_rate_of_the_relaxation() {
+    let sigmas = [1e-2, 1e-3, 1e-4, 1e-5, 1e-6];
+    for name in ["kth3", "sign flip", "bard1"] {
+        let p = all().into_iter().find(|p| p.name == name).unwrap();
+        let exact = p.known.x.as_ref().unwrap();
+        let points: Vec<(f64, f64)> = sigmas
+            .iter()
+            .map(|&sigma| {
+                let settings = MpccSettings { sigma_min: sigma, polish: false, ..MpccSettings::default() };
+                let found = p.solve(settings, &p.starts[0]);
+                let error = found.x.iter().zip(exact).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+                (sigma.ln(), error.ln())
+            })
+            .collect();
+        let n = points.len() as f64;
+        let (mx, my) = (points.iter().map(|p| p.0).sum::<f64>() / n, points.iter().map(|p| p.1).sum::<f64>() / n);
+        let slope = points.iter().map(|p| (p.0 - mx) * (p.1 - my)).sum::<f64>()
+            / points.iter().map(|p| (p.0 - mx).powi(2)).sum::<f64>();
+        assert!((0.9..1.1).contains(&slope), "{name}: slope {slope} of {points:?}");
+    }
+}
