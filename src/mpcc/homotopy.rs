@@ -131,7 +131,11 @@ impl Continuation for Scholtes {
         }
         let floor = 0.1 * s.tol.max(self.end);
         if stuck {
-            Advance::GiveUp
+            if self.end > s.sigma_min {
+                Advance::Done
+            } else {
+                Advance::GiveUp
+            }
         } else if mu > floor {
             Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(floor), sigma })
         } else {
@@ -140,7 +144,7 @@ impl Continuation for Scholtes {
     }
 
     fn jammed(&mut self, m: &Measures) -> Option<Level> {
-        if self.on_plateau {
+        if self.on_plateau || self.raises >= MAX_RAISES / 2 {
             return None;
         }
         self.between(m.level.sigma)
@@ -183,7 +187,7 @@ impl Continuation for Branch {
             self.since += 1;
         }
         let patience = if m.primal > CLOSE { PATIENCE } else { 3 * PATIENCE };
-        if self.since > patience && m.primal > 1e-9 {
+        if self.since > patience && m.primal > m.rounding.max(1e-9) {
             return Advance::GiveUp;
         }
         self.rule.advance(m)
@@ -201,9 +205,11 @@ pub(super) struct Settle {
 
 /// Scaled error of a square system that is as good as rounding allows.
 const SETTLED: f64 = 1e-11;
+/// Violation up to which the rows of an active set are consistent: data are rarely better.
+const CONSISTENT: f64 = 1e-8;
 /// Newton steps that do not help, and Newton steps in all, before a square system is given up.
 const WAIT: usize = 2;
-const MAX_STEPS: usize = 8;
+const MAX_STEPS: usize = 20;
 
 impl Settle {
     pub fn new(primal_tol: f64) -> Settle {
@@ -217,14 +223,16 @@ impl Continuation for Settle {
     }
     fn advance(&mut self, m: &Measures) -> Advance {
         let error = m.primal.max(m.dual);
-        if m.primal <= self.primal_tol && m.dual <= SETTLED {
+        let primal_tol = self.primal_tol.max(m.rounding);
+        if m.primal <= primal_tol && m.dual <= SETTLED {
             return Advance::Done;
         }
         self.since = if error <= 0.5 * self.best { 0 } else { self.since + 1 };
         self.best = self.best.min(error);
         self.steps += 1;
         if self.since > WAIT || self.steps > MAX_STEPS {
-            return if m.primal <= 100.0 * self.primal_tol && m.dual <= 100.0 * SETTLED {
+            // an active set that is consistent up to the tolerance of the data
+            return if m.primal <= CONSISTENT.max(primal_tol) && m.dual <= 100.0 * SETTLED {
                 Advance::Done
             } else {
                 Advance::GiveUp

@@ -325,6 +325,7 @@ impl MpccSolver {
         let settings = self.ipm.settings_mut();
         let left = self.settings.max_iter.saturating_sub(used);
         settings.max_iter = if phase == b'p' { left.min(BRANCH_ITERATIONS) } else { left };
+        settings.theta_room = if phase == b'p' { 10.0 } else { 1e4 };
         self.ipm.set_phase(phase);
         let mut relaxed = Relaxed { inner: p, st: &mut self.st };
         let outcome = self.ipm.solve(&mut relaxed, &self.bounds, start, path, control);

@@ -21,6 +21,8 @@ use crate::linalg::ldl::SuiteSparse;
 const DELTA_W_FIRST: f64 = 1e-4;
 const DELTA_W_MIN: f64 = 1e-20;
 const DELTA_W_MAX: f64 = 1e20;
+/// Perturbation of the dual block where rows are dependent, times `μ^(1/4)`.
+const DELTA_C: f64 = 1e-8;
 const GROW_FIRST: f64 = 100.0;
 const GROW: f64 = 8.0;
 const SHRINK: f64 = 1.0 / 3.0;
@@ -179,7 +181,7 @@ impl Augmented {
             }
         }
         if status == KktStatus::Singular {
-            delta_c = 1e-8 * mu.powf(0.25);
+            delta_c = DELTA_C * mu.powf(0.25);
             status = self.kkt.factor(&self.values, 0.0, delta_c);
             if status == KktStatus::Ok {
                 return true;
@@ -194,12 +196,17 @@ impl Augmented {
                     self.delta_w = delta;
                     return true;
                 }
-                KktStatus::Singular if delta_c == 0.0 => delta_c = 1e-8 * mu.powf(0.25),
+                KktStatus::Singular if delta_c == 0.0 => delta_c = DELTA_C * mu.powf(0.25),
                 _ => {}
             }
             delta *= if first { GROW_FIRST } else { GROW };
         }
         false
+    }
+
+    /// Factors the matrix once more with a perturbed dual block, for dependent rows.
+    pub fn factor_dependent(&mut self, mu: f64) -> bool {
+        self.kkt.factor(&self.values, self.delta_w, DELTA_C * mu.powf(0.25).max(1e-1)) == KktStatus::Ok
     }
 
     /// Factors without asking for a positive definite reduced Hessian (least-squares multipliers).

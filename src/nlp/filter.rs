@@ -30,10 +30,11 @@ impl Filter {
         Filter { entries: Vec::with_capacity(CAPACITY), theta_max: f64::INFINITY, theta_min: 0.0 }
     }
 
-    /// Empties the filter for a new barrier problem that starts at violation `theta`.
-    pub fn reset(&mut self, theta: f64) {
+    /// Empties the filter for a new barrier problem that starts at violation `theta`; violations
+    /// above `room` times that, or times `1e-4 room` if that is more, are refused.
+    pub fn reset(&mut self, theta: f64, room: f64) {
         self.entries.clear();
-        self.theta_max = 1e4 * theta.max(1.0);
+        self.theta_max = room * theta.max(1e-4 * room);
         self.theta_min = 1e-4 * theta.max(1.0);
     }
 
@@ -82,21 +83,21 @@ mod tests {
     #[test]
     fn dominated_pairs_are_refused_until_the_reset() {
         let mut f = Filter::new();
-        f.reset(1.0);
+        f.reset(1.0, 1e4);
         assert!(f.accepts(0.5, 10.0));
         f.add(0.5, 10.0);
         assert!(!f.accepts(0.6, 11.0));
         assert!(f.accepts(0.4, 11.0) && f.accepts(0.6, 9.0));
         f.add(0.4, 9.0);
         assert!(!f.accepts(0.45, 9.5));
-        f.reset(1.0);
+        f.reset(1.0, 1e4);
         assert!(f.accepts(0.6, 11.0) && !f.accepts(2e4, 0.0));
     }
 
     #[test]
     fn a_full_filter_stays_within_its_memory() {
         let mut f = Filter::new();
-        f.reset(1.0);
+        f.reset(1.0, 1e4);
         for i in 0..2000 {
             f.add(i as f64, -(i as f64));
         }

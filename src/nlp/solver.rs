@@ -27,11 +27,13 @@ pub struct IpmSettings {
     pub y_init_max: f64,
     /// May a restoration phase be entered?
     pub restoration: bool,
+    /// Growth of the violation over that at the start of a level, up to which trial points are accepted.
+    pub theta_room: f64,
 }
 
 impl Default for IpmSettings {
     fn default() -> Self {
-        IpmSettings { max_iter: 3000, bound_push: 1e-2, max_soc: 4, y_init_max: 1e3, restoration: true }
+        IpmSettings { max_iter: 3000, bound_push: 1e-2, max_soc: 4, y_init_max: 1e3, restoration: true, theta_room: 1e4 }
     }
 }
 
@@ -59,6 +61,8 @@ pub struct Measures {
     pub dual: f64,
     /// Largest product of a pair.
     pub pair_product: f64,
+    /// Violation that rounding alone explains.
+    pub rounding: f64,
     /// Length of the last primal step; 1 before the first.
     pub alpha: f64,
 }
@@ -110,7 +114,7 @@ impl Continuation for Monotone {
         Level { mu: self.mu_init, sigma: 0.0 }
     }
     fn advance(&mut self, m: &Measures) -> Advance {
-        if m.error0 <= self.tol && m.primal <= self.primal_tol {
+        if m.error0 <= self.tol && m.primal <= self.primal_tol.max(m.rounding) {
             return Advance::Done;
         }
         let (mu, floor) = (m.level.mu, 0.1 * self.tol);
@@ -130,6 +134,13 @@ pub enum Start<'a> {
     /// From a primal-dual point of the same problem, kept as it is up to `push` from the bounds.
     Warm(&'a Iterate, f64),
 }
+
+/// Distance from the start, relative, and relative decrease of the objective per step, of an unbounded problem.
+const FAR: f64 = 1e6;
+const FALL: f64 = 1e-3;
+
+/// A step this much longer than the point comes from a singular matrix.
+const ABSURD: f64 = 1e4;
 
 /// Called with every accepted `x`; true ends the solve (used by the restoration phase).
 pub(super) type Probe<'a> = &'a mut dyn FnMut(&[f64]) -> bool;
@@ -170,6 +181,10 @@ pub struct Ipm {
     pub(super) resto: Option<Box<Restoration>>,
     /// A function asked to stop.
     pub(super) fatal: bool,
+    /// Size of the starting point, objective before, and steps in a row on the way to infinity.
+    x_start: f64,
+    f_before: f64,
+    falling: usize,
 }
 
 impl Ipm {
@@ -214,6 +229,9 @@ impl Ipm {
             phase: b' ',
             resto: None,
             fatal: false,
+            x_start: 1.0,
+            f_before: 0.0,
+            falling: 0,
             jac,
         })
     }
@@ -306,9 +324,11 @@ impl Ipm {
         if !self.initialise(nlp, start) {
             return Outcome::Failed;
         }
-        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c));
+        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c), self.settings.theta_room);
         self.info = IterationInfo { alpha_pr: 1.0, ..IterationInfo::default() };
         self.left.copy_from(&self.it);
+        self.x_start = 1.0 + self.it.x.iter().fold(0f64, |a, v| a.max(v.abs()));
+        self.falling = 0;
         let mut jams = 0;
         loop {
             let mut m = self.measure(nlp);
@@ -339,7 +359,7 @@ impl Ipm {
             if self.stats.iterations >= self.settings.max_iter {
                 return Outcome::MaxIter;
             }
-            if self.it.x.iter().any(|v| v.abs() > 1e20) {
+            if self.diverges(&m) {
                 return Outcome::Diverging;
             }
             self.info.phase = self.phase;
@@ -489,6 +509,7 @@ impl Ipm {
             primal: e.primal,
             dual: e.dual / e.s_d,
             pair_product: self.pair_product(nlp),
+            rounding: rounding(&self.jac, &self.v.jac, &self.it.x, &mut self.residual),
             alpha: self.info.alpha_pr,
         }
     }
@@ -547,7 +568,7 @@ impl Ipm {
             let dist = level.sigma - self.it.s[i];
             self.it.vu[i] = clamp_multiplier(self.it.vu[i], dist, level.mu);
         }
-        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c));
+        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c), self.settings.theta_room);
         true
     }
 
@@ -566,9 +587,30 @@ impl Ipm {
         for i in 0..it.s.len() {
             residual[i] = if shape.row[i] == RowKind::Free { 0.0 } else { v.c[i] - it.s[i] };
         }
-        let ok = system.factor(shape, bounds, it, self.level.mu) && self.solve_direction(false);
+        let mut ok = system.factor(shape, bounds, it, self.level.mu) && self.solve_direction(false);
+        if ok && self.step_is_absurd() {
+            // dependent rows: only with a perturbed dual block does the step stay with the problem
+            ok = self.system.factor_dependent(self.level.mu) && self.solve_direction(false);
+        }
         self.stats.time_linalg += clock.elapsed().as_secs_f64() - evaluated;
         ok
+    }
+
+    /// Do the iterates go to infinity? Either they are there, or the objective has been falling without end along
+    /// full steps through points that are as good as feasible.
+    fn diverges(&mut self, m: &Measures) -> bool {
+        let largest = self.it.x.iter().fold(0f64, |a, v| a.max(v.abs()));
+        let falling = self.v.f < 0.0 && self.v.f <= (1.0 + FALL) * self.f_before;
+        let far = largest > FAR * self.x_start && m.primal <= 1e-6 * largest;
+        self.falling = if falling && far && m.alpha > 0.9 { self.falling + 1 } else { 0 };
+        self.f_before = self.v.f;
+        largest > 1e20 || self.falling >= 8
+    }
+
+    /// Is the step out of all proportion to the point?
+    fn step_is_absurd(&self) -> bool {
+        let largest = |v: &[f64]| v.iter().fold(0f64, |a, v| a.max(v.abs()));
+        largest(&self.dx) > ABSURD * (1.0 + largest(&self.it.x))
     }
 
     /// Solves with the present factor for the violation in `residual`; `soc` writes only the primal part.
@@ -690,6 +732,17 @@ impl Ipm {
     fn max_violation(&self) -> f64 {
         super::iterate::primal_error(&self.shape, &self.it, &self.v.c)
     }
+}
+
+/// Rounding error of the rows: the largest sum `ε Σ |J_ij x_j|`; `work[m]` is overwritten.
+fn rounding(jac: &Pattern, values: &[f64], x: &[f64], work: &mut [f64]) -> f64 {
+    work.fill(0.0);
+    for (j, x) in x.iter().enumerate() {
+        for k in jac.range(j) {
+            work[jac.row_idx()[k]] += (values[k] * x).abs();
+        }
+    }
+    4.0 * f64::EPSILON * work.iter().fold(0f64, |a, v| a.max(*v))
 }
 
 /// Gradient of the barrier Lagrangian in the slack of row `i`.
