@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import Iterable
+from typing import Any, Iterable
 
 RELATIVE = 1e-5
 EXACT = 1e-10
@@ -19,7 +19,7 @@ def distance(f: float, reference: float) -> float:
 
 
 def against_known(result: dict, known: dict) -> str:
-    """"" nothing known or not solved; "global", "local" (listed), "worse", "below" a global minimum, "better" than a
+    """ "" nothing known or not solved; "global", "local" (listed), "worse", "below" a global minimum, "better" than a
     local one, "right" where no solution exists."""
     if not result["solved"]:
         return ""
@@ -53,11 +53,17 @@ def row(name: str, entry: dict, ours: dict, peer: dict | None) -> dict:
     return out
 
 
-def figures(result: dict | None) -> dict | None:
-    """A result without its point, numbers that are not finite left out."""
-    if result is None:
-        return None
-    return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in result.items() if k != "x"}
+def without_point(result: dict | None) -> dict | None:
+    return None if result is None else {k: v for k, v in result.items() if k != "x"}
+
+
+def finite(value: Any) -> Any:
+    """A record for JSON, which has no numbers that are not finite: null instead."""
+    if isinstance(value, dict):
+        return {k: finite(v) for k, v in value.items()}
+    if isinstance(value, list):
+        return [finite(v) for v in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def geometric_mean(values: Iterable[float]) -> float | None:
@@ -111,7 +117,7 @@ def summary(rows: list[dict]) -> dict:
 
 def compare(problems: dict[str, dict], ours: dict[str, dict], peer: dict[str, dict]) -> dict:
     """Rows and summaries; the peer may have run on none or some of the problems."""
-    rows = [row(name, entry, figures(ours[name]), figures(peer.get(name))) for name, entry in problems.items()]
+    rows = [row(n, entry, without_point(ours[n]), without_point(peer.get(n))) for n, entry in problems.items()]
     families = sorted({r["family"] for r in rows})
     return {
         "problems": rows,
@@ -148,11 +154,10 @@ def table(record: dict) -> str:
         )
     lines += [
         "",
-        "ours: ! not solved, * active set identified, - branch rejected; worse by: objective against what the peer's point "
-        "is worth, relative",
+        "ours: ! not solved, * active set identified, - branch rejected",
+        "worse by: objective against what the peer's point is worth, relative",
         "",
-        f"{'family':<10} {'problems':>8} {'ours':>5} {'peer':>5} {'CPU ratio':>9} {'it. ratio':>9} {'no worse':>8} {'relaxed':>8} "
-        f"{'identified':>10} {'exact':>6} {'CPU ours':>9} {'peer':>9}",
+        "family     problems  ours  peer CPU ratio it. ratio no worse  relaxed identified  exact  CPU ours      peer",
     ]
     for name, s in [*record["families"].items(), ("all", record["summary"])]:
         lines.append(
@@ -165,10 +170,13 @@ def table(record: dict) -> str:
     s = record["summary"]
     lines.append("")
     for key, text in (
-        ("only_peer", "solved by the peer alone"), ("only_ours", "solved by us alone"), ("neither", "solved by neither"),
-        ("claimed_but_not_solved", "claimed, but the point is none"), ("worse", "objective worse"),
+        ("only_peer", "solved by the peer alone"),
+        ("only_ours", "solved by us alone"),
+        ("neither", "solved by neither"),
+        ("claimed_but_not_solved", "claimed, but the point is none"),
+        ("worse", "objective worse"),
         ("better", "objective better"),
-    ):  # fmt: skip
+    ):
         if s[key]:
             lines.append(f"{text} ({len(s[key])}): {', '.join(s[key])}")
     lines.append("against known answers: " + ", ".join(f"{k} {len(v)}" for k, v in s["known"].items() if v))

@@ -121,7 +121,7 @@ class Problem:
         rng = np.random.default_rng(1)
         for _ in range(3):
             y = np.zeros(1 + self.rows)
-            y[:1 if objective else None] = 1.0 if objective else rng.uniform(1, 2, 1 + self.rows)
+            y[: 1 if objective else None] = 1.0 if objective else rng.uniform(1, 2, 1 + self.rows)
             y[0] = float(objective)
             x = self.x0 + rng.uniform(-1, 1, self.n) * (1 + np.abs(self.x0))
             if np.any(self._call("hess", x, y, self.raw.hess_nnz) != 0.0):

@@ -50,7 +50,7 @@ def functions(swb: Any, problem: Problem, member: np.ndarray) -> tuple[Any, Any,
     objective = make("f", 1, (np.zeros(n, dtype=int), np.arange(n)), problem.is_linear(objective=True))
     if not n_kept:
         return objective, None, position
-    rows, cols = (np.array(v[:n_jac], dtype=int) for v in (code.adapter_jac_row(adapter), code.adapter_jac_col(adapter)))
+    rows, cols = (np.array(f(adapter)[:n_jac], dtype=int) for f in (code.adapter_jac_row, code.adapter_jac_col))
     return objective, make("c", n_kept, (rows, cols), problem.is_linear(objective=False)), position
 
 
@@ -65,12 +65,11 @@ def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]
     def of(i: int) -> Any:
         return swb.variable(problem.pair_variables[i]) if member[i] else swb.constraint(position[problem.m + i])
 
-    mpcc = swb.Mpcc(
+    return swb.Mpcc(
         problem.n, objective, constraints, pairs=[(of(i), of(problem.c + i)) for i in range(problem.c)],
         bounds=(problem.lbx, problem.ubx), constraint_bounds=(lower, upper) if rows.any() else None, start=problem.x0,
         settings={"max_time": limit} | options,
     )  # fmt: skip
-    return mpcc
 
 
 def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], limit: float) -> dict:
@@ -85,7 +84,10 @@ def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], 
     cpu = time.thread_time() - clock
     if status != 0:
         message = lib.swb_last_error().decode("utf-8", "replace")
-        return {"solved": False, "outcome": f"error {status}", "message": message, "x": problem.x0, "iterations": 0, "cpu": cpu}
+        return {
+            "solved": False, "outcome": f"error {status}", "message": message, "x": problem.x0, "iterations": 0,
+            "cpu": cpu,
+        }  # fmt: skip
     r = mpcc.result
     stats = r.stats
     return {

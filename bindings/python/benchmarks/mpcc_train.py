@@ -28,6 +28,7 @@ from __future__ import annotations
 import argparse
 import json
 import multiprocessing
+import multiprocessing.connection
 import re
 import sys
 import tempfile
@@ -85,6 +86,7 @@ class Bench:
             result = measured(
                 problem, lambda: self.ipopt.homotopy(problem, self.variant, self.limit), self.repeat, expect
             )
+            result["version"] = f"{self.ipopt.version} ({self.ipopt.origin})"
             if result["claimed"]:
                 x = np.array(result["x"])
                 result["branch"] = self.ipopt.branch_objective(problem, x, self.variant, self.limit)
@@ -211,7 +213,7 @@ def chosen(arguments: argparse.Namespace) -> dict[str, dict] | None:
     return {name: entry for name, entry in every.items() if re.search(arguments.only, name)}
 
 
-def peer_results(arguments: argparse.Namespace, bench: Bench, problems: dict[str, dict], say) -> dict[str, dict]:
+def peer_results(arguments: argparse.Namespace, bench: Bench, problems: dict[str, dict]) -> dict[str, dict]:
     """IPOPT's results, from the cache where they are there."""
     path = arguments.ipopt_cache
     cache = json.loads(path.read_text()) if path and path.is_file() else {}
@@ -230,6 +232,20 @@ def peer_results(arguments: argparse.Namespace, bench: Bench, problems: dict[str
     return found
 
 
+def say(text: str) -> None:
+    """Progress, beside what is printed."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def description(arguments: argparse.Namespace, peer: dict[str, dict], options: dict[str, str]) -> dict:
+    """How a run was made."""
+    versions = {r.get("version") for r in peer.values()} - {None}
+    return {
+        "ipopt": ", ".join(sorted(versions)), "ipopt_variant": arguments.ipopt_variant, "options": options,
+        "members": arguments.members, "limit": arguments.limit, "repeat": arguments.repeat,
+    }  # fmt: skip
+
+
 def main() -> int:
     arguments = parse()
     problems = chosen(arguments)
@@ -238,13 +254,10 @@ def main() -> int:
     options = options_of(arguments.set)
     quiet = arguments.json == "-"
 
-    def say(text: str) -> None:
-        print(text, file=sys.stderr, flush=True)
-
     mpcc_ipopt.single_thread()
     with tempfile.TemporaryDirectory() as folder:
         bench = Bench(arguments, Path(folder))
-        peer = peer_results(arguments, bench, problems, say)
+        peer = peer_results(arguments, bench, problems)
         names = list(problems)
 
         def done(i: int, result: dict) -> None:
@@ -253,12 +266,8 @@ def main() -> int:
         tasks = [("switchback", n, problems[n], options) for n in names]
         ours = dict(zip(names, run_all(bench, tasks, arguments.jobs, arguments.limit, done)))
     record = mpcc_compare.compare(problems, ours, peer)
-    record["run"] = {
-        "switchback": bench.swb.library_version, "ipopt": bench.ipopt.version if bench.ipopt else None,
-        "ipopt_variant": arguments.ipopt_variant, "ipopt_cached": not arguments.ipopt, "options": options,
-        "members": arguments.members, "limit": arguments.limit, "numpy": np.__version__,
-    }  # fmt: skip
-    text = json.dumps(record, indent=1)
+    record["run"] = description(arguments, peer, options)
+    text = json.dumps(mpcc_compare.finite(record), indent=1)
     if quiet:
         print(text)
         return 0

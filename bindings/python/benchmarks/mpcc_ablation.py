@@ -1,0 +1,261 @@
+"""What the parts of the solver for programs with complementarity pairs are worth: each switched off in turn.
+
+usage: mpcc_ablation.py [--list] [--variants REGEX] [--out DIR] [options of mpcc_train.py]
+       mpcc_ablation.py --page [--out DIR]
+
+Runs the problems of mpcc_train.py with the defaults beside IPOPT's homotopy, then once for each variant, and writes
+mpcc.md, its plots and its data to the folder (by default docs/benchmarks). `--page` writes page and plots again from
+the data that is there.
+
+Variants are made from the table of options: every value of an enumeration, or of an integer between 0 and 1, that is
+not the default; and those of NUMBERS. Options of discretisations, which these problems do not have, are left out, and
+so are variants that the library does not know.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import mpcc_compare
+import mpcc_ipopt
+import mpcc_profile
+import mpcc_train
+from mpcc_problems import ROOT
+
+ELSEWHERE = {
+    "rk_family", "n_s", "n_fe", "discretisation", "stage_form", "cross", "step_equilibration", "rho_h", "gamma_h",
+    "initial_guess", "log_level",
+}  # fmt: skip
+
+NUMBERS: list[tuple[str, dict[str, str]]] = [
+    ("relaxation falls linearly", {"sigma_exponent": "1"}),
+    ("relaxation falls by 10", {"sigma_factor": "0.1", "sigma_exponent": "1"}),
+    ("first relaxation 0.1", {"sigma_init": "0.1"}),
+    ("first relaxation 10", {"sigma_init": "10"}),
+    ("barrier = relaxation", {"mu_over_sigma": "1"}),
+    ("barrier = 0.01 relaxation", {"mu_over_sigma": "0.01"}),
+    ("relaxation falls from the start", {"plateau_mu": "0.1", "plateau_viol": "1e10"}),
+]
+
+KEPT = ("solved", "outcome", "iterations", "cpu", "objective")  # of the results of a variant
+
+
+def variants(swb: Any) -> list[tuple[str, dict[str, str]]]:
+    """Labels and options, without the defaults."""
+    known = swb.options()
+    out = []
+    for o in known.values():
+        if o.name in ELSEWHERE:
+            continue
+        if o.kind == "enum":
+            out += [(f"{o.name} = {v}", {o.name: v}) for v in o.values if v != o.default]
+        elif o.kind == "int" and (o.min, o.max) == (0, 1):
+            out.append((f"{o.name} = {1 - o.default}", {o.name: str(1 - o.default)}))
+    return out + [(label, options) for label, options in NUMBERS if all(name in known for name in options)]
+
+
+def figures(problems: dict, default: dict[str, dict], results: dict[str, dict], peer: dict[str, dict]) -> dict:
+    """A variant beside the defaults."""
+    record = mpcc_compare.compare(problems, results, peer)
+    both = [n for n in problems if results[n]["solved"] and default[n]["solved"]]
+    optimal = [n for n in both if problems[n].get("known", {}).get("expect", "optimal") == "optimal"]
+    far = mpcc_compare.RELATIVE
+    by = {n: mpcc_compare.distance(results[n]["objective"], default[n]["objective"]) for n in optimal}
+    mean = mpcc_compare.geometric_mean
+    s = record["summary"]
+    return {
+        "solved": s["solved"],
+        "lost": [n for n in problems if default[n]["solved"] and not results[n]["solved"]],
+        "gained": [n for n in problems if results[n]["solved"] and not default[n]["solved"]],
+        "iterations": mean(max(results[n]["iterations"], 1) / max(default[n]["iterations"], 1) for n in both),
+        "cpu": mean(max(results[n]["cpu"], 1e-9) / max(default[n]["cpu"], 1e-9) for n in both),
+        "worse": sum(d > far for d in by.values()),
+        "better": sum(d < -far for d in by.values()),
+        "exact": s["exact"],
+        "no_worse_than_peer": s["no_worse"],
+    }  # fmt: skip
+
+
+def costs(rows: dict[str, dict], what: str) -> list[float | None]:
+    return [max(r[what], 1e-9) if r["solved"] else None for r in rows.values()]
+
+
+# --- the page -----------------------------------------------------------------------------------------
+
+PAGE = """# Programs with complementarity pairs
+
+Written by `bindings/python/benchmarks/mpcc_ablation.py`; every number and plot here comes out of one run of it. The
+data is in [data/mpcc-train.json](data/mpcc-train.json) (each problem) and
+[data/mpcc-ablation.json](data/mpcc-ablation.json) (each variant).
+
+{count} problems `min f(x)` subject to bounds, rows and `0 <= G(x) _|_ H(x) >= 0`: discretised control and simulation
+problems of nonsmooth systems from NOSBENCH, problems of MacMPEC, of textbooks, and synthetic ones with planted
+solutions. They are not part of this repository (the collections have no licence); `mpcc_train.py` takes the folder
+where they are.
+
+## Beside IPOPT
+
+IPOPT {ipopt} with MUMPS solves the relaxations `G H <= sigma` of Scholtes, `sigma` = 1, 0.1, ..., each to 1e-8 from
+the point before, until a solved program has products of at most 1e-7; barrier update `{variant}`, the better of the
+two tried (the settings of nosnoc). Both solvers call the same C functions, one after the other on one core; CPU
+seconds are those inside the solver, the best of up to {repeat} runs, and good to some ten per cent. Solved means: the
+solver says so, and the point, evaluated anew, violates nothing by more than 1e-6 and has no product above 1e-7; or
+the solver recognises that there is no solution.
+
+Ratios are geometric means of IPOPT over ours where both solve; iterations are those of all programs of the homotopy,
+and ours contain the polish. `no worse` is the share of objectives within 1e-5 max(1, |f|) of IPOPT's, or below;
+IPOPT's is that of the branch its point is on, solved exactly. `relaxed` takes the objective of the relaxation, which
+can be below any complementary point. `identified`: the active set was found and the smooth problem solved; `exact`:
+max min(G, H) <= 1e-10.
+
+```
+{families}
+```
+
+{lists}
+
+![CPU time](mpcc-cpu.svg) ![iterations](mpcc-iterations.svg)
+
+## Each part switched off
+
+The same problems with one option changed. Ratios are geometric means over what both this variant and the defaults
+solve: above 1, the variant needs more. `lost` and `gained` count problems solved by one of the two; `worse` and
+`better` objectives that differ by more than 1e-5 max(1, |f|).
+
+```
+{variants}
+```
+
+![iterations of the variants](mpcc-ablation.svg)
+"""
+
+
+def family_table(record: dict) -> str:
+    number = mpcc_compare.number
+    lines = ["family     problems  ours  IPOPT  CPU ratio  it. ratio  no worse  relaxed  identified   exact"]
+    for name, s in [*record["families"].items(), ("all", record["summary"])]:
+        lines.append(
+            f"{name:<10} {s['problems']:>8} {s['solved']:>5} {s['peer_solved']:>6} "
+            f"{number(s['cpu_ratio'], '10.1f'):>10} {number(s['iteration_ratio'], '10.2f'):>10} "
+            f"{number(s['no_worse'], '9.1%'):>9} "
+            f"{number(s['no_worse_than_relaxed'], '8.1%'):>8} {number(s['identified'], '11.1%'):>11} "
+            f"{number(s['exact'], '7.1%'):>7}"
+        )
+    return "\n".join(lines)
+
+
+def lists(record: dict) -> str:
+    s = record["summary"]
+    lines = []
+    for key, words in (
+        ("only_peer", "Solved by IPOPT alone"), ("only_ours", "Solved by ours alone"), ("neither", "Solved by neither"),
+        ("worse", "Objective worse than IPOPT's"), ("better", "Objective better than IPOPT's"),
+    ):  # fmt: skip
+        names = ", ".join(f"`{n}`" for n in s[key]) or "none"
+        lines.append(f"- {words} ({len(s[key])}): {names}.")
+    known = ", ".join(f"{kind} {len(names)}" for kind, names in s["known"].items() if names)
+    lines.append(f"- Against known answers: {known}.")
+    return "\n".join(lines)
+
+
+def variant_table(rows: dict[str, dict], default: dict) -> str:
+    number = mpcc_compare.number
+    exact = number(default["exact"], "6.1%")
+    lines = [
+        f"{'variant':<40} solved lost gained iterations   CPU worse better  exact",
+        f"{'defaults':<40} {default['solved']:>6} {'1.00':>22} {'1.00':>5} {exact:>19}",
+    ]
+    for label, v in rows.items():
+        lines.append(
+            f"{label[:40]:<40} {v['solved']:>6} {len(v['lost']):>4} {len(v['gained']):>6} "
+            f"{number(v['iterations'], '10.2f'):>10} {number(v['cpu'], '5.2f'):>5} {v['worse']:>5} {v['better']:>6} "
+            f"{number(v['exact'], '6.1%'):>6}"
+        )
+    return "\n".join(lines)
+
+
+def write_page(out: Path) -> None:
+    """Page and plots from the data."""
+    record = json.loads((out / "data" / "mpcc-train.json").read_text())
+    ablation = json.loads((out / "data" / "mpcc-ablation.json").read_text())
+    rows = record["problems"]
+    ours, peer = ({r["name"]: r[of] for r in rows if r["peer"]} for of in ("ours", "peer"))
+    run = record["run"]
+    label = f"IPOPT, {run['ipopt_variant']}"
+    for what, name, words in (("cpu", "mpcc-cpu", "CPU time"), ("iterations", "mpcc-iterations", "iterations")):
+        mpcc_profile.write(
+            out / f"{name}.svg", f"{len(rows)} programs with complementarity pairs", words,
+            {"switchback": costs(ours, what), label: costs(peer, what)},
+        )  # fmt: skip
+    default = {r["name"]: r["ours"] for r in rows}
+    curves = {"defaults": costs(default, "iterations")}
+    curves |= {label: costs(v["results"], "iterations") for label, v in ablation.items()}
+    mpcc_profile.write(out / "mpcc-ablation.svg", "Each part switched off", "iterations", curves)
+    (out / "mpcc.md").write_text(
+        PAGE.format(
+            count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"], repeat=run["repeat"],
+            families=family_table(record), lists=lists(record),
+            variants=variant_table({k: v["figures"] for k, v in ablation.items()}, record["summary"]),
+        )
+    )  # fmt: skip
+
+
+# --- the run ------------------------------------------------------------------------------------------
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    mpcc_train.add_arguments(parser)
+    parser.add_argument("--list", action="store_true", help="print the variants and do nothing")
+    parser.add_argument("--variants", default="", metavar="REGEX", help="variants whose label matches")
+    parser.add_argument("--out", type=Path, default=ROOT / "docs" / "benchmarks", metavar="DIR")
+    parser.add_argument("--page", action="store_true", help="write the page again from the data")
+    arguments = parser.parse_args()
+    if arguments.page:
+        write_page(arguments.out)
+        return 0
+    problems = mpcc_train.chosen(arguments)
+    if problems is None:
+        return 0
+    mpcc_ipopt.single_thread()
+    with tempfile.TemporaryDirectory() as folder:
+        bench = mpcc_train.Bench(arguments, Path(folder))
+        every = [v for v in variants(bench.swb) if re.search(arguments.variants, v[0])]
+        if arguments.list:
+            for label, options in every:
+                print(f"{label:<40} {' '.join(f'{k}={v}' for k, v in options.items())}")
+            return 0
+        peer = mpcc_train.peer_results(arguments, bench, problems)
+
+        def run(options: dict[str, str], jobs: int) -> dict[str, dict]:
+            tasks = [("switchback", n, problems[n], options) for n in problems]
+            return dict(zip(problems, mpcc_train.run_all(bench, tasks, jobs, arguments.limit)))
+
+        default = run({}, arguments.jobs)
+        record = mpcc_compare.compare(problems, default, peer) | {"run": mpcc_train.description(arguments, peer, {})}
+        print(mpcc_compare.table(record), flush=True)
+        ablation = {}
+        for label, options in every:
+            results = run(options, arguments.jobs)
+            ablation[label] = {
+                "options": options,
+                "figures": figures(problems, default, results, peer),
+                "results": {n: {k: r[k] for k in KEPT} for n, r in results.items()},
+            }
+            mpcc_train.say(variant_table({label: ablation[label]["figures"]}, record["summary"]).splitlines()[-1])
+    data = arguments.out / "data"
+    data.mkdir(parents=True, exist_ok=True)
+    for name, value in (("mpcc-train", record), ("mpcc-ablation", ablation)):
+        (data / f"{name}.json").write_text(json.dumps(mpcc_compare.finite(value), indent=1) + "\n")
+    write_page(arguments.out)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
