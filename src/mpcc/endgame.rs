@@ -8,14 +8,14 @@
 
 use std::time::Instant;
 
-use super::homotopy::{Branch, Settle};
+use super::homotopy::{Branch, Settle, CONSISTENT};
 use super::problem::{Mpcc, Side};
 use super::relaxed::Relaxed;
 use super::solver::{MpccSolver, Polish, Suggest, Wanted};
 use crate::nlp::{Bounds, Control, Iterate, Monotone, Outcome, Residuals, Start, INFINITE};
 
 /// Single decisions turned round at most.
-const MAX_FLIPS: usize = 8;
+const MAX_FLIPS: usize = 4;
 /// Improvements accepted at most.
 const MAX_IMPROVEMENTS: usize = 10;
 /// Ratio of the members of a pair up to which it leaves no doubt which one is zero.
@@ -184,6 +184,10 @@ impl MpccSolver {
                 }
                 ok = self.try_branch_at(p, bounds, &x, control);
             }
+            if !ok && self.doubt(0) > CLEAR {
+                self.identify(p, &x);
+                ok = self.try_corner(p, bounds, &x, control);
+            }
             if !ok {
                 self.identify(p, &x);
                 for k in 0..MAX_FLIPS.min(self.sides.len()) {
@@ -259,6 +263,11 @@ impl MpccSolver {
     fn settle_from(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
+        self.settle_at(p, x, control)
+    }
+
+    /// Square system of the bounds in `branch`, as [`MpccSolver::settle_from`].
+    fn settle_at(&mut self, p: &mut dyn Mpcc, x: &[f64], control: &mut Control) -> bool {
         p.set_polishing(true);
         let at = &mut self.active.at;
         std::mem::swap(&mut self.point, &mut self.saved.x);
@@ -289,7 +298,7 @@ impl MpccSolver {
             let at = std::mem::replace(&mut self.active.at, Iterate::zeros(0, 0));
             let outcome = self.run(p, Start::Warm(&at, 0.0), &mut rule, control, b'p');
             self.active.at = at;
-            if outcome != Outcome::Solved {
+            if outcome != Outcome::Solved && !(outcome == Outcome::Stalled && self.consistent(p)) {
                 break;
             }
             self.active.at.copy_from(self.ipm.iterate());
@@ -315,6 +324,20 @@ impl MpccSolver {
             self.record_exact(p, control);
         }
         ok
+    }
+
+    /// Tries the branch `sides` with both members of the doubtful pairs zero.
+    fn try_corner(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        for (k, &(a, b)) in p.pairs().iter().enumerate() {
+            if doubt(&self.votes[p.group(k)]) > CLEAR {
+                for j in [a, b] {
+                    self.branch.xu[j] = self.branch.xl[j];
+                }
+            }
+        }
+        self.settle_at(p, x, control)
     }
 
     /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
@@ -362,9 +385,15 @@ impl MpccSolver {
         outcome
     }
 
-    /// A branch problem whose last digits are lost to rounding counts as solved.
+    /// Did the square system come to rest at a point that solves it as well as its data are consistent?
+    fn consistent(&mut self, p: &mut dyn Mpcc) -> bool {
+        let r = self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st });
+        r.primal <= CONSISTENT.max(self.settings.polish_tol) && r.dual <= 1e-9
+    }
+
+    /// A branch problem whose last digits are lost to rounding, or to data that are not consistent, counts as solved.
     fn nearly_solved(&self, r: &Residuals) -> bool {
-        r.primal <= self.settings.polish_tol && r.dual <= 1e-6 && r.complementarity <= 1e-8
+        r.primal <= CONSISTENT.max(self.settings.polish_tol) && r.dual <= 1e-6 && r.complementarity <= 1e-8
     }
 }
 

@@ -206,7 +206,7 @@ pub(super) struct Settle {
 /// Scaled error of a square system that is as good as rounding allows.
 const SETTLED: f64 = 1e-11;
 /// Violation up to which the rows of an active set are consistent: data are rarely better.
-const CONSISTENT: f64 = 1e-8;
+pub(super) const CONSISTENT: f64 = 1e-8;
 /// Newton steps that do not help, and Newton steps in all, before a square system is given up.
 const WAIT: usize = 2;
 const MAX_STEPS: usize = 20;
