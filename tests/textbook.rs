@@ -3,7 +3,7 @@
 #[path = "common/textbook/mod.rs"]
 mod textbook;
 
-use switchback::mpcc::MpccSettings;
+use switchback::mpcc::{BStationarity, MpccSettings};
 use switchback::nlp::Nlp;
 use textbook::branches::{is_local_minimiser, survey, MAX_PAIRS};
 use textbook::{all, relative, Expect, Numbers, Verdict, ACCURACY};
@@ -12,6 +12,7 @@ use textbook::{all, relative, Expect, Numbers, Verdict, ACCURACY};
 const KNOWN_FAILURES: &[(&str, usize, &str)] = &[
     ("infeasible in the limit: a disc and an axis", 0, "stalls when the relaxation has become infeasible"),
     ("infeasible in the limit: a disc and an axis", 1, "stalls when the relaxation has become infeasible"),
+    ("infeasible: members above one", 1, "stalls in the elastic problem"),
     ("unbounded: free variable", 0, "the wrong branch, which has a minimum, is solved after the path has diverged"),
     ("a line", 0, "the iterates grow, but not fast enough to be called diverging"),
 ];
@@ -68,6 +69,27 @@ fn listed_minimisers_are_minimisers_and_traps_are_not() {
             assert!(rows.max(pairs) < 1e-12 && !is_local_minimiser(&p, x), "{}: {x:?}", p.name);
         }
     }
+}
+
+/// The types were derived by hand.
+#[test]
+fn listed_types_of_stationarity_are_certified() {
+    let mut bad = Vec::new();
+    for p in all() {
+        if let (Some(x), Some(t)) = (&p.known.x, p.known.stat) {
+            let c = p.certify_at(x);
+            if c.stationarity != t || !c.sharp || c.b != BStationarity::Yes {
+                bad.push(format!("{}: {c:?}, listed {}", p.name, t.name()));
+            }
+        }
+        for (x, t) in &p.known.traps {
+            let c = p.certify_at(x);
+            if c.stationarity != *t || !c.sharp || c.b != BStationarity::No {
+                bad.push(format!("trap of {}: {c:?}, listed {}", p.name, t.name()));
+            }
+        }
+    }
+    assert!(bad.is_empty(), "{}", bad.join("\n"));
 }
 
 #[test]

@@ -13,8 +13,22 @@ use switchback::nlp::Nlp;
 use textbook::{all, relative, Expect, Verdict};
 
 pub fn run(c: &Context) {
-    let head = ["problem", "n", "m", "pairs", "outcome", "objective", "known", "error", "type", "iterations", "ms", ""];
-    let mut table = Table::new(&head);
+    let mut table = Table::new(&[
+        "problem",
+        "n",
+        "m",
+        "pairs",
+        "outcome",
+        "objective",
+        "known",
+        "error",
+        "listed",
+        "type",
+        "B",
+        "iterations",
+        "ms",
+        "",
+    ]);
     let mut costs = Vec::new();
     let (mut passed, mut local, mut failed) = (0, 0, 0);
     for p in all() {
@@ -36,6 +50,8 @@ pub fn run(c: &Context) {
             let name = if k == 0 { p.name.clone() } else { format!("{} ({})", p.name, k + 1) };
             let error = if p.known.expect == Expect::Optimal { relative(s.objective, p.known.f) } else { f64::NAN };
             let listed = p.known.stat.map_or("", |t| t.name());
+            let kind = found.certificate.map_or("", |t| t.stationarity.name());
+            let b = found.certificate.map_or("", |t| t.b.name());
             costs.push((costs.len() as f64, s.stats.iterations as f64));
             c.record(
                 &Object::new()
@@ -50,6 +66,8 @@ pub fn run(c: &Context) {
                     .num("known", p.known.f)
                     .num("error", error)
                     .text("listed_type", listed)
+                    .text("type", kind)
+                    .text("b_stationary", b)
                     .flag("identified", s.polish == Polish::Done)
                     .num("violation", found.violation)
                     .num("pair_min", found.pair_min)
@@ -68,6 +86,8 @@ pub fn run(c: &Context) {
                 format!("{:.8}", p.known.f),
                 short(error),
                 listed.into(),
+                kind.into(),
+                b.into(),
                 s.stats.iterations.to_string(),
                 format!("{:.2}", 1e3 * wall_s),
                 format!("{verdict} {note}"),

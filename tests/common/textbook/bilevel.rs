@@ -21,7 +21,8 @@ pub fn all() -> Vec<Problem> {
             m.pair(y, 4.0 * (x + 2.0 * y - 30.0) + u[0] + u[1]);
             m.pair(20.0 - x - y, u[0]);
             m.pair(20.0 - y, u[1]);
-            m.optimal(100.0).at(&[10.0, 10.0, 0.0, 0.0], Stat::S);
+            // the multipliers of the biactive pair are (6 η − 10, −η)
+            m.optimal(100.0).at(&[10.0, 10.0, 0.0, 0.0], Stat::M);
         }),
         problem("bard1", BARD, |m| {
             let (x, y, u) = (m.var(0.0, INF, 0.0), m.var(0.0, INF, 0.0), m.free(&[0.0; 3]));

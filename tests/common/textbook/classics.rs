@@ -53,7 +53,7 @@ pub fn all() -> Vec<Problem> {
             m.minimise(x[0] + (x[1] - 1.0).sq());
             m.pair(x[0], x[1]);
             m.start(&[4.0, 0.0]);
-            m.optimal(0.0).at(&[0.0, 1.0], Stat::S).trap(&[0.0, 0.0], Stat::M);
+            m.optimal(0.0).at(&[0.0, 1.0], Stat::S).trap(&[0.0, 0.0], Stat::A);
         }),
         problem("kth3", LEYFFER, |m| {
             let x = m.positive(&[1.0, 1.0]);

@@ -14,37 +14,16 @@ mod pathological;
 mod planted;
 mod smooth;
 
-use switchback::mpcc::{Lifted, Member, MpccSettings, MpccSolver, Solution};
+use switchback::mpcc::{
+    BStationarity, CertSettings, Certificate, Certifier, Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver,
+    Solution,
+};
 use switchback::nlp::{Bounds, Control, Nlp, Outcome};
 
+pub use switchback::mpcc::Stationarity as Stat;
 pub use tape::{affine, sum, Ex, Program};
 
 pub const INF: f64 = f64::INFINITY;
-
-/// Kinds of stationary points, the strongest first.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stat {
-    S,
-    M,
-    C,
-    A,
-    W,
-    /// A local minimiser without multipliers.
-    None,
-}
-
-impl Stat {
-    pub fn name(self) -> &'static str {
-        match self {
-            Stat::S => "S",
-            Stat::M => "M",
-            Stat::C => "C",
-            Stat::A => "A",
-            Stat::W => "W",
-            Stat::None => "-",
-        }
-    }
-}
 
 /// What a problem has.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -247,6 +226,8 @@ impl Numbers {
 /// What the solver made of a problem.
 pub struct Found {
     pub solution: Solution,
+    /// What the point is, where there are pairs and the solver calls it a solution.
+    pub certificate: Option<Certificate>,
     /// The point, without lifted members.
     pub x: Vec<f64>,
     /// Largest `min(G, H)` over the pairs, and the largest violation of anything else, at that point.
@@ -287,7 +268,32 @@ impl Problem {
         let solution = solver.solve(&mut p, &bounds, &w0, &mut Control::default()).clone();
         let x = solution.x[..start.len()].to_vec();
         let (violation, pair_min) = self.violation(&x);
-        Found { solution, x, pair_min, violation }
+        let certificate = (solution.outcome == Outcome::Solved && !self.members.is_empty())
+            .then(|| self.certify(&solution.x, Some((&solution.y, &solution.z))));
+        Found { solution, certificate, x, pair_min, violation }
+    }
+
+    /// What the point `w` of the lifted problem is; multipliers are found when they are not given.
+    pub fn certify(&self, w: &[f64], multipliers: Option<(&[f64], &[f64])>) -> Certificate {
+        let (mut p, bounds) = self.lifted();
+        let (n, m) = (p.n(), p.m());
+        let (mut c, mut grad, mut jac_values) = (vec![0.0; m], vec![0.0; n], vec![0.0; p.jac_pattern().nnz()]);
+        p.eval(w, &mut c).expect("a value at the point");
+        p.derivatives(w, &mut grad, &mut jac_values).expect("derivatives at the point");
+        let none = (vec![0.0; m], vec![0.0; n]);
+        let (y, z) = multipliers.unwrap_or((&none.0, &none.1));
+        let mut certifier = Certifier::new(p.jac_pattern(), p.pairs()).expect("a structure");
+        let jac = p.jac_pattern();
+        let local =
+            Local { x: w, c: &c, grad: &grad, jac, jac_values: &jac_values, bounds: &bounds, pairs: p.pairs(), y, z };
+        certifier.certify(&local, &CertSettings::default(), &mut Control::default())
+    }
+
+    /// What the point `x` of the problem as it is written is.
+    pub fn certify_at(&self, x: &[f64]) -> Certificate {
+        let (mut p, _) = self.lifted();
+        let w = p.start(x);
+        self.certify(&w, None)
     }
 
     /// Largest violation of bounds and rows at `x`, and the largest `|min(G, H)|`.
@@ -323,7 +329,13 @@ impl Problem {
             return fail(format!("not feasible: rows {:.1e}, pairs {:.1e}", found.violation, found.pair_min));
         }
         if relative(s.objective, known.f) <= ACCURACY {
-            return Verdict::Pass;
+            return match (&found.certificate, known.stat) {
+                (Some(c), _) if c.b == BStationarity::No => fail("a minimiser is certified to have a descent".into()),
+                (Some(c), Some(t)) if c.stationarity as i32 > t as i32 => {
+                    fail(format!("certified as {}, not {}", c.stationarity.name(), t.name()))
+                }
+                _ => Verdict::Pass,
+            };
         }
         if s.objective < known.f {
             return fail(format!("below the minimum by {:.1e}", known.f - s.objective));
