@@ -1,11 +1,14 @@
 //! Measures speed against error on the standard problems.
 //!
-//! `cargo run --release --example report -- CASE [--json] [--plot DIR]`, `CASE` one of [`cases::ALL`] or `all`.
-//! Prints a table; with `--json` one object per line and nothing else on standard output.
+//! `cargo run --release --example report -- CASE [--json] [--plot DIR] [--problems DIR]`, `CASE` one of
+//! [`cases::ALL`] or `all`. Prints a table; with `--json` one object per line and nothing else on standard output.
+//! `--problems` names a folder of recorded problems for the cases that can use one.
 
 mod cases;
 mod json;
+mod json_read;
 mod models;
+mod recorded;
 mod svg;
 
 use std::path::PathBuf;
@@ -14,6 +17,7 @@ use std::path::PathBuf;
 pub struct Context {
     json: bool,
     plot: Option<PathBuf>,
+    problems: PathBuf,
 }
 
 impl Context {
@@ -40,12 +44,12 @@ impl Context {
 
 fn usage(problem: &str) -> ! {
     let names: Vec<&str> = cases::ALL.iter().map(|c| c.0).collect();
-    eprintln!("{problem}\nusage: report CASE [--json] [--plot DIR]\ncases: {}, all", names.join(", "));
+    eprintln!("{problem}\nusage: report CASE [--json] [--plot DIR] [--problems DIR]\ncases: {}, all", names.join(", "));
     std::process::exit(2)
 }
 
 fn main() {
-    let mut context = Context { json: false, plot: None };
+    let mut context = Context { json: false, plot: None, problems: "../shared/mpcc".into() };
     let mut case = None;
     let mut args = std::env::args().skip(1);
     while let Some(a) = args.next() {
@@ -54,6 +58,10 @@ fn main() {
             "--plot" => match args.next() {
                 Some(dir) => context.plot = Some(dir.into()),
                 None => usage("--plot needs a directory"),
+            },
+            "--problems" => match args.next() {
+                Some(dir) => context.problems = dir.into(),
+                None => usage("--problems needs a directory"),
             },
             _ if a.starts_with('-') => usage(&format!("unknown option '{a}'")),
             _ if case.is_some() => usage("one case at a time"),

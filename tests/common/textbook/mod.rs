@@ -37,7 +37,7 @@ pub enum Expect {
 #[derive(Debug, Clone)]
 pub struct Known {
     pub expect: Expect,
-    /// Global minimum.
+    /// Global minimum, NaN where it is not known.
     pub f: f64,
     /// A global minimiser, when given.
     pub x: Option<Vec<f64>>,
@@ -51,11 +51,11 @@ pub struct Known {
 
 /// A problem with its answer.
 #[derive(Debug, Clone)]
-pub struct Problem {
+pub struct Problem<P = Program> {
     pub name: String,
     /// Where it comes from.
     pub source: &'static str,
-    pub program: Program,
+    pub program: P,
     pub bounds: Bounds,
     pub members: Vec<(Member, Member)>,
     /// Starting points; the first is the usual one.
@@ -253,8 +253,8 @@ pub enum Verdict {
     Fail(String),
 }
 
-impl Problem {
-    pub fn lifted(&self) -> (Lifted<Program>, Bounds) {
+impl<P: Nlp + Clone> Problem<P> {
+    pub fn lifted(&self) -> (Lifted<P>, Bounds) {
         let lifted = Lifted::new(self.program.clone(), &self.members).expect("pairs that exist");
         let bounds = lifted.bounds(&self.bounds).expect("bounds that admit zero");
         (lifted, bounds)
@@ -328,7 +328,7 @@ impl Problem {
         if found.violation > 1e-7 || found.pair_min > 1e-7 {
             return fail(format!("not feasible: rows {:.1e}, pairs {:.1e}", found.violation, found.pair_min));
         }
-        if relative(s.objective, known.f) <= ACCURACY {
+        if known.f.is_nan() || relative(s.objective, known.f) <= ACCURACY {
             return match (&found.certificate, known.stat) {
                 (Some(c), _) if c.b == BStationarity::No => fail("a minimiser is certified to have a descent".into()),
                 (Some(c), Some(t)) if c.stationarity as i32 > t as i32 => {
