@@ -16,9 +16,15 @@
 #[cfg(test)]
 mod conformance;
 mod dense;
+#[cfg(feature = "faer")]
+mod faer;
+mod ordering;
 mod suitesparse;
 
 pub use dense::Dense;
+#[cfg(feature = "faer")]
+pub use faer::{Faer, Form};
+pub use ordering::{interleaved, Ordering};
 pub use suitesparse::SuiteSparse;
 
 use super::csc::Pattern;

@@ -8,6 +8,7 @@
 
 #![allow(unsafe_code)]
 
+use super::ordering::{Ordering, Permuted};
 use super::{check_upper, Factorisation, Inertia, LdlStats, SymmetricSolver};
 use crate::error::{Error, Result};
 use crate::linalg::csc::Pattern;
@@ -64,9 +65,10 @@ extern "C" {
     fn ldl_ltsolve(n: c_int, x: *mut f64, lp: *const c_int, li: *const c_int, lx: *const f64);
 }
 
-/// SuiteSparse LDL with AMD; see the module documentation.
+/// SuiteSparse LDL, with AMD unless another order is asked for; see the module documentation.
 #[derive(Default)]
 pub struct SuiteSparse {
+    ordering: Ordering,
     n: usize,
     nnz_a: usize,
     flops: f64,
@@ -97,6 +99,11 @@ impl SuiteSparse {
     pub fn new() -> SuiteSparse {
         SuiteSparse::default()
     }
+
+    /// A solver that eliminates in this order.
+    pub fn with_ordering(ordering: Ordering) -> SuiteSparse {
+        SuiteSparse { ordering, ..SuiteSparse::default() }
+    }
 }
 
 fn to_int(v: usize, what: &str) -> Result<c_int> {
@@ -107,6 +114,30 @@ fn to_int(v: usize, what: &str) -> Result<c_int> {
     })
 }
 
+/// Approximate minimum degree order of the symmetric matrix with this upper triangle: `order[k]` is the `k`-th pivot.
+pub(super) fn amd(upper: &Pattern) -> Result<Vec<usize>> {
+    let n = upper.n_cols();
+    if n == 0 {
+        return Ok(Vec::new());
+    }
+    let n_int = to_int(n, "rows")?;
+    // AMD forms A + A' inside.
+    to_int(2 * upper.nnz() + n, "entries")?;
+    let up: Vec<c_int> = upper.col_ptr().iter().map(|&v| v as c_int).collect();
+    let ui: Vec<c_int> = upper.row_idx().iter().map(|&v| v as c_int).collect();
+    let mut order = vec![0 as c_int; n];
+    // SAFETY: `up` (n + 1) and `ui` (up[n]) are a valid compressed-column matrix of order n with
+    // sorted rows, `order` has length n; null control and info mean the defaults. An empty `ui` has a
+    // non-null dangling pointer, which AMD only tests against null.
+    let rc =
+        unsafe { amd_order(n_int, up.as_ptr(), ui.as_ptr(), order.as_mut_ptr(), ptr::null_mut(), ptr::null_mut()) };
+    match rc {
+        AMD_OK | AMD_OK_BUT_JUMBLED => Ok(order.iter().map(|&v| v as usize).collect()),
+        AMD_OUT_OF_MEMORY => Err(Error::Library(format!("suitesparse: AMD ran out of memory for {n} rows"))),
+        rc => Err(Error::Library(format!("suitesparse: amd_order returned {rc} for {n} rows"))),
+    }
+}
+
 impl SymmetricSolver for SuiteSparse {
     fn name(&self) -> &'static str {
         "suitesparse"
@@ -114,52 +145,17 @@ impl SymmetricSolver for SuiteSparse {
 
     fn analyse(&mut self, upper: &Pattern) -> Result<()> {
         check_upper(upper)?;
-        *self = SuiteSparse::new();
+        *self = SuiteSparse::with_ordering(std::mem::take(&mut self.ordering));
         let n = upper.n_cols();
         let nnz = upper.nnz();
         let n_int = to_int(n, "rows")?;
-        // AMD forms A + A' inside.
-        to_int(2 * nnz + n, "entries")?;
+        to_int(nnz, "entries")?;
         if n == 0 {
             self.analysed = true;
             return Ok(());
         }
-        let up: Vec<c_int> = upper.col_ptr().iter().map(|&v| v as c_int).collect();
-        let ui: Vec<c_int> = upper.row_idx().iter().map(|&v| v as c_int).collect();
-        let mut perm = vec![0 as c_int; n];
-        // SAFETY: `up` (n + 1) and `ui` (up[n]) are a valid compressed-column matrix of order n with
-        // sorted rows, `perm` has length n; null control and info mean the defaults. An empty `ui` has a
-        // non-null dangling pointer, which AMD only tests against null.
-        let rc =
-            unsafe { amd_order(n_int, up.as_ptr(), ui.as_ptr(), perm.as_mut_ptr(), ptr::null_mut(), ptr::null_mut()) };
-        match rc {
-            AMD_OK | AMD_OK_BUT_JUMBLED => {}
-            AMD_OUT_OF_MEMORY => {
-                return Err(Error::Library(format!("suitesparse: AMD ran out of memory for {n} rows")))
-            }
-            rc => return Err(Error::Library(format!("suitesparse: amd_order returned {rc} for {n} rows"))),
-        }
-        self.perm = perm.iter().map(|&v| v as usize).collect();
-        let mut inv = vec![0usize; n];
-        for (k, &i) in self.perm.iter().enumerate() {
-            inv[i] = k;
-        }
-
-        // Upper triangle of P A P', by triplets: sorted, and without duplicates since a pattern has none.
-        let mut rows = Vec::with_capacity(nnz);
-        let mut cols = Vec::with_capacity(nnz);
-        for j in 0..n {
-            for &i in upper.rows(j) {
-                rows.push(inv[i].min(inv[j]));
-                cols.push(inv[i].max(inv[j]));
-            }
-        }
-        let (p, map) = Pattern::from_triplets(n, n, &rows, &cols);
-        debug_assert_eq!(p.nnz(), nnz);
-        self.src = vec![0; nnz];
-        for (k, &pos) in map.iter().enumerate() {
-            self.src[pos] = k as u32;
-        }
+        let Permuted { order, upper: p, src } = Permuted::new(upper, self.ordering.order(upper)?);
+        (self.perm, self.src) = (order, src);
         self.ap = p.col_ptr().iter().map(|&v| v as c_int).collect();
         self.ai = p.row_idx().iter().map(|&v| v as c_int).collect();
         self.ax = vec![0.0; nnz];
