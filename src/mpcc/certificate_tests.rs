@@ -1,7 +1,5 @@
 //! Points whose type is known by hand, and random linearised problems against the enumeration of all pieces.
 
-use nalgebra::{DMatrix, DVector};
-
 use super::{BStationarity as B, CertSettings, Certificate, Certifier, Doubt, Local, Side, Stationarity as T};
 use crate::linalg::csc::Pattern;
 use crate::nlp::{Bounds, Control};
@@ -311,46 +309,33 @@ fn degenerate_rows() {
     p.expect(T::A, B::No);
 }
 
-/// Non-negative least squares after Lawson and Hanson: is `target` a non-negative combination of `columns`?
+/// Is `target` a non-negative combination of `columns`? First phase of the simplex method with the rule of Bland.
 fn in_cone(columns: &[Vec<f64>], target: &[f64]) -> bool {
-    let rhs = DVector::from_row_slice(target);
-    let mut passive: Vec<usize> = Vec::new();
-    let mut value = vec![0.0; columns.len()];
+    const ZERO: f64 = 1e-9;
+    let (m, n) = (target.len(), columns.len());
+    let sign = |i: usize| if target[i] < 0.0 { -1.0 } else { 1.0 };
+    let mut rows: Vec<Vec<f64>> =
+        (0..m).map(|i| columns.iter().map(|c| c[i]).chain([target[i]]).map(|v| sign(i) * v).collect()).collect();
+    // numbers from n on are artificial variables
+    let mut basis: Vec<usize> = (n..n + m).collect();
     loop {
-        let mut rest = rhs.clone();
-        for &k in &passive {
-            rest -= DVector::from_row_slice(&columns[k]) * value[k];
-        }
-        let size = 1.0 + rhs.amax();
-        let best = (0..columns.len())
-            .filter(|k| !passive.contains(k))
-            .map(|k| (dot(&columns[k], rest.as_slice()), k))
-            .max_by(|a, b| a.0.total_cmp(&b.0));
-        match best {
-            Some((w, k)) if w > 1e-10 * size && rest.amax() > 1e-9 * size => passive.push(k),
-            _ => return rest.amax() <= 1e-7 * size,
-        }
-        loop {
-            let a = DMatrix::from_fn(target.len(), passive.len(), |i, k| columns[passive[k]][i]);
-            let free = a.svd(true, true).solve(&rhs, 1e-12).unwrap();
-            if free.iter().all(|v| *v > 0.0) {
-                passive.iter().zip(free.iter()).for_each(|(&k, v)| value[k] = *v);
-                break;
-            }
-            let mut step = 1f64;
-            for (&k, v) in passive.iter().zip(free.iter()) {
-                if *v <= 0.0 {
-                    step = step.min(value[k] / (value[k] - v).max(1e-300));
-                }
-            }
-            for (&k, v) in passive.iter().zip(free.iter()) {
-                value[k] += step * (v - value[k]);
-            }
-            passive.retain(|&k| value[k] > 1e-13);
-            if passive.is_empty() {
-                break;
+        let left = |j: usize, rows: &[Vec<f64>]| -> f64 { (0..m).filter(|&i| basis[i] >= n).map(|i| rows[i][j]).sum() };
+        let Some(enter) = (0..n).find(|&j| !basis.contains(&j) && left(j, &rows) > ZERO) else {
+            return left(n, &rows) <= 1e-7;
+        };
+        let ratio = |i: usize| rows[i][n].max(0.0) / rows[i][enter];
+        let leave = (0..m)
+            .filter(|&i| rows[i][enter] > ZERO)
+            .min_by(|&i, &k| ratio(i).total_cmp(&ratio(k)).then(basis[i].cmp(&basis[k])))
+            .expect("the sum of the artificial variables is bounded below");
+        let pivot: Vec<f64> = rows[leave].iter().map(|v| v / rows[leave][enter]).collect();
+        for (i, row) in rows.iter_mut().enumerate() {
+            let factor = row[enter];
+            for (v, p) in row.iter_mut().zip(&pivot) {
+                *v = if i == leave { *p } else { *v - factor * p };
             }
         }
+        basis[leave] = enter;
     }
 }
 
@@ -483,7 +468,7 @@ fn random_point(rng: &mut Random, k: usize, share: bool) -> Point {
 fn random_points_agree_with_the_enumeration_of_all_pieces() {
     let mut rng = Random(7);
     let mut seen = std::collections::BTreeMap::new();
-    for round in 0..400 {
+    for round in 0..800 {
         let k = 1 + round % 4;
         let p = random_point(&mut rng, k, round % 5 == 4);
         let (kind, b) = p.enumerate();
@@ -505,4 +490,83 @@ fn six_pairs_agree_with_the_enumeration_of_all_branches() {
         let (cert, _) = p.certify(&CertSettings { type_nodes: 0, ..CertSettings::default() });
         assert_eq!((cert.b, cert.doubt), (b, Doubt::None), "{cert:?}");
     }
+}
+
+/// A chain of stages with five variables and three rows each, as a discretised system has them: two states, a control,
+/// a pair. `blocks` stages carry problem ralph1 in their pair; the others are strictly complementary, with multipliers
+/// of both signs.
+#[test]
+fn long_chains_with_five_biactive_pairs() {
+    let (stages, blocks) = (500, [3usize, 100, 250, 251, 480]);
+    let (n, m) = (5 * stages, 3 * stages);
+    let mut rng = Random(3);
+    let (mut rows, mut cols, mut values) = (vec![], vec![], vec![]);
+    let mut bounds = Bounds::free(n, m);
+    bounds.cl.fill(0.0);
+    bounds.cu.fill(0.0);
+    let (mut x, mut z, mut pairs) = (vec![0.0; n], vec![0.0; n], vec![]);
+    let y: Vec<f64> = (0..m).map(|_| rng.next()).collect();
+    for k in 0..stages {
+        let (v, r) = (5 * k, 3 * k);
+        pairs.push((v + 3, v + 4));
+        bounds.xl[v + 3] = 0.0;
+        bounds.xl[v + 4] = 0.0;
+        let mut put = |i: usize, j: usize, a: f64| {
+            rows.push(i);
+            cols.push(j);
+            values.push(a);
+        };
+        for i in 0..2 {
+            put(r + i, v + i, 1.0);
+            put(r + i, v + 2, 0.1 * rng.next());
+            put(r + i, v + 3, 0.1 * rng.next());
+            if k > 0 {
+                put(r + i, v - 5, -1.0 - 0.1 * rng.next());
+                put(r + i, v - 4, 0.1 * rng.next());
+            }
+        }
+        put(r + 2, v + 2, -1.0);
+        put(r + 2, v + 3, 1.0);
+        put(r + 2, v + 4, -1.0);
+        if blocks.contains(&k) {
+            // ralph1: with u ≥ 0 and u = a − b the multipliers 2 − t, t − 1, −t are all there are
+            bounds.xl[v + 2] = 0.0;
+            (z[v + 2], z[v + 3], z[v + 4]) = (1.5, -0.5, -0.5);
+        } else if rng.below(2) == 0 {
+            x[v + 3] = 0.5;
+            z[v + 4] = 1.0 + rng.next();
+        } else {
+            x[v + 4] = 0.5;
+            z[v + 3] = -1.0 + rng.next();
+        }
+    }
+    let (jac, map) = Pattern::from_triplets(m, n, &rows, &cols);
+    let mut jac_values = vec![0.0; jac.nnz()];
+    for (v, &k) in values.iter().zip(&map) {
+        jac_values[k] += v;
+    }
+    let mut grad = z.clone();
+    crate::linalg::csc::mul_add_transposed(&jac, &jac_values, &y, &mut grad, -1.0);
+    let c = vec![0.0; m];
+    let mut certifier = Certifier::new(&jac, &pairs).unwrap();
+    let local = Local {
+        x: &x,
+        c: &c,
+        grad: &grad,
+        jac: &jac,
+        jac_values: &jac_values,
+        bounds: &bounds,
+        pairs: &pairs,
+        y: &y,
+        z: &z,
+    };
+    let mut certify = |local: &Local| {
+        let clock = std::time::Instant::now();
+        let cert = certifier.certify(local, &CertSettings::default(), &mut Control::default());
+        println!("{cert:?} in {:.3} s", clock.elapsed().as_secs_f64());
+        cert
+    };
+    let cert = certify(&local);
+    assert_eq!((cert.biactive, cert.stationarity, cert.doubt), (5, T::M, Doubt::None));
+    assert_eq!(certify(&Local { y: &[], z: &[], ..local }).b, cert.b);
 }

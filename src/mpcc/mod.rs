@@ -12,6 +12,7 @@
 mod certificate;
 #[cfg(test)]
 mod certificate_tests;
+mod conflict;
 mod endgame;
 mod homotopy;
 mod lifted;
@@ -22,6 +23,7 @@ mod scaling;
 mod solver;
 
 pub use certificate::{BStationarity, CertSettings, Certificate, Certifier, Doubt, Local, Stationarity};
+pub use conflict::Conflict;
 pub use homotopy::Scholtes;
 pub use lifted::{Lifted, Member};
 pub use problem::{Mpcc, Side};
