@@ -20,6 +20,7 @@
 pub mod capi;
 pub mod dcs;
 pub mod error;
+pub mod expr;
 pub mod fesd;
 pub mod func;
 pub mod linalg;

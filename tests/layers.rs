@@ -11,6 +11,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("tableau", &["error"]),
     ("linalg", &["error", "settings", "log"]),
     ("func", &["error", "settings", "log", "linalg"]),
+    ("expr", &["error", "linalg", "func"]),
     ("nlp", &["error", "settings", "log", "linalg", "func"]),
     ("mpcc", &["error", "settings", "log", "linalg", "func", "nlp"]),
     ("system", &["error", "settings", "log", "linalg", "func"]),

@@ -1,0 +1,354 @@
+//! C code of functions: the same operations in the same order, so the same bits up to the mathematical library.
+
+use std::fmt::Write;
+
+use super::dag::CallKind;
+use super::function::ExprFunction;
+use super::op::{Binary, Unary};
+use super::piecewise::Piecewise;
+use super::tape::{Code, Compound, Tape};
+use crate::error::{Error, Result};
+use crate::func::Function;
+use crate::linalg::csc::Pattern;
+
+/// C code (C99 and later, C++) of functions with all derivatives.
+///
+/// For a function `f` there are `f_value(t, x, u, p, out)`, `f_jacobian(t, x, u, p, out)` and
+/// `f_hessian(t, x, u, p, weights, out)`, which return 0, or 1 where a linear system is singular, the sizes `f_nx`,
+/// `f_nu`, `f_np`, `f_n_out`, and the patterns `f_jacobian_col_ptr`, `f_jacobian_row_idx` and the same for the
+/// Hessian. Included behind `switchback.h`, the code also has `f_create(&function)`.
+///
+/// Compile without contraction of products and sums (`-ffp-contract=off`) for the same bits.
+///
+/// # Errors
+/// [`Error::Range`] for a name that is no C identifier or occurs twice; [`Error::Unsupported`] for calls of external functions.
+pub fn write_c(functions: &[&ExprFunction]) -> Result<String> {
+    let mut out = String::from(PREAMBLE);
+    for (k, f) in functions.iter().enumerate() {
+        let name = f.name();
+        let identifier = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
+            && name.chars().next().is_some_and(|c| !c.is_ascii_digit());
+        if !identifier || functions[..k].iter().any(|g| g.name() == name) {
+            return Err(Error::Range(format!(
+                "'{name}' cannot name a function in C: use letters, digits and underscores, each name once"
+            )));
+        }
+        function(&mut out, f)?;
+    }
+    Ok(out)
+}
+
+fn function(out: &mut String, f: &ExprFunction) -> Result<()> {
+    let (name, d) = (f.name(), f.dims());
+    let sizes = [("nx", d.x), ("nu", d.u), ("np", d.p), ("n_out", f.n_out())];
+    for (what, n) in sizes {
+        put(out, format_args!("\nenum {{ {name}_{what} = {n} }};"));
+    }
+    out.push('\n');
+    pattern(out, &format!("{name}_jacobian"), f.jac_pattern());
+    pattern(out, &format!("{name}_hessian"), f.hess_pattern());
+    for (what, tape, weights) in
+        [("value", f.value_tape(), false), ("jacobian", f.jacobian_tape(), false), ("hessian", f.hessian_tape(), true)]
+    {
+        body(out, name, what, tape, weights)?;
+    }
+    put(
+        out,
+        format_args!(
+            "
+#ifdef SWITCHBACK_H
+static int32_t {name}_swb_value(const swb_point *at, double *out, void *user_data) {{
+    (void)user_data;
+    return {name}_value(at->t, at->x, at->u, at->p, out);
+}}
+static int32_t {name}_swb_jacobian(const swb_point *at, double *out, void *user_data) {{
+    (void)user_data;
+    return {name}_jacobian(at->t, at->x, at->u, at->p, out);
+}}
+static int32_t {name}_swb_hessian(const swb_point *at, const double *weights, double *out, void *user_data) {{
+    (void)user_data;
+    return {name}_hessian(at->t, at->x, at->u, at->p, weights, out);
+}}
+static swb_status {name}_create(swb_function **out) {{
+    swb_status s = swb_function_create(\"{name}\", {name}_nx, {name}_nu, {name}_np, {name}_n_out, {name}_swb_value, 0, 0, out);
+    if (s == SWB_OK)
+        s = swb_function_set_jacobian(*out, {name}_jacobian_col_ptr, {cols}, {name}_jacobian_row_idx, {nj}, {name}_swb_jacobian);
+    if (s == SWB_OK)
+        s = swb_function_set_hessian(*out, {name}_hessian_col_ptr, {cols}, {name}_hessian_row_idx, {nh}, {name}_swb_hessian);
+    if (s != SWB_OK) {{
+        swb_function_free(*out);
+        *out = 0;
+    }}
+    return s;
+}}
+#endif
+",
+            cols = d.n_in() + 1,
+            nj = f.jac_pattern().nnz(),
+            nh = f.hess_pattern().nnz(),
+        ),
+    );
+    Ok(())
+}
+
+/// Writing to a string cannot fail.
+fn put(out: &mut String, args: std::fmt::Arguments) {
+    let _ = out.write_fmt(args);
+}
+
+fn pattern(out: &mut String, name: &str, p: &Pattern) {
+    let list = |v: &[usize]| v.iter().map(|k| k.to_string()).collect::<Vec<_>>().join(", ");
+    put(out, format_args!("static const int64_t {name}_col_ptr[] = {{{}}};\n", list(p.col_ptr())));
+    // An array has an element at least.
+    let rows = if p.nnz() == 0 { "0".into() } else { list(p.row_idx()) };
+    put(out, format_args!("static const int64_t {name}_row_idx[] = {{{rows}}};\n"));
+}
+
+fn number(v: f64) -> String {
+    // The shortest text that reads back as the same number.
+    format!("{v:e}")
+}
+
+fn table(out: &mut String, name: &str, p: &Piecewise, order: u8) {
+    let list = |v: &[f64]| v.iter().map(|&v| number(v)).collect::<Vec<_>>().join(", ");
+    put(out, format_args!("static double {name}(double s) {{\n"));
+    let (n, terms) = (p.breaks().len(), p.degree() + 1 - usize::from(order));
+    let c: Vec<f64> = (0..=n).flat_map(|piece| p.derivative(piece, order)).collect();
+    let breaks = if n == 0 { "0".into() } else { list(p.breaks()) };
+    put(out, format_args!("    static const double breaks[] = {{{breaks}}};\n"));
+    put(out, format_args!("    static const double origins[] = {{{}}};\n", list(p.origins())));
+    put(out, format_args!("    static const double c[] = {{{}}};\n", list(&c)));
+    put(
+        out,
+        format_args!(
+            "    int piece = 0, k;\n    double v = 0.0, z;\n    if (s != s)\n        return s;\n    while (piece < {n} && breaks[piece] <= s)\n        \
+             piece++;\n    z = s - origins[piece];\n    for (k = {terms} - 1; k >= 0; k--)\n        v = v * z + \
+             c[piece * {terms} + k];\n    return v;\n}}\n"
+        ),
+    );
+}
+
+fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) -> Result<()> {
+    // Tables first, once for every derivative that is used.
+    let mut tables: Vec<u32> = tape.code.iter().filter(|i| i.code == Code::Piecewise).map(|i| i.b).collect();
+    tables.sort_unstable();
+    tables.dedup();
+    for b in tables {
+        table(out, &format!("{name}_{what}_table{b}"), &tape.piecewise[(b >> 4) as usize], (b & 15) as u8);
+    }
+    let extra = if weights { "const double *weights, " } else { "" };
+    put(
+        out,
+        format_args!(
+            "static int {name}_{what}(double t, const double *x, const double *u, const double *p, {extra}double *out) {{\n"
+        ),
+    );
+    let d = tape.dims;
+    let (n_in, first_constant) = (d.n_in(), tape.first_constant());
+    let operand = |r: u32| -> String {
+        let r = r as usize;
+        if r < d.x {
+            format!("x[{r}]")
+        } else if r < d.x + d.u {
+            format!("u[{}]", r - d.x)
+        } else if r < d.t_col() {
+            format!("p[{}]", r - d.x - d.u)
+        } else if r == d.t_col() {
+            "t".into()
+        } else if r < first_constant {
+            format!("weights[{}]", r - n_in)
+        } else if r < first_constant + tape.constants.len() {
+            let v = number(tape.constants[r - first_constant]);
+            if v.starts_with('-') {
+                format!("({v})")
+            } else {
+                v
+            }
+        } else {
+            format!("r[{}]", r - first_constant - tape.constants.len())
+        }
+    };
+    let n_registers = tape.work_len() - first_constant - tape.constants.len();
+    if n_registers > 0 {
+        put(out, format_args!("    double r[{n_registers}];\n"));
+    }
+    for used in ["t", "x", "u", "p"].iter().chain(if weights { &["weights"][..] } else { &[] }) {
+        put(out, format_args!("    (void){used};\n"));
+    }
+    for i in &tape.code {
+        let (dst, a) = (operand(i.dst), || operand(i.a));
+        let b = || operand(i.b);
+        let value = match i.code {
+            Code::Add => format!("{} {} {}", a(), Binary::Add.name(), b()),
+            Code::Sub => format!("{} {} {}", a(), Binary::Sub.name(), b()),
+            Code::Mul => format!("{} {} {}", a(), Binary::Mul.name(), b()),
+            Code::Div => format!("{} {} {}", a(), Binary::Div.name(), b()),
+            Code::Neg => format!("-{}", a()),
+            Code::Square => format!("{0} * {0}", a()),
+            Code::Sqrt => format!("sqrt({})", a()),
+            Code::Pow => format!("pow({}, {})", a(), b()),
+            Code::Atan2 => format!("atan2({}, {})", a(), b()),
+            Code::Unary(Unary::Erf) => format!("swb_expr_erf({})", a()),
+            Code::Unary(op) => format!("{}({})", op.name(), a()),
+            Code::PowI => format!("swb_expr_powi({}, {})", a(), i.b as i32),
+            Code::Piecewise => format!("{name}_{what}_table{}({})", i.b, a()),
+            Code::Block => {
+                compound(out, &tape.compounds[i.a as usize], &dst, &operand)?;
+                continue;
+            }
+        };
+        put(out, format_args!("    {dst} = {value};\n"));
+    }
+    if tape.outputs.is_empty() {
+        out.push_str("    (void)out;\n");
+    }
+    for (k, &o) in tape.outputs.iter().enumerate() {
+        put(out, format_args!("    out[{k}] = {};\n", operand(o)));
+    }
+    out.push_str("    return 0;\n}\n");
+    Ok(())
+}
+
+fn compound(out: &mut String, c: &Compound, dst: &str, operand: &dyn Fn(u32) -> String) -> Result<()> {
+    let at = |k: usize| format!("(&{dst})[{k}]");
+    let copy = |out: &mut String, v: &[u32]| {
+        for (k, &r) in v.iter().enumerate() {
+            put(out, format_args!("    {} = {};\n", at(k), operand(r)));
+        }
+    };
+    match c {
+        Compound::Factor { n, matrix } => {
+            copy(out, matrix);
+            put(out, format_args!("    if (!swb_expr_factor({n}, &{dst}))\n        return 1;\n"));
+        }
+        Compound::Solve { n, lu, transposed, rhs } => {
+            copy(out, rhs);
+            let f = if *transposed { "swb_expr_solve_transposed" } else { "swb_expr_solve" };
+            put(out, format_args!("    {f}({n}, &{}, &{dst});\n", operand(*lu as u32)));
+        }
+        Compound::Call { f, what, .. } => {
+            let part = match what {
+                CallKind::Value => "value",
+                CallKind::Jacobian => "Jacobian",
+                CallKind::Hessian(_) => "Hessian",
+            };
+            return Err(Error::Unsupported(format!(
+                "the {part} of the external function '{}' cannot be written as C code: it is known by its values only",
+                f.name()
+            )));
+        }
+    }
+    Ok(())
+}
+
+/// What the functions share.
+const PREAMBLE: &str = "\
+/* Written by switchback. */
+#include <math.h>
+#include <stdint.h>
+
+#ifndef SWB_EXPR_HELPERS
+#define SWB_EXPR_HELPERS
+#if defined(__GNUC__)
+#define SWB_EXPR_UNUSED __attribute__((unused))
+#else
+#define SWB_EXPR_UNUSED
+#endif
+
+SWB_EXPR_UNUSED static double swb_expr_powi(double base, int n) {
+    unsigned k = n < 0 ? 0u - (unsigned)n : (unsigned)n;
+    double out = 1.0;
+    for (;;) {
+        if (k & 1u)
+            out *= base;
+        k >>= 1;
+        if (k == 0u)
+            break;
+        base *= base;
+    }
+    return n < 0 ? 1.0 / out : out;
+}
+
+SWB_EXPR_UNUSED static double swb_expr_erf(double x) {
+    const double c = 1.1283791670955126;
+    double a = fabs(x), f;
+    int k;
+    if (a < 2.4) {
+        double y = 2.0 * x * x, term = 1.0, sum = 1.0, n = 3.0;
+        while (term > 1e-17 * sum) {
+            term *= y / n;
+            sum += term;
+            n += 2.0;
+        }
+        return c * x * sum * exp(-x * x);
+    }
+    if (a > 6.0)
+        return x > 0.0 ? 1.0 : -1.0;
+    f = a;
+    for (k = 60; k >= 1; k--)
+        f = a + 0.5 * (double)k / f;
+    f = 0.5 * c * exp(-a * a) / f;
+    return x > 0.0 ? 1.0 - f : f - 1.0;
+}
+
+SWB_EXPR_UNUSED static int swb_expr_factor(int n, double *a) {
+    int i, j, k;
+    for (k = 0; k < n; k++) {
+        int p = k;
+        double pivot;
+        for (i = k + 1; i < n; i++)
+            if (fabs(a[i + n * k]) > fabs(a[p + n * k]))
+                p = i;
+        a[k + n * n] = (double)p;
+        pivot = a[p + n * k];
+        if (!(pivot != 0.0 && pivot - pivot == 0.0))
+            return 0;
+        for (j = 0; p != k && j < n; j++) {
+            double s = a[k + n * j];
+            a[k + n * j] = a[p + n * j];
+            a[p + n * j] = s;
+        }
+        for (i = k + 1; i < n; i++)
+            a[i + n * k] /= pivot;
+        for (j = k + 1; j < n; j++)
+            for (i = k + 1; i < n; i++)
+                a[i + n * j] -= a[i + n * k] * a[k + n * j];
+    }
+    return 1;
+}
+
+SWB_EXPR_UNUSED static void swb_expr_swap(double *b, int k, int p) {
+    double s = b[k];
+    b[k] = b[p];
+    b[p] = s;
+}
+
+SWB_EXPR_UNUSED static void swb_expr_solve(int n, const double *a, double *b) {
+    int i, k;
+    for (k = 0; k < n; k++)
+        swb_expr_swap(b, k, (int)a[k + n * n]);
+    for (k = 0; k < n; k++)
+        for (i = k + 1; i < n; i++)
+            b[i] -= a[i + n * k] * b[k];
+    for (k = n - 1; k >= 0; k--) {
+        b[k] /= a[k + n * k];
+        for (i = 0; i < k; i++)
+            b[i] -= a[i + n * k] * b[k];
+    }
+}
+
+SWB_EXPR_UNUSED static void swb_expr_solve_transposed(int n, const double *a, double *b) {
+    int i, k;
+    for (k = 0; k < n; k++) {
+        for (i = 0; i < k; i++)
+            b[k] -= a[i + n * k] * b[i];
+        b[k] /= a[k + n * k];
+    }
+    for (k = n - 1; k >= 0; k--)
+        for (i = k + 1; i < n; i++)
+            b[k] -= a[i + n * k] * b[i];
+    for (k = n - 1; k >= 0; k--)
+        swb_expr_swap(b, k, (int)a[k + n * n]);
+}
+#endif
+";

@@ -1,0 +1,149 @@
+//! Expressions as a [`Function`].
+
+use std::sync::Arc;
+
+use super::dag::{Block, Dag, Id};
+use super::tape::{Tape, LANES};
+use crate::error::{Error, Result};
+use crate::func::{Dims, EvalResult, Function, Point};
+use crate::linalg::csc::Pattern;
+
+/// Expressions with exact derivatives, usable wherever a [`Function`] is.
+///
+/// ```
+/// use switchback::expr::Graph;
+/// use switchback::func::{Dims, Function};
+///
+/// let g = Graph::new();
+/// let [x, y] = [g.x(0), g.x(1)];
+/// let f = g.function("f", Dims { x: 2, u: 0, p: 0 }, &[x * y.sin()]).unwrap();
+/// assert_eq!(f.jac_pattern().nnz(), 2);
+/// assert_eq!(f.hess_pattern().nnz(), 2); // nothing at (x, x)
+/// ```
+#[derive(Clone)]
+pub struct ExprFunction {
+    name: String,
+    dims: Dims,
+    value: Tape,
+    jacobian: Tape,
+    hessian: Tape,
+    jac_pattern: Pattern,
+    hess_pattern: Pattern,
+    approximate: [bool; 2],
+}
+
+impl ExprFunction {
+    /// A function of inputs of these sizes. Derivatives are nodes of the graph too, so it grows.
+    ///
+    /// # Errors
+    /// As [`Tape::new`] and [`Dag::jacobian`].
+    pub fn new(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
+        let named = |e: Error| in_function(name, e);
+        let value = Tape::new(dag, dims, 0, outputs).map_err(named)?;
+        let wrt = all_inputs(dag, dims);
+        let weights = dag.inputs(Block::Weight, outputs.len());
+        let jac = dag.jacobian(outputs, &wrt).map_err(named)?;
+        let hess = dag.hessian(outputs, &weights, &wrt).map_err(named)?;
+        let tape = |dag: &Dag, n_weights: usize, entries: &[super::diff::Entry]| {
+            let ids: Vec<Id> = entries.iter().map(|e| e.value).collect();
+            Tape::new(dag, dims, n_weights, &ids).map_err(named)
+        };
+        let pattern = |n_rows: usize, entries: &[super::diff::Entry]| {
+            let (rows, cols): (Vec<usize>, Vec<usize>) = entries.iter().map(|e| (e.row, e.col)).unzip();
+            Pattern::from_triplets(n_rows, dims.n_in(), &rows, &cols).0
+        };
+        let approximate = value.approximate_derivatives();
+        Ok(ExprFunction {
+            name: name.to_owned(),
+            dims,
+            jacobian: tape(dag, 0, &jac)?,
+            hessian: tape(dag, outputs.len(), &hess)?,
+            jac_pattern: pattern(outputs.len(), &jac),
+            hess_pattern: pattern(dims.n_in(), &hess),
+            value,
+            approximate,
+        })
+    }
+
+    /// The same, shared.
+    pub fn shared(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<Arc<dyn Function>> {
+        Ok(Arc::new(ExprFunction::new(name, dag, dims, outputs)?))
+    }
+
+    /// Program of the values.
+    pub fn value_tape(&self) -> &Tape {
+        &self.value
+    }
+
+    /// Program of the Jacobian, entry by entry of the pattern.
+    pub fn jacobian_tape(&self) -> &Tape {
+        &self.jacobian
+    }
+
+    /// Program of the Hessian; its weights are inputs.
+    pub fn hessian_tape(&self) -> &Tape {
+        &self.hessian
+    }
+
+    /// Length of the workspace of [`Tape::run_batch`] for all three programs, in units of [`LANES`] numbers.
+    pub fn batch_work(&self) -> Vec<[f64; LANES]> {
+        vec![[0.0; LANES]; self.work_len()]
+    }
+}
+
+/// All inputs in the order of the columns of derivative patterns: `x`, `u`, `p`, `t`.
+pub(super) fn all_inputs(dag: &mut Dag, dims: Dims) -> Vec<Id> {
+    let mut all = dag.inputs(Block::X, dims.x);
+    all.extend(dag.inputs(Block::U, dims.u));
+    all.extend(dag.inputs(Block::P, dims.p));
+    all.push(dag.input(Block::T, 0));
+    all
+}
+
+/// Puts the name of a function before a message.
+pub(super) fn in_function(name: &str, e: Error) -> Error {
+    let put = |s: String| format!("{name}: {s}");
+    match e {
+        Error::Dimension(s) => Error::Dimension(put(s)),
+        Error::Range(s) => Error::Range(put(s)),
+        Error::Unsupported(s) => Error::Unsupported(put(s)),
+        Error::NonFinite(s) => Error::NonFinite(put(s)),
+        other => other,
+    }
+}
+
+impl Function for ExprFunction {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn dims(&self) -> Dims {
+        self.dims
+    }
+    fn n_out(&self) -> usize {
+        self.value.n_out()
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        &self.jac_pattern
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        &self.hess_pattern
+    }
+    fn work_len(&self) -> usize {
+        self.value.work_len().max(self.jacobian.work_len()).max(self.hessian.work_len())
+    }
+    fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        self.value.run(at, &[], &mut out[..self.value.n_out()], work)
+    }
+    fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        self.jacobian.run(at, &[], &mut out[..self.jacobian.n_out()], work)
+    }
+    fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        self.hessian.run(at, weights, &mut out[..self.hessian.n_out()], work)
+    }
+    fn jacobian_is_approximate(&self) -> bool {
+        self.approximate[0]
+    }
+    fn hessian_is_approximate(&self) -> bool {
+        self.approximate[1]
+    }
+}

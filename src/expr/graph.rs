@@ -1,0 +1,368 @@
+//! Operators: [`Expr`] and [`Cond`] are handles into a [`Graph`] that can be written like numbers and truth values.
+
+use std::cell::{RefCell, RefMut};
+use std::fmt;
+use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+
+use super::dag::{Block, Dag, External, Id};
+use super::function::ExprFunction;
+use super::op::{Binary, Unary};
+use super::piecewise::Piecewise;
+use crate::error::Result;
+use crate::func::Dims;
+
+/// A [`Dag`] that expressions can share while it grows.
+#[derive(Default)]
+pub struct Graph {
+    dag: RefCell<Dag>,
+}
+
+/// A value in a graph.
+#[derive(Clone, Copy)]
+pub struct Expr<'g> {
+    graph: &'g Graph,
+    id: Id,
+}
+
+/// A condition in a graph.
+#[derive(Clone, Copy)]
+pub struct Cond<'g> {
+    graph: &'g Graph,
+    id: Id,
+}
+
+impl Graph {
+    /// An empty graph.
+    pub fn new() -> Graph {
+        Graph::default()
+    }
+
+    /// The graph itself, to differentiate.
+    ///
+    /// # Panics
+    /// If it is borrowed already: let go of the result before computing with expressions.
+    pub fn dag(&self) -> RefMut<'_, Dag> {
+        self.dag.borrow_mut()
+    }
+
+    /// The handle of a node.
+    pub fn expr(&self, id: Id) -> Expr<'_> {
+        Expr { graph: self, id }
+    }
+
+    fn cond(&self, id: Id) -> Cond<'_> {
+        Cond { graph: self, id }
+    }
+
+    /// A constant.
+    pub fn constant(&self, v: f64) -> Expr<'_> {
+        self.expr(self.dag().constant(v))
+    }
+
+    /// State `i`.
+    pub fn x(&self, i: usize) -> Expr<'_> {
+        self.expr(self.dag().input(Block::X, i))
+    }
+
+    /// Control `i`.
+    pub fn u(&self, i: usize) -> Expr<'_> {
+        self.expr(self.dag().input(Block::U, i))
+    }
+
+    /// Parameter `i`.
+    pub fn p(&self, i: usize) -> Expr<'_> {
+        self.expr(self.dag().input(Block::P, i))
+    }
+
+    /// Time.
+    pub fn t(&self) -> Expr<'_> {
+        self.expr(self.dag().input(Block::T, 0))
+    }
+
+    /// Value of a piecewise polynomial.
+    pub fn piecewise<'g>(&'g self, p: &Piecewise, a: Expr<'g>) -> Expr<'g> {
+        self.own(a.graph);
+        self.expr(self.dag().piecewise(p, a.id))
+    }
+
+    /// Solution of `A x = b`, `A` by columns; see [`Dag::solve`].
+    pub fn solve<'g>(&'g self, matrix: &[Expr<'g>], rhs: &[Expr<'g>]) -> Result<Vec<Expr<'g>>> {
+        let (a, b) = (self.ids(matrix), self.ids(rhs));
+        let x = self.dag().solve(&a, &b)?;
+        Ok(x.into_iter().map(|id| self.expr(id)).collect())
+    }
+
+    /// Outputs of an external function at `x`, `u`, `p`, `t`; see [`Dag::call`].
+    pub fn call<'g>(&'g self, f: &External, args: &[Expr<'g>]) -> Result<Vec<Expr<'g>>> {
+        let args = self.ids(args);
+        let out = self.dag().call(f, &args)?;
+        Ok(out.into_iter().map(|id| self.expr(id)).collect())
+    }
+
+    /// A function of inputs of these sizes; see [`ExprFunction::new`].
+    pub fn function(&self, name: &str, dims: Dims, outputs: &[Expr]) -> Result<ExprFunction> {
+        let ids = self.ids(outputs);
+        ExprFunction::new(name, &mut self.dag(), dims, &ids)
+    }
+
+    /// Numbers of the nodes.
+    pub fn ids(&self, all: &[Expr]) -> Vec<Id> {
+        all.iter()
+            .map(|e| {
+                self.own(e.graph);
+                e.id
+            })
+            .collect()
+    }
+
+    fn own(&self, other: &Graph) {
+        assert!(std::ptr::eq(self, other), "expressions of two graphs cannot be combined");
+    }
+}
+
+impl<'g> Expr<'g> {
+    /// Number of the node.
+    pub fn id(self) -> Id {
+        self.id
+    }
+
+    /// Value, if it is a constant.
+    pub fn as_const(self) -> Option<f64> {
+        self.graph.dag().as_const(self.id)
+    }
+
+    fn unary(self, op: Unary) -> Expr<'g> {
+        self.graph.expr(self.graph.dag().unary(op, self.id))
+    }
+
+    fn binary(self, op: Binary, b: Expr<'g>) -> Expr<'g> {
+        self.graph.own(b.graph);
+        self.graph.expr(self.graph.dag().binary(op, self.id, b.id))
+    }
+
+    /// `√self`
+    pub fn sqrt(self) -> Expr<'g> {
+        self.unary(Unary::Sqrt)
+    }
+    /// Exponential.
+    pub fn exp(self) -> Expr<'g> {
+        self.unary(Unary::Exp)
+    }
+    /// Natural logarithm.
+    pub fn ln(self) -> Expr<'g> {
+        self.unary(Unary::Log)
+    }
+    /// Sine.
+    pub fn sin(self) -> Expr<'g> {
+        self.unary(Unary::Sin)
+    }
+    /// Cosine.
+    pub fn cos(self) -> Expr<'g> {
+        self.unary(Unary::Cos)
+    }
+    /// Tangent.
+    pub fn tan(self) -> Expr<'g> {
+        self.unary(Unary::Tan)
+    }
+    /// Inverse sine.
+    pub fn asin(self) -> Expr<'g> {
+        self.unary(Unary::Asin)
+    }
+    /// Inverse cosine.
+    pub fn acos(self) -> Expr<'g> {
+        self.unary(Unary::Acos)
+    }
+    /// Inverse tangent.
+    pub fn atan(self) -> Expr<'g> {
+        self.unary(Unary::Atan)
+    }
+    /// Angle of the point `(x, self)`.
+    pub fn atan2(self, x: Expr<'g>) -> Expr<'g> {
+        self.binary(Binary::Atan2, x)
+    }
+    /// Hyperbolic sine.
+    pub fn sinh(self) -> Expr<'g> {
+        self.unary(Unary::Sinh)
+    }
+    /// Hyperbolic cosine.
+    pub fn cosh(self) -> Expr<'g> {
+        self.unary(Unary::Cosh)
+    }
+    /// Hyperbolic tangent.
+    pub fn tanh(self) -> Expr<'g> {
+        self.unary(Unary::Tanh)
+    }
+    /// Error function.
+    pub fn erf(self) -> Expr<'g> {
+        self.unary(Unary::Erf)
+    }
+    /// Integer power.
+    pub fn powi(self, n: i32) -> Expr<'g> {
+        self.graph.expr(self.graph.dag().powi(self.id, n))
+    }
+    /// Real power.
+    pub fn powf(self, b: Expr<'g>) -> Expr<'g> {
+        self.binary(Binary::Pow, b)
+    }
+
+    fn switching(self, f: impl FnOnce(&mut Dag, Id) -> Id) -> Expr<'g> {
+        self.graph.expr(f(&mut self.graph.dag(), self.id))
+    }
+
+    /// Sign; a switching function.
+    pub fn sign(self) -> Expr<'g> {
+        self.switching(|d, a| d.sign(a))
+    }
+    /// Modulus; a switching function.
+    pub fn abs(self) -> Expr<'g> {
+        self.switching(|d, a| d.abs(a))
+    }
+    /// The smaller one; a switching function.
+    pub fn min(self, b: Expr<'g>) -> Expr<'g> {
+        self.graph.own(b.graph);
+        self.switching(|d, a| d.min(a, b.id))
+    }
+    /// The larger one; a switching function.
+    pub fn max(self, b: Expr<'g>) -> Expr<'g> {
+        self.graph.own(b.graph);
+        self.switching(|d, a| d.max(a, b.id))
+    }
+    /// The nearest value of an interval; two switching functions.
+    pub fn clip(self, low: Expr<'g>, high: Expr<'g>) -> Expr<'g> {
+        self.graph.own(low.graph);
+        self.graph.own(high.graph);
+        self.switching(|d, a| d.clip(a, low.id, high.id))
+    }
+    /// `on` where positive, `off` where negative; a switching function.
+    pub fn relay(self, on: Expr<'g>, off: Expr<'g>) -> Expr<'g> {
+        self.graph.own(on.graph);
+        self.graph.own(off.graph);
+        self.switching(|d, a| d.relay(a, on.id, off.id))
+    }
+    /// Zero up to `half_width`, then the distance; two switching functions.
+    pub fn dead_zone(self, half_width: Expr<'g>) -> Expr<'g> {
+        self.graph.own(half_width.graph);
+        self.switching(|d, a| d.dead_zone(a, half_width.id))
+    }
+    /// The condition `self > b`.
+    pub fn gt(self, b: impl Into<Operand<'g>>) -> Cond<'g> {
+        let d = self - b.into();
+        d.graph.cond(d.graph.dag().positive(d.id))
+    }
+    /// The condition `self < b`.
+    pub fn lt(self, b: impl Into<Operand<'g>>) -> Cond<'g> {
+        !self.gt(b)
+    }
+}
+
+impl<'g> Cond<'g> {
+    /// Number of the node.
+    pub fn id(self) -> Id {
+        self.id
+    }
+
+    /// `a` where the condition holds, `b` elsewhere.
+    pub fn select(self, a: Expr<'g>, b: Expr<'g>) -> Expr<'g> {
+        self.graph.own(a.graph);
+        self.graph.own(b.graph);
+        self.graph.expr(self.graph.dag().select(self.id, a.id, b.id))
+    }
+}
+
+impl Not for Cond<'_> {
+    type Output = Self;
+    fn not(self) -> Self {
+        self.graph.cond(self.graph.dag().not(self.id))
+    }
+}
+
+impl BitAnd for Cond<'_> {
+    type Output = Self;
+    fn bitand(self, b: Self) -> Self {
+        self.graph.own(b.graph);
+        self.graph.cond(self.graph.dag().and(self.id, b.id))
+    }
+}
+
+impl BitOr for Cond<'_> {
+    type Output = Self;
+    fn bitor(self, b: Self) -> Self {
+        self.graph.own(b.graph);
+        self.graph.cond(self.graph.dag().or(self.id, b.id))
+    }
+}
+
+/// The other operand: an expression or a number.
+#[derive(Clone, Copy)]
+pub enum Operand<'g> {
+    /// An expression.
+    Expr(Expr<'g>),
+    /// A number.
+    Number(f64),
+}
+
+impl<'g> From<Expr<'g>> for Operand<'g> {
+    fn from(e: Expr<'g>) -> Self {
+        Operand::Expr(e)
+    }
+}
+
+impl From<f64> for Operand<'_> {
+    fn from(v: f64) -> Self {
+        Operand::Number(v)
+    }
+}
+
+impl<'g> Operand<'g> {
+    fn in_graph(self, graph: &'g Graph) -> Expr<'g> {
+        match self {
+            Operand::Expr(e) => e,
+            Operand::Number(v) => graph.constant(v),
+        }
+    }
+}
+
+macro_rules! operator {
+    ($($trait:ident $method:ident $op:ident),*) => {$(
+        impl<'g, T: Into<Operand<'g>>> $trait<T> for Expr<'g> {
+            type Output = Expr<'g>;
+            fn $method(self, b: T) -> Expr<'g> {
+                self.binary(Binary::$op, b.into().in_graph(self.graph))
+            }
+        }
+        impl<'g> $trait<Expr<'g>> for f64 {
+            type Output = Expr<'g>;
+            fn $method(self, b: Expr<'g>) -> Expr<'g> {
+                b.graph.constant(self).binary(Binary::$op, b)
+            }
+        }
+    )*};
+}
+operator!(Add add Add, Sub sub Sub, Mul mul Mul, Div div Div);
+
+impl<'g> Neg for Expr<'g> {
+    type Output = Expr<'g>;
+    fn neg(self) -> Expr<'g> {
+        self.unary(Unary::Neg)
+    }
+}
+
+impl<'g> std::iter::Sum for Expr<'g> {
+    /// # Panics
+    /// Without terms there is no graph the zero could belong to.
+    fn sum<I: Iterator<Item = Expr<'g>>>(terms: I) -> Expr<'g> {
+        terms.reduce(|a, b| a + b).expect("a sum of expressions needs a term")
+    }
+}
+
+impl fmt::Debug for Expr<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.graph.dag().text(self.id))
+    }
+}
+
+impl fmt::Debug for Cond<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.graph.dag().text(self.id))
+    }
+}

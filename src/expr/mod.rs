@@ -1,0 +1,29 @@
+//! Models as expressions: a graph of scalar operations, its exact derivatives, and programs that evaluate both.
+//!
+//! A [`Dag`] holds every expression once. [`Graph`] with [`Expr`] and [`Cond`] is the same with operators.
+//! [`Dag::jacobian`] and [`Dag::hessian`] add derivatives to the graph, [`Tape`] evaluates any nodes of it at one point or
+//! at many, [`ExprFunction`] makes a [`crate::func::Function`] of it, [`write_c`] writes it out in C.
+//!
+//! Operators that switch (`sign`, `abs`, `min`, `max`, `where`) are not evaluated: [`crate::model`] turns them into
+//! switching functions and modes.
+
+mod c_code;
+mod dag;
+mod diff;
+mod function;
+mod graph;
+mod linear;
+mod op;
+mod piecewise;
+mod switching;
+mod tape;
+mod text;
+
+pub use c_code::write_c;
+pub use dag::{Block, Dag, Id, Node};
+pub use diff::Entry;
+pub use function::ExprFunction;
+pub use graph::{Cond, Expr, Graph, Operand};
+pub use op::{Binary, Unary};
+pub use piecewise::Piecewise;
+pub use tape::{Tape, CYCLE_CODE, LANES};

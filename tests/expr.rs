@@ -1,0 +1,366 @@
+//! Expressions: evaluation in all its forms, external functions, hostile input.
+
+use std::process::Command;
+use std::sync::{Arc, OnceLock, Weak};
+
+use switchback::error::Error;
+use switchback::expr::{write_c, Block, Dag, Expr, ExprFunction, Graph, Piecewise, Tape, CYCLE_CODE, LANES};
+use switchback::func::{check_derivatives, Callback, CheckSettings, Dims, EvalError, EvalResult, Function, Point};
+use switchback::linalg::csc::Pattern;
+
+const DIMS: Dims = Dims { x: 3, u: 1, p: 1 };
+const X: [f64; 3] = [0.7, -1.3, 2.1];
+
+fn at() -> Point<'static> {
+    Point { t: 0.4, x: &X, u: &[0.9], p: &[1.7] }
+}
+
+/// Everything there is: elementary functions, powers, tables, a linear system.
+fn model(g: &Graph) -> Vec<Expr<'_>> {
+    let [x, y, z] = [0, 1, 2].map(|i| g.x(i));
+    let (u, p, t) = (g.u(0), g.p(0), g.t());
+    let spline = Piecewise::spline(&[-2.0, 0.0, 0.5, 1.5, 4.0], &[1.0, -1.0, 0.3, 2.0, 0.0]).unwrap();
+    let steps = Piecewise::steps(&[0.0, 1.0], &[2.0, -1.5, 4.0]).unwrap();
+    let m = [z + 2.0, x * y, x * y, u.exp()];
+    let a = g.solve(&m, &[t.sin(), p]).unwrap();
+    vec![
+        (x * y).sin() + z.powi(3) / (1.0 + u * u) - p.sqrt() * 0.1,
+        g.piecewise(&spline, x + 0.1 * t) * y.cosh() + g.piecewise(&steps, t) * x,
+        a[0] * a[1] + y.atan2(z) + (x / 2.0).asin() + (x / 2.0).acos() * y + y.erf() + z.tanh() * y.sinh(),
+        z.powf(p) + (z.ln() * u).exp() - y.tan().atan() * t.cos() + y.powi(-3),
+        a[1] - 3.0 * z + 1.0,
+    ]
+}
+
+fn function(name: &str) -> ExprFunction {
+    let g = Graph::new();
+    g.function(name, DIMS, &model(&g)).unwrap()
+}
+
+/// Values, Jacobian and Hessian, one after the other.
+fn all(f: &dyn Function, at: &Point, weights: &[f64]) -> Vec<f64> {
+    let mut work = vec![f64::NAN; f.work_len()];
+    let mut parts = [vec![0.0; f.n_out()], vec![0.0; f.jac_pattern().nnz()], vec![0.0; f.hess_pattern().nnz()]];
+    f.value(at, &mut parts[0], &mut work).unwrap();
+    f.jacobian(at, &mut parts[1], &mut work).unwrap();
+    f.hessian(at, weights, &mut parts[2], &mut work).unwrap();
+    parts.concat()
+}
+
+const WEIGHTS: [f64; 5] = [1.0, -0.5, 0.3, 2.0, -1.0];
+
+#[test]
+fn derivatives_agree_with_differences() {
+    let settings = CheckSettings { parameters: true, ..Default::default() };
+    let r = check_derivatives(&function("f"), &at(), &settings).unwrap();
+    assert!(r.passed(), "{r}");
+    assert!(r.n_compared > 40);
+}
+
+#[test]
+fn batches_give_the_bits_of_single_points() {
+    let f = function("f");
+    let n = 2 * LANES + 3;
+    let n_in = DIMS.n_in();
+    let inputs: Vec<f64> = (0..(n_in + 5) * n).map(|k| 0.6 + 0.9 * ((k * k) as f64).sin().abs()).collect();
+    let mut work = f.batch_work();
+    let tapes: [(&Tape, usize); 3] = [(f.value_tape(), 0), (f.jacobian_tape(), 0), (f.hessian_tape(), 5)];
+    for (tape, n_weights) in tapes {
+        let mut out = vec![0.0; tape.n_out() * n];
+        tape.run_batch(n, &inputs[..(n_in + n_weights) * n], &mut out, &mut work).unwrap();
+        let mut scalar = vec![0.0; tape.work_len()];
+        for k in 0..n {
+            let z: Vec<f64> = (0..n_in + n_weights).map(|j| inputs[j * n + k]).collect();
+            let point = Point { t: z[5], x: &z[..3], u: &z[3..4], p: &z[4..5] };
+            let mut one = vec![0.0; tape.n_out()];
+            tape.run(&point, &z[n_in..], &mut one, &mut scalar).unwrap();
+            for (i, v) in one.iter().enumerate() {
+                assert_eq!(v.to_bits(), out[i * n + k].to_bits(), "result {i} of point {k}");
+            }
+        }
+    }
+}
+
+#[test]
+fn registers_are_used_again() {
+    let g = Graph::new();
+    let mut e = g.x(0);
+    for k in 0..1000 {
+        e = (e * g.x(1) + f64::from(k % 7)).sin();
+    }
+    let tape = Tape::new(&g.dag(), DIMS, 0, &[e.id()]).unwrap();
+    // Six constants (zero adds nothing), one value that is alive at a time.
+    assert_eq!(tape.work_len(), DIMS.n_in() + 6 + 1);
+    assert!(tape.len() > 2500);
+}
+
+#[test]
+fn the_same_calls_give_the_same_program() {
+    let (a, b) = (function("f"), function("f"));
+    let bits = |f: &ExprFunction| all(f, &at(), &WEIGHTS).iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+    assert_eq!(bits(&a), bits(&b));
+    assert_eq!(write_c(&[&a]).unwrap(), write_c(&[&b]).unwrap());
+}
+
+#[test]
+fn generated_c_gives_the_same_numbers() {
+    let f = function("model");
+    let dir = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("expr_c");
+    std::fs::create_dir_all(&dir).unwrap();
+    let driver = format!(
+        "#include \"model.c\"\n#include <stdio.h>\n\
+         static double out[{n}];\n\
+         int main(void) {{\n\
+         const double x[] = {{0.7, -1.3, 2.1}}, u[] = {{0.9}}, p[] = {{1.7}}, w[] = {{1.0, -0.5, 0.3, 2.0, -1.0}};\n\
+         int i;\n\
+         if (model_value(0.4, x, u, p, out) || model_jacobian(0.4, x, u, p, out + {j}) || \
+         model_hessian(0.4, x, u, p, w, out + {h})) return 1;\n\
+         for (i = 0; i < {n}; i++) printf(\"%.17g\\n\", out[i]);\n\
+         return model_n_out != 5 || model_jacobian_col_ptr[6] != {nj};\n}}\n",
+        n = 5 + f.jac_pattern().nnz() + f.hess_pattern().nnz(),
+        j = 5,
+        h = 5 + f.jac_pattern().nnz(),
+        nj = f.jac_pattern().nnz(),
+    );
+    std::fs::write(dir.join("model.c"), write_c(&[&f]).unwrap()).unwrap();
+    std::fs::write(dir.join("driver.c"), driver).unwrap();
+    let run = |program: &str, args: &[&str]| {
+        Command::new(program).args(args).current_dir(&dir).output().unwrap_or_else(|e| panic!("{program}: {e}"))
+    };
+    let flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off", "-o", "driver"];
+    let cc = run("cc", &[&flags[..], &["driver.c", "-lm"]].concat());
+    assert!(cc.status.success(), "{}", String::from_utf8_lossy(&cc.stderr));
+    let result = run("./driver", &[]);
+    assert!(result.status.success());
+    let got: Vec<f64> = String::from_utf8(result.stdout).unwrap().lines().map(|l| l.parse().unwrap()).collect();
+    let exact = all(&f, &at(), &WEIGHTS);
+    assert_eq!(got.len(), exact.len());
+    for (k, (a, b)) in got.iter().zip(&exact).enumerate() {
+        assert!((a - b).abs() <= f64::EPSILON * b.abs(), "number {k}: {a} {b}");
+    }
+}
+
+#[test]
+fn c_code_needs_names_and_known_operations() {
+    let f = function("not a name");
+    assert!(matches!(write_c(&[&f]), Err(Error::Range(_))));
+    let f = function("f");
+    assert!(matches!(write_c(&[&f, &f]), Err(Error::Range(_))));
+    let g = Graph::new();
+    let out = g.call(&external(), &[g.x(0), g.x(1), g.t()]).unwrap();
+    let f = g.function("f", DIMS, &[out[0]]).unwrap();
+    let e = write_c(&[&f]).unwrap_err();
+    assert!(e.to_string().contains("external function 'ext'"), "{e}");
+}
+
+fn pattern(m: usize, n: usize, entries: &[(usize, usize)]) -> Pattern {
+    let (rows, cols): (Vec<usize>, Vec<usize>) = entries.iter().copied().unzip();
+    Pattern::from_triplets(m, n, &rows, &cols).0
+}
+
+/// `(a² sin b, a + b)` with exact derivatives.
+fn external() -> Arc<dyn Function> {
+    let f = Callback::new("ext", Dims { x: 2, u: 0, p: 0 }, 2, |at, out| {
+        out[0] = at.x[0] * at.x[0] * at.x[1].sin();
+        out[1] = at.x[0] + at.x[1];
+        0
+    })
+    .with_jacobian(pattern(2, 3, &[(0, 0), (1, 0), (0, 1), (1, 1)]), |at, out| {
+        out[0] = 2.0 * at.x[0] * at.x[1].sin();
+        out[1] = 1.0;
+        out[2] = at.x[0] * at.x[0] * at.x[1].cos();
+        out[3] = 1.0;
+        0
+    })
+    .unwrap()
+    .with_hessian(pattern(3, 3, &[(0, 0), (0, 1), (1, 1)]), |at, w, out| {
+        out[0] = w[0] * 2.0 * at.x[1].sin();
+        out[1] = w[0] * 2.0 * at.x[0] * at.x[1].cos();
+        out[2] = -w[0] * at.x[0] * at.x[0] * at.x[1].sin();
+        0
+    })
+    .unwrap();
+    Arc::new(f)
+}
+
+#[test]
+fn external_functions_are_nodes_with_derivatives() {
+    let f = external();
+    let g = Graph::new();
+    let [x, y, z] = [0, 1, 2].map(|i| g.x(i));
+    let (a, b) = (x * y, z.exp());
+    let called = g.call(&f, &[a, b, g.t()]).unwrap();
+    assert_eq!(called[0].id(), g.call(&f, &[a, b, g.t()]).unwrap()[0].id());
+    let written = [a * a * b.sin(), a + b];
+    let wrap = |e: &[Expr]| [e[0] * e[1] + x, e[1].sin()].map(|e| e.id());
+    let (called, written) = (wrap(&called), wrap(&written));
+    let f = ExprFunction::new("called", &mut g.dag(), DIMS, &called).unwrap();
+    let h = ExprFunction::new("written", &mut g.dag(), DIMS, &written).unwrap();
+    assert_eq!((f.jac_pattern(), f.hess_pattern()), (h.jac_pattern(), h.hess_pattern()));
+    let (a, b) = (all(&f, &at(), &WEIGHTS), all(&h, &at(), &WEIGHTS));
+    for (a, b) in a.iter().zip(&b) {
+        assert!((a - b).abs() < 1e-13 * b.abs().max(1.0), "{a} {b}");
+    }
+    assert!(!f.jacobian_is_approximate() && !f.hessian_is_approximate());
+    // Batches call the function point by point.
+    let inputs: Vec<f64> = [X[0], X[1], X[2], 0.9, 1.7, 0.4].iter().flat_map(|&v| [v; 3]).collect();
+    let mut out = vec![0.0; 6];
+    f.value_tape().run_batch(3, &inputs, &mut out, &mut f.batch_work()).unwrap();
+    assert_eq!(out[2].to_bits(), all(&f, &at(), &WEIGHTS)[0].to_bits());
+}
+
+#[test]
+fn differences_of_external_functions_are_reported_as_such() {
+    let f: Arc<dyn Function> = Arc::new(Callback::new("fd", Dims { x: 1, u: 0, p: 0 }, 1, |at, out| {
+        out[0] = at.x[0] * at.x[0];
+        0
+    }));
+    let g = Graph::new();
+    let y = g.call(&f, &[g.x(0), g.t()]).unwrap();
+    let h = g.function("h", DIMS, &[y[0]]).unwrap();
+    assert!(h.jacobian_is_approximate() && h.hessian_is_approximate());
+    let e = g.call(&f, &[g.x(0)]).unwrap_err();
+    assert!(matches!(e, Error::Dimension(_)), "{e}");
+}
+
+/// An external function that evaluates the function it is part of.
+struct Cycle {
+    target: OnceLock<Weak<ExprFunction>>,
+    pattern: Pattern,
+}
+
+impl Cycle {
+    fn run(&self, at: &Point, out: &mut [f64]) -> EvalResult {
+        let f = self.target.get().and_then(Weak::upgrade).unwrap();
+        let x = [at.x[0], 0.0, 0.0];
+        f.value(&Point { t: 0.0, x: &x, u: &[0.0], p: &[0.0] }, out, &mut vec![0.0; f.work_len()])
+    }
+}
+
+impl Function for Cycle {
+    fn name(&self) -> &str {
+        "cycle"
+    }
+    fn dims(&self) -> Dims {
+        Dims { x: 1, u: 0, p: 0 }
+    }
+    fn n_out(&self) -> usize {
+        1
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        &self.pattern
+    }
+    fn work_len(&self) -> usize {
+        0
+    }
+    fn value(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
+        self.run(at, out)
+    }
+    fn jacobian(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
+        self.run(at, out)
+    }
+    fn hessian(&self, _: &Point, _: &[f64], _: &mut [f64], _: &mut [f64]) -> EvalResult {
+        Ok(())
+    }
+}
+
+#[test]
+fn a_cycle_through_an_external_function_ends() {
+    let cycle = Arc::new(Cycle { target: OnceLock::new(), pattern: Pattern::empty(1, 2) });
+    let g = Graph::new();
+    let shared: Arc<dyn Function> = cycle.clone();
+    let y = g.call(&shared, &[g.x(0), g.t()]).unwrap();
+    let f = Arc::new(g.function("f", DIMS, &[y[0] + 1.0]).unwrap());
+    assert!(cycle.target.set(Arc::downgrade(&f)).is_ok());
+    let mut work = vec![0.0; f.work_len()];
+    assert_eq!(f.value(&at(), &mut [0.0], &mut work), Err(EvalError::Fatal(CYCLE_CODE)));
+    // The next call starts anew.
+    assert_eq!(f.value(&at(), &mut [0.0], &mut work), Err(EvalError::Fatal(CYCLE_CODE)));
+}
+
+#[test]
+fn errors_of_external_functions_pass_through() {
+    let dims = Dims { x: 1, u: 0, p: 0 };
+    for (code, expected) in [(1, EvalError::Recoverable), (-7, EvalError::Fatal(-7))] {
+        let f: Arc<dyn Function> = Arc::new(Callback::new("bad", dims, 1, move |_, _| code));
+        let g = Graph::new();
+        let y = g.call(&f, &[g.x(0), g.t()]).unwrap();
+        let tape = Tape::new(&g.dag(), DIMS, 0, &[y[0].id()]).unwrap();
+        let mut work = vec![0.0; tape.work_len()];
+        assert_eq!(tape.run(&at(), &[], &mut [0.0], &mut work), Err(expected));
+    }
+}
+
+#[test]
+fn values_that_are_not_defined_are_recoverable() {
+    let g = Graph::new();
+    let x = g.x(0);
+    let singular = g.solve(&[x, x * 2.0, x * 2.0, x * 4.0], &[x, x]).unwrap();
+    for e in [(-x).ln(), 1.0 / (x - 0.7), singular[0]] {
+        let f = g.function("f", DIMS, &[e]).unwrap();
+        let mut work = vec![0.0; f.work_len()];
+        assert_eq!(f.value(&at(), &mut [0.0], &mut work), Err(EvalError::Recoverable));
+    }
+}
+
+#[test]
+fn hostile_input_is_refused() {
+    let g = Graph::new();
+    let new = |e: &[Expr]| g.function("f", DIMS, e).map(|_| ());
+    let x = g.x(0);
+    for bad in [g.constant(f64::NAN), g.constant(-1.0).ln() + x, x + f64::INFINITY, x / 0.0] {
+        let e = new(&[bad]).unwrap_err();
+        assert!(matches!(e, Error::NonFinite(_)) && e.to_string().starts_with("f: "), "{e}");
+    }
+    for bad in [g.x(3), g.u(1), g.p(7)] {
+        let e = new(&[x, bad.sin()]).unwrap_err();
+        assert!(matches!(e, Error::Dimension(_)), "{e}");
+    }
+    let e = new(&[x.abs()]).unwrap_err();
+    assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("switching functions"), "{e}");
+    let c = x.gt(0.0);
+    let e = ExprFunction::new("f", &mut g.dag(), DIMS, &[c.id()]).map(|_| ()).unwrap_err();
+    assert!(matches!(e, Error::Range(_)), "{e}");
+    assert!(g.dag().id(1_000_000).is_err());
+    new(&[]).unwrap();
+}
+
+#[test]
+#[should_panic(expected = "two graphs")]
+fn graphs_do_not_mix() {
+    let (g, h) = (Graph::new(), Graph::new());
+    let _ = g.x(0) + h.x(0);
+}
+
+/// A chain of a million operations: nothing recurses.
+#[test]
+fn huge_graphs() {
+    let mut d = Dag::new();
+    let (x, y) = (d.input(Block::X, 0), d.input(Block::X, 1));
+    let mut e = x;
+    for k in 0..350_000 {
+        let c = d.constant(0.5 + f64::from(k) * 1e-6);
+        let p = d.mul(c, y);
+        e = d.add(e, p);
+        e = d.unary(switchback::expr::Unary::Sin, e);
+    }
+    assert!(d.len() > 1_350_000);
+    let tape = Tape::new(&d, DIMS, 0, &[e]).unwrap();
+    let mut work = vec![0.0; tape.work_len()];
+    let mut out = [0.0];
+    tape.run(&at(), &[], &mut out, &mut work).unwrap();
+    let mut exact = X[0];
+    for k in 0..350_000 {
+        exact = (exact + (0.5 + f64::from(k) * 1e-6) * X[1]).sin();
+    }
+    assert_eq!(out[0], exact);
+    let entries = d.jacobian(&[e], &[x, y]).unwrap();
+    assert_eq!(entries.len(), 2);
+    assert!(d.text(e).len() < 300);
+    // Long sums stay sums of their terms.
+    let s = d.sub(e, x);
+    d.positive(s);
+}
