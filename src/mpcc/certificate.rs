@@ -608,8 +608,9 @@ impl Certifier {
         };
         let prefer = |k: usize| usize::from(step[self.members[k].0] > step[self.members[k].1]);
         let first = prefer(k);
-        if verdict == Verdict::Descent {
-            // one program more often settles it: the branch next to the step
+        let open = self.assigned[..self.members.len()].iter().filter(|a| a.is_none()).count();
+        if verdict == Verdict::Descent && open > 1 && self.stack.last().is_none_or(|c| c.at > 0) {
+            // one program more often settles it: the branch next to the step. Below a first piece it was tried before
             for l in 0..self.members.len() {
                 if self.assigned[l].is_none() {
                     self.assigned[l] = Some(BRANCHES[prefer(l)]);

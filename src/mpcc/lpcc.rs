@@ -12,7 +12,7 @@ use super::certificate::Local;
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::{mul_add, mul_add_transposed, Pattern};
-use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Monotone, Nlp, Outcome, Start, INFINITE};
+use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Iterate, Monotone, Nlp, Outcome, Start, INFINITE};
 
 /// Signs that a component of the step may have. The multiplier of its bound then has the polar signs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -59,6 +59,10 @@ const ATTEMPTS: [(f64, f64); 3] = [(1e-9, 1e-1), (1e-8, 1.0), (1e-6, 1e-2)];
 const MAX_ITER: usize = 80;
 /// Tolerance of the linear programs, whose data are of order one.
 const LP_TOL: f64 = 1e-10;
+/// Tolerance at which a first look is taken.
+const ROUGH: f64 = 1e-4;
+/// Distance from the bounds, relative, that the point found with [`ROUGH`] is kept at.
+const WARM_PUSH: f64 = 1e-12;
 /// Rows whose gradient is below this are none to first order.
 const NO_ROW: f64 = 1e-12;
 
@@ -107,6 +111,7 @@ pub(super) struct Lpcc {
     /// With the signs of the present piece.
     bounds: Bounds,
     relaxed: Bounds,
+    rough: Iterate,
     row_scale: Vec<f64>,
     grad_scale: f64,
     tol: f64,
@@ -139,6 +144,7 @@ impl Lpcc {
             widest: Bounds::free(n, m),
             bounds: Bounds::free(n, m),
             relaxed: Bounds::free(n, m),
+            rough: Iterate::zeros(n, m),
             row_scale: vec![1.0; m],
             grad_scale: 1.0,
             tol: 0.0,
@@ -234,18 +240,21 @@ impl Lpcc {
         }
         for (slack, mu) in ATTEMPTS {
             self.relax(slack);
-            let mut rule = Monotone { mu_init: mu, tol: LP_TOL, primal_tol: LP_TOL };
-            let mut quiet = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
-            let start = Start::Cold(&self.origin);
-            let outcome = self.ipm.solve(&mut self.lp, &self.relaxed, start, &mut rule, &mut quiet);
             self.lps += 1;
-            self.iterations += self.ipm.statistics().iterations;
-            if matches!(outcome, Outcome::Stopped | Outcome::MaxTime) {
-                return Verdict::Stopped;
-            }
-            match self.judge() {
-                Verdict::Unclear => {}
-                verdict => return verdict,
+            // a descent shows long before the last digits do
+            for (mu, tol, margin) in [(mu, ROUGH, 1e6), (0.1 * ROUGH, LP_TOL, 10.0)] {
+                let mut rule = Monotone { mu_init: mu, tol, primal_tol: LP_TOL };
+                let mut quiet = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
+                let start = if tol == ROUGH { Start::Cold(&self.origin) } else { Start::Warm(&self.rough, WARM_PUSH) };
+                let outcome = self.ipm.solve(&mut self.lp, &self.relaxed, start, &mut rule, &mut quiet);
+                self.iterations += self.ipm.statistics().iterations;
+                if matches!(outcome, Outcome::Stopped | Outcome::MaxTime) {
+                    return Verdict::Stopped;
+                }
+                match self.judge(margin) {
+                    Verdict::Unclear => self.rough.copy_from(self.ipm.iterate()),
+                    verdict => return verdict,
+                }
             }
         }
         Verdict::Unclear
@@ -264,8 +273,9 @@ impl Lpcc {
         }
     }
 
-    /// What the point of the interior-point method shows for the bounds that are not relaxed.
-    fn judge(&mut self) -> Verdict {
+    /// What the point of the interior-point method shows for the bounds that are not relaxed. A descent is `margin`
+    /// times what its violation may be worth.
+    fn judge(&mut self, margin: f64) -> Verdict {
         let it = self.ipm.iterate();
         if it.x.iter().chain(&it.y).any(|v| !v.is_finite()) {
             return Verdict::Unclear;
@@ -307,7 +317,7 @@ impl Lpcc {
                 *z *= self.grad_scale;
             }
             Verdict::Stationary
-        } else if gain > self.tol && gain > 10.0 * paid {
+        } else if gain > self.tol && gain > margin * paid {
             Verdict::Descent
         } else {
             Verdict::Unclear
