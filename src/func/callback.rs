@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::panic::{catch_unwind, AssertUnwindSafe};
+use std::sync::OnceLock;
 
 use super::fdiff::{self, Colouring, Differences};
 use super::{Dims, EvalError, EvalResult, Function, Point};
@@ -61,16 +62,49 @@ pub struct Callback {
     n_out: usize,
     value: Box<Plain>,
     jacobian: Option<Box<Plain>>,
+    jac_declared: Option<Pattern>,
+    hessian: Option<Box<Weighted>>,
+    hess_declared: Option<Pattern>,
+    /// Made when first needed: what is not declared is dense, and costs accordingly.
+    structure: OnceLock<Structure>,
+}
+
+/// What follows from closures and declared patterns.
+struct Structure {
     jac_pattern: Pattern,
     jac_colouring: Colouring,
-    hessian: Option<Box<Weighted>>,
     hess_pattern: Pattern,
-    /// The Hessian pattern was declared, not derived from the Jacobian.
-    hess_declared: bool,
     /// Full symmetric pattern, with the entry of the upper triangle behind each entry.
     hess_full: (Pattern, Vec<usize>),
     hess_colouring: Colouring,
     work_len: usize,
+}
+
+impl Structure {
+    fn of(f: &Callback) -> Structure {
+        let n_in = f.dims.n_in();
+        let jac_pattern =
+            f.jac_declared.clone().unwrap_or_else(|| fdiff::dense_in_states_and_controls(f.dims, f.n_out));
+        let hess_pattern = f.hess_declared.clone().unwrap_or_else(|| fdiff::hessian_pattern_of(&jac_pattern));
+        let mut work = 0;
+        let mut jac_colouring = Colouring::default();
+        if f.jacobian.is_none() {
+            jac_colouring = Colouring::of(&jac_pattern);
+            work = Differences::work_len(n_in, f.n_out);
+        }
+        let mut hess_full = (Pattern::empty(n_in, n_in), Vec::new());
+        let mut hess_colouring = Colouring::default();
+        if f.hessian.is_none() && hess_pattern.nnz() > 0 {
+            if f.jacobian.is_some() {
+                hess_full = fdiff::expand(&hess_pattern);
+                hess_colouring = Colouring::of(&hess_full.0);
+                work = work.max(jac_pattern.nnz() + Differences::work_len(n_in, n_in));
+            } else {
+                work = work.max(f.n_out + n_in);
+            }
+        }
+        Structure { jac_pattern, jac_colouring, hess_pattern, hess_full, hess_colouring, work_len: work }
+    }
 }
 
 impl Callback {
@@ -84,31 +118,17 @@ impl Callback {
         n_out: usize,
         value: impl Fn(&Point, &mut [f64]) -> i32 + Send + Sync + 'static,
     ) -> Callback {
-        let (mut rows, mut cols) = (Vec::new(), Vec::new());
-        for j in 0..dims.x + dims.u {
-            for i in 0..n_out {
-                rows.push(i);
-                cols.push(j);
-            }
-        }
-        let jac_pattern = Pattern::from_triplets(n_out, dims.n_in(), &rows, &cols).0;
-        let mut f = Callback {
+        Callback {
             name: name.to_owned(),
             dims,
             n_out,
             value: Box::new(value),
             jacobian: None,
-            jac_pattern,
-            jac_colouring: Colouring::default(),
+            jac_declared: None,
             hessian: None,
-            hess_pattern: Pattern::empty(dims.n_in(), dims.n_in()),
-            hess_declared: false,
-            hess_full: (Pattern::empty(dims.n_in(), dims.n_in()), Vec::new()),
-            hess_colouring: Colouring::default(),
-            work_len: 0,
-        };
-        f.prepare();
-        f
+            hess_declared: None,
+            structure: OnceLock::new(),
+        }
     }
 
     /// Gives the Jacobian: `jacobian(point, out)` writes the `nnz` values of the `n_out × n_in` pattern.
@@ -119,7 +139,7 @@ impl Callback {
     ) -> Result<Callback> {
         self.set_jac_pattern(pattern)?;
         self.jacobian = Some(Box::new(jacobian));
-        self.prepare();
+        self.structure.take();
         Ok(self)
     }
 
@@ -127,7 +147,7 @@ impl Callback {
     pub fn with_jacobian_pattern(mut self, pattern: Pattern) -> Result<Callback> {
         self.set_jac_pattern(pattern)?;
         self.jacobian = None;
-        self.prepare();
+        self.structure.take();
         Ok(self)
     }
 
@@ -140,7 +160,7 @@ impl Callback {
     ) -> Result<Callback> {
         self.set_hess_pattern(pattern)?;
         self.hessian = Some(Box::new(hessian));
-        self.prepare();
+        self.structure.take();
         Ok(self)
     }
 
@@ -148,22 +168,21 @@ impl Callback {
     pub fn with_hessian_pattern(mut self, pattern: Pattern) -> Result<Callback> {
         self.set_hess_pattern(pattern)?;
         self.hessian = None;
-        self.prepare();
+        self.structure.take();
         Ok(self)
     }
 
     /// Declares that all second derivatives vanish.
     pub fn linear(mut self) -> Callback {
-        self.hess_pattern = Pattern::empty(self.dims.n_in(), self.dims.n_in());
-        self.hess_declared = true;
+        self.hess_declared = Some(Pattern::empty(self.dims.n_in(), self.dims.n_in()));
         self.hessian = None;
-        self.prepare();
+        self.structure.take();
         self
     }
 
     fn set_jac_pattern(&mut self, pattern: Pattern) -> Result<()> {
         self.expect_size("Jacobian", &pattern, self.n_out)?;
-        self.jac_pattern = pattern;
+        self.jac_declared = Some(pattern);
         Ok(())
     }
 
@@ -175,8 +194,7 @@ impl Callback {
                 self.name
             )));
         }
-        self.hess_pattern = pattern;
-        self.hess_declared = true;
+        self.hess_declared = Some(pattern);
         Ok(())
     }
 
@@ -196,30 +214,8 @@ impl Callback {
         )))
     }
 
-    /// Recomputes what follows from closures and patterns.
-    fn prepare(&mut self) {
-        let n_in = self.dims.n_in();
-        let mut work = 0;
-        self.jac_colouring = Colouring::default();
-        if self.jacobian.is_none() {
-            self.jac_colouring = Colouring::of(&self.jac_pattern);
-            work = Differences::work_len(n_in, self.n_out);
-        }
-        if !self.hess_declared {
-            self.hess_pattern = fdiff::hessian_pattern_of(&self.jac_pattern);
-        }
-        self.hess_full = (Pattern::empty(n_in, n_in), Vec::new());
-        self.hess_colouring = Colouring::default();
-        if self.hessian.is_none() && self.hess_pattern.nnz() > 0 {
-            if self.jacobian.is_some() {
-                self.hess_full = fdiff::expand(&self.hess_pattern);
-                self.hess_colouring = Colouring::of(&self.hess_full.0);
-                work = work.max(self.jac_pattern.nnz() + Differences::work_len(n_in, n_in));
-            } else {
-                work = work.max(self.n_out + n_in);
-            }
-        }
-        self.work_len = work;
+    fn structure(&self) -> &Structure {
+        self.structure.get_or_init(|| Structure::of(self))
     }
 
     fn call_value(&self, at: &Point, out: &mut [f64]) -> EvalResult {
@@ -235,25 +231,25 @@ impl Callback {
         out: &mut [f64],
         work: &mut [f64],
     ) -> EvalResult {
-        let (jac, work) = work.split_at_mut(self.jac_pattern.nnz());
+        let Structure { jac_pattern, hess_pattern: upper, hess_full: (full, map), hess_colouring, .. } =
+            self.structure();
+        let (jac, work) = work.split_at_mut(jac_pattern.nnz());
         let mut gradient = |at: &Point, g: &mut [f64]| {
             guarded(jac, |jac| jacobian(at, jac))?;
             for (j, g) in g.iter_mut().enumerate() {
-                let entries = self.jac_pattern.range(j);
-                let rows = self.jac_pattern.rows(j);
+                let entries = jac_pattern.range(j);
+                let rows = jac_pattern.rows(j);
                 *g = rows.iter().zip(&jac[entries]).map(|(&r, v)| weights[r] * v).sum();
             }
             Ok(())
         };
-        let (full, map) = &self.hess_full;
         // Every entry beside the diagonal arises twice, from either column: their mean.
-        let upper = &self.hess_pattern;
         out.fill(0.0);
         let mut emit = |k: usize, v: f64| {
             let u = map[k];
             out[u] += v;
         };
-        Differences { dims: self.dims, pattern: full, colouring: &self.hess_colouring }.run(
+        Differences { dims: self.dims, pattern: full, colouring: hess_colouring }.run(
             at,
             &mut gradient,
             &mut emit,
@@ -303,15 +299,15 @@ impl Function for Callback {
     }
 
     fn jac_pattern(&self) -> &Pattern {
-        &self.jac_pattern
+        &self.structure().jac_pattern
     }
 
     fn hess_pattern(&self) -> &Pattern {
-        &self.hess_pattern
+        &self.structure().hess_pattern
     }
 
     fn work_len(&self) -> usize {
-        self.work_len
+        self.structure().work_len
     }
 
     fn value(&self, at: &Point, out: &mut [f64], _work: &mut [f64]) -> EvalResult {
@@ -319,11 +315,12 @@ impl Function for Callback {
     }
 
     fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let out = &mut out[..self.jac_pattern.nnz()];
+        let Structure { jac_pattern, jac_colouring, .. } = self.structure();
+        let out = &mut out[..jac_pattern.nnz()];
         if let Some(jacobian) = &self.jacobian {
             return guarded(out, |out| jacobian(at, out));
         }
-        Differences { dims: self.dims, pattern: &self.jac_pattern, colouring: &self.jac_colouring }.run(
+        Differences { dims: self.dims, pattern: jac_pattern, colouring: jac_colouring }.run(
             at,
             &mut |at, f| self.call_value(at, f),
             &mut |k, v| out[k] = v,
@@ -333,7 +330,8 @@ impl Function for Callback {
     }
 
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let out = &mut out[..self.hess_pattern.nnz()];
+        let pattern = &self.structure().hess_pattern;
+        let out = &mut out[..pattern.nnz()];
         let weights = &weights[..self.n_out];
         if let Some(hessian) = &self.hessian {
             return guarded(out, |out| hessian(at, weights, out));
@@ -350,18 +348,18 @@ impl Function for Callback {
                     self.call_value(at, f)?;
                     Ok(f.iter().zip(weights).map(|(f, w)| f * w).sum())
                 };
-                fdiff::second_differences(self.dims, &self.hess_pattern, at, &mut sum, out, work)?;
+                fdiff::second_differences(self.dims, pattern, at, &mut sum, out, work)?;
             }
         }
         finite(out)
     }
 
     fn jacobian_is_approximate(&self) -> bool {
-        self.jacobian.is_none() && self.jac_pattern.nnz() > 0
+        self.jacobian.is_none() && self.jac_pattern().nnz() > 0
     }
 
     fn hessian_is_approximate(&self) -> bool {
-        self.hessian.is_none() && self.hess_pattern.nnz() > 0
+        self.hessian.is_none() && self.hess_pattern().nnz() > 0
     }
 }
 
@@ -372,9 +370,9 @@ impl fmt::Debug for Callback {
             .field("dims", &self.dims)
             .field("n_out", &self.n_out)
             .field("jacobian_given", &self.jacobian.is_some())
-            .field("jacobian_entries", &self.jac_pattern.nnz())
+            .field("jacobian_entries", &self.jac_pattern().nnz())
             .field("hessian_given", &self.hessian.is_some())
-            .field("hessian_entries", &self.hess_pattern.nnz())
+            .field("hessian_entries", &self.hess_pattern().nnz())
             .finish()
     }
 }
@@ -503,6 +501,26 @@ mod tests {
                 assert!((v[p.get(i, j).unwrap()] - b).abs() < 2e-9);
             }
         }
+    }
+
+    /// The dense patterns that stand for undeclared ones would not fit into memory here.
+    #[test]
+    fn declared_patterns_cost_what_they_hold() {
+        const N: usize = 200_000;
+        let dims = Dims { x: N, u: 0, p: 0 };
+        let diagonal: Vec<usize> = (0..N).collect();
+        let of = |n_rows| Pattern::from_triplets(n_rows, N + 1, &diagonal, &diagonal).0;
+        let f = Callback::new("f", dims, N, |at, out| {
+            out.iter_mut().zip(at.x).for_each(|(f, x)| *f = x * x);
+            0
+        })
+        .with_jacobian(of(N), |_, _| 0)
+        .unwrap();
+        let f = f.with_hessian(of(N + 1), |_, _, _| 0).unwrap();
+        assert_eq!((f.jac_pattern().nnz(), f.hess_pattern().nnz(), f.work_len()), (N, N, 0));
+        let gradient = Pattern::from_triplets(1, N + 1, &vec![0; N], &diagonal).0;
+        let f = Callback::new("sum", dims, 1, |_, _| 0).with_jacobian(gradient, |_, _| 0).unwrap().linear();
+        assert_eq!((f.jac_pattern().nnz(), f.hess_pattern().nnz()), (N, 0));
     }
 
     #[test]

@@ -87,6 +87,18 @@ fn transpose(pattern: &Pattern) -> Rows {
     Rows { ptr, cols }
 }
 
+/// Jacobian of which nothing is known: dense in `x` and `u`, empty in `p` and `t`.
+pub(super) fn dense_in_states_and_controls(dims: Dims, n_out: usize) -> Pattern {
+    let (mut rows, mut cols) = (Vec::new(), Vec::new());
+    for j in 0..dims.x + dims.u {
+        for i in 0..n_out {
+            rows.push(i);
+            cols.push(j);
+        }
+    }
+    Pattern::from_triplets(n_out, dims.n_in(), &rows, &cols).0
+}
+
 /// Upper triangle of the pattern of `JᵀJ`: columns of the Jacobian that share a row may be coupled.
 pub(super) fn hessian_pattern_of(jac: &Pattern) -> Pattern {
     let n = jac.n_cols();
