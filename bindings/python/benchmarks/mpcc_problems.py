@@ -81,7 +81,7 @@ class Measured:
 class Problem:
     """min f(x) subject to bounds of x and of g(x), and 0 <= G(x) _|_ H(x) >= 0."""
 
-    def __init__(self, code: Code, path: Path):
+    def __init__(self, code: Code, path: Path, seed: int = 0):
         self.library = code.library
         self.pointer = code.library.mpcc_open(os.fsencode(path))
         if not self.pointer:
@@ -92,7 +92,14 @@ class Problem:
         self.x0, self.lbx, self.ubx = (numbers(v, self.n) for v in (raw.x0, raw.lbx, raw.ubx))
         self.lbg, self.ubg = numbers(raw.lbg, self.m), numbers(raw.ubg, self.m)
         self.pair_variables = np.concatenate([numbers(raw.G_var, self.c), numbers(raw.H_var, self.c)]).astype(int)
+        if seed:
+            self.x0 = self._moved(seed)
         self.hess_row, self.hess_col = (numbers(v, raw.hess_nnz) for v in (raw.hess_row, raw.hess_col))
+
+    def _moved(self, seed: int) -> np.ndarray:
+        """Another start: numbers moved by a tenth of 1 + their size, inside the bounds."""
+        shift = 0.1 * (1 + np.abs(self.x0)) * np.random.default_rng(seed).standard_normal(self.n)
+        return np.clip(self.x0 + shift, self.lbx, self.ubx)
 
     def _call(self, name: str, x: np.ndarray, y: np.ndarray | None, n_out: int) -> np.ndarray:
         out = np.empty(max(n_out, 1))

@@ -67,8 +67,7 @@ def write(path: Path, title: str, cost: str, costs: Mapping[str, Sequence[float 
     out += [text(0, 0, "middle", "share of problems solved"), "</g>"]
     for k, (name, steps) in enumerate(curves.items()):
         style = f'fill="none" stroke="{COLOURS[k % len(COLOURS)]}" stroke-width="1.6"'
-        if k >= len(COLOURS):
-            style += ' stroke-dasharray="5 3"'
+        style += ("", ' stroke-dasharray="6 3"', ' stroke-dasharray="2 2"')[k // len(COLOURS) % 3]
         points, share = [(LEFT, y(0))], 0.0
         for ratio, reached in steps:
             points += [(x(ratio), y(share)), (x(ratio), y(reached))]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import importlib.util
 import os
 import sys
 import time
@@ -14,13 +15,12 @@ from mpcc_problems import HERE, ROOT, Problem
 
 
 def load(library: str | None) -> Any:
-    """The package of this repository with the given library, else with the one it finds, else what cargo built."""
-    sys.path.insert(0, str(HERE.parent / "src"))
-    built = ROOT / "target" / "release" / "libswitchback.so"
-    if library:
-        os.environ["SWITCHBACK_LIBRARY"] = os.path.abspath(library)
-    elif "SWITCHBACK_LIBRARY" not in os.environ and built.is_file():
-        os.environ["SWITCHBACK_LIBRARY"] = str(built)
+    """The package that is installed, or that of this repository where none is, or where a library is given."""
+    if library or importlib.util.find_spec("switchback") is None:
+        sys.path.insert(0, str(HERE.parent / "src"))
+        built = ROOT / "target" / "release" / "libswitchback.so"
+        if library or ("SWITCHBACK_LIBRARY" not in os.environ and built.is_file()):
+            os.environ["SWITCHBACK_LIBRARY"] = os.path.abspath(library or built)
     import switchback
 
     return switchback
@@ -73,10 +73,13 @@ def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]
 
 
 def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], limit: float) -> dict:
-    """Solve once. CPU time is that of the one call that solves, which builds and orders the program as well."""
+    """Solve once. CPU time is that of the one call that solves, which builds and orders the program as well; `setup`
+    is that of describing it to the library, with what the Python package adds."""
     from switchback._library import lib
 
+    clock = time.thread_time()
     mpcc = program(swb, problem, members, options, limit)
+    setup = time.thread_time() - clock
     lib.swb_mpcc_set_iteration(mpcc._handle, swb._ffi.swb_iteration_fn(0), None)
     outcome = ctypes.c_int32()
     clock = time.thread_time()
@@ -96,5 +99,5 @@ def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], 
         "restoration_iterations": stats.restoration_iterations, "factorisations": stats.factorisations,
         "evaluations": stats.evaluations, "max_delta_w": stats.max_delta_w, "cpu": cpu, "eval": stats.time_eval,
         "linalg": stats.time_linalg, "build": stats.time_build, "n": stats.n_variables, "m": stats.n_constraints,
-        "pairs": stats.n_pairs, "dual": r.residuals.dual,
+        "pairs": stats.n_pairs, "setup": setup, "dual": r.residuals.dual,
     }  # fmt: skip

@@ -1,7 +1,7 @@
 """Our solver beside IPOPT's homotopy on programs with complementarity pairs, both on the same C callbacks.
 
 usage: mpcc_train.py [--problems DIR] [--only REGEX] [--limit SECONDS] [--json FILE|-] [--lib FILE]
-                     [--set NAME=VALUE ...] [--members auto|rows] [--no-ipopt] [--ipopt-cache FILE] [--jobs N]
+                     [--set NAME=VALUE ...] [--members auto|rows] [--move-start SEED] [--no-ipopt] [--ipopt-cache FILE]
 
 The problems are a folder with mpcc_problem.h, mpcc_vm.c, train.json and the files it names; by default `shared/mpcc`
 beside this repository. Without it nothing is done, which is no failure.
@@ -75,12 +75,12 @@ class Bench:
         self.code = Code(arguments.problems, folder)
         self.problems = arguments.problems
         self.limit, self.repeat, self.members = arguments.limit, arguments.repeat, arguments.members
-        self.variant = arguments.ipopt_variant
+        self.variant, self.seed = arguments.ipopt_variant, arguments.move_start
         self.swb = mpcc_switchback.load(arguments.lib) if with_ours else None
         self.ipopt = mpcc_ipopt.Ipopt() if arguments.ipopt else None
 
     def run(self, solver: str, entry: dict, options: dict) -> dict:
-        problem = Problem(self.code, self.problems / entry["file"])
+        problem = Problem(self.code, self.problems / entry["file"], self.seed)
         expect = entry.get("known", {}).get("expect", "optimal")
         if solver == "ipopt":
             result = measured(
@@ -169,7 +169,8 @@ def progress(result: dict) -> str:
 
 
 def ipopt_key(arguments: argparse.Namespace, name: str) -> str:
-    return f"{arguments.ipopt_variant}/{name}"
+    moved = f"/start {arguments.move_start}" if arguments.move_start else ""
+    return f"{arguments.ipopt_variant}{moved}/{name}"
 
 
 def parse(argv: list[str] | None = None) -> argparse.Namespace:
@@ -188,6 +189,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--repeat", type=int, default=5, help="runs of which the fastest counts, for short ones")
     parser.add_argument("--lib", metavar="FILE", help="libswitchback.so; default: $SWITCHBACK_LIBRARY, or cargo's")
     parser.add_argument("--members", choices=("auto", "rows"), default="auto", help="variables in pairs as rows?")
+    parser.add_argument("--move-start", type=int, default=0, metavar="SEED", help="another start, of both; 0: as given")
     parser.add_argument("--jobs", type=int, default=1, help="problems at the same time; 1 for honest times")
     parser.add_argument("--ipopt", action=argparse.BooleanOptionalAction, default=True, help="run the peer")
     parser.add_argument("--ipopt-variant", choices=tuple(mpcc_ipopt.VARIANTS), default="adaptive")
@@ -242,7 +244,8 @@ def description(arguments: argparse.Namespace, peer: dict[str, dict], options: d
     versions = {r.get("version") for r in peer.values()} - {None}
     return {
         "ipopt": ", ".join(sorted(versions)), "ipopt_variant": arguments.ipopt_variant, "options": options,
-        "members": arguments.members, "limit": arguments.limit, "repeat": arguments.repeat,
+        "members": arguments.members, "move_start": arguments.move_start, "limit": arguments.limit,
+        "repeat": arguments.repeat,
     }  # fmt: skip
 
 
