@@ -207,6 +207,8 @@ struct Choice {
     pieces: [Piece; 3],
     n: usize,
     at: usize,
+    /// Does the proof found for the present piece rest on it?
+    used: bool,
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -300,6 +302,11 @@ impl Certifier {
     /// side of every pair that stays zero.
     pub fn descent(&self) -> Option<(&[f64], &[Side])> {
         self.descent.then_some((&self.d, &self.sides))
+    }
+
+    /// Numbers of the pairs that count as biactive.
+    pub fn biactive(&self) -> impl Iterator<Item = usize> + '_ {
+        self.biactive.iter().map(|q| q.pair)
     }
 
     /// Multipliers `y[m]`, `z[n]` of the type that was certified, with the signs of [`Local`].
@@ -560,11 +567,13 @@ impl Certifier {
         End::Open(Doubt::Nodes)
     }
 
-    /// Takes the next piece of the last choice that has one; false when everything has been tried.
+    /// Takes the next piece of the last choice that has one; false when everything has been tried. Where the proofs
+    /// below a piece do not rest on it, they hold for the other pieces as well.
     fn backtrack(&mut self) -> bool {
         while let Some(c) = self.stack.last_mut() {
             c.at += 1;
-            if c.at < c.n {
+            if c.at < c.n && c.used {
+                c.used = c.n > 2;
                 self.assigned[c.k] = Some(c.pieces[c.at]);
                 return true;
             }
@@ -572,6 +581,14 @@ impl Certifier {
             self.stack.pop();
         }
         false
+    }
+
+    /// Marks the choices that the multipliers just found rest on: those of pairs with a negative one.
+    fn trace_proof(&mut self) {
+        for at in 0..self.stack.len() {
+            let k = self.stack[at].k;
+            self.stack[at].used |= !self.satisfies(Stationarity::S, k, &self.lpcc.z);
+        }
     }
 
     /// Linear program with the pieces assigned, and `rest` elsewhere.
@@ -594,6 +611,7 @@ impl Certifier {
                     self.y.copy_from_slice(&self.lpcc.y);
                     self.z.copy_from_slice(&self.lpcc.z);
                 }
+                self.trace_proof();
                 return Node::Prune;
             }
             Verdict::Descent | Verdict::Unclear => {}
@@ -604,6 +622,7 @@ impl Certifier {
         let undecided = (0..self.members.len()).filter(|&k| self.assigned[k].is_none());
         let worst = undecided.max_by(|&k, &l| violation(k).total_cmp(&violation(l)).then(l.cmp(&k)));
         let Some(k) = worst else {
+            self.stack.iter_mut().for_each(|c| c.used = true);
             return if verdict == Verdict::Descent { Node::Found } else { Node::Lost };
         };
         let prefer = |k: usize| usize::from(step[self.members[k].0] > step[self.members[k].1]);
@@ -614,7 +633,7 @@ impl Certifier {
             for l in 0..self.members.len() {
                 if self.assigned[l].is_none() {
                     self.assigned[l] = Some(BRANCHES[prefer(l)]);
-                    self.stack.push(Choice { k: l, pieces: [BRANCHES[0]; 3], n: 0, at: 0 });
+                    self.stack.push(Choice { k: l, pieces: [BRANCHES[0]; 3], n: 0, at: 0, used: true });
                 }
             }
             match self.solve((Signs::UP, Signs::UP), control) {
@@ -627,7 +646,7 @@ impl Certifier {
             }
         }
         let (p, q) = (BRANCHES[first], BRANCHES[1 - first]);
-        Node::Branch(Choice { k, pieces: [p, q, q], n: 2, at: 0 })
+        Node::Branch(Choice { k, pieces: [p, q, q], n: 2, at: 0, used: false })
     }
 
     /// A node of the search for multipliers of a type: those of undecided pairs are free.
@@ -662,7 +681,7 @@ impl Certifier {
             _ if z[a] >= z[b] => ([(T::UP, T::ZERO), (T::ZERO, T::UP), both], 2),
             _ => ([(T::ZERO, T::UP), (T::UP, T::ZERO), both], 2),
         };
-        Node::Branch(Choice { k, pieces, n, at: 0 })
+        Node::Branch(Choice { k, pieces, n, at: 0, used: true })
     }
 
     /// Keeps the step of the last program and the sides that it takes.

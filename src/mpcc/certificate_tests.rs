@@ -88,7 +88,7 @@ impl Point {
     fn check_claims(&self, cert: &Certificate, certifier: &Certifier) {
         assert_eq!(certifier.descent().is_some(), cert.b == B::No);
         if let Some((d, sides)) = certifier.descent() {
-            assert!(dot(&self.grad, d) < -1e-8, "{d:?}");
+            assert!(dot(&self.grad, d) < -1e-9, "{d:?}");
             for (j, &d) in d.iter().enumerate() {
                 let t = self.x[j] + d;
                 assert!(t >= self.bounds.xl[j] && t <= self.bounds.xu[j] + 1e-12, "{j}: {t}");
@@ -99,7 +99,7 @@ impl Point {
             }
             for (&(a, b), side) in self.pairs.iter().zip(sides) {
                 let zero = if *side == Side::First { a } else { b };
-                assert!(self.x[zero] + d[zero] <= 1e-12);
+                assert!(d[zero] <= 1e-12);
             }
         }
         if (cert.stationarity as i32) < T::None as i32 {
@@ -162,7 +162,8 @@ fn global_minimum_without_strong_stationarity() {
     let p =
         Point::origin(&[1.0, 1.0, -1.0], &[(0, 1)]).row(&[4.0, 0.0, -1.0], 0.0, INF).row(&[0.0, 4.0, -1.0], 0.0, INF);
     let cert = p.expect(T::M, B::Yes);
-    assert!(cert.nodes >= 3 && cert.lps >= 3);
+    assert!(cert.nodes >= 3 && cert.lps >= 3 && cert.lp_iterations > 0);
+    assert!(p.certify(&CertSettings::default()).1.biactive().eq([0]));
 }
 
 /// Ralph and Wright, problem ralph1 of MacMPEC: `min 2x − y, 0 ≤ y ⊥ y − x ≥ 0, x ≥ 0`, the second member lifted.
@@ -176,6 +177,21 @@ fn ralph1_is_b_stationary_and_not_s_stationary() {
     // the multipliers of a branch
     let cert = ralph1().multipliers(&[0.5], &[1.5, -0.5, -0.5]).expect(T::M, B::Yes);
     assert!(cert.min_multiplier <= 0.0);
+}
+
+/// Pairs with positive multipliers beside ralph1 take no part in its proof, whatever the order of the decisions.
+#[test]
+fn decisions_a_proof_does_not_rest_on_are_skipped() {
+    let mut grad = vec![2.0, -1.0, 0.0];
+    let mut pairs = vec![(1, 2)];
+    for k in 0..8 {
+        grad.extend([1.0 + k as f64, 0.1]);
+        pairs.push((3 + 2 * k, 4 + 2 * k));
+    }
+    let mut row = vec![0.0; grad.len()];
+    row[..3].copy_from_slice(&[-1.0, 1.0, -1.0]);
+    let cert = Point::origin(&grad, &pairs).row(&row, 0.0, 0.0).lower(0, 0.0).expect(T::M, B::Yes);
+    assert!(cert.nodes <= 12, "{cert:?}");
 }
 
 #[test]
@@ -464,6 +480,25 @@ fn random_point(rng: &mut Random, k: usize, share: bool) -> Point {
     p
 }
 
+impl Point {
+    /// The same point as a solver delivers it: rows and objective scaled, the last digits wrong. Rows keep their
+    /// directions, because some depend on others.
+    fn disturbed(&self, rng: &mut Random) -> Point {
+        let mut p = self.clone();
+        for i in 0..p.rows.len() {
+            let scale = 10f64.powf(2.0 * rng.next());
+            p.c[i] = 1e-10 * scale * rng.next();
+            p.rows[i].iter_mut().for_each(|v| *v *= scale);
+        }
+        let scale = 10f64.powf(rng.next());
+        for j in 0..p.x.len() {
+            p.x[j] = 1e-9 * (1.0 + rng.next());
+            p.grad[j] = scale * (p.grad[j] + 1e-10 * rng.next());
+        }
+        p
+    }
+}
+
 #[test]
 fn random_points_agree_with_the_enumeration_of_all_pieces() {
     let mut rng = Random(7);
@@ -473,6 +508,7 @@ fn random_points_agree_with_the_enumeration_of_all_pieces() {
         let p = random_point(&mut rng, k, round % 5 == 4);
         let (kind, b) = p.enumerate();
         p.expect(kind, b);
+        p.disturbed(&mut rng).expect(kind, b);
         *seen.entry((kind.name(), b.name())).or_insert(0) += 1;
     }
     for case in [("S", "yes"), ("M", "yes"), ("M", "no"), ("C", "no"), ("A", "no"), ("W", "no"), ("none", "no")] {

@@ -63,6 +63,8 @@ const LP_TOL: f64 = 1e-10;
 const ROUGH: f64 = 1e-4;
 /// Distance from the bounds, relative, that the point found with [`ROUGH`] is kept at.
 const WARM_PUSH: f64 = 1e-12;
+/// Multipliers above this, in units of order one, prove nothing: they turn the rounding of the rows into slopes.
+const Y_MAX: f64 = 1e8;
 /// Rows whose gradient is below this are none to first order.
 const NO_ROW: f64 = 1e-12;
 
@@ -309,7 +311,7 @@ impl Lpcc {
         let paid: f64 = (0..self.y.len())
             .map(|i| (1.0 + it.y[i].abs()) * (b.cl[i] - self.activity[i]).max(self.activity[i] - b.cu[i]).max(0.0))
             .sum();
-        if residual.max(loss) <= self.tol {
+        if residual.max(loss) <= self.tol && self.y.iter().all(|y| y.abs() <= Y_MAX) {
             for (y, s) in self.y.iter_mut().zip(&self.row_scale) {
                 *y *= if *s > NO_ROW { self.grad_scale / s } else { 0.0 };
             }
