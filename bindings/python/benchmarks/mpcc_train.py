@@ -45,6 +45,7 @@ from mpcc_problems import ROOT, Code, Problem, training_set
 
 VIOLATION, PRODUCT = 1e-6, 1e-7
 ENOUGH = 0.3  # seconds of runs after which no further one is made
+GRACE = 5.0  # seconds beyond twice its limit after which a process hangs
 
 
 def measured(problem: Problem, run, repeat: int, expect: str) -> dict:
@@ -123,7 +124,7 @@ class Running:
         self.process = context.Process(target=_child, args=(bench, solver, entry, options, other))
         self.process.start()
         other.close()
-        self.end = time.monotonic() + 2 * limit + 5
+        self.end = time.monotonic() + 2 * limit + GRACE
 
     def poll(self) -> dict | None:
         """The result if there is one."""

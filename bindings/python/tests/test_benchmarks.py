@@ -1,0 +1,116 @@
+"""The benchmark of programs with complementarity pairs: its statistics, its processes, a run where the problems are."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
+PROBLEMS = FOLDER.parents[3] / "shared" / "mpcc"
+sys.path.insert(0, str(FOLDER))
+
+import mpcc_compare  # noqa: E402
+import mpcc_profile  # noqa: E402
+import mpcc_train  # noqa: E402
+
+
+def result(objective, iterations=10, cpu=1.0, solved=True, **more):
+    return {
+        "solved": solved, "claimed": solved, "objective": objective, "violation": 0.0, "product": 0.0, "pair_min": 0.0,
+        "iterations": iterations, "cpu": cpu, "outcome": "solved" if solved else "stalled", "x": [0.0],
+    } | more  # fmt: skip
+
+
+def test_figures_of_two_solvers():
+    known = {"f": 2.0, "local": [3.0], "expect": "optimal"}
+    problems = {
+        "a:same": {"known": known},
+        "a:relaxed": {},
+        "b:worse": {"known": known},
+        "b:lost": {},
+        "b:infeasible": {"known": {"expect": "infeasible"}},
+    }
+    ours = {
+        "a:same": result(2.0, 5, 0.5, polished="done"),
+        "a:relaxed": result(0.0, 20, 0.25),
+        "b:worse": result(3.0, 10, 1.0, pair_min=1e-3),
+        "b:lost": result(0.0, solved=False, claimed=True),
+        "b:infeasible": result(7.0, 10, 2.0),
+    }
+    peer = {name: result(2.0) for name in problems} | {"a:relaxed": result(-1e-3, branch=0.0)}
+    record = mpcc_compare.compare(problems, ours, peer)
+    s = record["summary"]
+    assert (s["solved"], s["peer_solved"], s["only_peer"]) == (4, 5, ["b:lost"])
+    assert s["claimed_but_not_solved"] == ["b:lost"]
+    assert s["worse"] == ["b:worse"]
+    assert s["no_worse"] == pytest.approx(2 / 3)
+    assert s["no_worse_than_relaxed"] == pytest.approx(1 / 3)
+    assert s["cpu_ratio"] == pytest.approx((2 * 4 * 1 * 0.5) ** 0.25)
+    assert s["iteration_ratio"] == pytest.approx((2 * 0.5) ** 0.25)
+    assert (s["exact"], s["identified"]) == (pytest.approx(2 / 3), pytest.approx(1 / 3))
+    assert s["known"]["global"] == ["a:same"] and s["known"]["local"] == ["b:worse"]
+    assert s["known"]["right"] == ["b:infeasible"]
+    assert {f: v["problems"] for f, v in record["families"].items()} == {"a": 2, "b": 3}
+    assert all("x" not in r["ours"] for r in record["problems"])
+    assert "b:lost" in mpcc_compare.table(record)
+
+
+def test_numbers_that_json_does_not_have():
+    assert mpcc_compare.finite({"a": [float("nan"), 1.0], "b": float("inf")}) == {"a": [None, 1.0], "b": None}
+
+
+def test_profile_counts_steps():
+    steps = mpcc_profile.profile({"one": [1.0, 4.0, None, None], "two": [2.0, 1.0, 3.0, None]})
+    assert steps["one"] == [(1.0, pytest.approx(1 / 3)), (4.0, pytest.approx(2 / 3))]
+    assert steps["two"][-1] == (2.0, pytest.approx(1.0))
+
+
+class Trouble:
+    """A bench whose solvers do what their name says."""
+
+    def run(self, solver, entry, options):
+        if solver == "crash":
+            os.kill(os.getpid(), signal.SIGKILL)
+        if solver == "hang":
+            time.sleep(60)
+        if solver == "raise":
+            raise ValueError("no")
+        return result(1.0)
+
+
+def test_crash_and_hang_are_results(monkeypatch):
+    monkeypatch.setattr(mpcc_train, "GRACE", 1.0)
+    tasks = [(kind, kind, {}, {}) for kind in ("crash", "hang", "raise", "work")]
+    crash, hang, raised, work = mpcc_train.run_all(Trouble(), tasks, jobs=2, limit=0.0)
+    assert crash["outcome"] == f"crash, exit code {-signal.SIGKILL}" and not crash["solved"]
+    assert hang["outcome"] == "hang" and hang["cpu"] is None
+    assert (raised["outcome"], raised["message"]) == ("exception", "ValueError: no")
+    assert work["solved"]
+
+
+def test_without_problems_it_says_so(tmp_path):
+    run = subprocess.run(
+        [sys.executable, FOLDER / "mpcc_train.py", "--problems", tmp_path], capture_output=True, text=True, check=True
+    )
+    assert run.stdout.startswith("skipped: no problems in")
+
+
+@pytest.mark.skipif(not PROBLEMS.is_dir(), reason="the problems are not beside the repository")
+@pytest.mark.skipif(shutil.which("cc") is None and shutil.which("gcc") is None, reason="no C compiler")
+@pytest.mark.parametrize("members", ["auto", "rows"])
+def test_textbook_problems_through_their_callbacks(members):
+    run = subprocess.run(
+        [sys.executable, FOLDER / "mpcc_train.py", "--only", "textbook:(jr1|scholtes1|bard1|outrata31|infeasible1)$",
+         "--no-ipopt", "--repeat", "1", "--members", members, "--json", "-"],
+        capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    record = json.loads(run.stdout)
+    assert len(record["problems"]) == 5
+    for r in record["problems"]:
+        assert r["ours"]["solved"] and r["known"] in ("global", "right"), r
