@@ -641,7 +641,7 @@ impl Certifier {
                 Verdict::Stopped => return Node::Stopped,
                 Verdict::Stationary | Verdict::Unclear => {}
             }
-            while let Some(c) = self.stack.pop_if(|c| c.n == 0) {
+            for c in self.stack.drain(self.stack.len() - open..) {
                 self.assigned[c.k] = None;
             }
         }
