@@ -1,7 +1,7 @@
 //! Points whose type is known by hand, and random linearised problems against the enumeration of all pieces.
 
 use super::{BStationarity as B, CertSettings, Certificate, Certifier, Doubt, Local, Side, Stationarity as T};
-use crate::linalg::csc::Pattern;
+use crate::linalg::csc::{mul_add_transposed, Pattern};
 use crate::nlp::{Bounds, Control};
 
 /// A point with dense rows.
@@ -565,9 +565,8 @@ fn long_chains_with_five_biactive_pairs() {
         put(r + 2, v + 3, 1.0);
         put(r + 2, v + 4, -1.0);
         if blocks.contains(&k) {
-            // ralph1: with u ≥ 0 and u = a − b the multipliers 2 − t, t − 1, −t are all there are
+            // ralph1: u ≥ 0 and u = a − b
             bounds.xl[v + 2] = 0.0;
-            (z[v + 2], z[v + 3], z[v + 4]) = (1.5, -0.5, -0.5);
         } else if rng.below(2) == 0 {
             x[v + 3] = 0.5;
             z[v + 4] = 1.0 + rng.next();
@@ -581,28 +580,37 @@ fn long_chains_with_five_biactive_pairs() {
     for (v, &k) in values.iter().zip(&map) {
         jac_values[k] += v;
     }
-    let mut grad = z.clone();
-    crate::linalg::csc::mul_add_transposed(&jac, &jac_values, &y, &mut grad, -1.0);
     let c = vec![0.0; m];
     let mut certifier = Certifier::new(&jac, &pairs).unwrap();
-    let local = Local {
-        x: &x,
-        c: &c,
-        grad: &grad,
-        jac: &jac,
-        jac_values: &jac_values,
-        bounds: &bounds,
-        pairs: &pairs,
-        y: &y,
-        z: &z,
-    };
-    let mut certify = |local: &Local| {
+    let mut certify = |block: [f64; 3], given: bool| {
+        let mut z = z.clone();
+        for k in blocks {
+            z[5 * k + 2..5 * k + 5].copy_from_slice(&block);
+        }
+        let mut grad = z.clone();
+        mul_add_transposed(&jac, &jac_values, &y, &mut grad, -1.0);
+        let local = Local {
+            x: &x,
+            c: &c,
+            grad: &grad,
+            jac: &jac,
+            jac_values: &jac_values,
+            bounds: &bounds,
+            pairs: &pairs,
+            y: if given { &y } else { &[] },
+            z: if given { &z } else { &[] },
+        };
         let clock = std::time::Instant::now();
-        let cert = certifier.certify(local, &CertSettings::default(), &mut Control::default());
+        let cert = certifier.certify(&local, &CertSettings::default(), &mut Control::default());
         println!("{cert:?} in {:.3} s", clock.elapsed().as_secs_f64());
-        cert
+        assert_eq!((cert.biactive, cert.doubt), (5, Doubt::None));
+        (cert.stationarity, cert.b, cert.lps)
     };
-    let cert = certify(&local);
-    assert_eq!((cert.biactive, cert.stationarity, cert.doubt), (5, T::M, Doubt::None));
-    assert_eq!(certify(&Local { y: &[], z: &[], ..local }).b, cert.b);
+    assert_eq!(certify([1.5, 0.5, 0.5], true), (T::S, B::Yes, 0));
+    assert_eq!(certify([1.5, 0.5, 0.5], false), (T::S, B::Yes, 1));
+    let (kind, b, lps) = certify([1.5, -0.5, -0.5], true);
+    assert!((kind, b) == (T::M, B::Yes) && lps <= 100, "{lps}");
+    // along the first member and the control the objective falls now
+    let (_, b, lps) = certify([0.2, -0.5, -0.5], true);
+    assert!(b == B::No && lps <= 20, "{lps}");
 }
