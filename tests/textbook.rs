@@ -6,6 +6,7 @@ mod textbook;
 use switchback::mpcc::{BStationarity, MpccSettings};
 use switchback::nlp::Nlp;
 use textbook::branches::{is_local_minimiser, survey, MAX_PAIRS};
+use textbook::planted::random;
 use textbook::{all, relative, Expect, Numbers, Verdict, ACCURACY};
 
 /// Problems the solver does not end as it should yet, with the start and what happens.
@@ -14,7 +15,6 @@ const KNOWN_FAILURES: &[(&str, usize, &str)] = &[
     ("infeasible in the limit: a disc and an axis", 1, "stalls when the relaxation has become infeasible"),
     ("infeasible: members above one", 1, "stalls in the elastic problem"),
     ("unbounded: free variable", 0, "the wrong branch, which has a minimum, is solved after the path has diverged"),
-    ("a line", 0, "the iterates grow, but not fast enough to be called diverging"),
 ];
 
 #[test]
@@ -39,9 +39,9 @@ fn every_problem_ends_as_known() {
 #[test]
 fn answers_follow_from_the_enumeration_of_branches() {
     for p in all().iter().filter(|p| (1..=MAX_PAIRS).contains(&p.members.len())) {
-        let s = survey(p, if p.members.len() > 4 { 3 } else { 6 });
+        let s = survey(p, if p.members.len() > 6 { 3 } else { 6 });
         match p.known.expect {
-            Expect::Infeasible => assert!(s.solved.is_empty() && s.undecided == 0, "{}: {:?}", p.name, s.solved),
+            Expect::Infeasible => assert!(s.solved.is_empty(), "{}: {:?}", p.name, s.solved),
             Expect::Unbounded => assert!(s.unbounded, "{}", p.name),
             Expect::Optimal => {
                 let f = s.minimum();
@@ -69,6 +69,25 @@ fn listed_minimisers_are_minimisers_and_traps_are_not() {
             assert!(rows.max(pairs) < 1e-12 && !is_local_minimiser(&p, x), "{}: {x:?}", p.name);
         }
     }
+}
+
+/// No answer is below the lowest branch, and none can be improved in a neighbourhood.
+#[test]
+fn random_programs_end_in_local_minimisers() {
+    let mut bad = Vec::new();
+    for seed in 0..30 {
+        let p = random(seed);
+        let found = p.solve(MpccSettings::default(), &p.starts[0]);
+        let (f, minimum) = (found.solution.objective, survey(&p, 1).minimum());
+        if let Verdict::Fail(why) = p.judge(&found) {
+            bad.push(format!("{}: {why}", p.name));
+        } else if f < minimum - ACCURACY * minimum.abs().max(1.0) {
+            bad.push(format!("{}: {f} is below every branch, {minimum}", p.name));
+        } else if !is_local_minimiser(&p, &found.x) {
+            bad.push(format!("{}: {f} can be improved, minimum {minimum}, {:?}", p.name, found.certificate));
+        }
+    }
+    assert!(bad.is_empty(), "{}", bad.join("\n"));
 }
 
 /// The types were derived by hand.

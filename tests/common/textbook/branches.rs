@@ -33,7 +33,7 @@ pub fn survey(p: &Problem, extra: usize) -> Survey {
     for _ in 0..extra {
         starts.push(p.starts[0].iter().map(|v| v + 3.0 * r.next()).collect());
     }
-    let mut ipm = Ipm::new(&lifted, IpmSettings { max_iter: 300, ..IpmSettings::default() }).expect("a structure");
+    let mut ipm = Ipm::new(&lifted, IpmSettings { max_iter: 100, ..IpmSettings::default() }).expect("a structure");
     let mut out = Survey { solved: Vec::new(), unbounded: false, undecided: 0 };
     for code in 0..1usize << pairs {
         let sides: Vec<Side> =
@@ -42,7 +42,7 @@ pub fn survey(p: &Problem, extra: usize) -> Survey {
         lifted.branch(&sides, &mut branch);
         for s in &starts {
             let w0 = lifted.start(s);
-            let mut rule = Monotone { mu_init: 0.1, tol: 1e-10, primal_tol: 1e-10 };
+            let mut rule = Monotone { mu_init: 0.1, tol: 1e-8, primal_tol: 1e-9 };
             match ipm.solve(&mut lifted, &branch, Start::Cold(&w0), &mut rule, &mut Control::default()) {
                 Outcome::Solved => out.solved.push((ipm.objective(), ipm.iterate().x[..s.len()].to_vec())),
                 Outcome::Diverging => out.unbounded = true,
@@ -70,7 +70,7 @@ pub fn is_local_minimiser(p: &Problem, x: &[f64]) -> bool {
     let pairs: Vec<(f64, f64)> = lifted.pairs().iter().map(|&(a, b)| (w[a], w[b])).collect();
     let undecided: Vec<usize> = (0..pairs.len()).filter(|&k| pairs[k].0.max(pairs[k].1) < 1e-5).collect();
     let mut sides: Vec<Side> = pairs.iter().map(|p| if p.0 <= p.1 { Side::First } else { Side::Second }).collect();
-    let mut ipm = Ipm::new(&lifted, IpmSettings { max_iter: 300, ..IpmSettings::default() }).expect("a structure");
+    let mut ipm = Ipm::new(&lifted, IpmSettings { max_iter: 100, ..IpmSettings::default() }).expect("a structure");
     (0..1usize << undecided.len()).all(|code| {
         for (i, &k) in undecided.iter().enumerate() {
             sides[k] = if code >> i & 1 == 0 { Side::First } else { Side::Second };

@@ -1,8 +1,8 @@
 //! Small programs of the literature, with and without complementarity, whose answers are known.
 //!
-//! Problems are written as formulas ([`tape`]); `classics`, `bilevel`, `pathological`, `smooth` and `planted` hold
-//! them by kind. What is known of a problem is derived by hand or follows from the enumeration of its branches, which
-//! `tests/textbook.rs` repeats.
+//! Problems are written as formulas ([`tape`]); `classics`, `bilevel`, `equilibria`, `pathological`, `smooth` and
+//! `planted` hold them by kind. What is known of a problem is derived by hand or follows from the enumeration of its
+//! branches, which `tests/textbook.rs` repeats.
 #![allow(dead_code)]
 
 pub mod tape;
@@ -10,8 +10,9 @@ pub mod tape;
 mod bilevel;
 pub mod branches;
 mod classics;
+mod equilibria;
 mod pathological;
-mod planted;
+pub mod planted;
 mod smooth;
 
 use switchback::mpcc::{
@@ -197,6 +198,7 @@ pub fn problem(name: &str, source: &'static str, write: impl FnOnce(&mut Model))
 pub fn all() -> Vec<Problem> {
     let mut out = classics::all();
     out.append(&mut bilevel::all());
+    out.append(&mut equilibria::all());
     out.append(&mut pathological::all());
     out.append(&mut smooth::all());
     out.append(&mut planted::all());

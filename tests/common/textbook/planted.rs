@@ -170,6 +170,31 @@ fn fit(a: &[Vec<f64>], b: &[f64], support: usize) -> f64 {
     0.5 * a.iter().zip(b).map(|row| residual(row).powi(2)).sum::<f64>()
 }
 
+/// An indefinite quadratic objective over a box and the solutions of an LCP; the minimum is for the enumeration of
+/// branches to tell.
+pub fn random(seed: u64) -> Problem {
+    const N: usize = 3;
+    let mut r = Numbers::new(seed);
+    let biactive = (seed % 3) as usize;
+    let lcp = Planted::new(&mut r, N, 5, biactive);
+    problem(&format!("random {seed}"), "Data at random", |m| {
+        let x = m.vars(-2.0, 2.0, &r.vector(N));
+        let y = m.vars(0.0, 8.0, &[1.0; 5]);
+        let all: Vec<Ex> = x.iter().chain(&y).copied().collect();
+        let mut f = affine(&r.vector(N + 5), &all, 0.0);
+        for (i, a) in all.iter().enumerate() {
+            f = f + r.next() * a.sq() + r.next() * *a * all[(i + 3) % all.len()];
+        }
+        m.minimise(f);
+        let row = r.vector(N + 5);
+        m.at_most(affine(&row, &all, 0.0), dot(&row, &lcp.solution()) + 0.2);
+        for i in 0..5 {
+            m.pair(y[i], lcp.member(i, &x, &y));
+        }
+        m.optimal(f64::NAN);
+    })
+}
+
 pub fn all() -> Vec<Problem> {
     vec![
         qpec(3, 6, 2, 1),
