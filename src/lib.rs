@@ -9,7 +9,7 @@
 //! becomes a dynamic complementarity system ([`dcs`]), is discretised by finite elements with switch detection
 //! ([`fesd`]), and solved as a mathematical program with complementarity constraints ([`mpcc`]) by an interior-point
 //! method ([`nlp`]) over sparse LDLᵀ factorisations ([`linalg`]). [`system`] states models made of [`func`]tions,
-//! [`sim`] simulates them, [`ocp`] controls them optimally. [`capi`] is the C interface over all of it.
+//! [`event`] and [`sim`] simulate them, [`ocp`] controls them optimally. [`capi`] is the C interface over all of it.
 //!
 //! Equation and section numbers in brackets are those of A. Nurkanović, *Numerical Methods for Optimal Control of
 //! Nonsmooth Dynamical Systems* (PhD thesis, Freiburg 2023). ARCHITECTURE.md has the layers and the decisions.
@@ -20,6 +20,7 @@
 pub mod capi;
 pub mod dcs;
 pub mod error;
+pub mod event;
 pub mod expr;
 pub mod fesd;
 pub mod func;

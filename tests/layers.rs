@@ -16,6 +16,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("mpcc", &["error", "settings", "log", "linalg", "func", "nlp"]),
     ("system", &["error", "settings", "log", "linalg", "func"]),
     ("dcs", &["error", "settings", "log", "linalg", "func", "system"]),
+    ("event", &["error", "settings", "log", "tableau", "linalg", "func", "system", "dcs"]),
     ("fesd", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs"]),
     ("sim", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "fesd"]),
     ("ocp", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "fesd", "sim"]),

@@ -12,6 +12,8 @@ mod fdiff;
 pub use callback::Callback;
 pub use check::{check_derivatives, CheckReport, CheckSettings, Mismatch, MismatchKind};
 
+use std::ops::Range;
+
 use crate::linalg::csc::Pattern;
 
 /// Sizes of the input blocks.
@@ -83,6 +85,18 @@ pub trait Function: Send + Sync {
     fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult;
     /// Jacobian, `out[jac_pattern().nnz()]` in CSC order.
     fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult;
+    /// The outputs `rows` of the value; the other entries of `out[n_out]` are left undefined. Functions of parts that
+    /// can be evaluated alone override this: it costs less, and a part that is not defined at the point does not spoil
+    /// the others.
+    fn value_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        let _ = rows;
+        self.value(at, out, work)
+    }
+    /// The entries of the Jacobian that belong to the outputs `rows`; the other entries of `out` are left undefined.
+    fn jacobian_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        let _ = rows;
+        self.jacobian(at, out, work)
+    }
     /// `Σ_i weights[i] ∇² f_i`, `out[hess_pattern().nnz()]` in CSC order, upper triangle.
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult;
     /// True where [`Function::jacobian`] is finite differences.

@@ -1,0 +1,208 @@
+//! Zeros of polynomials on `[0, 1]` in Bernstein form: without a sign change among the coefficients there is none.
+
+use nalgebra::DMatrix;
+
+/// Samples per step.
+pub(super) const NODES: usize = 9;
+/// Bernstein coefficients of a polynomial of degree `NODES − 1`, or one less with the last entry unused.
+pub(super) type Coefficients = [f64; NODES];
+
+/// What a polynomial that is positive at 0 does first.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum First {
+    /// Nothing: it stays positive.
+    None,
+    /// It changes its sign here.
+    Zero(f64),
+}
+
+/// Samples at fixed nodes to Bernstein coefficients.
+pub(super) struct Sampler {
+    /// Chebyshev points of the second kind, 0 and 1 included.
+    pub(super) nodes: [f64; NODES],
+    full: Vec<f64>,
+    /// For samples divided by a power of the time, without the first node.
+    deflated: Vec<f64>,
+}
+
+impl Sampler {
+    pub(super) fn new() -> Sampler {
+        let mut nodes = [0.0; NODES];
+        for (i, n) in nodes.iter_mut().enumerate() {
+            *n = 0.5 * (1.0 - (std::f64::consts::PI * i as f64 / (NODES - 1) as f64).cos());
+        }
+        nodes[NODES - 1] = 1.0;
+        Sampler { nodes, full: inverse(&nodes), deflated: inverse(&nodes[1..]) }
+    }
+
+    /// Coefficients of the polynomial through the samples, and its degree. With `power > 0` the samples vanish at 0
+    /// like this power of the time, and the polynomial is what is left when it is divided out.
+    pub(super) fn coefficients(&self, samples: &Coefficients, power: usize) -> (Coefficients, usize) {
+        let mut out = [0.0; NODES];
+        if power == 0 {
+            for (o, row) in out.iter_mut().zip(self.full.chunks_exact(NODES)) {
+                *o = row.iter().zip(samples).map(|(a, b)| a * b).sum();
+            }
+            // the ends are known exactly
+            out[0] = samples[0];
+            out[NODES - 1] = samples[NODES - 1];
+            return (out, NODES - 1);
+        }
+        let n = NODES - 1;
+        for (o, row) in out.iter_mut().zip(self.deflated.chunks_exact(n)) {
+            *o = (0..n).map(|i| row[i] * samples[i + 1] / self.nodes[i + 1].powi(power as i32)).sum();
+        }
+        (out, n - 1)
+    }
+}
+
+/// Inverse of the matrix of Bernstein polynomials at the nodes, row-major.
+fn inverse(nodes: &[f64]) -> Vec<f64> {
+    let d = nodes.len() - 1;
+    let m = DMatrix::from_fn(d + 1, d + 1, |i, j| {
+        let mut b = [0.0; NODES];
+        b[j] = 1.0;
+        value(&b[..=d], nodes[i])
+    });
+    // the nodes are distinct
+    let inv = m.try_inverse().unwrap_or_else(|| DMatrix::zeros(d + 1, d + 1));
+    inv.transpose().as_slice().to_vec()
+}
+
+/// De Casteljau.
+pub(super) fn value(b: &[f64], s: f64) -> f64 {
+    let mut c = [0.0; NODES];
+    c[..b.len()].copy_from_slice(b);
+    for m in (1..b.len()).rev() {
+        for i in 0..m {
+            c[i] += s * (c[i + 1] - c[i]);
+        }
+    }
+    c[0]
+}
+
+/// Derivative.
+pub(super) fn slope(b: &[f64], s: f64) -> f64 {
+    let d = b.len() - 1;
+    let mut c = [0.0; NODES];
+    for i in 0..d {
+        c[i] = (b[i + 1] - b[i]) * d as f64;
+    }
+    value(&c[..d], s)
+}
+
+/// First change of sign from plus to minus on `(0, 1]`. Every one is found, however close to the next: where the
+/// coefficients do not decide, the interval is divided, down to `1e-9`; what is closer counts as touching.
+pub(super) fn first(b: &[f64]) -> First {
+    const DEPTH: usize = 30;
+    let n = b.len();
+    let mut stack = [([0.0; NODES], 0.0, 0.0); DEPTH + 2];
+    stack[0].0[..n].copy_from_slice(b);
+    stack[0].2 = 1.0;
+    let mut top = 1;
+    while top > 0 {
+        top -= 1;
+        let (c, lo, hi) = stack[top];
+        let c = &c[..n];
+        if c.iter().all(|v| *v > 0.0) {
+            continue;
+        }
+        if c[0] <= 0.0 {
+            return First::Zero(lo);
+        }
+        let changes = c.windows(2).filter(|w| (w[0] > 0.0) != (w[1] > 0.0)).count();
+        if changes == 1 {
+            return First::Zero(lo + (hi - lo) * zero(c));
+        }
+        if top + 2 > DEPTH || hi - lo < 1e-9 {
+            continue;
+        }
+        let (mut left, mut right) = ([0.0; NODES], [0.0; NODES]);
+        right[..n].copy_from_slice(c);
+        for i in 0..n {
+            left[i] = right[0];
+            for j in 0..n - 1 - i {
+                right[j] = 0.5 * (right[j] + right[j + 1]);
+            }
+        }
+        // what is left of the triangle is the right half
+        let mid = 0.5 * (lo + hi);
+        stack[top] = (right, mid, hi);
+        stack[top + 1] = (left, lo, mid);
+        top += 2;
+    }
+    First::None
+}
+
+/// The zero of a polynomial with one change of sign, by Newton steps that stay in a bracket.
+fn zero(b: &[f64]) -> f64 {
+    let (mut lo, mut hi) = (0.0, 1.0);
+    let mut s = 0.5;
+    for _ in 0..60 {
+        let v = value(b, s);
+        if v > 0.0 {
+            lo = s;
+        } else {
+            hi = s;
+        }
+        let newton = s - v / slope(b, s);
+        let next = if newton > lo && newton < hi { newton } else { 0.5 * (lo + hi) };
+        if (next - s).abs() <= 1e-15 || v == 0.0 {
+            return next;
+        }
+        s = next;
+    }
+    s
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn of(f: impl Fn(f64) -> f64, power: usize) -> (Coefficients, usize) {
+        let s = Sampler::new();
+        let mut v = [0.0; NODES];
+        for (v, t) in v.iter_mut().zip(&s.nodes) {
+            *v = f(*t);
+        }
+        s.coefficients(&v, power)
+    }
+
+    fn first_of(f: impl Fn(f64) -> f64, power: usize) -> Option<f64> {
+        let (c, d) = of(f, power);
+        match first(&c[..=d]) {
+            First::Zero(s) => Some(s),
+            First::None => None,
+        }
+    }
+
+    #[test]
+    fn double_crossings_are_found_however_narrow() {
+        for (at, width) in [(0.3, 1e-2), (0.71, 1e-4), (0.999, 1e-6), (0.02, 1e-5)] {
+            let s = first_of(|t| (t - at) * (t - at) * (1.0 + t) - width * width, 0).unwrap();
+            let f = |t: f64| (t - at) * (t - at) * (1.0 + t) - width * width;
+            assert!(f(s).abs() < 1e-14 && s < at, "{at} {width}: {s}");
+        }
+        assert_eq!(first_of(|t| (t - 0.4) * (t - 0.4) + 1e-6, 0), None);
+        assert_eq!(first_of(|t| 1.0 - 0.999 * t, 0), None);
+    }
+
+    #[test]
+    fn the_first_of_several_zeros() {
+        let s = first_of(|t| (0.2 - t) * (0.5 - t) * (0.9 - t), 0).unwrap();
+        assert!((s - 0.2).abs() < 1e-13, "{s}");
+        let s = first_of(|t| (0.25 - t) * (0.25 - t) * (0.5 - t), 0).unwrap();
+        assert!((s - 0.25).abs() < 1e-4 || (s - 0.5).abs() < 1e-12, "{s}");
+    }
+
+    #[test]
+    fn zeros_at_the_start_are_divided_out() {
+        assert_eq!(first_of(|t| t * (2.0 - t), 1), None);
+        let s = first_of(|t| t * t * (0.01 - t), 2).unwrap();
+        assert!((s - 0.01).abs() < 1e-12, "{s}");
+        assert_eq!(first_of(|t| -t * (2.0 - t), 1), Some(0.0));
+        let (c, d) = of(|t| t * t * (3.0 + t), 2);
+        assert!((value(&c[..=d], 0.5) - 3.5).abs() < 1e-12);
+        assert!((slope(&c[..=d], 0.5) - 1.0).abs() < 1e-11);
+    }
+}

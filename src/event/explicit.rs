@@ -1,0 +1,232 @@
+//! Steps of the explicit pairs, with dense output.
+
+use super::field::Field;
+use super::pairs::{dop853, dp5, Row};
+use super::step::{Stages, Step};
+use crate::func::EvalResult;
+
+/// An explicit pair.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pair {
+    /// Order 5, dense output of order 4.
+    Dp5,
+    /// Order 8, dense output of order 7.
+    Dop853,
+}
+
+impl Pair {
+    /// Order of the error estimate plus one: what the step size is chosen by.
+    pub(super) fn order(self) -> f64 {
+        match self {
+            Pair::Dp5 => 5.0,
+            Pair::Dop853 => 8.0,
+        }
+    }
+
+    /// `|h λ|` at the border of the region of stability, on the real axis.
+    pub(super) fn stability(self) -> f64 {
+        match self {
+            Pair::Dp5 => 3.25,
+            Pair::Dop853 => 6.1,
+        }
+    }
+}
+
+#[inline(always)]
+fn dot<const M: usize>(k: &Stages, row: &Row<M>) -> f64 {
+    let mut s = 0.0;
+    for &(j, a) in row {
+        s += a * k[j];
+    }
+    s
+}
+
+/// Evaluates stage `i` at node `c`.
+#[inline(always)]
+fn stage<const M: usize>(field: &mut Field, s: &mut Step, i: usize, c: f64, row: &Row<M>) -> EvalResult {
+    let h = s.h;
+    for ((y, x), k) in s.y.iter_mut().zip(&s.x0).zip(&s.k) {
+        *y = x + h * dot(k, row);
+    }
+    field.rhs(s.t + c * h, &s.y, &mut s.f)?;
+    for (k, f) in s.k.iter_mut().zip(&s.f) {
+        k[i] = *f;
+    }
+    Ok(())
+}
+
+#[inline(always)]
+fn end<const M: usize>(s: &mut Step, row: &Row<M>) {
+    for ((x1, x), k) in s.x1.iter_mut().zip(&s.x0).zip(&s.k) {
+        *x1 = x + s.h * dot(k, row);
+    }
+}
+
+/// Computes the end of a step from `x0`, `f0`.
+pub(super) fn attempt(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
+    for (k, f) in s.k.iter_mut().zip(&s.f0) {
+        k[0] = *f;
+    }
+    match pair {
+        Pair::Dp5 => {
+            use dp5::*;
+            stage(field, s, 1, C[1], &A1)?;
+            stage(field, s, 2, C[2], &A2)?;
+            stage(field, s, 3, C[3], &A3)?;
+            stage(field, s, 4, C[4], &A4)?;
+            stage(field, s, 5, C[5], &A5)?;
+            s.n_k = 6;
+            end(s, &A6);
+            finish(pair, field, s)
+        }
+        Pair::Dop853 => {
+            use dop853::*;
+            stage(field, s, 1, C[1], &A1)?;
+            stage(field, s, 2, C[2], &A2)?;
+            stage(field, s, 3, C[3], &A3)?;
+            stage(field, s, 4, C[4], &A4)?;
+            stage(field, s, 5, C[5], &A5)?;
+            stage(field, s, 6, C[6], &A6)?;
+            stage(field, s, 7, C[7], &A7)?;
+            stage(field, s, 8, C[8], &A8)?;
+            stage(field, s, 9, C[9], &A9)?;
+            stage(field, s, 10, C[10], &A10)?;
+            stage(field, s, 11, C[11], &A11)?;
+            s.n_k = 12;
+            end(s, &A12);
+            Ok(())
+        }
+    }
+}
+
+/// Evaluates the derivative at the end.
+pub(super) fn finish(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
+    field.rhs(s.t + s.h, &s.x1, &mut s.f1)?;
+    let last = match pair {
+        Pair::Dp5 => 6,
+        Pair::Dop853 => 12,
+    };
+    for (k, f) in s.k.iter_mut().zip(&s.f1) {
+        k[last] = *f;
+    }
+    s.n_k = last + 1;
+    Ok(())
+}
+
+/// Size of the local error relative to the tolerance; `weights` are reciprocal.
+pub(super) fn error(pair: Pair, s: &Step, weights: &[f64]) -> f64 {
+    let n = s.x0.len() as f64;
+    match pair {
+        Pair::Dp5 => {
+            let sum: f64 = s.k.iter().zip(weights).map(|(k, w)| (dot(k, &dp5::E) * w).powi(2)).sum();
+            s.h.abs() * (sum / n).sqrt()
+        }
+        Pair::Dop853 => {
+            let (mut e5, mut e3) = (0.0, 0.0);
+            for (k, w) in s.k.iter().zip(weights) {
+                e5 += (dot(k, &dop853::E5) * w).powi(2);
+                e3 += (dot(k, &dop853::E3) * w).powi(2);
+            }
+            let d = e5 + 0.01 * e3;
+            // an underflow is no error
+            if d > 0.0 {
+                s.h.abs() * e5 / (d * n).sqrt()
+            } else {
+                0.0
+            }
+        }
+    }
+}
+
+/// An estimate of `|h λ|` for the fastest part of the system, after [`finish`].
+pub(super) fn stiffness(pair: Pair, s: &Step) -> f64 {
+    let last = match pair {
+        Pair::Dp5 => 5,
+        Pair::Dop853 => 11,
+    };
+    let (mut num, mut den) = (0.0, 0.0);
+    for i in 0..s.x1.len() {
+        num += (s.f1[i] - s.k[i][last]).powi(2);
+        den += (s.x1[i] - s.y[i]).powi(2);
+    }
+    if den > 0.0 {
+        s.h.abs() * (num / den).sqrt()
+    } else {
+        0.0
+    }
+}
+
+/// Writes the dense output, after [`finish`].
+pub(super) fn dense(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
+    let h = s.h;
+    if pair == Pair::Dop853 {
+        use dop853::*;
+        let n_k = s.n_k;
+        stage(field, s, 13, C[13], &A13)?;
+        stage(field, s, 14, C[14], &A14)?;
+        stage(field, s, 15, C[15], &A15)?;
+        s.n_k = n_k;
+    }
+    for (i, p) in s.poly.iter_mut().enumerate() {
+        let k = &s.k[i];
+        let d = s.x1[i] - s.x0[i];
+        let (a, b) = (h * s.f0[i] - d, 2.0 * d - h * (s.f0[i] + s.f1[i]));
+        *p = [0.0; 8];
+        // nested form, innermost coefficient first: factors alternate between τ and 1 − τ
+        match pair {
+            Pair::Dp5 => nested(&[h * dot(k, &dp5::D), b, a, d], p),
+            Pair::Dop853 => {
+                use dop853::{D0, D1, D2, D3};
+                let c = [dot(k, &D3), dot(k, &D2), dot(k, &D1), dot(k, &D0)];
+                nested(&[h * c[0], h * c[1], h * c[2], h * c[3], b, a, d], p)
+            }
+        }
+        p[0] += s.x0[i];
+    }
+    Ok(())
+}
+
+/// Multiplies out `τ (c_last + (1 − τ) (… (c_0)))`, with as many factors as coefficients.
+fn nested(c: &[f64], p: &mut [f64; 8]) {
+    for (m, v) in c.iter().enumerate() {
+        p[0] += v;
+        let by_tau = (c.len() - 1 - m) % 2 == 0;
+        for j in (1..=m + 1).rev() {
+            p[j] = if by_tau { p[j - 1] } else { p[j] - p[j - 1] };
+        }
+        if by_tau {
+            p[0] = 0.0;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::pairs::{dop853, dp5};
+
+    /// `Σ b_i c_i^q = 1/(q+1)` and `Σ a_ij c_j^q = c_i^{q+1}/(q+1)`.
+    #[test]
+    fn quadrature_and_row_conditions() {
+        let check = |rows: &[&[(usize, f64)]], c: &[f64], last: usize, order: i32| {
+            for q in 0..order {
+                let s: f64 = rows[last].iter().map(|(j, b)| b * c[*j].powi(q)).sum();
+                assert!((s - 1.0 / f64::from(q + 1)).abs() < 1e-14, "{order}, q = {q}: {s}");
+            }
+            for (row, c) in rows.iter().zip(c) {
+                assert!((row.iter().map(|e| e.1).sum::<f64>() - c).abs() < 1e-13, "{order}: {row:?}");
+            }
+        };
+        check(&dp5::ROWS, &dp5::C, 6, 5);
+        check(&dop853::ROWS, &dop853::C, 12, 8);
+        for e in [&dp5::E[..], &dop853::E5, &dop853::E3] {
+            assert!(e.iter().map(|e| e.1).sum::<f64>().abs() < 1e-14);
+        }
+        for i in [13, 14, 15] {
+            for q in 0..5 {
+                let s: f64 = dop853::ROWS[i].iter().map(|(j, a)| a * dop853::C[*j].powi(q)).sum();
+                let exact = dop853::C[i].powi(q + 1) / f64::from(q + 1);
+                assert!((s - exact).abs() < 1e-13, "row {i}, q = {q}: {s} {exact}");
+            }
+        }
+    }
+}

@@ -1,0 +1,532 @@
+//! The right-hand side under a fixed active set.
+//!
+//! Subsystem `k` has the active cells `I_k`. With `α` the weights of all of them but the first,
+//!
+//! ```text
+//! ẋ = f0 + Σ_k f_{i0(k)} + Σ_k Σ_{i ∈ I_k \ i0} α_i (f_i − f_{i0}) = b + D α,     0 = c_i(x) = g_i − g_{i0}     (6.15)
+//! ```
+//!
+//! where every subsystem has one active cell this is an ordinary differential equation. Else `α` follows from the
+//! derivative of the constraints, `C (b + D α) + c_t = 0` (6.17): a function of time and state, so switches that end a
+//! sliding mode are located on it as accurately as the state is known.
+
+use super::lu::Lu;
+use crate::dcs::{Cell, Dcs, Drift};
+use crate::func::{EvalError, EvalResult, Function, Point};
+use crate::system::SharedFunction;
+
+/// One subsystem.
+pub(super) struct Sub {
+    rows: Vec<usize>,
+    modes: SharedFunction,
+    indicators: SharedFunction,
+    pub(super) cells: Vec<Cell>,
+    /// First cell among those of all subsystems.
+    pub(super) first: usize,
+    /// First of its indicator functions among those of all subsystems.
+    pub(super) q0: usize,
+    /// Number of indicator functions.
+    pub(super) n_q: usize,
+    /// Indicators come from signs of switching functions.
+    pub(super) signs: bool,
+    /// Their gradient is constant.
+    affine: bool,
+}
+
+impl Sub {
+    /// Does the mode of this cell (of the subsystem) depend on the sign of function `j`?
+    pub(super) fn cares(&self, cell: usize, j: usize) -> bool {
+        let mode = self.cells[cell].mode;
+        self.cells.iter().filter(|c| c.mode == mode).all(|c| c.weights[j] == self.cells[cell].weights[j])
+    }
+}
+
+/// An algebraic variable: a cell and the cell it is compared with.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Pair {
+    sub: usize,
+    cell: usize,
+    base: usize,
+}
+
+/// Counts of work.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub(super) struct Counts {
+    pub(super) values: usize,
+    pub(super) jacobians: usize,
+}
+
+/// Evaluates the system under its active set. All memory is allocated once.
+pub(super) struct Field {
+    pub(super) nx: usize,
+    /// Columns of Jacobians: `x`, `p`, `t`.
+    pub(super) n_z: usize,
+    np: usize,
+    pub(super) u: Vec<f64>,
+    pub(super) p: Vec<f64>,
+    pub(super) subs: Vec<Sub>,
+    pub(super) n_cells: usize,
+    /// Subsystem of every cell.
+    pub(super) owner: Vec<usize>,
+    drifts: Vec<Drift>,
+    /// The first drift is the whole right-hand side of the states: written without a detour.
+    direct: bool,
+    /// Active cells per subsystem, never empty.
+    pub(super) active: Vec<Vec<usize>>,
+    pairs: Vec<Pair>,
+    /// Reciprocal size of the gradient of every constraint.
+    unit: Vec<f64>,
+    /// Indicator functions at the last point.
+    pub(super) q: Vec<f64>,
+    /// Their gradients, `n_q × n_z`.
+    pub(super) dq: Vec<f64>,
+    /// `dq` holds for any point.
+    dq_constant: bool,
+    dq_known: bool,
+    /// `b`.
+    base: Vec<f64>,
+    /// Columns of `D`, one after the other.
+    d: Vec<f64>,
+    /// Rows of `C`, scaled, `n_alg × n_z`.
+    pub(super) c: Vec<f64>,
+    /// Weights at the last point.
+    pub(super) alpha: Vec<f64>,
+    room: Vec<f64>,
+    lu: Lu<f64>,
+    buffer: Vec<f64>,
+    work: Vec<f64>,
+    pub(super) counts: Counts,
+}
+
+impl Field {
+    pub(super) fn new(dcs: &Dcs) -> Field {
+        let dims = dcs.dims();
+        let nx = dims.x;
+        let (mut subs, mut owner) = (Vec::new(), Vec::new());
+        let (mut buffer, mut work, mut q0) = (0, 0, 0);
+        let mut note = |f: &dyn Function| {
+            buffer = buffer.max(f.n_out()).max(f.jac_pattern().nnz());
+            work = work.max(f.work_len());
+        };
+        for d in dcs.drifts() {
+            note(d.f.as_ref());
+        }
+        for (k, s) in dcs.subsystems().iter().enumerate() {
+            note(s.modes.as_ref());
+            note(s.indicators.as_ref());
+            let n_q = s.indicators.n_out();
+            subs.push(Sub {
+                rows: s.rows.clone(),
+                modes: s.modes.clone(),
+                indicators: s.indicators.clone(),
+                cells: s.cells.clone(),
+                first: owner.len(),
+                q0,
+                n_q,
+                signs: s.cells.iter().all(|c| c.weights.iter().all(|w| *w != 0.0)),
+                affine: s.indicators.hess_pattern().nnz() == 0,
+            });
+            owner.resize(owner.len() + s.cells.len(), k);
+            q0 += n_q;
+        }
+        let (n_cells, n_z) = (owner.len(), nx + dims.p + 1);
+        let most = n_cells.saturating_sub(subs.len());
+        let identity = |d: &Drift| d.rows.len() == nx && d.rows.iter().enumerate().all(|(i, &r)| i == r);
+        Field {
+            nx,
+            n_z,
+            np: dims.p,
+            u: vec![0.0; dims.u],
+            p: vec![0.0; dims.p],
+            active: subs.iter().map(|s| Vec::with_capacity(s.cells.len())).collect(),
+            dq_constant: subs.iter().all(|s| s.affine),
+            subs,
+            n_cells,
+            owner,
+            direct: dcs.drifts().first().is_some_and(identity),
+            drifts: dcs.drifts().to_vec(),
+            pairs: Vec::with_capacity(most),
+            unit: vec![1.0; most],
+            q: vec![0.0; q0],
+            dq: vec![0.0; q0 * n_z],
+            dq_known: false,
+            base: vec![0.0; nx],
+            d: vec![0.0; most * nx],
+            c: vec![0.0; most * n_z],
+            alpha: vec![0.0; most],
+            room: vec![0.0; most],
+            lu: Lu::with_capacity(most),
+            buffer: vec![0.0; buffer],
+            work: vec![0.0; work],
+            counts: Counts::default(),
+        }
+    }
+
+    /// Number of algebraic variables: 0 outside of sliding modes.
+    pub(super) fn n_alg(&self) -> usize {
+        self.pairs.len()
+    }
+
+    /// Columns of `D` at the last point.
+    pub(super) fn d(&self, i: usize) -> &[f64] {
+        &self.d[i * self.nx..(i + 1) * self.nx]
+    }
+
+    /// Parameters or controls have changed: nothing is known any more.
+    pub(super) fn forget(&mut self) {
+        self.dq_known = false;
+    }
+
+    /// Makes `sets` the active cells.
+    pub(super) fn set_active(&mut self, sets: &[Vec<usize>]) {
+        self.pairs.clear();
+        for (k, (to, from)) in self.active.iter_mut().zip(sets).enumerate() {
+            to.clone_from(from);
+            for &cell in &from[1..] {
+                self.pairs.push(Pair { sub: k, cell, base: from[0] });
+            }
+        }
+    }
+
+    /// Scales the constraints to gradients of size one at this point.
+    pub(super) fn scale_constraints(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        if self.pairs.is_empty() {
+            return Ok(());
+        }
+        self.gradients(t, x)?;
+        self.unit.fill(1.0);
+        self.constraint_rows();
+        for i in 0..self.pairs.len() {
+            let size = self.c[i * self.n_z..i * self.n_z + self.nx].iter().map(|v| v * v).sum::<f64>().sqrt();
+            self.unit[i] = if size > 0.0 { 1.0 / size } else { 1.0 };
+        }
+        Ok(())
+    }
+
+    /// Modes active in subsystem `k`, ascending, each once.
+    pub(super) fn modes(&self, k: usize) -> Vec<usize> {
+        let s = &self.subs[k];
+        let mut m: Vec<usize> = self.active[k].iter().map(|c| s.cells[c - s.first].mode).collect();
+        m.sort_unstable();
+        m.dedup();
+        m
+    }
+
+    /// The smooth part of the right-hand side.
+    pub(super) fn drift(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        let mut rest = &self.drifts[..];
+        if self.direct {
+            rest = &self.drifts[1..];
+            self.drifts[0].f.value(&at, out, &mut self.work)?;
+        } else {
+            out.fill(0.0);
+        }
+        for d in rest {
+            d.f.value(&at, &mut self.buffer[..d.rows.len()], &mut self.work)?;
+            for (v, &r) in self.buffer.iter().zip(&d.rows) {
+                out[r] += v;
+            }
+        }
+        Ok(())
+    }
+
+    /// Adds `weight` times the field of a cell.
+    pub(super) fn add_mode(&mut self, t: f64, x: &[f64], cell: usize, weight: f64, out: &mut [f64]) -> EvalResult {
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        let s = &self.subs[self.owner[cell]];
+        let mode = s.cells[cell - s.first].mode;
+        let nr = s.rows.len();
+        let rows = mode * nr..(mode + 1) * nr;
+        let n_out = s.modes.n_out();
+        s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..n_out], &mut self.work)?;
+        for (v, &r) in self.buffer[rows].iter().zip(&s.rows) {
+            out[r] += weight * v;
+        }
+        Ok(())
+    }
+
+    /// Moves `x` by rounding into the region of a cell, away from the surfaces it lies on; gradients are those of the
+    /// last point.
+    pub(super) fn nudge(&self, cell: usize, x: &mut [f64]) {
+        let s = &self.subs[self.owner[cell]];
+        let size = x.iter().fold(1e-300f64, |m, v| m.max(v.abs()));
+        for (j, w) in s.cells[cell - s.first].weights.iter().enumerate() {
+            let g = &self.dq[(s.q0 + j) * self.n_z..(s.q0 + j) * self.n_z + self.nx];
+            let norm = g.iter().map(|g| g * g).sum::<f64>().sqrt();
+            let on_surface = self.q[s.q0 + j].abs() <= 64.0 * f64::EPSILON * norm * size;
+            if norm > 0.0 && on_surface {
+                x.iter_mut().zip(g).for_each(|(x, g)| *x -= 8.0 * f64::EPSILON * size * w * g / norm);
+            }
+        }
+    }
+
+    /// Right-hand side; in a sliding mode with the weights that follow from time and state.
+    pub(super) fn rhs(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        if self.pairs.is_empty() {
+            self.counts.values += 1;
+            self.drift(t, x, out)?;
+            for k in 0..self.subs.len() {
+                self.add_mode(t, x, self.active[k][0], 1.0, out)?;
+            }
+            return Ok(());
+        }
+        self.hidden(t, x)?;
+        self.combine(out);
+        Ok(())
+    }
+
+    /// `b + D α` of the last point with the weights it has.
+    pub(super) fn combine(&self, out: &mut [f64]) {
+        out.copy_from_slice(&self.base);
+        for i in 0..self.pairs.len() {
+            let a = self.alpha[i];
+            for (o, d) in out.iter_mut().zip(&self.d[i * self.nx..(i + 1) * self.nx]) {
+                *o += a * d;
+            }
+        }
+    }
+
+    /// Evaluates `b` and `D`.
+    pub(super) fn parts(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        self.counts.values += 1;
+        let mut base = std::mem::take(&mut self.base);
+        let mut d = std::mem::take(&mut self.d);
+        let r = self.parts_into(t, x, &mut base, &mut d);
+        self.base = base;
+        self.d = d;
+        r
+    }
+
+    fn parts_into(&mut self, t: f64, x: &[f64], base: &mut [f64], d: &mut [f64]) -> EvalResult {
+        self.drift(t, x, base)?;
+        let mut i = 0;
+        let mut first = std::mem::take(&mut self.active);
+        let mut all = || -> EvalResult {
+            for set in &first {
+                let n = set.len() - 1;
+                let own = &mut d[i * self.nx..(i + n) * self.nx];
+                own.fill(0.0);
+                for (j, column) in own.chunks_exact_mut(self.nx).enumerate() {
+                    self.add_mode(t, x, set[j + 1], 1.0, column)?;
+                    self.add_mode(t, x, set[0], -1.0, column)?;
+                }
+                self.add_mode(t, x, set[0], 1.0, base)?;
+                i += n;
+            }
+            Ok(())
+        };
+        let r = all();
+        std::mem::swap(&mut self.active, &mut first);
+        r
+    }
+
+    /// Indicator functions.
+    pub(super) fn indicators(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        for s in &self.subs {
+            s.indicators.value(&at, &mut self.q[s.q0..s.q0 + s.n_q], &mut self.work)?;
+        }
+        Ok(())
+    }
+
+    /// Gradients of the indicator functions.
+    pub(super) fn gradients(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        if self.dq_known && self.dq_constant {
+            return Ok(());
+        }
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        let (nx, np, n_z) = (self.nx, self.np, self.n_z);
+        let column = Columns { nx, nu: self.u.len(), np };
+        self.dq.fill(0.0);
+        for s in &self.subs {
+            let p = s.indicators.jac_pattern();
+            if p.nnz() == 0 {
+                continue;
+            }
+            s.indicators.jacobian(&at, &mut self.buffer[..p.nnz()], &mut self.work)?;
+            for col in 0..p.n_cols() {
+                let Some(to) = column.of(col) else { continue };
+                for k in p.range(col) {
+                    self.dq[(s.q0 + p.row_idx()[k]) * n_z + to] = self.buffer[k];
+                }
+            }
+        }
+        self.dq_known = true;
+        Ok(())
+    }
+
+    /// Rows of `C` from the gradients of the last point.
+    fn constraint_rows(&mut self) {
+        let n_z = self.n_z;
+        for (i, p) in self.pairs.iter().enumerate() {
+            let s = &self.subs[p.sub];
+            let row = &mut self.c[i * n_z..(i + 1) * n_z];
+            row.fill(0.0);
+            let (w, w0) = (&s.cells[p.cell - s.first].weights, &s.cells[p.base - s.first].weights);
+            for j in 0..s.n_q {
+                let weight = (w[j] - w0[j]) * self.unit[i];
+                if weight != 0.0 {
+                    for (r, g) in row.iter_mut().zip(&self.dq[(s.q0 + j) * n_z..]) {
+                        *r += weight * g;
+                    }
+                }
+            }
+        }
+    }
+
+    /// Constraint `i` from the indicators of the last point.
+    pub(super) fn constraint(&self, i: usize) -> f64 {
+        let p = self.pairs[i];
+        let s = &self.subs[p.sub];
+        let (w, w0) = (&s.cells[p.cell - s.first].weights, &s.cells[p.base - s.first].weights);
+        self.unit[i] * (0..s.n_q).map(|j| (w[j] - w0[j]) * self.q[s.q0 + j]).sum::<f64>()
+    }
+
+    /// Everything of a sliding mode at a point: `b`, `D`, `C` and the weights (6.17c).
+    pub(super) fn hidden(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        self.parts(t, x)?;
+        self.gradients(t, x)?;
+        self.constraint_rows();
+        let (r, nx, n_z) = (self.pairs.len(), self.nx, self.n_z);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let m = self.lu.clear(r);
+        for i in 0..r {
+            let c = &self.c[i * n_z..i * n_z + nx];
+            for j in 0..r {
+                m[i * r + j] = dot(c, &self.d[j * nx..(j + 1) * nx]);
+            }
+            self.alpha[i] = -dot(c, &self.base) - self.c[(i + 1) * n_z - 1];
+        }
+        if !self.lu.factorise() {
+            return Err(EvalError::Recoverable);
+        }
+        self.lu.solve(&mut self.alpha[..r]);
+        Ok(())
+    }
+
+    /// Moves `x` along `D` until all constraints hold to rounding; `C D` is that of the last [`Field::hidden`]. Says
+    /// whether `x` has changed.
+    pub(super) fn project(&mut self, t: f64, x: &mut [f64]) -> Result<bool, EvalError> {
+        let r = self.pairs.len();
+        let mut moved = false;
+        let mut before = f64::INFINITY;
+        for _ in 0..if r == 0 { 0 } else { 4 } {
+            self.indicators(t, x)?;
+            let mut worst = 0.0f64;
+            for i in 0..r {
+                self.room[i] = -self.constraint(i);
+                worst = worst.max(self.room[i].abs());
+            }
+            let size = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+            if worst >= 0.5 * before || worst <= f64::EPSILON * size {
+                break;
+            }
+            before = worst;
+            moved = true;
+            self.lu.solve(&mut self.room[..r]);
+            for i in 0..r {
+                for (x, d) in x.iter_mut().zip(&self.d[i * self.nx..]) {
+                    *x += self.room[i] * d;
+                }
+            }
+        }
+        Ok(moved)
+    }
+
+    /// Weight of an active cell at the last point.
+    pub(super) fn theta(&self, cell: usize) -> f64 {
+        self.theta_in(&self.alpha, cell)
+    }
+
+    /// Weight of an active cell among these algebraic variables.
+    pub(super) fn theta_in(&self, alpha: &[f64], cell: usize) -> f64 {
+        let mut base = 1.0;
+        let k = self.owner[cell];
+        for (p, a) in self.pairs.iter().zip(alpha) {
+            if p.cell == cell {
+                return *a;
+            }
+            if p.sub == k {
+                base -= a;
+            }
+        }
+        base
+    }
+
+    /// Are the gradients of the indicators the same everywhere?
+    pub(super) fn constant_gradients(&self) -> bool {
+        self.dq_constant
+    }
+
+    /// Jacobian of `b + D α` for fixed `α`, row-major `nx × n_z` with the columns `x`, `p`, `t`.
+    pub(super) fn jacobian(&mut self, t: f64, x: &[f64], alpha: &[f64], out: &mut [f64]) -> EvalResult {
+        self.counts.jacobians += 1;
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        let column = Columns { nx: self.nx, nu: self.u.len(), np: self.np };
+        let n_z = self.n_z;
+        out.fill(0.0);
+        for d in &self.drifts {
+            let p = d.f.jac_pattern();
+            d.f.jacobian(&at, &mut self.buffer[..p.nnz()], &mut self.work)?;
+            for col in 0..p.n_cols() {
+                let Some(to) = column.of(col) else { continue };
+                for k in p.range(col) {
+                    out[d.rows[p.row_idx()[k]] * n_z + to] += self.buffer[k];
+                }
+            }
+        }
+        for (k, s) in self.subs.iter().enumerate() {
+            let nr = s.rows.len();
+            let p = s.modes.jac_pattern();
+            if p.nnz() == 0 {
+                continue;
+            }
+            for &cell in &self.active[k] {
+                let mut weight = 1.0;
+                for (i, a) in self.pairs.iter().enumerate().filter(|(_, a)| a.sub == k) {
+                    if a.cell == cell {
+                        weight = alpha[i];
+                        break;
+                    }
+                    if cell == a.base {
+                        weight -= alpha[i];
+                    }
+                }
+                let mode = s.cells[cell - s.first].mode;
+                let rows = mode * nr..(mode + 1) * nr;
+                s.modes.jacobian_rows(&at, rows.clone(), &mut self.buffer[..p.nnz()], &mut self.work)?;
+                for col in 0..p.n_cols() {
+                    let Some(to) = column.of(col) else { continue };
+                    for e in p.range(col) {
+                        let row = p.row_idx()[e];
+                        if rows.contains(&row) {
+                            out[s.rows[row - rows.start] * n_z + to] += weight * self.buffer[e];
+                        }
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Where the columns of a pattern go: controls are constants.
+struct Columns {
+    nx: usize,
+    nu: usize,
+    np: usize,
+}
+
+impl Columns {
+    fn of(&self, col: usize) -> Option<usize> {
+        if col < self.nx {
+            Some(col)
+        } else if col < self.nx + self.nu {
+            None
+        } else {
+            debug_assert!(col <= self.nx + self.nu + self.np);
+            Some(col - self.nu)
+        }
+    }
+}

@@ -1,0 +1,158 @@
+//! Dense LU factorisations in place, real and complex, without allocation after the first use.
+
+use nalgebra::Complex;
+use std::ops::{Add, Div, Mul, Sub};
+
+/// A field with a size to pivot by.
+pub(super) trait Scalar:
+    Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
+{
+    fn size(self) -> f64;
+}
+
+impl Scalar for f64 {
+    #[inline]
+    fn size(self) -> f64 {
+        self.abs()
+    }
+}
+
+impl Scalar for Complex<f64> {
+    #[inline]
+    fn size(self) -> f64 {
+        self.re.abs() + self.im.abs()
+    }
+}
+
+/// Factors of a square matrix, row-major, with row pivoting relative to the size of the rows.
+#[derive(Debug, Default)]
+pub(super) struct Lu<T> {
+    n: usize,
+    a: Vec<T>,
+    perm: Vec<usize>,
+    scale: Vec<f64>,
+    y: Vec<T>,
+}
+
+impl<T: Scalar> Lu<T> {
+    /// With room for matrices up to `n × n`.
+    pub(super) fn with_capacity(n: usize) -> Lu<T> {
+        Lu {
+            n: 0,
+            a: Vec::with_capacity(n * n),
+            perm: Vec::with_capacity(n),
+            scale: Vec::with_capacity(n),
+            y: Vec::with_capacity(n),
+        }
+    }
+
+    /// A zero matrix of order `n` to write to.
+    pub(super) fn clear(&mut self, n: usize) -> &mut [T] {
+        self.n = n;
+        self.a.clear();
+        self.a.resize(n * n, T::default());
+        &mut self.a
+    }
+
+    /// Adds to an entry, by its place in the row-major matrix.
+    pub(super) fn add(&mut self, at: usize, v: T) {
+        self.a[at] = self.a[at] + v;
+    }
+
+    /// Factorises what was written; false if the matrix is singular to rounding.
+    pub(super) fn factorise(&mut self) -> bool {
+        let n = self.n;
+        self.perm.clear();
+        self.perm.extend(0..n);
+        self.scale.clear();
+        for i in 0..n {
+            let s = self.a[i * n..(i + 1) * n].iter().fold(0.0f64, |m, v| m.max(v.size()));
+            if !(s > 0.0 && s.is_finite()) {
+                return false;
+            }
+            self.scale.push(1.0 / s);
+        }
+        for k in 0..n {
+            let size = |i: usize| self.a[i * n + k].size() * self.scale[i];
+            let mut best = k;
+            for i in k + 1..n {
+                if size(i) > size(best) {
+                    best = i;
+                }
+            }
+            let pivot = size(best);
+            if pivot.is_nan() || pivot <= 1e-14 {
+                return false;
+            }
+            if best != k {
+                for j in 0..n {
+                    self.a.swap(k * n + j, best * n + j);
+                }
+                self.perm.swap(k, best);
+                self.scale.swap(k, best);
+            }
+            let (top, bottom) = self.a.split_at_mut((k + 1) * n);
+            let pivot = &top[k * n..];
+            for row in bottom.chunks_exact_mut(n) {
+                let l = row[k] / pivot[k];
+                row[k] = l;
+                for (r, p) in row[k + 1..].iter_mut().zip(&pivot[k + 1..]) {
+                    *r = *r - l * *p;
+                }
+            }
+        }
+        true
+    }
+
+    /// Replaces the right-hand side by the solution.
+    pub(super) fn solve(&mut self, b: &mut [T]) {
+        let n = self.n;
+        self.y.clear();
+        self.y.extend(self.perm.iter().map(|&i| b[i]));
+        let y = &mut self.y;
+        for i in 0..n {
+            let row = &self.a[i * n..i * n + i];
+            let s = row.iter().zip(y.iter()).fold(y[i], |s, (l, v)| s - *l * *v);
+            y[i] = s;
+        }
+        for i in (0..n).rev() {
+            let row = &self.a[i * n..(i + 1) * n];
+            let s = row[i + 1..].iter().zip(&y[i + 1..]).fold(y[i], |s, (u, v)| s - *u * *v);
+            y[i] = s / row[i];
+        }
+        b[..n].copy_from_slice(y);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn solves_badly_scaled_rows_and_finds_singular_matrices() {
+        let mut lu = Lu::<f64>::with_capacity(3);
+        let a = [0.0, 2e8, 1e8, 1e-8, 0.0, 3e-8, 1.0, 1.0, 1.0];
+        let x = [1.0, -2.0, 3.0];
+        lu.clear(3).copy_from_slice(&a);
+        assert!(lu.factorise());
+        let mut b: Vec<f64> = (0..3).map(|i| (0..3).map(|j| a[3 * i + j] * x[j]).sum()).collect();
+        lu.solve(&mut b);
+        assert!(b.iter().zip(&x).all(|(b, x)| (b - x).abs() < 1e-14), "{b:?}");
+        lu.clear(2).copy_from_slice(&[1.0, 2.0, 2.0, 4.0]);
+        assert!(!lu.factorise());
+        lu.clear(1)[0] = f64::NAN;
+        assert!(!lu.factorise());
+    }
+
+    #[test]
+    fn solves_complex_systems() {
+        let i = Complex::new(0.0, 1.0);
+        let one = Complex::new(1.0, 0.0);
+        let mut lu = Lu::with_capacity(2);
+        lu.clear(2).copy_from_slice(&[i, one, one, i + i]);
+        assert!(lu.factorise());
+        let mut b = [i * one + one * i, one + (i + i) * i];
+        lu.solve(&mut b);
+        assert!((b[0] - one).size() < 1e-15 && (b[1] - i).size() < 1e-15);
+    }
+}

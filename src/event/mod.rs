@@ -1,0 +1,300 @@
+//! Event-driven simulation: the system is integrated under its active set, an ordinary differential equation or, while
+//! sliding, a differential-algebraic equation of index 2; every switch is located to rounding.
+//!
+//! - Smooth modes: explicit pairs of Dormand and Prince, order 5 and 8, or Radau IIA of order 5 where they are stiff.
+//! - Sliding modes: Radau IIA with the surface as a constraint at every stage; nothing drifts.
+//! - Switches: the indicators and the weights of the active modes are followed on the dense output; sign changes are
+//!   found from Bernstein coefficients, also two in one step; the step is then repeated with the length that puts the
+//!   switch at its end.
+//! - The next active set solves the linear complementarity problem (6.19), with second-order conditions where first
+//!   order does not decide. **Where more than one continuation exists** ([`Ambiguity`]) the present active set is kept
+//!   if it is one of them, else the one with the fewest active cells is taken, else the one with the lowest indices.
+//!
+//! [`simulate`] runs from a state to a time; an [`Engine`] goes step by step.
+//!
+//! ```
+//! use std::sync::Arc;
+//! use switchback::event::{simulate, Kind, Options};
+//! use switchback::func::{Callback, Dims};
+//! use switchback::system::{Regions, Subsystem, System};
+//!
+//! // ẋ = 2 − sign x
+//! let d = Dims { x: 1, u: 0, p: 0 };
+//! let modes = Arc::new(Callback::new("F", d, 2, |_, f| { f[0] = 1.0; f[1] = 3.0; 0 }));
+//! let psi = Arc::new(Callback::new("psi", d, 1, |at, out| { out[0] = at.x[0]; 0 }));
+//! let mut system = System::new(1, 0, 0).unwrap();
+//! let regions = Regions::Signs { psi, signs: vec![1, -1] };
+//! system.add_subsystem(Subsystem { rows: vec![0], modes, n_modes: 2, regions }).unwrap();
+//!
+//! let run = simulate(&system, &Options::default(), 0.0, &[-1.0], 2.0).unwrap();
+//! assert!((run.x[0] - 5.0 / 3.0).abs() < 1e-14);
+//! assert_eq!(run.switches[0].kind, Kind::Cross);
+//! assert!((run.switches[0].t - 1.0 / 3.0).abs() < 1e-15);
+//! ```
+
+mod bernstein;
+mod engine;
+mod explicit;
+mod field;
+mod lu;
+mod next;
+mod pairs;
+mod path;
+mod radau;
+mod step;
+mod watch;
+
+pub use engine::{Engine, Progress};
+pub use path::Path;
+
+use crate::error::{Error, Result};
+use crate::system::System;
+
+/// Integration method of the modes; sliding modes always have Radau IIA.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum Method {
+    /// An explicit pair chosen by the tolerance; Radau IIA in modes that turn out to be stiff.
+    #[default]
+    Auto = 0,
+    /// Dormand and Prince 5(4).
+    Dp5 = 1,
+    /// Dormand and Prince 8(5,3).
+    Dop853 = 2,
+    /// Radau IIA of order 5.
+    Radau5 = 3,
+}
+
+/// What to do where switches accumulate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum Zeno {
+    /// Go on in the sliding mode on the surfaces the switches accumulate at, where there is one; else stop.
+    #[default]
+    Continue = 0,
+    /// Stop.
+    Stop = 1,
+}
+
+/// What to do where the continuation is not unique.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum Ambiguity {
+    /// The present active set if it may continue, else the fewest active cells, else the lowest indices.
+    #[default]
+    First = 0,
+    /// Stop.
+    Stop = 1,
+}
+
+/// Settings of a simulation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Relative tolerance of the local error, one value or one per state.
+    pub rtol: Vec<f64>,
+    /// Absolute tolerance, one value or one per state.
+    pub atol: Vec<f64>,
+    /// First step; 0: chosen.
+    pub h0: f64,
+    /// Longest step.
+    pub h_max: f64,
+    /// Integration method of the modes.
+    pub method: Method,
+    /// Steps at most, accepted and rejected, from one [`Engine::reinit`] to the next.
+    pub max_steps: usize,
+    /// Switches kept in the log at most; those beyond are counted only.
+    pub max_log: usize,
+    /// Where switches accumulate.
+    pub zeno: Zeno,
+    /// Where the continuation is not unique.
+    pub ambiguity: Ambiguity,
+    /// Keep the dense output of the whole run.
+    pub dense: bool,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options {
+            rtol: vec![1e-8],
+            atol: vec![1e-10],
+            h0: 0.0,
+            h_max: f64::INFINITY,
+            method: Method::Auto,
+            max_steps: 10_000_000,
+            max_log: 1_000_000,
+            zeno: Zeno::Continue,
+            ambiguity: Ambiguity::First,
+            dense: false,
+        }
+    }
+}
+
+impl Options {
+    /// Both tolerances the same for all states.
+    pub fn with_tolerance(rtol: f64, atol: f64) -> Options {
+        Options { rtol: vec![rtol], atol: vec![atol], ..Options::default() }
+    }
+
+    fn validate(&self, nx: usize) -> Result<()> {
+        for (what, v) in [("rtol", &self.rtol), ("atol", &self.atol)] {
+            if v.len() != 1 && v.len() != nx {
+                return Err(Error::Dimension(format!(
+                    "{what} has {} values: give one, or one for each of the {nx} states",
+                    v.len()
+                )));
+            }
+            if let Some(bad) = v.iter().find(|v| !(**v >= 0.0 && v.is_finite())) {
+                return Err(Error::Range(format!("{what} holds {bad}: it must be finite and not negative")));
+            }
+        }
+        for i in 0..nx {
+            let (r, a) = (self.rtol[i % self.rtol.len()], self.atol[i % self.atol.len()]);
+            if r < 1e-14 && a == 0.0 {
+                return Err(Error::Range(format!(
+                    "state {i} has rtol = {r} and atol = 0: give rtol of at least 1e-14 or a positive atol"
+                )));
+            }
+        }
+        if !(self.h0 >= 0.0 && self.h0.is_finite()) {
+            return Err(Error::Range(format!("h0 is {}: give a positive step, or 0", self.h0)));
+        }
+        if self.h_max.is_nan() || self.h_max <= 0.0 {
+            return Err(Error::Range(format!("h_max is {}: it must be positive", self.h_max)));
+        }
+        Ok(())
+    }
+}
+
+/// How a simulation ended.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum Outcome {
+    /// The time asked for is reached.
+    #[default]
+    Reached = 0,
+    /// More steps than allowed.
+    MaxSteps = 1,
+    /// The step became too short: a solution that grows without bound, a function that is not defined, tolerances
+    /// below rounding.
+    StepTooSmall = 2,
+    /// Switches accumulate, and there is no sliding mode beyond, or the policy is to stop.
+    Zeno = 3,
+    /// The continuation is not unique and the policy is to stop.
+    Ambiguous = 4,
+    /// No active set continues the solution.
+    NoContinuation = 5,
+}
+
+impl Outcome {
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Outcome::Reached => "reached",
+            Outcome::MaxSteps => "max-steps",
+            Outcome::StepTooSmall => "step-too-small",
+            Outcome::Zeno => "zeno",
+            Outcome::Ambiguous => "ambiguous",
+            Outcome::NoContinuation => "no-continuation",
+        }
+    }
+}
+
+/// What happens at a switch, by the active modes before and after (Table 6.2).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Kind {
+    /// Modes leave the active set and others enter it.
+    Cross = 0,
+    /// Modes enter: a sliding mode begins, or gets another mode.
+    Enter = 1,
+    /// Modes leave: a sliding mode ends, or loses a mode.
+    Leave = 2,
+    /// Modes leave although they could stay: the solution is not unique.
+    Spontaneous = 3,
+}
+
+impl Kind {
+    /// Name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Kind::Cross => "cross",
+            Kind::Enter => "enter",
+            Kind::Leave => "leave",
+            Kind::Spontaneous => "spontaneous",
+        }
+    }
+}
+
+/// A change of the active set of one subsystem.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Switch {
+    /// Time.
+    pub t: f64,
+    /// What happens.
+    pub kind: Kind,
+    /// Another subsystem switches at the same time.
+    pub simultaneous: bool,
+    /// Subsystem, counted among those with more than one mode.
+    pub subsystem: usize,
+    /// Modes active before.
+    pub before: Vec<usize>,
+    /// Modes active after.
+    pub after: Vec<usize>,
+    /// Rate at which the quantity that vanishes (an indicator difference, or a weight) goes through zero before the
+    /// switch; NaN where the switch is not caused by one.
+    pub rate: f64,
+    /// Cosine between the gradient of the surface and the velocity: near zero the contact is grazing. NaN for a weight.
+    pub transversality: f64,
+    /// The continuation was unique.
+    pub unique: bool,
+}
+
+/// Work done.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Statistics {
+    /// Accepted steps.
+    pub steps: usize,
+    /// Rejected steps.
+    pub rejections: usize,
+    /// Steps repeated to end at a switch.
+    pub relocations: usize,
+    /// Evaluations of the right-hand side.
+    pub evaluations: usize,
+    /// Evaluations of its Jacobian.
+    pub jacobians: usize,
+    /// Newton iterations.
+    pub newton: usize,
+    /// Factorisations.
+    pub factorisations: usize,
+    /// Switches, all subsystems together.
+    pub switches: usize,
+    /// Points at which switches accumulate.
+    pub accumulations: usize,
+}
+
+/// A finished simulation.
+#[derive(Debug, Clone)]
+pub struct Run {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Why, in words; empty when the time asked for is reached.
+    pub reason: String,
+    /// Time reached.
+    pub t: f64,
+    /// State there.
+    pub x: Vec<f64>,
+    /// The switches in the order of time.
+    pub switches: Vec<Switch>,
+    /// Work done.
+    pub stats: Statistics,
+    /// Dense output, if it was asked for.
+    pub path: Option<Path>,
+}
+
+/// Simulates from the state `x0` at `t0` to `t1`, with controls and parameters zero.
+pub fn simulate(system: &System, options: &Options, t0: f64, x0: &[f64], t1: f64) -> Result<Run> {
+    let mut e = Engine::new(system, options)?;
+    e.reinit(t0, x0)?;
+    e.advance(t1)?;
+    Ok(e.into_run())
+}

@@ -1,0 +1,368 @@
+//! Radau IIA with three stages, order 5, for stiff modes and for sliding modes.
+//!
+//! ```text
+//! Z_i = h Σ_j a_ij F(x0 + Z_j, α_j),   0 = c(x0 + Z_i),   x1 = x0 + Z_3
+//! ```
+//!
+//! The last two hold at every stage point, so nothing drifts. Simplified Newton iteration with the Jacobian at the
+//! start of the step; the transformation that decouples the stages into a real and a complex system, the estimate of
+//! the error and the transformed tolerance are those of E. Hairer, G. Wanner, *Solving Ordinary Differential
+//! Equations II* (1996), section IV.8.
+
+use super::field::Field;
+use super::lu::Lu;
+use super::step::{norm, Step};
+use crate::error::Result;
+use crate::func::EvalError;
+use crate::tableau::{Family, Tableau};
+use nalgebra::{Complex, Matrix3, Vector3};
+
+/// Newton iterations at most.
+pub(super) const MAX_NEWTON: usize = 10;
+
+/// How an attempt ended.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Attempt {
+    /// Size of the local error relative to the tolerance.
+    Error(f64),
+    /// The iteration did not converge.
+    Diverged,
+}
+
+/// The method with its memory.
+pub(super) struct Radau {
+    c: [f64; 3],
+    a_inv: Matrix3<f64>,
+    /// Real eigenvalue of the inverse, and the complex one.
+    gamma: f64,
+    complex_gamma: Complex<f64>,
+    t: Matrix3<f64>,
+    t_inv: Matrix3<f64>,
+    /// Values at the stages to coefficients of powers.
+    to_powers: Matrix3<f64>,
+    /// Increments and weights at the stages.
+    pub(super) z: [Vec<f64>; 3],
+    r: [Vec<f64>; 3],
+    /// Jacobian, `D` and `C` at the start of the step.
+    jac: Vec<f64>,
+    d: Vec<f64>,
+    cx: Vec<f64>,
+    alpha: Vec<f64>,
+    prepared: bool,
+    /// Length of the step the factors belong to.
+    factored: f64,
+    real: Lu<f64>,
+    complex: Lu<Complex<f64>>,
+    pair: Vec<Complex<f64>>,
+    err: Vec<f64>,
+    pub(super) newton: usize,
+    pub(super) factorisations: usize,
+    /// Iterations of the last attempt.
+    pub(super) last_newton: usize,
+}
+
+impl Radau {
+    pub(super) fn new(nx: usize, n_z: usize, most: usize) -> Result<Radau> {
+        let tab = Tableau::new(Family::RadauIia, 3)?;
+        let c = [tab.c[0], tab.c[1], tab.c[2]];
+        let a = Matrix3::from_row_slice(&tab.a);
+        // collocation matrices are invertible
+        let a_inv = a.try_inverse().unwrap_or_else(Matrix3::identity);
+        let s = 9f64.cbrt();
+        let gamma = 30.0 / (6.0 + s * (s - 1.0));
+        let (re, im) = ((12.0 - s * (s - 1.0)) / 60.0, s * (s + 1.0) * 3f64.sqrt() / 60.0);
+        let size = re * re + im * im;
+        let complex_gamma = Complex::new(re / size, im / size);
+        // eigenvectors are products of two rows of what is singular
+        let m = a_inv - Matrix3::identity() * gamma;
+        let v = m.row(0).transpose().cross(&m.row(1).transpose());
+        let m = a_inv.map(Complex::from) - Matrix3::identity() * complex_gamma;
+        let row = |i: usize| Vector3::new(m[(i, 0)], m[(i, 1)], m[(i, 2)]);
+        let (p, q) = (row(0), row(1));
+        let w = Vector3::new(p.y * q.z - p.z * q.y, p.z * q.x - p.x * q.z, p.x * q.y - p.y * q.x);
+        let t = Matrix3::from_columns(&[v / v.norm(), w.map(|v| v.re), w.map(|v| -v.im)]);
+        let n = nx + most;
+        Ok(Radau {
+            c,
+            a_inv,
+            gamma,
+            complex_gamma,
+            t,
+            t_inv: t.try_inverse().unwrap_or_else(Matrix3::identity),
+            to_powers: Matrix3::from_fn(|i, j| c[i].powi(j as i32 + 1)).try_inverse().unwrap_or_else(Matrix3::identity),
+            z: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
+            r: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
+            jac: vec![0.0; nx * n_z],
+            d: vec![0.0; most * nx],
+            cx: vec![0.0; most * nx],
+            alpha: vec![0.0; most],
+            prepared: false,
+            factored: 0.0,
+            real: Lu::with_capacity(n),
+            complex: Lu::with_capacity(n),
+            pair: vec![Complex::default(); n],
+            err: vec![0.0; n],
+            newton: 0,
+            factorisations: 0,
+            last_newton: 0,
+        })
+    }
+
+    /// The step begins somewhere else: the Jacobian has to be evaluated again.
+    pub(super) fn invalidate(&mut self) {
+        self.prepared = false;
+    }
+
+    /// Matrices at the start of the step.
+    fn prepare(&mut self, field: &mut Field, s: &Step) -> std::result::Result<(), EvalError> {
+        if self.prepared {
+            return Ok(());
+        }
+        let (nx, r) = (field.nx, field.n_alg());
+        if r > 0 {
+            field.hidden(s.t, &s.x0)?;
+            for i in 0..r {
+                self.alpha[i] = field.alpha[i];
+                self.d[i * nx..(i + 1) * nx].copy_from_slice(field.d(i));
+                self.cx[i * nx..(i + 1) * nx].copy_from_slice(&field.c[i * field.n_z..i * field.n_z + nx]);
+            }
+        }
+        field.jacobian(s.t, &s.x0, &self.alpha, &mut self.jac)?;
+        self.prepared = true;
+        self.factored = 0.0;
+        Ok(())
+    }
+
+    fn factorise(&mut self, field: &Field, h: f64) -> bool {
+        if self.factored == h {
+            return true;
+        }
+        let (nx, n_z, r) = (field.nx, field.n_z, field.n_alg());
+        let n = nx + r;
+        let (jac, d, cx) = (&self.jac, &self.d, &self.cx);
+        let real = self.real.clear(n);
+        for i in 0..nx {
+            for j in 0..nx {
+                real[i * n + j] = -jac[i * n_z + j];
+            }
+            for j in 0..r {
+                real[i * n + nx + j] = -d[j * nx + i];
+                real[(nx + j) * n + i] = cx[j * nx + i];
+            }
+        }
+        for (to, from) in self.complex.clear(n).iter_mut().zip(real.iter()) {
+            *to = Complex::new(*from, 0.0);
+        }
+        for i in 0..nx {
+            real[i * n + i] += self.gamma / h;
+        }
+        if !self.real.factorise() {
+            return false;
+        }
+        let n_c = n;
+        for i in 0..nx {
+            self.complex.add(i * n_c + i, self.complex_gamma / h);
+        }
+        self.factorisations += 1;
+        self.factored = h;
+        self.complex.factorise()
+    }
+
+    /// Computes the end of a step from `x0`, `f0`; `weights` are reciprocal tolerances, `shrink` what they are
+    /// multiplied with for the estimate of lower order, `tol` what the iteration error may be.
+    pub(super) fn attempt(
+        &mut self,
+        field: &mut Field,
+        s: &mut Step,
+        weights: &[f64],
+        shrink: f64,
+        tol: f64,
+    ) -> std::result::Result<Attempt, EvalError> {
+        self.prepare(field, s)?;
+        let (nx, r, h) = (field.nx, field.n_alg(), s.h);
+        let n = nx + r;
+        self.last_newton = 0;
+        if !self.factorise(field, h) {
+            return Ok(Attempt::Diverged);
+        }
+        for z in &mut self.z {
+            z[..nx].fill(0.0);
+            z[nx..n].copy_from_slice(&self.alpha[..r]);
+        }
+        // the first derivative is known
+        for (z, c) in self.z.iter_mut().zip(&self.c) {
+            for (z, f) in z.iter_mut().zip(&s.f0) {
+                *z = c * h * f;
+            }
+        }
+        let (mut before, mut rate) = (0.0, 0.0);
+        let mut converged = false;
+        for it in 0..MAX_NEWTON {
+            let worst = self.residuals(field, s)?;
+            self.newton += 1;
+            self.last_newton += 1;
+            self.direction(n);
+            let mut size = 0.0f64;
+            for (z, w) in self.z.iter_mut().zip(&self.r) {
+                size = size.max(norm(&w[..nx], weights) * shrink);
+                for (z, w) in z.iter_mut().zip(w).take(n) {
+                    *z += w;
+                }
+            }
+            if !size.is_finite() {
+                return Ok(Attempt::Diverged);
+            }
+            if it > 0 {
+                rate = if before > 0.0 { size / before } else { 0.0 };
+                if rate >= 0.99 && size > tol {
+                    return Ok(Attempt::Diverged);
+                }
+            }
+            let rest = if it == 0 { size } else { size * rate.min(0.99) / (1.0 - rate.min(0.99)) };
+            let on_surface = r == 0 || it > 0 && worst * rate.max(1e-3) <= 1e-14 * (1.0 + max_abs(&s.x0));
+            if size == 0.0 || it > 0 && rest <= tol && (on_surface || size <= 1e-6 * tol) {
+                converged = true;
+                break;
+            }
+            before = size;
+        }
+        if !converged {
+            return Ok(Attempt::Diverged);
+        }
+        for (x1, (x0, z)) in s.x1.iter_mut().zip(s.x0.iter().zip(&self.z[2])) {
+            *x1 = x0 + z;
+        }
+        s.n_k = 3;
+        self.error(field, s, weights, shrink)
+    }
+
+    /// Residuals of all stages, the derivatives in the step; returns the largest constraint.
+    fn residuals(&mut self, field: &mut Field, s: &mut Step) -> std::result::Result<f64, EvalError> {
+        let (nx, r, h) = (field.nx, field.n_alg(), s.h);
+        let mut worst = 0.0f64;
+        for i in 0..3 {
+            for ((y, x), z) in s.y.iter_mut().zip(&s.x0).zip(&self.z[i]) {
+                *y = x + z;
+            }
+            let t = s.t + self.c[i] * h;
+            field.parts(t, &s.y)?;
+            field.alpha[..r].copy_from_slice(&self.z[i][nx..nx + r]);
+            field.combine(&mut s.f);
+            for (k, f) in s.k.iter_mut().zip(&s.f) {
+                k[i] = *f;
+            }
+            for j in 0..nx {
+                let sum: f64 = (0..3).map(|m| self.a_inv[(i, m)] * self.z[m][j]).sum();
+                self.r[i][j] = s.f[j] - sum / h;
+            }
+            if r > 0 {
+                field.indicators(t, &s.y)?;
+                for j in 0..r {
+                    let c = field.constraint(j);
+                    worst = worst.max(c.abs());
+                    self.r[i][nx + j] = -c;
+                }
+            }
+        }
+        Ok(worst)
+    }
+
+    /// Turns residuals into increments.
+    fn direction(&mut self, n: usize) {
+        let [r0, r1, r2] = &mut self.r;
+        for i in 0..n {
+            let w = self.t_inv * Vector3::new(r0[i], r1[i], r2[i]);
+            r0[i] = w.x;
+            self.pair[i] = Complex::new(w.y, w.z);
+        }
+        self.real.solve(r0);
+        self.complex.solve(&mut self.pair);
+        for i in 0..n {
+            let w = self.t * Vector3::new(r0[i], self.pair[i].re, self.pair[i].im);
+            (r0[i], r1[i], r2[i]) = (w.x, w.y, w.z);
+        }
+    }
+
+    /// Estimate of the error from an embedded formula of order 3; it is tangential to the constraints.
+    fn error(
+        &mut self,
+        field: &mut Field,
+        s: &mut Step,
+        weights: &[f64],
+        shrink: f64,
+    ) -> std::result::Result<Attempt, EvalError> {
+        let nx = field.nx;
+        let root = 6f64.sqrt();
+        let e = [-(13.0 + 7.0 * root) / 3.0, (-13.0 + 7.0 * root) / 3.0, -1.0 / 3.0];
+        let mut size = f64::INFINITY;
+        for pass in 0..2 {
+            if pass == 0 {
+                s.f.copy_from_slice(&s.f0);
+            } else {
+                for i in 0..nx {
+                    s.y[i] = s.x0[i] + self.err[i];
+                }
+                field.rhs(s.t, &s.y, &mut s.f)?;
+            }
+            self.err.fill(0.0);
+            for i in 0..nx {
+                self.err[i] = s.f[i] + (0..3).map(|m| e[m] * self.z[m][i]).sum::<f64>() / s.h;
+            }
+            self.real.solve(&mut self.err);
+            size = norm(&self.err[..nx], weights) * shrink;
+            // the estimate is bad for stiff components far from equilibrium: filtered twice it is not
+            if size < 1.0 {
+                break;
+            }
+        }
+        Ok(if size.is_finite() { Attempt::Error(size) } else { Attempt::Diverged })
+    }
+
+    /// Puts the end onto the constraints to rounding and evaluates the derivative there.
+    pub(super) fn finish(&self, field: &mut Field, s: &mut Step) -> std::result::Result<(), EvalError> {
+        field.rhs(s.t + s.h, &s.x1, &mut s.f1)?;
+        if field.project(s.t + s.h, &mut s.x1)? {
+            field.rhs(s.t + s.h, &s.x1, &mut s.f1)?;
+        }
+        Ok(())
+    }
+
+    /// Writes the dense output: the collocation polynomial. At the first step of a mode (`fresh`) it also has the
+    /// derivative of the start, where that changes little, so that a surface is left to the right side.
+    pub(super) fn dense(&self, s: &mut Step, fresh: bool) {
+        for (i, p) in s.poly.iter_mut().enumerate() {
+            let c = self.to_powers * Vector3::new(self.z[0][i], self.z[1][i], s.x1[i] - s.x0[i]);
+            *p = [s.x0[i], c.x, c.y, c.z, 0.0, 0.0, 0.0, 0.0];
+        }
+        let slope = |i: usize| s.h * s.f0[i] - s.poly[i][1];
+        let size = |v: &dyn Fn(usize) -> f64| (0..s.poly.len()).map(v).fold(0.0f64, |m, v| m.max(v.abs()));
+        if fresh && size(&slope) <= 0.3 * size(&|i| s.poly[i][1].abs().max((s.x1[i] - s.x0[i]).abs())) {
+            // a multiple of the polynomial that vanishes at all nodes, with slope −c1 c2 at 0
+            let [a, b, _] = self.c;
+            let w = [0.0, -a * b, a + b + a * b, -(1.0 + a + b), 1.0];
+            for i in 0..s.poly.len() {
+                let m = (s.h * s.f0[i] - s.poly[i][1]) / w[1];
+                for (p, w) in s.poly[i].iter_mut().zip(&w) {
+                    *p += m * w;
+                }
+            }
+        }
+    }
+
+    /// Value in the middle of the step of the cubic through `start`, the values of row `i` at the first two stages,
+    /// and `end`.
+    pub(super) fn middle(&self, start: f64, i: usize, end: f64) -> f64 {
+        let [a, b, _] = self.c;
+        let nodes = [0.0, a, b, 1.0];
+        let values = [start, self.z[0][i], self.z[1][i], end];
+        let weight = |m: usize| -> f64 {
+            let others = nodes.iter().enumerate().filter(|(k, _)| *k != m);
+            others.map(|(_, c)| (0.5 - c) / (nodes[m] - c)).product()
+        };
+        (0..4).map(|m| weight(m) * values[m]).sum()
+    }
+}
+
+fn max_abs(v: &[f64]) -> f64 {
+    v.iter().fold(0.0, |m, v| m.max(v.abs()))
+}
