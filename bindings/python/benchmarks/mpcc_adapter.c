@@ -170,6 +170,8 @@ const int *adapter_jac_col(const adapter *a) { return a->jac_col; }
 /* Forget what was evaluated, so that the next solve pays for its own. */
 void adapter_reset(adapter *a) { a->has_con = a->has_jac = a->iterations = 0; }
 
+void adapter_set_deadline(adapter *a, double seconds) { a->deadline = cpu() + seconds; }
+
 /* --- evaluation ------------------------------------------------------------------------------------- */
 
 static const double *con_at(adapter *a, const double *x) {
@@ -232,12 +234,16 @@ int32_t adapter_c_hess(const swb_point *at, const double *w, double *out, void *
     return a->p->hess(at->x, a->weights, out, a->p->user);
 }
 
+int32_t adapter_iteration(const swb_iteration_info *info, void *data) {
+    (void)info;
+    return cpu() > ((adapter *)data)->deadline;
+}
+
 /* --- IPOPT, C interface of 3.14 ------------------------------------------------------------------------
  * min f(x) subject to the rows kept and G_i H_i - sigma <= 0. Truth values are int 0 or 1, which serves callers
  * that read one byte as well as those that read four. */
 
 void adapter_set_sigma(adapter *a, double sigma) { a->sigma = sigma; }
-void adapter_set_deadline(adapter *a, double seconds) { a->deadline = cpu() + seconds; }
 int adapter_iterations(const adapter *a) { return a->iterations; }
 
 int scholtes_f(int n, double *x, int new_x, double *out, void *data) {

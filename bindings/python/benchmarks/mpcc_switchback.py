@@ -26,10 +26,9 @@ def load(library: str | None) -> Any:
     return switchback
 
 
-def functions(swb: Any, problem: Problem, member: np.ndarray) -> tuple[Any, Any, np.ndarray]:
+def functions(swb: Any, problem: Problem, adapter: int) -> tuple[Any, Any, np.ndarray]:
     """Objective and constraints, and the row of each row of con among the constraints (-1: none)."""
     code, n = problem.library, problem.n
-    adapter = problem.adapter(member)
     n_kept, n_jac = code.adapter_n_kept(adapter), code.adapter_n_jac(adapter)
     kept = np.array(code.adapter_kept(adapter)[:n_kept], dtype=int)
     position = np.full(problem.rows, -1)
@@ -54,10 +53,12 @@ def functions(swb: Any, problem: Problem, member: np.ndarray) -> tuple[Any, Any,
     return objective, make("c", n_kept, (rows, cols), problem.is_linear(objective=False)), position
 
 
-def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str], limit: float) -> Any:
-    """The problem as an Mpcc. `members`: "auto", members that are variables are given as such; "rows", as rows."""
+def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]) -> tuple[Any, int]:
+    """The problem as an Mpcc, and its adapter. `members`: "auto", members that are variables are given as such;
+    "rows", as rows."""
     member = problem.variable_members() & (members == "auto")
-    objective, constraints, position = functions(swb, problem, member)
+    adapter = problem.adapter(member)
+    objective, constraints, position = functions(swb, problem, adapter)
     rows = position >= 0
     lower = np.concatenate([problem.lbg, np.zeros(2 * problem.c)])[rows]
     upper = np.concatenate([problem.ubg, np.full(2 * problem.c, np.inf)])[rows]
@@ -65,22 +66,26 @@ def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]
     def of(i: int) -> Any:
         return swb.variable(problem.pair_variables[i]) if member[i] else swb.constraint(position[problem.m + i])
 
-    return swb.Mpcc(
+    mpcc = swb.Mpcc(
         problem.n, objective, constraints, pairs=[(of(i), of(problem.c + i)) for i in range(problem.c)],
         bounds=(problem.lbx, problem.ubx), constraint_bounds=(lower, upper) if rows.any() else None, start=problem.x0,
-        settings={"max_time": limit} | options,
+        settings=options,
     )  # fmt: skip
+    return mpcc, adapter
 
 
 def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], limit: float) -> dict:
-    """Solve once. CPU time is that of the one call that solves, which builds and orders the program as well; `setup`
-    is that of describing it to the library, with what the Python package adds."""
+    """Solve once; after `limit` CPU seconds an iteration is the last one. CPU time is that of the one call that solves,
+    which builds and orders the program as well; `setup` is that of describing it to the library, with what the Python
+    package adds."""
     from switchback._library import lib
 
     clock = time.thread_time()
-    mpcc = program(swb, problem, members, options, limit)
+    mpcc, adapter = program(swb, problem, members, options)
     setup = time.thread_time() - clock
-    lib.swb_mpcc_set_iteration(mpcc._handle, swb._ffi.swb_iteration_fn(0), None)
+    watch = ctypes.cast(problem.library.adapter_iteration, swb._ffi.swb_iteration_fn)
+    lib.swb_mpcc_set_iteration(mpcc._handle, watch, adapter)
+    problem.library.adapter_set_deadline(adapter, limit)
     outcome = ctypes.c_int32()
     clock = time.thread_time()
     status = lib.swb_mpcc_solve(mpcc._handle, ctypes.byref(outcome))

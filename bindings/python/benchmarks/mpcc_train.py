@@ -27,9 +27,12 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import multiprocessing
 import multiprocessing.connection
 import re
+import resource
+import signal
 import sys
 import tempfile
 import time
@@ -45,7 +48,8 @@ from mpcc_problems import ROOT, Code, Problem, training_set
 
 VIOLATION, PRODUCT = 1e-6, 1e-7
 ENOUGH = 0.3  # seconds of runs after which no further one is made
-GRACE = 5.0  # seconds beyond twice its limit after which a process hangs
+GRACE = 5.0  # CPU seconds beyond twice its limit after which a process hangs
+PATIENCE = 10  # times as many seconds it may wait for its turn
 
 
 def measured(problem: Problem, run, repeat: int, expect: str) -> dict:
@@ -98,8 +102,9 @@ class Bench:
         )  # fmt: skip
 
 
-def _child(bench: Bench, solver: str, entry: dict, options: dict, pipe) -> None:
+def _child(bench: Bench, solver: str, entry: dict, options: dict, limit: float, pipe) -> None:
     try:
+        resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(2 * limit + GRACE), resource.RLIM_INFINITY))
         pipe.send(bench.run(solver, entry, options))
     except BaseException as error:
         pipe.send({"outcome": "exception", "message": f"{type(error).__name__}: {error}"})
@@ -121,10 +126,10 @@ class Running:
         context = multiprocessing.get_context("fork")
         self.solver, self.name = solver, name
         self.pipe, other = context.Pipe(duplex=False)
-        self.process = context.Process(target=_child, args=(bench, solver, entry, options, other))
+        self.process = context.Process(target=_child, args=(bench, solver, entry, options, limit, other))
         self.process.start()
         other.close()
-        self.end = time.monotonic() + 2 * limit + GRACE
+        self.end = time.monotonic() + PATIENCE * (2 * limit + GRACE)
 
     def poll(self) -> dict | None:
         """The result if there is one."""
@@ -134,7 +139,8 @@ class Running:
                 result = self.pipe.recv()
             except EOFError:
                 self.process.join()
-                result = nothing(f"crash, exit code {self.process.exitcode}")
+                code = self.process.exitcode
+                result = nothing("hang" if code == -signal.SIGXCPU else "crash", f"exit code {code}")
             if "solved" not in result:
                 result = nothing(result["outcome"], result["message"])
         elif time.monotonic() > self.end:

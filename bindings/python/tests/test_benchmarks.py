@@ -76,9 +76,11 @@ class Trouble:
 
     def run(self, solver, entry, options):
         if solver == "crash":
-            os.kill(os.getpid(), signal.SIGKILL)
-        if solver == "hang":
+            os.kill(os.getpid(), signal.SIGTERM)
+        if solver == "sleep":
             time.sleep(60)
+        while solver == "hang":
+            pass
         if solver == "raise":
             raise ValueError("no")
         return result(1.0)
@@ -86,10 +88,11 @@ class Trouble:
 
 def test_crash_and_hang_are_results(monkeypatch):
     monkeypatch.setattr(mpcc_train, "GRACE", 1.0)
-    tasks = [(kind, kind, {}, {}) for kind in ("crash", "hang", "raise", "work")]
-    crash, hang, raised, work = mpcc_train.run_all(Trouble(), tasks, jobs=2, limit=0.0)
-    assert crash["outcome"] == f"crash, exit code {-signal.SIGKILL}" and not crash["solved"]
-    assert hang["outcome"] == "hang" and hang["cpu"] is None
+    monkeypatch.setattr(mpcc_train, "PATIENCE", 3)
+    tasks = [(kind, kind, {}, {}) for kind in ("sleep", "crash", "hang", "raise", "work")]
+    sleep, crash, hang, raised, work = mpcc_train.run_all(Trouble(), tasks, jobs=2, limit=0.0)
+    assert (crash["outcome"], crash["message"], crash["solved"]) == ("crash", f"exit code {-signal.SIGTERM}", False)
+    assert (sleep["outcome"], hang["outcome"], hang["cpu"]) == ("hang", "hang", None)
     assert (raised["outcome"], raised["message"]) == ("exception", "ValueError: no")
     assert work["solved"]
 
