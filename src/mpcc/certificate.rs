@@ -255,6 +255,8 @@ pub struct Certifier {
     /// What the relaxed problem (2.24) showed.
     root: Verdict,
     nodes: usize,
+    /// Part of the linearised problem that is searched, or all of it.
+    part: Option<usize>,
     descent: bool,
     d: Vec<f64>,
     sides: Vec<Side>,
@@ -292,6 +294,7 @@ impl Certifier {
             sign_tol: 0.0,
             root: Verdict::Unclear,
             nodes: 0,
+            part: None,
             descent: false,
             d: vec![0.0; n],
             sides: vec![Side::First; p],
@@ -350,7 +353,7 @@ impl Certifier {
         } else {
             self.lpcc.load(p, active, tol, settings.radius);
             self.mark();
-            match self.search(Aim::Descent, settings.max_nodes, control) {
+            match self.search_parts(settings.max_nodes, control) {
                 End::Found => {
                     cert.b = BStationarity::No;
                     self.record_descent(p);
@@ -503,7 +506,7 @@ impl Certifier {
         }
         if *known == Stationarity::Unknown {
             self.nodes += 1;
-            match self.lpcc.solve(&self.members, |_| (Signs::ZERO, Signs::ZERO), control) {
+            match self.lpcc.solve(&self.members, |_| (Signs::ZERO, Signs::ZERO), None, control) {
                 Verdict::Stationary => {
                     self.y.copy_from_slice(&self.lpcc.y);
                     self.z.copy_from_slice(&self.lpcc.z);
@@ -537,10 +540,39 @@ impl Certifier {
         }
     }
 
+    /// Looks for a descent. Where one relaxed program does not settle it, parts that have nothing in common are searched
+    /// one by one: their numbers of pieces are added, not multiplied.
+    fn search_parts(&mut self, max_nodes: usize, control: &mut Control) -> End {
+        let parts = self.lpcc.split(&self.members);
+        if parts <= 2 {
+            return self.search(Aim::Descent, max_nodes, control);
+        }
+        let whole = self.search(Aim::Descent, 1, control);
+        if whole != End::Open(Doubt::Nodes) {
+            return whole;
+        }
+        let mut end = End::Exhausted;
+        for part in 0..parts {
+            self.part = Some(part);
+            match self.search(Aim::Descent, max_nodes, control) {
+                End::Exhausted => {}
+                other => end = other,
+            }
+            if end == End::Found || end == End::Open(Doubt::Stopped) {
+                break;
+            }
+        }
+        self.part = None;
+        end
+    }
+
     /// Depth-first search over the pieces of the biactive pairs.
     fn search(&mut self, aim: Aim, max_nodes: usize, control: &mut Control) -> End {
-        self.assigned.fill(None);
         self.stack.clear();
+        for (a, &(member, _)) in self.assigned.iter_mut().zip(&self.members) {
+            let outside = self.part.is_some_and(|part| self.lpcc.part(member) != part);
+            *a = outside.then_some((Signs::ZERO, Signs::ZERO));
+        }
         let mut end = End::Exhausted;
         for at in 0..max_nodes {
             self.nodes += 1;
@@ -594,20 +626,21 @@ impl Certifier {
     /// Linear program with the pieces assigned, and `rest` elsewhere.
     fn solve(&mut self, rest: Piece, control: &mut Control) -> Verdict {
         let assigned = &self.assigned;
-        self.lpcc.solve(&self.members, |k| assigned[k].unwrap_or(rest), control)
+        self.lpcc.solve(&self.members, |k| assigned[k].unwrap_or(rest), self.part, control)
     }
 
     /// A node of the search for a descent: pairs that are undecided are relaxed.
     fn descent_node(&mut self, root: bool, control: &mut Control) -> Node {
         const BRANCHES: [Piece; 2] = [(Signs::ZERO, Signs::UP), (Signs::UP, Signs::ZERO)];
         let verdict = self.solve((Signs::UP, Signs::UP), control);
-        if root {
+        let whole = root && self.part.is_none();
+        if whole {
             self.root = verdict;
         }
         match verdict {
             Verdict::Stopped => return Node::Stopped,
             Verdict::Stationary => {
-                if root {
+                if whole {
                     self.y.copy_from_slice(&self.lpcc.y);
                     self.z.copy_from_slice(&self.lpcc.z);
                 }

@@ -179,7 +179,8 @@ fn ralph1_is_b_stationary_and_not_s_stationary() {
     assert!(cert.min_multiplier <= 0.0);
 }
 
-/// Pairs with positive multipliers beside ralph1 take no part in its proof, whatever the order of the decisions.
+/// Pairs with positive multipliers beside ralph1 take no part in its proof, whatever the order of the decisions. A free
+/// variable ties all of them together.
 #[test]
 fn decisions_a_proof_does_not_rest_on_are_skipped() {
     let mut grad = vec![2.0, -1.0, 0.0];
@@ -188,10 +189,40 @@ fn decisions_a_proof_does_not_rest_on_are_skipped() {
         grad.extend([1.0 + k as f64, 0.1]);
         pairs.push((3 + 2 * k, 4 + 2 * k));
     }
+    grad.push(0.0);
     let mut row = vec![0.0; grad.len()];
     row[..3].copy_from_slice(&[-1.0, 1.0, -1.0]);
-    let cert = Point::origin(&grad, &pairs).row(&row, 0.0, 0.0).lower(0, 0.0).expect(T::M, B::Yes);
+    let tie = vec![1.0; grad.len()];
+    let p = Point::origin(&grad, &pairs).row(&row, 0.0, 0.0).row(&tie, 0.0, 0.0).lower(0, 0.0);
+    let cert = p.expect(T::M, B::Yes);
     assert!(cert.nodes <= 12, "{cert:?}");
+}
+
+/// Ten copies of ralph1 with nothing in common have 1024 branches, and are looked at one by one.
+#[test]
+fn parts_with_nothing_in_common_are_searched_one_by_one() {
+    let copies = 10;
+    let mut grad = vec![];
+    let mut pairs = vec![];
+    for k in 0..copies {
+        grad.extend([2.0 + k as f64, -1.0, 0.0]);
+        pairs.push((3 * k + 1, 3 * k + 2));
+    }
+    let build = |grad: &[f64]| {
+        let mut p = Point::origin(grad, &pairs);
+        for k in 0..copies {
+            let mut row = vec![0.0; grad.len()];
+            row[3 * k..3 * k + 3].copy_from_slice(&[-1.0, 1.0, -1.0]);
+            p = p.row(&row, 0.0, 0.0).lower(3 * k, 0.0);
+        }
+        p
+    };
+    let cert = build(&grad).expect(T::M, B::Yes);
+    assert!(cert.nodes <= 60, "{cert:?}");
+    grad[3 * 6] = 0.5;
+    let (cert, certifier) = build(&grad).certify(&CertSettings::default());
+    assert_eq!(cert.b, B::No);
+    assert!(certifier.descent().is_some_and(|(d, _)| d[3 * 6] > 1e-3));
 }
 
 #[test]

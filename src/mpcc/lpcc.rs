@@ -121,6 +121,8 @@ pub(super) struct Lpcc {
     origin: Vec<f64>,
     activity: Vec<f64>,
     signs: Vec<Signs>,
+    /// Part of every variable, see [`Lpcc::split`]; before, a forest over variables and rows.
+    part: Vec<usize>,
     /// Step `[n]` of the last program, in units of the trust region.
     pub step: Vec<f64>,
     /// Multipliers of the rows `[m]`, in the units of the MPCC.
@@ -154,6 +156,7 @@ impl Lpcc {
             origin: vec![0.0; n],
             activity: vec![0.0; m],
             signs: vec![Signs::FREE; n],
+            part: vec![0; n + m],
             step: vec![0.0; n],
             y: vec![0.0; m],
             z: vec![0.0; n],
@@ -186,10 +189,14 @@ impl Lpcc {
             self.widest.xl[j] = if fixed { 0.0 } else { -room(p.x[j] - b.xl[j]).min(1.0) };
             self.widest.xu[j] = if fixed { 0.0 } else { room(b.xu[j] - p.x[j]).min(1.0) };
         }
+        self.activity.fill(0.0);
+        for (v, &i) in self.lp.values.iter().zip(p.jac.row_idx()) {
+            self.activity[i] += v.abs();
+        }
         for i in 0..p.c.len() {
             let (lo, hi, scale) = (p.bounds.cl[i], p.bounds.cu[i], self.row_scale[i]);
             let room = |distance: f64, none: bool| match room(distance / scale) {
-                _ if none || scale <= NO_ROW => f64::INFINITY,
+                r if none || scale <= NO_ROW || r > self.activity[i] => f64::INFINITY,
                 r => r,
             };
             self.widest.cl[i] = -room(p.c[i] - lo, lo <= -INFINITE);
@@ -213,11 +220,53 @@ impl Lpcc {
         self.widest.xl[j] = -1.0;
     }
 
+    /// Splits the problem into parts that share no variable, row or pair, and returns their number. Part 0 is all that
+    /// has no pair.
+    pub fn split(&mut self, members: &[(usize, usize)]) -> usize {
+        let n = self.lp.n();
+        let Lpcc { part, widest: b, lp, .. } = self;
+        part.iter_mut().enumerate().for_each(|(v, p)| *p = v);
+        for j in (0..n).filter(|&j| b.xl[j] < b.xu[j]) {
+            for k in lp.jac.range(j) {
+                let i = lp.jac.row_idx()[k];
+                let takes_part = b.cl[i] > f64::NEG_INFINITY || b.cu[i] < f64::INFINITY;
+                if takes_part && lp.values[k] != 0.0 {
+                    join(part, j, n + i);
+                }
+            }
+        }
+        for &(a, b) in members {
+            join(part, a, b);
+        }
+        for v in 0..part.len() {
+            part[v] = root(part, v);
+        }
+        // roots of trees with a pair become numbers above all indices, then numbers from 1
+        let base = part.len();
+        let mut count = 0;
+        for &(a, _) in members {
+            let tree = part[a];
+            if tree < base {
+                count += 1;
+                part.iter_mut().filter(|p| **p == tree).for_each(|p| *p = base + count);
+            }
+        }
+        part.iter_mut().for_each(|p| *p = p.saturating_sub(base));
+        count + 1
+    }
+
+    /// Part of a variable.
+    pub fn part(&self, j: usize) -> usize {
+        self.part[j]
+    }
+
     /// Solves with the signs `pieces` at the `members` of biactive pairs. A variable in several has all of their signs.
+    /// Outside of the part `only`, if given, the step is zero.
     pub fn solve(
         &mut self,
         members: &[(usize, usize)],
         pieces: impl Fn(usize) -> Piece,
+        only: Option<usize>,
         control: &mut Control,
     ) -> Verdict {
         for &(a, b) in members {
@@ -238,6 +287,12 @@ impl Lpcc {
                 if !self.signs[j].pos {
                     self.bounds.xu[j] = 0.0;
                 }
+            }
+        }
+        if let Some(only) = only {
+            for j in (0..self.lp.n()).filter(|&j| self.part[j] != only) {
+                self.bounds.xl[j] = 0.0;
+                self.bounds.xu[j] = 0.0;
             }
         }
         for (slack, mu) in ATTEMPTS {
@@ -336,4 +391,23 @@ impl Lpcc {
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// Root of the tree of `v`.
+fn root(forest: &[usize], mut v: usize) -> usize {
+    while forest[v] != v {
+        v = forest[v];
+    }
+    v
+}
+
+/// Joins two trees, and shortens the paths walked.
+fn join(forest: &mut [usize], u: usize, v: usize) {
+    let (a, b) = (root(forest, u), root(forest, v));
+    let top = a.min(b);
+    for mut w in [u, v] {
+        while forest[w] != top {
+            w = std::mem::replace(&mut forest[w], top);
+        }
+    }
 }
