@@ -137,7 +137,7 @@ impl Program {
         bounds.validate(problem.n(), problem.m())?;
         solver.settings = MpccSettings::from(&self.settings);
         let level = self.settings.log_level();
-        let (start, seconds, result) = (&self.start, self.settings.max_time, &mut self.result);
+        let (start, rows, seconds, result) = (&self.start, self.m, self.settings.max_time, &mut self.result);
         *result = None;
         let outcome = self.hooks.run("mpcc", level, |control| {
             control.limit(seconds);
@@ -145,7 +145,7 @@ impl Program {
             solver.solve(problem, &bounds, &w0, control);
             let solution = solver.solution().clone();
             let outcome = solution.outcome;
-            let mut c = vec![0.0; problem.m()];
+            let mut c = vec![0.0; rows];
             if outcome == Outcome::Failed || problem.inner().eval(&solution.x[..start.len()], &mut c).is_err() {
                 c.fill(f64::NAN);
             }

@@ -209,6 +209,9 @@ impl Mpcc for Fesd {
     fn pairs(&self) -> &[(usize, usize)] {
         &self.l.pairs
     }
+    fn start_is_informed(&self) -> bool {
+        true
+    }
     fn n_groups(&self) -> usize {
         self.l.n_groups
     }

@@ -1,7 +1,8 @@
 //! Problems with pairs of functions, brought into vertical form.
 //!
-//! A member of a pair that is a function gets a variable of its own and the row `G(w) − v = 0`; a member that
-//! is a variable with lower bound zero is used as it is.
+//! A member of a pair that is a function gets a variable `v` of its own and the row `G(w) − v = 0`. A member that is a
+//! variable is used as it is, unless it is in several pairs: then every pair gets a copy, with a row `w_j − v = 0` behind
+//! those of the problem, because a product relaxed in one pair would hold back the others.
 
 use super::problem::Mpcc;
 use crate::error::{Error, Result};
@@ -22,9 +23,12 @@ pub enum Member {
 pub struct Lifted<P> {
     inner: P,
     pairs: Vec<(usize, usize)>,
-    /// Row and variable of every lifted member.
+    /// Row and variable of every lifted member that is a function.
     lifts: Vec<(usize, usize)>,
+    /// Original and copy of every variable in several pairs.
+    copies: Vec<(usize, usize)>,
     n: usize,
+    m: usize,
     jac: Pattern,
     jac_map: Vec<usize>,
     hess: Pattern,
@@ -36,10 +40,23 @@ impl<P: Nlp> Lifted<P> {
     /// Lifts what is no variable. Fails when an index does not exist or a row is used twice.
     pub fn new(inner: P, members: &[(Member, Member)]) -> Result<Lifted<P>> {
         let (n0, m) = (inner.n(), inner.m());
+        let mut uses = vec![0; n0];
+        for member in members.iter().flat_map(|m| [m.0, m.1]) {
+            if let Member::Variable(j) = member {
+                if j < n0 {
+                    uses[j] += 1;
+                }
+            }
+        }
         let mut lifts: Vec<(usize, usize)> = Vec::new();
+        let mut copies: Vec<(usize, usize)> = Vec::new();
         let mut place = |mem: Member, k: usize| -> Result<usize> {
             match mem {
-                Member::Variable(j) if j < n0 => Ok(j),
+                Member::Variable(j) if j < n0 && uses[j] == 1 => Ok(j),
+                Member::Variable(j) if j < n0 => {
+                    copies.push((j, n0 + lifts.len() + copies.len()));
+                    Ok(n0 + lifts.len() + copies.len() - 1)
+                }
                 Member::Variable(j) => Err(Error::Range(format!("pair {k} names variable {j}, the problem has {n0}"))),
                 Member::Row(i) if i >= m => Err(Error::Range(format!("pair {k} names row {i}, the problem has {m}"))),
                 Member::Row(i) => {
@@ -48,20 +65,20 @@ impl<P: Nlp> Lifted<P> {
                             "row {i} is in two pairs: lift it to a variable and use that in both"
                         )));
                     }
-                    lifts.push((i, n0 + lifts.len()));
-                    Ok(n0 + lifts.len() - 1)
+                    lifts.push((i, n0 + lifts.len() + copies.len()));
+                    Ok(n0 + lifts.len() + copies.len() - 1)
                 }
             }
         };
         let mut pairs = Vec::with_capacity(members.len());
         for (k, &(a, b)) in members.iter().enumerate() {
             let pair = (place(a, k)?, place(b, k)?);
-            if pair.0 == pair.1 {
+            if members[k].0 == members[k].1 {
                 return Err(Error::Range(format!("pair {k} pairs a variable with itself")));
             }
             pairs.push(pair);
         }
-        let n = n0 + lifts.len();
+        let (n, m_all) = (n0 + lifts.len() + copies.len(), m + copies.len());
         let (mut rows, mut cols) = (Vec::new(), Vec::new());
         let p = inner.jac_pattern();
         for j in 0..n0 {
@@ -75,7 +92,11 @@ impl<P: Nlp> Lifted<P> {
             rows.push(i);
             cols.push(v);
         }
-        let (jac, jac_map) = Pattern::from_triplets(m, n, &rows, &cols);
+        for (k, &(j, v)) in copies.iter().enumerate() {
+            rows.extend([m + k, m + k]);
+            cols.extend([v, j]);
+        }
+        let (jac, jac_map) = Pattern::from_triplets(m_all, n, &rows, &cols);
         rows.clear();
         cols.clear();
         let p = inner.hess_pattern();
@@ -86,19 +107,19 @@ impl<P: Nlp> Lifted<P> {
             }
         }
         let (hess, _) = Pattern::from_triplets(n, n, &rows, &cols);
-        Ok(Lifted { inner, pairs, lifts, n, jac, jac_map, hess, jac_values: vec![0.0; nnz], nnz })
+        Ok(Lifted { inner, pairs, lifts, copies, n, m: m_all, jac, jac_map, hess, jac_values: vec![0.0; nnz], nnz })
     }
 
     /// Bounds of the lifted problem from those of the original: members are non-negative, lifted rows become
     /// equalities. Fails when a member that is a variable may be negative only (`xu < 0`).
     pub fn bounds(&self, original: &Bounds) -> Result<Bounds> {
-        let mut b = Bounds::free(self.n, original.cl.len());
-        let n0 = original.xl.len();
+        let mut b = Bounds::free(self.n, self.m);
+        let (n0, m0) = (original.xl.len(), original.cl.len());
         b.xl[..n0].copy_from_slice(&original.xl);
         b.xu[..n0].copy_from_slice(&original.xu);
-        b.cl.copy_from_slice(&original.cl);
-        b.cu.copy_from_slice(&original.cu);
-        for &(i, _) in &self.lifts {
+        b.cl[..m0].copy_from_slice(&original.cl);
+        b.cu[..m0].copy_from_slice(&original.cu);
+        for i in self.lifts.iter().map(|l| l.0).chain(m0..self.m) {
             b.cl[i] = 0.0;
             b.cu[i] = 0.0;
         }
@@ -133,6 +154,9 @@ impl<P: Nlp> Lifted<P> {
                 w[v] = c[i].max(0.0);
             }
         }
+        for &(j, v) in &self.copies {
+            w[v] = w[j].max(0.0);
+        }
         w
     }
 
@@ -152,7 +176,7 @@ impl<P: Nlp> Nlp for Lifted<P> {
         self.n
     }
     fn m(&self) -> usize {
-        self.inner.m()
+        self.m
     }
     fn jac_pattern(&self) -> &Pattern {
         &self.jac
@@ -161,9 +185,13 @@ impl<P: Nlp> Nlp for Lifted<P> {
         &self.hess
     }
     fn eval(&mut self, x: &[f64], c: &mut [f64]) -> std::result::Result<f64, EvalError> {
-        let f = self.inner.eval(&x[..self.inner.n()], c)?;
+        let m0 = self.m - self.copies.len();
+        let f = self.inner.eval(&x[..self.inner.n()], &mut c[..m0])?;
         for &(i, v) in &self.lifts {
             c[i] -= x[v];
+        }
+        for (c, &(j, v)) in c[m0..].iter_mut().zip(&self.copies) {
+            *c = x[j] - x[v];
         }
         Ok(f)
     }
@@ -174,14 +202,20 @@ impl<P: Nlp> Nlp for Lifted<P> {
         for (v, &k) in self.jac_values.iter().zip(&self.jac_map) {
             jac[k] = *v;
         }
-        for &k in &self.jac_map[self.nnz..] {
+        let (lifts, copies) = self.jac_map[self.nnz..].split_at(self.lifts.len());
+        for &k in lifts {
             jac[k] = -1.0;
+        }
+        for k in copies.chunks_exact(2) {
+            jac[k[0]] = -1.0;
+            jac[k[1]] = 1.0;
         }
         Ok(())
     }
     fn hessian(&mut self, x: &[f64], w: f64, y: &[f64], hess: &mut [f64]) -> EvalResult {
         let n0 = self.inner.n();
-        self.inner.hessian(&x[..n0], w, y, hess)
+        let m0 = self.m - self.copies.len();
+        self.inner.hessian(&x[..n0], w, &y[..m0], hess)
     }
 }
 

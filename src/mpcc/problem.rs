@@ -50,6 +50,11 @@ pub trait Mpcc: Nlp {
         }
     }
 
+    /// Does the starting point say something about the pairs? Otherwise they start on the central path.
+    fn start_is_informed(&self) -> bool {
+        false
+    }
+
     /// Terms that only guide the homotopy are left out while `on`.
     fn set_polishing(&mut self, _on: bool) {}
 }

@@ -39,6 +39,8 @@ pub struct MpccSettings {
     pub polish_tol: f64,
     /// Scale objective and rows by their gradients at the starting point?
     pub scaling: bool,
+    /// Start the members of the pairs at `√σ_0 / 2`, wherever the starting point has them?
+    pub centre_pairs: bool,
 }
 
 impl Default for MpccSettings {
@@ -57,6 +59,7 @@ impl Default for MpccSettings {
             polish: true,
             polish_tol: 1e-12,
             scaling: true,
+            centre_pairs: true,
         }
     }
 }
@@ -77,6 +80,7 @@ impl From<&Settings> for MpccSettings {
             polish: s.polish(),
             polish_tol: s.polish_tol,
             scaling: true,
+            centre_pairs: true,
         }
     }
 }
@@ -245,7 +249,18 @@ impl MpccSolver {
             let outcome = if k == 0 || self.solution.stats.iterations == 0 {
                 let mut path = Scholtes::new(s, rows.clone(), stops[k]);
                 self.st.bounds(bounds, s.sigma_init, &mut self.bounds);
-                self.run(p, Start::Cold(x0), &mut path, control, b' ')
+                let mut start = std::mem::take(&mut self.point);
+                start.copy_from_slice(x0);
+                if s.centre_pairs && !p.start_is_informed() {
+                    for b in &self.st.bilinear {
+                        for j in [b.a, b.b] {
+                            start[j] = (0.5 * s.sigma_init.sqrt()).min(bounds.xu[j]);
+                        }
+                    }
+                }
+                let outcome = self.run(p, Start::Cold(&start), &mut path, control, b' ');
+                self.point = start;
+                outcome
             } else {
                 let level = self.resume_at;
                 let mut path = Scholtes::resume(s, rows.clone(), level, stops[k]);

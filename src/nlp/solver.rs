@@ -139,6 +139,10 @@ pub enum Start<'a> {
 const FAR: f64 = 1e6;
 const FALL: f64 = 1e-3;
 
+/// Steps this short, this many in a row, lead nowhere from a point that violates the rows.
+const TINY_STEP: f64 = 1e-2;
+const TINY_STEPS: usize = 6;
+
 /// A step this much longer than the point comes from a singular matrix.
 const ABSURD: f64 = 1e4;
 
@@ -329,7 +333,7 @@ impl Ipm {
         self.left.copy_from(&self.it);
         self.x_start = 1.0 + self.it.x.iter().fold(0f64, |a, v| a.max(v.abs()));
         self.falling = 0;
-        let mut jams = 0;
+        let (mut jams, mut tiny_steps) = (0, 0);
         loop {
             let mut m = self.measure(nlp);
             self.fill_info(nlp, &m);
@@ -364,7 +368,19 @@ impl Ipm {
             }
             self.info.phase = self.phase;
             let searched = if self.direction(nlp) { self.line_search(nlp) } else { Search::Jammed };
+            let tiny = matches!(searched, Search::Accepted) && self.info.alpha_pr < TINY_STEP;
+            tiny_steps = if tiny { tiny_steps + 1 } else { 0 };
+            let lost = tiny_steps > TINY_STEPS && self.settings.restoration && m.primal > 1e-4 && jams < 20;
             match searched {
+                Search::Accepted if lost => {
+                    tiny_steps = 0;
+                    jams += 1;
+                    let m = self.measure(nlp);
+                    if let Some(end) = self.restore(nlp, control, &m) {
+                        return end;
+                    }
+                    self.info.phase = b'r';
+                }
                 _ if self.fatal => return Outcome::Failed,
                 Search::Accepted => {
                     if probe.as_mut().is_some_and(|p| p(&self.it.x)) {
