@@ -8,6 +8,7 @@ mod cases;
 mod json;
 mod json_read;
 mod models;
+mod reference;
 mod recorded;
 mod svg;
 

@@ -9,6 +9,7 @@ use super::field::Field;
 use super::next;
 use super::path::{self, Path};
 use super::radau::{Attempt, Radau};
+use super::sens::Sens;
 use super::step::Step;
 use super::watch::{self, Watch};
 use super::{Ambiguity, Kind, Method, Options, Outcome, Run, Statistics, Switch, Zeno};
@@ -112,6 +113,7 @@ pub struct Engine {
     switches: Vec<Switch>,
     stats: Statistics,
     path: Option<Path>,
+    sens: Option<Sens>,
     interrupt: Option<Arc<AtomicBool>>,
 }
 
@@ -179,6 +181,7 @@ impl Engine {
             switches: Vec::new(),
             stats: Statistics::default(),
             path: options.dense.then(|| Path::new(nx)),
+            sens: options.sensitivity.then(|| Sens::new(nx, n_z, most)),
             interrupt: None,
             field,
         })
@@ -210,6 +213,9 @@ impl Engine {
         self.step.h = 0.0;
         if let Some(p) = &mut self.path {
             p.clear();
+        }
+        if let Some(s) = &mut self.sens {
+            s.reset();
         }
         Ok(())
     }
@@ -274,6 +280,17 @@ impl Engine {
         self.path.as_ref()
     }
 
+    /// `∂x/∂(x0, p)` at the time reached, row-major with one row per state, if the options ask for it. After
+    /// [`Engine::set_params`] the derivatives are those with respect to changes of the parameters over the whole run.
+    pub fn sensitivity(&self) -> Option<&[f64]> {
+        self.sens.as_ref().map(|s| &s.s[..])
+    }
+
+    /// True where the derivatives hold for one side only, see [`Run::one_sided`].
+    pub fn one_sided(&self) -> bool {
+        self.sens.as_ref().is_some_and(|s| s.one_sided)
+    }
+
     /// Active modes of a subsystem; empty before the first step.
     pub fn active(&self, subsystem: usize) -> Vec<usize> {
         if self.field.active.get(subsystem).is_none_or(|a| a.is_empty()) {
@@ -298,6 +315,8 @@ impl Engine {
         Run {
             outcome: self.outcome,
             stats: self.stats(),
+            one_sided: self.one_sided(),
+            sensitivity: self.sens.map(|s| s.s),
             reason: self.reason,
             t: self.t,
             x: self.x,
@@ -775,6 +794,15 @@ impl Engine {
             self.path = Some(p);
             r?;
         }
+        if let Some(mut s) = self.sens.take() {
+            let r = if self.step_implicit {
+                s.implicit(&self.radau, &mut self.field, &self.step)
+            } else {
+                s.explicit(self.pair, &mut self.field, &self.step, t1 - (self.step.t + self.step.h))
+            };
+            s.one_sided |= !recover(r.map(|()| true), false)?;
+            self.sens = Some(s);
+        }
         self.stats.steps += 1;
         self.crowd = 0;
         self.watch_stiffness();
@@ -859,12 +887,15 @@ impl Engine {
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
+        if let Some(s) = &mut self.sens {
+            s.dt.fill(0.0);
+        }
         if !first {
             self.log(&before, f64::NAN, None, true);
         }
         self.restart = false;
         self.err_before = 1e-4;
-        self.h = self.initial_step(t_stop)?;
+        self.h = self.initial_step(t_stop - self.t)?;
         Ok(())
     }
 
@@ -910,6 +941,7 @@ impl Engine {
         self.choose(&candidates, 1.0)?;
         if self.outcome == Outcome::Reached {
             self.enter()?;
+            self.project_sensitivity()?;
         }
         Ok(())
     }
@@ -1048,6 +1080,10 @@ impl Engine {
         if self.outcome != Outcome::Reached {
             return Ok(Progress::Done);
         }
+        if self.step_implicit && !self.implicit {
+            // a sliding mode says nothing about how fast the mode behind it is
+            self.h = self.initial_step(grown)?;
+        }
         if let Some(p) = self.accumulate()? {
             return Ok(p);
         }
@@ -1090,6 +1126,13 @@ impl Engine {
             }
         }
         self.keep_surfaces();
+        let before_f = self.sens.as_ref().map(|_| self.f.clone());
+        if let Some(mut s) = self.sens.take() {
+            let w = self.watches[l];
+            let r = s.time(&w, &mut self.field, t, &self.x, &self.f);
+            self.sens = Some(s);
+            r?;
+        }
         let candidates = self.candidates();
         let length = self.step.h.abs().max(1e3 * EPS * t.abs());
         let unique = self.choose(&candidates, length)?;
@@ -1103,6 +1146,15 @@ impl Engine {
             self.remember();
         }
         self.enter()?;
+        if let (Some(s), Some(f)) = (&mut self.sens, &before_f) {
+            if self.field.active == before {
+                s.one_sided |= cosine.abs() < 1e-6;
+            } else {
+                s.jump(f, &self.f);
+                s.one_sided |= !unique || cosine.abs() < 1e-6;
+            }
+        }
+        self.project_sensitivity()?;
         if self.crowd > 0 && self.field.active == before {
             self.depart[l] = self.depart[l].max(2);
         }
@@ -1110,6 +1162,15 @@ impl Engine {
             self.fail(Outcome::NoContinuation, "the signs of the active set contradict each other".into());
         }
         self.log(before, rate, Some(cosine), unique);
+        Ok(())
+    }
+
+    /// A sliding mode that begins ties the derivatives to its surfaces.
+    fn project_sensitivity(&mut self) -> std::result::Result<(), EvalError> {
+        if let (Some(s), true) = (&mut self.sens, self.field.n_alg() > 0) {
+            self.field.hidden(self.t, &self.x)?;
+            s.project(&mut self.field);
+        }
         Ok(())
     }
 
@@ -1171,7 +1232,11 @@ impl Engine {
         if tied <= before.iter().map(Vec::len).sum() {
             return Ok(Some(self.fail(Outcome::Zeno, text + ", and no sliding mode begins there")));
         }
-        let r = self.enter();
+        let r = self.enter().and_then(|()| self.project_sensitivity());
+        if let Some(s) = &mut self.sens {
+            s.one_sided = true;
+            s.dt.fill(f64::NAN);
+        }
         if !recover(r.map(|()| true), false)? {
             return Ok(Some(self.fail(Outcome::Zeno, text + ", where the sliding mode is not defined")));
         }
@@ -1257,22 +1322,28 @@ impl Engine {
                 rate,
                 transversality: cosine.unwrap_or(f64::NAN),
                 unique,
+                dt: self.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
             });
         }
         self.stats.switches += n;
+        if let (Some(s), true) = (&mut self.sens, n > 1) {
+            s.one_sided = true;
+        }
         for s in &mut self.switches[start..] {
             s.simultaneous = n > 1;
         }
     }
 
     /// Length of the first step, from the size of the first two derivatives.
-    fn initial_step(&mut self, t_stop: f64) -> Result<f64> {
-        let most = (t_stop - self.t).min(self.options.h_max);
+    fn initial_step(&mut self, longest: f64) -> Result<f64> {
+        let most = longest.min(self.options.h_max);
         if self.options.h0 > 0.0 {
             return Ok(self.options.h0.min(most));
         }
-        self.step.x0.copy_from_slice(&self.x);
-        self.set_weights(false);
+        for i in 0..self.nx {
+            let tol = self.atol[i] + self.rtol[i] * self.x[i].abs();
+            self.weights[i] = 1.0 / tol.max(f64::MIN_POSITIVE);
+        }
         let norm = |v: &[f64]| super::step::norm(v, &self.weights);
         let (d0, d1) = (norm(&self.x), norm(&self.f));
         let h = if d0 < 1e-5 || d1 < 1e-5 { 1e-6 } else { 0.01 * d0 / d1 }.min(most);

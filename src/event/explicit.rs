@@ -23,6 +23,14 @@ impl Pair {
         }
     }
 
+    /// Rows and nodes of the step itself; the last row is the end point.
+    pub(super) fn rows(self) -> (&'static [&'static [(usize, f64)]], &'static [f64]) {
+        match self {
+            Pair::Dp5 => (&dp5::ROWS, &dp5::C),
+            Pair::Dop853 => (&dop853::ROWS[..13], &dop853::C[..13]),
+        }
+    }
+
     /// `|h λ|` at the border of the region of stability, on the real axis.
     pub(super) fn stability(self) -> f64 {
         match self {

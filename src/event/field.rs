@@ -405,6 +405,11 @@ impl Field {
         Ok(())
     }
 
+    /// Solves with `C D` of the last [`Field::hidden`].
+    pub(super) fn solve_constraints(&mut self, b: &mut [f64]) {
+        self.lu.solve(b);
+    }
+
     /// Moves `x` along `D` until all constraints hold to rounding; `C D` is that of the last [`Field::hidden`]. Says
     /// whether `x` has changed.
     pub(super) fn project(&mut self, t: f64, x: &mut [f64]) -> Result<bool, EvalError> {

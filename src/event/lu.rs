@@ -54,6 +54,11 @@ impl<T: Scalar> Lu<T> {
         &mut self.a
     }
 
+    /// The matrix, to write to before it is factorised.
+    pub(super) fn matrix(&mut self) -> &mut [T] {
+        &mut self.a
+    }
+
     /// Adds to an entry, by its place in the row-major matrix.
     pub(super) fn add(&mut self, at: usize, v: T) {
         self.a[at] = self.a[at] + v;

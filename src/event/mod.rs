@@ -38,9 +38,10 @@ mod explicit;
 mod field;
 mod lu;
 mod next;
-mod pairs;
+pub mod pairs;
 mod path;
 mod radau;
+mod sens;
 mod step;
 mod watch;
 
@@ -110,6 +111,8 @@ pub struct Options {
     pub ambiguity: Ambiguity,
     /// Keep the dense output of the whole run.
     pub dense: bool,
+    /// Compute the derivatives of the state and of the switching times with respect to initial state and parameters.
+    pub sensitivity: bool,
 }
 
 impl Default for Options {
@@ -125,6 +128,7 @@ impl Default for Options {
             zeno: Zeno::Continue,
             ambiguity: Ambiguity::First,
             dense: false,
+            sensitivity: false,
         }
     }
 }
@@ -247,6 +251,8 @@ pub struct Switch {
     pub transversality: f64,
     /// The continuation was unique.
     pub unique: bool,
+    /// Derivatives of the time with respect to initial states and parameters, if they are asked for.
+    pub dt: Vec<f64>,
 }
 
 /// Work done.
@@ -289,6 +295,11 @@ pub struct Run {
     pub stats: Statistics,
     /// Dense output, if it was asked for.
     pub path: Option<Path>,
+    /// `∂x/∂(x0, p)`, row-major, one row per state, if it was asked for.
+    pub sensitivity: Option<Vec<f64>>,
+    /// The derivatives are those of one side only: switches at the same time, a continuation that is not unique, a
+    /// surface that is only touched, or accumulating switches.
+    pub one_sided: bool,
 }
 
 /// Simulates from the state `x0` at `t0` to `t1`, with controls and parameters zero.

@@ -216,7 +216,6 @@ pub mod dop853 {
         (15, -149.72683625798564),
     ];
     /// All rows in the order of the stages.
-    #[cfg(test)]
     pub const ROWS: [&[(usize, f64)]; 16] =
         [&[], &A1, &A2, &A3, &A4, &A5, &A6, &A7, &A8, &A9, &A10, &A11, &A12, &A13, &A14, &A15];
 }
@@ -258,6 +257,5 @@ pub mod dp5 {
         (6, 69997945.0 / 29380423.0),
     ];
     /// All rows in the order of the stages.
-    #[cfg(test)]
     pub const ROWS: [&[(usize, f64)]; 7] = [&[], &A1, &A2, &A3, &A4, &A5, &A6];
 }

@@ -32,7 +32,7 @@ pub(super) enum Attempt {
 /// The method with its memory.
 pub(super) struct Radau {
     c: [f64; 3],
-    a_inv: Matrix3<f64>,
+    pub(super) a_inv: Matrix3<f64>,
     /// Real eigenvalue of the inverse, and the complex one.
     gamma: f64,
     complex_gamma: Complex<f64>,
@@ -360,6 +360,14 @@ impl Radau {
             others.map(|(_, c)| (0.5 - c) / (nodes[m] - c)).product()
         };
         (0..4).map(|m| weight(m) * values[m]).sum()
+    }
+
+    /// State and time of stage `i` of the last attempt.
+    pub(super) fn stage(&self, s: &Step, i: usize, x: &mut [f64]) -> f64 {
+        for ((y, x0), z) in x.iter_mut().zip(&s.x0).zip(&self.z[i]) {
+            *y = x0 + z;
+        }
+        s.t + self.c[i] * s.h
     }
 }
 

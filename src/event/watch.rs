@@ -26,10 +26,23 @@ impl Watch {
 
     /// Rate of change for a velocity, from the gradients of the indicators (`n_z` columns); 0 for weights.
     pub(super) fn rate(&self, dq: &[f64], n_z: usize, velocity: impl Fn(usize) -> f64, nx: usize) -> f64 {
+        self.derivative(dq, n_z, velocity, nx, Some(n_z - 1))
+    }
+
+    /// Derivative along a direction of the state, and with respect to one more input, by its column.
+    pub(super) fn derivative(
+        &self,
+        dq: &[f64],
+        n_z: usize,
+        direction: impl Fn(usize) -> f64,
+        nx: usize,
+        column: Option<usize>,
+    ) -> f64 {
         let Watch::Enter { a, b, sign, .. } = *self else { return 0.0 };
         let along = |j: usize| {
             let g = &dq[j * n_z..(j + 1) * n_z];
-            g[..nx].iter().enumerate().map(|(i, g)| g * velocity(i)).sum::<f64>() + g[n_z - 1]
+            let own = column.map_or(0.0, |c| g[c]);
+            g[..nx].iter().enumerate().map(|(i, g)| g * direction(i)).sum::<f64>() + own
         };
         sign * (along(a) - b.map_or(0.0, along))
     }

@@ -2,6 +2,7 @@
 
 mod mpcc_textbook;
 mod oscillator;
+mod sim;
 mod sliding_ocp;
 mod switching;
 mod tutorial_ocp;
@@ -20,6 +21,7 @@ pub type Case = fn(&Context);
 /// Names and cases.
 pub const ALL: &[(&str, Case)] = &[
     ("oscillator", oscillator::run),
+    ("sim", sim::run),
     ("switching", switching::run),
     ("tutorial-ocp", tutorial_ocp::run),
     ("sliding-ocp", sliding_ocp::run),
