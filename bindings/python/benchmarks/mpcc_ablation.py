@@ -19,6 +19,7 @@ import json
 import re
 import sys
 import tempfile
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -88,11 +89,12 @@ def costs(rows: dict[str, dict], what: str) -> list[float | None]:
 
 # --- the page -----------------------------------------------------------------------------------------
 
+RUNS = {False: "one run of it", True: "it, IPOPT's from an earlier run than ours"}
 PAGE = """# Programs with complementarity pairs
 
-Written by `bindings/python/benchmarks/mpcc_ablation.py`; every number and plot here comes out of one run of it. The
-data is in [data/mpcc-train.json](data/mpcc-train.json) (each problem) and
-[data/mpcc-ablation.json](data/mpcc-ablation.json) (each variant).
+Written by `bindings/python/benchmarks/mpcc_ablation.py`; every number and plot here comes out of {runs}. The data is
+in [data/mpcc-train.json](data/mpcc-train.json) (each problem) and [data/mpcc-ablation.json](data/mpcc-ablation.json)
+(each variant).
 
 {count} problems `min f(x)` subject to bounds, rows and `0 <= G(x) _|_ H(x) >= 0`: discretised control and simulation
 problems of nonsmooth systems from NOSBENCH, problems of MacMPEC, of textbooks, and synthetic ones with planted
@@ -103,7 +105,7 @@ where they are.
 
 IPOPT {ipopt} with MUMPS solves the relaxations `G H <= sigma` of Scholtes, `sigma` = 1, 0.1, ..., each to 1e-8 from
 the point before, until a solved program has products of at most 1e-7; barrier update `{variant}`, the better of the
-two tried (the settings of nosnoc). Both solvers call the same C functions, one after the other on one core; CPU
+two tried (the settings of nosnoc). Both solvers call the same C functions on one core of the same machine; CPU
 seconds are those inside the solver, the best of up to {repeat} runs, and good to some ten per cent. Solved means: the
 solver says so, and the point, evaluated anew, violates nothing by more than 1e-6 and has no product above 1e-7; or
 the solver recognises that there is no solution.
@@ -126,7 +128,8 @@ max min(G, H) <= 1e-10.
 
 The same problems with one option changed. Ratios are geometric means over what both this variant and the defaults
 solve: above 1, the variant needs more. `lost` and `gained` count problems solved by one of the two; `worse` and
-`better` objectives that differ by more than 1e-5 max(1, |f|); `IPOPT` is the share of objectives no worse than IPOPT's.
+`better` objectives that differ by more than 1e-5 max(1, |f|); `IPOPT` is the share of objectives no worse than
+IPOPT's.
 
 ```
 {variants}
@@ -134,6 +137,17 @@ solve: above 1, the variant needs more. `lost` and `gained` count problems solve
 
 ![iterations of the variants](mpcc-ablation.svg)
 """
+
+
+def filled(**values: Any) -> str:
+    """The page with values, its paragraphs broken into lines again."""
+    blocks = []
+    for block in PAGE.split("\n\n"):
+        text = block.format(**values)
+        if block[0] not in "#`!{" or block.startswith("{count}"):
+            text = textwrap.fill(text, 118, break_long_words=False, break_on_hyphens=False)
+        blocks.append(text.rstrip("\n"))
+    return "\n\n".join(blocks) + "\n"
 
 
 def family_table(record: dict) -> str:
@@ -198,8 +212,9 @@ def write_page(out: Path) -> None:
     curves |= {label: costs(v["results"], "iterations") for label, v in ablation.items()}
     mpcc_profile.write(out / "mpcc-ablation.svg", "Each part switched off", "iterations", curves)
     (out / "mpcc.md").write_text(
-        PAGE.format(
-            count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"], repeat=run["repeat"],
+        filled(
+            runs=RUNS[run["ipopt_cached"]], count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"],
+            repeat=run["repeat"],
             families=family_table(record), lists=lists(record),
             variants=variant_table({k: v["figures"] for k, v in ablation.items()}, record["summary"]),
         )

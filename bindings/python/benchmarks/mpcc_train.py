@@ -227,6 +227,7 @@ def peer_results(arguments: argparse.Namespace, bench: Bench, problems: dict[str
     path = arguments.ipopt_cache
     cache = json.loads(path.read_text()) if path and path.is_file() else {}
     found = {n: cache[ipopt_key(arguments, n)] for n in problems if ipopt_key(arguments, n) in cache}
+    found = {n: r | {"cached": True} for n, r in found.items()}
     missing = [n for n in problems if n not in found] if arguments.ipopt else []
 
     def done(i: int, result: dict) -> None:
@@ -251,6 +252,7 @@ def description(arguments: argparse.Namespace, peer: dict[str, dict], options: d
     versions = {r.get("version") for r in peer.values()} - {None}
     return {
         "ipopt": ", ".join(sorted(versions)), "ipopt_variant": arguments.ipopt_variant, "options": options,
+        "ipopt_cached": any(r.get("cached", False) for r in peer.values()),
         "members": arguments.members, "move_start": arguments.move_start, "limit": arguments.limit,
         "repeat": arguments.repeat,
     }  # fmt: skip
