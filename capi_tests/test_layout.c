@@ -33,7 +33,9 @@ int main(void)
     FIELD(22, polish_tol);
     FIELD(23, initial_guess);
     FIELD(24, log_level);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 25);
+    FIELD(25, linear_solver);
+    FIELD(26, ordering);
+    CHECK(sizeof(swb_settings) == (size_t)8 * 27);
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);
@@ -51,6 +53,8 @@ int main(void)
     CHECK(SWB_INITIAL_GUESS_CONSTANT == 0 && SWB_INITIAL_GUESS_SIMULATION == 1);
     CHECK(SWB_LOG_LEVEL_SILENT == 0 && SWB_LOG_LEVEL_ERROR == 1 && SWB_LOG_LEVEL_WARNING == 2);
     CHECK(SWB_LOG_LEVEL_INFO == 3 && SWB_LOG_LEVEL_DEBUG == 4 && SWB_LOG_LEVEL_TRACE == 5);
+    CHECK(SWB_LINEAR_SOLVER_AUTO == 0 && SWB_LINEAR_SOLVER_SUITESPARSE == 1 && SWB_LINEAR_SOLVER_FAER == 2);
+    CHECK(SWB_ORDERING_AMD == 0 && SWB_ORDERING_NATURAL == 1);
     CHECK(SWB_KIND_INT == 0 && SWB_KIND_FLOAT == 1 && SWB_KIND_ENUM == 2);
 
     AT(swb_residuals, 0, struct_size);

@@ -302,6 +302,60 @@ typedef int64_t swb_initial_guess;
 #endif // __cplusplus
 
 /**
+ * Factorisation of the Newton matrices (linear_solver).
+ */
+enum swb_linear_solver
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * By the fill of the factors: columns where they are sparse, dense blocks where they are not.
+     */
+    SWB_LINEAR_SOLVER_AUTO = 0,
+    /**
+     * SuiteSparse LDL, column by column.
+     */
+    SWB_LINEAR_SOLVER_SUITESPARSE = 1,
+    /**
+     * faer, with dense blocks of columns; only in a library built with it.
+     */
+    SWB_LINEAR_SOLVER_FAER = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_linear_solver swb_linear_solver;
+#else
+typedef int64_t swb_linear_solver;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Order of elimination in the Newton matrices (ordering).
+ */
+enum swb_ordering
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Approximate minimum degree.
+     */
+    SWB_ORDERING_AMD = 0,
+    /**
+     * Variables as they are numbered (for a horizon: along time), every row behind its last variable.
+     */
+    SWB_ORDERING_NATURAL = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_ordering swb_ordering;
+#else
+typedef int64_t swb_ordering;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Verbosity of the log sink (log_level); each level contains the ones before it.
  */
 enum swb_log_level
@@ -707,6 +761,14 @@ typedef struct swb_settings {
      * Verbosity of the log sink (enum log_level).
      */
     int64_t log_level;
+    /**
+     * Factorisation of the Newton matrices (enum linear_solver).
+     */
+    int64_t linear_solver;
+    /**
+     * Order of elimination in the Newton matrices (enum ordering).
+     */
+    int64_t ordering;
 } swb_settings;
 
 /**

@@ -91,6 +91,28 @@ pub enum InitialGuess {
     Simulation = 1,
 }
 
+/// Factorisation of the Newton matrices (linear_solver).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum LinearSolver {
+    /// By the fill of the factors: columns where they are sparse, dense blocks where they are not.
+    Auto = 0,
+    /// SuiteSparse LDL, column by column.
+    Suitesparse = 1,
+    /// faer, with dense blocks of columns; only in a library built with it.
+    Faer = 2,
+}
+
+/// Order of elimination in the Newton matrices (ordering).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ordering {
+    /// Approximate minimum degree.
+    Amd = 0,
+    /// Variables as they are numbered (for a horizon: along time), every row behind its last variable.
+    Natural = 1,
+}
+
 /// Verbosity of the log sink (log_level); each level contains the ones before it.
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -135,6 +157,8 @@ value_names!(Cross { Element = "element", Stage = "stage", Full = "full" });
 value_names!(StepEquilibration { None = "none", Mean = "mean", Difference = "difference", EtaProduct = "eta_product" });
 value_names!(Polish { Off = "off", On = "on" });
 value_names!(InitialGuess { Constant = "constant", Simulation = "simulation" });
+value_names!(LinearSolver { Auto = "auto", Suitesparse = "suitesparse", Faer = "faer" });
+value_names!(Ordering { Amd = "amd", Natural = "natural" });
 value_names!(LogLevel {
     Silent = "silent",
     Error = "error",
@@ -203,6 +227,10 @@ pub struct Settings {
     pub initial_guess: i64,
     /// Verbosity of the log sink (enum log_level).
     pub log_level: i64,
+    /// Factorisation of the Newton matrices (enum linear_solver).
+    pub linear_solver: i64,
+    /// Order of elimination in the Newton matrices (enum ordering).
+    pub ordering: i64,
 }
 
 /// A value on its way to or from an option.
@@ -375,6 +403,10 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Initial guess where none is given (enum initial_guess)."),
     row!(log_level: Enum(LogLevel::Silent), "", FREE,
         "Verbosity of the log sink (enum log_level)."),
+    row!(linear_solver: Enum(LinearSolver::Auto), "", SETUP,
+        "Factorisation of the Newton matrices (enum linear_solver)."),
+    row!(ordering: Enum(Ordering::Amd), "", SETUP,
+        "Order of elimination in the Newton matrices (enum ordering)."),
 ];
 
 impl OptionInfo {
@@ -529,6 +561,8 @@ impl Default for Settings {
             polish_tol: 0.0,
             initial_guess: 0,
             log_level: 0,
+            linear_solver: 0,
+            ordering: 0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);
@@ -631,6 +665,16 @@ impl Settings {
     /// [`InitialGuess`] of these settings.
     pub fn initial_guess(&self) -> Result<InitialGuess> {
         InitialGuess::from_i64(self.initial_guess).ok_or_else(|| bad("initial_guess", self.initial_guess))
+    }
+
+    /// [`LinearSolver`] of these settings.
+    pub fn linear_solver(&self) -> Result<LinearSolver> {
+        LinearSolver::from_i64(self.linear_solver).ok_or_else(|| bad("linear_solver", self.linear_solver))
+    }
+
+    /// [`Ordering`] of these settings.
+    pub fn ordering(&self) -> Result<Ordering> {
+        Ordering::from_i64(self.ordering).ok_or_else(|| bad("ordering", self.ordering))
     }
 
     /// [`LogLevel`] of these settings; a number outside means the nearest level.

@@ -6,10 +6,42 @@ use counting::COUNT;
 use std::cell::Cell;
 use switchback::linalg::csc::Pattern;
 use switchback::linalg::kkt::{Kkt, KktSettings, KktStatus};
-use switchback::linalg::ldl::SuiteSparse;
+use switchback::linalg::ldl::{solver, Ordering, SymmetricSolver};
+use switchback::settings::LinearSolver;
 
 #[test]
 fn no_allocation_after_new() {
+    no_allocation(solver(LinearSolver::Suitesparse, Ordering::Amd).unwrap());
+}
+
+#[test]
+#[cfg(feature = "faer")]
+fn no_allocation_in_blocks() {
+    use switchback::linalg::ldl::{Faer, Form};
+    for form in [Form::Simplicial, Form::Supernodal, Form::Pivoted] {
+        no_allocation(Box::new(Faer::new(form, Ordering::Amd)));
+    }
+    // Dense blocks large enough for every routine behind the matrix products.
+    let n = 300;
+    let p = Pattern::dense_upper(n);
+    let mut v = vec![0.1; p.nnz()];
+    for j in 0..n {
+        v[p.range(j).end - 1] = 100.0;
+    }
+    for form in [Form::Simplicial, Form::Supernodal, Form::Pivoted] {
+        let mut s = Faer::new(form, Ordering::Amd);
+        s.analyse(&p).unwrap();
+        let mut x = vec![1.0; n];
+        let before = COUNT.with(Cell::get);
+        for _ in 0..2 {
+            s.factor(&v);
+            s.solve(&mut x);
+        }
+        assert_eq!(COUNT.with(Cell::get), before, "{form:?}");
+    }
+}
+
+fn no_allocation(backend: Box<dyn SymmetricSolver>) {
     let (n, m) = (40, 25);
     let (mut rows, mut cols): (Vec<usize>, Vec<usize>) = ((0..n + m).collect(), (0..n + m).collect());
     for j in 0..m {
@@ -23,7 +55,7 @@ fn no_allocation_after_new() {
     for (k, &pos) in map.iter().enumerate() {
         v[pos] = if rows[k] != cols[k] { 1.0 + k as f64 } else { f64::from(rows[k] < n) };
     }
-    let mut kkt = Kkt::new(&p, n, Box::new(SuiteSparse::new()), KktSettings::default()).unwrap();
+    let mut kkt = Kkt::new(&p, n, backend, KktSettings::default()).unwrap();
     let (rhs, mut sol) = (vec![1.0; n + m], vec![0.0; n + m]);
     let nan = vec![f64::NAN; p.nnz()];
     let indefinite: Vec<f64> = v.iter().map(|a| -a).collect();

@@ -19,7 +19,7 @@
 
 use super::csc::{mul_add_symmetric_upper, Pattern};
 use super::krylov::Gmres;
-use super::ldl::{Factorisation, Inertia, LdlStats, SymmetricSolver};
+use super::ldl::{Factorisation, Inertia, SymmetricSolver};
 use crate::error::{Error, Result};
 
 /// Settings of [`Kkt`]; the defaults come from measurements on collocation problems with switches.
@@ -84,6 +84,35 @@ pub struct KktSolve {
     pub ok: bool,
 }
 
+/// Facts about the factorisations of a [`Kkt`] so far.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct LinearStats {
+    /// Name of the backend that factors.
+    pub backend: &'static str,
+    /// Order of the matrix.
+    pub n: usize,
+    /// Entries of its upper triangle.
+    pub nnz_k: usize,
+    /// Entries of L below the diagonal.
+    pub nnz_l: usize,
+    /// Floating-point operations of one factorisation (multiplications, additions and divisions).
+    pub flops: f64,
+    /// Smallest absolute pivot of the last factorisation, in equilibrated units; 0 without factors.
+    pub min_abs_pivot: f64,
+    /// Largest absolute pivot, likewise.
+    pub max_abs_pivot: f64,
+    /// Static shift of the last factorisation, in equilibrated units.
+    pub shift: f64,
+    /// Numeric factorisations, with those that a breakdown made necessary.
+    pub factorisations: usize,
+    /// Solutions.
+    pub solves: usize,
+    /// Steps of refinement and GMRES in all solutions.
+    pub refinement_steps: usize,
+    /// Times the scaling was computed.
+    pub equilibrations: usize,
+}
+
 /// A KKT matrix with its factors; see the module documentation. Memory is allocated in [`Kkt::new`] only
 /// (with a backend that keeps to that, as the sparse one does).
 pub struct Kkt {
@@ -105,6 +134,9 @@ pub struct Kkt {
     inertia: Inertia,
     has_factors: bool,
     factorisations: usize,
+    solves: usize,
+    refinement_steps: usize,
+    equilibrations: usize,
     b: Vec<f64>,
     x: Vec<f64>,
     best: Vec<f64>,
@@ -182,6 +214,9 @@ impl Kkt {
             inertia: Inertia::default(),
             has_factors: false,
             factorisations: 0,
+            solves: 0,
+            refinement_steps: 0,
+            equilibrations: 0,
             b: vec![0.0; n],
             x: vec![0.0; n],
             best: vec![0.0; n],
@@ -200,6 +235,7 @@ impl Kkt {
     pub fn equilibrate(&mut self, values: &[f64]) {
         assert_eq!(values.len(), self.upper.nnz(), "equilibrate: one value per entry of the pattern");
         self.has_factors = false;
+        self.equilibrations += 1;
         let (ptr, idx) = (self.upper.col_ptr(), self.upper.row_idx());
         self.scale.fill(1.0);
         let norms = &mut self.r;
@@ -375,6 +411,8 @@ impl Kkt {
             self.x.copy_from_slice(&self.best);
             steps += 1;
         }
+        self.solves += 1;
+        self.refinement_steps += steps;
         if !best.is_finite() {
             sol.fill(0.0);
             return KktSolve { residual: f64::INFINITY, steps, ok: false };
@@ -395,9 +433,23 @@ impl Kkt {
         self.factorisations
     }
 
-    /// Facts about the backend's last factorisation (pivots in equilibrated units).
-    pub fn stats(&self) -> LdlStats {
-        self.backend.stats()
+    /// Facts about structure, last factorisation and work so far.
+    pub fn stats(&self) -> LinearStats {
+        let s = self.backend.stats();
+        LinearStats {
+            backend: s.name,
+            n: s.n,
+            nnz_k: s.nnz_a,
+            nnz_l: s.nnz_l,
+            flops: s.flops,
+            min_abs_pivot: s.min_abs_pivot,
+            max_abs_pivot: s.max_abs_pivot,
+            shift: self.shift,
+            factorisations: self.factorisations,
+            solves: self.solves,
+            refinement_steps: self.refinement_steps,
+            equilibrations: self.equilibrations,
+        }
     }
 
     /// Order of the matrix, `n_primal + m`.
@@ -503,7 +555,10 @@ mod tests {
         let r = k.solve(&b, &mut s);
         assert!(r.ok && r.residual <= 1e-12 && r.steps <= 3, "{r:?}");
         close(&s, &x, 1e-12);
-        assert_eq!(k.factorisations(), 1);
+        let st = k.stats();
+        assert_eq!((st.backend, st.n, st.nnz_k, st.shift), ("suitesparse", 4, p.nnz(), 3e-8));
+        assert_eq!((st.factorisations, st.solves, st.equilibrations), (1, 1, 1));
+        assert!(st.refinement_steps == r.steps && r.steps > 0 && st.nnz_l > 0 && st.flops > st.nnz_l as f64);
         assert_eq!((k.n(), k.n_primal()), (4, 2));
     }
 

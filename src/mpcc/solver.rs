@@ -7,8 +7,9 @@ use super::homotopy::Scholtes;
 use super::problem::{Mpcc, Side};
 use super::relaxed::{Relaxed, Structure};
 use crate::error::Result;
+use crate::linalg::kkt::LinearStats;
 use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Iterate, Level, Monotone, Outcome, Residuals, Start, Statistics};
-use crate::settings::Settings;
+use crate::settings::{LinearSolver, Ordering, Settings};
 
 /// Parameters of the path and the polish.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,6 +40,10 @@ pub struct MpccSettings {
     pub polish_tol: f64,
     /// Scale objective and rows by their gradients at the starting point?
     pub scaling: bool,
+    /// Factorisation of the Newton matrices; fixed when the solver is made.
+    pub linear_solver: LinearSolver,
+    /// Order of elimination; fixed when the solver is made.
+    pub ordering: Ordering,
     /// Start the members of the pairs at `√σ_0 / 2`, wherever the starting point has them?
     pub centre_pairs: bool,
 }
@@ -59,6 +64,8 @@ impl Default for MpccSettings {
             polish: true,
             polish_tol: 1e-12,
             scaling: true,
+            linear_solver: LinearSolver::Auto,
+            ordering: Ordering::Amd,
             centre_pairs: true,
         }
     }
@@ -80,6 +87,8 @@ impl From<&Settings> for MpccSettings {
             polish: s.polish(),
             polish_tol: s.polish_tol,
             scaling: true,
+            linear_solver: s.linear_solver().unwrap_or(LinearSolver::Auto),
+            ordering: s.ordering().unwrap_or(Ordering::Amd),
             centre_pairs: true,
         }
     }
@@ -168,7 +177,9 @@ impl MpccSolver {
         let (n, m, n_groups) = (p.n(), p.m(), p.n_groups());
         let mut st = Structure::new(p);
         let all = m + st.bilinear.len();
-        let ipm = Ipm::new(&Relaxed { inner: p, st: &mut st }, IpmSettings::default())?;
+        let MpccSettings { linear_solver, ordering, .. } = settings;
+        let ipm_settings = IpmSettings { linear_solver, ordering, ..IpmSettings::default() };
+        let ipm = Ipm::new(&Relaxed { inner: p, st: &mut st }, ipm_settings)?;
         Ok(MpccSolver {
             st,
             ipm,
@@ -194,6 +205,11 @@ impl MpccSolver {
             active: ActiveSet::new(n, all),
             resume_at: Level { mu: 0.0, sigma: 0.0 },
         })
+    }
+
+    /// Structure and work of the factorisations since the solver was made.
+    pub fn linear_statistics(&self) -> LinearStats {
+        self.ipm.linear_statistics()
     }
 
     /// The result of the last solve.

@@ -14,8 +14,9 @@ use super::iterate::{Iterate, RowKind, Shape, Values};
 use super::problem::{Bilinear, Bounds, Nlp};
 use crate::error::Result;
 use crate::linalg::csc::Pattern;
-use crate::linalg::kkt::{Kkt, KktSettings, KktStatus};
-use crate::linalg::ldl::SuiteSparse;
+use crate::linalg::kkt::{Kkt, KktSettings, KktStatus, LinearStats};
+use crate::linalg::ldl::{self, interleaved};
+use crate::settings::{LinearSolver, Ordering};
 
 /// First perturbation of the Hessian, and its growth and decay (Wächter and Biegler, section 3.1).
 const DELTA_W_FIRST: f64 = 1e-4;
@@ -58,7 +59,7 @@ pub(super) struct Augmented {
 }
 
 impl Augmented {
-    pub fn new(nlp: &dyn Nlp) -> Result<Augmented> {
+    pub fn new(nlp: &dyn Nlp, linear_solver: LinearSolver, ordering: Ordering) -> Result<Augmented> {
         let (n, m) = (nlp.n(), nlp.m());
         let (hp, jp) = (nlp.hess_pattern(), nlp.jac_pattern());
         let (mut rows, mut cols) = (Vec::new(), Vec::new());
@@ -95,10 +96,15 @@ impl Augmented {
             .enumerate()
             .map(|(k, &pair)| PairSlot { pair, entry: map[nh + nj + n + m + k] as usize })
             .collect();
+        let order = match ordering {
+            Ordering::Amd => ldl::Ordering::Amd,
+            Ordering::Natural => ldl::Ordering::Given(interleaved(&pattern, n)),
+        };
+        let backend = ldl::solver(linear_solver, order)?;
         Ok(Augmented {
             n,
             values: vec![0.0; pattern.nnz()],
-            kkt: Kkt::new(&pattern, n, Box::new(SuiteSparse::new()), KktSettings::default())?,
+            kkt: Kkt::new(&pattern, n, backend, KktSettings::default())?,
             hess_pos: map[..nh].to_vec(),
             jac_pos: map[nh..nh + nj].to_vec(),
             diag: map[nh + nj..nh + nj + n + m].to_vec(),
@@ -115,6 +121,10 @@ impl Augmented {
 
     pub fn factorisations(&self) -> usize {
         self.kkt.factorisations()
+    }
+
+    pub fn stats(&self) -> LinearStats {
+        self.kkt.stats()
     }
 
     /// Forgets what earlier solves taught about perturbation and scaling.

@@ -13,6 +13,8 @@ use super::restore::Restoration;
 use crate::error::Result;
 use crate::func::EvalError;
 use crate::linalg::csc::Pattern;
+use crate::linalg::kkt::LinearStats;
+use crate::settings::{LinearSolver, Ordering};
 
 /// Constants of the method; the parameters of the homotopy belong to the [`Continuation`].
 #[derive(Debug, Clone, Copy)]
@@ -29,11 +31,24 @@ pub struct IpmSettings {
     pub restoration: bool,
     /// Growth of the violation over that at the start of a level, up to which trial points are accepted.
     pub theta_room: f64,
+    /// Factorisation of the Newton matrix; fixed when the solver is made.
+    pub linear_solver: LinearSolver,
+    /// Order of elimination; fixed when the solver is made.
+    pub ordering: Ordering,
 }
 
 impl Default for IpmSettings {
     fn default() -> Self {
-        IpmSettings { max_iter: 3000, bound_push: 1e-2, max_soc: 4, y_init_max: 1e3, restoration: true, theta_room: 1e4 }
+        IpmSettings {
+            max_iter: 3000,
+            bound_push: 1e-2,
+            max_soc: 4,
+            y_init_max: 1e3,
+            restoration: true,
+            theta_room: 1e4,
+            linear_solver: LinearSolver::Auto,
+            ordering: Ordering::Amd,
+        }
     }
 }
 
@@ -216,7 +231,7 @@ impl Ipm {
             c_trial: vec![0.0; m],
             f_trial: 0.0,
             lag: vec![0.0; n],
-            system: Augmented::new(nlp)?,
+            system: Augmented::new(nlp, settings.linear_solver, settings.ordering)?,
             filter: Filter::new(),
             dx: vec![0.0; n],
             ds: vec![0.0; m],
@@ -273,6 +288,11 @@ impl Ipm {
     /// What the last solve cost.
     pub fn statistics(&self) -> &Statistics {
         &self.stats
+    }
+
+    /// Structure and work of the factorisations so far, those of a restoration phase left out.
+    pub fn linear_statistics(&self) -> LinearStats {
+        self.system.stats()
     }
 
     /// Marks the lines of the log.

@@ -18,6 +18,7 @@ use self::identify::Identifier;
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
 use crate::fesd::{Exit, Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
+use crate::linalg::kkt::LinearStats;
 use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side, Wanted};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::{InitialGuess, Settings};
@@ -225,6 +226,11 @@ impl Ocp {
     /// The settings.
     pub fn settings(&self) -> &Settings {
         &self.settings
+    }
+
+    /// Structure and work of the factorisations since the problem was built; `None` before the first solve.
+    pub fn linear_statistics(&self) -> Option<LinearStats> {
+        self.built.as_ref().map(|b| b.solver.linear_statistics())
     }
 
     /// The result of the last solve.

@@ -1,5 +1,6 @@
 //! The cases, and what they share.
 
+mod linalg;
 mod mpcc_textbook;
 mod oscillator;
 mod sim;
@@ -26,6 +27,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("tutorial-ocp", tutorial_ocp::run),
     ("sliding-ocp", sliding_ocp::run),
     ("mpcc-textbook", mpcc_textbook::run),
+    ("linalg", linalg::run),
 ];
 
 pub const BOTH: [Discretisation; 2] = [Discretisation::Fesd, Discretisation::Standard];

@@ -3,7 +3,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::Ordering;
-use super::{Dense, Factorisation, Inertia, SuiteSparse, SymmetricSolver};
+use super::{Auto, Dense, Factorisation, Inertia, SuiteSparse, SymmetricSolver};
 #[cfg(feature = "faer")]
 use super::{Faer, Form};
 use crate::error::Error;
@@ -316,6 +316,7 @@ macro_rules! conformance {
 
 conformance!(suitesparse, SuiteSparse::new());
 conformance!(dense, Dense::new());
+conformance!(auto, Auto::new(Ordering::Amd));
 #[cfg(feature = "faer")]
 conformance!(faer_simplicial, Faer::new(Form::Simplicial, Ordering::Amd));
 #[cfg(feature = "faer")]

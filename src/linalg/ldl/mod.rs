@@ -13,6 +13,7 @@
 //!
 //! The same pattern and values give the same bits. Every backend passes the one suite in `conformance`.
 
+mod auto;
 #[cfg(test)]
 mod conformance;
 mod dense;
@@ -21,6 +22,7 @@ mod faer;
 mod ordering;
 mod suitesparse;
 
+pub use auto::{solver, Auto, BLOCKS_FROM};
 pub use dense::Dense;
 #[cfg(feature = "faer")]
 pub use faer::{Faer, Form};
@@ -107,11 +109,6 @@ pub trait SymmetricSolver: Send {
     fn pivots(&self) -> (&[f64], &[usize]) {
         (&[], &[])
     }
-}
-
-/// The default backend.
-pub fn default_solver() -> Box<dyn SymmetricSolver> {
-    Box::new(SuiteSparse::new())
 }
 
 /// Refuses what is not an upper triangle.

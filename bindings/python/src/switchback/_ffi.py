@@ -89,6 +89,21 @@ class InitialGuess(Names):
     SIMULATION = 1
 
 
+class LinearSolver(Names):
+    """enum swb_linear_solver"""
+
+    AUTO = 0
+    SUITESPARSE = 1
+    FAER = 2
+
+
+class Ordering(Names):
+    """enum swb_ordering"""
+
+    AMD = 0
+    NATURAL = 1
+
+
 class LogLevel(Names):
     """enum swb_log_level"""
 
@@ -188,6 +203,8 @@ class swb_settings(Structure):
         ("polish_tol", c_double),
         ("initial_guess", c_int64),
         ("log_level", c_int64),
+        ("linear_solver", c_int64),
+        ("ordering", c_int64),
     ]
 
 
