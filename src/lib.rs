@@ -25,6 +25,7 @@ pub mod expr;
 pub mod fesd;
 pub mod func;
 pub mod linalg;
+pub mod model;
 pub mod mpcc;
 pub mod nlp;
 pub mod ocp;

@@ -82,6 +82,26 @@ fn batches_give_the_bits_of_single_points() {
 }
 
 #[test]
+fn parts_are_evaluated_alone() {
+    let g = Graph::new();
+    let (x, y, z) = (g.x(0), g.x(1), g.x(2));
+    // The second part is not defined at the point.
+    let outputs = g.ids(&[x * y, z.sin(), (-x).ln(), z, y, x * x * z]);
+    let f = ExprFunction::with_parts("f", &mut g.dag(), DIMS, &outputs, 2).unwrap();
+    let mut work = vec![f64::NAN; f.work_len()];
+    let (mut value, mut jac) = (vec![0.0; 6], vec![0.0; f.jac_pattern().nnz()]);
+    assert_eq!(f.value(&at(), &mut value, &mut work), Err(EvalError::Recoverable));
+    assert_eq!(f.value_rows(&at(), 2..4, &mut value, &mut work), Err(EvalError::Recoverable));
+    for rows in [0..2, 4..6] {
+        f.value_rows(&at(), rows.clone(), &mut value, &mut work).unwrap();
+        f.jacobian_rows(&at(), rows, &mut jac, &mut work).unwrap();
+    }
+    assert_eq!([value[0], value[1], value[4], value[5]], [X[0] * X[1], X[2].sin(), X[1], X[0] * X[0] * X[2]]);
+    let entry = |i, j| jac[f.jac_pattern().get(i, j).unwrap()];
+    assert_eq!([entry(0, 0), entry(1, 2), entry(4, 1), entry(5, 0)], [X[1], X[2].cos(), 1.0, 2.0 * X[0] * X[2]]);
+}
+
+#[test]
 fn registers_are_used_again() {
     let g = Graph::new();
     let mut e = g.x(0);

@@ -15,6 +15,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("nlp", &["error", "settings", "log", "linalg", "func"]),
     ("mpcc", &["error", "settings", "log", "linalg", "func", "nlp"]),
     ("system", &["error", "settings", "log", "linalg", "func"]),
+    ("model", &["error", "linalg", "func", "expr", "system"]),
     ("dcs", &["error", "settings", "log", "linalg", "func", "system"]),
     ("event", &["error", "settings", "log", "tableau", "linalg", "func", "system", "dcs"]),
     ("fesd", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs"]),

@@ -5,6 +5,7 @@
 //! `--problems` names a folder of recorded problems for the cases that can use one.
 
 mod cases;
+mod expression_models;
 mod json;
 mod json_read;
 mod models;

@@ -1,5 +1,6 @@
 //! Expressions as a [`Function`].
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use super::dag::{Block, Dag, Id};
@@ -30,6 +31,17 @@ pub struct ExprFunction {
     jac_pattern: Pattern,
     hess_pattern: Pattern,
     approximate: [bool; 2],
+    parts: Vec<Part>,
+}
+
+/// Outputs that can be evaluated alone.
+#[derive(Clone)]
+struct Part {
+    rows: Range<usize>,
+    value: Tape,
+    jacobian: Tape,
+    /// Where the entries of the Jacobian belong.
+    places: Vec<u32>,
 }
 
 impl ExprFunction {
@@ -54,6 +66,7 @@ impl ExprFunction {
         };
         let approximate = value.approximate_derivatives();
         Ok(ExprFunction {
+            parts: Vec::new(),
             name: name.to_owned(),
             dims,
             jacobian: tape(dag, 0, &jac)?,
@@ -63,6 +76,39 @@ impl ExprFunction {
             value,
             approximate,
         })
+    }
+
+    /// A function whose outputs come in parts of equal length that can be evaluated alone, such as modes of which one is
+    /// active: [`Function::value_rows`] and [`Function::jacobian_rows`] of a part cost that part only.
+    pub fn with_parts(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id], len: usize) -> Result<ExprFunction> {
+        let mut f = ExprFunction::new(name, dag, dims, outputs)?;
+        let wrt = all_inputs(dag, dims);
+        for (k, part) in outputs.chunks(len.max(1)).enumerate() {
+            let rows = k * len..k * len + part.len();
+            let value = Tape::new(dag, dims, 0, part)?;
+            let entries = dag.jacobian(part, &wrt)?;
+            let ids: Vec<Id> = entries.iter().map(|e| e.value).collect();
+            let place = |e: &super::diff::Entry| f.jac_pattern.get(rows.start + e.row, e.col).map(|p| p as u32);
+            // The sweep for the part alone may see zeros the whole did not, or the other way round.
+            let places: Option<Vec<u32>> = entries.iter().map(place).collect();
+            let n_known = (0..dims.n_in()).flat_map(|j| f.jac_pattern.rows(j)).filter(|r| rows.contains(r)).count();
+            match places {
+                Some(places) if places.len() == n_known => {
+                    let jacobian = Tape::new(dag, dims, 0, &ids)?;
+                    f.parts.push(Part { rows, value, jacobian, places });
+                }
+                _ => {
+                    f.parts.clear();
+                    break;
+                }
+            }
+        }
+        Ok(f)
+    }
+
+    fn part(&self, rows: &Range<usize>) -> Option<&Part> {
+        let len = self.parts.first()?.rows.len();
+        self.parts.get(rows.start / len).filter(|p| p.rows == *rows)
     }
 
     /// The same, shared.
@@ -129,13 +175,26 @@ impl Function for ExprFunction {
         &self.hess_pattern
     }
     fn work_len(&self) -> usize {
-        self.value.work_len().max(self.jacobian.work_len()).max(self.hessian.work_len())
+        let parts = self.parts.iter().map(|p| p.value.work_len().max(p.jacobian.work_len())).max().unwrap_or(0);
+        parts.max(self.value.work_len()).max(self.jacobian.work_len()).max(self.hessian.work_len())
     }
     fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         self.value.run(at, &[], &mut out[..self.value.n_out()], work)
     }
     fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         self.jacobian.run(at, &[], &mut out[..self.jacobian.n_out()], work)
+    }
+    fn value_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        match self.part(&rows) {
+            Some(p) => p.value.run(at, &[], &mut out[rows], work),
+            None => self.value(at, out, work),
+        }
+    }
+    fn jacobian_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        match self.part(&rows) {
+            Some(p) => p.jacobian.run_to(at, out, &p.places, work),
+            None => self.jacobian(at, out, work),
+        }
     }
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
         self.hessian.run(at, weights, &mut out[..self.hessian.n_out()], work)

@@ -85,6 +85,14 @@ impl Graph {
         self.expr(self.dag().piecewise(p, a.id))
     }
 
+    /// A table with switching functions at its breaks; see [`Dag::step_table`].
+    pub fn step_table<'g>(&'g self, a: Expr<'g>, breaks: &[f64], values: &[Expr<'g>]) -> Result<Expr<'g>> {
+        self.own(a.graph);
+        let values = self.ids(values);
+        let id = self.dag().step_table(a.id, breaks, &values)?;
+        Ok(self.expr(id))
+    }
+
     /// Solution of `A x = b`, `A` by columns; see [`Dag::solve`].
     pub fn solve<'g>(&'g self, matrix: &[Expr<'g>], rhs: &[Expr<'g>]) -> Result<Vec<Expr<'g>>> {
         let (a, b) = (self.ids(matrix), self.ids(rhs));
@@ -113,6 +121,10 @@ impl Graph {
                 e.id
             })
             .collect()
+    }
+
+    fn text(&self, id: Id) -> String {
+        self.dag.try_borrow().map_or_else(|_| "…".into(), |d| d.text(id))
     }
 
     fn own(&self, other: &Graph) {
@@ -357,12 +369,12 @@ impl<'g> std::iter::Sum for Expr<'g> {
 
 impl fmt::Debug for Expr<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.graph.dag().text(self.id))
+        f.write_str(&self.graph.text(self.id))
     }
 }
 
 impl fmt::Debug for Cond<'_> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(&self.graph.dag().text(self.id))
+        f.write_str(&self.graph.text(self.id))
     }
 }

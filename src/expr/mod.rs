@@ -15,6 +15,7 @@ mod graph;
 mod linear;
 mod op;
 mod piecewise;
+mod substitute;
 mod switching;
 mod tape;
 mod text;

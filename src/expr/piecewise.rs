@@ -242,6 +242,14 @@ impl Dag {
         self.piecewise_node(index as u32, 0, a)
     }
 
+    /// Continuous derivatives a node is declared to have in its arguments: those of a table, else as many as one likes.
+    pub fn smoothness(&self, id: Id) -> i32 {
+        match self.node(id) {
+            Node::Piecewise(index, order, _) => self.piecewise[index as usize].smoothness - i32::from(order),
+            _ => i32::MAX,
+        }
+    }
+
     pub(super) fn piecewise_node(&mut self, index: u32, order: u8, a: Id) -> Id {
         let p = &self.piecewise[index as usize];
         if usize::from(order) > p.degree {

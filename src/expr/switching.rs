@@ -57,9 +57,26 @@ impl Dag {
         form
     }
 
-    /// The condition `ψ > 0`.
+    /// The value as `constant + Σ coefficient · term` over terms that are no sums.
+    pub fn affine_terms(&self, id: Id) -> (f64, Vec<(Id, f64)>) {
+        let form = self.linear_form(id);
+        (form.constant, form.terms)
+    }
+
+    /// The condition `ψ > 0`. Of a `ψ` that is an increasing odd function of something, as `h³` or `atan h`, that
+    /// something is taken, which has a gradient where `ψ` has none.
     pub fn positive(&mut self, psi: Id) -> Id {
-        let form = self.linear_form(psi);
+        let mut psi = psi;
+        let mut form = self.linear_form(psi);
+        while let (&[(term, c)], 0.0) = (&form.terms[..], form.constant) {
+            let inner = match self.node(term) {
+                Node::PowI(h, n) if n % 2 != 0 => h,
+                Node::Unary(Unary::Sinh | Unary::Tanh | Unary::Atan | Unary::Asin | Unary::Erf | Unary::Sqrt, h) => h,
+                _ => break,
+            };
+            psi = if c > 0.0 { inner } else { self.neg(inner) };
+            form = self.linear_form(psi);
+        }
         let Some(&(_, lead)) = form.terms.first() else {
             return self.truth(form.constant > 0.0);
         };
@@ -298,6 +315,10 @@ mod tests {
         d.sign(other);
         d.max(x, y);
         d.min(x, y);
+        assert_eq!(d.n_switches(), 2);
+        let cube = d.powi(other, 3);
+        let cube = d.neg(cube);
+        d.sign(cube);
         assert_eq!(d.n_switches(), 2);
         let minus_one = d.constant(-1.0);
         let no = d.positive(minus_one);

@@ -126,8 +126,6 @@ impl Tape {
 
     /// Evaluates at one point, `out[n_out]`, `weights[n_weights]`, `work[work_len]`.
     pub fn run(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let d = self.dims;
-        let n_in = d.n_in();
         let k = self.first_constant();
         if self.code.is_empty() && self.outputs.iter().all(|&o| o as usize >= k) {
             for (v, &o) in out.iter_mut().zip(&self.outputs) {
@@ -135,6 +133,44 @@ impl Tape {
             }
             return Ok(());
         }
+        let w = self.compute(at, weights, work)?;
+        let mut finite = true;
+        for (v, &o) in out.iter_mut().zip(&self.outputs) {
+            *v = w[o as usize];
+            finite &= v.is_finite();
+        }
+        if finite {
+            Ok(())
+        } else {
+            Err(EvalError::Recoverable)
+        }
+    }
+
+    /// [`Tape::run`] with result `i` written to `out[places[i]]`.
+    pub(super) fn run_to(&self, at: &Point, out: &mut [f64], places: &[u32], work: &mut [f64]) -> EvalResult {
+        let w = self.compute(at, &[], work)?;
+        let mut finite = true;
+        for (&place, &o) in places.iter().zip(&self.outputs) {
+            let v = w[o as usize];
+            out[place as usize] = v;
+            finite &= v.is_finite();
+        }
+        if finite {
+            Ok(())
+        } else {
+            Err(EvalError::Recoverable)
+        }
+    }
+
+    /// Loads inputs and constants, runs the instructions, and returns the registers.
+    fn compute<'w>(
+        &self,
+        at: &Point,
+        weights: &[f64],
+        work: &'w mut [f64],
+    ) -> std::result::Result<&'w mut [f64], EvalError> {
+        let d = self.dims;
+        let (n_in, k) = (d.n_in(), self.first_constant());
         let w = &mut work[..self.n_slots];
         w[..d.x].copy_from_slice(&at.x[..d.x]);
         w[d.x..d.x + d.u].copy_from_slice(&at.u[..d.u]);
@@ -163,16 +199,7 @@ impl Tape {
                 }
             };
         }
-        let mut finite = true;
-        for (v, &o) in out.iter_mut().zip(&self.outputs) {
-            *v = w[o as usize];
-            finite &= v.is_finite();
-        }
-        if finite {
-            Ok(())
-        } else {
-            Err(EvalError::Recoverable)
-        }
+        Ok(w)
     }
 
     /// Evaluates at `n` points. Input `j` (numbered `x`, `u`, `p`, `t`, then weights) of point `k` is

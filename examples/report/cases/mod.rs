@@ -1,6 +1,7 @@
 //! The cases, and what they share.
 
 mod linalg;
+mod model_eval;
 mod mpcc_textbook;
 mod oscillator;
 mod sim;
@@ -28,6 +29,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("sliding-ocp", sliding_ocp::run),
     ("mpcc-textbook", mpcc_textbook::run),
     ("linalg", linalg::run),
+    ("model-eval", model_eval::run),
 ];
 
 pub const BOTH: [Discretisation; 2] = [Discretisation::Fesd, Discretisation::Standard];

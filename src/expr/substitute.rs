@@ -1,0 +1,288 @@
+//! Rebuilding expressions with switches decided, and switching functions that contain switches themselves.
+
+use super::dag::{Dag, Group, Id, Node};
+use super::op::Binary;
+
+impl Dag {
+    /// Switching functions the nodes depend on, sorted; those inside other switching functions too.
+    pub fn switches_of(&self, roots: &[Id]) -> Vec<usize> {
+        let mut out: Vec<usize> = self
+            .reachable(roots)
+            .into_iter()
+            .filter_map(|id| match self.node(id) {
+                Node::Positive(s) => Some(s as usize),
+                _ => None,
+            })
+            .collect();
+        out.sort_unstable();
+        out.dedup();
+        out
+    }
+
+    /// The same expressions where switches with a known sign (`Some(true)`: positive) are decided.
+    pub fn decide(&mut self, roots: &[Id], sign: &dyn Fn(usize) -> Option<bool>) -> Vec<Id> {
+        self.rebuild(roots, &mut |dag, s| sign(s as usize).map(|holds| dag.truth(holds)))
+    }
+
+    /// The same expressions with conditions whose switching functions are smooth: `ψ > 0` with a `ψ` that switches
+    /// with `χ` becomes `(χ > 0 and ψ⁺ > 0) or (χ < 0 and ψ⁻ > 0)`.
+    pub fn smooth_switches(&mut self, roots: &[Id]) -> Vec<Id> {
+        let mut known: Vec<Option<Id>> = Vec::new();
+        // Inner switching functions are older than those they are part of.
+        for s in self.switches_of(roots) {
+            if known.len() <= s {
+                known.resize(s + 1, None);
+            }
+            let psi = self.switches[s].psi;
+            if !self.switches_of(&[psi]).is_empty() {
+                known[s] = Some(self.smooth_condition(psi));
+            }
+        }
+        self.rebuild(roots, &mut |_, s| known.get(s as usize).copied().flatten())
+    }
+
+    /// Condition `ψ > 0` over smooth switching functions.
+    fn smooth_condition(&mut self, psi: Id) -> Id {
+        // Branches still to be looked at, with the conditions that lead to them.
+        let yes = self.truth(true);
+        let mut branches = vec![(yes, psi)];
+        let mut result = self.truth(false);
+        while let Some((path, psi)) = branches.pop() {
+            let Some(&first) = self.switches_of(&[psi]).first() else {
+                let here = self.positive(psi);
+                let both = self.and(path, here);
+                result = self.or(result, both);
+                continue;
+            };
+            let chi = self.intern(Node::Positive(first as u32));
+            for holds in [true, false] {
+                let branch = self.decide(&[psi], &|s| (s == first).then_some(holds))[0];
+                let way = if holds { chi } else { self.not(chi) };
+                let path = self.and(path, way);
+                if self.node(path) != Node::Truth(false) {
+                    branches.push((path, branch));
+                }
+            }
+        }
+        result
+    }
+
+    /// Copies the nodes under `roots` with conditions replaced.
+    fn rebuild(&mut self, roots: &[Id], replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>) -> Vec<Id> {
+        let ids = self.reachable(roots);
+        let top = ids.last().map_or(0, |id| id.index() + 1);
+        let mut new: Vec<Option<Id>> = vec![None; top];
+        let mut new_groups: Vec<Option<u32>> = vec![None; self.groups.len()];
+        for id in ids {
+            let at = |a: Id| new[a.index()].unwrap_or(a);
+            let copy = match self.node(id) {
+                Node::Const(_) | Node::Input(..) | Node::Truth(_) => id,
+                Node::Positive(s) => match replace(self, s) {
+                    Some(c) => c,
+                    None => {
+                        let psi = at(self.switches[s as usize].psi);
+                        self.positive(psi)
+                    }
+                },
+                Node::Unary(op, a) => {
+                    let a = at(a);
+                    self.unary(op, a)
+                }
+                Node::Binary(op, a, b) => {
+                    let (a, b) = (at(a), at(b));
+                    self.binary(op, a, b)
+                }
+                Node::PowI(a, n) => {
+                    let a = at(a);
+                    self.powi(a, n)
+                }
+                Node::Piecewise(table, order, a) => {
+                    let a = at(a);
+                    self.piecewise_node(table, order, a)
+                }
+                Node::Not(a) => {
+                    let a = at(a);
+                    self.not(a)
+                }
+                Node::And(a, b) => {
+                    let (a, b) = (at(a), at(b));
+                    self.and(a, b)
+                }
+                Node::Or(a, b) => {
+                    let (a, b) = (at(a), at(b));
+                    self.or(a, b)
+                }
+                Node::Select(c, a, b) => {
+                    let (c, a, b) = (at(c), at(a), at(b));
+                    self.select(c, a, b)
+                }
+                Node::Pick(g, k) => {
+                    let h = match new_groups[g as usize] {
+                        Some(h) => h,
+                        None => {
+                            let h = self.copy_group(g, &new);
+                            new_groups[g as usize] = Some(h);
+                            h
+                        }
+                    };
+                    self.pick(h, k as usize)
+                }
+            };
+            new[id.index()] = Some(copy);
+        }
+        roots.iter().map(|r| new[r.index()].unwrap_or(*r)).collect()
+    }
+
+    fn copy_group(&mut self, g: u32, new: &[Option<Id>]) -> u32 {
+        let at = |v: &[Id]| v.iter().map(|a| new.get(a.index()).copied().flatten().unwrap_or(*a)).collect::<Vec<Id>>();
+        let entry = self.groups[g as usize].clone();
+        let group = match entry.group {
+            Group::Factor { n, matrix } => Group::Factor { n, matrix: at(&matrix) },
+            Group::Solve { factor, transposed, rhs } => {
+                Group::Solve { factor: self.copy_group(factor, new), transposed, rhs: at(&rhs) }
+            }
+            Group::Call { function, what, args } => Group::Call { function, what, args: at(&args) },
+        };
+        self.group(group, entry.n as usize)
+    }
+
+    /// Splits an expression into a smooth part and a sum of `factor · atom`, where factors are smooth and atoms are
+    /// the switching parts that are no sums themselves: `(F − a sign v − b sign w) / m` has two atoms. Solutions of
+    /// linear systems with a smooth matrix are split as well.
+    pub fn split_sum(&mut self, root: Id) -> (Id, Vec<(Id, Id)>) {
+        let switching = self.switching_nodes(root);
+        let is_smooth = |id: Id| !switching.get(id.index()).copied().unwrap_or(false);
+        let mut smooth = self.constant(0.0);
+        let mut terms: Vec<(Id, Id)> = Vec::new();
+        let one = self.constant(1.0);
+        let mut stack = vec![(root, one)];
+        while let Some((id, factor)) = stack.pop() {
+            if is_smooth(id) {
+                let term = self.mul(factor, id);
+                smooth = self.add(smooth, term);
+                continue;
+            }
+            match self.node(id) {
+                Node::Binary(Binary::Add, a, b) => stack.extend([(b, factor), (a, factor)]),
+                Node::Binary(Binary::Sub, a, b) => stack.extend([(b, self.neg(factor)), (a, factor)]),
+                Node::Unary(super::op::Unary::Neg, a) => stack.push((a, self.neg(factor))),
+                Node::Binary(Binary::Mul, a, b) if is_smooth(a) => stack.push((b, self.mul(factor, a))),
+                Node::Binary(Binary::Mul, a, b) if is_smooth(b) => stack.push((a, self.mul(factor, b))),
+                Node::Binary(Binary::Div, a, b) if is_smooth(b) => stack.push((a, self.div(factor, b))),
+                Node::Pick(g, k) => match self.split_solution(g, k as usize, &is_smooth) {
+                    Some((part, columns)) => {
+                        stack.push((part, factor));
+                        for (b, column) in columns {
+                            stack.push((b, self.mul(factor, column)));
+                        }
+                    }
+                    None => terms.push((factor, id)),
+                },
+                _ => terms.push((factor, id)),
+            }
+        }
+        // One term for each atom.
+        terms.sort_by_key(|t| t.1);
+        let mut merged: Vec<(Id, Id)> = Vec::new();
+        for (factor, atom) in terms {
+            match merged.last_mut() {
+                Some(last) if last.1 == atom => last.0 = self.add(last.0, factor),
+                _ => merged.push((factor, atom)),
+            }
+        }
+        merged.retain(|t| self.as_const(t.0) != Some(0.0));
+        (smooth, merged)
+    }
+
+    /// Which nodes under a root depend on a condition.
+    fn switching_nodes(&self, root: Id) -> Vec<bool> {
+        let mut switching = vec![false; root.index() + 1];
+        for id in self.reachable(&[root]) {
+            let mut any = self.is_condition(id);
+            self.for_children(id, |c| any |= switching[c.index()]);
+            switching[id.index()] = any;
+        }
+        switching
+    }
+
+    /// Component `k` of a solution: the part of the smooth right-hand sides, and for every other right-hand side its
+    /// factor, an entry of the inverse.
+    #[allow(clippy::type_complexity)]
+    fn split_solution(&mut self, g: u32, k: usize, is_smooth: &dyn Fn(Id) -> bool) -> Option<(Id, Vec<(Id, Id)>)> {
+        let Group::Solve { factor, transposed, rhs } = self.groups[g as usize].group.clone() else { return None };
+        let Group::Factor { matrix, .. } = &self.groups[factor as usize].group else { return None };
+        if !matrix.iter().all(|&a| is_smooth(a)) {
+            return None;
+        }
+        let (zero, one) = (self.constant(0.0), self.constant(1.0));
+        let smooth_rhs: Vec<Id> = rhs.iter().map(|&b| if is_smooth(b) { b } else { zero }).collect();
+        let part = self.solve_factored(factor, transposed, &smooth_rhs)[k];
+        let mut columns = Vec::new();
+        for (j, &b) in rhs.iter().enumerate().filter(|b| !is_smooth(*b.1)) {
+            let unit: Vec<Id> = (0..rhs.len()).map(|i| if i == j { one } else { zero }).collect();
+            columns.push((b, self.solve_factored(factor, transposed, &unit)[k]));
+        }
+        Some((part, columns))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::dag::Block;
+    use super::*;
+
+    #[test]
+    fn switches_are_decided() {
+        let mut d = Dag::new();
+        let (x, y) = (d.input(Block::X, 0), d.input(Block::X, 1));
+        let (a, b) = (d.abs(x), d.max(x, y));
+        let e = d.add(a, b);
+        assert_eq!(d.switches_of(&[e]), [0, 1]);
+        let twice = d.add(x, x);
+        assert_eq!(d.decide(&[e], &|_| Some(true)), [twice]);
+        let zero = d.sub(y, x);
+        assert_eq!(d.decide(&[e], &|_| Some(false)), [zero]);
+        let half = d.decide(&[e], &|s| (s == 1).then_some(true))[0];
+        assert_eq!(d.switches_of(&[half]), [0]);
+    }
+
+    #[test]
+    fn sums_split_into_independent_terms() {
+        let mut d = Dag::new();
+        let [x, y, m] = [0, 1, 2].map(|i| d.input(Block::X, i));
+        let (s, r) = (d.sign(x), d.sign(y));
+        let half = d.constant(0.5);
+        let scaled = d.mul(half, r);
+        let sum = d.sub(scaled, s);
+        let sum = d.add(sum, y);
+        let e = d.div(sum, m);
+        let (smooth, terms) = d.split_sum(e);
+        assert_eq!(terms.len(), 2);
+        assert!(d.switches_of(&[smooth]).is_empty());
+        assert_eq!(terms.iter().map(|t| t.1).collect::<Vec<_>>(), [s.min(r), s.max(r)]);
+        // Solutions of linear systems split too.
+        let coupled = [m, x, x, y];
+        let sol = d.solve(&coupled, &[s, r]).unwrap();
+        let (smooth, terms) = d.split_sum(sol[0]);
+        assert_eq!((d.as_const(smooth), terms.len()), (Some(0.0), 2));
+    }
+
+    #[test]
+    fn switches_inside_switching_functions_come_out() {
+        let mut d = Dag::new();
+        let x = d.input(Block::X, 0);
+        let one = d.constant(1.0);
+        let a = d.abs(x);
+        let inner = d.sub(a, one);
+        let e = d.sign(inner);
+        let smooth = d.smooth_switches(&[e])[0];
+        for s in d.switches_of(&[smooth]) {
+            let psi = d.switching_function(s).unwrap();
+            assert!(d.switches_of(&[psi]).is_empty());
+        }
+        // sign(|x| − 1) by the signs of x, x − 1 and −x − 1.
+        let names: Vec<String> =
+            d.switches_of(&[smooth]).iter().map(|&s| d.text(d.switching_function(s).unwrap())).collect();
+        assert_eq!(names.len(), 3, "{names:?}");
+    }
+}

@@ -1,0 +1,159 @@
+//! From a sum of switching terms to modes and regions of one subsystem.
+
+use std::collections::BTreeMap;
+
+use super::reach::Reach;
+use crate::error::{Error, Result};
+use crate::expr::{Dag, Id};
+
+/// Cells a subsystem may have.
+pub(super) const MAX_CELLS: usize = 4096;
+
+/// What a subsystem adds to one state: `Σ factor · atom`.
+#[derive(Debug, Clone)]
+pub(super) struct Row {
+    pub(super) state: usize,
+    pub(super) terms: Vec<(Id, Id)>,
+}
+
+/// One subsystem: modes by sign pattern, after reduction.
+#[derive(Debug, Clone)]
+pub(super) struct Cells {
+    /// Switching functions that matter.
+    pub(super) switches: Vec<usize>,
+    /// States that are driven.
+    pub(super) rows: Vec<usize>,
+    /// Row of the sign matrix (0: does not matter), and the values for every driven state.
+    pub(super) modes: Vec<(Vec<i8>, Vec<Id>)>,
+    /// Patterns before reduction: possible, and all.
+    pub(super) n_patterns: (usize, f64),
+    /// Switching functions that were dropped because no mode depends on them.
+    pub(super) without_effect: Vec<usize>,
+    /// What turned out to be the same in all modes: state and value.
+    pub(super) smooth: Vec<(usize, Id)>,
+}
+
+impl Cells {
+    /// Cells of full sign patterns, the unit that has multipliers of its own.
+    pub(super) fn n_cells(&self) -> usize {
+        self.modes.iter().map(|m| 1usize << m.0.iter().filter(|s| **s == 0).count()).sum()
+    }
+
+    /// Different vector fields.
+    pub(super) fn n_distinct(&self) -> usize {
+        let mut all: Vec<&Vec<Id>> = self.modes.iter().map(|m| &m.1).collect();
+        all.sort_unstable();
+        all.dedup();
+        all.len()
+    }
+}
+
+/// Enumerates and reduces.
+pub(super) fn cells(dag: &mut Dag, switches: &[usize], rows: &[Row]) -> Result<Cells> {
+    let psi: Vec<Id> = switches.iter().filter_map(|&s| dag.switching_function(s)).collect();
+    let patterns = Reach::new(dag, &psi).patterns(MAX_CELLS).ok_or_else(|| {
+        let names: Vec<String> = psi.iter().take(4).map(|&p| dag.text(p)).collect();
+        Error::Unsupported(format!(
+            "{} switching functions ({}, ...) are coupled in one term and have more than {MAX_CELLS} sign patterns: \
+             write the model as a sum of terms that switch separately",
+            psi.len(),
+            names.join(", ")
+        ))
+    })?;
+    let n_patterns = (patterns.len(), 2f64.powi(psi.len() as i32));
+    let mut all: Vec<(Vec<bool>, Vec<Id>)> = Vec::with_capacity(patterns.len());
+    for p in patterns {
+        let sign = |s: usize| switches.iter().position(|t| *t == s).map(|k| p[k]);
+        let mut values = Vec::with_capacity(rows.len());
+        for row in rows {
+            let atoms: Vec<Id> = row.terms.iter().map(|t| t.1).collect();
+            let decided = dag.decide(&atoms, &sign);
+            let mut sum = dag.constant(0.0);
+            for (&(factor, _), v) in row.terms.iter().zip(decided) {
+                let term = dag.mul(factor, v);
+                sum = dag.add(sum, term);
+            }
+            values.push(sum);
+        }
+        all.push((p, values));
+    }
+    let mut out = Cells {
+        switches: switches.to_vec(),
+        rows: Vec::new(),
+        modes: Vec::new(),
+        n_patterns,
+        without_effect: Vec::new(),
+        smooth: Vec::new(),
+    };
+    drop_switches(&mut out, &mut all);
+    // Rows without difference between modes are smooth.
+    let differs: Vec<bool> = (0..rows.len()).map(|r| all.iter().any(|m| m.1[r] != all[0].1[r])).collect();
+    for (r, row) in rows.iter().enumerate() {
+        if differs[r] {
+            out.rows.push(row.state);
+        } else {
+            out.smooth.push((row.state, all[0].1[r]));
+        }
+    }
+    let keep = |v: &[Id]| v.iter().zip(&differs).filter(|d| *d.1).map(|d| *d.0).collect::<Vec<Id>>();
+    out.modes =
+        merge(all.into_iter().map(|(p, v)| (p.iter().map(|&s| if s { 1 } else { -1 }).collect(), keep(&v))).collect());
+    Ok(out)
+}
+
+/// Forgets switching functions that separate only cells with equal modes.
+fn drop_switches(out: &mut Cells, all: &mut Vec<(Vec<bool>, Vec<Id>)>) {
+    let mut k = 0;
+    while k < out.switches.len() {
+        let mut seen: BTreeMap<Vec<bool>, Vec<Id>> = BTreeMap::new();
+        let without = |p: &[bool]| {
+            let mut q = p.to_vec();
+            q.remove(k);
+            q
+        };
+        let useless = all.iter().all(|(p, v)| seen.entry(without(p)).or_insert_with(|| v.clone()) == v);
+        if !useless {
+            k += 1;
+            continue;
+        }
+        out.without_effect.push(out.switches.remove(k));
+        let mut kept: Vec<(Vec<bool>, Vec<Id>)> = Vec::new();
+        for (p, v) in all.drain(..) {
+            let q = without(&p);
+            if kept.iter().all(|c| c.0 != q) {
+                kept.push((q, v));
+            }
+        }
+        *all = kept;
+        // What was needed only together with the dropped one may be useless now.
+        k = 0;
+    }
+}
+
+/// Joins neighbouring cells with equal modes to rows with zeros.
+fn merge(mut modes: Vec<(Vec<i8>, Vec<Id>)>) -> Vec<(Vec<i8>, Vec<Id>)> {
+    let n = modes.first().map_or(0, |m| m.0.len());
+    // A row of zeros alone would be valid everywhere.
+    for j in 0..n {
+        let mut out: Vec<(Vec<i8>, Vec<Id>)> = Vec::with_capacity(modes.len());
+        let mut used = vec![false; modes.len()];
+        for a in 0..modes.len() {
+            if used[a] {
+                continue;
+            }
+            let partner = (a + 1..modes.len()).find(|&b| {
+                let (p, q) = (&modes[a].0, &modes[b].0);
+                let opposite = p[j] * q[j] == -1 && (0..n).all(|i| i == j || p[i] == q[i]);
+                !used[b] && opposite && modes[a].1 == modes[b].1
+            });
+            let mut m = modes[a].clone();
+            if let Some(b) = partner {
+                used[b] = true;
+                m.0[j] = 0;
+            }
+            out.push(m);
+        }
+        modes = out;
+    }
+    modes
+}

@@ -1,0 +1,476 @@
+//! Models of dynamics written as expressions with operators that switch, turned into a [`System`].
+//!
+//! ```text
+//! ẋ = f0 + Σ_k (terms that switch with the switching functions of group k)
+//! ```
+//!
+//! The right-hand side is split into smooth parts and terms that switch. Terms that share a switching function
+//! belong to one group; independent groups become subsystems of their own (6.22), so that `n` friction laws cost `2n`
+//! modes and not `2^n`. Within a group every sign pattern that can occur is a cell; what no pattern reaches, switching
+//! functions without effect, and rows that are the same in all modes are dropped. [`Report`] says what is left and why.
+
+mod cells;
+mod reach;
+mod report;
+
+pub use report::{Counts, Group, Note, NoteKind, Report};
+
+use std::sync::Arc;
+
+use crate::error::{Error, Result};
+use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id, Node};
+use crate::func::Dims;
+use crate::system::{Regions, SharedFunction, Subsystem, System};
+use cells::{cells, Cells, Row};
+use reach::Reach;
+
+/// Names of the inputs, for reports; missing ones are `x[0]`, `u[0]`, ...
+#[derive(Debug, Clone, Default)]
+pub struct Names {
+    /// Of the states.
+    pub x: Vec<String>,
+    /// Of the controls.
+    pub u: Vec<String>,
+    /// Of the parameters.
+    pub p: Vec<String>,
+}
+
+impl Names {
+    fn of(&self, block: Block, i: usize) -> String {
+        let (list, letter) = match block {
+            Block::X => (&self.x, "x"),
+            Block::U => (&self.u, "u"),
+            Block::P => (&self.p, "p"),
+            Block::T => return "t".into(),
+            Block::Weight => return format!("w[{i}]"),
+        };
+        list.get(i).filter(|n| !n.is_empty()).cloned().unwrap_or_else(|| format!("{letter}[{i}]"))
+    }
+}
+
+/// A point where the model is tried out while it is built.
+#[derive(Debug, Clone, Default)]
+pub struct Trial {
+    /// Time.
+    pub t: f64,
+    /// States.
+    pub x: Vec<f64>,
+    /// Controls; zero if empty.
+    pub u: Vec<f64>,
+    /// Parameters; zero if empty.
+    pub p: Vec<f64>,
+}
+
+/// A model: sizes, and the derivative of every state.
+#[derive(Debug, Clone)]
+pub struct Model {
+    name: String,
+    dims: Dims,
+    names: Names,
+    rhs: Vec<Option<Id>>,
+    trial: Option<Trial>,
+}
+
+/// What a model became.
+#[derive(Clone)]
+pub struct Built {
+    /// The system.
+    pub system: System,
+    /// What it consists of, what it costs, what was dropped.
+    pub report: Report,
+    /// The functions of the system, to be written out or evaluated: smooth part, then modes and switching functions
+    /// of every subsystem.
+    pub functions: Vec<Arc<ExprFunction>>,
+}
+
+impl Model {
+    /// A model without equations.
+    pub fn new(name: &str, nx: usize, nu: usize, np: usize) -> Result<Model> {
+        if nx == 0 {
+            return Err(Error::Dimension("a model needs at least one state".into()));
+        }
+        Ok(Model {
+            name: name.to_owned(),
+            dims: Dims { x: nx, u: nu, p: np },
+            names: Names::default(),
+            rhs: vec![None; nx],
+            trial: None,
+        })
+    }
+
+    /// A model from the derivatives of all states.
+    pub fn from_rhs(name: &str, nu: usize, np: usize, rhs: &[Expr]) -> Result<Model> {
+        let mut m = Model::new(name, rhs.len(), nu, np)?;
+        for (i, e) in rhs.iter().enumerate() {
+            m.rhs[i] = Some(e.id());
+        }
+        Ok(m)
+    }
+
+    /// Sizes.
+    pub fn dims(&self) -> Dims {
+        self.dims
+    }
+
+    /// Names for reports and messages.
+    pub fn set_names(&mut self, names: Names) {
+        self.names = names;
+    }
+
+    /// Sets the derivative of a state.
+    pub fn set_derivative(&mut self, state: usize, rhs: Id) -> Result<()> {
+        match self.rhs.get_mut(state) {
+            Some(r) => {
+                *r = Some(rhs);
+                Ok(())
+            }
+            None => Err(Error::Range(format!("state {state} does not exist: the model has {}", self.dims.x))),
+        }
+    }
+
+    /// A point, the initial one as a rule, where all functions should be defined.
+    pub fn set_trial(&mut self, trial: Trial) -> Result<()> {
+        for (what, v, n) in
+            [("state", &trial.x, self.dims.x), ("control", &trial.u, self.dims.u), ("parameter", &trial.p, self.dims.p)]
+        {
+            if !(v.is_empty() && what != "state") {
+                crate::error::finite(what, v, n)?;
+            }
+        }
+        self.trial = Some(trial);
+        Ok(())
+    }
+
+    /// Builds the system with the expressions of a [`Graph`].
+    pub fn build(&self, graph: &Graph) -> Result<Built> {
+        self.build_in(&mut graph.dag())
+    }
+
+    /// Builds the system.
+    ///
+    /// # Errors
+    /// [`Error::State`] if a state has no derivative, [`Error::Unsupported`] if too many switching functions are
+    /// coupled in one term, and those of [`ExprFunction::new`].
+    pub fn build_in(&self, dag: &mut Dag) -> Result<Built> {
+        let mut b = Builder { model: self, dag, notes: Vec::new() };
+        let rhs = b.derivatives()?;
+        let rhs = b.settle_constant_signs(&rhs);
+        let (mut f0, groups) = b.split(&rhs);
+        let mut subsystems = Vec::new();
+        for (switches, rows) in groups {
+            let c = cells(b.dag, &switches, &rows)?;
+            for &(state, v) in &c.smooth {
+                f0[state] = b.dag.add(f0[state], v);
+            }
+            b.note_reduction(&c);
+            if !c.rows.is_empty() {
+                subsystems.push(c);
+            }
+        }
+        b.assemble(&f0, &subsystems)
+    }
+}
+
+/// The steps of [`Model::build_in`].
+struct Builder<'a> {
+    model: &'a Model,
+    dag: &'a mut Dag,
+    notes: Vec<Note>,
+}
+
+type Groups = Vec<(Vec<usize>, Vec<Row>)>;
+
+impl Builder<'_> {
+    fn text(&self, id: Id) -> String {
+        self.dag.text_with(id, &|block, i| self.model.names.of(block, i))
+    }
+
+    fn note(&mut self, kind: NoteKind, text: String) {
+        self.notes.push(Note { kind, text });
+    }
+
+    fn psi_text(&self, s: usize) -> String {
+        self.dag.switching_function(s).map_or_else(String::new, |p| self.text(p))
+    }
+
+    /// Derivatives of all states over smooth switching functions.
+    fn derivatives(&mut self) -> Result<Vec<Id>> {
+        let names = &self.model.names;
+        let mut rhs = Vec::with_capacity(self.model.dims.x);
+        for (i, r) in self.model.rhs.iter().enumerate() {
+            let name = names.of(Block::X, i);
+            let r = r.ok_or_else(|| {
+                Error::State(format!(
+                    "{}: state {name} has no derivative; set it to 0 if it is constant",
+                    self.model.name
+                ))
+            })?;
+            if self.dag.is_condition(r) {
+                return Err(Error::Range(format!("the derivative of {name} is a condition: choose values with where")));
+            }
+            rhs.push(r);
+        }
+        Ok(self.dag.smooth_switches(&rhs))
+    }
+
+    /// Decides switching functions that have one sign everywhere.
+    fn settle_constant_signs(&mut self, rhs: &[Id]) -> Vec<Id> {
+        let mut known: Vec<(usize, bool)> = Vec::new();
+        for s in self.dag.switches_of(rhs) {
+            let Some(psi) = self.dag.switching_function(s) else { continue };
+            let reach = Reach::new(self.dag, &[psi]);
+            let (plus, minus) = (reach.possible(&[true]), reach.possible(&[false]));
+            if plus != minus {
+                let sign = if plus { "negative" } else { "positive" };
+                let text = format!("{} is never {sign}: it does not switch", self.psi_text(s));
+                self.note(NoteKind::Dropped, text);
+                known.push((s, plus));
+            }
+        }
+        self.dag.decide(rhs, &|s| known.iter().find(|k| k.0 == s).map(|k| k.1))
+    }
+
+    /// Smooth parts, and groups of terms that share switching functions.
+    fn split(&mut self, rhs: &[Id]) -> (Vec<Id>, Groups) {
+        let mut f0 = Vec::with_capacity(rhs.len());
+        let mut terms: Vec<(usize, Id, Id, Vec<usize>)> = Vec::new();
+        for (state, &r) in rhs.iter().enumerate() {
+            let (smooth, split) = self.dag.split_sum(r);
+            f0.push(smooth);
+            for (factor, atom) in split {
+                terms.push((state, factor, atom, self.dag.switches_of(&[atom])));
+            }
+        }
+        // Switching functions of one term belong together.
+        let n = self.dag.n_switches();
+        let mut group: Vec<usize> = (0..n).collect();
+        for t in &terms {
+            let least = t.3.iter().map(|&s| group[s]).min().unwrap_or(0);
+            let joined: Vec<usize> = t.3.iter().map(|&s| group[s]).collect();
+            for g in &mut group {
+                if joined.contains(g) {
+                    *g = least;
+                }
+            }
+        }
+        let mut ids: Vec<usize> = terms.iter().map(|t| group[t.3[0]]).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        let mut groups = Vec::new();
+        for id in ids {
+            let mine = |t: &&(usize, Id, Id, Vec<usize>)| group[t.3[0]] == id;
+            let mut switches: Vec<usize> = terms.iter().filter(mine).flat_map(|t| t.3.iter().copied()).collect();
+            switches.sort_unstable();
+            switches.dedup();
+            let mut rows: Vec<Row> = Vec::new();
+            for t in terms.iter().filter(mine) {
+                match rows.iter_mut().find(|r| r.state == t.0) {
+                    Some(r) => r.terms.push((t.1, t.2)),
+                    None => rows.push(Row { state: t.0, terms: vec![(t.1, t.2)] }),
+                }
+            }
+            groups.push((switches, rows));
+        }
+        (f0, groups)
+    }
+
+    fn note_reduction(&mut self, c: &Cells) {
+        for &s in &c.without_effect {
+            let text = format!("{} makes no difference to any mode", self.psi_text(s));
+            self.note(NoteKind::Dropped, text);
+        }
+        let (possible, all) = c.n_patterns;
+        if (possible as f64) < all {
+            let names: Vec<String> = c.switches.iter().take(4).map(|&s| self.psi_text(s)).collect();
+            let text = format!("{} of {all} sign patterns of {} cannot occur", all - possible as f64, names.join(", "));
+            self.note(NoteKind::Dropped, text);
+        }
+        let (rows, distinct) = (c.modes.len(), c.n_distinct());
+        if c.modes.len() < c.n_cells() {
+            let text = format!("{} cells with equal modes became {rows} regions", c.n_cells());
+            self.note(NoteKind::Merged, text);
+        } else if distinct < rows {
+            let text = format!("{rows} regions have {distinct} different modes");
+            self.note(NoteKind::Merged, text);
+        }
+        for (state, _) in &c.smooth {
+            let text = format!("the derivative of {} is the same in all modes", self.model.names.of(Block::X, *state));
+            self.note(NoteKind::Dropped, text);
+        }
+    }
+
+    fn function(&mut self, name: &str, outputs: &[Id]) -> Result<Arc<ExprFunction>> {
+        Ok(Arc::new(ExprFunction::new(name, self.dag, self.model.dims, outputs)?))
+    }
+
+    fn assemble(mut self, f0: &[Id], subsystems: &[Cells]) -> Result<Built> {
+        let d = self.model.dims;
+        let mut system = System::new(d.x, d.u, d.p)?;
+        let mut functions = Vec::new();
+        let mut groups = Vec::new();
+        let zero = self.dag.constant(0.0);
+        let smooth: Vec<usize> = (0..d.x).filter(|&i| f0[i] != zero).collect();
+        // A system needs dynamics of some kind.
+        if !smooth.is_empty() || subsystems.is_empty() {
+            let f = self.function("f0", f0)?;
+            system.set_f0(f.clone())?;
+            functions.push(f);
+        }
+        for (k, c) in subsystems.iter().enumerate() {
+            let values: Vec<Id> = c.modes.iter().flat_map(|m| m.1.iter().copied()).collect();
+            let name = format!("modes{k}");
+            let modes = Arc::new(ExprFunction::with_parts(&name, self.dag, d, &values, c.rows.len())?);
+            let psi: Vec<Id> = c.switches.iter().filter_map(|&s| self.dag.switching_function(s)).collect();
+            let psi_function = self.function(&format!("psi{k}"), &psi)?;
+            let signs: Vec<i8> = c.modes.iter().flat_map(|m| m.0.iter().copied()).collect();
+            self.lint_switches(&psi)?;
+            self.lint_sliding(c, &psi)?;
+            let shared: [SharedFunction; 2] = [modes.clone(), psi_function.clone()];
+            functions.extend([modes, psi_function]);
+            let [modes, psi_shared] = shared;
+            system.add_subsystem(Subsystem {
+                rows: c.rows.clone(),
+                modes,
+                n_modes: c.modes.len(),
+                regions: Regions::Signs { psi: psi_shared, signs: signs.clone() },
+            })?;
+            groups.push(Group {
+                states: c.rows.iter().map(|&r| self.model.names.of(Block::X, r)).collect(),
+                switching_functions: psi.iter().map(|&p| self.text(p)).collect(),
+                n_regions: c.modes.len(),
+                n_modes: c.n_distinct(),
+                n_cells: c.n_cells(),
+                signs,
+            });
+        }
+        self.lint_states(f0, subsystems);
+        self.lint_tables(f0, subsystems);
+        self.lint_trial(&functions, subsystems);
+        let t_col = d.t_col();
+        let clock = functions.iter().any(|f| {
+            use crate::func::Function;
+            !f.jac_pattern().rows(t_col).is_empty()
+        });
+        let report = Report {
+            name: self.model.name.clone(),
+            n_states: d.x,
+            n_controls: d.u,
+            n_parameters: d.p,
+            clock,
+            n_smooth: smooth.len(),
+            groups,
+            notes: self.notes,
+        };
+        Ok(Built { system, report, functions })
+    }
+
+    /// Gradient of an expression with respect to states and time: indices (`nx` is the time) and entries.
+    fn gradient(&mut self, id: Id) -> Result<Vec<(usize, Id)>> {
+        let mut wrt = self.dag.inputs(Block::X, self.model.dims.x);
+        wrt.push(self.dag.input(Block::T, 0));
+        Ok(self.dag.jacobian(&[id], &wrt)?.into_iter().map(|e| (e.col, e.value)).collect())
+    }
+
+    fn lint_switches(&mut self, psi: &[Id]) -> Result<()> {
+        for &p in psi {
+            let name = self.text(p);
+            if self.gradient(p)?.is_empty() {
+                let text = format!("{name} depends neither on the state nor on time: it cannot be crossed");
+                self.note(NoteKind::Warning, text);
+            }
+            let controls =
+                self.dag.reachable(&[p]).into_iter().any(|i| matches!(self.dag.node(i), Node::Input(Block::U, _)));
+            if controls {
+                let text = format!("{name} depends on a control: it jumps with the control between stages");
+                self.note(NoteKind::Warning, text);
+            }
+            // g² or g² h vanishes with its gradient.
+            let (constant, terms) = self.dag.affine_terms(p);
+            let flat = |t: Id| matches!(self.dag.node(t), Node::PowI(_, n) if n > 1);
+            if constant == 0.0 && terms.iter().all(|t| flat(t.0)) {
+                let text = format!("{name} has no gradient where it vanishes: write it without the power");
+                self.note(NoteKind::Warning, text);
+            }
+        }
+        Ok(())
+    }
+
+    /// Two modes with equal speed across the boundary can only cross it.
+    fn lint_sliding(&mut self, c: &Cells, psi: &[Id]) -> Result<()> {
+        let (&[p], [a, b]) = (psi, &c.modes[..]) else { return Ok(()) };
+        let gradient = self.gradient(p)?;
+        let mut difference = self.dag.constant(0.0);
+        for (k, row) in c.rows.iter().enumerate() {
+            if let Some((_, g)) = gradient.iter().find(|g| g.0 == *row) {
+                let d = self.dag.sub(a.1[k], b.1[k]);
+                let term = self.dag.mul(*g, d);
+                difference = self.dag.add(difference, term);
+            }
+        }
+        if self.dag.as_const(difference) == Some(0.0) {
+            let text = format!("both modes cross {} = 0 with the same speed: no sliding mode", self.text(p));
+            self.note(NoteKind::Info, text);
+        }
+        Ok(())
+    }
+
+    fn lint_states(&mut self, f0: &[Id], subsystems: &[Cells]) {
+        for (i, &f) in f0.iter().enumerate() {
+            if self.dag.as_const(f) == Some(0.0) && !subsystems.iter().any(|c| c.rows.contains(&i)) {
+                let text = format!("state {} is constant: a parameter costs less", self.model.names.of(Block::X, i));
+                self.note(NoteKind::Info, text);
+            }
+        }
+    }
+
+    /// Tables that jump are followed without switch detection.
+    fn lint_tables(&mut self, f0: &[Id], subsystems: &[Cells]) {
+        let mut roots = f0.to_vec();
+        roots.extend(subsystems.iter().flat_map(|c| c.modes.iter().flat_map(|m| m.1.iter().copied())));
+        let rough: Vec<Id> = self.dag.reachable(&roots).into_iter().filter(|&i| self.dag.smoothness(i) < 1).collect();
+        for id in rough {
+            let argument =
+                self.dag.reachable(&[id]).into_iter().any(|i| matches!(self.dag.node(i), Node::Input(Block::X, _)));
+            if argument {
+                let text = format!(
+                    "{} jumps or has kinks and depends on the state: its breaks are not found as switches; use a table \
+                     with switching functions",
+                    self.text(id)
+                );
+                self.note(NoteKind::Warning, text);
+            }
+        }
+    }
+
+    fn lint_trial(&mut self, functions: &[Arc<ExprFunction>], subsystems: &[Cells]) {
+        use crate::func::{Function, Point};
+        let Some(t) = &self.model.trial else { return };
+        let d = self.model.dims;
+        let or_zero = |v: &[f64], n: usize| if v.is_empty() { vec![0.0; n] } else { v.to_vec() };
+        let (u, p) = (or_zero(&t.u, d.u), or_zero(&t.p, d.p));
+        let at = Point { t: t.t, x: &t.x, u: &u, p: &p };
+        let mut bad = Vec::new();
+        for f in functions {
+            let mut work = vec![0.0; f.work_len()];
+            let mut out = vec![0.0; f.n_out()];
+            let mut jac = vec![0.0; f.jac_pattern().nnz()];
+            let what = match (f.value(&at, &mut out, &mut work), f.jacobian(&at, &mut jac, &mut work)) {
+                (Err(_), _) => "value",
+                (_, Err(_)) => "derivative",
+                _ => continue,
+            };
+            let modes = f.name().strip_prefix("modes").and_then(|k| k.parse::<usize>().ok());
+            let of = match modes.and_then(|k| subsystems.get(k)) {
+                Some(c) => {
+                    let states: Vec<String> = c.rows.iter().map(|&r| self.model.names.of(Block::X, r)).collect();
+                    format!("some mode of {}", states.join(", "))
+                }
+                None => f.name().to_owned(),
+            };
+            bad.push(format!("the {what} of {of} is not defined at the trial point"));
+        }
+        for text in bad {
+            self.note(NoteKind::Warning, text);
+        }
+    }
+}

@@ -1,0 +1,303 @@
+//! What a model consists of and costs.
+
+use std::fmt;
+
+/// Weight of a remark.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum NoteKind {
+    /// Something was left out, and why.
+    Dropped,
+    /// Things that are equal became one.
+    Merged,
+    /// Worth knowing.
+    Info,
+    /// The model is probably not what was meant.
+    Warning,
+}
+
+impl NoteKind {
+    /// Name in texts.
+    pub fn name(self) -> &'static str {
+        match self {
+            NoteKind::Dropped => "dropped",
+            NoteKind::Merged => "merged",
+            NoteKind::Info => "note",
+            NoteKind::Warning => "warning",
+        }
+    }
+}
+
+/// A remark.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Note {
+    /// Weight.
+    pub kind: NoteKind,
+    /// What.
+    pub text: String,
+}
+
+/// One subsystem.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Group {
+    /// States whose derivatives switch.
+    pub states: Vec<String>,
+    /// Switching functions.
+    pub switching_functions: Vec<String>,
+    /// Rows of the sign matrix.
+    pub n_regions: usize,
+    /// Different vector fields.
+    pub n_modes: usize,
+    /// Cells of full sign patterns.
+    pub n_cells: usize,
+    /// Sign matrix, by rows, `n_regions × switching_functions`.
+    pub signs: Vec<i8>,
+}
+
+/// Sizes of a complementarity form at one point (Table 6.4).
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Counts {
+    /// Multipliers `θ`.
+    pub modes: usize,
+    /// Algebraic variables without `θ` for Stewart's form, with `θ` for the Heaviside form, as in Table 6.4.
+    pub algebraic: usize,
+    /// Complementarity pairs.
+    pub pairs: usize,
+    /// Equations.
+    pub equations: usize,
+}
+
+impl Group {
+    /// Stewart's form (6.8): `2 n + 1` algebraic variables, `n` pairs, `n + 1` equations for `n` cells.
+    pub fn stewart(&self) -> Counts {
+        let n = self.n_cells;
+        Counts { modes: n, algebraic: 2 * n + 1, pairs: n, equations: n + 1 }
+    }
+
+    /// Heaviside form (6.44) with products of at most two factors (Algorithm 1).
+    pub fn heaviside(&self) -> Counts {
+        let (n_f, n_psi) = (self.n_regions, self.switching_functions.len());
+        let n_beta = n_lifted(&self.signs, n_psi, 2);
+        Counts { modes: n_f, algebraic: n_f + 3 * n_psi + n_beta, pairs: 2 * n_psi, equations: n_psi + n_beta + n_f }
+    }
+}
+
+/// Variables Algorithm 1 adds so that no product has more than `n_d` factors: the different prefixes of `n_d` and more
+/// nonzero signs that some row continues.
+pub(super) fn n_lifted(signs: &[i8], n_psi: usize, n_d: usize) -> usize {
+    let mut prefixes: Vec<&[i8]> = Vec::new();
+    for row in signs.chunks_exact(n_psi.max(1)) {
+        let last = row.iter().rposition(|s| *s != 0).unwrap_or(0);
+        let mut factors = 0;
+        for j in 0..last {
+            factors += usize::from(row[j] != 0);
+            if row[j] != 0 && factors >= n_d {
+                prefixes.push(&row[..=j]);
+            }
+        }
+    }
+    prefixes.sort_unstable();
+    prefixes.dedup();
+    prefixes.len()
+}
+
+/// What a model consists of, what it costs, and what it did not need.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Report {
+    /// Name of the model.
+    pub name: String,
+    /// States.
+    pub n_states: usize,
+    /// Controls.
+    pub n_controls: usize,
+    /// Parameters.
+    pub n_parameters: usize,
+    /// True if the discretisation needs a state for the time.
+    pub clock: bool,
+    /// States with a part that does not switch.
+    pub n_smooth: usize,
+    /// Subsystems.
+    pub groups: Vec<Group>,
+    /// Remarks.
+    pub notes: Vec<Note>,
+}
+
+impl Report {
+    /// Switching functions of all subsystems.
+    pub fn n_switching_functions(&self) -> usize {
+        self.groups.iter().map(|g| g.switching_functions.len()).sum()
+    }
+
+    /// Regions of all subsystems.
+    pub fn n_regions(&self) -> usize {
+        self.groups.iter().map(|g| g.n_regions).sum()
+    }
+
+    /// Cells of all subsystems: complementarity pairs at each point in Stewart's form.
+    pub fn n_pairs(&self) -> usize {
+        self.groups.iter().map(|g| g.n_cells).sum()
+    }
+
+    /// Algebraic variables at each point in Stewart's form.
+    pub fn n_algebraic(&self) -> usize {
+        self.groups.iter().map(|g| g.stewart().algebraic).sum()
+    }
+
+    /// Remarks of one kind.
+    pub fn notes_of(&self, kind: NoteKind) -> impl Iterator<Item = &str> {
+        self.notes.iter().filter(move |n| n.kind == kind).map(|n| n.text.as_str())
+    }
+
+    /// The report as one object of JSON.
+    pub fn json(&self) -> String {
+        let list = |v: &[String]| format!("[{}]", v.iter().map(|s| quoted(s)).collect::<Vec<_>>().join(","));
+        let groups: Vec<String> = self
+            .groups
+            .iter()
+            .map(|g| {
+                let count = |c: Counts| {
+                    format!(
+                        "{{\"modes\":{},\"algebraic\":{},\"pairs\":{},\"equations\":{}}}",
+                        c.modes, c.algebraic, c.pairs, c.equations
+                    )
+                };
+                let signs: Vec<String> = g.signs.iter().map(|s| s.to_string()).collect();
+                format!(
+                    "{{\"states\":{},\"switching_functions\":{},\"regions\":{},\"modes\":{},\"cells\":{},\"signs\":[{}],\
+                     \"stewart\":{},\"heaviside\":{}}}",
+                    list(&g.states),
+                    list(&g.switching_functions),
+                    g.n_regions,
+                    g.n_modes,
+                    g.n_cells,
+                    signs.join(","),
+                    count(g.stewart()),
+                    count(g.heaviside())
+                )
+            })
+            .collect();
+        let notes: Vec<String> = self
+            .notes
+            .iter()
+            .map(|n| format!("{{\"kind\":{},\"text\":{}}}", quoted(n.kind.name()), quoted(&n.text)))
+            .collect();
+        format!(
+            "{{\"name\":{},\"states\":{},\"controls\":{},\"parameters\":{},\"clock\":{},\"smooth\":{},\
+             \"switching_functions\":{},\"regions\":{},\"algebraic\":{},\"pairs\":{},\"groups\":[{}],\"notes\":[{}]}}",
+            quoted(&self.name),
+            self.n_states,
+            self.n_controls,
+            self.n_parameters,
+            self.clock,
+            self.n_smooth,
+            self.n_switching_functions(),
+            self.n_regions(),
+            self.n_algebraic(),
+            self.n_pairs(),
+            groups.join(","),
+            notes.join(",")
+        )
+    }
+}
+
+/// A string of JSON.
+fn quoted(s: &str) -> String {
+    let mut out = String::from("\"");
+    for c in s.chars() {
+        match c {
+            '"' | '\\' => out.extend(['\\', c]),
+            c if (c as u32) < 0x20 => out.push_str(&format!("\\u{:04x}", c as u32)),
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let plural = |n: usize, what: &str| format!("{n} {what}{}", if n == 1 { "" } else { "s" });
+        let clock = if self.clock { " and a clock" } else { "" };
+        writeln!(
+            f,
+            "{}: {}{clock}, {}, {}",
+            self.name,
+            plural(self.n_states, "state"),
+            plural(self.n_controls, "control"),
+            plural(self.n_parameters, "parameter")
+        )?;
+        if self.groups.is_empty() {
+            writeln!(f, "  smooth: no modes, no complementarity")?;
+        }
+        for g in &self.groups {
+            let (s, h) = (g.stewart(), g.heaviside());
+            writeln!(
+                f,
+                "  {} switch with {}: {} in {}",
+                g.states.join(", "),
+                g.switching_functions.join(", "),
+                plural(g.n_modes, "mode"),
+                plural(g.n_regions, "region")
+            )?;
+            writeln!(
+                f,
+                "    per point: {} pairs, {} algebraic variables, {} equations (Heaviside form: {}, {}, {})",
+                s.pairs, s.algebraic, s.equations, h.pairs, h.algebraic, h.equations
+            )?;
+        }
+        writeln!(
+            f,
+            "  in all: {}, {}, {}, {} per point",
+            plural(self.n_switching_functions(), "switching function"),
+            plural(self.n_regions(), "region"),
+            plural(self.n_algebraic(), "algebraic variable"),
+            plural(self.n_pairs(), "pair")
+        )?;
+        for n in &self.notes {
+            writeln!(f, "  {}: {}", n.kind.name(), n.text)?;
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// All `2^n` sign patterns.
+    fn full(n: usize) -> Vec<i8> {
+        (0..1usize << n).flat_map(|k| (0..n).map(move |j| if k >> (n - 1 - j) & 1 == 0 { 1 } else { -1 })).collect()
+    }
+
+    #[test]
+    fn algorithm_1_adds_as_many_variables_as_the_thesis_says() {
+        for (n_psi, n_d, n_beta) in [(3, 2, 4), (4, 2, 12), (4, 3, 8), (5, 2, 28), (2, 2, 0), (1, 2, 0)] {
+            assert_eq!(n_lifted(&full(n_psi), n_psi, n_d), n_beta);
+        }
+        // Zeros are no factors.
+        assert_eq!(n_lifted(&[1, 0, 1, -1, 1, 0], 3, 2), 0);
+    }
+
+    #[test]
+    fn counts_of_table_6_4() {
+        for n in 1..=10usize {
+            let m = 1 << n;
+            let g = Group {
+                states: vec!["v".into()],
+                switching_functions: vec![String::new(); n],
+                n_regions: m,
+                n_modes: m,
+                n_cells: m,
+                signs: full(n),
+            };
+            let n_beta = if n > 2 { m - 4 } else { 0 };
+            assert_eq!(g.stewart(), Counts { modes: m, algebraic: 2 * m + 1, pairs: m, equations: m + 1 });
+            let h = Counts { modes: m, algebraic: m + 3 * n + n_beta, pairs: 2 * n, equations: n + n_beta + m };
+            assert_eq!(g.heaviside(), h);
+        }
+    }
+
+    #[test]
+    fn json_is_escaped() {
+        assert_eq!(quoted("a\"b\\c\nd"), "\"a\\\"b\\\\c\\u000ad\"");
+    }
+}

@@ -1,0 +1,77 @@
+//! Models written with operators beside hand-written ones: equal trajectories, equal solutions.
+
+use switchback::expr::Graph;
+use switchback::model::{Built, Model};
+use switchback::nlp::{Control, Outcome};
+use switchback::ocp::Ocp;
+use switchback::settings::{RkFamily, Settings};
+use switchback::sim::{SimResult, Simulator};
+use switchback::system::System;
+
+#[path = "../examples/report/expression_models.rs"]
+mod expression_models;
+#[path = "../examples/report/models.rs"]
+mod models;
+
+fn simulate(s: &System, x0: &[f64], t_end: f64, n: usize) -> (SimResult, Vec<f64>) {
+    let set = Settings { rk_family: RkFamily::RadauIia as i64, n_s: 2, n_fe: 3, ..Settings::default() };
+    let mut sim = Simulator::new(s, &set).unwrap();
+    sim.set_state(0.0, x0).unwrap();
+    let r = sim.run(t_end, n, &mut Control::default()).unwrap();
+    (r, sim.state().to_vec())
+}
+
+#[test]
+fn trajectories_are_those_of_the_hand_written_models() {
+    let cases: Vec<(&str, System, Built, Vec<f64>, f64, usize)> = vec![
+        ("oscillator", models::oscillator(), expression_models::oscillator(), models::OSCILLATOR_X0.to_vec(), 1.5, 15),
+        ("a", models::switching('a'), expression_models::switching('a'), vec![-1.0], 2.0, 7),
+        ("b", models::switching('b'), expression_models::switching('b'), vec![-0.5], 2.0, 10),
+        ("c", models::switching('c'), expression_models::switching('c'), vec![-0.5], 2.0, 10),
+        ("sliding mode", models::sliding_mode(), expression_models::sliding_mode(), vec![1.0, 0.4, 0.0, 0.0], 1.0, 10),
+        ("blocks", models::blocks(), expression_models::blocks(), vec![-1.0, 1.0, -1.0, 1.0, 1.0, 0.5], 3.0, 20),
+        ("coulomb", models::coulomb(), expression_models::coulomb(), vec![1.0, 0.0], 4.0, 20),
+        ("stick-slip", models::stick_slip(), expression_models::stick_slip(), vec![0.5, 0.0], 4.0, 20),
+    ];
+    for (name, by_hand, written, x0, t_end, n) in cases {
+        let ((a, xa), (b, xb)) = (simulate(&by_hand, &x0, t_end, n), simulate(&written.system, &x0, t_end, n));
+        assert_eq!((a.outcome, b.outcome), (Outcome::Solved, Outcome::Solved), "{name}");
+        let distance = xa.iter().zip(&xb).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(distance < 1e-10, "{name}: {xa:?} {xb:?}");
+        assert_eq!(a.trajectory.switches.len(), b.trajectory.switches.len(), "{name}");
+        for (s, r) in a.trajectory.switches.iter().zip(&b.trajectory.switches) {
+            assert!((s.t - r.t).abs() < 1e-9, "{name}: switch at {} and {}", s.t, r.t);
+        }
+    }
+}
+
+#[test]
+fn optimal_control_is_that_of_the_hand_written_model() {
+    let set = Settings { n_fe: 2, n_s: 2, ..Settings::default() };
+    let mut by_hand = models::sliding_ocp(&set);
+    let built = expression_models::sliding_mode();
+    let mut written = Ocp::new(&built.system, 4.0, 6, &set).unwrap();
+    written.set_lagrange(expression_models::sliding_cost()).unwrap();
+    written.set_x0(&models::SLIDING_X0).unwrap();
+    let inf = f64::INFINITY;
+    written.set_x_bounds(&[-inf, -inf, -2.0, -2.0], &[inf, inf, 2.0, 2.0]).unwrap();
+    written.set_u_bounds(&[-10.0; 2], &[10.0; 2]).unwrap();
+    let g = Graph::new();
+    let end = g.function("e", built.system.dims(), &[g.x(0), g.x(1)]).unwrap();
+    written.add_terminal(std::sync::Arc::new(end), &models::SLIDING_QT, &models::SLIDING_QT).unwrap();
+    let (a, b) = (by_hand.solve(&mut Control::default()).unwrap(), written.solve(&mut Control::default()).unwrap());
+    assert_eq!((a.outcome, b.outcome), (Outcome::Solved, Outcome::Solved));
+    assert!((a.cost - b.cost).abs() < 1e-10 * a.cost, "{} {}", a.cost, b.cost);
+    assert_eq!(a.stats.iterations, b.stats.iterations);
+}
+
+#[test]
+fn a_smooth_model_runs_as_plain_collocation() {
+    let g = Graph::new();
+    let (x, v) = (g.x(0), g.x(1));
+    let b = Model::from_rhs("oscillator", 0, 0, &[v, -x]).unwrap().build(&g).unwrap();
+    assert_eq!(b.report.n_pairs(), 0);
+    let (r, end) = simulate(&b.system, &[1.0, 0.0], 1.0, 20);
+    assert_eq!(r.outcome, Outcome::Solved);
+    assert!((end[0] - 1f64.cos()).abs() < 1e-6, "{end:?}");
+}
