@@ -95,16 +95,15 @@ fn newton_matrix(system: &System, n_stages: usize, n_fe: usize, n_s: usize) -> (
 
 type Make = fn(Ordering) -> Box<dyn SymmetricSolver>;
 
-fn backends() -> Vec<(&'static str, Make)> {
-    let mut all: Vec<(&'static str, Make)> = vec![("suitesparse", |o| Box::new(SuiteSparse::with_ordering(o)))];
+const BACKENDS: &[(&str, Make)] = &[
+    ("suitesparse", |o| Box::new(SuiteSparse::with_ordering(o))),
     #[cfg(feature = "faer")]
-    {
-        all.push(("faer simplicial", |o| Box::new(Faer::new(Form::Simplicial, o))));
-        all.push(("faer supernodal", |o| Box::new(Faer::new(Form::Supernodal, o))));
-        all.push(("faer pivoted", |o| Box::new(Faer::new(Form::Pivoted, o))));
-    }
-    all
-}
+    ("faer simplicial", |o| Box::new(Faer::new(Form::Simplicial, o))),
+    #[cfg(feature = "faer")]
+    ("faer supernodal", |o| Box::new(Faer::new(Form::Supernodal, o))),
+    #[cfg(feature = "faer")]
+    ("faer pivoted", |o| Box::new(Faer::new(Form::Pivoted, o))),
+];
 
 /// Seconds this thread has run, where the system says so: on a busy machine a long run is interrupted.
 fn processor_seconds() -> Option<f64> {
@@ -275,8 +274,8 @@ pub fn run(c: &Context) {
         for (order_name, ordering) in [("amd", Ordering::Amd), ("natural", Ordering::Given(interleaved(p, *n)))] {
             let mut reference = f64::NAN;
             // the fill of the order of time is the same for all backends
-            let compared = if order_name == "amd" { backends() } else { backends()[..1].to_vec() };
-            for (b, (backend, make)) in compared.into_iter().enumerate() {
+            let compared = if order_name == "amd" { BACKENDS } else { &BACKENDS[..1] };
+            for (b, (backend, make)) in compared.iter().enumerate() {
                 let mut s = make(ordering.clone());
                 let analyse = seconds(|| s.analyse(p).expect("the structure is sound"));
                 let factor = seconds(|| {
@@ -310,7 +309,7 @@ pub fn run(c: &Context) {
                     st.n.to_string(),
                     st.nnz_a.to_string(),
                     order_name.into(),
-                    backend.into(),
+                    (*backend).into(),
                     st.nnz_l.to_string(),
                     format!("{ratio:.1}"),
                     format!("{:.2}", 1e3 * analyse),
@@ -321,7 +320,7 @@ pub fn run(c: &Context) {
             }
         }
     }
-    for (b, (backend, _)) in backends().into_iter().enumerate().skip(1) {
+    for (b, (backend, _)) in BACKENDS.iter().enumerate().skip(1) {
         plot.add_coloured(backend, Mark::Dots, b, ratios[b].clone());
     }
     c.plot(&plot, "linalg-crossover.svg");
