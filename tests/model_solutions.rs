@@ -21,9 +21,12 @@ fn simulate(s: &System, x0: &[f64], t_end: f64, n: usize) -> (SimResult, Vec<f64
     (r, sim.state().to_vec())
 }
 
+/// Name, both models, initial state, end, steps.
+type Case = (&'static str, System, Built, Vec<f64>, f64, usize);
+
 #[test]
 fn trajectories_are_those_of_the_hand_written_models() {
-    let cases: Vec<(&str, System, Built, Vec<f64>, f64, usize)> = vec![
+    let cases: Vec<Case> = vec![
         ("oscillator", models::oscillator(), expression_models::oscillator(), models::OSCILLATOR_X0.to_vec(), 1.5, 15),
         ("a", models::switching('a'), expression_models::switching('a'), vec![-1.0], 2.0, 7),
         ("b", models::switching('b'), expression_models::switching('b'), vec![-0.5], 2.0, 10),

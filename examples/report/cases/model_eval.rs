@@ -87,7 +87,7 @@ fn time(mut run: impl FnMut()) -> f64 {
 
 /// Nanoseconds of value, Jacobian and Hessian of all functions of a system.
 fn single(s: &System, x: &[f64]) -> f64 {
-    let mut functions: Vec<&dyn Function> = s.f0().iter().map(|f| f.as_ref()).collect();
+    let mut functions: Vec<&dyn Function> = s.f0().into_iter().map(|f| f.as_ref()).collect();
     for sub in s.subsystems() {
         functions.push(sub.modes.as_ref());
         if let switchback::system::Regions::Signs { psi, .. } = &sub.regions {
