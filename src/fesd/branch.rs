@@ -212,6 +212,9 @@ impl Mpcc for Fesd {
     fn start_is_informed(&self) -> bool {
         true
     }
+    fn consistency(&self) -> f64 {
+        0.0
+    }
     fn n_groups(&self) -> usize {
         self.l.n_groups
     }

@@ -146,6 +146,9 @@ pub struct Kkt {
 
 /// Steps of GMRES where refinement stalls.
 const KRYLOV_STEPS: usize = 10;
+/// A correction this much larger than the solution comes from a matrix without inverse; the shifted one's solution is
+/// the better step then.
+const KRYLOV_GROWTH: f64 = 10.0;
 /// Relative residual that is worth them.
 const KRYLOV_FROM: f64 = 1e-11;
 
@@ -382,6 +385,9 @@ impl Kkt {
                 };
                 let reduction = self.settings.refine_tol / best;
                 steps += gmres.solve(r, reduction, |z| backend.solve(z), multiply);
+                if max_abs(r) > KRYLOV_GROWTH * max_abs(&self.best) {
+                    break;
+                }
             } else {
                 self.backend.solve(&mut self.r);
             }

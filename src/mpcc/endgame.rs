@@ -8,7 +8,7 @@
 
 use std::time::Instant;
 
-use super::homotopy::{Branch, Settle, CONSISTENT};
+use super::homotopy::{Branch, Settle};
 use super::problem::{Mpcc, Side};
 use super::relaxed::Relaxed;
 use super::solver::{MpccSolver, Polish, Suggest, Wanted};
@@ -169,9 +169,10 @@ impl MpccSolver {
         suggest: Suggest,
         early: bool,
     ) -> bool {
+        self.close = true;
         let x = std::mem::take(&mut self.saved.x);
         self.identify(p, &x);
-        let mut ok = (!early || self.doubt(0) <= CLEAR) && self.settle_from(p, bounds, &x, control);
+        let mut ok = (!early || (self.doubt(0) <= CLEAR && !p.start_is_informed())) && self.settle_from(p, bounds, &x, control);
         if !early {
             ok = ok || self.try_branch_at(p, bounds, &x, control);
             for k in 0.. {
@@ -209,6 +210,7 @@ impl MpccSolver {
             self.solution.polish = Polish::Rejected;
         }
         self.saved.x = x;
+        self.close = false;
         p.set_polishing(false);
         ok
     }
@@ -294,7 +296,7 @@ impl MpccSolver {
         let mut ok = false;
         for _ in 0..ROUNDS {
             self.active.bounds(&mut self.bounds);
-            let mut rule = Settle::new(self.settings.polish_tol);
+            let mut rule = Settle::new(self.settings.polish_tol, p.consistency());
             let at = std::mem::replace(&mut self.active.at, Iterate::zeros(0, 0));
             let outcome = self.run(p, Start::Warm(&at, 0.0), &mut rule, control, b'p');
             self.active.at = at;
@@ -378,8 +380,8 @@ impl MpccSolver {
         let outcome = self.run(p, Start::Warm(&saved, 1e-8), &mut rule, control, b'p');
         self.saved = saved;
         self.ipm.settings_mut().restoration = true;
-        let close = self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st });
-        if outcome == Outcome::Stalled && self.nearly_solved(&close) {
+        let close = self.ipm.residuals(&Relaxed { inner: &mut *p, st: &mut self.st });
+        if outcome == Outcome::Stalled && self.nearly_solved(p, &close) {
             return Outcome::Solved;
         }
         outcome
@@ -387,13 +389,13 @@ impl MpccSolver {
 
     /// Did the square system come to rest at a point that solves it as well as its data are consistent?
     fn consistent(&mut self, p: &mut dyn Mpcc) -> bool {
-        let r = self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st });
-        r.primal <= CONSISTENT.max(self.settings.polish_tol) && r.dual <= 1e-9
+        let r = self.ipm.residuals(&Relaxed { inner: &mut *p, st: &mut self.st });
+        r.primal <= p.consistency().max(self.settings.polish_tol) && r.dual <= 1e-9
     }
 
     /// A branch problem whose last digits are lost to rounding, or to data that are not consistent, counts as solved.
-    fn nearly_solved(&self, r: &Residuals) -> bool {
-        r.primal <= CONSISTENT.max(self.settings.polish_tol) && r.dual <= 1e-6 && r.complementarity <= 1e-8
+    fn nearly_solved(&self, p: &dyn Mpcc, r: &Residuals) -> bool {
+        r.primal <= p.consistency().max(self.settings.polish_tol) && r.dual <= 1e-6 && r.complementarity <= 1e-8
     }
 }
 

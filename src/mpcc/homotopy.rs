@@ -198,6 +198,7 @@ impl Continuation for Branch {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Settle {
     primal_tol: f64,
+    consistency: f64,
     best: f64,
     since: usize,
     steps: usize,
@@ -205,15 +206,13 @@ pub(super) struct Settle {
 
 /// Scaled error of a square system that is as good as rounding allows.
 const SETTLED: f64 = 1e-11;
-/// Violation up to which the rows of an active set are consistent: data are rarely better.
-pub(super) const CONSISTENT: f64 = 1e-8;
 /// Newton steps that do not help, and Newton steps in all, before a square system is given up.
 const WAIT: usize = 2;
 const MAX_STEPS: usize = 20;
 
 impl Settle {
-    pub fn new(primal_tol: f64) -> Settle {
-        Settle { primal_tol, best: f64::INFINITY, since: 0, steps: 0 }
+    pub fn new(primal_tol: f64, consistency: f64) -> Settle {
+        Settle { primal_tol, consistency, best: f64::INFINITY, since: 0, steps: 0 }
     }
 }
 
@@ -232,7 +231,7 @@ impl Continuation for Settle {
         self.steps += 1;
         if self.since > WAIT || self.steps > MAX_STEPS {
             // an active set that is consistent up to the tolerance of the data
-            return if m.primal <= CONSISTENT.max(primal_tol) && m.dual <= 100.0 * SETTLED {
+            return if m.primal <= self.consistency.max(primal_tol) && m.dual <= 100.0 * SETTLED {
                 Advance::Done
             } else {
                 Advance::GiveUp

@@ -55,6 +55,12 @@ pub trait Mpcc: Nlp {
         false
     }
 
+    /// Violation up to which the rows of a branch problem count as consistent. Data of programs from outside are rarely
+    /// better than the default; a program whose branches are exact returns 0.
+    fn consistency(&self) -> f64 {
+        1e-8
+    }
+
     /// Terms that only guide the homotopy are left out while `on`.
     fn set_polishing(&mut self, _on: bool) {}
 }

@@ -169,6 +169,8 @@ pub struct MpccSolver {
     pub(super) active: ActiveSet,
     /// Where the path goes on.
     resume_at: Level,
+    /// Near a solution: violations may not grow much any more.
+    pub(super) close: bool,
 }
 
 impl MpccSolver {
@@ -204,6 +206,7 @@ impl MpccSolver {
             order: (0..n_groups).collect(),
             active: ActiveSet::new(n, all),
             resume_at: Level { mu: 0.0, sigma: 0.0 },
+            close: false,
         })
     }
 
@@ -341,6 +344,7 @@ impl MpccSolver {
         p.set_polishing(false);
         self.solution.stats = Statistics::default();
         self.solution.polish = Polish::None;
+        self.close = false;
         self.ipm.settings_mut().restoration = true;
     }
 
@@ -356,7 +360,7 @@ impl MpccSolver {
         let settings = self.ipm.settings_mut();
         let left = self.settings.max_iter.saturating_sub(used);
         settings.max_iter = if phase == b'p' { left.min(BRANCH_ITERATIONS) } else { left };
-        settings.theta_room = if phase == b'p' { 10.0 } else { 1e4 };
+        settings.theta_room = if self.close { 10.0 } else { 1e4 };
         self.ipm.set_phase(phase);
         let mut relaxed = Relaxed { inner: p, st: &mut self.st };
         let outcome = self.ipm.solve(&mut relaxed, &self.bounds, start, path, control);
