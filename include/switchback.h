@@ -595,6 +595,182 @@ typedef int32_t swb_path_at;
 #endif // __cplusplus
 
 /**
+ * Operators of expressions. Operands are called a, b and c; conditions are operands of Not, And, Or, and the first
+ * of Where.
+ */
+enum swb_operator
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * -a
+     */
+    SWB_OPERATOR_NEG = 0,
+    /**
+     * Square root.
+     */
+    SWB_OPERATOR_SQRT = 1,
+    /**
+     * Exponential.
+     */
+    SWB_OPERATOR_EXP = 2,
+    /**
+     * Natural logarithm.
+     */
+    SWB_OPERATOR_LOG = 3,
+    /**
+     * Sine.
+     */
+    SWB_OPERATOR_SIN = 4,
+    /**
+     * Cosine.
+     */
+    SWB_OPERATOR_COS = 5,
+    /**
+     * Tangent.
+     */
+    SWB_OPERATOR_TAN = 6,
+    /**
+     * Inverse sine.
+     */
+    SWB_OPERATOR_ASIN = 7,
+    /**
+     * Inverse cosine.
+     */
+    SWB_OPERATOR_ACOS = 8,
+    /**
+     * Inverse tangent.
+     */
+    SWB_OPERATOR_ATAN = 9,
+    /**
+     * Hyperbolic sine.
+     */
+    SWB_OPERATOR_SINH = 10,
+    /**
+     * Hyperbolic cosine.
+     */
+    SWB_OPERATOR_COSH = 11,
+    /**
+     * Hyperbolic tangent.
+     */
+    SWB_OPERATOR_TANH = 12,
+    /**
+     * Error function.
+     */
+    SWB_OPERATOR_ERF = 13,
+    /**
+     * a + b
+     */
+    SWB_OPERATOR_ADD = 20,
+    /**
+     * a - b
+     */
+    SWB_OPERATOR_SUB = 21,
+    /**
+     * a b
+     */
+    SWB_OPERATOR_MUL = 22,
+    /**
+     * a / b
+     */
+    SWB_OPERATOR_DIV = 23,
+    /**
+     * a to the power of b; for a constant integer b any a is allowed.
+     */
+    SWB_OPERATOR_POW = 24,
+    /**
+     * Angle of the point (b, a).
+     */
+    SWB_OPERATOR_ATAN2 = 25,
+    /**
+     * Condition a > 0; the same as a >= 0, the solution is Filippov's.
+     */
+    SWB_OPERATOR_POSITIVE = 40,
+    /**
+     * Condition: not a.
+     */
+    SWB_OPERATOR_NOT = 41,
+    /**
+     * Condition: a and b.
+     */
+    SWB_OPERATOR_AND = 42,
+    /**
+     * Condition: a or b.
+     */
+    SWB_OPERATOR_OR = 43,
+    /**
+     * b where the condition a holds, else c.
+     */
+    SWB_OPERATOR_WHERE = 44,
+    /**
+     * Sign of a. This one and those below switch: they are for the derivatives of models only.
+     */
+    SWB_OPERATOR_SIGN = 45,
+    /**
+     * Modulus of a.
+     */
+    SWB_OPERATOR_ABS = 46,
+    /**
+     * The smaller of a and b.
+     */
+    SWB_OPERATOR_MIN = 47,
+    /**
+     * The larger of a and b.
+     */
+    SWB_OPERATOR_MAX = 48,
+    /**
+     * a limited to the interval from b to c.
+     */
+    SWB_OPERATOR_CLIP = 49,
+    /**
+     * b where a > 0, else c.
+     */
+    SWB_OPERATOR_RELAY = 50,
+    /**
+     * Distance of a from the interval from -b to b, with sign.
+     */
+    SWB_OPERATOR_DEAD_ZONE = 51,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_operator swb_operator;
+#else
+typedef int32_t swb_operator;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Kinds of tables.
+ */
+enum swb_table
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Constant pieces between breaks, one value more than breaks; jumps without switching functions: for functions of
+     * time with breaks on the grid.
+     */
+    SWB_TABLE_STEPS = 0,
+    /**
+     * Straight lines through points, constant outside.
+     */
+    SWB_TABLE_LINES = 1,
+    /**
+     * Cubic spline through points with two continuous derivatives.
+     */
+    SWB_TABLE_SPLINE = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_table swb_table;
+#else
+typedef int32_t swb_table;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * What a member of a complementarity pair is.
  */
 enum swb_member
@@ -620,10 +796,21 @@ typedef int32_t swb_member;
 #endif // __cplusplus
 
 /**
+ * Graph of expressions. Every expression is a number in its graph and exists once: equal expressions have equal
+ * numbers. Expressions live as long as the graph; functions and models made of them are independent of it.
+ */
+typedef struct swb_expr swb_expr;
+
+/**
  * Function with first and second derivatives: reference counted inside, so the handle may be freed as
  * soon as the function was handed to a model.
  */
 typedef struct swb_function swb_function;
+
+/**
+ * Model made of expressions: a piecewise smooth system with a report of what it consists of.
+ */
+typedef struct swb_model swb_model;
 
 /**
  * Nonlinear program with complementarity constraints: minimise f(w,p) subject to bounds on w and c(w,p),
@@ -1595,6 +1782,273 @@ swb_status swb_system_sizes(const struct swb_system *system,
  * Free; objects made of the system keep what they need. NULL is allowed.
  */
 SWB_API void swb_system_free(struct swb_system *system);
+
+/**
+ * Create a graph without expressions.
+ *
+ * @param[out] out the new object, NULL on failure; free with swb_expr_free
+ * @return SWB_OK; SWB_ERR_NULL
+ */
+SWB_API swb_status swb_expr_create(struct swb_expr **out);
+
+/**
+ * Constants. Values that are not finite are refused when a function is made of them.
+ *
+ * @param[in]  values [n]
+ * @param[out] out    [n_out] the expressions, as many as values
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_expr_constants(struct swb_expr *graph,
+                              const double *values,
+                              int64_t n,
+                              int64_t *out,
+                              int64_t n_out);
+
+/**
+ * Inputs of one block.
+ *
+ * @param[in]  block one value of enum swb_input
+ * @param[in]  first index of the first one
+ * @param[out] out   [n] the expressions
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such block; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_expr_inputs(struct swb_expr *graph,
+                           int32_t block,
+                           int64_t first,
+                           int64_t *out,
+                           int64_t n);
+
+/**
+ * Apply an operator element by element.
+ *
+ * @param[in]  op  enum swb_operator
+ * @param[in]  a   [n]
+ * @param[in]  b   [n]; NULL for operators of one operand
+ * @param[in]  c   [n]; NULL for operators of one or two operands
+ * @param[out] out [n] the expressions
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such operator or expression, or for a condition in the place of a
+ *         value; SWB_ERR_NULL; SWB_ERR_DIMENSION if an operand is too many
+ */
+SWB_API
+swb_status swb_expr_apply(struct swb_expr *graph,
+                          int32_t op,
+                          const int64_t *a,
+                          const int64_t *b,
+                          const int64_t *c,
+                          int64_t *out,
+                          int64_t n);
+
+/**
+ * Product of matrices stored by columns: a is m times k, b is k times n.
+ *
+ * @param[in]  a   [n_a] m * k expressions
+ * @param[in]  b   [n_b] k * n expressions
+ * @param[out] out [n_out] m * n expressions
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
+ */
+SWB_API
+swb_status swb_expr_matmul(struct swb_expr *graph,
+                           int64_t m,
+                           int64_t k,
+                           int64_t n,
+                           const int64_t *a,
+                           int64_t n_a,
+                           const int64_t *b,
+                           int64_t n_b,
+                           int64_t *out,
+                           int64_t n_out);
+
+/**
+ * Solution of a small linear system. The matrix is decomposed numerically where the solution is evaluated, once for
+ * all right-hand sides and derivatives.
+ *
+ * @param[in]  matrix [n_matrix] n * n expressions by columns
+ * @param[in]  rhs    [n]
+ * @param[out] out    [n] the expressions
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the matrix is singular whatever its entries are
+ */
+SWB_API
+swb_status swb_expr_solve(struct swb_expr *graph,
+                          const int64_t *matrix,
+                          int64_t n_matrix,
+                          const int64_t *rhs,
+                          int64_t *out,
+                          int64_t n);
+
+/**
+ * Values of a table.
+ *
+ * @param[in]  kind   enum swb_table
+ * @param[in]  points [n_points] increasing
+ * @param[in]  values [n_values]
+ * @param[in]  a      [n] arguments
+ * @param[out] out    [n] the expressions
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_expr_table(struct swb_expr *graph,
+                          int32_t kind,
+                          const double *points,
+                          int64_t n_points,
+                          const double *values,
+                          int64_t n_values,
+                          const int64_t *a,
+                          int64_t *out,
+                          int64_t n);
+
+/**
+ * Outputs of a function at expressions. Derivatives are those of the function.
+ *
+ * @param[in]  args [n_args] one for each input: x, u, p, then t
+ * @param[out] out  [n_out] the expressions, one for each output
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
+ */
+SWB_API
+swb_status swb_expr_call(struct swb_expr *graph,
+                         const struct swb_function *f,
+                         const int64_t *args,
+                         int64_t n_args,
+                         int64_t *out,
+                         int64_t n_out);
+
+/**
+ * Jacobian of expressions as expressions, by columns; entries that vanish are the constant 0.
+ *
+ * @param[in]  outputs [n_outputs]
+ * @param[in]  wrt     [n_wrt] inputs, each once
+ * @param[out] out     [n_out] n_outputs * n_wrt expressions
+ * @return SWB_OK; SWB_ERR_RANGE if wrt holds what is no input; SWB_ERR_UNSUPPORTED for operators that switch
+ */
+SWB_API
+swb_status swb_expr_jacobian(struct swb_expr *graph,
+                             const int64_t *outputs,
+                             int64_t n_outputs,
+                             const int64_t *wrt,
+                             int64_t n_wrt,
+                             int64_t *out,
+                             int64_t n_out);
+
+/**
+ * An expression as text, cut where it is long.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION if the buffer is too short
+ */
+SWB_API
+swb_status swb_expr_text(struct swb_expr *graph,
+                         int64_t expression,
+                         char *buf,
+                         int64_t len,
+                         int64_t *needed);
+
+/**
+ * A function with exact derivatives. It does not need the graph any more.
+ *
+ * @param[in]  name    used in messages, such as "f0"
+ * @param[in]  outputs [n_outputs]
+ * @param[out] out     the new object, NULL on failure; free with swb_function_free
+ * @return SWB_OK; SWB_ERR_DIMENSION if an input is outside its block; SWB_ERR_NONFINITE for constants that are not
+ *         finite; SWB_ERR_UNSUPPORTED for operators that switch
+ */
+SWB_API
+swb_status swb_expr_function(struct swb_expr *graph,
+                             const char *name,
+                             int64_t nx,
+                             int64_t nu,
+                             int64_t np,
+                             const int64_t *outputs,
+                             int64_t n_outputs,
+                             struct swb_function **out);
+
+/**
+ * Free the graph; functions and models made of it stay. NULL is allowed.
+ */
+SWB_API void swb_expr_free(struct swb_expr *graph);
+
+/**
+ * Build a model from the derivatives of its states; operators that switch become switching functions and modes.
+ *
+ * @param[in]  name  used in messages
+ * @param[in]  rhs   [nx] the derivative of every state
+ * @param[in]  names names of states, controls and parameters, one in each line, empty lines for x[0] and so on; may be
+ *                   NULL
+ * @param[in]  trial where all functions should be defined, which the report says if not; may be NULL
+ * @param[out] out   the new object, NULL on failure; free with swb_model_free
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED if too many switching functions are coupled; else as swb_expr_function
+ */
+SWB_API
+swb_status swb_model_create(struct swb_expr *graph,
+                            const char *name,
+                            int64_t nx,
+                            int64_t nu,
+                            int64_t np,
+                            const int64_t *rhs,
+                            const char *names,
+                            const struct swb_point *trial,
+                            struct swb_model **out);
+
+/**
+ * The system of a model.
+ *
+ * @param[out] out the new object, NULL on failure; free with swb_system_free
+ * @return SWB_OK; SWB_ERR_NULL
+ */
+SWB_API swb_status swb_model_system(const struct swb_model *model, struct swb_system **out);
+
+/**
+ * What a model consists of. Any output may be NULL.
+ *
+ * @param[out] n_subsystems          groups of terms that switch together
+ * @param[out] n_switching_functions of all subsystems
+ * @param[out] n_regions             of all subsystems
+ * @param[out] n_algebraic           algebraic variables at each point
+ * @param[out] n_pairs               complementarity pairs at each point
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_model_counts(const struct swb_model *model,
+                            int64_t *n_subsystems,
+                            int64_t *n_switching_functions,
+                            int64_t *n_regions,
+                            int64_t *n_algebraic,
+                            int64_t *n_pairs);
+
+/**
+ * Report of a model: states, switching functions, modes, algebraic variables and pairs with where they come from, what
+ * was dropped or merged and why, and what looks wrong.
+ *
+ * @param[in]  json   0 for text, 1 for an object of JSON
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
+ */
+SWB_API
+swb_status swb_model_report(const struct swb_model *model,
+                            int32_t json,
+                            char *buf,
+                            int64_t len,
+                            int64_t *needed);
+
+/**
+ * C code of all functions of a model with their derivatives: f0, then modes0, psi0, modes1, ...
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED for functions that are called; SWB_ERR_DIMENSION if the buffer is too short
+ */
+SWB_API
+swb_status swb_model_write_c(const struct swb_model *model,
+                             char *buf,
+                             int64_t len,
+                             int64_t *needed);
+
+/**
+ * Free; systems made of the model stay. NULL is allowed.
+ */
+SWB_API void swb_model_free(struct swb_model *model);
 
 /**
  * Numbers of a trajectory.

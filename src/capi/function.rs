@@ -136,21 +136,39 @@ pub struct UserFunction {
     name: Arc<str>,
     dims: Dims,
     n_out: usize,
-    value: unsafe extern "C" fn(*const swb_point, *mut f64, *mut c_void) -> i32,
+    /// `None` for a function of the library, which is in `callback` from the start.
+    value: swb_value_fn,
     data: Arc<UserData>,
     jacobian: Option<(Pattern, swb_jacobian_fn)>,
     hessian: Option<(Pattern, swb_hessian_fn)>,
     linear: bool,
-    callback: OnceLock<Arc<Callback>>,
+    callback: OnceLock<SharedFunction>,
     /// A model has it: its description is fixed.
     used: AtomicBool,
 }
 
 impl UserFunction {
+    /// A function that the library made.
+    pub fn ready(f: SharedFunction) -> UserFunction {
+        UserFunction {
+            name: f.name().into(),
+            dims: f.dims(),
+            n_out: f.n_out(),
+            value: None,
+            data: Arc::new(UserData { pointer: ptr::null_mut(), destroy: None }),
+            jacobian: None,
+            hessian: None,
+            linear: false,
+            callback: OnceLock::from(f),
+            used: AtomicBool::new(true),
+        }
+    }
+
     fn build(&self) -> Result<Callback> {
+        let value = self.value.ok_or_else(|| Error::Internal("a function without callback".into()))?;
         let timeless = self.jacobian.as_ref().is_none_or(|j| j.0.rows(self.dims.t_col()).is_empty());
         let caller = Caller { name: self.name.clone(), data: self.data.clone(), timeless };
-        let (c, value) = (caller.clone(), self.value);
+        let c = caller.clone();
         // SAFETY: here and below, the functions obey the contracts of their types, the pointers live as long
         // as the call and have the lengths the header promises.
         let mut f = Callback::new(&self.name, self.dims, self.n_out, move |at, out| {
@@ -178,9 +196,9 @@ impl UserFunction {
         Ok(if self.linear { f.linear() } else { f })
     }
 
-    fn callback(&self) -> Result<&Arc<Callback>> {
+    fn callback(&self) -> Result<&SharedFunction> {
         if self.callback.get().is_none() {
-            let built = Arc::new(self.build()?);
+            let built: SharedFunction = Arc::new(self.build()?);
             // another thread may have been faster, with the same result
             let _ = self.callback.set(built);
         }
@@ -189,6 +207,12 @@ impl UserFunction {
 
     /// The description may change: nobody uses the function yet.
     fn open(&mut self) -> Result<&mut UserFunction> {
+        if self.value.is_none() {
+            return Err(Error::State(format!(
+                "function '{}' is made of expressions and has its derivatives already",
+                self.name
+            )));
+        }
         if self.used.load(Ordering::Relaxed) {
             return Err(Error::State(format!(
                 "function '{}' belongs to a model already: describe its derivatives before handing it over",
@@ -200,18 +224,18 @@ impl UserFunction {
     }
 
     /// Evaluates directly, with the point of the caller.
-    fn evaluate<R>(&self, body: impl FnOnce(&Callback, &mut [f64]) -> R) -> Result<(R, trouble::Troubles)> {
-        let f = self.callback()?;
+    fn evaluate<R>(&self, body: impl FnOnce(&dyn Function, &mut [f64]) -> R) -> Result<(R, trouble::Troubles)> {
+        let f = self.callback()?.as_ref();
         let mut work = vec![0.0; f.work_len()];
         Ok(trouble::collect(false, || body(f, &mut work)))
     }
 
     fn values(
         &self,
-        len: impl FnOnce(&Callback) -> usize,
-        body: impl FnOnce(&Callback, &mut [f64], &mut [f64]) -> EvalResult,
+        len: impl FnOnce(&dyn Function) -> usize,
+        body: impl FnOnce(&dyn Function, &mut [f64], &mut [f64]) -> EvalResult,
     ) -> Result<Vec<f64>> {
-        let mut out = vec![0.0; len(self.callback()?)];
+        let mut out = vec![0.0; len(self.callback()?.as_ref())];
         let (result, troubles) = self.evaluate(|f, work| body(f, &mut out, work))?;
         match result {
             Ok(()) => Ok(out),
@@ -246,7 +270,7 @@ pub unsafe fn shared(f: *const swb_function, what: &str) -> Result<SharedFunctio
         handle::with_ref(f, |f| {
             let callback = f.callback()?.clone();
             f.used.store(true, Ordering::Relaxed);
-            Ok(callback as SharedFunction)
+            Ok(callback)
         })
     }
 }
@@ -329,7 +353,7 @@ pub unsafe extern "C" fn swb_function_create(
                 name,
                 dims,
                 n_out,
-                value,
+                value: Some(value),
                 data: Arc::new(UserData { pointer: user_data, destroy }),
                 jacobian: None,
                 hessian: None,

@@ -112,6 +112,8 @@ pub mod function;
 
 pub mod system;
 
+pub mod expr;
+
 pub mod trajectory;
 
 pub mod simulator;

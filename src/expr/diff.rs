@@ -88,6 +88,27 @@ impl Dag {
         Ok(entries)
     }
 
+    /// [`Dag::jacobian`] with all entries, `outputs × wrt` by columns.
+    ///
+    /// # Errors
+    /// [`Error::Range`] if `wrt` holds a node that is no input, or one twice.
+    pub fn dense_jacobian(&mut self, outputs: &[Id], wrt: &[Id]) -> Result<Vec<Id>> {
+        for (k, &w) in wrt.iter().enumerate() {
+            if !matches!(self.node(w), Node::Input(..)) || wrt[..k].contains(&w) {
+                return Err(Error::Range(format!(
+                    "derivatives are taken with respect to inputs, each once; number {k}, {}, is not one",
+                    self.text(w)
+                )));
+            }
+        }
+        let zero = self.constant(0.0);
+        let mut out = vec![zero; outputs.len() * wrt.len()];
+        for e in self.jacobian(outputs, wrt)? {
+            out[e.row + outputs.len() * e.col] = e.value;
+        }
+        Ok(out)
+    }
+
     /// Gradient of `Σ_i weights[i] outputs[i]` with respect to `wrt`: the entries that are not zero by structure.
     pub fn gradient(&mut self, outputs: &[Id], weights: &[Id], wrt: &[Id]) -> Result<Vec<(usize, Id)>> {
         let region = Region::between(self, outputs, wrt);

@@ -8,6 +8,7 @@ result = swb.simulate(system, x0=[-1.0], duration=2.0, n_steps=10)
 print(result.trajectory.switches)
 """
 
+from . import expr
 from ._ffi import LogLevel, Member, Outcome, PathAt, Polished, Status, SwitchKind
 from ._library import path as library_path
 from ._library import version as library_version
@@ -28,6 +29,7 @@ from .errors import (
     UnsupportedError,
     UserError,
 )
+from .expr import Model
 from .function import DerivativeCheck, Function
 from .mpcc import Mpcc, MpccResult, Nlp, PairMember, constraint, variable
 from .ocp import Ocp, OcpResult
@@ -51,6 +53,7 @@ __all__ = [
     "LibraryError",
     "LogLevel",
     "Member",
+    "Model",
     "Mpcc",
     "MpccResult",
     "Nlp",
@@ -82,6 +85,7 @@ __all__ = [
     "UnsupportedError",
     "UserError",
     "constraint",
+    "expr",
     "library_path",
     "library_version",
     "options",

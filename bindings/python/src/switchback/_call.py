@@ -155,10 +155,14 @@ class Handle:
     _finalizer: weakref.finalize | None = None
 
     def _create(self, *arguments: Any) -> None:
+        self._make(getattr(lib, f"swb_{self._kind}_create"), *arguments)
+
+    def _make(self, constructor: Callable[..., int], *arguments: Any) -> None:
+        """Take what a constructor hands out as its last argument."""
         self._lock = threading.RLock()
         self._uses = 0
         handle = ctypes.c_void_p()
-        call(getattr(lib, f"swb_{self._kind}_create"), *arguments, ctypes.byref(handle))
+        call(constructor, *arguments, ctypes.byref(handle))
         self._own(handle.value)
 
     def _own(self, handle: int | None) -> None:

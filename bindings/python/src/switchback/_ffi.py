@@ -169,6 +169,51 @@ class PathAt(Names):
     STAGE_POINTS = 2
 
 
+class Operator(Names):
+    """enum swb_operator"""
+
+    NEG = 0
+    SQRT = 1
+    EXP = 2
+    LOG = 3
+    SIN = 4
+    COS = 5
+    TAN = 6
+    ASIN = 7
+    ACOS = 8
+    ATAN = 9
+    SINH = 10
+    COSH = 11
+    TANH = 12
+    ERF = 13
+    ADD = 20
+    SUB = 21
+    MUL = 22
+    DIV = 23
+    POW = 24
+    ATAN2 = 25
+    POSITIVE = 40
+    NOT = 41
+    AND = 42
+    OR = 43
+    WHERE = 44
+    SIGN = 45
+    ABS = 46
+    MIN = 47
+    MAX = 48
+    CLIP = 49
+    RELAY = 50
+    DEAD_ZONE = 51
+
+
+class Table(Names):
+    """enum swb_table"""
+
+    STEPS = 0
+    LINES = 1
+    SPLINE = 2
+
+
 class Member(Names):
     """enum swb_member"""
 
@@ -352,6 +397,24 @@ FUNCTIONS = {
     "swb_system_add_subsystem_indicators": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p]),
     "swb_system_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_system_free": (None, [c_void_p]),
+    "swb_expr_create": (c_int32, [c_void_p]),
+    "swb_expr_constants": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_expr_inputs": (c_int32, [c_void_p, c_int32, c_int64, c_void_p, c_int64]),
+    "swb_expr_apply": (c_int32, [c_void_p, c_int32, c_void_p, c_void_p, c_void_p, c_void_p, c_int64]),
+    "swb_expr_matmul": (c_int32, [c_void_p, c_int64, c_int64, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_expr_solve": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_int64]),
+    "swb_expr_table": (c_int32, [c_void_p, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p, c_int64]),
+    "swb_expr_call": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_expr_jacobian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_expr_text": (c_int32, [c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_expr_function": (c_int32, [c_void_p, c_char_p, c_int64, c_int64, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_expr_free": (None, [c_void_p]),
+    "swb_model_create": (c_int32, [c_void_p, c_char_p, c_int64, c_int64, c_int64, c_void_p, c_char_p, POINTER(swb_point), c_void_p]),
+    "swb_model_system": (c_int32, [c_void_p, c_void_p]),
+    "swb_model_counts": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_model_report": (c_int32, [c_void_p, c_int32, c_void_p, c_int64, c_void_p]),
+    "swb_model_write_c": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_model_free": (None, [c_void_p]),
     "swb_trajectory_get_info": (c_int32, [c_void_p, POINTER(swb_trajectory_info), c_uint64]),
     "swb_trajectory_times": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_trajectory_states": (c_int32, [c_void_p, c_void_p, c_int64]),

@@ -1,0 +1,568 @@
+"""Models written as expressions: exact derivatives, and operators that switch become modes.
+
+from switchback.expr import Model, sign, sin
+
+m = Model(states="x")
+m.derivatives = [-sign(m.x[0]) + 0.2 * sin(5 * m.t)]
+print(m.report())
+result = swb.simulate(m.system(), x0=[-0.5], duration=2.0, n_steps=10)
+"""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import operator
+from dataclasses import dataclass
+from typing import Any, Callable, Iterator, Sequence
+
+import numpy
+
+from . import _ffi
+from ._arrays import address, index, real
+from ._call import Handle, call, encode, text
+from ._library import lib
+from .errors import ArgumentError, DimensionError, RangeError
+from .function import Function
+from .system import System
+
+__all__ = [
+    "Counts",
+    "Expr",
+    "Graph",
+    "Model",
+    "acos",
+    "asin",
+    "atan",
+    "atan2",
+    "clip",
+    "concatenate",
+    "cos",
+    "cosh",
+    "dead_zone",
+    "erf",
+    "exp",
+    "external",
+    "jacobian",
+    "log",
+    "maximum",
+    "minimum",
+    "norm",
+    "relay",
+    "sign",
+    "sin",
+    "sinh",
+    "solve",
+    "sqrt",
+    "table",
+    "tan",
+    "tanh",
+    "where",
+]
+
+_Op = _ffi.Operator
+_TABLES = {"steps": _ffi.Table.STEPS, "lines": _ffi.Table.LINES, "spline": _ffi.Table.SPLINE}
+_CONDITIONS = {_Op.POSITIVE, _Op.NOT, _Op.AND, _Op.OR}
+
+
+def _packed(ids: numpy.ndarray) -> numpy.ndarray:
+    """A copy in rows; numpy.ascontiguousarray would make a list of a single number."""
+    return numpy.array(ids, order="C")
+
+
+class Graph(Handle):
+    """Holds expressions; equal expressions are one."""
+
+    _kind = "expr"
+
+    def __init__(self) -> None:
+        self._functions: list[Function] = []  # their callbacks are called as long as the graph is there
+        self._create()
+
+    def _expr(self, ids: numpy.ndarray, condition: bool = False) -> Expr:
+        e = Expr.__new__(Expr)
+        e._graph, e._ids, e._condition = self, ids, condition
+        return e
+
+    def constant(self, value: Any) -> Expr:
+        """A constant, or an array of them."""
+        numbers = real(value, "constant")
+        ids = numpy.empty(numbers.shape, dtype=numpy.int64)
+        self._do("constants", address(numbers), numbers.size, address(ids), ids.size)
+        return self._expr(ids)
+
+    def inputs(self, block: str, n: int, first: int = 0) -> Expr:
+        """Inputs `first` to `first + n - 1` of a block: "x", "u", "p" or "t"."""
+        flags = {"x": _ffi.Input.X, "u": _ffi.Input.U, "p": _ffi.Input.P, "t": _ffi.Input.T}
+        if block not in flags:
+            raise RangeError(f"there is no block '{block}', only x, u, p, t")
+        ids = numpy.empty(max(index(n, "n"), 0), dtype=numpy.int64)
+        self._do("inputs", flags[block], index(first, "first"), address(ids), index(n, "n"))
+        return self._expr(ids)
+
+    def of(self, value: Any) -> Expr:
+        """An expression of this graph: an expression, numbers, or a nested list of both."""
+        if isinstance(value, Expr):
+            if value._graph is not self:
+                raise ArgumentError("expressions of two graphs cannot be combined")
+            return value
+        if isinstance(value, (list, tuple)) and any(isinstance(v, (Expr, list, tuple)) for v in value):
+            parts = [self.of(v) for v in value]
+            if len({(p.shape, p._condition) for p in parts}) != 1:
+                raise DimensionError("a list of expressions must hold arrays of one shape")
+            return self._expr(numpy.stack([p._ids for p in parts]), parts[0]._condition)
+        return self.constant(value)
+
+    def _apply(self, op: int, *operands: Any) -> Expr:
+        ids = [self.of(o)._ids for o in operands]
+        try:
+            ids = [_packed(i) for i in numpy.broadcast_arrays(*ids)]
+        except ValueError:
+            shapes = ", ".join(str(i.shape) for i in ids)
+            raise DimensionError(f"shapes {shapes} do not fit") from None
+        out = numpy.empty(ids[0].shape, dtype=numpy.int64)
+        places = [address(i) for i in ids] + [None] * (3 - len(ids))
+        if out.size:
+            self._do("apply", op, *places, address(out), out.size)
+        return self._expr(out, op in _CONDITIONS)
+
+    def function(self, outputs: Any, nx: int, nu: int = 0, np: int = 0, name: str = "f") -> Function:
+        """A function with exact derivatives: for costs and constraints."""
+        outputs = self.of(outputs)
+        flat = _packed(numpy.atleast_1d(outputs._ids))
+        f = Function.__new__(Function)
+        f.name, f.shape = name, flat.shape
+        f.sizes = {"x": index(nx, "nx"), "u": index(nu, "nu"), "p": index(np, "np")}
+        f.inputs = ("x", "u", "p", "t")
+        f._callbacks = list(self._functions)
+        f._make(lib.swb_expr_function, self, encode(name, "name"), nx, nu, np, address(flat), flat.size)
+        return f
+
+
+class Expr:
+    """An array of expressions, or of conditions, of one graph; with the operators and functions of numpy."""
+
+    _graph: Graph
+    _ids: numpy.ndarray
+    _condition: bool
+
+    def __init__(self) -> None:
+        raise TypeError("expressions come from the variables of a Model or a Graph")
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Lengths of the dimensions."""
+        return self._ids.shape
+
+    @property
+    def ndim(self) -> int:
+        """Number of dimensions."""
+        return self._ids.ndim
+
+    @property
+    def size(self) -> int:
+        """Number of expressions."""
+        return self._ids.size
+
+    @property
+    def T(self) -> Expr:
+        """Transposed."""
+        return self._graph._expr(self._ids.T, self._condition)
+
+    def reshape(self, *shape: Any) -> Expr:
+        """The same expressions in another shape."""
+        return self._graph._expr(self._ids.reshape(*shape), self._condition)
+
+    def __len__(self) -> int:
+        if self.ndim == 0:
+            raise TypeError("a single expression has no length")
+        return len(self._ids)
+
+    def __getitem__(self, key: Any) -> Expr:
+        return self._graph._expr(numpy.asarray(self._ids[key]), self._condition)
+
+    def __iter__(self) -> Iterator[Expr]:
+        return (self[i] for i in range(len(self)))
+
+    def __repr__(self) -> str:
+        def one(i: int) -> str:
+            return text(lib.swb_expr_text, self._graph, int(i))
+
+        if self.ndim == 0:
+            return one(self._ids)
+        texts = numpy.array([one(i) for i in self._ids.ravel()] or [""], dtype=object)
+        return str(texts.reshape(self.shape).tolist()) if self.size else "[]"
+
+    def __bool__(self) -> bool:
+        raise TypeError("a condition is not known before the model runs: use where, &, | and ~, not if, and, or, not")
+
+    def __hash__(self) -> int:
+        return hash((id(self._graph), self._ids.tobytes(), self.shape))
+
+    def __eq__(self, other: Any) -> bool:  # of expressions, not of their values
+        return (
+            isinstance(other, Expr)
+            and other._graph is self._graph
+            and other.shape == self.shape
+            and bool((other._ids == self._ids).all())
+        )
+
+    def sum(self, axis: int | None = None) -> Expr:
+        """Sum of all, or along a dimension."""
+        parts = self.reshape(-1) if axis is None else self._graph._expr(numpy.moveaxis(self._ids, axis, 0))
+        shape = parts.shape[1:]
+        total = self._graph.constant(numpy.zeros(shape))
+        for part in parts:
+            total = total + part
+        return total
+
+    def __matmul__(self, other: Any) -> Expr:
+        return _matmul(self._graph, self, self._graph.of(other))
+
+    def __rmatmul__(self, other: Any) -> Expr:
+        return _matmul(self._graph, self._graph.of(other), self)
+
+    def __pos__(self) -> Expr:
+        return self
+
+    def __gt__(self, other: Any) -> Expr:
+        return self._graph._apply(_Op.POSITIVE, self - other)
+
+    def __lt__(self, other: Any) -> Expr:
+        return self._graph._apply(_Op.POSITIVE, other - self)
+
+    __ge__ = __gt__
+    __le__ = __lt__
+
+    def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **keywords: Any) -> Any:
+        """Functions of numpy, and operators with an array on the left."""
+        f = _UFUNCS.get(ufunc.__name__)
+        if f is None or method != "__call__" or keywords:
+            return NotImplemented
+        return f(*inputs)
+
+
+def _graph_of(*operands: Any) -> Graph:
+    for o in operands:
+        if isinstance(o, Expr):
+            return o._graph
+        if isinstance(o, (list, tuple)):
+            for inner in o:
+                if isinstance(inner, (Expr, list, tuple)):
+                    try:
+                        return _graph_of(inner)
+                    except ArgumentError:
+                        continue
+    raise ArgumentError("there is no expression among the operands")
+
+
+def _matmul(graph: Graph, a: Expr, b: Expr) -> Expr:
+    if a.ndim not in (1, 2) or b.ndim not in (1, 2) or a.shape[-1] != b.shape[0]:
+        raise DimensionError(f"matrices of shapes {a.shape} and {b.shape} cannot be multiplied")
+    left, right = numpy.atleast_2d(a._ids), b._ids.reshape(b.shape[0], -1)
+    m, k, n = left.shape[0], left.shape[1], right.shape[1]
+    x, y = (_packed(v.T) for v in (left, right))  # by columns
+    out = numpy.empty((n, m), dtype=numpy.int64)
+    graph._do("matmul", m, k, n, address(x), x.size, address(y), y.size, address(out), out.size)
+    return graph._expr(out.T.reshape(a.shape[:-1] + b.shape[1:]))
+
+
+def _function(op: int, name: str, doc: str) -> Callable[..., Expr]:
+    def f(*operands: Any) -> Expr:
+        return _graph_of(*operands)._apply(op, *operands)
+
+    f.__name__ = f.__qualname__ = name
+    f.__doc__ = doc
+    return f
+
+
+sqrt = _function(_Op.SQRT, "sqrt", "Square root.")
+exp = _function(_Op.EXP, "exp", "Exponential.")
+log = _function(_Op.LOG, "log", "Natural logarithm.")
+sin = _function(_Op.SIN, "sin", "Sine.")
+cos = _function(_Op.COS, "cos", "Cosine.")
+tan = _function(_Op.TAN, "tan", "Tangent.")
+asin = _function(_Op.ASIN, "asin", "Inverse sine.")
+acos = _function(_Op.ACOS, "acos", "Inverse cosine.")
+atan = _function(_Op.ATAN, "atan", "Inverse tangent.")
+sinh = _function(_Op.SINH, "sinh", "Hyperbolic sine.")
+cosh = _function(_Op.COSH, "cosh", "Hyperbolic cosine.")
+tanh = _function(_Op.TANH, "tanh", "Hyperbolic tangent.")
+erf = _function(_Op.ERF, "erf", "Error function.")
+atan2 = _function(_Op.ATAN2, "atan2", "Angle of the point (x, y), called as atan2(y, x).")
+sign = _function(_Op.SIGN, "sign", "Sign. This and those below switch: for the derivatives of models only.")
+minimum = _function(_Op.MIN, "minimum", "The smaller one.")
+maximum = _function(_Op.MAX, "maximum", "The larger one.")
+clip = _function(_Op.CLIP, "clip", "clip(a, low, high): the nearest value between them.")
+relay = _function(_Op.RELAY, "relay", "relay(a, on, off): on where a > 0, else off.")
+dead_zone = _function(_Op.DEAD_ZONE, "dead_zone", "dead_zone(a, w): the distance of a from [-w, w], with sign.")
+where = _function(_Op.WHERE, "where", "where(condition, a, b): a where the condition holds, else b.")
+
+
+def _power(a: Any, b: Any) -> Expr:
+    return _graph_of(a, b)._apply(_Op.POW, a, b)
+
+
+def _binary(op: int) -> tuple[Callable[..., Expr], Callable[..., Expr]]:
+    def left(self: Expr, other: Any) -> Expr:
+        return self._graph._apply(op, self, other)
+
+    def right(self: Expr, other: Any) -> Expr:
+        return self._graph._apply(op, other, self)
+
+    return left, right
+
+
+for _name, _op in {
+    "add": _Op.ADD,
+    "sub": _Op.SUB,
+    "mul": _Op.MUL,
+    "truediv": _Op.DIV,
+    "pow": _Op.POW,
+    "and": _Op.AND,
+    "or": _Op.OR,
+}.items():
+    _left, _right = _binary(_op)
+    setattr(Expr, f"__{_name}__", _left)
+    setattr(Expr, f"__r{_name}__", _right)
+for _name, _op in {"neg": _Op.NEG, "abs": _Op.ABS, "invert": _Op.NOT}.items():
+    setattr(Expr, f"__{_name}__", lambda self, op=_op: self._graph._apply(op, self))
+
+_UFUNCS: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: _graph_of(a, b)._apply(_Op.ADD, a, b),
+    "subtract": lambda a, b: _graph_of(a, b)._apply(_Op.SUB, a, b),
+    "multiply": lambda a, b: _graph_of(a, b)._apply(_Op.MUL, a, b),
+    "divide": lambda a, b: _graph_of(a, b)._apply(_Op.DIV, a, b),
+    "power": _power,
+    "matmul": lambda a, b: _matmul(_graph_of(a, b), _graph_of(a, b).of(a), _graph_of(a, b).of(b)),
+    "greater": lambda a, b: _graph_of(a, b).of(a) > b,
+    "greater_equal": lambda a, b: _graph_of(a, b).of(a) > b,
+    "less": lambda a, b: _graph_of(a, b).of(a) < b,
+    "less_equal": lambda a, b: _graph_of(a, b).of(a) < b,
+    "negative": operator.neg,
+    "absolute": abs,
+    "square": lambda a: a**2,
+    "sqrt": sqrt,
+    "exp": exp,
+    "log": log,
+    "sin": sin,
+    "cos": cos,
+    "tan": tan,
+    "arcsin": asin,
+    "arccos": acos,
+    "arctan": atan,
+    "arctan2": atan2,
+    "sinh": sinh,
+    "cosh": cosh,
+    "tanh": tanh,
+    "sign": sign,
+    "minimum": minimum,
+    "maximum": maximum,
+}
+
+
+def norm(a: Expr) -> Expr:
+    """Euclidean norm; it has no derivative at zero."""
+    flat = a.reshape(-1)
+    return sqrt(flat @ flat)
+
+
+def concatenate(parts: Sequence[Any]) -> Expr:
+    """One flat array of all parts, in order."""
+    graph = _graph_of(*parts)
+    return graph._expr(numpy.concatenate([graph.of(p)._ids.ravel() for p in parts]))
+
+
+def solve(matrix: Any, rhs: Any) -> Expr:
+    """Solution of a small linear system; the matrix is decomposed numerically, not symbolically. With several
+    right-hand sides, a matrix with a column for each."""
+    graph = _graph_of(matrix, rhs)
+    a, b = graph.of(matrix), graph.of(rhs)
+    if a.ndim != 2 or a.shape[0] != a.shape[1] or b.ndim not in (1, 2) or b.shape[0] != a.shape[0]:
+        raise DimensionError(f"no linear system: matrix of shape {a.shape}, right-hand side of shape {b.shape}")
+    columns = _packed(a._ids.T)
+    right = b._ids.reshape(len(b), -1)
+    out = numpy.empty(right.shape, dtype=numpy.int64)
+    for j in range(right.shape[1]):
+        r = _packed(right[:, j])
+        x = numpy.empty_like(r)
+        graph._do("solve", address(columns), columns.size, address(r), address(x), len(r))
+        out[:, j] = x
+    return graph._expr(out.reshape(b.shape))
+
+
+def jacobian(outputs: Any, inputs: Expr) -> Expr:
+    """Derivatives of expressions with respect to inputs, as expressions: for energies and Lagrangians."""
+    f, x = inputs._graph.of(outputs), _packed(inputs._ids.ravel())
+    flat = _packed(f._ids.ravel())
+    out = numpy.empty((x.size, flat.size), dtype=numpy.int64)
+    inputs._graph._do("jacobian", address(flat), flat.size, address(x), x.size, address(out), out.size)
+    return inputs._graph._expr(out.T.reshape(f.shape + inputs.shape))
+
+
+def table(a: Expr, points: Any, values: Any, kind: str = "spline") -> Expr:
+    """Values of a table at `a`: "spline" through points, "lines", or "steps" between breaks (one value more)."""
+    if kind not in _TABLES:
+        raise RangeError(f"there is no table '{kind}', only {', '.join(_TABLES)}")
+    p, v = real(points, "points"), real(values, "values")
+    ids = _packed(a._ids)
+    out = numpy.empty(ids.shape, dtype=numpy.int64)
+    where_ids, where_out = address(ids), address(out)
+    a._graph._do("table", _TABLES[kind], address(p), p.size, address(v), v.size, where_ids, where_out, ids.size)
+    return a._graph._expr(out)
+
+
+def external(f: Function, x: Any = (), u: Any = (), p: Any = (), t: Any = 0.0) -> Expr:
+    """Outputs of a function at expressions; derivatives are those of the function."""
+    graph = _graph_of(x, u, p, t)
+    parts = [graph.of(v)._ids.ravel() for v in (x, u, p, t) if not (isinstance(v, (tuple, list)) and len(v) == 0)]
+    args = _packed(numpy.concatenate(parts))
+    out = numpy.empty(f.n_out, dtype=numpy.int64)
+    graph._do("call", f, address(args), args.size, address(out), out.size)
+    graph._functions.append(f)
+    return graph._expr(out.reshape(f.shape))
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Sizes of a model; algebraic variables and pairs are counted at one point."""
+
+    subsystems: int
+    switching_functions: int
+    regions: int
+    algebraic: int
+    pairs: int
+
+
+class _Built(Handle):
+    _kind = "model"
+
+
+def _names(given: int | str | Sequence[str], what: str) -> list[str]:
+    if isinstance(given, str):
+        return given.replace(",", " ").split()
+    if isinstance(given, (list, tuple)):
+        return [str(name) for name in given]
+    n = index(given, what)
+    if n < 0:
+        raise DimensionError(f"{what} is negative: {n}")
+    return [""] * n
+
+
+class Model:
+    """A model made of expressions: variables `x`, `u`, `p` and the time `t`, and the derivatives of the states.
+
+    Variables are given by names, "q v", or by their number. Setting `derivatives` to a list of expressions, one for
+    each state, or `derivative` state by state, completes the model.
+    """
+
+    def __init__(
+        self,
+        states: int | str | Sequence[str],
+        controls: int | str | Sequence[str] = 0,
+        parameters: int | str | Sequence[str] = 0,
+        name: str = "model",
+    ):
+        self.name = name
+        self.names = [_names(states, "states"), _names(controls, "controls"), _names(parameters, "parameters")]
+        self.nx, self.nu, self.np = (len(n) for n in self.names)
+        self.graph = Graph()
+        self.x, self.u, self.p = (self.graph.inputs(b, n) for b, n in zip("xup", (self.nx, self.nu, self.np)))
+        self.t = self.graph.inputs("t", 1)[0]
+        self._rhs: list[Expr | None] = [None] * self.nx
+        self._trial: Any = None
+        self._made: _Built | None = None
+
+    def derivative(self, state: Expr, rhs: Any) -> None:
+        """Set the derivative of a state."""
+        places = numpy.flatnonzero(self.x._ids == state._ids) if state.ndim == 0 else []
+        if len(places) != 1:
+            raise ArgumentError(f"{state!r} is no state of the model")
+        self._rhs[int(places[0])] = self.graph.of(rhs)
+        self._made = None
+
+    @property
+    def derivatives(self) -> list[Expr | None]:
+        """Derivatives of the states, in order; None where one is missing."""
+        return list(self._rhs)
+
+    @derivatives.setter
+    def derivatives(self, rhs: Any) -> None:
+        all = [self.graph.of(r) for r in rhs]
+        if len(all) != self.nx:
+            raise DimensionError(f"{len(all)} derivatives for {self.nx} states")
+        self._rhs = list(all)
+        self._made = None
+
+    def try_at(self, x: Any, u: Any = None, p: Any = None, t: float = 0.0) -> None:
+        """A point where everything should be defined; the report says what is not."""
+        from ._arrays import vector
+
+        def zero(v: Any, n: int, what: str) -> numpy.ndarray:
+            return numpy.zeros(n) if v is None else vector(v, n, what)
+
+        self._trial = (float(t), vector(x, self.nx, "x"), zero(u, self.nu, "u"), zero(p, self.np, "p"))
+        self._made = None
+
+    def _build(self) -> _Built:
+        if self._made is None:
+            missing = [i for i, r in enumerate(self._rhs) if r is None]
+            if missing:
+                names = ", ".join(self.names[0][i] or f"x[{i}]" for i in missing)
+                raise ArgumentError(f"no derivative is given for {names}: set it to 0 if it is constant")
+            for i, r in enumerate(self._rhs):
+                if r.ndim:  # type: ignore[union-attr]
+                    raise DimensionError(f"derivative {i} is an array of shape {r.shape}")  # type: ignore[union-attr]
+            ids = numpy.array([int(r._ids) for r in self._rhs], dtype=numpy.int64)  # type: ignore[union-attr]
+            trial = None
+            if self._trial is not None:
+                t, x, u, p = self._trial
+                trial = ctypes.byref(_ffi.swb_point(t, address(x), address(u), address(p)))
+            made = _Built.__new__(_Built)
+            made._make(
+                lib.swb_model_create,
+                self.graph,
+                encode(self.name, "name"),
+                self.nx,
+                self.nu,
+                self.np,
+                address(ids),
+                encode("\n".join(n for group in self.names for n in group), "names"),
+                trial,
+            )
+            self._made = made
+        return self._made
+
+    def system(self) -> System:
+        """The system, for simulation and optimal control."""
+        s = System.__new__(System)
+        s.nx, s.nu, s.np = self.nx, self.nu, self.np
+        s._functions = list(self.graph._functions)
+        s._make(lib.swb_model_system, self._build())
+        s.n_subsystems = self.counts().subsystems
+        return s
+
+    def function(self, outputs: Any, name: str = "f") -> Function:
+        """A function of the variables of the model with exact derivatives: for costs and constraints."""
+        return self.graph.function(outputs, self.nx, self.nu, self.np, name)
+
+    def counts(self) -> Counts:
+        """How large the model is."""
+        numbers = [ctypes.c_int64() for _ in range(5)]
+        call(lib.swb_model_counts, self._build(), *(ctypes.byref(n) for n in numbers))
+        return Counts(*(n.value for n in numbers))
+
+    def report(self) -> str:
+        """What the model consists of and costs, what was dropped and why, what looks wrong."""
+        return text(lib.swb_model_report, self._build(), 0)
+
+    def report_data(self) -> dict[str, Any]:
+        """The report as data."""
+        return json.loads(text(lib.swb_model_report, self._build(), 1))
+
+    def c_code(self) -> str:
+        """C code of all functions of the model with their derivatives."""
+        return text(lib.swb_model_write_c, self._build())
+
+    def __repr__(self) -> str:
+        return f"<Model '{self.name}': {self.nx} states, {self.nu} controls, {self.np} parameters>"

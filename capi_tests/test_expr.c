@@ -1,0 +1,163 @@
+/* Expressions and models made of them. */
+#include "check.h"
+
+#include <stdlib.h>
+
+enum { N_STATES = 2 };
+
+/* x' = v, v' = -x + cos(t/2) - 0.4 sign(v) */
+static swb_model *coulomb(swb_expr *g)
+{
+    int64_t z[N_STATES], t, c[3], a, b, rhs[N_STATES];
+    const double numbers[] = {0.5, 0.4, 1.0}, x0[] = {1.0, 0.0};
+    const swb_point start = {0.0, x0, NULL, NULL};
+    swb_model *model = NULL;
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_X, 0, z, N_STATES));
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_T, 0, &t, 1));
+    CHECK_OK(swb_expr_constants(g, numbers, 3, c, 3));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &t, &c[0], NULL, &a, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_COS, &a, NULL, NULL, &a, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SUB, &a, &z[0], NULL, &a, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SIGN, &z[1], NULL, NULL, &b, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &b, &c[1], NULL, &b, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SUB, &a, &b, NULL, &rhs[1], 1));
+    rhs[0] = z[1];
+    CHECK_OK(swb_model_create(g, "coulomb", N_STATES, 0, 0, rhs, "q\nv", &start, &model));
+    return model;
+}
+
+static void models(void)
+{
+    swb_expr *g = NULL;
+    swb_model *model;
+    swb_system *system = NULL;
+    swb_simulator *simulator = NULL;
+    int64_t groups = 0, psi = 0, regions = 0, algebraic = 0, pairs = 0, needed = 0, nx = 0;
+    char *text;
+    CHECK_OK(swb_expr_create(&g));
+    model = coulomb(g);
+    swb_expr_free(g);
+    CHECK_OK(swb_model_counts(model, &groups, &psi, &regions, &algebraic, &pairs));
+    CHECK(groups == 1 && psi == 1 && regions == 2 && algebraic == 5 && pairs == 2);
+    CHECK_OK(swb_model_report(model, 0, NULL, 0, &needed));
+    text = malloc((size_t)needed);
+    CHECK_OK(swb_model_report(model, 0, text, needed, NULL));
+    CHECK(strstr(text, "v switch with v: 2 modes in 2 regions") != NULL);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_report(model, 0, text, needed - 1, NULL));
+    free(text);
+    CHECK_OK(swb_model_write_c(model, NULL, 0, &needed));
+    CHECK(needed > 1000);
+    CHECK_OK(swb_model_system(model, &system));
+    swb_model_free(model);
+    CHECK_OK(swb_system_sizes(system, &nx, NULL, NULL, NULL));
+    CHECK(nx == N_STATES);
+    CHECK_OK(swb_simulator_create(system, NULL, &simulator));
+    swb_simulator_free(simulator);
+    swb_system_free(system);
+}
+
+static void functions(void)
+{
+    swb_expr *g = NULL;
+    swb_function *f = NULL;
+    int64_t x[4], y[2], product[4], jac[4], col_ptr[6], row_idx[4], nnz = 0, m = 0;
+    const double at_x[] = {2.0, 1.0, 1.0, 3.0}, points[] = {0.0, 1.0, 2.0}, values[] = {0.0, 1.0, 4.0};
+    const swb_point at = {0.0, at_x, NULL, NULL};
+    double out[2], weights[] = {1.0, 1.0};
+    int32_t passed = 0;
+    CHECK_OK(swb_expr_create(&g));
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_X, 0, x, 4));
+    /* Solution of [2 1; 1 3] y = (x0, x3), the squares of the elements, interpolated. */
+    CHECK_OK(swb_expr_solve(g, x, 4, (const int64_t[]){x[0], x[3]}, y, 2));
+    CHECK_OK(swb_expr_matmul(g, 2, 1, 2, y, 2, y, 2, product, 4));
+    CHECK_OK(swb_expr_table(g, SWB_TABLE_SPLINE, points, 3, values, 3, y, product, 2));
+    CHECK_OK(swb_expr_function(g, "f", 4, 0, 0, product, 2, &f));
+    CHECK_OK(swb_function_eval(f, &at, out, 2));
+    CHECK_NEAR(out[0], 0.36, 1e-14);
+    CHECK_NEAR(out[1], 0.64, 1e-14);
+    CHECK_OK(swb_function_check_derivatives(f, &at, &passed, NULL, NULL, 0, NULL));
+    CHECK(passed);
+    CHECK_STATUS(SWB_ERR_STATE, swb_function_set_linear(f));
+    /* The function as a node. */
+    {
+        const int64_t args[] = {x[0], x[1], x[2], x[3], x[0]};
+        int64_t called[2];
+        CHECK_OK(swb_expr_call(g, f, args, 5, called, 2));
+        CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_call(g, f, args, 4, called, 2));
+    }
+    swb_function_free(f);
+    /* x0 x1 by expressions: the derivative with respect to x0 is x1. */
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &x[0], &x[1], NULL, y, 1));
+    CHECK_OK(swb_expr_jacobian(g, y, 1, x, 4, jac, 4));
+    CHECK(jac[0] == x[1] && jac[1] == x[0] && jac[2] == jac[3]);
+    CHECK_OK(swb_expr_function(g, "f", 4, 0, 0, y, 1, &f));
+    CHECK_OK(swb_function_sizes(f, NULL, NULL, NULL, &m, &nnz, NULL));
+    CHECK(m == 1 && nnz == 2);
+    CHECK_OK(swb_function_jacobian_pattern(f, col_ptr, 6, row_idx, 2));
+    CHECK(col_ptr[1] == 1 && col_ptr[2] == 2 && col_ptr[5] == 2);
+    CHECK_OK(swb_function_eval_hessian(f, &at, weights, 1, out, 1));
+    CHECK(out[0] == 1.0);
+    swb_function_free(f);
+    swb_expr_free(g);
+}
+
+static void refusals(void)
+{
+    swb_expr *g = NULL;
+    swb_function *f = NULL;
+    swb_model *model = NULL;
+    int64_t x[2], c, y, id = 7;
+    char text[8];
+    const double nan_value = NAN;
+    CHECK_STATUS(SWB_ERR_NULL, swb_expr_create(NULL));
+    CHECK_OK(swb_expr_create(&g));
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_X, 0, x, 2));
+    CHECK_STATUS(SWB_ERR_NULL, swb_expr_inputs(NULL, SWB_INPUT_X, 0, x, 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_inputs(g, 3, 0, x, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_inputs(g, SWB_INPUT_T, 1, x, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_inputs(g, SWB_INPUT_X, -1, x, 1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_expr_inputs(g, SWB_INPUT_X, 0, NULL, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_apply(g, 999, x, NULL, NULL, &y, 1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_expr_apply(g, SWB_OPERATOR_ADD, x, NULL, NULL, &y, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_apply(g, SWB_OPERATOR_SIN, x, x, NULL, &y, 1));
+    id = 1000;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_apply(g, SWB_OPERATOR_SIN, &id, NULL, NULL, &y, 1));
+    id = -1;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_apply(g, SWB_OPERATOR_SIN, &id, NULL, NULL, &y, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_POSITIVE, x, NULL, NULL, &c, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_apply(g, SWB_OPERATOR_SIN, &c, NULL, NULL, &y, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_apply(g, SWB_OPERATOR_NOT, x, NULL, NULL, &y, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_solve(g, &c, 1, x, &y, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_solve(g, x, 2, x, x, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_matmul(g, 1, 2, 2, x, 2, x, 2, &y, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_table(g, 9, NULL, 0, &nan_value, 1, x, &y, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_table(g, SWB_TABLE_STEPS, NULL, 0, &nan_value, 1, x, &y, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_jacobian(g, x, 1, &c, 1, &y, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_expr_function(g, "f", 2, 0, 0, &c, 1, &f));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_function(g, "f", 1, 0, 0, x, 2, &f));
+    CHECK_STATUS(SWB_ERR_NULL, swb_expr_function(g, NULL, 2, 0, 0, x, 2, &f));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ABS, x, NULL, NULL, &y, 1));
+    CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_expr_function(g, "f", 2, 0, 0, &y, 1, &f));
+    CHECK_OK(swb_expr_constants(g, &nan_value, 1, &y, 1));
+    CHECK_STATUS(SWB_ERR_NONFINITE, swb_expr_function(g, "f", 2, 0, 0, &y, 1, &f));
+    CHECK(f == NULL);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_create(g, "m", 0, 0, 0, NULL, NULL, NULL, &model));
+    CHECK_STATUS(SWB_ERR_NULL, swb_model_create(g, "m", 2, 0, 0, NULL, NULL, NULL, &model));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_create(g, "m", 1, 0, 0, &c, NULL, NULL, &model));
+    CHECK(model == NULL);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_text(g, x[0], text, 2, NULL));
+    CHECK_OK(swb_expr_text(g, x[0], text, 8, NULL));
+    CHECK_TEXT("x[0]", text);
+    CHECK_STATUS(SWB_ERR_NULL, swb_model_counts(NULL, NULL, NULL, NULL, NULL, NULL));
+    swb_expr_free(g);
+    swb_expr_free(NULL);
+    swb_model_free(NULL);
+}
+
+int main(void)
+{
+    models();
+    functions();
+    refusals();
+    return CHECK_DONE();
+}
