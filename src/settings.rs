@@ -113,6 +113,58 @@ pub enum Ordering {
     Natural = 1,
 }
 
+/// What stands for the complementarity constraints until the active set is identified (relaxation).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Relaxation {
+    /// Products at most sigma.
+    Scholtes = 0,
+    /// Products equal to sigma.
+    ScholtesEq = 1,
+    /// Sums of products at most sigma: one row per group, or one in all where pairs form no groups.
+    ScholtesLumped = 2,
+    /// Products at most sigma, and products of the members shifted by sqrt(sigma) at least sigma.
+    LinFukushima = 3,
+    /// Members at least -sqrt(sigma), products of the members less sqrt(sigma) not positive.
+    Kadrani = 4,
+    /// The corner of the feasible set rounded by a sine.
+    SteffensenUlbrich = 5,
+    /// The corner of the feasible set rounded by a polynomial.
+    SteffensenUlbrichPoly = 6,
+    /// One of the members at most sqrt(sigma).
+    KanzowSchwartz = 7,
+    /// Smoothed function of Fischer and Burmeister equal to zero.
+    FischerBurmeister = 8,
+    /// Smoothed minimum of the members equal to zero.
+    NaturalResidual = 9,
+    /// Smoothed function of Chen, Chen and Kanzow equal to zero.
+    ChenChenKanzow = 10,
+    /// Bounds and products relaxed pair by pair, tightened by the signs of the multipliers.
+    TwoSided = 11,
+    /// Products at most the barrier parameter.
+    RaghunathanBiegler = 12,
+    /// Sum of the products in the objective.
+    L1Penalty = 13,
+    /// Largest product in the objective.
+    LinfPenalty = 14,
+    /// Products at most an elastic variable each, whose sum is in the objective.
+    L1Elastic = 15,
+    /// Products in the objective, ordinary rows relaxed by one elastic variable.
+    Elastic = 16,
+    /// Products at most zero.
+    Direct = 17,
+}
+
+/// How relaxation or penalty and barrier parameter change together (homotopy).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Homotopy {
+    /// Together, every problem solved loosely.
+    Coupled = 0,
+    /// Every problem solved to the tolerance, from a larger barrier parameter again.
+    Outer = 1,
+}
+
 /// Verbosity of the log sink (log_level); each level contains the ones before it.
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -159,6 +211,27 @@ value_names!(Polish { Off = "off", On = "on" });
 value_names!(InitialGuess { Constant = "constant", Simulation = "simulation" });
 value_names!(LinearSolver { Auto = "auto", Suitesparse = "suitesparse", Faer = "faer" });
 value_names!(Ordering { Amd = "amd", Natural = "natural" });
+value_names!(Relaxation {
+    Scholtes = "scholtes",
+    ScholtesEq = "scholtes_eq",
+    ScholtesLumped = "scholtes_lumped",
+    LinFukushima = "lin_fukushima",
+    Kadrani = "kadrani",
+    SteffensenUlbrich = "steffensen_ulbrich",
+    SteffensenUlbrichPoly = "steffensen_ulbrich_poly",
+    KanzowSchwartz = "kanzow_schwartz",
+    FischerBurmeister = "fischer_burmeister",
+    NaturalResidual = "natural_residual",
+    ChenChenKanzow = "chen_chen_kanzow",
+    TwoSided = "two_sided",
+    RaghunathanBiegler = "raghunathan_biegler",
+    L1Penalty = "l1_penalty",
+    LinfPenalty = "linf_penalty",
+    L1Elastic = "l1_elastic",
+    Elastic = "elastic",
+    Direct = "direct",
+});
+value_names!(Homotopy { Coupled = "coupled", Outer = "outer" });
 value_names!(LogLevel {
     Silent = "silent",
     Error = "error",
@@ -231,6 +304,12 @@ pub struct Settings {
     pub linear_solver: i64,
     /// Order of elimination in the Newton matrices (enum ordering).
     pub ordering: i64,
+    /// What stands for the complementarity constraints until the active set is identified (enum relaxation).
+    pub relaxation: i64,
+    /// How relaxation or penalty and barrier parameter change together (enum homotopy).
+    pub homotopy: i64,
+    /// First penalty parameter of the relaxations that are penalties; their sigma is its inverse.
+    pub penalty_init: f64,
 }
 
 /// A value on its way to or from an option.
@@ -407,6 +486,12 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Factorisation of the Newton matrices (enum linear_solver)."),
     row!(ordering: Enum(Ordering::Amd), "", SETUP,
         "Order of elimination in the Newton matrices (enum ordering)."),
+    row!(relaxation: Enum(Relaxation::Scholtes), "", SETUP,
+        "What stands for the complementarity constraints until the active set is identified (enum relaxation)."),
+    row!(homotopy: Enum(Homotopy::Coupled), "", FREE,
+        "How relaxation or penalty and barrier parameter change together (enum homotopy)."),
+    row!(penalty_init: Float(1.0, Open(0.0), Closed(1e9)), "rho_0", FREE,
+        "First penalty parameter of the relaxations that are penalties; their sigma is its inverse."),
 ];
 
 impl OptionInfo {
@@ -563,6 +648,9 @@ impl Default for Settings {
             log_level: 0,
             linear_solver: 0,
             ordering: 0,
+            relaxation: 0,
+            homotopy: 0,
+            penalty_init: 0.0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);
@@ -675,6 +763,16 @@ impl Settings {
     /// [`Ordering`] of these settings.
     pub fn ordering(&self) -> Result<Ordering> {
         Ordering::from_i64(self.ordering).ok_or_else(|| bad("ordering", self.ordering))
+    }
+
+    /// [`Relaxation`] of these settings; the default for a number outside.
+    pub fn relaxation(&self) -> Relaxation {
+        Relaxation::from_i64(self.relaxation).unwrap_or(Relaxation::Scholtes)
+    }
+
+    /// [`Homotopy`] of these settings; the default for a number outside.
+    pub fn homotopy(&self) -> Homotopy {
+        Homotopy::from_i64(self.homotopy).unwrap_or(Homotopy::Coupled)
     }
 
     /// [`LogLevel`] of these settings; a number outside means the nearest level.

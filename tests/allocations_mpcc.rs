@@ -13,7 +13,7 @@ use switchback::dcs::Dcs;
 use switchback::fesd::{Fesd, Options, Spec, Terminal};
 use switchback::mpcc::{MpccSettings, MpccSolver, Polish};
 use switchback::nlp::{Control, Nlp, Outcome};
-use switchback::settings::{RkFamily, Settings};
+use switchback::settings::{Homotopy, Relaxation, RkFamily, Settings};
 
 fn problem(set: &Settings) -> Fesd {
     let sys = sliding_mode();
@@ -47,7 +47,7 @@ fn problem(set: &Settings) -> Fesd {
 }
 
 /// Allocations of a solve of an object that has solved before, and how both ended.
-fn second_solve(set: &Settings, max_iter: usize) -> (usize, [(Outcome, Polish); 2]) {
+fn second_solve(set: &Settings, settings: MpccSettings) -> (usize, [(Outcome, Polish); 2]) {
     let mut p = problem(set);
     let mut bounds = p.bounds();
     p.bound_initial(&mut bounds, &SLIDING_X0, &SLIDING_X0, 0.0);
@@ -56,7 +56,7 @@ fn second_solve(set: &Settings, max_iter: usize) -> (usize, [(Outcome, Polish); 
     }
     let mut w = vec![0.0; p.n()];
     p.guess(&mut w, 0.0, |_, x| x.copy_from_slice(&SLIDING_X0), |_, u| u.fill(0.0));
-    let mut solver = MpccSolver::new(&mut p, MpccSettings { max_iter, ..MpccSettings::default() }).unwrap();
+    let mut solver = MpccSolver::new(&mut p, settings).unwrap();
     let first = solver.solve(&mut p, &bounds, &w, &mut Control::default());
     let first = (first.outcome, first.polish);
     let before = COUNT.with(Cell::get);
@@ -72,7 +72,7 @@ fn the_second_solve_allocates_nothing() {
     for (family, n_s) in cases {
         for disc in [FESD, STANDARD] {
             let set = settings(family, n_s, 3, disc);
-            let (n, ended) = second_solve(&set, 3000);
+            let (n, ended) = second_solve(&set, MpccSettings::default());
             assert_eq!(n, 0, "{family:?} {n_s} {disc:?}: {n} allocations");
             assert_eq!(ended[0], ended[1]);
         }
@@ -82,7 +82,20 @@ fn the_second_solve_allocates_nothing() {
 #[test]
 fn a_solve_that_is_cut_short_allocates_nothing() {
     for max_iter in [0, 1, 7, 30] {
-        let (n, _) = second_solve(&settings(RadauIia, 2, 3, FESD), max_iter);
+        let short = MpccSettings { max_iter, ..MpccSettings::default() };
+        let (n, _) = second_solve(&settings(RadauIia, 2, 3, FESD), short);
         assert_eq!(n, 0, "max_iter = {max_iter}: {n} allocations");
+    }
+}
+
+#[test]
+fn no_strategy_allocates_in_a_solve() {
+    for relaxation in (0..).map_while(Relaxation::from_i64) {
+        for homotopy in [Homotopy::Coupled, Homotopy::Outer] {
+            let with = MpccSettings { relaxation, homotopy, max_iter: 200, ..MpccSettings::default() };
+            let (n, ended) = second_solve(&settings(RadauIia, 2, 3, FESD), with);
+            assert_eq!(n, 0, "{relaxation:?} {homotopy:?}: {n} allocations");
+            assert_eq!(ended[0], ended[1]);
+        }
     }
 }

@@ -9,8 +9,8 @@ mod expression_models;
 mod json;
 mod json_read;
 mod models;
-mod reference;
 mod recorded;
+mod reference;
 mod svg;
 
 use std::path::PathBuf;

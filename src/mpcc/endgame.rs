@@ -180,7 +180,7 @@ impl MpccSolver {
                     break;
                 }
                 self.identify(p, &x);
-                if !suggest(Wanted::Repair(k), &x, &mut self.sides) {
+                if !suggest(Wanted::Repair(k), &x[..self.st.n], &mut self.sides) {
                     break;
                 }
                 ok = self.try_branch_at(p, bounds, &x, control);
@@ -276,10 +276,11 @@ impl MpccSolver {
         self.saved.x.copy_from_slice(x);
         at.copy_from(&self.saved);
         std::mem::swap(&mut self.point, &mut self.saved.x);
-        // what a product row contributes belongs to the bounds of its members
+        // what stands for the pairs contributes to the multipliers of the bounds of their members
+        self.st.pull_back(&at.x, &at.y, &mut at.zl);
         for b in &self.st.bilinear {
-            at.zl[b.a] = (at.zl[b.a] - at.y[b.row] * at.x[b.b]).max(0.0);
-            at.zl[b.b] = (at.zl[b.b] - at.y[b.row] * at.x[b.a]).max(0.0);
+            at.zl[b.a] = at.zl[b.a].max(0.0);
+            at.zl[b.b] = at.zl[b.b].max(0.0);
         }
         let ok = self.settle(p, control);
         if ok {
@@ -345,8 +346,8 @@ impl MpccSolver {
     /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
     /// positive starts inside.
     fn try_neighbour(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
-        self.point.copy_from_slice(x);
-        p.enter_branch(&self.solution.sides, &self.sides, &mut self.point);
+        self.st.start(x, &mut self.point);
+        p.enter_branch(&self.solution.sides, &self.sides, &mut self.point[..self.st.n]);
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
         p.set_polishing(true);

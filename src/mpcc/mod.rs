@@ -5,8 +5,8 @@
 //! ```
 //!
 //! Vertical form: both members of a pair are variables with lower bound zero ([`Lifted`] brings functions
-//! `G`, `H` into it). One interior-point run follows the relaxation `w_a w_b ≤ σ` of Scholtes with `σ` tied
-//! to the barrier parameter; then the active set is identified, the branch problem with that set is solved
+//! `G`, `H` into it). One interior-point run follows a [`relaxation`], by default `w_a w_b ≤ σ` (Scholtes), with
+//! `σ` tied to the barrier parameter; then the active set is identified, the branch problem with that set is solved
 //! to the last digits, and the multipliers of the pairs come out of it.
 
 mod certificate;
@@ -18,7 +18,9 @@ mod endgame;
 mod homotopy;
 mod lifted;
 mod lpcc;
+mod path;
 mod problem;
+pub mod relaxation;
 mod relaxed;
 mod scaling;
 mod solver;

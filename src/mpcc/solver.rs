@@ -3,13 +3,16 @@
 use std::time::Instant;
 
 use super::endgame::ActiveSet;
-use super::homotopy::Scholtes;
+use super::path::Path;
 use super::problem::{Mpcc, Side};
+use super::relaxation;
 use super::relaxed::{Relaxed, Structure};
 use crate::error::Result;
 use crate::linalg::kkt::LinearStats;
-use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Iterate, Level, Monotone, Outcome, Residuals, Start, Statistics};
-use crate::settings::{LinearSolver, Ordering, Settings};
+use crate::nlp::{
+    Bounds, Continuation, Control, Ipm, IpmSettings, Iterate, Level, Monotone, Outcome, Residuals, Start, Statistics,
+};
+use crate::settings::{Homotopy, LinearSolver, Ordering, Relaxation, Settings};
 
 /// Parameters of the path and the polish.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -46,6 +49,12 @@ pub struct MpccSettings {
     pub ordering: Ordering,
     /// Start the members of the pairs at `√σ_0 / 2`, wherever the starting point has them?
     pub centre_pairs: bool,
+    /// What stands for the pairs; later changes have no effect on a solver.
+    pub relaxation: Relaxation,
+    /// How relaxation and barrier parameter change together.
+    pub homotopy: Homotopy,
+    /// First penalty parameter, for penalties.
+    pub penalty_init: f64,
 }
 
 impl Default for MpccSettings {
@@ -67,6 +76,9 @@ impl Default for MpccSettings {
             linear_solver: LinearSolver::Auto,
             ordering: Ordering::Amd,
             centre_pairs: true,
+            relaxation: Relaxation::Scholtes,
+            homotopy: Homotopy::Coupled,
+            penalty_init: 1.0,
         }
     }
 }
@@ -90,6 +102,9 @@ impl From<&Settings> for MpccSettings {
             linear_solver: s.linear_solver().unwrap_or(LinearSolver::Auto),
             ordering: s.ordering().unwrap_or(Ordering::Amd),
             centre_pairs: true,
+            relaxation: s.relaxation(),
+            homotopy: s.homotopy(),
+            penalty_init: s.penalty_init,
         }
     }
 }
@@ -177,8 +192,8 @@ impl MpccSolver {
     /// Analyses the structure and allocates.
     pub fn new(p: &mut dyn Mpcc, settings: MpccSettings) -> Result<MpccSolver> {
         let (n, m, n_groups) = (p.n(), p.m(), p.n_groups());
-        let mut st = Structure::new(p);
-        let all = m + st.bilinear.len();
+        let mut st = Structure::new(p, relaxation::strategy(settings.relaxation));
+        let (n_all, all) = st.size();
         let MpccSettings { linear_solver, ordering, .. } = settings;
         let ipm_settings = IpmSettings { linear_solver, ordering, ..IpmSettings::default() };
         let ipm = Ipm::new(&Relaxed { inner: p, st: &mut st }, ipm_settings)?;
@@ -186,10 +201,10 @@ impl MpccSolver {
             st,
             ipm,
             settings,
-            bounds: Bounds::free(n, all),
+            bounds: Bounds::free(n_all, all),
             branch: Bounds::free(n, m),
-            saved: Iterate::zeros(n, all),
-            point: vec![0.0; n],
+            saved: Iterate::zeros(n_all, all),
+            point: vec![0.0; n_all],
             solution: Solution {
                 outcome: Outcome::Failed,
                 polish: Polish::None,
@@ -204,7 +219,7 @@ impl MpccSolver {
             sides: vec![Side::First; n_groups],
             votes: vec![(0.0, 0.0); n_groups],
             order: (0..n_groups).collect(),
-            active: ActiveSet::new(n, all),
+            active: ActiveSet::new(n_all, all),
             resume_at: Level { mu: 0.0, sigma: 0.0 },
             close: false,
         })
@@ -255,7 +270,6 @@ impl MpccSolver {
     /// The path of relaxed problems, with a look at the active set on the way.
     fn follow(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
         let s = self.settings;
-        let rows = self.st.m..self.st.m + self.st.bilinear.len();
         let mut stops = [EARLY_POLISH, FIRST_POLISH, s.sigma_min];
         for stop in &mut stops {
             *stop = if s.polish { stop.max(s.sigma_min) } else { s.sigma_min }.min(s.sigma_init);
@@ -266,10 +280,10 @@ impl MpccSolver {
                 continue;
             }
             let outcome = if k == 0 || self.solution.stats.iterations == 0 {
-                let mut path = Scholtes::new(s, rows.clone(), stops[k]);
-                self.st.bounds(bounds, s.sigma_init, &mut self.bounds);
+                let mut path = Path::new(s, &self.st, stops[k]);
+                self.st.bounds(bounds, path.start().sigma, &mut self.bounds);
                 let mut start = std::mem::take(&mut self.point);
-                start.copy_from_slice(x0);
+                start[..x0.len()].copy_from_slice(x0);
                 if s.centre_pairs && !p.start_is_informed() {
                     for b in &self.st.bilinear {
                         for j in [b.a, b.b] {
@@ -277,12 +291,13 @@ impl MpccSolver {
                         }
                     }
                 }
+                self.st.start_elastic(&mut start);
                 let outcome = self.run(p, Start::Cold(&start), &mut path, control, b' ');
                 self.point = start;
                 outcome
             } else {
                 let level = self.resume_at;
-                let mut path = Scholtes::resume(s, rows.clone(), level, stops[k]);
+                let mut path = Path::resume(s, &self.st, level, stops[k]);
                 self.st.bounds(bounds, level.sigma, &mut self.bounds);
                 let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
                 let outcome = self.run(p, Start::Warm(&saved, 1e-12), &mut path, control, b' ');
@@ -295,7 +310,7 @@ impl MpccSolver {
             }
             self.saved.copy_from(self.ipm.iterate());
             self.resume_at = self.ipm.level();
-            let early = outcome == Outcome::Solved && self.resume_at.sigma > FIRST_POLISH;
+            let early = outcome == Outcome::Solved && stops[k] > FIRST_POLISH;
             if self.polish(p, bounds, control, suggest, early) || last || outcome == Outcome::Stalled {
                 return;
             }
@@ -316,7 +331,7 @@ impl MpccSolver {
         self.begin(p);
         self.st.scaling.reset();
         let it = &mut self.saved;
-        it.x.copy_from_slice(x0);
+        self.st.start(x0, &mut it.x);
         for v in [&mut it.y, &mut it.vl, &mut it.vu, &mut it.zl, &mut it.zu] {
             v.fill(0.0);
         }
@@ -334,7 +349,7 @@ impl MpccSolver {
 
     fn scale(&mut self, p: &mut dyn Mpcc, x0: &[f64]) {
         if self.settings.scaling {
-            self.st.scale(p, x0, &mut self.point);
+            self.st.scale(p, x0, &mut self.point[..x0.len()]);
         } else {
             self.st.scaling.reset();
         }
@@ -352,7 +367,7 @@ impl MpccSolver {
         &mut self,
         p: &mut dyn Mpcc,
         start: Start,
-        path: &mut dyn crate::nlp::Continuation,
+        path: &mut dyn Continuation,
         control: &mut Control,
         phase: u8,
     ) -> Outcome {
@@ -377,13 +392,15 @@ impl MpccSolver {
         let relaxed = Relaxed { inner: p, st: &mut self.st };
         self.solution.residuals = self.ipm.residuals(&relaxed);
         let (it, s) = (self.ipm.iterate(), &mut self.solution);
+        self.st.complete(&it.x, &mut s.residuals);
         s.outcome = outcome;
         s.polish = polish;
-        s.x.copy_from_slice(&it.x);
+        s.x.copy_from_slice(&it.x[..self.st.n]);
         let scaling = &self.st.scaling;
-        s.objective = self.ipm.objective() / scaling.objective;
-        for (i, y) in s.y.iter_mut().enumerate() {
-            *y = it.y[i] * scaling.rows[i];
+        s.objective = self.st.objective(self.ipm.objective(), &it.x);
+        self.st.row_multipliers(&it.y, &mut s.y);
+        for (y, scale) in s.y.iter_mut().zip(&scaling.rows) {
+            *y *= scale;
         }
         for j in 0..s.z.len() {
             s.z[j] = it.zl[j] - it.zu[j];
@@ -393,11 +410,7 @@ impl MpccSolver {
             // fixed members have no bound multiplier in the branch problem: it is the gradient that is left
             self.ipm.fixed_multipliers(&mut s.z);
         } else {
-            // (2.31): ν = z_a − y w_b, ξ = z_b − y w_a
-            for b in &self.st.bilinear {
-                s.z[b.a] -= it.y[b.row] * it.x[b.b];
-                s.z[b.b] -= it.y[b.row] * it.x[b.a];
-            }
+            self.st.pull_back(&it.x, &it.y, &mut s.z);
         }
         for v in s.y.iter_mut().chain(&mut s.z) {
             *v /= scaling.objective;

@@ -46,6 +46,10 @@ pub trait Nlp {
     fn objective_scale(&self) -> f64 {
         1.0
     }
+    /// Largest violation of the rows of the original problem that variables of this one stand for.
+    fn elastic(&self, _x: &[f64]) -> f64 {
+        0.0
+    }
     /// Rows that are products of two variables.
     fn bilinear(&self) -> &[Bilinear] {
         &[]

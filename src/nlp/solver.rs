@@ -80,6 +80,10 @@ pub struct Measures {
     pub rounding: f64,
     /// Length of the last primal step; 1 before the first.
     pub alpha: f64,
+    /// Largest smaller member of a pair.
+    pub pair_min: f64,
+    /// [`Nlp::elastic`].
+    pub elastic: f64,
 }
 
 /// What a [`Continuation`] answers.
@@ -547,6 +551,8 @@ impl Ipm {
             pair_product: self.pair_product(nlp),
             rounding: rounding(&self.jac, &self.v.jac, &self.it.x, &mut self.residual),
             alpha: self.info.alpha_pr,
+            pair_min: self.pair_min(nlp),
+            elastic: nlp.elastic(&self.it.x),
         }
     }
 
@@ -560,17 +566,20 @@ impl Ipm {
         nlp.bilinear().iter().map(|p| self.it.x[p.a] * self.it.x[p.b]).fold(0.0, f64::max)
     }
 
+    fn pair_min(&self, nlp: &dyn Nlp) -> f64 {
+        nlp.bilinear().iter().map(|p| self.it.x[p.a].min(self.it.x[p.b])).fold(0.0, f64::max)
+    }
+
     /// Unscaled residuals at the point reached.
     pub fn residuals(&mut self, nlp: &dyn Nlp) -> Residuals {
         lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
         let e = self.errors(0.0);
-        let pair_min = nlp.bilinear().iter().map(|p| self.it.x[p.a].min(self.it.x[p.b])).fold(0.0, f64::max);
         Residuals {
             primal: e.primal,
             dual: e.dual,
             complementarity: e.compl,
             pair_product: self.pair_product(nlp),
-            pair_min,
+            pair_min: self.pair_min(nlp),
         }
     }
 
@@ -757,9 +766,9 @@ impl Ipm {
         }
     }
 
-    /// Writes the multipliers of fixed variables into `z[n]`: what is left of the gradient of the Lagrangian.
+    /// Writes the multipliers of fixed variables into `z`, which may stop short of the last variables: what is left of the gradient of the Lagrangian.
     pub fn fixed_multipliers(&self, z: &mut [f64]) {
-        for j in (0..self.n).filter(|&j| self.shape.fixed[j]) {
+        for j in (0..z.len()).filter(|&j| self.shape.fixed[j]) {
             let rows = self.jac.range(j).map(|k| self.v.jac[k] * self.it.y[self.jac.row_idx()[k]]);
             z[j] = self.v.grad[j] + rows.sum::<f64>();
         }

@@ -4,6 +4,7 @@ mod linalg;
 mod model_eval;
 mod mpcc_textbook;
 mod oscillator;
+mod relaxations;
 mod sim;
 mod sliding_ocp;
 mod switching;
@@ -30,6 +31,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("mpcc-textbook", mpcc_textbook::run),
     ("linalg", linalg::run),
     ("model-eval", model_eval::run),
+    ("relaxations", relaxations::run),
 ];
 
 pub const BOTH: [Discretisation; 2] = [Discretisation::Fesd, Discretisation::Standard];

@@ -2,7 +2,7 @@
 //! Recorded problems with known answers join them where there is a folder with a list, `train.json`.
 
 #[path = "../../../tests/common/textbook/mod.rs"]
-mod textbook;
+pub(super) mod textbook;
 
 use super::short;
 use crate::json::{Object, Table};

@@ -115,6 +115,36 @@ class LogLevel(Names):
     TRACE = 5
 
 
+class Relaxation(Names):
+    """enum swb_relaxation"""
+
+    SCHOLTES = 0
+    SCHOLTES_EQ = 1
+    SCHOLTES_LUMPED = 2
+    LIN_FUKUSHIMA = 3
+    KADRANI = 4
+    STEFFENSEN_ULBRICH = 5
+    STEFFENSEN_ULBRICH_POLY = 6
+    KANZOW_SCHWARTZ = 7
+    FISCHER_BURMEISTER = 8
+    NATURAL_RESIDUAL = 9
+    CHEN_CHEN_KANZOW = 10
+    TWO_SIDED = 11
+    RAGHUNATHAN_BIEGLER = 12
+    L1_PENALTY = 13
+    LINF_PENALTY = 14
+    L1_ELASTIC = 15
+    ELASTIC = 16
+    DIRECT = 17
+
+
+class Homotopy(Names):
+    """enum swb_homotopy"""
+
+    COUPLED = 0
+    OUTER = 1
+
+
 class Kind(Names):
     """enum swb_kind"""
 
@@ -250,6 +280,9 @@ class swb_settings(Structure):
         ("log_level", c_int64),
         ("linear_solver", c_int64),
         ("ordering", c_int64),
+        ("relaxation", c_int64),
+        ("homotopy", c_int64),
+        ("penalty_init", c_double),
     ]
 
 

@@ -1,0 +1,190 @@
+//! Which sequence of barrier problems a strategy is solved by.
+//!
+//! Coupled: the ladder of [`Scholtes`] for relaxations; for penalties the rule of Leyffer, López-Calva and Nocedal
+//! (SIAM J. Optim. 17, 2006), which raises `ρ` while pairs, or elastic rows, stay more open than `μ^0.4`; `σ` a multiple of `μ` for
+//! Raghunathan and Biegler. Outer: every problem to the tolerance, from a larger barrier parameter again.
+
+use std::ops::Range;
+
+use super::homotopy::Scholtes;
+use super::relaxation::Sequence;
+use super::relaxed::Structure;
+use super::solver::MpccSettings;
+use crate::nlp::{Advance, Continuation, Level, Measures};
+use crate::settings::Homotopy;
+
+/// The rule of a strategy.
+#[derive(Debug, Clone)]
+pub(super) enum Path {
+    Coupled(Scholtes),
+    Rule(Rule),
+}
+
+impl Path {
+    /// From the first problem to the relaxation, or the barrier problem, `end`.
+    pub fn new(s: MpccSettings, st: &Structure, end: f64) -> Path {
+        let sequence = st.strategy().sequence();
+        let sigma = match sequence {
+            Sequence::Relaxation => s.sigma_init,
+            Sequence::Penalty => 1.0 / s.penalty_init,
+            Sequence::Barrier(chi) => chi * s.mu_init,
+        };
+        match (sequence, s.homotopy) {
+            (Sequence::Relaxation, Homotopy::Coupled) => Path::Coupled(Scholtes::new(s, st.sigma_rows(), end)),
+            _ => Path::Rule(Rule::new(s, st, Level { mu: s.mu_init, sigma }, end)),
+        }
+    }
+
+    /// Goes on from `level`.
+    pub fn resume(s: MpccSettings, st: &Structure, level: Level, end: f64) -> Path {
+        match (st.strategy().sequence(), s.homotopy) {
+            (Sequence::Relaxation, Homotopy::Coupled) => {
+                Path::Coupled(Scholtes::resume(s, st.sigma_rows(), level, end))
+            }
+            _ => Path::Rule(Rule::new(s, st, level, end)),
+        }
+    }
+
+    fn rule(&mut self) -> &mut dyn Continuation {
+        match self {
+            Path::Coupled(p) => p,
+            Path::Rule(p) => p,
+        }
+    }
+}
+
+impl Continuation for Path {
+    fn start(&mut self) -> Level {
+        self.rule().start()
+    }
+    fn advance(&mut self, m: &Measures) -> Advance {
+        self.rule().advance(m)
+    }
+    fn jammed(&mut self, m: &Measures) -> Option<Level> {
+        self.rule().jammed(m)
+    }
+    fn relaxed_rows(&self) -> Range<usize> {
+        match self {
+            Path::Coupled(p) => p.relaxed_rows(),
+            Path::Rule(p) => p.rows.clone(),
+        }
+    }
+}
+
+/// Share of the barrier parameter's exponent the pairs may stay open by (Leyffer et al., section 4).
+const GAMMA: f64 = 0.4;
+/// A complementarity that has not fallen by this share over the history is not falling.
+const FALLS: f64 = 0.99;
+/// A complementarity that has grown by this factor is unbounded.
+const GROWS: f64 = 1e3;
+const HISTORY: usize = 10;
+/// Factor of the penalty parameter, and the inverse of its largest value.
+const RHO_FACTOR: f64 = 10.0;
+const SIGMA_OF_RHO_MAX: f64 = 1e-8;
+/// Iterations after which an almost feasible problem counts as solved.
+const PROBLEM_ITERATIONS: usize = 100;
+
+/// Barrier problems whose `σ` does not follow the ladder.
+#[derive(Debug, Clone)]
+pub(super) struct Rule {
+    settings: MpccSettings,
+    sequence: Sequence,
+    rows: Range<usize>,
+    start: Level,
+    end: f64,
+    /// Iterations on the present barrier problem.
+    stays: usize,
+    /// Products of the last iterations, newest first.
+    history: [f64; HISTORY],
+}
+
+impl Rule {
+    fn new(settings: MpccSettings, st: &Structure, start: Level, end: f64) -> Rule {
+        let sequence = st.strategy().sequence();
+        Rule { settings, sequence, rows: st.sigma_rows(), start, end, stays: 0, history: [f64::INFINITY; HISTORY] }
+    }
+
+    fn floor(&self) -> f64 {
+        let s = &self.settings;
+        0.1 * if s.homotopy == Homotopy::Coupled { s.tol.max(self.end) } else { s.tol }
+    }
+
+    /// The next barrier problem of the same relaxation.
+    fn lower(&mut self, level: Level) -> Advance {
+        self.stays = 0;
+        let mu = (0.2 * level.mu).min(level.mu.powf(1.5)).max(self.floor());
+        let sigma = match self.sequence {
+            Sequence::Barrier(chi) => chi * mu,
+            _ => level.sigma,
+        };
+        Advance::To(Level { mu, sigma })
+    }
+
+    /// The next relaxation; `None` after the last. `open`: do the pairs ask for it?
+    fn tighten(&mut self, level: Level, open: bool) -> Option<Level> {
+        let s = &self.settings;
+        let sigma = match self.sequence {
+            Sequence::Relaxation if level.sigma > self.end => (s.sigma_factor * level.sigma).max(self.end),
+            Sequence::Penalty if open && level.sigma > SIGMA_OF_RHO_MAX => level.sigma / RHO_FACTOR,
+            _ => return None,
+        };
+        self.stays = 0;
+        self.history.fill(f64::INFINITY);
+        let mu = match (s.homotopy, self.sequence) {
+            (Homotopy::Coupled, _) => level.mu,
+            (Homotopy::Outer, Sequence::Relaxation) => s.mu_init.min(sigma * s.mu_over_sigma),
+            (Homotopy::Outer, _) => s.mu_init,
+        };
+        Some(Level { mu, sigma })
+    }
+
+    /// Does the product of the pairs say that this penalty is too small? Coupled: it is no longer falling. Outer, where
+    /// every problem is to be solved: it has grown as where there is no solution.
+    fn too_weak(&mut self, product: f64) -> bool {
+        let (smallest, largest) = self.history.iter().fold((f64::INFINITY, 0f64), |a, v| (a.0.min(*v), a.1.max(*v)));
+        self.history.rotate_right(1);
+        self.history[0] = product;
+        match self.settings.homotopy {
+            Homotopy::Coupled => largest.is_finite() && product > FALLS * largest,
+            Homotopy::Outer => product > GROWS * smallest.max(1.0),
+        }
+    }
+}
+
+impl Continuation for Rule {
+    fn start(&mut self) -> Level {
+        self.start
+    }
+
+    fn advance(&mut self, m: &Measures) -> Advance {
+        let Level { mu, .. } = m.level;
+        let floor = self.floor();
+        let mut open = m.pair_min.max(m.elastic) > mu.powf(GAMMA);
+        let coupled = self.settings.homotopy == Homotopy::Coupled;
+        self.stays += 1;
+        let stuck = self.stays > PROBLEM_ITERATIONS && m.primal <= 1e-4;
+        let penalty = self.sequence == Sequence::Penalty;
+        if m.error > 10.0 * mu && !stuck {
+            if penalty && open && self.too_weak(m.pair_product) {
+                return self.tighten(m.level, open).map_or(Advance::Stay, Advance::To);
+            }
+            return Advance::Stay;
+        }
+        if penalty && coupled && open {
+            return self.tighten(m.level, open).map_or(Advance::GiveUp, Advance::To);
+        }
+        if mu > floor {
+            return self.lower(m.level);
+        }
+        let tol = 10.0 * floor;
+        if !stuck && (m.error0 > tol || m.primal > tol) {
+            return Advance::Stay;
+        }
+        open |= m.pair_product.max(m.elastic) > 10.0 * self.settings.tol.max(self.end);
+        match self.tighten(m.level, open) {
+            Some(level) => Advance::To(level),
+            None if stuck || (open && penalty) => Advance::GiveUp,
+            None => Advance::Done,
+        }
+    }
+}
