@@ -397,120 +397,6 @@ typedef int64_t swb_log_level;
 #endif // __cplusplus
 
 /**
- * What stands for the complementarity constraints until the active set is identified (relaxation).
- */
-enum swb_relaxation
-#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
-  : int64_t
-#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
- {
-    /**
-     * Products at most sigma.
-     */
-    SWB_RELAXATION_SCHOLTES = 0,
-    /**
-     * Products equal to sigma.
-     */
-    SWB_RELAXATION_SCHOLTES_EQ = 1,
-    /**
-     * Sums of products at most sigma: one row per group, or one in all where pairs form no groups.
-     */
-    SWB_RELAXATION_SCHOLTES_LUMPED = 2,
-    /**
-     * Products at most sigma, and products of the members shifted by sqrt(sigma) at least sigma.
-     */
-    SWB_RELAXATION_LIN_FUKUSHIMA = 3,
-    /**
-     * Members at least -sqrt(sigma), products of the members less sqrt(sigma) not positive.
-     */
-    SWB_RELAXATION_KADRANI = 4,
-    /**
-     * The corner of the feasible set rounded by a sine.
-     */
-    SWB_RELAXATION_STEFFENSEN_ULBRICH = 5,
-    /**
-     * The corner of the feasible set rounded by a polynomial.
-     */
-    SWB_RELAXATION_STEFFENSEN_ULBRICH_POLY = 6,
-    /**
-     * One of the members at most sqrt(sigma).
-     */
-    SWB_RELAXATION_KANZOW_SCHWARTZ = 7,
-    /**
-     * Smoothed function of Fischer and Burmeister equal to zero.
-     */
-    SWB_RELAXATION_FISCHER_BURMEISTER = 8,
-    /**
-     * Smoothed minimum of the members equal to zero.
-     */
-    SWB_RELAXATION_NATURAL_RESIDUAL = 9,
-    /**
-     * Smoothed function of Chen, Chen and Kanzow equal to zero.
-     */
-    SWB_RELAXATION_CHEN_CHEN_KANZOW = 10,
-    /**
-     * Bounds and products relaxed pair by pair, tightened by the signs of the multipliers.
-     */
-    SWB_RELAXATION_TWO_SIDED = 11,
-    /**
-     * Products at most the barrier parameter.
-     */
-    SWB_RELAXATION_RAGHUNATHAN_BIEGLER = 12,
-    /**
-     * Sum of the products in the objective.
-     */
-    SWB_RELAXATION_L1_PENALTY = 13,
-    /**
-     * Largest product in the objective.
-     */
-    SWB_RELAXATION_LINF_PENALTY = 14,
-    /**
-     * Products at most an elastic variable each, whose sum is in the objective.
-     */
-    SWB_RELAXATION_L1_ELASTIC = 15,
-    /**
-     * Products in the objective, ordinary rows relaxed by one elastic variable.
-     */
-    SWB_RELAXATION_ELASTIC = 16,
-    /**
-     * Products at most zero.
-     */
-    SWB_RELAXATION_DIRECT = 17,
-};
-#ifndef __cplusplus
-#if __STDC_VERSION__ >= 202311L
-typedef enum swb_relaxation swb_relaxation;
-#else
-typedef int64_t swb_relaxation;
-#endif // __STDC_VERSION__ >= 202311L
-#endif // __cplusplus
-
-/**
- * How relaxation or penalty and barrier parameter change together (homotopy).
- */
-enum swb_homotopy
-#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
-  : int64_t
-#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
- {
-    /**
-     * Together, every problem solved loosely.
-     */
-    SWB_HOMOTOPY_COUPLED = 0,
-    /**
-     * Every problem solved to the tolerance, from a larger barrier parameter again.
-     */
-    SWB_HOMOTOPY_OUTER = 1,
-};
-#ifndef __cplusplus
-#if __STDC_VERSION__ >= 202311L
-typedef enum swb_homotopy swb_homotopy;
-#else
-typedef int64_t swb_homotopy;
-#endif // __STDC_VERSION__ >= 202311L
-#endif // __cplusplus
-
-/**
  * Kind of an option.
  */
 enum swb_kind
@@ -881,6 +767,120 @@ enum swb_table
 typedef enum swb_table swb_table;
 #else
 typedef int32_t swb_table;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What stands for the complementarity constraints until the active set is identified (relaxation).
+ */
+enum swb_relaxation
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Products at most sigma.
+     */
+    SWB_RELAXATION_SCHOLTES = 0,
+    /**
+     * Products equal to sigma.
+     */
+    SWB_RELAXATION_SCHOLTES_EQ = 1,
+    /**
+     * Sums of products at most sigma: one row per group, or one in all where pairs form no groups.
+     */
+    SWB_RELAXATION_SCHOLTES_LUMPED = 2,
+    /**
+     * Products at most sigma, and products of the members shifted by sqrt(sigma) at least sigma.
+     */
+    SWB_RELAXATION_LIN_FUKUSHIMA = 3,
+    /**
+     * Members at least -sqrt(sigma), products of the members less sqrt(sigma) not positive.
+     */
+    SWB_RELAXATION_KADRANI = 4,
+    /**
+     * The corner of the feasible set rounded by a sine.
+     */
+    SWB_RELAXATION_STEFFENSEN_ULBRICH = 5,
+    /**
+     * The corner of the feasible set rounded by a polynomial.
+     */
+    SWB_RELAXATION_STEFFENSEN_ULBRICH_POLY = 6,
+    /**
+     * One of the members at most sqrt(sigma).
+     */
+    SWB_RELAXATION_KANZOW_SCHWARTZ = 7,
+    /**
+     * Smoothed function of Fischer and Burmeister equal to zero.
+     */
+    SWB_RELAXATION_FISCHER_BURMEISTER = 8,
+    /**
+     * Smoothed minimum of the members equal to zero.
+     */
+    SWB_RELAXATION_NATURAL_RESIDUAL = 9,
+    /**
+     * Smoothed function of Chen, Chen and Kanzow equal to zero.
+     */
+    SWB_RELAXATION_CHEN_CHEN_KANZOW = 10,
+    /**
+     * Bounds and products relaxed pair by pair, tightened by the signs of the multipliers.
+     */
+    SWB_RELAXATION_TWO_SIDED = 11,
+    /**
+     * Products at most the barrier parameter.
+     */
+    SWB_RELAXATION_RAGHUNATHAN_BIEGLER = 12,
+    /**
+     * Sum of the products in the objective.
+     */
+    SWB_RELAXATION_L1_PENALTY = 13,
+    /**
+     * Largest product in the objective.
+     */
+    SWB_RELAXATION_LINF_PENALTY = 14,
+    /**
+     * Products at most an elastic variable each, whose sum is in the objective.
+     */
+    SWB_RELAXATION_L1_ELASTIC = 15,
+    /**
+     * Products in the objective, ordinary rows relaxed by one elastic variable.
+     */
+    SWB_RELAXATION_ELASTIC = 16,
+    /**
+     * Products at most zero.
+     */
+    SWB_RELAXATION_DIRECT = 17,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_relaxation swb_relaxation;
+#else
+typedef int64_t swb_relaxation;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * How relaxation or penalty and barrier parameter change together (homotopy).
+ */
+enum swb_homotopy
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Together, every problem solved loosely.
+     */
+    SWB_HOMOTOPY_COUPLED = 0,
+    /**
+     * Every problem solved to the tolerance, from a larger barrier parameter again.
+     */
+    SWB_HOMOTOPY_OUTER = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_homotopy swb_homotopy;
+#else
+typedef int64_t swb_homotopy;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 

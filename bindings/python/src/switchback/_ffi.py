@@ -115,36 +115,6 @@ class LogLevel(Names):
     TRACE = 5
 
 
-class Relaxation(Names):
-    """enum swb_relaxation"""
-
-    SCHOLTES = 0
-    SCHOLTES_EQ = 1
-    SCHOLTES_LUMPED = 2
-    LIN_FUKUSHIMA = 3
-    KADRANI = 4
-    STEFFENSEN_ULBRICH = 5
-    STEFFENSEN_ULBRICH_POLY = 6
-    KANZOW_SCHWARTZ = 7
-    FISCHER_BURMEISTER = 8
-    NATURAL_RESIDUAL = 9
-    CHEN_CHEN_KANZOW = 10
-    TWO_SIDED = 11
-    RAGHUNATHAN_BIEGLER = 12
-    L1_PENALTY = 13
-    LINF_PENALTY = 14
-    L1_ELASTIC = 15
-    ELASTIC = 16
-    DIRECT = 17
-
-
-class Homotopy(Names):
-    """enum swb_homotopy"""
-
-    COUPLED = 0
-    OUTER = 1
-
-
 class Kind(Names):
     """enum swb_kind"""
 
@@ -242,6 +212,36 @@ class Table(Names):
     STEPS = 0
     LINES = 1
     SPLINE = 2
+
+
+class Relaxation(Names):
+    """enum swb_relaxation"""
+
+    SCHOLTES = 0
+    SCHOLTES_EQ = 1
+    SCHOLTES_LUMPED = 2
+    LIN_FUKUSHIMA = 3
+    KADRANI = 4
+    STEFFENSEN_ULBRICH = 5
+    STEFFENSEN_ULBRICH_POLY = 6
+    KANZOW_SCHWARTZ = 7
+    FISCHER_BURMEISTER = 8
+    NATURAL_RESIDUAL = 9
+    CHEN_CHEN_KANZOW = 10
+    TWO_SIDED = 11
+    RAGHUNATHAN_BIEGLER = 12
+    L1_PENALTY = 13
+    LINF_PENALTY = 14
+    L1_ELASTIC = 15
+    ELASTIC = 16
+    DIRECT = 17
+
+
+class Homotopy(Names):
+    """enum swb_homotopy"""
+
+    COUPLED = 0
+    OUTER = 1
 
 
 class Member(Names):
