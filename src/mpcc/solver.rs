@@ -301,8 +301,12 @@ impl MpccSolver {
             }
             p.set_polishing(false);
         } else {
-            self.follow(p, bounds, x0, control, suggest);
+            let centre = s.centre_pairs && !p.start_is_informed();
+            self.follow(p, bounds, x0, centre, control, suggest);
             self.look_for_feasibility(p, bounds, control, suggest);
+            if centre && matches!(self.solution.outcome, Outcome::Stalled | Outcome::Infeasible) {
+                self.start_again(p, bounds, x0, control, suggest);
+            }
         }
         self.explain(p, bounds);
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
@@ -359,10 +363,38 @@ impl MpccSolver {
         }
     }
 
+    /// The path once more, from the pairs as they were given. An answer of before stays where this one is none.
+    fn start_again(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        control: &mut Control,
+        suggest: Suggest,
+    ) {
+        let before = self.solution.outcome;
+        self.solution.polish = Polish::None;
+        self.follow(p, bounds, x0, false, control, suggest);
+        if before == Outcome::Infeasible && self.solution.outcome == Outcome::Stalled {
+            self.solution.outcome = before;
+        } else {
+            self.look_for_feasibility(p, bounds, control, suggest);
+        }
+    }
+
     /// The path of relaxed problems, with a look at the active set on the way.
-    fn follow(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
+    fn follow(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        centre: bool,
+        control: &mut Control,
+        suggest: Suggest,
+    ) {
         let s = self.settings;
         let rows = self.st.m..self.st.m + self.st.bilinear.len();
+        let mut begun = false;
         let mut stops = [EARLY_POLISH, FIRST_POLISH, s.sigma_min];
         if !s.early_polish {
             stops[0] = FIRST_POLISH;
@@ -375,12 +407,13 @@ impl MpccSolver {
             if !last && stops[k + 1] == stops[k] {
                 continue;
             }
-            let outcome = if k == 0 || self.solution.stats.iterations == 0 {
+            let outcome = if k == 0 || !begun {
+                begun = true;
                 let mut path = Scholtes::new(s, rows.clone(), stops[k]);
                 self.st.bounds(bounds, s.sigma_init, &mut self.bounds);
                 let mut start = std::mem::take(&mut self.point);
                 start.copy_from_slice(x0);
-                if s.centre_pairs && !p.start_is_informed() {
+                if centre {
                     for b in &self.st.bilinear {
                         for j in [b.a, b.b] {
                             start[j] = (0.5 * s.sigma_init.sqrt()).min(bounds.xu[j]);
@@ -472,6 +505,7 @@ impl MpccSolver {
         let settings = self.ipm.settings_mut();
         let left = self.settings.max_iter.saturating_sub(used);
         settings.max_iter = if phase == b'p' { left.min(BRANCH_ITERATIONS) } else { left };
+        settings.first_iteration = used;
         settings.convexify_pairs = self.settings.convexify_pairs;
         settings.max_soc = self.settings.max_soc;
         settings.restore_tiny = self.settings.restore_tiny;

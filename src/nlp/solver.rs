@@ -31,6 +31,8 @@ pub struct IpmSettings {
     pub restoration: bool,
     /// Growth of the violation over that at the start of a level, up to which trial points are accepted.
     pub theta_room: f64,
+    /// Number of the first iteration in the log.
+    pub first_iteration: usize,
     /// Limit product multipliers pair by pair before the whole Hessian is perturbed?
     pub convexify_pairs: bool,
     /// Restore feasibility after a row of tiny steps?
@@ -50,6 +52,7 @@ impl Default for IpmSettings {
             y_init_max: 1e3,
             restoration: true,
             theta_room: 1e4,
+            first_iteration: 0,
             convexify_pairs: true,
             restore_tiny: true,
             linear_solver: LinearSolver::Auto,
@@ -439,7 +442,6 @@ impl Ipm {
                 }
             }
             self.stats.iterations += 1;
-            self.info.iter = self.stats.iterations;
             self.stats.max_delta_w = self.stats.max_delta_w.max(self.system.delta_w);
         }
     }
@@ -587,7 +589,7 @@ impl Ipm {
 
     fn fill_info(&mut self, nlp: &dyn Nlp, m: &Measures) {
         let i = &mut self.info;
-        i.iter = self.stats.iterations;
+        i.iter = self.settings.first_iteration + self.stats.iterations;
         i.objective = self.v.f / nlp.objective_scale();
         i.inf_pr = m.primal;
         i.inf_du = m.dual;
@@ -736,7 +738,7 @@ impl Ipm {
         self.stats.factorisations += cost.factorisations;
         self.stats.evaluations += cost.evaluations;
         self.it.x.copy_from_slice(resto.x());
-        let elastic = resto.y().to_vec();
+        self.trial.y.copy_from_slice(resto.y());
         self.resto = Some(resto);
         if !self.evaluate(nlp) || !self.differentiate(nlp) {
             return Some(Outcome::Failed);
@@ -764,7 +766,7 @@ impl Ipm {
         match outcome {
             Outcome::Solved if self.max_violation() > 1e-8 => {
                 // the multipliers of the least violation say which rows conflict
-                self.it.y.copy_from_slice(&elastic);
+                self.it.y.copy_from_slice(&self.trial.y);
                 Some(Outcome::Infeasible)
             }
             Outcome::Solved => None,
