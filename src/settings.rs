@@ -113,6 +113,16 @@ pub enum Ordering {
     Natural = 1,
 }
 
+/// An ingredient of a method that can be left out.
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Switch {
+    /// Without it.
+    Off = 0,
+    /// With it.
+    On = 1,
+}
+
 /// What stands for the complementarity constraints until the active set is identified (relaxation).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -208,6 +218,7 @@ value_names!(StageForm { Auto = "auto", Values = "values", Derivatives = "deriva
 value_names!(Cross { Element = "element", Stage = "stage", Full = "full" });
 value_names!(StepEquilibration { None = "none", Mean = "mean", Difference = "difference", EtaProduct = "eta_product" });
 value_names!(Polish { Off = "off", On = "on" });
+value_names!(Switch { Off = "off", On = "on" });
 value_names!(InitialGuess { Constant = "constant", Simulation = "simulation" });
 value_names!(LinearSolver { Auto = "auto", Suitesparse = "suitesparse", Faer = "faer" });
 value_names!(Ordering { Amd = "amd", Natural = "natural" });
@@ -304,6 +315,24 @@ pub struct Settings {
     pub linear_solver: i64,
     /// Order of elimination in the Newton matrices (enum ordering).
     pub ordering: i64,
+    /// Scale objective and rows by their gradients at the starting point (enum switch).
+    pub scaling: i64,
+    /// Start the pairs of a program on the central path, wherever the starting point has them (enum switch).
+    pub centre_pairs: i64,
+    /// Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum switch).
+    pub convexify_pairs: i64,
+    /// Try an active set that leaves no doubt before the relaxation is small (enum switch).
+    pub early_polish: i64,
+    /// Solve the square system of the active set by Newton's method (enum switch).
+    pub square_newton: i64,
+    /// Certify exact points, and follow descents from those that are not B-stationary (enum switch).
+    pub certify: i64,
+    /// Rungs of the relaxation that may be taken back when the next one is too far.
+    pub sigma_retries: i64,
+    /// Second-order corrections of a step.
+    pub max_soc: i64,
+    /// Restore feasibility after a row of tiny steps (enum switch).
+    pub restore_tiny: i64,
     /// What stands for the complementarity constraints until the active set is identified (enum relaxation).
     pub relaxation: i64,
     /// How relaxation or penalty and barrier parameter change together (enum homotopy).
@@ -486,6 +515,24 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Factorisation of the Newton matrices (enum linear_solver)."),
     row!(ordering: Enum(Ordering::Amd), "", SETUP,
         "Order of elimination in the Newton matrices (enum ordering)."),
+    row!(scaling: Enum(Switch::On), "", FREE,
+        "Scale objective and rows by their gradients at the starting point (enum switch)."),
+    row!(centre_pairs: Enum(Switch::On), "", FREE,
+        "Start the pairs of a program on the central path, wherever the starting point has them (enum switch)."),
+    row!(convexify_pairs: Enum(Switch::On), "", FREE,
+        "Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum switch)."),
+    row!(early_polish: Enum(Switch::On), "", FREE,
+        "Try an active set that leaves no doubt before the relaxation is small (enum switch)."),
+    row!(square_newton: Enum(Switch::On), "", FREE,
+        "Solve the square system of the active set by Newton's method (enum switch)."),
+    row!(certify: Enum(Switch::On), "", FREE,
+        "Certify exact points, and follow descents from those that are not B-stationary (enum switch)."),
+    row!(sigma_retries: Int(4, Closed(0.0), Closed(100.0)), "", FREE,
+        "Rungs of the relaxation that may be taken back when the next one is too far."),
+    row!(max_soc: Int(4, Closed(0.0), Closed(100.0)), "", FREE,
+        "Second-order corrections of a step."),
+    row!(restore_tiny: Enum(Switch::On), "", FREE,
+        "Restore feasibility after a row of tiny steps (enum switch)."),
     row!(relaxation: Enum(Relaxation::Scholtes), "", SETUP,
         "What stands for the complementarity constraints until the active set is identified (enum relaxation)."),
     row!(homotopy: Enum(Homotopy::Coupled), "", FREE,
@@ -648,6 +695,15 @@ impl Default for Settings {
             log_level: 0,
             linear_solver: 0,
             ordering: 0,
+            scaling: 0,
+            centre_pairs: 0,
+            convexify_pairs: 0,
+            early_polish: 0,
+            square_newton: 0,
+            certify: 0,
+            sigma_retries: 0,
+            max_soc: 0,
+            restore_tiny: 0,
             relaxation: 0,
             homotopy: 0,
             penalty_init: 0.0,

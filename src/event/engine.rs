@@ -90,6 +90,7 @@ pub struct Engine {
     dq0: Vec<f64>,
     dq1: Vec<f64>,
     zero: Vec<bool>,
+    set: Vec<usize>,
     weights: Vec<f64>,
     node: Vec<f64>,
     t: f64,
@@ -162,6 +163,7 @@ impl Engine {
             dq0: vec![0.0; n_q * n_z],
             dq1: vec![0.0; n_q * n_z],
             zero: vec![false; n_q],
+            set: Vec::with_capacity(2),
             weights: vec![0.0; nx],
             node: vec![0.0; nx],
             t: 0.0,
@@ -449,10 +451,8 @@ impl Engine {
 
     fn set_weights(&mut self, with_end: bool) {
         for (i, w) in self.weights.iter_mut().enumerate() {
-            let mut size = self.step.x0[i].abs();
-            if with_end {
-                size = size.max(self.step.x1[i].abs());
-            }
+            let other = if with_end { self.step.x1[i] } else { self.step.h * self.step.f0[i] };
+            let size = self.step.x0[i].abs().max(other.abs());
             *w = 1.0 / (self.atol[i] + self.rtol[i] * size).max(f64::MIN_POSITIVE);
         }
     }
@@ -507,10 +507,12 @@ impl Engine {
             let safe = 0.9 * (2.0 * n + 1.0) / (2.0 * n + self.radau.last_newton as f64);
             (safe * err.max(1e-8).powf(-0.25)).clamp(0.2, 8.0)
         } else {
-            let order = self.pair.order();
-            let (beta, most) = if self.pair == Pair::Dp5 { (0.04, 10.0) } else { (0.02, 6.0) };
-            let exponent = 1.0 / order - 0.75 * beta;
-            (0.9 * err.max(1e-10).powf(-exponent) * self.err_before.powf(beta)).clamp(0.333, most)
+            // proportional-integral control, which the pair of order 8 does without
+            let (factor, most) = match self.pair {
+                Pair::Dp5 => (err.max(1e-10).powf(-0.17) * self.err_before.powf(0.04), 10.0),
+                Pair::Dop853 => (1.0 / err.max(1e-10).sqrt().sqrt().sqrt(), 6.0),
+            };
+            (0.9 * factor).clamp(0.333, most)
         };
         let h = self.step.h * if rejected { factor.min(1.0) } else { factor };
         // the last step before a stop may have been short for that reason alone
@@ -548,22 +550,19 @@ impl Engine {
             self.dq1.copy_from_slice(&self.field.dq);
         }
         self.coarse = 0.0;
-        let e = self.resolution()?;
+        let e = self.screen()?;
         if e > 1.0 {
             return Ok(Found::Coarse(e));
         }
         // the growth of the step is chosen by an error of order four
-        self.coarse = if self.implicit { e } else { e.powf(0.25 * self.pair.order()) };
-        let mut any = false;
-        let mut leaves = false;
-        for l in 0..self.watches.len() {
-            let w = self.watches[l];
-            self.w1[l] = w.value(&self.q1, &self.field);
-            let s = self.is_suspect(l);
-            self.suspect[l] = s;
-            any |= s;
-            leaves |= s && w.is_leave();
-        }
+        self.coarse = match self.pair {
+            _ if self.implicit => e,
+            Pair::Dp5 => e * e.sqrt().sqrt(),
+            Pair::Dop853 => e * e,
+        };
+        let n = self.watches.len();
+        let any = self.suspect[..n].contains(&true);
+        let leaves = self.watches.iter().zip(&self.suspect).any(|(w, s)| *s && w.is_leave());
         if !any {
             return Ok(Found::Nothing);
         }
@@ -611,35 +610,58 @@ impl Engine {
         Ok(best)
     }
 
-    /// How well the step resolves what is watched, which the error of the state says nothing about: `sin 20 x` may go
-    /// round while `x` is a straight line, and the weights of a sliding mode may oscillate while the state rests. The
+    /// Looks at every watched function from the ends of the step and its stages: might it vanish in between? And how
+    /// well does the step resolve it, which the error of the state says nothing about: `sin 20 x` may go round while
+    /// `x` is a straight line, and the weights of a sliding mode may oscillate while the state rests. Returns the
     /// error of a cubic interpolation in the middle of the step, relative to a tenth of the size.
-    fn resolution(&mut self) -> std::result::Result<f64, EvalError> {
+    fn screen(&mut self) -> std::result::Result<f64, EvalError> {
         const FRACTION: f64 = 0.1;
         let (h, t, n_z, nx) = (self.step.h, self.step.t, self.field.n_z, self.nx);
         let mut worst = 0.0f64;
-        let curved = !self.field.constant_gradients();
-        if curved {
+        let n_alg = self.field.n_alg();
+        self.alpha_end.clear();
+        self.alpha_end.extend_from_slice(&self.field.alpha[..n_alg]);
+        if !self.field.constant_gradients() {
             let s = &self.step;
-            for i in 0..nx {
-                self.node[i] = 0.5 * (s.x0[i] + s.x1[i]) + 0.125 * h * (s.f0[i] - s.f1[i]);
+            for (i, m) in self.node.iter_mut().enumerate() {
+                *m = 0.5 * (s.x0[i] + s.x1[i]) + 0.125 * h * (s.f0[i] - s.f1[i]);
             }
             self.field.indicators(t + 0.5 * h, &self.node)?;
-            for (l, w) in self.watches.iter().enumerate().filter(|w| !w.1.is_leave()) {
-                let v = w.value(&self.field.q, &self.field);
-                let (a, b) = (self.w0[l], w.value(&self.q1, &self.field));
-                let r0 = w.rate(&self.dq0, n_z, |j| self.step.f0[j], nx);
-                let r1 = w.rate(&self.dq1, n_z, |j| self.step.f1[j], nx);
-                let cubic = 0.5 * (a + b) + 0.125 * h * (r0 - r1);
-                let size = a.abs().max(b.abs()).max(v.abs());
-                let near = 1e3 * EPS * w.scale(&self.dq1, n_z, t, &self.step.x1).0;
-                worst = worst.max((v - cubic).abs() / (FRACTION * size + near));
-            }
         }
-        let n_alg = self.field.n_alg();
+        for l in 0..self.watches.len() {
+            let w = self.watches[l];
+            let (w0, depart) = (self.w0[l], self.depart[l]);
+            let w1 = w.value(&self.q1, &self.field);
+            self.w1[l] = w1;
+            let certain = w1.is_nan() || w1 <= 0.0 || depart == 2;
+            self.suspect[l] = match w {
+                Watch::Leave { cell, .. } => certain || depart > 0 || self.weight_falls(cell, w0, w1),
+                Watch::Enter { sub, .. } if self.field.subs[sub].affine => certain || self.nears(&w, w0, w1, depart),
+                Watch::Enter { .. } => {
+                    let v = w.value(&self.field.q, &self.field);
+                    let r0 = w.rate(&self.dq0, n_z, &self.step.f0);
+                    let r1 = w.rate(&self.dq1, n_z, &self.step.f1);
+                    let error = (v - 0.5 * (w0 + w1) - 0.125 * h * (r0 - r1)).abs();
+                    let size = FRACTION * w0.abs().max(w1.abs()).max(v.abs());
+                    if error > size {
+                        let near = 1e3 * EPS * w.scale(&self.dq1, n_z, t, &self.step.x1).0;
+                        worst = worst.max(error / (size + near));
+                    } else if size > 0.0 {
+                        worst = worst.max(error / size);
+                    }
+                    // Bernstein coefficients of the cubic, its zero at the start divided out
+                    let (b1, b2) = (w0 + h * r0 / 3.0, w1 - h * r1 / 3.0);
+                    let (lo, hi) = if depart > 0 {
+                        let (c0, c1) = (3.0 * b1, 1.5 * b2);
+                        (c0.min(c1).min(w1), c0.max(c1).max(w1))
+                    } else {
+                        (w0.min(b1).min(b2).min(w1), w0.max(b1).max(b2).max(w1))
+                    };
+                    certain || lo <= 8.0 * error + 0.1 * (hi - lo)
+                }
+            };
+        }
         if n_alg > 0 {
-            self.alpha_end.clear();
-            self.alpha_end.extend_from_slice(&self.field.alpha[..n_alg]);
             self.write_dense()?;
             self.step.at(0.5, &mut self.node);
             self.field.hidden(t + 0.5 * h, &self.node)?;
@@ -652,37 +674,25 @@ impl Engine {
         Ok(if worst.is_finite() { worst } else { 2.0 })
     }
 
-    /// Might this function vanish in the step? Bounds from its rates at the stages, with a margin for what lies
-    /// between them.
-    fn is_suspect(&self, l: usize) -> bool {
-        let (w0, w1, depart) = (self.w0[l], self.w1[l], self.depart[l]);
-        if w1.is_nan() || w1 <= 0.0 || depart == 2 {
-            return true;
+    /// Might the weight of a cell vanish in the step, to judge by its values at the stages?
+    fn weight_falls(&self, cell: usize, w0: f64, w1: f64) -> bool {
+        let (mut lo, mut hi) = (w0.min(w1), w0.max(w1));
+        for z in &self.radau.z {
+            let th = self.field.theta_in(&z[self.nx..], cell);
+            lo = lo.min(th);
+            hi = hi.max(th);
         }
-        let w = self.watches[l];
-        if let Watch::Leave { cell, .. } = w {
-            if depart > 0 {
-                return true;
-            }
-            let (mut lo, mut hi) = (w0.min(w1), w0.max(w1));
-            for z in &self.radau.z {
-                let th = self.field.theta_in(&z[self.nx..], cell);
-                lo = lo.min(th);
-                hi = hi.max(th);
-            }
-            return lo <= 0.5 * (hi - lo) + 1e-3 * hi;
-        }
+        lo <= 0.5 * (hi - lo) + 1e-3 * hi
+    }
+
+    /// Might a function with a constant gradient vanish in the step, to judge by its rates at the stages, with a
+    /// margin for what lies between them?
+    fn nears(&self, w: &Watch, w0: f64, w1: f64, depart: u8) -> bool {
+        let rates = w.rates(&self.dq0, self.field.n_z, &self.step.k);
         let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-        let mut note = |dq: &[f64]| {
-            for i in 0..self.step.n_k {
-                let r = w.rate(dq, self.field.n_z, |j| self.step.k[j][i], self.nx);
-                lo = lo.min(r);
-                hi = hi.max(r);
-            }
-        };
-        note(&self.dq0);
-        if !self.field.constant_gradients() {
-            note(&self.dq1);
+        for r in &rates[..self.step.n_k] {
+            lo = lo.min(*r);
+            hi = hi.max(*r);
         }
         let spread = 0.25 * (hi - lo);
         if lo > spread {
@@ -692,11 +702,8 @@ impl Engine {
         if depart > 0 || w0 <= 0.0 {
             return true;
         }
-        if hi < -spread {
-            // it falls throughout, and does not reach zero
-            return false;
-        }
-        w0.min(w1) <= self.step.h * hi.abs().max(lo.abs())
+        // it falls throughout and does not reach zero, or is far from it
+        hi >= -spread && w0.min(w1) <= self.step.h * hi.abs().max(lo.abs())
     }
 
     /// Repeats the step with the length that makes the watched function vanish at its end, and switches there. `None`
@@ -750,8 +757,7 @@ impl Engine {
         self.field.indicators(t, &self.step.x1)?;
         self.field.gradients(t, &self.step.x1)?;
         let value = w.value(&self.field.q, &self.field);
-        let rate =
-            if w.is_leave() { f64::NAN } else { w.rate(&self.field.dq, self.field.n_z, |j| self.step.f1[j], self.nx) };
+        let rate = if w.is_leave() { f64::NAN } else { w.rate(&self.field.dq, self.field.n_z, &self.step.f1) };
         Ok((value, rate))
     }
 
@@ -1002,6 +1008,13 @@ impl Engine {
             self.field.set_active(candidates);
             return Ok(true);
         }
+        let room = (&mut self.node[..], &mut self.step.f[..]);
+        if let Some(k) = next::quick(&mut self.field, self.t, &self.x, candidates, room, &mut self.set)? {
+            let mut sets = candidates.to_vec();
+            sets[k].clone_from(&self.set);
+            self.field.set_active(&sets);
+            return Ok(true);
+        }
         let found = next::next(&mut self.field, self.t, &self.x, candidates, length)?;
         let Some(best) = found.solutions.first() else {
             self.fail(Outcome::NoContinuation, "no active set satisfies the conditions (6.19)".into());
@@ -1018,7 +1031,7 @@ impl Engine {
 
     /// Prepares the first step under a new active set.
     fn enter(&mut self) -> std::result::Result<(), EvalError> {
-        let (t, n_z, nx) = (self.t, self.field.n_z, self.nx);
+        let (t, n_z) = (self.t, self.field.n_z);
         self.field.scale_constraints(t, &self.x)?;
         match self.field.rhs(t, &self.x, &mut self.f) {
             Err(EvalError::Recoverable) => {
@@ -1053,7 +1066,7 @@ impl Engine {
                 self.depart[l] = u8::from(value <= 1e-9);
                 continue;
             }
-            let rate = w.rate(&self.dq0, n_z, |j| self.f[j], nx);
+            let rate = w.rate(&self.dq0, n_z, &self.f);
             if value <= 64.0 * EPS * scale || value <= 8.0 * EPS * rate.abs() * t.abs() {
                 self.depart[l] = if rate > 1e-9 * gradient * size { 1 } else { 2 };
             }
@@ -1091,7 +1104,7 @@ impl Engine {
     }
 
     fn switch_inner(&mut self, l: usize, slope: f64, before: &[Vec<usize>]) -> std::result::Result<(), EvalError> {
-        let (t, n_z, nx) = (self.t, self.field.n_z, self.nx);
+        let (t, n_z) = (self.t, self.field.n_z);
         // a mode that ends here may have no value any more: its velocity just before serves as well
         match self.field.rhs(t, &self.x, &mut self.node) {
             Ok(()) => self.f.copy_from_slice(&self.node),
@@ -1107,7 +1120,7 @@ impl Engine {
             let v = w.value(&self.field.q, &self.field);
             match w {
                 Watch::Enter { a, b, .. } => {
-                    let r = w.rate(&self.field.dq, n_z, |j| self.f[j], nx);
+                    let r = w.rate(&self.field.dq, n_z, &self.f);
                     let (scale, gradient) = w.scale(&self.field.dq, n_z, t, &self.x);
                     if m == l {
                         let size = self.f.iter().map(|v| v * v).sum::<f64>().sqrt();
@@ -1250,7 +1263,7 @@ impl Engine {
         let (n_z, nx) = (self.field.n_z, self.nx);
         let mut nearest = (f64::INFINITY, 0, 0.0);
         for l in 0..self.watches.len() {
-            let rate = self.watches[l].rate(&self.dq0, n_z, |j| self.f[j], nx);
+            let rate = self.watches[l].rate(&self.dq0, n_z, &self.f);
             let left = -self.w0[l] / rate;
             if rate < 0.0 && left >= 0.0 && left < nearest.0 {
                 nearest = (left, l, rate);
@@ -1340,8 +1353,10 @@ impl Engine {
         if self.options.h0 > 0.0 {
             return Ok(self.options.h0.min(most));
         }
+        let size = self.x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         for i in 0..self.nx {
-            let tol = self.atol[i] + self.rtol[i] * self.x[i].abs();
+            // a component that happens to be zero says nothing about its size
+            let tol = self.atol[i] + self.rtol[i] * self.x[i].abs().max(1e-6 * size);
             self.weights[i] = 1.0 / tol.max(f64::MIN_POSITIVE);
         }
         let norm = |v: &[f64]| super::step::norm(v, &self.weights);

@@ -1,7 +1,7 @@
 //! Steps of the explicit pairs, with dense output.
 
 use super::field::Field;
-use super::pairs::{dop853, dp5, Row};
+use super::pairs::{dop853, dp5, Row, Rows};
 use super::step::{Stages, Step};
 use crate::func::EvalResult;
 
@@ -24,7 +24,7 @@ impl Pair {
     }
 
     /// Rows and nodes of the step itself; the last row is the end point.
-    pub(super) fn rows(self) -> (&'static [&'static [(usize, f64)]], &'static [f64]) {
+    pub(super) fn rows(self) -> (&'static Rows, &'static [f64]) {
         match self {
             Pair::Dp5 => (&dp5::ROWS, &dp5::C),
             Pair::Dop853 => (&dop853::ROWS[..13], &dop853::C[..13]),
@@ -49,61 +49,80 @@ fn dot<const M: usize>(k: &Stages, row: &Row<M>) -> f64 {
     s
 }
 
-/// Evaluates stage `i` at node `c`.
+/// Evaluates stage `i` at node `c`; `n` is the number of states, known when this is compiled where that is small.
 #[inline(always)]
-fn stage<const M: usize>(field: &mut Field, s: &mut Step, i: usize, c: f64, row: &Row<M>) -> EvalResult {
+fn stage<const M: usize>(n: usize, field: &mut Field, s: &mut Step, i: usize, c: f64, row: &Row<M>) -> EvalResult {
     let h = s.h;
-    for ((y, x), k) in s.y.iter_mut().zip(&s.x0).zip(&s.k) {
+    let k = &mut s.k[..n];
+    for ((y, x), k) in s.y[..n].iter_mut().zip(&s.x0[..n]).zip(&*k) {
         *y = x + h * dot(k, row);
     }
     field.rhs(s.t + c * h, &s.y, &mut s.f)?;
-    for (k, f) in s.k.iter_mut().zip(&s.f) {
+    for (k, f) in k.iter_mut().zip(&s.f[..n]) {
         k[i] = *f;
     }
     Ok(())
 }
 
 #[inline(always)]
-fn end<const M: usize>(s: &mut Step, row: &Row<M>) {
-    for ((x1, x), k) in s.x1.iter_mut().zip(&s.x0).zip(&s.k) {
+fn end<const M: usize>(n: usize, s: &mut Step, row: &Row<M>) {
+    for ((x1, x), k) in s.x1[..n].iter_mut().zip(&s.x0[..n]).zip(&s.k[..n]) {
         *x1 = x + s.h * dot(k, row);
     }
 }
 
 /// Computes the end of a step from `x0`, `f0`.
 pub(super) fn attempt(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
-    for (k, f) in s.k.iter_mut().zip(&s.f0) {
-        k[0] = *f;
+    match (pair, s.x0.len()) {
+        (Pair::Dp5, 1) => dp5_stages(1, field, s),
+        (Pair::Dp5, 2) => dp5_stages(2, field, s),
+        (Pair::Dp5, 4) => dp5_stages(4, field, s),
+        (Pair::Dp5, n) => dp5_stages(n, field, s),
+        (Pair::Dop853, 1) => dop853_stages(1, field, s),
+        (Pair::Dop853, 2) => dop853_stages(2, field, s),
+        (Pair::Dop853, 4) => dop853_stages(4, field, s),
+        (Pair::Dop853, n) => dop853_stages(n, field, s),
     }
-    match pair {
-        Pair::Dp5 => {
-            use dp5::*;
-            stage(field, s, 1, C[1], &A1)?;
-            stage(field, s, 2, C[2], &A2)?;
-            stage(field, s, 3, C[3], &A3)?;
-            stage(field, s, 4, C[4], &A4)?;
-            stage(field, s, 5, C[5], &A5)?;
-            s.n_k = 6;
-            end(s, &A6);
-            finish(pair, field, s)
-        }
-        Pair::Dop853 => {
-            use dop853::*;
-            stage(field, s, 1, C[1], &A1)?;
-            stage(field, s, 2, C[2], &A2)?;
-            stage(field, s, 3, C[3], &A3)?;
-            stage(field, s, 4, C[4], &A4)?;
-            stage(field, s, 5, C[5], &A5)?;
-            stage(field, s, 6, C[6], &A6)?;
-            stage(field, s, 7, C[7], &A7)?;
-            stage(field, s, 8, C[8], &A8)?;
-            stage(field, s, 9, C[9], &A9)?;
-            stage(field, s, 10, C[10], &A10)?;
-            stage(field, s, 11, C[11], &A11)?;
-            s.n_k = 12;
-            end(s, &A12);
-            Ok(())
-        }
+}
+
+#[inline(always)]
+fn dp5_stages(n: usize, field: &mut Field, s: &mut Step) -> EvalResult {
+    use dp5::*;
+    begin(n, s);
+    stage(n, field, s, 1, C[1], &A1)?;
+    stage(n, field, s, 2, C[2], &A2)?;
+    stage(n, field, s, 3, C[3], &A3)?;
+    stage(n, field, s, 4, C[4], &A4)?;
+    stage(n, field, s, 5, C[5], &A5)?;
+    s.n_k = 6;
+    end(n, s, &A6);
+    finish(Pair::Dp5, field, s)
+}
+
+#[inline(always)]
+fn dop853_stages(n: usize, field: &mut Field, s: &mut Step) -> EvalResult {
+    use dop853::*;
+    begin(n, s);
+    stage(n, field, s, 1, C[1], &A1)?;
+    stage(n, field, s, 2, C[2], &A2)?;
+    stage(n, field, s, 3, C[3], &A3)?;
+    stage(n, field, s, 4, C[4], &A4)?;
+    stage(n, field, s, 5, C[5], &A5)?;
+    stage(n, field, s, 6, C[6], &A6)?;
+    stage(n, field, s, 7, C[7], &A7)?;
+    stage(n, field, s, 8, C[8], &A8)?;
+    stage(n, field, s, 9, C[9], &A9)?;
+    stage(n, field, s, 10, C[10], &A10)?;
+    stage(n, field, s, 11, C[11], &A11)?;
+    s.n_k = 12;
+    end(n, s, &A12);
+    Ok(())
+}
+
+#[inline(always)]
+fn begin(n: usize, s: &mut Step) {
+    for (k, f) in s.k[..n].iter_mut().zip(&s.f0[..n]) {
+        k[0] = *f;
     }
 }
 
@@ -169,10 +188,10 @@ pub(super) fn dense(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
     let h = s.h;
     if pair == Pair::Dop853 {
         use dop853::*;
-        let n_k = s.n_k;
-        stage(field, s, 13, C[13], &A13)?;
-        stage(field, s, 14, C[14], &A14)?;
-        stage(field, s, 15, C[15], &A15)?;
+        let (n, n_k) = (s.x0.len(), s.n_k);
+        stage(n, field, s, 13, C[13], &A13)?;
+        stage(n, field, s, 14, C[14], &A14)?;
+        stage(n, field, s, 15, C[15], &A15)?;
         s.n_k = n_k;
     }
     for (i, p) in s.poly.iter_mut().enumerate() {

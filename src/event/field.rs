@@ -30,7 +30,11 @@ pub(super) struct Sub {
     /// Indicators come from signs of switching functions.
     pub(super) signs: bool,
     /// Their gradient is constant.
-    affine: bool,
+    pub(super) affine: bool,
+    /// Outputs of all modes.
+    n_out: usize,
+    /// The states driven are all, in order.
+    identity: bool,
 }
 
 impl Sub {
@@ -125,13 +129,14 @@ impl Field {
                 n_q,
                 signs: s.cells.iter().all(|c| c.weights.iter().all(|w| *w != 0.0)),
                 affine: s.indicators.hess_pattern().nnz() == 0,
+                n_out: s.modes.n_out(),
+                identity: is_identity(&s.rows, nx),
             });
             owner.resize(owner.len() + s.cells.len(), k);
             q0 += n_q;
         }
         let (n_cells, n_z) = (owner.len(), nx + dims.p + 1);
         let most = n_cells.saturating_sub(subs.len());
-        let identity = |d: &Drift| d.rows.len() == nx && d.rows.iter().enumerate().all(|(i, &r)| i == r);
         Field {
             nx,
             n_z,
@@ -143,7 +148,7 @@ impl Field {
             subs,
             n_cells,
             owner,
-            direct: dcs.drifts().first().is_some_and(identity),
+            direct: dcs.drifts().first().is_some_and(|d| is_identity(&d.rows, nx)),
             drifts: dcs.drifts().to_vec(),
             pairs: Vec::with_capacity(most),
             unit: vec![1.0; most],
@@ -238,8 +243,13 @@ impl Field {
         let mode = s.cells[cell - s.first].mode;
         let nr = s.rows.len();
         let rows = mode * nr..(mode + 1) * nr;
-        let n_out = s.modes.n_out();
-        s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..n_out], &mut self.work)?;
+        s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..s.n_out], &mut self.work)?;
+        if s.identity {
+            for (o, v) in out.iter_mut().zip(&self.buffer[rows]) {
+                *o += weight * v;
+            }
+            return Ok(());
+        }
         for (v, &r) in self.buffer[rows].iter().zip(&s.rows) {
             out[r] += weight * v;
         }
@@ -265,8 +275,23 @@ impl Field {
     pub(super) fn rhs(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
         if self.pairs.is_empty() {
             self.counts.values += 1;
-            self.drift(t, x, out)?;
-            for k in 0..self.subs.len() {
+            let mut first = 0;
+            if self.drifts.is_empty() && self.subs[0].identity {
+                // one subsystem is the whole right-hand side: written without a detour
+                first = 1;
+                let s = &self.subs[0];
+                let mode = s.cells[self.active[0][0] - s.first].mode;
+                let rows = mode * s.rows.len()..(mode + 1) * s.rows.len();
+                let at = Point { t, x, u: &self.u, p: &self.p };
+                s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..s.n_out], &mut self.work)?;
+                // a loop: a call to copy memory costs more than a few numbers
+                for (o, v) in out.iter_mut().zip(&self.buffer[rows]) {
+                    *o = v + 0.0;
+                }
+            } else {
+                self.drift(t, x, out)?;
+            }
+            for k in first..self.subs.len() {
                 self.add_mode(t, x, self.active[k][0], 1.0, out)?;
             }
             return Ok(());
@@ -514,6 +539,10 @@ impl Field {
         }
         Ok(())
     }
+}
+
+fn is_identity(rows: &[usize], nx: usize) -> bool {
+    rows.len() == nx && rows.iter().enumerate().all(|(i, &r)| i == r)
 }
 
 /// Where the columns of a pattern go: controls are constants.

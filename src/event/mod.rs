@@ -309,3 +309,38 @@ pub fn simulate(system: &System, options: &Options, t0: f64, x0: &[f64], t1: f64
     e.advance(t1)?;
     Ok(e.into_run())
 }
+
+/// Simulates from several initial states, with parameters of their own where `params` holds one set for each, on
+/// `threads` threads. The results are those of single runs to the last bit, whatever the number of threads.
+pub fn simulate_batch(
+    system: &System,
+    options: &Options,
+    t0: f64,
+    starts: &[Vec<f64>],
+    params: &[Vec<f64>],
+    t1: f64,
+    threads: usize,
+) -> Result<Vec<Run>> {
+    if !params.is_empty() && params.len() != starts.len() {
+        return Err(Error::Dimension(format!("{} sets of parameters for {} starts", params.len(), starts.len())));
+    }
+    let one = |i: usize| -> Result<Run> {
+        let mut e = Engine::new(system, options)?;
+        e.reinit(t0, &starts[i])?;
+        if let Some(p) = params.get(i) {
+            e.set_params(p)?;
+        }
+        e.advance(t1)?;
+        Ok(e.into_run())
+    };
+    let n = threads.clamp(1, starts.len().max(1));
+    let share = |k: usize| -> Vec<Result<Run>> { (k..starts.len()).step_by(n).map(one).collect() };
+    let mut parts: Vec<Vec<Result<Run>>> = std::thread::scope(|scope| {
+        let others: Vec<_> = (1..n).map(|k| scope.spawn(move || share(k))).collect();
+        let first = share(0);
+        let failed = || vec![Err(Error::Internal("a thread of the batch panicked".into()))];
+        std::iter::once(first).chain(others.into_iter().map(|h| h.join().unwrap_or_else(|_| failed()))).collect()
+    });
+    parts.iter_mut().for_each(|p| p.reverse());
+    (0..starts.len()).map(|i| parts[i % n].pop().unwrap_or(Err(Error::Interrupted))).collect()
+}

@@ -198,6 +198,65 @@ impl Rates {
     }
 }
 
+/// The common case without a search: one subsystem with two candidates, the others with one, and rates that leave no
+/// doubt. Writes the active set of that subsystem to `out` and returns its index; `None` leaves it to [`next`].
+pub(super) fn quick(
+    field: &mut Field,
+    t: f64,
+    x: &[f64],
+    candidates: &[Vec<usize>],
+    room: (&mut [f64], &mut [f64]),
+    out: &mut Vec<usize>,
+) -> Result<Option<usize>, EvalError> {
+    let mut two = candidates.iter().enumerate().filter(|c| c.1.len() > 1);
+    let (Some((k, pair)), None) = (two.next(), two.next()) else { return Ok(None) };
+    let &[a, b] = &pair[..] else { return Ok(None) };
+    let (nx, n_z) = (field.nx, field.n_z);
+    let (fa, fb) = room;
+    field.drift(t, x, fa)?;
+    for (j, c) in candidates.iter().enumerate() {
+        if j != k {
+            field.add_mode(t, x, c[0], 1.0, fa)?;
+        }
+    }
+    fb.copy_from_slice(fa);
+    for (cell, f) in [(a, &mut *fa), (b, &mut *fb)] {
+        match field.add_mode(t, x, cell, 1.0, f) {
+            Err(EvalError::Recoverable) => return Ok(None),
+            r => r?,
+        }
+    }
+    field.gradients(t, x)?;
+    let s = &field.subs[k];
+    let (wa, wb) = (&s.cells[a - s.first].weights, &s.cells[b - s.first].weights);
+    // rates of g_b − g_a under both fields, and the size of their terms
+    let (mut ra, mut rb, mut size) = (0.0f64, 0.0f64, 0.0f64);
+    for (j, (wa, wb)) in wa.iter().zip(wb).enumerate() {
+        let w = wb - wa;
+        if w != 0.0 {
+            let g = &field.dq[(s.q0 + j) * n_z..(s.q0 + j + 1) * n_z];
+            for i in 0..nx {
+                ra += w * g[i] * fa[i];
+                rb += w * g[i] * fb[i];
+                size += (w * g[i]).abs() * fa[i].abs().max(fb[i].abs());
+            }
+            let own = w * g[n_z - 1];
+            (ra, rb, size) = (ra + own, rb + own, size + own.abs());
+        }
+    }
+    let clear = 1e-6 * size;
+    if ra.is_nan() || rb.is_nan() || ra.abs() <= clear || rb.abs() <= clear || (ra > 0.0 && rb < 0.0) {
+        return Ok(None);
+    }
+    out.clear();
+    match (ra > 0.0, rb > 0.0) {
+        (true, _) => out.push(a),
+        (_, false) => out.push(b),
+        _ => out.extend([a, b]),
+    }
+    Ok(Some(k))
+}
+
 /// Solves (6.19) among `candidates` and orders the continuations: the present set first, if it is one, then by the
 /// number of active cells, then by index. `length` is a time over which the solution hardly changes.
 pub(super) fn next(

@@ -4,6 +4,8 @@
 
 /// A row of a tableau.
 pub type Row<const M: usize> = [(usize, f64); M];
+/// Rows of any length.
+pub type Rows = [&'static [(usize, f64)]];
 
 /// DOP853: stages of the step, then the end point, then the stages of the dense output.
 pub mod dop853 {

@@ -218,7 +218,7 @@ impl Sens {
             field.gradients(t, x)?;
             return Ok(());
         }
-        let rate = w.rate(&field.dq, n_z, |j| f[j], nx);
+        let rate = w.rate(&field.dq, n_z, f);
         for c in 0..n_c {
             let column = |j: usize| self.s[j * n_c + c];
             // the part of a parameter takes the place of that of time

@@ -1,6 +1,7 @@
 //! What must stay positive under an active set: distances to the surfaces around, weights of the active cells.
 
 use super::field::Field;
+use super::step::Stages;
 
 /// A function of time and state that is positive as long as the active set holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -25,8 +26,27 @@ impl Watch {
     }
 
     /// Rate of change for a velocity, from the gradients of the indicators (`n_z` columns); 0 for weights.
-    pub(super) fn rate(&self, dq: &[f64], n_z: usize, velocity: impl Fn(usize) -> f64, nx: usize) -> f64 {
-        self.derivative(dq, n_z, velocity, nx, Some(n_z - 1))
+    pub(super) fn rate(&self, dq: &[f64], n_z: usize, velocity: &[f64]) -> f64 {
+        let Watch::Enter { a, b, sign, .. } = *self else { return 0.0 };
+        let along = |j: usize| {
+            let g = &dq[j * n_z..(j + 1) * n_z];
+            g.iter().zip(velocity).map(|(g, v)| g * v).sum::<f64>() + g[n_z - 1]
+        };
+        sign * (along(a) - b.map_or(0.0, along))
+    }
+
+    /// Rates for the velocities at all stages of a step.
+    pub(super) fn rates(&self, dq: &[f64], n_z: usize, k: &[Stages]) -> Stages {
+        let mut out = [0.0; 16];
+        let Watch::Enter { a, b, sign, .. } = *self else { return out };
+        for (j, sign) in std::iter::once((a, sign)).chain(b.map(|b| (b, -sign))) {
+            let g = &dq[j * n_z..(j + 1) * n_z];
+            out.iter_mut().for_each(|o| *o += sign * g[n_z - 1]);
+            for (g, k) in g.iter().zip(k) {
+                out.iter_mut().zip(k).for_each(|(o, k)| *o += sign * g * k);
+            }
+        }
+        out
     }
 
     /// Derivative along a direction of the state, and with respect to one more input, by its column.

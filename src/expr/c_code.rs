@@ -143,32 +143,28 @@ fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) ->
             "static int {name}_{what}(double t, const double *x, const double *u, const double *p, {extra}double *out) {{\n"
         ),
     );
-    let d = tape.dims;
-    let (n_in, first_constant) = (d.n_in(), tape.first_constant());
-    let operand = |r: u32| -> String {
-        let r = r as usize;
-        if r < d.x {
-            format!("x[{r}]")
-        } else if r < d.x + d.u {
-            format!("u[{}]", r - d.x)
-        } else if r < d.t_col() {
-            format!("p[{}]", r - d.x - d.u)
-        } else if r == d.t_col() {
-            "t".into()
-        } else if r < first_constant {
-            format!("weights[{}]", r - n_in)
-        } else if r < first_constant + tape.constants.len() {
-            let v = number(tape.constants[r - first_constant]);
-            if v.starts_with('-') {
-                format!("({v})")
-            } else {
-                v
-            }
+    let constant = |v: f64| {
+        let v = number(v);
+        if v.starts_with('-') {
+            format!("({v})")
         } else {
-            format!("r[{}]", r - first_constant - tape.constants.len())
+            v
         }
     };
-    let n_registers = tape.work_len() - first_constant - tape.constants.len();
+    let operand = |r: u32| -> String {
+        let r = r as usize;
+        if let Some(l) = tape.loads.get(r) {
+            return match l.block {
+                3 => "t".into(),
+                block => format!("{}[{}]", ["x", "u", "p", "t", "weights"][block as usize], l.index),
+            };
+        }
+        match tape.constants.get(r - tape.loads.len()) {
+            Some(&v) => constant(v),
+            None => format!("r[{}]", r - tape.first_register()),
+        }
+    };
+    let n_registers = tape.work_len() - tape.first_register();
     if n_registers > 0 {
         put(out, format_args!("    double r[{n_registers}];\n"));
     }
@@ -178,11 +174,16 @@ fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) ->
     for i in &tape.code {
         let (dst, a) = (operand(i.dst), || operand(i.a));
         let b = || operand(i.b);
+        let c = || constant(tape.immediates[i.b as usize]);
         let value = match i.code {
             Code::Add => format!("{} {} {}", a(), Binary::Add.name(), b()),
             Code::Sub => format!("{} {} {}", a(), Binary::Sub.name(), b()),
             Code::Mul => format!("{} {} {}", a(), Binary::Mul.name(), b()),
             Code::Div => format!("{} {} {}", a(), Binary::Div.name(), b()),
+            Code::AddConstant => format!("{} + {}", c(), a()),
+            Code::ConstantMinus => format!("{} - {}", c(), a()),
+            Code::Scale => format!("{} * {}", c(), a()),
+            Code::ConstantOver => format!("{} / {}", c(), a()),
             Code::Neg => format!("-{}", a()),
             Code::Square => format!("{0} * {0}", a()),
             Code::Sqrt => format!("sqrt({})", a()),

@@ -1,7 +1,7 @@
 //! Evaluation: a flat list of instructions over registers.
 //!
-//! The workspace holds the inputs, then the constants, then registers that are used again as soon as their value is
-//! dead. Nothing is allocated and nothing recurses while a tape runs. A batch runs every instruction on [`LANES`]
+//! The workspace holds the inputs that are used, then constants that are no operands of arithmetic, then registers that
+//! are used again as soon as their value is dead. Nothing is allocated and nothing recurses while a tape runs. A batch runs every instruction on [`LANES`]
 //! points at once, stored beside each other, so that the compiler can vectorise.
 
 use std::cell::Cell;
@@ -29,6 +29,11 @@ pub(super) enum Code {
     Sub,
     Mul,
     Div,
+    /// Arithmetic with a constant: its number is the second operand, its place the left.
+    AddConstant,
+    ConstantMinus,
+    Scale,
+    ConstantOver,
     Neg,
     Square,
     Sqrt,
@@ -52,6 +57,14 @@ pub(super) struct Instruction {
     pub(super) b: u32,
 }
 
+/// An input: its block (`x`, `u`, `p`, `t`, weights), its place there, and its place among all inputs.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Load {
+    pub(super) block: u32,
+    pub(super) index: u32,
+    flat: u32,
+}
+
 /// A computation with several results in registers that follow each other.
 #[derive(Clone)]
 pub(super) enum Compound {
@@ -68,11 +81,16 @@ pub(super) enum Compound {
 pub struct Tape {
     pub(super) dims: Dims,
     pub(super) n_weights: usize,
+    pub(super) loads: Vec<Load>,
     pub(super) constants: Vec<f64>,
+    /// Constant operands of instructions.
+    pub(super) immediates: Vec<f64>,
     pub(super) code: Vec<Instruction>,
     pub(super) compounds: Vec<Compound>,
     pub(super) piecewise: Vec<Piecewise>,
     pub(super) outputs: Vec<u32>,
+    /// All results, if none depends on an input.
+    fixed: Option<Vec<f64>>,
     n_slots: usize,
 }
 
@@ -106,8 +124,8 @@ impl Tape {
         self.n_slots
     }
 
-    pub(super) fn first_constant(&self) -> usize {
-        self.dims.n_in() + self.n_weights
+    pub(super) fn first_register(&self) -> usize {
+        self.loads.len() + self.constants.len()
     }
 
     /// Does an external function give its Jacobian, or its Hessian, by finite differences?
@@ -126,11 +144,8 @@ impl Tape {
 
     /// Evaluates at one point, `out[n_out]`, `weights[n_weights]`, `work[work_len]`.
     pub fn run(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        let k = self.first_constant();
-        if self.code.is_empty() && self.outputs.iter().all(|&o| o as usize >= k) {
-            for (v, &o) in out.iter_mut().zip(&self.outputs) {
-                *v = self.constants[o as usize - k];
-            }
+        if let Some(fixed) = &self.fixed {
+            out[..fixed.len()].copy_from_slice(fixed);
             return Ok(());
         }
         let w = self.compute(at, weights, work)?;
@@ -169,15 +184,15 @@ impl Tape {
         weights: &[f64],
         work: &'w mut [f64],
     ) -> std::result::Result<&'w mut [f64], EvalError> {
-        let d = self.dims;
-        let (n_in, k) = (d.n_in(), self.first_constant());
         let w = &mut work[..self.n_slots];
-        w[..d.x].copy_from_slice(&at.x[..d.x]);
-        w[d.x..d.x + d.u].copy_from_slice(&at.u[..d.u]);
-        w[d.x + d.u..d.x + d.u + d.p].copy_from_slice(&at.p[..d.p]);
-        w[n_in - 1] = at.t;
-        w[n_in..k].copy_from_slice(&weights[..self.n_weights]);
-        w[k..k + self.constants.len()].copy_from_slice(&self.constants);
+        let t = [at.t];
+        let blocks = [at.x, at.u, at.p, &t, weights];
+        for (v, l) in w.iter_mut().zip(&self.loads) {
+            *v = blocks[l.block as usize][l.index as usize];
+        }
+        for (v, c) in w[self.loads.len()..].iter_mut().zip(&self.constants) {
+            *v = *c;
+        }
         for i in &self.code {
             let (a, b) = (i.a as usize, i.b as usize);
             w[i.dst as usize] = match i.code {
@@ -185,6 +200,10 @@ impl Tape {
                 Code::Sub => w[a] - w[b],
                 Code::Mul => w[a] * w[b],
                 Code::Div => w[a] / w[b],
+                Code::AddConstant => self.immediates[b] + w[a],
+                Code::ConstantMinus => self.immediates[b] - w[a],
+                Code::Scale => self.immediates[b] * w[a],
+                Code::ConstantOver => self.immediates[b] / w[a],
                 Code::Neg => -w[a],
                 Code::Square => w[a] * w[a],
                 Code::Sqrt => w[a].sqrt(),
@@ -210,7 +229,7 @@ impl Tape {
     /// # Errors
     /// What an external function returned, or [`EvalError::Recoverable`] for a singular linear system.
     pub fn run_batch(&self, n: usize, inputs: &[f64], out: &mut [f64], work: &mut [[f64; LANES]]) -> EvalResult {
-        let k = self.first_constant();
+        let k = self.loads.len();
         let w = &mut work[..self.n_slots];
         for (r, &c) in w[k..].iter_mut().zip(&self.constants) {
             *r = [c; LANES];
@@ -218,7 +237,8 @@ impl Tape {
         let mut start = 0;
         while start < n {
             let m = LANES.min(n - start);
-            for (j, r) in w[..k].iter_mut().enumerate() {
+            for (l, r) in self.loads.iter().zip(&mut w[..k]) {
+                let j = l.flat as usize;
                 let v = &inputs[j * n + start..j * n + start + m];
                 r[..m].copy_from_slice(v);
                 // Idle lanes repeat the last point.
@@ -243,12 +263,17 @@ impl Tape {
             }
             let a = w[i.a as usize];
             let b = || w[i.b as usize];
+            let c = || self.immediates[i.b as usize];
             // One loop per operation, so that each is vectorised.
             w[i.dst as usize] = match i.code {
                 Code::Add => map2(a, b(), |a, b| a + b),
                 Code::Sub => map2(a, b(), |a, b| a - b),
                 Code::Mul => map2(a, b(), |a, b| a * b),
                 Code::Div => map2(a, b(), |a, b| a / b),
+                Code::AddConstant => map1(a, c(), |a, c| c + a),
+                Code::ConstantMinus => map1(a, c(), |a, c| c - a),
+                Code::Scale => map1(a, c(), |a, c| c * a),
+                Code::ConstantOver => map1(a, c(), |a, c| c / a),
                 Code::Pow => map2(a, b(), f64::powf),
                 Code::Atan2 => map2(a, b(), f64::atan2),
                 Code::Neg => a.map(|a| -a),
@@ -270,6 +295,11 @@ impl Tape {
 #[inline]
 fn map2(a: [f64; LANES], b: [f64; LANES], f: impl Fn(f64, f64) -> f64) -> [f64; LANES] {
     std::array::from_fn(|l| f(a[l], b[l]))
+}
+
+#[inline]
+fn map1(a: [f64; LANES], c: f64, f: impl Fn(f64, f64) -> f64) -> [f64; LANES] {
+    a.map(|a| f(a, c))
 }
 
 impl Compound {
@@ -360,11 +390,14 @@ impl Compiler<'_> {
         let tape = Tape {
             dims,
             n_weights,
+            loads: Vec::new(),
             constants: Vec::new(),
+            immediates: Vec::new(),
             code: Vec::new(),
             compounds: Vec::new(),
             piecewise: Vec::new(),
             outputs: Vec::new(),
+            fixed: None,
             n_slots: 0,
         };
         Compiler {
@@ -391,6 +424,7 @@ impl Compiler<'_> {
                     .into(),
             ));
         }
+        let mut resident = vec![false; top];
         for &id in &ids {
             match dag.node(id) {
                 Node::Input(block, index) => self.slot[id.index()] = self.input(block, index as usize)?,
@@ -402,16 +436,22 @@ impl Compiler<'_> {
                              out of computing with constants"
                         )));
                     }
-                    self.slot[id.index()] = (self.tape.first_constant() + self.tape.constants.len()) as u32;
-                    self.tape.constants.push(v);
                 }
                 Node::Truth(_) | Node::Positive(_) | Node::Not(_) | Node::And(..) | Node::Or(..) => {
                     return Err(Error::Range("a condition is no value: choose values with where".into()))
                 }
-                _ => {}
+                Node::Binary(Binary::Add | Binary::Sub | Binary::Mul | Binary::Div, _, b) => resident[b.index()] = true,
+                _ => dag.for_children(id, |c| resident[c.index()] = true),
             }
         }
-        self.tape.n_slots = self.tape.first_constant() + self.tape.constants.len();
+        outputs.iter().for_each(|o| resident[o.index()] = true);
+        for &id in &ids {
+            if let (Node::Const(bits), true) = (dag.node(id), resident[id.index()]) {
+                self.slot[id.index()] = self.tape.first_register() as u32;
+                self.tape.constants.push(f64::from_bits(bits));
+            }
+        }
+        self.tape.n_slots = self.tape.first_register();
         for (place, &id) in ids.iter().enumerate() {
             let last = &mut self.last;
             dag.for_children(id, |c| last[c.index()] = place as u32);
@@ -423,20 +463,22 @@ impl Compiler<'_> {
             self.emit(place as u32, id);
         }
         self.tape.outputs = outputs.iter().map(|o| self.slot[o.index()]).collect();
+        self.tape.fixed = outputs.iter().map(|&o| dag.as_const(o)).collect();
         Ok(self.tape)
     }
 
-    fn input(&self, block: Block, index: usize) -> Result<u32> {
+    fn input(&mut self, block: Block, index: usize) -> Result<u32> {
         let d = self.tape.dims;
-        let (size, first, name) = match block {
-            Block::X => (d.x, 0, "x"),
-            Block::U => (d.u, d.x, "u"),
-            Block::P => (d.p, d.x + d.u, "p"),
-            Block::T => (1, d.t_col(), "t"),
-            Block::Weight => (self.tape.n_weights, d.n_in(), "weights"),
+        let (number, size, first, name) = match block {
+            Block::X => (0, d.x, 0, "x"),
+            Block::U => (1, d.u, d.x, "u"),
+            Block::P => (2, d.p, d.x + d.u, "p"),
+            Block::T => (3, 1, d.t_col(), "t"),
+            Block::Weight => (4, self.tape.n_weights, d.n_in(), "weights"),
         };
         if index < size {
-            return Ok((first + index) as u32);
+            self.tape.loads.push(Load { block: number, index: index as u32, flat: (first + index) as u32 });
+            return Ok((self.tape.loads.len() - 1) as u32);
         }
         Err(Error::Dimension(format!("the expression uses {name}[{index}], but {name} has the size {size}")))
     }
@@ -452,6 +494,18 @@ impl Compiler<'_> {
                     _ => Code::Unary(op),
                 };
                 (code, at(self, a), 0)
+            }
+            Node::Binary(op @ (Binary::Add | Binary::Sub | Binary::Mul | Binary::Div), a, b)
+                if dag.as_const(a).is_some() =>
+            {
+                let code = match op {
+                    Binary::Add => Code::AddConstant,
+                    Binary::Sub => Code::ConstantMinus,
+                    Binary::Mul => Code::Scale,
+                    _ => Code::ConstantOver,
+                };
+                self.tape.immediates.extend(dag.as_const(a));
+                (code, at(self, b), (self.tape.immediates.len() - 1) as u32)
             }
             Node::Binary(op, a, b) => {
                 let code = match op {

@@ -172,7 +172,8 @@ impl MpccSolver {
         self.close = true;
         let x = std::mem::take(&mut self.saved.x);
         self.identify(p, &x);
-        let mut ok = (!early || (self.doubt(0) <= CLEAR && !p.start_is_informed())) && self.settle_from(p, bounds, &x, control);
+        let mut ok =
+            (!early || (self.doubt(0) <= CLEAR && !p.start_is_informed())) && self.settle_from(p, bounds, &x, control);
         if !early {
             ok = ok || self.try_branch_at(p, bounds, &x, control);
             for k in 0.. {
@@ -206,6 +207,7 @@ impl MpccSolver {
         }
         if ok {
             self.improve(p, bounds, control, suggest);
+            self.judge(p, bounds, control);
         } else if !early {
             self.solution.polish = Polish::Rejected;
         }
@@ -235,8 +237,7 @@ impl MpccSolver {
                 let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
                 let ok = more && self.try_neighbour(p, bounds, &x, control);
                 self.solution.x = x;
-                let objective = self.ipm.objective() / self.st.scaling.objective;
-                if ok && objective < best - 1e-9 * (1.0 + best.abs()) {
+                if ok && self.is_better(best) {
                     self.record_exact(p, control);
                     better = true;
                     break;
@@ -252,7 +253,7 @@ impl MpccSolver {
     }
 
     /// Records the branch problem just solved, to the last digits where the square system gives them.
-    fn record_exact(&mut self, p: &mut dyn Mpcc, control: &mut Control) {
+    pub(super) fn record_exact(&mut self, p: &mut dyn Mpcc, control: &mut Control) {
         self.record(p, Outcome::Solved, Polish::Done);
         self.active.at.copy_from(self.ipm.iterate());
         if self.settle(p, control) {
@@ -289,8 +290,25 @@ impl MpccSolver {
         ok
     }
 
+    /// Square system of a program without pairs near the point in `saved`; recorded when it has a solution.
+    pub(super) fn settle_near(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+        self.branch.copy_from(bounds);
+        let x = std::mem::take(&mut self.saved.x);
+        self.close = true;
+        let ok = self.settle_at(p, &x, control);
+        self.close = false;
+        self.saved.x = x;
+        if ok {
+            self.record(p, Outcome::Solved, Polish::Done);
+        }
+        ok
+    }
+
     /// Newton's method on the square system at the point `active.at` under the bounds in `branch`.
     fn settle(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
+        if !self.settings.square_newton {
+            return false;
+        }
         self.st.bounds(&self.branch, f64::INFINITY, &mut self.active.exact);
         self.active.guess();
         self.ipm.settings_mut().restoration = false;
@@ -348,6 +366,16 @@ impl MpccSolver {
     fn try_neighbour(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
         self.st.start(x, &mut self.point);
         p.enter_branch(&self.solution.sides, &self.sides, &mut self.point[..self.st.n]);
+        self.try_point(p, bounds, control)
+    }
+
+    /// Is the point just reached better than one with this objective?
+    pub(super) fn is_better(&self, best: f64) -> bool {
+        self.ipm.objective() / self.st.scaling.objective < best - 1e-9 * (1.0 + best.abs())
+    }
+
+    /// Tries the branch `sides` from the point in `point`, multipliers afresh.
+    pub(super) fn try_point(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
         p.set_polishing(true);

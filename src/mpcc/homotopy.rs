@@ -35,8 +35,6 @@ const RUNG_ITERATIONS: usize = 30;
 const SHORT: f64 = 0.1;
 /// Short steps in a row that say a level is too far away.
 const PATIENT_STEPS: usize = 8;
-/// Levels taken back, or made easier, at most.
-const MAX_RAISES: usize = 4;
 
 impl Scholtes {
     /// A path from the initial relaxation to `sigma_end`.
@@ -73,7 +71,7 @@ impl Scholtes {
 
     /// A rung between the last one that was solved and `sigma`, unless they are close.
     fn between(&mut self, sigma: f64) -> Option<Level> {
-        if self.raises == MAX_RAISES || self.solved < 2.0 * sigma {
+        if self.raises >= self.settings.sigma_retries || self.solved < 2.0 * sigma {
             return None;
         }
         self.raises += 1;
@@ -104,7 +102,7 @@ impl Continuation for Scholtes {
                 self.on_plateau = false;
                 return Advance::To(self.rung(sigma, mu));
             }
-            if self.short > PATIENT_STEPS && self.raises < MAX_RAISES {
+            if self.short > PATIENT_STEPS && self.raises < s.sigma_retries {
                 // the iterates hug their bounds: a stronger barrier moves them away
                 self.raises += 1;
                 self.short = 0;
@@ -144,7 +142,7 @@ impl Continuation for Scholtes {
     }
 
     fn jammed(&mut self, m: &Measures) -> Option<Level> {
-        if self.on_plateau || self.raises >= MAX_RAISES / 2 {
+        if self.on_plateau || self.raises >= self.settings.sigma_retries / 2 {
             return None;
         }
         self.between(m.level.sigma)

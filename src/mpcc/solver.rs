@@ -2,7 +2,10 @@
 
 use std::time::Instant;
 
+use super::certificate::Certificate;
+use super::conflict::Conflict;
 use super::endgame::ActiveSet;
+use super::judge::Judge;
 use super::path::Path;
 use super::problem::{Mpcc, Side};
 use super::relaxation;
@@ -47,6 +50,20 @@ pub struct MpccSettings {
     pub linear_solver: LinearSolver,
     /// Order of elimination; fixed when the solver is made.
     pub ordering: Ordering,
+    /// Certify the exact point, and go on from it where it is not B-stationary?
+    pub certify: bool,
+    /// Try the active set early?
+    pub early_polish: bool,
+    /// Solve the square system of the active set?
+    pub square_newton: bool,
+    /// Rungs that may be taken back.
+    pub sigma_retries: usize,
+    /// Limit product multipliers pair by pair?
+    pub convexify_pairs: bool,
+    /// Second-order corrections of a step.
+    pub max_soc: usize,
+    /// Restore feasibility after a row of tiny steps?
+    pub restore_tiny: bool,
     /// Start the members of the pairs at `√σ_0 / 2`, wherever the starting point has them?
     pub centre_pairs: bool,
     /// What stands for the pairs; later changes have no effect on a solver.
@@ -75,6 +92,13 @@ impl Default for MpccSettings {
             scaling: true,
             linear_solver: LinearSolver::Auto,
             ordering: Ordering::Amd,
+            certify: true,
+            early_polish: true,
+            square_newton: true,
+            sigma_retries: 4,
+            convexify_pairs: true,
+            max_soc: 4,
+            restore_tiny: true,
             centre_pairs: true,
             relaxation: Relaxation::Scholtes,
             homotopy: Homotopy::Coupled,
@@ -98,10 +122,17 @@ impl From<&Settings> for MpccSettings {
             plateau_viol: s.plateau_viol,
             polish: s.polish(),
             polish_tol: s.polish_tol,
-            scaling: true,
+            scaling: s.scaling != 0,
             linear_solver: s.linear_solver().unwrap_or(LinearSolver::Auto),
             ordering: s.ordering().unwrap_or(Ordering::Amd),
-            centre_pairs: true,
+            certify: s.certify != 0,
+            early_polish: s.early_polish != 0,
+            square_newton: s.square_newton != 0,
+            sigma_retries: s.sigma_retries as usize,
+            convexify_pairs: s.convexify_pairs != 0,
+            max_soc: s.max_soc as usize,
+            restore_tiny: s.restore_tiny != 0,
+            centre_pairs: s.centre_pairs != 0,
             relaxation: s.relaxation(),
             homotopy: s.homotopy(),
             penalty_init: s.penalty_init,
@@ -141,6 +172,11 @@ pub struct Solution {
     pub sides: Vec<Side>,
     /// Residuals at `σ = 0`.
     pub residuals: Residuals,
+    /// What an exact point is; unknown without a polish.
+    pub certificate: Certificate,
+    /// The constraints that conflict, where the problem is infeasible. `y` are then the multipliers of the least
+    /// violation.
+    pub conflict: Option<Conflict>,
     /// Cost of everything.
     pub stats: Statistics,
 }
@@ -165,6 +201,17 @@ pub enum Wanted {
 /// it knows no more.
 pub type Suggest<'a> = &'a mut dyn FnMut(Wanted, &[f64], &mut [Side]) -> bool;
 
+/// A point to go on from: a solution of a problem of the same structure, or a guess as good.
+#[derive(Debug, Clone, Copy)]
+pub struct Warm<'a> {
+    /// Variables `[n]`.
+    pub x: &'a [f64],
+    /// Multipliers of the rows `[m]`, as in [`Solution::y`].
+    pub y: &'a [f64],
+    /// Multipliers of the bounds `[n]`, lower minus upper, as in [`Solution::z`].
+    pub z: &'a [f64],
+}
+
 /// A solver for problems of one structure.
 pub struct MpccSolver {
     pub(super) st: Structure,
@@ -186,6 +233,7 @@ pub struct MpccSolver {
     resume_at: Level,
     /// Near a solution: violations may not grow much any more.
     pub(super) close: bool,
+    pub(super) judge: Option<Judge>,
 }
 
 impl MpccSolver {
@@ -214,6 +262,8 @@ impl MpccSolver {
                 z: vec![0.0; n],
                 sides: vec![Side::First; n_groups],
                 residuals: Residuals::default(),
+                certificate: Certificate::default(),
+                conflict: None,
                 stats: Statistics::default(),
             },
             sides: vec![Side::First; n_groups],
@@ -222,6 +272,7 @@ impl MpccSolver {
             active: ActiveSet::new(n_all, all),
             resume_at: Level { mu: 0.0, sigma: 0.0 },
             close: false,
+            judge: if p.pairs().is_empty() { None } else { Some(Judge::new(p)?) },
         })
     }
 
@@ -259,18 +310,104 @@ impl MpccSolver {
             self.st.bounds(bounds, 0.0, &mut self.bounds);
             let outcome = self.run(p, Start::Cold(x0), &mut rule, control, b' ');
             self.record(p, outcome, Polish::None);
+            if outcome == Outcome::Solved && s.polish && s.square_newton {
+                self.saved.copy_from(self.ipm.iterate());
+                self.settle_near(p, bounds, control);
+            }
             p.set_polishing(false);
         } else {
-            self.follow(p, bounds, x0, control, suggest);
+            // relaxations that cut the corner have a saddle on the diagonal
+            let interior = matches!(s.relaxation, Relaxation::Scholtes | Relaxation::RaghunathanBiegler);
+            let centre = s.centre_pairs && interior && !p.start_is_informed();
+            self.follow(p, bounds, x0, centre, control, suggest);
+            self.look_for_feasibility(p, bounds, control, suggest);
+            if centre && matches!(self.solution.outcome, Outcome::Stalled | Outcome::Infeasible) {
+                self.start_again(p, bounds, x0, control, suggest);
+            }
+        }
+        self.explain(p, bounds);
+        self.solution.stats.time_total = clock.elapsed().as_secs_f64();
+        &self.solution
+    }
+
+    /// Solves from a primal-dual point. First the square system of the active set the point shows, which from the
+    /// solution of a problem nearby takes a step or two; then its branch problem; then the path, from a relaxation as
+    /// large as the point is wrong.
+    pub fn solve_warm(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        warm: &Warm,
+        control: &mut Control,
+        suggest: Suggest,
+    ) -> &Solution {
+        let clock = Instant::now();
+        self.begin(p);
+        self.scale(p, warm.x);
+        self.load(warm);
+        let ok = if self.st.bilinear.is_empty() {
+            let ok = self.settle_near(p, bounds, control);
+            p.set_polishing(false);
+            ok
+        } else {
+            self.polish(p, bounds, control, suggest, false)
+        };
+        if !ok {
+            let cost = self.solution.stats;
+            self.solve_with(p, bounds, warm.x, control, suggest);
+            let all = &mut self.solution.stats;
+            all.add(&cost);
         }
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
         &self.solution
     }
 
+    /// Puts a point in the user's units into `saved`.
+    fn load(&mut self, warm: &Warm) {
+        let (it, scaling) = (&mut self.saved, &self.st.scaling);
+        for v in [&mut it.y, &mut it.vl, &mut it.vu, &mut it.s] {
+            v.fill(0.0);
+        }
+        self.st.start(warm.x, &mut it.x);
+        for (j, z) in warm.z.iter().enumerate() {
+            it.zl[j] = (z * scaling.objective).max(0.0);
+            it.zu[j] = (-z * scaling.objective).max(0.0);
+        }
+        for (i, y) in warm.y.iter().enumerate() {
+            it.y[i] = y * scaling.objective / scaling.rows[i];
+            it.vl[i] = (-it.y[i]).max(0.0);
+            it.vu[i] = it.y[i].max(0.0);
+        }
+    }
+
+    /// The path once more, from the pairs as they were given. An answer of before stays where this one is none.
+    fn start_again(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
+        let before = self.solution.outcome;
+        self.solution.polish = Polish::None;
+        self.follow(p, bounds, x0, false, control, suggest);
+        if before == Outcome::Infeasible && self.solution.outcome == Outcome::Stalled {
+            self.solution.outcome = before;
+        } else {
+            self.look_for_feasibility(p, bounds, control, suggest);
+        }
+    }
+
     /// The path of relaxed problems, with a look at the active set on the way.
-    fn follow(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
+    fn follow(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        centre: bool,
+        control: &mut Control,
+        suggest: Suggest,
+    ) {
         let s = self.settings;
+        let mut begun = false;
         let mut stops = [EARLY_POLISH, FIRST_POLISH, s.sigma_min];
+        if !s.early_polish {
+            stops[0] = FIRST_POLISH;
+        }
         for stop in &mut stops {
             *stop = if s.polish { stop.max(s.sigma_min) } else { s.sigma_min }.min(s.sigma_init);
         }
@@ -279,12 +416,13 @@ impl MpccSolver {
             if !last && stops[k + 1] == stops[k] {
                 continue;
             }
-            let outcome = if k == 0 || self.solution.stats.iterations == 0 {
+            let outcome = if k == 0 || !begun {
+                begun = true;
                 let mut path = Path::new(s, &self.st, stops[k]);
                 self.st.bounds(bounds, path.start().sigma, &mut self.bounds);
                 let mut start = std::mem::take(&mut self.point);
                 start[..x0.len()].copy_from_slice(x0);
-                if s.centre_pairs && !p.start_is_informed() {
+                if centre {
                     for b in &self.st.bilinear {
                         for j in [b.a, b.b] {
                             start[j] = (0.5 * s.sigma_init.sqrt()).min(bounds.xu[j]);
@@ -359,6 +497,8 @@ impl MpccSolver {
         p.set_polishing(false);
         self.solution.stats = Statistics::default();
         self.solution.polish = Polish::None;
+        self.solution.certificate = Certificate::default();
+        self.solution.conflict = None;
         self.close = false;
         self.ipm.settings_mut().restoration = true;
     }
@@ -375,6 +515,10 @@ impl MpccSolver {
         let settings = self.ipm.settings_mut();
         let left = self.settings.max_iter.saturating_sub(used);
         settings.max_iter = if phase == b'p' { left.min(BRANCH_ITERATIONS) } else { left };
+        settings.first_iteration = used;
+        settings.convexify_pairs = self.settings.convexify_pairs;
+        settings.max_soc = self.settings.max_soc;
+        settings.restore_tiny = self.settings.restore_tiny;
         settings.theta_room = if self.close { 10.0 } else { 1e4 };
         self.ipm.set_phase(phase);
         let mut relaxed = Relaxed { inner: p, st: &mut self.st };

@@ -170,8 +170,8 @@ impl Augmented {
 
     /// Factors with the right inertia; perturbs where needed. False when no perturbation helps.
     ///
-    /// `mu` decides when the equilibration is due again, and scales `δ_c`.
-    pub fn factor(&mut self, shape: &Shape, b: &Bounds, it: &Iterate, mu: f64) -> bool {
+    /// `pairwise` convexifies products first. `mu` decides when the equilibration is due again, and scales `δ_c`.
+    pub fn factor(&mut self, shape: &Shape, b: &Bounds, it: &Iterate, mu: f64, pairwise: bool) -> bool {
         if self.equilibrated_at != mu {
             self.kkt.equilibrate(&self.values);
             self.equilibrated_at = mu;
@@ -184,7 +184,7 @@ impl Augmented {
         }
         // a scaling chosen for other values may be what is wrong
         self.kkt.equilibrate(&self.values);
-        if self.clip_pairs(shape, b, it) {
+        if pairwise && self.clip_pairs(shape, b, it) {
             status = self.kkt.factor(&self.values, 0.0, 0.0);
             if status == KktStatus::Ok {
                 return true;

@@ -40,6 +40,9 @@ impl Part {
     }
 }
 
+/// The Hessian of the Lagrangian in one piece: `(at, weight of f, y[m], out[nnz])` writes the entries of the pattern.
+pub type LagrangianFn = dyn Fn(&Point, f64, &[f64], &mut [f64]) -> EvalResult + Send + Sync;
+
 /// `min f(w, p)` subject to bounds on `w` and `c(w, p)`, with `f` and `c` given as [`Function`]s.
 ///
 /// The variables are the block `x` of the functions, the parameters their block `p`; there are no controls and
@@ -49,6 +52,8 @@ pub struct CallbackNlp {
     params: Vec<f64>,
     objective: Part,
     constraints: Option<Part>,
+    /// Takes the place of the Hessians of objective and constraints.
+    lagrangian: Option<Arc<LagrangianFn>>,
     jac: Pattern,
     hess: Pattern,
     /// Outputs of the constraints.
@@ -56,17 +61,12 @@ pub struct CallbackNlp {
 }
 
 impl CallbackNlp {
-    /// A problem in `n` variables and `np` parameters, which are zero until they are set.
-    pub fn new(
-        n: usize,
-        np: usize,
-        objective: Arc<dyn Function>,
-        constraints: Option<Arc<dyn Function>>,
-    ) -> Result<CallbackNlp> {
+    /// Checks that the functions are those of a problem in `n` variables and `np` parameters; returns its rows.
+    pub fn check(n: usize, np: usize, objective: &dyn Function, constraints: Option<&dyn Function>) -> Result<usize> {
         if n == 0 {
             return Err(Error::Dimension("a problem needs at least one variable".into()));
         }
-        for f in std::iter::once(&objective).chain(&constraints) {
+        for f in std::iter::once(objective).chain(constraints) {
             let d = f.dims();
             if (d.x, d.u, d.p) != (n, 0, np) {
                 return Err(Error::Dimension(format!(
@@ -85,7 +85,17 @@ impl CallbackNlp {
                 objective.n_out()
             )));
         }
-        let m = constraints.as_ref().map_or(0, |c| c.n_out());
+        Ok(constraints.map_or(0, |c| c.n_out()))
+    }
+
+    /// A problem in `n` variables and `np` parameters, which are zero until they are set.
+    pub fn new(
+        n: usize,
+        np: usize,
+        objective: Arc<dyn Function>,
+        constraints: Option<Arc<dyn Function>>,
+    ) -> Result<CallbackNlp> {
+        let m = CallbackNlp::check(n, np, &*objective, constraints.as_deref())?;
         let jac = match &constraints {
             Some(c) => columns(c.jac_pattern(), m, n)?,
             None => Pattern::empty(0, n),
@@ -112,7 +122,21 @@ impl CallbackNlp {
         for part in std::iter::once(&mut objective).chain(&mut constraints) {
             part.hess_map = places.by_ref().take(part.hess.len()).collect();
         }
-        Ok(CallbackNlp { n, params: vec![0.0; np], objective, constraints, jac, hess, m })
+        Ok(CallbackNlp { n, params: vec![0.0; np], objective, constraints, lagrangian: None, jac, hess, m })
+    }
+
+    /// Takes second derivatives from one function for all, with a pattern `n × n`, upper triangle.
+    pub fn with_lagrangian(mut self, pattern: Pattern, hessian: Arc<LagrangianFn>) -> Result<CallbackNlp> {
+        let (n, rows, cols) = (self.n, pattern.n_rows(), pattern.n_cols());
+        if (rows, cols) != (n, n) {
+            return Err(Error::Dimension(format!("Hessian of the Lagrangian: {rows} x {cols}, expected {n} x {n}")));
+        }
+        if !pattern.is_upper() {
+            return Err(Error::Range("Hessian of the Lagrangian: entries below the diagonal".into()));
+        }
+        self.hess = pattern;
+        self.lagrangian = Some(hessian);
+        Ok(self)
     }
 
     /// Sets the parameters.
@@ -175,6 +199,9 @@ impl Nlp for CallbackNlp {
     fn hessian(&mut self, x: &[f64], w: f64, y: &[f64], hess: &mut [f64]) -> EvalResult {
         let at = Point { t: 0.0, x, u: &[], p: &self.params };
         hess.fill(0.0);
+        if let Some(lagrangian) = &self.lagrangian {
+            return lagrangian(&at, w, y, hess);
+        }
         self.objective.add_hessian(&at, &[w], hess)?;
         match &mut self.constraints {
             Some(part) => part.add_hessian(&at, y, hess),
@@ -245,6 +272,28 @@ mod tests {
         p.hessian(&x, 2.0, &[10.0, 7.0], &mut hess).unwrap();
         let h = p.hess_pattern();
         assert_eq!((hess[h.get(0, 0).unwrap()], hess[h.get(0, 1).unwrap()]), (20.0, 6.0));
+    }
+
+    #[test]
+    fn the_hessian_in_one_piece_takes_the_place_of_the_parts() {
+        let upper = pattern(2, 2, &[(0, 0), (0, 1), (1, 1)]);
+        let whole: Arc<LagrangianFn> = Arc::new(|at, w, y, out| {
+            out.copy_from_slice(&[2.0 * y[0], w * at.p[0], at.x[1]]);
+            if y[1] > 0.0 {
+                Ok(())
+            } else {
+                Err(EvalError::Fatal(-3))
+            }
+        });
+        let mut p = problem().with_lagrangian(upper, whole.clone()).unwrap();
+        assert_eq!(p.hess_pattern().nnz(), 3);
+        let mut hess = [9.0; 3];
+        p.hessian(&[2.0, 5.0], 2.0, &[10.0, 7.0], &mut hess).unwrap();
+        assert_eq!(hess, [20.0, 6.0, 5.0]);
+        assert_eq!(p.hessian(&[2.0, 5.0], 2.0, &[10.0, 0.0], &mut hess), Err(EvalError::Fatal(-3)));
+        let refused = |p: Pattern| problem().with_lagrangian(p, whole.clone()).err().unwrap().code();
+        assert_eq!(refused(pattern(3, 3, &[(0, 0)])), -2);
+        assert_eq!(refused(pattern(2, 2, &[(1, 0)])), -3);
     }
 
     #[test]

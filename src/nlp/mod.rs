@@ -23,7 +23,7 @@ mod report;
 mod restore;
 mod solver;
 
-pub use callback::CallbackNlp;
+pub use callback::{CallbackNlp, LagrangianFn};
 pub use iterate::Iterate;
 pub use problem::{Bilinear, Bounds, Nlp, INFINITE};
 pub use report::{Control, IterationInfo, Outcome, Residuals, Statistics};

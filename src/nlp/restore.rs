@@ -15,8 +15,8 @@ use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::Pattern;
 
 const RHO: f64 = 1e3;
-/// Share of the violation that must go.
-const KAPPA_RESTO: f64 = 0.9;
+/// Share of the violation that may be left.
+pub(super) const KAPPA_RESTO: f64 = 0.9;
 
 /// The restoration solver and its problem's structure.
 pub(super) struct Restoration {
@@ -197,6 +197,11 @@ impl Restoration {
         &self.ipm.iterate().x[..self.n]
     }
 
+    /// Multipliers of the rows there.
+    pub fn y(&self) -> &[f64] {
+        &self.ipm.iterate().y
+    }
+
     /// Runs from the point `it` with rows `c`; true when the violation has dropped enough.
     #[allow(clippy::too_many_arguments)]
     pub fn run(
@@ -205,7 +210,7 @@ impl Restoration {
         bounds: &Bounds,
         it: &Iterate,
         c: &[f64],
-        mu: f64,
+        (mu, kappa): (f64, f64),
         max_iter: usize,
         control: &mut Control,
     ) -> (bool, Outcome) {
@@ -264,7 +269,7 @@ impl Restoration {
                     t += (x[n + i] - x[n + m + i]).abs();
                 }
             }
-            found = t <= KAPPA_RESTO * th0;
+            found = t <= kappa * th0;
             found
         };
         let mut rule = Monotone { mu_init: mu, tol: 1e-8, primal_tol: 1e-8 };

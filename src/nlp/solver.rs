@@ -9,7 +9,7 @@ use super::iterate::{barrier, kkt_error, lagrangian_gradient, theta, Iterate, Kk
 use super::linesearch::{clamp_multiplier, Search};
 use super::problem::{Bounds, Nlp};
 use super::report::{Control, IterationInfo, Outcome, Residuals, Statistics};
-use super::restore::Restoration;
+use super::restore::{Restoration, KAPPA_RESTO};
 use crate::error::Result;
 use crate::func::EvalError;
 use crate::linalg::csc::Pattern;
@@ -31,6 +31,12 @@ pub struct IpmSettings {
     pub restoration: bool,
     /// Growth of the violation over that at the start of a level, up to which trial points are accepted.
     pub theta_room: f64,
+    /// Number of the first iteration in the log.
+    pub first_iteration: usize,
+    /// Limit product multipliers pair by pair before the whole Hessian is perturbed?
+    pub convexify_pairs: bool,
+    /// Restore feasibility after a row of tiny steps?
+    pub restore_tiny: bool,
     /// Factorisation of the Newton matrix; fixed when the solver is made.
     pub linear_solver: LinearSolver,
     /// Order of elimination; fixed when the solver is made.
@@ -46,6 +52,9 @@ impl Default for IpmSettings {
             y_init_max: 1e3,
             restoration: true,
             theta_room: 1e4,
+            first_iteration: 0,
+            convexify_pairs: true,
+            restore_tiny: true,
             linear_solver: LinearSolver::Auto,
             ordering: Ordering::Amd,
         }
@@ -207,6 +216,9 @@ pub struct Ipm {
     /// Size of the starting point, objective before, and steps in a row on the way to infinity.
     x_start: f64,
     f_before: f64,
+    /// Share of the violation a restoration must take away.
+    reduction: f64,
+    fall_before: f64,
     falling: usize,
 }
 
@@ -254,6 +266,8 @@ impl Ipm {
             fatal: false,
             x_start: 1.0,
             f_before: 0.0,
+            reduction: KAPPA_RESTO,
+            fall_before: 0.0,
             falling: 0,
             jac,
         })
@@ -394,7 +408,11 @@ impl Ipm {
             let searched = if self.direction(nlp) { self.line_search(nlp) } else { Search::Jammed };
             let tiny = matches!(searched, Search::Accepted) && self.info.alpha_pr < TINY_STEP;
             tiny_steps = if tiny { tiny_steps + 1 } else { 0 };
-            let lost = tiny_steps > TINY_STEPS && self.settings.restoration && m.primal > 1e-4 && jams < 20;
+            let lost = tiny_steps > TINY_STEPS
+                && self.settings.restore_tiny
+                && self.settings.restoration
+                && m.primal > 1e-4
+                && jams < 20;
             match searched {
                 Search::Accepted if lost => {
                     tiny_steps = 0;
@@ -432,7 +450,6 @@ impl Ipm {
                 }
             }
             self.stats.iterations += 1;
-            self.info.iter = self.stats.iterations;
             self.stats.max_delta_w = self.stats.max_delta_w.max(self.system.delta_w);
         }
     }
@@ -585,7 +602,7 @@ impl Ipm {
 
     fn fill_info(&mut self, nlp: &dyn Nlp, m: &Measures) {
         let i = &mut self.info;
-        i.iter = self.stats.iterations;
+        i.iter = self.settings.first_iteration + self.stats.iterations;
         i.objective = self.v.f / nlp.objective_scale();
         i.inf_pr = m.primal;
         i.inf_du = m.dual;
@@ -632,7 +649,8 @@ impl Ipm {
         for i in 0..it.s.len() {
             residual[i] = if shape.row[i] == RowKind::Free { 0.0 } else { v.c[i] - it.s[i] };
         }
-        let mut ok = system.factor(shape, bounds, it, self.level.mu) && self.solve_direction(false);
+        let mut ok = system.factor(shape, bounds, it, self.level.mu, self.settings.convexify_pairs)
+            && self.solve_direction(false);
         if ok && self.step_is_absurd() {
             // dependent rows: only with a perturbed dual block does the step stay with the problem
             ok = self.system.factor_dependent(self.level.mu) && self.solve_direction(false);
@@ -645,7 +663,9 @@ impl Ipm {
     /// full steps through points that are as good as feasible.
     fn diverges(&mut self, m: &Measures) -> bool {
         let largest = self.it.x.iter().fold(0f64, |a, v| a.max(v.abs()));
-        let falling = self.v.f < 0.0 && self.v.f <= (1.0 + FALL) * self.f_before;
+        let fall = self.f_before - self.v.f;
+        let falling = self.v.f < 0.0 && fall > 0.0 && (fall >= -FALL * self.f_before || fall >= 0.9 * self.fall_before);
+        self.fall_before = fall;
         let far = largest > FAR * self.x_start && m.primal <= 1e-6 * largest;
         self.falling = if falling && far && m.alpha > 0.9 { self.falling + 1 } else { 0 };
         self.f_before = self.v.f;
@@ -724,14 +744,22 @@ impl Ipm {
             },
         };
         let left = self.settings.max_iter - self.stats.iterations;
-        let (found, outcome) =
-            resto.run(nlp, &self.bounds, &self.it, &self.v.c, self.level.mu.max(m.primal), left, control);
+        let (found, outcome) = resto.run(
+            nlp,
+            &self.bounds,
+            &self.it,
+            &self.v.c,
+            (self.level.mu.max(m.primal), self.reduction),
+            left,
+            control,
+        );
         let cost = resto.statistics();
         self.stats.iterations += cost.iterations;
         self.stats.restoration_iterations += cost.iterations;
         self.stats.factorisations += cost.factorisations;
         self.stats.evaluations += cost.evaluations;
         self.it.x.copy_from_slice(resto.x());
+        self.trial.y.copy_from_slice(resto.y());
         self.resto = Some(resto);
         if !self.evaluate(nlp) || !self.differentiate(nlp) {
             return Some(Outcome::Failed);
@@ -757,7 +785,11 @@ impl Ipm {
             return None;
         }
         match outcome {
-            Outcome::Solved if self.max_violation() > 1e-8 => Some(Outcome::Infeasible),
+            Outcome::Solved if self.max_violation() > 1e-8 => {
+                // the multipliers of the least violation say which rows conflict
+                self.it.y.copy_from_slice(&self.trial.y);
+                Some(Outcome::Infeasible)
+            }
             Outcome::Solved => None,
             Outcome::Stalled | Outcome::MaxIter if self.stats.iterations < self.settings.max_iter => {
                 Some(Outcome::Stalled)
@@ -766,7 +798,44 @@ impl Ipm {
         }
     }
 
-    /// Writes the multipliers of fixed variables into `z`, which may stop short of the last variables: what is left of the gradient of the Lagrangian.
+    /// Looks for a point that satisfies `bounds` up to 1e-9, from `start`: solved, or infeasible at a local minimiser of
+    /// the violation, whose multipliers are then those of the iterate.
+    pub fn find_feasible(
+        &mut self,
+        nlp: &mut dyn Nlp,
+        bounds: &Bounds,
+        start: &Iterate,
+        level: Level,
+        control: &mut Control,
+    ) -> Outcome {
+        self.stats = Statistics::default();
+        self.bounds.copy_from(bounds);
+        self.level = level;
+        nlp.set_level(level.sigma, level.mu);
+        self.shape.classify(&self.bounds);
+        self.system.restart();
+        if !self.initialise(nlp, Start::Warm(start, 1e-8)) {
+            return Outcome::Failed;
+        }
+        self.reduction = 1e-3;
+        let mut end = None;
+        for _ in 0..10 {
+            let m = self.measure(nlp);
+            if m.primal <= 1e-9f64.max(m.rounding) {
+                end = Some(Outcome::Solved);
+                break;
+            }
+            end = self.restore(nlp, control, &m);
+            if end.is_some() {
+                break;
+            }
+        }
+        self.reduction = KAPPA_RESTO;
+        end.unwrap_or(Outcome::Stalled)
+    }
+
+    /// Writes the multipliers of fixed variables into `z`, which may stop short of the last variables: what is left of
+    /// the gradient of the Lagrangian.
     pub fn fixed_multipliers(&self, z: &mut [f64]) {
         for j in (0..z.len()).filter(|&j| self.shape.fixed[j]) {
             let rows = self.jac.range(j).map(|k| self.v.jac[k] * self.it.y[self.jac.row_idx()[k]]);

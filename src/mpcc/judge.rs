@@ -1,0 +1,167 @@
+//! What was found: a certificate of the exact point, and the way on where it is no B-stationary one.
+
+use super::certificate::{BStationarity, CertSettings, Certificate, Certifier, Local};
+use super::conflict::Conflict;
+use super::problem::{Mpcc, Side};
+use super::relaxed::Relaxed;
+use super::solver::{MpccSolver, Polish, Suggest};
+use crate::error::Result;
+use crate::nlp::{Bounds, Control, Level, Outcome};
+
+/// Descents followed at most.
+const MAX_DESCENTS: usize = 10;
+/// Trust regions of the linearised problem, the wide one first.
+const RADII: [f64; 2] = [1e-2, 1e-4];
+/// Distance at which constraints of an infeasible problem count as active.
+const ACTIVE: f64 = 1e-6;
+
+/// Room for functions and derivatives at a point, and the certifier.
+pub(super) struct Judge {
+    certifier: Certifier,
+    bounds: Bounds,
+    c: Vec<f64>,
+    grad: Vec<f64>,
+    jac: Vec<f64>,
+}
+
+impl Judge {
+    pub fn new(p: &dyn Mpcc) -> Result<Judge> {
+        let (n, m) = (p.n(), p.m());
+        Ok(Judge {
+            certifier: Certifier::new(p.jac_pattern(), p.pairs())?,
+            bounds: Bounds::free(n, m),
+            c: vec![0.0; m],
+            grad: vec![0.0; n],
+            jac: vec![0.0; p.jac_pattern().nnz()],
+        })
+    }
+
+    /// Evaluates at `x`; false where something has no value.
+    fn evaluate(&mut self, p: &mut dyn Mpcc, x: &[f64]) -> bool {
+        p.set_polishing(true);
+        let ok = p.eval(x, &mut self.c).is_ok() && p.derivatives(x, &mut self.grad, &mut self.jac).is_ok();
+        p.set_polishing(false);
+        ok
+    }
+}
+
+impl MpccSolver {
+    /// Certifies the recorded solution.
+    fn certify(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        settings: &CertSettings,
+        control: &mut Control,
+    ) -> Certificate {
+        let Some(judge) = &mut self.judge else { return Certificate::default() };
+        let s = &self.solution;
+        if !judge.evaluate(p, &s.x) {
+            return Certificate::default();
+        }
+        judge.bounds.copy_from(bounds);
+        if p.start_is_informed() {
+            // what a branch fixes beside the pairs belongs to the statement of the problem
+            p.branch(&s.sides, &mut judge.bounds);
+            for j in p.pairs().iter().flat_map(|k| [k.0, k.1]) {
+                judge.bounds.xl[j] = bounds.xl[j];
+                judge.bounds.xu[j] = bounds.xu[j];
+            }
+        }
+        let local = Local {
+            x: &s.x,
+            c: &judge.c,
+            grad: &judge.grad,
+            jac: p.jac_pattern(),
+            jac_values: &judge.jac,
+            bounds: &judge.bounds,
+            pairs: p.pairs(),
+            y: &s.y,
+            z: &s.z,
+        };
+        judge.certifier.certify(&local, settings, control)
+    }
+
+    /// Follows descents of the linearised problem to better points, and certifies the last one.
+    pub(super) fn judge(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) {
+        if self.judge.is_none() || !self.settings.certify {
+            return;
+        }
+        let quick = CertSettings { type_nodes: 0, ..CertSettings::default() };
+        let mut left = if p.start_is_informed() { 0 } else { MAX_DESCENTS };
+        while left > 0 {
+            left -= 1;
+            let better = RADII.iter().any(|&radius| {
+                let c = self.certify(p, bounds, &CertSettings { radius, ..quick.clone() }, control);
+                c.b == BStationarity::No && self.descend(p, bounds, control)
+            });
+            if !better {
+                break;
+            }
+        }
+        self.solution.certificate = self.certify(p, bounds, &CertSettings::default(), control);
+    }
+
+    /// Solves the branch the last descent leads into, from its end; true when that is a better point.
+    fn descend(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+        let Some((d, sides)) = self.judge.as_ref().and_then(|j| j.certifier.descent()) else { return false };
+        self.st.start(&self.solution.x, &mut self.point);
+        for ((w, x), d) in self.point.iter_mut().zip(&self.solution.x).zip(d) {
+            *w = x + d;
+        }
+        for (k, side) in sides.iter().enumerate() {
+            self.sides[p.group(k)] = *side;
+        }
+        for (k, &(a, b)) in p.pairs().iter().enumerate() {
+            let zero = if self.sides[p.group(k)] == Side::First { a } else { b };
+            self.point[zero] = 0.0;
+        }
+        let best = self.solution.objective;
+        if !self.try_point(p, bounds, control) || !self.is_better(best) {
+            return false;
+        }
+        self.record_exact(p, control);
+        true
+    }
+
+    /// After a path without end at a point that violates the rows: is there a feasible point at all? From one the active
+    /// set is looked for again; a local minimiser of the violation says that there is none near.
+    pub(super) fn look_for_feasibility(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        control: &mut Control,
+        suggest: Suggest,
+    ) {
+        let s = &self.solution;
+        if s.outcome != Outcome::Stalled || s.polish == Polish::Done || p.start_is_informed() {
+            return;
+        }
+        let level = Level { mu: 1e-8, sigma: self.settings.sigma_min };
+        self.st.bounds(bounds, level.sigma, &mut self.bounds);
+        self.saved.copy_from(self.ipm.iterate());
+        let left = self.settings.max_iter.saturating_sub(s.stats.iterations);
+        self.ipm.settings_mut().max_iter = left;
+        let mut relaxed = Relaxed { inner: &mut *p, st: &mut self.st };
+        let outcome = self.ipm.find_feasible(&mut relaxed, &self.bounds, &self.saved, level, control);
+        self.solution.stats.add(self.ipm.statistics());
+        match outcome {
+            Outcome::Infeasible => self.record(p, outcome, Polish::Rejected),
+            Outcome::Solved if self.settings.polish => {
+                self.saved.copy_from(self.ipm.iterate());
+                self.polish(p, bounds, control, suggest, false);
+            }
+            _ => {}
+        }
+    }
+
+    /// Which constraints conflict at the point of least violation that was recorded.
+    pub(super) fn explain(&mut self, p: &mut dyn Mpcc, bounds: &Bounds) {
+        let Some(judge) = &mut self.judge else { return };
+        let s = &mut self.solution;
+        if s.outcome == Outcome::Infeasible && s.polish != Polish::Done && judge.evaluate(p, &s.x) {
+            let (jac, pairs) = (p.jac_pattern(), p.pairs());
+            s.conflict = Some(Conflict::combine(&s.x, &judge.c, jac, &judge.jac, bounds, pairs, &s.y, ACTIVE));
+        }
+    }
+}
