@@ -356,6 +356,31 @@ typedef int64_t swb_ordering;
 #endif // __cplusplus
 
 /**
+ * An ingredient of a method that can be left out.
+ */
+enum swb_toggle
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Without it.
+     */
+    SWB_TOGGLE_OFF = 0,
+    /**
+     * With it.
+     */
+    SWB_TOGGLE_ON = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_toggle swb_toggle;
+#else
+typedef int64_t swb_toggle;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Verbosity of the log sink (log_level); each level contains the ones before it.
  */
 enum swb_log_level
@@ -796,6 +821,35 @@ typedef int32_t swb_member;
 #endif // __cplusplus
 
 /**
+ * Parts of a program that have names and can be violated. The first two are those of enum swb_member.
+ */
+enum swb_item
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * A variable, by its bounds.
+     */
+    SWB_ITEM_VARIABLE = 0,
+    /**
+     * A row of the constraints, by its bounds.
+     */
+    SWB_ITEM_CONSTRAINT = 1,
+    /**
+     * A complementarity pair, in the order they were added, by min(G, H).
+     */
+    SWB_ITEM_PAIR = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_item swb_item;
+#else
+typedef int32_t swb_item;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Graph of expressions. Every expression is a number in its graph and exists once: equal expressions have equal
  * numbers. Expressions live as long as the graph; functions and models made of them are independent of it.
  */
@@ -956,6 +1010,42 @@ typedef struct swb_settings {
      * Order of elimination in the Newton matrices (enum ordering).
      */
     int64_t ordering;
+    /**
+     * Scale objective and rows by their gradients at the starting point (enum toggle).
+     */
+    int64_t scaling;
+    /**
+     * Start the pairs of a program on the central path, wherever the starting point has them (enum toggle).
+     */
+    int64_t centre_pairs;
+    /**
+     * Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum toggle).
+     */
+    int64_t convexify_pairs;
+    /**
+     * Try an active set that leaves no doubt before the relaxation is small (enum toggle).
+     */
+    int64_t early_polish;
+    /**
+     * Solve the square system of the active set by Newton's method (enum toggle).
+     */
+    int64_t square_newton;
+    /**
+     * Certify exact points, and follow descents from those that are not B-stationary (enum toggle).
+     */
+    int64_t certify;
+    /**
+     * Rungs of the relaxation that may be taken back when the next one is too far.
+     */
+    int64_t sigma_retries;
+    /**
+     * Second-order corrections of a step.
+     */
+    int64_t max_soc;
+    /**
+     * Restore feasibility after a row of tiny steps (enum toggle).
+     */
+    int64_t restore_tiny;
 } swb_settings;
 
 /**
@@ -1259,6 +1349,71 @@ typedef struct swb_iteration_info {
  * outcome SWB_OUTCOME_STOPPED. `info` is valid during the call only. Must not unwind.
  */
 typedef int32_t (*swb_iteration_fn)(const struct swb_iteration_info *info, void *user_data);
+
+/**
+ * Hessian of the Lagrangian, weight times the objective plus y times the constraints: writes out [nnz], the
+ * values of the entries of the pattern; comes filled with zeros. y is [m], NULL if m is 0. Returns as
+ * swb_value_fn.
+ */
+typedef int32_t (*swb_lagrangian_fn)(const struct swb_point *at,
+                                     double weight,
+                                     const double *y,
+                                     double *out,
+                                     void *user_data);
+
+/**
+ * The linear systems of a solve: sizes, and work since the program was built.
+ */
+typedef struct swb_linear_stats {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Order of the matrix.
+     */
+    int64_t n;
+    /**
+     * Entries of its upper triangle.
+     */
+    int64_t nnz_k;
+    /**
+     * Entries of the factor below the diagonal.
+     */
+    int64_t nnz_l;
+    /**
+     * Floating-point operations of one factorisation.
+     */
+    double flops;
+    /**
+     * Smallest modulus of a pivot of the last factorisation, of the equilibrated matrix.
+     */
+    double min_abs_pivot;
+    /**
+     * Largest one.
+     */
+    double max_abs_pivot;
+    /**
+     * Shift of the diagonal in the last factorisation, of the equilibrated matrix.
+     */
+    double shift;
+    /**
+     * Numeric factorisations.
+     */
+    int64_t factorisations;
+    /**
+     * Solutions.
+     */
+    int64_t solves;
+    /**
+     * Steps of refinement in all solutions.
+     */
+    int64_t refinement_steps;
+    /**
+     * Times the scaling was computed.
+     */
+    int64_t equilibrations;
+} swb_linear_stats;
 
 #ifdef __cplusplus
 extern "C" {
@@ -2761,6 +2916,26 @@ swb_status swb_mpcc_add_pair(struct swb_mpcc *mpcc,
                              int64_t index_h);
 
 /**
+ * Give second derivatives in one piece, in place of the Hessians of objective and constraints.
+ *
+ * For functions described with swb_function_set_linear nothing else is prepared, although they are not linear.
+ *
+ * @param[in] col_ptr   [n + 1] where the columns start; the last one is nnz
+ * @param[in] row_idx   [nnz] rows from 0, increasing within each column, upper triangle (row <= column)
+ * @param[in] hessian   NULL: back to the Hessians of the functions; the pattern is not read
+ * @param[in] user_data passed on unchanged; must stay valid as long as the program has the callback
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
+ */
+SWB_API
+swb_status swb_mpcc_set_hessian(struct swb_mpcc *mpcc,
+                                const int64_t *col_ptr,
+                                int64_t n_col_ptr,
+                                const int64_t *row_idx,
+                                int64_t nnz,
+                                swb_lagrangian_fn hessian,
+                                void *user_data);
+
+/**
  * Set bounds of the variables.
  *
  * @param[in] lower [n_lower] n
@@ -2859,7 +3034,8 @@ SWB_API swb_status swb_mpcc_get_constraints(const struct swb_mpcc *mpcc, double 
  * Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
  *
  * @param[out] y [m] of the constraints
- * @param[out] z [n] of the bounds, lower minus upper; for variables in pairs the multiplier of the pair
+ * @param[out] z [n] of the bounds, lower minus upper; for variables in pairs the multiplier of the pair, and
+ *                   the sum of them for a variable in several
  * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
  */
 SWB_API
@@ -2986,6 +3162,121 @@ swb_status swb_mpcc_interrupt(const struct swb_mpcc *mpcc);
  * Free; NULL is allowed.
  */
 SWB_API void swb_mpcc_free(struct swb_mpcc *mpcc);
+
+/**
+ * Name a variable, a constraint or a pair: reports and messages of the log use it.
+ *
+ * @param[in] kind  an enum swb_item
+ * @param[in] index its number; pairs count in the order they were added
+ * @param[in] name  copied; NULL or "" takes a name away
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
+ */
+SWB_API
+swb_status swb_mpcc_set_name(struct swb_mpcc *mpcc,
+                             int32_t kind,
+                             int64_t index,
+                             const char *name);
+
+/**
+ * Name all variables, constraints or pairs.
+ *
+ * @param[in] kind  an enum swb_item
+ * @param[in] names [n] copied; NULL or "" for no name
+ * @param[in] n     number of variables, constraints or pairs
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
+ */
+SWB_API
+swb_status swb_mpcc_set_names(struct swb_mpcc *mpcc,
+                              int32_t kind,
+                              const char *const *names,
+                              int64_t n);
+
+/**
+ * Name of a variable, constraint or pair, such as "T_out"; "variable 3" without one.
+ *
+ * @param[in]  kind   an enum swb_item
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index or the
+ *         buffer is too short
+ */
+SWB_API
+swb_status swb_mpcc_get_name(const struct swb_mpcc *mpcc,
+                             int32_t kind,
+                             int64_t index,
+                             char *buf,
+                             int64_t len,
+                             int64_t *needed);
+
+/**
+ * What the point of the last solve violates, the worst first: bounds by how much they are exceeded, pairs by
+ * min(G, H).
+ *
+ * @param[out] kinds      [k] enum swb_item
+ * @param[out] indices    [k]
+ * @param[out] violations [k] positive
+ * @param[in]  k          how many are wanted at most; 0 with NULL arrays to ask for their number
+ * @param[out] found      how many there are, also beyond k; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_worst(const struct swb_mpcc *mpcc,
+                              int32_t *kinds,
+                              int64_t *indices,
+                              double *violations,
+                              int64_t k,
+                              int64_t *found);
+
+/**
+ * Residuals of the last solve with objective and constraints scaled as the solver scaled them, which are those
+ * that the option tol is compared with.
+ *
+ * @param[out] residuals   every field is written
+ * @param[in]  struct_size sizeof(swb_residuals)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_scaled_residuals(const struct swb_mpcc *mpcc,
+                                         struct swb_residuals *residuals,
+                                         uint64_t struct_size);
+
+/**
+ * Sizes, pivots and work of the linear systems, since the program was built.
+ *
+ * @param[out] stats       every field is written
+ * @param[in]  struct_size sizeof(swb_linear_stats)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_linear_stats(const struct swb_mpcc *mpcc,
+                                     struct swb_linear_stats *stats,
+                                     uint64_t struct_size);
+
+/**
+ * Everything about the last solve but the point, as one JSON object: see docs/mpcc.md.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_statistics_json(const struct swb_mpcc *mpcc,
+                                    char *buf,
+                                    int64_t len,
+                                    int64_t *needed);
+
+/**
+ * The same for people: a table with the worst violations and what looks wrong about the program.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return as swb_mpcc_statistics_json
+ */
+SWB_API
+swb_status swb_mpcc_report_text(const struct swb_mpcc *mpcc,
+                                char *buf,
+                                int64_t len,
+                                int64_t *needed);
 
 #ifdef __cplusplus
 }  // extern "C"

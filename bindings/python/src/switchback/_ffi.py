@@ -104,6 +104,13 @@ class Ordering(Names):
     NATURAL = 1
 
 
+class Toggle(Names):
+    """enum swb_toggle"""
+
+    OFF = 0
+    ON = 1
+
+
 class LogLevel(Names):
     """enum swb_log_level"""
 
@@ -221,6 +228,14 @@ class Member(Names):
     CONSTRAINT = 1
 
 
+class Item(Names):
+    """enum swb_item"""
+
+    VARIABLE = 0
+    CONSTRAINT = 1
+    PAIR = 2
+
+
 class swb_settings(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -250,6 +265,15 @@ class swb_settings(Structure):
         ("log_level", c_int64),
         ("linear_solver", c_int64),
         ("ordering", c_int64),
+        ("scaling", c_int64),
+        ("centre_pairs", c_int64),
+        ("convexify_pairs", c_int64),
+        ("early_polish", c_int64),
+        ("square_newton", c_int64),
+        ("certify", c_int64),
+        ("sigma_retries", c_int64),
+        ("max_soc", c_int64),
+        ("restore_tiny", c_int64),
     ]
 
 
@@ -339,12 +363,30 @@ class swb_iteration_info(Structure):
     ]
 
 
+class swb_linear_stats(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("n", c_int64),
+        ("nnz_k", c_int64),
+        ("nnz_l", c_int64),
+        ("flops", c_double),
+        ("min_abs_pivot", c_double),
+        ("max_abs_pivot", c_double),
+        ("shift", c_double),
+        ("factorisations", c_int64),
+        ("solves", c_int64),
+        ("refinement_steps", c_int64),
+        ("equilibrations", c_int64),
+    ]
+
+
 swb_log_fn = CFUNCTYPE(None, c_int64, c_char_p, c_void_p)
 swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_destroy_fn = CFUNCTYPE(None, c_void_p)
 swb_jacobian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_hessian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p, c_void_p)
 swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
+swb_lagrangian_fn = CFUNCTYPE(c_int32, c_void_p, c_double, c_void_p, c_void_p, c_void_p)
 
 # name: (result, arguments)
 FUNCTIONS = {
@@ -482,6 +524,7 @@ FUNCTIONS = {
     "swb_ocp_free": (None, [c_void_p]),
     "swb_mpcc_create": (c_int32, [c_int64, c_int64, c_void_p, c_void_p, POINTER(swb_settings), c_void_p]),
     "swb_mpcc_add_pair": (c_int32, [c_void_p, c_int32, c_int64, c_int32, c_int64]),
+    "swb_mpcc_set_hessian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, swb_lagrangian_fn, c_void_p]),
     "swb_mpcc_set_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_mpcc_set_constraint_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_mpcc_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
@@ -505,6 +548,14 @@ FUNCTIONS = {
     "swb_mpcc_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
     "swb_mpcc_interrupt": (c_int32, [c_void_p]),
     "swb_mpcc_free": (None, [c_void_p]),
+    "swb_mpcc_set_name": (c_int32, [c_void_p, c_int32, c_int64, c_char_p]),
+    "swb_mpcc_set_names": (c_int32, [c_void_p, c_int32, c_void_p, c_int64]),
+    "swb_mpcc_get_name": (c_int32, [c_void_p, c_int32, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_mpcc_get_worst": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_mpcc_get_scaled_residuals": (c_int32, [c_void_p, POINTER(swb_residuals), c_uint64]),
+    "swb_mpcc_get_linear_stats": (c_int32, [c_void_p, POINTER(swb_linear_stats), c_uint64]),
+    "swb_mpcc_statistics_json": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_mpcc_report_text": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
 }
 
 
