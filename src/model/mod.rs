@@ -210,7 +210,7 @@ impl Builder<'_> {
             }
             rhs.push(r);
         }
-        Ok(self.dag.smooth_switches(&rhs))
+        self.dag.smooth_switches(&rhs)
     }
 
     /// Decides switching functions that have one sign everywhere.
