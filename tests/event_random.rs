@@ -115,16 +115,9 @@ fn compare(seeds: std::ops::Range<u64>) -> (usize, Vec<String>) {
 }
 
 #[test]
-fn random_planar_systems() {
-    let (open, wrong) = compare(0..1500);
-    assert!(wrong.is_empty(), "{} of 1500 differ:\n{}", wrong.len(), wrong.join("\n"));
-    assert!(open < 75, "{open} of 1500 without a clear answer");
-}
-
-#[test]
-#[ignore = "longer run of the same"]
 fn ten_thousand_random_planar_systems() {
-    let (open, wrong) = compare(1500..11_500);
+    let (open, wrong) = compare(0..10_000);
     assert!(wrong.is_empty(), "{} of 10000 differ:\n{}", wrong.len(), wrong.join("\n"));
-    assert!(open < 500, "{open} of 10000 without a clear answer");
+    // repelling surfaces, corners: small steps themselves have no clear answer there
+    assert!(open < 100, "{open} of 10000 without a clear answer");
 }

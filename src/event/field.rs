@@ -78,6 +78,9 @@ pub(super) struct Field {
     /// Active cells per subsystem, never empty.
     pub(super) active: Vec<Vec<usize>>,
     pairs: Vec<Pair>,
+    /// Where one mode is the whole right-hand side: its outputs among those of all modes, and how many those are.
+    lone: Option<(usize, usize)>,
+    lone_out: usize,
     /// Reciprocal size of the gradient of every constraint.
     unit: Vec<f64>,
     /// Indicator functions at the last point.
@@ -151,6 +154,8 @@ impl Field {
             direct: dcs.drifts().first().is_some_and(|d| is_identity(&d.rows, nx)),
             drifts: dcs.drifts().to_vec(),
             pairs: Vec::with_capacity(most),
+            lone: None,
+            lone_out: 0,
             unit: vec![1.0; most],
             q: vec![0.0; q0],
             dq: vec![0.0; q0 * n_z],
@@ -189,6 +194,14 @@ impl Field {
             to.clone_from(from);
             for &cell in &from[1..] {
                 self.pairs.push(Pair { sub: k, cell, base: from[0] });
+            }
+        }
+        self.lone = None;
+        if let ([s], true, true) = (&self.subs[..], self.drifts.is_empty(), self.pairs.is_empty()) {
+            if s.identity {
+                let mode = s.cells[self.active[0][0] - s.first].mode;
+                self.lone = Some((mode * self.nx, (mode + 1) * self.nx));
+                self.lone_out = s.n_out;
             }
         }
     }
@@ -272,26 +285,43 @@ impl Field {
     }
 
     /// Right-hand side; in a sliding mode with the weights that follow from time and state.
+    #[inline]
     pub(super) fn rhs(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        if self.lone.is_some() {
+            let f = self.rhs_view(t, x, &mut [])?;
+            // a loop: a call to copy memory costs more than a few numbers
+            for (o, v) in out.iter_mut().zip(f) {
+                *o = v + 0.0;
+            }
+            return Ok(());
+        }
+        self.rhs_of_parts(t, x, out)
+    }
+
+    /// The same without a copy where one mode is the whole right-hand side; `room` is for the other cases.
+    #[inline]
+    pub(super) fn rhs_view<'a>(
+        &'a mut self,
+        t: f64,
+        x: &[f64],
+        room: &'a mut [f64],
+    ) -> std::result::Result<&'a [f64], EvalError> {
+        if let Some((from, to)) = self.lone {
+            self.counts.values += 1;
+            let at = Point { t, x, u: &self.u, p: &self.p };
+            let modes = &self.subs[0].modes;
+            modes.value_rows(&at, from..to, &mut self.buffer[..self.lone_out], &mut self.work)?;
+            return Ok(&self.buffer[from..to]);
+        }
+        self.rhs_of_parts(t, x, room)?;
+        Ok(room)
+    }
+
+    fn rhs_of_parts(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
         if self.pairs.is_empty() {
             self.counts.values += 1;
-            let mut first = 0;
-            if self.drifts.is_empty() && self.subs[0].identity {
-                // one subsystem is the whole right-hand side: written without a detour
-                first = 1;
-                let s = &self.subs[0];
-                let mode = s.cells[self.active[0][0] - s.first].mode;
-                let rows = mode * s.rows.len()..(mode + 1) * s.rows.len();
-                let at = Point { t, x, u: &self.u, p: &self.p };
-                s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..s.n_out], &mut self.work)?;
-                // a loop: a call to copy memory costs more than a few numbers
-                for (o, v) in out.iter_mut().zip(&self.buffer[rows]) {
-                    *o = v + 0.0;
-                }
-            } else {
-                self.drift(t, x, out)?;
-            }
-            for k in first..self.subs.len() {
+            self.drift(t, x, out)?;
+            for k in 0..self.subs.len() {
                 self.add_mode(t, x, self.active[k][0], 1.0, out)?;
             }
             return Ok(());
