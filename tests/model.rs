@@ -275,6 +275,16 @@ fn lints() {
     assert!(warnings(&[g.piecewise(&jumps, x), y]).contains("not found as switches"));
     let b = build(&g, 1, 1, &[y, x.abs()]);
     assert!(b.report.notes_of(NoteKind::Info).any(|n| n.contains("no sliding mode")), "{}", b.report);
+    // Three regions, and no difference across either surface.
+    let b = build(&g, 1, 1, &[y, x.dead_zone(g.constant(0.5))]);
+    assert_eq!(b.report.notes_of(NoteKind::Info).filter(|n| n.contains("no sliding mode")).count(), 2, "{}", b.report);
+    // Across y = 0 the speeds are ±x: equal where x vanishes.
+    let mut m = Model::from_rhs("m", 0, 0, &[g.constant(1.0), -x * y.sign()]).unwrap();
+    for (x0, n) in [(0.0, 1), (1.0, 0)] {
+        m.set_trial(Trial { x: vec![x0, 0.0], ..Trial::default() }).unwrap();
+        let report = m.build(&g).unwrap().report;
+        assert_eq!(report.notes_of(NoteKind::Warning).filter(|n| n.contains("singular")).count(), n, "{report}");
+    }
     let b = build(&g, 1, 1, &[y, g.constant(0.0)]);
     assert!(b.report.notes_of(NoteKind::Info).any(|n| n.contains("x[1] is constant")), "{}", b.report);
     let mut m = Model::from_rhs("m", 0, 0, &[x.ln() - y.sign(), y.gt(1.0).select(x, 1.0 / y)]).unwrap();
