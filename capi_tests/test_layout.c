@@ -104,6 +104,18 @@ int main(void)
     AT(swb_linear_stats, 10, refinement_steps);
     AT(swb_linear_stats, 11, equilibrations);
     CHECK(sizeof(swb_linear_stats) == (size_t)8 * 12);
+    AT(swb_certificate, 0, struct_size);
+    AT(swb_certificate, 1, stationarity);
+    AT(swb_certificate, 2, sharp);
+    AT(swb_certificate, 3, b_stationarity);
+    AT(swb_certificate, 4, doubt);
+    AT(swb_certificate, 5, biactive);
+    AT(swb_certificate, 6, min_multiplier);
+    AT(swb_certificate, 7, strict);
+    AT(swb_certificate, 8, lps);
+    AT(swb_certificate, 9, lp_iterations);
+    AT(swb_certificate, 10, nodes);
+    CHECK(sizeof(swb_certificate) == (size_t)8 * 11);
     AT(swb_iteration_info, 0, struct_size);
     AT(swb_iteration_info, 1, iter);
     AT(swb_iteration_info, 2, objective);
@@ -169,5 +181,11 @@ int main(void)
     CHECK(SWB_ITEM_VARIABLE == 0);
     CHECK(SWB_ITEM_CONSTRAINT == 1);
     CHECK(SWB_ITEM_PAIR == 2);
+    CHECK(SWB_STATIONARITY_S == 0 && SWB_STATIONARITY_M == 1 && SWB_STATIONARITY_C == 2);
+    CHECK(SWB_STATIONARITY_A == 3 && SWB_STATIONARITY_W == 4 && SWB_STATIONARITY_NONE == 5);
+    CHECK(SWB_STATIONARITY_UNKNOWN == 6);
+    CHECK(SWB_B_STATIONARITY_YES == 0 && SWB_B_STATIONARITY_NO == 1 && SWB_B_STATIONARITY_UNDECIDED == 2);
+    CHECK(SWB_DOUBT_NONE == 0 && SWB_DOUBT_DATA == 1 && SWB_DOUBT_INFEASIBLE == 2);
+    CHECK(SWB_DOUBT_NODES == 3 && SWB_DOUBT_ACCURACY == 4 && SWB_DOUBT_STOPPED == 5);
     return CHECK_DONE();
 }

@@ -850,6 +850,122 @@ typedef int32_t swb_item;
 #endif // __cplusplus
 
 /**
+ * The strongest type of stationarity for which multipliers of the pairs are known; nu of G, xi of H, at pairs of which
+ * both members are zero.
+ */
+enum swb_stationarity
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Strong: both not negative.
+     */
+    SWB_STATIONARITY_S = 0,
+    /**
+     * Mordukhovich: both positive, or one of them zero.
+     */
+    SWB_STATIONARITY_M = 1,
+    /**
+     * Clarke: the product not negative.
+     */
+    SWB_STATIONARITY_C = 2,
+    /**
+     * Abadie: one of them not negative.
+     */
+    SWB_STATIONARITY_A = 3,
+    /**
+     * Weak: any signs.
+     */
+    SWB_STATIONARITY_W = 4,
+    /**
+     * There are no multipliers at all.
+     */
+    SWB_STATIONARITY_NONE = 5,
+    /**
+     * Not known: the point is no exact one, or certificates are off.
+     */
+    SWB_STATIONARITY_UNKNOWN = 6,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_stationarity swb_stationarity;
+#else
+typedef int32_t swb_stationarity;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Does no step to first order lead to a better point?
+ */
+enum swb_b_stationarity
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * None does: a B-stationary point, which has no descent.
+     */
+    SWB_B_STATIONARITY_YES = 0,
+    /**
+     * There is a descent.
+     */
+    SWB_B_STATIONARITY_NO = 1,
+    /**
+     * Not decided; the doubt says why.
+     */
+    SWB_B_STATIONARITY_UNDECIDED = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_b_stationarity swb_b_stationarity;
+#else
+typedef int32_t swb_b_stationarity;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What kept a certificate from saying more.
+ */
+enum swb_doubt
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Nothing.
+     */
+    SWB_DOUBT_NONE = 0,
+    /**
+     * Values that are not finite.
+     */
+    SWB_DOUBT_DATA = 1,
+    /**
+     * The point violates constraints, bounds or pairs.
+     */
+    SWB_DOUBT_INFEASIBLE = 2,
+    /**
+     * Too many pairs of which both members are zero.
+     */
+    SWB_DOUBT_NODES = 3,
+    /**
+     * A linear program could not be solved well enough to believe it.
+     */
+    SWB_DOUBT_ACCURACY = 4,
+    /**
+     * Interrupted, or out of time.
+     */
+    SWB_DOUBT_STOPPED = 5,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_doubt swb_doubt;
+#else
+typedef int32_t swb_doubt;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Graph of expressions. Every expression is a number in its graph and exists once: equal expressions have equal
  * numbers. Expressions live as long as the graph; functions and models made of them are independent of it.
  */
@@ -1360,6 +1476,56 @@ typedef int32_t (*swb_lagrangian_fn)(const struct swb_point *at,
                                      const double *y,
                                      double *out,
                                      void *user_data);
+
+/**
+ * What is known of the point of a program with pairs.
+ */
+typedef struct swb_certificate {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Type of stationarity (enum swb_stationarity).
+     */
+    int64_t stationarity;
+    /**
+     * 1 if it is shown that there are no multipliers of a stronger type.
+     */
+    int64_t sharp;
+    /**
+     * B-stationarity (enum swb_b_stationarity).
+     */
+    int64_t b_stationarity;
+    /**
+     * What the questions left open failed at (enum swb_doubt).
+     */
+    int64_t doubt;
+    /**
+     * Pairs of which both members are zero.
+     */
+    int64_t biactive;
+    /**
+     * Smallest of their multipliers, over the largest modulus there or 1; 0 without such pairs.
+     */
+    double min_multiplier;
+    /**
+     * 1 if none of their multipliers is zero.
+     */
+    int64_t strict;
+    /**
+     * Linear programs solved.
+     */
+    int64_t lps;
+    /**
+     * Iterations in them.
+     */
+    int64_t lp_iterations;
+    /**
+     * Nodes of the searches.
+     */
+    int64_t nodes;
+} swb_certificate;
 
 /**
  * The linear systems of a solve: sizes, and work since the program was built.
@@ -2980,6 +3146,25 @@ SWB_API swb_status swb_mpcc_set_params(struct swb_mpcc *mpcc, const double *valu
 SWB_API swb_status swb_mpcc_set_start(struct swb_mpcc *mpcc, const double *w, int64_t n);
 
 /**
+ * Start the next solves from a point with multipliers, as a solution of a program nearby has them; swb_mpcc_set_start
+ * goes back to starting from a point alone.
+ *
+ * @param[in] w [n]
+ * @param[in] y [m] multipliers of the constraints; NULL with m = 0 for none
+ * @param[in] z [n_z] n multipliers of the bounds, both as swb_mpcc_get_multipliers has them; NULL with n_z = 0 for
+ *                  none
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API
+swb_status swb_mpcc_set_warm_start(struct swb_mpcc *mpcc,
+                                   const double *w,
+                                   int64_t n,
+                                   const double *y,
+                                   int64_t m,
+                                   const double *z,
+                                   int64_t n_z);
+
+/**
  * Solve.
  *
  * @param[out] outcome an enum swb_outcome; may be NULL
@@ -2990,6 +3175,17 @@ SWB_API swb_status swb_mpcc_set_start(struct swb_mpcc *mpcc, const double *w, in
 SWB_API
 swb_status swb_mpcc_solve(struct swb_mpcc *mpcc,
                           int32_t *outcome);
+
+/**
+ * Solve from the last solution and its multipliers, as after a change of parameters or bounds. After a solve that
+ * failed, diverged or ended infeasible this is swb_mpcc_solve.
+ *
+ * @param[out] outcome an enum swb_outcome; may be NULL
+ * @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_resolve(struct swb_mpcc *mpcc,
+                            int32_t *outcome);
 
 /**
  * How the last solve ended.
@@ -3164,6 +3360,16 @@ swb_status swb_mpcc_interrupt(const struct swb_mpcc *mpcc);
 SWB_API void swb_mpcc_free(struct swb_mpcc *mpcc);
 
 /**
+ * Name of an enum swb_stationarity, such as "M"; NULL for any other number. Static.
+ */
+SWB_API const char *swb_stationarity_name(int32_t stationarity);
+
+/**
+ * Name of an enum swb_doubt, such as "nodes"; NULL for any other number. Static.
+ */
+SWB_API const char *swb_doubt_name(int32_t doubt);
+
+/**
  * Name a variable, a constraint or a pair: reports and messages of the log use it.
  *
  * @param[in] kind  an enum swb_item
@@ -3226,6 +3432,46 @@ swb_status swb_mpcc_get_worst(const struct swb_mpcc *mpcc,
                               double *violations,
                               int64_t k,
                               int64_t *found);
+
+/**
+ * Constraints, bounds and pairs that contradict each other, after the outcome SWB_OUTCOME_INFEASIBLE; the heaviest
+ * first. Weights of constraints are positive where the upper bound takes part, negative where the lower one does;
+ * those of variables the other way round.
+ *
+ * The weighted sum of the constraints exceeds what their bounds allow by `gap`, and its gradient is held by the bounds
+ * of the variables up to `residual`: with linear constraints a proof that there is no point, with others one to first
+ * order.
+ *
+ * @param[out] kinds    [k] enum swb_item
+ * @param[out] indices  [k]
+ * @param[out] weights  [k] the largest modulus of a constraint is 1
+ * @param[in]  k        how many are wanted at most; 0 with NULL arrays to ask for their number
+ * @param[out] found    how many there are, also beyond k; 0 without a conflict; may be NULL
+ * @param[out] gap      may be NULL
+ * @param[out] residual may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_conflict(const struct swb_mpcc *mpcc,
+                                 int32_t *kinds,
+                                 int64_t *indices,
+                                 double *weights,
+                                 int64_t k,
+                                 int64_t *found,
+                                 double *gap,
+                                 double *residual);
+
+/**
+ * What is known of the point of the last solve: type of stationarity, B-stationarity.
+ *
+ * @param[out] certificate every field is written
+ * @param[in]  struct_size sizeof(swb_certificate)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_certificate(const struct swb_mpcc *mpcc,
+                                    struct swb_certificate *certificate,
+                                    uint64_t struct_size);
 
 /**
  * Residuals of the last solve with objective and constraints scaled as the solver scaled them, which are those

@@ -1,6 +1,6 @@
 //! What the last solve of a program says about itself: names, worst violations, statistics, reports.
 
-use super::guard::guard;
+use super::guard::{guard, query};
 use super::handle;
 use super::mpcc::{swb_mpcc, Outcome1, Program};
 use super::raw;
@@ -8,10 +8,11 @@ use super::report::{swb_linear_stats, swb_residuals, write_sized};
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::mpcc::diagnostics::{self, Warning};
-use crate::mpcc::Polish;
+use crate::mpcc::{BStationarity, Certificate, Doubt, Polish, Stationarity};
 use crate::nlp::Residuals;
-use std::ffi::c_char;
+use std::ffi::{c_char, CStr};
 use std::fmt::Write as _;
+use std::ptr;
 
 /// Parts of a program that have names and can be violated. The first two are those of enum swb_member.
 #[repr(i32)]
@@ -36,6 +37,143 @@ impl swb_item {
 
     fn word(self) -> &'static str {
         ITEMS[self as usize].1
+    }
+}
+
+/// The strongest type of stationarity for which multipliers of the pairs are known; nu of G, xi of H, at pairs of which
+/// both members are zero.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_stationarity {
+    /// Strong: both not negative.
+    S = 0,
+    /// Mordukhovich: both positive, or one of them zero.
+    M = 1,
+    /// Clarke: the product not negative.
+    C = 2,
+    /// Abadie: one of them not negative.
+    A = 3,
+    /// Weak: any signs.
+    W = 4,
+    /// There are no multipliers at all.
+    None = 5,
+    /// Not known: the point is no exact one, or certificates are off.
+    Unknown = 6,
+}
+
+/// Does no step to first order lead to a better point?
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_b_stationarity {
+    /// None does: a B-stationary point, which has no descent.
+    Yes = 0,
+    /// There is a descent.
+    No = 1,
+    /// Not decided; the doubt says why.
+    Undecided = 2,
+}
+
+/// What kept a certificate from saying more.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_doubt {
+    /// Nothing.
+    None = 0,
+    /// Values that are not finite.
+    Data = 1,
+    /// The point violates constraints, bounds or pairs.
+    Infeasible = 2,
+    /// Too many pairs of which both members are zero.
+    Nodes = 3,
+    /// A linear program could not be solved well enough to believe it.
+    Accuracy = 4,
+    /// Interrupted, or out of time.
+    Stopped = 5,
+}
+
+const STATIONARITIES: &[(Stationarity, swb_stationarity, &CStr)] = &[
+    (Stationarity::S, swb_stationarity::S, c"S"),
+    (Stationarity::M, swb_stationarity::M, c"M"),
+    (Stationarity::C, swb_stationarity::C, c"C"),
+    (Stationarity::A, swb_stationarity::A, c"A"),
+    (Stationarity::W, swb_stationarity::W, c"W"),
+    (Stationarity::None, swb_stationarity::None, c"none"),
+    (Stationarity::Unknown, swb_stationarity::Unknown, c"unknown"),
+];
+
+const B_STATIONARITIES: &[(BStationarity, swb_b_stationarity)] = &[
+    (BStationarity::Yes, swb_b_stationarity::Yes),
+    (BStationarity::No, swb_b_stationarity::No),
+    (BStationarity::Undecided, swb_b_stationarity::Undecided),
+];
+
+const DOUBTS: &[(Doubt, swb_doubt, &CStr)] = &[
+    (Doubt::None, swb_doubt::None, c"none"),
+    (Doubt::Data, swb_doubt::Data, c"data"),
+    (Doubt::Infeasible, swb_doubt::Infeasible, c"infeasible"),
+    (Doubt::Nodes, swb_doubt::Nodes, c"nodes"),
+    (Doubt::Accuracy, swb_doubt::Accuracy, c"accuracy"),
+    (Doubt::Stopped, swb_doubt::Stopped, c"stopped"),
+];
+
+/// Name of an enum swb_stationarity, such as "M"; NULL for any other number. Static.
+#[no_mangle]
+pub extern "C" fn swb_stationarity_name(stationarity: i32) -> *const c_char {
+    query(ptr::null(), || {
+        STATIONARITIES.iter().find(|row| row.1 as i32 == stationarity).map_or(ptr::null(), |row| row.2.as_ptr())
+    })
+}
+
+/// Name of an enum swb_doubt, such as "nodes"; NULL for any other number. Static.
+#[no_mangle]
+pub extern "C" fn swb_doubt_name(doubt: i32) -> *const c_char {
+    query(ptr::null(), || DOUBTS.iter().find(|row| row.1 as i32 == doubt).map_or(ptr::null(), |row| row.2.as_ptr()))
+}
+
+/// What is known of the point of a program with pairs.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+pub struct swb_certificate {
+    /// Size of this struct in bytes.
+    pub struct_size: u64,
+    /// Type of stationarity (enum swb_stationarity).
+    pub stationarity: i64,
+    /// 1 if it is shown that there are no multipliers of a stronger type.
+    pub sharp: i64,
+    /// B-stationarity (enum swb_b_stationarity).
+    pub b_stationarity: i64,
+    /// What the questions left open failed at (enum swb_doubt).
+    pub doubt: i64,
+    /// Pairs of which both members are zero.
+    pub biactive: i64,
+    /// Smallest of their multipliers, over the largest modulus there or 1; 0 without such pairs.
+    pub min_multiplier: f64,
+    /// 1 if none of their multipliers is zero.
+    pub strict: i64,
+    /// Linear programs solved.
+    pub lps: i64,
+    /// Iterations in them.
+    pub lp_iterations: i64,
+    /// Nodes of the searches.
+    pub nodes: i64,
+}
+
+impl swb_certificate {
+    fn of(c: &Certificate) -> swb_certificate {
+        let number = |list: Option<i32>| i64::from(list.unwrap_or(-1));
+        swb_certificate {
+            struct_size: 0,
+            stationarity: number(STATIONARITIES.iter().find(|r| r.0 == c.stationarity).map(|r| r.1 as i32)),
+            sharp: c.sharp.into(),
+            b_stationarity: number(B_STATIONARITIES.iter().find(|r| r.0 == c.b).map(|r| r.1 as i32)),
+            doubt: number(DOUBTS.iter().find(|r| r.0 == c.doubt).map(|r| r.1 as i32)),
+            biactive: c.biactive as i64,
+            min_multiplier: c.min_multiplier,
+            strict: c.ulsc.into(),
+            lps: c.lps as i64,
+            lp_iterations: c.lp_iterations as i64,
+            nodes: c.nodes as i64,
+        }
     }
 }
 
@@ -98,6 +236,19 @@ impl Program {
         Ok(list)
     }
 
+    /// What conflicts in an infeasible program, with weights, the heaviest first.
+    fn conflict(&self) -> Result<Vec<(swb_item, usize, f64)>> {
+        let r = self.result()?;
+        let Some(conflict) = &r.solution.conflict else { return Ok(Vec::new()) };
+        let rows = conflict.rows.iter().map(|&(i, w)| (diagnostics::Item::Row(i), w));
+        let variables = conflict.variables.iter().map(|&(j, w)| (diagnostics::Item::Variable(j), w));
+        let mut all: Vec<_> = rows.chain(variables).map(|(item, w)| (self.own(r, item), w)).collect();
+        all.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        let mut seen = vec![false; self.members.len()];
+        all.retain(|((kind, i), _)| *kind != swb_item::Pair || !std::mem::replace(&mut seen[*i], true));
+        Ok(all.into_iter().map(|((kind, i), w)| (kind, i, w)).collect())
+    }
+
     fn warnings(&self, r: &Outcome1) -> Vec<String> {
         let Some(local) = r.local() else { return Vec::new() };
         let name = |row: usize| {
@@ -109,14 +260,22 @@ impl Program {
 
     /// The violations that matter, as a line of the log.
     pub(super) fn worst_line(&self) -> String {
-        const SHOWN: usize = 3;
-        let list = self.worst().unwrap_or_default();
-        let shown: Vec<String> = list
-            .iter()
-            .take(SHOWN)
-            .map(|(kind, i, by)| format!("{} = {by:.2e}", self.names.label(*kind, *i)))
-            .collect();
-        format!("mpcc worst {}", if shown.is_empty() { "none".to_owned() } else { shown.join(", ") })
+        self.line("mpcc worst", &self.worst().unwrap_or_default())
+    }
+
+    /// What conflicts, likewise.
+    pub(super) fn conflict_line(&self) -> String {
+        self.line("mpcc conflict", &self.conflict().unwrap_or_default())
+    }
+
+    fn line(&self, what: &str, list: &[(swb_item, usize, f64)]) -> String {
+        const SHOWN: usize = 5;
+        let mut shown: Vec<String> =
+            list.iter().take(SHOWN).map(|(kind, i, v)| format!("{} = {v:.2e}", self.names.label(*kind, *i))).collect();
+        if list.len() > SHOWN {
+            shown.push(format!("more = {}", list.len() - SHOWN));
+        }
+        format!("{what} {}", if shown.is_empty() { "none".to_owned() } else { shown.join(", ") })
     }
 }
 
@@ -246,6 +405,31 @@ impl Program {
         residuals.raw("unscaled", &residuals_json(&r.residuals));
         residuals.raw("scaled", &residuals_json(&r.scaled));
         j.raw("residuals", &residuals.end());
+        let c = &s.certificate;
+        let mut certificate = Json::new();
+        certificate.text("stationarity", c.stationarity.name());
+        certificate.raw("sharp", if c.sharp { "true" } else { "false" });
+        certificate.text("b_stationary", c.b.name());
+        certificate.text("doubt", c.doubt.name());
+        certificate.count("biactive", c.biactive);
+        certificate.number("min_multiplier", c.min_multiplier);
+        certificate.raw("strict", if c.ulsc { "true" } else { "false" });
+        certificate.count("lps", c.lps);
+        certificate.count("lp_iterations", c.lp_iterations);
+        certificate.count("nodes", c.nodes);
+        j.raw("certificate", &certificate.end());
+        match &s.conflict {
+            None => j.raw("conflict", "null"),
+            Some(found) => {
+                let mut conflict = Json::new();
+                let items = self.conflict()?;
+                let items = items.iter().take(SHOWN).map(|(kind, i, w)| self.item_json(*kind, *i, "weight", *w));
+                conflict.raw("items", &list(items));
+                conflict.number("gap", found.gap);
+                conflict.number("residual", found.residual);
+                j.raw("conflict", &conflict.end());
+            }
+        }
         let t = &s.stats;
         let mut stats = Json::new();
         stats.count("iterations", t.iterations);
@@ -294,6 +478,16 @@ impl Program {
         line("outcome", s.outcome.name().to_owned());
         line("polish", polish_name(s.polish).to_owned());
         line("objective", format!("{:.10e}", s.objective));
+        if !self.members.is_empty() {
+            let c = &s.certificate;
+            let sharp = if c.sharp { " (none stronger)" } else { "" };
+            let doubt = if c.doubt == Doubt::None { String::new() } else { format!(", in doubt: {}", c.doubt.name()) };
+            let biactive = format!("{} pairs with both members zero", c.biactive);
+            line(
+                "stationarity",
+                format!("{}{sharp}, B-stationary: {}, {biactive}{doubt}", c.stationarity.name(), c.b.name()),
+            );
+        }
         line("program", format!("{} variables, {} constraints, {} pairs", self.n, self.m, self.members.len()));
         line(
             "iterations",
@@ -323,6 +517,12 @@ impl Program {
         }
         for (kind, i, by) in worst.iter().take(SHOWN) {
             line(&format!("  {}", self.names.label(*kind, *i)), format!("{by:>10.2e}"));
+        }
+        if let Some(conflict) = &s.conflict {
+            line("conflict", format!("gap {:.2e}, residual {:.2e}", conflict.gap, conflict.residual));
+        }
+        for (kind, i, w) in self.conflict()?.iter().take(SHOWN) {
+            line(&format!("  {}", self.names.label(*kind, *i)), format!("{w:>10.2e}"));
         }
         for w in self.warnings(r) {
             line("warning", w);
@@ -462,6 +662,63 @@ unsafe fn write_items(
     Ok(())
 }
 
+/// Constraints, bounds and pairs that contradict each other, after the outcome SWB_OUTCOME_INFEASIBLE; the heaviest
+/// first. Weights of constraints are positive where the upper bound takes part, negative where the lower one does;
+/// those of variables the other way round.
+///
+/// The weighted sum of the constraints exceeds what their bounds allow by `gap`, and its gradient is held by the bounds
+/// of the variables up to `residual`: with linear constraints a proof that there is no point, with others one to first
+/// order.
+///
+/// @param[out] kinds    [k] enum swb_item
+/// @param[out] indices  [k]
+/// @param[out] weights  [k] the largest modulus of a constraint is 1
+/// @param[in]  k        how many are wanted at most; 0 with NULL arrays to ask for their number
+/// @param[out] found    how many there are, also beyond k; 0 without a conflict; may be NULL
+/// @param[out] gap      may be NULL
+/// @param[out] residual may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_conflict(
+    mpcc: *const swb_mpcc,
+    kinds: *mut i32,
+    indices: *mut i64,
+    weights: *mut f64,
+    k: i64,
+    found: *mut i64,
+    gap: *mut f64,
+    residual: *mut f64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            write_items(&p.conflict()?, (kinds, indices, weights), k, found)?;
+            let proof = p.result()?.solution.conflict.as_ref().map_or((0.0, 0.0), |c| (c.gap, c.residual));
+            raw::write_optional(gap, proof.0);
+            raw::write_optional(residual, proof.1);
+            Ok(())
+        })
+    })
+}
+
+/// What is known of the point of the last solve: type of stationarity, B-stationarity.
+///
+/// @param[out] certificate every field is written
+/// @param[in]  struct_size sizeof(swb_certificate)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_certificate(
+    mpcc: *const swb_mpcc,
+    certificate: *mut swb_certificate,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            let value = swb_certificate::of(&p.result()?.solution.certificate);
+            write_sized(&value, certificate, struct_size, "certificate")
+        })
+    })
+}
+
 /// Residuals of the last solve with objective and constraints scaled as the solver scaled them, which are those
 /// that the option tol is compared with.
 ///
@@ -541,6 +798,22 @@ mod tests {
         j.number("c", -2.5);
         j.count("d", 3);
         assert_eq!(j.end(), "{\"a\": \"x \\\"y\\\"\\\\\\u000a\u{e9}\", \"b\": null, \"c\": -2.5e0, \"d\": 3}");
+    }
+
+    #[test]
+    fn certificates_are_those_of_the_solver() {
+        for (s, number, name) in STATIONARITIES {
+            assert_eq!((*s as i32, s.name()), (*number as i32, name.to_str().unwrap()));
+        }
+        for (d, number, name) in DOUBTS {
+            assert_eq!((*d as i32, d.name()), (*number as i32, name.to_str().unwrap()));
+        }
+        for (b, number) in B_STATIONARITIES {
+            assert_eq!(*b as i32, *number as i32);
+        }
+        assert!(swb_stationarity_name(7).is_null() && swb_doubt_name(-1).is_null());
+        let c = swb_certificate::of(&Certificate { stationarity: Stationarity::M, biactive: 3, ..Default::default() });
+        assert_eq!((c.stationarity, c.b_stationarity, c.biactive), (1, 2, 3));
     }
 
     #[test]

@@ -16,7 +16,7 @@ use crate::func::{EvalError, Point};
 use crate::linalg::csc::Pattern;
 use crate::linalg::kkt::LinearStats;
 use crate::mpcc::diagnostics::{self, Item};
-use crate::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, Solution};
+use crate::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, Solution, Warm};
 use crate::nlp::{Bounds, CallbackNlp, LagrangianFn, Nlp, Outcome, Residuals};
 use crate::settings::{LogLevel, Settings, Value};
 use crate::system::SharedFunction;
@@ -92,6 +92,22 @@ impl Outcome1 {
     }
 }
 
+/// Point and multipliers of the program's own variables and rows to start from.
+struct WarmStart {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    z: Vec<f64>,
+}
+
+/// Where a solve starts.
+#[derive(Clone, Copy, PartialEq)]
+enum From {
+    /// As it was set.
+    Start,
+    /// At the last solution.
+    Last,
+}
+
 /// What is behind the handle.
 pub struct Program {
     pub(super) n: usize,
@@ -104,6 +120,7 @@ pub struct Program {
     bounds: Bounds,
     params: Vec<f64>,
     start: Vec<f64>,
+    warm: Option<WarmStart>,
     pub(super) settings: Settings,
     built: Exclusive<Option<Built>>,
     result: Option<Outcome1>,
@@ -130,6 +147,7 @@ impl Program {
             bounds: Bounds::free(n, m),
             params: vec![0.0; np],
             start: vec![0.0; n],
+            warm: None,
             settings,
             built: Exclusive::new(None),
             result: None,
@@ -174,10 +192,43 @@ impl Program {
         Ok(clock.elapsed().as_secs_f64())
     }
 
-    fn solve(&mut self) -> Result<Outcome> {
+    /// Point and multipliers of the lifted problem to start from; nothing for a cold start.
+    fn warmth(&mut self, from: From) -> Result<Option<WarmStart>> {
+        if from == From::Last {
+            let s = &self.result()?.solution;
+            let usable = !matches!(s.outcome, Outcome::Failed | Outcome::Infeasible | Outcome::Diverging);
+            return Ok(usable.then(|| WarmStart { x: s.x.clone(), y: s.y.clone(), z: s.z.clone() }));
+        }
+        let (n, m) = (self.n, self.m);
+        let (Some(own), Some(Built { problem, .. })) = (&self.warm, self.built.get()) else { return Ok(None) };
+        let mut warm = WarmStart { x: problem.start(&own.x), y: own.y.clone(), z: own.z.clone() };
+        warm.y.resize(problem.m(), 0.0);
+        warm.z.resize(problem.n(), 0.0);
+        let mut copies = m;
+        for (k, members) in self.members.iter().enumerate() {
+            let places = problem.pair(k);
+            for (member, v) in [(members.0, places.0), (members.1, places.1)] {
+                match member {
+                    // the row G(w) - v = 0 has the multiplier of the constraint, and v takes it up
+                    Member::Row(i) => warm.z[v] = -warm.y[i],
+                    // the first copy of a variable takes its multiplier; the copy's row passes it on
+                    Member::Variable(j) if v >= n => {
+                        warm.z[v] = std::mem::take(&mut warm.z[j]);
+                        warm.y[copies] = -warm.z[v];
+                        copies += 1;
+                    }
+                    Member::Variable(_) => {}
+                }
+            }
+        }
+        Ok(Some(warm))
+    }
+
+    fn solve(&mut self, from: From) -> Result<Outcome> {
         self.settings.validate()?;
         self.bounds.validate(self.n, self.m)?;
         let time_build = self.build()?;
+        let warm = self.warmth(from)?;
         let Some(Built { problem, solver, jac }) = self.built.get() else {
             return Err(Error::Internal("the program was not built".into()));
         };
@@ -190,8 +241,13 @@ impl Program {
         *result = None;
         let outcome = self.hooks.run("mpcc", level, |control| {
             control.limit(seconds);
-            let w0 = problem.start(start);
-            solver.solve(problem, &bounds, &w0, control);
+            if let Some(w) = &warm {
+                let warm = Warm { x: &w.x, y: &w.y, z: &w.z };
+                solver.solve_warm(problem, &bounds, &warm, control, &mut |_, _, _| false);
+            } else {
+                let w0 = problem.start(start);
+                solver.solve(problem, &bounds, &w0, control);
+            }
             let outcome = solver.solution().outcome;
             *result = Some(Outcome1::of(problem, solver, jac, bounds, (start.len(), rows), time_build));
             Ok(outcome)
@@ -217,6 +273,9 @@ impl Program {
         });
         if outcome != Outcome::Solved {
             self.hooks.tell(level, LogLevel::Warning, || self.worst_line());
+        }
+        if outcome == Outcome::Infeasible {
+            self.hooks.tell(level, LogLevel::Warning, || self.conflict_line());
         }
         Ok(outcome)
     }
@@ -561,6 +620,43 @@ pub unsafe extern "C" fn swb_mpcc_set_start(mpcc: *mut swb_mpcc, w: *const f64, 
         handle::with_mut(mpcc, |p| {
             crate::error::finite("start", w, p.n)?;
             p.start.copy_from_slice(w);
+            p.warm = None;
+            Ok(())
+        })
+    })
+}
+
+/// Start the next solves from a point with multipliers, as a solution of a program nearby has them; swb_mpcc_set_start
+/// goes back to starting from a point alone.
+///
+/// @param[in] w [n]
+/// @param[in] y [m] multipliers of the constraints; NULL with m = 0 for none
+/// @param[in] z [n_z] n multipliers of the bounds, both as swb_mpcc_get_multipliers has them; NULL with n_z = 0 for
+///                  none
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_warm_start(
+    mpcc: *mut swb_mpcc,
+    w: *const f64,
+    n: i64,
+    y: *const f64,
+    m: i64,
+    z: *const f64,
+    n_z: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (w, y, z) = (raw::slice(w, n, "w")?, raw::slice(y, m, "y")?, raw::slice(z, n_z, "z")?);
+        handle::with_mut(mpcc, |p| {
+            let optional = |values: &[f64], len: usize, what: &str| {
+                if values.is_empty() {
+                    return Ok(vec![0.0; len]);
+                }
+                crate::error::finite(what, values, len).map(|()| values.to_vec())
+            };
+            crate::error::finite("start", w, p.n)?;
+            let (y, z) = (optional(y, p.m, "y")?, optional(z, p.n, "z")?);
+            p.start.copy_from_slice(w);
+            p.warm = Some(WarmStart { x: w.to_vec(), y, z });
             Ok(())
         })
     })
@@ -575,7 +671,21 @@ pub unsafe extern "C" fn swb_mpcc_set_start(mpcc: *mut swb_mpcc, w: *const f64, 
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_solve(mpcc: *mut swb_mpcc, outcome: *mut i32) -> swb_status {
     guard(|| unsafe {
-        let reached = handle::with_mut(mpcc, Program::solve)?;
+        let reached = handle::with_mut(mpcc, |p| p.solve(From::Start))?;
+        raw::write_optional(outcome, outcome_number(reached));
+        Ok(())
+    })
+}
+
+/// Solve from the last solution and its multipliers, as after a change of parameters or bounds. After a solve that
+/// failed, diverged or ended infeasible this is swb_mpcc_solve.
+///
+/// @param[out] outcome an enum swb_outcome; may be NULL
+/// @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_resolve(mpcc: *mut swb_mpcc, outcome: *mut i32) -> swb_status {
+    guard(|| unsafe {
+        let reached = handle::with_mut(mpcc, |p| p.solve(From::Last))?;
         raw::write_optional(outcome, outcome_number(reached));
         Ok(())
     })

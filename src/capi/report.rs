@@ -262,6 +262,7 @@ pub(super) unsafe trait Sized8: Copy {}
 unsafe impl Sized8 for swb_residuals {}
 unsafe impl Sized8 for swb_stats {}
 unsafe impl Sized8 for swb_linear_stats {}
+unsafe impl Sized8 for super::diagnosis::swb_certificate {}
 unsafe impl Sized8 for crate::settings::Settings {}
 
 /// Write a struct to a caller whose header may be older or newer: what is new to us becomes zero.

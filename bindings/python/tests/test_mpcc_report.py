@@ -259,6 +259,103 @@ def test_callbacks_that_fail_at_the_third_iteration(which, fatal, reference):
             assert r.success and np.allclose(r.x, reference.x, atol=1e-6)
 
 
+WARM = {
+    "s stationary": dict(objective=lambda x: (x[0] - 1) ** 2 + (x[1] + 2) ** 2 + x[0] * x[1], pairs=[(0, 1)], n=2),
+    "m stationary": dict(
+        objective=lambda x: 2 * x[0] - x[1], constraints=lambda x: [x[1] - x[0]], n_constraints=1,
+        bounds=([0, -INF], None), pairs=[(1, c(0))], n=2,
+    ),
+    "variable in two pairs": dict(objective=lambda x: (x - TARGET) @ (x - TARGET), pairs=[(0, 1), (0, 2)], n=3),
+    "no pairs": dict(
+        objective=lambda x: x @ x + x[0], constraints=lambda x: [x.sum(), x[0] * x[1]], n_constraints=2, n=2,
+        constraint_bounds=([1, -INF], [1, 0.1]),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", WARM)
+def test_a_solve_from_the_solution_takes_a_step_or_two(kind):
+    arguments = dict(WARM[kind])
+    p = swb.Mpcc(arguments.pop("n"), arguments.pop("objective"), **arguments)
+    r = p.solve()
+    assert r.success
+    again = p.resolve()
+    assert again.success and again.stats.iterations <= 3 and np.allclose(again.x, r.x, atol=1e-7)
+    assert again.stats.time_build == 0.0 and again.stationarity == r.stationarity
+    p.set_warm_start(r.x, r.y, r.z)
+    warm = p.solve()
+    assert warm.success and warm.stats.iterations <= 3 and np.allclose(warm.x, r.x, atol=1e-7)
+    p.set_start(np.ones(p.n))
+    assert p.solve().stats.iterations == pytest.approx(r.stats.iterations, abs=8)
+
+
+def test_a_solve_after_a_change_of_parameters():
+    p = swb.Mpcc(2, lambda x, p: (x - p) @ (x - p), np=2, pairs=[(0, 1)], params=[3.0, 1.0])
+    cold = p.solve()
+    assert cold.b_stationary and cold.stationarity == "S"
+    p.set_params([3.1, 1.2])
+    near = p.resolve()
+    assert np.allclose(near.x, [3.1, 0], atol=1e-8) and near.stats.iterations <= 3
+    # as far as that the other branch is better: what is found is a stationary point in any case
+    p.set_params([0.5, 9.0])
+    far = p.resolve()
+    assert far.success and far.b_stationary and min(far.x) == 0.0
+
+
+def test_warm_start_refusals():
+    p = program()
+    for arguments in (
+        ([1.0, 2.0],),
+        ([1.0, 2.0, np.nan],),
+        ([1.0] * 3, [1.0]),
+        ([1.0] * 3, [1.0, np.inf]),
+        ([1.0] * 3, None, [1.0]),
+        (None,),
+    ):
+        with pytest.raises(swb.ArgumentError):
+            p.set_warm_start(*arguments)
+    with pytest.raises(swb.StateError):
+        p.resolve()
+    p.set_warm_start([1.0, 2.0, 0.0])
+    assert p.solve().success
+    p.set_bounds([0, 0, 0], [1, 1, 1])
+    assert p.resolve().success
+
+
+def test_certificates():
+    # no multipliers of the right sign, and no descent
+    r = swb.minimize_mpcc(
+        lambda x: x[0] + x[1] - x[2], [1, 1, 1], [(0, 1)], lambda x: [4 * x[0] - x[2], 4 * x[1] - x[2]],
+        n_constraints=2, constraint_bounds=(0, None),
+    )  # fmt: skip
+    assert r.success and np.allclose(r.x, 0, atol=1e-7)
+    assert r.stationarity == "M" and r.certificate.sharp and r.b_stationary is True and r.certificate.biactive == 1
+    told = json.loads(r.to_json())["certificate"]
+    assert (told["stationarity"], told["b_stationary"], told["doubt"]) == ("M", "yes", "none")
+    assert "B-stationary: yes" in r.report
+    off = swb.minimize_mpcc(lambda x: (x - 1) @ (x - 1), [1, 1], [(0, 1)], certify="off")
+    assert off.success and off.stationarity == "unknown" and off.b_stationary is None
+
+
+def test_infeasible_programs_name_what_conflicts():
+    lines = []
+    r = swb.minimize_mpcc(
+        lambda x: x @ x, [1, 1, 1], [(0, 1)], lambda x: [x[0] + x[1], x[0] + x[1], x[2]], n_constraints=3,
+        constraint_bounds=([3, 0, 0], [9, 1, 1]), constraint_names=["demand", "supply", "other"],
+        on_log=lambda level, line: lines.append(line), log_level="warning",
+    )  # fmt: skip
+    assert r.outcome == swb.Outcome.INFEASIBLE
+    weights = {i.name: i.value for i in r.conflict.items}
+    assert weights == {"demand": pytest.approx(-1), "supply": pytest.approx(1)}
+    assert r.conflict.gap == pytest.approx(2) and r.conflict.residual < 1e-6
+    assert any("conflict" in line and "demand" in line for line in lines)
+    told = json.loads(r.to_json())["conflict"]
+    assert {i["name"] for i in told["items"]} == {"demand", "supply"} and told["gap"] == pytest.approx(2)
+    assert "demand" in r.report
+    solved = program().solve()
+    assert solved.conflict is None and json.loads(solved.to_json())["conflict"] is None
+
+
 def test_unbounded():
     r = swb.minimize_mpcc(lambda x: -x.sum(), [1, 1], [(0, 1)])
     assert r.outcome == swb.Outcome.DIVERGING and r.message == "diverging"

@@ -32,6 +32,8 @@ from .errors import (
 from .expr import Model
 from .function import DerivativeCheck, Function
 from .mpcc import (
+    Certificate,
+    Conflict,
     Mpcc,
     MpccResult,
     Multipliers,
@@ -54,6 +56,8 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ArgumentError",
+    "Certificate",
+    "Conflict",
     "DerivativeCheck",
     "DimensionError",
     "Function",

@@ -236,6 +236,37 @@ class Item(Names):
     PAIR = 2
 
 
+class Stationarity(Names):
+    """enum swb_stationarity"""
+
+    S = 0
+    M = 1
+    C = 2
+    A = 3
+    W = 4
+    NONE = 5
+    UNKNOWN = 6
+
+
+class BStationarity(Names):
+    """enum swb_b_stationarity"""
+
+    YES = 0
+    NO = 1
+    UNDECIDED = 2
+
+
+class Doubt(Names):
+    """enum swb_doubt"""
+
+    NONE = 0
+    DATA = 1
+    INFEASIBLE = 2
+    NODES = 3
+    ACCURACY = 4
+    STOPPED = 5
+
+
 class swb_settings(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -360,6 +391,22 @@ class swb_iteration_info(Structure):
         ("alpha_pr", c_double),
         ("trials", c_int64),
         ("phase", c_int64),
+    ]
+
+
+class swb_certificate(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("stationarity", c_int64),
+        ("sharp", c_int64),
+        ("b_stationarity", c_int64),
+        ("doubt", c_int64),
+        ("biactive", c_int64),
+        ("min_multiplier", c_double),
+        ("strict", c_int64),
+        ("lps", c_int64),
+        ("lp_iterations", c_int64),
+        ("nodes", c_int64),
     ]
 
 
@@ -529,7 +576,9 @@ FUNCTIONS = {
     "swb_mpcc_set_constraint_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_mpcc_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_mpcc_set_start": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mpcc_set_warm_start": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_mpcc_solve": (c_int32, [c_void_p, c_void_p]),
+    "swb_mpcc_resolve": (c_int32, [c_void_p, c_void_p]),
     "swb_mpcc_get_outcome": (c_int32, [c_void_p, c_void_p]),
     "swb_mpcc_get_polished": (c_int32, [c_void_p, c_void_p]),
     "swb_mpcc_get_objective": (c_int32, [c_void_p, c_void_p]),
@@ -548,10 +597,14 @@ FUNCTIONS = {
     "swb_mpcc_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
     "swb_mpcc_interrupt": (c_int32, [c_void_p]),
     "swb_mpcc_free": (None, [c_void_p]),
+    "swb_stationarity_name": (c_char_p, [c_int32]),
+    "swb_doubt_name": (c_char_p, [c_int32]),
     "swb_mpcc_set_name": (c_int32, [c_void_p, c_int32, c_int64, c_char_p]),
     "swb_mpcc_set_names": (c_int32, [c_void_p, c_int32, c_void_p, c_int64]),
     "swb_mpcc_get_name": (c_int32, [c_void_p, c_int32, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_mpcc_get_worst": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_mpcc_get_conflict": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_void_p]),
+    "swb_mpcc_get_certificate": (c_int32, [c_void_p, POINTER(swb_certificate), c_uint64]),
     "swb_mpcc_get_scaled_residuals": (c_int32, [c_void_p, POINTER(swb_residuals), c_uint64]),
     "swb_mpcc_get_linear_stats": (c_int32, [c_void_p, POINTER(swb_linear_stats), c_uint64]),
     "swb_mpcc_statistics_json": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),

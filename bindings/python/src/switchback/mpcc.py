@@ -21,6 +21,8 @@ from .results import HasOutcome, LinearStats, OnIteration, OnLog, Residuals, Sta
 from .settings import Settings
 
 __all__ = [
+    "Certificate",
+    "Conflict",
     "Mpcc",
     "MpccResult",
     "Multipliers",
@@ -59,6 +61,49 @@ class ProgramItem(NamedTuple):
     value: float
 
 
+class Conflict(NamedTuple):
+    """Constraints, bounds and pairs of an infeasible program that contradict each other, with weights, the heaviest
+    first. Their weighted sum exceeds what the bounds allow by `gap`, with a gradient that bounds hold up to `residual`.
+    """
+
+    items: tuple[ProgramItem, ...]
+    gap: float
+    residual: float
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is known of a point: the strongest type of stationarity ("S", "M", "C", "A", "W", "none", "unknown") for
+    which multipliers are known, `sharp` if there are none of a stronger type; `b_stationary` None if undecided, and
+    `doubt` what that failed at. `biactive` pairs have both members zero; `strict` if none of their multipliers is."""
+
+    stationarity: str
+    sharp: bool
+    b_stationary: bool | None
+    doubt: str
+    biactive: int
+    min_multiplier: float
+    strict: bool
+    lps: int
+    lp_iterations: int
+    nodes: int
+
+    @classmethod
+    def _of(cls, c: Any) -> Certificate:
+        return cls(
+            (lib.swb_stationarity_name(c.stationarity) or b"unknown").decode(),
+            bool(c.sharp),
+            {0: True, 1: False}.get(c.b_stationarity),
+            (lib.swb_doubt_name(c.doubt) or b"unknown").decode(),
+            c.biactive,
+            c.min_multiplier,
+            bool(c.strict),
+            c.lps,
+            c.lp_iterations,
+            c.nodes,
+        )
+
+
 class Multipliers(NamedTuple):
     """Multipliers: grad f + J' constraints - bounds = 0; `g`, `h` are those of the members of the pairs."""
 
@@ -87,6 +132,8 @@ class MpccResult(HasOutcome):
     stats: Stats = field(repr=False)
     scaled_residuals: Residuals = field(repr=False)
     linear_stats: LinearStats = field(repr=False)
+    certificate: Certificate = field(repr=False)
+    conflict: Conflict | None = field(repr=False)
     violations: tuple[ProgramItem, ...] = field(repr=False)
     report: str = field(repr=False)
     _json: str = field(repr=False)
@@ -95,6 +142,16 @@ class MpccResult(HasOutcome):
     def multipliers(self) -> Multipliers:
         """All multipliers together."""
         return Multipliers(self.y, self.z, self.nu, self.xi)
+
+    @property
+    def stationarity(self) -> str:
+        """The strongest type of stationarity known, such as "S"; see `certificate`."""
+        return self.certificate.stationarity
+
+    @property
+    def b_stationary(self) -> bool | None:
+        """Is there no descent to first order? None if that is not decided."""
+        return self.certificate.b_stationary
 
     def worst(self, k: int = 5) -> tuple[ProgramItem, ...]:
         """The k constraints, bounds and pairs that are violated most, with their violations."""
@@ -334,16 +391,36 @@ class Mpcc(Solver):
         """Name of a variable, a constraint or a pair, such as "variable 3" without one."""
         return text(lib.swb_mpcc_get_name, self, int(kind), index(i, "index"))
 
-    def _items(self, which: str) -> tuple[ProgramItem, ...]:
+    def _items(self, which: str, *more: Any) -> tuple[ProgramItem, ...]:
         found = ctypes.c_int64()
-        self._do(which, None, None, None, 0, ctypes.byref(found))
+        self._do(which, None, None, None, 0, ctypes.byref(found), *(None for _ in more))
         n = found.value
         kinds, places, values = numpy.empty(n, numpy.int32), numpy.empty(n, numpy.int64), numpy.empty(n)
-        self._do(which, address(kinds), address(places), address(values), n, None)
+        self._do(which, address(kinds), address(places), address(values), n, None, *more)
         return tuple(
             ProgramItem(Item(k), i, self.name(k, i), v)
             for k, i, v in zip(kinds.tolist(), places.tolist(), values.tolist())
         )
+
+    def _conflict(self) -> Conflict | None:
+        gap, residual = ctypes.c_double(), ctypes.c_double()
+        items = self._items("get_conflict", ctypes.byref(gap), ctypes.byref(residual))
+        return Conflict(items, gap.value, residual.value) if items else None
+
+    def set_warm_start(self, x: Any, y: Any = None, z: Any = None) -> None:
+        """Start the next solves from a point with multipliers of the constraints and of the bounds, as a result of a
+        program nearby has them; `set_start` goes back to a point alone."""
+        point = vector(x, self.n, "x")
+        y_array = numpy.empty(0) if y is None else vector(y, self.m, "y")
+        z_array = numpy.empty(0) if z is None else vector(z, self.n, "z")
+        self._do(
+            "set_warm_start", address(point), self.n, address(y_array), len(y_array), address(z_array), len(z_array)
+        )
+
+    def resolve(self) -> MpccResult:
+        """Solve from the last solution and its multipliers, as after a change of parameters or bounds."""
+        self._solve("resolve")
+        return self.result
 
     def solve(self) -> MpccResult:
         """Solve. Look at `result.success`: the outcome may be another one than solved."""
@@ -376,6 +453,8 @@ class Mpcc(Solver):
             self.stats,
             Residuals._of(self._struct("get_scaled_residuals", _ffi.swb_residuals)),
             LinearStats._of(self._struct("get_linear_stats", _ffi.swb_linear_stats)),
+            Certificate._of(self._struct("get_certificate", _ffi.swb_certificate)),
+            self._conflict(),
             self._items("get_worst"),
             text(lib.swb_mpcc_report_text, self),
             text(lib.swb_mpcc_statistics_json, self),
