@@ -137,7 +137,9 @@ pub(super) fn first(b: &[f64]) -> First {
 /// The zero of a polynomial with one change of sign, by Newton steps that stay in a bracket.
 fn zero(b: &[f64]) -> f64 {
     let (mut lo, mut hi) = (0.0, 1.0);
-    let mut s = 0.5;
+    let (first, last) = (b[0], b[b.len() - 1]);
+    // a last coefficient that is rounding must not be taken for the zero
+    let mut s = (first / (first - last)).clamp(0.1, 0.9);
     for _ in 0..60 {
         let v = value(b, s);
         if v > 0.0 {

@@ -351,6 +351,11 @@ impl Engine {
                 return Ok(Progress::Done);
             }
         }
+        if t_stop - self.t <= 8.0 * EPS * t_stop.abs() {
+            // no step fits between
+            self.t = t_stop;
+            return Ok(Progress::Done);
+        }
         self.prepare_step();
         let mut rejected = false;
         loop {
