@@ -68,7 +68,11 @@ fn optimal_control_is_that_of_the_hand_written_model() {
     let (a, b) = (by_hand.solve(&mut Control::default()).unwrap(), written.solve(&mut Control::default()).unwrap());
     assert_eq!((a.outcome, b.outcome), (Outcome::Solved, Outcome::Solved));
     assert!((a.cost - b.cost).abs() < 1e-10 * a.cost, "{} {}", a.cost, b.cost);
-    assert_eq!(a.stats.iterations, b.stats.iterations);
+    // Rounding may lead through other iterates, to the same point.
+    assert_eq!(a.controls.len(), b.controls.len());
+    for (u, v) in a.controls.iter().zip(&b.controls) {
+        assert!((u - v).abs() < 1e-8, "{u} {v}");
+    }
 }
 
 #[test]
