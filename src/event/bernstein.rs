@@ -70,10 +70,25 @@ fn inverse(nodes: &[f64]) -> Vec<f64> {
 }
 
 /// De Casteljau.
+#[inline]
 pub(super) fn value(b: &[f64], s: f64) -> f64 {
     let mut c = [0.0; NODES];
-    c[..b.len()].copy_from_slice(b);
-    for m in (1..b.len()).rev() {
+    // lengths that are known when this is compiled
+    match b.len() {
+        NODES => {
+            c.copy_from_slice(b);
+            reduce(&mut c, s)
+        }
+        n => {
+            c[..n].copy_from_slice(b);
+            reduce(&mut c[..n], s)
+        }
+    }
+}
+
+#[inline(always)]
+fn reduce(c: &mut [f64], s: f64) -> f64 {
+    for m in (1..c.len()).rev() {
         for i in 0..m {
             c[i] += s * (c[i + 1] - c[i]);
         }

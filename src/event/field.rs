@@ -12,7 +12,7 @@
 
 use super::lu::Lu;
 use crate::dcs::{Cell, Dcs, Drift};
-use crate::func::{EvalError, EvalResult, Function, Point};
+use crate::func::{Dims, EvalError, EvalResult, Function, Point};
 use crate::system::SharedFunction;
 
 /// One subsystem.
@@ -35,6 +35,8 @@ pub(super) struct Sub {
     n_out: usize,
     /// The states driven are all, in order.
     identity: bool,
+    /// Where the entries of the Jacobian of the indicators go, `usize::MAX` for controls.
+    to_dq: Vec<usize>,
 }
 
 impl Sub {
@@ -134,6 +136,7 @@ impl Field {
                 affine: s.indicators.hess_pattern().nnz() == 0,
                 n_out: s.modes.n_out(),
                 identity: is_identity(&s.rows, nx),
+                to_dq: gradient_map(&s.indicators, q0, &dims),
             });
             owner.resize(owner.len() + s.cells.len(), k);
             q0 += n_q;
@@ -391,19 +394,16 @@ impl Field {
             return Ok(());
         }
         let at = Point { t, x, u: &self.u, p: &self.p };
-        let (nx, np, n_z) = (self.nx, self.np, self.n_z);
-        let column = Columns { nx, nu: self.u.len(), np };
-        self.dq.fill(0.0);
         for s in &self.subs {
-            let p = s.indicators.jac_pattern();
-            if p.nnz() == 0 {
+            let nnz = s.to_dq.len();
+            if nnz == 0 {
                 continue;
             }
-            s.indicators.jacobian(&at, &mut self.buffer[..p.nnz()], &mut self.work)?;
-            for col in 0..p.n_cols() {
-                let Some(to) = column.of(col) else { continue };
-                for k in p.range(col) {
-                    self.dq[(s.q0 + p.row_idx()[k]) * n_z + to] = self.buffer[k];
+            s.indicators.jacobian(&at, &mut self.buffer[..nnz], &mut self.work)?;
+            for (to, v) in s.to_dq.iter().zip(&self.buffer) {
+                // entries outside of the patterns stay zero
+                if let Some(d) = self.dq.get_mut(*to) {
+                    *d = *v;
                 }
             }
         }
@@ -569,6 +569,19 @@ impl Field {
         }
         Ok(())
     }
+}
+
+fn gradient_map(f: &SharedFunction, q0: usize, dims: &Dims) -> Vec<usize> {
+    let column = Columns { nx: dims.x, nu: dims.u, np: dims.p };
+    let (p, n_z) = (f.jac_pattern(), dims.x + dims.p + 1);
+    let mut map = vec![usize::MAX; p.nnz()];
+    for col in 0..p.n_cols() {
+        let Some(to) = column.of(col) else { continue };
+        for k in p.range(col) {
+            map[k] = (q0 + p.row_idx()[k]) * n_z + to;
+        }
+    }
+    map
 }
 
 fn is_identity(rows: &[usize], nx: usize) -> bool {
