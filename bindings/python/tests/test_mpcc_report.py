@@ -2,7 +2,9 @@
 
 import ctypes
 import json
+import re
 import threading
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -382,3 +384,19 @@ def test_two_threads_with_two_programs(reference):
         t.join()
     assert len(found) == 2 and np.array_equal(found[0], found[1])
     assert np.allclose(found[0], reference.x, atol=1e-7)
+
+
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "mpcc.md"
+
+
+@pytest.mark.skipif(not PAGE.exists(), reason="no page here")
+def test_the_page():
+    text = PAGE.read_text(encoding="utf-8")
+    (code,) = re.findall(r"```python\n(.*?)```", text, flags=re.S)
+    found = {}
+    exec(code, found)
+    told = json.loads(found["result"].to_json())
+    for key in told:
+        assert re.search(rf"^\| .*\b{key.replace('_', '.*')}\b.* \|", text, flags=re.M), key
+    for key in told["certificate"]:
+        assert key.replace("_", "\\_") in text, key
