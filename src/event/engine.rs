@@ -444,8 +444,10 @@ impl Engine {
     /// The step begins at the present state.
     fn prepare_step(&mut self) {
         self.step.t = self.t;
-        self.step.x0.copy_from_slice(&self.x);
-        self.step.f0.copy_from_slice(&self.f);
+        let s = &mut self.step;
+        for i in 0..self.nx {
+            (s.x0[i], s.f0[i]) = (self.x[i], self.f[i]);
+        }
         self.dense_ready = false;
         self.radau.invalidate();
         self.step_implicit = self.implicit;
@@ -520,11 +522,12 @@ impl Engine {
             (0.9 * factor).clamp(0.333, most)
         };
         let h = self.step.h * if rejected { factor.min(1.0) } else { factor };
-        // the last step before a stop may have been short for that reason alone
-        if rejected {
-            h
+        // the last step before a stop is short for that reason alone
+        let wanted = self.h.min(self.options.h_max);
+        if !rejected && self.step.h < 0.999 * wanted {
+            h.max(wanted)
         } else {
-            h.max(self.h.min(self.options.h_max))
+            h
         }
     }
 
@@ -839,8 +842,9 @@ impl Engine {
         self.crowd = 0;
         self.watch_stiffness();
         self.t = t1;
-        self.x.copy_from_slice(&self.step.x1);
-        self.f.copy_from_slice(&self.step.f1);
+        for i in 0..self.nx {
+            (self.x[i], self.f[i]) = (self.step.x1[i], self.step.f1[i]);
+        }
         let n = self.watches.len();
         self.w0[..n].copy_from_slice(&self.w1[..n]);
         self.depart[..n].fill(0);
