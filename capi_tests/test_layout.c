@@ -35,7 +35,16 @@ int main(void)
     FIELD(24, log_level);
     FIELD(25, linear_solver);
     FIELD(26, ordering);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 27);
+    FIELD(27, scaling);
+    FIELD(28, centre_pairs);
+    FIELD(29, convexify_pairs);
+    FIELD(30, early_polish);
+    FIELD(31, square_newton);
+    FIELD(32, certify);
+    FIELD(33, sigma_retries);
+    FIELD(34, max_soc);
+    FIELD(35, restore_tiny);
+    CHECK(sizeof(swb_settings) == (size_t)8 * 36);
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);
@@ -55,6 +64,7 @@ int main(void)
     CHECK(SWB_LOG_LEVEL_INFO == 3 && SWB_LOG_LEVEL_DEBUG == 4 && SWB_LOG_LEVEL_TRACE == 5);
     CHECK(SWB_LINEAR_SOLVER_AUTO == 0 && SWB_LINEAR_SOLVER_SUITESPARSE == 1 && SWB_LINEAR_SOLVER_FAER == 2);
     CHECK(SWB_ORDERING_AMD == 0 && SWB_ORDERING_NATURAL == 1);
+    CHECK(SWB_TOGGLE_OFF == 0 && SWB_TOGGLE_ON == 1);
     CHECK(SWB_KIND_INT == 0 && SWB_KIND_FLOAT == 1 && SWB_KIND_ENUM == 2);
 
     AT(swb_residuals, 0, struct_size);
@@ -81,6 +91,31 @@ int main(void)
     AT(swb_stats, 14, n_steps);
     AT(swb_stats, 15, n_homotopies);
     CHECK(sizeof(swb_stats) == (size_t)8 * 16);
+    AT(swb_linear_stats, 0, struct_size);
+    AT(swb_linear_stats, 1, n);
+    AT(swb_linear_stats, 2, nnz_k);
+    AT(swb_linear_stats, 3, nnz_l);
+    AT(swb_linear_stats, 4, flops);
+    AT(swb_linear_stats, 5, min_abs_pivot);
+    AT(swb_linear_stats, 6, max_abs_pivot);
+    AT(swb_linear_stats, 7, shift);
+    AT(swb_linear_stats, 8, factorisations);
+    AT(swb_linear_stats, 9, solves);
+    AT(swb_linear_stats, 10, refinement_steps);
+    AT(swb_linear_stats, 11, equilibrations);
+    CHECK(sizeof(swb_linear_stats) == (size_t)8 * 12);
+    AT(swb_certificate, 0, struct_size);
+    AT(swb_certificate, 1, stationarity);
+    AT(swb_certificate, 2, sharp);
+    AT(swb_certificate, 3, b_stationarity);
+    AT(swb_certificate, 4, doubt);
+    AT(swb_certificate, 5, biactive);
+    AT(swb_certificate, 6, min_multiplier);
+    AT(swb_certificate, 7, strict);
+    AT(swb_certificate, 8, lps);
+    AT(swb_certificate, 9, lp_iterations);
+    AT(swb_certificate, 10, nodes);
+    CHECK(sizeof(swb_certificate) == (size_t)8 * 11);
     AT(swb_iteration_info, 0, struct_size);
     AT(swb_iteration_info, 1, iter);
     AT(swb_iteration_info, 2, objective);
@@ -143,5 +178,14 @@ int main(void)
     CHECK(SWB_PATH_AT_STAGE_POINTS == 2);
     CHECK(SWB_MEMBER_VARIABLE == 0);
     CHECK(SWB_MEMBER_CONSTRAINT == 1);
+    CHECK(SWB_ITEM_VARIABLE == 0);
+    CHECK(SWB_ITEM_CONSTRAINT == 1);
+    CHECK(SWB_ITEM_PAIR == 2);
+    CHECK(SWB_STATIONARITY_S == 0 && SWB_STATIONARITY_M == 1 && SWB_STATIONARITY_C == 2);
+    CHECK(SWB_STATIONARITY_A == 3 && SWB_STATIONARITY_W == 4 && SWB_STATIONARITY_NONE == 5);
+    CHECK(SWB_STATIONARITY_UNKNOWN == 6);
+    CHECK(SWB_B_STATIONARITY_YES == 0 && SWB_B_STATIONARITY_NO == 1 && SWB_B_STATIONARITY_UNDECIDED == 2);
+    CHECK(SWB_DOUBT_NONE == 0 && SWB_DOUBT_DATA == 1 && SWB_DOUBT_INFEASIBLE == 2);
+    CHECK(SWB_DOUBT_NODES == 3 && SWB_DOUBT_ACCURACY == 4 && SWB_DOUBT_STOPPED == 5);
     return CHECK_DONE();
 }

@@ -356,6 +356,31 @@ typedef int64_t swb_ordering;
 #endif // __cplusplus
 
 /**
+ * An ingredient of a method that can be left out.
+ */
+enum swb_toggle
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Without it.
+     */
+    SWB_TOGGLE_OFF = 0,
+    /**
+     * With it.
+     */
+    SWB_TOGGLE_ON = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_toggle swb_toggle;
+#else
+typedef int64_t swb_toggle;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Verbosity of the log sink (log_level); each level contains the ones before it.
  */
 enum swb_log_level
@@ -910,6 +935,151 @@ typedef int32_t swb_member;
 #endif // __cplusplus
 
 /**
+ * Parts of a program that have names and can be violated. The first two are those of enum swb_member.
+ */
+enum swb_item
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * A variable, by its bounds.
+     */
+    SWB_ITEM_VARIABLE = 0,
+    /**
+     * A row of the constraints, by its bounds.
+     */
+    SWB_ITEM_CONSTRAINT = 1,
+    /**
+     * A complementarity pair, in the order they were added, by min(G, H).
+     */
+    SWB_ITEM_PAIR = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_item swb_item;
+#else
+typedef int32_t swb_item;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * The strongest type of stationarity for which multipliers of the pairs are known; nu of G, xi of H, at pairs of which
+ * both members are zero.
+ */
+enum swb_stationarity
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Strong: both not negative.
+     */
+    SWB_STATIONARITY_S = 0,
+    /**
+     * Mordukhovich: both positive, or one of them zero.
+     */
+    SWB_STATIONARITY_M = 1,
+    /**
+     * Clarke: the product not negative.
+     */
+    SWB_STATIONARITY_C = 2,
+    /**
+     * Abadie: one of them not negative.
+     */
+    SWB_STATIONARITY_A = 3,
+    /**
+     * Weak: any signs.
+     */
+    SWB_STATIONARITY_W = 4,
+    /**
+     * There are no multipliers at all.
+     */
+    SWB_STATIONARITY_NONE = 5,
+    /**
+     * Not known: the point is no exact one, or certificates are off.
+     */
+    SWB_STATIONARITY_UNKNOWN = 6,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_stationarity swb_stationarity;
+#else
+typedef int32_t swb_stationarity;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Does no step to first order lead to a better point?
+ */
+enum swb_b_stationarity
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * None does: a B-stationary point, which has no descent.
+     */
+    SWB_B_STATIONARITY_YES = 0,
+    /**
+     * There is a descent.
+     */
+    SWB_B_STATIONARITY_NO = 1,
+    /**
+     * Not decided; the doubt says why.
+     */
+    SWB_B_STATIONARITY_UNDECIDED = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_b_stationarity swb_b_stationarity;
+#else
+typedef int32_t swb_b_stationarity;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What kept a certificate from saying more.
+ */
+enum swb_doubt
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Nothing.
+     */
+    SWB_DOUBT_NONE = 0,
+    /**
+     * Values that are not finite.
+     */
+    SWB_DOUBT_DATA = 1,
+    /**
+     * The point violates constraints, bounds or pairs.
+     */
+    SWB_DOUBT_INFEASIBLE = 2,
+    /**
+     * Too many pairs of which both members are zero.
+     */
+    SWB_DOUBT_NODES = 3,
+    /**
+     * A linear program could not be solved well enough to believe it.
+     */
+    SWB_DOUBT_ACCURACY = 4,
+    /**
+     * Interrupted, or out of time.
+     */
+    SWB_DOUBT_STOPPED = 5,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_doubt swb_doubt;
+#else
+typedef int32_t swb_doubt;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Graph of expressions. Every expression is a number in its graph and exists once: equal expressions have equal
  * numbers. Expressions live as long as the graph; functions and models made of them are independent of it.
  */
@@ -1070,6 +1240,42 @@ typedef struct swb_settings {
      * Order of elimination in the Newton matrices (enum ordering).
      */
     int64_t ordering;
+    /**
+     * Scale objective and rows by their gradients at the starting point (enum toggle).
+     */
+    int64_t scaling;
+    /**
+     * Start the pairs of a program on the central path, wherever the starting point has them (enum toggle).
+     */
+    int64_t centre_pairs;
+    /**
+     * Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum toggle).
+     */
+    int64_t convexify_pairs;
+    /**
+     * Try an active set that leaves no doubt before the relaxation is small (enum toggle).
+     */
+    int64_t early_polish;
+    /**
+     * Solve the square system of the active set by Newton's method (enum toggle).
+     */
+    int64_t square_newton;
+    /**
+     * Certify exact points, and follow descents from those that are not B-stationary (enum toggle).
+     */
+    int64_t certify;
+    /**
+     * Rungs of the relaxation that may be taken back when the next one is too far.
+     */
+    int64_t sigma_retries;
+    /**
+     * Second-order corrections of a step.
+     */
+    int64_t max_soc;
+    /**
+     * Restore feasibility after a row of tiny steps (enum toggle).
+     */
+    int64_t restore_tiny;
     /**
      * What stands for the complementarity constraints until the active set is identified (enum relaxation).
      */
@@ -1385,6 +1591,121 @@ typedef struct swb_iteration_info {
  * outcome SWB_OUTCOME_STOPPED. `info` is valid during the call only. Must not unwind.
  */
 typedef int32_t (*swb_iteration_fn)(const struct swb_iteration_info *info, void *user_data);
+
+/**
+ * Hessian of the Lagrangian, weight times the objective plus y times the constraints: writes out [nnz], the
+ * values of the entries of the pattern; comes filled with zeros. y is [m], NULL if m is 0. Returns as
+ * swb_value_fn.
+ */
+typedef int32_t (*swb_lagrangian_fn)(const struct swb_point *at,
+                                     double weight,
+                                     const double *y,
+                                     double *out,
+                                     void *user_data);
+
+/**
+ * What is known of the point of a program with pairs.
+ */
+typedef struct swb_certificate {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Type of stationarity (enum swb_stationarity).
+     */
+    int64_t stationarity;
+    /**
+     * 1 if it is shown that there are no multipliers of a stronger type.
+     */
+    int64_t sharp;
+    /**
+     * B-stationarity (enum swb_b_stationarity).
+     */
+    int64_t b_stationarity;
+    /**
+     * What the questions left open failed at (enum swb_doubt).
+     */
+    int64_t doubt;
+    /**
+     * Pairs of which both members are zero.
+     */
+    int64_t biactive;
+    /**
+     * Smallest of their multipliers, over the largest modulus there or 1; 0 without such pairs.
+     */
+    double min_multiplier;
+    /**
+     * 1 if none of their multipliers is zero.
+     */
+    int64_t strict;
+    /**
+     * Linear programs solved.
+     */
+    int64_t lps;
+    /**
+     * Iterations in them.
+     */
+    int64_t lp_iterations;
+    /**
+     * Nodes of the searches.
+     */
+    int64_t nodes;
+} swb_certificate;
+
+/**
+ * The linear systems of a solve: sizes, and work since the program was built.
+ */
+typedef struct swb_linear_stats {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Order of the matrix.
+     */
+    int64_t n;
+    /**
+     * Entries of its upper triangle.
+     */
+    int64_t nnz_k;
+    /**
+     * Entries of the factor below the diagonal.
+     */
+    int64_t nnz_l;
+    /**
+     * Floating-point operations of one factorisation.
+     */
+    double flops;
+    /**
+     * Smallest modulus of a pivot of the last factorisation, of the equilibrated matrix.
+     */
+    double min_abs_pivot;
+    /**
+     * Largest one.
+     */
+    double max_abs_pivot;
+    /**
+     * Shift of the diagonal in the last factorisation, of the equilibrated matrix.
+     */
+    double shift;
+    /**
+     * Numeric factorisations.
+     */
+    int64_t factorisations;
+    /**
+     * Solutions.
+     */
+    int64_t solves;
+    /**
+     * Steps of refinement in all solutions.
+     */
+    int64_t refinement_steps;
+    /**
+     * Times the scaling was computed.
+     */
+    int64_t equilibrations;
+} swb_linear_stats;
 
 #ifdef __cplusplus
 extern "C" {
@@ -2887,6 +3208,26 @@ swb_status swb_mpcc_add_pair(struct swb_mpcc *mpcc,
                              int64_t index_h);
 
 /**
+ * Give second derivatives in one piece, in place of the Hessians of objective and constraints.
+ *
+ * For functions described with swb_function_set_linear nothing else is prepared, although they are not linear.
+ *
+ * @param[in] col_ptr   [n + 1] where the columns start; the last one is nnz
+ * @param[in] row_idx   [nnz] rows from 0, increasing within each column, upper triangle (row <= column)
+ * @param[in] hessian   NULL: back to the Hessians of the functions; the pattern is not read
+ * @param[in] user_data passed on unchanged; must stay valid as long as the program has the callback
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
+ */
+SWB_API
+swb_status swb_mpcc_set_hessian(struct swb_mpcc *mpcc,
+                                const int64_t *col_ptr,
+                                int64_t n_col_ptr,
+                                const int64_t *row_idx,
+                                int64_t nnz,
+                                swb_lagrangian_fn hessian,
+                                void *user_data);
+
+/**
  * Set bounds of the variables.
  *
  * @param[in] lower [n_lower] n
@@ -2931,6 +3272,25 @@ SWB_API swb_status swb_mpcc_set_params(struct swb_mpcc *mpcc, const double *valu
 SWB_API swb_status swb_mpcc_set_start(struct swb_mpcc *mpcc, const double *w, int64_t n);
 
 /**
+ * Start the next solves from a point with multipliers, as a solution of a program nearby has them; swb_mpcc_set_start
+ * goes back to starting from a point alone.
+ *
+ * @param[in] w [n]
+ * @param[in] y [m] multipliers of the constraints; NULL with m = 0 for none
+ * @param[in] z [n_z] n multipliers of the bounds, both as swb_mpcc_get_multipliers has them; NULL with n_z = 0 for
+ *                  none
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API
+swb_status swb_mpcc_set_warm_start(struct swb_mpcc *mpcc,
+                                   const double *w,
+                                   int64_t n,
+                                   const double *y,
+                                   int64_t m,
+                                   const double *z,
+                                   int64_t n_z);
+
+/**
  * Solve.
  *
  * @param[out] outcome an enum swb_outcome; may be NULL
@@ -2941,6 +3301,17 @@ SWB_API swb_status swb_mpcc_set_start(struct swb_mpcc *mpcc, const double *w, in
 SWB_API
 swb_status swb_mpcc_solve(struct swb_mpcc *mpcc,
                           int32_t *outcome);
+
+/**
+ * Solve from the last solution and its multipliers, as after a change of parameters or bounds. After a solve that
+ * failed, diverged or ended infeasible this is swb_mpcc_solve.
+ *
+ * @param[out] outcome an enum swb_outcome; may be NULL
+ * @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_resolve(struct swb_mpcc *mpcc,
+                            int32_t *outcome);
 
 /**
  * How the last solve ended.
@@ -2985,7 +3356,8 @@ SWB_API swb_status swb_mpcc_get_constraints(const struct swb_mpcc *mpcc, double 
  * Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
  *
  * @param[out] y [m] of the constraints
- * @param[out] z [n] of the bounds, lower minus upper; for variables in pairs the multiplier of the pair
+ * @param[out] z [n] of the bounds, lower minus upper; for variables in pairs the multiplier of the pair, and
+ *                   the sum of them for a variable in several
  * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
  */
 SWB_API
@@ -3112,6 +3484,171 @@ swb_status swb_mpcc_interrupt(const struct swb_mpcc *mpcc);
  * Free; NULL is allowed.
  */
 SWB_API void swb_mpcc_free(struct swb_mpcc *mpcc);
+
+/**
+ * Name of an enum swb_stationarity, such as "M"; NULL for any other number. Static.
+ */
+SWB_API const char *swb_stationarity_name(int32_t stationarity);
+
+/**
+ * Name of an enum swb_doubt, such as "nodes"; NULL for any other number. Static.
+ */
+SWB_API const char *swb_doubt_name(int32_t doubt);
+
+/**
+ * Name a variable, a constraint or a pair: reports and messages of the log use it.
+ *
+ * @param[in] kind  an enum swb_item
+ * @param[in] index its number; pairs count in the order they were added
+ * @param[in] name  copied; NULL or "" takes a name away
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
+ */
+SWB_API
+swb_status swb_mpcc_set_name(struct swb_mpcc *mpcc,
+                             int32_t kind,
+                             int64_t index,
+                             const char *name);
+
+/**
+ * Name all variables, constraints or pairs.
+ *
+ * @param[in] kind  an enum swb_item
+ * @param[in] names [n] copied; NULL or "" for no name
+ * @param[in] n     number of variables, constraints or pairs
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
+ */
+SWB_API
+swb_status swb_mpcc_set_names(struct swb_mpcc *mpcc,
+                              int32_t kind,
+                              const char *const *names,
+                              int64_t n);
+
+/**
+ * Name of a variable, constraint or pair, such as "T_out"; "variable 3" without one.
+ *
+ * @param[in]  kind   an enum swb_item
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index or the
+ *         buffer is too short
+ */
+SWB_API
+swb_status swb_mpcc_get_name(const struct swb_mpcc *mpcc,
+                             int32_t kind,
+                             int64_t index,
+                             char *buf,
+                             int64_t len,
+                             int64_t *needed);
+
+/**
+ * What the point of the last solve violates, the worst first: bounds by how much they are exceeded, pairs by
+ * min(G, H).
+ *
+ * @param[out] kinds      [k] enum swb_item
+ * @param[out] indices    [k]
+ * @param[out] violations [k] positive
+ * @param[in]  k          how many are wanted at most; 0 with NULL arrays to ask for their number
+ * @param[out] found      how many there are, also beyond k; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_worst(const struct swb_mpcc *mpcc,
+                              int32_t *kinds,
+                              int64_t *indices,
+                              double *violations,
+                              int64_t k,
+                              int64_t *found);
+
+/**
+ * Constraints, bounds and pairs that contradict each other, after the outcome SWB_OUTCOME_INFEASIBLE; the heaviest
+ * first. Weights of constraints are positive where the upper bound takes part, negative where the lower one does;
+ * those of variables the other way round.
+ *
+ * The weighted sum of the constraints exceeds what their bounds allow by `gap`, and its gradient is held by the bounds
+ * of the variables up to `residual`: with linear constraints a proof that there is no point, with others one to first
+ * order.
+ *
+ * @param[out] kinds    [k] enum swb_item
+ * @param[out] indices  [k]
+ * @param[out] weights  [k] the largest modulus of a constraint is 1
+ * @param[in]  k        how many are wanted at most; 0 with NULL arrays to ask for their number
+ * @param[out] found    how many there are, also beyond k; 0 without a conflict; may be NULL
+ * @param[out] gap      may be NULL
+ * @param[out] residual may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_conflict(const struct swb_mpcc *mpcc,
+                                 int32_t *kinds,
+                                 int64_t *indices,
+                                 double *weights,
+                                 int64_t k,
+                                 int64_t *found,
+                                 double *gap,
+                                 double *residual);
+
+/**
+ * What is known of the point of the last solve: type of stationarity, B-stationarity.
+ *
+ * @param[out] certificate every field is written
+ * @param[in]  struct_size sizeof(swb_certificate)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_certificate(const struct swb_mpcc *mpcc,
+                                    struct swb_certificate *certificate,
+                                    uint64_t struct_size);
+
+/**
+ * Residuals of the last solve with objective and constraints scaled as the solver scaled them, which are those
+ * that the option tol is compared with.
+ *
+ * @param[out] residuals   every field is written
+ * @param[in]  struct_size sizeof(swb_residuals)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_scaled_residuals(const struct swb_mpcc *mpcc,
+                                         struct swb_residuals *residuals,
+                                         uint64_t struct_size);
+
+/**
+ * Sizes, pivots and work of the linear systems, since the program was built.
+ *
+ * @param[out] stats       every field is written
+ * @param[in]  struct_size sizeof(swb_linear_stats)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_get_linear_stats(const struct swb_mpcc *mpcc,
+                                     struct swb_linear_stats *stats,
+                                     uint64_t struct_size);
+
+/**
+ * Everything about the last solve but the point, as one JSON object: see docs/mpcc.md.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_mpcc_statistics_json(const struct swb_mpcc *mpcc,
+                                    char *buf,
+                                    int64_t len,
+                                    int64_t *needed);
+
+/**
+ * The same for people: a table with the worst violations and what looks wrong about the program.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return as swb_mpcc_statistics_json
+ */
+SWB_API
+swb_status swb_mpcc_report_text(const struct swb_mpcc *mpcc,
+                                char *buf,
+                                int64_t len,
+                                int64_t *needed);
 
 #ifdef __cplusplus
 }  // extern "C"

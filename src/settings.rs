@@ -315,23 +315,23 @@ pub struct Settings {
     pub linear_solver: i64,
     /// Order of elimination in the Newton matrices (enum ordering).
     pub ordering: i64,
-    /// Scale objective and rows by their gradients at the starting point (enum switch).
+    /// Scale objective and rows by their gradients at the starting point (enum toggle).
     pub scaling: i64,
-    /// Start the pairs of a program on the central path, wherever the starting point has them (enum switch).
+    /// Start the pairs of a program on the central path, wherever the starting point has them (enum toggle).
     pub centre_pairs: i64,
-    /// Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum switch).
+    /// Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum toggle).
     pub convexify_pairs: i64,
-    /// Try an active set that leaves no doubt before the relaxation is small (enum switch).
+    /// Try an active set that leaves no doubt before the relaxation is small (enum toggle).
     pub early_polish: i64,
-    /// Solve the square system of the active set by Newton's method (enum switch).
+    /// Solve the square system of the active set by Newton's method (enum toggle).
     pub square_newton: i64,
-    /// Certify exact points, and follow descents from those that are not B-stationary (enum switch).
+    /// Certify exact points, and follow descents from those that are not B-stationary (enum toggle).
     pub certify: i64,
     /// Rungs of the relaxation that may be taken back when the next one is too far.
     pub sigma_retries: i64,
     /// Second-order corrections of a step.
     pub max_soc: i64,
-    /// Restore feasibility after a row of tiny steps (enum switch).
+    /// Restore feasibility after a row of tiny steps (enum toggle).
     pub restore_tiny: i64,
     /// What stands for the complementarity constraints until the active set is identified (enum relaxation).
     pub relaxation: i64,
@@ -516,23 +516,23 @@ pub static OPTIONS: &[OptionInfo] = &[
     row!(ordering: Enum(Ordering::Amd), "", SETUP,
         "Order of elimination in the Newton matrices (enum ordering)."),
     row!(scaling: Enum(Switch::On), "", FREE,
-        "Scale objective and rows by their gradients at the starting point (enum switch)."),
+        "Scale objective and rows by their gradients at the starting point (enum toggle)."),
     row!(centre_pairs: Enum(Switch::On), "", FREE,
-        "Start the pairs of a program on the central path, wherever the starting point has them (enum switch)."),
+        "Start the pairs of a program on the central path, wherever the starting point has them (enum toggle)."),
     row!(convexify_pairs: Enum(Switch::On), "", FREE,
-        "Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum switch)."),
+        "Limit the multipliers of products pair by pair before the whole Hessian is perturbed (enum toggle)."),
     row!(early_polish: Enum(Switch::On), "", FREE,
-        "Try an active set that leaves no doubt before the relaxation is small (enum switch)."),
+        "Try an active set that leaves no doubt before the relaxation is small (enum toggle)."),
     row!(square_newton: Enum(Switch::On), "", FREE,
-        "Solve the square system of the active set by Newton's method (enum switch)."),
+        "Solve the square system of the active set by Newton's method (enum toggle)."),
     row!(certify: Enum(Switch::On), "", FREE,
-        "Certify exact points, and follow descents from those that are not B-stationary (enum switch)."),
+        "Certify exact points, and follow descents from those that are not B-stationary (enum toggle)."),
     row!(sigma_retries: Int(4, Closed(0.0), Closed(100.0)), "", FREE,
         "Rungs of the relaxation that may be taken back when the next one is too far."),
     row!(max_soc: Int(4, Closed(0.0), Closed(100.0)), "", FREE,
         "Second-order corrections of a step."),
     row!(restore_tiny: Enum(Switch::On), "", FREE,
-        "Restore feasibility after a row of tiny steps (enum switch)."),
+        "Restore feasibility after a row of tiny steps (enum toggle)."),
     row!(relaxation: Enum(Relaxation::Scholtes), "", SETUP,
         "What stands for the complementarity constraints until the active set is identified (enum relaxation)."),
     row!(homotopy: Enum(Homotopy::Coupled), "", FREE,

@@ -280,6 +280,43 @@ fn a_hundred_thousand_switches() {
 }
 
 #[test]
+fn the_log_is_bounded_and_a_run_can_be_interrupted() {
+    let sys = || two_sides(2, |_, x, o| o.copy_from_slice(&[x[1], -1.0, x[1], 1.0]), |_, x, o| o[0] = x[0]);
+    let r = simulate(&sys(), &Options { max_log: 10, ..tol(1e-8) }, 0.0, &[0.5, 0.0], 200.0).unwrap();
+    assert_eq!((r.switches.len(), r.stats.switches), (10, 100));
+    let mut e = Engine::new(&sys(), &tol(1e-8)).unwrap();
+    let flag = Arc::new(std::sync::atomic::AtomicBool::new(false));
+    e.set_interrupt(flag.clone());
+    e.reinit(0.0, &[0.5, 0.0]).unwrap();
+    e.advance(1.5).unwrap();
+    flag.store(true, std::sync::atomic::Ordering::Relaxed);
+    assert_eq!(e.advance(200.0), Err(switchback::error::Error::Interrupted));
+    flag.store(false, std::sync::atomic::Ordering::Relaxed);
+    assert_eq!(e.advance(200.0).unwrap(), Outcome::Reached);
+    assert_eq!(e.switches().len(), 100);
+}
+
+/// Controls and parameters may change on the way: the active set is found anew.
+#[test]
+fn controls_that_change_on_the_way() {
+    // ẋ = −sign x + u: sticks for |u| < 1
+    let d = Dims { x: 1, u: 1, p: 0 };
+    let mut sys = System::new(1, 1, 0).unwrap();
+    sys.set_f0(affine("f0", d, &[0.0], &[(0, 1, 1.0)])).unwrap();
+    add_sides(&mut sys, &[0], affine("F", d, &[-1.0, 1.0], &[]), affine("psi", d, &[0.0], &[(0, 0, 1.0)]));
+    let mut e = Engine::new(&sys, &tol(1e-9)).unwrap();
+    e.reinit(0.0, &[0.5]).unwrap();
+    for (t, u, x) in [(1.0, 0.5, 0.0), (2.0, 3.0, 2.0), (3.0, -1.0, 0.0), (4.0, 0.9, 0.0), (5.0, -2.0, -1.0)] {
+        e.set_controls(&[u]).unwrap();
+        assert_eq!(e.advance(t).unwrap(), Outcome::Reached, "{}", e.reason());
+        assert!((e.state()[0] - x).abs() < 1e-12, "t = {t}: {:?}", e.state());
+    }
+    let kinds: Vec<Kind> = e.switches().iter().map(|s| s.kind).collect();
+    assert_eq!(kinds[..2], [Kind::Enter, Kind::Leave], "{:?}", e.switches());
+    assert!((e.switches()[1].t - 1.0).abs() < 1e-15, "{:?}", e.switches());
+}
+
+#[test]
 fn denormal_and_huge_states() {
     for scale in [1e-300, 1e-150, 1e150, 1e280] {
         let sys = two_sides(2, |_, x, o| o.copy_from_slice(&[x[1], -x[0], x[1], -4.0 * x[0]]), |_, x, o| o[0] = x[0]);

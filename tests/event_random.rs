@@ -1,4 +1,4 @@
-//! Random planar piecewise linear Filippov systems: the engine against small steps of Euler's method.
+//! Random piecewise linear Filippov systems: the engine against small steps of Euler's method.
 
 mod common;
 use common::models::affine;
@@ -115,16 +115,85 @@ fn compare(seeds: std::ops::Range<u64>) -> (usize, Vec<String>) {
 }
 
 #[test]
-fn random_planar_systems() {
-    let (open, wrong) = compare(0..1500);
-    assert!(wrong.is_empty(), "{} of 1500 differ:\n{}", wrong.len(), wrong.join("\n"));
-    assert!(open < 75, "{open} of 1500 without a clear answer");
+fn ten_thousand_random_planar_systems() {
+    let (open, wrong) = compare(0..10_000);
+    assert!(wrong.is_empty(), "{} of 10000 differ:\n{}", wrong.len(), wrong.join("\n"));
+    // repelling surfaces, corners: small steps themselves have no clear answer there
+    assert!(open < 100, "{open} of 10000 without a clear answer");
+}
+
+/// Three states and three surfaces that mostly attract: sliding modes of any codimension, coupled with each other.
+struct Spatial {
+    a: [[f64; 3]; 3],
+    b: [f64; 3],
+    /// Fields on both sides, normal, offset.
+    surfaces: Vec<([[f64; 3]; 2], [f64; 3], f64)>,
+}
+
+impl Spatial {
+    fn new(r: &mut Random) -> Spatial {
+        let mut v = || [r.next(), r.next(), r.next()];
+        let (a, b) = ([v(), v(), v()], v());
+        let surface = |_| {
+            let (n, mut f) = (v(), [v(), v()]);
+            for i in 0..3 {
+                f[0][i] -= 1.5 * n[i];
+                f[1][i] += 1.5 * n[i];
+            }
+            (f, n, 0.2 * v()[0])
+        };
+        let surfaces = (0..3).map(surface).collect();
+        Spatial { a, b, surfaces }
+    }
+
+    fn system(&self) -> System {
+        let d = Dims { x: 3, u: 0, p: 0 };
+        let mut s = System::new(3, 0, 0).unwrap();
+        let entries: Vec<(usize, usize, f64)> = (0..9).map(|k| (k % 3, k / 3, self.a[k % 3][k / 3])).collect();
+        s.set_f0(affine("f0", d, &self.b, &entries)).unwrap();
+        for (f, n, c) in &self.surfaces {
+            let psi = affine("psi", d, &[-c], &[(0, 0, n[0]), (0, 1, n[1]), (0, 2, n[2])]);
+            let regions = Regions::Signs { psi, signs: vec![1, -1] };
+            let modes = affine("F", d, &f.concat(), &[]);
+            s.add_subsystem(Subsystem { rows: vec![0, 1, 2], modes, n_modes: 2, regions }).unwrap();
+        }
+        s
+    }
+
+    fn euler(&self, x0: &[f64; 3], t: f64, n: usize) -> [f64; 3] {
+        let dot = |a: &[f64; 3], b: &[f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let h = t / n as f64;
+        let mut x = *x0;
+        for _ in 0..n {
+            let mut v: [f64; 3] = std::array::from_fn(|i| self.b[i] + dot(&self.a[i], &x));
+            for (f, normal, c) in &self.surfaces {
+                let side = usize::from(dot(normal, &x) < *c);
+                v.iter_mut().zip(&f[side]).for_each(|(v, f)| *v += f);
+            }
+            x.iter_mut().zip(&v).for_each(|(x, v)| *x += h * v);
+        }
+        x
+    }
 }
 
 #[test]
-#[ignore = "longer run of the same"]
-fn ten_thousand_random_planar_systems() {
-    let (open, wrong) = compare(1500..11_500);
-    assert!(wrong.is_empty(), "{} of 10000 differ:\n{}", wrong.len(), wrong.join("\n"));
-    assert!(open < 500, "{open} of 10000 without a clear answer");
+fn random_systems_that_slide_on_three_surfaces() {
+    let apart = |a: &[f64], b: &[f64]| a.iter().zip(b).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+    let mut sliding = 0;
+    for seed in 0..1000u64 {
+        let mut r = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) + 7);
+        r.next();
+        let s = Spatial::new(&mut r);
+        let x0 = [r.next(), r.next(), r.next()];
+        let run = simulate(&s.system(), &Options::with_tolerance(1e-9, 1e-9), 0.0, &x0, 2.0).unwrap();
+        assert_eq!(run.outcome, Outcome::Reached, "seed {seed}: {}", run.reason);
+        sliding += usize::from(run.switches.iter().any(|w| w.after.len() > 1));
+        // small steps chatter along a surface: coarse ones are enough for most systems
+        let near = |n: usize, tol: f64| {
+            let e = s.euler(&x0, 2.0, n);
+            apart(&run.x, &e) < tol * (1.0 + apart(&e, &[0.0; 3]))
+        };
+        assert!(near(20_000, 0.01) || near(1_000_000, 2e-3) || near(4_000_000, 2e-3), "seed {seed}: {run:?}");
+    }
+    assert!(sliding > 900, "{sliding}");
 }

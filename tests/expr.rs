@@ -102,6 +102,19 @@ fn parts_are_evaluated_alone() {
 }
 
 #[test]
+fn affine_and_constant_functions_are_known() {
+    let g = Graph::new();
+    let (x, u, p) = (g.x(0), g.u(0), g.p(0));
+    let f = |e: Expr| g.function("f", DIMS, &[e]).unwrap();
+    let is = |e: Expr| (f(e).is_constant(), f(e).is_affine());
+    assert_eq!(is((x + 1.0) - x), (true, true));
+    assert_eq!(is(2.0 * x - u / 3.0 + p), (false, true));
+    assert_eq!(is((x + u) * 2.0 - g.t()), (false, true));
+    assert_eq!(is(x * x / x), (false, true));
+    assert_eq!(is(p * x), (false, false));
+}
+
+#[test]
 fn registers_are_used_again() {
     let g = Graph::new();
     let mut e = g.x(0);
@@ -150,6 +163,13 @@ fn generated_c_gives_the_same_numbers() {
     let flags = ["-std=c99", "-pedantic", "-Wall", "-Wextra", "-Werror", "-O1", "-ffp-contract=off", "-o", "driver"];
     let cc = run("cc", &[&flags[..], &["driver.c", "-lm"]].concat());
     assert!(cc.status.success(), "{}", String::from_utf8_lossy(&cc.stderr));
+    // Behind the header of the library the code makes functions of it, in C and in C++.
+    for (language, standard) in [("c", "-std=c11"), ("c++", "-std=c++17")] {
+        let header = concat!(env!("CARGO_MANIFEST_DIR"), "/include/switchback.h");
+        let strict = ["-fsyntax-only", "-Wall", "-Wextra", "-Werror", standard, "-include", header, "-x", language];
+        let cc = run("cc", &[&strict[..], &["model.c"]].concat());
+        assert!(cc.status.success(), "{language}: {}", String::from_utf8_lossy(&cc.stderr));
+    }
     let result = run("./driver", &[]);
     assert!(result.status.success());
     let got: Vec<f64> = String::from_utf8(result.stdout).unwrap().lines().map(|l| l.parse().unwrap()).collect();

@@ -78,6 +78,32 @@ fn turbo_car_and_gene_network() {
     assert_eq!(genes.report.groups[0].n_modes, 2);
 }
 
+/// Two links with dry friction in both joints: `v' = M(q)⁻¹ (forces − friction)`.
+#[test]
+fn friction_behind_a_mass_matrix_splits() {
+    let g = Graph::new();
+    let (q, v) = ([g.x(0), g.x(1)], [g.x(2), g.x(3)]);
+    let coupling = 0.5 * (q[0] - q[1]).cos();
+    let mass = [g.constant(2.0), coupling, coupling, g.constant(1.0)];
+    let forces: Vec<Expr> = (0..2).map(|i| -9.81 * q[i].sin() - 0.3 * v[i].sign()).collect();
+    let a = g.solve(&mass, &forces).unwrap();
+    let b = build(&g, 0, 0, &[v[0], v[1], a[0], a[1]]);
+    assert_eq!(counts(&b), (4, 2, 4));
+    assert!(b.system.subsystems().iter().all(|s| s.rows == [2, 3]));
+    let at = [0.4, -0.2, 0.7, -0.9];
+    let c = 0.5 * 0.6f64.cos();
+    let f = [-9.81 * 0.4f64.sin() - 0.3, 9.81 * 0.2f64.sin() + 0.3];
+    let det = 2.0 - c * c;
+    let exact = [0.7, -0.9, (f[0] - c * f[1]) / det, (2.0 * f[1] - c * f[0]) / det];
+    for (a, e) in rhs_at(&b, &at).iter().zip(exact) {
+        assert!((a - e).abs() < 1e-14, "{a} {e}");
+    }
+    for f in &b.functions {
+        let r = check_derivatives(f.as_ref(), &Point { t: 0.0, x: &at, u: &[], p: &[] }, &CheckSettings::default());
+        assert!(r.as_ref().is_ok_and(|r| r.passed()), "{r:?}");
+    }
+}
+
 #[test]
 fn smooth_models_have_no_pairs() {
     let g = Graph::new();
@@ -249,6 +275,16 @@ fn lints() {
     assert!(warnings(&[g.piecewise(&jumps, x), y]).contains("not found as switches"));
     let b = build(&g, 1, 1, &[y, x.abs()]);
     assert!(b.report.notes_of(NoteKind::Info).any(|n| n.contains("no sliding mode")), "{}", b.report);
+    // Three regions, and no difference across either surface.
+    let b = build(&g, 1, 1, &[y, x.dead_zone(g.constant(0.5))]);
+    assert_eq!(b.report.notes_of(NoteKind::Info).filter(|n| n.contains("no sliding mode")).count(), 2, "{}", b.report);
+    // Across y = 0 the speeds are ±x: equal where x vanishes.
+    let mut m = Model::from_rhs("m", 0, 0, &[g.constant(1.0), -x * y.sign()]).unwrap();
+    for (x0, n) in [(0.0, 1), (1.0, 0)] {
+        m.set_trial(Trial { x: vec![x0, 0.0], ..Trial::default() }).unwrap();
+        let report = m.build(&g).unwrap().report;
+        assert_eq!(report.notes_of(NoteKind::Warning).filter(|n| n.contains("singular")).count(), n, "{report}");
+    }
     let b = build(&g, 1, 1, &[y, g.constant(0.0)]);
     assert!(b.report.notes_of(NoteKind::Info).any(|n| n.contains("x[1] is constant")), "{}", b.report);
     let mut m = Model::from_rhs("m", 0, 0, &[x.ln() - y.sign(), y.gt(1.0).select(x, 1.0 / y)]).unwrap();
@@ -283,6 +319,11 @@ fn malformed_models_are_refused() {
     assert!(Model::new("m", 0, 0, 0).is_err());
     assert!(m.set_trial(Trial { x: vec![0.0], ..Trial::default() }).is_err());
     assert!(m.set_trial(Trial { x: vec![0.0, f64::NAN], ..Trial::default() }).is_err());
+    // Switches inside switches inside switches.
+    let g = Graph::new();
+    let nested = (0..30).fold(g.x(0), |a, k| (a - 0.3 - f64::from(k)).abs());
+    let e = Model::from_rhs("m", 0, 0, &[nested.sign()]).unwrap().build(&g).map(|_| ()).unwrap_err();
+    assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("branches"), "{e}");
     // Twenty coupled conditions.
     let g = Graph::new();
     let product = (0..20).map(|i| g.x(i).sign()).reduce(|a, b| a * b).unwrap();

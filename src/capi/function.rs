@@ -94,7 +94,7 @@ impl Drop for UserData {
 
 /// What every adapter knows of its function.
 #[derive(Clone)]
-struct Caller {
+pub(super) struct Caller {
     name: Arc<str>,
     data: Arc<UserData>,
     /// The function does not say that it depends on time: it is not told.
@@ -102,8 +102,13 @@ struct Caller {
 }
 
 impl Caller {
+    /// For a callback that is no [`UserFunction`]; `pointer` stays the caller's.
+    pub fn new(name: &str, pointer: *mut c_void) -> Caller {
+        Caller { name: name.into(), data: Arc::new(UserData { pointer, destroy: None }), timeless: false }
+    }
+
     /// Calls back with the point in C and notes complaints.
-    fn call(
+    pub fn call(
         &self,
         part: &'static str,
         at: &Point,
@@ -291,9 +296,12 @@ fn size(n: i64, what: &str) -> Result<usize> {
     }
 }
 
-/// The pattern of the caller, `rows × cols`.
-unsafe fn pattern(
+const COLUMNS: &str = "x, u, p and t";
+
+/// The pattern of the caller, `rows × cols`; `columns` says what the columns stand for.
+pub(super) unsafe fn pattern(
     what: &str,
+    columns: &str,
     (rows, cols): (usize, usize),
     (col_ptr, n_col_ptr): (*const i64, i64),
     (row_idx, nnz): (*const i64, i64),
@@ -306,7 +314,7 @@ unsafe fn pattern(
     };
     if col_ptr.len() != cols + 1 {
         return Err(Error::Dimension(format!(
-            "{what}: col_ptr has {} entries, expected {}: one for each of x, u, p and t, and the number of entries last",
+            "{what}: col_ptr has {} entries, expected {}: one for each of {columns}, and the number of entries last",
             col_ptr.len(),
             cols + 1
         )));
@@ -388,7 +396,7 @@ pub unsafe extern "C" fn swb_function_set_jacobian(
             let f = f.open()?;
             let what = format!("Jacobian of '{}'", f.name);
             let shape = (f.n_out, f.dims.n_in());
-            f.jacobian = Some((pattern(&what, shape, (col_ptr, n_col_ptr), (row_idx, nnz))?, jacobian));
+            f.jacobian = Some((pattern(&what, COLUMNS, shape, (col_ptr, n_col_ptr), (row_idx, nnz))?, jacobian));
             Ok(())
         })
     })
@@ -415,7 +423,7 @@ pub unsafe extern "C" fn swb_function_set_hessian(
             let f = f.open()?;
             let what = format!("Hessian of '{}'", f.name);
             let n = f.dims.n_in();
-            let pattern = pattern(&what, (n, n), (col_ptr, n_col_ptr), (row_idx, nnz))?;
+            let pattern = pattern(&what, COLUMNS, (n, n), (col_ptr, n_col_ptr), (row_idx, nnz))?;
             if !pattern.is_upper() {
                 return Err(Error::Range(format!("{what}: entries below the diagonal; give the upper triangle only")));
             }

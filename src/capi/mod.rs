@@ -121,3 +121,5 @@ pub mod simulator;
 pub mod ocp;
 
 pub mod mpcc;
+
+pub mod diagnosis;

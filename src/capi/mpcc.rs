@@ -1,6 +1,7 @@
 //! Nonlinear programs, with complementarity constraints or without.
 
-use super::function::{shared, shared_optional, swb_function};
+use super::diagnosis::{swb_item, Names};
+use super::function::{self, shared, shared_optional, swb_function, swb_point};
 use super::guard::guard;
 use super::handle::{self, Interrupt, Object};
 use super::log::swb_log_fn;
@@ -11,11 +12,17 @@ use super::report::{
 use super::settings;
 use super::status::swb_status;
 use crate::error::{Error, Result};
-use crate::mpcc::{Lifted, Member, Mpcc, MpccSettings, MpccSolver, Solution};
-use crate::nlp::{Bounds, CallbackNlp, Nlp, Outcome};
+use crate::func::{EvalError, Point};
+use crate::linalg::csc::Pattern;
+use crate::linalg::kkt::LinearStats;
+use crate::mpcc::diagnostics::{self, Item};
+use crate::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, Solution, Warm};
+use crate::nlp::{Bounds, CallbackNlp, LagrangianFn, Nlp, Outcome, Residuals};
 use crate::settings::{LogLevel, Settings, Value};
 use crate::system::SharedFunction;
 use std::ffi::{c_char, c_void};
+use std::ptr;
+use std::sync::Arc;
 use std::time::Instant;
 
 /// Nonlinear program with complementarity constraints: minimise f(w,p) subject to bounds on w and c(w,p),
@@ -39,31 +46,84 @@ pub enum swb_member {
 struct Built {
     problem: Lifted<CallbackNlp>,
     solver: MpccSolver,
+    jac: Arc<Pattern>,
 }
 
-struct Result1 {
-    solution: Solution,
-    /// Rows at the solution.
+/// What is known of the point besides the solution: in the variables and rows of the lifted problem.
+struct Facts {
     c: Vec<f64>,
-    /// Variables of the members of the pairs.
-    pairs: Vec<(usize, usize)>,
-    time_build: f64,
-    dimensions: (usize, usize, usize),
+    grad: Vec<f64>,
+    jac_values: Vec<f64>,
+    bounds: Bounds,
+    scaling: (f64, Vec<f64>),
+}
+
+/// The last solve.
+pub(super) struct Outcome1 {
+    pub solution: Solution,
+    /// Rows at the solution.
+    pub c: Vec<f64>,
+    /// Variables of the members of the pairs, in the lifted problem.
+    pub pairs: Vec<(usize, usize)>,
+    pub time_build: f64,
+    pub dimensions: (usize, usize, usize),
+    pub linear: LinearStats,
+    pub residuals: Residuals,
+    pub scaled: Residuals,
+    jac: Arc<Pattern>,
+    facts: Option<Facts>,
+}
+
+impl Outcome1 {
+    /// The point to first order; nothing where a function has no derivatives there.
+    pub fn local(&self) -> Option<Local<'_>> {
+        let (s, f) = (&self.solution, self.facts.as_ref()?);
+        Some(Local {
+            x: &s.x,
+            c: &f.c,
+            grad: &f.grad,
+            jac: &self.jac,
+            jac_values: &f.jac_values,
+            bounds: &f.bounds,
+            pairs: &self.pairs,
+            y: &s.y,
+            z: &s.z,
+        })
+    }
+}
+
+/// Point and multipliers of the program's own variables and rows to start from.
+struct WarmStart {
+    x: Vec<f64>,
+    y: Vec<f64>,
+    z: Vec<f64>,
+}
+
+/// Where a solve starts.
+#[derive(Clone, Copy, PartialEq)]
+enum From {
+    /// As it was set.
+    Start,
+    /// At the last solution.
+    Last,
 }
 
 /// What is behind the handle.
 pub struct Program {
-    n: usize,
-    m: usize,
+    pub(super) n: usize,
+    pub(super) m: usize,
     objective: SharedFunction,
     constraints: Option<SharedFunction>,
-    members: Vec<(Member, Member)>,
+    hessian: Option<(Pattern, Arc<LagrangianFn>)>,
+    pub(super) members: Vec<(Member, Member)>,
+    pub(super) names: Names,
     bounds: Bounds,
     params: Vec<f64>,
     start: Vec<f64>,
+    warm: Option<WarmStart>,
     pub(super) settings: Settings,
     built: Exclusive<Option<Built>>,
-    result: Option<Result1>,
+    result: Option<Outcome1>,
     pub(super) hooks: Hooks,
 }
 
@@ -75,16 +135,19 @@ impl Program {
         settings: Settings,
         interrupt: &Interrupt,
     ) -> Result<Program> {
-        let m = CallbackNlp::new(n, np, objective.clone(), constraints.clone())?.m();
+        let m = CallbackNlp::check(n, np, &*objective, constraints.as_deref())?;
         Ok(Program {
             n,
             m,
             objective,
             constraints,
+            hessian: None,
             members: Vec::new(),
+            names: Names::default(),
             bounds: Bounds::free(n, m),
             params: vec![0.0; np],
             start: vec![0.0; n],
+            warm: None,
             settings,
             built: Exclusive::new(None),
             result: None,
@@ -118,18 +181,55 @@ impl Program {
             return Ok(0.0);
         }
         let clock = Instant::now();
-        let inner = CallbackNlp::new(self.n, self.params.len(), self.objective.clone(), self.constraints.clone())?;
+        let mut inner = CallbackNlp::new(self.n, self.params.len(), self.objective.clone(), self.constraints.clone())?;
+        if let Some((pattern, hessian)) = &self.hessian {
+            inner = inner.with_lagrangian(pattern.clone(), hessian.clone())?;
+        }
         let mut problem = Lifted::new(inner, &self.members)?;
         let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
-        *self.built.get() = Some(Built { problem, solver });
+        let jac = Arc::new(problem.jac_pattern().clone());
+        *self.built.get() = Some(Built { problem, solver, jac });
         Ok(clock.elapsed().as_secs_f64())
     }
 
-    fn solve(&mut self) -> Result<Outcome> {
+    /// Point and multipliers of the lifted problem to start from; nothing for a cold start.
+    fn warmth(&mut self, from: From) -> Result<Option<WarmStart>> {
+        if from == From::Last {
+            let s = &self.result()?.solution;
+            let usable = !matches!(s.outcome, Outcome::Failed | Outcome::Infeasible | Outcome::Diverging);
+            return Ok(usable.then(|| WarmStart { x: s.x.clone(), y: s.y.clone(), z: s.z.clone() }));
+        }
+        let (n, m) = (self.n, self.m);
+        let (Some(own), Some(Built { problem, .. })) = (&self.warm, self.built.get()) else { return Ok(None) };
+        let mut warm = WarmStart { x: problem.start(&own.x), y: own.y.clone(), z: own.z.clone() };
+        warm.y.resize(problem.m(), 0.0);
+        warm.z.resize(problem.n(), 0.0);
+        let mut copies = m;
+        for (k, members) in self.members.iter().enumerate() {
+            let places = problem.pair(k);
+            for (member, v) in [(members.0, places.0), (members.1, places.1)] {
+                match member {
+                    // the row G(w) - v = 0 has the multiplier of the constraint, and v takes it up
+                    Member::Row(i) => warm.z[v] = -warm.y[i],
+                    // the first copy of a variable takes its multiplier; the copy's row passes it on
+                    Member::Variable(j) if v >= n => {
+                        warm.z[v] = std::mem::take(&mut warm.z[j]);
+                        warm.y[copies] = -warm.z[v];
+                        copies += 1;
+                    }
+                    Member::Variable(_) => {}
+                }
+            }
+        }
+        Ok(Some(warm))
+    }
+
+    fn solve(&mut self, from: From) -> Result<Outcome> {
         self.settings.validate()?;
         self.bounds.validate(self.n, self.m)?;
         let time_build = self.build()?;
-        let Some(Built { problem, solver }) = self.built.get() else {
+        let warm = self.warmth(from)?;
+        let Some(Built { problem, solver, jac }) = self.built.get() else {
             return Err(Error::Internal("the program was not built".into()));
         };
         problem.inner().set_params(&self.params)?;
@@ -141,22 +241,15 @@ impl Program {
         *result = None;
         let outcome = self.hooks.run("mpcc", level, |control| {
             control.limit(seconds);
-            let w0 = problem.start(start);
-            solver.solve(problem, &bounds, &w0, control);
-            let solution = solver.solution().clone();
-            let outcome = solution.outcome;
-            let mut c = vec![0.0; rows];
-            if outcome == Outcome::Failed || problem.inner().eval(&solution.x[..start.len()], &mut c).is_err() {
-                c.fill(f64::NAN);
+            if let Some(w) = &warm {
+                let warm = Warm { x: &w.x, y: &w.y, z: &w.z };
+                solver.solve_warm(problem, &bounds, &warm, control, &mut |_, _, _| false);
+            } else {
+                let w0 = problem.start(start);
+                solver.solve(problem, &bounds, &w0, control);
             }
-            let n_pairs = problem.pairs().len();
-            *result = Some(Result1 {
-                solution,
-                c,
-                pairs: (0..n_pairs).map(|k| problem.pair(k)).collect(),
-                time_build,
-                dimensions: (problem.n(), problem.m(), n_pairs),
-            });
+            let outcome = solver.solution().outcome;
+            *result = Some(Outcome1::of(problem, solver, jac, bounds, (start.len(), rows), time_build));
             Ok(outcome)
         })?;
         let importance = if outcome == Outcome::Solved { LogLevel::Info } else { LogLevel::Warning };
@@ -169,20 +262,112 @@ impl Program {
                     s.outcome.name(),
                     s.polish,
                     s.objective,
-                    s.residuals.primal,
-                    s.residuals.dual,
-                    s.residuals.pair_min,
+                    r.residuals.primal,
+                    r.residuals.dual,
+                    r.residuals.pair_min,
                     s.stats.iterations,
                     s.stats.time_total,
                     r.time_build
                 )
             })
         });
+        if outcome != Outcome::Solved {
+            self.hooks.tell(level, LogLevel::Warning, || self.worst_line());
+        }
+        if outcome == Outcome::Infeasible {
+            self.hooks.tell(level, LogLevel::Warning, || self.conflict_line());
+        }
         Ok(outcome)
     }
 
-    fn result(&self) -> Result<&Result1> {
+    /// Variables of the program that members of pairs are copies of, and the copies: in the lifted problem.
+    fn copies(&self, r: &Outcome1) -> Vec<(usize, usize)> {
+        let members = self.members.iter().flat_map(|m| [m.0, m.1]);
+        let places = r.pairs.iter().flat_map(|p| [p.0, p.1]);
+        let copy = |(member, place)| match member {
+            Member::Variable(j) if place != j => Some((j, place)),
+            _ => None,
+        };
+        members.zip(places).filter_map(copy).collect()
+    }
+
+    /// Multipliers of the bounds of the program's own variables.
+    pub(super) fn bound_multipliers(&self) -> Result<Vec<f64>> {
+        let r = self.result()?;
+        let mut z = r.solution.z[..self.n].to_vec();
+        for (original, copy) in self.copies(r) {
+            z[original] += r.solution.z[copy];
+        }
+        Ok(z)
+    }
+
+    /// What of the program an item of the lifted problem is.
+    pub(super) fn own(&self, r: &Outcome1, item: Item) -> (swb_item, usize) {
+        let of_variable = |v: usize| r.pairs.iter().position(|p| p.0 == v || p.1 == v).unwrap_or(0);
+        match item {
+            Item::Variable(j) if j < self.n => (swb_item::Variable, j),
+            Item::Variable(v) => (swb_item::Pair, of_variable(v)),
+            Item::Row(i) if i < self.m => (swb_item::Constraint, i),
+            Item::Row(i) => (swb_item::Pair, of_variable(self.copies(r)[i - self.m].1)),
+            Item::Pair(k) => (swb_item::Pair, k),
+        }
+    }
+
+    pub(super) fn result(&self) -> Result<&Outcome1> {
         self.result.as_ref().ok_or_else(|| Error::State("there is no result: call swb_mpcc_solve first".into()))
+    }
+}
+
+impl Outcome1 {
+    /// Takes the result out of the solver; `n`, `m` are the sizes of the program before lifting.
+    fn of(
+        problem: &mut Lifted<CallbackNlp>,
+        solver: &MpccSolver,
+        jac: &Arc<Pattern>,
+        bounds: Bounds,
+        (n, m): (usize, usize),
+        time_build: f64,
+    ) -> Outcome1 {
+        let solution = solver.solution().clone();
+        let pairs: Vec<_> = (0..problem.pairs().len()).map(|k| problem.pair(k)).collect();
+        let mut r = Outcome1 {
+            c: vec![f64::NAN; m],
+            dimensions: (problem.n(), problem.m(), pairs.len()),
+            linear: solver.linear_statistics(),
+            residuals: solution.residuals,
+            scaled: solution.residuals,
+            jac: jac.clone(),
+            facts: None,
+            solution,
+            pairs,
+            time_build,
+        };
+        if r.solution.outcome == Outcome::Failed {
+            return r;
+        }
+        let x = &r.solution.x;
+        if problem.inner().eval(&x[..n], &mut r.c).is_err() {
+            r.c.fill(f64::NAN);
+            return r;
+        }
+        let (factor, factors) = solver.scaling();
+        let mut facts = Facts {
+            c: vec![0.0; problem.m()],
+            grad: vec![0.0; problem.n()],
+            jac_values: vec![0.0; jac.nnz()],
+            bounds,
+            scaling: (factor, factors.to_vec()),
+        };
+        let known = problem.eval(x, &mut facts.c).is_ok()
+            && problem.derivatives(x, &mut facts.grad, &mut facts.jac_values).is_ok();
+        if known {
+            r.facts = Some(facts);
+            if let (Some(local), Some(facts)) = (r.local(), &r.facts) {
+                let scaling = (facts.scaling.0, facts.scaling.1.as_slice());
+                (r.residuals, r.scaled) = diagnostics::residuals(&local, scaling);
+            }
+        }
+        r
     }
 }
 
@@ -277,11 +462,85 @@ pub unsafe extern "C" fn swb_mpcc_add_pair(
                 }
             }
             p.members.push(pair);
+            p.names.set_len(swb_item::Pair, p.members.len());
             *p.built.get() = None;
             p.result = None;
             Ok(())
         })
     })
+}
+
+/// Hessian of the Lagrangian, weight times the objective plus y times the constraints: writes out [nnz], the
+/// values of the entries of the pattern; comes filled with zeros. y is [m], NULL if m is 0. Returns as
+/// swb_value_fn.
+pub type swb_lagrangian_fn = Option<
+    unsafe extern "C" fn(
+        at: *const swb_point,
+        weight: f64,
+        y: *const f64,
+        out: *mut f64,
+        user_data: *mut c_void,
+    ) -> i32,
+>;
+
+/// Give second derivatives in one piece, in place of the Hessians of objective and constraints.
+///
+/// For functions described with swb_function_set_linear nothing else is prepared, although they are not linear.
+///
+/// @param[in] col_ptr   [n + 1] where the columns start; the last one is nnz
+/// @param[in] row_idx   [nnz] rows from 0, increasing within each column, upper triangle (row <= column)
+/// @param[in] hessian   NULL: back to the Hessians of the functions; the pattern is not read
+/// @param[in] user_data passed on unchanged; must stay valid as long as the program has the callback
+/// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_hessian(
+    mpcc: *mut swb_mpcc,
+    col_ptr: *const i64,
+    n_col_ptr: i64,
+    row_idx: *const i64,
+    nnz: i64,
+    hessian: swb_lagrangian_fn,
+    user_data: *mut c_void,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(mpcc, |p| {
+            p.hessian = match hessian {
+                None => None,
+                Some(f) => {
+                    const WHAT: &str = "Hessian of the Lagrangian";
+                    let columns = "the variables";
+                    let shape = (p.n, p.n);
+                    let pattern = function::pattern(WHAT, columns, shape, (col_ptr, n_col_ptr), (row_idx, nnz))?;
+                    if !pattern.is_upper() {
+                        return Err(Error::Range(format!(
+                            "{WHAT}: entries below the diagonal; give the upper triangle only"
+                        )));
+                    }
+                    let caller = function::Caller::new("Lagrangian", user_data);
+                    Some((pattern, Arc::new(lagrangian(caller, f))))
+                }
+            };
+            *p.built.get() = None;
+            Ok(())
+        })
+    })
+}
+
+type RawLagrangian = unsafe extern "C" fn(*const swb_point, f64, *const f64, *mut f64, *mut c_void) -> i32;
+
+fn lagrangian(
+    caller: function::Caller,
+    f: RawLagrangian,
+) -> impl Fn(&Point, f64, &[f64], &mut [f64]) -> crate::func::EvalResult {
+    move |at, weight, y, out| {
+        let y = if y.is_empty() { ptr::null() } else { y.as_ptr() };
+        // SAFETY: the function obeys the contract of its type, the pointers have the lengths the header promises.
+        match caller.call("Hessian", at, out, |p, o, d| unsafe { f(p, weight, y, o, d) }) {
+            0 => Ok(()),
+            code if code > 0 => Err(EvalError::Recoverable),
+            code => Err(EvalError::Fatal(code)),
+        }
+    }
 }
 
 /// Set bounds of the variables.
@@ -361,6 +620,43 @@ pub unsafe extern "C" fn swb_mpcc_set_start(mpcc: *mut swb_mpcc, w: *const f64, 
         handle::with_mut(mpcc, |p| {
             crate::error::finite("start", w, p.n)?;
             p.start.copy_from_slice(w);
+            p.warm = None;
+            Ok(())
+        })
+    })
+}
+
+/// Start the next solves from a point with multipliers, as a solution of a program nearby has them; swb_mpcc_set_start
+/// goes back to starting from a point alone.
+///
+/// @param[in] w [n]
+/// @param[in] y [m] multipliers of the constraints; NULL with m = 0 for none
+/// @param[in] z [n_z] n multipliers of the bounds, both as swb_mpcc_get_multipliers has them; NULL with n_z = 0 for
+///                  none
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_warm_start(
+    mpcc: *mut swb_mpcc,
+    w: *const f64,
+    n: i64,
+    y: *const f64,
+    m: i64,
+    z: *const f64,
+    n_z: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let (w, y, z) = (raw::slice(w, n, "w")?, raw::slice(y, m, "y")?, raw::slice(z, n_z, "z")?);
+        handle::with_mut(mpcc, |p| {
+            let optional = |values: &[f64], len: usize, what: &str| {
+                if values.is_empty() {
+                    return Ok(vec![0.0; len]);
+                }
+                crate::error::finite(what, values, len).map(|()| values.to_vec())
+            };
+            crate::error::finite("start", w, p.n)?;
+            let (y, z) = (optional(y, p.m, "y")?, optional(z, p.n, "z")?);
+            p.start.copy_from_slice(w);
+            p.warm = Some(WarmStart { x: w.to_vec(), y, z });
             Ok(())
         })
     })
@@ -375,7 +671,21 @@ pub unsafe extern "C" fn swb_mpcc_set_start(mpcc: *mut swb_mpcc, w: *const f64, 
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_solve(mpcc: *mut swb_mpcc, outcome: *mut i32) -> swb_status {
     guard(|| unsafe {
-        let reached = handle::with_mut(mpcc, Program::solve)?;
+        let reached = handle::with_mut(mpcc, |p| p.solve(From::Start))?;
+        raw::write_optional(outcome, outcome_number(reached));
+        Ok(())
+    })
+}
+
+/// Solve from the last solution and its multipliers, as after a change of parameters or bounds. After a solve that
+/// failed, diverged or ended infeasible this is swb_mpcc_solve.
+///
+/// @param[out] outcome an enum swb_outcome; may be NULL
+/// @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_resolve(mpcc: *mut swb_mpcc, outcome: *mut i32) -> swb_status {
+    guard(|| unsafe {
+        let reached = handle::with_mut(mpcc, |p| p.solve(From::Last))?;
         raw::write_optional(outcome, outcome_number(reached));
         Ok(())
     })
@@ -432,7 +742,8 @@ pub unsafe extern "C" fn swb_mpcc_get_constraints(mpcc: *const swb_mpcc, c: *mut
 /// Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 ///
 /// @param[out] y [m] of the constraints
-/// @param[out] z [n] of the bounds, lower minus upper; for variables in pairs the multiplier of the pair
+/// @param[out] z [n] of the bounds, lower minus upper; for variables in pairs the multiplier of the pair, and
+///                   the sum of them for a variable in several
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_get_multipliers(
@@ -449,8 +760,8 @@ pub unsafe extern "C" fn swb_mpcc_get_multipliers(
                 return Err(Error::Dimension(format!("z has length {n}, not {}", p.n)));
             }
             raw::check(z, "z")?;
-            raw::write_slice(y, m, &s.y, "y")?;
-            raw::write_slice(z, n, &s.z[..p.n], "z")
+            raw::write_slice(y, m, &s.y[..p.m], "y")?;
+            raw::write_slice(z, n, &p.bound_multipliers()?, "z")
         })
     })
 }
@@ -505,7 +816,7 @@ pub unsafe extern "C" fn swb_mpcc_get_residuals(
 ) -> swb_status {
     guard(|| unsafe {
         handle::with_ref(mpcc, |p| {
-            write_sized(&swb_residuals::of(&p.result()?.solution.residuals), residuals, struct_size, "residuals")
+            write_sized(&swb_residuals::of(&p.result()?.residuals), residuals, struct_size, "residuals")
         })
     })
 }

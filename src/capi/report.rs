@@ -6,6 +6,7 @@ use super::log::{swb_log_fn, LogSink};
 use super::raw;
 use super::trouble;
 use crate::error::{Error, Result};
+use crate::linalg::kkt::LinearStats;
 use crate::mpcc;
 use crate::nlp::{Control, IterationInfo, Outcome, Residuals, Statistics};
 use crate::settings::LogLevel;
@@ -148,6 +149,55 @@ pub struct swb_stats {
     pub n_homotopies: i64,
 }
 
+/// The linear systems of a solve: sizes, and work since the program was built.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+pub struct swb_linear_stats {
+    /// Size of this struct in bytes.
+    pub struct_size: u64,
+    /// Order of the matrix.
+    pub n: i64,
+    /// Entries of its upper triangle.
+    pub nnz_k: i64,
+    /// Entries of the factor below the diagonal.
+    pub nnz_l: i64,
+    /// Floating-point operations of one factorisation.
+    pub flops: f64,
+    /// Smallest modulus of a pivot of the last factorisation, of the equilibrated matrix.
+    pub min_abs_pivot: f64,
+    /// Largest one.
+    pub max_abs_pivot: f64,
+    /// Shift of the diagonal in the last factorisation, of the equilibrated matrix.
+    pub shift: f64,
+    /// Numeric factorisations.
+    pub factorisations: i64,
+    /// Solutions.
+    pub solves: i64,
+    /// Steps of refinement in all solutions.
+    pub refinement_steps: i64,
+    /// Times the scaling was computed.
+    pub equilibrations: i64,
+}
+
+impl swb_linear_stats {
+    pub(super) fn of(s: &LinearStats) -> swb_linear_stats {
+        swb_linear_stats {
+            struct_size: 0,
+            n: s.n as i64,
+            nnz_k: s.nnz_k as i64,
+            nnz_l: s.nnz_l as i64,
+            flops: s.flops,
+            min_abs_pivot: s.min_abs_pivot,
+            max_abs_pivot: s.max_abs_pivot,
+            shift: s.shift,
+            factorisations: s.factorisations as i64,
+            solves: s.solves as i64,
+            refinement_steps: s.refinement_steps as i64,
+            equilibrations: s.equilibrations as i64,
+        }
+    }
+}
+
 impl swb_stats {
     pub(super) fn of(s: &Statistics) -> swb_stats {
         swb_stats {
@@ -211,6 +261,8 @@ pub type swb_iteration_fn =
 pub(super) unsafe trait Sized8: Copy {}
 unsafe impl Sized8 for swb_residuals {}
 unsafe impl Sized8 for swb_stats {}
+unsafe impl Sized8 for swb_linear_stats {}
+unsafe impl Sized8 for super::diagnosis::swb_certificate {}
 unsafe impl Sized8 for crate::settings::Settings {}
 
 /// Write a struct to a caller whose header may be older or newer: what is new to us becomes zero.

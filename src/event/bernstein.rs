@@ -70,10 +70,25 @@ fn inverse(nodes: &[f64]) -> Vec<f64> {
 }
 
 /// De Casteljau.
+#[inline]
 pub(super) fn value(b: &[f64], s: f64) -> f64 {
     let mut c = [0.0; NODES];
-    c[..b.len()].copy_from_slice(b);
-    for m in (1..b.len()).rev() {
+    // lengths that are known when this is compiled
+    match b.len() {
+        NODES => {
+            c.copy_from_slice(b);
+            reduce(&mut c, s)
+        }
+        n => {
+            c[..n].copy_from_slice(b);
+            reduce(&mut c[..n], s)
+        }
+    }
+}
+
+#[inline(always)]
+fn reduce(c: &mut [f64], s: f64) -> f64 {
+    for m in (1..c.len()).rev() {
         for i in 0..m {
             c[i] += s * (c[i + 1] - c[i]);
         }
@@ -137,7 +152,9 @@ pub(super) fn first(b: &[f64]) -> First {
 /// The zero of a polynomial with one change of sign, by Newton steps that stay in a bracket.
 fn zero(b: &[f64]) -> f64 {
     let (mut lo, mut hi) = (0.0, 1.0);
-    let mut s = 0.5;
+    let (first, last) = (b[0], b[b.len() - 1]);
+    // a last coefficient that is rounding must not be taken for the zero
+    let mut s = (first / (first - last)).clamp(0.1, 0.9);
     for _ in 0..60 {
         let v = value(b, s);
         if v > 0.0 {
@@ -146,11 +163,11 @@ fn zero(b: &[f64]) -> f64 {
             hi = s;
         }
         let newton = s - v / slope(b, s);
-        let next = if newton > lo && newton < hi { newton } else { 0.5 * (lo + hi) };
         // the step that ends there is located again by its own value
-        if (next - s).abs() <= 1e-11 || v == 0.0 {
-            return next;
+        if (newton - s).abs() <= 1e-12 || hi - lo <= 1e-14 {
+            return newton.clamp(lo, hi);
         }
+        let next = if newton > lo && newton < hi { newton } else { 0.5 * (lo + hi) };
         s = next;
     }
     s
@@ -186,6 +203,24 @@ mod tests {
         }
         assert_eq!(first_of(|t| (t - 0.4) * (t - 0.4) + 1e-6, 0), None);
         assert_eq!(first_of(|t| 1.0 - 0.999 * t, 0), None);
+    }
+
+    #[test]
+    fn a_newton_step_that_no_longer_moves_is_the_zero() {
+        let samples = [
+            0.16587468520687876,
+            0.14743035092606893,
+            0.09256982512870733,
+            0.0037021194465282903,
+            -0.11229569499325798,
+            -0.24142083094197764,
+            -0.3620547543078749,
+            -0.44878639673029874,
+            -0.4804629514613859,
+        ];
+        let (c, d) = Sampler::new().coefficients(&samples, 0);
+        let First::Zero(s) = first(&c[..=d]) else { panic!("it changes its sign") };
+        assert!(value(&c[..=d], s).abs() < 1e-12 && s > 0.3, "{s}");
     }
 
     #[test]

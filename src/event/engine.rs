@@ -351,6 +351,11 @@ impl Engine {
                 return Ok(Progress::Done);
             }
         }
+        if t_stop - self.t <= 8.0 * EPS * t_stop.abs() {
+            // no step fits between
+            self.t = t_stop;
+            return Ok(Progress::Done);
+        }
         self.prepare_step();
         let mut rejected = false;
         loop {
@@ -439,8 +444,10 @@ impl Engine {
     /// The step begins at the present state.
     fn prepare_step(&mut self) {
         self.step.t = self.t;
-        self.step.x0.copy_from_slice(&self.x);
-        self.step.f0.copy_from_slice(&self.f);
+        let s = &mut self.step;
+        for i in 0..self.nx {
+            (s.x0[i], s.f0[i]) = (self.x[i], self.f[i]);
+        }
         self.dense_ready = false;
         self.radau.invalidate();
         self.step_implicit = self.implicit;
@@ -515,11 +522,12 @@ impl Engine {
             (0.9 * factor).clamp(0.333, most)
         };
         let h = self.step.h * if rejected { factor.min(1.0) } else { factor };
-        // the last step before a stop may have been short for that reason alone
-        if rejected {
-            h
+        // the last step before a stop is short for that reason alone
+        let wanted = self.h.min(self.options.h_max);
+        if !rejected && self.step.h < 0.999 * wanted {
+            h.max(wanted)
         } else {
-            h.max(self.h.min(self.options.h_max))
+            h
         }
     }
 
@@ -742,13 +750,33 @@ impl Engine {
             if !delta.is_finite() {
                 return Ok(None);
             }
-            if delta.abs() <= 1e-8 * h || delta.abs() <= floor {
+            if delta.abs() <= 1e-8 * h || delta.abs() <= floor || self.is_short(delta) {
+                if self.overlooked(l) {
+                    return Ok(None);
+                }
                 return self.touch_down(l, slope, grown).map(Some);
             }
             h = (h + delta).clamp(0.2 * h, (5.0 * h).min(1.1 * full));
         }
         // grazing: the length hardly matters for the value any more
         self.touch_down(l, slope, grown).map(Some)
+    }
+
+    /// Does another watched function say that a switch before this one was missed? Then a shorter step shows it.
+    fn overlooked(&self, l: usize) -> bool {
+        (0..self.watches.len()).any(|m| {
+            let w = &self.watches[m];
+            let near = 1e4 * EPS * w.scale(&self.field.dq, self.field.n_z, self.t, &self.step.x1).0;
+            m != l && self.depart[m] == 0 && w.value(&self.field.q, &self.field) < -near.max(1e-2 * self.w0[m])
+        })
+    }
+
+    /// Is a straight line over this time as good as the step, with a margin?
+    fn is_short(&self, delta: f64) -> bool {
+        let s = &self.step;
+        let bend = 1e3 * delta * delta / s.h;
+        let straight = (0..self.nx).all(|i| bend * (s.f1[i] - s.f0[i]).abs() * self.weights[i] <= 1.0);
+        !self.step_implicit && delta.abs() <= 0.01 * s.h && straight
     }
 
     /// Value and rate of a watched function at the end of the step; the rate of a weight is NaN.
@@ -764,12 +792,13 @@ impl Engine {
     /// The last digits of the switching time: along the velocity, which is exact to rounding over so short a time.
     fn touch_down(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
         let mut t = self.t + self.step.h;
-        for _ in 0..3 {
+        for _ in 0..4 {
             let found = self.watched(l, t).map(Some);
             let Some((value, rate)) = recover(found, None)? else { break };
             let rate = if rate < 0.0 { rate } else { slope };
             let scale = self.watches[l].scale(&self.field.dq, self.field.n_z, t, &self.step.x1).0;
-            let delta = (-value / rate).clamp(-1e-6 * self.step.h, 1e-6 * self.step.h);
+            let most = if self.step_implicit { 1e-6 } else { 0.01 } * self.step.h;
+            let delta = (-value / rate).clamp(-most, most);
             if value.abs() <= 0.5 * EPS * scale || !delta.is_finite() {
                 break;
             }
@@ -813,8 +842,9 @@ impl Engine {
         self.crowd = 0;
         self.watch_stiffness();
         self.t = t1;
-        self.x.copy_from_slice(&self.step.x1);
-        self.f.copy_from_slice(&self.step.f1);
+        for i in 0..self.nx {
+            (self.x[i], self.f[i]) = (self.step.x1[i], self.step.f1[i]);
+        }
         let n = self.watches.len();
         self.w0[..n].copy_from_slice(&self.w1[..n]);
         self.depart[..n].fill(0);

@@ -57,8 +57,8 @@ fn stage<const M: usize>(n: usize, field: &mut Field, s: &mut Step, i: usize, c:
     for ((y, x), k) in s.y[..n].iter_mut().zip(&s.x0[..n]).zip(&*k) {
         *y = x + h * dot(k, row);
     }
-    field.rhs(s.t + c * h, &s.y, &mut s.f)?;
-    for (k, f) in k.iter_mut().zip(&s.f[..n]) {
+    let f = field.rhs_view(s.t + c * h, &s.y, &mut s.f)?;
+    for (k, f) in k.iter_mut().zip(&f[..n]) {
         k[i] = *f;
     }
     Ok(())

@@ -12,7 +12,7 @@
 
 use super::lu::Lu;
 use crate::dcs::{Cell, Dcs, Drift};
-use crate::func::{EvalError, EvalResult, Function, Point};
+use crate::func::{Dims, EvalError, EvalResult, Function, Point};
 use crate::system::SharedFunction;
 
 /// One subsystem.
@@ -35,6 +35,8 @@ pub(super) struct Sub {
     n_out: usize,
     /// The states driven are all, in order.
     identity: bool,
+    /// Where the entries of the Jacobian of the indicators go, `usize::MAX` for controls.
+    to_dq: Vec<usize>,
 }
 
 impl Sub {
@@ -78,6 +80,9 @@ pub(super) struct Field {
     /// Active cells per subsystem, never empty.
     pub(super) active: Vec<Vec<usize>>,
     pairs: Vec<Pair>,
+    /// Where one mode is the whole right-hand side: its outputs among those of all modes, and how many those are.
+    lone: Option<(usize, usize)>,
+    lone_out: usize,
     /// Reciprocal size of the gradient of every constraint.
     unit: Vec<f64>,
     /// Indicator functions at the last point.
@@ -131,6 +136,7 @@ impl Field {
                 affine: s.indicators.hess_pattern().nnz() == 0,
                 n_out: s.modes.n_out(),
                 identity: is_identity(&s.rows, nx),
+                to_dq: gradient_map(&s.indicators, q0, &dims),
             });
             owner.resize(owner.len() + s.cells.len(), k);
             q0 += n_q;
@@ -151,6 +157,8 @@ impl Field {
             direct: dcs.drifts().first().is_some_and(|d| is_identity(&d.rows, nx)),
             drifts: dcs.drifts().to_vec(),
             pairs: Vec::with_capacity(most),
+            lone: None,
+            lone_out: 0,
             unit: vec![1.0; most],
             q: vec![0.0; q0],
             dq: vec![0.0; q0 * n_z],
@@ -189,6 +197,14 @@ impl Field {
             to.clone_from(from);
             for &cell in &from[1..] {
                 self.pairs.push(Pair { sub: k, cell, base: from[0] });
+            }
+        }
+        self.lone = None;
+        if let ([s], true, true) = (&self.subs[..], self.drifts.is_empty(), self.pairs.is_empty()) {
+            if s.identity {
+                let mode = s.cells[self.active[0][0] - s.first].mode;
+                self.lone = Some((mode * self.nx, (mode + 1) * self.nx));
+                self.lone_out = s.n_out;
             }
         }
     }
@@ -272,26 +288,43 @@ impl Field {
     }
 
     /// Right-hand side; in a sliding mode with the weights that follow from time and state.
+    #[inline]
     pub(super) fn rhs(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        if self.lone.is_some() {
+            let f = self.rhs_view(t, x, &mut [])?;
+            // a loop: a call to copy memory costs more than a few numbers
+            for (o, v) in out.iter_mut().zip(f) {
+                *o = v + 0.0;
+            }
+            return Ok(());
+        }
+        self.rhs_of_parts(t, x, out)
+    }
+
+    /// The same without a copy where one mode is the whole right-hand side; `room` is for the other cases.
+    #[inline]
+    pub(super) fn rhs_view<'a>(
+        &'a mut self,
+        t: f64,
+        x: &[f64],
+        room: &'a mut [f64],
+    ) -> std::result::Result<&'a [f64], EvalError> {
+        if let Some((from, to)) = self.lone {
+            self.counts.values += 1;
+            let at = Point { t, x, u: &self.u, p: &self.p };
+            let modes = &self.subs[0].modes;
+            modes.value_rows(&at, from..to, &mut self.buffer[..self.lone_out], &mut self.work)?;
+            return Ok(&self.buffer[from..to]);
+        }
+        self.rhs_of_parts(t, x, room)?;
+        Ok(room)
+    }
+
+    fn rhs_of_parts(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
         if self.pairs.is_empty() {
             self.counts.values += 1;
-            let mut first = 0;
-            if self.drifts.is_empty() && self.subs[0].identity {
-                // one subsystem is the whole right-hand side: written without a detour
-                first = 1;
-                let s = &self.subs[0];
-                let mode = s.cells[self.active[0][0] - s.first].mode;
-                let rows = mode * s.rows.len()..(mode + 1) * s.rows.len();
-                let at = Point { t, x, u: &self.u, p: &self.p };
-                s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..s.n_out], &mut self.work)?;
-                // a loop: a call to copy memory costs more than a few numbers
-                for (o, v) in out.iter_mut().zip(&self.buffer[rows]) {
-                    *o = v + 0.0;
-                }
-            } else {
-                self.drift(t, x, out)?;
-            }
-            for k in first..self.subs.len() {
+            self.drift(t, x, out)?;
+            for k in 0..self.subs.len() {
                 self.add_mode(t, x, self.active[k][0], 1.0, out)?;
             }
             return Ok(());
@@ -361,19 +394,16 @@ impl Field {
             return Ok(());
         }
         let at = Point { t, x, u: &self.u, p: &self.p };
-        let (nx, np, n_z) = (self.nx, self.np, self.n_z);
-        let column = Columns { nx, nu: self.u.len(), np };
-        self.dq.fill(0.0);
         for s in &self.subs {
-            let p = s.indicators.jac_pattern();
-            if p.nnz() == 0 {
+            let nnz = s.to_dq.len();
+            if nnz == 0 {
                 continue;
             }
-            s.indicators.jacobian(&at, &mut self.buffer[..p.nnz()], &mut self.work)?;
-            for col in 0..p.n_cols() {
-                let Some(to) = column.of(col) else { continue };
-                for k in p.range(col) {
-                    self.dq[(s.q0 + p.row_idx()[k]) * n_z + to] = self.buffer[k];
+            s.indicators.jacobian(&at, &mut self.buffer[..nnz], &mut self.work)?;
+            for (to, v) in s.to_dq.iter().zip(&self.buffer) {
+                // entries outside of the patterns stay zero
+                if let Some(d) = self.dq.get_mut(*to) {
+                    *d = *v;
                 }
             }
         }
@@ -539,6 +569,19 @@ impl Field {
         }
         Ok(())
     }
+}
+
+fn gradient_map(f: &SharedFunction, q0: usize, dims: &Dims) -> Vec<usize> {
+    let column = Columns { nx: dims.x, nu: dims.u, np: dims.p };
+    let (p, n_z) = (f.jac_pattern(), dims.x + dims.p + 1);
+    let mut map = vec![usize::MAX; p.nnz()];
+    for col in 0..p.n_cols() {
+        let Some(to) = column.of(col) else { continue };
+        for k in p.range(col) {
+            map[k] = (q0 + p.row_idx()[k]) * n_z + to;
+        }
+    }
+    map
 }
 
 fn is_identity(rows: &[usize], nx: usize) -> bool {

@@ -69,7 +69,7 @@ static int32_t {name}_swb_hessian(const swb_point *at, const double *weights, do
     (void)user_data;
     return {name}_hessian(at->t, at->x, at->u, at->p, weights, out);
 }}
-static swb_status {name}_create(swb_function **out) {{
+SWB_CODE_UNUSED static swb_status {name}_create(swb_function **out) {{
     swb_status s = swb_function_create(\"{name}\", {name}_nx, {name}_nu, {name}_np, {name}_n_out, {name}_swb_value, 0, 0, out);
     if (s == SWB_OK)
         s = swb_function_set_jacobian(*out, {name}_jacobian_col_ptr, {cols}, {name}_jacobian_row_idx, {nj}, {name}_swb_jacobian);
@@ -98,10 +98,10 @@ fn put(out: &mut String, args: std::fmt::Arguments) {
 
 fn pattern(out: &mut String, name: &str, p: &Pattern) {
     let list = |v: &[usize]| v.iter().map(|k| k.to_string()).collect::<Vec<_>>().join(", ");
-    put(out, format_args!("static const int64_t {name}_col_ptr[] = {{{}}};\n", list(p.col_ptr())));
+    put(out, format_args!("SWB_CODE_UNUSED static const int64_t {name}_col_ptr[] = {{{}}};\n", list(p.col_ptr())));
     // An array has an element at least.
     let rows = if p.nnz() == 0 { "0".into() } else { list(p.row_idx()) };
-    put(out, format_args!("static const int64_t {name}_row_idx[] = {{{rows}}};\n"));
+    put(out, format_args!("SWB_CODE_UNUSED static const int64_t {name}_row_idx[] = {{{rows}}};\n"));
 }
 
 fn number(v: f64) -> String {
@@ -140,7 +140,7 @@ fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) ->
     put(
         out,
         format_args!(
-            "static int {name}_{what}(double t, const double *x, const double *u, const double *p, {extra}double *out) {{\n"
+            "SWB_CODE_UNUSED static int {name}_{what}(double t, const double *x, const double *u, const double *p, {extra}double *out) {{\n"
         ),
     );
     let constant = |v: f64| {
@@ -189,9 +189,9 @@ fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) ->
             Code::Sqrt => format!("sqrt({})", a()),
             Code::Pow => format!("pow({}, {})", a(), b()),
             Code::Atan2 => format!("atan2({}, {})", a(), b()),
-            Code::Unary(Unary::Erf) => format!("swb_expr_erf({})", a()),
+            Code::Unary(Unary::Erf) => format!("swb_code_erf({})", a()),
             Code::Unary(op) => format!("{}({})", op.name(), a()),
-            Code::PowI => format!("swb_expr_powi({}, {})", a(), i.b as i32),
+            Code::PowI => format!("swb_code_powi({}, {})", a(), i.b as i32),
             Code::Piecewise => format!("{name}_{what}_table{}({})", i.b, a()),
             Code::Block => {
                 compound(out, &tape.compounds[i.a as usize], &dst, &operand)?;
@@ -220,11 +220,11 @@ fn compound(out: &mut String, c: &Compound, dst: &str, operand: &dyn Fn(u32) -> 
     match c {
         Compound::Factor { n, matrix } => {
             copy(out, matrix);
-            put(out, format_args!("    if (!swb_expr_factor({n}, &{dst}))\n        return 1;\n"));
+            put(out, format_args!("    if (!swb_code_factor({n}, &{dst}))\n        return 1;\n"));
         }
         Compound::Solve { n, lu, transposed, rhs } => {
             copy(out, rhs);
-            let f = if *transposed { "swb_expr_solve_transposed" } else { "swb_expr_solve" };
+            let f = if *transposed { "swb_code_solve_transposed" } else { "swb_code_solve" };
             put(out, format_args!("    {f}({n}, &{}, &{dst});\n", operand(*lu as u32)));
         }
         Compound::Call { f, what, .. } => {
@@ -248,15 +248,15 @@ const PREAMBLE: &str = "\
 #include <math.h>
 #include <stdint.h>
 
-#ifndef SWB_EXPR_HELPERS
-#define SWB_EXPR_HELPERS
+#ifndef SWB_CODE_HELPERS
+#define SWB_CODE_HELPERS
 #if defined(__GNUC__)
-#define SWB_EXPR_UNUSED __attribute__((unused))
+#define SWB_CODE_UNUSED __attribute__((unused))
 #else
-#define SWB_EXPR_UNUSED
+#define SWB_CODE_UNUSED
 #endif
 
-SWB_EXPR_UNUSED static double swb_expr_powi(double base, int n) {
+SWB_CODE_UNUSED static double swb_code_powi(double base, int n) {
     unsigned k = n < 0 ? 0u - (unsigned)n : (unsigned)n;
     double out = 1.0;
     for (;;) {
@@ -270,7 +270,7 @@ SWB_EXPR_UNUSED static double swb_expr_powi(double base, int n) {
     return n < 0 ? 1.0 / out : out;
 }
 
-SWB_EXPR_UNUSED static double swb_expr_erf(double x) {
+SWB_CODE_UNUSED static double swb_code_erf(double x) {
     const double c = 1.1283791670955126;
     double a = fabs(x), f;
     int k;
@@ -292,7 +292,7 @@ SWB_EXPR_UNUSED static double swb_expr_erf(double x) {
     return x > 0.0 ? 1.0 - f : f - 1.0;
 }
 
-SWB_EXPR_UNUSED static int swb_expr_factor(int n, double *a) {
+SWB_CODE_UNUSED static int swb_code_factor(int n, double *a) {
     int i, j, k;
     for (k = 0; k < n; k++) {
         int p = k;
@@ -318,16 +318,16 @@ SWB_EXPR_UNUSED static int swb_expr_factor(int n, double *a) {
     return 1;
 }
 
-SWB_EXPR_UNUSED static void swb_expr_swap(double *b, int k, int p) {
+SWB_CODE_UNUSED static void swb_code_swap(double *b, int k, int p) {
     double s = b[k];
     b[k] = b[p];
     b[p] = s;
 }
 
-SWB_EXPR_UNUSED static void swb_expr_solve(int n, const double *a, double *b) {
+SWB_CODE_UNUSED static void swb_code_solve(int n, const double *a, double *b) {
     int i, k;
     for (k = 0; k < n; k++)
-        swb_expr_swap(b, k, (int)a[k + n * n]);
+        swb_code_swap(b, k, (int)a[k + n * n]);
     for (k = 0; k < n; k++)
         for (i = k + 1; i < n; i++)
             b[i] -= a[i + n * k] * b[k];
@@ -338,7 +338,7 @@ SWB_EXPR_UNUSED static void swb_expr_solve(int n, const double *a, double *b) {
     }
 }
 
-SWB_EXPR_UNUSED static void swb_expr_solve_transposed(int n, const double *a, double *b) {
+SWB_CODE_UNUSED static void swb_code_solve_transposed(int n, const double *a, double *b) {
     int i, k;
     for (k = 0; k < n; k++) {
         for (i = 0; i < k; i++)
@@ -349,7 +349,7 @@ SWB_EXPR_UNUSED static void swb_expr_solve_transposed(int n, const double *a, do
         for (i = k + 1; i < n; i++)
             b[k] -= a[i + n * k] * b[i];
     for (k = n - 1; k >= 0; k--)
-        swb_expr_swap(b, k, (int)a[k + n * n]);
+        swb_code_swap(b, k, (int)a[k + n * n]);
 }
 #endif
 ";

@@ -412,6 +412,11 @@ impl Dag {
 
     /// `a / b`
     pub fn div(&mut self, a: Id, b: Id) -> Id {
+        let (mut a, mut b) = (a, b);
+        // a / (x / y); a loop, because quotients can be nested deeply
+        while let Node::Binary(Binary::Div, x, y) = self.node(b) {
+            (a, b) = (self.mul(a, y), x);
+        }
         match (self.as_const(a), self.as_const(b)) {
             (Some(x), Some(y)) => return self.constant(x / y),
             (Some(0.0), None) => return a,
@@ -431,11 +436,6 @@ impl Dag {
             return self.mul(c, q);
         }
         match (self.node(a), self.node(b)) {
-            // a / (x / y)
-            (_, Node::Binary(Binary::Div, x, y)) => {
-                let product = self.mul(a, y);
-                return self.div(product, x);
-            }
             (Node::PowI(x, n), _) if x == b => return self.powi(x, n - 1),
             (Node::Binary(Binary::Mul, x, y), _) if y == b => return x,
             (Node::Binary(Binary::Mul, x, y), _) if x == b => return y,
@@ -706,6 +706,9 @@ mod tests {
         assert_eq!(d.neg(p), q);
         let e = d.unary(Unary::Exp, x);
         assert_eq!(d.unary(Unary::Log, e), x);
+        let q = d.div(x, y);
+        let inverse = d.div(one, q);
+        assert_eq!(inverse, d.div(y, x));
         let (s, t) = (d.unary(Unary::Sin, minus), d.unary(Unary::Sin, x));
         assert_eq!(d.neg(s), t);
         let minus_zero = d.constant(-0.0);

@@ -116,6 +116,16 @@ impl ExprFunction {
         Ok(Arc::new(ExprFunction::new(name, dag, dims, outputs)?))
     }
 
+    /// Depends on no input.
+    pub fn is_constant(&self) -> bool {
+        self.jac_pattern.nnz() == 0
+    }
+
+    /// Has no second derivatives.
+    pub fn is_affine(&self) -> bool {
+        self.hess_pattern.nnz() == 0
+    }
+
     /// Program of the values.
     pub fn value_tape(&self) -> &Tape {
         &self.value

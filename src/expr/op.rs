@@ -73,7 +73,7 @@ impl Unary {
     }
 
     /// Value at `a`.
-    #[inline]
+    #[inline(never)]
     pub fn eval(self, a: f64) -> f64 {
         match self {
             Unary::Neg => -a,

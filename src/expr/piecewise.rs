@@ -123,6 +123,7 @@ impl Piecewise {
     }
 
     /// Derivative of this order at `s`; at a break that of the piece behind it.
+    #[inline(never)]
     pub fn eval(&self, order: u8, s: f64) -> f64 {
         if s.is_nan() {
             return s;

@@ -2,6 +2,10 @@
 
 use super::dag::{Dag, Group, Id, Node};
 use super::op::Binary;
+use crate::error::{Error, Result};
+
+/// Branches of a switching function that switches.
+const MAX_BRANCHES: usize = 1024;
 
 impl Dag {
     /// Switching functions the nodes depend on, sorted; those inside other switching functions too.
@@ -26,7 +30,10 @@ impl Dag {
 
     /// The same expressions with conditions whose switching functions are smooth: `ψ > 0` with a `ψ` that switches
     /// with `χ` becomes `(χ > 0 and ψ⁺ > 0) or (χ < 0 and ψ⁻ > 0)`.
-    pub fn smooth_switches(&mut self, roots: &[Id]) -> Vec<Id> {
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] if there are too many branches.
+    pub fn smooth_switches(&mut self, roots: &[Id]) -> Result<Vec<Id>> {
         let mut known: Vec<Option<Id>> = Vec::new();
         // Inner switching functions are older than those they are part of.
         for s in self.switches_of(roots) {
@@ -35,20 +42,28 @@ impl Dag {
             }
             let psi = self.switches[s].psi;
             if !self.switches_of(&[psi]).is_empty() {
-                known[s] = Some(self.smooth_condition(psi));
+                known[s] = Some(self.smooth_condition(psi)?);
             }
         }
-        self.rebuild(roots, &mut |_, s| known.get(s as usize).copied().flatten())
+        Ok(self.rebuild(roots, &mut |_, s| known.get(s as usize).copied().flatten()))
     }
 
     /// Condition `ψ > 0` over smooth switching functions.
-    fn smooth_condition(&mut self, psi: Id) -> Id {
+    fn smooth_condition(&mut self, whole: Id) -> Result<Id> {
         // Branches still to be looked at, with the conditions that lead to them.
         let yes = self.truth(true);
-        let mut branches = vec![(yes, psi)];
+        let mut branches = vec![(yes, whole)];
         let mut result = self.truth(false);
+        let mut n_leaves = 0;
         while let Some((path, psi)) = branches.pop() {
             let Some(&first) = self.switches_of(&[psi]).first() else {
+                n_leaves += 1;
+                if n_leaves > MAX_BRANCHES {
+                    return Err(Error::Unsupported(format!(
+                        "the switching function {} contains switches itself, and has more than {MAX_BRANCHES} branches",
+                        self.text(whole)
+                    )));
+                }
                 let here = self.positive(psi);
                 let both = self.and(path, here);
                 result = self.or(result, both);
@@ -64,7 +79,7 @@ impl Dag {
                 }
             }
         }
-        result
+        Ok(result)
     }
 
     /// Copies the nodes under `roots` with conditions replaced.
@@ -275,7 +290,7 @@ mod tests {
         let a = d.abs(x);
         let inner = d.sub(a, one);
         let e = d.sign(inner);
-        let smooth = d.smooth_switches(&[e])[0];
+        let smooth = d.smooth_switches(&[e]).unwrap()[0];
         for s in d.switches_of(&[smooth]) {
             let psi = d.switching_function(s).unwrap();
             assert!(d.switches_of(&[psi]).is_empty());

@@ -303,7 +303,8 @@ fn map1(a: [f64; LANES], c: f64, f: impl Fn(f64, f64) -> f64) -> [f64; LANES] {
 }
 
 impl Compound {
-    /// Computes one lane; register `r` is at `w[r S + lane]`.
+    /// Computes one lane; register `r` is at `w[r S + lane]`. Out of line, which keeps the loop over instructions small.
+    #[inline(never)]
     fn run<const S: usize>(&self, dst: usize, w: &mut [f64], lane: usize) -> EvalResult {
         let at = |r: usize| r * S + lane;
         match self {

@@ -18,8 +18,8 @@ pub use report::{Counts, Group, Note, NoteKind, Report};
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id, Node};
-use crate::func::Dims;
+use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id, Node, Tape};
+use crate::func::{Dims, Function, Point};
 use crate::system::{Regions, SharedFunction, Subsystem, System};
 use cells::{cells, Cells, Row};
 use reach::Reach;
@@ -59,6 +59,24 @@ pub struct Trial {
     pub u: Vec<f64>,
     /// Parameters; zero if empty.
     pub p: Vec<f64>,
+}
+
+impl Trial {
+    fn controls(&self, n: usize) -> Vec<f64> {
+        if self.u.is_empty() {
+            vec![0.0; n]
+        } else {
+            self.u.clone()
+        }
+    }
+
+    fn parameters(&self, n: usize) -> Vec<f64> {
+        if self.p.is_empty() {
+            vec![0.0; n]
+        } else {
+            self.p.clone()
+        }
+    }
 }
 
 /// A model: sizes, and the derivative of every state.
@@ -210,7 +228,7 @@ impl Builder<'_> {
             }
             rhs.push(r);
         }
-        Ok(self.dag.smooth_switches(&rhs))
+        self.dag.smooth_switches(&rhs)
     }
 
     /// Decides switching functions that have one sign everywhere.
@@ -347,10 +365,7 @@ impl Builder<'_> {
         self.lint_tables(f0, subsystems);
         self.lint_trial(&functions, subsystems);
         let t_col = d.t_col();
-        let clock = functions.iter().any(|f| {
-            use crate::func::Function;
-            !f.jac_pattern().rows(t_col).is_empty()
-        });
+        let clock = functions.iter().any(|f| !f.jac_pattern().rows(t_col).is_empty());
         let report = Report {
             name: self.model.name.clone(),
             n_states: d.x,
@@ -395,23 +410,63 @@ impl Builder<'_> {
         Ok(())
     }
 
-    /// Two modes with equal speed across the boundary can only cross it.
+    /// Speeds across each switching surface: modes with equal ones on both sides have no sliding mode between them, and
+    /// the matrix `∇gᵀF` of the active modes is singular where the difference vanishes.
     fn lint_sliding(&mut self, c: &Cells, psi: &[Id]) -> Result<()> {
-        let (&[p], [a, b]) = (psi, &c.modes[..]) else { return Ok(()) };
-        let gradient = self.gradient(p)?;
-        let mut difference = self.dag.constant(0.0);
-        for (k, row) in c.rows.iter().enumerate() {
-            if let Some((_, g)) = gradient.iter().find(|g| g.0 == *row) {
-                let d = self.dag.sub(a.1[k], b.1[k]);
-                let term = self.dag.mul(*g, d);
-                difference = self.dag.add(difference, term);
+        for (j, &p) in psi.iter().enumerate() {
+            let name = self.text(p);
+            let gradient = self.gradient(p)?;
+            let mut differences = Vec::new();
+            for (k, a) in c.modes.iter().enumerate() {
+                for b in &c.modes[k + 1..] {
+                    let apart = (0..psi.len()).all(|i| if i == j { a.0[i] * b.0[i] == -1 } else { a.0[i] == b.0[i] });
+                    if apart {
+                        differences.push(self.difference_across(c, &gradient, &a.1, &b.1));
+                    }
+                }
+            }
+            if differences.is_empty() {
+                continue;
+            }
+            if differences.iter().all(|&d| self.dag.as_const(d) == Some(0.0)) {
+                let text = format!("both sides cross {name} = 0 with the same speed: no sliding mode");
+                self.note(NoteKind::Info, text);
+            } else if self.vanish_at_trial(p, &differences)? {
+                let text = format!(
+                    "at the trial point {name} = 0 and both sides have the same speed across: what follows is not decided \
+                     by the modes (singular M_I)"
+                );
+                self.note(NoteKind::Warning, text);
             }
         }
-        if self.dag.as_const(difference) == Some(0.0) {
-            let text = format!("both modes cross {} = 0 with the same speed: no sliding mode", self.text(p));
-            self.note(NoteKind::Info, text);
-        }
         Ok(())
+    }
+
+    /// `∇ψᵀ (f_a − f_b)`
+    fn difference_across(&mut self, c: &Cells, gradient: &[(usize, Id)], a: &[Id], b: &[Id]) -> Id {
+        let mut sum = self.dag.constant(0.0);
+        for (k, row) in c.rows.iter().enumerate() {
+            if let Some((_, g)) = gradient.iter().find(|g| g.0 == *row) {
+                let d = self.dag.sub(a[k], b[k]);
+                let term = self.dag.mul(*g, d);
+                sum = self.dag.add(sum, term);
+            }
+        }
+        sum
+    }
+
+    /// Is the trial point on the surface, with a difference that vanishes?
+    fn vanish_at_trial(&mut self, psi: Id, differences: &[Id]) -> Result<bool> {
+        let Some(t) = &self.model.trial else { return Ok(false) };
+        let d = self.model.dims;
+        let mut outputs = vec![psi];
+        outputs.extend_from_slice(differences);
+        let tape = Tape::new(self.dag, d, 0, &outputs)?;
+        let (u, p) = (t.controls(d.u), t.parameters(d.p));
+        let (mut out, mut work) = (vec![0.0; outputs.len()], vec![0.0; tape.work_len()]);
+        let known = tape.run(&Point { t: t.t, x: &t.x, u: &u, p: &p }, &[], &mut out, &mut work).is_ok();
+        let small = |v: &f64| v.abs() < 1e-12;
+        Ok(known && small(&out[0]) && out[1..].iter().any(small))
     }
 
     fn lint_states(&mut self, f0: &[Id], subsystems: &[Cells]) {
@@ -443,11 +498,9 @@ impl Builder<'_> {
     }
 
     fn lint_trial(&mut self, functions: &[Arc<ExprFunction>], subsystems: &[Cells]) {
-        use crate::func::{Function, Point};
         let Some(t) = &self.model.trial else { return };
         let d = self.model.dims;
-        let or_zero = |v: &[f64], n: usize| if v.is_empty() { vec![0.0; n] } else { v.to_vec() };
-        let (u, p) = (or_zero(&t.u, d.u), or_zero(&t.p, d.p));
+        let (u, p) = (t.controls(d.u), t.parameters(d.p));
         let at = Point { t: t.t, x: &t.x, u: &u, p: &p };
         let mut bad = Vec::new();
         for f in functions {

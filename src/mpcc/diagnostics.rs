@@ -52,7 +52,7 @@ const ACTIVE: f64 = 1e-7;
 /// What is left of a gradient, relative to it, when it depends on others.
 const DEPENDENT: f64 = 1e-10;
 /// Work up to which the rank is examined, in operations.
-const RANK_WORK: f64 = 5e7;
+const RANK_WORK: f64 = 1e7;
 
 fn outside(v: f64, lower: f64, upper: f64) -> f64 {
     // the order makes NaN count as a violation without bound
@@ -149,7 +149,7 @@ pub fn warnings(at: &Local) -> Vec<Warning> {
 /// Active rows that depend on others, by elimination; nothing where that would take too long.
 fn dependent(at: &Local, bounded: &[usize], size: &[f64]) -> Option<Warning> {
     let b = at.bounds;
-    let near = |v: f64, bound: f64| (v - bound).abs() <= ACTIVE * bound.abs().max(1.0);
+    let near = |v: f64, bound: f64| bound.abs() < INFINITE && (v - bound).abs() <= ACTIVE * bound.abs().max(1.0);
     let mut fixed: Vec<bool> =
         (0..at.x.len()).map(|j| near(at.x[j], b.xl[j]) || near(at.x[j], b.xu[j]) || b.xl[j] == b.xu[j]).collect();
     for &(a, c) in at.pairs {

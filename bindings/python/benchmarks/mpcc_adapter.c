@@ -204,13 +204,6 @@ int32_t adapter_f_jac(const swb_point *at, double *out, void *data) {
     return p->grad(at->x, NULL, out, p->user);
 }
 
-int32_t adapter_f_hess(const swb_point *at, const double *w, double *out, void *data) {
-    adapter *a = (adapter *)data;
-    memset(a->weights, 0, sizeof(double) * (1 + (size_t)a->rows));
-    a->weights[0] = w[0];
-    return a->p->hess(at->x, a->weights, out, a->p->user);
-}
-
 int32_t adapter_c(const swb_point *at, double *out, void *data) {
     adapter *a = (adapter *)data;
     if (a->n_kept == a->rows) return a->p->con(at->x, NULL, out, a->p->user);
@@ -227,10 +220,11 @@ int32_t adapter_c_jac(const swb_point *at, double *out, void *data) {
     return 0;
 }
 
-int32_t adapter_c_hess(const swb_point *at, const double *w, double *out, void *data) {
+int32_t adapter_hess(const swb_point *at, double weight, const double *y, double *out, void *data) {
     adapter *a = (adapter *)data;
     memset(a->weights, 0, sizeof(double) * (1 + (size_t)a->rows));
-    for (int i = 0; i < a->n_kept; ++i) a->weights[1 + a->kept[i]] = w[i];
+    a->weights[0] = weight;
+    for (int i = 0; i < a->n_kept; ++i) a->weights[1 + a->kept[i]] = y[i];
     return a->p->hess(at->x, a->weights, out, a->p->user);
 }
 

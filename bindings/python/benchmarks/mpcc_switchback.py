@@ -27,30 +27,25 @@ def load(library: str | None) -> Any:
 
 
 def functions(swb: Any, problem: Problem, adapter: int) -> tuple[Any, Any, np.ndarray]:
-    """Objective and constraints, and the row of each row of con among the constraints (-1: none)."""
+    """Objective and constraints without second derivatives, and the row of each row of con among the constraints
+    (-1: none)."""
     code, n = problem.library, problem.n
     n_kept, n_jac = code.adapter_n_kept(adapter), code.adapter_n_jac(adapter)
     kept = np.array(code.adapter_kept(adapter)[:n_kept], dtype=int)
     position = np.full(problem.rows, -1)
     position[kept] = np.arange(n_kept)
 
-    def make(name: str, n_out: int, jacobian: tuple, linear: bool) -> Any:
-        keywords: dict[str, Any] = {"linear": True}
-        if not linear:
-            keywords = {
-                "hessian": getattr(code, f"adapter_{name}_hess"),
-                "hessian_pattern": (problem.hess_row, problem.hess_col),
-            }
+    def make(name: str, n_out: int, jacobian: tuple) -> Any:
         return swb.Function.from_pointers(
             getattr(code, f"adapter_{name}"), n, n_out=n_out, jacobian=getattr(code, f"adapter_{name}_jac"),
-            jacobian_pattern=jacobian, inputs="x", user_data=adapter, name=name, keep=code, **keywords,
+            jacobian_pattern=jacobian, inputs="x", user_data=adapter, name=name, keep=code, linear=True,
         )  # fmt: skip
 
-    objective = make("f", 1, (np.zeros(n, dtype=int), np.arange(n)), problem.is_linear(objective=True))
+    objective = make("f", 1, (np.zeros(n, dtype=int), np.arange(n)))
     if not n_kept:
         return objective, None, position
     rows, cols = (np.array(f(adapter)[:n_jac], dtype=int) for f in (code.adapter_jac_row, code.adapter_jac_col))
-    return objective, make("c", n_kept, (rows, cols), problem.is_linear(objective=False)), position
+    return objective, make("c", n_kept, (rows, cols)), position
 
 
 def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]) -> tuple[Any, int]:
@@ -71,6 +66,9 @@ def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]
         bounds=(problem.lbx, problem.ubx), constraint_bounds=(lower, upper) if rows.any() else None, start=problem.x0,
         settings=options,
     )  # fmt: skip
+    if not (problem.is_linear(objective=True) and problem.is_linear(objective=False)):
+        pattern = (problem.hess_row, problem.hess_col)
+        mpcc.set_hessian(problem.library.adapter_hess, pattern, user_data=adapter, keep=problem.library)
     return mpcc, adapter
 
 

@@ -11,6 +11,7 @@ use std::time::Instant;
 use switchback::event::{pairs::dop853, Engine, Kind, Method, Options, Outcome, Run};
 use switchback::func::{Dims, EvalResult, Function, Point};
 use switchback::linalg::csc::Pattern;
+use switchback::settings::{Discretisation, RkFamily};
 use switchback::system::{Regions, Subsystem, System};
 
 /// The models of the references, with their controls.
@@ -382,7 +383,42 @@ fn work_precision(c: &Context) {
     c.say(&table.text());
 }
 
+/// The same problems by finite elements with switch detection, with as many steps as they need for 1e-9 or so.
+fn against_fesd(c: &Context) {
+    let mut table = Table::new(&["problem", "FESD error", "ms", "event error", "ms", "ratio", "switches apart"]);
+    let cases: [(&str, System, Vec<f64>, f64, usize); 3] = [
+        ("coulomb", coulomb(), vec![1.0, 0.2], 40.0, 200),
+        ("blocks", blocks(), vec![-1.0, 1.0, -1.0, -1.0, 1.0, 1.0], 12.0, 60),
+        ("stickslip1", stick_slip(), vec![-0.8, -1.0], 40.0, 250),
+    ];
+    for (problem, sys, x0, t_end, n) in cases {
+        let Some(r) = reference::load(problem) else { continue };
+        let set = super::settings(RkFamily::RadauIia, 4, 3, Discretisation::Fesd);
+        let (fesd, x, fesd_s) = super::simulate(&sys, &set, &x0, t_end, n);
+        let (s, event_s) = simulate(&sys, &[], &x0, t_end, &Options::with_tolerance(1e-11, 1e-11));
+        let (a, b) = (off(&x, &r.x_end), off(&s.x, &r.x_end));
+        let times: Vec<f64> = s.switches.iter().map(|s| s.t).collect();
+        let others: Vec<f64> = fesd.trajectory.switches.iter().map(|s| s.t).collect();
+        let apart = off(&times, &others);
+        table.row(vec![
+            problem.into(),
+            short(a),
+            format!("{:.2}", fesd_s * 1e3),
+            short(b),
+            format!("{:.3}", event_s * 1e3),
+            format!("{:.0}", fesd_s / event_s),
+            short(apart),
+        ]);
+        let o = Object::new().text("case", "sim").text("record", "against-fesd").text("problem", problem);
+        let o = o.num("fesd_error", a).num("fesd_seconds", fesd_s).num("error", b).num("seconds", event_s);
+        c.record(&o.num("switches_apart", apart));
+    }
+    c.say("beside finite elements with switch detection (Radau IIA with four stages)");
+    c.say(&table.text());
+}
+
 pub fn run(c: &Context) {
     accuracy(c);
+    against_fesd(c);
     work_precision(c);
 }

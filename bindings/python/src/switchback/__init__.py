@@ -9,7 +9,7 @@ print(result.trajectory.switches)
 """
 
 from . import expr
-from ._ffi import LogLevel, Member, Outcome, PathAt, Polished, Status, SwitchKind
+from ._ffi import Item, LogLevel, Member, Outcome, PathAt, Polished, Status, SwitchKind
 from ._library import path as library_path
 from ._library import version as library_version
 from .errors import (
@@ -31,10 +31,22 @@ from .errors import (
 )
 from .expr import Model
 from .function import DerivativeCheck, Function
-from .mpcc import Mpcc, MpccResult, Nlp, PairMember, constraint, variable
+from .mpcc import (
+    Certificate,
+    Conflict,
+    Mpcc,
+    MpccResult,
+    Multipliers,
+    Nlp,
+    PairMember,
+    ProgramItem,
+    constraint,
+    minimize_mpcc,
+    variable,
+)
 from .ocp import Ocp, OcpResult
 from .plot import plot
-from .results import Iteration, Residuals, Stats, print_iteration
+from .results import Iteration, LinearStats, Residuals, Stats, print_iteration
 from .settings import Option, Settings, options
 from .simulator import SimulationResult, Simulator, simulate
 from .system import System
@@ -44,18 +56,23 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ArgumentError",
+    "Certificate",
+    "Conflict",
     "DerivativeCheck",
     "DimensionError",
     "Function",
     "InternalError",
     "InterruptedSolve",
+    "Item",
     "Iteration",
     "LibraryError",
+    "LinearStats",
     "LogLevel",
     "Member",
     "Model",
     "Mpcc",
     "MpccResult",
+    "Multipliers",
     "Nlp",
     "NonfiniteError",
     "NullError",
@@ -68,6 +85,7 @@ __all__ = [
     "PairMember",
     "PathAt",
     "Polished",
+    "ProgramItem",
     "RangeError",
     "Residuals",
     "Settings",
@@ -88,6 +106,7 @@ __all__ = [
     "expr",
     "library_path",
     "library_version",
+    "minimize_mpcc",
     "options",
     "plot",
     "print_iteration",

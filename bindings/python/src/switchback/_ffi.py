@@ -104,6 +104,13 @@ class Ordering(Names):
     NATURAL = 1
 
 
+class Toggle(Names):
+    """enum swb_toggle"""
+
+    OFF = 0
+    ON = 1
+
+
 class LogLevel(Names):
     """enum swb_log_level"""
 
@@ -251,6 +258,45 @@ class Member(Names):
     CONSTRAINT = 1
 
 
+class Item(Names):
+    """enum swb_item"""
+
+    VARIABLE = 0
+    CONSTRAINT = 1
+    PAIR = 2
+
+
+class Stationarity(Names):
+    """enum swb_stationarity"""
+
+    S = 0
+    M = 1
+    C = 2
+    A = 3
+    W = 4
+    NONE = 5
+    UNKNOWN = 6
+
+
+class BStationarity(Names):
+    """enum swb_b_stationarity"""
+
+    YES = 0
+    NO = 1
+    UNDECIDED = 2
+
+
+class Doubt(Names):
+    """enum swb_doubt"""
+
+    NONE = 0
+    DATA = 1
+    INFEASIBLE = 2
+    NODES = 3
+    ACCURACY = 4
+    STOPPED = 5
+
+
 class swb_settings(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -280,6 +326,15 @@ class swb_settings(Structure):
         ("log_level", c_int64),
         ("linear_solver", c_int64),
         ("ordering", c_int64),
+        ("scaling", c_int64),
+        ("centre_pairs", c_int64),
+        ("convexify_pairs", c_int64),
+        ("early_polish", c_int64),
+        ("square_newton", c_int64),
+        ("certify", c_int64),
+        ("sigma_retries", c_int64),
+        ("max_soc", c_int64),
+        ("restore_tiny", c_int64),
         ("relaxation", c_int64),
         ("homotopy", c_int64),
         ("penalty_init", c_double),
@@ -372,12 +427,46 @@ class swb_iteration_info(Structure):
     ]
 
 
+class swb_certificate(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("stationarity", c_int64),
+        ("sharp", c_int64),
+        ("b_stationarity", c_int64),
+        ("doubt", c_int64),
+        ("biactive", c_int64),
+        ("min_multiplier", c_double),
+        ("strict", c_int64),
+        ("lps", c_int64),
+        ("lp_iterations", c_int64),
+        ("nodes", c_int64),
+    ]
+
+
+class swb_linear_stats(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("n", c_int64),
+        ("nnz_k", c_int64),
+        ("nnz_l", c_int64),
+        ("flops", c_double),
+        ("min_abs_pivot", c_double),
+        ("max_abs_pivot", c_double),
+        ("shift", c_double),
+        ("factorisations", c_int64),
+        ("solves", c_int64),
+        ("refinement_steps", c_int64),
+        ("equilibrations", c_int64),
+    ]
+
+
 swb_log_fn = CFUNCTYPE(None, c_int64, c_char_p, c_void_p)
 swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_destroy_fn = CFUNCTYPE(None, c_void_p)
 swb_jacobian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_hessian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p, c_void_p)
 swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
+swb_lagrangian_fn = CFUNCTYPE(c_int32, c_void_p, c_double, c_void_p, c_void_p, c_void_p)
 
 # name: (result, arguments)
 FUNCTIONS = {
@@ -515,11 +604,14 @@ FUNCTIONS = {
     "swb_ocp_free": (None, [c_void_p]),
     "swb_mpcc_create": (c_int32, [c_int64, c_int64, c_void_p, c_void_p, POINTER(swb_settings), c_void_p]),
     "swb_mpcc_add_pair": (c_int32, [c_void_p, c_int32, c_int64, c_int32, c_int64]),
+    "swb_mpcc_set_hessian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, swb_lagrangian_fn, c_void_p]),
     "swb_mpcc_set_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_mpcc_set_constraint_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_mpcc_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_mpcc_set_start": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_mpcc_set_warm_start": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_mpcc_solve": (c_int32, [c_void_p, c_void_p]),
+    "swb_mpcc_resolve": (c_int32, [c_void_p, c_void_p]),
     "swb_mpcc_get_outcome": (c_int32, [c_void_p, c_void_p]),
     "swb_mpcc_get_polished": (c_int32, [c_void_p, c_void_p]),
     "swb_mpcc_get_objective": (c_int32, [c_void_p, c_void_p]),
@@ -538,6 +630,18 @@ FUNCTIONS = {
     "swb_mpcc_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
     "swb_mpcc_interrupt": (c_int32, [c_void_p]),
     "swb_mpcc_free": (None, [c_void_p]),
+    "swb_stationarity_name": (c_char_p, [c_int32]),
+    "swb_doubt_name": (c_char_p, [c_int32]),
+    "swb_mpcc_set_name": (c_int32, [c_void_p, c_int32, c_int64, c_char_p]),
+    "swb_mpcc_set_names": (c_int32, [c_void_p, c_int32, c_void_p, c_int64]),
+    "swb_mpcc_get_name": (c_int32, [c_void_p, c_int32, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_mpcc_get_worst": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_mpcc_get_conflict": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_void_p]),
+    "swb_mpcc_get_certificate": (c_int32, [c_void_p, POINTER(swb_certificate), c_uint64]),
+    "swb_mpcc_get_scaled_residuals": (c_int32, [c_void_p, POINTER(swb_residuals), c_uint64]),
+    "swb_mpcc_get_linear_stats": (c_int32, [c_void_p, POINTER(swb_linear_stats), c_uint64]),
+    "swb_mpcc_statistics_json": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_mpcc_report_text": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
 }
 
 

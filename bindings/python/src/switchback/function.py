@@ -110,6 +110,14 @@ def _reader(names: Sequence[str], sizes: dict[str, int]) -> Callable[[int], list
     return read
 
 
+def sparse_entries(matrix: Any, rows: Array, columns: Array, pointers: Array) -> Array:
+    """Entries of a sparse matrix at places that are sorted by columns; as they are where the matrix has just these."""
+    if getattr(matrix, "format", "") == "csc" and len(matrix.data) == len(rows):
+        if numpy.array_equal(matrix.indptr, pointers[: len(matrix.indptr)]) and numpy.array_equal(matrix.indices, rows):
+            return numpy.asarray(matrix.data, dtype=numpy.float64)
+    return numpy.asarray(matrix.tocsr()[rows, columns], dtype=numpy.float64).ravel()
+
+
 def _numbers(result: Any, what: str) -> Array:
     """What a callable returned, as an array of numbers."""
     if result is None:
@@ -212,7 +220,7 @@ class _Entries:
         read = _reader([n for n in names if n != "weights"], sizes)
         place = list(names).index("weights") if "weights" in names else None
         rows, columns, order, listed, n_rows = self.rows, self.columns, self.order, self.listed, self.n_rows
-        nnz = len(rows)
+        nnz, pointers = len(rows), self.pointers
         x, u, p = sizes["x"], sizes["u"], sizes["p"]
         widths = {x, x + u, x + u + p, x + u + p + 1}
         needed = int(columns.max()) + 1 if nnz else 0
@@ -243,7 +251,7 @@ class _Entries:
                     f"{what} returned {shape[1]} columns, but its pattern has entries in column {needed - 1}"
                 )
             if sparse:
-                return numpy.asarray(result.tocsr()[rows, columns], dtype=numpy.float64).ravel()
+                return sparse_entries(result, rows, columns, pointers)
             return result[rows, columns]
 
         def fill(at: int, w: int | None, out: int) -> int:

@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 import ctypes
+import json
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Mapping, NamedTuple
+from typing import Any, Callable, Iterable, Mapping, NamedTuple, Sequence
 
 import numpy
 
+from . import _ffi
 from ._arrays import Array, address, bounds, index, real, vector
-from ._ffi import Member, Outcome, Polished
+from ._call import encode, failed, text
+from ._ffi import Item, Member, Outcome, Polished
+from ._library import lib
 from ._solver import Solver
 from .errors import ArgumentError, DimensionError, UnsupportedError
-from .function import Function
-from .results import HasOutcome, OnIteration, OnLog, Residuals, Stats, polished_of
+from .function import Function, _arguments, _Entries, _numbers, _pointer, _reader, _view, sparse_entries
+from .results import HasOutcome, LinearStats, OnIteration, OnLog, Residuals, Stats, polished_of
 from .settings import Settings
 
-__all__ = ["Mpcc", "MpccResult", "Nlp", "PairMember", "constraint", "variable"]
+__all__ = [
+    "Certificate",
+    "Conflict",
+    "Mpcc",
+    "MpccResult",
+    "Multipliers",
+    "Nlp",
+    "PairMember",
+    "ProgramItem",
+    "constraint",
+    "minimize_mpcc",
+    "variable",
+]
 
 
 class PairMember(NamedTuple):
@@ -36,6 +52,67 @@ def constraint(i: int) -> PairMember:
     return PairMember(Member.CONSTRAINT, i)
 
 
+class ProgramItem(NamedTuple):
+    """A variable, constraint or pair, and by how much it is violated or how much it weighs."""
+
+    kind: Item
+    index: int
+    name: str
+    value: float
+
+
+class Conflict(NamedTuple):
+    """Constraints, bounds and pairs of an infeasible program that contradict each other, with weights, the heaviest
+    first. Their weighted sum exceeds what the bounds allow by `gap`, with a gradient that bounds hold up to `residual`.
+    """
+
+    items: tuple[ProgramItem, ...]
+    gap: float
+    residual: float
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is known of a point: the strongest type of stationarity ("S", "M", "C", "A", "W", "none", "unknown") for
+    which multipliers are known, `sharp` if there are none of a stronger type; `b_stationary` None if undecided, and
+    `doubt` what that failed at. `biactive` pairs have both members zero; `strict` if none of their multipliers is."""
+
+    stationarity: str
+    sharp: bool
+    b_stationary: bool | None
+    doubt: str
+    biactive: int
+    min_multiplier: float
+    strict: bool
+    lps: int
+    lp_iterations: int
+    nodes: int
+
+    @classmethod
+    def _of(cls, c: Any) -> Certificate:
+        return cls(
+            (lib.swb_stationarity_name(c.stationarity) or b"unknown").decode(),
+            bool(c.sharp),
+            {0: True, 1: False}.get(c.b_stationarity),
+            (lib.swb_doubt_name(c.doubt) or b"unknown").decode(),
+            c.biactive,
+            c.min_multiplier,
+            bool(c.strict),
+            c.lps,
+            c.lp_iterations,
+            c.nodes,
+        )
+
+
+class Multipliers(NamedTuple):
+    """Multipliers: grad f + J' constraints - bounds = 0; `g`, `h` are those of the members of the pairs."""
+
+    constraints: Array
+    bounds: Array
+    g: Array
+    h: Array
+
+
 @dataclass(frozen=True)
 class MpccResult(HasOutcome):
     """What a solve found. Multipliers: grad f + J' y - z = 0; those of a pair (G, H) are nu and xi."""
@@ -53,6 +130,87 @@ class MpccResult(HasOutcome):
     xi: Array = field(repr=False)
     residuals: Residuals = field(repr=False)
     stats: Stats = field(repr=False)
+    scaled_residuals: Residuals = field(repr=False)
+    linear_stats: LinearStats = field(repr=False)
+    certificate: Certificate = field(repr=False)
+    conflict: Conflict | None = field(repr=False)
+    violations: tuple[ProgramItem, ...] = field(repr=False)
+    report: str = field(repr=False)
+    _json: str = field(repr=False)
+
+    @property
+    def multipliers(self) -> Multipliers:
+        """All multipliers together."""
+        return Multipliers(self.y, self.z, self.nu, self.xi)
+
+    @property
+    def stationarity(self) -> str:
+        """The strongest type of stationarity known, such as "S"; see `certificate`."""
+        return self.certificate.stationarity
+
+    @property
+    def b_stationary(self) -> bool | None:
+        """Is there no descent to first order? None if that is not decided."""
+        return self.certificate.b_stationary
+
+    def worst(self, k: int = 5) -> tuple[ProgramItem, ...]:
+        """The k constraints, bounds and pairs that are violated most, with their violations."""
+        return self.violations[: max(index(k, "k"), 0)]
+
+    @property
+    def warnings(self) -> list[str]:
+        """What looks wrong about the program: gradients that are zero, dependent or badly scaled."""
+        return json.loads(self._json)["warnings"]
+
+    def to_json(self) -> str:
+        """Everything but the point, as the JSON text described in docs/mpcc.md."""
+        return self._json
+
+
+def _lagrangian(f: Callable[..., Any], entries: _Entries, n: int, np: int, m: int) -> Any:
+    """The callback of a Hessian of the Lagrangian."""
+    what = "hessian of the Lagrangian"
+    names = _arguments(f, ("x", "p", "weight", "y"), what)
+    read = _reader([k for k in names if k in ("x", "p")], {"x": n, "p": np})
+    places = [(names.index(k), k) for k in names if k in ("weight", "y")]
+    rows, columns, order, pointers, listed = (
+        entries.rows,
+        entries.columns,
+        entries.order,
+        entries.pointers,
+        entries.listed,
+    )
+    nnz = len(rows)
+    outputs: dict[int, Array] = {}
+    multipliers: dict[int, Array] = {}
+
+    def take(result: Any) -> Array:
+        sparse = hasattr(result, "tocsr")
+        if not sparse:
+            result = _numbers(result, what)
+            if listed and result.shape == (nnz,):
+                return result[order]
+        if result.shape != (n, n):
+            expected = f"({n}, {n})" + (f" or {nnz} values" if listed else "")
+            raise DimensionError(f"{what} returned an array of shape {result.shape}, expected {expected}")
+        return sparse_entries(result, rows, columns, pointers) if sparse else result[rows, columns]
+
+    def fill(at: int, weight: float, y: int | None, out: int | None, _: Any) -> int:
+        try:
+            values = read(at)
+            for place, name in places:
+                if name == "weight":
+                    values.insert(place, weight)
+                else:
+                    values.insert(place, _view(multipliers, y, m).copy() if y and m else numpy.empty(0))
+            taken = take(f(*values))
+            if nnz and out:
+                _view(outputs, out, nnz)[:] = taken
+            return 0
+        except BaseException as error:
+            return failed(error)
+
+    return _ffi.swb_lagrangian_fn(fill)
 
 
 class Mpcc(Solver):
@@ -61,6 +219,11 @@ class Mpcc(Solver):
     The functions may call the variables x or w. `n_constraints` is needed if the constraints are a callable and their
     bounds do not tell it. Bounds are (lower, upper), None is no bound, one number is for all. A member of a pair is
     `variable(i)`, or just i, or `constraint(i)`. Options by `settings` or by keyword.
+
+    Derivatives of callables: `gradient` of the objective; `jacobian` of the constraints, dense or of scipy.sparse, with
+    a row for each and a column for each of x; `hessian(x, weight, y)` of weight times the objective plus y times the
+    constraints, n by n, in place of those of the functions (`set_hessian`). What is missing is made by differences.
+    Patterns are those of `Function`; entries outside are taken as zero.
     """
 
     _kind = "mpcc"
@@ -74,11 +237,20 @@ class Mpcc(Solver):
         np: int = 0,
         settings: Settings | Mapping[str, Any] | None = None,
         *,
+        gradient: Callable[..., Any] | None = None,
+        gradient_pattern: Any = None,
+        jacobian: Callable[..., Any] | None = None,
+        jacobian_pattern: Any = None,
+        hessian: Callable[..., Any] | None = None,
+        hessian_pattern: Any = None,
         pairs: Iterable[tuple[Any, Any]] = (),
         bounds: tuple[Any, Any] | None = None,
         constraint_bounds: tuple[Any, Any] | None = None,
         start: Any = None,
         params: Any = None,
+        names: Sequence[str | None] | None = None,
+        constraint_names: Sequence[str | None] | None = None,
+        pair_names: Sequence[str | None] | None = None,
         on_iteration: OnIteration | None = None,
         on_log: OnLog | None = None,
         **options: Any,
@@ -87,19 +259,25 @@ class Mpcc(Solver):
         for pair, name in ((bounds, "bounds"), (constraint_bounds, "constraint_bounds")):
             if pair is not None and (not isinstance(pair, (tuple, list)) or len(pair) != 2):
                 raise DimensionError(f"{name} must be (lower, upper)")
-        sizes = (self.n, 0, self.np)
-        f = Function._of(objective, sizes, 1, "objective")
+        whole = hessian is not None
+        f = self._function(objective, 1, "objective", gradient, gradient_pattern, whole)
         c = None
         self.m = 0
         if constraints is not None:
-            c = Function._of(
-                constraints, sizes, self._rows(constraints, n_constraints, constraint_bounds), "constraints"
-            )
+            rows = self._rows(constraints, n_constraints, constraint_bounds)
+            c = self._function(constraints, rows, "constraints", jacobian, jacobian_pattern, whole)
             self.m = c.n_out
+        elif jacobian is not None or jacobian_pattern is not None:
+            raise ArgumentError("jacobian: there are no constraints")
         chosen = Settings._from(settings, options)
         self._create(self.n, self.np, f, c, ctypes.byref(chosen._c))
         self._functions = [f, c]
         self.n_pairs = 0
+        self._hessian: Any = None
+        if whole:
+            self.set_hessian(hessian, hessian_pattern)
+        elif hessian_pattern is not None:
+            raise ArgumentError("hessian_pattern without hessian: give the patterns of the functions' own Hessians")
         self._monitors(on_iteration, on_log)
         for pair in pairs:
             if not isinstance(pair, (tuple, list)) or len(pair) != 2:
@@ -113,6 +291,19 @@ class Mpcc(Solver):
             self.set_params(params)
         if start is not None:
             self.set_start(start)
+        for kind, given in ((Item.VARIABLE, names), (Item.CONSTRAINT, constraint_names), (Item.PAIR, pair_names)):
+            if given is not None:
+                self.set_names(kind, given)
+
+    def _function(self, f: Any, n_out: int, name: str, jacobian: Any, pattern: Any, linear: bool) -> Function:
+        """Objective or constraints. With a Hessian of the Lagrangian no second derivatives of their own are made."""
+        sizes = (self.n, 0, self.np)
+        if not callable(f) or isinstance(f, Function):
+            if jacobian is not None or pattern is not None:
+                which = "gradient" if name == "objective" else "jacobian"
+                raise ArgumentError(f"{which}: {name} is no callable; give its derivatives to Function")
+            return Function._of(f, sizes, n_out, name)
+        return Function(f, *sizes, n_out, jacobian=jacobian, jacobian_pattern=pattern, linear=linear, name=name)
 
     @staticmethod
     def _rows(constraints: Any, n: int | None, limits: Any) -> int:
@@ -160,6 +351,77 @@ class Mpcc(Solver):
         array = vector(x, self.n, "start")
         self._do("set_start", address(array), len(array))
 
+    def set_hessian(self, hessian: Any, pattern: Any = None, *, user_data: int | None = None, keep: Any = None) -> None:
+        """Give second derivatives in one piece, in place of those of objective and constraints; None takes them away.
+
+        `hessian` is a callable of those of x, p, weight and y that it needs, which returns the symmetric n by n matrix
+        of second derivatives of weight * objective + y @ constraints, dense or of scipy.sparse, or its upper triangle;
+        or a pointer to a swb_lagrangian_fn. `pattern`: rows and columns of the upper triangle as a tuple, and then
+        the callable may return the values in this order; or a matrix that is zero where the Hessian always is; dense
+        without one. A pointer writes the entries column by column; `keep` is kept alive with it.
+        """
+        if hessian is None:
+            self._do("set_hessian", None, 0, None, 0, _ffi.swb_lagrangian_fn(0), None)
+            self._hessian = None
+            return
+        what = "hessian of the Lagrangian"
+        full = numpy.ones((self.n, self.n)) if pattern is None else pattern
+        entries = _Entries(full, self.n, self.n, True, what)
+        compiled = isinstance(hessian, (int, ctypes._CFuncPtr))  # type: ignore[attr-defined]
+        if compiled:
+            callback = _pointer(_ffi.swb_lagrangian_fn, hessian, what)
+        else:
+            callback = _lagrangian(hessian, entries, self.n, self.np, self.m)
+        pointers, rows = entries.pointers, numpy.ascontiguousarray(entries.rows)
+        self._do(
+            "set_hessian", address(pointers), len(pointers), address(rows), len(rows), callback, user_data
+        )
+        self._hessian = (callback, keep)
+
+    def set_names(self, kind: Item, names: Sequence[str | None]) -> None:
+        """Name all variables, constraints or pairs; None for no name. Reports and the log use them."""
+        texts = [None if name is None else encode(name, "name") for name in names]
+        self._do("set_names", int(kind), (ctypes.c_char_p * len(texts))(*texts), len(texts))
+
+    def set_name(self, kind: Item, i: int, name: str | None) -> None:
+        """Name a variable, a constraint or a pair."""
+        self._do("set_name", int(kind), index(i, "index"), None if name is None else encode(name, "name"))
+
+    def name(self, kind: Item, i: int) -> str:
+        """Name of a variable, a constraint or a pair, such as "variable 3" without one."""
+        return text(lib.swb_mpcc_get_name, self, int(kind), index(i, "index"))
+
+    def _items(self, which: str, *more: Any) -> tuple[ProgramItem, ...]:
+        found = ctypes.c_int64()
+        self._do(which, None, None, None, 0, ctypes.byref(found), *(None for _ in more))
+        n = found.value
+        kinds, places, values = numpy.empty(n, numpy.int32), numpy.empty(n, numpy.int64), numpy.empty(n)
+        self._do(which, address(kinds), address(places), address(values), n, None, *more)
+        return tuple(
+            ProgramItem(Item(k), i, self.name(k, i), v)
+            for k, i, v in zip(kinds.tolist(), places.tolist(), values.tolist())
+        )
+
+    def _conflict(self) -> Conflict | None:
+        gap, residual = ctypes.c_double(), ctypes.c_double()
+        items = self._items("get_conflict", ctypes.byref(gap), ctypes.byref(residual))
+        return Conflict(items, gap.value, residual.value) if items else None
+
+    def set_warm_start(self, x: Any, y: Any = None, z: Any = None) -> None:
+        """Start the next solves from a point with multipliers of the constraints and of the bounds, as a result of a
+        program nearby has them; `set_start` goes back to a point alone."""
+        point = vector(x, self.n, "x")
+        y_array = numpy.empty(0) if y is None else vector(y, self.m, "y")
+        z_array = numpy.empty(0) if z is None else vector(z, self.n, "z")
+        self._do(
+            "set_warm_start", address(point), self.n, address(y_array), len(y_array), address(z_array), len(z_array)
+        )
+
+    def resolve(self) -> MpccResult:
+        """Solve from the last solution and its multipliers, as after a change of parameters or bounds."""
+        self._solve("resolve")
+        return self.result
+
     def solve(self) -> MpccResult:
         """Solve. Look at `result.success`: the outcome may be another one than solved."""
         self._solve("solve")
@@ -189,6 +451,13 @@ class Mpcc(Solver):
             xi,
             self.residuals,
             self.stats,
+            Residuals._of(self._struct("get_scaled_residuals", _ffi.swb_residuals)),
+            LinearStats._of(self._struct("get_linear_stats", _ffi.swb_linear_stats)),
+            Certificate._of(self._struct("get_certificate", _ffi.swb_certificate)),
+            self._conflict(),
+            self._items("get_worst"),
+            text(lib.swb_mpcc_report_text, self),
+            text(lib.swb_mpcc_statistics_json, self),
         )
 
     def __repr__(self) -> str:
@@ -200,3 +469,12 @@ class Nlp(Mpcc):
 
     def add_pair(self, g: Any, h: Any) -> None:
         raise UnsupportedError("a nonlinear program has no pairs: use Mpcc")
+
+
+def minimize_mpcc(
+    objective: Any, x0: Any, pairs: Iterable[tuple[Any, Any]] = (), constraints: Any = None, **arguments: Any
+) -> MpccResult:
+    """Minimise a function once from x0; all other arguments are those of `Mpcc`."""
+    start = numpy.atleast_1d(real(x0, "x0"))
+    with Mpcc(start.size, objective, constraints, pairs=pairs, start=start, **arguments) as program:
+        return program.solve()

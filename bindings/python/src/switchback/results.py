@@ -9,7 +9,7 @@ from . import _ffi
 from ._ffi import Outcome, Polished
 from ._library import lib
 
-__all__ = ["Iteration", "Residuals", "Stats", "print_iteration"]
+__all__ = ["Iteration", "LinearStats", "Residuals", "Stats", "print_iteration"]
 
 
 class _FromStruct:
@@ -48,6 +48,23 @@ class Stats(_FromStruct):
     n_pairs: int
     n_steps: int
     n_homotopies: int
+
+
+@dataclass(frozen=True)
+class LinearStats(_FromStruct):
+    """Sizes, pivots and work of the linear systems since the program was built."""
+
+    n: int
+    nnz_k: int
+    nnz_l: int
+    flops: float
+    min_abs_pivot: float
+    max_abs_pivot: float
+    shift: float
+    factorisations: int
+    solves: int
+    refinement_steps: int
+    equilibrations: int
 
 
 @dataclass(frozen=True)

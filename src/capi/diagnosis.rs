@@ -1,0 +1,832 @@
+//! What the last solve of a program says about itself: names, worst violations, statistics, reports.
+
+use super::guard::{guard, query};
+use super::handle;
+use super::mpcc::{swb_mpcc, Outcome1, Program};
+use super::raw;
+use super::report::{swb_linear_stats, swb_residuals, write_sized};
+use super::status::swb_status;
+use crate::error::{Error, Result};
+use crate::mpcc::diagnostics::{self, Warning};
+use crate::mpcc::{BStationarity, Certificate, Doubt, Polish, Stationarity};
+use crate::nlp::Residuals;
+use std::ffi::{c_char, CStr};
+use std::fmt::Write as _;
+use std::ptr;
+
+/// Parts of a program that have names and can be violated. The first two are those of enum swb_member.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_item {
+    /// A variable, by its bounds.
+    Variable = 0,
+    /// A row of the constraints, by its bounds.
+    Constraint = 1,
+    /// A complementarity pair, in the order they were added, by min(G, H).
+    Pair = 2,
+}
+
+const ITEMS: [(swb_item, &str); 3] =
+    [(swb_item::Variable, "variable"), (swb_item::Constraint, "constraint"), (swb_item::Pair, "pair")];
+
+impl swb_item {
+    fn of(kind: i32) -> Result<swb_item> {
+        let found = ITEMS.iter().find(|i| i.0 as i32 == kind).map(|i| i.0);
+        found.ok_or_else(|| Error::Range(format!("the kind of item is {kind}: it must be an enum swb_item")))
+    }
+
+    fn word(self) -> &'static str {
+        ITEMS[self as usize].1
+    }
+}
+
+/// The strongest type of stationarity for which multipliers of the pairs are known; nu of G, xi of H, at pairs of which
+/// both members are zero.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_stationarity {
+    /// Strong: both not negative.
+    S = 0,
+    /// Mordukhovich: both positive, or one of them zero.
+    M = 1,
+    /// Clarke: the product not negative.
+    C = 2,
+    /// Abadie: one of them not negative.
+    A = 3,
+    /// Weak: any signs.
+    W = 4,
+    /// There are no multipliers at all.
+    None = 5,
+    /// Not known: the point is no exact one, or certificates are off.
+    Unknown = 6,
+}
+
+/// Does no step to first order lead to a better point?
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_b_stationarity {
+    /// None does: a B-stationary point, which has no descent.
+    Yes = 0,
+    /// There is a descent.
+    No = 1,
+    /// Not decided; the doubt says why.
+    Undecided = 2,
+}
+
+/// What kept a certificate from saying more.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_doubt {
+    /// Nothing.
+    None = 0,
+    /// Values that are not finite.
+    Data = 1,
+    /// The point violates constraints, bounds or pairs.
+    Infeasible = 2,
+    /// Too many pairs of which both members are zero.
+    Nodes = 3,
+    /// A linear program could not be solved well enough to believe it.
+    Accuracy = 4,
+    /// Interrupted, or out of time.
+    Stopped = 5,
+}
+
+const STATIONARITIES: &[(Stationarity, swb_stationarity, &CStr)] = &[
+    (Stationarity::S, swb_stationarity::S, c"S"),
+    (Stationarity::M, swb_stationarity::M, c"M"),
+    (Stationarity::C, swb_stationarity::C, c"C"),
+    (Stationarity::A, swb_stationarity::A, c"A"),
+    (Stationarity::W, swb_stationarity::W, c"W"),
+    (Stationarity::None, swb_stationarity::None, c"none"),
+    (Stationarity::Unknown, swb_stationarity::Unknown, c"unknown"),
+];
+
+const B_STATIONARITIES: &[(BStationarity, swb_b_stationarity)] = &[
+    (BStationarity::Yes, swb_b_stationarity::Yes),
+    (BStationarity::No, swb_b_stationarity::No),
+    (BStationarity::Undecided, swb_b_stationarity::Undecided),
+];
+
+const DOUBTS: &[(Doubt, swb_doubt, &CStr)] = &[
+    (Doubt::None, swb_doubt::None, c"none"),
+    (Doubt::Data, swb_doubt::Data, c"data"),
+    (Doubt::Infeasible, swb_doubt::Infeasible, c"infeasible"),
+    (Doubt::Nodes, swb_doubt::Nodes, c"nodes"),
+    (Doubt::Accuracy, swb_doubt::Accuracy, c"accuracy"),
+    (Doubt::Stopped, swb_doubt::Stopped, c"stopped"),
+];
+
+/// Name of an enum swb_stationarity, such as "M"; NULL for any other number. Static.
+#[no_mangle]
+pub extern "C" fn swb_stationarity_name(stationarity: i32) -> *const c_char {
+    query(ptr::null(), || {
+        STATIONARITIES.iter().find(|row| row.1 as i32 == stationarity).map_or(ptr::null(), |row| row.2.as_ptr())
+    })
+}
+
+/// Name of an enum swb_doubt, such as "nodes"; NULL for any other number. Static.
+#[no_mangle]
+pub extern "C" fn swb_doubt_name(doubt: i32) -> *const c_char {
+    query(ptr::null(), || DOUBTS.iter().find(|row| row.1 as i32 == doubt).map_or(ptr::null(), |row| row.2.as_ptr()))
+}
+
+/// What is known of the point of a program with pairs.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+pub struct swb_certificate {
+    /// Size of this struct in bytes.
+    pub struct_size: u64,
+    /// Type of stationarity (enum swb_stationarity).
+    pub stationarity: i64,
+    /// 1 if it is shown that there are no multipliers of a stronger type.
+    pub sharp: i64,
+    /// B-stationarity (enum swb_b_stationarity).
+    pub b_stationarity: i64,
+    /// What the questions left open failed at (enum swb_doubt).
+    pub doubt: i64,
+    /// Pairs of which both members are zero.
+    pub biactive: i64,
+    /// Smallest of their multipliers, over the largest modulus there or 1; 0 without such pairs.
+    pub min_multiplier: f64,
+    /// 1 if none of their multipliers is zero.
+    pub strict: i64,
+    /// Linear programs solved.
+    pub lps: i64,
+    /// Iterations in them.
+    pub lp_iterations: i64,
+    /// Nodes of the searches.
+    pub nodes: i64,
+}
+
+impl swb_certificate {
+    fn of(c: &Certificate) -> swb_certificate {
+        let number = |list: Option<i32>| i64::from(list.unwrap_or(-1));
+        swb_certificate {
+            struct_size: 0,
+            stationarity: number(STATIONARITIES.iter().find(|r| r.0 == c.stationarity).map(|r| r.1 as i32)),
+            sharp: c.sharp.into(),
+            b_stationarity: number(B_STATIONARITIES.iter().find(|r| r.0 == c.b).map(|r| r.1 as i32)),
+            doubt: number(DOUBTS.iter().find(|r| r.0 == c.doubt).map(|r| r.1 as i32)),
+            biactive: c.biactive as i64,
+            min_multiplier: c.min_multiplier,
+            strict: c.ulsc.into(),
+            lps: c.lps as i64,
+            lp_iterations: c.lp_iterations as i64,
+            nodes: c.nodes as i64,
+        }
+    }
+}
+
+/// Names that the user gave.
+#[derive(Default)]
+pub(super) struct Names([Vec<Option<String>>; 3]);
+
+impl Names {
+    /// Makes room for, or drops, names at the end.
+    pub fn set_len(&mut self, kind: swb_item, len: usize) {
+        self.0[kind as usize].resize(len, None);
+    }
+
+    fn get(&self, kind: swb_item, i: usize) -> Option<&str> {
+        self.0[kind as usize].get(i)?.as_deref()
+    }
+
+    /// The name, or kind and number.
+    pub fn label(&self, kind: swb_item, i: usize) -> String {
+        self.get(kind, i).map_or_else(|| format!("{} {i}", kind.word()), str::to_owned)
+    }
+}
+
+impl Program {
+    fn count(&self, kind: swb_item) -> usize {
+        match kind {
+            swb_item::Variable => self.n,
+            swb_item::Constraint => self.m,
+            swb_item::Pair => self.members.len(),
+        }
+    }
+
+    fn index(&self, kind: swb_item, i: i64) -> Result<usize> {
+        let len = self.count(kind);
+        usize::try_from(i)
+            .ok()
+            .filter(|i| *i < len)
+            .ok_or_else(|| Error::Dimension(format!("there is no {} {i}, only 0..{len}", kind.word())))
+    }
+
+    fn set_name(&mut self, kind: swb_item, i: usize, name: Option<&str>) {
+        let len = self.count(kind);
+        self.names.set_len(kind, len);
+        self.names.0[kind as usize][i] = name.filter(|n| !n.is_empty()).map(str::to_owned);
+    }
+
+    /// What is violated, the worst first.
+    fn worst(&self) -> Result<Vec<(swb_item, usize, f64)>> {
+        let r = self.result()?;
+        let Some(local) = r.local() else { return Ok(Vec::new()) };
+        let mut list = Vec::new();
+        // members of a pair, their rows and the pair itself are one item
+        let mut seen = vec![false; self.members.len()];
+        for (item, by) in diagnostics::worst(&local) {
+            let (kind, i) = self.own(r, item);
+            if kind != swb_item::Pair || !std::mem::replace(&mut seen[i], true) {
+                list.push((kind, i, by));
+            }
+        }
+        Ok(list)
+    }
+
+    /// What conflicts in an infeasible program, with weights, the heaviest first.
+    fn conflict(&self) -> Result<Vec<(swb_item, usize, f64)>> {
+        let r = self.result()?;
+        let Some(conflict) = &r.solution.conflict else { return Ok(Vec::new()) };
+        let rows = conflict.rows.iter().map(|&(i, w)| (diagnostics::Item::Row(i), w));
+        let variables = conflict.variables.iter().map(|&(j, w)| (diagnostics::Item::Variable(j), w));
+        let mut all: Vec<_> = rows.chain(variables).map(|(item, w)| (self.own(r, item), w)).collect();
+        all.sort_by(|a, b| b.1.abs().total_cmp(&a.1.abs()));
+        let mut seen = vec![false; self.members.len()];
+        all.retain(|((kind, i), _)| *kind != swb_item::Pair || !std::mem::replace(&mut seen[*i], true));
+        Ok(all.into_iter().map(|((kind, i), w)| (kind, i, w)).collect())
+    }
+
+    fn warnings(&self, r: &Outcome1) -> Vec<String> {
+        let Some(local) = r.local() else { return Vec::new() };
+        let name = |row: usize| {
+            let (kind, i) = self.own(r, diagnostics::Item::Row(row));
+            self.names.label(kind, i)
+        };
+        diagnostics::warnings(&local).iter().map(|w: &Warning| w.text(&name)).collect()
+    }
+
+    /// The violations that matter, as a line of the log.
+    pub(super) fn worst_line(&self) -> String {
+        self.line("mpcc worst", &self.worst().unwrap_or_default())
+    }
+
+    /// What conflicts, likewise.
+    pub(super) fn conflict_line(&self) -> String {
+        self.line("mpcc conflict", &self.conflict().unwrap_or_default())
+    }
+
+    fn line(&self, what: &str, list: &[(swb_item, usize, f64)]) -> String {
+        const SHOWN: usize = 5;
+        let mut shown: Vec<String> =
+            list.iter().take(SHOWN).map(|(kind, i, v)| format!("{} = {v:.2e}", self.names.label(*kind, *i))).collect();
+        if list.len() > SHOWN {
+            shown.push(format!("more = {}", list.len() - SHOWN));
+        }
+        format!("{what} {}", if shown.is_empty() { "none".to_owned() } else { shown.join(", ") })
+    }
+}
+
+// --- reports ------------------------------------------------------------------------------------------
+
+/// Name of an end of the polish.
+fn polish_name(p: Polish) -> &'static str {
+    match p {
+        Polish::None => "none",
+        Polish::Done => "done",
+        Polish::Rejected => "rejected",
+    }
+}
+
+/// One JSON object, written field by field.
+struct Json(String);
+
+impl Json {
+    fn new() -> Json {
+        Json("{".to_owned())
+    }
+
+    fn key(&mut self, key: &str) -> &mut String {
+        let comma = if self.0.ends_with('{') { "" } else { ", " };
+        let _ = write!(self.0, "{comma}\"{key}\": ");
+        &mut self.0
+    }
+
+    /// A value that is JSON already.
+    fn raw(&mut self, key: &str, value: &str) {
+        self.key(key).push_str(value);
+    }
+
+    fn text(&mut self, key: &str, value: &str) {
+        let quoted = quoted(value);
+        self.raw(key, &quoted);
+    }
+
+    /// A number; null where it is not finite.
+    fn number(&mut self, key: &str, value: f64) {
+        let text = if value.is_finite() { format!("{value:e}") } else { "null".to_owned() };
+        self.raw(key, &text);
+    }
+
+    fn count(&mut self, key: &str, value: usize) {
+        let _ = write!(self.key(key), "{value}");
+    }
+
+    fn end(mut self) -> String {
+        self.0.push('}');
+        self.0
+    }
+}
+
+fn quoted(text: &str) -> String {
+    let mut out = String::from("\"");
+    for c in text.chars() {
+        match c {
+            '"' | '\\' => {
+                out.push('\\');
+                out.push(c);
+            }
+            c if (c as u32) < 0x20 => {
+                let _ = write!(out, "\\u{:04x}", c as u32);
+            }
+            c => out.push(c),
+        }
+    }
+    out.push('"');
+    out
+}
+
+fn list(items: impl Iterator<Item = String>) -> String {
+    format!("[{}]", items.collect::<Vec<_>>().join(", "))
+}
+
+fn residuals_json(r: &Residuals) -> String {
+    let mut j = Json::new();
+    for (name, value) in residual_rows(r) {
+        j.number(name, value);
+    }
+    j.end()
+}
+
+fn residual_rows(r: &Residuals) -> [(&'static str, f64); 5] {
+    [
+        ("primal", r.primal),
+        ("dual", r.dual),
+        ("complementarity", r.complementarity),
+        ("pair_product", r.pair_product),
+        ("pair_min", r.pair_min),
+    ]
+}
+
+/// Entries in the lists of reports.
+const SHOWN: usize = 10;
+
+impl Program {
+    fn item_json(&self, kind: swb_item, i: usize, what: &str, value: f64) -> String {
+        let mut j = Json::new();
+        j.text("kind", kind.word());
+        j.count("index", i);
+        match self.names.get(kind, i) {
+            Some(name) => j.text("name", name),
+            None => j.raw("name", "null"),
+        }
+        j.number(what, value);
+        j.end()
+    }
+
+    fn statistics_json(&self) -> Result<String> {
+        let r = self.result()?;
+        let s = &r.solution;
+        let mut j = Json::new();
+        j.text("schema", "switchback.mpcc/1");
+        j.text("outcome", s.outcome.name());
+        j.text("polish", polish_name(s.polish));
+        j.number("objective", s.objective);
+        let mut sizes = Json::new();
+        sizes.count("variables", self.n);
+        sizes.count("constraints", self.m);
+        sizes.count("pairs", self.members.len());
+        sizes.count("solver_variables", r.dimensions.0);
+        sizes.count("solver_constraints", r.dimensions.1);
+        j.raw("sizes", &sizes.end());
+        let mut residuals = Json::new();
+        residuals.raw("unscaled", &residuals_json(&r.residuals));
+        residuals.raw("scaled", &residuals_json(&r.scaled));
+        j.raw("residuals", &residuals.end());
+        let c = &s.certificate;
+        let mut certificate = Json::new();
+        certificate.text("stationarity", c.stationarity.name());
+        certificate.raw("sharp", if c.sharp { "true" } else { "false" });
+        certificate.text("b_stationary", c.b.name());
+        certificate.text("doubt", c.doubt.name());
+        certificate.count("biactive", c.biactive);
+        certificate.number("min_multiplier", c.min_multiplier);
+        certificate.raw("strict", if c.ulsc { "true" } else { "false" });
+        certificate.count("lps", c.lps);
+        certificate.count("lp_iterations", c.lp_iterations);
+        certificate.count("nodes", c.nodes);
+        j.raw("certificate", &certificate.end());
+        match &s.conflict {
+            None => j.raw("conflict", "null"),
+            Some(found) => {
+                let mut conflict = Json::new();
+                let items = self.conflict()?;
+                let items = items.iter().take(SHOWN).map(|(kind, i, w)| self.item_json(*kind, *i, "weight", *w));
+                conflict.raw("items", &list(items));
+                conflict.number("gap", found.gap);
+                conflict.number("residual", found.residual);
+                j.raw("conflict", &conflict.end());
+            }
+        }
+        let t = &s.stats;
+        let mut stats = Json::new();
+        stats.count("iterations", t.iterations);
+        stats.count("restoration_iterations", t.restoration_iterations);
+        stats.count("polish_iterations", t.polish_iterations);
+        stats.count("factorisations", t.factorisations);
+        stats.count("evaluations", t.evaluations);
+        stats.number("max_delta_w", t.max_delta_w);
+        stats.number("time_total", t.time_total);
+        stats.number("time_eval", t.time_eval);
+        stats.number("time_linalg", t.time_linalg);
+        stats.number("time_build", r.time_build);
+        j.raw("stats", &stats.end());
+        let l = &r.linear;
+        let mut linear = Json::new();
+        linear.text("backend", l.backend);
+        linear.count("n", l.n);
+        linear.count("nnz_k", l.nnz_k);
+        linear.count("nnz_l", l.nnz_l);
+        linear.number("flops", l.flops);
+        linear.number("min_abs_pivot", l.min_abs_pivot);
+        linear.number("max_abs_pivot", l.max_abs_pivot);
+        linear.number("shift", l.shift);
+        linear.count("factorisations", l.factorisations);
+        linear.count("solves", l.solves);
+        linear.count("refinement_steps", l.refinement_steps);
+        linear.count("equilibrations", l.equilibrations);
+        j.raw("linear_algebra", &linear.end());
+        let worst = self.worst()?;
+        j.raw(
+            "worst",
+            &list(worst.iter().take(SHOWN).map(|(kind, i, by)| self.item_json(*kind, *i, "violation", *by))),
+        );
+        j.raw("warnings", &list(self.warnings(r).iter().map(|w| quoted(w))));
+        j.raw("settings", &self.settings.to_json());
+        Ok(j.end())
+    }
+
+    fn report_text(&self) -> Result<String> {
+        let r = self.result()?;
+        let (s, t) = (&r.solution, &r.solution.stats);
+        let mut out = String::new();
+        let mut line = |name: &str, value: String| {
+            let _ = writeln!(out, "{name:<22} {value}");
+        };
+        line("outcome", s.outcome.name().to_owned());
+        line("polish", polish_name(s.polish).to_owned());
+        line("objective", format!("{:.10e}", s.objective));
+        if !self.members.is_empty() {
+            let c = &s.certificate;
+            let sharp = if c.sharp { " (none stronger)" } else { "" };
+            let doubt = if c.doubt == Doubt::None { String::new() } else { format!(", in doubt: {}", c.doubt.name()) };
+            let biactive = format!("{} pairs with both members zero", c.biactive);
+            line(
+                "stationarity",
+                format!("{}{sharp}, B-stationary: {}, {biactive}{doubt}", c.stationarity.name(), c.b.name()),
+            );
+        }
+        line("program", format!("{} variables, {} constraints, {} pairs", self.n, self.m, self.members.len()));
+        line(
+            "iterations",
+            format!(
+                "{} ({} in restoration, {} in the polish), {} evaluations, {} factorisations",
+                t.iterations, t.restoration_iterations, t.polish_iterations, t.evaluations, t.factorisations
+            ),
+        );
+        line(
+            "time",
+            format!("{:.3e} s (functions {:.3e}, linear algebra {:.3e})", t.time_total, t.time_eval, t.time_linalg),
+        );
+        line(
+            "linear algebra",
+            format!(
+                "{}, order {}, {} entries in the factor, pivots {:.1e} to {:.1e}",
+                r.linear.backend, r.linear.n, r.linear.nnz_l, r.linear.min_abs_pivot, r.linear.max_abs_pivot
+            ),
+        );
+        line("residuals", "  unscaled    scaled".to_owned());
+        for ((name, plain), (_, scaled)) in residual_rows(&r.residuals).into_iter().zip(residual_rows(&r.scaled)) {
+            line(&format!("  {name}"), format!("{plain:>10.2e}{scaled:>10.2e}"));
+        }
+        let worst = self.worst()?;
+        if !worst.is_empty() {
+            line("worst violations", String::new());
+        }
+        for (kind, i, by) in worst.iter().take(SHOWN) {
+            line(&format!("  {}", self.names.label(*kind, *i)), format!("{by:>10.2e}"));
+        }
+        if let Some(conflict) = &s.conflict {
+            line("conflict", format!("gap {:.2e}, residual {:.2e}", conflict.gap, conflict.residual));
+        }
+        for (kind, i, w) in self.conflict()?.iter().take(SHOWN) {
+            line(&format!("  {}", self.names.label(*kind, *i)), format!("{w:>10.2e}"));
+        }
+        for w in self.warnings(r) {
+            line("warning", w);
+        }
+        Ok(out)
+    }
+}
+
+// --- exports ------------------------------------------------------------------------------------------
+
+/// Name a variable, a constraint or a pair: reports and messages of the log use it.
+///
+/// @param[in] kind  an enum swb_item
+/// @param[in] index its number; pairs count in the order they were added
+/// @param[in] name  copied; NULL or "" takes a name away
+/// @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_name(
+    mpcc: *mut swb_mpcc,
+    kind: i32,
+    index: i64,
+    name: *const c_char,
+) -> swb_status {
+    guard(|| unsafe {
+        let name = if name.is_null() { None } else { Some(raw::text(name, "name")?) };
+        handle::with_mut(mpcc, |p| {
+            let kind = swb_item::of(kind)?;
+            let i = p.index(kind, index)?;
+            p.set_name(kind, i, name);
+            Ok(())
+        })
+    })
+}
+
+/// Name all variables, constraints or pairs.
+///
+/// @param[in] kind  an enum swb_item
+/// @param[in] names [n] copied; NULL or "" for no name
+/// @param[in] n     number of variables, constraints or pairs
+/// @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_set_names(
+    mpcc: *mut swb_mpcc,
+    kind: i32,
+    names: *const *const c_char,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let names = raw::slice(names, n, "names")?;
+        let mut texts = Vec::with_capacity(names.len());
+        for (i, &name) in names.iter().enumerate() {
+            texts.push(if name.is_null() { None } else { Some(raw::text(name, &format!("names[{i}]"))?) });
+        }
+        handle::with_mut(mpcc, |p| {
+            let kind = swb_item::of(kind)?;
+            if texts.len() != p.count(kind) {
+                return Err(Error::Dimension(format!(
+                    "{} names given for {} {}s",
+                    texts.len(),
+                    p.count(kind),
+                    kind.word()
+                )));
+            }
+            texts.iter().enumerate().for_each(|(i, name)| p.set_name(kind, i, *name));
+            Ok(())
+        })
+    })
+}
+
+/// Name of a variable, constraint or pair, such as "T_out"; "variable 3" without one.
+///
+/// @param[in]  kind   an enum swb_item
+/// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+/// @param[out] needed length with the final NUL; may be NULL
+/// @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index or the
+///         buffer is too short
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_name(
+    mpcc: *const swb_mpcc,
+    kind: i32,
+    index: i64,
+    buf: *mut c_char,
+    len: i64,
+    needed: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            let kind = swb_item::of(kind)?;
+            let label = p.names.label(kind, p.index(kind, index)?);
+            raw::write_text(raw::c_string(&label).as_bytes(), buf, len, needed)
+        })
+    })
+}
+
+/// What the point of the last solve violates, the worst first: bounds by how much they are exceeded, pairs by
+/// min(G, H).
+///
+/// @param[out] kinds      [k] enum swb_item
+/// @param[out] indices    [k]
+/// @param[out] violations [k] positive
+/// @param[in]  k          how many are wanted at most; 0 with NULL arrays to ask for their number
+/// @param[out] found      how many there are, also beyond k; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_worst(
+    mpcc: *const swb_mpcc,
+    kinds: *mut i32,
+    indices: *mut i64,
+    violations: *mut f64,
+    k: i64,
+    found: *mut i64,
+) -> swb_status {
+    guard(|| unsafe { handle::with_ref(mpcc, |p| write_items(&p.worst()?, (kinds, indices, violations), k, found)) })
+}
+
+unsafe fn write_items(
+    list: &[(swb_item, usize, f64)],
+    (kinds, indices, values): (*mut i32, *mut i64, *mut f64),
+    k: i64,
+    found: *mut i64,
+) -> Result<()> {
+    let room = usize::try_from(k).map_err(|_| Error::Dimension(format!("k is {k}: it must not be negative")))?;
+    let n = room.min(list.len());
+    if n > 0 {
+        raw::check(kinds, "kinds")?;
+        raw::check(indices, "indices")?;
+        raw::check(values, "values")?;
+    }
+    let first = &list[..n];
+    let column = |f: fn(&(swb_item, usize, f64)) -> f64| first.iter().map(f).collect::<Vec<_>>();
+    unsafe {
+        raw::write_slice(kinds, n as i64, &first.iter().map(|i| i.0 as i32).collect::<Vec<_>>(), "kinds")?;
+        raw::write_slice(indices, n as i64, &first.iter().map(|i| i.1 as i64).collect::<Vec<_>>(), "indices")?;
+        raw::write_slice(values, n as i64, &column(|i| i.2), "values")?;
+        raw::write_optional(found, list.len() as i64);
+    }
+    Ok(())
+}
+
+/// Constraints, bounds and pairs that contradict each other, after the outcome SWB_OUTCOME_INFEASIBLE; the heaviest
+/// first. Weights of constraints are positive where the upper bound takes part, negative where the lower one does;
+/// those of variables the other way round.
+///
+/// The weighted sum of the constraints exceeds what their bounds allow by `gap`, and its gradient is held by the bounds
+/// of the variables up to `residual`: with linear constraints a proof that there is no point, with others one to first
+/// order.
+///
+/// @param[out] kinds    [k] enum swb_item
+/// @param[out] indices  [k]
+/// @param[out] weights  [k] the largest modulus of a constraint is 1
+/// @param[in]  k        how many are wanted at most; 0 with NULL arrays to ask for their number
+/// @param[out] found    how many there are, also beyond k; 0 without a conflict; may be NULL
+/// @param[out] gap      may be NULL
+/// @param[out] residual may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_conflict(
+    mpcc: *const swb_mpcc,
+    kinds: *mut i32,
+    indices: *mut i64,
+    weights: *mut f64,
+    k: i64,
+    found: *mut i64,
+    gap: *mut f64,
+    residual: *mut f64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            write_items(&p.conflict()?, (kinds, indices, weights), k, found)?;
+            let proof = p.result()?.solution.conflict.as_ref().map_or((0.0, 0.0), |c| (c.gap, c.residual));
+            raw::write_optional(gap, proof.0);
+            raw::write_optional(residual, proof.1);
+            Ok(())
+        })
+    })
+}
+
+/// What is known of the point of the last solve: type of stationarity, B-stationarity.
+///
+/// @param[out] certificate every field is written
+/// @param[in]  struct_size sizeof(swb_certificate)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_certificate(
+    mpcc: *const swb_mpcc,
+    certificate: *mut swb_certificate,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            let value = swb_certificate::of(&p.result()?.solution.certificate);
+            write_sized(&value, certificate, struct_size, "certificate")
+        })
+    })
+}
+
+/// Residuals of the last solve with objective and constraints scaled as the solver scaled them, which are those
+/// that the option tol is compared with.
+///
+/// @param[out] residuals   every field is written
+/// @param[in]  struct_size sizeof(swb_residuals)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_scaled_residuals(
+    mpcc: *const swb_mpcc,
+    residuals: *mut swb_residuals,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| {
+            write_sized(&swb_residuals::of(&p.result()?.scaled), residuals, struct_size, "residuals")
+        })
+    })
+}
+
+/// Sizes, pivots and work of the linear systems, since the program was built.
+///
+/// @param[out] stats       every field is written
+/// @param[in]  struct_size sizeof(swb_linear_stats)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_get_linear_stats(
+    mpcc: *const swb_mpcc,
+    stats: *mut swb_linear_stats,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| write_sized(&swb_linear_stats::of(&p.result()?.linear), stats, struct_size, "stats"))
+    })
+}
+
+/// Everything about the last solve but the point, as one JSON object: see docs/mpcc.md.
+///
+/// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+/// @param[out] needed length with the final NUL; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_statistics_json(
+    mpcc: *const swb_mpcc,
+    buf: *mut c_char,
+    len: i64,
+    needed: *mut i64,
+) -> swb_status {
+    guard(|| unsafe { handle::with_ref(mpcc, |p| raw::write_text(p.statistics_json()?.as_bytes(), buf, len, needed)) })
+}
+
+/// The same for people: a table with the worst violations and what looks wrong about the program.
+///
+/// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+/// @param[out] needed length with the final NUL; may be NULL
+/// @return as swb_mpcc_statistics_json
+#[no_mangle]
+pub unsafe extern "C" fn swb_mpcc_report_text(
+    mpcc: *const swb_mpcc,
+    buf: *mut c_char,
+    len: i64,
+    needed: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(mpcc, |p| raw::write_text(raw::c_string(&p.report_text()?).as_bytes(), buf, len, needed))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn json_is_escaped() {
+        let mut j = Json::new();
+        j.text("a", "x \"y\"\\\n\u{e9}");
+        j.number("b", f64::NAN);
+        j.number("c", -2.5);
+        j.count("d", 3);
+        assert_eq!(j.end(), "{\"a\": \"x \\\"y\\\"\\\\\\u000a\u{e9}\", \"b\": null, \"c\": -2.5e0, \"d\": 3}");
+    }
+
+    #[test]
+    fn certificates_are_those_of_the_solver() {
+        for (s, number, name) in STATIONARITIES {
+            assert_eq!((*s as i32, s.name()), (*number as i32, name.to_str().unwrap()));
+        }
+        for (d, number, name) in DOUBTS {
+            assert_eq!((*d as i32, d.name()), (*number as i32, name.to_str().unwrap()));
+        }
+        for (b, number) in B_STATIONARITIES {
+            assert_eq!(*b as i32, *number as i32);
+        }
+        assert!(swb_stationarity_name(7).is_null() && swb_doubt_name(-1).is_null());
+        let c = swb_certificate::of(&Certificate { stationarity: Stationarity::M, biactive: 3, ..Default::default() });
+        assert_eq!((c.stationarity, c.b_stationarity, c.biactive), (1, 2, 3));
+    }
+
+    #[test]
+    fn numbers_are_places() {
+        for (place, (kind, _)) in ITEMS.iter().enumerate() {
+            assert_eq!((*kind as usize, swb_item::of(place as i32).unwrap()), (place, *kind));
+        }
+        assert_eq!(swb_item::of(3).unwrap_err().code(), -3);
+        let mut names = Names::default();
+        names.set_len(swb_item::Pair, 2);
+        names.0[2][1] = Some("valve".into());
+        assert_eq!(names.label(swb_item::Pair, 1), "valve");
+        assert_eq!(names.label(swb_item::Pair, 0), "pair 0");
+        assert_eq!(names.label(swb_item::Variable, 7), "variable 7");
+    }
+}
