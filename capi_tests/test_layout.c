@@ -44,7 +44,10 @@ int main(void)
     FIELD(33, sigma_retries);
     FIELD(34, max_soc);
     FIELD(35, restore_tiny);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 36);
+    FIELD(36, relaxation);
+    FIELD(37, homotopy);
+    FIELD(38, penalty_init);
+    CHECK(sizeof(swb_settings) == (size_t)8 * 39);
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);
