@@ -162,6 +162,10 @@ impl Program {
     }
 
     fn set_settings(&mut self, settings: Settings) -> Result<()> {
+        if settings.validate_as_update(&self.settings).is_err() {
+            // what is fixed when the solver is made is another one
+            *self.built.get() = None;
+        }
         self.settings = settings;
         Ok(())
     }
@@ -371,19 +375,19 @@ impl Outcome1 {
     }
 }
 
-/// Bounds from the caller, checked.
+/// Bounds from the caller, checked; `name` of what has them is for messages.
 unsafe fn bounds_of<'a>(
-    what: &str,
+    name: impl Fn(usize) -> String,
     (lower, n_lower): (*const f64, i64),
     (upper, n_upper): (*const f64, i64),
 ) -> Result<(&'a [f64], &'a [f64])> {
     let (lower, upper) = unsafe { (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?) };
     for (i, (l, u)) in lower.iter().zip(upper).enumerate() {
         if l.is_nan() || u.is_nan() {
-            return Err(Error::Range(format!("bound of {what} {i} is NaN; use an infinity for no bound")));
+            return Err(Error::Range(format!("bound of {} is NaN; use an infinity for no bound", name(i))));
         }
         if l > u {
-            return Err(Error::Range(format!("{what} {i} has lower bound {l} above upper bound {u}")));
+            return Err(Error::Range(format!("{} has lower bound {l} above upper bound {u}", name(i))));
         }
     }
     Ok((lower, upper))
@@ -557,8 +561,9 @@ pub unsafe extern "C" fn swb_mpcc_set_bounds(
     n_upper: i64,
 ) -> swb_status {
     guard(|| unsafe {
-        let (lower, upper) = bounds_of("variable", (lower, n_lower), (upper, n_upper))?;
         handle::with_mut(mpcc, |p| {
+            let name = |i| p.names.label(swb_item::Variable, i);
+            let (lower, upper) = bounds_of(name, (lower, n_lower), (upper, n_upper))?;
             expect("lower", lower.len(), p.n)?;
             expect("upper", upper.len(), p.n)?;
             p.bounds.xl.copy_from_slice(lower);
@@ -582,8 +587,9 @@ pub unsafe extern "C" fn swb_mpcc_set_constraint_bounds(
     n_upper: i64,
 ) -> swb_status {
     guard(|| unsafe {
-        let (lower, upper) = bounds_of("constraint", (lower, n_lower), (upper, n_upper))?;
         handle::with_mut(mpcc, |p| {
+            let name = |i| p.names.label(swb_item::Constraint, i);
+            let (lower, upper) = bounds_of(name, (lower, n_lower), (upper, n_upper))?;
             expect("lower", lower.len(), p.m)?;
             expect("upper", upper.len(), p.m)?;
             p.bounds.cl.copy_from_slice(lower);

@@ -22,7 +22,7 @@ pub(super) struct LinearForm {
 }
 
 /// Sums with more terms are taken as they stand.
-const MAX_TERMS: usize = 4096;
+const MAX_TERMS: usize = 512;
 
 impl Dag {
     /// Splits sums, differences and constant factors.

@@ -60,6 +60,17 @@ def test_two_genes():
     assert m.counts().subsystems == 2
 
 
+def test_gear_box_by_a_table():
+    m = Model(states="v", controls="u")
+    v, u = m.x[0], m.u[0]
+    m.derivatives = [expr.step_table(v, [5, 10, 20], [4 * u, 2 * u, u, 0.5 * u]) - 0.1 * v]
+    assert m.counts() == Counts(1, 3, 4, 9, 4)
+    with pytest.raises(swb.DimensionError):
+        expr.step_table(v, [1, 2], [1, 2])
+    with pytest.raises(swb.RangeError):
+        expr.step_table(v, [2, 1], [1, 2, 3])
+
+
 def test_smooth_model_has_no_pairs():
     m = Model(states="q v")
     q, v = m.x

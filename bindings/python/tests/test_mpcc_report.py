@@ -188,6 +188,23 @@ def test_names_in_reports():
     assert p.name(swb.Item.PAIR, 0) == "pair 0"
 
 
+def test_messages_have_names():
+    p = program(names=["flow", None, None])
+    with pytest.raises(swb.RangeError, match="flow has lower bound 2"):
+        p.set_bounds([2, 0, 0], [1, 1, 1])
+    with pytest.raises(swb.RangeError, match="bound of constraint 1 is NaN"):
+        p.set_constraint_bounds([0, np.nan], None)
+
+
+def test_options_that_shape_the_solver(reference):
+    p = program()
+    before = p.solve()
+    p.set(ordering="natural")
+    after = p.solve()
+    assert after.stats.time_build > 0 and np.allclose(after.x, before.x, atol=1e-7)
+    assert p.solve().stats.time_build == 0.0
+
+
 def test_residuals_are_those_of_the_functions():
     # a row of gradient 1e4 is scaled by the solver
     p = swb.Nlp(2, lambda x: x @ x, lambda x: 1e4 * x.sum(), 1, constraint_bounds=(1e4, 1e4), start=[3, 0])

@@ -54,6 +54,7 @@ __all__ = [
     "sinh",
     "solve",
     "sqrt",
+    "step_table",
     "table",
     "tan",
     "tanh",
@@ -410,6 +411,18 @@ def table(a: Expr, points: Any, values: Any, kind: str = "spline") -> Expr:
     where_ids, where_out = address(ids), address(out)
     a._graph._do("table", _TABLES[kind], address(p), p.size, address(v), v.size, where_ids, where_out, ids.size)
     return a._graph._expr(out)
+
+
+def step_table(a: Expr, breaks: Sequence[float], values: Sequence[Any]) -> Expr:
+    """A table of steps with a switching function at each break: values[i] between breaks[i - 1] and breaks[i]."""
+    if len(values) != len(breaks) + 1:
+        raise DimensionError(f"{len(breaks)} breaks and {len(values)} values: one value more than breaks")
+    if list(breaks) != sorted(set(breaks)):
+        raise RangeError("breaks must increase")
+    out = a._graph.of(values[0])
+    for b, value in zip(breaks, values[1:]):
+        out = where(a > b, value, out)
+    return out
 
 
 def external(f: Function, x: Any = (), u: Any = (), p: Any = (), t: Any = 0.0) -> Expr:
