@@ -1209,7 +1209,7 @@ typedef struct swb_settings {
      */
     double mu_over_sigma;
     /**
-     * Barrier parameter at which the first problem, at sigma_init, counts as solved.
+     * Barrier parameter at which the first problem, at sigma_init, counts as solved; 0: the library chooses.
      */
     double plateau_mu;
     /**

@@ -299,7 +299,7 @@ pub struct Settings {
     pub sigma_exponent: f64,
     /// Barrier parameter that belongs to a relaxation, as a multiple of it.
     pub mu_over_sigma: f64,
-    /// Barrier parameter at which the first problem, at sigma_init, counts as solved.
+    /// Barrier parameter at which the first problem, at sigma_init, counts as solved; 0: the library chooses.
     pub plateau_mu: f64,
     /// Constraint violation at which the first problem, at sigma_init, counts as solved.
     pub plateau_viol: f64,
@@ -493,14 +493,14 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Initial relaxation of the complementarity."),
     row!(sigma_min: Float(1e-9, Open(0.0), Closed(1.0)), "sigma_N", FREE,
         "Smallest relaxation of the complementarity."),
-    row!(sigma_factor: Float(0.2, Open(0.0), Open(1.0)), "kappa_sigma", FREE,
+    row!(sigma_factor: Float(0.1, Open(0.0), Open(1.0)), "kappa_sigma", FREE,
         "Linear reduction of the relaxation: sigma becomes at most sigma_factor sigma."),
     row!(sigma_exponent: Float(1.5, Closed(1.0), Closed(3.0)), "theta_sigma", FREE,
         "Superlinear reduction of the relaxation: sigma becomes at most sigma^sigma_exponent."),
     row!(mu_over_sigma: Float(0.1, Open(0.0), Closed(1e3)), "", FREE,
         "Barrier parameter that belongs to a relaxation, as a multiple of it."),
-    row!(plateau_mu: Float(1e-2, Open(0.0), Open(INF)), "", FREE,
-        "Barrier parameter at which the first problem, at sigma_init, counts as solved."),
+    row!(plateau_mu: Float(0.0, Closed(0.0), Open(INF)), "", FREE,
+        "Barrier parameter at which the first problem, at sigma_init, counts as solved; 0: the library chooses."),
     row!(plateau_viol: Float(1e-4, Open(0.0), Open(INF)), "", FREE,
         "Constraint violation at which the first problem, at sigma_init, counts as solved."),
     row!(polish: Enum(Polish::On), "", FREE,

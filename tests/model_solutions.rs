@@ -53,7 +53,8 @@ fn trajectories_are_those_of_the_hand_written_models() {
 
 #[test]
 fn optimal_control_is_that_of_the_hand_written_model() {
-    let set = Settings { n_fe: 2, n_s: 2, ..Settings::default() };
+    // with fewer elements there are several optima close together, and rounding chooses
+    let set = Settings { n_fe: 4, n_s: 3, ..Settings::default() };
     let mut by_hand = models::sliding_ocp(&set);
     let built = expression_models::sliding_mode();
     let mut written = Ocp::new(&built.system, 4.0, 6, &set).unwrap();

@@ -11,9 +11,7 @@ use textbook::{all, relative, Expect, Numbers, Verdict, ACCURACY};
 
 /// Problems the solver does not end as it should yet, with the start and what happens.
 const KNOWN_FAILURES: &[(&str, usize, &str)] = &[
-    ("infeasible in the limit: a disc and an axis", 0, "stalls where a rung has no points, without an elastic phase"),
     ("infeasible in the limit: a disc and an axis", 1, "stalls where a rung has no points, without an elastic phase"),
-    ("infeasible: members above one", 1, "stalls where a rung has no points"),
     ("unbounded: free variable", 0, "falls by equal steps, which do not count as divergence; then the path ends"),
 ];
 

@@ -31,6 +31,8 @@ pub struct Scholtes {
 /// Iterations after which an almost feasible rung counts as done: where the multipliers have no limit the error
 /// never gets small, and the next rung, or the polish, decides more than further iterations.
 const RUNG_ITERATIONS: usize = 30;
+/// Error at which the plateau ends, over its last barrier parameter.
+const PLATEAU_ERROR: f64 = 10.0;
 /// A step shorter than this is a short one.
 const SHORT: f64 = 0.1;
 /// Short steps in a row that say a level is too far away.
@@ -98,7 +100,7 @@ impl Continuation for Scholtes {
                     self.short = 0;
                     return Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(s.plateau_mu), sigma });
                 }
-            } else if m.error <= s.plateau_mu && m.primal <= s.plateau_viol {
+            } else if m.error <= PLATEAU_ERROR * s.plateau_mu && m.primal <= s.plateau_viol {
                 self.on_plateau = false;
                 return Advance::To(self.rung(sigma, mu));
             }
@@ -112,7 +114,8 @@ impl Continuation for Scholtes {
         }
         self.stays += 1;
         let stuck = self.stays > RUNG_ITERATIONS && m.primal <= (10.0 * sigma).max(1e-4);
-        if m.error > 10.0 * mu && !stuck {
+        // as loose as if the barrier parameter followed the relaxation, which after a long plateau it is below
+        if m.error > 10.0 * mu.max(s.mu_over_sigma * sigma) && !stuck {
             if self.short > PATIENT_STEPS {
                 if let Some(level) = self.between(sigma) {
                     return Advance::Back(level);

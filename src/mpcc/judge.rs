@@ -92,7 +92,7 @@ impl MpccSolver {
         while left > 0 {
             left -= 1;
             let better = RADII.iter().any(|&radius| {
-                let c = self.certify(p, bounds, &CertSettings { radius, ..quick.clone() }, control);
+                let c = self.certify(p, bounds, &CertSettings { radius, ..quick }, control);
                 c.b == BStationarity::No && self.descend(p, bounds, control)
             });
             if !better {

@@ -13,7 +13,8 @@ use super::relaxed::{Relaxed, Structure};
 use crate::error::Result;
 use crate::linalg::kkt::LinearStats;
 use crate::nlp::{
-    Bounds, Continuation, Control, Ipm, IpmSettings, Iterate, Level, Monotone, Outcome, Residuals, Start, Statistics,
+    Bounds, Continuation, Control, Ipm, IpmSettings, Iterate, Level, Monotone, Nlp, Outcome, Residuals, Start,
+    Statistics,
 };
 use crate::settings::{Homotopy, LinearSolver, Ordering, Relaxation, Settings};
 
@@ -36,7 +37,7 @@ pub struct MpccSettings {
     pub sigma_exponent: f64,
     /// `ρ = μ/σ` on the ladder.
     pub mu_over_sigma: f64,
-    /// Barrier parameter, and error, at which the plateau ends.
+    /// Barrier parameter, and a tenth of the error, at which the plateau ends; 0 leaves it to the problem.
     pub plateau_mu: f64,
     /// Violation at which the plateau ends.
     pub plateau_viol: f64,
@@ -82,10 +83,10 @@ impl Default for MpccSettings {
             mu_init: 0.1,
             sigma_init: 1.0,
             sigma_min: 1e-9,
-            sigma_factor: 0.2,
+            sigma_factor: 0.1,
             sigma_exponent: 1.5,
             mu_over_sigma: 0.1,
-            plateau_mu: 1e-2,
+            plateau_mu: 0.0,
             plateau_viol: 1e-4,
             polish: true,
             polish_tol: 1e-12,
@@ -185,6 +186,10 @@ pub struct Solution {
 const EARLY_POLISH: f64 = 1e-3;
 /// Relaxation at which the polish is tried in any case; later only when that one is rejected.
 const FIRST_POLISH: f64 = 1e-6;
+/// Barrier parameter at the end of the plateau. The first relaxed problem decides which local optimum is found: the
+/// better it is solved the better that is, and a start that knows nothing leaves it more to do.
+const PLATEAU: f64 = 3e-5;
+const PLATEAU_INFORMED: f64 = 1e-3;
 /// Iterations one branch gets: near a solution it takes a handful.
 const BRANCH_ITERATIONS: usize = 30;
 
@@ -344,7 +349,7 @@ impl MpccSolver {
         let clock = Instant::now();
         self.begin(p);
         self.scale(p, warm.x);
-        self.load(warm);
+        self.load(p, warm);
         let ok = if self.st.bilinear.is_empty() {
             let ok = self.settle_near(p, bounds, control);
             p.set_polishing(false);
@@ -363,12 +368,14 @@ impl MpccSolver {
     }
 
     /// Puts a point in the user's units into `saved`.
-    fn load(&mut self, warm: &Warm) {
+    fn load(&mut self, p: &mut dyn Mpcc, warm: &Warm) {
+        self.st.start(warm.x, &mut self.saved.x);
+        // without values the active rows are found by violations
+        let _ = Relaxed { inner: p, st: &mut self.st }.eval(&self.saved.x, &mut self.saved.s);
         let (it, scaling) = (&mut self.saved, &self.st.scaling);
-        for v in [&mut it.y, &mut it.vl, &mut it.vu, &mut it.s] {
+        for v in [&mut it.y, &mut it.vl, &mut it.vu] {
             v.fill(0.0);
         }
-        self.st.start(warm.x, &mut it.x);
         for (j, z) in warm.z.iter().enumerate() {
             it.zl[j] = (z * scaling.objective).max(0.0);
             it.zu[j] = (-z * scaling.objective).max(0.0);
@@ -402,7 +409,10 @@ impl MpccSolver {
         control: &mut Control,
         suggest: Suggest,
     ) {
-        let s = self.settings;
+        let mut s = self.settings;
+        if s.plateau_mu == 0.0 {
+            s.plateau_mu = if p.start_is_informed() { PLATEAU_INFORMED } else { PLATEAU };
+        }
         let mut begun = false;
         let mut stops = [EARLY_POLISH, FIRST_POLISH, s.sigma_min];
         if !s.early_polish {
