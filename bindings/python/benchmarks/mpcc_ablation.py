@@ -31,7 +31,7 @@ from mpcc_problems import ROOT
 
 ELSEWHERE = {
     "rk_family", "n_s", "n_fe", "discretisation", "stage_form", "cross", "step_equilibration", "rho_h", "gamma_h",
-    "initial_guess", "log_level",
+    "initial_guess", "log_level", "linear_solver", "ordering",
 }  # fmt: skip
 
 NUMBERS: list[tuple[str, dict[str, str]]] = [
@@ -41,6 +41,9 @@ NUMBERS: list[tuple[str, dict[str, str]]] = [
     ("first relaxation 10", {"sigma_init": "10"}),
     ("barrier = relaxation", {"mu_over_sigma": "1"}),
     ("barrier = 0.01 relaxation", {"mu_over_sigma": "0.01"}),
+    ("no rung is taken back", {"sigma_retries": "0"}),
+    ("no second-order corrections", {"max_soc": "0"}),
+    ("short plateau", {"plateau_mu": "1e-2"}),
     ("relaxation falls from the start", {"plateau_mu": "0.1", "plateau_viol": "1e10"}),
 ]
 
