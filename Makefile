@@ -93,7 +93,7 @@ check-lint:
 	$(CARGO) clippy --all-targets -- -D warnings
 
 check-rust:
-	$(CARGO) test --release
+	$(CARGO) test --profile check
 
 check-header:
 	$(HEADER) --check .

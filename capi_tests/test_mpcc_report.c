@@ -221,7 +221,7 @@ static void warm_starts(void)
     CHECK(outcome == SWB_OUTCOME_SOLVED);
     check_point(mpcc);
     CHECK_OK(swb_mpcc_get_stats(mpcc, &warm, sizeof warm));
-    CHECK(warm.iterations < cold.iterations && warm.time_build == 0.0);
+    CHECK(warm.iterations <= 3 && warm.iterations < cold.iterations && warm.time_build == 0.0);
     /* Another parameter: the same as from the start. */
     CHECK_OK(swb_mpcc_set_params(mpcc, &p, 1));
     CHECK_OK(swb_mpcc_resolve(mpcc, &outcome));
