@@ -93,7 +93,7 @@ check-lint:
 	$(CARGO) clippy --all-targets -- -D warnings
 
 check-rust:
-	$(CARGO) test --profile check
+	$(CARGO) test --profile tests
 
 check-header:
 	$(HEADER) --check .

@@ -9,28 +9,17 @@ use textbook::branches::{is_local_minimiser, survey, MAX_PAIRS};
 use textbook::planted::random;
 use textbook::{all, relative, Expect, Numbers, Verdict, ACCURACY};
 
-/// Problems the solver does not end as it should yet, with the start and what happens.
-const KNOWN_FAILURES: &[(&str, usize, &str)] = &[
-    ("infeasible in the limit: a disc and an axis", 1, "stalls where a rung has no points, without an elastic phase"),
-    ("unbounded: free variable", 0, "falls by equal steps, which do not count as divergence; then the path ends"),
-];
-
 #[test]
 fn every_problem_ends_as_known() {
-    let (mut bad, mut mended) = (Vec::new(), Vec::new());
+    let mut bad = Vec::new();
     for p in all() {
         for (k, start) in p.starts.iter().enumerate() {
-            let verdict = p.judge(&p.solve(MpccSettings::default(), start));
-            let listed = KNOWN_FAILURES.iter().any(|f| f.0 == p.name && f.1 == k);
-            match verdict {
-                Verdict::Fail(why) if !listed => bad.push(format!("{} from start {k}: {why}", p.name)),
-                Verdict::Pass if listed => mended.push(format!("{} from start {k}", p.name)),
-                _ => {}
+            if let Verdict::Fail(why) = p.judge(&p.solve(MpccSettings::default(), start)) {
+                bad.push(format!("{} from start {k}: {why}", p.name));
             }
         }
     }
     assert!(bad.is_empty(), "{}", bad.join("\n"));
-    assert!(mended.is_empty(), "no failures any more, take them off the list:\n{}", mended.join("\n"));
 }
 
 /// What the collection says of a problem follows from its branches.
