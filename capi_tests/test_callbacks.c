@@ -121,7 +121,7 @@ static int32_t monitor(const swb_iteration_info *info, void *user_data)
     struct nosy *n = (struct nosy *)user_data;
     CHECK(info->struct_size >= sizeof *info);
     CHECK(info->iter >= 0 && info->mu >= 0.0 && info->inf_pr >= 0.0 && info->trials >= 0);
-    CHECK(strchr(" rpj", (int)info->phase) != NULL);
+    CHECK(strchr(" rpjs", (int)info->phase) != NULL);
     n->last_mu = info->mu;
     return ++n->iterations == n->stop_at;
 }
@@ -173,7 +173,7 @@ static void calling_back(void)
     CHECK_OK(swb_mpcc_set_string(mpcc, "log_level", "debug"));
     CHECK_OK(swb_mpcc_solve(mpcc, &outcome));
     CHECK(outcome == SWB_OUTCOME_STOPPED && n.iterations == n.stop_at);
-    CHECK(n.lines[SWB_LOG_LEVEL_DEBUG] == 3 && n.lines[SWB_LOG_LEVEL_WARNING] == 1);
+    CHECK(n.lines[SWB_LOG_LEVEL_DEBUG] == 3 && n.lines[SWB_LOG_LEVEL_WARNING] >= 1);
     CHECK_OK(swb_mpcc_set_iteration(mpcc, NULL, NULL));
     CHECK_OK(swb_mpcc_solve(mpcc, &outcome));
     CHECK(outcome == SWB_OUTCOME_SOLVED && n.lines[SWB_LOG_LEVEL_INFO] == 1);
