@@ -1533,7 +1533,7 @@ typedef struct swb_iteration_info {
      */
     uint64_t struct_size;
     /**
-     * Iteration number; starts again with every phase, and with every step of a simulation.
+     * Iteration number; starts again with every step of a simulation.
      */
     int64_t iter;
     /**
@@ -1581,7 +1581,8 @@ typedef struct swb_iteration_info {
      */
     int64_t trials;
     /**
-     * Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam.
+     * Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam,
+     * 's' step that lowers the error as a whole.
      */
     int64_t phase;
 } swb_iteration_info;

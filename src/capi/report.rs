@@ -221,7 +221,7 @@ impl swb_stats {
 pub struct swb_iteration_info {
     /// Size of this struct in bytes, as the library knows it.
     pub struct_size: u64,
-    /// Iteration number; starts again with every phase, and with every step of a simulation.
+    /// Iteration number; starts again with every step of a simulation.
     pub iter: i64,
     /// Objective.
     pub objective: f64,
@@ -245,7 +245,8 @@ pub struct swb_iteration_info {
     pub alpha_pr: f64,
     /// Trial points of the line search.
     pub trials: i64,
-    /// Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam.
+    /// Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam,
+    /// 's' step that lowers the error as a whole.
     pub phase: i64,
 }
 

@@ -120,7 +120,8 @@ pub struct IterationInfo {
     pub alpha_pr: f64,
     /// Trial points of the line search.
     pub trials: usize,
-    /// `' '` main phase, `'r'` restoration, `'p'` polish, `'j'` relaxation raised after a jam.
+    /// `' '` main phase, `'r'` restoration, `'p'` polish, `'j'` relaxation raised after a jam,
+    /// `'s'` step that lowers the error as a whole.
     pub phase: u8,
 }
 
