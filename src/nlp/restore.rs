@@ -6,10 +6,10 @@
 //!
 //! Wächter and Biegler, section 3.3. Ends when the violation of the original rows has dropped.
 
-use super::iterate::{theta, Iterate, RowKind, Shape};
+use super::iterate::{barrier, primal_error, theta, Iterate, RowKind, Shape};
 use super::problem::{Bilinear, Bounds, Nlp};
 use super::report::{Control, Outcome, Statistics};
-use super::solver::{Ipm, IpmSettings, Monotone, Start};
+use super::solver::{push_inside, start_multiplier, Ipm, IpmSettings, Level, Measures, Monotone, Start};
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::Pattern;
@@ -275,5 +275,114 @@ impl Restoration {
         let mut rule = Monotone { mu_init: mu, tol: 1e-8, primal_tol: 1e-8 };
         let outcome = ipm.run(&mut elastic, &self.bounds, Start::Cold(start), &mut rule, control, Some(&mut probe));
         (found, outcome)
+    }
+}
+
+impl Ipm {
+    /// Feasibility restoration: the same method on the elastic problem. `Some` ends the solve.
+    pub(super) fn restore(&mut self, nlp: &mut dyn Nlp, control: &mut Control, m: &Measures) -> Option<Outcome> {
+        let th0 = theta(&self.shape, &self.it.s, &self.v.c);
+        if m.primal <= 1e-2 * m.level.mu.clamp(1e-10, 1e-8) {
+            // nothing to restore: the jam is not one of feasibility
+            return Some(Outcome::Stalled);
+        }
+        let phi0 = barrier(&self.shape, &self.bounds, &self.it.x, &self.it.s, self.v.f, self.level.mu);
+        self.filter.add(th0, phi0);
+        let mut resto = match self.resto.take() {
+            Some(r) => r,
+            None => match Restoration::new(nlp, self.settings) {
+                Ok(r) => Box::new(r),
+                Err(_) => return Some(Outcome::Stalled),
+            },
+        };
+        let left = self.settings.max_iter - self.stats.iterations;
+        let (found, outcome) = resto.run(
+            nlp,
+            &self.bounds,
+            &self.it,
+            &self.v.c,
+            (self.level.mu.max(m.primal), self.reduction),
+            left,
+            control,
+        );
+        let cost = resto.statistics();
+        self.stats.iterations += cost.iterations;
+        self.stats.restoration_iterations += cost.iterations;
+        self.stats.factorisations += cost.factorisations;
+        self.stats.evaluations += cost.evaluations;
+        self.it.x.copy_from_slice(resto.x());
+        self.trial.y.copy_from_slice(resto.y());
+        self.resto = Some(resto);
+        if !self.evaluate(nlp) || !self.differentiate(nlp) {
+            return Some(Outcome::Failed);
+        }
+        let mu = self.level.mu;
+        let Ipm { it, bounds: b, shape, v, .. } = self;
+        for j in 0..it.x.len() {
+            if !shape.fixed[j] {
+                it.x[j] = push_inside(it.x[j], b.xl[j], b.xu[j], 1e-10);
+            }
+            it.zl[j] = start_multiplier(shape.has_xl[j], false, 0.0, it.x[j] - b.xl[j], mu).min(1e3);
+            it.zu[j] = start_multiplier(shape.has_xu[j], false, 0.0, b.xu[j] - it.x[j], mu).min(1e3);
+        }
+        for i in 0..it.s.len() {
+            if shape.row[i] == RowKind::Inequality {
+                it.s[i] = push_inside(v.c[i], b.cl[i], b.cu[i], 1e-8);
+            }
+            it.vl[i] = start_multiplier(shape.has_cl[i], false, 0.0, it.s[i] - b.cl[i], mu).min(1e3);
+            it.vu[i] = start_multiplier(shape.has_cu[i], false, 0.0, b.cu[i] - it.s[i], mu).min(1e3);
+        }
+        self.estimate_multipliers();
+        if found {
+            return None;
+        }
+        match outcome {
+            Outcome::Solved if primal_error(&self.shape, &self.it, &self.v.c) > 1e-8 => {
+                // the multipliers of the least violation say which rows conflict
+                self.it.y.copy_from_slice(&self.trial.y);
+                Some(Outcome::Infeasible)
+            }
+            Outcome::Solved => None,
+            Outcome::Stalled | Outcome::MaxIter if self.stats.iterations < self.settings.max_iter => {
+                Some(Outcome::Stalled)
+            }
+            other => Some(other),
+        }
+    }
+
+    /// Looks for a point that satisfies `bounds` up to 1e-9, from `start`: solved, or infeasible at a local minimiser of
+    /// the violation, whose multipliers are then those of the iterate.
+    pub fn find_feasible(
+        &mut self,
+        nlp: &mut dyn Nlp,
+        bounds: &Bounds,
+        start: &Iterate,
+        level: Level,
+        control: &mut Control,
+    ) -> Outcome {
+        self.stats = Statistics::default();
+        self.bounds.copy_from(bounds);
+        self.level = level;
+        nlp.set_level(level.sigma, level.mu);
+        self.shape.classify(&self.bounds);
+        self.system.restart();
+        if !self.initialise(nlp, Start::Warm(start, 1e-8)) {
+            return Outcome::Failed;
+        }
+        self.reduction = 1e-3;
+        let mut end = None;
+        for _ in 0..10 {
+            let m = self.measure(nlp);
+            if m.primal <= 1e-9f64.max(m.rounding) {
+                end = Some(Outcome::Solved);
+                break;
+            }
+            end = self.restore(nlp, control, &m);
+            if end.is_some() {
+                break;
+            }
+        }
+        self.reduction = KAPPA_RESTO;
+        end.unwrap_or(Outcome::Stalled)
     }
 }
