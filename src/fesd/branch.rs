@@ -209,11 +209,8 @@ impl Mpcc for Fesd {
     fn pairs(&self) -> &[(usize, usize)] {
         &self.l.pairs
     }
-    fn start_is_informed(&self) -> bool {
+    fn is_discretised(&self) -> bool {
         true
-    }
-    fn consistency(&self) -> f64 {
-        0.0
     }
     fn n_groups(&self) -> usize {
         self.l.n_groups

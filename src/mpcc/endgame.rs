@@ -12,7 +12,7 @@ use super::homotopy::{Branch, Settle};
 use super::problem::{Mpcc, Side};
 use super::relaxed::Relaxed;
 use super::solver::{MpccSolver, Polish, Suggest, Wanted};
-use crate::nlp::{Bounds, Control, Iterate, Monotone, Outcome, Residuals, Start, INFINITE};
+use crate::nlp::{Bounds, Control, Iterate, Monotone, Outcome, Start, INFINITE};
 
 /// Single decisions turned round at most.
 const MAX_FLIPS: usize = 4;
@@ -131,8 +131,9 @@ fn update(a: &mut Active, v: f64, lo: f64, hi: f64, z: f64, tol: f64) -> bool {
 }
 
 impl MpccSolver {
-    /// Votes of the pairs of every group: the side with the smaller sum is zero.
-    fn identify(&mut self, p: &dyn Mpcc, x: &[f64]) {
+    /// Votes of the pairs of every group at the point in `saved`: the side with the smaller sum is zero.
+    fn identify(&mut self, p: &dyn Mpcc) {
+        let x = &self.saved.x;
         self.votes.fill((0.0, 0.0));
         for (k, &(a, b)) in p.pairs().iter().enumerate() {
             let v = &mut self.votes[p.group(k)];
@@ -170,34 +171,33 @@ impl MpccSolver {
         early: bool,
     ) -> bool {
         self.close = true;
-        let x = std::mem::take(&mut self.saved.x);
-        self.identify(p, &x);
-        let mut ok =
-            (!early || (self.doubt(0) <= CLEAR && !p.start_is_informed())) && self.settle_from(p, bounds, &x, control);
+        self.identify(p);
+        let clear = self.doubt(0) <= CLEAR;
+        let mut ok = (!early || (clear && !p.is_discretised())) && self.settle_branch(p, bounds, control);
         if !early {
-            ok = ok || self.try_branch_at(p, bounds, &x, control);
+            ok = ok || self.try_branch(p, bounds, control);
             for k in 0.. {
                 if ok {
                     break;
                 }
-                self.identify(p, &x);
-                if !suggest(Wanted::Repair(k), &x[..self.st.n], &mut self.sides) {
+                self.identify(p);
+                if !suggest(Wanted::Repair(k), &self.saved.x[..self.st.n], &mut self.sides) {
                     break;
                 }
-                ok = self.try_branch_at(p, bounds, &x, control);
+                ok = self.try_branch(p, bounds, control);
             }
-            if !ok && self.doubt(0) > CLEAR {
-                self.identify(p, &x);
-                ok = self.try_corner(p, bounds, &x, control);
+            if !ok && !clear {
+                self.identify(p);
+                ok = self.try_corner(p, bounds, control);
             }
             if !ok {
-                self.identify(p, &x);
+                self.identify(p);
                 for k in 0..MAX_FLIPS.min(self.sides.len()) {
                     if self.doubt(k) < DOUBTFUL {
                         break;
                     }
                     self.flip(k);
-                    ok = self.try_branch_at(p, bounds, &x, control);
+                    ok = self.try_branch(p, bounds, control);
                     if ok {
                         break;
                     }
@@ -211,7 +211,6 @@ impl MpccSolver {
         } else if !early {
             self.solution.polish = Polish::Rejected;
         }
-        self.saved.x = x;
         self.close = false;
         p.set_polishing(false);
         ok
@@ -261,22 +260,19 @@ impl MpccSolver {
         }
     }
 
-    /// Square system of the branch `sides` from the point `x` with the multipliers in `saved`; recorded when it has a
-    /// solution with the right signs.
-    fn settle_from(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
+    /// Square system of the branch `sides` from the point in `saved`; recorded when it has a solution with the right
+    /// signs.
+    fn settle_branch(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
-        self.settle_at(p, x, control)
+        self.settle_saved(p, control)
     }
 
-    /// Square system of the bounds in `branch`, as [`MpccSolver::settle_from`].
-    fn settle_at(&mut self, p: &mut dyn Mpcc, x: &[f64], control: &mut Control) -> bool {
+    /// Square system of the bounds in `branch`, as [`MpccSolver::settle_branch`].
+    fn settle_saved(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
         p.set_polishing(true);
         let at = &mut self.active.at;
-        std::mem::swap(&mut self.point, &mut self.saved.x);
-        self.saved.x.copy_from_slice(x);
         at.copy_from(&self.saved);
-        std::mem::swap(&mut self.point, &mut self.saved.x);
         // what stands for the pairs contributes to the multipliers of the bounds of their members
         self.st.pull_back(&at.x, &at.y, &mut at.zl);
         for b in &self.st.bilinear {
@@ -293,14 +289,10 @@ impl MpccSolver {
     /// Square system of a program without pairs near the point in `saved`; recorded when it has a solution.
     pub(super) fn settle_near(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
-        let x = std::mem::take(&mut self.saved.x);
         self.close = true;
-        let ok = self.settle_at(p, &x, control);
+        let ok = self.settle_saved(p, control);
         self.close = false;
-        self.saved.x = x;
-        if ok {
-            self.record(p, Outcome::Solved, Polish::Done);
-        }
+        p.set_polishing(false);
         ok
     }
 
@@ -315,11 +307,11 @@ impl MpccSolver {
         let mut ok = false;
         for _ in 0..ROUNDS {
             self.active.bounds(&mut self.bounds);
-            let mut rule = Settle::new(self.settings.polish_tol, p.consistency());
+            let mut rule = Settle::new(self.settings.polish_tol, consistency(p));
             let at = std::mem::replace(&mut self.active.at, Iterate::zeros(0, 0));
             let outcome = self.run(p, Start::Warm(&at, 0.0), &mut rule, control, b'p');
             self.active.at = at;
-            if outcome != Outcome::Solved && !(outcome == Outcome::Stalled && self.consistent(p)) {
+            if outcome != Outcome::Solved && !(outcome == Outcome::Stalled && self.nearly_solved(p, 1e-9)) {
                 break;
             }
             self.active.at.copy_from(self.ipm.iterate());
@@ -333,14 +325,11 @@ impl MpccSolver {
         ok
     }
 
-    /// Tries the branch `sides` from the point `x` with the multipliers of the relaxation.
-    fn try_branch_at(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
-        std::mem::swap(&mut self.point, &mut self.saved.x);
-        self.saved.x.copy_from_slice(x);
+    /// Tries the branch `sides` from the point in `saved`.
+    fn try_branch(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
         let ok = self.run_branch(p, control) == Outcome::Solved;
-        std::mem::swap(&mut self.point, &mut self.saved.x);
         if ok {
             self.record_exact(p, control);
         }
@@ -348,7 +337,7 @@ impl MpccSolver {
     }
 
     /// Tries the branch `sides` with both members of the doubtful pairs zero.
-    fn try_corner(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
+    fn try_corner(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
         for (k, &(a, b)) in p.pairs().iter().enumerate() {
@@ -358,7 +347,7 @@ impl MpccSolver {
                 }
             }
         }
-        self.settle_at(p, x, control)
+        self.settle_saved(p, control)
     }
 
     /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
@@ -371,7 +360,7 @@ impl MpccSolver {
 
     /// Is the point just reached better than one with this objective?
     pub(super) fn is_better(&self, best: f64) -> bool {
-        self.ipm.objective() / self.st.scaling.objective < best - 1e-9 * (1.0 + best.abs())
+        self.st.objective(self.ipm.objective(), &self.ipm.iterate().x) < best - 1e-9 * (1.0 + best.abs())
     }
 
     /// Tries the branch `sides` from the point in `point`, multipliers afresh.
@@ -409,22 +398,26 @@ impl MpccSolver {
         let outcome = self.run(p, Start::Warm(&saved, 1e-8), &mut rule, control, b'p');
         self.saved = saved;
         self.ipm.settings_mut().restoration = true;
-        let close = self.ipm.residuals(&Relaxed { inner: &mut *p, st: &mut self.st });
-        if outcome == Outcome::Stalled && self.nearly_solved(p, &close) {
+        if outcome == Outcome::Stalled && self.nearly_solved(p, 1e-6) {
             return Outcome::Solved;
         }
         outcome
     }
 
-    /// Did the square system come to rest at a point that solves it as well as its data are consistent?
-    fn consistent(&mut self, p: &mut dyn Mpcc) -> bool {
-        let r = self.ipm.residuals(&Relaxed { inner: &mut *p, st: &mut self.st });
-        r.primal <= p.consistency().max(self.settings.polish_tol) && r.dual <= 1e-9
+    /// A problem whose last digits are lost to rounding, or to data that are not consistent, counts as solved.
+    fn nearly_solved(&mut self, p: &mut dyn Mpcc, dual_tol: f64) -> bool {
+        let primal_tol = consistency(p).max(self.settings.polish_tol);
+        let r = self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st });
+        r.primal <= primal_tol && r.dual <= dual_tol && r.complementarity <= 1e-8
     }
+}
 
-    /// A branch problem whose last digits are lost to rounding, or to data that are not consistent, counts as solved.
-    fn nearly_solved(&self, p: &dyn Mpcc, r: &Residuals) -> bool {
-        r.primal <= p.consistency().max(self.settings.polish_tol) && r.dual <= 1e-6 && r.complementarity <= 1e-8
+/// Violation up to which the rows of a branch problem count as consistent: data from outside are rarely better.
+fn consistency(p: &dyn Mpcc) -> f64 {
+    if p.is_discretised() {
+        0.0
+    } else {
+        1e-8
     }
 }
 

@@ -1,13 +1,13 @@
 //! The path of relaxed problems: `σ` tied to the barrier parameter.
 //!
-//! First the problem with `σ = σ_0` is solved loosely (the plateau: this one decides which local optimum
-//! is found); then a ladder `σ ← max(σ_end, min(κ σ, σ^1.5))`, `μ = ρ σ`, every rung only to `E ≤ 10 μ`
-//! with all multipliers passed on. When a rung jams at an almost feasible point, `σ` is raised again.
+//! First the problem with `σ = σ_0` is solved (the plateau: this one decides which local optimum is found); then a
+//! ladder `σ ← max(σ_end, min(κ σ, σ^1.5))`, `μ ≤ ρ σ`, every rung only to `E ≤ 10 ρ σ` with all multipliers passed on.
+//! A rung whose steps stay short, or that jams, is taken back to where the last one was left, and one between is tried.
 
 use std::ops::Range;
 
 use super::solver::MpccSettings;
-use crate::nlp::{Advance, Continuation, Level, Measures, Monotone};
+use crate::nlp::{lower_barrier, Advance, Continuation, Level, Measures, Monotone};
 
 /// The schedule of the Scholtes relaxation.
 #[derive(Debug, Clone)]
@@ -98,7 +98,7 @@ impl Continuation for Scholtes {
             if mu > s.plateau_mu {
                 if m.error <= 10.0 * mu {
                     self.short = 0;
-                    return Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(s.plateau_mu), sigma });
+                    return Advance::To(Level { mu: lower_barrier(mu, s.plateau_mu), sigma });
                 }
             } else if m.error <= PLATEAU_ERROR * s.plateau_mu && m.primal <= s.plateau_viol {
                 self.on_plateau = false;
@@ -138,7 +138,7 @@ impl Continuation for Scholtes {
                 Advance::GiveUp
             }
         } else if mu > floor {
-            Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(floor), sigma })
+            Advance::To(Level { mu: lower_barrier(mu, floor), sigma })
         } else {
             Advance::Stay
         }

@@ -60,8 +60,7 @@ impl MpccSolver {
             return Certificate::default();
         }
         judge.bounds.copy_from(bounds);
-        if p.start_is_informed() {
-            // what a branch fixes beside the pairs belongs to the statement of the problem
+        if p.is_discretised() {
             p.branch(&s.sides, &mut judge.bounds);
             for j in p.pairs().iter().flat_map(|k| [k.0, k.1]) {
                 judge.bounds.xl[j] = bounds.xl[j];
@@ -88,7 +87,7 @@ impl MpccSolver {
             return;
         }
         let quick = CertSettings { type_nodes: 0, ..CertSettings::default() };
-        let mut left = if p.start_is_informed() { 0 } else { MAX_DESCENTS };
+        let mut left = if p.is_discretised() { 0 } else { MAX_DESCENTS };
         while left > 0 {
             left -= 1;
             let better = RADII.iter().any(|&radius| {
@@ -134,7 +133,7 @@ impl MpccSolver {
         suggest: Suggest,
     ) {
         let s = &self.solution;
-        if s.outcome != Outcome::Stalled || s.polish == Polish::Done || p.start_is_informed() {
+        if s.outcome != Outcome::Stalled || s.polish == Polish::Done || p.is_discretised() {
             return;
         }
         let level = Level { mu: 1e-8, sigma: self.settings.sigma_min };

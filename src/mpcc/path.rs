@@ -10,7 +10,7 @@ use super::homotopy::Scholtes;
 use super::relaxation::Sequence;
 use super::relaxed::Structure;
 use super::solver::MpccSettings;
-use crate::nlp::{Advance, Continuation, Level, Measures};
+use crate::nlp::{lower_barrier, Advance, Continuation, Level, Measures};
 use crate::settings::Homotopy;
 
 /// The rule of a strategy.
@@ -112,7 +112,7 @@ impl Rule {
     /// The next barrier problem of the same relaxation.
     fn lower(&mut self, level: Level) -> Advance {
         self.stays = 0;
-        let mu = (0.2 * level.mu).min(level.mu.powf(1.5)).max(self.floor());
+        let mu = lower_barrier(level.mu, self.floor());
         let sigma = match self.sequence {
             Sequence::Barrier(chi) => chi * mu,
             _ => level.sigma,

@@ -50,15 +50,10 @@ pub trait Mpcc: Nlp {
         }
     }
 
-    /// Does the starting point say something about the pairs? Otherwise they start on the central path.
-    fn start_is_informed(&self) -> bool {
+    /// Is this a discretised problem? Then its starting point knows something of the pairs, its branches are exact where
+    /// they have a solution, and what a branch fixes beside the pairs belongs to the statement.
+    fn is_discretised(&self) -> bool {
         false
-    }
-
-    /// Violation up to which the rows of a branch problem count as consistent. Data of programs from outside are rarely
-    /// better than the default; a program whose branches are exact returns 0.
-    fn consistency(&self) -> f64 {
-        1e-8
     }
 
     /// Terms that only guide the homotopy are left out while `on`.

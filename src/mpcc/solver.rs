@@ -189,7 +189,7 @@ const FIRST_POLISH: f64 = 1e-6;
 /// Barrier parameter at the end of the plateau. The first relaxed problem decides which local optimum is found: the
 /// better it is solved the better that is, and a start that knows nothing leaves it more to do.
 const PLATEAU: f64 = 3e-5;
-const PLATEAU_INFORMED: f64 = 1e-3;
+const PLATEAU_DISCRETISED: f64 = 1e-3;
 /// Iterations one branch gets: near a solution it takes a handful.
 const BRANCH_ITERATIONS: usize = 30;
 
@@ -234,8 +234,6 @@ pub struct MpccSolver {
     pub(super) order: Vec<usize>,
     pub(super) branch: Bounds,
     pub(super) active: ActiveSet,
-    /// Where the path goes on.
-    resume_at: Level,
     /// Near a solution: violations may not grow much any more.
     pub(super) close: bool,
     pub(super) judge: Option<Judge>,
@@ -275,7 +273,6 @@ impl MpccSolver {
             votes: vec![(0.0, 0.0); n_groups],
             order: (0..n_groups).collect(),
             active: ActiveSet::new(n_all, all),
-            resume_at: Level { mu: 0.0, sigma: 0.0 },
             close: false,
             judge: if p.pairs().is_empty() { None } else { Some(Judge::new(p)?) },
         })
@@ -323,7 +320,7 @@ impl MpccSolver {
         } else {
             // relaxations that cut the corner have a saddle on the diagonal
             let interior = matches!(s.relaxation, Relaxation::Scholtes | Relaxation::RaghunathanBiegler);
-            let centre = s.centre_pairs && interior && !p.start_is_informed();
+            let centre = s.centre_pairs && interior && !p.is_discretised();
             self.follow(p, bounds, x0, centre, control, suggest);
             self.look_for_feasibility(p, bounds, control, suggest);
             if centre && matches!(self.solution.outcome, Outcome::Stalled | Outcome::Infeasible) {
@@ -336,8 +333,7 @@ impl MpccSolver {
     }
 
     /// Solves from a primal-dual point. First the square system of the active set the point shows, which from the
-    /// solution of a problem nearby takes a step or two; then its branch problem; then the path, from a relaxation as
-    /// large as the point is wrong.
+    /// solution of a problem nearby takes a step or two; then its branch problem; then the whole path from `x`.
     pub fn solve_warm(
         &mut self,
         p: &mut dyn Mpcc,
@@ -351,17 +347,14 @@ impl MpccSolver {
         self.scale(p, warm.x);
         self.load(p, warm);
         let ok = if self.st.bilinear.is_empty() {
-            let ok = self.settle_near(p, bounds, control);
-            p.set_polishing(false);
-            ok
+            self.settle_near(p, bounds, control)
         } else {
             self.polish(p, bounds, control, suggest, false)
         };
         if !ok {
             let cost = self.solution.stats;
             self.solve_with(p, bounds, warm.x, control, suggest);
-            let all = &mut self.solution.stats;
-            all.add(&cost);
+            self.solution.stats.add(&cost);
         }
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
         &self.solution
@@ -411,9 +404,10 @@ impl MpccSolver {
     ) {
         let mut s = self.settings;
         if s.plateau_mu == 0.0 {
-            s.plateau_mu = if p.start_is_informed() { PLATEAU_INFORMED } else { PLATEAU };
+            s.plateau_mu = if p.is_discretised() { PLATEAU_DISCRETISED } else { PLATEAU };
         }
-        let mut begun = false;
+        // where the last stop was left
+        let mut level: Option<Level> = None;
         let mut stops = [EARLY_POLISH, FIRST_POLISH, s.sigma_min];
         if !s.early_polish {
             stops[0] = FIRST_POLISH;
@@ -426,8 +420,14 @@ impl MpccSolver {
             if !last && stops[k + 1] == stops[k] {
                 continue;
             }
-            let outcome = if k == 0 || !begun {
-                begun = true;
+            let outcome = if let Some(level) = level {
+                let mut path = Path::resume(s, &self.st, level, stops[k]);
+                self.st.bounds(bounds, level.sigma, &mut self.bounds);
+                let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
+                let outcome = self.run(p, Start::Warm(&saved, 1e-12), &mut path, control, b' ');
+                self.saved = saved;
+                outcome
+            } else {
                 let mut path = Path::new(s, &self.st, stops[k]);
                 self.st.bounds(bounds, path.start().sigma, &mut self.bounds);
                 let mut start = std::mem::take(&mut self.point);
@@ -443,21 +443,13 @@ impl MpccSolver {
                 let outcome = self.run(p, Start::Cold(&start), &mut path, control, b' ');
                 self.point = start;
                 outcome
-            } else {
-                let level = self.resume_at;
-                let mut path = Path::resume(s, &self.st, level, stops[k]);
-                self.st.bounds(bounds, level.sigma, &mut self.bounds);
-                let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
-                let outcome = self.run(p, Start::Warm(&saved, 1e-12), &mut path, control, b' ');
-                self.saved = saved;
-                outcome
             };
             self.record(p, outcome, self.solution.polish);
             if !s.polish || !matches!(outcome, Outcome::Solved | Outcome::Stalled) {
                 return;
             }
             self.saved.copy_from(self.ipm.iterate());
-            self.resume_at = self.ipm.level();
+            level = Some(self.ipm.level());
             let early = outcome == Outcome::Solved && stops[k] > FIRST_POLISH;
             if self.polish(p, bounds, control, suggest, early) || last || outcome == Outcome::Stalled {
                 return;

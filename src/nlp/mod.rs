@@ -27,4 +27,5 @@ pub use callback::{CallbackNlp, LagrangianFn};
 pub use iterate::Iterate;
 pub use problem::{Bilinear, Bounds, Nlp, INFINITE};
 pub use report::{Control, IterationInfo, Outcome, Residuals, Statistics};
+pub(crate) use solver::lower_barrier;
 pub use solver::{Advance, Continuation, Ipm, IpmSettings, Level, Measures, Monotone, Start};

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::augmented::{sigma_s, Augmented};
 use super::filter::Filter;
-use super::iterate::{barrier, kkt_error, lagrangian_gradient, theta, Iterate, KktError, RowKind, Shape, Values};
+use super::iterate::{kkt_error, lagrangian_gradient, theta, Iterate, KktError, RowKind, Shape, Values};
 use super::linesearch::{clamp_multiplier, Search};
 use super::problem::{Bounds, Nlp};
 use super::report::{Control, IterationInfo, Outcome, Residuals, Statistics};
@@ -126,6 +126,11 @@ pub trait Continuation {
     }
 }
 
+/// The next barrier parameter, `max(floor, min(0.2 μ, μ^1.5))`.
+pub(crate) fn lower_barrier(mu: f64, floor: f64) -> f64 {
+    (0.2 * mu).min(mu.powf(1.5)).max(floor)
+}
+
 /// The monotone rule of Fiacco and McCormick: `μ ← max(tol/10, min(0.2 μ, μ^1.5))` once `E_μ ≤ 10 μ`.
 #[derive(Debug, Clone, Copy)]
 pub struct Monotone {
@@ -147,7 +152,7 @@ impl Continuation for Monotone {
         }
         let (mu, floor) = (m.level.mu, 0.1 * self.tol);
         if m.error <= 10.0 * mu && mu > floor {
-            Advance::To(Level { mu: (0.2 * mu).min(mu.powf(1.5)).max(floor), ..m.level })
+            Advance::To(Level { mu: lower_barrier(mu, floor), ..m.level })
         } else {
             Advance::Stay
         }
@@ -217,7 +222,7 @@ pub struct Ipm {
     x_start: f64,
     f_before: f64,
     /// Share of the violation a restoration must take away.
-    reduction: f64,
+    pub(super) reduction: f64,
     fall_before: f64,
     falling: usize,
 }
@@ -461,7 +466,7 @@ impl Ipm {
     }
 
     /// Point inside the bounds, function values, multipliers.
-    fn initialise(&mut self, nlp: &mut dyn Nlp, start: Start) -> bool {
+    pub(super) fn initialise(&mut self, nlp: &mut dyn Nlp, start: Start) -> bool {
         let (push, warm) = match start {
             Start::Cold(x) => {
                 self.it.x.copy_from_slice(x);
@@ -506,7 +511,7 @@ impl Ipm {
     }
 
     /// Least-squares multipliers of the rows, (36) of Wächter and Biegler; zero where they are too large.
-    fn estimate_multipliers(&mut self) {
+    pub(super) fn estimate_multipliers(&mut self) {
         let Ipm { system, shape, bounds, it, v, n, .. } = self;
         it.y.fill(0.0);
         system.assemble(shape, bounds, it, v, false);
@@ -530,7 +535,7 @@ impl Ipm {
         }
     }
 
-    fn evaluate(&mut self, nlp: &mut dyn Nlp) -> bool {
+    pub(super) fn evaluate(&mut self, nlp: &mut dyn Nlp) -> bool {
         let clock = Instant::now();
         self.stats.evaluations += 1;
         let r = nlp.eval(&self.it.x, &mut self.v.c);
@@ -555,7 +560,7 @@ impl Ipm {
         kkt_error(&self.shape, &self.bounds, &self.it, &self.v.c, &self.lag, mu)
     }
 
-    fn measure(&mut self, nlp: &dyn Nlp) -> Measures {
+    pub(super) fn measure(&mut self, nlp: &dyn Nlp) -> Measures {
         lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
         let e = self.errors(self.level.mu);
         let e0 = self.errors(0.0);
@@ -727,113 +732,6 @@ impl Ipm {
         true
     }
 
-    /// Feasibility restoration: the same method on the elastic problem. `Some` ends the solve.
-    fn restore(&mut self, nlp: &mut dyn Nlp, control: &mut Control, m: &Measures) -> Option<Outcome> {
-        let th0 = theta(&self.shape, &self.it.s, &self.v.c);
-        if m.primal <= 1e-2 * m.level.mu.clamp(1e-10, 1e-8) {
-            // nothing to restore: the jam is not one of feasibility
-            return Some(Outcome::Stalled);
-        }
-        let phi0 = barrier(&self.shape, &self.bounds, &self.it.x, &self.it.s, self.v.f, self.level.mu);
-        self.filter.add(th0, phi0);
-        let mut resto = match self.resto.take() {
-            Some(r) => r,
-            None => match Restoration::new(nlp, self.settings) {
-                Ok(r) => Box::new(r),
-                Err(_) => return Some(Outcome::Stalled),
-            },
-        };
-        let left = self.settings.max_iter - self.stats.iterations;
-        let (found, outcome) = resto.run(
-            nlp,
-            &self.bounds,
-            &self.it,
-            &self.v.c,
-            (self.level.mu.max(m.primal), self.reduction),
-            left,
-            control,
-        );
-        let cost = resto.statistics();
-        self.stats.iterations += cost.iterations;
-        self.stats.restoration_iterations += cost.iterations;
-        self.stats.factorisations += cost.factorisations;
-        self.stats.evaluations += cost.evaluations;
-        self.it.x.copy_from_slice(resto.x());
-        self.trial.y.copy_from_slice(resto.y());
-        self.resto = Some(resto);
-        if !self.evaluate(nlp) || !self.differentiate(nlp) {
-            return Some(Outcome::Failed);
-        }
-        let mu = self.level.mu;
-        let Ipm { it, bounds: b, shape, v, .. } = self;
-        for j in 0..it.x.len() {
-            if !shape.fixed[j] {
-                it.x[j] = push_inside(it.x[j], b.xl[j], b.xu[j], 1e-10);
-            }
-            it.zl[j] = start_multiplier(shape.has_xl[j], false, 0.0, it.x[j] - b.xl[j], mu).min(1e3);
-            it.zu[j] = start_multiplier(shape.has_xu[j], false, 0.0, b.xu[j] - it.x[j], mu).min(1e3);
-        }
-        for i in 0..it.s.len() {
-            if shape.row[i] == RowKind::Inequality {
-                it.s[i] = push_inside(v.c[i], b.cl[i], b.cu[i], 1e-8);
-            }
-            it.vl[i] = start_multiplier(shape.has_cl[i], false, 0.0, it.s[i] - b.cl[i], mu).min(1e3);
-            it.vu[i] = start_multiplier(shape.has_cu[i], false, 0.0, b.cu[i] - it.s[i], mu).min(1e3);
-        }
-        self.estimate_multipliers();
-        if found {
-            return None;
-        }
-        match outcome {
-            Outcome::Solved if self.max_violation() > 1e-8 => {
-                // the multipliers of the least violation say which rows conflict
-                self.it.y.copy_from_slice(&self.trial.y);
-                Some(Outcome::Infeasible)
-            }
-            Outcome::Solved => None,
-            Outcome::Stalled | Outcome::MaxIter if self.stats.iterations < self.settings.max_iter => {
-                Some(Outcome::Stalled)
-            }
-            other => Some(other),
-        }
-    }
-
-    /// Looks for a point that satisfies `bounds` up to 1e-9, from `start`: solved, or infeasible at a local minimiser of
-    /// the violation, whose multipliers are then those of the iterate.
-    pub fn find_feasible(
-        &mut self,
-        nlp: &mut dyn Nlp,
-        bounds: &Bounds,
-        start: &Iterate,
-        level: Level,
-        control: &mut Control,
-    ) -> Outcome {
-        self.stats = Statistics::default();
-        self.bounds.copy_from(bounds);
-        self.level = level;
-        nlp.set_level(level.sigma, level.mu);
-        self.shape.classify(&self.bounds);
-        self.system.restart();
-        if !self.initialise(nlp, Start::Warm(start, 1e-8)) {
-            return Outcome::Failed;
-        }
-        self.reduction = 1e-3;
-        let mut end = None;
-        for _ in 0..10 {
-            let m = self.measure(nlp);
-            if m.primal <= 1e-9f64.max(m.rounding) {
-                end = Some(Outcome::Solved);
-                break;
-            }
-            end = self.restore(nlp, control, &m);
-            if end.is_some() {
-                break;
-            }
-        }
-        self.reduction = KAPPA_RESTO;
-        end.unwrap_or(Outcome::Stalled)
-    }
-
     /// Writes the multipliers of fixed variables into `z`, which may stop short of the last variables: what is left of
     /// the gradient of the Lagrangian.
     pub fn fixed_multipliers(&self, z: &mut [f64]) {
@@ -841,10 +739,6 @@ impl Ipm {
             let rows = self.jac.range(j).map(|k| self.v.jac[k] * self.it.y[self.jac.row_idx()[k]]);
             z[j] = self.v.grad[j] + rows.sum::<f64>();
         }
-    }
-
-    fn max_violation(&self) -> f64 {
-        super::iterate::primal_error(&self.shape, &self.it, &self.v.c)
     }
 }
 
@@ -881,7 +775,7 @@ fn multiplier_step(has: bool, z: f64, dist: f64, d_dist: f64, mu: f64) -> f64 {
     }
 }
 
-fn start_multiplier(has: bool, warm: bool, z: f64, dist: f64, mu: f64) -> f64 {
+pub(super) fn start_multiplier(has: bool, warm: bool, z: f64, dist: f64, mu: f64) -> f64 {
     match (has, warm) {
         (false, _) => 0.0,
         (true, true) if z > 0.0 => z,
@@ -890,7 +784,7 @@ fn start_multiplier(has: bool, warm: bool, z: f64, dist: f64, mu: f64) -> f64 {
 }
 
 /// Moves a value inside its bounds by a relative distance, (34)-(35) of Wächter and Biegler.
-fn push_inside(v: f64, lo: f64, hi: f64, push: f64) -> f64 {
+pub(super) fn push_inside(v: f64, lo: f64, hi: f64, push: f64) -> f64 {
     use super::problem::INFINITE;
     let (has_lo, has_hi) = (lo > -INFINITE, hi < INFINITE);
     match (has_lo, has_hi) {

@@ -113,10 +113,11 @@ impl Strategy for TwoSided {
     }
 }
 
-/// `a b ≤ μ` (Raghunathan and Biegler, SIAM J. Optim. 15, 2005): the factor 1 is the best of those they tried.
-pub(super) struct RaghunathanBiegler;
+/// `a b ≤ χ μ`: `χ = 1` is the best of those Raghunathan and Biegler tried (SIAM J. Optim. 15, 2005), `χ = 0` leaves the
+/// pairs as they are (Fletcher and Leyffer, Optim. Methods Softw. 19, 2004).
+pub(super) struct Proportional(pub f64);
 
-impl Strategy for RaghunathanBiegler {
+impl Strategy for Proportional {
     fn rows(&self) -> &'static [Row] {
         Scholtes.rows()
     }
@@ -124,27 +125,13 @@ impl Strategy for RaghunathanBiegler {
         Scholtes.jet(i, a, b, q)
     }
     fn sigma_in(&self) -> SigmaIn {
-        SigmaIn::Bound
+        if self.0 > 0.0 {
+            SigmaIn::Bound
+        } else {
+            SigmaIn::None
+        }
     }
     fn sequence(&self) -> Sequence {
-        Sequence::Barrier(1.0)
-    }
-}
-
-/// `a b ≤ 0` (Fletcher and Leyffer, Optim. Methods Softw. 19, 2004).
-pub(super) struct Direct;
-
-impl Strategy for Direct {
-    fn rows(&self) -> &'static [Row] {
-        Scholtes.rows()
-    }
-    fn jet(&self, i: usize, a: f64, b: f64, q: &Softness) -> Jet {
-        Scholtes.jet(i, a, b, q)
-    }
-    fn sigma_in(&self) -> SigmaIn {
-        SigmaIn::None
-    }
-    fn sequence(&self) -> Sequence {
-        Sequence::Barrier(0.0)
+        Sequence::Barrier(self.0)
     }
 }
