@@ -7,7 +7,6 @@
 mod cases;
 mod expression_models;
 mod json;
-mod json_read;
 mod models;
 mod recorded;
 mod reference;

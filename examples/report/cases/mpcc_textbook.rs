@@ -6,9 +6,9 @@ pub(super) mod textbook;
 
 use super::short;
 use crate::json::{Object, Table};
-use crate::json_read::Value;
 use crate::svg::{Mark, Plot};
 use crate::{recorded, Context};
+use serde_json::Value;
 use std::path::Path;
 use std::time::Instant;
 use switchback::mpcc::{MpccSettings, Polish};
@@ -133,12 +133,10 @@ impl Sheet {
 /// The recorded problems of a folder whose answers are known.
 fn read(folder: &Path) -> Result<Vec<Problem<recorded::Recorded>>, String> {
     let text = std::fs::read_to_string(folder.join("train.json")).map_err(|e| e.to_string())?;
-    let Value::Object(list) = Value::parse(&text)? else {
-        return Err("train.json is no object".into());
-    };
+    let list: serde_json::Map<String, Value> = serde_json::from_str(&text).map_err(|e| format!("train.json: {e}"))?;
     let mut out = Vec::new();
     for (name, entry) in list.iter().filter(|p| KINDS.iter().any(|kind| p.0.starts_with(kind))) {
-        let file = entry.get("file").and_then(Value::text).ok_or(format!("{name} names no file"))?;
+        let file = entry["file"].as_str().ok_or(format!("{name} names no file"))?;
         let f = recorded::read(&folder.join(file)).map_err(|e| format!("{file}: {e}"))?;
         out.push(Problem {
             name: name.clone(),
@@ -147,14 +145,14 @@ fn read(folder: &Path) -> Result<Vec<Problem<recorded::Recorded>>, String> {
             bounds: f.bounds,
             members: f.members,
             starts: vec![f.start],
-            known: known(entry.get("known").unwrap_or(&Value::Null)),
+            known: known(&entry["known"]),
         });
     }
     Ok(out)
 }
 
 fn known(v: &Value) -> Known {
-    let expect = match v.get("expect").and_then(Value::text) {
+    let expect = match v["expect"].as_str() {
         Some("infeasible") => Expect::Infeasible,
         Some("unbounded") => Expect::Unbounded,
         _ => Expect::Optimal,
@@ -168,17 +166,18 @@ fn known(v: &Value) -> Known {
             _ => Stat::W,
         })
     };
-    let mut f = v.get("f").and_then(Value::number).unwrap_or(f64::NAN);
-    let mut local = v.get("local").and_then(Value::numbers).unwrap_or_default();
-    if v.get("global") == Some(&Value::Bool(false)) {
+    let mut f = v["f"].as_f64().unwrap_or(f64::NAN);
+    let mut local = numbers(&v["local"]).unwrap_or_default();
+    if v["global"] == false {
         local.push(f);
         f = f64::NAN;
     }
-    let trap = |t: &Value| {
-        let [x, kind] = t.list() else { return None };
-        Some((x.numbers()?, stat(kind.text())?))
-    };
-    let traps = v.get("spurious").map_or(&[][..], Value::list).iter().filter_map(trap).collect();
-    let x = v.get("x").and_then(Value::numbers);
-    Known { expect, f, x, stat: stat(v.get("stat").and_then(Value::text)), local, traps }
+    let trap = |t: &Value| Some((numbers(&t[0])?, stat(t[1].as_str())?));
+    let traps = v["spurious"].as_array().into_iter().flatten().filter_map(trap).collect();
+    let x = numbers(&v["x"]);
+    Known { expect, f, x, stat: stat(v["stat"].as_str()), local, traps }
+}
+
+fn numbers(v: &Value) -> Option<Vec<f64>> {
+    v.as_array()?.iter().map(Value::as_f64).collect()
 }
