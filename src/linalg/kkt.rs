@@ -78,6 +78,8 @@ pub struct KktSolve {
     /// `|r| / (|S K S| |x| + |b|)` in the maximum norm and equilibrated units, of the returned solution;
     /// infinite without a solution.
     pub residual: f64,
+    /// `|r| / |b|` in the same norm: near 1 where the right-hand side is outside the range of the matrix.
+    pub relative: f64,
     /// Refinement steps taken.
     pub steps: usize,
     /// Whether the residual is finite and at most [`KktSettings::singular_residual`].
@@ -354,7 +356,7 @@ impl Kkt {
         assert_eq!((rhs.len(), sol.len()), (n, n), "solve: one value per row of the matrix");
         if !self.has_factors {
             sol.fill(0.0);
-            return KktSolve { residual: f64::INFINITY, steps: 0, ok: false };
+            return KktSolve { residual: f64::INFINITY, relative: f64::INFINITY, steps: 0, ok: false };
         }
         for ((b, &v), &s) in self.b.iter_mut().zip(rhs).zip(&self.scale) {
             *b = v * s;
@@ -362,7 +364,7 @@ impl Kkt {
         let b_norm = max_abs(&self.b);
         if b_norm == 0.0 {
             sol.fill(0.0);
-            return KktSolve { residual: 0.0, steps: 0, ok: true };
+            return KktSolve { residual: 0.0, relative: 0.0, steps: 0, ok: true };
         }
         let k_norm = match self.norm {
             Some(v) => v,
@@ -421,12 +423,13 @@ impl Kkt {
         self.refinement_steps += steps;
         if !best.is_finite() {
             sol.fill(0.0);
-            return KktSolve { residual: f64::INFINITY, steps, ok: false };
+            return KktSolve { residual: f64::INFINITY, relative: f64::INFINITY, steps, ok: false };
         }
         for ((v, &x), &s) in sol.iter_mut().zip(&self.best).zip(&self.scale) {
             *v = x * s;
         }
-        KktSolve { residual: best, steps, ok: best <= self.settings.singular_residual }
+        let relative = best * (k_norm * max_abs(&self.best) / b_norm + 1.0);
+        KktSolve { residual: best, relative, steps, ok: best <= self.settings.singular_residual }
     }
 
     /// Inertia of the last factorisation; zeros without factors.
@@ -693,7 +696,7 @@ mod tests {
         assert!(k.solve(&[1.0, 1.0], &mut s).ok);
         close(&s, &[1.0, -1.0], 1e-12);
         // Zero right-hand side.
-        assert_eq!(k.solve(&[0.0, -0.0], &mut s), KktSolve { residual: 0.0, steps: 0, ok: true });
+        assert_eq!(k.solve(&[0.0, -0.0], &mut s), KktSolve { residual: 0.0, relative: 0.0, steps: 0, ok: true });
     }
 
     #[test]

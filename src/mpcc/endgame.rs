@@ -22,6 +22,8 @@ const MAX_IMPROVEMENTS: usize = 10;
 const CLEAR: f64 = 0.05;
 /// Ratio from which both may be zero.
 const DOUBTFUL: f64 = 1e-3;
+/// A multiplier, or a distance from a bound, that is as good as zero.
+const WEAK: f64 = 1e-9;
 /// Newton solves with changing active sets.
 const ROUNDS: usize = 5;
 
@@ -75,6 +77,19 @@ impl ActiveSet {
         for (i, a) in self.c.iter().enumerate() {
             (out.cl[i], out.cu[i]) = restrict(*a, b.cl[i], b.cu[i]);
         }
+    }
+
+    /// Does some bound hold without a multiplier, at the settled point with rows `c`?
+    pub fn is_weak(&self, c: &[f64]) -> bool {
+        let ActiveSet { x, c: active, exact: b, z, at } = self;
+        let largest = |v: &[f64]| v.iter().fold(1f64, |a, v| a.max(v.abs()));
+        let tol = WEAK * largest(&at.y).max(largest(z));
+        let weak = |a: &Active, v: f64, lo: f64, hi: f64, z: f64| {
+            let dist = (v - lo).min(hi - v);
+            lo < hi && if *a == Active::No { dist <= WEAK * (1.0 + v.abs()) } else { z.abs() <= tol }
+        };
+        (0..x.len()).any(|j| weak(&x[j], at.x[j], b.xl[j], b.xu[j], z[j]))
+            || (0..c.len()).any(|i| weak(&active[i], c[i], b.cl[i], b.cu[i], at.y[i]))
     }
 
     /// Takes in what is violated at the point `at` with rows `c`, lets go what has the wrong sign; false when nothing
@@ -269,7 +284,7 @@ impl MpccSolver {
     }
 
     /// Square system of the bounds in `branch`, as [`MpccSolver::settle_branch`].
-    fn settle_saved(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
+    pub(super) fn settle_saved(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
         p.set_polishing(true);
         let at = &mut self.active.at;
         at.copy_from(&self.saved);

@@ -25,6 +25,7 @@ pub mod relaxation;
 mod relaxed;
 mod scaling;
 mod solver;
+mod tangent;
 
 pub use certificate::{BStationarity, CertSettings, Certificate, Certifier, Doubt, Local, Stationarity};
 pub use conflict::Conflict;
@@ -32,3 +33,4 @@ pub use homotopy::Scholtes;
 pub use lifted::{Lifted, Member};
 pub use problem::{Mpcc, Side};
 pub use solver::{MpccSettings, MpccSolver, Polish, Solution, Suggest, Wanted, Warm};
+pub use tangent::{Change, Tangent};

@@ -361,7 +361,7 @@ impl MpccSolver {
     }
 
     /// Puts a point in the user's units into `saved`.
-    fn load(&mut self, p: &mut dyn Mpcc, warm: &Warm) {
+    pub(super) fn load(&mut self, p: &mut dyn Mpcc, warm: &Warm) {
         self.st.start(warm.x, &mut self.saved.x);
         // without values the active rows are found by violations
         let _ = Relaxed { inner: p, st: &mut self.st }.eval(&self.saved.x, &mut self.saved.s);

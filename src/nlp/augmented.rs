@@ -30,6 +30,9 @@ const SHRINK: f64 = 1.0 / 3.0;
 /// Share of the geometric mean of the barrier curvatures a product multiplier may reach.
 const PAIR_CLIP: f64 = 0.999;
 
+/// Residual, relative to the right-hand side, of a system that has a solution.
+const CONSISTENT: f64 = 1e-6;
+
 /// Where a pair's product enters the matrix.
 #[derive(Debug, Clone, Copy)]
 struct PairSlot {
@@ -230,6 +233,25 @@ impl Augmented {
     pub fn solve(&mut self) -> bool {
         let Augmented { kkt, rhs, sol, .. } = self;
         kkt.solve(rhs, sol).ok && sol.iter().all(|v| v.is_finite())
+    }
+
+    /// Solves for `sol` from `rhs`; false where the right-hand side is not in the range of the matrix.
+    pub fn solve_consistent(&mut self) -> bool {
+        let Augmented { kkt, rhs, sol, .. } = self;
+        let s = kkt.solve(rhs, sol);
+        s.ok && s.relative <= CONSISTENT
+    }
+
+    /// Takes what fixed variables that move by `dx[n]` do to the gradients of the free ones off the right-hand side.
+    pub fn fixed_columns(&mut self, shape: &Shape, v: &Values, dx: &[f64]) {
+        for (k, &(i, j)) in self.hess_rc.iter().enumerate() {
+            let (i, j) = (i as usize, j as usize);
+            for (free, fixed) in [(i, j), (j, i)] {
+                if shape.fixed[fixed] && !shape.fixed[free] {
+                    self.rhs[free] -= v.hess[k] * dx[fixed];
+                }
+            }
+        }
     }
 
     /// Limits the multipliers of the products so that every 2 × 2 block with its barrier terms is positive

@@ -11,7 +11,8 @@
 //! variables ([`Bilinear`]).
 //!
 //! `problem` is the interface, `iterate` holds the primal-dual point and its residuals, `augmented` the
-//! Newton system, `filter` the acceptance test, `linesearch` the steps, `restore` the elastic problem, `solver` the main loop.
+//! Newton system, `filter` the acceptance test, `linesearch` the steps, `restore` the elastic problem,
+//! `tangent` derivatives of solutions, `solver` the main loop.
 
 mod augmented;
 mod callback;
@@ -22,6 +23,7 @@ mod problem;
 mod report;
 mod restore;
 mod solver;
+mod tangent;
 
 pub use callback::{CallbackNlp, LagrangianFn};
 pub use iterate::Iterate;
