@@ -11,6 +11,9 @@
 //! symbolic factorisation for further solves with other bounds, parameters and starting points.
 
 mod identify;
+mod sensitivity;
+
+pub use sensitivity::OcpSensitivity;
 
 use std::time::Instant;
 
