@@ -75,7 +75,7 @@ static void known_solution(void)
     swb_switch s;
     swb_stats stats;
     swb_residuals residuals;
-    int32_t outcome = -1, polished = -1;
+    int32_t outcome = -1, polished = -1, one_sided = -1;
     int64_t stage[10];
     double cost = 0.0, x[11];
 
@@ -86,6 +86,7 @@ static void known_solution(void)
     CHECK(strstr(swb_last_error(), "swb_ocp_solve") != NULL);
     CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_trajectory(ocp, &r));
     CHECK(r == NULL);
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_sensitivity(ocp, x, 1, NULL, 0, NULL));
     CHECK_OK(swb_ocp_solve(ocp, &outcome));
     CHECK(outcome == SWB_OUTCOME_SOLVED);
     CHECK_OK(swb_ocp_get_polished(ocp, &polished));
@@ -111,6 +112,12 @@ static void known_solution(void)
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_controls(ocp, x, 1));
     swb_trajectory_free(r);
 
+    /* The initial state is free here: no datum. */
+    CHECK_OK(swb_ocp_get_sensitivity(ocp, x, 1, NULL, 0, &one_sided));
+    CHECK(x[0] == 0.0 && one_sided == 0);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_sensitivity(ocp, x, 2, NULL, 0, NULL));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_get_sensitivity(NULL, x, 1, NULL, 0, NULL));
+
     /* Again, with what was built, and with other options. */
     CHECK_OK(swb_ocp_solve(ocp, NULL));
     CHECK_OK(swb_ocp_get_stats(ocp, &stats, sizeof stats));
@@ -133,6 +140,7 @@ static void known_solution(void)
     CHECK_OK(swb_ocp_set_int(ocp, "max_iter", 2));
     CHECK_OK(swb_ocp_solve(ocp, &outcome));
     CHECK(outcome == SWB_OUTCOME_MAX_ITER);
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_sensitivity(ocp, x, 1, NULL, 0, NULL));
     CHECK_OK(swb_ocp_set_double(ocp, "max_time", 0.0));
     CHECK_OK(swb_ocp_set_int(ocp, "max_iter", 1000));
     CHECK_OK(swb_ocp_solve(ocp, &outcome));

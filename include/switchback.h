@@ -3059,6 +3059,28 @@ SWB_API swb_status swb_ocp_get_cost(const struct swb_ocp *ocp, double *cost);
 SWB_API swb_status swb_ocp_get_controls(const struct swb_ocp *ocp, double *u, int64_t n_u);
 
 /**
+ * Derivatives of the last solution with respect to its data: the initial state `[nx]`, then the parameters `[np]`. The
+ * order of modes is held; the solution must be exact (SWB_POLISHED_DONE). A component of the initial state that is free is
+ * no datum: its derivatives are zero. One factorisation for all of them; parameters cost four evaluations of the model
+ * each.
+ *
+ * @param[out] cost      [n_cost] nx + np, derivatives of the cost; NULL with n_cost 0 if not wanted
+ * @param[out] u         [n_u] (nx + np) * n_stages * nu, derivatives of the controls, those of one datum together; NULL
+ *                       with n_u 0 if not wanted
+ * @param[out] one_sided 1 if a bound is active without a multiplier: on the other side the derivatives are others; NULL
+ *                       if not wanted
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without an exact solution; SWB_ERR_NUMERIC if it is no isolated
+ *         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
+ */
+SWB_API
+swb_status swb_ocp_get_sensitivity(struct swb_ocp *ocp,
+                                   double *cost,
+                                   int64_t n_cost,
+                                   double *u,
+                                   int64_t n_u,
+                                   int32_t *one_sided);
+
+/**
  * Residuals of the last solve.
  *
  * @param[out] residuals   every field is written

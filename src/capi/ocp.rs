@@ -15,7 +15,7 @@ use super::trajectory::{hand_out, swb_trajectory};
 use crate::error::{Error, Result};
 use crate::fesd::PathAt;
 use crate::nlp::Outcome;
-use crate::ocp::{Ocp, OcpResult};
+use crate::ocp::{Ocp, OcpResult, OcpSensitivity};
 use crate::settings::{LogLevel, Settings, Value};
 use std::ffi::{c_char, c_void};
 
@@ -90,6 +90,17 @@ impl Problem {
             })
         });
         Ok(outcome)
+    }
+
+    fn sensitivity(&mut self) -> Result<OcpSensitivity> {
+        self.result()?;
+        let mut found = None;
+        let ocp = self.ocp.get();
+        self.hooks.run("ocp", LogLevel::Silent, |_| {
+            found = Some(ocp.sensitivity()?);
+            Ok(Outcome::Solved)
+        })?;
+        found.ok_or_else(|| Error::Internal("no derivatives were computed".into()))
     }
 
     fn result(&self) -> Result<&OcpResult> {
@@ -382,6 +393,43 @@ pub unsafe extern "C" fn swb_ocp_get_cost(ocp: *const swb_ocp, cost: *mut f64) -
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_get_controls(ocp: *const swb_ocp, u: *mut f64, n_u: i64) -> swb_status {
     guard(|| unsafe { handle::with_ref(ocp, |o| raw::write_slice(u, n_u, &o.result()?.controls, "u")) })
+}
+
+/// Derivatives of the last solution with respect to its data: the initial state `[nx]`, then the parameters `[np]`. The
+/// order of modes is held; the solution must be exact (SWB_POLISHED_DONE). A component of the initial state that is free is
+/// no datum: its derivatives are zero. One factorisation for all of them; parameters cost four evaluations of the model
+/// each.
+///
+/// @param[out] cost      [n_cost] nx + np, derivatives of the cost; NULL with n_cost 0 if not wanted
+/// @param[out] u         [n_u] (nx + np) * n_stages * nu, derivatives of the controls, those of one datum together; NULL
+///                       with n_u 0 if not wanted
+/// @param[out] one_sided 1 if a bound is active without a multiplier: on the other side the derivatives are others; NULL
+///                       if not wanted
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without an exact solution; SWB_ERR_NUMERIC if it is no isolated
+///         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_sensitivity(
+    ocp: *mut swb_ocp,
+    cost: *mut f64,
+    n_cost: i64,
+    u: *mut f64,
+    n_u: i64,
+    one_sided: *mut i32,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(ocp, |o| {
+            let s = o.sensitivity()?;
+            let wanted = |n: i64, p: *mut f64| n != 0 || !p.is_null();
+            if wanted(n_cost, cost) {
+                raw::write_slice(cost, n_cost, &s.cost, "cost")?;
+            }
+            if wanted(n_u, u) {
+                raw::write_slice(u, n_u, &s.controls, "u")?;
+            }
+            raw::write_optional(one_sided, i32::from(s.one_sided));
+            Ok(())
+        })
+    })
 }
 
 /// Residuals of the last solve.

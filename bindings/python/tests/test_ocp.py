@@ -54,6 +54,29 @@ def test_constraints():
     assert r.trajectory.control_stages.tolist() == sorted(r.trajectory.control_stages.tolist())
 
 
+def test_sensitivity():
+    ocp = constrained()
+    with pytest.raises(swb.StateError):
+        ocp.sensitivity()
+    ocp.solve()
+    s = ocp.sensitivity()
+    assert s.controls_x0.shape == (4, 1, 2) and s.controls_p.shape == (4, 1, 1)
+    h = 1e-4
+
+    def moved(dx0, dp):
+        ocp.set_initial_state([-0.5 + dx0, 0.0])
+        ocp.set_params([0.1 + dp])
+        r = ocp.solve()
+        return r.cost, r.controls
+
+    by_x0, by_p = (s.cost_x0[0], s.controls_x0[..., 0], (h, 0.0)), (s.cost_p[0], s.controls_p[..., 0], (0.0, h))
+    for value, controls, data in (by_x0, by_p):
+        right, left = moved(*data), moved(*(-v for v in data))
+        # the model has no derivatives: solutions are good to about 1e-9
+        assert value == pytest.approx((right[0] - left[0]) / (2 * h), rel=1e-4, abs=1e-5)
+        assert np.allclose(controls, (right[1] - left[1]) / (2 * h), rtol=1e-3, atol=1e-3)
+
+
 def sliding_ocp(n_s=2, n_fe=3):
     """Two sliding modes at once; Python callables without derivatives."""
     system = swb.System(4, 2, f0=lambda x, u: [x[2], x[3], u[0], u[1]])

@@ -44,7 +44,7 @@ from .mpcc import (
     minimize_mpcc,
     variable,
 )
-from .ocp import Ocp, OcpResult
+from .ocp import Ocp, OcpResult, OcpSensitivity
 from .plot import plot
 from .results import Iteration, LinearStats, Residuals, Stats, print_iteration
 from .settings import Option, Settings, options
@@ -79,6 +79,7 @@ __all__ = [
     "NumericError",
     "Ocp",
     "OcpResult",
+    "OcpSensitivity",
     "Option",
     "OptionError",
     "Outcome",

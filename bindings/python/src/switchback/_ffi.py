@@ -590,6 +590,7 @@ FUNCTIONS = {
     "swb_ocp_get_polished": (c_int32, [c_void_p, c_void_p]),
     "swb_ocp_get_cost": (c_int32, [c_void_p, c_void_p]),
     "swb_ocp_get_controls": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_get_sensitivity": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_ocp_get_residuals": (c_int32, [c_void_p, POINTER(swb_residuals), c_uint64]),
     "swb_ocp_get_stats": (c_int32, [c_void_p, POINTER(swb_stats), c_uint64]),
     "swb_ocp_get_trajectory": (c_int32, [c_void_p, c_void_p]),

@@ -19,7 +19,7 @@ from .simulator import _need_system
 from .system import System
 from .trajectory import Trajectory
 
-__all__ = ["Ocp", "OcpResult"]
+__all__ = ["Ocp", "OcpResult", "OcpSensitivity"]
 
 
 @dataclass(frozen=True)
@@ -40,6 +40,18 @@ class OcpResult(HasOutcome):
         from .plot import plot
 
         return plot(self, path, **keywords)
+
+
+@dataclass(frozen=True)
+class OcpSensitivity:
+    """Derivatives of an optimum. `controls` have the shape (n_stages, nu, nx) and (n_stages, nu, np); on a `one_sided`
+    solution a bound is active without a multiplier, and on its other side the derivatives are others."""
+
+    cost_x0: Array
+    cost_p: Array
+    controls_x0: Array = field(repr=False)
+    controls_p: Array = field(repr=False)
+    one_sided: bool
 
 
 class Ocp(Solver):
@@ -209,6 +221,18 @@ class Ocp(Solver):
             Trajectory._take(self),
             self.residuals,
             self.stats,
+        )
+
+    def sensitivity(self) -> OcpSensitivity:
+        """Derivatives of the last solution with respect to initial state and parameters, while the order of modes stays
+        as it is. Components of the initial state that are free have zeros."""
+        n = self.nx + self.np
+        cost, u = numpy.empty(n), numpy.empty((n, self.n_stages, self.nu))
+        one_sided = ctypes.c_int32()
+        self._do("get_sensitivity", address(cost), cost.size, address(u), u.size, ctypes.byref(one_sided))
+        by_datum = numpy.moveaxis(u, 0, -1)
+        return OcpSensitivity(
+            cost[: self.nx], cost[self.nx :], by_datum[..., : self.nx], by_datum[..., self.nx :], bool(one_sided.value)
         )
 
     def __repr__(self) -> str:
