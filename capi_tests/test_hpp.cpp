@@ -141,6 +141,9 @@ static void optimal_control() {
     for (double u : ocp.controls())
         CHECK(std::abs(u - 0.5) < 1e-6);
     CHECK(ocp.trajectory().info().n_switches == 0 && ocp.residuals().primal < 1e-9);
+    // the cost is (1 - x0)^2 / 2
+    const swb::Ocp::Sensitivity s = ocp.sensitivity();
+    CHECK(std::abs(s.cost.at(0) + 1.0) < 1e-6 && std::abs(s.controls.at(3) + 0.5) < 1e-6 && !s.one_sided);
 }
 
 static void programs() {
@@ -152,6 +155,30 @@ static void programs() {
     jr1.pair(swb::variable(1), swb::constraint(0));
     CHECK(jr1.solve() == SWB_OUTCOME_SOLVED && std::abs(jr1.objective() - 0.5) < 1e-8);
     CHECK(std::abs(jr1.solution()[0] - 0.5) < 1e-6 && jr1.multipliers().first.size() == 1);
+    const swb::Mpcc::Pairs pairs = jr1.pairs();
+    CHECK(std::abs(pairs.g[0] - 0.5) < 1e-6 && std::abs(pairs.h[0]) < 1e-9 && std::abs(jr1.constraints()[0]) < 1e-9);
+    CHECK(jr1.certificate().stationarity == SWB_STATIONARITY_S && jr1.worst(3).empty());
+    jr1.name(SWB_ITEM_CONSTRAINT, 0, "gap");
+    CHECK(jr1.report().find("solved") != std::string::npos && jr1.json().front() == '{');
+    const auto y = jr1.multipliers();
+    jr1.warm_start(jr1.solution(), y.first, y.second);
+    CHECK(jr1.solve() == SWB_OUTCOME_SOLVED && jr1.stats().iterations <= 3);
+    CHECK(jr1.resolve() == SWB_OUTCOME_SOLVED && std::abs(jr1.objective() - 0.5) < 1e-10);
+    const swb::Pattern diagonal{{0, 1, 2}, {0, 1}};
+    jr1.hessian(diagonal, [](const swb_point &, double weight, const double *, double *out) {
+        out[0] = out[1] = 2 * weight;
+        return 0;
+    });
+    jr1.start({1.0, 1.0});
+    CHECK(jr1.solve() == SWB_OUTCOME_SOLVED && std::abs(jr1.objective() - 0.5) < 1e-10);
+    jr1.hessian(diagonal, [](const swb_point &, double, const double *, double *) -> int { throw std::logic_error("no"); });
+    bool caught = false;
+    try {
+        jr1.solve();
+    } catch (const std::logic_error &) {
+        caught = true;
+    }
+    CHECK(caught);
     swb::Mpcc free(2, 0, f);
     free.start({3.0, 3.0});
     CHECK(free.solve() == SWB_OUTCOME_SOLVED && std::abs(free.objective()) < 1e-12);

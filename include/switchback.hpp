@@ -485,7 +485,9 @@ public:
         swb_ocp *o = nullptr;
         detail::check(swb_ocp_create(system.get(), horizon, n_stages, &settings, &o));
         owner_.reset(o);
-        detail::check(swb_system_sizes(system.get(), nullptr, &nu_, nullptr, nullptr));
+        int64_t nx = 0, np = 0;
+        detail::check(swb_system_sizes(system.get(), &nx, &nu_, &np, nullptr));
+        n_data_ = nx + np;
     }
     void lagrange(const Function &f) { detail::check(swb_ocp_set_lagrange(get(), f.get())); }
     void mayer(const Function &f) { detail::check(swb_ocp_set_mayer(get(), f.get())); }
@@ -527,6 +529,20 @@ public:
         detail::check(swb_ocp_get_controls(get(), u.data(), static_cast<int64_t>(u.size())));
         return u;
     }
+    /// Derivatives of cost and controls with respect to the data: initial state, then parameters; the controls of one
+    /// datum together.
+    struct Sensitivity {
+        Vector cost, controls;
+        bool one_sided;
+    };
+    Sensitivity sensitivity() {
+        Sensitivity s{Vector(static_cast<std::size_t>(n_data_)), Vector(static_cast<std::size_t>(n_data_ * n_stages_ * nu_)), false};
+        int32_t one_sided = 0;
+        detail::check(swb_ocp_get_sensitivity(get(), s.cost.data(), n_data_, s.controls.data(),
+                                              static_cast<int64_t>(s.controls.size()), &one_sided));
+        s.one_sided = one_sided != 0;
+        return s;
+    }
     swb_polished polished() const {
         int32_t p = 0;
         detail::check(swb_ocp_get_polished(get(), &p));
@@ -539,7 +555,7 @@ public:
     }
 
 private:
-    int64_t n_stages_ = 0, nu_ = 0;
+    int64_t n_stages_ = 0, nu_ = 0, n_data_ = 0;
 };
 
 /// A member of a complementarity pair.
@@ -553,12 +569,17 @@ inline Member constraint(int64_t index) { return {SWB_MEMBER_CONSTRAINT, index};
 /// A nonlinear program, with complementarity pairs or without.
 class Mpcc : public detail::Solver<swb_mpcc, detail::mpcc_calls> {
 public:
+    using LagrangianHessian = std::function<int(const swb_point &, double, const double *, double *)>;
+
     Mpcc(int64_t n, int64_t np, const Function &objective, const Function &constraints, const Settings &settings = {})
         : Mpcc(n, np, objective, &constraints, settings) {}
     Mpcc(int64_t n, int64_t np, const Function &objective, const Settings &settings = {})
         : Mpcc(n, np, objective, nullptr, settings) {}
 
-    void pair(Member g, Member h) { detail::check(swb_mpcc_add_pair(get(), g.kind, g.index, h.kind, h.index)); }
+    void pair(Member g, Member h) {
+        detail::check(swb_mpcc_add_pair(get(), g.kind, g.index, h.kind, h.index));
+        ++n_pairs_;
+    }
     void bounds(View lower, View upper) {
         detail::check(swb_mpcc_set_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
     }
@@ -566,11 +587,34 @@ public:
         detail::check(swb_mpcc_set_constraint_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
     }
     void params(View p) { detail::check(swb_mpcc_set_params(get(), p.data(), p.length())); }
+    /// hessian(point, weight, y, out) writes the entries of the pattern of the upper triangle: the Hessian of the
+    /// Lagrangian in one piece, in place of those of the functions.
+    void hessian(const Pattern &pattern, LagrangianHessian f) {
+        auto kept = std::make_unique<LagrangianHessian>(std::move(f));
+        detail::check(swb_mpcc_set_hessian(get(), pattern.col_ptr.data(), static_cast<int64_t>(pattern.col_ptr.size()),
+                                           pattern.row_idx.data(), static_cast<int64_t>(pattern.row_idx.size()),
+                                           call_hessian, kept.get()));
+        hessian_ = std::move(kept);
+    }
     void start(View w) { detail::check(swb_mpcc_set_start(get(), w.data(), w.length())); }
+    /// A point with multipliers, as `multipliers` of a program nearby has them.
+    void warm_start(View w, View y, View z) {
+        detail::check(swb_mpcc_set_warm_start(get(), w.data(), w.length(), y.data(), y.length(), z.data(), z.length()));
+    }
     swb_outcome solve() {
         int32_t o = 0;
         detail::check(swb_mpcc_solve(get(), &o));
         return static_cast<swb_outcome>(o);
+    }
+    /// From the last solution, as after a change of parameters or bounds.
+    swb_outcome resolve() {
+        int32_t o = 0;
+        detail::check(swb_mpcc_resolve(get(), &o));
+        return static_cast<swb_outcome>(o);
+    }
+    /// Names in reports and messages.
+    void name(swb_item kind, int64_t index, const char *name) {
+        detail::check(swb_mpcc_set_name(get(), kind, index, name));
     }
     double objective() const {
         double f = 0;
@@ -588,13 +632,60 @@ public:
         detail::check(swb_mpcc_get_multipliers(get(), r.first.data(), m_, r.second.data(), n_));
         return r;
     }
+    Vector constraints() const {
+        Vector c(static_cast<std::size_t>(m_));
+        detail::check(swb_mpcc_get_constraints(get(), c.data(), m_));
+        return c;
+    }
+    /// Values of the members of all pairs, in the order the pairs were added, and the multipliers nu of G, xi of H.
+    struct Pairs {
+        Vector g, h, nu, xi;
+    };
+    Pairs pairs() const {
+        const Vector zeros(static_cast<std::size_t>(n_pairs_));
+        Pairs r{zeros, zeros, zeros, zeros};
+        detail::check(swb_mpcc_get_pairs(get(), r.g.data(), r.h.data(), r.nu.data(), r.xi.data(), n_pairs_));
+        return r;
+    }
     swb_polished polished() const {
         int32_t p = 0;
         detail::check(swb_mpcc_get_polished(get(), &p));
         return static_cast<swb_polished>(p);
     }
+    swb_certificate certificate() const {
+        swb_certificate c{};
+        detail::check(swb_mpcc_get_certificate(get(), &c, sizeof c));
+        return c;
+    }
+    struct Violation {
+        swb_item kind;
+        int64_t index;
+        double violation;
+    };
+    /// What the point violates, the worst first, `k` items at most.
+    std::vector<Violation> worst(std::size_t k) const {
+        std::vector<int32_t> kinds(k);
+        std::vector<int64_t> indices(k);
+        Vector violations(k);
+        int64_t found = 0;
+        detail::check(swb_mpcc_get_worst(get(), kinds.data(), indices.data(), violations.data(), static_cast<int64_t>(k), &found));
+        std::vector<Violation> out;
+        for (std::size_t i = 0; i < k && static_cast<int64_t>(i) < found; ++i)
+            out.push_back({static_cast<swb_item>(kinds[i]), indices[i], violations[i]});
+        return out;
+    }
+    /// What the last solve says about itself, for people and for programs.
+    std::string report() const {
+        return detail::text([this](char *b, int64_t n, int64_t *needed) { return swb_mpcc_report_text(get(), b, n, needed); });
+    }
+    std::string json() const {
+        return detail::text([this](char *b, int64_t n, int64_t *needed) { return swb_mpcc_statistics_json(get(), b, n, needed); });
+    }
 
 private:
+    static int32_t call_hessian(const swb_point *at, double weight, const double *y, double *out, void *data) {
+        return detail::guarded(-1, [&] { return (*static_cast<LagrangianHessian *>(data))(*at, weight, y, out); });
+    }
     Mpcc(int64_t n, int64_t np, const Function &objective, const Function *constraints, const Settings &settings) : n_(n) {
         swb_mpcc *p = nullptr;
         detail::check(swb_mpcc_create(n, np, objective.get(), constraints ? constraints->get() : nullptr, &settings, &p));
@@ -602,7 +693,8 @@ private:
         if (constraints)
             detail::check(swb_function_sizes(constraints->get(), nullptr, nullptr, nullptr, &m_, nullptr, nullptr));
     }
-    int64_t n_ = 0, m_ = 0;
+    int64_t n_ = 0, m_ = 0, n_pairs_ = 0;
+    std::unique_ptr<LagrangianHessian> hessian_;
 };
 
 } // namespace swb
