@@ -214,7 +214,7 @@ impl UserFunction {
     fn open(&mut self) -> Result<&mut UserFunction> {
         if self.value.is_none() {
             return Err(Error::State(format!(
-                "function '{}' is made of expressions and has its derivatives already",
+                "function '{}' was made with its derivatives: they cannot be given again",
                 self.name
             )));
         }
@@ -288,7 +288,7 @@ pub unsafe fn shared_optional(f: *const swb_function, what: &str) -> Result<Opti
     unsafe { shared(f, what).map(Some) }
 }
 
-fn size(n: i64, what: &str) -> Result<usize> {
+pub(super) fn size(n: i64, what: &str) -> Result<usize> {
     // more would not fit into the factorisation
     match usize::try_from(n) {
         Ok(n) if n <= i32::MAX as usize => Ok(n),

@@ -110,6 +110,8 @@ pub mod report;
 
 pub mod function;
 
+pub mod casadi;
+
 pub mod system;
 
 pub mod expr;

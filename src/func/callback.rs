@@ -9,10 +9,10 @@ use super::{Dims, EvalError, EvalResult, Function, Point};
 use crate::error::{Error, Result};
 use crate::linalg::csc::Pattern;
 
-/// Value or Jacobian: returns 0, or a code.
-type Plain = dyn Fn(&Point, &mut [f64]) -> i32 + Send + Sync;
+/// Value or Jacobian, with memory last: returns 0, or a code.
+type Plain = dyn Fn(&Point, &mut [f64], &mut [f64]) -> i32 + Send + Sync;
 /// Hessian of the sum weighted with the second argument.
-type Weighted = dyn Fn(&Point, &[f64], &mut [f64]) -> i32 + Send + Sync;
+type Weighted = dyn Fn(&Point, &[f64], &mut [f64], &mut [f64]) -> i32 + Send + Sync;
 
 /// A function made of closures for the value and, as far as they are known, its derivatives.
 ///
@@ -65,6 +65,8 @@ pub struct Callback {
     jac_declared: Option<Pattern>,
     hessian: Option<Box<Weighted>>,
     hess_declared: Option<Pattern>,
+    /// Length of the memory of the closures.
+    own_work: usize,
     /// Made when first needed: what is not declared is dense, and costs accordingly.
     structure: OnceLock<Structure>,
 }
@@ -103,7 +105,7 @@ impl Structure {
                 work = work.max(f.n_out + n_in);
             }
         }
-        Structure { jac_pattern, jac_colouring, hess_pattern, hess_full, hess_colouring, work_len: work }
+        Structure { jac_pattern, jac_colouring, hess_pattern, hess_full, hess_colouring, work_len: f.own_work + work }
     }
 }
 
@@ -118,6 +120,18 @@ impl Callback {
         n_out: usize,
         value: impl Fn(&Point, &mut [f64]) -> i32 + Send + Sync + 'static,
     ) -> Callback {
+        Callback::with_work(name, dims, n_out, 0, move |at, out, _| value(at, out))
+    }
+
+    /// The same with memory: `value(point, out, work)` gets `work[work_len]`, whose content is undefined. So do the
+    /// closures of [`Callback::with_jacobian_in_work`] and [`Callback::with_hessian_in_work`].
+    pub fn with_work(
+        name: &str,
+        dims: Dims,
+        n_out: usize,
+        work_len: usize,
+        value: impl Fn(&Point, &mut [f64], &mut [f64]) -> i32 + Send + Sync + 'static,
+    ) -> Callback {
         Callback {
             name: name.to_owned(),
             dims,
@@ -127,15 +141,25 @@ impl Callback {
             jac_declared: None,
             hessian: None,
             hess_declared: None,
+            own_work: work_len,
             structure: OnceLock::new(),
         }
     }
 
     /// Gives the Jacobian: `jacobian(point, out)` writes the `nnz` values of the `n_out × n_in` pattern.
     pub fn with_jacobian(
-        mut self,
+        self,
         pattern: Pattern,
         jacobian: impl Fn(&Point, &mut [f64]) -> i32 + Send + Sync + 'static,
+    ) -> Result<Callback> {
+        self.with_jacobian_in_work(pattern, move |at, out, _| jacobian(at, out))
+    }
+
+    /// [`Callback::with_jacobian`] with memory, see [`Callback::with_work`].
+    pub fn with_jacobian_in_work(
+        mut self,
+        pattern: Pattern,
+        jacobian: impl Fn(&Point, &mut [f64], &mut [f64]) -> i32 + Send + Sync + 'static,
     ) -> Result<Callback> {
         self.set_jac_pattern(pattern)?;
         self.jacobian = Some(Box::new(jacobian));
@@ -154,9 +178,18 @@ impl Callback {
     /// Gives the Hessian of the weighted sum: `hessian(point, weights, out)` writes the `nnz` values of
     /// the `n_in × n_in` pattern of the upper triangle.
     pub fn with_hessian(
-        mut self,
+        self,
         pattern: Pattern,
         hessian: impl Fn(&Point, &[f64], &mut [f64]) -> i32 + Send + Sync + 'static,
+    ) -> Result<Callback> {
+        self.with_hessian_in_work(pattern, move |at, weights, out, _| hessian(at, weights, out))
+    }
+
+    /// [`Callback::with_hessian`] with memory, see [`Callback::with_work`].
+    pub fn with_hessian_in_work(
+        mut self,
+        pattern: Pattern,
+        hessian: impl Fn(&Point, &[f64], &mut [f64], &mut [f64]) -> i32 + Send + Sync + 'static,
     ) -> Result<Callback> {
         self.set_hess_pattern(pattern)?;
         self.hessian = Some(Box::new(hessian));
@@ -218,8 +251,8 @@ impl Callback {
         self.structure.get_or_init(|| Structure::of(self))
     }
 
-    fn call_value(&self, at: &Point, out: &mut [f64]) -> EvalResult {
-        guarded(out, |out| (self.value)(at, out))
+    fn call_value(&self, at: &Point, out: &mut [f64], own: &mut [f64]) -> EvalResult {
+        guarded(out, |out| (self.value)(at, out, own))
     }
 
     /// Hessian by coloured central differences of the gradient `Jᵀ w`.
@@ -233,9 +266,10 @@ impl Callback {
     ) -> EvalResult {
         let Structure { jac_pattern, hess_pattern: upper, hess_full: (full, map), hess_colouring, .. } =
             self.structure();
+        let (own, work) = work.split_at_mut(self.own_work);
         let (jac, work) = work.split_at_mut(jac_pattern.nnz());
         let mut gradient = |at: &Point, g: &mut [f64]| {
-            guarded(jac, |jac| jacobian(at, jac))?;
+            guarded(jac, |jac| jacobian(at, jac, own))?;
             for (j, g) in g.iter_mut().enumerate() {
                 let entries = jac_pattern.range(j);
                 let rows = jac_pattern.rows(j);
@@ -310,19 +344,20 @@ impl Function for Callback {
         self.structure().work_len
     }
 
-    fn value(&self, at: &Point, out: &mut [f64], _work: &mut [f64]) -> EvalResult {
-        self.call_value(at, &mut out[..self.n_out])
+    fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        self.call_value(at, &mut out[..self.n_out], &mut work[..self.own_work])
     }
 
     fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         let Structure { jac_pattern, jac_colouring, .. } = self.structure();
         let out = &mut out[..jac_pattern.nnz()];
         if let Some(jacobian) = &self.jacobian {
-            return guarded(out, |out| jacobian(at, out));
+            return guarded(out, |out| jacobian(at, out, &mut work[..self.own_work]));
         }
+        let (own, work) = work.split_at_mut(self.own_work);
         Differences { dims: self.dims, pattern: jac_pattern, colouring: jac_colouring }.run(
             at,
-            &mut |at, f| self.call_value(at, f),
+            &mut |at, f| self.call_value(at, f, own),
             &mut |k, v| out[k] = v,
             work,
         )?;
@@ -334,7 +369,7 @@ impl Function for Callback {
         let out = &mut out[..pattern.nnz()];
         let weights = &weights[..self.n_out];
         if let Some(hessian) = &self.hessian {
-            return guarded(out, |out| hessian(at, weights, out));
+            return guarded(out, |out| hessian(at, weights, out, &mut work[..self.own_work]));
         }
         if out.is_empty() || weights.iter().all(|w| *w == 0.0) {
             out.fill(0.0);
@@ -343,9 +378,10 @@ impl Function for Callback {
         match &self.jacobian {
             Some(jacobian) => self.hessian_of_jacobian(jacobian.as_ref(), at, weights, out, work)?,
             None => {
+                let (own, work) = work.split_at_mut(self.own_work);
                 let (f, work) = work.split_at_mut(self.n_out);
                 let mut sum = |at: &Point| {
-                    self.call_value(at, f)?;
+                    self.call_value(at, f, own)?;
                     Ok(f.iter().zip(weights).map(|(f, w)| f * w).sum())
                 };
                 fdiff::second_differences(self.dims, pattern, at, &mut sum, out, work)?;

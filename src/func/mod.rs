@@ -6,6 +6,8 @@
 //! stepping nor optimisation.
 
 mod callback;
+#[allow(unsafe_code)]
+pub mod casadi;
 mod check;
 mod fdiff;
 
