@@ -31,6 +31,13 @@
 #define SWB_API
 #endif
 
+/* A swb_casadi of the function f that CasADi generated, whose declarations are visible. */
+#define SWB_CASADI(f)                                                                              \
+    {sizeof(swb_casadi), (swb_code)(f), (swb_code)(f##_n_in), (swb_code)(f##_n_out),               \
+     (swb_code)(f##_name_in), (swb_code)(f##_sparsity_in), (swb_code)(f##_sparsity_out),           \
+     (swb_code)(f##_work), (swb_code)(f##_checkout), (swb_code)(f##_release),                      \
+     (swb_code)(f##_incref), (swb_code)(f##_decref), 0, 0}
+
 
 /**
  * Status of a call: 0 or a negative code that says why the call could not do its work.
@@ -1349,6 +1356,74 @@ typedef int32_t (*swb_hessian_fn)(const struct swb_point *at,
                                   void *user_data);
 
 /**
+ * Address of code of any kind.
+ */
+typedef void (*swb_code)(void);
+
+/**
+ * Addresses of what CasADi generates for a function f; NULL where there is nothing. SWB_CASADI(f) makes one of code
+ * that is linked.
+ */
+typedef struct swb_casadi {
+    /**
+     * sizeof(swb_casadi)
+     */
+    uint64_t struct_size;
+    /**
+     * f
+     */
+    swb_code eval;
+    /**
+     * f_n_in
+     */
+    swb_code n_in;
+    /**
+     * f_n_out
+     */
+    swb_code n_out;
+    /**
+     * f_name_in
+     */
+    swb_code name_in;
+    /**
+     * f_sparsity_in
+     */
+    swb_code sparsity_in;
+    /**
+     * f_sparsity_out
+     */
+    swb_code sparsity_out;
+    /**
+     * f_work
+     */
+    swb_code work;
+    /**
+     * f_checkout
+     */
+    swb_code checkout;
+    /**
+     * f_release
+     */
+    swb_code release;
+    /**
+     * f_incref
+     */
+    swb_code incref;
+    /**
+     * f_decref
+     */
+    swb_code decref;
+    /**
+     * Of the generated file, since CasADi 3.8: size of an integer.
+     */
+    swb_code int_size;
+    /**
+     * Of the generated file, since CasADi 3.8: size of a number.
+     */
+    swb_code real_size;
+} swb_casadi;
+
+/**
  * Numbers of a trajectory, the lengths of its arrays.
  */
 typedef struct swb_trajectory_info {
@@ -2153,6 +2228,80 @@ swb_status swb_function_check_derivatives(const struct swb_function *f,
  * Free the handle; models that have the function keep it. NULL is allowed.
  */
 SWB_API void swb_function_free(struct swb_function *f);
+
+/**
+ * Create a function from a shared library made of C code that CasADi generated.
+ *
+ * A function f of CasADi has inputs named x, u, p and t, those it needs, with dense entries; the value is all its
+ * outputs, one after the other, by columns. Derivatives are further functions of the library: jac_f or f_jac, as
+ * f.jacobian() makes it, or one matrix with a column for each entry of the inputs; hess_f or f_hess of the inputs and
+ * weights, one for each output, with the Hessian of the weighted sum, any triangle; or jac_adj1_f, as
+ * f.reverse(1).jacobian() makes it. Those that are missing are finite differences. Integers may have 32 or 64 bits,
+ * numbers must be double. What the library says of itself is checked; it is called once with zeros. It stays open as
+ * long as the function is used. A code that is not 0 counts as not defined at the point.
+ *
+ * @param[in]  path   of the library, as for dlopen
+ * @param[in]  name   f
+ * @param[in]  inputs what the inputs are, such as "x u"; NULL: they have the names x, u, p, t
+ * @param[out] out    the new object, NULL on failure; free with swb_function_free
+ * @return SWB_OK; SWB_ERR_LIBRARY if the library cannot be loaded or has no such function, or says of itself what
+ *         cannot be; SWB_ERR_DIMENSION or SWB_ERR_RANGE if sizes or names do not fit; SWB_ERR_UNSUPPORTED for numbers
+ *         that are not double
+ */
+SWB_API
+swb_status swb_function_from_casadi_library(const char *path,
+                                            const char *name,
+                                            const char *inputs,
+                                            int64_t nx,
+                                            int64_t nu,
+                                            int64_t np,
+                                            struct swb_function **out);
+
+/**
+ * Create a function from C code that CasADi generated and that is linked to the program; as
+ * swb_function_from_casadi_library.
+ *
+ * @param[in]  name     used in messages
+ * @param[in]  value    addresses of f
+ * @param[in]  jacobian addresses of jac_f, of any of the forms; NULL: finite differences
+ * @param[in]  hessian  addresses of hess_f or jac_adj1_f; NULL: finite differences
+ * @param[in]  inputs   what the inputs are, such as "x u"; NULL: they have the names x, u, p, t
+ * @param[out] out      the new object, NULL on failure; free with swb_function_free
+ * @return as swb_function_from_casadi_library
+ */
+SWB_API
+swb_status swb_function_from_casadi_pointers(const char *name,
+                                             const struct swb_casadi *value,
+                                             const struct swb_casadi *jacobian,
+                                             const struct swb_casadi *hessian,
+                                             const char *inputs,
+                                             int64_t nx,
+                                             int64_t nu,
+                                             int64_t np,
+                                             struct swb_function **out);
+
+/**
+ * Create a function from a file of functions that CasADi saved, evaluated by CasADi itself: no compiler is needed. Else
+ * as swb_function_from_casadi_library.
+ *
+ * The functions of the file stay loaded until the program ends.
+ *
+ * @param[in]  casadi path of CasADi's library, such as ".../casadi/libcasadi.so"
+ * @param[in]  file   a list of functions, f and its derivatives, written by CasADi's FileSerializer
+ * @param[in]  name   f
+ * @param[in]  inputs what the inputs are, such as "x u"; NULL: they have the names x, u, p, t
+ * @param[out] out    the new object, NULL on failure; free with swb_function_free
+ * @return as swb_function_from_casadi_library
+ */
+SWB_API
+swb_status swb_function_from_casadi_file(const char *casadi,
+                                         const char *file,
+                                         const char *name,
+                                         const char *inputs,
+                                         int64_t nx,
+                                         int64_t nu,
+                                         int64_t np,
+                                         struct swb_function **out);
 
 /**
  * Create a system without dynamics.

@@ -350,6 +350,25 @@ class swb_point(Structure):
     ]
 
 
+class swb_casadi(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("eval", swb_code),
+        ("n_in", swb_code),
+        ("n_out", swb_code),
+        ("name_in", swb_code),
+        ("sparsity_in", swb_code),
+        ("sparsity_out", swb_code),
+        ("work", swb_code),
+        ("checkout", swb_code),
+        ("release", swb_code),
+        ("incref", swb_code),
+        ("decref", swb_code),
+        ("int_size", swb_code),
+        ("real_size", swb_code),
+    ]
+
+
 class swb_trajectory_info(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -465,6 +484,7 @@ swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_destroy_fn = CFUNCTYPE(None, c_void_p)
 swb_jacobian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_hessian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p, c_void_p)
+swb_code = CFUNCTYPE(None)
 swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
 swb_lagrangian_fn = CFUNCTYPE(c_int32, c_void_p, c_double, c_void_p, c_void_p, c_void_p)
 
@@ -513,6 +533,9 @@ FUNCTIONS = {
     "swb_function_eval_hessian": (c_int32, [c_void_p, POINTER(swb_point), c_void_p, c_int64, c_void_p, c_int64]),
     "swb_function_check_derivatives": (c_int32, [c_void_p, POINTER(swb_point), c_void_p, c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_function_free": (None, [c_void_p]),
+    "swb_function_from_casadi_library": (c_int32, [c_char_p, c_char_p, c_char_p, c_int64, c_int64, c_int64, c_void_p]),
+    "swb_function_from_casadi_pointers": (c_int32, [c_char_p, POINTER(swb_casadi), POINTER(swb_casadi), POINTER(swb_casadi), c_char_p, c_int64, c_int64, c_int64, c_void_p]),
+    "swb_function_from_casadi_file": (c_int32, [c_char_p, c_char_p, c_char_p, c_char_p, c_int64, c_int64, c_int64, c_void_p]),
     "swb_system_create": (c_int32, [c_int64, c_int64, c_int64, c_void_p]),
     "swb_system_set_f0": (c_int32, [c_void_p, c_void_p]),
     "swb_system_add_subsystem": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p, c_int64, c_void_p]),
