@@ -47,7 +47,10 @@ int main(void)
     FIELD(36, relaxation);
     FIELD(37, homotopy);
     FIELD(38, penalty_init);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 39);
+    FIELD(39, accuracy);
+    FIELD(40, accuracy_tol);
+    FIELD(41, mode_search);
+    CHECK(sizeof(swb_settings) == (size_t)8 * 42);
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);
@@ -77,6 +80,15 @@ int main(void)
     AT(swb_residuals, 4, pair_product);
     AT(swb_residuals, 5, pair_min);
     CHECK(sizeof(swb_residuals) == (size_t)8 * 6);
+    AT(swb_accuracy, 0, struct_size);
+    AT(swb_accuracy, 1, reached);
+    AT(swb_accuracy, 2, n_switches);
+    AT(swb_accuracy, 3, worst);
+    AT(swb_accuracy, 4, terminal);
+    AT(swb_accuracy, 5, terminal_violation);
+    AT(swb_accuracy, 6, cost);
+    AT(swb_accuracy, 7, cost_error);
+    CHECK(sizeof(swb_accuracy) == (size_t)8 * 8);
     AT(swb_stats, 0, struct_size);
     AT(swb_stats, 1, iterations);
     AT(swb_stats, 2, factorisations);

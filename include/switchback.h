@@ -1295,6 +1295,18 @@ typedef struct swb_settings {
      * First penalty parameter of the relaxations that are penalties; their sigma is its inverse.
      */
     double penalty_init;
+    /**
+     * Simulate the controls of an optimal control problem by the event-driven engine and compare (enum toggle).
+     */
+    int64_t accuracy;
+    /**
+     * Relative and absolute tolerance of that simulation.
+     */
+    double accuracy_tol;
+    /**
+     * Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
+     */
+    int64_t mode_search;
 } swb_settings;
 
 /**
@@ -1667,6 +1679,45 @@ typedef struct swb_iteration_info {
  * outcome SWB_OUTCOME_STOPPED. `info` is valid during the call only. Must not unwind.
  */
 typedef int32_t (*swb_iteration_fn)(const struct swb_iteration_info *info, void *user_data);
+
+/**
+ * Comparison of an optimal control with a simulation of its controls by the event-driven engine. NaN from where the
+ * simulation did not get.
+ */
+typedef struct swb_accuracy {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * 1 if the simulation reached the end of the horizon.
+     */
+    int64_t reached;
+    /**
+     * Switches of the simulation.
+     */
+    int64_t n_switches;
+    /**
+     * Largest difference of a state at the ends of the control stages.
+     */
+    double worst;
+    /**
+     * Largest difference of a state at the end of the horizon.
+     */
+    double terminal;
+    /**
+     * Largest violation of a terminal constraint by the end of the simulation.
+     */
+    double terminal_violation;
+    /**
+     * Cost of the simulation.
+     */
+    double cost;
+    /**
+     * Cost of the solution less that of the simulation.
+     */
+    double cost_error;
+} swb_accuracy;
 
 /**
  * Hessian of the Lagrangian, weight times the objective plus y times the constraints: writes out [nnz], the
@@ -3340,6 +3391,30 @@ swb_status swb_ocp_interrupt(const struct swb_ocp *ocp);
  * Free; NULL is allowed.
  */
 SWB_API void swb_ocp_free(struct swb_ocp *ocp);
+
+/**
+ * How far the last solution is from the system: its controls are simulated again, by other means and at the tolerance
+ * accuracy_tol.
+ *
+ * @param[out] accuracy    every field is written
+ * @param[in]  struct_size sizeof(swb_accuracy)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
+ */
+SWB_API
+swb_status swb_ocp_get_accuracy(const struct swb_ocp *ocp,
+                                struct swb_accuracy *accuracy,
+                                uint64_t struct_size);
+
+/**
+ * Largest difference between a state of the last solution and of the simulation at the end of every control stage.
+ *
+ * @param[out] stages [n_stages] one for each control stage
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
+ */
+SWB_API
+swb_status swb_ocp_get_mismatch(const struct swb_ocp *ocp,
+                                double *stages,
+                                int64_t n_stages);
 
 /**
  * Create a program without pairs and bounds, parameters and start zero.

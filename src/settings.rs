@@ -339,6 +339,12 @@ pub struct Settings {
     pub homotopy: i64,
     /// First penalty parameter of the relaxations that are penalties; their sigma is its inverse.
     pub penalty_init: f64,
+    /// Simulate the controls of an optimal control problem by the event-driven engine and compare (enum toggle).
+    pub accuracy: i64,
+    /// Relative and absolute tolerance of that simulation.
+    pub accuracy_tol: f64,
+    /// Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
+    pub mode_search: i64,
 }
 
 /// A value on its way to or from an option.
@@ -539,6 +545,12 @@ pub static OPTIONS: &[OptionInfo] = &[
         "How relaxation or penalty and barrier parameter change together (enum homotopy)."),
     row!(penalty_init: Float(1.0, Open(0.0), Closed(1e9)), "rho_0", FREE,
         "First penalty parameter of the relaxations that are penalties; their sigma is its inverse."),
+    row!(accuracy: Enum(Switch::On), "", FREE,
+        "Simulate the controls of an optimal control problem by the event-driven engine and compare (enum toggle)."),
+    row!(accuracy_tol: Float(1e-11, Closed(1e-13), Closed(1e-2)), "", FREE,
+        "Relative and absolute tolerance of that simulation."),
+    row!(mode_search: Int(0, Closed(0.0), Closed(1e6)), "", FREE,
+        "Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none."),
 ];
 
 impl OptionInfo {
@@ -707,6 +719,9 @@ impl Default for Settings {
             relaxation: 0,
             homotopy: 0,
             penalty_init: 0.0,
+            accuracy: 0,
+            accuracy_tol: 0.0,
+            mode_search: 0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);

@@ -20,7 +20,10 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("event", &["error", "settings", "log", "tableau", "linalg", "func", "system", "dcs"]),
     ("fesd", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs"]),
     ("sim", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "fesd"]),
-    ("ocp", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "fesd", "sim"]),
+    (
+        "ocp",
+        &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "event", "fesd", "sim"],
+    ),
 ];
 const ABOVE_ALL: &str = "capi";
 

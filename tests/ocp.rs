@@ -178,3 +178,51 @@ fn one_function_may_be_in_two_path_constraints() {
         assert!((least + 1.65).abs() < 1e-6, "v2 goes down to {least}: without the constraint it is -1.70");
     }
 }
+
+/// The error that comes with an answer is that of an independent simulation, switch by switch.
+#[test]
+fn every_answer_says_how_far_it_is_off() {
+    for (n_s, n_fe, most) in [(2, 6, 1e-9), (3, 4, 1e-12), (4, 4, 1e-12)] {
+        let mut o = sliding_ocp(&settings(RadauIia, n_s, n_fe, FESD));
+        let r = o.solve(&mut Control::default()).unwrap().clone();
+        let a = r.accuracy.unwrap();
+        assert_eq!((a.outcome, a.n_switches), (switchback::event::Outcome::Reached, r.trajectory.switches.len()));
+        assert_eq!(a.stages.len(), 6);
+        assert!(a.stages.iter().all(|e| *e < most), "n_s = {n_s}: {:?}", a.stages);
+        assert!(a.terminal_violation < most && a.cost_error.abs() < most, "n_s = {n_s}: {a:?}");
+        // two simulators that share no equations
+        assert!((resimulated(&r.controls) - a.terminal_violation).abs() < 1e-9, "n_s = {n_s}");
+    }
+    let mut o = sliding_ocp(&settings(RadauIia, 2, 6, STANDARD));
+    let a = o.solve(&mut Control::default()).unwrap().accuracy.clone().unwrap();
+    assert!(a.terminal_violation > 1e-5, "{a:?}");
+    o.set_settings(&Settings { accuracy: 0, ..*o.settings() }).unwrap();
+    assert!(o.solve(&mut Control::default()).unwrap().accuracy.is_none());
+}
+
+/// A cost that depends on time, parameters and the end, simulated along.
+#[test]
+fn the_simulated_cost_has_all_its_terms() {
+    let mut o = tutorial_ocp(&settings(GaussLegendre, 4, 10, FESD));
+    let r = o.solve(&mut Control::default()).unwrap();
+    let a = r.accuracy.as_ref().unwrap();
+    assert_near(&[a.cost], &[TUTORIAL_COST], 1e-10, "simulated cost");
+    assert!(a.cost_error.abs() < 1e-10 && a.terminal < 1e-10, "{a:?}");
+}
+
+/// With three elements the homotopy ends beside the better optimum of (7.51) on some grids; a search among the
+/// neighbouring mode sequences gets there.
+#[test]
+fn neighbouring_mode_sequences_find_the_better_optimum() {
+    let solve = |mode_search: i64| {
+        let set = Settings { mode_search, ..settings(RadauIia, 2, 3, FESD) };
+        let r = sliding_ocp(&set).solve(&mut Control::default()).unwrap().clone();
+        assert_eq!((r.outcome, r.polish), (Outcome::Solved, Polish::Done));
+        r
+    };
+    let (without, with) = (solve(0), solve(20));
+    assert!(with.cost < without.cost - 1e-5 && with.cost < 9.157_859_2, "{} {}", without.cost, with.cost);
+    assert!(with.accuracy.as_ref().unwrap().terminal_violation < 1e-5);
+    let again = solve(20);
+    assert_eq!(again.controls, with.controls, "the search is deterministic");
+}

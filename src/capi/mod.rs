@@ -121,6 +121,7 @@ pub mod trajectory;
 pub mod simulator;
 
 pub mod ocp;
+pub mod ocp_accuracy;
 
 pub mod mpcc;
 

@@ -89,7 +89,17 @@ impl Problem {
                 )
             })
         });
+        self.warn_of_simulation(level);
         Ok(outcome)
+    }
+
+    /// A solution whose controls cannot be simulated to the end deserves a second look.
+    fn warn_of_simulation(&mut self, level: LogLevel) {
+        let reason = self.result.as_ref().and_then(|r| r.accuracy.as_ref()).map(|a| a.reason.clone());
+        if let Some(reason) = reason.filter(|r| !r.is_empty()) {
+            self.hooks
+                .tell(level, LogLevel::Warning, || format!("ocp: the simulation of the controls ends early: {reason}"));
+        }
     }
 
     fn sensitivity(&mut self) -> Result<OcpSensitivity> {
@@ -103,7 +113,7 @@ impl Problem {
         found.ok_or_else(|| Error::Internal("no derivatives were computed".into()))
     }
 
-    fn result(&self) -> Result<&OcpResult> {
+    pub(super) fn result(&self) -> Result<&OcpResult> {
         self.result.as_ref().ok_or_else(|| Error::State("there is no result: call swb_ocp_solve first".into()))
     }
 }

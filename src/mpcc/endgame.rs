@@ -24,6 +24,10 @@ const CLEAR: f64 = 0.05;
 const DOUBTFUL: f64 = 1e-3;
 /// A multiplier, or a distance from a bound, that is as good as zero.
 const WEAK: f64 = 1e-9;
+/// Violation from which a point that is no solution of its branch is worth a try with the square system.
+const NEAR: f64 = 1e-4;
+/// Sets with parts that vanish, one after the other.
+const MAX_COLLAPSES: usize = 3;
 /// Newton solves with changing active sets.
 const ROUNDS: usize = 5;
 
@@ -249,7 +253,8 @@ impl MpccSolver {
                 self.sides.copy_from_slice(&self.solution.sides);
                 let x = std::mem::take(&mut self.solution.x);
                 let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
-                let ok = more && self.try_neighbour(p, bounds, &x, control);
+                let ok =
+                    more && (self.try_neighbour(p, bounds, &x, control) || self.collapse(p, bounds, control, suggest));
                 self.solution.x = x;
                 if ok && self.is_better(best) {
                     self.record_exact(p, control);
@@ -264,6 +269,27 @@ impl MpccSolver {
                 return;
             }
         }
+    }
+
+    /// The neighbour just tried has no solution although its points are better than the best one: parts of it may want
+    /// to vanish. Tries the sets without them.
+    fn collapse(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
+        for _ in 0..MAX_COLLAPSES {
+            if self.near >= self.solution.objective {
+                return false;
+            }
+            let before = self.sides.clone();
+            let mut sides = before.clone();
+            if !suggest(Wanted::Collapse, &self.point[..self.st.n], &mut sides) {
+                return false;
+            }
+            p.enter_branch(&before, &sides, &mut self.point[..self.st.n]);
+            self.sides = sides;
+            if self.try_point(p, bounds, control) {
+                return true;
+            }
+        }
+        false
     }
 
     /// Records the branch problem just solved, to the last digits where the square system gives them.
@@ -385,6 +411,7 @@ impl MpccSolver {
         p.set_polishing(true);
         self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
         let mut rule = Branch::new(self.branch_rule(1e-3));
+        self.near = f64::INFINITY;
         let settings = self.ipm.settings_mut();
         let push = std::mem::replace(&mut settings.bound_push, 1e-4);
         settings.restoration = false;
@@ -394,7 +421,30 @@ impl MpccSolver {
         let settings = self.ipm.settings_mut();
         settings.bound_push = push;
         settings.restoration = true;
-        outcome == Outcome::Solved
+        if outcome == Outcome::Solved {
+            return true;
+        }
+        // the barrier may jam where the active rows become dependent; their square system does not mind
+        if self.violation(p) > NEAR {
+            return false;
+        }
+        let at = self.ipm.iterate();
+        self.point.copy_from_slice(&at.x);
+        self.near = self.st.objective(self.ipm.objective(), &at.x);
+        let at = at.clone();
+        self.active.at.copy_from(&at);
+        if self.settle(p, control) {
+            return true;
+        }
+        let saved = std::mem::replace(&mut self.saved, at);
+        let outcome = self.run_branch(p, control);
+        self.saved = saved;
+        self.active.at.copy_from(self.ipm.iterate());
+        outcome == Outcome::Solved || (self.violation(p) <= NEAR && self.settle(p, control))
+    }
+
+    fn violation(&mut self, p: &mut dyn Mpcc) -> f64 {
+        self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st }).primal
     }
 
     /// Barrier rule of a branch problem: below 1e-10 the barrier no longer moves the solution by more than the tolerance

@@ -200,6 +200,8 @@ pub enum Wanted {
     Repair(usize),
     /// A set is solved: the `k`-th neighbour that may be better.
     Improve(usize),
+    /// A neighbour has no solution, but the point given is better than the best: the set without what vanishes there.
+    Collapse,
 }
 
 /// Proposes active sets: given what is wanted, the point reached, and the present sides, changes the sides; false when
@@ -236,6 +238,8 @@ pub struct MpccSolver {
     pub(super) active: ActiveSet,
     /// Near a solution: violations may not grow much any more.
     pub(super) close: bool,
+    /// Objective of the point a branch got stuck at, infinite where that is far from feasible.
+    pub(super) near: f64,
     pub(super) judge: Option<Judge>,
 }
 
@@ -274,6 +278,7 @@ impl MpccSolver {
             order: (0..n_groups).collect(),
             active: ActiveSet::new(n_all, all),
             close: false,
+            near: f64::INFINITY,
             judge: if p.pairs().is_empty() { None } else { Some(Judge::new(p)?) },
         })
     }

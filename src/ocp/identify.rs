@@ -5,6 +5,7 @@
 //! stage points leave it room; so such switches are moved to either side first. The simulation of the controls found
 //! has every switch where it belongs, and comes last because it costs more.
 
+use super::neighbours::{neighbours, Move};
 use crate::error::Result;
 use crate::fesd::Trajectory;
 use crate::mpcc::{Side, Wanted};
@@ -23,9 +24,19 @@ pub(super) struct Identifier {
     pub n_fe: usize,
     pub x0_at: usize,
     pub u_at: Vec<usize>,
+    /// Lengths of the elements, where they are variables.
+    pub h_at: Vec<Option<usize>>,
+    /// Cells of every subsystem.
+    pub cells: Vec<usize>,
+    /// Neighbouring sequences that may still be tried.
+    pub budget: usize,
     simulator: Option<Simulator>,
     /// Way to try next.
     next: usize,
+    moves: Vec<Move>,
+    next_move: usize,
+    /// Sequences proposed since the last [`Identifier::restart`].
+    tried: Vec<Vec<Side>>,
 }
 
 /// Where proposals come from.
@@ -47,9 +58,21 @@ impl Identifier {
             n_fe: 1,
             x0_at: 0,
             u_at: Vec::new(),
+            h_at: Vec::new(),
+            cells: Vec::new(),
+            budget: 0,
             simulator: None,
             next: 0,
+            moves: Vec::new(),
+            next_move: 0,
+            tried: Vec::new(),
         }
+    }
+
+    /// Forgets what was tried; `budget` neighbours may be tried from now on.
+    pub fn restart(&mut self, budget: usize) {
+        self.budget = budget;
+        self.tried.clear();
     }
 
     /// The next proposal, see [`crate::mpcc::Suggest`].
@@ -57,6 +80,7 @@ impl Identifier {
         match wanted {
             Wanted::Repair(k) => self.repair(k, w, sides),
             Wanted::Improve(k) => self.improve(k, sides),
+            Wanted::Collapse => self.collapse(w, sides),
         }
     }
 
@@ -80,7 +104,12 @@ impl Identifier {
 
     /// A switch that lies exactly between two control stages may want to be inside one of them, where the branch
     /// problem at hand cannot bring it.
-    fn improve(&self, k: usize, sides: &mut [Side]) -> bool {
+    fn improve(&mut self, k: usize, sides: &mut [Side]) -> bool {
+        if k == 0 {
+            self.moves = if self.budget > 0 { neighbours(&self.cells, sides) } else { Vec::new() };
+            self.next_move = 0;
+            self.tried.push(sides.to_vec());
+        }
         let mut left = k;
         for boundary in 1..self.u_at.len() {
             for way in [Way::Before, Way::After] {
@@ -90,6 +119,40 @@ impl Identifier {
                     }
                     left -= 1;
                 }
+            }
+        }
+        self.next_neighbour(sides)
+    }
+
+    /// Elements without length take the sets of the one behind them in their stage, or of that before.
+    fn collapse(&self, w: &[f64], sides: &mut [Side]) -> bool {
+        let n: usize = self.cells.iter().sum();
+        let short = 1e-3 * self.duration / self.n_fe as f64;
+        let has_length = |e: usize| self.h_at[e].is_none_or(|h| w[h] > short);
+        let before = sides.to_vec();
+        for e in (0..self.h_at.len()).filter(|&e| !has_length(e)) {
+            let stage = e / self.n_fe * self.n_fe..(e / self.n_fe + 1) * self.n_fe;
+            let from =
+                (e + 1..stage.end).find(|&k| has_length(k)).or_else(|| (stage.start..e).rev().find(|&k| has_length(k)));
+            if let Some(from) = from {
+                sides[e * n..(e + 1) * n].copy_from_slice(&before[from * n..(from + 1) * n]);
+            }
+        }
+        before != sides
+    }
+
+    /// The next neighbour that was not tried yet, as long as the budget lasts.
+    fn next_neighbour(&mut self, sides: &mut [Side]) -> bool {
+        let n_cells = self.cells.iter().sum();
+        while self.budget > 0 && self.next_move < self.moves.len() {
+            let mut s = sides.to_vec();
+            self.moves[self.next_move].apply(n_cells, &mut s);
+            self.next_move += 1;
+            if !self.tried.contains(&s) {
+                self.budget -= 1;
+                sides.copy_from_slice(&s);
+                self.tried.push(s);
+                return true;
             }
         }
         false

@@ -10,16 +10,22 @@
 //! elements (7.50). [`Ocp`] collects the problem, discretises it when it is first solved, and keeps structure and
 //! symbolic factorisation for further solves with other bounds, parameters and starting points.
 
+mod accuracy;
 mod identify;
+mod neighbours;
 mod sensitivity;
+mod terms;
 
+pub use accuracy::Accuracy;
 pub use sensitivity::OcpSensitivity;
 
 use std::time::Instant;
 
+use self::accuracy::Answer;
 use self::identify::Identifier;
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
+use crate::event::Engine;
 use crate::fesd::{Exit, Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
 use crate::linalg::kkt::LinearStats;
 use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side, Wanted};
@@ -49,6 +55,8 @@ pub struct OcpResult {
     pub time_build: f64,
     /// Variables, rows, complementarity pairs of the discretised problem.
     pub dimensions: (usize, usize, usize),
+    /// Comparison with a simulation of the controls; `None` when it is not asked for.
+    pub accuracy: Option<Accuracy>,
 }
 
 struct Built {
@@ -76,6 +84,8 @@ pub struct Ocp {
     x_guess: Option<(Vec<f64>, Vec<f64>)>,
     u_guess: Option<Vec<f64>>,
     built: Option<Built>,
+    /// Simulates answers, with the tolerance it was made for.
+    engine: Option<(Engine, f64)>,
     result: Option<OcpResult>,
 }
 
@@ -110,6 +120,7 @@ impl Ocp {
             x_guess: None,
             u_guess: None,
             built: None,
+            engine: None,
             result: None,
         })
     }
@@ -128,6 +139,7 @@ impl Ocp {
     pub fn set_lagrange(&mut self, f: SharedFunction) -> Result<()> {
         self.check(&f, Some(1))?;
         self.lagrange = Some(f);
+        self.engine = None;
         self.built = None;
         Ok(())
     }
@@ -267,20 +279,24 @@ impl Ocp {
         if outer.chain(self.terminal.iter().map(|t| &t.f)).any(|f| !f.jac_pattern().rows(t_col).is_empty()) {
             dcs.require_clock();
         }
-        let n_fe = self.settings.n_fe as usize;
         let spec = Spec {
+            dcs,
+            options: Options::from_settings(&self.settings)?,
+            n_stages: self.n_stages,
+            n_fe: self.settings.n_fe as usize,
             lagrange: self.lagrange.clone(),
             mayer: self.mayer.clone(),
             path: self.path.clone(),
             terminal: self.terminal.clone(),
-            ..Spec::new(dcs, Options::from_settings(&self.settings)?, vec![n_fe; self.n_stages])
         };
         let mut problem = Fesd::new(spec, self.horizon / self.n_stages as f64)?;
         let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
         let bounds = problem.bounds();
         let mut identifier = Identifier::new(&self.system, &self.settings);
-        identifier.duration = self.horizon / self.n_stages as f64;
-        identifier.n_fe = n_fe;
+        identifier.duration = problem.duration();
+        identifier.n_fe = problem.spec().n_fe;
+        identifier.h_at = problem.lengths();
+        identifier.cells = problem.spec().dcs.subsystems().iter().map(|s| s.cells.len()).collect();
         (identifier.x0_at, identifier.u_at) = problem.places();
         self.built = Some(Built { problem, solver, bounds, identifier });
         Ok(clock.elapsed().as_secs_f64())
@@ -313,6 +329,7 @@ impl Ocp {
         control.limit(self.settings.max_time);
         identifier.params.clone_from(&self.params);
         identifier.t0 = self.t0;
+        identifier.restart(self.settings.mode_search as usize);
         let detects = problem.detects_switches();
         let mut suggest = |k: Wanted, w: &[f64], sides: &mut [Side]| detects && identifier.suggest(k, w, sides);
         problem.set_exit(Exit::Slope);
@@ -326,7 +343,7 @@ impl Ocp {
         let mut trajectory = Trajectory::new(&problem.spec().dcs, problem.tableau());
         let sides = (s.polish == Polish::Done).then_some(&s.sides[..]);
         trajectory.append(&problem, &s.x, sides, self.t0);
-        let result = OcpResult {
+        let mut result = OcpResult {
             outcome: s.outcome,
             polish: s.polish,
             cost: problem.cost(&s.x).unwrap_or(f64::NAN),
@@ -336,9 +353,51 @@ impl Ocp {
             stats: s.stats,
             time_build,
             dimensions: (problem.n(), problem.m(), crate::mpcc::Mpcc::pairs(&problem).len()),
+            accuracy: None,
         };
         self.built = Some(Built { problem, solver, bounds, identifier });
+        if self.settings.accuracy != 0 && result.outcome != Outcome::Stopped {
+            result.accuracy = self.measure(&result)?;
+        }
         Ok(self.result.insert(result))
+    }
+
+    /// Compares an answer with the simulation of its controls.
+    fn measure(&mut self, r: &OcpResult) -> Result<Option<Accuracy>> {
+        let tol = self.settings.accuracy_tol;
+        let (mut engine, tol) = match self.engine.take() {
+            Some((e, t)) if t == tol => (e, t),
+            _ => match accuracy::engine(&self.system, self.lagrange.as_ref(), tol) {
+                Ok(e) => (e, tol),
+                // a kind of system that the engine does not know
+                Err(Error::Unsupported(_)) => return Ok(None),
+                Err(e) => return Err(e),
+            },
+        };
+        let n = self.n_stages;
+        let ends = r
+            .trajectory
+            .elements
+            .iter()
+            .enumerate()
+            .filter(|(k, e)| r.trajectory.elements.get(k + 1).is_none_or(|next| next.stage != e.stage));
+        let states: Vec<f64> = ends.flat_map(|(_, e)| e.x1.iter().copied()).collect();
+        let found = accuracy::measure(
+            &mut engine,
+            &Answer {
+                t0: self.t0,
+                x0: &r.trajectory.elements[0].x0,
+                durations: &vec![self.horizon / n as f64; n],
+                controls: &r.controls,
+                params: &self.params.repeat(n),
+                states: &states,
+                cost: r.cost,
+                mayer: self.mayer.as_ref(),
+                terminal: self.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
+            },
+        );
+        self.engine = Some((engine, tol));
+        found.map(Some)
     }
 
     fn control_guess(&self) -> Vec<f64> {

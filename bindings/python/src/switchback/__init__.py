@@ -46,7 +46,7 @@ from .mpcc import (
 )
 from .ocp import Ocp, OcpResult, OcpSensitivity
 from .plot import plot
-from .results import Iteration, LinearStats, Residuals, Stats, print_iteration
+from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
 from .settings import Option, Settings, options
 from .simulator import SimulationResult, Simulator, simulate
 from .system import System
@@ -55,6 +55,7 @@ from .trajectory import Switch, Trajectory
 __version__ = "0.1.0"
 
 __all__ = [
+    "Accuracy",
     "ArgumentError",
     "Certificate",
     "Conflict",

@@ -338,6 +338,9 @@ class swb_settings(Structure):
         ("relaxation", c_int64),
         ("homotopy", c_int64),
         ("penalty_init", c_double),
+        ("accuracy", c_int64),
+        ("accuracy_tol", c_double),
+        ("mode_search", c_int64),
     ]
 
 
@@ -443,6 +446,19 @@ class swb_iteration_info(Structure):
         ("alpha_pr", c_double),
         ("trials", c_int64),
         ("phase", c_int64),
+    ]
+
+
+class swb_accuracy(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("reached", c_int64),
+        ("n_switches", c_int64),
+        ("worst", c_double),
+        ("terminal", c_double),
+        ("terminal_violation", c_double),
+        ("cost", c_double),
+        ("cost_error", c_double),
     ]
 
 
@@ -626,6 +642,8 @@ FUNCTIONS = {
     "swb_ocp_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
     "swb_ocp_interrupt": (c_int32, [c_void_p]),
     "swb_ocp_free": (None, [c_void_p]),
+    "swb_ocp_get_accuracy": (c_int32, [c_void_p, POINTER(swb_accuracy), c_uint64]),
+    "swb_ocp_get_mismatch": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_mpcc_create": (c_int32, [c_int64, c_int64, c_void_p, c_void_p, POINTER(swb_settings), c_void_p]),
     "swb_mpcc_add_pair": (c_int32, [c_void_p, c_int32, c_int64, c_int32, c_int64]),
     "swb_mpcc_set_hessian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, swb_lagrangian_fn, c_void_p]),

@@ -9,11 +9,11 @@ from typing import Any, Mapping, Sequence
 import numpy
 
 from ._arrays import Array, address, bounds, index, number, real, table, vector
-from ._ffi import Outcome, PathAt, Polished
+from ._ffi import Outcome, PathAt, Polished, swb_accuracy
 from ._solver import Solver
-from .errors import ArgumentError, DimensionError
+from .errors import ArgumentError, DimensionError, StateError
 from .function import Function
-from .results import HasOutcome, OnIteration, OnLog, Residuals, Stats, polished_of
+from .results import Accuracy, HasOutcome, OnIteration, OnLog, Residuals, Stats, polished_of
 from .settings import Settings
 from .simulator import _need_system
 from .system import System
@@ -34,6 +34,10 @@ class OcpResult(HasOutcome):
     trajectory: Trajectory
     residuals: Residuals
     stats: Stats
+    #: Comparison with a simulation of the controls; None with the option accuracy off.
+    accuracy: Accuracy | None = None
+    #: Largest difference of a state at the end of every control stage.
+    mismatch: Array | None = field(default=None, repr=False)
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
         """See `switchback.plot`."""
@@ -221,7 +225,17 @@ class Ocp(Solver):
             Trajectory._take(self),
             self.residuals,
             self.stats,
+            *self._accuracy(),
         )
+
+    def _accuracy(self) -> tuple[Accuracy | None, Array | None]:
+        mismatch = numpy.empty(self.n_stages)
+        try:
+            c = self._struct("get_accuracy", swb_accuracy)
+        except StateError:
+            return None, None
+        self._do("get_mismatch", address(mismatch), len(mismatch))
+        return Accuracy._of(c), mismatch
 
     def sensitivity(self) -> OcpSensitivity:
         """Derivatives of the last solution with respect to initial state and parameters, while the order of modes stays

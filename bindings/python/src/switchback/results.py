@@ -9,7 +9,7 @@ from . import _ffi
 from ._ffi import Outcome, Polished
 from ._library import lib
 
-__all__ = ["Iteration", "LinearStats", "Residuals", "Stats", "print_iteration"]
+__all__ = ["Accuracy", "Iteration", "LinearStats", "Residuals", "Stats", "print_iteration"]
 
 
 class _FromStruct:
@@ -48,6 +48,21 @@ class Stats(_FromStruct):
     n_pairs: int
     n_steps: int
     n_homotopies: int
+
+
+@dataclass(frozen=True)
+class Accuracy(_FromStruct):
+    """Comparison of an optimal control with an independent simulation of its controls: largest differences of a state over
+    the ends of the control stages and at the end, violation of the terminal constraints, cost and its error. NaN where
+    the simulation did not get."""
+
+    reached: bool
+    n_switches: int
+    worst: float
+    terminal: float
+    terminal_violation: float
+    cost: float
+    cost_error: float
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,87 @@
+//! How far an optimal control is from the system it is meant for.
+
+use super::guard::guard;
+use super::handle;
+use super::ocp::swb_ocp;
+use super::raw;
+use super::report::{write_sized, Sized8};
+use super::status::swb_status;
+use crate::error::{Error, Result};
+use crate::event;
+use crate::ocp::{Accuracy, OcpResult};
+
+/// Comparison of an optimal control with a simulation of its controls by the event-driven engine. NaN from where the
+/// simulation did not get.
+#[repr(C)]
+#[derive(Clone, Copy, Debug)]
+pub struct swb_accuracy {
+    /// Size of this struct in bytes.
+    pub struct_size: u64,
+    /// 1 if the simulation reached the end of the horizon.
+    pub reached: i64,
+    /// Switches of the simulation.
+    pub n_switches: i64,
+    /// Largest difference of a state at the ends of the control stages.
+    pub worst: f64,
+    /// Largest difference of a state at the end of the horizon.
+    pub terminal: f64,
+    /// Largest violation of a terminal constraint by the end of the simulation.
+    pub terminal_violation: f64,
+    /// Cost of the simulation.
+    pub cost: f64,
+    /// Cost of the solution less that of the simulation.
+    pub cost_error: f64,
+}
+unsafe impl Sized8 for swb_accuracy {}
+
+impl swb_accuracy {
+    fn of(a: &Accuracy) -> swb_accuracy {
+        let worst = a.stages.iter().fold(0.0, |m: f64, v| if v.is_nan() { *v } else { m.max(*v) });
+        swb_accuracy {
+            struct_size: 0,
+            reached: i64::from(a.outcome == event::Outcome::Reached),
+            n_switches: a.n_switches as i64,
+            worst,
+            terminal: a.terminal,
+            terminal_violation: a.terminal_violation,
+            cost: a.cost,
+            cost_error: a.cost_error,
+        }
+    }
+}
+
+fn accuracy(r: &OcpResult) -> Result<&Accuracy> {
+    r.accuracy.as_ref().ok_or_else(|| {
+        Error::State("the controls were not simulated: switch the option accuracy on, then solve".into())
+    })
+}
+
+/// How far the last solution is from the system: its controls are simulated again, by other means and at the tolerance
+/// accuracy_tol.
+///
+/// @param[out] accuracy    every field is written
+/// @param[in]  struct_size sizeof(swb_accuracy)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_accuracy(
+    ocp: *const swb_ocp,
+    accuracy: *mut swb_accuracy,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(ocp, |o| {
+            write_sized(&swb_accuracy::of(self::accuracy(o.result()?)?), accuracy, struct_size, "accuracy")
+        })
+    })
+}
+
+/// Largest difference between a state of the last solution and of the simulation at the end of every control stage.
+///
+/// @param[out] stages [n_stages] one for each control stage
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_mismatch(ocp: *const swb_ocp, stages: *mut f64, n_stages: i64) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(ocp, |o| raw::write_slice(stages, n_stages, &accuracy(o.result()?)?.stages, "stages"))
+    })
+}

@@ -1,0 +1,289 @@
+//! Functions made of other functions: inputs taken from elsewhere, outputs stacked, sums of squares.
+
+use std::sync::Arc;
+
+use crate::func::{Dims, EvalResult, Function, Point};
+use crate::linalg::csc::Pattern;
+use crate::system::SharedFunction;
+
+/// Columns of a function for the blocks of a larger set of inputs: `x`, `u` and `p` begin at these places there.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Places {
+    pub x: usize,
+    pub u: usize,
+    pub p: usize,
+}
+
+impl Places {
+    /// Columns of a function with sizes `inner` among inputs of sizes `outer`.
+    pub fn columns(self, inner: Dims, outer: Dims) -> Vec<usize> {
+        let blocks = [(self.x, inner.x), (self.u, inner.u), (self.p, inner.p), (outer.t_col(), 1)];
+        blocks.iter().flat_map(|&(from, n)| from..from + n).collect()
+    }
+
+    /// The blocks begin as in the function itself, after what is in front of them in `outer`.
+    pub fn leading(outer: Dims) -> Places {
+        Places { x: 0, u: outer.x, p: outer.x + outer.u }
+    }
+}
+
+/// Functions of common inputs, one below the other.
+pub(super) struct Stack {
+    name: String,
+    dims: Dims,
+    parts: Vec<Part>,
+    n_out: usize,
+    jac: Pattern,
+    hess: Pattern,
+    work: usize,
+}
+
+struct Part {
+    f: SharedFunction,
+    /// Column of the stack behind every column of the function.
+    columns: Vec<usize>,
+    /// The inputs are those of the stack: nothing has to be gathered.
+    plain: bool,
+    first: usize,
+    /// Entries of the stack's derivatives behind those of the function, and the factor of the latter.
+    jac: Vec<usize>,
+    hess: Vec<(usize, f64)>,
+}
+
+impl Stack {
+    /// `parts`: functions with the columns of `dims` their inputs are.
+    pub fn of(name: &str, dims: Dims, parts: Vec<(SharedFunction, Vec<usize>)>) -> SharedFunction {
+        let n_in = dims.n_in();
+        let mut s = Stack {
+            name: name.to_owned(),
+            dims,
+            parts: Vec::new(),
+            n_out: 0,
+            jac: Pattern::empty(0, n_in),
+            hess: Pattern::empty(n_in, n_in),
+            work: 0,
+        };
+        let (mut jac, mut hess) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
+        for (f, columns) in parts {
+            let (inner_jac, inner_hess) = (f.jac_pattern(), f.hess_pattern());
+            for j in 0..inner_jac.n_cols() {
+                for &i in inner_jac.rows(j) {
+                    jac.0.push(s.n_out + i);
+                    jac.1.push(columns[j]);
+                }
+            }
+            let mut factors = Vec::with_capacity(inner_hess.nnz());
+            for j in 0..inner_hess.n_cols() {
+                for &i in inner_hess.rows(j) {
+                    let (a, b) = (columns[i].min(columns[j]), columns[i].max(columns[j]));
+                    hess.0.push(a);
+                    hess.1.push(b);
+                    // two inputs that are one: both halves of the symmetric matrix fall on the diagonal
+                    factors.push(if a == b && i != j { 2.0 } else { 1.0 });
+                }
+            }
+            let buffer = inner_jac.nnz().max(inner_hess.nnz());
+            s.work = s.work.max(f.work_len() + buffer + f.dims().n_in());
+            let plain = f.dims() == dims && columns.iter().enumerate().all(|(j, &c)| j == c);
+            let n_jac = inner_jac.nnz();
+            let n_out = f.n_out();
+            s.parts.push(Part {
+                f,
+                columns,
+                plain,
+                first: s.n_out,
+                jac: vec![0; n_jac],
+                hess: factors.into_iter().map(|v| (0, v)).collect(),
+            });
+            s.n_out += n_out;
+        }
+        let (p, map) = Pattern::from_triplets(s.n_out, n_in, &jac.0, &jac.1);
+        s.jac = p;
+        let targets = s.parts.iter_mut().flat_map(|p| &mut p.jac);
+        targets.zip(map).for_each(|(to, k)| *to = k);
+        let (p, map) = Pattern::from_triplets(n_in, n_in, &hess.0, &hess.1);
+        s.hess = p;
+        let targets = s.parts.iter_mut().flat_map(|p| &mut p.hess);
+        targets.zip(map).for_each(|(to, k)| to.0 = k);
+        Arc::new(s)
+    }
+
+    /// One function with its inputs taken from `columns` of `dims`.
+    pub fn gather(f: &SharedFunction, dims: Dims, columns: Vec<usize>) -> SharedFunction {
+        Stack::of(f.name(), dims, vec![(f.clone(), columns)])
+    }
+}
+
+impl Part {
+    /// Calls `body` with the inputs of the function and a workspace.
+    fn with(&self, at: &Point, work: &mut [f64], body: impl FnOnce(&Point, &mut [f64]) -> EvalResult) -> EvalResult {
+        if self.plain {
+            return body(at, work);
+        }
+        let d = self.f.dims();
+        let (z, work) = work.split_at_mut(d.n_in());
+        for (v, &c) in z.iter_mut().zip(&self.columns) {
+            *v = input(at, c);
+        }
+        let (x, u, p) = (&z[..d.x], &z[d.x..d.x + d.u], &z[d.x + d.u..d.t_col()]);
+        body(&Point { t: z[d.t_col()], x, u, p }, work)
+    }
+}
+
+/// Input column `c` at a point.
+pub(super) fn input(at: &Point, c: usize) -> f64 {
+    let (nx, nu, np) = (at.x.len(), at.u.len(), at.p.len());
+    match c {
+        c if c < nx => at.x[c],
+        c if c < nx + nu => at.u[c - nx],
+        c if c < nx + nu + np => at.p[c - nx - nu],
+        _ => at.t,
+    }
+}
+
+impl Function for Stack {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn dims(&self) -> Dims {
+        self.dims
+    }
+    fn n_out(&self) -> usize {
+        self.n_out
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        &self.jac
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        &self.hess
+    }
+    fn work_len(&self) -> usize {
+        self.work
+    }
+    fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        for p in &self.parts {
+            let out = &mut out[p.first..p.first + p.f.n_out()];
+            p.with(at, work, |at, work| p.f.value(at, out, work))?;
+        }
+        Ok(())
+    }
+    fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        out.fill(0.0);
+        for p in &self.parts {
+            let (inner, work) = work.split_at_mut(p.jac.len());
+            p.with(at, work, |at, work| p.f.jacobian(at, inner, work))?;
+            for (&k, v) in p.jac.iter().zip(&*inner) {
+                out[k] += v;
+            }
+        }
+        Ok(())
+    }
+    fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        out.fill(0.0);
+        for p in self.parts.iter().filter(|p| !p.hess.is_empty()) {
+            let (inner, work) = work.split_at_mut(p.hess.len());
+            let weights = &weights[p.first..p.first + p.f.n_out()];
+            p.with(at, work, |at, work| p.f.hessian(at, weights, inner, work))?;
+            for (&(k, factor), v) in p.hess.iter().zip(&*inner) {
+                out[k] += factor * v;
+            }
+        }
+        Ok(())
+    }
+    fn jacobian_is_approximate(&self) -> bool {
+        self.parts.iter().any(|p| p.f.jacobian_is_approximate())
+    }
+    fn hessian_is_approximate(&self) -> bool {
+        self.parts.iter().any(|p| p.f.hessian_is_approximate())
+    }
+}
+
+/// Linear combinations of inputs: for every output the columns and their factors.
+pub(super) fn combination(name: &str, dims: Dims, rows: Vec<Vec<(usize, f64)>>) -> SharedFunction {
+    let entries = || rows.iter().enumerate().flat_map(|(i, row)| row.iter().map(move |&(c, v)| (i, c, v)));
+    let (r, c): (Vec<usize>, Vec<usize>) = entries().map(|e| (e.0, e.1)).unzip();
+    let (jac, map) = Pattern::from_triplets(rows.len(), dims.n_in(), &r, &c);
+    let mut values = vec![0.0; jac.nnz()];
+    entries().zip(map).for_each(|(e, k)| values[k] += e.2);
+    Arc::new(Linear { name: name.to_owned(), dims, rows, hess: Pattern::empty(dims.n_in(), dims.n_in()), jac, values })
+}
+
+struct Linear {
+    name: String,
+    dims: Dims,
+    rows: Vec<Vec<(usize, f64)>>,
+    jac: Pattern,
+    values: Vec<f64>,
+    hess: Pattern,
+}
+
+impl Function for Linear {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn dims(&self) -> Dims {
+        self.dims
+    }
+    fn n_out(&self) -> usize {
+        self.rows.len()
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        &self.jac
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        &self.hess
+    }
+    fn work_len(&self) -> usize {
+        0
+    }
+    fn value(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
+        for (o, row) in out.iter_mut().zip(&self.rows) {
+            *o = row.iter().map(|&(c, v)| v * input(at, c)).sum();
+        }
+        Ok(())
+    }
+    fn jacobian(&self, _: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
+        out.copy_from_slice(&self.values);
+        Ok(())
+    }
+    fn hessian(&self, _: &Point, _: &[f64], _: &mut [f64], _: &mut [f64]) -> EvalResult {
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::func::{check_derivatives, Callback, CheckSettings};
+
+    fn inner() -> SharedFunction {
+        let d = Dims { x: 2, u: 1, p: 1 };
+        let f = Callback::new("r", d, 2, |at, o| {
+            o[0] = at.x[0] * at.x[1] + at.u[0] * at.p[0];
+            o[1] = at.x[1].sin() * at.u[0];
+            0
+        });
+        Arc::new(f)
+    }
+
+    fn agree(f: &dyn Function, x: &[f64], u: &[f64], p: &[f64]) {
+        let at = Point { t: 0.3, x, u, p };
+        let r = check_derivatives(f, &at, &CheckSettings::default()).unwrap();
+        assert!(r.mismatches.is_empty(), "{}: {:?}", f.name(), r.mismatches);
+    }
+
+    #[test]
+    fn inputs_from_elsewhere_also_twice() {
+        let d = Dims { x: 4, u: 0, p: 1 };
+        // x = (x3, x1), u = x3
+        let g = Stack::gather(&inner(), d, vec![3, 1, 3, 4, 5]);
+        agree(&*g, &[0.0, 0.7, 0.0, 1.3], &[], &[0.4]);
+        let both = Stack::of("both", d, vec![(g.clone(), (0..6).collect()), (inner(), vec![0, 1, 2, 4, 5])]);
+        agree(&*both, &[0.2, 0.7, -0.5, 1.3], &[], &[0.4]);
+        let mut out = [0.0; 4];
+        let at = Point { t: 0.0, x: &[0.2, 0.7, -0.5, 1.3], u: &[], p: &[0.4] };
+        both.value(&at, &mut out, &mut vec![0.0; both.work_len()]).unwrap();
+        assert_eq!(out[0], 1.3 * 0.7 + 1.3 * 0.4);
+        assert_eq!(out[2], 0.2 * 0.7 - 0.5 * 0.4);
+    }
+}
