@@ -53,7 +53,7 @@ fi
 if ! have_header idas/idas.h && [ ! -e "$build/sundials/usr/include/idas/idas.h" ]; then
     if have_program apt-get && have_program dpkg; then
         say "unpacking SUNDIALS into $build/sundials"
-        packages="libsundials-dev libsundials-idas5 libsundials-nvecserial6 libsundials-sunlinsol3 libsundials-sunmatrix4"
+        packages="libsundials-dev libsundials-arkode5 libsundials-cvode6 libsundials-idas5 libsundials-nvecserial6 libsundials-sunlinsol3 libsundials-sunmatrix4"
         mkdir -p "$build/sundials/deb"
         # shellcheck disable=SC2086
         download() { (cd "$build/sundials/deb" && apt-get download -qq $packages); }
