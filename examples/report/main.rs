@@ -6,7 +6,6 @@
 
 mod cases;
 mod expression_models;
-mod fast_oscillator;
 mod json;
 mod models;
 mod recorded;

@@ -118,13 +118,14 @@ def generate(text: str) -> str:
         out += ["", f"class {python_name(name)}(Names):", f'    """enum {name}"""', ""]
         out += [f"    {k.removeprefix(prefix).removeprefix('SWB_')} = {v}" for k, v in values]
         out += [""]
+    out += [""]
+    for result, name, arguments in h.callbacks:
+        out += [f"{name} = CFUNCTYPE({', '.join([SCALARS[result]] + h.types(arguments, callback=True))})"]
+    out += [""]
     for name, body in h.structs:
         out += ["", f"class {name}(Structure):", "    _fields_ = ["]
         out += [f'        ("{field}", {kind}),' for field, kind in h.fields(body)]
         out += ["    ]", ""]
-    out += [""]
-    for result, name, arguments in h.callbacks:
-        out += [f"{name} = CFUNCTYPE({', '.join([SCALARS[result]] + h.types(arguments, callback=True))})"]
     out += ["", "# name: (result, arguments)", "FUNCTIONS = {"]
     for result, name, arguments in h.functions:
         kinds = ", ".join(h.types(arguments))

@@ -8,7 +8,7 @@ result = swb.simulate(system, x0=[-1.0], duration=2.0, n_steps=10)
 print(result.trajectory.switches)
 """
 
-from . import expr
+from . import casadi, expr
 from ._ffi import Item, LogLevel, Member, Outcome, PathAt, Polished, Status, SwitchKind
 from ._library import path as library_path
 from ._library import version as library_version

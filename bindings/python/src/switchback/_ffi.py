@@ -297,6 +297,16 @@ class Doubt(Names):
     STOPPED = 5
 
 
+swb_log_fn = CFUNCTYPE(None, c_int64, c_char_p, c_void_p)
+swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
+swb_destroy_fn = CFUNCTYPE(None, c_void_p)
+swb_jacobian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
+swb_hessian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p, c_void_p)
+swb_code = CFUNCTYPE(None)
+swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
+swb_lagrangian_fn = CFUNCTYPE(c_int32, c_void_p, c_double, c_void_p, c_void_p, c_void_p)
+
+
 class swb_settings(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -494,15 +504,6 @@ class swb_linear_stats(Structure):
         ("equilibrations", c_int64),
     ]
 
-
-swb_log_fn = CFUNCTYPE(None, c_int64, c_char_p, c_void_p)
-swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
-swb_destroy_fn = CFUNCTYPE(None, c_void_p)
-swb_jacobian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
-swb_hessian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p, c_void_p)
-swb_code = CFUNCTYPE(None)
-swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
-swb_lagrangian_fn = CFUNCTYPE(c_int32, c_void_p, c_double, c_void_p, c_void_p, c_void_p)
 
 # name: (result, arguments)
 FUNCTIONS = {

@@ -481,11 +481,16 @@ class Function(Handle):
 
     @classmethod
     def _of(cls, f: Any, sizes: tuple[int, int, int], n_out: int | tuple[int, ...], name: str) -> Function:
-        """What the models take as a function: one, a callable, several callables, or constants."""
+        """What the models take as a function: one, a callable, several callables, of CasADi too, or constants."""
         if isinstance(f, Function):
             return f
         if f is None:
             raise NullError(f"{name} must be a function, not None")
+        from . import casadi
+
+        several = isinstance(f, (list, tuple)) and len(f) > 0 and all(map(casadi.is_function, f))
+        if several or casadi.is_function(f):
+            return casadi.function(f, *sizes, n_out)
         if callable(f):
             return cls(f, *sizes, n_out, name=name)
         if isinstance(f, (list, tuple)) and f and all(callable(g) and not isinstance(g, Function) for g in f):

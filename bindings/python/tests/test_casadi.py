@@ -1,0 +1,153 @@
+"""Functions of CasADi, compiled and interpreted: the same numbers, the same solutions, refusals."""
+
+import subprocess
+import sys
+
+import casadi as ca
+import models
+import numpy as np
+import pytest
+import switchback as swb
+
+HOW = ["compile", "interpret"]
+AT = {"x": [0.7, -1.3], "u": [0.9], "p": [5.0], "t": 0.4}
+
+
+def sx_function():
+    """(x0 u + sin(x1 t), x1^2, 0), with the inputs in another order."""
+    t, x, u = ca.SX.sym("t"), ca.SX.sym("x", 2), ca.SX.sym("u")
+    return ca.Function(
+        "f", [t, x, u], [x[0] * u + ca.sin(x[1] * t), ca.vertcat(x[1] ** 2, ca.SX(1, 1))], ["t", "x", "u"], ["a", "b"]
+    )
+
+
+@pytest.mark.parametrize("how", HOW)
+def test_exact_derivatives_and_patterns(how, live):
+    f = swb.casadi.function(sx_function(), 2, 1, 1, how=how)
+    assert (f.n_out, f.sizes, f.name) == (3, {"x": 2, "u": 1, "p": 1}, "f")
+    s, c = np.sin(-0.52), np.cos(-0.52)
+    assert np.allclose(f(**AT), [0.63 + s, 1.69, 0.0], rtol=0, atol=1e-15)
+    jacobian = [[0.9, 0.4 * c, 0.7, 0, -1.3 * c], [0, -2.6, 0, 0, 0], [0] * 5]
+    assert np.allclose(f.jacobian(**AT), jacobian, rtol=0, atol=1e-15)
+    w = [0.8, -1.1, 2.0]
+    hessian = np.zeros((5, 5))
+    hessian[0, 2] = hessian[2, 0] = 0.8
+    hessian[1, 1] = -0.8 * s * 0.16 - 2.2
+    hessian[1, 4] = hessian[4, 1] = 0.8 * (c - s * -0.52)
+    hessian[4, 4] = -0.8 * s * 1.69
+    assert np.allclose(f.hessian(**AT, weights=w), hessian, rtol=0, atol=1e-15)
+    assert len(f.jacobian_pattern[0]) == 5 and len(f.hessian_pattern[0]) == 4
+    assert f.check_derivatives(**AT)
+    f.close()
+    assert live() == {}
+
+
+@pytest.mark.parametrize("how", HOW)
+def test_solvers_inside(how):
+    y, a = ca.MX.sym("y"), ca.MX.sym("a")
+    solve = ca.rootfinder("solve", "fast_newton", {"x": y, "p": a, "g": y**3 + y - a}, {"abstol": 1e-15})
+    x = ca.MX.sym("x")
+    f = swb.casadi.function(ca.Function("root", [x], [solve(0, x) ** 2], ["x"], ["y"]), how=how)
+    assert f.sizes == {"x": 1, "u": 0, "p": 0}
+    assert f(x=10.0) == pytest.approx(4.0, abs=1e-14)
+    # y = 2, y' = 1/13, y'' = -6 y y'^3
+    assert f.jacobian(x=10.0)[0, 0] == pytest.approx(4 / 13, abs=1e-14)
+    assert f.hessian(x=10.0)[0, 0] == pytest.approx(2 / 169 - 48 / 2197, abs=1e-14)
+
+
+def oscillator():
+    x = ca.SX.sym("x", 2)
+    inside, outside = (
+        ca.Function(name, [x], [ca.DM(a) @ x], ["x"], ["f"]) for name, a in (("f1", models.A_IN), ("f2", models.A_OUT))
+    )
+    circle = ca.Function("circle", [x], [ca.sumsqr(x) - 1], ["x"], ["c"])
+    return inside, outside, circle
+
+
+def test_functions_as_they_are():
+    by_hand = swb.simulate(models.oscillator(), models.OSCILLATOR_X0, models.OSCILLATOR_T, 10, n_s=5)
+    inside, outside, circle = oscillator()
+    x = ca.SX.sym("x", 2)
+    matrix = ca.Function("F", [x], [ca.horzcat(inside(x), outside(x))], ["x"], ["F"])
+    for modes in ([inside, outside], matrix):
+        system = models.oscillator(modes, circle)
+        result = swb.simulate(system, models.OSCILLATOR_X0, models.OSCILLATOR_T, 10, n_s=5)
+        assert np.allclose(result.state, by_hand.state, rtol=0, atol=1e-10)
+        assert [s.t for s in result.trajectory.switches] == pytest.approx([1.0], abs=1e-7)
+
+
+@pytest.mark.parametrize("how", HOW)
+def test_optimal_control(how):
+    x, u = ca.MX.sym("x"), ca.MX.sym("u")
+    expressions = {"f0": u, "lagrange": x**2 + u**2, "mayer": (x - 1) ** 2}
+    parts = {name: ca.Function(name, [x, u], [value], ["x", "u"], ["y"]) for name, value in expressions.items()}
+    of_casadi = {name: swb.casadi.function(f, 1, 1, how=how) for name, f in parts.items()}
+    by_hand = {
+        "f0": lambda u: u,
+        "lagrange": lambda x, u: x[0] ** 2 + u[0] ** 2,
+        "mayer": lambda x: (x[0] - 1) ** 2,
+    }
+    costs = []
+    for get in (of_casadi, by_hand):
+        system = swb.System(1, 1, f0=get["f0"])
+        system.add_subsystem([[1.0], [-1.0]], lambda x: x[0], signs=[-1, 1])
+        ocp = swb.Ocp(system, 1.0, 4, lagrange=get["lagrange"], mayer=get["mayer"], initial_state=[-0.4])
+        costs.append(ocp.solve().cost)
+    assert costs[0] == pytest.approx(costs[1], rel=1e-7)
+
+
+def test_functions_inside_expressions():
+    from switchback.expr import Model, external, sign
+
+    x = ca.SX.sym("x", 2)
+    pull = swb.casadi.function(ca.Function("pull", [x], [-ca.sin(x[0])], ["x"], ["y"]))
+    m = Model(states="q v")
+    q, v = m.x
+    m.derivatives = [v, external(pull, x=[q, v])[0] - 0.3 * sign(v)]
+    n = Model(states="q v")
+    n.derivatives = [n.x[1], -np.sin(n.x[0]) - 0.3 * sign(n.x[1])]
+    ends = [swb.simulate(model.system(), x0=[1.0, 0.1], duration=2.0, n_steps=10).state for model in (m, n)]
+    assert np.allclose(*ends, rtol=0, atol=1e-10)
+
+
+def test_code_that_was_generated_before(tmp_path):
+    inside, _, circle = oscillator()
+    swb.casadi.generate([inside, circle], tmp_path / "model.c")
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", tmp_path / "model.so", tmp_path / "model.c", "-lm"], check=True)
+    f = swb.casadi.load(tmp_path / "model.so", "circle", 2)
+    (tmp_path / "model.so").unlink()
+    assert f(x=[3.0, 4.0]) == pytest.approx(24.0)
+    assert np.allclose(f.hessian(x=[3.0, 4.0]), np.diag([2.0, 2.0, 0.0]))
+    f.close()  # while it is open, its name finds it
+    with pytest.raises(swb.LibraryError, match="model.so"):
+        swb.casadi.load(tmp_path / "model.so", "circle", 2)
+
+
+def test_refusals(monkeypatch):
+    x, y = ca.SX.sym("x", 2), ca.SX.sym("y")
+    unnamed = ca.Function("g", [x, y], [x * y])
+    with pytest.raises(swb.ArgumentError, match="input 'i0'"):
+        swb.casadi.function(unnamed, 2, 1)
+    with pytest.raises(swb.ArgumentError, match="has 2 inputs, 1 are listed"):
+        swb.casadi.function(unnamed, 2, 1, inputs=["x"])
+    assert swb.casadi.function(unnamed, 2, 1, inputs=["x", "u"])([1.0, 2.0], [3.0]) == pytest.approx([3.0, 6.0])
+    with pytest.raises(swb.DimensionError, match="has 2 entries, expected 3"):
+        swb.casadi.function(unnamed, 3, 1, inputs=["x", "u"])
+    with pytest.raises(swb.DimensionError, match="has 2 outputs, expected 3"):
+        swb.casadi.function(unnamed, 2, 1, n_out=3, inputs=["x", "u"])
+    with pytest.raises(swb.ArgumentError, match="not <function"):
+        swb.casadi.function(lambda x: x, 1)
+    with pytest.raises(swb.ArgumentError, match="how must be"):
+        swb.casadi.function(unnamed, 2, 1, how="guess")
+    f, g = (ca.Function("f", [ca.SX.sym("x", n)], [ca.SX(1)], ["x"], ["y"]) for n in (1, 2))
+    with pytest.raises(swb.DimensionError, match="disagree about the shape of x"):
+        swb.casadi.function([f, g], 1)
+    monkeypatch.setenv("CC", "/no/such/compiler")
+    with pytest.raises(swb.LibraryError, match="/no/such/compiler"):
+        swb.casadi.function(oscillator()[2], how="compile")
+    assert swb.casadi.function(oscillator()[2])(x=[3.0, 4.0]) == pytest.approx(24.0)
+
+
+def test_the_package_does_not_need_casadi():
+    code = "import sys; sys.modules['casadi'] = None; import switchback as swb; swb.Function(lambda x: x, 1)(x=[1.0])"
+    subprocess.run([sys.executable, "-c", code], check=True)
