@@ -71,7 +71,7 @@ if [ ! -x "$build/venv/bin/python" ]; then
     python3 -m venv "$build/venv" || say "no Python environment: Python tests and plots are left out"
 fi
 if [ -x "$build/venv/bin/python" ] &&
-    ! "$build/venv/bin/python" -c "import numpy, matplotlib, pytest, setuptools, wheel" 2> /dev/null; then
+    ! "$build/venv/bin/python" -c "import numpy, matplotlib, pytest, setuptools, wheel, casadi" 2> /dev/null; then
     say "installing Python modules into $build/venv"
-    "$build/venv/bin/pip" install --quiet --disable-pip-version-check numpy matplotlib pytest setuptools wheel
+    "$build/venv/bin/pip" install --quiet --disable-pip-version-check numpy matplotlib pytest setuptools wheel casadi
 fi

@@ -6,6 +6,7 @@
 
 mod cases;
 mod expression_models;
+mod fast_oscillator;
 mod json;
 mod models;
 mod recorded;
