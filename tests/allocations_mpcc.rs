@@ -33,15 +33,11 @@ fn problem(set: &Settings) -> Fesd {
     );
     let e = models::affine("e", d, &[0.0; 2], &[(0, 0, 1.0), (1, 1, 1.0)]);
     let q = vec![-PI / 6.0, -PI / 4.0];
+    let (dcs, options) = (Dcs::stewart(&sys).unwrap(), Options::from_settings(set).unwrap());
     let spec = Spec {
-        dcs: Dcs::stewart(&sys).unwrap(),
-        options: Options::from_settings(set).unwrap(),
-        n_stages: 3,
-        n_fe: set.n_fe as usize,
         lagrange: Some(l),
-        mayer: None,
-        path: Vec::new(),
         terminal: vec![Terminal { f: e, lower: q.clone(), upper: q }],
+        ..Spec::new(dcs, options, vec![set.n_fe as usize; 3])
     };
     Fesd::new(spec, 4.0 / 3.0).unwrap()
 }

@@ -6,7 +6,7 @@ use common::models::add_sides;
 use common::*;
 use std::sync::Arc;
 use switchback::dcs::Dcs;
-use switchback::fesd::{Fesd, Options, PathAt, PathConstraint, Spec, Terminal};
+use switchback::fesd::{Boundary, Durations, Fesd, Options, PathAt, PathConstraint, Spec, Terminal};
 use switchback::func::{check_derivatives, Callback, CheckSettings, Dims, Function, Point};
 use switchback::linalg::csc::Pattern;
 use switchback::mpcc::Mpcc;
@@ -31,7 +31,11 @@ impl Numbers {
 
 /// `a'z + z'Bz/2 + sin d'z` with full derivatives, `z = (x, u, p, t)`; without `timed` no dependence on `t`.
 fn general(seed: u64, n_out: usize, timed: bool) -> SharedFunction {
-    let n = DIMS.n_in() - usize::from(!timed);
+    general_of(DIMS, seed, n_out, timed)
+}
+
+fn general_of(dims: Dims, seed: u64, n_out: usize, timed: bool) -> SharedFunction {
+    let n = dims.n_in() - usize::from(!timed);
     let mut r = Numbers(seed);
     let terms: Vec<(Vec<f64>, Vec<f64>, Vec<f64>)> = (0..n_out)
         .map(|_| {
@@ -51,7 +55,7 @@ fn general(seed: u64, n_out: usize, timed: bool) -> SharedFunction {
     };
     let dot = |a: &[f64], b: &[f64]| -> f64 { a.iter().zip(b).map(|(a, b)| a * b).sum() };
     let (t0, t1, t2) = (terms.clone(), terms.clone(), terms);
-    let f = Callback::new("general", DIMS, n_out, move |at, o| {
+    let f = Callback::new("general", dims, n_out, move |at, o| {
         let z = z(at);
         for (o, (a, b, d)) in o.iter_mut().zip(t0.iter()) {
             let bz: Vec<f64> = b.chunks(n).map(|row| dot(row, &z)).collect();
@@ -61,7 +65,7 @@ fn general(seed: u64, n_out: usize, timed: bool) -> SharedFunction {
     });
     let columns: Vec<usize> = (0..n * n_out).map(|k| k / n_out).collect();
     let rows: Vec<usize> = (0..n * n_out).map(|k| k % n_out).collect();
-    let jac = Pattern::from_triplets(n_out, DIMS.n_in(), &rows, &columns).0;
+    let jac = Pattern::from_triplets(n_out, dims.n_in(), &rows, &columns).0;
     let f = f
         .with_jacobian(jac, move |at, o| {
             let z = z(at);
@@ -75,7 +79,7 @@ fn general(seed: u64, n_out: usize, timed: bool) -> SharedFunction {
         })
         .unwrap();
     let upper: Vec<(usize, usize)> = (0..n).flat_map(|j| (0..=j).map(move |i| (i, j))).collect();
-    let hess = models::pattern(DIMS.n_in(), DIMS.n_in(), &upper);
+    let hess = models::pattern(dims.n_in(), dims.n_in(), &upper);
     let f = f
         .with_hessian(hess, move |at, w, o| {
             let z = z(at);
@@ -113,21 +117,24 @@ fn system(timed: bool) -> System {
     s
 }
 
-fn problem(set: &Settings, timed: bool) -> Fesd {
+fn spec(set: &Settings, timed: bool) -> Spec {
     let path = [PathAt::ControlGrid, PathAt::Elements, PathAt::StagePoints].into_iter().enumerate().map(|(k, at)| {
         PathConstraint { f: general(20 + k as u64, 2, timed), lower: vec![-1.0; 2], upper: vec![1.0; 2], at }
     });
-    let spec = Spec {
-        dcs: Dcs::stewart(&system(timed)).unwrap(),
-        options: Options::from_settings(set).unwrap(),
-        n_stages: 2,
-        n_fe: set.n_fe as usize,
+    let both = general_of(Dims { x: 2 * DIMS.x, ..DIMS }, 13, 2, timed);
+    let (dcs, options) = (Dcs::stewart(&system(timed)).unwrap(), Options::from_settings(set).unwrap());
+    Spec {
         lagrange: Some(general(10, 1, timed)),
         mayer: Some(general(11, 1, timed)),
         path: path.collect(),
         terminal: vec![Terminal { f: general(12, 2, timed), lower: vec![0.0; 2], upper: vec![0.0; 2] }],
-    };
-    let mut p = Fesd::new(spec, 0.9).unwrap();
+        boundary: vec![Boundary { f: both, lower: vec![0.0; 2], upper: vec![0.0; 2] }],
+        ..Spec::new(dcs, options, vec![set.n_fe as usize; 2])
+    }
+}
+
+fn problem(set: &Settings, timed: bool) -> Fesd {
+    let mut p = Fesd::new(spec(set, timed), 0.9).unwrap();
     p.set_params(&[0.3, -0.7]).unwrap();
     p
 }
@@ -241,4 +248,47 @@ fn other_durations_and_parameters() {
     let mut p = problem(&settings(GaussLegendre, 2, 2, STANDARD), true);
     p.set_duration(0.3);
     compare(&mut p, "changed, standard");
+}
+
+/// Linear controls, parameters that are variables, stages of different lengths and numbers of elements, lengths that are
+/// variables.
+#[test]
+fn everything_that_can_be_a_variable() {
+    for durations in [Durations::Fixed, Durations::Horizon, Durations::Stages] {
+        for disc in [FESD, STANDARD] {
+            for (gamma_h, equilibration) in [(1.0, StepEquilibration::Difference), (0.5, StepEquilibration::Mean)] {
+                for form in BOTH {
+                    let mut set = settings(GaussLegendre, 2, 2, disc);
+                    (set.gamma_h, set.stage_form) = (gamma_h, form as i64);
+                    set.step_equilibration = equilibration as i64;
+                    let spec = Spec {
+                        n_fe: vec![1, 2],
+                        durations,
+                        linear: vec![true],
+                        free_params: vec![true, false],
+                        ..spec(&set, true)
+                    };
+                    let mut p = Fesd::new(spec, 0.9).unwrap();
+                    p.set_durations(&[0.9, 0.4]).unwrap();
+                    p.set_params(&[0.3, -0.7]).unwrap();
+                    p.set_stage_params(1, &[0.3, 0.2]).unwrap();
+                    compare(&mut p, &format!("{durations:?}, {disc:?}, gamma {gamma_h}, {form:?}"));
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_refused() {
+    let set = settings(RadauIia, 2, 2, FESD);
+    let refused = |change: &dyn Fn(&mut Spec)| {
+        let mut spec = spec(&set, true);
+        change(&mut spec);
+        Fesd::new(spec, 1.0).err().map(|e| e.to_string()).unwrap_or_default()
+    };
+    assert!(refused(&|s| s.n_fe = vec![2, 0]).contains("one finite element"));
+    assert!(refused(&|s| s.linear = vec![true; 2]).contains("2 entries for the linear controls, expected 1"));
+    assert!(refused(&|s| s.free_params = vec![true]).contains("1 entries for the free parameters, expected 2"));
+    assert!(refused(&|s| s.boundary[0].f = general(1, 2, true)).contains("expected (4, 1, 2)"));
 }

@@ -5,7 +5,7 @@
 
 use super::eta;
 use super::layout::ElementIndex;
-use super::problem::{Call, ElementCalls, Fesd};
+use super::problem::{Call, ElementCalls, Fesd, Reference};
 
 /// Receives the entries of a sparse matrix in a fixed order.
 pub(super) trait Sink {
@@ -50,20 +50,11 @@ pub(super) fn add_sym<S: Sink>(sink: &mut S, i: usize, j: usize, v: f64) {
 }
 
 impl Fesd {
-    /// Variable behind input column `col` of a call; none for parameters.
+    /// Variable behind input column `col` of a call; none for constants.
     #[inline]
     pub(super) fn var(&self, c: &Call, col: u32) -> Option<usize> {
-        let d = self.spec.dcs.dims();
-        let col = col as usize;
-        if col < d.x {
-            Some(c.x + col)
-        } else if col < d.x + d.u {
-            Some(c.u + col - d.x)
-        } else if col == d.t_col() {
-            self.spec.dcs.clock().map(|k| c.x + k)
-        } else {
-            None
-        }
+        let j = self.inputs[c.inputs + col as usize] as usize;
+        (j < self.l.n).then_some(j)
     }
 
     /// `out[r]` = right-hand side at stage point `i` of an element.
@@ -87,6 +78,14 @@ impl Fesd {
         if let Some(k) = self.spec.dcs.clock() {
             out[k] = 1.0;
         }
+        for (j, r) in self.linear_controls() {
+            out[r] = w[e.u + j];
+        }
+    }
+
+    /// Controls that are states: their numbers as controls and as states.
+    fn linear_controls(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        self.l.linear.iter().enumerate().filter_map(|(j, r)| r.map(|r| (j, r)))
     }
 
     /// Rows `g − λ − μ e` at one point.
@@ -171,18 +170,38 @@ impl Fesd {
             }
         }
         for (k, &row) in l.row_time.iter().enumerate() {
-            let els = &l.elements[k * self.spec.n_fe..(k + 1) * self.spec.n_fe];
-            c[row] = els.iter().map(|e| self.h_of(e, w)).sum();
+            let free = self.free_length(k).map_or(0.0, |(v, share)| share * w[v]);
+            c[row] = l.stage(k).iter().map(|e| self.h_of(e, w)).sum::<f64>() - free;
+        }
+        for e in &l.elements {
+            let (Some((v, share)), Some(hv)) = (self.free_length(e.stage), e.h) else { continue };
+            for (row, factor) in self.length_rows(e) {
+                c[row] = w[hv] - factor * share * w[v];
+            }
         }
         for p in l.elements.windows(2) {
             if let Some(row) = p[1].row_equal {
                 c[row] = self.h_of(&p[1], w) - self.h_of(&p[0], w);
             }
         }
-        for (call, &row) in self.path.iter().zip(&self.path_rows).chain(self.terminal.iter().zip(&l.row_terminal)) {
+        for (call, row) in self.constraint_calls() {
             let n = self.functions[call.f].n_out();
             c[row..row + n].copy_from_slice(&self.cache.val[call.val..call.val + n]);
         }
+    }
+
+    /// Constraints that are functions alone, and their first rows.
+    fn constraint_calls(&self) -> impl Iterator<Item = (&Call, usize)> {
+        let ends = self.terminal.iter().zip(&self.l.row_terminal);
+        let both = self.boundary.iter().zip(&self.l.row_boundary);
+        self.path.iter().zip(&self.path_rows).chain(ends).chain(both).map(|(c, &r)| (c, r))
+    }
+
+    /// Rows `h − f T_k` of an element, with `f`.
+    fn length_rows(&self, e: &ElementIndex) -> impl Iterator<Item = (usize, f64)> {
+        let (h, g) = (1.0 / self.spec.n_fe[e.stage] as f64, self.spec.options.gamma_h);
+        let range = e.row_range.map(|r| [(r, (1.0 - g) * h), (r + 1, (1.0 + g) * h)]);
+        e.row_tied.map(|r| (r, h)).into_iter().chain(range.into_iter().flatten())
     }
 
     /// Local variables of the η term between two elements.
@@ -354,8 +373,19 @@ impl Fesd {
             }
         }
         for e in &l.elements {
-            if let Some(hv) = e.h {
-                s.add(l.row_time[e.stage], hv, 1.0);
+            let Some(hv) = e.h else { continue };
+            let free = self.free_length(e.stage);
+            if let Some(&row) = l.row_time.get(e.stage) {
+                s.add(row, hv, 1.0);
+                if let (Some((v, share)), 0) = (free, e.n) {
+                    s.add(row, v, -share);
+                }
+            }
+            if let Some((v, share)) = free {
+                for (row, factor) in self.length_rows(e) {
+                    s.add(row, hv, 1.0);
+                    s.add(row, v, -factor * share);
+                }
             }
         }
         for p in l.elements.windows(2) {
@@ -364,7 +394,7 @@ impl Fesd {
                 s.add(row, a, -1.0);
             }
         }
-        for (call, &row) in self.path.iter().zip(&self.path_rows).chain(self.terminal.iter().zip(&l.row_terminal)) {
+        for (call, row) in self.constraint_calls() {
             for (p, &(col, o)) in self.jac_cols[call.f].iter().enumerate() {
                 if let Some(v) = self.var(call, col) {
                     s.add(row + o as usize, v, self.cache.jac[call.jac + p]);
@@ -408,6 +438,9 @@ impl Fesd {
                 }
             }
             first += sub.cells.len();
+        }
+        for (j, r) in self.linear_controls() {
+            s.add(row + r, e.u + j, coef);
         }
     }
 
@@ -465,7 +498,7 @@ impl Fesd {
                 indicator(&mut wgt, &ec.ind_end, e.row_end_alg);
             }
         }
-        for (call, &row) in self.path.iter().zip(&self.path_rows).chain(self.terminal.iter().zip(&l.row_terminal)) {
+        for (call, row) in self.constraint_calls() {
             for o in 0..self.functions[call.f].n_out() {
                 wgt[call.wgt + o] += y[row + o];
             }
@@ -529,6 +562,11 @@ impl Fesd {
                     }
                     first += sub.cells.len();
                 }
+                if let Some(hv) = hv {
+                    for (j, r) in self.linear_controls() {
+                        add_sym(s, e.u + j, hv, -y[row + r]);
+                    }
+                }
                 if let (false, Some(hv)) = (l.values_form, e.h) {
                     for j in 0..n_s {
                         if t.a(i, j) != 0.0 {
@@ -557,9 +595,9 @@ impl Fesd {
         let rho = 2.0 * obj * self.soft_weight();
         for (a, b) in self.soft_terms() {
             add_sym(s, a, a, rho);
-            if let Some(b) = b {
-                add_sym(s, b, b, rho);
-                add_sym(s, a, b, -rho);
+            if let Reference::Variable(b, f) = b {
+                add_sym(s, b, b, rho * f * f);
+                add_sym(s, a, b, -rho * f);
             }
         }
         let weight = obj * self.eta_weight();

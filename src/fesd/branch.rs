@@ -69,12 +69,16 @@ impl Fesd {
         self.write_durations(&mut b);
         let mut rows = l.row_path.iter();
         for p in &self.spec.path {
-            for &r in rows.by_ref().take(p.at.n_points(self.spec.n_stages, self.spec.n_fe, self.tableau.n_s)) {
+            for &r in rows.by_ref().take(p.at.n_points(&self.spec.n_fe, self.tableau.n_s)) {
                 b.cl[r..r + p.lower.len()].copy_from_slice(&p.lower);
                 b.cu[r..r + p.upper.len()].copy_from_slice(&p.upper);
             }
         }
         for (t, &r) in self.spec.terminal.iter().zip(&l.row_terminal) {
+            b.cl[r..r + t.lower.len()].copy_from_slice(&t.lower);
+            b.cu[r..r + t.upper.len()].copy_from_slice(&t.upper);
+        }
+        for (t, &r) in self.spec.boundary.iter().zip(&l.row_boundary) {
             b.cl[r..r + t.lower.len()].copy_from_slice(&t.lower);
             b.cu[r..r + t.upper.len()].copy_from_slice(&t.upper);
         }
@@ -160,18 +164,43 @@ impl Fesd {
         (&w[x..x + self.spec.dcs.dims().x], self.spec.dcs.clock().map(|c| w[x + c]))
     }
 
-    /// Rewrites the bounds that depend on the length of a control stage.
+    /// Rewrites the bounds that depend on the lengths of the control stages.
     pub fn write_durations(&self, b: &mut Bounds) {
-        let (h, g) = (self.h_nominal(), self.spec.options.gamma_h);
+        let g = self.spec.options.gamma_h;
         for e in &self.l.elements {
-            if let Some(j) = e.h {
-                b.xl[j] = (1.0 - g) * h;
-                b.xu[j] = if self.spec.n_fe == 1 { f64::INFINITY } else { (1.0 + g) * h };
+            let Some(j) = e.h else { continue };
+            let h = self.h_nominal(e.stage);
+            let (lower, upper) = if self.free_length(e.stage).is_none() {
+                ((1.0 - g) * h, if self.spec.n_fe[e.stage] == 1 { f64::INFINITY } else { (1.0 + g) * h })
+            } else {
+                (0.0, f64::INFINITY)
+            };
+            b.xl[j] = lower;
+            b.xu[j] = upper;
+            if let Some(r) = e.row_range {
+                (b.cu[r], b.cl[r + 1]) = (f64::INFINITY, f64::NEG_INFINITY);
             }
         }
-        for &r in &self.l.row_time {
-            b.cl[r] = self.duration;
-            b.cu[r] = self.duration;
+        for (k, &r) in self.l.row_time.iter().enumerate() {
+            let length = if self.free_length(k).is_some() { 0.0 } else { self.durations[k] };
+            b.cl[r] = length;
+            b.cu[r] = length;
+        }
+    }
+
+    /// Sets bounds of the length of stage `k` where it is a variable of its own, of the horizon where only that is one.
+    pub fn bound_duration(&self, b: &mut Bounds, k: usize, lower: f64, upper: f64) {
+        if let Some(v) = self.l.time[k] {
+            b.xl[v] = lower;
+            b.xu[v] = upper;
+        }
+    }
+
+    /// Sets bounds of parameter `j` where it is a variable.
+    pub fn bound_param(&self, b: &mut Bounds, j: usize, lower: f64, upper: f64) {
+        if let Some(v) = self.l.params[j] {
+            b.xl[v] = lower;
+            b.xu[v] = upper;
         }
     }
 
@@ -197,11 +226,21 @@ impl Fesd {
         }
     }
 
-    /// Sets bounds of the control of stage `k`.
+    /// Sets bounds of the control of stage `k`; at both of its ends where the control is linear.
     pub fn bound_control(&self, b: &mut Bounds, k: usize, lower: &[f64], upper: &[f64]) {
-        let u = self.l.u[k];
-        b.xl[u..u + lower.len()].copy_from_slice(lower);
-        b.xu[u..u + upper.len()].copy_from_slice(upper);
+        let els = self.l.stage(k);
+        for j in 0..lower.len() {
+            let mut set = |v: usize| (b.xl[v], b.xu[v]) = (lower[j], upper[j]);
+            match self.l.linear[j] {
+                None => set(self.l.u[k] + j),
+                Some(r) => {
+                    if k == 0 {
+                        set(self.l.x0 + r);
+                    }
+                    set(els[els.len() - 1].x_end + r);
+                }
+            }
+        }
     }
 }
 

@@ -62,12 +62,13 @@ pub enum PathAt {
 
 impl PathAt {
     /// Number of points on a horizon.
-    pub(super) fn n_points(self, n_stages: usize, n_fe: usize, n_s: usize) -> usize {
-        match self {
-            PathAt::ControlGrid => 2 * n_stages,
-            PathAt::Elements => n_stages * (n_fe + 1),
-            PathAt::StagePoints => n_stages * (n_fe * n_s + 1),
-        }
+    pub(super) fn n_points(self, n_fe: &[usize], n_s: usize) -> usize {
+        let per_stage = |n: usize| match self {
+            PathAt::ControlGrid => 2,
+            PathAt::Elements => n + 1,
+            PathAt::StagePoints => n * n_s + 1,
+        };
+        n_fe.iter().map(|&n| per_stage(n)).sum()
     }
 }
 
@@ -95,6 +96,30 @@ pub struct Terminal {
     pub upper: Vec<f64>,
 }
 
+/// `lower ≤ c([x(0); x(T)], u, p, t) ≤ upper`: the function sees twice as many states as the system has, and control and
+/// time at the end.
+#[derive(Clone)]
+pub struct Boundary {
+    /// The function.
+    pub f: SharedFunction,
+    /// Lower bounds.
+    pub lower: Vec<f64>,
+    /// Upper bounds.
+    pub upper: Vec<f64>,
+}
+
+/// Lengths of the control stages.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Durations {
+    /// Given.
+    #[default]
+    Fixed,
+    /// One variable, the length of the horizon; the stages keep their shares of it.
+    Horizon,
+    /// One variable for every stage.
+    Stages,
+}
+
 /// What is discretised.
 #[derive(Clone)]
 pub struct Spec {
@@ -102,10 +127,15 @@ pub struct Spec {
     pub dcs: Dcs,
     /// Choices of the discretisation.
     pub options: Options,
-    /// Control stages.
-    pub n_stages: usize,
-    /// Finite elements per control stage.
-    pub n_fe: usize,
+    /// Finite elements of every control stage.
+    pub n_fe: Vec<usize>,
+    /// Lengths of the stages.
+    pub durations: Durations,
+    /// Controls that are continuous and linear on every stage `[nu]`, or empty: all are constant. Such a control is a
+    /// state whose derivative takes its place among the controls.
+    pub linear: Vec<bool>,
+    /// Parameters that are variables of the problem `[np]`, or empty: none is.
+    pub free_params: Vec<bool>,
     /// Cost rate.
     pub lagrange: Option<SharedFunction>,
     /// Terminal cost.
@@ -114,6 +144,59 @@ pub struct Spec {
     pub path: Vec<PathConstraint>,
     /// Terminal constraints.
     pub terminal: Vec<Terminal>,
+    /// Constraints between the two ends of the horizon.
+    pub boundary: Vec<Boundary>,
+}
+
+impl Spec {
+    /// Dynamics on stages of `n_fe[k]` elements, without costs and constraints.
+    pub fn new(dcs: Dcs, options: Options, n_fe: Vec<usize>) -> Spec {
+        Spec {
+            dcs,
+            options,
+            n_fe,
+            durations: Durations::Fixed,
+            linear: Vec::new(),
+            free_params: Vec::new(),
+            lagrange: None,
+            mayer: None,
+            path: Vec::new(),
+            terminal: Vec::new(),
+            boundary: Vec::new(),
+        }
+    }
+
+    /// Number of control stages.
+    pub fn n_stages(&self) -> usize {
+        self.n_fe.len()
+    }
+
+    fn check(&self) -> Result<()> {
+        let d = self.dcs.dims();
+        if self.n_fe.is_empty() || self.n_fe.contains(&0) {
+            return Err(Error::Dimension("at least one control stage and one finite element are needed".into()));
+        }
+        for (what, given, n) in
+            [("linear controls", self.linear.len(), d.u), ("free parameters", self.free_params.len(), d.p)]
+        {
+            if given != 0 && given != n {
+                return Err(Error::Dimension(format!("{given} entries for the {what}, expected {n}")));
+            }
+        }
+        for b in &self.boundary {
+            let (x, u, p) = (b.f.dims().x, b.f.dims().u, b.f.dims().p);
+            if (x, u, p) != (2 * d.x, d.u, d.p) {
+                return Err(Error::Dimension(format!(
+                    "function '{}' of both ends takes (x, u, p) of sizes ({x}, {u}, {p}), expected ({}, {}, {})",
+                    b.f.name(),
+                    2 * d.x,
+                    d.u,
+                    d.p
+                )));
+            }
+        }
+        Ok(())
+    }
 }
 
 /// Variables and rows of one finite element. Blocks are given by their first index.
@@ -147,6 +230,10 @@ pub(super) struct ElementIndex {
     pub row_sum_lambda: Option<usize>,
     /// `h_n − h_{n−1}`, free until the polish.
     pub row_equal: Option<usize>,
+    /// `h − T_k / n_fe` where nothing moves the elements but the length of the stage.
+    pub row_tied: Option<usize>,
+    /// Two rows: `h − (1 ∓ γ) T_k / n_fe`, where `T_k` is a variable.
+    pub row_range: Option<usize>,
     /// Slopes of `λ` at the start, for modes that leave there; free until the polish.
     pub row_slope: Option<usize>,
 }
@@ -164,12 +251,22 @@ pub(super) struct Layout {
     pub mu0: usize,
     pub lambda0: Option<usize>,
     pub row_alg0: usize,
+    /// Per stage: controls, or their rates where they are linear.
     pub u: Vec<usize>,
+    /// Index among the states of every control that is one.
+    pub linear: Vec<Option<usize>>,
+    /// Variables that are parameters.
+    pub params: Vec<Option<usize>>,
+    /// Per stage: the variable behind its length. It has the length of the stage, or of the horizon.
+    pub time: Vec<Option<usize>>,
     pub elements: Vec<ElementIndex>,
+    /// First element of every stage, and one more.
+    pub first: Vec<usize>,
     /// Rows `Σ h = T` per control stage.
     pub row_time: Vec<usize>,
     pub row_path: Vec<usize>,
     pub row_terminal: Vec<usize>,
+    pub row_boundary: Vec<usize>,
     pub pairs: Vec<(usize, usize)>,
     pub groups: Vec<usize>,
     pub n_groups: usize,
@@ -194,9 +291,7 @@ impl Counter {
 impl Layout {
     pub fn new(spec: &Spec, tableau: &Tableau) -> Result<Layout> {
         let o = &spec.options;
-        if spec.n_stages == 0 || spec.n_fe == 0 {
-            return Err(Error::Dimension("at least one control stage and one finite element are needed".into()));
-        }
+        spec.check()?;
         let values_form = match o.stage_form {
             StageForm::Auto => tableau.a_inv.is_some(),
             StageForm::Derivatives => false,
@@ -209,7 +304,16 @@ impl Layout {
                 ))
             }
         };
-        let (nx, nu) = (spec.dcs.nx(), spec.dcs.dims().u);
+        let d = spec.dcs.dims();
+        let nu = d.u;
+        let mut nx = spec.dcs.nx();
+        let linear: Vec<Option<usize>> = (0..nu)
+            .map(|j| {
+                let is = spec.linear.get(j).copied().unwrap_or(false);
+                nx += usize::from(is);
+                is.then(|| nx - 1)
+            })
+            .collect();
         let (n_cells, n_sub) = (spec.dcs.n_cells(), spec.dcs.subsystems().len());
         // a model that does not switch is plain collocation on a fixed grid
         let fesd = o.discretisation == Discretisation::Fesd && n_cells > 0;
@@ -218,6 +322,9 @@ impl Layout {
         let eta = fesd && o.equilibration == StepEquilibration::EtaProduct;
         let sums = fesd && (o.cross == Cross::Element || eta);
         let (mut var, mut row) = (Counter::default(), Counter::default());
+        let params: Vec<Option<usize>> =
+            (0..d.p).map(|j| spec.free_params.get(j).copied().unwrap_or(false).then(|| var.take(1))).collect();
+        let horizon = (spec.durations == Durations::Horizon).then(|| var.take(1));
         let x0 = var.take(nx);
         let (mut mu0, mut lambda0, mut row_alg0) = (0, None, 0);
         if fesd {
@@ -238,10 +345,15 @@ impl Layout {
             lambda0,
             row_alg0,
             u: Vec::new(),
+            linear,
+            params,
+            time: Vec::new(),
             elements: Vec::new(),
+            first: vec![0],
             row_time: Vec::new(),
             row_path: Vec::new(),
             row_terminal: Vec::new(),
+            row_boundary: Vec::new(),
             pairs: Vec::new(),
             groups: Vec::new(),
             n_groups: 0,
@@ -250,14 +362,21 @@ impl Layout {
             sums,
             eta,
         };
-        for k in 0..spec.n_stages {
+        for (k, &n_fe) in spec.n_fe.iter().enumerate() {
             let u = var.take(nu);
             l.u.push(u);
-            for n in 0..spec.n_fe {
+            let time = if spec.durations == Durations::Stages { Some(var.take(1)) } else { horizon };
+            l.time.push(time);
+            for n in 0..n_fe {
                 let mut e =
                     ElementIndex { stage: k, n, u, x_start: x_prev, lambda_start: lambda_prev, ..Default::default() };
-                if fesd {
+                if fesd || time.is_some() {
                     e.h = Some(var.take(1));
+                }
+                if time.is_some() && !fesd {
+                    e.row_tied = Some(row.take(1));
+                } else if time.is_some() && o.gamma_h < 1.0 {
+                    e.row_range = Some(row.take(2));
                 }
                 for _ in 0..n_s {
                     if !values_form {
@@ -306,21 +425,30 @@ impl Layout {
                 l.add_pairs(&e, o.cross);
                 l.elements.push(e);
             }
+            l.first.push(l.elements.len());
             if fesd {
                 l.row_time.push(row.take(1));
             }
         }
         for p in &spec.path {
-            for _ in 0..p.at.n_points(spec.n_stages, spec.n_fe, n_s) {
+            for _ in 0..p.at.n_points(&spec.n_fe, n_s) {
                 l.row_path.push(row.take(p.f.n_out()));
             }
         }
         for t in &spec.terminal {
             l.row_terminal.push(row.take(t.f.n_out()));
         }
+        for b in &spec.boundary {
+            l.row_boundary.push(row.take(b.f.n_out()));
+        }
         l.n = var.0;
         l.m = row.0;
         Ok(l)
+    }
+
+    /// Elements of stage `k`.
+    pub fn stage(&self, k: usize) -> &[ElementIndex] {
+        &self.elements[self.first[k]..self.first[k + 1]]
     }
 
     fn add_pairs(&mut self, e: &ElementIndex, cross: Cross) {

@@ -27,6 +27,6 @@ mod restart;
 mod trajectory;
 
 pub use branch::{Exit, Violation};
-pub use layout::{Options, PathAt, PathConstraint, Spec, Terminal};
+pub use layout::{Boundary, Durations, Options, PathAt, PathConstraint, Spec, Terminal};
 pub use problem::Fesd;
 pub use trajectory::{Element, Switch, SwitchKind, Trajectory};

@@ -5,9 +5,9 @@
 use super::assemble::{slope_weights, Recorder, Writer};
 use super::branch::Exit;
 use super::eta;
-use super::layout::{ElementIndex, Layout, PathAt, Spec};
-use crate::error::{Error, Result};
-use crate::func::{EvalError, EvalResult, Point};
+use super::layout::{Durations, ElementIndex, Layout, PathAt, Spec};
+use crate::error::{finite, Error, Result};
+use crate::func::{EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 use crate::nlp::Nlp;
 use crate::settings::StepEquilibration;
@@ -18,8 +18,8 @@ use crate::tableau::Tableau;
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Call {
     pub(super) f: usize,
-    pub(super) x: usize,
-    pub(super) u: usize,
+    /// Where its inputs begin in [`Fesd::inputs`].
+    pub(super) inputs: usize,
     pub(super) val: usize,
     pub(super) jac: usize,
     pub(super) hess: usize,
@@ -56,6 +56,8 @@ pub(super) struct Cache {
     pub(super) hess: Vec<f64>,
     pub(super) wgt: Vec<f64>,
     pub(super) work: Vec<f64>,
+    /// Inputs of the call at hand.
+    pub(super) point: Vec<f64>,
 }
 
 /// The discretised problem.
@@ -68,12 +70,17 @@ pub struct Fesd {
     pub(super) jac_cols: Vec<Vec<(u32, u32)>>,
     pub(super) hess_cols: Vec<Vec<(u32, u32)>>,
     pub(super) calls: Vec<Call>,
+    /// For every column `(x, u, p, t)` at every point: a variable, or behind the variables a constant.
+    pub(super) inputs: Vec<u32>,
+    /// Parameters of every stage, then a zero.
+    pub(super) constants: Vec<f64>,
     pub(super) ecalls: Vec<ElementCalls>,
     pub(super) ind_start: Vec<Call>,
     pub(super) path: Vec<Call>,
     /// First path row of each path call.
     pub(super) path_rows: Vec<usize>,
     pub(super) terminal: Vec<Call>,
+    pub(super) boundary: Vec<Call>,
     pub(super) mayer: Option<Call>,
     pub(super) cache: Cache,
     pub(super) jac: Pattern,
@@ -83,8 +90,8 @@ pub struct Fesd {
     /// Derivative at 0 of the polynomial through the values at 0 and at the nodes.
     pub(super) slope: Vec<f64>,
     pub(super) params: Vec<f64>,
-    /// Length of a control stage.
-    pub(super) duration: f64,
+    /// Lengths of the control stages; to start from where they are variables.
+    pub(super) durations: Vec<f64>,
     pub(super) polishing: bool,
     pub(super) exit: Exit,
     /// Weights of the stage values in the value at the end of an element.
@@ -94,59 +101,61 @@ pub struct Fesd {
 }
 
 impl Fesd {
-    /// Discretises `spec`; `duration` is the length of one control stage.
+    /// Discretises `spec`; `duration` is the length of every control stage.
     pub fn new(spec: Spec, duration: f64) -> Result<Fesd> {
         let tableau = Tableau::new(spec.options.family, spec.options.n_s)?;
         let l = Layout::new(&spec, &tableau)?;
-        let mut b = Builder { functions: Vec::new(), calls: Vec::new(), sizes: [0; 4] };
+        let mut b = Builder::new(&spec, &l);
+        let subsystems = spec.dcs.subsystems();
         let mut ecalls = Vec::with_capacity(l.elements.len());
         let mut ind_start = Vec::new();
-        let u0 = l.u[0];
         if l.fesd {
-            for s in spec.dcs.subsystems() {
-                ind_start.push(b.call(&s.indicators, l.x0, u0));
-            }
+            let at = b.point(l.x0, 0);
+            ind_start = subsystems.iter().map(|s| b.call(&s.indicators, at)).collect();
         }
         for e in &l.elements {
             let mut ec = ElementCalls::default();
-            for i in 0..tableau.n_s {
-                let x = e.x[i];
-                ec.drift.push(spec.dcs.drifts().iter().map(|d| b.call(&d.f, x, e.u)).collect());
-                ec.modes.push(spec.dcs.subsystems().iter().map(|s| b.call(&s.modes, x, e.u)).collect());
-                ec.ind.push(spec.dcs.subsystems().iter().map(|s| b.call(&s.indicators, x, e.u)).collect());
+            for &x in &e.x {
+                let at = b.point(x, e.stage);
+                ec.drift.push(spec.dcs.drifts().iter().map(|d| b.call(&d.f, at)).collect());
+                ec.modes.push(subsystems.iter().map(|s| b.call(&s.modes, at)).collect());
+                ec.ind.push(subsystems.iter().map(|s| b.call(&s.indicators, at)).collect());
                 if let Some(f) = &spec.lagrange {
-                    ec.lagrange.push(b.call(f, x, e.u));
+                    ec.lagrange.push(b.call(f, at));
                 }
             }
             if e.lambda_end.is_some() {
-                ec.ind_end = spec.dcs.subsystems().iter().map(|s| b.call(&s.indicators, e.x_end, e.u)).collect();
+                let at = b.point(e.x_end, e.stage);
+                ec.ind_end = subsystems.iter().map(|s| b.call(&s.indicators, at)).collect();
             }
             ecalls.push(ec);
         }
-        let (mut path, mut path_rows) = (Vec::new(), l.row_path.clone());
+        let mut path = Vec::new();
         for p in &spec.path {
-            for k in 0..spec.n_stages {
-                let els = &l.elements[k * spec.n_fe..(k + 1) * spec.n_fe];
-                path.push(b.call(&p.f, els[0].x_start, l.u[k]));
+            for k in 0..spec.n_stages() {
+                let els = l.stage(k);
+                let mut points = vec![els[0].x_start];
                 match p.at {
-                    PathAt::ControlGrid => path.push(b.call(&p.f, els[spec.n_fe - 1].x_end, l.u[k])),
-                    PathAt::Elements => {
-                        path.extend(els.iter().map(|e| b.call(&p.f, e.x_end, l.u[k])).collect::<Vec<_>>())
-                    }
-                    PathAt::StagePoints => {
-                        for e in els {
-                            path.extend(e.x.iter().map(|&x| b.call(&p.f, x, l.u[k])).collect::<Vec<_>>());
-                        }
-                    }
+                    PathAt::ControlGrid => points.push(els[els.len() - 1].x_end),
+                    PathAt::Elements => points.extend(els.iter().map(|e| e.x_end)),
+                    PathAt::StagePoints => points.extend(els.iter().flat_map(|e| &e.x)),
+                }
+                for x in points {
+                    let at = b.point(x, k);
+                    path.push(b.call(&p.f, at));
                 }
             }
         }
-        path_rows.truncate(path.len());
-        let last = l.elements[l.elements.len() - 1].x_end;
-        let u_last = l.u[spec.n_stages - 1];
-        let terminal = spec.terminal.iter().map(|t| b.call(&t.f, last, u_last)).collect();
-        let mayer = spec.mayer.as_ref().map(|f| b.call(f, last, u_last));
-        let Builder { functions, calls, sizes } = b;
+        let path_rows = l.row_path.clone();
+        let last = &l.elements[l.elements.len() - 1];
+        let end = b.point(last.x_end, last.stage);
+        let terminal = spec.terminal.iter().map(|t| b.call(&t.f, end)).collect();
+        let mayer = spec.mayer.as_ref().map(|f| b.call(f, end));
+        let both = b.ends(l.x0, last.x_end, last.stage);
+        let boundary = spec.boundary.iter().map(|c| b.call(&c.f, both)).collect();
+        let Builder { functions, calls, sizes, inputs, .. } = b;
+        let longest = functions.iter().map(|f| f.dims().t_col() + 1).max().unwrap_or(0);
+        let n_params = spec.dcs.dims().p;
         let work = functions.iter().map(|f| f.work_len()).max().unwrap_or(0);
         let list = |p: &Pattern| -> Vec<(u32, u32)> {
             (0..p.n_cols()).flat_map(|j| p.rows(j).iter().map(move |&i| (j as u32, i as u32))).collect()
@@ -156,11 +165,14 @@ impl Fesd {
             hess_cols: functions.iter().map(|f| list(f.hess_pattern())).collect(),
             functions,
             calls,
+            inputs,
+            constants: vec![0.0; spec.n_stages() * n_params + 1],
             ecalls,
             ind_start,
             path,
             path_rows,
             terminal,
+            boundary,
             mayer,
             cache: Cache {
                 val: vec![0.0; sizes[0]],
@@ -168,14 +180,15 @@ impl Fesd {
                 hess: vec![0.0; sizes[2]],
                 wgt: vec![0.0; sizes[3]],
                 work: vec![0.0; work],
+                point: vec![0.0; longest],
             },
             jac: Pattern::empty(0, 0),
             jac_map: Vec::new(),
             hess: Pattern::empty(0, 0),
             hess_map: Vec::new(),
             slope: slope_weights(&tableau.c),
-            params: vec![0.0; spec.dcs.dims().p],
-            duration,
+            params: vec![0.0; n_params],
+            durations: vec![duration; spec.n_stages()],
             polishing: false,
             exit: Exit::Slope,
             end_weights: tableau.boundary_weights().unwrap_or_default(),
@@ -216,25 +229,44 @@ impl Fesd {
         &self.l
     }
 
-    /// Length of a control stage.
-    pub fn duration(&self) -> f64 {
-        self.duration
+    /// Lengths of the control stages; to start from where they are variables.
+    pub fn durations(&self) -> &[f64] {
+        &self.durations
     }
 
-    /// Sets the length of the control stages.
+    /// Sets the length of all control stages.
     pub fn set_duration(&mut self, duration: f64) {
-        self.duration = duration;
+        self.durations.fill(duration);
     }
 
-    /// Sets the parameters `p[np]`.
+    /// Sets the lengths of the control stages `[n_stages]`, all positive.
+    pub fn set_durations(&mut self, durations: &[f64]) -> Result<()> {
+        finite("stage length", durations, self.durations.len())?;
+        if let Some(k) = durations.iter().position(|d| *d <= 0.0) {
+            return Err(Error::Range(format!("stage {k} has the length {}: it must be positive", durations[k])));
+        }
+        self.durations.copy_from_slice(durations);
+        Ok(())
+    }
+
+    /// Sets the parameters `p[np]`; those that are variables start there.
     pub fn set_params(&mut self, p: &[f64]) -> Result<()> {
-        if p.len() != self.params.len() {
-            return Err(Error::Dimension(format!("{} parameters given, the model has {}", p.len(), self.params.len())));
-        }
-        if let Some(i) = p.iter().position(|v| !v.is_finite()) {
-            return Err(Error::Range(format!("parameter {i} is {}", p[i])));
-        }
+        finite("parameter", p, self.params.len())?;
         self.params.copy_from_slice(p);
+        for k in 0..self.spec.n_stages() {
+            self.constants[k * p.len()..(k + 1) * p.len()].copy_from_slice(p);
+        }
+        Ok(())
+    }
+
+    /// Sets the parameters of one control stage.
+    pub fn set_stage_params(&mut self, stage: usize, p: &[f64]) -> Result<()> {
+        let n = self.params.len();
+        finite("parameter", p, n)?;
+        if stage >= self.spec.n_stages() {
+            return Err(Error::Range(format!("stage {stage} of {}", self.spec.n_stages())));
+        }
+        self.constants[stage * n..(stage + 1) * n].copy_from_slice(p);
         Ok(())
     }
 
@@ -248,12 +280,44 @@ impl Fesd {
         self.evaluations
     }
 
-    pub(super) fn h_nominal(&self) -> f64 {
-        self.duration / self.spec.n_fe as f64
+    /// Length of the elements of a stage of the given length.
+    pub(super) fn h_nominal(&self, stage: usize) -> f64 {
+        self.durations[stage] / self.spec.n_fe[stage] as f64
     }
 
     pub(super) fn h_of(&self, e: &ElementIndex, w: &[f64]) -> f64 {
-        e.h.map_or_else(|| self.h_nominal(), |j| w[j])
+        e.h.map_or_else(|| self.h_nominal(e.stage), |j| w[j])
+    }
+
+    /// Length of a stage in terms of the variable behind it: the variable, and the share of the stage in it.
+    pub(super) fn free_length(&self, stage: usize) -> Option<(usize, f64)> {
+        let share = match self.spec.durations {
+            Durations::Horizon => self.durations[stage] / self.durations.iter().sum::<f64>(),
+            _ => 1.0,
+        };
+        self.l.time[stage].map(|v| (v, share))
+    }
+
+    /// Lengths of the control stages at a point.
+    pub fn stage_lengths(&self, w: &[f64]) -> Vec<f64> {
+        (0..self.spec.n_stages())
+            .map(|k| self.free_length(k).map_or(self.durations[k], |(v, share)| share * w[v]))
+            .collect()
+    }
+
+    /// The variables behind the lengths of the stages: the same one for all where only the horizon is free.
+    pub fn time_places(&self) -> &[Option<usize>] {
+        &self.l.time
+    }
+
+    /// The variables behind the parameters.
+    pub fn param_places(&self) -> &[Option<usize>] {
+        &self.l.params
+    }
+
+    /// Parameters at a point, those of the first stage where they differ.
+    pub fn params_at(&self, w: &[f64]) -> Vec<f64> {
+        self.l.params.iter().zip(&self.constants).map(|(v, c)| v.map_or(*c, |j| w[j])).collect()
     }
 
     /// Number of cells, over all subsystems.
@@ -267,7 +331,8 @@ impl Fesd {
     }
 
     /// Writes a starting point: states by `x_at(t, x)` with `t` from the start of the horizon, controls by
-    /// `u_at(stage, u)`, equal steps, multipliers of equal share.
+    /// `u_at(stage, u)` (at the start of the stage where they are linear), equal steps, multipliers of equal share,
+    /// parameters and stage lengths as set.
     pub fn guess(
         &self,
         w: &mut [f64],
@@ -276,38 +341,66 @@ impl Fesd {
         mut u_at: impl FnMut(usize, &mut [f64]),
     ) {
         let l = &self.l;
-        let h = self.h_nominal();
         let nx_user = self.spec.dcs.dims().x;
+        let n_stages = self.spec.n_stages();
         w.fill(0.0);
-        let mut put_x = |w: &mut [f64], at: usize, t: f64| {
+        for (v, &p) in l.params.iter().zip(&self.params) {
+            if let Some(j) = *v {
+                w[j] = p;
+            }
+        }
+        let mut controls = vec![0.0; n_stages * l.nu];
+        for (k, u) in controls.chunks_mut(l.nu.max(1)).enumerate() {
+            u_at(k, u);
+        }
+        let mut put_x = |w: &mut [f64], at: usize, t: f64, stage: usize, share: f64| {
             x_at(t, &mut w[at..at + nx_user]);
             if let Some(c) = self.spec.dcs.clock() {
                 w[at + c] = t0 + t;
             }
+            for (j, r) in l.linear.iter().enumerate() {
+                if let Some(r) = *r {
+                    let (a, b) = (controls[stage * l.nu + j], controls[(stage + 1).min(n_stages - 1) * l.nu + j]);
+                    w[at + r] = a + share * (b - a);
+                }
+            }
         };
-        put_x(w, l.x0, 0.0);
+        put_x(w, l.x0, 0.0, 0, 0.0);
         if let Some(j) = l.lambda0 {
             w[j..j + l.n_cells].fill(LAMBDA_GUESS);
         }
         for (k, &u) in l.u.iter().enumerate() {
-            u_at(k, &mut w[u..u + l.nu]);
+            for (j, r) in l.linear.iter().enumerate() {
+                let now = controls[k * l.nu + j];
+                let next = controls[(k + 1).min(n_stages - 1) * l.nu + j];
+                w[u + j] = if r.is_some() { (next - now) / self.durations[k] } else { now };
+            }
+            if let Some((v, share)) = self.free_length(k) {
+                w[v] = self.durations[k] / share;
+            }
         }
-        for (i_e, e) in l.elements.iter().enumerate() {
-            let t = i_e as f64 * h;
+        let mut start = 0.0;
+        for e in &l.elements {
+            let (n_fe, h) = (self.spec.n_fe[e.stage] as f64, self.h_nominal(e.stage));
+            let t = start + e.n as f64 * h;
             if let Some(j) = e.h {
                 w[j] = h;
             }
             for i in 0..e.x.len() {
-                put_x(w, e.x[i], t + self.tableau.c[i] * h);
+                let c = self.tableau.c[i];
+                put_x(w, e.x[i], t + c * h, e.stage, (e.n as f64 + c) / n_fe);
                 self.fill_multipliers(w, e.theta[i], e.lambda[i]);
             }
             if e.row_end.is_some() {
-                put_x(w, e.x_end, t + h);
+                put_x(w, e.x_end, t + h, e.stage, (e.n as f64 + 1.0) / n_fe);
             }
             if let Some(j) = e.lambda_end {
                 w[j..j + l.n_cells].fill(LAMBDA_GUESS);
             }
             self.write_sums(w, e);
+            if e.n + 1 == self.spec.n_fe[e.stage] {
+                start += self.durations[e.stage];
+            }
         }
     }
 
@@ -344,9 +437,19 @@ impl Fesd {
         self.l.elements.iter().map(|e| e.h).collect()
     }
 
-    /// Controls of a point, `[n_stages · nu]`.
+    /// Controls of a point at the start of every stage, `[n_stages · nu]`.
     pub fn controls(&self, w: &[f64]) -> Vec<f64> {
-        self.l.u.iter().flat_map(|&u| w[u..u + self.l.nu].to_vec()).collect()
+        self.controls_at(w, |k| self.l.stage(k)[0].x_start)
+    }
+
+    /// Controls of a point at the end of every stage, `[n_stages · nu]`: others than at the start where they are linear.
+    pub fn control_ends(&self, w: &[f64]) -> Vec<f64> {
+        self.controls_at(w, |k| self.l.elements[self.l.first[k + 1] - 1].x_end)
+    }
+
+    fn controls_at(&self, w: &[f64], state: impl Fn(usize) -> usize) -> Vec<f64> {
+        let value = |k: usize, j: usize| w[self.l.linear[j].map_or(self.l.u[k] + j, |r| state(k) + r)];
+        (0..self.spec.n_stages()).flat_map(|k| (0..self.l.nu).map(move |j| (k, j))).map(|(k, j)| value(k, j)).collect()
     }
 
     /// The user's cost at a point: Lagrange and Mayer terms, nothing that only guides the homotopy.
@@ -378,92 +481,163 @@ impl Fesd {
         }
     }
 
-    /// Pairs (step, reference) of the soft step equilibration: deviations `w[a] − w[b]` or `w[a] − h̄`.
-    pub(super) fn soft_terms(&self) -> impl Iterator<Item = (usize, Option<usize>)> + '_ {
+    /// The soft step equilibration: deviations of a step from a reference.
+    pub(super) fn soft_terms(&self) -> impl Iterator<Item = (usize, Reference)> + '_ {
         let mean = self.spec.options.equilibration == StepEquilibration::Mean;
         self.l
             .elements
             .windows(2)
             .filter_map(move |p| match (p[0].h, p[1].h) {
-                (Some(a), Some(b)) if p[1].n > 0 && !mean => Some((b, Some(a))),
+                (Some(a), Some(b)) if p[1].n > 0 && !mean => Some((b, Reference::Variable(a, 1.0))),
                 _ => None,
             })
-            .chain(self.l.elements.iter().filter_map(move |e| e.h.filter(|_| mean).map(|h| (h, None))))
-    }
-
-    pub(super) fn point<'a>(&'a self, c: &Call, w: &'a [f64]) -> Point<'a> {
-        let d = self.spec.dcs.dims();
-        Point {
-            t: self.spec.dcs.clock().map_or(0.0, |k| w[c.x + k]),
-            x: &w[c.x..c.x + d.x],
-            u: &w[c.u..c.u + d.u],
-            p: &self.params,
-        }
+            .chain(self.l.elements.iter().filter_map(move |e| {
+                let h = e.h.filter(|_| mean)?;
+                let nominal = |(v, share)| Reference::Variable(v, share / self.spec.n_fe[e.stage] as f64);
+                Some((h, self.free_length(e.stage).map_or(Reference::Value(self.h_nominal(e.stage)), nominal)))
+            }))
+            .filter(|_| self.l.fesd)
     }
 
     fn evaluate_values(&mut self, w: &[f64]) -> EvalResult {
-        let (mut val, mut work) = (std::mem::take(&mut self.cache.val), std::mem::take(&mut self.cache.work));
-        let r = self.calls.iter().try_for_each(|c| {
-            let f = &self.functions[c.f];
-            f.value(&self.point(c, w), &mut val[c.val..c.val + f.n_out()], &mut work)
+        let mut cache = std::mem::take(&mut self.cache);
+        let r = self.at_all_points(w, &mut cache, |c, f, at, cache| {
+            f.value(at, &mut cache.val[c.val..c.val + f.n_out()], &mut cache.work)
         });
+        self.cache = cache;
         self.evaluations += self.calls.len();
-        self.cache.val = val;
-        self.cache.work = work;
         r
     }
 
     fn evaluate_jacobians(&mut self, w: &[f64]) -> EvalResult {
-        let (mut jac, mut work) = (std::mem::take(&mut self.cache.jac), std::mem::take(&mut self.cache.work));
-        let r = self.calls.iter().try_for_each(|c| {
-            let (f, n) = (&self.functions[c.f], self.jac_cols[c.f].len());
-            if n == 0 {
-                return Ok(());
-            }
-            f.jacobian(&self.point(c, w), &mut jac[c.jac..c.jac + n], &mut work)
+        let mut cache = std::mem::take(&mut self.cache);
+        let r = self.at_all_points(w, &mut cache, |c, f, at, cache| match self.jac_cols[c.f].len() {
+            0 => Ok(()),
+            n => f.jacobian(at, &mut cache.jac[c.jac..c.jac + n], &mut cache.work),
         });
+        self.cache = cache;
         self.evaluations += self.calls.len();
-        self.cache.jac = jac;
-        self.cache.work = work;
         r
     }
 
     fn evaluate_hessians(&mut self, w: &[f64]) -> EvalResult {
-        let (mut hess, mut work) = (std::mem::take(&mut self.cache.hess), std::mem::take(&mut self.cache.work));
-        let r = self.calls.iter().try_for_each(|c| {
-            let (f, n) = (&self.functions[c.f], self.hess_cols[c.f].len());
-            if n == 0 {
-                return Ok(());
+        let mut cache = std::mem::take(&mut self.cache);
+        let r = self.at_all_points(w, &mut cache, |c, f, at, cache| match self.hess_cols[c.f].len() {
+            0 => Ok(()),
+            n => {
+                let weights = &cache.wgt[c.wgt..c.wgt + f.n_out()];
+                f.hessian(at, weights, &mut cache.hess[c.hess..c.hess + n], &mut cache.work)
             }
-            let weights = &self.cache.wgt[c.wgt..c.wgt + f.n_out()];
-            f.hessian(&self.point(c, w), weights, &mut hess[c.hess..c.hess + n], &mut work)
         });
+        self.cache = cache;
         self.evaluations += self.calls.len();
-        self.cache.hess = hess;
-        self.cache.work = work;
         r
+    }
+
+    /// Calls `evaluate` for every call with its inputs, gathered once for neighbours at the same point.
+    fn at_all_points(
+        &self,
+        w: &[f64],
+        cache: &mut Cache,
+        evaluate: impl Fn(&Call, &dyn Function, &Point, &mut Cache) -> EvalResult,
+    ) -> EvalResult {
+        let mut buffer = std::mem::take(&mut cache.point);
+        let mut gathered = usize::MAX;
+        let r = self.calls.iter().try_for_each(|c| {
+            let f = self.functions[c.f].as_ref();
+            let d = f.dims();
+            let at = &mut buffer[..=d.t_col()];
+            if gathered != c.inputs {
+                for (v, &j) in at.iter_mut().zip(&self.inputs[c.inputs..]) {
+                    let j = j as usize;
+                    *v = if j < w.len() { w[j] } else { self.constants[j - w.len()] };
+                }
+                gathered = c.inputs;
+            }
+            let (x, rest) = at.split_at(d.x);
+            let (u, rest) = rest.split_at(d.u);
+            evaluate(c, f, &Point { t: rest[d.p], x, u, p: &rest[..d.p] }, cache)
+        });
+        cache.point = buffer;
+        r
+    }
+}
+
+/// What a step is compared with.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Reference {
+    /// A number.
+    Value(f64),
+    /// A multiple of a variable.
+    Variable(usize, f64),
+}
+
+impl Reference {
+    pub(super) fn value(self, w: &[f64]) -> f64 {
+        match self {
+            Reference::Value(v) => v,
+            Reference::Variable(j, s) => s * w[j],
+        }
     }
 }
 
 /// First guess of the multipliers `λ`.
 const LAMBDA_GUESS: f64 = 0.5;
 
-/// Collects functions and calls.
-struct Builder {
+/// Collects functions, points and calls.
+struct Builder<'a> {
+    spec: &'a Spec,
+    l: &'a Layout,
     functions: Vec<SharedFunction>,
     calls: Vec<Call>,
+    inputs: Vec<u32>,
     /// Lengths of values, Jacobians, Hessians, weights.
     sizes: [usize; 4],
 }
 
-impl Builder {
-    fn call(&mut self, f: &SharedFunction, x: usize, u: usize) -> Call {
+impl<'a> Builder<'a> {
+    fn new(spec: &'a Spec, l: &'a Layout) -> Builder<'a> {
+        Builder { spec, l, functions: Vec::new(), calls: Vec::new(), inputs: Vec::new(), sizes: [0; 4] }
+    }
+
+    /// The inputs of functions where the states begin at variable `x`, in a stage.
+    fn point(&mut self, x: usize, stage: usize) -> usize {
+        let at = self.inputs.len();
+        self.states(x);
+        self.others(x, stage);
+        at
+    }
+
+    /// The inputs of functions of both ends.
+    fn ends(&mut self, x0: usize, x: usize, stage: usize) -> usize {
+        let at = self.inputs.len();
+        self.states(x0);
+        self.states(x);
+        self.others(x, stage);
+        at
+    }
+
+    fn states(&mut self, x: usize) {
+        let nx = self.spec.dcs.dims().x;
+        self.inputs.extend((x..x + nx).map(|j| j as u32));
+    }
+
+    fn others(&mut self, x: usize, stage: usize) {
+        let (l, np) = (self.l, self.spec.dcs.dims().p);
+        let constant = |k: usize| l.n + k;
+        let u = l.linear.iter().enumerate().map(|(j, r)| r.map_or(l.u[stage] + j, |r| x + r));
+        let p = l.params.iter().enumerate().map(|(j, v)| v.unwrap_or(constant(stage * np + j)));
+        let t = self.spec.dcs.clock().map_or(constant(self.spec.n_stages() * np), |k| x + k);
+        self.inputs.extend(u.chain(p).chain([t]).map(|j| j as u32));
+    }
+
+    fn call(&mut self, f: &SharedFunction, inputs: usize) -> Call {
         let index = self.functions.iter().position(|g| std::sync::Arc::ptr_eq(f, g)).unwrap_or_else(|| {
             self.functions.push(f.clone());
             self.functions.len() - 1
         });
         let [val, jac, hess, wgt] = self.sizes;
-        let c = Call { f: index, x, u, val, jac, hess, wgt };
+        let c = Call { f: index, inputs, val, jac, hess, wgt };
         let add = [f.n_out(), f.jac_pattern().nnz(), f.hess_pattern().nnz(), f.n_out()];
         for (s, a) in self.sizes.iter_mut().zip(add) {
             *s += a;
@@ -494,8 +668,7 @@ impl Nlp for Fesd {
         let eta = self.eta_value(w, &mut scratch.local);
         self.scratch = scratch;
         let rho = self.soft_weight();
-        let h = self.h_nominal();
-        let soft: f64 = self.soft_terms().map(|(a, b)| (w[a] - b.map_or(h, |b| w[b])).powi(2)).sum();
+        let soft: f64 = self.soft_terms().map(|(a, b)| (w[a] - b.value(w)).powi(2)).sum();
         Ok(self.user_cost(w) + rho * soft + eta)
     }
 
@@ -522,12 +695,12 @@ impl Nlp for Fesd {
                 }
             }
         }
-        let (rho, h) = (2.0 * self.soft_weight(), self.h_nominal());
+        let rho = 2.0 * self.soft_weight();
         for (a, b) in self.soft_terms() {
-            let d = rho * (w[a] - b.map_or(h, |b| w[b]));
+            let d = rho * (w[a] - b.value(w));
             grad[a] += d;
-            if let Some(b) = b {
-                grad[b] -= d;
+            if let Reference::Variable(b, s) = b {
+                grad[b] -= s * d;
             }
         }
         jac.fill(0.0);

@@ -39,9 +39,9 @@ impl Fesd {
     /// Writes into `w` the point that `base` becomes when the elements up to `last` end at the time `event` and the rest
     /// follows: states, multipliers and stage derivatives of `base` at the nearest of its points, states interpolated.
     pub fn restart(&self, base: &[f64], last: usize, event: f64, w: &mut [f64]) {
-        let (l, n_fe) = (&self.l, self.spec.n_fe);
+        let (l, n_fe) = (&self.l, self.l.elements.len());
         let before = self.nodes(base);
-        let total = self.duration;
+        let total = self.durations.iter().sum::<f64>();
         w.copy_from_slice(base);
         for (k, e) in l.elements.iter().enumerate() {
             if let Some(h) = e.h {

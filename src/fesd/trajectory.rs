@@ -145,14 +145,16 @@ impl Trajectory {
         let l = p.layout();
         let dcs = &p.spec().dcs;
         let n_s = self.tableau.n_s;
-        let h_fixed = p.duration() / p.spec().n_fe as f64;
+        let lengths = p.stage_lengths(w);
+        let equal = lengths.iter().all(|h| *h == lengths[0]);
+        let before = |k: usize| if equal { k as f64 * lengths[0] } else { lengths[..k].iter().sum() };
         let n_modes: usize = self.modes.iter().sum();
         let mut t = t0;
         for (i_e, ei) in l.elements.iter().enumerate() {
-            let h = ei.h.map_or(h_fixed, |j| w[j]);
+            let h = p.h_of(ei, w);
             if ei.n == 0 {
                 // the control grid is exact whatever the sums of steps round to
-                t = t0 + ei.stage as f64 * p.duration();
+                t = t0 + before(ei.stage);
             }
             let take = |at: usize| w[at..at + self.nx].to_vec();
             let mut e = Element {

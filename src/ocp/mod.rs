@@ -279,22 +279,20 @@ impl Ocp {
         if outer.chain(self.terminal.iter().map(|t| &t.f)).any(|f| !f.jac_pattern().rows(t_col).is_empty()) {
             dcs.require_clock();
         }
+        let n_fe = self.settings.n_fe as usize;
         let spec = Spec {
-            dcs,
-            options: Options::from_settings(&self.settings)?,
-            n_stages: self.n_stages,
-            n_fe: self.settings.n_fe as usize,
             lagrange: self.lagrange.clone(),
             mayer: self.mayer.clone(),
             path: self.path.clone(),
             terminal: self.terminal.clone(),
+            ..Spec::new(dcs, Options::from_settings(&self.settings)?, vec![n_fe; self.n_stages])
         };
         let mut problem = Fesd::new(spec, self.horizon / self.n_stages as f64)?;
         let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
         let bounds = problem.bounds();
         let mut identifier = Identifier::new(&self.system, &self.settings);
-        identifier.duration = problem.duration();
-        identifier.n_fe = problem.spec().n_fe;
+        identifier.duration = self.horizon / self.n_stages as f64;
+        identifier.n_fe = n_fe;
         identifier.h_at = problem.lengths();
         identifier.cells = problem.spec().dcs.subsystems().iter().map(|s| s.cells.len()).collect();
         (identifier.x0_at, identifier.u_at) = problem.places();

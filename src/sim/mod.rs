@@ -97,16 +97,7 @@ impl Simulator {
                     .into(),
             ));
         }
-        let spec = Spec {
-            dcs,
-            options,
-            n_stages: 1,
-            n_fe: settings.n_fe as usize,
-            lagrange: None,
-            mayer: None,
-            path: Vec::new(),
-            terminal: Vec::new(),
-        };
+        let spec = Spec::new(dcs, options, vec![settings.n_fe as usize]);
         let mut problem = Fesd::new(spec, 1.0)?;
         let solver = MpccSolver::new(&mut problem, MpccSettings::from(settings))?;
         Ok(Simulator {

@@ -41,15 +41,7 @@ pub fn assert_near(found: &[f64], exact: &[f64], tol: f64, what: &str) {
 
 /// Discretises a system without costs.
 pub fn discretise(sys: &System, set: &Settings, n_stages: usize, duration: f64) -> Fesd {
-    let spec = Spec {
-        dcs: Dcs::stewart(sys).unwrap(),
-        options: Options::from_settings(set).unwrap(),
-        n_stages,
-        n_fe: set.n_fe as usize,
-        lagrange: None,
-        mayer: None,
-        path: Vec::new(),
-        terminal: Vec::new(),
-    };
+    let (dcs, options) = (Dcs::stewart(sys).unwrap(), Options::from_settings(set).unwrap());
+    let spec = Spec::new(dcs, options, vec![set.n_fe as usize; n_stages]);
     Fesd::new(spec, duration).unwrap()
 }

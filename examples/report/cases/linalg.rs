@@ -49,16 +49,9 @@ fn chain(n: usize, reach: usize) -> System {
 /// The Newton matrix of the relaxed problem: structure, values of a quasidefinite matrix, number of variables.
 fn newton_matrix(system: &System, n_stages: usize, n_fe: usize, n_s: usize) -> (Pattern, Vec<f64>, usize) {
     let set = Settings { n_s: n_s as i64, n_fe: n_fe as i64, ..Settings::default() };
-    let spec = Spec {
-        dcs: Dcs::stewart(system).expect("the system is complete"),
-        options: Options::from_settings(&set).expect("the settings are valid"),
-        n_stages,
-        n_fe,
-        lagrange: None,
-        mayer: None,
-        path: Vec::new(),
-        terminal: Vec::new(),
-    };
+    let dcs = Dcs::stewart(system).expect("the system is complete");
+    let options = Options::from_settings(&set).expect("the settings are valid");
+    let spec = Spec::new(dcs, options, vec![n_fe; n_stages]);
     let p = Fesd::new(spec, 1.0).expect("the problem can be discretised");
     let (n, m) = (p.n(), p.m());
     let order = n + m + p.pairs().len();

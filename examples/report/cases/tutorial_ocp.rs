@@ -61,16 +61,9 @@ struct Feasible {
 impl Feasible {
     fn new(set: &Settings) -> Feasible {
         let [l, m] = tutorial_costs();
-        let spec = Spec {
-            dcs: Dcs::stewart(&switching('a')).expect("the system is complete"),
-            options: Options::from_settings(set).expect("the settings are valid"),
-            n_stages: 1,
-            n_fe: N_FE,
-            lagrange: Some(l),
-            mayer: Some(m),
-            path: Vec::new(),
-            terminal: Vec::new(),
-        };
+        let dcs = Dcs::stewart(&switching('a')).expect("the system is complete");
+        let options = Options::from_settings(set).expect("the settings are valid");
+        let spec = Spec { lagrange: Some(l), mayer: Some(m), ..Spec::new(dcs, options, vec![N_FE]) };
         let mut problem = Fesd::new(spec, 2.0).expect("the problem can be discretised");
         let solver = MpccSolver::new(&mut problem, MpccSettings::default()).expect("the structure can be analysed");
         Feasible { problem, solver, sigma: set.sigma_init }

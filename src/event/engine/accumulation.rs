@@ -1,0 +1,89 @@
+//! Accumulating switches.
+
+use super::{recover, Engine, Progress, EPS};
+use crate::error::Result;
+use crate::event::{Outcome, Zeno};
+
+/// Intervals between switches that are remembered.
+pub(super) const MEMORY: usize = 8;
+
+/// Where switches were lately.
+pub(super) struct Recent {
+    pub(super) gaps: [f64; MEMORY],
+    pub(super) n: usize,
+    pub(super) last: f64,
+    /// Indicators that vanished, `MEMORY × n_q`.
+    pub(super) zero: Vec<bool>,
+}
+
+impl Engine {
+    /// Notes the time of a switch and what vanished there.
+    pub(super) fn remember(&mut self) {
+        let i = self.recent.n % MEMORY;
+        self.recent.gaps[i] = self.t - self.recent.last;
+        self.recent.last = self.t;
+        let n = self.zero.len();
+        self.recent.zero[i * n..(i + 1) * n].copy_from_slice(&self.zero);
+        self.recent.n += 1;
+    }
+
+    /// Do switches accumulate here? Then the policy decides.
+    pub(super) fn accumulate(&mut self) -> Result<Option<Progress>> {
+        if self.recent.n <= MEMORY {
+            return Ok(None);
+        }
+        let half = MEMORY / 2;
+        let gap = |i: usize| self.recent.gaps[(self.recent.n + i) % MEMORY];
+        let (old, new) = ((0..half).map(gap).sum::<f64>(), (half..MEMORY).map(gap).sum::<f64>());
+        let ratio = new / old;
+        let stuck = old + new <= 64.0 * EPS * self.t.abs();
+        if !(ratio < 0.95 || stuck) {
+            return Ok(None);
+        }
+        let left = if stuck { 0.0 } else { new * ratio / (1.0 - ratio) };
+        for i in 0..self.nx {
+            let tol = self.atol[i] + self.rtol[i] * self.x[i].abs();
+            if self.f[i].abs() * left > 1e-2 * tol.max(4.0 * EPS * self.x[i].abs()) && !stuck {
+                return Ok(None);
+            }
+        }
+        let loosest = self.rtol.iter().fold(1e-14f64, |m, v| m.max(*v));
+        if left > 1e-2 * loosest * self.t.abs() && !stuck {
+            return Ok(None);
+        }
+        self.stats.accumulations += 1;
+        self.recent.n = 0;
+        let text = format!("switches accumulate at t = {}", self.t + left);
+        if self.options.zeno == Zeno::Stop {
+            return Ok(Some(self.fail(Outcome::Zeno, text)));
+        }
+        let before = self.field.active.clone();
+        let n = self.zero.len();
+        for m in 0..MEMORY {
+            for j in 0..n {
+                self.zero[j] |= self.recent.zero[m * n + j];
+            }
+        }
+        self.keep_surfaces();
+        let candidates = self.candidates();
+        let r = self.choose(&candidates, self.h.max(1e3 * EPS * self.t.abs()));
+        let unique = recover(r, false)?;
+        if self.outcome != Outcome::Reached {
+            return Ok(Some(Progress::Done));
+        }
+        let tied: usize = self.field.active.iter().map(Vec::len).sum();
+        if tied <= before.iter().map(Vec::len).sum() {
+            return Ok(Some(self.fail(Outcome::Zeno, text + ", and no sliding mode begins there")));
+        }
+        let r = self.enter().and_then(|()| self.project_sensitivity());
+        if let Some(s) = &mut self.sens {
+            s.one_sided = true;
+            s.dt.fill(f64::NAN);
+        }
+        if !recover(r.map(|()| true), false)? {
+            return Ok(Some(self.fail(Outcome::Zeno, text + ", where the sliding mode is not defined")));
+        }
+        self.log(&before, f64::NAN, None, unique);
+        Ok(Some(Progress::Switched))
+    }
+}

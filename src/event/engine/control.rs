@@ -1,0 +1,156 @@
+//! Control of the step length: tolerances, growth, stiffness, the first step.
+
+use super::{recover, Engine, EPS};
+use crate::error::Result;
+use crate::event::explicit::{self, Pair};
+use crate::event::radau::{self, Attempt};
+use crate::event::step;
+use crate::event::Method;
+
+/// Steps in a row that look stiff before Radau IIA takes over.
+const STIFF_STEPS: usize = 15;
+
+/// How an attempt at a step ended.
+pub(super) enum Tried {
+    Error(f64),
+    Undefined,
+    Diverged,
+}
+
+impl Engine {
+    pub(super) fn set_weights(&mut self, with_end: bool) {
+        for (i, w) in self.weights.iter_mut().enumerate() {
+            let other = if with_end { self.step.x1[i] } else { self.step.h * self.step.f0[i] };
+            let size = self.step.x0[i].abs().max(other.abs());
+            *w = 1.0 / (self.atol[i] + self.rtol[i] * size).max(f64::MIN_POSITIVE);
+        }
+    }
+
+    /// Radau IIA estimates an error of order 3 for a result of order 5: its tolerance is looser.
+    pub(super) fn shrink(&self) -> (f64, f64) {
+        let r = self.rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v)).clamp(1e-14, 0.1);
+        let inner = 0.06 * r.powf(0.69);
+        let shrink = (r / inner).min(1.0);
+        // what the iteration may leave is a tenth of the tolerance itself
+        (shrink, (0.1 * shrink).max(10.0 * EPS / inner))
+    }
+
+    pub(super) fn attempt(&mut self) -> Result<Tried> {
+        let r = if self.implicit {
+            self.set_weights(false);
+            let (shrink, tol) = self.shrink();
+            self.radau.attempt(&mut self.field, &mut self.step, &self.weights, shrink, tol).map(|a| match a {
+                Attempt::Error(e) => Tried::Error(e),
+                Attempt::Diverged => Tried::Diverged,
+            })
+        } else {
+            explicit::attempt(self.pair, &mut self.field, &mut self.step).map(|()| {
+                self.set_weights(true);
+                let e = explicit::error(self.pair, &self.step, &self.weights);
+                if e.is_finite() {
+                    Tried::Error(e)
+                } else {
+                    Tried::Undefined
+                }
+            })
+        };
+        recover(r, Tried::Undefined)
+    }
+
+    /// Derivative at the end; false where it is not defined.
+    pub(super) fn finish(&mut self) -> Result<bool> {
+        let r = if self.implicit {
+            self.radau.finish(&mut self.field, &mut self.step)
+        } else if self.pair == Pair::Dop853 {
+            explicit::finish(self.pair, &mut self.field, &mut self.step)
+        } else {
+            Ok(())
+        };
+        recover(r.map(|()| true), false)
+    }
+
+    /// Step length after a success.
+    pub(super) fn grown(&self, err: f64, rejected: bool) -> f64 {
+        let factor = if self.implicit {
+            let n = radau::MAX_NEWTON as f64;
+            let safe = 0.9 * (2.0 * n + 1.0) / (2.0 * n + self.radau.last_newton as f64);
+            (safe * err.max(1e-8).powf(-0.25)).clamp(0.2, 8.0)
+        } else {
+            // proportional-integral control, which the pair of order 8 does without
+            let (factor, most) = match self.pair {
+                Pair::Dp5 => (err.max(1e-10).powf(-0.17) * self.err_before.powf(0.04), 10.0),
+                Pair::Dop853 => (1.0 / err.max(1e-10).sqrt().sqrt().sqrt(), 6.0),
+            };
+            (0.9 * factor).clamp(0.333, most)
+        };
+        let h = self.step.h * if rejected { factor.min(1.0) } else { factor };
+        // the last step before a stop is short for that reason alone
+        let wanted = self.h.min(self.options.h_max);
+        if !rejected && self.step.h < 0.999 * wanted {
+            h.max(wanted)
+        } else {
+            h
+        }
+    }
+
+    /// Factor of the step length after a failure.
+    pub(super) fn shrunk(&self, err: f64) -> f64 {
+        let order = if self.implicit { 4.0 } else { self.pair.order() };
+        (0.9 * err.powf(-1.0 / order)).clamp(0.1, 0.9)
+    }
+
+    pub(super) fn watch_stiffness(&mut self) {
+        if self.implicit || self.options.method != Method::Auto {
+            return;
+        }
+        if explicit::stiffness(self.pair, &self.step) > self.pair.stability() {
+            self.mild_steps = 0;
+            self.stiff_steps += 1;
+            if self.stiff_steps >= STIFF_STEPS {
+                self.implicit = true;
+                let none = self.stiff.len() - 1;
+                self.stiff[none] |= self.field.active.is_empty();
+                for set in &self.field.active {
+                    set.iter().for_each(|&c| self.stiff[c] = true);
+                }
+            }
+        } else {
+            self.mild_steps += 1;
+            if self.mild_steps >= 6 {
+                self.stiff_steps = 0;
+            }
+        }
+    }
+
+    /// Length of the first step, from the size of the first two derivatives.
+    pub(super) fn initial_step(&mut self, longest: f64) -> Result<f64> {
+        let most = longest.min(self.options.h_max);
+        if self.options.h0 > 0.0 {
+            return Ok(self.options.h0.min(most));
+        }
+        let size = self.x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        for i in 0..self.nx {
+            // a component that happens to be zero says nothing about its size
+            let tol = self.atol[i] + self.rtol[i] * self.x[i].abs().max(1e-6 * size);
+            self.weights[i] = 1.0 / tol.max(f64::MIN_POSITIVE);
+        }
+        let norm = |v: &[f64]| step::norm(v, &self.weights);
+        let (d0, d1) = (norm(&self.x), norm(&self.f));
+        let h = if d0 < 1e-5 || d1 < 1e-5 { 1e-6 } else { 0.01 * d0 / d1 }.min(most);
+        for ((y, x), f) in self.node.iter_mut().zip(&self.x).zip(&self.f) {
+            *y = x + h * f;
+        }
+        let r = self.field.rhs(self.t + h, &self.node, &mut self.step.f);
+        if !recover(r.map(|()| true), false)? {
+            return Ok(h);
+        }
+        for (a, b) in self.step.f.iter_mut().zip(&self.f) {
+            *a -= b;
+        }
+        let d2 = step::norm(&self.step.f, &self.weights) / h;
+        let order = if self.implicit { 4.0 } else { self.pair.order() };
+        let steep = d1.max(d2);
+        let h1 = if steep <= 1e-15 { (1e-3 * h).max(1e-6) } else { (0.01 / steep).powf(1.0 / order) };
+        Ok((100.0 * h).min(h1).min(most))
+    }
+}

@@ -1,0 +1,146 @@
+//! The location of a switch: the step repeated with the length that puts the switch at its end.
+
+use super::{recover, Engine, Progress, Tried, EPS};
+use crate::error::Result;
+use crate::func::EvalError;
+
+impl Engine {
+    /// Repeats the step with the length that makes the watched function vanish at its end, and switches there. `None`
+    /// if that does not succeed.
+    pub(super) fn land(&mut self, l: usize, s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
+        let full = self.step.h;
+        let mut h = s * full;
+        let floor = 4.0 * EPS * self.t.abs().max(full);
+        if h <= floor {
+            // at the start itself: the active set was not the right one
+            self.stats.relocations += 1;
+            return self.switch(l, slope, 0.25 * full).map(Some);
+        }
+        let (mut slope, mut before) = (slope, None);
+        for _ in 0..12 {
+            self.step.h = h;
+            self.dense_ready = false;
+            self.stats.relocations += 1;
+            match self.attempt()? {
+                Tried::Error(e) if e <= 10.0 => {}
+                _ => return Ok(None),
+            }
+            if !self.finish()? {
+                return Ok(None);
+            }
+            let Some((value, rate)) = recover(self.watched(l, self.t + h).map(Some), None)? else { return Ok(None) };
+            if let Some((v, at)) = before {
+                let secant: f64 = (value - v) / (h - at);
+                if secant < 0.0 {
+                    slope = secant;
+                }
+            }
+            before = Some((value, h));
+            let rate = if rate < 0.0 { rate } else { slope };
+            let delta = -value / rate;
+            if !delta.is_finite() {
+                return Ok(None);
+            }
+            if delta.abs() <= 1e-8 * h || delta.abs() <= floor || self.is_short(delta) {
+                if self.overlooked(l) {
+                    return Ok(None);
+                }
+                return self.touch_down(l, slope, grown).map(Some);
+            }
+            h = (h + delta).clamp(0.2 * h, (5.0 * h).min(1.1 * full));
+        }
+        // grazing: the length hardly matters for the value any more
+        self.touch_down(l, slope, grown).map(Some)
+    }
+
+    /// Does another watched function say that a switch before this one was missed? Then a shorter step shows it.
+    pub(super) fn overlooked(&self, l: usize) -> bool {
+        (0..self.watches.len()).any(|m| {
+            let w = &self.watches[m];
+            let near = 1e4 * EPS * w.scale(&self.field.dq, self.field.n_z, self.t, &self.step.x1).0;
+            m != l && self.depart[m] == 0 && w.value(&self.field.q, &self.field) < -near.max(1e-2 * self.w0[m])
+        })
+    }
+
+    /// Is a straight line over this time as good as the step, with a margin?
+    pub(super) fn is_short(&self, delta: f64) -> bool {
+        let s = &self.step;
+        let bend = 1e3 * delta * delta / s.h;
+        let straight = (0..self.nx).all(|i| bend * (s.f1[i] - s.f0[i]).abs() * self.weights[i] <= 1.0);
+        !self.step_implicit && delta.abs() <= 0.01 * s.h && straight
+    }
+
+    /// Value and rate of a watched function at the end of the step; the rate of a weight is NaN.
+    pub(super) fn watched(&mut self, l: usize, t: f64) -> std::result::Result<(f64, f64), EvalError> {
+        let w = self.watches[l];
+        self.field.indicators(t, &self.step.x1)?;
+        self.field.gradients(t, &self.step.x1)?;
+        let value = w.value(&self.field.q, &self.field);
+        let rate = if w.is_leave() { f64::NAN } else { w.rate(&self.field.dq, self.field.n_z, &self.step.f1) };
+        Ok((value, rate))
+    }
+
+    /// The last digits of the switching time: along the velocity, which is exact to rounding over so short a time.
+    pub(super) fn touch_down(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        let mut t = self.t + self.step.h;
+        for _ in 0..4 {
+            let found = self.watched(l, t).map(Some);
+            let Some((value, rate)) = recover(found, None)? else { break };
+            let rate = if rate < 0.0 { rate } else { slope };
+            let scale = self.watches[l].scale(&self.field.dq, self.field.n_z, t, &self.step.x1).0;
+            let most = if self.step_implicit { 1e-6 } else { 0.01 } * self.step.h;
+            let delta = (-value / rate).clamp(-most, most);
+            if value.abs() <= 0.5 * EPS * scale || !delta.is_finite() {
+                break;
+            }
+            for (x, f) in self.step.x1.iter_mut().zip(&self.step.f1) {
+                *x += delta * f;
+            }
+            t += delta;
+            if self.field.n_alg() > 0 {
+                // the weights at the new point
+                let r = self.field.rhs(t, &self.step.x1, &mut self.node).map(|()| true);
+                if !recover(r, false)? {
+                    break;
+                }
+            }
+        }
+        self.w1[..self.watches.len()].fill(f64::NAN);
+        self.accept(t)?;
+        self.switch(l, slope, grown)
+    }
+
+    /// Where a function is not defined beyond a surface, steps only come near it: the rest, no longer than rounding,
+    /// goes along the velocity.
+    pub(super) fn reach_surface(&mut self) -> Result<Option<Progress>> {
+        let (n_z, nx) = (self.field.n_z, self.nx);
+        let mut nearest = (f64::INFINITY, 0, 0.0);
+        for l in 0..self.watches.len() {
+            let rate = self.watches[l].rate(&self.dq0, n_z, &self.f);
+            let left = -self.w0[l] / rate;
+            if rate < 0.0 && left >= 0.0 && left < nearest.0 {
+                nearest = (left, l, rate);
+            }
+        }
+        let (left, l, rate) = nearest;
+        if left > 1e-11 * self.t.abs().max(1.0) || self.field.n_alg() > 0 {
+            return Ok(None);
+        }
+        let s = &mut self.step;
+        s.h = left.max(f64::MIN_POSITIVE);
+        for i in 0..nx {
+            s.x1[i] = s.x0[i] + left * s.f0[i];
+            s.poly[i] = [0.0; 8];
+            s.poly[i][0] = s.x0[i];
+            s.poly[i][1] = left * s.f0[i];
+        }
+        s.f1.copy_from_slice(&s.f0);
+        self.dense_ready = true;
+        self.w1[..self.watches.len()].fill(f64::NAN);
+        // shorter than rounding: no step that counts for the next length
+        let t1 = self.t + left;
+        self.accept(t1)?;
+        let h = self.step.h.max(1e-6 * t1.abs().max(1e-6));
+        self.switch(l, rate, h).map(Some)
+    }
+}

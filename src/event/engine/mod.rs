@@ -1,0 +1,477 @@
+//! The loop: steps under error control, switches at their ends.
+
+mod accumulation;
+mod control;
+mod locate;
+mod record;
+mod search;
+mod transition;
+
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
+
+use self::accumulation::{Recent, MEMORY};
+use self::control::Tried;
+use self::search::Found;
+use super::bernstein::{Coefficients, Sampler, NODES};
+use super::explicit::Pair;
+use super::field::Field;
+use super::path::Path;
+use super::radau::Radau;
+use super::sens::Sens;
+use super::step::Step;
+use super::watch::Watch;
+use super::{Method, Options, Outcome, Run, Statistics, Switch};
+use crate::dcs::Dcs;
+use crate::error::{finite, Error, Result};
+use crate::func::EvalError;
+use crate::system::System;
+
+/// Rounding.
+const EPS: f64 = f64::EPSILON;
+/// What a call of [`Engine::step`] did.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Progress {
+    /// A step inside of a mode.
+    Stepped,
+    /// A step that ends at a switch.
+    Switched,
+    /// Nothing: the time asked for is reached, or the simulation has ended before; see [`Engine::outcome`].
+    Done,
+}
+
+/// An event-driven simulation, step by step. Memory is allocated when it is made; switches and dense output are
+/// appended to lists.
+///
+/// The vocabulary is that of SUNDIALS: [`Engine::reinit`], [`Engine::step`], [`Engine::advance`],
+/// [`Engine::get_dky`].
+pub struct Engine {
+    options: Options,
+    nx: usize,
+    rtol: Vec<f64>,
+    atol: Vec<f64>,
+    field: Field,
+    step: Step,
+    /// Active sets of the last step.
+    step_sets: Vec<Vec<usize>>,
+    step_implicit: bool,
+    dense_ready: bool,
+    radau: Radau,
+    pair: Pair,
+    implicit: bool,
+    /// Modes that turned out to be stiff, by cell; the last entry is for a system without cells.
+    stiff: Vec<bool>,
+    stiff_steps: usize,
+    mild_steps: usize,
+    sampler: Sampler,
+    samples: Vec<Coefficients>,
+    watches: Vec<Watch>,
+    /// Order of the zero that a watched function has at the start of the step.
+    depart: Vec<u8>,
+    w0: Vec<f64>,
+    w1: Vec<f64>,
+    suspect: Vec<bool>,
+    q0: Vec<f64>,
+    q1: Vec<f64>,
+    dq0: Vec<f64>,
+    dq1: Vec<f64>,
+    zero: Vec<bool>,
+    set: Vec<usize>,
+    weights: Vec<f64>,
+    node: Vec<f64>,
+    t: f64,
+    x: Vec<f64>,
+    f: Vec<f64>,
+    h: f64,
+    err_before: f64,
+    /// How coarse the last step was, see [`Engine::resolution`].
+    coarse: f64,
+    /// Algebraic variables at the start and at the end of a step.
+    alpha_start: Vec<f64>,
+    alpha_end: Vec<f64>,
+    /// The step is the first one under its active set.
+    fresh: bool,
+    /// The active set has to be found before the next step.
+    restart: bool,
+    recent: Recent,
+    crowd: usize,
+    outcome: Outcome,
+    reason: String,
+    switches: Vec<Switch>,
+    stats: Statistics,
+    path: Option<Path>,
+    sens: Option<Sens>,
+    interrupt: Option<Arc<AtomicBool>>,
+}
+
+impl Engine {
+    /// Prepares the simulation of a system. State, controls and parameters are zero until they are set.
+    pub fn new(system: &System, options: &Options) -> Result<Engine> {
+        let dcs = Dcs::stewart(system)?;
+        let nx = dcs.dims().x;
+        options.validate(nx)?;
+        let field = Field::new(&dcs);
+        let spread = |v: &[f64]| (0..nx).map(|i| v[i % v.len()]).collect::<Vec<f64>>();
+        let (n_q, n_z, n_cells) = (field.q.len(), field.n_z, field.n_cells);
+        let most = n_cells.saturating_sub(field.subs.len());
+        let (rtol, atol) = (spread(&options.rtol), spread(&options.atol));
+        let finest = rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v));
+        let pair = match options.method {
+            Method::Dp5 => Pair::Dp5,
+            Method::Auto if finest > 1e-5 => Pair::Dp5,
+            _ => Pair::Dop853,
+        };
+        let n_w = n_q + n_cells;
+        Ok(Engine {
+            options: options.clone(),
+            nx,
+            rtol,
+            atol,
+            step: Step::new(nx),
+            step_sets: field.subs.iter().map(|s| Vec::with_capacity(s.cells.len())).collect(),
+            step_implicit: false,
+            dense_ready: false,
+            radau: Radau::new(nx, n_z, most)?,
+            pair,
+            implicit: false,
+            stiff: vec![false; n_cells + 1],
+            stiff_steps: 0,
+            mild_steps: 0,
+            sampler: Sampler::new(),
+            samples: vec![[0.0; NODES]; n_w],
+            watches: Vec::with_capacity(n_w),
+            depart: vec![0; n_w],
+            w0: vec![0.0; n_w],
+            w1: vec![0.0; n_w],
+            suspect: vec![false; n_w],
+            q0: vec![0.0; n_q],
+            q1: vec![0.0; n_q],
+            dq0: vec![0.0; n_q * n_z],
+            dq1: vec![0.0; n_q * n_z],
+            zero: vec![false; n_q],
+            set: Vec::with_capacity(2),
+            weights: vec![0.0; nx],
+            node: vec![0.0; nx],
+            t: 0.0,
+            x: vec![0.0; nx],
+            f: vec![0.0; nx],
+            h: 0.0,
+            err_before: 1e-4,
+            coarse: 0.0,
+            alpha_start: Vec::with_capacity(most),
+            alpha_end: Vec::with_capacity(most),
+            fresh: true,
+            restart: true,
+            recent: Recent { gaps: [0.0; MEMORY], n: 0, last: 0.0, zero: vec![false; MEMORY * n_q] },
+            crowd: 0,
+            outcome: Outcome::Reached,
+            reason: String::new(),
+            switches: Vec::new(),
+            stats: Statistics::default(),
+            path: options.dense.then(|| Path::new(nx)),
+            sens: options.sensitivity.then(|| Sens::new(nx, n_z, most)),
+            interrupt: None,
+            field,
+        })
+    }
+
+    /// Sets time and state and clears log, statistics and dense output.
+    pub fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
+        finite("time", &[t], 1)?;
+        finite("state", x, self.nx)?;
+        self.t = t;
+        self.x.copy_from_slice(x);
+        for a in &mut self.field.active {
+            a.clear();
+        }
+        self.restart = true;
+        self.h = 0.0;
+        self.stiff.fill(false);
+        self.recent.n = 0;
+        self.recent.last = t;
+        self.crowd = 0;
+        self.outcome = Outcome::Reached;
+        self.reason.clear();
+        self.switches.clear();
+        self.stats = Statistics::default();
+        self.field.counts = Default::default();
+        self.radau.newton = 0;
+        self.radau.factorisations = 0;
+        self.dense_ready = false;
+        self.step.h = 0.0;
+        if let Some(p) = &mut self.path {
+            p.clear();
+        }
+        if let Some(s) = &mut self.sens {
+            s.reset();
+        }
+        Ok(())
+    }
+
+    /// Sets the controls, constant from now on. The active set is found anew.
+    pub fn set_controls(&mut self, u: &[f64]) -> Result<()> {
+        finite("control", u, self.field.u.len())?;
+        self.save_dense()?;
+        self.field.u.copy_from_slice(u);
+        self.field.forget();
+        self.restart = true;
+        Ok(())
+    }
+
+    /// Sets the parameters. The active set is found anew.
+    pub fn set_params(&mut self, p: &[f64]) -> Result<()> {
+        finite("parameter", p, self.field.p.len())?;
+        self.save_dense()?;
+        self.field.p.copy_from_slice(p);
+        self.field.forget();
+        self.restart = true;
+        Ok(())
+    }
+
+    /// A flag another thread may raise: the call that runs ends with [`Error::Interrupted`] after the step.
+    pub fn set_interrupt(&mut self, flag: Arc<AtomicBool>) {
+        self.interrupt = Some(flag);
+    }
+
+    /// Time reached.
+    pub fn time(&self) -> f64 {
+        self.t
+    }
+
+    /// State reached.
+    pub fn state(&self) -> &[f64] {
+        &self.x
+    }
+
+    /// Derivative of the state under the present active set.
+    pub fn derivative(&self) -> &[f64] {
+        &self.f
+    }
+
+    /// How the simulation stands.
+    pub fn outcome(&self) -> Outcome {
+        self.outcome
+    }
+
+    /// Why it ended early, in words.
+    pub fn reason(&self) -> &str {
+        &self.reason
+    }
+
+    /// The switches so far.
+    pub fn switches(&self) -> &[Switch] {
+        &self.switches
+    }
+
+    /// Dense output so far, if the options ask for it.
+    pub fn path(&self) -> Option<&Path> {
+        self.path.as_ref()
+    }
+
+    /// `∂x/∂(x0, p)` at the time reached, row-major with one row per state, if the options ask for it. After
+    /// [`Engine::set_params`] the derivatives are those with respect to changes of the parameters over the whole run.
+    pub fn sensitivity(&self) -> Option<&[f64]> {
+        self.sens.as_ref().map(|s| &s.s[..])
+    }
+
+    /// True where the derivatives hold for one side only, see [`Run::one_sided`].
+    pub fn one_sided(&self) -> bool {
+        self.sens.as_ref().is_some_and(|s| s.one_sided)
+    }
+
+    /// Active modes of a subsystem; empty before the first step.
+    pub fn active(&self, subsystem: usize) -> Vec<usize> {
+        if self.field.active.get(subsystem).is_none_or(|a| a.is_empty()) {
+            return Vec::new();
+        }
+        self.field.modes(subsystem)
+    }
+
+    /// Work so far.
+    pub fn stats(&self) -> Statistics {
+        Statistics {
+            evaluations: self.field.counts.values,
+            jacobians: self.field.counts.jacobians,
+            newton: self.radau.newton,
+            factorisations: self.radau.factorisations,
+            ..self.stats
+        }
+    }
+
+    /// The result so far.
+    pub fn into_run(self) -> Run {
+        Run {
+            outcome: self.outcome,
+            stats: self.stats(),
+            one_sided: self.one_sided(),
+            sensitivity: self.sens.map(|s| s.s),
+            reason: self.reason,
+            t: self.t,
+            x: self.x,
+            switches: self.switches,
+            path: self.path,
+        }
+    }
+
+    /// Integrates to time `t`. Time and state are those at the end, or where the simulation ended before.
+    pub fn advance(&mut self, t: f64) -> Result<Outcome> {
+        while self.step(t)? != Progress::Done {}
+        Ok(self.outcome)
+    }
+
+    /// Does one step, not beyond `t_stop`.
+    pub fn step(&mut self, t_stop: f64) -> Result<Progress> {
+        finite("time", &[t_stop], 1)?;
+        if t_stop < self.t {
+            return Err(Error::Range(format!("time {t_stop} lies behind: {} is reached", self.t)));
+        }
+        if self.interrupt.as_ref().is_some_and(|f| f.load(Ordering::Relaxed)) {
+            return Err(Error::Interrupted);
+        }
+        if self.outcome != Outcome::Reached || self.t == t_stop {
+            return Ok(Progress::Done);
+        }
+        if self.restart {
+            self.begin(t_stop)?;
+            if self.outcome != Outcome::Reached {
+                return Ok(Progress::Done);
+            }
+        }
+        if t_stop - self.t <= 8.0 * EPS * t_stop.abs() {
+            // no step fits between
+            self.t = t_stop;
+            return Ok(Progress::Done);
+        }
+        self.prepare_step();
+        let mut rejected = false;
+        loop {
+            if self.stats.steps + self.stats.rejections >= self.options.max_steps {
+                let text = format!("{} steps were not enough to reach {t_stop}", self.options.max_steps);
+                return Ok(self.fail(Outcome::MaxSteps, text));
+            }
+            let left = t_stop - self.t;
+            let wanted = self.h.min(self.options.h_max);
+            let last = wanted >= 0.99 * left;
+            self.step.h = if last { left } else { wanted };
+            if self.step.h <= 4.0 * EPS * self.t.abs() && !last {
+                if let Some(p) = self.reach_surface()? {
+                    return Ok(p);
+                }
+                let text = "the step became shorter than rounding: the solution grows without bound, a function is \
+                            not defined ahead, or the tolerances are too small";
+                return Ok(self.fail(Outcome::StepTooSmall, text.into()));
+            }
+            let t1 = if last { t_stop } else { self.t + self.step.h };
+            match self.attempt()? {
+                Tried::Error(err) if err <= 1.0 => {
+                    if !self.finish()? {
+                        self.reject(&mut rejected, 0.25);
+                        continue;
+                    }
+                    let found = self.search(t1)?;
+                    let grown = self.grown(err.max(self.coarse), rejected);
+                    match found {
+                        Some(Found::Nothing) => {
+                            self.err_before = err.max(1e-4);
+                            self.accept(t1)?;
+                            self.h = grown;
+                            return Ok(Progress::Stepped);
+                        }
+                        Some(Found::Zero(l, s, slope)) => {
+                            if let Some(p) = self.land(l, s, slope, grown)? {
+                                return Ok(p);
+                            }
+                            self.reject(&mut rejected, 0.5);
+                        }
+                        Some(Found::Coarse(e)) => self.reject(&mut rejected, (0.9 * e.powf(-0.25)).clamp(0.1, 0.9)),
+                        None => self.reject(&mut rejected, 0.5),
+                    }
+                }
+                Tried::Error(err) => {
+                    let factor = self.shrunk(err);
+                    self.reject(&mut rejected, factor);
+                }
+                Tried::Undefined => self.reject(&mut rejected, 0.25),
+                Tried::Diverged => self.reject(&mut rejected, 0.35),
+            }
+        }
+    }
+
+    fn fail(&mut self, outcome: Outcome, reason: String) -> Progress {
+        self.outcome = outcome;
+        self.reason = format!("t = {}: {reason}", self.t);
+        Progress::Done
+    }
+
+    fn reject(&mut self, rejected: &mut bool, factor: f64) {
+        *rejected = true;
+        self.stats.rejections += 1;
+        self.h = self.step.h * factor;
+    }
+
+    /// The step begins at the present state.
+    fn prepare_step(&mut self) {
+        self.step.t = self.t;
+        let s = &mut self.step;
+        for i in 0..self.nx {
+            (s.x0[i], s.f0[i]) = (self.x[i], self.f[i]);
+        }
+        self.dense_ready = false;
+        self.radau.invalidate();
+        self.step_implicit = self.implicit;
+        for (to, from) in self.step_sets.iter_mut().zip(&self.field.active) {
+            to.clone_from(from);
+        }
+    }
+
+    /// Takes the step over.
+    fn accept(&mut self, t1: f64) -> Result<()> {
+        if let Some(mut p) = self.path.take() {
+            let r = self.save_dense();
+            if r.is_ok() {
+                p.push(self.step.t, t1, self.step.h, &self.step.poly);
+            }
+            self.path = Some(p);
+            r?;
+        }
+        if let Some(mut s) = self.sens.take() {
+            let r = if self.step_implicit {
+                s.implicit(&self.radau, &mut self.field, &self.step)
+            } else {
+                s.explicit(self.pair, &mut self.field, &self.step, t1 - (self.step.t + self.step.h))
+            };
+            s.one_sided |= !recover(r.map(|()| true), false)?;
+            self.sens = Some(s);
+        }
+        self.stats.steps += 1;
+        self.crowd = 0;
+        self.watch_stiffness();
+        self.t = t1;
+        for i in 0..self.nx {
+            (self.x[i], self.f[i]) = (self.step.x1[i], self.step.f1[i]);
+        }
+        let n = self.watches.len();
+        self.w0[..n].copy_from_slice(&self.w1[..n]);
+        self.depart[..n].fill(0);
+        self.fresh = false;
+        std::mem::swap(&mut self.alpha_start, &mut self.alpha_end);
+        std::mem::swap(&mut self.q0, &mut self.q1);
+        if !self.field.constant_gradients() {
+            std::mem::swap(&mut self.dq0, &mut self.dq1);
+        }
+        Ok(())
+    }
+}
+
+fn fatal(code: i32) -> Error {
+    Error::User { code, what: "a function of the model".into() }
+}
+
+/// What is not defined becomes `otherwise`, a fatal code an error.
+fn recover<T>(r: std::result::Result<T, EvalError>, otherwise: T) -> Result<T> {
+    match r {
+        Ok(v) => Ok(v),
+        Err(EvalError::Recoverable) => Ok(otherwise),
+        Err(EvalError::Fatal(code)) => Err(fatal(code)),
+    }
+}

@@ -1,0 +1,117 @@
+//! What a run leaves: dense output and the log of switches.
+
+use super::{recover, Engine, EPS};
+use crate::error::{Error, Result};
+use crate::event::explicit;
+use crate::event::field::Field;
+use crate::event::path;
+use crate::event::{Kind, Switch};
+use crate::func::EvalError;
+
+impl Engine {
+    /// `k`-th derivative of the dense output at a time in the last step.
+    pub fn get_dky(&mut self, t: f64, k: usize, out: &mut [f64]) -> Result<()> {
+        if out.len() != self.nx {
+            return Err(Error::Dimension(format!("room for {} values, a state has {}", out.len(), self.nx)));
+        }
+        if self.step.h == 0.0 {
+            return Err(Error::State("there is no dense output before the first step".into()));
+        }
+        let slack = 8.0 * EPS * self.t.abs();
+        if !(t >= self.step.t - slack && t <= self.t + slack) {
+            let (a, b) = (self.step.t, self.t);
+            return Err(Error::Range(format!("time {t} is outside of the last step, {a} to {b}")));
+        }
+        self.save_dense()?;
+        path::eval(&self.step.poly, (t - self.step.t) / self.step.h, self.step.h, k, out);
+        Ok(())
+    }
+
+    pub(super) fn save_dense(&mut self) -> Result<()> {
+        if self.step.h == 0.0 {
+            return Ok(());
+        }
+        let r = self.write_dense();
+        recover(r.map(|()| true), false)?;
+        Ok(())
+    }
+
+    /// Dense output of the last step, evaluated under the active set it had.
+    pub(super) fn write_dense(&mut self) -> std::result::Result<(), EvalError> {
+        if self.dense_ready {
+            return Ok(());
+        }
+        if self.step_implicit {
+            self.radau.dense(&mut self.step, self.fresh);
+        } else {
+            let foreign = self.step_sets != self.field.active;
+            let present = foreign.then(|| self.field.active.clone());
+            if foreign {
+                self.field.set_active(&self.step_sets);
+            }
+            let r = explicit::dense(self.pair, &mut self.field, &mut self.step);
+            if let Some(p) = present {
+                self.field.set_active(&p);
+            }
+            r?;
+        }
+        self.dense_ready = true;
+        Ok(())
+    }
+
+    /// Writes what changed to the log.
+    pub(super) fn log(&mut self, before: &[Vec<usize>], rate: f64, cosine: Option<f64>, unique: bool) {
+        let modes = |field: &Field, k: usize, set: &[usize]| {
+            let s = &field.subs[k];
+            let mut m: Vec<usize> = set.iter().map(|c| s.cells[c - s.first].mode).collect();
+            m.sort_unstable();
+            m.dedup();
+            m
+        };
+        let start = self.switches.len();
+        let mut n = 0;
+        for (k, set) in before.iter().enumerate() {
+            if *set == self.field.active[k] {
+                continue;
+            }
+            let (a, b) = (modes(&self.field, k, set), modes(&self.field, k, &self.field.active[k]));
+            if a == b {
+                continue;
+            }
+            n += 1;
+            if self.switches.len() >= self.options.max_log {
+                continue;
+            }
+            let kind = if a.iter().all(|m| b.contains(m)) {
+                Kind::Enter
+            } else if b.iter().all(|m| a.contains(m)) {
+                if unique {
+                    Kind::Leave
+                } else {
+                    Kind::Spontaneous
+                }
+            } else {
+                Kind::Cross
+            };
+            self.switches.push(Switch {
+                t: self.t,
+                kind,
+                simultaneous: false,
+                subsystem: k,
+                before: a,
+                after: b,
+                rate,
+                transversality: cosine.unwrap_or(f64::NAN),
+                unique,
+                dt: self.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
+            });
+        }
+        self.stats.switches += n;
+        if let (Some(s), true) = (&mut self.sens, n > 1) {
+            s.one_sided = true;
+        }
+        for s in &mut self.switches[start..] {
+            s.simultaneous = n > 1;
+        }
+    }
+}

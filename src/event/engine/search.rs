@@ -1,0 +1,197 @@
+//! The search for the first switch in a step: what is watched is screened at the ends and the stages, and sampled on the
+//! dense output where that does not exclude a zero.
+
+use super::{fatal, Engine, EPS};
+use crate::error::Result;
+use crate::event::bernstein::{self, First, NODES};
+use crate::event::explicit::Pair;
+use crate::event::watch::Watch;
+use crate::func::EvalError;
+
+/// How the search for a switch in a step ended.
+pub(super) enum Found {
+    Nothing,
+    /// The watch, the relative time, the slope there with respect to time.
+    Zero(usize, f64, f64),
+    /// The step is too long for what is watched: the error of its interpolation relative to what it may be.
+    Coarse(f64),
+}
+
+impl Engine {
+    /// Looks for the first switch in the step; `None` where a function is not defined.
+    pub(super) fn search(&mut self, t1: f64) -> Result<Option<Found>> {
+        if self.watches.is_empty() {
+            return Ok(Some(Found::Nothing));
+        }
+        let r = self.search_inner(t1);
+        match r {
+            Ok(f) => Ok(Some(f)),
+            Err(EvalError::Recoverable) => Ok(None),
+            Err(EvalError::Fatal(code)) => Err(fatal(code)),
+        }
+    }
+
+    pub(super) fn search_inner(&mut self, t1: f64) -> std::result::Result<Found, EvalError> {
+        self.field.indicators(t1, &self.step.x1)?;
+        self.q1.copy_from_slice(&self.field.q);
+        if !self.field.constant_gradients() {
+            self.field.gradients(t1, &self.step.x1)?;
+            self.dq1.copy_from_slice(&self.field.dq);
+        }
+        self.coarse = 0.0;
+        let e = self.screen()?;
+        if e > 1.0 {
+            return Ok(Found::Coarse(e));
+        }
+        // the growth of the step is chosen by an error of order four
+        self.coarse = match self.pair {
+            _ if self.implicit => e,
+            Pair::Dp5 => e * e.sqrt().sqrt(),
+            Pair::Dop853 => e * e,
+        };
+        let n = self.watches.len();
+        let any = self.suspect[..n].contains(&true);
+        let leaves = self.watches.iter().zip(&self.suspect).any(|(w, s)| *s && w.is_leave());
+        if !any {
+            return Ok(Found::Nothing);
+        }
+        self.write_dense()?;
+        for i in 1..NODES {
+            let s = self.sampler.nodes[i];
+            if i < NODES - 1 {
+                self.step.at(s, &mut self.node);
+                let t = self.step.t + s * self.step.h;
+                self.field.indicators(t, &self.node)?;
+                if leaves {
+                    self.field.hidden(t, &self.node)?;
+                }
+            }
+            for l in 0..self.watches.len() {
+                if self.suspect[l] {
+                    let end = i == NODES - 1;
+                    self.samples[l][i] =
+                        if end { self.w1[l] } else { self.watches[l].value(&self.field.q, &self.field) };
+                }
+            }
+        }
+        let mut best = Found::Nothing;
+        let mut first = f64::INFINITY;
+        for l in 0..self.watches.len() {
+            if !self.suspect[l] {
+                continue;
+            }
+            self.samples[l][0] = self.w0[l];
+            let power = usize::from(self.depart[l]);
+            let (c, d) = self.sampler.coefficients(&self.samples[l], power);
+            let c = &c[..=d];
+            let First::Zero(s) = bernstein::first(c) else { continue };
+            if s >= first {
+                continue;
+            }
+            first = s;
+            let (v, dv) = (bernstein::value(c, s), bernstein::slope(c, s));
+            let slope = match power {
+                0 => dv,
+                _ => power as f64 * s.powi(power as i32 - 1) * v + s.powi(power as i32) * dv,
+            };
+            best = Found::Zero(l, s, slope / self.step.h);
+        }
+        Ok(best)
+    }
+
+    /// Looks at every watched function from the ends of the step and its stages: might it vanish in between? And how
+    /// well does the step resolve it, which the error of the state says nothing about: `sin 20 x` may go round while
+    /// `x` is a straight line, and the weights of a sliding mode may oscillate while the state rests. Returns the
+    /// error of a cubic interpolation in the middle of the step, relative to a tenth of the size.
+    pub(super) fn screen(&mut self) -> std::result::Result<f64, EvalError> {
+        const FRACTION: f64 = 0.1;
+        let (h, t, n_z, nx) = (self.step.h, self.step.t, self.field.n_z, self.nx);
+        let mut worst = 0.0f64;
+        let n_alg = self.field.n_alg();
+        self.alpha_end.clear();
+        self.alpha_end.extend_from_slice(&self.field.alpha[..n_alg]);
+        if !self.field.constant_gradients() {
+            let s = &self.step;
+            for (i, m) in self.node.iter_mut().enumerate() {
+                *m = 0.5 * (s.x0[i] + s.x1[i]) + 0.125 * h * (s.f0[i] - s.f1[i]);
+            }
+            self.field.indicators(t + 0.5 * h, &self.node)?;
+        }
+        for l in 0..self.watches.len() {
+            let w = self.watches[l];
+            let (w0, depart) = (self.w0[l], self.depart[l]);
+            let w1 = w.value(&self.q1, &self.field);
+            self.w1[l] = w1;
+            let certain = w1.is_nan() || w1 <= 0.0 || depart == 2;
+            self.suspect[l] = match w {
+                Watch::Leave { cell, .. } => certain || depart > 0 || self.weight_falls(cell, w0, w1),
+                Watch::Enter { sub, .. } if self.field.subs[sub].affine => certain || self.nears(&w, w0, w1, depart),
+                Watch::Enter { .. } => {
+                    let v = w.value(&self.field.q, &self.field);
+                    let r0 = w.rate(&self.dq0, n_z, &self.step.f0);
+                    let r1 = w.rate(&self.dq1, n_z, &self.step.f1);
+                    let error = (v - 0.5 * (w0 + w1) - 0.125 * h * (r0 - r1)).abs();
+                    let size = FRACTION * w0.abs().max(w1.abs()).max(v.abs());
+                    if error > size {
+                        let near = 1e3 * EPS * w.scale(&self.dq1, n_z, t, &self.step.x1).0;
+                        worst = worst.max(error / (size + near));
+                    } else if size > 0.0 {
+                        worst = worst.max(error / size);
+                    }
+                    // Bernstein coefficients of the cubic, its zero at the start divided out
+                    let (b1, b2) = (w0 + h * r0 / 3.0, w1 - h * r1 / 3.0);
+                    let (lo, hi) = if depart > 0 {
+                        let (c0, c1) = (3.0 * b1, 1.5 * b2);
+                        (c0.min(c1).min(w1), c0.max(c1).max(w1))
+                    } else {
+                        (w0.min(b1).min(b2).min(w1), w0.max(b1).max(b2).max(w1))
+                    };
+                    certain || lo <= 8.0 * error + 0.1 * (hi - lo)
+                }
+            };
+        }
+        if n_alg > 0 {
+            self.write_dense()?;
+            self.step.at(0.5, &mut self.node);
+            self.field.hidden(t + 0.5 * h, &self.node)?;
+            for i in 0..n_alg {
+                let cubic = self.radau.middle(self.alpha_start[i], nx + i, self.alpha_end[i]);
+                worst = worst.max((self.field.alpha[i] - cubic).abs() / FRACTION);
+            }
+            self.field.alpha[..n_alg].copy_from_slice(&self.alpha_end);
+        }
+        Ok(if worst.is_finite() { worst } else { 2.0 })
+    }
+
+    /// Might the weight of a cell vanish in the step, to judge by its values at the stages?
+    pub(super) fn weight_falls(&self, cell: usize, w0: f64, w1: f64) -> bool {
+        let (mut lo, mut hi) = (w0.min(w1), w0.max(w1));
+        for z in &self.radau.z {
+            let th = self.field.theta_in(&z[self.nx..], cell);
+            lo = lo.min(th);
+            hi = hi.max(th);
+        }
+        lo <= 0.5 * (hi - lo) + 1e-3 * hi
+    }
+
+    /// Might a function with a constant gradient vanish in the step, to judge by its rates at the stages, with a
+    /// margin for what lies between them?
+    pub(super) fn nears(&self, w: &Watch, w0: f64, w1: f64, depart: u8) -> bool {
+        let rates = w.rates(&self.dq0, self.field.n_z, &self.step.k);
+        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
+        for r in &rates[..self.step.n_k] {
+            lo = lo.min(*r);
+            hi = hi.max(*r);
+        }
+        let spread = 0.25 * (hi - lo);
+        if lo > spread {
+            // it grows throughout
+            return false;
+        }
+        if depart > 0 || w0 <= 0.0 {
+            return true;
+        }
+        // it falls throughout and does not reach zero, or is far from it
+        hi >= -spread && w0.min(w1) <= self.step.h * hi.abs().max(lo.abs())
+    }
+}

@@ -1,0 +1,320 @@
+//! From one active set to the next: what vanishes at a point, which sets may follow, the first step under them.
+
+use super::{recover, Engine, Progress, EPS};
+use crate::error::Result;
+use crate::event::next;
+use crate::event::watch::{self, Watch};
+use crate::event::{Ambiguity, Method, Outcome};
+use crate::func::EvalError;
+
+impl Engine {
+    /// Finds the active set of the present point and prepares the first step.
+    pub(super) fn begin(&mut self, t_stop: f64) -> Result<()> {
+        let before: Vec<Vec<usize>> = self.field.active.clone();
+        let first = before.iter().any(Vec::is_empty) || before.is_empty();
+        let found = self.begin_inner(first);
+        if !recover(found.map(|()| true), false)? {
+            self.fail(Outcome::NoContinuation, "the system is not defined at this point".into());
+        }
+        if self.outcome != Outcome::Reached {
+            return Ok(());
+        }
+        if let Some(s) = &mut self.sens {
+            s.dt.fill(0.0);
+        }
+        if !first {
+            self.log(&before, f64::NAN, None, true);
+        }
+        self.restart = false;
+        self.err_before = 1e-4;
+        self.h = self.initial_step(t_stop - self.t)?;
+        Ok(())
+    }
+
+    pub(super) fn begin_inner(&mut self, first: bool) -> std::result::Result<(), EvalError> {
+        let (t, n_z) = (self.t, self.field.n_z);
+        self.field.indicators(t, &self.x)?;
+        self.field.gradients(t, &self.x)?;
+        self.zero.fill(false);
+        if !first {
+            self.keep_surfaces();
+            for l in 0..self.watches.len() {
+                if let (Watch::Enter { a, .. }, true) = (self.watches[l], self.depart[l] > 0) {
+                    self.zero[a] = true;
+                }
+            }
+        }
+        for k in 0..self.field.subs.len() {
+            let s = &self.field.subs[k];
+            let least = (0..s.n_q).map(|j| self.field.q[s.q0 + j]).fold(f64::INFINITY, f64::min);
+            let mut active = usize::MAX;
+            for j in 0..s.n_q {
+                let a = s.q0 + j;
+                let w = Watch::Enter { sub: k, a, b: None, sign: 1.0 };
+                let tol = 1e-13 * w.scale(&self.field.dq, n_z, t, &self.x).0;
+                let v = self.field.q[a] - if s.signs { 0.0 } else { least };
+                self.zero[a] |= v.abs() <= tol;
+                if v == 0.0 {
+                    active = active.min(j);
+                }
+            }
+            if first {
+                // any valid cell: what follows is decided below
+                let cell = if s.signs { self.region(k) } else { active.min(s.n_q - 1) };
+                let cell = s.first + cell;
+                let set = &mut self.field.active[k];
+                set.clear();
+                set.push(cell);
+            }
+        }
+        let sets = self.field.active.clone();
+        self.field.set_active(&sets);
+        let candidates = self.candidates();
+        self.choose(&candidates, 1.0)?;
+        if self.outcome == Outcome::Reached {
+            self.enter()?;
+            self.project_sensitivity()?;
+        }
+        Ok(())
+    }
+
+    /// The cell of the signs at the present point.
+    pub(super) fn region(&self, k: usize) -> usize {
+        let s = &self.field.subs[k];
+        let g = |c: usize| -> f64 {
+            s.cells[c].weights.iter().enumerate().map(|(j, w)| w * self.field.q[s.q0 + j].signum()).sum()
+        };
+        (0..s.cells.len()).min_by(|a, b| g(*a).total_cmp(&g(*b))).unwrap_or(0)
+    }
+
+    /// Marks the indicators that are tied by the present sliding modes as zero.
+    pub(super) fn keep_surfaces(&mut self) {
+        for (s, set) in self.field.subs.iter().zip(&self.field.active) {
+            if set.len() < 2 {
+                continue;
+            }
+            for j in 0..s.n_q {
+                let w = |c: usize| s.cells[c - s.first].weights[j];
+                let tied = if s.signs { set.iter().any(|c| w(*c) != w(set[0])) } else { set.contains(&(s.first + j)) };
+                self.zero[s.q0 + j] |= tied;
+            }
+        }
+    }
+
+    /// Cells that may be active next to the present point, by the signs of the indicators that are not zero.
+    pub(super) fn candidates(&self) -> Vec<Vec<usize>> {
+        let each = self.field.subs.iter().zip(&self.field.active).map(|(s, set)| {
+            let mut c: Vec<usize> = if s.signs {
+                let fits = |cell: &usize| {
+                    let w = &s.cells[*cell].weights;
+                    (0..s.n_q).all(|j| self.zero[s.q0 + j] || w[j] * self.field.q[s.q0 + j] <= 0.0)
+                };
+                (0..s.cells.len()).filter(fits).map(|c| s.first + c).collect()
+            } else {
+                (0..s.cells.len()).filter(|j| self.zero[s.q0 + j]).map(|j| s.first + j).collect()
+            };
+            for &a in set {
+                if !c.contains(&a) && (c.is_empty() || !s.signs) {
+                    c.push(a);
+                }
+            }
+            c.sort_unstable();
+            let mode = |c: usize| s.cells[c - s.first].mode;
+            if c.iter().all(|&a| mode(a) == mode(c[0])) {
+                c.truncate(1);
+            }
+            c
+        });
+        each.collect()
+    }
+
+    /// Makes the best continuation the active set.
+    pub(super) fn choose(&mut self, candidates: &[Vec<usize>], length: f64) -> std::result::Result<bool, EvalError> {
+        if candidates.iter().all(|c| c.len() == 1) {
+            self.field.set_active(candidates);
+            return Ok(true);
+        }
+        let room = (&mut self.node[..], &mut self.step.f[..]);
+        if let Some(k) = next::quick(&mut self.field, self.t, &self.x, candidates, room, &mut self.set)? {
+            let mut sets = candidates.to_vec();
+            sets[k].clone_from(&self.set);
+            self.field.set_active(&sets);
+            return Ok(true);
+        }
+        let found = next::next(&mut self.field, self.t, &self.x, candidates, length)?;
+        let Some(best) = found.solutions.first() else {
+            self.fail(Outcome::NoContinuation, "no active set satisfies the conditions (6.19)".into());
+            return Ok(true);
+        };
+        if found.ambiguous && self.options.ambiguity == Ambiguity::Stop {
+            let text = format!("the continuation is not unique: {} active sets are possible", found.solutions.len());
+            self.fail(Outcome::Ambiguous, text);
+            return Ok(false);
+        }
+        self.field.set_active(&best.sets);
+        Ok(!found.ambiguous)
+    }
+
+    /// Prepares the first step under a new active set.
+    pub(super) fn enter(&mut self) -> std::result::Result<(), EvalError> {
+        let (t, n_z) = (self.t, self.field.n_z);
+        self.field.scale_constraints(t, &self.x)?;
+        match self.field.rhs(t, &self.x, &mut self.f) {
+            Err(EvalError::Recoverable) => {
+                // a mode that begins here may need the last digit
+                for k in 0..self.field.subs.len() {
+                    let cell = self.field.active[k][0];
+                    self.field.nudge(cell, &mut self.x);
+                }
+                self.field.rhs(t, &self.x, &mut self.f)?;
+            }
+            r => r?,
+        }
+        if self.field.project(t, &mut self.x)? {
+            self.field.rhs(t, &self.x, &mut self.f)?;
+        }
+        self.field.indicators(t, &self.x)?;
+        self.field.gradients(t, &self.x)?;
+        self.q0.copy_from_slice(&self.field.q);
+        self.dq0.copy_from_slice(&self.field.dq);
+        self.fresh = true;
+        self.alpha_start.clear();
+        self.alpha_start.extend_from_slice(&self.field.alpha[..self.field.n_alg()]);
+        watch::list(&self.field, &mut self.watches);
+        let size = self.f.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        for l in 0..self.watches.len() {
+            let w = self.watches[l];
+            let value = w.value(&self.q0, &self.field);
+            self.w0[l] = value;
+            self.depart[l] = 0;
+            let (scale, gradient) = w.scale(&self.dq0, n_z, t, &self.x);
+            if w.is_leave() {
+                self.depart[l] = u8::from(value <= 1e-9);
+                continue;
+            }
+            let rate = w.rate(&self.dq0, n_z, &self.f);
+            if value <= 64.0 * EPS * scale || value <= 8.0 * EPS * rate.abs() * t.abs() {
+                self.depart[l] = if rate > 1e-9 * gradient * size { 1 } else { 2 };
+            }
+        }
+        let none = self.stiff.len() - 1;
+        let known = self.field.active.iter().flatten().any(|&c| self.stiff[c]) || self.stiff[none];
+        self.implicit = self.field.n_alg() > 0
+            || self.options.method == Method::Radau5
+            || self.options.method == Method::Auto && known;
+        self.stiff_steps = 0;
+        Ok(())
+    }
+
+    /// Switches at the present point, where watch `l` vanishes.
+    pub(super) fn switch(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        let before = self.field.active.clone();
+        let r = self.switch_inner(l, slope, &before);
+        let known = recover(r.map(|()| true), false)?;
+        if !known {
+            return Ok(self.fail(Outcome::NoContinuation, "the modes around the switch are not defined there".into()));
+        }
+        self.h = grown;
+        self.err_before = 1e-4;
+        if self.outcome != Outcome::Reached {
+            return Ok(Progress::Done);
+        }
+        if self.step_implicit && !self.implicit {
+            // a sliding mode says nothing about how fast the mode behind it is
+            self.h = self.initial_step(grown)?;
+        }
+        if let Some(p) = self.accumulate()? {
+            return Ok(p);
+        }
+        Ok(Progress::Switched)
+    }
+
+    pub(super) fn switch_inner(
+        &mut self,
+        l: usize,
+        slope: f64,
+        before: &[Vec<usize>],
+    ) -> std::result::Result<(), EvalError> {
+        let (t, n_z) = (self.t, self.field.n_z);
+        // a mode that ends here may have no value any more: its velocity just before serves as well
+        match self.field.rhs(t, &self.x, &mut self.node) {
+            Ok(()) => self.f.copy_from_slice(&self.node),
+            Err(EvalError::Recoverable) => {}
+            Err(e) => return Err(e),
+        }
+        self.field.indicators(t, &self.x)?;
+        self.field.gradients(t, &self.x)?;
+        self.zero.fill(false);
+        let (mut rate, mut cosine) = (slope, f64::NAN);
+        for m in 0..self.watches.len() {
+            let w = self.watches[m];
+            let v = w.value(&self.field.q, &self.field);
+            match w {
+                Watch::Enter { a, b, .. } => {
+                    let r = w.rate(&self.field.dq, n_z, &self.f);
+                    let (scale, gradient) = w.scale(&self.field.dq, n_z, t, &self.x);
+                    if m == l {
+                        let size = self.f.iter().map(|v| v * v).sum::<f64>().sqrt();
+                        rate = r;
+                        cosine = r / (gradient * size);
+                    }
+                    let near = 64.0 * EPS * scale + 8.0 * EPS * r.abs() * t.abs().max(self.step.h);
+                    if m == l || v.abs() <= near {
+                        self.zero[a] = true;
+                        if let Some(b) = b {
+                            self.zero[b] = true;
+                        }
+                    }
+                }
+                Watch::Leave { .. } => {}
+            }
+        }
+        self.keep_surfaces();
+        let before_f = self.sens.as_ref().map(|_| self.f.clone());
+        if let Some(mut s) = self.sens.take() {
+            let w = self.watches[l];
+            let r = s.time(&w, &mut self.field, t, &self.x, &self.f);
+            self.sens = Some(s);
+            r?;
+        }
+        let candidates = self.candidates();
+        let length = self.step.h.abs().max(1e3 * EPS * t.abs());
+        let unique = self.choose(&candidates, length)?;
+        if self.outcome != Outcome::Reached {
+            return Ok(());
+        }
+        if self.field.active == before {
+            // nothing changes: a grazing contact, or a first step too long for its signs
+            self.crowd += 1;
+        } else {
+            self.remember();
+        }
+        self.enter()?;
+        if let (Some(s), Some(f)) = (&mut self.sens, &before_f) {
+            if self.field.active == before {
+                s.one_sided |= cosine.abs() < 1e-6;
+            } else {
+                s.jump(f, &self.f);
+                s.one_sided |= !unique || cosine.abs() < 1e-6;
+            }
+        }
+        self.project_sensitivity()?;
+        if self.crowd > 0 && self.field.active == before {
+            self.depart[l] = self.depart[l].max(2);
+        }
+        if self.crowd > 20 {
+            self.fail(Outcome::NoContinuation, "the signs of the active set contradict each other".into());
+        }
+        self.log(before, rate, Some(cosine), unique);
+        Ok(())
+    }
+
+    /// A sliding mode that begins ties the derivatives to its surfaces.
+    pub(super) fn project_sensitivity(&mut self) -> std::result::Result<(), EvalError> {
+        if let (Some(s), true) = (&mut self.sens, self.field.n_alg() > 0) {
+            self.field.hidden(self.t, &self.x)?;
+            s.project(&mut self.field);
+        }
+        Ok(())
+    }
+}
