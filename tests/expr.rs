@@ -137,11 +137,56 @@ fn the_same_calls_give_the_same_program() {
 
 #[test]
 fn generated_c_gives_the_same_numbers() {
-    let f = function("model");
-    let dir = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("expr_c");
+    assert_generated_c(&function("model"), "expr_c", "");
+}
+
+/// The external function of these tests in C, as the generated declarations ask for it.
+const EXTERNAL: &str = "
+int ext_value(double t, const double *x, const double *u, const double *p, double *out) {
+    (void)t; (void)u; (void)p;
+    out[0] = x[0] * x[0] * sin(x[1]);
+    out[1] = x[0] + x[1];
+    return x[0] > 9 ? -3 : 0;
+}
+int ext_jacobian(double t, const double *x, const double *u, const double *p, double *out) {
+    (void)t; (void)u; (void)p;
+    out[0] = 2 * x[0] * sin(x[1]);
+    out[1] = out[3] = 1;
+    out[2] = x[0] * x[0] * cos(x[1]);
+    return 0;
+}
+int ext_hessian(double t, const double *x, const double *u, const double *p, const double *w, double *out) {
+    (void)t; (void)u; (void)p;
+    out[0] = w[0] * 2 * sin(x[1]);
+    out[1] = w[0] * 2 * x[0] * cos(x[1]);
+    out[2] = -w[0] * x[0] * x[0] * sin(x[1]);
+    return 0;
+}
+";
+
+#[test]
+fn generated_c_calls_external_functions() {
+    let g = Graph::new();
+    let ext = external();
+    let once = g.call(&ext, &[g.x(0) * g.u(0), g.x(1), g.t()]).unwrap();
+    let twice = g.call(&ext, &[once[0], once[1] * g.p(0), g.t()]).unwrap();
+    let outputs = [once[0], once[1].sin(), twice[0], twice[1] * g.x(2), g.x(2)];
+    let f = g.function("model", DIMS, &outputs).unwrap();
+    assert_generated_c(&f, "expr_c_external", EXTERNAL);
+    let code = write_c(&[&f]).unwrap();
+    assert_eq!(code.matches("extern int ext_value(").count(), 1);
+    assert!(code.contains("ext_jacobian_row_idx[] = {0, 1, 0, 1}"), "{code}");
+    // What is not called is not asked for.
+    let f = g.function("affine", DIMS, &[g.x(0)]).unwrap();
+    assert!(!write_c(&[&f]).unwrap().contains("extern"));
+}
+
+/// Compiles the code with the strictest flags, runs it and compares; `definitions` of functions go before it.
+fn assert_generated_c(f: &ExprFunction, folder: &str, definitions: &str) {
+    let dir = std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join(folder);
     std::fs::create_dir_all(&dir).unwrap();
     let driver = format!(
-        "#include \"model.c\"\n#include <stdio.h>\n\
+        "#include \"model.c\"\n#include <stdio.h>\n{definitions}\
          static double out[{n}];\n\
          int main(void) {{\n\
          const double x[] = {{0.7, -1.3, 2.1}}, u[] = {{0.9}}, p[] = {{1.7}}, w[] = {{1.0, -0.5, 0.3, 2.0, -1.0}};\n\
@@ -155,7 +200,7 @@ fn generated_c_gives_the_same_numbers() {
         h = 5 + f.jac_pattern().nnz(),
         nj = f.jac_pattern().nnz(),
     );
-    std::fs::write(dir.join("model.c"), write_c(&[&f]).unwrap()).unwrap();
+    std::fs::write(dir.join("model.c"), write_c(&[f]).unwrap()).unwrap();
     std::fs::write(dir.join("driver.c"), driver).unwrap();
     let run = |program: &str, args: &[&str]| {
         Command::new(program).args(args).current_dir(&dir).output().unwrap_or_else(|e| panic!("{program}: {e}"))
@@ -173,7 +218,7 @@ fn generated_c_gives_the_same_numbers() {
     let result = run("./driver", &[]);
     assert!(result.status.success());
     let got: Vec<f64> = String::from_utf8(result.stdout).unwrap().lines().map(|l| l.parse().unwrap()).collect();
-    let exact = all(&f, &at(), &WEIGHTS);
+    let exact = all(f, &at(), &WEIGHTS);
     assert_eq!(got.len(), exact.len());
     for (k, (a, b)) in got.iter().zip(&exact).enumerate() {
         assert!((a - b).abs() <= f64::EPSILON * b.abs(), "number {k}: {a} {b}");
@@ -186,11 +231,14 @@ fn c_code_needs_names_and_known_operations() {
     assert!(matches!(write_c(&[&f]), Err(Error::Range(_))));
     let f = function("f");
     assert!(matches!(write_c(&[&f, &f]), Err(Error::Range(_))));
+    // So do external functions: no function may have the name of another.
     let g = Graph::new();
     let out = g.call(&external(), &[g.x(0), g.x(1), g.t()]).unwrap();
-    let f = g.function("f", DIMS, &[out[0]]).unwrap();
-    let e = write_c(&[&f]).unwrap_err();
-    assert!(e.to_string().contains("external function 'ext'"), "{e}");
+    let f = g.function("ext", DIMS, &[out[0]]).unwrap();
+    assert!(matches!(write_c(&[&f]), Err(Error::Range(_))));
+    let other = g.call(&external(), &[g.x(1), g.x(0), g.t()]).unwrap();
+    let f = g.function("f", DIMS, &[out[0] * other[0]]).unwrap();
+    assert!(matches!(write_c(&[&f]), Err(Error::Range(_))));
 }
 
 fn pattern(m: usize, n: usize, entries: &[(usize, usize)]) -> Pattern {

@@ -1,8 +1,9 @@
 //! C code of functions: the same operations in the same order, so the same bits up to the mathematical library.
 
 use std::fmt::Write;
+use std::sync::Arc;
 
-use super::dag::CallKind;
+use super::dag::{CallKind, External};
 use super::function::ExprFunction;
 use super::op::{Binary, Unary};
 use super::piecewise::Piecewise;
@@ -14,31 +15,95 @@ use crate::linalg::csc::Pattern;
 /// C code (C99 and later, C++) of functions with all derivatives.
 ///
 /// For a function `f` there are `f_value(t, x, u, p, out)`, `f_jacobian(t, x, u, p, out)` and
-/// `f_hessian(t, x, u, p, weights, out)`, which return 0, or 1 where a linear system is singular, the sizes `f_nx`,
+/// `f_hessian(t, x, u, p, weights, out)`, which return 0, or 1 where a linear system is singular, or the code of an external function, the sizes `f_nx`,
 /// `f_nu`, `f_np`, `f_n_out`, and the patterns `f_jacobian_col_ptr`, `f_jacobian_row_idx` and the same for the
 /// Hessian. Included behind `switchback.h`, the code also has `f_create(&function)`.
+///
+/// Calls of external functions become calls of C functions that are declared and not defined: of a function `g`, those
+/// that are needed of `g_value`, `g_jacobian` and `g_hessian` with the same arguments, to be supplied where the code is
+/// linked. They return 0, or a code that the caller returns, and write all entries of the patterns that stand
+/// beside their declarations.
 ///
 /// Compile without contraction of products and sums (`-ffp-contract=off`) for the same bits.
 ///
 /// # Errors
-/// [`Error::Range`] for a name that is no C identifier or occurs twice; [`Error::Unsupported`] for calls of external functions.
+/// [`Error::Range`] for a name that is no C identifier or occurs twice.
 pub fn write_c(functions: &[&ExprFunction]) -> Result<String> {
     let mut out = String::from(PREAMBLE);
-    for (k, f) in functions.iter().enumerate() {
-        let name = f.name();
+    let mut names: Vec<&str> = Vec::new();
+    let externals = externals(functions);
+    for name in functions.iter().map(|f| f.name()).chain(externals.iter().map(|e| e.0.name())) {
         let identifier = name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_')
             && name.chars().next().is_some_and(|c| !c.is_ascii_digit());
-        if !identifier || functions[..k].iter().any(|g| g.name() == name) {
+        if !identifier || names.contains(&name) {
             return Err(Error::Range(format!(
                 "'{name}' cannot name a function in C: use letters, digits and underscores, each name once"
             )));
         }
-        function(&mut out, f)?;
+        names.push(name);
+    }
+    for (f, parts) in &externals {
+        declaration(&mut out, f.as_ref(), *parts);
+    }
+    for f in functions {
+        function(&mut out, f);
     }
     Ok(out)
 }
 
-fn function(out: &mut String, f: &ExprFunction) -> Result<()> {
+/// External functions, each once, with what is called of them: value, Jacobian, Hessian.
+fn externals(functions: &[&ExprFunction]) -> Vec<(External, [bool; 3])> {
+    let mut found: Vec<(External, [bool; 3])> = Vec::new();
+    let tapes = functions.iter().flat_map(|f| [f.value_tape(), f.jacobian_tape(), f.hessian_tape()]);
+    for compound in tapes.flat_map(|t| &t.compounds) {
+        let Compound::Call { f, what, .. } = compound else { continue };
+        let k = found.iter().position(|e| Arc::ptr_eq(&e.0, f)).unwrap_or_else(|| {
+            found.push((f.clone(), [false; 3]));
+            found.len() - 1
+        });
+        found[k].1[match what {
+            CallKind::Value => 0,
+            CallKind::Jacobian => 1,
+            CallKind::Hessian(_) => 2,
+        }] = true;
+    }
+    found
+}
+
+/// Declares what is called of an external function, with the patterns of its derivatives.
+fn declaration(out: &mut String, f: &dyn Function, [value, jacobian, hessian]: [bool; 3]) {
+    let (name, d) = (f.name(), f.dims());
+    put(
+        out,
+        format_args!(
+            "\n/* To be supplied: {name}, of {} x, {} u, {} p and t, with {} outputs. */\n",
+            d.x,
+            d.u,
+            d.p,
+            f.n_out()
+        ),
+    );
+    if jacobian {
+        pattern(out, &format!("{name}_jacobian"), f.jac_pattern());
+    }
+    if hessian {
+        pattern(out, &format!("{name}_hessian"), f.hess_pattern());
+    }
+    let point = "double t, const double *x, const double *u, const double *p";
+    out.push_str("#ifdef __cplusplus\nextern \"C\" {\n#endif\n");
+    for (part, weights) in [
+        (value.then_some("value"), ""),
+        (jacobian.then_some("jacobian"), ""),
+        (hessian.then_some("hessian"), "const double *weights, "),
+    ] {
+        if let Some(part) = part {
+            put(out, format_args!("extern int {name}_{part}({point}, {weights}double *out);\n"));
+        }
+    }
+    out.push_str("#ifdef __cplusplus\n}\n#endif\n");
+}
+
+fn function(out: &mut String, f: &ExprFunction) {
     let (name, d) = (f.name(), f.dims());
     let sizes = [("nx", d.x), ("nu", d.u), ("np", d.p), ("n_out", f.n_out())];
     for (what, n) in sizes {
@@ -50,7 +115,7 @@ fn function(out: &mut String, f: &ExprFunction) -> Result<()> {
     for (what, tape, weights) in
         [("value", f.value_tape(), false), ("jacobian", f.jacobian_tape(), false), ("hessian", f.hessian_tape(), true)]
     {
-        body(out, name, what, tape, weights)?;
+        body(out, name, what, tape, weights);
     }
     put(
         out,
@@ -88,7 +153,6 @@ SWB_CODE_UNUSED static swb_status {name}_create(swb_function **out) {{
             nh = f.hess_pattern().nnz(),
         ),
     );
-    Ok(())
 }
 
 /// Writing to a string cannot fail.
@@ -128,7 +192,7 @@ fn table(out: &mut String, name: &str, p: &Piecewise, order: u8) {
     );
 }
 
-fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) -> Result<()> {
+fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) {
     // Tables first, once for every derivative that is used.
     let mut tables: Vec<u32> = tape.code.iter().filter(|i| i.code == Code::Piecewise).map(|i| i.b).collect();
     tables.sort_unstable();
@@ -194,7 +258,7 @@ fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) ->
             Code::PowI => format!("swb_code_powi({}, {})", a(), i.b as i32),
             Code::Piecewise => format!("{name}_{what}_table{}({})", i.b, a()),
             Code::Block => {
-                compound(out, &tape.compounds[i.a as usize], &dst, &operand)?;
+                compound(out, &tape.compounds[i.a as usize], &dst, &operand);
                 continue;
             }
         };
@@ -207,10 +271,9 @@ fn body(out: &mut String, name: &str, what: &str, tape: &Tape, weights: bool) ->
         put(out, format_args!("    out[{k}] = {};\n", operand(o)));
     }
     out.push_str("    return 0;\n}\n");
-    Ok(())
 }
 
-fn compound(out: &mut String, c: &Compound, dst: &str, operand: &dyn Fn(u32) -> String) -> Result<()> {
+fn compound(out: &mut String, c: &Compound, dst: &str, operand: &dyn Fn(u32) -> String) {
     let at = |k: usize| format!("(&{dst})[{k}]");
     let copy = |out: &mut String, v: &[u32]| {
         for (k, &r) in v.iter().enumerate() {
@@ -227,19 +290,41 @@ fn compound(out: &mut String, c: &Compound, dst: &str, operand: &dyn Fn(u32) -> 
             let f = if *transposed { "swb_code_solve_transposed" } else { "swb_code_solve" };
             put(out, format_args!("    {f}({n}, &{}, &{dst});\n", operand(*lu as u32)));
         }
-        Compound::Call { f, what, .. } => {
-            let part = match what {
-                CallKind::Value => "value",
-                CallKind::Jacobian => "Jacobian",
-                CallKind::Hessian(_) => "Hessian",
+        Compound::Call { f, what, args, .. } => {
+            let d = f.dims();
+            let list = |v: &[u32]| v.iter().map(|&r| operand(r)).collect::<Vec<_>>().join(", ");
+            out.push_str("    {\n        int code;\n");
+            let blocks = [("x", 0, d.x), ("u", d.x, d.u), ("p", d.x + d.u, d.p)].map(|(block, first, n)| {
+                if n == 0 {
+                    return "0".to_owned();
+                }
+                put(
+                    out,
+                    format_args!("        const double call_{block}[] = {{{}}};\n", list(&args[first..first + n])),
+                );
+                format!("call_{block}")
+            });
+            let (part, weights) = match what {
+                CallKind::Value => ("value", ""),
+                CallKind::Jacobian => ("jacobian", ""),
+                CallKind::Hessian(output) => {
+                    let unit: Vec<&str> =
+                        (0..f.n_out()).map(|i| if i == *output as usize { "1" } else { "0" }).collect();
+                    put(out, format_args!("        const double call_weights[] = {{{}}};\n", unit.join(", ")));
+                    ("hessian", "call_weights, ")
+                }
             };
-            return Err(Error::Unsupported(format!(
-                "the {part} of the external function '{}' cannot be written as C code: it is known by its values only",
-                f.name()
-            )));
+            put(
+                out,
+                format_args!(
+                    "        code = {}_{part}({}, {}, {weights}&{dst});\n        if (code != 0)\n            return code;\n    }}\n",
+                    f.name(),
+                    operand(args[d.t_col()]),
+                    blocks.join(", "),
+                ),
+            );
         }
     }
-    Ok(())
 }
 
 /// What the functions share.
