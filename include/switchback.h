@@ -2683,9 +2683,14 @@ swb_status swb_model_report(const struct swb_model *model,
 /**
  * C code of all functions of a model with their derivatives: f0, then modes0, psi0, modes1, ...
  *
+ * Functions g that are called (swb_expr_call) are declared as g_value, g_jacobian, g_hessian, those that are needed, to
+ * be supplied where the code is linked: the arguments are (t, x, u, p, out), of the Hessian (t, x, u, p, weights, out);
+ * they write all entries, of the patterns beside the declarations, and return 0, or a code to return.
+ *
  * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
  * @param[out] needed length with the final NUL; may be NULL
- * @return SWB_OK; SWB_ERR_UNSUPPORTED for functions that are called; SWB_ERR_DIMENSION if the buffer is too short
+ * @return SWB_OK; SWB_ERR_RANGE if a function that is called has no name in C, or that of another; SWB_ERR_DIMENSION if
+ *         the buffer is too short
  */
 SWB_API
 swb_status swb_model_write_c(const struct swb_model *model,
