@@ -5,10 +5,11 @@ mod common;
 mod reference;
 
 use common::models::*;
-use switchback::event::{simulate, Engine, Kind, Method, Options, Outcome, Run};
-use switchback::func::Dims;
+use std::sync::Arc;
+use switchback::event::{simulate, Engine, Kind, Method, Options, Outcome, Run, Term};
+use switchback::func::{Callback, Dims};
 use switchback::system::System;
-use switchback::system::{Regions, Subsystem};
+use switchback::system::{Regions, SharedFunction, Subsystem};
 
 /// The models of the references.
 fn problems() -> Vec<(&'static str, System, Vec<f64>)> {
@@ -94,14 +95,16 @@ fn sensitivities_of_the_references() {
             let rtol = if method == Method::Radau5 { 1e-9 } else { 1e-11 };
             let opt = Options { method, sensitivity: true, ..tolerance(rtol) };
             let s = run(&sys, &opt, &r.x0, &u, r.t_end);
-            let e = off(s.sensitivity.as_ref().unwrap(), &r.sensitivity.concat());
-            assert!(e <= 1e3 * rtol, "{name}, {method:?}: {e:e}");
+            // the references know no controls
+            let (nx, n_c) = (r.x0.len(), r.x0.len() + u.len());
+            let rows = s.sensitivity.as_ref().unwrap().chunks_exact(n_c);
+            let by_start: Vec<f64> = rows.flat_map(|row| &row[..nx]).copied().collect();
+            let e = off(&by_start, &r.sensitivity.concat());
+            assert!(e <= 100.0 * rtol, "{name}, {method:?}: {e:e}");
             assert!(!s.one_sided, "{name}");
             for (s, r) in s.switches.iter().zip(&r.switches) {
-                // differences of the weights stand behind the end of a sliding mode
-                let allowed = if s.kind == Kind::Leave { 1e3 * rtol + 1e-8 } else { 1e3 * rtol };
-                let e = off(&s.dt, &r.2);
-                assert!(e <= allowed, "{name}, {method:?}: {e:e} {s:?}");
+                let e = off(&s.dt[..nx], &r.2);
+                assert!(e <= 1e3 * rtol, "{name}, {method:?}: {e:e} {s:?}");
             }
         }
     }
@@ -189,4 +192,175 @@ fn sensitivities_against_differences_of_the_solver() {
             }
         }
     }
+}
+
+/// Gradients of a function of final state, of the state half way and of all switching times, forward and adjoint.
+fn both_ways(what: &str, sys: &System, opt: &Options, x0: &[f64], u: &[f64], p: &[f64], t: f64) -> usize {
+    let opt = Options { sensitivity: true, adjoint: true, ..opt.clone() };
+    let mut e = Engine::new(sys, &opt).unwrap();
+    e.reinit(0.0, x0).unwrap();
+    e.set_controls(u).unwrap();
+    e.set_params(p).unwrap();
+    let nx = x0.len();
+    let n_c = nx + p.len() + u.len();
+    let weight = |i: usize| 1.0 + (1.7 * i as f64).sin();
+    let v: Vec<f64> = (0..nx).map(weight).collect();
+    let mut forward = vec![0.0; n_c];
+    let mut add = |s: &[f64], v: &[f64]| {
+        for (row, v) in s.chunks_exact(n_c).zip(v) {
+            forward.iter_mut().zip(row).for_each(|(f, s)| *f += v * s);
+        }
+    };
+    let half = 0.437 * t;
+    e.advance(half).unwrap();
+    add(e.sensitivity().unwrap(), &v);
+    assert_eq!(e.advance(t).unwrap(), Outcome::Reached, "{what}: {}", e.reason());
+    add(e.sensitivity().unwrap(), &v);
+    let mut terms = vec![Term::State { t: half, v: v.clone() }];
+    for (index, s) in e.switches().iter().enumerate() {
+        add(&s.dt, &[weight(index)]);
+        terms.push(Term::Switch { index, weight: weight(index) });
+    }
+    let g = e.adjoint(&v, &terms).unwrap();
+    let d = off(&[g.x0, g.p, g.u].concat(), &forward);
+    assert!(d <= 1e-11, "{what}: {d:e}");
+    // a run goes on after a sweep as if nothing had happened
+    let end = e.state().to_vec();
+    let mut other = Engine::new(sys, &opt).unwrap();
+    other.reinit(0.0, x0).unwrap();
+    other.set_controls(u).unwrap();
+    other.set_params(p).unwrap();
+    other.advance(half).unwrap();
+    other.advance(t).unwrap();
+    assert_eq!(end, other.state(), "{what}");
+    e.advance(1.1 * t).unwrap();
+    other.advance(1.1 * t).unwrap();
+    assert_eq!(e.state(), other.state(), "{what}");
+    e.switches().len()
+}
+
+#[test]
+fn adjoint_gradients_are_the_transpose_of_forward_ones() {
+    for (name, sys, u) in problems() {
+        let Some(r) = reference::load(name) else {
+            eprintln!("no reference for {name}: skipped");
+            continue;
+        };
+        for e in [4, 8, 11] {
+            for method in [Method::Auto, Method::Dp5, Method::Dop853, Method::Radau5] {
+                let opt = Options { method, ..tolerance(10f64.powi(-e)) };
+                let n = both_ways(&format!("{name}, {method:?}, 1e-{e}"), &sys, &opt, &r.x0, &u, &[], r.t_end);
+                assert!(n > 0, "{name}");
+            }
+        }
+    }
+    for method in [Method::Dp5, Method::Dop853, Method::Radau5] {
+        let opt = Options { method, ..tolerance(1e-9) };
+        let p = [1.3, 0.45, 0.1];
+        assert!(both_ways("friction", &with_parameters(), &opt, &[1.0, 0.3], &[], &p, 15.0) > 5);
+        assert!(both_ways("curved", &curved(), &opt, &[0.2, 1.0], &[0.2], &[1.0, 0.4], 8.0) > 3);
+    }
+}
+
+/// A point that is drawn onto an ellipse, whose size is a parameter, slides along it under a force that changes with
+/// time and the control, and is torn off.
+fn curved() -> System {
+    let d = Dims { x: 2, u: 1, p: 2 };
+    let of_all = |c: Callback, m: usize| -> SharedFunction {
+        let all: Vec<(usize, usize)> = (0..6).flat_map(|j| (0..m).map(move |i| (i, j))).collect();
+        Arc::new(c.with_jacobian_pattern(pattern(m, 6, &all)).unwrap())
+    };
+    let mut s = System::new(2, 1, 2).unwrap();
+    let f0 = Callback::new("f0", d, 2, |at, o| {
+        o[0] = at.x[1] + at.u[0] * (1.3 * at.t).sin();
+        o[1] = -at.x[0] + 2.0 * at.p[1] * (2.0 * at.t).cos() * at.x[0];
+        0
+    });
+    s.set_f0(of_all(f0, 2)).unwrap();
+    let modes = Callback::new("F", d, 4, |at, o| {
+        o[..2].copy_from_slice(&[-0.4 * at.x[0], -0.8 * at.x[1]]);
+        o[2..].copy_from_slice(&[0.5 * at.x[0], 0.9 * at.x[1] + 0.1 * at.u[0]]);
+        0
+    });
+    let psi = smooth(
+        "psi",
+        d,
+        1,
+        |at, o| o[0] = at.x[0] * at.x[0] + 1.5 * at.x[1] * at.x[1] - at.p[0] * (1.0 + 0.1 * at.t.sin()),
+        &[(0, 0), (0, 1), (0, 3), (0, 5)],
+        |at, o| {
+            o.copy_from_slice(&[2.0 * at.x[0], 3.0 * at.x[1], -1.0 - 0.1 * at.t.sin(), -0.1 * at.p[0] * at.t.cos()])
+        },
+        &[(0, 0), (1, 1), (3, 5), (5, 5)],
+        |at, w, o| {
+            let (sin, cos) = at.t.sin_cos();
+            o.copy_from_slice(&[2.0 * w[0], 3.0 * w[0], -0.1 * cos * w[0], 0.1 * at.p[0] * sin * w[0]]);
+        },
+    );
+    let regions = Regions::Signs { psi: psi, signs: vec![1, -1] };
+    s.add_subsystem(Subsystem { rows: vec![0, 1], modes: of_all(modes, 4), n_modes: 2, regions }).unwrap();
+    s
+}
+
+#[test]
+fn gradients_with_respect_to_controls_and_curved_surfaces() {
+    let sys = curved();
+    let solve = |z: [f64; 5], sensitivity: bool| {
+        let mut e = Engine::new(&sys, &Options { sensitivity, ..tolerance(1e-11) }).unwrap();
+        e.reinit(0.0, &z[..2]).unwrap();
+        e.set_params(&z[2..4]).unwrap();
+        e.set_controls(&z[4..]).unwrap();
+        e.advance(8.0).unwrap();
+        e.into_run()
+    };
+    let z = [0.2, 1.0, 1.0, 0.4, 0.2];
+    let base = solve(z, true);
+    assert_eq!(base.outcome, Outcome::Reached, "{}", base.reason);
+    let kinds: Vec<Kind> = base.switches.iter().map(|s| s.kind).collect();
+    assert!(kinds.contains(&Kind::Enter) && kinds.contains(&Kind::Leave), "{kinds:?}");
+    for c in 0..5 {
+        let moved = |h: f64| {
+            let mut z = z;
+            z[c] += h;
+            solve(z, false)
+        };
+        let (a, b) = (moved(1e-5), moved(-1e-5));
+        for i in 0..2 {
+            let (d, s) = ((a.x[i] - b.x[i]) / 2e-5, base.sensitivity.as_ref().unwrap()[i * 5 + c]);
+            assert!((d - s).abs() < 1e-6 * (1.0 + d.abs()), "x{i}, input {c}: {d}, {s}");
+        }
+        for ((a, b), s) in a.switches.iter().zip(&b.switches).zip(&base.switches) {
+            let d = (a.t - b.t) / 2e-5;
+            assert!((d - s.dt[c]).abs() < 1e-6 * (1.0 + d.abs()), "input {c}: {d}, {s:?}");
+        }
+    }
+}
+
+#[test]
+fn gradients_that_cannot_be_had_are_refused_in_words() {
+    let mut e = Engine::new(&switching('a'), &tolerance(1e-8)).unwrap();
+    e.reinit(0.0, &[-1.0]).unwrap();
+    e.advance(1.0).unwrap();
+    assert!(e.adjoint(&[1.0], &[]).unwrap_err().to_string().contains("not recorded"));
+    let mut e = Engine::new(&switching('a'), &Options { adjoint: true, ..tolerance(1e-8) }).unwrap();
+    e.reinit(0.0, &[-1.0]).unwrap();
+    e.advance(1.0).unwrap();
+    let at = |t| Term::State { t, v: vec![1.0] };
+    assert!(e.adjoint(&[1.0], &[at(0.7)]).unwrap_err().to_string().contains("no stop at t = 0.7"));
+    assert!(e.adjoint(&[1.0], &[Term::Switch { index: 1, weight: 1.0 }]).unwrap_err().to_string().contains("the log"));
+    assert!(e.adjoint(&[f64::NAN], &[]).is_err() && e.adjoint(&[1.0, 1.0], &[]).is_err());
+    // at the start, the end and before the switch: 1 + 1/3 + 1/3
+    let g = e.adjoint(&[1.0], &[at(0.0), at(1.0)]).unwrap();
+    assert!((g.x0[0] - 5.0 / 3.0).abs() < 1e-13, "{g:?}");
+    // behind an accumulation the time of the switch that ends it has no derivative
+    let mut e = Engine::new(&zeno(), &Options { adjoint: true, sensitivity: true, ..tolerance(1e-8) }).unwrap();
+    let r = reference::load("zeno_post").expect("recorded");
+    e.reinit(0.0, &r.x0).unwrap();
+    e.advance(r.t_end).unwrap();
+    assert!(e.one_sided());
+    let index = e.switches().len() - 1;
+    let v = vec![1.0; r.x0.len()];
+    let refused = e.adjoint(&v, &[Term::Switch { index, weight: 1.0 }]).unwrap_err().to_string();
+    assert!(refused.contains("accumulate"), "{refused}");
+    e.adjoint(&v, &[]).unwrap();
 }

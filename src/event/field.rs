@@ -35,7 +35,7 @@ pub(super) struct Sub {
     n_out: usize,
     /// The states driven are all, in order.
     identity: bool,
-    /// Where the entries of the Jacobian of the indicators go, `usize::MAX` for controls.
+    /// Where the entries of the Jacobian of the indicators go.
     to_dq: Vec<usize>,
 }
 
@@ -62,12 +62,19 @@ pub(super) struct Counts {
     pub(super) jacobians: usize,
 }
 
+/// What an evaluator stands at.
+pub(super) struct Held {
+    active: Vec<Vec<usize>>,
+    unit: Vec<f64>,
+    p: Vec<f64>,
+    u: Vec<f64>,
+}
+
 /// Evaluates the system under its active set. All memory is allocated once.
 pub(super) struct Field {
     pub(super) nx: usize,
-    /// Columns of Jacobians: `x`, `p`, `t`.
+    /// Columns of Jacobians: `x`, `p`, `u`, `t`.
     pub(super) n_z: usize,
-    np: usize,
     pub(super) u: Vec<f64>,
     pub(super) p: Vec<f64>,
     pub(super) subs: Vec<Sub>,
@@ -101,6 +108,8 @@ pub(super) struct Field {
     /// Weights at the last point.
     pub(super) alpha: Vec<f64>,
     room: Vec<f64>,
+    /// Weights of the indicators of one subsystem.
+    q_weights: Vec<f64>,
     lu: Lu<f64>,
     buffer: Vec<f64>,
     work: Vec<f64>,
@@ -114,7 +123,7 @@ impl Field {
         let (mut subs, mut owner) = (Vec::new(), Vec::new());
         let (mut buffer, mut work, mut q0) = (0, 0, 0);
         let mut note = |f: &dyn Function| {
-            buffer = buffer.max(f.n_out()).max(f.jac_pattern().nnz());
+            buffer = buffer.max(f.n_out()).max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
             work = work.max(f.work_len());
         };
         for d in dcs.drifts() {
@@ -141,12 +150,11 @@ impl Field {
             owner.resize(owner.len() + s.cells.len(), k);
             q0 += n_q;
         }
-        let (n_cells, n_z) = (owner.len(), nx + dims.p + 1);
+        let (n_cells, n_z) = (owner.len(), nx + dims.p + dims.u + 1);
         let most = n_cells.saturating_sub(subs.len());
         Field {
             nx,
             n_z,
-            np: dims.p,
             u: vec![0.0; dims.u],
             p: vec![0.0; dims.p],
             active: subs.iter().map(|s| Vec::with_capacity(s.cells.len())).collect(),
@@ -168,6 +176,7 @@ impl Field {
             c: vec![0.0; most * n_z],
             alpha: vec![0.0; most],
             room: vec![0.0; most],
+            q_weights: vec![0.0; q0],
             lu: Lu::with_capacity(most),
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
@@ -188,6 +197,20 @@ impl Field {
     /// Parameters or controls have changed: nothing is known any more.
     pub(super) fn forget(&mut self) {
         self.dq_known = false;
+    }
+
+    /// What [`Field::release`] brings back.
+    pub(super) fn hold(&self) -> Held {
+        Held { active: self.active.clone(), unit: self.unit.clone(), p: self.p.clone(), u: self.u.clone() }
+    }
+
+    /// Active set, parameters and controls as they were.
+    pub(super) fn release(&mut self, held: Held) {
+        if held.active.iter().all(|a| !a.is_empty()) {
+            self.set_active(&held.active);
+        }
+        (self.unit, self.p, self.u) = (held.unit, held.p, held.u);
+        self.forget();
     }
 
     /// Makes `sets` the active cells.
@@ -402,9 +425,7 @@ impl Field {
             s.indicators.jacobian(&at, &mut self.buffer[..nnz], &mut self.work)?;
             for (to, v) in s.to_dq.iter().zip(&self.buffer) {
                 // entries outside of the patterns stay zero
-                if let Some(d) = self.dq.get_mut(*to) {
-                    *d = *v;
-                }
+                self.dq[*to] = *v;
             }
         }
         self.dq_known = true;
@@ -458,6 +479,11 @@ impl Field {
         }
         self.lu.solve(&mut self.alpha[..r]);
         Ok(())
+    }
+
+    /// Solves with the transpose of `C D` of the last [`Field::hidden`].
+    pub(super) fn solve_constraints_transposed(&mut self, b: &mut [f64]) {
+        self.lu.solve_transposed(b);
     }
 
     /// Solves with `C D` of the last [`Field::hidden`].
@@ -514,23 +540,101 @@ impl Field {
         base
     }
 
+    /// Gradient of the weight of an active cell with respect to `x`, `p`, `u`, `t`, by differentiating
+    /// `C (b + D α) + c_t = 0`; the velocity is `b + D α`, `jac` has room for `nx × n_z` values.
+    pub(super) fn theta_gradient(
+        &mut self,
+        cell: usize,
+        (t, x, velocity): (f64, &[f64], &[f64]),
+        jac: &mut [f64],
+        out: &mut [f64],
+    ) -> EvalResult {
+        self.hidden(t, x)?;
+        let (r, nx, n_z) = (self.pairs.len(), self.nx, self.n_z);
+        let alpha = std::mem::take(&mut self.alpha);
+        let jacobian = self.jacobian(t, x, &alpha, jac);
+        self.alpha = alpha;
+        jacobian?;
+        // θ is α_e, or 1 − Σ α of the subsystem
+        let k = self.owner[cell];
+        let base = self.active[k][0] == cell;
+        for (v, p) in self.room.iter_mut().zip(&self.pairs) {
+            *v = if p.cell == cell {
+                1.0
+            } else if base && p.sub == k {
+                -1.0
+            } else {
+                0.0
+            };
+        }
+        self.lu.solve_transposed(&mut self.room[..r]);
+        out.fill(0.0);
+        for i in 0..r {
+            let y = self.room[i];
+            for (a, c) in self.c[i * n_z..i * n_z + nx].iter().enumerate() {
+                for (o, j) in out.iter_mut().zip(&jac[a * n_z..(a + 1) * n_z]) {
+                    *o -= y * c * j;
+                }
+            }
+        }
+        self.curvature(t, x, velocity, out)
+    }
+
+    /// Subtracts `Σ_i y_i ∂/∂z (∇c_i · v + c_i,t)` for fixed `v` from `out`; `y` is in the room of the constraints.
+    fn curvature(&mut self, t: f64, x: &[f64], velocity: &[f64], out: &mut [f64]) -> EvalResult {
+        let nx = self.nx;
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        let column = Columns { nx, nu: self.u.len(), np: self.p.len() };
+        let t_col = self.n_z - 1;
+        for (k, s) in self.subs.iter().enumerate() {
+            let p = s.indicators.hess_pattern();
+            if p.nnz() == 0 || self.active[k].len() < 2 {
+                continue;
+            }
+            self.q_weights[..s.n_q].fill(0.0);
+            for (i, e) in self.pairs.iter().enumerate().filter(|(_, e)| e.sub == k) {
+                let (w, w0) = (&s.cells[e.cell - s.first].weights, &s.cells[e.base - s.first].weights);
+                for (q, (w, w0)) in self.q_weights.iter_mut().zip(w.iter().zip(w0)) {
+                    *q += self.room[i] * self.unit[i] * (w - w0);
+                }
+            }
+            s.indicators.hessian(&at, &self.q_weights[..s.n_q], &mut self.buffer[..p.nnz()], &mut self.work)?;
+            let direction = |z: usize| match z {
+                z if z < nx => velocity[z],
+                z if z == t_col => 1.0,
+                _ => 0.0,
+            };
+            for col in 0..p.n_cols() {
+                let to = column.of(col);
+                for e in p.range(col) {
+                    let row = column.of(p.row_idx()[e]);
+                    out[row] -= self.buffer[e] * direction(to);
+                    if row != to {
+                        out[to] -= self.buffer[e] * direction(row);
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// Are the gradients of the indicators the same everywhere?
     pub(super) fn constant_gradients(&self) -> bool {
         self.dq_constant
     }
 
-    /// Jacobian of `b + D α` for fixed `α`, row-major `nx × n_z` with the columns `x`, `p`, `t`.
+    /// Jacobian of `b + D α` for fixed `α`, row-major `nx × n_z` with the columns `x`, `p`, `u`, `t`.
     pub(super) fn jacobian(&mut self, t: f64, x: &[f64], alpha: &[f64], out: &mut [f64]) -> EvalResult {
         self.counts.jacobians += 1;
         let at = Point { t, x, u: &self.u, p: &self.p };
-        let column = Columns { nx: self.nx, nu: self.u.len(), np: self.np };
+        let column = Columns { nx: self.nx, nu: self.u.len(), np: self.p.len() };
         let n_z = self.n_z;
         out.fill(0.0);
         for d in &self.drifts {
             let p = d.f.jac_pattern();
             d.f.jacobian(&at, &mut self.buffer[..p.nnz()], &mut self.work)?;
             for col in 0..p.n_cols() {
-                let Some(to) = column.of(col) else { continue };
+                let to = column.of(col);
                 for k in p.range(col) {
                     out[d.rows[p.row_idx()[k]] * n_z + to] += self.buffer[k];
                 }
@@ -557,7 +661,7 @@ impl Field {
                 let rows = mode * nr..(mode + 1) * nr;
                 s.modes.jacobian_rows(&at, rows.clone(), &mut self.buffer[..p.nnz()], &mut self.work)?;
                 for col in 0..p.n_cols() {
-                    let Some(to) = column.of(col) else { continue };
+                    let to = column.of(col);
                     for e in p.range(col) {
                         let row = p.row_idx()[e];
                         if rows.contains(&row) {
@@ -573,10 +677,10 @@ impl Field {
 
 fn gradient_map(f: &SharedFunction, q0: usize, dims: &Dims) -> Vec<usize> {
     let column = Columns { nx: dims.x, nu: dims.u, np: dims.p };
-    let (p, n_z) = (f.jac_pattern(), dims.x + dims.p + 1);
-    let mut map = vec![usize::MAX; p.nnz()];
+    let (p, n_z) = (f.jac_pattern(), dims.x + dims.p + dims.u + 1);
+    let mut map = vec![0; p.nnz()];
     for col in 0..p.n_cols() {
-        let Some(to) = column.of(col) else { continue };
+        let to = column.of(col);
         for k in p.range(col) {
             map[k] = (q0 + p.row_idx()[k]) * n_z + to;
         }
@@ -588,7 +692,7 @@ fn is_identity(rows: &[usize], nx: usize) -> bool {
     rows.len() == nx && rows.iter().enumerate().all(|(i, &r)| i == r)
 }
 
-/// Where the columns of a pattern go: controls are constants.
+/// Where the columns `x`, `u`, `p`, `t` of a pattern go: parameters before controls.
 struct Columns {
     nx: usize,
     nu: usize,
@@ -596,14 +700,13 @@ struct Columns {
 }
 
 impl Columns {
-    fn of(&self, col: usize) -> Option<usize> {
-        if col < self.nx {
-            Some(col)
-        } else if col < self.nx + self.nu {
-            None
-        } else {
-            debug_assert!(col <= self.nx + self.nu + self.np);
-            Some(col - self.nu)
+    fn of(&self, col: usize) -> usize {
+        let Columns { nx, nu, np } = *self;
+        match col {
+            c if c < nx => c,
+            c if c < nx + nu => c + np,
+            c if c < nx + nu + np => c - nu,
+            c => c,
         }
     }
 }

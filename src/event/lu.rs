@@ -129,6 +129,30 @@ impl<T: Scalar> Lu<T> {
     }
 }
 
+impl Lu<f64> {
+    /// Replaces the right-hand side by the solution of the transposed system.
+    pub(super) fn solve_transposed(&mut self, b: &mut [f64]) {
+        let n = self.n;
+        self.y.clear();
+        self.y.extend_from_slice(&b[..n]);
+        let y = &mut self.y;
+        for i in 0..n {
+            y[i] /= self.a[i * n + i];
+            let v = y[i];
+            let row = &self.a[i * n..(i + 1) * n];
+            y[i + 1..].iter_mut().zip(&row[i + 1..]).for_each(|(y, u)| *y -= u * v);
+        }
+        for i in (0..n).rev() {
+            let v = y[i];
+            let row = &self.a[i * n..i * n + i];
+            y[..i].iter_mut().zip(row).for_each(|(y, l)| *y -= l * v);
+        }
+        for (i, &p) in self.perm.iter().enumerate() {
+            b[p] = self.y[i];
+        }
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -143,6 +167,9 @@ mod tests {
         let mut b: Vec<f64> = (0..3).map(|i| (0..3).map(|j| a[3 * i + j] * x[j]).sum()).collect();
         lu.solve(&mut b);
         assert!(b.iter().zip(&x).all(|(b, x)| (b - x).abs() < 1e-14), "{b:?}");
+        let mut b: Vec<f64> = (0..3).map(|j| (0..3).map(|i| a[3 * i + j] * x[i]).sum()).collect();
+        lu.solve_transposed(&mut b);
+        assert!(b.iter().zip(&x).all(|(b, x)| (b - x).abs() < 1e-14), "transposed: {b:?}");
         lu.clear(2).copy_from_slice(&[1.0, 2.0, 2.0, 4.0]);
         assert!(!lu.factorise());
         lu.clear(1)[0] = f64::NAN;

@@ -32,7 +32,9 @@
 //! assert!((run.switches[0].t - 1.0 / 3.0).abs() < 1e-15);
 //! ```
 
+mod adjoint;
 mod bernstein;
+mod collocation;
 mod engine;
 mod explicit;
 mod field;
@@ -43,8 +45,10 @@ mod path;
 mod radau;
 mod sens;
 mod step;
+mod tape;
 mod watch;
 
+pub use adjoint::{Gradient, Term};
 pub use engine::{Engine, Progress};
 pub use path::Path;
 
@@ -111,8 +115,11 @@ pub struct Options {
     pub ambiguity: Ambiguity,
     /// Keep the dense output of the whole run.
     pub dense: bool,
-    /// Compute the derivatives of the state and of the switching times with respect to initial state and parameters.
+    /// Compute the derivatives of the state and of the switching times with respect to initial state, parameters and
+    /// controls as the run goes.
     pub sensitivity: bool,
+    /// Record what [`Engine::adjoint`] needs.
+    pub adjoint: bool,
 }
 
 impl Default for Options {
@@ -129,6 +136,7 @@ impl Default for Options {
             ambiguity: Ambiguity::First,
             dense: false,
             sensitivity: false,
+            adjoint: false,
         }
     }
 }
@@ -251,7 +259,7 @@ pub struct Switch {
     pub transversality: f64,
     /// The continuation was unique.
     pub unique: bool,
-    /// Derivatives of the time with respect to initial states and parameters, if they are asked for.
+    /// Derivatives of the time with respect to initial state, parameters and controls, if they are asked for.
     pub dt: Vec<f64>,
 }
 
@@ -295,7 +303,7 @@ pub struct Run {
     pub stats: Statistics,
     /// Dense output, if it was asked for.
     pub path: Option<Path>,
-    /// `∂x/∂(x0, p)`, row-major, one row per state, if it was asked for.
+    /// `∂x/∂(x0, p, u)`, row-major, one row per state, if it was asked for.
     pub sensitivity: Option<Vec<f64>>,
     /// The derivatives are those of one side only: switches at the same time, a continuation that is not unique, a
     /// surface that is only touched, or accumulating switches.

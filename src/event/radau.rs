@@ -362,12 +362,9 @@ impl Radau {
         (0..4).map(|m| weight(m) * values[m]).sum()
     }
 
-    /// State and time of stage `i` of the last attempt.
-    pub(super) fn stage(&self, s: &Step, i: usize, x: &mut [f64]) -> f64 {
-        for ((y, x0), z) in x.iter_mut().zip(&s.x0).zip(&self.z[i]) {
-            *y = x0 + z;
-        }
-        s.t + self.c[i] * s.h
+    /// Relative time of stage `i`.
+    pub(super) fn node(&self, i: usize) -> f64 {
+        self.c[i]
     }
 }
 

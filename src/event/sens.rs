@@ -1,21 +1,20 @@
 //! Forward sensitivities: the discrete steps differentiated, with the jump at every switch.
 //!
-//! `S = ∂x(t)/∂(x0, p)` at fixed time. A step of length `h` is differentiated with `h` fixed. At a switch that happens
+//! `S = ∂x(t)/∂(x0, p, u)` at fixed time. A step of length `h` is differentiated with `h` fixed. At a switch that happens
 //! where `W(t, x) = 0`, the time moves by `dt = −(∇W S + W_p) / Ẇ⁻`, and at fixed time `S⁺ = S⁻ + (ẋ⁻ − ẋ⁺) dt`
 //! (6.25), which holds for crossing, for entering a sliding mode (the result is tangential to the surface) and for
 //! leaving it (where the velocity is continuous).
 
+use super::collocation::Collocation;
 use super::explicit::Pair;
 use super::field::Field;
-use super::lu::Lu;
 use super::radau::Radau;
 use super::step::Step;
-use super::watch::Watch;
-use crate::func::{EvalError, EvalResult};
+use crate::func::EvalResult;
 
 /// Sensitivities with all memory they need.
 pub(super) struct Sens {
-    /// Columns: initial states, then parameters.
+    /// Columns: initial states, parameters, controls.
     n_c: usize,
     /// `nx × n_c`, row-major.
     pub(super) s: Vec<f64>,
@@ -23,12 +22,10 @@ pub(super) struct Sens {
     k: Vec<f64>,
     jac: Vec<f64>,
     x: Vec<f64>,
-    v: Vec<f64>,
     rhs: Vec<f64>,
-    lu: Lu<f64>,
+    step: Collocation,
     /// Derivative of the time of the last switch.
     pub(super) dt: Vec<f64>,
-    pub(super) one_sided: bool,
 }
 
 impl Sens {
@@ -40,13 +37,11 @@ impl Sens {
             s: vec![0.0; nx * n_c],
             y: vec![0.0; nx * n_c],
             k: vec![0.0; 13 * nx * n_c],
-            jac: vec![0.0; 3 * nx * n_z],
+            jac: vec![0.0; nx * n_z],
             x: vec![0.0; nx],
-            v: vec![0.0; nx],
-            rhs: vec![0.0; n * (n_c + 1)],
-            lu: Lu::with_capacity(n),
+            rhs: vec![0.0; n * n_c.max(1)],
+            step: Collocation::new(nx, n_z, most),
             dt: vec![0.0; n_c],
-            one_sided: false,
         }
     }
 
@@ -57,7 +52,6 @@ impl Sens {
         for i in 0..nx {
             self.s[i * self.n_c + i] = 1.0;
         }
-        self.one_sided = false;
     }
 
     /// `out = J_x y + J_p`.
@@ -120,56 +114,29 @@ impl Sens {
     /// Over an implicit step.
     pub(super) fn implicit(&mut self, radau: &Radau, field: &mut Field, s: &Step) -> EvalResult {
         let (nx, n_z, r, n_c) = (field.nx, field.n_z, field.n_alg(), self.n_c);
-        let own = nx + r;
+        let z = [&radau.z[0][..], &radau.z[1], &radau.z[2]];
+        self.step.assemble(radau, field, (s.t, s.h), &s.x0, z)?;
+        let own = self.step.own();
         let n = 3 * own;
-        self.lu.clear(n);
-        // right-hand sides by column
-        for i in 0..3 {
-            let t = radau.stage(s, i, &mut self.x);
-            let alpha = &radau.z[i][nx..];
-            if r > 0 {
-                field.hidden(t, &self.x)?;
-            }
-            let jac = &mut self.jac[..nx * n_z];
-            field.jacobian(t, &self.x, alpha, jac)?;
-            let m = self.lu.matrix();
-            for a in 0..nx {
-                let row = &mut m[(i * own + a) * n..(i * own + a + 1) * n];
-                for j in 0..3 {
-                    row[j * own + a] += radau.a_inv[(i, j)] / s.h;
+        // a row of ∂F or ∂c times (S; I)
+        let along = |row: &[f64], s: &[f64], c: usize| {
+            let fixed = if c < nx { 0.0 } else { row[c] };
+            row[..nx].iter().enumerate().fold(fixed, |v, (b, j)| v + j * s[b * n_c + c])
+        };
+        for c in 0..n_c {
+            let b = &mut self.rhs[c * n..(c + 1) * n];
+            for i in 0..3 {
+                for (a, row) in self.step.jac(i).chunks_exact(n_z).enumerate() {
+                    b[i * own + a] = along(row, &self.s, c);
                 }
-                for b in 0..nx {
-                    row[i * own + b] -= jac[a * n_z + b];
-                }
-                for b in 0..r {
-                    row[i * own + nx + b] = -field.d(b)[a];
-                }
-                for c in 0..n_c {
-                    let mut v = if c < nx { 0.0 } else { jac[a * n_z + c] };
-                    for b in 0..nx {
-                        v += jac[a * n_z + b] * self.s[b * n_c + c];
-                    }
-                    self.rhs[c * n + i * own + a] = v;
+                for (a, row) in self.step.g(i).chunks_exact(n_z).enumerate().take(r) {
+                    b[i * own + nx + a] = -along(row, &self.s, c);
                 }
             }
-            for b in 0..r {
-                let g = &field.c[b * n_z..(b + 1) * n_z];
-                m[(i * own + nx + b) * n + i * own..][..nx].copy_from_slice(&g[..nx]);
-                for c in 0..n_c {
-                    let mut v = if c < nx { 0.0 } else { g[c] };
-                    for (a, g) in g[..nx].iter().enumerate() {
-                        v += g * self.s[a * n_c + c];
-                    }
-                    self.rhs[c * n + i * own + nx + b] = -v;
-                }
-            }
-        }
-        if !self.lu.factorise() {
-            return Err(EvalError::Recoverable);
         }
         for c in 0..n_c {
             let b = &mut self.rhs[c * n..(c + 1) * n];
-            self.lu.solve(b);
+            self.step.lu.solve(b);
             for a in 0..nx {
                 self.s[a * n_c + c] += b[2 * own + a];
             }
@@ -177,55 +144,16 @@ impl Sens {
         Ok(())
     }
 
-    /// Derivative of the time at which a watched function vanishes; `f` is the velocity before, gradients and active
-    /// set of the field are those at this point.
-    pub(super) fn time(&mut self, w: &Watch, field: &mut Field, t: f64, x: &[f64], f: &[f64]) -> EvalResult {
-        let (nx, n_z, n_c) = (field.nx, field.n_z, self.n_c);
-        if let Watch::Leave { cell, .. } = *w {
-            // weights are functions of time, state and parameters: central differences along every direction
-            let size = x.iter().fold(1.0f64, |m, v| m.max(v.abs()));
-            let mut along = |field: &mut Field, dt: f64, dx: &dyn Fn(usize) -> f64, p: Option<usize>| {
-                let most = (0..nx).fold(dt.abs(), |m, i| m.max(dx(i).abs())).max(if p.is_some() { 1.0 } else { 0.0 });
-                if most == 0.0 {
-                    return Ok(0.0);
-                }
-                let e = 1e-5 * size / most;
-                let saved = p.map_or(0.0, |p| field.p[p]);
-                let mut value = [0.0; 2];
-                for (v, e) in value.iter_mut().zip([e, -e]) {
-                    for i in 0..nx {
-                        self.v[i] = x[i] + e * dx(i);
-                    }
-                    if let Some(p) = p {
-                        field.p[p] = saved + e;
-                    }
-                    let r = field.hidden(t + e * dt, &self.v);
-                    if let Some(p) = p {
-                        field.p[p] = saved;
-                    }
-                    r?;
-                    *v = field.theta(cell);
-                }
-                Ok((value[0] - value[1]) / (2.0 * e))
-            };
-            let rate: f64 = along(field, 1.0, &|i| f[i], None)?;
-            for c in 0..n_c {
-                let column = |i: usize| self.s[i * n_c + c];
-                self.dt[c] = -along(field, 0.0, &column, c.checked_sub(nx))? / rate;
+    /// Derivative of the time of a switch, from its derivatives with respect to state, parameters and controls just
+    /// before (`n_c` values, see [`Watch::time_gradient`](super::watch::Watch::time_gradient)).
+    pub(super) fn time(&mut self, row: &[f64]) {
+        let (nx, n_c) = (self.x.len(), self.n_c);
+        for (c, dt) in self.dt.iter_mut().enumerate() {
+            *dt = if c < nx { 0.0 } else { row[c] };
+            for (a, r) in row[..nx].iter().enumerate() {
+                *dt += r * self.s[a * n_c + c];
             }
-            // the gradients belong to the point again
-            field.forget();
-            field.gradients(t, x)?;
-            return Ok(());
         }
-        let rate = w.rate(&field.dq, n_z, f);
-        for c in 0..n_c {
-            let column = |j: usize| self.s[j * n_c + c];
-            // the part of a parameter takes the place of that of time
-            let moved = w.derivative(&field.dq, n_z, column, nx, (c >= nx).then_some(c));
-            self.dt[c] = -moved / rate;
-        }
-        Ok(())
     }
 
     /// The jump between two velocities.

@@ -2,6 +2,7 @@
 
 use super::field::Field;
 use super::step::Stages;
+use crate::func::EvalResult;
 
 /// A function of time and state that is positive as long as the active set holds.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -49,22 +50,29 @@ impl Watch {
         out
     }
 
-    /// Derivative along a direction of the state, and with respect to one more input, by its column.
-    pub(super) fn derivative(
+    /// Derivatives of the time at which this vanishes with respect to state, parameters and controls, written to the
+    /// first `n_z − 1` places of `out`; `velocity` is that before, gradients and active set of the field are those at
+    /// the point, `jac` has room for `nx × n_z` values.
+    pub(super) fn time_gradient(
         &self,
-        dq: &[f64],
-        n_z: usize,
-        direction: impl Fn(usize) -> f64,
-        nx: usize,
-        column: Option<usize>,
-    ) -> f64 {
-        let Watch::Enter { a, b, sign, .. } = *self else { return 0.0 };
-        let along = |j: usize| {
-            let g = &dq[j * n_z..(j + 1) * n_z];
-            let own = column.map_or(0.0, |c| g[c]);
-            g[..nx].iter().enumerate().map(|(i, g)| g * direction(i)).sum::<f64>() + own
-        };
-        sign * (along(a) - b.map_or(0.0, along))
+        field: &mut Field,
+        (t, x, velocity): (f64, &[f64], &[f64]),
+        jac: &mut [f64],
+        out: &mut [f64],
+    ) -> EvalResult {
+        let n_z = field.n_z;
+        match *self {
+            Watch::Leave { cell, .. } => field.theta_gradient(cell, (t, x, velocity), jac, out)?,
+            Watch::Enter { a, b, sign, .. } => {
+                out.iter_mut().zip(&field.dq[a * n_z..(a + 1) * n_z]).for_each(|(o, g)| *o = sign * g);
+                if let Some(b) = b {
+                    out.iter_mut().zip(&field.dq[b * n_z..(b + 1) * n_z]).for_each(|(o, g)| *o -= sign * g);
+                }
+            }
+        }
+        let rate = out.iter().zip(velocity).fold(out[n_z - 1], |r, (g, v)| r + g * v);
+        out[..n_z - 1].iter_mut().for_each(|g| *g /= -rate);
+        Ok(())
     }
 
     /// Size of the rounding errors of the value, in units of the machine precision; and of the gradient.

@@ -2,6 +2,7 @@
 
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
+use crate::event::tape::Time;
 use crate::event::{Outcome, Zeno};
 
 /// Intervals between switches that are remembered.
@@ -75,11 +76,9 @@ impl Engine {
         if tied <= before.iter().map(Vec::len).sum() {
             return Ok(Some(self.fail(Outcome::Zeno, text + ", and no sliding mode begins there")));
         }
+        self.mark_time(Time::Unknown);
         let r = self.enter().and_then(|()| self.project_sensitivity());
-        if let Some(s) = &mut self.sens {
-            s.one_sided = true;
-            s.dt.fill(f64::NAN);
-        }
+        self.one_sided = true;
         if !recover(r.map(|()| true), false)? {
             return Ok(Some(self.fail(Outcome::Zeno, text + ", where the sliding mode is not defined")));
         }

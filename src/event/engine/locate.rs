@@ -133,6 +133,7 @@ impl Engine {
             s.poly[i] = [0.0; 8];
             s.poly[i][0] = s.x0[i];
             s.poly[i][1] = left * s.f0[i];
+            s.k[i] = [s.f0[i]; 16];
         }
         s.f1.copy_from_slice(&s.f0);
         self.dense_ready = true;

@@ -2,6 +2,7 @@
 
 mod accumulation;
 mod control;
+mod derivatives;
 mod locate;
 mod record;
 mod search;
@@ -20,6 +21,7 @@ use super::path::Path;
 use super::radau::Radau;
 use super::sens::Sens;
 use super::step::Step;
+use super::tape::Tape;
 use super::watch::Watch;
 use super::{Method, Options, Outcome, Run, Statistics, Switch};
 use crate::dcs::Dcs;
@@ -82,6 +84,8 @@ pub struct Engine {
     t: f64,
     x: Vec<f64>,
     f: Vec<f64>,
+    /// The velocity before the last switch.
+    f_before: Vec<f64>,
     h: f64,
     err_before: f64,
     /// How coarse the last step was, see [`Engine::resolution`].
@@ -101,6 +105,11 @@ pub struct Engine {
     stats: Statistics,
     path: Option<Path>,
     sens: Option<Sens>,
+    tape: Option<Tape>,
+    /// Derivatives of the time of a switch, and room for a Jacobian.
+    time_row: Vec<f64>,
+    jac: Vec<f64>,
+    one_sided: bool,
     interrupt: Option<Arc<AtomicBool>>,
 }
 
@@ -155,6 +164,7 @@ impl Engine {
             t: 0.0,
             x: vec![0.0; nx],
             f: vec![0.0; nx],
+            f_before: vec![0.0; nx],
             h: 0.0,
             err_before: 1e-4,
             coarse: 0.0,
@@ -170,6 +180,10 @@ impl Engine {
             stats: Statistics::default(),
             path: options.dense.then(|| Path::new(nx)),
             sens: options.sensitivity.then(|| Sens::new(nx, n_z, most)),
+            tape: options.adjoint.then(Tape::default),
+            time_row: vec![0.0; n_z],
+            jac: vec![0.0; nx * n_z],
+            one_sided: false,
             interrupt: None,
             field,
         })
@@ -205,6 +219,10 @@ impl Engine {
         if let Some(s) = &mut self.sens {
             s.reset();
         }
+        if let Some(tape) = &mut self.tape {
+            tape.reset(t, &self.field);
+        }
+        self.one_sided = false;
         Ok(())
     }
 
@@ -215,6 +233,9 @@ impl Engine {
         self.field.u.copy_from_slice(u);
         self.field.forget();
         self.restart = true;
+        if let Some(tape) = &mut self.tape {
+            tape.set_data(&self.field);
+        }
         Ok(())
     }
 
@@ -225,6 +246,9 @@ impl Engine {
         self.field.p.copy_from_slice(p);
         self.field.forget();
         self.restart = true;
+        if let Some(tape) = &mut self.tape {
+            tape.set_data(&self.field);
+        }
         Ok(())
     }
 
@@ -266,17 +290,6 @@ impl Engine {
     /// Dense output so far, if the options ask for it.
     pub fn path(&self) -> Option<&Path> {
         self.path.as_ref()
-    }
-
-    /// `∂x/∂(x0, p)` at the time reached, row-major with one row per state, if the options ask for it. After
-    /// [`Engine::set_params`] the derivatives are those with respect to changes of the parameters over the whole run.
-    pub fn sensitivity(&self) -> Option<&[f64]> {
-        self.sens.as_ref().map(|s| &s.s[..])
-    }
-
-    /// True where the derivatives hold for one side only, see [`Run::one_sided`].
-    pub fn one_sided(&self) -> bool {
-        self.sens.as_ref().is_some_and(|s| s.one_sided)
     }
 
     /// Active modes of a subsystem; empty before the first step.
@@ -340,6 +353,9 @@ impl Engine {
         if t_stop - self.t <= 8.0 * EPS * t_stop.abs() {
             // no step fits between
             self.t = t_stop;
+            if let Some(tape) = &mut self.tape {
+                tape.move_end(t_stop);
+            }
             return Ok(Progress::Done);
         }
         self.prepare_step();
@@ -434,15 +450,7 @@ impl Engine {
             self.path = Some(p);
             r?;
         }
-        if let Some(mut s) = self.sens.take() {
-            let r = if self.step_implicit {
-                s.implicit(&self.radau, &mut self.field, &self.step)
-            } else {
-                s.explicit(self.pair, &mut self.field, &self.step, t1 - (self.step.t + self.step.h))
-            };
-            s.one_sided |= !recover(r.map(|()| true), false)?;
-            self.sens = Some(s);
-        }
+        self.differentiate_step(t1)?;
         self.stats.steps += 1;
         self.crowd = 0;
         self.watch_stiffness();

@@ -107,9 +107,7 @@ impl Engine {
             });
         }
         self.stats.switches += n;
-        if let (Some(s), true) = (&mut self.sens, n > 1) {
-            s.one_sided = true;
-        }
+        self.one_sided |= n > 1;
         for s in &mut self.switches[start..] {
             s.simultaneous = n > 1;
         }

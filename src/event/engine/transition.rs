@@ -3,6 +3,7 @@
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::next;
+use crate::event::tape::Time;
 use crate::event::watch::{self, Watch};
 use crate::event::{Ambiguity, Method, Outcome};
 use crate::func::EvalError;
@@ -18,9 +19,6 @@ impl Engine {
         }
         if self.outcome != Outcome::Reached {
             return Ok(());
-        }
-        if let Some(s) = &mut self.sens {
-            s.dt.fill(0.0);
         }
         if !first {
             self.log(&before, f64::NAN, None, true);
@@ -70,6 +68,7 @@ impl Engine {
         let sets = self.field.active.clone();
         self.field.set_active(&sets);
         let candidates = self.candidates();
+        self.mark_time(Time::Fixed);
         self.choose(&candidates, 1.0)?;
         if self.outcome == Outcome::Reached {
             self.enter()?;
@@ -270,13 +269,8 @@ impl Engine {
             }
         }
         self.keep_surfaces();
-        let before_f = self.sens.as_ref().map(|_| self.f.clone());
-        if let Some(mut s) = self.sens.take() {
-            let w = self.watches[l];
-            let r = s.time(&w, &mut self.field, t, &self.x, &self.f);
-            self.sens = Some(s);
-            r?;
-        }
+        self.f_before.copy_from_slice(&self.f);
+        self.differentiate_time(l)?;
         let candidates = self.candidates();
         let length = self.step.h.abs().max(1e3 * EPS * t.abs());
         let unique = self.choose(&candidates, length)?;
@@ -290,13 +284,12 @@ impl Engine {
             self.remember();
         }
         self.enter()?;
-        if let (Some(s), Some(f)) = (&mut self.sens, &before_f) {
-            if self.field.active == before {
-                s.one_sided |= cosine.abs() < 1e-6;
-            } else {
-                s.jump(f, &self.f);
-                s.one_sided |= !unique || cosine.abs() < 1e-6;
-            }
+        self.one_sided |= cosine.abs() < 1e-6;
+        if self.field.active != before {
+            let f = std::mem::take(&mut self.f_before);
+            self.differentiate_jump(&f);
+            self.f_before = f;
+            self.one_sided |= !unique;
         }
         self.project_sensitivity()?;
         if self.crowd > 0 && self.field.active == before {
@@ -306,15 +299,6 @@ impl Engine {
             self.fail(Outcome::NoContinuation, "the signs of the active set contradict each other".into());
         }
         self.log(before, rate, Some(cosine), unique);
-        Ok(())
-    }
-
-    /// A sliding mode that begins ties the derivatives to its surfaces.
-    pub(super) fn project_sensitivity(&mut self) -> std::result::Result<(), EvalError> {
-        if let (Some(s), true) = (&mut self.sens, self.field.n_alg() > 0) {
-            self.field.hidden(self.t, &self.x)?;
-            s.project(&mut self.field);
-        }
         Ok(())
     }
 }

@@ -1,0 +1,279 @@
+//! Adjoint sensitivities: the transpose of every operation of [`sens`](super::sens), in reverse order.
+
+use super::collocation::Collocation;
+use super::explicit::Pair;
+use super::field::Field;
+use super::radau::Radau;
+use super::tape::{Entry, Tape, Time};
+use crate::error::{finite, Error, Result};
+use crate::func::{EvalError, EvalResult};
+
+/// A part of the function whose gradient is wanted, beside what depends on the final state.
+#[derive(Debug, Clone, PartialEq)]
+pub enum Term {
+    /// Depends on the state at time `t`, with derivative `v`. The run has to stop there ([`Engine::advance`]); at a
+    /// switch it is the state just before.
+    ///
+    /// [`Engine::advance`]: super::Engine::advance
+    State {
+        /// The time.
+        t: f64,
+        /// The derivative, one value per state.
+        v: Vec<f64>,
+    },
+    /// Depends on the time of a switch.
+    Switch {
+        /// Its place in the log.
+        index: usize,
+        /// The derivative.
+        weight: f64,
+    },
+}
+
+/// A gradient.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Gradient {
+    /// With respect to the initial state.
+    pub x0: Vec<f64>,
+    /// With respect to the parameters, changed by the same amount over the whole run.
+    pub p: Vec<f64>,
+    /// With respect to the controls, changed by the same amount over the whole run.
+    pub u: Vec<f64>,
+}
+
+/// The state of a sweep.
+struct Sweep<'a> {
+    tape: &'a Tape,
+    radau: &'a Radau,
+    field: &'a mut Field,
+    /// Derivative with respect to the state.
+    v: Vec<f64>,
+    /// With respect to parameters and controls.
+    g: Vec<f64>,
+    collocation: Collocation,
+    jac: Vec<f64>,
+    x: Vec<f64>,
+    /// Derivatives with respect to the derivatives at a stage, to the arguments of all stages, or to all unknowns.
+    w: Vec<f64>,
+    y: Vec<f64>,
+}
+
+/// Goes back over the tape from the derivative `v` with respect to the final state. Leaves active set, parameters and
+/// controls of the field changed.
+pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], terms: &[Term]) -> Result<Gradient> {
+    let (nx, n_z) = (field.nx, field.n_z);
+    let most = field.n_cells.saturating_sub(field.subs.len());
+    let mut terms = Terms::sorted(tape, nx, terms)?;
+    let mut s = Sweep {
+        v: v.to_vec(),
+        g: vec![0.0; n_z - 1 - nx],
+        collocation: Collocation::new(nx, n_z, most),
+        jac: vec![0.0; nx * n_z],
+        x: vec![0.0; nx],
+        w: vec![0.0; 3 * (nx + most)],
+        y: vec![0.0; 13 * nx],
+        tape,
+        radau,
+        field,
+    };
+    s.load(tape.entries.len());
+    for (i, e) in tape.entries.iter().enumerate().rev() {
+        let r = match *e {
+            Entry::Data { .. } => {
+                s.load(i);
+                Ok(())
+            }
+            Entry::Explicit { at, set, t, h, end, rest, pair } => {
+                terms.add_states(end, &mut s.v);
+                s.enter(set);
+                s.explicit(at, (t, h, rest), pair)
+            }
+            Entry::Implicit { at, set, t, h, end } => {
+                terms.add_states(end, &mut s.v);
+                s.enter(set);
+                s.implicit(at, t, h)
+            }
+            Entry::Switch { at, first, time } => {
+                let weight = terms.take_switches(first);
+                match (time, weight) {
+                    (Time::Moves, w) => s.switch(at, w.unwrap_or(0.0)),
+                    (Time::Unknown, Some(_)) => {
+                        let why = "switches accumulate before it";
+                        return Err(Error::State(format!("the time of switch {first} has no derivative: {why}")));
+                    }
+                    _ => {}
+                }
+                Ok(())
+            }
+            Entry::Project { at, set, t } => {
+                s.enter(set);
+                s.project(at, t)
+            }
+        };
+        r.map_err(|e| match e {
+            EvalError::Recoverable => Error::NonFinite("a derivative of the model has no value along the run".into()),
+            EvalError::Fatal(code) => Error::User { code, what: "a function of the model".into() },
+        })?;
+    }
+    terms.add_states(tape.start, &mut s.v);
+    if let Some((t, _)) = terms.states.last() {
+        return Err(Error::Range(format!("the run has no stop at t = {t}: advance to that time first")));
+    }
+    let u = s.g.split_off(s.field.p.len());
+    Ok(Gradient { x0: s.v, p: s.g, u })
+}
+
+/// The terms in the order of time; the last ones are taken first.
+struct Terms<'a> {
+    states: Vec<(f64, &'a [f64])>,
+    switches: Vec<(usize, f64)>,
+}
+
+impl<'a> Terms<'a> {
+    fn sorted(tape: &Tape, nx: usize, terms: &'a [Term]) -> Result<Terms<'a>> {
+        let mut out = Terms { states: Vec::new(), switches: Vec::new() };
+        let first = |e: &Entry| if let Entry::Switch { first, .. } = e { Some(*first) } else { None };
+        let least = tape.entries.iter().find_map(first).unwrap_or(usize::MAX);
+        for term in terms {
+            match term {
+                Term::State { t, v } => {
+                    finite("time of a term", &[*t], 1)?;
+                    finite("derivative of a term", v, nx)?;
+                    out.states.push((*t, v));
+                }
+                Term::Switch { index, weight } => {
+                    finite("weight of a term", &[*weight], 1)?;
+                    if *index < least {
+                        return Err(Error::Range(format!("switch {index} is not in the log of the run")));
+                    }
+                    out.switches.push((*index, *weight));
+                }
+            }
+        }
+        out.states.sort_by(|a, b| a.0.total_cmp(&b.0));
+        out.switches.sort_by_key(|s| s.0);
+        Ok(out)
+    }
+
+    fn add_states(&mut self, end: f64, v: &mut [f64]) {
+        while let Some((_, w)) = self.states.last().filter(|(t, _)| *t == end) {
+            v.iter_mut().zip(*w).for_each(|(v, w)| *v += w);
+            self.states.pop();
+        }
+    }
+
+    /// Sum of the weights of the switches from `first` on.
+    fn take_switches(&mut self, first: usize) -> Option<f64> {
+        let from = self.switches.partition_point(|(i, _)| *i < first);
+        let taken = self.switches.split_off(from);
+        (!taken.is_empty()).then(|| taken.iter().map(|s| s.1).sum())
+    }
+}
+
+impl Sweep<'_> {
+    /// Parameters and controls as they were before entry `i`.
+    fn load(&mut self, i: usize) {
+        let at = |e: &Entry| if let Entry::Data { at } = e { Some(*at) } else { None };
+        let Some(at) = self.tape.entries[..i].iter().rev().find_map(at) else { return };
+        let (np, nu) = (self.field.p.len(), self.field.u.len());
+        self.field.p.copy_from_slice(&self.tape.data[at..at + np]);
+        self.field.u.copy_from_slice(&self.tape.data[at + np..at + np + nu]);
+        self.field.forget();
+    }
+
+    fn enter(&mut self, set: usize) {
+        if self.field.active != self.tape.sets[set] {
+            self.field.set_active(&self.tape.sets[set]);
+        }
+    }
+
+    /// The transpose of `K_i = J_i (S + h Σ_j a_ij K_j)`, `S⁺ = S + h Σ_j b_j K_j`, and of the rest behind the end.
+    fn explicit(&mut self, at: usize, (t, h, rest): (f64, f64, f64), pair: Pair) -> EvalResult {
+        let (nx, n_z) = (self.field.nx, self.field.n_z);
+        let (rows, c) = pair.rows();
+        let last = rows.len() - 1;
+        let (x0, k) = self.tape.data[at..at + (last + 1) * nx].split_at(nx);
+        for i in (0..=last).rev() {
+            let w = &mut self.w[..nx];
+            w.fill(0.0);
+            if i == last {
+                self.y[i * nx..(i + 1) * nx].copy_from_slice(&self.v);
+                if rest == 0.0 {
+                    continue;
+                }
+                w.iter_mut().zip(&self.v).for_each(|(w, v)| *w = rest * v);
+            } else {
+                self.y[i * nx..(i + 1) * nx].fill(0.0);
+                for (l, row) in rows.iter().enumerate().skip(i + 1) {
+                    if let Some((_, a)) = row.iter().find(|(j, _)| *j == i) {
+                        w.iter_mut().zip(&self.y[l * nx..]).for_each(|(w, y)| *w += h * a * y);
+                    }
+                }
+            }
+            // to the last digit the points of the forward derivatives: differences of functions are noisy
+            for (m, (x, x0)) in self.x.iter_mut().zip(x0).enumerate() {
+                *x = x0 + h * rows[i].iter().map(|&(j, a)| a * k[j * nx + m]).sum::<f64>();
+            }
+            self.field.jacobian(t + c[i] * h, &self.x, &[], &mut self.jac)?;
+            for (w, row) in self.w[..nx].iter().zip(self.jac.chunks_exact(n_z)) {
+                add_row(*w, row, &mut self.y[i * nx..(i + 1) * nx], &mut self.g);
+            }
+        }
+        self.v.fill(0.0);
+        for y in self.y[..(last + 1) * nx].chunks_exact(nx) {
+            self.v.iter_mut().zip(y).for_each(|(v, y)| *v += y);
+        }
+        Ok(())
+    }
+
+    fn implicit(&mut self, at: usize, t: f64, h: f64) -> EvalResult {
+        let (nx, n_z) = (self.field.nx, self.field.n_z);
+        let own = nx + self.field.n_alg();
+        let (x0, z) = self.tape.data[at..at + nx + 3 * own].split_at(nx);
+        let z = [&z[..own], &z[own..2 * own], &z[2 * own..]];
+        self.collocation.assemble(self.radau, self.field, (t, h), x0, z)?;
+        let w = &mut self.w[..3 * own];
+        w.fill(0.0);
+        w[2 * own..2 * own + nx].copy_from_slice(&self.v);
+        self.collocation.lu.solve_transposed(w);
+        for (i, w) in w.chunks_exact(own).enumerate() {
+            for (w, row) in w[..nx].iter().zip(self.collocation.jac(i).chunks_exact(n_z)) {
+                add_row(*w, row, &mut self.v, &mut self.g);
+            }
+            for (w, row) in w[nx..].iter().zip(self.collocation.g(i).chunks_exact(n_z)) {
+                add_row(-w, row, &mut self.v, &mut self.g);
+            }
+        }
+        Ok(())
+    }
+
+    /// The transpose of `S⁺ = S + (ẋ⁻ − ẋ⁺) dt`.
+    fn switch(&mut self, at: usize, weight: f64) {
+        let (nx, n_c) = (self.field.nx, self.field.n_z - 1);
+        let (row, jump) = self.tape.data[at..at + n_c + nx].split_at(n_c);
+        let w = self.v.iter().zip(jump).fold(weight, |w, (v, j)| w + v * j);
+        add_row(w, row, &mut self.v, &mut self.g);
+    }
+
+    /// The transpose of `S⁺ = S − D (C D)⁻¹ C S`.
+    fn project(&mut self, at: usize, t: f64) -> EvalResult {
+        let (nx, n_z, r) = (self.field.nx, self.field.n_z, self.field.n_alg());
+        let x = &self.tape.data[at..at + nx];
+        self.field.hidden(t, x)?;
+        for b in 0..r {
+            self.w[b] = self.field.d(b).iter().zip(&self.v).map(|(d, v)| d * v).sum();
+        }
+        self.field.solve_constraints_transposed(&mut self.w[..r]);
+        for (w, row) in self.w[..r].iter().zip(self.field.c.chunks_exact(n_z)) {
+            add_row(-w, row, &mut self.v, &mut self.g);
+        }
+        Ok(())
+    }
+}
+
+/// Adds `w` times a row of derivatives with respect to state, parameters, controls (and time).
+fn add_row(w: f64, row: &[f64], v: &mut [f64], g: &mut [f64]) {
+    let (x, rest) = row.split_at(v.len());
+    v.iter_mut().zip(x).for_each(|(v, a)| *v += w * a);
+    g.iter_mut().zip(rest).for_each(|(g, a)| *g += w * a);
+}

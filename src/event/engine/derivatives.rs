@@ -1,0 +1,122 @@
+//! Sensitivities along a run: forward as it goes, and the record for the adjoint sweep.
+
+use super::{recover, Engine};
+use crate::error::{finite, Error, Result};
+use crate::event::adjoint::{self, Gradient, Term};
+use crate::event::tape::Time;
+use crate::func::EvalError;
+
+impl Engine {
+    /// `∂x/∂(x0, p, u)` at the time reached, row-major with one row per state, if the options ask for it. After
+    /// [`Engine::set_params`] or [`Engine::set_controls`] the derivatives are those with respect to changes of the
+    /// parameters and controls over the whole run.
+    pub fn sensitivity(&self) -> Option<&[f64]> {
+        self.sens.as_ref().map(|s| &s.s[..])
+    }
+
+    /// True where the derivatives hold for one side only, see [`Run::one_sided`](crate::event::Run::one_sided).
+    pub fn one_sided(&self) -> bool {
+        self.one_sided
+    }
+
+    /// Gradient of a function of the final state, whose derivative with respect to it is `v`, plus `terms`, by the
+    /// transpose of the forward derivatives in reverse order. The options have to ask for it: the run is recorded with
+    /// `nx (n_s + 1)` numbers for an explicit step of `n_s` stages (6 or 12), `4 nx` and three for every algebraic
+    /// variable for an implicit one, and `2 nx + np + nu` for a switch. A sweep costs about as much as the run,
+    /// whatever the number of parameters.
+    pub fn adjoint(&mut self, v: &[f64], terms: &[Term]) -> Result<Gradient> {
+        finite("derivative with respect to the state", v, self.nx)?;
+        for t in terms {
+            if let Term::Switch { index, .. } = t {
+                if *index >= self.switches.len() {
+                    let n = self.switches.len();
+                    return Err(Error::Range(format!("switch {index} is not in the log, which has {n}")));
+                }
+            }
+        }
+        // the dense output of the last step may need functions at values that change below
+        self.save_dense()?;
+        let Some(tape) = self.tape.take() else {
+            return Err(Error::State("the run is not recorded: ask for the adjoint in the options".into()));
+        };
+        let held = self.field.hold();
+        let r = adjoint::sweep(&tape, &self.radau, &mut self.field, v, terms);
+        self.field.release(held);
+        self.tape = Some(tape);
+        if self.field.active.iter().all(|a| !a.is_empty()) {
+            // weights belong to the present point again
+            let there = self.field.rhs(self.t, &self.x, &mut self.node);
+            recover(there.map(|()| true), false)?;
+        }
+        r
+    }
+
+    /// The step that ends at `t1` moves the derivatives.
+    pub(super) fn differentiate_step(&mut self, t1: f64) -> Result<()> {
+        if let Some(mut s) = self.sens.take() {
+            let r = if self.step_implicit {
+                s.implicit(&self.radau, &mut self.field, &self.step)
+            } else {
+                s.explicit(self.pair, &mut self.field, &self.step, t1 - (self.step.t + self.step.h))
+            };
+            self.one_sided |= !recover(r.map(|()| true), false)?;
+            self.sens = Some(s);
+        }
+        if let Some(tape) = &mut self.tape {
+            if self.step_implicit {
+                tape.implicit(&self.radau, &self.field, &self.step, t1);
+            } else {
+                tape.explicit(self.pair, &self.field, &self.step, t1);
+            }
+        }
+        Ok(())
+    }
+
+    /// Derivatives of the time at which watch `l` vanishes here; the velocity is that before the switch.
+    pub(super) fn differentiate_time(&mut self, l: usize) -> std::result::Result<(), EvalError> {
+        if self.sens.is_some() || self.tape.is_some() {
+            let at = (self.t, &self.x[..], &self.f[..]);
+            self.watches[l].time_gradient(&mut self.field, at, &mut self.jac, &mut self.time_row)?;
+        }
+        if let Some(s) = &mut self.sens {
+            s.time(&self.time_row);
+        }
+        Ok(())
+    }
+
+    /// The velocity changes at a switch from `before` to the present one.
+    pub(super) fn differentiate_jump(&mut self, before: &[f64]) {
+        if let Some(s) = &mut self.sens {
+            s.jump(before, &self.f);
+        }
+        if let Some(tape) = &mut self.tape {
+            let n_c = self.time_row.len() - 1;
+            tape.switch(self.switches.len(), &self.time_row[..n_c], before, &self.f);
+        }
+    }
+
+    /// What follows in the log is a change at a time that is given, or has no derivative.
+    pub(super) fn mark_time(&mut self, time: Time) {
+        if let Some(s) = &mut self.sens {
+            s.dt.fill(if time == Time::Fixed { 0.0 } else { f64::NAN });
+        }
+        if let Some(tape) = &mut self.tape {
+            tape.mark(self.switches.len(), time);
+        }
+    }
+
+    /// A sliding mode that begins ties the derivatives to its surfaces.
+    pub(super) fn project_sensitivity(&mut self) -> std::result::Result<(), EvalError> {
+        if self.field.n_alg() == 0 {
+            return Ok(());
+        }
+        if let Some(s) = &mut self.sens {
+            self.field.hidden(self.t, &self.x)?;
+            s.project(&mut self.field);
+        }
+        if let Some(tape) = &mut self.tape {
+            tape.project(&self.field, self.t, &self.x);
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,112 @@
+//! What an adjoint sweep has to know of a run: one entry for every operation that moves the sensitivities.
+
+use super::explicit::Pair;
+use super::field::Field;
+use super::radau::Radau;
+use super::step::Step;
+
+/// How the time of a switch depends on the state before it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Time {
+    /// By the derivatives on the tape.
+    Moves,
+    /// It is a time at which the run was stopped to change something.
+    Fixed,
+    /// Behind an accumulation.
+    Unknown,
+}
+
+/// One operation; `at` is where its numbers begin.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Entry {
+    /// Parameters, then controls, from here on.
+    Data { at: usize },
+    /// A step that ends at `end`: start, derivatives at the stages; `rest` is gone along the velocity at the end.
+    Explicit { at: usize, set: usize, t: f64, h: f64, end: f64, rest: f64, pair: Pair },
+    /// A step: start, increments and weights at the stages.
+    Implicit { at: usize, set: usize, t: f64, h: f64, end: f64 },
+    /// A switch, the first one in the log that belongs to it; derivatives of its time, jump of the velocity.
+    Switch { at: usize, first: usize, time: Time },
+    /// A sliding mode begins at this time and state.
+    Project { at: usize, set: usize, t: f64 },
+}
+
+/// Everything since the start.
+#[derive(Debug, Default)]
+pub(super) struct Tape {
+    pub(super) start: f64,
+    pub(super) entries: Vec<Entry>,
+    pub(super) data: Vec<f64>,
+    /// Active sets in the order of their first use after a change.
+    pub(super) sets: Vec<Vec<Vec<usize>>>,
+}
+
+impl Tape {
+    pub(super) fn reset(&mut self, t: f64, field: &Field) {
+        self.start = t;
+        self.entries.clear();
+        self.data.clear();
+        self.sets.clear();
+        self.set_data(field);
+    }
+
+    /// Parameters and controls have changed.
+    pub(super) fn set_data(&mut self, field: &Field) {
+        let at = self.data.len();
+        self.data.extend_from_slice(&field.p);
+        self.data.extend_from_slice(&field.u);
+        self.entries.push(Entry::Data { at });
+    }
+
+    fn set(&mut self, field: &Field) -> usize {
+        if self.sets.last() != Some(&field.active) {
+            self.sets.push(field.active.clone());
+        }
+        self.sets.len() - 1
+    }
+
+    pub(super) fn explicit(&mut self, pair: Pair, field: &Field, s: &Step, end: f64) {
+        let (at, set) = (self.data.len(), self.set(field));
+        self.data.extend_from_slice(&s.x0);
+        for j in 0..pair.rows().0.len() - 1 {
+            self.data.extend(s.k.iter().map(|k| k[j]));
+        }
+        let rest = end - (s.t + s.h);
+        self.entries.push(Entry::Explicit { at, set, t: s.t, h: s.h, end, rest, pair });
+    }
+
+    pub(super) fn implicit(&mut self, radau: &Radau, field: &Field, s: &Step, end: f64) {
+        let (at, set) = (self.data.len(), self.set(field));
+        self.data.extend_from_slice(&s.x0);
+        for z in &radau.z {
+            self.data.extend_from_slice(&z[..field.nx + field.n_alg()]);
+        }
+        self.entries.push(Entry::Implicit { at, set, t: s.t, h: s.h, end });
+    }
+
+    /// `row` holds the derivatives of the time, `before` and `after` are velocities; `first` counts the log.
+    pub(super) fn switch(&mut self, first: usize, row: &[f64], before: &[f64], after: &[f64]) {
+        let at = self.data.len();
+        self.data.extend_from_slice(row);
+        self.data.extend(before.iter().zip(after).map(|(a, b)| a - b));
+        self.entries.push(Entry::Switch { at, first, time: Time::Moves });
+    }
+
+    /// A switch whose time has no derivative, or the derivative zero.
+    pub(super) fn mark(&mut self, first: usize, time: Time) {
+        self.entries.push(Entry::Switch { at: self.data.len(), first, time });
+    }
+
+    pub(super) fn project(&mut self, field: &Field, t: f64, x: &[f64]) {
+        let (at, set) = (self.data.len(), self.set(field));
+        self.data.extend_from_slice(x);
+        self.entries.push(Entry::Project { at, set, t });
+    }
+
+    /// The last step ends a rounding error later.
+    pub(super) fn move_end(&mut self, t: f64) {
+        if let Some(Entry::Explicit { end, .. } | Entry::Implicit { end, .. }) = self.entries.last_mut() {
+            *end = t;
+        }
+    }
+}
