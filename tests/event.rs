@@ -297,7 +297,7 @@ fn curved() -> System {
             o.copy_from_slice(&[2.0 * w[0], 3.0 * w[0], -0.1 * cos * w[0], 0.1 * at.p[0] * sin * w[0]]);
         },
     );
-    let regions = Regions::Signs { psi: psi, signs: vec![1, -1] };
+    let regions = Regions::Signs { psi, signs: vec![1, -1] };
     s.add_subsystem(Subsystem { rows: vec![0, 1], modes: of_all(modes, 4), n_modes: 2, regions }).unwrap();
     s
 }
