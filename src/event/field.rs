@@ -249,8 +249,13 @@ impl Field {
 
     /// Modes active in subsystem `k`, ascending, each once.
     pub(super) fn modes(&self, k: usize) -> Vec<usize> {
+        self.modes_of(k, &self.active[k])
+    }
+
+    /// Modes of a set of cells of subsystem `k`, ascending, each once.
+    pub(super) fn modes_of(&self, k: usize, set: &[usize]) -> Vec<usize> {
         let s = &self.subs[k];
-        let mut m: Vec<usize> = self.active[k].iter().map(|c| s.cells[c - s.first].mode).collect();
+        let mut m: Vec<usize> = set.iter().map(|c| s.cells[c - s.first].mode).collect();
         m.sort_unstable();
         m.dedup();
         m

@@ -7,8 +7,11 @@
 //!   found from Bernstein coefficients, also two in one step; the step is then repeated with the length that puts the
 //!   switch at its end.
 //! - The next active set solves the linear complementarity problem (6.19), with second-order conditions where first
-//!   order does not decide. **Where more than one continuation exists** ([`Ambiguity`]) the present active set is kept
-//!   if it is one of them, else the one with the fewest active cells is taken, else the one with the lowest indices.
+//!   order does not decide. **Where more than one continuation exists** ([`Branching`]) all are found and noted; a
+//!   callback decides ([`Engine::set_decider`]), or the rule of the options ([`Ambiguity`]): the present active set is
+//!   kept if it is one of them, else the one with the fewest active cells is taken, else that with the lowest indices.
+//!   Where the conditions have no regular solution an [`Arbiter`] is asked.
+//! - Surfaces that are only touched ([`Contact`]) and accumulating switches ([`Accumulation`]) are noted too.
 //!
 //! [`simulate`] runs from a state to a time; an [`Engine`] goes step by step.
 //!
@@ -79,6 +82,9 @@ pub enum Zeno {
     Continue = 0,
     /// Stop.
     Stop = 1,
+    /// Go through it by steps of a method that needs no switches, see [`Accumulation`]; where a sliding mode begins
+    /// there, this finds it too. Slower and less accurate than [`Zeno::Continue`], but it needs no limit set.
+    TimeStepping = 2,
 }
 
 /// What to do where the continuation is not unique.
@@ -90,6 +96,8 @@ pub enum Ambiguity {
     First = 0,
     /// Stop.
     Stop = 1,
+    /// The one whose active modes come first in [`Options::preferred`]; among equals as [`Ambiguity::First`].
+    Prefer = 2,
 }
 
 /// Settings of a simulation.
@@ -111,8 +119,10 @@ pub struct Options {
     pub max_log: usize,
     /// Where switches accumulate.
     pub zeno: Zeno,
-    /// Where the continuation is not unique.
+    /// Where the continuation is not unique; a callback decides before this, see [`Engine::set_decider`].
     pub ambiguity: Ambiguity,
+    /// Modes of every subsystem, the preferred first, for [`Ambiguity::Prefer`]; those that are not named come last.
+    pub preferred: Vec<Vec<usize>>,
     /// Keep the dense output of the whole run.
     pub dense: bool,
     /// Compute the derivatives of the state and of the switching times with respect to initial state, parameters and
@@ -134,6 +144,7 @@ impl Default for Options {
             max_log: 1_000_000,
             zeno: Zeno::Continue,
             ambiguity: Ambiguity::First,
+            preferred: Vec::new(),
             dense: false,
             sensitivity: false,
             adjoint: false,
@@ -263,6 +274,75 @@ pub struct Switch {
     pub dt: Vec<f64>,
 }
 
+/// A way a solution may go on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Continuation {
+    /// Active modes of every subsystem, ascending.
+    pub modes: Vec<Vec<usize>>,
+    /// Derivative of the state.
+    pub velocity: Vec<f64>,
+}
+
+/// A point from which several solutions go on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Branching {
+    /// Time.
+    pub t: f64,
+    /// State.
+    pub x: Vec<f64>,
+    /// Active modes of every subsystem before.
+    pub before: Vec<Vec<usize>>,
+    /// All continuations that differ in their velocity, in the order of [`Ambiguity::First`].
+    pub continuations: Vec<Continuation>,
+    /// The one that was taken; none where the run stops. None while it is being decided.
+    pub taken: Option<usize>,
+}
+
+/// Decides at a [`Branching`]: the place of a continuation, or none to stop.
+pub type Decider = Box<dyn FnMut(&Branching) -> Option<usize> + Send>;
+
+/// Where the conditions (6.19) have no regular solution: time, state, controls, parameters.
+#[derive(Debug, Clone, Copy)]
+pub struct Doubt<'a> {
+    /// Time.
+    pub t: f64,
+    /// State.
+    pub x: &'a [f64],
+    /// Controls.
+    pub u: &'a [f64],
+    /// Parameters.
+    pub p: &'a [f64],
+}
+
+/// Decides where the conditions (6.19) do not: the modes of every subsystem that are active next, or none.
+pub type Arbiter = Box<dyn FnMut(Doubt) -> Option<Vec<Vec<usize>>> + Send>;
+
+/// A surface that is only touched.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Contact {
+    /// Time.
+    pub t: f64,
+    /// Subsystem, counted among those with more than one mode.
+    pub subsystem: usize,
+    /// Derivative of the indicator difference along the solution.
+    pub rate: f64,
+    /// Cosine between the gradient of the surface and the velocity.
+    pub transversality: f64,
+}
+
+/// Accumulating switches.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Accumulation {
+    /// Where they accumulate, by the geometric series of the last intervals.
+    pub t: f64,
+    /// Where ordinary integration begins again.
+    pub until: f64,
+    /// Steps of [`Zeno::TimeStepping`], 0 with the other policies.
+    pub steps: usize,
+    /// What these steps added to the error of the state, relative to the tolerance: the difference to half as many.
+    pub error: f64,
+}
+
 /// Work done.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
 pub struct Statistics {
@@ -301,6 +381,12 @@ pub struct Run {
     pub switches: Vec<Switch>,
     /// Work done.
     pub stats: Statistics,
+    /// Points with several continuations; as many as switches at most.
+    pub branchings: Vec<Branching>,
+    /// Surfaces that were only touched; as many as switches at most.
+    pub contacts: Vec<Contact>,
+    /// Accumulating switches; as many as switches at most.
+    pub accumulations: Vec<Accumulation>,
     /// Dense output, if it was asked for.
     pub path: Option<Path>,
     /// `∂x/∂(x0, p, u)`, row-major, one row per state, if it was asked for.

@@ -26,15 +26,6 @@ pub(super) struct Solution {
     margin: f64,
 }
 
-/// What may follow.
-#[derive(Debug, Default)]
-pub(super) struct Next {
-    /// Continuations, best first.
-    pub(super) solutions: Vec<Solution>,
-    /// They differ in their velocities.
-    pub(super) ambiguous: bool,
-}
-
 /// Fields and rates of the candidates at a point.
 struct Rates {
     /// Candidates of all subsystems, and where each subsystem begins.
@@ -258,14 +249,15 @@ pub(super) fn quick(
 }
 
 /// Solves (6.19) among `candidates` and orders the continuations: the present set first, if it is one, then by the
-/// number of active cells, then by index. `length` is a time over which the solution hardly changes.
+/// number of active cells, then by index; of those with the same velocity the first is kept. `length` is a time over
+/// which the solution hardly changes.
 pub(super) fn next(
     field: &mut Field,
     t: f64,
     x: &[f64],
     candidates: &[Vec<usize>],
     length: f64,
-) -> Result<Next, EvalError> {
+) -> Result<Vec<Solution>, EvalError> {
     let present = field.active.clone();
     let rates = Rates::new(field, t, x, candidates)?;
     let kept: Vec<bool> = candidates.iter().zip(&present).map(|(c, p)| c.len() == p.len()).collect();
@@ -296,8 +288,13 @@ pub(super) fn next(
         let s = found.remove(i);
         found.insert(0, s);
     }
-    let ambiguous = found.iter().skip(1).any(|s| differ(&s.velocity, &found[0].velocity));
-    Ok(Next { solutions: found, ambiguous })
+    let mut out: Vec<Solution> = Vec::new();
+    for s in found {
+        if out.iter().all(|o| differ(&s.velocity, &o.velocity)) {
+            out.push(s);
+        }
+    }
+    Ok(out)
 }
 
 fn differ(a: &[f64], b: &[f64]) -> bool {

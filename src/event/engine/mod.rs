@@ -1,6 +1,7 @@
 //! The loop: steps under error control, switches at their ends.
 
 mod accumulation;
+mod choice;
 mod control;
 mod derivatives;
 mod locate;
@@ -23,7 +24,8 @@ use super::sens::Sens;
 use super::step::Step;
 use super::tape::Tape;
 use super::watch::Watch;
-use super::{Method, Options, Outcome, Run, Statistics, Switch};
+use super::{Accumulation, Arbiter, Branching, Contact, Decider};
+use super::{Ambiguity, Method, Options, Outcome, Run, Statistics, Switch};
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
 use crate::func::EvalError;
@@ -102,6 +104,11 @@ pub struct Engine {
     outcome: Outcome,
     reason: String,
     switches: Vec<Switch>,
+    branchings: Vec<Branching>,
+    contacts: Vec<Contact>,
+    accumulations: Vec<Accumulation>,
+    decider: Option<Decider>,
+    arbiter: Option<Arbiter>,
     stats: Statistics,
     path: Option<Path>,
     sens: Option<Sens>,
@@ -120,6 +127,7 @@ impl Engine {
         let nx = dcs.dims().x;
         options.validate(nx)?;
         let field = Field::new(&dcs);
+        check_preferred(options, &field)?;
         let spread = |v: &[f64]| (0..nx).map(|i| v[i % v.len()]).collect::<Vec<f64>>();
         let (n_q, n_z, n_cells) = (field.q.len(), field.n_z, field.n_cells);
         let most = n_cells.saturating_sub(field.subs.len());
@@ -177,6 +185,11 @@ impl Engine {
             outcome: Outcome::Reached,
             reason: String::new(),
             switches: Vec::new(),
+            branchings: Vec::new(),
+            contacts: Vec::new(),
+            accumulations: Vec::new(),
+            decider: None,
+            arbiter: None,
             stats: Statistics::default(),
             path: options.dense.then(|| Path::new(nx)),
             sens: options.sensitivity.then(|| Sens::new(nx, n_z, most)),
@@ -207,6 +220,9 @@ impl Engine {
         self.outcome = Outcome::Reached;
         self.reason.clear();
         self.switches.clear();
+        self.branchings.clear();
+        self.contacts.clear();
+        self.accumulations.clear();
         self.stats = Statistics::default();
         self.field.counts = Default::default();
         self.radau.newton = 0;
@@ -252,6 +268,17 @@ impl Engine {
         Ok(())
     }
 
+    /// Decides where the continuation is not unique, instead of the rule of the options.
+    pub fn set_decider(&mut self, decider: Option<Decider>) {
+        self.decider = decider;
+    }
+
+    /// Is asked where the conditions (6.19) have no regular solution: singular matrices, infinitely many weights.
+    /// Without one the run stops there.
+    pub fn set_arbiter(&mut self, arbiter: Option<Arbiter>) {
+        self.arbiter = arbiter;
+    }
+
     /// A flag another thread may raise: the call that runs ends with [`Error::Interrupted`] after the step.
     pub fn set_interrupt(&mut self, flag: Arc<AtomicBool>) {
         self.interrupt = Some(flag);
@@ -285,6 +312,21 @@ impl Engine {
     /// The switches so far.
     pub fn switches(&self) -> &[Switch] {
         &self.switches
+    }
+
+    /// Points with several continuations so far.
+    pub fn branchings(&self) -> &[Branching] {
+        &self.branchings
+    }
+
+    /// Surfaces only touched so far.
+    pub fn contacts(&self) -> &[Contact] {
+        &self.contacts
+    }
+
+    /// Accumulating switches so far.
+    pub fn accumulations(&self) -> &[Accumulation] {
+        &self.accumulations
     }
 
     /// Dense output so far, if the options ask for it.
@@ -322,6 +364,9 @@ impl Engine {
             t: self.t,
             x: self.x,
             switches: self.switches,
+            branchings: self.branchings,
+            contacts: self.contacts,
+            accumulations: self.accumulations,
             path: self.path,
         }
     }
@@ -469,6 +514,21 @@ impl Engine {
         }
         Ok(())
     }
+}
+
+fn check_preferred(options: &Options, field: &Field) -> Result<()> {
+    let (n, n_sub) = (options.preferred.len(), field.subs.len());
+    if n != n_sub && (n > 0 || options.ambiguity == Ambiguity::Prefer) {
+        return Err(Error::Dimension(format!(
+            "preferred has {n} lists of modes: give one for each of the {n_sub} subsystems with more than one mode"
+        )));
+    }
+    for (k, (list, s)) in options.preferred.iter().zip(&field.subs).enumerate() {
+        if let Some(m) = list.iter().find(|m| !s.cells.iter().any(|c| c.mode == **m)) {
+            return Err(Error::Range(format!("preferred holds {m} for subsystem {k}, which has no such mode")));
+        }
+    }
+    Ok(())
 }
 
 fn fatal(code: i32) -> Error {

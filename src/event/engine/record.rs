@@ -3,9 +3,8 @@
 use super::{recover, Engine, EPS};
 use crate::error::{Error, Result};
 use crate::event::explicit;
-use crate::event::field::Field;
 use crate::event::path;
-use crate::event::{Kind, Switch};
+use crate::event::{Contact, Kind, Switch};
 use crate::func::EvalError;
 
 impl Engine {
@@ -59,22 +58,23 @@ impl Engine {
         Ok(())
     }
 
+    /// Notes a surface that is only touched: the derivatives hold for one side.
+    pub(super) fn touch(&mut self, contact: Contact) {
+        self.one_sided = true;
+        if self.contacts.len() < self.options.max_log {
+            self.contacts.push(contact);
+        }
+    }
+
     /// Writes what changed to the log.
     pub(super) fn log(&mut self, before: &[Vec<usize>], rate: f64, cosine: Option<f64>, unique: bool) {
-        let modes = |field: &Field, k: usize, set: &[usize]| {
-            let s = &field.subs[k];
-            let mut m: Vec<usize> = set.iter().map(|c| s.cells[c - s.first].mode).collect();
-            m.sort_unstable();
-            m.dedup();
-            m
-        };
         let start = self.switches.len();
         let mut n = 0;
         for (k, set) in before.iter().enumerate() {
             if *set == self.field.active[k] {
                 continue;
             }
-            let (a, b) = (modes(&self.field, k, set), modes(&self.field, k, &self.field.active[k]));
+            let (a, b) = (self.field.modes_of(k, set), self.field.modes(k));
             if a == b {
                 continue;
             }

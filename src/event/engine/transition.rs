@@ -2,10 +2,9 @@
 
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
-use crate::event::next;
 use crate::event::tape::Time;
 use crate::event::watch::{self, Watch};
-use crate::event::{Ambiguity, Method, Outcome};
+use crate::event::{Contact, Method, Outcome};
 use crate::func::EvalError;
 
 impl Engine {
@@ -14,14 +13,15 @@ impl Engine {
         let before: Vec<Vec<usize>> = self.field.active.clone();
         let first = before.iter().any(Vec::is_empty) || before.is_empty();
         let found = self.begin_inner(first);
-        if !recover(found.map(|()| true), false)? {
+        let Some(unique) = recover(found.map(Some), None)? else {
             self.fail(Outcome::NoContinuation, "the system is not defined at this point".into());
-        }
+            return Ok(());
+        };
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
         if !first {
-            self.log(&before, f64::NAN, None, true);
+            self.log(&before, f64::NAN, None, unique);
         }
         self.restart = false;
         self.err_before = 1e-4;
@@ -29,7 +29,7 @@ impl Engine {
         Ok(())
     }
 
-    pub(super) fn begin_inner(&mut self, first: bool) -> std::result::Result<(), EvalError> {
+    pub(super) fn begin_inner(&mut self, first: bool) -> std::result::Result<bool, EvalError> {
         let (t, n_z) = (self.t, self.field.n_z);
         self.field.indicators(t, &self.x)?;
         self.field.gradients(t, &self.x)?;
@@ -69,12 +69,13 @@ impl Engine {
         self.field.set_active(&sets);
         let candidates = self.candidates();
         self.mark_time(Time::Fixed);
-        self.choose(&candidates, 1.0)?;
+        let unique = self.choose(&candidates, 1.0)?;
         if self.outcome == Outcome::Reached {
             self.enter()?;
             self.project_sensitivity()?;
         }
-        Ok(())
+        self.one_sided |= !unique;
+        Ok(unique)
     }
 
     /// The cell of the signs at the present point.
@@ -125,33 +126,6 @@ impl Engine {
             c
         });
         each.collect()
-    }
-
-    /// Makes the best continuation the active set.
-    pub(super) fn choose(&mut self, candidates: &[Vec<usize>], length: f64) -> std::result::Result<bool, EvalError> {
-        if candidates.iter().all(|c| c.len() == 1) {
-            self.field.set_active(candidates);
-            return Ok(true);
-        }
-        let room = (&mut self.node[..], &mut self.step.f[..]);
-        if let Some(k) = next::quick(&mut self.field, self.t, &self.x, candidates, room, &mut self.set)? {
-            let mut sets = candidates.to_vec();
-            sets[k].clone_from(&self.set);
-            self.field.set_active(&sets);
-            return Ok(true);
-        }
-        let found = next::next(&mut self.field, self.t, &self.x, candidates, length)?;
-        let Some(best) = found.solutions.first() else {
-            self.fail(Outcome::NoContinuation, "no active set satisfies the conditions (6.19)".into());
-            return Ok(true);
-        };
-        if found.ambiguous && self.options.ambiguity == Ambiguity::Stop {
-            let text = format!("the continuation is not unique: {} active sets are possible", found.solutions.len());
-            self.fail(Outcome::Ambiguous, text);
-            return Ok(false);
-        }
-        self.field.set_active(&best.sets);
-        Ok(!found.ambiguous)
     }
 
     /// Prepares the first step under a new active set.
@@ -280,6 +254,9 @@ impl Engine {
         if self.field.active == before {
             // nothing changes: a grazing contact, or a first step too long for its signs
             self.crowd += 1;
+            if let (Watch::Enter { sub, .. }, true) = (self.watches[l], self.crowd == 1) {
+                self.touch(Contact { t, subsystem: sub, rate, transversality: cosine });
+            }
         } else {
             self.remember();
         }

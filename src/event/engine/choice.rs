@@ -1,0 +1,106 @@
+//! The choice among the continuations of a point.
+
+use super::Engine;
+use crate::event::next::{self, Solution};
+use crate::event::{Ambiguity, Branching, Continuation, Doubt, Outcome};
+use crate::func::EvalError;
+
+impl Engine {
+    /// Makes the best continuation among `candidates` the active set; `length` is a time over which the solution
+    /// hardly changes. Says whether it is unique.
+    pub(super) fn choose(&mut self, candidates: &[Vec<usize>], length: f64) -> std::result::Result<bool, EvalError> {
+        if candidates.iter().all(|c| c.len() == 1) {
+            self.field.set_active(candidates);
+            return Ok(true);
+        }
+        let room = (&mut self.node[..], &mut self.step.f[..]);
+        if let Some(k) = next::quick(&mut self.field, self.t, &self.x, candidates, room, &mut self.set)? {
+            let mut sets = candidates.to_vec();
+            sets[k].clone_from(&self.set);
+            self.field.set_active(&sets);
+            return Ok(true);
+        }
+        let found = next::next(&mut self.field, self.t, &self.x, candidates, length)?;
+        let Some(best) = found.first() else { return Ok(self.arbitrate(candidates)) };
+        if found.len() == 1 {
+            self.field.set_active(&best.sets);
+            return Ok(true);
+        }
+        if let Some(taken) = self.branch(&found) {
+            self.field.set_active(&found[taken].sets);
+        }
+        Ok(false)
+    }
+
+    /// Several continuations: notes them and decides.
+    fn branch(&mut self, found: &[Solution]) -> Option<usize> {
+        let n_sub = self.field.subs.len();
+        let name = |s: &Solution| Continuation {
+            modes: s.sets.iter().enumerate().map(|(k, set)| self.field.modes_of(k, set)).collect(),
+            velocity: s.velocity.clone(),
+        };
+        let mut b = Branching {
+            t: self.t,
+            x: self.x.clone(),
+            before: (0..n_sub).map(|k| self.field.modes(k)).collect(),
+            continuations: found.iter().map(name).collect(),
+            taken: None,
+        };
+        b.taken = match (&mut self.decider, self.options.ambiguity) {
+            (Some(decide), _) => decide(&b).filter(|i| *i < found.len()),
+            (None, Ambiguity::First) => Some(0),
+            (None, Ambiguity::Stop) => None,
+            (None, Ambiguity::Prefer) => {
+                let rank = |c: &Continuation| -> Vec<Vec<usize>> {
+                    let each = c.modes.iter().zip(&self.options.preferred).map(|(modes, list)| {
+                        let place = |m: &usize| list.iter().position(|p| p == m).unwrap_or(usize::MAX);
+                        let mut ranks: Vec<usize> = modes.iter().map(place).collect();
+                        ranks.sort_unstable();
+                        ranks
+                    });
+                    each.collect()
+                };
+                (0..found.len()).min_by_key(|i| rank(&b.continuations[*i]))
+            }
+        };
+        let taken = b.taken;
+        if taken.is_none() {
+            let text = format!("the continuation is not unique: {} active sets are possible", found.len());
+            self.fail(Outcome::Ambiguous, text);
+        }
+        if self.branchings.len() < self.options.max_log {
+            self.branchings.push(b);
+        }
+        taken
+    }
+
+    /// No active set satisfies the conditions: asks who knows more.
+    fn arbitrate(&mut self, candidates: &[Vec<usize>]) -> bool {
+        let doubt = Doubt { t: self.t, x: &self.x, u: &self.field.u, p: &self.field.p };
+        let Some(modes) = self.arbiter.as_mut().and_then(|a| a(doubt)) else {
+            self.fail(Outcome::NoContinuation, "no active set satisfies the conditions (6.19)".into());
+            return true;
+        };
+        // the candidates with these modes, one for each where modes have several cells
+        let sets: Option<Vec<Vec<usize>>> = candidates
+            .iter()
+            .zip(&self.field.subs)
+            .zip(modes.iter())
+            .map(|((c, s), modes)| {
+                let cell = |m: &usize| c.iter().copied().find(|c| s.cells[c - s.first].mode == *m);
+                let mut set = modes.iter().map(cell).collect::<Option<Vec<usize>>>()?;
+                set.sort_unstable();
+                set.dedup();
+                (!set.is_empty()).then_some(set)
+            })
+            .collect();
+        match sets.filter(|s| s.len() == candidates.len()) {
+            Some(sets) => self.field.set_active(&sets),
+            None => {
+                let text = format!("the arbiter names the modes {modes:?}, which do not meet at this point");
+                self.fail(Outcome::NoContinuation, text);
+            }
+        }
+        true
+    }
+}
