@@ -55,7 +55,7 @@ function(put from to)
   message(STATUS "${to}/${name}")
 endfunction()
 
-foreach(header switchback.h switchback.hpp)
+foreach(header switchback.h switchback.hpp switchback_expr.hpp)
   if(EXISTS "${root}/include/${header}")
     put("${root}/include/${header}" "${dest}/include")
   endif()

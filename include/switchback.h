@@ -3422,6 +3422,118 @@ swb_status swb_ocp_get_mismatch(const struct swb_ocp *ocp,
                                 int64_t n_stages);
 
 /**
+ * A model as a document in JSON, for bug reports and to pass it on: its expressions, names and trial point. Functions that
+ * are called are named.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED if two functions that are called have one name; SWB_ERR_DIMENSION if the buffer is
+ *         too short
+ */
+SWB_API
+swb_status swb_model_to_json(const struct swb_model *model,
+                             char *buf,
+                             int64_t len,
+                             int64_t *needed);
+
+/**
+ * Build a model from a document; its expressions become expressions of the graph.
+ *
+ * @param[in]  graph     may hold other expressions, which stay
+ * @param[in]  text      of swb_model_to_json
+ * @param[in]  functions [n_functions] those that the document calls by name
+ * @param[out] rhs       [n_rhs] the derivatives of the states; NULL with n_rhs 0 if not wanted
+ * @param[out] out       the new object, NULL on failure; free with swb_model_free
+ * @return SWB_OK; SWB_ERR_RANGE if the text is no such document, with the place; SWB_ERR_UNSUPPORTED for other versions;
+ *         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
+ */
+SWB_API
+swb_status swb_model_from_json(struct swb_expr *graph,
+                               const char *text,
+                               const struct swb_function *const *functions,
+                               int64_t n_functions,
+                               int64_t *rhs,
+                               int64_t n_rhs,
+                               struct swb_model **out);
+
+/**
+ * Numbers of states, controls and parameters of a model. Any output may be NULL.
+ *
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_model_sizes(const struct swb_model *model,
+                           int64_t *nx,
+                           int64_t *nu,
+                           int64_t *np);
+
+/**
+ * A simulation as a document in JSON: system, options, and time, state, controls and parameters where the simulator stands.
+ * Functions that are not made of expressions are named only.
+ *
+ * @param[in]  duration of the run that is to be repeated
+ * @param[in]  n_steps  of that run
+ * @param[out] buf      [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed   length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_UNSUPPORTED if two functions that are called have one name; SWB_ERR_DIMENSION if
+ *         the buffer is too short
+ */
+SWB_API
+swb_status swb_simulator_to_json(const struct swb_simulator *sim,
+                                 double duration,
+                                 int64_t n_steps,
+                                 char *buf,
+                                 int64_t len,
+                                 int64_t *needed);
+
+/**
+ * Create a simulator from a document; it stands where the simulation begins.
+ *
+ * @param[in]  text      of swb_simulator_to_json
+ * @param[in]  functions [n_functions] those that the document names
+ * @param[out] duration  of the run; may be NULL
+ * @param[out] n_steps   of the run; may be NULL
+ * @param[out] out       the new object, NULL on failure; free with swb_simulator_free
+ * @return as swb_model_from_json
+ */
+SWB_API
+swb_status swb_simulator_from_json(const char *text,
+                                   const struct swb_function *const *functions,
+                                   int64_t n_functions,
+                                   double *duration,
+                                   int64_t *n_steps,
+                                   struct swb_simulator **out);
+
+/**
+ * An optimal control problem as a document in JSON: system, costs, constraints, bounds, parameters, options, and what is
+ * given to start from. Functions that are not made of expressions are named only.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED if two functions that are called have one name; SWB_ERR_DIMENSION if the buffer is
+ *         too short
+ */
+SWB_API
+swb_status swb_ocp_to_json(struct swb_ocp *ocp,
+                           char *buf,
+                           int64_t len,
+                           int64_t *needed);
+
+/**
+ * Create an optimal control problem from a document.
+ *
+ * @param[in]  text      of swb_ocp_to_json
+ * @param[in]  functions [n_functions] those that the document names
+ * @param[out] out       the new object, NULL on failure; free with swb_ocp_free
+ * @return as swb_model_from_json
+ */
+SWB_API
+swb_status swb_ocp_from_json(const char *text,
+                             const struct swb_function *const *functions,
+                             int64_t n_functions,
+                             struct swb_ocp **out);
+
+/**
  * Create a program without pairs and bounds, parameters and start zero.
  *
  * @param[in]  n           variables, the block x of the functions

@@ -159,10 +159,13 @@ public:
         owner_.reset(f);
     }
 
+    /// Takes a function of the C interface.
+    explicit Function(swb_function *handle) : owner_(handle) {}
+
     /// jacobian(point, out) writes the entries of the pattern; columns are x, u, p, t.
     template <class F>
     Function &jacobian(const Pattern &pattern, F jacobian) {
-        callbacks_->jacobian = wrap(std::move(jacobian));
+        callbacks().jacobian = wrap(std::move(jacobian));
         set_jacobian(pattern, call_jacobian);
         return *this;
     }
@@ -174,7 +177,7 @@ public:
     /// hessian(point, weights, out) writes the entries of the pattern of the upper triangle.
     template <class F>
     Function &hessian(const Pattern &pattern, F hessian) {
-        callbacks_->hessian = wrap_hessian(std::move(hessian));
+        callbacks().hessian = wrap_hessian(std::move(hessian));
         set_hessian(pattern, call_hessian);
         return *this;
     }
@@ -253,6 +256,11 @@ private:
     }
     static void destroy(void *data) { delete static_cast<Callbacks *>(data); }
 
+    Callbacks &callbacks() const {
+        if (!callbacks_)
+            throw Error(SWB_ERR_STATE, "this function has its derivatives already", 0);
+        return *callbacks_;
+    }
     void set_jacobian(const Pattern &p, swb_jacobian_fn f) {
         detail::check(swb_function_set_jacobian(get(), p.col_ptr.data(), static_cast<int64_t>(p.col_ptr.size()),
                                                 p.row_idx.data(), static_cast<int64_t>(p.row_idx.size()), f));
@@ -281,6 +289,8 @@ public:
         detail::check(swb_system_create(sizes.nx, sizes.nu, sizes.np, &s));
         owner_.reset(s);
     }
+    /// Takes a system of the C interface.
+    explicit System(swb_system *handle) : owner_(handle) {}
     System &f0(const Function &f) {
         detail::check(swb_system_set_f0(get(), f.get()));
         return *this;
@@ -698,5 +708,7 @@ private:
 };
 
 } // namespace swb
+
+#include "switchback_expr.hpp"
 
 #endif

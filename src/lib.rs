@@ -19,6 +19,7 @@
 
 pub mod capi;
 pub mod dcs;
+pub mod document;
 pub mod error;
 pub mod event;
 pub mod expr;

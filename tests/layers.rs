@@ -24,6 +24,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         "ocp",
         &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "event", "fesd", "sim"],
     ),
+    ("document", &["error", "settings", "func", "expr", "system", "model", "fesd", "ocp"]),
 ];
 const ABOVE_ALL: &str = "capi";
 

@@ -2,6 +2,7 @@
 //!
 //! `cargo run --release --example report -- CASE [--json] [--plot DIR] [--problems DIR]`, `CASE` one of
 //! [`cases::ALL`] or `all`. Prints a table; with `--json` one object per line and nothing else on standard output.
+//! `replay FILE` solves what a document holds and prints what happened.
 //! `--problems` names a folder of recorded problems for the cases that can use one.
 
 mod cases;
@@ -11,6 +12,7 @@ mod json;
 mod models;
 mod recorded;
 mod reference;
+mod replay;
 mod svg;
 
 use std::path::PathBuf;
@@ -46,7 +48,7 @@ impl Context {
 
 fn usage(problem: &str) -> ! {
     let names: Vec<&str> = cases::ALL.iter().map(|c| c.0).collect();
-    eprintln!("{problem}\nusage: report CASE [--json] [--plot DIR] [--problems DIR]\ncases: {}, all", names.join(", "));
+    eprintln!("{problem}\nusage: report CASE [--json] [--plot DIR] [--problems DIR]\n       report replay FILE\ncases: {}, all", names.join(", "));
     std::process::exit(2)
 }
 
@@ -66,6 +68,14 @@ fn main() {
                 None => usage("--problems needs a directory"),
             },
             _ if a.starts_with('-') => usage(&format!("unknown option '{a}'")),
+            "replay" if case.is_none() => {
+                let Some(file) = args.next() else { usage("replay needs a document") };
+                if let Err(e) = replay::run(&file) {
+                    eprintln!("{e}");
+                    std::process::exit(1);
+                }
+                return;
+            }
             _ if case.is_some() => usage("one case at a time"),
             _ => case = Some(a),
         }

@@ -123,6 +123,8 @@ pub mod simulator;
 pub mod ocp;
 pub mod ocp_accuracy;
 
+pub mod document;
+
 pub mod mpcc;
 
 pub mod diagnosis;

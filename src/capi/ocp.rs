@@ -12,6 +12,7 @@ use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
 use super::trajectory::{hand_out, swb_trajectory};
+use crate::document::write_ocp;
 use crate::error::{Error, Result};
 use crate::fesd::PathAt;
 use crate::nlp::Outcome;
@@ -47,6 +48,12 @@ pub struct Problem {
 }
 
 impl Problem {
+    /// The problem as a document.
+    pub(super) fn json(&mut self) -> Result<String> {
+        let settings = self.settings;
+        write_ocp(self.ocp.get(), &settings)
+    }
+
     fn set_option(&mut self, name: &str, value: Value) -> Result<()> {
         let mut settings = self.settings;
         settings.set_by_name(name, value)?;
@@ -118,7 +125,8 @@ impl Problem {
     }
 }
 
-fn new(ocp: Ocp, interrupt: &Interrupt) -> Problem {
+/// Behind a handle.
+pub(super) fn new(ocp: Ocp, interrupt: &Interrupt) -> Problem {
     Problem { settings: *ocp.settings(), ocp: Exclusive::new(ocp), result: None, hooks: Hooks::new(interrupt) }
 }
 

@@ -9,6 +9,7 @@ use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
 use super::trajectory::{hand_out, swb_trajectory};
+use crate::document;
 use crate::error::{Error, Result};
 use crate::nlp::Outcome;
 use crate::settings::{LogLevel, Settings, Value};
@@ -58,6 +59,31 @@ impl Simulation {
             hooks: Hooks::new(interrupt),
             system,
         })
+    }
+
+    /// What is to be simulated from here, as a document.
+    pub(super) fn json(&self, duration: f64, n_steps: usize) -> Result<String> {
+        document::write_simulation(&document::Simulation {
+            system: self.system.clone(),
+            settings: self.settings,
+            t0: self.t,
+            x0: self.x.clone(),
+            u: self.u.clone(),
+            p: self.p.clone(),
+            duration,
+            n_steps,
+        })
+    }
+
+    /// A simulator that stands where a document begins.
+    pub(super) fn of_document(d: document::Simulation, interrupt: &Interrupt) -> Result<Simulation> {
+        let mut s = Simulation::new(d.system, d.settings, interrupt)?;
+        let simulator = s.simulator.get();
+        simulator.set_params(&d.p)?;
+        simulator.set_controls(&d.u)?;
+        simulator.set_state(d.t0, &d.x0)?;
+        (s.t, s.x, s.u, s.p) = (d.t0, d.x0, d.u, d.p);
+        Ok(s)
     }
 
     fn set_option(&mut self, name: &str, value: Value) -> Result<()> {

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use super::dag::{Block, Dag, Id};
+use super::saved::SavedGraph;
 use super::tape::{Tape, LANES};
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalResult, Function, Point};
@@ -32,6 +33,8 @@ pub struct ExprFunction {
     hess_pattern: Pattern,
     approximate: [bool; 2],
     parts: Vec<Part>,
+    source: Arc<Result<SavedGraph>>,
+    part_len: usize,
 }
 
 /// Outputs that can be evaluated alone.
@@ -67,6 +70,8 @@ impl ExprFunction {
         let approximate = value.approximate_derivatives();
         Ok(ExprFunction {
             parts: Vec::new(),
+            source: Arc::new(SavedGraph::new(dag, outputs)),
+            part_len: 0,
             name: name.to_owned(),
             dims,
             jacobian: tape(dag, 0, &jac)?,
@@ -81,7 +86,7 @@ impl ExprFunction {
     /// A function whose outputs come in parts of equal length that can be evaluated alone, such as modes of which one is
     /// active: [`Function::value_rows`] and [`Function::jacobian_rows`] of a part cost that part only.
     pub fn with_parts(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id], len: usize) -> Result<ExprFunction> {
-        let mut f = ExprFunction::new(name, dag, dims, outputs)?;
+        let mut f = ExprFunction { part_len: len, ..ExprFunction::new(name, dag, dims, outputs)? };
         let wrt = all_inputs(dag, dims);
         for (k, part) in outputs.chunks(len.max(1)).enumerate() {
             let rows = k * len..k * len + part.len();
@@ -114,6 +119,16 @@ impl ExprFunction {
     /// The same, shared.
     pub fn shared(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<Arc<dyn Function>> {
         Ok(Arc::new(ExprFunction::new(name, dag, dims, outputs)?))
+    }
+
+    /// The expressions, for documents; an error if they cannot be saved.
+    pub fn source(&self) -> Result<&SavedGraph> {
+        self.source.as_ref().as_ref().map_err(|e| in_function(&self.name, e.clone()))
+    }
+
+    /// Length of the parts it was made of, 0 without parts.
+    pub fn part_len(&self) -> usize {
+        self.part_len
     }
 
     /// Depends on no input.
@@ -208,6 +223,9 @@ impl Function for ExprFunction {
     }
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
         self.hessian.run(at, weights, &mut out[..self.hessian.n_out()], work)
+    }
+    fn as_any(&self) -> Option<&dyn std::any::Any> {
+        Some(self)
     }
     fn jacobian_is_approximate(&self) -> bool {
         self.approximate[0]

@@ -68,6 +68,11 @@ impl Dag {
     /// Derivatives are those of the function: Jacobians, and the Hessian of each output. They are what it says
     /// they are; finite differences stay finite differences.
     pub fn call(&mut self, function: &External, args: &[Id]) -> Result<Vec<Id>> {
+        self.call_as(function, CallKind::Value, args)
+    }
+
+    /// Outputs, entries of the Jacobian, or entries of the Hessian of one output.
+    pub(super) fn call_as(&mut self, function: &External, what: CallKind, args: &[Id]) -> Result<Vec<Id>> {
         let n_in = function.dims().n_in();
         if args.len() != n_in {
             return Err(Error::Dimension(format!(
@@ -88,8 +93,12 @@ impl Dag {
             self.functions.push(function.clone());
             self.functions.len() - 1
         });
-        let n = function.n_out();
-        let g = self.group(Group::Call { function: index as u32, what: CallKind::Value, args: args.to_vec() }, n);
+        let n = match what {
+            CallKind::Value => function.n_out(),
+            CallKind::Jacobian => function.jac_pattern().nnz(),
+            CallKind::Hessian(_) => function.hess_pattern().nnz(),
+        };
+        let g = self.group(Group::Call { function: index as u32, what, args: args.to_vec() }, n);
         Ok((0..n).map(|k| self.pick(g, k)).collect())
     }
 

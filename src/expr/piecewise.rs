@@ -107,6 +107,10 @@ impl Piecewise {
         self.degree
     }
 
+    pub(super) fn coefficients(&self) -> &[f64] {
+        &self.coefficients
+    }
+
     pub(super) fn breaks(&self) -> &[f64] {
         &self.breaks
     }
@@ -236,11 +240,15 @@ impl Dag {
     /// Value of a piecewise polynomial. A table that jumps is not turned into switching functions: use it for
     /// functions of time with breaks on the grid, and [`Dag::step_table`] for functions of the state.
     pub fn piecewise(&mut self, p: &Piecewise, a: Id) -> Id {
+        self.piecewise_derivative(p, 0, a)
+    }
+
+    pub(super) fn piecewise_derivative(&mut self, p: &Piecewise, order: u8, a: Id) -> Id {
         let index = self.piecewise.iter().position(|q| q == p).unwrap_or_else(|| {
             self.piecewise.push(p.clone());
             self.piecewise.len() - 1
         });
-        self.piecewise_node(index as u32, 0, a)
+        self.piecewise_node(index as u32, order, a)
     }
 
     /// Continuous derivatives a node is declared to have in its arguments: those of a table, else as many as one likes.

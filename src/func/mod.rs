@@ -101,6 +101,10 @@ pub trait Function: Send + Sync {
     }
     /// `Σ_i weights[i] ∇² f_i`, `out[hess_pattern().nnz()]` in CSC order, upper triangle.
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult;
+    /// The function itself, for who knows its type: documents look for expressions in it.
+    fn as_any(&self) -> Option<&dyn std::any::Any> {
+        None
+    }
     /// True where [`Function::jacobian`] is finite differences.
     fn jacobian_is_approximate(&self) -> bool {
         false

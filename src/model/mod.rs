@@ -12,8 +12,10 @@
 mod cells;
 mod reach;
 mod report;
+mod saved;
 
 pub use report::{Counts, Group, Note, NoteKind, Report};
+pub use saved::SavedModel;
 
 use std::sync::Arc;
 
@@ -99,6 +101,16 @@ pub struct Built {
     /// The functions of the system, to be written out or evaluated: smooth part, then modes and switching functions
     /// of every subsystem.
     pub functions: Vec<Arc<ExprFunction>>,
+    /// Sizes of the model.
+    pub dims: Dims,
+    saved: Arc<Result<SavedModel>>,
+}
+
+impl Built {
+    /// The model it was built from, for documents; an error if it cannot be saved.
+    pub fn source(&self) -> Result<&SavedModel> {
+        self.saved.as_ref().as_ref().map_err(Error::clone)
+    }
 }
 
 impl Model {
@@ -146,6 +158,11 @@ impl Model {
         }
     }
 
+    /// Derivatives of the states; `None` where one is missing.
+    pub fn derivatives(&self) -> &[Option<Id>] {
+        &self.rhs
+    }
+
     /// A point, the initial one as a rule, where all functions should be defined.
     pub fn set_trial(&mut self, trial: Trial) -> Result<()> {
         for (what, v, n) in
@@ -170,6 +187,7 @@ impl Model {
     /// [`Error::State`] if a state has no derivative, [`Error::Unsupported`] if too many switching functions are
     /// coupled in one term, and those of [`ExprFunction::new`].
     pub fn build_in(&self, dag: &mut Dag) -> Result<Built> {
+        let saved = Arc::new(SavedModel::new(self, dag));
         let mut b = Builder { model: self, dag, notes: Vec::new() };
         let rhs = b.derivatives()?;
         let rhs = b.settle_constant_signs(&rhs);
@@ -185,7 +203,7 @@ impl Model {
                 subsystems.push(c);
             }
         }
-        b.assemble(&f0, &subsystems)
+        b.assemble(&f0, &subsystems, saved)
     }
 }
 
@@ -321,7 +339,7 @@ impl Builder<'_> {
         Ok(Arc::new(ExprFunction::new(name, self.dag, self.model.dims, outputs)?))
     }
 
-    fn assemble(mut self, f0: &[Id], subsystems: &[Cells]) -> Result<Built> {
+    fn assemble(mut self, f0: &[Id], subsystems: &[Cells], saved: Arc<Result<SavedModel>>) -> Result<Built> {
         let d = self.model.dims;
         let mut system = System::new(d.x, d.u, d.p)?;
         let mut functions = Vec::new();
@@ -376,7 +394,7 @@ impl Builder<'_> {
             groups,
             notes: self.notes,
         };
-        Ok(Built { system, report, functions })
+        Ok(Built { system, report, functions, dims: d, saved })
     }
 
     /// Gradient of an expression with respect to states and time: indices (`nx` is the time) and entries.

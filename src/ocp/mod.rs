@@ -14,10 +14,12 @@ mod accuracy;
 mod identify;
 mod neighbours;
 mod sensitivity;
+mod statement;
 mod terms;
 
 pub use accuracy::Accuracy;
 pub use sensitivity::OcpSensitivity;
+pub use statement::Statement;
 
 use std::time::Instant;
 

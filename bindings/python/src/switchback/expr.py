@@ -14,13 +14,14 @@ import ctypes
 import json
 import operator
 from dataclasses import dataclass
-from typing import Any, Callable, Iterator, Sequence
+from typing import Any, Callable, Iterable, Iterator, Sequence
 
 import numpy
 
 from . import _ffi
 from ._arrays import address, index, real
 from ._call import Handle, call, encode, text
+from ._document import Reader
 from ._library import lib
 from .errors import ArgumentError, DimensionError, RangeError
 from .function import Function
@@ -243,6 +244,12 @@ class Expr:
         return f(*inputs)
 
 
+    def __array_function__(self, function: Any, types: Any, inputs: Any, keywords: Any) -> Any:
+        """Other functions of numpy: where, clip, dot, sum, concatenate, linalg.norm, linalg.solve."""
+        f = _FUNCTIONS.get(function)
+        return NotImplemented if f is None else f(*inputs, **keywords)
+
+
 def _graph_of(*operands: Any) -> Graph:
     for o in operands:
         if isinstance(o, Expr):
@@ -340,6 +347,12 @@ _UFUNCS: dict[str, Callable[..., Any]] = {
     "greater_equal": lambda a, b: _graph_of(a, b).of(a) > b,
     "less": lambda a, b: _graph_of(a, b).of(a) < b,
     "less_equal": lambda a, b: _graph_of(a, b).of(a) < b,
+    "logical_and": lambda a, b: _graph_of(a, b)._apply(_Op.AND, a, b),
+    "logical_or": lambda a, b: _graph_of(a, b)._apply(_Op.OR, a, b),
+    "logical_not": operator.invert,
+    "bitwise_and": lambda a, b: _graph_of(a, b)._apply(_Op.AND, a, b),
+    "bitwise_or": lambda a, b: _graph_of(a, b)._apply(_Op.OR, a, b),
+    "invert": operator.invert,
     "negative": operator.neg,
     "absolute": abs,
     "square": lambda a: a**2,
@@ -399,6 +412,17 @@ def jacobian(outputs: Any, inputs: Expr) -> Expr:
     out = numpy.empty((x.size, flat.size), dtype=numpy.int64)
     inputs._graph._do("jacobian", address(flat), flat.size, address(x), x.size, address(out), out.size)
     return inputs._graph._expr(out.T.reshape(f.shape + inputs.shape))
+
+
+_FUNCTIONS: dict[Any, Callable[..., Expr]] = {
+    numpy.where: where,
+    numpy.clip: clip,
+    numpy.dot: lambda a, b: _graph_of(a, b).of(a) @ b,
+    numpy.sum: lambda a, axis=None: a.sum(axis),
+    numpy.concatenate: concatenate,
+    numpy.linalg.norm: norm,
+    numpy.linalg.solve: solve,
+}
 
 
 def table(a: Expr, points: Any, values: Any, kind: str = "spline") -> Expr:
@@ -475,11 +499,13 @@ class Model:
         controls: int | str | Sequence[str] = 0,
         parameters: int | str | Sequence[str] = 0,
         name: str = "model",
+        *,
+        _graph: Graph | None = None,
     ):
         self.name = name
         self.names = [_names(states, "states"), _names(controls, "controls"), _names(parameters, "parameters")]
         self.nx, self.nu, self.np = (len(n) for n in self.names)
-        self.graph = Graph()
+        self.graph = Graph() if _graph is None else _graph
         self.x, self.u, self.p = (self.graph.inputs(b, n) for b, n in zip("xup", (self.nx, self.nu, self.np)))
         self.t = self.graph.inputs("t", 1)[0]
         self._rhs: list[Expr | None] = [None] * self.nx
@@ -576,6 +602,45 @@ class Model:
     def c_code(self) -> str:
         """C code of all functions of the model with their derivatives."""
         return text(lib.swb_model_write_c, self._build())
+
+    def to_json(self) -> str:
+        """The model as a document in JSON: for bug reports, and to pass it on."""
+        return text(lib.swb_model_to_json, self._build())
+
+    @classmethod
+    def from_json(cls, document: str, functions: Iterable[Function] = ()) -> Model:
+        """A model from a document. Functions that it calls are not in it: they are supplied, and found by name."""
+        reader = Reader(document, functions)
+        saved: Any = reader.data().get("model")
+        try:
+            n = len(saved["derivatives"]["roots"])
+        except (TypeError, KeyError):
+            n = 0  # the library says what is wrong
+        graph = Graph()
+        graph._functions.extend(reader.functions)
+        rhs = numpy.empty(n, dtype=numpy.int64)
+        made = _Built.__new__(_Built)
+        made._make(lib.swb_model_from_json, graph, *reader.arguments, address(rhs), rhs.size)
+        names = saved.get("names") or {}
+
+        def named(block: str, n: int) -> list[str]:
+            given = names.get(block, [])[:n]
+            return given + [""] * (n - len(given))
+
+        n_controls, n_parameters = saved["controls"], saved["parameters"]
+        groups = named("states", rhs.size), named("controls", n_controls), named("parameters", n_parameters)
+        model = cls(*groups, name=saved["name"], _graph=graph)
+        model._rhs = [graph._expr(numpy.array(i)) for i in rhs]
+        trial = saved.get("trial")
+        if trial is not None:
+            model.try_at(trial["x"], trial["u"], trial["p"], trial["t"])
+        model._made = made
+        return model
+
+    def __reduce__(self) -> Any:
+        if self.graph._functions:
+            raise TypeError("a model that calls functions cannot be pickled: use to_json, and from_json with the functions")
+        return Model.from_json, (self.to_json(),)
 
     def __repr__(self) -> str:
         return f"<Model '{self.name}': {self.nx} states, {self.nu} controls, {self.np} parameters>"

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass, field
-from typing import Any, Mapping, Sequence
+from typing import Any, Iterable, Mapping, Sequence
 
 import numpy
 
 from ._arrays import Array, address, bounds, index, number, real, table, vector
+from ._call import text
+from ._document import Reader
 from ._ffi import Outcome, PathAt, Polished, swb_accuracy
+from ._library import lib
 from ._solver import Solver
 from .errors import ArgumentError, DimensionError, StateError
 from .function import Function
@@ -112,6 +115,23 @@ class Ocp(Solver):
                 if not isinstance(pair, (tuple, list)) or len(pair) != 2:
                     raise DimensionError(f"{name} must be (lower, upper)")
                 set_bounds(*pair)
+
+    def to_json(self) -> str:
+        """The problem as a document in JSON: for bug reports and replay. Callbacks are named only."""
+        return text(lib.swb_ocp_to_json, self)
+
+    @classmethod
+    def from_json(cls, document: str, functions: Iterable[Function] = ()) -> Ocp:
+        """A problem from a document. Callbacks that it names are supplied, and found by name."""
+        reader = Reader(document, functions)
+        ocp = cls.__new__(cls)
+        ocp._make(lib.swb_ocp_from_json, *reader.arguments)
+        data = reader.data()["ocp"]
+        ocp.nx, ocp.nu, ocp.np = (data["system"][key] for key in ("states", "controls", "parameters"))
+        ocp.horizon, ocp.n_stages, ocp.initial_time = float(data["horizon"]), data["n_stages"], float(data["t0"])
+        ocp._functions = list(reader.functions)
+        ocp._monitors(None, None)
+        return ocp
 
     def _function(self, f: Any, n_out: int, name: str) -> Function:
         return Function._of(f, (self.nx, self.nu, self.np), n_out, name)

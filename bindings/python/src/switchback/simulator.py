@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass, field
-from typing import Any, Mapping
+from typing import Any, Iterable, Mapping
 
 import numpy
 
 from ._arrays import Array, address, index, number, table, vector
+from ._call import text
+from ._document import Reader
 from ._ffi import Outcome
+from ._library import lib
 from ._solver import Solver
 from .errors import ArgumentError
+from .function import Function
 from .results import HasOutcome, OnIteration, OnLog, Residuals, Stats
 from .settings import Settings
 from .system import System
@@ -43,6 +47,25 @@ class Simulator(Solver):
         self._create(system, ctypes.byref(chosen._c))
         self._functions = list(system._functions)
         self._monitors(on_iteration, on_log)
+
+    def to_json(self, duration: float, n_steps: int) -> str:
+        """The simulation that starts here as a document in JSON: for bug reports and replay. Callbacks are named only."""
+        return text(lib.swb_simulator_to_json, self, number(duration, "duration"), index(n_steps, "n_steps"))
+
+    @classmethod
+    def from_json(cls, document: str, functions: Iterable[Function] = ()) -> tuple[Simulator, float, int]:
+        """A simulator that stands where a document begins, with duration and number of steps of the run. Callbacks
+        that the document names are supplied, and found by name."""
+        reader = Reader(document, functions)
+        simulator = cls.__new__(cls)
+        duration, n_steps = ctypes.c_double(), ctypes.c_int64()
+        places = ctypes.byref(duration), ctypes.byref(n_steps)
+        simulator._make(lib.swb_simulator_from_json, *reader.arguments, *places)
+        data = reader.data()["simulation"]["system"]
+        simulator.nx, simulator.nu, simulator.np = (data[key] for key in ("states", "controls", "parameters"))
+        simulator._functions = list(reader.functions)
+        simulator._monitors(None, None)
+        return simulator, duration.value, n_steps.value
 
     def set_state(self, x: Any, t: float = 0.0) -> None:
         """Set state and time, and begin a new trajectory."""

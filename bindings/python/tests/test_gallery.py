@@ -1,0 +1,147 @@
+"""The gallery of examples/python: short models, sizes as expected, trajectories of hand-written systems."""
+
+import importlib.util
+import inspect
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import switchback as swb
+
+_path = Path(__file__).resolve().parents[3] / "examples" / "python" / "gallery.py"
+_spec = importlib.util.spec_from_file_location("gallery", _path)
+gallery = importlib.util.module_from_spec(_spec)
+_spec.loader.exec_module(gallery)
+
+# subsystems, switching functions, regions, algebraic variables, pairs
+SIZES = {
+    "driven_switch": (1, 1, 2, 5, 2),
+    "dry_friction": (1, 1, 2, 5, 2),
+    "stick_slip": (1, 1, 2, 5, 2),
+    "turbo_car": (1, 1, 2, 5, 2),
+    "two_genes": (2, 4, 6, 18, 8),
+    "three_blocks": (3, 3, 6, 15, 6),
+    "relay_feedback": (1, 1, 2, 5, 2),
+    "tank_cascade": (3, 3, 6, 15, 6),
+    "motor": (2, 3, 5, 12, 5),
+    "pendulum": (0, 0, 0, 0, 0),
+}
+
+
+def by_hand(name):
+    """The same models without expressions: smooth part, then (rows, modes, psi, signs) of every subsystem."""
+    blocks = np.array([[-2, 1, 0], [1, -2, 1], [0, 1, -1]])
+
+    def flow(x, u):
+        out = 0.6 * np.sqrt(x)
+        return [u[0] - out[0], out[0] - out[1], out[1] - out[2]]
+
+    def motor(x):
+        return [x[1], 5 * x[2] - 0.1 * x[1], -10 * x[2] - 2 * x[1]]
+
+    def controller(x):
+        v = 12 * (1 - x[0]) - 2 * x[1]
+        return [v - 6, v + 6]
+
+    def voltage(x):
+        return [[60.0], [10 * (12 * (1 - x[0]) - 2 * x[1])], [-60.0]]
+
+    def spill(k):
+        return ([k, k + 1] if k < 2 else [k]), lambda x: [[-2 * (x[k] - 1), 2 * (x[k] - 1)][: 3 - k], [0, 0][: 3 - k]]
+
+    on_off = [[1, 1], [0, -1], [-1, 1]]
+    return {
+        "driven_switch": (lambda x, t: [0.2 * np.sin(5 * t)], [([0], [[-1.0], [1.0]], lambda x: x, [1, -1])]),
+        "dry_friction": (
+            lambda x, t: [x[1], -x[0] + np.cos(0.5 * t)],
+            [([1], [[-0.4], [0.4]], lambda x: x[1:], [1, -1])],
+        ),
+        "stick_slip": (
+            lambda x: [x[1], -x[0]],
+            [([1], lambda x: [[-1 / (0.8 + x[1])], [1 / (1.2 - x[1])]], lambda x: [x[1] - 0.2], [1, -1])],
+        ),
+        "turbo_car": (
+            lambda x: [x[1], 0.0],
+            [([1], lambda x, u: [[3 * u[0]], [u[0]]], lambda x: [x[1] - 10], [1, -1])],
+        ),
+        "two_genes": (
+            lambda x: [-4.5 * x[0], -1.5 * x[1]],
+            [
+                ([0], [[40.0], [0.0], [0.0]], lambda x: [x[0] - 4, 8 - x[1]], on_off),
+                ([1], [[40.0], [0.0], [0.0]], lambda x: [8 - x[0], x[1] - 4], on_off),
+            ],
+        ),
+        "three_blocks": (
+            lambda x: [*x[3:], *(blocks @ x[:3] - x[3:])],
+            [([3 + k], [[-0.3], [0.3]], lambda x, k=k: [x[3 + k]], [1, -1]) for k in range(3)],
+        ),
+        "relay_feedback": (
+            lambda x: [-x[0], x[0] - x[1], x[1] - x[2]],
+            [([0], [[-1.0], [1.0]], lambda x: [x[2]], [1, -1])],
+        ),
+        "tank_cascade": (
+            flow,
+            [(spill(k)[0], spill(k)[1], lambda x, k=k: [x[k] - 1], [1, -1]) for k in range(3)],
+        ),
+        "motor": (
+            motor,
+            [
+                ([2], voltage, controller, [[1, 1], [-1, 1], [-1, -1]]),
+                ([1], [[-0.8], [0.8]], lambda x: [x[1]], [1, -1]),
+            ],
+        ),
+        "pendulum": (lambda x: [x[1], -9.81 * np.sin(x[0])], []),
+    }[name]
+
+
+@pytest.mark.parametrize("make", gallery.GALLERY, ids=lambda make: make.__name__)
+def test_the_model(make):
+    name = make.__name__
+    assert len(inspect.getsource(make).strip().splitlines()) <= 15
+    model, x0, duration, u = make()
+    assert model.counts() == swb.expr.Counts(*SIZES[name])
+    assert not [n for n in model.report_data()["notes"] if n["kind"] == "warning"]
+    f0, subsystems = by_hand(name)
+    system = swb.System(nx=model.nx, nu=model.nu, f0=f0)
+    for rows, modes, psi, signs in subsystems:
+        system.add_subsystem(modes, psi, signs, rows=rows)
+    runs = [
+        swb.simulate(s, x0, duration, n_steps=40, n_s=3, n_fe=3, u=u or None) for s in (model.system(), system)
+    ]
+    assert [r.outcome for r in runs] == [swb.Outcome.SOLVED] * 2
+    # by hand the derivatives are differences: the Newton iteration ends at the same point, to its tolerance
+    assert np.allclose(runs[0].state, runs[1].state, rtol=0, atol=1e-9), name
+    times = [[s.t for s in r.trajectory.switches] for r in runs]
+    assert len(times[0]) == len(times[1])
+    assert np.allclose(*times, rtol=0, atol=1e-8)
+    assert (len(times[0]) > 0) == (name != "pendulum")
+
+
+def test_the_page_runs():
+    page = (_path.parents[2] / "docs" / "models.md").read_text(encoding="utf-8")
+    code = "\n".join(re.findall(r"```python\n(.*?)```", page, flags=re.S))
+    names = {}
+    exec(compile(code, "models.md", "exec"), names)
+    assert names["result"].outcome is swb.Outcome.SOLVED
+    assert names["same"].to_json() == names["report"]
+
+
+def test_what_the_models_should_do():
+    def end(make, n=60):
+        model, x0, duration, u = make()
+        return swb.simulate(model.system(), x0, duration, n_steps=n, n_s=3, n_fe=3, u=u or None)
+
+    # 10 at t = 10, then three times the acceleration
+    assert np.allclose(end(gallery.turbo_car).state, [50 + 10 * 4 + 1.5 * 16, 22.0], atol=1e-9)
+    # at rest a motor that sticks: the controller asks for less than the friction
+    assert end(gallery.motor).state[1] == pytest.approx(0, abs=1e-9)
+    # a limit cycle: the last half periods are equal
+    model, x0, _, _ = gallery.relay_feedback()
+    r = swb.simulate(model.system(), x0, 60.0, n_steps=300, n_s=3, n_fe=3)
+    t = [s.t for s in r.trajectory.switches]
+    assert t[-1] - t[-2] == pytest.approx(t[-2] - t[-3], abs=1e-5)
+    # no slower than the sum over its three lags: near the describing function's pi / sqrt(3)
+    assert t[-1] - t[-2] == pytest.approx(np.pi / np.sqrt(3), rel=0.1)
+    energy = [0.5 * v**2 - 9.81 * np.cos(a) for a, v in (end(gallery.pendulum).trajectory(s) for s in (0.0, 1.0, 2.0))]
+    assert np.ptp(energy) < 1e-6

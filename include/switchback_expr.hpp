@@ -1,0 +1,511 @@
+/* switchback for C++17: models written as expressions. Included by switchback.hpp. BSD-2-Clause, see LICENSE.
+ *
+ *     swb::Model m("q v");
+ *     const auto q = m.x(0), v = m.x(1);
+ *     m.derivatives({v, -q - 0.3 * sign(v)});
+ *     swb::Simulator simulator(m.system());
+ *
+ * An Expr is a value: it can be copied, and lives as long as it is needed. Comparisons are conditions, joined with &, |
+ * and !, for where. Operators that switch (sign, abs, min, max, clip, relay, dead_zone, where) are for the derivatives of
+ * models only. */
+#ifndef SWITCHBACK_EXPR_HPP
+#define SWITCHBACK_EXPR_HPP
+
+#include "switchback.hpp"
+
+#include <array>
+#include <sstream>
+
+namespace swb {
+
+namespace detail {
+
+using Graph = std::shared_ptr<swb_expr>;
+
+inline Graph new_graph() {
+    swb_expr *g = nullptr;
+    check(swb_expr_create(&g));
+    return Graph(g, swb_expr_free);
+}
+
+/// A number of a graph.
+struct Node {
+    Graph graph;
+    int64_t id = -1;
+};
+
+inline const Graph &graph_of(const Node &a, const Node &b) {
+    if (a.graph != b.graph)
+        throw Error(SWB_ERR_STATE, "expressions of two graphs cannot be combined", 0);
+    return a.graph;
+}
+
+inline Node constant(const Graph &graph, double value) {
+    Node n{graph, -1};
+    check(swb_expr_constants(graph.get(), &value, 1, &n.id, 1));
+    return n;
+}
+
+inline Node apply(swb_operator op, const Node &a) {
+    Node n{a.graph, -1};
+    check(swb_expr_apply(a.graph.get(), op, &a.id, nullptr, nullptr, &n.id, 1));
+    return n;
+}
+inline Node apply(swb_operator op, const Node &a, const Node &b) {
+    Node n{graph_of(a, b), -1};
+    check(swb_expr_apply(n.graph.get(), op, &a.id, &b.id, nullptr, &n.id, 1));
+    return n;
+}
+inline Node apply(swb_operator op, const Node &a, const Node &b, const Node &c) {
+    graph_of(a, b);
+    Node n{graph_of(b, c), -1};
+    check(swb_expr_apply(n.graph.get(), op, &a.id, &b.id, &c.id, &n.id, 1));
+    return n;
+}
+
+} // namespace detail
+
+/// A value.
+class Expr {
+public:
+    explicit Expr(detail::Node node) : node_(std::move(node)) {}
+    const detail::Node &node() const noexcept { return node_; }
+    int64_t id() const noexcept { return node_.id; }
+    std::string text() const {
+        return detail::text([this](char *b, int64_t n, int64_t *needed) {
+            return swb_expr_text(node_.graph.get(), node_.id, b, n, needed);
+        });
+    }
+    template <class T> Expr &operator+=(const T &b) { return *this = *this + b; }
+    template <class T> Expr &operator-=(const T &b) { return *this = *this - b; }
+    template <class T> Expr &operator*=(const T &b) { return *this = *this * b; }
+    template <class T> Expr &operator/=(const T &b) { return *this = *this / b; }
+
+private:
+    detail::Node node_;
+};
+
+/// A condition.
+class Cond {
+public:
+    explicit Cond(detail::Node node) : node_(std::move(node)) {}
+    const detail::Node &node() const noexcept { return node_; }
+    int64_t id() const noexcept { return node_.id; }
+
+private:
+    detail::Node node_;
+};
+
+using Exprs = std::vector<Expr>;
+
+#define SWB_DETAIL_UNARY(name, op)                                                                                     \
+    inline Expr name(const Expr &a) { return Expr(detail::apply(op, a.node())); }
+SWB_DETAIL_UNARY(operator-, SWB_OPERATOR_NEG)
+SWB_DETAIL_UNARY(sqrt, SWB_OPERATOR_SQRT)
+SWB_DETAIL_UNARY(exp, SWB_OPERATOR_EXP)
+SWB_DETAIL_UNARY(log, SWB_OPERATOR_LOG)
+SWB_DETAIL_UNARY(sin, SWB_OPERATOR_SIN)
+SWB_DETAIL_UNARY(cos, SWB_OPERATOR_COS)
+SWB_DETAIL_UNARY(tan, SWB_OPERATOR_TAN)
+SWB_DETAIL_UNARY(asin, SWB_OPERATOR_ASIN)
+SWB_DETAIL_UNARY(acos, SWB_OPERATOR_ACOS)
+SWB_DETAIL_UNARY(atan, SWB_OPERATOR_ATAN)
+SWB_DETAIL_UNARY(sinh, SWB_OPERATOR_SINH)
+SWB_DETAIL_UNARY(cosh, SWB_OPERATOR_COSH)
+SWB_DETAIL_UNARY(tanh, SWB_OPERATOR_TANH)
+SWB_DETAIL_UNARY(erf, SWB_OPERATOR_ERF)
+SWB_DETAIL_UNARY(sign, SWB_OPERATOR_SIGN)
+SWB_DETAIL_UNARY(abs, SWB_OPERATOR_ABS)
+#undef SWB_DETAIL_UNARY
+inline Expr operator+(const Expr &a) { return a; }
+
+/// Both operands may be expressions, or one of them a number.
+#define SWB_DETAIL_BINARY(name, op)                                                                                    \
+    inline Expr name(const Expr &a, const Expr &b) { return Expr(detail::apply(op, a.node(), b.node())); }             \
+    inline Expr name(const Expr &a, double b) {                                                                        \
+        return Expr(detail::apply(op, a.node(), detail::constant(a.node().graph, b)));                                 \
+    }                                                                                                                  \
+    inline Expr name(double a, const Expr &b) {                                                                        \
+        return Expr(detail::apply(op, detail::constant(b.node().graph, a), b.node()));                                 \
+    }
+SWB_DETAIL_BINARY(operator+, SWB_OPERATOR_ADD)
+SWB_DETAIL_BINARY(operator-, SWB_OPERATOR_SUB)
+SWB_DETAIL_BINARY(operator*, SWB_OPERATOR_MUL)
+SWB_DETAIL_BINARY(operator/, SWB_OPERATOR_DIV)
+SWB_DETAIL_BINARY(pow, SWB_OPERATOR_POW)
+SWB_DETAIL_BINARY(atan2, SWB_OPERATOR_ATAN2)
+SWB_DETAIL_BINARY(min, SWB_OPERATOR_MIN)
+SWB_DETAIL_BINARY(max, SWB_OPERATOR_MAX)
+SWB_DETAIL_BINARY(minimum, SWB_OPERATOR_MIN)
+SWB_DETAIL_BINARY(maximum, SWB_OPERATOR_MAX)
+SWB_DETAIL_BINARY(dead_zone, SWB_OPERATOR_DEAD_ZONE)
+#undef SWB_DETAIL_BINARY
+
+/// An expression, or a number that becomes one.
+class Operand {
+public:
+    Operand(const Expr &e) : expr_(std::make_shared<Expr>(e)) {}
+    Operand(double value) : value_(value) {}
+    detail::Node in(const detail::Graph &graph) const {
+        return expr_ ? expr_->node() : detail::constant(graph, value_);
+    }
+
+private:
+    std::shared_ptr<const Expr> expr_;
+    double value_ = 0;
+};
+
+/// The nearest value between low and high.
+inline Expr clip(const Expr &a, const Operand &low, const Operand &high) {
+    const detail::Graph &g = a.node().graph;
+    return Expr(detail::apply(SWB_OPERATOR_CLIP, a.node(), low.in(g), high.in(g)));
+}
+/// on where a > 0, else off.
+inline Expr relay(const Expr &a, const Operand &on, const Operand &off) {
+    const detail::Graph &g = a.node().graph;
+    return Expr(detail::apply(SWB_OPERATOR_RELAY, a.node(), on.in(g), off.in(g)));
+}
+/// a where the condition holds, else b.
+inline Expr where(const Cond &condition, const Operand &a, const Operand &b) {
+    const detail::Graph &g = condition.node().graph;
+    return Expr(detail::apply(SWB_OPERATOR_WHERE, condition.node(), a.in(g), b.in(g)));
+}
+
+namespace detail {
+inline Cond positive(const Expr &a) { return Cond(apply(SWB_OPERATOR_POSITIVE, a.node())); }
+} // namespace detail
+
+/// On the surface itself Filippov's solution counts: > and >= are the same.
+#define SWB_DETAIL_COMPARE(A, B)                                                                                       \
+    inline Cond operator>(A a, B b) { return detail::positive(a - b); }                                                \
+    inline Cond operator>=(A a, B b) { return detail::positive(a - b); }                                               \
+    inline Cond operator<(A a, B b) { return detail::positive(b - a); }                                                \
+    inline Cond operator<=(A a, B b) { return detail::positive(b - a); }
+SWB_DETAIL_COMPARE(const Expr &, const Expr &)
+SWB_DETAIL_COMPARE(const Expr &, double)
+SWB_DETAIL_COMPARE(double, const Expr &)
+#undef SWB_DETAIL_COMPARE
+inline Cond operator&(const Cond &a, const Cond &b) { return Cond(detail::apply(SWB_OPERATOR_AND, a.node(), b.node())); }
+inline Cond operator|(const Cond &a, const Cond &b) { return Cond(detail::apply(SWB_OPERATOR_OR, a.node(), b.node())); }
+inline Cond operator!(const Cond &a) { return Cond(detail::apply(SWB_OPERATOR_NOT, a.node())); }
+inline Cond operator~(const Cond &a) { return !a; }
+
+namespace detail {
+
+/// Numbers of expressions of one graph.
+inline std::vector<int64_t> ids(const Graph &graph, const Exprs &all) {
+    std::vector<int64_t> out;
+    for (const Expr &e : all) {
+        if (e.node().graph != graph)
+            throw Error(SWB_ERR_STATE, "expressions of two graphs cannot be combined", 0);
+        out.push_back(e.id());
+    }
+    return out;
+}
+
+inline const Graph &graph_of(const Exprs &all) {
+    if (all.empty())
+        throw Error(SWB_ERR_DIMENSION, "there is no expression", 0);
+    return all.front().node().graph;
+}
+
+inline Exprs exprs(const Graph &graph, const std::vector<int64_t> &ids) {
+    Exprs out;
+    for (const int64_t id : ids)
+        out.emplace_back(Node{graph, id});
+    return out;
+}
+
+inline int64_t length(const std::vector<int64_t> &v) { return static_cast<int64_t>(v.size()); }
+
+template <class F>
+Exprs each(const Exprs &a, const Exprs &b, F f) {
+    if (a.size() != b.size())
+        throw Error(SWB_ERR_DIMENSION, "vectors of expressions have different lengths", 0);
+    Exprs out;
+    for (std::size_t i = 0; i < a.size(); ++i)
+        out.push_back(f(a[i], b[i]));
+    return out;
+}
+
+} // namespace detail
+
+// --- vectors and matrices --------------------------------------------------------------------------
+
+inline Exprs operator+(const Exprs &a, const Exprs &b) {
+    return detail::each(a, b, [](const Expr &x, const Expr &y) { return x + y; });
+}
+inline Exprs operator-(const Exprs &a, const Exprs &b) {
+    return detail::each(a, b, [](const Expr &x, const Expr &y) { return x - y; });
+}
+template <class Factor, std::enable_if_t<std::is_same_v<Factor, Expr> || std::is_arithmetic_v<Factor>, int> = 0>
+Exprs operator*(const Factor &factor, Exprs a) {
+    for (Expr &e : a)
+        e = e * factor;
+    return a;
+}
+
+/// Inner product.
+inline Expr dot(const Exprs &a, const Exprs &b) {
+    const detail::Graph &g = detail::graph_of(a);
+    const auto x = detail::ids(g, a), y = detail::ids(g, b);
+    detail::Node n{g, -1};
+    detail::check(swb_expr_matmul(g.get(), 1, detail::length(x), 1, x.data(), detail::length(x), y.data(),
+                                  detail::length(y), &n.id, 1));
+    return Expr(std::move(n));
+}
+/// Euclidean norm; it has no derivative at zero.
+inline Expr norm(const Exprs &a) { return sqrt(dot(a, a)); }
+inline Expr sum(const Exprs &a) {
+    detail::graph_of(a);
+    Expr total = a.front();
+    for (std::size_t i = 1; i < a.size(); ++i)
+        total += a[i];
+    return total;
+}
+
+/// A matrix of expressions, stored by columns.
+class Matrix {
+public:
+    /// All entries are `value`.
+    Matrix(std::size_t rows, std::size_t cols, const Expr &value) : rows_(rows), entries_(rows * cols, value) {}
+    Matrix(std::size_t rows, Exprs entries) : rows_(rows), entries_(std::move(entries)) {
+        if (rows_ == 0 || entries_.size() % rows_ != 0)
+            throw Error(SWB_ERR_DIMENSION, "the entries of a matrix must fill its columns", 0);
+    }
+    Expr &operator()(std::size_t i, std::size_t j) { return entries_.at(i + rows_ * j); }
+    const Expr &operator()(std::size_t i, std::size_t j) const { return entries_.at(i + rows_ * j); }
+    std::size_t rows() const { return rows_; }
+    std::size_t cols() const { return entries_.size() / rows_; }
+    const Exprs &entries() const { return entries_; }
+
+private:
+    std::size_t rows_;
+    Exprs entries_;
+};
+
+inline Matrix operator*(const Matrix &a, const Matrix &b) {
+    const detail::Graph &g = detail::graph_of(a.entries());
+    const auto x = detail::ids(g, a.entries()), y = detail::ids(g, b.entries());
+    if (a.cols() != b.rows())
+        throw Error(SWB_ERR_DIMENSION, "matrices of these sizes cannot be multiplied", 0);
+    std::vector<int64_t> out(a.rows() * b.cols());
+    detail::check(swb_expr_matmul(g.get(), static_cast<int64_t>(a.rows()), static_cast<int64_t>(a.cols()),
+                                  static_cast<int64_t>(b.cols()), x.data(), detail::length(x), y.data(),
+                                  detail::length(y), out.data(), detail::length(out)));
+    return Matrix(a.rows(), detail::exprs(g, out));
+}
+inline Exprs operator*(const Matrix &a, const Exprs &b) {
+    if (b.size() != a.cols())
+        throw Error(SWB_ERR_DIMENSION, "a matrix and a vector of these sizes cannot be multiplied", 0);
+    return (a * Matrix(b.size(), b)).entries();
+}
+
+/// Solution of a small linear system; the matrix is decomposed numerically, where the solution is evaluated.
+inline Exprs solve(const Matrix &matrix, const Exprs &rhs) {
+    const detail::Graph &g = detail::graph_of(matrix.entries());
+    const auto a = detail::ids(g, matrix.entries()), b = detail::ids(g, rhs);
+    std::vector<int64_t> out(b.size());
+    detail::check(swb_expr_solve(g.get(), a.data(), detail::length(a), b.data(), out.data(), detail::length(out)));
+    return detail::exprs(g, out);
+}
+
+/// Derivatives with respect to inputs, a row for each output: for energies and Lagrangians.
+inline Matrix jacobian(const Exprs &outputs, const Exprs &inputs) {
+    const detail::Graph &g = detail::graph_of(outputs);
+    const auto f = detail::ids(g, outputs), x = detail::ids(g, inputs);
+    std::vector<int64_t> out(f.size() * x.size());
+    detail::check(swb_expr_jacobian(g.get(), f.data(), detail::length(f), x.data(), detail::length(x), out.data(),
+                                    detail::length(out)));
+    return Matrix(f.size(), detail::exprs(g, out));
+}
+
+/// Values of a table: see enum swb_table.
+inline Expr table(const Expr &a, View points, View values, swb_table kind = SWB_TABLE_SPLINE) {
+    detail::Node n{a.node().graph, -1};
+    const int64_t id = a.id();
+    detail::check(swb_expr_table(n.graph.get(), kind, points.data(), points.length(), values.data(), values.length(),
+                                 &id, &n.id, 1));
+    return Expr(std::move(n));
+}
+
+/// Outputs of a function at expressions for its inputs: x, u, p, then t. The function outlives what is made of them.
+inline Exprs external(const Function &f, const Exprs &args) {
+    const detail::Graph &g = detail::graph_of(args);
+    int64_t n_out = 0;
+    detail::check(swb_function_sizes(f.get(), nullptr, nullptr, nullptr, &n_out, nullptr, nullptr));
+    const auto a = detail::ids(g, args);
+    std::vector<int64_t> out(static_cast<std::size_t>(n_out));
+    detail::check(swb_expr_call(g.get(), f.get(), a.data(), detail::length(a), out.data(), n_out));
+    return detail::exprs(g, out);
+}
+
+// --- models ----------------------------------------------------------------------------------------
+
+/// Sizes of a model; algebraic variables and pairs are counted at one point.
+struct Counts {
+    int64_t subsystems = 0, switching_functions = 0, regions = 0, algebraic = 0, pairs = 0;
+};
+
+/// A model: variables, and the derivatives of the states.
+class Model {
+public:
+    /// Variables by names, separated by spaces or commas.
+    explicit Model(const std::string &states, const std::string &controls = "", const std::string &parameters = "",
+                   std::string name = "model")
+        : Model(Names{split(states), split(controls), split(parameters)}, std::move(name)) {}
+    /// Variables by number.
+    explicit Model(Sizes sizes, std::string name = "model")
+        : Model(Names{unnamed(sizes.nx), unnamed(sizes.nu), unnamed(sizes.np)}, std::move(name)) {}
+
+    const Exprs &x() const { return inputs_[0]; }
+    const Exprs &u() const { return inputs_[1]; }
+    const Exprs &p() const { return inputs_[2]; }
+    const Expr &x(std::size_t i) const { return x().at(i); }
+    const Expr &u(std::size_t i) const { return u().at(i); }
+    const Expr &p(std::size_t i) const { return p().at(i); }
+    const Expr &t() const { return inputs_[3].front(); }
+    /// A number as an expression.
+    Expr constant(double value) const { return Expr(detail::constant(graph_, value)); }
+
+    /// The derivatives of all states, in order.
+    void derivatives(const Exprs &rhs) {
+        if (rhs.size() != x().size())
+            throw Error(SWB_ERR_DIMENSION, "there must be one derivative for every state", 0);
+        rhs_ = detail::ids(graph_, rhs);
+        built_.reset();
+    }
+    /// The derivative of one state.
+    void derivative(const Expr &state, const Operand &rhs) {
+        for (std::size_t i = 0; i < x().size(); ++i)
+            if (state.node().graph == graph_ && state.id() == x(i).id()) {
+                rhs_[i] = detail::ids(graph_, {Expr(rhs.in(graph_))}).front();
+                built_.reset();
+                return;
+            }
+        throw Error(SWB_ERR_RANGE, "this expression is no state of the model", 0);
+    }
+    /// A point where everything should be defined; the report says what is not.
+    void try_at(View x, View u = {}, View p = {}, double t = 0) {
+        const auto numbers = [](View v, std::size_t n, const char *what) {
+            if (v.size() == 0)
+                return Vector(n);
+            if (v.size() != n)
+                throw Error(SWB_ERR_DIMENSION, std::string("the trial point has another number of ") + what, 0);
+            return Vector(v.begin(), v.end());
+        };
+        trial_ = {numbers(x, inputs_[0].size(), "states"), numbers(u, inputs_[1].size(), "controls"),
+                  numbers(p, inputs_[2].size(), "parameters")};
+        trial_time_ = t;
+        has_trial_ = true;
+        built_.reset();
+    }
+
+    System system() const {
+        swb_system *s = nullptr;
+        detail::check(swb_model_system(built(), &s));
+        return System(s);
+    }
+    /// A function of the variables of the model with exact derivatives: for costs and constraints.
+    Function function(const char *name, const Exprs &outputs) const {
+        const auto ids = detail::ids(graph_, outputs);
+        swb_function *f = nullptr;
+        detail::check(swb_expr_function(graph_.get(), name, length(0), length(1), length(2), ids.data(),
+                                        detail::length(ids), &f));
+        return Function(f);
+    }
+    Counts counts() const {
+        Counts c;
+        detail::check(swb_model_counts(built(), &c.subsystems, &c.switching_functions, &c.regions, &c.algebraic, &c.pairs));
+        return c;
+    }
+    /// What the model consists of and costs, what was dropped and why, what looks wrong.
+    std::string report(bool json = false) const {
+        return text([json](const swb_model *m, char *b, int64_t n, int64_t *needed) {
+            return swb_model_report(m, json ? 1 : 0, b, n, needed);
+        });
+    }
+    /// C code of all functions with their derivatives.
+    std::string c_code() const { return text(swb_model_write_c); }
+    /// The model as a document.
+    std::string to_json() const { return text(swb_model_to_json); }
+    /// The system of a model in a document; functions that it calls are supplied, and found by name.
+    static System system_from_json(const std::string &document, const std::vector<const Function *> &functions = {}) {
+        std::vector<const swb_function *> handles;
+        for (const Function *f : functions)
+            handles.push_back(f->get());
+        const detail::Graph graph = detail::new_graph();
+        swb_model *m = nullptr;
+        detail::check(swb_model_from_json(graph.get(), document.c_str(), handles.data(),
+                                          static_cast<int64_t>(handles.size()), nullptr, 0, &m));
+        const detail::Owner<swb_model, swb_model_free> owner(m);
+        swb_system *s = nullptr;
+        detail::check(swb_model_system(m, &s));
+        return System(s);
+    }
+
+private:
+    using Names = std::array<std::vector<std::string>, 3>;
+
+    Model(Names names, std::string name) : graph_(detail::new_graph()), name_(std::move(name)), names_(std::move(names)) {
+        const std::array<swb_input, 4> blocks{SWB_INPUT_X, SWB_INPUT_U, SWB_INPUT_P, SWB_INPUT_T};
+        for (std::size_t k = 0; k < blocks.size(); ++k) {
+            std::vector<int64_t> ids(k < names_.size() ? names_[k].size() : 1);
+            detail::check(swb_expr_inputs(graph_.get(), blocks[k], 0, ids.data(), detail::length(ids)));
+            inputs_[k] = detail::exprs(graph_, ids);
+        }
+        rhs_.assign(x().size(), -1);
+    }
+    static std::vector<std::string> split(std::string text) {
+        for (char &c : text)
+            c = c == ',' ? ' ' : c;
+        std::istringstream words(text);
+        std::vector<std::string> out;
+        for (std::string word; words >> word;)
+            out.push_back(word);
+        return out;
+    }
+    static std::vector<std::string> unnamed(int64_t n) {
+        if (n < 0)
+            throw Error(SWB_ERR_DIMENSION, "a size is negative", 0);
+        return std::vector<std::string>(static_cast<std::size_t>(n));
+    }
+    int64_t length(std::size_t k) const { return static_cast<int64_t>(inputs_[k].size()); }
+
+    const swb_model *built() const {
+        if (!built_) {
+            std::string names;
+            for (const auto &group : names_)
+                for (const std::string &name : group)
+                    names += name + "\n";
+            for (std::size_t i = 0; i < rhs_.size(); ++i)
+                if (rhs_[i] < 0)
+                    throw Error(SWB_ERR_STATE, "state " + std::to_string(i) + " has no derivative; set it to 0 if it is constant", 0);
+            const swb_point at{trial_time_, trial_[0].data(), trial_[1].data(), trial_[2].data()};
+            swb_model *m = nullptr;
+            detail::check(swb_model_create(graph_.get(), name_.c_str(), length(0), length(1), length(2), rhs_.data(),
+                                           names.c_str(), has_trial_ ? &at : nullptr, &m));
+            built_.reset(m);
+        }
+        return built_.get();
+    }
+    template <class Call>
+    std::string text(Call call) const {
+        const swb_model *m = built();
+        return detail::text([&](char *b, int64_t n, int64_t *needed) { return call(m, b, n, needed); });
+    }
+
+    detail::Graph graph_;
+    std::string name_;
+    Names names_;
+    std::array<Exprs, 4> inputs_;
+    std::vector<int64_t> rhs_;
+    std::array<Vector, 3> trial_;
+    double trial_time_ = 0;
+    bool has_trial_ = false;
+    mutable detail::Owner<swb_model, swb_model_free> built_;
+};
+
+} // namespace swb
+
+#endif

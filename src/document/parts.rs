@@ -1,0 +1,243 @@
+//! Functions, systems, settings, and numbers that may be infinite.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::error::{Error, Result};
+use crate::expr::{Dag, ExprFunction, SavedGraph, Signature};
+use crate::func::{Dims, Function};
+use crate::settings::{Settings, Value, OPTIONS};
+use crate::system::{Regions, SharedFunction, Subsystem, System};
+
+/// Inputs, modes and steps a document may ask for.
+pub(super) const MAX_SIZE: usize = 1 << 20;
+
+/// Refuses sizes no document can mean.
+pub(super) fn sizes(what: &str, all: &[usize]) -> Result<()> {
+    match all.iter().find(|&&n| n > MAX_SIZE) {
+        Some(n) => Err(Error::Range(format!("{what}: {n} is too large, up to {MAX_SIZE}"))),
+        None => Ok(()),
+    }
+}
+
+/// Numbers of which some may be infinite, which JSON writes as text.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Bound {
+    Number(f64),
+    Infinite(Infinite),
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub(super) enum Infinite {
+    #[serde(rename = "inf")]
+    Plus,
+    #[serde(rename = "-inf")]
+    Minus,
+}
+
+/// Lower and upper bounds.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Interval {
+    lower: Vec<Bound>,
+    upper: Vec<Bound>,
+}
+
+impl Bound {
+    fn new(v: f64) -> Bound {
+        match v {
+            f64::INFINITY => Bound::Infinite(Infinite::Plus),
+            f64::NEG_INFINITY => Bound::Infinite(Infinite::Minus),
+            v => Bound::Number(v),
+        }
+    }
+
+    fn value(self) -> f64 {
+        match self {
+            Bound::Number(v) => v,
+            Bound::Infinite(Infinite::Plus) => f64::INFINITY,
+            Bound::Infinite(Infinite::Minus) => f64::NEG_INFINITY,
+        }
+    }
+}
+
+impl Interval {
+    pub(super) fn new(lower: &[f64], upper: &[f64]) -> Interval {
+        let all = |v: &[f64]| v.iter().map(|&v| Bound::new(v)).collect();
+        Interval { lower: all(lower), upper: all(upper) }
+    }
+
+    pub(super) fn values(&self) -> [Vec<f64>; 2] {
+        [&self.lower, &self.upper].map(|b| b.iter().map(|b| b.value()).collect())
+    }
+}
+
+/// A function: its expressions, or its name.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SavedFunction {
+    signature: Signature,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    expressions: Option<SavedGraph>,
+    /// Length of the parts that are evaluated alone.
+    #[serde(default, skip_serializing_if = "is_zero")]
+    part: usize,
+}
+
+fn is_zero(n: &usize) -> bool {
+    *n == 0
+}
+
+impl SavedFunction {
+    pub(super) fn new(f: &SharedFunction) -> Result<SavedFunction> {
+        let expr = f.as_any().and_then(|f| f.downcast_ref::<ExprFunction>());
+        Ok(SavedFunction {
+            signature: Signature::of(f.as_ref()),
+            expressions: expr.map(|e| e.source().cloned()).transpose()?,
+            part: expr.map_or(0, ExprFunction::part_len),
+        })
+    }
+
+    pub(super) fn restore(&self, supplied: &[Arc<dyn Function>]) -> Result<SharedFunction> {
+        let s = &self.signature;
+        let Some(graph) = &self.expressions else { return s.find(supplied) };
+        sizes(&s.name, &[s.x, s.u, s.p])?;
+        if graph.n_roots() != s.outputs || self.part > s.outputs {
+            return Err(Error::Dimension(format!(
+                "function '{}' has {} expressions for {} outputs in parts of {}",
+                s.name,
+                graph.n_roots(),
+                s.outputs,
+                self.part
+            )));
+        }
+        let mut dag = Dag::new();
+        let outputs = graph.restore(&mut dag, supplied)?;
+        let dims = Dims { x: s.x, u: s.u, p: s.p };
+        Ok(Arc::new(match self.part {
+            0 => ExprFunction::new(&s.name, &mut dag, dims, &outputs)?,
+            len => ExprFunction::with_parts(&s.name, &mut dag, dims, &outputs, len)?,
+        }))
+    }
+}
+
+/// A system.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct SavedSystem {
+    states: usize,
+    controls: usize,
+    parameters: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    f0: Option<SavedFunction>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    subsystems: Vec<SavedSubsystem>,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedSubsystem {
+    rows: Vec<usize>,
+    n_modes: usize,
+    modes: SavedFunction,
+    regions: SavedRegions,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case", deny_unknown_fields)]
+enum SavedRegions {
+    Signs { psi: SavedFunction, signs: Vec<i8> },
+    Indicators(SavedFunction),
+}
+
+impl SavedSystem {
+    pub(super) fn new(system: &System) -> Result<SavedSystem> {
+        let d = system.dims();
+        let subsystem = |s: &Subsystem| -> Result<SavedSubsystem> {
+            Ok(SavedSubsystem {
+                rows: s.rows.clone(),
+                n_modes: s.n_modes,
+                modes: SavedFunction::new(&s.modes)?,
+                regions: match &s.regions {
+                    Regions::Signs { psi, signs } => {
+                        SavedRegions::Signs { psi: SavedFunction::new(psi)?, signs: signs.clone() }
+                    }
+                    Regions::Indicators(g) => SavedRegions::Indicators(SavedFunction::new(g)?),
+                },
+            })
+        };
+        Ok(SavedSystem {
+            states: d.x,
+            controls: d.u,
+            parameters: d.p,
+            f0: system.f0().map(SavedFunction::new).transpose()?,
+            subsystems: system.subsystems().iter().map(subsystem).collect::<Result<_>>()?,
+        })
+    }
+
+    pub(super) fn restore(&self, supplied: &[Arc<dyn Function>]) -> Result<System> {
+        sizes("system", &[self.states, self.controls, self.parameters])?;
+        let mut system = System::new(self.states, self.controls, self.parameters)?;
+        if let Some(f) = &self.f0 {
+            system.set_f0(f.restore(supplied)?)?;
+        }
+        for s in &self.subsystems {
+            sizes("subsystem", &[s.n_modes, s.rows.len()])?;
+            let regions = match &s.regions {
+                SavedRegions::Signs { psi, signs } => {
+                    Regions::Signs { psi: psi.restore(supplied)?, signs: signs.clone() }
+                }
+                SavedRegions::Indicators(g) => Regions::Indicators(g.restore(supplied)?),
+            };
+            let modes = s.modes.restore(supplied)?;
+            system.add_subsystem(Subsystem { rows: s.rows.clone(), modes, n_modes: s.n_modes, regions })?;
+        }
+        Ok(system)
+    }
+}
+
+/// Options by name, so that new ones and another order do no harm.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(transparent)]
+pub(super) struct SavedSettings(BTreeMap<String, SavedOption>);
+
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(untagged)]
+enum SavedOption {
+    Int(i64),
+    Float(f64),
+    Text(String),
+}
+
+impl SavedSettings {
+    pub(super) fn new(settings: &Settings) -> Result<SavedSettings> {
+        let mut all = BTreeMap::new();
+        for o in OPTIONS {
+            let value = match settings.get_by_name(o.name)? {
+                Value::Int(v) => SavedOption::Int(v),
+                Value::Float(v) if v.is_finite() => SavedOption::Float(v),
+                Value::Float(v) => SavedOption::Text(v.to_string()),
+                Value::Text(v) => SavedOption::Text(v),
+            };
+            all.insert(o.name.to_owned(), value);
+        }
+        Ok(SavedSettings(all))
+    }
+
+    pub(super) fn restore(&self) -> Result<Settings> {
+        let mut settings = Settings::default();
+        for (name, value) in &self.0 {
+            let value = match value {
+                SavedOption::Int(v) => Value::Int(*v),
+                SavedOption::Float(v) => Value::Float(*v),
+                SavedOption::Text(v) => Value::Text(v.clone()),
+            };
+            settings.set_by_name(name, value)?;
+        }
+        settings.validate()?;
+        Ok(settings)
+    }
+}

@@ -1,0 +1,72 @@
+//! A problem as it was stated, for who writes it down.
+
+use super::Ocp;
+use crate::fesd::{PathConstraint, Terminal};
+use crate::settings::Settings;
+use crate::system::{SharedFunction, System};
+
+/// Everything that was set, nothing that was computed.
+#[derive(Clone, Copy)]
+#[allow(missing_docs)]
+pub struct Statement<'a> {
+    pub system: &'a System,
+    pub settings: &'a Settings,
+    pub horizon: f64,
+    pub n_stages: usize,
+    pub t0: f64,
+    pub lagrange: Option<&'a SharedFunction>,
+    pub mayer: Option<&'a SharedFunction>,
+    pub path: &'a [PathConstraint],
+    pub terminal: &'a [Terminal],
+    pub x_bounds: &'a [Vec<f64>; 2],
+    pub x0_bounds: &'a [Vec<f64>; 2],
+    pub u_bounds: &'a [Vec<f64>; 2],
+    pub params: &'a [f64],
+    /// Times and states.
+    pub x_guess: Option<&'a (Vec<f64>, Vec<f64>)>,
+    pub u_guess: Option<&'a [f64]>,
+}
+
+impl Ocp {
+    /// The problem as it was stated.
+    pub fn statement(&self) -> Statement<'_> {
+        // without `..`: what is added to a problem must be written down too
+        let Ocp {
+            system,
+            settings,
+            horizon,
+            n_stages,
+            t0,
+            lagrange,
+            mayer,
+            path,
+            terminal,
+            x_bounds,
+            x0_bounds,
+            u_bounds,
+            params,
+            x_guess,
+            u_guess,
+            built: _,
+            engine: _,
+            result: _,
+        } = self;
+        Statement {
+            system,
+            settings,
+            horizon: *horizon,
+            n_stages: *n_stages,
+            t0: *t0,
+            lagrange: lagrange.as_ref(),
+            mayer: mayer.as_ref(),
+            path,
+            terminal,
+            x_bounds,
+            x0_bounds,
+            u_bounds,
+            params,
+            x_guess: x_guess.as_ref(),
+            u_guess: u_guess.as_deref(),
+        }
+    }
+}

@@ -1,0 +1,363 @@
+//! Models and problems as documents: what returns is what was written, and hostile texts end with an error.
+
+use std::sync::Arc;
+
+use switchback::document::{read, write_model, write_ocp, write_simulation, Document, Simulation};
+use switchback::error::{Error, Result};
+use switchback::expr::{Dag, Expr, Graph, Piecewise};
+use switchback::fesd::PathAt;
+use switchback::func::{Callback, Dims, Function, Point};
+use switchback::model::{Built, Model, Names, Trial};
+use switchback::nlp::{Control, Outcome};
+use switchback::ocp::Ocp;
+use switchback::settings::Settings;
+use switchback::sim::Simulator;
+
+#[path = "../examples/report/expression_models.rs"]
+mod expression_models;
+#[path = "../examples/report/models.rs"]
+mod models;
+
+/// Something of everything a model can be made of.
+fn rich() -> Built {
+    let g = Graph::new();
+    let (x, v, u, p, t) = (g.x(0), g.x(1), g.u(0), g.p(0), g.t());
+    let spline = Piecewise::spline(&[0.0, 0.7, 1.0, 3.0], &[0.1, 0.3, 1.0 / 3.0, 5e-324]).unwrap();
+    let mass = [2.0 + x.cos(), 0.1 * x, 0.1 * x, g.constant(1.0) + v.powi(2)];
+    let a = g.solve(&mass, &[u - v.sign(), g.constant(0.3) * t.sin()]).unwrap();
+    let both = (v.gt(0.1) & !x.gt(1.0)) | x.lt(-2.0);
+    let rhs = [
+        v + both.select(g.constant(0.1 + 0.2), p.atan2(g.constant(1e-300))),
+        a[0] + 1e-3 * a[1] + g.piecewise(&spline, x) + x.clip(g.constant(-1.0), p) + x.exp().powf(p).erf(),
+    ];
+    let mut m = Model::from_rhs("rich", 1, 1, &rhs).unwrap();
+    let names = |all: &[&str]| all.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>();
+    m.set_names(Names { x: names(&["Weg \"q\"", "v"]), u: names(&["u"]), p: names(&["ε"]) });
+    m.set_trial(Trial { t: 0.5, x: vec![0.25, -1.0 / 3.0], u: vec![1.0], p: vec![0.7] }).unwrap();
+    m.build(&g).unwrap()
+}
+
+fn rebuilt(text: &str, supplied: &[Arc<dyn Function>]) -> Result<Built> {
+    match read(text, supplied)? {
+        Document::Model(m) => {
+            let mut dag = Dag::new();
+            m.restore(&mut dag, supplied)?.build_in(&mut dag)
+        }
+        _ => panic!("no model"),
+    }
+}
+
+fn values(f: &dyn Function) -> [Vec<u64>; 3] {
+    let d = f.dims();
+    let at = |n: usize, s: f64| (0..n).map(|i| s + 0.17 * i as f64).collect::<Vec<f64>>();
+    let (x, u, p) = (at(d.x, 0.4), at(d.u, -0.2), at(d.p, 0.9));
+    let point = Point { t: 0.3, x: &x, u: &u, p: &p };
+    let mut work = vec![0.0; f.work_len()];
+    let weights: Vec<f64> = (0..f.n_out()).map(|i| 1.0 - 0.3 * i as f64).collect();
+    let mut out = [vec![0.0; f.n_out()], vec![0.0; f.jac_pattern().nnz()], vec![0.0; f.hess_pattern().nnz()]];
+    f.value(&point, &mut out[0], &mut work).unwrap();
+    f.jacobian(&point, &mut out[1], &mut work).unwrap();
+    f.hessian(&point, &weights, &mut out[2], &mut work).unwrap();
+    out.map(|v| v.into_iter().map(f64::to_bits).collect())
+}
+
+#[test]
+fn models_return_as_they_were() {
+    let all = [
+        rich(),
+        expression_models::oscillator(),
+        expression_models::switching('b'),
+        expression_models::sliding_mode(),
+        expression_models::blocks(),
+        expression_models::coulomb(),
+        expression_models::stick_slip(),
+        expression_models::zeno(),
+    ];
+    for b in all {
+        let text = write_model(b.source().unwrap()).unwrap();
+        let again = rebuilt(&text, &[]).unwrap();
+        assert_eq!(write_model(again.source().unwrap()).unwrap(), text);
+        assert_eq!(again.report.to_string(), b.report.to_string());
+        assert_eq!(again.functions.len(), b.functions.len());
+        for (f, g) in b.functions.iter().zip(&again.functions) {
+            assert_eq!((f.name(), f.jac_pattern(), f.hess_pattern()), (g.name(), g.jac_pattern(), g.hess_pattern()));
+            assert_eq!(values(f.as_ref()), values(g.as_ref()), "{} of {}", f.name(), b.report.name);
+        }
+    }
+}
+
+fn problem() -> Ocp {
+    let set = Settings { n_fe: 3, n_s: 2, ..Settings::default() };
+    let b = expression_models::sliding_mode();
+    let mut ocp = Ocp::new(&b.system, 4.0, 4, &set).unwrap();
+    ocp.set_lagrange(expression_models::sliding_cost()).unwrap();
+    ocp.set_x0(&models::SLIDING_X0).unwrap();
+    let inf = f64::INFINITY;
+    ocp.set_x_bounds(&[-inf, -inf, -2.0, -2.0], &[inf, inf, 2.0, 2.0]).unwrap();
+    ocp.set_u_bounds(&[-10.0; 2], &[10.0; 2]).unwrap();
+    let g = Graph::new();
+    let f = |name: &str, all: &[Expr]| Arc::new(g.function(name, b.system.dims(), all).unwrap());
+    ocp.add_terminal(f("end", &[g.x(0), g.x(1)]), &models::SLIDING_QT, &models::SLIDING_QT).unwrap();
+    ocp.add_path(f("path", &[g.x(2) + g.x(3)]), &[-inf], &[3.9], PathAt::Elements).unwrap();
+    ocp.set_u_guess(&[0.1; 8]).unwrap();
+    ocp
+}
+
+#[test]
+fn an_optimal_control_problem_returns_and_has_the_same_solution_to_the_last_bit() {
+    let mut ocp = problem();
+    let text = write_ocp(&ocp, ocp.settings()).unwrap();
+    let Document::Ocp(mut again) = read(&text, &[]).unwrap() else { panic!("no problem") };
+    assert_eq!(write_ocp(&again, again.settings()).unwrap(), text);
+    assert_eq!(again.settings(), ocp.settings());
+    let (a, b) = (ocp.solve(&mut Control::default()).unwrap(), again.solve(&mut Control::default()).unwrap());
+    assert_eq!(a.outcome, Outcome::Solved);
+    assert_eq!((a.outcome, a.cost.to_bits(), &a.controls), (b.outcome, b.cost.to_bits(), &b.controls));
+    assert_eq!(a.stats.iterations, b.stats.iterations);
+}
+
+#[test]
+fn a_simulation_returns_and_ends_at_the_same_state() {
+    let s = Simulation {
+        system: expression_models::stick_slip().system,
+        settings: Settings { n_s: 3, ..Settings::default() },
+        t0: 0.25,
+        x0: vec![0.5, 0.1 + 0.2],
+        u: vec![],
+        p: vec![],
+        duration: 4.0,
+        n_steps: 20,
+    };
+    let text = write_simulation(&s).unwrap();
+    let Document::Simulation(again) = read(&text, &[]).unwrap() else { panic!("no simulation") };
+    assert_eq!(write_simulation(&again).unwrap(), text);
+    let end = |s: &Simulation| {
+        let mut sim = Simulator::new(&s.system, &s.settings).unwrap();
+        sim.set_state(s.t0, &s.x0).unwrap();
+        assert_eq!(sim.run(s.duration, s.n_steps, &mut Control::default()).unwrap().outcome, Outcome::Solved);
+        sim.state().to_vec()
+    };
+    assert_eq!(end(&s), end(&again));
+}
+
+fn drag(name: &str, n_out: usize) -> Arc<dyn Function> {
+    let dims = Dims { x: 1, u: 0, p: 0 };
+    Arc::new(Callback::new(name, dims, n_out, |at, out| {
+        out.fill(-at.x[0] * at.x[0]);
+        0
+    }))
+}
+
+#[test]
+fn functions_of_others_are_supplied_by_name() {
+    let f = drag("drag", 1);
+    let g = Graph::new();
+    let (v, t) = (g.x(0), g.t());
+    let d = g.call(&f, &[v, t]).unwrap()[0];
+    let b = Model::from_rhs("car", 0, 0, &[d - v.sign()]).unwrap().build(&g).unwrap();
+    let text = write_model(b.source().unwrap()).unwrap();
+    assert!(text.contains("\"name\":\"drag\""), "{text}");
+    let e = rebuilt(&text, &[]).map(|_| ()).unwrap_err();
+    assert!(matches!(e, Error::State(_)) && e.to_string().contains("'drag': supply it"), "{e}");
+    let again = rebuilt(&text, &[drag("other", 1), f.clone()]).unwrap();
+    assert_eq!(values(again.functions[0].as_ref()), values(b.functions[0].as_ref()));
+    let e = rebuilt(&text, &[drag("drag", 2)]).map(|_| ()).unwrap_err();
+    assert!(matches!(e, Error::Dimension(_)), "{e}");
+    let e = rebuilt(&text, &[f.clone(), drag("drag", 1)]).map(|_| ()).unwrap_err();
+    assert!(matches!(e, Error::Range(_)) && e.to_string().contains("two functions"), "{e}");
+    // Two functions of one name cannot be told apart: nothing is written.
+    let e = g.call(&drag("drag", 1), &[v, t]).unwrap()[0];
+    let b = Model::from_rhs("car", 0, 0, &[d + e]).unwrap().build(&g).unwrap();
+    assert!(matches!(b.source(), Err(Error::Unsupported(_))));
+    let s = Simulation {
+        system: b.system,
+        settings: Settings::default(),
+        t0: 0.0,
+        x0: vec![1.0],
+        u: vec![],
+        p: vec![],
+        duration: 1.0,
+        n_steps: 1,
+    };
+    assert!(matches!(write_simulation(&s), Err(Error::Unsupported(_))));
+    // A system of callbacks has nothing but names.
+    let mut system = switchback::system::System::new(1, 0, 0).unwrap();
+    system.set_f0(f.clone()).unwrap();
+    let text = write_simulation(&Simulation { system, ..s }).unwrap();
+    assert!(matches!(read(&text, &[]), Err(Error::State(_))));
+    assert!(matches!(read(&text, &[f]), Ok(Document::Simulation(_))));
+}
+
+/// A document with these nodes and roots.
+fn model(nodes: &str, roots: &str, more: &str) -> String {
+    format!(
+        r#"{{"format":"switchback","version":1,"library":"0","model":{{"name":"m","controls":0,"parameters":0,"derivatives":{{"nodes":[{nodes}],"roots":[{roots}]{more}}}}}}}"#
+    )
+}
+
+fn refusal(text: &str) -> String {
+    match rebuilt(text, &[]) {
+        Ok(_) => panic!("accepted: {text}"),
+        Err(e) => e.to_string(),
+    }
+}
+
+#[test]
+fn what_is_wrong_is_said() {
+    rebuilt(&model(r#"["x",0],["positive",0],["const",1],["neg",2],["where",1,3,2]"#, "4", ""), &[]).unwrap();
+    let cases = [
+        (model(r#"["x",0],["sin",1]"#, "1", ""), "node 1: refers to node 1"),
+        (model(r#"["x",0],["+",0,2],["+",0,1]"#, "1", ""), "node 1: refers to node 2"),
+        (model(r#"["x",0]"#, "3", ""), "node 3"),
+        (model(r#"["x",0],["sinus",0]"#, "1", ""), "no operator 'sinus'"),
+        (model(r#"["x",0],["+",0]"#, "1", ""), "too few"),
+        (model(r#"["x",0],["sin",0,0]"#, "1", ""), "too many"),
+        (model(r#"["x",0],["sin",-1]"#, "1", ""), "invalid value"),
+        (model(r#"["x",0],["not",0]"#, "1", ""), "operand 0 is a value, not a condition"),
+        (model(r#"["x",0],["positive",0],["sin",1]"#, "1", ""), "is a condition"),
+        (model(r#"["weight",0]"#, "0", ""), "no operator 'weight'"),
+        (model(r#"["t",1]"#, "0", ""), "there is one"),
+        (model(r#"["x",1]"#, "0", ""), "x[1]"),
+        (model(r#"["const",NaN]"#, "0", ""), "expected"),
+        (model(r#"["const",1e999]"#, "0", ""), "out of range"),
+        (model(r#"["const",null]"#, "0", ""), "null"),
+        (model(r#"["x",0],["powi",0,-2147483648]"#, "1", ""), "too high"),
+        (model(r#"["x",0],["table",0,0,0]"#, "1", ""), "table 0 does not exist"),
+        (model(r#"["x",0],["component",0,0]"#, "1", ""), "group 0 does not exist"),
+        (
+            model(
+                r#"["x",0],["component",0,5]"#,
+                "1",
+                r#","groups":[{"solve":{"matrix":[0],"transposed":false,"rhs":[0]}}]"#,
+            ),
+            "component 5",
+        ),
+        (
+            model(
+                r#"["x",0],["component",0,0]"#,
+                "1",
+                r#","groups":[{"solve":{"matrix":[0,0],"transposed":false,"rhs":[0]}}]"#,
+            ),
+            "1 rows has 2 entries",
+        ),
+        (
+            model(
+                r#"["x",0],["component",0,0]"#,
+                "1",
+                r#","groups":[{"solve":{"matrix":[1],"transposed":false,"rhs":[0]}}]"#,
+            ),
+            "refers to node 1",
+        ),
+        (
+            model(r#"["x",0],["component",0,0]"#, "1", r#","groups":[{"call":{"function":7,"args":[0]}}]"#),
+            "function 7 does not exist",
+        ),
+        (
+            model(
+                r#"["x",0],["table",0,0,0]"#,
+                "1",
+                r#","tables":[{"breaks":[1,0],"degree":0,"coefficients":[1,2,3],"smoothness":-1}]"#,
+            ),
+            "not above",
+        ),
+        (
+            model(
+                r#"["x",0],["table",0,0,0]"#,
+                "1",
+                r#","tables":[{"breaks":[],"degree":18446744073709551615,"coefficients":[],"smoothness":2147483647}]"#,
+            ),
+            "degree",
+        ),
+        (model(r#"["x",0]"#, "", ""), "at least one state"),
+        (model(r#"["x",0]"#, "0", r#","more":1"#), "unknown field `more`"),
+        (model("", "0", "").replace("\"controls\":0", "\"controls\":1e9"), "invalid type"),
+        (
+            model(r#"["x",0]"#, "0", "").replace("\"controls\":0", "\"controls\":9000000000000"),
+            "9000000000000 controls: up to",
+        ),
+        (model(r#"["x",0]"#, "0", "").replace("\"version\":1", "\"version\":2"), "reads version 1"),
+        (model(r#"["x",0]"#, "0", "").replace("\"version\":1", "\"version\":0"), "reads version 1"),
+        (model(r#"["x",0]"#, "0", "").replace("\"switchback\"", "\"other\""), "format is 'other'"),
+        (model(r#"["x",0]"#, "0", "").replace("\"name\":\"m\"", "\"name\":\"m\",\"name\":\"n\""), "duplicate field"),
+        ("{\"format\":\"switchback\",\"version\":1,\"library\":\"\"}".into(), "holds one of"),
+        (String::new(), "EOF"),
+        ("[".repeat(100_000), "invalid"),
+        (format!("{{\"format\":{}", "[".repeat(100_000)), "invalid"),
+        (format!("{{\"format\":\"switchback\",\"version\":1,\"x\":{}", "[".repeat(100_000)), "EOF"),
+        (
+            format!("{{\"format\":\"switchback\",\"version\":1,\"x\":{}{}}}", "[".repeat(9999), "]".repeat(9999)),
+            "unknown field `x`",
+        ),
+        ("\u{0}".into(), "line 1"),
+    ];
+    for (text, expected) in &cases {
+        let said = refusal(text);
+        assert!(said.contains(expected), "{said}\nexpected: {expected}\n{:.300}", text);
+    }
+}
+
+#[test]
+fn sizes_of_problems_are_judged_before_anything_is_allocated() {
+    let ocp = problem();
+    let text = write_ocp(&ocp, ocp.settings()).unwrap();
+    let cases = [
+        ("\"n_stages\":4", "\"n_stages\":4000000000", "too large"),
+        ("\"states\":4", "\"states\":4000000000", "too large"),
+        ("\"n_modes\":2", "\"n_modes\":9223372036854775807", "too large"),
+        ("\"horizon\":4.0", "\"horizon\":-4.0", "positive"),
+        ("\"n_fe\":3", "\"n_fe\":3000000", "n_fe"),
+        ("\"n_fe\":3", "\"n_feet\":3", "n_feet"),
+        ("\"control_guess\":[0.1,", "\"control_guess\":[", "7"),
+        ("\"-inf\"", "\"infinite\"", "untagged"),
+        ("\"at\":\"elements\"", "\"at\":\"everywhere\"", "everywhere"),
+    ];
+    for (from, to, expected) in cases {
+        assert!(text.contains(from), "{from} is not in the document");
+        let e = read(&text.replacen(from, to, 1), &[]).map(|_| ()).unwrap_err().to_string();
+        assert!(e.contains(expected), "{to}: {e}");
+    }
+}
+
+/// Every truncation, and thousands of documents with bytes or numbers changed: an error or an object, never a panic.
+#[test]
+fn damaged_documents_end_with_an_error_or_an_object() {
+    let ocp = problem();
+    let texts = [write_model(rich().source().unwrap()).unwrap(), write_ocp(&ocp, ocp.settings()).unwrap()];
+    let try_it = |text: &str| match read(text, &[]) {
+        Ok(Document::Model(m)) => {
+            let mut dag = Dag::new();
+            m.restore(&mut dag, &[]).and_then(|m| m.build_in(&mut dag)).is_ok()
+        }
+        Ok(_) => true,
+        Err(e) => {
+            assert!(!matches!(e, Error::Internal(_)), "{e}");
+            false
+        }
+    };
+    let mut state = 9u64;
+    let mut below = |n: usize| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        ((state >> 33) % n as u64) as usize
+    };
+    let replacements: [&str; 12] = ["0", "1", "7", "-", "\"", "[", "]", "4294967295", "1e308", "-1", "null", "[[1]]"];
+    for text in &texts {
+        let cuts =
+            (0..text.len()).filter(|&k| text.is_char_boundary(k)).step_by(if text.len() > 4000 { 23 } else { 1 });
+        for k in cuts {
+            assert!(!try_it(&text[..k]), "a text cut at {k} was accepted");
+        }
+        let (mut accepted, n) = (0, 1500);
+        for _ in 0..n {
+            let mut damaged = text.clone();
+            for _ in 0..1 + below(3) {
+                let at = below(damaged.len());
+                if damaged.is_char_boundary(at) && damaged.is_char_boundary(at + 1) {
+                    damaged.replace_range(at..=at, replacements[below(replacements.len())]);
+                }
+            }
+            accepted += usize::from(try_it(&damaged));
+        }
+        // A digit changed is another document, a bracket is none.
+        assert!(accepted > 5 && accepted < n, "{accepted} of {n}");
+    }
+}
