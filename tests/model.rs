@@ -273,6 +273,11 @@ fn lints() {
     let jumps = Piecewise::steps(&[0.0], &[1.0, 2.0]).unwrap();
     assert_eq!(warnings(&[g.piecewise(&jumps, t), y]), "");
     assert!(warnings(&[g.piecewise(&jumps, x), y]).contains("not found as switches"));
+    let never = (x.gt(2.0) & x.lt(1.0)).select(u, p);
+    assert!(warnings(&[never, y]).contains("is always false: one side of the choice is never taken"));
+    let always = (x.gt(-2.0) | x.lt(1.0)).select(u, y.sign());
+    assert!(warnings(&[always, y]).contains("is always true"));
+    assert_eq!(warnings(&[(x.gt(2.0) & y.lt(1.0)).select(u, p) + x.clip(p, p + 1.0), y]), "");
     let b = build(&g, 1, 1, &[y, x.abs()]);
     assert!(b.report.notes_of(NoteKind::Info).any(|n| n.contains("no sliding mode")), "{}", b.report);
     // Three regions, and no difference across either surface.

@@ -16,10 +16,14 @@ mod expression_models;
 #[path = "../examples/report/models.rs"]
 mod models;
 
+#[path = "common/gallery.rs"]
+mod gallery;
+
 fn simulate(s: &System, x0: &[f64], t_end: f64, n: usize) -> (SimResult, Vec<f64>) {
     let set = Settings { rk_family: RkFamily::RadauIia as i64, n_s: 2, n_fe: 3, ..Settings::default() };
     let mut sim = Simulator::new(s, &set).unwrap();
     sim.set_state(0.0, x0).unwrap();
+    sim.set_controls(&vec![1.0; s.dims().u]).unwrap();
     let r = sim.run(t_end, n, &mut Control::default()).unwrap();
     (r, sim.state().to_vec())
 }
@@ -29,7 +33,15 @@ type Case = (&'static str, System, Built, Vec<f64>, f64, usize);
 
 #[test]
 fn trajectories_are_those_of_the_hand_written_models() {
+    let twice = |name, (by_hand, written): (System, Built), x0: &[f64], t_end, n| {
+        (name, by_hand, written, x0.to_vec(), t_end, n)
+    };
     let cases: Vec<Case> = vec![
+        twice("turbo car", gallery::turbo_car(), &[0.0, 0.0], 14.0, 30),
+        twice("two genes", gallery::two_genes(), &[5.0, 5.0], 1.0, 30),
+        twice("relay feedback", gallery::relay_feedback(), &[0.0, 0.0, 0.2], 12.0, 40),
+        twice("tank cascade", gallery::tank_cascade(), &[0.4, 0.9, 0.5], 8.0, 40),
+        twice("motor", gallery::motor(), &[0.0, 0.0, 0.0], 4.0, 60),
         ("oscillator", models::oscillator(), expression_models::oscillator(), models::OSCILLATOR_X0.to_vec(), 1.5, 15),
         ("a", models::switching('a'), expression_models::switching('a'), vec![-1.0], 2.0, 7),
         ("b", models::switching('b'), expression_models::switching('b'), vec![-0.5], 2.0, 10),

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::reach::Reach;
 use crate::error::{Error, Result};
-use crate::expr::{Dag, Id};
+use crate::expr::{Dag, Id, Node};
 
 /// Cells a subsystem may have.
 pub(super) const MAX_CELLS: usize = 4096;
@@ -31,6 +31,8 @@ pub(super) struct Cells {
     pub(super) without_effect: Vec<usize>,
     /// What turned out to be the same in all modes: state and value.
     pub(super) smooth: Vec<(usize, Id)>,
+    /// Conditions of choices that no pattern makes true, or false, with the value they always have.
+    pub(super) decided: Vec<(Id, bool)>,
 }
 
 impl Cells {
@@ -62,6 +64,9 @@ pub(super) fn cells(dag: &mut Dag, switches: &[usize], rows: &[Row]) -> Result<C
     })?;
     let n_patterns = (patterns.len(), 2f64.powi(psi.len() as i32));
     let mut all: Vec<(Vec<bool>, Vec<Id>)> = Vec::with_capacity(patterns.len());
+    let conditions = conditions(dag, rows);
+    // Did a pattern make the condition false, did one make it true?
+    let mut seen = vec![[false; 2]; conditions.len()];
     for p in patterns {
         let sign = |s: usize| switches.iter().position(|t| *t == s).map(|k| p[k]);
         let mut values = Vec::with_capacity(rows.len());
@@ -75,6 +80,12 @@ pub(super) fn cells(dag: &mut Dag, switches: &[usize], rows: &[Row]) -> Result<C
             }
             values.push(sum);
         }
+        for (seen, c) in seen.iter_mut().zip(dag.decide(&conditions, &sign)) {
+            match dag.node(c) {
+                Node::Truth(holds) => seen[usize::from(holds)] = true,
+                _ => *seen = [true; 2],
+            }
+        }
         all.push((p, values));
     }
     let mut out = Cells {
@@ -84,6 +95,7 @@ pub(super) fn cells(dag: &mut Dag, switches: &[usize], rows: &[Row]) -> Result<C
         n_patterns,
         without_effect: Vec::new(),
         smooth: Vec::new(),
+        decided: conditions.iter().zip(&seen).filter(|c| c.1[0] != c.1[1]).map(|c| (*c.0, c.1[1])).collect(),
     };
     drop_switches(&mut out, &mut all);
     // Rows without difference between modes are smooth.
@@ -99,6 +111,19 @@ pub(super) fn cells(dag: &mut Dag, switches: &[usize], rows: &[Row]) -> Result<C
     out.modes =
         merge(all.into_iter().map(|(p, v)| (p.iter().map(|&s| if s { 1 } else { -1 }).collect(), keep(&v))).collect());
     Ok(out)
+}
+
+/// Conditions of the choices in the terms.
+fn conditions(dag: &Dag, rows: &[Row]) -> Vec<Id> {
+    let atoms: Vec<Id> = rows.iter().flat_map(|r| r.terms.iter().map(|t| t.1)).collect();
+    let of = |id: Id| match dag.node(id) {
+        Node::Select(c, ..) => Some(c),
+        _ => None,
+    };
+    let mut all: Vec<Id> = dag.reachable(&atoms).into_iter().filter_map(of).collect();
+    all.sort_unstable();
+    all.dedup();
+    all
 }
 
 /// Forgets switching functions that separate only cells with equal modes.

@@ -329,6 +329,10 @@ impl Builder<'_> {
             let text = format!("{rows} regions have {distinct} different modes");
             self.note(NoteKind::Merged, text);
         }
+        for &(condition, holds) in &c.decided {
+            let text = format!("{} is always {holds}: one side of the choice is never taken", self.text(condition));
+            self.note(NoteKind::Warning, text);
+        }
         for (state, _) in &c.smooth {
             let text = format!("the derivative of {} is the same in all modes", self.model.names.of(Block::X, *state));
             self.note(NoteKind::Dropped, text);

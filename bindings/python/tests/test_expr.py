@@ -247,3 +247,35 @@ def test_nothing_leaks(live):
     assert sum(live().values()) > sum(before.values())
     del m, system, f
     assert live() == before
+
+
+# --- what looks wrong ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "rhs, said",
+    [
+        (lambda m: where((m.x[0] > 2) & (m.x[0] < 1), 1, m.x[1]), "never taken"),
+        (lambda m: sign(m.x[0] ** 2 - m.x[1] ** 2), "no gradient where it vanishes"),
+        (lambda m: sign(m.p[0]), "cannot be crossed"),
+        (lambda m: sign(m.x[0] - m.u[0]), "depends on a control"),
+        (lambda m: expr.log(m.x[0] - 1), "not defined at the trial point"),
+        (lambda m: where(m.x[0] > 5, expr.sqrt(m.x[0] - 5), 0), "some mode of y is not defined"),
+        (lambda m: -m.x[0] * sign(m.x[1]), "singular"),
+        (lambda m: table(m.x[0], [0.0], [1.0, 2.0], "steps"), "not found as switches"),
+    ],
+)
+def test_lints(rhs, said):
+    m = Model(states="x y", controls="u", parameters="p")
+    m.derivatives = [1.0, rhs(m)]
+    m.try_at([0.0, 0.0], p=[0.5])
+    warnings = [n["text"] for n in m.report_data()["notes"] if n["kind"] == "warning"]
+    assert any(said in w for w in warnings), warnings
+    assert all(w in m.report() for w in warnings)
+
+
+def test_a_model_that_is_fine_has_no_warnings():
+    m = Model(states="x y", controls="u", parameters="p")
+    m.derivatives = [m.x[1], m.u[0] - m.p[0] * sign(m.x[1]) - clip(m.x[0], -1, 1)]
+    m.try_at([0.0, 0.0], p=[0.5])
+    assert not [n for n in m.report_data()["notes"] if n["kind"] == "warning"]
