@@ -3,8 +3,10 @@
 mod common;
 use common::models::*;
 use std::sync::{Arc, Mutex};
-use switchback::event::{simulate, Ambiguity, Engine, Kind, Options, Outcome};
+use switchback::event::{simulate, Ambiguity, Doubt, Engine, Kind, Method, Options, Outcome, Zeno};
 use switchback::func::Dims;
+use switchback::settings::Settings;
+use switchback::sim::arbiter;
 use switchback::system::System;
 
 fn tol(t: f64) -> Options {
@@ -79,4 +81,131 @@ fn a_ridge_may_be_left_by_preference() {
     assert!((e.state()[0] + 1.0).abs() < 1e-14, "{:?}", e.state());
     let s = e.switches().last().unwrap();
     assert_eq!((s.kind, s.t, s.unique), (Kind::Spontaneous, 1.0, false), "{s:?}");
+}
+
+/// The Zeno example with a force that tears the state off the origin at t = 2, where it rests from t = 1 on.
+fn zeno_and_off() -> System {
+    let d = Dims { x: 3, u: 0, p: 0 };
+    let mut s = System::new(3, 0, 0).unwrap();
+    // x3 is the time; the force is as strong as the fields from t = 2 on
+    s.set_f0(affine("f0", d, &[0.0, 0.0, 1.0], &[(0, 2, 1.5)])).unwrap();
+    for (k, f) in [[-1.0, -2.0, 1.0, 2.0], [2.0, -1.0, -2.0, 1.0]].iter().enumerate() {
+        add_sides(&mut s, &[0, 1], affine("F", d, f, &[]), affine("psi", d, &[0.0], &[(0, k, 1.0)]));
+    }
+    s
+}
+
+#[test]
+fn time_stepping_through_accumulating_switches() {
+    for rtol in [1e-4, 1e-7, 1e-10] {
+        let o = Options { zeno: Zeno::TimeStepping, dense: true, sensitivity: true, adjoint: true, ..tol(rtol) };
+        let r = simulate(&zeno(), &o, 0.0, &[1.0, 1.0], 2.0).unwrap();
+        assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
+        assert!(r.x.iter().all(|v| v.abs() <= rtol), "{rtol}: {:?}", r.x);
+        let a = r.accumulations[0];
+        assert!((a.t - 1.0).abs() <= rtol && a.until > a.t && a.steps > 0, "{a:?}");
+        assert!(r.accumulations.iter().all(|a| a.error <= 1.0), "{:?}", r.accumulations);
+        assert!(r.accumulations.len() < 30 && r.switches.len() < 400 && r.stats.steps < 100_000, "{:?}", r.stats);
+        // no derivatives behind it, and that is said
+        assert!(r.one_sided && r.sensitivity.unwrap().iter().all(|s| s.is_nan()));
+        let mut x = [0.0; 2];
+        let p = r.path.unwrap();
+        p.eval(0.5 * (a.t + a.until), 0, &mut x).unwrap();
+        assert!(x.iter().all(|v| v.abs() < 1e3 * rtol), "{x:?}");
+        // the limit set and the steps agree, also on when it is left
+        let goes_on = simulate(&zeno_and_off(), &tol(rtol), 0.0, &[1.0, 1.0, -1.0], 6.0).unwrap();
+        let steps = simulate(&zeno_and_off(), &o, 0.0, &[1.0, 1.0, -1.0], 6.0).unwrap();
+        assert_eq!((goes_on.outcome, steps.outcome), (Outcome::Reached, Outcome::Reached), "{}", steps.reason);
+        assert_eq!(goes_on.accumulations.len(), 1);
+        for (a, b) in goes_on.x.iter().zip(&steps.x) {
+            assert!((a - b).abs() <= 100.0 * rtol * (1.0 + a.abs()), "{rtol}: {:?} {:?}", goes_on.x, steps.x);
+        }
+    }
+    let o = Options { zeno: Zeno::TimeStepping, adjoint: true, ..tol(1e-8) };
+    let mut e = Engine::new(&zeno(), &o).unwrap();
+    e.reinit(0.0, &[1.0, 1.0]).unwrap();
+    e.advance(2.0).unwrap();
+    assert!(e.adjoint(&[1.0, 0.0], &[]).unwrap_err().to_string().contains("no derivatives"));
+}
+
+/// A surface that is touched without being crossed is noted, with the size of the derivative there.
+#[test]
+fn touching_a_surface_is_noted() {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let mut s = System::new(2, 0, 0).unwrap();
+    // ẍ = 2 above; x = (1 − t)²
+    let f = affine("F", d, &[0.0, 2.0, 0.0, 2.0], &[(0, 1, 1.0), (2, 1, 1.0)]);
+    add_sides(&mut s, &[0, 1], f, affine("psi", d, &[0.0], &[(0, 0, 1.0)]));
+    let o = Options { sensitivity: true, ..tol(1e-10) };
+    let r = simulate(&s, &o, 0.0, &[1.0, -2.0], 3.0).unwrap();
+    assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
+    let noted = r.contacts.first().map(|c| (c.t, c.rate, c.transversality));
+    let noted = noted.or(r.switches.first().map(|s| (s.t, s.rate, s.transversality)));
+    let (t, rate, cosine) = noted.expect("it touches");
+    assert!((t - 1.0).abs() < 1e-6 && rate.abs() < 1e-6 && cosine.abs() < 1e-6, "{t} {rate} {cosine}");
+    assert!(r.one_sided && (r.x[0] - 4.0).abs() < 1e-8, "{:?}", r.x);
+    for gap in [1e-3, 1e-6] {
+        let r = simulate(&s, &o, 0.0, &[1.0 + gap, -2.0], 3.0).unwrap();
+        assert!(r.contacts.is_empty() && !r.one_sided, "{gap}: {:?}", r.contacts);
+    }
+}
+
+/// Stiff at first, then not: Radau IIA gives the mode back to the explicit pair.
+#[test]
+fn a_mode_that_is_no_longer_stiff() {
+    let d = Dims { x: 3, u: 0, p: 0 };
+    let mut s = System::new(3, 0, 0).unwrap();
+    // λ(t) from 3000 down to nothing, x → cos 3t; a third state switches far away
+    let rate = |t: f64| 3000.0 / (1.0 + (3.0 * (t - 3.0)).exp());
+    let f = smooth(
+        "f0",
+        d,
+        3,
+        move |at, o| {
+            o[0] = -rate(at.t) * (at.x[0] - (3.0 * at.t).cos());
+            (o[1], o[2]) = (at.x[2], -9.0 * at.x[1]);
+        },
+        &[(0, 0), (2, 1), (1, 2)],
+        move |at, o| o.copy_from_slice(&[-rate(at.t), -9.0, 1.0]),
+        &[],
+        |_, _, _| {},
+    );
+    s.set_f0(f).unwrap();
+    let run = |t: f64, method: Method| {
+        let r = simulate(&s, &Options { method, ..tol(1e-6) }, 0.0, &[1.0, 1.0, 0.0], t).unwrap();
+        assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
+        r
+    };
+    let (short, long) = (run(4.0, Method::Auto), run(30.0, Method::Auto));
+    assert!(short.stats.newton > 50, "it is stiff: {:?}", short.stats);
+    let more = long.stats.newton - short.stats.newton;
+    let radau = run(30.0, Method::Radau5).stats.newton - run(4.0, Method::Radau5).stats.newton;
+    assert!(more < radau / 3, "{more} Newton iterations behind the stiff part, {radau} with Radau IIA alone");
+    assert!((long.x[1] - f64::cos(90.0)).abs() < 1e-3, "{:?}", long.x);
+}
+
+/// The MPCC of a FESD step as the arbiter; regular points need none.
+#[test]
+fn an_arbiter_is_asked_where_the_conditions_do_not_decide() {
+    let d = Dims { x: 1, u: 0, p: 0 };
+    let mut s = System::new(1, 0, 0).unwrap();
+    let modes = affine("F", d, &[1.0, 3.0], &[]);
+    add_sides(&mut s, &[0], modes, affine("psi", d, &[0.0], &[(0, 0, 1.0)]));
+    let asked = Arc::new(Mutex::new(0));
+    let count = asked.clone();
+    let mut decide = arbiter(&s, &Settings { n_fe: 2, ..Settings::default() }, 1e-2).unwrap();
+    let mut e = Engine::new(&s, &tol(1e-8)).unwrap();
+    e.set_arbiter(Some(Box::new(move |at| {
+        *count.lock().unwrap() += 1;
+        decide(at)
+    })));
+    e.reinit(0.0, &[-1.0]).unwrap();
+    e.advance(1.0).unwrap();
+    assert_eq!(*asked.lock().unwrap(), 0, "regular switches need no arbiter");
+    // what it says of a sliding mode, and of a crossing
+    let mut crossing = arbiter(&s, &Settings { n_fe: 2, ..Settings::default() }, 1e-2).unwrap();
+    let at = |x: &'static [f64]| Doubt { t: 0.0, x, u: &[], p: &[] };
+    assert_eq!(crossing(at(&[0.0])), Some(vec![vec![0]]));
+    let mut sliding = arbiter(&switching('b'), &Settings { n_fe: 2, ..Settings::default() }, 1e-2).unwrap();
+    assert_eq!(sliding(at(&[0.0])), Some(vec![vec![0, 1]]));
 }

@@ -19,10 +19,16 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("dcs", &["error", "settings", "log", "linalg", "func", "system"]),
     ("event", &["error", "settings", "log", "tableau", "linalg", "func", "system", "dcs"]),
     ("fesd", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs"]),
-    ("sim", &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "fesd"]),
+    (
+        "sim",
+        &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "event", "fesd"],
+    ),
     (
         "ocp",
-        &["error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "event", "fesd", "sim"],
+        &[
+            "error", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "event", "fesd",
+            "sim",
+        ],
     ),
     ("document", &["error", "settings", "func", "expr", "system", "model", "fesd", "ocp"]),
 ];

@@ -105,6 +105,10 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
                 }
                 Ok(())
             }
+            Entry::Gap { t } => {
+                let why = "steps through accumulating switches have no derivatives";
+                return Err(Error::State(format!("t = {t}: {why}")));
+            }
             Entry::Project { at, set, t } => {
                 s.enter(set);
                 s.project(at, t)

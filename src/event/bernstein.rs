@@ -14,6 +14,8 @@ pub(super) enum First {
     None,
     /// It changes its sign here.
     Zero(f64),
+    /// It touches zero here, to rounding.
+    Touch(f64),
 }
 
 /// Samples at fixed nodes to Bernstein coefficients.
@@ -115,6 +117,7 @@ pub(super) fn first(b: &[f64]) -> First {
     stack[0].0[..n].copy_from_slice(b);
     stack[0].2 = 1.0;
     let mut top = 1;
+    let mut touch = First::None;
     while top > 0 {
         top -= 1;
         let (c, lo, hi) = stack[top];
@@ -130,6 +133,9 @@ pub(super) fn first(b: &[f64]) -> First {
             return First::Zero(lo + (hi - lo) * zero(c));
         }
         if top + 2 > DEPTH || hi - lo < 1e-9 {
+            if touch == First::None {
+                touch = First::Touch(0.5 * (lo + hi));
+            }
             continue;
         }
         let (mut left, mut right) = ([0.0; NODES], [0.0; NODES]);
@@ -146,7 +152,7 @@ pub(super) fn first(b: &[f64]) -> First {
         stack[top + 1] = (left, lo, mid);
         top += 2;
     }
-    First::None
+    touch
 }
 
 /// The zero of a polynomial with one change of sign, by Newton steps that stay in a bracket.
@@ -190,7 +196,7 @@ mod tests {
         let (c, d) = of(f, power);
         match first(&c[..=d]) {
             First::Zero(s) => Some(s),
-            First::None => None,
+            First::None | First::Touch(_) => None,
         }
     }
 
@@ -203,6 +209,19 @@ mod tests {
         }
         assert_eq!(first_of(|t| (t - 0.4) * (t - 0.4) + 1e-6, 0), None);
         assert_eq!(first_of(|t| 1.0 - 0.999 * t, 0), None);
+    }
+
+    #[test]
+    fn touching_is_said() {
+        let (c, d) = of(|t| (t - 0.4) * (t - 0.4), 0);
+        match first(&c[..=d]) {
+            First::Touch(s) => assert!((s - 0.4).abs() < 1e-6, "{s}"),
+            // rounding may cut it
+            First::Zero(s) => assert!((s - 0.4).abs() < 1e-6, "{s}"),
+            First::None => panic!("it is not positive"),
+        }
+        let (c, d) = of(|t| (t - 0.4) * (t - 0.4) + 1e-12, 0);
+        assert_eq!(first(&c[..=d]), First::None);
     }
 
     #[test]

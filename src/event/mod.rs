@@ -83,7 +83,8 @@ pub enum Zeno {
     /// Stop.
     Stop = 1,
     /// Go through it by steps of a method that needs no switches, see [`Accumulation`]; where a sliding mode begins
-    /// there, this finds it too. Slower and less accurate than [`Zeno::Continue`], but it needs no limit set.
+    /// there, this finds it too. Slower and less accurate than [`Zeno::Continue`], but it needs no limit set. Derivatives
+    /// do not follow: they are NaN behind it.
     TimeStepping = 2,
 }
 

@@ -248,6 +248,32 @@ pub(super) fn quick(
     Ok(Some(k))
 }
 
+/// An implicit step of length `h`: (6.19) for the indicators at its end, to first order. `x` is where the indicators
+/// of the field are.
+pub(super) fn implicit(
+    field: &mut Field,
+    t: f64,
+    x: &[f64],
+    candidates: &[Vec<usize>],
+    h: f64,
+) -> Result<Option<Solution>, EvalError> {
+    let mut rates = Rates::new(field, t, x, candidates)?;
+    for k in 0..candidates.len() {
+        let s = &field.subs[k];
+        let value =
+            |c: usize| -> f64 { s.cells[c - s.first].weights.iter().zip(&field.q[s.q0..]).map(|(w, q)| w * q).sum() };
+        let own = rates.begin[k]..rates.begin[k + 1];
+        let least = rates.cells[own.clone()].iter().fold(f64::INFINITY, |m, c| m.min(value(*c)));
+        for a in own {
+            rates.own[a] += (value(rates.cells[a]) - least) / h;
+        }
+    }
+    let kept = vec![false; candidates.len()];
+    let mut lu = Lu::with_capacity(rates.cells.len());
+    let found = rates.all(&kept, &mut lu, TOL).into_iter().next();
+    Ok(found.or_else(|| rates.all(&kept, &mut lu, 1e-4).into_iter().max_by(|a, b| a.margin.total_cmp(&b.margin))))
+}
+
 /// Solves (6.19) among `candidates` and orders the continuations: the present set first, if it is one, then by the
 /// number of active cells, then by index; of those with the same velocity the first is kept. `length` is a time over
 /// which the solution hardly changes.

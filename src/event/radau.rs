@@ -113,6 +113,12 @@ impl Radau {
         self.prepared = false;
     }
 
+    /// Largest sum of a row of the Jacobian at the start of the step: a bound on how fast the mode is.
+    pub(super) fn speed(&self, nx: usize, n_z: usize) -> f64 {
+        let row = |r: &[f64]| r[..nx].iter().map(|v| v.abs()).sum::<f64>();
+        self.jac.chunks_exact(n_z).map(row).fold(0.0, f64::max)
+    }
+
     /// Matrices at the start of the step.
     fn prepare(&mut self, field: &mut Field, s: &Step) -> std::result::Result<(), EvalError> {
         if self.prepared {

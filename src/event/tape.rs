@@ -27,6 +27,8 @@ pub(super) enum Entry {
     Implicit { at: usize, set: usize, t: f64, h: f64, end: f64 },
     /// A switch, the first one in the log that belongs to it; derivatives of its time, jump of the velocity.
     Switch { at: usize, first: usize, time: Time },
+    /// A passage that has no derivatives.
+    Gap { t: f64 },
     /// A sliding mode begins at this time and state.
     Project { at: usize, set: usize, t: f64 },
 }
@@ -95,6 +97,10 @@ impl Tape {
     /// A switch whose time has no derivative, or the derivative zero.
     pub(super) fn mark(&mut self, first: usize, time: Time) {
         self.entries.push(Entry::Switch { at: self.data.len(), first, time });
+    }
+
+    pub(super) fn gap(&mut self, t: f64) {
+        self.entries.push(Entry::Gap { t });
     }
 
     pub(super) fn project(&mut self, field: &Field, t: f64, x: &[f64]) {

@@ -9,6 +9,9 @@
 //! Where the continuation is not unique, the set of the last element is kept if it is one of the solutions,
 //! else the smallest set is taken, the lowest index first; the time is noted in [`SimResult::non_unique`].
 
+mod arbiter;
+pub use arbiter::arbiter;
+
 use std::time::Instant;
 
 use crate::dcs::{is_ambiguous, Continuation, Dcs, PointEvaluator};

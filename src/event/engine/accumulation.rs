@@ -3,7 +3,7 @@
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
-use crate::event::{Outcome, Zeno};
+use crate::event::{Accumulation, Outcome, Zeno};
 
 /// Intervals between switches that are remembered.
 pub(super) const MEMORY: usize = 8;
@@ -26,6 +26,12 @@ impl Engine {
         let n = self.zero.len();
         self.recent.zero[i * n..(i + 1) * n].copy_from_slice(&self.zero);
         self.recent.n += 1;
+    }
+
+    pub(super) fn accumulations_push(&mut self, a: Accumulation) {
+        if self.accumulations.len() < self.options.max_log {
+            self.accumulations.push(a);
+        }
     }
 
     /// Do switches accumulate here? Then the policy decides.
@@ -54,7 +60,12 @@ impl Engine {
         }
         self.stats.accumulations += 1;
         self.recent.n = 0;
-        let text = format!("switches accumulate at t = {}", self.t + left);
+        let limit = self.t + left;
+        let text = format!("switches accumulate at t = {limit}");
+        if self.options.zeno == Zeno::TimeStepping {
+            return self.step_through(limit).map(Some);
+        }
+        self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error: 0.0 });
         if self.options.zeno == Zeno::Stop {
             return Ok(Some(self.fail(Outcome::Zeno, text)));
         }

@@ -9,6 +9,9 @@ use crate::event::Method;
 
 /// Steps in a row that look stiff before Radau IIA takes over.
 const STIFF_STEPS: usize = 15;
+/// Steps in a row that look mild before an explicit pair takes over again, and the share of its stability they may use.
+const MILD_STEPS: usize = 8;
+const MILD: f64 = 0.25;
 
 /// How an attempt at a step ended.
 pub(super) enum Tried {
@@ -99,8 +102,32 @@ impl Engine {
         (0.9 * err.powf(-1.0 / order)).clamp(0.1, 0.9)
     }
 
+    /// Back to the explicit pair where it is stable with the steps that accuracy allows, by a bound on the Jacobian
+    /// that leaves room so that the methods do not take turns.
+    fn watch_mildness(&mut self) {
+        if self.radau.speed(self.nx, self.field.n_z) * self.step.h > MILD * self.pair.stability() {
+            self.mild_steps = 0;
+            return;
+        }
+        self.mild_steps += 1;
+        if self.mild_steps < MILD_STEPS {
+            return;
+        }
+        self.implicit = false;
+        (self.stiff_steps, self.mild_steps) = (0, 0);
+        let none = self.stiff.len() - 1;
+        self.stiff[none] = false;
+        for set in &self.field.active {
+            set.iter().for_each(|&c| self.stiff[c] = false);
+        }
+    }
+
     pub(super) fn watch_stiffness(&mut self) {
-        if self.implicit || self.options.method != Method::Auto {
+        if self.options.method != Method::Auto || self.field.n_alg() > 0 {
+            return;
+        }
+        if self.implicit {
+            self.watch_mildness();
             return;
         }
         if explicit::stiffness(self.pair, &self.step) > self.pair.stability() {

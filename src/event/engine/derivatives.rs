@@ -105,6 +105,16 @@ impl Engine {
         }
     }
 
+    /// The derivatives are lost.
+    pub(super) fn blur_sensitivity(&mut self) {
+        if let Some(s) = &mut self.sens {
+            s.s.fill(f64::NAN);
+        }
+        if let Some(tape) = &mut self.tape {
+            tape.gap(self.t);
+        }
+    }
+
     /// A sliding mode that begins ties the derivatives to its surfaces.
     pub(super) fn project_sensitivity(&mut self) -> std::result::Result<(), EvalError> {
         if self.field.n_alg() == 0 {

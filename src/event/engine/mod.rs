@@ -7,6 +7,7 @@ mod derivatives;
 mod locate;
 mod record;
 mod search;
+mod timestepping;
 mod transition;
 
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -100,7 +101,15 @@ pub struct Engine {
     /// The active set has to be found before the next step.
     restart: bool,
     recent: Recent,
+    /// The next active set is the one behind an accumulation.
+    behind: bool,
+    /// Passages of [`Zeno::TimeStepping`](super::Zeno) one soon after the other.
+    passages: i32,
+    /// Where the present call ends.
+    t_stop: f64,
     crowd: usize,
+    /// A contact in the step that is looked at.
+    touched: Option<Contact>,
     outcome: Outcome,
     reason: String,
     switches: Vec<Switch>,
@@ -181,7 +190,11 @@ impl Engine {
             fresh: true,
             restart: true,
             recent: Recent { gaps: [0.0; MEMORY], n: 0, last: 0.0, zero: vec![false; MEMORY * n_q] },
+            behind: false,
+            passages: 0,
+            t_stop: 0.0,
             crowd: 0,
+            touched: None,
             outcome: Outcome::Reached,
             reason: String::new(),
             switches: Vec::new(),
@@ -217,6 +230,9 @@ impl Engine {
         self.recent.n = 0;
         self.recent.last = t;
         self.crowd = 0;
+        self.behind = false;
+        self.passages = 0;
+        self.touched = None;
         self.outcome = Outcome::Reached;
         self.reason.clear();
         self.switches.clear();
@@ -383,6 +399,7 @@ impl Engine {
         if t_stop < self.t {
             return Err(Error::Range(format!("time {t_stop} lies behind: {} is reached", self.t)));
         }
+        self.t_stop = t_stop;
         if self.interrupt.as_ref().is_some_and(|f| f.load(Ordering::Relaxed)) {
             return Err(Error::Interrupted);
         }
@@ -496,6 +513,9 @@ impl Engine {
             r?;
         }
         self.differentiate_step(t1)?;
+        if let Some(c) = self.touched.take() {
+            self.touch(c);
+        }
         self.stats.steps += 1;
         self.crowd = 0;
         self.watch_stiffness();

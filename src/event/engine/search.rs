@@ -6,6 +6,7 @@ use crate::error::Result;
 use crate::event::bernstein::{self, First, NODES};
 use crate::event::explicit::Pair;
 use crate::event::watch::Watch;
+use crate::event::Contact;
 use crate::func::EvalError;
 
 /// How the search for a switch in a step ended.
@@ -74,6 +75,7 @@ impl Engine {
                 }
             }
         }
+        self.touched = None;
         let mut best = Found::Nothing;
         let mut first = f64::INFINITY;
         for l in 0..self.watches.len() {
@@ -84,7 +86,14 @@ impl Engine {
             let power = usize::from(self.depart[l]);
             let (c, d) = self.sampler.coefficients(&self.samples[l], power);
             let c = &c[..=d];
-            let First::Zero(s) = bernstein::first(c) else { continue };
+            let s = match bernstein::first(c) {
+                First::None => continue,
+                First::Touch(s) => {
+                    self.notice(l, s, bernstein::slope(c, s));
+                    continue;
+                }
+                First::Zero(s) => s,
+            };
             if s >= first {
                 continue;
             }
@@ -96,7 +105,25 @@ impl Engine {
             };
             best = Found::Zero(l, s, slope / self.step.h);
         }
+        if let (Some(c), true) = (&self.touched, first < f64::INFINITY) {
+            // what comes behind a switch does not happen
+            if c.t >= self.step.t + first * self.step.h {
+                self.touched = None;
+            }
+        }
         Ok(best)
+    }
+
+    /// A watched function touches zero at relative time `s`.
+    fn notice(&mut self, l: usize, s: f64, slope: f64) {
+        let Watch::Enter { sub, .. } = self.watches[l] else { return };
+        let rate = slope / self.step.h;
+        let gradient = self.watches[l].scale(&self.field.dq, self.field.n_z, self.step.t, &self.step.x1).1;
+        let speed = self.step.f1.iter().map(|v| v * v).sum::<f64>().sqrt();
+        let t = self.step.t + s * self.step.h;
+        if self.touched.is_none_or(|c| t < c.t) {
+            self.touched = Some(Contact { t, subsystem: sub, rate, transversality: rate / (gradient * speed) });
+        }
     }
 
     /// Looks at every watched function from the ends of the step and its stages: might it vanish in between? And how

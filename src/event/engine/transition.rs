@@ -68,7 +68,8 @@ impl Engine {
         let sets = self.field.active.clone();
         self.field.set_active(&sets);
         let candidates = self.candidates();
-        self.mark_time(Time::Fixed);
+        let time = if std::mem::take(&mut self.behind) { Time::Unknown } else { Time::Fixed };
+        self.mark_time(time);
         let unique = self.choose(&candidates, 1.0)?;
         if self.outcome == Outcome::Reached {
             self.enter()?;

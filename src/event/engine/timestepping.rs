@@ -1,0 +1,156 @@
+//! Through accumulating switches by steps that need no switches.
+//!
+//! A step of Euler's method with the velocity at its start and the active set of its end: `θ` solves the conditions
+//! (6.19) for the indicators that `x + h ẋ` has to first order, `0 ≤ θ_i ⊥ g_i + h ġ_i(θ) − μ_k ≥ 0`. It is consistent
+//! of order 1, holds sliding modes exactly, and does not chatter. The number of steps is doubled until the end point
+//! changes by less than the tolerance.
+
+use super::{recover, Engine, Progress, EPS};
+use crate::error::Result;
+use crate::event::next;
+use crate::event::tape::Time;
+use crate::event::{step, Accumulation, Outcome};
+use crate::func::EvalError;
+
+/// Steps of the first pass, and of the last one.
+const STEPS: (usize, usize) = (8, 2048);
+/// Factor of the length where one passage is not enough.
+const GROWTH: f64 = 8.0;
+
+impl Engine {
+    /// Goes from the present point to a time behind `t_limit`, the estimated point of accumulation.
+    pub(super) fn step_through(&mut self, t_limit: f64) -> Result<Progress> {
+        let (t0, end) = (self.t, self.t_stop);
+        let least = (2.0 * (t_limit - t0)).max(1e3 * EPS * t0.abs()).max(f64::MIN_POSITIVE);
+        // where the last passage was not long enough this one is longer, so there are few of them
+        let last = self.accumulations.last().filter(|a| t0 - a.until <= GROWTH * (a.until - a.t));
+        let longer = last.map_or(0.0, |a| GROWTH * (a.until - a.t));
+        self.passages = if last.is_some() { self.passages + 1 } else { 0 };
+        // a solution that chatters on and on is followed all the same: less accurately, which is noted
+        let allowed = 4f64.powi(self.passages);
+        let mut span = least.max(longer).min(end - t0);
+        let x0 = self.x.clone();
+        let before = self.field.active.clone();
+        self.set_march_weights();
+        let (steps, error, x) = loop {
+            let passed = self.refine(span, allowed, &x0, &before)?;
+            match passed {
+                // shorter where that helps
+                Some((_, error, _)) if error > allowed && span > least => span = (span / GROWTH).max(least),
+                None if span > least => span = (span / GROWTH).max(least),
+                Some(p) => break p,
+                None => {
+                    self.field.set_active(&before);
+                    let text = format!("switches accumulate at t = {t_limit}, and no step leads beyond");
+                    return Ok(self.fail(Outcome::Zeno, text));
+                }
+            }
+        };
+        self.field.set_active(&before);
+        let t1 = if span >= end - t0 { end } else { t0 + span };
+        self.accumulations_push(Accumulation { t: t_limit, until: t1, steps, error });
+        self.straight_line(t1, &x);
+        self.stats.steps += steps;
+        self.behind = true;
+        self.one_sided = true;
+        self.mark_time(Time::Unknown);
+        self.blur_sensitivity();
+        self.t = t1;
+        self.x.copy_from_slice(&x);
+        self.recent.n = 0;
+        self.recent.last = t1;
+        self.restart = true;
+        Ok(Progress::Switched)
+    }
+
+    /// Twice as many steps until that changes nothing any more: their number, the change relative to the tolerance,
+    /// the end.
+    #[allow(clippy::type_complexity)]
+    fn refine(
+        &mut self,
+        span: f64,
+        allowed: f64,
+        x0: &[f64],
+        sets: &[Vec<usize>],
+    ) -> Result<Option<(usize, f64, Vec<f64>)>> {
+        let mut n = STEPS.0;
+        let mut coarse: Option<Vec<f64>> = None;
+        loop {
+            let r = self.march(span, n, x0, sets);
+            let Some(x) = recover(r, None)? else { return Ok(None) };
+            if let Some(c) = &coarse {
+                let change: Vec<f64> = x.iter().zip(c).map(|(a, b)| a - b).collect();
+                let error = step::norm(&change, &self.weights);
+                if error <= allowed || n >= STEPS.1 {
+                    return Ok(Some((n, error, x)));
+                }
+            }
+            coarse = Some(x);
+            n *= 2;
+        }
+    }
+
+    /// `n` steps from `x0`; none where a step has no solution.
+    fn march(
+        &mut self,
+        span: f64,
+        n: usize,
+        x0: &[f64],
+        sets: &[Vec<usize>],
+    ) -> std::result::Result<Option<Vec<f64>>, EvalError> {
+        self.field.set_active(sets);
+        let (t0, h) = (self.t, span / n as f64);
+        let mut x = x0.to_vec();
+        let mut v = self.f.clone();
+        for i in 0..n {
+            let t = t0 + i as f64 * h;
+            self.field.indicators(t, &x)?;
+            self.field.gradients(t, &x)?;
+            self.mark_near(h, &v);
+            let candidates = self.candidates();
+            let Some(s) = next::implicit(&mut self.field, t, &x, &candidates, h)? else { return Ok(None) };
+            x.iter_mut().zip(&s.velocity).for_each(|(x, v)| *x += h * v);
+            self.field.set_active(&s.sets);
+            v = s.velocity;
+        }
+        Ok(x.iter().all(|v| v.is_finite()).then_some(x))
+    }
+
+    /// Marks the indicators a step may bring to zero.
+    fn mark_near(&mut self, h: f64, v: &[f64]) {
+        const MARGIN: f64 = 10.0;
+        let n_z = self.field.n_z;
+        let speed = v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        self.zero.fill(false);
+        self.keep_surfaces();
+        for s in &self.field.subs {
+            let least = self.field.q[s.q0..s.q0 + s.n_q].iter().fold(f64::INFINITY, |m, q| m.min(*q));
+            for j in s.q0..s.q0 + s.n_q {
+                let g = &self.field.dq[j * n_z..(j + 1) * n_z];
+                let gradient = g[..self.nx].iter().map(|g| g * g).sum::<f64>().sqrt();
+                let value = self.field.q[j] - if s.signs { 0.0 } else { least };
+                self.zero[j] |= value.abs() <= MARGIN * h * (gradient * speed + g[n_z - 1].abs());
+            }
+        }
+    }
+
+    fn set_march_weights(&mut self) {
+        for (i, w) in self.weights.iter_mut().enumerate() {
+            *w = 1.0 / (self.atol[i] + self.rtol[i] * self.x[i].abs()).max(f64::MIN_POSITIVE);
+        }
+    }
+
+    /// The dense output of the passage.
+    fn straight_line(&mut self, t1: f64, x1: &[f64]) {
+        let s = &mut self.step;
+        (s.t, s.h) = (self.t, t1 - self.t);
+        for (i, p) in s.poly.iter_mut().enumerate() {
+            *p = [0.0; 8];
+            (p[0], p[1]) = (self.x[i], x1[i] - self.x[i]);
+        }
+        self.dense_ready = true;
+        if let Some(p) = &mut self.path {
+            p.push(s.t, t1, s.h, &s.poly);
+        }
+    }
+}
