@@ -21,6 +21,26 @@ pub enum RkFamily {
     GaussLegendre = 1,
     /// Explicit methods, for modes that are not stiff.
     Explicit = 2,
+    /// Radau IA: order 2 n_s - 1, a stage near the start instead of the end.
+    RadauIa = 3,
+    /// Lobatto IIIA: order 2 n_s - 2, stages at both ends; not for sliding modes.
+    LobattoIiia = 4,
+    /// Lobatto IIIB: order 2 n_s - 2; not for sliding modes.
+    LobattoIiib = 5,
+    /// Lobatto IIIC: order 2 n_s - 2, stiffly accurate.
+    LobattoIiic = 6,
+}
+
+/// Complementarity form of what switches (dcs_form).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DcsForm {
+    /// Subsystem by subsystem: Stewart's, unless the Heaviside form has fewer pairs and no more variables.
+    Auto = 0,
+    /// One pair for each region.
+    Stewart = 1,
+    /// Two pairs for each switching function; subsystems given by indicators stay in Stewart's form.
+    Heaviside = 2,
 }
 
 /// Treatment of switches by the discretisation (discretisation).
@@ -212,7 +232,16 @@ macro_rules! value_names {
         }
     };
 }
-value_names!(RkFamily { RadauIia = "radau_iia", GaussLegendre = "gauss_legendre", Explicit = "explicit" });
+value_names!(RkFamily {
+    RadauIia = "radau_iia",
+    GaussLegendre = "gauss_legendre",
+    Explicit = "explicit",
+    RadauIa = "radau_ia",
+    LobattoIiia = "lobatto_iiia",
+    LobattoIiib = "lobatto_iiib",
+    LobattoIiic = "lobatto_iiic",
+});
+value_names!(DcsForm { Auto = "auto", Stewart = "stewart", Heaviside = "heaviside" });
 value_names!(Discretisation { Fesd = "fesd", Standard = "standard" });
 value_names!(StageForm { Auto = "auto", Values = "values", Derivatives = "derivatives" });
 value_names!(Cross { Element = "element", Stage = "stage", Full = "full" });
@@ -345,6 +374,10 @@ pub struct Settings {
     pub accuracy_tol: f64,
     /// Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
     pub mode_search: i64,
+    /// Complementarity form of what switches (enum dcs_form).
+    pub dcs_form: i64,
+    /// Factors at most in the products of the Heaviside form before they are lifted.
+    pub lift_depth: i64,
 }
 
 /// A value on its way to or from an option.
@@ -551,6 +584,10 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Relative and absolute tolerance of that simulation."),
     row!(mode_search: Int(0, Closed(0.0), Closed(1e6)), "", FREE,
         "Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none."),
+    row!(dcs_form: Enum(DcsForm::Auto), "", SETUP,
+        "Complementarity form of what switches (enum dcs_form)."),
+    row!(lift_depth: Int(2, Closed(2.0), Closed(64.0)), "n_d", SETUP,
+        "Factors at most in the products of the Heaviside form before they are lifted."),
 ];
 
 impl OptionInfo {
@@ -722,6 +759,8 @@ impl Default for Settings {
             accuracy: 0,
             accuracy_tol: 0.0,
             mode_search: 0,
+            dcs_form: 0,
+            lift_depth: 0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);
@@ -793,6 +832,11 @@ impl Settings {
     /// [`RkFamily`] of these settings.
     pub fn rk_family(&self) -> Result<RkFamily> {
         RkFamily::from_i64(self.rk_family).ok_or_else(|| bad("rk_family", self.rk_family))
+    }
+
+    /// [`DcsForm`] of these settings.
+    pub fn dcs_form(&self) -> Result<DcsForm> {
+        DcsForm::from_i64(self.dcs_form).ok_or_else(|| bad("dcs_form", self.dcs_form))
     }
 
     /// [`Discretisation`] of these settings.
@@ -955,7 +999,7 @@ mod tests {
         for (i, name) in StepEquilibration::NAMES.iter().enumerate() {
             assert_eq!(StepEquilibration::from_i64(i as i64).unwrap().name(), *name);
         }
-        assert_eq!(RkFamily::from_i64(3), None);
+        assert_eq!(RkFamily::from_i64(7), None);
         assert_eq!(RkFamily::from_i64(-1), None);
     }
 

@@ -5,14 +5,14 @@ mod common;
 use common::models::add_sides;
 use common::*;
 use std::sync::Arc;
-use switchback::dcs::Dcs;
+use switchback::dcs::{Dcs, FormOptions};
 use switchback::fesd::{Boundary, Durations, Fesd, Options, PathAt, PathConstraint, Spec, Terminal};
 use switchback::func::{check_derivatives, Callback, CheckSettings, Dims, Function, Point};
 use switchback::linalg::csc::Pattern;
 use switchback::mpcc::Mpcc;
 use switchback::nlp::Nlp;
-use switchback::settings::{Cross, RkFamily, Settings, StageForm, StepEquilibration};
-use switchback::system::{Regions, SharedFunction, Subsystem, System};
+use switchback::settings::{Cross, DcsForm, RkFamily, Settings, StageForm, StepEquilibration};
+use switchback::system::{Inclusion, Regions, SharedFunction, Subsystem, System};
 
 const DIMS: Dims = Dims { x: 2, u: 1, p: 2 };
 
@@ -118,11 +118,16 @@ fn system(timed: bool) -> System {
 }
 
 fn spec(set: &Settings, timed: bool) -> Spec {
+    spec_of(&system(timed), set, timed)
+}
+
+fn spec_of(system: &System, set: &Settings, timed: bool) -> Spec {
     let path = [PathAt::ControlGrid, PathAt::Elements, PathAt::StagePoints].into_iter().enumerate().map(|(k, at)| {
         PathConstraint { f: general(20 + k as u64, 2, timed), lower: vec![-1.0; 2], upper: vec![1.0; 2], at }
     });
     let both = general_of(Dims { x: 2 * DIMS.x, ..DIMS }, 13, 2, timed);
-    let (dcs, options) = (Dcs::stewart(&system(timed)).unwrap(), Options::from_settings(set).unwrap());
+    let dcs = Dcs::new(system, FormOptions::from_settings(set).unwrap()).unwrap();
+    let options = Options::from_settings(set).unwrap();
     Spec {
         lagrange: Some(general(10, 1, timed)),
         mayer: Some(general(11, 1, timed)),
@@ -219,6 +224,36 @@ fn all_options(family: RkFamily, n_s: i64, forms: &[StageForm]) {
     compare(&mut problem(&settings(family, n_s, 3, FESD), false), &format!("{family:?} {n_s} without time"));
 }
 
+/// Three switching functions with all eight regions, and an inclusion in two steps.
+fn deep(driven: usize) -> System {
+    let mut s = System::new(DIMS.x, DIMS.u, DIMS.p).unwrap();
+    s.set_f0(general(1, 2, true)).unwrap();
+    let signs = (0..8).flat_map(|i| (0..3).map(move |j| if i >> (2 - j) & 1 == 0 { 1 } else { -1 })).collect();
+    let regions = Regions::Signs { psi: general(3, 3, true), signs };
+    s.add_subsystem(Subsystem { rows: vec![driven], modes: general(2, 8, true), n_modes: 8, regions }).unwrap();
+    let f = general_of(Dims { x: DIMS.x + 2, ..DIMS }, 4, 1, true);
+    s.add_inclusion(Inclusion { rows: vec![driven], f, psi: general(5, 2, true) }).unwrap();
+    add_sides(&mut s, &[driven], general(6, 2, true), general(7, 1, true));
+    s
+}
+
+#[test]
+fn heaviside_form_inclusions_and_algebraic_equations() {
+    for (family, n_s, disc) in [(RadauIia, 2, FESD), (GaussLegendre, 2, FESD), (RadauIia, 1, STANDARD)] {
+        for form in BOTH {
+            for (lift_depth, driven) in [(2, 0), (3, 1)] {
+                let mut set = settings(family, n_s, 2, disc);
+                (set.stage_form, set.lift_depth, set.dcs_form) = (form as i64, lift_depth, DcsForm::Heaviside as i64);
+                let mut s = deep(driven);
+                let what = format!("{family:?}, {disc:?}, {form:?}, depth {lift_depth}, row {driven}");
+                compare(&mut Fesd::new(spec_of(&s, &set, true), 0.9).unwrap(), &what);
+                s.set_algebraic(1, Some(general(8, 1, true))).unwrap();
+                compare(&mut Fesd::new(spec_of(&s, &set, true), 0.9).unwrap(), &format!("{what}, algebraic"));
+            }
+        }
+    }
+}
+
 const BOTH: [StageForm; 2] = [StageForm::Values, StageForm::Derivatives];
 
 #[test]
@@ -231,6 +266,20 @@ fn radau_iia() {
 fn gauss_legendre() {
     all_options(GaussLegendre, 1, &BOTH);
     all_options(GaussLegendre, 2, &BOTH);
+}
+
+#[test]
+fn stages_at_the_ends() {
+    use switchback::settings::RkFamily::{LobattoIiia, LobattoIiib, LobattoIiic, RadauIa};
+    for (family, n_s) in [(RadauIa, 1), (RadauIa, 2), (LobattoIiic, 3)] {
+        for form in BOTH {
+            let set = Settings { stage_form: form as i64, ..settings(family, n_s, 2, FESD) };
+            compare(&mut problem(&set, true), &format!("{family:?} {n_s}, {form:?}"));
+        }
+    }
+    for family in [LobattoIiia, LobattoIiib] {
+        compare(&mut problem(&settings(family, 3, 2, FESD), true), &format!("{family:?} 3"));
+    }
 }
 
 #[test]

@@ -1,22 +1,27 @@
-//! From a piecewise smooth system to a dynamic complementarity system, Stewart's form (6.8):
+//! From a piecewise smooth system to a dynamic complementarity system. Stewart's form (6.8):
 //!
 //! ```text
 //! ẋ = f0 + Σ_k F^k θ^k,   g^k(x) − λ^k − μ^k e = 0,   eᵀθ^k = 1,   0 ≤ θ^k ⊥ λ^k ≥ 0
 //! ```
+//!
+//! [`Form`] is what is discretised: this, the Heaviside form, or one subsystem in the one and one in the other.
 //!
 //! Here the model loses what it does not need: a subsystem with one mode becomes part of the smooth
 //! right-hand side, a clock state appears only when a function depends on time, and rows of the sign matrix
 //! with zeros are split into the cells they stand for only where there are any. Proposition 6.4 (`g = −Sψ`)
 //! holds for full rows alone: with zeros, `−S_i ψ` can exceed `−S_j ψ` inside region `i`.
 
+mod form;
 mod point;
 
+pub use form::{Form, FormOptions, Included, IndicatorRow, Term};
 pub use point::{is_ambiguous, Continuation, PointEvaluator};
 
 use std::sync::Arc;
 
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::func::Dims;
+use crate::settings::DcsForm;
 use crate::system::{Regions, SharedFunction, Subsystem, System};
 
 /// A function that adds to the derivative of some states.
@@ -55,23 +60,52 @@ pub struct Stewart {
 pub struct Dcs {
     dims: Dims,
     clock: bool,
+    n_z: usize,
+    regions: bool,
     drifts: Vec<Drift>,
     subsystems: Vec<Stewart>,
+    form: Form,
 }
 
 impl Dcs {
-    /// Brings `system` into Stewart's form.
+    /// Brings `system` into Stewart's form. Fails for systems that have none: with inclusions in `α`, or with algebraic
+    /// equations, which those who ask for this form cannot integrate.
     pub fn stewart(system: &System) -> Result<Dcs> {
+        if !system.inclusions().is_empty() {
+            return Err(Error::Unsupported(
+                "inclusions in the steps of switching functions have no modes: simulate the system with finite \
+                 elements, they take them in the Heaviside form"
+                    .into(),
+            ));
+        }
+        if system.n_algebraic() > 0 {
+            return Err(Error::Unsupported(
+                "this method integrates ordinary differential equations: simulate a system with algebraic equations \
+                 with finite elements"
+                    .into(),
+            ));
+        }
+        Dcs::new(system, FormOptions { form: DcsForm::Stewart, ..FormOptions::default() })
+    }
+
+    /// Brings `system` into the form that `options` ask for.
+    pub fn new(system: &System, options: FormOptions) -> Result<Dcs> {
         system.validate()?;
         let dims = system.dims();
         let mut drifts = Vec::new();
         let mut clock = false;
-        let mut note = |f: &SharedFunction| clock |= !f.jac_pattern().rows(dims.t_col()).is_empty();
+        let mut note = |f: &SharedFunction| clock |= !f.jac_pattern().rows(f.dims().t_col()).is_empty();
         if let Some(f) = system.f0() {
             note(f);
             drifts.push(Drift { rows: (0..dims.x).collect(), f: f.clone() });
         }
+        let n_z = system.n_algebraic();
+        if let Some(f) = system.algebraic() {
+            note(f);
+            drifts.push(Drift { rows: (dims.x - n_z..dims.x).collect(), f: f.clone() });
+        }
         let mut subsystems = Vec::new();
+        let mut form = Form::default();
         for s in system.subsystems() {
             note(&s.modes);
             if s.n_modes == 1 {
@@ -80,9 +114,58 @@ impl Dcs {
             }
             let st = stewart(s);
             note(&st.indicators);
+            form.add(s, &st, options);
             subsystems.push(st);
         }
-        Ok(Dcs { dims, clock, drifts, subsystems })
+        for i in system.inclusions() {
+            note(&i.f);
+            note(&i.psi);
+            form.add_inclusion(i);
+        }
+        Ok(Dcs { dims, clock, n_z, regions: system.inclusions().is_empty(), drifts, subsystems, form })
+    }
+
+    /// What is discretised.
+    pub fn form(&self) -> &Form {
+        &self.form
+    }
+
+    /// Algebraic states: the last of the user's. Their right-hand side is a residual.
+    pub fn n_algebraic(&self) -> usize {
+        self.n_z
+    }
+
+    /// Do the smooth equations determine the algebraic states wherever the others are given, as far as their pattern
+    /// says?
+    pub fn determines_algebraic(&self) -> bool {
+        let z = self.dims.x - self.n_z..self.dims.x;
+        let drives = |rows: &[usize]| rows.iter().any(|r| z.contains(r));
+        let switched =
+            self.form.terms.iter().any(|t| drives(&t.rows)) || self.form.inclusions.iter().any(|i| drives(&i.rows));
+        let row_has = |r: usize| {
+            let entry = |d: &Drift| z.clone().any(|c| d.f.jac_pattern().rows(c).iter().any(|&o| d.rows[o] == r));
+            self.drifts.iter().any(entry)
+        };
+        !z.is_empty() && !switched && z.clone().all(row_has)
+    }
+
+    /// Can (6.19) tell which cells follow at a switch?
+    pub fn predicts(&self) -> bool {
+        self.regions && self.n_z == 0
+    }
+
+    /// The cells of the form that are active where these regions are.
+    pub fn from_regions(&self, regions: &[bool]) -> Vec<bool> {
+        let mut out = vec![false; self.form.n_cells];
+        for (cells, _) in self.form.region_cells.iter().zip(regions).filter(|(_, on)| **on) {
+            cells.iter().for_each(|&c| out[c] = true);
+        }
+        out
+    }
+
+    /// The regions that may be active where these cells of the form are.
+    pub fn to_regions(&self, cells: &[bool]) -> Vec<bool> {
+        self.form.region_cells.iter().map(|r| r.iter().all(|&c| cells[c])).collect()
     }
 
     /// Sizes of the user's states, controls and parameters.
@@ -115,7 +198,7 @@ impl Dcs {
         &self.subsystems
     }
 
-    /// Cells of all subsystems.
+    /// Regions of all subsystems: the cells of Stewart's form.
     pub fn n_cells(&self) -> usize {
         self.subsystems.iter().map(|s| s.cells.len()).sum()
     }

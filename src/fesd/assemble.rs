@@ -6,6 +6,7 @@
 use super::eta;
 use super::layout::ElementIndex;
 use super::problem::{Call, ElementCalls, Fesd, Reference};
+use crate::tableau::{Family, Tableau};
 
 /// Receives the entries of a sparse matrix in a fixed order.
 pub(super) trait Sink {
@@ -65,14 +66,20 @@ impl Fesd {
                 out[r] += self.cache.val[c.val + o];
             }
         }
-        let mut theta = e.theta[i];
-        for (s, c) in self.spec.dcs.subsystems().iter().zip(&ec.modes[i]) {
-            let nr = s.rows.len();
-            for cell in &s.cells {
-                for (o, &r) in s.rows.iter().enumerate() {
-                    out[r] += w[theta] * self.cache.val[c.val + cell.mode * nr + o];
+        let (form, theta) = (self.spec.dcs.form(), e.theta[i]);
+        for (term, c) in form.terms.iter().zip(&ec.modes[i]) {
+            let nr = term.rows.len();
+            for (mode, weights) in term.weights.iter().enumerate() {
+                for v in weights {
+                    for (o, &r) in term.rows.iter().enumerate() {
+                        out[r] += w[theta + v] * self.cache.val[c.val + mode * nr + o];
+                    }
                 }
-                theta += 1;
+            }
+        }
+        for (f, c) in form.inclusions.iter().zip(&ec.included[i]) {
+            for (o, &r) in f.rows.iter().enumerate() {
+                out[r] += self.cache.val[c.val + o];
             }
         }
         if let Some(k) = self.spec.dcs.clock() {
@@ -88,23 +95,28 @@ impl Fesd {
         self.l.linear.iter().enumerate().filter_map(|(j, r)| r.map(|r| (j, r)))
     }
 
-    /// Rows `g − λ − μ e` at one point.
-    pub(super) fn indicator_rows(
-        &self,
-        calls: &[Call],
-        row: usize,
-        lambda: usize,
-        mu: usize,
-        w: &[f64],
-        c: &mut [f64],
-    ) {
-        let mut cell_index = 0;
-        for (k, (s, call)) in self.spec.dcs.subsystems().iter().zip(calls).enumerate() {
-            for cell in &s.cells {
-                let g: f64 = cell.weights.iter().enumerate().map(|(j, v)| v * self.cache.val[call.val + j]).sum();
-                c[row + cell_index] = g - w[lambda + cell_index] - w[mu + k];
-                cell_index += 1;
-            }
+    /// Factor of the right-hand side in the rows of state `r`: there is no step size where it is a residual.
+    #[inline]
+    fn coef(&self, r: usize, h: f64) -> f64 {
+        if self.l.values_form && !self.l.z.contains(&r) {
+            -h
+        } else {
+            -1.0
+        }
+    }
+
+    /// States with a derivative.
+    fn differential(&self) -> impl Iterator<Item = usize> + Clone {
+        (0..self.l.z.start).chain(self.l.z.end..self.l.nx)
+    }
+
+    /// The equations of the multipliers at one point.
+    fn indicator_rows(&self, calls: &[Call], row: usize, lambda: usize, mu: usize, w: &[f64], c: &mut [f64]) {
+        for (k, r) in self.spec.dcs.form().rows.iter().enumerate() {
+            let val = calls[r.source].val;
+            let g: f64 = r.weights.iter().enumerate().map(|(j, v)| v * self.cache.val[val + j]).sum();
+            let multipliers = r.lambda.iter().fold(g, |g, &(cell, v)| g + v * w[lambda + cell]);
+            c[row + k] = r.mu.map_or(multipliers, |m| multipliers - w[mu + m]);
         }
     }
 
@@ -114,11 +126,25 @@ impl Fesd {
         if let Some(lam) = l.lambda0 {
             self.indicator_rows(&self.ind_start, l.row_alg0, lam, l.mu0, w, c);
         }
+        if let Some(row) = l.row_z0 {
+            c[row..row + l.z.len()].fill(0.0);
+            for (d, call) in self.spec.dcs.drifts().iter().zip(&self.drift_start) {
+                for (o, &r) in d.rows.iter().enumerate().filter(|(_, r)| l.z.contains(r)) {
+                    c[row + r - l.z.start] += self.cache.val[call.val + o];
+                }
+            }
+        }
         for (e, ec) in l.elements.iter().zip(&self.ecalls) {
             let h = self.h_of(e, w);
             for i in 0..n_s {
                 self.rhs(e, ec, i, w, f);
-                for r in 0..l.nx {
+                for r in l.z.clone() {
+                    c[e.row_dyn[i] + r] = -f[r];
+                    if !l.values_form {
+                        c[e.row_conv[i] + r] = w[e.v[i] + r];
+                    }
+                }
+                for r in self.differential() {
                     let xs = w[e.x_start + r];
                     if l.values_form {
                         let a_inv = t.a_inv.as_deref().unwrap_or(&[]);
@@ -131,16 +157,19 @@ impl Fesd {
                     }
                 }
                 self.indicator_rows(&ec.ind[i], e.row_alg[i], e.lambda[i], e.mu[i], w, c);
-                let mut theta = e.theta[i];
-                for (k, s) in self.spec.dcs.subsystems().iter().enumerate() {
-                    c[e.row_norm[i] + k] = w[theta..theta + s.cells.len()].iter().sum::<f64>() - 1.0;
-                    theta += s.cells.len();
+                let (form, theta) = (self.spec.dcs.form(), e.theta[i]);
+                for (k, cells) in form.simplices.iter().enumerate() {
+                    c[e.row_norm[i] + k] = w[theta + cells.start..theta + cells.end].iter().sum::<f64>() - 1.0;
+                }
+                for (k, factors) in form.products.iter().enumerate() {
+                    let product: f64 = factors.iter().map(|v| w[theta + v]).product();
+                    c[e.row_prod[i] + k] = w[theta + l.n_cells + k] - product;
                 }
             }
             if let Some(row) = e.row_end {
                 for r in 0..l.nx {
                     let xs = w[e.x_start + r];
-                    let step: f64 = if l.values_form {
+                    let step: f64 = if l.values_form || l.z.contains(&r) {
                         (0..n_s).map(|j| self.end_weights[j] * (w[e.x[j] + r] - xs)).sum()
                     } else {
                         h * (0..n_s).map(|j| t.b[j] * w[e.v[j] + r]).sum::<f64>()
@@ -245,24 +274,21 @@ impl Fesd {
         }
     }
 
-    pub(super) fn indicator_jac<S: Sink>(&self, calls: &[Call], row: usize, lambda: usize, mu: usize, s: &mut S) {
-        let mut first = 0;
-        for (k, (sub, call)) in self.spec.dcs.subsystems().iter().zip(calls).enumerate() {
+    fn indicator_jac<S: Sink>(&self, calls: &[Call], row: usize, lambda: usize, mu: usize, s: &mut S) {
+        for (k, r) in self.spec.dcs.form().rows.iter().enumerate() {
+            let call = &calls[r.source];
             for (p, &(col, o)) in self.jac_cols[call.f].iter().enumerate() {
-                if let Some(v) = self.var(call, col) {
-                    for (c, cell) in sub.cells.iter().enumerate() {
-                        let weight = cell.weights[o as usize];
-                        if weight != 0.0 {
-                            s.add(row + first + c, v, weight * self.cache.jac[call.jac + p]);
-                        }
-                    }
+                let weight = r.weights[o as usize];
+                if let (Some(v), true) = (self.var(call, col), weight != 0.0) {
+                    s.add(row + k, v, weight * self.cache.jac[call.jac + p]);
                 }
             }
-            for c in 0..sub.cells.len() {
-                s.add(row + first + c, lambda + first + c, -1.0);
-                s.add(row + first + c, mu + k, -1.0);
+            for &(cell, v) in &r.lambda {
+                s.add(row + k, lambda + cell, v);
             }
-            first += sub.cells.len();
+            if let Some(m) = r.mu {
+                s.add(row + k, mu + m, -1.0);
+            }
         }
     }
 
@@ -273,22 +299,30 @@ impl Fesd {
         if let Some(lam) = l.lambda0 {
             self.indicator_jac(&self.ind_start, l.row_alg0, lam, l.mu0, s);
         }
+        if let Some(row) = l.row_z0 {
+            for (d, c) in self.spec.dcs.drifts().iter().zip(&self.drift_start) {
+                for (p, &(col, o)) in self.jac_cols[c.f].iter().enumerate() {
+                    let r = d.rows[o as usize];
+                    if let (Some(v), true) = (self.var(c, col), l.z.contains(&r)) {
+                        s.add(row + r - l.z.start, v, self.cache.jac[c.jac + p]);
+                    }
+                }
+            }
+        }
         for (e, ec) in l.elements.iter().zip(&self.ecalls) {
             let h = self.h_of(e, w);
             for i in 0..n_s {
                 let row = e.row_dyn[i];
-                // coefficient of the right-hand side in these rows
-                let coef = if l.values_form { -h } else { -1.0 };
-                self.rhs_jac(e, ec, i, row, coef, w, s);
+                self.rhs_jac(e, ec, i, w, s);
                 if l.values_form {
                     if let Some(hv) = e.h {
                         self.rhs(e, ec, i, w, f);
-                        for r in 0..l.nx {
+                        for r in self.differential() {
                             s.add(row + r, hv, -f[r]);
                         }
                     }
                     let a_inv = t.a_inv.as_deref().unwrap_or(&[]);
-                    for r in 0..l.nx {
+                    for r in self.differential() {
                         let mut sum = 0.0;
                         for j in 0..n_s {
                             s.add(row + r, e.x[j] + r, a_inv[i * n_s + j]);
@@ -297,7 +331,10 @@ impl Fesd {
                         s.add(row + r, e.x_start + r, -sum);
                     }
                 } else {
-                    for r in 0..l.nx {
+                    for r in l.z.clone() {
+                        s.add(e.row_conv[i] + r, e.v[i] + r, 1.0);
+                    }
+                    for r in self.differential() {
                         s.add(row + r, e.v[i] + r, 1.0);
                         let conv = e.row_conv[i] + r;
                         s.add(conv, e.x[i] + r, 1.0);
@@ -315,11 +352,16 @@ impl Fesd {
                     }
                 }
                 self.indicator_jac(&ec.ind[i], e.row_alg[i], e.lambda[i], e.mu[i], s);
-                let mut theta = e.theta[i];
-                for (k, sub) in self.spec.dcs.subsystems().iter().enumerate() {
-                    for _ in &sub.cells {
-                        s.add(e.row_norm[i] + k, theta, 1.0);
-                        theta += 1;
+                let (form, theta) = (self.spec.dcs.form(), e.theta[i]);
+                for (k, cells) in form.simplices.iter().enumerate() {
+                    for v in cells.clone() {
+                        s.add(e.row_norm[i] + k, theta + v, 1.0);
+                    }
+                }
+                for (k, factors) in form.products.iter().enumerate() {
+                    s.add(e.row_prod[i] + k, theta + l.n_cells + k, 1.0);
+                    for (a, &v) in factors.iter().enumerate() {
+                        s.add(e.row_prod[i] + k, theta + v, -others(factors, &[a], theta, w));
                     }
                 }
             }
@@ -327,8 +369,9 @@ impl Fesd {
                 for r in 0..l.nx {
                     s.add(row + r, e.x_end + r, 1.0);
                     let mut sum = 0.0;
+                    let by_value = l.values_form || l.z.contains(&r);
                     for j in 0..n_s {
-                        if l.values_form {
+                        if by_value {
                             let d = self.end_weights[j];
                             s.add(row + r, e.x[j] + r, -d);
                             sum += d;
@@ -337,7 +380,7 @@ impl Fesd {
                             sum += t.b[j] * w[e.v[j] + r];
                         }
                     }
-                    if l.values_form {
+                    if by_value {
                         s.add(row + r, e.x_start + r, sum - 1.0);
                     } else {
                         s.add(row + r, e.x_start + r, -1.0);
@@ -403,51 +446,39 @@ impl Fesd {
         }
     }
 
-    /// Derivatives of `coef · f` at a stage point with respect to its inputs and `θ`.
-    #[allow(clippy::too_many_arguments)]
-    pub(super) fn rhs_jac<S: Sink>(
-        &self,
-        e: &ElementIndex,
-        ec: &ElementCalls,
-        i: usize,
-        row: usize,
-        coef: f64,
-        w: &[f64],
-        s: &mut S,
-    ) {
-        for (d, c) in self.spec.dcs.drifts().iter().zip(&ec.drift[i]) {
+    /// Derivatives of the right-hand side in the rows of stage point `i` with respect to its inputs and `θ`.
+    fn rhs_jac<S: Sink>(&self, e: &ElementIndex, ec: &ElementCalls, i: usize, w: &[f64], s: &mut S) {
+        let (form, row, theta) = (self.spec.dcs.form(), e.row_dyn[i], e.theta[i]);
+        let h = self.h_of(e, w);
+        let smooth = self.spec.dcs.drifts().iter().zip(&ec.drift[i]).map(|(d, c)| (&d.rows, c));
+        for (rows, c) in smooth.chain(form.inclusions.iter().zip(&ec.included[i]).map(|(f, c)| (&f.rows, c))) {
             for (p, &(col, o)) in self.jac_cols[c.f].iter().enumerate() {
                 if let Some(v) = self.var(c, col) {
-                    s.add(row + d.rows[o as usize], v, coef * self.cache.jac[c.jac + p]);
+                    let r = rows[o as usize];
+                    s.add(row + r, v, self.coef(r, h) * self.cache.jac[c.jac + p]);
                 }
             }
         }
-        let mut first = e.theta[i];
-        for (sub, c) in self.spec.dcs.subsystems().iter().zip(&ec.modes[i]) {
-            let nr = sub.rows.len();
+        for (term, c) in form.terms.iter().zip(&ec.modes[i]) {
+            let nr = term.rows.len();
             for (p, &(col, o)) in self.jac_cols[c.f].iter().enumerate() {
                 if let Some(v) = self.var(c, col) {
-                    let (mode, r) = (o as usize / nr, o as usize % nr);
-                    let theta = self.mode_weight(sub, first, mode, w);
-                    s.add(row + sub.rows[r], v, coef * theta * self.cache.jac[c.jac + p]);
+                    let (mode, r) = (o as usize / nr, term.rows[o as usize % nr]);
+                    let weight = sum_of(&term.weights[mode], theta, w);
+                    s.add(row + r, v, self.coef(r, h) * weight * self.cache.jac[c.jac + p]);
                 }
             }
-            for (k, cell) in sub.cells.iter().enumerate() {
-                for (o, &r) in sub.rows.iter().enumerate() {
-                    s.add(row + r, first + k, coef * self.cache.val[c.val + cell.mode * nr + o]);
+            for (mode, weights) in term.weights.iter().enumerate() {
+                for v in weights {
+                    for (o, &r) in term.rows.iter().enumerate() {
+                        s.add(row + r, theta + v, self.coef(r, h) * self.cache.val[c.val + mode * nr + o]);
+                    }
                 }
             }
-            first += sub.cells.len();
         }
         for (j, r) in self.linear_controls() {
-            s.add(row + r, e.u + j, coef);
+            s.add(row + r, e.u + j, self.coef(r, h));
         }
-    }
-
-    /// Σ θ over the cells of a mode.
-    #[inline]
-    pub(super) fn mode_weight(&self, sub: &crate::dcs::Stewart, theta: usize, mode: usize, w: &[f64]) -> f64 {
-        sub.cells.iter().enumerate().filter(|(_, c)| c.mode == mode).map(|(k, _)| w[theta + k]).sum()
     }
 
     /// Weights with which the Hessian of every call enters.
@@ -455,38 +486,42 @@ impl Fesd {
         let mut wgt = std::mem::take(&mut self.cache.wgt);
         wgt.fill(0.0);
         let l = &self.l;
+        let form = self.spec.dcs.form();
         let indicator = |wgt: &mut [f64], calls: &[Call], row: usize| {
-            let mut k = row;
-            for (sub, c) in self.spec.dcs.subsystems().iter().zip(calls) {
-                for cell in &sub.cells {
-                    for (j, v) in cell.weights.iter().enumerate() {
-                        wgt[c.wgt + j] += y[k] * v;
-                    }
-                    k += 1;
+            for (k, r) in form.rows.iter().enumerate() {
+                for (j, v) in r.weights.iter().enumerate() {
+                    wgt[calls[r.source].wgt + j] += y[row + k] * v;
                 }
             }
         };
         if l.lambda0.is_some() {
             indicator(&mut wgt, &self.ind_start, l.row_alg0);
         }
+        if let Some(row) = l.row_z0 {
+            for (d, c) in self.spec.dcs.drifts().iter().zip(&self.drift_start) {
+                for (o, &r) in d.rows.iter().enumerate().filter(|(_, r)| l.z.contains(r)) {
+                    wgt[c.wgt + o] += y[row + r - l.z.start];
+                }
+            }
+        }
         for (e, ec) in l.elements.iter().zip(&self.ecalls) {
             let h = self.h_of(e, w);
-            let coef = if l.values_form { -h } else { -1.0 };
             for i in 0..self.tableau.n_s {
                 let row = e.row_dyn[i];
-                for (d, c) in self.spec.dcs.drifts().iter().zip(&ec.drift[i]) {
-                    for (o, &r) in d.rows.iter().enumerate() {
-                        wgt[c.wgt + o] += coef * y[row + r];
+                let smooth = self.spec.dcs.drifts().iter().zip(&ec.drift[i]).map(|(d, c)| (&d.rows, c));
+                for (rows, c) in smooth.chain(form.inclusions.iter().zip(&ec.included[i]).map(|(f, c)| (&f.rows, c))) {
+                    for (o, &r) in rows.iter().enumerate() {
+                        wgt[c.wgt + o] += self.coef(r, h) * y[row + r];
                     }
                 }
-                let mut theta = e.theta[i];
-                for (sub, c) in self.spec.dcs.subsystems().iter().zip(&ec.modes[i]) {
-                    let nr = sub.rows.len();
-                    for cell in &sub.cells {
-                        for (o, &r) in sub.rows.iter().enumerate() {
-                            wgt[c.wgt + cell.mode * nr + o] += coef * y[row + r] * w[theta];
+                for (term, c) in form.terms.iter().zip(&ec.modes[i]) {
+                    let nr = term.rows.len();
+                    for (mode, weights) in term.weights.iter().enumerate() {
+                        for v in weights {
+                            for (o, &r) in term.rows.iter().enumerate() {
+                                wgt[c.wgt + mode * nr + o] += self.coef(r, h) * y[row + r] * w[e.theta[i] + v];
+                            }
                         }
-                        theta += 1;
                     }
                 }
                 indicator(&mut wgt, &ec.ind[i], e.row_alg[i]);
@@ -522,45 +557,49 @@ impl Fesd {
         }
         for (e, ec) in l.elements.iter().zip(&self.ecalls) {
             let h = self.h_of(e, w);
-            let coef = if l.values_form { -h } else { -1.0 };
             for i in 0..n_s {
-                let row = e.row_dyn[i];
+                let (form, row, theta) = (self.spec.dcs.form(), e.row_dyn[i], e.theta[i]);
                 let hv = e.h.filter(|_| l.values_form);
-                for (d, c) in self.spec.dcs.drifts().iter().zip(&ec.drift[i]) {
-                    if let Some(hv) = hv {
-                        for (p, &(col, o)) in self.jac_cols[c.f].iter().enumerate() {
-                            if let Some(v) = self.var(c, col) {
-                                add_sym(s, v, hv, -y[row + d.rows[o as usize]] * self.cache.jac[c.jac + p]);
-                            }
+                // the step size is a factor of derivatives only
+                let timed = |r: usize| hv.filter(|_| !l.z.contains(&r));
+                let smooth = self.spec.dcs.drifts().iter().zip(&ec.drift[i]).map(|(d, c)| (&d.rows, c));
+                for (rows, c) in smooth.chain(form.inclusions.iter().zip(&ec.included[i]).map(|(f, c)| (&f.rows, c))) {
+                    for (p, &(col, o)) in self.jac_cols[c.f].iter().enumerate() {
+                        let r = rows[o as usize];
+                        if let (Some(hv), Some(v)) = (timed(r), self.var(c, col)) {
+                            add_sym(s, v, hv, -y[row + r] * self.cache.jac[c.jac + p]);
                         }
                     }
                 }
-                let mut first = e.theta[i];
-                for (sub, c) in self.spec.dcs.subsystems().iter().zip(&ec.modes[i]) {
-                    let nr = sub.rows.len();
+                for (term, c) in form.terms.iter().zip(&ec.modes[i]) {
+                    let nr = term.rows.len();
                     for (p, &(col, o)) in self.jac_cols[c.f].iter().enumerate() {
                         let Some(v) = self.var(c, col) else { continue };
-                        let (mode, r) = (o as usize / nr, o as usize % nr);
-                        let yj = y[row + sub.rows[r]] * self.cache.jac[c.jac + p];
-                        for (k, _) in sub.cells.iter().enumerate().filter(|(_, cell)| cell.mode == mode) {
-                            add_sym(s, v, first + k, coef * yj);
+                        let (mode, r) = (o as usize / nr, term.rows[o as usize % nr]);
+                        let yj = y[row + r] * self.cache.jac[c.jac + p];
+                        for k in &term.weights[mode] {
+                            add_sym(s, v, theta + k, self.coef(r, h) * yj);
                         }
-                        if let Some(hv) = hv {
-                            add_sym(s, v, hv, -self.mode_weight(sub, first, mode, w) * yj);
-                        }
-                    }
-                    if let Some(hv) = hv {
-                        for (k, cell) in sub.cells.iter().enumerate() {
-                            let f: f64 = sub
-                                .rows
-                                .iter()
-                                .enumerate()
-                                .map(|(o, &r)| y[row + r] * self.cache.val[c.val + cell.mode * nr + o])
-                                .sum();
-                            add_sym(s, first + k, hv, -f);
+                        if let Some(hv) = timed(r) {
+                            add_sym(s, v, hv, -sum_of(&term.weights[mode], theta, w) * yj);
                         }
                     }
-                    first += sub.cells.len();
+                    let Some(hv) = hv else { continue };
+                    for (mode, weights) in term.weights.iter().enumerate() {
+                        let timed = term.rows.iter().enumerate().filter(|(_, r)| !l.z.contains(r));
+                        let f: f64 = timed.map(|(o, &r)| y[row + r] * self.cache.val[c.val + mode * nr + o]).sum();
+                        for k in weights {
+                            add_sym(s, theta + k, hv, -f);
+                        }
+                    }
+                }
+                for (k, factors) in form.products.iter().enumerate() {
+                    for a in 0..factors.len() {
+                        for b in 0..a {
+                            let v = -y[e.row_prod[i] + k] * others(factors, &[a, b], theta, w);
+                            add_sym(s, theta + factors[a], theta + factors[b], v);
+                        }
+                    }
                 }
                 if let Some(hv) = hv {
                     for (j, r) in self.linear_controls() {
@@ -570,7 +609,7 @@ impl Fesd {
                 if let (false, Some(hv)) = (l.values_form, e.h) {
                     for j in 0..n_s {
                         if t.a(i, j) != 0.0 {
-                            for r in 0..l.nx {
+                            for r in self.differential() {
                                 add_sym(s, e.v[j] + r, hv, -y[e.row_conv[i] + r] * t.a(i, j));
                             }
                         }
@@ -586,7 +625,7 @@ impl Fesd {
             }
             if let (Some(row), false, Some(hv)) = (e.row_end, l.values_form, e.h) {
                 for j in 0..n_s {
-                    for r in 0..l.nx {
+                    for r in self.differential() {
                         add_sym(s, e.v[j] + r, hv, -y[row + r] * t.b[j]);
                     }
                 }
@@ -613,26 +652,42 @@ impl Fesd {
     }
 }
 
+/// Sum of some weights at a stage point.
+#[inline]
+fn sum_of(weights: &[usize], theta: usize, w: &[f64]) -> f64 {
+    weights.iter().map(|v| w[theta + v]).sum()
+}
+
+/// Product of all factors but those at the places `skip`.
+fn others(factors: &[usize], skip: &[usize], theta: usize, w: &[f64]) -> f64 {
+    factors.iter().enumerate().filter(|(k, _)| !skip.contains(k)).map(|(_, v)| w[theta + v]).product()
+}
+
 /// Weights of `λ` at the start, the stage points and the end of an element in its slope at the start: the derivative
-/// at 0 of the polynomial through the start and the stage points. An explicit method knows the slope from the first
-/// point its first stage leads to.
-pub(super) fn slope_weights(c: &[f64]) -> Vec<f64> {
-    if c[0] == 0.0 {
-        let mut w = vec![0.0; c.len() + 2];
+/// at 0 of the polynomial through the start and the stage points behind it. An explicit method knows the slope from the
+/// first point its first stage leads to.
+pub(super) fn slope_weights(tableau: &Tableau) -> Vec<f64> {
+    let c = &tableau.c;
+    let mut out = vec![0.0; c.len() + 2];
+    if tableau.family == Family::Explicit {
         let (first, at) = c.iter().enumerate().find(|(_, &c)| c > 0.0).map_or((c.len(), 1.0), |(i, &c)| (i, c));
-        w[0] = -1.0 / at;
-        w[first + 1] = 1.0 / at;
-        return w;
+        out[0] = -1.0 / at;
+        out[first + 1] = 1.0 / at;
+        return out;
     }
-    let nodes: Vec<f64> = std::iter::once(0.0).chain(c.iter().copied()).collect();
-    let others = |j: usize| nodes.iter().enumerate().filter(move |&(k, _)| k != j).map(|(_, v)| *v);
-    (0..nodes.len())
-        .map(|j| match j {
+    // a method whose only stage is at the start knows the end
+    let ends = if c.iter().all(|c| *c == 0.0) { Some((c.len() + 1, 1.0)) } else { None };
+    let behind = c.iter().enumerate().filter(|(_, c)| **c > 0.0).map(|(i, c)| (i + 1, *c));
+    let nodes: Vec<(usize, f64)> = std::iter::once((0, 0.0)).chain(behind).chain(ends).collect();
+    let others = |j: usize| nodes.iter().enumerate().filter(move |&(k, _)| k != j).map(|(_, v)| v.1);
+    for (j, &(place, node)) in nodes.iter().enumerate() {
+        out[place] = match j {
             0 => -others(0).map(|v| 1.0 / v).sum::<f64>(),
             _ => {
-                let inner: f64 = others(j).filter(|&v| v != 0.0).map(|v| -v / (nodes[j] - v)).product();
-                inner / nodes[j]
+                let inner: f64 = others(j).filter(|&v| v != 0.0).map(|v| -v / (node - v)).product();
+                inner / node
             }
-        })
-        .collect()
+        };
+    }
+    out
 }

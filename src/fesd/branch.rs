@@ -92,15 +92,13 @@ impl Fesd {
         let l = &self.l;
         if let Some(lambda0) = l.lambda0 {
             // one active cell per subsystem keeps λ = 0: it says what μ is
-            let mut j = lambda0;
-            for sub in self.spec.dcs.subsystems() {
-                let cells = j..j + sub.cells.len();
+            for cells in &self.spec.dcs.form().simplices {
+                let cells = lambda0 + cells.start..lambda0 + cells.end;
                 let pinned = cells.clone().find(|&j| b.xu[j] == 0.0);
                 for j in cells.filter(|&j| Some(j) != pinned) {
                     b.xl[j] = f64::NEG_INFINITY;
                     b.xu[j] = f64::INFINITY;
                 }
-                j += sub.cells.len();
             }
             if l.elements[0].row_sum_lambda.is_some() {
                 let j = l.elements[0].sum_lambda;
@@ -215,11 +213,18 @@ impl Fesd {
         }
     }
 
-    /// Sets bounds of the initial value; `t0` is the clock, if there is one.
+    /// Sets bounds of the initial value; `t0` is the clock, if there is one. Algebraic states that their equations
+    /// determine stay free.
     pub fn bound_initial(&self, b: &mut Bounds, lower: &[f64], upper: &[f64], t0: f64) {
         let x = self.l.x0;
         b.xl[x..x + lower.len()].copy_from_slice(lower);
         b.xu[x..x + upper.len()].copy_from_slice(upper);
+        if self.l.row_z0.is_some() {
+            for r in self.l.z.clone() {
+                b.xl[x + r] = f64::NEG_INFINITY;
+                b.xu[x + r] = f64::INFINITY;
+            }
+        }
         if let Some(c) = self.spec.dcs.clock() {
             b.xl[x + c] = t0;
             b.xu[x + c] = t0;
@@ -273,19 +278,17 @@ impl Mpcc for Fesd {
             if from[sides.clone()] == to[sides.clone()] {
                 continue;
             }
-            let mut first = 0;
-            for sub in self.spec.dcs.subsystems() {
-                let cells = first..first + sub.cells.len();
+            for cells in &self.spec.dcs.form().simplices {
                 let active = |c: usize| to[i_e * n + c] == Side::First;
                 let share = 1.0 / cells.clone().filter(|&c| active(c)).count().max(1) as f64;
-                for c in cells {
+                for c in cells.clone() {
                     for (&theta, &lambda) in e.theta.iter().zip(&e.lambda) {
                         w[theta + c] = if active(c) { share } else { 0.0 };
                         w[lambda + c] = if active(c) { 0.0 } else { w[lambda + c].max(0.1) };
                     }
                 }
-                first += sub.cells.len();
             }
+            e.theta.iter().for_each(|&theta| self.write_products(w, theta));
             self.write_sums(w, e);
         }
     }

@@ -35,6 +35,10 @@ impl Options {
             crate::settings::RkFamily::RadauIia => Family::RadauIia,
             crate::settings::RkFamily::GaussLegendre => Family::GaussLegendre,
             crate::settings::RkFamily::Explicit => Family::Explicit,
+            crate::settings::RkFamily::RadauIa => Family::RadauIa,
+            crate::settings::RkFamily::LobattoIiia => Family::LobattoIiia,
+            crate::settings::RkFamily::LobattoIiib => Family::LobattoIiib,
+            crate::settings::RkFamily::LobattoIiic => Family::LobattoIiic,
         };
         Ok(Options {
             family,
@@ -224,6 +228,8 @@ pub(super) struct ElementIndex {
     pub row_conv: Vec<usize>,
     pub row_alg: Vec<usize>,
     pub row_norm: Vec<usize>,
+    /// Weights that are products.
+    pub row_prod: Vec<usize>,
     pub row_end: Option<usize>,
     pub row_end_alg: usize,
     pub row_sum_theta: Option<usize>,
@@ -243,14 +249,20 @@ pub(super) struct ElementIndex {
 pub(super) struct Layout {
     pub nx: usize,
     pub nu: usize,
+    /// Algebraic states.
+    pub z: std::ops::Range<usize>,
+    /// Cells, and all weights: cells, then products.
     pub n_cells: usize,
-    pub n_sub: usize,
+    pub n_weights: usize,
+    pub n_mu: usize,
     pub n: usize,
     pub m: usize,
     pub x0: usize,
     pub mu0: usize,
     pub lambda0: Option<usize>,
     pub row_alg0: usize,
+    /// Residuals of the algebraic equations at `x0`, where they determine the algebraic states there.
+    pub row_z0: Option<usize>,
     /// Per stage: controls, or their rates where they are linear.
     pub u: Vec<usize>,
     /// Index among the states of every control that is one.
@@ -314,10 +326,20 @@ impl Layout {
                 is.then(|| nx - 1)
             })
             .collect();
-        let (n_cells, n_sub) = (spec.dcs.n_cells(), spec.dcs.subsystems().len());
+        let form = spec.dcs.form();
+        let (n_cells, n_weights, n_mu) = (form.n_cells, form.n_weights(), form.n_mu);
+        let (n_rows, n_norm, n_prod) = (form.rows.len(), form.simplices.len(), form.products.len());
+        let z = d.x - spec.dcs.n_algebraic()..d.x;
         // a model that does not switch is plain collocation on a fixed grid
         let fesd = o.discretisation == Discretisation::Fesd && n_cells > 0;
         let needs_end = !tableau.stiffly_accurate();
+        if needs_end && !z.is_empty() && tableau.a_inv.is_none() {
+            return Err(Error::Unsupported(
+                "algebraic equations need a method with an invertible matrix, or with its last stage at the end of the \
+                 element: use rk_family 'radau_iia'"
+                    .into(),
+            ));
+        }
         let n_s = tableau.n_s;
         let eta = fesd && o.equilibration == StepEquilibration::EtaProduct;
         let sums = fesd && (o.cross == Cross::Element || eta);
@@ -329,21 +351,25 @@ impl Layout {
         let (mut mu0, mut lambda0, mut row_alg0) = (0, None, 0);
         if fesd {
             lambda0 = Some(var.take(n_cells));
-            mu0 = var.take(n_sub);
-            row_alg0 = row.take(n_cells);
+            mu0 = var.take(n_mu);
+            row_alg0 = row.take(n_rows);
         }
+        let row_z0 = spec.dcs.determines_algebraic().then(|| row.take(z.len()));
         let (mut x_prev, mut lambda_prev) = (x0, lambda0);
         let mut l = Layout {
             nx,
             nu,
+            z,
             n_cells,
-            n_sub,
+            n_weights,
+            n_mu,
             n: 0,
             m: 0,
             x0,
             mu0,
             lambda0,
             row_alg0,
+            row_z0,
             u: Vec::new(),
             linear,
             params,
@@ -384,12 +410,13 @@ impl Layout {
                         e.row_conv.push(row.take(nx));
                     }
                     e.x.push(var.take(nx));
-                    e.theta.push(var.take(n_cells));
+                    e.theta.push(var.take(n_weights));
                     e.lambda.push(var.take(n_cells));
-                    e.mu.push(var.take(n_sub));
+                    e.mu.push(var.take(n_mu));
                     e.row_dyn.push(row.take(nx));
-                    e.row_alg.push(row.take(n_cells));
-                    e.row_norm.push(row.take(n_sub));
+                    e.row_alg.push(row.take(n_rows));
+                    e.row_norm.push(row.take(n_norm));
+                    e.row_prod.push(row.take(n_prod));
                 }
                 if needs_end {
                     e.x_end = var.take(nx);
@@ -399,8 +426,8 @@ impl Layout {
                 }
                 if fesd && needs_end {
                     e.lambda_end = Some(var.take(n_cells));
-                    e.mu_end = var.take(n_sub);
-                    e.row_end_alg = row.take(n_cells);
+                    e.mu_end = var.take(n_mu);
+                    e.row_end_alg = row.take(n_rows);
                 }
                 if sums {
                     e.sum_lambda = var.take(n_cells);

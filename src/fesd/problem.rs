@@ -32,8 +32,11 @@ pub(super) struct Call {
 pub(super) struct ElementCalls {
     /// Per stage point, per drift.
     pub(super) drift: Vec<Vec<Call>>,
-    /// Per stage point, per subsystem.
+    /// Per stage point, per term.
     pub(super) modes: Vec<Vec<Call>>,
+    /// Per stage point, per inclusion.
+    pub(super) included: Vec<Vec<Call>>,
+    /// Per stage point, per source of indicators.
     pub(super) ind: Vec<Vec<Call>>,
     pub(super) ind_end: Vec<Call>,
     pub(super) lagrange: Vec<Call>,
@@ -76,6 +79,7 @@ pub struct Fesd {
     pub(super) constants: Vec<f64>,
     pub(super) ecalls: Vec<ElementCalls>,
     pub(super) ind_start: Vec<Call>,
+    pub(super) drift_start: Vec<Call>,
     pub(super) path: Vec<Call>,
     /// First path row of each path call.
     pub(super) path_rows: Vec<usize>,
@@ -106,27 +110,37 @@ impl Fesd {
         let tableau = Tableau::new(spec.options.family, spec.options.n_s)?;
         let l = Layout::new(&spec, &tableau)?;
         let mut b = Builder::new(&spec, &l);
-        let subsystems = spec.dcs.subsystems();
+        let form = spec.dcs.form();
         let mut ecalls = Vec::with_capacity(l.elements.len());
         let mut ind_start = Vec::new();
         if l.fesd {
             let at = b.point(l.x0, 0);
-            ind_start = subsystems.iter().map(|s| b.call(&s.indicators, at)).collect();
+            ind_start = form.sources.iter().map(|f| b.call(f, at)).collect();
+        }
+        let mut drift_start = Vec::new();
+        if l.row_z0.is_some() {
+            let at = b.point(l.x0, 0);
+            drift_start = spec.dcs.drifts().iter().map(|d| b.call(&d.f, at)).collect();
         }
         for e in &l.elements {
             let mut ec = ElementCalls::default();
-            for &x in &e.x {
+            for (&x, &theta) in e.x.iter().zip(&e.theta) {
                 let at = b.point(x, e.stage);
                 ec.drift.push(spec.dcs.drifts().iter().map(|d| b.call(&d.f, at)).collect());
-                ec.modes.push(subsystems.iter().map(|s| b.call(&s.modes, at)).collect());
-                ec.ind.push(subsystems.iter().map(|s| b.call(&s.indicators, at)).collect());
+                ec.modes.push(form.terms.iter().map(|t| b.call(&t.modes, at)).collect());
+                ec.ind.push(form.sources.iter().map(|f| b.call(f, at)).collect());
                 if let Some(f) = &spec.lagrange {
                     ec.lagrange.push(b.call(f, at));
                 }
+                let included = form.inclusions.iter().map(|i| {
+                    let at = b.point_with(x, i.alpha.iter().map(|a| theta + a), e.stage);
+                    b.call(&i.f, at)
+                });
+                ec.included.push(included.collect());
             }
             if e.lambda_end.is_some() {
                 let at = b.point(e.x_end, e.stage);
-                ec.ind_end = subsystems.iter().map(|s| b.call(&s.indicators, at)).collect();
+                ec.ind_end = form.sources.iter().map(|f| b.call(f, at)).collect();
             }
             ecalls.push(ec);
         }
@@ -169,6 +183,7 @@ impl Fesd {
             constants: vec![0.0; spec.n_stages() * n_params + 1],
             ecalls,
             ind_start,
+            drift_start,
             path,
             path_rows,
             terminal,
@@ -186,7 +201,7 @@ impl Fesd {
             jac_map: Vec::new(),
             hess: Pattern::empty(0, 0),
             hess_map: Vec::new(),
-            slope: slope_weights(&tableau.c),
+            slope: slope_weights(&tableau),
             params: vec![0.0; n_params],
             durations: vec![duration; spec.n_stages()],
             polishing: false,
@@ -404,14 +419,19 @@ impl Fesd {
         }
     }
 
-    pub(super) fn fill_multipliers(&self, w: &mut [f64], theta: usize, lambda: usize) {
-        let mut c0 = 0;
-        for s in self.spec.dcs.subsystems() {
-            let n = s.cells.len();
-            w[theta + c0..theta + c0 + n].fill(1.0 / n as f64);
-            c0 += n;
+    fn fill_multipliers(&self, w: &mut [f64], theta: usize, lambda: usize) {
+        for cells in &self.spec.dcs.form().simplices {
+            w[theta + cells.start..theta + cells.end].fill(1.0 / cells.len() as f64);
         }
-        w[lambda..lambda + c0].fill(LAMBDA_GUESS);
+        w[lambda..lambda + self.l.n_cells].fill(LAMBDA_GUESS);
+        self.write_products(w, theta);
+    }
+
+    /// Makes the weights that are products what they stand for.
+    pub(super) fn write_products(&self, w: &mut [f64], theta: usize) {
+        for (k, factors) in self.spec.dcs.form().products.iter().enumerate() {
+            w[theta + self.l.n_cells + k] = factors.iter().map(|f| w[theta + f]).product();
+        }
     }
 
     /// Makes the lifted sums what they stand for.
@@ -604,6 +624,15 @@ impl<'a> Builder<'a> {
     fn point(&mut self, x: usize, stage: usize) -> usize {
         let at = self.inputs.len();
         self.states(x);
+        self.others(x, stage);
+        at
+    }
+
+    /// The inputs of functions that see more variables behind the states.
+    fn point_with(&mut self, x: usize, more: impl Iterator<Item = usize>, stage: usize) -> usize {
+        let at = self.inputs.len();
+        self.states(x);
+        self.inputs.extend(more.map(|j| j as u32));
         self.others(x, stage);
         at
     }

@@ -74,11 +74,13 @@ impl Fesd {
                     w[to.v[n.stage] + r] = base[e.v[from.stage] + r];
                 }
             }
-            for c in 0..l.n_cells {
+            for c in 0..l.n_weights {
                 w[to.theta[n.stage] + c] = base[e.theta[from.stage] + c];
+            }
+            for c in 0..l.n_cells {
                 w[to.lambda[n.stage] + c] = base[e.lambda[from.stage] + c].max(0.0);
             }
-            for k in 0..l.n_sub {
+            for k in 0..l.n_mu {
                 w[to.mu[n.stage] + k] = base[e.mu[from.stage] + k];
             }
         }

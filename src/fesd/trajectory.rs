@@ -80,7 +80,9 @@ pub struct Switch {
 pub struct Trajectory {
     tableau: Tableau,
     nx: usize,
-    /// Number of modes per subsystem; subsystems with one mode are part of the smooth dynamics and not listed.
+    n_z: usize,
+    /// Number of modes per subsystem; subsystems with one mode are part of the smooth dynamics and not listed. Switching
+    /// functions of inclusions follow, with the two modes `ψ > 0` and `ψ < 0`.
     pub modes: Vec<usize>,
     /// The elements in the order of time.
     pub elements: Vec<Element>,
@@ -91,8 +93,14 @@ pub struct Trajectory {
 impl Trajectory {
     /// An empty one for a model.
     pub fn new(dcs: &Dcs, tableau: &Tableau) -> Trajectory {
-        let modes = dcs.subsystems().iter().map(|s| 1 + s.cells.iter().map(|c| c.mode).max().unwrap_or(0)).collect();
-        Trajectory { tableau: tableau.clone(), nx: dcs.dims().x, modes, elements: Vec::new(), switches: Vec::new() }
+        Trajectory {
+            tableau: tableau.clone(),
+            nx: dcs.dims().x,
+            n_z: dcs.n_algebraic(),
+            modes: dcs.form().reported.iter().map(Vec::len).collect(),
+            elements: Vec::new(),
+            switches: Vec::new(),
+        }
     }
 
     /// Times of the element boundaries, one more than elements.
@@ -133,8 +141,14 @@ impl Trajectory {
         let n_s = self.tableau.n_s;
         let mut w = [0.0; Tableau::MAX_STAGES];
         self.tableau.dense_weights(theta, &mut w[..n_s]);
-        for r in 0..self.nx {
+        for r in 0..self.nx - self.n_z {
             x[r] = e.x0[r] + (0..n_s).map(|j| w[j] * e.hk[j * self.nx + r]).sum::<f64>();
+        }
+        if self.n_z > 0 {
+            self.tableau.interpolation_weights(theta, &mut w[..n_s]);
+            for r in self.nx - self.n_z..self.nx {
+                x[r] = (0..n_s).map(|j| w[j] * e.xs[j * self.nx + r]).sum::<f64>();
+            }
         }
         Ok(())
     }
@@ -143,7 +157,7 @@ impl Trajectory {
     /// problem was polished and the larger of `λ` and `θ` otherwise.
     pub fn append(&mut self, p: &Fesd, w: &[f64], sides: Option<&[Side]>, t0: f64) {
         let l = p.layout();
-        let dcs = &p.spec().dcs;
+        let form = p.spec().dcs.form();
         let n_s = self.tableau.n_s;
         let lengths = p.stage_lengths(w);
         let equal = lengths.iter().all(|h| *h == lengths[0]);
@@ -167,7 +181,7 @@ impl Trajectory {
                 hk: Vec::new(),
                 theta: vec![0.0; n_s * n_modes],
                 lambda: ei.lambda.iter().flat_map(|&j| w[j..j + l.n_cells].to_vec()).collect(),
-                mu: ei.mu.iter().flat_map(|&j| w[j..j + l.n_sub].to_vec()).collect(),
+                mu: ei.mu.iter().flat_map(|&j| w[j..j + l.n_mu].to_vec()).collect(),
                 active: vec![false; n_modes],
                 active_cells: vec![false; l.n_cells],
             };
@@ -182,24 +196,20 @@ impl Trajectory {
             } else {
                 ei.v.iter().flat_map(|&v| w[v..v + self.nx].iter().map(move |d| h * d)).collect()
             };
-            let (mut cell, mut mode0) = (0, 0);
-            for (k, s) in dcs.subsystems().iter().enumerate() {
-                for c in &s.cells {
-                    let (mut lam, mut th) = (0.0, 0.0);
-                    for i in 0..n_s {
-                        e.theta[i * n_modes + mode0 + c.mode] += w[ei.theta[i] + cell];
-                        lam += w[ei.lambda[i] + cell];
-                        th += w[ei.theta[i] + cell];
+            for cell in 0..l.n_cells {
+                let sum = |at: &[usize]| at.iter().map(|&j| w[j + cell]).sum::<f64>();
+                e.active_cells[cell] = match sides {
+                    Some(s) if l.fesd => s[i_e * l.n_cells + cell] == Side::First,
+                    _ => sum(&ei.theta) > sum(&ei.lambda),
+                };
+            }
+            for (mode, weights) in form.reported.iter().flatten().enumerate() {
+                for &c in weights {
+                    for (i, &theta) in ei.theta.iter().enumerate() {
+                        e.theta[i * n_modes + mode] += w[theta + c];
                     }
-                    let by_value = th > lam;
-                    e.active_cells[cell] = match sides {
-                        Some(s) if l.fesd => s[i_e * l.n_cells + cell] == Side::First,
-                        _ => by_value,
-                    };
-                    e.active[mode0 + c.mode] |= e.active_cells[cell];
-                    cell += 1;
+                    e.active[mode] |= form.is_active(c, &e.active_cells);
                 }
-                mode0 += self.modes[k];
             }
             t += h;
             self.push(e);

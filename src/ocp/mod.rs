@@ -25,7 +25,7 @@ use std::time::Instant;
 
 use self::accuracy::Answer;
 use self::identify::Identifier;
-use crate::dcs::Dcs;
+use crate::dcs::{Dcs, FormOptions};
 use crate::error::{finite, Error, Result};
 use crate::event::Engine;
 use crate::fesd::{Exit, Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
@@ -275,7 +275,7 @@ impl Ocp {
             return Ok(0.0);
         }
         let clock = Instant::now();
-        let mut dcs = Dcs::stewart(&self.system)?;
+        let mut dcs = Dcs::new(&self.system, FormOptions::from_settings(&self.settings)?)?;
         let t_col = self.system.dims().t_col();
         let outer = self.lagrange.iter().chain(&self.mayer).chain(self.path.iter().map(|p| &p.f));
         if outer.chain(self.terminal.iter().map(|t| &t.f)).any(|f| !f.jac_pattern().rows(t_col).is_empty()) {

@@ -14,7 +14,7 @@ pub use arbiter::arbiter;
 
 use std::time::Instant;
 
-use crate::dcs::{is_ambiguous, Continuation, Dcs, PointEvaluator};
+use crate::dcs::{is_ambiguous, Continuation, Dcs, FormOptions, PointEvaluator};
 use crate::error::{finite, Error, Result};
 use crate::fesd::{Exit, Fesd, Options, Spec, Trajectory};
 use crate::func::Point;
@@ -91,9 +91,9 @@ impl Simulator {
     pub fn new(system: &System, settings: &Settings) -> Result<Simulator> {
         settings.validate()?;
         let d = system.dims();
-        let dcs = Dcs::stewart(system)?;
+        let dcs = Dcs::new(system, FormOptions::from_settings(settings)?)?;
         let options = Options::from_settings(settings)?;
-        if settings.n_fe < 2 && dcs.n_cells() > 0 && options.discretisation == Discretisation::Fesd {
+        if settings.n_fe < 2 && dcs.form().n_cells > 0 && options.discretisation == Discretisation::Fesd {
             return Err(Error::Range(
                 "n_fe = 1 leaves no element behind a switch: use at least 2 elements per step, or the discretisation \
                  'standard'"
@@ -346,22 +346,21 @@ impl Simulator {
         plans
     }
 
-    /// Solutions of (6.19) at a state, with candidates by the values of the indicators, or given.
+    /// Solutions of (6.19) at a state, with candidates by the values of the indicators, or given; their active sets are
+    /// those of the form.
     fn continuations(&mut self, x: &[f64], t: f64, candidates: Option<&[bool]>) -> Vec<Continuation> {
         let dcs = &self.problem.spec().dcs;
         let at = Point { t, x, u: &self.u, p: self.problem.params() };
-        if self.point.evaluate(dcs, &at).is_err() {
+        if !dcs.predicts() || self.point.evaluate(dcs, &at).is_err() {
             return Vec::new();
         }
-        let near;
         let candidates = match candidates {
-            Some(c) => c,
-            None => {
-                near = self.point.candidates(dcs, ON_SURFACE);
-                &near
-            }
+            Some(c) => dcs.to_regions(c),
+            None => self.point.candidates(dcs, ON_SURFACE),
         };
-        self.point.continuations(dcs, candidates)
+        let mut found = self.point.continuations(dcs, &candidates);
+        found.iter_mut().for_each(|c| c.active = dcs.from_regions(&c.active));
+        found
     }
 
     /// Solves the square equations for the active set `first` in all elements; where a sign fails, the next

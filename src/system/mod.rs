@@ -43,12 +43,27 @@ pub struct Subsystem {
     pub regions: Regions,
 }
 
+/// `f(x, α, u, p, t)` with `α_j ∈ γ(ψ_j(x))`, the set-valued step of a switching function (6.38): an inclusion of
+/// Aizerman and Pyatnitskii's kind.
+#[derive(Clone)]
+pub struct Inclusion {
+    /// States driven, one per output of `f`.
+    pub rows: Vec<usize>,
+    /// The function; its states are those of the system, then one `α` for every switching function.
+    pub f: SharedFunction,
+    /// Switching functions.
+    pub psi: SharedFunction,
+}
+
 /// A piecewise smooth system.
 #[derive(Clone)]
 pub struct System {
     dims: Dims,
     f0: Option<SharedFunction>,
     subsystems: Vec<Subsystem>,
+    inclusions: Vec<Inclusion>,
+    n_z: usize,
+    algebraic: Option<SharedFunction>,
 }
 
 impl System {
@@ -57,7 +72,14 @@ impl System {
         if nx == 0 {
             return Err(Error::Dimension("a system needs at least one state".into()));
         }
-        Ok(System { dims: Dims { x: nx, u: nu, p: np }, f0: None, subsystems: Vec::new() })
+        Ok(System {
+            dims: Dims { x: nx, u: nu, p: np },
+            f0: None,
+            subsystems: Vec::new(),
+            inclusions: Vec::new(),
+            n_z: 0,
+            algebraic: None,
+        })
     }
 
     /// Sizes of states, controls and parameters.
@@ -82,23 +104,93 @@ impl System {
         Ok(())
     }
 
+    /// The inclusions in the order they were added.
+    pub fn inclusions(&self) -> &[Inclusion] {
+        &self.inclusions
+    }
+
+    /// Number of algebraic states, the last of all.
+    pub fn n_algebraic(&self) -> usize {
+        self.n_z
+    }
+
+    /// The algebraic equations that are not part of `f0`.
+    pub fn algebraic(&self) -> Option<&SharedFunction> {
+        self.algebraic.as_ref()
+    }
+
+    /// Makes the last `n_z` states algebraic: what stands in their rows of the right-hand side, and the `n_z` outputs of
+    /// `g` where it is given, adds up to zero. Their initial values are guesses where the equations determine them.
+    pub fn set_algebraic(&mut self, n_z: usize, g: Option<SharedFunction>) -> Result<()> {
+        if n_z >= self.dims.x {
+            return Err(Error::Dimension(format!(
+                "{n_z} of {} states are algebraic: one at least must have a derivative",
+                self.dims.x
+            )));
+        }
+        if let Some(g) = &g {
+            self.check(g.as_ref(), n_z)?;
+        }
+        self.n_z = n_z;
+        self.algebraic = g;
+        Ok(())
+    }
+
+    /// Adds an inclusion and returns its index.
+    pub fn add_inclusion(&mut self, i: Inclusion) -> Result<usize> {
+        let k = self.inclusions.len();
+        self.check_rows(&format!("inclusion {k}"), &i.rows)?;
+        self.check(i.psi.as_ref(), i.psi.n_out())?;
+        let (given, own) = (i.f.dims(), self.dims);
+        let expected = Dims { x: own.x + i.psi.n_out(), ..own };
+        if given != expected {
+            return Err(Error::Dimension(format!(
+                "function '{}' takes (x, u, p) of sizes ({}, {}, {}), expected ({}, {}, {}): the states, then one \
+                 step for each of the {} switching functions",
+                i.f.name(),
+                given.x,
+                given.u,
+                given.p,
+                expected.x,
+                expected.u,
+                expected.p,
+                i.psi.n_out()
+            )));
+        }
+        if i.f.n_out() != i.rows.len() {
+            return Err(Error::Dimension(format!(
+                "function '{}' has {} outputs, expected {}",
+                i.f.name(),
+                i.f.n_out(),
+                i.rows.len()
+            )));
+        }
+        self.inclusions.push(i);
+        Ok(k)
+    }
+
+    fn check_rows(&self, what: &str, rows: &[usize]) -> Result<()> {
+        if rows.is_empty() {
+            return Err(Error::Dimension(format!("{what} drives no state: list the states its modes drive")));
+        }
+        for (i, &r) in rows.iter().enumerate() {
+            if r >= self.dims.x {
+                return Err(Error::Range(format!("{what} drives state {r}, but there are {}", self.dims.x)));
+            }
+            if rows[..i].contains(&r) {
+                return Err(Error::Range(format!("{what} lists state {r} twice")));
+            }
+        }
+        Ok(())
+    }
+
     /// Adds a subsystem and checks everything that can be checked without evaluating it. Returns its index.
     pub fn add_subsystem(&mut self, s: Subsystem) -> Result<usize> {
         let k = self.subsystems.len();
         if s.n_modes == 0 {
             return Err(Error::Dimension(format!("subsystem {k} has no modes")));
         }
-        if s.rows.is_empty() {
-            return Err(Error::Dimension(format!("subsystem {k} drives no state: list the states its modes drive")));
-        }
-        for (i, &r) in s.rows.iter().enumerate() {
-            if r >= self.dims.x {
-                return Err(Error::Range(format!("subsystem {k} drives state {r}, but there are {}", self.dims.x)));
-            }
-            if s.rows[..i].contains(&r) {
-                return Err(Error::Range(format!("subsystem {k} lists state {r} twice")));
-            }
-        }
+        self.check_rows(&format!("subsystem {k}"), &s.rows)?;
         self.check(s.modes.as_ref(), s.rows.len() * s.n_modes)?;
         match &s.regions {
             Regions::Indicators(g) => self.check(g.as_ref(), s.n_modes)?,
@@ -113,7 +205,7 @@ impl System {
 
     /// Is anything there to integrate?
     pub fn validate(&self) -> Result<()> {
-        if self.f0.is_none() && self.subsystems.is_empty() {
+        if self.f0.is_none() && self.subsystems.is_empty() && self.inclusions.is_empty() {
             return Err(Error::State("the system has no dynamics: set f0 or add a subsystem".into()));
         }
         Ok(())
