@@ -312,6 +312,14 @@ static void wrong_calls(void)
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_add_subsystem_indicators(system, ROWS, 2, modes, 2, psi, &index));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_set_f0(system, psi));
     CHECK_STATUS(SWB_ERR_NULL, swb_system_set_f0(system, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_add_inclusion(system, ROWS, 2, modes, psi, &index));
+    CHECK(strstr(swb_last_error(), "expected (3, 0, 0)") != NULL);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_inclusion(system, twice, 2, modes, psi, &index));
+    CHECK_STATUS(SWB_ERR_NULL, swb_system_add_inclusion(system, ROWS, 2, NULL, psi, &index));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_set_algebraic(system, 2, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_set_algebraic(system, -1, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_set_algebraic(system, 1, modes));
+    CHECK_OK(swb_system_set_algebraic(system, 0, NULL));
     CHECK(index == 44);
     CHECK_OK(swb_system_add_subsystem(system, ROWS, 2, modes, 2, psi, SIGNS, 2, &index));
     CHECK_OK(swb_system_sizes(system, NULL, NULL, NULL, &n));

@@ -75,6 +75,8 @@ pub enum Cross {
     Stage = 1,
     /// One pair for each pair of stage points and component.
     Full = 2,
+    /// One pair for each point and component, between the multiplier there and the sum of the weights over the element.
+    Point = 3,
 }
 
 /// Step equilibration during the homotopy (step_equilibration).
@@ -89,6 +91,10 @@ pub enum StepEquilibration {
     Difference = 2,
     /// Difference of neighbouring step sizes weighted by the switch indicator eta.
     EtaProduct = 3,
+    /// The same with the square of the indicator.
+    EtaSquared = 4,
+    /// Products of indicator and difference equal to zero.
+    EtaEquation = 5,
 }
 
 /// Polishing after the homotopy (polish).
@@ -244,8 +250,15 @@ value_names!(RkFamily {
 value_names!(DcsForm { Auto = "auto", Stewart = "stewart", Heaviside = "heaviside" });
 value_names!(Discretisation { Fesd = "fesd", Standard = "standard" });
 value_names!(StageForm { Auto = "auto", Values = "values", Derivatives = "derivatives" });
-value_names!(Cross { Element = "element", Stage = "stage", Full = "full" });
-value_names!(StepEquilibration { None = "none", Mean = "mean", Difference = "difference", EtaProduct = "eta_product" });
+value_names!(Cross { Element = "element", Stage = "stage", Full = "full", Point = "point" });
+value_names!(StepEquilibration {
+    None = "none",
+    Mean = "mean",
+    Difference = "difference",
+    EtaProduct = "eta_product",
+    EtaSquared = "eta_squared",
+    EtaEquation = "eta_equation",
+});
 value_names!(Polish { Off = "off", On = "on" });
 value_names!(Switch { Off = "off", On = "on" });
 value_names!(InitialGuess { Constant = "constant", Simulation = "simulation" });
@@ -1035,7 +1048,7 @@ mod tests {
             ("n_s", Value::Float(2.0), -6),
             ("n_s", Value::Text("two".into()), -6),
             ("n_s", Value::Text("2.5".into()), -6),
-            ("cross", Value::Int(3), -3),
+            ("cross", Value::Int(4), -3),
             ("cross", Value::Text("elemnt".into()), -6),
             ("max_time", Value::Text("nan".into()), -3),
             ("none_such", Value::Int(0), -6),

@@ -202,10 +202,15 @@ fn the_model_functions_are_right() {
 
 /// Every combination of the options for one family.
 fn all_options(family: RkFamily, n_s: i64, forms: &[StageForm]) {
-    use StepEquilibration::{Difference, EtaProduct, Mean, None};
+    // the forms of equilibration do not know the pairs but through the sums they share
+    let equilibrations = |cross| match cross {
+        Cross::Element => vec![None, Mean, Difference, EtaProduct, EtaSquared, EtaEquation],
+        _ => vec![Difference, EtaProduct],
+    };
+    use StepEquilibration::{Difference, EtaEquation, EtaProduct, EtaSquared, Mean, None};
     for &form in forms {
-        for cross in [Cross::Element, Cross::Stage, Cross::Full] {
-            for equilibration in [None, Mean, Difference, EtaProduct] {
+        for cross in [Cross::Element, Cross::Stage, Cross::Point, Cross::Full] {
+            for equilibration in equilibrations(cross) {
                 let mut set = settings(family, n_s, 2, FESD);
                 set.stage_form = form as i64;
                 set.cross = cross as i64;

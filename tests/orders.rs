@@ -3,12 +3,22 @@
 
 mod common;
 use common::*;
+use switchback::func::Dims;
+use switchback::settings::RkFamily::{LobattoIiia, LobattoIiib, LobattoIiic, RadauIa};
+use switchback::system::System;
 
 const T: f64 = std::f64::consts::FRAC_PI_2;
 
 fn error(set: &switchback::settings::Settings, n: usize) -> f64 {
     let (_, x) = simulate(&models::oscillator(), set, &models::OSCILLATOR_X0, T, n);
     distance(&x, &models::OSCILLATOR_XT)
+}
+
+/// Slopes of the errors at decreasing steps, those at the level of rounding left out.
+fn slope_above(points: &[(f64, f64)], floor: f64) -> f64 {
+    let kept: Vec<(f64, f64)> = points.iter().copied().filter(|p| p.1 > floor).collect();
+    assert!(kept.len() >= 2, "{points:?}");
+    slope(&kept)
 }
 
 fn slope(points: &[(f64, f64)]) -> f64 {
@@ -69,4 +79,189 @@ fn without_switch_detection_every_order_drops_to_one() {
         let s = slope(&points);
         assert!((0.7..1.3).contains(&s), "{family:?} {n_s}: slope {s}: {points:?}");
     }
+}
+
+#[test]
+fn radau_ia_and_lobatto_methods_have_their_orders() {
+    check_order(RadauIa, 2, 3.0, &[46, 101, 200]);
+    check_order(RadauIa, 3, 5.0, &[24, 46, 90]);
+    check_order(LobattoIiia, 2, 2.0, &[101, 200, 398]);
+    check_order(LobattoIiia, 3, 4.0, &[24, 46, 90]);
+    check_order(LobattoIiia, 4, 6.0, &[13, 24, 46]);
+    check_order(LobattoIiic, 3, 4.0, &[24, 46, 90]);
+    check_order(LobattoIiic, 4, 6.0, &[13, 24, 46]);
+}
+
+/// `y' = v`, `v' = −y (1 + y²)`.
+fn smooth_equation() -> System {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let mut s = System::new(2, 0, 0).unwrap();
+    let f0 = models::smooth(
+        "f0",
+        d,
+        2,
+        |at, o| {
+            o[0] = at.x[1];
+            o[1] = -at.x[0] * (1.0 + at.x[0] * at.x[0]);
+        },
+        &[(1, 0), (0, 1)],
+        |at, o| o.copy_from_slice(&[-1.0 - 3.0 * at.x[0] * at.x[0], 1.0]),
+        &[(0, 0)],
+        |at, w, o| o[0] = -6.0 * at.x[0] * w[1],
+    );
+    s.set_f0(f0).unwrap();
+    s
+}
+
+/// Table 3.1, ordinary differential equations. Lobatto IIIB is here only: behind a switch its stages at the ends of the
+/// element, of order `s − 2`, may lie on the wrong side.
+#[test]
+fn orders_without_switches() {
+    let solve = |set, n| simulate(&smooth_equation(), &set, &[1.0, 0.0], 1.0, n).1;
+    let exact = solve(settings(RadauIia, 5, 2, FESD), 60);
+    for (family, n_s, order) in [
+        (RadauIa, 2, 3.0),
+        (RadauIa, 3, 5.0),
+        (RadauIia, 3, 5.0),
+        (GaussLegendre, 2, 4.0),
+        (LobattoIiia, 3, 4.0),
+        (LobattoIiib, 3, 4.0),
+        (LobattoIiib, 4, 6.0),
+        (LobattoIiic, 2, 2.0),
+        (LobattoIiic, 4, 6.0),
+        (Explicit, 3, 3.0),
+    ] {
+        let points: Vec<(f64, f64)> = [6, 12, 24]
+            .iter()
+            .map(|&n| (1.0 / n as f64, distance(&solve(settings(family, n_s, 2, FESD), n), &exact)))
+            .collect();
+        let s = slope_above(&points, 1e-12);
+        assert!((s - order).abs() < 0.3, "{family:?} {n_s}: slope {s}, expected {order}: {points:?}");
+    }
+}
+
+/// `y' = v`, `v' = −y`, and algebraic `z` next to them.
+fn with_algebraic(index: usize) -> System {
+    let d = Dims { x: 3, u: 0, p: 0 };
+    let mut s = System::new(3, 0, 0).unwrap();
+    // z is of the size of the solution and enters the derivatives
+    if index == 1 {
+        // v' = −y − (z − y²)/2 with 0 = z − y²
+        let f0 = models::smooth(
+            "f0",
+            d,
+            3,
+            |at, o| {
+                o[0] = at.x[1];
+                o[1] = -at.x[0] - 0.5 * (at.x[2] - at.x[0] * at.x[0]) + 0.1 * at.x[2];
+            },
+            &[(1, 0), (0, 1), (1, 2)],
+            |at, o| o.copy_from_slice(&[-1.0 + at.x[0], 1.0, -0.4]),
+            &[(0, 0)],
+            |_, w, o| o[0] = w[1],
+        );
+        let g = models::smooth(
+            "g",
+            d,
+            1,
+            |at, o| o[0] = at.x[2] - at.x[0] * at.x[0],
+            &[(0, 0), (0, 2)],
+            |at, o| o.copy_from_slice(&[-2.0 * at.x[0], 1.0]),
+            &[(0, 0)],
+            |_, w, o| o[0] = -2.0 * w[0],
+        );
+        s.set_f0(f0).unwrap();
+        s.set_algebraic(1, Some(g)).unwrap();
+    } else {
+        // on the unit circle, pushed along it by 1 + y²/2 and held on it by z
+        let f0 = models::smooth(
+            "f0",
+            d,
+            3,
+            |at, o| {
+                let (y, v, z) = (at.x[0], at.x[1], at.x[2]);
+                let a = 1.0 + 0.5 * y * y;
+                o[0] = -a * v + y * (1.0 + v) + z * y;
+                o[1] = a * y + v * (1.0 + v) + z * v;
+                o[2] = 0.5 * (y * y + v * v - 1.0);
+            },
+            &[(0, 0), (1, 0), (2, 0), (0, 1), (1, 1), (2, 1), (0, 2), (1, 2)],
+            |at, o| {
+                let (y, v, z) = (at.x[0], at.x[1], at.x[2]);
+                let a = 1.0 + 0.5 * y * y;
+                let columns = [-y * v + 1.0 + v + z, a + y * y, y, -a + y, 1.0 + 2.0 * v + z, v, y, v];
+                o.copy_from_slice(&columns);
+            },
+            &[(0, 0), (0, 1), (1, 1), (0, 2), (1, 2)],
+            |at, w, o| {
+                let (y, v) = (at.x[0], at.x[1]);
+                o[0] = -v * w[0] + 3.0 * y * w[1] + w[2];
+                o[1] = w[0] * (1.0 - y);
+                o[2] = 2.0 * w[1] + w[2];
+                o[3] = w[0];
+                o[4] = w[1];
+            },
+        );
+        s.set_f0(f0).unwrap();
+        s.set_algebraic(1, None).unwrap();
+    }
+    s
+}
+
+/// Errors of `x` and of `z` at the end.
+fn dae_errors(index: usize, set: &switchback::settings::Settings, n: usize, exact: &[f64]) -> (f64, f64) {
+    // on the circle z = −(1 + v)
+    let x0 = if index == 1 { [1.0, 0.2, 1.0] } else { [1.0, 0.0, -1.0] };
+    let (_, x) = simulate(&with_algebraic(index), set, &x0, 1.0, n);
+    (distance(&x[..2], &exact[..2]), (x[2] - exact[2]).abs())
+}
+
+fn check_dae(index: usize, family: switchback::settings::RkFamily, n_s: i64, orders: (f64, f64), numbers: &[usize]) {
+    let fine = simulate(
+        &with_algebraic(index),
+        &settings(RadauIia, 5, 2, FESD),
+        if index == 1 { &[1.0, 0.2, 1.0] } else { &[1.0, 0.0, -1.0] },
+        1.0,
+        40,
+    );
+    // the algebraic state of the reference follows from the others
+    let (y, v) = (fine.1[0], fine.1[1]);
+    let exact = [y, v, if index == 1 { y * y } else { -1.0 - v }];
+    let set = settings(family, n_s, 2, FESD);
+    let e: Vec<(f64, (f64, f64))> =
+        numbers.iter().map(|&n| (1.0 / n as f64, dae_errors(index, &set, n, &exact))).collect();
+    let x: Vec<(f64, f64)> = e.iter().map(|p| (p.0, p.1 .0)).collect();
+    let z: Vec<(f64, f64)> = e.iter().map(|p| (p.0, p.1 .1)).collect();
+    let what = format!("index {index}, {family:?} {n_s}");
+    let (sx, sz) = (slope_above(&x, 2e-13), slope_above(&z, 2e-12));
+    assert!((sx - orders.0).abs() < 0.35, "{what}, x: slope {sx}, expected {}: {x:?}", orders.0);
+    assert!(sz - orders.1 > -0.35, "{what}, z: slope {sz}, expected {}: {z:?}", orders.1);
+    // with stages at the end z has exactly the order of the table; elsewhere, on an even grid, errors of steps may cancel
+    let ends = matches!(family, RadauIia | LobattoIiia | LobattoIiic);
+    assert!(!ends || sz - orders.1 < 0.35, "{what}, z: slope {sz}, expected {}: {z:?}", orders.1);
+}
+
+/// Table 3.1, equations of index one.
+#[test]
+fn orders_of_algebraic_equations_of_index_one() {
+    let n = &[4, 8, 16, 32];
+    check_dae(1, GaussLegendre, 2, (4.0, 3.0), n);
+    check_dae(1, GaussLegendre, 3, (6.0, 3.0), n);
+    check_dae(1, RadauIia, 2, (3.0, 3.0), n);
+    check_dae(1, RadauIia, 3, (5.0, 5.0), n);
+    check_dae(1, RadauIa, 2, (3.0, 2.0), n);
+    check_dae(1, RadauIa, 3, (5.0, 3.0), n);
+    check_dae(1, LobattoIiia, 3, (4.0, 4.0), n);
+    check_dae(1, LobattoIiic, 3, (4.0, 4.0), n);
+}
+
+/// Table 3.1, equations of index two.
+#[test]
+fn orders_of_algebraic_equations_of_index_two() {
+    let n = &[6, 12, 24, 48];
+    check_dae(2, RadauIia, 2, (3.0, 2.0), n);
+    check_dae(2, RadauIia, 3, (5.0, 3.0), n);
+    check_dae(2, LobattoIiic, 3, (4.0, 2.0), n);
+    check_dae(2, GaussLegendre, 3, (4.0, 2.0), n);
+    check_dae(2, RadauIa, 3, (3.0, 2.0), n);
 }

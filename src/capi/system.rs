@@ -6,7 +6,7 @@ use super::handle::{self, Object};
 use super::raw;
 use super::status::swb_status;
 use crate::error::{Error, Result};
-use crate::system::{Regions, Subsystem, System};
+use crate::system::{Inclusion, Regions, Subsystem, System};
 
 /// Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.
 pub struct swb_system(());
@@ -122,6 +122,54 @@ pub unsafe extern "C" fn swb_system_add_subsystem_indicators(
         add(system, (rows, n_rows), modes, n_modes, index, || {
             Ok(Regions::Indicators(shared(indicators, "indicators")?))
         })
+    })
+}
+
+/// Add an inclusion in the steps of switching functions: f(x, alpha, u, p, t) is added to the derivatives of some
+/// states, where alpha_j is 1 where psi_j > 0, 0 where psi_j < 0, and anything between where psi_j = 0. There are no
+/// modes: the discretisation takes such terms in the Heaviside form, and trajectories list every switching function as
+/// two modes, psi_j > 0 and psi_j < 0, behind the subsystems.
+///
+/// @param[in]  rows  [n_rows] the states driven
+/// @param[in]  f     n_rows outputs; it is made with as many states as the system has, plus one for each switching
+///                   function: x in front, alpha behind
+/// @param[in]  psi   switching functions, one output each
+/// @param[out] index number of the inclusion; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_add_inclusion(
+    system: *mut swb_system,
+    rows: *const i64,
+    n_rows: i64,
+    f: *const swb_function,
+    psi: *const swb_function,
+    index: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let inclusion = Inclusion { rows: rows_of(rows, n_rows)?, f: shared(f, "f")?, psi: shared(psi, "psi")? };
+        let k = handle::with_mut(system, |s| s.add_inclusion(inclusion))?;
+        raw::write_optional(index, k as i64);
+        Ok(())
+    })
+}
+
+/// Make the last n_z states algebraic: what f0 and modes add to their rows, and the outputs of g, adds up to zero
+/// instead of being a derivative. Functions see them among the states. Their initial values are guesses where the
+/// smooth equations determine them. Only the discretisation by finite elements takes such systems; the event-driven
+/// simulation refuses them.
+///
+/// @param[in] n_z fewer than nx; 0: none
+/// @param[in] g   n_z outputs; may be NULL if f0 and modes hold the equations
+/// @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_set_algebraic(
+    system: *mut swb_system,
+    n_z: i64,
+    g: *const swb_function,
+) -> swb_status {
+    guard(|| unsafe {
+        let g = if g.is_null() { None } else { Some(shared(g, "g")?) };
+        handle::with_mut(system, |s| s.set_algebraic(count(n_z, "n_z")?, g))
     })
 }
 

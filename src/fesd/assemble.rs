@@ -3,7 +3,7 @@
 //! One traversal writes every derivative entry; run once with a recorder it gives the pattern, run with the map of that
 //! pattern it fills the values, so the two cannot drift apart.
 
-use super::eta;
+use super::eta::{self, Shape};
 use super::layout::ElementIndex;
 use super::problem::{Call, ElementCalls, Fesd, Reference};
 use crate::tableau::{Family, Tableau};
@@ -120,7 +120,7 @@ impl Fesd {
         }
     }
 
-    pub(super) fn constraint_values(&self, w: &[f64], c: &mut [f64], f: &mut [f64]) {
+    pub(super) fn constraint_values(&self, w: &[f64], c: &mut [f64], f: &mut [f64], local: &mut [f64]) {
         let (l, t) = (&self.l, &self.tableau);
         let n_s = t.n_s;
         if let Some(lam) = l.lambda0 {
@@ -209,6 +209,10 @@ impl Fesd {
             }
         }
         for p in l.elements.windows(2) {
+            if let (Some(row), Some(shape)) = (p[1].row_eta, l.eta) {
+                self.load_eta(&p[0], &p[1], w, local);
+                c[row] = eta::value(shape, l.n_cells, local);
+            }
             if let Some(row) = p[1].row_equal {
                 c[row] = self.h_of(&p[1], w) - self.h_of(&p[0], w);
             }
@@ -247,8 +251,13 @@ impl Fesd {
 
     /// Neighbouring elements of one control stage with an η term between them.
     pub(super) fn eta_pairs(&self) -> impl Iterator<Item = (&ElementIndex, &ElementIndex)> {
-        let on = self.l.eta;
+        let on = self.l.eta.is_some();
         self.l.elements.windows(2).filter(move |p| on && p[1].n > 0).map(|p| (&p[0], &p[1]))
+    }
+
+    /// The shape of the η terms where they are penalties.
+    pub(super) fn eta_penalty(&self) -> Option<Shape> {
+        self.l.eta.filter(|s| *s != Shape::Equation)
     }
 
     pub(super) fn eta_weight(&self) -> f64 {
@@ -260,10 +269,11 @@ impl Fesd {
     }
 
     pub(super) fn eta_value(&self, w: &[f64], local: &mut [f64]) -> f64 {
+        let Some(shape) = self.eta_penalty() else { return 0.0 };
         let mut sum = 0.0;
         for (a, b) in self.eta_pairs() {
             self.load_eta(a, b, w, local);
-            sum += eta::value(self.l.n_cells, local);
+            sum += eta::value(shape, self.l.n_cells, local);
         }
         self.eta_weight() * sum
     }
@@ -293,7 +303,7 @@ impl Fesd {
     }
 
     /// Writes all Jacobian entries in a fixed order.
-    pub(super) fn jacobian_entries<S: Sink>(&self, w: &[f64], f: &mut [f64], s: &mut S) {
+    pub(super) fn jacobian_entries<S: Sink>(&self, w: &[f64], f: &mut [f64], local: &mut [f64], s: &mut S) {
         let (l, t) = (&self.l, &self.tableau);
         let n_s = t.n_s;
         if let Some(lam) = l.lambda0 {
@@ -432,6 +442,12 @@ impl Fesd {
             }
         }
         for p in l.elements.windows(2) {
+            if let (Some(row), Some(shape)) = (p[1].row_eta, l.eta) {
+                self.load_eta(&p[0], &p[1], w, local);
+                for k in 0..local.len() {
+                    s.add(row, self.eta_vars(&p[0], &p[1], k), eta::gradient(shape, l.n_cells, local, k));
+                }
+            }
             if let (Some(row), Some(a), Some(b)) = (p[1].row_equal, p[0].h, p[1].h) {
                 s.add(row, b, 1.0);
                 s.add(row, a, -1.0);
@@ -639,12 +655,13 @@ impl Fesd {
                 add_sym(s, a, b, -rho * f);
             }
         }
-        let weight = obj * self.eta_weight();
+        let Some(shape) = l.eta else { return };
         for (a, b) in self.eta_pairs() {
             self.load_eta(a, b, w, local);
+            let weight = b.row_eta.map_or(obj * self.eta_weight(), |r| y[r]);
             for k in 0..local.len() {
                 for j in 0..=k {
-                    let v = if weight == 0.0 { 0.0 } else { weight * eta::hessian(l.n_cells, local, j, k) };
+                    let v = if weight == 0.0 { 0.0 } else { weight * eta::hessian(shape, l.n_cells, local, j, k) };
                     add_sym(s, self.eta_vars(a, b, j), self.eta_vars(a, b, k), v);
                 }
             }

@@ -332,6 +332,9 @@ impl Mpcc for Fesd {
                     }
                 }
             }
+            if let Some(row) = e.row_eta {
+                (b.cl[row], b.cu[row]) = (f64::NEG_INFINITY, f64::INFINITY);
+            }
             if i_e == 0 {
                 continue;
             }

@@ -1,10 +1,39 @@
-//! The step equilibration term `η (h_1 − h_0)²` with the indicator of (7.10), `η = Π_i (λ^B_i λ^F_i + θ^B_i θ^F_i)`.
+//! Step equilibration with the indicator of (7.10), `η = Π_i (λ^B_i λ^F_i + θ^B_i θ^F_i)`, zero where something switches.
 //!
 //! The thesis asks for `η (h_1 − h_0) = 0`. Such rows have no multipliers in the limit (their gradients vanish at a
-//! switch), and an interior-point method creeps on them; as a penalty the term has the same zeros, is zero at
-//! exact solutions whatever its weight, and leaves exactness to the branch problem.
+//! switch), and an interior-point method creeps on them; as penalties `η (h_1 − h_0)²` and `η² (h_1 − h_0)²` have the same
+//! zeros, are zero at exact solutions whatever their weight, and leave exactness to the branch problem.
 //!
 //! Local variables, in this order: `λ^B`, `λ^F`, `θ^B`, `θ^F` (`n` each), `h_0`, `h_1`.
+
+/// What is made of the indicator and the difference `d` of the steps.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Shape {
+    /// `η d²`.
+    Product,
+    /// `η² d²`.
+    Squared,
+    /// `η d`.
+    Equation,
+}
+
+impl Shape {
+    /// The factor of the indicator and its derivatives.
+    fn of_eta(self, eta: f64) -> [f64; 3] {
+        match self {
+            Shape::Squared => [eta * eta, 2.0 * eta, 2.0],
+            Shape::Product | Shape::Equation => [eta, 1.0, 0.0],
+        }
+    }
+
+    /// The factor of the difference and its derivatives.
+    fn of_difference(self, d: f64) -> [f64; 3] {
+        match self {
+            Shape::Equation => [d, 1.0, 0.0],
+            Shape::Product | Shape::Squared => [d * d, 2.0 * d, 2.0],
+        }
+    }
+}
 
 /// Number of local variables for `n` components.
 pub(super) fn n_local(n: usize) -> usize {
@@ -26,39 +55,61 @@ fn partner(n: usize, j: usize) -> (usize, usize) {
     ((block ^ 1) * n + i, i)
 }
 
+/// Derivative of `η` with respect to local variable `j < 4n`.
+fn eta_j(n: usize, w: &[f64], j: usize) -> f64 {
+    let (p, i) = partner(n, j);
+    product(n, w, &[i]) * w[p]
+}
+
+/// Second derivative of `η` with respect to local variables `j ≤ k < 4n`.
+fn eta_jk(n: usize, w: &[f64], j: usize, k: usize) -> f64 {
+    let ((pj, i), (pk, l)) = (partner(n, j), partner(n, k));
+    match i == l {
+        true if pj == k => product(n, w, &[i]),
+        true => 0.0,
+        false => product(n, w, &[i, l]) * w[pj] * w[pk],
+    }
+}
+
+/// Derivative of the difference with respect to local variable `j ≥ 4n`.
+fn sign(n: usize, j: usize) -> f64 {
+    if j == 4 * n {
+        -1.0
+    } else {
+        1.0
+    }
+}
+
+fn factors(shape: Shape, n: usize, w: &[f64]) -> ([f64; 3], [f64; 3]) {
+    (shape.of_eta(product(n, w, &[])), shape.of_difference(w[4 * n + 1] - w[4 * n]))
+}
+
 /// Value of the term.
-pub(super) fn value(n: usize, w: &[f64]) -> f64 {
-    product(n, w, &[]) * (w[4 * n + 1] - w[4 * n]).powi(2)
+pub(super) fn value(shape: Shape, n: usize, w: &[f64]) -> f64 {
+    let (e, d) = factors(shape, n, w);
+    e[0] * d[0]
 }
 
 /// Derivative with respect to local variable `j`.
-pub(super) fn gradient(n: usize, w: &[f64], j: usize) -> f64 {
-    let dh = w[4 * n + 1] - w[4 * n];
+pub(super) fn gradient(shape: Shape, n: usize, w: &[f64], j: usize) -> f64 {
+    let (e, d) = factors(shape, n, w);
     if j >= 4 * n {
-        let g = 2.0 * product(n, w, &[]) * dh;
-        return if j == 4 * n { -g } else { g };
+        return e[0] * d[1] * sign(n, j);
     }
-    let (p, i) = partner(n, j);
-    product(n, w, &[i]) * w[p] * dh * dh
+    e[1] * eta_j(n, w, j) * d[0]
 }
 
 /// Second derivative with respect to local variables `j ≤ k`.
-pub(super) fn hessian(n: usize, w: &[f64], j: usize, k: usize) -> f64 {
-    let dh = w[4 * n + 1] - w[4 * n];
-    if j >= 4 * n {
-        let g = 2.0 * product(n, w, &[]);
-        return if j == k { g } else { -g };
+pub(super) fn hessian(shape: Shape, n: usize, w: &[f64], j: usize, k: usize) -> f64 {
+    let (e, d) = factors(shape, n, w);
+    match (j >= 4 * n, k >= 4 * n) {
+        (true, _) => e[0] * d[2] * sign(n, j) * sign(n, k),
+        (false, true) => e[1] * eta_j(n, w, j) * d[1] * sign(n, k),
+        (false, false) => {
+            let curved = e[2] * eta_j(n, w, j) * eta_j(n, w, k);
+            (curved + e[1] * eta_jk(n, w, j, k)) * d[0]
+        }
     }
-    let (pj, i) = partner(n, j);
-    if k >= 4 * n {
-        let g = 2.0 * product(n, w, &[i]) * w[pj] * dh;
-        return if k == 4 * n { -g } else { g };
-    }
-    let (pk, l) = partner(n, k);
-    if i == l {
-        return if pj == k { product(n, w, &[i]) * dh * dh } else { 0.0 };
-    }
-    product(n, w, &[i, l]) * w[pj] * w[pk] * dh * dh
 }
 
 #[cfg(test)]
@@ -68,21 +119,47 @@ mod tests {
     #[test]
     fn derivatives_agree_with_differences() {
         let n = 3;
-        let mut w: Vec<f64> = (0..n_local(n)).map(|k| 0.3 + 0.17 * k as f64 % 0.9).collect();
-        let e = 1e-6;
-        for j in 0..n_local(n) {
-            let g = gradient(n, &w, j);
-            let keep = w[j];
-            w[j] = keep + e;
-            let (vp, gp): (f64, Vec<f64>) = (value(n, &w), (0..n_local(n)).map(|k| gradient(n, &w, k)).collect());
-            w[j] = keep - e;
-            let (vm, gm): (f64, Vec<f64>) = (value(n, &w), (0..n_local(n)).map(|k| gradient(n, &w, k)).collect());
-            w[j] = keep;
-            assert!((g - (vp - vm) / (2.0 * e)).abs() < 1e-8, "{j}");
-            for k in j..n_local(n) {
-                let fd = (gp[k] - gm[k]) / (2.0 * e);
-                assert!((hessian(n, &w, j, k) - fd).abs() < 1e-8, "{j} {k}");
+        for shape in [Shape::Product, Shape::Squared, Shape::Equation] {
+            let mut w: Vec<f64> = (0..n_local(n)).map(|k| 0.3 + 0.17 * k as f64 % 0.9).collect();
+            let e = 1e-6;
+            let all = |w: &[f64]| -> (f64, Vec<f64>) {
+                (value(shape, n, w), (0..n_local(n)).map(|k| gradient(shape, n, w, k)).collect())
+            };
+            for j in 0..n_local(n) {
+                let g = gradient(shape, n, &w, j);
+                let keep = w[j];
+                w[j] = keep + e;
+                let (vp, gp) = all(&w);
+                w[j] = keep - e;
+                let (vm, gm) = all(&w);
+                w[j] = keep;
+                assert!((g - (vp - vm) / (2.0 * e)).abs() < 1e-8, "{shape:?} {j}");
+                for k in j..n_local(n) {
+                    let fd = (gp[k] - gm[k]) / (2.0 * e);
+                    assert!((hessian(shape, n, &w, j, k) - fd).abs() < 1e-8, "{shape:?} {j} {k}");
+                }
             }
+        }
+    }
+
+    /// Table 7.2: backward and forward sums of `(λ, θ)` of the two cells of a switching function, `ψ > 0` and `ψ < 0`.
+    #[test]
+    fn the_indicator_vanishes_exactly_where_something_switches() {
+        let below = [(0.0, 1.0), (1.0, 0.0)].map(|(theta, lambda)| (lambda, theta));
+        let above = [below[1], below[0]];
+        let sliding = [(0.0, 0.4), (0.0, 0.6)];
+        let eta = |b: [(f64, f64); 2], f: [(f64, f64); 2]| {
+            let w = [b[0].0, b[1].0, f[0].0, f[1].0, b[0].1, b[1].1, f[0].1, f[1].1];
+            product(2, &w, &[])
+        };
+        for (name, before, after, switches) in [
+            ("no switch", below, below, false),
+            ("no switch while sliding", sliding, sliding, false),
+            ("crossing", below, above, true),
+            ("entering", below, sliding, true),
+            ("leaving", sliding, above, true),
+        ] {
+            assert_eq!(eta(before, after) == 0.0, switches, "{name}");
         }
     }
 }

@@ -1,5 +1,6 @@
 //! Variables and rows of the discretised problem, numbered in the order of time.
 
+use super::eta::Shape;
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::settings::{Cross, Discretisation, Settings, StageForm, StepEquilibration};
@@ -240,6 +241,8 @@ pub(super) struct ElementIndex {
     pub row_tied: Option<usize>,
     /// Two rows: `h − (1 ∓ γ) T_k / n_fe`, where `T_k` is a variable.
     pub row_range: Option<usize>,
+    /// `η (h_n − h_{n−1})`, where that is an equation; free in the polish.
+    pub row_eta: Option<usize>,
     /// Slopes of `λ` at the start, for modes that leave there; free until the polish.
     pub row_slope: Option<usize>,
 }
@@ -286,8 +289,8 @@ pub(super) struct Layout {
     pub fesd: bool,
     /// Lifted sums exist.
     pub sums: bool,
-    /// Terms `η (h_n − h_{n−1})²` exist.
-    pub eta: bool,
+    /// The shape of the terms with `η`, where there are any.
+    pub eta: Option<Shape>,
 }
 
 #[derive(Default)]
@@ -341,8 +344,14 @@ impl Layout {
             ));
         }
         let n_s = tableau.n_s;
-        let eta = fesd && o.equilibration == StepEquilibration::EtaProduct;
-        let sums = fesd && (o.cross == Cross::Element || eta);
+        let eta = match o.equilibration {
+            StepEquilibration::EtaProduct => Some(Shape::Product),
+            StepEquilibration::EtaSquared => Some(Shape::Squared),
+            StepEquilibration::EtaEquation => Some(Shape::Equation),
+            _ => None,
+        };
+        let eta = eta.filter(|_| fesd);
+        let sums = fesd && (matches!(o.cross, Cross::Element | Cross::Point) || eta.is_some());
         let (mut var, mut row) = (Counter::default(), Counter::default());
         let params: Vec<Option<usize>> =
             (0..d.p).map(|j| spec.free_params.get(j).copied().unwrap_or(false).then(|| var.take(1))).collect();
@@ -444,6 +453,9 @@ impl Layout {
                 if fesd && n > 0 {
                     e.row_equal = Some(row.take(1));
                 }
+                if n > 0 && eta == Some(Shape::Equation) {
+                    e.row_eta = Some(row.take(1));
+                }
                 if fesd && (n > 0 || k > 0) {
                     e.row_slope = Some(row.take(n_cells));
                 }
@@ -498,6 +510,12 @@ impl Layout {
                     for i in 0..n_s {
                         // with the lifted sum of λ already there for (7.10) this is the same variable
                         self.pairs.push((e.sum_lambda + c, e.theta[i] + c));
+                        self.groups.push(base + c);
+                    }
+                }
+                Cross::Point => {
+                    for &lam in e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end) {
+                        self.pairs.push((lam + c, e.sum_theta + c));
                         self.groups.push(base + c);
                     }
                 }

@@ -216,7 +216,7 @@ impl Fesd {
         let w = vec![1.0; f.l.n];
         let mut rec = Recorder::default();
         let mut scratch = std::mem::take(&mut f.scratch);
-        f.jacobian_entries(&w, &mut scratch.f, &mut rec);
+        f.jacobian_entries(&w, &mut scratch.f, &mut scratch.local, &mut rec);
         let (p, map) = Pattern::from_triplets(f.l.m, f.l.n, &rec.rows, &rec.cols);
         f.jac = p;
         f.jac_map = map.into_iter().map(|k| k as u32).collect();
@@ -693,7 +693,7 @@ impl Nlp for Fesd {
     fn eval(&mut self, w: &[f64], c: &mut [f64]) -> std::result::Result<f64, EvalError> {
         self.evaluate_values(w)?;
         let mut scratch = std::mem::take(&mut self.scratch);
-        self.constraint_values(w, c, &mut scratch.f);
+        self.constraint_values(w, c, &mut scratch.f, &mut scratch.local);
         let eta = self.eta_value(w, &mut scratch.local);
         self.scratch = scratch;
         let rho = self.soft_weight();
@@ -735,14 +735,17 @@ impl Nlp for Fesd {
         jac.fill(0.0);
         let map = std::mem::take(&mut self.jac_map);
         let mut scratch = std::mem::take(&mut self.scratch);
-        let weight = self.eta_weight();
-        for (a, b) in self.eta_pairs() {
-            self.load_eta(a, b, w, &mut scratch.local);
-            for k in 0..scratch.local.len() {
-                grad[self.eta_vars(a, b, k)] += weight * eta::gradient(self.l.n_cells, &scratch.local, k);
+        if let Some(shape) = self.eta_penalty() {
+            let weight = self.eta_weight();
+            for (a, b) in self.eta_pairs() {
+                self.load_eta(a, b, w, &mut scratch.local);
+                for k in 0..scratch.local.len() {
+                    grad[self.eta_vars(a, b, k)] += weight * eta::gradient(shape, self.l.n_cells, &scratch.local, k);
+                }
             }
         }
-        self.jacobian_entries(w, &mut scratch.f, &mut Writer { map: &map, k: 0, values: jac });
+        let mut writer = Writer { map: &map, k: 0, values: jac };
+        self.jacobian_entries(w, &mut scratch.f, &mut scratch.local, &mut writer);
         self.jac_map = map;
         self.scratch = scratch;
         Ok(())

@@ -7,6 +7,7 @@ mod oscillator;
 mod relaxations;
 mod sim;
 mod sliding_ocp;
+mod step_equilibration;
 mod switching;
 mod tutorial_ocp;
 
@@ -28,6 +29,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("switching", switching::run),
     ("tutorial-ocp", tutorial_ocp::run),
     ("sliding-ocp", sliding_ocp::run),
+    ("step-equilibration", step_equilibration::run),
     ("mpcc-textbook", mpcc_textbook::run),
     ("linalg", linalg::run),
     ("model-eval", model_eval::run),

@@ -113,6 +113,30 @@ class System(Handle):
         self._do("add_subsystem_indicators", address(chosen), len(chosen), f, count, g, ctypes.byref(number))
         return self._added(number, f, g)
 
+    def add_inclusion(self, f: Any, psi: Any, n_psi: int = 1, rows: Sequence[int] | None = None) -> int:
+        """Add f(x, alpha, u, p, t) to the derivatives of the states `rows`, where alpha is the set-valued step of the
+        `n_psi` switching functions psi.
+
+        The function sees x and alpha as one array of nx + n_psi states. Returns the number of the inclusion.
+        """
+        chosen, count = self._rows(rows), index(n_psi, "n_psi")
+        c = self._function(psi, count, "psi")
+        g = Function._of(f, (self.nx + count, self.nu, self.np), len(chosen), "f")
+        number = ctypes.c_int64()
+        self._do("add_inclusion", address(chosen), len(chosen), g, c, ctypes.byref(number))
+        self._functions += (g, c)
+        return number.value
+
+    def set_algebraic(self, n_z: int, g: Any = None) -> None:
+        """Make the last `n_z` states algebraic: what f0 and modes add to their rows, and g, adds up to zero.
+
+        Their initial values are guesses where the smooth equations determine them."""
+        count = index(n_z, "n_z")
+        f = None if g is None else self._function(g, count, "g")
+        self._do("set_algebraic", count, f)
+        if f is not None:
+            self._functions.append(f)
+
     def _added(self, number: ctypes.c_int64, *functions: Function) -> int:
         self._functions += functions
         self.n_subsystems += 1
