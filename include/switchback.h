@@ -133,12 +133,57 @@ enum swb_rk_family
      * Explicit methods, for modes that are not stiff.
      */
     SWB_RK_FAMILY_EXPLICIT = 2,
+    /**
+     * Radau IA: order 2 n_s - 1, a stage near the start instead of the end.
+     */
+    SWB_RK_FAMILY_RADAU_IA = 3,
+    /**
+     * Lobatto IIIA: order 2 n_s - 2, stages at both ends; not for sliding modes.
+     */
+    SWB_RK_FAMILY_LOBATTO_IIIA = 4,
+    /**
+     * Lobatto IIIB: order 2 n_s - 2; not for sliding modes.
+     */
+    SWB_RK_FAMILY_LOBATTO_IIIB = 5,
+    /**
+     * Lobatto IIIC: order 2 n_s - 2, stiffly accurate.
+     */
+    SWB_RK_FAMILY_LOBATTO_IIIC = 6,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
 typedef enum swb_rk_family swb_rk_family;
 #else
 typedef int64_t swb_rk_family;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Complementarity form of what switches (dcs_form).
+ */
+enum swb_dcs_form
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Subsystem by subsystem: Stewart's, unless the Heaviside form has fewer pairs and no more variables.
+     */
+    SWB_DCS_FORM_AUTO = 0,
+    /**
+     * One pair for each region.
+     */
+    SWB_DCS_FORM_STEWART = 1,
+    /**
+     * Two pairs for each switching function; subsystems given by indicators stay in Stewart's form.
+     */
+    SWB_DCS_FORM_HEAVISIDE = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_dcs_form swb_dcs_form;
+#else
+typedef int64_t swb_dcs_form;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
@@ -216,6 +261,10 @@ enum swb_cross
      * One pair for each pair of stage points and component.
      */
     SWB_CROSS_FULL = 2,
+    /**
+     * One pair for each point and component, between the multiplier there and the sum of the weights over the element.
+     */
+    SWB_CROSS_POINT = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -249,6 +298,14 @@ enum swb_step_equilibration
      * Difference of neighbouring step sizes weighted by the switch indicator eta.
      */
     SWB_STEP_EQUILIBRATION_ETA_PRODUCT = 3,
+    /**
+     * The same with the square of the indicator.
+     */
+    SWB_STEP_EQUILIBRATION_ETA_SQUARED = 4,
+    /**
+     * Products of indicator and difference equal to zero.
+     */
+    SWB_STEP_EQUILIBRATION_ETA_EQUATION = 5,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -1307,6 +1364,14 @@ typedef struct swb_settings {
      * Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
      */
     int64_t mode_search;
+    /**
+     * Complementarity form of what switches (enum dcs_form).
+     */
+    int64_t dcs_form;
+    /**
+     * Factors at most in the products of the Heaviside form before they are lifted.
+     */
+    int64_t lift_depth;
 } swb_settings;
 
 /**
@@ -2413,6 +2478,42 @@ swb_status swb_system_add_subsystem_indicators(struct swb_system *system,
                                                int64_t n_modes,
                                                const struct swb_function *indicators,
                                                int64_t *index);
+
+/**
+ * Add an inclusion in the steps of switching functions: f(x, alpha, u, p, t) is added to the derivatives of some
+ * states, where alpha_j is 1 where psi_j > 0, 0 where psi_j < 0, and anything between where psi_j = 0. There are no
+ * modes: the discretisation takes such terms in the Heaviside form, and trajectories list every switching function as
+ * two modes, psi_j > 0 and psi_j < 0, behind the subsystems.
+ *
+ * @param[in]  rows  [n_rows] the states driven
+ * @param[in]  f     n_rows outputs; it is made with as many states as the system has, plus one for each switching
+ *                   function: x in front, alpha behind
+ * @param[in]  psi   switching functions, one output each
+ * @param[out] index number of the inclusion; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat
+ */
+SWB_API
+swb_status swb_system_add_inclusion(struct swb_system *system,
+                                    const int64_t *rows,
+                                    int64_t n_rows,
+                                    const struct swb_function *f,
+                                    const struct swb_function *psi,
+                                    int64_t *index);
+
+/**
+ * Make the last n_z states algebraic: what f0 and modes add to their rows, and the outputs of g, adds up to zero
+ * instead of being a derivative. Functions see them among the states. Their initial values are guesses where the
+ * smooth equations determine them. Only the discretisation by finite elements takes such systems; the event-driven
+ * simulation refuses them.
+ *
+ * @param[in] n_z fewer than nx; 0: none
+ * @param[in] g   n_z outputs; may be NULL if f0 and modes hold the equations
+ * @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit
+ */
+SWB_API
+swb_status swb_system_set_algebraic(struct swb_system *system,
+                                    int64_t n_z,
+                                    const struct swb_function *g);
 
 /**
  * Sizes of a system. Any output may be NULL.

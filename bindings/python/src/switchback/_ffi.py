@@ -41,6 +41,18 @@ class RkFamily(Names):
     RADAU_IIA = 0
     GAUSS_LEGENDRE = 1
     EXPLICIT = 2
+    RADAU_IA = 3
+    LOBATTO_IIIA = 4
+    LOBATTO_IIIB = 5
+    LOBATTO_IIIC = 6
+
+
+class DcsForm(Names):
+    """enum swb_dcs_form"""
+
+    AUTO = 0
+    STEWART = 1
+    HEAVISIDE = 2
 
 
 class Discretisation(Names):
@@ -64,6 +76,7 @@ class Cross(Names):
     ELEMENT = 0
     STAGE = 1
     FULL = 2
+    POINT = 3
 
 
 class StepEquilibration(Names):
@@ -73,6 +86,8 @@ class StepEquilibration(Names):
     MEAN = 1
     DIFFERENCE = 2
     ETA_PRODUCT = 3
+    ETA_SQUARED = 4
+    ETA_EQUATION = 5
 
 
 class Polish(Names):
@@ -351,6 +366,8 @@ class swb_settings(Structure):
         ("accuracy", c_int64),
         ("accuracy_tol", c_double),
         ("mode_search", c_int64),
+        ("dcs_form", c_int64),
+        ("lift_depth", c_int64),
     ]
 
 
@@ -557,6 +574,8 @@ FUNCTIONS = {
     "swb_system_set_f0": (c_int32, [c_void_p, c_void_p]),
     "swb_system_add_subsystem": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_system_add_subsystem_indicators": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p]),
+    "swb_system_add_inclusion": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_void_p]),
+    "swb_system_set_algebraic": (c_int32, [c_void_p, c_int64, c_void_p]),
     "swb_system_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_system_free": (None, [c_void_p]),
     "swb_expr_create": (c_int32, [c_void_p]),
