@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::expr::{Dag, ExprFunction, SavedGraph, Signature};
 use crate::func::{Dims, Function};
 use crate::settings::{Settings, Value, OPTIONS};
-use crate::system::{Regions, SharedFunction, Subsystem, System};
+use crate::system::{Inclusion, Regions, SharedFunction, Subsystem, System};
 
 /// Inputs, modes and steps a document may ask for.
 pub(super) const MAX_SIZE: usize = 1 << 20;
@@ -135,6 +135,20 @@ pub(super) struct SavedSystem {
     f0: Option<SavedFunction>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     subsystems: Vec<SavedSubsystem>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    inclusions: Vec<SavedInclusion>,
+    #[serde(default, skip_serializing_if = "is_zero")]
+    algebraic: usize,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    algebraic_equations: Option<SavedFunction>,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedInclusion {
+    rows: Vec<usize>,
+    f: SavedFunction,
+    psi: SavedFunction,
 }
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -169,12 +183,19 @@ impl SavedSystem {
                 },
             })
         };
+        let inclusion = |i: &Inclusion| -> Result<SavedInclusion> {
+            let (f, psi) = (SavedFunction::new(&i.f)?, SavedFunction::new(&i.psi)?);
+            Ok(SavedInclusion { rows: i.rows.clone(), f, psi })
+        };
         Ok(SavedSystem {
             states: d.x,
             controls: d.u,
             parameters: d.p,
             f0: system.f0().map(SavedFunction::new).transpose()?,
             subsystems: system.subsystems().iter().map(subsystem).collect::<Result<_>>()?,
+            inclusions: system.inclusions().iter().map(inclusion).collect::<Result<_>>()?,
+            algebraic: system.n_algebraic(),
+            algebraic_equations: system.algebraic().map(SavedFunction::new).transpose()?,
         })
     }
 
@@ -195,6 +216,12 @@ impl SavedSystem {
             let modes = s.modes.restore(supplied)?;
             system.add_subsystem(Subsystem { rows: s.rows.clone(), modes, n_modes: s.n_modes, regions })?;
         }
+        for i in &self.inclusions {
+            let (f, psi) = (i.f.restore(supplied)?, i.psi.restore(supplied)?);
+            system.add_inclusion(Inclusion { rows: i.rows.clone(), f, psi })?;
+        }
+        let equations = self.algebraic_equations.as_ref().map(|g| g.restore(supplied)).transpose()?;
+        system.set_algebraic(self.algebraic, equations)?;
         Ok(system)
     }
 }

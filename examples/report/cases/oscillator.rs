@@ -16,7 +16,8 @@ const FAMILIES: [RkFamily; 3] = [RkFamily::RadauIia, RkFamily::GaussLegendre, Rk
 
 fn order(family: RkFamily, n_s: usize) -> usize {
     match family {
-        RkFamily::RadauIia => 2 * n_s - 1,
+        RkFamily::RadauIia | RkFamily::RadauIa => 2 * n_s - 1,
+        RkFamily::LobattoIiia | RkFamily::LobattoIiib | RkFamily::LobattoIiic => 2 * n_s - 2,
         RkFamily::GaussLegendre => 2 * n_s,
         RkFamily::Explicit => n_s,
     }
