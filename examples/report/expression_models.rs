@@ -74,6 +74,22 @@ pub fn stick_slip() -> Built {
     built("stick-slip", &g, 0, &[v, friction - x])
 }
 
+/// Two links with dry friction in both joints, under gravity: `M(q) q'' + c(q, q') + g(q) + 0.2 sign q' = 0`.
+pub fn arm() -> Built {
+    let g = Graph::new();
+    let [q1, q2, w1, w2] = [g.x(0), g.x(1), g.x(2), g.x(3)];
+    let (b, d) = (0.5 * q2.cos(), g.constant(0.4));
+    let mass = [1.2 + 2.0 * b, d + b, d + b, d];
+    let swirl = 0.5 * q2.sin();
+    let weight = [6.0 * q1.sin() + 2.0 * (q1 + q2).sin(), 2.0 * (q1 + q2).sin()];
+    let force = [
+        swirl * (2.0 * w1 * w2 + w2 * w2) - weight[0] - 0.2 * w1.sign(),
+        -swirl * w1 * w1 - weight[1] - 0.2 * w2.sign(),
+    ];
+    let acceleration = g.solve(&mass, &force).expect("two rows");
+    built("arm", &g, 0, &[w1, w2, acceleration[0], acceleration[1]])
+}
+
 /// Cost rate of `models::sliding_ocp`.
 pub fn sliding_cost() -> switchback::system::SharedFunction {
     let g = Graph::new();

@@ -1,11 +1,13 @@
 //! Measures speed against error on the standard problems.
 //!
-//! `cargo run --release --example report -- CASE [--json] [--plot DIR] [--problems DIR]`, `CASE` one of
-//! [`cases::ALL`] or `all`. Prints a table; with `--json` one object per line and nothing else on standard output.
+//! `cargo run --release --example report -- CASE [--json] [--plot DIR] [--problems DIR] [--casadi DIR]`, `CASE` one
+//! of [`cases::ALL`] or `all`. Prints a table; with `--json` one object per line and nothing else on standard output.
 //! `replay FILE` solves what a document holds and prints what happened.
-//! `--problems` names a folder of recorded problems for the cases that can use one.
+//! `--problems` names a folder of recorded problems for the cases that can use one, `--casadi` a folder that
+//! `bindings/python/benchmarks/model_eval.py` wrote.
 
 mod cases;
+mod compiled;
 mod expression_models;
 mod fast_oscillator;
 mod json;
@@ -22,6 +24,7 @@ pub struct Context {
     json: bool,
     plot: Option<PathBuf>,
     problems: PathBuf,
+    casadi: Option<PathBuf>,
 }
 
 impl Context {
@@ -48,12 +51,16 @@ impl Context {
 
 fn usage(problem: &str) -> ! {
     let names: Vec<&str> = cases::ALL.iter().map(|c| c.0).collect();
-    eprintln!("{problem}\nusage: report CASE [--json] [--plot DIR] [--problems DIR]\n       report replay FILE\ncases: {}, all", names.join(", "));
+    eprintln!(
+        "{problem}\nusage: report CASE [--json] [--plot DIR] [--problems DIR] [--casadi DIR]\n       report replay FILE\n\
+         cases: {}, all",
+        names.join(", ")
+    );
     std::process::exit(2)
 }
 
 fn main() {
-    let mut context = Context { json: false, plot: None, problems: "../shared/mpcc".into() };
+    let mut context = Context { json: false, plot: None, problems: "../shared/mpcc".into(), casadi: None };
     let mut case = None;
     let mut args = std::env::args().skip(1);
     while let Some(a) = args.next() {
@@ -66,6 +73,10 @@ fn main() {
             "--problems" => match args.next() {
                 Some(dir) => context.problems = dir.into(),
                 None => usage("--problems needs a directory"),
+            },
+            "--casadi" => match args.next() {
+                Some(dir) => context.casadi = Some(dir.into()),
+                None => usage("--casadi needs a directory"),
             },
             _ if a.starts_with('-') => usage(&format!("unknown option '{a}'")),
             "replay" if case.is_none() => {
