@@ -214,77 +214,203 @@ fn blocks(n: usize, zero: impl Fn(usize, usize) -> bool) -> Option<Vec<(Vec<usiz
     Some(out)
 }
 
-/// `A = P L U` in place. Entry `(i, j)` is `w[at + (i + n j) S]`, the `n` pivot rows follow the matrix.
+/// `A = P L U` in place: `a[i + n j]`, the `n` pivot rows follow the matrix.
 ///
 /// False for a matrix that is singular or not finite.
-pub(super) fn factor<const S: usize>(n: usize, w: &mut [f64], at: usize) -> bool {
-    let a = |i: usize, j: usize| at + (i + n * j) * S;
+pub(super) fn factor(n: usize, a: &mut [f64]) -> bool {
+    // Small sizes are unrolled.
+    match n {
+        2 => factor_sized(2, a),
+        3 => factor_sized(3, a),
+        4 => factor_sized(4, a),
+        _ => factor_sized(n, a),
+    }
+}
+
+#[inline(always)]
+fn factor_sized(n: usize, a: &mut [f64]) -> bool {
+    let (a, pivots) = a[..n * n + n].split_at_mut(n * n);
     for k in 0..n {
         let mut p = k;
         for i in k + 1..n {
-            if w[a(i, k)].abs() > w[a(p, k)].abs() {
+            if a[i + n * k].abs() > a[p + n * k].abs() {
                 p = i;
             }
         }
-        w[a(k, n)] = p as f64;
-        let pivot = w[a(p, k)];
+        pivots[k] = p as f64;
+        let pivot = a[p + n * k];
         if pivot == 0.0 || !pivot.is_finite() {
             return false;
         }
         if p != k {
             for j in 0..n {
-                w.swap(a(k, j), a(p, j));
+                a.swap(k + n * j, p + n * j);
             }
         }
         for i in k + 1..n {
-            w[a(i, k)] /= pivot;
+            a[i + n * k] /= pivot;
         }
         for j in k + 1..n {
-            let f = w[a(k, j)];
+            let f = a[k + n * j];
             for i in k + 1..n {
-                w[a(i, j)] -= w[a(i, k)] * f;
+                a[i + n * j] -= a[i + n * k] * f;
             }
         }
     }
     true
 }
 
-/// Solves with the result of [`factor`] at `lu`; right-hand side and solution are `w[b + k S]`.
-pub(super) fn solve<const S: usize>(n: usize, w: &mut [f64], lu: usize, transposed: bool, b: usize) {
-    let a = |i: usize, j: usize| lu + (i + n * j) * S;
-    let x = |k: usize| b + k * S;
+/// Solves in place with the result of [`factor`].
+pub(super) fn solve(n: usize, lu: &[f64], transposed: bool, x: &mut [f64]) {
+    match n {
+        2 => solve_sized(2, lu, transposed, x),
+        3 => solve_sized(3, lu, transposed, x),
+        4 => solve_sized(4, lu, transposed, x),
+        _ => solve_sized(n, lu, transposed, x),
+    }
+}
+
+#[inline(always)]
+fn solve_sized(n: usize, lu: &[f64], transposed: bool, x: &mut [f64]) {
+    let (a, pivots) = lu[..n * n + n].split_at(n * n);
+    let x = &mut x[..n];
     if transposed {
         for k in 0..n {
             for i in 0..k {
-                w[x(k)] -= w[a(i, k)] * w[x(i)];
+                x[k] -= a[i + n * k] * x[i];
             }
-            w[x(k)] /= w[a(k, k)];
+            x[k] /= a[k + n * k];
         }
         for k in (0..n).rev() {
             for i in k + 1..n {
-                w[x(k)] -= w[a(i, k)] * w[x(i)];
+                x[k] -= a[i + n * k] * x[i];
             }
         }
         for k in (0..n).rev() {
-            let p = w[a(k, n)] as usize;
-            w.swap(x(k), x(p));
+            x.swap(k, pivots[k] as usize);
         }
         return;
     }
     // The rows of L are swapped as well, so all swaps come first.
     for k in 0..n {
-        let p = w[a(k, n)] as usize;
-        w.swap(x(k), x(p));
+        x.swap(k, pivots[k] as usize);
     }
     for k in 0..n {
         for i in k + 1..n {
-            w[x(i)] -= w[a(i, k)] * w[x(k)];
+            x[i] -= a[i + n * k] * x[k];
         }
     }
     for k in (0..n).rev() {
-        w[x(k)] /= w[a(k, k)];
+        x[k] /= a[k + n * k];
         for i in 0..k {
-            w[x(i)] -= w[a(i, k)] * w[x(k)];
+            x[i] -= a[i + n * k] * x[k];
+        }
+    }
+}
+
+/// Numbers of several points beside each other.
+type Lanes<const L: usize> = [f64; L];
+
+#[inline(always)]
+fn subtract_product<const L: usize>(x: &mut Lanes<L>, a: Lanes<L>, b: Lanes<L>) {
+    for l in 0..L {
+        x[l] -= a[l] * b[l];
+    }
+}
+
+#[inline(always)]
+fn divide<const L: usize>(x: &mut Lanes<L>, a: Lanes<L>) {
+    for l in 0..L {
+        x[l] /= a[l];
+    }
+}
+
+/// Swaps entries `k` and `p` of every lane, each with its own `p`.
+fn swap_lanes<const L: usize>(x: &mut [Lanes<L>], k: usize, p: Lanes<L>) {
+    for l in 0..L {
+        let p = p[l] as usize;
+        if p != k {
+            (x[k][l], x[p][l]) = (x[p][l], x[k][l]);
+        }
+    }
+}
+
+/// [`factor`] of the matrices of all lanes; false if one of them is singular.
+pub(super) fn factor_lanes<const L: usize>(n: usize, a: &mut [Lanes<L>]) -> bool {
+    let (a, pivots) = a[..n * n + n].split_at_mut(n * n);
+    for k in 0..n {
+        let mut p = [k as f64; L];
+        let mut pivot = a[k + n * k];
+        for i in k + 1..n {
+            for l in 0..L {
+                let v = a[i + n * k][l];
+                if v.abs() > pivot[l].abs() {
+                    (p[l], pivot[l]) = (i as f64, v);
+                }
+            }
+        }
+        pivots[k] = p;
+        if pivot.iter().any(|v| *v == 0.0 || !v.is_finite()) {
+            return false;
+        }
+        if p != [k as f64; L] {
+            for column in a.chunks_exact_mut(n) {
+                swap_lanes(column, k, p);
+            }
+        }
+        for i in k + 1..n {
+            divide(&mut a[i + n * k], pivot);
+        }
+        for j in k + 1..n {
+            let f = a[k + n * j];
+            for i in k + 1..n {
+                let v = a[i + n * k];
+                subtract_product(&mut a[i + n * j], v, f);
+            }
+        }
+    }
+    true
+}
+
+/// [`solve`] with the results of [`factor_lanes`].
+pub(super) fn solve_lanes<const L: usize>(n: usize, lu: &[Lanes<L>], transposed: bool, x: &mut [Lanes<L>]) {
+    let (a, pivots) = lu[..n * n + n].split_at(n * n);
+    let x = &mut x[..n];
+    if transposed {
+        for k in 0..n {
+            let mut v = x[k];
+            for i in 0..k {
+                subtract_product(&mut v, a[i + n * k], x[i]);
+            }
+            divide(&mut v, a[k + n * k]);
+            x[k] = v;
+        }
+        for k in (0..n).rev() {
+            let mut v = x[k];
+            for i in k + 1..n {
+                subtract_product(&mut v, a[i + n * k], x[i]);
+            }
+            x[k] = v;
+        }
+        for k in (0..n).rev() {
+            swap_lanes(x, k, pivots[k]);
+        }
+        return;
+    }
+    for k in 0..n {
+        swap_lanes(x, k, pivots[k]);
+    }
+    for k in 0..n {
+        let f = x[k];
+        for i in k + 1..n {
+            subtract_product(&mut x[i], a[i + n * k], f);
+        }
+    }
+    for k in (0..n).rev() {
+        divide(&mut x[k], a[k + n * k]);
+        let f = x[k];
+        for i in 0..k {
+            subtract_product(&mut x[i], a[i + n * k], f);
         }
     }
 }
@@ -293,24 +419,45 @@ pub(super) fn solve<const S: usize>(n: usize, w: &mut [f64], lu: usize, transpos
 mod tests {
     use super::*;
 
+    /// Some numbers without order.
+    fn numbers(n: usize, seed: usize) -> Vec<f64> {
+        (0..n).map(|k| ((k * k * 7 + 3 * k + seed) as f64).sin()).collect()
+    }
+
     #[test]
-    fn dense_solver_in_both_directions() {
-        let a = [0.0, 2.0, 1.0, 1.0, 1.0, -1.0, 3.0, 0.5, 2.0];
-        let x = [1.0, -2.0, 0.5];
-        for transposed in [false, true] {
-            let at = |i: usize, j: usize| if transposed { a[j + 3 * i] } else { a[i + 3 * j] };
-            // Two lanes; the second is used.
-            let mut w = vec![f64::NAN; 2 * 15];
-            (0..9).for_each(|k| w[2 * k + 1] = a[k]);
-            (0..3).for_each(|i| w[2 * (12 + i) + 1] = (0..3).map(|j| at(i, j) * x[j]).sum());
-            assert!(factor::<2>(3, &mut w, 1));
-            solve::<2>(3, &mut w, 1, transposed, 25);
-            for (k, x) in x.iter().enumerate() {
-                assert!((w[25 + 2 * k] - x).abs() < 1e-14, "{} {x}", w[25 + 2 * k]);
+    fn solvers_of_all_sizes_in_both_directions() {
+        for n in 1..=6 {
+            for transposed in [false, true] {
+                // Lanes with pivots of their own, and the same one by one.
+                let matrices: Vec<Vec<f64>> = (0..3).map(|l| numbers(n * n, 11 * l + 1)).collect();
+                let x = numbers(n, 5);
+                let rhs = |a: &[f64]| -> Vec<f64> {
+                    let at = |i: usize, j: usize| if transposed { a[j + n * i] } else { a[i + n * j] };
+                    (0..n).map(|i| (0..n).map(|j| at(i, j) * x[j]).sum()).collect()
+                };
+                let lanes = |v: &dyn Fn(usize) -> Vec<f64>| -> Vec<[f64; 3]> {
+                    let all = [v(0), v(1), v(2)];
+                    (0..all[0].len()).map(|k| [all[0][k], all[1][k], all[2][k]]).collect()
+                };
+                let mut lu = lanes(&|l| [matrices[l].clone(), vec![0.0; n]].concat());
+                let mut found = lanes(&|l| rhs(&matrices[l]));
+                assert!(factor_lanes(n, &mut lu));
+                solve_lanes(n, &lu, transposed, &mut found);
+                for (l, a) in matrices.iter().enumerate() {
+                    let mut one = [a.clone(), vec![0.0; n]].concat();
+                    let mut y = rhs(a);
+                    assert!(factor(n, &mut one));
+                    solve(n, &one, transposed, &mut y);
+                    for k in 0..n {
+                        assert!((y[k] - x[k]).abs() < 1e-11, "size {n}: {} {}", y[k], x[k]);
+                        assert_eq!(y[k].to_bits(), found[k][l].to_bits(), "size {n}");
+                    }
+                }
             }
         }
-        assert!(!factor::<1>(2, &mut [1.0, 2.0, 2.0, 4.0, 0.0, 0.0], 0));
-        assert!(!factor::<1>(1, &mut [f64::NAN, 0.0], 0));
+        assert!(!factor(2, &mut [1.0, 2.0, 2.0, 4.0, 0.0, 0.0]));
+        assert!(!factor(1, &mut [f64::NAN, 0.0]));
+        assert!(!factor_lanes(1, &mut [[1.0, 0.0], [0.0, 0.0]]));
     }
 
     #[test]

@@ -213,7 +213,7 @@ impl Tape {
                 Code::PowI => powi(w[a], i.b as i32),
                 Code::Piecewise => self.piecewise[b >> 4].eval((b & 15) as u8, w[a]),
                 Code::Block => {
-                    self.compounds[a].run::<1>(i.dst as usize, w, 0)?;
+                    self.compounds[a].run(i.dst as usize, w)?;
                     continue;
                 }
             };
@@ -256,9 +256,7 @@ impl Tape {
     fn run_lanes(&self, w: &mut [[f64; LANES]]) -> EvalResult {
         for i in &self.code {
             if i.code == Code::Block {
-                for lane in 0..LANES {
-                    self.compounds[i.a as usize].run::<LANES>(i.dst as usize, w.as_flattened_mut(), lane)?;
-                }
+                self.compounds[i.a as usize].run_lanes(i.dst as usize, w)?;
                 continue;
             }
             let a = w[i.a as usize];
@@ -303,54 +301,88 @@ fn map1(a: [f64; LANES], c: f64, f: impl Fn(f64, f64) -> f64) -> [f64; LANES] {
 }
 
 impl Compound {
-    /// Computes one lane; register `r` is at `w[r S + lane]`. Out of line, which keeps the loop over instructions small.
+    /// Computes at one point. Out of line, which keeps the loop over instructions small.
     #[inline(never)]
-    fn run<const S: usize>(&self, dst: usize, w: &mut [f64], lane: usize) -> EvalResult {
-        let at = |r: usize| r * S + lane;
+    fn run(&self, dst: usize, w: &mut [f64]) -> EvalResult {
         match self {
             Compound::Factor { n, matrix } => {
                 for (k, &m) in matrix.iter().enumerate() {
-                    w[at(dst + k)] = w[at(m as usize)];
+                    w[dst + k] = w[m as usize];
                 }
-                if linear::factor::<S>(*n, w, at(dst)) {
-                    Ok(())
-                } else {
-                    Err(EvalError::Recoverable)
-                }
+                regular(linear::factor(*n, &mut w[dst..]))
             }
             Compound::Solve { n, lu, transposed, rhs } => {
                 for (k, &r) in rhs.iter().enumerate() {
-                    w[at(dst + k)] = w[at(r as usize)];
+                    w[dst + k] = w[r as usize];
                 }
-                linear::solve::<S>(*n, w, at(*lu), *transposed, at(dst));
+                // A decomposition comes before what uses it.
+                let (before, x) = w.split_at_mut(dst);
+                linear::solve(*n, &before[*lu..], *transposed, x);
                 Ok(())
             }
-            Compound::Call { f, what, args, scratch, n } => {
-                let d = f.dims();
-                let (w, s) = w.split_at_mut(scratch * S);
-                let (input, s) = s.split_at_mut(d.n_in());
-                let (weights, s) = s.split_at_mut(f.n_out());
-                let (out, work) = s.split_at_mut(*n);
-                for (v, &a) in input.iter_mut().zip(args) {
-                    *v = w[at(a as usize)];
+            Compound::Call { .. } => self.call::<1>(dst, w, 0),
+        }
+    }
+
+    /// [`Compound::run`] at [`LANES`] points.
+    #[inline(never)]
+    fn run_lanes(&self, dst: usize, w: &mut [[f64; LANES]]) -> EvalResult {
+        match self {
+            Compound::Factor { n, matrix } => {
+                for (k, &m) in matrix.iter().enumerate() {
+                    w[dst + k] = w[m as usize];
                 }
-                let (x, u, p) = (&input[..d.x], &input[d.x..d.x + d.u], &input[d.x + d.u..d.t_col()]);
-                let point = Point { t: input[d.t_col()], x, u, p };
-                nested(|| match what {
-                    CallKind::Value => f.value(&point, out, work),
-                    CallKind::Jacobian => f.jacobian(&point, out, work),
-                    CallKind::Hessian(i) => {
-                        weights.fill(0.0);
-                        weights[*i as usize] = 1.0;
-                        f.hessian(&point, weights, out, work)
-                    }
-                })?;
-                for (k, &v) in out.iter().enumerate() {
-                    w[at(dst + k)] = v;
+                regular(linear::factor_lanes(*n, &mut w[dst..]))
+            }
+            Compound::Solve { n, lu, transposed, rhs } => {
+                for (k, &r) in rhs.iter().enumerate() {
+                    w[dst + k] = w[r as usize];
                 }
+                let (before, x) = w.split_at_mut(dst);
+                linear::solve_lanes(*n, &before[*lu..], *transposed, x);
                 Ok(())
+            }
+            Compound::Call { .. } => {
+                (0..LANES).try_for_each(|lane| self.call::<LANES>(dst, w.as_flattened_mut(), lane))
             }
         }
+    }
+
+    /// Calls an external function with the registers of one lane; register `r` is at `w[r S + lane]`.
+    fn call<const S: usize>(&self, dst: usize, w: &mut [f64], lane: usize) -> EvalResult {
+        let Compound::Call { f, what, args, scratch, n } = self else { return Ok(()) };
+        let at = |r: usize| r * S + lane;
+        let d = f.dims();
+        let (w, s) = w.split_at_mut(scratch * S);
+        let (input, s) = s.split_at_mut(d.n_in());
+        let (weights, s) = s.split_at_mut(f.n_out());
+        let (out, work) = s.split_at_mut(*n);
+        for (v, &a) in input.iter_mut().zip(args) {
+            *v = w[at(a as usize)];
+        }
+        let (x, u, p) = (&input[..d.x], &input[d.x..d.x + d.u], &input[d.x + d.u..d.t_col()]);
+        let point = Point { t: input[d.t_col()], x, u, p };
+        nested(|| match what {
+            CallKind::Value => f.value(&point, out, work),
+            CallKind::Jacobian => f.jacobian(&point, out, work),
+            CallKind::Hessian(i) => {
+                weights.fill(0.0);
+                weights[*i as usize] = 1.0;
+                f.hessian(&point, weights, out, work)
+            }
+        })?;
+        for (k, &v) in out.iter().enumerate() {
+            w[at(dst + k)] = v;
+        }
+        Ok(())
+    }
+}
+
+fn regular(matrix: bool) -> EvalResult {
+    if matrix {
+        Ok(())
+    } else {
+        Err(EvalError::Recoverable)
     }
 }
 
