@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+import switchback as swb
+
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
 PROBLEMS = FOLDER.parents[3] / "shared" / "mpcc"
 sys.path.insert(0, str(FOLDER))
@@ -117,3 +119,18 @@ def test_textbook_problems_through_their_callbacks(members):
     assert len(record["problems"]) == 5
     for r in record["problems"]:
         assert r["ours"]["solved"] and r["known"] in ("global", "right"), r
+
+
+def test_models_of_casadi_for_the_report(tmp_path):
+    import model_eval
+
+    model_eval.write(tmp_path)
+    c2 = swb.casadi.load(tmp_path / "models.so", "sliding_mode_4", 4, 2)
+    at = {"x": [0.4, 0.7, 0.0, 0.0], "u": [0.0, 0.0]}
+    assert c2(**at) == pytest.approx(0.7 - 0.05 * 0.4**3, abs=1e-15)
+    assert c2.hessian(**at)[0, 0] == pytest.approx(-0.3 * 0.4, abs=1e-15)
+    files = {path.name for path in tmp_path.glob("*.casadi")}
+    assert files == {f"{model}_{k}.casadi" for model, parts in model_eval.models().items() for k in range(len(parts))}
+    records = [{"model": "m", "way": "tape", "value_ns": 1.0, "jacobian_ns": 2.0, "hessian_ns": 3.0, "solve_ratio": 1.0}]
+    records += [{"model": "m", "evaluation_share": 0.125}]
+    assert "1         2        3      6   1.000" in model_eval.table(records) and "m 12.5 %" in model_eval.table(records)
