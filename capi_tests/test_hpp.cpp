@@ -184,8 +184,69 @@ static void programs() {
     CHECK(free.solve() == SWB_OUTCOME_SOLVED && std::abs(free.objective()) < 1e-12);
 }
 
+static void events() {
+    int calls = 0;
+    const double end = 1.5707963267948966;
+    swb::Settings settings;
+    settings.rtol = settings.atol = 1e-11;
+    settings.dense = settings.sensitivity = settings.adjoint = 1;
+    const swb::System system = oscillator(&calls);
+    swb::Integrator i(system, settings);
+    int steps = 0;
+    std::string log;
+    i.on_step([&](const swb_progress &p) { return steps += p.nx == 2, false; });
+    i.on_log([&](int64_t, const char *line) { log += line; });
+    i.set("log_level", "info");
+    i.stop_times({0.5});
+    i.reinit(0.0, {std::exp(-1.0), 0.0});
+    CHECK(i.advance(end) == SWB_RUN_OUTCOME_REACHED && i.time() == end && i.reason().empty());
+    CHECK(i.stats().steps == steps && log.find("reached") != std::string::npos && i.settings().rtol == 1e-11);
+    CHECK(std::abs(i.dky(end, 1)[0] - i.derivative()[0]) < 1e-6);
+    const swb::Run run = i.run();
+    CHECK(run.state() == i.state() && run.events().size() == 1 && std::abs(run.events()[0].t - 1.0) < 1e-10);
+    CHECK(run.times().size() == static_cast<std::size_t>(steps) + 1 && run.branch_points().empty());
+    CHECK(run.contacts().empty() && run.accumulations().empty() && run.stats().steps == steps);
+    CHECK(std::abs(std::hypot(run.at({0.3})[0], run.at({0.3})[1]) - std::exp(-0.7)) < 1e-9);
+    CHECK(std::abs(run.event_sensitivity(0)[0] + std::exp(1.0)) < 1e-8);
+    const swb::Vector s = run.sensitivity();
+    const swb::Integrator::Gradient g = i.adjoint({1.0, 0.0});
+    CHECK(std::abs(g.x0[0] - s[0]) < 1e-9 && std::abs(g.x0[1] - s[2]) < 1e-9 && g.p.empty());
+    CHECK(std::abs(i.adjoint({0.0, 0.0}, {}, {}, {0}, {1.0}).x0[0] + std::exp(1.0)) < 1e-8);
+    CHECK(status_of([&] { i.advance(0.0); }) == SWB_ERR_RANGE);
+
+    i.on_step([](const swb_progress &) -> bool { throw std::logic_error("thrown in a step"); });
+    i.reinit(0.0, {std::exp(-1.0), 0.0});
+    bool caught = false;
+    try {
+        i.advance(1.0);
+    } catch (const std::logic_error &) {
+        caught = true;
+    }
+    CHECK(caught);
+
+    // x' = sign x from 0
+    swb::Function modes("F", {1, 0, 0}, 2, [](const swb_point &, double *out) { out[0] = -1.0, out[1] = 1.0; });
+    swb::Function x("x", {1, 0, 0}, 1, [](const swb_point &at, double *out) { out[0] = at.x[0]; });
+    swb::System apart({1, 0, 0});
+    apart.subsystem({0}, modes, 2, x, {-1, 1});
+    swb::Integrator j(apart);
+    j.preferred(0, {1});
+    j.set("ambiguity", "prefer");
+    CHECK(j.advance(1.0) == SWB_RUN_OUTCOME_REACHED && std::abs(j.state()[0] - 1.0) < 1e-12);
+    j.on_branching([](const swb_branching &) { return -1; });
+    j.reinit(0.0, {0.0});
+    CHECK(j.advance(1.0) == SWB_RUN_OUTCOME_AMBIGUOUS && j.outcome() == SWB_RUN_OUTCOME_AMBIGUOUS);
+    CHECK(j.run().branch_points().at(0).taken == -1 && j.run().reason() == j.reason() && !j.reason().empty());
+
+    swb::Batch batch(apart);
+    batch.run(0.0, 1.0, {1.0, -1.0, 2.0}, {}, {}, 2);
+    CHECK(batch.size() == 3 && std::abs(batch.states()[1] + 2.0) < 1e-12 && batch.outcomes()[2] == 0);
+    CHECK(std::abs(batch[2].state()[0] - 3.0) < 1e-12 && status_of([&] { batch[3]; }) == SWB_ERR_DIMENSION);
+}
+
 int main() {
     simulation();
+    events();
     exceptions();
     optimal_control();
     programs();

@@ -974,6 +974,209 @@ typedef int64_t swb_homotopy;
 #endif // __cplusplus
 
 /**
+ * Integration method of the modes in event-driven simulation (integration).
+ */
+enum swb_integration
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * An explicit pair chosen by the tolerance; Radau IIA in modes that turn out to be stiff.
+     */
+    SWB_INTEGRATION_AUTO = 0,
+    /**
+     * Dormand and Prince 5(4).
+     */
+    SWB_INTEGRATION_DP5 = 1,
+    /**
+     * Dormand and Prince 8(5,3).
+     */
+    SWB_INTEGRATION_DOP853 = 2,
+    /**
+     * Radau IIA of order 5.
+     */
+    SWB_INTEGRATION_RADAU5 = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_integration swb_integration;
+#else
+typedef int64_t swb_integration;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What an event-driven simulation does where switches accumulate (zeno).
+ */
+enum swb_zeno_policy
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Go on in the sliding mode on the surfaces the switches accumulate at, where there is one; else stop.
+     */
+    SWB_ZENO_POLICY_CONTINUE = 0,
+    /**
+     * Stop.
+     */
+    SWB_ZENO_POLICY_STOP = 1,
+    /**
+     * Go through it by steps of a method that needs no switches.
+     */
+    SWB_ZENO_POLICY_TIME_STEPPING = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_zeno_policy swb_zeno_policy;
+#else
+typedef int64_t swb_zeno_policy;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What an event-driven simulation does where the continuation is not unique (ambiguity).
+ */
+enum swb_ambiguity_policy
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The present active set if it may continue, else the fewest active cells, else the lowest indices.
+     */
+    SWB_AMBIGUITY_POLICY_FIRST = 0,
+    /**
+     * Stop.
+     */
+    SWB_AMBIGUITY_POLICY_STOP = 1,
+    /**
+     * The one whose active modes come first in the list of preferred modes; among equals as first.
+     */
+    SWB_AMBIGUITY_POLICY_PREFER = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_ambiguity_policy swb_ambiguity_policy;
+#else
+typedef int64_t swb_ambiguity_policy;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * How an event-driven simulation stands. Numbers are only ever added.
+ */
+enum swb_run_outcome
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The time asked for is reached.
+     */
+    SWB_RUN_OUTCOME_REACHED = 0,
+    /**
+     * More steps than the option max_steps allows.
+     */
+    SWB_RUN_OUTCOME_MAX_STEPS = 1,
+    /**
+     * The step became too short: a solution that grows without bound, a function that is not defined, tolerances
+     * below rounding.
+     */
+    SWB_RUN_OUTCOME_STEP_TOO_SMALL = 2,
+    /**
+     * Switches accumulate, and there is no sliding mode beyond, or the option zeno says stop.
+     */
+    SWB_RUN_OUTCOME_ZENO = 3,
+    /**
+     * The continuation is not unique and the option ambiguity says stop.
+     */
+    SWB_RUN_OUTCOME_AMBIGUOUS = 4,
+    /**
+     * No active set continues the solution.
+     */
+    SWB_RUN_OUTCOME_NO_CONTINUATION = 5,
+    /**
+     * A callback or an interrupt asked to stop; the next call goes on.
+     */
+    SWB_RUN_OUTCOME_STOPPED = 100,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_run_outcome swb_run_outcome;
+#else
+typedef int32_t swb_run_outcome;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What happens at a switch of an event-driven simulation.
+ */
+enum swb_event_kind
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Modes leave the active set and others enter it.
+     */
+    SWB_EVENT_KIND_CROSS = 0,
+    /**
+     * Modes enter: a sliding mode begins, or gets another mode.
+     */
+    SWB_EVENT_KIND_ENTER = 1,
+    /**
+     * Modes leave: a sliding mode ends, or loses a mode.
+     */
+    SWB_EVENT_KIND_LEAVE = 2,
+    /**
+     * Modes leave although they could stay: the solution is not unique.
+     */
+    SWB_EVENT_KIND_SPONTANEOUS = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_event_kind swb_event_kind;
+#else
+typedef int32_t swb_event_kind;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What a step did.
+ */
+enum swb_progress_kind
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * A step inside of a mode.
+     */
+    SWB_PROGRESS_KIND_STEPPED = 0,
+    /**
+     * A step that ends at a switch.
+     */
+    SWB_PROGRESS_KIND_SWITCHED = 1,
+    /**
+     * Nothing, or no more: the time asked for is reached, or the simulation ended; see swb_integrator_get_outcome.
+     */
+    SWB_PROGRESS_KIND_DONE = 2,
+    /**
+     * A step that ends at a stop time.
+     */
+    SWB_PROGRESS_KIND_STOP_TIME = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_progress_kind swb_progress_kind;
+#else
+typedef int32_t swb_progress_kind;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * What a member of a complementarity pair is.
  */
 enum swb_member
@@ -1144,6 +1347,11 @@ typedef int32_t swb_doubt;
 #endif // __cplusplus
 
 /**
+ * Event-driven simulations of one system from several initial states, with controls and parameters of their own.
+ */
+typedef struct swb_batch swb_batch;
+
+/**
  * Graph of expressions. Every expression is a number in its graph and exists once: equal expressions have equal
  * numbers. Expressions live as long as the graph; functions and models made of them are independent of it.
  */
@@ -1154,6 +1362,13 @@ typedef struct swb_expr swb_expr;
  * soon as the function was handed to a model.
  */
 typedef struct swb_function swb_function;
+
+/**
+ * Event-driven integrator of a system: explicit or implicit steps inside of modes, sliding modes as
+ * differential-algebraic equations, every switch located to rounding. swb_simulator solves the equations of FESD
+ * instead.
+ */
+typedef struct swb_integrator swb_integrator;
 
 /**
  * Model made of expressions: a piecewise smooth system with a report of what it consists of.
@@ -1170,6 +1385,12 @@ typedef struct swb_mpcc swb_mpcc;
  * Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
  */
 typedef struct swb_ocp swb_ocp;
+
+/**
+ * Result of an event-driven simulation: state, switches, derivatives, dense output. Owned by the caller, independent
+ * of the object it comes from.
+ */
+typedef struct swb_run swb_run;
 
 /**
  * Simulator of a system: time, state, and the trajectory since the state was set.
@@ -1372,6 +1593,54 @@ typedef struct swb_settings {
      * Factors at most in the products of the Heaviside form before they are lifted.
      */
     int64_t lift_depth;
+    /**
+     * Integration method of the modes in event-driven simulation (enum integration).
+     */
+    int64_t integration;
+    /**
+     * Relative tolerance of the local error in event-driven simulation.
+     */
+    double rtol;
+    /**
+     * Absolute tolerance of the local error in event-driven simulation.
+     */
+    double atol;
+    /**
+     * First step of an event-driven simulation; 0: the library chooses.
+     */
+    double h_init;
+    /**
+     * Longest step of an event-driven simulation.
+     */
+    double h_max;
+    /**
+     * Steps of an event-driven simulation at most, accepted and rejected.
+     */
+    int64_t max_steps;
+    /**
+     * Switches an event-driven simulation keeps in its log at most; those beyond are counted only.
+     */
+    int64_t max_switches;
+    /**
+     * What an event-driven simulation does where switches accumulate (enum zeno_policy).
+     */
+    int64_t zeno;
+    /**
+     * What an event-driven simulation does where the continuation is not unique (enum ambiguity_policy).
+     */
+    int64_t ambiguity;
+    /**
+     * Keep the dense output of an event-driven simulation (enum toggle).
+     */
+    int64_t dense;
+    /**
+     * Compute the derivatives of an event-driven simulation and of its switching times (enum toggle).
+     */
+    int64_t sensitivity;
+    /**
+     * Record an event-driven simulation for adjoint derivatives (enum toggle).
+     */
+    int64_t adjoint;
 } swb_settings;
 
 /**
@@ -1744,6 +2013,325 @@ typedef struct swb_iteration_info {
  * outcome SWB_OUTCOME_STOPPED. `info` is valid during the call only. Must not unwind.
  */
 typedef int32_t (*swb_iteration_fn)(const struct swb_iteration_info *info, void *user_data);
+
+/**
+ * Numbers of a run, the lengths of its arrays.
+ */
+typedef struct swb_run_info {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * States.
+     */
+    int64_t nx;
+    /**
+     * An enum swb_run_outcome.
+     */
+    int64_t outcome;
+    /**
+     * Start.
+     */
+    double t_start;
+    /**
+     * Time reached.
+     */
+    double t_end;
+    /**
+     * Switches in the log.
+     */
+    int64_t n_events;
+    /**
+     * Subsystems that can switch: those with more than one mode, in the order they were added.
+     */
+    int64_t n_subsystems;
+    /**
+     * Steps with dense output; 0 without the option dense.
+     */
+    int64_t n_pieces;
+    /**
+     * Columns of the derivatives: initial states, parameters, controls; 0 without the option sensitivity.
+     */
+    int64_t n_columns;
+    /**
+     * 1 if the derivatives hold for one side only: simultaneous switches, a continuation that is not unique, a surface
+     * that is only touched, accumulating switches.
+     */
+    int64_t one_sided;
+    /**
+     * Points with several continuations.
+     */
+    int64_t n_branch_points;
+    /**
+     * Surfaces only touched.
+     */
+    int64_t n_contacts;
+    /**
+     * Points at which switches accumulate.
+     */
+    int64_t n_accumulations;
+} swb_run_info;
+
+/**
+ * Work of an event-driven simulation.
+ */
+typedef struct swb_run_stats {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Accepted steps.
+     */
+    int64_t steps;
+    /**
+     * Rejected steps.
+     */
+    int64_t rejections;
+    /**
+     * Steps repeated to end at a switch.
+     */
+    int64_t relocations;
+    /**
+     * Evaluations of the right-hand side.
+     */
+    int64_t evaluations;
+    /**
+     * Evaluations of its Jacobian.
+     */
+    int64_t jacobians;
+    /**
+     * Newton iterations.
+     */
+    int64_t newton;
+    /**
+     * Factorisations.
+     */
+    int64_t factorisations;
+    /**
+     * Switches, all subsystems together, those beyond the option max_switches included.
+     */
+    int64_t switches;
+    /**
+     * Points at which switches accumulate.
+     */
+    int64_t accumulations;
+    /**
+     * Seconds.
+     */
+    double time_total;
+} swb_run_stats;
+
+/**
+ * A change of the active set of a subsystem.
+ */
+typedef struct swb_event {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Time.
+     */
+    double t;
+    /**
+     * An enum swb_event_kind.
+     */
+    int64_t kind;
+    /**
+     * The subsystem, counted among those with more than one mode.
+     */
+    int64_t subsystem;
+    /**
+     * Active modes before, bit i for mode i; modes from 64 on are in swb_run_event_modes only.
+     */
+    uint64_t before;
+    /**
+     * Active modes after.
+     */
+    uint64_t after;
+    /**
+     * 1 if another subsystem switches at the same time.
+     */
+    int64_t simultaneous;
+    /**
+     * 1 if the continuation was unique.
+     */
+    int64_t unique;
+    /**
+     * Rate at which the quantity that vanishes (a difference of indicators g, or a weight theta) goes through zero
+     * before the switch; NaN where the switch is not caused by one.
+     */
+    double rate;
+    /**
+     * Cosine between the gradient of the surface and the velocity: near zero the contact is grazing. NaN for a
+     * weight.
+     */
+    double transversality;
+} swb_event;
+
+/**
+ * A point from which several solutions go on.
+ */
+typedef struct swb_branch_point {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Time.
+     */
+    double t;
+    /**
+     * Continuations that differ in their velocity.
+     */
+    int64_t n_continuations;
+    /**
+     * The one that was taken, from 0; -1 where the run stopped.
+     */
+    int64_t taken;
+} swb_branch_point;
+
+/**
+ * A surface that is only touched.
+ */
+typedef struct swb_contact {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Time.
+     */
+    double t;
+    /**
+     * The subsystem, counted among those with more than one mode.
+     */
+    int64_t subsystem;
+    /**
+     * Derivative of the difference of indicators along the solution.
+     */
+    double rate;
+    /**
+     * Cosine between the gradient of the surface and the velocity.
+     */
+    double transversality;
+} swb_contact;
+
+/**
+ * Accumulating switches.
+ */
+typedef struct swb_accumulation {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Where they accumulate, by the geometric series of the last intervals.
+     */
+    double t;
+    /**
+     * Where ordinary integration begins again.
+     */
+    double until;
+    /**
+     * Steps of the policy time_stepping, 0 with the others.
+     */
+    int64_t steps;
+    /**
+     * What these steps added to the error of the state, relative to the tolerance.
+     */
+    double error;
+} swb_accumulation;
+
+/**
+ * A point from which several solutions go on.
+ */
+typedef struct swb_branching {
+    /**
+     * Size of this struct in bytes, as the library knows it.
+     */
+    uint64_t struct_size;
+    /**
+     * Time.
+     */
+    double t;
+    /**
+     * [nx] state.
+     */
+    const double *x;
+    /**
+     * States.
+     */
+    int64_t nx;
+    /**
+     * Continuations.
+     */
+    int64_t n_continuations;
+    /**
+     * Modes of all subsystems that can switch, one after the other.
+     */
+    int64_t n_modes;
+    /**
+     * [n_modes] active modes before, 0 or 1.
+     */
+    const int32_t *before;
+    /**
+     * [n_continuations * n_modes] active modes of the continuations, those of one together.
+     */
+    const int32_t *active;
+    /**
+     * [n_continuations * nx] derivatives of the state, those of one continuation together.
+     */
+    const double *velocity;
+} swb_branching;
+
+/**
+ * Called where the continuation is not unique: returns the number of the continuation to take, from 0, or a negative
+ * number to stop. `branching` is valid during the call only. Must not unwind.
+ */
+typedef int64_t (*swb_decide_fn)(const struct swb_branching *branching, void *user_data);
+
+/**
+ * A step of an event-driven simulation.
+ */
+typedef struct swb_progress {
+    /**
+     * Size of this struct in bytes, as the library knows it.
+     */
+    uint64_t struct_size;
+    /**
+     * Time reached.
+     */
+    double t;
+    /**
+     * [nx] state reached; valid during the call only.
+     */
+    const double *x;
+    /**
+     * States.
+     */
+    int64_t nx;
+    /**
+     * An enum swb_progress_kind.
+     */
+    int64_t kind;
+    /**
+     * Steps so far, rejected ones not counted.
+     */
+    int64_t steps;
+    /**
+     * Switches so far.
+     */
+    int64_t switches;
+} swb_progress;
+
+/**
+ * Called once per accepted step by the thread that simulates; a return other than 0 stops with the outcome
+ * SWB_RUN_OUTCOME_STOPPED. `info` is valid during the call only. Must not unwind.
+ */
+typedef int32_t (*swb_progress_fn)(const struct swb_progress *info, void *user_data);
 
 /**
  * Comparison of an optimal control with a simulation of its controls by the event-driven engine. NaN from where the
@@ -2528,6 +3116,24 @@ swb_status swb_system_sizes(const struct swb_system *system,
                             int64_t *n_subsystems);
 
 /**
+ * Values whose zeros are the switching surfaces of a subsystem: its switching functions, or the differences
+ * g_i - g_j, i < j, of its indicators, NaN where both are not the smallest two.
+ *
+ * @param[in]  subsystem number of the subsystem
+ * @param[in]  at        the point
+ * @param[out] values    [n] one for each; NULL with n 0 to ask for their number
+ * @param[out] needed    their number, written in any case; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NONFINITE if a function is not defined at the point
+ */
+SWB_API
+swb_status swb_system_surfaces(const struct swb_system *system,
+                               int64_t subsystem,
+                               const struct swb_point *at,
+                               double *values,
+                               int64_t n,
+                               int64_t *needed);
+
+/**
  * Free; objects made of the system keep what they need. NULL is allowed.
  */
 SWB_API void swb_system_free(struct swb_system *system);
@@ -3167,6 +3773,622 @@ swb_status swb_simulator_interrupt(const struct swb_simulator *sim);
  * Free; NULL is allowed.
  */
 SWB_API void swb_simulator_free(struct swb_simulator *sim);
+
+/**
+ * Name of an outcome of an event-driven simulation, such as "reached"; NULL for any other number. Static.
+ */
+SWB_API
+const char *swb_run_outcome_name(int32_t outcome);
+
+/**
+ * Numbers of a run.
+ *
+ * @param[out] info        every field is written
+ * @param[in]  struct_size sizeof(swb_run_info)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_run_get_info(const struct swb_run *run,
+                            struct swb_run_info *info,
+                            uint64_t struct_size);
+
+/**
+ * Why a run ended early, in words; "" if it reached its time.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL, written in any case; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
+ */
+SWB_API
+swb_status swb_run_reason(const struct swb_run *run,
+                          char *buf,
+                          int64_t len,
+                          int64_t *needed);
+
+/**
+ * Work of a run.
+ *
+ * @param[out] stats       every field is written
+ * @param[in]  struct_size sizeof(swb_run_stats)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_run_get_stats(const struct swb_run *run,
+                             struct swb_run_stats *stats,
+                             uint64_t struct_size);
+
+/**
+ * State reached.
+ *
+ * @param[out] x [nx]
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API swb_status swb_run_state(const struct swb_run *run, double *x, int64_t nx);
+
+/**
+ * Switches in the order of time.
+ *
+ * @param[out] events      [n] n_events
+ * @param[in]  struct_size sizeof(swb_event)
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_run_events(const struct swb_run *run,
+                          struct swb_event *events,
+                          int64_t n,
+                          uint64_t struct_size);
+
+/**
+ * Points with several continuations, in the order of time.
+ *
+ * @param[out] points      [n] n_branch_points
+ * @param[in]  struct_size sizeof(swb_branch_point)
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_run_branch_points(const struct swb_run *run,
+                                 struct swb_branch_point *points,
+                                 int64_t n,
+                                 uint64_t struct_size);
+
+/**
+ * Surfaces only touched, in the order of time.
+ *
+ * @param[out] contacts    [n] n_contacts
+ * @param[in]  struct_size sizeof(swb_contact)
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_run_contacts(const struct swb_run *run,
+                            struct swb_contact *contacts,
+                            int64_t n,
+                            uint64_t struct_size);
+
+/**
+ * Accumulating switches, in the order of time.
+ *
+ * @param[out] points      [n] n_accumulations
+ * @param[in]  struct_size sizeof(swb_accumulation)
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_run_accumulations(const struct swb_run *run,
+                                 struct swb_accumulation *points,
+                                 int64_t n,
+                                 uint64_t struct_size);
+
+/**
+ * Numbers of modes of the subsystems that can switch.
+ *
+ * @param[out] n_modes [n] n_subsystems
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API swb_status swb_run_modes(const struct swb_run *run, int64_t *n_modes, int64_t n);
+
+/**
+ * Which modes of its subsystem are active before and after a switch.
+ *
+ * @param[in]  index  the switch, from 0
+ * @param[out] before [n] 0 or 1 for each mode of the subsystem
+ * @param[out] after  [n] the same
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_run_event_modes(const struct swb_run *run,
+                               int64_t index,
+                               int32_t *before,
+                               int32_t *after,
+                               int64_t n);
+
+/**
+ * Derivatives of the state reached with respect to initial states, parameters and controls, the latter changed by the
+ * same amount over the whole run.
+ *
+ * @param[out] s [n] nx * n_columns, by columns: those of the initial states, then of the parameters, then of the controls
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without the option sensitivity
+ */
+SWB_API
+swb_status swb_run_sensitivity(const struct swb_run *run,
+                               double *s,
+                               int64_t n);
+
+/**
+ * Derivatives of the time of a switch with respect to initial states, parameters and controls. NaN where the time has
+ * none.
+ *
+ * @param[in]  index the switch, from 0
+ * @param[out] dt    [n] n_columns
+ * @return as swb_run_sensitivity
+ */
+SWB_API
+swb_status swb_run_event_sensitivity(const struct swb_run *run,
+                                     int64_t index,
+                                     double *dt,
+                                     int64_t n);
+
+/**
+ * Times between which the dense output has a polynomial each: starts and ends of the steps.
+ *
+ * @param[out] t [n] n_pieces + 1; none if there are no pieces
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API swb_status swb_run_times(const struct swb_run *run, double *t, int64_t n);
+
+/**
+ * States at any times of the run, or their derivatives with respect to time. At a switch the piece before it counts.
+ *
+ * @param[in]  t [n_t] between start and end, in any order
+ * @param[in]  k order of the derivative, 0 for the state
+ * @param[out] x [n_x] n_t * nx, the values of one time together
+ * @return SWB_OK; SWB_ERR_RANGE if a time is outside or k is negative; SWB_ERR_STATE without the option dense
+ */
+SWB_API
+swb_status swb_run_evaluate(const struct swb_run *run,
+                            const double *t,
+                            int64_t n_t,
+                            int64_t k,
+                            double *x,
+                            int64_t n_x);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_run_free(struct swb_run *run);
+
+/**
+ * Create an integrator. Time, state, controls and parameters are zero until they are set.
+ *
+ * @param[in]  system   copied; may be freed afterwards
+ * @param[in]  settings NULL for the defaults
+ * @param[out] out      the new object, NULL on failure; free with swb_integrator_free
+ * @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its range
+ */
+SWB_API
+swb_status swb_integrator_create(const struct swb_system *system,
+                                 const struct swb_settings *settings,
+                                 struct swb_integrator **out);
+
+/**
+ * Set time and state, and begin anew: log, statistics, derivatives and dense output are cleared, changed options are
+ * taken over. Controls, parameters and stop times stay.
+ *
+ * @param[in] x [nx]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite, or tolerances are too small
+ */
+SWB_API
+swb_status swb_integrator_reinit(struct swb_integrator *integrator,
+                                 double t,
+                                 const double *x,
+                                 int64_t nx);
+
+/**
+ * Set the controls, constant from now on. The active modes are found anew.
+ *
+ * @param[in] u [nu]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API
+swb_status swb_integrator_set_controls(struct swb_integrator *integrator,
+                                       const double *u,
+                                       int64_t nu);
+
+/**
+ * Set the parameters. The active modes are found anew.
+ *
+ * @param[in] p [np]
+ * @return as swb_integrator_set_controls
+ */
+SWB_API
+swb_status swb_integrator_set_params(struct swb_integrator *integrator,
+                                     const double *p,
+                                     int64_t np);
+
+/**
+ * Set tolerances of the local error state by state, instead of the options rtol and atol. They are taken over by the
+ * next swb_integrator_reinit, or at once before the first step.
+ *
+ * @param[in] rtol [n_rtol] relative, one value or one for each state
+ * @param[in] atol [n_atol] absolute, one value or one for each state
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is negative or not finite, or both of a state are too
+ *         small
+ */
+SWB_API
+swb_status swb_integrator_set_tolerances(struct swb_integrator *integrator,
+                                         const double *rtol,
+                                         int64_t n_rtol,
+                                         const double *atol,
+                                         int64_t n_atol);
+
+/**
+ * Set times at which steps end, for functions of time that are not smooth there and for output.
+ *
+ * @param[in] t [n] in any order; those behind the present time are passed over; none: no stop times
+ * @return SWB_OK; SWB_ERR_RANGE if a time is not finite
+ */
+SWB_API
+swb_status swb_integrator_set_stop_times(struct swb_integrator *integrator,
+                                         const double *t,
+                                         int64_t n);
+
+/**
+ * Set the modes a subsystem should take where the continuation is not unique, the preferred first, for the option
+ * ambiguity = prefer. Taken over by the next swb_integrator_reinit, or at once before the first step.
+ *
+ * @param[in] subsystem counted among those with more than one mode
+ * @param[in] modes     [n] those that are not named come last
+ * @return SWB_OK; SWB_ERR_DIMENSION if there is no such subsystem; SWB_ERR_RANGE if there is no such mode
+ */
+SWB_API
+swb_status swb_integrator_set_preferred(struct swb_integrator *integrator,
+                                        int64_t subsystem,
+                                        const int64_t *modes,
+                                        int64_t n);
+
+/**
+ * Set who decides where the continuation is not unique, before the option ambiguity does; NULL for nobody.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_integrator_set_decider(struct swb_integrator *integrator,
+                                      swb_decide_fn decide,
+                                      void *user_data);
+
+/**
+ * Do one step, not beyond t_stop nor a stop time.
+ *
+ * @param[out] kind an enum swb_progress_kind; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE if t_stop is behind the present time; SWB_ERR_USER if a user function returned a
+ *         negative code; SWB_ERR_STATE after a call that failed so, until swb_integrator_reinit
+ */
+SWB_API
+swb_status swb_integrator_step(struct swb_integrator *integrator,
+                               double t_stop,
+                               int32_t *kind);
+
+/**
+ * Integrate to the time t, exactly. Time and state are those at the end, or where the simulation ended before.
+ *
+ * @param[out] outcome an enum swb_run_outcome; may be NULL
+ * @return as swb_integrator_step
+ */
+SWB_API
+swb_status swb_integrator_advance(struct swb_integrator *integrator,
+                                  double t,
+                                  int32_t *outcome);
+
+/**
+ * Derivatives of the dense output with respect to time at a time in the last step.
+ *
+ * @param[in]  k   order of the derivative, 0 for the state
+ * @param[out] dky [nx]
+ * @return SWB_OK; SWB_ERR_RANGE if t is outside of the last step or k is negative; SWB_ERR_STATE before the first step
+ */
+SWB_API
+swb_status swb_integrator_get_dky(struct swb_integrator *integrator,
+                                  double t,
+                                  int64_t k,
+                                  double *dky,
+                                  int64_t nx);
+
+/**
+ * Time reached.
+ *
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_integrator_get_time(const struct swb_integrator *integrator, double *t);
+
+/**
+ * State reached.
+ *
+ * @param[out] x [nx]
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_integrator_get_state(const struct swb_integrator *integrator,
+                                    double *x,
+                                    int64_t nx);
+
+/**
+ * Derivative of the state with respect to time under the present active modes; 0 before the first step.
+ *
+ * @param[out] f [nx]
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_integrator_get_derivative(const struct swb_integrator *integrator,
+                                         double *f,
+                                         int64_t nx);
+
+/**
+ * Which modes of a subsystem are active: one alone, or several in a sliding mode; none before the first step.
+ *
+ * @param[in]  subsystem counted among those with more than one mode
+ * @param[out] active    [n] 0 or 1 for each mode of the subsystem
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_integrator_get_active(const struct swb_integrator *integrator,
+                                     int64_t subsystem,
+                                     int32_t *active,
+                                     int64_t n);
+
+/**
+ * How the simulation stands.
+ *
+ * @param[out] outcome an enum swb_run_outcome
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_integrator_get_outcome(const struct swb_integrator *integrator,
+                                      int32_t *outcome);
+
+/**
+ * Why the simulation ended early, in words; "" if it did not.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL, written in any case; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
+ */
+SWB_API
+swb_status swb_integrator_get_reason(const struct swb_integrator *integrator,
+                                     char *buf,
+                                     int64_t len,
+                                     int64_t *needed);
+
+/**
+ * Work since the last swb_integrator_reinit.
+ *
+ * @param[out] stats       every field is written
+ * @param[in]  struct_size sizeof(swb_run_stats)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_integrator_get_stats(const struct swb_integrator *integrator,
+                                    struct swb_run_stats *stats,
+                                    uint64_t struct_size);
+
+/**
+ * A copy of the result since the last swb_integrator_reinit: switches, derivatives, dense output.
+ *
+ * @param[out] out the new object, NULL on failure; free with swb_run_free
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_integrator_get_run(struct swb_integrator *integrator, struct swb_run **out);
+
+/**
+ * Gradient of a function of the run with respect to initial state, parameters and controls, by the transpose of the
+ * forward derivatives in reverse order. It costs about as much as the run, whatever the number of parameters, and needs
+ * the option adjoint.
+ *
+ * @param[in]  v      [nx] its derivative with respect to the state reached
+ * @param[in]  t      [n_t] times at whose states the function depends on, too, where the run had stopped: ends of
+ *                    swb_integrator_advance and stop times
+ * @param[in]  v_t    [n_v_t] n_t * nx, its derivatives with respect to these states, those of one time together
+ * @param[in]  events [n_events] switches on whose times it depends, by their place in the log
+ * @param[in]  weight [n_weight] n_events, its derivatives with respect to these times
+ * @param[out] dx0    [nx0] nx, gradient with respect to the initial state
+ * @param[out] dp     [np] gradient with respect to the parameters
+ * @param[out] du     [nu] gradient with respect to the controls
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a time or a switch is none of the run; SWB_ERR_STATE without the
+ *         option adjoint
+ */
+SWB_API
+swb_status swb_integrator_adjoint(struct swb_integrator *integrator,
+                                  const double *v,
+                                  int64_t nx,
+                                  const double *t,
+                                  int64_t n_t,
+                                  const double *v_t,
+                                  int64_t n_v_t,
+                                  const int64_t *events,
+                                  int64_t n_events,
+                                  const double *weight,
+                                  int64_t n_weight,
+                                  double *dx0,
+                                  int64_t nx0,
+                                  double *dp,
+                                  int64_t np,
+                                  double *du,
+                                  int64_t nu);
+
+/**
+ * Set an integer or enumeration option of an integrator (or a float one, to an integer) by name. Options of the
+ * integration are taken over by the next swb_integrator_reinit, or at once before the first step.
+ *
+ * @return as swb_settings_set_int
+ */
+SWB_API
+swb_status swb_integrator_set_int(struct swb_integrator *integrator,
+                                  const char *name,
+                                  int64_t value);
+
+/**
+ * Set a float option of an integrator by name, as swb_integrator_set_int.
+ *
+ * @return as swb_settings_set_double
+ */
+SWB_API
+swb_status swb_integrator_set_double(struct swb_integrator *integrator,
+                                     const char *name,
+                                     double value);
+
+/**
+ * Set any option of an integrator by name from text, as swb_integrator_set_int.
+ *
+ * @return as swb_settings_set_string
+ */
+SWB_API
+swb_status swb_integrator_set_string(struct swb_integrator *integrator,
+                                     const char *name,
+                                     const char *value);
+
+/**
+ * Set all options of an integrator, as swb_integrator_set_int.
+ *
+ * @param[in] settings NULL for the defaults
+ * @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
+ */
+SWB_API
+swb_status swb_integrator_set_settings(struct swb_integrator *integrator,
+                                       const struct swb_settings *settings);
+
+/**
+ * Options of an integrator, all of them.
+ *
+ * @param[out] settings    every field is written
+ * @param[in]  struct_size sizeof(swb_settings)
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_integrator_get_settings(const struct swb_integrator *integrator,
+                                       struct swb_settings *settings,
+                                       uint64_t struct_size);
+
+/**
+ * Set who is called once per accepted step; NULL for nobody.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_integrator_set_progress(struct swb_integrator *integrator,
+                                       swb_progress_fn progress,
+                                       void *user_data);
+
+/**
+ * Set who gets the log, as much as the option log_level says; NULL for nobody. A line for each call at level info, one
+ * for each switch at level debug, one for each step at level trace.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_integrator_set_log(struct swb_integrator *integrator,
+                                  swb_log_fn log,
+                                  void *user_data);
+
+/**
+ * Stop the call that runs now with the outcome SWB_RUN_OUTCOME_STOPPED, or the next one if none runs; the one after it
+ * goes on. From any thread and from signal handlers; only swb_integrator_free must not run at the same time.
+ *
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API
+swb_status swb_integrator_interrupt(const struct swb_integrator *integrator);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_integrator_free(struct swb_integrator *integrator);
+
+/**
+ * Create a batch.
+ *
+ * @param[in]  system   copied; may be freed afterwards. Its functions are called by several threads at once
+ * @param[in]  settings NULL for the defaults
+ * @param[out] out      the new object, NULL on failure; free with swb_batch_free
+ * @return as swb_integrator_create
+ */
+SWB_API
+swb_status swb_batch_create(const struct swb_system *system,
+                            const struct swb_settings *settings,
+                            struct swb_batch **out);
+
+/**
+ * Simulate from t0 to t1, from every initial state. A run that fails does not keep the others from running. The results
+ * are those of single runs to the last bit, whatever the number of threads.
+ *
+ * @param[in] x0        [n_x0] the initial states, those of one run together
+ * @param[in] u         [n_u] controls: none (zeros), nu for all runs, or nu for each
+ * @param[in] p         [n_p] parameters, the same
+ * @param[in] n_threads threads at most; 0: one for each processor. Log and progress callbacks do not exist here
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
+ */
+SWB_API
+swb_status swb_batch_run(struct swb_batch *batch,
+                         double t0,
+                         double t1,
+                         const double *x0,
+                         int64_t n_x0,
+                         const double *u,
+                         int64_t n_u,
+                         const double *p,
+                         int64_t n_p,
+                         int64_t n_threads);
+
+/**
+ * Number of runs of the last swb_batch_run; 0 before.
+ *
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_batch_size(const struct swb_batch *batch, int64_t *n_runs);
+
+/**
+ * Final states of all runs.
+ *
+ * @param[out] x [n] n_runs * nx, those of one run together; NaN for runs that failed
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API swb_status swb_batch_states(const struct swb_batch *batch, double *x, int64_t n);
+
+/**
+ * How all runs ended.
+ *
+ * @param[out] outcome [n] n_runs, an enum swb_run_outcome each, or the negative swb_status of a run that failed
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_batch_outcomes(const struct swb_batch *batch,
+                              int32_t *outcome,
+                              int64_t n);
+
+/**
+ * A copy of the result of one run.
+ *
+ * @param[in]  index the run, from 0
+ * @param[out] out   the new object, NULL on failure; free with swb_run_free
+ * @return SWB_OK; SWB_ERR_DIMENSION; the status of the run if it failed, with its message
+ */
+SWB_API
+swb_status swb_batch_get_run(const struct swb_batch *batch,
+                             int64_t index,
+                             struct swb_run **out);
+
+/**
+ * Stop the runs that are at work, with the outcome SWB_RUN_OUTCOME_STOPPED, or those of the next call if none are. From
+ * any thread and from signal handlers; only swb_batch_free must not run at the same time.
+ *
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API
+swb_status swb_batch_interrupt(const struct swb_batch *batch);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_batch_free(struct swb_batch *batch);
 
 /**
  * Create an optimal control problem. Bounds are infinite, the initial state is free, initial time and

@@ -449,7 +449,7 @@ SWB_DETAIL_CALLS(mpcc);
 
 } // namespace detail
 
-/// Simulates a system.
+/// Simulates a system by finite elements whose boundaries move onto the switches.
 class Simulator : public detail::Solver<swb_simulator, detail::simulator_calls> {
 public:
     explicit Simulator(const System &system, const Settings &settings = {}) {
@@ -486,6 +486,258 @@ public:
 
 private:
     std::size_t nx_ = 0;
+};
+
+/// Result of an event-driven simulation, a copy.
+class Run {
+public:
+    explicit Run(swb_run *handle) : owner_(handle) { detail::check(swb_run_get_info(handle, &info_, sizeof info_)); }
+    const swb_run_info &info() const noexcept { return info_; }
+    swb_run_outcome outcome() const noexcept { return static_cast<swb_run_outcome>(info_.outcome); }
+    /// Why it ended early, in words.
+    std::string reason() const {
+        return detail::text([&](char *buf, int64_t len, int64_t *needed) { return swb_run_reason(get(), buf, len, needed); });
+    }
+    swb_run_stats stats() const {
+        swb_run_stats s{};
+        detail::check(swb_run_get_stats(get(), &s, sizeof s));
+        return s;
+    }
+    /// State reached.
+    Vector state() const { return array(swb_run_state, info_.nx); }
+    std::vector<swb_event> events() const { return structs<swb_event>(swb_run_events, info_.n_events); }
+    std::vector<swb_branch_point> branch_points() const {
+        return structs<swb_branch_point>(swb_run_branch_points, info_.n_branch_points);
+    }
+    std::vector<swb_contact> contacts() const { return structs<swb_contact>(swb_run_contacts, info_.n_contacts); }
+    std::vector<swb_accumulation> accumulations() const {
+        return structs<swb_accumulation>(swb_run_accumulations, info_.n_accumulations);
+    }
+    /// Derivatives of the state reached, by columns: initial states, parameters, controls.
+    Vector sensitivity() const { return array(swb_run_sensitivity, info_.nx * info_.n_columns); }
+    /// Derivatives of the time of a switch.
+    Vector event_sensitivity(int64_t index) const {
+        Vector out(static_cast<std::size_t>(info_.n_columns));
+        detail::check(swb_run_event_sensitivity(get(), index, out.data(), info_.n_columns));
+        return out;
+    }
+    /// Starts and ends of the steps with dense output.
+    Vector times() const { return array(swb_run_times, info_.n_pieces == 0 ? 0 : info_.n_pieces + 1); }
+    /// States at any times, those of one time together, or their `k`-th derivatives.
+    Vector at(View times, int64_t k = 0) const {
+        Vector x(times.size() * static_cast<std::size_t>(info_.nx));
+        detail::check(
+            swb_run_evaluate(get(), times.data(), times.length(), k, x.data(), static_cast<int64_t>(x.size())));
+        return x;
+    }
+    swb_run *get() const noexcept { return owner_.get(); }
+
+private:
+    template <class Call>
+    Vector array(Call call, int64_t n) const {
+        Vector out(static_cast<std::size_t>(n));
+        detail::check(call(get(), out.data(), n));
+        return out;
+    }
+    template <class Struct, class Call>
+    std::vector<Struct> structs(Call call, int64_t n) const {
+        std::vector<Struct> out(static_cast<std::size_t>(n));
+        detail::check(call(get(), out.data(), n, sizeof(Struct)));
+        return out;
+    }
+
+    detail::Owner<swb_run, swb_run_free> owner_;
+    swb_run_info info_{};
+};
+
+/// Event-driven integrator of a system, step by step.
+class Integrator {
+public:
+    explicit Integrator(const System &system, const Settings &settings = {}) {
+        swb_integrator *i = nullptr;
+        detail::check(swb_integrator_create(system.get(), &settings, &i));
+        owner_.reset(i);
+        detail::check(swb_system_sizes(system.get(), &nx_, &nu_, &np_, nullptr));
+    }
+    /// Sets time and state and begins anew.
+    void reinit(double t, View x) { detail::check(swb_integrator_reinit(get(), t, x.data(), x.length())); }
+    void controls(View u) { detail::check(swb_integrator_set_controls(get(), u.data(), u.length())); }
+    void params(View p) { detail::check(swb_integrator_set_params(get(), p.data(), p.length())); }
+    /// One value each, or one for each state.
+    void tolerances(View rtol, View atol) {
+        detail::check(swb_integrator_set_tolerances(get(), rtol.data(), rtol.length(), atol.data(), atol.length()));
+    }
+    void stop_times(View t) { detail::check(swb_integrator_set_stop_times(get(), t.data(), t.length())); }
+    void preferred(int64_t subsystem, const std::vector<int64_t> &modes) {
+        detail::check(
+            swb_integrator_set_preferred(get(), subsystem, modes.data(), static_cast<int64_t>(modes.size())));
+    }
+    /// Decides where the continuation is not unique: the number of the continuation, or a negative number to stop.
+    void on_branching(std::function<int64_t(const swb_branching &)> f) {
+        auto kept = std::make_unique<std::function<int64_t(const swb_branching &)>>(std::move(f));
+        detail::check(swb_integrator_set_decider(get(), *kept ? call_decide : nullptr, kept.get()));
+        decide_ = std::move(kept);
+    }
+    /// Called once per accepted step; true stops.
+    void on_step(std::function<bool(const swb_progress &)> f) {
+        auto kept = std::make_unique<std::function<bool(const swb_progress &)>>(std::move(f));
+        detail::check(swb_integrator_set_progress(get(), *kept ? call_step : nullptr, kept.get()));
+        step_ = std::move(kept);
+    }
+    /// Called with every line of the log, as much as the option log_level says.
+    void on_log(std::function<void(int64_t, const char *)> f) {
+        auto kept = std::make_unique<std::function<void(int64_t, const char *)>>(std::move(f));
+        detail::check(swb_integrator_set_log(get(), *kept ? call_log : nullptr, kept.get()));
+        log_ = std::move(kept);
+    }
+    swb_progress_kind step(double t_stop) {
+        int32_t kind = 0;
+        detail::check(swb_integrator_step(get(), t_stop, &kind));
+        return static_cast<swb_progress_kind>(kind);
+    }
+    swb_run_outcome advance(double t) {
+        int32_t o = 0;
+        detail::check(swb_integrator_advance(get(), t, &o));
+        return static_cast<swb_run_outcome>(o);
+    }
+    /// `k`-th derivative of the dense output at a time in the last step.
+    Vector dky(double t, int64_t k) {
+        Vector out(static_cast<std::size_t>(nx_));
+        detail::check(swb_integrator_get_dky(get(), t, k, out.data(), nx_));
+        return out;
+    }
+    double time() const {
+        double t = 0;
+        detail::check(swb_integrator_get_time(get(), &t));
+        return t;
+    }
+    Vector state() const { return array(swb_integrator_get_state); }
+    Vector derivative() const { return array(swb_integrator_get_derivative); }
+    swb_run_outcome outcome() const {
+        int32_t o = 0;
+        detail::check(swb_integrator_get_outcome(get(), &o));
+        return static_cast<swb_run_outcome>(o);
+    }
+    std::string reason() const {
+        return detail::text([&](char *buf, int64_t len, int64_t *needed) {
+            return swb_integrator_get_reason(get(), buf, len, needed);
+        });
+    }
+    swb_run_stats stats() const {
+        swb_run_stats s{};
+        detail::check(swb_integrator_get_stats(get(), &s, sizeof s));
+        return s;
+    }
+    /// A copy of the result since the last reinit.
+    Run run() {
+        swb_run *r = nullptr;
+        detail::check(swb_integrator_get_run(get(), &r));
+        return Run(r);
+    }
+    struct Gradient {
+        Vector x0, p, u;
+    };
+    /// Gradient of a function of the run, see swb_integrator_adjoint.
+    Gradient adjoint(View v, View times = {}, View states = {}, const std::vector<int64_t> &events = {}, View weights = {}) {
+        Gradient g{Vector(static_cast<std::size_t>(nx_)), Vector(static_cast<std::size_t>(np_)),
+                   Vector(static_cast<std::size_t>(nu_))};
+        detail::check(swb_integrator_adjoint(get(), v.data(), v.length(), times.data(), times.length(), states.data(),
+                                             states.length(), events.data(), static_cast<int64_t>(events.size()),
+                                             weights.data(), weights.length(), g.x0.data(), nx_, g.p.data(), np_,
+                                             g.u.data(), nu_));
+        return g;
+    }
+    /// Stops the running call, or the next one; from any thread and signal handler.
+    void interrupt() const noexcept { swb_integrator_interrupt(get()); }
+
+    void set(const char *name, const char *value) { detail::check(swb_integrator_set_string(get(), name, value)); }
+    void set(const char *name, double value) { detail::check(swb_integrator_set_double(get(), name, value)); }
+    template <class Integer, std::enable_if_t<std::is_integral_v<Integer>, int> = 0>
+    void set(const char *name, Integer value) {
+        detail::check(swb_integrator_set_int(get(), name, static_cast<int64_t>(value)));
+    }
+    Settings settings() const {
+        Settings s;
+        detail::check(swb_integrator_get_settings(get(), &s, sizeof(swb_settings)));
+        return s;
+    }
+    swb_integrator *get() const noexcept { return owner_.get(); }
+
+private:
+    template <class Call>
+    Vector array(Call call) const {
+        Vector out(static_cast<std::size_t>(nx_));
+        detail::check(call(get(), out.data(), nx_));
+        return out;
+    }
+    static int32_t call_step(const swb_progress *info, void *data) {
+        return detail::guarded(1, [&] {
+            return static_cast<int32_t>((*static_cast<std::function<bool(const swb_progress &)> *>(data))(*info));
+        });
+    }
+    static int64_t call_decide(const swb_branching *branching, void *data) {
+        int64_t taken = -1;
+        detail::guarded(0, [&] {
+            taken = (*static_cast<std::function<int64_t(const swb_branching &)> *>(data))(*branching);
+            return 0;
+        });
+        return taken;
+    }
+    static void call_log(int64_t level, const char *line, void *data) {
+        detail::guarded(
+            0, [&] { return (*static_cast<std::function<void(int64_t, const char *)> *>(data))(level, line), 0; });
+    }
+
+    detail::Owner<swb_integrator, swb_integrator_free> owner_;
+    int64_t nx_ = 0, nu_ = 0, np_ = 0;
+    std::unique_ptr<std::function<bool(const swb_progress &)>> step_;
+    std::unique_ptr<std::function<int64_t(const swb_branching &)>> decide_;
+    std::unique_ptr<std::function<void(int64_t, const char *)>> log_;
+};
+
+/// Event-driven simulations from several initial states on several threads. Functions of the system are called by several
+/// threads at once; one that throws ends its run with SWB_ERR_USER.
+class Batch {
+public:
+    explicit Batch(const System &system, const Settings &settings = {}) {
+        swb_batch *b = nullptr;
+        detail::check(swb_batch_create(system.get(), &settings, &b));
+        owner_.reset(b);
+        detail::check(swb_system_sizes(system.get(), &nx_, nullptr, nullptr, nullptr));
+    }
+    /// Initial states, those of one run together; controls and parameters: none, one set for all, or one for each.
+    void run(double t0, double t1, View x0, View u = {}, View p = {}, int64_t n_threads = 0) {
+        detail::check(swb_batch_run(get(), t0, t1, x0.data(), x0.length(), u.data(), u.length(), p.data(), p.length(),
+                                    n_threads));
+    }
+    int64_t size() const {
+        int64_t n = 0;
+        detail::check(swb_batch_size(get(), &n));
+        return n;
+    }
+    /// Final states, those of one run together; NaN for runs that failed.
+    Vector states() const {
+        Vector x(static_cast<std::size_t>(size() * nx_));
+        detail::check(swb_batch_states(get(), x.data(), static_cast<int64_t>(x.size())));
+        return x;
+    }
+    /// An swb_run_outcome each, or the negative status of a run that failed.
+    std::vector<int32_t> outcomes() const {
+        std::vector<int32_t> out(static_cast<std::size_t>(size()));
+        detail::check(swb_batch_outcomes(get(), out.data(), static_cast<int64_t>(out.size())));
+        return out;
+    }
+    Run operator[](int64_t index) const {
+        swb_run *r = nullptr;
+        detail::check(swb_batch_get_run(get(), index, &r));
+        return Run(r);
+    }
+    void interrupt() const noexcept { swb_batch_interrupt(get()); }
+    swb_batch *get() const noexcept { return owner_.get(); }
+
+private:
+    detail::Owner<swb_batch, swb_batch_free> owner_;
+    int64_t nx_ = 0;
 };
 
 /// Optimal control of a system.

@@ -201,6 +201,44 @@ pub enum Homotopy {
     Outer = 1,
 }
 
+/// Integration method of the modes in event-driven simulation (integration).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Integration {
+    /// An explicit pair chosen by the tolerance; Radau IIA in modes that turn out to be stiff.
+    Auto = 0,
+    /// Dormand and Prince 5(4).
+    Dp5 = 1,
+    /// Dormand and Prince 8(5,3).
+    Dop853 = 2,
+    /// Radau IIA of order 5.
+    Radau5 = 3,
+}
+
+/// What an event-driven simulation does where switches accumulate (zeno).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ZenoPolicy {
+    /// Go on in the sliding mode on the surfaces the switches accumulate at, where there is one; else stop.
+    Continue = 0,
+    /// Stop.
+    Stop = 1,
+    /// Go through it by steps of a method that needs no switches.
+    TimeStepping = 2,
+}
+
+/// What an event-driven simulation does where the continuation is not unique (ambiguity).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AmbiguityPolicy {
+    /// The present active set if it may continue, else the fewest active cells, else the lowest indices.
+    First = 0,
+    /// Stop.
+    Stop = 1,
+    /// The one whose active modes come first in the list of preferred modes; among equals as first.
+    Prefer = 2,
+}
+
 /// Verbosity of the log sink (log_level); each level contains the ones before it.
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -285,6 +323,9 @@ value_names!(Relaxation {
     Direct = "direct",
 });
 value_names!(Homotopy { Coupled = "coupled", Outer = "outer" });
+value_names!(Integration { Auto = "auto", Dp5 = "dp5", Dop853 = "dop853", Radau5 = "radau5" });
+value_names!(ZenoPolicy { Continue = "continue", Stop = "stop", TimeStepping = "time_stepping" });
+value_names!(AmbiguityPolicy { First = "first", Stop = "stop", Prefer = "prefer" });
 value_names!(LogLevel {
     Silent = "silent",
     Error = "error",
@@ -391,6 +432,30 @@ pub struct Settings {
     pub dcs_form: i64,
     /// Factors at most in the products of the Heaviside form before they are lifted.
     pub lift_depth: i64,
+    /// Integration method of the modes in event-driven simulation (enum integration).
+    pub integration: i64,
+    /// Relative tolerance of the local error in event-driven simulation.
+    pub rtol: f64,
+    /// Absolute tolerance of the local error in event-driven simulation.
+    pub atol: f64,
+    /// First step of an event-driven simulation; 0: the library chooses.
+    pub h_init: f64,
+    /// Longest step of an event-driven simulation.
+    pub h_max: f64,
+    /// Steps of an event-driven simulation at most, accepted and rejected.
+    pub max_steps: i64,
+    /// Switches an event-driven simulation keeps in its log at most; those beyond are counted only.
+    pub max_switches: i64,
+    /// What an event-driven simulation does where switches accumulate (enum zeno_policy).
+    pub zeno: i64,
+    /// What an event-driven simulation does where the continuation is not unique (enum ambiguity_policy).
+    pub ambiguity: i64,
+    /// Keep the dense output of an event-driven simulation (enum toggle).
+    pub dense: i64,
+    /// Compute the derivatives of an event-driven simulation and of its switching times (enum toggle).
+    pub sensitivity: i64,
+    /// Record an event-driven simulation for adjoint derivatives (enum toggle).
+    pub adjoint: i64,
 }
 
 /// A value on its way to or from an option.
@@ -601,6 +666,30 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Complementarity form of what switches (enum dcs_form)."),
     row!(lift_depth: Int(2, Closed(2.0), Closed(64.0)), "n_d", SETUP,
         "Factors at most in the products of the Heaviside form before they are lifted."),
+    row!(integration: Enum(Integration::Auto), "", FREE,
+        "Integration method of the modes in event-driven simulation (enum integration)."),
+    row!(rtol: Float(1e-8, Closed(0.0), Open(1.0)), "", FREE,
+        "Relative tolerance of the local error in event-driven simulation."),
+    row!(atol: Float(1e-10, Closed(0.0), Open(INF)), "", FREE,
+        "Absolute tolerance of the local error in event-driven simulation."),
+    row!(h_init: Float(0.0, Closed(0.0), Open(INF)), "h_0", FREE,
+        "First step of an event-driven simulation; 0: the library chooses."),
+    row!(h_max: Float(INF, Open(0.0), Closed(INF)), "", FREE,
+        "Longest step of an event-driven simulation."),
+    row!(max_steps: Int(10000000, Closed(0.0), Closed(1e15)), "", FREE,
+        "Steps of an event-driven simulation at most, accepted and rejected."),
+    row!(max_switches: Int(1000000, Closed(0.0), Closed(1e15)), "", FREE,
+        "Switches an event-driven simulation keeps in its log at most; those beyond are counted only."),
+    row!(zeno: Enum(ZenoPolicy::Continue), "", FREE,
+        "What an event-driven simulation does where switches accumulate (enum zeno_policy)."),
+    row!(ambiguity: Enum(AmbiguityPolicy::First), "", FREE,
+        "What an event-driven simulation does where the continuation is not unique (enum ambiguity_policy)."),
+    row!(dense: Enum(Switch::Off), "", FREE,
+        "Keep the dense output of an event-driven simulation (enum toggle)."),
+    row!(sensitivity: Enum(Switch::Off), "", FREE,
+        "Compute the derivatives of an event-driven simulation and of its switching times (enum toggle)."),
+    row!(adjoint: Enum(Switch::Off), "", FREE,
+        "Record an event-driven simulation for adjoint derivatives (enum toggle)."),
 ];
 
 impl OptionInfo {
@@ -774,6 +863,18 @@ impl Default for Settings {
             mode_search: 0,
             dcs_form: 0,
             lift_depth: 0,
+            integration: 0,
+            rtol: 0.0,
+            atol: 0.0,
+            h_init: 0.0,
+            h_max: 0.0,
+            max_steps: 0,
+            max_switches: 0,
+            zeno: 0,
+            ambiguity: 0,
+            dense: 0,
+            sensitivity: 0,
+            adjoint: 0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);

@@ -41,7 +41,7 @@ for block in range(3):
     velocity = swb.Function.affine(0.0, np.eye(6)[3 + block], nx=6, name=f"v{block + 1}")
     system.add_subsystem([[-FRICTION], [FRICTION]], velocity, signs=[1, -1], rows=[3 + block])
 
-result = swb.simulate(system, [-1, 1, -1, -1, 1, 1], T, n_steps=60, n_s=3, n_fe=3)
+result = swb.simulate_fesd(system, [-1, 1, -1, -1, 1, 1], T, n_steps=60, n_s=3, n_fe=3)
 print(f"{result.message}; state at t = {result.time:g}: {np.round(result.state, 6)}")
 for s in result.trajectory.switches:
     what = {"cross": "turns round", "enter": "sticks", "leave": "slips"}[str(s.kind)]

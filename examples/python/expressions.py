@@ -17,7 +17,7 @@ oscillator = Model(states="q v", name="oscillator")
 q, v = oscillator.x
 oscillator.derivatives = [v, -q - 0.4 * sign(v) + cos(0.5 * oscillator.t)]
 print(oscillator.report())
-result = swb.simulate(oscillator.system(), x0=[1.0, 0.0], duration=12.0, n_steps=60)
+result = swb.simulate_fesd(oscillator.system(), x0=[1.0, 0.0], duration=12.0, n_steps=60)
 print(f"oscillator: {result.outcome}, {len(result.trajectory.switches)} switches")
 result.plot(folder / "expressions-oscillator.svg")
 

@@ -116,7 +116,7 @@ def main():
     print(f"{'model':15} {'groups':>6} {'psi':>4} {'modes':>6} {'pairs':>6} {'switches':>9}  end")
     for make in GALLERY:
         model, x0, duration, u = make()
-        r = swb.simulate(model.system(), x0, duration, n_steps=40, n_s=3, n_fe=3, u=u or None)
+        r = swb.simulate_fesd(model.system(), x0, duration, n_steps=40, n_s=3, n_fe=3, u=u or None)
         c = model.counts()
         end = " ".join(f"{v:.6f}" for v in r.state)
         switches = len(r.trajectory.switches)

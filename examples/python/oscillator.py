@@ -29,7 +29,7 @@ modes = swb.Function.affine(np.zeros((2, 2)), np.vstack([INSIDE, OUTSIDE]), nx=2
 psi = system.function(lambda x: x @ x - 1, jacobian=lambda x: 2 * x, hessian=lambda weights: 2 * weights[0] * np.eye(2))
 system.add_subsystem(modes, psi, signs=[-1, 1])
 
-result = swb.simulate(system, X0, T, n_steps=10, n_s=4, n_fe=2)
+result = swb.simulate_fesd(system, X0, T, n_steps=10, n_s=4, n_fe=2)
 switch = result.trajectory.switches[0]
 print(f"x(pi/2) = {result.state}, error {np.abs(result.state - EXACT).max():.1e}")
 print(f"switch at t = {switch.t:.12f} from mode {switch.before[0]} to mode {switch.after[0]}")
@@ -40,6 +40,6 @@ print(f"{'steps':>8}" + "".join(f"{f'n_s={n_s}':>12}" for n_s in (2, 3, 4)) + f"
 for n_steps in (9, 18, 36, 72):
     errors = []
     for options in ({"n_s": 2}, {"n_s": 3}, {"n_s": 4}, {"n_s": 4, "discretisation": "standard"}):
-        r = swb.simulate(system, X0, T, n_steps, n_fe=2, **options)
+        r = swb.simulate_fesd(system, X0, T, n_steps, n_fe=2, **options)
         errors.append(np.abs(r.state - EXACT).max() if r.success else np.nan)
     print(f"{n_steps:>8}" + "".join(f"{e:12.1e}" for e in errors[:3]) + f"{errors[3]:16.1e}")

@@ -256,15 +256,20 @@ impl UserFunction {
 
     /// The point of the caller.
     unsafe fn point(&self, at: *const swb_point) -> Result<Point<'_>> {
-        unsafe {
-            let at = raw::read(at, "at")?;
-            Ok(Point {
-                t: at.t,
-                x: raw::slice(at.x, self.dims.x as i64, "at->x")?,
-                u: raw::slice(at.u, self.dims.u as i64, "at->u")?,
-                p: raw::slice(at.p, self.dims.p as i64, "at->p")?,
-            })
-        }
+        unsafe { point(at, self.dims) }
+    }
+}
+
+/// A point of the caller with so many values.
+pub(super) unsafe fn point<'a>(at: *const swb_point, dims: Dims) -> Result<Point<'a>> {
+    unsafe {
+        let at = raw::read(at, "at")?;
+        Ok(Point {
+            t: at.t,
+            x: raw::slice(at.x, dims.x as i64, "at->x")?,
+            u: raw::slice(at.u, dims.u as i64, "at->u")?,
+            p: raw::slice(at.p, dims.p as i64, "at->p")?,
+        })
     }
 }
 

@@ -120,6 +120,12 @@ pub mod trajectory;
 
 pub mod simulator;
 
+pub mod run;
+
+pub mod integrator;
+
+pub mod batch;
+
 pub mod ocp;
 pub mod ocp_accuracy;
 

@@ -1,8 +1,9 @@
 //! Piecewise smooth systems.
 
-use super::function::{shared, swb_function};
+use super::function::{point, shared, swb_function, swb_point};
 use super::guard::guard;
 use super::handle::{self, Object};
+use super::integrator::listening;
 use super::raw;
 use super::status::swb_status;
 use crate::error::{Error, Result};
@@ -196,8 +197,73 @@ pub unsafe extern "C" fn swb_system_sizes(
     })
 }
 
+/// Values whose zeros are the switching surfaces of a subsystem: its switching functions, or the differences
+/// g_i - g_j, i < j, of its indicators, NaN where both are not the smallest two.
+///
+/// @param[in]  subsystem number of the subsystem
+/// @param[in]  at        the point
+/// @param[out] values    [n] one for each; NULL with n 0 to ask for their number
+/// @param[out] needed    their number, written in any case; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NONFINITE if a function is not defined at the point
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_surfaces(
+    system: *const swb_system,
+    subsystem: i64,
+    at: *const swb_point,
+    values: *mut f64,
+    n: i64,
+    needed: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(system, |s| {
+            let all = s.subsystems();
+            let found = usize::try_from(subsystem).ok().and_then(|k| all.get(k));
+            let sub = found.ok_or_else(|| {
+                Error::Dimension(format!("there is no subsystem {subsystem}, their number is {}", all.len()))
+            })?;
+            let at = point(at, s.dims())?;
+            let f = match &sub.regions {
+                Regions::Signs { psi, .. } | Regions::Indicators(psi) => psi,
+            };
+            let (mut out, mut work) = (vec![0.0; f.n_out()], vec![0.0; f.work_len()]);
+            listening(|| {
+                f.value(&at, &mut out, &mut work)
+                    .map_err(|_| Error::NonFinite(format!("function '{}' is not defined at the point", f.name())))
+            })
+            .0?;
+            if matches!(sub.regions, Regions::Indicators(_)) {
+                out = differences(&out);
+            }
+            raw::write_optional(needed, out.len() as i64);
+            if values.is_null() && n == 0 {
+                return Ok(());
+            }
+            raw::write_slice(values, n, &out, "values")
+        })
+    })
+}
+
+/// `g_i − g_j` where no other indicator is smaller than both, else NaN.
+fn differences(g: &[f64]) -> Vec<f64> {
+    let pairs = (0..g.len()).flat_map(|i| (i + 1..g.len()).map(move |j| (i, j)));
+    let smallest = |i: usize, j: usize| (0..g.len()).all(|k| k == i || k == j || g[k] >= g[i].max(g[j]));
+    pairs.map(|(i, j)| if smallest(i, j) { g[i] - g[j] } else { f64::NAN }).collect()
+}
+
 /// Free; objects made of the system keep what they need. NULL is allowed.
 #[no_mangle]
 pub unsafe extern "C" fn swb_system_free(system: *mut swb_system) {
     unsafe { handle::free(system) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::differences;
+
+    #[test]
+    fn surfaces_between_the_smallest_indicators_only() {
+        let d = differences(&[1.0, 1.5, 4.0]);
+        assert_eq!(d[0], -0.5);
+        assert!(d[1].is_nan() && d[2].is_nan());
+    }
 }

@@ -41,6 +41,7 @@ mod collocation;
 mod engine;
 mod explicit;
 mod field;
+mod from_settings;
 mod lu;
 mod next;
 pub mod pairs;

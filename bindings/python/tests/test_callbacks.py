@@ -241,7 +241,7 @@ def test_two_threads():
     def simulate(k):
         try:
             for _ in range(3):
-                results[k] = swb.simulate(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 10, n_s=4).state
+                results[k] = swb.simulate_fesd(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 10, n_s=4).state
                 results[k, "cost"] = tutorial().solve().cost
                 with pytest.raises(Mine, match=str(k)):
                     swb.Nlp(1, throw(Mine(str(k))) and (lambda x: throw(Mine(str(k)))(x))).solve()
@@ -284,7 +284,7 @@ def test_one_object_two_threads():
 def test_everything_is_freed(live):
     gc.collect()
     before = live()
-    trajectory = swb.simulate(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 10).trajectory
+    trajectory = swb.simulate_fesd(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 10).trajectory
     ocp = tutorial()
     r = ocp.solve()
     ocp.myself = ocp  # a cycle
@@ -320,7 +320,7 @@ def test_functions_are_freed_with_their_models():
 
 def test_memory_does_not_grow():
     def once():
-        swb.simulate(oscillator(), OSCILLATOR_X0, 0.2, 2)
+        swb.simulate_fesd(oscillator(), OSCILLATOR_X0, 0.2, 2)
         swb.Mpcc(2, quadratic, pairs=[(0, 1)], start=[1, 2]).solve()
 
     def pages():

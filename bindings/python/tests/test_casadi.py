@@ -65,13 +65,13 @@ def oscillator():
 
 
 def test_functions_as_they_are():
-    by_hand = swb.simulate(models.oscillator(), models.OSCILLATOR_X0, models.OSCILLATOR_T, 10, n_s=5)
+    by_hand = swb.simulate_fesd(models.oscillator(), models.OSCILLATOR_X0, models.OSCILLATOR_T, 10, n_s=5)
     inside, outside, circle = oscillator()
     x = ca.SX.sym("x", 2)
     matrix = ca.Function("F", [x], [ca.horzcat(inside(x), outside(x))], ["x"], ["F"])
     for modes in ([inside, outside], matrix):
         system = models.oscillator(modes, circle)
-        result = swb.simulate(system, models.OSCILLATOR_X0, models.OSCILLATOR_T, 10, n_s=5)
+        result = swb.simulate_fesd(system, models.OSCILLATOR_X0, models.OSCILLATOR_T, 10, n_s=5)
         assert np.allclose(result.state, by_hand.state, rtol=0, atol=1e-10)
         assert [s.t for s in result.trajectory.switches] == pytest.approx([1.0], abs=1e-7)
 
@@ -106,7 +106,7 @@ def test_functions_inside_expressions():
     m.derivatives = [v, external(pull, x=[q, v])[0] - 0.3 * sign(v)]
     n = Model(states="q v")
     n.derivatives = [n.x[1], -np.sin(n.x[0]) - 0.3 * sign(n.x[1])]
-    ends = [swb.simulate(model.system(), x0=[1.0, 0.1], duration=2.0, n_steps=10).state for model in (m, n)]
+    ends = [swb.simulate_fesd(model.system(), x0=[1.0, 0.1], duration=2.0, n_steps=10).state for model in (m, n)]
     assert np.allclose(*ends, rtol=0, atol=1e-10)
 
 

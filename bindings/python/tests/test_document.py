@@ -26,7 +26,7 @@ def test_models_return():
     assert (again.name, again.names, again.nx, again.nu, again.np) == ("slider", [["q", "v"], ["u"], ["k"]], 2, 1, 1)
     assert again.report() == m.report() and again.counts() == m.counts()
     run = {"x0": [0.5, 1.0], "duration": 2.0, "n_steps": 8, "u": [0.1], "p": [2.0]}
-    ends = [swb.simulate(s.system(), **run).state for s in (m, again)]
+    ends = [swb.simulate_fesd(s.system(), **run).state for s in (m, again)]
     assert (ends[0] == ends[1]).all()
     # what returns can be written on with
     again.derivative(again.x[0], again.derivatives[0] - sign(again.x[0]))

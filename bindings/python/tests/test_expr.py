@@ -18,7 +18,7 @@ def evaluate(model, e, x, u=(), p=(), t=0.0):
 def test_driven_switch():
     m = Model(states="x")
     m.derivatives = [-sign(m.x[0]) + 0.2 * sin(5 * m.t)]
-    result = swb.simulate(m.system(), x0=[-0.5], duration=2.0, n_steps=10)
+    result = swb.simulate_fesd(m.system(), x0=[-0.5], duration=2.0, n_steps=10)
     assert m.counts() == Counts(1, 1, 2, 5, 2)
     assert result.trajectory.switches[0].t == pytest.approx(0.43695503338596907, abs=1e-5)
     assert m.report_data()["clock"] is True
@@ -32,7 +32,7 @@ def test_dry_friction_oscillator():
     assert m.counts() == Counts(1, 1, 2, 5, 2)
     by_hand = swb.System(nx=2, f0=lambda x, t: [x[1], -x[0] + np.cos(0.5 * t)])
     by_hand.add_subsystem(modes=[[-0.4], [0.4]], psi=lambda x: x[1], signs=[1, -1], rows=[1])
-    runs = [swb.simulate(s, x0=[1.0, 0.0], duration=3.0, n_steps=15) for s in (m.system(), by_hand)]
+    runs = [swb.simulate_fesd(s, x0=[1.0, 0.0], duration=3.0, n_steps=15) for s in (m.system(), by_hand)]
     ends = [r.trajectory(3.0) for r in runs]
     assert np.allclose(*ends, atol=1e-6)
 
@@ -76,7 +76,7 @@ def test_smooth_model_has_no_pairs():
     q, v = m.x
     m.derivatives = [v, -q]
     assert m.counts() == Counts(0, 0, 0, 0, 0)
-    end = swb.simulate(m.system(), x0=[1.0, 0.0], duration=1.0, n_steps=20).trajectory(1.0)
+    end = swb.simulate_fesd(m.system(), x0=[1.0, 0.0], duration=1.0, n_steps=20).trajectory(1.0)
     assert end[0] == pytest.approx(np.cos(1.0), abs=1e-5)
 
 
@@ -182,7 +182,7 @@ def test_external_functions():
     y = expr.external(f, x=m.x)
     assert evaluate(m, y**2, [2.0, 3.0]) == [36.0]
     m.derivatives = [y[0], -m.x[0]]
-    end = swb.simulate(m.system(), x0=[1.0, 0.5], duration=0.1, n_steps=2).trajectory(0.1)
+    end = swb.simulate_fesd(m.system(), x0=[1.0, 0.5], duration=0.1, n_steps=2).trajectory(0.1)
     assert np.isfinite(end).all()
 
 

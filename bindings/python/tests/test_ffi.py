@@ -114,6 +114,6 @@ def test_matplotlib_is_lazy():
 def test_interpreter_ends_with_objects_alive():
     done = run(
         "import switchback as s; m = s.Mpcc(1, lambda x: x[0]**2); m.solve(); m.cycle = m\n"
-        "t = s.simulate(s.System(1, f0=lambda x: -x), [1.0], 1.0, 3).trajectory"
+        "t = s.simulate_fesd(s.System(1, f0=lambda x: -x), [1.0], 1.0, 3).trajectory"
     )
     assert done.returncode == 0 and done.stderr == ""

@@ -107,7 +107,7 @@ def test_the_model(make):
     for rows, modes, psi, signs in subsystems:
         system.add_subsystem(modes, psi, signs, rows=rows)
     runs = [
-        swb.simulate(s, x0, duration, n_steps=40, n_s=3, n_fe=3, u=u or None) for s in (model.system(), system)
+        swb.simulate_fesd(s, x0, duration, n_steps=40, n_s=3, n_fe=3, u=u or None) for s in (model.system(), system)
     ]
     assert [r.outcome for r in runs] == [swb.Outcome.SOLVED] * 2
     # by hand the derivatives are differences: the Newton iteration ends at the same point, to its tolerance
@@ -130,7 +130,7 @@ def test_the_page_runs():
 def test_what_the_models_should_do():
     def end(make, n=60):
         model, x0, duration, u = make()
-        return swb.simulate(model.system(), x0, duration, n_steps=n, n_s=3, n_fe=3, u=u or None)
+        return swb.simulate_fesd(model.system(), x0, duration, n_steps=n, n_s=3, n_fe=3, u=u or None)
 
     # 10 at t = 10, then three times the acceleration
     assert np.allclose(end(gallery.turbo_car).state, [50 + 10 * 4 + 1.5 * 16, 22.0], atol=1e-9)
@@ -138,7 +138,7 @@ def test_what_the_models_should_do():
     assert end(gallery.motor).state[1] == pytest.approx(0, abs=1e-9)
     # a limit cycle: the last half periods are equal
     model, x0, _, _ = gallery.relay_feedback()
-    r = swb.simulate(model.system(), x0, 60.0, n_steps=300, n_s=3, n_fe=3)
+    r = swb.simulate_fesd(model.system(), x0, 60.0, n_steps=300, n_s=3, n_fe=3)
     t = [s.t for s in r.trajectory.switches]
     assert t[-1] - t[-2] == pytest.approx(t[-2] - t[-3], abs=1e-5)
     # no slower than the sum over its three lags: near the describing function's pi / sqrt(3)

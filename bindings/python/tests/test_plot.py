@@ -12,7 +12,7 @@ plt = pytest.importorskip("matplotlib.pyplot")
 
 @pytest.fixture(scope="module")
 def result():
-    return swb.simulate(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 10)
+    return swb.simulate_fesd(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 10)
 
 
 @pytest.mark.parametrize("suffix", ["svg", "png", "pdf"])
@@ -30,7 +30,7 @@ def test_what_is_in_it(result, tmp_path):
     assert [a.get_ylabel() for a in figure.axes] == ["states", "controls", "step sizes", "modes"]
     plt.close(figure)
     tutorial().solve().trajectory.plot(str(tmp_path / "tutorial.svg"))
-    smooth = swb.simulate(swb.System(1, 1, f0=lambda x, u: u - x), [0.0], 2.0, 4, u=np.ones((4, 1)))
+    smooth = swb.simulate_fesd(swb.System(1, 1, f0=lambda x, u: u - x), [0.0], 2.0, 4, u=np.ones((4, 1)))
     figure = smooth.plot(tmp_path / "smooth.svg")
     assert [a.get_ylabel() for a in figure.axes] == ["states", "controls", "step sizes"]
 

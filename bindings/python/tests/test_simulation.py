@@ -8,7 +8,7 @@ from models import A_IN, A_OUT, OSCILLATOR_T, OSCILLATOR_X0, OSCILLATOR_XT, osci
 
 
 def test_oscillator():
-    r = swb.simulate(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 10, n_s=5, n_fe=2)
+    r = swb.simulate_fesd(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 10, n_s=5, n_fe=2)
     assert r.success and r.outcome == swb.Outcome.SOLVED and r.message == "solved"
     assert np.allclose(r.state, OSCILLATOR_XT, atol=1e-10) and r.time == pytest.approx(OSCILLATOR_T, abs=1e-14)
     t = r.trajectory
@@ -47,7 +47,7 @@ def test_oscillator():
     ],
 )
 def test_ways_to_give_modes(modes):
-    r = swb.simulate(oscillator(modes), OSCILLATOR_X0, OSCILLATOR_T, 10, n_s=4)
+    r = swb.simulate_fesd(oscillator(modes), OSCILLATOR_X0, OSCILLATOR_T, 10, n_s=4)
     assert np.allclose(r.state, OSCILLATOR_XT, atol=1e-7)
 
 
@@ -56,7 +56,7 @@ def test_indicators():
     system.add_subsystem_indicators(
         [lambda x: A_IN @ x, lambda x: A_OUT @ x], [lambda x: x @ x - 1, lambda x: 1 - x @ x]
     )
-    r = swb.simulate(system, OSCILLATOR_X0, OSCILLATOR_T, 10, n_s=5)
+    r = swb.simulate_fesd(system, OSCILLATOR_X0, OSCILLATOR_T, 10, n_s=5)
     assert np.allclose(r.state, OSCILLATOR_XT, atol=1e-9)
     with pytest.raises(swb.ArgumentError, match="n_modes"):
         system.add_subsystem_indicators(lambda x: x, lambda x: x)
@@ -64,7 +64,7 @@ def test_indicators():
 
 def test_sliding():
     # x' in -sign(x) + 0.2 sin(5 t): slides on x = 0 from t = 0.3 or so on
-    r = swb.simulate(sides(1.0, -1.0, f0=lambda t: 0.2 * np.sin(5 * t)), [-0.3], 2.0, 20, n_s=3)
+    r = swb.simulate_fesd(sides(1.0, -1.0, f0=lambda t: 0.2 * np.sin(5 * t)), [-0.3], 2.0, 20, n_s=3)
     assert r.success and r.state[0] == pytest.approx(0.0, abs=1e-9)
     assert [s.kind for s in r.trajectory.switches] == [swb.SwitchKind.ENTER]
     assert r.trajectory.switches[0].after == (0, 1) and r.trajectory.active[-1].all()
@@ -74,7 +74,7 @@ def test_sliding():
 
 def test_sliding_mode_that_ends():
     # x' in t - sign(x) + ...: slides until the drift is stronger than the modes, at t = 1
-    r = swb.simulate(sides(1.0, -1.0, f0=lambda t: t), [0.0], 2.0, 10, n_s=3)
+    r = swb.simulate_fesd(sides(1.0, -1.0, f0=lambda t: t), [0.0], 2.0, 10, n_s=3)
     assert [s.kind for s in r.trajectory.switches][-1] == swb.SwitchKind.LEAVE
     assert r.trajectory.switches[-1].t == pytest.approx(1.0, abs=1e-8)
     assert r.state[0] == pytest.approx(0.5, abs=1e-8)
@@ -115,18 +115,18 @@ def test_going_on():
 
 def test_time_controls_and_parameters():
     system = swb.System(1, 1, 1, f0=lambda x, u, p, t: u * p * np.cos(t) - x)
-    r = swb.simulate(system, [0.5], 1.0, 5, t0=1.0, u=[2.0], p=[3.0], n_s=4)
+    r = swb.simulate_fesd(system, [0.5], 1.0, 5, t0=1.0, u=[2.0], p=[3.0], n_s=4)
     expected = 3 * (np.cos(2) + np.sin(2)) + (0.5 - 3 * (np.cos(1) + np.sin(1))) * np.exp(-1)
     assert r.state[0] == pytest.approx(expected, abs=1e-9)
     # controls of the steps
     u = [[2.0], [2.0], [0.0]]
-    r = swb.simulate(swb.System(1, 1, f0=lambda x, u: u), [0.0], 3.0, 3, u=u)
+    r = swb.simulate_fesd(swb.System(1, 1, f0=lambda x, u: u), [0.0], 3.0, 3, u=u)
     assert r.state[0] == pytest.approx(4.0) and r.controls.tolist() == u and r.control_times.tolist() == [0, 1, 2, 3]
 
 
 @pytest.mark.parametrize("family", ["radau_iia", "gauss_legendre", "explicit"])
 def test_families(family):
-    r = swb.simulate(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 20, rk_family=family, n_s=4)
+    r = swb.simulate_fesd(oscillator(), OSCILLATOR_X0, OSCILLATOR_T, 20, rk_family=family, n_s=4)
     assert r.success and np.allclose(r.state, OSCILLATOR_XT, atol=1e-3)
 
 
@@ -135,7 +135,7 @@ def test_families(family):
 )
 def test_wrong_states(x0):
     with pytest.raises(swb.ArgumentError):
-        swb.simulate(oscillator(), x0, 1.0, 10)
+        swb.simulate_fesd(oscillator(), x0, 1.0, 10)
 
 
 @pytest.mark.parametrize(
@@ -155,7 +155,7 @@ def test_wrong_states(x0):
 )
 def test_wrong_steps(duration, n_steps):
     with pytest.raises(swb.ArgumentError):
-        swb.simulate(oscillator(), OSCILLATOR_X0, duration, n_steps)
+        swb.simulate_fesd(oscillator(), OSCILLATOR_X0, duration, n_steps)
 
 
 def test_wrong_controls_and_parameters():
@@ -169,13 +169,13 @@ def test_wrong_controls_and_parameters():
         {"u": [[1, 2]] * 3, "p": [1]},
     ):
         with pytest.raises(swb.ArgumentError):
-            swb.simulate(system, [0.0], 1.0, 2, **keywords)
+            swb.simulate_fesd(system, [0.0], 1.0, 2, **keywords)
 
 
 def test_wrong_systems():
     for system in (None, "system", oscillator):
         with pytest.raises(swb.ArgumentError, match="must be a System"):
-            swb.simulate(system, [0.0], 1.0, 1)
+            swb.simulate_fesd(system, [0.0], 1.0, 1)
     with pytest.raises(swb.StateError):
         swb.Simulator(swb.System(2))  # without dynamics
     for sizes in ((0,), (-1,), (1, -1), ("a",), (1.5,), (None,)):
@@ -208,7 +208,7 @@ def test_modes_that_return_too_much():
     system = swb.System(2)
     system.add_subsystem([lambda x: [1, 2, 3], lambda x: x], lambda x: x[0], [-1, 1])
     with pytest.raises(swb.DimensionError, match=r"modes\[0\]"):
-        swb.simulate(system, [1.0, 1.0], 1.0, 2)
+        swb.simulate_fesd(system, [1.0, 1.0], 1.0, 2)
 
 
 def test_inclusion_in_steps():

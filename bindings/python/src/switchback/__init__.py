@@ -4,12 +4,24 @@ import switchback as swb
 
 system = swb.System(nx=1)
 system.add_subsystem(modes=[[3.0], [1.0]], psi=lambda x: x[0], signs=[-1, 1])
-result = swb.simulate(system, x0=[-1.0], duration=2.0, n_steps=10)
-print(result.trajectory.switches)
+run = swb.simulate(system, x0=[-1.0], t_span=2.0)
+print(run.x_end, run.table())
 """
 
 from . import casadi, expr
-from ._ffi import Item, LogLevel, Member, Outcome, PathAt, Polished, Status, SwitchKind
+from ._ffi import (
+    EventKind,
+    Item,
+    LogLevel,
+    Member,
+    Outcome,
+    PathAt,
+    Polished,
+    ProgressKind,
+    RunOutcome,
+    Status,
+    SwitchKind,
+)
 from ._library import path as library_path
 from ._library import version as library_version
 from .errors import (
@@ -54,6 +66,21 @@ from .expr import (
     where,
 )
 from .function import DerivativeCheck, Function
+from .integrator import (
+    Accumulation,
+    Batch,
+    Branching,
+    BranchPoint,
+    Contact,
+    Event,
+    Gradient,
+    Integrator,
+    Run,
+    RunStats,
+    Step,
+    simulate,
+    simulate_batch,
+)
 from .mpcc import (
     Certificate,
     Conflict,
@@ -68,23 +95,32 @@ from .mpcc import (
     variable,
 )
 from .ocp import Ocp, OcpResult, OcpSensitivity
-from .plot import plot
+from .plot import plot, plot_phase, plot_run
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
 from .settings import Option, Settings, options
-from .simulator import SimulationResult, Simulator, simulate
+from .simulator import SimulationResult, Simulator, simulate_fesd
 from .system import System
 from .trajectory import Switch, Trajectory
 
 __version__ = "0.1.0"
 
 __all__ = [
+    "Accumulation",
     "Accuracy",
     "ArgumentError",
+    "Batch",
+    "BranchPoint",
+    "Branching",
     "Certificate",
     "Conflict",
+    "Contact",
     "DerivativeCheck",
     "DimensionError",
+    "Event",
+    "EventKind",
     "Function",
+    "Gradient",
+    "Integrator",
     "InternalError",
     "InterruptedSolve",
     "Item",
@@ -111,14 +147,19 @@ __all__ = [
     "PathAt",
     "Polished",
     "ProgramItem",
+    "ProgressKind",
     "RangeError",
     "Residuals",
+    "Run",
+    "RunOutcome",
+    "RunStats",
     "Settings",
     "SimulationResult",
     "Simulator",
     "StateError",
     "Stats",
     "Status",
+    "Step",
     "Switch",
     "SwitchKind",
     "SwitchbackError",
@@ -147,10 +188,14 @@ __all__ = [
     "minimum",
     "options",
     "plot",
+    "plot_phase",
+    "plot_run",
     "print_iteration",
     "relay",
     "sign",
     "simulate",
+    "simulate_batch",
+    "simulate_fesd",
     "sin",
     "sinh",
     "sqrt",

@@ -266,6 +266,61 @@ class Homotopy(Names):
     OUTER = 1
 
 
+class Integration(Names):
+    """enum swb_integration"""
+
+    AUTO = 0
+    DP5 = 1
+    DOP853 = 2
+    RADAU5 = 3
+
+
+class ZenoPolicy(Names):
+    """enum swb_zeno_policy"""
+
+    CONTINUE = 0
+    STOP = 1
+    TIME_STEPPING = 2
+
+
+class AmbiguityPolicy(Names):
+    """enum swb_ambiguity_policy"""
+
+    FIRST = 0
+    STOP = 1
+    PREFER = 2
+
+
+class RunOutcome(Names):
+    """enum swb_run_outcome"""
+
+    REACHED = 0
+    MAX_STEPS = 1
+    STEP_TOO_SMALL = 2
+    ZENO = 3
+    AMBIGUOUS = 4
+    NO_CONTINUATION = 5
+    STOPPED = 100
+
+
+class EventKind(Names):
+    """enum swb_event_kind"""
+
+    CROSS = 0
+    ENTER = 1
+    LEAVE = 2
+    SPONTANEOUS = 3
+
+
+class ProgressKind(Names):
+    """enum swb_progress_kind"""
+
+    STEPPED = 0
+    SWITCHED = 1
+    DONE = 2
+    STOP_TIME = 3
+
+
 class Member(Names):
     """enum swb_member"""
 
@@ -319,6 +374,8 @@ swb_jacobian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_hessian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p, c_void_p)
 swb_code = CFUNCTYPE(None)
 swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
+swb_decide_fn = CFUNCTYPE(c_int64, c_void_p, c_void_p)
+swb_progress_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
 swb_lagrangian_fn = CFUNCTYPE(c_int32, c_void_p, c_double, c_void_p, c_void_p, c_void_p)
 
 
@@ -368,6 +425,18 @@ class swb_settings(Structure):
         ("mode_search", c_int64),
         ("dcs_form", c_int64),
         ("lift_depth", c_int64),
+        ("integration", c_int64),
+        ("rtol", c_double),
+        ("atol", c_double),
+        ("h_init", c_double),
+        ("h_max", c_double),
+        ("max_steps", c_int64),
+        ("max_switches", c_int64),
+        ("zeno", c_int64),
+        ("ambiguity", c_int64),
+        ("dense", c_int64),
+        ("sensitivity", c_int64),
+        ("adjoint", c_int64),
     ]
 
 
@@ -476,6 +545,110 @@ class swb_iteration_info(Structure):
     ]
 
 
+class swb_run_info(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("nx", c_int64),
+        ("outcome", c_int64),
+        ("t_start", c_double),
+        ("t_end", c_double),
+        ("n_events", c_int64),
+        ("n_subsystems", c_int64),
+        ("n_pieces", c_int64),
+        ("n_columns", c_int64),
+        ("one_sided", c_int64),
+        ("n_branch_points", c_int64),
+        ("n_contacts", c_int64),
+        ("n_accumulations", c_int64),
+    ]
+
+
+class swb_run_stats(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("steps", c_int64),
+        ("rejections", c_int64),
+        ("relocations", c_int64),
+        ("evaluations", c_int64),
+        ("jacobians", c_int64),
+        ("newton", c_int64),
+        ("factorisations", c_int64),
+        ("switches", c_int64),
+        ("accumulations", c_int64),
+        ("time_total", c_double),
+    ]
+
+
+class swb_event(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("kind", c_int64),
+        ("subsystem", c_int64),
+        ("before", c_uint64),
+        ("after", c_uint64),
+        ("simultaneous", c_int64),
+        ("unique", c_int64),
+        ("rate", c_double),
+        ("transversality", c_double),
+    ]
+
+
+class swb_branch_point(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("n_continuations", c_int64),
+        ("taken", c_int64),
+    ]
+
+
+class swb_contact(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("subsystem", c_int64),
+        ("rate", c_double),
+        ("transversality", c_double),
+    ]
+
+
+class swb_accumulation(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("until", c_double),
+        ("steps", c_int64),
+        ("error", c_double),
+    ]
+
+
+class swb_branching(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("x", c_void_p),
+        ("nx", c_int64),
+        ("n_continuations", c_int64),
+        ("n_modes", c_int64),
+        ("before", c_void_p),
+        ("active", c_void_p),
+        ("velocity", c_void_p),
+    ]
+
+
+class swb_progress(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("x", c_void_p),
+        ("nx", c_int64),
+        ("kind", c_int64),
+        ("steps", c_int64),
+        ("switches", c_int64),
+    ]
+
+
 class swb_accuracy(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -577,6 +750,7 @@ FUNCTIONS = {
     "swb_system_add_inclusion": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_void_p, c_void_p]),
     "swb_system_set_algebraic": (c_int32, [c_void_p, c_int64, c_void_p]),
     "swb_system_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_system_surfaces": (c_int32, [c_void_p, c_int64, POINTER(swb_point), c_void_p, c_int64, c_void_p]),
     "swb_system_free": (None, [c_void_p]),
     "swb_expr_create": (c_int32, [c_void_p]),
     "swb_expr_constants": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
@@ -631,6 +805,59 @@ FUNCTIONS = {
     "swb_simulator_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
     "swb_simulator_interrupt": (c_int32, [c_void_p]),
     "swb_simulator_free": (None, [c_void_p]),
+    "swb_run_outcome_name": (c_char_p, [c_int32]),
+    "swb_run_get_info": (c_int32, [c_void_p, POINTER(swb_run_info), c_uint64]),
+    "swb_run_reason": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_run_get_stats": (c_int32, [c_void_p, POINTER(swb_run_stats), c_uint64]),
+    "swb_run_state": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_run_events": (c_int32, [c_void_p, POINTER(swb_event), c_int64, c_uint64]),
+    "swb_run_branch_points": (c_int32, [c_void_p, POINTER(swb_branch_point), c_int64, c_uint64]),
+    "swb_run_contacts": (c_int32, [c_void_p, POINTER(swb_contact), c_int64, c_uint64]),
+    "swb_run_accumulations": (c_int32, [c_void_p, POINTER(swb_accumulation), c_int64, c_uint64]),
+    "swb_run_modes": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_run_event_modes": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_int64]),
+    "swb_run_sensitivity": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_run_event_sensitivity": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_run_times": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_run_evaluate": (c_int32, [c_void_p, c_void_p, c_int64, c_int64, c_void_p, c_int64]),
+    "swb_run_free": (None, [c_void_p]),
+    "swb_integrator_create": (c_int32, [c_void_p, POINTER(swb_settings), c_void_p]),
+    "swb_integrator_reinit": (c_int32, [c_void_p, c_double, c_void_p, c_int64]),
+    "swb_integrator_set_controls": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_integrator_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_integrator_set_tolerances": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_integrator_set_stop_times": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_integrator_set_preferred": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_integrator_set_decider": (c_int32, [c_void_p, swb_decide_fn, c_void_p]),
+    "swb_integrator_step": (c_int32, [c_void_p, c_double, c_void_p]),
+    "swb_integrator_advance": (c_int32, [c_void_p, c_double, c_void_p]),
+    "swb_integrator_get_dky": (c_int32, [c_void_p, c_double, c_int64, c_void_p, c_int64]),
+    "swb_integrator_get_time": (c_int32, [c_void_p, c_void_p]),
+    "swb_integrator_get_state": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_integrator_get_derivative": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_integrator_get_active": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_integrator_get_outcome": (c_int32, [c_void_p, c_void_p]),
+    "swb_integrator_get_reason": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_integrator_get_stats": (c_int32, [c_void_p, POINTER(swb_run_stats), c_uint64]),
+    "swb_integrator_get_run": (c_int32, [c_void_p, c_void_p]),
+    "swb_integrator_adjoint": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_integrator_set_int": (c_int32, [c_void_p, c_char_p, c_int64]),
+    "swb_integrator_set_double": (c_int32, [c_void_p, c_char_p, c_double]),
+    "swb_integrator_set_string": (c_int32, [c_void_p, c_char_p, c_char_p]),
+    "swb_integrator_set_settings": (c_int32, [c_void_p, POINTER(swb_settings)]),
+    "swb_integrator_get_settings": (c_int32, [c_void_p, POINTER(swb_settings), c_uint64]),
+    "swb_integrator_set_progress": (c_int32, [c_void_p, swb_progress_fn, c_void_p]),
+    "swb_integrator_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
+    "swb_integrator_interrupt": (c_int32, [c_void_p]),
+    "swb_integrator_free": (None, [c_void_p]),
+    "swb_batch_create": (c_int32, [c_void_p, POINTER(swb_settings), c_void_p]),
+    "swb_batch_run": (c_int32, [c_void_p, c_double, c_double, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_int64]),
+    "swb_batch_size": (c_int32, [c_void_p, c_void_p]),
+    "swb_batch_states": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_batch_outcomes": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_batch_get_run": (c_int32, [c_void_p, c_int64, c_void_p]),
+    "swb_batch_interrupt": (c_int32, [c_void_p]),
+    "swb_batch_free": (None, [c_void_p]),
     "swb_ocp_create": (c_int32, [c_void_p, c_double, c_int64, POINTER(swb_settings), c_void_p]),
     "swb_ocp_set_lagrange": (c_int32, [c_void_p, c_void_p]),
     "swb_ocp_set_mayer": (c_int32, [c_void_p, c_void_p]),

@@ -5,7 +5,7 @@ from switchback.expr import Model, sign, sin
 m = Model(states="x")
 m.derivatives = [-sign(m.x[0]) + 0.2 * sin(5 * m.t)]
 print(m.report())
-result = swb.simulate(m.system(), x0=[-0.5], duration=2.0, n_steps=10)
+run = swb.simulate(m, x0=[-0.5], t_span=2.0)
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Simulation."""
+"""Simulation by finite elements whose boundaries move onto the switches (FESD)."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from .settings import Settings
 from .system import System
 from .trajectory import Trajectory
 
-__all__ = ["SimulationResult", "Simulator", "simulate"]
+__all__ = ["SimulationResult", "Simulator", "simulate_fesd"]
 
 
 class Simulator(Solver):
@@ -136,7 +136,7 @@ class SimulationResult(HasOutcome):
         return plot(self, path, **keywords)
 
 
-def simulate(
+def simulate_fesd(
     system: System,
     x0: Any,
     duration: float,
@@ -150,7 +150,8 @@ def simulate(
     on_log: OnLog | None = None,
     **options: Any,
 ) -> SimulationResult:
-    """Simulate a system from x0 over a duration in equal steps.
+    """Simulate a system from x0 over a duration in equal steps of finite elements, by the equations an optimal control
+    problem has. For accurate trajectories `simulate` is faster.
 
     `u` are constant controls, or with a row for each step those of the steps. Look at `result.success`: the
     simulation ends early where a step fails. For going on, stopping and changing things use a `Simulator`.

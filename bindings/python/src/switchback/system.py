@@ -7,7 +7,8 @@ from typing import Any, Callable, Sequence
 
 import numpy
 
-from ._arrays import address, index
+from . import _ffi
+from ._arrays import address, index, number, vector
 from ._call import Handle
 from .errors import ArgumentError, DimensionError, RangeError
 from .function import Function
@@ -136,6 +137,20 @@ class System(Handle):
         self._do("set_algebraic", count, f)
         if f is not None:
             self._functions.append(f)
+
+    def surfaces(self, x: Any, u: Any = None, p: Any = None, t: float = 0.0, *, subsystem: int = 0) -> numpy.ndarray:
+        """Values whose zeros are the switching surfaces of a subsystem: its switching functions, or the differences
+        g_i - g_j, i < j, of its indicators, NaN where both are not the smallest two."""
+        arrays = [
+            numpy.zeros(n) if v is None and name != "x" else vector(v, n, name)
+            for v, n, name in ((x, self.nx, "x"), (u, self.nu, "u"), (p, self.np, "p"))
+        ]
+        point = _ffi.swb_point(number(t, "t"), *(address(a) for a in arrays))
+        k, needed = index(subsystem, "subsystem"), ctypes.c_int64()
+        self._do("surfaces", k, ctypes.byref(point), None, 0, ctypes.byref(needed))
+        out = numpy.empty(needed.value)
+        self._do("surfaces", k, ctypes.byref(point), address(out), out.size, None)
+        return out
 
     def _added(self, number: ctypes.c_int64, *functions: Function) -> int:
         self._functions += functions

@@ -1,0 +1,274 @@
+"""Event-driven simulation: known solutions, stepping, derivatives, batches, plots, refusals."""
+
+import threading
+
+import numpy as np
+import pytest
+
+import switchback as swb
+from models import OMEGA, OSCILLATOR_T, OSCILLATOR_X0, OSCILLATOR_XT, oscillator, sides
+from switchback.expr import Model, sign
+
+
+def oscillator_model():
+    m = Model(states="x y")
+    x, y = m.x
+    m.derivatives = [x - OMEGA * y * sign(x * x + y * y - 1), y + OMEGA * x * sign(x * x + y * y - 1)]
+    return m
+
+
+@pytest.mark.parametrize("make", [oscillator, oscillator_model])
+def test_oscillator(make):
+    r = swb.simulate(make(), OSCILLATOR_X0, OSCILLATOR_T, rtol=1e-11, atol=1e-11)
+    assert r.success and r.outcome == swb.RunOutcome.REACHED and r.reason == ""
+    assert np.allclose(r.x_end, OSCILLATOR_XT, atol=1e-9)
+    (s,) = r.switches
+    assert s.t == pytest.approx(1.0, abs=1e-10) and s.kind == swb.EventKind.CROSS
+    assert {s.before, s.after} == {(0,), (1,)} and s.unique and not s.simultaneous and s.subsystem == 0
+    assert abs(s.transversality) == pytest.approx(1 / np.hypot(1, OMEGA), abs=1e-9)
+    assert r.t[0] == 0.0 and r.t[-1] == OSCILLATOR_T and r.x.shape == (len(r.t), 2) and s.t in r.t
+    assert np.allclose(r.x[-1], r.x_end, atol=1e-14) and np.allclose(r.x[0], OSCILLATOR_X0)
+    t = np.linspace(0.0, OSCILLATOR_T, 50)
+    radius = np.where(t < 1.0, np.exp(t - 1.0), np.exp(t - 1.0))
+    assert np.allclose(np.hypot(*r(t).T), radius, atol=1e-9)
+    assert np.allclose(r([[0.3], [0.4]], 1).shape, (2, 1, 2))
+    assert r.active() == [(0.0, s.t, s.before), (s.t, OSCILLATOR_T, s.after)]
+    assert r.stats.steps == len(r.t) - 1 and r.stats.switches == 1
+    assert r.table().count("\n") == 1 and "cross" in r.table() and "1 switches" in repr(r)
+
+
+def test_sliding_and_one_sided_numbers():
+    r = swb.simulate(sides(1.0, -1.0, f0=lambda t: 0.6 * t), [-0.5], (0.0, 3.0), rtol=1e-10)
+    kinds = [s.kind for s in r.switches]
+    assert kinds == [swb.EventKind.ENTER, swb.EventKind.LEAVE]
+    # the weight of the mode below vanishes where 0.6 t = 1
+    assert r.switch_times[1] == pytest.approx(1 / 0.6, abs=1e-9)
+    assert r(1.0)[0] == pytest.approx(0.0, abs=1e-13)
+    assert [m for _, _, m in r.active()] == [(0,), (0, 1), (1,)]
+
+
+def test_derivatives():
+    # x' = p + u - sign x from below: the surface is reached at -x0 / (p + u + 1)
+    m = Model(states="x", controls="u", parameters="p")
+    m.derivatives = [m.p[0] + m.u[0] - sign(m.x[0])]
+    r = swb.simulate(m, [-1.0], 2.0, u=[1.0], p=[2.0], rtol=1e-12, atol=1e-12, sensitivity=True)
+    assert r.x_end[0] == pytest.approx(2.0 * (2.0 - 0.25), abs=1e-11)
+    assert r.dx_dx0[0, 0] == pytest.approx(0.5, abs=1e-11)
+    assert np.allclose(r.switch_derivatives, [[-0.25, -1 / 16, -1 / 16]], atol=1e-11)
+    slope = 2.0 - 0.25 + 2.0 / 16
+    assert r.dx_dp[0, 0] == pytest.approx(slope, abs=1e-10) and r.dx_du[0, 0] == pytest.approx(slope, abs=1e-10)
+    with swb.Integrator(m, rtol=1e-12, atol=1e-12, adjoint="on") as i:
+        i.set_controls([1.0])
+        i.set_params(2.0)
+        i.reinit([-1.0])
+        i.advance(2.0)
+        g = i.adjoint([1.0])
+        assert np.allclose([g.x0, g.p, g.u], [[0.5], [slope], [slope]], atol=1e-10)
+        g = i.adjoint([0.0], switches={0: 1.0})
+        assert np.allclose([g.x0, g.p, g.u], [[-0.25], [-1 / 16], [-1 / 16]], atol=1e-10)
+        with pytest.raises(swb.RangeError):
+            i.adjoint([0.0], switches={3: 1.0})
+        with pytest.raises(swb.RangeError):
+            i.adjoint([0.0], at=[(0.123, [1.0])])
+    assert swb.simulate(m, [-1.0], 2.0, u=[1.0], p=[2.0]).dx_dx0 is None
+
+
+def test_stepping():
+    seen = []
+    with swb.Integrator(oscillator(), h_max=0.2, on_step=seen.append) as i:
+        assert i.active() == ()
+        i.reinit(OSCILLATOR_X0)
+        assert i.step(OSCILLATOR_T) == swb.ProgressKind.STEPPED and i.time > 0.0
+        t = i.time
+        assert np.allclose(i.get_dky(t), i.state, atol=1e-13) and np.allclose(i.get_dky(t, 1), i.derivative, atol=1e-5)
+        i.set_stop_times([0.5, 0.25])
+        assert i.advance(0.75) == swb.RunOutcome.REACHED and i.time == 0.75 and i.active() == (0,)
+        assert [s.t for s in seen if s.kind == swb.ProgressKind.STOP_TIME] == [0.25, 0.5]
+        assert i.advance(OSCILLATOR_T) == swb.RunOutcome.REACHED
+        assert sum(s.kind == swb.ProgressKind.SWITCHED for s in seen) == 1 and i.active() == (1,)
+        assert len(seen) == i.stats.steps == seen[-1].steps
+        assert np.allclose(i.state, OSCILLATOR_XT, atol=1e-6)
+        with pytest.raises(swb.RangeError):
+            i.advance(0.1)
+        run = i.run
+    assert run.t.tolist() == [OSCILLATOR_T] and len(run.switches) == 1
+    with pytest.raises(swb.StateError):
+        run(0.5)
+
+
+def test_stops():
+    r = swb.simulate(oscillator(), OSCILLATOR_X0, 1.0, on_step=lambda s: s.t > 0.4, h_max=0.1)
+    assert not r.success and r.outcome == swb.RunOutcome.STOPPED and 0.4 < r.t_end < 0.6 and r.reason
+    with swb.Integrator(sides(1.0, 1.0), h_max=1e-4) as i:
+        i.reinit([0.0])
+        timer = threading.Timer(0.1, i.interrupt)
+        timer.start()
+        assert i.advance(1e6) == swb.RunOutcome.STOPPED
+        timer.join()
+        assert i.advance(i.time + 1e-3) == swb.RunOutcome.REACHED
+
+    def broken(step):
+        raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError, match="mine"):
+        swb.simulate(oscillator(), OSCILLATOR_X0, 1.0, on_step=broken)
+
+
+def test_early_ends_say_why():
+    r = swb.simulate(swb.System(1, f0=lambda x: x * x), [1.0], 2.0)
+    assert r.outcome == swb.RunOutcome.STEP_TOO_SMALL and r.t_end == pytest.approx(1.0, abs=1e-4)
+    assert "rounding" in r.reason
+    r = swb.simulate(oscillator(), OSCILLATOR_X0, 1.0, max_steps=3)
+    assert r.outcome == swb.RunOutcome.MAX_STEPS and "3 steps" in r.reason
+    r = swb.simulate(sides(-1.0, 1.0), [0.0], 1.0, ambiguity="stop")
+    assert r.outcome == swb.RunOutcome.AMBIGUOUS and r.t_end == 0.0
+
+
+def test_choices():
+    system = sides(-1.0, 1.0)
+    assert swb.simulate(system, [0.0], 1.0, preferred={0: [1]}).x_end[0] == pytest.approx(1.0)
+    assert swb.simulate(system, [0.0], 1.0, preferred={0: [0]}).x_end[0] == pytest.approx(-1.0)
+    seen = []
+
+    def up(b):
+        seen.append(b)
+        return b.active.index([(1,)])
+
+    r = swb.simulate(system, [0.0], 1.0, on_branching=up)
+    assert r.x_end[0] == pytest.approx(1.0) and len(seen) == 1 and seen[0].x.tolist() == [0.0]
+    assert seen[0].velocity.shape == (len(seen[0].active), 1)
+    (b,) = r.branch_points
+    assert b.t == 0.0 and b.n_continuations == len(seen[0].active) and seen[0].active[b.taken] == [(1,)]
+    r = swb.simulate(system, [0.0], 1.0, on_branching=lambda b: None)
+    assert r.outcome == swb.RunOutcome.AMBIGUOUS and r.branch_points[0].taken is None
+
+    def broken(b):
+        raise ZeroDivisionError("mine")
+
+    with pytest.raises(ZeroDivisionError):
+        swb.simulate(system, [0.0], 1.0, on_branching=broken)
+    with pytest.raises(swb.RangeError):
+        swb.simulate(system, [0.0], 1.0, preferred={0: [2]})
+    with pytest.raises(swb.DimensionError):
+        swb.simulate(system, [0.0], 1.0, preferred={1: [0]})
+
+
+def test_accumulating_switches():
+    # every round about the origin takes a fixed part of the time of the one before
+    m = Model(states="x y")
+    x, y = m.x
+    m.derivatives = [-sign(x) + 2 * sign(y), -2 * sign(x) - sign(y)]
+    r = swb.simulate(m, [1.0, 0.3], 5.0, zeno="stop")
+    assert r.outcome == swb.RunOutcome.ZENO and r.t_end == pytest.approx(0.65, abs=1e-9) and "accumulate" in r.reason
+    assert all(a.t == pytest.approx(0.65, abs=1e-9) for a in r.accumulations) and r.stats.accumulations == 1
+    r = swb.simulate(m, [1.0, 0.3], 5.0)
+    assert r.success and np.allclose(r.x_end, 0.0, atol=1e-9) and len(r.active(0)[-1][2]) == 2
+    limited = swb.simulate(m, [1.0, 0.3], 5.0, max_switches=4)
+    assert len(limited.switches) == 4 and limited.stats.switches == r.stats.switches
+
+
+def test_user_functions_that_fail():
+    def f0(x):
+        if x[0] > 0.5:
+            raise KeyError("beyond")
+        return 1.0
+
+    with pytest.raises(KeyError, match="beyond"):
+        swb.simulate(swb.System(1, f0=f0), [0.0], 1.0)
+
+
+def test_controls_in_pieces():
+    system = swb.System(1, 1, f0=lambda u: u)
+    r = swb.simulate(system, [0.0], 3.0, u=[[1.0], [-2.0], [0.5]])
+    assert r.x_end[0] == pytest.approx(-0.5, abs=1e-13) and r(1.0)[0] == pytest.approx(1.0, abs=1e-13)
+
+
+def test_tolerances_state_by_state():
+    r = swb.simulate(oscillator(), OSCILLATOR_X0, 0.5, rtol=[1e-4, 1e-10], atol=1e-10)
+    loose = swb.simulate(oscillator(), OSCILLATOR_X0, 0.5, rtol=1e-4, atol=1e-4)
+    assert r.stats.steps > loose.stats.steps
+    assert swb.simulate(oscillator(), OSCILLATOR_X0, 0.5, method="radau5").stats.newton > 0
+    logged = []
+    swb.simulate(oscillator(), OSCILLATOR_X0, 1.5, log_level="debug", on_log=lambda *a: logged.append(a))
+    assert [level for level, _ in logged] == ["debug", "info"] and logged[0][1].startswith("switch t = ")
+
+
+def test_batch():
+    m = oscillator_model()
+    starts = np.array([[np.exp(-1.0) * a, 0.0] for a in np.linspace(0.5, 1.5, 9)])
+    batches = [swb.simulate_batch(m, starts, 1.5, threads=n, rtol=1e-9) for n in (1, 2, 0)]
+    for b in batches[1:]:
+        assert np.array_equal(b.x, batches[0].x)
+    assert batches[0].success.all() and len(batches[0]) == 9 and len(list(batches[0])) == 9
+    one = swb.simulate(m, starts[3], 1.5, rtol=1e-9)
+    assert np.array_equal(one.x_end, batches[0].x[3]) and batches[0][3].switches == one.switches
+    with pytest.raises(IndexError):
+        batches[0][9]
+    system = swb.System(1, 0, 1, f0=lambda p: p)
+    b = swb.simulate_batch(system, [[0.0], [1.0]], 2.0, p=[3.0, 4.0], threads=2)
+    assert np.allclose(b.x, [[6.0], [9.0]])
+    assert np.allclose(swb.simulate_batch(system, [[0.0], [1.0]], 2.0, p=[3.0]).x, [[6.0], [7.0]])
+    late = Model(states="x")
+    late.derivatives = [late.x[0] ** 2]
+    b = swb.simulate_batch(late, [[0.1], [1.0]], 2.0)
+    assert b.success.tolist() == [True, False] and b[1].outcome == swb.RunOutcome.STEP_TOO_SMALL
+
+
+def test_surfaces():
+    assert oscillator().surfaces([0.5, 0.5]) == pytest.approx([-0.5])
+    system = swb.System(1)
+    system.add_subsystem_indicators([[1.0], [2.0], [3.0]], lambda x: [x[0], -x[0], 9.0])
+    assert np.allclose(system.surfaces([1.0]), [2.0, np.nan, np.nan], equal_nan=True)
+    with pytest.raises(swb.DimensionError):
+        system.surfaces([1.0], subsystem=1)
+
+
+def test_plots(tmp_path):
+    pytest.importorskip("matplotlib").use("Agg")
+    r = swb.simulate(oscillator(), OSCILLATOR_X0, OSCILLATOR_T)
+    r.plot(tmp_path / "time.svg", names=["a", "b"], title="over time")
+    r.plot_phase(tmp_path / "phase.svg", grid=40)
+    figure = r.plot_phase(grid=40)
+    # the surface is a circle of radius one
+    lines = [p.vertices for c in figure.axes[0].collections for p in c.get_paths() if len(p.vertices)]
+    assert len(lines) == 1 and np.allclose(np.hypot(*lines[0].T), 1.0, atol=2e-2)
+    assert (tmp_path / "time.svg").stat().st_size > 1000 and (tmp_path / "phase.svg").stat().st_size > 1000
+    with pytest.raises(swb.StateError):
+        swb.simulate(oscillator(), OSCILLATOR_X0, 1.0, dense=False).plot()
+    with pytest.raises(swb.DimensionError):
+        r.plot_phase(states=[0, 5])
+
+
+@pytest.mark.parametrize(
+    "error, arguments, keywords",
+    [
+        (swb.DimensionError, ([1.0], 1.0), {}),
+        (swb.RangeError, ([np.nan, 0.0], 1.0), {}),
+        (swb.RangeError, (OSCILLATOR_X0, (1.0, 0.5)), {}),
+        (swb.RangeError, (OSCILLATOR_X0, np.nan), {}),
+        (swb.DimensionError, (OSCILLATOR_X0, (0.0, 1.0, 2.0)), {}),
+        (swb.RangeError, (OSCILLATOR_X0, 1.0), {"rtol": -1.0}),
+        (swb.RangeError, (OSCILLATOR_X0, 1.0), {"rtol": [1e-3, -1.0]}),
+        (swb.DimensionError, (OSCILLATOR_X0, 1.0), {"atol": [1e-3, 1e-3, 1e-3]}),
+        (swb.OptionError, (OSCILLATOR_X0, 1.0), {"method": "euler"}),
+        (swb.OptionError, (OSCILLATOR_X0, 1.0), {"rtoll": 1e-3}),
+        (swb.ArgumentError, (OSCILLATOR_X0, 1.0), {"n_steps": 10}),
+        (swb.DimensionError, (OSCILLATOR_X0, 1.0), {"p": [1.0]}),
+        (swb.ArgumentError, (OSCILLATOR_X0, 1.0), {"on_step": 3}),
+        (swb.RangeError, (OSCILLATOR_X0, 1.0), {"stop_times": [np.inf]}),
+    ],
+)
+def test_refusals(error, arguments, keywords):
+    with pytest.raises(error):
+        swb.simulate(oscillator(), *arguments, **keywords)
+
+
+def test_refusals_of_other_things():
+    with pytest.raises(swb.ArgumentError):
+        swb.simulate("system", [0.0], 1.0)
+    with pytest.raises(TypeError):
+        swb.Run()
+    with pytest.raises(swb.DimensionError):
+        swb.simulate_batch(oscillator(), np.empty((0, 2)), 1.0)
+    with pytest.raises(swb.ArgumentError):
+        swb.simulate_batch(oscillator(), [OSCILLATOR_X0], 1.0, rtol=[1e-3, 1e-4])

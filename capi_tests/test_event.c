@@ -1,0 +1,631 @@
+/* Event-driven simulation: known solutions, stepping, derivatives, batches, and what a hostile caller does. */
+#include <pthread.h>
+#include <stdlib.h>
+
+#include "models.h"
+
+static swb_integrator *make_integrator(const char *names[], const char *values[], int n)
+{
+    swb_system *system = make_oscillator();
+    swb_integrator *integrator = NULL;
+    int i;
+
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    swb_system_free(system);
+    for (i = 0; i < n; i++)
+        CHECK_OK(swb_integrator_set_string(integrator, names[i], values[i]));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, OSCILLATOR_X0, 2));
+    return integrator;
+}
+
+static void oscillator(void)
+{
+    static const char *names[] = {"rtol", "atol", "dense", "sensitivity"};
+    static const char *values[] = {"1e-12", "1e-12", "on", "on"};
+    swb_integrator *integrator = make_integrator(names, values, 4);
+    swb_run *run = NULL;
+    swb_run_info info;
+    swb_event event;
+    swb_run_stats stats;
+    swb_settings settings;
+    int64_t n_modes[1];
+    int32_t outcome = -1, before[2], after[2], active[2];
+    double x[2], f[2], t, at[2], y[4], s[4], dt[2], *times, growth;
+    char reason[8] = "?";
+
+    CHECK_OK(swb_integrator_get_active(integrator, 0, active, 2));
+    CHECK(!active[0] && !active[1]);
+    CHECK_OK(swb_integrator_advance(integrator, OSCILLATOR_T, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_TEXT("reached", swb_run_outcome_name(outcome));
+    CHECK(swb_run_outcome_name(77) == NULL);
+    CHECK_OK(swb_integrator_get_time(integrator, &t));
+    CHECK(t == OSCILLATOR_T);
+    CHECK_OK(swb_integrator_get_state(integrator, x, 2));
+    CHECK_NEAR(x[0], OSCILLATOR_XT[0], 1e-10);
+    CHECK_NEAR(x[1], OSCILLATOR_XT[1], 1e-10);
+    CHECK_OK(swb_integrator_get_derivative(integrator, f, 2));
+    CHECK_NEAR(f[0], x[0] - OMEGA * x[1], 1e-12);
+    CHECK_OK(swb_integrator_get_active(integrator, 0, active, 2));
+    CHECK(active[0] == 0 && active[1] == 1);
+    CHECK_OK(swb_integrator_get_reason(integrator, reason, 8, NULL));
+    CHECK_TEXT("", reason);
+    CHECK_OK(swb_integrator_get_stats(integrator, &stats, sizeof stats));
+    CHECK(stats.struct_size == sizeof stats && stats.steps > 5 && stats.switches == 1 && stats.time_total > 0.0);
+    CHECK_OK(swb_integrator_get_settings(integrator, &settings, sizeof settings));
+    CHECK(settings.rtol == 1e-12 && settings.dense == 1);
+
+    /* the last step again */
+    CHECK_OK(swb_integrator_get_dky(integrator, t, 0, y, 2));
+    CHECK_NEAR(y[0], x[0], 1e-14);
+    CHECK_OK(swb_integrator_get_dky(integrator, t, 1, y, 2));
+    CHECK_NEAR(y[1], f[1], 1e-7);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_get_dky(integrator, 0.1, 0, y, 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_get_dky(integrator, t, -1, y, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_get_dky(integrator, t, 0, y, 3));
+
+    CHECK_OK(swb_integrator_get_run(integrator, &run));
+    swb_integrator_free(integrator); /* the run is a copy */
+    CHECK_OK(swb_run_get_info(run, &info, sizeof info));
+    CHECK(info.nx == 2 && info.outcome == SWB_RUN_OUTCOME_REACHED && info.n_events == 1 && info.n_subsystems == 1);
+    CHECK(info.t_start == 0.0 && info.t_end == OSCILLATOR_T && info.n_columns == 2 && info.one_sided == 0);
+    CHECK(info.n_pieces == stats.steps);
+    CHECK_OK(swb_run_events(run, &event, 1, sizeof event));
+    CHECK_NEAR(event.t, 1.0, 1e-11);
+    CHECK(event.kind == SWB_EVENT_KIND_CROSS && event.subsystem == 0 && event.before == 1 && event.after == 2);
+    CHECK(event.unique == 1 && event.simultaneous == 0);
+    CHECK_NEAR(fabs(event.rate), 2.0, 1e-9); /* the derivative of |x|^2 is 2 |x|^2 */
+    CHECK_NEAR(fabs(event.transversality), 1.0 / sqrt(1.0 + OMEGA * OMEGA), 1e-9);
+    CHECK_OK(swb_run_modes(run, n_modes, 1));
+    CHECK(n_modes[0] == 2);
+    CHECK_OK(swb_run_event_modes(run, 0, before, after, 2));
+    CHECK(before[0] == 1 && before[1] == 0 && after[0] == 0 && after[1] == 1);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_event_modes(run, 1, before, after, 2));
+    CHECK_OK(swb_run_state(run, y, 2));
+    CHECK(y[0] == x[0] && y[1] == x[1]);
+
+    /* the radius grows like exp(t), so the time of the switch is -log |x0| */
+    CHECK_OK(swb_run_sensitivity(run, s, 4));
+    CHECK_OK(swb_run_event_sensitivity(run, 0, dt, 2));
+    CHECK_NEAR(dt[0], -exp(1.0), 1e-9);
+    CHECK_NEAR(dt[1], 0.0, 1e-9);
+    growth = (x[0] * s[0] + x[1] * s[1]) / hypot(x[0], x[1]);
+    CHECK_NEAR(growth, exp(OSCILLATOR_T), 1e-8);
+    growth = (x[0] * s[2] + x[1] * s[3]) / hypot(x[0], x[1]);
+    CHECK_NEAR(growth, 0.0, 1e-8);
+
+    times = malloc((size_t)(info.n_pieces + 1) * sizeof *times);
+    CHECK_OK(swb_run_times(run, times, info.n_pieces + 1));
+    CHECK(times[0] == 0.0 && times[info.n_pieces] == OSCILLATOR_T);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_times(run, times, info.n_pieces));
+    free(times);
+    at[0] = 1.2;
+    at[1] = 0.3;
+    CHECK_OK(swb_run_evaluate(run, at, 2, 0, y, 4));
+    CHECK_NEAR(hypot(y[0], y[1]), exp(0.2), 1e-10);
+    CHECK_NEAR(hypot(y[2], y[3]), exp(-0.7), 1e-10);
+    at[1] = (double)NAN;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_run_evaluate(run, at, 2, 0, y, 4));
+    swb_run_free(run);
+}
+
+/* The radius grows like exp(t): gradients of the final radius, of one before, and of the time of the switch. */
+static void adjoint(void)
+{
+    static const char *names[] = {"rtol", "atol", "adjoint"};
+    static const char *values[] = {"1e-12", "1e-12", "on"};
+    swb_integrator *i = make_integrator(names, values, 3);
+    const double half = 0.5, nowhere = 0.51, zero[2] = {0.0, 0.0}, weight = 1.0;
+    const int64_t index = 0, none = 1;
+    double x[2], v[2], g[2], r;
+
+    CHECK_OK(swb_integrator_advance(i, half, NULL));
+    CHECK_OK(swb_integrator_get_state(i, x, 2));
+    CHECK_OK(swb_integrator_advance(i, OSCILLATOR_T, NULL));
+    r = hypot(x[0], x[1]);
+    v[0] = x[0] / r;
+    v[1] = x[1] / r;
+    CHECK_OK(swb_integrator_adjoint(i, zero, 2, &half, 1, v, 2, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
+    CHECK_NEAR(g[0], exp(0.5), 1e-9);
+    CHECK_NEAR(g[1], 0.0, 1e-9);
+    CHECK_OK(swb_integrator_adjoint(i, zero, 2, NULL, 0, NULL, 0, &index, 1, &weight, 1, g, 2, NULL, 0, NULL, 0));
+    CHECK_NEAR(g[0], -exp(1.0), 1e-9);
+    CHECK_OK(swb_integrator_get_state(i, x, 2));
+    r = hypot(x[0], x[1]);
+    v[0] = x[0] / r;
+    v[1] = x[1] / r;
+    CHECK_OK(swb_integrator_adjoint(i, v, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
+    CHECK_NEAR(g[0], exp(OSCILLATOR_T), 1e-8);
+    CHECK_NEAR(g[1], 0.0, 1e-8);
+    CHECK_STATUS(SWB_ERR_RANGE,
+                 swb_integrator_adjoint(i, v, 2, &nowhere, 1, v, 2, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
+    CHECK_STATUS(SWB_ERR_RANGE,
+                 swb_integrator_adjoint(i, v, 2, NULL, 0, NULL, 0, &none, 1, &weight, 1, g, 2, NULL, 0, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION,
+                 swb_integrator_adjoint(i, v, 2, &half, 1, v, 1, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION,
+                 swb_integrator_adjoint(i, v, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, g, 1, NULL, 0, NULL, 0));
+    CHECK_STATUS(SWB_ERR_NULL,
+                 swb_integrator_adjoint(i, NULL, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
+    CHECK_OK(swb_integrator_set_string(i, "adjoint", "off"));
+    CHECK_OK(swb_integrator_reinit(i, 0.0, OSCILLATOR_X0, 2));
+    CHECK_OK(swb_integrator_advance(i, 0.1, NULL));
+    CHECK_STATUS(SWB_ERR_STATE,
+                 swb_integrator_adjoint(i, v, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
+    swb_integrator_free(i);
+}
+
+static int32_t up(const swb_point *at, double *out, void *user_data)
+{
+    (void)at;
+    (void)user_data;
+    out[0] = 3.0;
+    out[1] = 1.0;
+    return 0;
+}
+
+static int32_t first(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[0];
+    return 0;
+}
+
+/* x' = 3 where x < 0, else 1, plus p and u. */
+static swb_system *make_scalar(swb_value_fn drift, void *user_data)
+{
+    static const int64_t rows[] = {0};
+    static const int8_t signs[] = {-1, 1};
+    swb_system *system = NULL;
+    swb_function *modes = make_function("F", 1, 1, 1, 2, up, NULL), *psi = make_function("c", 1, 1, 1, 1, first, NULL);
+    swb_function *f0 = make_function("drift", 1, 1, 1, 1, drift, user_data);
+
+    CHECK_OK(swb_system_create(1, 1, 1, &system));
+    CHECK_OK(swb_system_set_f0(system, f0));
+    CHECK_OK(swb_system_add_subsystem(system, rows, 1, modes, 2, psi, signs, 2, NULL));
+    swb_function_free(f0);
+    swb_function_free(modes);
+    swb_function_free(psi);
+    return system;
+}
+
+static int32_t inputs(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->u[0] + at->p[0];
+    return 0;
+}
+
+static int32_t failing(const swb_point *at, double *out, void *user_data)
+{
+    out[0] = 0.0;
+    return at->x[0] > 0.5 ? *(const int32_t *)user_data : 0;
+}
+
+struct steps {
+    int64_t n, switched, stop_at;
+    double t;
+    swb_integrator *self;
+};
+
+static int32_t follow(const swb_progress *info, void *user_data)
+{
+    struct steps *s = user_data;
+    CHECK(info->struct_size == sizeof *info && info->nx == 1 && info->t > s->t && isfinite(info->x[0]));
+    s->t = info->t;
+    s->n++;
+    s->switched += info->kind == SWB_PROGRESS_KIND_SWITCHED;
+    if (s->self) {
+        double x = 0.0;
+        CHECK_STATUS(SWB_ERR_STATE, swb_integrator_reinit(s->self, 0.0, &x, 1));
+        CHECK_STATUS(SWB_ERR_STATE, swb_integrator_get_state(s->self, &x, 1));
+        swb_integrator_free(s->self); /* refused */
+    }
+    return s->n == s->stop_at;
+}
+
+static void note(int64_t level, const char *line, void *user_data)
+{
+    int *lines = user_data;
+    CHECK(line[0] != '\0' && level > SWB_LOG_LEVEL_SILENT && level <= SWB_LOG_LEVEL_TRACE);
+    lines[level]++;
+}
+
+static void stepping(void)
+{
+    swb_system *system = make_scalar(inputs, NULL);
+    swb_integrator *i = NULL;
+    swb_run *run = NULL;
+    swb_run_stats stats;
+    struct steps steps = {0, 0, -1, -1.0, NULL};
+    const double x0 = -1.0, p = 0.5, u = 0.5, tight = 1e-10, stops[] = {0.5, 0.125, 9.0};
+    double x, t;
+    int32_t kind = -1, outcome = -1;
+    int lines[8] = {0};
+
+    CHECK_OK(swb_integrator_create(system, NULL, &i));
+    swb_system_free(system);
+    CHECK_OK(swb_integrator_set_tolerances(i, &tight, 1, &tight, 1));
+    CHECK_OK(swb_integrator_set_params(i, &p, 1));
+    CHECK_OK(swb_integrator_set_controls(i, &u, 1));
+    CHECK_OK(swb_integrator_set_progress(i, follow, &steps));
+    CHECK_OK(swb_integrator_set_log(i, note, lines));
+    CHECK_OK(swb_integrator_set_string(i, "log_level", "trace"));
+    CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+
+    /* 4 t until t = 1/4, then 2 t */
+    steps.self = i;
+    CHECK_OK(swb_integrator_advance(i, 1.0, &outcome));
+    steps.self = NULL;
+    CHECK_OK(swb_integrator_get_state(i, &x, 1));
+    CHECK_NEAR(x, 1.5, 1e-12);
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED && steps.switched == 1);
+    CHECK_OK(swb_integrator_get_stats(i, &stats, sizeof stats));
+    CHECK(stats.steps == steps.n && lines[SWB_LOG_LEVEL_TRACE] == (int)steps.n);
+    CHECK(lines[SWB_LOG_LEVEL_INFO] == 1 && lines[SWB_LOG_LEVEL_DEBUG] == 1);
+
+    /* the past is gone, the present is no step */
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_advance(i, 0.5, &outcome));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_step(i, (double)NAN, &kind));
+    CHECK_OK(swb_integrator_step(i, 1.0, &kind));
+    CHECK(kind == SWB_PROGRESS_KIND_DONE);
+    CHECK_OK(swb_integrator_advance(i, 1.5, &outcome));
+    CHECK_OK(swb_integrator_get_state(i, &x, 1));
+    CHECK_NEAR(x, 2.5, 1e-12);
+
+    /* stop times, in any order */
+    CHECK_OK(swb_integrator_set_stop_times(i, stops, 3));
+    CHECK_OK(swb_integrator_set_double(i, "h_max", 0.1));
+    steps.t = -1.0;
+    CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+    do {
+        CHECK_OK(swb_integrator_step(i, 1.0, &kind));
+    } while (kind == SWB_PROGRESS_KIND_STEPPED);
+    CHECK_OK(swb_integrator_get_time(i, &t));
+    CHECK(kind == SWB_PROGRESS_KIND_STOP_TIME && t == 0.125);
+    CHECK_OK(swb_integrator_step(i, 1.0, &kind));
+    CHECK_OK(swb_integrator_step(i, 1.0, &kind));
+    CHECK_OK(swb_integrator_get_time(i, &t));
+    CHECK(kind == SWB_PROGRESS_KIND_SWITCHED);
+    CHECK_NEAR(t, 0.25, 1e-14);
+
+    /* a callback that stops; the next call goes on */
+    steps.n = 0;
+    steps.stop_at = 2;
+    CHECK_OK(swb_integrator_advance(i, 1.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_STOPPED && steps.n == 2);
+    CHECK_OK(swb_integrator_get_run(i, &run));
+    swb_run_free(run);
+    CHECK_OK(swb_integrator_interrupt(i));
+    CHECK_OK(swb_integrator_advance(i, 1.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_STOPPED && steps.n == 2);
+    CHECK_OK(swb_integrator_advance(i, 1.0, &outcome));
+    CHECK_OK(swb_integrator_get_state(i, &x, 1));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_NEAR(x, 1.5, 1e-12);
+
+    /* too few steps; options come with the next start */
+    CHECK_OK(swb_integrator_set_int(i, "max_steps", 3));
+    steps.t = -1.0;
+    CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+    CHECK_OK(swb_integrator_advance(i, 1.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_MAX_STEPS && lines[SWB_LOG_LEVEL_WARNING] > 0);
+    {
+        int64_t needed = 0;
+        char buffer[4] = "abc";
+        CHECK_OK(swb_integrator_get_reason(i, NULL, 0, &needed));
+        CHECK(needed > 10);
+        CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_get_reason(i, buffer, 4, NULL));
+        CHECK_TEXT("abc", buffer);
+    }
+    swb_integrator_free(i);
+}
+
+static void failures(void)
+{
+    int32_t code = -7, outcome = 99, flag;
+    swb_system *system = make_scalar(failing, &code), *nothing = NULL;
+    swb_integrator *i = NULL, *none = (swb_integrator *)&code;
+    swb_run *run = NULL;
+    swb_run_stats stats;
+    const double x0 = -1.0, bad = (double)NAN, two[2] = {0.0, 0.0}, negative = -1.0;
+    double x = 7.0;
+    char reason[512];
+
+    CHECK_STATUS(SWB_ERR_NULL, swb_integrator_create(NULL, NULL, &none));
+    CHECK(none == NULL);
+    CHECK_STATUS(SWB_ERR_NULL, swb_integrator_create(system, NULL, NULL));
+    CHECK_OK(swb_system_create(1, 0, 0, &nothing));
+    CHECK_STATUS(SWB_ERR_STATE, swb_integrator_create(nothing, NULL, &none));
+    swb_system_free(nothing);
+    CHECK_STATUS(SWB_ERR_NULL, swb_integrator_advance(NULL, 1.0, NULL));
+    CHECK_STATUS(SWB_ERR_NULL, swb_integrator_interrupt(NULL));
+    CHECK_STATUS(SWB_ERR_STATE, swb_integrator_advance((swb_integrator *)system, 1.0, NULL));
+    swb_integrator_free(NULL);
+    swb_run_free(NULL);
+
+    CHECK_OK(swb_integrator_create(system, NULL, &i));
+    CHECK_STATUS(SWB_ERR_NULL, swb_integrator_reinit(i, 0.0, NULL, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_reinit(i, 0.0, two, 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_reinit(i, 0.0, &bad, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_reinit(i, bad, &x0, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_set_params(i, two, 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_set_controls(i, &bad, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_set_tolerances(i, &negative, 1, &x0, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_set_tolerances(i, two, 2, &x, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_set_stop_times(i, &bad, 1));
+    CHECK_STATUS(SWB_ERR_OPTION, swb_integrator_set_int(i, "rtoll", 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_set_double(i, "rtol", -1.0));
+    CHECK_STATUS(SWB_ERR_OPTION, swb_integrator_set_string(i, "zeno", "never"));
+    CHECK_STATUS(SWB_ERR_STATE, swb_integrator_get_dky(i, 0.0, 0, &x, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_get_active(i, 1, &flag, 1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_integrator_get_run(i, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_get_stats(i, &stats, 12));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_get_state(i, &x, 2));
+    CHECK(x == 7.0);
+
+    /* a function that ends the call: time and state are those of the last step, and only a new start helps */
+    CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+    CHECK_STATUS(SWB_ERR_USER, swb_integrator_advance(i, 2.0, &outcome));
+    CHECK(outcome == 99 && swb_last_user_code() == -7 && strstr(swb_last_error(), "drift"));
+    CHECK_OK(swb_integrator_get_state(i, &x, 1));
+    CHECK(x <= 0.5 && x >= -1.0);
+    CHECK_STATUS(SWB_ERR_STATE, swb_integrator_advance(i, 2.0, &outcome));
+    CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+    CHECK_OK(swb_integrator_advance(i, 0.5, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+
+    /* a function that is not defined: an outcome with its name */
+    code = 3;
+    CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+    CHECK_OK(swb_integrator_advance(i, 2.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_STEP_TOO_SMALL);
+    CHECK_OK(swb_integrator_get_state(i, &x, 1));
+    CHECK_NEAR(x, 0.5, 1e-9);
+    CHECK_OK(swb_integrator_get_reason(i, reason, sizeof reason, NULL));
+    CHECK(strstr(reason, "drift"));
+    CHECK_OK(swb_integrator_get_run(i, &run));
+    CHECK_STATUS(SWB_ERR_STATE, swb_run_sensitivity(run, &x, 1));
+    CHECK_STATUS(SWB_ERR_STATE, swb_run_evaluate(run, two, 1, 0, &x, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_events(run, NULL, 7, sizeof(swb_event)));
+    CHECK_STATUS(SWB_ERR_NULL, swb_run_events(run, NULL, 1, sizeof(swb_event)));
+    swb_run_free(run);
+    swb_system_free(system);
+    swb_integrator_free(i);
+}
+
+static int32_t apart(const swb_point *at, double *out, void *user_data)
+{
+    (void)at;
+    (void)user_data;
+    out[0] = -1.0;
+    out[1] = 1.0;
+    return 0;
+}
+
+struct choice {
+    int64_t answer, asked;
+};
+
+static int64_t choose(const swb_branching *b, void *user_data)
+{
+    struct choice *c = user_data;
+    int64_t i;
+    c->asked++;
+    CHECK(b->struct_size == sizeof *b && b->t == 0.0 && b->nx == 1 && b->x[0] == 0.0 && b->n_modes == 2);
+    CHECK(b->n_continuations >= 2 && b->before != NULL);
+    for (i = 0; i < b->n_continuations; i++)
+        if (b->active[2 * i] == (c->answer == 0) && b->active[2 * i + 1] == (c->answer == 1)) {
+            CHECK(b->velocity[i] == (c->answer ? 1.0 : -1.0));
+            return i;
+        }
+    return c->answer;
+}
+
+/* x' = sign x from 0: both ways and the rest are possible */
+static void choices(void)
+{
+    static const int64_t rows[] = {0};
+    static const int8_t signs[] = {-1, 1};
+    swb_system *system = NULL;
+    swb_function *modes = make_function("F", 1, 0, 0, 2, apart, NULL), *psi = make_function("c", 1, 0, 0, 1, first, NULL);
+    swb_integrator *i = NULL;
+    swb_run *run = NULL;
+    swb_run_info info;
+    swb_branch_point point;
+    struct choice choice = {0, 0};
+    const double x0 = 0.0;
+    const int64_t mode = 1, no_mode = 2;
+    int32_t outcome;
+    double x;
+
+    CHECK_OK(swb_system_create(1, 0, 0, &system));
+    CHECK_OK(swb_system_add_subsystem(system, rows, 1, modes, 2, psi, signs, 2, NULL));
+    CHECK_OK(swb_integrator_create(system, NULL, &i));
+    swb_system_free(system);
+    swb_function_free(modes);
+    swb_function_free(psi);
+
+    CHECK_OK(swb_integrator_set_decider(i, choose, &choice));
+    for (choice.answer = 0; choice.answer < 2; choice.answer++) {
+        CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+        CHECK_OK(swb_integrator_advance(i, 1.0, &outcome));
+        CHECK_OK(swb_integrator_get_state(i, &x, 1));
+        CHECK_NEAR(x, choice.answer ? 1.0 : -1.0, 1e-12);
+    }
+    CHECK(choice.asked == 2);
+    for (choice.answer = -1; choice.answer < 100; choice.answer += 100) {
+        CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+        CHECK_OK(swb_integrator_advance(i, 1.0, &outcome));
+        CHECK(outcome == SWB_RUN_OUTCOME_AMBIGUOUS);
+    }
+    CHECK_OK(swb_integrator_get_run(i, &run));
+    CHECK_OK(swb_run_get_info(run, &info, sizeof info));
+    CHECK(info.n_branch_points == 1 && info.n_contacts == 0 && info.n_accumulations == 0);
+    CHECK_OK(swb_run_branch_points(run, &point, 1, sizeof point));
+    CHECK(point.t == 0.0 && point.n_continuations >= 2 && point.taken == -1);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_contacts(run, NULL, 1, sizeof(swb_contact)));
+    CHECK_OK(swb_run_accumulations(run, NULL, 0, sizeof(swb_accumulation)));
+    swb_run_free(run);
+
+    CHECK_OK(swb_integrator_set_decider(i, NULL, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_set_preferred(i, 0, &no_mode, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_set_preferred(i, 1, &mode, 1));
+    CHECK_OK(swb_integrator_set_preferred(i, 0, &mode, 1));
+    CHECK_OK(swb_integrator_set_string(i, "ambiguity", "prefer"));
+    CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+    CHECK_OK(swb_integrator_advance(i, 1.0, &outcome));
+    CHECK_OK(swb_integrator_get_state(i, &x, 1));
+    CHECK_NEAR(x, 1.0, 1e-12);
+    swb_integrator_free(i);
+}
+
+static void surfaces(void)
+{
+    swb_system *system = make_oscillator();
+    const double inside[2] = {0.5, 0.5};
+    swb_point at = {0.0, inside, NULL, NULL};
+    double psi[2];
+    int64_t n = -1;
+
+    CHECK_OK(swb_system_surfaces(system, 0, &at, NULL, 0, &n));
+    CHECK(n == 1);
+    CHECK_OK(swb_system_surfaces(system, 0, &at, psi, 1, NULL));
+    CHECK_NEAR(psi[0], -0.5, 1e-15);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_surfaces(system, 0, &at, psi, 2, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_surfaces(system, 1, &at, psi, 1, NULL));
+    CHECK_STATUS(SWB_ERR_NULL, swb_system_surfaces(system, 0, NULL, psi, 1, NULL));
+    swb_system_free(system);
+}
+
+#define RUNS 24
+
+static void batches(void)
+{
+    static const int64_t threads[] = {1, 2, 5, 0};
+    swb_system *system = make_scalar(inputs, NULL);
+    swb_settings settings;
+    swb_batch *batch = NULL;
+    swb_run *run = NULL;
+    swb_run_info info;
+    double x0[RUNS], p[RUNS], one[RUNS], x[RUNS];
+    const double u = 0.5;
+    int32_t outcome[RUNS];
+    int64_t n = -1;
+    int k, i;
+
+    for (i = 0; i < RUNS; i++) {
+        x0[i] = -0.1 * i;
+        p[i] = 0.25 * i;
+    }
+    CHECK_OK(swb_settings_init(&settings, sizeof settings));
+    settings.dense = 1;
+    CHECK_OK(swb_batch_create(system, &settings, &batch));
+    CHECK_OK(swb_batch_size(batch, &n));
+    CHECK(n == 0);
+    for (k = 0; k < 4; k++) {
+        CHECK_OK(swb_batch_run(batch, 0.0, 1.0, x0, RUNS, &u, 1, p, RUNS, threads[k]));
+        CHECK_OK(swb_batch_states(batch, k ? x : one, RUNS));
+        CHECK_OK(swb_batch_outcomes(batch, outcome, RUNS));
+        for (i = 0; i < RUNS; i++) {
+            double below = -x0[i] / (3.5 + p[i]);
+            CHECK(outcome[i] == SWB_RUN_OUTCOME_REACHED && (!k || x[i] == one[i]));
+            CHECK_NEAR(one[i], below > 1.0 ? x0[i] + 3.5 + p[i] : (1.0 - below) * (1.5 + p[i]), 1e-12);
+        }
+    }
+    CHECK_OK(swb_batch_get_run(batch, RUNS - 1, &run));
+    CHECK_OK(swb_run_get_info(run, &info, sizeof info));
+    CHECK(info.n_events == 1 && info.n_pieces > 0);
+    swb_run_free(run);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_batch_get_run(batch, RUNS, &run));
+    CHECK(run == NULL);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_batch_run(batch, 0.0, 1.0, x0, RUNS, &u, 1, p, RUNS - 1, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_batch_run(batch, 0.0, 1.0, x0, RUNS, &u, 1, p, RUNS, -1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_batch_run(batch, 0.0, 1.0, NULL, RUNS, &u, 1, p, RUNS, 1));
+
+    /* an interrupt beforehand stops them all, once */
+    CHECK_OK(swb_batch_interrupt(batch));
+    CHECK_OK(swb_batch_run(batch, 0.0, 1.0, x0, RUNS, &u, 1, p, RUNS, 2));
+    CHECK_OK(swb_batch_outcomes(batch, outcome, RUNS));
+    CHECK(outcome[0] == SWB_RUN_OUTCOME_STOPPED && outcome[RUNS - 1] == SWB_RUN_OUTCOME_STOPPED);
+    swb_batch_free(batch);
+    swb_system_free(system);
+
+    /* runs that fail leave the others alone */
+    {
+        int32_t code = -7;
+        double start[2] = {-1.0, 0.25};
+        system = make_scalar(failing, &code);
+        CHECK_OK(swb_batch_create(system, NULL, &batch));
+        swb_system_free(system);
+        CHECK_OK(swb_batch_run(batch, 0.0, 0.5, start, 2, NULL, 0, NULL, 0, 2));
+        CHECK_OK(swb_batch_outcomes(batch, outcome, 2));
+        CHECK(outcome[0] == SWB_RUN_OUTCOME_REACHED && outcome[1] == SWB_ERR_USER);
+        CHECK_STATUS(SWB_ERR_USER, swb_batch_get_run(batch, 1, &run));
+        CHECK(strstr(swb_last_error(), "drift"));
+        CHECK_OK(swb_batch_states(batch, x, 2));
+        CHECK_NEAR(x[0], 1.0 / 6.0, 1e-12);
+        CHECK(isnan(x[1]));
+        swb_batch_free(batch);
+    }
+}
+
+struct shared {
+    swb_integrator *integrator;
+    int busy;
+};
+
+static void *disturb(void *data)
+{
+    struct shared *s = data;
+    double x;
+    int k;
+    for (k = 0; k < 200; k++) {
+        swb_status status = swb_integrator_get_state(s->integrator, &x, 1);
+        s->busy += status == SWB_ERR_STATE;
+        CHECK(status == SWB_OK || status == SWB_ERR_STATE);
+    }
+    CHECK_OK(swb_integrator_interrupt(s->integrator));
+    return NULL;
+}
+
+static void two_threads(void)
+{
+    swb_system *system = make_scalar(inputs, NULL);
+    struct shared shared = {NULL, 0};
+    pthread_t thread;
+    const double x0 = -1.0;
+    int32_t outcome = -1;
+    double t;
+
+    CHECK_OK(swb_integrator_create(system, NULL, &shared.integrator));
+    swb_system_free(system);
+    CHECK_OK(swb_integrator_set_double(shared.integrator, "h_max", 1e-3));
+    CHECK_OK(swb_integrator_reinit(shared.integrator, 0.0, &x0, 1));
+    CHECK(pthread_create(&thread, NULL, disturb, &shared) == 0);
+    /* no end but the interrupt; a start that the other thread reads into is refused */
+    do {
+        swb_status status = swb_integrator_advance(shared.integrator, 1e9, &outcome);
+        CHECK(status == SWB_OK || status == SWB_ERR_STATE);
+        if (status != SWB_OK)
+            outcome = -1;
+    } while (outcome == -1);
+    CHECK(outcome == SWB_RUN_OUTCOME_STOPPED || outcome == SWB_RUN_OUTCOME_MAX_STEPS);
+    pthread_join(thread, NULL);
+    CHECK_OK(swb_integrator_get_time(shared.integrator, &t));
+    CHECK(t >= 0.0 && t < 1e9);
+    swb_integrator_free(shared.integrator);
+}
+
+int main(void)
+{
+    oscillator();
+    adjoint();
+    stepping();
+    failures();
+    choices();
+    surfaces();
+    batches();
+    two_threads();
+    return CHECK_DONE();
+}
