@@ -684,6 +684,93 @@ typedef int32_t swb_path_at;
 #endif // __cplusplus
 
 /**
+ * What the optimiser may choose of the lengths of the control stages.
+ */
+enum swb_free_time
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Nothing.
+     */
+    SWB_FREE_TIME_NONE = 0,
+    /**
+     * The horizon; the stages keep their shares of it.
+     */
+    SWB_FREE_TIME_HORIZON = 1,
+    /**
+     * Every stage.
+     */
+    SWB_FREE_TIME_STAGES = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_free_time swb_free_time;
+#else
+typedef int32_t swb_free_time;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Where a least-squares term counts.
+ */
+enum swb_cost_at
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Integrated along the horizon.
+     */
+    SWB_COST_AT_RUNNING = 0,
+    /**
+     * Summed over the ends of the control stages.
+     */
+    SWB_COST_AT_CONTROL_GRID = 1,
+    /**
+     * At the end of the horizon.
+     */
+    SWB_COST_AT_TERMINAL = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_cost_at swb_cost_at;
+#else
+typedef int32_t swb_cost_at;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * How the violation of a relaxed constraint is penalised.
+ */
+enum swb_norm
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Sum of the violations, integrated along the horizon.
+     */
+    SWB_NORM_L1 = 0,
+    /**
+     * Sum of their squares, integrated along the horizon.
+     */
+    SWB_NORM_L2 = 1,
+    /**
+     * The largest violation.
+     */
+    SWB_NORM_LINF = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_norm swb_norm;
+#else
+typedef int32_t swb_norm;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Operators of expressions. Operands are called a, b and c; conditions are operands of Not, And, Or, and the first
  * of Where.
  */
@@ -4743,6 +4830,207 @@ SWB_API
 swb_status swb_ocp_get_mismatch(const struct swb_ocp *ocp,
                                 double *stages,
                                 int64_t n_stages);
+
+/**
+ * Add the constraint lower <= f([x(0); x(T)], u, p, t) <= upper between both ends of the horizon: f has 2 nx states, and sees
+ * control and time of the end.
+ *
+ * @param[in] lower [n_lower] one for each output
+ * @param[in] upper [n_upper] one for each output
+ * @return as swb_ocp_add_path
+ */
+SWB_API
+swb_status swb_ocp_add_boundary(struct swb_ocp *ocp,
+                                const struct swb_function *f,
+                                const double *lower,
+                                int64_t n_lower,
+                                const double *upper,
+                                int64_t n_upper);
+
+/**
+ * Require that states have the same values at both ends of the horizon.
+ *
+ * @param[in] states [n_states] indices of states
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such state
+ */
+SWB_API
+swb_status swb_ocp_add_periodic(struct swb_ocp *ocp,
+                                const int64_t *states,
+                                int64_t n_states);
+
+/**
+ * Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the control stages, or at the end.
+ *
+ * @param[in] weights    [n_weights] the diagonal of W, one for each output, or all of W
+ * @param[in] references [n_references] y, or one y for every control stage
+ * @param[in] at         an enum swb_cost_at
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
+ */
+SWB_API
+swb_status swb_ocp_add_least_squares(struct swb_ocp *ocp,
+                                     const struct swb_function *f,
+                                     const double *weights,
+                                     int64_t n_weights,
+                                     const double *references,
+                                     int64_t n_references,
+                                     int32_t at);
+
+/**
+ * Change the references of a least-squares term.
+ *
+ * @param[in] term       in the order they were added, from 0
+ * @param[in] references [n_references] as swb_ocp_add_least_squares
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
+ */
+SWB_API
+swb_status swb_ocp_set_references(struct swb_ocp *ocp,
+                                  int64_t term,
+                                  const double *references,
+                                  int64_t n_references);
+
+/**
+ * Add a constraint that may be violated at a price: weight times the norm of the violation. The cost that is reported is
+ * without it; see swb_ocp_get_violation.
+ *
+ * @param[in] lower [n_lower] one for each output
+ * @param[in] upper [n_upper] one for each output
+ * @param[in] at    an enum swb_path_at, or -1: at the end of the horizon
+ * @param[in] norm  an enum swb_norm
+ * @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
+ */
+SWB_API
+swb_status swb_ocp_add_relaxed(struct swb_ocp *ocp,
+                               const struct swb_function *f,
+                               const double *lower,
+                               int64_t n_lower,
+                               const double *upper,
+                               int64_t n_upper,
+                               int32_t at,
+                               int32_t norm,
+                               double weight);
+
+/**
+ * Set the number of finite elements of every control stage; without it all have as many as the option n_fe says.
+ *
+ * @param[in] n_fe [n] one for every stage, at least 1
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
+ */
+SWB_API
+swb_status swb_ocp_set_elements(struct swb_ocp *ocp,
+                                const int64_t *n_fe,
+                                int64_t n);
+
+/**
+ * Set the lengths of the control stages; where they are free, those to start from.
+ *
+ * @param[in] durations [n] one for every stage, positive
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
+ */
+SWB_API swb_status swb_ocp_set_durations(struct swb_ocp *ocp, const double *durations, int64_t n);
+
+/**
+ * Let the optimiser choose lengths.
+ *
+ * @param[in] what  an enum swb_free_time
+ * @param[in] lower of the horizon, or of a stage
+ * @param[in] upper of the horizon, or of a stage
+ * @return SWB_OK; SWB_ERR_RANGE
+ */
+SWB_API
+swb_status swb_ocp_set_free_time(struct swb_ocp *ocp,
+                                 int32_t what,
+                                 double lower,
+                                 double upper);
+
+/**
+ * Bound the length of the horizon where those of the stages are free; after swb_ocp_set_initial_time.
+ *
+ * @return SWB_OK; SWB_ERR_RANGE
+ */
+SWB_API
+swb_status swb_ocp_add_horizon(struct swb_ocp *ocp,
+                               double lower,
+                               double upper);
+
+/**
+ * Make controls continuous and linear on every stage; the others stay constant.
+ *
+ * @param[in] linear [nu] 1 or 0 for every control
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_ocp_set_linear_controls(struct swb_ocp *ocp,
+                                       const int32_t *linear,
+                                       int64_t nu);
+
+/**
+ * Make parameters with a lower bound below the upper one variables, which start at the values of swb_ocp_set_params;
+ * the others keep those values.
+ *
+ * @param[in] lower [n_lower] np
+ * @param[in] upper [n_upper] np
+ * @return as swb_ocp_add_path
+ */
+SWB_API
+swb_status swb_ocp_set_param_bounds(struct swb_ocp *ocp,
+                                    const double *lower,
+                                    int64_t n_lower,
+                                    const double *upper,
+                                    int64_t n_upper);
+
+/**
+ * Set parameters that change from control stage to control stage.
+ *
+ * @param[in] p [n_p] n_stages * np, the parameters of one stage together
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
+ */
+SWB_API swb_status swb_ocp_set_stage_params(struct swb_ocp *ocp, const double *p, int64_t n_p);
+
+/**
+ * Solve from the last solution: after small changes its active set is tried first.
+ *
+ * @param[out] outcome as swb_ocp_solve
+ * @return as swb_ocp_solve
+ */
+SWB_API swb_status swb_ocp_solve_warm(struct swb_ocp *ocp, int32_t *outcome);
+
+/**
+ * Make the last solution, one control stage later, the guess of the next solve.
+ *
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_shift(struct swb_ocp *ocp);
+
+/**
+ * Lengths of the control stages of the last solution.
+ *
+ * @param[out] durations [n] n_stages
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_get_durations(const struct swb_ocp *ocp, double *durations, int64_t n);
+
+/**
+ * Parameters of the last solution, those that were free as they were found.
+ *
+ * @param[out] p [n_p] np
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_get_params(const struct swb_ocp *ocp, double *p, int64_t n_p);
+
+/**
+ * Controls at the end of every stage: others than at its start where they are linear.
+ *
+ * @param[out] u [n_u] n_stages * nu, the controls of one stage together
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_get_control_ends(const struct swb_ocp *ocp, double *u, int64_t n_u);
+
+/**
+ * Largest violation of a relaxed constraint.
+ *
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_get_violation(const struct swb_ocp *ocp, double *violation);
 
 /**
  * A model as a document in JSON, for bug reports and to pass it on: its expressions, names and trial point. Functions that

@@ -65,13 +65,13 @@ impl Problem {
         Ok(())
     }
 
-    fn solve(&mut self) -> Result<Outcome> {
+    pub(super) fn solve(&mut self, warm: bool) -> Result<Outcome> {
         let level = self.settings.log_level();
         let (ocp, result) = (self.ocp.get(), &mut self.result);
         ocp.set_settings(&self.settings)?;
         *result = None;
         let outcome = self.hooks.run("ocp", level, |control| {
-            let r = ocp.solve(control)?;
+            let r = if warm { ocp.solve_warm(control) } else { ocp.solve(control) }?;
             *result = Some(r.clone());
             Ok(r.outcome)
         })?;
@@ -130,7 +130,7 @@ pub(super) fn new(ocp: Ocp, interrupt: &Interrupt) -> Problem {
     Problem { settings: *ocp.settings(), ocp: Exclusive::new(ocp), result: None, hooks: Hooks::new(interrupt) }
 }
 
-unsafe fn change(ocp: *mut swb_ocp, body: impl FnOnce(&mut Ocp) -> Result<()>) -> Result<()> {
+pub(super) unsafe fn change(ocp: *mut swb_ocp, body: impl FnOnce(&mut Ocp) -> Result<()>) -> Result<()> {
     unsafe { handle::with_mut(ocp, |o| body(o.ocp.get())) }
 }
 
@@ -370,7 +370,7 @@ pub unsafe extern "C" fn swb_ocp_set_control_guess(ocp: *mut swb_ocp, u: *const 
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_solve(ocp: *mut swb_ocp, outcome: *mut i32) -> swb_status {
     guard(|| unsafe {
-        let reached = handle::with_mut(ocp, Problem::solve)?;
+        let reached = handle::with_mut(ocp, |o| o.solve(false))?;
         raw::write_optional(outcome, outcome_number(reached));
         Ok(())
     })

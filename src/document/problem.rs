@@ -5,7 +5,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::parts::{sizes, Interval, SavedFunction, SavedSettings, SavedSystem};
-use crate::error::{finite, Result};
+use crate::error::{finite, Error, Result};
 use crate::fesd::PathAt;
 use crate::func::Function;
 use crate::ocp::{Ocp, Statement};
@@ -127,6 +127,9 @@ pub(super) struct SavedOcp {
 
 impl SavedOcp {
     pub(super) fn new(s: &Statement, settings: &Settings) -> Result<SavedOcp> {
+        if let Some(what) = s.more {
+            return Err(Error::Unsupported(format!("a problem with {what} cannot be written down")));
+        }
         let interval = |b: &[Vec<f64>; 2]| Interval::new(&b[0], &b[1]);
         let mut constraints = Vec::new();
         for c in s.path {

@@ -554,7 +554,7 @@ impl Fesd {
                 wgt[call.wgt + o] += y[row + o];
             }
         }
-        if let Some(c) = &self.mayer {
+        for c in &self.mayer {
             wgt[c.wgt] += obj;
         }
         self.cache.wgt = wgt;

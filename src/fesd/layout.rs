@@ -145,6 +145,8 @@ pub struct Spec {
     pub lagrange: Option<SharedFunction>,
     /// Terminal cost.
     pub mayer: Option<SharedFunction>,
+    /// Cost at the end of every control stage.
+    pub grid_cost: Option<SharedFunction>,
     /// Path constraints.
     pub path: Vec<PathConstraint>,
     /// Terminal constraints.
@@ -165,6 +167,7 @@ impl Spec {
             free_params: Vec::new(),
             lagrange: None,
             mayer: None,
+            grid_cost: None,
             path: Vec::new(),
             terminal: Vec::new(),
             boundary: Vec::new(),

@@ -85,7 +85,8 @@ pub struct Fesd {
     pub(super) path_rows: Vec<usize>,
     pub(super) terminal: Vec<Call>,
     pub(super) boundary: Vec<Call>,
-    pub(super) mayer: Option<Call>,
+    /// Costs at points: at the end, and at the ends of the stages.
+    pub(super) mayer: Vec<Call>,
     pub(super) cache: Cache,
     pub(super) jac: Pattern,
     pub(super) jac_map: Vec<u32>,
@@ -164,7 +165,14 @@ impl Fesd {
         let last = &l.elements[l.elements.len() - 1];
         let end = b.point(last.x_end, last.stage);
         let terminal = spec.terminal.iter().map(|t| b.call(&t.f, end)).collect();
-        let mayer = spec.mayer.as_ref().map(|f| b.call(f, end));
+        let mut mayer: Vec<Call> = spec.mayer.iter().map(|f| b.call(f, end)).collect();
+        if let Some(f) = &spec.grid_cost {
+            for k in 0..spec.n_stages() {
+                let els = l.stage(k);
+                let at = b.point(els[els.len() - 1].x_end, k);
+                mayer.push(b.call(f, at));
+            }
+        }
         let both = b.ends(l.x0, last.x_end, last.stage);
         let boundary = spec.boundary.iter().map(|c| b.call(&c.f, both)).collect();
         let Builder { functions, calls, sizes, inputs, .. } = b;
@@ -486,7 +494,7 @@ impl Fesd {
                 f += h * b * self.cache.val[c.val];
             }
         }
-        if let Some(c) = &self.mayer {
+        for c in &self.mayer {
             f += self.cache.val[c.val];
         }
         f
@@ -717,7 +725,7 @@ impl Nlp for Fesd {
                 }
             }
         }
-        if let Some(c) = &self.mayer {
+        for c in &self.mayer {
             for (p, &(col, _)) in self.jac_cols[c.f].iter().enumerate() {
                 if let Some(v) = self.var(c, col) {
                     grad[v] += self.cache.jac[c.jac + p];

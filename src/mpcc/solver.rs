@@ -312,7 +312,9 @@ impl MpccSolver {
         let s = self.settings;
         self.scale(p, x0);
         if self.st.bilinear.is_empty() {
-            let mut rule = Monotone { mu_init: s.mu_init, tol: s.tol, primal_tol: s.polish_tol.max(1e-12) };
+            // rounding may keep the last digits from the barrier method; the square system has them
+            let primal_tol = s.polish_tol.max(if s.polish && s.square_newton { 1e-10 } else { 1e-12 });
+            let mut rule = Monotone { mu_init: s.mu_init, tol: s.tol, primal_tol };
             p.set_polishing(true);
             self.st.bounds(bounds, 0.0, &mut self.bounds);
             let outcome = self.run(p, Start::Cold(x0), &mut rule, control, b' ');

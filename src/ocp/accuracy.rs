@@ -1,11 +1,12 @@
 //! How far an answer is from the system it is meant for: the controls found are simulated by the event-driven engine,
 //! which shares neither equations nor grid with the discretisation, and the cost is integrated along.
 
-use super::terms::{Places, Stack};
-use crate::error::Result;
+use super::extend::rebuild;
+use super::terms::{combination, Places, Stack};
+use crate::error::{Error, Result};
 use crate::event::{Engine, Options, Outcome};
 use crate::func::{Dims, Point};
-use crate::system::{Regions, SharedFunction, Subsystem, System};
+use crate::system::{SharedFunction, System};
 
 /// Steps the simulation may take: an answer that needs more is not worth the wait.
 const MAX_STEPS: usize = 200_000;
@@ -41,18 +42,27 @@ pub(super) struct Answer<'a> {
     pub durations: &'a [f64],
     /// Controls `[n_stages · nu]` and parameters `[n_stages · np]`.
     pub controls: &'a [f64],
+    /// Controls at the ends of the stages, and which are linear in between.
+    pub control_ends: &'a [f64],
+    pub linear: &'a [bool],
     pub params: &'a [f64],
     /// States at the ends of the stages `[n_stages · nx]`.
     pub states: &'a [f64],
     pub cost: f64,
     pub mayer: Option<&'a SharedFunction>,
+    /// Cost at the end of every stage.
+    pub grid_cost: Option<&'a SharedFunction>,
     /// Terminal constraints with their bounds.
     pub terminal: Vec<(&'a SharedFunction, &'a [f64], &'a [f64])>,
 }
 
-/// An engine for the system with its cost as one more state.
-pub(super) fn engine(system: &System, lagrange: Option<&SharedFunction>, rtol: f64) -> Result<Engine> {
-    let extended = with_cost(system, lagrange)?;
+/// An engine for the system with its cost as one more state. Linear controls are states too; their place among the
+/// controls is that of their slope.
+pub(super) fn engine(system: &System, lagrange: Option<&SharedFunction>, linear: &[bool], rtol: f64) -> Result<Engine> {
+    if system.n_algebraic() > 0 || !system.inclusions().is_empty() {
+        return Err(Error::Unsupported("event-driven simulation knows neither algebraic states nor inclusions".into()));
+    }
+    let extended = with_cost(system, lagrange, linear)?;
     Engine::new(&extended, &Options { max_steps: MAX_STEPS, ..Options::with_tolerance(rtol, rtol) })
 }
 
@@ -60,7 +70,9 @@ pub(super) fn engine(system: &System, lagrange: Option<&SharedFunction>, rtol: f
 pub(super) fn measure(engine: &mut Engine, answer: &Answer) -> Result<Accuracy> {
     let (nx, n) = (answer.x0.len(), answer.durations.len());
     let (nu, np) = (answer.controls.len() / n, answer.params.len() / n);
+    let ramps: Vec<usize> = (0..answer.linear.len()).filter(|&j| answer.linear[j]).collect();
     let mut start = answer.x0.to_vec();
+    start.extend(ramps.iter().map(|&j| answer.controls[j]));
     start.push(0.0);
     let mut found = Accuracy {
         outcome: Outcome::Reached,
@@ -75,9 +87,14 @@ pub(super) fn measure(engine: &mut Engine, answer: &Answer) -> Result<Accuracy> 
     };
     engine.reinit(answer.t0, &start)?;
     let mut t = answer.t0;
+    let (mut u, mut at_grid) = (vec![0.0; nu], 0.0);
     for k in 0..n {
         engine.set_params(&answer.params[k * np..(k + 1) * np])?;
-        engine.set_controls(&answer.controls[k * nu..(k + 1) * nu])?;
+        u.copy_from_slice(&answer.controls[k * nu..(k + 1) * nu]);
+        for &j in &ramps {
+            u[j] = (answer.control_ends[k * nu + j] - u[j]) / answer.durations[k].max(f64::MIN_POSITIVE);
+        }
+        engine.set_controls(&u)?;
         t += answer.durations[k];
         found.outcome = engine.advance(t.max(engine.time()))?;
         found.n_switches = engine.stats().switches;
@@ -87,11 +104,17 @@ pub(super) fn measure(engine: &mut Engine, answer: &Answer) -> Result<Accuracy> 
         }
         let pairs = engine.state()[..nx].iter().zip(&answer.states[k * nx..(k + 1) * nx]);
         found.stages[k] = pairs.fold(0.0, |m, (a, b)| m.max((a - b).abs()));
+        if let Some(f) = answer.grid_cost {
+            u.copy_from_slice(&answer.control_ends[k * nu..(k + 1) * nu]);
+            let at = Point { t, x: &engine.state()[..nx], u: &u, p: &answer.params[k * np..(k + 1) * np] };
+            at_grid += values(f, &at)[0];
+        }
     }
     found.terminal = found.stages[n - 1];
     found.x_end.copy_from_slice(&engine.state()[..nx]);
-    let at = Point { t, x: &found.x_end, u: &answer.controls[(n - 1) * nu..], p: &answer.params[(n - 1) * np..] };
-    found.cost = engine.state()[nx];
+    u.copy_from_slice(&answer.control_ends[(n - 1) * nu..]);
+    let at = Point { t, x: &found.x_end, u: &u, p: &answer.params[(n - 1) * np..] };
+    found.cost = at_grid + engine.state()[nx + ramps.len()];
     if let Some(m) = answer.mayer {
         found.cost += values(m, &at)[0];
     }
@@ -115,23 +138,21 @@ fn values(f: &SharedFunction, at: &Point) -> Vec<f64> {
     out
 }
 
-/// The system with the integral of `lagrange` as its last state.
-fn with_cost(system: &System, lagrange: Option<&SharedFunction>) -> Result<System> {
+/// The system with its linear controls, then the integral of `lagrange` as its last states.
+fn with_cost(system: &System, lagrange: Option<&SharedFunction>, linear: &[bool]) -> Result<System> {
     let d = system.dims();
-    let wide = Dims { x: d.x + 1, ..d };
-    let columns = || Places::leading(wide).columns(d, wide);
-    let gather = |f: &SharedFunction| Stack::gather(f, wide, columns());
-    let mut out = System::new(wide.x, wide.u, wide.p)?;
-    let zeros = |n: usize| (super::terms::combination("0", wide, vec![Vec::new(); n]), (0..wide.n_in()).collect());
-    let f0 = system.f0().map_or_else(|| zeros(d.x), |f| (f.clone(), columns()));
-    let rate = lagrange.map_or_else(|| zeros(1), |f| (f.clone(), columns()));
-    out.set_f0(Stack::of("f0", wide, vec![f0, rate]))?;
-    for s in system.subsystems() {
-        let regions = match &s.regions {
-            Regions::Signs { psi, signs } => Regions::Signs { psi: gather(psi), signs: signs.clone() },
-            Regions::Indicators(g) => Regions::Indicators(gather(g)),
-        };
-        out.add_subsystem(Subsystem { rows: s.rows.clone(), modes: gather(&s.modes), n_modes: s.n_modes, regions })?;
+    let ramps: Vec<usize> = (0..linear.len()).filter(|&j| linear[j]).collect();
+    let wide = Dims { x: d.x + ramps.len() + 1, ..d };
+    let mut columns = Places::leading(wide).columns(d, wide);
+    for (k, &j) in ramps.iter().enumerate() {
+        columns[d.x + j] = d.x + k;
     }
-    Ok(out)
+    let all = || (0..wide.n_in()).collect::<Vec<usize>>();
+    let own = |f: &SharedFunction| (f.clone(), columns.clone());
+    let zeros = |n: usize| (combination("0", wide, vec![Vec::new(); n]), all());
+    let slopes = combination("slopes", wide, ramps.iter().map(|&j| vec![(wide.x + j, 1.0)]).collect());
+    let f0 = system.f0().map_or_else(|| zeros(d.x), own);
+    let rate = lagrange.map_or_else(|| zeros(1), own);
+    let f0 = Stack::of("f0", wide, vec![f0, (slopes, all()), rate]);
+    rebuild(system, wide, Some(f0), |f| Stack::gather(f, wide, columns.clone()))
 }

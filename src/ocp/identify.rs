@@ -18,16 +18,24 @@ use crate::system::System;
 pub(super) struct Identifier {
     system: System,
     settings: Settings,
+    /// Parameters of every stage.
     pub params: Vec<f64>,
+    pub n_p: usize,
     pub t0: f64,
-    pub duration: f64,
-    pub n_fe: usize,
+    /// Lengths of the stages; they may be variables where they are not fixed.
+    pub durations: Vec<f64>,
+    pub fixed: bool,
+    /// Elements of every stage.
+    pub n_fe: Vec<usize>,
+    /// Some control is linear: its stages cannot be simulated with a constant one.
+    pub linear: bool,
     pub x0_at: usize,
     pub u_at: Vec<usize>,
     /// Lengths of the elements, where they are variables.
     pub h_at: Vec<Option<usize>>,
     /// Cells of every subsystem.
     pub cells: Vec<usize>,
+    improves: bool,
     /// Neighbouring sequences that may still be tried.
     pub budget: usize,
     simulator: Option<Simulator>,
@@ -38,6 +46,9 @@ pub(super) struct Identifier {
     /// Sequences proposed since the last [`Identifier::restart`].
     tried: Vec<Vec<Side>>,
 }
+
+/// Share of its usual length below which an element counts as vanished.
+const SHORT: f64 = 1e-3;
 
 /// Where proposals come from.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -53,13 +64,17 @@ impl Identifier {
             system: system.clone(),
             settings: Settings { n_fe: 2, ..*settings },
             params: Vec::new(),
+            n_p: 0,
             t0: 0.0,
-            duration: 0.0,
-            n_fe: 1,
+            durations: Vec::new(),
+            fixed: true,
+            n_fe: Vec::new(),
+            linear: false,
             x0_at: 0,
             u_at: Vec::new(),
             h_at: Vec::new(),
             cells: Vec::new(),
+            improves: true,
             budget: 0,
             simulator: None,
             next: 0,
@@ -70,7 +85,9 @@ impl Identifier {
     }
 
     /// Forgets what was tried; `budget` neighbours may be tried from now on.
-    pub fn restart(&mut self, budget: usize) {
+    /// Without `improves` solutions stay as they are.
+    pub fn restart(&mut self, improves: bool, budget: usize) {
+        self.improves = improves;
         self.budget = budget;
         self.tried.clear();
     }
@@ -79,7 +96,7 @@ impl Identifier {
     pub fn suggest(&mut self, wanted: Wanted, w: &[f64], sides: &mut [Side]) -> bool {
         match wanted {
             Wanted::Repair(k) => self.repair(k, w, sides),
-            Wanted::Improve(k) => self.improve(k, sides),
+            Wanted::Improve(k) => self.improves && self.improve(k, sides),
             Wanted::Collapse => self.collapse(w, sides),
         }
     }
@@ -92,7 +109,8 @@ impl Identifier {
         while self.next < ways.len() {
             self.next += 1;
             let found = match ways[self.next - 1] {
-                Way::Simulate => self.simulate(w, sides).unwrap_or(false),
+                // lengths and parameters that are variables are not known here
+                Way::Simulate => self.fixed && !self.linear && self.simulate(w, sides).unwrap_or(false),
                 way => (1..self.u_at.len()).filter(|&k| self.move_switch(k, way, sides)).count() > 0,
             };
             if found {
@@ -106,7 +124,9 @@ impl Identifier {
     /// problem at hand cannot bring it.
     fn improve(&mut self, k: usize, sides: &mut [Side]) -> bool {
         if k == 0 {
-            self.moves = if self.budget > 0 { neighbours(&self.cells, sides) } else { Vec::new() };
+            // other forms have other sides than cells
+            let by_cells = self.cells.iter().sum::<usize>() * self.h_at.len() == sides.len();
+            self.moves = if self.budget > 0 && by_cells { neighbours(&self.cells, sides) } else { Vec::new() };
             self.next_move = 0;
             self.tried.push(sides.to_vec());
         }
@@ -126,16 +146,19 @@ impl Identifier {
 
     /// Elements without length take the sets of the one behind them in their stage, or of that before.
     fn collapse(&self, w: &[f64], sides: &mut [Side]) -> bool {
-        let n: usize = self.cells.iter().sum();
-        let short = 1e-3 * self.duration / self.n_fe as f64;
-        let has_length = |e: usize| self.h_at[e].is_none_or(|h| w[h] > short);
+        let n = sides.len() / self.h_at.len();
         let before = sides.to_vec();
-        for e in (0..self.h_at.len()).filter(|&e| !has_length(e)) {
-            let stage = e / self.n_fe * self.n_fe..(e / self.n_fe + 1) * self.n_fe;
-            let from =
-                (e + 1..stage.end).find(|&k| has_length(k)).or_else(|| (stage.start..e).rev().find(|&k| has_length(k)));
-            if let Some(from) = from {
-                sides[e * n..(e + 1) * n].copy_from_slice(&before[from * n..(from + 1) * n]);
+        let mut first = 0;
+        for (&n_fe, duration) in self.n_fe.iter().zip(&self.durations) {
+            let stage = first..first + n_fe;
+            first += n_fe;
+            let short = SHORT * duration / n_fe as f64;
+            let has_length = |e: &usize| self.h_at[*e].is_none_or(|h| w[h] > short);
+            for e in stage.clone().filter(|e| !has_length(e)) {
+                let from = (e + 1..stage.end).find(has_length).or_else(|| (stage.start..e).rev().find(has_length));
+                if let Some(from) = from {
+                    sides[e * n..(e + 1) * n].copy_from_slice(&before[from * n..(from + 1) * n]);
+                }
             }
         }
         before != sides
@@ -160,14 +183,14 @@ impl Identifier {
 
     /// First sides of the last element before a boundary between control stages, and of the first after it.
     fn around(&self, boundary: usize, sides: &[Side]) -> (usize, usize, usize) {
-        let n_cells = sides.len() / (self.u_at.len() * self.n_fe);
-        let next = boundary * self.n_fe * n_cells;
+        let n_cells = sides.len() / self.h_at.len();
+        let next = self.n_fe[..boundary].iter().sum::<usize>() * n_cells;
         (next - n_cells, next, n_cells)
     }
 
     fn is_switch(&self, boundary: usize, sides: &[Side]) -> bool {
         let (last, next, n) = self.around(boundary, sides);
-        self.n_fe > 1 && sides[last..next] != sides[next..next + n]
+        self.n_fe[boundary - 1].min(self.n_fe[boundary]) > 1 && sides[last..next] != sides[next..next + n]
     }
 
     /// Moves what switches at a boundary between control stages into the last element before, or the first after.
@@ -188,14 +211,18 @@ impl Identifier {
             None => Simulator::new(&self.system, &self.settings)?,
         };
         let d = self.system.dims();
-        sim.set_params(&self.params)?;
         sim.set_state(self.t0, &w[self.x0_at..self.x0_at + d.x])?;
-        let per_stage = sides.len() / self.u_at.len();
+        let n_cells = sides.len() / self.h_at.len();
         let mut ok = true;
-        for (&u, sides) in self.u_at.iter().zip(sides.chunks_mut(per_stage)) {
+        let mut rest = sides;
+        for (k, &u) in self.u_at.iter().enumerate() {
+            let (n_fe, duration) = (self.n_fe[k], self.durations[k]);
+            let (sides, others) = rest.split_at_mut(n_fe * n_cells);
+            rest = others;
+            sim.set_params(&self.params[k * self.n_p..(k + 1) * self.n_p])?;
             sim.set_controls(&w[u..u + d.u])?;
-            let r = sim.run(self.duration, self.n_fe.max(2), &mut Control::default())?;
-            ok = r.outcome == Outcome::Solved && assign(&r.trajectory, self.duration, self.n_fe, sides);
+            let r = sim.run(duration, n_fe.max(2), &mut Control::default())?;
+            ok = r.outcome == Outcome::Solved && assign(&r.trajectory, duration, n_fe, sides);
             if !ok {
                 break;
             }

@@ -1,40 +1,66 @@
 //! Optimal control of piecewise smooth systems.
 //!
 //! ```text
-//! min ∫ L(x,u,p,t) dt + M(x(T),p)
-//! s.t. dynamics,  x0 ∈ [x0_l, x0_u],  x ∈ [x_l, x_u],  u ∈ [u_l, u_u],
-//!      c_l ≤ c(x,u,p,t) ≤ c_u along the horizon,  e_l ≤ e(x(T),p) ≤ e_u
+//! min ∫ L(x,u,p,t) dt + M(x(T),p) + least squares + penalties
+//! s.t. dynamics,  x0 ∈ [x0_l, x0_u],  x ∈ [x_l, x_u],  u ∈ [u_l, u_u],  p ∈ [p_l, p_u],
+//!      c_l ≤ c(x,u,p,t) ≤ c_u along the horizon,  e_l ≤ e(x(T),p) ≤ e_u,  b_l ≤ b(x(0),x(T),p) ≤ b_u
 //! ```
 //!
-//! Controls are piecewise constant on an equidistant grid of stages; every stage has the same number of finite
-//! elements (7.50). [`Ocp`] collects the problem, discretises it when it is first solved, and keeps structure and
-//! symbolic factorisation for further solves with other bounds, parameters and starting points.
+//! Controls are piecewise constant, or continuous and linear, on a grid of stages; the stages are equally long unless
+//! lengths are given, or the optimiser may choose them; every stage has its number of finite elements (7.50). [`Ocp`]
+//! collects the problem, discretises it when it is first solved, and keeps structure and symbolic factorisation for
+//! further solves with other bounds, parameters and starting points.
 
 mod accuracy;
+mod extend;
 mod identify;
 mod neighbours;
 mod sensitivity;
+mod solve;
+mod squares;
 mod statement;
 mod terms;
 
+pub use crate::fesd::Durations;
 pub use accuracy::Accuracy;
 pub use sensitivity::OcpSensitivity;
 pub use statement::Statement;
 
-use std::time::Instant;
-
-use self::accuracy::Answer;
-use self::identify::Identifier;
-use crate::dcs::{Dcs, FormOptions};
+use self::extend::{LeastSquares, Soft};
+use self::solve::Built;
 use crate::error::{finite, Error, Result};
 use crate::event::Engine;
-use crate::fesd::{Exit, Fesd, Options, PathAt, PathConstraint, Spec, Terminal, Trajectory};
+use crate::fesd::{Boundary, PathAt, PathConstraint, Terminal, Trajectory};
 use crate::linalg::kkt::LinearStats;
-use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side, Wanted};
-use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
-use crate::settings::{InitialGuess, Settings};
-use crate::sim::Simulator;
+use crate::mpcc::Polish;
+use crate::nlp::{Outcome, Residuals, Statistics};
+use crate::settings::Settings;
 use crate::system::{SharedFunction, System};
+
+/// Where a least-squares term counts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+pub enum CostAt {
+    /// Integrated along the horizon.
+    Running = 0,
+    /// Summed over the ends of the control stages: for measurements.
+    ControlGrid = 1,
+    /// At the end of the horizon.
+    Terminal = 2,
+}
+
+/// How the violation of a relaxed constraint is penalised.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Norm {
+    /// Sum of the violations, integrated where the constraint holds along the horizon: zero if the weight is large
+    /// enough and the constraint can be met.
+    L1 = 0,
+    /// Sum of their squares, integrated likewise: never quite zero.
+    L2 = 1,
+    /// The largest violation.
+    Linf = 2,
+}
 
 /// What a solve found.
 #[derive(Debug, Clone)]
@@ -43,10 +69,18 @@ pub struct OcpResult {
     pub outcome: Outcome,
     /// Was the active set identified and the problem solved with it?
     pub polish: Polish,
-    /// The user's cost alone.
+    /// The user's cost alone: without penalties of relaxed constraints.
     pub cost: f64,
-    /// Controls `[n_stages · nu]`.
+    /// Controls `[n_stages · nu]`; where they are linear, at the start of every stage.
     pub controls: Vec<f64>,
+    /// Controls at the end of every stage `[n_stages · nu]`: others than at its start where they are linear.
+    pub control_ends: Vec<f64>,
+    /// Lengths of the control stages.
+    pub durations: Vec<f64>,
+    /// Parameters, those that were free as they were found, `[np]`.
+    pub params: Vec<f64>,
+    /// Largest violation of a relaxed constraint.
+    pub violation: f64,
     /// States, switches, dense output.
     pub trajectory: Trajectory,
     /// What is left of every residual.
@@ -61,13 +95,6 @@ pub struct OcpResult {
     pub accuracy: Option<Accuracy>,
 }
 
-struct Built {
-    problem: Fesd,
-    solver: MpccSolver,
-    bounds: Bounds,
-    identifier: Identifier,
-}
-
 /// An optimal control problem.
 pub struct Ocp {
     system: System,
@@ -75,14 +102,29 @@ pub struct Ocp {
     horizon: f64,
     n_stages: usize,
     t0: f64,
+    /// Lengths of the control stages; to start from where they are variables.
+    durations: Vec<f64>,
+    time: Durations,
+    /// Bounds of the horizon and of a stage, where their lengths are variables.
+    time_bounds: [f64; 2],
+    /// Elements of every stage; empty: as the settings say.
+    n_fe: Vec<usize>,
+    linear: Vec<bool>,
     lagrange: Option<SharedFunction>,
     mayer: Option<SharedFunction>,
+    squares: Vec<LeastSquares>,
     path: Vec<PathConstraint>,
     terminal: Vec<Terminal>,
+    boundary: Vec<Boundary>,
+    soft: Vec<Soft>,
     x_bounds: [Vec<f64>; 2],
     x0_bounds: [Vec<f64>; 2],
     u_bounds: [Vec<f64>; 2],
+    /// Bounds of the parameters that are variables.
+    p_bounds: Option<[Vec<f64>; 2]>,
     params: Vec<f64>,
+    /// Parameters of every stage `[n_stages · np]`, where they differ.
+    stage_params: Option<Vec<f64>>,
     x_guess: Option<(Vec<f64>, Vec<f64>)>,
     u_guess: Option<Vec<f64>>,
     built: Option<Built>,
@@ -111,14 +153,24 @@ impl Ocp {
             horizon,
             n_stages,
             t0: 0.0,
+            durations: vec![horizon / n_stages as f64; n_stages],
+            time: Durations::Fixed,
+            time_bounds: [0.0, f64::INFINITY],
+            n_fe: Vec::new(),
+            linear: vec![false; d.u],
             lagrange: None,
             mayer: None,
+            squares: Vec::new(),
             path: Vec::new(),
             terminal: Vec::new(),
+            boundary: Vec::new(),
+            soft: Vec::new(),
             x_bounds: free(d.x),
             x0_bounds: free(d.x),
             u_bounds: free(d.u),
+            p_bounds: None,
             params: vec![0.0; d.p],
+            stage_params: None,
             x_guess: None,
             u_guess: None,
             built: None,
@@ -141,8 +193,7 @@ impl Ocp {
     pub fn set_lagrange(&mut self, f: SharedFunction) -> Result<()> {
         self.check(&f, Some(1))?;
         self.lagrange = Some(f);
-        self.engine = None;
-        self.built = None;
+        self.changed();
         Ok(())
     }
 
@@ -150,7 +201,7 @@ impl Ocp {
     pub fn set_mayer(&mut self, f: SharedFunction) -> Result<()> {
         self.check(&f, Some(1))?;
         self.mayer = Some(f);
-        self.built = None;
+        self.changed();
         Ok(())
     }
 
@@ -159,7 +210,7 @@ impl Ocp {
         self.check(&f, None)?;
         check_bounds("path constraint", lower, upper, f.n_out())?;
         self.path.push(PathConstraint { f, lower: lower.to_vec(), upper: upper.to_vec(), at });
-        self.built = None;
+        self.changed();
         Ok(())
     }
 
@@ -168,8 +219,204 @@ impl Ocp {
         self.check(&f, None)?;
         check_bounds("terminal constraint", lower, upper, f.n_out())?;
         self.terminal.push(Terminal { f, lower: lower.to_vec(), upper: upper.to_vec() });
+        self.changed();
+        Ok(())
+    }
+
+    /// Adds a constraint between the two ends of the horizon: `f` sees the initial state, then the final one, as `2 nx`
+    /// states, with control and time at the end.
+    pub fn add_boundary(&mut self, f: SharedFunction, lower: &[f64], upper: &[f64]) -> Result<()> {
+        let (d, given) = (self.system.dims(), f.dims());
+        if (given.x, given.u, given.p) != (2 * d.x, d.u, d.p) {
+            return Err(Error::Dimension(format!(
+                "function '{}' of both ends takes (x, u, p) of sizes ({}, {}, {}), expected ({}, {}, {})",
+                f.name(),
+                given.x,
+                given.u,
+                given.p,
+                2 * d.x,
+                d.u,
+                d.p
+            )));
+        }
+        check_bounds("constraint between the ends", lower, upper, f.n_out())?;
+        self.boundary.push(Boundary { f, lower: lower.to_vec(), upper: upper.to_vec() });
+        self.changed();
+        Ok(())
+    }
+
+    /// The solution is periodic in these states: their final values are their initial ones.
+    pub fn add_periodic(&mut self, states: &[usize]) -> Result<()> {
+        let d = self.system.dims();
+        if let Some(i) = states.iter().find(|i| **i >= d.x) {
+            return Err(Error::Range(format!("state {i} of {} cannot be periodic", d.x)));
+        }
+        let rows = states.iter().map(|&i| vec![(i, -1.0), (d.x + i, 1.0)]).collect();
+        let f = terms::combination("periodic", crate::func::Dims { x: 2 * d.x, ..d }, rows);
+        let zeros = vec![0.0; states.len()];
+        self.add_boundary(f, &zeros, &zeros)
+    }
+
+    /// Adds the sum of squares `(f − y)ᵀ W (f − y)` to the cost. `weights` is the diagonal of `W` or all of it;
+    /// `references` is `y`, or, but for a terminal term, one `y` for every stage.
+    pub fn add_least_squares(
+        &mut self,
+        f: SharedFunction,
+        weights: &[f64],
+        references: &[f64],
+        place: CostAt,
+    ) -> Result<()> {
+        self.check(&f, None)?;
+        let n = f.n_out();
+        finite("weight", weights, weights.len())?;
+        if weights.len() != n && weights.len() != n * n {
+            return Err(Error::Dimension(format!(
+                "{} weights for the {n} residuals of '{}': give {n}, or a matrix of {}",
+                weights.len(),
+                f.name(),
+                n * n
+            )));
+        }
+        self.check_references(n, references, place == CostAt::Terminal)?;
+        self.squares.push(LeastSquares { f, weights: weights.to_vec(), references: references.to_vec(), place });
+        self.changed();
+        Ok(())
+    }
+
+    fn check_references(&self, n: usize, references: &[f64], terminal: bool) -> Result<()> {
+        finite("reference", references, references.len())?;
+        let by_stage = n * self.n_stages;
+        if references.len() != n && (terminal || references.len() != by_stage) {
+            let more = if terminal { String::new() } else { format!(", or {by_stage} for all stages") };
+            return Err(Error::Dimension(format!("{} references given, expected {n}{more}", references.len())));
+        }
+        Ok(())
+    }
+
+    /// Changes the references of least-squares term `k`, in the order they were added.
+    pub fn set_references(&mut self, k: usize, references: &[f64]) -> Result<()> {
+        let n_terms = self.squares.len();
+        let Some(term) = self.squares.get(k) else {
+            return Err(Error::Range(format!("least-squares term {k}: there are {n_terms}")));
+        };
+        self.check_references(term.f.n_out(), references, term.place == CostAt::Terminal)?;
+        self.squares[k].references = references.to_vec();
+        Ok(())
+    }
+
+    /// Adds a constraint that may be violated at a price: along the horizon, or with `at = None` at its end.
+    pub fn add_relaxed(
+        &mut self,
+        f: SharedFunction,
+        lower: &[f64],
+        upper: &[f64],
+        at: Option<PathAt>,
+        norm: Norm,
+        weight: f64,
+    ) -> Result<()> {
+        self.check(&f, None)?;
+        check_bounds("relaxed constraint", lower, upper, f.n_out())?;
+        if !(weight > 0.0 && weight.is_finite()) {
+            return Err(Error::Range(format!("the weight of the violation is {weight}: it must be positive")));
+        }
+        self.soft.push(Soft { f, lower: lower.to_vec(), upper: upper.to_vec(), at, norm, weight });
+        self.changed();
+        Ok(())
+    }
+
+    /// Sets the number of finite elements of every stage `[n_stages]`; without it all have that of the settings.
+    pub fn set_elements(&mut self, n_fe: &[usize]) -> Result<()> {
+        if n_fe.len() != self.n_stages {
+            return Err(Error::Dimension(format!("{} numbers of elements for {} stages", n_fe.len(), self.n_stages)));
+        }
+        if let Some(k) = n_fe.iter().position(|n| !(1..=100_000).contains(n)) {
+            return Err(Error::Range(format!("stage {k} has {} elements: it needs one at least", n_fe[k])));
+        }
+        self.n_fe = n_fe.to_vec();
         self.built = None;
         Ok(())
+    }
+
+    /// Sets the lengths of the stages `[n_stages]`: the control grid is then as uneven as they are. Where lengths are
+    /// variables these are what they start from.
+    pub fn set_durations(&mut self, durations: &[f64]) -> Result<()> {
+        finite("length of a stage", durations, self.n_stages)?;
+        if let Some(k) = durations.iter().position(|d| *d <= 0.0) {
+            return Err(Error::Range(format!("stage {k} has the length {}: it must be positive", durations[k])));
+        }
+        self.durations = durations.to_vec();
+        Ok(())
+    }
+
+    /// Lets the optimiser choose the length of the horizon, the stages keeping their shares of it
+    /// ([`Durations::Horizon`]), or that of every stage ([`Durations::Stages`]): the bounds are those of the horizon, or of
+    /// a stage.
+    pub fn set_free_time(&mut self, what: Durations, lower: f64, upper: f64) -> Result<()> {
+        if !(lower >= 0.0 && lower <= upper && upper > 0.0 && lower.is_finite()) {
+            return Err(Error::Range(format!(
+                "lengths between {lower} and {upper}: bounds must not be negative, and the lower one finite"
+            )));
+        }
+        if self.time != what {
+            self.built = None;
+        }
+        self.time = what;
+        self.time_bounds = [lower, upper];
+        Ok(())
+    }
+
+    /// Requires that the horizon is as long as this, where the lengths of the stages are free.
+    pub fn add_horizon(&mut self, lower: f64, upper: f64) -> Result<()> {
+        let d = self.system.dims();
+        check_bounds("length of the horizon", &[lower], &[upper], 1)?;
+        let f = terms::combination("length of the horizon", d, vec![vec![(d.t_col(), 1.0)]]);
+        self.add_terminal(f, &[self.t0 + lower], &[self.t0 + upper])
+    }
+
+    /// Makes controls continuous and linear on every stage `[nu]`, the others stay constant.
+    pub fn set_linear_controls(&mut self, linear: &[bool]) -> Result<()> {
+        if linear.len() != self.system.dims().u {
+            return Err(Error::Dimension(format!(
+                "{} entries given, the system has {} controls",
+                linear.len(),
+                self.system.dims().u
+            )));
+        }
+        self.linear = linear.to_vec();
+        self.changed();
+        Ok(())
+    }
+
+    /// Makes parameters with a lower bound below the upper one variables of the problem; the others keep their values.
+    pub fn set_param_bounds(&mut self, lower: &[f64], upper: &[f64]) -> Result<()> {
+        check_bounds("parameter", lower, upper, self.params.len())?;
+        let before = self.free_params();
+        self.p_bounds = Some([lower.to_vec(), upper.to_vec()]);
+        if self.free_params() != before {
+            self.built = None;
+        }
+        Ok(())
+    }
+
+    /// Sets parameters that change from stage to stage `[n_stages · np]`.
+    pub fn set_stage_params(&mut self, p: &[f64]) -> Result<()> {
+        finite("parameter", p, self.n_stages * self.params.len())?;
+        self.stage_params = Some(p.to_vec());
+        Ok(())
+    }
+
+    /// Which parameters are variables.
+    fn free_params(&self) -> Vec<bool> {
+        match &self.p_bounds {
+            Some([l, u]) => l.iter().zip(u).map(|(l, u)| l < u).collect(),
+            None => vec![false; self.params.len()],
+        }
+    }
+
+    /// The structure is another one.
+    fn changed(&mut self) {
+        self.built = None;
+        self.engine = None;
     }
 
     /// Sets bounds of the states at all stage points and element ends after the initial time.
@@ -198,10 +445,11 @@ impl Ocp {
         Ok(())
     }
 
-    /// Sets the parameters.
+    /// Sets the parameters, the same in all stages; those that are variables start there.
     pub fn set_params(&mut self, p: &[f64]) -> Result<()> {
         finite("parameter", p, self.params.len())?;
         self.params.copy_from_slice(p);
+        self.stage_params = None;
         Ok(())
     }
 
@@ -269,168 +517,6 @@ impl Ocp {
             _ => Ok(()),
         }
     }
-
-    fn build(&mut self) -> Result<f64> {
-        if self.built.is_some() {
-            return Ok(0.0);
-        }
-        let clock = Instant::now();
-        let mut dcs = Dcs::new(&self.system, FormOptions::from_settings(&self.settings)?)?;
-        let t_col = self.system.dims().t_col();
-        let outer = self.lagrange.iter().chain(&self.mayer).chain(self.path.iter().map(|p| &p.f));
-        if outer.chain(self.terminal.iter().map(|t| &t.f)).any(|f| !f.jac_pattern().rows(t_col).is_empty()) {
-            dcs.require_clock();
-        }
-        let n_fe = self.settings.n_fe as usize;
-        let spec = Spec {
-            lagrange: self.lagrange.clone(),
-            mayer: self.mayer.clone(),
-            path: self.path.clone(),
-            terminal: self.terminal.clone(),
-            ..Spec::new(dcs, Options::from_settings(&self.settings)?, vec![n_fe; self.n_stages])
-        };
-        let mut problem = Fesd::new(spec, self.horizon / self.n_stages as f64)?;
-        let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
-        let bounds = problem.bounds();
-        let mut identifier = Identifier::new(&self.system, &self.settings);
-        identifier.duration = self.horizon / self.n_stages as f64;
-        identifier.n_fe = n_fe;
-        identifier.h_at = problem.lengths();
-        identifier.cells = problem.spec().dcs.subsystems().iter().map(|s| s.cells.len()).collect();
-        (identifier.x0_at, identifier.u_at) = problem.places();
-        self.built = Some(Built { problem, solver, bounds, identifier });
-        Ok(clock.elapsed().as_secs_f64())
-    }
-
-    /// Solves. `Err` when the problem cannot be stated; how the solver ended is in the result.
-    pub fn solve(&mut self, control: &mut Control) -> Result<&OcpResult> {
-        let time_build = self.build()?;
-        let guess = self.state_guess(control)?;
-        let Some(Built { mut problem, mut solver, mut bounds, mut identifier }) = self.built.take() else {
-            return Err(Error::Internal("the problem was not built".into()));
-        };
-        let d = self.system.dims();
-        problem.set_params(&self.params)?;
-        problem.bound_states(&mut bounds, &self.x_bounds[0], &self.x_bounds[1]);
-        problem.bound_initial(&mut bounds, &self.x0_bounds[0], &self.x0_bounds[1], self.t0);
-        for k in 0..self.n_stages {
-            problem.bound_control(&mut bounds, k, &self.u_bounds[0], &self.u_bounds[1]);
-        }
-        bounds.validate(problem.n(), problem.m())?;
-        let mut w0 = vec![0.0; problem.n()];
-        let u_start = self.control_guess();
-        problem.guess(
-            &mut w0,
-            self.t0,
-            |t, x| interpolate(&guess.0, &guess.1, t, x),
-            |k, u| u.copy_from_slice(&u_start[k * d.u..(k + 1) * d.u]),
-        );
-        solver.settings = MpccSettings::from(&self.settings);
-        control.limit(self.settings.max_time);
-        identifier.params.clone_from(&self.params);
-        identifier.t0 = self.t0;
-        identifier.restart(self.settings.mode_search as usize);
-        let detects = problem.detects_switches();
-        let mut suggest = |k: Wanted, w: &[f64], sides: &mut [Side]| detects && identifier.suggest(k, w, sides);
-        problem.set_exit(Exit::Slope);
-        solver.solve_with(&mut problem, &bounds, &w0, control, &mut suggest);
-        let found = solver.solution();
-        if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
-            problem.set_exit(Exit::Theta);
-            solver.polish_again(&mut problem, &bounds, control, &mut suggest);
-        }
-        let s = solver.solution();
-        let mut trajectory = Trajectory::new(&problem.spec().dcs, problem.tableau());
-        let sides = (s.polish == Polish::Done).then_some(&s.sides[..]);
-        trajectory.append(&problem, &s.x, sides, self.t0);
-        let mut result = OcpResult {
-            outcome: s.outcome,
-            polish: s.polish,
-            cost: problem.cost(&s.x).unwrap_or(f64::NAN),
-            controls: problem.controls(&s.x),
-            trajectory,
-            residuals: s.residuals,
-            stats: s.stats,
-            time_build,
-            dimensions: (problem.n(), problem.m(), crate::mpcc::Mpcc::pairs(&problem).len()),
-            accuracy: None,
-        };
-        self.built = Some(Built { problem, solver, bounds, identifier });
-        if self.settings.accuracy != 0 && result.outcome != Outcome::Stopped {
-            result.accuracy = self.measure(&result)?;
-        }
-        Ok(self.result.insert(result))
-    }
-
-    /// Compares an answer with the simulation of its controls.
-    fn measure(&mut self, r: &OcpResult) -> Result<Option<Accuracy>> {
-        let tol = self.settings.accuracy_tol;
-        let (mut engine, tol) = match self.engine.take() {
-            Some((e, t)) if t == tol => (e, t),
-            _ => match accuracy::engine(&self.system, self.lagrange.as_ref(), tol) {
-                Ok(e) => (e, tol),
-                // a kind of system that the engine does not know
-                Err(Error::Unsupported(_)) => return Ok(None),
-                Err(e) => return Err(e),
-            },
-        };
-        let n = self.n_stages;
-        let ends = r
-            .trajectory
-            .elements
-            .iter()
-            .enumerate()
-            .filter(|(k, e)| r.trajectory.elements.get(k + 1).is_none_or(|next| next.stage != e.stage));
-        let states: Vec<f64> = ends.flat_map(|(_, e)| e.x1.iter().copied()).collect();
-        let found = accuracy::measure(
-            &mut engine,
-            &Answer {
-                t0: self.t0,
-                x0: &r.trajectory.elements[0].x0,
-                durations: &vec![self.horizon / n as f64; n],
-                controls: &r.controls,
-                params: &self.params.repeat(n),
-                states: &states,
-                cost: r.cost,
-                mayer: self.mayer.as_ref(),
-                terminal: self.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
-            },
-        );
-        self.engine = Some((engine, tol));
-        found.map(Some)
-    }
-
-    fn control_guess(&self) -> Vec<f64> {
-        if let Some(u) = &self.u_guess {
-            return u.clone();
-        }
-        let one: Vec<f64> = self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
-        one.repeat(self.n_stages)
-    }
-
-    /// Times and states to start from.
-    fn state_guess(&self, control: &mut Control) -> Result<(Vec<f64>, Vec<f64>)> {
-        if let Some(g) = &self.x_guess {
-            return Ok(g.clone());
-        }
-        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
-        if self.settings.initial_guess()? == InitialGuess::Simulation {
-            let mut sim = Simulator::new(&self.system, &self.settings)?;
-            sim.set_params(&self.params)?;
-            sim.set_state(self.t0, &x0)?;
-            let u = self.control_guess();
-            let mut inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
-            let r = sim.run_stages(self.horizon, self.n_stages, Some(&u), &mut inner)?;
-            // a simulation that fails half way is still a better start than a constant
-            let (mut times, mut states) = (vec![0.0], x0.clone());
-            for e in r.trajectory.elements.iter().filter(|e| e.h > 1e-12) {
-                times.push(e.t + e.h - self.t0);
-                states.extend_from_slice(&e.x1);
-            }
-            return Ok((times, states));
-        }
-        Ok((vec![0.0], x0))
-    }
 }
 
 fn check_bounds(what: &str, lower: &[f64], upper: &[f64], n: usize) -> Result<()> {
@@ -453,29 +539,4 @@ fn check_bounds(what: &str, lower: &[f64], upper: &[f64], n: usize) -> Result<()
         }
     }
     Ok(())
-}
-
-/// A point well inside an interval.
-fn middle(lo: f64, hi: f64) -> f64 {
-    match (lo.is_finite(), hi.is_finite()) {
-        (true, true) => 0.5 * (lo + hi),
-        (true, false) => lo.max(0.0),
-        (false, true) => hi.min(0.0),
-        (false, false) => 0.0,
-    }
-}
-
-fn interpolate(times: &[f64], states: &[f64], t: f64, x: &mut [f64]) {
-    let nx = x.len();
-    let k = times.partition_point(|&s| s <= t).clamp(1, times.len());
-    let a = &states[(k - 1) * nx..k * nx];
-    if k == times.len() {
-        x.copy_from_slice(a);
-        return;
-    }
-    let b = &states[k * nx..(k + 1) * nx];
-    let s = ((t - times[k - 1]) / (times[k] - times[k - 1])).clamp(0.0, 1.0);
-    for i in 0..nx {
-        x[i] = (1.0 - s) * a[i] + s * b[i];
-    }
 }

@@ -30,12 +30,12 @@ impl Ocp {
     /// central differences of the optimality conditions, the rest is exact: A. V. Fiacco's theorem on the branch.
     pub fn sensitivity(&mut self) -> Result<OcpSensitivity> {
         let d = self.system.dims();
-        let Some(Built { problem, solver, bounds, .. }) = &mut self.built else {
+        let Some(Built { problem, solver, bounds, extended, .. }) = &mut self.built else {
             return Err(Error::State("there is no solution to differentiate: solve the problem first".into()));
         };
         let (x0, u) = problem.places();
         let (w, y) = (solver.solution().x.clone(), solver.solution().y.clone());
-        let values = problem.params().to_vec();
+        let values = Params { stages: extended.params.clone(), n: extended.system.dims().p };
         let is_datum = |i: usize| bounds.xl[x0 + i] == bounds.xu[x0 + i];
         let initial =
             |i: usize| Change { fixed: Vec::from_iter(is_datum(i).then_some((x0 + i, 1.0))), ..Change::default() };
@@ -63,25 +63,40 @@ fn no_value(k: usize, e: &EvalError) -> Error {
     Error::NonFinite(format!("the model has no value at parameters next to the given ones ({e:?}): parameter {k}"))
 }
 
+/// Parameters of every stage, `n` each.
+struct Params {
+    stages: Vec<f64>,
+    n: usize,
+}
+
+impl Params {
+    /// Sets them, the `k`-th ones moved by `h`.
+    fn set(&self, p: &mut Fesd, k: usize, h: f64) {
+        let mut moved = self.stages.clone();
+        for (stage, values) in moved.chunks_mut(self.n).enumerate() {
+            values[k] += h;
+            // finite, and as many as before
+            let _ = p.set_stage_params(stage, values);
+        }
+    }
+}
+
 /// What parameter `k` does to gradient of the Lagrangian, rows, and cost while the variables are held.
 fn parameter(
     p: &mut Fesd,
-    values: &[f64],
+    values: &Params,
     k: usize,
     w: &[f64],
     y: &[f64],
 ) -> std::result::Result<(Change, f64), EvalError> {
-    let h = STEP * values[k].abs().max(1.0);
-    let mut moved = values.to_vec();
-    let mut at = |v: f64| {
-        moved[k] = v;
-        // finite, and as many as before
-        let _ = p.set_params(&moved);
+    let h = STEP * values.stages[k].abs().max(1.0);
+    let mut at = |h: f64| {
+        values.set(p, k, h);
         let r = conditions(p, w, y);
-        let _ = p.set_params(values);
+        values.set(p, k, 0.0);
         r
     };
-    let (right, left) = (at(values[k] + h)?, at(values[k] - h)?);
+    let (right, left) = (at(h)?, at(-h)?);
     let difference = |a: &[f64], b: &[f64]| -> Vec<(usize, f64)> {
         let d = a.iter().zip(b).map(|(a, b)| (a - b) / (2.0 * h)).enumerate();
         d.filter(|d| d.1 != 0.0).collect()

@@ -1,6 +1,6 @@
 //! A problem as it was stated, for who writes it down.
 
-use super::Ocp;
+use super::{Durations, Ocp};
 use crate::fesd::{PathConstraint, Terminal};
 use crate::settings::Settings;
 use crate::system::{SharedFunction, System};
@@ -25,6 +25,9 @@ pub struct Statement<'a> {
     /// Times and states.
     pub x_guess: Option<&'a (Vec<f64>, Vec<f64>)>,
     pub u_guess: Option<&'a [f64]>,
+    /// Something was set that is not among the above: free or uneven lengths, elements by stage, linear controls, least
+    /// squares, relaxed constraints, constraints between the ends, parameters that are free or differ by stage.
+    pub more: Option<&'static str>,
 }
 
 impl Ocp {
@@ -37,24 +40,46 @@ impl Ocp {
             horizon,
             n_stages,
             t0,
+            durations,
+            time,
+            time_bounds: _,
+            n_fe,
+            linear,
             lagrange,
             mayer,
+            squares,
             path,
             terminal,
+            boundary,
+            soft,
             x_bounds,
             x0_bounds,
             u_bounds,
+            p_bounds,
             params,
+            stage_params,
             x_guess,
             u_guess,
             built: _,
             engine: _,
             result: _,
         } = self;
+        let more = [
+            (*time != Durations::Fixed, "free lengths"),
+            (durations.iter().any(|d| *d != durations[0]), "stages of different lengths"),
+            (!n_fe.is_empty(), "elements by stage"),
+            (linear.contains(&true), "linear controls"),
+            (!squares.is_empty(), "least squares"),
+            (!boundary.is_empty(), "constraints between the ends"),
+            (!soft.is_empty(), "relaxed constraints"),
+            (p_bounds.is_some(), "bounds of parameters"),
+            (stage_params.is_some(), "parameters by stage"),
+        ];
         Statement {
             system,
             settings,
             horizon: *horizon,
+            more: more.iter().find(|m| m.0).map(|m| m.1),
             n_stages: *n_stages,
             t0: *t0,
             lagrange: lagrange.as_ref(),

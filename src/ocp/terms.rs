@@ -27,7 +27,7 @@ impl Places {
     }
 }
 
-/// Functions of common inputs, one below the other.
+/// Functions of common inputs, one below the other or added.
 pub(super) struct Stack {
     name: String,
     dims: Dims,
@@ -36,6 +36,7 @@ pub(super) struct Stack {
     jac: Pattern,
     hess: Pattern,
     work: usize,
+    adds: bool,
 }
 
 struct Part {
@@ -53,6 +54,16 @@ struct Part {
 impl Stack {
     /// `parts`: functions with the columns of `dims` their inputs are.
     pub fn of(name: &str, dims: Dims, parts: Vec<(SharedFunction, Vec<usize>)>) -> SharedFunction {
+        Stack::make(name, dims, parts, false)
+    }
+
+    /// The sum of functions with as many outputs each.
+    pub fn sum(name: &str, dims: Dims, parts: Vec<SharedFunction>) -> SharedFunction {
+        let all = || (0..dims.n_in()).collect();
+        Stack::make(name, dims, parts.into_iter().map(|f| (f, all())).collect(), true)
+    }
+
+    fn make(name: &str, dims: Dims, parts: Vec<(SharedFunction, Vec<usize>)>, adds: bool) -> SharedFunction {
         let n_in = dims.n_in();
         let mut s = Stack {
             name: name.to_owned(),
@@ -62,13 +73,15 @@ impl Stack {
             jac: Pattern::empty(0, n_in),
             hess: Pattern::empty(n_in, n_in),
             work: 0,
+            adds,
         };
         let (mut jac, mut hess) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
         for (f, columns) in parts {
+            let first = if adds { 0 } else { s.n_out };
             let (inner_jac, inner_hess) = (f.jac_pattern(), f.hess_pattern());
             for j in 0..inner_jac.n_cols() {
                 for &i in inner_jac.rows(j) {
-                    jac.0.push(s.n_out + i);
+                    jac.0.push(first + i);
                     jac.1.push(columns[j]);
                 }
             }
@@ -82,7 +95,7 @@ impl Stack {
                     factors.push(if a == b && i != j { 2.0 } else { 1.0 });
                 }
             }
-            let buffer = inner_jac.nnz().max(inner_hess.nnz());
+            let buffer = inner_jac.nnz().max(inner_hess.nnz()).max(f.n_out());
             s.work = s.work.max(f.work_len() + buffer + f.dims().n_in());
             let plain = f.dims() == dims && columns.iter().enumerate().all(|(j, &c)| j == c);
             let n_jac = inner_jac.nnz();
@@ -91,11 +104,11 @@ impl Stack {
                 f,
                 columns,
                 plain,
-                first: s.n_out,
+                first,
                 jac: vec![0; n_jac],
                 hess: factors.into_iter().map(|v| (0, v)).collect(),
             });
-            s.n_out += n_out;
+            s.n_out = first + n_out;
         }
         let (p, map) = Pattern::from_triplets(s.n_out, n_in, &jac.0, &jac.1);
         s.jac = p;
@@ -161,9 +174,18 @@ impl Function for Stack {
         self.work
     }
     fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        if self.adds {
+            out.fill(0.0);
+        }
         for p in &self.parts {
-            let out = &mut out[p.first..p.first + p.f.n_out()];
-            p.with(at, work, |at, work| p.f.value(at, out, work))?;
+            if self.adds {
+                let (value, work) = work.split_at_mut(out.len());
+                p.with(at, work, |at, work| p.f.value(at, value, work))?;
+                out.iter_mut().zip(&*value).for_each(|(o, v)| *o += v);
+            } else {
+                let out = &mut out[p.first..p.first + p.f.n_out()];
+                p.with(at, work, |at, work| p.f.value(at, out, work))?;
+            }
         }
         Ok(())
     }
@@ -251,6 +273,58 @@ impl Function for Linear {
     }
 }
 
+/// `weight Σ z_c²` over input columns `c`.
+pub(super) fn sum_of_squares(name: &str, dims: Dims, columns: Vec<usize>, weight: f64) -> SharedFunction {
+    let zeros = vec![0; columns.len()];
+    let mut sorted = columns;
+    sorted.sort_unstable();
+    let jac = Pattern::from_triplets(1, dims.n_in(), &zeros, &sorted).0;
+    let hess = Pattern::from_triplets(dims.n_in(), dims.n_in(), &sorted, &sorted).0;
+    Arc::new(Quadratic { name: name.to_owned(), dims, columns: sorted, weight, jac, hess })
+}
+
+struct Quadratic {
+    name: String,
+    dims: Dims,
+    columns: Vec<usize>,
+    weight: f64,
+    jac: Pattern,
+    hess: Pattern,
+}
+
+impl Function for Quadratic {
+    fn name(&self) -> &str {
+        &self.name
+    }
+    fn dims(&self) -> Dims {
+        self.dims
+    }
+    fn n_out(&self) -> usize {
+        1
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        &self.jac
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        &self.hess
+    }
+    fn work_len(&self) -> usize {
+        0
+    }
+    fn value(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
+        out[0] = self.weight * self.columns.iter().map(|&c| input(at, c).powi(2)).sum::<f64>();
+        Ok(())
+    }
+    fn jacobian(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
+        out.iter_mut().zip(&self.columns).for_each(|(o, &c)| *o = 2.0 * self.weight * input(at, c));
+        Ok(())
+    }
+    fn hessian(&self, _: &Point, weights: &[f64], out: &mut [f64], _: &mut [f64]) -> EvalResult {
+        out.fill(2.0 * self.weight * weights[0]);
+        Ok(())
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -285,5 +359,17 @@ mod tests {
         both.value(&at, &mut out, &mut vec![0.0; both.work_len()]).unwrap();
         assert_eq!(out[0], 1.3 * 0.7 + 1.3 * 0.4);
         assert_eq!(out[2], 0.2 * 0.7 - 0.5 * 0.4);
+    }
+
+    #[test]
+    fn sums_of_functions() {
+        let d = Dims { x: 2, u: 1, p: 1 };
+        let twice = Stack::sum("twice", d, vec![inner(), inner(), combination("l", d, vec![vec![(1, 3.0)], vec![]])]);
+        agree(&*twice, &[0.2, 0.7], &[-0.5], &[0.4]);
+        let at = Point { t: 0.0, x: &[0.2, 0.7], u: &[-0.5], p: &[0.4] };
+        let mut out = [0.0; 2];
+        twice.value(&at, &mut out, &mut vec![0.0; twice.work_len()]).unwrap();
+        assert!((out[0] - 2.0 * (0.14 - 0.2) - 2.1).abs() < 1e-15);
+        agree(&*sum_of_squares("q", d, vec![2, 0], 3.0), &[0.2, 0.7], &[-0.5], &[0.4]);
     }
 }

@@ -10,10 +10,13 @@ print(run.x_end, run.table())
 
 from . import casadi, expr
 from ._ffi import (
+    CostAt,
     EventKind,
+    FreeTime,
     Item,
     LogLevel,
     Member,
+    Norm,
     Outcome,
     PathAt,
     Polished,
@@ -118,6 +121,8 @@ __all__ = [
     "DimensionError",
     "Event",
     "EventKind",
+    "CostAt",
+    "FreeTime",
     "Function",
     "Gradient",
     "Integrator",
@@ -135,6 +140,7 @@ __all__ = [
     "Multipliers",
     "Nlp",
     "NonfiniteError",
+    "Norm",
     "NullError",
     "NumericError",
     "Ocp",

@@ -191,6 +191,30 @@ class PathAt(Names):
     STAGE_POINTS = 2
 
 
+class FreeTime(Names):
+    """enum swb_free_time"""
+
+    NONE = 0
+    HORIZON = 1
+    STAGES = 2
+
+
+class CostAt(Names):
+    """enum swb_cost_at"""
+
+    RUNNING = 0
+    CONTROL_GRID = 1
+    TERMINAL = 2
+
+
+class Norm(Names):
+    """enum swb_norm"""
+
+    L1 = 0
+    L2 = 1
+    LINF = 2
+
+
 class Operator(Names):
     """enum swb_operator"""
 
@@ -891,6 +915,24 @@ FUNCTIONS = {
     "swb_ocp_free": (None, [c_void_p]),
     "swb_ocp_get_accuracy": (c_int32, [c_void_p, POINTER(swb_accuracy), c_uint64]),
     "swb_ocp_get_mismatch": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_add_boundary": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_add_periodic": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_add_least_squares": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_int32]),
+    "swb_ocp_set_references": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_add_relaxed": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_int32, c_int32, c_double]),
+    "swb_ocp_set_elements": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_set_durations": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_set_free_time": (c_int32, [c_void_p, c_int32, c_double, c_double]),
+    "swb_ocp_add_horizon": (c_int32, [c_void_p, c_double, c_double]),
+    "swb_ocp_set_linear_controls": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_set_param_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_set_stage_params": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_solve_warm": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_shift": (c_int32, [c_void_p]),
+    "swb_ocp_get_durations": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_get_params": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_get_control_ends": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_get_violation": (c_int32, [c_void_p, c_void_p]),
     "swb_model_to_json": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_model_from_json": (c_int32, [c_void_p, c_char_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_model_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),

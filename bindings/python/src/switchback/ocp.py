@@ -13,7 +13,7 @@ from ._call import text
 from ._document import Reader
 from ._ffi import Outcome, PathAt, Polished, swb_accuracy
 from ._library import lib
-from ._solver import Solver
+from ._ocp_terms import OcpTerms, choice
 from .errors import ArgumentError, DimensionError, StateError
 from .function import Function
 from .results import Accuracy, HasOutcome, OnIteration, OnLog, Residuals, Stats, polished_of
@@ -41,6 +41,14 @@ class OcpResult(HasOutcome):
     accuracy: Accuracy | None = None
     #: Largest difference of a state at the end of every control stage.
     mismatch: Array | None = field(default=None, repr=False)
+    #: Parameters, those that were free as they were found.
+    params: Array | None = field(default=None, repr=False)
+    #: Lengths of the control stages.
+    durations: Array | None = field(default=None, repr=False)
+    #: Controls at the end of every stage: others than at its start where they are linear.
+    control_ends: Array | None = field(default=None, repr=False)
+    #: Largest violation of a relaxed constraint.
+    violation: float = 0.0
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
         """See `switchback.plot`."""
@@ -61,7 +69,7 @@ class OcpSensitivity:
     one_sided: bool
 
 
-class Ocp(Solver):
+class Ocp(OcpTerms):
     """Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
 
     Bounds are infinite, the initial state is free, initial time and parameters are zero, and there is no cost,
@@ -133,9 +141,6 @@ class Ocp(Solver):
         ocp._monitors(None, None)
         return ocp
 
-    def _function(self, f: Any, n_out: int, name: str) -> Function:
-        return Function._of(f, (self.nx, self.nu, self.np), n_out, name)
-
     def set_lagrange(self, f: Any) -> None:
         """Set the cost rate, one output: its integral over the horizon is minimised."""
         function = self._function(f, 1, "lagrange")
@@ -148,28 +153,13 @@ class Ocp(Solver):
         self._do("set_mayer", function)
         self._functions.append(function)
 
-    @staticmethod
-    def _rows(f: Any, lower: Any, upper: Any, name: str) -> int:
-        if isinstance(f, Function):
-            return f.n_out
-        sizes = {real(b, name).size for b in (lower, upper) if b is not None and numpy.ndim(b) > 0}
-        if len(sizes) > 1:
-            raise DimensionError(f"bounds of {name}: {' and '.join(map(str, sorted(sizes)))} numbers")
-        return sizes.pop() if sizes else 1
-
     def add_path(self, f: Any, lower: Any = None, upper: Any = None, at: PathAt | str = PathAt.CONTROL_GRID) -> None:
         """Add the constraint lower <= f(x, u, p, t) <= upper along the horizon: at "control_grid", "elements" or
         "stage_points". The bounds tell the number of outputs."""
-        if isinstance(at, str):
-            try:
-                at = PathAt[at.upper()]
-            except KeyError:
-                known = ", ".join(v.name.lower() for v in PathAt)
-                raise ArgumentError(f"at must be one of {known}, not '{at}'") from None
         n = self._rows(f, lower, upper, "path constraint")
         function = self._function(f, n, "path")
         low, high = bounds(lower, upper, n, "bounds of a path constraint")
-        self._do("add_path", function, address(low), n, address(high), n, index(at, "at"))
+        self._do("add_path", function, address(low), n, address(high), n, choice(PathAt, at, "at"))
         self._functions.append(function)
 
     def add_terminal(self, f: Any, lower: Any = None, upper: Any = None) -> None:
@@ -225,9 +215,10 @@ class Ocp(Solver):
         array = table(u, self.n_stages, self.nu, "u")
         self._do("set_control_guess", address(array), array.size)
 
-    def solve(self) -> OcpResult:
-        """Solve. Look at `result.success`: the outcome may be another one than solved."""
-        self._solve("solve")
+    def solve(self, warm: bool = False) -> OcpResult:
+        """Solve; `warm`: from the last solution, whose active set is tried first. Look at `result.success`: the outcome may be
+        another one than solved."""
+        self._solve("solve_warm" if warm else "solve")
         return self.result
 
     @property
@@ -235,7 +226,8 @@ class Ocp(Solver):
         """What the last solve found."""
         u = numpy.empty((self.n_stages, self.nu))
         self._do("get_controls", address(u), u.size)
-        times = self.initial_time + self.horizon / self.n_stages * numpy.arange(self.n_stages + 1)
+        durations = self._vector("get_durations", self.n_stages)
+        times = self.initial_time + numpy.concatenate(([0.0], numpy.cumsum(durations)))
         return OcpResult(
             self.outcome,
             polished_of(self._get("get_polished", ctypes.c_int32)),
@@ -246,6 +238,10 @@ class Ocp(Solver):
             self.residuals,
             self.stats,
             *self._accuracy(),
+            self._vector("get_params", self.np),
+            durations,
+            self._vector("get_control_ends", u.size).reshape(u.shape),
+            self._violation(),
         )
 
     def _accuracy(self) -> tuple[Accuracy | None, Array | None]:

@@ -1,0 +1,154 @@
+"""What an optimal control problem can be made of beside costs and constraints of one kind; free lengths, parameters."""
+
+from __future__ import annotations
+
+import ctypes
+from enum import IntEnum
+from typing import Any, TypeVar
+
+import numpy
+
+from ._arrays import address, bounds, index, number, real, table, vector
+from ._ffi import CostAt, FreeTime, Norm, PathAt
+from ._solver import Solver
+from .errors import ArgumentError, DimensionError
+from .function import Function
+
+E = TypeVar("E", bound=IntEnum)
+
+
+def choice(kind: type[E], value: Any, name: str) -> E:
+    """A value of an enumeration by itself, its name or its number."""
+    if isinstance(value, str):
+        try:
+            return kind[value.upper()]
+        except KeyError:
+            known = ", ".join(v.name.lower() for v in kind)
+            raise ArgumentError(f"{name} must be one of {known}, not '{value}'") from None
+    try:
+        return kind(index(value, name))
+    except ValueError as error:
+        raise ArgumentError(f"{name}: {error}") from None
+
+
+class OcpTerms(Solver):
+    """Methods of `Ocp` that state the problem further."""
+
+    nx: int
+    nu: int
+    np: int
+    n_stages: int
+    _functions: list[Function]
+
+    def _function(self, f: Any, n_out: int, name: str) -> Function:
+        return Function._of(f, (self.nx, self.nu, self.np), n_out, name)
+
+    @staticmethod
+    def _rows(f: Any, lower: Any, upper: Any, name: str) -> int:
+        if isinstance(f, Function):
+            return f.n_out
+        sizes = {real(b, name).size for b in (lower, upper) if b is not None and numpy.ndim(b) > 0}
+        if len(sizes) > 1:
+            raise DimensionError(f"bounds of {name}: {' and '.join(map(str, sorted(sizes)))} numbers")
+        return sizes.pop() if sizes else 1
+
+    def add_boundary(self, f: Any, lower: Any = None, upper: Any = None) -> None:
+        """Add the constraint lower <= f(x, u, p, t) <= upper between both ends of the horizon: x holds the initial state, then
+        the final one."""
+        n = self._rows(f, lower, upper, "boundary constraint")
+        function = Function._of(f, (2 * self.nx, self.nu, self.np), n, "boundary")
+        low, high = bounds(lower, upper, n, "bounds of a boundary constraint")
+        self._do("add_boundary", function, address(low), n, address(high), n)
+        self._functions.append(function)
+
+    def add_periodic(self, states: Any = None) -> None:
+        """Require that states (their indices; None: all) have the same values at both ends of the horizon."""
+        chosen = range(self.nx) if states is None else states
+        array = numpy.array([index(i, "states") for i in chosen], dtype=numpy.int64)
+        self._do("add_periodic", address(array), len(array))
+
+    def add_least_squares(self, f: Any, weights: Any, references: Any = 0.0, at: CostAt | str = "running") -> None:
+        """Add (f - y)' W (f - y) to the cost: integrated ("running"), summed over the ends of the control stages
+        ("control_grid") or at the end ("terminal"). `weights` is the diagonal of W or all of it, `references` is y or has a
+        row for every stage."""
+        w = numpy.atleast_1d(real(weights, "weights"))
+        n = f.n_out if isinstance(f, Function) else len(w)
+        function = self._function(f, n, "least_squares")
+        y = numpy.atleast_1d(real(references, "references"))
+        if y.size == 1:
+            y = numpy.full(n, y.item())
+        w, y = numpy.ascontiguousarray(w), numpy.ascontiguousarray(y)
+        place = choice(CostAt, at, "at")
+        self._do("add_least_squares", function, address(w), w.size, address(y), y.size, place)
+        self._functions.append(function)
+
+    def set_references(self, term: int, references: Any) -> None:
+        """Change the references of a least-squares term, counted from 0 in the order they were added."""
+        y = numpy.ascontiguousarray(numpy.atleast_1d(real(references, "references")))
+        self._do("set_references", index(term, "term"), address(y), y.size)
+
+    def add_relaxed(
+        self,
+        f: Any,
+        lower: Any = None,
+        upper: Any = None,
+        at: PathAt | str = "terminal",
+        norm: Norm | str = "l1",
+        weight: float = 1e3,
+    ) -> None:
+        """Add a constraint that may be violated at the price `weight` times the norm ("l1", "l2", "linf") of the violation,
+        at "terminal" or as in `add_path`. `result.violation` tells what is left; the cost is reported without the price."""
+        n = self._rows(f, lower, upper, "relaxed constraint")
+        function = self._function(f, n, "relaxed")
+        low, high = bounds(lower, upper, n, "bounds of a relaxed constraint")
+        place = -1 if at == "terminal" else int(choice(PathAt, at, "at"))
+        kind = choice(Norm, norm, "norm")
+        price = number(weight, "weight")
+        self._do("add_relaxed", function, address(low), n, address(high), n, place, kind, price)
+        self._functions.append(function)
+
+    def set_elements(self, n_fe: Any) -> None:
+        """Set the number of finite elements of every control stage."""
+        array = numpy.array([index(n, "n_fe") for n in n_fe], dtype=numpy.int64)
+        self._do("set_elements", address(array), len(array))
+
+    def set_durations(self, durations: Any) -> None:
+        """Set the lengths of the control stages; where they are free, those to start from."""
+        array = vector(durations, self.n_stages, "durations")
+        self._do("set_durations", address(array), len(array))
+
+    def set_free_time(self, what: FreeTime | str, lower: float, upper: float) -> None:
+        """Let the optimiser choose the length of the "horizon" or of all "stages", between bounds of the horizon or of a
+        stage."""
+        self._do("set_free_time", choice(FreeTime, what, "what"), number(lower, "lower"), number(upper, "upper"))
+
+    def add_horizon(self, lower: float, upper: float) -> None:
+        """Bound the length of the horizon where those of the stages are free."""
+        self._do("add_horizon", number(lower, "lower"), number(upper, "upper"))
+
+    def set_linear_controls(self, linear: Any = True) -> None:
+        """Make controls continuous and linear on every stage: True for all, or one truth value for each."""
+        flags = numpy.broadcast_to(numpy.asarray(linear, dtype=bool), (self.nu,)).astype(numpy.int32)
+        self._do("set_linear_controls", address(flags), len(flags))
+
+    def set_param_bounds(self, lower: Any, upper: Any) -> None:
+        """Make parameters with a lower bound below the upper one variables, which start at the values set."""
+        low, high = bounds(lower, upper, self.np, "bounds of the parameters")
+        self._do("set_param_bounds", address(low), self.np, address(high), self.np)
+
+    def set_stage_params(self, p: Any) -> None:
+        """Set parameters that change from stage to stage, a row for each."""
+        array = table(p, self.n_stages, self.np, "p")
+        self._do("set_stage_params", address(array), array.size)
+
+    def shift(self) -> None:
+        """Make the last solution, one control stage later, the guess of the next solve."""
+        self._do("shift")
+
+    def _vector(self, name: str, n: int) -> Any:
+        out = numpy.empty(n)
+        self._do(name, address(out), out.size)
+        return out
+
+    def _violation(self) -> float:
+        return self._get("get_violation", ctypes.c_double)

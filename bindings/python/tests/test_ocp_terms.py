@@ -1,0 +1,85 @@
+"""Optimal control: free lengths and parameters, least squares, relaxed constraints, both ends, warm starts."""
+
+import numpy as np
+import pytest
+
+import switchback as swb
+
+
+def rest_to_rest(n_stages: int, **options) -> swb.Ocp:
+    system = swb.System(2, 1, f0=lambda x, u: (x[1], u[0]))
+    ocp = swb.Ocp(system, 1.0, n_stages, initial_state=[0, 0], **options)
+    ocp.add_terminal(lambda x: x, [1, 0], [1, 0])
+    return ocp
+
+
+def test_the_fastest_way_is_bang_bang():
+    ocp = rest_to_rest(2, n_fe=1, control_bounds=(-2, 1), lagrange=lambda x: 1.0)
+    ocp.set_free_time("stages", 0.1, 5.0)
+    r = ocp.solve()
+    assert r.success and np.allclose(r.durations, [2 / 3**0.5, 1 / 3**0.5], atol=1e-6)
+    assert np.allclose(r.control_times, [0, 2 / 3**0.5, 3**0.5], atol=1e-6)
+    assert r.accuracy.reached and r.accuracy.terminal < 1e-8 and len(r.mismatch) == 2
+    ocp.set_free_time(swb.FreeTime.HORIZON, 0.1, 5.0)
+    assert ocp.solve().cost == pytest.approx(2.0, abs=1e-6)
+
+
+def test_linear_controls_reach_the_continuous_optimum():
+    ocp = rest_to_rest(3, n_fe=1, n_s=3, lagrange=lambda u: u[0] ** 2)
+    ocp.set_linear_controls()
+    ocp.set_durations([0.2, 0.5, 0.3])
+    r = ocp.solve()
+    assert r.success and r.cost == pytest.approx(12.0, abs=1e-6)
+    assert np.allclose(r.controls[1:], r.control_ends[:-1], atol=1e-6)
+
+
+def test_friction_is_estimated_from_measurements():
+    system = swb.System(2, 0, 1, f0=lambda x: (x[1], 0.0))
+    friction = swb.Function.affine([0, 0], [[0, 0, -1], [0, 0, 1]], nx=2, nu=0, np=1)
+    system.add_subsystem(friction, lambda x: x[1], [1, -1], rows=[1])
+    mu, n = 0.37, 8
+    t = 4 * np.arange(1, n + 1) / n
+    data = np.where(t < 1 / mu, t - mu * t**2 / 2, 0.5 / mu)
+    ocp = swb.Ocp(system, 4.0, n, initial_state=[0, 1], params=[0.6], n_fe=2)
+    ocp.set_param_bounds(0.05, 2.0)
+    ocp.add_least_squares(lambda x: x[0], 1.0, data.reshape(-1, 1), at="control_grid")
+    r = ocp.solve()
+    assert r.success and r.params == pytest.approx([mu], abs=1e-6)
+
+
+def test_a_free_parameter_needs_derivatives():
+    system = swb.System(1, 0, 1, f0=lambda p: p[0])
+    ocp = swb.Ocp(system, 1.0, 1, mayer=lambda x: x[0] ** 2)
+    ocp.set_param_bounds(-1, 1)
+    with pytest.raises(swb.ArgumentError, match="parameter 0 is free, but no function"):
+        ocp.solve()
+
+
+def test_relaxed_constraints_report_their_violation():
+    ocp = swb.Ocp(swb.System(1, 1, f0=lambda u: u[0]), 1.0, 4, n_fe=1, initial_state=[0], control_bounds=(-1, 1))
+    ocp.add_relaxed(lambda x: x[0], 2, 2, norm="linf", weight=10)
+    ocp.set_lagrange(lambda u: 0.1 * u[0] ** 2)
+    r = ocp.solve()
+    assert r.success and r.violation == pytest.approx(1.0, abs=1e-6) and r.cost == pytest.approx(0.1, abs=1e-6)
+    with pytest.raises(swb.ArgumentError, match="one of l1, l2, linf"):
+        ocp.add_relaxed(lambda x: x[0], 2, 2, norm="l7")
+
+
+def test_both_ends_elements_stage_parameters_and_warm_starts():
+    f0 = swb.Function.affine([0], [[-1, 1, 1]], nx=1, nu=1, np=1)
+    ocp = swb.Ocp(swb.System(1, 1, 1, f0=f0), 1.0, 3, lagrange=lambda u: u[0] ** 2)
+    ocp.add_periodic()
+    ocp.set_elements([1, 2, 1])
+    ocp.set_stage_params([[1.0], [2.0], [3.0]])
+    ocp.add_boundary(lambda x: x[0] - 2.0, 0.5, 0.5)
+    r = ocp.solve()
+    first, last = r.trajectory.states[0], r.trajectory.states[-1]
+    assert r.success and np.allclose(first, 2.5) and np.allclose(first, last)
+    warm = ocp.solve(warm=True)
+    assert warm.success and warm.stats.iterations <= r.stats.iterations
+    ocp.shift()
+    assert ocp.solve().success
+    with pytest.raises(swb.RangeError):
+        ocp.add_periodic([3])
+    with pytest.raises(swb.DimensionError):
+        ocp.set_elements([1, 2])

@@ -1,0 +1,246 @@
+//! From what the user states to what is discretised: references and slacks become parameters and controls of their own
+//! behind the user's.
+
+use super::squares::Squares;
+use super::terms::{combination, sum_of_squares, Places, Stack};
+use super::{CostAt, Norm};
+use crate::error::Result;
+use crate::fesd::{Boundary, PathAt, PathConstraint, Terminal};
+use crate::func::Dims;
+use crate::system::{Inclusion, Regions, SharedFunction, Subsystem, System};
+
+const INF: f64 = f64::INFINITY;
+
+/// `(r − y)ᵀ W (r − y)`.
+#[derive(Clone)]
+pub(super) struct LeastSquares {
+    pub f: SharedFunction,
+    pub weights: Vec<f64>,
+    /// `[n]`, or `[n_stages · n]`.
+    pub references: Vec<f64>,
+    pub place: CostAt,
+}
+
+/// A constraint whose violation is penalised.
+#[derive(Clone)]
+pub(super) struct Soft {
+    pub f: SharedFunction,
+    pub lower: Vec<f64>,
+    pub upper: Vec<f64>,
+    /// `None` at the end of the horizon.
+    pub at: Option<PathAt>,
+    pub norm: Norm,
+    pub weight: f64,
+}
+
+impl Soft {
+    fn n_slacks(&self) -> usize {
+        if self.norm == Norm::Linf {
+            1
+        } else {
+            self.f.n_out()
+        }
+    }
+
+    /// Slacks of their own in every control stage, rather than common ones of the horizon.
+    fn by_stage(&self) -> bool {
+        self.at.is_some() && self.norm != Norm::Linf
+    }
+
+    /// What slacks of these values cost, over a time `duration` where they belong to a stage.
+    pub fn penalty(&self, slacks: &[f64], duration: f64) -> f64 {
+        let sum: f64 = match self.norm {
+            Norm::L2 => slacks.iter().map(|s| s * s).sum(),
+            _ => slacks.iter().sum(),
+        };
+        self.weight * sum * if self.by_stage() { duration } else { 1.0 }
+    }
+}
+
+/// Where the slacks of a soft constraint are.
+#[derive(Debug, Clone)]
+pub(super) enum Slacks {
+    /// These parameters.
+    Params(std::ops::Range<usize>),
+    /// These controls, in every stage.
+    Controls(std::ops::Range<usize>),
+}
+
+/// What the user states, all of it.
+pub(super) struct Statement<'a> {
+    pub system: &'a System,
+    pub lagrange: Option<&'a SharedFunction>,
+    pub mayer: Option<&'a SharedFunction>,
+    pub path: &'a [PathConstraint],
+    pub terminal: &'a [Terminal],
+    pub boundary: &'a [Boundary],
+    pub squares: &'a [LeastSquares],
+    pub soft: &'a [Soft],
+}
+
+/// The problem with its own parameters and controls.
+pub(super) struct Extended {
+    pub system: System,
+    pub lagrange: Option<SharedFunction>,
+    pub mayer: Option<SharedFunction>,
+    pub grid_cost: Option<SharedFunction>,
+    pub path: Vec<PathConstraint>,
+    pub terminal: Vec<Terminal>,
+    pub boundary: Vec<Boundary>,
+    /// Of every soft constraint.
+    pub slacks: Vec<Slacks>,
+    /// First parameter of the references of every least-squares term.
+    pub references: Vec<usize>,
+    /// Parameters that are slacks.
+    pub slack_params: std::ops::Range<usize>,
+    /// Parameters of every stage in the last solve.
+    pub params: Vec<f64>,
+}
+
+impl Extended {
+    pub fn new(s: &Statement) -> Result<Extended> {
+        let d = s.system.dims();
+        let mut wide = d;
+        let mut references = Vec::new();
+        for q in s.squares {
+            references.push(wide.p);
+            wide.p += q.f.n_out();
+        }
+        let first_slack = wide.p;
+        let slacks: Vec<Slacks> = s
+            .soft
+            .iter()
+            .map(|c| {
+                let n = c.n_slacks();
+                let at = if c.by_stage() { &mut wide.u } else { &mut wide.p };
+                *at += n;
+                let range = *at - n..*at;
+                if c.by_stage() {
+                    Slacks::Controls(range)
+                } else {
+                    Slacks::Params(range)
+                }
+            })
+            .collect();
+        let w = Widen { from: d, to: wide };
+        let (mut running, mut ending, mut at_grid) = (Vec::new(), Vec::new(), Vec::new());
+        running.extend(s.lagrange.map(|f| w.function(f)));
+        ending.extend(s.mayer.map(|f| w.function(f)));
+        for (q, &at) in s.squares.iter().zip(&references) {
+            let f = Squares::of(&q.f, wide, wide.x + wide.u + at, &q.weights)?;
+            match q.place {
+                CostAt::Running => running.push(f),
+                CostAt::ControlGrid => at_grid.push(f),
+                CostAt::Terminal => ending.push(f),
+            }
+        }
+        let mut path: Vec<PathConstraint> =
+            s.path.iter().map(|c| PathConstraint { f: w.function(&c.f), ..c.clone() }).collect();
+        let mut terminal: Vec<Terminal> =
+            s.terminal.iter().map(|c| Terminal { f: w.function(&c.f), ..c.clone() }).collect();
+        for (c, at) in s.soft.iter().zip(&slacks) {
+            let columns: Vec<usize> = match at {
+                Slacks::Controls(r) => r.clone().map(|k| wide.x + k).collect(),
+                Slacks::Params(r) => r.clone().map(|k| wide.x + wide.u + k).collect(),
+            };
+            let (f, lower, upper) = relaxed(c, &w, &columns);
+            match c.at {
+                Some(at) => path.push(PathConstraint { f, lower, upper, at }),
+                None => terminal.push(Terminal { f, lower, upper }),
+            }
+            let cost = match c.norm {
+                Norm::L2 => sum_of_squares("relaxation", wide, columns, c.weight),
+                _ => combination("relaxation", wide, vec![columns.iter().map(|&k| (k, c.weight)).collect()]),
+            };
+            if c.by_stage() { &mut running } else { &mut ending }.push(cost);
+        }
+        let both = Widen { from: Dims { x: 2 * d.x, ..d }, to: Dims { x: 2 * d.x, ..wide } };
+        let boundary = s.boundary.iter().map(|c| Boundary { f: both.function(&c.f), ..c.clone() }).collect();
+        let total = |name: &str, mut terms: Vec<SharedFunction>| match terms.len() {
+            0 => None,
+            1 => terms.pop(),
+            _ => Some(Stack::sum(name, wide, terms)),
+        };
+        Ok(Extended {
+            system: w.system(s.system)?,
+            lagrange: total("running cost", running),
+            mayer: total("terminal cost", ending),
+            grid_cost: total("cost at the control grid", at_grid),
+            path,
+            terminal,
+            boundary,
+            slacks,
+            references,
+            slack_params: first_slack..wide.p,
+            params: Vec::new(),
+        })
+    }
+}
+
+/// `c + s ≥ lower`, `c − s ≤ upper`.
+fn relaxed(c: &Soft, w: &Widen, slacks: &[usize]) -> (SharedFunction, Vec<f64>, Vec<f64>) {
+    let n = c.f.n_out();
+    let slack = |i: usize| slacks[if slacks.len() == 1 { 0 } else { i }];
+    let all: Vec<usize> = (0..w.to.n_in()).collect();
+    let f = w.function(&c.f);
+    let twice = Stack::of(c.f.name(), w.to, vec![(f.clone(), all.clone()), (f, all)]);
+    let shifts = (0..2 * n).map(|i| vec![(slack(i % n), if i < n { 1.0 } else { -1.0 })]).collect();
+    let f = Stack::sum(c.f.name(), w.to, vec![twice, combination("slack", w.to, shifts)]);
+    let none = vec![INF; n];
+    let lower = c.lower.iter().copied().chain(none.iter().map(|v| -v)).collect();
+    let upper = none.iter().chain(&c.upper).copied().collect();
+    (f, lower, upper)
+}
+
+/// Functions of fewer controls and parameters as functions of more.
+struct Widen {
+    from: Dims,
+    to: Dims,
+}
+
+impl Widen {
+    fn function(&self, f: &SharedFunction) -> SharedFunction {
+        if self.from == self.to {
+            return f.clone();
+        }
+        Stack::gather(f, self.to, Places::leading(self.to).columns(self.from, self.to))
+    }
+
+    fn system(&self, s: &System) -> Result<System> {
+        if self.from == self.to {
+            return Ok(s.clone());
+        }
+        let mut out = rebuild(s, self.to, s.f0().map(|f| self.function(f)), |f| self.function(f))?;
+        for i in s.inclusions() {
+            // its steps are states behind the others
+            let x = i.f.dims().x;
+            let steps = Widen { from: Dims { x, ..self.from }, to: Dims { x, ..self.to } };
+            out.add_inclusion(Inclusion { rows: i.rows.clone(), f: steps.function(&i.f), psi: self.function(&i.psi) })?;
+        }
+        if s.n_algebraic() > 0 {
+            out.set_algebraic(s.n_algebraic(), s.algebraic().map(|g| self.function(g)))?;
+        }
+        Ok(out)
+    }
+}
+
+/// The system with other inputs: `f0` as given, the functions of the subsystems mapped; nothing else.
+pub(super) fn rebuild(
+    s: &System,
+    dims: Dims,
+    f0: Option<SharedFunction>,
+    map: impl Fn(&SharedFunction) -> SharedFunction,
+) -> Result<System> {
+    let mut out = System::new(dims.x, dims.u, dims.p)?;
+    if let Some(f0) = f0 {
+        out.set_f0(f0)?;
+    }
+    for sub in s.subsystems() {
+        let regions = match &sub.regions {
+            Regions::Signs { psi, signs } => Regions::Signs { psi: map(psi), signs: signs.clone() },
+            Regions::Indicators(g) => Regions::Indicators(map(g)),
+        };
+        out.add_subsystem(Subsystem { rows: sub.rows.clone(), modes: map(&sub.modes), n_modes: sub.n_modes, regions })?;
+    }
+    Ok(out)
+}

@@ -1,0 +1,450 @@
+//! Discretising and solving; answers in the user's terms.
+
+use std::time::Instant;
+
+use super::accuracy::{self, Accuracy, Answer};
+use super::extend::{Extended, Slacks, Statement};
+use super::identify::Identifier;
+use super::{Durations, Ocp, OcpResult};
+use crate::dcs::{Dcs, FormOptions};
+use crate::error::{Error, Result};
+use crate::fesd::{Exit, Fesd, Options, Spec, Trajectory};
+use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side, Wanted, Warm};
+use crate::nlp::{Bounds, Control, Nlp, Outcome};
+use crate::settings::InitialGuess;
+use crate::sim::Simulator;
+use crate::system::{Regions, SharedFunction};
+
+/// The discretised problem, ready to be solved again and again.
+pub(super) struct Built {
+    pub problem: Fesd,
+    pub solver: MpccSolver,
+    pub bounds: Bounds,
+    pub identifier: Identifier,
+    pub extended: Extended,
+}
+
+/// Where a solve starts.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Start {
+    /// From the guesses, along the homotopy.
+    Cold,
+    /// From the last solution.
+    Warm,
+}
+
+/// First value of slacks.
+const SLACK: f64 = 0.1;
+
+impl Ocp {
+    fn build(&mut self) -> Result<f64> {
+        if self.built.is_some() {
+            return Ok(0.0);
+        }
+        let clock = Instant::now();
+        let extended = Extended::new(&Statement {
+            system: &self.system,
+            lagrange: self.lagrange.as_ref(),
+            mayer: self.mayer.as_ref(),
+            path: &self.path,
+            terminal: &self.terminal,
+            boundary: &self.boundary,
+            squares: &self.squares,
+            soft: &self.soft,
+        })?;
+        self.check_free_params(&extended)?;
+        let mut dcs = Dcs::new(&extended.system, FormOptions::from_settings(&self.settings)?)?;
+        let e = &extended;
+        let outer = e.lagrange.iter().chain(&e.mayer).chain(&e.grid_cost).chain(e.path.iter().map(|p| &p.f));
+        let outer = outer.chain(e.terminal.iter().map(|t| &t.f)).chain(e.boundary.iter().map(|b| &b.f));
+        if outer.into_iter().any(|f| !f.jac_pattern().rows(f.dims().t_col()).is_empty()) {
+            dcs.require_clock();
+        }
+        let d = e.system.dims();
+        let n_fe = self.elements();
+        let mut linear = self.linear.clone();
+        linear.resize(d.u, false);
+        let mut free = self.free_params();
+        free.resize(d.p, false);
+        free[e.slack_params.clone()].fill(true);
+        let spec = Spec {
+            durations: self.time,
+            linear,
+            free_params: free,
+            lagrange: e.lagrange.clone(),
+            mayer: e.mayer.clone(),
+            grid_cost: e.grid_cost.clone(),
+            path: e.path.clone(),
+            terminal: e.terminal.clone(),
+            boundary: e.boundary.clone(),
+            ..Spec::new(dcs, Options::from_settings(&self.settings)?, n_fe.clone())
+        };
+        let mut problem = Fesd::new(spec, self.durations[0])?;
+        let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
+        let bounds = problem.bounds();
+        let mut identifier = Identifier::new(&extended.system, &self.settings);
+        identifier.n_fe = n_fe;
+        identifier.linear = self.linear.contains(&true);
+        identifier.h_at = problem.lengths();
+        identifier.cells = problem.spec().dcs.subsystems().iter().map(|s| s.cells.len()).collect();
+        (identifier.x0_at, identifier.u_at) = problem.places();
+        self.built = Some(Built { problem, solver, bounds, identifier, extended });
+        Ok(clock.elapsed().as_secs_f64())
+    }
+
+    /// Functions whose Jacobian is left to differences do not know parameters as variables unless a pattern says so.
+    fn check_free_params(&self, e: &Extended) -> Result<()> {
+        let s = &e.system;
+        let regions = s.subsystems().iter().map(|sub| match &sub.regions {
+            Regions::Signs { psi, .. } => psi,
+            Regions::Indicators(g) => g,
+        });
+        let dynamics = s.f0().into_iter().chain(s.subsystems().iter().map(|sub| &sub.modes)).chain(regions);
+        let costs = e.lagrange.iter().chain(&e.mayer).chain(&e.grid_cost);
+        let rows = e.path.iter().map(|c| &c.f).chain(e.terminal.iter().map(|c| &c.f));
+        let all: Vec<_> = dynamics.chain(costs).chain(rows).chain(e.boundary.iter().map(|c| &c.f)).collect();
+        for (j, _) in self.free_params().iter().enumerate().filter(|f| *f.1) {
+            let column = |f: &SharedFunction| f.dims().x + f.dims().u + j;
+            if !all.iter().any(|f| !f.jac_pattern().rows(column(f)).is_empty()) {
+                return Err(Error::Unsupported(format!(
+                    "parameter {j} is free, but no function has a derivative with respect to it: declare the pattern \
+                     of the Jacobian of those that depend on it"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    /// Elements of every stage.
+    fn elements(&self) -> Vec<usize> {
+        if self.n_fe.is_empty() {
+            vec![self.settings.n_fe as usize; self.n_stages]
+        } else {
+            self.n_fe.clone()
+        }
+    }
+
+    /// Solves. `Err` when the problem cannot be stated; how the solver ended is in the result.
+    pub fn solve(&mut self, control: &mut Control) -> Result<&OcpResult> {
+        self.run(Start::Cold, control)
+    }
+
+    /// Solves from the last solution: after small changes of bounds, initial state, parameters or references the active
+    /// set is tried first, and the homotopy only where that fails. Without a solution as [`Ocp::solve`].
+    pub fn solve_warm(&mut self, control: &mut Control) -> Result<&OcpResult> {
+        let start = if self.built.is_some() && self.result.is_some() { Start::Warm } else { Start::Cold };
+        self.run(start, control)
+    }
+
+    /// Makes the last solution, one control stage later, the guess of the next solve; the last stage is repeated.
+    pub fn shift(&mut self) -> Result<()> {
+        let r =
+            self.result.as_ref().ok_or_else(|| Error::State("there is no solution to shift: solve first".into()))?;
+        let nu = self.system.dims().u;
+        let mut u = r.controls[nu..].to_vec();
+        u.extend_from_slice(&r.control_ends[(self.n_stages - 1) * nu..]);
+        let from = self.t0 + r.durations[0];
+        let (mut times, mut x) = (Vec::new(), Vec::new());
+        for e in r.trajectory.elements.iter().filter(|e| e.stage > 0) {
+            if times.last().is_none_or(|t| e.t - from > *t) {
+                times.push(e.t - from);
+                x.extend_from_slice(&e.x0);
+            }
+        }
+        if let Some(e) = r.trajectory.elements.last().filter(|_| !times.is_empty()) {
+            if e.h > 1e-12 {
+                times.push(e.t + e.h - from);
+                x.extend_from_slice(&e.x1);
+            }
+        }
+        if self.n_stages > 1 {
+            self.set_x_guess(&times, &x)?;
+        }
+        self.set_u_guess(&u)
+    }
+
+    fn run(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
+        let time_build = self.build()?;
+        let guess = if start == Start::Cold { Some(self.state_guess(control)?) } else { None };
+        let Some(Built { mut problem, mut solver, mut bounds, mut identifier, mut extended }) = self.built.take()
+        else {
+            return Err(Error::Internal("the problem was not built".into()));
+        };
+        let nu = self.system.dims().u;
+        let stage_params = self.extended_params(&extended);
+        self.write_data(&mut problem, &mut bounds, &extended, &stage_params)?;
+        identifier.durations.clone_from(&self.durations);
+        identifier.n_p = extended.system.dims().p;
+        identifier.params.clone_from(&stage_params);
+        extended.params.clone_from(&stage_params);
+        identifier.t0 = self.t0;
+        identifier.fixed = self.time == Durations::Fixed && !problem.param_places().iter().any(Option::is_some);
+        let budget = self.settings.mode_search as usize;
+        identifier.restart(start == Start::Cold || budget > 0, budget);
+        solver.settings = MpccSettings::from(&self.settings);
+        control.limit(self.settings.max_time);
+        let detects = problem.detects_switches();
+        let mut suggest = |k: Wanted, w: &[f64], sides: &mut [Side]| detects && identifier.suggest(k, w, sides);
+        problem.set_exit(Exit::Slope);
+        if let Some(guess) = guess {
+            let mut w0 = vec![0.0; problem.n()];
+            let u_start = self.control_guess();
+            problem.guess(
+                &mut w0,
+                self.t0,
+                |t, x| interpolate(&guess.0, &guess.1, t, x),
+                |k, u| {
+                    u[..nu].copy_from_slice(&u_start[k * nu..(k + 1) * nu]);
+                    u[nu..].fill(SLACK);
+                },
+            );
+            solver.solve_with(&mut problem, &bounds, &w0, control, &mut suggest);
+        } else {
+            let s = solver.solution();
+            let (x, y, z) = (s.x.clone(), s.y.clone(), s.z.clone());
+            solver.solve_warm(&mut problem, &bounds, &Warm { x: &x, y: &y, z: &z }, control, &mut suggest);
+        }
+        let found = solver.solution();
+        if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
+            problem.set_exit(Exit::Theta);
+            solver.polish_again(&mut problem, &bounds, control, &mut suggest);
+        }
+        let mut result = self.read(&mut problem, &solver, &extended, &stage_params);
+        result.time_build = time_build;
+        if self.settings.accuracy != 0 && result.outcome != Outcome::Stopped {
+            result.accuracy = self.measure(&result, &problem, &solver.solution().x, &extended, &stage_params)?;
+        }
+        self.built = Some(Built { problem, solver, bounds, identifier, extended });
+        Ok(self.result.insert(result))
+    }
+
+    /// Parameters of every stage with references and slacks behind the user's.
+    fn extended_params(&self, e: &Extended) -> Vec<f64> {
+        let (np, wide) = (self.params.len(), e.system.dims().p);
+        let mut all = vec![SLACK; self.n_stages * wide];
+        for (k, p) in all.chunks_mut(wide.max(1)).enumerate().take(if wide == 0 { 0 } else { self.n_stages }) {
+            let own = self.stage_params.as_ref().map_or(&self.params[..], |s| &s[k * np..(k + 1) * np]);
+            p[..np].copy_from_slice(own);
+            for (q, &at) in self.squares.iter().zip(&e.references) {
+                let n = q.f.n_out();
+                let from = if q.references.len() > n { k * n } else { 0 };
+                p[at..at + n].copy_from_slice(&q.references[from..from + n]);
+            }
+        }
+        all
+    }
+
+    /// Hands parameters, lengths and bounds to the discretised problem.
+    fn write_data(&self, problem: &mut Fesd, bounds: &mut Bounds, e: &Extended, stage_params: &[f64]) -> Result<()> {
+        let wide = e.system.dims();
+        problem.set_params(&stage_params[..wide.p])?;
+        for k in 0..if wide.p == 0 { 0 } else { self.n_stages } {
+            problem.set_stage_params(k, &stage_params[k * wide.p..(k + 1) * wide.p])?;
+        }
+        problem.set_durations(&self.durations)?;
+        problem.write_durations(bounds);
+        let n_lengths = if self.time == Durations::Horizon { 1 } else { self.n_stages };
+        for k in 0..n_lengths {
+            problem.bound_duration(bounds, k, self.time_bounds[0], self.time_bounds[1]);
+        }
+        problem.bound_states(bounds, &self.x_bounds[0], &self.x_bounds[1]);
+        problem.bound_initial(bounds, &self.x0_bounds[0], &self.x0_bounds[1], self.t0);
+        let more = wide.u - self.u_bounds[0].len();
+        let lower = [&self.u_bounds[0][..], &vec![0.0; more]].concat();
+        let upper = [&self.u_bounds[1][..], &vec![f64::INFINITY; more]].concat();
+        for k in 0..self.n_stages {
+            problem.bound_control(bounds, k, &lower, &upper);
+        }
+        if let Some([lower, upper]) = &self.p_bounds {
+            for (j, (l, u)) in lower.iter().zip(upper).enumerate() {
+                problem.bound_param(bounds, j, *l, *u);
+            }
+        }
+        for j in e.slack_params.clone() {
+            problem.bound_param(bounds, j, 0.0, f64::INFINITY);
+        }
+        bounds.validate(problem.n(), problem.m())
+    }
+
+    /// The solution in the user's terms.
+    fn read(&self, problem: &mut Fesd, solver: &MpccSolver, e: &Extended, stage_params: &[f64]) -> OcpResult {
+        let s = solver.solution();
+        let d = self.system.dims();
+        let mut trajectory = Trajectory::new(&problem.spec().dcs, problem.tableau());
+        let sides = (s.polish == Polish::Done).then_some(&s.sides[..]);
+        trajectory.append(problem, &s.x, sides, self.t0);
+        let wide = e.system.dims().u;
+        let own = |all: &[f64]| -> Vec<f64> {
+            (0..self.n_stages).flat_map(|k| all[k * wide..k * wide + d.u].iter().copied()).collect()
+        };
+        let (controls, ends) = (problem.controls(&s.x), problem.control_ends(&s.x));
+        let durations = problem.stage_lengths(&s.x);
+        let params = problem.params_at(&s.x);
+        let (mut violation, mut penalty) = (0f64, 0.0);
+        for (soft, at) in self.soft.iter().zip(&e.slacks) {
+            let mut take = |slacks: &[f64], duration: f64| {
+                violation = slacks.iter().fold(violation, |m, v| m.max(*v));
+                penalty += soft.penalty(slacks, duration);
+            };
+            match at {
+                Slacks::Params(r) => take(&params[r.clone()], 1.0),
+                Slacks::Controls(r) => {
+                    for (u, h) in controls.chunks_exact(wide).zip(&durations) {
+                        take(&u[r.clone()], *h);
+                    }
+                }
+            }
+        }
+        let user_params = if self.stage_params.is_some() { &stage_params[..d.p] } else { &params[..d.p] };
+        OcpResult {
+            outcome: s.outcome,
+            polish: s.polish,
+            cost: problem.cost(&s.x).map_or(f64::NAN, |c| c - penalty),
+            control_ends: if self.linear.contains(&true) { own(&ends) } else { own(&controls) },
+            controls: own(&controls),
+            durations,
+            params: user_params.to_vec(),
+            violation,
+            trajectory,
+            residuals: s.residuals,
+            stats: s.stats,
+            time_build: 0.0,
+            dimensions: (problem.n(), problem.m(), problem.pairs().len()),
+            accuracy: None,
+        }
+    }
+
+    /// Compares an answer with the simulation of its controls.
+    fn measure(
+        &mut self,
+        r: &OcpResult,
+        problem: &Fesd,
+        w: &[f64],
+        e: &Extended,
+        stage_params: &[f64],
+    ) -> Result<Option<Accuracy>> {
+        let tol = self.settings.accuracy_tol;
+        let (mut engine, tol) = match self.engine.take() {
+            Some((e, t)) if t == tol => (e, t),
+            _ => match accuracy::engine(&e.system, e.lagrange.as_ref(), &self.linear, tol) {
+                Ok(e) => (e, tol),
+                // a kind of system that the engine does not know
+                Err(Error::Unsupported(_)) => return Ok(None),
+                Err(e) => return Err(e),
+            },
+        };
+        let elements = &r.trajectory.elements;
+        let ends = elements.iter().enumerate().filter(|(k, e)| {
+            let next = elements.get(k + 1);
+            next.is_none_or(|next| next.stage != e.stage)
+        });
+        let states: Vec<f64> = ends.flat_map(|(_, e)| e.x1.iter().copied()).collect();
+        let mut params = stage_params.to_vec();
+        let np = e.system.dims().p;
+        for (j, at) in problem.param_places().iter().enumerate() {
+            if let Some(v) = *at {
+                (0..self.n_stages).for_each(|k| params[k * np + j] = w[v]);
+            }
+        }
+        let total = r.cost + self.penalty(problem, w, e, &r.durations);
+        let mut found = accuracy::measure(
+            &mut engine,
+            &Answer {
+                t0: self.t0,
+                x0: &elements[0].x0,
+                durations: &r.durations,
+                controls: &problem.controls(w),
+                control_ends: &problem.control_ends(w),
+                linear: &self.linear,
+                params: &params,
+                states: &states,
+                cost: total,
+                mayer: e.mayer.as_ref(),
+                grid_cost: e.grid_cost.as_ref(),
+                terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
+            },
+        )?;
+        found.cost -= total - r.cost;
+        self.engine = Some((engine, tol));
+        Ok(Some(found))
+    }
+
+    /// What the violation of relaxed constraints costs at a point.
+    fn penalty(&self, problem: &Fesd, w: &[f64], e: &Extended, durations: &[f64]) -> f64 {
+        let (controls, params) = (problem.controls(w), problem.params_at(w));
+        let wide = e.system.dims().u.max(1);
+        let of = |(soft, at): (&super::extend::Soft, &Slacks)| -> f64 {
+            match at {
+                Slacks::Params(r) => soft.penalty(&params[r.clone()], 1.0),
+                Slacks::Controls(r) => {
+                    controls.chunks_exact(wide).zip(durations).map(|(u, h)| soft.penalty(&u[r.clone()], *h)).sum()
+                }
+            }
+        };
+        self.soft.iter().zip(&e.slacks).map(of).sum()
+    }
+
+    fn control_guess(&self) -> Vec<f64> {
+        if let Some(u) = &self.u_guess {
+            return u.clone();
+        }
+        let one: Vec<f64> = self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        one.repeat(self.n_stages)
+    }
+
+    /// Times and states to start from.
+    fn state_guess(&self, control: &mut Control) -> Result<(Vec<f64>, Vec<f64>)> {
+        if let Some(g) = &self.x_guess {
+            return Ok(g.clone());
+        }
+        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let (mut times, mut states) = (vec![0.0], x0.clone());
+        if self.settings.initial_guess()? != InitialGuess::Simulation {
+            return Ok((times, states));
+        }
+        let d = self.system.dims();
+        let mut sim = Simulator::new(&self.system, &self.settings)?;
+        sim.set_state(self.t0, &x0)?;
+        let u = self.control_guess();
+        for k in 0..self.n_stages {
+            sim.set_params(self.stage_params.as_ref().map_or(&self.params[..], |s| &s[k * d.p..(k + 1) * d.p]))?;
+            sim.set_controls(&u[k * d.u..(k + 1) * d.u])?;
+            let mut inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
+            let r = sim.run(self.durations[k], 1, &mut inner)?;
+            // a simulation that fails half way is still a better start than a constant
+            for e in r.trajectory.elements.iter().filter(|e| e.h > 1e-12) {
+                times.push(e.t + e.h - self.t0);
+                states.extend_from_slice(&e.x1);
+            }
+            if r.outcome != Outcome::Solved {
+                break;
+            }
+        }
+        Ok((times, states))
+    }
+}
+
+/// A point well inside an interval.
+fn middle(lo: f64, hi: f64) -> f64 {
+    match (lo.is_finite(), hi.is_finite()) {
+        (true, true) => 0.5 * (lo + hi),
+        (true, false) => lo.max(0.0),
+        (false, true) => hi.min(0.0),
+        (false, false) => 0.0,
+    }
+}
+
+fn interpolate(times: &[f64], states: &[f64], t: f64, x: &mut [f64]) {
+    let nx = x.len();
+    let k = times.partition_point(|&s| s <= t).clamp(1, times.len());
+    let a = &states[(k - 1) * nx..k * nx];
+    if k == times.len() {
+        x.copy_from_slice(a);
+        return;
+    }
+    let b = &states[k * nx..(k + 1) * nx];
+    let s = ((t - times[k - 1]) / (times[k] - times[k - 1])).clamp(0.0, 1.0);
+    for i in 0..nx {
+        x[i] = (1.0 - s) * a[i] + s * b[i];
+    }
+}

@@ -1,0 +1,287 @@
+//! What an optimal control problem can be made of, each on a problem with a known answer.
+
+mod common;
+use common::models::*;
+use common::*;
+use std::sync::Arc;
+use switchback::error::Error;
+use switchback::fesd::PathAt;
+use switchback::func::{Callback, Dims};
+use switchback::mpcc::Polish;
+use switchback::nlp::{Control, Outcome};
+use switchback::ocp::{CostAt, Durations, Norm, Ocp, OcpResult};
+use switchback::settings::Settings;
+use switchback::system::{SharedFunction, System};
+
+const DI: Dims = Dims { x: 2, u: 1, p: 0 };
+
+/// `q' = v, v' = u`.
+fn double_integrator() -> System {
+    let mut s = System::new(2, 1, 0).unwrap();
+    s.set_f0(affine("f0", DI, &[0.0; 2], &[(0, 1, 1.0), (1, 2, 1.0)])).unwrap();
+    s
+}
+
+fn effort() -> SharedFunction {
+    let l = Callback::new("u2", DI, 1, |at, o| {
+        o[0] = at.u[0] * at.u[0];
+        0
+    });
+    let l = l.with_jacobian(pattern(1, 4, &[(0, 2)]), |at, o| {
+        o[0] = 2.0 * at.u[0];
+        0
+    });
+    let l = l.and_then(|l| {
+        l.with_hessian(pattern(4, 4, &[(2, 2)]), |_, w, o| {
+            o[0] = 2.0 * w[0];
+            0
+        })
+    });
+    Arc::new(l.unwrap())
+}
+
+/// Both states, as outputs.
+fn states(d: Dims) -> SharedFunction {
+    affine("x", d, &[0.0; 2], &[(0, 0, 1.0), (1, 1, 1.0)])
+}
+
+/// From rest at 0 to rest at 1.
+fn rest_to_rest(n_stages: usize, set: &Settings) -> Ocp {
+    let mut o = Ocp::new(&double_integrator(), 1.0, n_stages, set).unwrap();
+    o.set_x0(&[0.0; 2]).unwrap();
+    o.add_terminal(states(DI), &[1.0, 0.0], &[1.0, 0.0]).unwrap();
+    o
+}
+
+fn solved(o: &mut Ocp) -> OcpResult {
+    let r = o.solve(&mut Control::default()).unwrap().clone();
+    assert_eq!(r.outcome, Outcome::Solved, "{:?}", r.residuals);
+    let a = r.accuracy.as_ref().unwrap();
+    assert!(a.terminal < 1e-8 && a.cost_error.abs() < 1e-7, "{a:?}");
+    r
+}
+
+fn horizon() -> SharedFunction {
+    affine("T", DI, &[0.0], &[(0, 3, 1.0)])
+}
+
+/// The fastest way from rest to rest over a distance of 1 with `-2 ≤ u ≤ 1` takes `√3` and changes sign at `2/√3`.
+#[test]
+fn free_lengths_of_horizon_and_stages() {
+    let set = settings(RadauIia, 2, 2, FESD);
+    let mut o = rest_to_rest(2, &set);
+    o.set_mayer(horizon()).unwrap();
+    o.set_u_bounds(&[-2.0], &[1.0]).unwrap();
+    o.set_free_time(Durations::Stages, 0.1, 5.0).unwrap();
+    let r = solved(&mut o);
+    assert_near(&r.durations, &[2.0 / 3f64.sqrt(), 1.0 / 3f64.sqrt()], 1e-9, "stages");
+    assert_near(&r.controls, &[1.0, -2.0], 1e-9, "bang-bang");
+    assert_near(&[r.cost, *r.trajectory.times().last().unwrap()], &[3f64.sqrt(); 2], 1e-9, "horizon");
+    // with equal stages the best is symmetric: u = ±1, T = 2
+    let mut o = rest_to_rest(2, &set);
+    o.set_mayer(horizon()).unwrap();
+    o.set_u_bounds(&[-2.0], &[1.0]).unwrap();
+    o.set_free_time(Durations::Horizon, 0.1, 5.0).unwrap();
+    let r = solved(&mut o);
+    assert_near(&[r.cost, r.durations[0], r.durations[1]], &[2.0, 1.0, 1.0], 1e-9, "equal stages");
+    // stages of free length in a horizon of given length
+    let mut o = rest_to_rest(3, &set);
+    o.set_lagrange(effort()).unwrap();
+    o.set_free_time(Durations::Stages, 0.05, 5.0).unwrap();
+    o.add_horizon(1.0, 1.0).unwrap();
+    let r = solved(&mut o);
+    assert_near(&[r.durations.iter().sum()], &[1.0], 1e-10, "sum");
+    // three equal intervals cost 12 n²/(n² − 1) = 13.5, and the optimum has them equal
+    assert_near(&[r.cost], &[13.5], 1e-8, "cost");
+}
+
+/// The best effort is linear in time: `u = 6 − 12 t`, `J = 12`.
+#[test]
+fn linear_controls_and_uneven_grids() {
+    let mut o = rest_to_rest(3, &settings(RadauIia, 3, 1, FESD));
+    o.set_lagrange(effort()).unwrap();
+    o.set_linear_controls(&[true]).unwrap();
+    o.set_durations(&[0.2, 0.5, 0.3]).unwrap();
+    let r = solved(&mut o);
+    assert_near(&[r.cost], &[12.0], 1e-9, "cost");
+    assert_near(&r.controls, &[6.0, 3.6, -2.4], 1e-8, "at the starts");
+    assert_near(&r.control_ends, &[3.6, -2.4, -6.0], 1e-8, "at the ends");
+    // bounds hold along the stage
+    o.set_u_bounds(&[-5.0], &[5.0]).unwrap();
+    let r = solved(&mut o);
+    assert!(r.cost > 12.0 && r.controls.iter().chain(&r.control_ends).all(|u| u.abs() <= 5.0 + 1e-10));
+}
+
+/// `v' = −μ sign v`: the distance `v0² / 2μ` tells the friction coefficient; so do measurements on the way.
+#[test]
+fn parameters_are_found() {
+    let d = Dims { x: 2, u: 0, p: 1 };
+    let mut s = System::new(2, 0, 1).unwrap();
+    s.set_f0(affine("f0", d, &[0.0; 2], &[(0, 1, 1.0)])).unwrap();
+    let psi = affine("psi", d, &[0.0], &[(0, 1, 1.0)]);
+    add_sides(&mut s, &[1], affine("F", d, &[0.0; 2], &[(0, 2, -1.0), (1, 2, 1.0)]), psi);
+    let mu = 0.37;
+    let n = 8;
+    let q = |t: f64| if t < 1.0 / mu { t - 0.5 * mu * t * t } else { 0.5 / mu };
+    let data: Vec<f64> = (1..=n).map(|k| q(4.0 * k as f64 / n as f64)).collect();
+    let mut o = Ocp::new(&s, 4.0, n, &settings(RadauIia, 2, 2, FESD)).unwrap();
+    o.set_x0(&[0.0, 1.0]).unwrap();
+    o.set_params(&[0.6]).unwrap();
+    o.set_param_bounds(&[0.05], &[2.0]).unwrap();
+    let position = affine("q", d, &[0.0], &[(0, 0, 1.0)]);
+    o.add_least_squares(position, &[1.0], &data, CostAt::ControlGrid).unwrap();
+    let r = solved(&mut o);
+    assert_near(&r.params, &[mu], 1e-9, "friction");
+    assert!(r.cost < 1e-16, "{}", r.cost);
+    assert_near(&[r.trajectory.switches[0].t], &[1.0 / mu], 1e-8, "time of rest");
+}
+
+/// Squares of differences from references equal the same cost written out.
+#[test]
+fn least_squares_follow_references() {
+    let set = settings(RadauIia, 3, 1, FESD);
+    let target = [0.3, 0.9];
+    let mut o = Ocp::new(&double_integrator(), 1.0, 2, &set).unwrap();
+    o.set_x0(&[0.0; 2]).unwrap();
+    o.add_least_squares(states(DI), &[2.0, 0.5], &[target[0], 0.0, target[1], 0.0], CostAt::Running).unwrap();
+    o.add_least_squares(states(DI), &[3.0, 1.0, 1.0, 3.0], &[1.0, 0.1], CostAt::Terminal).unwrap();
+    o.set_lagrange(effort()).unwrap();
+    let r = solved(&mut o);
+    // constant rates a, b of the two stages: the cost in closed form, its minimum by Newton's method on differences
+    let cost = |u: [f64; 2]| {
+        let (mut q, mut v, mut j) = (0.0, 0.0, 0.0);
+        let m = 2000;
+        for k in 0..2 {
+            for i in 0..m {
+                let h = 0.5 / m as f64;
+                let at = |s: f64| (q + v * s + 0.5 * u[k] * s * s, v + u[k] * s);
+                let rate = |(q, v): (f64, f64)| 2.0 * (q - target[k]).powi(2) + 0.5 * v * v + u[k] * u[k];
+                j += h / 6.0 * (rate(at(0.0)) + 4.0 * rate(at(0.5 * h)) + rate(at(h)));
+                (q, v) = at(h);
+                let _ = i;
+            }
+        }
+        let (a, b) = (q - 1.0, v - 0.1);
+        j + 3.0 * a * a + 2.0 * a * b + 3.0 * b * b
+    };
+    let u = [r.controls[0], r.controls[1]];
+    assert_near(&[r.cost], &[cost(u)], 1e-9, "cost");
+    for e in [[1e-3, 0.0], [0.0, 1e-3]] {
+        let slope = (cost([u[0] + e[0], u[1] + e[1]]) - cost([u[0] - e[0], u[1] - e[1]])) / 2e-3;
+        assert!(slope.abs() < 1e-8, "not a minimum: {slope}");
+    }
+    // references may change without building again
+    o.set_references(0, &[0.0; 2]).unwrap();
+    let moved = solved(&mut o);
+    assert!(moved.time_build == 0.0 && (moved.cost - r.cost).abs() > 1e-3);
+    assert!(matches!(o.set_references(5, &[0.0; 2]), Err(Error::Range(_))));
+}
+
+/// Relaxed, a constraint that can be met is met under an exact penalty; one that cannot is violated as little as possible.
+#[test]
+fn relaxed_constraints_are_met_or_missed_as_little_as_possible() {
+    let set = settings(RadauIia, 2, 1, FESD);
+    for norm in [Norm::L1, Norm::L2, Norm::Linf] {
+        let problem = |bound: f64| {
+            let mut o = Ocp::new(&double_integrator(), 1.0, 10, &set).unwrap();
+            o.set_x0(&[0.0; 2]).unwrap();
+            o.set_u_bounds(&[-bound], &[bound]).unwrap();
+            o.set_lagrange(effort()).unwrap();
+            o.add_relaxed(states(DI), &[1.0, 0.0], &[1.0, 0.0], None, norm, 1e3).unwrap();
+            solved(&mut o)
+        };
+        let exact = 12.0 * 100.0 / 99.0;
+        let free = problem(20.0);
+        if norm == Norm::L2 {
+            assert!(free.violation > 1e-4 && free.violation < 0.1, "{norm:?}: {}", free.violation);
+        } else {
+            assert!(free.violation < 1e-9, "{norm:?}: {}", free.violation);
+            assert_near(&[free.cost], &[exact], 1e-8, "cost");
+        }
+        // rest to rest needs u = 4 at least
+        let bound = problem(2.0);
+        assert!(bound.violation > 0.1, "{norm:?}: {}", bound.violation);
+    }
+    // along the horizon: v ≤ 1.2 instead of 1.5
+    for (norm, at) in [(Norm::L1, PathAt::StagePoints), (Norm::Linf, PathAt::Elements)] {
+        let mut o = rest_to_rest(20, &set);
+        o.set_lagrange(effort()).unwrap();
+        let v = affine("v", DI, &[0.0], &[(0, 1, 1.0)]);
+        o.add_relaxed(v, &[f64::NEG_INFINITY], &[1.2], Some(at), norm, 1e4).unwrap();
+        let r = solved(&mut o);
+        assert!(r.violation < 1e-8 && r.cost > 12.5, "{norm:?}: {} {}", r.violation, r.cost);
+    }
+}
+
+/// Both ends meet: `x' = u + p − x` with different `p` in its stages.
+#[test]
+fn periodic_solutions_and_parameters_of_stages() {
+    let d = Dims { x: 1, u: 1, p: 1 };
+    let mut s = System::new(1, 1, 1).unwrap();
+    s.set_f0(affine("f0", d, &[0.0], &[(0, 0, -1.0), (0, 1, 1.0), (0, 2, 1.0)])).unwrap();
+    let mut o = Ocp::new(&s, 1.0, 2, &settings(RadauIia, 4, 1, FESD)).unwrap();
+    o.set_u_bounds(&[0.0], &[0.0]).unwrap();
+    o.set_stage_params(&[1.0, 3.0]).unwrap();
+    o.add_periodic(&[0]).unwrap();
+    let r = solved(&mut o);
+    // x(0) = 1 + (3 − 1)(1 − q) / (1 − q²) with q = e^{−1/2} decaying in a stage
+    let q = (-0.5f64).exp();
+    let exact = 1.0 + 2.0 / (1.0 + q);
+    assert_near(&[r.trajectory.elements[0].x0[0]], &[exact], 1e-7, "start");
+    assert_near(&r.trajectory.elements[1].x1, &[exact], 1e-7, "end");
+}
+
+#[test]
+fn elements_by_stage_and_warm_starts() {
+    let set = settings(RadauIia, 3, 4, FESD);
+    let mut o = sliding_ocp(&set);
+    let uniform = o.solve(&mut Control::default()).unwrap().clone();
+    o.set_elements(&[2, 3, 4, 5, 3, 2]).unwrap();
+    let r = o.solve(&mut Control::default()).unwrap().clone();
+    assert_eq!((r.outcome, r.polish, r.trajectory.elements.len()), (Outcome::Solved, Polish::Done, 19));
+    // on another grid the homotopy may end beside the best optimum
+    assert!(r.cost > uniform.cost - 1e-6 && r.cost < 9.27, "{}", r.cost);
+    // a small change of the initial state: the same order of modes in a few iterations
+    let x0 = SLIDING_X0.map(|v| v + 0.01);
+    o.set_x0(&x0).unwrap();
+    let warm = o.solve_warm(&mut Control::default()).unwrap().clone();
+    let cold = o.solve(&mut Control::default()).unwrap().clone();
+    assert_eq!((warm.outcome, warm.polish), (Outcome::Solved, Polish::Done));
+    assert!((warm.cost - r.cost).abs() < 0.5 && (cold.cost - r.cost).abs() < 0.5);
+    assert!(10 * warm.stats.iterations < cold.stats.iterations, "{} {}", warm.stats.iterations, cold.stats.iterations);
+    assert!(o.set_elements(&[1, 2]).is_err() && o.set_elements(&[0; 6]).is_err());
+}
+
+#[test]
+fn a_solution_one_stage_later_is_a_guess() {
+    let set = settings(RadauIia, 2, 1, FESD);
+    let mut o = rest_to_rest(5, &set);
+    assert!(matches!(o.shift(), Err(Error::State(_))));
+    o.set_lagrange(effort()).unwrap();
+    let r = solved(&mut o);
+    o.shift().unwrap();
+    o.set_x0(&r.trajectory.elements[1].x0).unwrap();
+    let next = solved(&mut o);
+    assert!(next.stats.iterations <= r.stats.iterations);
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let mut o = rest_to_rest(2, &settings(RadauIia, 2, 1, FESD));
+    let refused = [
+        o.set_durations(&[1.0]),
+        o.set_durations(&[1.0, 0.0]),
+        o.set_free_time(Durations::Horizon, 2.0, 1.0),
+        o.set_linear_controls(&[true, false]),
+        o.set_param_bounds(&[0.0], &[1.0]),
+        o.set_stage_params(&[1.0]),
+        o.add_periodic(&[2]),
+        o.add_boundary(states(DI), &[0.0; 2], &[0.0; 2]),
+        o.add_least_squares(states(DI), &[1.0; 3], &[0.0; 2], CostAt::Running),
+        o.add_least_squares(states(DI), &[1.0; 2], &[0.0; 4], CostAt::Terminal),
+        o.add_relaxed(states(DI), &[0.0; 2], &[0.0; 2], None, Norm::L1, 0.0),
+    ];
+    for (k, r) in refused.iter().enumerate() {
+        assert!(r.is_err(), "{k}");
+    }
+}
