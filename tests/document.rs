@@ -12,6 +12,7 @@ use switchback::nlp::{Control, Outcome};
 use switchback::ocp::Ocp;
 use switchback::settings::Settings;
 use switchback::sim::Simulator;
+use switchback::system::Inclusion;
 
 #[path = "../examples/report/expression_models.rs"]
 mod expression_models;
@@ -138,6 +139,43 @@ fn a_simulation_returns_and_ends_at_the_same_state() {
         sim.state().to_vec()
     };
     assert_eq!(end(&s), end(&again));
+}
+
+/// `x' = 1 − 2α + z` with `α` the step of `x`, `0 = z + x/2`.
+#[test]
+fn inclusions_and_algebraic_equations_return() {
+    let g = Graph::new();
+    let (x, z, alpha) = (g.x(0), g.x(1), g.x(2));
+    let own = Dims { x: 2, u: 0, p: 0 };
+    let f = g.function("f", Dims { x: 3, ..own }, &[1.0 - 2.0 * alpha + z]).unwrap();
+    let psi = g.function("psi", own, &[x]).unwrap();
+    let residual = g.function("g", own, &[z + 0.5 * x]).unwrap();
+    let mut system = switchback::system::System::new(2, 0, 0).unwrap();
+    system.add_inclusion(Inclusion { rows: vec![0], f: Arc::new(f), psi: Arc::new(psi) }).unwrap();
+    system.set_algebraic(1, Some(Arc::new(residual))).unwrap();
+    let s = Simulation {
+        system,
+        settings: Settings::default(),
+        t0: 0.0,
+        x0: vec![-1.0, 0.5],
+        u: vec![],
+        p: vec![],
+        duration: 2.0,
+        n_steps: 5,
+    };
+    let text = write_simulation(&s).unwrap();
+    let Document::Simulation(again) = read(&text, &[]).unwrap() else { panic!("no simulation") };
+    assert_eq!(write_simulation(&again).unwrap(), text);
+    assert_eq!((again.system.inclusions().len(), again.system.n_algebraic()), (1, 1));
+    let end = |s: &Simulation| {
+        let mut sim = Simulator::new(&s.system, &s.settings).unwrap();
+        sim.set_state(s.t0, &s.x0).unwrap();
+        assert_eq!(sim.run(s.duration, s.n_steps, &mut Control::default()).unwrap().outcome, Outcome::Solved);
+        sim.state().to_vec()
+    };
+    assert_eq!(end(&s), end(&again));
+    // −1 grows to 0 before t = 1 and rests there
+    assert!(end(&s).iter().all(|v| v.abs() < 1e-8), "{:?}", end(&s));
 }
 
 fn drag(name: &str, n_out: usize) -> Arc<dyn Function> {

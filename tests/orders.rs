@@ -265,3 +265,64 @@ fn orders_of_algebraic_equations_of_index_two() {
     check_dae(2, GaussLegendre, 3, (4.0, 2.0), n);
     check_dae(2, RadauIa, 3, (3.0, 2.0), n);
 }
+
+/// Two fields that push onto the unit circle from both sides while the state turns: the sliding mode turns by one radian
+/// a second, on a surface no method of these follows exactly.
+fn circle() -> System {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let field = |at: &switchback::func::Point, o: &mut [f64], s: f64| {
+        o[0] = -at.x[1] + s * at.x[0];
+        o[1] = at.x[0] + s * at.x[1];
+    };
+    let modes = models::smooth(
+        "F",
+        d,
+        4,
+        move |at, o| {
+            field(at, &mut o[..2], -0.5);
+            field(at, &mut o[2..], 1.0);
+        },
+        &[(0, 0), (1, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1), (3, 1)],
+        |_, o| o.copy_from_slice(&[-0.5, 1.0, 1.0, 1.0, -1.0, -0.5, -1.0, 1.0]),
+        &[],
+        |_, _, _| {},
+    );
+    let psi = models::smooth(
+        "psi",
+        d,
+        1,
+        |at, o| o[0] = at.x[0] * at.x[0] + at.x[1] * at.x[1] - 1.0,
+        &[(0, 0), (0, 1)],
+        |at, o| o.copy_from_slice(&[2.0 * at.x[0], 2.0 * at.x[1]]),
+        &[(0, 0), (1, 1)],
+        |_, w, o| o.fill(2.0 * w[0]),
+    );
+    let mut s = System::new(2, 0, 0).unwrap();
+    models::add_sides(&mut s, &[0, 1], modes, psi);
+    s
+}
+
+/// Sliding modes on curved surfaces are equations of index two: Table 3.1 says how accurate they are.
+#[test]
+fn methods_without_a_stage_at_the_end_slide_on_curved_surfaces() {
+    for (family, n_s, order) in [
+        (GaussLegendre, 1, 2.0),
+        (GaussLegendre, 2, 2.0),
+        (GaussLegendre, 3, 4.0),
+        (RadauIa, 3, 3.0),
+        (RadauIia, 2, 3.0),
+    ] {
+        // from inside, on the circle after 0.5
+        let x0 = [(-0.5f64).exp(), 0.0];
+        let points: Vec<(f64, f64)> = [8, 16, 32]
+            .iter()
+            .map(|&n| {
+                let (r, x) = simulate(&circle(), &settings(family, n_s, 2, FESD), &x0, 2.0, n);
+                assert_eq!(r.homotopies, 0, "{family:?} {n_s}, {n} steps");
+                (2.0 / n as f64, distance(&x, &[2f64.cos(), 2f64.sin()]))
+            })
+            .collect();
+        let s = slope_above(&points, 1e-13);
+        assert!(s > order - 0.4, "{family:?} {n_s}: slope {s}, expected {order}: {points:?}");
+    }
+}

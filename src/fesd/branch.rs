@@ -121,6 +121,13 @@ impl Fesd {
         }
     }
 
+    /// Is the end of an element off the surface of a sliding mode by the error of the method? The stages determine the
+    /// weights of such a mode; that the end lies on the surface too would be one equation too many, but for surfaces the
+    /// method follows exactly.
+    pub fn drifts(&self) -> bool {
+        !self.tableau.stiffly_accurate() && self.tableau.a_inv.is_some()
+    }
+
     /// The first `λ` below `-tol_lambda` or `θ` below `-tol_theta` in the order of time: element, cell, and whether it is a `θ`; with the
     /// states at that point.
     ///
@@ -146,7 +153,11 @@ impl Fesd {
                     let theta = theta.filter(|_| !at_end || next != Some(&Side::Second));
                     let tol_theta = if at_end && next.is_none() { tol_end } else { tol_theta };
                     let of_theta = theta.is_some_and(|j| w[j + cell] < -tol_theta);
-                    if of_theta || w[lambda + cell] < -tol_lambda {
+                    // the end of a sliding mode may drift to either side
+                    let drift = self.drifts() && Some(lambda) == e.lambda_end && {
+                        sides[element * l.n_cells + cell] == Side::First
+                    };
+                    if of_theta || w[lambda + cell] < -tol_lambda && !drift {
                         let t = self.spec.dcs.clock().map(|c| w[x + c]);
                         return Some(Violation { element, cell, of_theta, x: &w[x..x + nx], t });
                     }
@@ -295,7 +306,8 @@ impl Mpcc for Fesd {
 
     /// The active set of every element is `sides`: `λ`, or `θ`, is zero at all its points. Where it does not
     /// change, neighbouring steps are equal. Where components only leave it, a sliding mode ends: the first of them
-    /// leaves as [`Exit`] says. At the start of a control stage, where `θ` may jump with the control, it is `λ̇ ≥ 0`.
+    /// leaves as [`Exit`] says. Methods whose ends are off the surface keep only the multipliers at zero there that say what
+    /// `μ` is and where a mode is entered. At the start of a control stage, where `θ` may jump with the control, it is `λ̇ ≥ 0`.
     fn branch(&self, sides: &[Side], b: &mut Bounds) {
         let l = &self.l;
         let fix = |b: &mut Bounds, j: usize| {
@@ -308,7 +320,12 @@ impl Mpcc for Fesd {
             }
             return;
         }
+        let free = |b: &mut Bounds, j: usize| {
+            b.xl[j] = f64::NEG_INFINITY;
+            b.xu[j] = f64::INFINITY;
+        };
         let n = l.n_cells;
+        let drifts = self.drifts();
         for (i_e, e) in l.elements.iter().enumerate() {
             // equal steps need no bound, and one would stop a switch on its way to the optimum
             if let Some(h) = e.h.filter(|_| self.spec.options.gamma_h >= 1.0) {
@@ -317,10 +334,15 @@ impl Mpcc for Fesd {
             let active = |c: usize| sides[i_e * n + c] == Side::First;
             for c in 0..n {
                 if active(c) {
-                    for &j in e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end) {
+                    // the start is the end of the element before
+                    let start = e.lambda_start.filter(|_| !drifts || i_e == 0);
+                    let end = e.lambda_end.filter(|_| !drifts);
+                    for &j in start.iter().chain(&e.lambda).chain(&end) {
                         fix(b, j + c);
                     }
-                    if e.row_sum_lambda.is_some() {
+                    if e.row_sum_lambda.is_some() && drifts {
+                        free(b, e.sum_lambda + c);
+                    } else if e.row_sum_lambda.is_some() {
                         fix(b, e.sum_lambda + c);
                     }
                 } else {
@@ -329,6 +351,20 @@ impl Mpcc for Fesd {
                     }
                     if l.sums {
                         fix(b, e.sum_theta + c);
+                    }
+                }
+            }
+            if let (true, Some(end)) = (drifts, e.lambda_end) {
+                let next = |c: usize| sides.get((i_e + 1) * n + c).map_or(active(c), |s| *s == Side::First);
+                for cells in &self.spec.dcs.form().simplices {
+                    let reference =
+                        cells.clone().find(|&c| active(c) && next(c)).or(cells.clone().find(|&c| active(c)));
+                    for c in cells.clone() {
+                        if Some(c) == reference || next(c) && !active(c) {
+                            fix(b, end + c);
+                        } else if active(c) {
+                            free(b, end + c);
+                        }
                     }
                 }
             }

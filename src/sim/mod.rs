@@ -356,7 +356,15 @@ impl Simulator {
         }
         let candidates = match candidates {
             Some(c) => dcs.to_regions(c),
-            None => self.point.candidates(dcs, ON_SURFACE),
+            None => {
+                let mut near = self.point.candidates(dcs, ON_SURFACE);
+                if self.problem.drifts() && !self.last.is_empty() {
+                    // the last step ends beside the surface it slides on
+                    let slides = dcs.to_regions(&self.last);
+                    near.iter_mut().zip(slides).for_each(|(n, s)| *n |= s);
+                }
+                near
+            }
         };
         let mut found = self.point.continuations(dcs, &candidates);
         found.iter_mut().for_each(|c| c.active = dcs.from_regions(&c.active));
