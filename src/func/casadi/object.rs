@@ -90,8 +90,10 @@ pub(super) fn setup_lock() -> MutexGuard<'static, ()> {
     SETUP.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// What lengths and sizes are refused from on.
+/// Rows and columns beyond this are refused.
 const LIMIT: i64 = i32::MAX as i64;
+/// Entries of a matrix, and numbers of memory, beyond this are refused: they are a mistake, and half a gigabyte.
+const MAX_ENTRIES: i64 = 1 << 26;
 /// No number a computation arrives at: a NaN with a payload.
 const UNTOUCHED: u64 = 0x7ff4_5b1c_7ff4_5b1c;
 
@@ -436,7 +438,7 @@ fn lengths(name: &str, call: &Call, n_in: usize, n_out: usize) -> Result<[usize;
     if !call.wide {
         sizes = sizes.map(|s| i64::from(if cfg!(target_endian = "little") { s as i32 } else { (s >> 32) as i32 }));
     }
-    if sizes.iter().any(|s| !(0..=LIMIT).contains(s)) {
+    if sizes.iter().any(|s| !(0..=MAX_ENTRIES).contains(s)) {
         return Err(failed());
     }
     let [arg, res, iw, w] = sizes.map(|s| s as usize);
@@ -454,7 +456,7 @@ unsafe fn pattern(call: &Call, array: *const u8) -> std::result::Result<Pattern,
     }
     let at = |k: usize| unsafe { call.integer(array, k) };
     let (m, n) = (at(0), at(1));
-    if !(0..=LIMIT).contains(&m) || !(0..=LIMIT).contains(&n) || m.saturating_mul(n) > LIMIT {
+    if !(0..=LIMIT).contains(&m) || !(0..=LIMIT).contains(&n) || m.saturating_mul(n) > MAX_ENTRIES {
         return Err(format!("its shape is {m} x {n}"));
     }
     let (m, n) = (m as usize, n as usize);
