@@ -209,3 +209,25 @@ fn an_arbiter_is_asked_where_the_conditions_do_not_decide() {
     let mut sliding = arbiter(&switching('b'), &Settings { n_fe: 2, ..Settings::default() }, 1e-2).unwrap();
     assert_eq!(sliding(at(&[0.0])), Some(vec![vec![0, 1]]));
 }
+
+/// Many subsystems that switch at once: those that do not act on each other are decided apart.
+#[test]
+fn twenty_subsystems_at_once() {
+    let n = 20;
+    let d = Dims { x: n, u: 0, p: 0 };
+    let mut s = System::new(n, 0, 0).unwrap();
+    for k in 0..n {
+        // every third one slides, the others cross
+        let f = if k % 3 == 0 { [-1.0, 2.0] } else { [1.0, 2.0] };
+        add_sides(&mut s, &[k], affine("F", d, &f, &[]), affine("psi", d, &[0.0], &[(0, k, 1.0)]));
+    }
+    let r = simulate(&s, &tol(1e-8), 0.0, &vec![-2.0; n], 2.0).unwrap();
+    assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
+    assert_eq!(r.switches.len(), n);
+    assert!(r.switches.iter().all(|s| s.simultaneous && (s.t - 1.0).abs() < 1e-14));
+    assert!(r.x.iter().enumerate().all(|(k, x)| (x - if k % 3 == 0 { 0.0 } else { 1.0 }).abs() < 1e-12), "{:?}", r.x);
+    // and from the start
+    let r = simulate(&s, &tol(1e-8), 0.0, &vec![0.0; n], 1.0).unwrap();
+    assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
+    assert!(r.x.iter().enumerate().all(|(k, x)| (x - if k % 3 == 0 { 0.0 } else { 1.0 }).abs() < 1e-12), "{:?}", r.x);
+}

@@ -12,6 +12,8 @@ use crate::func::EvalError;
 const TOL: f64 = 1e-9;
 /// Combinations of active sets looked at.
 const MAX_COMBINATIONS: usize = 8192;
+/// Solutions kept where groups of subsystems have several each.
+const MAX_PRODUCT: usize = 256;
 /// Candidates of one subsystem.
 const MAX_CANDIDATES: usize = 12;
 
@@ -99,8 +101,9 @@ impl Rates {
         Ok(r)
     }
 
-    /// The solution with the active sets `sets` (positions among the candidates), if it is one.
-    fn solve(&self, sets: &[&[usize]], lu: &mut Lu<f64>, tol: f64) -> Option<Solution> {
+    /// Weights of all candidates with the active sets `sets` (positions among the candidates); none where they are not
+    /// determined.
+    fn weights(&self, sets: &[&[usize]], lu: &mut Lu<f64>) -> Option<Vec<f64>> {
         let n = self.cells.len();
         let pairs: Vec<(usize, usize)> = sets.iter().flat_map(|s| s[1..].iter().map(move |&i| (i, s[0]))).collect();
         let r = pairs.len();
@@ -128,9 +131,16 @@ impl Rates {
                 theta[i0] -= v;
             }
         }
+        Some(theta)
+    }
+
+    /// Smallest weight and relative rate among the candidates of the subsystems `which`; none where one is negative.
+    fn margin(&self, sets: &[&[usize]], theta: &[f64], which: &[usize], tol: f64) -> Option<f64> {
+        let n = self.cells.len();
         let rate = |a: usize| self.own[a] + (0..n).map(|b| self.by[a * n + b] * theta[b]).sum::<f64>();
         let mut margin = f64::INFINITY;
-        for (k, s) in sets.iter().enumerate() {
+        for &k in which {
+            let s = sets[k];
             let nu = rate(s[0]);
             for a in self.begin[k]..self.begin[k + 1] {
                 let m = if s.contains(&a) { theta[a] } else { (rate(a) - nu) / self.scale[a] };
@@ -140,6 +150,14 @@ impl Rates {
                 margin = margin.min(m);
             }
         }
+        Some(margin)
+    }
+
+    /// The solution with the active sets `sets`, if it is one.
+    fn solve(&self, sets: &[&[usize]], lu: &mut Lu<f64>, tol: f64) -> Option<Solution> {
+        let theta = self.weights(sets, lu)?;
+        let which: Vec<usize> = (0..sets.len()).collect();
+        let margin = self.margin(sets, &theta, &which, tol)?;
         let nx = self.f0.len();
         let mut velocity = self.f0.clone();
         for (b, th) in theta.iter().enumerate() {
@@ -151,39 +169,95 @@ impl Rates {
         Some(Solution { sets, velocity, strict: margin > TOL, margin })
     }
 
+    /// Groups of subsystems whose weights do not depend on those of other groups.
+    fn groups(&self) -> Vec<Vec<usize>> {
+        let (n, n_sub) = (self.cells.len(), self.begin.len() - 1);
+        let couples = |k: usize, l: usize| {
+            let (a0, b0) = (self.begin[k], self.begin[l]);
+            let change = |a: usize, b: usize| self.by[a * n + b] - self.by[a0 * n + b];
+            (a0..self.begin[k + 1]).any(|a| {
+                let small = 1e-13 * self.scale[a];
+                (b0..self.begin[l + 1]).any(|b| (change(a, b) - change(a, b0)).abs() > small)
+            })
+        };
+        let mut group: Vec<usize> = (0..n_sub).collect();
+        for k in 0..n_sub {
+            for l in 0..k {
+                let (a, b) = (group[k], group[l]);
+                if a != b && (couples(k, l) || couples(l, k)) {
+                    group.iter_mut().filter(|g| **g == a).for_each(|g| *g = b);
+                }
+            }
+        }
+        let all = (0..n_sub).map(|g| (0..n_sub).filter(|k| group[*k] == g).collect::<Vec<usize>>());
+        all.filter(|g| !g.is_empty()).collect()
+    }
+
+    /// Subsets of the candidates of a subsystem, small ones first; all of them as one where there are too many.
+    fn subsets(&self, k: usize, whole: bool) -> Vec<Vec<usize>> {
+        let own: Vec<usize> = (self.begin[k]..self.begin[k + 1]).collect();
+        if whole || own.len() > MAX_CANDIDATES {
+            return vec![own];
+        }
+        let mut all: Vec<Vec<usize>> = (1..1usize << own.len())
+            .map(|m| own.iter().enumerate().filter(|(i, _)| m >> i & 1 == 1).map(|(_, &c)| c).collect())
+            .collect();
+        all.sort_by_key(Vec::len);
+        all
+    }
+
     /// All solutions; `kept` says which subsystems keep all their candidates where there are too many combinations.
     fn all(&self, kept: &[bool], lu: &mut Lu<f64>, tol: f64) -> Vec<Solution> {
-        let subsets = |k: usize, whole: bool| -> Vec<Vec<usize>> {
-            let own: Vec<usize> = (self.begin[k]..self.begin[k + 1]).collect();
-            if whole || own.len() > MAX_CANDIDATES {
-                return vec![own];
-            }
-            let mut all: Vec<Vec<usize>> = (1..1usize << own.len())
-                .map(|m| own.iter().enumerate().filter(|(i, _)| m >> i & 1 == 1).map(|(_, &c)| c).collect())
-                .collect();
-            all.sort_by_key(Vec::len);
-            all
-        };
         let n_sub = self.begin.len() - 1;
-        let mut lists: Vec<Vec<Vec<usize>>> = (0..n_sub).map(|k| subsets(k, false)).collect();
-        let product = |l: &[Vec<Vec<usize>>]| l.iter().fold(1usize, |p, l| p.saturating_mul(l.len()));
-        if product(&lists) > MAX_COMBINATIONS {
-            lists = (0..n_sub).map(|k| subsets(k, kept[k])).collect();
+        let first: Vec<Vec<usize>> = (0..n_sub).map(|k| vec![self.begin[k]]).collect();
+        let whole: Vec<usize> = (0..n_sub).collect();
+        let sizes = |group: &[usize]| {
+            let size = |k: &usize| 1usize << (self.begin[k + 1] - self.begin[*k]).min(MAX_CANDIDATES + 1);
+            group.iter().map(size).fold(1usize, usize::saturating_mul)
+        };
+        // together where that is little work, else by groups
+        let groups = if sizes(&whole) <= MAX_COMBINATIONS { vec![whole] } else { self.groups() };
+        let mut found: Vec<Vec<Vec<usize>>> = vec![first.clone()];
+        for group in &groups {
+            let mut lists: Vec<Vec<Vec<usize>>> = group.iter().map(|&k| self.subsets(k, false)).collect();
+            let product = |l: &[Vec<Vec<usize>>]| l.iter().fold(1usize, |p, l| p.saturating_mul(l.len()));
+            if product(&lists) > MAX_COMBINATIONS {
+                lists = group.iter().map(|&k| self.subsets(k, kept[k])).collect();
+            }
+            let mut good: Vec<Vec<&Vec<usize>>> = Vec::new();
+            for mut m in 0..product(&lists).min(MAX_COMBINATIONS) {
+                let mut sets: Vec<&[usize]> = first.iter().map(Vec::as_slice).collect();
+                let mut choice = Vec::with_capacity(group.len());
+                for (l, &k) in lists.iter().zip(group) {
+                    let s = &l[m % l.len()];
+                    m /= l.len();
+                    sets[k] = s;
+                    choice.push(s);
+                }
+                let holds = self.weights(&sets, lu).and_then(|theta| self.margin(&sets, &theta, group, tol));
+                if holds.is_some() {
+                    good.push(choice);
+                }
+            }
+            // what was found for the groups before, with every solution of this one
+            let mut next = Vec::new();
+            for sets in &found {
+                for choice in &good {
+                    let mut sets = sets.clone();
+                    for (s, &k) in choice.iter().zip(group) {
+                        sets[k].clone_from(s);
+                    }
+                    next.push(sets);
+                }
+            }
+            next.truncate(MAX_PRODUCT);
+            found = next;
         }
-        let total = product(&lists).min(MAX_COMBINATIONS);
-        let mut out: Vec<Solution> = (0..total)
-            .filter_map(|mut m| {
-                let sets: Vec<&[usize]> = lists
-                    .iter()
-                    .map(|l| {
-                        let s = &l[m % l.len()];
-                        m /= l.len();
-                        s.as_slice()
-                    })
-                    .collect();
-                self.solve(&sets, lu, tol)
-            })
-            .collect();
+        let whole = |sets: &Vec<Vec<usize>>| {
+            let sets: Vec<&[usize]> = sets.iter().map(Vec::as_slice).collect();
+            self.solve(&sets, lu, tol)
+        };
+        let mut out: Vec<Solution> = found.iter().filter_map(whole).collect();
         out.sort_by_key(|s| s.sets.iter().map(Vec::len).sum::<usize>());
         out
     }

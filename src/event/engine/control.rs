@@ -9,6 +9,8 @@ use crate::event::Method;
 
 /// Steps in a row that look stiff before Radau IIA takes over.
 const STIFF_STEPS: usize = 15;
+/// Steps from one look for stiffness to the next.
+const LOOK: usize = 4;
 /// Steps in a row that look mild before an explicit pair takes over again, and the share of its stability they may use.
 const MILD_STEPS: usize = 8;
 const MILD: f64 = 0.25;
@@ -128,6 +130,10 @@ impl Engine {
         }
         if self.implicit {
             self.watch_mildness();
+            return;
+        }
+        // stiffness lasts: it is enough to look for it now and then
+        if self.stiff_steps == 0 && self.stats.steps % LOOK != 0 {
             return;
         }
         if explicit::stiffness(self.pair, &self.step) > self.pair.stability() {

@@ -395,7 +395,9 @@ impl Engine {
 
     /// Does one step, not beyond `t_stop`.
     pub fn step(&mut self, t_stop: f64) -> Result<Progress> {
-        finite("time", &[t_stop], 1)?;
+        if !t_stop.is_finite() {
+            finite("time", &[t_stop], 1)?;
+        }
         if t_stop < self.t {
             return Err(Error::Range(format!("time {t_stop} lies behind: {} is reached", self.t)));
         }
@@ -497,8 +499,10 @@ impl Engine {
         self.dense_ready = false;
         self.radau.invalidate();
         self.step_implicit = self.implicit;
-        for (to, from) in self.step_sets.iter_mut().zip(&self.field.active) {
-            to.clone_from(from);
+        if self.fresh {
+            for (to, from) in self.step_sets.iter_mut().zip(&self.field.active) {
+                to.clone_from(from);
+            }
         }
     }
 
