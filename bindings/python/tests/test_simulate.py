@@ -224,12 +224,13 @@ def test_surfaces():
 
 
 def test_plots(tmp_path):
-    pytest.importorskip("matplotlib").use("Agg")
+    plt = pytest.importorskip("matplotlib.pyplot")
     r = swb.simulate(oscillator(), OSCILLATOR_X0, OSCILLATOR_T)
     r.plot(tmp_path / "time.svg", names=["a", "b"], title="over time")
     r.plot_phase(tmp_path / "phase.svg", grid=40)
     figure = r.plot_phase(grid=40)
     # the surface is a circle of radius one
+    plt.close(figure)
     lines = [p.vertices for c in figure.axes[0].collections for p in c.get_paths() if len(p.vertices)]
     assert len(lines) == 1 and np.allclose(np.hypot(*lines[0].T), 1.0, atol=2e-2)
     assert (tmp_path / "time.svg").stat().st_size > 1000 and (tmp_path / "phase.svg").stat().st_size > 1000

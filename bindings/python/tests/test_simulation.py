@@ -213,18 +213,18 @@ def test_modes_that_return_too_much():
 
 def test_inclusion_in_steps():
     # x reaches 0 at 0.3 and slides with alpha = 2/3
-    system = switchback.System(2)
+    system = swb.System(2)
     system.add_inclusion(lambda x: [1 - 1.5 * x[2], x[2] * x[3] - 0.5], lambda x: [x[0], x[1]], n_psi=2)
-    r = switchback.Simulator(system, n_fe=3).simulate([-0.3, 0.4], 1.5, 5)
-    assert r.x[-1] == pytest.approx([0, 0.45], abs=1e-8)
-    assert [s.t for s in r.switches] == pytest.approx([0.3], abs=1e-8)
+    r = swb.simulate_fesd(system, [-0.3, 0.4], 1.5, 5, n_fe=3)
+    assert r.state == pytest.approx([0, 0.45], abs=1e-8)
+    assert [s.t for s in r.trajectory.switches] == pytest.approx([0.3], abs=1e-8)
 
 
 def test_algebraic_equation():
     # x' = z, 0 = z + x
-    system = switchback.System(2, f0=lambda x: [x[1], 0])
+    system = swb.System(2, f0=lambda x: [x[1], 0])
     system.set_algebraic(1, lambda x: [x[0] + x[1]])
-    r = switchback.Simulator(system, n_s=3).simulate([1.0, 0.0], 1.0, 10)
-    assert r.x[-1] == pytest.approx([numpy.exp(-1), -numpy.exp(-1)], abs=1e-9)
-    with pytest.raises(switchback.DimensionError, match="one at least must have a derivative"):
+    r = swb.simulate_fesd(system, [1.0, 0.0], 1.0, 10, n_s=3)
+    assert r.state == pytest.approx([np.exp(-1), -np.exp(-1)], abs=1e-9)
+    with pytest.raises(swb.DimensionError, match="one at least must have a derivative"):
         system.set_algebraic(2)
