@@ -452,3 +452,29 @@ fn huge_graphs() {
     let s = d.sub(e, x);
     d.positive(s);
 }
+
+#[test]
+fn operators_take_numbers_and_assign() {
+    let g = Graph::new();
+    let (x, y) = (g.x(0), g.x(1));
+    let c = |v: f64| g.constant(v);
+    let same = [
+        (x.min(2.0), x.min(c(2.0))),
+        (x.max(y), y.max(x)),
+        (x.clip(-1.0, y), x.clip(c(-1.0), y)),
+        (x.relay(1.0, y), x.relay(c(1.0), y)),
+        (x.dead_zone(0.5), x.dead_zone(c(0.5))),
+        (x.atan2(3.0), x.atan2(c(3.0))),
+        (x.powf(2.0), x * x),
+        (x.gt(0.0).select(1.0, y), x.lt(0.0).select(y, 1.0)),
+    ];
+    for (k, (a, b)) in same.iter().enumerate() {
+        assert_eq!(a.id(), b.id(), "case {k}: {a:?} {b:?}");
+    }
+    let mut e = x;
+    e += y;
+    e *= 2.0;
+    e -= 1.0;
+    e /= y;
+    assert_eq!(e.id(), (((x + y) * 2.0 - 1.0) / y).id());
+}

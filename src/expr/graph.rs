@@ -2,7 +2,7 @@
 
 use std::cell::{RefCell, RefMut};
 use std::fmt;
-use std::ops::{Add, BitAnd, BitOr, Div, Mul, Neg, Not, Sub};
+use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, DivAssign, Mul, MulAssign, Neg, Not, Sub, SubAssign};
 
 use super::dag::{Block, Dag, External, Id};
 use super::function::ExprFunction;
@@ -189,8 +189,8 @@ impl<'g> Expr<'g> {
         self.unary(Unary::Atan)
     }
     /// Angle of the point `(x, self)`.
-    pub fn atan2(self, x: Expr<'g>) -> Expr<'g> {
-        self.binary(Binary::Atan2, x)
+    pub fn atan2(self, x: impl Into<Operand<'g>>) -> Expr<'g> {
+        self.binary(Binary::Atan2, x.into().in_graph(self.graph))
     }
     /// Hyperbolic sine.
     pub fn sinh(self) -> Expr<'g> {
@@ -213,12 +213,19 @@ impl<'g> Expr<'g> {
         self.graph.expr(self.graph.dag().powi(self.id, n))
     }
     /// Real power.
-    pub fn powf(self, b: Expr<'g>) -> Expr<'g> {
-        self.binary(Binary::Pow, b)
+    pub fn powf(self, b: impl Into<Operand<'g>>) -> Expr<'g> {
+        self.binary(Binary::Pow, b.into().in_graph(self.graph))
     }
 
     fn switching(self, f: impl FnOnce(&mut Dag, Id) -> Id) -> Expr<'g> {
         self.graph.expr(f(&mut self.graph.dag(), self.id))
+    }
+
+    /// The other operand as a node of the same graph.
+    fn operand(self, b: impl Into<Operand<'g>>) -> Id {
+        let b = b.into().in_graph(self.graph);
+        self.graph.own(b.graph);
+        b.id
     }
 
     /// Sign; a switching function.
@@ -230,31 +237,29 @@ impl<'g> Expr<'g> {
         self.switching(|d, a| d.abs(a))
     }
     /// The smaller one; a switching function.
-    pub fn min(self, b: Expr<'g>) -> Expr<'g> {
-        self.graph.own(b.graph);
-        self.switching(|d, a| d.min(a, b.id))
+    pub fn min(self, b: impl Into<Operand<'g>>) -> Expr<'g> {
+        let b = self.operand(b);
+        self.switching(|d, a| d.min(a, b))
     }
     /// The larger one; a switching function.
-    pub fn max(self, b: Expr<'g>) -> Expr<'g> {
-        self.graph.own(b.graph);
-        self.switching(|d, a| d.max(a, b.id))
+    pub fn max(self, b: impl Into<Operand<'g>>) -> Expr<'g> {
+        let b = self.operand(b);
+        self.switching(|d, a| d.max(a, b))
     }
     /// The nearest value of an interval; two switching functions.
-    pub fn clip(self, low: Expr<'g>, high: Expr<'g>) -> Expr<'g> {
-        self.graph.own(low.graph);
-        self.graph.own(high.graph);
-        self.switching(|d, a| d.clip(a, low.id, high.id))
+    pub fn clip(self, low: impl Into<Operand<'g>>, high: impl Into<Operand<'g>>) -> Expr<'g> {
+        let (low, high) = (self.operand(low), self.operand(high));
+        self.switching(|d, a| d.clip(a, low, high))
     }
     /// `on` where positive, `off` where negative; a switching function.
-    pub fn relay(self, on: Expr<'g>, off: Expr<'g>) -> Expr<'g> {
-        self.graph.own(on.graph);
-        self.graph.own(off.graph);
-        self.switching(|d, a| d.relay(a, on.id, off.id))
+    pub fn relay(self, on: impl Into<Operand<'g>>, off: impl Into<Operand<'g>>) -> Expr<'g> {
+        let (on, off) = (self.operand(on), self.operand(off));
+        self.switching(|d, a| d.relay(a, on, off))
     }
     /// Zero up to `half_width`, then the distance; two switching functions.
-    pub fn dead_zone(self, half_width: Expr<'g>) -> Expr<'g> {
-        self.graph.own(half_width.graph);
-        self.switching(|d, a| d.dead_zone(a, half_width.id))
+    pub fn dead_zone(self, half_width: impl Into<Operand<'g>>) -> Expr<'g> {
+        let half_width = self.operand(half_width);
+        self.switching(|d, a| d.dead_zone(a, half_width))
     }
     /// The condition `self > b`.
     pub fn gt(self, b: impl Into<Operand<'g>>) -> Cond<'g> {
@@ -274,7 +279,8 @@ impl<'g> Cond<'g> {
     }
 
     /// `a` where the condition holds, `b` elsewhere.
-    pub fn select(self, a: Expr<'g>, b: Expr<'g>) -> Expr<'g> {
+    pub fn select(self, a: impl Into<Operand<'g>>, b: impl Into<Operand<'g>>) -> Expr<'g> {
+        let (a, b) = (a.into().in_graph(self.graph), b.into().in_graph(self.graph));
         self.graph.own(a.graph);
         self.graph.own(b.graph);
         self.graph.expr(self.graph.dag().select(self.id, a.id, b.id))
@@ -351,6 +357,17 @@ macro_rules! operator {
     )*};
 }
 operator!(Add add Add, Sub sub Sub, Mul mul Mul, Div div Div);
+
+macro_rules! assigning {
+    ($($trait:ident $method:ident $op:tt),*) => {$(
+        impl<'g, T: Into<Operand<'g>>> $trait<T> for Expr<'g> {
+            fn $method(&mut self, b: T) {
+                *self = *self $op b;
+            }
+        }
+    )*};
+}
+assigning!(AddAssign add_assign +, SubAssign sub_assign -, MulAssign mul_assign *, DivAssign div_assign /);
 
 impl<'g> Neg for Expr<'g> {
     type Output = Expr<'g>;

@@ -39,9 +39,8 @@ pub fn two_genes() -> (System, Built) {
     signs(&mut s, &[1], 3, on_off(), affine("psi", d, &[8.0, -4.0], &[(0, 0, -1.0), (1, 1, 1.0)]), &pattern);
     let g = Graph::new();
     let (a, b) = (g.x(0), g.x(1));
-    let (on, off) = (g.constant(40.0), g.constant(0.0));
-    let first = (a.gt(4.0) & b.lt(8.0)).select(on, off);
-    let second = (a.lt(8.0) & b.gt(4.0)).select(on, off);
+    let first = (a.gt(4.0) & b.lt(8.0)).select(40.0, 0.0);
+    let second = (a.lt(8.0) & b.gt(4.0)).select(40.0, 0.0);
     (s, built("two genes", &g, 0, &[first - 4.5 * a, second - 1.5 * b]))
 }
 
@@ -54,7 +53,7 @@ pub fn relay_feedback() -> (System, Built) {
     add_sides(&mut s, &[0], affine("F", d, &[-1.0, 1.0], &[]), affine("psi", d, &[0.0], &[(0, 2, 1.0)]));
     let g = Graph::new();
     let (x, y, z) = (g.x(0), g.x(1), g.x(2));
-    (s, built("relay", &g, 0, &[z.relay(g.constant(-1.0), g.constant(1.0)) - x, x - y, y - z]))
+    (s, built("relay", &g, 0, &[z.relay(-1.0, 1.0) - x, x - y, y - z]))
 }
 
 /// Three tanks in a row that spill over above level 1.
@@ -94,7 +93,7 @@ pub fn tank_cascade() -> (System, Built) {
         add_sides(&mut s, &rows, affine("F", d, &constant, &slope), affine("psi", d, &[-1.0], &[(0, k, 1.0)]));
     }
     let g = Graph::new();
-    let out: Vec<Expr> = (0..3).map(|k| 0.6 * g.x(k).sqrt() + 2.0 * (g.x(k) - 1.0).max(g.constant(0.0))).collect();
+    let out: Vec<Expr> = (0..3).map(|k| 0.6 * g.x(k).sqrt() + 2.0 * (g.x(k) - 1.0).max(0.0)).collect();
     (s, built("tanks", &g, 1, &[g.u(0) - out[0], out[0] - out[1], out[1] - out[2]]))
 }
 
@@ -111,7 +110,7 @@ pub fn motor() -> (System, Built) {
     add_sides(&mut s, &[1], affine("F", d, &[-0.8, 0.8], &[]), affine("psi", d, &[0.0], &[(0, 1, 1.0)]));
     let g = Graph::new();
     let (angle, speed, current) = (g.x(0), g.x(1), g.x(2));
-    let voltage = (12.0 * (1.0 - angle) - 2.0 * speed).clip(g.constant(-6.0), g.constant(6.0));
+    let voltage = (12.0 * (1.0 - angle) - 2.0 * speed).clip(-6.0, 6.0);
     let rhs = [speed, 5.0 * current - 0.1 * speed - 0.8 * speed.sign(), 10.0 * (voltage - current) - 2.0 * speed];
     (s, built("motor", &g, 0, &rhs))
 }
