@@ -79,6 +79,25 @@ impl Group {
         let n_beta = n_lifted(&self.signs, n_psi, 2);
         Counts { modes: n_f, algebraic: n_f + 3 * n_psi + n_beta, pairs: 2 * n_psi, equations: n_psi + n_beta + n_f }
     }
+
+    /// Is the Heaviside form the smaller one, which is taken unless told otherwise? It has fewer pairs, and its variables
+    /// (two weights and two multipliers per switching function, and the products) are not more than those of Stewart's.
+    pub fn prefers_heaviside(&self) -> bool {
+        let n_psi = self.switching_functions.len();
+        let factors = |row: &[i8]| row.iter().filter(|s| **s != 0).count();
+        let of_modes = self.signs.chunks_exact(n_psi.max(1)).filter(|row| factors(row) > 1).count();
+        let products = of_modes + n_lifted(&self.signs, n_psi, 2);
+        2 * n_psi < self.n_cells && 4 * n_psi + products <= self.stewart().algebraic
+    }
+
+    /// Sizes in the form that is taken unless told otherwise.
+    pub fn counts(&self) -> Counts {
+        if self.prefers_heaviside() {
+            self.heaviside()
+        } else {
+            self.stewart()
+        }
+    }
 }
 
 /// Variables Algorithm 1 adds so that no product has more than `n_d` factors: the different prefixes of `n_d` and more
@@ -132,14 +151,14 @@ impl Report {
         self.groups.iter().map(|g| g.n_regions).sum()
     }
 
-    /// Cells of all subsystems: complementarity pairs at each point in Stewart's form.
+    /// Complementarity pairs at each point, every subsystem in the form that is taken unless told otherwise.
     pub fn n_pairs(&self) -> usize {
-        self.groups.iter().map(|g| g.n_cells).sum()
+        self.groups.iter().map(|g| g.counts().pairs).sum()
     }
 
-    /// Algebraic variables at each point in Stewart's form.
+    /// Algebraic variables at each point, in the same forms.
     pub fn n_algebraic(&self) -> usize {
-        self.groups.iter().map(|g| g.stewart().algebraic).sum()
+        self.groups.iter().map(|g| g.counts().algebraic).sum()
     }
 
     /// Remarks of one kind.
@@ -163,13 +182,14 @@ impl Report {
                 let signs: Vec<String> = g.signs.iter().map(|s| s.to_string()).collect();
                 format!(
                     "{{\"states\":{},\"switching_functions\":{},\"regions\":{},\"modes\":{},\"cells\":{},\"signs\":[{}],\
-                     \"stewart\":{},\"heaviside\":{}}}",
+                     \"form\":\"{}\",\"stewart\":{},\"heaviside\":{}}}",
                     list(&g.states),
                     list(&g.switching_functions),
                     g.n_regions,
                     g.n_modes,
                     g.n_cells,
                     signs.join(","),
+                    if g.prefers_heaviside() { "heaviside" } else { "stewart" },
                     count(g.stewart()),
                     count(g.heaviside())
                 )
@@ -229,7 +249,10 @@ impl fmt::Display for Report {
             writeln!(f, "  smooth: no modes, no complementarity")?;
         }
         for g in &self.groups {
-            let (s, h) = (g.stewart(), g.heaviside());
+            let (mut s, mut h, mut other) = (g.stewart(), g.heaviside(), "Heaviside");
+            if g.prefers_heaviside() {
+                (s, h, other) = (h, s, "Stewart's");
+            }
             writeln!(
                 f,
                 "  {} switch with {}: {} in {}",
@@ -240,7 +263,7 @@ impl fmt::Display for Report {
             )?;
             writeln!(
                 f,
-                "    per point: {} pairs, {} algebraic variables, {} equations (Heaviside form: {}, {}, {})",
+                "    per point: {} pairs, {} algebraic variables, {} equations ({other} form: {}, {}, {})",
                 s.pairs, s.algebraic, s.equations, h.pairs, h.algebraic, h.equations
             )?;
         }
@@ -293,6 +316,33 @@ mod tests {
             assert_eq!(g.stewart(), Counts { modes: m, algebraic: 2 * m + 1, pairs: m, equations: m + 1 });
             let h = Counts { modes: m, algebraic: m + 3 * n + n_beta, pairs: 2 * n, equations: n + n_beta + m };
             assert_eq!(g.heaviside(), h);
+        }
+    }
+
+    #[test]
+    fn many_switching_functions_of_few_regions_prefer_the_heaviside_form() {
+        let group = |n: usize, signs: Vec<i8>| {
+            let n_regions = signs.len() / n;
+            let zeros = |row: &[i8]| row.iter().filter(|s| **s == 0).count();
+            let n_cells = signs.chunks(n).map(|row| 1 << zeros(row)).sum();
+            Group {
+                states: vec!["v".into()],
+                switching_functions: vec![String::new(); n],
+                n_regions,
+                n_modes: n_regions,
+                n_cells,
+                signs,
+            }
+        };
+        // a ladder: one region for each step, and the rest
+        let ladder: Vec<i8> = vec![1, 0, 0, 0, -1, 1, 0, 0, -1, -1, 1, 0, -1, -1, -1, 1, -1, -1, -1, -1];
+        let g = group(4, ladder);
+        assert_eq!(g.n_cells, 16);
+        assert!(g.prefers_heaviside());
+        assert_eq!(g.counts(), Counts { modes: 5, algebraic: 5 + 12 + 2, pairs: 8, equations: 4 + 2 + 5 });
+        for n in 1..=10 {
+            // with all regions there is nothing to gain but pairs
+            assert!(!group(n, full(n)).prefers_heaviside());
         }
     }
 
