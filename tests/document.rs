@@ -12,7 +12,7 @@ use switchback::nlp::{Control, Outcome};
 use switchback::ocp::Ocp;
 use switchback::settings::Settings;
 use switchback::sim::Simulator;
-use switchback::system::Inclusion;
+use switchback::system::{Inclusion, System};
 
 #[path = "../examples/report/expression_models.rs"]
 mod expression_models;
@@ -117,6 +117,13 @@ fn an_optimal_control_problem_returns_and_has_the_same_solution_to_the_last_bit(
     assert_eq!(a.stats.iterations, b.stats.iterations);
 }
 
+fn end(s: &Simulation) -> Vec<f64> {
+    let mut sim = Simulator::new(&s.system, &s.settings).unwrap();
+    sim.set_state(s.t0, &s.x0).unwrap();
+    assert_eq!(sim.run(s.duration, s.n_steps, &mut Control::default()).unwrap().outcome, Outcome::Solved);
+    sim.state().to_vec()
+}
+
 #[test]
 fn a_simulation_returns_and_ends_at_the_same_state() {
     let s = Simulation {
@@ -132,12 +139,6 @@ fn a_simulation_returns_and_ends_at_the_same_state() {
     let text = write_simulation(&s).unwrap();
     let Document::Simulation(again) = read(&text, &[]).unwrap() else { panic!("no simulation") };
     assert_eq!(write_simulation(&again).unwrap(), text);
-    let end = |s: &Simulation| {
-        let mut sim = Simulator::new(&s.system, &s.settings).unwrap();
-        sim.set_state(s.t0, &s.x0).unwrap();
-        assert_eq!(sim.run(s.duration, s.n_steps, &mut Control::default()).unwrap().outcome, Outcome::Solved);
-        sim.state().to_vec()
-    };
     assert_eq!(end(&s), end(&again));
 }
 
@@ -150,7 +151,7 @@ fn inclusions_and_algebraic_equations_return() {
     let f = g.function("f", Dims { x: 3, ..own }, &[1.0 - 2.0 * alpha + z]).unwrap();
     let psi = g.function("psi", own, &[x]).unwrap();
     let residual = g.function("g", own, &[z + 0.5 * x]).unwrap();
-    let mut system = switchback::system::System::new(2, 0, 0).unwrap();
+    let mut system = System::new(2, 0, 0).unwrap();
     system.add_inclusion(Inclusion { rows: vec![0], f: Arc::new(f), psi: Arc::new(psi) }).unwrap();
     system.set_algebraic(1, Some(Arc::new(residual))).unwrap();
     let s = Simulation {
@@ -167,15 +168,11 @@ fn inclusions_and_algebraic_equations_return() {
     let Document::Simulation(again) = read(&text, &[]).unwrap() else { panic!("no simulation") };
     assert_eq!(write_simulation(&again).unwrap(), text);
     assert_eq!((again.system.inclusions().len(), again.system.n_algebraic()), (1, 1));
-    let end = |s: &Simulation| {
-        let mut sim = Simulator::new(&s.system, &s.settings).unwrap();
-        sim.set_state(s.t0, &s.x0).unwrap();
-        assert_eq!(sim.run(s.duration, s.n_steps, &mut Control::default()).unwrap().outcome, Outcome::Solved);
-        sim.state().to_vec()
-    };
     assert_eq!(end(&s), end(&again));
     // −1 grows to 0 before t = 1 and rests there
     assert!(end(&s).iter().all(|v| v.abs() < 1e-8), "{:?}", end(&s));
+    let wrong = text.replacen("\"algebraic\":1", "\"algebraic\":2", 1);
+    assert!(matches!(read(&wrong, &[]), Err(Error::Dimension(_))));
 }
 
 fn drag(name: &str, n_out: usize) -> Arc<dyn Function> {
@@ -219,7 +216,7 @@ fn functions_of_others_are_supplied_by_name() {
     };
     assert!(matches!(write_simulation(&s), Err(Error::Unsupported(_))));
     // A system of callbacks has nothing but names.
-    let mut system = switchback::system::System::new(1, 0, 0).unwrap();
+    let mut system = System::new(1, 0, 0).unwrap();
     system.set_f0(f.clone()).unwrap();
     let text = write_simulation(&Simulation { system, ..s }).unwrap();
     assert!(matches!(read(&text, &[]), Err(Error::State(_))));

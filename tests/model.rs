@@ -1,13 +1,19 @@
 //! Models with operators that switch: the systems they become, and their trajectories beside hand-written ones.
 
+use switchback::dcs::{Dcs, FormOptions};
 use switchback::error::Error;
 use switchback::expr::{Expr, Graph, Piecewise};
 use switchback::func::{check_derivatives, CheckSettings, Function, Point};
 use switchback::model::{Built, Model, NoteKind, Trial};
+use switchback::settings::DcsForm;
 use switchback::system::Regions;
 
 #[path = "../examples/report/expression_models.rs"]
 mod expression_models;
+#[path = "common/gallery.rs"]
+mod gallery;
+#[path = "../examples/report/models.rs"]
+mod models;
 
 fn build(g: &Graph, nu: usize, np: usize, rhs: &[Expr]) -> Built {
     Model::from_rhs("model", nu, np, rhs).unwrap().build(g).unwrap()
@@ -336,6 +342,33 @@ fn malformed_models_are_refused() {
     rhs.extend((1..20).map(|i| g.x(i)));
     let e = Model::from_rhs("m", 0, 0, &rhs).unwrap().build(&g).map(|_| ()).unwrap_err();
     assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("20 switching functions"), "{e}");
+}
+
+/// The report and the complementarity system agree on the form and its size.
+#[test]
+fn the_smaller_form_is_reported_and_taken() {
+    let pairs_of = |b: &Built, form| {
+        let options = FormOptions { form, ..FormOptions::default() };
+        Dcs::new(&b.system, options).unwrap().form().n_cells
+    };
+    let g = Graph::new();
+    // a ladder: four switching functions, five modes
+    let ladder = (0..4).rev().fold(g.constant(0.0), |rest, k| g.x(k).gt(0.0).select(f64::from(k as u32) + 1.0, rest));
+    let rhs = [ladder, g.x(0), g.x(1), g.x(2)];
+    let b = build(&g, 0, 0, &rhs);
+    assert!(b.report.groups[0].prefers_heaviside(), "{}", b.report);
+    assert_eq!(counts(&b), (5, 4, 8));
+    assert!(b.report.to_string().contains("(Stewart's form: 16, 33, 17)"), "{}", b.report);
+    assert!(b.report.json().contains("\"form\":\"heaviside\""));
+    assert_eq!(pairs_of(&b, DcsForm::Auto), 8);
+    assert_eq!((pairs_of(&b, DcsForm::Stewart), pairs_of(&b, DcsForm::Heaviside)), (16, 8));
+    let all =
+        [gallery::two_genes().1, gallery::motor().1, gallery::tank_cascade().1, expression_models::sliding_mode()];
+    for b in &all {
+        assert!(b.report.groups.iter().all(|g| !g.prefers_heaviside()));
+        assert_eq!(pairs_of(b, DcsForm::Auto), b.report.n_pairs());
+        assert_eq!(pairs_of(b, DcsForm::Heaviside), 2 * b.report.n_switching_functions());
+    }
 }
 
 #[test]

@@ -7,7 +7,7 @@ use switchback::func::Dims;
 use switchback::model::{Built, Model};
 use switchback::nlp::{Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Outcome, Start};
 use switchback::ocp::Ocp;
-use switchback::settings::{RkFamily, Settings};
+use switchback::settings::{DcsForm, RkFamily, Settings};
 use switchback::sim::{SimResult, Simulator};
 use switchback::system::System;
 
@@ -60,6 +60,29 @@ fn trajectories_are_those_of_the_hand_written_models() {
         for (s, r) in a.trajectory.switches.iter().zip(&b.trajectory.switches) {
             assert!((s.t - r.t).abs() < 1e-9, "{name}: switch at {} and {}", s.t, r.t);
         }
+    }
+}
+
+/// Stewart's form and the Heaviside form are the same system.
+#[test]
+fn both_forms_of_a_model_have_one_trajectory() {
+    let cases = [
+        ("two genes", gallery::two_genes().1, vec![5.0, 5.0], 1.0, 30),
+        ("motor", gallery::motor().1, vec![0.0; 3], 4.0, 60),
+        ("sliding mode", expression_models::sliding_mode(), vec![1.0, 0.4, 0.0, 0.0], 1.0, 10),
+    ];
+    for (name, b, x0, t_end, n) in cases {
+        let ends = [DcsForm::Stewart, DcsForm::Heaviside].map(|form| {
+            let set = Settings { n_s: 2, n_fe: 3, dcs_form: form as i64, ..Settings::default() };
+            let mut sim = Simulator::new(&b.system, &set).unwrap();
+            sim.set_state(0.0, &x0).unwrap();
+            sim.set_controls(&vec![0.5; b.system.dims().u]).unwrap();
+            let r = sim.run(t_end, n, &mut Control::default()).unwrap();
+            assert_eq!(r.outcome, Outcome::Solved, "{name}");
+            sim.state().to_vec()
+        });
+        let distance = ends[0].iter().zip(&ends[1]).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(distance < 1e-9, "{name}: {ends:?}");
     }
 }
 

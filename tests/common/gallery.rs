@@ -1,4 +1,5 @@
 //! Models of the gallery twice: by hand with exact derivatives, and as expressions.
+#![allow(dead_code)]
 
 use switchback::expr::{Expr, Graph};
 use switchback::func::Dims;
