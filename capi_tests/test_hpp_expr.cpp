@@ -146,6 +146,8 @@ static void documents() {
         CHECK(s->run(1.0, 4) == SWB_OUTCOME_SOLVED);
     }
     CHECK(a.state() == b.state());
+    CHECK(a.to_json(1.0, 4) == b.to_json(1.0, 4));
+    CHECK(swb::Ocp(m.system(), 1.0, 2).to_json().find("\"ocp\"") != std::string::npos);
     CHECK(status_of([&] { swb::Model::system_from_json(text.substr(9)); }) == SWB_ERR_RANGE);
     // a function that the document names
     const swb::Function drag("drag", {1, 0, 0}, 1, [](const swb_point &at, double *out) { out[0] = -at.x[0] * at.x[0]; });

@@ -478,6 +478,12 @@ public:
         detail::check(swb_simulator_get_state(get(), x.data(), static_cast<int64_t>(x.size())));
         return x;
     }
+    /// The simulation that starts here as a document, for bug reports and replay.
+    std::string to_json(double duration, int64_t n_steps) const {
+        return detail::text([&](char *b, int64_t n, int64_t *needed) {
+            return swb_simulator_to_json(get(), duration, n_steps, b, n, needed);
+        });
+    }
     Trajectory trajectory() const {
         swb_trajectory *r = nullptr;
         detail::check(swb_simulator_get_trajectory(get(), &r));
@@ -779,6 +785,10 @@ public:
         int32_t o = 0;
         detail::check(swb_ocp_solve(get(), &o));
         return static_cast<swb_outcome>(o);
+    }
+    /// The problem as a document, for bug reports and replay.
+    std::string to_json() const {
+        return detail::text([&](char *b, int64_t n, int64_t *needed) { return swb_ocp_to_json(get(), b, n, needed); });
     }
     double cost() const {
         double c = 0;

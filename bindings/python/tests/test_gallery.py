@@ -118,6 +118,18 @@ def test_the_model(make):
     assert (len(times[0]) > 0) == (name != "pendulum")
 
 
+def test_the_form_can_be_chosen():
+    model, x0, duration, _ = gallery.two_genes()
+    system = model.system()
+    runs = [
+        swb.simulate(system, x0, duration, n_steps=30, n_s=3, n_fe=3, dcs_form=form)
+        for form in ("auto", "stewart", "heaviside")
+    ]
+    assert [r.outcome for r in runs] == [swb.Outcome.SOLVED] * 3
+    assert all(np.allclose(r.state, runs[0].state, rtol=0, atol=1e-8) for r in runs)
+    assert [g["form"] for g in model.report_data()["groups"]] == ["stewart"] * 2
+
+
 def test_the_page_runs():
     page = (_path.parents[2] / "docs" / "models.md").read_text(encoding="utf-8")
     code = "\n".join(re.findall(r"```python\n(.*?)```", page, flags=re.S))
