@@ -9,7 +9,7 @@ use switchback::fesd::PathAt;
 use switchback::func::{Callback, Dims, Function, Point};
 use switchback::model::{Built, Model, Names, Trial};
 use switchback::nlp::{Control, Outcome};
-use switchback::ocp::Ocp;
+use switchback::ocp::{CostAt, Durations, Norm, Ocp};
 use switchback::settings::Settings;
 use switchback::sim::Simulator;
 use switchback::system::{Inclusion, System};
@@ -122,6 +122,50 @@ fn end(s: &Simulation) -> Vec<f64> {
     sim.set_state(s.t0, &s.x0).unwrap();
     assert_eq!(sim.run(s.duration, s.n_steps, &mut Control::default()).unwrap().outcome, Outcome::Solved);
     sim.state().to_vec()
+}
+
+/// Everything else a problem can have.
+#[test]
+fn free_lengths_least_squares_and_relaxed_constraints_return() {
+    let g = Graph::new();
+    let (x, v, u, p) = (g.x(0), g.x(1), g.u(0), g.p(0));
+    let b = Model::from_rhs("cart", 1, 1, &[v, p * u - 0.2 * v.sign()]).unwrap().build(&g).unwrap();
+    let d = b.system.dims();
+    let f = |name: &str, all: &[Expr]| Arc::new(g.function(name, d, all).unwrap());
+    let mut ocp = Ocp::new(&b.system, 2.0, 4, &Settings { n_fe: 2, ..Settings::default() }).unwrap();
+    ocp.set_x0(&[0.0, 0.0]).unwrap();
+    ocp.set_u_bounds(&[-5.0], &[5.0]).unwrap();
+    ocp.set_params(&[1.0]).unwrap();
+    ocp.add_terminal(f("end", &[x]), &[1.0], &[1.0]).unwrap();
+    ocp.add_periodic(&[1]).unwrap();
+    ocp.add_least_squares(f("effort", &[u]), &[0.1], &[0.0], CostAt::Running).unwrap();
+    ocp.add_least_squares(f("way", &[x, v]), &[1.0, 0.1, 0.1, 2.0], &[0.1; 8], CostAt::ControlGrid).unwrap();
+    ocp.add_relaxed(f("speed", &[v]), &[-1.0], &[0.6], Some(PathAt::Elements), Norm::L2, 3.0).unwrap();
+    ocp.add_relaxed(f("rest", &[v]), &[0.0], &[0.0], None, Norm::L1, 3.0).unwrap();
+    ocp.set_durations(&[0.4, 0.6, 0.5, 0.5]).unwrap();
+    ocp.set_free_time(Durations::Horizon, 1.0, 3.0).unwrap();
+    ocp.set_elements(&[2, 3, 2, 2]).unwrap();
+    ocp.set_linear_controls(&[true]).unwrap();
+    ocp.set_param_bounds(&[0.9], &[f64::INFINITY]).unwrap();
+    let text = write_ocp(&ocp, ocp.settings()).unwrap();
+    for word in ["both_ends", "\"l2\"", "least_squares", "linear_controls", "\"free\":\"horizon\"", "\"inf\""] {
+        assert!(text.contains(word), "{word} is not in {text}");
+    }
+    let Document::Ocp(mut again) = read(&text, &[]).unwrap() else { panic!("no problem") };
+    assert_eq!(write_ocp(&again, again.settings()).unwrap(), text);
+    let (a, b) = (ocp.solve(&mut Control::default()).unwrap(), again.solve(&mut Control::default()).unwrap());
+    assert_eq!((a.outcome, a.cost.to_bits(), &a.controls), (b.outcome, b.cost.to_bits(), &b.controls));
+    let cases = [
+        ("\"free\":\"horizon\",", "", "belong together"),
+        ("\"elements\":[2,3,2,2]", "\"elements\":[2,3]", "2 numbers"),
+        ("\"weight\":3.0", "\"weight\":-3.0", "positive"),
+        ("\"place\":\"running\"", "\"place\":\"nowhere\"", "nowhere"),
+    ];
+    for (from, to, expected) in cases {
+        assert!(text.contains(from), "{from} is not in the document");
+        let e = read(&text.replacen(from, to, 1), &[]).map(|_| ()).unwrap_err().to_string();
+        assert!(e.contains(expected), "{to}: {e}");
+    }
 }
 
 #[test]

@@ -8,7 +8,7 @@ use super::parts::{sizes, Interval, SavedFunction, SavedSettings, SavedSystem};
 use crate::error::{finite, Error, Result};
 use crate::fesd::PathAt;
 use crate::func::Function;
-use crate::ocp::{Ocp, Statement};
+use crate::ocp::{CostAt, Durations, Norm, Ocp, Statement};
 use crate::settings::Settings;
 use crate::system::System;
 
@@ -83,6 +83,80 @@ enum SavedAt {
     Elements,
     StagePoints,
     Terminal,
+    /// Between the initial and the final state.
+    BothEnds,
+}
+
+impl SavedAt {
+    fn of(at: PathAt) -> SavedAt {
+        match at {
+            PathAt::ControlGrid => SavedAt::ControlGrid,
+            PathAt::Elements => SavedAt::Elements,
+            PathAt::StagePoints => SavedAt::StagePoints,
+        }
+    }
+
+    /// Along the horizon; `None` at its end.
+    fn path(self) -> Option<PathAt> {
+        match self {
+            SavedAt::ControlGrid => Some(PathAt::ControlGrid),
+            SavedAt::Elements => Some(PathAt::Elements),
+            SavedAt::StagePoints => Some(PathAt::StagePoints),
+            SavedAt::Terminal | SavedAt::BothEnds => None,
+        }
+    }
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum SavedNorm {
+    L1,
+    L2,
+    Linf,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum SavedPlace {
+    Running,
+    ControlGrid,
+    Terminal,
+}
+
+/// A price for the violation of a constraint.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedPrice {
+    norm: SavedNorm,
+    weight: f64,
+}
+
+/// A least-squares term.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedSquares {
+    f: SavedFunction,
+    weights: Vec<f64>,
+    references: Vec<f64>,
+    place: SavedPlace,
+}
+
+/// Lengths of the stages where they are variables; else only `durations` counts.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedTime {
+    durations: Vec<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    free: Option<SavedFree>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    bounds: Option<Interval>,
+}
+
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum SavedFree {
+    Horizon,
+    Stages,
 }
 
 /// A constraint along the horizon or at its end.
@@ -92,6 +166,8 @@ struct SavedConstraint {
     at: SavedAt,
     f: SavedFunction,
     bounds: Interval,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    relaxed: Option<SavedPrice>,
 }
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -115,6 +191,18 @@ pub(super) struct SavedOcp {
     mayer: Option<SavedFunction>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     constraints: Vec<SavedConstraint>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    least_squares: Vec<SavedSquares>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    time: Option<SavedTime>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    elements: Vec<usize>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    linear_controls: Vec<bool>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    param_bounds: Option<Interval>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    stage_params: Option<Vec<f64>>,
     state_bounds: Interval,
     initial_bounds: Interval,
     control_bounds: Interval,
@@ -127,24 +215,51 @@ pub(super) struct SavedOcp {
 
 impl SavedOcp {
     pub(super) fn new(s: &Statement, settings: &Settings) -> Result<SavedOcp> {
-        if let Some(what) = s.more {
-            return Err(Error::Unsupported(format!("a problem with {what} cannot be written down")));
-        }
         let interval = |b: &[Vec<f64>; 2]| Interval::new(&b[0], &b[1]);
+        let constraint = |at, f, lower: &[f64], upper: &[f64], relaxed| -> Result<SavedConstraint> {
+            Ok(SavedConstraint { at, f: SavedFunction::new(f)?, bounds: Interval::new(lower, upper), relaxed })
+        };
         let mut constraints = Vec::new();
         for c in s.path {
-            let at = match c.at {
-                PathAt::ControlGrid => SavedAt::ControlGrid,
-                PathAt::Elements => SavedAt::Elements,
-                PathAt::StagePoints => SavedAt::StagePoints,
-            };
-            let bounds = Interval::new(&c.lower, &c.upper);
-            constraints.push(SavedConstraint { at, f: SavedFunction::new(&c.f)?, bounds });
+            constraints.push(constraint(SavedAt::of(c.at), &c.f, &c.lower, &c.upper, None)?);
         }
         for c in s.terminal {
-            let bounds = Interval::new(&c.lower, &c.upper);
-            constraints.push(SavedConstraint { at: SavedAt::Terminal, f: SavedFunction::new(&c.f)?, bounds });
+            constraints.push(constraint(SavedAt::Terminal, &c.f, &c.lower, &c.upper, None)?);
         }
+        for c in s.boundary {
+            constraints.push(constraint(SavedAt::BothEnds, &c.f, &c.lower, &c.upper, None)?);
+        }
+        for c in s.soft {
+            let norm = match c.norm {
+                Norm::L1 => SavedNorm::L1,
+                Norm::L2 => SavedNorm::L2,
+                Norm::Linf => SavedNorm::Linf,
+            };
+            let price = SavedPrice { norm, weight: c.weight };
+            let at = c.at.map_or(SavedAt::Terminal, SavedAt::of);
+            constraints.push(constraint(at, &c.f, &c.lower, &c.upper, Some(price))?);
+        }
+        let mut least_squares = Vec::new();
+        for q in s.squares {
+            let place = match q.place {
+                CostAt::Running => SavedPlace::Running,
+                CostAt::ControlGrid => SavedPlace::ControlGrid,
+                CostAt::Terminal => SavedPlace::Terminal,
+            };
+            let (weights, references) = (q.weights.clone(), q.references.clone());
+            least_squares.push(SavedSquares { f: SavedFunction::new(&q.f)?, weights, references, place });
+        }
+        let free = match s.time {
+            Durations::Fixed => None,
+            Durations::Horizon => Some(SavedFree::Horizon),
+            Durations::Stages => Some(SavedFree::Stages),
+        };
+        let even = s.durations.iter().all(|d| *d == s.horizon / s.n_stages as f64);
+        let time = (free.is_some() || !even).then(|| SavedTime {
+            durations: s.durations.to_vec(),
+            free,
+            bounds: free.map(|_| Interval::new(&s.time_bounds[..1], &s.time_bounds[1..])),
+        });
         Ok(SavedOcp {
             system: SavedSystem::new(s.system)?,
             settings: SavedSettings::new(settings)?,
@@ -154,6 +269,12 @@ impl SavedOcp {
             lagrange: s.lagrange.map(SavedFunction::new).transpose()?,
             mayer: s.mayer.map(SavedFunction::new).transpose()?,
             constraints,
+            least_squares,
+            time,
+            elements: s.n_fe.to_vec(),
+            linear_controls: if s.linear.contains(&true) { s.linear.to_vec() } else { Vec::new() },
+            param_bounds: s.p_bounds.map(interval),
+            stage_params: s.stage_params.map(<[f64]>::to_vec),
             state_bounds: interval(s.x_bounds),
             initial_bounds: interval(s.x0_bounds),
             control_bounds: interval(s.u_bounds),
@@ -176,13 +297,26 @@ impl SavedOcp {
         }
         for c in &self.constraints {
             let (f, [lower, upper]) = (c.f.restore(supplied)?, c.bounds.values());
-            match c.at {
-                SavedAt::Terminal => ocp.add_terminal(f, &lower, &upper)?,
-                SavedAt::ControlGrid => ocp.add_path(f, &lower, &upper, PathAt::ControlGrid)?,
-                SavedAt::Elements => ocp.add_path(f, &lower, &upper, PathAt::Elements)?,
-                SavedAt::StagePoints => ocp.add_path(f, &lower, &upper, PathAt::StagePoints)?,
+            match (&c.relaxed, c.at) {
+                (Some(_), SavedAt::BothEnds) => {
+                    return Err(Error::Range("constraints between both ends cannot be relaxed".into()))
+                }
+                (Some(price), at) => {
+                    let norm = match price.norm {
+                        SavedNorm::L1 => Norm::L1,
+                        SavedNorm::L2 => Norm::L2,
+                        SavedNorm::Linf => Norm::Linf,
+                    };
+                    ocp.add_relaxed(f, &lower, &upper, at.path(), norm, price.weight)?;
+                }
+                (None, SavedAt::BothEnds) => ocp.add_boundary(f, &lower, &upper)?,
+                (None, at) => match at.path() {
+                    Some(at) => ocp.add_path(f, &lower, &upper, at)?,
+                    None => ocp.add_terminal(f, &lower, &upper)?,
+                },
             }
         }
+        self.restore_terms(&mut ocp, supplied)?;
         let bounds = [&self.state_bounds, &self.initial_bounds, &self.control_bounds];
         let [x, x0, u] = bounds.map(Interval::values);
         ocp.set_x_bounds(&x[0], &x[1])?;
@@ -196,5 +330,48 @@ impl SavedOcp {
             ocp.set_u_guess(u)?;
         }
         Ok(ocp)
+    }
+
+    /// Least squares, lengths, elements, kinds of controls and parameters.
+    fn restore_terms(&self, ocp: &mut Ocp, supplied: &[Arc<dyn Function>]) -> Result<()> {
+        for q in &self.least_squares {
+            let place = match q.place {
+                SavedPlace::Running => CostAt::Running,
+                SavedPlace::ControlGrid => CostAt::ControlGrid,
+                SavedPlace::Terminal => CostAt::Terminal,
+            };
+            ocp.add_least_squares(q.f.restore(supplied)?, &q.weights, &q.references, place)?;
+        }
+        if let Some(t) = &self.time {
+            ocp.set_durations(&t.durations)?;
+            match (t.free, &t.bounds) {
+                (None, None) => {}
+                (Some(free), Some(bounds)) => {
+                    let (what, [lower, upper]) = match free {
+                        SavedFree::Horizon => (Durations::Horizon, bounds.values()),
+                        SavedFree::Stages => (Durations::Stages, bounds.values()),
+                    };
+                    let (&[lower], &[upper]) = (&lower[..], &upper[..]) else {
+                        return Err(Error::Dimension("free lengths have one lower and one upper bound".into()));
+                    };
+                    ocp.set_free_time(what, lower, upper)?;
+                }
+                _ => return Err(Error::Range("free lengths and their bounds belong together".into())),
+            }
+        }
+        if !self.elements.is_empty() {
+            ocp.set_elements(&self.elements)?;
+        }
+        if !self.linear_controls.is_empty() {
+            ocp.set_linear_controls(&self.linear_controls)?;
+        }
+        if let Some(b) = &self.param_bounds {
+            let [lower, upper] = b.values();
+            ocp.set_param_bounds(&lower, &upper)?;
+        }
+        if let Some(p) = &self.stage_params {
+            ocp.set_stage_params(p)?;
+        }
+        Ok(())
     }
 }

@@ -13,7 +13,7 @@ const INF: f64 = f64::INFINITY;
 
 /// `(r − y)ᵀ W (r − y)`.
 #[derive(Clone)]
-pub(super) struct LeastSquares {
+pub(crate) struct LeastSquares {
     pub f: SharedFunction,
     pub weights: Vec<f64>,
     /// `[n]`, or `[n_stages · n]`.
@@ -23,7 +23,7 @@ pub(super) struct LeastSquares {
 
 /// A constraint whose violation is penalised.
 #[derive(Clone)]
-pub(super) struct Soft {
+pub(crate) struct Soft {
     pub f: SharedFunction,
     pub lower: Vec<f64>,
     pub upper: Vec<f64>,

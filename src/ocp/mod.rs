@@ -25,6 +25,7 @@ pub use crate::fesd::Durations;
 pub use accuracy::Accuracy;
 pub use sensitivity::OcpSensitivity;
 pub use statement::Statement;
+pub(crate) use terms::Linear;
 
 use self::extend::{LeastSquares, Soft};
 use self::solve::Built;

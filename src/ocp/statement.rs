@@ -1,7 +1,8 @@
 //! A problem as it was stated, for who writes it down.
 
+use super::extend::{LeastSquares, Soft};
 use super::{Durations, Ocp};
-use crate::fesd::{PathConstraint, Terminal};
+use crate::fesd::{Boundary, PathConstraint, Terminal};
 use crate::settings::Settings;
 use crate::system::{SharedFunction, System};
 
@@ -25,9 +26,17 @@ pub struct Statement<'a> {
     /// Times and states.
     pub x_guess: Option<&'a (Vec<f64>, Vec<f64>)>,
     pub u_guess: Option<&'a [f64]>,
-    /// Something was set that is not among the above: free or uneven lengths, elements by stage, linear controls, least
-    /// squares, relaxed constraints, constraints between the ends, parameters that are free or differ by stage.
-    pub more: Option<&'static str>,
+    pub durations: &'a [f64],
+    pub time: Durations,
+    pub time_bounds: [f64; 2],
+    /// Empty: as the settings say.
+    pub n_fe: &'a [usize],
+    pub linear: &'a [bool],
+    pub boundary: &'a [Boundary],
+    pub p_bounds: Option<&'a [Vec<f64>; 2]>,
+    pub stage_params: Option<&'a [f64]>,
+    pub(crate) squares: &'a [LeastSquares],
+    pub(crate) soft: &'a [Soft],
 }
 
 impl Ocp {
@@ -42,7 +51,7 @@ impl Ocp {
             t0,
             durations,
             time,
-            time_bounds: _,
+            time_bounds,
             n_fe,
             linear,
             lagrange,
@@ -64,22 +73,10 @@ impl Ocp {
             engine: _,
             result: _,
         } = self;
-        let more = [
-            (*time != Durations::Fixed, "free lengths"),
-            (durations.iter().any(|d| *d != durations[0]), "stages of different lengths"),
-            (!n_fe.is_empty(), "elements by stage"),
-            (linear.contains(&true), "linear controls"),
-            (!squares.is_empty(), "least squares"),
-            (!boundary.is_empty(), "constraints between the ends"),
-            (!soft.is_empty(), "relaxed constraints"),
-            (p_bounds.is_some(), "bounds of parameters"),
-            (stage_params.is_some(), "parameters by stage"),
-        ];
         Statement {
             system,
             settings,
             horizon: *horizon,
-            more: more.iter().find(|m| m.0).map(|m| m.1),
             n_stages: *n_stages,
             t0: *t0,
             lagrange: lagrange.as_ref(),
@@ -92,6 +89,16 @@ impl Ocp {
             params,
             x_guess: x_guess.as_ref(),
             u_guess: u_guess.as_deref(),
+            durations,
+            time: *time,
+            time_bounds: *time_bounds,
+            n_fe,
+            linear,
+            boundary,
+            p_bounds: p_bounds.as_ref(),
+            stage_params: stage_params.as_deref(),
+            squares,
+            soft,
         }
     }
 }

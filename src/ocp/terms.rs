@@ -230,10 +230,12 @@ pub(super) fn combination(name: &str, dims: Dims, rows: Vec<Vec<(usize, f64)>>) 
     Arc::new(Linear { name: name.to_owned(), dims, rows, hess: Pattern::empty(dims.n_in(), dims.n_in()), jac, values })
 }
 
-struct Linear {
+/// What [`combination`] makes.
+pub(crate) struct Linear {
     name: String,
     dims: Dims,
-    rows: Vec<Vec<(usize, f64)>>,
+    /// Of every output the columns and their factors.
+    pub(crate) rows: Vec<Vec<(usize, f64)>>,
     jac: Pattern,
     values: Vec<f64>,
     hess: Pattern,
@@ -257,6 +259,9 @@ impl Function for Linear {
     }
     fn work_len(&self) -> usize {
         0
+    }
+    fn as_any(&self) -> Option<&dyn std::any::Any> {
+        Some(self)
     }
     fn value(&self, at: &Point, out: &mut [f64], _: &mut [f64]) -> EvalResult {
         for (o, row) in out.iter_mut().zip(&self.rows) {
