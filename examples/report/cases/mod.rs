@@ -1,5 +1,6 @@
 //! The cases, and what they share.
 
+mod gallery;
 mod linalg;
 mod model_eval;
 mod mpcc_textbook;
@@ -29,6 +30,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("switching", switching::run),
     ("tutorial-ocp", tutorial_ocp::run),
     ("sliding-ocp", sliding_ocp::run),
+    ("gallery", gallery::run),
     ("step-equilibration", step_equilibration::run),
     ("mpcc-textbook", mpcc_textbook::run),
     ("linalg", linalg::run),
