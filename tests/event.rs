@@ -364,3 +364,35 @@ fn gradients_that_cannot_be_had_are_refused_in_words() {
     assert!(refused.contains("accumulate"), "{refused}");
     e.adjoint(&v, &[]).unwrap();
 }
+
+/// Constant fields on both sides of `x2 = 0`: the jumps of the derivatives in closed form, `I + (f⁺ − f⁻) nᵀ / nᵀf⁻`.
+#[test]
+fn jumps_of_the_derivatives_in_closed_form() {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    // velocities above and below, the one along the surface
+    for (above, below, then) in [
+        ([1.0, -2.0], [3.0, -0.5], [3.0, -0.5]),
+        ([1.0, -2.0], [3.0, 1.0], [7.0 / 3.0, 0.0]),
+        ([-0.7, -1e-3], [2.0, -4.0], [2.0, -4.0]),
+    ] {
+        let mut s = System::new(2, 0, 0).unwrap();
+        let f = affine("F", d, &[above[0], above[1], below[0], below[1]], &[]);
+        add_sides(&mut s, &[0, 1], f, affine("psi", d, &[0.0], &[(0, 1, 1.0)]));
+        let x0 = [0.3, -above[1]];
+        let opt = Options { sensitivity: true, adjoint: true, ..tolerance(1e-8) };
+        let mut e = Engine::new(&s, &opt).unwrap();
+        e.reinit(0.0, &x0).unwrap();
+        e.advance(2.0).unwrap();
+        let jump = |i: usize| (then[i] - above[i]) / above[1];
+        let exact = [1.0, jump(0), 0.0, 1.0 + jump(1)];
+        let forward = e.sensitivity().unwrap();
+        assert!(off(forward, &exact) < 1e-12, "{forward:?} {exact:?}");
+        assert!(off(&e.switches()[0].dt, &[0.0, -1.0 / above[1]]) < 1e-12, "{:?}", e.switches());
+        for i in 0..2 {
+            let mut v = [0.0; 2];
+            v[i] = 1.0;
+            let g = e.adjoint(&v, &[]).unwrap();
+            assert!(off(&g.x0, &exact[2 * i..2 * i + 2]) < 1e-12, "{g:?} {exact:?}");
+        }
+    }
+}
