@@ -122,7 +122,7 @@ def test_the_form_can_be_chosen():
     model, x0, duration, _ = gallery.two_genes()
     system = model.system()
     runs = [
-        swb.simulate(system, x0, duration, n_steps=30, n_s=3, n_fe=3, dcs_form=form)
+        swb.simulate_fesd(system, x0, duration, n_steps=30, n_s=3, n_fe=3, dcs_form=form)
         for form in ("auto", "stewart", "heaviside")
     ]
     assert [r.outcome for r in runs] == [swb.Outcome.SOLVED] * 3
