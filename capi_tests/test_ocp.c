@@ -278,9 +278,107 @@ static void constraints(void)
     swb_function_free(end);
 }
 
+static int32_t duration(const swb_point *at, double *out, void *user_data)
+{
+    (void)at;
+    (void)user_data;
+    out[0] = 1.0;
+    return 0;
+}
+
+static int32_t ends(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[2] - at->x[0];
+    return 0;
+}
+
+/* The fastest way from rest to rest over a distance of 1 with -2 <= u <= 1 takes sqrt(3), the switch at 2/sqrt(3). */
+static void free_lengths(void)
+{
+    static const double x0[] = {0.0, 0.0}, goal[] = {1.0, 0.0}, lower[] = {-2.0}, upper[] = {1.0}, one[] = {1.0};
+    static const double weights[] = {1.0, 1.0}, lengths[] = {0.4, 0.6}, zero[] = {0.0, 0.0}, seven[] = {7.0, 7.0};
+    static const int64_t elements[] = {1, 2}, first[] = {0};
+    static const int32_t linear[] = {1};
+    swb_function *f0 = make_function("f0", 2, 1, 1, 2, drift, NULL), *end = make_function("e", 2, 1, 1, 2, both, NULL);
+    swb_function *rate = make_function("L", 2, 1, 1, 1, duration, NULL), *across = make_function("b", 4, 1, 1, 1, ends, NULL);
+    swb_system *system = NULL;
+    swb_ocp *ocp = NULL;
+    swb_accuracy accuracy;
+    int32_t outcome = -1;
+    double found[2], cost = 0.0, violation = -1.0;
+
+    CHECK_OK(swb_system_create(2, 1, 1, &system));
+    CHECK_OK(swb_system_set_f0(system, f0));
+    CHECK_OK(swb_ocp_create(system, 1.0, 2, NULL, &ocp));
+    CHECK_OK(swb_ocp_set_initial_state(ocp, x0, 2));
+    CHECK_OK(swb_ocp_set_control_bounds(ocp, lower, 1, upper, 1));
+    CHECK_OK(swb_ocp_set_lagrange(ocp, rate));
+    CHECK_OK(swb_ocp_add_relaxed(ocp, end, goal, 2, goal, 2, -1, SWB_NORM_L1, 1e3));
+    CHECK_OK(swb_ocp_add_boundary(ocp, across, one, 1, one, 1));
+    CHECK_OK(swb_ocp_set_free_time(ocp, SWB_FREE_TIME_STAGES, 0.1, 5.0));
+    CHECK_OK(swb_ocp_set_durations(ocp, lengths, 2));
+    CHECK_OK(swb_ocp_set_elements(ocp, elements, 2));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_shift(ocp));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_durations(ocp, found, 2));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_accuracy(ocp, &accuracy, sizeof accuracy));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_ocp_get_durations(ocp, found, 2));
+    CHECK_NEAR(found[0], 2.0 / sqrt(3.0), 1e-6);
+    CHECK_NEAR(found[1], 1.0 / sqrt(3.0), 1e-6);
+    CHECK_OK(swb_ocp_get_control_ends(ocp, found, 2));
+    CHECK_NEAR(found[0], 1.0, 1e-6);
+    CHECK_NEAR(found[1], -2.0, 1e-6);
+    CHECK_OK(swb_ocp_get_cost(ocp, &cost));
+    CHECK_NEAR(cost, sqrt(3.0), 1e-6);
+    CHECK_OK(swb_ocp_get_violation(ocp, &violation));
+    CHECK(violation < 1e-8);
+    CHECK_OK(swb_ocp_get_accuracy(ocp, &accuracy, sizeof accuracy));
+    CHECK(accuracy.reached == 1 && accuracy.terminal < 1e-8 && fabs(accuracy.cost_error) < 1e-6);
+    CHECK_OK(swb_ocp_get_mismatch(ocp, found, 2));
+    CHECK(found[0] <= accuracy.worst && found[1] <= accuracy.worst);
+    CHECK_OK(swb_ocp_get_params(ocp, found, 1));
+    CHECK(found[0] == 0.0);
+    CHECK_OK(swb_ocp_solve_warm(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_ocp_set_int(ocp, "accuracy", 0));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_accuracy(ocp, &accuracy, sizeof accuracy));
+
+    /* Refusals. */
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_free_time(ocp, 3, 0.0, 1.0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_free_time(ocp, SWB_FREE_TIME_HORIZON, 2.0, 1.0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_add_relaxed(ocp, end, goal, 2, goal, 2, -2, SWB_NORM_L1, 1.0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_add_relaxed(ocp, end, goal, 2, goal, 2, -1, 9, 1.0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_add_boundary(ocp, end, goal, 2, goal, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_durations(ocp, lengths, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_elements(ocp, elements, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_add_least_squares(ocp, end, weights, 1, zero, 2, SWB_COST_AT_RUNNING));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_references(ocp, 0, zero, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_stage_params(ocp, zero, 1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_add_periodic(ocp, NULL, 1));
+    CHECK_OK(swb_ocp_add_least_squares(ocp, end, weights, 2, zero, 2, SWB_COST_AT_TERMINAL));
+    CHECK_OK(swb_ocp_set_references(ocp, 0, seven, 2));
+    CHECK_OK(swb_ocp_add_periodic(ocp, first, 0));
+    CHECK_OK(swb_ocp_set_linear_controls(ocp, linear, 1));
+    CHECK_OK(swb_ocp_add_horizon(ocp, 0.5, 4.0));
+    CHECK_OK(swb_ocp_set_stage_params(ocp, zero, 2));
+    CHECK_OK(swb_ocp_set_param_bounds(ocp, lower, 1, upper, 1));
+    CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_ocp_solve(ocp, NULL));
+    CHECK(strstr(swb_last_error(), "parameter 0 is free") != NULL);
+    swb_ocp_free(ocp);
+    swb_system_free(system);
+    swb_function_free(f0);
+    swb_function_free(rate);
+    swb_function_free(end);
+    swb_function_free(across);
+}
+
 int main(void)
 {
     known_solution();
     constraints();
+    free_lengths();
     return CHECK_DONE();
 }
