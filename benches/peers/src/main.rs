@@ -1,6 +1,7 @@
 //! Work against precision on the oscillator (4.4): the event-driven engine beside SUNDIALS CVODE (Adams, BDF) and ARKODE
 //! (ERKStep), diffsol's `tsit45`, and DOP853 with its one event by hand. Compiled right-hand sides, one run, thread CPU
-//! time, memory and problems prepared beforehand where the interface allows it.
+//! time, memory and problems prepared beforehand where the interface allows it. Then a sliding phase beside IDAS, FESD beside
+//! the engine, dry friction beside CVODE, batches on threads.
 //!
 //! `cargo run --release -- [--json FILE] [--plot DIR]`
 
@@ -10,6 +11,7 @@ mod fast_oscillator;
 #[path = "../../../examples/report/models.rs"]
 #[allow(dead_code)]
 mod models;
+mod others;
 #[path = "../../../examples/report/svg.rs"]
 #[allow(dead_code)]
 mod svg;
@@ -210,12 +212,17 @@ fn main() {
         );
         rows.push(json!({ "method": name, "us": us, "times_ours": ratios }));
     }
+    let sliding = others::sliding();
+    let fesd = others::beside_fesd();
+    let friction = others::friction();
+    let batches = others::batches();
     if let Some(file) = file {
         let list: Vec<_> = samples
             .iter()
             .map(|s| json!({ "method": s.method, "tol": s.tol, "error": s.error, "us": s.seconds * 1e6 }))
             .collect();
-        let all = json!({ "targets": TARGETS, "to_reach": rows, "samples": list });
+        let all = json!({ "targets": TARGETS, "to_reach": rows, "samples": list, "sliding": sliding, "fesd": fesd,
+            "friction": friction, "batches": batches });
         if let Err(e) = std::fs::write(&file, format!("{all:#}\n")) {
             eprintln!("cannot write {file}: {e}");
         }

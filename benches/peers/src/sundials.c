@@ -1,6 +1,7 @@
-/* The oscillator (4.4) and a sliding phase with SUNDIALS: what a user writes around the integrators. */
+/* The oscillator (4.4), a sliding phase and dry friction with SUNDIALS: what a user writes around the integrators. */
 #include <arkode/arkode_erkstep.h>
 #include <cvode/cvode.h>
+#include <idas/idas.h>
 #include <math.h>
 #include <nvector/nvector_serial.h>
 #include <stdlib.h>
@@ -133,4 +134,189 @@ int oscillator_run(struct oscillator *o, double x[2], double end, double *t_swit
     x[0] = v[0];
     x[1] = v[1];
     return code;
+}
+
+/* --- a sliding phase with IDAS: x' = 1 + y, y' = cos x + 2 (1 - 2 a), with the weight a that keeps y = 0.3 sin x --- */
+
+static int slide_residual(double t, N_Vector z, N_Vector zp, N_Vector r, void *data)
+{
+    const double *v = N_VGetArrayPointer(z), *d = N_VGetArrayPointer(zp);
+    double *o = N_VGetArrayPointer(r);
+    const double c = cos(v[0]), f = c + 2 * (1 - 2 * v[2]);
+    (void)t, (void)data;
+    o[0] = d[0] - 1 - v[1];
+    o[1] = d[1] - f;
+    o[2] = f - 0.3 * c * (1 + v[1]);
+    return 0;
+}
+
+static int slide_jacobian(double t, double cj, N_Vector z, N_Vector zp, N_Vector r, SUNMatrix j, void *data, N_Vector a,
+                          N_Vector b, N_Vector c)
+{
+    const double *v = N_VGetArrayPointer(z);
+    const double s = sin(v[0]);
+    (void)t, (void)zp, (void)r, (void)data, (void)a, (void)b, (void)c;
+    SM_ELEMENT_D(j, 0, 0) = cj;
+    SM_ELEMENT_D(j, 0, 1) = -1;
+    SM_ELEMENT_D(j, 1, 0) = s;
+    SM_ELEMENT_D(j, 1, 1) = cj;
+    SM_ELEMENT_D(j, 1, 2) = 4;
+    SM_ELEMENT_D(j, 2, 0) = -s + 0.3 * s * (1 + v[1]);
+    SM_ELEMENT_D(j, 2, 1) = -0.3 * cos(v[0]);
+    SM_ELEMENT_D(j, 2, 2) = -4;
+    return 0;
+}
+
+struct slide {
+    SUNContext context;
+    void *memory;
+    N_Vector z, zp, id;
+    SUNMatrix matrix;
+    SUNLinearSolver linear;
+};
+
+static void slide_start(struct slide *o, const double x[2])
+{
+    double *z = N_VGetArrayPointer(o->z), *zp = N_VGetArrayPointer(o->zp);
+    z[0] = x[0];
+    z[1] = x[1];
+    z[2] = (2 + cos(x[0]) * (1 - 0.3 * (1 + x[1]))) / 4;
+    zp[0] = 1 + x[1];
+    zp[1] = cos(x[0]) + 2 * (1 - 2 * z[2]);
+    zp[2] = 0;
+}
+
+void slide_free(struct slide *o)
+{
+    if (!o)
+        return;
+    IDAFree(&o->memory);
+    SUNLinSolFree(o->linear);
+    SUNMatDestroy(o->matrix);
+    N_VDestroy(o->z);
+    N_VDestroy(o->zp);
+    N_VDestroy(o->id);
+    SUNContext_Free(&o->context);
+    free(o);
+}
+
+/* NULL on failure. */
+struct slide *slide_create(double tol)
+{
+    static const double x[2] = {0, 0};
+    struct slide *o = calloc(1, sizeof *o);
+    int bad;
+    if (!o || SUNContext_Create(NULL, &o->context))
+        return NULL;
+    o->z = N_VNew_Serial(3, o->context);
+    o->zp = N_VNew_Serial(3, o->context);
+    o->id = N_VNew_Serial(3, o->context);
+    NV_Ith_S(o->id, 0) = NV_Ith_S(o->id, 1) = 1;
+    NV_Ith_S(o->id, 2) = 0;
+    slide_start(o, x);
+    o->memory = IDACreate(o->context);
+    o->matrix = SUNDenseMatrix(3, 3, o->context);
+    o->linear = SUNLinSol_Dense(o->z, o->matrix, o->context);
+    bad = IDAInit(o->memory, slide_residual, 0, o->z, o->zp) || IDASStolerances(o->memory, tol, tol) ||
+          IDASetLinearSolver(o->memory, o->linear, o->matrix) || IDASetJacFn(o->memory, slide_jacobian) ||
+          IDASetId(o->memory, o->id) || IDASetSuppressAlg(o->memory, 1) || IDASetMaxNumSteps(o->memory, 1000000);
+    if (bad) {
+        slide_free(o);
+        return NULL;
+    }
+    return o;
+}
+
+/* From x to its value at `end`. Not 0 on failure. */
+int slide_run(struct slide *o, double x[2], double end)
+{
+    const double *z = N_VGetArrayPointer(o->z);
+    double t = 0;
+    int code;
+    slide_start(o, x);
+    code = IDAReInit(o->memory, 0, o->z, o->zp);
+    code = code ? code : IDASetStopTime(o->memory, end);
+    if (code == 0)
+        code = IDASolve(o->memory, end, &t, o->z, o->zp, IDA_NORMAL);
+    x[0] = z[0];
+    x[1] = z[1];
+    return code < 0;
+}
+
+/* --- dry friction with CVODE: q' = v, v' = -q + cos(t / 2) - f, |f| <= 0.4, f = 0.4 sign v ------------------------- */
+
+static const double MU = 0.4;
+
+struct block {
+    int mode; /* sign of v, 0: at rest */
+};
+
+static double force(double t, double q)
+{
+    return cos(0.5 * t) - q;
+}
+
+static int block_rhs(double t, N_Vector x, N_Vector dx, void *data)
+{
+    const int mode = ((struct block *)data)->mode;
+    const double *v = N_VGetArrayPointer(x);
+    double *d = N_VGetArrayPointer(dx);
+    d[0] = mode ? v[1] : 0;
+    d[1] = mode ? force(t, v[0]) - MU * mode : 0;
+    return 0;
+}
+
+static int block_root(double t, N_Vector x, double *g, void *data)
+{
+    const double *v = N_VGetArrayPointer(x);
+    g[0] = ((struct block *)data)->mode ? v[1] : MU - fabs(force(t, v[0]));
+    return 0;
+}
+
+/* Events found until `end` from the state x > 0, and the state there; negative on failure. */
+int block_run(int method, double tol, double x[2], double end)
+{
+    SUNContext context;
+    struct block block = {1};
+    void *memory;
+    N_Vector y;
+    SUNMatrix matrix;
+    SUNLinearSolver linear;
+    double t = 0, *v;
+    int events = 0, code;
+    if (SUNContext_Create(NULL, &context))
+        return -1;
+    y = N_VNew_Serial(2, context);
+    v = N_VGetArrayPointer(y);
+    v[0] = x[0];
+    v[1] = x[1];
+    memory = CVodeCreate(method == ADAMS ? CV_ADAMS : CV_BDF, context);
+    matrix = SUNDenseMatrix(2, 2, context);
+    linear = SUNLinSol_Dense(y, matrix, context);
+    code = CVodeInit(memory, block_rhs, 0, y) || CVodeSStolerances(memory, tol, tol) || CVodeSetUserData(memory, &block) ||
+           CVodeRootInit(memory, 1, block_root) || CVodeSetMaxNumSteps(memory, 1000000) ||
+           CVodeSetLinearSolver(memory, linear, matrix) || CVodeSetStopTime(memory, end);
+    while (code == 0 && t < end) {
+        int reason = CVode(memory, end, y, &t, CV_NORMAL);
+        if (reason < 0) {
+            code = 1;
+        } else if (reason == CV_ROOT_RETURN) {
+            const double f = force(t, v[0]);
+            events++;
+            if (block.mode)
+                block.mode = fabs(f) <= MU ? 0 : (f > 0) - (f < 0);
+            else
+                block.mode = (f > 0) - (f < 0);
+            v[1] = 0;
+            code = CVodeReInit(memory, t, y) || CVodeSetStopTime(memory, end);
+        }
+    }
+    x[0] = v[0];
+    x[1] = v[1];
+    CVodeFree(&memory);
+    SUNLinSolFree(linear);
+    SUNMatDestroy(matrix);
+    N_VDestroy(y);
+    SUNContext_Free(&context);
+    return code ? -1 : events;
 }
