@@ -34,10 +34,11 @@ impl Engine {
 
     pub(super) fn search_inner(&mut self, t1: f64) -> std::result::Result<Found, EvalError> {
         self.field.indicators(t1, &self.step.x1)?;
-        self.q1.copy_from_slice(&self.field.q);
+        // what the field keeps is written again before it is read
+        std::mem::swap(&mut self.q1, &mut self.field.q);
         if !self.field.constant_gradients() {
             self.field.gradients(t1, &self.step.x1)?;
-            self.dq1.copy_from_slice(&self.field.dq);
+            std::mem::swap(&mut self.dq1, &mut self.field.dq);
         }
         self.coarse = 0.0;
         let e = self.screen()?;
@@ -118,7 +119,8 @@ impl Engine {
     fn notice(&mut self, l: usize, s: f64, slope: f64) {
         let Watch::Enter { sub, .. } = self.watches[l] else { return };
         let rate = slope / self.step.h;
-        let gradient = self.watches[l].scale(&self.field.dq, self.field.n_z, self.step.t, &self.step.x1).1;
+        let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
+        let gradient = self.watches[l].scale(dq, self.field.n_z, self.step.t, &self.step.x1).1;
         let speed = self.step.f1.iter().map(|v| v * v).sum::<f64>().sqrt();
         let t = self.step.t + s * self.step.h;
         if self.touched.is_none_or(|c| t < c.t) {
