@@ -59,9 +59,15 @@ fn measure(c: &Context, change: &dyn Fn(&mut Settings), label: [&str; 3]) -> Sum
             change(&mut set);
             let clock = Instant::now();
             let mut ocp = sliding_ocp(&set);
-            let Ok(r) = ocp.solve(&mut Control::default()) else { continue };
-            let wall_s = clock.elapsed().as_secs_f64();
             s.runs += 1;
+            let r = match ocp.solve(&mut Control::default()) {
+                Ok(r) => r,
+                Err(e) => {
+                    c.say(&format!("{}, n_s {n_s}, n_fe {n_fe}: {e}", label.join(", ")));
+                    continue;
+                }
+            };
+            let wall_s = clock.elapsed().as_secs_f64();
             s.solved += usize::from(r.outcome == Outcome::Solved);
             s.polished += usize::from(r.polish == switchback::mpcc::Polish::Done);
             s.iterations.push(r.stats.iterations);
