@@ -265,6 +265,23 @@ fn a_solution_one_stage_later_is_a_guess() {
     assert!(next.stats.iterations <= r.stats.iterations);
 }
 
+/// Starts are independent: the results are the same to the last bit on any number of threads, and the best one stays.
+#[test]
+fn several_starts_on_any_number_of_threads() {
+    let set = settings(RadauIia, 2, 2, FESD);
+    let starts: Vec<Vec<f64>> = [-4.0, 0.0, 3.0].iter().map(|u| vec![*u; 12]).collect();
+    let mut o = sliding_ocp(&set);
+    let (best, one) = o.solve_starts(&starts, 1).unwrap();
+    assert_eq!(o.result().unwrap().cost, one[best].cost);
+    assert!(one.iter().all(|r| r.outcome != Outcome::Solved || r.cost >= one[best].cost));
+    let (again, three) = sliding_ocp(&set).solve_starts(&starts, 3).unwrap();
+    assert_eq!(best, again);
+    for (a, b) in one.iter().zip(&three) {
+        assert_eq!((a.cost.to_bits(), &a.controls), (b.cost.to_bits(), &b.controls));
+    }
+    assert!(o.solve_starts(&[], 2).is_err() && o.solve_starts(&[vec![0.0]], 2).is_err());
+}
+
 #[test]
 fn what_makes_no_sense_is_refused() {
     let mut o = rest_to_rest(2, &settings(RadauIia, 2, 1, FESD));

@@ -18,6 +18,7 @@ mod neighbours;
 mod sensitivity;
 mod solve;
 mod squares;
+mod starts;
 mod statement;
 mod terms;
 
