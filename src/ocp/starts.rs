@@ -46,7 +46,7 @@ impl Ocp {
         let order = |a: &usize, b: &usize| value(&results[*a]).total_cmp(&value(&results[*b])).then(a.cmp(b));
         let best = (0..results.len()).min_by(order).unwrap_or(0);
         if let Some(p) = problems[best].take() {
-            let own = std::mem::replace(&mut self.u_guess, None);
+            let own = self.u_guess.take();
             *self = p;
             self.u_guess = own;
         }
