@@ -14,13 +14,15 @@
 //! - in the branch problem equilibration is the linear `h_n = h_{n−1}`, and the end of a sliding mode is
 //!   `θ = 0` at the boundary, which the complementarity conditions alone leave open by `O(h)`.
 //!
-//! `layout` numbers variables and rows, `problem` evaluates the model, `assemble` writes rows and derivatives, `branch`
-//! the bounds, `restart` starting points behind a switch, `trajectory` reads solutions. This layer does not
-//! know the solver.
+//! `layout` numbers variables and rows, `calls` says where the inputs of model functions come from, `problem` evaluates the
+//! model, `assemble` and `hessian` write rows and derivatives, `branch` the bounds, `restart` starting points behind a
+//! switch, `trajectory` reads solutions. This layer does not know the solver.
 
 mod assemble;
 mod branch;
+mod calls;
 mod eta;
+mod hessian;
 mod layout;
 mod problem;
 mod restart;

@@ -4,6 +4,8 @@
 
 use super::assemble::{slope_weights, Recorder, Writer};
 use super::branch::Exit;
+use super::calls::Builder;
+pub(super) use super::calls::Call;
 use super::eta;
 use super::layout::{Durations, ElementIndex, Layout, PathAt, Spec};
 use crate::error::{finite, Error, Result};
@@ -13,19 +15,6 @@ use crate::nlp::Nlp;
 use crate::settings::StepEquilibration;
 use crate::system::SharedFunction;
 use crate::tableau::Tableau;
-
-/// A function at a point of the grid, and where its values lie in the cache.
-#[derive(Debug, Clone, Copy)]
-pub(super) struct Call {
-    pub(super) f: usize,
-    /// Where its inputs begin in [`Fesd::inputs`].
-    pub(super) inputs: usize,
-    pub(super) val: usize,
-    pub(super) jac: usize,
-    pub(super) hess: usize,
-    /// Weights of the Hessian.
-    pub(super) wgt: usize,
-}
 
 /// Calls of one element.
 #[derive(Debug, Clone, Default)]
@@ -611,78 +600,6 @@ impl Reference {
 
 /// First guess of the multipliers `λ`.
 const LAMBDA_GUESS: f64 = 0.5;
-
-/// Collects functions, points and calls.
-struct Builder<'a> {
-    spec: &'a Spec,
-    l: &'a Layout,
-    functions: Vec<SharedFunction>,
-    calls: Vec<Call>,
-    inputs: Vec<u32>,
-    /// Lengths of values, Jacobians, Hessians, weights.
-    sizes: [usize; 4],
-}
-
-impl<'a> Builder<'a> {
-    fn new(spec: &'a Spec, l: &'a Layout) -> Builder<'a> {
-        Builder { spec, l, functions: Vec::new(), calls: Vec::new(), inputs: Vec::new(), sizes: [0; 4] }
-    }
-
-    /// The inputs of functions where the states begin at variable `x`, in a stage.
-    fn point(&mut self, x: usize, stage: usize) -> usize {
-        let at = self.inputs.len();
-        self.states(x);
-        self.others(x, stage);
-        at
-    }
-
-    /// The inputs of functions that see more variables behind the states.
-    fn point_with(&mut self, x: usize, more: impl Iterator<Item = usize>, stage: usize) -> usize {
-        let at = self.inputs.len();
-        self.states(x);
-        self.inputs.extend(more.map(|j| j as u32));
-        self.others(x, stage);
-        at
-    }
-
-    /// The inputs of functions of both ends.
-    fn ends(&mut self, x0: usize, x: usize, stage: usize) -> usize {
-        let at = self.inputs.len();
-        self.states(x0);
-        self.states(x);
-        self.others(x, stage);
-        at
-    }
-
-    fn states(&mut self, x: usize) {
-        let nx = self.spec.dcs.dims().x;
-        self.inputs.extend((x..x + nx).map(|j| j as u32));
-    }
-
-    fn others(&mut self, x: usize, stage: usize) {
-        let (l, np) = (self.l, self.spec.dcs.dims().p);
-        let constant = |k: usize| l.n + k;
-        let u = l.linear.iter().enumerate().map(|(j, r)| r.map_or(l.u[stage] + j, |r| x + r));
-        let p = l.params.iter().enumerate().map(|(j, v)| v.unwrap_or(constant(stage * np + j)));
-        let t = self.spec.dcs.clock().map_or(constant(self.spec.n_stages() * np), |k| x + k);
-        self.inputs.extend(u.chain(p).chain([t]).map(|j| j as u32));
-    }
-
-    fn call(&mut self, f: &SharedFunction, inputs: usize) -> Call {
-        let index = self.functions.iter().position(|g| std::sync::Arc::ptr_eq(f, g)).unwrap_or_else(|| {
-            self.functions.push(f.clone());
-            self.functions.len() - 1
-        });
-        let [val, jac, hess, wgt] = self.sizes;
-        let c = Call { f: index, inputs, val, jac, hess, wgt };
-        let add = [f.n_out(), f.jac_pattern().nnz(), f.hess_pattern().nnz(), f.n_out()];
-        for (s, a) in self.sizes.iter_mut().zip(add) {
-            *s += a;
-        }
-        self.calls.push(c);
-        c
-    }
-}
 
 impl Nlp for Fesd {
     fn n(&self) -> usize {
