@@ -10,6 +10,8 @@
 //! derivative of the constraints, `C (b + D α) + c_t = 0` (6.17): a function of time and state, so switches that end a
 //! sliding mode are located on it as accurately as the state is known.
 
+mod derivatives;
+
 use super::lu::Lu;
 use crate::dcs::{Cell, Dcs, Drift};
 use crate::func::{Dims, EvalError, EvalResult, Function, Point};
@@ -545,138 +547,9 @@ impl Field {
         base
     }
 
-    /// Gradient of the weight of an active cell with respect to `x`, `p`, `u`, `t`, by differentiating
-    /// `C (b + D α) + c_t = 0`; the velocity is `b + D α`, `jac` has room for `nx × n_z` values.
-    pub(super) fn theta_gradient(
-        &mut self,
-        cell: usize,
-        (t, x, velocity): (f64, &[f64], &[f64]),
-        jac: &mut [f64],
-        out: &mut [f64],
-    ) -> EvalResult {
-        self.hidden(t, x)?;
-        let (r, nx, n_z) = (self.pairs.len(), self.nx, self.n_z);
-        let alpha = std::mem::take(&mut self.alpha);
-        let jacobian = self.jacobian(t, x, &alpha, jac);
-        self.alpha = alpha;
-        jacobian?;
-        // θ is α_e, or 1 − Σ α of the subsystem
-        let k = self.owner[cell];
-        let base = self.active[k][0] == cell;
-        for (v, p) in self.room.iter_mut().zip(&self.pairs) {
-            *v = if p.cell == cell {
-                1.0
-            } else if base && p.sub == k {
-                -1.0
-            } else {
-                0.0
-            };
-        }
-        self.lu.solve_transposed(&mut self.room[..r]);
-        out.fill(0.0);
-        for i in 0..r {
-            let y = self.room[i];
-            for (a, c) in self.c[i * n_z..i * n_z + nx].iter().enumerate() {
-                for (o, j) in out.iter_mut().zip(&jac[a * n_z..(a + 1) * n_z]) {
-                    *o -= y * c * j;
-                }
-            }
-        }
-        self.curvature(t, x, velocity, out)
-    }
-
-    /// Subtracts `Σ_i y_i ∂/∂z (∇c_i · v + c_i,t)` for fixed `v` from `out`; `y` is in the room of the constraints.
-    fn curvature(&mut self, t: f64, x: &[f64], velocity: &[f64], out: &mut [f64]) -> EvalResult {
-        let nx = self.nx;
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        let column = Columns { nx, nu: self.u.len(), np: self.p.len() };
-        let t_col = self.n_z - 1;
-        for (k, s) in self.subs.iter().enumerate() {
-            let p = s.indicators.hess_pattern();
-            if p.nnz() == 0 || self.active[k].len() < 2 {
-                continue;
-            }
-            self.q_weights[..s.n_q].fill(0.0);
-            for (i, e) in self.pairs.iter().enumerate().filter(|(_, e)| e.sub == k) {
-                let (w, w0) = (&s.cells[e.cell - s.first].weights, &s.cells[e.base - s.first].weights);
-                for (q, (w, w0)) in self.q_weights.iter_mut().zip(w.iter().zip(w0)) {
-                    *q += self.room[i] * self.unit[i] * (w - w0);
-                }
-            }
-            s.indicators.hessian(&at, &self.q_weights[..s.n_q], &mut self.buffer[..p.nnz()], &mut self.work)?;
-            let direction = |z: usize| match z {
-                z if z < nx => velocity[z],
-                z if z == t_col => 1.0,
-                _ => 0.0,
-            };
-            for col in 0..p.n_cols() {
-                let to = column.of(col);
-                for e in p.range(col) {
-                    let row = column.of(p.row_idx()[e]);
-                    out[row] -= self.buffer[e] * direction(to);
-                    if row != to {
-                        out[to] -= self.buffer[e] * direction(row);
-                    }
-                }
-            }
-        }
-        Ok(())
-    }
-
     /// Are the gradients of the indicators the same everywhere?
     pub(super) fn constant_gradients(&self) -> bool {
         self.dq_constant
-    }
-
-    /// Jacobian of `b + D α` for fixed `α`, row-major `nx × n_z` with the columns `x`, `p`, `u`, `t`.
-    pub(super) fn jacobian(&mut self, t: f64, x: &[f64], alpha: &[f64], out: &mut [f64]) -> EvalResult {
-        self.counts.jacobians += 1;
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        let column = Columns { nx: self.nx, nu: self.u.len(), np: self.p.len() };
-        let n_z = self.n_z;
-        out.fill(0.0);
-        for d in &self.drifts {
-            let p = d.f.jac_pattern();
-            d.f.jacobian(&at, &mut self.buffer[..p.nnz()], &mut self.work)?;
-            for col in 0..p.n_cols() {
-                let to = column.of(col);
-                for k in p.range(col) {
-                    out[d.rows[p.row_idx()[k]] * n_z + to] += self.buffer[k];
-                }
-            }
-        }
-        for (k, s) in self.subs.iter().enumerate() {
-            let nr = s.rows.len();
-            let p = s.modes.jac_pattern();
-            if p.nnz() == 0 {
-                continue;
-            }
-            for &cell in &self.active[k] {
-                let mut weight = 1.0;
-                for (i, a) in self.pairs.iter().enumerate().filter(|(_, a)| a.sub == k) {
-                    if a.cell == cell {
-                        weight = alpha[i];
-                        break;
-                    }
-                    if cell == a.base {
-                        weight -= alpha[i];
-                    }
-                }
-                let mode = s.cells[cell - s.first].mode;
-                let rows = mode * nr..(mode + 1) * nr;
-                s.modes.jacobian_rows(&at, rows.clone(), &mut self.buffer[..p.nnz()], &mut self.work)?;
-                for col in 0..p.n_cols() {
-                    let to = column.of(col);
-                    for e in p.range(col) {
-                        let row = p.row_idx()[e];
-                        if rows.contains(&row) {
-                            out[s.rows[row - rows.start] * n_z + to] += weight * self.buffer[e];
-                        }
-                    }
-                }
-            }
-        }
-        Ok(())
     }
 }
 
