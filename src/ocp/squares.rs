@@ -202,11 +202,14 @@ mod tests {
     #[test]
     fn squares_with_a_diagonal_and_with_a_matrix() {
         let d = Dims { x: 2, u: 1, p: 3 };
-        let inner: SharedFunction = Arc::new(Callback::new("r", Dims { x: 2, u: 1, p: 1 }, 2, |at, o| {
+        let r = Callback::new("r", Dims { x: 2, u: 1, p: 1 }, 2, |at, o| {
             o[0] = at.x[0] * at.x[1] + at.u[0] * at.p[0];
             o[1] = at.x[1].sin() * at.u[0];
             0
-        }));
+        });
+        // the parameter too: without a pattern it counts as no input
+        let pattern = Pattern::new(2, 5, vec![0, 1, 3, 5, 6, 6], vec![0, 0, 1, 0, 1, 0]).unwrap();
+        let inner: SharedFunction = Arc::new(r.with_jacobian_pattern(pattern).unwrap());
         let at = Point { t: 0.3, x: &[0.2, 0.7], u: &[-0.5], p: &[0.4, 1.0, -0.3] };
         for w in [&[1.0, 0.5][..], &[2.0, 0.3, 0.3, 1.0]] {
             let f = Squares::of(&inner, d, d.x + d.u + 1, w).unwrap();
