@@ -37,7 +37,7 @@ def test_copies():
 def test_options():
     o = swb.options()["n_s"]
     assert o.kind == "int" and o.default == swb.Settings().n_s and o.min >= 1 and o.doc and not o.values
-    assert swb.options()["cross"].values == ("element", "stage", "full")
+    assert swb.options()["cross"].values == ("element", "stage", "full", "point")
     assert all(o.default == getattr(swb.Settings(), o.name) for o in swb.options().values())
 
 
