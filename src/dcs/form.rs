@@ -11,7 +11,7 @@ use std::ops::Range;
 use super::Stewart;
 use crate::error::Result;
 use crate::settings::{DcsForm, Settings};
-use crate::system::{Inclusion, Regions, SharedFunction, Subsystem};
+use crate::system::{heaviside_is_smaller, Inclusion, Regions, SharedFunction, Subsystem};
 
 /// How a system is brought into a form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -223,7 +223,7 @@ fn wants_heaviside(s: &Subsystem, st: &Stewart, signs: &[i8], options: FormOptio
             if let Regions::Signs { psi, .. } = &s.regions {
                 trial.add_heaviside(s, st, psi, signs, options.depth);
             }
-            2 * n_psi < st.cells.len() && trial.n_weights() + 2 * n_psi <= 2 * st.cells.len() + 1
+            heaviside_is_smaller(n_psi, st.cells.len(), trial.products.len())
         }
     }
 }

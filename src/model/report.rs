@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::system::heaviside_is_smaller;
+
 /// Weight of a remark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum NoteKind {
@@ -80,14 +82,13 @@ impl Group {
         Counts { modes: n_f, algebraic: n_f + 3 * n_psi + n_beta, pairs: 2 * n_psi, equations: n_psi + n_beta + n_f }
     }
 
-    /// Is the Heaviside form the smaller one, which is taken unless told otherwise? It has fewer pairs, and its variables
-    /// (two weights and two multipliers per switching function, and the products) are not more than those of Stewart's.
+    /// Is the Heaviside form the smaller one, which is taken unless told otherwise?
     pub fn prefers_heaviside(&self) -> bool {
         let n_psi = self.switching_functions.len();
         let factors = |row: &[i8]| row.iter().filter(|s| **s != 0).count();
         let of_modes = self.signs.chunks_exact(n_psi.max(1)).filter(|row| factors(row) > 1).count();
         let products = of_modes + n_lifted(&self.signs, n_psi, 2);
-        2 * n_psi < self.n_cells && 4 * n_psi + products <= self.stewart().algebraic
+        heaviside_is_smaller(n_psi, self.n_cells, products)
     }
 
     /// Sizes in the form that is taken unless told otherwise.

@@ -55,6 +55,12 @@ pub struct Inclusion {
     pub psi: SharedFunction,
 }
 
+/// Is the Heaviside form of a subsystem smaller than Stewart's? It has fewer pairs, and its variables (two weights and two
+/// multipliers per switching function, and the products of weights) are not more than `θ`, `λ` and `μ`.
+pub(crate) fn heaviside_is_smaller(n_psi: usize, n_cells: usize, n_products: usize) -> bool {
+    2 * n_psi < n_cells && 4 * n_psi + n_products <= 2 * n_cells + 1
+}
+
 /// A piecewise smooth system.
 #[derive(Clone)]
 pub struct System {
