@@ -146,6 +146,90 @@ static void optimal_control() {
     CHECK(std::abs(s.cost.at(0) + 1.0) < 1e-6 && std::abs(s.controls.at(3) + 0.5) < 1e-6 && !s.one_sided);
 }
 
+// x' = u and x' = p: what is asked for decides, the answers are known.
+static void terms_of_optimal_control() {
+    const swb::Sizes sizes{1, 1, 0};
+    swb::Function f0("f0", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.u[0]; });
+    swb::Function effort("L", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.u[0] * at.u[0]; });
+    swb::Function rate("time and effort", sizes, 1,
+                       [](const swb_point &at, double *out) { out[0] = 1 + at.u[0] * at.u[0]; });
+    swb::Function state("x", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[0]; });
+    swb::System system(sizes);
+    system.f0(f0);
+
+    swb::Ocp fastest(system, 3.0, 3);
+    fastest.lagrange(rate);
+    fastest.initial_state({0.0});
+    fastest.terminal(state, {1.0}, {1.0});
+    fastest.free_time(SWB_FREE_TIME_HORIZON, 0.1, 10.0);
+    CHECK(fastest.solve() == SWB_OUTCOME_SOLVED && std::abs(fastest.cost() - 2.0) < 1e-8);
+    CHECK(std::abs(fastest.durations()[1] - 1.0 / 3) < 1e-6 && fastest.accuracy().terminal < 1e-9);
+
+    swb::Ocp stages(system, 3.0, 2);
+    stages.lagrange(rate);
+    stages.initial_state({0.0});
+    stages.terminal(state, {1.0}, {1.0});
+    stages.free_time(SWB_FREE_TIME_STAGES, 0.1, 10.0);
+    stages.horizon(2.0, 4.0);
+    stages.durations({0.5, 2.0});
+    stages.elements({1, 3});
+    CHECK(stages.solve() == SWB_OUTCOME_SOLVED && std::abs(stages.cost() - 2.5) < 1e-8);
+
+    swb::Ocp weak(system, 2.0, 4);
+    weak.lagrange(effort);
+    weak.initial_state({0.0});
+    weak.control_bounds({-0.25}, {0.25});
+    weak.relaxed_terminal(state, {1.0}, {1.0}, SWB_NORM_L1, 10.0);
+    CHECK(weak.solve() == SWB_OUTCOME_SOLVED && std::abs(weak.cost() - 0.125) < 1e-8);
+    CHECK(std::abs(weak.violation() - 0.5) < 1e-7 && weak.mismatch().size() == 4);
+    weak.relaxed_path(state, {-1.0}, {0.3}, SWB_NORM_LINF, 100.0, SWB_PATH_AT_ELEMENTS);
+    CHECK(weak.solve() == SWB_OUTCOME_SOLVED && std::abs(weak.violation() - 0.7) < 1e-6);
+
+    // a ramp that the linear control follows, then another one
+    swb::Ocp ramp(system, 2.0, 4);
+    ramp.initial_state({0.0});
+    ramp.linear_controls({1});
+    ramp.least_squares(state, {1.0}, {0.25, 0.5, 0.75, 1.0}, SWB_COST_AT_CONTROL_GRID);
+    ramp.least_squares(effort, {1e-4}, {0.25});
+    CHECK(ramp.solve() == SWB_OUTCOME_SOLVED && ramp.cost() < 1e-10);
+    for (double u : ramp.control_ends())
+        CHECK(std::abs(u - 0.5) < 1e-4);
+    ramp.references(0, {0.3, 0.6, 0.9, 1.2});
+    ramp.references(1, {0.36});
+    CHECK(ramp.solve_warm() == SWB_OUTCOME_SOLVED && std::abs(ramp.controls()[0] - 0.6) < 1e-4);
+    ramp.shift();
+    CHECK(ramp.solve() == SWB_OUTCOME_SOLVED);
+    CHECK(status_of([&] { ramp.references(7, {0.0}); }) == SWB_ERR_RANGE);
+
+    // round trip: the mean is free, the ends are equal
+    swb::Ocp loop(system, 1.0, 2);
+    swb::Function both("half way", {2, 1, 0}, 1, [](const swb_point &at, double *out) { out[0] = at.x[0] + at.x[1]; });
+    loop.lagrange(effort);
+    loop.periodic({0});
+    loop.boundary(both, {3.0}, {3.0});
+    CHECK(loop.solve() == SWB_OUTCOME_SOLVED && loop.cost() < 1e-10);
+    CHECK(std::abs(loop.trajectory().at({0.0})[0] - 1.5) < 1e-7);
+}
+
+static void parameters_of_optimal_control() {
+    const swb::Sizes sizes{1, 0, 1};
+    swb::Function slope("p", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.p[0]; });
+    slope.jacobian({{0, 0, 1, 1}, {0}}, [](const swb_point &, double *out) { out[0] = 1.0; });
+    swb::Function state("x", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[0]; });
+    swb::System system(sizes);
+    system.f0(slope);
+    swb::Ocp fit(system, 2.0, 2);
+    fit.initial_state({0.0});
+    fit.param_bounds({0.0}, {5.0});
+    fit.least_squares(state, {1.0}, {0.7, 1.4}, SWB_COST_AT_CONTROL_GRID);
+    CHECK(fit.solve() == SWB_OUTCOME_SOLVED && std::abs(fit.params()[0] - 0.7) < 1e-7);
+    swb::Ocp given(system, 2.0, 2);
+    given.initial_state({0.0});
+    given.stage_params({1.0, 3.0});
+    CHECK(given.solve() == SWB_OUTCOME_SOLVED && std::abs(given.accuracy().terminal) < 1e-9);
+    CHECK(std::abs(given.trajectory().at({2.0})[0] - 4.0) < 1e-9);
+}
+
 static void programs() {
     swb::Function f("f", {2, 0, 0}, 1, [](const swb_point &at, double *out) {
         out[0] = (at.x[0] - 1) * (at.x[0] - 1) + at.x[1] * at.x[1];
@@ -249,6 +333,8 @@ int main() {
     events();
     exceptions();
     optimal_control();
+    terms_of_optimal_control();
+    parameters_of_optimal_control();
     programs();
     return failures ? 1 : 0;
 }

@@ -753,9 +753,9 @@ public:
         swb_ocp *o = nullptr;
         detail::check(swb_ocp_create(system.get(), horizon, n_stages, &settings, &o));
         owner_.reset(o);
-        int64_t nx = 0, np = 0;
-        detail::check(swb_system_sizes(system.get(), &nx, &nu_, &np, nullptr));
-        n_data_ = nx + np;
+        int64_t nx = 0;
+        detail::check(swb_system_sizes(system.get(), &nx, &nu_, &np_, nullptr));
+        n_data_ = nx + np_;
     }
     void lagrange(const Function &f) { detail::check(swb_ocp_set_lagrange(get(), f.get())); }
     void mayer(const Function &f) { detail::check(swb_ocp_set_mayer(get(), f.get())); }
@@ -777,6 +777,55 @@ public:
     void initial_state(View x0) { detail::check(swb_ocp_set_initial_state(get(), x0.data(), x0.length())); }
     void initial_time(double t0) { detail::check(swb_ocp_set_initial_time(get(), t0)); }
     void params(View p) { detail::check(swb_ocp_set_params(get(), p.data(), p.length())); }
+    /// Parameters that change from stage to stage, those of one stage together.
+    void stage_params(View p) { detail::check(swb_ocp_set_stage_params(get(), p.data(), p.length())); }
+    /// Parameters with a lower bound below the upper one become variables.
+    void param_bounds(View lower, View upper) {
+        detail::check(swb_ocp_set_param_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
+    }
+    /// A constraint between both ends of the horizon: `f` takes the initial state, then the final one.
+    void boundary(const Function &f, View lower, View upper) {
+        detail::check(swb_ocp_add_boundary(get(), f.get(), lower.data(), lower.length(), upper.data(), upper.length()));
+    }
+    /// States with the same values at both ends.
+    void periodic(const std::vector<int64_t> &states) {
+        detail::check(swb_ocp_add_periodic(get(), states.data(), static_cast<int64_t>(states.size())));
+    }
+    /// A constraint along the horizon that may be violated at a price.
+    void relaxed_path(const Function &f, View lower, View upper, swb_norm norm, double weight,
+                      swb_path_at at = SWB_PATH_AT_CONTROL_GRID) {
+        relaxed(f, lower, upper, at, norm, weight);
+    }
+    /// A constraint at the end of the horizon that may be violated at a price.
+    void relaxed_terminal(const Function &f, View lower, View upper, swb_norm norm, double weight) {
+        relaxed(f, lower, upper, -1, norm, weight);
+    }
+    /// Adds (f - y)' W (f - y) to the cost; `weights` is the diagonal of W or all of it, `references` one y or one for
+    /// every stage.
+    void least_squares(const Function &f, View weights, View references, swb_cost_at at = SWB_COST_AT_RUNNING) {
+        detail::check(swb_ocp_add_least_squares(get(), f.get(), weights.data(), weights.length(), references.data(),
+                                                references.length(), at));
+    }
+    /// Other references of a least-squares term, in the order they were added.
+    void references(int64_t term, View values) {
+        detail::check(swb_ocp_set_references(get(), term, values.data(), values.length()));
+    }
+    /// Finite elements of every stage.
+    void elements(const std::vector<int64_t> &n_fe) {
+        detail::check(swb_ocp_set_elements(get(), n_fe.data(), static_cast<int64_t>(n_fe.size())));
+    }
+    /// Lengths of the stages; where they are free, those to start from.
+    void durations(View d) { detail::check(swb_ocp_set_durations(get(), d.data(), d.length())); }
+    /// Lets the optimiser choose the length of the horizon, or that of every stage.
+    void free_time(swb_free_time what, double lower, double upper) {
+        detail::check(swb_ocp_set_free_time(get(), what, lower, upper));
+    }
+    /// Bounds the length of the horizon where those of the stages are free.
+    void horizon(double lower, double upper) { detail::check(swb_ocp_add_horizon(get(), lower, upper)); }
+    /// Controls that are continuous and linear on every stage.
+    void linear_controls(const std::vector<int32_t> &linear) {
+        detail::check(swb_ocp_set_linear_controls(get(), linear.data(), static_cast<int64_t>(linear.size())));
+    }
     void state_guess(View times, View x) {
         detail::check(swb_ocp_set_state_guess(get(), times.data(), times.length(), x.data(), x.length()));
     }
@@ -786,6 +835,14 @@ public:
         detail::check(swb_ocp_solve(get(), &o));
         return static_cast<swb_outcome>(o);
     }
+    /// From the last solution: after small changes its active set is tried first.
+    swb_outcome solve_warm() {
+        int32_t o = 0;
+        detail::check(swb_ocp_solve_warm(get(), &o));
+        return static_cast<swb_outcome>(o);
+    }
+    /// Makes the last solution, one stage later, the guess of the next solve.
+    void shift() { detail::check(swb_ocp_shift(get())); }
     /// The problem as a document, for bug reports and replay.
     std::string to_json() const {
         return detail::text([&](char *b, int64_t n, int64_t *needed) { return swb_ocp_to_json(get(), b, n, needed); });
@@ -795,12 +852,28 @@ public:
         detail::check(swb_ocp_get_cost(get(), &c));
         return c;
     }
-    /// The controls of one stage together.
-    Vector controls() const {
-        Vector u(static_cast<std::size_t>(n_stages_ * nu_));
-        detail::check(swb_ocp_get_controls(get(), u.data(), static_cast<int64_t>(u.size())));
-        return u;
+    /// The controls of one stage together; where they are linear, at the start of the stages.
+    Vector controls() const { return array(swb_ocp_get_controls, n_stages_ * nu_); }
+    /// Controls at the ends of the stages: others than at their starts where they are linear.
+    Vector control_ends() const { return array(swb_ocp_get_control_ends, n_stages_ * nu_); }
+    /// Lengths of the stages as they were found.
+    Vector durations() const { return array(swb_ocp_get_durations, n_stages_); }
+    /// Parameters, those that were free as they were found.
+    Vector params() const { return array(swb_ocp_get_params, np_); }
+    /// Largest violation of a relaxed constraint.
+    double violation() const {
+        double v = 0;
+        detail::check(swb_ocp_get_violation(get(), &v));
+        return v;
     }
+    /// The solution beside a simulation of its controls.
+    swb_accuracy accuracy() const {
+        swb_accuracy a{};
+        detail::check(swb_ocp_get_accuracy(get(), &a, sizeof a));
+        return a;
+    }
+    /// Largest difference of a state from the simulation at the end of every stage.
+    Vector mismatch() const { return array(swb_ocp_get_mismatch, n_stages_); }
     /// Derivatives of cost and controls with respect to the data: initial state, then parameters; the controls of one
     /// datum together.
     struct Sensitivity {
@@ -827,7 +900,18 @@ public:
     }
 
 private:
-    int64_t n_stages_ = 0, nu_ = 0, n_data_ = 0;
+    void relaxed(const Function &f, View lower, View upper, int32_t at, swb_norm norm, double weight) {
+        detail::check(swb_ocp_add_relaxed(get(), f.get(), lower.data(), lower.length(), upper.data(), upper.length(), at,
+                                          norm, weight));
+    }
+    template <class Call>
+    Vector array(Call call, int64_t n) const {
+        Vector out(static_cast<std::size_t>(n));
+        detail::check(call(get(), out.data(), n));
+        return out;
+    }
+
+    int64_t n_stages_ = 0, nu_ = 0, np_ = 0, n_data_ = 0;
 };
 
 /// A member of a complementarity pair.
