@@ -54,6 +54,19 @@ def test_constraints():
     assert r.trajectory.control_stages.tolist() == sorted(r.trajectory.control_stages.tolist())
 
 
+def test_models_are_systems():
+    m = swb.Model(states="x", controls="u")
+    m.derivatives = [m.u[0]]
+    u = m.u[0]
+    results = [
+        swb.Ocp(s, 2.0, 2, lagrange=m.function([u * u]), initial_state=[1.0], control_bounds=(-1, 1), n_fe=1).solve()
+        for s in (m, m.system())
+    ]
+    assert results[0].success and results[0].cost == results[1].cost == pytest.approx(0.0, abs=1e-12)
+    assert results[0].accuracy.reached is True
+    assert swb.simulate_fesd(m, [1.0], 1.0, 2, u=[0.5]).state[0] == pytest.approx(1.5, abs=1e-12)
+
+
 def test_sensitivity():
     ocp = constrained()
     with pytest.raises(swb.StateError):

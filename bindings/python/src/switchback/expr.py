@@ -644,3 +644,12 @@ class Model:
 
     def __repr__(self) -> str:
         return f"<Model '{self.name}': {self.nx} states, {self.nu} controls, {self.np} parameters>"
+
+
+def system_of(system: System | Model) -> System:
+    """A system, or that of a model."""
+    if isinstance(system, Model):
+        return system.system()
+    if not isinstance(system, System):
+        raise ArgumentError(f"system must be a System or a Model, not {type(system).__name__}")
+    return system

@@ -16,7 +16,7 @@ from ._ffi import EventKind, ProgressKind, RunOutcome
 from ._library import lib
 from ._solver import OnLog, _log_callback
 from .errors import ArgumentError, DimensionError, RangeError
-from .expr import Model
+from .expr import Model, system_of
 from .settings import HasSettings, Settings
 from .system import System
 
@@ -189,14 +189,6 @@ def _decide_callback(f: OnBranching | None, n_modes: Sequence[int]) -> Any:
             return -1
 
     return _ffi.swb_decide_fn(decide)
-
-
-def _system_of(system: Any) -> System:
-    if isinstance(system, Model):
-        return system.system()
-    if not isinstance(system, System):
-        raise ArgumentError(f"system must be a System or a Model, not {type(system).__name__}")
-    return system
 
 
 def _span(t_span: Any) -> tuple[float, float]:
@@ -407,7 +399,7 @@ class Integrator(Handle, HasSettings):
         on_log: OnLog | None = None,
         **options: Any,
     ):
-        self.system = _system_of(system)
+        self.system = system_of(system)
         self.nx, self.nu, self.np = self.system.nx, self.system.nu, self.system.np
         chosen, tolerances = _chosen(settings, {"rtol": rtol, "atol": atol, "method": method}, options)
         self._create(self.system, ctypes.byref(chosen._c))
@@ -699,7 +691,7 @@ def simulate_batch(
     `u` and `p` are one row for all runs, or one for each. The results are those of single runs to the last bit,
     whatever the number of threads. Functions written in Python are called by one thread only.
     """
-    s = _system_of(system)
+    s = system_of(system)
     starts = table(x0, None, s.nx, "x0")
     if len(starts) == 0:
         raise DimensionError("x0 has no rows")

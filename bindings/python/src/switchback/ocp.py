@@ -15,10 +15,10 @@ from ._ffi import Outcome, PathAt, Polished, swb_accuracy
 from ._library import lib
 from ._ocp_terms import OcpTerms, choice
 from .errors import ArgumentError, DimensionError, StateError
+from .expr import Model, system_of
 from .function import Function
 from .results import Accuracy, HasOutcome, OnIteration, OnLog, Residuals, Stats, polished_of
 from .settings import Settings
-from .simulator import _need_system
 from .system import System
 from .trajectory import Trajectory
 
@@ -80,7 +80,7 @@ class Ocp(OcpTerms):
 
     def __init__(
         self,
-        system: System,
+        system: System | Model,
         horizon: float,
         n_stages: int,
         settings: Settings | Mapping[str, Any] | None = None,
@@ -97,7 +97,7 @@ class Ocp(OcpTerms):
         on_log: OnLog | None = None,
         **options: Any,
     ):
-        _need_system(system)
+        system = system_of(system)
         self.nx, self.nu, self.np = system.nx, system.nu, system.np
         self.horizon, self.n_stages = number(horizon, "horizon"), index(n_stages, "n_stages")
         self.initial_time = 0.0

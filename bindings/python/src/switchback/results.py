@@ -64,6 +64,11 @@ class Accuracy(_FromStruct):
     cost: float
     cost_error: float
 
+    @classmethod
+    def _of(cls, c: Any) -> Accuracy:
+        values = {f.name: getattr(c, f.name) for f in fields(cls)}
+        return cls(**{**values, "reached": bool(c.reached)})
+
 
 @dataclass(frozen=True)
 class LinearStats(_FromStruct):

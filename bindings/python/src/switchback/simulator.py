@@ -14,7 +14,7 @@ from ._document import Reader
 from ._ffi import Outcome
 from ._library import lib
 from ._solver import Solver
-from .errors import ArgumentError
+from .expr import Model, system_of
 from .function import Function
 from .results import HasOutcome, OnIteration, OnLog, Residuals, Stats
 from .settings import Settings
@@ -34,14 +34,14 @@ class Simulator(Solver):
 
     def __init__(
         self,
-        system: System,
+        system: System | Model,
         settings: Settings | Mapping[str, Any] | None = None,
         *,
         on_iteration: OnIteration | None = None,
         on_log: OnLog | None = None,
         **options: Any,
     ):
-        _need_system(system)
+        system = system_of(system)
         self.nx, self.nu, self.np = system.nx, system.nu, system.np
         chosen = Settings._from(settings, options)
         self._create(system, ctypes.byref(chosen._c))
@@ -137,7 +137,7 @@ class SimulationResult(HasOutcome):
 
 
 def simulate_fesd(
-    system: System,
+    system: System | Model,
     x0: Any,
     duration: float,
     n_steps: int,
@@ -179,8 +179,3 @@ def simulate_fesd(
         return SimulationResult(
             outcome, sim.time, sim.state, sim.trajectory, sim.residuals, sim.stats, controls, control_times
         )
-
-
-def _need_system(system: Any) -> None:
-    if not isinstance(system, System):
-        raise ArgumentError(f"system must be a System, not {type(system).__name__}")
