@@ -2421,8 +2421,8 @@ typedef struct swb_progress {
 typedef int32_t (*swb_progress_fn)(const struct swb_progress *info, void *user_data);
 
 /**
- * Comparison of an optimal control with a simulation of its controls by the event-driven engine. NaN from where the
- * simulation did not get.
+ * Comparison of an optimal control with a simulation of its controls: by the event-driven engine, or by finite elements of
+ * another order where there are inclusions or algebraic equations. NaN from where the simulation did not get.
  */
 typedef struct swb_accuracy {
     /**

@@ -552,3 +552,27 @@ fn too_few_steps_and_blow_up_end_with_a_reason() {
     assert_eq!(r.outcome, Outcome::StepTooSmall, "{}", r.reason);
     assert!((r.t - 1.0).abs() < 1e-6 && r.reason.contains("shorter than rounding"), "{}", r.reason);
 }
+
+/// A block comes to rest under friction a few rounding errors before the run is to stop, and the run then goes on.
+#[test]
+fn a_sliding_mode_that_begins_at_the_end() {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let mut s = System::new(2, 0, 0).unwrap();
+    s.set_f0(affine("f0", d, &[0.0; 2], &[(0, 1, 1.0), (1, 0, 0.25)])).unwrap();
+    let modes = affine("friction", d, &[-0.7, 0.7], &[]);
+    let regions = Regions::Signs { psi: affine("v", d, &[0.0], &[(0, 1, 1.0)]), signs: vec![1, -1] };
+    s.add_subsystem(Subsystem { rows: vec![1], modes, n_modes: 2, regions }).unwrap();
+    let options = Options { adjoint: true, sensitivity: true, ..Options::with_tolerance(1e-11, 1e-11) };
+    // (q − 2.8)'' = (q − 2.8)/4 while v > 0
+    let (q, v) = (1.0, 0.4f64);
+    let rest = (v / (0.5 * (2.8 - q))).atanh() * 2.0;
+    for k in -40i32..400 {
+        let stop = rest + f64::from(k) * 1e-15;
+        let mut e = Engine::new(&s, &options).unwrap();
+        e.reinit(0.0, &[q, v]).unwrap();
+        assert_eq!(e.advance(stop).unwrap(), Outcome::Reached, "{k}: {}", e.reason());
+        assert!((e.time() - stop).abs() == 0.0 && e.state()[1].abs() < 1e-10);
+        assert_eq!(e.advance(rest + 1.0).unwrap(), Outcome::Reached, "{k}: {}", e.reason());
+        assert!(e.state()[1].abs() < 1e-10 && e.stats().switches == 1, "{k}: {:?}", e.stats());
+    }
+}

@@ -10,8 +10,8 @@ use crate::error::{Error, Result};
 use crate::event;
 use crate::ocp::{Accuracy, OcpResult};
 
-/// Comparison of an optimal control with a simulation of its controls by the event-driven engine. NaN from where the
-/// simulation did not get.
+/// Comparison of an optimal control with a simulation of its controls: by the event-driven engine, or by finite elements of
+/// another order where there are inclusions or algebraic equations. NaN from where the simulation did not get.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
 pub struct swb_accuracy {

@@ -1,11 +1,16 @@
 //! How far an answer is from the system it is meant for: the controls found are simulated by the event-driven engine,
-//! which shares neither equations nor grid with the discretisation, and the cost is integrated along.
+//! which shares neither equations nor grid with the discretisation, and the cost is integrated along. Systems that the
+//! engine does not know, with inclusions or algebraic equations, are simulated by finite elements of another order on a
+//! finer grid.
 
-use super::extend::rebuild;
-use super::terms::{combination, Places, Stack};
-use crate::error::{Error, Result};
+use super::rewire::Rewire;
+use super::terms::{combination, Stack};
+use crate::error::Result;
 use crate::event::{Engine, Options, Outcome};
 use crate::func::{Dims, Point};
+use crate::nlp::{self, Control};
+use crate::settings::{Discretisation, RkFamily, Settings};
+use crate::sim::Simulator;
 use crate::system::{SharedFunction, System};
 
 /// Steps the simulation may take: an answer that needs more is not worth the wait.
@@ -56,24 +61,117 @@ pub(super) struct Answer<'a> {
     pub terminal: Vec<(&'a SharedFunction, &'a [f64], &'a [f64])>,
 }
 
-/// An engine for the system with its cost as one more state. Linear controls are states too; their place among the
-/// controls is that of their slope.
-pub(super) fn engine(system: &System, lagrange: Option<&SharedFunction>, linear: &[bool], rtol: f64) -> Result<Engine> {
-    if system.n_algebraic() > 0 || !system.inclusions().is_empty() {
-        return Err(Error::Unsupported("event-driven simulation knows neither algebraic states nor inclusions".into()));
-    }
-    let extended = with_cost(system, lagrange, linear)?;
-    Engine::new(&extended, &Options { max_steps: MAX_STEPS, ..Options::with_tolerance(rtol, rtol) })
+/// What simulates answers.
+pub(super) enum Replay {
+    /// The event-driven engine.
+    Events(Box<Engine>),
+    /// For systems that it does not know: more accurate finite elements on a grid of their own.
+    Elements(Box<Elements>),
 }
 
-/// Simulates an answer and compares. `engine` is that of [`engine`].
-pub(super) fn measure(engine: &mut Engine, answer: &Answer) -> Result<Accuracy> {
+/// Stage points and steps per control stage of simulations by finite elements: of another order than the answer's.
+const STAGES: i64 = 5;
+const STEPS: usize = 8;
+
+/// A simulation by finite elements, and what it met.
+pub(super) struct Elements {
+    simulator: Simulator,
+    duration: f64,
+    n_switches: usize,
+    reason: String,
+}
+
+impl Replay {
+    /// Of the system behind its cost and its linear controls, all of them states; the place of these among the controls is
+    /// that of their slopes.
+    pub fn new(
+        system: &System,
+        lagrange: Option<&SharedFunction>,
+        linear: &[bool],
+        settings: &Settings,
+    ) -> Result<Replay> {
+        let extended = with_cost(system, lagrange, linear)?;
+        if system.n_algebraic() == 0 && system.inclusions().is_empty() {
+            let tol = settings.accuracy_tol;
+            let options = Options { max_steps: MAX_STEPS, ..Options::with_tolerance(tol, tol) };
+            return Ok(Replay::Events(Box::new(Engine::new(&extended, &options)?)));
+        }
+        let n_s = if settings.n_s == STAGES { STAGES + 1 } else { STAGES };
+        let fine = Settings {
+            rk_family: RkFamily::RadauIia as i64,
+            n_s,
+            n_fe: 2,
+            discretisation: Discretisation::Fesd as i64,
+            ..*settings
+        };
+        let simulator = Simulator::new(&extended, &fine)?;
+        Ok(Replay::Elements(Box::new(Elements { simulator, duration: 0.0, n_switches: 0, reason: String::new() })))
+    }
+
+    fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
+        match self {
+            Replay::Events(e) => e.reinit(t, x),
+            Replay::Elements(e) => {
+                e.n_switches = 0;
+                e.simulator.set_state(t, x)
+            }
+        }
+    }
+
+    /// Simulates a control stage that ends at `t`.
+    fn advance(&mut self, t: f64, u: &[f64], p: &[f64]) -> Result<Outcome> {
+        match self {
+            Replay::Events(e) => {
+                e.set_params(p)?;
+                e.set_controls(u)?;
+                e.advance(t.max(e.time()))
+            }
+            Replay::Elements(e) => {
+                e.simulator.set_params(p)?;
+                e.simulator.set_controls(u)?;
+                e.duration = t - e.simulator.time();
+                if e.duration <= 0.0 {
+                    return Ok(Outcome::Reached);
+                }
+                let r = e.simulator.run(e.duration, STEPS, &mut Control::default())?;
+                e.n_switches += r.trajectory.switches.len();
+                e.reason = format!("the simulation by finite elements ended: {}", r.outcome.name());
+                Ok(if r.outcome == nlp::Outcome::Solved { Outcome::Reached } else { Outcome::NoContinuation })
+            }
+        }
+    }
+
+    fn state(&self) -> &[f64] {
+        match self {
+            Replay::Events(e) => e.state(),
+            Replay::Elements(e) => e.simulator.state(),
+        }
+    }
+
+    fn n_switches(&self) -> usize {
+        match self {
+            Replay::Events(e) => e.stats().switches,
+            Replay::Elements(e) => e.n_switches,
+        }
+    }
+
+    fn reason(&self) -> &str {
+        match self {
+            Replay::Events(e) => e.reason(),
+            Replay::Elements(e) => &e.reason,
+        }
+    }
+}
+
+/// Simulates an answer and compares.
+pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> {
     let (nx, n) = (answer.x0.len(), answer.durations.len());
     let (nu, np) = (answer.controls.len() / n, answer.params.len() / n);
     let ramps: Vec<usize> = (0..answer.linear.len()).filter(|&j| answer.linear[j]).collect();
-    let mut start = answer.x0.to_vec();
+    let mut start = vec![0.0];
     start.extend(ramps.iter().map(|&j| answer.controls[j]));
-    start.push(0.0);
+    let first = start.len();
+    start.extend_from_slice(answer.x0);
     let mut found = Accuracy {
         outcome: Outcome::Reached,
         reason: String::new(),
@@ -89,32 +187,30 @@ pub(super) fn measure(engine: &mut Engine, answer: &Answer) -> Result<Accuracy> 
     let mut t = answer.t0;
     let (mut u, mut at_grid) = (vec![0.0; nu], 0.0);
     for k in 0..n {
-        engine.set_params(&answer.params[k * np..(k + 1) * np])?;
         u.copy_from_slice(&answer.controls[k * nu..(k + 1) * nu]);
         for &j in &ramps {
             u[j] = (answer.control_ends[k * nu + j] - u[j]) / answer.durations[k].max(f64::MIN_POSITIVE);
         }
-        engine.set_controls(&u)?;
         t += answer.durations[k];
-        found.outcome = engine.advance(t.max(engine.time()))?;
-        found.n_switches = engine.stats().switches;
+        found.outcome = engine.advance(t, &u, &answer.params[k * np..(k + 1) * np])?;
+        found.n_switches = engine.n_switches();
         if found.outcome != Outcome::Reached {
             found.reason = engine.reason().to_owned();
             return Ok(found);
         }
-        let pairs = engine.state()[..nx].iter().zip(&answer.states[k * nx..(k + 1) * nx]);
+        let pairs = engine.state()[first..].iter().zip(&answer.states[k * nx..(k + 1) * nx]);
         found.stages[k] = pairs.fold(0.0, |m, (a, b)| m.max((a - b).abs()));
         if let Some(f) = answer.grid_cost {
             u.copy_from_slice(&answer.control_ends[k * nu..(k + 1) * nu]);
-            let at = Point { t, x: &engine.state()[..nx], u: &u, p: &answer.params[k * np..(k + 1) * np] };
+            let at = Point { t, x: &engine.state()[first..], u: &u, p: &answer.params[k * np..(k + 1) * np] };
             at_grid += values(f, &at)[0];
         }
     }
     found.terminal = found.stages[n - 1];
-    found.x_end.copy_from_slice(&engine.state()[..nx]);
+    found.x_end.copy_from_slice(&engine.state()[first..]);
     u.copy_from_slice(&answer.control_ends[(n - 1) * nu..]);
     let at = Point { t, x: &found.x_end, u: &u, p: &answer.params[(n - 1) * np..] };
-    found.cost = at_grid + engine.state()[nx + ramps.len()];
+    found.cost = at_grid + engine.state()[0];
     if let Some(m) = answer.mayer {
         found.cost += values(m, &at)[0];
     }
@@ -138,21 +234,17 @@ fn values(f: &SharedFunction, at: &Point) -> Vec<f64> {
     out
 }
 
-/// The system with its linear controls, then the integral of `lagrange` as its last states.
+/// The system behind the integral of `lagrange` and its linear controls, which are states here.
 fn with_cost(system: &System, lagrange: Option<&SharedFunction>, linear: &[bool]) -> Result<System> {
     let d = system.dims();
-    let ramps: Vec<usize> = (0..linear.len()).filter(|&j| linear[j]).collect();
+    let ramps: Vec<(usize, usize)> = (0..linear.len()).filter(|&j| linear[j]).zip(1..).collect();
     let wide = Dims { x: d.x + ramps.len() + 1, ..d };
-    let mut columns = Places::leading(wide).columns(d, wide);
-    for (k, &j) in ramps.iter().enumerate() {
-        columns[d.x + j] = d.x + k;
-    }
+    let rewire = Rewire::behind(d, wide, &ramps);
+    let zeros = |n: usize| combination("0", wide, vec![Vec::new(); n]);
+    let slopes = combination("slopes", wide, ramps.iter().map(|&(j, _)| vec![(wide.x + j, 1.0)]).collect());
+    let own = |f: Option<&SharedFunction>, n: usize| f.map_or_else(|| zeros(n), |f| rewire.function(f));
+    let parts = [own(lagrange, 1), slopes, own(system.f0(), d.x)];
     let all = || (0..wide.n_in()).collect::<Vec<usize>>();
-    let own = |f: &SharedFunction| (f.clone(), columns.clone());
-    let zeros = |n: usize| (combination("0", wide, vec![Vec::new(); n]), all());
-    let slopes = combination("slopes", wide, ramps.iter().map(|&j| vec![(wide.x + j, 1.0)]).collect());
-    let f0 = system.f0().map_or_else(|| zeros(d.x), own);
-    let rate = lagrange.map_or_else(|| zeros(1), own);
-    let f0 = Stack::of("f0", wide, vec![f0, (slopes, all()), rate]);
-    rebuild(system, wide, Some(f0), |f| Stack::gather(f, wide, columns.clone()))
+    let f0 = Stack::of("f0", wide, parts.into_iter().map(|f| (f, all())).collect());
+    rewire.system_with(system, Some(f0))
 }

@@ -1,13 +1,14 @@
 //! From what the user states to what is discretised: references and slacks become parameters and controls of their own
 //! behind the user's.
 
+use super::rewire::Rewire;
 use super::squares::Squares;
-use super::terms::{combination, sum_of_squares, Places, Stack};
+use super::terms::{combination, sum_of_squares, Stack};
 use super::{CostAt, Norm};
 use crate::error::Result;
 use crate::fesd::{Boundary, PathAt, PathConstraint, Terminal};
 use crate::func::Dims;
-use crate::system::{Inclusion, Regions, SharedFunction, Subsystem, System};
+use crate::system::{SharedFunction, System};
 
 const INF: f64 = f64::INFINITY;
 
@@ -122,7 +123,7 @@ impl Extended {
                 }
             })
             .collect();
-        let w = Widen { from: d, to: wide };
+        let w = Rewire::widen(d, wide);
         let (mut running, mut ending, mut at_grid) = (Vec::new(), Vec::new(), Vec::new());
         running.extend(s.lagrange.map(|f| w.function(f)));
         ending.extend(s.mayer.map(|f| w.function(f)));
@@ -143,7 +144,7 @@ impl Extended {
                 Slacks::Controls(r) => r.clone().map(|k| wide.x + k).collect(),
                 Slacks::Params(r) => r.clone().map(|k| wide.x + wide.u + k).collect(),
             };
-            let (f, lower, upper) = relaxed(c, &w, &columns);
+            let (f, lower, upper) = relaxed(c, &w, wide, &columns);
             match c.at {
                 Some(at) => path.push(PathConstraint { f, lower, upper, at }),
                 None => terminal.push(Terminal { f, lower, upper }),
@@ -154,7 +155,7 @@ impl Extended {
             };
             if c.by_stage() { &mut running } else { &mut ending }.push(cost);
         }
-        let both = Widen { from: Dims { x: 2 * d.x, ..d }, to: Dims { x: 2 * d.x, ..wide } };
+        let both = Rewire::widen(Dims { x: 2 * d.x, ..d }, Dims { x: 2 * d.x, ..wide });
         let boundary = s.boundary.iter().map(|c| Boundary { f: both.function(&c.f), ..c.clone() }).collect();
         let total = |name: &str, mut terms: Vec<SharedFunction>| match terms.len() {
             0 => None,
@@ -178,69 +179,16 @@ impl Extended {
 }
 
 /// `c + s ≥ lower`, `c − s ≤ upper`.
-fn relaxed(c: &Soft, w: &Widen, slacks: &[usize]) -> (SharedFunction, Vec<f64>, Vec<f64>) {
+fn relaxed(c: &Soft, w: &Rewire, to: Dims, slacks: &[usize]) -> (SharedFunction, Vec<f64>, Vec<f64>) {
     let n = c.f.n_out();
     let slack = |i: usize| slacks[if slacks.len() == 1 { 0 } else { i }];
-    let all: Vec<usize> = (0..w.to.n_in()).collect();
+    let all: Vec<usize> = (0..to.n_in()).collect();
     let f = w.function(&c.f);
-    let twice = Stack::of(c.f.name(), w.to, vec![(f.clone(), all.clone()), (f, all)]);
+    let twice = Stack::of(c.f.name(), to, vec![(f.clone(), all.clone()), (f, all)]);
     let shifts = (0..2 * n).map(|i| vec![(slack(i % n), if i < n { 1.0 } else { -1.0 })]).collect();
-    let f = Stack::sum(c.f.name(), w.to, vec![twice, combination("slack", w.to, shifts)]);
+    let f = Stack::sum(c.f.name(), to, vec![twice, combination("slack", to, shifts)]);
     let none = vec![INF; n];
     let lower = c.lower.iter().copied().chain(none.iter().map(|v| -v)).collect();
     let upper = none.iter().chain(&c.upper).copied().collect();
     (f, lower, upper)
-}
-
-/// Functions of fewer controls and parameters as functions of more.
-struct Widen {
-    from: Dims,
-    to: Dims,
-}
-
-impl Widen {
-    fn function(&self, f: &SharedFunction) -> SharedFunction {
-        if self.from == self.to {
-            return f.clone();
-        }
-        Stack::gather(f, self.to, Places::leading(self.to).columns(self.from, self.to))
-    }
-
-    fn system(&self, s: &System) -> Result<System> {
-        if self.from == self.to {
-            return Ok(s.clone());
-        }
-        let mut out = rebuild(s, self.to, s.f0().map(|f| self.function(f)), |f| self.function(f))?;
-        for i in s.inclusions() {
-            // its steps are states behind the others
-            let x = i.f.dims().x;
-            let steps = Widen { from: Dims { x, ..self.from }, to: Dims { x, ..self.to } };
-            out.add_inclusion(Inclusion { rows: i.rows.clone(), f: steps.function(&i.f), psi: self.function(&i.psi) })?;
-        }
-        if s.n_algebraic() > 0 {
-            out.set_algebraic(s.n_algebraic(), s.algebraic().map(|g| self.function(g)))?;
-        }
-        Ok(out)
-    }
-}
-
-/// The system with other inputs: `f0` as given, the functions of the subsystems mapped; nothing else.
-pub(super) fn rebuild(
-    s: &System,
-    dims: Dims,
-    f0: Option<SharedFunction>,
-    map: impl Fn(&SharedFunction) -> SharedFunction,
-) -> Result<System> {
-    let mut out = System::new(dims.x, dims.u, dims.p)?;
-    if let Some(f0) = f0 {
-        out.set_f0(f0)?;
-    }
-    for sub in s.subsystems() {
-        let regions = match &sub.regions {
-            Regions::Signs { psi, signs } => Regions::Signs { psi: map(psi), signs: signs.clone() },
-            Regions::Indicators(g) => Regions::Indicators(map(g)),
-        };
-        out.add_subsystem(Subsystem { rows: sub.rows.clone(), modes: map(&sub.modes), n_modes: sub.n_modes, regions })?;
-    }
-    Ok(out)
 }

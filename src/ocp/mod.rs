@@ -15,6 +15,7 @@ mod accuracy;
 mod extend;
 mod identify;
 mod neighbours;
+mod rewire;
 mod sensitivity;
 mod solve;
 mod squares;
@@ -28,10 +29,10 @@ pub use sensitivity::OcpSensitivity;
 pub use statement::Statement;
 pub(crate) use terms::Linear;
 
+use self::accuracy::Replay;
 use self::extend::{LeastSquares, Soft};
 use self::solve::Built;
 use crate::error::{finite, Error, Result};
-use crate::event::Engine;
 use crate::fesd::{Boundary, PathAt, PathConstraint, Terminal, Trajectory};
 use crate::linalg::kkt::LinearStats;
 use crate::mpcc::Polish;
@@ -131,7 +132,7 @@ pub struct Ocp {
     u_guess: Option<Vec<f64>>,
     built: Option<Built>,
     /// Simulates answers, with the tolerance it was made for.
-    engine: Option<(Engine, f64)>,
+    engine: Option<(Replay, f64)>,
     result: Option<OcpResult>,
 }
 

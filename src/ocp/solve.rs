@@ -2,7 +2,7 @@
 
 use std::time::Instant;
 
-use super::accuracy::{self, Accuracy, Answer};
+use super::accuracy::{self, Accuracy, Answer, Replay};
 use super::extend::{Extended, Slacks, Statement};
 use super::identify::Identifier;
 use super::{Durations, Ocp, OcpResult};
@@ -212,7 +212,7 @@ impl Ocp {
         let mut result = self.read(&mut problem, &solver, &extended, &stage_params);
         result.time_build = time_build;
         if self.settings.accuracy != 0 && result.outcome != Outcome::Stopped {
-            result.accuracy = self.measure(&result, &problem, &solver.solution().x, &extended, &stage_params)?;
+            result.accuracy = Some(self.measure(&result, &problem, &solver.solution().x, &extended, &stage_params)?);
         }
         self.built = Some(Built { problem, solver, bounds, identifier, extended });
         Ok(self.result.insert(result))
@@ -322,16 +322,11 @@ impl Ocp {
         w: &[f64],
         e: &Extended,
         stage_params: &[f64],
-    ) -> Result<Option<Accuracy>> {
+    ) -> Result<Accuracy> {
         let tol = self.settings.accuracy_tol;
         let (mut engine, tol) = match self.engine.take() {
             Some((e, t)) if t == tol => (e, t),
-            _ => match accuracy::engine(&e.system, e.lagrange.as_ref(), &self.linear, tol) {
-                Ok(e) => (e, tol),
-                // a kind of system that the engine does not know
-                Err(Error::Unsupported(_)) => return Ok(None),
-                Err(e) => return Err(e),
-            },
+            _ => (Replay::new(&e.system, e.lagrange.as_ref(), &self.linear, &self.settings)?, tol),
         };
         let elements = &r.trajectory.elements;
         let ends = elements.iter().enumerate().filter(|(k, e)| {
@@ -366,7 +361,7 @@ impl Ocp {
         )?;
         found.cost -= total - r.cost;
         self.engine = Some((engine, tol));
-        Ok(Some(found))
+        Ok(found)
     }
 
     /// What the violation of relaxed constraints costs at a point.

@@ -1,6 +1,6 @@
 //! The location of a switch: the step repeated with the length that puts the switch at its end.
 
-use super::{recover, Engine, Progress, Tried, EPS};
+use super::{recover, Engine, Progress, Tried, EPS, NO_TIME};
 use crate::error::Result;
 use crate::func::EvalError;
 
@@ -123,7 +123,7 @@ impl Engine {
             }
         }
         let (left, l, rate) = nearest;
-        if left > 1e-11 * self.t.abs().max(1.0) || self.field.n_alg() > 0 {
+        if left > NO_TIME * self.t.abs().max(1.0) || self.field.n_alg() > 0 {
             return Ok(None);
         }
         let s = &mut self.step;

@@ -34,6 +34,8 @@ use crate::system::System;
 
 /// Rounding.
 const EPS: f64 = f64::EPSILON;
+/// A time, relative to the time reached, in which nothing happens: the square of it is beyond rounding.
+const NO_TIME: f64 = 1e-11;
 /// What a call of [`Engine::step`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Progress {
@@ -415,12 +417,7 @@ impl Engine {
             }
         }
         if t_stop - self.t <= 8.0 * EPS * t_stop.abs() {
-            // no step fits between
-            self.t = t_stop;
-            if let Some(tape) = &mut self.tape {
-                tape.move_end(t_stop);
-            }
-            return Ok(Progress::Done);
+            return Ok(self.coast(t_stop));
         }
         self.prepare_step();
         let mut rejected = false;
@@ -434,6 +431,9 @@ impl Engine {
             let last = wanted >= 0.99 * left;
             self.step.h = if last { left } else { wanted };
             if self.step.h <= 4.0 * EPS * self.t.abs() && !last {
+                if left <= NO_TIME * self.t.abs().max(1.0) {
+                    return Ok(self.coast(t_stop));
+                }
                 if let Some(p) = self.reach_surface()? {
                     return Ok(p);
                 }
@@ -475,6 +475,18 @@ impl Engine {
                 Tried::Diverged => self.reject(&mut rejected, 0.35),
             }
         }
+    }
+
+    /// Goes along the velocity for a time that no step fits into.
+    fn coast(&mut self, t_stop: f64) -> Progress {
+        let left = t_stop - self.t;
+        self.x.iter_mut().zip(&self.f).for_each(|(x, f)| *x += left * f);
+        self.t = t_stop;
+        self.h = self.h.max(NO_TIME * t_stop.abs().max(1.0));
+        if let Some(tape) = &mut self.tape {
+            tape.move_end(t_stop);
+        }
+        Progress::Done
     }
 
     fn fail(&mut self, outcome: Outcome, reason: String) -> Progress {
