@@ -64,7 +64,8 @@ int main(void)
     FIELD(53, dense);
     FIELD(54, sensitivity);
     FIELD(55, adjoint);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 56);
+    FIELD(56, explain);
+    CHECK(sizeof(swb_settings) == (size_t)8 * 57);
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);

@@ -375,10 +375,59 @@ static void free_lengths(void)
     swb_function_free(across);
 }
 
+/* x' = u with |u| <= 1 in a time of 1, twice: a goal out of reach, and a right-hand side that ends before the goal. */
+static int32_t walled(const swb_point *at, double *out, void *user_data)
+{
+    const double *wall = user_data;
+
+    out[0] = at->x[0] > *wall ? NAN : at->u[0];
+    return 0;
+}
+
+static int32_t place(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[0];
+    return 0;
+}
+
+static void message(double wall, double goal, const char *expected)
+{
+    static const double start[] = {0.0}, lower[] = {-1.0}, upper[] = {1.0};
+    swb_function *f0 = make_function("speed", 1, 1, 0, 1, walled, &wall), *end = make_function("goal", 1, 1, 0, 1, place, NULL);
+    swb_system *system = NULL;
+    swb_ocp *ocp = NULL;
+    int32_t outcome = -1;
+    int64_t needed = 0;
+    char text[1000];
+
+    CHECK_OK(swb_system_create(1, 1, 0, &system));
+    CHECK_OK(swb_system_set_f0(system, f0));
+    CHECK_OK(swb_ocp_create(system, 1.0, 4, NULL, &ocp));
+    CHECK_OK(swb_ocp_set_initial_state(ocp, start, 1));
+    CHECK_OK(swb_ocp_set_control_bounds(ocp, lower, 1, upper, 1));
+    CHECK_OK(swb_ocp_add_terminal(ocp, end, &goal, 1, &goal, 1));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_message(ocp, text, sizeof text, NULL));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK((outcome == SWB_OUTCOME_SOLVED) == (expected[0] == '\0'));
+    CHECK_OK(swb_ocp_get_message(ocp, NULL, 0, &needed));
+    CHECK_OK(swb_ocp_get_message(ocp, text, sizeof text, NULL));
+    CHECK(needed == (int64_t)strlen(text) + 1 && strstr(text, expected) == text);
+    if (needed > 1)
+        CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_message(ocp, text, 1, NULL));
+    swb_ocp_free(ocp);
+    swb_system_free(system);
+    swb_function_free(f0);
+    swb_function_free(end);
+}
+
 int main(void)
 {
     known_solution();
     constraints();
     free_lengths();
+    message(2.0, 0.5, "");
+    message(2.0, 1.25, "terminal constraint 0 ('goal') row 0 cannot be met: off by 0.2500 at best");
+    message(0.4, 0.9, "the smooth part 'speed' of the right-hand side returned NaN in stage ");
     return CHECK_DONE();
 }

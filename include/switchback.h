@@ -1728,6 +1728,10 @@ typedef struct swb_settings {
      * Record an event-driven simulation for adjoint derivatives (enum toggle).
      */
     int64_t adjoint;
+    /**
+     * Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
+     */
+    int64_t explain;
 } swb_settings;
 
 /**
@@ -4830,6 +4834,21 @@ SWB_API
 swb_status swb_ocp_get_mismatch(const struct swb_ocp *ocp,
                                 double *stages,
                                 int64_t n_stages);
+
+/**
+ * Why the last solve did not end with an exact solution, in the words of the model: which constraint cannot be met and by
+ * how much, which function has no value where, which stage needs more elements. Stages, elements, rows and states are
+ * counted from zero. Empty where there is nothing to say. After a solve that returned an error it is there too.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_get_message(const struct swb_ocp *ocp,
+                               char *buf,
+                               int64_t len,
+                               int64_t *needed);
 
 /**
  * Add the constraint lower <= f([x(0); x(T)], u, p, t) <= upper between both ends of the horizon: f has 2 nx states, and sees

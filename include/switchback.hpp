@@ -847,6 +847,10 @@ public:
     std::string to_json() const {
         return detail::text([&](char *b, int64_t n, int64_t *needed) { return swb_ocp_to_json(get(), b, n, needed); });
     }
+    /// Why the last solve did not end with an exact solution; empty where it did.
+    std::string message() const {
+        return detail::text([&](char *b, int64_t n, int64_t *needed) { return swb_ocp_get_message(get(), b, n, needed); });
+    }
     double cost() const {
         double c = 0;
         detail::check(swb_ocp_get_cost(get(), &c));

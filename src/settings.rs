@@ -456,6 +456,8 @@ pub struct Settings {
     pub sensitivity: i64,
     /// Record an event-driven simulation for adjoint derivatives (enum toggle).
     pub adjoint: i64,
+    /// Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
+    pub explain: i64,
 }
 
 /// A value on its way to or from an option.
@@ -690,6 +692,8 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Compute the derivatives of an event-driven simulation and of its switching times (enum toggle)."),
     row!(adjoint: Enum(Switch::Off), "", FREE,
         "Record an event-driven simulation for adjoint derivatives (enum toggle)."),
+    row!(explain: Enum(Switch::On), "", FREE,
+        "Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle)."),
 ];
 
 impl OptionInfo {
@@ -875,6 +879,7 @@ impl Default for Settings {
             dense: 0,
             sensitivity: 0,
             adjoint: 0,
+            explain: 0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);

@@ -74,7 +74,8 @@ impl Problem {
             let r = if warm { ocp.solve_warm(control) } else { ocp.solve(control) }?;
             *result = Some(r.clone());
             Ok(r.outcome)
-        })?;
+        });
+        let outcome = outcome.map_err(|e| in_words(e, self.result.as_ref()))?;
         let importance = if outcome == Outcome::Solved { LogLevel::Info } else { LogLevel::Warning };
         self.hooks.tell(level, importance, || {
             self.result.as_ref().map_or_else(String::new, |r| {
@@ -96,6 +97,10 @@ impl Problem {
                 )
             })
         });
+        let message = self.result.as_ref().map_or("", |r| &r.message);
+        if !message.is_empty() {
+            self.hooks.tell(level, LogLevel::Warning, || format!("ocp: {message}"));
+        }
         self.warn_of_simulation(level);
         Ok(outcome)
     }
@@ -122,6 +127,14 @@ impl Problem {
 
     pub(super) fn result(&self) -> Result<&OcpResult> {
         self.result.as_ref().ok_or_else(|| Error::State("there is no result: call swb_ocp_solve first".into()))
+    }
+}
+
+/// A function without a value, with the place where it has none.
+fn in_words(e: Error, r: Option<&OcpResult>) -> Error {
+    match (e, r.map(|r| &r.message)) {
+        (Error::NonFinite(_), Some(m)) if !m.is_empty() => Error::NonFinite(m.clone()),
+        (e, _) => e,
     }
 }
 

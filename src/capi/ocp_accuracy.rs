@@ -1,4 +1,4 @@
-//! How far an optimal control is from the system it is meant for.
+//! What an optimal control says of itself: how far it is from the system, or why there is none.
 
 use super::guard::guard;
 use super::handle;
@@ -9,6 +9,7 @@ use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::event;
 use crate::ocp::{Accuracy, OcpResult};
+use std::ffi::c_char;
 
 /// Comparison of an optimal control with a simulation of its controls: by the event-driven engine, or by finite elements of
 /// another order where there are inclusions or algebraic equations. NaN from where the simulation did not get.
@@ -83,5 +84,25 @@ pub unsafe extern "C" fn swb_ocp_get_accuracy(
 pub unsafe extern "C" fn swb_ocp_get_mismatch(ocp: *const swb_ocp, stages: *mut f64, n_stages: i64) -> swb_status {
     guard(|| unsafe {
         handle::with_ref(ocp, |o| raw::write_slice(stages, n_stages, &accuracy(o.result()?)?.stages, "stages"))
+    })
+}
+
+/// Why the last solve did not end with an exact solution, in the words of the model: which constraint cannot be met and by
+/// how much, which function has no value where, which stage needs more elements. Stages, elements, rows and states are
+/// counted from zero. Empty where there is nothing to say. After a solve that returned an error it is there too.
+///
+/// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+/// @param[out] needed length with the final NUL; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_message(
+    ocp: *const swb_ocp,
+    buf: *mut c_char,
+    len: i64,
+    needed: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let text = handle::with_ref(ocp, |o| Ok(o.result()?.message.clone()))?;
+        raw::write_text(text.as_bytes(), buf, len, needed)
     })
 }

@@ -16,7 +16,7 @@
 //!
 //! `layout` numbers variables and rows, `calls` says where the inputs of model functions come from, `problem` evaluates the
 //! model, `assemble` and `hessian` write rows and derivatives, `branch` the bounds, `restart` starting points behind a
-//! switch, `trajectory` reads solutions. This layer does not know the solver.
+//! switch, `trajectory` reads solutions, `places` says what numbers stand for. This layer does not know the solver.
 
 mod assemble;
 mod branch;
@@ -24,11 +24,13 @@ mod calls;
 mod eta;
 mod hessian;
 mod layout;
+mod places;
 mod problem;
 mod restart;
 mod trajectory;
 
 pub use branch::{Exit, Violation};
 pub use layout::{Boundary, Durations, Options, PathAt, PathConstraint, Spec, Terminal};
+pub use places::{Part, Place, Role, RowMeaning, Trouble, VariableMeaning};
 pub use problem::Fesd;
 pub use trajectory::{Element, Switch, SwitchKind, Trajectory};

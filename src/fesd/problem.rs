@@ -8,6 +8,7 @@ use super::calls::Builder;
 pub(super) use super::calls::Call;
 use super::eta;
 use super::layout::{Durations, ElementIndex, Layout, PathAt, Spec};
+use super::places::{Note, Part};
 use crate::error::{finite, Error, Result};
 use crate::func::{EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
@@ -50,6 +51,8 @@ pub(super) struct Cache {
     pub(super) work: Vec<f64>,
     /// Inputs of the call at hand.
     pub(super) point: Vec<f64>,
+    /// The last function without a value.
+    pub(super) note: Note,
 }
 
 /// The discretised problem.
@@ -193,6 +196,7 @@ impl Fesd {
                 wgt: vec![0.0; sizes[3]],
                 work: vec![0.0; work],
                 point: vec![0.0; longest],
+                note: Note { inputs: vec![0.0; longest], ..Note::default() },
             },
             jac: Pattern::empty(0, 0),
             jac_map: Vec::new(),
@@ -518,7 +522,7 @@ impl Fesd {
 
     fn evaluate_values(&mut self, w: &[f64]) -> EvalResult {
         let mut cache = std::mem::take(&mut self.cache);
-        let r = self.at_all_points(w, &mut cache, |c, f, at, cache| {
+        let r = self.at_all_points(w, &mut cache, Part::Value, |c, f, at, cache| {
             f.value(at, &mut cache.val[c.val..c.val + f.n_out()], &mut cache.work)
         });
         self.cache = cache;
@@ -528,7 +532,7 @@ impl Fesd {
 
     fn evaluate_jacobians(&mut self, w: &[f64]) -> EvalResult {
         let mut cache = std::mem::take(&mut self.cache);
-        let r = self.at_all_points(w, &mut cache, |c, f, at, cache| match self.jac_cols[c.f].len() {
+        let r = self.at_all_points(w, &mut cache, Part::Jacobian, |c, f, at, cache| match self.jac_cols[c.f].len() {
             0 => Ok(()),
             n => f.jacobian(at, &mut cache.jac[c.jac..c.jac + n], &mut cache.work),
         });
@@ -539,7 +543,7 @@ impl Fesd {
 
     fn evaluate_hessians(&mut self, w: &[f64]) -> EvalResult {
         let mut cache = std::mem::take(&mut self.cache);
-        let r = self.at_all_points(w, &mut cache, |c, f, at, cache| match self.hess_cols[c.f].len() {
+        let r = self.at_all_points(w, &mut cache, Part::Hessian, |c, f, at, cache| match self.hess_cols[c.f].len() {
             0 => Ok(()),
             n => {
                 let weights = &cache.wgt[c.wgt..c.wgt + f.n_out()];
@@ -556,10 +560,12 @@ impl Fesd {
         &self,
         w: &[f64],
         cache: &mut Cache,
+        part: Part,
         evaluate: impl Fn(&Call, &dyn Function, &Point, &mut Cache) -> EvalResult,
     ) -> EvalResult {
         let mut buffer = std::mem::take(&mut cache.point);
         let mut gathered = usize::MAX;
+        cache.note.age += usize::from(part == Part::Value);
         let r = self.calls.iter().try_for_each(|c| {
             let f = self.functions[c.f].as_ref();
             let d = f.dims();
@@ -573,7 +579,14 @@ impl Fesd {
             }
             let (x, rest) = at.split_at(d.x);
             let (u, rest) = rest.split_at(d.u);
-            evaluate(c, f, &Point { t: rest[d.p], x, u, p: &rest[..d.p] }, cache)
+            let found = evaluate(c, f, &Point { t: rest[d.p], x, u, p: &rest[..d.p] }, cache);
+            if let Err(error) = found {
+                let note = &mut cache.note;
+                (note.call, note.part, note.age) = (Some(*c), Some((part, error)), 0);
+                note.inputs[..d.n_in()].copy_from_slice(&buffer[..d.n_in()]);
+                note.t = self.time_of(c, w);
+            }
+            found
         });
         cache.point = buffer;
         r

@@ -77,7 +77,7 @@ const STEPS: usize = 8;
 pub(super) struct Elements {
     simulator: Simulator,
     duration: f64,
-    n_switches: usize,
+    switches: Vec<f64>,
     reason: String,
 }
 
@@ -105,14 +105,19 @@ impl Replay {
             ..*settings
         };
         let simulator = Simulator::new(&extended, &fine)?;
-        Ok(Replay::Elements(Box::new(Elements { simulator, duration: 0.0, n_switches: 0, reason: String::new() })))
+        Ok(Replay::Elements(Box::new(Elements {
+            simulator,
+            duration: 0.0,
+            switches: Vec::new(),
+            reason: String::new(),
+        })))
     }
 
     fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
         match self {
             Replay::Events(e) => e.reinit(t, x),
             Replay::Elements(e) => {
-                e.n_switches = 0;
+                e.switches.clear();
                 e.simulator.set_state(t, x)
             }
         }
@@ -134,7 +139,7 @@ impl Replay {
                     return Ok(Outcome::Reached);
                 }
                 let r = e.simulator.run(e.duration, STEPS, &mut Control::default())?;
-                e.n_switches += r.trajectory.switches.len();
+                e.switches.extend(r.trajectory.switches.iter().map(|s| s.t));
                 e.reason = format!("the simulation by finite elements ended: {}", r.outcome.name());
                 Ok(if r.outcome == nlp::Outcome::Solved { Outcome::Reached } else { Outcome::NoContinuation })
             }
@@ -151,7 +156,15 @@ impl Replay {
     fn n_switches(&self) -> usize {
         match self {
             Replay::Events(e) => e.stats().switches,
-            Replay::Elements(e) => e.n_switches,
+            Replay::Elements(e) => e.switches.len(),
+        }
+    }
+
+    /// Times of the switches.
+    pub fn switch_times(&self) -> Vec<f64> {
+        match self {
+            Replay::Events(e) => e.switches().iter().map(|s| s.t).collect(),
+            Replay::Elements(e) => e.switches.clone(),
         }
     }
 

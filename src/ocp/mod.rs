@@ -12,6 +12,7 @@
 //! further solves with other bounds, parameters and starting points.
 
 mod accuracy;
+mod diagnosis;
 mod extend;
 mod identify;
 mod neighbours;
@@ -72,6 +73,10 @@ pub struct OcpResult {
     pub outcome: Outcome,
     /// Was the active set identified and the problem solved with it?
     pub polish: Polish,
+    /// Why it is no exact solution, in the words of the model: what cannot be met and by how much, which function has
+    /// no value where, which stage needs more elements. Stages, elements, rows are counted from zero. Empty where there
+    /// is nothing to say.
+    pub message: String,
     /// The user's cost alone: without penalties of relaxed constraints.
     pub cost: f64,
     /// Controls `[n_stages · nu]`; where they are linear, at the start of every stage.

@@ -3,6 +3,7 @@
 use std::time::Instant;
 
 use super::accuracy::{self, Accuracy, Answer, Replay};
+use super::diagnosis::Case;
 use super::extend::{Extended, Slacks, Statement};
 use super::identify::Identifier;
 use super::{Durations, Ocp, OcpResult};
@@ -184,6 +185,7 @@ impl Ocp {
         solver.settings = MpccSettings::from(&self.settings);
         control.limit(self.settings.max_time);
         let detects = problem.detects_switches();
+        problem.forget_trouble();
         let mut suggest = |k: Wanted, w: &[f64], sides: &mut [Side]| detects && identifier.suggest(k, w, sides);
         problem.set_exit(Exit::Slope);
         if let Some(guess) = guess {
@@ -214,6 +216,10 @@ impl Ocp {
         if self.settings.accuracy != 0 && result.outcome != Outcome::Stopped {
             result.accuracy = Some(self.measure(&result, &problem, &solver.solution().x, &extended, &stage_params)?);
         }
+        let w = &solver.solution().x;
+        let mut case = Case { result: &result, problem: &mut problem, bounds: &bounds, w, system: &extended.system };
+        let message = self.diagnose(&mut case, control);
+        result.message = message;
         self.built = Some(Built { problem, solver, bounds, identifier, extended });
         Ok(self.result.insert(result))
     }
@@ -299,6 +305,7 @@ impl Ocp {
         OcpResult {
             outcome: s.outcome,
             polish: s.polish,
+            message: String::new(),
             cost: problem.cost(&s.x).map_or(f64::NAN, |c| c - penalty),
             control_ends: if self.linear.contains(&true) { own(&ends) } else { own(&controls) },
             controls: own(&controls),

@@ -54,7 +54,7 @@ impl Ocp {
     }
 
     /// The problem as stated, nothing built.
-    fn blank(&self) -> Ocp {
+    pub(super) fn blank(&self) -> Ocp {
         Ocp {
             system: self.system.clone(),
             settings: self.settings,

@@ -83,3 +83,22 @@ def test_both_ends_elements_stage_parameters_and_warm_starts():
         ocp.add_periodic([3])
     with pytest.raises(swb.DimensionError):
         ocp.set_elements([1, 2])
+
+
+def test_what_has_no_solution_says_why(tmp_path):
+    r = rest_to_rest(10, n_fe=1, control_bounds=(-2, 2)).solve()
+    assert not r.success
+    assert "row 0 cannot be met: off by 0.5000 at best" in r.message and "off by" in repr(r)
+    plt = pytest.importorskip("matplotlib.pyplot")
+    figure = r.plot(title="out of reach")
+    plt.close(figure)
+    assert "off by 0.5000" in figure.get_suptitle().replace("\n", " ")
+    assert rest_to_rest(10, n_fe=1, control_bounds=(-5, 5)).solve().message == ""
+    # two gates in one stage of two elements
+    system = swb.System(2, 1, f0=lambda x, u: (1.0, u[0]))
+    for at in (2.3, 2.6):
+        system.add_subsystem(lambda: (1.0, 0.0), lambda x, at=at: x[0] - at, [1, -1], rows=[1])
+    ocp = swb.Ocp(system, 4.0, 4, initial_state=[0, 0], lagrange=lambda x, u: u[0] ** 2 + x[1] ** 2, n_fe=2)
+    assert "2 switches in the stage" in ocp.solve().message
+    ocp.set_elements([2, 2, 3, 2])
+    assert ocp.solve().message == ""

@@ -461,6 +461,7 @@ class swb_settings(Structure):
         ("dense", c_int64),
         ("sensitivity", c_int64),
         ("adjoint", c_int64),
+        ("explain", c_int64),
     ]
 
 
@@ -915,6 +916,7 @@ FUNCTIONS = {
     "swb_ocp_free": (None, [c_void_p]),
     "swb_ocp_get_accuracy": (c_int32, [c_void_p, POINTER(swb_accuracy), c_uint64]),
     "swb_ocp_get_mismatch": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_get_message": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_ocp_add_boundary": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_add_periodic": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_add_least_squares": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_int32]),

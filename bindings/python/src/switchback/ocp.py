@@ -49,6 +49,9 @@ class OcpResult(HasOutcome):
     control_ends: Array | None = field(default=None, repr=False)
     #: Largest violation of a relaxed constraint.
     violation: float = 0.0
+    #: Why there is no exact solution, in the words of the model; empty where there is one. Stages, elements and rows are
+    #: counted from 0.
+    message: str = ""
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
         """See `switchback.plot`."""
@@ -242,6 +245,7 @@ class Ocp(OcpTerms):
             durations,
             self._vector("get_control_ends", u.size).reshape(u.shape),
             self._violation(),
+            text(lib.swb_ocp_get_message, self),
         )
 
     def _accuracy(self) -> tuple[Accuracy | None, Array | None]:

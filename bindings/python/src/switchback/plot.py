@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any, Sequence
 
 import numpy
@@ -96,8 +97,10 @@ def plot(
             ax.axvline(t, color="0.5", linestyle=":", linewidth=0.8)
     axes[-1, 0].set_xlabel("time")
     axes[-1, 0].set_xlim(trajectory.t_start, trajectory.t_end)
-    if title:
-        figure.suptitle(title)
+    lines = [title] if title else []
+    lines += textwrap.wrap(getattr(result, "message", ""), 100)
+    if lines:
+        figure.suptitle("\n".join(lines), fontsize=None if title and len(lines) == 1 else "small")
     return _finish(figure, path)
 
 
