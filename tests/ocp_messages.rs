@@ -57,9 +57,10 @@ fn a_goal_out_of_reach_is_named_with_its_distance() {
     let r = run(&mut o);
     assert!(r.message.contains("('far') row 0 cannot be met: off by 100"), "{}", r.message);
     let mut o = from_rest(dynamics(), 5.0, &set);
-    o.set_x_bounds(&[f64::NEG_INFINITY; 2], &[f64::INFINITY, 0.9]).unwrap();
+    o.set_x0(&[0.0, 1.0]).unwrap();
+    o.set_x_bounds(&[f64::NEG_INFINITY; 2], &[f64::INFINITY, 0.5]).unwrap();
     let r = run(&mut o);
-    assert!(r.message.contains("state 1 cannot be met in stage"), "{}", r.message);
+    assert!(r.message.contains("the bound of state 1 cannot be met in stage 0: off by 0."), "{}", r.message);
     let quiet = Settings { explain: 0, ..set };
     assert!(!run(&mut from_rest(dynamics(), 2.0, &quiet)).message.contains("at best"));
 }

@@ -127,7 +127,7 @@ impl Ocp {
         if self.x_bounds[0].iter().chain(&self.x_bounds[1]).any(|b| b.is_finite()) {
             let f = combination("x", d, (0..d.x).map(|i| vec![(i, 1.0)]).collect());
             let [lower, upper] = &self.x_bounds;
-            add(&mut soft, "state", f, lower, upper, Some(PathAt::StagePoints), "the bound".into());
+            add(&mut soft, "state", f, lower, upper, Some(PathAt::StagePoints), "the bound of".into());
             soft.x_bounds = [vec![f64::NEG_INFINITY; d.x], vec![f64::INFINITY; d.x]];
         }
         // from where the solve ended; what is not finite is refused, and the guess stays as it was
