@@ -16,8 +16,6 @@ use crate::nlp::{Bounds, Control, Iterate, Monotone, Outcome, Start, INFINITE};
 
 /// Single decisions turned round at most.
 const MAX_FLIPS: usize = 4;
-/// Improvements accepted at most.
-const MAX_IMPROVEMENTS: usize = 10;
 /// Ratio of the members of a pair up to which it leaves no doubt which one is zero.
 const CLEAR: f64 = 0.05;
 /// Ratio from which both may be zero.
@@ -26,8 +24,8 @@ const DOUBTFUL: f64 = 1e-3;
 const WEAK: f64 = 1e-9;
 /// Violation from which a point that is no solution of its branch is worth a try with the square system.
 const NEAR: f64 = 1e-4;
-/// Sets with parts that vanish, one after the other.
-const MAX_COLLAPSES: usize = 3;
+/// Violation from which its objective says something of the branches next to it.
+const TELLING: f64 = 1e-2;
 /// Newton solves with changing active sets.
 const ROUNDS: usize = 5;
 
@@ -151,7 +149,7 @@ fn update(a: &mut Active, v: f64, lo: f64, hi: f64, z: f64, tol: f64) -> bool {
 
 impl MpccSolver {
     /// Votes of the pairs of every group at the point in `saved`: the side with the smaller sum is zero.
-    fn identify(&mut self, p: &dyn Mpcc) {
+    pub(super) fn identify(&mut self, p: &dyn Mpcc) {
         let x = &self.saved.x;
         self.votes.fill((0.0, 0.0));
         for (k, &(a, b)) in p.pairs().iter().enumerate() {
@@ -242,54 +240,6 @@ impl MpccSolver {
         let ok = self.polish(p, bounds, control, suggest, false);
         self.solution.stats.time_total += clock.elapsed().as_secs_f64();
         ok
-    }
-
-    /// Moves to neighbouring active sets as long as the objective falls. The result stays the best point.
-    fn improve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) {
-        for _ in 0..MAX_IMPROVEMENTS {
-            let best = self.solution.objective;
-            let mut better = false;
-            for k in 0.. {
-                self.sides.copy_from_slice(&self.solution.sides);
-                let x = std::mem::take(&mut self.solution.x);
-                let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
-                let ok =
-                    more && (self.try_neighbour(p, bounds, &x, control) || self.collapse(p, bounds, control, suggest));
-                self.solution.x = x;
-                if ok && self.is_better(best) {
-                    self.record_exact(p, control);
-                    better = true;
-                    break;
-                }
-                if !more {
-                    break;
-                }
-            }
-            if !better {
-                return;
-            }
-        }
-    }
-
-    /// The neighbour just tried has no solution although its points are better than the best one: parts of it may want
-    /// to vanish. Tries the sets without them.
-    fn collapse(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
-        for _ in 0..MAX_COLLAPSES {
-            if self.near >= self.solution.objective {
-                return false;
-            }
-            let before = self.sides.clone();
-            let mut sides = before.clone();
-            if !suggest(Wanted::Collapse, &self.point[..self.st.n], &mut sides) {
-                return false;
-            }
-            p.enter_branch(&before, &sides, &mut self.point[..self.st.n]);
-            self.sides = sides;
-            if self.try_point(p, bounds, control) {
-                return true;
-            }
-        }
-        false
     }
 
     /// Records the branch problem just solved, to the last digits where the square system gives them.
@@ -391,19 +341,6 @@ impl MpccSolver {
         self.settle_saved(p, control)
     }
 
-    /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
-    /// positive starts inside.
-    fn try_neighbour(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
-        self.st.start(x, &mut self.point);
-        p.enter_branch(&self.solution.sides, &self.sides, &mut self.point[..self.st.n]);
-        self.try_point(p, bounds, control)
-    }
-
-    /// Is the point just reached better than one with this objective?
-    pub(super) fn is_better(&self, best: f64) -> bool {
-        self.st.objective(self.ipm.objective(), &self.ipm.iterate().x) < best - 1e-9 * (1.0 + best.abs())
-    }
-
     /// Tries the branch `sides` from the point in `point`, multipliers afresh.
     pub(super) fn try_point(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
@@ -413,24 +350,25 @@ impl MpccSolver {
         let mut rule = Branch::new(self.branch_rule(1e-3));
         self.near = f64::INFINITY;
         let settings = self.ipm.settings_mut();
-        let push = std::mem::replace(&mut settings.bound_push, 1e-4);
         settings.restoration = false;
         let point = std::mem::take(&mut self.point);
         let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
         self.point = point;
         let settings = self.ipm.settings_mut();
-        settings.bound_push = push;
         settings.restoration = true;
         if outcome == Outcome::Solved {
             return true;
         }
-        // the barrier may jam where the active rows become dependent; their square system does not mind
-        if self.violation(p) > NEAR {
+        let violation = self.violation(p);
+        let at = self.ipm.iterate();
+        if violation <= TELLING {
+            self.point.copy_from_slice(&at.x);
+            self.near = self.st.objective(self.ipm.objective(), &at.x);
+        }
+        if violation > NEAR {
             return false;
         }
-        let at = self.ipm.iterate();
-        self.point.copy_from_slice(&at.x);
-        self.near = self.st.objective(self.ipm.objective(), &at.x);
+        // the barrier may jam where the active rows become dependent; their square system does not mind
         let at = at.clone();
         self.active.at.copy_from(&at);
         if self.settle(p, control) {

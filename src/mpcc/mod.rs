@@ -24,6 +24,7 @@ mod problem;
 pub mod relaxation;
 mod relaxed;
 mod scaling;
+mod search;
 mod solver;
 mod tangent;
 

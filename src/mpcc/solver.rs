@@ -198,6 +198,8 @@ const BRANCH_ITERATIONS: usize = 30;
 pub enum Wanted {
     /// The set that was identified has no solution: the `k`-th other one.
     Repair(usize),
+    /// Nor has any of those: the `k`-th neighbour of the sides given.
+    Rescue(usize),
     /// A set is solved: the `k`-th neighbour that may be better.
     Improve(usize),
     /// A neighbour has no solution, but the point given is better than the best: the set without what vanishes there.

@@ -5,7 +5,7 @@
 //! stage points leave it room; so such switches are moved to either side first. The simulation of the controls found
 //! has every switch where it belongs, and comes last because it costs more.
 
-use super::neighbours::{neighbours, Move};
+use super::neighbours::Grid;
 use crate::error::Result;
 use crate::fesd::Trajectory;
 use crate::mpcc::{Side, Wanted};
@@ -25,24 +25,22 @@ pub(super) struct Identifier {
     /// Lengths of the stages; they may be variables where they are not fixed.
     pub durations: Vec<f64>,
     pub fixed: bool,
-    /// Elements of every stage.
-    pub n_fe: Vec<usize>,
+    pub grid: Grid,
     /// Some control is linear: its stages cannot be simulated with a constant one.
     pub linear: bool,
     pub x0_at: usize,
     pub u_at: Vec<usize>,
     /// Lengths of the elements, where they are variables.
     pub h_at: Vec<Option<usize>>,
-    /// Cells of every subsystem.
-    pub cells: Vec<usize>,
     improves: bool,
     /// Neighbouring sequences that may still be tried.
     pub budget: usize,
     simulator: Option<Simulator>,
     /// Way to try next.
     next: usize,
-    moves: Vec<Move>,
-    next_move: usize,
+    /// Sequences that may be better than the last solution, and how many of them need no budget.
+    proposals: std::vec::IntoIter<Vec<Side>>,
+    free: usize,
     /// Sequences proposed since the last [`Identifier::restart`].
     tried: Vec<Vec<Side>>,
 }
@@ -68,18 +66,17 @@ impl Identifier {
             t0: 0.0,
             durations: Vec::new(),
             fixed: true,
-            n_fe: Vec::new(),
+            grid: Grid::default(),
             linear: false,
             x0_at: 0,
             u_at: Vec::new(),
             h_at: Vec::new(),
-            cells: Vec::new(),
             improves: true,
             budget: 0,
             simulator: None,
             next: 0,
-            moves: Vec::new(),
-            next_move: 0,
+            proposals: Vec::new().into_iter(),
+            free: 0,
             tried: Vec::new(),
         }
     }
@@ -96,6 +93,7 @@ impl Identifier {
     pub fn suggest(&mut self, wanted: Wanted, w: &[f64], sides: &mut [Side]) -> bool {
         match wanted {
             Wanted::Repair(k) => self.repair(k, w, sides),
+            Wanted::Rescue(k) => self.rescue(k, sides),
             Wanted::Improve(k) => self.improves && self.improve(k, sides),
             Wanted::Collapse => self.collapse(w, sides),
         }
@@ -120,28 +118,52 @@ impl Identifier {
         false
     }
 
-    /// A switch that lies exactly between two control stages may want to be inside one of them, where the branch
-    /// problem at hand cannot bring it.
-    fn improve(&mut self, k: usize, sides: &mut [Side]) -> bool {
+    /// The next neighbour of sides that have no solution.
+    fn rescue(&mut self, k: usize, sides: &mut [Side]) -> bool {
         if k == 0 {
-            // other forms have other sides than cells
-            let by_cells = self.cells.iter().sum::<usize>() * self.h_at.len() == sides.len();
-            self.moves = if self.budget > 0 && by_cells { neighbours(&self.cells, sides) } else { Vec::new() };
-            self.next_move = 0;
+            let mut proposals = Vec::new();
+            if self.grid.fits(sides) {
+                proposals = self.grid.off_boundaries(sides);
+                proposals.extend(self.grid.neighbours(sides));
+            }
+            self.proposals = proposals.into_iter();
             self.tried.push(sides.to_vec());
         }
-        let mut left = k;
-        for boundary in 1..self.u_at.len() {
-            for way in [Way::Before, Way::After] {
-                if self.is_switch(boundary, sides) {
-                    if left == 0 {
-                        return self.move_switch(boundary, way, sides);
-                    }
-                    left -= 1;
-                }
+        let Some(s) = self.proposals.find(|s| !self.tried.contains(s)) else { return false };
+        sides.copy_from_slice(&s);
+        self.tried.push(s);
+        true
+    }
+
+    /// The next sequence that was not tried yet: switches off the boundaries of the control stages, then other
+    /// neighbours as long as the budget lasts.
+    fn improve(&mut self, k: usize, sides: &mut [Side]) -> bool {
+        if k == 0 {
+            let mut proposals = if self.grid.fits(sides) { self.grid.off_boundaries(sides) } else { Vec::new() };
+            self.free = proposals.len();
+            if self.budget > 0 && self.grid.fits(sides) {
+                proposals.extend(self.grid.neighbours(sides));
             }
+            self.proposals = proposals.into_iter();
+            self.tried.push(sides.to_vec());
         }
-        self.next_neighbour(sides)
+        while let Some(s) = self.proposals.next() {
+            let free = self.free > 0;
+            self.free = self.free.saturating_sub(1);
+            if self.tried.contains(&s) {
+                continue;
+            }
+            if !free {
+                if self.budget == 0 {
+                    return false;
+                }
+                self.budget -= 1;
+            }
+            sides.copy_from_slice(&s);
+            self.tried.push(s);
+            return true;
+        }
+        false
     }
 
     /// Elements without length take the sets of the one behind them in their stage, or of that before.
@@ -149,7 +171,7 @@ impl Identifier {
         let n = sides.len() / self.h_at.len();
         let before = sides.to_vec();
         let mut first = 0;
-        for (&n_fe, duration) in self.n_fe.iter().zip(&self.durations) {
+        for (&n_fe, duration) in self.grid.n_fe.iter().zip(&self.durations) {
             let stage = first..first + n_fe;
             first += n_fe;
             let short = SHORT * duration / n_fe as f64;
@@ -164,43 +186,15 @@ impl Identifier {
         before != sides
     }
 
-    /// The next neighbour that was not tried yet, as long as the budget lasts.
-    fn next_neighbour(&mut self, sides: &mut [Side]) -> bool {
-        let n_cells = self.cells.iter().sum();
-        while self.budget > 0 && self.next_move < self.moves.len() {
-            let mut s = sides.to_vec();
-            self.moves[self.next_move].apply(n_cells, &mut s);
-            self.next_move += 1;
-            if !self.tried.contains(&s) {
-                self.budget -= 1;
-                sides.copy_from_slice(&s);
-                self.tried.push(s);
-                return true;
-            }
-        }
-        false
-    }
-
-    /// First sides of the last element before a boundary between control stages, and of the first after it.
-    fn around(&self, boundary: usize, sides: &[Side]) -> (usize, usize, usize) {
-        let n_cells = sides.len() / self.h_at.len();
-        let next = self.n_fe[..boundary].iter().sum::<usize>() * n_cells;
-        (next - n_cells, next, n_cells)
-    }
-
-    fn is_switch(&self, boundary: usize, sides: &[Side]) -> bool {
-        let (last, next, n) = self.around(boundary, sides);
-        self.n_fe[boundary - 1].min(self.n_fe[boundary]) > 1 && sides[last..next] != sides[next..next + n]
-    }
-
     /// Moves what switches at a boundary between control stages into the last element before, or the first after.
     fn move_switch(&self, boundary: usize, way: Way, sides: &mut [Side]) -> bool {
-        let (last, next, n) = self.around(boundary, sides);
-        let switches = self.is_switch(boundary, sides);
+        let n = sides.len() / self.h_at.len();
+        let next = self.grid.n_fe[..boundary].iter().sum::<usize>() * n;
+        let switches = self.grid.is_switch(boundary, sides);
         if switches && way == Way::Before {
-            sides.copy_within(next..next + n, last);
+            sides.copy_within(next..next + n, next - n);
         } else if switches {
-            sides.copy_within(last..next, next);
+            sides.copy_within(next - n..next, next);
         }
         switches
     }
@@ -216,7 +210,7 @@ impl Identifier {
         let mut ok = true;
         let mut rest = sides;
         for (k, &u) in self.u_at.iter().enumerate() {
-            let (n_fe, duration) = (self.n_fe[k], self.durations[k]);
+            let (n_fe, duration) = (self.grid.n_fe[k], self.durations[k]);
             let (sides, others) = rest.split_at_mut(n_fe * n_cells);
             rest = others;
             sim.set_params(&self.params[k * self.n_p..(k + 1) * self.n_p])?;

@@ -6,6 +6,7 @@ use super::accuracy::{self, Accuracy, Answer, Replay};
 use super::diagnosis::Case;
 use super::extend::{Extended, Slacks, Statement};
 use super::identify::Identifier;
+use super::neighbours::Grid;
 use super::{Durations, Ocp, OcpResult};
 use crate::dcs::{Dcs, FormOptions};
 use crate::error::{Error, Result};
@@ -84,10 +85,10 @@ impl Ocp {
         let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
         let bounds = problem.bounds();
         let mut identifier = Identifier::new(&extended.system, &self.settings);
-        identifier.n_fe = n_fe;
         identifier.linear = self.linear.contains(&true);
         identifier.h_at = problem.lengths();
-        identifier.cells = problem.spec().dcs.subsystems().iter().map(|s| s.cells.len()).collect();
+        let sizes = problem.spec().dcs.form().simplices.iter().map(|c| c.len()).collect();
+        identifier.grid = Grid { n_fe, sizes };
         (identifier.x0_at, identifier.u_at) = problem.places();
         self.built = Some(Built { problem, solver, bounds, identifier, extended });
         Ok(clock.elapsed().as_secs_f64())
@@ -209,7 +210,10 @@ impl Ocp {
         let found = solver.solution();
         if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
             problem.set_exit(Exit::Theta);
-            solver.polish_again(&mut problem, &bounds, control, &mut suggest);
+            if !solver.polish_again(&mut problem, &bounds, control, &mut suggest) {
+                problem.set_exit(Exit::Slope);
+                solver.rescue(&mut problem, &bounds, control, &mut suggest);
+            }
         }
         let mut result = self.read(&mut problem, &solver, &extended, &stage_params);
         result.time_build = time_build;

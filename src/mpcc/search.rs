@@ -1,0 +1,155 @@
+//! From one active set to others: to better ones from a solution, to any from a point that belongs to none.
+//!
+//! Which sets are next to one another is for the caller to say ([`Suggest`]); here is decided where to go on.
+
+use std::time::Instant;
+
+use super::problem::Mpcc;
+use super::solver::{MpccSolver, Solution, Suggest, Wanted};
+use crate::nlp::{Bounds, Control};
+
+/// Improvements accepted at most.
+const MAX_IMPROVEMENTS: usize = 10;
+/// Branches tried where none near the identified one has a solution, and how many of them next to one point.
+const MAX_RESCUES: usize = 40;
+const RESCUES_OF_A_POINT: usize = 12;
+/// Share of the objective by which such a solution may be worse than the relaxation: before others are tried, and at all.
+const GOOD_ENOUGH: f64 = 0.01;
+const ACCEPTABLE: f64 = 0.25;
+/// Sets with parts that vanish, one after the other.
+const MAX_COLLAPSES: usize = 3;
+
+impl MpccSolver {
+    /// Where no active set like the identified one has a solution: the best among those further away; true when there is
+    /// one. Starts at the point the relaxation reached, and goes on from the best of the points where branches get stuck.
+    pub fn rescue(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
+        let clock = Instant::now();
+        self.close = true;
+        self.identify(p);
+        let before = self.solution.clone();
+        let relaxed = before.objective;
+        let above = |share: f64| relaxed + share * (1.0 + relaxed.abs());
+        let mut best = f64::INFINITY;
+        let mut stuck = vec![(relaxed, self.saved.x.clone(), self.sides.clone())];
+        let mut left = MAX_RESCUES;
+        while let Some(node) = (0..stuck.len()).min_by(|&a, &b| stuck[a].0.total_cmp(&stuck[b].0)) {
+            let (_, point, sides) = stuck.swap_remove(node);
+            for k in 0..RESCUES_OF_A_POINT.min(left) {
+                self.sides.copy_from_slice(&sides);
+                self.point.copy_from_slice(&point);
+                if !self.ask_near(Wanted::Rescue(k), p, suggest) {
+                    break;
+                }
+                left -= 1;
+                if !self.try_point(p, bounds, control) {
+                    if self.near < f64::INFINITY {
+                        stuck.push((self.near, self.point.clone(), self.sides.clone()));
+                    }
+                } else if best == f64::INFINITY || self.is_better(best) {
+                    self.record_exact(p, control);
+                    best = self.solution.objective;
+                    if best <= above(GOOD_ENOUGH) {
+                        break;
+                    }
+                }
+            }
+            if best <= above(ACCEPTABLE) || left == 0 {
+                break;
+            }
+        }
+        let ok = best <= above(ACCEPTABLE);
+        if ok {
+            self.improve(p, bounds, control, suggest);
+            self.judge(p, bounds, control);
+        } else {
+            let stats = self.solution.stats;
+            self.solution = Solution { stats, ..before };
+        }
+        self.close = false;
+        p.set_polishing(false);
+        self.solution.stats.time_total += clock.elapsed().as_secs_f64();
+        ok
+    }
+
+    /// Moves to neighbouring active sets as long as the objective falls. The result stays the best point.
+    pub(super) fn improve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) {
+        for _ in 0..MAX_IMPROVEMENTS {
+            let best = self.solution.objective;
+            let mut better = false;
+            for k in 0.. {
+                self.sides.copy_from_slice(&self.solution.sides);
+                let x = std::mem::take(&mut self.solution.x);
+                let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
+                let ok = more
+                    && (self.try_neighbour(p, bounds, &x, control)
+                        || self.go_on_from_near(p, bounds, control, suggest));
+                self.solution.x = x;
+                if ok && self.is_better(best) {
+                    self.record_exact(p, control);
+                    better = true;
+                    break;
+                }
+                if !more {
+                    break;
+                }
+            }
+            if !better {
+                return;
+            }
+        }
+    }
+
+    /// The neighbour just tried has no solution although its points are better than the best one: what vanishes there is
+    /// left out, and switches that end up between control stages are moved off them.
+    fn go_on_from_near(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
+        for _ in 0..MAX_COLLAPSES {
+            let known = self.near < self.solution.objective;
+            if !known || !self.ask_near(Wanted::Collapse, p, suggest) {
+                break;
+            }
+            if self.try_point(p, bounds, control) {
+                return true;
+            }
+        }
+        if self.near >= self.solution.objective {
+            return false;
+        }
+        let (point, sides) = (self.point.clone(), self.sides.clone());
+        for k in 0.. {
+            self.point.copy_from_slice(&point);
+            self.sides.copy_from_slice(&sides);
+            if !self.ask_near(Wanted::Repair(k), p, suggest) {
+                break;
+            }
+            if self.try_point(p, bounds, control) {
+                return true;
+            }
+        }
+        false
+    }
+
+    /// Another active set for the point a branch got stuck at, which is made a point of that set; false without one.
+    fn ask_near(&mut self, wanted: Wanted, p: &mut dyn Mpcc, suggest: Suggest) -> bool {
+        let n = self.st.n;
+        let mut sides = self.sides.clone();
+        let found = suggest(wanted, &self.point[..n], &mut sides);
+        if found {
+            p.enter_branch(&self.sides, &sides, &mut self.point[..n]);
+            self.sides = sides;
+        }
+        found
+    }
+
+    /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
+    /// positive starts inside.
+    fn try_neighbour(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
+        self.st.start(x, &mut self.point);
+        p.enter_branch(&self.solution.sides, &self.sides, &mut self.point[..self.st.n]);
+        self.try_point(p, bounds, control)
+    }
+
+    /// Is the point just reached better than one with this objective?
+    pub(super) fn is_better(&self, best: f64) -> bool {
+        self.st.objective(self.ipm.objective(), &self.ipm.iterate().x) < best - 1e-9 * (1.0 + best.abs())
+    }
+}
