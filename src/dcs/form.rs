@@ -203,6 +203,14 @@ impl Form {
         self.reported.extend((0..n).map(|j| vec![vec![first + 2 * j], vec![first + 2 * j + 1]]));
     }
 
+    /// Calls `f` with every cell that a weight, a cell or a product, is made of.
+    pub fn factors(&self, weight: usize, f: &mut dyn FnMut(usize)) {
+        match weight.checked_sub(self.n_cells) {
+            None => f(weight),
+            Some(k) => self.products[k].iter().for_each(|&w| self.factors(w, f)),
+        }
+    }
+
     /// Is a weight, a cell or a product, positive where these cells are active?
     pub fn is_active(&self, weight: usize, cells: &[bool]) -> bool {
         match weight.checked_sub(self.n_cells) {

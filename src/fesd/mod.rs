@@ -15,7 +15,7 @@
 //!   `θ = 0` at the boundary, which the complementarity conditions alone leave open by `O(h)`.
 //!
 //! `layout` numbers variables and rows, `calls` says where the inputs of model functions come from, `problem` evaluates the
-//! model, `assemble` and `hessian` write rows and derivatives, `branch` the bounds, `restart` starting points behind a
+//! model, `assemble` and `hessian` write rows and derivatives, `branch` the bounds, `start` and `restart` starting points for an active set and behind a
 //! switch, `trajectory` reads solutions, `places` says what numbers stand for. This layer does not know the solver.
 
 mod assemble;
@@ -27,6 +27,7 @@ mod layout;
 mod places;
 mod problem;
 mod restart;
+mod start;
 mod trajectory;
 
 pub use branch::{Exit, Violation};

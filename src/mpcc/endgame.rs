@@ -23,7 +23,7 @@ const DOUBTFUL: f64 = 1e-3;
 /// A multiplier, or a distance from a bound, that is as good as zero.
 const WEAK: f64 = 1e-9;
 /// Violation from which a point that is no solution of its branch is worth a try with the square system.
-const NEAR: f64 = 1e-4;
+pub(super) const NEAR: f64 = 1e-4;
 /// Violation from which its objective says something of the branches next to it.
 const TELLING: f64 = 1e-2;
 /// Newton solves with changing active sets.
@@ -45,7 +45,7 @@ pub(super) struct ActiveSet {
     exact: Bounds,
     /// Multipliers of fixed variables.
     z: Vec<f64>,
-    at: Iterate,
+    pub(super) at: Iterate,
 }
 
 impl ActiveSet {
@@ -288,7 +288,7 @@ impl MpccSolver {
     }
 
     /// Newton's method on the square system at the point `active.at` under the bounds in `branch`.
-    fn settle(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
+    pub(super) fn settle(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
         if !self.settings.square_newton {
             return false;
         }
@@ -381,13 +381,13 @@ impl MpccSolver {
         outcome == Outcome::Solved || (self.violation(p) <= NEAR && self.settle(p, control))
     }
 
-    fn violation(&mut self, p: &mut dyn Mpcc) -> f64 {
+    pub(super) fn violation(&mut self, p: &mut dyn Mpcc) -> f64 {
         self.ipm.residuals(&Relaxed { inner: p, st: &mut self.st }).primal
     }
 
     /// Barrier rule of a branch problem: below 1e-10 the barrier no longer moves the solution by more than the tolerance
     /// of the polish.
-    fn branch_rule(&self, mu_init: f64) -> Monotone {
+    pub(super) fn branch_rule(&self, mu_init: f64) -> Monotone {
         Monotone { mu_init, tol: self.settings.tol.min(1e-9), primal_tol: self.settings.polish_tol }
     }
 

@@ -4,9 +4,10 @@
 
 use std::time::Instant;
 
-use super::problem::Mpcc;
+use super::endgame::NEAR;
+use super::problem::{Mpcc, Side};
 use super::solver::{MpccSolver, Solution, Suggest, Wanted};
-use crate::nlp::{Bounds, Control};
+use crate::nlp::{Bounds, Control, Outcome, Start, Statistics};
 
 /// Improvements accepted at most.
 const MAX_IMPROVEMENTS: usize = 10;
@@ -19,7 +20,63 @@ const ACCEPTABLE: f64 = 0.25;
 /// Sets with parts that vanish, one after the other.
 const MAX_COLLAPSES: usize = 3;
 
+/// Iterations of a branch that is given, from a point that may be far from its solution.
+const MAX_ITERATIONS: usize = 150;
+
 impl MpccSolver {
+    /// Solves the branch `sides` from `x0[n]` and goes on to better ones; true when it has a solution, which is then the
+    /// result.
+    pub fn solve_sides(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        sides: &[Side],
+        x0: &[f64],
+        control: &mut Control,
+        suggest: Suggest,
+    ) -> bool {
+        let clock = Instant::now();
+        self.begin(p);
+        self.scale(p, x0);
+        self.st.start(x0, &mut self.point);
+        self.sides.copy_from_slice(sides);
+        let ok = self.try_far(p, bounds, control);
+        self.close = true;
+        if ok {
+            self.record_exact(p, control);
+            self.improve(p, bounds, control, suggest);
+            self.judge(p, bounds, control);
+        }
+        self.close = false;
+        p.set_polishing(false);
+        self.solution.stats.time_total = clock.elapsed().as_secs_f64();
+        ok
+    }
+
+    /// Tries the branch `sides` from the point in `point`, which may be far from its solution.
+    fn try_far(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        p.set_polishing(true);
+        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
+        let mut rule = self.branch_rule(self.settings.mu_init);
+        let usual = std::mem::replace(&mut self.branch_iterations, MAX_ITERATIONS);
+        let point = std::mem::take(&mut self.point);
+        let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
+        self.point = point;
+        self.branch_iterations = usual;
+        if outcome == Outcome::Solved || self.violation(p) > NEAR {
+            return outcome == Outcome::Solved;
+        }
+        self.active.at.copy_from(self.ipm.iterate());
+        self.settle(p, control)
+    }
+
+    /// Adds what was spent before to the cost of the last solve.
+    pub fn add_cost(&mut self, cost: &Statistics) {
+        self.solution.stats.add(cost);
+    }
+
     /// Where no active set like the identified one has a solution: the best among those further away; true when there is
     /// one. Starts at the point the relaxation reached, and goes on from the best of the points where branches get stuck.
     pub fn rescue(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {

@@ -243,6 +243,8 @@ pub struct MpccSolver {
     /// Objective of the point a branch got stuck at, infinite where that is far from feasible.
     pub(super) near: f64,
     pub(super) judge: Option<Judge>,
+    /// Iterations one branch gets.
+    pub(super) branch_iterations: usize,
 }
 
 impl MpccSolver {
@@ -281,6 +283,7 @@ impl MpccSolver {
             active: ActiveSet::new(n_all, all),
             close: false,
             near: f64::INFINITY,
+            branch_iterations: BRANCH_ITERATIONS,
             judge: if p.pairs().is_empty() { None } else { Some(Judge::new(p)?) },
         })
     }
@@ -496,7 +499,7 @@ impl MpccSolver {
         outcome
     }
 
-    fn scale(&mut self, p: &mut dyn Mpcc, x0: &[f64]) {
+    pub(super) fn scale(&mut self, p: &mut dyn Mpcc, x0: &[f64]) {
         if self.settings.scaling {
             self.st.scale(p, x0, &mut self.point[..x0.len()]);
         } else {
@@ -504,7 +507,7 @@ impl MpccSolver {
         }
     }
 
-    fn begin(&mut self, p: &mut dyn Mpcc) {
+    pub(super) fn begin(&mut self, p: &mut dyn Mpcc) {
         p.set_polishing(false);
         self.solution.stats = Statistics::default();
         self.solution.polish = Polish::None;
@@ -525,7 +528,7 @@ impl MpccSolver {
         let used = self.solution.stats.iterations;
         let settings = self.ipm.settings_mut();
         let left = self.settings.max_iter.saturating_sub(used);
-        settings.max_iter = if phase == b'p' { left.min(BRANCH_ITERATIONS) } else { left };
+        settings.max_iter = if phase == b'p' { left.min(self.branch_iterations) } else { left };
         settings.first_iteration = used;
         settings.convexify_pairs = self.settings.convexify_pairs;
         settings.max_soc = self.settings.max_soc;

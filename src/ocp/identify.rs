@@ -32,6 +32,8 @@ pub(super) struct Identifier {
     pub u_at: Vec<usize>,
     /// Lengths of the elements, where they are variables.
     pub h_at: Vec<Option<usize>>,
+    /// Elements have sets at all.
+    pub detects: bool,
     improves: bool,
     /// Neighbouring sequences that may still be tried.
     pub budget: usize,
@@ -71,6 +73,7 @@ impl Identifier {
             x0_at: 0,
             u_at: Vec::new(),
             h_at: Vec::new(),
+            detects: true,
             improves: true,
             budget: 0,
             simulator: None,
@@ -91,6 +94,9 @@ impl Identifier {
 
     /// The next proposal, see [`crate::mpcc::Suggest`].
     pub fn suggest(&mut self, wanted: Wanted, w: &[f64], sides: &mut [Side]) -> bool {
+        if !self.detects {
+            return false;
+        }
         match wanted {
             Wanted::Repair(k) => self.repair(k, w, sides),
             Wanted::Rescue(k) => self.rescue(k, sides),
@@ -226,6 +232,17 @@ impl Identifier {
     }
 }
 
+/// Elements of phases of these lengths, `n` in all, one at least for every phase: those with the longest get more.
+pub(super) fn shares(lengths: &[f64], n: usize) -> Vec<usize> {
+    let mut counts = vec![1usize; lengths.len()];
+    for _ in lengths.len()..n {
+        let longest = |k: &usize| lengths[*k] / counts[*k] as f64;
+        let k = (0..lengths.len()).max_by(|a, b| longest(a).total_cmp(&longest(b)).then(b.cmp(a))).unwrap_or(0);
+        counts[k] += 1;
+    }
+    counts
+}
+
 /// Gives every phase of a stage its share of the elements, one at least.
 fn assign(t: &Trajectory, duration: f64, n_fe: usize, sides: &mut [Side]) -> bool {
     let mut phases: Vec<(&[bool], f64)> = Vec::new();
@@ -246,13 +263,8 @@ fn assign(t: &Trajectory, duration: f64, n_fe: usize, sides: &mut [Side]) -> boo
         // the order of modes is as identified: so are the numbers of elements, and the grid fits the point
         return true;
     }
-    let mut counts = vec![1usize; phases.len()];
-    for _ in phases.len()..n_fe {
-        // the phase with the longest elements gets the next one
-        let longest = |k: &usize| phases[*k].1 / counts[*k] as f64;
-        let k = (0..phases.len()).max_by(|a, b| longest(a).total_cmp(&longest(b)).then(b.cmp(a))).unwrap_or(0);
-        counts[k] += 1;
-    }
+    let lengths: Vec<f64> = phases.iter().map(|p| p.1).collect();
+    let counts = shares(&lengths, n_fe);
     let sets = phases.iter().zip(&counts).flat_map(|((set, _), &n)| std::iter::repeat_n(*set, n));
     for (chunk, set) in sides.chunks_mut(n_cells).zip(sets) {
         for (s, &active) in chunk.iter_mut().zip(set) {

@@ -15,6 +15,7 @@ mod accuracy;
 mod diagnosis;
 mod extend;
 mod identify;
+mod modes;
 mod neighbours;
 mod rewire;
 mod sensitivity;
@@ -26,6 +27,7 @@ mod terms;
 
 pub use crate::fesd::Durations;
 pub use accuracy::Accuracy;
+pub use modes::ModeSequence;
 pub use sensitivity::OcpSensitivity;
 pub use statement::Statement;
 pub(crate) use terms::Linear;
@@ -135,6 +137,7 @@ pub struct Ocp {
     stage_params: Option<Vec<f64>>,
     x_guess: Option<(Vec<f64>, Vec<f64>)>,
     u_guess: Option<Vec<f64>>,
+    modes: Option<ModeSequence>,
     built: Option<Built>,
     /// Simulates answers, with the tolerance it was made for.
     engine: Option<(Replay, f64)>,
@@ -181,6 +184,7 @@ impl Ocp {
             stage_params: None,
             x_guess: None,
             u_guess: None,
+            modes: None,
             built: None,
             engine: None,
             result: None,

@@ -11,7 +11,7 @@ use super::{Durations, Ocp, OcpResult};
 use crate::dcs::{Dcs, FormOptions};
 use crate::error::{Error, Result};
 use crate::fesd::{Exit, Fesd, Options, Spec, Trajectory};
-use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side, Wanted, Warm};
+use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Warm};
 use crate::nlp::{Bounds, Control, Nlp, Outcome};
 use crate::settings::InitialGuess;
 use crate::sim::Simulator;
@@ -168,6 +168,12 @@ impl Ocp {
     fn run(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
         let time_build = self.build()?;
         let guess = if start == Start::Cold { Some(self.state_guess(control)?) } else { None };
+        let given = match (&self.built, &self.modes) {
+            (Some(b), Some(m)) if guess.is_some() && b.problem.detects_switches() => {
+                Some(m.on_grid(b.problem.spec().dcs.form(), &self.durations, &b.identifier.grid.n_fe)?)
+            }
+            _ => None,
+        };
         let Some(Built { mut problem, mut solver, mut bounds, mut identifier, mut extended }) = self.built.take()
         else {
             return Err(Error::Internal("the problem was not built".into()));
@@ -182,12 +188,12 @@ impl Ocp {
         identifier.t0 = self.t0;
         identifier.fixed = self.time == Durations::Fixed && !problem.param_places().iter().any(Option::is_some);
         let budget = self.settings.mode_search as usize;
-        identifier.restart(start == Start::Cold || budget > 0, budget);
+        let has_modes = given.is_some();
+        identifier.restart((start == Start::Cold && !has_modes) || budget > 0, budget);
         solver.settings = MpccSettings::from(&self.settings);
         control.limit(self.settings.max_time);
-        let detects = problem.detects_switches();
+        identifier.detects = problem.detects_switches();
         problem.forget_trouble();
-        let mut suggest = |k: Wanted, w: &[f64], sides: &mut [Side]| detects && identifier.suggest(k, w, sides);
         problem.set_exit(Exit::Slope);
         if let Some(guess) = guess {
             let mut w0 = vec![0.0; problem.n()];
@@ -201,18 +207,35 @@ impl Ocp {
                     u[nu..].fill(SLACK);
                 },
             );
-            solver.solve_with(&mut problem, &bounds, &w0, control, &mut suggest);
+            let mut spent = None;
+            if let Some((sides, lengths)) = given {
+                let mut w = w0.clone();
+                let x_at = |t: f64, x: &mut [f64]| interpolate(&guess.0, &guess.1, t, x);
+                problem.guess_active_set(&mut w, self.t0, &lengths, &sides, x_at);
+                if !solver
+                    .solve_sides(&mut problem, &bounds, &sides, &w, control, &mut |k, w, s| identifier.suggest(k, w, s))
+                {
+                    spent = Some(solver.solution().stats);
+                    identifier.restart(true, budget);
+                }
+            }
+            if !has_modes || spent.is_some() {
+                solver.solve_with(&mut problem, &bounds, &w0, control, &mut |k, w, s| identifier.suggest(k, w, s));
+                solver.add_cost(&spent.unwrap_or_default());
+            }
         } else {
             let s = solver.solution();
             let (x, y, z) = (s.x.clone(), s.y.clone(), s.z.clone());
-            solver.solve_warm(&mut problem, &bounds, &Warm { x: &x, y: &y, z: &z }, control, &mut suggest);
+            solver.solve_warm(&mut problem, &bounds, &Warm { x: &x, y: &y, z: &z }, control, &mut |k, w, s| {
+                identifier.suggest(k, w, s)
+            });
         }
         let found = solver.solution();
         if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
             problem.set_exit(Exit::Theta);
-            if !solver.polish_again(&mut problem, &bounds, control, &mut suggest) {
+            if !solver.polish_again(&mut problem, &bounds, control, &mut |k, w, s| identifier.suggest(k, w, s)) {
                 problem.set_exit(Exit::Slope);
-                solver.rescue(&mut problem, &bounds, control, &mut suggest);
+                solver.rescue(&mut problem, &bounds, control, &mut |k, w, s| identifier.suggest(k, w, s));
             }
         }
         let mut result = self.read(&mut problem, &solver, &extended, &stage_params);
@@ -405,7 +428,8 @@ impl Ocp {
         }
         let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
         let (mut times, mut states) = (vec![0.0], x0.clone());
-        if self.settings.initial_guess()? != InitialGuess::Simulation {
+        // a branch problem wants states on the right side of its switches
+        if self.modes.is_none() && self.settings.initial_guess()? != InitialGuess::Simulation {
             return Ok((times, states));
         }
         let d = self.system.dims();

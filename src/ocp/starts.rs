@@ -81,6 +81,7 @@ impl Ocp {
             stage_params: self.stage_params.clone(),
             x_guess: self.x_guess.clone(),
             u_guess: self.u_guess.clone(),
+            modes: self.modes.clone(),
             built: None,
             engine: None,
             result: None,

@@ -69,6 +69,7 @@ impl Ocp {
             stage_params,
             x_guess,
             u_guess,
+            modes: _,
             built: _,
             engine: _,
             result: _,

@@ -1,0 +1,127 @@
+//! Mode sequences of optimal control problems: given, found, bettered.
+
+mod common;
+use common::models::*;
+use common::*;
+use switchback::mpcc::Polish;
+use switchback::nlp::{Control, Outcome};
+use switchback::ocp::{ModeSequence, Ocp, OcpResult};
+use switchback::settings::{DcsForm, Settings};
+
+/// Best cost known of (7.51) by its authors; the converged optimum is 9.14960187.
+const GOOD: f64 = 9.157_859_2;
+/// Its neighbour: the second sliding mode begins exactly at the fourth control stage.
+const POOR: f64 = 9.265_045;
+
+fn solve(o: &mut Ocp) -> OcpResult {
+    let r = o.solve(&mut Control::default()).unwrap().clone();
+    assert_eq!(r.outcome, Outcome::Solved, "{}", r.message);
+    r
+}
+
+/// Modes of the two subsystems of (7.51) in phases: `+`, `-`, or `0` for a sliding mode.
+fn sequence(phases: &[(f64, &str)]) -> ModeSequence {
+    let active = |c: char| [c != '-', c != '+'];
+    ModeSequence {
+        times: phases.iter().map(|p| p.0).collect(),
+        modes: phases.iter().flat_map(|p| p.1.chars().flat_map(active)).collect(),
+        cells: Vec::new(),
+    }
+}
+
+fn poor_sequence() -> ModeSequence {
+    sequence(&[(0.0, "++"), (0.9, "+0"), (2.0, "00"), (2.3, "0-"), (2.8, "--")])
+}
+
+#[test]
+fn a_given_sequence_is_solved_and_the_search_leaves_it_for_the_better_optimum() {
+    let mut guess = vec![0.0; 12];
+    for n_s in [2, 3] {
+        for form in [DcsForm::Stewart, DcsForm::Heaviside] {
+            let solve = |mode_search: i64| {
+                let dcs_form = form as i64;
+                let set = Settings { mode_search, dcs_form, ..settings(RadauIia, n_s, 3, FESD) };
+                let mut o = sliding_ocp(&set);
+                o.set_modes(Some(poor_sequence())).unwrap();
+                o.set_u_guess(&guess).unwrap();
+                solve(&mut o)
+            };
+            let what = format!("n_s = {n_s}, {}", form.name());
+            let without = solve(0);
+            assert_eq!(without.polish, Polish::Done, "{what}");
+            assert!((without.cost - POOR).abs() < 1e-4, "{what}: {}", without.cost);
+            assert!(without.modes().times.iter().any(|t| (t - 2.0).abs() < 1e-9), "{what}: a switch between stages");
+            let with = solve(10);
+            assert_eq!(with.polish, Polish::Done, "{what}");
+            assert!(with.cost <= GOOD, "{what}: {}", with.cost);
+            assert!(with.accuracy.as_ref().unwrap().terminal_violation < 1e-5, "{what}");
+            assert_eq!(with.controls, solve(10).controls, "{what}: the search is deterministic");
+            guess = without.controls;
+        }
+    }
+}
+
+/// From the default start, without a budget.
+#[test]
+fn the_better_optimum_is_found_on_all_grids() {
+    for (n_s, n_fe) in [(2, 3), (2, 5), (3, 2), (3, 3), (4, 2), (4, 3)] {
+        let r = solve(&mut sliding_ocp(&settings(RadauIia, n_s, n_fe, FESD)));
+        assert_eq!(r.polish, Polish::Done, "n_s = {n_s}, {n_fe} elements");
+        assert!(r.cost <= GOOD, "n_s = {n_s}, {n_fe} elements: {}", r.cost);
+        assert!(r.accuracy.unwrap().terminal_violation < 1e-6, "n_s = {n_s}, {n_fe} elements");
+    }
+}
+
+/// Without an element to spare the mode sequence of the relaxation has no solution; another one has.
+#[test]
+fn coarse_grids_have_exact_answers() {
+    for (n_s, n_fe, tol) in [(3, 1, 1e-6), (4, 1, 1e-12), (4, 2, 1e-12)] {
+        let r = solve(&mut sliding_ocp(&settings(RadauIia, n_s, n_fe, FESD)));
+        assert_eq!(r.polish, Polish::Done, "n_s = {n_s}, {n_fe} elements: {}", r.message);
+        assert!(r.accuracy.unwrap().terminal_violation < tol, "n_s = {n_s}, {n_fe} elements");
+    }
+}
+
+#[test]
+fn the_modes_of_a_solution_lead_back_to_it() {
+    for form in [DcsForm::Stewart, DcsForm::Heaviside] {
+        let set = Settings { dcs_form: form as i64, ..settings(RadauIia, 3, 4, FESD) };
+        let first = solve(&mut sliding_ocp(&set));
+        for with_cells in [true, false] {
+            let mut modes = first.modes();
+            if !with_cells {
+                modes.cells.clear();
+            }
+            let mut o = sliding_ocp(&set);
+            o.set_modes(Some(modes.clone())).unwrap();
+            assert_eq!(o.modes(), Some(&modes));
+            let r = solve(&mut o);
+            let what = format!("{}, cells: {with_cells}, {} after {}", form.name(), r.cost, first.cost);
+            assert!((r.cost - first.cost).abs() < 1e-10, "{what}");
+            assert_eq!(r.modes().modes, modes.modes, "{what}");
+            let (a, b) = (r.stats.iterations, first.stats.iterations);
+            assert!(a < b, "{what}: {a} iterations, {b} before");
+            // without it, as before
+            o.set_modes(None).unwrap();
+            assert_eq!(solve(&mut o).controls, first.controls, "{what}");
+        }
+    }
+}
+
+#[test]
+fn a_sequence_without_a_solution_is_left() {
+    let mut o = sliding_ocp(&settings(RadauIia, 2, 3, FESD));
+    let plain = solve(&mut o);
+    // the second subsystem cannot stay where it starts
+    o.set_modes(Some(sequence(&[(0.0, "++"), (2.0, "-+")]))).unwrap();
+    let r = solve(&mut o);
+    assert!((r.cost - plain.cost).abs() < 1e-9, "{} {}", r.cost, plain.cost);
+    assert!(r.stats.iterations > plain.stats.iterations, "what was tried counts");
+    // four phases in one stage of three elements
+    let many = sequence(&[(0.0, "++"), (0.1, "+0"), (0.2, "+-"), (0.3, "--")]);
+    o.set_modes(Some(many)).unwrap();
+    let e = o.solve(&mut Control::default()).unwrap_err().to_string();
+    assert!(e.contains("stage 0 has 4 phases and 3 elements"), "{e}");
+    o.set_modes(Some(ModeSequence { times: vec![0.0], modes: vec![true], cells: vec![] })).unwrap();
+    assert!(o.solve(&mut Control::default()).is_err());
+}
