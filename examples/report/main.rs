@@ -1,10 +1,10 @@
 //! Measures speed against error on the standard problems.
 //!
-//! `cargo run --release --example report -- CASE [--json] [--plot DIR] [--problems DIR] [--casadi DIR]`, `CASE` one
+//! `cargo run --release --example report -- CASE [--json] [--plot DIR] [--problems DIR] [--casadi DIR] [--method FAMILY]`, `CASE` one
 //! of [`cases::ALL`] or `all`. Prints a table; with `--json` one object per line and nothing else on standard output.
 //! `replay FILE` solves what a document holds and prints what happened.
 //! `--problems` names a folder of recorded problems for the cases that can use one, `--casadi` a folder that
-//! `bindings/python/benchmarks/model_eval.py` wrote.
+//! `bindings/python/benchmarks/model_eval.py` wrote; `--method` restricts `sliding-ocp` to one Runge-Kutta family.
 
 mod cases;
 mod compiled;
@@ -25,6 +25,10 @@ pub struct Context {
     plot: Option<PathBuf>,
     problems: PathBuf,
     casadi: Option<PathBuf>,
+    /// Runge-Kutta family to restrict a sweep to.
+    method: Option<String>,
+    /// Is this one case of all of them, where a sweep takes a sample?
+    all: bool,
 }
 
 impl Context {
@@ -52,7 +56,7 @@ impl Context {
 fn usage(problem: &str) -> ! {
     let names: Vec<&str> = cases::ALL.iter().map(|c| c.0).collect();
     eprintln!(
-        "{problem}\nusage: report CASE [--json] [--plot DIR] [--problems DIR] [--casadi DIR]\n       report replay FILE\n\
+        "{problem}\nusage: report CASE [--json] [--plot DIR] [--problems DIR] [--casadi DIR] [--method FAMILY]\n       report replay FILE\n\
          cases: {}, all",
         names.join(", ")
     );
@@ -60,7 +64,8 @@ fn usage(problem: &str) -> ! {
 }
 
 fn main() {
-    let mut context = Context { json: false, plot: None, problems: "../shared/mpcc".into(), casadi: None };
+    let mut context =
+        Context { json: false, plot: None, problems: "../shared/mpcc".into(), casadi: None, method: None, all: false };
     let mut case = None;
     let mut args = std::env::args().skip(1);
     while let Some(a) = args.next() {
@@ -77,6 +82,10 @@ fn main() {
             "--casadi" => match args.next() {
                 Some(dir) => context.casadi = Some(dir.into()),
                 None => usage("--casadi needs a directory"),
+            },
+            "--method" => match args.next() {
+                Some(name) => context.method = Some(name),
+                None => usage("--method needs the name of a Runge-Kutta family"),
             },
             _ if a.starts_with('-') => usage(&format!("unknown option '{a}'")),
             "replay" if case.is_none() => {
@@ -96,6 +105,7 @@ fn main() {
     if chosen.is_empty() {
         usage(&format!("unknown case '{case}'"));
     }
+    context.all = case == "all";
     for (_, run) in chosen {
         run(&context);
     }

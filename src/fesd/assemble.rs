@@ -191,6 +191,12 @@ impl Fesd {
                     c[row + k] = w[e.sum_lambda + k] - all.map(|&j| w[j + k]).sum::<f64>();
                 }
             }
+            for (row, weights) in [(e.row_first, &self.first), (e.row_last, &self.last)] {
+                let Some(row) = row else { continue };
+                for k in 0..l.n_cells {
+                    c[row + k] = e.theta.iter().zip(weights).map(|(&j, d)| d * w[j + k]).sum();
+                }
+            }
             if let (Some(row), Some(start)) = (e.row_slope, e.lambda_start) {
                 for k in 0..l.n_cells {
                     let points = std::iter::once(&start).chain(&e.lambda);
@@ -416,6 +422,12 @@ impl Fesd {
                         s.add(row + c, j + c, -1.0);
                     }
                 }
+                for (row, weights) in [(e.row_first, &self.first), (e.row_last, &self.last)] {
+                    let Some(row) = row else { continue };
+                    for (&j, &d) in e.theta.iter().zip(weights) {
+                        s.add(row + c, j + c, d);
+                    }
+                }
                 if let (Some(row), Some(start)) = (e.row_slope, e.lambda_start) {
                     for (&j, &d) in std::iter::once(&start).chain(&e.lambda).chain(&e.lambda_end).zip(&self.slope) {
                         if d != 0.0 {
@@ -507,6 +519,14 @@ pub(super) fn sum_of(weights: &[usize], theta: usize, w: &[f64]) -> f64 {
 /// Product of all factors but those at the places `skip`.
 pub(super) fn others(factors: &[usize], skip: &[usize], theta: usize, w: &[f64]) -> f64 {
     factors.iter().enumerate().filter(|(k, _)| !skip.contains(k)).map(|(_, v)| w[theta + v]).product()
+}
+
+/// Weights of the values at the stage points in the first less the polynomial through the others.
+pub(super) fn first_weights(tableau: &Tableau) -> Vec<f64> {
+    let c = &tableau.c;
+    let lagrange =
+        |j: usize| -> f64 { (1..c.len()).filter(|&k| k != j).map(|k| (c[0] - c[k]) / (c[j] - c[k])).product() };
+    (0..c.len()).map(|j| if j == 0 { 1.0 } else { -lagrange(j) }).collect()
 }
 
 /// Weights of `λ` at the start, the stage points and the end of an element in its slope at the start: the derivative

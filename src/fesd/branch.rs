@@ -24,15 +24,36 @@ pub struct Violation<'a> {
 pub enum Exit {
     /// The multiplier that grows afterwards starts with zero slope: never leaves `λ < 0` behind.
     Slope,
-    /// `θ = 0` at the end of the element, for methods with a stage point there: more accurate exit times, but `λ` may
-    /// fall below zero by the error of the method behind it. Other methods use the slope.
+    /// `θ = 0` at the end of the element, for methods with a stage point there or at the start: more accurate exit times,
+    /// but `λ` may fall below zero by the error of the method behind it. Other methods use the slope.
     Theta,
+}
+
+impl Exit {
+    /// The other way.
+    pub fn other(self) -> Exit {
+        match self {
+            Exit::Slope => Exit::Theta,
+            Exit::Theta => Exit::Slope,
+        }
+    }
 }
 
 impl Fesd {
     /// Chooses what ends a sliding mode.
     pub fn set_exit(&mut self, exit: Exit) {
         self.exit = exit;
+    }
+
+    /// What ends a sliding mode best with this method: the slope, but for two stages of which the first is at the start,
+    /// whose slope is a secant over the whole element.
+    pub fn usual_exit(&self) -> Exit {
+        let t = &self.tableau;
+        if t.n_s == 2 && t.c[0] == 0.0 && t.c[1] > 0.5 {
+            Exit::Theta
+        } else {
+            Exit::Slope
+        }
     }
 
     /// Bounds of the relaxed problem: signs of the multipliers, step sizes, rows. States, controls and the
@@ -61,7 +82,8 @@ impl Fesd {
                 nonneg(&mut b, e.sum_theta);
             }
             let slopes = e.row_slope.map_or(0..0, |r| r..r + l.n_cells);
-            for i in slopes.chain(e.row_equal) {
+            let weights = e.row_first.into_iter().chain(e.row_last).flat_map(|r| r..r + l.n_cells);
+            for i in slopes.chain(weights).chain(e.row_equal) {
                 b.cl[i] = f64::NEG_INFINITY;
                 b.cu[i] = f64::INFINITY;
             }
@@ -128,6 +150,20 @@ impl Fesd {
         !self.tableau.stiffly_accurate() && self.tableau.a_inv.is_some()
     }
 
+    /// Does the first stage point of an element say anything about its sliding mode? It repeats the start where it is the
+    /// start itself, and a method whose last stage moves no other has one equation too many in the stage points: it holds
+    /// the mode by those behind the first and by the end.
+    fn first_counts(&self) -> bool {
+        self.tableau.c[0] > 0.0 || self.tableau.a_inv.is_some()
+    }
+
+    /// Is the first stage point at the start? The multipliers there have their signs at the end of the element before, and
+    /// at the stage point up to its error only: where the start is on a surface, or was shortly before, it may lie on
+    /// either side.
+    fn first_repeats(&self) -> bool {
+        self.tableau.c[0] == 0.0
+    }
+
     /// The first `λ` below `-tol_lambda` or `θ` below `-tol_theta` in the order of time: element, cell, and whether it is a `θ`; with the
     /// states at that point.
     ///
@@ -157,7 +193,11 @@ impl Fesd {
                     let drift = self.drifts() && Some(lambda) == e.lambda_end && {
                         sides[element * l.n_cells + cell] == Side::First
                     };
-                    if of_theta || w[lambda + cell] < -tol_lambda && !drift {
+                    let first = lambda == e.lambda[0] && {
+                        let slides = sides[element * l.n_cells + cell] == Side::First && !self.first_counts();
+                        slides || self.first_repeats() && sides[element * l.n_cells + cell] == Side::Second
+                    };
+                    if of_theta || w[lambda + cell] < -tol_lambda && !drift && !first {
                         let t = self.spec.dcs.clock().map(|c| w[x + c]);
                         return Some(Violation { element, cell, of_theta, x: &w[x..x + nx], t });
                     }
@@ -332,25 +372,41 @@ impl Mpcc for Fesd {
                 b.xu[h] = f64::INFINITY;
             }
             let active = |c: usize| sides[i_e * n + c] == Side::First;
-            for c in 0..n {
-                if active(c) {
-                    // the start is the end of the element before
-                    let start = e.lambda_start.filter(|_| !drifts || i_e == 0);
-                    let end = e.lambda_end.filter(|_| !drifts);
-                    for &j in start.iter().chain(&e.lambda).chain(&end) {
-                        fix(b, j + c);
-                    }
-                    if e.row_sum_lambda.is_some() && drifts {
+            let mut fix_active = |c: usize, says_mu: bool| {
+                let first = self.first_counts() || says_mu;
+                // the start is the end of the element before
+                let start = e.lambda_start.filter(|_| !drifts || i_e == 0);
+                let end = e.lambda_end.filter(|_| !drifts);
+                for &j in start.iter().chain(&e.lambda[usize::from(!first)..]).chain(&end) {
+                    fix(b, j + c);
+                }
+                if !first {
+                    free(b, e.lambda[0] + c);
+                }
+                if let (false, Some(row)) = (says_mu, e.row_first) {
+                    (b.cl[row + c], b.cu[row + c]) = (0.0, 0.0);
+                }
+                if e.row_sum_lambda.is_some() && (drifts || !first) {
+                    free(b, e.sum_lambda + c);
+                } else if e.row_sum_lambda.is_some() {
+                    fix(b, e.sum_lambda + c);
+                }
+            };
+            for cells in &self.spec.dcs.form().simplices {
+                let says_mu = cells.clone().find(|&c| active(c));
+                cells.clone().filter(|&c| active(c)).for_each(|c| fix_active(c, Some(c) == says_mu));
+            }
+            for c in (0..n).filter(|&c| !active(c)) {
+                for &j in &e.theta {
+                    fix(b, j + c);
+                }
+                if l.sums {
+                    fix(b, e.sum_theta + c);
+                }
+                if self.first_repeats() {
+                    free(b, e.lambda[0] + c);
+                    if e.row_sum_lambda.is_some() {
                         free(b, e.sum_lambda + c);
-                    } else if e.row_sum_lambda.is_some() {
-                        fix(b, e.sum_lambda + c);
-                    }
-                } else {
-                    for &j in &e.theta {
-                        fix(b, j + c);
-                    }
-                    if l.sums {
-                        fix(b, e.sum_theta + c);
                     }
                 }
             }
@@ -390,13 +446,18 @@ impl Mpcc for Fesd {
                 }
                 (false, Some(c)) => {
                     let last = l.elements[i_e - 1].theta[self.tableau.n_s - 1] + c;
+                    let row_last = l.elements[i_e - 1].row_last;
+                    let by_theta = self.exit == Exit::Theta && (self.tableau.stiffly_accurate() || row_last.is_some());
                     match e.row_slope {
-                        Some(slope) if self.exit == Exit::Slope || !self.tableau.stiffly_accurate() => {
+                        Some(slope) if !by_theta => {
                             b.cu[slope + c] = 0.0;
                             b.xl[last] = f64::NEG_INFINITY;
                         }
                         _ => {
-                            fix(b, last);
+                            match row_last {
+                                Some(row) => (b.cl[row + c], b.cu[row + c]) = (0.0, 0.0),
+                                None => fix(b, last),
+                            }
                             if let Some(row) = e.row_slope {
                                 b.cl[row + c] = f64::NEG_INFINITY;
                             }

@@ -246,6 +246,11 @@ pub(super) struct ElementIndex {
     pub row_range: Option<usize>,
     /// `η (h_n − h_{n−1})`, where that is an equation; free in the polish.
     pub row_eta: Option<usize>,
+    /// `θ` at the first stage point less the polynomial through those at the others, where nothing else determines it;
+    /// free until the polish.
+    pub row_first: Option<usize>,
+    /// The polynomial through `θ` at the end, where no stage point that counts is there; free until the polish.
+    pub row_last: Option<usize>,
     /// Slopes of `λ` at the start, for modes that leave there; free until the polish.
     pub row_slope: Option<usize>,
 }
@@ -294,6 +299,11 @@ pub(super) struct Layout {
     pub sums: bool,
     /// The shape of the terms with `η`, where there are any.
     pub eta: Option<Shape>,
+}
+
+/// Does `θ` at the end of an element follow from the stage points of a method that starts with one?
+fn ends_by_extrapolation(t: &Tableau) -> bool {
+    t.family != Family::Explicit && t.n_s > 1 && t.c[0] == 0.0 && !t.stiffly_accurate()
 }
 
 #[derive(Default)]
@@ -458,6 +468,12 @@ impl Layout {
                 }
                 if n > 0 && eta == Some(Shape::Equation) {
                     e.row_eta = Some(row.take(1));
+                }
+                if fesd && tableau.family == Family::LobattoIiia {
+                    e.row_first = Some(row.take(n_cells));
+                }
+                if fesd && n + 1 < n_fe && ends_by_extrapolation(tableau) {
+                    e.row_last = Some(row.take(n_cells));
                 }
                 if fesd && (n > 0 || k > 0) {
                     e.row_slope = Some(row.take(n_cells));

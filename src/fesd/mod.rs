@@ -15,9 +15,11 @@
 //!   `θ = 0` at the boundary, which the complementarity conditions alone leave open by `O(h)`.
 //!
 //! `layout` numbers variables and rows, `calls` says where the inputs of model functions come from, `problem` evaluates the
-//! model, `assemble` and `hessian` write rows and derivatives, `branch` the bounds, `start` and `restart` starting points for an active set and behind a
-//! switch, `trajectory` reads solutions, `places` says what numbers stand for. This layer does not know the solver.
+//! model, `adopt` starts from the solution of another method, `assemble` and `hessian` write rows and derivatives, `branch`
+//! the bounds, `start` and `restart` starting points for an active set and behind a switch, `trajectory` reads solutions,
+//! `places` says what numbers stand for. This layer does not know the solver.
 
+mod adopt;
 mod assemble;
 mod branch;
 mod calls;

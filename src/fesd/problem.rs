@@ -2,7 +2,7 @@
 //!
 //! Model functions are evaluated once per point into a cache; everything else reads from there.
 
-use super::assemble::{slope_weights, Recorder, Writer};
+use super::assemble::{first_weights, slope_weights, Recorder, Writer};
 use super::branch::Exit;
 use super::calls::Builder;
 pub(super) use super::calls::Call;
@@ -86,6 +86,10 @@ pub struct Fesd {
     pub(super) hess_map: Vec<u32>,
     /// Derivative at 0 of the polynomial through the values at 0 and at the nodes.
     pub(super) slope: Vec<f64>,
+    /// Weights of the values at the stage points in the first less the polynomial through the others.
+    pub(super) first: Vec<f64>,
+    /// Weights of the values at the stage points in the polynomial through them at the end.
+    pub(super) last: Vec<f64>,
     pub(super) params: Vec<f64>,
     /// Lengths of the control stages; to start from where they are variables.
     pub(super) durations: Vec<f64>,
@@ -174,6 +178,8 @@ impl Fesd {
         let list = |p: &Pattern| -> Vec<(u32, u32)> {
             (0..p.n_cols()).flat_map(|j| p.rows(j).iter().map(move |&i| (j as u32, i as u32))).collect()
         };
+        let mut last = vec![0.0; tableau.n_s];
+        tableau.interpolation_weights(1.0, &mut last);
         let mut f = Fesd {
             jac_cols: functions.iter().map(|f| list(f.jac_pattern())).collect(),
             hess_cols: functions.iter().map(|f| list(f.hess_pattern())).collect(),
@@ -203,6 +209,8 @@ impl Fesd {
             hess: Pattern::empty(0, 0),
             hess_map: Vec::new(),
             slope: slope_weights(&tableau),
+            first: first_weights(&tableau),
+            last,
             params: vec![0.0; n_params],
             durations: vec![duration; spec.n_stages()],
             polishing: false,

@@ -72,6 +72,42 @@ impl MpccSolver {
         self.settle(p, control)
     }
 
+    /// Solves the branch problem of `near`, the solution of another discretisation: its active set from `x0[n]`, its point in
+    /// the variables of this problem, without multipliers. Where there is no solution, as [`MpccSolver::rescue`]. True when
+    /// one is found.
+    pub fn solve_near(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        near: &Solution,
+        x0: &[f64],
+        control: &mut Control,
+        suggest: Suggest,
+    ) -> bool {
+        let clock = Instant::now();
+        self.begin(p);
+        self.scale(p, x0);
+        self.close = true;
+        self.solution.objective = f64::INFINITY;
+        self.sides.copy_from_slice(&near.sides);
+        self.st.start(x0, &mut self.point);
+        let ok = self.try_point(p, bounds, control) || self.go_on_from_near(p, bounds, control, suggest);
+        if ok {
+            self.record_exact(p, control);
+            self.improve(p, bounds, control, suggest);
+            self.judge(p, bounds, control);
+        }
+        self.close = false;
+        p.set_polishing(false);
+        self.solution.stats.time_total = clock.elapsed().as_secs_f64();
+        if ok {
+            return true;
+        }
+        self.st.start(x0, &mut self.saved.x);
+        self.solution.objective = near.objective;
+        self.rescue(p, bounds, control, suggest)
+    }
+
     /// Adds what was spent before to the cost of the last solve.
     pub fn add_cost(&mut self, cost: &Statistics) {
         self.solution.stats.add(cost);

@@ -21,6 +21,7 @@ mod rewire;
 mod sensitivity;
 mod solve;
 mod squares;
+mod stand_in;
 mod starts;
 mod statement;
 mod terms;

@@ -10,9 +10,9 @@ use super::neighbours::Grid;
 use super::{Durations, Ocp, OcpResult};
 use crate::dcs::{Dcs, FormOptions};
 use crate::error::{Error, Result};
-use crate::fesd::{Exit, Fesd, Options, Spec, Trajectory};
-use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Warm};
-use crate::nlp::{Bounds, Control, Nlp, Outcome};
+use crate::fesd::{Fesd, Options, Spec, Trajectory};
+use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side, Wanted, Warm};
+use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
 use crate::settings::InitialGuess;
 use crate::sim::Simulator;
 use crate::system::{Regions, SharedFunction};
@@ -194,8 +194,34 @@ impl Ocp {
         control.limit(self.settings.max_time);
         identifier.detects = problem.detects_switches();
         problem.forget_trouble();
-        problem.set_exit(Exit::Slope);
-        if let Some(guess) = guess {
+        let usual = problem.usual_exit();
+        let (mut before, mut near) = (Statistics::default(), false);
+        if start == Start::Cold && !has_modes && !problem.relaxes_well() && self.settings.polish() {
+            let (found, cost) = self.with_stand_in(&problem, control)?;
+            before.add(&cost);
+            if let Some((other, x)) = found {
+                // neighbours were searched already
+                identifier.restart(false, 0);
+                near = [usual, usual.other()].into_iter().any(|exit| {
+                    problem.set_exit(exit);
+                    let suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
+                    let ok = solver.solve_near(&mut problem, &bounds, &other, &x, control, suggest);
+                    if !ok {
+                        before.add(&solver.solution().stats);
+                    }
+                    ok
+                });
+                if !near {
+                    identifier.restart(true, budget);
+                }
+            }
+        }
+        if !near {
+            problem.set_exit(usual);
+        }
+        if near {
+            // the active set is that of the other method, or next to it
+        } else if let Some(guess) = guess {
             let mut w0 = vec![0.0; problem.n()];
             let u_start = self.control_guess();
             problem.guess(
@@ -232,14 +258,15 @@ impl Ocp {
         }
         let found = solver.solution();
         if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
-            problem.set_exit(Exit::Theta);
+            problem.set_exit(usual.other());
             if !solver.polish_again(&mut problem, &bounds, control, &mut |k, w, s| identifier.suggest(k, w, s)) {
-                problem.set_exit(Exit::Slope);
+                problem.set_exit(usual);
                 solver.rescue(&mut problem, &bounds, control, &mut |k, w, s| identifier.suggest(k, w, s));
             }
         }
         let mut result = self.read(&mut problem, &solver, &extended, &stage_params);
         result.time_build = time_build;
+        result.stats.add(&before);
         if self.settings.accuracy != 0 && result.outcome != Outcome::Stopped {
             result.accuracy = Some(self.measure(&result, &problem, &solver.solution().x, &extended, &stage_params)?);
         }

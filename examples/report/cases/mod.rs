@@ -7,6 +7,7 @@ mod mpcc_textbook;
 mod oscillator;
 mod relaxations;
 mod sim;
+mod sliding_families;
 mod sliding_ocp;
 mod step_equilibration;
 mod switching;

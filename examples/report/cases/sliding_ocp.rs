@@ -1,16 +1,16 @@
 //! Optimal control through sliding modes of codimension one and two, (7.51): cost, error of the terminal
 //! constraint when the controls are simulated again, time (Figs. 7.10-7.13).
 
-use super::{distance, settings, short, Measured, BOTH};
-use crate::json::Table;
+use super::{distance, settings, sliding_families, Measured, BOTH};
 use crate::models::{sliding_mode, sliding_ocp, SLIDING_QT, SLIDING_X0};
 use crate::svg::{Mark, Plot};
 use crate::Context;
 use std::time::Instant;
 use switchback::fesd::Trajectory;
+use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::OcpResult;
-use switchback::settings::{Discretisation, RkFamily};
+use switchback::settings::{DcsForm, Discretisation, RkFamily, Settings};
 use switchback::sim::Simulator;
 
 const STAGES: usize = 6;
@@ -37,91 +37,98 @@ pub fn resimulate(controls: &[f64], stages: usize) -> Option<([f64; 4], usize)> 
     })
 }
 
+/// What one run of the problem gives.
+pub struct Run {
+    pub label: String,
+    pub seconds: f64,
+    pub cost: f64,
+    /// Distance from the terminal point when the controls are simulated by the event-driven engine.
+    pub error: f64,
+    /// How far another simulation of the controls, by FESD with four stages and fixed active sets, ends from that.
+    pub check: f64,
+    pub solved: bool,
+    pub exact: bool,
+    pub result: Option<OcpResult>,
+    text: String,
+}
+
+impl Run {
+    /// One line for a person.
+    pub fn line(&self) -> String {
+        let ms = 1e3 * self.seconds;
+        format!(
+            "{:<42} cost {:<12.8} E(T) {:.1e}  check {:.0e}  {ms:7.1} ms  {}",
+            self.label, self.cost, self.error, self.check, self.text
+        )
+    }
+}
+
+/// Solves the problem from the default start and records it. The time includes building the problem and the simulation
+/// that measures the error; short runs are timed twice.
+pub fn measure(c: &Context, (family, n_s, n_fe, disc, form): (RkFamily, usize, usize, Discretisation, DcsForm)) -> Run {
+    let set = Settings { dcs_form: form as i64, ..settings(family, n_s, n_fe, disc) };
+    let label = format!("{} {n_s}, {n_fe} el., {}, {}", family.name(), form.name(), disc.name());
+    let mut run = Run {
+        label,
+        seconds: f64::INFINITY,
+        cost: f64::NAN,
+        error: f64::NAN,
+        check: f64::NAN,
+        solved: false,
+        exact: false,
+        result: None,
+        text: String::new(),
+    };
+    for again in [false, true] {
+        if again && run.seconds > 0.1 {
+            break;
+        }
+        let clock = Instant::now();
+        let mut ocp = sliding_ocp(&set);
+        match ocp.solve(&mut Control::default()) {
+            Ok(r) => run.result = Some(r.clone()),
+            Err(e) => {
+                run.text = format!("refused: {e}");
+                return run;
+            }
+        }
+        run.seconds = run.seconds.min(clock.elapsed().as_secs_f64());
+    }
+    let Some(r) = &run.result else { return run };
+    (run.cost, run.solved, run.exact) = (r.cost, r.outcome == Outcome::Solved, r.polish == Polish::Done);
+    if let Some(a) = &r.accuracy {
+        run.error = distance(&a.x_end[..2], &SLIDING_QT);
+        run.check = resimulate(&r.controls, STAGES).map_or(f64::NAN, |(x, _)| distance(&x, &a.x_end));
+    }
+    let polish = format!("{:?}", r.polish).to_lowercase();
+    run.text = format!(
+        "{} iterations, {} factorisations, {}, {polish}, {} switches",
+        r.stats.iterations,
+        r.stats.factorisations,
+        r.outcome.name(),
+        r.trajectory.switches.len()
+    );
+    let times: Vec<f64> = r.trajectory.switches.iter().map(|s| s.t).collect();
+    let m = Measured { n_sim: STAGES, error: run.error, wall_s: run.seconds, stats: r.stats, outcome: r.outcome };
+    let o = m.object("sliding-ocp", &set).text("dcs_form", form.name()).num("cost", r.cost).text("polish", &polish);
+    let o = o.num("check", run.check).num("build_s", r.time_build).num("eval_s", r.stats.time_eval);
+    let o = o.num("linalg_s", r.stats.time_linalg);
+    c.record(&o.list("switch_times", &times).list("controls", &r.controls));
+    run
+}
+
 pub fn run(c: &Context) {
     // constant controls with a reference solution of 20 digits: reference/codim2.json
     let exact = [-1.0, -0.450_012_233_952_023_67, -2.0, -1.6];
     let check = resimulate(&[-0.5, -0.4].repeat(STAGES), STAGES);
     let check_error = check.map_or(f64::NAN, |(x, _)| distance(&x, &exact));
-    c.say(&format!(
-        "problem (7.51), 6 control stages, Radau IIA; the simulator that checks is off by {check_error:.1e}"
-    ));
-    let mut table = Table::new(&[
-        "discretisation",
-        "n_s",
-        "n_fe",
-        "cost",
-        "E(T)",
-        "check",
-        "ms",
-        "build ms",
-        "eval ms",
-        "la ms",
-        "it",
-        "fact",
-        "outcome",
-        "polish",
-        "switches",
-    ]);
-    let mut work = Plot::new("Sliding-mode problem (7.51), Radau IIA", "seconds", "E(T)").log_log();
-    let mut costs = Plot::new("Sliding-mode problem (7.51), Radau IIA", "elements per stage", "cost");
-    for (i_d, disc) in BOTH.into_iter().enumerate() {
-        for n_s in 1..=4 {
-            let (mut points, mut cost_points) = (Vec::new(), Vec::new());
-            let finer: &[usize] = if disc == Discretisation::Standard { &[12, 24] } else { &[] };
-            for n_fe in (1..=6).chain(finer.iter().copied()) {
-                let set = settings(RkFamily::RadauIia, n_s, n_fe, disc);
-                let mut best = f64::INFINITY;
-                let mut result = None;
-                for _ in 0..2 {
-                    let clock = Instant::now();
-                    let mut ocp = sliding_ocp(&set);
-                    let r = ocp.solve(&mut Control::default()).expect("the problem is well posed");
-                    best = best.min(clock.elapsed().as_secs_f64());
-                    result = Some(r.clone());
-                }
-                let Some(r) = result else { continue };
-                let check = resimulate(&r.controls, STAGES);
-                let error = check.map_or(f64::NAN, |(x, _)| distance(&x[..2], &SLIDING_QT));
-                let m = Measured { n_sim: STAGES, error, wall_s: best, stats: r.stats, outcome: r.outcome };
-                let times: Vec<f64> = r.trajectory.switches.iter().map(|s| s.t).collect();
-                let polish = format!("{:?}", r.polish).to_lowercase();
-                let o = m.object("sliding-ocp", &set).num("cost", r.cost).text("polish", &polish);
-                let o = o.num("build_s", r.time_build).num("eval_s", r.stats.time_eval);
-                let o = o.num("linalg_s", r.stats.time_linalg).flag("resimulated", check.is_some());
-                c.record(&o.list("switch_times", &times).list("controls", &r.controls));
-                table.row(vec![
-                    disc.name().into(),
-                    n_s.to_string(),
-                    n_fe.to_string(),
-                    format!("{:.8}", r.cost),
-                    short(error),
-                    check.map_or("FAILED".into(), |(_, i)| i.to_string()),
-                    format!("{:.1}", 1e3 * best),
-                    format!("{:.1}", 1e3 * r.time_build),
-                    format!("{:.1}", 1e3 * r.stats.time_eval),
-                    format!("{:.1}", 1e3 * r.stats.time_linalg),
-                    r.stats.iterations.to_string(),
-                    r.stats.factorisations.to_string(),
-                    r.outcome.name().into(),
-                    polish,
-                    times.len().to_string(),
-                ]);
-                if r.outcome == Outcome::Solved {
-                    points.push((best, error));
-                    cost_points.push((n_fe as f64, r.cost));
-                }
-                if (n_s, n_fe) == (2, 6) {
-                    plot_solution(c, &r, disc.name());
-                }
-            }
-            let label = format!("{}, n_s = {n_s}", disc.name());
-            work.add_coloured(&label, Mark::LineDots, 4 * i_d + n_s - 1, points);
-            costs.add_coloured(&label, Mark::LineDots, 4 * i_d + n_s - 1, cost_points);
+    c.say(&format!("problem (7.51), 6 control stages; the simulator that checks is off by {check_error:.1e}"));
+    for disc in BOTH {
+        if let Some(r) = measure(c, (RkFamily::RadauIia, 2, 6, disc, DcsForm::Stewart)).result {
+            plot_solution(c, &r, disc.name());
         }
     }
-    c.plot(&work, "sliding-ocp-work.svg");
-    c.plot(&costs, "sliding-ocp-cost.svg");
-    c.say(&table.text());
+    sliding_families::run(c);
 }
 
 fn samples(tr: &Trajectory, i: usize) -> Vec<(f64, f64)> {

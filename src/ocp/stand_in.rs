@@ -1,0 +1,33 @@
+//! Another method in the place of one whose relaxed problems are not well posed.
+
+use super::Ocp;
+use crate::error::Result;
+use crate::fesd::Fesd;
+use crate::mpcc::{Polish, Solution};
+use crate::nlp::{Control, Nlp, Outcome, Statistics};
+use crate::settings::{RkFamily, StageForm};
+
+impl Ocp {
+    /// Solves the problem with Radau IIA of as many stages, and gives its solution with its point in the variables of
+    /// `problem`, and the work it took; nothing where there is no exact solution.
+    pub(super) fn with_stand_in(
+        &self,
+        problem: &Fesd,
+        control: &mut Control,
+    ) -> Result<(Option<(Solution, Vec<f64>)>, Statistics)> {
+        let mut other = self.blank();
+        other.settings.rk_family = RkFamily::RadauIia as i64;
+        other.settings.stage_form = StageForm::Auto as i64;
+        other.settings.accuracy = 0;
+        let (outcome, stats) = other.solve(control).map(|r| (r.outcome, r.stats))?;
+        let Some(built) =
+            other.built.filter(|b| outcome == Outcome::Solved && b.solver.solution().polish == Polish::Done)
+        else {
+            return Ok((None, stats));
+        };
+        let found = built.solver.solution();
+        let mut w = vec![0.0; problem.n()];
+        problem.adopt(&built.problem, &found.x, &mut w);
+        Ok((Some((found.clone(), w)), stats))
+    }
+}
