@@ -45,8 +45,13 @@ impl Context {
         }
     }
     fn plot(&self, p: &svg::Plot, name: &str) {
+        self.draw(&p.svg(), name);
+    }
+    /// Writes a drawing.
+    fn draw(&self, drawing: &str, name: &str) {
         if let Some(dir) = &self.plot {
-            if let Err(e) = p.save(dir, name) {
+            let written = std::fs::create_dir_all(dir).and_then(|()| std::fs::write(dir.join(name), drawing));
+            if let Err(e) = written {
                 eprintln!("cannot write {}: {e}", dir.join(name).display());
             }
         }

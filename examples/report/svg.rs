@@ -1,7 +1,6 @@
 //! Plots as SVG: linear and logarithmic axes, lines, dots, steps, a legend.
 
 use std::fmt::Write as _;
-use std::path::Path;
 
 /// How a series is drawn.
 #[derive(Clone, Copy, PartialEq, Eq)]
@@ -103,22 +102,18 @@ impl Plot {
         self.series.push(Series { label: label.into(), points, mark, colour });
         self
     }
-    pub fn save(&self, dir: &Path, name: &str) -> std::io::Result<()> {
-        std::fs::create_dir_all(dir)?;
-        std::fs::write(dir.join(name), self.svg())
+    pub fn svg(&self) -> String {
+        stacked(std::slice::from_ref(self))
     }
 
-    pub fn svg(&self) -> String {
+    /// What stands between the tags of the file.
+    fn body(&self) -> String {
         let all = || self.series.iter().flat_map(|s| s.points.iter());
         let (l, r, t, b) = MARGIN;
         let (x0, x1, y0, y1) = (l, SIZE.0 - r, SIZE.1 - b, t);
         let ax = Axis::new(all().map(|p| p.0), self.log[0], (x0, x1));
         let ay = Axis::new(all().map(|p| p.1), self.log[1], (y0, y1));
-        let mut o = format!(
-            "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {}\" font-family=\"sans-serif\" \
-             font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
-            SIZE.0, SIZE.1
-        );
+        let mut o = String::new();
         let text = |o: &mut String, x: f64, y: f64, anchor: &str, s: &str| {
             let s = s.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
             let _ = writeln!(o, "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{s}</text>");
@@ -162,7 +157,7 @@ impl Plot {
             let dash = if s.mark == Mark::Dashed { " stroke-dasharray=\"6 4\"" } else { "" };
             let style = format!("fill=\"none\" stroke=\"{colour}\" stroke-width=\"1.6\"{dash}");
             if s.mark != Mark::Dots {
-                let d: Vec<String> = path.iter().map(|p| format!("{:.2},{:.2}", p.0, p.1)).collect();
+                let d: Vec<String> = path.iter().map(|p| format!("{:.1},{:.1}", p.0, p.1)).collect();
                 let _ = writeln!(o, "<polyline points=\"{}\" {style}/>", d.join(" "));
             }
             let dots = matches!(s.mark, Mark::Dots | Mark::LineDots);
@@ -183,7 +178,23 @@ impl Plot {
                 text(&mut o, x1 + 42.0, y + 4.0, "start", &s.label);
             }
         }
-        o.push_str("</svg>\n");
         o
     }
+}
+
+/// Plots one below the other.
+pub fn stacked(plots: &[Plot]) -> String {
+    let height = SIZE.1 * plots.len() as f64;
+    let mut o = format!(
+        "<svg xmlns=\"http://www.w3.org/2000/svg\" viewBox=\"0 0 {} {height}\" font-family=\"sans-serif\" \
+         font-size=\"12\">\n<rect width=\"100%\" height=\"100%\" fill=\"white\"/>\n",
+        SIZE.0
+    );
+    for (k, p) in plots.iter().enumerate() {
+        let _ = writeln!(o, "<g transform=\"translate(0 {})\">", SIZE.1 * k as f64);
+        o.push_str(&p.body());
+        o.push_str("</g>\n");
+    }
+    o.push_str("</svg>\n");
+    o
 }

@@ -39,7 +39,7 @@ use self::solve::Built;
 use crate::error::{finite, Error, Result};
 use crate::fesd::{Boundary, PathAt, PathConstraint, Terminal, Trajectory};
 use crate::linalg::kkt::LinearStats;
-use crate::mpcc::Polish;
+use crate::mpcc::{Certificate, Polish};
 use crate::nlp::{Outcome, Residuals, Statistics};
 use crate::settings::Settings;
 use crate::system::{SharedFunction, System};
@@ -96,6 +96,8 @@ pub struct OcpResult {
     pub trajectory: Trajectory,
     /// What is left of every residual.
     pub residuals: Residuals,
+    /// Type of stationarity and B-stationarity of the discretised problem; unknown without a polish.
+    pub certificate: Certificate,
     /// What it cost; building the problem is not part of it.
     pub stats: Statistics,
     /// Seconds to build the problem, 0 when an earlier structure was used again.

@@ -368,6 +368,7 @@ impl Ocp {
             violation,
             trajectory,
             residuals: s.residuals,
+            certificate: s.certificate,
             stats: s.stats,
             time_build: 0.0,
             dimensions: (problem.n(), problem.m(), problem.pairs().len()),
