@@ -585,6 +585,11 @@ class Model:
         """A function of the variables of the model with exact derivatives: for costs and constraints."""
         return self.graph.function(outputs, self.nx, self.nu, self.np, name)
 
+    def between_ends(self, outputs: Callable[[Expr, Expr], Any], name: str = "ends") -> Function:
+        """A function of the initial and the final state, for `Ocp.add_boundary`: `outputs(start, end)` are expressions."""
+        start, end = (self.graph.inputs("x", self.nx, first) for first in (0, self.nx))
+        return self.graph.function(outputs(start, end), 2 * self.nx, self.nu, self.np, name)
+
     def counts(self) -> Counts:
         """How large the model is."""
         numbers = [ctypes.c_int64() for _ in range(5)]

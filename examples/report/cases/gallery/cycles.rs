@@ -24,16 +24,16 @@ pub fn all() -> Vec<Result<Problem>> {
 fn relay() -> Result<Problem> {
     let g = Graph::new();
     let d = Dims { x: 3, u: 0, p: 0 };
-    let (omega, zeta) = (25.0, 0.05);
+    let (omega, zeta) = (10.0, 0.05);
     let (y, a, b, s) = (g.x(0), g.x(1), g.x(2), g.x(0).sign());
     let first = -(2.0 * zeta * omega + 1.0) * y + a - s;
     let second = -(2.0 * zeta * omega + omega * omega) * y + b + 2.0 * s;
     let sys = system(&g, d, &[first, second, -omega * omega * y - s]);
     let half = Orbit { start: &[0.0, -0.001, -0.02], long: 60.0, sign: -1.0 };
-    let (ocp, horizon) = half.problem(&g, &sys, 12, &set(4, 5))?;
+    let (ocp, horizon) = half.problem(&g, &sys, 8, &set(5, 4))?;
     Ok(Problem {
         name: "relay-cycle",
-        see: "half a period, with seven short slides along y = 0",
+        see: "half a period; twice it slides along y = 0",
         ocp,
         time: "time",
         states: &["y", "x2", "x3"],
