@@ -61,12 +61,14 @@ static swb_ocp *cart_pole(struct sizes n)
     const expr pole = add(mul(cosine(a), add(push, mul(swing, square(w)))), times(1.1 * 9.81, sine(a)));
     const expr rhs[] = {v, w, quotient(cart, reach), quotient(sub(number(0.0), pole), reach)}, x[] = {q, a, v, w};
     const double start[] = {1.0, 0.0, 0.0, 0.0}, goal[] = {0.0, PI, 0.0, 0.0}, u_most = 30.0, u_least = -30.0;
-    const double t[] = {0.0, 4.0}, guess[] = {1.0, 0.0, 0.0, 0.0, 0.0, PI, 0.0, 0.0}, one = 1.0, zero = 0.0;
+    const double t[] = {0.0, 1.0, 4.0}, one = 1.0, zero = 0.0;
+    /* the pole is up soon */
+    const double guess[] = {1.0, 0.0, 0.0, 0.0, 0.0, PI, 0.0, 0.0, 0.0, PI, 0.0, 0.0};
     const double running[] = {1.0, 100.0, 1.0, 1.0}, terminal[] = {100.0, 100.0, 10.0, 10.0};
     swb_ocp *ocp = problem_of(system_of(n, rhs), n, 4.0, 5, 2);
     TRY(swb_ocp_set_initial_state(ocp, start, 4));
     TRY(swb_ocp_set_control_bounds(ocp, &u_least, 1, &u_most, 1));
-    TRY(swb_ocp_set_state_guess(ocp, t, 2, guess, 8));
+    TRY(swb_ocp_set_state_guess(ocp, t, 3, guess, 12));
     add_squares(ocp, n, x, running, 4, goal, 4, SWB_COST_AT_RUNNING);
     add_squares(ocp, n, &force, &one, 1, &zero, 1, SWB_COST_AT_RUNNING);
     add_squares(ocp, n, x, terminal, 4, goal, 4, SWB_COST_AT_TERMINAL);

@@ -66,7 +66,7 @@ def cart_pole():
     m.derivatives = [v, w, push / reach, turn / (length * reach)]
     ocp = swb.Ocp(m, 4.0, 40, n_s=5, n_fe=2, initial_state=[1, 0, 0, 0], control_bounds=(-30, 30))
     goal = [0, np.pi, 0, 0]
-    ocp.set_state_guess([0, 4], [[1, 0, 0, 0], goal])
+    ocp.set_state_guess([0, 1, 4], [[1, 0, 0, 0], goal, goal])  # the pole is up soon
     states = m.function([q, a, v, w])
     ocp.add_least_squares(states, [1, 100, 1, 1], goal)
     ocp.add_least_squares(m.function([force]), [1.0], [0.0])

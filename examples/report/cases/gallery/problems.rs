@@ -64,9 +64,10 @@ fn cart_pole() -> Result<Problem> {
     let pole = -(a.cos() * (push + 0.1 * w * w * a.sin()) + 1.1 * 9.81 * a.sin()) / reach;
     let mut o = problem(&g, d, &[v, w, cart, pole], 4.0, 40, &set(5, 2));
     o.set_x0(&[1.0, 0.0, 0.0, 0.0])?;
-    o.set_x_guess(&[0.0, 4.0], &[1.0, 0.0, 0.0, 0.0, 0.0, PI, 0.0, 0.0])?;
     o.set_u_bounds(&[-30.0], &[30.0])?;
     let goal = [0.0, PI, 0.0, 0.0];
+    // the pole is up soon
+    o.set_x_guess(&[0.0, 1.0, 4.0], &[&[1.0, 0.0, 0.0, 0.0], &goal[..], &goal].concat())?;
     let states = function(&g, d, "x", &[g.x(0), a, v, w]);
     o.add_least_squares(states.clone(), &[1.0, 100.0, 1.0, 1.0], &goal, CostAt::Running)?;
     o.add_least_squares(function(&g, d, "u", &[u]), &[1.0], &[0.0], CostAt::Running)?;
