@@ -1,18 +1,23 @@
-"""The gallery of examples/python: short models, sizes as expected, trajectories of hand-written systems."""
+"""The galleries of examples/python. Models: short, sizes as expected, trajectories of hand-written systems. Problems: solved
+from their default start, with the costs of the galleries in C and Rust. Limit cycles: found in three ways."""
 
-import importlib.util
+import csv
+import importlib
 import inspect
+import json
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import switchback as swb
 
-_path = Path(__file__).resolve().parents[3] / "examples" / "python" / "gallery.py"
-_spec = importlib.util.spec_from_file_location("gallery", _path)
-gallery = importlib.util.module_from_spec(_spec)
-_spec.loader.exec_module(gallery)
+_root = Path(__file__).resolve().parents[3]
+_path = _root / "examples" / "python" / "gallery.py"
+sys.path.insert(0, str(_path.parent))
+gallery, limit_cycles, optimal = (importlib.import_module(n) for n in ("gallery", "limit_cycles", "optimal_gallery"))
 
 # subsystems, switching functions, regions, algebraic variables, pairs
 SIZES = {
@@ -157,3 +162,86 @@ def test_what_the_models_should_do():
     assert t[-1] - t[-2] == pytest.approx(np.pi / np.sqrt(3), rel=0.1)
     energy = [0.5 * v**2 - 9.81 * np.cos(a) for a, v in (end(gallery.pendulum).trajectory(s) for s in (0.0, 1.0, 2.0))]
     assert np.ptp(energy) < 1e-6
+
+
+@pytest.fixture(scope="module")
+def solved():
+    """Results of all problems, each from its default start."""
+    return {p.__name__.replace("_", "-"): p().ocp.solve() for p in optimal.PROBLEMS}
+
+
+def test_every_problem_is_solved(solved):
+    for name, r in solved.items():
+        assert (r.outcome, r.polished) == (swb.Outcome.SOLVED, swb.Polished.DONE), name
+        assert r.residuals.primal < 1e-9 and r.residuals.pair_min < 1e-9, name
+        # the largest concentration of irma is 300
+        assert r.accuracy.terminal < (1e-3 if name == "irma" else 1e-5), name
+        assert abs(r.accuracy.cost_error) < 1e-4, name
+    assert solved["friction"].params[0] == pytest.approx(0.37, abs=1e-9)
+    assert len(solved) == len(optimal.PROBLEMS) == 12
+
+
+def test_the_costs_are_those_of_the_report(solved):
+    lines = (_root / "docs" / "benchmarks" / "data" / "gallery.jsonl").read_text(encoding="utf-8").splitlines()
+    recorded = {line["problem"]: line for line in map(json.loads, lines) if "problem" in line}
+    assert recorded.keys() == solved.keys()
+    for name, line in recorded.items():
+        # a better optimum is no mistake
+        assert solved[name].cost <= line["cost"] + 1e-6 * max(1.0, line["cost"]), name
+        assert line["stationarity"] == "S" and line["b_stationary"] == "yes", name
+
+
+def test_the_costs_are_those_in_c(solved, tmp_path):
+    program = _root / "build" / "examples_c_check" / "gallery"
+    if not program.is_file():
+        pytest.skip("the examples in C are not built: make check-examples")
+    subprocess.run([program, tmp_path], check=True, capture_output=True)
+    with (tmp_path / "c_gallery.csv").open(encoding="utf-8") as table:
+        rows = list(csv.DictReader(table))
+    assert [r["problem"] for r in rows] == list(solved)
+    for row in rows:
+        assert row["outcome"] == "solved"
+        assert float(row["cost"]) == pytest.approx(solved[row["problem"]].cost, rel=1e-6, abs=1e-6), row["problem"]
+
+
+@pytest.mark.parametrize("make", limit_cycles.CYCLES, ids=lambda make: make.__name__)
+def test_limit_cycles(make, solved):
+    c = make()
+    seen = limit_cycles.observe(c)
+    x, length, multipliers = limit_cycles.shoot(c, seen)
+    assert length == pytest.approx(seen.length, abs=1e-9)
+    r = swb.simulate(c.model, x, length, rtol=1e-12, atol=1e-13)
+    assert np.allclose(r.x_end, c.flip * x, rtol=0, atol=1e-9)
+    # one multiplier is 1, along the cycle; the others are smaller: the simulation would not have found it otherwise
+    size = sorted(np.abs(multipliers), reverse=True)
+    assert size[0] == pytest.approx(1, abs=1e-6)
+    assert size[1] < 0.5
+    if c.n_stages:
+        found = solved[make.__name__.replace("_", "-")]
+        assert np.sum(found.durations) == pytest.approx(length, abs=2e-8)
+
+
+def test_the_period_of_stick_slip():
+    """Between the two switches the motion is smooth: a solver of ordinary differential equations finds the slip, and the
+    stick lasts as long as the belt takes to where the spring is strong enough, at q = 1."""
+
+    solve_ivp = pytest.importorskip("scipy.integrate").solve_ivp
+
+    def slip(_, x):
+        return [x[1], -x[0] + 1 / (1.2 - x[1])]
+
+    def caught(t, x):
+        return x[1] - 0.2 if t > 1 else -1.0
+
+    caught.terminal, caught.direction = True, 1
+    run = solve_ivp(slip, (0, 10), [1.0, 0.2], method="DOP853", rtol=1e-13, atol=1e-14, events=caught)
+    period = run.t[-1] + (1 - run.y[0, -1]) / 0.2
+    c = limit_cycles.stick_slip()
+    assert limit_cycles.shoot(c, limit_cycles.observe(c))[1] == pytest.approx(period, abs=1e-9)
+
+
+def test_gene_networks_in_both_forms():
+    forms = [optimal.two_genes(dcs_form=form).ocp.solve() for form in ("stewart", "heaviside")]
+    assert [r.outcome for r in forms] == [swb.Outcome.SOLVED] * 2
+    assert forms[0].cost == pytest.approx(forms[1].cost, abs=1e-9)
+    assert np.allclose(forms[0].controls, forms[1].controls, rtol=0, atol=1e-6)
