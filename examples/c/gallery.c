@@ -321,7 +321,7 @@ static const struct problem PROBLEMS[] = {
     {"turbo-car", "the car gets over 15 m/s as soon as it can, where the turbo helps, and brakes late", {2, 1, 0, 10},
      {"-position", "speed in m/s"}, {"acceleration"}, turbo_car},
     {"cart-pole", "the cart swings the pole up against its dry friction", {4, 1, 0, 40},
-     {"position in m", "angle in rad", "speed in m/s", "in rad/s"}, {"force in N"}, cart_pole},
+     {"position in m", "angle in rad", "speed in m/s", "turn in rad/s"}, {"force in N"}, cart_pole},
     {"motor", "friction holds the load until the spring is wound up", {5, 1, 0, 12},
      {"motor in rad", "load in rad", "motor in rad/s", "load in rad/s", "current in A"}, {"voltage in V"}, motor},
     {"blocks", "the force on the last block drags the others along, one after the other", {6, 1, 0, 10},
