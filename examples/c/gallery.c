@@ -249,7 +249,7 @@ static swb_ocp *relay_cycle(struct sizes n)
     const expr rhs[] = {sub(add(times(-(2.0 * zeta * omega + 1.0), y), a), s),
                         add(add(times(-(2.0 * zeta * omega + omega * omega), y), b), times(2.0, s)),
                         sub(times(-omega * omega, y), s)};
-    return cycle(n, rhs, start, 60.0, -1.0, 5, 4);
+    return cycle(n, rhs, start, 60.0, -1.0, 6, 4);
 }
 
 /* Between a block of speed v and a belt of speed 0.2: it falls with the speed of slip. */
@@ -263,7 +263,7 @@ static swb_ocp *stick_slip(struct sizes n)
 {
     const expr q = state(0), v = state(1), rhs[] = {v, sub(belt(v, 1.0), q)};
     const double start[] = {-0.8, -1.0};
-    return cycle(n, rhs, start, 60.0, 1.0, 5, 3);
+    return cycle(n, rhs, start, 60.0, 1.0, 6, 3);
 }
 
 static swb_ocp *stick_slip_2(struct sizes n)
@@ -271,7 +271,7 @@ static swb_ocp *stick_slip_2(struct sizes n)
     const expr q1 = state(0), q2 = state(1), v1 = state(2), v2 = state(3), spring = times(0.2, sub(q2, q1));
     const expr rhs[] = {v1, v2, add(sub(spring, q1), belt(v1, 1.0)), sub(belt(v2, 1.3), add(spring, q2))};
     const double start[] = {0.5, 0.3, 0.2, 0.2};
-    return cycle(n, rhs, start, 400.0, 1.0, 5, 2);
+    return cycle(n, rhs, start, 400.0, 1.0, 6, 2);
 }
 
 static swb_ocp *two_genes(struct sizes n)

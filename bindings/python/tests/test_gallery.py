@@ -218,7 +218,7 @@ def test_limit_cycles(make, solved):
     assert size[1] < 0.5
     if c.n_stages:
         found = solved[make.__name__.replace("_", "-")]
-        assert np.sum(found.durations) == pytest.approx(length, abs=2e-8)
+        assert np.sum(found.durations) == pytest.approx(length, abs=1e-9)
 
 
 def test_the_period_of_stick_slip():

@@ -30,7 +30,7 @@ fn relay() -> Result<Problem> {
     let second = -(2.0 * zeta * omega + omega * omega) * y + b + 2.0 * s;
     let sys = system(&g, d, &[first, second, -omega * omega * y - s]);
     let half = Orbit { start: &[0.0, -0.001, -0.02], long: 60.0, sign: -1.0 };
-    let (ocp, horizon) = half.problem(&g, &sys, 8, &set(5, 4))?;
+    let (ocp, horizon) = half.problem(&g, &sys, 8, &set(6, 4))?;
     Ok(Problem {
         name: "relay-cycle",
         see: "half a period; twice it slides along y = 0",
@@ -54,7 +54,7 @@ fn stick_slip() -> Result<Problem> {
     let (q, v) = (g.x(0), g.x(1));
     let sys = system(&g, d, &[v, -q + friction(v, 1.0)]);
     let orbit = Orbit { start: &[-0.8, -1.0], long: 60.0, sign: 1.0 };
-    let (ocp, horizon) = orbit.problem(&g, &sys, 6, &set(5, 3))?;
+    let (ocp, horizon) = orbit.problem(&g, &sys, 6, &set(6, 3))?;
     Ok(Problem {
         name: "stick-slip",
         see: "the block sticks to the belt until the spring tears it off",
@@ -75,7 +75,7 @@ fn belt() -> Result<Problem> {
     let second = -q2 + 0.2 * (q1 - q2) + friction(v2, 1.3);
     let sys = system(&g, d, &[v1, v2, first, second]);
     let orbit = Orbit { start: &[0.5, 0.3, 0.2, 0.2], long: 400.0, sign: 1.0 };
-    let (ocp, horizon) = orbit.problem(&g, &sys, 10, &set(5, 2))?;
+    let (ocp, horizon) = orbit.problem(&g, &sys, 10, &set(6, 2))?;
     Ok(Problem {
         name: "stick-slip-2",
         see: "between the slips of one block and of the other both stick",
