@@ -115,6 +115,10 @@ pub enum InitialGuess {
     Constant = 0,
     /// A simulation with the guessed controls.
     Simulation = 1,
+    /// A simulation of the system smoothed as at the start of the homotopy, with weights and multipliers that fit.
+    Smoothed = 2,
+    /// The solution of the problem with fixed steps, early in its homotopy.
+    TimeStepping = 3,
 }
 
 /// Factorisation of the Newton matrices (linear_solver).
@@ -299,7 +303,12 @@ value_names!(StepEquilibration {
 });
 value_names!(Polish { Off = "off", On = "on" });
 value_names!(Switch { Off = "off", On = "on" });
-value_names!(InitialGuess { Constant = "constant", Simulation = "simulation" });
+value_names!(InitialGuess {
+    Constant = "constant",
+    Simulation = "simulation",
+    Smoothed = "smoothed",
+    TimeStepping = "time_stepping",
+});
 value_names!(LinearSolver { Auto = "auto", Suitesparse = "suitesparse", Faer = "faer" });
 value_names!(Ordering { Amd = "amd", Natural = "natural" });
 value_names!(Relaxation {

@@ -142,13 +142,22 @@ fn free_lengths_least_squares_and_relaxed_constraints_return() {
     ocp.add_least_squares(f("way", &[x, v]), &[1.0, 0.1, 0.1, 2.0], &[0.1; 8], CostAt::ControlGrid).unwrap();
     ocp.add_relaxed(f("speed", &[v]), &[-1.0], &[0.6], Some(PathAt::Elements), Norm::L2, 3.0).unwrap();
     ocp.add_relaxed(f("rest", &[v]), &[0.0], &[0.0], None, Norm::L1, 3.0).unwrap();
+    ocp.add_complementarity(f("ahead", &[x + 0.1]), f("slip", &[v - v]), PathAt::Elements).unwrap();
     ocp.set_durations(&[0.4, 0.6, 0.5, 0.5]).unwrap();
     ocp.set_free_time(Durations::Horizon, 1.0, 3.0).unwrap();
     ocp.set_elements(&[2, 3, 2, 2]).unwrap();
     ocp.set_linear_controls(&[true]).unwrap();
     ocp.set_param_bounds(&[0.9], &[f64::INFINITY]).unwrap();
     let text = write_ocp(&ocp, ocp.settings()).unwrap();
-    for word in ["both_ends", "\"l2\"", "least_squares", "linear_controls", "\"free\":\"horizon\"", "\"inf\""] {
+    for word in [
+        "both_ends",
+        "\"l2\"",
+        "least_squares",
+        "linear_controls",
+        "complementarity",
+        "\"free\":\"horizon\"",
+        "\"inf\"",
+    ] {
         assert!(text.contains(word), "{word} is not in {text}");
     }
     let Document::Ocp(mut again) = read(&text, &[]).unwrap() else { panic!("no problem") };

@@ -302,3 +302,75 @@ fn what_makes_no_sense_is_refused() {
         assert!(r.is_err(), "{k}");
     }
 }
+
+/// Two controls one of which is zero in every stage. Every division of the stages is a local optimum, of known cost.
+#[test]
+fn one_of_two_controls_is_zero() {
+    let d = Dims { x: 1, u: 2, p: 0 };
+    let mut s = System::new(1, 2, 0).unwrap();
+    s.set_f0(affine("f0", d, &[0.0], &[(0, 1, 1.0), (0, 2, -2.0)])).unwrap();
+    for at in [PathAt::ControlGrid, PathAt::Elements] {
+        let mut o = Ocp::new(&s, 1.0, 4, &settings(RadauIia, 2, 1, FESD)).unwrap();
+        o.set_x0(&[0.0]).unwrap();
+        let control = |k: usize| affine(["up", "down"][k], d, &[0.0], &[(0, 1 + k, 1.0)]);
+        o.add_complementarity(control(0), control(1), at).unwrap();
+        let both = affine("u", d, &[0.0; 2], &[(0, 1, 1.0), (1, 2, 1.0)]);
+        o.add_least_squares(both, &[1.0; 2], &[1.0; 2], CostAt::Running).unwrap();
+        o.add_least_squares(affine("x", d, &[0.0], &[(0, 0, 1.0)]), &[1.0], &[0.5], CostAt::Terminal).unwrap();
+        let r = solved(&mut o);
+        assert_eq!(r.polish, Polish::Done);
+        let down = r.controls.chunks(2).filter(|u| u[0] < 1e-12).count() as f64 / 4.0;
+        assert!(r.controls.chunks(2).all(|u| u[0].min(u[1]).abs() < 1e-12 && u[0].max(u[1]) > 0.5), "{:?}", r.controls);
+        // with a share `down` of the stages going down: u = 1 − s up and 1 + 2 s down, s what is missing at the end
+        let miss = (0.5 - 3.0 * down) / (2.0 + 3.0 * down);
+        assert_near(&[r.cost], &[1.0 + miss * miss * (2.0 + 3.0 * down)], 1e-9, "cost");
+    }
+}
+
+/// `x' = −1 + λ`, `0 ≤ x ⊥ λ ≥ 0`: down to zero, and held there.
+#[test]
+fn a_wall_given_by_a_complementarity() {
+    let d = Dims { x: 1, u: 1, p: 0 };
+    let mut s = System::new(1, 1, 0).unwrap();
+    s.set_f0(affine("f0", d, &[-1.0], &[(0, 1, 1.0)])).unwrap();
+    for disc in [FESD, STANDARD] {
+        let mut o = Ocp::new(&s, 1.0, 10, &settings(RadauIia, 2, 2, disc)).unwrap();
+        o.set_x0(&[0.5]).unwrap();
+        let (gap, force) = (affine("gap", d, &[0.0], &[(0, 0, 1.0)]), affine("force", d, &[0.0], &[(0, 1, 1.0)]));
+        o.add_complementarity(gap.clone(), force.clone(), PathAt::StagePoints).unwrap();
+        let r = solved(&mut o);
+        let exact: Vec<f64> = (0..10).map(|k| if k < 5 { 0.0 } else { 1.0 }).collect();
+        assert_near(&r.controls, &exact, 1e-9, "force");
+        assert_near(&r.trajectory.elements[19].x1, &[0.0], 1e-10, "on the wall");
+        assert!(o.add_complementarity(gap, states(DI), PathAt::Elements).is_err());
+    }
+}
+
+/// Beside what switches: a block with dry friction is pushed from either side, never from both. Nobody would push from both
+/// sides: the problem with one control of either sign has the same optimum.
+#[test]
+fn complementarities_beside_switches() {
+    let block = |nu: usize| {
+        let d = Dims { x: 2, u: nu, p: 0 };
+        let push = [(0, 1, 1.0), (1, 2, 1.0), (1, 3, -1.0)];
+        let mut s = System::new(2, nu, 0).unwrap();
+        s.set_f0(affine("f0", d, &[0.0; 2], &push[..1 + nu])).unwrap();
+        add_sides(&mut s, &[1], affine("friction", d, &[-0.3, 0.3], &[]), affine("v", d, &[0.0], &[(0, 1, 1.0)]));
+        let mut o = Ocp::new(&s, 3.0, 6, &settings(RadauIia, 3, 3, FESD)).unwrap();
+        o.set_x0(&[0.0; 2]).unwrap();
+        o.add_terminal(states(d), &[1.0, 0.0], &[1.0, 0.0]).unwrap();
+        let u = affine("u", d, &vec![0.0; nu], &[(0, 2, 1.0), (1, 3, 1.0)][..nu]);
+        o.add_least_squares(u, &vec![1.0; nu], &vec![0.0; nu], CostAt::Running).unwrap();
+        (o, d)
+    };
+    let one = solved(&mut block(1).0);
+    let (mut o, d) = block(2);
+    let from = |k: usize| affine(["left", "right"][k], d, &[0.0], &[(0, 2 + k, 1.0)]);
+    o.add_complementarity(from(0), from(1), PathAt::ControlGrid).unwrap();
+    let two = solved(&mut o);
+    assert_eq!((one.polish, two.polish), (Polish::Done, Polish::Done));
+    assert_near(&[two.cost], &[one.cost], 1e-8, "cost");
+    assert!(two.controls.chunks(2).all(|u| u[0].min(u[1]).abs() < 1e-12), "{:?}", two.controls);
+    let net: Vec<f64> = two.controls.chunks(2).map(|u| u[0] - u[1]).collect();
+    assert_near(&net, &one.controls, 1e-6, "controls");
+}

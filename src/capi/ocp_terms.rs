@@ -176,6 +176,28 @@ pub unsafe extern "C" fn swb_ocp_add_relaxed(
     })
 }
 
+/// Add 0 <= a(x,u,p,t) _|_ b(x,u,p,t) >= 0 along the horizon, component by component: both are not negative, and one of them
+/// is zero. Pairs of controls alone belong to the control grid; elsewhere they would be said several times.
+///
+/// @param[in] a  n outputs
+/// @param[in] b  as many
+/// @param[in] at an enum swb_path_at; the starts of stages are left out
+/// @return as swb_ocp_add_path
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_add_complementarity(
+    ocp: *mut swb_ocp,
+    a: *const swb_function,
+    b: *const swb_function,
+    at: i32,
+) -> swb_status {
+    guard(|| unsafe {
+        let places = [(0, PathAt::ControlGrid), (1, PathAt::Elements), (2, PathAt::StagePoints)];
+        let at = choose(&places, at, "enum swb_path_at")?;
+        let (a, b) = (shared(a, "a")?, shared(b, "b")?);
+        change(ocp, |o| o.add_complementarity(a, b, at))
+    })
+}
+
 /// Set the number of finite elements of every control stage; without it all have as many as the option n_fe says.
 ///
 /// @param[in] n_fe [n] one for every stage, at least 1

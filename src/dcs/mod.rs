@@ -13,6 +13,7 @@
 
 mod form;
 mod point;
+mod relaxed;
 
 pub use form::{Form, FormOptions, Included, IndicatorRow, Term};
 pub use point::{is_ambiguous, Continuation, PointEvaluator};

@@ -170,6 +170,15 @@ struct SavedConstraint {
     relaxed: Option<SavedPrice>,
 }
 
+/// Two functions that are not negative, one of which is zero.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedComplementarity {
+    at: SavedAt,
+    a: SavedFunction,
+    b: SavedFunction,
+}
+
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct SavedGuess {
@@ -191,6 +200,8 @@ pub(super) struct SavedOcp {
     mayer: Option<SavedFunction>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     constraints: Vec<SavedConstraint>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    complementarity: Vec<SavedComplementarity>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     least_squares: Vec<SavedSquares>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -239,6 +250,11 @@ impl SavedOcp {
             let at = c.at.map_or(SavedAt::Terminal, SavedAt::of);
             constraints.push(constraint(at, &c.f, &c.lower, &c.upper, Some(price))?);
         }
+        let mut complementarity = Vec::new();
+        for c in s.complementarity {
+            let (a, b) = (SavedFunction::new(&c.a)?, SavedFunction::new(&c.b)?);
+            complementarity.push(SavedComplementarity { at: SavedAt::of(c.at), a, b });
+        }
         let mut least_squares = Vec::new();
         for q in s.squares {
             let place = match q.place {
@@ -269,6 +285,7 @@ impl SavedOcp {
             lagrange: s.lagrange.map(SavedFunction::new).transpose()?,
             mayer: s.mayer.map(SavedFunction::new).transpose()?,
             constraints,
+            complementarity,
             least_squares,
             time,
             elements: s.n_fe.to_vec(),
@@ -334,6 +351,10 @@ impl SavedOcp {
 
     /// Least squares, lengths, elements, kinds of controls and parameters.
     fn restore_terms(&self, ocp: &mut Ocp, supplied: &[Arc<dyn Function>]) -> Result<()> {
+        for c in &self.complementarity {
+            let at = c.at.path().ok_or_else(|| Error::Range("complementarities hold along the horizon".into()))?;
+            ocp.add_complementarity(c.a.restore(supplied)?, c.b.restore(supplied)?, at)?;
+        }
         for q in &self.least_squares {
             let place = match q.place {
                 SavedPlace::Running => CostAt::Running,

@@ -227,13 +227,23 @@ impl Fesd {
             let n = self.functions[call.f].n_out();
             c[row..row + n].copy_from_slice(&self.cache.val[call.val..call.val + n]);
         }
+        for (row, v) in self.members() {
+            c[row] -= w[v];
+        }
+    }
+
+    /// Rows that tie members of path complementarities to their functions, and the members.
+    pub(super) fn members(&self) -> impl Iterator<Item = (usize, usize)> + '_ {
+        let places = self.complementarity.iter().zip(self.l.row_members.iter().zip(&self.l.members));
+        places.flat_map(|(c, (&r, &v))| (0..self.functions[c.f].n_out()).map(move |i| (r + i, v + i)))
     }
 
     /// Constraints that are functions alone, and their first rows.
     pub(super) fn constraint_calls(&self) -> impl Iterator<Item = (&Call, usize)> {
         let ends = self.terminal.iter().zip(&self.l.row_terminal);
         let both = self.boundary.iter().zip(&self.l.row_boundary);
-        self.path.iter().zip(&self.path_rows).chain(ends).chain(both).map(|(c, &r)| (c, r))
+        let pairs = self.complementarity.iter().zip(&self.l.row_members);
+        self.path.iter().zip(&self.path_rows).chain(ends).chain(both).chain(pairs).map(|(c, &r)| (c, r))
     }
 
     /// Rows `h − f T_k` of an element, with `f`.
@@ -471,6 +481,9 @@ impl Fesd {
                     s.add(row + o as usize, v, self.cache.jac[call.jac + p]);
                 }
             }
+        }
+        for (row, v) in self.members() {
+            s.add(row, v, -1.0);
         }
     }
 

@@ -88,6 +88,9 @@ impl Fesd {
                 b.cu[i] = f64::INFINITY;
             }
         }
+        for (_, v) in self.members() {
+            b.xl[v] = 0.0;
+        }
         self.write_durations(&mut b);
         let mut rows = l.row_path.iter();
         for p in &self.spec.path {
@@ -141,6 +144,22 @@ impl Fesd {
                 free(e.sum_theta);
             }
         }
+    }
+
+    /// Decisions about what switches; those of path complementarities are behind them.
+    pub fn n_element_groups(&self) -> usize {
+        self.l.n_groups - self.path_pairs().count()
+    }
+
+    /// Which side of every path complementarity is smaller at a point, in the order of their groups.
+    pub fn member_sides<'a>(&'a self, w: &'a [f64]) -> impl Iterator<Item = Side> + 'a {
+        self.path_pairs().map(|(&(a, b), _)| if w[a] <= w[b] { Side::First } else { Side::Second })
+    }
+
+    /// Pairs of path complementarities and their groups.
+    fn path_pairs(&self) -> impl Iterator<Item = (&(usize, usize), &usize)> {
+        let n: usize = self.complementarity.iter().map(|c| self.functions[c.f].n_out() / 2).sum();
+        self.l.pairs.iter().zip(&self.l.groups).skip(self.l.pairs.len() - n)
     }
 
     /// Is the end of an element off the surface of a sliding mode by the error of the method? The stages determine the
@@ -320,6 +339,9 @@ impl Mpcc for Fesd {
     /// In elements whose active set changes, active cells get equal shares and the others a positive `λ`.
     fn enter_branch(&self, from: &[Side], to: &[Side], w: &mut [f64]) {
         let l = &self.l;
+        for (&(a, b), &g) in self.path_pairs().filter(|(_, g)| from[**g] != to[**g]) {
+            w[if to[g] == Side::First { b } else { a }] = 1e-2;
+        }
         if !l.fesd {
             return;
         }
@@ -360,6 +382,10 @@ impl Mpcc for Fesd {
             }
             return;
         }
+        for (&(first, second), &g) in self.path_pairs() {
+            fix(b, if sides[g] == Side::First { first } else { second });
+        }
+        let sides = &sides[..self.n_element_groups()];
         let free = |b: &mut Bounds, j: usize| {
             b.xl[j] = f64::NEG_INFINITY;
             b.xu[j] = f64::INFINITY;

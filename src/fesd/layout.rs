@@ -66,6 +66,14 @@ pub enum PathAt {
 }
 
 impl PathAt {
+    /// Number of points on a horizon without the starts of stages.
+    pub(super) fn n_ends(self, n_fe: &[usize], n_s: usize) -> usize {
+        match self {
+            PathAt::ControlGrid => n_fe.len(),
+            _ => self.n_points(n_fe, n_s) - n_fe.len(),
+        }
+    }
+
     /// Number of points on a horizon.
     pub(super) fn n_points(self, n_fe: &[usize], n_s: usize) -> usize {
         let per_stage = |n: usize| match self {
@@ -87,6 +95,16 @@ pub struct PathConstraint {
     /// Upper bounds.
     pub upper: Vec<f64>,
     /// Where.
+    pub at: PathAt,
+}
+
+/// `0 ≤ a(x, u, p, t) ⊥ b(x, u, p, t) ≥ 0` along the horizon, component by component.
+#[derive(Clone)]
+pub struct PathPairs {
+    /// The outputs of `a`, then those of `b`.
+    pub f: SharedFunction,
+    /// Where: at the end of every control stage, at the end of every element, or at every stage point. Not at the starts
+    /// of stages, where a function of states alone would say twice what the end before says.
     pub at: PathAt,
 }
 
@@ -153,6 +171,8 @@ pub struct Spec {
     pub terminal: Vec<Terminal>,
     /// Constraints between the two ends of the horizon.
     pub boundary: Vec<Boundary>,
+    /// Complementarity conditions along the horizon.
+    pub complementarity: Vec<PathPairs>,
 }
 
 impl Spec {
@@ -171,6 +191,7 @@ impl Spec {
             path: Vec::new(),
             terminal: Vec::new(),
             boundary: Vec::new(),
+            complementarity: Vec::new(),
         }
     }
 
@@ -190,6 +211,13 @@ impl Spec {
             if given != 0 && given != n {
                 return Err(Error::Dimension(format!("{given} entries for the {what}, expected {n}")));
             }
+        }
+        if let Some(c) = self.complementarity.iter().find(|c| c.f.n_out() % 2 != 0) {
+            return Err(Error::Dimension(format!(
+                "function '{}' has {} outputs: those of one side of pairs, then those of the other",
+                c.f.name(),
+                c.f.n_out()
+            )));
         }
         for b in &self.boundary {
             let (x, u, p) = (b.f.dims().x, b.f.dims().u, b.f.dims().p);
@@ -290,6 +318,10 @@ pub(super) struct Layout {
     pub row_path: Vec<usize>,
     pub row_terminal: Vec<usize>,
     pub row_boundary: Vec<usize>,
+    /// Of every point of a path complementarity: the members, those of one side and then those of the other, and rows
+    /// that tie them to the function.
+    pub members: Vec<usize>,
+    pub row_members: Vec<usize>,
     pub pairs: Vec<(usize, usize)>,
     pub groups: Vec<usize>,
     pub n_groups: usize,
@@ -402,6 +434,8 @@ impl Layout {
             row_path: Vec::new(),
             row_terminal: Vec::new(),
             row_boundary: Vec::new(),
+            members: Vec::new(),
+            row_members: Vec::new(),
             pairs: Vec::new(),
             groups: Vec::new(),
             n_groups: 0,
@@ -498,6 +532,19 @@ impl Layout {
         }
         for b in &spec.boundary {
             l.row_boundary.push(row.take(b.f.n_out()));
+        }
+        for p in &spec.complementarity {
+            let n = p.f.n_out() / 2;
+            for _ in 0..p.at.n_ends(&spec.n_fe, n_s) {
+                let v = var.take(2 * n);
+                l.members.push(v);
+                l.row_members.push(row.take(2 * n));
+                for i in 0..n {
+                    l.pairs.push((v + i, v + n + i));
+                    l.groups.push(l.n_groups);
+                    l.n_groups += 1;
+                }
+            }
         }
         l.n = var.0;
         l.m = row.0;

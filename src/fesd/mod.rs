@@ -23,6 +23,7 @@ mod adopt;
 mod assemble;
 mod branch;
 mod calls;
+mod consistent;
 mod eta;
 mod hessian;
 mod layout;
@@ -33,7 +34,7 @@ mod start;
 mod trajectory;
 
 pub use branch::{Exit, Violation};
-pub use layout::{Boundary, Durations, Options, PathAt, PathConstraint, Spec, Terminal};
+pub use layout::{Boundary, Durations, Options, PathAt, PathConstraint, PathPairs, Spec, Terminal};
 pub use places::{Part, Place, Role, RowMeaning, Trouble, VariableMeaning};
 pub use problem::Fesd;
 pub use trajectory::{Element, Switch, SwitchKind, Trajectory};

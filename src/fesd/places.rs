@@ -1,7 +1,7 @@
 //! What the numbers of the discretisation stand for: rows, variables and function values by stage, element and stage
 //! point. All are counted from zero.
 
-use super::layout::ElementIndex;
+use super::layout::{ElementIndex, PathAt};
 use super::problem::{Call, Fesd};
 use crate::func::EvalError;
 use crate::system::SharedFunction;
@@ -32,6 +32,8 @@ pub enum RowMeaning {
     Terminal(usize, usize),
     /// Output of a constraint between both ends.
     Boundary(usize, usize),
+    /// Output of a path complementarity: those of one side, then those of the other.
+    Pair(Place, usize, usize),
 }
 
 /// What a variable is.
@@ -49,6 +51,8 @@ pub enum VariableMeaning {
     Length(Option<Place>),
     /// Weight or multiplier of a cell.
     Complementarity(Place),
+    /// Member of a path complementarity: those of one side, then those of the other.
+    Pair(Place, usize, usize),
 }
 
 /// Which function of the model.
@@ -72,6 +76,8 @@ pub enum Role {
     Terminal(usize),
     /// A constraint between both ends.
     Boundary(usize),
+    /// A path complementarity.
+    Pair(usize),
 }
 
 /// What of a function was wanted.
@@ -176,6 +182,9 @@ impl Fesd {
         if let Some(k) = self.path.iter().position(is) {
             return self.path_points().nth(k).map(|(constraint, place)| (Role::Path(constraint), place));
         }
+        if let Some(k) = self.complementarity.iter().position(is) {
+            return self.pair_points().nth(k).map(|(pairs, place)| (Role::Pair(pairs), place));
+        }
         let last = self.end_of_stage(self.spec.n_stages() - 1);
         let at_end = |calls: &[Call]| calls.iter().position(is);
         if let Some(k) = at_end(&self.terminal) {
@@ -193,9 +202,25 @@ impl Fesd {
         Place { stage, element: Some(self.spec.n_fe[stage] - 1), point: None }
     }
 
+    /// The points of all path complementarities in the order of their calls: which one, and where.
+    fn pair_points(&self) -> impl Iterator<Item = (usize, Place)> + '_ {
+        let n_s = self.tableau.n_s;
+        self.spec.complementarity.iter().enumerate().flat_map(move |(k, p)| {
+            (0..self.spec.n_stages()).flat_map(move |stage| {
+                let n_fe = self.spec.n_fe[stage];
+                let place = |element, point| Place { stage, element: Some(element), point };
+                let points: Vec<Place> = match p.at {
+                    PathAt::ControlGrid => vec![self.end_of_stage(stage)],
+                    PathAt::Elements => (0..n_fe).map(|n| place(n, None)).collect(),
+                    PathAt::StagePoints => (0..n_fe * n_s).map(|i| place(i / n_s, Some(i % n_s))).collect(),
+                };
+                points.into_iter().map(move |place| (k, place))
+            })
+        })
+    }
+
     /// The points of all path constraints in the order of their calls: which constraint, and where.
     fn path_points(&self) -> impl Iterator<Item = (usize, Place)> + '_ {
-        use super::layout::PathAt;
         let n_s = self.tableau.n_s;
         self.spec.path.iter().enumerate().flat_map(move |(k, p)| {
             (0..self.spec.n_stages()).flat_map(move |stage| {
@@ -272,6 +297,9 @@ impl Fesd {
         for (k, (t, &row)) in self.spec.boundary.iter().zip(&l.row_boundary).enumerate() {
             set(row, t.f.n_out(), &|r| RowMeaning::Boundary(k, r));
         }
+        for ((k, at), &row) in self.pair_points().zip(&l.row_members) {
+            set(row, self.spec.complementarity[k].f.n_out(), &|r| RowMeaning::Pair(at, k, r));
+        }
         out
     }
 
@@ -302,6 +330,9 @@ impl Fesd {
         }
         for e in &l.elements {
             self.element_meanings(e, &mut set);
+        }
+        for ((k, at), &v) in self.pair_points().zip(&l.members) {
+            set(v, self.spec.complementarity[k].f.n_out(), &|r| VariableMeaning::Pair(at, k, r));
         }
         out
     }

@@ -77,6 +77,8 @@ pub struct Fesd {
     pub(super) path_rows: Vec<usize>,
     pub(super) terminal: Vec<Call>,
     pub(super) boundary: Vec<Call>,
+    /// Path complementarities.
+    pub(super) complementarity: Vec<Call>,
     /// Costs at points: at the end, and at the ends of the stages.
     pub(super) mayer: Vec<Call>,
     pub(super) cache: Cache,
@@ -171,6 +173,21 @@ impl Fesd {
         }
         let both = b.ends(l.x0, last.x_end, last.stage);
         let boundary = spec.boundary.iter().map(|c| b.call(&c.f, both)).collect();
+        let mut complementarity = Vec::new();
+        for p in &spec.complementarity {
+            for k in 0..spec.n_stages() {
+                let els = l.stage(k);
+                let points: Vec<usize> = match p.at {
+                    PathAt::ControlGrid => vec![els[els.len() - 1].x_end],
+                    PathAt::Elements => els.iter().map(|e| e.x_end).collect(),
+                    PathAt::StagePoints => els.iter().flat_map(|e| e.x.iter().copied()).collect(),
+                };
+                for x in points {
+                    let at = b.point(x, k);
+                    complementarity.push(b.call(&p.f, at));
+                }
+            }
+        }
         let Builder { functions, calls, sizes, inputs, .. } = b;
         let longest = functions.iter().map(|f| f.dims().t_col() + 1).max().unwrap_or(0);
         let n_params = spec.dcs.dims().p;
@@ -194,6 +211,7 @@ impl Fesd {
             path_rows,
             terminal,
             boundary,
+            complementarity,
             mayer,
             cache: Cache {
                 val: vec![0.0; sizes[0]],
@@ -476,6 +494,13 @@ impl Fesd {
         self.controls_at(w, |k| self.l.elements[self.l.first[k + 1] - 1].x_end)
     }
 
+    /// User states at the start and at the end of every element `[(n_elements + 1) · nx]`.
+    pub fn end_states(&self, w: &[f64]) -> Vec<f64> {
+        let nx = self.spec.dcs.dims().x;
+        let ends = std::iter::once(self.l.x0).chain(self.l.elements.iter().map(|e| e.x_end));
+        ends.flat_map(|x| w[x..x + nx].iter().copied()).collect()
+    }
+
     fn controls_at(&self, w: &[f64], state: impl Fn(usize) -> usize) -> Vec<f64> {
         let value = |k: usize, j: usize| w[self.l.linear[j].map_or(self.l.u[k] + j, |r| state(k) + r)];
         (0..self.spec.n_stages()).flat_map(|k| (0..self.l.nu).map(move |j| (k, j))).map(|(k, j)| value(k, j)).collect()
@@ -528,7 +553,7 @@ impl Fesd {
             .filter(|_| self.l.fesd)
     }
 
-    fn evaluate_values(&mut self, w: &[f64]) -> EvalResult {
+    pub(super) fn evaluate_values(&mut self, w: &[f64]) -> EvalResult {
         let mut cache = std::mem::take(&mut self.cache);
         let r = self.at_all_points(w, &mut cache, Part::Value, |c, f, at, cache| {
             f.value(at, &mut cache.val[c.val..c.val + f.n_out()], &mut cache.work)

@@ -242,6 +242,9 @@ fn row_name(problem: &Fesd, row: RowMeaning) -> String {
             format!("path constraint {k} ('{}') row {r}, {}", spec.path[k].f.name(), place(at))
         }
         RowMeaning::Terminal(k, r) => format!("terminal constraint {k} ('{}') row {r}", spec.terminal[k].f.name()),
+        RowMeaning::Pair(at, k, r) => {
+            format!("complementarity {k} ('{}') output {r}, {}", spec.complementarity[k].f.name(), place(at))
+        }
         RowMeaning::Boundary(k, r) => format!("boundary constraint {k} ('{}') row {r}", spec.boundary[k].f.name()),
     }
 }
@@ -255,6 +258,7 @@ fn variable_name(variable: VariableMeaning) -> String {
         VariableMeaning::Length(at) => {
             at.map_or_else(|| "the bound of the horizon".into(), |at| format!("the bound of a length, {}", place(at)))
         }
+        VariableMeaning::Pair(at, k, r) => format!("the sign of complementarity {k} output {r}, {}", place(at)),
         VariableMeaning::Complementarity(at) => format!("the sign of a weight or multiplier, {}", place(at)),
     }
 }
@@ -301,6 +305,7 @@ fn without_value(t: &Trouble, system: &System, t0: f64) -> String {
         Role::Path(k) => format!("path constraint {k} ('{name}')"),
         Role::Terminal(k) => format!("terminal constraint {k} ('{name}')"),
         Role::Boundary(k) => format!("boundary constraint {k} ('{name}')"),
+        Role::Pair(k) => format!("complementarity {k} ('{name}')"),
     };
     text += match t.part {
         Part::Value => "",

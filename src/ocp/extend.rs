@@ -6,7 +6,7 @@ use super::squares::Squares;
 use super::terms::{combination, sum_of_squares, Stack};
 use super::{CostAt, Norm};
 use crate::error::Result;
-use crate::fesd::{Boundary, PathAt, PathConstraint, Terminal};
+use crate::fesd::{Boundary, PathAt, PathConstraint, PathPairs, Terminal};
 use crate::func::Dims;
 use crate::system::{SharedFunction, System};
 
@@ -20,6 +20,14 @@ pub(crate) struct LeastSquares {
     /// `[n]`, or `[n_stages · n]`.
     pub references: Vec<f64>,
     pub place: CostAt,
+}
+
+/// `0 ≤ a ⊥ b ≥ 0` along the horizon.
+#[derive(Clone)]
+pub(crate) struct Complementarity {
+    pub a: SharedFunction,
+    pub b: SharedFunction,
+    pub at: PathAt,
 }
 
 /// A constraint whose violation is penalised.
@@ -77,6 +85,7 @@ pub(super) struct Statement<'a> {
     pub boundary: &'a [Boundary],
     pub squares: &'a [LeastSquares],
     pub soft: &'a [Soft],
+    pub complementarity: &'a [Complementarity],
 }
 
 /// The problem with its own parameters and controls.
@@ -88,6 +97,7 @@ pub(super) struct Extended {
     pub path: Vec<PathConstraint>,
     pub terminal: Vec<Terminal>,
     pub boundary: Vec<Boundary>,
+    pub complementarity: Vec<PathPairs>,
     /// Of every soft constraint.
     pub slacks: Vec<Slacks>,
     /// First parameter of the references of every least-squares term.
@@ -157,6 +167,13 @@ impl Extended {
         }
         let both = Rewire::widen(Dims { x: 2 * d.x, ..d }, Dims { x: 2 * d.x, ..wide });
         let boundary = s.boundary.iter().map(|c| Boundary { f: both.function(&c.f), ..c.clone() }).collect();
+        let all = || (0..wide.n_in()).collect::<Vec<usize>>();
+        let sides = |c: &Complementarity| -> PathPairs {
+            let name = format!("{} and {}", c.a.name(), c.b.name());
+            let parts = vec![(w.function(&c.a), all()), (w.function(&c.b), all())];
+            PathPairs { f: Stack::of(&name, wide, parts), at: c.at }
+        };
+        let complementarity = s.complementarity.iter().map(sides).collect();
         let total = |name: &str, mut terms: Vec<SharedFunction>| match terms.len() {
             0 => None,
             1 => terms.pop(),
@@ -170,6 +187,7 @@ impl Extended {
             path,
             terminal,
             boundary,
+            complementarity,
             slacks,
             references,
             slack_params: first_slack..wide.p,

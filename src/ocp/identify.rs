@@ -34,6 +34,8 @@ pub(super) struct Identifier {
     pub h_at: Vec<Option<usize>>,
     /// Elements have sets at all.
     pub detects: bool,
+    /// Decisions about what switches; those of path complementarities are behind them.
+    pub n_sides: usize,
     improves: bool,
     /// Neighbouring sequences that may still be tried.
     pub budget: usize,
@@ -74,6 +76,7 @@ impl Identifier {
             u_at: Vec::new(),
             h_at: Vec::new(),
             detects: true,
+            n_sides: 0,
             improves: true,
             budget: 0,
             simulator: None,
@@ -97,6 +100,7 @@ impl Identifier {
         if !self.detects {
             return false;
         }
+        let sides = &mut sides[..self.n_sides];
         match wanted {
             Wanted::Repair(k) => self.repair(k, w, sides),
             Wanted::Rescue(k) => self.rescue(k, sides),

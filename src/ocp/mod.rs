@@ -3,7 +3,8 @@
 //! ```text
 //! min ∫ L(x,u,p,t) dt + M(x(T),p) + least squares + penalties
 //! s.t. dynamics,  x0 ∈ [x0_l, x0_u],  x ∈ [x_l, x_u],  u ∈ [u_l, u_u],  p ∈ [p_l, p_u],
-//!      c_l ≤ c(x,u,p,t) ≤ c_u along the horizon,  e_l ≤ e(x(T),p) ≤ e_u,  b_l ≤ b(x(0),x(T),p) ≤ b_u
+//!      c_l ≤ c(x,u,p,t) ≤ c_u,  0 ≤ g(x,u,p,t) ⊥ h(x,u,p,t) ≥ 0 along the horizon,
+//!      e_l ≤ e(x(T),p) ≤ e_u,  b_l ≤ b(x(0),x(T),p) ≤ b_u
 //! ```
 //!
 //! Controls are piecewise constant, or continuous and linear, on a grid of stages; the stages are equally long unless
@@ -14,6 +15,7 @@
 mod accuracy;
 mod diagnosis;
 mod extend;
+mod guess;
 mod identify;
 mod modes;
 mod neighbours;
@@ -34,7 +36,7 @@ pub use statement::Statement;
 pub(crate) use terms::Linear;
 
 use self::accuracy::Replay;
-use self::extend::{LeastSquares, Soft};
+use self::extend::{Complementarity, LeastSquares, Soft};
 use self::solve::Built;
 use crate::error::{finite, Error, Result};
 use crate::fesd::{Boundary, PathAt, PathConstraint, Terminal, Trajectory};
@@ -43,6 +45,9 @@ use crate::mpcc::{Certificate, Polish};
 use crate::nlp::{Outcome, Residuals, Statistics};
 use crate::settings::Settings;
 use crate::system::{SharedFunction, System};
+
+/// First value of slacks.
+const SLACK: f64 = 0.1;
 
 /// Where a least-squares term counts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -130,6 +135,7 @@ pub struct Ocp {
     terminal: Vec<Terminal>,
     boundary: Vec<Boundary>,
     soft: Vec<Soft>,
+    complementarity: Vec<Complementarity>,
     x_bounds: [Vec<f64>; 2],
     x0_bounds: [Vec<f64>; 2],
     u_bounds: [Vec<f64>; 2],
@@ -179,6 +185,7 @@ impl Ocp {
             terminal: Vec::new(),
             boundary: Vec::new(),
             soft: Vec::new(),
+            complementarity: Vec::new(),
             x_bounds: free(d.x),
             x0_bounds: free(d.x),
             u_bounds: free(d.u),
@@ -335,6 +342,17 @@ impl Ocp {
             return Err(Error::Range(format!("the weight of the violation is {weight}: it must be positive")));
         }
         self.soft.push(Soft { f, lower: lower.to_vec(), upper: upper.to_vec(), at, norm, weight });
+        self.changed();
+        Ok(())
+    }
+
+    /// Adds `0 ≤ a(x, u, p, t) ⊥ b(x, u, p, t) ≥ 0`, component by component, at the ends of the control stages, at the ends
+    /// of elements, or at stage points. Pairs of controls alone belong to the control grid: at other places they would
+    /// be said several times.
+    pub fn add_complementarity(&mut self, a: SharedFunction, b: SharedFunction, at: PathAt) -> Result<()> {
+        self.check(&a, None)?;
+        self.check(&b, Some(a.n_out()))?;
+        self.complementarity.push(Complementarity { a, b, at });
         self.changed();
         Ok(())
     }

@@ -7,14 +7,12 @@ use super::diagnosis::Case;
 use super::extend::{Extended, Slacks, Statement};
 use super::identify::Identifier;
 use super::neighbours::Grid;
-use super::{Durations, Ocp, OcpResult};
+use super::{Durations, Ocp, OcpResult, SLACK};
 use crate::dcs::{Dcs, FormOptions};
 use crate::error::{Error, Result};
 use crate::fesd::{Fesd, Options, Spec, Trajectory};
 use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side, Wanted, Warm};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
-use crate::settings::InitialGuess;
-use crate::sim::Simulator;
 use crate::system::{Regions, SharedFunction};
 
 /// The discretised problem, ready to be solved again and again.
@@ -35,9 +33,6 @@ enum Start {
     Warm,
 }
 
-/// First value of slacks.
-const SLACK: f64 = 0.1;
-
 impl Ocp {
     fn build(&mut self) -> Result<f64> {
         if self.built.is_some() {
@@ -53,12 +48,14 @@ impl Ocp {
             boundary: &self.boundary,
             squares: &self.squares,
             soft: &self.soft,
+            complementarity: &self.complementarity,
         })?;
         self.check_free_params(&extended)?;
         let mut dcs = Dcs::new(&extended.system, FormOptions::from_settings(&self.settings)?)?;
         let e = &extended;
         let outer = e.lagrange.iter().chain(&e.mayer).chain(&e.grid_cost).chain(e.path.iter().map(|p| &p.f));
         let outer = outer.chain(e.terminal.iter().map(|t| &t.f)).chain(e.boundary.iter().map(|b| &b.f));
+        let outer = outer.chain(e.complementarity.iter().map(|c| &c.f));
         if outer.into_iter().any(|f| !f.jac_pattern().rows(f.dims().t_col()).is_empty()) {
             dcs.require_clock();
         }
@@ -79,6 +76,7 @@ impl Ocp {
             path: e.path.clone(),
             terminal: e.terminal.clone(),
             boundary: e.boundary.clone(),
+            complementarity: e.complementarity.clone(),
             ..Spec::new(dcs, Options::from_settings(&self.settings)?, n_fe.clone())
         };
         let mut problem = Fesd::new(spec, self.durations[0])?;
@@ -87,6 +85,7 @@ impl Ocp {
         let mut identifier = Identifier::new(&extended.system, &self.settings);
         identifier.linear = self.linear.contains(&true);
         identifier.h_at = problem.lengths();
+        identifier.n_sides = problem.n_element_groups();
         let sizes = problem.spec().dcs.form().simplices.iter().map(|c| c.len()).collect();
         identifier.grid = Grid { n_fe, sizes };
         (identifier.x0_at, identifier.u_at) = problem.places();
@@ -104,6 +103,7 @@ impl Ocp {
         let dynamics = s.f0().into_iter().chain(s.subsystems().iter().map(|sub| &sub.modes)).chain(regions);
         let costs = e.lagrange.iter().chain(&e.mayer).chain(&e.grid_cost);
         let rows = e.path.iter().map(|c| &c.f).chain(e.terminal.iter().map(|c| &c.f));
+        let rows = rows.chain(e.complementarity.iter().map(|c| &c.f));
         let all: Vec<_> = dynamics.chain(costs).chain(rows).chain(e.boundary.iter().map(|c| &c.f)).collect();
         for (j, _) in self.free_params().iter().enumerate().filter(|f| *f.1) {
             let column = |f: &SharedFunction| f.dims().x + f.dims().u + j;
@@ -118,7 +118,7 @@ impl Ocp {
     }
 
     /// Elements of every stage.
-    fn elements(&self) -> Vec<usize> {
+    pub(super) fn elements(&self) -> Vec<usize> {
         if self.n_fe.is_empty() {
             vec![self.settings.n_fe as usize; self.n_stages]
         } else {
@@ -167,9 +167,8 @@ impl Ocp {
 
     fn run(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
         let time_build = self.build()?;
-        let guess = if start == Start::Cold { Some(self.state_guess(control)?) } else { None };
         let given = match (&self.built, &self.modes) {
-            (Some(b), Some(m)) if guess.is_some() && b.problem.detects_switches() => {
+            (Some(b), Some(m)) if start == Start::Cold && b.problem.detects_switches() => {
                 Some(m.on_grid(b.problem.spec().dcs.form(), &self.durations, &b.identifier.grid.n_fe)?)
             }
             _ => None,
@@ -178,7 +177,6 @@ impl Ocp {
         else {
             return Err(Error::Internal("the problem was not built".into()));
         };
-        let nu = self.system.dims().u;
         let stage_params = self.extended_params(&extended);
         self.write_data(&mut problem, &mut bounds, &extended, &stage_params)?;
         identifier.durations.clone_from(&self.durations);
@@ -199,7 +197,9 @@ impl Ocp {
         if start == Start::Cold && !has_modes && !problem.relaxes_well() && self.settings.polish() {
             let (found, cost) = self.with_stand_in(&problem, control)?;
             before.add(&cost);
-            if let Some((other, x)) = found {
+            if let Some((other, mut x)) = found {
+                // a function without a value leaves them at zero, and the solve says so
+                let _ = problem.write_members(&mut x);
                 // neighbours were searched already
                 identifier.restart(false, 0);
                 near = [usual, usual.other()].into_iter().any(|exit| {
@@ -221,23 +221,13 @@ impl Ocp {
         }
         if near {
             // the active set is that of the other method, or next to it
-        } else if let Some(guess) = guess {
-            let mut w0 = vec![0.0; problem.n()];
-            let u_start = self.control_guess();
-            problem.guess(
-                &mut w0,
-                self.t0,
-                |t, x| interpolate(&guess.0, &guess.1, t, x),
-                |k, u| {
-                    u[..nu].copy_from_slice(&u_start[k * nu..(k + 1) * nu]);
-                    u[nu..].fill(SLACK);
-                },
-            );
+        } else if start == Start::Cold {
+            let (w0, guess) = self.starting_point(&mut problem, &extended, &stage_params, control)?;
             let mut spent = None;
-            if let Some((sides, lengths)) = given {
+            if let Some((mut sides, lengths)) = given {
                 let mut w = w0.clone();
-                let x_at = |t: f64, x: &mut [f64]| interpolate(&guess.0, &guess.1, t, x);
-                problem.guess_active_set(&mut w, self.t0, &lengths, &sides, x_at);
+                problem.guess_active_set(&mut w, self.t0, &lengths, &sides, |t, x| guess.state(t, x));
+                sides.extend(problem.member_sides(&w0));
                 if !solver
                     .solve_sides(&mut problem, &bounds, &sides, &w, control, &mut |k, w, s| identifier.suggest(k, w, s))
                 {
@@ -295,7 +285,13 @@ impl Ocp {
     }
 
     /// Hands parameters, lengths and bounds to the discretised problem.
-    fn write_data(&self, problem: &mut Fesd, bounds: &mut Bounds, e: &Extended, stage_params: &[f64]) -> Result<()> {
+    pub(super) fn write_data(
+        &self,
+        problem: &mut Fesd,
+        bounds: &mut Bounds,
+        e: &Extended,
+        stage_params: &[f64],
+    ) -> Result<()> {
         let wide = e.system.dims();
         problem.set_params(&stage_params[..wide.p])?;
         for k in 0..if wide.p == 0 { 0 } else { self.n_stages } {
@@ -439,70 +435,5 @@ impl Ocp {
             }
         };
         self.soft.iter().zip(&e.slacks).map(of).sum()
-    }
-
-    fn control_guess(&self) -> Vec<f64> {
-        if let Some(u) = &self.u_guess {
-            return u.clone();
-        }
-        let one: Vec<f64> = self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
-        one.repeat(self.n_stages)
-    }
-
-    /// Times and states to start from.
-    fn state_guess(&self, control: &mut Control) -> Result<(Vec<f64>, Vec<f64>)> {
-        if let Some(g) = &self.x_guess {
-            return Ok(g.clone());
-        }
-        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
-        let (mut times, mut states) = (vec![0.0], x0.clone());
-        // a branch problem wants states on the right side of its switches
-        if self.modes.is_none() && self.settings.initial_guess()? != InitialGuess::Simulation {
-            return Ok((times, states));
-        }
-        let d = self.system.dims();
-        let mut sim = Simulator::new(&self.system, &self.settings)?;
-        sim.set_state(self.t0, &x0)?;
-        let u = self.control_guess();
-        for k in 0..self.n_stages {
-            sim.set_params(self.stage_params.as_ref().map_or(&self.params[..], |s| &s[k * d.p..(k + 1) * d.p]))?;
-            sim.set_controls(&u[k * d.u..(k + 1) * d.u])?;
-            let mut inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
-            let r = sim.run(self.durations[k], 1, &mut inner)?;
-            // a simulation that fails half way is still a better start than a constant
-            for e in r.trajectory.elements.iter().filter(|e| e.h > 1e-12) {
-                times.push(e.t + e.h - self.t0);
-                states.extend_from_slice(&e.x1);
-            }
-            if r.outcome != Outcome::Solved {
-                break;
-            }
-        }
-        Ok((times, states))
-    }
-}
-
-/// A point well inside an interval.
-fn middle(lo: f64, hi: f64) -> f64 {
-    match (lo.is_finite(), hi.is_finite()) {
-        (true, true) => 0.5 * (lo + hi),
-        (true, false) => lo.max(0.0),
-        (false, true) => hi.min(0.0),
-        (false, false) => 0.0,
-    }
-}
-
-fn interpolate(times: &[f64], states: &[f64], t: f64, x: &mut [f64]) {
-    let nx = x.len();
-    let k = times.partition_point(|&s| s <= t).clamp(1, times.len());
-    let a = &states[(k - 1) * nx..k * nx];
-    if k == times.len() {
-        x.copy_from_slice(a);
-        return;
-    }
-    let b = &states[k * nx..(k + 1) * nx];
-    let s = ((t - times[k - 1]) / (times[k] - times[k - 1])).clamp(0.0, 1.0);
-    for i in 0..nx {
-        x[i] = (1.0 - s) * a[i] + s * b[i];
     }
 }

@@ -19,6 +19,7 @@ impl Ocp {
         other.settings.rk_family = RkFamily::RadauIia as i64;
         other.settings.stage_form = StageForm::Auto as i64;
         other.settings.accuracy = 0;
+        other.settings.explain = 0;
         let (outcome, stats) = other.solve(control).map(|r| (r.outcome, r.stats))?;
         let Some(built) =
             other.built.filter(|b| outcome == Outcome::Solved && b.solver.solution().polish == Polish::Done)

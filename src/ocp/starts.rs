@@ -73,6 +73,7 @@ impl Ocp {
             terminal: self.terminal.clone(),
             boundary: self.boundary.clone(),
             soft: self.soft.clone(),
+            complementarity: self.complementarity.clone(),
             x_bounds: self.x_bounds.clone(),
             x0_bounds: self.x0_bounds.clone(),
             u_bounds: self.u_bounds.clone(),

@@ -1,6 +1,6 @@
 //! A problem as it was stated, for who writes it down.
 
-use super::extend::{LeastSquares, Soft};
+use super::extend::{Complementarity, LeastSquares, Soft};
 use super::{Durations, Ocp};
 use crate::fesd::{Boundary, PathConstraint, Terminal};
 use crate::settings::Settings;
@@ -37,6 +37,7 @@ pub struct Statement<'a> {
     pub stage_params: Option<&'a [f64]>,
     pub(crate) squares: &'a [LeastSquares],
     pub(crate) soft: &'a [Soft],
+    pub(crate) complementarity: &'a [Complementarity],
 }
 
 impl Ocp {
@@ -61,6 +62,7 @@ impl Ocp {
             terminal,
             boundary,
             soft,
+            complementarity,
             x_bounds,
             x0_bounds,
             u_bounds,
@@ -100,6 +102,7 @@ impl Ocp {
             stage_params: stage_params.as_deref(),
             squares,
             soft,
+            complementarity,
         }
     }
 }

@@ -1,6 +1,7 @@
 //! The cases, and what they share.
 
 mod gallery;
+mod guesses;
 mod linalg;
 mod model_eval;
 mod mpcc_textbook;
@@ -32,6 +33,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("tutorial-ocp", tutorial_ocp::run),
     ("sliding-ocp", sliding_ocp::run),
     ("gallery", gallery::run),
+    ("guesses", guesses::run),
     ("step-equilibration", step_equilibration::run),
     ("mpcc-textbook", mpcc_textbook::run),
     ("linalg", linalg::run),

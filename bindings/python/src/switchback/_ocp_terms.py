@@ -107,6 +107,15 @@ class OcpTerms(Solver):
         self._do("add_relaxed", function, address(low), n, address(high), n, place, kind, price)
         self._functions.append(function)
 
+    def add_complementarity(self, a: Any, b: Any, at: PathAt | str = PathAt.CONTROL_GRID, n: int = 1) -> None:
+        """Add 0 <= a(x, u, p, t) and b(x, u, p, t) >= 0, one of which is zero, for each of their `n` outputs (callables only;
+        functions know their number): at the ends of stages ("control_grid"), of "elements", or at "stage_points". Pairs
+        of controls alone belong to the control grid."""
+        n = next((f.n_out for f in (a, b) if isinstance(f, Function)), index(n, "n"))
+        first, second = self._function(a, n, "a"), self._function(b, n, "b")
+        self._do("add_complementarity", first, second, choice(PathAt, at, "at"))
+        self._functions += [first, second]
+
     def set_elements(self, n_fe: Any) -> None:
         """Set the number of finite elements of every control stage."""
         array = numpy.array([index(n, "n_fe") for n in n_fe], dtype=numpy.int64)

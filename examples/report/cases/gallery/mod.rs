@@ -76,6 +76,16 @@ fn solve(ocp: &mut Ocp) -> Result<(OcpResult, Phases)> {
     Ok((r, Phases { homotopy, polish: polish.as_secs_f64(), after, total }))
 }
 
+fn all() -> impl Iterator<Item = Problem> {
+    let made = problems::all().into_iter().chain(cycles::all()).chain(genes::all());
+    made.map(|p| p.expect("the data fit"))
+}
+
+/// The problems and their names.
+pub(super) fn named() -> impl Iterator<Item = (&'static str, Ocp)> {
+    all().map(|p| (p.name, p.ocp))
+}
+
 pub fn run(c: &Context) {
     let columns =
         ["problem", "cost", "outcome", "polish", "type", "B", "primal", "dual", "pairs", "E(T)", "cost error"];
@@ -84,8 +94,7 @@ pub fn run(c: &Context) {
     let mut periods = Table::new(&["cycle", "period", "by shooting", "difference"]);
     let mut seen = String::new();
     let clock = Instant::now();
-    for p in problems::all().into_iter().chain(cycles::all()).chain(genes::all()) {
-        let mut p = p.expect("the data fit");
+    for mut p in all() {
         let (r, spent) = solve(&mut p.ocp).expect("the problem is well posed");
         let nan = (f64::NAN, f64::NAN);
         let (error, cost_error) = r.accuracy.as_ref().map_or(nan, |a| (a.terminal, a.cost_error));

@@ -1,0 +1,288 @@
+//! Starting points: what was given, a constant, a simulation, a smoothed one, or the solution of an easier problem.
+
+use super::extend::Extended;
+use super::{Ocp, SLACK};
+use crate::dcs::{Dcs, FormOptions};
+use crate::error::{Error, Result};
+use crate::event::{self, Engine};
+use crate::fesd::{Fesd, Options, Spec};
+use crate::func::{Callback, EvalError, Point};
+use crate::linalg::csc::Pattern;
+use crate::mpcc::{MpccSettings, MpccSolver};
+use crate::nlp::{Control, Nlp, Outcome};
+use crate::settings::{Discretisation, InitialGuess};
+use crate::sim::Simulator;
+use crate::system::{SharedFunction, System};
+
+/// Tolerance of simulations that are guesses, and their steps at most.
+const TOLERANCE: f64 = 1e-6;
+const MAX_STEPS: usize = 100_000;
+/// Points of a simulation that are kept for every element.
+const POINTS: usize = 3;
+/// Relaxation at which the problem on fixed steps is left.
+const EARLY: f64 = 1e-2;
+
+/// States at times from the start of the horizon, controls of every stage.
+pub(super) struct Guess {
+    times: Vec<f64>,
+    states: Vec<f64>,
+    controls: Vec<f64>,
+    /// Weights and multipliers are to fit the states.
+    pairs: bool,
+}
+
+impl Guess {
+    /// States at a time.
+    pub fn state(&self, t: f64, x: &mut [f64]) {
+        interpolate(&self.times, &self.states, t, x);
+    }
+}
+
+impl Ocp {
+    /// The point a cold solve starts from, and what it was made of.
+    pub(super) fn starting_point(
+        &self,
+        problem: &mut Fesd,
+        e: &Extended,
+        stage_params: &[f64],
+        control: &mut Control,
+    ) -> Result<(Vec<f64>, Guess)> {
+        let guess = self.make_guess(problem, e, stage_params, control)?;
+        let mut w = vec![0.0; problem.n()];
+        self.write_guess(problem, &guess, &mut w);
+        if guess.pairs && problem.relax_pairs(&mut w, self.settings.sigma_init).is_err() {
+            // without values the multipliers stay as they were written
+            problem.forget_trouble();
+        }
+        if problem.write_members(&mut w).is_err() {
+            problem.forget_trouble();
+        }
+        Ok((w, guess))
+    }
+
+    fn write_guess(&self, problem: &Fesd, guess: &Guess, w: &mut [f64]) {
+        let nu = self.system.dims().u;
+        problem.guess(
+            w,
+            self.t0,
+            |t, x| guess.state(t, x),
+            |k, u| {
+                u[..nu].copy_from_slice(&guess.controls[k * nu..(k + 1) * nu]);
+                u[nu..].fill(SLACK);
+            },
+        );
+    }
+
+    fn make_guess(&self, problem: &Fesd, e: &Extended, stage_params: &[f64], control: &mut Control) -> Result<Guess> {
+        let controls = self.control_guess();
+        if let Some((times, states)) = &self.x_guess {
+            return Ok(Guess { times: times.clone(), states: states.clone(), controls, pairs: false });
+        }
+        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let constant = Guess { times: vec![0.0], states: x0.clone(), controls, pairs: false };
+        let mut kind = self.settings.initial_guess()?;
+        if self.modes.is_some() && kind == InitialGuess::Constant {
+            // a branch problem wants states on the right side of its switches
+            kind = InitialGuess::Simulation;
+        }
+        let system = match kind {
+            InitialGuess::Constant => return Ok(constant),
+            InitialGuess::TimeStepping => return self.on_fixed_steps(problem, e, stage_params, constant, control),
+            InitialGuess::Simulation => Ok(self.system.clone()),
+            InitialGuess::Smoothed => self.smoothed(),
+        };
+        let options = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
+        let (times, states) = match system.and_then(|s| Engine::new(&s, &options)) {
+            Ok(mut engine) => self.by_events(&mut engine, &x0, &constant.controls)?,
+            Err(Error::Unsupported(_)) => self.by_elements(&x0, &constant.controls, control)?,
+            Err(e) => return Err(e),
+        };
+        Ok(Guess { times, states, pairs: kind == InitialGuess::Smoothed, ..constant })
+    }
+
+    /// Controls as given, or in the middle of their bounds.
+    fn control_guess(&self) -> Vec<f64> {
+        if let Some(u) = &self.u_guess {
+            return u.clone();
+        }
+        let one: Vec<f64> = self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        one.repeat(self.n_stages)
+    }
+
+    fn params_of(&self, stage: usize) -> &[f64] {
+        let np = self.params.len();
+        self.stage_params.as_ref().map_or(&self.params[..], |s| &s[stage * np..(stage + 1) * np])
+    }
+
+    /// Simulates by events. What fails half way is still a better start than a constant.
+    fn by_events(&self, engine: &mut Engine, x0: &[f64], controls: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
+        let (mut times, mut states) = (vec![0.0], x0.to_vec());
+        let nu = self.system.dims().u;
+        let mut start = 0.0;
+        engine.reinit(self.t0, x0)?;
+        for (k, &length) in self.durations.iter().enumerate() {
+            engine.set_params(self.params_of(k))?;
+            engine.set_controls(&controls[k * nu..(k + 1) * nu])?;
+            let n = POINTS * self.elements()[k];
+            for i in 1..=n {
+                let t = start + length * i as f64 / n as f64;
+                if engine.advance(self.t0 + t)? != event::Outcome::Reached {
+                    return Ok((times, states));
+                }
+                times.push(t);
+                states.extend_from_slice(engine.state());
+            }
+            start += length;
+        }
+        Ok((times, states))
+    }
+
+    /// Simulates by finite elements, for systems that the engine does not know.
+    fn by_elements(&self, x0: &[f64], controls: &[f64], control: &mut Control) -> Result<(Vec<f64>, Vec<f64>)> {
+        let (mut times, mut states) = (vec![0.0], x0.to_vec());
+        let nu = self.system.dims().u;
+        let mut sim = Simulator::new(&self.system, &self.settings)?;
+        sim.set_state(self.t0, x0)?;
+        for k in 0..self.n_stages {
+            sim.set_params(self.params_of(k))?;
+            sim.set_controls(&controls[k * nu..(k + 1) * nu])?;
+            let mut inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
+            let r = sim.run(self.durations[k], 1, &mut inner)?;
+            for e in r.trajectory.elements.iter().filter(|e| e.h > 1e-12) {
+                times.push(e.t + e.h - self.t0);
+                states.extend_from_slice(&e.x1);
+            }
+            if r.outcome != Outcome::Solved {
+                break;
+            }
+        }
+        Ok((times, states))
+    }
+
+    /// The system with the weights of the relaxation that the homotopy starts with: it does not switch.
+    fn smoothed(&self) -> Result<System> {
+        let d = self.system.dims();
+        if self.system.n_algebraic() > 0 {
+            return Err(Error::Unsupported("a smoothed system is an ordinary differential equation".into()));
+        }
+        let dcs = Dcs::new(&self.system, FormOptions::from_settings(&self.settings)?)?;
+        let sigma = self.settings.sigma_init;
+        let field = Callback::new("smoothed", d, d.x, move |at, out| code(smoothed_field(&dcs, sigma, at, out)));
+        let mut s = System::new(d.x, d.u, d.p)?;
+        s.set_f0(std::sync::Arc::new(field.with_jacobian_pattern(Pattern::dense(d.x, d.n_in()))?))?;
+        Ok(s)
+    }
+
+    /// The problem with fixed steps, solved to where the homotopy has not decided much.
+    fn on_fixed_steps(
+        &self,
+        problem: &Fesd,
+        e: &Extended,
+        stage_params: &[f64],
+        constant: Guess,
+        control: &mut Control,
+    ) -> Result<Guess> {
+        let spec = problem.spec();
+        let options = Options { discretisation: Discretisation::Standard, ..spec.options };
+        let mut fixed = Fesd::new(Spec { options, ..spec.clone() }, self.durations[0])?;
+        let sigma_min = EARLY.min(self.settings.sigma_init);
+        let settings = MpccSettings { polish: false, certify: false, sigma_min, ..MpccSettings::from(&self.settings) };
+        let mut solver = MpccSolver::new(&mut fixed, settings)?;
+        let mut bounds = fixed.bounds();
+        self.write_data(&mut fixed, &mut bounds, e, stage_params)?;
+        let mut w = vec![0.0; fixed.n()];
+        self.write_guess(&fixed, &constant, &mut w);
+        let mut inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
+        let found = solver.solve(&mut fixed, &bounds, &w, &mut inner);
+        if matches!(found.outcome, Outcome::Failed | Outcome::Diverging) {
+            return Ok(constant);
+        }
+        let w = &found.x;
+        let (d, wide) = (self.system.dims(), e.system.dims().u);
+        let (x, u) = (fixed.end_states(w), fixed.controls(w));
+        let mut guess = Guess { times: Vec::new(), states: Vec::new(), controls: Vec::new(), pairs: true };
+        for k in 0..self.n_stages {
+            guess.controls.extend_from_slice(&u[k * wide..k * wide + d.u]);
+        }
+        let mut start = 0.0;
+        let mut ends = x.chunks_exact(d.x);
+        guess.times.push(0.0);
+        guess.states.extend(ends.next().unwrap_or(&constant.states));
+        for (&length, n) in self.durations.iter().zip(self.elements()) {
+            for i in 1..=n {
+                guess.times.push(start + length * i as f64 / n as f64);
+                guess.states.extend(ends.next().unwrap_or(&constant.states));
+            }
+            start += length;
+        }
+        Ok(guess)
+    }
+}
+
+fn code(r: std::result::Result<(), EvalError>) -> i32 {
+    match r {
+        Ok(()) => 0,
+        Err(EvalError::Recoverable) => 1,
+        Err(EvalError::Fatal(code)) => code,
+    }
+}
+
+/// `f0 + Σ θ_σ F`, with `θ_σ` of the relaxed conditions at the point.
+fn smoothed_field(dcs: &Dcs, sigma: f64, at: &Point, out: &mut [f64]) -> std::result::Result<(), EvalError> {
+    let form = dcs.form();
+    let sources: Vec<Vec<f64>> = form.sources.iter().map(|f| value(f, at)).collect::<std::result::Result<_, _>>()?;
+    let combine = |source: usize, w: &[f64]| w.iter().zip(&sources[source]).map(|(a, b)| a * b).sum::<f64>();
+    let rows: Vec<f64> = form.rows.iter().map(|r| combine(r.source, &r.weights)).collect();
+    let mut theta = vec![0.0; form.n_weights()];
+    form.relaxed(&rows, sigma, &mut theta, &mut vec![0.0; form.n_cells], &mut vec![0.0; form.n_mu]);
+    out.fill(0.0);
+    for d in dcs.drifts() {
+        for (&r, v) in d.rows.iter().zip(value(&d.f, at)?) {
+            out[r] += v;
+        }
+    }
+    for t in &form.terms {
+        let modes = value(&t.modes, at)?;
+        for (columns, weights) in modes.chunks_exact(t.rows.len()).zip(&t.weights) {
+            let weight: f64 = weights.iter().map(|w| theta[*w]).sum();
+            t.rows.iter().zip(columns).for_each(|(&r, v)| out[r] += weight * v);
+        }
+    }
+    for i in &form.inclusions {
+        let x: Vec<f64> = at.x.iter().copied().chain(i.alpha.iter().map(|a| theta[*a])).collect();
+        for (&r, v) in i.rows.iter().zip(value(&i.f, &Point { x: &x, ..*at })?) {
+            out[r] += v;
+        }
+    }
+    Ok(())
+}
+
+fn value(f: &SharedFunction, at: &Point) -> std::result::Result<Vec<f64>, EvalError> {
+    let mut out = vec![0.0; f.n_out()];
+    f.value(at, &mut out, &mut vec![0.0; f.work_len()]).map(|()| out)
+}
+
+/// A point well inside an interval.
+fn middle(lo: f64, hi: f64) -> f64 {
+    match (lo.is_finite(), hi.is_finite()) {
+        (true, true) => 0.5 * (lo + hi),
+        (true, false) => lo.max(0.0),
+        (false, true) => hi.min(0.0),
+        (false, false) => 0.0,
+    }
+}
+
+fn interpolate(times: &[f64], states: &[f64], t: f64, x: &mut [f64]) {
+    let nx = x.len();
+    let k = times.partition_point(|&s| s <= t).clamp(1, times.len());
+    let a = &states[(k - 1) * nx..k * nx];
+    if k == times.len() {
+        x.copy_from_slice(a);
+        return;
+    }
+    let b = &states[k * nx..(k + 1) * nx];
+    let s = ((t - times[k - 1]) / (times[k] - times[k - 1])).clamp(0.0, 1.0);
+    for i in 0..nx {
+        x[i] = (1.0 - s) * a[i] + s * b[i];
+    }
+}
