@@ -479,6 +479,18 @@ impl Fesd {
         (self.l.x0, self.l.u.clone())
     }
 
+    /// First index of the states at the end of the horizon.
+    pub fn end_place(&self) -> usize {
+        self.l.elements[self.l.elements.len() - 1].x_end
+    }
+
+    /// Length of the horizon: what is given, and variables with their factors.
+    pub fn horizon_places(&self) -> (f64, Vec<(usize, f64)>) {
+        let free: Vec<Option<(usize, f64)>> = (0..self.spec.n_stages()).map(|k| self.free_length(k)).collect();
+        let given = free.iter().zip(&self.durations).filter(|f| f.0.is_none()).map(|f| f.1).sum();
+        (given, free.into_iter().flatten().collect())
+    }
+
     /// The variables that are lengths of elements, in the order of time; none on a fixed grid.
     pub fn lengths(&self) -> Vec<Option<usize>> {
         self.l.elements.iter().map(|e| e.h).collect()

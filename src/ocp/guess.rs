@@ -20,7 +20,7 @@ const MAX_STEPS: usize = 100_000;
 /// Points of a simulation that are kept for every element.
 const POINTS: usize = 3;
 /// Relaxation at which the problem on fixed steps is left.
-const EARLY: f64 = 1e-2;
+const EARLY: f64 = 0.1;
 
 /// States at times from the start of the horizon, controls of every stage.
 pub(super) struct Guess {
@@ -200,7 +200,7 @@ impl Ocp {
         let w = &found.x;
         let (d, wide) = (self.system.dims(), e.system.dims().u);
         let (x, u) = (fixed.end_states(w), fixed.controls(w));
-        let mut guess = Guess { times: Vec::new(), states: Vec::new(), controls: Vec::new(), pairs: true };
+        let mut guess = Guess { times: Vec::new(), states: Vec::new(), controls: Vec::new(), pairs: false };
         for k in 0..self.n_stages {
             guess.controls.extend_from_slice(&u[k * wide..k * wide + d.u]);
         }

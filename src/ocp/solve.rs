@@ -11,7 +11,7 @@ use super::{Durations, Ocp, OcpResult, SLACK};
 use crate::dcs::{Dcs, FormOptions};
 use crate::error::{Error, Result};
 use crate::fesd::{Fesd, Options, Spec, Trajectory};
-use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side, Wanted, Warm};
+use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side, Solution, Wanted, Warm};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
 use crate::system::{Regions, SharedFunction};
 
@@ -34,7 +34,7 @@ enum Start {
 }
 
 impl Ocp {
-    fn build(&mut self) -> Result<f64> {
+    pub(super) fn build(&mut self) -> Result<f64> {
         if self.built.is_some() {
             return Ok(0.0);
         }
@@ -177,20 +177,12 @@ impl Ocp {
         else {
             return Err(Error::Internal("the problem was not built".into()));
         };
-        let stage_params = self.extended_params(&extended);
-        self.write_data(&mut problem, &mut bounds, &extended, &stage_params)?;
-        identifier.durations.clone_from(&self.durations);
-        identifier.n_p = extended.system.dims().p;
-        identifier.params.clone_from(&stage_params);
-        extended.params.clone_from(&stage_params);
-        identifier.t0 = self.t0;
-        identifier.fixed = self.time == Durations::Fixed && !problem.param_places().iter().any(Option::is_some);
+        let stage_params = self.prepare(&mut problem, &mut bounds, &mut identifier, &mut extended)?;
         let budget = self.settings.mode_search as usize;
         let has_modes = given.is_some();
         identifier.restart((start == Start::Cold && !has_modes) || budget > 0, budget);
         solver.settings = MpccSettings::from(&self.settings);
         control.limit(self.settings.max_time);
-        identifier.detects = problem.detects_switches();
         problem.forget_trouble();
         let usual = problem.usual_exit();
         let (mut before, mut near) = (Statistics::default(), false);
@@ -254,7 +246,7 @@ impl Ocp {
                 solver.rescue(&mut problem, &bounds, control, &mut |k, w, s| identifier.suggest(k, w, s));
             }
         }
-        let mut result = self.read(&mut problem, &solver, &extended, &stage_params);
+        let mut result = self.read(&mut problem, solver.solution(), &extended, &stage_params);
         result.time_build = time_build;
         result.stats.add(&before);
         if self.settings.accuracy != 0 && result.outcome != Outcome::Stopped {
@@ -266,6 +258,26 @@ impl Ocp {
         result.message = message;
         self.built = Some(Built { problem, solver, bounds, identifier, extended });
         Ok(self.result.insert(result))
+    }
+
+    /// Writes the data of this solve into what was built; returns the parameters of every stage.
+    pub(super) fn prepare(
+        &self,
+        problem: &mut Fesd,
+        bounds: &mut Bounds,
+        identifier: &mut Identifier,
+        e: &mut Extended,
+    ) -> Result<Vec<f64>> {
+        let stage_params = self.extended_params(e);
+        self.write_data(problem, bounds, e, &stage_params)?;
+        identifier.durations.clone_from(&self.durations);
+        identifier.n_p = e.system.dims().p;
+        identifier.params.clone_from(&stage_params);
+        e.params.clone_from(&stage_params);
+        identifier.t0 = self.t0;
+        identifier.detects = problem.detects_switches();
+        identifier.fixed = self.time == Durations::Fixed && !problem.param_places().iter().any(Option::is_some);
+        Ok(stage_params)
     }
 
     /// Parameters of every stage with references and slacks behind the user's.
@@ -323,8 +335,7 @@ impl Ocp {
     }
 
     /// The solution in the user's terms.
-    fn read(&self, problem: &mut Fesd, solver: &MpccSolver, e: &Extended, stage_params: &[f64]) -> OcpResult {
-        let s = solver.solution();
+    pub(super) fn read(&self, problem: &mut Fesd, s: &Solution, e: &Extended, stage_params: &[f64]) -> OcpResult {
         let d = self.system.dims();
         let mut trajectory = Trajectory::new(&problem.spec().dcs, problem.tableau());
         let sides = (s.polish == Polish::Done).then_some(&s.sides[..]);
@@ -373,7 +384,7 @@ impl Ocp {
     }
 
     /// Compares an answer with the simulation of its controls.
-    fn measure(
+    pub(super) fn measure(
         &mut self,
         r: &OcpResult,
         problem: &Fesd,

@@ -1,0 +1,759 @@
+//! Problems of several phases: each with its own system, horizon, costs and constraints, linked by constraints between the
+//! end of one and the start of the next. All phases are discretised, and solved as one program.
+
+use std::time::Instant;
+
+use super::diagnosis::Case;
+use super::solve::Built;
+use super::terms::combination;
+use super::{check_bounds, Ocp, OcpResult};
+use crate::error::{Error, Result};
+use crate::fesd::Fesd;
+use crate::func::{Dims, EvalError, EvalResult, Point};
+use crate::linalg::csc::Pattern;
+use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side, Solution, Wanted};
+use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
+use crate::settings::Settings;
+use crate::system::SharedFunction;
+
+/// `lower ≤ f(x_k(T), x_{k+1}(0)) ≤ upper`.
+#[derive(Clone)]
+struct Link {
+    f: SharedFunction,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+}
+
+/// What a solve of several phases found.
+#[derive(Debug, Clone)]
+pub struct MultiPhaseResult {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Was the active set of all phases identified and the problem solved with it?
+    pub polish: Polish,
+    /// Why it is no exact solution, in the words of the model; empty where there is nothing to say.
+    pub message: String,
+    /// Sum of the costs of the phases.
+    pub cost: f64,
+    /// What every phase does; outcome, residuals and statistics are those of all.
+    pub phases: Vec<OcpResult>,
+    /// Largest violation of a link.
+    pub link_violation: f64,
+    /// Largest difference of a state at the end of a phase from the simulation of its controls; NaN without one.
+    pub error: f64,
+    /// What is left of every residual.
+    pub residuals: Residuals,
+    /// What it cost.
+    pub stats: Statistics,
+    /// Variables, rows, complementarity pairs.
+    pub dimensions: (usize, usize, usize),
+}
+
+/// Phases one after the other.
+pub struct MultiPhase {
+    phases: Vec<Ocp>,
+    /// Between phase `k` and the next.
+    links: Vec<Vec<Link>>,
+    settings: Settings,
+    joint: Option<Joint>,
+    result: Option<MultiPhaseResult>,
+}
+
+/// Whose proposals come next.
+#[derive(Default)]
+struct Turn {
+    phase: usize,
+    /// Proposals it made.
+    made: usize,
+}
+
+impl Turn {
+    /// The next proposal, the first one for `k = 0`, of the phase whose turn it is or of one behind it.
+    fn next(&mut self, k: usize, n: usize, mut ask: impl FnMut(usize, usize) -> bool) -> bool {
+        if k == 0 {
+            *self = Turn::default();
+        }
+        while self.phase < n {
+            self.made += 1;
+            if ask(self.phase, self.made - 1) {
+                return true;
+            }
+            *self = Turn { phase: self.phase + 1, made: 0 };
+        }
+        false
+    }
+}
+
+/// The joint program: patterns and where the parts are in it.
+struct Plan {
+    /// First variables, rows and groups of the phases, and one more.
+    variables: Vec<usize>,
+    rows: Vec<usize>,
+    groups: Vec<usize>,
+    pairs: Vec<(usize, usize)>,
+    pair_groups: Vec<usize>,
+    links: Vec<PlacedLink>,
+    /// Rows that say when a phase begins: the row, the clock, and the lengths before it with their factors.
+    clocks: Vec<(usize, usize, Vec<(usize, f64)>)>,
+    m: usize,
+    jac: Pattern,
+    hess: Pattern,
+    jac_map: Vec<usize>,
+    hess_map: Vec<usize>,
+    /// Room for the derivatives of a part, and of a link.
+    values: Vec<f64>,
+    inputs: Vec<f64>,
+    work: Vec<f64>,
+}
+
+/// A link with its place in the program.
+struct PlacedLink {
+    f: SharedFunction,
+    row: usize,
+    /// Variables behind its inputs, but for the time.
+    inputs: Vec<usize>,
+}
+
+struct Joint {
+    plan: Plan,
+    solver: MpccSolver,
+}
+
+impl MultiPhase {
+    /// Phases in their order. Their initial states are tied to nothing but their own bounds until they are linked.
+    pub fn new(phases: Vec<Ocp>) -> Result<MultiPhase> {
+        let Some(first) = phases.first() else {
+            return Err(Error::Dimension("a problem of several phases needs one at least".into()));
+        };
+        let settings = first.settings;
+        let links = (1..phases.len()).map(|_| Vec::new()).collect();
+        Ok(MultiPhase { phases, links, settings, joint: None, result: None })
+    }
+
+    /// Number of phases.
+    pub fn n_phases(&self) -> usize {
+        self.phases.len()
+    }
+
+    /// A phase, to be changed before the next solve.
+    pub fn phase_mut(&mut self, k: usize) -> Result<&mut Ocp> {
+        let n = self.phases.len();
+        self.phases.get_mut(k).ok_or_else(|| Error::Range(format!("phase {k} of {n}")))
+    }
+
+    /// Sizes of the functions that link phase `k` to the next: the states at its end, then those at the start of the next.
+    pub fn link_dims(&self, k: usize) -> Result<Dims> {
+        if k + 1 >= self.phases.len() {
+            return Err(Error::Range(format!("there is no phase behind phase {k} of {}", self.phases.len())));
+        }
+        let nx = |k: usize| self.phases[k].system.dims().x;
+        Ok(Dims { x: nx(k) + nx(k + 1), u: 0, p: 0 })
+    }
+
+    /// Requires `lower ≤ f(x_k(T), x_{k+1}(0)) ≤ upper`: `f` sees the states at the end of phase `k`, then those at the
+    /// start of the next, no controls, no parameters, and zero as the time.
+    pub fn link(&mut self, k: usize, f: SharedFunction, lower: &[f64], upper: &[f64]) -> Result<()> {
+        let d = self.link_dims(k)?;
+        if f.dims() != d {
+            return Err(Error::Dimension(format!(
+                "function '{}' links phases {k} and {}: it takes (x, u, p) of sizes ({}, {}, {}), expected ({}, 0, 0)",
+                f.name(),
+                k + 1,
+                f.dims().x,
+                f.dims().u,
+                f.dims().p,
+                d.x
+            )));
+        }
+        check_bounds("link", lower, upper, f.n_out())?;
+        self.links[k].push(Link { f, lower: lower.to_vec(), upper: upper.to_vec() });
+        self.joint = None;
+        Ok(())
+    }
+
+    /// The next phase begins where phase `k` ends, in all states.
+    pub fn link_continuous(&mut self, k: usize) -> Result<()> {
+        let d = self.link_dims(k)?;
+        let nx = self.phases[k].system.dims().x;
+        if d.x != 2 * nx {
+            return Err(Error::Dimension(format!(
+                "phases {k} and {} have {nx} and {} states: link them by a function",
+                k + 1,
+                d.x - nx
+            )));
+        }
+        let f = combination("continuity", d, (0..nx).map(|i| vec![(i, -1.0), (nx + i, 1.0)]).collect());
+        let zeros = vec![0.0; nx];
+        self.link(k, f, &zeros, &zeros)
+    }
+
+    /// The result of the last solve.
+    pub fn result(&self) -> Option<&MultiPhaseResult> {
+        self.result.as_ref()
+    }
+
+    /// The settings of the solver: those of the first phase until they are set. Discretisation options count by phase.
+    pub fn settings(&self) -> &Settings {
+        &self.settings
+    }
+
+    /// Changes the settings of the solver.
+    pub fn set_settings(&mut self, settings: &Settings) -> Result<()> {
+        settings.validate()?;
+        if settings.validate_as_update(&self.settings).is_err() {
+            self.joint = None;
+        }
+        self.settings = *settings;
+        Ok(())
+    }
+
+    /// Solves. `Err` when a phase cannot be stated; how the solver ended is in the result.
+    pub fn solve(&mut self, control: &mut Control) -> Result<&MultiPhaseResult> {
+        let clock = Instant::now();
+        let mut rebuilt = self.joint.is_none();
+        for p in &mut self.phases {
+            // what is built with it is used again as long as nothing of the structure changes
+            rebuilt |= p.built.is_none();
+            p.build()?;
+        }
+        self.place_in_time();
+        let mut built = Vec::with_capacity(self.phases.len());
+        for p in &mut self.phases {
+            built.push(p.built.take().ok_or_else(|| Error::Internal("a phase was not built".into()))?);
+        }
+        let r = self.solve_built(&mut built, rebuilt, control);
+        for (p, b) in self.phases.iter_mut().zip(built) {
+            p.built = Some(b);
+        }
+        let mut r = r?;
+        r.stats.time_total = clock.elapsed().as_secs_f64();
+        Ok(self.result.insert(r))
+    }
+
+    /// Nominal times at which the phases begin.
+    fn place_in_time(&mut self) {
+        let mut t = self.phases[0].t0;
+        for p in &mut self.phases {
+            p.t0 = t;
+            t += p.durations.iter().sum::<f64>();
+        }
+    }
+
+    fn solve_built(&mut self, built: &mut [Built], rebuilt: bool, control: &mut Control) -> Result<MultiPhaseResult> {
+        let mut params = Vec::new();
+        for (p, b) in self.phases.iter().zip(built.iter_mut()) {
+            params.push(p.prepare(&mut b.problem, &mut b.bounds, &mut b.identifier, &mut b.extended)?);
+            b.identifier.restart(true, self.settings.mode_search as usize);
+            b.problem.forget_trouble();
+            let exit = b.problem.usual_exit();
+            b.problem.set_exit(exit);
+        }
+        if rebuilt {
+            self.joint = None;
+        }
+        let (mut plan, mut solver) = match self.joint.take() {
+            Some(j) => (j.plan, j.solver),
+            None => {
+                let mut plan = Plan::new(&self.links, built);
+                let mut all = Program { parts: built.iter_mut().map(|b| &mut b.problem).collect(), plan: &mut plan };
+                let solver = MpccSolver::new(&mut all, MpccSettings::from(&self.settings))?;
+                (plan, solver)
+            }
+        };
+        let bounds = self.bounds(&plan, built);
+        let start = self.starting_point(&plan, built, &params, control)?;
+        solver.settings = MpccSettings::from(&self.settings);
+        control.limit(self.settings.max_time);
+        let (mut problems, mut identifiers): (Vec<_>, Vec<_>) =
+            built.iter_mut().map(|b| (&mut b.problem, &mut b.identifier)).unzip();
+        let (groups, variables) = (plan.groups.clone(), plan.variables.clone());
+        let n_phases = identifiers.len();
+        let mut turn = Turn::default();
+        let mut suggest = |wanted: Wanted, w: &[f64], sides: &mut [Side]| {
+            let mut ask = |k: usize, wanted: Wanted| {
+                let own = &mut sides[groups[k]..groups[k + 1]];
+                identifiers[k].suggest(wanted, &w[variables[k]..variables[k + 1]], own)
+            };
+            match wanted {
+                // the phases change one after the other
+                Wanted::Improve(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Improve(k))),
+                Wanted::Rescue(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Rescue(k))),
+                // all at once
+                _ => (0..n_phases).fold(false, |any, k| ask(k, wanted) || any),
+            }
+        };
+        let mut all = Program { parts: problems.iter_mut().map(|p| &mut **p).collect(), plan: &mut plan };
+        solver.solve_with(&mut all, &bounds, &start, control, &mut suggest);
+        let found = solver.solution();
+        if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
+            all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit().other()));
+            if !solver.polish_again(&mut all, &bounds, control, &mut suggest) {
+                all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit()));
+                solver.rescue(&mut all, &bounds, control, &mut suggest);
+            }
+        }
+        let dimensions = (all.n(), all.m(), all.plan.pairs.len());
+        let mut c = vec![f64::NAN; all.m()];
+        let evaluated = all.eval(&solver.solution().x, &mut c).is_ok();
+        let s = solver.solution().clone();
+        let mut r = MultiPhaseResult {
+            outcome: s.outcome,
+            polish: s.polish,
+            message: String::new(),
+            cost: 0.0,
+            phases: Vec::new(),
+            link_violation: if evaluated { violation(&plan, &bounds, &c) } else { f64::NAN },
+            error: 0.0,
+            residuals: s.residuals,
+            stats: s.stats,
+            dimensions,
+        };
+        self.read_phases(&mut r, &plan, &s, built, &params, control)?;
+        self.joint = Some(Joint { plan, solver });
+        Ok(r)
+    }
+
+    /// Results, accuracies and messages of the phases.
+    fn read_phases(
+        &mut self,
+        r: &mut MultiPhaseResult,
+        plan: &Plan,
+        s: &Solution,
+        built: &mut [Built],
+        params: &[Vec<f64>],
+        control: &Control,
+    ) -> Result<()> {
+        let mut t0 = self.phases[0].t0;
+        let mut messages = Vec::new();
+        for (k, (p, b)) in self.phases.iter_mut().zip(built.iter_mut()).enumerate() {
+            let own = Solution {
+                x: s.x[plan.variables[k]..plan.variables[k + 1]].to_vec(),
+                sides: s.sides[plan.groups[k]..plan.groups[k + 1]].to_vec(),
+                ..s.clone()
+            };
+            p.t0 = t0;
+            let mut found = p.read(&mut b.problem, &own, &b.extended, &params[k]);
+            t0 += found.durations.iter().sum::<f64>();
+            if self.settings.accuracy != 0 && found.outcome != Outcome::Stopped {
+                let a = p.measure(&found, &b.problem, &own.x, &b.extended, &params[k])?;
+                r.error = if a.terminal.is_nan() { a.terminal } else { r.error.max(a.terminal) };
+                found.accuracy = Some(a);
+            } else {
+                r.error = f64::NAN;
+            }
+            // constraints of a phase alone say little: the links take part
+            let explain = std::mem::replace(&mut p.settings.explain, 0);
+            let (bounds, system) = (&b.bounds, &b.extended.system);
+            let mut case = Case { result: &found, problem: &mut b.problem, bounds, w: &own.x, system };
+            let message = p.diagnose(&mut case, control);
+            p.settings.explain = explain;
+            if !message.is_empty() {
+                messages.push(format!("phase {k}: {message}"));
+            }
+            found.message = message;
+            r.cost += found.cost;
+            p.result = Some(found.clone());
+            r.phases.push(found);
+        }
+        if r.link_violation > 1e-6 && r.outcome != Outcome::Solved {
+            messages.push(format!("links are violated by {:.3e}", r.link_violation));
+        }
+        r.message = messages.join("; ");
+        Ok(())
+    }
+
+    fn bounds(&self, plan: &Plan, built: &[Built]) -> Bounds {
+        let mut all = Bounds::free(plan.n(), plan.m);
+        for (k, b) in built.iter().enumerate() {
+            plan.put(k, &b.bounds, &mut all);
+        }
+        let links = self.links.iter().flatten();
+        for (link, placed) in links.zip(&plan.links) {
+            let rows = placed.row..placed.row + link.lower.len();
+            all.cl[rows.clone()].copy_from_slice(&link.lower);
+            all.cu[rows].copy_from_slice(&link.upper);
+        }
+        let mut given = self.phases[0].t0;
+        let mut clocks = plan.clocks.iter();
+        for (k, b) in built.iter().enumerate() {
+            if k > 0 && b.problem.spec().dcs.clock().is_some() {
+                if let Some((row, clock, _)) = clocks.next() {
+                    (all.cl[*row], all.cu[*row]) = (given, given);
+                    (all.xl[*clock], all.xu[*clock]) = (f64::NEG_INFINITY, f64::INFINITY);
+                }
+            }
+            given += b.problem.horizon_places().0;
+        }
+        all
+    }
+
+    /// Starting points of the phases; where nothing is known of the start of one it is the end of that before.
+    fn starting_point(
+        &mut self,
+        plan: &Plan,
+        built: &mut [Built],
+        params: &[Vec<f64>],
+        control: &mut Control,
+    ) -> Result<Vec<f64>> {
+        let mut w = Vec::with_capacity(plan.n());
+        let mut end: Vec<f64> = Vec::new();
+        for ((p, b), params) in self.phases.iter_mut().zip(built.iter_mut()).zip(params) {
+            let nx = p.system.dims().x;
+            let open = p.x0_bounds.iter().flatten().all(|v| v.is_infinite());
+            let chained = open && p.x_guess.is_none() && end.len() == nx;
+            if chained {
+                p.x_guess = Some((vec![0.0], end));
+            }
+            let own = p.starting_point(&mut b.problem, &b.extended, params, control).map(|s| s.0);
+            if chained {
+                p.x_guess = None;
+            }
+            let own = own?;
+            let at = b.problem.end_place();
+            end = own[at..at + nx].to_vec();
+            w.extend_from_slice(&own);
+        }
+        Ok(w)
+    }
+}
+
+/// The largest violation of a link or of the start of a phase.
+fn violation(plan: &Plan, bounds: &Bounds, c: &[f64]) -> f64 {
+    let first = plan.rows[plan.rows.len() - 1];
+    (first..plan.m).fold(0.0, |v: f64, i| v.max(bounds.cl[i] - c[i]).max(c[i] - bounds.cu[i]))
+}
+
+impl Plan {
+    fn new(links: &[Vec<Link>], built: &[Built]) -> Plan {
+        let mut p = Plan {
+            variables: vec![0],
+            rows: vec![0],
+            groups: vec![0],
+            pairs: Vec::new(),
+            pair_groups: Vec::new(),
+            links: Vec::new(),
+            clocks: Vec::new(),
+            m: 0,
+            jac: Pattern::empty(0, 0),
+            hess: Pattern::empty(0, 0),
+            jac_map: Vec::new(),
+            hess_map: Vec::new(),
+            values: Vec::new(),
+            inputs: Vec::new(),
+            work: Vec::new(),
+        };
+        let (mut jac, mut hess) = ((Vec::new(), Vec::new()), (Vec::new(), Vec::new()));
+        let (mut n, mut m, mut n_groups, mut room) = (0, 0, 0, 0);
+        for b in built {
+            let f = &b.problem;
+            p.pairs.extend(f.pairs().iter().map(|(x, y)| (n + x, n + y)));
+            p.pair_groups.extend((0..f.pairs().len()).map(|k| n_groups + f.group(k)));
+            record(f.jac_pattern(), &mut jac, |i| m + i, |j| n + j);
+            record(f.hess_pattern(), &mut hess, |i| n + i, |j| n + j);
+            room = room.max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
+            n += f.n();
+            m += f.m();
+            n_groups += f.n_groups();
+            p.variables.push(n);
+            p.rows.push(m);
+            p.groups.push(n_groups);
+        }
+        for (k, list) in links.iter().enumerate() {
+            let (a, b) = (&built[k].problem, &built[k + 1].problem);
+            let (end, start) = (p.variables[k] + a.end_place(), p.variables[k + 1] + b.places().0);
+            let inputs: Vec<usize> = (0..a.spec().dcs.dims().x)
+                .map(|i| end + i)
+                .chain((0..b.spec().dcs.dims().x).map(|i| start + i))
+                .collect();
+            for link in list {
+                let f = &link.f;
+                let known = |j: &usize| *j < inputs.len();
+                for j in (0..f.jac_pattern().n_cols()).filter(known) {
+                    for &i in f.jac_pattern().rows(j) {
+                        jac.0.push(m + i);
+                        jac.1.push(inputs[j]);
+                    }
+                }
+                for j in (0..f.hess_pattern().n_cols()).filter(known) {
+                    for &i in f.hess_pattern().rows(j) {
+                        hess.0.push(inputs[i].min(inputs[j]));
+                        hess.1.push(inputs[i].max(inputs[j]));
+                    }
+                }
+                room = room.max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
+                p.work.resize(p.work.len().max(f.work_len()), 0.0);
+                p.inputs.resize(p.inputs.len().max(inputs.len()), 0.0);
+                p.links.push(PlacedLink { f: f.clone(), row: m, inputs: inputs.clone() });
+                m += f.n_out();
+            }
+        }
+        let mut lengths: Vec<(usize, f64)> = Vec::new();
+        for (k, b) in built.iter().enumerate() {
+            let f = &b.problem;
+            if let (Some(c), true) = (f.spec().dcs.clock(), k > 0) {
+                let clock = p.variables[k] + f.places().0 + c;
+                jac.0.push(m);
+                jac.1.push(clock);
+                for &(v, _) in &lengths {
+                    jac.0.push(m);
+                    jac.1.push(v);
+                }
+                p.clocks.push((m, clock, lengths.clone()));
+                m += 1;
+            }
+            lengths.extend(f.horizon_places().1.iter().map(|&(v, s)| (p.variables[k] + v, s)));
+        }
+        p.m = m;
+        (p.jac, p.jac_map) = Pattern::from_triplets(m, n, &jac.0, &jac.1);
+        (p.hess, p.hess_map) = Pattern::from_triplets(n, n, &hess.0, &hess.1);
+        p.values = vec![0.0; room];
+        p
+    }
+
+    fn n(&self) -> usize {
+        self.variables[self.variables.len() - 1]
+    }
+
+    /// Bounds of a part of all.
+    fn take(&self, k: usize, all: &Bounds) -> Bounds {
+        let (v, r) = (self.variables[k]..self.variables[k + 1], self.rows[k]..self.rows[k + 1]);
+        Bounds {
+            xl: all.xl[v.clone()].to_vec(),
+            xu: all.xu[v].to_vec(),
+            cl: all.cl[r.clone()].to_vec(),
+            cu: all.cu[r].to_vec(),
+        }
+    }
+
+    fn put(&self, k: usize, own: &Bounds, all: &mut Bounds) {
+        let (v, r) = (self.variables[k]..self.variables[k + 1], self.rows[k]..self.rows[k + 1]);
+        all.xl[v.clone()].copy_from_slice(&own.xl);
+        all.xu[v].copy_from_slice(&own.xu);
+        all.cl[r.clone()].copy_from_slice(&own.cl);
+        all.cu[r].copy_from_slice(&own.cu);
+    }
+}
+
+fn record(p: &Pattern, to: &mut (Vec<usize>, Vec<usize>), row: impl Fn(usize) -> usize, col: impl Fn(usize) -> usize) {
+    for j in 0..p.n_cols() {
+        for &i in p.rows(j) {
+            to.0.push(row(i));
+            to.1.push(col(j));
+        }
+    }
+}
+
+/// The phases as one program.
+struct Program<'a> {
+    parts: Vec<&'a mut Fesd>,
+    plan: &'a mut Plan,
+}
+
+impl PlacedLink {
+    /// Calls `body` with the function at a point.
+    fn with(
+        &self,
+        w: &[f64],
+        inputs: &mut [f64],
+        work: &mut [f64],
+        body: impl FnOnce(&Point, &mut [f64]) -> EvalResult,
+    ) -> EvalResult {
+        for (v, &j) in inputs.iter_mut().zip(&self.inputs) {
+            *v = w[j];
+        }
+        body(&Point { t: 0.0, x: &inputs[..self.inputs.len()], u: &[], p: &[] }, work)
+    }
+}
+
+impl Nlp for Program<'_> {
+    fn n(&self) -> usize {
+        self.plan.n()
+    }
+    fn m(&self) -> usize {
+        self.plan.m
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        &self.plan.jac
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        &self.plan.hess
+    }
+
+    fn eval(&mut self, w: &[f64], c: &mut [f64]) -> std::result::Result<f64, EvalError> {
+        let plan = &mut *self.plan;
+        let mut f = 0.0;
+        for (k, p) in self.parts.iter_mut().enumerate() {
+            let own = &w[plan.variables[k]..plan.variables[k + 1]];
+            f += p.eval(own, &mut c[plan.rows[k]..plan.rows[k + 1]])?;
+        }
+        for l in &plan.links {
+            let out = &mut c[l.row..l.row + l.f.n_out()];
+            l.with(w, &mut plan.inputs, &mut plan.work, |at, work| l.f.value(at, out, work))?;
+        }
+        for (row, clock, lengths) in &plan.clocks {
+            c[*row] = w[*clock] - lengths.iter().map(|(v, s)| s * w[*v]).sum::<f64>();
+        }
+        Ok(f)
+    }
+
+    fn derivatives(&mut self, w: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult {
+        let plan = &mut *self.plan;
+        jac.fill(0.0);
+        let mut at = 0;
+        for (k, p) in self.parts.iter_mut().enumerate() {
+            let own = plan.variables[k]..plan.variables[k + 1];
+            let nnz = p.jac_pattern().nnz();
+            p.derivatives(&w[own.clone()], &mut grad[own], &mut plan.values[..nnz])?;
+            for (to, v) in plan.jac_map[at..at + nnz].iter().zip(&plan.values) {
+                jac[*to] += v;
+            }
+            at += nnz;
+        }
+        for l in &plan.links {
+            let nnz = l.f.jac_pattern().nnz();
+            let values = &mut plan.values[..nnz];
+            l.with(w, &mut plan.inputs, &mut plan.work, |z, work| l.f.jacobian(z, values, work))?;
+            // the column of the time is the last one and has no place
+            let known = l.f.jac_pattern().col_ptr()[l.inputs.len()];
+            for (to, v) in plan.jac_map[at..at + known].iter().zip(&plan.values) {
+                jac[*to] += v;
+            }
+            at += known;
+        }
+        for (_, _, lengths) in &plan.clocks {
+            jac[plan.jac_map[at]] += 1.0;
+            for (i, (_, s)) in lengths.iter().enumerate() {
+                jac[plan.jac_map[at + 1 + i]] -= s;
+            }
+            at += 1 + lengths.len();
+        }
+        Ok(())
+    }
+
+    fn hessian(&mut self, w: &[f64], obj: f64, y: &[f64], hess: &mut [f64]) -> EvalResult {
+        let plan = &mut *self.plan;
+        hess.fill(0.0);
+        let mut at = 0;
+        for (k, p) in self.parts.iter_mut().enumerate() {
+            let nnz = p.hess_pattern().nnz();
+            let own = &w[plan.variables[k]..plan.variables[k + 1]];
+            p.hessian(own, obj, &y[plan.rows[k]..plan.rows[k + 1]], &mut plan.values[..nnz])?;
+            for (to, v) in plan.hess_map[at..at + nnz].iter().zip(&plan.values) {
+                hess[*to] += v;
+            }
+            at += nnz;
+        }
+        for l in &plan.links {
+            let nnz = l.f.hess_pattern().nnz();
+            let values = &mut plan.values[..nnz];
+            let weights = &y[l.row..l.row + l.f.n_out()];
+            l.with(w, &mut plan.inputs, &mut plan.work, |z, work| l.f.hessian(z, weights, values, work))?;
+            let known = l.f.hess_pattern().col_ptr()[l.inputs.len()];
+            for (to, v) in plan.hess_map[at..at + known].iter().zip(&plan.values) {
+                hess[*to] += v;
+            }
+            at += known;
+        }
+        Ok(())
+    }
+}
+
+impl Mpcc for Program<'_> {
+    fn pairs(&self) -> &[(usize, usize)] {
+        &self.plan.pairs
+    }
+    fn n_groups(&self) -> usize {
+        self.plan.groups[self.plan.groups.len() - 1]
+    }
+    fn group(&self, pair: usize) -> usize {
+        self.plan.pair_groups[pair]
+    }
+    fn is_discretised(&self) -> bool {
+        true
+    }
+    fn set_polishing(&mut self, on: bool) {
+        self.parts.iter_mut().for_each(|p| p.set_polishing(on));
+    }
+    fn branch(&self, sides: &[Side], bounds: &mut Bounds) {
+        for (k, p) in self.parts.iter().enumerate() {
+            let mut own = self.plan.take(k, bounds);
+            p.branch(&sides[self.plan.groups[k]..self.plan.groups[k + 1]], &mut own);
+            self.plan.put(k, &own, bounds);
+        }
+    }
+    fn enter_branch(&self, from: &[Side], to: &[Side], w: &mut [f64]) {
+        for (k, p) in self.parts.iter().enumerate() {
+            let (groups, own) =
+                (self.plan.groups[k]..self.plan.groups[k + 1], self.plan.variables[k]..self.plan.variables[k + 1]);
+            p.enter_branch(&from[groups.clone()], &to[groups], &mut w[own]);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::func::Callback;
+    use crate::ocp::Durations;
+    use crate::system::System;
+    use std::sync::Arc;
+
+    /// `x' = u x t`, with free stages; the next phase knows the time and has two states.
+    fn phases() -> MultiPhase {
+        let phase = |nx: usize, what: Durations| {
+            let d = Dims { x: nx, u: 1, p: 0 };
+            let f = Callback::new("f", d, nx, move |at, o| {
+                o.iter_mut().zip(at.x).for_each(|(o, x)| *o = at.u[0] * x * (1.0 + at.t * x));
+                0
+            });
+            let f = f.with_jacobian_pattern(Pattern::dense(nx, d.n_in())).unwrap();
+            let mut s = System::new(nx, 1, 0).unwrap();
+            s.set_f0(Arc::new(f)).unwrap();
+            let mut o = Ocp::new(&s, 1.0, 2, &Settings { n_fe: 2, ..Settings::default() }).unwrap();
+            o.set_free_time(what, 0.1, 2.0).unwrap();
+            o
+        };
+        let mut m = MultiPhase::new(vec![phase(1, Durations::Stages), phase(2, Durations::Horizon)]).unwrap();
+        let d = m.link_dims(0).unwrap();
+        let f = Callback::new("link", d, 2, |at, o| {
+            o[0] = at.x[0] * at.x[1] - at.x[2] * at.x[2];
+            o[1] = at.x[2] - 3.0 * at.x[0];
+            0
+        });
+        m.link(0, Arc::new(f), &[0.0; 2], &[0.0; 2]).unwrap();
+        m
+    }
+
+    #[test]
+    fn derivatives_of_the_joint_program() {
+        let mut m = phases();
+        m.phases.iter_mut().for_each(|p| assert!(p.build().is_ok()));
+        let mut built: Vec<Built> = m.phases.iter_mut().map(|p| p.built.take().unwrap()).collect();
+        let mut plan = Plan::new(&m.links, &built);
+        assert_eq!(plan.clocks.len(), 1);
+        let mut p = Program { parts: built.iter_mut().map(|b| &mut b.problem).collect(), plan: &mut plan };
+        let (n, rows) = (p.n(), p.m());
+        let at: Vec<f64> = (0..n).map(|j| 0.5 + 0.3 * (j as f64).sin()).collect();
+        let (mut c, mut grad) = (vec![0.0; rows], vec![0.0; n]);
+        let mut jac = vec![0.0; p.jac_pattern().nnz()];
+        p.eval(&at, &mut c).unwrap();
+        p.derivatives(&at, &mut grad, &mut jac).unwrap();
+        let (mut up, mut down) = (c.clone(), c.clone());
+        let pattern = p.jac_pattern().clone();
+        for j in 0..n {
+            let mut w = at.clone();
+            w[j] += 1e-6;
+            p.eval(&w, &mut up).unwrap();
+            w[j] -= 2e-6;
+            p.eval(&w, &mut down).unwrap();
+            let mut column = vec![0.0; rows];
+            for k in pattern.col_ptr()[j]..pattern.col_ptr()[j + 1] {
+                column[pattern.row_idx()[k]] = jac[k];
+            }
+            for i in 0..rows {
+                let slope = (up[i] - down[i]) / 2e-6;
+                assert!((slope - column[i]).abs() < 1e-6, "row {i}, variable {j}: {slope} {}", column[i]);
+            }
+        }
+    }
+}
