@@ -130,6 +130,8 @@ pub mod ocp;
 pub mod ocp_accuracy;
 pub mod ocp_terms;
 
+pub mod multiphase;
+
 pub mod document;
 
 pub mod mpcc;

@@ -138,6 +138,19 @@ fn in_words(e: Error, r: Option<&OcpResult>) -> Error {
     }
 }
 
+/// A copy of the problem behind a handle.
+pub(super) fn copied(problem: &mut Problem) -> Result<Ocp> {
+    let settings = problem.settings;
+    let mut ocp = problem.ocp.get().blank();
+    ocp.set_settings(&settings)?;
+    Ok(ocp)
+}
+
+/// A problem with a result, behind a handle.
+pub(super) fn solved(ocp: Ocp, result: OcpResult, interrupt: &Interrupt) -> Problem {
+    Problem { result: Some(result), ..new(ocp, interrupt) }
+}
+
 /// Behind a handle.
 pub(super) fn new(ocp: Ocp, interrupt: &Interrupt) -> Problem {
     Problem { settings: *ocp.settings(), ocp: Exclusive::new(ocp), result: None, hooks: Hooks::new(interrupt) }

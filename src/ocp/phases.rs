@@ -93,8 +93,8 @@ struct Plan {
     pairs: Vec<(usize, usize)>,
     pair_groups: Vec<usize>,
     links: Vec<PlacedLink>,
-    /// Rows that say when a phase begins: the row, the clock, and the lengths before it with their factors.
-    clocks: Vec<(usize, usize, Vec<(usize, f64)>)>,
+    /// Of the phases that know the time, but for the first.
+    clocks: Vec<Clock>,
     m: usize,
     jac: Pattern,
     hess: Pattern,
@@ -112,6 +112,14 @@ struct PlacedLink {
     row: usize,
     /// Variables behind its inputs, but for the time.
     inputs: Vec<usize>,
+}
+
+/// The row that says when a phase begins.
+struct Clock {
+    row: usize,
+    variable: usize,
+    /// Lengths before it that are variables, with their factors.
+    lengths: Vec<(usize, f64)>,
 }
 
 struct Joint {
@@ -279,7 +287,7 @@ impl MultiPhase {
                 Wanted::Improve(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Improve(k))),
                 Wanted::Rescue(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Rescue(k))),
                 // all at once
-                _ => (0..n_phases).fold(false, |any, k| ask(k, wanted) || any),
+                _ => (0..n_phases).filter(|&k| ask(k, wanted)).count() > 0,
             }
         };
         let mut all = Program { parts: problems.iter_mut().map(|p| &mut **p).collect(), plan: &mut plan };
@@ -377,9 +385,9 @@ impl MultiPhase {
         let mut clocks = plan.clocks.iter();
         for (k, b) in built.iter().enumerate() {
             if k > 0 && b.problem.spec().dcs.clock().is_some() {
-                if let Some((row, clock, _)) = clocks.next() {
-                    (all.cl[*row], all.cu[*row]) = (given, given);
-                    (all.xl[*clock], all.xu[*clock]) = (f64::NEG_INFINITY, f64::INFINITY);
+                if let Some(c) = clocks.next() {
+                    (all.cl[c.row], all.cu[c.row]) = (given, given);
+                    (all.xl[c.variable], all.xu[c.variable]) = (f64::NEG_INFINITY, f64::INFINITY);
                 }
             }
             given += b.problem.horizon_places().0;
@@ -498,7 +506,7 @@ impl Plan {
                     jac.0.push(m);
                     jac.1.push(v);
                 }
-                p.clocks.push((m, clock, lengths.clone()));
+                p.clocks.push(Clock { row: m, variable: clock, lengths: lengths.clone() });
                 m += 1;
             }
             lengths.extend(f.horizon_places().1.iter().map(|&(v, s)| (p.variables[k] + v, s)));
@@ -590,8 +598,8 @@ impl Nlp for Program<'_> {
             let out = &mut c[l.row..l.row + l.f.n_out()];
             l.with(w, &mut plan.inputs, &mut plan.work, |at, work| l.f.value(at, out, work))?;
         }
-        for (row, clock, lengths) in &plan.clocks {
-            c[*row] = w[*clock] - lengths.iter().map(|(v, s)| s * w[*v]).sum::<f64>();
+        for k in &plan.clocks {
+            c[k.row] = w[k.variable] - k.lengths.iter().map(|(v, s)| s * w[*v]).sum::<f64>();
         }
         Ok(f)
     }
@@ -620,12 +628,12 @@ impl Nlp for Program<'_> {
             }
             at += known;
         }
-        for (_, _, lengths) in &plan.clocks {
+        for k in &plan.clocks {
             jac[plan.jac_map[at]] += 1.0;
-            for (i, (_, s)) in lengths.iter().enumerate() {
+            for (i, (_, s)) in k.lengths.iter().enumerate() {
                 jac[plan.jac_map[at + 1 + i]] -= s;
             }
-            at += 1 + lengths.len();
+            at += 1 + k.lengths.len();
         }
         Ok(())
     }

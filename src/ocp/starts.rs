@@ -53,8 +53,8 @@ impl Ocp {
         Ok((best, results))
     }
 
-    /// The problem as stated, nothing built.
-    pub(super) fn blank(&self) -> Ocp {
+    /// The problem as stated, nothing built and nothing solved.
+    pub fn blank(&self) -> Ocp {
         Ocp {
             system: self.system.clone(),
             settings: self.settings,
