@@ -328,8 +328,40 @@ static void events() {
     CHECK(std::abs(batch[2].state()[0] - 3.0) < 1e-12 && status_of([&] { batch[3]; }) == SWB_ERR_DIMENSION);
 }
 
+// From 0 to 1, and from there back to 0, with a document in between.
+static void phases() {
+    const swb::Sizes sizes{1, 1, 0};
+    swb::Function f0("f0", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.u[0]; });
+    swb::Function cost("L", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.u[0] * at.u[0]; });
+    swb::Function end("e", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[0]; });
+    swb::System system(sizes);
+    system.f0(f0);
+    swb::Ocp there(system, 2.0, 2), back(system, 1.0, 2);
+    there.lagrange(cost);
+    there.terminal(end, {1.0}, {1.0});
+    there.initial_state({0.0});
+    back.lagrange(cost);
+    back.terminal(end, {0.0}, {0.0});
+    const swb::Ocp again = swb::Ocp::from_json(back.to_json(), {&f0, &cost, &end});
+    swb::MultiPhase both({&there, &again});
+    both.link_continuous(0);
+    CHECK(both.solve() == SWB_OUTCOME_SOLVED && both.message().empty());
+    CHECK(std::abs(both.info().cost - 1.5) < 1e-7 && both.info().link_violation < 1e-9);
+    for (double u : both.phase(1).controls())
+        CHECK(std::abs(u + 1.0) < 1e-6);
+    CHECK(both.phase(1).message().empty());
+
+    swb::Simulator simulator(system);
+    simulator.state(0.0, {0.5});
+    simulator.controls({2.0});
+    auto found = swb::Simulator::from_json(simulator.to_json(3.0, 6), {&f0});
+    CHECK(found.simulator.run(found.duration, found.n_steps) == SWB_OUTCOME_SOLVED && found.n_steps == 6);
+    CHECK(std::abs(found.simulator.state().at(0) - 6.5) < 1e-9);
+}
+
 int main() {
     simulation();
+    phases();
     events();
     exceptions();
     optimal_control();

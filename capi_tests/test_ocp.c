@@ -421,8 +421,127 @@ static void message(double wall, double goal, const char *expected)
     swb_function_free(end);
 }
 
+/* Two controls, one of which is zero, in two phases of the same system. */
+static int32_t sum_of_controls(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->u[0] - 2.0 * at->u[1];
+    return 0;
+}
+
+static int32_t one_control(const swb_point *at, double *out, void *user_data)
+{
+    out[0] = at->u[*(const int *)user_data];
+    return 0;
+}
+
+static int32_t apart(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[1] - at->x[0];
+    return 0;
+}
+
+static int32_t squares_of_controls(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->u[0] * at->u[0] + at->u[1] * at->u[1];
+    return 0;
+}
+
+static swb_ocp *half(const swb_system *system, const swb_function *rate, const swb_function *up, const swb_function *down)
+{
+    static const double lower[] = {0.0, 0.0}, upper[] = {5.0, 5.0};
+    swb_ocp *ocp = NULL;
+
+    CHECK_OK(swb_ocp_create(system, 1.0, 2, NULL, &ocp));
+    CHECK_OK(swb_ocp_set_lagrange(ocp, rate));
+    CHECK_OK(swb_ocp_set_control_bounds(ocp, lower, 2, upper, 2));
+    CHECK_OK(swb_ocp_add_complementarity(ocp, up, down, SWB_PATH_AT_CONTROL_GRID));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_add_complementarity(ocp, up, down, 7));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_add_complementarity(ocp, up, NULL, 0));
+    return ocp;
+}
+
+static void phases(void)
+{
+    static int first = 0, second = 1;
+    static const double start[] = {0.0}, there[] = {1.0}, back[] = {-0.5}, zero[] = {0.0}, one[] = {1.0};
+    swb_function *f0 = make_function("f0", 1, 2, 0, 1, sum_of_controls, NULL);
+    swb_function *up = make_function("up", 1, 2, 0, 1, one_control, &first);
+    swb_function *down = make_function("down", 1, 2, 0, 1, one_control, &second);
+    swb_function *rate = make_function("rate", 1, 2, 0, 1, squares_of_controls, NULL);
+    swb_function *end = make_function("end", 1, 2, 0, 1, place, NULL), *gap = make_function("gap", 2, 0, 0, 1, apart, NULL);
+    swb_system *system = NULL;
+    swb_ocp *parts[2], *found = NULL;
+    swb_multiphase *m = NULL;
+    swb_multiphase_info info;
+    int32_t outcome = -1;
+    int64_t nx, nu, np, n_stages, needed = 0;
+    double u[4];
+    char text[200];
+
+    CHECK_OK(swb_system_create(1, 2, 0, &system));
+    CHECK_OK(swb_system_set_f0(system, f0));
+    parts[0] = half(system, rate, up, down);
+    parts[1] = half(system, rate, up, down);
+    CHECK_OK(swb_ocp_set_initial_state(parts[0], start, 1));
+    CHECK_OK(swb_ocp_add_terminal(parts[0], end, there, 1, there, 1));
+    CHECK_OK(swb_ocp_add_terminal(parts[1], end, back, 1, back, 1));
+    CHECK_OK(swb_ocp_sizes(parts[0], &nx, &nu, &np, &n_stages));
+    CHECK(nx == 1 && nu == 2 && np == 0 && n_stages == 2);
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_sizes(NULL, NULL, NULL, NULL, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_multiphase_create(parts, 0, NULL, &m));
+    CHECK_STATUS(SWB_ERR_NULL, swb_multiphase_create(NULL, 2, NULL, &m));
+    CHECK_OK(swb_multiphase_create(parts, 2, NULL, &m));
+    swb_ocp_free(parts[0]);
+    swb_ocp_free(parts[1]);
+    CHECK_STATUS(SWB_ERR_STATE, swb_multiphase_get_info(m, &info, sizeof info));
+    CHECK_STATUS(SWB_ERR_STATE, swb_multiphase_get_phase(m, 0, &found));
+    CHECK(found == NULL);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_multiphase_link(m, 1, gap, one, 1, one, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_multiphase_link(m, -1, gap, one, 1, one, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_multiphase_link(m, 0, end, one, 1, one, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_multiphase_link_continuous(m, 1));
+    /* the second phase begins 1 above the end of the first: from 2 to -1/2 at 2.5 by u = (0, 1.25) */
+    CHECK_OK(swb_multiphase_link(m, 0, gap, one, 1, one, 1));
+    CHECK_OK(swb_multiphase_solve(m, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_multiphase_get_info(m, &info, sizeof info));
+    CHECK(info.n_phases == 2 && info.polished == SWB_POLISHED_DONE && info.iterations > 0);
+    CHECK_NEAR(info.cost, 1.0 + 1.25 * 1.25, 1e-7);
+    CHECK(info.link_violation < 1e-9 && info.error < 1e-7);
+    CHECK_OK(swb_multiphase_get_message(m, text, sizeof text, &needed));
+    CHECK(needed == 1);
+    CHECK_OK(swb_multiphase_get_phase(m, 1, &found));
+    CHECK_OK(swb_ocp_get_controls(found, u, 4));
+    CHECK_NEAR(u[0], 0.0, 1e-9);
+    CHECK_NEAR(u[1], 1.25, 1e-6);
+    CHECK_NEAR(u[3], 1.25, 1e-6);
+    swb_ocp_free(found);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_multiphase_get_phase(m, 2, &found));
+    CHECK_OK(swb_multiphase_interrupt(m));
+    CHECK_OK(swb_multiphase_solve(m, &outcome));
+    CHECK(outcome == SWB_OUTCOME_STOPPED);
+    CHECK_OK(swb_multiphase_link(m, 0, gap, zero, 1, zero, 1));
+    CHECK_OK(swb_multiphase_solve(m, &outcome));
+    CHECK(outcome != SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_multiphase_get_message(m, NULL, 0, &needed));
+    CHECK(needed > 1);
+    swb_multiphase_free(m);
+    swb_multiphase_free(NULL);
+    swb_system_free(system);
+    swb_function_free(f0);
+    swb_function_free(up);
+    swb_function_free(down);
+    swb_function_free(rate);
+    swb_function_free(end);
+    swb_function_free(gap);
+}
+
 int main(void)
 {
+    phases();
     known_solution();
     constraints();
     free_lengths();

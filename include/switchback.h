@@ -356,6 +356,14 @@ enum swb_initial_guess
      * A simulation with the guessed controls.
      */
     SWB_INITIAL_GUESS_SIMULATION = 1,
+    /**
+     * A simulation of the system smoothed as at the start of the homotopy, with weights and multipliers that fit.
+     */
+    SWB_INITIAL_GUESS_SMOOTHED = 2,
+    /**
+     * The solution of the problem with fixed steps, early in its homotopy.
+     */
+    SWB_INITIAL_GUESS_TIME_STEPPING = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L
@@ -1469,6 +1477,12 @@ typedef struct swb_model swb_model;
 typedef struct swb_mpcc swb_mpcc;
 
 /**
+ * Optimal control problem of phases, each with its own system, horizon, costs and constraints, linked by constraints
+ * between the end of one and the start of the next.
+ */
+typedef struct swb_multiphase swb_multiphase;
+
+/**
  * Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
  */
 typedef struct swb_ocp swb_ocp;
@@ -2462,6 +2476,48 @@ typedef struct swb_accuracy {
      */
     double cost_error;
 } swb_accuracy;
+
+/**
+ * What a solve of several phases found; what the phases do is asked of them, see swb_multiphase_get_phase.
+ */
+typedef struct swb_multiphase_info {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * An enum swb_outcome.
+     */
+    int64_t outcome;
+    /**
+     * An enum swb_polished.
+     */
+    int64_t polished;
+    /**
+     * Number of phases.
+     */
+    int64_t n_phases;
+    /**
+     * Sum of the costs of the phases.
+     */
+    double cost;
+    /**
+     * Largest violation of a link.
+     */
+    double link_violation;
+    /**
+     * Largest difference of a state at the end of a phase from the simulation of its controls; NaN without one.
+     */
+    double error;
+    /**
+     * Iterations.
+     */
+    int64_t iterations;
+    /**
+     * Seconds in all.
+     */
+    double time_total;
+} swb_multiphase_info;
 
 /**
  * Hessian of the Lagrangian, weight times the objective plus y times the constraints: writes out [nnz], the
@@ -3721,6 +3777,20 @@ SWB_API swb_status swb_simulator_step(struct swb_simulator *sim, double h, int32
 SWB_API swb_status swb_simulator_clear(struct swb_simulator *sim);
 
 /**
+ * Sizes of a simulator.
+ *
+ * @param[out] nx states; may be NULL
+ * @param[out] nu controls; may be NULL
+ * @param[out] np parameters; may be NULL
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API
+swb_status swb_simulator_sizes(const struct swb_simulator *sim,
+                               int64_t *nx,
+                               int64_t *nu,
+                               int64_t *np);
+
+/**
  * Time reached.
  *
  * @return SWB_OK
@@ -4812,6 +4882,22 @@ swb_status swb_ocp_interrupt(const struct swb_ocp *ocp);
 SWB_API void swb_ocp_free(struct swb_ocp *ocp);
 
 /**
+ * Sizes of an optimal control problem.
+ *
+ * @param[out] nx       states; may be NULL
+ * @param[out] nu       controls; may be NULL
+ * @param[out] np       parameters; may be NULL
+ * @param[out] n_stages control stages; may be NULL
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API
+swb_status swb_ocp_sizes(struct swb_ocp *ocp,
+                         int64_t *nx,
+                         int64_t *nu,
+                         int64_t *np,
+                         int64_t *n_stages);
+
+/**
  * How far the last solution is from the system: its controls are simulated again, by other means and at the tolerance
  * accuracy_tol.
  *
@@ -4927,6 +5013,21 @@ swb_status swb_ocp_add_relaxed(struct swb_ocp *ocp,
                                int32_t at,
                                int32_t norm,
                                double weight);
+
+/**
+ * Add 0 <= a(x,u,p,t) _|_ b(x,u,p,t) >= 0 along the horizon, component by component: both are not negative, and one of them
+ * is zero. Pairs of controls alone belong to the control grid; elsewhere they would be said several times.
+ *
+ * @param[in] a  n outputs
+ * @param[in] b  as many
+ * @param[in] at an enum swb_path_at; the starts of stages are left out
+ * @return as swb_ocp_add_path
+ */
+SWB_API
+swb_status swb_ocp_add_complementarity(struct swb_ocp *ocp,
+                                       const struct swb_function *a,
+                                       const struct swb_function *b,
+                                       int32_t at);
 
 /**
  * Set the number of finite elements of every control stage; without it all have as many as the option n_fe says.
@@ -5050,6 +5151,116 @@ SWB_API swb_status swb_ocp_get_control_ends(const struct swb_ocp *ocp, double *u
  * @return SWB_OK; SWB_ERR_STATE before the first solve
  */
 SWB_API swb_status swb_ocp_get_violation(const struct swb_ocp *ocp, double *violation);
+
+/**
+ * Create a problem of phases, one after the other. The initial state of a phase is free unless its problem bounds it;
+ * links tie it to the end of the phase before. A function of time sees the time from the start of the first phase on.
+ *
+ * @param[in]  phases   [n_phases] copied as they are stated; may be freed afterwards
+ * @param[in]  settings of the solver; NULL for those of the first phase
+ * @param[out] out      the new object, NULL on failure; free with swb_multiphase_free
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
+ */
+SWB_API
+swb_status swb_multiphase_create(struct swb_ocp *const *phases,
+                                 int64_t n_phases,
+                                 const struct swb_settings *settings,
+                                 struct swb_multiphase **out);
+
+/**
+ * Require lower <= f([x(T) of the phase; x(0) of the next]) <= upper: f has as many states as both phases together, no
+ * controls and no parameters.
+ *
+ * @param[in] phase the first of the two, counted from 0
+ * @param[in] lower [n_lower] one for each output
+ * @param[in] upper [n_upper] one for each output
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
+ */
+SWB_API
+swb_status swb_multiphase_link(struct swb_multiphase *m,
+                               int64_t phase,
+                               const struct swb_function *f,
+                               const double *lower,
+                               int64_t n_lower,
+                               const double *upper,
+                               int64_t n_upper);
+
+/**
+ * Require that the next phase begins where this one ends, in all states.
+ *
+ * @param[in] phase counted from 0
+ * @return as swb_multiphase_link
+ */
+SWB_API swb_status swb_multiphase_link_continuous(struct swb_multiphase *m, int64_t phase);
+
+/**
+ * Solve.
+ *
+ * @param[out] outcome an enum swb_outcome; may be NULL
+ * @return as swb_ocp_solve
+ */
+SWB_API swb_status swb_multiphase_solve(struct swb_multiphase *m, int32_t *outcome);
+
+/**
+ * What the last solve found.
+ *
+ * @param[out] info        every field is written
+ * @param[in]  struct_size sizeof(swb_multiphase_info)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_multiphase_get_info(const struct swb_multiphase *m,
+                                   struct swb_multiphase_info *info,
+                                   uint64_t struct_size);
+
+/**
+ * Why the last solve did not end with an exact solution; empty where there is nothing to say.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_multiphase_get_message(const struct swb_multiphase *m,
+                                      char *buf,
+                                      int64_t len,
+                                      int64_t *needed);
+
+/**
+ * A copy of a phase with its part of the last solution: swb_ocp_get_controls and its like read it. Its outcome, residuals
+ * and statistics are those of all phases.
+ *
+ * @param[in]  phase counted from 0
+ * @param[out] out   the new object, NULL on failure; free with swb_ocp_free
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_multiphase_get_phase(struct swb_multiphase *m,
+                                    int64_t phase,
+                                    struct swb_ocp **out);
+
+/**
+ * Set who is called once per iteration; NULL for nobody.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_multiphase_set_iteration(struct swb_multiphase *m,
+                                        swb_iteration_fn iteration,
+                                        void *user_data);
+
+/**
+ * Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt.
+ *
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API swb_status swb_multiphase_interrupt(const struct swb_multiphase *m);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_multiphase_free(struct swb_multiphase *m);
 
 /**
  * A model as a document in JSON, for bug reports and to pass it on: its expressions, names and trial point. Functions that

@@ -74,6 +74,15 @@ struct Deleter {
 template <class Handle, void (*free)(Handle *)>
 using Owner = std::unique_ptr<Handle, Deleter<Handle, free>>;
 
+/// The handles of objects.
+template <class Handle, class Object>
+std::vector<Handle> handles(const std::vector<Object *> &objects) {
+    std::vector<Handle> out;
+    for (const auto *o : objects)
+        out.push_back(o->get());
+    return out;
+}
+
 /// Asks for the length of a text, then for the text.
 template <class Call>
 std::string text(Call &&call) {
@@ -478,6 +487,9 @@ public:
         detail::check(swb_simulator_get_state(get(), x.data(), static_cast<int64_t>(x.size())));
         return x;
     }
+    /// A simulator from a document, with the run that it holds; functions that are named there are supplied.
+    struct Replay;
+    static Replay from_json(const std::string &document, const std::vector<const Function *> &functions = {});
     /// The simulation that starts here as a document, for bug reports and replay.
     std::string to_json(double duration, int64_t n_steps) const {
         return detail::text([&](char *b, int64_t n, int64_t *needed) {
@@ -491,8 +503,32 @@ public:
     }
 
 private:
+    explicit Simulator(swb_simulator *s) {
+        owner_.reset(s);
+        int64_t nx = 0;
+        detail::check(swb_simulator_sizes(s, &nx, nullptr, nullptr));
+        nx_ = static_cast<std::size_t>(nx);
+    }
+
     std::size_t nx_ = 0;
 };
+
+/// What a document of a simulation holds.
+struct Simulator::Replay {
+    Simulator simulator;
+    double duration;
+    int64_t n_steps;
+};
+
+inline Simulator::Replay Simulator::from_json(const std::string &document, const std::vector<const Function *> &functions) {
+    const auto handles = detail::handles<const swb_function *>(functions);
+    swb_simulator *s = nullptr;
+    double duration = 0;
+    int64_t n_steps = 0;
+    detail::check(swb_simulator_from_json(document.c_str(), handles.data(), static_cast<int64_t>(handles.size()), &duration,
+                                          &n_steps, &s));
+    return {Simulator(s), duration, n_steps};
+}
 
 /// Result of an event-driven simulation, a copy.
 class Run {
@@ -847,6 +883,13 @@ public:
     }
     /// Makes the last solution, one stage later, the guess of the next solve.
     void shift() { detail::check(swb_ocp_shift(get())); }
+    /// A problem from a document; functions that are named there are supplied.
+    static Ocp from_json(const std::string &document, const std::vector<const Function *> &functions = {}) {
+        const auto handles = detail::handles<const swb_function *>(functions);
+        swb_ocp *o = nullptr;
+        detail::check(swb_ocp_from_json(document.c_str(), handles.data(), static_cast<int64_t>(handles.size()), &o));
+        return Ocp(o);
+    }
     /// The problem as a document, for bug reports and replay.
     std::string to_json() const {
         return detail::text([&](char *b, int64_t n, int64_t *needed) { return swb_ocp_to_json(get(), b, n, needed); });
@@ -919,7 +962,56 @@ private:
         return out;
     }
 
+    friend class MultiPhase;
+    explicit Ocp(swb_ocp *o) {
+        owner_.reset(o);
+        int64_t nx = 0;
+        detail::check(swb_ocp_sizes(o, &nx, &nu_, &np_, &n_stages_));
+        n_data_ = nx + np_;
+    }
+
     int64_t n_stages_ = 0, nu_ = 0, np_ = 0, n_data_ = 0;
+};
+
+/// Phases one after the other, each a problem as it is stated when this is made, linked at their ends.
+class MultiPhase {
+public:
+    explicit MultiPhase(const std::vector<const Ocp *> &phases) {
+        const auto handles = detail::handles<swb_ocp *>(phases);
+        swb_multiphase *m = nullptr;
+        detail::check(swb_multiphase_create(handles.data(), static_cast<int64_t>(handles.size()), nullptr, &m));
+        owner_.reset(m);
+    }
+    /// lower <= f([x(T) of the phase; x(0) of the next]) <= upper.
+    void link(int64_t phase, const Function &f, View lower, View upper) {
+        detail::check(swb_multiphase_link(get(), phase, f.get(), lower.data(), lower.length(), upper.data(), upper.length()));
+    }
+    void link_continuous(int64_t phase) { detail::check(swb_multiphase_link_continuous(get(), phase)); }
+    swb_outcome solve() {
+        int32_t o = 0;
+        detail::check(swb_multiphase_solve(get(), &o));
+        return static_cast<swb_outcome>(o);
+    }
+    swb_multiphase_info info() const {
+        swb_multiphase_info i;
+        detail::check(swb_multiphase_get_info(get(), &i, sizeof i));
+        return i;
+    }
+    std::string message() const {
+        return detail::text(
+            [&](char *b, int64_t n, int64_t *needed) { return swb_multiphase_get_message(get(), b, n, needed); });
+    }
+    /// A copy of a phase with its part of the solution.
+    Ocp phase(int64_t k) const {
+        swb_ocp *o = nullptr;
+        detail::check(swb_multiphase_get_phase(get(), k, &o));
+        return Ocp(o);
+    }
+    void interrupt() const noexcept { swb_multiphase_interrupt(get()); }
+    swb_multiphase *get() const noexcept { return owner_.get(); }
+
+private:
+    detail::Owner<swb_multiphase, swb_multiphase_free> owner_;
 };
 
 /// A member of a complementarity pair.

@@ -57,6 +57,32 @@ fn accuracy(r: &OcpResult) -> Result<&Accuracy> {
     })
 }
 
+/// Sizes of an optimal control problem.
+///
+/// @param[out] nx       states; may be NULL
+/// @param[out] nu       controls; may be NULL
+/// @param[out] np       parameters; may be NULL
+/// @param[out] n_stages control stages; may be NULL
+/// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_sizes(
+    ocp: *mut swb_ocp,
+    nx: *mut i64,
+    nu: *mut i64,
+    np: *mut i64,
+    n_stages: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        super::ocp::change(ocp, |o| {
+            let d = o.system().dims();
+            for (to, n) in [(nx, d.x), (nu, d.u), (np, d.p), (n_stages, o.n_stages())] {
+                raw::write_optional(to, n as i64);
+            }
+            Ok(())
+        })
+    })
+}
+
 /// How far the last solution is from the system: its controls are simulated again, by other means and at the tolerance
 /// accuracy_tol.
 ///

@@ -285,6 +285,29 @@ pub unsafe extern "C" fn swb_simulator_clear(sim: *mut swb_simulator) -> swb_sta
     })
 }
 
+/// Sizes of a simulator.
+///
+/// @param[out] nx states; may be NULL
+/// @param[out] nu controls; may be NULL
+/// @param[out] np parameters; may be NULL
+/// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+#[no_mangle]
+pub unsafe extern "C" fn swb_simulator_sizes(
+    sim: *const swb_simulator,
+    nx: *mut i64,
+    nu: *mut i64,
+    np: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(sim, |s| {
+            for (to, n) in [(nx, s.x.len()), (nu, s.u.len()), (np, s.p.len())] {
+                raw::write_optional(to, n as i64);
+            }
+            Ok(())
+        })
+    })
+}
+
 /// Time reached.
 ///
 /// @return SWB_OK

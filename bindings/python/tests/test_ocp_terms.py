@@ -102,3 +102,49 @@ def test_what_has_no_solution_says_why(tmp_path):
     assert "2 switches in the stage" in ocp.solve().message
     ocp.set_elements([2, 2, 3, 2])
     assert ocp.solve().message == ""
+
+
+def test_one_of_two_controls_is_zero():
+    system = swb.System(1, 2, f0=lambda u: [u[0] - 2 * u[1]])
+    ocp = swb.Ocp(system, 1.0, 4, initial_state=[0], lagrange=lambda u: (u[0] - 1) ** 2 + (u[1] - 1) ** 2, n_fe=1)
+    ocp.set_mayer(lambda x: (x[0] - 0.5) ** 2)
+    ocp.add_complementarity(lambda u: u[0], lambda u: u[1])
+    r = ocp.solve()
+    assert r.success and r.polished == swb.Polished.DONE
+    assert np.abs(r.controls.min(axis=1)).max() < 1e-10
+    down = np.mean(r.controls[:, 0] < 1e-10)
+    miss = (0.5 - 3 * down) / (2 + 3 * down)
+    assert r.cost == pytest.approx(1 + miss**2 * (2 + 3 * down), abs=1e-6)
+    with pytest.raises(swb.ArgumentError, match="at must be one of"):
+        ocp.add_complementarity(lambda u: u[0], lambda u: u[1], at="nowhere")
+
+
+def test_a_ball_bounces_between_two_phases():
+    fall = swb.System(2, 0, f0=lambda x: (x[1], -9.81))
+
+    def flight(state: int) -> swb.Ocp:
+        ocp = swb.Ocp(fall, 0.5, 1, n_fe=1)
+        ocp.set_free_time("horizon", 0.0, 5.0)
+        ocp.add_terminal(lambda x: x[state], 0, 0)
+        return ocp
+
+    down, up = flight(0), flight(1)
+    down.set_initial_state([1, 0])
+    up.set_state_guess([0.0], [[0.0, 1.0]])
+    both = swb.MultiPhase([down, up])
+    with pytest.raises(swb.StateError):
+        both.result
+    both.link(0, lambda x: (x[2] - x[0], x[3] + 0.5 * x[1]), [0, 0], [0, 0])
+    r = both.solve()
+    assert r.success and r.message == "" and r.link_violation < 1e-8 and r.error < 1e-6
+    time = (2 / 9.81) ** 0.5
+    assert np.allclose(r.phases[1].trajectory.states[-1], [0.25, 0.0], atol=1e-6)
+    assert np.allclose([p.durations[0] for p in r.phases], [time, time / 2], atol=1e-6)
+    assert r.phases[1].control_times[0] == pytest.approx(time, abs=1e-6)
+    assert r is both.result and "2 phases" in repr(both)
+    with pytest.raises(swb.ArgumentError, match="phase must be"):
+        both.link(1, lambda x: x[0])
+    with pytest.raises(swb.ArgumentError, match="phases must be problems"):
+        swb.MultiPhase([fall])
+    with pytest.raises(swb.DimensionError):
+        swb.MultiPhase([])

@@ -97,6 +97,7 @@ from .mpcc import (
     minimize_mpcc,
     variable,
 )
+from .multiphase import MultiPhase, MultiPhaseResult
 from .ocp import Ocp, OcpResult, OcpSensitivity
 from .plot import plot, plot_phase, plot_run
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
@@ -137,6 +138,8 @@ __all__ = [
     "Model",
     "Mpcc",
     "MpccResult",
+    "MultiPhase",
+    "MultiPhaseResult",
     "Multipliers",
     "Nlp",
     "NonfiniteError",

@@ -102,6 +102,8 @@ class InitialGuess(Names):
 
     CONSTANT = 0
     SIMULATION = 1
+    SMOOTHED = 2
+    TIME_STEPPING = 3
 
 
 class LinearSolver(Names):
@@ -687,6 +689,20 @@ class swb_accuracy(Structure):
     ]
 
 
+class swb_multiphase_info(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("outcome", c_int64),
+        ("polished", c_int64),
+        ("n_phases", c_int64),
+        ("cost", c_double),
+        ("link_violation", c_double),
+        ("error", c_double),
+        ("iterations", c_int64),
+        ("time_total", c_double),
+    ]
+
+
 class swb_certificate(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -815,6 +831,7 @@ FUNCTIONS = {
     "swb_simulator_run": (c_int32, [c_void_p, c_double, c_int64, c_void_p]),
     "swb_simulator_step": (c_int32, [c_void_p, c_double, c_void_p]),
     "swb_simulator_clear": (c_int32, [c_void_p]),
+    "swb_simulator_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_simulator_get_time": (c_int32, [c_void_p, c_void_p]),
     "swb_simulator_get_state": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_simulator_get_outcome": (c_int32, [c_void_p, c_void_p]),
@@ -914,6 +931,7 @@ FUNCTIONS = {
     "swb_ocp_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
     "swb_ocp_interrupt": (c_int32, [c_void_p]),
     "swb_ocp_free": (None, [c_void_p]),
+    "swb_ocp_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_ocp_get_accuracy": (c_int32, [c_void_p, POINTER(swb_accuracy), c_uint64]),
     "swb_ocp_get_mismatch": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_message": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
@@ -922,6 +940,7 @@ FUNCTIONS = {
     "swb_ocp_add_least_squares": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_int32]),
     "swb_ocp_set_references": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_add_relaxed": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_int32, c_int32, c_double]),
+    "swb_ocp_add_complementarity": (c_int32, [c_void_p, c_void_p, c_void_p, c_int32]),
     "swb_ocp_set_elements": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_set_durations": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_set_free_time": (c_int32, [c_void_p, c_int32, c_double, c_double]),
@@ -935,6 +954,16 @@ FUNCTIONS = {
     "swb_ocp_get_params": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_control_ends": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_violation": (c_int32, [c_void_p, c_void_p]),
+    "swb_multiphase_create": (c_int32, [c_void_p, c_int64, POINTER(swb_settings), c_void_p]),
+    "swb_multiphase_link": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_multiphase_link_continuous": (c_int32, [c_void_p, c_int64]),
+    "swb_multiphase_solve": (c_int32, [c_void_p, c_void_p]),
+    "swb_multiphase_get_info": (c_int32, [c_void_p, POINTER(swb_multiphase_info), c_uint64]),
+    "swb_multiphase_get_message": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_multiphase_get_phase": (c_int32, [c_void_p, c_int64, c_void_p]),
+    "swb_multiphase_set_iteration": (c_int32, [c_void_p, swb_iteration_fn, c_void_p]),
+    "swb_multiphase_interrupt": (c_int32, [c_void_p]),
+    "swb_multiphase_free": (None, [c_void_p]),
     "swb_model_to_json": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_model_from_json": (c_int32, [c_void_p, c_char_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_model_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),

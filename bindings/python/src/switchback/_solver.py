@@ -15,7 +15,7 @@ from .settings import HasSettings
 _LEVELS = {int(v): v.name.lower() for v in _ffi.LogLevel}
 
 
-def _iteration_callback(f: OnIteration | None) -> Any:
+def iteration_callback(f: OnIteration | None) -> Any:
     """Asks every iteration whether to go on: after Ctrl-C, or by the wish of the user. It is there in any case,
     because Python looks for signals only where it runs."""
 
@@ -62,7 +62,7 @@ class Solver(Handle, HasSettings):
         """Set who is called with an `Iteration` once per iteration; a true answer stops the solve."""
         if f is not None and not callable(f):
             raise ArgumentError(f"on_iteration must be a function, not {type(f).__name__}")
-        callback = _iteration_callback(f)
+        callback = iteration_callback(f)
         self._do("set_iteration", callback, None)
         self._iteration = callback
 
