@@ -99,6 +99,16 @@ int main(void)
     AT(swb_residuals, 4, pair_product);
     AT(swb_residuals, 5, pair_min);
     CHECK(sizeof(swb_residuals) == (size_t)8 * 6);
+    AT(swb_multiphase_info, 0, struct_size);
+    AT(swb_multiphase_info, 1, outcome);
+    AT(swb_multiphase_info, 2, polished);
+    AT(swb_multiphase_info, 3, n_phases);
+    AT(swb_multiphase_info, 4, cost);
+    AT(swb_multiphase_info, 5, link_violation);
+    AT(swb_multiphase_info, 6, error);
+    AT(swb_multiphase_info, 7, iterations);
+    AT(swb_multiphase_info, 8, time_total);
+    CHECK(sizeof(swb_multiphase_info) == (size_t)8 * 9);
     AT(swb_accuracy, 0, struct_size);
     AT(swb_accuracy, 1, reached);
     AT(swb_accuracy, 2, n_switches);

@@ -77,7 +77,7 @@ mod tests {
         let row = |lambda, mu| IndicatorRow { source: 0, weights: vec![1.0], lambda, mu };
         let stewart = Form {
             rows: (0..3).map(|c| row(vec![(c, -1.0)], Some(0))).collect(),
-            simplices: vec![0..3],
+            simplices: std::iter::once(0..3).collect(),
             n_cells: 3,
             n_mu: 1,
             ..Form::default()
