@@ -10,7 +10,7 @@ use switchback::func::{Callback, Dims, Function, Point};
 use switchback::model::{Built, Model, Names, Trial};
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{CostAt, Durations, Norm, Ocp};
-use switchback::settings::Settings;
+use switchback::settings::{InitialGuess, Settings};
 use switchback::sim::Simulator;
 use switchback::system::{Inclusion, System};
 
@@ -175,6 +175,37 @@ fn free_lengths_least_squares_and_relaxed_constraints_return() {
         let e = read(&text.replacen(from, to, 1), &[]).map(|_| ()).unwrap_err().to_string();
         assert!(e.contains(expected), "{to}: {e}");
     }
+}
+
+/// What excludes something of the last test: stages of free length, parameters by stage, a wall, an order of modes.
+#[test]
+fn free_stages_parameters_of_stages_and_modes_return() {
+    let g = Graph::new();
+    let (x, v, u, p) = (g.x(0), g.x(1), g.u(0), g.p(0));
+    let b = Model::from_rhs("cart", 1, 1, &[v, u - p * v.sign()]).unwrap().build(&g).unwrap();
+    let d = b.system.dims();
+    let f = |name: &str, all: &[Expr]| Arc::new(g.function(name, d, all).unwrap());
+    let set = Settings { n_fe: 2, n_s: 2, initial_guess: InitialGuess::TimeStepping as i64, ..Settings::default() };
+    let mut ocp = Ocp::new(&b.system, 2.0, 3, &set).unwrap();
+    ocp.set_x0(&[1.0, -0.5]).unwrap();
+    ocp.set_lagrange(f("effort", &[u * u])).unwrap();
+    ocp.add_terminal(f("end", &[x, v]), &[0.2, 0.1], &[0.2, 0.1]).unwrap();
+    ocp.add_complementarity(f("ahead", &[x]), f("nothing", &[g.constant(0.0) * u]), PathAt::StagePoints).unwrap();
+    ocp.set_stage_params(&[0.1, 0.2, 0.3]).unwrap();
+    ocp.set_free_time(Durations::Stages, 0.2, 2.0).unwrap();
+    let first = ocp.solve(&mut Control::default()).unwrap().clone();
+    assert_eq!(first.outcome, Outcome::Solved, "{}", first.message);
+    ocp.set_modes(Some(first.modes())).unwrap();
+    let text = write_ocp(&ocp, ocp.settings()).unwrap();
+    for word in ["\"free\":\"stages\"", "stage_params", "\"modes\":{\"times\":[0.0", "stage_points"] {
+        assert!(text.contains(word), "{word} is not in {text}");
+    }
+    let Document::Ocp(mut again) = read(&text, &[]).unwrap() else { panic!("no problem") };
+    assert_eq!(write_ocp(&again, again.settings()).unwrap(), text);
+    let (a, b) = (ocp.solve(&mut Control::default()).unwrap(), again.solve(&mut Control::default()).unwrap());
+    assert_eq!((a.outcome, a.cost.to_bits(), &a.controls), (b.outcome, b.cost.to_bits(), &b.controls));
+    let bad = text.replacen("\"times\":[0.0", "\"times\":[0.5", 1);
+    assert!(read(&bad, &[]).map(|_| ()).unwrap_err().to_string().contains("starts at time 0"));
 }
 
 #[test]

@@ -56,6 +56,12 @@ fn solve(ocp: &mut Ocp) -> Result<()> {
         r.residuals.dual,
         r.residuals.pair_min
     );
+    if !r.message.is_empty() {
+        println!("{}", r.message);
+    }
+    if let Some(a) = &r.accuracy {
+        println!("simulated: {:.1e} off at the end, cost {:.1e}", a.terminal, a.cost_error);
+    }
     switches(&r.trajectory);
     println!("controls {:?}", r.controls);
     Ok(())

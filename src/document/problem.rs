@@ -8,7 +8,7 @@ use super::parts::{sizes, Interval, SavedFunction, SavedSettings, SavedSystem};
 use crate::error::{finite, Error, Result};
 use crate::fesd::PathAt;
 use crate::func::Function;
-use crate::ocp::{CostAt, Durations, Norm, Ocp, Statement};
+use crate::ocp::{CostAt, Durations, ModeSequence, Norm, Ocp, Statement};
 use crate::settings::Settings;
 use crate::system::System;
 
@@ -186,6 +186,16 @@ struct SavedGuess {
     states: Vec<f64>,
 }
 
+/// An order of modes to start from.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedModes {
+    times: Vec<f64>,
+    modes: Vec<bool>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    cells: Vec<bool>,
+}
+
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct SavedOcp {
@@ -222,6 +232,8 @@ pub(super) struct SavedOcp {
     state_guess: Option<SavedGuess>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     control_guess: Option<Vec<f64>>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    modes: Option<SavedModes>,
 }
 
 impl SavedOcp {
@@ -298,6 +310,7 @@ impl SavedOcp {
             params: s.params.to_vec(),
             state_guess: s.x_guess.map(|g| SavedGuess { times: g.0.clone(), states: g.1.clone() }),
             control_guess: s.u_guess.map(<[f64]>::to_vec),
+            modes: s.modes.cloned().map(|m| SavedModes { times: m.times, modes: m.modes, cells: m.cells }),
         })
     }
 
@@ -333,18 +346,22 @@ impl SavedOcp {
                 },
             }
         }
+        // parameters of stages replace these
+        ocp.set_params(&self.params)?;
         self.restore_terms(&mut ocp, supplied)?;
         let bounds = [&self.state_bounds, &self.initial_bounds, &self.control_bounds];
         let [x, x0, u] = bounds.map(Interval::values);
         ocp.set_x_bounds(&x[0], &x[1])?;
         ocp.set_x0_bounds(&x0[0], &x0[1])?;
         ocp.set_u_bounds(&u[0], &u[1])?;
-        ocp.set_params(&self.params)?;
         if let Some(g) = &self.state_guess {
             ocp.set_x_guess(&g.times, &g.states)?;
         }
         if let Some(u) = &self.control_guess {
             ocp.set_u_guess(u)?;
+        }
+        if let Some(SavedModes { times, modes, cells }) = self.modes.clone() {
+            ocp.set_modes(Some(ModeSequence { times, modes, cells }))?;
         }
         Ok(ocp)
     }

@@ -1,7 +1,7 @@
 //! A problem as it was stated, for who writes it down.
 
 use super::extend::{Complementarity, LeastSquares, Soft};
-use super::{Durations, Ocp};
+use super::{Durations, ModeSequence, Ocp};
 use crate::fesd::{Boundary, PathConstraint, Terminal};
 use crate::settings::Settings;
 use crate::system::{SharedFunction, System};
@@ -38,6 +38,7 @@ pub struct Statement<'a> {
     pub(crate) squares: &'a [LeastSquares],
     pub(crate) soft: &'a [Soft],
     pub(crate) complementarity: &'a [Complementarity],
+    pub modes: Option<&'a ModeSequence>,
 }
 
 impl Ocp {
@@ -71,7 +72,7 @@ impl Ocp {
             stage_params,
             x_guess,
             u_guess,
-            modes: _,
+            modes,
             built: _,
             engine: _,
             result: _,
@@ -103,6 +104,7 @@ impl Ocp {
             squares,
             soft,
             complementarity,
+            modes: modes.as_ref(),
         }
     }
 }
