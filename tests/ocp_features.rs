@@ -10,7 +10,7 @@ use switchback::func::{Callback, Dims};
 use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{CostAt, Durations, Norm, Ocp, OcpResult};
-use switchback::settings::Settings;
+use switchback::settings::{RkFamily, Settings};
 use switchback::system::{SharedFunction, System};
 
 const DI: Dims = Dims { x: 2, u: 1, p: 0 };
@@ -333,8 +333,8 @@ fn a_wall_given_by_a_complementarity() {
     let d = Dims { x: 1, u: 1, p: 0 };
     let mut s = System::new(1, 1, 0).unwrap();
     s.set_f0(affine("f0", d, &[-1.0], &[(0, 1, 1.0)])).unwrap();
-    for disc in [FESD, STANDARD] {
-        let mut o = Ocp::new(&s, 1.0, 10, &settings(RadauIia, 2, 2, disc)).unwrap();
+    for (family, disc) in [(RadauIia, FESD), (RadauIia, STANDARD), (GaussLegendre, FESD)] {
+        let mut o = Ocp::new(&s, 1.0, 10, &settings(family, 2, 2, disc)).unwrap();
         o.set_x0(&[0.5]).unwrap();
         let (gap, force) = (affine("gap", d, &[0.0], &[(0, 0, 1.0)]), affine("force", d, &[0.0], &[(0, 1, 1.0)]));
         o.add_complementarity(gap.clone(), force.clone(), PathAt::StagePoints).unwrap();
@@ -350,27 +350,29 @@ fn a_wall_given_by_a_complementarity() {
 /// sides: the problem with one control of either sign has the same optimum.
 #[test]
 fn complementarities_beside_switches() {
-    let block = |nu: usize| {
+    let block = |nu: usize, family: RkFamily| {
         let d = Dims { x: 2, u: nu, p: 0 };
         let push = [(0, 1, 1.0), (1, 2, 1.0), (1, 3, -1.0)];
         let mut s = System::new(2, nu, 0).unwrap();
         s.set_f0(affine("f0", d, &[0.0; 2], &push[..1 + nu])).unwrap();
         add_sides(&mut s, &[1], affine("friction", d, &[-0.3, 0.3], &[]), affine("v", d, &[0.0], &[(0, 1, 1.0)]));
-        let mut o = Ocp::new(&s, 3.0, 6, &settings(RadauIia, 3, 3, FESD)).unwrap();
+        let mut o = Ocp::new(&s, 3.0, 6, &settings(family, 3, 3, FESD)).unwrap();
         o.set_x0(&[0.0; 2]).unwrap();
         o.add_terminal(states(d), &[1.0, 0.0], &[1.0, 0.0]).unwrap();
         let u = affine("u", d, &vec![0.0; nu], &[(0, 2, 1.0), (1, 3, 1.0)][..nu]);
         o.add_least_squares(u, &vec![1.0; nu], &vec![0.0; nu], CostAt::Running).unwrap();
         (o, d)
     };
-    let one = solved(&mut block(1).0);
-    let (mut o, d) = block(2);
-    let from = |k: usize| affine(["left", "right"][k], d, &[0.0], &[(0, 2 + k, 1.0)]);
-    o.add_complementarity(from(0), from(1), PathAt::ControlGrid).unwrap();
-    let two = solved(&mut o);
-    assert_eq!((one.polish, two.polish), (Polish::Done, Polish::Done));
-    assert_near(&[two.cost], &[one.cost], 1e-8, "cost");
-    assert!(two.controls.chunks(2).all(|u| u[0].min(u[1]).abs() < 1e-12), "{:?}", two.controls);
-    let net: Vec<f64> = two.controls.chunks(2).map(|u| u[0] - u[1]).collect();
-    assert_near(&net, &one.controls, 1e-6, "controls");
+    for family in [RadauIia, GaussLegendre] {
+        let one = solved(&mut block(1, family).0);
+        let (mut o, d) = block(2, family);
+        let from = |k: usize| affine(["left", "right"][k], d, &[0.0], &[(0, 2 + k, 1.0)]);
+        o.add_complementarity(from(0), from(1), PathAt::ControlGrid).unwrap();
+        let two = solved(&mut o);
+        assert_eq!((one.polish, two.polish), (Polish::Done, Polish::Done));
+        assert_near(&[two.cost], &[one.cost], 1e-8, "cost");
+        assert!(two.controls.chunks(2).all(|u| u[0].min(u[1]).abs() < 1e-12), "{:?}", two.controls);
+        let net: Vec<f64> = two.controls.chunks(2).map(|u| u[0] - u[1]).collect();
+        assert_near(&net, &one.controls, 1e-6, "controls");
+    }
 }

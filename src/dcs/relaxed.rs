@@ -19,7 +19,8 @@ impl Form {
             let lowest = lambda[cells.clone()].iter().fold(f64::INFINITY, |m, g| m.min(*g));
             let shift = shift(&lambda[cells.clone()], lowest, sigma);
             for c in cells.clone() {
-                lambda[c] += shift - lowest;
+                // the difference first: next to zero it keeps its digits
+                lambda[c] = (lambda[c] - lowest) + shift;
                 theta[c] = sigma / lambda[c];
             }
         }
