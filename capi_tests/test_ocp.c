@@ -75,6 +75,7 @@ static void known_solution(void)
     swb_switch s;
     swb_stats stats;
     swb_residuals residuals;
+    swb_certificate certificate;
     int32_t outcome = -1, polished = -1, one_sided = -1;
     int64_t stage[10];
     double cost = 0.0, x[11];
@@ -91,6 +92,8 @@ static void known_solution(void)
     CHECK(outcome == SWB_OUTCOME_SOLVED);
     CHECK_OK(swb_ocp_get_polished(ocp, &polished));
     CHECK(polished == SWB_POLISHED_DONE);
+    CHECK_OK(swb_ocp_get_certificate(ocp, &certificate, sizeof certificate));
+    CHECK(certificate.stationarity == SWB_STATIONARITY_S && certificate.b_stationarity == SWB_B_STATIONARITY_YES);
     CHECK_OK(swb_ocp_get_cost(ocp, &cost));
     CHECK_NEAR(cost, best, 1e-9);
     CHECK_OK(swb_ocp_get_trajectory(ocp, &r));
@@ -305,6 +308,7 @@ static void free_lengths(void)
     swb_system *system = NULL;
     swb_ocp *ocp = NULL;
     swb_accuracy accuracy;
+    swb_certificate certificate;
     int32_t outcome = -1;
     double found[2], cost = 0.0, violation = -1.0;
 
@@ -322,6 +326,7 @@ static void free_lengths(void)
     CHECK_STATUS(SWB_ERR_STATE, swb_ocp_shift(ocp));
     CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_durations(ocp, found, 2));
     CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_accuracy(ocp, &accuracy, sizeof accuracy));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_certificate(ocp, &certificate, sizeof certificate));
     CHECK_OK(swb_ocp_solve(ocp, &outcome));
     CHECK(outcome == SWB_OUTCOME_SOLVED);
     CHECK_OK(swb_ocp_get_durations(ocp, found, 2));
@@ -335,6 +340,8 @@ static void free_lengths(void)
     CHECK_OK(swb_ocp_get_violation(ocp, &violation));
     CHECK(violation < 1e-8);
     CHECK_OK(swb_ocp_get_accuracy(ocp, &accuracy, sizeof accuracy));
+    CHECK_OK(swb_ocp_get_certificate(ocp, &certificate, sizeof certificate));
+    CHECK(certificate.stationarity == SWB_STATIONARITY_UNKNOWN); /* without pairs there is nothing to certify */
     CHECK(accuracy.reached == 1 && accuracy.terminal < 1e-8 && fabs(accuracy.cost_error) < 1e-6);
     CHECK_OK(swb_ocp_get_mismatch(ocp, found, 2));
     CHECK(found[0] <= accuracy.worst && found[1] <= accuracy.worst);

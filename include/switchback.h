@@ -2478,6 +2478,56 @@ typedef struct swb_accuracy {
 } swb_accuracy;
 
 /**
+ * What is known of the point of a program with pairs.
+ */
+typedef struct swb_certificate {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Type of stationarity (enum swb_stationarity).
+     */
+    int64_t stationarity;
+    /**
+     * 1 if it is shown that there are no multipliers of a stronger type.
+     */
+    int64_t sharp;
+    /**
+     * B-stationarity (enum swb_b_stationarity).
+     */
+    int64_t b_stationarity;
+    /**
+     * What the questions left open failed at (enum swb_doubt).
+     */
+    int64_t doubt;
+    /**
+     * Pairs of which both members are zero.
+     */
+    int64_t biactive;
+    /**
+     * Smallest of their multipliers, over the largest modulus there or 1; 0 without such pairs.
+     */
+    double min_multiplier;
+    /**
+     * 1 if none of their multipliers is zero.
+     */
+    int64_t strict;
+    /**
+     * Linear programs solved.
+     */
+    int64_t lps;
+    /**
+     * Iterations in them.
+     */
+    int64_t lp_iterations;
+    /**
+     * Nodes of the searches.
+     */
+    int64_t nodes;
+} swb_certificate;
+
+/**
  * What a solve of several phases found; what the phases do is asked of them, see swb_multiphase_get_phase.
  */
 typedef struct swb_multiphase_info {
@@ -2529,56 +2579,6 @@ typedef int32_t (*swb_lagrangian_fn)(const struct swb_point *at,
                                      const double *y,
                                      double *out,
                                      void *user_data);
-
-/**
- * What is known of the point of a program with pairs.
- */
-typedef struct swb_certificate {
-    /**
-     * Size of this struct in bytes.
-     */
-    uint64_t struct_size;
-    /**
-     * Type of stationarity (enum swb_stationarity).
-     */
-    int64_t stationarity;
-    /**
-     * 1 if it is shown that there are no multipliers of a stronger type.
-     */
-    int64_t sharp;
-    /**
-     * B-stationarity (enum swb_b_stationarity).
-     */
-    int64_t b_stationarity;
-    /**
-     * What the questions left open failed at (enum swb_doubt).
-     */
-    int64_t doubt;
-    /**
-     * Pairs of which both members are zero.
-     */
-    int64_t biactive;
-    /**
-     * Smallest of their multipliers, over the largest modulus there or 1; 0 without such pairs.
-     */
-    double min_multiplier;
-    /**
-     * 1 if none of their multipliers is zero.
-     */
-    int64_t strict;
-    /**
-     * Linear programs solved.
-     */
-    int64_t lps;
-    /**
-     * Iterations in them.
-     */
-    int64_t lp_iterations;
-    /**
-     * Nodes of the searches.
-     */
-    int64_t nodes;
-} swb_certificate;
 
 /**
  * The linear systems of a solve: sizes, and work since the program was built.
@@ -4909,6 +4909,19 @@ SWB_API
 swb_status swb_ocp_get_accuracy(const struct swb_ocp *ocp,
                                 struct swb_accuracy *accuracy,
                                 uint64_t struct_size);
+
+/**
+ * What is known of the last solution as a point of the discretised program: type of stationarity, B-stationarity; unknown
+ * unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
+ *
+ * @param[out] certificate every field is written
+ * @param[in]  struct_size sizeof(swb_certificate)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_get_certificate(const struct swb_ocp *ocp,
+                                   struct swb_certificate *certificate,
+                                   uint64_t struct_size);
 
 /**
  * Largest difference between a state of the last solution and of the simulation at the end of every control stage.

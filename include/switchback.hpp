@@ -923,6 +923,12 @@ public:
         detail::check(swb_ocp_get_accuracy(get(), &a, sizeof a));
         return a;
     }
+    /// Type of stationarity and B-stationarity of the discretised program.
+    swb_certificate certificate() const {
+        swb_certificate c{};
+        detail::check(swb_ocp_get_certificate(get(), &c, sizeof c));
+        return c;
+    }
     /// Largest difference of a state from the simulation at the end of every stage.
     Vector mismatch() const { return array(swb_ocp_get_mismatch, n_stages_); }
     /// Derivatives of cost and controls with respect to the data: initial state, then parameters; the controls of one

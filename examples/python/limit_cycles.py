@@ -119,7 +119,8 @@ def shoot(c: Cycle, seen: Orbit) -> tuple[np.ndarray, float, np.ndarray]:
             i.reinit(x)
             i.advance(length)
             m = i.run.dx_dx0
-            matrix = np.block([[m - c.flip * np.eye(len(x)), i.derivative[:, None]], [along[None, :], np.zeros((1, 1))]])
+            closing = np.column_stack([m - c.flip * np.eye(len(x)), i.derivative])
+            matrix = np.vstack([closing, np.append(along, 0.0)])
             step = np.linalg.solve(matrix, np.append(c.flip * x - i.state, along @ (x0 - x)))
             x, length = x + step[:-1], length + step[-1]
     multipliers = np.linalg.eigvals(c.flip * m)

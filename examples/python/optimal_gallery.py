@@ -1,8 +1,8 @@
 """Optimal control of systems that switch: each problem in a few lines, solved from its default start.
 
-What is printed: the cost, how the problem ended, the largest residual, how far a simulation of the controls is from the
-answer, and the time. A plot of every solution is written. The problems and their costs are those of the C gallery
-(`examples/c/gallery.c`) and of `report gallery`.
+What is printed: the cost, how the problem ended, the type of stationarity, the largest residual, how far a simulation of
+the controls is from the answer, and the time. A plot of every solution is written. The problems and their costs are those
+of the C gallery (`examples/c/gallery.c`) and of `report gallery`.
 
 usage: optimal_gallery.py FOLDER_FOR_PLOTS [NAME ...]
 """
@@ -204,7 +204,8 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     chosen = [p for p in PROBLEMS if len(sys.argv) < 3 or p.__name__ in sys.argv[2:]]
     print(
-        f"{'problem':<16}{'cost':>14}{'outcome':>10}{'polished':>10}{'primal':>9}{'E(T)':>9}{'seconds':>9}  iterations"
+        f"{'problem':<16}{'cost':>14}{'outcome':>10}{'polished':>10}{'type':>6}"
+        f"{'primal':>9}{'E(T)':>9}{'seconds':>9}  iterations"
     )
     failed = 0
     for problem in chosen:
@@ -214,8 +215,8 @@ def main() -> int:
         seconds = time.perf_counter() - start
         error = r.accuracy.terminal if r.accuracy else float("nan")
         print(
-            f"{problem.__name__:<16}{r.cost:14.8f}{r.outcome!s:>10}{r.polished!s:>10}{r.residuals.primal:9.1e}{error:9.1e}"
-            f"{seconds:9.3f}  {r.stats.iterations}"
+            f"{problem.__name__:<16}{r.cost:14.8f}{r.outcome!s:>10}{r.polished!s:>10}{ocp.certificate.stationarity:>6}"
+            f"{r.residuals.primal:9.1e}{error:9.1e}{seconds:9.3f}  {r.stats.iterations}"
         )
         print(f"    {problem.__doc__}")
         figure = folder / f"optimal-{problem.__name__}.svg"

@@ -159,7 +159,7 @@ pub struct swb_certificate {
 }
 
 impl swb_certificate {
-    fn of(c: &Certificate) -> swb_certificate {
+    pub(super) fn of(c: &Certificate) -> swb_certificate {
         let number = |list: Option<i32>| i64::from(list.unwrap_or(-1));
         swb_certificate {
             struct_size: 0,

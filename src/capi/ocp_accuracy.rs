@@ -1,5 +1,6 @@
 //! What an optimal control says of itself: how far it is from the system, or why there is none.
 
+use super::diagnosis::swb_certificate;
 use super::guard::guard;
 use super::handle;
 use super::ocp::swb_ocp;
@@ -98,6 +99,25 @@ pub unsafe extern "C" fn swb_ocp_get_accuracy(
     guard(|| unsafe {
         handle::with_ref(ocp, |o| {
             write_sized(&swb_accuracy::of(self::accuracy(o.result()?)?), accuracy, struct_size, "accuracy")
+        })
+    })
+}
+
+/// What is known of the last solution as a point of the discretised program: type of stationarity, B-stationarity; unknown
+/// unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
+///
+/// @param[out] certificate every field is written
+/// @param[in]  struct_size sizeof(swb_certificate)
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_certificate(
+    ocp: *const swb_ocp,
+    certificate: *mut swb_certificate,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(ocp, |o| {
+            write_sized(&swb_certificate::of(&o.result()?.certificate), certificate, struct_size, "certificate")
         })
     })
 }

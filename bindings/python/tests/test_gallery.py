@@ -170,6 +170,14 @@ def solved():
     return {p.__name__.replace("_", "-"): p().ocp.solve() for p in optimal.PROBLEMS}
 
 
+def test_a_problem_says_what_its_answer_is():
+    ocp = optimal.friction().ocp
+    with pytest.raises(swb.StateError):
+        ocp.certificate
+    ocp.solve()
+    assert (ocp.certificate.stationarity, ocp.certificate.b_stationary) == ("S", True)
+
+
 def test_every_problem_is_solved(solved):
     for name, r in solved.items():
         assert (r.outcome, r.polished) == (swb.Outcome.SOLVED, swb.Polished.DONE), name

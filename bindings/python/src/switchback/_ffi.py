@@ -933,6 +933,7 @@ FUNCTIONS = {
     "swb_ocp_free": (None, [c_void_p]),
     "swb_ocp_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_ocp_get_accuracy": (c_int32, [c_void_p, POINTER(swb_accuracy), c_uint64]),
+    "swb_ocp_get_certificate": (c_int32, [c_void_p, POINTER(swb_certificate), c_uint64]),
     "swb_ocp_get_mismatch": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_message": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_ocp_add_boundary": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),

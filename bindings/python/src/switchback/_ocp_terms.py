@@ -9,10 +9,11 @@ from typing import Any, TypeVar
 import numpy
 
 from ._arrays import address, bounds, index, number, real, table, vector
-from ._ffi import CostAt, FreeTime, Norm, PathAt
+from ._ffi import CostAt, FreeTime, Norm, PathAt, swb_certificate
 from ._solver import Solver
 from .errors import ArgumentError, DimensionError
 from .function import Function
+from .mpcc import Certificate
 
 E = TypeVar("E", bound=IntEnum)
 
@@ -153,6 +154,11 @@ class OcpTerms(Solver):
     def shift(self) -> None:
         """Make the last solution, one control stage later, the guess of the next solve."""
         self._do("shift")
+
+    @property
+    def certificate(self) -> Certificate:
+        """What is known of the last solution as a point of the discretised program; unknown unless it was polished."""
+        return Certificate._of(self._struct("get_certificate", swb_certificate))
 
     def _vector(self, name: str, n: int) -> Any:
         out = numpy.empty(n)
