@@ -689,20 +689,6 @@ class swb_accuracy(Structure):
     ]
 
 
-class swb_multiphase_info(Structure):
-    _fields_ = [
-        ("struct_size", c_uint64),
-        ("outcome", c_int64),
-        ("polished", c_int64),
-        ("n_phases", c_int64),
-        ("cost", c_double),
-        ("link_violation", c_double),
-        ("error", c_double),
-        ("iterations", c_int64),
-        ("time_total", c_double),
-    ]
-
-
 class swb_certificate(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -716,6 +702,20 @@ class swb_certificate(Structure):
         ("lps", c_int64),
         ("lp_iterations", c_int64),
         ("nodes", c_int64),
+    ]
+
+
+class swb_multiphase_info(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("outcome", c_int64),
+        ("polished", c_int64),
+        ("n_phases", c_int64),
+        ("cost", c_double),
+        ("link_violation", c_double),
+        ("error", c_double),
+        ("iterations", c_int64),
+        ("time_total", c_double),
     ]
 
 
