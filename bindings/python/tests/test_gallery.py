@@ -248,8 +248,16 @@ def test_the_period_of_stick_slip():
     assert limit_cycles.shoot(c, limit_cycles.observe(c))[1] == pytest.approx(period, abs=1e-9)
 
 
-def test_gene_networks_in_both_forms():
+def test_gene_networks_in_both_forms(solved):
     forms = [optimal.two_genes(dcs_form=form).ocp.solve() for form in ("stewart", "heaviside")]
     assert [r.outcome for r in forms] == [swb.Outcome.SOLVED] * 2
     assert forms[0].cost == pytest.approx(forms[1].cost, abs=1e-9)
     assert np.allclose(forms[0].controls, forms[1].controls, rtol=0, atol=1e-6)
+    # five genes have many local optima: the other form starts from the answer of the one
+    answer, (ocp, *_) = solved["irma"], optimal.irma(dcs_form="stewart")
+    t = np.linspace(0, 160, 401)
+    ocp.set_state_guess(t, answer.trajectory(t))
+    ocp.set_control_guess(answer.controls)
+    other = ocp.solve()
+    assert other.outcome is swb.Outcome.SOLVED
+    assert other.cost == pytest.approx(answer.cost, abs=1e-9)
