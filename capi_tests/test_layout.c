@@ -65,7 +65,10 @@ int main(void)
     FIELD(54, sensitivity);
     FIELD(55, adjoint);
     FIELD(56, explain);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 57);
+    FIELD(57, adapt_tol);
+    FIELD(58, adapt_rounds);
+    FIELD(59, adapt_elements);
+    CHECK(sizeof(swb_settings) == (size_t)8 * 60);
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);

@@ -1746,6 +1746,19 @@ typedef struct swb_settings {
      * Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
      */
     int64_t explain;
+    /**
+     * Error of an optimal control problem up to which finite elements are added: the largest difference of a state from
+     * the simulation at the ends of the control stages; 0: the grid stays.
+     */
+    double adapt_tol;
+    /**
+     * Solves on further grids at most.
+     */
+    int64_t adapt_rounds;
+    /**
+     * Finite elements of such a grid at most, over all stages.
+     */
+    int64_t adapt_elements;
 } swb_settings;
 
 /**
@@ -4948,6 +4961,148 @@ swb_status swb_ocp_get_message(const struct swb_ocp *ocp,
                                char *buf,
                                int64_t len,
                                int64_t *needed);
+
+/**
+ * Sizes of the mode sequence of the last solution: a phase for every finite element that has a length.
+ *
+ * @param[out] n_phases phases
+ * @param[out] n_modes  modes, over all subsystems; may be NULL
+ * @param[out] n_cells  sign patterns the modes consist of; may be NULL
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_mode_sizes(const struct swb_ocp *ocp,
+                              int64_t *n_phases,
+                              int64_t *n_modes,
+                              int64_t *n_cells);
+
+/**
+ * Mode sequence of the last solution.
+ *
+ * @param[out] times  [n_times] n_phases, when the phases start, from the start of the horizon
+ * @param[out] modes  [n_modes] n_phases times the number of modes: 1 where the mode is active; several modes of a subsystem
+ *                    are while it slides
+ * @param[out] cells  [n_cells] the same for the sign patterns modes consist of; NULL if not wanted
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_get_modes(const struct swb_ocp *ocp,
+                             double *times,
+                             int64_t n_times,
+                             int32_t *modes,
+                             int64_t n_modes,
+                             int32_t *cells,
+                             int64_t n_cells);
+
+/**
+ * Give the order of modes: the next solves start with it, from the guesses of states and controls, and follow the
+ * homotopy only where it has no solution. Every phase of a control stage needs a finite element there, which a solve
+ * checks. Orders next to it are tried within the budget of the option mode_search only.
+ *
+ * @param[in] times [n_times] when the phases start, from the start of the horizon: the first at 0, not falling; n_times = 0
+ *                  forgets the order
+ * @param[in] modes [n_modes] n_times times the number of modes: not 0 where the mode is active
+ * @param[in] cells [n_cells] the same for the sign patterns modes consist of; none where the modes say all
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
+ */
+SWB_API
+swb_status swb_ocp_set_modes(struct swb_ocp *ocp,
+                             const double *times,
+                             int64_t n_times,
+                             const int32_t *modes,
+                             int64_t n_modes,
+                             const int32_t *cells,
+                             int64_t n_cells);
+
+/**
+ * Random controls to start from, the same for the same seed: first the guess a solve starts from, then random ones within
+ * the bounds of the controls.
+ *
+ * @param[out] u [n_u] n_stages * nu for every start
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_ocp_random_starts(struct swb_ocp *ocp,
+                                 uint64_t seed,
+                                 double *u,
+                                 int64_t n_u);
+
+/**
+ * Solve from several guesses of the controls and keep the best solution, which is then the result of the problem. The
+ * results are those of single solves to the last bit, whatever the number of threads. A start that fails does not keep
+ * the others from being solved.
+ *
+ * The iteration callback is called on the thread of the caller only, for the starts that are solved there, and stops all
+ * starts; so does swb_ocp_interrupt.
+ *
+ * @param[in]  u         [n_u] n_stages * nu for every start
+ * @param[in]  n_threads threads at most, of which one is that of the caller; 0: one for each processor. With more than 1,
+ *                       functions of the model are called by several threads at once: give 1 if they cannot be
+ * @param[out] best      the start that was kept; may be NULL
+ * @return SWB_OK, however the solves ended; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative; that of the
+ *         first start if all fail
+ */
+SWB_API
+swb_status swb_ocp_solve_starts(struct swb_ocp *ocp,
+                                const double *u,
+                                int64_t n_u,
+                                int64_t n_threads,
+                                int64_t *best);
+
+/**
+ * What the starts of the last swb_ocp_solve_starts found.
+ *
+ * @param[in]  start    from 0
+ * @param[out] outcome  an enum swb_outcome; may be NULL
+ * @param[out] polished an enum swb_polished; may be NULL
+ * @param[out] cost     may be NULL
+ * @param[out] u        [n_u] n_stages * nu controls; NULL if not wanted
+ * @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
+ */
+SWB_API
+swb_status swb_ocp_get_start(const struct swb_ocp *ocp,
+                             int64_t start,
+                             int32_t *outcome,
+                             int32_t *polished,
+                             double *cost,
+                             double *u,
+                             int64_t n_u);
+
+/**
+ * How the grid of the last solve was adapted (option adapt_tol).
+ *
+ * @param[out] n_rounds solves on the way, the first on the grid that was given
+ * @param[out] kept     the one whose solution was kept; may be NULL
+ * @param[out] reached  1 if its error is as small as asked for; may be NULL
+ * @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
+ */
+SWB_API
+swb_status swb_ocp_get_adaptation(const struct swb_ocp *ocp,
+                                  int64_t *n_rounds,
+                                  int64_t *kept,
+                                  int32_t *reached);
+
+/**
+ * One solve on the way to an adapted grid.
+ *
+ * @param[in]  round       from 0
+ * @param[out] elements    [n_elements] n_stages, the finite elements of every control stage; NULL if not wanted
+ * @param[out] n_variables of the discretised problem; may be NULL
+ * @param[out] iterations  may be NULL
+ * @param[out] error       largest difference of a state from the simulation at the ends of the control stages, NaN where
+ *                         the simulation got stuck; may be NULL
+ * @param[out] cost        may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
+ */
+SWB_API
+swb_status swb_ocp_get_round(const struct swb_ocp *ocp,
+                             int64_t round,
+                             int64_t *elements,
+                             int64_t n_elements,
+                             int64_t *n_variables,
+                             int64_t *iterations,
+                             double *error,
+                             double *cost);
 
 /**
  * Add the constraint lower <= f([x(0); x(T)], u, p, t) <= upper between both ends of the horizon: f has 2 nx states, and sees

@@ -467,6 +467,13 @@ pub struct Settings {
     pub adjoint: i64,
     /// Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
     pub explain: i64,
+    /// Error of an optimal control problem up to which finite elements are added: the largest difference of a state from
+    /// the simulation at the ends of the control stages; 0: the grid stays.
+    pub adapt_tol: f64,
+    /// Solves on further grids at most.
+    pub adapt_rounds: i64,
+    /// Finite elements of such a grid at most, over all stages.
+    pub adapt_elements: i64,
 }
 
 /// A value on its way to or from an option.
@@ -703,6 +710,13 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Record an event-driven simulation for adjoint derivatives (enum toggle)."),
     row!(explain: Enum(Switch::On), "", FREE,
         "Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle)."),
+    row!(adapt_tol: Float(0.0, Closed(0.0), Closed(1.0)), "", FREE,
+        "Error of an optimal control problem up to which finite elements are added: the largest difference of a state from \
+         the simulation at the ends of the control stages; 0: the grid stays."),
+    row!(adapt_rounds: Int(10, Closed(0.0), Closed(1000.0)), "", FREE,
+        "Solves on further grids at most."),
+    row!(adapt_elements: Int(1000, Closed(1.0), Closed(1e6)), "", FREE,
+        "Finite elements of such a grid at most, over all stages."),
 ];
 
 impl OptionInfo {
@@ -889,6 +903,9 @@ impl Default for Settings {
             sensitivity: 0,
             adjoint: 0,
             explain: 0,
+            adapt_tol: 0.0,
+            adapt_rounds: 0,
+            adapt_elements: 0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);

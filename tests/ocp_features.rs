@@ -3,13 +3,14 @@
 mod common;
 use common::models::*;
 use common::*;
+use std::sync::atomic::AtomicBool;
 use std::sync::Arc;
 use switchback::error::Error;
 use switchback::fesd::PathAt;
 use switchback::func::{Callback, Dims};
 use switchback::mpcc::Polish;
-use switchback::nlp::{Control, Outcome};
-use switchback::ocp::{CostAt, Durations, Norm, Ocp, OcpResult};
+use switchback::nlp::{Control, IterationInfo, Outcome};
+use switchback::ocp::{CostAt, Durations, Norm, Ocp, OcpResult, Starts};
 use switchback::settings::{RkFamily, Settings};
 use switchback::system::{SharedFunction, System};
 
@@ -271,15 +272,42 @@ fn several_starts_on_any_number_of_threads() {
     let set = settings(RadauIia, 2, 2, FESD);
     let starts: Vec<Vec<f64>> = [-4.0, 0.0, 3.0].iter().map(|u| vec![*u; 12]).collect();
     let mut o = sliding_ocp(&set);
-    let (best, one) = o.solve_starts(&starts, 1).unwrap();
-    assert_eq!(o.result().unwrap().cost, one[best].cost);
-    assert!(one.iter().all(|r| r.outcome != Outcome::Solved || r.cost >= one[best].cost));
-    let (again, three) = sliding_ocp(&set).solve_starts(&starts, 3).unwrap();
-    assert_eq!(best, again);
-    for (a, b) in one.iter().zip(&three) {
+    let control = &mut Control::default();
+    let one = o.solve_starts(&starts, 1, control).unwrap();
+    let result = |s: &Starts, k: usize| s.results[k].clone().unwrap();
+    let best = result(&one, one.best);
+    assert_eq!(o.result().unwrap().cost, best.cost);
+    let three = sliding_ocp(&set).solve_starts(&starts, 3, control).unwrap();
+    assert_eq!(one.best, three.best);
+    for k in 0..3 {
+        let (a, b) = (result(&one, k), result(&three, k));
+        assert!(a.outcome != Outcome::Solved || a.cost >= best.cost);
         assert_eq!((a.cost.to_bits(), &a.controls), (b.cost.to_bits(), &b.controls));
     }
-    assert!(o.solve_starts(&[], 2).is_err() && o.solve_starts(&[vec![0.0]], 2).is_err());
+    let refused = [vec![], vec![vec![0.0]]];
+    assert!(refused.iter().all(|s| o.solve_starts(s, 2, control).is_err()));
+    let random = o.random_starts(4, 7);
+    assert_eq!(random, o.random_starts(4, 7));
+    assert!(random[1] != random[2] && random[1] != o.random_starts(4, 8)[1]);
+    assert!(random.iter().flatten().all(|u| u.abs() <= 10.0) && random[0] == [0.0; 12]);
+}
+
+/// An interrupt, and a monitor on the thread of the caller, stop the starts on all threads.
+#[test]
+fn several_starts_are_stopped_together() {
+    let mut o = sliding_ocp(&settings(RadauIia, 2, 2, FESD));
+    let starts = o.random_starts(6, 1);
+    let stop = AtomicBool::new(true);
+    let interrupt = &mut Control { interrupt: Some(&stop), ..Control::default() };
+    let stopped = |s: &Starts| s.results.iter().all(|r| r.as_ref().unwrap().outcome == Outcome::Stopped);
+    assert!(stopped(&o.solve_starts(&starts, 3, interrupt).unwrap()));
+    let mut left = 3;
+    let mut monitor = |_: &IterationInfo| {
+        left -= 1;
+        left > 0
+    };
+    let s = o.solve_starts(&starts, 1, &mut Control { monitor: Some(&mut monitor), ..Control::default() }).unwrap();
+    assert!(stopped(&s));
 }
 
 #[test]

@@ -128,6 +128,7 @@ pub mod batch;
 
 pub mod ocp;
 pub mod ocp_accuracy;
+pub mod ocp_search;
 pub mod ocp_terms;
 
 pub mod multiphase;

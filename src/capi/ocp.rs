@@ -16,7 +16,7 @@ use crate::document::write_ocp;
 use crate::error::{Error, Result};
 use crate::fesd::PathAt;
 use crate::nlp::Outcome;
-use crate::ocp::{Ocp, OcpResult, OcpSensitivity};
+use crate::ocp::{Around, Ocp, OcpResult, OcpSensitivity};
 use crate::settings::{LogLevel, Settings, Value};
 use std::ffi::{c_char, c_void};
 
@@ -44,6 +44,8 @@ pub struct Problem {
     ocp: Exclusive<Ocp>,
     pub(super) settings: Settings,
     result: Option<OcpResult>,
+    /// What several starts found.
+    pub(super) starts: Vec<Result<OcpResult>>,
     pub(super) hooks: Hooks,
 }
 
@@ -105,6 +107,34 @@ impl Problem {
         Ok(outcome)
     }
 
+    /// Controls of a start.
+    pub(super) fn control_size(&mut self) -> usize {
+        let ocp = self.ocp.get();
+        ocp.n_stages() * ocp.system().dims().u
+    }
+
+    pub(super) fn random(&mut self, n: usize, seed: u64) -> Vec<Vec<f64>> {
+        self.ocp.get().random_starts(n, seed)
+    }
+
+    /// Solves from several guesses, every solve within `around`, and keeps the best.
+    pub(super) fn solve_starts(&mut self, guesses: &[Vec<f64>], threads: usize, around: Around) -> Result<usize> {
+        let level = self.settings.log_level();
+        let (ocp, result, starts) = (self.ocp.get(), &mut self.result, &mut self.starts);
+        ocp.set_settings(&self.settings)?;
+        *result = None;
+        starts.clear();
+        let mut best = 0;
+        self.hooks.run("ocp", level, |control| {
+            let found = ocp.solve_starts_within(guesses, threads, control, around)?;
+            (best, *starts) = (found.best, found.results);
+            *result = ocp.result().cloned();
+            // a point without values is the business of its start
+            Ok(result.as_ref().map_or(Outcome::Stopped, |r| r.outcome))
+        })?;
+        Ok(best)
+    }
+
     /// A solution whose controls cannot be simulated to the end deserves a second look.
     fn warn_of_simulation(&mut self, level: LogLevel) {
         let reason = self.result.as_ref().and_then(|r| r.accuracy.as_ref()).map(|a| a.reason.clone());
@@ -153,7 +183,13 @@ pub(super) fn solved(ocp: Ocp, result: OcpResult, interrupt: &Interrupt) -> Prob
 
 /// Behind a handle.
 pub(super) fn new(ocp: Ocp, interrupt: &Interrupt) -> Problem {
-    Problem { settings: *ocp.settings(), ocp: Exclusive::new(ocp), result: None, hooks: Hooks::new(interrupt) }
+    Problem {
+        settings: *ocp.settings(),
+        ocp: Exclusive::new(ocp),
+        result: None,
+        starts: Vec::new(),
+        hooks: Hooks::new(interrupt),
+    }
 }
 
 pub(super) unsafe fn change(ocp: *mut swb_ocp, body: impl FnOnce(&mut Ocp) -> Result<()>) -> Result<()> {

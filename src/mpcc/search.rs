@@ -40,7 +40,11 @@ impl MpccSolver {
         self.scale(p, x0);
         self.st.start(x0, &mut self.point);
         self.sides.copy_from_slice(sides);
-        let ok = self.try_far(p, bounds, control);
+        let mut ok = self.try_point(p, bounds, control);
+        if !ok {
+            self.st.start(x0, &mut self.point);
+            ok = self.try_far(p, bounds, control);
+        }
         self.close = true;
         if ok {
             self.record_exact(p, control);

@@ -103,7 +103,7 @@ impl Ocp {
     /// By how much the constraints are violated at best: the problem without cost, each constraint relaxed.
     fn least_violation(&self, r: &OcpResult, control: &Control) -> String {
         let mut soft = self.blank();
-        soft.settings = Settings { accuracy: 0, mode_search: 0, explain: 0, ..self.settings };
+        soft.settings = Settings { accuracy: 0, mode_search: 0, explain: 0, adapt_tol: 0.0, ..self.settings };
         (soft.lagrange, soft.mayer) = (None, None);
         for list in [&mut soft.path as &mut dyn Clear, &mut soft.terminal, &mut soft.boundary, &mut soft.squares] {
             list.empty();

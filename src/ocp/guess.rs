@@ -101,7 +101,7 @@ impl Ocp {
     }
 
     /// Controls as given, or in the middle of their bounds.
-    fn control_guess(&self) -> Vec<f64> {
+    pub(super) fn control_guess(&self) -> Vec<f64> {
         if let Some(u) = &self.u_guess {
             return u.clone();
         }
@@ -263,7 +263,7 @@ fn value(f: &SharedFunction, at: &Point) -> std::result::Result<Vec<f64>, EvalEr
 }
 
 /// A point well inside an interval.
-fn middle(lo: f64, hi: f64) -> f64 {
+pub(super) fn middle(lo: f64, hi: f64) -> f64 {
     match (lo.is_finite(), hi.is_finite()) {
         (true, true) => 0.5 * (lo + hi),
         (true, false) => lo.max(0.0),

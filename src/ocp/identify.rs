@@ -157,7 +157,7 @@ impl Identifier {
             self.proposals = proposals.into_iter();
             self.tried.push(sides.to_vec());
         }
-        while let Some(s) = self.proposals.next() {
+        for s in self.proposals.by_ref() {
             let free = self.free > 0;
             self.free = self.free.saturating_sub(1);
             if self.tried.contains(&s) {

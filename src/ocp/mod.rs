@@ -13,6 +13,7 @@
 //! further solves with other bounds, parameters and starting points.
 
 mod accuracy;
+mod adapt;
 mod diagnosis;
 mod extend;
 mod guess;
@@ -31,9 +32,11 @@ mod terms;
 
 pub use crate::fesd::Durations;
 pub use accuracy::Accuracy;
+pub use adapt::{Adaptation, Round};
 pub use modes::ModeSequence;
 pub use phases::{MultiPhase, MultiPhaseResult};
 pub use sensitivity::OcpSensitivity;
+pub use starts::{Around, Starts};
 pub use statement::Statement;
 pub(crate) use terms::Linear;
 
@@ -113,6 +116,8 @@ pub struct OcpResult {
     pub dimensions: (usize, usize, usize),
     /// Comparison with a simulation of the controls; `None` when it is not asked for.
     pub accuracy: Option<Accuracy>,
+    /// How the grid was adapted; `None` where that was not asked for.
+    pub adaptation: Option<Adaptation>,
 }
 
 /// An optimal control problem.

@@ -26,9 +26,11 @@ pub(super) struct Built {
 
 /// Where a solve starts.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Start {
+pub(super) enum Start {
     /// From the guesses, along the homotopy.
     Cold,
+    /// From guesses and modes that are an earlier solution on another grid.
+    Carried,
     /// From the last solution.
     Warm,
 }
@@ -128,14 +130,22 @@ impl Ocp {
 
     /// Solves. `Err` when the problem cannot be stated; how the solver ended is in the result.
     pub fn solve(&mut self, control: &mut Control) -> Result<&OcpResult> {
-        self.run(Start::Cold, control)
+        self.solve_from(Start::Cold, control)
     }
 
     /// Solves from the last solution: after small changes of bounds, initial state, parameters or references the active
     /// set is tried first, and the homotopy only where that fails. Without a solution as [`Ocp::solve`].
     pub fn solve_warm(&mut self, control: &mut Control) -> Result<&OcpResult> {
         let start = if self.built.is_some() && self.result.is_some() { Start::Warm } else { Start::Cold };
-        self.run(start, control)
+        self.solve_from(start, control)
+    }
+
+    fn solve_from(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
+        if self.settings.adapt_tol > 0.0 {
+            self.adapt(start, control)
+        } else {
+            self.run(start, control)
+        }
     }
 
     /// Makes the last solution, one control stage later, the guess of the next solve; the last stage is repeated.
@@ -165,10 +175,10 @@ impl Ocp {
         self.set_u_guess(&u)
     }
 
-    fn run(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
+    pub(super) fn run(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
         let time_build = self.build()?;
         let given = match (&self.built, &self.modes) {
-            (Some(b), Some(m)) if start == Start::Cold && b.problem.detects_switches() => {
+            (Some(b), Some(m)) if start != Start::Warm && b.problem.detects_switches() => {
                 Some(m.on_grid(b.problem.spec().dcs.form(), &self.durations, &b.identifier.grid.n_fe)?)
             }
             _ => None,
@@ -180,7 +190,8 @@ impl Ocp {
         let stage_params = self.prepare(&mut problem, &mut bounds, &mut identifier, &mut extended)?;
         let budget = self.settings.mode_search as usize;
         let has_modes = given.is_some();
-        identifier.restart((start == Start::Cold && !has_modes) || budget > 0, budget);
+        let improves = start == Start::Carried || (start == Start::Cold && !has_modes);
+        identifier.restart(improves || budget > 0, budget);
         solver.settings = MpccSettings::from(&self.settings);
         control.limit(self.settings.max_time);
         problem.forget_trouble();
@@ -213,7 +224,7 @@ impl Ocp {
         }
         if near {
             // the active set is that of the other method, or next to it
-        } else if start == Start::Cold {
+        } else if start != Start::Warm {
             let (w0, guess) = self.starting_point(&mut problem, &extended, &stage_params, control)?;
             let mut spent = None;
             if let Some((mut sides, lengths)) = given {
@@ -380,6 +391,7 @@ impl Ocp {
             time_build: 0.0,
             dimensions: (problem.n(), problem.m(), problem.pairs().len()),
             accuracy: None,
+            adaptation: None,
         }
     }
 

@@ -1,14 +1,43 @@
 //! Several starting points at once. Every start is a solve of its own, so the results do not depend on the number of threads.
 
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::Mutex;
+
+use super::guess::middle;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
-use crate::nlp::{Control, Outcome};
+use crate::nlp::{Control, IterationInfo, Outcome};
+
+/// What surrounds the solve of one start on its thread, [`Ocp::solve_starts_within`].
+pub type Around<'a> = &'a (dyn Fn(&mut dyn FnMut() -> Result<()>) -> Result<()> + Sync);
+
+/// What several starts found.
+#[derive(Debug, Clone)]
+pub struct Starts {
+    /// The start that is the result of the problem now: the lowest cost among the solved ones, and among equals the first.
+    pub best: usize,
+    /// What every start found, or why it could not be solved.
+    pub results: Vec<Result<OcpResult>>,
+}
 
 impl Ocp {
-    /// Solves from several guesses of the controls, `[n_stages · nu]` each, on `threads` threads, and keeps the best
-    /// solution: the lowest cost among the exact ones, and among equals the first. Returns which one that is, and what
-    /// every start found. Functions of the model are called from all threads.
-    pub fn solve_starts(&mut self, controls: &[Vec<f64>], threads: usize) -> Result<(usize, Vec<OcpResult>)> {
+    /// Solves from several guesses of the controls, `[n_stages · nu]` each, on `threads` threads, one of which is that of the
+    /// caller, and keeps the best solution. With more than one, functions of the model are called from several threads
+    /// at once. A start that fails does not keep the others from being solved; `Err` if all fail.
+    ///
+    /// `control` interrupts all of them; its monitor sees the iterations on the thread of the caller only, and stops all.
+    pub fn solve_starts(&mut self, controls: &[Vec<f64>], threads: usize, control: &mut Control) -> Result<Starts> {
+        self.solve_starts_within(controls, threads, control, &|body| body())
+    }
+
+    /// As [`Ocp::solve_starts`], every solve within `around`: for what is kept per thread.
+    pub fn solve_starts_within(
+        &mut self,
+        controls: &[Vec<f64>],
+        threads: usize,
+        control: &mut Control,
+        around: Around,
+    ) -> Result<Starts> {
         if controls.is_empty() {
             return Err(Error::Dimension("no starting point is given".into()));
         }
@@ -16,41 +45,94 @@ impl Ocp {
         for u in controls {
             let mut p = self.blank();
             p.set_u_guess(u)?;
-            problems.push(Some(p));
+            problems.push(Mutex::new(p));
         }
-        let n = threads.clamp(1, problems.len());
-        let mut shares: Vec<Vec<(usize, Ocp)>> = (0..n).map(|_| Vec::new()).collect();
-        for (k, p) in problems.iter_mut().enumerate() {
-            shares[k % n].extend(p.take().map(|p| (k, p)));
-        }
-        let work = |share: Vec<(usize, Ocp)>| -> Vec<(usize, Ocp, Result<()>)> {
-            let one = |(k, mut p): (usize, Ocp)| {
-                let r = p.solve(&mut Control::default()).map(|_| ());
-                (k, p, r)
-            };
-            share.into_iter().map(one).collect()
+        let own = AtomicBool::new(false);
+        let stop = control.interrupt.unwrap_or(&own);
+        let deadline = control.deadline;
+        let next = AtomicUsize::new(0);
+        let work = |control: &mut Control| -> Vec<(usize, Result<()>)> {
+            let mut done = Vec::new();
+            loop {
+                let k = next.fetch_add(1, Ordering::Relaxed);
+                let Some(problem) = problems.get(k) else { return done };
+                let mut one = || {
+                    let mut p = problem.lock().map_err(|_| Error::Internal("a start is poisoned".into()))?;
+                    let stopped = p.solve(control)?.outcome == Outcome::Stopped;
+                    if stopped {
+                        stop.store(true, Ordering::Relaxed);
+                    }
+                    Ok(())
+                };
+                done.push((k, around(&mut one)));
+            }
         };
-        let solved: Vec<_> = std::thread::scope(|scope| {
-            let handles: Vec<_> = shares.into_iter().map(|s| scope.spawn(move || work(s))).collect();
-            handles.into_iter().flat_map(|h| h.join().unwrap_or_default()).collect()
+        let ends: Vec<(usize, Result<()>)> = std::thread::scope(|scope| {
+            let others: Vec<_> = (1..threads.min(controls.len()))
+                .map(|_| scope.spawn(|| work(&mut Control { interrupt: Some(stop), monitor: None, deadline })))
+                .collect();
+            let watched = control.monitor.is_some();
+            let mut monitor = |i: &IterationInfo| control.monitor.as_mut().is_none_or(|f| f(i));
+            let monitor: Option<&mut dyn FnMut(&IterationInfo) -> bool> =
+                if watched { Some(&mut monitor) } else { None };
+            let mut all = work(&mut Control { interrupt: Some(stop), monitor, deadline });
+            others.into_iter().for_each(|h| all.extend(h.join().unwrap_or_default()));
+            all
         });
-        for (k, p, r) in solved {
-            r?;
-            problems[k] = Some(p);
+        let missing = || Err(Error::Internal("a thread of the starts panicked".into()));
+        let mut problems: Vec<Option<Ocp>> = problems.into_iter().map(|p| p.into_inner().ok()).collect();
+        let mut results: Vec<Result<OcpResult>> = problems.iter().map(|_| missing()).collect();
+        for (k, end) in ends {
+            let found = problems[k].as_ref().and_then(|p| p.result.clone());
+            results[k] = end.and_then(|()| found.map_or_else(missing, Ok));
         }
-        let result = |p: &Option<Ocp>| p.as_ref().and_then(|p| p.result.clone());
-        let results: Option<Vec<OcpResult>> = problems.iter().map(result).collect();
-        let results = results.ok_or_else(|| Error::Internal("a thread of the starts panicked".into()))?;
-        let value =
-            |r: &OcpResult| if r.outcome == Outcome::Solved && !r.cost.is_nan() { r.cost } else { f64::INFINITY };
-        let order = |a: &usize, b: &usize| value(&results[*a]).total_cmp(&value(&results[*b])).then(a.cmp(b));
+        let value = |k: &usize| match &results[*k] {
+            Ok(r) if r.outcome == Outcome::Solved && !r.cost.is_nan() => (0, r.cost),
+            Ok(r) => (1, r.residuals.primal),
+            Err(_) => (2, 0.0),
+        };
+        let order = |a: &usize, b: &usize| {
+            let (a, b) = ((value(a), a), (value(b), b));
+            a.0 .0.cmp(&b.0 .0).then(a.0 .1.total_cmp(&b.0 .1)).then(a.1.cmp(b.1))
+        };
         let best = (0..results.len()).min_by(order).unwrap_or(0);
+        if let Err(e) = &results[best] {
+            return Err(e.clone());
+        }
         if let Some(p) = problems[best].take() {
             let own = self.u_guess.take();
             *self = p;
             self.u_guess = own;
         }
-        Ok((best, results))
+        Ok(Starts { best, results })
+    }
+
+    /// `n` guesses of the controls for [`Ocp::solve_starts`]: the guess a solve starts from, then random ones within the
+    /// bounds of the controls, which take the place of infinity at a distance of 1 (or the size of the other bound). The
+    /// same `seed` gives the same guesses.
+    pub fn random_starts(&self, n: usize, seed: u64) -> Vec<Vec<f64>> {
+        let mut state = seed;
+        let mut share = || {
+            // SplitMix64: G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014
+            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+            let mut z = state;
+            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+            ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+        };
+        let range = |(l, u): (&f64, &f64)| {
+            let size = |v: f64| if v.is_finite() { v.abs().max(1.0) } else { 1.0 };
+            let at = middle(*l, *u);
+            (if l.is_finite() { *l } else { at - size(*u) }, if u.is_finite() { *u } else { at + size(*l) })
+        };
+        let ranges: Vec<(f64, f64)> = self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(range).collect();
+        let one = |k: usize, share: &mut dyn FnMut() -> f64| -> Vec<f64> {
+            if k == 0 {
+                return self.control_guess();
+            }
+            (0..self.n_stages).flat_map(|_| ranges.clone()).map(|(l, u)| l + (u - l) * share()).collect()
+        };
+        (0..n).map(|k| one(k, &mut share)).collect()
     }
 
     /// The problem as stated, nothing built and nothing solved.

@@ -98,6 +98,7 @@ from .mpcc import (
     variable,
 )
 from .multiphase import MultiPhase, MultiPhaseResult
+from ._ocp_search import Modes
 from .ocp import Ocp, OcpResult, OcpSensitivity
 from .plot import plot, plot_phase, plot_run
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
@@ -146,6 +147,7 @@ __all__ = [
     "Norm",
     "NullError",
     "NumericError",
+    "Modes",
     "Ocp",
     "OcpResult",
     "OcpSensitivity",

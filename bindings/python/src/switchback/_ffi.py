@@ -464,6 +464,9 @@ class swb_settings(Structure):
         ("sensitivity", c_int64),
         ("adjoint", c_int64),
         ("explain", c_int64),
+        ("adapt_tol", c_double),
+        ("adapt_rounds", c_int64),
+        ("adapt_elements", c_int64),
     ]
 
 
@@ -936,6 +939,14 @@ FUNCTIONS = {
     "swb_ocp_get_certificate": (c_int32, [c_void_p, POINTER(swb_certificate), c_uint64]),
     "swb_ocp_get_mismatch": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_message": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_ocp_mode_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_ocp_get_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_set_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_random_starts": (c_int32, [c_void_p, c_uint64, c_void_p, c_int64]),
+    "swb_ocp_solve_starts": (c_int32, [c_void_p, c_void_p, c_int64, c_int64, c_void_p]),
+    "swb_ocp_get_start": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_void_p, c_int64]),
+    "swb_ocp_get_adaptation": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_ocp_get_round": (c_int32, [c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_ocp_add_boundary": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_add_periodic": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_add_least_squares": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_int32]),

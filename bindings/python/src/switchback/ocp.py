@@ -13,6 +13,7 @@ from ._call import text
 from ._document import Reader
 from ._ffi import Outcome, PathAt, Polished, swb_accuracy
 from ._library import lib
+from ._ocp_search import Adaptation, OcpSearch
 from ._ocp_terms import OcpTerms, choice
 from .errors import ArgumentError, DimensionError, StateError
 from .expr import Model, system_of
@@ -52,6 +53,8 @@ class OcpResult(HasOutcome):
     #: Why there is no exact solution, in the words of the model; empty where there is one. Stages, elements and rows are
     #: counted from 0.
     message: str = ""
+    #: How the grid was adapted; None with the option adapt_tol at 0.
+    adaptation: Adaptation | None = field(default=None, repr=False)
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
         """See `switchback.plot`."""
@@ -72,7 +75,7 @@ class OcpSensitivity:
     one_sided: bool
 
 
-class Ocp(OcpTerms):
+class Ocp(OcpTerms, OcpSearch):
     """Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
 
     Bounds are infinite, the initial state is free, initial time and parameters are zero, and there is no cost,
@@ -246,6 +249,7 @@ class Ocp(OcpTerms):
             self._vector("get_control_ends", u.size).reshape(u.shape),
             self._violation(),
             text(lib.swb_ocp_get_message, self),
+            self._adaptation(),
         )
 
     def _accuracy(self) -> tuple[Accuracy | None, Array | None]:

@@ -1,0 +1,159 @@
+"""Mode sequences of optimal control problems, several starts, adapted grids."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy
+
+from ._arrays import Array, address, index, table
+from ._ffi import Outcome, Polished
+from ._solver import Solver
+from .errors import DimensionError, Error, RangeError, StateError
+from .function import Function
+from .results import outcome_of, polished_of
+
+
+@dataclass(frozen=True)
+class Modes:
+    """The active modes phase by phase: a row for each phase, which begin at `times` from the start of the horizon. Several
+    modes of a subsystem are active while it slides. `cells` are the sign patterns the modes consist of; None where the
+    modes say all."""
+
+    times: Array
+    modes: Any
+    cells: Any = None
+
+
+@dataclass(frozen=True)
+class Start:
+    """What one start found; `error` is why it could not be solved."""
+
+    outcome: Outcome | None
+    polished: Polished | None
+    cost: float
+    controls: Array | None = field(default=None, repr=False)
+    error: Error | None = None
+
+
+@dataclass(frozen=True)
+class Starts:
+    """What several starts found; the problem has the result of the one that is `best`."""
+
+    best: int
+    starts: list[Start]
+
+
+@dataclass(frozen=True)
+class Round:
+    """One solve on the way to an adapted grid: elements of every stage, error as `accuracy.worst`."""
+
+    elements: list[int]
+    n_variables: int
+    iterations: int
+    error: float
+    cost: float
+
+
+@dataclass(frozen=True)
+class Adaptation:
+    """How a grid was adapted: the solves, which of them was kept, and whether its error is as small as asked for."""
+
+    rounds: list[Round]
+    kept: int
+    reached: bool
+
+
+class OcpSearch(Solver):
+    """Methods of `Ocp` about mode sequences, several starts and adapted grids."""
+
+    nu: int
+    n_stages: int
+    _functions: list[Function]
+
+    @property
+    def modes(self) -> Modes:
+        """Mode sequence of the last solution: a phase for every finite element that has a length."""
+        sizes = [ctypes.c_int64() for _ in range(3)]
+        self._do("mode_sizes", *map(ctypes.byref, sizes))
+        n, n_modes, n_cells = (s.value for s in sizes)
+        times = numpy.empty(n)
+        modes = numpy.empty((n, n_modes), dtype=numpy.int32)
+        cells = numpy.empty((n, n_cells), dtype=numpy.int32)
+        self._do("get_modes", address(times), n, address(modes), modes.size, address(cells), cells.size)
+        return Modes(times, modes.astype(bool), cells.astype(bool))
+
+    def set_modes(self, modes: Modes | None) -> None:
+        """Give the order of modes: the next solves start with it, from the guesses of states and controls, and follow the
+        homotopy only where it has no solution; None forgets it. Orders next to it are tried within the budget of the
+        option mode_search only."""
+        if modes is None:
+            self._do("set_modes", None, 0, None, 0, None, 0)
+            return
+        times = numpy.ascontiguousarray(numpy.atleast_1d(modes.times), dtype=float)
+        if times.ndim != 1 or times.size == 0:
+            raise DimensionError("a mode sequence needs a start for every phase")
+
+        def flags(value: Any, name: str) -> Any:
+            array = numpy.ascontiguousarray(numpy.asarray(value), dtype=numpy.int32)
+            if array.ndim != 2 or len(array) != len(times):
+                raise DimensionError(f"{name} has shape {array.shape}, expected a row for each of {len(times)} phases")
+            return array
+
+        active = flags(modes.modes, "modes")
+        cells = numpy.empty(0, dtype=numpy.int32) if modes.cells is None else flags(modes.cells, "cells")
+        self._do("set_modes", address(times), times.size, address(active), active.size, address(cells), cells.size)
+
+    def random_starts(self, n: int, seed: int = 0) -> Array:
+        """Controls to start from, of the shape (n, n_stages, nu): the guess a solve starts from, then random ones within the
+        bounds; the same for the same seed."""
+        count, value = index(n, "n"), index(seed, "seed")
+        if count < 1 or value < 0:
+            raise RangeError("at least one start, and a seed that is not negative")
+        u = numpy.empty((count, self.n_stages, self.nu))
+        self._do("random_starts", value, address(u), u.size)
+        return u
+
+    def solve_starts(self, starts: Any, threads: int | None = None) -> Starts:
+        """Solve from several guesses of the controls, (n, n_stages, nu), or from so many random ones; the problem keeps the
+        best solution. `threads`: None and 0 for one on each processor; models with Python functions are solved on one.
+        The results do not depend on it."""
+        u = self.random_starts(starts) if numpy.ndim(starts) == 0 else numpy.asarray(starts, dtype=float)
+        if u.ndim != 3:
+            raise DimensionError(f"starts has shape {u.shape}, expected (n, {self.n_stages}, {self.nu})")
+        flat = table(u.reshape(len(u), -1), None, self.n_stages * self.nu, "starts")
+        count = 0 if threads is None else index(threads, "threads")
+        if any(f._callbacks for f in self._functions):
+            count = 1
+        best = ctypes.c_int64()
+        arguments = (address(flat), flat.size, count, ctypes.byref(best))
+        self._do("solve_starts", *arguments, interruptible=True)
+        return Starts(best.value, [self._start(k) for k in range(len(flat))])
+
+    def _start(self, k: int) -> Start:
+        outcome, polished, cost = ctypes.c_int32(), ctypes.c_int32(), ctypes.c_double()
+        u = numpy.empty((self.n_stages, self.nu))
+        numbers = map(ctypes.byref, (outcome, polished, cost))
+        try:
+            self._do("get_start", k, *numbers, address(u), u.size)
+        except Error as error:
+            return Start(None, None, float("nan"), None, error)
+        return Start(outcome_of(outcome.value), polished_of(polished.value), cost.value, u)
+
+    def _adaptation(self) -> Adaptation | None:
+        n, kept, reached = ctypes.c_int64(), ctypes.c_int64(), ctypes.c_int32()
+        try:
+            self._do("get_adaptation", *map(ctypes.byref, (n, kept, reached)))
+        except StateError:
+            return None
+        return Adaptation([self._round(k) for k in range(n.value)], kept.value, bool(reached.value))
+
+    def _round(self, k: int) -> Round:
+        elements = numpy.empty(self.n_stages, dtype=numpy.int64)
+        variables, iterations = ctypes.c_int64(), ctypes.c_int64()
+        error, cost = ctypes.c_double(), ctypes.c_double()
+        numbers = map(ctypes.byref, (variables, iterations, error, cost))
+        self._do("get_round", k, address(elements), elements.size, *numbers)
+        return Round(elements.tolist(), variables.value, iterations.value, error.value, cost.value)
