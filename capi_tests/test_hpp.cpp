@@ -142,6 +142,15 @@ static void optimal_control() {
         CHECK(std::abs(u - 0.5) < 1e-6);
     CHECK(ocp.trajectory().info().n_switches == 0 && ocp.residuals().primal < 1e-9);
     // the cost is (1 - x0)^2 / 2
+    const swb::Ocp::Modes modes = ocp.modes();
+    CHECK(!modes.times.empty() && modes.times[0] == 0.0);
+    const swb::Vector starts = ocp.random_starts(3, 5);
+    CHECK(ocp.solve_starts(starts, 2) >= 0 && std::abs(ocp.cost() - 0.5) < 1e-8);
+    try {
+        ocp.rounds();
+        CHECK(false);
+    } catch (const swb::Error &) {
+    }
     const swb::Ocp::Sensitivity s = ocp.sensitivity();
     CHECK(std::abs(s.cost.at(0) + 1.0) < 1e-6 && std::abs(s.controls.at(3) + 0.5) < 1e-6 && !s.one_sided);
 }

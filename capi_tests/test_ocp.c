@@ -546,10 +546,98 @@ static void phases(void)
     swb_function_free(gap);
 }
 
+/* x' in {3, 1} across x = 0, the running cost is the distance from a line: the modes of the solution lead back to it, and
+   starts give the same whatever the number of threads. */
+static int32_t driven_slopes(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = 3.0 + at->u[0];
+    out[1] = 1.0 + at->u[0];
+    return 0;
+}
+
+static int32_t effort_and_distance(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->u[0] * at->u[0] + at->x[0] * at->x[0];
+    return 0;
+}
+
+static void modes_starts_and_grids(void)
+{
+    static const double start[] = {-1.0}, lower[] = {-1.0}, upper[] = {1.0}, late[] = {0.5};
+    static const int32_t one[] = {1, 0};
+    swb_function *f = make_function("slopes", 1, 1, 0, 2, driven_slopes, NULL), *psi = make_function("psi", 1, 1, 0, 1, place, NULL);
+    swb_function *cost = make_function("cost", 1, 1, 0, 1, effort_and_distance, NULL);
+    static const int8_t signs[] = {-1, 1};
+    static const int64_t rows[] = {0};
+    swb_system *system = NULL;
+    swb_ocp *ocp = NULL;
+    int32_t outcome = -1, reached = -1, modes[100], cells[100], before[100];
+    int64_t n = 0, n_modes = 0, n_cells = 0, best = -1, kept = -1, elements[4], n_variables = 0;
+    double times[50], value = 0.0, found = 0.0, error = 0.0, u[12], controls[2][12];
+
+    CHECK_OK(swb_system_create(1, 1, 0, &system));
+    CHECK_OK(swb_system_add_subsystem(system, rows, 1, f, 2, psi, signs, 2, NULL));
+    CHECK_OK(swb_ocp_create(system, 2.0, 4, NULL, &ocp));
+    CHECK_OK(swb_ocp_set_lagrange(ocp, cost));
+    CHECK_OK(swb_ocp_set_initial_state(ocp, start, 1));
+    CHECK_OK(swb_ocp_set_control_bounds(ocp, lower, 1, upper, 1));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_mode_sizes(ocp, &n, NULL, NULL));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_ocp_get_cost(ocp, &value));
+    CHECK_OK(swb_ocp_mode_sizes(ocp, &n, &n_modes, &n_cells));
+    CHECK(n >= 2 && n <= 50 && n_modes == 2 && n_cells == 2);
+    CHECK_OK(swb_ocp_get_modes(ocp, times, n, modes, 2 * n, cells, 2 * n));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_modes(ocp, times, n - 1, modes, 2 * n, NULL, 0));
+    CHECK(times[0] == 0.0 && modes[0] == 1 && modes[1] == 0);
+    CHECK_OK(swb_ocp_set_modes(ocp, times, n, modes, 2 * n, cells, 2 * n));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK_OK(swb_ocp_get_cost(ocp, &found));
+    CHECK(fabs(found - value) < 1e-9);
+    CHECK_OK(swb_ocp_get_modes(ocp, times, n, before, 2 * n, NULL, 0));
+    CHECK(memcmp(before, modes, (size_t)(2 * n) * sizeof *modes) == 0);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_modes(ocp, late, 1, one, 2, NULL, 0));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_set_modes(ocp, times, n, NULL, 2 * n, NULL, 0));
+    CHECK_OK(swb_ocp_set_modes(ocp, NULL, 0, NULL, 0, NULL, 0));
+
+    CHECK_OK(swb_ocp_random_starts(ocp, 3, u, 12));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_random_starts(ocp, 3, u, 11));
+    for (int k = 0; k < 2; k++) {
+        CHECK_OK(swb_ocp_solve_starts(ocp, u, 12, 2 * k + 1, &best));
+        CHECK(best >= 0 && best < 3);
+        for (int64_t i = 0; i < 3; i++)
+            CHECK_OK(swb_ocp_get_start(ocp, i, &outcome, NULL, &found, controls[k] + 4 * i, 4));
+    }
+    CHECK(memcmp(controls[0], controls[1], sizeof controls[0]) == 0);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_start(ocp, 3, &outcome, NULL, NULL, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_solve_starts(ocp, u, 11, 1, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_solve_starts(ocp, u, 12, -1, NULL));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_solve_starts(ocp, NULL, 12, 1, NULL));
+    u[4] = NAN;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_solve_starts(ocp, u, 12, 1, NULL));
+
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_adaptation(ocp, &n, NULL, NULL));
+    CHECK_OK(swb_ocp_set_double(ocp, "adapt_tol", 1e-9));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK_OK(swb_ocp_get_adaptation(ocp, &n, &kept, &reached));
+    CHECK(n >= 1 && kept >= 0 && kept < n && reached == 1);
+    CHECK_OK(swb_ocp_get_round(ocp, kept, elements, 4, &n_variables, NULL, &error, &found));
+    CHECK(error <= 1e-9 && n_variables > 0 && elements[0] >= 1 && fabs(found - value) < 1e-3);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_round(ocp, n, NULL, 0, NULL, NULL, NULL, NULL));
+    swb_ocp_free(ocp);
+    swb_system_free(system);
+    swb_function_free(f);
+    swb_function_free(psi);
+    swb_function_free(cost);
+}
+
 int main(void)
 {
     phases();
     known_solution();
+    modes_starts_and_grids();
     constraints();
     free_lengths();
     message(2.0, 0.5, "");

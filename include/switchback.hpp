@@ -955,6 +955,59 @@ public:
         detail::check(swb_ocp_get_trajectory(get(), &r));
         return Trajectory(r);
     }
+    /// The active modes phase by phase; the flags of one phase together. Phases begin at `times` from the start of the
+    /// horizon; without `cells` the modes say all.
+    struct Modes {
+        Vector times;
+        std::vector<int32_t> modes, cells;
+    };
+    /// Mode sequence of the last solution.
+    Modes modes() const {
+        int64_t n = 0, n_modes = 0, n_cells = 0;
+        detail::check(swb_ocp_mode_sizes(get(), &n, &n_modes, &n_cells));
+        const auto room = [n](int64_t width) { return std::vector<int32_t>(static_cast<std::size_t>(n * width)); };
+        Modes m{Vector(static_cast<std::size_t>(n)), room(n_modes), room(n_cells)};
+        detail::check(swb_ocp_get_modes(get(), m.times.data(), n, m.modes.data(), n * n_modes, m.cells.data(), n * n_cells));
+        return m;
+    }
+    /// Order of modes the next solves start with; an empty one forgets it.
+    void modes(const Modes &m) {
+        const auto length = [](const std::vector<int32_t> &v) { return static_cast<int64_t>(v.size()); };
+        detail::check(swb_ocp_set_modes(get(), m.times.data(), static_cast<int64_t>(m.times.size()), m.modes.data(),
+                                        length(m.modes), m.cells.data(), length(m.cells)));
+    }
+    /// Controls to start from, those of one start together: the guess of a solve, then random ones within the bounds.
+    Vector random_starts(int64_t n, uint64_t seed = 0) {
+        Vector u(static_cast<std::size_t>(n * n_stages_ * nu_));
+        detail::check(swb_ocp_random_starts(get(), seed, u.data(), static_cast<int64_t>(u.size())));
+        return u;
+    }
+    /// Solves from several guesses of the controls and keeps the best solution; returns which one that is. With more than
+    /// one thread (0: one for each processor) functions of the model are called by several threads at once.
+    int64_t solve_starts(View u, int64_t n_threads = 0) {
+        int64_t best = 0;
+        detail::check(swb_ocp_solve_starts(get(), u.data(), u.length(), n_threads, &best));
+        return best;
+    }
+    /// One solve on the way to an adapted grid.
+    struct Round {
+        std::vector<int64_t> elements;
+        int64_t n_variables, iterations;
+        double error, cost;
+    };
+    /// The solves of the last adaptation (option adapt_tol).
+    std::vector<Round> rounds() const {
+        int64_t n = 0;
+        detail::check(swb_ocp_get_adaptation(get(), &n, nullptr, nullptr));
+        std::vector<Round> all;
+        for (int64_t k = 0; k < n; ++k) {
+            Round r{std::vector<int64_t>(static_cast<std::size_t>(n_stages_)), 0, 0, 0.0, 0.0};
+            detail::check(swb_ocp_get_round(get(), k, r.elements.data(), n_stages_, &r.n_variables, &r.iterations, &r.error,
+                                            &r.cost));
+            all.push_back(std::move(r));
+        }
+        return all;
+    }
 
 private:
     void relaxed(const Function &f, View lower, View upper, int32_t at, swb_norm norm, double weight) {

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
-import switchback as swb
 from models import tutorial
+
+import switchback as swb
 from switchback.expr import Model, sign
 
 

@@ -11,7 +11,7 @@ import numpy
 from ._arrays import Array, address, index, table
 from ._ffi import Outcome, Polished
 from ._solver import Solver
-from .errors import DimensionError, Error, RangeError, StateError
+from .errors import DimensionError, RangeError, StateError, SwitchbackError
 from .function import Function
 from .results import outcome_of, polished_of
 
@@ -35,7 +35,7 @@ class Start:
     polished: Polished | None
     cost: float
     controls: Array | None = field(default=None, repr=False)
-    error: Error | None = None
+    error: SwitchbackError | None = None
 
 
 @dataclass(frozen=True)
@@ -138,7 +138,7 @@ class OcpSearch(Solver):
         numbers = map(ctypes.byref, (outcome, polished, cost))
         try:
             self._do("get_start", k, *numbers, address(u), u.size)
-        except Error as error:
+        except SwitchbackError as error:
             return Start(None, None, float("nan"), None, error)
         return Start(outcome_of(outcome.value), polished_of(polished.value), cost.value, u)
 
