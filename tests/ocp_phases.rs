@@ -178,5 +178,5 @@ fn time_goes_on_from_phase_to_phase() {
     m.phase_mut(1).unwrap().set_x0(&[0.0]).unwrap();
     let r = m.solve(&mut Control::default()).unwrap();
     assert_ne!(r.outcome, Outcome::Solved);
-    assert!(r.message.contains("links are violated") || r.message.contains("phase 0"), "{}", r.message);
+    assert!(r.message.contains("link 0 ('continuity') behind phase 0, row 0, is violated by"), "{}", r.message);
 }

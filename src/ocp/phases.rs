@@ -16,6 +16,9 @@ use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::Settings;
 use crate::system::SharedFunction;
 
+/// Violations of links worth a word.
+const VIOLATED: f64 = 1e-6;
+
 /// `lower ≤ f(x_k(T), x_{k+1}(0)) ≤ upper`.
 #[derive(Clone)]
 struct Link {
@@ -310,13 +313,18 @@ impl MultiPhase {
             message: String::new(),
             cost: 0.0,
             phases: Vec::new(),
-            link_violation: if evaluated { violation(&plan, &bounds, &c) } else { f64::NAN },
+            link_violation: if evaluated { worst_link(&plan, &bounds, &c).1 } else { f64::NAN },
             error: 0.0,
             residuals: s.residuals,
             stats: s.stats,
             dimensions,
         };
+        let worst = worst_link(&plan, &bounds, &c);
         self.read_phases(&mut r, &plan, &s, built, &params, control)?;
+        if r.outcome != Outcome::Solved && worst.1 > VIOLATED {
+            let more = if r.message.is_empty() { "" } else { "; " };
+            r.message = format!("{}{more}{}", r.message, self.name_of_link(&plan, worst));
+        }
         self.joint = Some(Joint { plan, solver });
         Ok(r)
     }
@@ -363,11 +371,20 @@ impl MultiPhase {
             p.result = Some(found.clone());
             r.phases.push(found);
         }
-        if r.link_violation > 1e-6 && r.outcome != Outcome::Solved {
-            messages.push(format!("links are violated by {:.3e}", r.link_violation));
-        }
         r.message = messages.join("; ");
         Ok(())
+    }
+
+    /// A row of a link in words.
+    fn name_of_link(&self, plan: &Plan, (row, by): (usize, f64)) -> String {
+        let numbered = self.links.iter().enumerate().flat_map(|(k, list)| (0..list.len()).map(move |j| (k, j)));
+        for ((phase, j), l) in numbered.zip(&plan.links) {
+            if (l.row..l.row + l.f.n_out()).contains(&row) {
+                let (name, row) = (l.f.name(), row - l.row);
+                return format!("link {j} ('{name}') behind phase {phase}, row {row}, is violated by {by:.3e}");
+            }
+        }
+        format!("a phase does not begin where the one before it ends, by {by:.3e} in time")
     }
 
     fn bounds(&self, plan: &Plan, built: &[Built]) -> Bounds {
@@ -425,10 +442,11 @@ impl MultiPhase {
     }
 }
 
-/// The largest violation of a link or of the start of a phase.
-fn violation(plan: &Plan, bounds: &Bounds, c: &[f64]) -> f64 {
+/// The row of a link, or of the start of a phase, that is violated most, and by how much.
+fn worst_link(plan: &Plan, bounds: &Bounds, c: &[f64]) -> (usize, f64) {
     let first = plan.rows[plan.rows.len() - 1];
-    (first..plan.m).fold(0.0, |v: f64, i| v.max(bounds.cl[i] - c[i]).max(c[i] - bounds.cu[i]))
+    let violation = |i: usize| (bounds.cl[i] - c[i]).max(c[i] - bounds.cu[i]).max(0.0);
+    (first..plan.m).map(|i| (i, violation(i))).fold((first, 0.0), |a, b| if b.1 > a.1 { b } else { a })
 }
 
 impl Plan {
