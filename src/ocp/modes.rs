@@ -170,8 +170,12 @@ mod tests {
 
     #[test]
     fn phases_get_shares_of_their_stages() {
-        let form =
-            Form { n_cells: 2, simplices: vec![0..2], reported: vec![vec![vec![0], vec![1]]], ..Form::default() };
+        let form = Form {
+            n_cells: 2,
+            simplices: std::iter::once(0..2).collect(),
+            reported: vec![vec![vec![0], vec![1]]],
+            ..Form::default()
+        };
         let s = sequence(&[0.0, 0.5, 0.75], &[true, false, true, true, false, true]);
         let (sides, lengths) = s.on_grid(&form, &[1.0, 1.0], &[4, 2]).unwrap();
         assert_eq!(lengths, [0.25, 0.25, 0.25, 0.25, 0.5, 0.5]);
