@@ -7,14 +7,13 @@ use crate::mpcc::{Polish, Solution};
 use crate::nlp::{Control, Nlp, Outcome, Statistics};
 use crate::settings::{RkFamily, StageForm};
 
+/// A solution, and its point in the variables of the problem with the other method.
+pub(super) type Found = (Solution, Vec<f64>);
+
 impl Ocp {
-    /// Solves the problem with Radau IIA of as many stages, and gives its solution with its point in the variables of
-    /// `problem`, and the work it took; nothing where there is no exact solution.
-    pub(super) fn with_stand_in(
-        &self,
-        problem: &Fesd,
-        control: &mut Control,
-    ) -> Result<(Option<(Solution, Vec<f64>)>, Statistics)> {
+    /// Solves the problem with Radau IIA of as many stages, and gives its solution, where it is exact, as a point
+    /// of `problem`, with the work it took.
+    pub(super) fn with_stand_in(&self, problem: &Fesd, control: &mut Control) -> Result<(Option<Found>, Statistics)> {
         let mut other = self.blank();
         other.settings.rk_family = RkFamily::RadauIia as i64;
         other.settings.stage_form = StageForm::Auto as i64;
