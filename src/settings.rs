@@ -95,6 +95,8 @@ pub enum StepEquilibration {
     EtaSquared = 4,
     /// Products of indicator and difference equal to zero.
     EtaEquation = 5,
+    /// As eta_product with the hyperbolic tangent of the indicator: its size counts only where it is small.
+    EtaSaturated = 6,
 }
 
 /// Polishing after the homotopy (polish).
@@ -300,6 +302,7 @@ value_names!(StepEquilibration {
     EtaProduct = "eta_product",
     EtaSquared = "eta_squared",
     EtaEquation = "eta_equation",
+    EtaSaturated = "eta_saturated",
 });
 value_names!(Polish { Off = "off", On = "on" });
 value_names!(Switch { Off = "off", On = "on" });

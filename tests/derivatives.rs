@@ -204,10 +204,10 @@ fn the_model_functions_are_right() {
 fn all_options(family: RkFamily, n_s: i64, forms: &[StageForm]) {
     // the forms of equilibration do not know the pairs but through the sums they share
     let equilibrations = |cross| match cross {
-        Cross::Element => vec![None, Mean, Difference, EtaProduct, EtaSquared, EtaEquation],
+        Cross::Element => vec![None, Mean, Difference, EtaProduct, EtaSquared, EtaEquation, EtaSaturated],
         _ => vec![Difference, EtaProduct],
     };
-    use StepEquilibration::{Difference, EtaEquation, EtaProduct, EtaSquared, Mean, None};
+    use StepEquilibration::{Difference, EtaEquation, EtaProduct, EtaSaturated, EtaSquared, Mean, None};
     for &form in forms {
         for cross in [Cross::Element, Cross::Stage, Cross::Point, Cross::Full] {
             for equilibration in equilibrations(cross) {

@@ -1,8 +1,8 @@
 //! Step equilibration with the indicator of (7.10), `η = Π_i (λ^B_i λ^F_i + θ^B_i θ^F_i)`, zero where something switches.
 //!
 //! The thesis asks for `η (h_1 − h_0) = 0`. Such rows have no multipliers in the limit (their gradients vanish at a
-//! switch), and an interior-point method creeps on them; as penalties `η (h_1 − h_0)²` and `η² (h_1 − h_0)²` have the same
-//! zeros, are zero at exact solutions whatever their weight, and leave exactness to the branch problem.
+//! switch), and an interior-point method creeps on them; as penalties `η (h_1 − h_0)²`, `η² (h_1 − h_0)²` and
+//! `tanh(η / ε) (h_1 − h_0)²` have the same zeros, are zero at exact solutions whatever their weight, and leave exactness to the branch problem.
 //!
 //! Local variables, in this order: `λ^B`, `λ^F`, `θ^B`, `θ^F` (`n` each), `h_0`, `h_1`.
 
@@ -13,15 +13,25 @@ pub(super) enum Shape {
     Product,
     /// `η² d²`.
     Squared,
+    /// `tanh(η / ε) d²`: the weight saturates, whatever the size of the multipliers.
+    Saturated,
     /// `η d`.
     Equation,
 }
+
+/// Indicator from which it counts as one in the saturated form.
+const SATURATION: f64 = 0.1;
 
 impl Shape {
     /// The factor of the indicator and its derivatives.
     fn of_eta(self, eta: f64) -> [f64; 3] {
         match self {
             Shape::Squared => [eta * eta, 2.0 * eta, 2.0],
+            Shape::Saturated => {
+                let t = (eta / SATURATION).tanh();
+                let slope = (1.0 - t * t) / SATURATION;
+                [t, slope, -2.0 * t * slope / SATURATION]
+            }
             Shape::Product | Shape::Equation => [eta, 1.0, 0.0],
         }
     }
@@ -30,7 +40,7 @@ impl Shape {
     fn of_difference(self, d: f64) -> [f64; 3] {
         match self {
             Shape::Equation => [d, 1.0, 0.0],
-            Shape::Product | Shape::Squared => [d * d, 2.0 * d, 2.0],
+            Shape::Product | Shape::Squared | Shape::Saturated => [d * d, 2.0 * d, 2.0],
         }
     }
 }
@@ -119,7 +129,7 @@ mod tests {
     #[test]
     fn derivatives_agree_with_differences() {
         let n = 3;
-        for shape in [Shape::Product, Shape::Squared, Shape::Equation] {
+        for shape in [Shape::Product, Shape::Squared, Shape::Saturated, Shape::Equation] {
             let mut w: Vec<f64> = (0..n_local(n)).map(|k| 0.3 + 0.17 * k as f64 % 0.9).collect();
             let e = 1e-6;
             let all = |w: &[f64]| -> (f64, Vec<f64>) {

@@ -392,6 +392,7 @@ impl Layout {
         let eta = match o.equilibration {
             StepEquilibration::EtaProduct => Some(Shape::Product),
             StepEquilibration::EtaSquared => Some(Shape::Squared),
+            StepEquilibration::EtaSaturated => Some(Shape::Saturated),
             StepEquilibration::EtaEquation => Some(Shape::Equation),
             _ => None,
         };

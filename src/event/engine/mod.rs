@@ -391,7 +391,11 @@ impl Engine {
 
     /// Integrates to time `t`. Time and state are those at the end, or where the simulation ended before.
     pub fn advance(&mut self, t: f64) -> Result<Outcome> {
-        while self.step(t)? != Progress::Done {}
+        let mut progress = self.step(t)?;
+        while progress != Progress::Done {
+            // a switch located at the end may lie behind it by rounding
+            progress = self.step(t.max(self.t))?;
+        }
         Ok(self.outcome)
     }
 
