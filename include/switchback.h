@@ -1747,8 +1747,7 @@ typedef struct swb_settings {
      */
     int64_t explain;
     /**
-     * Error of an optimal control problem up to which finite elements are added: the largest difference of a state from
-     * the simulation at the ends of the control stages; 0: the grid stays.
+     * Error at the ends of the control stages up to which finite elements are added; 0: the grid stays.
      */
     double adapt_tol;
     /**

@@ -470,8 +470,7 @@ pub struct Settings {
     pub adjoint: i64,
     /// Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
     pub explain: i64,
-    /// Error of an optimal control problem up to which finite elements are added: the largest difference of a state from
-    /// the simulation at the ends of the control stages; 0: the grid stays.
+    /// Error at the ends of the control stages up to which finite elements are added; 0: the grid stays.
     pub adapt_tol: f64,
     /// Solves on further grids at most.
     pub adapt_rounds: i64,
@@ -714,8 +713,7 @@ pub static OPTIONS: &[OptionInfo] = &[
     row!(explain: Enum(Switch::On), "", FREE,
         "Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle)."),
     row!(adapt_tol: Float(0.0, Closed(0.0), Closed(1.0)), "", FREE,
-        "Error of an optimal control problem up to which finite elements are added: the largest difference of a state from \
-         the simulation at the ends of the control stages; 0: the grid stays."),
+        "Error at the ends of the control stages up to which finite elements are added; 0: the grid stays."),
     row!(adapt_rounds: Int(10, Closed(0.0), Closed(1000.0)), "", FREE,
         "Solves on further grids at most."),
     row!(adapt_elements: Int(1000, Closed(1.0), Closed(1e6)), "", FREE,
