@@ -83,13 +83,13 @@ fn median(mut v: Vec<f64>) -> Option<f64> {
     v.get(v.len() / 2).copied()
 }
 
-/// The sweep.
+/// The sweep; where all cases run, a sample of it: Stewart's form, three stages.
 pub fn run(c: &Context) {
     c.say("Lobatto IIIB only with switch detection: at fixed stage points it cannot hold a sliding mode");
     let mut groups = Vec::new();
     let wanted = |f: RkFamily| c.method.as_deref().is_none_or(|m| m == f.name());
     for (family, stages) in FAMILIES.into_iter().filter(|f| wanted(f.0)) {
-        for form in FORMS {
+        for form in FORMS.into_iter().filter(|f| !c.all || *f == DcsForm::Stewart) {
             for disc in BOTH {
                 // the last stage of these methods moves no other: with the steps fixed the stage points of a sliding mode
                 // have an equation too many
@@ -97,7 +97,7 @@ pub fn run(c: &Context) {
                     continue;
                 }
                 let mut runs = Vec::new();
-                for n_s in stages.clone() {
+                for n_s in stages.clone().filter(|n| !c.all || *n == 3) {
                     let finer: &[usize] = if disc == Discretisation::Standard { &FINER } else { &[] };
                     for n_fe in ELEMENTS.chain(finer.iter().copied()) {
                         let r = measure(c, (family, n_s, n_fe, disc, form));
