@@ -100,6 +100,9 @@ impl Identifier {
         if !self.detects {
             return false;
         }
+        // behind those of the cells are sides that no mode sequence knows of
+        let n = self.grid.n_cells() * self.h_at.len();
+        let sides = if (1..sides.len()).contains(&n) { &mut sides[..n] } else { sides };
         let sides = &mut sides[..self.n_sides];
         match wanted {
             Wanted::Repair(k) => self.repair(k, w, sides),

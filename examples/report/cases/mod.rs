@@ -1,5 +1,6 @@
 //! The cases, and what they share.
 
+mod adaptation;
 mod gallery;
 mod guesses;
 mod linalg;
@@ -32,6 +33,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("switching", switching::run),
     ("tutorial-ocp", tutorial_ocp::run),
     ("sliding-ocp", sliding_ocp::run),
+    ("adaptation", adaptation::run),
     ("gallery", gallery::run),
     ("guesses", guesses::run),
     ("step-equilibration", step_equilibration::run),
