@@ -37,6 +37,9 @@ pub struct Accuracy {
     pub x_end: Vec<f64>,
     /// Switches of the simulation.
     pub n_switches: usize,
+    /// Largest difference at the end of every stage where the simulation of the stage starts at the state of the answer:
+    /// what the stage itself makes of the error, `[n_stages]`, NaN where it got stuck. Empty unless the grid is adapted.
+    pub local: Vec<f64>,
 }
 
 /// What is simulated: piecewise constant inputs, and what they are compared with.
@@ -59,6 +62,34 @@ pub(super) struct Answer<'a> {
     pub grid_cost: Option<&'a SharedFunction>,
     /// Terminal constraints with their bounds.
     pub terminal: Vec<(&'a SharedFunction, &'a [f64], &'a [f64])>,
+}
+
+impl Answer<'_> {
+    /// The stages as answers of their own, without costs at their ends.
+    pub fn by_stage(&self) -> Vec<Answer<'_>> {
+        let n = self.durations.len();
+        let (nx, nu, np) = (self.x0.len(), self.controls.len() / n, self.params.len() / n);
+        let mut t0 = self.t0;
+        let stage = |k: usize| {
+            let start = t0;
+            t0 += self.durations[k];
+            Answer {
+                t0: start,
+                x0: if k == 0 { self.x0 } else { &self.states[(k - 1) * nx..k * nx] },
+                durations: &self.durations[k..=k],
+                controls: &self.controls[k * nu..(k + 1) * nu],
+                control_ends: &self.control_ends[k * nu..(k + 1) * nu],
+                linear: self.linear,
+                params: &self.params[k * np..(k + 1) * np],
+                states: &self.states[k * nx..(k + 1) * nx],
+                cost: 0.0,
+                mayer: None,
+                grid_cost: None,
+                terminal: Vec::new(),
+            }
+        };
+        (0..n).map(stage).collect()
+    }
 }
 
 /// What simulates answers.
@@ -195,6 +226,7 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
         cost_error: f64::NAN,
         x_end: vec![f64::NAN; nx],
         n_switches: 0,
+        local: Vec::new(),
     };
     engine.reinit(answer.t0, &start)?;
     let mut t = answer.t0;

@@ -148,18 +148,19 @@ impl Ocp {
 
     /// Elements of every stage for the next round.
     fn next_grid(&self, r: &OcpResult, grown: &mut [bool]) -> Vec<usize> {
-        let share = SHARE * self.settings.adapt_tol;
         let order = r.trajectory.tableau().order().max(1) as f64;
         let phases = phases_of(r, self.n_stages);
         let now = self.elements();
         let simulated = r.accuracy.as_ref().map_or(&[][..], |a| &a.stages);
         let stuck = simulated.iter().position(|m| m.is_nan());
-        let mut before = 0.0;
+        let local = r.accuracy.as_ref().map_or(&[][..], |a| &a.local);
+        // errors of the stages grow on their way to the end
+        let largest = local.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
+        let growth = (r.error() / largest).max(1.0);
+        let share = SHARE * self.settings.adapt_tol / growth;
         let mut next = now.clone();
         for k in 0..self.n_stages {
-            let mismatch = simulated.get(k).copied().unwrap_or(f64::NAN);
-            let error = (mismatch - before).max(0.0);
-            before = mismatch;
+            let error = local.get(k).copied().unwrap_or(f64::NAN);
             let wanted = if !r.is_exact() {
                 // no element to spare for the switches
                 if phases[k] >= now[k] || stuck == Some(k) {

@@ -423,24 +423,29 @@ impl Ocp {
             }
         }
         let total = r.cost + self.penalty(problem, w, e, &r.durations);
-        let mut found = accuracy::measure(
-            &mut engine,
-            &Answer {
-                t0: self.t0,
-                x0: &elements[0].x0,
-                durations: &r.durations,
-                controls: &problem.controls(w),
-                control_ends: &problem.control_ends(w),
-                linear: &self.linear,
-                params: &params,
-                states: &states,
-                cost: total,
-                mayer: e.mayer.as_ref(),
-                grid_cost: e.grid_cost.as_ref(),
-                terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
-            },
-        )?;
+        let answer = Answer {
+            t0: self.t0,
+            x0: &elements[0].x0,
+            durations: &r.durations,
+            controls: &problem.controls(w),
+            control_ends: &problem.control_ends(w),
+            linear: &self.linear,
+            params: &params,
+            states: &states,
+            cost: total,
+            mayer: e.mayer.as_ref(),
+            grid_cost: e.grid_cost.as_ref(),
+            terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
+        };
+        let mut found = accuracy::measure(&mut engine, &answer)?;
         found.cost -= total - r.cost;
+        if self.settings.adapt_tol > 0.0 {
+            found.local = answer
+                .by_stage()
+                .iter()
+                .map(|a| Ok(accuracy::measure(&mut engine, a)?.terminal))
+                .collect::<Result<_>>()?;
+        }
         self.engine = Some((engine, tol));
         Ok(found)
     }
