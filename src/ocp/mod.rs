@@ -18,6 +18,7 @@ mod diagnosis;
 mod extend;
 mod guess;
 mod identify;
+mod joint;
 mod modes;
 mod neighbours;
 mod phases;
