@@ -306,6 +306,10 @@ enum swb_step_equilibration
      * Products of indicator and difference equal to zero.
      */
     SWB_STEP_EQUILIBRATION_ETA_EQUATION = 5,
+    /**
+     * As eta_product with the hyperbolic tangent of the indicator: its size counts only where it is small.
+     */
+    SWB_STEP_EQUILIBRATION_ETA_SATURATED = 6,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -88,6 +88,7 @@ class StepEquilibration(Names):
     ETA_PRODUCT = 3
     ETA_SQUARED = 4
     ETA_EQUATION = 5
+    ETA_SATURATED = 6
 
 
 class Polish(Names):
