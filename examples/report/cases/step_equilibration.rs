@@ -55,8 +55,8 @@ fn choices() -> Vec<Choice> {
 }
 
 /// The problems, each with its default settings: (7.51) with two to four stage points and two or four elements per control
-/// stage, and the others of the gallery.
-fn problems() -> Vec<(String, Ocp)> {
+/// stage, and the others of the gallery; of these none in a sample.
+fn problems(sample: bool) -> Vec<(String, Ocp)> {
     let mut all = Vec::new();
     for n_s in 2..=4 {
         for n_fe in [2, 4] {
@@ -64,14 +64,14 @@ fn problems() -> Vec<(String, Ocp)> {
             all.push((format!("sliding-mode {n_s} {n_fe}"), sliding_ocp(&set)));
         }
     }
-    let others = gallery::named().filter(|p| p.0 != "sliding-mode");
+    let others = gallery::named().filter(|p| p.0 != "sliding-mode" && !sample);
     all.extend(others.map(|(name, ocp)| (name.to_string(), ocp)));
     all
 }
 
 fn measure(c: &Context, (form, cross, eq, polish): Choice) -> Vec<Run> {
     let mut runs = Vec::new();
-    for (name, mut ocp) in problems() {
+    for (name, mut ocp) in problems(c.all) {
         let set = Settings {
             dcs_form: form as i64,
             cross: cross as i64,
