@@ -8,8 +8,8 @@ usage: sliding_ocp_vs_nosnoc.py [--repeat N] [--n-s 2 3] [--json FILE]
 
 The peer: pip install nosnoc==0.2.0 (brings CasADi with IPOPT and MUMPS). Its settings are those of its own example
 sliding_mode_ocp. Its times are that of building the problem, CPU seconds inside IPOPT, and of all. Ours are seconds of
-wall time for building and solving, evaluations of the model included: with models compiled from C, as everybody does who
-cares for time, and for information with Python callables, with and without derivatives. Ratios are also given in CPU
+wall time for building and solving, evaluations of the model included: with models compiled from C, with models as
+expressions, as the peer has them, and for information with Python callables, with and without derivatives. Ratios are also given in CPU
 seconds of the process, which do not depend on what else the machine does.
 E(T) is the distance from the goal when the controls found are simulated in fine steps of high order, for both.
 Without nosnoc or without a C compiler that part is left out. Of N runs the medians count.
@@ -28,6 +28,7 @@ import tempfile
 import time
 from importlib import metadata
 from pathlib import Path
+from typing import Callable
 
 import numpy as np
 
@@ -127,17 +128,31 @@ def differentiated_functions() -> dict[str, swb.Function]:
     }  # fmt: skip
 
 
-def ours(functions: dict, n_s: int) -> dict:
-    wall, cpu = time.perf_counter(), time.process_time()
+def of_functions(functions: dict) -> tuple:
+    """System, cost rate and terminal constraint of functions."""
     system = swb.System(4, 2, f0=functions["f0"])
     system.add_subsystem(functions["modes"], functions["c1"], [1, -1], rows=[0])
     system.add_subsystem(functions["modes"], functions["c2"], [1, -1], rows=[1])
+    return system, functions["rate"], functions["end"]
+
+
+def of_expressions() -> tuple:
+    """The same, of expressions: the signs become modes."""
+    m = swb.Model(states=4, controls=2)
+    (q1, q2, v1, v2), u = m.x, m.u
+    m.derivatives = [v1 - swb.sign(q1 + 0.15 * q2**2), v2 - swb.sign(q2 - 0.05 * q1**3), u[0], u[1]]
+    return m.system(), m.function([u @ u + v1**2 + v2**2]), m.function([q1, q2])
+
+
+def ours(problem: Callable[[], tuple], n_s: int) -> dict:
+    wall, cpu = time.perf_counter(), time.process_time()
+    system, rate, end = problem()
     inf = np.inf
     ocp = swb.Ocp(
-        system, HORIZON, STAGES, n_s=n_s, n_fe=ELEMENTS, lagrange=functions["rate"], initial_state=X0,
+        system, HORIZON, STAGES, n_s=n_s, n_fe=ELEMENTS, lagrange=rate, initial_state=X0,
         state_bounds=([-inf, -inf, -V_MAX, -V_MAX], [inf, inf, V_MAX, V_MAX]), control_bounds=(-U_MAX, U_MAX),
     )  # fmt: skip
-    ocp.add_terminal(functions["end"], GOAL, GOAL)
+    ocp.add_terminal(end, GOAL, GOAL)
     r = ocp.solve()
     wall, cpu = time.perf_counter() - wall, time.process_time() - cpu
     return {
@@ -249,12 +264,18 @@ def main() -> int:
             case["nosnoc"] = median([peer(n_s) for _ in range(arguments.repeat)])
         if code is not None:
             compiled = compiled_functions(code)
-            case["compiled"] = median([ours(compiled, n_s) for _ in range(arguments.repeat)])
-        case["derivatives"] = median([ours(differentiated_functions(), n_s) for _ in range(arguments.repeat)])
-        case["python"] = median([ours(python_functions(), n_s) for _ in range(arguments.repeat)])
+            case["compiled"] = median([ours(lambda: of_functions(compiled), n_s) for _ in range(arguments.repeat)])
+        ways = {
+            "expressions": of_expressions,
+            "derivatives": lambda: of_functions(differentiated_functions()),
+            "python": lambda: of_functions(python_functions()),
+        }
+        for name, problem in ways.items():
+            case[name] = median([ours(problem, n_s) for _ in range(arguments.repeat)])
         labels = {
             "nosnoc": f"nosnoc {version}",
             "compiled": "switchback, C model",
+            "expressions": "switchback, expressions",
             "derivatives": "switchback, Python + derivatives",
             "python": "switchback, Python",
         }
@@ -273,7 +294,7 @@ def main() -> int:
                     "total_over_ours": case["nosnoc"]["total_s"] / case[name]["total_s"],
                     "cpu_over_ours": case["nosnoc"]["cpu_s"] / case[name]["cpu_s"],
                 }
-                for name in ("compiled", "derivatives", "python")
+                for name in ("compiled", "expressions", "derivatives", "python")
                 if name in case
             }
             for name, ratio in case["ratios"].items():
