@@ -160,7 +160,7 @@ def main() -> int:
             r = problem(c, seen).solve()
             difference = float(np.sum(r.durations)) - length
             print(f"    by optimal control: {difference:+.1e} ({r.outcome.name}, {r.stats.iterations} iterations)")
-            failed += not r.success or abs(difference) > 1e-9
+            failed += int(not r.success or abs(difference) > 1e-9)
         print("    multipliers", " ".join(f"{v:.2e}" for v in sorted(np.abs(multipliers), reverse=True)))
         whole = swb.simulate(c.model, x, 2 * length if c.flip < 0 else length, rtol=1e-12, atol=1e-13)
         figure = folder / f"cycle-{make.__name__}.svg"
