@@ -36,15 +36,27 @@ impl MpccSolver {
         suggest: Suggest,
     ) -> bool {
         let clock = Instant::now();
-        self.begin(p);
-        self.scale(p, x0);
-        self.st.start(x0, &mut self.point);
-        self.sides.copy_from_slice(sides);
+        self.enter(p, sides, x0);
         let mut ok = self.try_point(p, bounds, control);
         if !ok {
             self.st.start(x0, &mut self.point);
             ok = self.try_far(p, bounds, control);
         }
+        self.leave(p, bounds, ok, control, suggest);
+        self.solution.stats.time_total = clock.elapsed().as_secs_f64();
+        ok
+    }
+
+    /// A solve of the branch `sides` begins at `x0`.
+    fn enter(&mut self, p: &mut dyn Mpcc, sides: &[Side], x0: &[f64]) {
+        self.begin(p);
+        self.scale(p, x0);
+        self.st.start(x0, &mut self.point);
+        self.sides.copy_from_slice(sides);
+    }
+
+    /// It ends: the solution, where there is one, becomes the result, and better ones are looked for.
+    fn leave(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, ok: bool, control: &mut Control, suggest: Suggest) {
         self.close = true;
         if ok {
             self.record_exact(p, control);
@@ -53,8 +65,6 @@ impl MpccSolver {
         }
         self.close = false;
         p.set_polishing(false);
-        self.solution.stats.time_total = clock.elapsed().as_secs_f64();
-        ok
     }
 
     /// Tries the branch `sides` from the point in `point`, which may be far from its solution.
@@ -89,20 +99,11 @@ impl MpccSolver {
         suggest: Suggest,
     ) -> bool {
         let clock = Instant::now();
-        self.begin(p);
-        self.scale(p, x0);
+        self.enter(p, &near.sides, x0);
         self.close = true;
         self.solution.objective = f64::INFINITY;
-        self.sides.copy_from_slice(&near.sides);
-        self.st.start(x0, &mut self.point);
         let ok = self.try_point(p, bounds, control) || self.go_on_from_near(p, bounds, control, suggest);
-        if ok {
-            self.record_exact(p, control);
-            self.improve(p, bounds, control, suggest);
-            self.judge(p, bounds, control);
-        }
-        self.close = false;
-        p.set_polishing(false);
+        self.leave(p, bounds, ok, control, suggest);
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
         if ok {
             return true;

@@ -222,9 +222,13 @@ impl Ocp {
         if !near {
             problem.set_exit(usual);
         }
-        if near {
-            // the active set is that of the other method, or next to it
-        } else if start != Start::Warm {
+        if start == Start::Warm {
+            let s = solver.solution();
+            let (x, y, z) = (s.x.clone(), s.y.clone(), s.z.clone());
+            solver.solve_warm(&mut problem, &bounds, &Warm { x: &x, y: &y, z: &z }, control, &mut |k, w, s| {
+                identifier.suggest(k, w, s)
+            });
+        } else if !near {
             let (w0, guess) = self.starting_point(&mut problem, &extended, &stage_params, control)?;
             let mut spent = None;
             if let Some((mut sides, lengths)) = given {
@@ -242,12 +246,6 @@ impl Ocp {
                 solver.solve_with(&mut problem, &bounds, &w0, control, &mut |k, w, s| identifier.suggest(k, w, s));
                 solver.add_cost(&spent.unwrap_or_default());
             }
-        } else {
-            let s = solver.solution();
-            let (x, y, z) = (s.x.clone(), s.y.clone(), s.z.clone());
-            solver.solve_warm(&mut problem, &bounds, &Warm { x: &x, y: &y, z: &z }, control, &mut |k, w, s| {
-                identifier.suggest(k, w, s)
-            });
         }
         let found = solver.solution();
         if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
