@@ -1,9 +1,11 @@
 # make demo      the whole gallery: tables on the terminal, plots in out/
 # make check     everything that must hold before a commit; what .ci/run runs
 # make install   library, header, CMake and pkg-config files into PREFIX
-# make header    write include/switchback.h from src/capi
+# make header    write include/switchback.h from src/capi, and from it what Python and Julia declare
+# make fuzz      try to break the library for FUZZ_SECONDS, from SEED on; see fuzz/README.md
 # make docs      write docs/errors.md and docs/options.md from the tables
 # make deps      install what is missing (Debian packages, SUNDIALS, Python modules)
+# make fuzz-faults  refuse every single request for memory of every scenario once; part of make fuzz
 # make clean     remove build/, out/ and target/
 
 PREFIX ?= /usr/local
@@ -21,9 +23,10 @@ SUNDIALS := $(BUILD)/sundials
 HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml --target-dir $(TARGET)/header --
 
 .NOTPARALLEL:
-.PHONY: all build demo check install header docs deps clean \
+.PHONY: all build demo check install header docs deps clean fuzz \
 	demo-report demo-c demo-python stage \
-	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python
+	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python \
+	check-julia check-hostile
 
 all: build
 
@@ -32,6 +35,8 @@ build:
 
 header:
 	$(HEADER) .
+	$(PYTHON) bindings/python/tools/gen_ffi.py
+	$(PYTHON) bindings/julia/gen/generate.py
 
 docs:
 	SWB_WRITE_DOCS=1 $(CARGO) test --quiet --release --lib capi::docs
@@ -41,6 +46,13 @@ deps:
 
 install: build
 	$(CMAKE) -DPREFIX=$(abspath $(PREFIX)) -DLIBDIR=$(LIBDIR) -DBUILD_DIR=$(TARGET)/release -P cmake/install.cmake
+
+# The library under AddressSanitizer, with everything that callers can do wrong.
+FUZZ = $(MAKE) -C fuzz TARGET=$(TARGET)/fuzz BUILD=$(BUILD)/fuzz VENV=$(VENV) CARGO="$(CARGO)"
+
+fuzz: deps
+	$(FUZZ) fuzz
+	$(MAKE) fuzz-faults
 
 clean:
 	rm -rf $(BUILD) $(OUT) $(TARGET)
@@ -78,11 +90,21 @@ ifneq ($(wildcard examples/python/*.py),)
 	done
 endif
 
+# --- the suites in full ---------------------------------------------------------------------------
+
+.PHONY: fuzz-faults
+# Every request for memory of every scenario is refused once, and with all later ones.
+fuzz-faults: stage
+	$(CMAKE) -S capi_tests -B $(BUILD)/faults -DCMAKE_PREFIX_PATH=$(BUILD)/prefix -DSWITCHBACK_LINK=static
+	$(CMAKE) --build $(BUILD)/faults --parallel $(JOBS) --target faults limits
+	$(BUILD)/faults/limits
+	$(BUILD)/faults/faults 0
+
 # --- the checks -----------------------------------------------------------------------------------
 
 check: deps
 	$(MAKE) check-format check-lint check-rust check-header
-	$(MAKE) check-stage check-c check-examples check-pkgconfig check-python
+	$(MAKE) check-stage check-c check-examples check-pkgconfig check-python check-julia check-hostile
 	@echo "all checks passed"
 
 check-format:
@@ -138,5 +160,22 @@ endif
 check-python:
 ifneq ($(wildcard bindings/python/pyproject.toml),)
 	$(MAKE) wheel
-	cd $(BUILD) && MPLBACKEND=Agg $(VENV)/bin/python -m pytest -q -p no:cacheprovider $(CURDIR)/bindings/python/tests
+	cd $(BUILD) && MPLBACKEND=Agg $(VENV)/bin/python -m pytest -q -rs -p no:cacheprovider $(CURDIR)/bindings/python/tests
 endif
+
+check-hostile:
+	$(FUZZ) check
+
+# The Julia package on the installed library, with the julia on the PATH or one unpacked into build/; compared with what
+# Python finds with the same library. -O0: the tests compile much and compute little.
+check-julia:
+	$(PYTHON) bindings/julia/gen/generate.py --check
+	@if julia=$$(sh scripts/get_julia.sh $(BUILD)/julia); then \
+		SWITCHBACK_LIBRARY=$(TARGET)/release/libswitchback.so \
+			$(VENV)/bin/python bindings/julia/test/reference.py $(BUILD)/julia_reference.json && \
+		SWITCHBACK_LIBRARY=$(BUILD)/moved/$(LIBDIR)/libswitchback.so SWITCHBACK_REFERENCE=$(BUILD)/julia_reference.json \
+			JULIA_DEPOT_PATH=$(BUILD)/julia_depot \
+			$$julia -O0 --startup-file=no --project=$(CURDIR)/bindings/julia bindings/julia/test/runtests.jl; \
+	else \
+		echo "left out: tests of the Julia package: there is no julia here and none could be unpacked"; \
+	fi

@@ -6,7 +6,7 @@ lib=$prefix/$2
 work=$3
 here=$(cd "$(dirname "$0")/.." && pwd)
 command -v pkg-config > /dev/null || {
-    echo "pkg-config not found: check left out"
+    echo "left out: the pkg-config file: pkg-config not found"
     exit 0
 }
 export PKG_CONFIG_PATH="$lib/pkgconfig"

@@ -60,7 +60,7 @@ if ! have_header idas/idas.h && [ ! -e "$build/sundials/usr/include/idas/idas.h"
         if { download 2> /dev/null || { [ "$root" != none ] && $root apt-get update -qq && download; }; }; then
             for deb in "$build"/sundials/deb/*.deb; do dpkg -x "$deb" "$build/sundials"; done
         else
-            say "SUNDIALS cannot be had: the comparison with IDAS is left out"
+            say "left out: comparison with IDAS: SUNDIALS cannot be had"
         fi
         rm -rf "$build/sundials/deb"
     fi
@@ -68,10 +68,10 @@ fi
 
 # --- Python ---
 if [ ! -x "$build/venv/bin/python" ]; then
-    python3 -m venv "$build/venv" || say "no Python environment: Python tests and plots are left out"
+    python3 -m venv "$build/venv" || say "left out: Python tests and plots: no Python environment"
 fi
 if [ -x "$build/venv/bin/python" ] &&
-    ! "$build/venv/bin/python" -c "import numpy, matplotlib, pytest, setuptools, wheel, casadi" 2> /dev/null; then
+    ! "$build/venv/bin/python" -c "import numpy, scipy, matplotlib, pytest, setuptools, wheel, casadi, hypothesis" 2> /dev/null; then
     say "installing Python modules into $build/venv"
-    "$build/venv/bin/pip" install --quiet --disable-pip-version-check numpy matplotlib pytest setuptools wheel casadi
+    "$build/venv/bin/pip" install --quiet --disable-pip-version-check numpy scipy matplotlib pytest setuptools wheel casadi hypothesis
 fi

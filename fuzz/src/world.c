@@ -1,0 +1,390 @@
+#include "world.h"
+
+#include <inttypes.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "casadi.h"
+#include "draw.h"
+#include "pool.h"
+#include "problems.h"
+#include "run.h"
+
+/* A call of the world: counted as one of the fuzzer. */
+static int did(int function, swb_status status)
+{
+    tally->calls++;
+    tally->called[function]++;
+    tally->succeeded[function] += status == SWB_OK;
+    if (status == SWB_ERR_INTERNAL) {
+        tally->function = function;
+        run_defect("internal error: %s", swb_last_error());
+        tally->function = -1;
+    }
+    return status == SWB_OK;
+}
+/* Take in what a problem gave; 0 if there is none. */
+static int keep(int type, void *object)
+{
+    if (object)
+        pool_add(type, object);
+    return object != NULL;
+}
+
+#define DO(name, ...) did(F_##name, name(__VA_ARGS__))
+
+static swb_settings small_settings(struct random *r)
+{
+    swb_settings s;
+    draw_settings(r, &s);
+    if (random_once_in(r, 3))
+        return s;
+    swb_settings_init(&s, sizeof s);
+    s.n_fe = 2;
+    s.max_iter = 200;
+    s.max_steps = 2000;
+    s.dense = s.sensitivity = s.adjoint = 1;
+    return s;
+}
+
+enum { ENOUGH = 1 << 16 };
+
+/* The document of an object, to be freed; NULL if there is none. It is kept for later calls. */
+static char *document_of(swb_status (*write)(void *, char *, int64_t, int64_t *), void *object)
+{
+    char *text = malloc(ENOUGH);
+    if (text && write(object, text, ENOUGH, NULL) == SWB_OK) {
+        draw_keep_document(text);
+        return text;
+    }
+    free(text);
+    return NULL;
+}
+
+static void keep_document(swb_status (*write)(void *, char *, int64_t, int64_t *), void *object)
+{
+    free(document_of(write, object));
+}
+
+static swb_status write_ocp(void *ocp, char *text, int64_t n, int64_t *needed)
+{
+    return swb_ocp_to_json(ocp, text, n, needed);
+}
+
+static swb_status write_model(void *model, char *text, int64_t n, int64_t *needed)
+{
+    return swb_model_to_json(model, text, n, needed);
+}
+
+static swb_status write_simulator(void *sim, char *text, int64_t n, int64_t *needed)
+{
+    return swb_simulator_to_json(sim, 1.0, 4, text, n, needed);
+}
+
+static void simulate(struct random *r, const struct friction *f, const swb_settings *s)
+{
+    static const double v[FRICTION_NX] = {1.0, 0.0};
+    double dx[FRICTION_NX], dp[FRICTION_NP], du[FRICTION_NU];
+    int32_t outcome;
+    swb_integrator *it = friction_integrator(f, s);
+    swb_run *run = NULL;
+    if (keep(T_swb_integrator, it))
+        DO(swb_integrator_advance, it, random_between(r, 0.1, 2.0), &outcome);
+    if (it)
+        DO(swb_integrator_adjoint, it, v, FRICTION_NX, NULL, 0, NULL, 0, NULL, 0, NULL, 0, dx, FRICTION_NX, dp, FRICTION_NP, du, FRICTION_NU);
+    if (it && DO(swb_integrator_get_run, it, &run)) {
+        double by[FRICTION_NX + FRICTION_NP + FRICTION_NU];
+        DO(swb_run_event_sensitivity, run, 0, by, FRICTION_NX + FRICTION_NP + FRICTION_NU);
+        pool_add(T_swb_run, run);
+    }
+    swb_simulator *sim = friction_simulator(f, s);
+    swb_trajectory *trajectory = NULL;
+    if (keep(T_swb_simulator, sim)) {
+        DO(swb_simulator_run, sim, 1.0, 2, &outcome);
+        keep_document(write_simulator, sim);
+    }
+    if (sim && DO(swb_simulator_get_trajectory, sim, &trajectory))
+        pool_add(T_swb_trajectory, trajectory);
+    swb_batch *batch = friction_batch(f, s);
+    const double starts[6] = {0.0, -0.4, 0.1, 0.3, 0.0, 0.0};
+    if (keep(T_swb_batch, batch))
+        DO(swb_batch_run, batch, 0.0, 0.5, starts, 6, friction_push, 1, friction_params, 1, random_below(r, 3));
+}
+
+/* A run with transitions. */
+static void count(const swb_settings *s)
+{
+    static const double start[2] = {0.0, 0.0};
+    struct counter c = {NULL, NULL, NULL};
+    double before[2], after[2], dt[2];
+    int32_t outcome;
+    swb_jump jumps[64];
+    swb_run_info info;
+    swb_integrator *it = NULL;
+    swb_run *run = NULL;
+    swb_expr *graph = NULL;
+    MUST(swb_expr_create(&graph));
+    counter_create(&c, graph);
+    pool_add(T_swb_expr, graph);
+    DO(swb_system_add_transition, c.system, c.guard, SWB_DIRECTION_RISING, NULL, 0, NULL, 0, c.reset, NULL, 0, NULL, 0, NULL);
+    keep(T_swb_system, c.system);
+    keep(T_swb_function, c.guard);
+    keep(T_swb_function, c.reset);
+    if (!DO(swb_integrator_create, c.system, s, &it))
+        return;
+    pool_add(T_swb_integrator, it);
+    DO(swb_integrator_reinit, it, 0.0, start, 2);
+    DO(swb_integrator_advance, it, 0.5, &outcome);
+    if (!DO(swb_integrator_get_run, it, &run))
+        return;
+    pool_add(T_swb_run, run);
+    if (swb_run_get_info(run, &info, sizeof info) == SWB_OK && info.n_jumps <= 64)
+        DO(swb_run_jumps, run, jumps, info.n_jumps, sizeof jumps[0]);
+    DO(swb_run_jump_states, run, 0, before, after, 2);
+    DO(swb_run_jump_sensitivity, run, 0, dt, 2);
+}
+
+/* Derivatives of a function, dense in the states. */
+static void give_derivatives(swb_function *f, int64_t nx, int64_t nu, int64_t np, int64_t n_out)
+{
+    int64_t columns = nx + nu + np + 1, col_ptr[16], rows[64], n = 0;
+    struct user *user = draw_user_of(f);
+    if (!f || columns > 15 || nx * n_out > 64)
+        return;
+    for (int64_t c = 0; c <= columns; c++) {
+        col_ptr[c] = n;
+        for (int64_t i = 0; c < nx && i < n_out; i++)
+            rows[n++] = i;
+    }
+    if (DO(swb_function_set_jacobian, f, col_ptr, columns + 1, rows, n, user_jacobian))
+        user->jacobian_nnz = n;
+    for (int64_t c = 0; c <= columns; c++)
+        col_ptr[c] = c < nx ? c : nx;
+    for (int64_t i = 0; i < nx; i++)
+        rows[i] = i;
+    if (DO(swb_function_set_hessian, f, col_ptr, columns + 1, rows, nx, user_hessian))
+        user->hessian_nnz = nx;
+}
+
+static swb_function *function_of(struct random *r, int64_t nx, int64_t nu, int64_t np, int64_t n_out)
+{
+    swb_function *f = NULL;
+    struct user *user = user_new(random_bits(r), nx, nu, np, n_out);
+    if (random_once_in(r, 4))
+        user_misbehave(user, r);
+    if (!DO(swb_function_create, "random", nx, nu, np, n_out, user_value, user, user_destroy, &f))
+        return NULL;
+    user->wants_destroy = 1;
+    draw_set_user(f, user);
+    pool_add(T_swb_function, f);
+    if (random_once_in(r, 3))
+        give_derivatives(f, nx, nu, np, n_out);
+    if (random_once_in(r, 8))
+        DO(swb_function_set_linear, f);
+    if (random_once_in(r, 8))
+        DO(swb_function_set_flags, f, SWB_SERIAL);
+    return f;
+}
+
+static void solve_ocp(struct random *r, const struct friction *f, swb_settings s)
+{
+    int32_t outcome;
+    s.adapt_tol = random_once_in(r, 2) ? 1e-4 : 0.0;
+    s.adapt_rounds = 2;
+    swb_ocp *ocp = friction_ocp(f, &s, 2 + random_below(r, 2));
+    if (!keep(T_swb_ocp, ocp) || !DO(swb_ocp_solve, ocp, &outcome))
+        return;
+    if (random_once_in(r, 2))
+        DO(swb_ocp_solve_warm, ocp, &outcome);
+    double derivatives[FRICTION_NX + FRICTION_NP], cost;
+    int64_t rounds, round_of;
+    DO(swb_ocp_get_sensitivity, ocp, derivatives, FRICTION_NX + FRICTION_NP, NULL, 0, NULL);
+    DO(swb_ocp_get_adaptation, ocp, &rounds, NULL, NULL);
+    DO(swb_ocp_get_round, ocp, 0, NULL, 0, &round_of, NULL, NULL, &cost);
+    double u[8];
+    int64_t best;
+    s.adapt_tol = 0.0;
+    swb_ocp *other = friction_ocp(f, &s, 2);
+    if (!keep(T_swb_ocp, other))
+        return;
+    if (DO(swb_ocp_random_starts, other, 5, u, 4))
+        DO(swb_ocp_solve_starts, other, u, 4, 1 + random_below(r, 3), &best);
+    keep_document(write_ocp, ocp);
+    swb_ocp *phases[2] = {other, other};
+    swb_multiphase *multiphase = NULL;
+    s.max_iter = 100;
+    if (!DO(swb_multiphase_create, phases, 2, &s, &multiphase))
+        return;
+    pool_add(T_swb_multiphase, multiphase);
+    DO(swb_multiphase_link_continuous, multiphase, 0);
+    static const double low[] = {-9.0}, high[] = {9.0};
+    DO(swb_multiphase_link, multiphase, 0, function_of(r, 2 * FRICTION_NX, 0, 0, 1), low, 1, high, 1);
+    DO(swb_multiphase_solve, multiphase, &outcome);
+}
+
+/* Every kind of cost and constraint. */
+static void terms_of_ocp(struct random *r, const struct friction *f, const swb_settings *s)
+{
+    static const double zero[] = {0.0, 0.0}, one[] = {1.0, 1.0}, wide[] = {50.0, 50.0};
+    static const int64_t first_state = 0;
+    swb_ocp *ocp = friction_ocp(f, s, 2);
+    swb_function *ends = function_of(r, 2 * FRICTION_NX, FRICTION_NU, FRICTION_NP, 1);
+    if (!keep(T_swb_ocp, ocp))
+        return;
+    DO(swb_ocp_add_boundary, ocp, ends, zero, 1, wide, 1);
+    DO(swb_ocp_add_periodic, ocp, &first_state, 1);
+    if (DO(swb_ocp_add_least_squares, ocp, f->speed, one, 1, zero, 1, SWB_COST_AT_RUNNING))
+        DO(swb_ocp_set_references, ocp, 0, one, 1);
+    DO(swb_ocp_add_relaxed, ocp, f->speed, zero, 1, one, 1, SWB_PATH_AT_ELEMENTS, SWB_NORM_L1, 2.0);
+    DO(swb_ocp_add_terminal, ocp, f->speed, zero, 1, wide, 1);
+    DO(swb_ocp_add_path, ocp, f->cost, zero, 1, wide, 1, SWB_PATH_AT_CONTROL_GRID);
+    DO(swb_ocp_add_complementarity, ocp, f->cost, f->goal, SWB_PATH_AT_CONTROL_GRID);
+    if (random_once_in(r, 3)) {
+        int32_t outcome;
+        DO(swb_ocp_solve, ocp, &outcome);
+    }
+}
+
+/* Systems with functions that may fail, of any form. */
+static void random_system(struct random *r, const swb_settings *s)
+{
+    int64_t nx = 1 + random_below(r, 3), nu = random_below(r, 3), np = random_below(r, 2), row = random_below(r, nx), index;
+    const int8_t signs[] = {-1, 1};
+    swb_system *system = NULL;
+    if (!DO(swb_system_create, nx, nu, np, &system))
+        return;
+    pool_add(T_swb_system, system);
+    DO(swb_system_set_f0, system, function_of(r, nx, nu, np, nx));
+    swb_function *modes = function_of(r, nx, nu, np, 2);
+    switch (random_below(r, 4)) {
+    case 0:
+        DO(swb_system_add_subsystem, system, &row, 1, modes, 2, function_of(r, nx, nu, np, 1), signs, 2, &index);
+        break;
+    case 1:
+        DO(swb_system_add_subsystem_indicators, system, &row, 1, modes, 2, function_of(r, nx, nu, np, 2), &index);
+        break;
+    case 2:
+        DO(swb_system_add_inclusion, system, &row, 1, function_of(r, nx + 1, nu, np, 1), function_of(r, nx, nu, np, 1), &index);
+        break;
+    default:
+        if (nx > 1)
+            DO(swb_system_set_algebraic, system, 1, function_of(r, nx, nu, np, 1));
+    }
+    swb_ocp *ocp = NULL;
+    if (DO(swb_ocp_create, system, 1.0, 2, s, &ocp))
+        pool_add(T_swb_ocp, ocp);
+    swb_integrator *it = NULL;
+    if (DO(swb_integrator_create, system, s, &it))
+        pool_add(T_swb_integrator, it);
+}
+
+static void solve_program(struct random *r, const swb_settings *s)
+{
+    int32_t outcome;
+    struct corner c;
+    if (!corner_create(&c, s))
+        return;
+    pool_add(T_swb_function, c.objective);
+    pool_add(T_swb_function, c.rows);
+    pool_add(T_swb_mpcc, c.mpcc);
+    if (DO(swb_mpcc_solve, c.mpcc, &outcome) && random_once_in(r, 2))
+        DO(swb_mpcc_resolve, c.mpcc, &outcome);
+}
+
+/* A program of functions that may fail. */
+static void random_program(struct random *r, const swb_settings *s)
+{
+    int64_t n = 2 + random_below(r, 3), m = random_below(r, 3);
+    swb_function *objective = function_of(r, n, 0, 0, 1), *rows = m ? function_of(r, n, 0, 0, m) : NULL;
+    swb_mpcc *mpcc = NULL;
+    if (!DO(swb_mpcc_create, n, 0, objective, rows, s, &mpcc))
+        return;
+    pool_add(T_swb_mpcc, mpcc);
+    DO(swb_mpcc_add_pair, mpcc, SWB_MEMBER_VARIABLE, 0, SWB_MEMBER_VARIABLE, 1);
+}
+
+static void functions_of_casadi(struct random *r)
+{
+    const char *library = getenv("FUZZ_LIBRARY"), *casadi = getenv("FUZZ_CASADI"), *file = getenv("FUZZ_CASADI_FILE");
+    swb_casadi value, jacobian;
+    swb_function *f = NULL;
+    casadi_lies(LIE_NONE, 0);
+    casadi_value(&value);
+    casadi_jacobian(&jacobian);
+    if (DO(swb_function_from_casadi_pointers, "f", &value, &jacobian, NULL, NULL, 2, 1, 0, &f))
+        pool_add(T_swb_function, f);
+    if (library && DO(swb_function_from_casadi_library, library, "f", NULL, 2, 1, 0, &f))
+        pool_add(T_swb_function, f);
+    if (casadi && *casadi && random_once_in(r, 4) && DO(swb_function_from_casadi_file, casadi, file, "f", NULL, 2, 1, 0, &f))
+        pool_add(T_swb_function, f);
+}
+
+/* Objects made of expressions, written as documents and read again. */
+static void there_and_back(swb_expr *graph, swb_model *model, swb_system *system)
+{
+    swb_ocp *ocp = NULL, *ocp_again = NULL;
+    swb_simulator *sim = NULL, *sim_again = NULL;
+    swb_model *model_again = NULL;
+    if (DO(swb_ocp_create, system, 1.0, 2, NULL, &ocp))
+        pool_add(T_swb_ocp, ocp);
+    if (DO(swb_simulator_create, system, NULL, &sim))
+        pool_add(T_swb_simulator, sim);
+    char *of_ocp = ocp ? document_of(write_ocp, ocp) : NULL, *of_model = document_of(write_model, model),
+         *of_sim = sim ? document_of(write_simulator, sim) : NULL;
+    if (of_ocp && DO(swb_ocp_from_json, of_ocp, NULL, 0, &ocp_again))
+        pool_add(T_swb_ocp, ocp_again);
+    if (of_sim && DO(swb_simulator_from_json, of_sim, NULL, 0, NULL, NULL, &sim_again))
+        pool_add(T_swb_simulator, sim_again);
+    if (of_model && DO(swb_model_from_json, graph, of_model, NULL, 0, NULL, 0, &model_again))
+        pool_add(T_swb_model, model_again);
+    free(of_ocp);
+    free(of_model);
+    free(of_sim);
+}
+
+static void expressions(struct random *r)
+{
+    swb_expr *graph = NULL;
+    if (!DO(swb_expr_create, &graph))
+        return;
+    pool_add(T_swb_expr, graph);
+    swb_model *model = friction_model(graph);
+    pool_add(T_swb_model, model);
+    pool_add(T_swb_function, friction_cost(graph));
+    keep_document(write_model, model);
+    int64_t product, x[FRICTION_NX];
+    if (DO(swb_expr_inputs, graph, SWB_INPUT_X, 0, x, FRICTION_NX)) {
+        DO(swb_expr_matmul, graph, 1, FRICTION_NX, 1, x, FRICTION_NX, x, FRICTION_NX, &product, 1);
+        DO(swb_expr_solve, graph, x, 1, x + 1, &product, 1);
+    }
+    swb_system *system = NULL;
+    if (DO(swb_model_system, model, &system))
+        pool_add(T_swb_system, system);
+    if (system && random_once_in(r, 4))
+        there_and_back(graph, model, system);
+}
+
+void world_create(struct random *r)
+{
+    swb_settings s = small_settings(r);
+    struct friction f;
+    expressions(r);
+    random_system(r, &s);
+    random_program(r, &s);
+    functions_of_casadi(r);
+    friction_create(&f);
+    pool_add(T_swb_system, f.system);
+    swb_function *const all[] = {f.modes, f.speed, f.f0, f.cost, f.goal};
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        pool_add(T_swb_function, all[i]);
+    if (random_once_in(r, 3))
+        solve_ocp(r, &f, s);
+    if (random_once_in(r, 2))
+        terms_of_ocp(r, &f, &s);
+    if (random_once_in(r, 2))
+        simulate(r, &f, &s);
+    if (random_once_in(r, 2))
+        count(&s);
+    if (random_once_in(r, 2))
+        solve_program(r, &s);
+}
