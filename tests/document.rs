@@ -392,7 +392,7 @@ fn what_is_wrong_is_said() {
         (model("", "0", "").replace("\"controls\":0", "\"controls\":1e9"), "invalid type"),
         (
             model(r#"["x",0]"#, "0", "").replace("\"controls\":0", "\"controls\":9000000000000"),
-            "9000000000000 controls: up to",
+            "controls and parameters: 9000000000000 is too large, up to",
         ),
         (model(r#"["x",0]"#, "0", "").replace("\"version\":1", "\"version\":2"), "reads version 1"),
         (model(r#"["x",0]"#, "0", "").replace("\"version\":1", "\"version\":0"), "reads version 1"),

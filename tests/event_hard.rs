@@ -2,7 +2,7 @@
 
 #[path = "common/counting.rs"]
 mod counting;
-use counting::COUNT;
+use counting::count;
 
 mod common;
 use common::models::*;
@@ -454,9 +454,9 @@ fn steps_do_not_allocate() {
         e.reinit(0.0, &x0).unwrap();
         let (mut stepped, mut sliding) = (0, 0);
         loop {
-            let before = COUNT.get();
+            let before = count();
             let p = e.step(12.0).unwrap();
-            let n = COUNT.get() - before;
+            let n = count() - before;
             if p == Progress::Done {
                 break;
             }

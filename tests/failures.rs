@@ -10,6 +10,7 @@ use switchback::nlp::{Control, IterationInfo, Outcome};
 use switchback::ocp::Ocp;
 use switchback::settings::Settings;
 use switchback::sim::Simulator;
+use switchback::stop::Stop;
 use switchback::system::{SharedFunction, System};
 
 const DIMS: Dims = Dims { x: 1, u: 1, p: 0 };
@@ -201,8 +202,8 @@ fn limits_and_interrupts() {
     }
     let r = sliding_ocp(&Settings { max_time: 0.0, ..base }).solve(&mut Control::default()).unwrap().clone();
     assert_eq!(r.outcome, Outcome::MaxTime);
-    let stop = AtomicBool::new(true);
-    let mut control = Control { interrupt: Some(&stop), ..Control::default() };
+    let stop = Arc::new(AtomicBool::new(true));
+    let mut control = Control::of(Stop::on(&stop));
     let mut o = sliding_ocp(&base);
     assert_eq!(o.solve(&mut control).unwrap().outcome, Outcome::Stopped);
     // the object is as good as new
@@ -217,7 +218,7 @@ fn limits_and_interrupts() {
     }
     let mut sim = Simulator::new(&coulomb(), &base).unwrap();
     sim.set_state(0.0, &[1.0, 0.2]).unwrap();
-    let mut control = Control { interrupt: Some(&stop), ..Control::default() };
+    let mut control = Control::of(Stop::on(&stop));
     assert_eq!(sim.run(1.0, 3, &mut control).unwrap().outcome, Outcome::Stopped);
     assert_eq!((sim.time(), sim.state()), (0.0, &[1.0, 0.2][..]));
 }

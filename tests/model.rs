@@ -129,12 +129,24 @@ fn what_is_not_needed_is_dropped_with_a_reason() {
     assert_eq!(counts(&b), (0, 0, 0));
     assert_eq!(
         dropped(&b),
-        ["x[0]^2 + 1 is never negative: it does not switch", "x[1]^2 is never negative: it does not switch"]
+        [
+            "x[0]^2 + 1 is never negative, since x[0]^2 >= 0: it does not switch",
+            "x[1]^2 is never negative, since x[1]^2 >= 0: it does not switch"
+        ]
     );
     // clip: three of four patterns.
     let b = build(&g, 0, 0, &[x.clip(g.constant(-1.0), g.constant(1.0)), y]);
     assert_eq!(counts(&b), (3, 2, 3));
-    assert!(dropped(&b)[0].starts_with("1 of 4 sign patterns"), "{:?}", dropped(&b));
+    assert_eq!(
+        dropped(&b),
+        ["1 of 4 sign patterns of -1 - x[0], x[0] - 1 cannot occur: not -1 - x[0] > 0 and x[0] - 1 > 0, because \
+          (-1 - x[0]) + (x[0] - 1) = -2 is never positive"]
+    );
+    // what differs in the last digit only is one, which the report says
+    let b = build(&g, 0, 0, &[(x - 0.1).sign() + (5.0 * x - 0.5).abs(), (x - 0.1f64.next_up()).sign()]);
+    assert_eq!(b.report.n_switching_functions(), 2, "{}", b.report);
+    let merged: Vec<&str> = b.report.notes_of(NoteKind::Merged).collect();
+    assert_eq!(merged, ["5*x[0] - 0.5 is taken for x[0] - 0.1: their coefficients agree to the last binary digit"]);
     // The second condition makes no difference.
     let same = y.gt(0.0).select(x, x + 0.0 * y);
     let b = build(&g, 0, 0, &[x.gt(0.0).select(same * 2.0, x), y.sign() - y.sign()]);
@@ -330,6 +342,15 @@ fn malformed_models_are_refused() {
     assert!(Model::new("m", 0, 0, 0).is_err());
     assert!(m.set_trial(Trial { x: vec![0.0], ..Trial::default() }).is_err());
     assert!(m.set_trial(Trial { x: vec![0.0, f64::NAN], ..Trial::default() }).is_err());
+    // A chain that is longer than a model may be.
+    let g = Graph::new();
+    let chain = (0..=switchback::model::MAX_NODES).fold(g.x(0), |a, _| a.sin());
+    let e = Model::from_rhs("m", 0, 0, &[chain]).unwrap().build(&g).map(|_| ()).unwrap_err();
+    assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("a model may have"), "{e}");
+    // Constants that are no numbers, also in conditions.
+    let g = Graph::new();
+    let e = Model::from_rhs("m", 0, 0, &[g.constant(f64::NAN).sign()]).unwrap().build(&g).map(|_| ()).unwrap_err();
+    assert!(matches!(e, Error::NonFinite(_)), "{e}");
     // Switches inside switches inside switches.
     let g = Graph::new();
     let nested = (0..30).fold(g.x(0), |a, k| (a - 0.3 - f64::from(k)).abs());
@@ -369,6 +390,37 @@ fn the_smaller_form_is_reported_and_taken() {
         assert_eq!(pairs_of(b, DcsForm::Auto), b.report.n_pairs());
         assert_eq!(pairs_of(b, DcsForm::Heaviside), 2 * b.report.n_switching_functions());
     }
+}
+
+/// A trial point on a surface is on it in all units, one beside it is not.
+#[test]
+fn trial_points_do_not_depend_on_units() {
+    for unit in [1.0, 1e12, 1e-12] {
+        let g = Graph::new();
+        let (x, y) = (g.x(0) * unit, g.x(1) * unit);
+        let mut m = Model::from_rhs("m", 0, 0, &[g.constant(1.0), -x * (y - 0.3).sign()]).unwrap();
+        for (x0, y0, n) in [(0.0, 0.3, 1), (1e-13, 0.3, 0), (0.0, 0.3 + 1e-9, 0), (1.0, 0.3, 0)] {
+            m.set_trial(Trial { x: vec![x0 / unit, y0 / unit], ..Trial::default() }).unwrap();
+            let report = m.build(&g).unwrap().report;
+            let found = report.notes_of(NoteKind::Warning).filter(|n| n.contains("singular")).count();
+            assert_eq!(found, n, "{x0}, {y0} in units of {unit}: {report}");
+        }
+    }
+}
+
+/// Building can be ended like every other call.
+#[test]
+fn building_ends_when_it_is_to_end() {
+    use switchback::stop::{raise, Stop};
+    let flag = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(false));
+    let g = Graph::new();
+    let m = Model::from_rhs("m", 0, 0, &[(0..2000).fold(g.x(0), |a, _| a.sin())]).unwrap();
+    let e = Stop::on(&flag).scope(|| {
+        raise();
+        m.build(&g).map(|_| ())
+    });
+    assert_eq!(e, Err(Error::Interrupted));
+    assert!(m.build(&g).is_ok());
 }
 
 #[test]

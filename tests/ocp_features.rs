@@ -12,6 +12,7 @@ use switchback::mpcc::Polish;
 use switchback::nlp::{Control, IterationInfo, Outcome};
 use switchback::ocp::{CostAt, Durations, Norm, Ocp, OcpResult, Starts};
 use switchback::settings::{RkFamily, Settings};
+use switchback::stop::Stop;
 use switchback::system::{SharedFunction, System};
 
 const DI: Dims = Dims { x: 2, u: 1, p: 0 };
@@ -297,8 +298,8 @@ fn several_starts_on_any_number_of_threads() {
 fn several_starts_are_stopped_together() {
     let mut o = sliding_ocp(&settings(RadauIia, 2, 2, FESD));
     let starts = o.random_starts(6, 1);
-    let stop = AtomicBool::new(true);
-    let interrupt = &mut Control { interrupt: Some(&stop), ..Control::default() };
+    let stop = Arc::new(AtomicBool::new(true));
+    let interrupt = &mut Control::of(Stop::on(&stop));
     let stopped = |s: &Starts| s.results.iter().all(|r| r.as_ref().unwrap().outcome == Outcome::Stopped);
     assert!(stopped(&o.solve_starts(&starts, 3, interrupt).unwrap()));
     let mut left = 3;
@@ -402,5 +403,55 @@ fn complementarities_beside_switches() {
         assert!(two.controls.chunks(2).all(|u| u[0].min(u[1]).abs() < 1e-12), "{:?}", two.controls);
         let net: Vec<f64> = two.controls.chunks(2).map(|u| u[0] - u[1]).collect();
         assert_near(&net, &one.controls, 1e-6, "controls");
+    }
+}
+
+/// `x' = u`, from `x(0) = 1` with the least effort to `x(1) = 1.5`, with the start on the lower and the end on the upper
+/// bound of the path: no point lies inside of all bounds, and the bounds do not change the answer.
+#[test]
+fn constraints_without_room_between_them() {
+    let d = Dims { x: 1, u: 1, p: 0 };
+    let effort = |d: Dims| {
+        let l = Callback::new("u2", d, 1, |at, o| {
+            o[0] = at.u[0] * at.u[0];
+            0
+        });
+        let l = l.with_jacobian(pattern(1, 3, &[(0, 1)]), |at, o| {
+            o[0] = 2.0 * at.u[0];
+            0
+        });
+        let l = l.and_then(|l| {
+            l.with_hessian(pattern(3, 3, &[(1, 1)]), |_, w, o| {
+                o[0] = 2.0 * w[0];
+                0
+            })
+        });
+        Arc::new(l.unwrap())
+    };
+    for (n, upper, at, states) in (2..9).flat_map(|n| {
+        [
+            (1.5, PathAt::Elements, false),
+            (1.6, PathAt::Elements, false),
+            (1.5, PathAt::StagePoints, false),
+            (1.5, PathAt::ControlGrid, true),
+        ]
+        .map(|(upper, at, states)| (n, upper, at, states))
+    }) {
+        let mut s = System::new(1, 1, 0).unwrap();
+        s.set_f0(affine("f0", d, &[0.0], &[(0, 1, 1.0)])).unwrap();
+        let mut o = Ocp::new(&s, 1.0, n, &settings(RadauIia, 2, 1, FESD)).unwrap();
+        o.set_x0(&[1.0]).unwrap();
+        o.set_lagrange(effort(d)).unwrap();
+        let x = || affine("x", d, &[0.0], &[(0, 0, 1.0)]);
+        if states {
+            o.set_x_bounds(&[1.0], &[upper]).unwrap();
+        } else {
+            o.add_path(x(), &[1.0], &[upper], at).unwrap();
+        }
+        o.add_terminal(x(), &[1.5], &[1.5]).unwrap();
+        let r = solved(&mut o);
+        let what = format!("{n} stages, up to {upper}, {at:?}");
+        assert!(r.polish == Polish::Done && r.stats.iterations < 100, "{what}: {:?} {:?}", r.polish, r.stats);
+        assert_near(&[r.cost], &[0.25], 1e-9, &what);
     }
 }

@@ -91,3 +91,38 @@ fn without_a_solution_there_is_nothing_to_differentiate() {
     o.solve(&mut Control::default()).unwrap();
     assert!(matches!(o.sensitivity(), Err(Error::State(_))));
 }
+
+/// `q̇ = v`, `v̇ = u − p sign(v)`, from rest: the initial state lies on the switching surface.
+fn from_rest() -> Ocp {
+    let d = Dims { x: 2, u: 1, p: 1 };
+    let g = Graph::new();
+    let (q, v, u, p) = (g.x(0), g.x(1), g.u(0), g.p(0));
+    let modes = Arc::new(g.function("modes", d, &[v, u - p, v, u + p]).unwrap());
+    let psi = Arc::new(g.function("psi", d, &[v]).unwrap());
+    let mut system = System::new(2, 1, 1).unwrap();
+    let regions = Regions::Signs { psi, signs: vec![1, -1] };
+    system.add_subsystem(Subsystem { rows: vec![0, 1], modes, n_modes: 2, regions }).unwrap();
+    let mut o = Ocp::new(&system, 2.0, 6, &Settings { n_fe: 2, ..Settings::default() }).unwrap();
+    o.set_lagrange(Arc::new(g.function("L", d, &[u * u + 0.1 * v * v]).unwrap())).unwrap();
+    o.set_mayer(Arc::new(g.function("M", d, &[(q - 1.0).powi(2) * 10.0]).unwrap())).unwrap();
+    o.set_x0(&[0.0, 0.0]).unwrap();
+    o.set_u_bounds(&[-3.0], &[3.0]).unwrap();
+    o.set_params(&[0.2]).unwrap();
+    o
+}
+
+/// What starts on a surface has derivatives in the directions that leave it there; the others are not invented.
+#[test]
+fn an_optimum_that_starts_at_rest_follows_what_leaves_it_at_rest() {
+    let mut o = from_rest();
+    solve(&mut o);
+    let s = o.sensitivity().unwrap();
+    assert!(s.one_sided, "one side of the surface only");
+    compare(&mut o, &s, 0, |o, h| o.set_x0(&[h, 0.0]).unwrap());
+    compare(&mut o, &s, 2, |o, h| o.set_params(&[0.2 + h]).unwrap());
+    // the velocity goes off the surface: with the derivative to the right, or none
+    let (left, _) = solve(&mut o);
+    o.set_x0(&[0.0, STEP]).unwrap();
+    let right = (solve(&mut o).0 - left) / STEP;
+    assert!(s.cost[1].is_nan() || (s.cost[1] - right).abs() < 1e-2, "{} {right}", s.cost[1]);
+}

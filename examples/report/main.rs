@@ -3,7 +3,8 @@
 //! `cargo run --release --example report -- CASE [--json] [--plot DIR] [--problems DIR] [--casadi DIR] [--method FAMILY]`, `CASE` one
 //! of [`cases::ALL`] or `all`. Prints a table; with `--json` one object per line and nothing else on standard output.
 //! `replay FILE` solves what a document holds and prints what happened.
-//! `--problems` names a folder of recorded problems for the cases that can use one, `--casadi` a folder that
+//! `--problems` (default: the environment variable `SWITCHBACK_MPCC_PROBLEMS`) names a folder of recorded problems for the
+//! cases that can use one, `--casadi` a folder that
 //! `bindings/python/benchmarks/model_eval.py` wrote; `--method` restricts `sliding-ocp` to one Runge-Kutta family.
 
 mod cases;
@@ -23,7 +24,7 @@ use std::path::PathBuf;
 pub struct Context {
     json: bool,
     plot: Option<PathBuf>,
-    problems: PathBuf,
+    problems: Option<PathBuf>,
     casadi: Option<PathBuf>,
     /// Runge-Kutta family to restrict a sweep to.
     method: Option<String>,
@@ -69,8 +70,8 @@ fn usage(problem: &str) -> ! {
 }
 
 fn main() {
-    let mut context =
-        Context { json: false, plot: None, problems: "../shared/mpcc".into(), casadi: None, method: None, all: false };
+    let problems = std::env::var_os("SWITCHBACK_MPCC_PROBLEMS").map(PathBuf::from);
+    let mut context = Context { json: false, plot: None, problems, casadi: None, method: None, all: false };
     let mut case = None;
     let mut args = std::env::args().skip(1);
     while let Some(a) = args.next() {
@@ -81,7 +82,7 @@ fn main() {
                 None => usage("--plot needs a directory"),
             },
             "--problems" => match args.next() {
-                Some(dir) => context.problems = dir.into(),
+                Some(dir) => context.problems = Some(dir.into()),
                 None => usage("--problems needs a directory"),
             },
             "--casadi" => match args.next() {

@@ -1,4 +1,4 @@
-//! Reference solutions beside the repository: one JSON file per problem, with switching times and sensitivities.
+//! Reference solutions (`tests/data/reference`): one JSON file per problem, with switching times and sensitivities.
 #![allow(dead_code)]
 
 use std::path::PathBuf;
@@ -30,18 +30,19 @@ pub struct Reference {
     pub samples: Vec<(f64, Vec<f64>)>,
 }
 
-/// Reads the reference of this name; `None` where the references are not at hand.
-pub fn load(name: &str) -> Option<Reference> {
+/// Reads the reference of this name; panics where the file is missing or is no JSON.
+pub fn load(name: &str) -> Reference {
     let path: PathBuf =
-        [env!("CARGO_MANIFEST_DIR"), "..", "shared", "reference", &format!("{name}.json")].iter().collect();
-    let j: Value = serde_json::from_str(&std::fs::read_to_string(path).ok()?).ok()?;
+        [env!("CARGO_MANIFEST_DIR"), "tests", "data", "reference", &format!("{name}.json")].iter().collect();
+    let text = std::fs::read_to_string(&path).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+    let j: Value = serde_json::from_str(&text).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
     let kind = |s: &Value| s["kind"].as_str().unwrap_or_default().to_owned();
-    Some(Reference {
+    Reference {
         t_end: number(&j["T"]),
         x0: numbers(&j["x0"]),
         x_end: numbers(&j["x_T"]),
         switches: list(&j["switches"]).iter().map(|s| (number(&s["t"]), kind(s), numbers(&s["dt_dx0"]))).collect(),
         sensitivity: list(&j["sens_xT_x0"]).iter().map(numbers).collect(),
         samples: list(&j["samples"]).iter().map(|s| (number(&s["t"]), numbers(&s["x"]))).collect(),
-    })
+    }
 }

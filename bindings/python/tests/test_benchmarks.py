@@ -14,7 +14,7 @@ import pytest
 import switchback as swb
 
 FOLDER = Path(__file__).resolve().parents[1] / "benchmarks"
-PROBLEMS = FOLDER.parents[3] / "shared" / "mpcc"
+COLLECTION = Path(__file__).resolve().parent / "collection"
 sys.path.insert(0, str(FOLDER))
 
 import mpcc_compare  # noqa: E402
@@ -99,24 +99,25 @@ def test_crash_and_hang_are_results(monkeypatch):
     assert work["solved"]
 
 
-def test_without_problems_it_says_so(tmp_path):
-    run = subprocess.run(
-        [sys.executable, FOLDER / "mpcc_train.py", "--problems", tmp_path], capture_output=True, text=True, check=True
-    )
-    assert run.stdout.startswith("skipped: no problems in")
-
-
-@pytest.mark.skipif(not PROBLEMS.is_dir(), reason="the problems are not beside the repository")
-@pytest.mark.skipif(shutil.which("cc") is None and shutil.which("gcc") is None, reason="no C compiler")
-@pytest.mark.parametrize("members", ["auto", "rows"])
-def test_textbook_problems_through_their_callbacks(members):
-    run = subprocess.run(
-        [sys.executable, FOLDER / "mpcc_train.py", "--only", "textbook:(jr1|scholtes1|bard1|outrata31|infeasible1)$",
-         "--no-ipopt", "--repeat", "1", "--members", members, "--json", "-"],
-        capture_output=True, text=True, check=True,
+def train(*arguments, **environment):
+    return subprocess.run(
+        [sys.executable, FOLDER / "mpcc_train.py", *arguments], capture_output=True, text=True, check=True,
+        env={k: v for k, v in os.environ.items() if k != "SWITCHBACK_MPCC_PROBLEMS"} | environment,
     )  # fmt: skip
+
+
+def test_without_problems_it_says_so(tmp_path):
+    for run in (train(), train("--problems", str(tmp_path)), train(SWITCHBACK_MPCC_PROBLEMS=str(tmp_path))):
+        assert run.stdout.startswith("left out: ") and "SWITCHBACK_MPCC_PROBLEMS" in run.stdout
+        assert len(run.stdout.splitlines()) == 1
+
+
+@pytest.mark.parametrize("members", ["auto", "rows"])
+def test_a_collection_through_its_callbacks(members):
+    options = ["--no-ipopt", "--repeat", "1", "--members", members, "--json", "-"]
+    run = train(*options, SWITCHBACK_MPCC_PROBLEMS=str(COLLECTION))
     record = json.loads(run.stdout)
-    assert len(record["problems"]) == 5
+    assert len(record["problems"]) == 3
     for r in record["problems"]:
         assert r["ours"]["solved"] and r["known"] in ("global", "right"), r
 

@@ -357,3 +357,29 @@ def test_closed_objects_and_copies():
     failed = swb.System.__new__(swb.System)
     with pytest.raises(swb.StateError):
         failed.set_f0(lambda x: x) if hasattr(failed, "nx") else failed._do("sizes")
+
+
+def test_functions_in_python_are_called_by_the_thread_of_the_call():
+    """However many threads are asked for: exceptions come out with their traceback, run times do not see foreign threads."""
+    threads = set()
+
+    def f0(x, u):
+        threads.add(threading.get_ident())
+        if x[0] > 10.0:
+            raise KeyError("thrown in f0")
+        return u
+
+    system = swb.System(1, 1, 0, f0=f0)
+    starts = [[float(k)] for k in range(9)]
+    assert np.allclose(swb.simulate_batch(system, starts, 1.0, u=[1.0], threads=8).x[:, 0], np.arange(9) + 1.0)
+    with pytest.raises(KeyError, match="thrown in f0") as caught:
+        swb.simulate_batch(system, [*starts, [11.0], [12.0]], 1.0, u=[1.0], threads=8)
+    assert any(entry.name == "f0" for entry in caught.traceback)
+    with swb.Ocp(system, 1.0, 2) as ocp:
+        ocp.set_initial_state([0.0])
+        ocp.set_lagrange(lambda u: u[0] ** 2)
+        ocp.solve_starts([[[0.1], [0.2]], [[0.3], [0.4]]], threads=8)
+        with pytest.raises(KeyError, match="thrown in f0"):
+            ocp.set_initial_state([20.0])
+            ocp.solve_starts([[[0.1], [0.2]], [[0.3], [0.4]]], threads=8)
+    assert threads == {threading.get_ident()}

@@ -152,3 +152,58 @@ def test_refusals(monkeypatch):
 def test_the_package_does_not_need_casadi():
     code = "import sys; sys.modules['casadi'] = None; import switchback as swb; swb.Function(lambda x: x, 1)(x=[1.0])"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def switching_functions():
+    """(what the message must name, function)"""
+    x, u, p, t = ca.SX.sym("x", 2), ca.SX.sym("u"), ca.SX.sym("p"), ca.SX.sym("t")
+    big_x, big_y = ca.MX.sym("x", 2), ca.MX.sym("y")
+    scalar = {
+        "sign": ca.sign(x[0]),
+        "fabs": ca.fabs(x[1]),
+        "fmin": ca.fmin(x[0], u),
+        "fmax": ca.fmax(x[0] * p, 0),
+        "floor": ca.floor(t),
+        "ceil": ca.ceil(x[0]),
+        "fmod": ca.fmod(t, 1.0),
+        "if_else": ca.if_else(x[0] > 0, x[0], -x[0]),
+        "<": x[0] < x[1],
+        "logic_and": ca.logic_and(x[0] > 0, x[1] > 0),
+    }
+    for words, e in scalar.items():
+        yield words, ca.Function("f", [x, u, p, t], [x, e], ["x", "u", "p", "t"], ["smooth", "y"])
+    inner = ca.Function("inner", [big_x], [big_x**2, ca.norm_1(big_x)], {"never_inline": True})
+    yield "norm_1", ca.Function("f", [big_x], [big_x, inner(big_x)[1]], ["x"], ["smooth", "y"])
+    yield "mmax", ca.Function("f", [big_x], [big_x, ca.mmax(big_x)], ["x"], ["smooth", "y"])
+    a = ca.MX.sym("a")
+    solve = ca.rootfinder("solve", "fast_newton", {"x": big_y, "p": a, "g": big_y**3 + big_y - ca.fabs(a)})
+    yield "fabs", ca.Function("f", [big_x], [big_x, solve(0, big_x[0])], ["x"], ["smooth", "y"])
+    choice = ca.Function.if_else("c", *(ca.Function(n, [a], [s * a]) for n, s in (("up", 1), ("down", -1))))
+    yield "a choice", ca.Function("f", [big_x], [big_x, choice(big_x[0] > 0, big_x[1])], ["x"], ["smooth", "y"])
+    lines = ca.interpolant("lines", "linear", [[0, 1, 2]], [0, 1, 0])
+    yield "a table", ca.Function("f", [big_x], [big_x, lines(big_x[0])], ["x"], ["smooth", "y"])
+    each = ca.Function("each", [a], [ca.sign(a)]).map(2)
+    yield "sign", ca.Function("f", [big_x], [big_x, each(big_x.T).T], ["x"], ["smooth", "y"])
+
+
+@pytest.mark.parametrize("words, f", list(switching_functions()), ids=lambda v: v if isinstance(v, str) else "")
+def test_what_switches_is_refused_in_words(words, f):
+    with pytest.raises(swb.UnsupportedError, match="output 1") as caught:
+        swb.casadi.function(f)
+    message = str(caught.value)
+    assert words in message and "'f'" in message and "add_subsystem" in message and "smooth=True" in message
+    with pytest.raises(swb.UnsupportedError, match="modes"):
+        swb.System(2, 1, 1).set_f0(f)
+
+
+def test_what_does_not_switch_is_taken():
+    x, p = ca.SX.sym("x", 2), ca.SX.sym("p")
+    constant = ca.fabs(p) + ca.if_else(p > 1, 2, 3)
+    f = ca.Function("f", [x, p], [constant * x + ca.norm_2(x), ca.sqrt(x[0]), ca.atan2(x[0], x[1])], ["x", "p"], list("abc"))
+    assert np.allclose(swb.casadi.function(f, how="interpret")([3.0, 4.0], p=[-2.0])[:2], [20.0, 25.0])
+    y = ca.MX.sym("x", 2)
+    curve = ca.interpolant("curve", "bspline", [[0, 1, 2, 3, 4]], [0, 1, 0, 1, 0])
+    f = ca.Function("f", [y], [curve(y[0]), ca.logsumexp(y)], ["x"], ["a", "b"])
+    assert swb.casadi.function(f, how="interpret")([1.0, 0.0])[0] == pytest.approx(1.0)
+    guarded = ca.Function("f", [x], [ca.sqrt(ca.fmax(x[0], 1e-9))], ["x"], ["a"])
+    assert swb.casadi.function(guarded, how="interpret", smooth=True)([4.0, 0.0])[0] == pytest.approx(2.0)

@@ -34,6 +34,19 @@ def test_generated_from_this_header():
 
 
 @needs_header
+def test_the_header_is_understood():
+    api = generator().parse(HEADER.read_text(encoding="utf-8"))
+    jacobian = api.functions["swb_function_set_jacobian"]
+    assert [p.length for p in jacobian.parameters] == [None, "n_col_ptr", None, "nnz", None, None]
+    assert jacobian.parameters[5].nullable and not jacobian.parameters[1].nullable
+    outcome = api.functions["swb_ocp_solve_warm"].parameters[1]
+    assert (outcome.direction, outcome.type.stars) == ("out", 1)
+    assert api.functions["swb_mpcc_get_name"].parameters[1].enum == "swb_item"
+    assert "swb_ocp" in api.objects and api.records["swb_switch"].fields[0].name == "struct_size"
+    assert api.enums["swb_status"].values[0][:2] == ("SWB_OK", 0)
+
+
+@needs_header
 def test_every_function_is_declared():
     text = HEADER.read_text(encoding="utf-8")
     assert len(_ffi.FUNCTIONS) == sum(line.startswith("SWB_API") for line in text.splitlines()) > 100
@@ -56,7 +69,8 @@ def test_layout(tmp_path):
             prefix = enum.__doc__.split()[1].upper()
             for value in enum:
                 symbol = f"SWB_{'ERR_' if value and prefix == 'SWB_STATUS' else ''}{value.name}"
-                symbol = symbol if prefix == "SWB_STATUS" else f"{prefix}_{value.name}"
+                plain = prefix in ("SWB_STATUS", "SWB_FUNCTION_FLAG")  # their constants do not have the name of the type
+                symbol = symbol if plain else f"{prefix}_{value.name}"
                 lines.append(f'printf("{symbol} %d\\n", (int){symbol});')
                 expected.append(f"{symbol} {int(value)}")
     program = tmp_path / "layout.c"

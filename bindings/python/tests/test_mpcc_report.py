@@ -375,6 +375,17 @@ def test_infeasible_programs_name_what_conflicts():
     assert solved.conflict is None and json.loads(solved.to_json())["conflict"] is None
 
 
+def test_conflicts_without_pairs():
+    r = swb.minimize_mpcc(
+        lambda x: x @ x, [1, 1], [], lambda x: [x[0] + x[1], x[0] + x[1]], n_constraints=2,
+        constraint_bounds=([3, -1], [9, 1]), constraint_names=["demand", "supply"],
+    )  # fmt: skip
+    assert r.outcome == swb.Outcome.INFEASIBLE
+    weights = {i.name: i.value for i in r.conflict.items}
+    assert weights == {"demand": pytest.approx(-1), "supply": pytest.approx(1)}
+    assert r.conflict.gap == pytest.approx(2) and r.conflict.residual < 1e-6
+
+
 def test_unbounded():
     r = swb.minimize_mpcc(lambda x: -x.sum(), [1, 1], [(0, 1)])
     assert r.outcome == swb.Outcome.DIVERGING and r.message == "diverging"

@@ -20,6 +20,7 @@ def test_tutorial():
     assert again.stats.time_build == 0.0 and again.cost == pytest.approx(TUTORIAL_COST, abs=1e-10)
     ocp.set(max_iter=2)
     assert ocp.solve().outcome == swb.Outcome.MAX_ITER and not ocp.result.success
+    assert np.isnan(ocp.result.cost) and np.isfinite(ocp.result.cost_reached) and "cost=nan" in repr(ocp.result)
     ocp.set(max_iter=1000, max_time=0.0)
     assert ocp.solve().outcome == swb.Outcome.MAX_TIME
     assert "horizon=2" in repr(ocp)
@@ -188,3 +189,34 @@ def test_monitors():
 def test_print_iteration(capsys):
     tutorial(on_iteration=swb.print_iteration).solve()
     assert "inf_pr" in capsys.readouterr().out
+
+
+def rest_to_rest(bound):
+    """From rest to rest over a distance of 1 in a time of 1, which takes an acceleration of 4."""
+    m = swb.Model(states="q v", controls="u")
+    m.derivatives = [m.x[1], m.u[0]]
+    ocp = swb.Ocp(m, 1.0, 10, initial_state=[0.0, 0.0], control_bounds=(-bound, bound))
+    ocp.add_terminal(m.function([m.x[0], m.x[1]]), [1.0, 0.0], [1.0, 0.0])
+    return ocp
+
+
+def test_what_cannot_be_met_is_infeasible():
+    assert rest_to_rest(5.0).solve().success
+    r = rest_to_rest(2.0).solve()
+    assert r.outcome == swb.Outcome.INFEASIBLE and np.isnan(r.cost)
+    assert "off by 0.5000 at best" in r.message
+
+
+@pytest.mark.parametrize(
+    ("make", "start"),
+    [(swb.sqrt, -2.0), (swb.log, -2.0), (lambda x: 1 / x, 0.0), (swb.asin, -2.0)],
+    ids=["sqrt", "log", "1/x", "asin"],
+)
+def test_undefined_points_of_expressions_are_named(make, start):
+    m = swb.Model(states="x", controls="u")
+    m.derivatives = [make(m.x[0]) + m.u[0]]
+    ocp = swb.Ocp(m, 1.0, 4, initial_state=[start], control_bounds=(-1.0, 1.0))
+    ocp.set_lagrange(m.function([m.x[0] ** 2]))
+    with pytest.raises(swb.NonfiniteError, match="of the right-hand side .* start elsewhere") as e:
+        ocp.solve()
+    assert "linear systems" not in str(e.value)

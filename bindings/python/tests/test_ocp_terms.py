@@ -48,11 +48,17 @@ def test_friction_is_estimated_from_measurements():
 
 
 def test_a_free_parameter_needs_derivatives():
-    system = swb.System(1, 0, 1, f0=lambda p: p[0])
+    system = swb.System(1, 0, 1, f0=lambda x: -x[0])
     ocp = swb.Ocp(system, 1.0, 1, mayer=lambda x: x[0] ** 2)
     ocp.set_param_bounds(-1, 1)
     with pytest.raises(swb.ArgumentError, match="parameter 0 is free, but no function"):
         ocp.solve()
+    # one that takes it is differentiated by it
+    system = swb.System(1, 0, 1, f0=lambda p: p[0])
+    ocp = swb.Ocp(system, 1.0, 1, mayer=lambda x: (x[0] - 0.25) ** 2, initial_state=[0])
+    ocp.set_param_bounds(-1, 1)
+    r = ocp.solve()
+    assert r.success and r.params[0] == pytest.approx(0.25, abs=1e-6)
 
 
 def test_relaxed_constraints_report_their_violation():

@@ -273,3 +273,48 @@ def test_refusals_of_other_things():
         swb.simulate_batch(oscillator(), np.empty((0, 2)), 1.0)
     with pytest.raises(swb.ArgumentError):
         swb.simulate_batch(oscillator(), [OSCILLATOR_X0], 1.0, rtol=[1e-3, 1e-4])
+
+
+def test_a_switch_next_to_the_end_does_not_pass_it():
+    m = Model(states="s v w", controls="torque")
+    (_, v, w), u = m.x, m.u[0]
+    slip = v - 0.3 * w
+    mu = swb.clip(0.9 * slip / 1.5, 0, 0.9) - swb.clip(0.3 * (slip - 1.5) / 6, 0, 0.3)
+    m.derivatives = [v, -9.81 * mu, 3 * 9.81 * mu * 4 - 60 * u]
+    x0, end = [20.040208964524517, 7.6572096359751445, 20.52403211991809], 0.23903435000647089
+    for duration in (end, 2 * end):
+        assert swb.simulate(m, x0, duration, u=[2.2563]).success
+
+
+@pytest.mark.parametrize("rudder", [0.0, 1.4e-16, -3.4e-17, -1e-16, -1e-12])
+def test_a_state_rests_on_a_surface(rudder):
+    m = Model(states="course speed", controls="rudder")
+    (a, v), u = m.x, m.u[0]
+    m.derivatives = [u, swb.where(swb.cos(a) > np.cos(np.deg2rad(40)), -0.5 * v, 1.0 - v)]
+    for start in (np.deg2rad(40), 0.6981317007977318, 0.6981317007977317):
+        r = swb.simulate(m, [start, 1.0], 0.5, u=[rudder])
+        assert r.success and r.reason == ""
+
+
+def test_expressions_say_where_they_are_not_defined():
+    m = Model(states="h")
+    m.derivatives = [-0.3 * swb.sqrt(m.x[0])]
+    r = swb.simulate(m, [0.04], 5.0)
+    assert r.outcome == swb.RunOutcome.STEP_TOO_SMALL
+    assert "is not finite" in r.reason and "output 0 is NaN" in r.reason and "x = [-" in r.reason
+
+
+def test_a_jump_in_a_smooth_function_is_named():
+    s = swb.System(1)
+    s.set_f0(swb.Function(lambda x: [-np.sign(x[0])], 1, n_out=1))
+    r = swb.simulate(s, [0.5], 100.0)
+    assert r.outcome == swb.RunOutcome.STEP_TOO_SMALL and "looks discontinuous near t = 0.5" in r.reason
+
+
+def test_functions_in_python_depend_on_the_parameters_they_take():
+    s = swb.System(1, np=1)
+    s.set_f0(swb.Function(lambda x, p: [-p[0] * x[0] ** 2], 1, np=1, n_out=1))
+    r = swb.simulate(s, [2.0], 1.5, p=[0.5], rtol=1e-11, atol=1e-11, sensitivity=True)
+    # x = x0 / (1 + p x0 t)
+    assert r.x_end[0] == pytest.approx(0.8, abs=1e-9)
+    assert r.dx_dp[0, 0] == pytest.approx(-1.5 * 0.8**2, abs=1e-7)

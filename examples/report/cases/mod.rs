@@ -3,6 +3,7 @@
 mod adaptation;
 mod gallery;
 mod guesses;
+mod latency;
 mod linalg;
 mod model_eval;
 mod mpcc_textbook;
@@ -36,6 +37,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("adaptation", adaptation::run),
     ("gallery", gallery::run),
     ("guesses", guesses::run),
+    ("latency", latency::run),
     ("step-equilibration", step_equilibration::run),
     ("mpcc-textbook", mpcc_textbook::run),
     ("linalg", linalg::run),

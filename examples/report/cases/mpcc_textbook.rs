@@ -25,9 +25,10 @@ pub fn run(c: &Context) {
             sheet.solve(c, &p, k);
         }
     }
-    match read(&c.problems) {
-        Ok(problems) => problems.iter().for_each(|p| sheet.solve(c, p, 0)),
-        Err(e) => eprintln!("recorded problems are left out: {}: {e}", c.problems.display()),
+    match c.problems.as_deref().map(read) {
+        Some(Ok(problems)) => problems.iter().for_each(|p| sheet.solve(c, p, 0)),
+        Some(Err(e)) => eprintln!("left out: recorded problems: {e}"),
+        None => eprintln!("left out: recorded problems (--problems or SWITCHBACK_MPCC_PROBLEMS names their folder)"),
     }
     c.say("Programs of the literature with known answers");
     c.say(&sheet.table.text());

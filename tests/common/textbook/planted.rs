@@ -170,6 +170,47 @@ fn fit(a: &[Vec<f64>], b: &[f64], support: usize) -> f64 {
     0.5 * a.iter().zip(b).map(|row| residual(row).powi(2)).sum::<f64>()
 }
 
+/// The chained function of Rosenbrock over the solutions of an LCP with observed solution `1, 1, ...` of its parameters; the
+/// minimum is for the enumeration of branches to tell.
+fn chained_rosenbrock(nx: usize, ny: usize, seed: u64) -> Problem {
+    let mut r = Numbers::new(seed);
+    let lcp = Planted::new(&mut r, nx, ny, 1);
+    let name = format!("Rosenbrock's function over an LCP, {nx} + {ny} variables");
+    problem(&name, "Rosenbrock, Comput. J. 3 (1960), in the upper level", |m| {
+        let (x, y) = (m.vars(-2.0, 2.0, &vec![0.5; nx]), m.vars(0.0, 8.0, &vec![1.0; ny]));
+        let valleys = sum((1..nx).map(|i| 10.0 * (x[i] - x[i - 1].sq()).sq() + (1.0 - x[i - 1]).sq()));
+        m.minimise(valleys + 0.5 * sum(y.iter().zip(&lcp.y).map(|(y, a)| (*y - *a).sq())));
+        for i in 0..ny {
+            m.pair(y[i], lcp.member(i, &x, &y));
+        }
+        m.optimal(f64::NAN);
+    })
+}
+
+/// Implicit Euler steps of `x' = u − sign x` towards 0 and along it, as a discretised sliding mode has them: `x = p − q`,
+/// `0 ≤ α ⊥ q ≥ 0`, `0 ≤ 1 − α ⊥ p ≥ 0`, `sign x = 2 α − 1`. The control follows a target that rests on the surface and then
+/// leaves it.
+fn sliding_chain(steps: usize) -> Problem {
+    let h = 2.0 / steps as f64;
+    problem(&format!("sliding chain, {steps} steps"), "Implicit Euler of a relay with a control", |m| {
+        let one = vec![0.5; steps];
+        let (u, alpha) = (m.vars(-3.0, 3.0, &vec![0.0; steps]), m.vars(0.0, 1.0, &one));
+        let (p, q) = (m.vars(0.0, 10.0, &one), m.vars(0.0, 10.0, &one));
+        let mut before = Ex::constant(0.6);
+        let mut cost = Ex::constant(0.0);
+        for k in 0..steps {
+            let (x, t) = (p[k] - q[k], h * (k + 1) as f64);
+            m.zero(x - before - h * (u[k] - 2.0 * alpha[k] + 1.0));
+            m.pair(alpha[k], q[k]);
+            m.pair(1.0 - alpha[k], p[k]);
+            cost = cost + h * ((x - (t - 1.4f64).max(0.0)).sq() + 0.05 * u[k].sq());
+            before = x;
+        }
+        m.minimise(cost);
+        m.optimal(f64::NAN);
+    })
+}
+
 /// An indefinite quadratic objective over a box and the solutions of an LCP; the minimum is for the enumeration of
 /// branches to tell.
 pub fn random(seed: u64) -> Problem {
@@ -193,6 +234,17 @@ pub fn random(seed: u64) -> Problem {
         }
         m.optimal(f64::NAN);
     })
+}
+
+/// Problems whose minimum the enumeration of branches tells, and nobody listed.
+pub fn enumerated() -> Vec<Problem> {
+    let rosenbrock = [(4, 6, 1), (6, 8, 2), (10, 8, 3)].map(|(nx, ny, seed)| chained_rosenbrock(nx, ny, seed));
+    rosenbrock.into_iter().chain([2, 3, 4].map(sliding_chain)).chain((0..30).map(random)).collect()
+}
+
+/// Sizes beyond enumeration: what can be asked is a stationary point of a certified type.
+pub fn long() -> Vec<Problem> {
+    vec![chained_rosenbrock(20, 40, 4), sliding_chain(20), sliding_chain(100)]
 }
 
 pub fn all() -> Vec<Problem> {

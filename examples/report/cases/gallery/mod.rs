@@ -1,53 +1,19 @@
 //! Problems from the literature, each from its default start: how it ended, what the answer is, what is left of the
 //! residuals, how far a simulation of the controls ends from the solution, and where the time went.
 
-mod cycles;
-mod genes;
-mod problems;
+#[path = "../../../../tests/common/optimal/mod.rs"]
+mod optimal;
 mod simulations;
 
-use super::{settings, short};
+use super::short;
 use crate::json::{Object, Table};
 use crate::svg::{stacked, Mark, Plot};
 use crate::Context;
-use std::sync::Arc;
+use optimal::{all, Problem};
 use std::time::{Duration, Instant};
 use switchback::error::Result;
-use switchback::expr::{Expr, Graph};
-use switchback::func::Dims;
-use switchback::model::Model;
 use switchback::nlp::{Control, IterationInfo};
 use switchback::ocp::{Ocp, OcpResult};
-use switchback::settings::{Discretisation, RkFamily, Settings};
-use switchback::system::{SharedFunction, System};
-
-/// A problem, and how its plot is labelled.
-struct Problem {
-    name: &'static str,
-    /// What to see in the plot.
-    see: &'static str,
-    ocp: Ocp,
-    time: &'static str,
-    /// Labels of states and controls; without one a state is not drawn.
-    states: &'static [&'static str],
-    controls: &'static [&'static str],
-    /// Length of the horizon by other means, where it is free.
-    horizon: Option<f64>,
-}
-
-fn set(n_s: usize, n_fe: usize) -> Settings {
-    settings(RkFamily::RadauIia, n_s, n_fe, Discretisation::Fesd)
-}
-
-fn function(g: &Graph, d: Dims, name: &str, outputs: &[Expr]) -> SharedFunction {
-    Arc::new(g.function(name, d, outputs).expect("the function is well formed"))
-}
-
-/// The system of a model given by its right-hand side.
-fn system(g: &Graph, d: Dims, rhs: &[Expr]) -> System {
-    let built = Model::from_rhs("model", d.u, d.p, rhs).and_then(|m| m.build(g));
-    built.expect("the model is well formed").system
-}
 
 /// Seconds of a solve by what it did.
 #[derive(Default)]
@@ -74,11 +40,6 @@ fn solve(ocp: &mut Ocp) -> Result<(OcpResult, Phases)> {
     let (after, total) = (last.elapsed().as_secs_f64(), start.elapsed().as_secs_f64());
     let homotopy = homotopy.as_secs_f64() - r.time_build;
     Ok((r, Phases { homotopy, polish: polish.as_secs_f64(), after, total }))
-}
-
-fn all() -> impl Iterator<Item = Problem> {
-    let made = problems::all().into_iter().chain(cycles::all()).chain(genes::all());
-    made.map(|p| p.expect("the data fit"))
 }
 
 /// The problems and their names.

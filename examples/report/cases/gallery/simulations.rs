@@ -1,7 +1,7 @@
 //! Networks and blocks without a control, by the event-driven engine and by FESD in both forms: two methods that know
 //! nothing of each other, and two forms of one of them.
 
-use super::{genes, set, short};
+use super::{optimal, short};
 use crate::cases::{distance, simulate};
 use crate::expression_models;
 use crate::json::{Object, Table};
@@ -15,13 +15,13 @@ pub fn run(c: &Context) {
     let mut table = Table::new(&columns);
     let blocks = expression_models::blocks().system;
     let start = vec![-1.0, 1.0, -1.0, -1.0, 1.0, 1.0];
-    for (name, sys, x0, duration) in genes::free().into_iter().chain([("blocks", blocks, start, 20.0)]) {
+    for (name, sys, x0, duration) in optimal::free().into_iter().chain([("blocks", blocks, start, 20.0)]) {
         let clock = Instant::now();
         let tight = Options::with_tolerance(1e-12, 1e-12);
         let reference = event::simulate(&sys, &tight, 0.0, &x0, duration).expect("the run is well posed");
         let event_s = clock.elapsed().as_secs_f64();
         for form in [DcsForm::Stewart, DcsForm::Heaviside] {
-            let settings = Settings { dcs_form: form as i64, ..set(4, 3) };
+            let settings = Settings { dcs_form: form as i64, n_s: 4, n_fe: 3, ..Settings::default() };
             let (r, x, seconds) = simulate(&sys, &settings, &x0, duration, 200);
             let difference = distance(&x, &reference.x);
             let o = Object::new().text("case", "gallery").text("simulation", name).text("form", form.name());

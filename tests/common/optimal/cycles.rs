@@ -5,8 +5,7 @@
 //! point `x̂` of the simulation. Nothing else tells the relaxed problem which cycle is meant (an equilibrium is one for any
 //! period), so the distance to the simulation at the ends of the stages is the cost.
 
-use super::{function, set, system, Problem};
-use crate::cases::distance;
+use super::{distance, function, set, system, Problem};
 use switchback::error::{Error, Result};
 use switchback::event::{simulate, Engine, Options};
 use switchback::expr::{Expr, Graph};
