@@ -31,6 +31,8 @@ pub enum Error {
     NonFinite(String),
     /// Stopped by `interrupt`, or by a callback that asked for it.
     Interrupted,
+    /// Stopped because `max_time` was over before there was a result.
+    OutOfTime,
     /// The numerical method cannot go on and there is no usable result.
     Numeric(String),
     /// A foreign library failed, or a resource is missing.
@@ -54,7 +56,7 @@ impl Error {
             Error::Option(_) => -6,
             Error::User { .. } => -20,
             Error::NonFinite(_) => -21,
-            Error::Interrupted => -23,
+            Error::Interrupted | Error::OutOfTime => -23,
             Error::Numeric(_) => -30,
             Error::Library(_) => -50,
             Error::Internal(_) => -99,
@@ -76,6 +78,10 @@ impl fmt::Display for Error {
             | Error::Library(s) => f.write_str(s),
             Error::User { code, what } => write!(f, "{what} returned {code}: a negative code stops the call"),
             Error::Interrupted => f.write_str("interrupted; the object can be used again"),
+            Error::OutOfTime => f.write_str(
+                "max_time was over before there was a result: allow more time, or make the problem smaller; the object can \
+                 be used again",
+            ),
             Error::Internal(s) => write!(f, "internal error, please report it: {s}"),
         }
     }

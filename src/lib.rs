@@ -17,6 +17,9 @@
 #![warn(missing_docs)]
 #![allow(clippy::needless_range_loop)]
 
+#[macro_use]
+pub mod memory;
+
 pub mod capi;
 pub mod dcs;
 pub mod document;
@@ -32,5 +35,6 @@ pub mod nlp;
 pub mod ocp;
 pub mod settings;
 pub mod sim;
+pub mod stop;
 pub mod system;
 pub mod tableau;

@@ -380,7 +380,7 @@ pub struct Settings {
     pub tol: f64,
     /// Limit on the interior point iterations of one solve, over all homotopy steps.
     pub max_iter: i64,
-    /// Limit on the wall time of one solve, in seconds.
+    /// Limit on the wall time of one solve, in seconds, with everything it does: guesses, certificate, comparison, further rounds. It ends at most one factorisation or 16 model evaluations later, with what was found before; a model function that takes long itself is waited for.
     pub max_time: f64,
     /// Initial barrier parameter.
     pub mu_init: f64,
@@ -476,6 +476,8 @@ pub struct Settings {
     pub adapt_rounds: i64,
     /// Finite elements of such a grid at most, over all stages.
     pub adapt_elements: i64,
+    /// Bytes that building, solving or simulating may take at most; 0: as many as there are.
+    pub max_memory: i64,
 }
 
 /// A value on its way to or from an option.
@@ -623,10 +625,11 @@ pub static OPTIONS: &[OptionInfo] = &[
     row!(max_iter: Int(3000, Closed(0.0), Closed(1e9)), "", FREE,
         "Limit on the interior point iterations of one solve, over all homotopy steps."),
     row!(max_time: Float(INF, Closed(0.0), Closed(INF)), "", FREE,
-        "Limit on the wall time of one solve, in seconds."),
-    row!(mu_init: Float(0.1, Open(0.0), Open(INF)), "mu_0", FREE,
+        "Limit on the wall time of one solve, in seconds, with everything it does: guesses, certificate, comparison, further rounds. It ends at most one factorisation or 16 model evaluations later, with what was found before; a model function that takes long itself is waited for."),
+    // rows whose bound is 1e20 or more count as free: a relaxation stays well below
+    row!(mu_init: Float(0.1, Open(0.0), Closed(1e15)), "mu_0", FREE,
         "Initial barrier parameter."),
-    row!(sigma_init: Float(1.0, Open(0.0), Open(INF)), "sigma_0", FREE,
+    row!(sigma_init: Float(1.0, Open(0.0), Closed(1e15)), "sigma_0", FREE,
         "Initial relaxation of the complementarity."),
     row!(sigma_min: Float(1e-9, Open(0.0), Closed(1.0)), "sigma_N", FREE,
         "Smallest relaxation of the complementarity."),
@@ -674,7 +677,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         "What stands for the complementarity constraints until the active set is identified (enum relaxation)."),
     row!(homotopy: Enum(Homotopy::Coupled), "", FREE,
         "How relaxation or penalty and barrier parameter change together (enum homotopy)."),
-    row!(penalty_init: Float(1.0, Open(0.0), Closed(1e9)), "rho_0", FREE,
+    row!(penalty_init: Float(1.0, Closed(1e-9), Closed(1e9)), "rho_0", FREE,
         "First penalty parameter of the relaxations that are penalties; their sigma is its inverse."),
     row!(accuracy: Enum(Switch::On), "", FREE,
         "Simulate the controls of an optimal control problem by the event-driven engine and compare (enum toggle)."),
@@ -718,6 +721,8 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Solves on further grids at most."),
     row!(adapt_elements: Int(1000, Closed(1.0), Closed(1e6)), "", FREE,
         "Finite elements of such a grid at most, over all stages."),
+    row!(max_memory: Int(0, Closed(0.0), Closed(1e15)), "", FREE,
+        "Bytes that building, solving or simulating may take at most; 0: as many as there are."),
 ];
 
 impl OptionInfo {
@@ -822,7 +827,7 @@ impl OptionInfo {
     }
 
     fn not_a_value(&self, text: &str) -> Error {
-        let mut message = format!("option '{}' takes {}, not '{text}'", self.name, self.kind_text());
+        let mut message = format!("option '{}' takes {}, not '{}'", self.name, self.kind_text(), shortened(text));
         if let Kind::Enum(names) = self.kind {
             match nearest(text, names.iter().copied()) {
                 Some(n) => message += &format!("; did you mean '{n}'?"),
@@ -840,7 +845,7 @@ pub fn option(name: &str) -> Result<&'static OptionInfo> {
             Some(n) => format!("; did you mean '{n}'?"),
             None => String::new(),
         };
-        Error::Option(format!("unknown option '{name}'{hint}"))
+        Error::Option(format!("unknown option '{}'{hint}", shortened(name)))
     })
 }
 
@@ -907,6 +912,7 @@ impl Default for Settings {
             adapt_tol: 0.0,
             adapt_rounds: 0,
             adapt_elements: 0,
+            max_memory: 0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);
@@ -1063,8 +1069,22 @@ fn float_text(v: f64) -> String {
     }
 }
 
+/// Longest text of the caller that is compared with names, or shown as it is.
+const LONGEST_NAME: usize = 64;
+
+/// A text of the caller for a message: its beginning, if it is longer than any name.
+pub(crate) fn shortened(text: &str) -> std::borrow::Cow<'_, str> {
+    match text.char_indices().nth(LONGEST_NAME) {
+        Some((end, _)) => format!("{}... ({} bytes)", &text[..end], text.len()).into(),
+        None => text.into(),
+    }
+}
+
 /// The candidate nearest to `word`, if one is near enough to be meant.
 pub(crate) fn nearest<'a>(word: &str, candidates: impl Iterator<Item = &'a str>) -> Option<&'a str> {
+    if word.len() > LONGEST_NAME {
+        return None;
+    }
     let word = word.trim().to_ascii_lowercase().replace(['-', ' '], "_");
     let limit = (word.chars().count() / 3).max(1) + 1;
     candidates

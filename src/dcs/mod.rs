@@ -11,12 +11,13 @@
 //! with zeros are split into the cells they stand for only where there are any. Proposition 6.4 (`g = −Sψ`)
 //! holds for full rows alone: with zeros, `−S_i ψ` can exceed `−S_j ψ` inside region `i`.
 
+mod fields;
+pub mod filippov;
 mod form;
-mod point;
 mod relaxed;
 
+pub use fields::DcsFields;
 pub use form::{Form, FormOptions, Included, IndicatorRow, Term};
-pub use point::{is_ambiguous, Continuation, PointEvaluator};
 
 use std::sync::Arc;
 
@@ -54,6 +55,13 @@ pub struct Stewart {
     pub indicators: SharedFunction,
     /// Cells; several may share a mode.
     pub cells: Vec<Cell>,
+}
+
+impl Stewart {
+    /// Do the indicators come from signs of switching functions? These are compared with zero and not with each other.
+    pub fn by_signs(&self) -> bool {
+        self.cells.iter().all(|c| c.weights.iter().all(|w| *w != 0.0))
+    }
 }
 
 /// A dynamic complementarity system.

@@ -35,7 +35,8 @@ impl Form {
     }
 }
 
-/// `s > 0` with `Σ σ/(g − lowest + s) = 1`, by Newton's method from the left: the sum is convex and falls.
+/// `s > 0` with `Σ σ/(g − lowest + s) = 1`, by Newton's method from the left: the sum is convex and falls. It is a sum of
+/// weights, numbers without unit, so the end of the iteration does not depend on the units of `g` and `σ`.
 fn shift(g: &[f64], lowest: f64, sigma: f64) -> f64 {
     let mut s = sigma;
     for _ in 0..60 {

@@ -14,6 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::error::{Error, Result};
 use crate::func::Function;
+use crate::memory;
 use crate::model::SavedModel;
 use crate::ocp::Ocp;
 use crate::settings::Settings;
@@ -66,7 +67,25 @@ impl File {
     }
 
     fn text(&self) -> Result<String> {
-        serde_json::to_string(self).map_err(|e| Error::Internal(format!("the document cannot be written: {e}")))
+        let mut text = Bytes(Vec::new());
+        serde_json::to_writer(&mut text, self)
+            .map_err(|e| Error::Internal(format!("the document cannot be written: {e}")))?;
+        String::from_utf8(text.0).map_err(|e| Error::Internal(format!("the document is no text: {e}")))
+    }
+}
+
+/// A text that grows as long as there is memory.
+struct Bytes(Vec<u8>);
+
+impl std::io::Write for Bytes {
+    fn write(&mut self, part: &[u8]) -> std::io::Result<usize> {
+        memory::room(&mut self.0, part.len());
+        self.0.extend_from_slice(part);
+        Ok(part.len())
+    }
+
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
     }
 }
 
@@ -110,6 +129,8 @@ fn parse(text: &str) -> Result<File> {
     if text.len() > MAX_BYTES {
         return Err(Error::Range(format!("the document has {} bytes: up to {MAX_BYTES} are read", text.len())));
     }
+    // a number of one digit and a comma become eight bytes, and lists grow by copying
+    memory::need(16 * text.len() as u128, || format!("a document of {} bytes", text.len()))?;
     let bad = |e: serde_json::Error| Error::Range(format!("this is no document of a model or problem: {e}"));
     let header: Header = serde_json::from_str(text).map_err(bad)?;
     if header.format != FORMAT {

@@ -8,20 +8,10 @@ use serde::{Deserialize, Serialize};
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, SavedGraph, Signature};
 use crate::func::{Dims, Function};
+use crate::memory::sizes::check as sizes;
 use crate::ocp::Linear;
 use crate::settings::{Settings, Value, OPTIONS};
 use crate::system::{Inclusion, Regions, SharedFunction, Subsystem, System};
-
-/// Inputs, modes and steps a document may ask for.
-pub(super) const MAX_SIZE: usize = 1 << 20;
-
-/// Refuses sizes no document can mean.
-pub(super) fn sizes(what: &str, all: &[usize]) -> Result<()> {
-    match all.iter().find(|&&n| n > MAX_SIZE) {
-        Some(n) => Err(Error::Range(format!("{what}: {n} is too large, up to {MAX_SIZE}"))),
-        None => Ok(()),
-    }
-}
 
 /// Numbers of which some may be infinite, which JSON writes as text.
 #[derive(Clone, Copy, Serialize, Deserialize)]

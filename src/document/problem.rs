@@ -4,10 +4,11 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use super::parts::{sizes, Interval, SavedFunction, SavedSettings, SavedSystem};
+use super::parts::{Interval, SavedFunction, SavedSettings, SavedSystem};
 use crate::error::{finite, Error, Result};
 use crate::fesd::PathAt;
 use crate::func::Function;
+use crate::memory::sizes::check as sizes;
 use crate::ocp::{CostAt, Durations, ModeSequence, Norm, Ocp, Statement};
 use crate::settings::Settings;
 use crate::system::System;
@@ -59,6 +60,12 @@ impl SavedSimulation {
         let d = system.dims();
         finite("initial time", &[self.t0], 1)?;
         finite("duration", &[self.duration], 1)?;
+        if self.duration <= 0.0 {
+            return Err(Error::Range(format!("the duration is {}: it must be positive", self.duration)));
+        }
+        if self.n_steps == 0 {
+            return Err(Error::Range("the number of steps is 0: it must be at least 1".into()));
+        }
         finite("state", &self.x0, d.x)?;
         finite("control", &self.u, d.u)?;
         finite("parameter", &self.p, d.p)?;

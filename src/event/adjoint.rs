@@ -7,6 +7,7 @@ use super::radau::Radau;
 use super::tape::{Entry, Tape, Time};
 use crate::error::{finite, Error, Result};
 use crate::func::{EvalError, EvalResult};
+use crate::stop;
 
 /// A part of the function whose gradient is wanted, beside what depends on the final state.
 #[derive(Debug, Clone, PartialEq)]
@@ -23,6 +24,13 @@ pub enum Term {
     },
     /// Depends on the time of a switch.
     Switch {
+        /// Its place in the log.
+        index: usize,
+        /// The derivative.
+        weight: f64,
+    },
+    /// Depends on the time of a transition.
+    Jump {
         /// Its place in the log.
         index: usize,
         /// The derivative.
@@ -78,6 +86,7 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
     };
     s.load(tape.entries.len());
     for (i, e) in tape.entries.iter().enumerate().rev() {
+        stop::check()?;
         let r = match *e {
             Entry::Data { .. } => {
                 s.load(i);
@@ -105,6 +114,11 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
                 }
                 Ok(())
             }
+            Entry::Jump { at, first, log, n } => {
+                let weight = terms.take_switches(first).unwrap_or(0.0) + terms.take_jumps(log);
+                s.jump(at, n, weight);
+                Ok(())
+            }
             Entry::Gap { t } => {
                 let why = "steps through accumulating switches have no derivatives";
                 return Err(Error::State(format!("t = {t}: {why}")));
@@ -117,6 +131,7 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
         r.map_err(|e| match e {
             EvalError::Recoverable => Error::NonFinite("a derivative of the model has no value along the run".into()),
             EvalError::Fatal(code) => Error::User { code, what: "a function of the model".into() },
+            EvalError::Stopped => stop::error(),
         })?;
     }
     terms.add_states(tape.start, &mut s.v);
@@ -131,12 +146,19 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
 struct Terms<'a> {
     states: Vec<(f64, &'a [f64])>,
     switches: Vec<(usize, f64)>,
+    jumps: Vec<(usize, f64)>,
 }
 
 impl<'a> Terms<'a> {
     fn sorted(tape: &Tape, nx: usize, terms: &'a [Term]) -> Result<Terms<'a>> {
-        let mut out = Terms { states: Vec::new(), switches: Vec::new() };
-        let first = |e: &Entry| if let Entry::Switch { first, .. } = e { Some(*first) } else { None };
+        let mut out = Terms { states: Vec::new(), switches: Vec::new(), jumps: Vec::new() };
+        let first = |e: &Entry| {
+            if let Entry::Switch { first, .. } | Entry::Jump { first, .. } = e {
+                Some(*first)
+            } else {
+                None
+            }
+        };
         let least = tape.entries.iter().find_map(first).unwrap_or(usize::MAX);
         for term in terms {
             match term {
@@ -144,6 +166,10 @@ impl<'a> Terms<'a> {
                     finite("time of a term", &[*t], 1)?;
                     finite("derivative of a term", v, nx)?;
                     out.states.push((*t, v));
+                }
+                Term::Jump { index, weight } => {
+                    finite("weight of a term", &[*weight], 1)?;
+                    out.jumps.push((*index, *weight));
                 }
                 Term::Switch { index, weight } => {
                     finite("weight of a term", &[*weight], 1)?;
@@ -154,6 +180,7 @@ impl<'a> Terms<'a> {
                 }
             }
         }
+        out.jumps.sort_by_key(|s| s.0);
         out.states.sort_by(|a, b| a.0.total_cmp(&b.0));
         out.switches.sort_by_key(|s| s.0);
         Ok(out)
@@ -168,10 +195,20 @@ impl<'a> Terms<'a> {
 
     /// Sum of the weights of the switches from `first` on.
     fn take_switches(&mut self, first: usize) -> Option<f64> {
-        let from = self.switches.partition_point(|(i, _)| *i < first);
-        let taken = self.switches.split_off(from);
-        (!taken.is_empty()).then(|| taken.iter().map(|s| s.1).sum())
+        take(&mut self.switches, first)
     }
+
+    /// Sum of the weights of the transitions from `first` on.
+    fn take_jumps(&mut self, first: usize) -> f64 {
+        take(&mut self.jumps, first).unwrap_or(0.0)
+    }
+}
+
+/// Takes those from `first` on and adds their weights up.
+fn take(weights: &mut Vec<(usize, f64)>, first: usize) -> Option<f64> {
+    let from = weights.partition_point(|(i, _)| *i < first);
+    let taken = weights.split_off(from);
+    (!taken.is_empty()).then(|| taken.iter().map(|s| s.1).sum())
 }
 
 impl Sweep<'_> {
@@ -256,6 +293,25 @@ impl Sweep<'_> {
         let (nx, n_c) = (self.field.nx, self.field.n_z - 1);
         let (row, jump) = self.tape.data[at..at + n_c + nx].split_at(n_c);
         let w = self.v.iter().zip(jump).fold(weight, |w, (v, j)| w + v * j);
+        add_row(w, row, &mut self.v, &mut self.g);
+    }
+
+    /// The transpose of `S⁺ = r_x (S + f⁻ dt) + r_p + r_t dt − f⁺ dt`, with `n` resets one after the other.
+    fn jump(&mut self, at: usize, n: usize, weight: f64) {
+        let (nx, n_c) = (self.field.nx, self.field.n_z - 1);
+        let (row, rest) = self.tape.data[at..].split_at(n_c);
+        let (before, rest) = rest.split_at(nx);
+        let (after, resets) = rest.split_at(nx);
+        let dot = |v: &[f64], f: &[f64]| v.iter().zip(f).map(|(v, f)| v * f).sum::<f64>();
+        let mut w = weight - dot(&self.v, after);
+        for jac in resets[..n * nx * (n_c + 1)].chunks_exact(nx * (n_c + 1)).rev() {
+            let behind = std::mem::replace(&mut self.v, vec![0.0; nx]);
+            for (v, r) in behind.iter().zip(jac.chunks_exact(n_c + 1)) {
+                add_row(*v, &r[..n_c], &mut self.v, &mut self.g);
+                w += v * r[n_c];
+            }
+        }
+        w += dot(&self.v, before);
         add_row(w, row, &mut self.v, &mut self.g);
     }
 

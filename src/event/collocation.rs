@@ -9,9 +9,9 @@
 //! sensitivities use the same matrices, so one is the transpose of the other.
 
 use super::field::Field;
-use super::lu::Lu;
 use super::radau::Radau;
 use crate::func::{EvalError, EvalResult};
+use crate::linalg::lu::Lu;
 
 /// The matrices, with their memory.
 pub(super) struct Collocation {
@@ -98,7 +98,9 @@ impl Collocation {
                 m[(i * own + nx + b) * n + i * own..][..nx].copy_from_slice(&field.c[b * n_z..b * n_z + nx]);
             }
         }
-        if self.lu.factorise() {
+        let own = self.own();
+        let size = |j: usize| radau.size(j % own);
+        if self.lu.factorise_sized(size) {
             Ok(())
         } else {
             Err(EvalError::Recoverable)

@@ -165,16 +165,16 @@ pub(super) fn error(pair: Pair, s: &Step, weights: &[f64]) -> f64 {
     }
 }
 
-/// An estimate of `|h λ|` for the fastest part of the system, after [`finish`].
-pub(super) fn stiffness(pair: Pair, s: &Step) -> f64 {
+/// An estimate of `|h λ|` for the fastest part of the system, after [`finish`]; `weights` are reciprocal tolerances.
+pub(super) fn stiffness(pair: Pair, s: &Step, weights: &[f64]) -> f64 {
     let last = match pair {
         Pair::Dp5 => 5,
         Pair::Dop853 => 11,
     };
     let (mut num, mut den) = (0.0, 0.0);
     for i in 0..s.x1.len() {
-        num += (s.f1[i] - s.k[i][last]).powi(2);
-        den += (s.x1[i] - s.y[i]).powi(2);
+        num += ((s.f1[i] - s.k[i][last]) * weights[i]).powi(2);
+        den += ((s.x1[i] - s.y[i]) * weights[i]).powi(2);
     }
     if den > 0.0 {
         s.h.abs() * (num / den).sqrt()

@@ -10,12 +10,14 @@
 //! derivative of the constraints, `C (b + D α) + c_t = 0` (6.17): a function of time and state, so switches that end a
 //! sliding mode are located on it as accurately as the state is known.
 
+mod cells;
 mod derivatives;
 
-use super::lu::Lu;
-use crate::dcs::{Cell, Dcs, Drift};
+use super::guard::{Guards, Reset};
+use crate::dcs::{filippov, Cell, Dcs, Drift};
 use crate::func::{Dims, EvalError, EvalResult, Function, Point};
-use crate::system::SharedFunction;
+use crate::linalg::lu::Lu;
+use crate::system::{SharedFunction, Transition};
 
 /// One subsystem.
 pub(super) struct Sub {
@@ -68,6 +70,7 @@ pub(super) struct Counts {
 pub(super) struct Held {
     active: Vec<Vec<usize>>,
     unit: Vec<f64>,
+    q_unit: Vec<f64>,
     p: Vec<f64>,
     u: Vec<f64>,
 }
@@ -79,7 +82,11 @@ pub(super) struct Field {
     pub(super) n_z: usize,
     pub(super) u: Vec<f64>,
     pub(super) p: Vec<f64>,
+    /// Size below which the tolerance of a state is absolute, `atol / rtol`: a state that is zero counts as so large.
+    pub(super) floor: Vec<f64>,
     pub(super) subs: Vec<Sub>,
+    /// Transitions; their guards have the last places among the indicator functions.
+    pub(super) guards: Guards,
     pub(super) n_cells: usize,
     /// Subsystem of every cell.
     pub(super) owner: Vec<usize>,
@@ -92,8 +99,11 @@ pub(super) struct Field {
     /// Where one mode is the whole right-hand side: its outputs among those of all modes, and how many those are.
     lone: Option<(usize, usize)>,
     lone_out: usize,
-    /// Reciprocal size of the gradient of every constraint.
+    /// Reciprocal of what every constraint changes by when all states change by their size.
     unit: Vec<f64>,
+    /// The same for the switching functions, whose units have nothing to do with each other; 1 for indicators, which are
+    /// compared with each other.
+    q_unit: Vec<f64>,
     /// Indicator functions at the last point.
     pub(super) q: Vec<f64>,
     /// Their gradients, `n_q × n_z`.
@@ -101,6 +111,7 @@ pub(super) struct Field {
     /// `dq` holds for any point.
     dq_constant: bool,
     dq_known: bool,
+    guards_known: bool,
     /// `b`.
     base: Vec<f64>,
     /// Columns of `D`, one after the other.
@@ -119,7 +130,7 @@ pub(super) struct Field {
 }
 
 impl Field {
-    pub(super) fn new(dcs: &Dcs) -> Field {
+    pub(super) fn new(dcs: &Dcs, transitions: &[Transition]) -> Field {
         let dims = dcs.dims();
         let nx = dims.x;
         let (mut subs, mut owner) = (Vec::new(), Vec::new());
@@ -143,7 +154,7 @@ impl Field {
                 first: owner.len(),
                 q0,
                 n_q,
-                signs: s.cells.iter().all(|c| c.weights.iter().all(|w| *w != 0.0)),
+                signs: s.by_signs(),
                 affine: s.indicators.hess_pattern().nnz() == 0,
                 n_out: s.modes.n_out(),
                 identity: is_identity(&s.rows, nx),
@@ -152,6 +163,9 @@ impl Field {
             owner.resize(owner.len() + s.cells.len(), k);
             q0 += n_q;
         }
+        transitions.iter().flat_map(|t| t.reset.iter().chain([&t.guard])).for_each(|f| note(f.as_ref()));
+        let guards = Guards::new(transitions, q0, &dims);
+        q0 += transitions.len();
         let (n_cells, n_z) = (owner.len(), nx + dims.p + dims.u + 1);
         let most = n_cells.saturating_sub(subs.len());
         Field {
@@ -159,9 +173,11 @@ impl Field {
             n_z,
             u: vec![0.0; dims.u],
             p: vec![0.0; dims.p],
+            floor: vec![0.0; nx],
             active: subs.iter().map(|s| Vec::with_capacity(s.cells.len())).collect(),
-            dq_constant: subs.iter().all(|s| s.affine),
+            dq_constant: subs.iter().all(|s| s.affine) && guards.all.iter().all(|g| g.affine),
             subs,
+            guards,
             n_cells,
             owner,
             direct: dcs.drifts().first().is_some_and(|d| is_identity(&d.rows, nx)),
@@ -170,9 +186,11 @@ impl Field {
             lone: None,
             lone_out: 0,
             unit: vec![1.0; most],
+            q_unit: vec![1.0; q0],
             q: vec![0.0; q0],
             dq: vec![0.0; q0 * n_z],
             dq_known: false,
+            guards_known: false,
             base: vec![0.0; nx],
             d: vec![0.0; most * nx],
             c: vec![0.0; most * n_z],
@@ -199,11 +217,18 @@ impl Field {
     /// Parameters or controls have changed: nothing is known any more.
     pub(super) fn forget(&mut self) {
         self.dq_known = false;
+        self.guards_known = false;
     }
 
     /// What [`Field::release`] brings back.
     pub(super) fn hold(&self) -> Held {
-        Held { active: self.active.clone(), unit: self.unit.clone(), p: self.p.clone(), u: self.u.clone() }
+        Held {
+            active: self.active.clone(),
+            unit: self.unit.clone(),
+            q_unit: self.q_unit.clone(),
+            p: self.p.clone(),
+            u: self.u.clone(),
+        }
     }
 
     /// Active set, parameters and controls as they were.
@@ -211,7 +236,7 @@ impl Field {
         if held.active.iter().all(|a| !a.is_empty()) {
             self.set_active(&held.active);
         }
-        (self.unit, self.p, self.u) = (held.unit, held.p, held.u);
+        (self.unit, self.q_unit, self.p, self.u) = (held.unit, held.q_unit, held.p, held.u);
         self.forget();
     }
 
@@ -234,17 +259,23 @@ impl Field {
         }
     }
 
-    /// Scales the constraints to gradients of size one at this point.
+    /// Scales the constraints: their values are relative to the sizes of the states at this point.
     pub(super) fn scale_constraints(&mut self, t: f64, x: &[f64]) -> EvalResult {
         if self.pairs.is_empty() {
             return Ok(());
         }
         self.gradients(t, x)?;
         self.unit.fill(1.0);
+        let reciprocal = |size: f64| if size > 0.0 { 1.0 / size } else { 1.0 };
+        for s in self.subs.iter().filter(|s| s.signs) {
+            for j in s.q0..s.q0 + s.n_q {
+                self.q_unit[j] = reciprocal(self.sum_of_sizes(&self.dq[j * self.n_z..j * self.n_z + self.nx], x));
+            }
+        }
         self.constraint_rows();
         for i in 0..self.pairs.len() {
-            let size = self.c[i * self.n_z..i * self.n_z + self.nx].iter().map(|v| v * v).sum::<f64>().sqrt();
-            self.unit[i] = if size > 0.0 { 1.0 / size } else { 1.0 };
+            let size = self.sum_of_sizes(&self.c[i * self.n_z..i * self.n_z + self.nx], x);
+            self.unit[i] = reciprocal(size);
         }
         Ok(())
     }
@@ -302,17 +333,34 @@ impl Field {
         Ok(())
     }
 
+    /// Size of a state, for comparisons with it and with others: its value, and what its tolerances take for zero. All
+    /// that is "small" in the engine is small compared with this, so that no answer depends on units.
+    #[inline]
+    pub(super) fn size(&self, i: usize, value: f64) -> f64 {
+        value.abs() + self.floor[i]
+    }
+
+    /// `Σ |g_i| size_i`: what a function with the gradient `g` changes by when all states change by their size.
+    pub(super) fn sum_of_sizes(&self, g: &[f64], x: &[f64]) -> f64 {
+        x.iter().zip(g).enumerate().map(|(i, (x, g))| g.abs() * self.size(i, *x)).sum()
+    }
+
+    /// Reciprocal of the time in which the first state has moved by its size with this velocity.
+    pub(super) fn pace(&self, x: &[f64], velocity: &[f64]) -> f64 {
+        filippov::pace(self, x, velocity)
+    }
+
     /// Moves `x` by rounding into the region of a cell, away from the surfaces it lies on; gradients are those of the
     /// last point.
     pub(super) fn nudge(&self, cell: usize, x: &mut [f64]) {
         let s = &self.subs[self.owner[cell]];
-        let size = x.iter().fold(1e-300f64, |m, v| m.max(v.abs()));
         for (j, w) in s.cells[cell - s.first].weights.iter().enumerate() {
             let g = &self.dq[(s.q0 + j) * self.n_z..(s.q0 + j) * self.n_z + self.nx];
-            let norm = g.iter().map(|g| g * g).sum::<f64>().sqrt();
-            let on_surface = self.q[s.q0 + j].abs() <= 64.0 * f64::EPSILON * norm * size;
-            if norm > 0.0 && on_surface {
-                x.iter_mut().zip(g).for_each(|(x, g)| *x -= 8.0 * f64::EPSILON * size * w * g / norm);
+            if self.q[s.q0 + j].abs() > 64.0 * f64::EPSILON * self.sum_of_sizes(g, x) {
+                continue;
+            }
+            for (i, g) in g.iter().enumerate().filter(|(_, g)| **g != 0.0) {
+                x[i] -= w * g.signum() * (8.0 * f64::EPSILON * self.size(i, x[i])).max(f64::MIN_POSITIVE);
             }
         }
     }
@@ -425,18 +473,41 @@ impl Field {
         }
         let at = Point { t, x, u: &self.u, p: &self.p };
         for s in &self.subs {
-            let nnz = s.to_dq.len();
-            if nnz == 0 {
-                continue;
-            }
-            s.indicators.jacobian(&at, &mut self.buffer[..nnz], &mut self.work)?;
-            for (to, v) in s.to_dq.iter().zip(&self.buffer) {
-                // entries outside of the patterns stay zero
-                self.dq[*to] = *v;
-            }
+            scatter(&s.indicators, &at, &s.to_dq, &mut self.dq, (&mut self.buffer, &mut self.work))?;
         }
         self.dq_known = true;
         Ok(())
+    }
+
+    /// Everything that is watched: indicator functions, and the guards of the present discrete states.
+    pub(super) fn watched(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        self.indicators(t, x)?;
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        self.guards.values(&at, &mut self.q, &mut self.work)
+    }
+
+    /// Gradients of everything that is watched.
+    pub(super) fn watched_gradients(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        self.gradients(t, x)?;
+        if self.guards_known && self.dq_constant {
+            return Ok(());
+        }
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        self.guards.gradients(&at, &mut self.dq, (&mut self.buffer, &mut self.work))?;
+        self.guards_known = true;
+        Ok(())
+    }
+
+    /// Guards of the discrete states of `x` are watched from here on.
+    pub(super) fn arm(&mut self, x: &[f64]) {
+        self.guards.arm(x);
+        self.guards_known = false;
+    }
+
+    /// What transition `i` makes of the state.
+    pub(super) fn reset(&mut self, i: usize, (t, x): (f64, &[f64]), derivatives: bool, out: &mut Reset) -> EvalResult {
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        out.evaluate(&self.guards.all[i], &at, derivatives, (&mut self.buffer, &mut self.work))
     }
 
     /// Rows of `C` from the gradients of the last point.
@@ -448,7 +519,7 @@ impl Field {
             row.fill(0.0);
             let (w, w0) = (&s.cells[p.cell - s.first].weights, &s.cells[p.base - s.first].weights);
             for j in 0..s.n_q {
-                let weight = (w[j] - w0[j]) * self.unit[i];
+                let weight = (w[j] - w0[j]) * self.unit[i] * self.q_unit[s.q0 + j];
                 if weight != 0.0 {
                     for (r, g) in row.iter_mut().zip(&self.dq[(s.q0 + j) * n_z..]) {
                         *r += weight * g;
@@ -463,7 +534,7 @@ impl Field {
         let p = self.pairs[i];
         let s = &self.subs[p.sub];
         let (w, w0) = (&s.cells[p.cell - s.first].weights, &s.cells[p.base - s.first].weights);
-        self.unit[i] * (0..s.n_q).map(|j| (w[j] - w0[j]) * self.q[s.q0 + j]).sum::<f64>()
+        self.unit[i] * (0..s.n_q).map(|j| (w[j] - w0[j]) * self.q_unit[s.q0 + j] * self.q[s.q0 + j]).sum::<f64>()
     }
 
     /// Everything of a sliding mode at a point: `b`, `D`, `C` and the weights (6.17c).
@@ -511,8 +582,8 @@ impl Field {
                 self.room[i] = -self.constraint(i);
                 worst = worst.max(self.room[i].abs());
             }
-            let size = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-            if worst >= 0.5 * before || worst <= f64::EPSILON * size {
+            // constraints are relative to the sizes of the states
+            if worst >= 0.5 * before || worst <= f64::EPSILON {
                 break;
             }
             before = worst;
@@ -553,7 +624,24 @@ impl Field {
     }
 }
 
-fn gradient_map(f: &SharedFunction, q0: usize, dims: &Dims) -> Vec<usize> {
+/// Writes the Jacobian of a function to the places of `map` in `out`; entries outside of its pattern stay as they are.
+pub(super) fn scatter(
+    f: &SharedFunction,
+    at: &Point,
+    map: &[usize],
+    out: &mut [f64],
+    (buffer, work): (&mut [f64], &mut [f64]),
+) -> EvalResult {
+    if map.is_empty() {
+        return Ok(());
+    }
+    f.jacobian(at, &mut buffer[..map.len()], work)?;
+    map.iter().zip(buffer).for_each(|(to, v)| out[*to] = *v);
+    Ok(())
+}
+
+/// Where the entries of the Jacobian of a function go: rows from `q0` on, with the columns `x`, `p`, `u`, `t`.
+pub(super) fn gradient_map(f: &SharedFunction, q0: usize, dims: &Dims) -> Vec<usize> {
     let column = Columns { nx: dims.x, nu: dims.u, np: dims.p };
     let (p, n_z) = (f.jac_pattern(), dims.x + dims.p + dims.u + 1);
     let mut map = vec![0; p.nnz()];

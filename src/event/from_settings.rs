@@ -34,6 +34,7 @@ impl From<&Settings> for Options {
             dense: s.dense != 0,
             sensitivity: s.sensitivity != 0,
             adjoint: s.adjoint != 0,
+            max_memory: count(s.max_memory),
         }
     }
 }

@@ -42,8 +42,7 @@ mod engine;
 mod explicit;
 mod field;
 mod from_settings;
-mod lu;
-mod next;
+mod guard;
 pub mod pairs;
 mod path;
 mod radau;
@@ -132,6 +131,8 @@ pub struct Options {
     pub sensitivity: bool,
     /// Record what [`Engine::adjoint`] needs.
     pub adjoint: bool,
+    /// Bytes of dense output, record and log at most; 0: as many as there are.
+    pub max_memory: usize,
 }
 
 impl Default for Options {
@@ -150,6 +151,7 @@ impl Default for Options {
             dense: false,
             sensitivity: false,
             adjoint: false,
+            max_memory: 0,
         }
     }
 }
@@ -276,6 +278,32 @@ pub struct Switch {
     pub dt: Vec<f64>,
 }
 
+/// A transition that was made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Jump {
+    /// Time.
+    pub t: f64,
+    /// The transition, in the order they were added to the system.
+    pub transition: usize,
+    /// State just before.
+    pub before: Vec<f64>,
+    /// State just behind.
+    pub after: Vec<f64>,
+    /// Rate at which the guard passes zero, positive in its direction; NaN where it held when its discrete state began.
+    pub rate: f64,
+    /// Another transition was made at the same time.
+    pub simultaneous: bool,
+    /// Derivatives of the time with respect to initial state, parameters and controls, if they are asked for.
+    pub dt: Vec<f64>,
+}
+
+impl Jump {
+    /// Bytes of one in a log, about.
+    fn bytes(nx: usize) -> usize {
+        size_of::<Jump>() + 2 * nx * size_of::<f64>()
+    }
+}
+
 /// A way a solution may go on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Continuation {
@@ -364,6 +392,8 @@ pub struct Statistics {
     pub factorisations: usize,
     /// Switches, all subsystems together.
     pub switches: usize,
+    /// Transitions.
+    pub jumps: usize,
     /// Points at which switches accumulate.
     pub accumulations: usize,
 }
@@ -381,6 +411,8 @@ pub struct Run {
     pub x: Vec<f64>,
     /// The switches in the order of time.
     pub switches: Vec<Switch>,
+    /// The transitions in the order they were made.
+    pub jumps: Vec<Jump>,
     /// Work done.
     pub stats: Statistics,
     /// Points with several continuations; as many as switches at most.
@@ -398,6 +430,15 @@ pub struct Run {
     pub one_sided: bool,
 }
 
+impl Run {
+    /// Bytes of its arrays, about.
+    pub fn bytes(&self) -> usize {
+        let path = self.path.as_ref().map_or(0, Path::bytes);
+        let jumps = self.jumps.len() * Jump::bytes(self.x.len());
+        path + jumps + self.switches.len() * size_of::<Switch>() + 8 * self.sensitivity.as_ref().map_or(0, Vec::len)
+    }
+}
+
 /// Simulates from the state `x0` at `t0` to `t1`, with controls and parameters zero.
 pub fn simulate(system: &System, options: &Options, t0: f64, x0: &[f64], t1: f64) -> Result<Run> {
     let mut e = Engine::new(system, options)?;
@@ -407,7 +448,8 @@ pub fn simulate(system: &System, options: &Options, t0: f64, x0: &[f64], t1: f64
 }
 
 /// Simulates from several initial states, with parameters of their own where `params` holds one set for each, on
-/// `threads` threads. The results are those of single runs to the last bit, whatever the number of threads.
+/// `threads` threads, or one if a function is [serial](crate::func::Function::is_serial). The results are those of
+/// single runs to the last bit, whatever the number of threads.
 pub fn simulate_batch(
     system: &System,
     options: &Options,
@@ -429,6 +471,7 @@ pub fn simulate_batch(
         e.advance(t1)?;
         Ok(e.into_run())
     };
+    let threads = if system.is_serial() { 1 } else { threads };
     let n = threads.clamp(1, starts.len().max(1));
     let share = |k: usize| -> Vec<Result<Run>> { (k..starts.len()).step_by(n).map(one).collect() };
     let mut parts: Vec<Vec<Result<Run>>> = std::thread::scope(|scope| {

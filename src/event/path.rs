@@ -2,6 +2,10 @@
 
 use super::step::{derivative, horner, Poly};
 use crate::error::{Error, Result};
+use crate::memory;
+
+/// Pieces of one step at most: one, but for steps of a method that needs no switches.
+const ROOM: usize = 64;
 
 /// A piecewise polynomial solution.
 #[derive(Debug, Clone, Default)]
@@ -20,6 +24,17 @@ impl Path {
     pub(super) fn clear(&mut self) {
         self.pieces.clear();
         self.poly.clear();
+    }
+
+    /// Makes room for the next pieces.
+    pub(super) fn room(&mut self) -> Result<()> {
+        memory::reserve(&mut self.pieces, ROOM)?;
+        memory::reserve(&mut self.poly, ROOM * self.nx)
+    }
+
+    /// Bytes of the pieces.
+    pub fn bytes(&self) -> usize {
+        self.pieces.len() * size_of::<(f64, f64, f64)>() + self.poly.len() * size_of::<Poly>()
     }
 
     pub(super) fn push(&mut self, t: f64, end: f64, h: f64, poly: &[Poly]) {

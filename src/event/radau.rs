@@ -10,10 +10,10 @@
 //! Equations II* (1996), section IV.8.
 
 use super::field::Field;
-use super::lu::Lu;
 use super::step::{norm, Step};
 use crate::error::Result;
 use crate::func::EvalError;
+use crate::linalg::lu::Lu;
 use crate::tableau::{Family, Tableau};
 use nalgebra::{Complex, Matrix3, Vector3};
 
@@ -48,6 +48,8 @@ pub(super) struct Radau {
     d: Vec<f64>,
     cx: Vec<f64>,
     alpha: Vec<f64>,
+    /// Sizes of the unknowns at the start of the step: of the states, and 1 for weights.
+    size: Vec<f64>,
     prepared: bool,
     /// Length of the step the factors belong to.
     factored: f64,
@@ -96,6 +98,7 @@ impl Radau {
             d: vec![0.0; most * nx],
             cx: vec![0.0; most * nx],
             alpha: vec![0.0; most],
+            size: vec![1.0; n],
             prepared: false,
             factored: 0.0,
             real: Lu::with_capacity(n),
@@ -113,10 +116,11 @@ impl Radau {
         self.prepared = false;
     }
 
-    /// Largest sum of a row of the Jacobian at the start of the step: a bound on how fast the mode is.
+    /// Largest sum of a row of the Jacobian at the start of the step, states in units of their sizes: a bound on how
+    /// fast the mode is.
     pub(super) fn speed(&self, nx: usize, n_z: usize) -> f64 {
-        let row = |r: &[f64]| r[..nx].iter().map(|v| v.abs()).sum::<f64>();
-        self.jac.chunks_exact(n_z).map(row).fold(0.0, f64::max)
+        let row = |r: &[f64]| r[..nx].iter().zip(&self.size).map(|(v, s)| v.abs() * s).sum::<f64>();
+        self.jac.chunks_exact(n_z).zip(&self.size).map(|(r, s)| row(r) / s).fold(0.0, f64::max)
     }
 
     /// Matrices at the start of the step.
@@ -125,6 +129,11 @@ impl Radau {
             return Ok(());
         }
         let (nx, r) = (field.nx, field.n_alg());
+        for (i, (to, x)) in self.size.iter_mut().zip(&s.x0).enumerate() {
+            let size = field.size(i, *x);
+            *to = if size > 0.0 { size } else { 1.0 };
+        }
+        self.size[nx..].fill(1.0);
         if r > 0 {
             field.hidden(s.t, &s.x0)?;
             for i in 0..r {
@@ -162,7 +171,8 @@ impl Radau {
         for i in 0..nx {
             real[i * n + i] += self.gamma / h;
         }
-        if !self.real.factorise() {
+        let size = &self.size;
+        if !self.real.factorise_sized(|j| size[j]) {
             return false;
         }
         let n_c = n;
@@ -171,7 +181,7 @@ impl Radau {
         }
         self.factorisations += 1;
         self.factored = h;
-        self.complex.factorise()
+        self.complex.factorise_sized(|j| size[j])
     }
 
     /// Computes the end of a step from `x0`, `f0`; `weights` are reciprocal tolerances, `shrink` what they are
@@ -225,7 +235,8 @@ impl Radau {
                 }
             }
             let rest = if it == 0 { size } else { size * rate.min(0.99) / (1.0 - rate.min(0.99)) };
-            let on_surface = r == 0 || it > 0 && worst * rate.max(1e-3) <= 1e-14 * (1.0 + max_abs(&s.x0));
+            // constraints are relative to the sizes of the states
+            let on_surface = r == 0 || it > 0 && worst * rate.max(1e-3) <= 1e-14;
             if size == 0.0 || it > 0 && rest <= tol && (on_surface || size <= 1e-6 * tol) {
                 converged = true;
                 break;
@@ -341,7 +352,9 @@ impl Radau {
             *p = [s.x0[i], c.x, c.y, c.z, 0.0, 0.0, 0.0, 0.0];
         }
         let slope = |i: usize| s.h * s.f0[i] - s.poly[i][1];
-        let size = |v: &dyn Fn(usize) -> f64| (0..s.poly.len()).map(v).fold(0.0f64, |m, v| m.max(v.abs()));
+        let size = |v: &dyn Fn(usize) -> f64| {
+            (0..s.poly.len()).map(|i| v(i) / self.size[i]).fold(0.0f64, |m, v| m.max(v.abs()))
+        };
         if fresh && size(&slope) <= 0.3 * size(&|i| s.poly[i][1].abs().max((s.x1[i] - s.x0[i]).abs())) {
             // a multiple of the polynomial that vanishes at all nodes, with slope −c1 c2 at 0
             let [a, b, _] = self.c;
@@ -368,12 +381,13 @@ impl Radau {
         (0..4).map(|m| weight(m) * values[m]).sum()
     }
 
+    /// Size of an unknown at the start of the last step: a state, or a weight behind them.
+    pub(super) fn size(&self, j: usize) -> f64 {
+        self.size[j]
+    }
+
     /// Relative time of stage `i`.
     pub(super) fn node(&self, i: usize) -> f64 {
         self.c[i]
     }
-}
-
-fn max_abs(v: &[f64]) -> f64 {
-    v.iter().fold(0.0, |m, v| m.max(v.abs()))
 }

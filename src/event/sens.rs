@@ -165,6 +165,27 @@ impl Sens {
         }
     }
 
+    /// From derivatives at fixed time to those along the moving time of a jump (`sign` 1), or back (−1).
+    pub(super) fn advance(&mut self, velocity: &[f64], sign: f64) {
+        for (row, f) in self.s.chunks_exact_mut(self.n_c).zip(velocity) {
+            for (s, dt) in row.iter_mut().zip(&self.dt) {
+                *s += sign * f * dt;
+            }
+        }
+    }
+
+    /// Behind a reset with the Jacobian `jac` (`nx × n_z`), along the moving time of the jump.
+    pub(super) fn reset_by(&mut self, jac: &[f64]) {
+        let (nx, n_c) = (self.x.len(), self.n_c);
+        self.y.copy_from_slice(&self.s);
+        for (row, r) in self.s.chunks_exact_mut(n_c).zip(jac.chunks_exact(n_c + 1)) {
+            for (c, s) in row.iter_mut().enumerate() {
+                let own = if c < nx { 0.0 } else { r[c] };
+                *s = (0..nx).fold(own + r[n_c] * self.dt[c], |v, b| v + r[b] * self.y[b * n_c + c]);
+            }
+        }
+    }
+
     /// Makes the derivatives tangential to the surfaces of a sliding mode, along `D`; `C D` is that of the last
     /// [`Field::hidden`].
     pub(super) fn project(&mut self, field: &mut Field) {

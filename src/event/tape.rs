@@ -4,6 +4,8 @@ use super::explicit::Pair;
 use super::field::Field;
 use super::radau::Radau;
 use super::step::Step;
+use crate::error::Result;
+use crate::memory;
 
 /// How the time of a switch depends on the state before it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -27,11 +29,18 @@ pub(super) enum Entry {
     Implicit { at: usize, set: usize, t: f64, h: f64, end: f64 },
     /// A switch, the first one in the log that belongs to it; derivatives of its time, jump of the velocity.
     Switch { at: usize, first: usize, time: Time },
+    /// Transitions at one time: derivatives of the time, velocities before and behind, Jacobians of the resets; where the
+    /// logs of switches and of transitions stood.
+    Jump { at: usize, first: usize, log: usize, n: usize },
     /// A passage that has no derivatives.
     Gap { t: f64 },
     /// A sliding mode begins at this time and state.
     Project { at: usize, set: usize, t: f64 },
 }
+
+/// Entries of one step at most, usually.
+const ROOM: usize = 16;
+const MOST_STAGES: usize = 13;
 
 /// Everything since the start.
 #[derive(Debug, Default)]
@@ -44,6 +53,18 @@ pub(super) struct Tape {
 }
 
 impl Tape {
+    /// Makes room for the next entries, of a field with so many states and algebraic unknowns.
+    pub(super) fn room(&mut self, width: usize) -> Result<()> {
+        memory::reserve(&mut self.entries, ROOM)?;
+        // the longest entries are those of the explicit pair with most stages
+        memory::reserve(&mut self.data, ROOM * (MOST_STAGES + 1) * width)
+    }
+
+    /// Bytes of the entries.
+    pub(super) fn bytes(&self) -> usize {
+        self.entries.len() * size_of::<Entry>() + self.data.len() * size_of::<f64>()
+    }
+
     pub(super) fn reset(&mut self, t: f64, field: &Field) {
         self.start = t;
         self.entries.clear();
@@ -97,6 +118,16 @@ impl Tape {
     /// A switch whose time has no derivative, or the derivative zero.
     pub(super) fn mark(&mut self, first: usize, time: Time) {
         self.entries.push(Entry::Switch { at: self.data.len(), first, time });
+    }
+
+    /// `row` holds the derivatives of the time, `velocities` are those before and behind, `resets` all Jacobians.
+    pub(super) fn jump(&mut self, log: (usize, usize), row: &[f64], velocities: [&[f64]; 2], resets: &[f64]) {
+        let at = self.data.len();
+        self.data.extend_from_slice(row);
+        velocities.iter().for_each(|v| self.data.extend_from_slice(v));
+        self.data.extend_from_slice(resets);
+        let n = resets.len() / (velocities[0].len() * (row.len() + 1));
+        self.entries.push(Entry::Jump { at, first: log.0, log: log.1, n });
     }
 
     pub(super) fn gap(&mut self, t: f64) {

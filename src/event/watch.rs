@@ -11,6 +11,9 @@ pub(super) enum Watch {
     Enter { sub: usize, a: usize, b: Option<usize>, sign: f64 },
     /// The weight of an active cell.
     Leave { sub: usize, cell: usize },
+    /// `sign · q_a`, of the guard of a transition: it happens where this vanishes, or, where the guard has passed zero
+    /// already (`back`), it is watched again from there on.
+    Guard { guard: usize, a: usize, sign: f64, back: bool },
 }
 
 impl Watch {
@@ -18,17 +21,36 @@ impl Watch {
         matches!(self, Watch::Leave { .. })
     }
 
+    /// What is watched as a difference of indicators: `sign · (q_a − q_b)`; none for a weight.
+    fn difference(&self) -> Option<(usize, Option<usize>, f64)> {
+        match *self {
+            Watch::Enter { a, b, sign, .. } => Some((a, b, sign)),
+            Watch::Guard { a, sign, .. } => Some((a, None, sign)),
+            Watch::Leave { .. } => None,
+        }
+    }
+
+    /// Is its gradient constant?
+    pub(super) fn is_affine(&self, field: &Field) -> bool {
+        match *self {
+            Watch::Enter { sub, .. } => field.subs[sub].affine,
+            Watch::Guard { guard, .. } => field.guards.all[guard].affine,
+            Watch::Leave { .. } => false,
+        }
+    }
+
     /// Value from indicators `q` and the weights of the field.
     pub(super) fn value(&self, q: &[f64], field: &Field) -> f64 {
         match *self {
             Watch::Enter { a, b, sign, .. } => sign * (q[a] - b.map_or(0.0, |b| q[b])),
+            Watch::Guard { a, sign, .. } => sign * q[a],
             Watch::Leave { cell, .. } => field.theta(cell),
         }
     }
 
     /// Rate of change for a velocity, from the gradients of the indicators (`n_z` columns); 0 for weights.
     pub(super) fn rate(&self, dq: &[f64], n_z: usize, velocity: &[f64]) -> f64 {
-        let Watch::Enter { a, b, sign, .. } = *self else { return 0.0 };
+        let Some((a, b, sign)) = self.difference() else { return 0.0 };
         let along = |j: usize| {
             let g = &dq[j * n_z..(j + 1) * n_z];
             g.iter().zip(velocity).map(|(g, v)| g * v).sum::<f64>() + g[n_z - 1]
@@ -39,7 +61,7 @@ impl Watch {
     /// Rates for the velocities at all stages of a step.
     pub(super) fn rates(&self, dq: &[f64], n_z: usize, k: &[Stages]) -> Stages {
         let mut out = [0.0; 16];
-        let Watch::Enter { a, b, sign, .. } = *self else { return out };
+        let Some((a, b, sign)) = self.difference() else { return out };
         for (j, sign) in std::iter::once((a, sign)).chain(b.map(|b| (b, -sign))) {
             let g = &dq[j * n_z..(j + 1) * n_z];
             out.iter_mut().for_each(|o| *o += sign * g[n_z - 1]);
@@ -61,9 +83,10 @@ impl Watch {
         out: &mut [f64],
     ) -> EvalResult {
         let n_z = field.n_z;
-        match *self {
-            Watch::Leave { cell, .. } => field.theta_gradient(cell, (t, x, velocity), jac, out)?,
-            Watch::Enter { a, b, sign, .. } => {
+        match (*self, self.difference()) {
+            (Watch::Leave { cell, .. }, _) => field.theta_gradient(cell, (t, x, velocity), jac, out)?,
+            (_, None) => {}
+            (_, Some((a, b, sign))) => {
                 out.iter_mut().zip(&field.dq[a * n_z..(a + 1) * n_z]).for_each(|(o, g)| *o = sign * g);
                 if let Some(b) = b {
                     out.iter_mut().zip(&field.dq[b * n_z..(b + 1) * n_z]).for_each(|(o, g)| *o -= sign * g);
@@ -75,21 +98,50 @@ impl Watch {
         Ok(())
     }
 
-    /// Size of the rounding errors of the value, in units of the machine precision; and of the gradient.
-    pub(super) fn scale(&self, dq: &[f64], n_z: usize, t: f64, x: &[f64]) -> (f64, f64) {
-        let Watch::Enter { a, b, .. } = *self else { return (1.0, 1.0) };
-        let (mut size, mut gradient) = (0.0, 0.0);
-        let most = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    /// Is the rate of a guard at this velocity positive beyond its own rounding? A guard that has just been left by a reset
+    /// is zero to rounding, and its rate, however small, is what separates it from zero.
+    pub(super) fn rises(&self, dq: &[f64], n_z: usize, velocity: &[f64]) -> bool {
+        let Some((a, _, _)) = self.difference() else { return false };
+        let g = &dq[a * n_z..(a + 1) * n_z];
+        let terms = g.iter().zip(velocity).map(|(g, v)| (g * v).abs()).sum::<f64>() + g[n_z - 1].abs();
+        self.rate(dq, n_z, velocity) > 64.0 * f64::EPSILON * terms
+    }
+
+    /// Half a unit in the last place of the value. For a guard it is that of the numbers themselves, not of what tolerances
+    /// take for zero: a ball that hardly leaves the floor must know when it is back.
+    pub(super) fn rounding(&self, dq: &[f64], field: &Field, t: f64, x: &[f64]) -> f64 {
+        let Watch::Guard { a, .. } = *self else { return 0.5 * f64::EPSILON * self.scale(dq, field, t, x).value };
+        let g = &dq[a * field.n_z..(a + 1) * field.n_z];
+        let terms = g.iter().zip(x).map(|(g, x)| (g * x).abs()).sum::<f64>() + (g[field.n_z - 1] * t).abs();
+        0.5 * f64::EPSILON * terms
+    }
+
+    /// Sizes to compare value and rate with; `dq` are the gradients of the indicators.
+    pub(super) fn scale(&self, dq: &[f64], field: &Field, t: f64, x: &[f64]) -> Scale {
+        let n_z = field.n_z;
+        let Some((a, b, _)) = self.difference() else { return Scale { value: 1.0, reach: 1.0, gradient: 1.0 } };
+        let mut s = Scale { value: 0.0, reach: 0.0, gradient: 0.0 };
         for j in std::iter::once(a).chain(b) {
             let g = &dq[j * n_z..(j + 1) * n_z];
-            for g in &g[..x.len()] {
-                size += (g * most).abs();
-                gradient += g * g;
-            }
-            size += (g[n_z - 1] * t).abs();
+            s.reach += field.sum_of_sizes(&g[..x.len()], x);
+            s.value += (g[n_z - 1] * t).abs();
+            s.gradient += g[..x.len()].iter().map(|g| g * g).sum::<f64>();
         }
-        (size, gradient.sqrt())
+        s.value += s.reach;
+        s.gradient = s.gradient.sqrt();
+        s
     }
+}
+
+/// Sizes of a watched function at a point.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Scale {
+    /// Size of the terms of the value: its rounding errors in units of the machine precision.
+    pub(super) value: f64,
+    /// What it changes by when all states change by their size.
+    pub(super) reach: f64,
+    /// Euclidean norm of the gradient with respect to the state, for cosines that are reported.
+    pub(super) gradient: f64,
 }
 
 /// All that is to be watched under the active set of the field.
@@ -113,5 +165,10 @@ pub(super) fn list(field: &Field, out: &mut Vec<Watch>) {
         if set.len() > 1 {
             out.extend(set.iter().map(|&cell| Watch::Leave { sub: k, cell }));
         }
+    }
+    for &guard in &field.guards.armed {
+        let g = &field.guards.all[guard];
+        let toward = g.transition.direction.sign();
+        out.push(Watch::Guard { guard, a: g.q, sign: if g.spent { toward } else { -toward }, back: g.spent });
     }
 }

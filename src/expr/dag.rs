@@ -8,8 +8,9 @@ use std::collections::BTreeMap;
 
 use super::op::{powi, Binary, Unary};
 use super::piecewise::Piecewise;
-use super::switching::Switch;
+use super::switching::{Switch, SwitchKey};
 use crate::error::{Error, Result};
+use crate::memory;
 
 /// A node of a [`Dag`].
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -109,7 +110,7 @@ pub struct Dag {
     pub(super) functions: Vec<External>,
     pub(super) piecewise: Vec<Piecewise>,
     pub(super) switches: Vec<Switch>,
-    pub(super) switch_index: BTreeMap<Vec<(Id, u64)>, u32>,
+    pub(super) switch_index: BTreeMap<SwitchKey, u32>,
 }
 
 impl Dag {
@@ -165,8 +166,9 @@ impl Dag {
             Err(slot) => {
                 assert!(nodes.len() < Self::MAX_NODES, "the graph is full");
                 let id = Id(nodes.len() as u32);
+                memory::room(&mut self.nodes, 1);
                 self.nodes.push(node);
-                self.table.insert(slot, id, &self.nodes);
+                self.table.insert(slot, id);
                 id
             }
         }
@@ -359,7 +361,7 @@ impl Dag {
         Some(self.mul(c, xa))
     }
 
-    /// `a b`
+    /// `a b`; constant factors become one where it has all its digits.
     pub fn mul(&mut self, a: Id, b: Id) -> Id {
         match (self.as_const(a), self.as_const(b)) {
             (Some(x), Some(y)) => return self.constant(x * y),
@@ -369,7 +371,7 @@ impl Dag {
                     return if c == 0.0 { a } else { b };
                 }
                 let (d, x) = self.scaled(b);
-                if d != 1.0 {
+                if d != 1.0 && keeps_digits(c * d) {
                     let product = self.constant(c * d);
                     return self.mul(product, x);
                 }
@@ -382,6 +384,9 @@ impl Dag {
         }
         let ((ca, xa), (cb, xb)) = (self.scaled(a), self.scaled(b));
         if ca * cb != 1.0 {
+            if !keeps_digits(ca * cb) {
+                return self.intern(Node::Binary(Binary::Mul, a.min(b), a.max(b)));
+            }
             let product = self.mul(xa, xb);
             let c = self.constant(ca * cb);
             return self.mul(c, product);
@@ -420,10 +425,11 @@ impl Dag {
         match (self.as_const(a), self.as_const(b)) {
             (Some(x), Some(y)) => return self.constant(x / y),
             (Some(0.0), None) => return a,
-            (None, Some(y)) => {
+            (None, Some(y)) if keeps_digits(1.0 / y) || y == 0.0 || !y.is_finite() => {
                 let c = self.constant(1.0 / y);
                 return self.mul(c, a);
             }
+            (None, Some(_)) => return self.intern(Node::Binary(Binary::Div, a, b)),
             _ => {}
         }
         if a == b {
@@ -431,6 +437,9 @@ impl Dag {
         }
         let ((ca, xa), (cb, xb)) = (self.scaled(a), self.scaled(b));
         if ca != 1.0 || cb != 1.0 {
+            if !keeps_digits(ca / cb) {
+                return self.intern(Node::Binary(Binary::Div, a, b));
+            }
             let c = self.constant(ca / cb);
             let q = self.div(xa, xb);
             return self.mul(c, q);
@@ -481,6 +490,7 @@ impl Dag {
     pub fn pow(&mut self, a: Id, b: Id) -> Id {
         match (self.as_const(a), self.as_const(b)) {
             (Some(x), Some(y)) => return self.constant(x.powf(y)),
+            // exponents have no unit; beyond a million a power by squaring is no more exact than one by logarithms
             (None, Some(y)) if y.fract() == 0.0 && y.abs() < 1e6 => return self.powi(a, y as i32),
             (None, Some(0.5)) => return self.unary(Unary::Sqrt, a),
             _ => {}
@@ -566,47 +576,70 @@ impl Dag {
     }
 }
 
-/// Open addressing over node numbers.
+/// Did a product or quotient of constants that are not zero stay within the numbers with 53 digits? What is smaller or
+/// larger would lose digits, or the whole term, that its factors one by one have.
+fn keeps_digits(v: f64) -> bool {
+    v.is_normal()
+}
+
+/// Open addressing over node numbers. A slot holds the upper half of the hash, then the number: nodes are looked at only
+/// where the hash agrees, and a larger table is filled without hashing again.
 #[derive(Default)]
 struct Table {
-    slots: Vec<u32>,
+    slots: Vec<u64>,
     used: usize,
 }
 
-const FREE: u32 = u32::MAX;
+const FREE: u64 = u64::MAX;
+
+fn slot_of(hash: u64, id: Id) -> u64 {
+    (hash & !0xffff_ffff) | u64::from(id.0)
+}
 
 impl Table {
-    /// The node, or the slot where it belongs.
-    fn find(&self, node: &Node, nodes: &[Node]) -> std::result::Result<Id, usize> {
+    /// The node, or the slot where it belongs and its hash.
+    fn find(&self, node: &Node, nodes: &[Node]) -> std::result::Result<Id, (usize, u64)> {
+        let hash = hash(node);
         if self.slots.is_empty() {
-            return Err(0);
+            return Err((0, hash));
         }
         let mask = self.slots.len() - 1;
-        let mut at = hash(node) as usize & mask;
+        let mut at = (hash >> 32) as usize & mask;
         loop {
-            match self.slots[at] {
-                FREE => return Err(at),
-                k if nodes[k as usize] == *node => return Ok(Id(k)),
-                _ => at = (at + 1) & mask,
+            let slot = self.slots[at];
+            if slot == FREE {
+                return Err((at, hash));
             }
+            let id = Id(slot as u32);
+            if slot == slot_of(hash, id) && nodes[id.index()] == *node {
+                return Ok(id);
+            }
+            at = (at + 1) & mask;
         }
     }
 
-    fn insert(&mut self, slot: usize, id: Id, nodes: &[Node]) {
+    fn insert(&mut self, (at, hash): (usize, u64), id: Id) {
         if 2 * (self.used + 1) > self.slots.len() {
-            let mask = (2 * self.slots.len()).max(64) - 1;
-            self.slots = vec![FREE; mask + 1];
-            for (k, node) in nodes.iter().enumerate() {
-                let mut at = hash(node) as usize & mask;
-                while self.slots[at] != FREE {
-                    at = (at + 1) & mask;
+            let larger = vec![FREE; (2 * self.slots.len()).max(64)];
+            for slot in std::mem::replace(&mut self.slots, larger) {
+                if slot != FREE {
+                    self.put(slot);
                 }
-                self.slots[at] = k as u32;
             }
+            self.put(slot_of(hash, id));
         } else {
-            self.slots[slot] = id.0;
+            self.slots[at] = slot_of(hash, id);
         }
         self.used += 1;
+    }
+
+    fn put(&mut self, slot: u64) {
+        let mask = self.slots.len() - 1;
+        let mut at = (slot >> 32) as usize & mask;
+        while self.slots[at] != FREE {
+            at = (at + 1) & mask;
+        }
+        self.slots[at] = slot;
     }
 }
 
@@ -615,7 +648,8 @@ fn hash(node: &Node) -> u64 {
     struct Mix(u64);
     impl Hasher for Mix {
         fn finish(&self) -> u64 {
-            self.0 ^ (self.0 >> 29)
+            // the upper half, which counts, from all bits: those of whole numbers end in zeros
+            self.0.wrapping_mul(0xd6e8_feb8_6659_fd93)
         }
         fn write(&mut self, bytes: &[u8]) {
             for &b in bytes {
@@ -624,6 +658,9 @@ fn hash(node: &Node) -> u64 {
         }
         fn write_u32(&mut self, v: u32) {
             self.write_u64(u64::from(v));
+        }
+        fn write_usize(&mut self, v: usize) {
+            self.write_u64(v as u64);
         }
         fn write_u64(&mut self, v: u64) {
             let x = (self.0.rotate_left(23) ^ v).wrapping_mul(0x9e37_79b9_7f4a_7c15);
@@ -638,6 +675,22 @@ fn hash(node: &Node) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Whole numbers as constants, and inputs, spread over the table: of `n` values in `n` places 63 % are taken by chance.
+    #[test]
+    fn hashes_spread() {
+        let n = 1 << 16;
+        let taken = |node: &dyn Fn(u32) -> Node| {
+            let mut places: Vec<u64> = (0..n).map(|k| (hash(&node(k)) >> 32) & u64::from(n - 1)).collect();
+            places.sort_unstable();
+            places.dedup();
+            places.len() as f64 / f64::from(n)
+        };
+        let numbers = taken(&|k| Node::Const(f64::from(k).to_bits()));
+        let inputs = taken(&|k| Node::Input(Block::X, k));
+        let sums = taken(&|k| Node::Binary(Binary::Mul, Id(k), Id(k / 3)));
+        assert!(numbers > 0.5 && inputs > 0.5 && sums > 0.5, "{numbers} {inputs} {sums}");
+    }
 
     fn dag() -> (Dag, Id, Id) {
         let mut d = Dag::new();
@@ -726,6 +779,28 @@ mod tests {
         let c = d.mul(b, y);
         let e = d.mul(a, y);
         assert_eq!(d.add(c, e), zero);
+    }
+
+    #[test]
+    fn constants_out_of_range_do_not_swallow_terms() {
+        let (mut d, x, y) = dag();
+        let [small, large, zero] = [1e-200, 1e200, 0.0].map(|v| d.constant(v));
+        let (a, b) = (d.mul(small, x), d.mul(small, y));
+        for e in [d.mul(a, b), d.mul(small, a)] {
+            assert!(e != zero && d.as_const(e).is_none());
+        }
+        let (p, q) = (d.mul(large, x), d.mul(large, y));
+        let huge = [d.mul(p, q), d.mul(large, p), d.div(p, b), d.div(a, q)];
+        let tiny = d.constant(1e-310);
+        let over = d.div(x, tiny);
+        for e in huge.into_iter().chain([over]) {
+            for id in d.reachable(&[e]) {
+                assert!(d.as_const(id).is_none_or(|v| v.is_finite() && v != 0.0));
+            }
+        }
+        // taken together again they are ordinary numbers
+        let back = d.mul(small, p);
+        assert_eq!(back, x);
     }
 
     #[test]

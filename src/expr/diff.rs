@@ -7,6 +7,7 @@
 use super::dag::{CallKind, Dag, Group, Id, Node};
 use super::op::{Binary, Unary};
 use crate::error::{Error, Result};
+use crate::stop;
 
 /// An entry of a matrix of expressions.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -20,6 +21,9 @@ pub struct Entry {
 }
 
 const NONE: u32 = u32::MAX;
+
+/// Nodes a sweep goes over between two questions whether the call is to end.
+const NODES_PER_QUESTION: usize = 256;
 
 /// The part of a graph that lies between inputs and outputs, oldest node first.
 struct Region {
@@ -237,7 +241,10 @@ impl Dag {
                 self.accumulate(adjoint, k, w);
             }
         }
-        for &k in places.iter().rev() {
+        for (step, &k) in places.iter().rev().enumerate() {
+            if step % NODES_PER_QUESTION == 0 {
+                stop::check()?;
+            }
             let id = region.ids[k];
             if let Node::Pick(g, component) = self.node(id) {
                 if component == 0 {
@@ -313,7 +320,12 @@ impl Dag {
         // Sparse tangents, each a list of (column, derivative).
         let mut tangents: Vec<Vec<(u32, Id)>> = Vec::with_capacity(region.ids.len());
         let mut k = 0;
+        let mut step = 0;
         while k < region.ids.len() {
+            if step % NODES_PER_QUESTION == 0 {
+                stop::check()?;
+            }
+            step += 1;
             let id = region.ids[k];
             let col = columns(self, wrt)(id);
             if let Some(col) = col {

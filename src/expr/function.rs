@@ -7,7 +7,8 @@ use super::dag::{Block, Dag, Id};
 use super::saved::SavedGraph;
 use super::tape::{Tape, LANES};
 use crate::error::{Error, Result};
-use crate::func::{Dims, EvalResult, Function, Point};
+use crate::func::trouble::{self, Complaint};
+use crate::func::{Dims, EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 
 /// Expressions with exact derivatives, usable wherever a [`Function`] is.
@@ -116,6 +117,23 @@ impl ExprFunction {
         self.parts.get(rows.start / len).filter(|p| p.rows == *rows)
     }
 
+    /// Notes a complaint where the result `r` is that of a point at which the function is not defined: `values` are
+    /// the outputs from number `first` on, empty where they are not values.
+    #[inline]
+    fn checked(&self, part: &'static str, at: &Point, r: EvalResult, values: &[f64], first: usize) -> EvalResult {
+        if r == Err(EvalError::Recoverable) {
+            self.complain(part, at, values, first);
+        }
+        r
+    }
+
+    #[cold]
+    fn complain(&self, part: &'static str, at: &Point, values: &[f64], first: usize) {
+        let bad = values.iter().position(|v| !v.is_finite()).map(|i| (first + i, values[i]));
+        let place = trouble::place(at, bad);
+        trouble::note(Complaint { function: self.name.as_str().into(), part, code: 0, place, timeless: false });
+    }
+
     /// The same, shared.
     pub fn shared(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<Arc<dyn Function>> {
         Ok(Arc::new(ExprFunction::new(name, dag, dims, outputs)?))
@@ -204,28 +222,34 @@ impl Function for ExprFunction {
         parts.max(self.value.work_len()).max(self.jacobian.work_len()).max(self.hessian.work_len())
     }
     fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        self.value.run(at, &[], &mut out[..self.value.n_out()], work)
+        let out = &mut out[..self.value.n_out()];
+        let r = self.value.run(at, &[], out, work);
+        self.checked("value", at, r, out, 0)
     }
     fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        self.jacobian.run(at, &[], &mut out[..self.jacobian.n_out()], work)
+        let r = self.jacobian.run(at, &[], &mut out[..self.jacobian.n_out()], work);
+        self.checked("Jacobian", at, r, &[], 0)
     }
     fn value_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        match self.part(&rows) {
-            Some(p) => p.value.run(at, &[], &mut out[rows], work),
-            None => self.value(at, out, work),
-        }
+        let Some(p) = self.part(&rows) else { return self.value(at, out, work) };
+        let r = p.value.run(at, &[], &mut out[rows.clone()], work);
+        self.checked("value", at, r, &out[rows.clone()], rows.start)
     }
     fn jacobian_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        match self.part(&rows) {
-            Some(p) => p.jacobian.run_to(at, out, &p.places, work),
-            None => self.jacobian(at, out, work),
-        }
+        let Some(p) = self.part(&rows) else { return self.jacobian(at, out, work) };
+        let r = p.jacobian.run_to(at, out, &p.places, work);
+        self.checked("Jacobian", at, r, &[], 0)
     }
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
-        self.hessian.run(at, weights, &mut out[..self.hessian.n_out()], work)
+        let r = self.hessian.run(at, weights, &mut out[..self.hessian.n_out()], work);
+        self.checked("Hessian", at, r, &[], 0)
     }
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         Some(self)
+    }
+    fn is_serial(&self) -> bool {
+        // Derivatives call what the value calls.
+        self.value.functions().any(|f| f.is_serial())
     }
     fn jacobian_is_approximate(&self) -> bool {
         self.approximate[0]

@@ -2,6 +2,7 @@
 
 use super::dag::{Block, CallKind, Dag, External, Group, Id};
 use crate::error::{Error, Result};
+use crate::memory::{self, sizes};
 
 impl Dag {
     /// Solution of `A x = b`, `matrix` by columns `n × n`, `rhs[n]`.
@@ -123,14 +124,14 @@ impl Dag {
 
     /// `A B`, by columns: `A` is `m × k`, `B` is `k × n`.
     pub fn matmul(&mut self, m: usize, k: usize, n: usize, a: &[Id], b: &[Id]) -> Result<Vec<Id>> {
-        if a.len() != m * k || b.len() != k * n {
+        if m.checked_mul(k) != Some(a.len()) || k.checked_mul(n) != Some(b.len()) {
             return Err(Error::Dimension(format!(
                 "product of {m} x {k} and {k} x {n}: {} and {} entries given",
                 a.len(),
                 b.len()
             )));
         }
-        let mut out = Vec::with_capacity(m * n);
+        let mut out = memory::with_capacity(sizes::entries("the product", &[m, n])?);
         for j in 0..n {
             for i in 0..m {
                 let row: Vec<Id> = (0..k).map(|l| a[i + m * l]).collect();

@@ -10,6 +10,7 @@
 mod c_code;
 mod dag;
 mod diff;
+pub(crate) mod exact;
 mod function;
 mod graph;
 mod linear;

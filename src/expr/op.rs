@@ -163,7 +163,7 @@ pub fn powi(a: f64, n: i32) -> f64 {
 }
 
 /// Error function, absolute error of a few units in the last place: a series of positive terms up to 2.4, a
-/// continued fraction beyond.
+/// continued fraction beyond. Argument and value are numbers without unit, so its constants are no tolerances.
 pub fn erf(x: f64) -> f64 {
     let a = x.abs();
     if a < 2.4 {

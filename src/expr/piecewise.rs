@@ -143,21 +143,25 @@ impl Piecewise {
         v
     }
 
-    /// Derivatives up to the declared one have no jumps beyond rounding.
+    /// Derivatives up to the declared one have no jumps beyond rounding: that of their size over the pieces on both sides.
     fn check_smoothness(&self) -> Result<()> {
         let d = self.degree + 1;
         if self.smoothness < -1 {
             return Err(Error::Range(format!("smoothness {}: -1 for jumps, 0 and more else", self.smoothness)));
         }
+        let coefficients = |piece: usize| &self.coefficients[piece * d..(piece + 1) * d];
         for (i, &b) in self.breaks.iter().enumerate() {
-            for order in 0..(self.smoothness + 1) as usize {
-                let side = |piece: usize| {
-                    let (c, z) = (&self.coefficients[piece * d..(piece + 1) * d], b - self.origins[piece]);
-                    let terms = (order..d).map(|k| c[k] * falling(k, order) * z.powi((k - order) as i32));
-                    (terms.clone().sum::<f64>(), terms.map(f64::abs).sum::<f64>())
+            for order in 0..(self.smoothness + 1).min(d as i32) as usize {
+                let value = |piece: usize| {
+                    let (c, z) = (coefficients(piece), b - self.origins[piece]);
+                    (order..d).map(|k| c[k] * falling(k, order) * z.powi((k - order) as i32)).sum::<f64>()
                 };
-                let ((l, size_l), (r, size_r)) = (side(i), side(i + 1));
-                if (l - r).abs() > 1e-9 * (1e-3 + size_l + size_r) {
+                let size = |piece: usize| {
+                    let (c, h) = (coefficients(piece), self.length(piece));
+                    (order..d).map(|k| (c[k] * falling(k, order)).abs() * h.powi((k - order) as i32)).sum::<f64>()
+                };
+                let (l, r) = (value(i), value(i + 1));
+                if (l - r).abs() > SMOOTH * (size(i) + size(i + 1)) {
                     return Err(Error::Range(format!(
                         "piecewise polynomial: derivative {order} jumps from {l} to {r} at break {b}, but smoothness {} \
                          was declared",
@@ -168,7 +172,22 @@ impl Piecewise {
         }
         Ok(())
     }
+
+    /// Length of a piece; the first and the last, which have no end, count as long as their neighbours.
+    fn length(&self, piece: usize) -> f64 {
+        let last = self.breaks.len();
+        match self.breaks.len() {
+            0 | 1 => 0.0,
+            _ => {
+                let k = piece.clamp(1, last - 1);
+                self.breaks[k] - self.breaks[k - 1]
+            }
+        }
+    }
 }
+
+/// A jump of a derivative that is larger, relative to the terms of the polynomials, is no rounding of their coefficients.
+const SMOOTH: f64 = 1e-9;
 
 /// `k (k−1) … (k−order+1)`
 fn falling(k: usize, order: usize) -> f64 {
@@ -301,6 +320,21 @@ mod tests {
         let p = Piecewise::lines(&[0.0, 1.0, 3.0], &[0.0, 2.0, 0.0]).unwrap();
         assert_eq!([-1.0, 0.5, 1.0, 2.0, 9.0].map(|s| p.eval(0, s)), [0.0, 1.0, 2.0, 1.0, 0.0]);
         assert!(p.eval(0, f64::NAN).is_nan());
+    }
+
+    /// What is smooth in one unit is smooth in any, and what jumps, jumps.
+    #[test]
+    fn smoothness_does_not_depend_on_units() {
+        let points = [-1.0, -0.4, 0.3, 1.1, 2.0, 2.1];
+        let values = [0.3, -1.0, 0.0, 1e-9, 4.0, 4.0];
+        for (a, b) in [(1.0, 1.0), (1e12, 1.0), (1e-12, 1.0), (1.0, 1e12), (1.0, 1e-12), (1e12, 1e-12), (1e-12, 1e12)] {
+            let (s, v) = (points.map(|s| s * a), values.map(|v| v * b));
+            Piecewise::spline(&s, &v).unwrap();
+            Piecewise::lines(&s, &v).unwrap();
+            let kink = |jump: f64| [0.0, b / a, jump * b, b / a];
+            assert!(Piecewise::new(&[0.0], 1, &kink(0.0), 0).is_ok());
+            assert!(Piecewise::new(&[0.0], 1, &kink(1e-6), 0).is_err(), "jump of 1e-6 in units {a}, {b}");
+        }
     }
 
     #[test]

@@ -3,6 +3,7 @@
 use super::dag::{Dag, Group, Id, Node};
 use super::op::Binary;
 use crate::error::{Error, Result};
+use crate::stop;
 
 /// Branches of a switching function that switches.
 const MAX_BRANCHES: usize = 1024;
@@ -56,6 +57,7 @@ impl Dag {
         let mut result = self.truth(false);
         let mut n_leaves = 0;
         while let Some((path, psi)) = branches.pop() {
+            stop::check()?;
             let Some(&first) = self.switches_of(&[psi]).first() else {
                 n_leaves += 1;
                 if n_leaves > MAX_BRANCHES {
@@ -95,8 +97,13 @@ impl Dag {
                 Node::Positive(s) => match replace(self, s) {
                     Some(c) => c,
                     None => {
-                        let psi = at(self.switches[s as usize].psi);
-                        self.positive(psi)
+                        let old = self.switches[s as usize].psi;
+                        let psi = at(old);
+                        if psi == old {
+                            id
+                        } else {
+                            self.positive(psi)
+                        }
                     }
                 },
                 Node::Unary(op, a) => {

@@ -3,101 +3,169 @@
 //! None of them is evaluated. Each becomes a choice between smooth expressions under a condition `ψ > 0`, and a
 //! switching function `ψ` exists once, however often it is written and with whatever sign or positive factor.
 //! On `ψ = 0` Filippov's solution counts, so `ψ > 0` and `ψ ≥ 0` are the same.
+//!
+//! Whether two are the same is decided on their coefficients in exact arithmetic, so it does not depend on units.
+
+use std::collections::BTreeMap;
+
+use num_rational::BigRational;
+use num_traits::{One, Signed, Zero};
 
 use super::dag::{Dag, Id, Node};
+use super::exact::{exact, is_long, rounded};
 use super::op::{Binary, Unary};
 use crate::error::{Error, Result};
 
-/// A switching function as it was written first.
-#[derive(Debug, Clone, Copy)]
+/// A switching function.
+#[derive(Debug, Clone)]
 pub(super) struct Switch {
+    /// As it was written first.
     pub(super) psi: Id,
+    /// Others that are the same but for the last binary digit of a coefficient.
+    pub(super) nearly: Vec<Id>,
 }
 
-/// `constant + Σ coefficient · term` over terms that are no sums, sorted by node.
+/// Coefficients of a switching function divided by the size of the first one, each rounded once; last the constant.
+pub(super) type SwitchKey = Vec<(Id, i64, i64)>;
+
+/// `constant + Σ coefficient · term` over terms that are no sums, sorted by node; exact.
 #[derive(Debug, Clone, PartialEq)]
 pub(super) struct LinearForm {
-    pub(super) constant: f64,
-    pub(super) terms: Vec<(Id, f64)>,
+    pub(super) constant: BigRational,
+    pub(super) terms: Vec<(Id, BigRational)>,
 }
 
-/// Sums with more terms are taken as they stand.
+impl LinearForm {
+    /// The form divided by the size of its first coefficient; none without terms.
+    fn normalised(&self) -> Option<LinearForm> {
+        let lead = self.terms.first()?.1.abs();
+        let terms = self.terms.iter().map(|(id, c)| (*id, c / &lead)).collect();
+        Some(LinearForm { constant: &self.constant / &lead, terms })
+    }
+
+    fn negated(&self) -> LinearForm {
+        LinearForm { constant: -&self.constant, terms: self.terms.iter().map(|(id, c)| (*id, -c)).collect() }
+    }
+
+    fn key(&self) -> SwitchKey {
+        let entry = |id: Id, c: &BigRational| {
+            let (digits, power) = rounded(c);
+            (id, digits, power)
+        };
+        let terms = self.terms.iter().map(|(id, c)| entry(*id, c));
+        terms.chain([entry(Id(u32::MAX), &self.constant)]).collect()
+    }
+}
+
+/// Sums with more terms are taken as they stand: they cost more switching functions, never wrong ones.
 const MAX_TERMS: usize = 512;
 
 impl Dag {
-    /// Splits sums, differences and constant factors.
+    /// Splits sums, differences and constant factors. What cannot be split, because a constant is not finite or the
+    /// numbers would be too long, counts as a term.
     pub(super) fn linear_form(&self, id: Id) -> LinearForm {
-        let mut form = LinearForm { constant: 0.0, terms: Vec::new() };
-        let mut stack = vec![(id, 1.0)];
-        while let Some((a, c)) = stack.pop() {
+        let mut form = LinearForm { constant: BigRational::zero(), terms: Vec::new() };
+        // Coefficients of nodes still to be split, the youngest first: all uses of a node are known when it comes.
+        let mut open = BTreeMap::from([(id, BigRational::one())]);
+        while let Some((a, c)) = open.pop_last() {
             if form.terms.len() > MAX_TERMS {
-                return LinearForm { constant: 0.0, terms: vec![(id, 1.0)] };
+                return LinearForm { constant: BigRational::zero(), terms: vec![(id, BigRational::one())] };
             }
+            if c.is_zero() {
+                continue;
+            }
+            let mut put = |id: Id, c: BigRational| *open.entry(id).or_insert_with(BigRational::zero) += c;
+            let value = |id: Id| self.as_const(id).and_then(exact);
             match self.node(a) {
-                Node::Const(bits) => form.constant += c * f64::from_bits(bits),
-                Node::Unary(Unary::Neg, x) => stack.push((x, -c)),
-                Node::Binary(Binary::Add, x, y) => stack.extend([(x, c), (y, c)]),
-                Node::Binary(Binary::Sub, x, y) => stack.extend([(x, c), (y, -c)]),
-                Node::Binary(Binary::Mul, k, x) => match self.as_const(k) {
-                    Some(k) => stack.push((x, c * k)),
+                _ if is_long(&c) => form.terms.push((a, c)),
+                Node::Const(_) => match value(a) {
+                    Some(v) => form.constant += c * v,
+                    None => form.terms.push((a, c)),
+                },
+                Node::Unary(Unary::Neg, x) => put(x, -c),
+                Node::Binary(Binary::Add, x, y) => {
+                    put(x, c.clone());
+                    put(y, c);
+                }
+                Node::Binary(Binary::Sub, x, y) => {
+                    put(x, c.clone());
+                    put(y, -c);
+                }
+                Node::Binary(Binary::Mul, k, x) => match value(k) {
+                    Some(k) => put(x, c * k),
+                    None => form.terms.push((a, c)),
+                },
+                Node::Binary(Binary::Div, x, k) => match value(k).filter(|k| !k.is_zero()) {
+                    Some(k) => put(x, c / k),
                     None => form.terms.push((a, c)),
                 },
                 _ => form.terms.push((a, c)),
             }
         }
-        form.terms.sort_by_key(|t| t.0);
-        form.terms.dedup_by(|next, kept| {
-            let same = next.0 == kept.0;
-            if same {
-                kept.1 += next.1;
-            }
-            same
-        });
-        form.terms.retain(|t| t.1 != 0.0);
+        form.terms.reverse();
         form
     }
 
-    /// The value as `constant + Σ coefficient · term` over terms that are no sums.
-    pub fn affine_terms(&self, id: Id) -> (f64, Vec<(Id, f64)>) {
+    /// The value as `constant + Σ coefficient · term` over terms that are no sums, sorted by node, without rounding.
+    pub fn affine_terms(&self, id: Id) -> (BigRational, Vec<(Id, BigRational)>) {
         let form = self.linear_form(id);
         (form.constant, form.terms)
     }
 
     /// The condition `ψ > 0`. Of a `ψ` that is an increasing odd function of something, as `h³` or `atan h`, that
     /// something is taken, which has a gradient where `ψ` has none.
+    ///
+    /// Two switching functions are one if all ratios of their coefficients agree to the last of the 53 binary digits a
+    /// number has: their zeros are then closer than the rounding of one evaluation. Where the ratios are not equal
+    /// exactly, [`Dag::nearly_equal`] says so.
     pub fn positive(&mut self, psi: Id) -> Id {
         let mut psi = psi;
         let mut form = self.linear_form(psi);
-        while let (&[(term, c)], 0.0) = (&form.terms[..], form.constant) {
+        while let (&[(term, ref c)], true) = (&form.terms[..], form.constant.is_zero()) {
             let inner = match self.node(term) {
                 Node::PowI(h, n) if n % 2 != 0 => h,
                 Node::Unary(Unary::Sinh | Unary::Tanh | Unary::Atan | Unary::Asin | Unary::Erf | Unary::Sqrt, h) => h,
                 _ => break,
             };
-            psi = if c > 0.0 { inner } else { self.neg(inner) };
+            psi = if c.is_positive() { inner } else { self.neg(inner) };
             form = self.linear_form(psi);
         }
-        let Some(&(_, lead)) = form.terms.first() else {
-            return self.truth(form.constant > 0.0);
+        let Some(unit) = form.normalised() else {
+            return self.truth(form.constant.is_positive());
         };
-        let scale = lead.abs();
-        let key = |flip: f64| -> Vec<(Id, u64)> {
-            let entry = |id, v: f64| (id, (flip * v / scale + 0.0).to_bits());
-            let mut key: Vec<_> = form.terms.iter().map(|t| entry(t.0, t.1)).collect();
-            key.push(entry(Id(u32::MAX), form.constant));
-            key
-        };
-        if let Some(&s) = self.switch_index.get(&key(1.0)) {
+        let key = unit.key();
+        let opposite = unit.negated();
+        let known = |key: &SwitchKey| self.switch_index.get(key).copied();
+        if let Some(s) = known(&key) {
+            self.note_nearly(s, psi, &unit);
             return self.intern(Node::Positive(s));
         }
-        if let Some(&s) = self.switch_index.get(&key(-1.0)) {
+        if let Some(s) = known(&opposite.key()) {
+            self.note_nearly(s, psi, &opposite);
             let p = self.intern(Node::Positive(s));
             return self.not(p);
         }
         let s = self.switches.len() as u32;
-        self.switches.push(Switch { psi });
-        self.switch_index.insert(key(1.0), s);
+        self.switches.push(Switch { psi, nearly: Vec::new() });
+        self.switch_index.insert(key, s);
         self.intern(Node::Positive(s))
+    }
+
+    /// Remembers a switching function that is taken for another one though it is not exactly the same.
+    fn note_nearly(&mut self, s: u32, psi: Id, unit: &LinearForm) {
+        let known = &self.switches[s as usize];
+        if known.psi == psi || known.nearly.contains(&psi) {
+            return;
+        }
+        if self.linear_form(known.psi).normalised().as_ref() != Some(unit) {
+            self.switches[s as usize].nearly.push(psi);
+        }
+    }
+
+    /// Functions that were taken for switching function `s` because they differ from a multiple of it in the last binary
+    /// digit of a coefficient only.
+    pub fn nearly_equal(&self, s: usize) -> &[Id] {
+        self.switches.get(s).map_or(&[], |s| &s.nearly)
     }
 
     /// A decided condition.

@@ -12,6 +12,7 @@ use super::op::{powi, Binary, Unary};
 use super::piecewise::Piecewise;
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalError, EvalResult, Point};
+use crate::memory;
 
 /// Points evaluated at once in a batch.
 pub const LANES: usize = 8;
@@ -94,6 +95,9 @@ pub struct Tape {
     n_slots: usize,
 }
 
+/// Bytes that compiling takes for every node of the graph, about.
+const WORK: u128 = 64;
+
 impl Tape {
     /// A program for `outputs` of inputs of these sizes, with `n_weights` further inputs.
     ///
@@ -101,6 +105,8 @@ impl Tape {
     /// [`Error::Dimension`] for an input outside its block, [`Error::NonFinite`] for a constant that is not finite,
     /// [`Error::Unsupported`] for operators that switch, [`Error::Range`] for a condition in the place of a value.
     pub fn new(dag: &Dag, dims: Dims, n_weights: usize, outputs: &[Id]) -> Result<Tape> {
+        memory::check()?;
+        memory::need(WORK * dag.len() as u128, || format!("a program of a graph with {} nodes", dag.len()))?;
         Compiler::new(dag, dims, n_weights).run(outputs)
     }
 
@@ -128,14 +134,18 @@ impl Tape {
         self.loads.len() + self.constants.len()
     }
 
-    /// Does an external function give its Jacobian, or its Hessian, by finite differences?
-    pub(super) fn approximate_derivatives(&self) -> [bool; 2] {
-        let functions = self.compounds.iter().filter_map(|c| match c {
+    /// The external functions it calls.
+    pub(super) fn functions(&self) -> impl Iterator<Item = &External> {
+        self.compounds.iter().filter_map(|c| match c {
             Compound::Call { f, .. } => Some(f),
             _ => None,
-        });
+        })
+    }
+
+    /// Does an external function give its Jacobian, or its Hessian, by finite differences?
+    pub(super) fn approximate_derivatives(&self) -> [bool; 2] {
         let (mut jac, mut hess) = (false, false);
-        for f in functions {
+        for f in self.functions() {
             jac |= f.jacobian_is_approximate();
             hess |= f.jacobian_is_approximate() || f.hessian_is_approximate();
         }

@@ -5,9 +5,11 @@ use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::sync::OnceLock;
 
 use super::fdiff::{self, Colouring, Differences};
+use super::trouble::{self, Complaint};
 use super::{Dims, EvalError, EvalResult, Function, Point};
 use crate::error::{Error, Result};
 use crate::linalg::csc::Pattern;
+use crate::stop;
 
 /// Value or Jacobian, with memory last: returns 0, or a code.
 type Plain = dyn Fn(&Point, &mut [f64], &mut [f64]) -> i32 + Send + Sync;
@@ -25,10 +27,9 @@ type Weighted = dyn Fn(&Point, &[f64], &mut [f64], &mut [f64]) -> i32 + Send + S
 ///
 /// What is missing is replaced by finite differences:
 /// - **Jacobian**: central differences with the step `eps^(1/3) max(1, |z|)`, relative accuracy about
-///   `1e-10`, two evaluations of the value per colour of the pattern. Without a pattern all `x` and `u`
-///   columns are taken as dense; the columns of `p` and `t` are taken as **absent**, that is, parameters
-///   are constants and the function does not depend on time. A function of time needs a declared
-///   pattern; a declared sparse pattern is cheaper too.
+///   `1e-10`, two evaluations of the value per colour of the pattern. Without a pattern all `x`, `u` and `p`
+///   columns are taken as dense; the column of `t` is taken as **absent**, that is, the function does not
+///   depend on time. A function of time needs a declared pattern; a declared sparse pattern is cheaper too.
 /// - **Hessian**: central differences of the Jacobian, about as accurate, two Jacobians per colour of the
 ///   full symmetric pattern. Where the Jacobian itself is missing: second differences of the values, four
 ///   evaluations per entry, accuracy about `1e-8` relative to the size of the values; good enough for
@@ -67,6 +68,7 @@ pub struct Callback {
     hess_declared: Option<Pattern>,
     /// Length of the memory of the closures.
     own_work: usize,
+    serial: bool,
     /// Made when first needed: what is not declared is dense, and costs accordingly.
     structure: OnceLock<Structure>,
 }
@@ -85,8 +87,7 @@ struct Structure {
 impl Structure {
     fn of(f: &Callback) -> Structure {
         let n_in = f.dims.n_in();
-        let jac_pattern =
-            f.jac_declared.clone().unwrap_or_else(|| fdiff::dense_in_states_and_controls(f.dims, f.n_out));
+        let jac_pattern = f.jac_declared.clone().unwrap_or_else(|| fdiff::dense_without_time(f.dims, f.n_out));
         let hess_pattern = f.hess_declared.clone().unwrap_or_else(|| fdiff::hessian_pattern_of(&jac_pattern));
         let mut work = 0;
         let mut jac_colouring = Colouring::default();
@@ -142,6 +143,7 @@ impl Callback {
             hessian: None,
             hess_declared: None,
             own_work: work_len,
+            serial: false,
             structure: OnceLock::new(),
         }
     }
@@ -213,6 +215,12 @@ impl Callback {
         self
     }
 
+    /// Declares that the closures may only be called by the thread that called the library, one at a time.
+    pub fn serial(mut self) -> Callback {
+        self.serial = true;
+        self
+    }
+
     fn set_jac_pattern(&mut self, pattern: Pattern) -> Result<()> {
         self.expect_size("Jacobian", &pattern, self.n_out)?;
         self.jac_declared = Some(pattern);
@@ -252,7 +260,35 @@ impl Callback {
     }
 
     fn call_value(&self, at: &Point, out: &mut [f64], own: &mut [f64]) -> EvalResult {
-        guarded(out, |out| (self.value)(at, out, own))
+        self.guarded("value", at, out, |out| (self.value)(at, out, own))
+    }
+
+    /// Runs a closure on a zeroed output: maps its code, catches its panic, checks its output, and notes the complaint
+    /// of a closure that has not done so itself.
+    fn guarded(
+        &self,
+        part: &'static str,
+        at: &Point,
+        out: &mut [f64],
+        f: impl FnOnce(&mut [f64]) -> i32,
+    ) -> EvalResult {
+        if stop::requested().is_some() {
+            return Err(EvalError::Stopped);
+        }
+        let before = trouble::count();
+        out.fill(0.0);
+        let code = match catch_unwind(AssertUnwindSafe(|| f(&mut *out))) {
+            Ok(0) if out.iter().all(|v| v.is_finite()) => return Ok(()),
+            Ok(code) if code < 0 => return Err(EvalError::Fatal(code)),
+            Ok(code) => code,
+            Err(_) => return Err(EvalError::Fatal(Callback::PANIC_CODE)),
+        };
+        if trouble::count() == before {
+            let bad = out.iter().copied().enumerate().find(|(_, v)| code == 0 && part == "value" && !v.is_finite());
+            let place = trouble::place(at, bad);
+            trouble::note(Complaint { function: self.name.as_str().into(), part, code, place, timeless: false });
+        }
+        Err(EvalError::Recoverable)
     }
 
     /// Hessian by coloured central differences of the gradient `Jᵀ w`.
@@ -269,7 +305,7 @@ impl Callback {
         let (own, work) = work.split_at_mut(self.own_work);
         let (jac, work) = work.split_at_mut(jac_pattern.nnz());
         let mut gradient = |at: &Point, g: &mut [f64]| {
-            guarded(jac, |jac| jacobian(at, jac, own))?;
+            self.guarded("Jacobian", at, jac, |jac| jacobian(at, jac, own))?;
             for (j, g) in g.iter_mut().enumerate() {
                 let entries = jac_pattern.range(j);
                 let rows = jac_pattern.rows(j);
@@ -297,17 +333,6 @@ impl Callback {
             }
         }
         Ok(())
-    }
-}
-
-/// Runs a closure on a zeroed output: maps its code, catches its panic, checks its output.
-fn guarded(out: &mut [f64], f: impl FnOnce(&mut [f64]) -> i32) -> EvalResult {
-    out.fill(0.0);
-    match catch_unwind(AssertUnwindSafe(|| f(&mut *out))) {
-        Ok(0) => finite(out),
-        Ok(code) if code > 0 => Err(EvalError::Recoverable),
-        Ok(code) => Err(EvalError::Fatal(code)),
-        Err(_) => Err(EvalError::Fatal(Callback::PANIC_CODE)),
     }
 }
 
@@ -352,7 +377,7 @@ impl Function for Callback {
         let Structure { jac_pattern, jac_colouring, .. } = self.structure();
         let out = &mut out[..jac_pattern.nnz()];
         if let Some(jacobian) = &self.jacobian {
-            return guarded(out, |out| jacobian(at, out, &mut work[..self.own_work]));
+            return self.guarded("Jacobian", at, out, |out| jacobian(at, out, &mut work[..self.own_work]));
         }
         let (own, work) = work.split_at_mut(self.own_work);
         Differences { dims: self.dims, pattern: jac_pattern, colouring: jac_colouring }.run(
@@ -369,7 +394,7 @@ impl Function for Callback {
         let out = &mut out[..pattern.nnz()];
         let weights = &weights[..self.n_out];
         if let Some(hessian) = &self.hessian {
-            return guarded(out, |out| hessian(at, weights, out, &mut work[..self.own_work]));
+            return self.guarded("Hessian", at, out, |out| hessian(at, weights, out, &mut work[..self.own_work]));
         }
         if out.is_empty() || weights.iter().all(|w| *w == 0.0) {
             out.fill(0.0);
@@ -388,6 +413,10 @@ impl Function for Callback {
             }
         }
         finite(out)
+    }
+
+    fn is_serial(&self) -> bool {
+        self.serial
     }
 
     fn jacobian_is_approximate(&self) -> bool {
@@ -523,15 +552,15 @@ mod tests {
     }
 
     #[test]
-    fn default_pattern_is_dense_in_x_and_u_without_p_and_t() {
+    fn default_pattern_is_dense_in_all_but_the_time() {
         let f = Callback::new("f", DIMS, 2, value);
         let p = f.jac_pattern();
         for j in 0..6 {
-            assert_eq!(p.rows(j).len(), if j < 4 { 2 } else { 0 });
+            assert_eq!(p.rows(j).len(), if j < 5 { 2 } else { 0 });
         }
         let e = exact();
         let (v, w) = (jac_of(&f), jac_of(&e));
-        for j in 0..4 {
+        for j in 0..5 {
             for i in 0..2 {
                 let b = e.jac_pattern().get(i, j).map_or(0.0, |k| w[k]);
                 assert!((v[p.get(i, j).unwrap()] - b).abs() < 2e-9);

@@ -5,6 +5,7 @@ use std::fmt;
 use super::fdiff::{self, step};
 use super::{Dims, EvalError, EvalResult, Function, Point};
 use crate::error::{Error, Result};
+use crate::stop;
 
 /// Relative step of the extrapolated central differences, `eps^(1/5)`.
 const STEP: f64 = 7.4e-4;
@@ -180,6 +181,7 @@ pub fn check_derivatives(f: &dyn Function, at: &Point, settings: &CheckSettings)
             Error::NonFinite(format!("{}: {what} not defined at the point of the check", f.name()))
         }
         EvalError::Fatal(code) => Error::User { code, what: format!("{what} of {}", f.name()) },
+        EvalError::Stopped => stop::error(),
     };
 
     let jp = f.jac_pattern();

@@ -5,6 +5,7 @@
 
 use super::{Dims, EvalError, EvalResult, Point};
 use crate::linalg::csc::Pattern;
+use crate::memory::{self, sizes};
 
 /// Relative step of central first differences, `eps^(1/3)`.
 pub(super) const STEP_FIRST: f64 = 6.055454452393343e-6;
@@ -87,10 +88,13 @@ fn transpose(pattern: &Pattern) -> Rows {
     Rows { ptr, cols }
 }
 
-/// Jacobian of which nothing is known: dense in `x` and `u`, empty in `p` and `t`.
-pub(super) fn dense_in_states_and_controls(dims: Dims, n_out: usize) -> Pattern {
-    let (mut rows, mut cols) = (Vec::new(), Vec::new());
-    for j in 0..dims.x + dims.u {
+/// Jacobian of which nothing is known: dense in `x`, `u` and `p`, so that no derivative is zero by omission; empty in
+/// `t`, because a function of time makes time a state of what is discretised.
+pub(super) fn dense_without_time(dims: Dims, n_out: usize) -> Pattern {
+    let what = "a Jacobian whose pattern is not given is dense in states, controls and parameters, give the pattern";
+    let n = sizes::entries(what, &[n_out, dims.t_col()]).unwrap_or_else(|e| memory::unwind(e));
+    let (mut rows, mut cols) = (memory::with_capacity(n), memory::with_capacity(n));
+    for j in 0..dims.t_col() {
         for i in 0..n_out {
             rows.push(i);
             cols.push(j);
@@ -110,6 +114,8 @@ pub(super) fn hessian_pattern_of(jac: &Pattern) -> Pattern {
             for &k in by_row.row(r) {
                 if k <= j && seen[k] != j {
                     seen[k] = j;
+                    memory::room(&mut rows, 1);
+                    memory::room(&mut cols, 1);
                     rows.push(k);
                     cols.push(j);
                 }

@@ -10,6 +10,7 @@ mod callback;
 pub mod casadi;
 mod check;
 mod fdiff;
+pub(crate) mod trouble;
 
 pub use callback::Callback;
 pub use check::{check_derivatives, CheckReport, CheckSettings, Mismatch, MismatchKind};
@@ -60,6 +61,8 @@ pub enum EvalError {
     Recoverable,
     /// Negative code of a callback: stop.
     Fatal(i32),
+    /// The call is to end, see [`crate::stop`]: nothing is known of the point.
+    Stopped,
 }
 
 /// Result of one evaluation.
@@ -67,8 +70,9 @@ pub type EvalResult = std::result::Result<(), EvalError>;
 
 /// A vector function with first and second derivatives.
 ///
-/// Implementations are immutable and may be called from several threads at once; what they need to
-/// write is the workspace of length [`Function::work_len`] that the caller owns. Outputs are written in
+/// Implementations are immutable and may be called from several threads at once, unless they are
+/// [serial](Function::is_serial); what they need to write is the workspace of length [`Function::work_len`] that the
+/// caller owns. Outputs are written in
 /// full on success and hold only finite values.
 pub trait Function: Send + Sync {
     /// Name used in messages, e.g. `"f0"`.
@@ -104,6 +108,11 @@ pub trait Function: Send + Sync {
     /// The function itself, for who knows its type: documents look for expressions in it.
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         None
+    }
+    /// True where the function may only be called by the thread that called the library, one call at a time: whoever
+    /// would work on several threads works on one then. Functions made of others are serial if one of these is.
+    fn is_serial(&self) -> bool {
+        false
     }
     /// True where [`Function::jacobian`] is finite differences.
     fn jacobian_is_approximate(&self) -> bool {

@@ -5,6 +5,7 @@
 //! positions are unique and a lookup is a binary search.
 
 use crate::error::{Error, Result};
+use crate::memory;
 use std::ops::Range;
 
 /// Structure of a sparse `n_rows x n_cols` matrix in compressed columns.
@@ -87,7 +88,7 @@ impl Pattern {
 
     /// The full `m x n` pattern, column-major.
     pub fn dense(m: usize, n: usize) -> Pattern {
-        let mut row_idx = Vec::with_capacity(m * n);
+        let mut row_idx = memory::with_capacity(m.saturating_mul(n));
         for _ in 0..n {
             row_idx.extend(0..m);
         }
@@ -96,7 +97,7 @@ impl Pattern {
 
     /// The full upper triangle with diagonal of an `n x n` matrix.
     pub fn dense_upper(n: usize) -> Pattern {
-        let mut row_idx = Vec::with_capacity(n * (n + 1) / 2);
+        let mut row_idx = memory::with_capacity((n + 1).saturating_mul(n) / 2);
         for j in 0..n {
             row_idx.extend(0..=j);
         }
@@ -144,8 +145,8 @@ impl Pattern {
             next[j] += 1;
         }
         let mut map = vec![0usize; nt];
-        let mut col_ptr = Vec::with_capacity(n_cols + 1);
-        let mut row_idx: Vec<usize> = Vec::with_capacity(nt);
+        let mut col_ptr = memory::with_capacity(n_cols + 1);
+        let mut row_idx: Vec<usize> = memory::with_capacity(nt);
         col_ptr.push(0);
         for j in 0..n_cols {
             let first = row_idx.len();

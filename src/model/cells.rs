@@ -2,9 +2,12 @@
 
 use std::collections::BTreeMap;
 
+use super::bounds::Bounds;
+use super::certificate::Conflict;
 use super::reach::Reach;
 use crate::error::{Error, Result};
 use crate::expr::{Dag, Id, Node};
+use crate::stop;
 
 /// Cells a subsystem may have.
 pub(super) const MAX_CELLS: usize = 4096;
@@ -31,6 +34,9 @@ pub(super) struct Cells {
     pub(super) without_effect: Vec<usize>,
     /// What turned out to be the same in all modes: state and value.
     pub(super) smooth: Vec<(usize, Id)>,
+    /// Switching functions before reduction, and why some of their patterns cannot occur (numbers among these).
+    pub(super) coupled: Vec<usize>,
+    pub(super) conflicts: Vec<Conflict>,
     /// Conditions of choices that no pattern makes true, or false, with the value they always have.
     pub(super) decided: Vec<(Id, bool)>,
 }
@@ -51,9 +57,9 @@ impl Cells {
 }
 
 /// Enumerates and reduces.
-pub(super) fn cells(dag: &mut Dag, switches: &[usize], rows: &[Row]) -> Result<Cells> {
+pub(super) fn cells(dag: &mut Dag, bounds: &Bounds, switches: &[usize], rows: &[Row]) -> Result<Cells> {
     let psi: Vec<Id> = switches.iter().filter_map(|&s| dag.switching_function(s)).collect();
-    let patterns = Reach::new(dag, &psi).patterns(MAX_CELLS).ok_or_else(|| {
+    let found = Reach::new(dag, bounds, &psi).patterns(MAX_CELLS)?.ok_or_else(|| {
         let names: Vec<String> = psi.iter().take(4).map(|&p| dag.text(p)).collect();
         Error::Unsupported(format!(
             "{} switching functions ({}, ...) are coupled in one term and have more than {MAX_CELLS} sign patterns: \
@@ -62,12 +68,16 @@ pub(super) fn cells(dag: &mut Dag, switches: &[usize], rows: &[Row]) -> Result<C
             names.join(", ")
         ))
     })?;
-    let n_patterns = (patterns.len(), 2f64.powi(psi.len() as i32));
-    let mut all: Vec<(Vec<bool>, Vec<Id>)> = Vec::with_capacity(patterns.len());
+    let n_patterns = (found.all.len(), 2f64.powi(psi.len() as i32));
+    if found.all.is_empty() {
+        return Err(Error::Internal("switching functions without a sign pattern".into()));
+    }
+    let mut all: Vec<(Vec<bool>, Vec<Id>)> = Vec::with_capacity(found.all.len());
     let conditions = conditions(dag, rows);
     // Did a pattern make the condition false, did one make it true?
     let mut seen = vec![[false; 2]; conditions.len()];
-    for p in patterns {
+    for p in found.all {
+        stop::check()?;
         let sign = |s: usize| switches.iter().position(|t| *t == s).map(|k| p[k]);
         let mut values = Vec::with_capacity(rows.len());
         for row in rows {
@@ -95,6 +105,8 @@ pub(super) fn cells(dag: &mut Dag, switches: &[usize], rows: &[Row]) -> Result<C
         n_patterns,
         without_effect: Vec::new(),
         smooth: Vec::new(),
+        coupled: switches.to_vec(),
+        conflicts: found.conflicts,
         decided: conditions.iter().zip(&seen).filter(|c| c.1[0] != c.1[1]).map(|c| (*c.0, c.1[1])).collect(),
     };
     drop_switches(&mut out, &mut all);

@@ -9,22 +9,29 @@
 //! modes and not `2^n`. Within a group every sign pattern that can occur is a cell; what no pattern reaches, switching
 //! functions without effect, and rows that are the same in all modes are dropped. [`Report`] says what is left and why.
 
+mod bounds;
 mod cells;
+mod certificate;
 mod reach;
 mod report;
 mod saved;
+mod simplex;
 
 pub use report::{Counts, Group, Note, NoteKind, Report};
 pub use saved::SavedModel;
 
 use std::sync::Arc;
 
+use num_traits::{ToPrimitive, Zero};
+
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id, Node, Tape};
 use crate::func::{Dims, Function, Point};
 use crate::system::{Regions, SharedFunction, Subsystem, System};
+use bounds::Bounds;
 use cells::{cells, Cells, Row};
-use reach::Reach;
+use certificate::Conflict;
+use reach::{Decision, Reach};
 
 /// Names of the inputs, for reports; missing ones are `x[0]`, `u[0]`, ...
 #[derive(Debug, Clone, Default)]
@@ -181,20 +188,22 @@ impl Model {
         self.build_in(&mut graph.dag())
     }
 
-    /// Builds the system.
+    /// Builds the system. The time it takes grows with the number of nodes; [`crate::stop`] ends it.
     ///
     /// # Errors
     /// [`Error::State`] if a state has no derivative, [`Error::Unsupported`] if too many switching functions are
-    /// coupled in one term, and those of [`ExprFunction::new`].
+    /// coupled in one term or there are more than [`MAX_NODES`] nodes, and those of [`ExprFunction::new`].
     pub fn build_in(&self, dag: &mut Dag) -> Result<Built> {
+        self.check_size(dag)?;
         let saved = Arc::new(SavedModel::new(self, dag));
         let mut b = Builder { model: self, dag, notes: Vec::new() };
         let rhs = b.derivatives()?;
-        let rhs = b.settle_constant_signs(&rhs);
+        let bounds = b.bounds(&rhs);
+        let rhs = b.settle_constant_signs(&rhs, &bounds);
         let (mut f0, groups) = b.split(&rhs);
         let mut subsystems = Vec::new();
         for (switches, rows) in groups {
-            let c = cells(b.dag, &switches, &rows)?;
+            let c = cells(b.dag, &bounds, &switches, &rows)?;
             for &(state, v) in &c.smooth {
                 f0[state] = b.dag.add(f0[state], v);
             }
@@ -205,7 +214,40 @@ impl Model {
         }
         b.assemble(&f0, &subsystems, saved)
     }
+
+    fn check_size(&self, dag: &Dag) -> Result<()> {
+        let roots: Vec<Id> = self.rhs.iter().flatten().copied().collect();
+        let n = dag.reachable(&roots).len();
+        if n <= MAX_NODES {
+            return Ok(());
+        }
+        Err(Error::Unsupported(format!(
+            "the derivatives of {} consist of {n} nodes, a model may have {MAX_NODES}: write what is large, a network or a \
+             chain of many operations, as a function of its own and call that",
+            self.name
+        )))
+    }
 }
+
+/// Nodes of all derivatives of a model. With first and second derivatives, and programs to evaluate them, a node costs
+/// about a kilobyte and ten microseconds.
+pub const MAX_NODES: usize = 1 << 21;
+
+/// A term of the difference of two speeds across a surface: component of the gradient, value in the one and the other
+/// mode.
+type Across = [Id; 3];
+
+/// Terms of `∇ψᵀ (f_a − f_b)`.
+fn terms_across(c: &Cells, gradient: &[(usize, Id)], a: &[Id], b: &[Id]) -> Vec<Across> {
+    let of = |(k, row): (usize, &usize)| gradient.iter().find(|g| g.0 == *row).map(|g| [g.1, a[k], b[k]]);
+    c.rows.iter().enumerate().filter_map(of).collect()
+}
+
+/// What is smaller at the trial point, relative to the terms it is the sum of, is zero: some thousand times rounding.
+const AT_TRIAL: f64 = 1e-12;
+
+/// Proofs a report shows for the patterns of one group; more would not be read.
+const MAX_PROOFS: usize = 3;
 
 /// The steps of [`Model::build_in`].
 struct Builder<'a> {
@@ -249,19 +291,30 @@ impl Builder<'_> {
         self.dag.smooth_switches(&rhs)
     }
 
-    /// Decides switching functions that have one sign everywhere.
-    fn settle_constant_signs(&mut self, rhs: &[Id]) -> Vec<Id> {
+    /// Bounds of all switching functions and what they consist of.
+    fn bounds(&self, rhs: &[Id]) -> Bounds {
+        let psi: Vec<Id> =
+            self.dag.switches_of(rhs).into_iter().filter_map(|s| self.dag.switching_function(s)).collect();
+        Bounds::new(self.dag, &psi)
+    }
+
+    /// Decides switching functions that have one sign everywhere, where it is proven.
+    fn settle_constant_signs(&mut self, rhs: &[Id], bounds: &Bounds) -> Vec<Id> {
         let mut known: Vec<(usize, bool)> = Vec::new();
         for s in self.dag.switches_of(rhs) {
             let Some(psi) = self.dag.switching_function(s) else { continue };
-            let reach = Reach::new(self.dag, &[psi]);
-            let (plus, minus) = (reach.possible(&[true]), reach.possible(&[false]));
-            if plus != minus {
-                let sign = if plus { "negative" } else { "positive" };
-                let text = format!("{} is never {sign}: it does not switch", self.psi_text(s));
-                self.note(NoteKind::Dropped, text);
-                known.push((s, plus));
-            }
+            let reach = Reach::new(self.dag, bounds, &[psi]);
+            let (plus, minus) = (reach.decide(&[true]), reach.decide(&[false]));
+            let (sign, positive, proof) = match (plus, minus) {
+                (Decision::Never(_), Decision::Never(proof)) => ("anything but zero", false, proof),
+                (Decision::Never(proof), _) => ("positive", false, proof),
+                (_, Decision::Never(proof)) => ("negative", true, proof),
+                _ => continue,
+            };
+            let since = proof.bounds_text(&|id| self.text(id));
+            let text = format!("{} is never {sign}, since {since}: it does not switch", self.psi_text(s));
+            self.note(NoteKind::Dropped, text);
+            known.push((s, positive));
         }
         self.dag.decide(rhs, &|s| known.iter().find(|k| k.0 == s).map(|k| k.1))
     }
@@ -318,7 +371,18 @@ impl Builder<'_> {
         let (possible, all) = c.n_patterns;
         if (possible as f64) < all {
             let names: Vec<String> = c.switches.iter().take(4).map(|&s| self.psi_text(s)).collect();
-            let text = format!("{} of {all} sign patterns of {} cannot occur", all - possible as f64, names.join(", "));
+            let mut text =
+                format!("{} of {all} sign patterns of {} cannot occur", all - possible as f64, names.join(", "));
+            let proof = |p: &Conflict| p.text(&|k| self.psi_text(c.coupled[k]), &|id| self.text(id));
+            let shown: Vec<String> = c.conflicts.iter().take(MAX_PROOFS).map(proof).collect();
+            if !shown.is_empty() {
+                text += &format!(": {}", shown.join("; "));
+            }
+            match c.conflicts.len().saturating_sub(MAX_PROOFS) {
+                0 => {}
+                1 => text += "; and one more proof",
+                n => text += &format!("; and {n} more proofs"),
+            }
             self.note(NoteKind::Dropped, text);
         }
         let (rows, distinct) = (c.modes.len(), c.n_distinct());
@@ -336,6 +400,20 @@ impl Builder<'_> {
         for (state, _) in &c.smooth {
             let text = format!("the derivative of {} is the same in all modes", self.model.names.of(Block::X, *state));
             self.note(NoteKind::Dropped, text);
+        }
+    }
+
+    /// Switching functions that were written in two ways with numbers that differ in the last digit.
+    fn note_nearly_equal(&mut self, switches: &[usize]) {
+        for &s in switches {
+            for psi in self.dag.nearly_equal(s).to_vec() {
+                let text = format!(
+                    "{} is taken for {}: their coefficients agree to the last binary digit",
+                    self.text(psi),
+                    self.psi_text(s)
+                );
+                self.note(NoteKind::Merged, text);
+            }
         }
     }
 
@@ -363,6 +441,7 @@ impl Builder<'_> {
             let psi: Vec<Id> = c.switches.iter().filter_map(|&s| self.dag.switching_function(s)).collect();
             let psi_function = self.function(&format!("psi{k}"), &psi)?;
             let signs: Vec<i8> = c.modes.iter().flat_map(|m| m.0.iter().copied()).collect();
+            self.note_nearly_equal(&c.switches);
             self.lint_switches(&psi)?;
             self.lint_sliding(c, &psi)?;
             let shared: [SharedFunction; 2] = [modes.clone(), psi_function.clone()];
@@ -424,7 +503,7 @@ impl Builder<'_> {
             // g² or g² h vanishes with its gradient.
             let (constant, terms) = self.dag.affine_terms(p);
             let flat = |t: Id| matches!(self.dag.node(t), Node::PowI(_, n) if n > 1);
-            if constant == 0.0 && terms.iter().all(|t| flat(t.0)) {
+            if constant.is_zero() && terms.iter().all(|t| flat(t.0)) {
                 let text = format!("{name} has no gradient where it vanishes: write it without the power");
                 self.note(NoteKind::Warning, text);
             }
@@ -438,22 +517,23 @@ impl Builder<'_> {
         for (j, &p) in psi.iter().enumerate() {
             let name = self.text(p);
             let gradient = self.gradient(p)?;
-            let mut differences = Vec::new();
+            let mut across = Vec::new();
             for (k, a) in c.modes.iter().enumerate() {
                 for b in &c.modes[k + 1..] {
                     let apart = (0..psi.len()).all(|i| if i == j { a.0[i] * b.0[i] == -1 } else { a.0[i] == b.0[i] });
                     if apart {
-                        differences.push(self.difference_across(c, &gradient, &a.1, &b.1));
+                        across.push(terms_across(c, &gradient, &a.1, &b.1));
                     }
                 }
             }
-            if differences.is_empty() {
+            if across.is_empty() {
                 continue;
             }
-            if differences.iter().all(|&d| self.dag.as_const(d) == Some(0.0)) {
+            let mut differences = across.iter().map(|terms| self.difference(terms)).collect::<Vec<Id>>().into_iter();
+            if differences.all(|d| self.dag.as_const(d) == Some(0.0)) {
                 let text = format!("both sides cross {name} = 0 with the same speed: no sliding mode");
                 self.note(NoteKind::Info, text);
-            } else if self.vanish_at_trial(p, &differences)? {
+            } else if self.vanish_at_trial(p, &across)? {
                 let text = format!(
                     "at the trial point {name} = 0 and both sides have the same speed across: what follows is not decided \
                      by the modes (singular M_I)"
@@ -465,30 +545,45 @@ impl Builder<'_> {
     }
 
     /// `∇ψᵀ (f_a − f_b)`
-    fn difference_across(&mut self, c: &Cells, gradient: &[(usize, Id)], a: &[Id], b: &[Id]) -> Id {
+    fn difference(&mut self, terms: &[Across]) -> Id {
         let mut sum = self.dag.constant(0.0);
-        for (k, row) in c.rows.iter().enumerate() {
-            if let Some((_, g)) = gradient.iter().find(|g| g.0 == *row) {
-                let d = self.dag.sub(a[k], b[k]);
-                let term = self.dag.mul(*g, d);
-                sum = self.dag.add(sum, term);
-            }
+        for &[g, a, b] in terms {
+            let d = self.dag.sub(a, b);
+            let term = self.dag.mul(g, d);
+            sum = self.dag.add(sum, term);
         }
         sum
     }
 
-    /// Is the trial point on the surface, with a difference that vanishes?
-    fn vanish_at_trial(&mut self, psi: Id, differences: &[Id]) -> Result<bool> {
+    /// Is the trial point on the surface, with a difference that vanishes? Both to rounding of the terms they are sums of.
+    fn vanish_at_trial(&mut self, psi: Id, across: &[Vec<Across>]) -> Result<bool> {
         let Some(t) = &self.model.trial else { return Ok(false) };
         let d = self.model.dims;
         let mut outputs = vec![psi];
-        outputs.extend_from_slice(differences);
+        let (_, terms) = self.dag.affine_terms(psi);
+        outputs.extend(terms.iter().map(|t| t.0));
+        let n = outputs.len();
+        outputs.extend(across.iter().flatten().flatten());
         let tape = Tape::new(self.dag, d, 0, &outputs)?;
         let (u, p) = (t.controls(d.u), t.parameters(d.p));
         let (mut out, mut work) = (vec![0.0; outputs.len()], vec![0.0; tape.work_len()]);
-        let known = tape.run(&Point { t: t.t, x: &t.x, u: &u, p: &p }, &[], &mut out, &mut work).is_ok();
-        let small = |v: &f64| v.abs() < 1e-12;
-        Ok(known && small(&out[0]) && out[1..].iter().any(small))
+        if tape.run(&Point { t: t.t, x: &t.x, u: &u, p: &p }, &[], &mut out, &mut work).is_err() {
+            return Ok(false);
+        }
+        // the constant is as large as the rest where ψ vanishes
+        let size = terms.iter().zip(&out[1..n]).map(|((_, c), v)| (c.to_f64().unwrap_or(0.0) * v).abs()).sum::<f64>();
+        if out[0].abs() > AT_TRIAL * size {
+            return Ok(false);
+        }
+        let mut values = out[n..].chunks_exact(3);
+        Ok(across.iter().any(|terms| {
+            let (mut sum, mut size) = (0.0, 0.0);
+            for v in values.by_ref().take(terms.len()) {
+                sum += v[0] * (v[1] - v[2]);
+                size += v[0].abs() * (v[1].abs() + v[2].abs());
+            }
+            sum.abs() <= AT_TRIAL * size
+        }))
     }
 
     fn lint_states(&mut self, f0: &[Id], subsystems: &[Cells]) {

@@ -2,209 +2,353 @@
 //!
 //! Each switching function is an affine combination of terms; terms that are not affine are taken as free variables
 //! within the bounds interval arithmetic gives them (`x² ≥ 0`). A pattern without a solution of that relaxation has
-//! none at all. By Gordan's theorem `B v > 0` has no solution exactly if a convex combination of the rows of `B`
-//! vanishes, which a small linear program decides.
+//! none at all. By the theorem of Motzkin there is either a point with the signs, or a combination of the switching
+//! functions that is nowhere positive though the signs say it is.
+//!
+//! A linear program in floating point, equilibrated so that units do not matter, proposes the one or the other; what it
+//! proposes is checked in rational arithmetic on the coefficients of the model, and where the check fails the linear
+//! program is solved in rational arithmetic. A pattern is left out with a [`Conflict`] that was verified, never else.
 
-use crate::expr::{Binary, Dag, Id, Node, Unary};
+use num_bigint::BigInt;
+use num_rational::BigRational;
+use num_traits::{One, Signed, Zero};
 
-/// Rows of the homogeneous system `B (v, 1) > 0`.
-#[derive(Debug, Clone)]
+use super::bounds::Bounds;
+use super::certificate::{Affine, Conflict, Term};
+use super::simplex::{alternative, Alternative};
+use crate::error::Result;
+use crate::expr::exact::{exact, magnitude, shifted_f64};
+use crate::expr::{Dag, Id};
+use crate::stop;
+
+/// Entries of a linear program that is solved in rational arithmetic where floating point leaves a doubt: a second of
+/// work at most. Patterns of larger ones stay, which costs cells and is never wrong.
+const MAX_EXACT: usize = 4000;
+
+/// What is known of a sign pattern.
+pub(super) enum Decision {
+    /// It occurs in the relaxation: values of the terms with these signs.
+    Point(Vec<BigRational>),
+    /// It does not occur.
+    Never(Conflict),
+    /// Not decided: it stays.
+    Open,
+}
+
+/// Patterns that can occur, and the proofs that others cannot.
+pub(super) struct Patterns {
+    /// In the order of binary numbers, positive first.
+    pub(super) all: Vec<Vec<bool>>,
+    pub(super) conflicts: Vec<Conflict>,
+}
+
+/// The relaxation of some switching functions.
 pub(super) struct Reach {
-    terms: Vec<Id>,
-    /// `(coefficients over terms, constant)` of every switching function.
+    terms: Vec<Term>,
+    forms: Vec<Affine>,
+    scaled: Scaled,
+}
+
+/// The columns of the linear program in floating point, with entries up to one: rows and columns are multiplied by
+/// powers of two so that their entries are of one size.
+struct Scaled {
+    /// Of the switching functions with positive sign, then of the bounds and the constant.
     switches: Vec<Vec<f64>>,
-    /// Bounds of terms, in the same form.
-    bounds: Vec<Vec<f64>>,
+    rest: Vec<(Vec<f64>, bool)>,
+    /// Term of every column of `rest` but the last, and whether it is the upper bound.
+    bounded: Vec<(usize, bool)>,
+    /// Powers of two the terms were divided by, last that of the constant.
+    powers: Vec<i64>,
 }
 
 impl Reach {
-    /// For these switching functions.
-    pub(super) fn new(dag: &Dag, psi: &[Id]) -> Reach {
-        let forms: Vec<(f64, Vec<(Id, f64)>)> = psi.iter().map(|&p| dag.affine_terms(p)).collect();
-        let mut terms: Vec<Id> = forms.iter().flat_map(|f| f.1.iter().map(|t| t.0)).collect();
-        terms.sort_unstable();
-        terms.dedup();
-        let row = |constant: f64, entries: &[(Id, f64)]| {
-            let mut row = vec![0.0; terms.len() + 1];
-            for (id, c) in entries {
-                if let Ok(k) = terms.binary_search(id) {
-                    row[k] += c;
-                }
-            }
-            row[terms.len()] = constant;
-            row
+    /// For these switching functions, with the bounds of everything they consist of.
+    pub(super) fn new(dag: &Dag, bounds: &Bounds, psi: &[Id]) -> Reach {
+        let split: Vec<(BigRational, Vec<(Id, BigRational)>)> = psi.iter().map(|&p| dag.affine_terms(p)).collect();
+        let mut ids: Vec<Id> = split.iter().flat_map(|f| f.1.iter().map(|t| t.0)).collect();
+        ids.sort_unstable();
+        ids.dedup();
+        let place = |id: Id| ids.binary_search(&id).unwrap_or_default();
+        let forms: Vec<Affine> = split
+            .into_iter()
+            .map(|(constant, terms)| Affine {
+                terms: terms.into_iter().map(|(id, c)| (place(id), c)).collect(),
+                constant,
+            })
+            .collect();
+        let term = |&id: &Id| {
+            let b = bounds.get(id);
+            Term { id, low: exact(b.low), high: exact(b.high) }
         };
-        let switches = forms.iter().map(|f| row(f.0, &f.1)).collect();
-        let mut bounds = Vec::new();
-        for &t in &terms {
-            let (low, high) = range(dag, t);
-            if low.is_finite() {
-                bounds.push(row(-low, &[(t, 1.0)]));
-            }
-            if high.is_finite() {
-                bounds.push(row(high, &[(t, -1.0)]));
-            }
-        }
-        // The factor of the constants is positive.
-        bounds.push(row(1.0, &[]));
-        Reach { terms, switches, bounds }
+        let terms: Vec<Term> = ids.iter().map(term).collect();
+        let scaled = Scaled::new(&forms, &terms);
+        Reach { terms, forms, scaled }
     }
 
     /// Can the first switching functions have these signs (`true`: positive) on an open set?
-    pub(super) fn possible(&self, signs: &[bool]) -> bool {
-        let rows = signs.iter().zip(&self.switches).map(|(&s, row)| {
-            let s = if s { 1.0 } else { -1.0 };
-            row.iter().map(|v| s * v).collect::<Vec<f64>>()
-        });
-        let mut all: Vec<Vec<f64>> = rows.chain(self.bounds.iter().cloned()).collect();
-        for row in &mut all {
-            let size = row.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-            row.iter_mut().for_each(|v| *v /= size.max(f64::MIN_POSITIVE));
-        }
-        !zero_in_hull(&all, self.terms.len() + 1)
+    pub(super) fn decide(&self, signs: &[bool]) -> Decision {
+        let m = self.terms.len() + 1;
+        let columns = self.scaled.columns(signs);
+        let proposed = match alternative(&columns, m, 20 * (m + columns.len())) {
+            Some(Alternative::Combination(y)) => self.prove(signs, &y).map(Decision::Never),
+            Some(Alternative::Separation(v)) => self.point(signs, self.scaled.point(&v)).map(Decision::Point),
+            None => None,
+        };
+        proposed.unwrap_or_else(|| self.decide_exactly(signs))
     }
 
-    /// All patterns that can occur, in the order of binary numbers with positive first; `None` if there are more
-    /// than `limit`.
-    pub(super) fn patterns(&self, limit: usize) -> Option<Vec<Vec<bool>>> {
-        let mut stack = vec![Vec::new()];
-        let mut out = Vec::new();
-        while let Some(signs) = stack.pop() {
-            if signs.len() == self.switches.len() {
-                out.push(signs);
-                if out.len() > limit {
-                    return None;
-                }
+    /// Values of the terms within their bounds, if they give these signs.
+    fn point(&self, signs: &[bool], mut at: Vec<BigRational>) -> Option<Vec<BigRational>> {
+        for (v, term) in at.iter_mut().zip(&self.terms) {
+            match (&term.low, &term.high) {
+                (Some(low), _) if *v < *low => v.clone_from(low),
+                (_, Some(high)) if *v > *high => v.clone_from(high),
+                _ => {}
+            }
+        }
+        let holds = |(k, &s): (usize, &bool)| {
+            if s {
+                self.value(k, &at).is_positive()
+            } else {
+                self.value(k, &at).is_negative()
+            }
+        };
+        signs.iter().enumerate().all(holds).then_some(at)
+    }
+
+    /// Switching function `k` where its terms have these values.
+    fn value(&self, k: usize, at: &[BigRational]) -> BigRational {
+        let form = &self.forms[k];
+        form.terms.iter().fold(form.constant.clone(), |sum, (j, c)| sum + c * &at[*j])
+    }
+
+    /// The exact factors of a combination that floating point proposes: those that make all terms vanish which no
+    /// bound is used of.
+    fn prove(&self, signs: &[bool], y: &[f64]) -> Option<Conflict> {
+        let k = signs.len();
+        let most = y.iter().fold(0.0f64, |m, v| m.max(*v));
+        let counts = |v: f64| v > 1e-9 * most;
+        let support: Vec<usize> = (0..k).filter(|&s| counts(y[s])).collect();
+        // the bounds the combination uses
+        let mut used: Vec<Option<&BigRational>> = vec![None; self.terms.len()];
+        for (&(j, upper), _) in self.scaled.bounded.iter().zip(&y[k..]).filter(|b| counts(*b.1)) {
+            used[j] = if upper { self.terms[j].high.as_ref() } else { self.terms[j].low.as_ref() };
+        }
+        let signed = |s: usize, c: BigRational| if signs[s] { c } else { -c };
+        let mut equations = vec![vec![BigRational::zero(); support.len()]; self.terms.len()];
+        for (i, &s) in support.iter().enumerate() {
+            for (j, c) in self.forms[s].terms.iter().filter(|t| used[t.0].is_none()) {
+                equations[*j][i] = signed(s, c.clone());
+            }
+        }
+        // without weight on the constant the combination is zero where the terms are at these bounds
+        if !counts(*y.last()?) {
+            let at_bounds = |&s: &usize| {
+                let form = &self.forms[s];
+                let at = form.terms.iter().filter_map(|(j, c)| used[*j].map(|b| c * b));
+                signed(s, at.fold(form.constant.clone(), |sum, v| sum + v))
+            };
+            equations.push(support.iter().map(at_bounds).collect());
+        }
+        let factors = kernel(equations, support.len())?;
+        let factors: Vec<(usize, BigRational)> = support.into_iter().zip(factors).collect();
+        Conflict::verified(&self.forms, &self.terms, signs, &factors)
+    }
+
+    /// The linear program in rational arithmetic.
+    fn decide_exactly(&self, signs: &[bool]) -> Decision {
+        let n = self.terms.len();
+        let unit = |j: usize, v: BigRational, constant: BigRational| {
+            let mut column = vec![BigRational::zero(); n + 1];
+            column[j] = v;
+            column[n] = constant;
+            column
+        };
+        let mut columns = Vec::new();
+        for (form, &s) in self.forms.iter().zip(signs) {
+            let sign = |v: &BigRational| if s { v.clone() } else { -v };
+            let mut column = unit(n, BigRational::zero(), sign(&form.constant));
+            for (j, c) in &form.terms {
+                column[*j] = sign(c);
+            }
+            columns.push((column, true));
+        }
+        for (j, term) in self.terms.iter().enumerate() {
+            columns.extend(term.low.as_ref().map(|low| (unit(j, BigRational::one(), -low), false)));
+            columns.extend(term.high.as_ref().map(|high| (unit(j, -BigRational::one(), high.clone()), false)));
+        }
+        columns.push((unit(n, BigRational::zero(), BigRational::one()), true));
+        if (columns.len() + n) * n > MAX_EXACT {
+            return Decision::Open;
+        }
+        match alternative(&columns, n + 1, 1000) {
+            Some(Alternative::Combination(y)) => {
+                let factors: Vec<(usize, BigRational)> = y.into_iter().take(signs.len()).enumerate().collect();
+                let proof = Conflict::verified(&self.forms, &self.terms, signs, &factors);
+                proof.map_or(Decision::Open, Decision::Never)
+            }
+            Some(Alternative::Separation(v)) => {
+                let at = v[..n].iter().map(|w| w / &v[n]).collect();
+                self.point(signs, at).map_or(Decision::Open, Decision::Point)
+            }
+            None => Decision::Open,
+        }
+    }
+
+    /// All patterns that can occur; `None` if there are more than `limit`.
+    pub(super) fn patterns(&self, limit: usize) -> Result<Option<Patterns>> {
+        let mut out = Patterns { all: Vec::new(), conflicts: Vec::new() };
+        let mut stack: Vec<(Vec<bool>, Option<Vec<BigRational>>)> = vec![(Vec::new(), None)];
+        while let Some((signs, point)) = stack.pop() {
+            stop::check()?;
+            let k = signs.len();
+            if k == self.forms.len() {
+                out.all.push(signs);
                 continue;
             }
+            // the sign that the next one has at a point where those before have theirs needs no search
+            let here = point.as_ref().map(|p| self.value(k, p));
             for s in [false, true] {
                 let mut next = signs.clone();
                 next.push(s);
-                if self.possible(&next) {
-                    stack.push(next);
+                if here.as_ref().is_some_and(|v| if s { v.is_positive() } else { v.is_negative() }) {
+                    stack.push((next, point.clone()));
+                    continue;
+                }
+                if out.conflicts.iter().any(|c| c.excludes(&next)) {
+                    continue;
+                }
+                match self.decide(&next) {
+                    Decision::Point(p) => stack.push((next, Some(p))),
+                    Decision::Open => stack.push((next, None)),
+                    Decision::Never(c) => out.conflicts.push(c),
                 }
             }
+            // each of those still open has a pattern at least
+            if out.all.len() + stack.len() > limit {
+                return Ok(None);
+            }
         }
-        Some(out)
+        Ok(Some(out))
     }
 }
 
-/// Is zero a convex combination of the rows? Phase one of the simplex method with Bland's rule.
-fn zero_in_hull(rows: &[Vec<f64>], n: usize) -> bool {
-    const TOL: f64 = 1e-11;
-    // Columns: one weight for each row, then artificial variables; equations: n sums that vanish, weights that add to 1.
-    let (m, k) = (n + 1, rows.len());
-    let mut t = vec![vec![0.0; k + 1]; m];
-    for (j, row) in rows.iter().enumerate() {
-        for i in 0..n {
-            t[i][j] = row[i];
-        }
-        t[n][j] = 1.0;
-    }
-    t[n][k] = 1.0;
-    let mut basis: Vec<usize> = (k..k + m).collect();
-    // Rounding may defeat Bland's rule; a pattern that is not excluded costs a cell.
-    for _ in 0..50 * (m + k) {
-        // Reduced costs of the sum of the artificial variables still in the basis.
-        let cost = |j: usize| (0..m).filter(|&i| basis[i] >= k).map(|i| t[i][j]).sum::<f64>();
-        let Some(enter) = (0..k).find(|&j| !basis.contains(&j) && cost(j) > TOL) else {
-            return cost(k) < 1e-9;
+/// The vector with `A y = 0`, if there is one direction only and no entry has another sign than the others.
+fn kernel(mut rows: Vec<Vec<BigRational>>, n: usize) -> Option<Vec<BigRational>> {
+    let mut pivots: Vec<usize> = Vec::new();
+    let mut free = None;
+    for j in 0..n {
+        let r = pivots.len();
+        let Some(p) = (r..rows.len()).find(|&i| !rows[i][j].is_zero()) else {
+            if free.replace(j).is_some() {
+                return None;
+            }
+            continue;
         };
-        let mut leave: Option<(usize, f64)> = None;
-        for i in 0..m {
-            // Artificial variables at zero must not grow, whatever the sign.
-            let d = t[i][enter];
-            let ratio = if d > TOL {
-                t[i][k] / d
-            } else if d < -TOL && basis[i] >= k && t[i][k].abs() <= TOL {
-                0.0
+        rows.swap(r, p);
+        let pivot = rows[r][j].clone();
+        rows[r].iter_mut().for_each(|v| *v /= &pivot);
+        let row = rows[r].clone();
+        for (i, other) in rows.iter_mut().enumerate() {
+            if i != r && !other[j].is_zero() {
+                let f = other[j].clone();
+                other.iter_mut().zip(&row).filter(|v| !v.1.is_zero()).for_each(|(v, p)| *v -= &f * p);
+            }
+        }
+        pivots.push(j);
+    }
+    let free = free?;
+    let mut y = vec![BigRational::zero(); n];
+    y[free] = BigRational::one();
+    for (row, &j) in rows.iter().zip(&pivots) {
+        y[j] = -&row[free];
+    }
+    y.iter().all(|v| !v.is_negative()).then_some(y)
+}
+
+impl Scaled {
+    fn new(forms: &[Affine], terms: &[Term]) -> Scaled {
+        let n = terms.len();
+        let one = BigRational::one();
+        // rows of the system: entries with their places, the constant at place n
+        let mut rows: Vec<Vec<(usize, &BigRational)>> = Vec::new();
+        for f in forms {
+            rows.push(f.terms.iter().map(|(j, c)| (*j, c)).chain([(n, &f.constant)]).collect());
+        }
+        let mut bounded = Vec::new();
+        for (j, t) in terms.iter().enumerate() {
+            for (bound, upper) in [(&t.low, false), (&t.high, true)] {
+                if let Some(b) = bound {
+                    rows.push(vec![(j, &one), (n, b)]);
+                    bounded.push((j, upper));
+                }
+            }
+        }
+        let sizes: Vec<Vec<(usize, i64)>> =
+            rows.iter().map(|r| r.iter().filter_map(|(j, c)| Some((*j, magnitude(c)?))).collect()).collect();
+        let powers = equilibrated(&sizes, n + 1);
+        let dense = |row: &[(usize, &BigRational)], sizes: &[(usize, i64)]| {
+            let most = sizes.iter().map(|(j, e)| e + powers[*j]).max().unwrap_or(0);
+            let mut out = vec![0.0; n + 1];
+            for (j, c) in row {
+                out[*j] = shifted_f64(c, powers[*j] - most);
+            }
+            out
+        };
+        let mut all: Vec<Vec<f64>> = rows.iter().zip(&sizes).map(|(r, s)| dense(r, s)).collect();
+        let mut rest: Vec<(Vec<f64>, bool)> = all.split_off(forms.len()).into_iter().map(|r| (r, false)).collect();
+        // low: t − low ≥ 0, high: high − t ≥ 0
+        for ((row, _), &(j, upper)) in rest.iter_mut().zip(&bounded) {
+            let flipped = if upper { j } else { n };
+            row[flipped] = -row[flipped];
+        }
+        let mut constant = vec![0.0; n + 1];
+        constant[n] = 1.0;
+        rest.push((constant, true));
+        Scaled { switches: all, rest, bounded, powers }
+    }
+
+    fn columns(&self, signs: &[bool]) -> Vec<(Vec<f64>, bool)> {
+        let signed = |(row, &s): (&Vec<f64>, &bool)| (row.iter().map(|v| if s { *v } else { -v }).collect(), true);
+        self.switches.iter().zip(signs).map(signed).chain(self.rest.iter().cloned()).collect()
+    }
+
+    /// Values of the terms of a direction.
+    fn point(&self, v: &[f64]) -> Vec<BigRational> {
+        let n = v.len() - 1;
+        let last = v[n];
+        let value = |(j, w): (usize, &f64)| {
+            let q = exact(w / last).unwrap_or_else(BigRational::zero);
+            let power = self.powers[j] - self.powers[n];
+            let factor = BigRational::from_integer(BigInt::one() << power.unsigned_abs() as usize);
+            if power >= 0 {
+                q * factor
             } else {
-                continue;
-            };
-            let better = leave.is_none_or(|(l, r)| ratio < r - TOL || (ratio <= r + TOL && basis[i] < basis[l]));
-            if better {
-                leave = Some((i, ratio));
+                q / factor
             }
-        }
-        let Some((r, _)) = leave else { return false };
-        let pivot = t[r][enter];
-        t[r].iter_mut().for_each(|v| *v /= pivot);
-        let row = t[r].clone();
-        for (i, other) in t.iter_mut().enumerate() {
-            if i != r && other[enter] != 0.0 {
-                let f = other[enter];
-                other.iter_mut().zip(&row).for_each(|(v, p)| *v -= f * p);
-            }
-        }
-        basis[r] = enter;
+        };
+        v[..n].iter().enumerate().map(value).collect()
     }
-    false
 }
 
-/// Bounds of a value for arbitrary inputs.
-pub(super) fn range(dag: &Dag, root: Id) -> (f64, f64) {
-    const ALL: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
-    let ids = dag.reachable(&[root]);
-    let mut of: Vec<(f64, f64)> = Vec::with_capacity(ids.len());
-    let product = |a: f64, b: f64| if a == 0.0 || b == 0.0 { 0.0 } else { a * b };
-    for &id in &ids {
-        let at = |a: Id| ids.binary_search(&a).map_or(ALL, |k| of[k]);
-        let one_sided = |a: Id, f: fn(f64) -> f64| (f(at(a).0), f(at(a).1));
-        let r = match dag.node(id) {
-            Node::Const(bits) => (f64::from_bits(bits), f64::from_bits(bits)),
-            Node::Unary(op, a) => match op {
-                Unary::Neg => (-at(a).1, -at(a).0),
-                Unary::Sqrt => (at(a).0.max(0.0).sqrt(), at(a).1.max(0.0).sqrt()),
-                Unary::Exp => one_sided(a, f64::exp),
-                Unary::Sin | Unary::Cos => (-1.0, 1.0),
-                Unary::Atan => one_sided(a, f64::atan),
-                Unary::Tanh => one_sided(a, f64::tanh),
-                Unary::Sinh => one_sided(a, f64::sinh),
-                Unary::Erf => (-1.0, 1.0),
-                Unary::Cosh => (1.0, f64::INFINITY),
-                Unary::Acos => (0.0, std::f64::consts::PI),
-                Unary::Asin => (-std::f64::consts::FRAC_PI_2, std::f64::consts::FRAC_PI_2),
-                Unary::Log | Unary::Tan => ALL,
-            },
-            Node::Binary(op, a, b) => {
-                let ((la, ha), (lb, hb)) = (at(a), at(b));
-                match op {
-                    Binary::Add => (la + lb, ha + hb),
-                    Binary::Sub => (la - hb, ha - lb),
-                    Binary::Mul => {
-                        let all = [product(la, lb), product(la, hb), product(ha, lb), product(ha, hb)];
-                        (
-                            all.iter().copied().fold(f64::INFINITY, f64::min),
-                            all.iter().copied().fold(f64::NEG_INFINITY, f64::max),
-                        )
-                    }
-                    // The sign of a quotient of numbers with signs.
-                    Binary::Div if la >= 0.0 && lb >= 0.0 => (0.0, f64::INFINITY),
-                    Binary::Pow if la >= 0.0 => (0.0, f64::INFINITY),
-                    _ => ALL,
-                }
+/// Powers of two for the columns of a matrix with entries of these sizes (place, power of two): after dividing the rows
+/// by their mean size too, entries are of size one in the mean (Curtis and Reid's scaling by a few sweeps).
+fn equilibrated(rows: &[Vec<(usize, i64)>], n: usize) -> Vec<i64> {
+    let mut powers = vec![0i64; n];
+    for _ in 0..4 {
+        let (mut sums, mut counts) = (vec![0i64; n], vec![0i64; n]);
+        for row in rows.iter().filter(|r| !r.is_empty()) {
+            let mean = row.iter().map(|(j, e)| e + powers[*j]).sum::<i64>() / row.len() as i64;
+            for (j, e) in row {
+                sums[*j] += e - mean;
+                counts[*j] += 1;
             }
-            Node::PowI(a, n) if n % 2 == 0 => {
-                let (l, h) = at(a);
-                let least = if l > 0.0 {
-                    l
-                } else if h < 0.0 {
-                    -h
-                } else {
-                    0.0
-                };
-                if n > 0 {
-                    (least.powi(n), l.abs().max(h.abs()).powi(n))
-                } else {
-                    (0.0, f64::INFINITY)
-                }
-            }
-            Node::PowI(a, n) if n > 0 => (at(a).0.powi(n), at(a).1.powi(n)),
-            _ => ALL,
-        };
-        of.push(if r.0.is_nan() || r.1.is_nan() { ALL } else { r });
+        }
+        for (p, (s, c)) in powers.iter_mut().zip(sums.iter().zip(&counts)) {
+            *p = if *c > 0 { -s / c } else { 0 };
+        }
     }
-    of.last().copied().unwrap_or(ALL)
+    powers
 }
 
 #[cfg(test)]
@@ -212,9 +356,14 @@ mod tests {
     use super::*;
     use crate::expr::{Expr, Graph};
 
-    fn patterns(g: &Graph, psi: &[Expr]) -> Vec<String> {
+    fn reach(g: &Graph, psi: &[Expr]) -> Reach {
         let ids = g.ids(psi);
-        let all = Reach::new(&g.dag(), &ids).patterns(1000).unwrap();
+        let dag = g.dag();
+        Reach::new(&dag, &Bounds::new(&dag, &ids), &ids)
+    }
+
+    fn patterns(g: &Graph, psi: &[Expr]) -> Vec<String> {
+        let all = reach(g, psi).patterns(1000).unwrap().unwrap().all;
         all.iter().map(|p| p.iter().map(|&s| if s { '+' } else { '-' }).collect()).collect()
     }
 
@@ -235,28 +384,77 @@ mod tests {
         assert_eq!(patterns(&g, &[x.sin() - 2.0]), ["-"]);
         assert_eq!(patterns(&g, &[-r]), ["-"]);
         assert_eq!(patterns(&g, &[x.exp() * y.cosh(), -x.powi(4) - 1.0]), ["+-"]);
+        // nothing is said of what is close to a bound
+        assert_eq!(patterns(&g, &[x.atan() - std::f64::consts::FRAC_PI_2]).len(), 2);
+        assert_eq!(patterns(&g, &[x.sin() - 1.0f64.next_down()]).len(), 2);
+    }
+
+    #[test]
+    fn large_and_small_numbers_are_numbers() {
+        let g = Graph::new();
+        let (x, y) = (g.x(0), g.x(1));
+        for k in [1e11, 1e12, 1e60, 1e300] {
+            for psi in [x - k, x * 1e-6 - k, x.powi(3) - k, x.powi(4) - k, x * x + y * y - k, x.exp() * k - 1.0] {
+                assert_eq!(patterns(&g, &[psi]), ["+", "-"], "{psi:?}");
+            }
+            assert_eq!(patterns(&g, &[x.sin() - k]), ["-"]);
+            assert_eq!(patterns(&g, &[x * x + k]), ["+"]);
+            assert_eq!(patterns(&g, &[x - k, x + k, x - 2.0 * k, x * 3.0 + 7.0 * k]).len(), 5);
+            assert_eq!(patterns(&g, &[x - k, x - k.next_up()]), ["++", "+-", "--"]);
+            assert_eq!(patterns(&g, &[x * k - 1.0, y - x * k]).len(), 4);
+        }
     }
 
     #[test]
     fn general_position() {
-        // n lines in the plane through different points: 1 + n + n(n−1)/2 cells.
+        // n lines in the plane through different points: 1 + n + n(n−1)/2 cells, whatever the units.
+        for (a, b) in [(1.0, 1.0), (1e12, 1e-12), (1e-12, 1e-9), (1e100, 1e-100)] {
+            let g = Graph::new();
+            let (x, y) = (g.x(0) * a, g.x(1) * b);
+            for n in 1..=6usize {
+                let lines: Vec<Expr> = (0..n)
+                    .map(|k| {
+                        let a = 0.3 + k as f64;
+                        (x * a.cos() + y * a.sin() - 0.1 * (k * k) as f64 - 0.2) * 10f64.powi(5 * k as i32)
+                    })
+                    .collect();
+                assert_eq!(patterns(&g, &lines).len(), 1 + n + n * (n - 1) / 2);
+            }
+        }
+    }
+
+    /// Three lines through one point have six cells; a triangle of the size of rounding has seven.
+    #[test]
+    fn a_cell_as_small_as_rounding_is_a_cell() {
         let g = Graph::new();
         let (x, y) = (g.x(0), g.x(1));
-        for n in 1..=6usize {
-            let lines: Vec<Expr> = (0..n)
-                .map(|k| {
-                    let a = 0.3 + k as f64;
-                    x * a.cos() + y * a.sin() - 0.1 * (k * k) as f64 - 0.2
-                })
-                .collect();
-            assert_eq!(patterns(&g, &lines).len(), 1 + n + n * (n - 1) / 2);
-        }
+        assert_eq!(patterns(&g, &[x - 1.0, y - 1.0, x + y - 2.0]).len(), 6);
+        assert_eq!(patterns(&g, &[x - 1.0, y - 1.0, x + y - 2.0f64.next_up()]).len(), 7);
+        assert_eq!(patterns(&g, &[x - 1.0, y - 1.0, x + y - 2.0f64.next_down()]).len(), 7);
+    }
+
+    #[test]
+    fn proofs_can_be_read() {
+        let g = Graph::new();
+        let (x, y) = (g.x(0), g.x(1));
+        let psi = [x - 1.0, x * 2.0 + 2.0, -(y * y) - 0.5];
+        let found = reach(&g, &psi).patterns(100).unwrap().unwrap();
+        let dag = g.dag();
+        let text = |c: &Conflict| c.text(&|s| dag.text(psi[s].id()), &|id| dag.text(id));
+        let texts: Vec<String> = found.conflicts.iter().map(text).collect();
+        assert_eq!(
+            texts,
+            [
+                "not x[0] - 1 > 0 and 2*x[0] + 2 < 0, because (x[0] - 1) - 0.5*(2*x[0] + 2) = -2 is never positive",
+                "not -0.5 - x[1]^2 > 0, because (-0.5 - x[1]^2) = -0.5 - x[1]^2 is never positive, since x[1]^2 >= 0",
+            ]
+        );
     }
 
     #[test]
     fn too_many_are_refused() {
         let g = Graph::new();
         let many: Vec<Expr> = (0..40).map(|k| g.x(k)).collect();
-        assert!(Reach::new(&g.dag(), &g.ids(&many)).patterns(100).is_none());
+        assert!(reach(&g, &many).patterns(100).unwrap().is_none());
     }
 }

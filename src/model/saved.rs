@@ -6,10 +6,8 @@ use super::{Model, Names, Trial};
 use crate::error::{Error, Result};
 use crate::expr::{Dag, Id, SavedGraph};
 use crate::func::Function;
+use crate::memory::sizes;
 use std::sync::Arc;
-
-/// Controls and parameters a document may ask for.
-const MAX_INPUTS: usize = 1 << 20;
 
 /// Name, sizes and derivatives of a model; there are as many states as derivatives.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -67,11 +65,7 @@ impl SavedModel {
     /// # Errors
     /// Those of [`SavedGraph::restore`] and of the setters of [`Model`].
     pub fn restore(&self, dag: &mut Dag, supplied: &[Arc<dyn Function>]) -> Result<Model> {
-        for (what, n) in [("controls", self.controls), ("parameters", self.parameters)] {
-            if n > MAX_INPUTS {
-                return Err(Error::Range(format!("{n} {what}: up to {MAX_INPUTS}")));
-            }
-        }
+        sizes::check("controls and parameters", &[self.controls, self.parameters])?;
         let rhs = self.derivatives.restore(dag, supplied)?;
         let mut model = Model::new(&self.name, rhs.len(), self.controls, self.parameters)?;
         for (i, id) in rhs.into_iter().enumerate() {

@@ -10,15 +10,21 @@
 //! else the smallest set is taken, the lowest index first; the time is noted in [`SimResult::non_unique`].
 
 mod arbiter;
+#[cfg(test)]
+mod memory_tests;
+mod options;
+
 pub use arbiter::arbiter;
+pub use options::SolveOptions;
 
 use std::time::Instant;
 
-use crate::dcs::{is_ambiguous, Continuation, Dcs, FormOptions, PointEvaluator};
+use crate::dcs::filippov::{distinct, FilippovProblem, FilippovSolution};
+use crate::dcs::{Dcs, DcsFields};
 use crate::error::{finite, Error, Result};
-use crate::fesd::{Exit, Fesd, Options, Spec, Trajectory};
+use crate::fesd::{Exit, Fesd, Spec, Trajectory};
 use crate::func::Point;
-use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side};
+use crate::mpcc::{Mpcc, MpccSolver, Polish, Side};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
 use crate::settings::{Discretisation, Settings};
 use crate::system::System;
@@ -53,7 +59,8 @@ const MAX_HALVINGS: usize = 10;
 const MAX_TRIES: usize = 24;
 /// Active sets tried at the start of a step before the homotopy decides.
 const MAX_PLANS: usize = 6;
-/// Distance to a switching surface, relative to the gradient, that counts as being on it.
+/// Distance to a switching surface that counts as being on it, relative to the way of a step: what the equations of the
+/// step that ended there leave over.
 const ON_SURFACE: f64 = 2e-8;
 /// How far below zero the multipliers `λ`, `θ`, and `θ` at the end of the step may be: rounding of the Newton iteration. A `θ` of this size acts for
 /// as short a time, its effect on the states is the square.
@@ -63,9 +70,18 @@ const SIGN_TOL: (f64, f64, f64) = (1e-10, 1e-8, 1e-8);
 /// method at the end of the step. The next step then begins on the surface.
 const LOOSE_SIGN_TOL: (f64, f64, f64) = (1e-8, 1e-6, 1e-3);
 
+/// Cells among which the active ones behind a point are looked for.
+#[derive(Clone, Copy)]
+enum Near<'a> {
+    /// Those the point is on the boundary of.
+    Surface,
+    /// These.
+    Given(&'a [bool]),
+}
+
 /// A simulator: model, state, and what is reused from step to step.
 pub struct Simulator {
-    settings: Settings,
+    options: SolveOptions,
     nx: usize,
     nu: usize,
     problem: Fesd,
@@ -78,7 +94,9 @@ pub struct Simulator {
     w: Vec<f64>,
     sides: Vec<Side>,
     branch: Bounds,
-    point: PointEvaluator,
+    fields: DcsFields,
+    /// Length of the present step.
+    length: f64,
     /// Active set of the last element, empty where none is known.
     last: Vec<bool>,
     saved_x: Vec<f64>,
@@ -89,22 +107,27 @@ pub struct Simulator {
 impl Simulator {
     /// Discretises one step of `system`. State, controls and parameters are zero until they are set.
     pub fn new(system: &System, settings: &Settings) -> Result<Simulator> {
-        settings.validate()?;
+        Simulator::with_options(system, &SolveOptions::from_settings(settings)?)
+    }
+
+    /// As [`Simulator::new`].
+    pub fn with_options(system: &System, options: &SolveOptions) -> Result<Simulator> {
         let d = system.dims();
-        let dcs = Dcs::new(system, FormOptions::from_settings(settings)?)?;
-        let options = Options::from_settings(settings)?;
-        if settings.n_fe < 2 && dcs.form().n_cells > 0 && options.discretisation == Discretisation::Fesd {
+        system.check_without_transitions("a simulation by finite elements")?;
+        let dcs = Dcs::new(system, options.form)?;
+        let detects = options.discretisation.discretisation == Discretisation::Fesd;
+        if options.n_fe < 2 && dcs.form().n_cells > 0 && detects {
             return Err(Error::Range(
                 "n_fe = 1 leaves no element behind a switch: use at least 2 elements per step, or the discretisation \
                  'standard'"
                     .into(),
             ));
         }
-        let spec = Spec::new(dcs, options, vec![settings.n_fe as usize]);
+        let spec = Spec::new(dcs, options.discretisation, vec![options.n_fe]);
         let mut problem = Fesd::new(spec, 1.0)?;
-        let solver = MpccSolver::new(&mut problem, MpccSettings::from(settings))?;
+        let solver = MpccSolver::new(&mut problem, options.solver)?;
         Ok(Simulator {
-            settings: *settings,
+            options: *options,
             nx: d.x,
             nu: d.u,
             bounds: problem.bounds(),
@@ -115,7 +138,8 @@ impl Simulator {
             w: vec![0.0; problem.n()],
             sides: vec![Side::First; problem.n_groups()],
             branch: problem.bounds(),
-            point: PointEvaluator::new(&problem.spec().dcs),
+            fields: DcsFields::new(&problem.spec().dcs),
+            length: 0.0,
             last: Vec::with_capacity(problem.n_cells()),
             saved_x: vec![0.0; d.x],
             tries: MAX_TRIES,
@@ -170,6 +194,10 @@ impl Simulator {
         control: &mut Control,
     ) -> Result<SimResult> {
         check_run(duration, n)?;
+        control.within(self.options.max_time, |control| self.run_within(duration, n, u, control))
+    }
+
+    fn run_within(&mut self, duration: f64, n: usize, u: Option<&[f64]>, control: &mut Control) -> Result<SimResult> {
         let mut r = self.empty_result();
         let (t0, h) = (self.t, duration / n as f64);
         for k in 0..n {
@@ -203,8 +231,12 @@ impl Simulator {
 
     /// Does one step of length `h` and appends it to `r`. When it fails, time and state stay as they are.
     pub fn advance(&mut self, h: f64, control: &mut Control, r: &mut SimResult) {
+        let max_time = self.options.max_time;
+        control.within(max_time, |control| self.advance_within(h, control, r));
+    }
+
+    fn advance_within(&mut self, h: f64, control: &mut Control, r: &mut SimResult) {
         let clock = Instant::now();
-        control.limit(self.settings.max_time);
         let (t, elements, switches) = (self.t, r.trajectory.elements.len(), r.trajectory.switches.len());
         self.saved_x.copy_from_slice(&self.x);
         self.tries = MAX_TRIES;
@@ -228,7 +260,7 @@ impl Simulator {
     /// any predicted active set the homotopy comes first.
     fn divide(&mut self, h: f64, depth: usize, control: &mut Control, r: &mut SimResult) {
         self.prepare(h);
-        let predicts = self.problem.detects_switches() && self.settings.polish();
+        let predicts = self.problem.detects_switches() && self.options.solver.polish;
         // fixed steps are not planned, but where the continuation is not unique is said all the same
         let mut plans = if self.problem.n_cells() > 0 { self.plans(r) } else { Vec::new() };
         if !predicts {
@@ -294,6 +326,7 @@ impl Simulator {
 
     /// Bounds of a step of length `h` from the present state.
     fn prepare(&mut self, h: f64) {
+        self.length = h;
         self.problem.set_duration(h);
         self.problem.write_durations(&mut self.bounds);
         self.problem.bound_initial(&mut self.bounds, &self.x, &self.x, self.t);
@@ -331,51 +364,64 @@ impl Simulator {
     /// Active sets a step may begin with: that of the last element first, then what (6.19) allows at this state.
     fn plans(&mut self, r: &mut SimResult) -> Vec<Vec<bool>> {
         let mut plans = Vec::new();
-        let solutions = self.continuations(&self.x.clone(), self.t, None);
-        if is_ambiguous(&solutions) && r.non_unique.last().is_none_or(|&t| t < self.t) {
+        let x = self.x.clone();
+        let solutions = self.continuations(&x, self.t, Near::Surface);
+        let sets: Vec<Vec<bool>> = solutions.iter().map(|s| self.active_cells(s)).collect();
+        let several = distinct(&self.fields, &x, solutions).len() > 1;
+        if several && r.non_unique.last().is_none_or(|&t| t < self.t) {
             r.non_unique.push(self.t);
         }
-        if !self.last.is_empty() && (solutions.is_empty() || solutions.iter().any(|s| s.active == self.last)) {
+        if !self.last.is_empty() && (sets.is_empty() || sets.contains(&self.last)) {
             plans.push(self.last.clone());
         }
-        for s in solutions.into_iter().take(MAX_PLANS) {
-            if !plans.contains(&s.active) {
-                plans.push(s.active);
+        for set in sets.into_iter().take(MAX_PLANS) {
+            if !plans.contains(&set) {
+                plans.push(set);
             }
         }
         plans
     }
 
-    /// Solutions of (6.19) at a state, with candidates by the values of the indicators, or given; their active sets are
-    /// those of the form.
-    fn continuations(&mut self, x: &[f64], t: f64, candidates: Option<&[bool]>) -> Vec<Continuation> {
+    /// The active cells of the form in a solution of (6.19), which speaks of regions.
+    fn active_cells(&self, s: &FilippovSolution) -> Vec<bool> {
+        let dcs = &self.problem.spec().dcs;
+        let mut regions = vec![false; dcs.n_cells()];
+        s.sets.iter().flatten().for_each(|&c| regions[c] = true);
+        dcs.from_regions(&regions)
+    }
+
+    /// Solutions of (6.19) at a state, with candidates by the values of the indicators, or given.
+    fn continuations(&mut self, x: &[f64], t: f64, near: Near) -> Vec<FilippovSolution> {
         let dcs = &self.problem.spec().dcs;
         let at = Point { t, x, u: &self.u, p: self.problem.params() };
-        if !dcs.predicts() || self.point.evaluate(dcs, &at).is_err() {
+        if !dcs.predicts() || self.fields.move_to(&at, self.length).is_err() {
             return Vec::new();
         }
-        let candidates = match candidates {
-            Some(c) => dcs.to_regions(c),
-            None => {
-                let mut near = self.point.candidates(dcs, ON_SURFACE);
+        let candidates = match near {
+            Near::Given(c) => self.fields.lists(&dcs.to_regions(c)),
+            Near::Surface => {
+                let mut near = self.fields.near(ON_SURFACE);
                 if self.problem.drifts() && !self.last.is_empty() {
                     // the last step ends beside the surface it slides on
-                    let slides = dcs.to_regions(&self.last);
-                    near.iter_mut().zip(slides).for_each(|(n, s)| *n |= s);
+                    for (near, slides) in near.iter_mut().zip(self.fields.lists(&dcs.to_regions(&self.last))) {
+                        near.extend(slides);
+                        near.sort_unstable();
+                        near.dedup();
+                    }
                 }
                 near
             }
         };
-        let mut found = self.point.continuations(dcs, &candidates);
-        found.iter_mut().for_each(|c| c.active = dcs.from_regions(&c.active));
-        found
+        let problem = FilippovProblem::new(&mut self.fields, t, x, &candidates);
+        let found = problem.and_then(|p| p.solutions(&mut self.fields, self.length));
+        found.map_or_else(|_| Vec::new(), |(found, _)| found)
     }
 
     /// Solves the square equations for the active set `first` in all elements; where a sign fails, the next
     /// element gets the set that follows, until all signs hold. False when that leads nowhere.
     fn follow(&mut self, first: &[bool], tol: (f64, f64, f64), control: &mut Control, r: &mut SimResult) -> bool {
         self.start_guess();
-        let (n, n_fe) = (self.problem.n_cells(), self.settings.n_fe as usize);
+        let (n, n_fe) = (self.problem.n_cells(), self.options.n_fe);
         let mut current = first.to_vec();
         self.set_sides(0, &current);
         // first element of the present set
@@ -394,9 +440,10 @@ impl Simulator {
             if let Some(candidates) = unverified.take() {
                 let (x, t) = self.problem.start_of(begin, &self.solver.solution().x);
                 let (x, t) = (x.to_vec(), t.unwrap_or(self.t));
-                let solutions = self.continuations(&x, t, Some(&candidates));
-                if let Some(first) = solutions.first().filter(|_| solutions.iter().all(|s| s.active != current)) {
-                    current.clone_from(&first.active);
+                let solutions = self.continuations(&x, t, Near::Given(&candidates));
+                let sets: Vec<Vec<bool>> = solutions.iter().map(|s| self.active_cells(s)).collect();
+                if let Some(first) = sets.first().filter(|_| !sets.contains(&current)) {
+                    current.clone_from(first);
                     self.set_sides(begin, &current);
                     self.w.copy_from_slice(&self.solver.solution().x);
                     continue;
@@ -418,9 +465,10 @@ impl Simulator {
             } else {
                 let mut candidates = current.clone();
                 candidates[cell] = true;
-                let next = self.continuations(&x, t, Some(&candidates));
-                let Some(next) = next.into_iter().find(|s| s.active != current) else { return false };
-                current = next.active;
+                let next = self.continuations(&x, t, Near::Given(&candidates));
+                let mut next = next.iter().map(|s| self.active_cells(s));
+                let Some(next) = next.find(|set| *set != current) else { return false };
+                current = next;
                 unverified = Some(candidates);
             }
             if (0..n).all(|c| !current[c]) {

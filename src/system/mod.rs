@@ -7,10 +7,15 @@
 //! A [`Subsystem`] has its own modes and regions: switching functions `ψ` with a sign matrix, or Stewart's
 //! indicator functions. Subsystems add: `n` of them with two modes cost `2n` modes, not `2^n`.
 
+mod transition;
+
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
 use crate::func::{Dims, Function};
+use crate::memory::sizes;
+
+pub use transition::{Direction, Transition};
 
 /// A function that may be shared by models and threads.
 pub type SharedFunction = Arc<dyn Function>;
@@ -70,6 +75,7 @@ pub struct System {
     inclusions: Vec<Inclusion>,
     n_z: usize,
     algebraic: Option<SharedFunction>,
+    transitions: Vec<Transition>,
 }
 
 impl System {
@@ -78,6 +84,7 @@ impl System {
         if nx == 0 {
             return Err(Error::Dimension("a system needs at least one state".into()));
         }
+        sizes::check("states, controls or parameters", &[nx, nu, np])?;
         Ok(System {
             dims: Dims { x: nx, u: nu, p: np },
             f0: None,
@@ -85,6 +92,7 @@ impl System {
             inclusions: Vec::new(),
             n_z: 0,
             algebraic: None,
+            transitions: Vec::new(),
         })
     }
 
@@ -214,7 +222,20 @@ impl System {
         if self.f0.is_none() && self.subsystems.is_empty() && self.inclusions.is_empty() {
             return Err(Error::State("the system has no dynamics: set f0 or add a subsystem".into()));
         }
-        Ok(())
+        self.check_discrete()
+    }
+
+    /// Must functions of the system be called by one thread only ([`Function::is_serial`])?
+    pub fn is_serial(&self) -> bool {
+        let subsystem = |s: &Subsystem| {
+            let (Regions::Signs { psi: regions, .. } | Regions::Indicators(regions)) = &s.regions;
+            s.modes.is_serial() || regions.is_serial()
+        };
+        let transition = |t: &Transition| t.guard.is_serial() || t.reset.as_ref().is_some_and(|r| r.is_serial());
+        self.transitions.iter().any(transition)
+            || self.f0.iter().chain(&self.algebraic).any(|f| f.is_serial())
+            || self.subsystems.iter().any(subsystem)
+            || self.inclusions.iter().any(|i| i.f.is_serial() || i.psi.is_serial())
     }
 
     fn check(&self, f: &dyn Function, n_out: usize) -> Result<()> {

@@ -15,6 +15,15 @@ pub(super) struct Recent {
     pub(super) last: f64,
     /// Indicators that vanished, `MEMORY × n_q`.
     pub(super) zero: Vec<bool>,
+    /// There were transitions among them.
+    pub(super) jumps: bool,
+}
+
+impl Recent {
+    /// Time between the last two switches or jumps.
+    pub(super) fn last_gap(&self) -> f64 {
+        self.gaps[(self.n + MEMORY - 1) % MEMORY]
+    }
 }
 
 impl Engine {
@@ -26,6 +35,14 @@ impl Engine {
         let n = self.zero.len();
         self.recent.zero[i * n..(i + 1) * n].copy_from_slice(&self.zero);
         self.recent.n += 1;
+    }
+
+    /// Ends the run where transitions accumulate.
+    pub(super) fn end_at_accumulation(&mut self, limit: f64) -> Progress {
+        self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error: 0.0 });
+        let text =
+            format!("transitions accumulate at t = {limit}: what comes behind needs a discrete state of its own");
+        self.fail(Outcome::Zeno, text)
     }
 
     pub(super) fn accumulations_push(&mut self, a: Accumulation) {
@@ -60,7 +77,11 @@ impl Engine {
         }
         self.stats.accumulations += 1;
         self.recent.n = 0;
+        let jumps = std::mem::take(&mut self.recent.jumps);
         let limit = self.t + left;
+        if jumps {
+            return Ok(Some(self.end_at_accumulation(limit)));
+        }
         let text = format!("switches accumulate at t = {limit}");
         if self.options.zeno == Zeno::TimeStepping {
             return self.step_through(limit).map(Some);

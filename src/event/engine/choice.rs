@@ -1,7 +1,7 @@
 //! The choice among the continuations of a point.
 
 use super::Engine;
-use crate::event::next::{self, Solution};
+use crate::dcs::filippov::{decide_pair, distinct, FilippovProblem, FilippovSolution};
 use crate::event::{Ambiguity, Branching, Continuation, Doubt, Outcome};
 use crate::func::EvalError;
 
@@ -14,13 +14,13 @@ impl Engine {
             return Ok(true);
         }
         let room = (&mut self.node[..], &mut self.step.f[..]);
-        if let Some(k) = next::quick(&mut self.field, self.t, &self.x, candidates, room, &mut self.set)? {
+        if let Some(k) = decide_pair(&mut self.field, self.t, &self.x, candidates, room, &mut self.set)? {
             let mut sets = candidates.to_vec();
             sets[k].clone_from(&self.set);
             self.field.set_active(&sets);
             return Ok(true);
         }
-        let found = next::next(&mut self.field, self.t, &self.x, candidates, length)?;
+        let found = self.continuations(candidates, length)?;
         let Some(best) = found.first() else { return Ok(self.arbitrate(candidates)) };
         if found.len() == 1 {
             self.field.set_active(&best.sets);
@@ -32,10 +32,36 @@ impl Engine {
         Ok(false)
     }
 
+    /// The continuations among `candidates`, one for every velocity: the present active set first if it is one of them,
+    /// then by the number of active cells, then by index.
+    fn continuations(
+        &mut self,
+        candidates: &[Vec<usize>],
+        length: f64,
+    ) -> std::result::Result<Vec<FilippovSolution>, EvalError> {
+        let kept = candidates.iter().zip(&self.field.active).map(|(c, p)| c.len() == p.len()).collect();
+        let problem = FilippovProblem::new(&mut self.field, self.t, &self.x, candidates)?.keep(kept);
+        let (mut found, decisions) = problem.solutions(&mut self.field, length)?;
+        // one evaluation at the point and one ahead of it
+        self.field.counts.values += 2 * decisions;
+        if found.is_empty() {
+            found.extend(problem.nearest());
+        }
+        let present = &self.field.active;
+        let same = |s: &FilippovSolution| {
+            let mut sets = s.sets.iter().zip(present);
+            sets.all(|(a, b)| a.len() == b.len() && a.iter().all(|c| b.contains(c)))
+        };
+        if let Some(i) = found.iter().position(same) {
+            found[..=i].rotate_right(1);
+        }
+        Ok(distinct(&self.field, &self.x, found))
+    }
+
     /// Several continuations: notes them and decides.
-    fn branch(&mut self, found: &[Solution]) -> Option<usize> {
+    fn branch(&mut self, found: &[FilippovSolution]) -> Option<usize> {
         let n_sub = self.field.subs.len();
-        let name = |s: &Solution| Continuation {
+        let name = |s: &FilippovSolution| Continuation {
             modes: s.sets.iter().enumerate().map(|(k, set)| self.field.modes_of(k, set)).collect(),
             velocity: s.velocity.clone(),
         };

@@ -136,7 +136,7 @@ impl Engine {
         if self.stiff_steps == 0 && self.stats.steps % LOOK != 0 {
             return;
         }
-        if explicit::stiffness(self.pair, &self.step) > self.pair.stability() {
+        if explicit::stiffness(self.pair, &self.step, &self.weights) > self.pair.stability() {
             self.mild_steps = 0;
             self.stiff_steps += 1;
             if self.stiff_steps >= STIFF_STEPS {
@@ -155,21 +155,31 @@ impl Engine {
         }
     }
 
-    /// Length of the first step, from the size of the first two derivatives.
+    /// Length of the first step. With `d0`, `d1`, `d2` the sizes of the state and of its first two derivatives relative
+    /// to the tolerance, the shorter of `d0 / d1` and `sqrt(d0 / d2)` is the time in which the state changes by its own
+    /// size, and a method of order `p` makes an error of a hundredth of the tolerance, by the rule of E. Hairer,
+    /// S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I* (1993), section II.4, in a step of the
+    /// `p`-th root of `0.01 / d0` of it. There the unit of time takes the place of that time.
     pub(super) fn initial_step(&mut self, longest: f64) -> Result<f64> {
+        /// Share of the interval that nothing is known about.
+        const BLIND: f64 = 1e-6;
         let most = longest.min(self.options.h_max);
         if self.options.h0 > 0.0 {
             return Ok(self.options.h0.min(most));
         }
-        let size = self.x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let largest = self.x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         for i in 0..self.nx {
-            // a component that happens to be zero says nothing about its size
-            let tol = self.atol[i] + self.rtol[i] * self.x[i].abs().max(1e-6 * size);
+            let size = self.field.size(i, self.x[i]);
+            // without an absolute tolerance a component that happens to be zero says nothing about its size
+            let value = if size > 0.0 { self.x[i].abs() } else { BLIND * largest };
+            let tol = self.atol[i] + self.rtol[i] * value;
             self.weights[i] = 1.0 / tol.max(f64::MIN_POSITIVE);
+            self.node[i] = size;
         }
         let norm = |v: &[f64]| step::norm(v, &self.weights);
-        let (d0, d1) = (norm(&self.x), norm(&self.f));
-        let h = if d0 < 1e-5 || d1 < 1e-5 { 1e-6 } else { 0.01 * d0 / d1 }.min(most);
+        let (d0, d1) = (norm(&self.node), norm(&self.f));
+        let first = if d0 > 0.0 && d1 > 0.0 { d0 / d1 } else { f64::INFINITY };
+        let h = (0.01 * first).min(if first < most / BLIND { most } else { BLIND * most });
         for ((y, x), f) in self.node.iter_mut().zip(&self.x).zip(&self.f) {
             *y = x + h * f;
         }
@@ -181,9 +191,10 @@ impl Engine {
             *a -= b;
         }
         let d2 = step::norm(&self.step.f, &self.weights) / h;
+        let second = if d0 > 0.0 && d2 > 0.0 { (d0 / d2).sqrt() } else { f64::INFINITY };
         let order = if self.implicit { 4.0 } else { self.pair.order() };
-        let steep = d1.max(d2);
-        let h1 = if steep <= 1e-15 { (1e-3 * h).max(1e-6) } else { (0.01 / steep).powf(1.0 / order) };
+        let own = first.min(second);
+        let h1 = if own.is_finite() { own * (0.01 / d0).powf(1.0 / order).min(1.0) } else { BLIND.sqrt() * most };
         Ok((100.0 * h).min(h1).min(most))
     }
 }

@@ -33,6 +33,12 @@ impl Engine {
                     return Err(Error::Range(format!("switch {index} is not in the log, which has {n}")));
                 }
             }
+            if let Term::Jump { index, .. } = t {
+                if *index >= self.jumps.len() {
+                    let n = self.jumps.len();
+                    return Err(Error::Range(format!("transition {index} is not in the log, which has {n}")));
+                }
+            }
         }
         // the dense output of the last step may need functions at values that change below
         self.save_dense()?;

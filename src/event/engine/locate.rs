@@ -1,23 +1,41 @@
 //! The location of a switch: the step repeated with the length that puts the switch at its end.
 
-use super::{recover, Engine, Progress, Tried, EPS, NO_TIME};
+use super::{recover, Engine, Progress, Tried, EPS};
 use crate::error::Result;
+use crate::event::watch::Watch;
 use crate::func::EvalError;
+
+/// A step so much shorter than the time since the last jump shows nothing but rounding of a guard.
+const ROUNDING: f64 = 1e-3;
 
 impl Engine {
     /// Repeats the step with the length that makes the watched function vanish at its end, and switches there. `None`
-    /// if that does not succeed.
+    /// if that does not succeed. No step goes beyond the time asked for: a switch that turns out to lie behind it is left
+    /// to the next call.
     pub(super) fn land(&mut self, l: usize, s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
         let full = self.step.h;
         let mut h = s * full;
         let floor = 4.0 * EPS * self.t.abs().max(full);
+        if h <= floor && self.depart[l] == 1 && matches!(self.watches[l], Watch::Guard { .. }) {
+            // a guard that has just been left with a positive rate: the step is too long for its interpolation, or so short
+            // that all is rounding
+            if self.step.h > ROUNDING * self.recent.last_gap() {
+                return Ok(None);
+            }
+            return Ok(Some(self.end_at_accumulation(self.t)));
+        }
         if h <= floor {
             // at the start itself: the active set was not the right one
             self.stats.relocations += 1;
             return self.switch(l, slope, 0.25 * full).map(Some);
         }
         let (mut slope, mut before) = (slope, None);
-        for _ in 0..12 {
+        // what the interpolation says may be off by a little
+        let most = (1.1 * full).min(self.t_stop - self.t);
+        let end = self.w1[l];
+        // between two zeros that nearly are one (a short flight in a long step) the way is halved until it is between them
+        let tries = if matches!(self.watches[l], Watch::Guard { .. }) { 60 } else { 12 };
+        for _ in 0..tries {
             self.step.h = h;
             self.dense_ready = false;
             self.stats.relocations += 1;
@@ -47,17 +65,31 @@ impl Engine {
                 }
                 return self.touch_down(l, slope, grown).map(Some);
             }
-            h = (h + delta).clamp(0.2 * h, (5.0 * h).min(1.1 * full));
+            if h >= most && delta > 0.0 && most < 1.1 * full {
+                return self.pass(l, slope, grown, end);
+            }
+            h = (h + delta).max(0.2 * h).min((5.0 * h).min(most));
         }
         // grazing: the length hardly matters for the value any more
         self.touch_down(l, slope, grown).map(Some)
+    }
+
+    /// The step to the time asked for, which a watched function seemed to vanish in; `end` is its value there.
+    fn pass(&mut self, l: usize, slope: f64, grown: f64, end: f64) -> Result<Option<Progress>> {
+        if end <= 0.0 || self.step.t + self.step.h < self.t_stop {
+            return self.touch_down(l, slope, grown).map(Some);
+        }
+        let t_stop = self.t_stop;
+        self.accept(t_stop)?;
+        self.h = grown;
+        Ok(Some(Progress::Stepped))
     }
 
     /// Does another watched function say that a switch before this one was missed? Then a shorter step shows it.
     pub(super) fn overlooked(&self, l: usize) -> bool {
         (0..self.watches.len()).any(|m| {
             let w = &self.watches[m];
-            let near = 1e4 * EPS * w.scale(&self.field.dq, self.field.n_z, self.t, &self.step.x1).0;
+            let near = 1e4 * EPS * w.scale(&self.field.dq, &self.field, self.t, &self.step.x1).value;
             m != l && self.depart[m] == 0 && w.value(&self.field.q, &self.field) < -near.max(1e-2 * self.w0[m])
         })
     }
@@ -73,8 +105,8 @@ impl Engine {
     /// Value and rate of a watched function at the end of the step; the rate of a weight is NaN.
     pub(super) fn watched(&mut self, l: usize, t: f64) -> std::result::Result<(f64, f64), EvalError> {
         let w = self.watches[l];
-        self.field.indicators(t, &self.step.x1)?;
-        self.field.gradients(t, &self.step.x1)?;
+        self.field.watched(t, &self.step.x1)?;
+        self.field.watched_gradients(t, &self.step.x1)?;
         let value = w.value(&self.field.q, &self.field);
         let rate = if w.is_leave() { f64::NAN } else { w.rate(&self.field.dq, self.field.n_z, &self.step.f1) };
         Ok((value, rate))
@@ -82,15 +114,15 @@ impl Engine {
 
     /// The last digits of the switching time: along the velocity, which is exact to rounding over so short a time.
     pub(super) fn touch_down(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
-        let mut t = self.t + self.step.h;
+        let mut t = (self.t + self.step.h).min(self.t_stop);
         for _ in 0..4 {
             let found = self.watched(l, t).map(Some);
             let Some((value, rate)) = recover(found, None)? else { break };
             let rate = if rate < 0.0 { rate } else { slope };
-            let scale = self.watches[l].scale(&self.field.dq, self.field.n_z, t, &self.step.x1).0;
+            let rounding = self.watches[l].rounding(&self.field.dq, &self.field, t, &self.step.x1);
             let most = if self.step_implicit { 1e-6 } else { 0.01 } * self.step.h;
-            let delta = (-value / rate).clamp(-most, most);
-            if value.abs() <= 0.5 * EPS * scale || !delta.is_finite() {
+            let delta = (-value / rate).max(-most).min(most.min(self.t_stop - t));
+            if value.abs() <= rounding || !delta.is_finite() || delta == 0.0 {
                 break;
             }
             for (x, f) in self.step.x1.iter_mut().zip(&self.step.f1) {
@@ -123,7 +155,7 @@ impl Engine {
             }
         }
         let (left, l, rate) = nearest;
-        if left > NO_TIME * self.t.abs().max(1.0) || self.field.n_alg() > 0 {
+        if left > self.no_time() || self.field.n_alg() > 0 {
             return Ok(None);
         }
         let s = &mut self.step;
@@ -141,7 +173,7 @@ impl Engine {
         // shorter than rounding: no step that counts for the next length
         let t1 = self.t + left;
         self.accept(t1)?;
-        let h = self.step.h.max(1e-6 * t1.abs().max(1e-6));
+        let h = self.step.h.max(1e-6 * (self.t_stop - t1));
         self.switch(l, rate, h).map(Some)
     }
 }

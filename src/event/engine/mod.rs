@@ -1,9 +1,11 @@
 //! The loop: steps under error control, switches at their ends.
 
 mod accumulation;
+mod chatter;
 mod choice;
 mod control;
 mod derivatives;
+mod jump;
 mod locate;
 mod record;
 mod search;
@@ -14,11 +16,13 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 
 use self::accumulation::{Recent, MEMORY};
+use self::chatter::Window;
 use self::control::Tried;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler, NODES};
 use super::explicit::Pair;
 use super::field::Field;
+use super::guard::Reset;
 use super::path::Path;
 use super::radau::Radau;
 use super::sens::Sens;
@@ -26,15 +30,18 @@ use super::step::Step;
 use super::tape::Tape;
 use super::watch::Watch;
 use super::{Accumulation, Arbiter, Branching, Contact, Decider};
-use super::{Ambiguity, Method, Options, Outcome, Run, Statistics, Switch};
+use super::{Ambiguity, Jump, Method, Options, Outcome, Run, Statistics, Switch};
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
-use crate::func::EvalError;
+use crate::func::{trouble, EvalError};
+use crate::memory;
+use crate::stop;
 use crate::system::System;
 
 /// Rounding.
 const EPS: f64 = f64::EPSILON;
-/// A time, relative to the time reached, in which nothing happens: the square of it is beyond rounding.
+/// A time, relative to the run so far and what is left of it, in which nothing happens: the square of it is beyond
+/// rounding.
 const NO_TIME: f64 = 1e-11;
 /// What a call of [`Engine::step`] did.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -78,6 +85,8 @@ pub struct Engine {
     w0: Vec<f64>,
     w1: Vec<f64>,
     suspect: Vec<bool>,
+    /// Zero to rounding over the whole of the last step.
+    resting: Vec<bool>,
     q0: Vec<f64>,
     q1: Vec<f64>,
     dq0: Vec<f64>,
@@ -107,14 +116,20 @@ pub struct Engine {
     behind: bool,
     /// Passages of [`Zeno::TimeStepping`](super::Zeno) one soon after the other.
     passages: i32,
-    /// Where the present call ends.
+    /// Where the run began, and where the present call ends.
+    t_start: f64,
     t_stop: f64,
+    /// Progress lately, see [`Engine::chatters`].
+    window: Window,
     crowd: usize,
     /// A contact in the step that is looked at.
     touched: Option<Contact>,
+    /// Complaints of functions before the present step.
+    heard: usize,
     outcome: Outcome,
     reason: String,
     switches: Vec<Switch>,
+    jumps: Vec<Jump>,
     branchings: Vec<Branching>,
     contacts: Vec<Contact>,
     accumulations: Vec<Accumulation>,
@@ -124,12 +139,23 @@ pub struct Engine {
     path: Option<Path>,
     sens: Option<Sens>,
     tape: Option<Tape>,
+    /// States that only transitions move.
+    discrete: Vec<usize>,
+    /// The last transition made.
+    reset: Reset,
     /// Derivatives of the time of a switch, and room for a Jacobian.
     time_row: Vec<f64>,
     jac: Vec<f64>,
     one_sided: bool,
     interrupt: Option<Arc<AtomicBool>>,
+    /// The last step was not begun for lack of memory.
+    refused: bool,
 }
+
+/// Switches of one step at most, usually.
+const SWITCHES: usize = 8;
+/// Shorter logs grow as they will.
+const LONG_LOG: usize = 1024;
 
 impl Engine {
     /// Prepares the simulation of a system. State, controls and parameters are zero until they are set.
@@ -137,12 +163,14 @@ impl Engine {
         let dcs = Dcs::stewart(system)?;
         let nx = dcs.dims().x;
         options.validate(nx)?;
-        let field = Field::new(&dcs);
+        let mut field = Field::new(&dcs, system.transitions());
         check_preferred(options, &field)?;
         let spread = |v: &[f64]| (0..nx).map(|i| v[i % v.len()]).collect::<Vec<f64>>();
         let (n_q, n_z, n_cells) = (field.q.len(), field.n_z, field.n_cells);
         let most = n_cells.saturating_sub(field.subs.len());
         let (rtol, atol) = (spread(&options.rtol), spread(&options.atol));
+        // a relative tolerance near rounding makes nothing of a state count as large
+        field.floor = rtol.iter().zip(&atol).map(|(r, a)| a / r.max(EPS.sqrt())).collect();
         let finest = rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v));
         let pair = match options.method {
             Method::Dp5 => Pair::Dp5,
@@ -172,6 +200,7 @@ impl Engine {
             w0: vec![0.0; n_w],
             w1: vec![0.0; n_w],
             suspect: vec![false; n_w],
+            resting: vec![false; n_w],
             q0: vec![0.0; n_q],
             q1: vec![0.0; n_q],
             dq0: vec![0.0; n_q * n_z],
@@ -191,15 +220,19 @@ impl Engine {
             alpha_end: Vec::with_capacity(most),
             fresh: true,
             restart: true,
-            recent: Recent { gaps: [0.0; MEMORY], n: 0, last: 0.0, zero: vec![false; MEMORY * n_q] },
+            recent: Recent { gaps: [0.0; MEMORY], n: 0, last: 0.0, zero: vec![false; MEMORY * n_q], jumps: false },
             behind: false,
             passages: 0,
+            t_start: 0.0,
             t_stop: 0.0,
+            window: Window::default(),
             crowd: 0,
             touched: None,
+            heard: 0,
             outcome: Outcome::Reached,
             reason: String::new(),
             switches: Vec::new(),
+            jumps: Vec::new(),
             branchings: Vec::new(),
             contacts: Vec::new(),
             accumulations: Vec::new(),
@@ -209,10 +242,13 @@ impl Engine {
             path: options.dense.then(|| Path::new(nx)),
             sens: options.sensitivity.then(|| Sens::new(nx, n_z, most)),
             tape: options.adjoint.then(Tape::default),
+            discrete: system.discrete_states(),
+            reset: Reset::new(nx, n_z),
             time_row: vec![0.0; n_z],
             jac: vec![0.0; nx * n_z],
             one_sided: false,
             interrupt: None,
+            refused: false,
             field,
         })
     }
@@ -221,7 +257,7 @@ impl Engine {
     pub fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
         finite("time", &[t], 1)?;
         finite("state", x, self.nx)?;
-        self.t = t;
+        (self.t, self.t_start) = (t, t);
         self.x.copy_from_slice(x);
         for a in &mut self.field.active {
             a.clear();
@@ -230,7 +266,9 @@ impl Engine {
         self.h = 0.0;
         self.stiff.fill(false);
         self.recent.n = 0;
+        self.recent.jumps = false;
         self.recent.last = t;
+        self.field.guards.reset(x);
         self.crowd = 0;
         self.behind = false;
         self.passages = 0;
@@ -238,10 +276,12 @@ impl Engine {
         self.outcome = Outcome::Reached;
         self.reason.clear();
         self.switches.clear();
+        self.jumps.clear();
         self.branchings.clear();
         self.contacts.clear();
         self.accumulations.clear();
         self.stats = Statistics::default();
+        self.window = Window { t, ..Window::default() };
         self.field.counts = Default::default();
         self.radau.newton = 0;
         self.radau.factorisations = 0;
@@ -332,6 +372,11 @@ impl Engine {
         &self.switches
     }
 
+    /// The transitions so far.
+    pub fn jumps(&self) -> &[Jump] {
+        &self.jumps
+    }
+
     /// Points with several continuations so far.
     pub fn branchings(&self) -> &[Branching] {
         &self.branchings
@@ -382,6 +427,7 @@ impl Engine {
             t: self.t,
             x: self.x,
             switches: self.switches,
+            jumps: self.jumps,
             branchings: self.branchings,
             contacts: self.contacts,
             accumulations: self.accumulations,
@@ -393,10 +439,42 @@ impl Engine {
     pub fn advance(&mut self, t: f64) -> Result<Outcome> {
         let mut progress = self.step(t)?;
         while progress != Progress::Done {
-            // a switch located at the end may lie behind it by rounding
-            progress = self.step(t.max(self.t))?;
+            progress = self.step(t)?;
         }
         Ok(self.outcome)
+    }
+
+    /// Did the last step fail before it was begun, for lack of memory? Then the next one may be tried again.
+    pub fn was_refused(&self) -> bool {
+        self.refused
+    }
+
+    /// Makes room for what the next step adds to dense output and tape. An error leaves everything as it is.
+    fn check_memory(&mut self) -> Result<()> {
+        memory::check()?;
+        if self.switches.len() >= LONG_LOG {
+            memory::reserve(&mut self.switches, SWITCHES)?;
+        }
+        if self.jumps.len() >= LONG_LOG {
+            memory::reserve(&mut self.jumps, SWITCHES)?;
+        }
+        let mut bytes = self.switches.len() * size_of::<Switch>() + self.jumps.len() * Jump::bytes(self.nx);
+        if let Some(p) = &mut self.path {
+            p.room()?;
+            bytes += p.bytes();
+        }
+        if let Some(t) = &mut self.tape {
+            t.room(self.nx + self.field.n_alg() + self.field.n_z)?;
+            bytes += t.bytes();
+        }
+        match self.options.max_memory {
+            most if most != 0 && bytes > most => Err(Error::Library(format!(
+                "t = {}: the results of the simulation take {bytes} bytes, and the option max_memory allows {most}: raise \
+                 it, leave out dense output or the record for adjoints, or simulate in parts",
+                self.t
+            ))),
+            _ => Ok(()),
+        }
     }
 
     /// Does one step, not beyond `t_stop`.
@@ -408,12 +486,17 @@ impl Engine {
             return Err(Error::Range(format!("time {t_stop} lies behind: {} is reached", self.t)));
         }
         self.t_stop = t_stop;
+        self.heard = trouble::count();
         if self.interrupt.as_ref().is_some_and(|f| f.load(Ordering::Relaxed)) {
             return Err(Error::Interrupted);
         }
+        stop::check()?;
         if self.outcome != Outcome::Reached || self.t == t_stop {
             return Ok(Progress::Done);
         }
+        self.refused = true;
+        self.check_memory()?;
+        self.refused = false;
         if self.restart {
             self.begin(t_stop)?;
             if self.outcome != Outcome::Reached {
@@ -424,18 +507,25 @@ impl Engine {
             return Ok(self.coast(t_stop));
         }
         self.prepare_step();
+        if self.h <= 64.0 * EPS * self.t.abs() {
+            // what was left of the way to the last stop says nothing about the way to the next
+            self.h = self.no_time();
+        }
         let mut rejected = false;
         loop {
             if self.stats.steps + self.stats.rejections >= self.options.max_steps {
                 let text = format!("{} steps were not enough to reach {t_stop}", self.options.max_steps);
                 return Ok(self.fail(Outcome::MaxSteps, text));
             }
+            if let Some(p) = self.chatters()? {
+                return Ok(p);
+            }
             let left = t_stop - self.t;
             let wanted = self.h.min(self.options.h_max);
             let last = wanted >= 0.99 * left;
             self.step.h = if last { left } else { wanted };
             if self.step.h <= 4.0 * EPS * self.t.abs() && !last {
-                if left <= NO_TIME * self.t.abs().max(1.0) {
+                if left <= self.no_time() {
                     return Ok(self.coast(t_stop));
                 }
                 if let Some(p) = self.reach_surface()? {
@@ -486,16 +576,27 @@ impl Engine {
         let left = t_stop - self.t;
         self.x.iter_mut().zip(&self.f).for_each(|(x, f)| *x += left * f);
         self.t = t_stop;
-        self.h = self.h.max(NO_TIME * t_stop.abs().max(1.0));
+        self.h = self.h.max(self.no_time());
         if let Some(tape) = &mut self.tape {
             tape.move_end(t_stop);
         }
         Progress::Done
     }
 
+    /// A time in which nothing happens: relative to the length of the run, and at least rounding of the time.
+    fn no_time(&self) -> f64 {
+        (NO_TIME * (self.t_stop - self.t_start)).max(16.0 * EPS * self.t.abs())
+    }
+
+    /// Ends the run; where a function that is not defined may be the cause, its last complaint is part of the reason.
     fn fail(&mut self, outcome: Outcome, reason: String) -> Progress {
         self.outcome = outcome;
         self.reason = format!("t = {}: {reason}", self.t);
+        if matches!(outcome, Outcome::StepTooSmall | Outcome::NoContinuation) {
+            if let Some(complaint) = trouble::last_after(self.heard) {
+                self.reason = format!("{}; last complaint: {complaint}", self.reason);
+            }
+        }
         Progress::Done
     }
 
@@ -545,7 +646,9 @@ impl Engine {
         }
         let n = self.watches.len();
         self.w0[..n].copy_from_slice(&self.w1[..n]);
-        self.depart[..n].fill(0);
+        for (d, rests) in self.depart.iter_mut().zip(&self.resting).take(n) {
+            *d = if *rests { 2 } else { 0 };
+        }
         self.fresh = false;
         std::mem::swap(&mut self.alpha_start, &mut self.alpha_end);
         std::mem::swap(&mut self.q0, &mut self.q1);
@@ -581,5 +684,6 @@ fn recover<T>(r: std::result::Result<T, EvalError>, otherwise: T) -> Result<T> {
         Ok(v) => Ok(v),
         Err(EvalError::Recoverable) => Ok(otherwise),
         Err(EvalError::Fatal(code)) => Err(fatal(code)),
+        Err(EvalError::Stopped) => Err(stop::error()),
     }
 }

@@ -8,6 +8,7 @@ use crate::event::explicit::Pair;
 use crate::event::watch::Watch;
 use crate::event::Contact;
 use crate::func::EvalError;
+use crate::stop;
 
 /// How the search for a switch in a step ended.
 pub(super) enum Found {
@@ -29,15 +30,16 @@ impl Engine {
             Ok(f) => Ok(Some(f)),
             Err(EvalError::Recoverable) => Ok(None),
             Err(EvalError::Fatal(code)) => Err(fatal(code)),
+            Err(EvalError::Stopped) => Err(stop::error()),
         }
     }
 
     pub(super) fn search_inner(&mut self, t1: f64) -> std::result::Result<Found, EvalError> {
-        self.field.indicators(t1, &self.step.x1)?;
+        self.field.watched(t1, &self.step.x1)?;
         // what the field keeps is written again before it is read
         std::mem::swap(&mut self.q1, &mut self.field.q);
         if !self.field.constant_gradients() {
-            self.field.gradients(t1, &self.step.x1)?;
+            self.field.watched_gradients(t1, &self.step.x1)?;
             std::mem::swap(&mut self.dq1, &mut self.field.dq);
         }
         self.coarse = 0.0;
@@ -63,7 +65,7 @@ impl Engine {
             if i < NODES - 1 {
                 self.step.at(s, &mut self.node);
                 let t = self.step.t + s * self.step.h;
-                self.field.indicators(t, &self.node)?;
+                self.field.watched(t, &self.node)?;
                 if leaves {
                     self.field.hidden(t, &self.node)?;
                 }
@@ -71,8 +73,10 @@ impl Engine {
             for l in 0..self.watches.len() {
                 if self.suspect[l] {
                     let end = i == NODES - 1;
-                    self.samples[l][i] =
-                        if end { self.w1[l] } else { self.watches[l].value(&self.field.q, &self.field) };
+                    let value = if end { self.w1[l] } else { self.watches[l].value(&self.field.q, &self.field) };
+                    // a guard that has just been left is zero at the start, up to the rounding of its location
+                    let left = matches!(self.watches[l], Watch::Guard { .. }) && self.depart[l] == 1;
+                    self.samples[l][i] = if left { value - self.w0[l] } else { value };
                 }
             }
         }
@@ -84,10 +88,17 @@ impl Engine {
                 continue;
             }
             self.samples[l][0] = self.w0[l];
+            if self.rests(l) {
+                self.resting[l] = true;
+                continue;
+            }
             let power = usize::from(self.depart[l]);
             let (c, d) = self.sampler.coefficients(&self.samples[l], power);
             let c = &c[..=d];
+            let passed = matches!(self.watches[l], Watch::Guard { .. }) && power > 0 && self.w1[l] < 0.0;
             let s = match bernstein::first(c) {
+                // at rest at zero when the step began, and beyond it at the end
+                First::None if passed => 0.0,
                 First::None => continue,
                 First::Touch(s) => {
                     self.notice(l, s, bernstein::slope(c, s));
@@ -115,12 +126,45 @@ impl Engine {
         Ok(best)
     }
 
+    /// Is a watched function zero to rounding at all samples of the step? The state rests on a surface that its velocity
+    /// is tangent to, or moves off it by less than it can hold: nothing happens. Where it leaves the surface, signs that
+    /// are rounding are not taken for signs.
+    fn rests(&mut self, l: usize) -> bool {
+        let w = self.watches[l];
+        if w.is_leave() || self.depart[l] == 0 {
+            return false;
+        }
+        let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
+        let noise = match w {
+            Watch::Guard { .. } => 128.0 * w.rounding(dq, &self.field, self.step.t, &self.step.x1),
+            _ => 64.0 * EPS * w.scale(dq, &self.field, self.step.t, &self.step.x1).value,
+        };
+        let samples = &mut self.samples[l];
+        if samples.iter().all(|v| v.abs() <= noise) {
+            return true;
+        }
+        for (v, s) in samples.iter_mut().zip(&self.sampler.nodes).skip(1) {
+            if *v <= 0.0 && *v >= -noise {
+                *v = noise * s.powi(i32::from(self.depart[l]));
+            }
+        }
+        false
+    }
+
     /// A watched function touches zero at relative time `s`.
     fn notice(&mut self, l: usize, s: f64, slope: f64) {
-        let Watch::Enter { sub, .. } = self.watches[l] else { return };
+        let sub = match self.watches[l] {
+            Watch::Enter { sub, .. } => sub,
+            // it does not happen, but would under any disturbance
+            Watch::Guard { back, .. } => {
+                self.one_sided |= !back;
+                return;
+            }
+            Watch::Leave { .. } => return,
+        };
         let rate = slope / self.step.h;
         let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
-        let gradient = self.watches[l].scale(dq, self.field.n_z, self.step.t, &self.step.x1).1;
+        let gradient = self.watches[l].scale(dq, &self.field, self.step.t, &self.step.x1).gradient;
         let speed = self.step.f1.iter().map(|v| v * v).sum::<f64>().sqrt();
         let t = self.step.t + s * self.step.h;
         if self.touched.is_none_or(|c| t < c.t) {
@@ -135,6 +179,7 @@ impl Engine {
     pub(super) fn screen(&mut self) -> std::result::Result<f64, EvalError> {
         const FRACTION: f64 = 0.1;
         let (h, t, n_z, nx) = (self.step.h, self.step.t, self.field.n_z, self.nx);
+        self.resting[..self.watches.len()].fill(false);
         let mut worst = 0.0f64;
         let n_alg = self.field.n_alg();
         self.alpha_end.clear();
@@ -144,7 +189,7 @@ impl Engine {
             for (i, m) in self.node.iter_mut().enumerate() {
                 *m = 0.5 * (s.x0[i] + s.x1[i]) + 0.125 * h * (s.f0[i] - s.f1[i]);
             }
-            self.field.indicators(t + 0.5 * h, &self.node)?;
+            self.field.watched(t + 0.5 * h, &self.node)?;
         }
         for l in 0..self.watches.len() {
             let w = self.watches[l];
@@ -154,15 +199,15 @@ impl Engine {
             let certain = w1.is_nan() || w1 <= 0.0 || depart == 2;
             self.suspect[l] = match w {
                 Watch::Leave { cell, .. } => certain || depart > 0 || self.weight_falls(cell, w0, w1),
-                Watch::Enter { sub, .. } if self.field.subs[sub].affine => certain || self.nears(&w, w0, w1, depart),
-                Watch::Enter { .. } => {
+                _ if w.is_affine(&self.field) => certain || self.nears(&w, w0, w1, depart),
+                Watch::Enter { .. } | Watch::Guard { .. } => {
                     let v = w.value(&self.field.q, &self.field);
                     let r0 = w.rate(&self.dq0, n_z, &self.step.f0);
                     let r1 = w.rate(&self.dq1, n_z, &self.step.f1);
                     let error = (v - 0.5 * (w0 + w1) - 0.125 * h * (r0 - r1)).abs();
                     let size = FRACTION * w0.abs().max(w1.abs()).max(v.abs());
                     if error > size {
-                        let near = 1e3 * EPS * w.scale(&self.dq1, n_z, t, &self.step.x1).0;
+                        let near = 1e3 * EPS * w.scale(&self.dq1, &self.field, t, &self.step.x1).value;
                         worst = worst.max(error / (size + near));
                     } else if size > 0.0 {
                         worst = worst.max(error / size);

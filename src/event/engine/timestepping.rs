@@ -6,8 +6,8 @@
 //! changes by less than the tolerance.
 
 use super::{recover, Engine, Progress, EPS};
+use crate::dcs::filippov::implicit_step;
 use crate::error::Result;
-use crate::event::next;
 use crate::event::tape::Time;
 use crate::event::{step, Accumulation, Outcome};
 use crate::func::EvalError;
@@ -106,9 +106,9 @@ impl Engine {
             let t = t0 + i as f64 * h;
             self.field.indicators(t, &x)?;
             self.field.gradients(t, &x)?;
-            self.mark_near(h, &v);
+            self.mark_near(h, &x, &v);
             let candidates = self.candidates();
-            let Some(s) = next::implicit(&mut self.field, t, &x, &candidates, h)? else { return Ok(None) };
+            let Some(s) = implicit_step(&mut self.field, t, &x, &candidates, h)? else { return Ok(None) };
             x.iter_mut().zip(&s.velocity).for_each(|(x, v)| *x += h * v);
             self.field.set_active(&s.sets);
             v = s.velocity;
@@ -117,19 +117,20 @@ impl Engine {
     }
 
     /// Marks the indicators a step may bring to zero.
-    fn mark_near(&mut self, h: f64, v: &[f64]) {
+    fn mark_near(&mut self, h: f64, x: &[f64], v: &[f64]) {
         const MARGIN: f64 = 10.0;
         let n_z = self.field.n_z;
-        let speed = v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        // the velocity may turn: every state may move by the share of its size that the fastest moves by
+        let pace = self.field.pace(x, v);
         self.zero.fill(false);
         self.keep_surfaces();
         for s in &self.field.subs {
             let least = self.field.q[s.q0..s.q0 + s.n_q].iter().fold(f64::INFINITY, |m, q| m.min(*q));
             for j in s.q0..s.q0 + s.n_q {
                 let g = &self.field.dq[j * n_z..(j + 1) * n_z];
-                let gradient = g[..self.nx].iter().map(|g| g * g).sum::<f64>().sqrt();
+                let reach = self.field.sum_of_sizes(&g[..self.nx], x);
                 let value = self.field.q[j] - if s.signs { 0.0 } else { least };
-                self.zero[j] |= value.abs() <= MARGIN * h * (gradient * speed + g[n_z - 1].abs());
+                self.zero[j] |= value.abs() <= MARGIN * h * (reach * pace + g[n_z - 1].abs());
             }
         }
     }

@@ -23,6 +23,14 @@ impl Engine {
         if !first {
             self.log(&before, f64::NAN, None, unique);
         }
+        self.check_discrete()?;
+        self.time_row.fill(0.0);
+        if !recover(self.make_held().map(|()| true), false)? {
+            self.fail(Outcome::NoContinuation, "the system is not defined behind a transition".into());
+        }
+        if self.outcome != Outcome::Reached {
+            return Ok(());
+        }
         self.restart = false;
         self.err_before = 1e-4;
         self.h = self.initial_step(t_stop - self.t)?;
@@ -30,9 +38,30 @@ impl Engine {
     }
 
     pub(super) fn begin_inner(&mut self, first: bool) -> std::result::Result<bool, EvalError> {
-        let (t, n_z) = (self.t, self.field.n_z);
-        self.field.indicators(t, &self.x)?;
-        self.field.gradients(t, &self.x)?;
+        let time = if std::mem::take(&mut self.behind) { Time::Unknown } else { Time::Fixed };
+        self.mark_time(time);
+        let unique = self.locate(first, self.t_stop - self.t)?;
+        if self.outcome == Outcome::Reached {
+            self.enter()?;
+            self.project_sensitivity()?;
+        }
+        self.one_sided |= !unique;
+        Ok(unique)
+    }
+
+    /// A time over which the solution hardly changes. A step that only fills what was left of the way says nothing about
+    /// that: the one that the tolerances allow does; before the first one, all that is known is how far it goes.
+    pub(super) fn usual_step(&self) -> f64 {
+        let wanted = if self.h > 0.0 { self.h.min(self.options.h_max) } else { self.t_stop - self.t };
+        self.step.h.abs().max(wanted).max(1e3 * EPS * self.t.abs())
+    }
+
+    /// Finds the active set of the present point: that of its region (`first`), or, at a surface, what continues the present
+    /// one. Says whether it is unique.
+    pub(super) fn locate(&mut self, first: bool, length: f64) -> std::result::Result<bool, EvalError> {
+        let t = self.t;
+        self.field.watched(t, &self.x)?;
+        self.field.watched_gradients(t, &self.x)?;
         self.zero.fill(false);
         if !first {
             self.keep_surfaces();
@@ -49,7 +78,7 @@ impl Engine {
             for j in 0..s.n_q {
                 let a = s.q0 + j;
                 let w = Watch::Enter { sub: k, a, b: None, sign: 1.0 };
-                let tol = 1e-13 * w.scale(&self.field.dq, n_z, t, &self.x).0;
+                let tol = 1e-13 * w.scale(&self.field.dq, &self.field, t, &self.x).value;
                 let v = self.field.q[a] - if s.signs { 0.0 } else { least };
                 self.zero[a] |= v.abs() <= tol;
                 if v == 0.0 {
@@ -68,15 +97,7 @@ impl Engine {
         let sets = self.field.active.clone();
         self.field.set_active(&sets);
         let candidates = self.candidates();
-        let time = if std::mem::take(&mut self.behind) { Time::Unknown } else { Time::Fixed };
-        self.mark_time(time);
-        let unique = self.choose(&candidates, 1.0)?;
-        if self.outcome == Outcome::Reached {
-            self.enter()?;
-            self.project_sensitivity()?;
-        }
-        self.one_sided |= !unique;
-        Ok(unique)
+        self.choose(&candidates, length)
     }
 
     /// The cell of the signs at the present point.
@@ -147,28 +168,33 @@ impl Engine {
         if self.field.project(t, &mut self.x)? {
             self.field.rhs(t, &self.x, &mut self.f)?;
         }
-        self.field.indicators(t, &self.x)?;
-        self.field.gradients(t, &self.x)?;
+        self.field.watched(t, &self.x)?;
+        self.field.watched_gradients(t, &self.x)?;
         self.q0.copy_from_slice(&self.field.q);
         self.dq0.copy_from_slice(&self.field.dq);
         self.fresh = true;
         self.alpha_start.clear();
         self.alpha_start.extend_from_slice(&self.field.alpha[..self.field.n_alg()]);
         watch::list(&self.field, &mut self.watches);
-        let size = self.f.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let pace = self.field.pace(&self.x, &self.f);
         for l in 0..self.watches.len() {
             let w = self.watches[l];
             let value = w.value(&self.q0, &self.field);
             self.w0[l] = value;
             self.depart[l] = 0;
-            let (scale, gradient) = w.scale(&self.dq0, n_z, t, &self.x);
+            let scale = w.scale(&self.dq0, &self.field, t, &self.x);
             if w.is_leave() {
                 self.depart[l] = u8::from(value <= 1e-9);
                 continue;
             }
             let rate = w.rate(&self.dq0, n_z, &self.f);
-            if value <= 64.0 * EPS * scale || value <= 8.0 * EPS * rate.abs() * t.abs() {
-                self.depart[l] = if rate > 1e-9 * gradient * size { 1 } else { 2 };
+            if value <= 64.0 * EPS * scale.value || value <= 8.0 * EPS * rate.abs() * t.abs() {
+                // fast enough for a zero of order one: compared with the states moving by their sizes
+                let rises = match w {
+                    Watch::Guard { .. } => w.rises(&self.dq0, n_z, &self.f),
+                    _ => rate > 1e-9 * scale.reach * pace,
+                };
+                self.depart[l] = if rises { 1 } else { 2 };
             }
         }
         let none = self.stiff.len() - 1;
@@ -182,6 +208,9 @@ impl Engine {
 
     /// Switches at the present point, where watch `l` vanishes.
     pub(super) fn switch(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        if let Watch::Guard { .. } = self.watches[l] {
+            return self.jump(l, slope, grown);
+        }
         let before = self.field.active.clone();
         let r = self.switch_inner(l, slope, &before);
         let known = recover(r.map(|()| true), false)?;
@@ -203,6 +232,19 @@ impl Engine {
         Ok(Progress::Switched)
     }
 
+    /// Velocity before a switch at the present point, and what is watched there with its gradients.
+    pub(super) fn arrive(&mut self) -> std::result::Result<(), EvalError> {
+        let t = self.t;
+        // a mode that ends here may have no value any more: its velocity just before serves as well
+        match self.field.rhs(t, &self.x, &mut self.node) {
+            Ok(()) => self.f.copy_from_slice(&self.node),
+            Err(EvalError::Recoverable) => {}
+            Err(e) => return Err(e),
+        }
+        self.field.watched(t, &self.x)?;
+        self.field.watched_gradients(t, &self.x)
+    }
+
     pub(super) fn switch_inner(
         &mut self,
         l: usize,
@@ -210,29 +252,23 @@ impl Engine {
         before: &[Vec<usize>],
     ) -> std::result::Result<(), EvalError> {
         let (t, n_z) = (self.t, self.field.n_z);
-        // a mode that ends here may have no value any more: its velocity just before serves as well
-        match self.field.rhs(t, &self.x, &mut self.node) {
-            Ok(()) => self.f.copy_from_slice(&self.node),
-            Err(EvalError::Recoverable) => {}
-            Err(e) => return Err(e),
-        }
-        self.field.indicators(t, &self.x)?;
-        self.field.gradients(t, &self.x)?;
+        self.arrive()?;
         self.zero.fill(false);
-        let (mut rate, mut cosine) = (slope, f64::NAN);
+        let (mut rate, mut cosine, mut grazing) = (slope, f64::NAN, false);
         for m in 0..self.watches.len() {
             let w = self.watches[m];
             let v = w.value(&self.field.q, &self.field);
             match w {
                 Watch::Enter { a, b, .. } => {
                     let r = w.rate(&self.field.dq, n_z, &self.f);
-                    let (scale, gradient) = w.scale(&self.field.dq, n_z, t, &self.x);
+                    let scale = w.scale(&self.field.dq, &self.field, t, &self.x);
                     if m == l {
                         let size = self.f.iter().map(|v| v * v).sum::<f64>().sqrt();
                         rate = r;
-                        cosine = r / (gradient * size);
+                        cosine = r / (scale.gradient * size);
+                        grazing = r.abs() < 1e-6 * scale.reach * self.field.pace(&self.x, &self.f);
                     }
-                    let near = 64.0 * EPS * scale + 8.0 * EPS * r.abs() * t.abs().max(self.step.h);
+                    let near = 64.0 * EPS * scale.value + 8.0 * EPS * r.abs() * t.abs().max(self.step.h);
                     if m == l || v.abs() <= near {
                         self.zero[a] = true;
                         if let Some(b) = b {
@@ -240,14 +276,14 @@ impl Engine {
                         }
                     }
                 }
-                Watch::Leave { .. } => {}
+                Watch::Leave { .. } | Watch::Guard { .. } => {}
             }
         }
         self.keep_surfaces();
         self.f_before.copy_from_slice(&self.f);
         self.differentiate_time(l)?;
         let candidates = self.candidates();
-        let length = self.step.h.abs().max(1e3 * EPS * t.abs());
+        let length = self.usual_step();
         let unique = self.choose(&candidates, length)?;
         if self.outcome != Outcome::Reached {
             return Ok(());
@@ -262,7 +298,7 @@ impl Engine {
             self.remember();
         }
         self.enter()?;
-        self.one_sided |= cosine.abs() < 1e-6;
+        self.one_sided |= grazing;
         if self.field.active != before {
             let f = std::mem::take(&mut self.f_before);
             self.differentiate_jump(&f);
@@ -277,6 +313,7 @@ impl Engine {
             self.fail(Outcome::NoContinuation, "the signs of the active set contradict each other".into());
         }
         self.log(before, rate, Some(cosine), unique);
-        Ok(())
+        // guards that vanish here too
+        self.make_held()
     }
 }

@@ -109,8 +109,9 @@ impl Field {
             self.q_weights[..s.n_q].fill(0.0);
             for (i, e) in self.pairs.iter().enumerate().filter(|(_, e)| e.sub == k) {
                 let (w, w0) = (&s.cells[e.cell - s.first].weights, &s.cells[e.base - s.first].weights);
-                for (q, (w, w0)) in self.q_weights.iter_mut().zip(w.iter().zip(w0)) {
-                    *q += self.room[i] * self.unit[i] * (w - w0);
+                let own = self.q_unit[s.q0..].iter().zip(w.iter().zip(w0));
+                for (q, (unit, (w, w0))) in self.q_weights.iter_mut().zip(own) {
+                    *q += self.room[i] * self.unit[i] * unit * (w - w0);
                 }
             }
             s.indicators.hessian(&at, &self.q_weights[..s.n_q], &mut self.buffer[..p.nnz()], &mut self.work)?;

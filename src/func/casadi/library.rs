@@ -3,6 +3,7 @@
 use std::ffi::{c_void, CStr, CString};
 use std::path::Path;
 
+use super::elf;
 use super::object::Code;
 use crate::error::{Error, Result};
 
@@ -28,6 +29,11 @@ impl Library {
         if text.is_empty() {
             // The loader would return the program itself.
             return Err(Error::Range("the path of the library is empty".into()));
+        }
+        if elf::is_cut_short(path) {
+            return Err(Error::Library(format!(
+                "{text} cannot be loaded: the file ends before the library does: build or copy it again"
+            )));
         }
         // SAFETY: a NUL-terminated text; the caller trusts what is run.
         let handle = unsafe { libc::dlopen(c_path.as_ptr(), libc::RTLD_NOW | libc::RTLD_LOCAL) };

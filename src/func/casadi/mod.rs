@@ -13,6 +13,7 @@
 //! `f.jacobian()` and `f.reverse(1).jacobian()` have such names. What is missing is made of finite differences, see
 //! [`Callback`]; if the pattern of the Jacobian is there (`CodeGenerator.add(f, True)`) it is used.
 
+mod elf;
 mod library;
 mod object;
 mod parts;

@@ -345,12 +345,15 @@ impl Object {
         let res = res.as_mut_ptr().cast::<*mut f64>();
         for k in 0..n_arg {
             let given = self.inputs.get(k).and_then(|input| argument(k).filter(|v| v.len() >= input.pattern.nnz()));
+            // An empty slice has an address where nothing is.
+            let given = given.filter(|v| !v.is_empty());
             // SAFETY: a number has room for a pointer.
             unsafe { arg.add(k).write(given.map_or(ptr::null(), <[f64]>::as_ptr)) };
         }
         for k in 0..n_res {
             let wanted = self.outputs.get(k).zip(starts.get(k).copied().flatten());
             let target = wanted.and_then(|(output, start)| out.get_mut(start..start + output.pattern.nnz()));
+            let target = target.filter(|v| !v.is_empty());
             // SAFETY: as above.
             unsafe { res.add(k).write(target.map_or(ptr::null_mut(), <[f64]>::as_mut_ptr)) };
         }

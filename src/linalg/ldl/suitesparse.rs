@@ -12,6 +12,7 @@ use super::ordering::{Ordering, Permuted};
 use super::{check_upper, Factorisation, Inertia, LdlStats, SymmetricSolver};
 use crate::error::{Error, Result};
 use crate::linalg::csc::Pattern;
+use crate::memory;
 use std::ffi::c_int;
 use std::ptr;
 
@@ -182,6 +183,7 @@ impl SymmetricSolver for SuiteSparse {
         // `lp` is a running sum in c_int and may have wrapped: sum the column counts again.
         let nnz_l: usize = self.lnz.iter().map(|&v| v.max(0) as usize).sum();
         to_int(nnz_l, "entries of L")?;
+        memory::need(12 * nnz_l as u128, || format!("the factorisation of {n} rows with {nnz_l} entries of L"))?;
         // One division for each entry of a column, a multiplication and an addition for each pair below.
         self.flops = self.lnz.iter().map(|&c| f64::from(c)).map(|c| c * (c + 2.0)).sum();
         self.li = vec![0; nnz_l];

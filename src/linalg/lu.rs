@@ -4,7 +4,7 @@ use nalgebra::Complex;
 use std::ops::{Add, Div, Mul, Sub};
 
 /// A field with a size to pivot by.
-pub(super) trait Scalar:
+pub(crate) trait Scalar:
     Copy + Default + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> + Div<Output = Self>
 {
     fn size(self) -> f64;
@@ -26,7 +26,7 @@ impl Scalar for Complex<f64> {
 
 /// Factors of a square matrix, row-major, with row pivoting relative to the size of the rows.
 #[derive(Debug, Default)]
-pub(super) struct Lu<T> {
+pub(crate) struct Lu<T> {
     n: usize,
     a: Vec<T>,
     perm: Vec<usize>,
@@ -36,7 +36,7 @@ pub(super) struct Lu<T> {
 
 impl<T: Scalar> Lu<T> {
     /// With room for matrices up to `n × n`.
-    pub(super) fn with_capacity(n: usize) -> Lu<T> {
+    pub(crate) fn with_capacity(n: usize) -> Lu<T> {
         Lu {
             n: 0,
             a: Vec::with_capacity(n * n),
@@ -47,7 +47,7 @@ impl<T: Scalar> Lu<T> {
     }
 
     /// A zero matrix of order `n` to write to.
-    pub(super) fn clear(&mut self, n: usize) -> &mut [T] {
+    pub(crate) fn clear(&mut self, n: usize) -> &mut [T] {
         self.n = n;
         self.a.clear();
         self.a.resize(n * n, T::default());
@@ -55,30 +55,38 @@ impl<T: Scalar> Lu<T> {
     }
 
     /// The matrix, to write to before it is factorised.
-    pub(super) fn matrix(&mut self) -> &mut [T] {
+    pub(crate) fn matrix(&mut self) -> &mut [T] {
         &mut self.a
     }
 
     /// Adds to an entry, by its place in the row-major matrix.
-    pub(super) fn add(&mut self, at: usize, v: T) {
+    pub(crate) fn add(&mut self, at: usize, v: T) {
         self.a[at] = self.a[at] + v;
     }
 
     /// Factorises what was written; false if the matrix is singular to rounding.
-    pub(super) fn factorise(&mut self) -> bool {
+    pub(crate) fn factorise(&mut self) -> bool {
+        self.factorise_sized(|_| 1.0)
+    }
+
+    /// The same where the unknowns have sizes: pivots are chosen, and the matrix is called singular, as if every unknown
+    /// were measured in units of its size.
+    pub(crate) fn factorise_sized(&mut self, unknown: impl Fn(usize) -> f64) -> bool {
         let n = self.n;
         self.perm.clear();
         self.perm.extend(0..n);
         self.scale.clear();
         for i in 0..n {
-            let s = self.a[i * n..(i + 1) * n].iter().fold(0.0f64, |m, v| m.max(v.size()));
+            let row = self.a[i * n..(i + 1) * n].iter().enumerate();
+            let s = row.fold(0.0f64, |m, (j, v)| m.max(v.size() * unknown(j)));
             if !(s > 0.0 && s.is_finite()) {
                 return false;
             }
             self.scale.push(1.0 / s);
         }
         for k in 0..n {
-            let size = |i: usize| self.a[i * n + k].size() * self.scale[i];
+            let unit = unknown(k);
+            let size = |i: usize| self.a[i * n + k].size() * self.scale[i] * unit;
             let mut best = k;
             for i in k + 1..n {
                 if size(i) > size(best) {
@@ -110,7 +118,7 @@ impl<T: Scalar> Lu<T> {
     }
 
     /// Replaces the right-hand side by the solution.
-    pub(super) fn solve(&mut self, b: &mut [T]) {
+    pub(crate) fn solve(&mut self, b: &mut [T]) {
         let n = self.n;
         self.y.clear();
         self.y.extend(self.perm.iter().map(|&i| b[i]));
@@ -131,7 +139,7 @@ impl<T: Scalar> Lu<T> {
 
 impl Lu<f64> {
     /// Replaces the right-hand side by the solution of the transposed system.
-    pub(super) fn solve_transposed(&mut self, b: &mut [f64]) {
+    pub(crate) fn solve_transposed(&mut self, b: &mut [f64]) {
         let n = self.n;
         self.y.clear();
         self.y.extend_from_slice(&b[..n]);

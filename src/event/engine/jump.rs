@@ -1,0 +1,191 @@
+//! Transitions that are made: the state jumps, and what follows at the same time.
+//!
+//! With `dt` the derivative of the time of the jump, `f⁻` and `f⁺` the velocities around it and `r` the reset, the
+//! derivatives at fixed time are `S⁺ = r_x (S⁻ + f⁻ dt) + r_p + r_t dt − f⁺ dt`; several resets at one time follow each other
+//! in between.
+
+use super::{recover, Engine, Progress, EPS};
+use crate::error::{Error, Result};
+use crate::event::watch::Watch;
+use crate::event::{Jump, Outcome};
+use crate::func::EvalError;
+
+/// Transitions at one time at most: more of them trigger each other for ever.
+const MOST: usize = 64;
+/// A guard that since the last jump has come no further than this many roundings of its value goes to and fro in rounding.
+const NOISE: f64 = 64.0;
+/// The first step behind a jump may be this much longer than the time since the jump before it.
+const LONGER: f64 = 4.0;
+
+impl Engine {
+    /// The guard of watch `l` vanishes at the present point.
+    pub(super) fn jump(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        let Watch::Guard { guard, back, .. } = self.watches[l] else {
+            return Err(Error::Internal("a jump without a guard".into()));
+        };
+        let r = if back { self.watch_again(guard) } else { self.jump_inner(l, guard, slope) };
+        if !recover(r.map(|()| true), false)? {
+            let text = format!("the system is not defined where transition {guard} happens, or behind it");
+            return Ok(self.fail(Outcome::NoContinuation, text));
+        }
+        // what happens next may happen soon again: a step much longer than the time since the last jump finds it badly
+        self.h = if self.recent.n > 1 { grown.min(LONGER * self.recent.last_gap()) } else { grown };
+        self.err_before = 1e-4;
+        if self.outcome != Outcome::Reached {
+            return Ok(Progress::Done);
+        }
+        if back {
+            return Ok(Progress::Stepped);
+        }
+        Ok(self.accumulate()?.unwrap_or(Progress::Switched))
+    }
+
+    /// A guard that had passed zero is back.
+    fn watch_again(&mut self, guard: usize) -> std::result::Result<(), EvalError> {
+        self.field.guards.all[guard].spent = false;
+        self.enter()
+    }
+
+    fn jump_inner(&mut self, l: usize, guard: usize, slope: f64) -> std::result::Result<(), EvalError> {
+        let t = self.t;
+        self.arrive()?;
+        let w = self.watches[l];
+        let rate = if slope.is_finite() { w.rate(&self.field.dq, self.field.n_z, &self.f) } else { slope };
+        let noise = NOISE * w.rounding(&self.field.dq, &self.field, t, &self.x);
+        if self.recent.n > 0 && (rate >= 0.0 || self.recent.jumps && -rate * (t - self.recent.last) <= noise) {
+            self.end_at_accumulation(t);
+            return Ok(());
+        }
+        let scale = w.scale(&self.field.dq, &self.field, t, &self.x);
+        self.one_sided |= rate.abs() < 1e-6 * scale.reach * self.field.pace(&self.x, &self.f);
+        self.differentiate_time(l)?;
+        self.zero.fill(false);
+        self.zero[self.field.guards.all[guard].q] = true;
+        self.remember();
+        self.recent.jumps = true;
+        self.make(guard, -rate)
+    }
+
+    /// Makes the transitions whose guards hold at the present point, if there are any; the derivatives of the time are those
+    /// of the last switch.
+    pub(super) fn make_held(&mut self) -> std::result::Result<(), EvalError> {
+        if self.field.guards.armed.is_empty() || self.outcome != Outcome::Reached {
+            return Ok(());
+        }
+        match self.held() {
+            Some((g, touches)) => {
+                self.one_sided |= touches;
+                self.make(g, f64::NAN)
+            }
+            None => Ok(()),
+        }
+    }
+
+    /// Makes transition `guard`, and those that hold behind it. The velocity is that before.
+    fn make(&mut self, guard: usize, rate: f64) -> std::result::Result<(), EvalError> {
+        let before = self.field.active.clone();
+        self.f_before.copy_from_slice(&self.f);
+        let start = self.jumps.len();
+        let recorded = self.sens.is_some() || self.tape.is_some();
+        if let Some(s) = &mut self.sens {
+            s.advance(&self.f_before, 1.0);
+        }
+        let mut resets = Vec::new();
+        let (mut next, mut rate, mut unique, mut made) = (Some(guard), rate, true, 0);
+        let length = self.usual_step();
+        while let Some(g) = next {
+            if made == MOST {
+                let text = format!("{MOST} transitions at one time: {g} and others trigger each other for ever");
+                self.fail(Outcome::NoContinuation, text);
+                return Ok(());
+            }
+            made += 1;
+            self.field.reset(g, (self.t, &self.x), recorded, &mut self.reset)?;
+            if self.reset.x.iter().any(|v| !v.is_finite()) {
+                return Err(EvalError::Recoverable);
+            }
+            if let Some(s) = &mut self.sens {
+                s.reset_by(&self.reset.jac);
+            }
+            if self.tape.is_some() {
+                resets.extend_from_slice(&self.reset.jac);
+            }
+            if self.jumps.len() < self.options.max_log {
+                self.jumps.push(Jump {
+                    t: self.t,
+                    transition: g,
+                    before: self.x.clone(),
+                    after: self.reset.x.clone(),
+                    rate,
+                    simultaneous: false,
+                    dt: self.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone()),
+                });
+            }
+            self.x.copy_from_slice(&self.reset.x);
+            self.field.arm(&self.x);
+            unique &= self.locate(true, length)?;
+            if self.outcome != Outcome::Reached {
+                return Ok(());
+            }
+            self.enter()?;
+            if self.watches.iter().filter_map(|w| self.acts(w)).any(|(guard, _)| guard == g) {
+                // it is watched on its way back
+                self.field.guards.all[g].spent = true;
+                self.enter()?;
+            }
+            rate = f64::NAN;
+            let held = self.held();
+            self.one_sided |= held.is_some_and(|h| h.1);
+            next = held.map(|h| h.0);
+        }
+        self.stats.jumps += made;
+        self.one_sided |= !unique;
+        for j in &mut self.jumps[start..] {
+            j.simultaneous = made > 1;
+        }
+        if let Some(s) = &mut self.sens {
+            s.advance(&self.f, -1.0);
+        }
+        if let Some(tape) = &mut self.tape {
+            let n_c = self.time_row.len() - 1;
+            let log = (self.switches.len(), start);
+            tape.jump(log, &self.time_row[..n_c], [&self.f_before, &self.f], &resets);
+        }
+        self.project_sensitivity()?;
+        self.log(&before, f64::NAN, None, unique);
+        Ok(())
+    }
+
+    /// Does a transition act at the present point: is its guard watched and beyond zero, or at zero and on its way? And is
+    /// it at zero: then a small change decides whether it acts now.
+    fn acts(&self, w: &Watch) -> Option<(usize, bool)> {
+        let Watch::Guard { guard, back: false, .. } = *w else { return None };
+        let (value, rate, tol, slow) = self.standing(w);
+        (value < -tol || (value <= tol && rate < -slow)).then_some((guard, value >= -tol))
+    }
+
+    /// The first transition that acts.
+    fn held(&self) -> Option<(usize, bool)> {
+        self.watches.iter().find_map(|w| self.acts(w))
+    }
+
+    /// Value and rate of a watched guard at the present point, and what is rounding of each.
+    fn standing(&self, w: &Watch) -> (f64, f64, f64, f64) {
+        let value = w.value(&self.q0, &self.field);
+        let rate = w.rate(&self.dq0, self.field.n_z, &self.f);
+        let scale = w.scale(&self.dq0, &self.field, self.t, &self.x);
+        let tol = (64.0 * EPS * scale.value).max(8.0 * EPS * rate.abs() * self.t.abs());
+        (value, rate, tol, 1e-9 * scale.reach * self.field.pace(&self.x, &self.f))
+    }
+
+    /// Discrete states stand still but for transitions.
+    pub(super) fn check_discrete(&self) -> Result<()> {
+        match self.discrete.iter().find(|d| self.f[**d] != 0.0) {
+            Some(d) => Err(Error::State(format!(
+                "state {d} is discrete, as transitions set or ask for its value, but its derivative is {}: make it zero",
+                self.f[*d]
+            ))),
+            None => Ok(()),
+        }
+    }
+}

@@ -1,0 +1,126 @@
+//! The guards of transitions, as the engine watches them.
+
+use super::field::{gradient_map, scatter};
+use crate::func::{Dims, EvalResult, Point};
+use crate::system::Transition;
+
+/// A transition with what its guard needs to be watched beside the indicators.
+pub(super) struct Guard {
+    pub(super) transition: Transition,
+    /// Its place among the indicator functions.
+    pub(super) q: usize,
+    /// Its gradient is constant.
+    pub(super) affine: bool,
+    /// Where the entries of its Jacobian go.
+    to_dq: Vec<usize>,
+    /// Where those of the Jacobian of the reset go.
+    to_reset: Vec<usize>,
+    /// It has passed zero, and is watched again when it has been back.
+    pub(super) spent: bool,
+}
+
+/// All guards, and which are watched.
+#[derive(Default)]
+pub(super) struct Guards {
+    pub(super) all: Vec<Guard>,
+    /// Those of the present discrete states.
+    pub(super) armed: Vec<usize>,
+}
+
+impl Guards {
+    /// Of a list of transitions; the first guard has the place `q0` among the indicators.
+    pub(super) fn new(transitions: &[Transition], q0: usize, dims: &Dims) -> Guards {
+        let guard = |(i, t): (usize, &Transition)| Guard {
+            q: q0 + i,
+            affine: t.guard.hess_pattern().nnz() == 0,
+            to_dq: gradient_map(&t.guard, q0 + i, dims),
+            to_reset: t.reset.as_ref().map_or_else(Vec::new, |r| gradient_map(r, 0, dims)),
+            transition: t.clone(),
+            spent: false,
+        };
+        Guards {
+            all: transitions.iter().enumerate().map(guard).collect(),
+            armed: Vec::with_capacity(transitions.len()),
+        }
+    }
+
+    /// Finds out which are watched in the discrete states of `x`. Those that were not before begin anew.
+    pub(super) fn arm(&mut self, x: &[f64]) {
+        self.armed.clear();
+        for (i, g) in self.all.iter_mut().enumerate() {
+            if g.transition.from.iter().all(|&(state, value)| x[state] == value) {
+                self.armed.push(i);
+            } else {
+                g.spent = false;
+            }
+        }
+    }
+
+    /// Nothing has happened yet.
+    pub(super) fn reset(&mut self, x: &[f64]) {
+        self.all.iter_mut().for_each(|g| g.spent = false);
+        self.arm(x);
+    }
+
+    /// Values of those that are watched.
+    pub(super) fn values(&self, at: &Point, q: &mut [f64], work: &mut [f64]) -> EvalResult {
+        for g in self.armed.iter().map(|&i| &self.all[i]) {
+            g.transition.guard.value(at, &mut q[g.q..g.q + 1], work)?;
+        }
+        Ok(())
+    }
+
+    /// Gradients of those that are watched; `room` is a buffer for one of them, and work space.
+    pub(super) fn gradients(&self, at: &Point, dq: &mut [f64], room: (&mut [f64], &mut [f64])) -> EvalResult {
+        for g in self.armed.iter().map(|&i| &self.all[i]) {
+            scatter(&g.transition.guard, at, &g.to_dq, dq, (&mut *room.0, &mut *room.1))?;
+        }
+        Ok(())
+    }
+}
+
+/// What a transition makes of a state, with the derivatives of that.
+pub(super) struct Reset {
+    /// The state behind it.
+    pub(super) x: Vec<f64>,
+    /// Its derivatives with respect to state, parameters, controls and time before it, row-major `nx × n_z`.
+    pub(super) jac: Vec<f64>,
+}
+
+impl Reset {
+    pub(super) fn new(nx: usize, n_z: usize) -> Reset {
+        Reset { x: vec![0.0; nx], jac: vec![0.0; nx * n_z] }
+    }
+
+    /// Evaluates the reset of a transition at a point; `room` is a buffer for its Jacobian, and work space.
+    pub(super) fn evaluate(
+        &mut self,
+        guard: &Guard,
+        at: &Point,
+        derivatives: bool,
+        room: (&mut [f64], &mut [f64]),
+    ) -> EvalResult {
+        let nx = self.x.len();
+        let n_z = self.jac.len() / nx;
+        if derivatives {
+            self.jac.fill(0.0);
+        }
+        match &guard.transition.reset {
+            Some(r) => {
+                r.value(at, &mut self.x, room.1)?;
+                if derivatives {
+                    scatter(r, at, &guard.to_reset, &mut self.jac, room)?;
+                }
+            }
+            None => {
+                self.x.copy_from_slice(at.x);
+                (0..nx).for_each(|i| self.jac[i * n_z + i] = 1.0);
+            }
+        }
+        for &(state, value) in &guard.transition.to {
+            self.x[state] = value;
+            self.jac[state * n_z..(state + 1) * n_z].fill(0.0);
+        }
+        Ok(())
+    }
+}

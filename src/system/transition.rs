@@ -1,0 +1,127 @@
+//! Transitions: what makes the state jump, and the discrete states between which they lead.
+//!
+//! ```text
+//! where ψ(x,u,p,t) passes zero in its direction, and x_i = a_i for every discrete state in `from`:
+//!     x⁺ = r(x⁻,u,p,t),   then   x_j⁺ = b_j for every discrete state in `to`
+//! ```
+//!
+//! A *discrete state* is a state that a transition names in `from` or `to`. Nothing drives it but transitions: its row of the
+//! right-hand side is zero. A thermostat has one that is 0 or 1, an automaton one that counts its locations.
+//!
+//! The rules, which leave nothing to chance:
+//! - A transition is watched only while the discrete states are as `from` says.
+//! - It happens where ψ passes zero, or at once where ψ is already beyond zero, or at zero and on its way, when the discrete
+//!   states become as `from` says; the start of a simulation is such a time, and so is a change of controls or parameters.
+//! - A transition that leaves its own guard beyond zero and its own `from` true happens once; it is watched again when
+//!   ψ has been back on the other side.
+//! - Of several that happen at one time the one that was added first comes first; the others follow if they still hold.
+
+use super::{SharedFunction, System};
+use crate::error::{Error, Result};
+
+/// The direction in which the guard of a transition passes zero.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum Direction {
+    /// From below: the transition happens where the guard becomes positive.
+    #[default]
+    Rising = 0,
+    /// From above: the transition happens where the guard becomes negative.
+    Falling = 1,
+}
+
+impl Direction {
+    /// 1 for rising, -1 for falling: times this the guard becomes positive where the transition happens.
+    pub fn sign(self) -> f64 {
+        match self {
+            Direction::Rising => 1.0,
+            Direction::Falling => -1.0,
+        }
+    }
+}
+
+/// A jump of the state where a guard passes zero.
+#[derive(Clone)]
+pub struct Transition {
+    /// The guard `ψ`, one output.
+    pub guard: SharedFunction,
+    /// Where it passes zero to.
+    pub direction: Direction,
+    /// Discrete states and the values they must have for the transition to be watched.
+    pub from: Vec<(usize, f64)>,
+    /// The state behind the jump, one output for every state; none: the state stays as it is, up to `to`.
+    pub reset: Option<SharedFunction>,
+    /// Discrete states and the values they have behind the jump.
+    pub to: Vec<(usize, f64)>,
+}
+
+impl System {
+    /// The transitions in the order they were added.
+    pub fn transitions(&self) -> &[Transition] {
+        &self.transitions
+    }
+
+    /// The states that transitions name in `from` or `to`, ascending.
+    pub fn discrete_states(&self) -> Vec<usize> {
+        let named = self.transitions.iter().flat_map(|t| t.from.iter().chain(&t.to)).map(|d| d.0);
+        let mut all: Vec<usize> = named.collect();
+        all.sort_unstable();
+        all.dedup();
+        all
+    }
+
+    /// Adds a transition and returns its index.
+    pub fn add_transition(&mut self, t: Transition) -> Result<usize> {
+        let k = self.transitions.len();
+        self.check(t.guard.as_ref(), 1)?;
+        if let Some(r) = &t.reset {
+            self.check(r.as_ref(), self.dims.x)?;
+        }
+        let smooth = self.dims.x - self.n_z;
+        for (what, list) in [("from", &t.from), ("to", &t.to)] {
+            for (i, &(state, value)) in list.iter().enumerate() {
+                if state >= smooth {
+                    return Err(Error::Range(format!(
+                        "transition {k}: `{what}` names the state {state}, but there are {smooth}"
+                    )));
+                }
+                if !value.is_finite() {
+                    return Err(Error::NonFinite(format!(
+                        "transition {k}: `{what}` gives the discrete state {state} the value {value}"
+                    )));
+                }
+                if list[..i].iter().any(|d| d.0 == state) {
+                    return Err(Error::Range(format!("transition {k}: `{what}` names the state {state} twice")));
+                }
+            }
+        }
+        if t.reset.is_none() && t.to.is_empty() {
+            return Err(Error::State(format!("transition {k} changes nothing: give a reset, or discrete states `to`")));
+        }
+        self.transitions.push(t);
+        Ok(k)
+    }
+
+    /// An error where there are transitions, for those who cannot follow them.
+    pub(crate) fn check_without_transitions(&self, who: &str) -> Result<()> {
+        if self.transitions.is_empty() {
+            return Ok(());
+        }
+        Err(Error::Unsupported(format!(
+            "{who} cannot follow transitions (guards with resets or discrete states): simulate the system event-driven"
+        )))
+    }
+
+    /// Is a discrete state driven by something else?
+    pub(super) fn check_discrete(&self) -> Result<()> {
+        for d in self.discrete_states() {
+            let mut driven = self.subsystems.iter().map(|s| &s.rows).chain(self.inclusions.iter().map(|i| &i.rows));
+            if driven.any(|rows| rows.contains(&d)) {
+                return Err(Error::State(format!(
+                    "state {d} is discrete, as transitions set or ask for its value: no mode may drive it"
+                )));
+            }
+        }
+        Ok(())
+    }
+}
