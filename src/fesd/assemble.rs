@@ -6,6 +6,7 @@
 use super::eta::{self, Shape};
 use super::layout::ElementIndex;
 use super::problem::{Call, ElementCalls, Fesd};
+use crate::memory;
 use crate::tableau::{Family, Tableau};
 
 /// Receives the entries of a sparse matrix in a fixed order.
@@ -21,6 +22,8 @@ pub(super) struct Recorder {
 
 impl Sink for Recorder {
     fn add(&mut self, row: usize, col: usize, _: f64) {
+        memory::room(&mut self.rows, 1);
+        memory::room(&mut self.cols, 1);
         self.rows.push(row);
         self.cols.push(col);
     }

@@ -30,6 +30,7 @@ mod layout;
 mod places;
 mod problem;
 mod restart;
+pub(crate) mod size;
 mod start;
 mod trajectory;
 

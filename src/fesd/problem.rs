@@ -9,11 +9,13 @@ pub(super) use super::calls::Call;
 use super::eta;
 use super::layout::{Durations, ElementIndex, Layout, PathAt, Spec};
 use super::places::{Note, Part};
+use super::size;
 use crate::error::{finite, Error, Result};
 use crate::func::{EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 use crate::nlp::Nlp;
 use crate::settings::StepEquilibration;
+use crate::stop;
 use crate::system::SharedFunction;
 use crate::tableau::Tableau;
 
@@ -107,6 +109,7 @@ impl Fesd {
     /// Discretises `spec`; `duration` is the length of every control stage.
     pub fn new(spec: Spec, duration: f64) -> Result<Fesd> {
         let tableau = Tableau::new(spec.options.family, spec.options.n_s)?;
+        size::check(&spec)?;
         let l = Layout::new(&spec, &tableau)?;
         let mut b = Builder::new(&spec, &l);
         let form = spec.dcs.form();
@@ -274,6 +277,11 @@ impl Fesd {
     /// Lengths of the control stages; to start from where they are variables.
     pub fn durations(&self) -> &[f64] {
         &self.durations
+    }
+
+    /// Sets the weight of the soft step equilibration.
+    pub fn set_rho_h(&mut self, rho_h: f64) {
+        self.spec.options.rho_h = rho_h;
     }
 
     /// Sets the length of all control stages.
@@ -565,6 +573,18 @@ impl Fesd {
             .filter(|_| self.l.fesd)
     }
 
+    /// What the objective has beside the user's cost at a point, outside of the polish.
+    pub fn guidance(&mut self, w: &[f64]) -> f64 {
+        let mut scratch = std::mem::take(&mut self.scratch);
+        let eta = self.eta_value(w, &mut scratch.local);
+        self.scratch = scratch;
+        self.soft_value(w) + eta
+    }
+
+    fn soft_value(&self, w: &[f64]) -> f64 {
+        self.soft_weight() * self.soft_terms().map(|(a, b)| (w[a] - b.value(w)).powi(2)).sum::<f64>()
+    }
+
     pub(super) fn evaluate_values(&mut self, w: &[f64]) -> EvalResult {
         let mut cache = std::mem::take(&mut self.cache);
         let r = self.at_all_points(w, &mut cache, Part::Value, |c, f, at, cache| {
@@ -612,6 +632,9 @@ impl Fesd {
         let mut gathered = usize::MAX;
         cache.note.age += usize::from(part == Part::Value);
         let r = self.calls.iter().try_for_each(|c| {
+            if stop::requested().is_some() {
+                return Err(EvalError::Stopped);
+            }
             let f = self.functions[c.f].as_ref();
             let d = f.dims();
             let at = &mut buffer[..=d.t_col()];
@@ -625,7 +648,7 @@ impl Fesd {
             let (x, rest) = at.split_at(d.x);
             let (u, rest) = rest.split_at(d.u);
             let found = evaluate(c, f, &Point { t: rest[d.p], x, u, p: &rest[..d.p] }, cache);
-            if let Err(error) = found {
+            if let Err(error @ (EvalError::Recoverable | EvalError::Fatal(_))) = found {
                 let note = &mut cache.note;
                 (note.call, note.part, note.age) = (Some(*c), Some((part, error)), 0);
                 note.inputs[..d.n_in()].copy_from_slice(&buffer[..d.n_in()]);
@@ -679,9 +702,7 @@ impl Nlp for Fesd {
         self.constraint_values(w, c, &mut scratch.f, &mut scratch.local);
         let eta = self.eta_value(w, &mut scratch.local);
         self.scratch = scratch;
-        let rho = self.soft_weight();
-        let soft: f64 = self.soft_terms().map(|(a, b)| (w[a] - b.value(w)).powi(2)).sum();
-        Ok(self.user_cost(w) + rho * soft + eta)
+        Ok(self.user_cost(w) + self.soft_value(w) + eta)
     }
 
     fn derivatives(&mut self, w: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult {

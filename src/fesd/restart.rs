@@ -2,6 +2,7 @@
 
 use super::branch::Violation;
 use super::problem::Fesd;
+use crate::nlp::within;
 
 /// A point of the grid: its time from the start of the step, and the element and stage point whose values it has.
 #[derive(Debug, Clone, Copy)]
@@ -33,7 +34,7 @@ impl Fesd {
         let (va, vb) = (value(&a), value(&b));
         let root = if va == vb { b.t } else { a.t - va * (b.t - a.t) / (vb - va) };
         let lowest = if k == 0 { 1e-3 * nodes[0].t } else { a.t };
-        root.clamp(lowest, nodes[k].t)
+        within(root, lowest, nodes[k].t)
     }
 
     /// Writes into `w` the point that `base` becomes when the elements up to `last` end at the time `event` and the rest

@@ -3,6 +3,7 @@
 use super::problem::Fesd;
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::mpcc::Side;
 use crate::tableau::Tableau;
 
@@ -237,6 +238,7 @@ impl Trajectory {
                 mode0 += n;
             }
         }
+        memory::room(&mut self.elements, 1);
         self.elements.push(e);
     }
 }

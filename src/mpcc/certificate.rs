@@ -11,7 +11,7 @@ use super::lpcc::{Lpcc, Piece, Signs, Verdict};
 use super::problem::Side;
 use crate::error::{Error, Result};
 use crate::linalg::csc::{mul_add_transposed, Pattern};
-use crate::nlp::{Bounds, Control, INFINITE};
+use crate::nlp::{within, Bounds, Control, INFINITE};
 
 /// An MPCC in vertical form at a point, to first order.
 #[derive(Debug, Clone, Copy)]
@@ -319,6 +319,10 @@ impl Certifier {
 
     /// Classifies the point. `p` has the structure this object was made for.
     pub fn certify(&mut self, p: &Local, settings: &CertSettings, control: &mut Control) -> Certificate {
+        control.within(f64::INFINITY, |control| self.certify_within(p, settings, control))
+    }
+
+    fn certify_within(&mut self, p: &Local, settings: &CertSettings, control: &mut Control) -> Certificate {
         self.descent = false;
         self.root = Verdict::Unclear;
         self.nodes = 0;
@@ -331,7 +335,7 @@ impl Certifier {
         let size = p.grad.iter().fold(1f64, |a, g| a.max(g.abs()));
         let given = self.take_multipliers(p, size);
         let active = match given {
-            Some((dual, slack)) => (10.0 * dual.max(slack)).sqrt().clamp(settings.active_tol, ACTIVE_MAX),
+            Some((dual, slack)) => within((10.0 * dual.max(slack)).sqrt(), settings.active_tol, ACTIVE_MAX),
             None => settings.active_tol.max(1e-6),
         };
         let tol = (settings.tol * size).max(given.map_or(0.0, |g| 10.0 * g.0));

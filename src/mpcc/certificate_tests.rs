@@ -3,6 +3,7 @@
 use super::{BStationarity as B, CertSettings, Certificate, Certifier, Doubt, Local, Side, Stationarity as T};
 use crate::linalg::csc::{mul_add_transposed, Pattern};
 use crate::nlp::{Bounds, Control};
+use crate::stop::Stop;
 
 /// A point with dense rows.
 #[derive(Clone)]
@@ -313,7 +314,7 @@ fn bad_data_give_no_claims() {
 
 #[test]
 fn an_interrupt_leaves_the_question_open() {
-    let stop = std::sync::atomic::AtomicBool::new(true);
+    let stop = std::sync::Arc::new(std::sync::atomic::AtomicBool::new(true));
     let p = ralph1();
     let jac = Pattern::dense(1, 3);
     let mut certifier = Certifier::new(&jac, &p.pairs).unwrap();
@@ -328,7 +329,7 @@ fn an_interrupt_leaves_the_question_open() {
         y: &[],
         z: &[],
     };
-    let mut control = Control { interrupt: Some(&stop), ..Control::default() };
+    let mut control = Control::of(Stop::on(&stop));
     let cert = certifier.certify(&local, &CertSettings::default(), &mut control);
     assert_eq!((cert.stationarity, cert.b, cert.doubt), (T::Unknown, B::Undecided, Doubt::Stopped));
 }

@@ -13,6 +13,7 @@ use super::problem::{Mpcc, Side};
 use super::relaxed::Relaxed;
 use super::solver::{MpccSolver, Polish, Suggest, Wanted};
 use crate::nlp::{Bounds, Control, Iterate, Monotone, Outcome, Start, INFINITE};
+use crate::stop;
 
 /// Single decisions turned round at most.
 const MAX_FLIPS: usize = 4;
@@ -59,6 +60,11 @@ impl ActiveSet {
         }
     }
 
+    /// Forgets the multipliers of fixed variables: those that are not written again count for tolerances.
+    pub fn reset(&mut self) {
+        self.z.fill(0.0);
+    }
+
     /// Bounds and rows whose multiplier exceeds their distance at the interior point `at`.
     fn guess(&mut self) {
         let ActiveSet { x, c, exact: b, at, .. } = self;
@@ -92,6 +98,22 @@ impl ActiveSet {
         };
         (0..x.len()).any(|j| weak(&x[j], at.x[j], b.xl[j], b.xu[j], z[j]))
             || (0..c.len()).any(|i| weak(&active[i], c[i], b.cl[i], b.cu[i], at.y[i]))
+    }
+
+    /// Lets go of the bounds that hold without a multiplier; false where there are none.
+    pub fn drop_weak(&mut self) -> bool {
+        let ActiveSet { x, c: active, z, at, .. } = self;
+        let largest = |v: &[f64]| v.iter().fold(1f64, |a, v| a.max(v.abs()));
+        let tol = WEAK * largest(&at.y).max(largest(z));
+        let mut dropped = false;
+        let multipliers = z.iter().chain(&at.y);
+        for (a, z) in x.iter_mut().chain(active).zip(multipliers) {
+            if *a != Active::No && z.abs() <= tol {
+                *a = Active::No;
+                dropped = true;
+            }
+        }
+        dropped
     }
 
     /// Takes in what is violated at the point `at` with rows `c`, lets go what has the wrong sign; false when nothing
@@ -194,7 +216,7 @@ impl MpccSolver {
         if !early {
             ok = ok || self.try_branch(p, bounds, control);
             for k in 0.. {
-                if ok {
+                if ok || stop::requested().is_some() {
                     break;
                 }
                 self.identify(p);
@@ -225,6 +247,9 @@ impl MpccSolver {
         if ok {
             self.improve(p, bounds, control, suggest);
             self.judge(p, bounds, control);
+        } else if let Some(why) = stop::requested() {
+            // whether there is an exact solution remains open
+            self.solution.outcome = why.into();
         } else if !early {
             self.solution.polish = Polish::Rejected;
         }
@@ -314,6 +339,22 @@ impl MpccSolver {
         }
         self.ipm.settings_mut().restoration = true;
         ok
+    }
+
+    /// The square system once more, at the point it was solved at, without the bounds that hold without a multiplier; true
+    /// where that is a solution as well.
+    pub(super) fn let_go(&mut self, p: &mut dyn Mpcc) -> bool {
+        if !self.active.drop_weak() {
+            return false;
+        }
+        self.active.bounds(&mut self.bounds);
+        self.ipm.settings_mut().restoration = false;
+        let mut rule = Settle::new(self.settings.polish_tol, consistency(p));
+        let at = std::mem::replace(&mut self.active.at, Iterate::zeros(0, 0));
+        let outcome = self.run(p, Start::Warm(&at, 0.0), &mut rule, &mut Control::default(), b'p');
+        self.active.at = at;
+        self.ipm.settings_mut().restoration = true;
+        outcome == Outcome::Solved || (outcome == Outcome::Stalled && self.nearly_solved(p, 1e-9))
     }
 
     /// Tries the branch `sides` from the point in `saved`.

@@ -1,12 +1,14 @@
 //! What was found: a certificate of the exact point, and the way on where it is no B-stationary one.
 
-use super::certificate::{BStationarity, CertSettings, Certificate, Certifier, Local};
+use super::certificate::{BStationarity, CertSettings, Certificate, Certifier, Doubt, Local};
 use super::conflict::Conflict;
+use super::infeasible::Claim;
 use super::problem::{Mpcc, Side};
 use super::relaxed::Relaxed;
 use super::solver::{MpccSolver, Polish, Suggest};
 use crate::error::Result;
 use crate::nlp::{Bounds, Control, Level, Outcome};
+use crate::stop;
 
 /// Descents followed at most.
 const MAX_DESCENTS: usize = 10;
@@ -57,7 +59,8 @@ impl MpccSolver {
         let Some(judge) = &mut self.judge else { return Certificate::default() };
         let s = &self.solution;
         if !judge.evaluate(p, &s.x) {
-            return Certificate::default();
+            let doubt = if stop::requested().is_some() { Doubt::Stopped } else { Doubt::None };
+            return Certificate { doubt, ..Certificate::default() };
         }
         judge.bounds.copy_from(bounds);
         if p.is_discretised() {
@@ -145,7 +148,10 @@ impl MpccSolver {
         let outcome = self.ipm.find_feasible(&mut relaxed, &self.bounds, &self.saved, level, control);
         self.solution.stats.add(self.ipm.statistics());
         match outcome {
-            Outcome::Infeasible => self.record(p, outcome, Polish::Rejected),
+            Outcome::Infeasible => {
+                self.record(p, outcome, Polish::Rejected);
+                self.confirm(p, bounds, control);
+            }
             Outcome::Solved if self.settings.polish => {
                 self.saved.copy_from(self.ipm.iterate());
                 self.polish(p, bounds, control, suggest, false);
@@ -154,11 +160,36 @@ impl MpccSolver {
         }
     }
 
+    /// Takes the claim back that the program is infeasible where its point does not show it. Programs with pairs keep
+    /// theirs: the restoration phase ends at a minimiser of the violation with relaxed pairs, at which they need not hold,
+    /// so that the check with exact pairs would take back claims that are right.
+    pub(super) fn confirm(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) {
+        let s = &self.solution;
+        if s.outcome != Outcome::Infeasible || s.polish == Polish::Done || !p.pairs().is_empty() {
+            return;
+        }
+        let claim = Claim { x: &s.x, y: &s.y, weights: &self.st.scaling.rows[..s.y.len()], bounds };
+        if !claim.holds(p, control) {
+            self.solution.outcome = stop::requested().map_or(Outcome::Stalled, Outcome::from);
+        }
+    }
+
     /// Which constraints conflict at the point of least violation that was recorded.
     pub(super) fn explain(&mut self, p: &mut dyn Mpcc, bounds: &Bounds) {
-        let Some(judge) = &mut self.judge else { return };
         let s = &mut self.solution;
-        if s.outcome == Outcome::Infeasible && s.polish != Polish::Done && judge.evaluate(p, &s.x) {
+        if s.outcome != Outcome::Infeasible || s.polish == Polish::Done {
+            return;
+        }
+        // programs without pairs need no judge but for this
+        let mut own = None;
+        let judge = match &mut self.judge {
+            Some(judge) => judge,
+            None => match Judge::new(p) {
+                Ok(judge) => own.insert(judge),
+                Err(_) => return,
+            },
+        };
+        if judge.evaluate(p, &s.x) {
             let (jac, pairs) = (p.jac_pattern(), p.pairs());
             s.conflict = Some(Conflict::combine(&s.x, &judge.c, jac, &judge.jac, bounds, pairs, &s.y, ACTIVE));
         }

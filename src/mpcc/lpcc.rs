@@ -12,7 +12,7 @@ use super::certificate::Local;
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::{mul_add, mul_add_transposed, Pattern};
-use crate::nlp::{Bounds, Control, Ipm, IpmSettings, Iterate, Monotone, Nlp, Outcome, Start, INFINITE};
+use crate::nlp::{within, Bounds, Control, Ipm, IpmSettings, Iterate, Monotone, Nlp, Outcome, Start, INFINITE};
 
 /// Signs that a component of the step may have. The multiplier of its bound then has the polar signs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -301,7 +301,7 @@ impl Lpcc {
             // a descent shows long before the last digits do
             for (mu, tol, margin) in [(mu, ROUGH, 1e6), (0.1 * ROUGH, LP_TOL, 10.0)] {
                 let mut rule = Monotone { mu_init: mu, tol, primal_tol: LP_TOL };
-                let mut quiet = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
+                let mut quiet = control.quiet();
                 let start = if tol == ROUGH { Start::Cold(&self.origin) } else { Start::Warm(&self.rough, WARM_PUSH) };
                 let outcome = self.ipm.solve(&mut self.lp, &self.relaxed, start, &mut rule, &mut quiet);
                 self.iterations += self.ipm.statistics().iterations;
@@ -358,7 +358,7 @@ impl Lpcc {
             }
         }
         for (e, (x, (lo, hi))) in self.step.iter_mut().zip(it.x.iter().zip(b.xl.iter().zip(&b.xu))) {
-            *e = x.clamp(*lo, *hi);
+            *e = within(*x, *lo, *hi);
         }
         self.activity.fill(0.0);
         mul_add(&self.lp.jac, &self.lp.values, &self.step, &mut self.activity, 1.0);

@@ -16,6 +16,7 @@ mod conflict;
 pub mod diagnostics;
 mod endgame;
 mod homotopy;
+mod infeasible;
 mod judge;
 mod lifted;
 mod lpcc;

@@ -46,6 +46,8 @@ pub(super) struct Structure {
     has_seen: bool,
     /// The bounds are those of a branch problem: nothing stands for the pairs.
     branch: bool,
+    /// Something has stood for the pairs since the last reset, and multipliers may be those of the relaxed problem.
+    relaxes: bool,
 }
 
 /// A row of a pair: its number, and where its derivatives in `a`, `b` and the elastic variable are.
@@ -164,6 +166,7 @@ impl Structure {
             seen: vec![Seen::default(); if adapts { np } else { 0 }],
             has_seen: false,
             branch: false,
+            relaxes: true,
         }
     }
 
@@ -185,10 +188,22 @@ impl Structure {
         }
     }
 
-    /// Scales by the gradients at `x`; not at all where they have no value.
-    pub fn scale(&mut self, p: &mut dyn Mpcc, x: &[f64], grad: &mut [f64]) {
+    /// Forgets the relaxation of the last solve, and what was seen of its multipliers.
+    pub fn reset(&mut self) {
         self.scaling.reset();
-        if p.derivatives(x, grad, &mut self.inner_jac).is_ok() {
+        self.soft = Softness::default();
+        self.own.fill([0.0; 3]);
+        self.seen.fill(Seen::default());
+        self.has_seen = false;
+        self.branch = true;
+        self.relaxes = false;
+    }
+
+    /// Scales by the gradients at `x`; not at all where functions or gradients have no value. `rows[m]` is room.
+    pub fn scale(&mut self, p: &mut dyn Mpcc, x: &[f64], rows: &mut [f64], grad: &mut [f64]) {
+        self.scaling.reset();
+        // values first: gradients are those of the point whose values were computed last
+        if p.eval(x, rows).is_ok() && p.derivatives(x, grad, &mut self.inner_jac).is_ok() {
             self.scaling.choose(grad, p.jac_pattern(), &self.inner_jac);
         }
     }
@@ -211,6 +226,7 @@ impl Structure {
             return;
         }
         out.xu[n..].fill(ELASTIC_MAX);
+        self.relaxes = true;
         self.has_seen = false;
         self.soft = Softness::new(sigma);
         if let Some(open) = self.strategy.open(sigma) {
@@ -310,6 +326,9 @@ impl Structure {
     /// Makes `z[n]`, the multipliers of the bounds in the relaxed problem, those of the MPCC: the chain rule brings the
     /// multipliers `y` of the rows and the penalties to the members, for Scholtes' relaxation as in (2.31).
     pub fn pull_back(&self, x: &[f64], y: &[f64], z: &mut [f64]) {
+        if !self.relaxes {
+            return;
+        }
         let (products, _) = self.strategy.weights(self.soft.sigma);
         let np = self.bilinear.len();
         for (i, place) in self.places.iter().enumerate() {

@@ -8,6 +8,7 @@ use super::endgame::NEAR;
 use super::problem::{Mpcc, Side};
 use super::solver::{MpccSolver, Solution, Suggest, Wanted};
 use crate::nlp::{Bounds, Control, Outcome, Start, Statistics};
+use crate::stop;
 
 /// Improvements accepted at most.
 const MAX_IMPROVEMENTS: usize = 10;
@@ -130,9 +131,14 @@ impl MpccSolver {
         let mut best = f64::INFINITY;
         let mut stuck = vec![(relaxed, self.saved.x.clone(), self.sides.clone())];
         let mut left = MAX_RESCUES;
-        while let Some(node) = (0..stuck.len()).min_by(|&a, &b| stuck[a].0.total_cmp(&stuck[b].0)) {
+        while let Some(node) =
+            (0..stuck.len()).filter(|_| stop::requested().is_none()).min_by(|&a, &b| stuck[a].0.total_cmp(&stuck[b].0))
+        {
             let (_, point, sides) = stuck.swap_remove(node);
             for k in 0..RESCUES_OF_A_POINT.min(left) {
+                if stop::requested().is_some() {
+                    break;
+                }
                 self.sides.copy_from_slice(&sides);
                 self.point.copy_from_slice(&point);
                 if !self.ask_near(Wanted::Rescue(k), p, suggest) {
@@ -187,7 +193,7 @@ impl MpccSolver {
                     better = true;
                     break;
                 }
-                if !more {
+                if !more || stop::requested().is_some() {
                     break;
                 }
             }
@@ -208,6 +214,9 @@ impl MpccSolver {
             if self.try_point(p, bounds, control) {
                 return true;
             }
+            if stop::requested().is_some() {
+                return false;
+            }
         }
         if self.near >= self.solution.objective {
             return false;
@@ -221,6 +230,9 @@ impl MpccSolver {
             }
             if self.try_point(p, bounds, control) {
                 return true;
+            }
+            if stop::requested().is_some() {
+                break;
             }
         }
         false

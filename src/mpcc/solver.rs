@@ -17,6 +17,7 @@ use crate::nlp::{
     Statistics,
 };
 use crate::settings::{Homotopy, LinearSolver, Ordering, Relaxation, Settings};
+use crate::stop;
 
 /// Parameters of the path and the polish.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -255,6 +256,7 @@ impl MpccSolver {
         let (n_all, all) = st.size();
         let MpccSettings { linear_solver, ordering, .. } = settings;
         let ipm_settings = IpmSettings { linear_solver, ordering, ..IpmSettings::default() };
+        stop::check_building(n_all)?;
         let ipm = Ipm::new(&Relaxed { inner: p, st: &mut st }, ipm_settings)?;
         Ok(MpccSolver {
             st,
@@ -298,6 +300,11 @@ impl MpccSolver {
         &self.solution
     }
 
+    /// Makes `solution`, found before by this solver, the result of the last solve again.
+    pub fn restore(&mut self, solution: &Solution) {
+        self.solution.clone_from(solution);
+    }
+
     /// Solves from `x0[n]`.
     pub fn solve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control) -> &Solution {
         self.solve_with(p, bounds, x0, control, &mut |_, _, _| false)
@@ -312,6 +319,11 @@ impl MpccSolver {
         control: &mut Control,
         suggest: Suggest,
     ) -> &Solution {
+        control.within(f64::INFINITY, |control| self.solve_within(p, bounds, x0, control, suggest));
+        &self.solution
+    }
+
+    fn solve_within(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
         let clock = Instant::now();
         self.begin(p);
         let s = self.settings;
@@ -324,6 +336,7 @@ impl MpccSolver {
             self.st.bounds(bounds, 0.0, &mut self.bounds);
             let outcome = self.run(p, Start::Cold(x0), &mut rule, control, b' ');
             self.record(p, outcome, Polish::None);
+            self.confirm(p, bounds, control);
             if outcome == Outcome::Solved && s.polish && s.square_newton {
                 self.saved.copy_from(self.ipm.iterate());
                 self.settle_near(p, bounds, control);
@@ -334,6 +347,7 @@ impl MpccSolver {
             let interior = matches!(s.relaxation, Relaxation::Scholtes | Relaxation::RaghunathanBiegler);
             let centre = s.centre_pairs && interior && !p.is_discretised();
             self.follow(p, bounds, x0, centre, control, suggest);
+            self.confirm(p, bounds, control);
             self.look_for_feasibility(p, bounds, control, suggest);
             if centre && matches!(self.solution.outcome, Outcome::Stalled | Outcome::Infeasible) {
                 self.start_again(p, bounds, x0, control, suggest);
@@ -341,7 +355,6 @@ impl MpccSolver {
         }
         self.explain(p, bounds);
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
-        &self.solution
     }
 
     /// Solves from a primal-dual point. First the square system of the active set the point shows, which from the
@@ -394,11 +407,13 @@ impl MpccSolver {
 
     /// The path once more, from the pairs as they were given. An answer of before stays where this one is none.
     fn start_again(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
-        let before = self.solution.outcome;
+        let before = self.solution.clone();
         self.solution.polish = Polish::None;
         self.follow(p, bounds, x0, false, control, suggest);
-        if before == Outcome::Infeasible && self.solution.outcome == Outcome::Stalled {
-            self.solution.outcome = before;
+        self.confirm(p, bounds, control);
+        if before.outcome == Outcome::Infeasible && self.solution.outcome == Outcome::Stalled {
+            // the point is what shows it
+            self.solution = Solution { stats: self.solution.stats, ..before };
         } else {
             self.look_for_feasibility(p, bounds, control, suggest);
         }
@@ -501,19 +516,26 @@ impl MpccSolver {
 
     pub(super) fn scale(&mut self, p: &mut dyn Mpcc, x0: &[f64]) {
         if self.settings.scaling {
-            self.st.scale(p, x0, &mut self.point[..x0.len()]);
+            let (rows, grad) = (&mut self.saved.y[..self.st.m], &mut self.point[..x0.len()]);
+            self.st.scale(p, x0, rows, grad);
         } else {
             self.st.scaling.reset();
         }
     }
 
+    /// A solve begins: nothing of the last one counts but its point, where that is the start.
     pub(super) fn begin(&mut self, p: &mut dyn Mpcc) {
         p.set_polishing(false);
-        self.solution.stats = Statistics::default();
-        self.solution.polish = Polish::None;
-        self.solution.certificate = Certificate::default();
-        self.solution.conflict = None;
+        let s = &mut self.solution;
+        (s.outcome, s.polish, s.objective) = (Outcome::Failed, Polish::None, f64::NAN);
+        (s.certificate, s.conflict) = (Certificate::default(), None);
+        (s.residuals, s.stats) = (Residuals::default(), Statistics::default());
+        s.sides.fill(Side::First);
+        self.st.reset();
+        self.active.reset();
         self.close = false;
+        self.near = f64::INFINITY;
+        self.branch_iterations = BRANCH_ITERATIONS;
         self.ipm.settings_mut().restoration = true;
     }
 

@@ -5,6 +5,7 @@ use super::relaxed::Relaxed;
 use super::solver::{MpccSolver, Polish, Warm};
 use crate::error::{finite, Error, Result};
 use crate::nlp::{Bounds, Control, Outcome};
+use crate::stop;
 
 /// One direction in the space of the data. Indices may repeat; their values add.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -35,6 +36,10 @@ impl MpccSolver {
     /// Derivatives of the last solution in the directions `changes`, from one factorisation. The problem and `bounds` must
     /// be those of that solve, and its result exact ([`Polish::Done`], or solved if there are no pairs). The active set is
     /// held: for a discretisation, modes keep their order.
+    ///
+    /// Where bounds are active without a multiplier they may leave a direction no solution: a variable that is fixed by its
+    /// bound and by the data. They are let go for that direction, which is then one-sided. Directions that have no
+    /// derivative even so are NaN; `Err` where none has one.
     pub fn tangents(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, changes: &[Change]) -> Result<Vec<Tangent>> {
         let s = &self.solution;
         let exact = s.polish == Polish::Done || (p.pairs().is_empty() && s.outcome == Outcome::Solved);
@@ -52,14 +57,38 @@ impl MpccSolver {
         }
         let stats = self.solution.stats;
         let settled = self.settle_saved(p, &mut Control::default());
+        let mut found: Vec<Option<Tangent>> = vec![None; changes.len()];
+        if settled {
+            let one_sided = self.active.is_weak(self.ipm.constraints());
+            self.fill(p, changes, one_sided, &mut found);
+            if found.contains(&None) && one_sided && self.let_go(p) {
+                self.fill(p, changes, true, &mut found);
+            }
+        }
         self.solution.stats = stats;
-        let one_sided = self.active.is_weak(self.ipm.constraints());
-        let regular = settled && self.ipm.linearise(&mut Relaxed { inner: p, st: &mut self.st });
         p.set_polishing(false);
-        let found = if regular { changes.iter().map(|c| self.tangent(c, one_sided)).collect() } else { None };
-        found.ok_or_else(|| {
-            Error::Numeric("the solution is no isolated minimiser of its branch: it has no derivative".into())
-        })
+        stop::check()?;
+        if found.iter().all(Option::is_none) && !found.is_empty() {
+            return Err(Error::Numeric(
+                "the solution is no isolated minimiser of its branch: it has no derivative".into(),
+            ));
+        }
+        let (n, m) = (self.solution.x.len(), self.solution.y.len());
+        let none = || Tangent { x: vec![f64::NAN; n], y: vec![f64::NAN; m], objective: f64::NAN, one_sided: true };
+        Ok(found.into_iter().map(|t| t.unwrap_or_else(none)).collect())
+    }
+
+    /// The derivatives that the present active set has and that are missing.
+    fn fill(&mut self, p: &mut dyn Mpcc, changes: &[Change], one_sided: bool, found: &mut [Option<Tangent>]) {
+        if !self.ipm.linearise(&mut Relaxed { inner: p, st: &mut self.st }) {
+            return;
+        }
+        for (c, t) in changes.iter().zip(found).filter(|f| f.1.is_none()) {
+            if stop::requested().is_some() {
+                return;
+            }
+            *t = self.tangent(c, one_sided);
+        }
     }
 
     fn tangent(&mut self, change: &Change, one_sided: bool) -> Option<Tangent> {

@@ -17,6 +17,7 @@ use crate::linalg::csc::Pattern;
 use crate::linalg::kkt::{Kkt, KktSettings, KktStatus, LinearStats};
 use crate::linalg::ldl::{self, interleaved};
 use crate::settings::{LinearSolver, Ordering};
+use crate::stop;
 
 /// First perturbation of the Hessian, and its growth and decay (Wächter and Biegler, section 3.1).
 const DELTA_W_FIRST: f64 = 1e-4;
@@ -185,6 +186,9 @@ impl Augmented {
         if status == KktStatus::Ok {
             return true;
         }
+        if stop::requested().is_some() {
+            return false;
+        }
         // a scaling chosen for other values may be what is wrong
         self.kkt.equilibrate(&self.values);
         if pairwise && self.clip_pairs(shape, b, it) {
@@ -202,7 +206,7 @@ impl Augmented {
         }
         let first = self.delta_w_last == 0.0;
         let mut delta = if first { DELTA_W_FIRST } else { (SHRINK * self.delta_w_last).max(DELTA_W_MIN) };
-        while delta <= DELTA_W_MAX {
+        while delta <= DELTA_W_MAX && stop::requested().is_none() {
             match self.kkt.factor(&self.values, delta, delta_c) {
                 KktStatus::Ok => {
                     self.delta_w_last = delta;

@@ -6,10 +6,13 @@ use super::problem::Nlp;
 use crate::error::{Error, Result};
 use crate::func::{EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
+use crate::stop;
 
 /// A function at `Point { t: 0, x: w, u: [], p }`, and where its derivatives go.
 struct Part {
     f: Arc<dyn Function>,
+    /// Which of value, Jacobian and Hessian had no value last.
+    undefined: Option<&'static str>,
     work: Vec<f64>,
     /// Values of the Jacobian; those of the variables come first.
     jac: Vec<f64>,
@@ -25,12 +28,31 @@ impl Part {
             jac: vec![0.0; f.jac_pattern().nnz()],
             hess: vec![0.0; f.hess_pattern().nnz()],
             hess_map: Vec::new(),
+            undefined: None,
             f,
         }
     }
 
+    fn note(&mut self, part: &'static str, r: EvalResult) -> EvalResult {
+        if r == Err(EvalError::Recoverable) {
+            self.undefined = Some(part);
+        }
+        r
+    }
+
+    fn value(&mut self, at: &Point, out: &mut [f64]) -> EvalResult {
+        let r = self.f.value(at, out, &mut self.work);
+        self.note("value", r)
+    }
+
+    fn jacobian(&mut self, at: &Point) -> EvalResult {
+        let r = self.f.jacobian(at, &mut self.jac, &mut self.work);
+        self.note("Jacobian", r)
+    }
+
     fn add_hessian(&mut self, at: &Point, weights: &[f64], out: &mut [f64]) -> EvalResult {
-        self.f.hessian(at, weights, &mut self.hess, &mut self.work)?;
+        let r = self.f.hessian(at, weights, &mut self.hess, &mut self.work);
+        self.note("Hessian", r)?;
         for (v, k) in self.hess.iter().zip(&self.hess_map) {
             if let Some(k) = k {
                 out[*k] += v;
@@ -139,6 +161,17 @@ impl CallbackNlp {
         Ok(self)
     }
 
+    /// The function that had no value somewhere since [`CallbackNlp::forget_undefined`], and which part of it, the
+    /// objective first.
+    pub fn undefined(&self) -> Option<(&str, &'static str)> {
+        std::iter::once(&self.objective).chain(&self.constraints).find_map(|p| Some((p.f.name(), p.undefined?)))
+    }
+
+    /// Forgets what had no value.
+    pub fn forget_undefined(&mut self) {
+        std::iter::once(&mut self.objective).chain(&mut self.constraints).for_each(|p| p.undefined = None);
+    }
+
     /// Sets the parameters.
     pub fn set_params(&mut self, p: &[f64]) -> Result<()> {
         if p.len() != self.params.len() {
@@ -173,25 +206,28 @@ impl Nlp for CallbackNlp {
         &self.hess
     }
     fn eval(&mut self, x: &[f64], c: &mut [f64]) -> std::result::Result<f64, EvalError> {
+        if stop::requested().is_some() {
+            return Err(EvalError::Stopped);
+        }
         let at = Point { t: 0.0, x, u: &[], p: &self.params };
         let mut f = [0.0];
-        self.objective.f.value(&at, &mut f, &mut self.objective.work)?;
+        self.objective.value(&at, &mut f)?;
         if let Some(part) = &mut self.constraints {
-            part.f.value(&at, c, &mut part.work)?;
+            part.value(&at, c)?;
         }
         Ok(f[0])
     }
     fn derivatives(&mut self, x: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult {
         let at = Point { t: 0.0, x, u: &[], p: &self.params };
         let o = &mut self.objective;
-        o.f.jacobian(&at, &mut o.jac, &mut o.work)?;
+        o.jacobian(&at)?;
         let p = o.f.jac_pattern();
         for (j, g) in grad.iter_mut().enumerate() {
             // one row: a column holds one entry or none
             *g = o.jac[p.range(j)].iter().sum();
         }
         if let Some(part) = &mut self.constraints {
-            part.f.jacobian(&at, &mut part.jac, &mut part.work)?;
+            part.jacobian(&at)?;
             jac.copy_from_slice(&part.jac[..jac.len()]);
         }
         Ok(())

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::filter::{alpha_min, noise, DELTA, ETA_PHI, GAMMA_PHI, GAMMA_THETA, S_PHI, S_THETA};
 use super::iterate::{barrier, lagrangian_gradient, theta, Iterate, RowKind};
-use super::problem::Nlp;
+use super::problem::{within, Nlp};
 use super::solver::Ipm;
 use crate::func::EvalError;
 
@@ -123,7 +123,7 @@ impl Ipm {
             trials += 1;
             let tried = self.try_point(nlp, alpha, false);
             match tried {
-                Err(EvalError::Fatal(_)) => return Search::Fatal,
+                Err(EvalError::Fatal(_) | EvalError::Stopped) => return Search::Fatal,
                 Err(EvalError::Recoverable) => {}
                 Ok((phi, th)) => {
                     let ok = self.acceptable(alpha, phi0, th0, slope, phi, th);
@@ -325,10 +325,11 @@ fn ratio(tau: f64, value: f64, step: f64) -> f64 {
 #[inline]
 pub(super) fn clamp_multiplier(z: f64, dist: f64, mu: f64) -> f64 {
     const KAPPA_SIGMA: f64 = 1e10;
-    z.clamp(mu / (KAPPA_SIGMA * dist), KAPPA_SIGMA * mu / dist)
+    within(z, mu / (KAPPA_SIGMA * dist), KAPPA_SIGMA * mu / dist)
 }
 
+/// Distance from a bound that rounding leaves.
 #[inline]
-fn tiny_gap(bound: f64) -> f64 {
+pub(super) fn tiny_gap(bound: f64) -> f64 {
     1e-20f64.max(f64::EPSILON * bound.abs())
 }

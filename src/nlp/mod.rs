@@ -27,6 +27,7 @@ mod tangent;
 
 pub use callback::{CallbackNlp, LagrangianFn};
 pub use iterate::Iterate;
+pub(crate) use problem::within;
 pub use problem::{Bilinear, Bounds, Nlp, INFINITE};
 pub use report::{Control, IterationInfo, Outcome, Residuals, Statistics};
 pub(crate) use solver::lower_barrier;

@@ -4,6 +4,18 @@ use crate::error::{Error, Result};
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::Pattern;
 
+/// `v`, or the nearest end of `[lo, hi]`. Unlike [`f64::clamp`] it has a value whatever its arguments: computed ends
+/// may cross by rounding or be NaN after an underflow, and that is no reason to panic. Ends that are NaN do not count.
+pub(crate) fn within(v: f64, lo: f64, hi: f64) -> f64 {
+    if v < lo {
+        lo
+    } else if v > hi {
+        hi
+    } else {
+        v
+    }
+}
+
 /// Bounds of this modulus or more count as absent.
 pub const INFINITE: f64 = 1e20;
 

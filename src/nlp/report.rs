@@ -1,7 +1,6 @@
 //! How a solve ended, what it cost, and what is left of every residual.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use crate::stop::{self, Stop, Why};
 
 /// How an algorithm ended. Values ≥ 0 come with a usable point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -37,6 +36,17 @@ impl Outcome {
             Outcome::Stalled => "stalled",
             Outcome::Diverging => "diverging",
             Outcome::Failed => "failed",
+        }
+    }
+}
+
+impl From<Why> for Outcome {
+    fn from(why: Why) -> Outcome {
+        match why {
+            Why::Interrupted => Outcome::Stopped,
+            Why::OutOfTime => Outcome::MaxTime,
+            // the call ends with an error, see `crate::memory::bounded`
+            Why::OutOfMemory => Outcome::Stopped,
         }
     }
 }
@@ -128,33 +138,39 @@ pub struct IterationInfo {
 /// What can stop a solve from outside, and who is told of its progress.
 #[derive(Default)]
 pub struct Control<'a> {
-    /// Set from any thread to stop.
-    pub interrupt: Option<&'a AtomicBool>,
+    /// Ends the solve when another thread wants it, or when its time is over.
+    pub stop: Stop,
     /// Called once per iteration; false stops.
     pub monitor: Option<&'a mut dyn FnMut(&IterationInfo) -> bool>,
-    /// Latest end of the solve.
-    pub deadline: Option<Instant>,
 }
 
 impl Control<'_> {
-    /// Sets the latest end of the solve `seconds` from now, unless there is one or the number is not finite.
-    pub(crate) fn limit(&mut self, seconds: f64) {
-        if seconds.is_finite() && self.deadline.is_none() {
-            self.deadline = deadline(seconds);
-        }
+    /// A control that ends with `stop`, without a monitor.
+    pub fn of(stop: Stop) -> Control<'static> {
+        Control { stop, monitor: None }
+    }
+
+    /// The same end, without the monitor: for a solve inside of a solve.
+    pub fn quiet(&self) -> Control<'static> {
+        Control::of(self.stop.clone())
+    }
+
+    /// Runs `body` with this as the stop of the thread, to end at most `seconds` from now.
+    pub(crate) fn within<R>(&mut self, seconds: f64, body: impl FnOnce(&mut Self) -> R) -> R {
+        let given = self.stop.clone();
+        self.stop.limit(seconds);
+        let stop = self.stop.clone();
+        let r = stop.scope(|| body(self));
+        self.stop = given;
+        r
     }
 
     /// Reports an iteration; returns why to stop, if so.
     pub(crate) fn check(&mut self, info: &IterationInfo) -> Option<Outcome> {
-        let go_on = self.monitor.as_mut().is_none_or(|f| f(info));
-        if !go_on || self.interrupt.is_some_and(|i| i.load(Ordering::Relaxed)) {
+        if !self.monitor.as_mut().is_none_or(|f| f(info)) {
+            stop::raise();
             return Some(Outcome::Stopped);
         }
-        self.deadline.is_some_and(|d| Instant::now() >= d).then_some(Outcome::MaxTime)
+        self.stop.why().or_else(stop::requested).map(Outcome::from)
     }
-}
-
-/// The time `seconds` from now; none where that is beyond all clocks.
-fn deadline(seconds: f64) -> Option<Instant> {
-    std::time::Duration::try_from_secs_f64(seconds).ok().and_then(|d| Instant::now().checked_add(d))
 }

@@ -9,7 +9,7 @@
 use super::iterate::{barrier, primal_error, theta, Iterate, RowKind, Shape};
 use super::problem::{Bilinear, Bounds, Nlp};
 use super::report::{Control, Outcome, Statistics};
-use super::solver::{push_inside, start_multiplier, Ipm, IpmSettings, Level, Measures, Monotone, Start};
+use super::solver::{ended_by, push_inside, start_multiplier, Ipm, IpmSettings, Level, Measures, Monotone, Start};
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::Pattern;
@@ -211,7 +211,7 @@ impl Restoration {
         it: &Iterate,
         c: &[f64],
         (mu, kappa): (f64, f64),
-        max_iter: usize,
+        settings: IpmSettings,
         control: &mut Control,
     ) -> (bool, Outcome) {
         let (n, m) = (self.n, self.m);
@@ -241,9 +241,8 @@ impl Restoration {
             }
         }
         let th0 = theta(&self.shape, &it.s, c);
-        let settings = self.ipm.settings_mut();
-        settings.max_iter = max_iter.min(500);
-        settings.bound_push = 1e-10;
+        *self.ipm.settings_mut() =
+            IpmSettings { restoration: false, max_iter: settings.max_iter.min(500), bound_push: 1e-10, ..settings };
         self.ipm.set_phase(b'r');
         let Restoration { shape, start, ipm, jac, hess, jac_map, hess_map, bilinear, reference, weight, .. } = self;
         let mut elastic = Elastic {
@@ -295,14 +294,14 @@ impl Ipm {
                 Err(_) => return Some(Outcome::Stalled),
             },
         };
-        let left = self.settings.max_iter - self.stats.iterations;
+        let left = self.settings.max_iter.saturating_sub(self.stats.iterations);
         let (found, outcome) = resto.run(
             nlp,
             &self.bounds,
             &self.it,
             &self.v.c,
             (self.level.mu.max(m.primal), self.reduction),
-            left,
+            IpmSettings { max_iter: left, ..self.settings },
             control,
         );
         let cost = resto.statistics();
@@ -353,6 +352,17 @@ impl Ipm {
     /// Looks for a point that satisfies `bounds` up to 1e-9, from `start`: solved, or infeasible at a local minimiser of
     /// the violation, whose multipliers are then those of the iterate.
     pub fn find_feasible(
+        &mut self,
+        nlp: &mut dyn Nlp,
+        bounds: &Bounds,
+        start: &Iterate,
+        level: Level,
+        control: &mut Control,
+    ) -> Outcome {
+        control.within(f64::INFINITY, |control| ended_by(self.find_feasible_within(nlp, bounds, start, level, control)))
+    }
+
+    fn find_feasible_within(
         &mut self,
         nlp: &mut dyn Nlp,
         bounds: &Bounds,

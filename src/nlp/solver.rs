@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::augmented::{sigma_s, Augmented};
 use super::filter::Filter;
 use super::iterate::{kkt_error, lagrangian_gradient, theta, Iterate, KktError, RowKind, Shape, Values};
-use super::linesearch::{clamp_multiplier, Search};
+use super::linesearch::{clamp_multiplier, tiny_gap, Search};
 use super::problem::{Bounds, Nlp};
 use super::report::{Control, IterationInfo, Outcome, Residuals, Statistics};
 use super::restore::{Restoration, KAPPA_RESTO};
@@ -15,6 +15,7 @@ use crate::func::EvalError;
 use crate::linalg::csc::Pattern;
 use crate::linalg::kkt::LinearStats;
 use crate::settings::{LinearSolver, Ordering};
+use crate::stop;
 
 /// Constants of the method; the parameters of the homotopy belong to the [`Continuation`].
 #[derive(Debug, Clone, Copy)]
@@ -176,8 +177,26 @@ const FALL: f64 = 1e-3;
 const TINY_STEP: f64 = 1e-2;
 const TINY_STEPS: usize = 6;
 
+/// Steps in a row that are cut short to less than this, relative to the size of the point: the rows leave no room between
+/// their bounds.
+const STANDING: f64 = 1e-6;
+const STANDING_STEPS: usize = 5;
+/// How far bounds without room between them move, relative to their size and at least to one in the scaled problem: less
+/// than rows may be violated by. (Section 3.5 of Wächter and Biegler; there all bounds move by 1e-8 before the first step.)
+const ROOM: f64 = 1e-9;
+/// How often bounds move in one solve.
+const ROOMS: usize = 2;
+
 /// A step this much longer than the point comes from a singular matrix.
 const ABSURD: f64 = 1e4;
+
+/// What the end of a solve is called: a failure after the call was asked to end is that end.
+pub(super) fn ended_by(outcome: Outcome) -> Outcome {
+    match outcome {
+        Outcome::Failed | Outcome::Stalled | Outcome::Infeasible => stop::requested().map_or(outcome, Outcome::from),
+        _ => outcome,
+    }
+}
 
 /// Called with every accepted `x`; true ends the solve (used by the restoration phase).
 pub(super) type Probe<'a> = &'a mut dyn FnMut(&[f64]) -> bool;
@@ -218,6 +237,9 @@ pub struct Ipm {
     pub(super) resto: Option<Box<Restoration>>,
     /// A function asked to stop.
     pub(super) fatal: bool,
+    /// The call was asked to end while the rows, or the derivatives, of the point reached were evaluated: they are those
+    /// of several points.
+    torn: [bool; 2],
     /// Size of the starting point, objective before, and steps in a row on the way to infinity.
     x_start: f64,
     f_before: f64,
@@ -233,6 +255,8 @@ impl Ipm {
         let (n, m) = (nlp.n(), nlp.m());
         let hess_nnz = nlp.hess_pattern().nnz();
         let jac = nlp.jac_pattern().clone();
+        let system = Augmented::new(nlp, settings.linear_solver, settings.ordering)?;
+        stop::check_building(n)?;
         Ok(Ipm {
             n,
             m,
@@ -252,7 +276,7 @@ impl Ipm {
             c_trial: vec![0.0; m],
             f_trial: 0.0,
             lag: vec![0.0; n],
-            system: Augmented::new(nlp, settings.linear_solver, settings.ordering)?,
+            system,
             filter: Filter::new(),
             dx: vec![0.0; n],
             ds: vec![0.0; m],
@@ -269,6 +293,7 @@ impl Ipm {
             phase: b' ',
             resto: None,
             fatal: false,
+            torn: [false; 2],
             x_start: 1.0,
             f_before: 0.0,
             reduction: KAPPA_RESTO,
@@ -347,7 +372,10 @@ impl Ipm {
         let clock = Instant::now();
         self.stats = Statistics::default();
         let base = self.system.factorisations();
-        let outcome = self.iterate_to_end(nlp, bounds, start, continuation, control, &mut probe);
+        let outcome = control.within(f64::INFINITY, |control| {
+            let outcome = self.iterate_to_end(nlp, bounds, start, continuation, control, &mut probe);
+            ended_by(outcome)
+        });
         self.stats.factorisations += self.system.factorisations() - base;
         self.stats.time_total = clock.elapsed().as_secs_f64();
         outcome
@@ -376,7 +404,8 @@ impl Ipm {
         self.left.copy_from(&self.it);
         self.x_start = 1.0 + self.it.x.iter().fold(0f64, |a, v| a.max(v.abs()));
         self.falling = 0;
-        let (mut jams, mut tiny_steps) = (0, 0);
+        (self.f_before, self.fall_before) = (0.0, 0.0);
+        let (mut jams, mut tiny_steps, mut standing, mut rooms) = (0, 0, 0, 0);
         loop {
             let mut m = self.measure(nlp);
             self.fill_info(nlp, &m);
@@ -411,8 +440,12 @@ impl Ipm {
             }
             self.info.phase = self.phase;
             let searched = if self.direction(nlp) { self.line_search(nlp) } else { Search::Jammed };
+            if let Some(why) = stop::requested().filter(|_| !matches!(searched, Search::Accepted)) {
+                return why.into();
+            }
             let tiny = matches!(searched, Search::Accepted) && self.info.alpha_pr < TINY_STEP;
             tiny_steps = if tiny { tiny_steps + 1 } else { 0 };
+            standing = if self.stands(&searched, &m) { standing + 1 } else { 0 };
             let lost = tiny_steps > TINY_STEPS
                 && self.settings.restore_tiny
                 && self.settings.restoration
@@ -429,6 +462,10 @@ impl Ipm {
                     self.info.phase = b'r';
                 }
                 _ if self.fatal => return Outcome::Failed,
+                Search::Accepted if standing >= STANDING_STEPS && rooms < ROOMS => {
+                    (standing, rooms) = (0, rooms + 1);
+                    self.make_room(nlp, continuation.relaxed_rows());
+                }
                 Search::Accepted => {
                     if probe.as_mut().is_some_and(|p| p(&self.it.x)) {
                         return Outcome::Solved;
@@ -482,6 +519,15 @@ impl Ipm {
             it.x[j] = if shape.fixed[j] { b.xl[j] } else { push_inside(it.x[j], b.xl[j], b.xu[j], push) };
         }
         if !self.evaluate(nlp) || !self.differentiate(nlp) {
+            // there are no residuals at this point, and those of an earlier one are not its own
+            let Ipm { it, v, .. } = self;
+            v.f = f64::NAN;
+            v.c.fill(f64::INFINITY);
+            v.grad.fill(f64::INFINITY);
+            v.jac.fill(0.0);
+            for z in [&mut it.s, &mut it.y, &mut it.zl, &mut it.zu, &mut it.vl, &mut it.vu] {
+                z.fill(0.0);
+            }
             return false;
         }
         let mu = self.level.mu;
@@ -540,12 +586,18 @@ impl Ipm {
         self.stats.evaluations += 1;
         let r = nlp.eval(&self.it.x, &mut self.v.c);
         self.stats.time_eval += clock.elapsed().as_secs_f64();
+        self.torn[0] = r == Err(EvalError::Stopped);
         match r {
             Ok(f) => {
                 self.v.f = f;
                 f.is_finite()
             }
-            Err(_) => false,
+            Err(_) => {
+                if self.torn[0] {
+                    self.v.f = f64::NAN;
+                }
+                false
+            }
         }
     }
 
@@ -553,6 +605,7 @@ impl Ipm {
         let clock = Instant::now();
         let r = nlp.derivatives(&self.it.x, &mut self.v.grad, &mut self.v.jac);
         self.stats.time_eval += clock.elapsed().as_secs_f64();
+        self.torn[1] = r == Err(EvalError::Stopped);
         r.is_ok()
     }
 
@@ -592,13 +645,14 @@ impl Ipm {
         nlp.bilinear().iter().map(|p| self.it.x[p.a].min(self.it.x[p.b])).fold(0.0, f64::max)
     }
 
-    /// Unscaled residuals at the point reached.
+    /// Unscaled residuals at the point reached; NaN where the solve was asked to end before they were known.
     pub fn residuals(&mut self, nlp: &dyn Nlp) -> Residuals {
         lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
         let e = self.errors(0.0);
+        let known = |torn: bool, v: f64| if torn { f64::NAN } else { v };
         Residuals {
-            primal: e.primal,
-            dual: e.dual,
+            primal: known(self.torn[0], e.primal),
+            dual: known(self.torn[0] || self.torn[1], e.dual),
             complementarity: e.compl,
             pair_product: self.pair_product(nlp),
             pair_min: self.pair_min(nlp),
@@ -629,8 +683,9 @@ impl Ipm {
                 continue;
             }
             self.bounds.cu[i] = level.sigma;
-            // the distance that keeps this row on the central path with its present multiplier
-            let gap = (level.mu / self.it.vu[i].max(1e-300)).min(0.9 * level.sigma);
+            // the distance that keeps this row on the central path with its present multiplier, as far as that is a
+            // distance in double precision
+            let gap = (level.mu / self.it.vu[i].max(1e-300)).min(0.9 * level.sigma).max(tiny_gap(level.sigma));
             self.it.s[i] = self.v.c[i].min(level.sigma - gap);
             let dist = level.sigma - self.it.s[i];
             self.it.vu[i] = clamp_multiplier(self.it.vu[i], dist, level.mu);
@@ -639,11 +694,57 @@ impl Ipm {
         true
     }
 
+    /// Was the last step cut short to next to nothing, where the rows are satisfied and only the multipliers are not?
+    fn stands(&self, searched: &Search, before: &Measures) -> bool {
+        let size = self.it.x.iter().fold(1.0f64, |a, v| a.max(v.abs()));
+        let IterationInfo { alpha_pr, step, .. } = self.info;
+        let cut = matches!(searched, Search::Accepted) && alpha_pr < 1.0 && alpha_pr * step <= STANDING * size;
+        cut && before.primal <= 10.0 * ROOM && before.dual > before.primal
+    }
+
+    /// Moves the bounds that the point is closer to than `ROOM` outwards. Where constraints leave no room between their
+    /// bounds (an equation that puts a state on its bound, say) there is no point inside of them, distances shrink to
+    /// rounding, and multipliers grow without limit. Bounds of pairs and of relaxed rows stay: they have their own
+    /// relaxation.
+    fn make_room(&mut self, nlp: &dyn Nlp, relaxed: Range<usize>) {
+        let Ipm { it, bounds: b, shape: sh, level, .. } = self;
+        let mut paired = vec![false; it.x.len()];
+        for p in nlp.bilinear() {
+            (paired[p.a], paired[p.b]) = (true, true);
+        }
+        // the bound `b`, on the side `out` of the value `v`, with its multiplier `z`
+        let move_out = |v: f64, b: &mut f64, z: &mut f64, out: f64| {
+            let room = ROOM * b.abs().max(1.0);
+            if out * (*b - v) < room {
+                *b += out * room;
+                *z = level.mu / (out * (*b - v));
+            }
+        };
+        for j in (0..it.x.len()).filter(|j| !paired[*j]) {
+            if sh.has_xl[j] {
+                move_out(it.x[j], &mut b.xl[j], &mut it.zl[j], -1.0);
+            }
+            if sh.has_xu[j] {
+                move_out(it.x[j], &mut b.xu[j], &mut it.zu[j], 1.0);
+            }
+        }
+        for i in (0..it.s.len()).filter(|i| !relaxed.contains(i)) {
+            if sh.has_cl[i] {
+                move_out(it.s[i], &mut b.cl[i], &mut it.vl[i], -1.0);
+            }
+            if sh.has_cu[i] {
+                move_out(it.s[i], &mut b.cu[i], &mut it.vu[i], 1.0);
+            }
+        }
+        self.estimate_multipliers();
+        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c), self.settings.theta_room);
+    }
+
     /// Newton direction of the barrier problem.
     fn direction(&mut self, nlp: &mut dyn Nlp) -> bool {
         let clock = Instant::now();
         let hessian = nlp.hessian(&self.it.x, 1.0, &self.it.y, &mut self.v.hess);
-        self.fatal = matches!(hessian, Err(EvalError::Fatal(_)));
+        self.fatal = matches!(hessian, Err(EvalError::Fatal(_) | EvalError::Stopped));
         let evaluated = clock.elapsed().as_secs_f64();
         self.stats.time_eval += evaluated;
         if hessian.is_err() {
@@ -785,13 +886,13 @@ pub(super) fn start_multiplier(has: bool, warm: bool, z: f64, dist: f64, mu: f64
 
 /// Moves a value inside its bounds by a relative distance, (34)-(35) of Wächter and Biegler.
 pub(super) fn push_inside(v: f64, lo: f64, hi: f64, push: f64) -> f64 {
-    use super::problem::INFINITE;
+    use super::problem::{within, INFINITE};
     let (has_lo, has_hi) = (lo > -INFINITE, hi < INFINITE);
     match (has_lo, has_hi) {
         (true, true) => {
             let pl = (push * lo.abs().max(1.0)).min(push.min(0.25) * (hi - lo));
             let pu = (push * hi.abs().max(1.0)).min(push.min(0.25) * (hi - lo));
-            v.clamp(lo + pl, hi - pu)
+            within(v, lo + pl, hi - pu)
         }
         (true, false) => v.max(lo + push * lo.abs().max(1.0)),
         (false, true) => v.min(hi - push * hi.abs().max(1.0)),

@@ -5,13 +5,16 @@
 
 use super::rewire::Rewire;
 use super::terms::{combination, Stack};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::event::{Engine, Options, Outcome};
+use crate::fesd;
 use crate::func::{Dims, Point};
 use crate::nlp::{self, Control};
-use crate::settings::{Discretisation, RkFamily, Settings};
-use crate::sim::Simulator;
+use crate::settings::Discretisation;
+use crate::sim::{Simulator, SolveOptions};
+use crate::stop::{self, Why};
 use crate::system::{SharedFunction, System};
+use crate::tableau::Family;
 
 /// Steps the simulation may take: an answer that needs more is not worth the wait.
 const MAX_STEPS: usize = 200_000;
@@ -19,8 +22,8 @@ const MAX_STEPS: usize = 200_000;
 /// Comparison of an answer with the simulation of its controls.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Accuracy {
-    /// How the simulation ended; what follows is NaN from where it did not get.
-    pub outcome: Outcome,
+    /// How the simulation ended, `None` where it was asked to end; what follows is NaN from where it did not get.
+    pub outcome: Option<Outcome>,
     /// Why, where the end of the horizon is not reached.
     pub reason: String,
     /// Largest difference of a state at the end of every control stage `[n_stages]`.
@@ -40,6 +43,55 @@ pub struct Accuracy {
     /// Largest difference at the end of every stage where the simulation of the stage starts at the state of the answer:
     /// what the stage itself makes of the error, `[n_stages]`, NaN where it got stuck. Empty unless the grid is adapted.
     pub local: Vec<f64>,
+    /// The largest of the differences that are out of proportion to their states, see [`Difference`].
+    pub large: Option<Difference>,
+}
+
+/// A state of the answer and of the simulation at the end of a control stage, further apart than [`LARGE`] of its size.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Difference {
+    /// Control stage.
+    pub stage: usize,
+    /// State.
+    pub state: usize,
+    /// The difference.
+    pub value: f64,
+    /// Largest modulus of the state at the ends of the control stages, of the answer or of the simulation.
+    pub size: f64,
+}
+
+/// Share of the size of a state from which a difference is worth a word.
+const LARGE: f64 = 1e-2;
+/// Multiples of its tolerance up to which a difference may be the simulation's own: its errors add up.
+const NOISE: f64 = 1e3;
+
+impl Accuracy {
+    /// What is known without a simulation.
+    fn unknown(n_stages: usize, nx: usize) -> Accuracy {
+        Accuracy {
+            outcome: None,
+            reason: String::new(),
+            stages: vec![f64::NAN; n_stages],
+            terminal: f64::NAN,
+            terminal_violation: f64::NAN,
+            cost: f64::NAN,
+            cost_error: f64::NAN,
+            x_end: vec![f64::NAN; nx],
+            n_switches: 0,
+            local: Vec::new(),
+            large: None,
+        }
+    }
+
+    /// A comparison that was asked to end before it began.
+    pub(super) fn stopped(n_stages: usize, nx: usize, why: Why) -> Accuracy {
+        Accuracy { reason: why.words().into(), ..Accuracy::unknown(n_stages, nx) }
+    }
+
+    /// Did the simulation reach the end of the horizon?
+    pub fn reached(&self) -> bool {
+        self.outcome == Some(Outcome::Reached)
+    }
 }
 
 /// What is simulated: piecewise constant inputs, and what they are compared with.
@@ -60,6 +112,8 @@ pub(super) struct Answer<'a> {
     pub mayer: Option<&'a SharedFunction>,
     /// Cost at the end of every stage.
     pub grid_cost: Option<&'a SharedFunction>,
+    /// Tolerance of the simulation.
+    pub tol: f64,
     /// Terminal constraints with their bounds.
     pub terminal: Vec<(&'a SharedFunction, &'a [f64], &'a [f64])>,
 }
@@ -85,6 +139,7 @@ impl Answer<'_> {
                 cost: 0.0,
                 mayer: None,
                 grid_cost: None,
+                tol: self.tol,
                 terminal: Vec::new(),
             }
         };
@@ -92,8 +147,14 @@ impl Answer<'_> {
     }
 }
 
-/// What simulates answers.
-pub(super) enum Replay {
+/// What simulates answers, made for one tolerance and one set of options.
+pub(super) struct Replay {
+    method: Method,
+    tol: f64,
+    options: SolveOptions,
+}
+
+enum Method {
     /// The event-driven engine.
     Events(Box<Engine>),
     /// For systems that it does not know: more accurate finite elements on a grid of their own.
@@ -101,7 +162,7 @@ pub(super) enum Replay {
 }
 
 /// Stage points and steps per control stage of simulations by finite elements: of another order than the answer's.
-const STAGES: i64 = 5;
+const STAGES: usize = 5;
 const STEPS: usize = 8;
 
 /// A simulation by finite elements, and what it met.
@@ -119,35 +180,37 @@ impl Replay {
         system: &System,
         lagrange: Option<&SharedFunction>,
         linear: &[bool],
-        settings: &Settings,
+        tol: f64,
+        options: &SolveOptions,
     ) -> Result<Replay> {
         let extended = with_cost(system, lagrange, linear)?;
         if system.n_algebraic() == 0 && system.inclusions().is_empty() {
-            let tol = settings.accuracy_tol;
-            let options = Options { max_steps: MAX_STEPS, ..Options::with_tolerance(tol, tol) };
-            return Ok(Replay::Events(Box::new(Engine::new(&extended, &options)?)));
+            let loose = Options { max_steps: MAX_STEPS, ..Options::with_tolerance(tol, tol) };
+            let method = Method::Events(Box::new(Engine::new(&extended, &loose)?));
+            return Ok(Replay { method, tol, options: *options });
         }
-        let n_s = if settings.n_s == STAGES { STAGES + 1 } else { STAGES };
-        let fine = Settings {
-            rk_family: RkFamily::RadauIia as i64,
-            n_s,
-            n_fe: 2,
-            discretisation: Discretisation::Fesd as i64,
-            ..*settings
+        let coarse = &options.discretisation;
+        let discretisation = fesd::Options {
+            family: Family::RadauIia,
+            n_s: if coarse.n_s == STAGES { STAGES + 1 } else { STAGES },
+            discretisation: Discretisation::Fesd,
+            ..*coarse
         };
-        let simulator = Simulator::new(&extended, &fine)?;
-        Ok(Replay::Elements(Box::new(Elements {
-            simulator,
-            duration: 0.0,
-            switches: Vec::new(),
-            reason: String::new(),
-        })))
+        let simulator = Simulator::with_options(&extended, &SolveOptions { discretisation, n_fe: 2, ..*options })?;
+        let elements = Elements { simulator, duration: 0.0, switches: Vec::new(), reason: String::new() };
+        Ok(Replay { method: Method::Elements(Box::new(elements)), tol, options: *options })
+    }
+
+    /// Was it made for these?
+    pub fn fits(&self, tol: f64, options: &SolveOptions) -> bool {
+        // by events only the tolerance counts
+        self.tol == tol && (matches!(self.method, Method::Events(_)) || self.options == *options)
     }
 
     fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
-        match self {
-            Replay::Events(e) => e.reinit(t, x),
-            Replay::Elements(e) => {
+        match &mut self.method {
+            Method::Events(e) => e.reinit(t, x),
+            Method::Elements(e) => {
                 e.switches.clear();
                 e.simulator.set_state(t, x)
             }
@@ -156,13 +219,13 @@ impl Replay {
 
     /// Simulates a control stage that ends at `t`.
     fn advance(&mut self, t: f64, u: &[f64], p: &[f64]) -> Result<Outcome> {
-        match self {
-            Replay::Events(e) => {
+        match &mut self.method {
+            Method::Events(e) => {
                 e.set_params(p)?;
                 e.set_controls(u)?;
                 e.advance(t.max(e.time()))
             }
-            Replay::Elements(e) => {
+            Method::Elements(e) => {
                 e.simulator.set_params(p)?;
                 e.simulator.set_controls(u)?;
                 e.duration = t - e.simulator.time();
@@ -170,6 +233,7 @@ impl Replay {
                     return Ok(Outcome::Reached);
                 }
                 let r = e.simulator.run(e.duration, STEPS, &mut Control::default())?;
+                stop::check()?;
                 e.switches.extend(r.trajectory.switches.iter().map(|s| s.t));
                 e.reason = format!("the simulation by finite elements ended: {}", r.outcome.name());
                 Ok(if r.outcome == nlp::Outcome::Solved { Outcome::Reached } else { Outcome::NoContinuation })
@@ -178,31 +242,31 @@ impl Replay {
     }
 
     fn state(&self) -> &[f64] {
-        match self {
-            Replay::Events(e) => e.state(),
-            Replay::Elements(e) => e.simulator.state(),
+        match &self.method {
+            Method::Events(e) => e.state(),
+            Method::Elements(e) => e.simulator.state(),
         }
     }
 
     fn n_switches(&self) -> usize {
-        match self {
-            Replay::Events(e) => e.stats().switches,
-            Replay::Elements(e) => e.switches.len(),
+        match &self.method {
+            Method::Events(e) => e.stats().switches,
+            Method::Elements(e) => e.switches.len(),
         }
     }
 
     /// Times of the switches.
     pub fn switch_times(&self) -> Vec<f64> {
-        match self {
-            Replay::Events(e) => e.switches().iter().map(|s| s.t).collect(),
-            Replay::Elements(e) => e.switches.clone(),
+        match &self.method {
+            Method::Events(e) => e.switches().iter().map(|s| s.t).collect(),
+            Method::Elements(e) => e.switches.clone(),
         }
     }
 
     fn reason(&self) -> &str {
-        match self {
-            Replay::Events(e) => e.reason(),
-            Replay::Elements(e) => &e.reason,
+        match &self.method {
+            Method::Events(e) => e.reason(),
+            Method::Elements(e) => &e.reason,
         }
     }
 }
@@ -216,18 +280,8 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
     start.extend(ramps.iter().map(|&j| answer.controls[j]));
     let first = start.len();
     start.extend_from_slice(answer.x0);
-    let mut found = Accuracy {
-        outcome: Outcome::Reached,
-        reason: String::new(),
-        stages: vec![f64::NAN; n],
-        terminal: f64::NAN,
-        terminal_violation: f64::NAN,
-        cost: f64::NAN,
-        cost_error: f64::NAN,
-        x_end: vec![f64::NAN; nx],
-        n_switches: 0,
-        local: Vec::new(),
-    };
+    let mut found = Accuracy::unknown(n, nx);
+    let (mut differences, mut sizes) = (vec![0.0; n * nx], vec![0.0f64; nx]);
     engine.reinit(answer.t0, &start)?;
     let mut t = answer.t0;
     let (mut u, mut at_grid) = (vec![0.0; nu], 0.0);
@@ -237,11 +291,19 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
             u[j] = (answer.control_ends[k * nu + j] - u[j]) / answer.durations[k].max(f64::MIN_POSITIVE);
         }
         t += answer.durations[k];
-        found.outcome = engine.advance(t, &u, &answer.params[k * np..(k + 1) * np])?;
+        found.outcome = match engine.advance(t, &u, &answer.params[k * np..(k + 1) * np]) {
+            Err(Error::Interrupted | Error::OutOfTime) => None,
+            r => Some(r?),
+        };
         found.n_switches = engine.n_switches();
-        if found.outcome != Outcome::Reached {
-            found.reason = engine.reason().to_owned();
+        if !found.reached() {
+            found.reason = stop::requested().map_or_else(|| engine.reason().to_owned(), |why| why.words().into());
             return Ok(found);
+        }
+        for (i, a) in engine.state()[first..].iter().enumerate() {
+            let b = answer.states[k * nx + i];
+            differences[k * nx + i] = (a - b).abs();
+            sizes[i] = sizes[i].max(a.abs()).max(b.abs());
         }
         let pairs = engine.state()[first..].iter().zip(&answer.states[k * nx..(k + 1) * nx]);
         found.stages[k] = pairs.fold(0.0, |m, (a, b)| m.max((a - b).abs()));
@@ -251,6 +313,11 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
             at_grid += values(f, &at)[0];
         }
     }
+    let large = |at: &usize| differences[*at] > (LARGE * sizes[at % nx]).max(NOISE * answer.tol);
+    let share = |at: &usize| differences[*at] / sizes[at % nx];
+    let worst = (0..n * nx).filter(large).max_by(|a, b| share(a).total_cmp(&share(b)).then(b.cmp(a)));
+    found.large =
+        worst.map(|at| Difference { stage: at / nx, state: at % nx, value: differences[at], size: sizes[at % nx] });
     found.terminal = found.stages[n - 1];
     found.x_end.copy_from_slice(&engine.state()[first..]);
     u.copy_from_slice(&answer.control_ends[(n - 1) * nu..]);

@@ -1,11 +1,16 @@
 //! Grids that follow the error: finite elements are added where the simulation of the answer asks for them and taken away
 //! where they are idle, and the next solve starts from the last solution with its mode sequence.
 
-use super::solve::Start;
-use super::{ModeSequence, Ocp, OcpResult};
-use crate::error::Result;
+use std::time::Instant;
+
+use super::request::{Comparison, Request};
+use super::solve::{Built, Start};
+use super::{Ocp, OcpResult, MAX_ELEMENTS};
+use crate::error::{Error, Result};
 use crate::mpcc::Polish;
 use crate::nlp::{Control, Outcome, Statistics};
+use crate::settings::Settings;
+use crate::stop;
 
 /// Share of the error asked for that one stage may make.
 const SHARE: f64 = 0.3;
@@ -48,109 +53,128 @@ pub struct Adaptation {
     pub reached: bool,
 }
 
-/// What of the problem is borrowed to hand a solution over.
-struct Borrowed {
-    x_guess: Option<(Vec<f64>, Vec<f64>)>,
-    u_guess: Option<Vec<f64>>,
-    modes: Option<ModeSequence>,
-    durations: Vec<f64>,
-    params: Vec<f64>,
-    stage_params: Option<Vec<f64>>,
-    accuracy: (i64, f64),
+/// The best answer so far, with what was built for it where another grid has taken its place.
+struct Kept {
+    result: OcpResult,
+    built: Option<Built>,
+}
+
+/// The rounds so far.
+#[derive(Default)]
+struct Rounds {
+    story: Adaptation,
+    spent: Statistics,
+    time_build: f64,
+    /// Stages that have grown: they do not shrink again.
+    grown: Vec<bool>,
+    best: Option<Kept>,
+    /// The round that a limit or a stop has ended, and how.
+    cut_short: Option<(usize, Outcome)>,
 }
 
 impl Ocp {
-    /// Solves until the error of the answer is `adapt_tol`, or the budget is spent. The grid that was reached stays.
-    pub(super) fn adapt(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
-        control.limit(self.settings.max_time);
-        let before = Borrowed {
-            x_guess: self.x_guess.clone(),
-            u_guess: self.u_guess.clone(),
-            modes: self.modes.clone(),
-            durations: self.durations.clone(),
-            params: self.params.clone(),
-            stage_params: self.stage_params.clone(),
-            accuracy: (self.settings.accuracy, self.settings.accuracy_tol),
+    /// Solves until the error of the answer is `adapt_tol`, or the budget is spent. Guesses, modes, lengths and grids that
+    /// go from one round to the next are those of a copy of the problem: what was stated stays as it was. Warm starts and
+    /// derivatives are those of the answer, on the grid that was reached.
+    pub(super) fn adapt(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
+        let clock = Instant::now();
+        let tol = self.settings.accuracy_tol.min((RESOLUTION * self.settings.adapt_tol).max(1e-13));
+        let request = Request { comparison: Some(Comparison { tol, by_stage: true }), ..*request };
+        let mut work = self.blank();
+        if let Some(b) = self.built.as_ref().filter(|_| start == Start::Warm) {
+            work.n_fe = b.n_fe().to_vec();
+        }
+        (work.built, work.engine) = (self.built.take(), self.engine.take());
+        let mut rounds = Rounds { grown: vec![false; self.n_stages], ..Rounds::default() };
+        let end = work.adapt_rounds(start, &request, &mut rounds, control);
+        let aside = rounds.best.as_mut().and_then(|k| k.built.take());
+        (self.built, self.engine) = (aside.or(work.built), work.engine);
+        self.builds += work.builds;
+        end?;
+        let Rounds { mut story, spent, time_build, best: Some(Kept { mut result, .. }), cut_short, .. } = rounds else {
+            return Err(Error::Internal("no round of the adaptation ended".into()));
         };
-        self.settings.accuracy = 1;
-        let resolution = (RESOLUTION * self.settings.adapt_tol).max(1e-13);
-        self.settings.accuracy_tol = self.settings.accuracy_tol.min(resolution);
-        let solved = self.adapt_rounds(start, control);
-        self.x_guess = before.x_guess;
-        self.u_guess = before.u_guess;
-        self.modes = before.modes;
-        self.durations = before.durations;
-        self.params = before.params;
-        self.stage_params = before.stage_params;
-        (self.settings.accuracy, self.settings.accuracy_tol) = before.accuracy;
-        let best = solved?;
-        Ok(self.result.insert(best))
+        story.reached = result.is_exact() && result.error() <= self.settings.adapt_tol;
+        if let Some((last, outcome)) = cut_short.filter(|c| c.0 != story.kept) {
+            let more = if result.message.is_empty() { "" } else { "; " };
+            let end = outcome.name();
+            result.message += &format!(
+                "{more}round {last} of the adaptation ended by {end}: the answer is that of round {}",
+                story.kept
+            );
+            if outcome == Outcome::Stopped {
+                result.outcome = outcome;
+            }
+        }
+        result.stats = Statistics { time_total: clock.elapsed().as_secs_f64() - time_build, ..spent };
+        result.time_build = time_build;
+        result.adaptation = Some(story);
+        Ok(self.result.insert(result))
     }
 
-    fn adapt_rounds(&mut self, start: Start, control: &mut Control) -> Result<OcpResult> {
-        let tol = self.settings.adapt_tol;
-        let mut story = Adaptation::default();
-        let (mut spent, mut built) = (Statistics::default(), 0.0);
-        let mut grown = vec![false; self.n_stages];
-        let mut best: Option<OcpResult> = None;
+    fn adapt_rounds(
+        &mut self,
+        start: Start,
+        request: &Request,
+        rounds: &mut Rounds,
+        control: &mut Control,
+    ) -> Result<()> {
+        let Settings { adapt_tol: tol, adapt_rounds, adapt_elements, .. } = self.settings;
         let mut start = start;
         loop {
-            let r = self.run(start, control)?.clone();
-            spent.add(&r.stats);
-            built += r.time_build;
-            story.rounds.push(Round {
-                elements: self.elements(),
+            let r = match self.run(start, request, control) {
+                Ok(r) => r.clone(),
+                // what is asked to end has no value: that is no failure of the rounds before
+                Err(e) => {
+                    let why = stop::requested().filter(|_| rounds.best.is_some()).ok_or(e)?;
+                    rounds.cut_short = Some((rounds.story.rounds.len(), why.into()));
+                    return Ok(());
+                }
+            };
+            let now = self.elements(&request.options);
+            rounds.spent.add(&r.stats);
+            rounds.time_build += r.time_build;
+            let last = rounds.story.rounds.len();
+            rounds.story.rounds.push(Round {
+                elements: now.clone(),
                 n_variables: r.dimensions.0,
                 error: r.error(),
                 cost: r.cost,
                 exact: r.polish == Polish::Done,
                 iterations: r.stats.iterations,
             });
-            let last = story.rounds.len() - 1;
-            if best.as_ref().is_none_or(|b| r.is_better_than(b, tol)) {
-                story.kept = last;
-                best = Some(r.clone());
+            if rounds.best.as_ref().is_none_or(|b| r.is_better_than(&b.result, tol)) {
+                rounds.story.kept = last;
+                rounds.best = Some(Kept { result: r.clone(), built: None });
             }
-            let stopped = !matches!(r.outcome, Outcome::Solved | Outcome::Stalled);
-            if stopped || last >= self.settings.adapt_rounds as usize {
-                break;
+            if !matches!(r.outcome, Outcome::Solved | Outcome::Stalled) {
+                rounds.cut_short = Some((last, r.outcome));
+                return Ok(());
             }
-            let elements = self.next_grid(&r, &mut grown);
-            let most = self.settings.adapt_elements as usize;
-            let (now, next) = (self.elements().iter().sum::<usize>(), elements.iter().sum::<usize>());
+            let elements = self.next_grid(&r, &now, &mut rounds.grown);
+            let sizes = (now.iter().sum::<usize>(), elements.iter().sum::<usize>());
             let reached = r.is_exact() && r.error() <= tol;
-            if elements == self.elements() || next > most || (reached && WORTH * next as f64 > now as f64) {
-                break;
+            if last >= adapt_rounds as usize
+                || elements == now
+                || sizes.1 > adapt_elements as usize
+                || elements.iter().any(|n| *n > MAX_ELEMENTS)
+                || (reached && WORTH * sizes.1 as f64 > sizes.0 as f64)
+            {
+                return Ok(());
             }
             self.carry_over(&r)?;
             self.set_elements(&elements)?;
+            if let Some(best) = rounds.best.as_mut().filter(|_| rounds.story.kept == last) {
+                best.built = self.built.take();
+            }
             start = Start::Carried;
         }
-        let mut kept = match best {
-            Some(b) if story.kept + 1 < story.rounds.len() => {
-                // back to the grid of the best solution, so that derivatives and warm starts are those of the result
-                self.carry_over(&b)?;
-                self.set_elements(&story.rounds[story.kept].elements.clone())?;
-                let again = self.run(Start::Carried, control)?.clone();
-                spent.add(&again.stats);
-                again
-            }
-            Some(b) => b,
-            None => return Err(crate::error::Error::Internal("no round of the adaptation ended".into())),
-        };
-        story.reached = kept.is_exact() && kept.error() <= tol;
-        let total = spent.time_total;
-        kept.stats = Statistics { time_total: total, ..spent };
-        kept.time_build = built;
-        kept.adaptation = Some(story);
-        Ok(kept)
     }
 
-    /// Elements of every stage for the next round.
-    fn next_grid(&self, r: &OcpResult, grown: &mut [bool]) -> Vec<usize> {
+    /// Elements of every stage for the round after the one with the answer `r` on the grid `now`.
+    fn next_grid(&self, r: &OcpResult, now: &[usize], grown: &mut [bool]) -> Vec<usize> {
         let order = r.trajectory.tableau().order().max(1) as f64;
         let phases = phases_of(r, self.n_stages);
-        let now = self.elements();
         let simulated = r.accuracy.as_ref().map_or(&[][..], |a| &a.stages);
         let stuck = simulated.iter().position(|m| m.is_nan());
         let local = r.accuracy.as_ref().map_or(&[][..], |a| &a.local);
@@ -158,7 +182,7 @@ impl Ocp {
         let largest = local.iter().copied().fold(f64::MIN_POSITIVE, f64::max);
         let growth = (r.error() / largest).max(1.0);
         let share = SHARE * self.settings.adapt_tol / growth;
-        let mut next = now.clone();
+        let mut next = now.to_vec();
         for k in 0..self.n_stages {
             let error = local.get(k).copied().unwrap_or(f64::NAN);
             let wanted = if !r.is_exact() {
@@ -235,11 +259,11 @@ impl OcpResult {
         self.outcome == Outcome::Solved && self.polish != Polish::Rejected
     }
 
-    /// Exact ones are better, then those that can be simulated, then those with the error asked for, among them the
-    /// smaller, else the more accurate.
+    /// Solved ones are better, then exact ones, then those that can be simulated, then those with the error asked for,
+    /// among them the smaller, else the more accurate.
     fn is_better_than(&self, other: &OcpResult, tol: f64) -> bool {
         let reached = |r: &OcpResult| r.error() <= tol;
-        let rank = |r: &OcpResult| (!r.is_exact(), r.error().is_nan(), !reached(r));
+        let rank = |r: &OcpResult| (r.outcome != Outcome::Solved, !r.is_exact(), r.error().is_nan(), !reached(r));
         let (a, b) = (rank(self), rank(other));
         // another optimum, which a coarser grid may leave no room to get away from
         let worse = self.cost > other.cost + tol.max(1e-6) * (1.0 + other.cost.abs());

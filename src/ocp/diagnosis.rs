@@ -4,13 +4,17 @@
 use std::fmt::Write as _;
 
 use super::extend::Slacks;
+use super::request::Request;
 use super::terms::combination;
 use super::{Norm, Ocp, OcpResult};
+use crate::event;
 use crate::fesd::{Fesd, Part, PathAt, Place, Role, RowMeaning, Trouble, VariableMeaning};
 use crate::func::{Callback, EvalError, Point};
-use crate::mpcc::{Mpcc, Polish};
+use crate::mpcc::{BStationarity, Mpcc, Polish};
 use crate::nlp::{Bounds, Control, Nlp, Outcome};
-use crate::settings::Settings;
+use crate::settings::Discretisation;
+use crate::sim::SolveOptions;
+use crate::stop;
 use crate::system::System;
 
 /// Evaluations after which a failure of a function has nothing to do with the end of a solve any more.
@@ -33,28 +37,81 @@ pub(super) struct Case<'a> {
     pub system: &'a System,
 }
 
+/// What a diagnosis says.
+pub(super) struct Diagnosis {
+    pub message: String,
+    /// The outcome of the result, with what the diagnosis showed.
+    pub outcome: Outcome,
+    /// A function without a value is the reason.
+    pub undefined: bool,
+}
+
+impl OcpResult {
+    pub(super) fn take(&mut self, d: Diagnosis) {
+        (self.message, self.outcome, self.undefined) = (d.message, d.outcome, d.undefined);
+    }
+}
+
+/// What the problem with relaxed constraints showed of the problem itself.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Shown {
+    Nothing,
+    /// The violation of the constraints has a local minimum, and it is not zero.
+    Infeasible,
+    /// A point that meets them.
+    Feasible,
+}
+
 impl Ocp {
-    /// Why the result is no exact solution; empty where it is one, and where it was asked to stop.
-    pub(super) fn diagnose(&mut self, case: &mut Case, control: &Control) -> String {
+    /// Why the result is no exact solution, and what the comparison with the simulation says of one; empty where there is
+    /// nothing to say, and where the solve was asked to stop.
+    pub(super) fn diagnose(&mut self, case: &mut Case, request: &Request, control: &Control) -> Diagnosis {
         let r = case.result;
-        if r.outcome == Outcome::Stopped || (r.outcome == Outcome::Solved && r.polish != Polish::Rejected) {
-            return String::new();
+        let mut d = Diagnosis { message: String::new(), outcome: r.outcome, undefined: false };
+        if r.outcome == Outcome::Stopped {
+            return d;
         }
+        if r.outcome != Outcome::Solved || r.polish == Polish::Rejected {
+            let text = self.why_not(case, request, control, &mut d);
+            d.message = text;
+        }
+        if let Some(remark) = self.remark(r) {
+            let more = if d.message.is_empty() { "" } else { "; " };
+            d.message = format!("{}{more}{remark}", d.message);
+        }
+        d
+    }
+
+    /// Why there is no exact solution.
+    fn why_not(&self, case: &mut Case, request: &Request, control: &Control, d: &mut Diagnosis) -> String {
+        let r = case.result;
         let failed = r.outcome == Outcome::Failed;
         let trouble = case.problem.trouble().map(|t| (without_value(&t, case.system, self.t0), t.age));
         if let Some((text, _)) = trouble.as_ref().filter(|t| failed || (r.outcome != Outcome::Solved && t.1 <= RECENT))
         {
+            d.undefined = failed;
             return text.clone();
         }
-        let mut parts: Vec<String> = limit(r.outcome, &self.settings).into_iter().collect();
+        let mut parts: Vec<String> = limit(r.outcome, &request.options).into_iter().collect();
         let crowded = self.crowded(r, case.problem);
         let infeasible = matches!(r.outcome, Outcome::Infeasible | Outcome::Stalled);
         if let Some(text) = &crowded {
             parts.push(text.clone());
-        } else if infeasible && self.settings.explain != 0 {
-            parts.push(self.least_violation(r, control));
+        } else if infeasible && request.explain {
+            let (text, shown) = self.least_violation(r, case.problem, &request.options, control);
+            parts.push(text);
+            match shown {
+                Shown::Infeasible => d.outcome = Outcome::Infeasible,
+                Shown::Feasible => d.outcome = Outcome::Stalled,
+                Shown::Nothing => {}
+            }
         }
-        if r.outcome == Outcome::Solved && crowded.is_none() {
+        if let Some(why) = stop::requested().filter(|_| r.outcome == Outcome::Solved) {
+            parts.push(format!(
+                "{} in the search for an exact solution: the answer is that of the relaxation",
+                why.words()
+            ));
+        } else if r.outcome == Outcome::Solved && crowded.is_none() {
             parts.push(
                 "the order of modes that was identified has no exact solution: the answer is that of the relaxation; more \
                  elements may help"
@@ -71,7 +128,7 @@ impl Ocp {
     /// The stage whose elements cannot have the switches of the simulated controls, if there is one.
     fn crowded(&self, r: &OcpResult, problem: &Fesd) -> Option<String> {
         r.accuracy.as_ref()?;
-        let (engine, _) = self.engine.as_ref().filter(|_| problem.detects_switches())?;
+        let engine = self.engine.as_ref().filter(|_| problem.detects_switches())?;
         let mut start = self.t0;
         for (stage, (&length, &n_fe)) in r.durations.iter().zip(&problem.spec().n_fe).enumerate() {
             let inside = |t: f64| t > start + AT_END * length && t < start + (1.0 - AT_END) * length;
@@ -101,19 +158,29 @@ impl Ocp {
     }
 
     /// By how much the constraints are violated at best: the problem without cost, each constraint relaxed.
-    fn least_violation(&self, r: &OcpResult, control: &Control) -> String {
+    fn least_violation(
+        &self,
+        r: &OcpResult,
+        problem: &Fesd,
+        options: &SolveOptions,
+        control: &Control,
+    ) -> (String, Shown) {
+        let mut options = *options;
+        options.solver.certify = true;
         let mut soft = self.blank();
-        soft.settings = Settings { accuracy: 0, mode_search: 0, explain: 0, adapt_tol: 0.0, ..self.settings };
+        soft.n_fe.clone_from(&problem.spec().n_fe);
         (soft.lagrange, soft.mayer) = (None, None);
         for list in [&mut soft.path as &mut dyn Clear, &mut soft.terminal, &mut soft.boundary, &mut soft.squares] {
             list.empty();
         }
         soft.soft.clear();
-        let mut names: Vec<(&str, String)> = Vec::new();
+        let mut names: Vec<(&str, String, Vec<f64>)> = Vec::new();
         let mut ok = true;
         let mut add = |o: &mut Ocp, what: &'static str, f, lower: &[f64], upper: &[f64], at, name: String| {
             ok &= o.add_relaxed(f, lower, upper, at, Norm::L1, 1.0).is_ok();
-            names.push((what, name));
+            let size =
+                |(l, u): (&f64, &f64)| [l, u].into_iter().filter(|b| b.is_finite()).fold(1f64, |m, b| m.max(b.abs()));
+            names.push((what, name, lower.iter().zip(upper).map(size).collect()));
         };
         for (k, c) in self.path.iter().enumerate() {
             let name = format!("path constraint {k} ('{}')", c.f.name());
@@ -136,16 +203,26 @@ impl Ocp {
         let times: Vec<f64> = elements().map(|e| e.t - self.t0).collect();
         let x: Vec<f64> = elements().flat_map(|e| e.x0.iter().copied()).collect();
         let _ = soft.set_x_guess(&times, &x);
-        let mut inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
-        if !ok || soft.solve(&mut inner).map_or(true, |r| r.outcome != Outcome::Solved) {
-            return "no feasible point was found, not even for the dynamics alone with the bounds of controls and initial \
-                    state: look at the model, or add elements"
-                .into();
+        let mut inner = control.quiet();
+        let solved = ok
+            && soft.solve_inside(&options, &mut inner).is_ok()
+            && soft.result.as_ref().is_some_and(|r| r.outcome == Outcome::Solved);
+        if !solved && stop::requested().is_some() {
+            let text = "there was no time left to look for the constraint that cannot be met";
+            return (text.into(), Shown::Nothing);
+        }
+        if !solved {
+            let text =
+                "no feasible point was found, not even for the dynamics alone with the bounds of controls and initial \
+                    state: look at the model, or add elements";
+            return (text.into(), Shown::Nothing);
         }
         let found = soft.slack_values();
         let mut all: Vec<(f64, String)> = Vec::new();
-        for ((what, name), violations) in names.iter().zip(found) {
+        let mut positive = false;
+        for ((what, name, sizes), violations) in names.iter().zip(found) {
             for (row, stage, v) in violations {
+                positive |= v > MET * sizes[row];
                 let place = stage.map_or(String::new(), |k| format!(" in stage {k}"));
                 all.push((v, format!("{name} {what} {row} cannot be met{place}: off by {} at best", short(v))));
             }
@@ -153,15 +230,65 @@ impl Ocp {
         all.retain(|v| v.0 > MET);
         all.sort_by(|a, b| b.0.total_cmp(&a.0));
         if !all.is_empty() {
-            return all.into_iter().take(NAMED).map(|v| v.1).collect::<Vec<_>>().join("; ");
+            let text = all.into_iter().take(NAMED).map(|v| v.1).collect::<Vec<_>>().join("; ");
+            let shown = positive && soft.result.as_ref().is_some_and(is_minimum);
+            return (text, if shown { Shown::Infeasible } else { Shown::Nothing });
         }
         if let Some(c) = self.boundary.first() {
-            return format!(
-                "the constraint '{}' between both ends contradicts the others, which can be met",
-                c.f.name()
+            let text =
+                format!("the constraint '{}' between both ends contradicts the others, which can be met", c.f.name());
+            return (text, Shown::Nothing);
+        }
+        ("a point that meets all constraints exists: start from other controls".into(), Shown::Feasible)
+    }
+
+    /// What the comparison with the simulation says, where it is worth a word.
+    fn remark(&self, r: &OcpResult) -> Option<String> {
+        let a = r.accuracy.as_ref().filter(|_| r.outcome == Outcome::Solved)?;
+        if !a.reached() {
+            let stage = a.stages.iter().position(|s| s.is_nan()).unwrap_or(0);
+            return Some(match a.outcome {
+                None => format!(
+                    "{} in the comparison with the simulation of the controls, stage {stage}: the accuracy is not known",
+                    a.reason
+                ),
+                Some(end) => format!(
+                    "the accuracy is not known: the simulation of the controls ends in stage {stage} ({}); {}",
+                    a.reason,
+                    after(end)
+                ),
+            });
+        }
+        if a.cost.is_nan() || a.terminal_violation.is_nan() {
+            return Some(
+                "the cost of the simulation is not known: a cost or a constraint at the end of a stage has no value at the \
+                 state that was simulated; keep away from the border of its domain"
+                    .into(),
             );
         }
-        "a point that meets all constraints exists: start from other controls".into()
+        let d = a.large?;
+        let (n, own) = (a.n_switches, r.trajectory.switches.len());
+        let switches = if n == own { String::new() } else { format!(", which switches {n} times and not {own} times") };
+        Some(format!(
+            "state {} is off by {} at the end of stage {} (its size is {}) in the simulation of the controls{switches}: {}",
+            d.state,
+            short(d.value),
+            d.stage,
+            short(d.size),
+            self.what_helps()
+        ))
+    }
+
+    /// What brings an answer closer to its simulation.
+    fn what_helps(&self) -> &'static str {
+        let switches = !self.system.subsystems().is_empty();
+        if switches && self.settings.discretisation == Discretisation::Standard as i64 {
+            "fixed steps do not find switches: set discretisation to fesd, or take many more elements (n_fe)"
+        } else if self.settings.adapt_tol > 0.0 {
+            "raise adapt_rounds and adapt_elements, or n_s; of an unstable system simulate shorter horizons"
+        } else {
+            "set adapt_tol, or more stage points (n_s) or elements (n_fe); of an unstable system simulate shorter horizons"
+        }
     }
 
     /// Of every relaxed constraint the slacks of the last solution: row, stage where it is in one, value.
@@ -186,6 +313,25 @@ impl Ocp {
     }
 }
 
+/// Is a solution of the problem with relaxed constraints a local minimum of their violation?
+fn is_minimum(r: &OcpResult) -> bool {
+    let smooth = r.dimensions.2 == 0;
+    r.outcome == Outcome::Solved && (smooth || (r.polish == Polish::Done && r.certificate.b == BStationarity::Yes))
+}
+
+/// What to do where the simulation of the controls ended early.
+fn after(end: event::Outcome) -> &'static str {
+    use event::Outcome as E;
+    match end {
+        E::MaxSteps => "raise accuracy_tol",
+        E::StepTooSmall => "keep away by bounds from where the model has no value, or add elements (n_fe)",
+        E::Zeno => "the switches accumulate there: start elsewhere, or model what is at rest as a mode of its own",
+        E::Reached | E::Ambiguous | E::NoContinuation => {
+            "more stage points (n_s) or elements (n_fe) bring the answer closer to the system, so does adapt_tol"
+        }
+    }
+}
+
 /// Lists of different kinds.
 trait Clear {
     fn empty(&mut self);
@@ -198,9 +344,9 @@ impl<T> Clear for Vec<T> {
 }
 
 /// What ended a solve from outside, or numerically.
-fn limit(outcome: Outcome, s: &Settings) -> Option<String> {
+fn limit(outcome: Outcome, s: &SolveOptions) -> Option<String> {
     match outcome {
-        Outcome::MaxIter => Some(format!("max_iter = {} iterations are not enough", s.max_iter)),
+        Outcome::MaxIter => Some(format!("max_iter = {} iterations are not enough", s.solver.max_iter)),
         Outcome::MaxTime => Some(format!("max_time = {} seconds are not enough", s.max_time)),
         Outcome::Diverging => Some("the variables grow without bound: give bounds to controls and states".into()),
         Outcome::Failed => Some("the linear systems cannot be solved: check scaling and derivatives".into()),
@@ -318,6 +464,7 @@ fn without_value(t: &Trouble, system: &System, t0: f64) -> String {
         EvalError::Recoverable if t.part == Part::Value && value.is_nan() => " returned NaN".into(),
         EvalError::Recoverable if t.part == Part::Value && value.is_infinite() => " returned an infinity".into(),
         EvalError::Recoverable => " is not defined".to_owned(),
+        EvalError::Stopped => " was not asked any more".to_owned(),
     };
     let n_user = system.dims().x.min(d.x);
     let _ = write!(text, " in {} at t = {}, x = ({})", place(t.place), short(t0 + t.t), list(&x[..n_user]));

@@ -2,7 +2,7 @@
 
 use super::extend::Extended;
 use super::{Ocp, SLACK};
-use crate::dcs::{Dcs, FormOptions};
+use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::event::{self, Engine};
 use crate::fesd::{Fesd, Options, Spec};
@@ -11,7 +11,7 @@ use crate::linalg::csc::Pattern;
 use crate::mpcc::{MpccSettings, MpccSolver};
 use crate::nlp::{Control, Nlp, Outcome};
 use crate::settings::{Discretisation, InitialGuess};
-use crate::sim::Simulator;
+use crate::sim::{Simulator, SolveOptions};
 use crate::system::{SharedFunction, System};
 
 /// Tolerance of simulations that are guesses, and their steps at most.
@@ -45,12 +45,13 @@ impl Ocp {
         problem: &mut Fesd,
         e: &Extended,
         stage_params: &[f64],
+        options: &SolveOptions,
         control: &mut Control,
     ) -> Result<(Vec<f64>, Guess)> {
-        let guess = self.make_guess(problem, e, stage_params, control)?;
+        let guess = self.make_guess(problem, e, stage_params, options, control)?;
         let mut w = vec![0.0; problem.n()];
         self.write_guess(problem, &guess, &mut w);
-        if guess.pairs && problem.relax_pairs(&mut w, self.settings.sigma_init).is_err() {
+        if guess.pairs && problem.relax_pairs(&mut w, options.solver.sigma_init).is_err() {
             // without values the multipliers stay as they were written
             problem.forget_trouble();
         }
@@ -73,28 +74,38 @@ impl Ocp {
         );
     }
 
-    fn make_guess(&self, problem: &Fesd, e: &Extended, stage_params: &[f64], control: &mut Control) -> Result<Guess> {
+    fn make_guess(
+        &self,
+        problem: &Fesd,
+        e: &Extended,
+        stage_params: &[f64],
+        options: &SolveOptions,
+        control: &mut Control,
+    ) -> Result<Guess> {
         let controls = self.control_guess();
         if let Some((times, states)) = &self.x_guess {
             return Ok(Guess { times: times.clone(), states: states.clone(), controls, pairs: false });
         }
         let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
         let constant = Guess { times: vec![0.0], states: x0.clone(), controls, pairs: false };
-        let mut kind = self.settings.initial_guess()?;
+        let mut kind = options.initial_guess;
         if self.modes.is_some() && kind == InitialGuess::Constant {
             // a branch problem wants states on the right side of its switches
             kind = InitialGuess::Simulation;
         }
         let system = match kind {
             InitialGuess::Constant => return Ok(constant),
-            InitialGuess::TimeStepping => return self.on_fixed_steps(problem, e, stage_params, constant, control),
+            InitialGuess::TimeStepping => {
+                return self.on_fixed_steps(problem, e, stage_params, options, constant, control)
+            }
             InitialGuess::Simulation => Ok(self.system.clone()),
-            InitialGuess::Smoothed => self.smoothed(),
+            InitialGuess::Smoothed => self.smoothed(options),
         };
-        let options = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
-        let (times, states) = match system.and_then(|s| Engine::new(&s, &options)) {
-            Ok(mut engine) => self.by_events(&mut engine, &x0, &constant.controls)?,
-            Err(Error::Unsupported(_)) => self.by_elements(&x0, &constant.controls, control)?,
+        let loose = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
+        let n_fe = &problem.spec().n_fe;
+        let (times, states) = match system.and_then(|s| Engine::new(&s, &loose)) {
+            Ok(mut engine) => self.by_events(&mut engine, &x0, &constant.controls, n_fe)?,
+            Err(Error::Unsupported(_)) => self.by_elements(&x0, &constant.controls, options, control)?,
             Err(e) => return Err(e),
         };
         Ok(Guess { times, states, pairs: kind == InitialGuess::Smoothed, ..constant })
@@ -115,7 +126,13 @@ impl Ocp {
     }
 
     /// Simulates by events. What fails half way is still a better start than a constant.
-    fn by_events(&self, engine: &mut Engine, x0: &[f64], controls: &[f64]) -> Result<(Vec<f64>, Vec<f64>)> {
+    fn by_events(
+        &self,
+        engine: &mut Engine,
+        x0: &[f64],
+        controls: &[f64],
+        n_fe: &[usize],
+    ) -> Result<(Vec<f64>, Vec<f64>)> {
         let (mut times, mut states) = (vec![0.0], x0.to_vec());
         let nu = self.system.dims().u;
         let mut start = 0.0;
@@ -123,11 +140,14 @@ impl Ocp {
         for (k, &length) in self.durations.iter().enumerate() {
             engine.set_params(self.params_of(k))?;
             engine.set_controls(&controls[k * nu..(k + 1) * nu])?;
-            let n = POINTS * self.elements()[k];
+            let n = POINTS * n_fe[k];
             for i in 1..=n {
                 let t = start + length * i as f64 / n as f64;
-                if engine.advance(self.t0 + t)? != event::Outcome::Reached {
-                    return Ok((times, states));
+                match engine.advance(self.t0 + t) {
+                    Ok(event::Outcome::Reached) => {}
+                    // the solve that is to start there is asked to end as well, and says so
+                    Ok(_) | Err(Error::Interrupted | Error::OutOfTime) => return Ok((times, states)),
+                    Err(e) => return Err(e),
                 }
                 times.push(t);
                 states.extend_from_slice(engine.state());
@@ -138,15 +158,21 @@ impl Ocp {
     }
 
     /// Simulates by finite elements, for systems that the engine does not know.
-    fn by_elements(&self, x0: &[f64], controls: &[f64], control: &mut Control) -> Result<(Vec<f64>, Vec<f64>)> {
+    fn by_elements(
+        &self,
+        x0: &[f64],
+        controls: &[f64],
+        options: &SolveOptions,
+        control: &mut Control,
+    ) -> Result<(Vec<f64>, Vec<f64>)> {
         let (mut times, mut states) = (vec![0.0], x0.to_vec());
         let nu = self.system.dims().u;
-        let mut sim = Simulator::new(&self.system, &self.settings)?;
+        let mut sim = Simulator::with_options(&self.system, options)?;
         sim.set_state(self.t0, x0)?;
         for k in 0..self.n_stages {
             sim.set_params(self.params_of(k))?;
             sim.set_controls(&controls[k * nu..(k + 1) * nu])?;
-            let mut inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
+            let mut inner = control.quiet();
             let r = sim.run(self.durations[k], 1, &mut inner)?;
             for e in r.trajectory.elements.iter().filter(|e| e.h > 1e-12) {
                 times.push(e.t + e.h - self.t0);
@@ -160,13 +186,13 @@ impl Ocp {
     }
 
     /// The system with the weights of the relaxation that the homotopy starts with: it does not switch.
-    fn smoothed(&self) -> Result<System> {
+    fn smoothed(&self, options: &SolveOptions) -> Result<System> {
         let d = self.system.dims();
         if self.system.n_algebraic() > 0 {
             return Err(Error::Unsupported("a smoothed system is an ordinary differential equation".into()));
         }
-        let dcs = Dcs::new(&self.system, FormOptions::from_settings(&self.settings)?)?;
-        let sigma = self.settings.sigma_init;
+        let dcs = Dcs::new(&self.system, options.form)?;
+        let sigma = options.solver.sigma_init;
         let field = Callback::new("smoothed", d, d.x, move |at, out| code(smoothed_field(&dcs, sigma, at, out)));
         let mut s = System::new(d.x, d.u, d.p)?;
         s.set_f0(std::sync::Arc::new(field.with_jacobian_pattern(Pattern::dense(d.x, d.n_in()))?))?;
@@ -179,20 +205,21 @@ impl Ocp {
         problem: &Fesd,
         e: &Extended,
         stage_params: &[f64],
+        options: &SolveOptions,
         constant: Guess,
         control: &mut Control,
     ) -> Result<Guess> {
         let spec = problem.spec();
-        let options = Options { discretisation: Discretisation::Standard, ..spec.options };
-        let mut fixed = Fesd::new(Spec { options, ..spec.clone() }, self.durations[0])?;
-        let sigma_min = EARLY.min(self.settings.sigma_init);
-        let settings = MpccSettings { polish: false, certify: false, sigma_min, ..MpccSettings::from(&self.settings) };
+        let on_grid = Options { discretisation: Discretisation::Standard, ..spec.options };
+        let mut fixed = Fesd::new(Spec { options: on_grid, ..spec.clone() }, self.durations[0])?;
+        let sigma_min = EARLY.min(options.solver.sigma_init);
+        let settings = MpccSettings { polish: false, certify: false, sigma_min, ..options.solver };
         let mut solver = MpccSolver::new(&mut fixed, settings)?;
         let mut bounds = fixed.bounds();
         self.write_data(&mut fixed, &mut bounds, e, stage_params)?;
         let mut w = vec![0.0; fixed.n()];
         self.write_guess(&fixed, &constant, &mut w);
-        let mut inner = Control { interrupt: control.interrupt, monitor: None, deadline: control.deadline };
+        let mut inner = control.quiet();
         let found = solver.solve(&mut fixed, &bounds, &w, &mut inner);
         if matches!(found.outcome, Outcome::Failed | Outcome::Diverging) {
             return Ok(constant);
@@ -208,7 +235,7 @@ impl Ocp {
         let mut ends = x.chunks_exact(d.x);
         guess.times.push(0.0);
         guess.states.extend(ends.next().unwrap_or(&constant.states));
-        for (&length, n) in self.durations.iter().zip(self.elements()) {
+        for (&length, &n) in self.durations.iter().zip(&spec.n_fe) {
             for i in 1..=n {
                 guess.times.push(start + length * i as f64 / n as f64);
                 guess.states.extend(ends.next().unwrap_or(&constant.states));
@@ -224,6 +251,8 @@ fn code(r: std::result::Result<(), EvalError>) -> i32 {
         Ok(()) => 0,
         Err(EvalError::Recoverable) => 1,
         Err(EvalError::Fatal(code)) => code,
+        // asked again before the next evaluation
+        Err(EvalError::Stopped) => 1,
     }
 }
 

@@ -10,14 +10,13 @@ use crate::error::Result;
 use crate::fesd::Trajectory;
 use crate::mpcc::{Side, Wanted};
 use crate::nlp::{Control, Outcome};
-use crate::settings::Settings;
-use crate::sim::Simulator;
+use crate::sim::{Simulator, SolveOptions};
 use crate::system::System;
 
 /// Where controls and initial value are in the variables, and what the grid looks like.
 pub(super) struct Identifier {
     system: System,
-    settings: Settings,
+    options: SolveOptions,
     /// Parameters of every stage.
     pub params: Vec<f64>,
     pub n_p: usize,
@@ -61,10 +60,10 @@ enum Way {
 }
 
 impl Identifier {
-    pub fn new(system: &System, settings: &Settings) -> Identifier {
+    pub fn new(system: &System, options: &SolveOptions) -> Identifier {
         Identifier {
             system: system.clone(),
-            settings: Settings { n_fe: 2, ..*settings },
+            options: SolveOptions { n_fe: 2, ..*options },
             params: Vec::new(),
             n_p: 0,
             t0: 0.0,
@@ -85,6 +84,15 @@ impl Identifier {
             free: 0,
             tried: Vec::new(),
         }
+    }
+
+    /// Simulates with these options from now on.
+    pub fn set_options(&mut self, options: &SolveOptions) {
+        let options = SolveOptions { n_fe: 2, ..*options };
+        if self.options != options {
+            self.simulator = None;
+        }
+        self.options = options;
     }
 
     /// Forgets what was tried; `budget` neighbours may be tried from now on.
@@ -215,7 +223,7 @@ impl Identifier {
     fn simulate(&mut self, w: &[f64], sides: &mut [Side]) -> Result<bool> {
         let mut sim = match self.simulator.take() {
             Some(s) => s,
-            None => Simulator::new(&self.system, &self.settings)?,
+            None => Simulator::with_options(&self.system, &self.options)?,
         };
         let d = self.system.dims();
         sim.set_state(self.t0, &w[self.x0_at..self.x0_at + d.x])?;

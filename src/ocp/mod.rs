@@ -22,6 +22,7 @@ mod joint;
 mod modes;
 mod neighbours;
 mod phases;
+mod request;
 mod rewire;
 mod sensitivity;
 mod solve;
@@ -47,10 +48,14 @@ use self::solve::Built;
 use crate::error::{finite, Error, Result};
 use crate::fesd::{Boundary, PathAt, PathConstraint, Terminal, Trajectory};
 use crate::linalg::kkt::LinearStats;
+use crate::memory::sizes;
 use crate::mpcc::{Certificate, Polish};
 use crate::nlp::{Outcome, Residuals, Statistics};
 use crate::settings::Settings;
 use crate::system::{SharedFunction, System};
+
+/// Finite elements of a stage at most.
+const MAX_ELEMENTS: usize = 100_000;
 
 /// First value of slacks.
 const SLACK: f64 = 0.1;
@@ -91,8 +96,11 @@ pub struct OcpResult {
     /// no value where, which stage needs more elements. Stages, elements, rows are counted from zero. Empty where there
     /// is nothing to say.
     pub message: String,
-    /// The user's cost alone: without penalties of relaxed constraints.
+    /// The user's cost alone: without penalties of relaxed constraints. NaN unless this is a solution.
     pub cost: f64,
+    /// What the point costs that is given here, solution or not. One that is none need not satisfy dynamics and
+    /// constraints, and its cost may lie on either side of that of a solution.
+    pub cost_reached: f64,
     /// Controls `[n_stages · nu]`; where they are linear, at the start of every stage.
     pub controls: Vec<f64>,
     /// Controls at the end of every stage `[n_stages · nu]`: others than at its start where they are linear.
@@ -117,6 +125,8 @@ pub struct OcpResult {
     pub dimensions: (usize, usize, usize),
     /// Comparison with a simulation of the controls; `None` when it is not asked for.
     pub accuracy: Option<Accuracy>,
+    /// A model function has no value where one is needed: that is why there is no solution.
+    pub undefined: bool,
     /// How the grid was adapted; `None` where that was not asked for.
     pub adaptation: Option<Adaptation>,
 }
@@ -156,8 +166,10 @@ pub struct Ocp {
     u_guess: Option<Vec<f64>>,
     modes: Option<ModeSequence>,
     built: Option<Built>,
-    /// Simulates answers, with the tolerance it was made for.
-    engine: Option<(Replay, f64)>,
+    /// How often the problem was discretised.
+    builds: usize,
+    /// Simulates answers.
+    engine: Option<Replay>,
     result: Option<OcpResult>,
 }
 
@@ -166,6 +178,7 @@ impl Ocp {
     /// free, parameters are zero until they are set.
     pub fn new(system: &System, horizon: f64, n_stages: usize, settings: &Settings) -> Result<Ocp> {
         system.validate()?;
+        system.check_without_transitions("optimal control")?;
         settings.validate()?;
         if !(horizon > 0.0 && horizon.is_finite()) {
             return Err(Error::Range(format!("the horizon is {horizon}: it must be positive and finite")));
@@ -173,6 +186,7 @@ impl Ocp {
         if n_stages == 0 {
             return Err(Error::Dimension("the horizon needs at least one control stage".into()));
         }
+        sizes::check("control stages", &[n_stages])?;
         let d = system.dims();
         let free = |n: usize| [vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]];
         Ok(Ocp {
@@ -204,6 +218,7 @@ impl Ocp {
             u_guess: None,
             modes: None,
             built: None,
+            builds: 0,
             engine: None,
             result: None,
         })
@@ -370,11 +385,10 @@ impl Ocp {
         if n_fe.len() != self.n_stages {
             return Err(Error::Dimension(format!("{} numbers of elements for {} stages", n_fe.len(), self.n_stages)));
         }
-        if let Some(k) = n_fe.iter().position(|n| !(1..=100_000).contains(n)) {
-            return Err(Error::Range(format!("stage {k} has {} elements: it needs one at least", n_fe[k])));
+        if let Some(k) = n_fe.iter().position(|n| !(1..=MAX_ELEMENTS).contains(n)) {
+            return Err(Error::Range(format!("stage {k} has {} elements: give it 1 to {MAX_ELEMENTS}", n_fe[k])));
         }
         self.n_fe = n_fe.to_vec();
-        self.built = None;
         Ok(())
     }
 
@@ -522,11 +536,13 @@ impl Ocp {
     /// Changes the settings. The problem is discretised again where its structure depends on what changed.
     pub fn set_settings(&mut self, settings: &Settings) -> Result<()> {
         settings.validate()?;
-        if settings.validate_as_update(&self.settings).is_err() {
-            self.built = None;
-        }
         self.settings = *settings;
         Ok(())
+    }
+
+    /// How often the problem was discretised: a solve that does so loses what the last one knew of the structure.
+    pub fn builds(&self) -> usize {
+        self.builds
     }
 
     /// The settings.

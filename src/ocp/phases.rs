@@ -5,14 +5,17 @@ use std::time::Instant;
 
 use super::diagnosis::Case;
 use super::joint::{Link, Plan, Program};
-use super::solve::Built;
+use super::request::{Comparison, Request};
+use super::solve::{Built, Start};
 use super::terms::combination;
 use super::{check_bounds, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::func::Dims;
-use crate::mpcc::{MpccSettings, MpccSolver, Polish, Side, Solution, Wanted};
+use crate::memory;
+use crate::mpcc::{MpccSolver, Polish, Side, Solution, Wanted};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::Settings;
+use crate::sim::SolveOptions;
 use crate::system::SharedFunction;
 
 /// Violations of links worth a word.
@@ -173,19 +176,34 @@ impl MultiPhase {
 
     /// Solves. `Err` when a phase cannot be stated; how the solver ended is in the result.
     pub fn solve(&mut self, control: &mut Control) -> Result<&MultiPhaseResult> {
+        // what was built is gone where this unwinds, and is built again by the next solve
+        let seconds = self.settings.max_time;
+        memory::bounded(self.settings.max_memory, || {
+            control.within(seconds, |control| self.solve_within(control).map(|_| ()))
+        })?;
+        self.result.as_ref().ok_or_else(|| Error::Internal("a solve without a result".into()))
+    }
+
+    fn solve_within(&mut self, control: &mut Control) -> Result<&MultiPhaseResult> {
         let clock = Instant::now();
-        let mut rebuilt = self.joint.is_none();
+        let request = Request { explain: false, ..Request::from_settings(&self.settings)? };
         for p in &mut self.phases {
-            // what is built with it is used again as long as nothing of the structure changes
-            rebuilt |= p.built.is_none();
-            p.build()?;
+            let before = p.builds;
+            p.build(Start::Cold, &SolveOptions::from_settings(&p.settings)?)?;
+            if p.builds != before {
+                // what is built with it is used again as long as nothing of the structure changes
+                self.joint = None;
+            }
         }
         self.place_in_time();
         let mut built = Vec::with_capacity(self.phases.len());
         for p in &mut self.phases {
             built.push(p.built.take().ok_or_else(|| Error::Internal("a phase was not built".into()))?);
         }
-        let r = self.solve_built(&mut built, rebuilt, control);
+        // the parts are handed out, and come back whatever happens
+        let mut joint = self.joint.take();
+        let r = self.solve_built(&mut built, &mut joint, &request, control);
+        self.joint = joint;
         for (p, b) in self.phases.iter_mut().zip(built) {
             p.built = Some(b);
         }
@@ -203,31 +221,33 @@ impl MultiPhase {
         }
     }
 
-    fn solve_built(&mut self, built: &mut [Built], rebuilt: bool, control: &mut Control) -> Result<MultiPhaseResult> {
+    fn solve_built(
+        &mut self,
+        built: &mut [Built],
+        joint: &mut Option<Joint>,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<MultiPhaseResult> {
         let mut params = Vec::new();
         for (p, b) in self.phases.iter().zip(built.iter_mut()) {
-            params.push(p.prepare(&mut b.problem, &mut b.bounds, &mut b.identifier, &mut b.extended)?);
-            b.identifier.restart(true, self.settings.mode_search as usize);
+            params.push(p.prepare(b)?);
+            b.identifier.restart(true, request.search);
             b.problem.forget_trouble();
             let exit = b.problem.usual_exit();
             b.problem.set_exit(exit);
         }
-        if rebuilt {
-            self.joint = None;
-        }
-        let (mut plan, mut solver) = match self.joint.take() {
-            Some(j) => (j.plan, j.solver),
+        let Joint { plan, solver } = match joint {
+            Some(j) => j,
             None => {
                 let mut plan = Plan::new(&self.links, built);
                 let mut all = Program { parts: built.iter_mut().map(|b| &mut b.problem).collect(), plan: &mut plan };
-                let solver = MpccSolver::new(&mut all, MpccSettings::from(&self.settings))?;
-                (plan, solver)
+                let solver = MpccSolver::new(&mut all, request.options.solver)?;
+                joint.insert(Joint { plan, solver })
             }
         };
-        let bounds = self.bounds(&plan, built);
-        let start = self.starting_point(&plan, built, &params, control)?;
-        solver.settings = MpccSettings::from(&self.settings);
-        control.limit(self.settings.max_time);
+        let bounds = self.bounds(plan, built);
+        let start = self.starting_point(plan, built, &params, &request.options, control)?;
+        solver.settings = request.options.solver;
         let (mut problems, mut identifiers): (Vec<_>, Vec<_>) =
             built.iter_mut().map(|b| (&mut b.problem, &mut b.identifier)).unzip();
         let (groups, variables) = (plan.groups.clone(), plan.variables.clone());
@@ -246,7 +266,7 @@ impl MultiPhase {
                 _ => (0..n_phases).filter(|&k| ask(k, wanted)).count() > 0,
             }
         };
-        let mut all = Program { parts: problems.iter_mut().map(|p| &mut **p).collect(), plan: &mut plan };
+        let mut all = Program { parts: problems.iter_mut().map(|p| &mut **p).collect(), plan };
         solver.solve_with(&mut all, &bounds, &start, control, &mut suggest);
         let found = solver.solution();
         if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
@@ -266,23 +286,23 @@ impl MultiPhase {
             message: String::new(),
             cost: 0.0,
             phases: Vec::new(),
-            link_violation: if evaluated { worst_link(&plan, &bounds, &c).1 } else { f64::NAN },
+            link_violation: if evaluated { worst_link(plan, &bounds, &c).1 } else { f64::NAN },
             error: 0.0,
             residuals: s.residuals,
             stats: s.stats,
             dimensions,
         };
-        let worst = worst_link(&plan, &bounds, &c);
-        self.read_phases(&mut r, &plan, &s, built, &params, control)?;
+        let worst = worst_link(plan, &bounds, &c);
+        self.read_phases(&mut r, plan, &s, built, &params, request, control)?;
         if r.outcome != Outcome::Solved && worst.1 > VIOLATED {
             let more = if r.message.is_empty() { "" } else { "; " };
-            r.message = format!("{}{more}{}", r.message, self.name_of_link(&plan, worst));
+            r.message = format!("{}{more}{}", r.message, self.name_of_link(plan, worst));
         }
-        self.joint = Some(Joint { plan, solver });
         Ok(r)
     }
 
     /// Results, accuracies and messages of the phases.
+    #[allow(clippy::too_many_arguments)]
     fn read_phases(
         &mut self,
         r: &mut MultiPhaseResult,
@@ -290,6 +310,7 @@ impl MultiPhase {
         s: &Solution,
         built: &mut [Built],
         params: &[Vec<f64>],
+        request: &Request,
         control: &Control,
     ) -> Result<()> {
         let mut t0 = self.phases[0].t0;
@@ -303,26 +324,28 @@ impl MultiPhase {
             p.t0 = t0;
             let mut found = p.read(&mut b.problem, &own, &b.extended, &params[k]);
             t0 += found.durations.iter().sum::<f64>();
-            if self.settings.accuracy != 0 && found.outcome != Outcome::Stopped {
-                let a = p.measure(&found, &b.problem, &own.x, &b.extended, &params[k])?;
+            if request.comparison.is_some() {
+                let options = SolveOptions::from_settings(&p.settings)?;
+                let c = Comparison { tol: p.settings.accuracy_tol, by_stage: false };
+                let a = p.compare(&found, &b.problem, &own.x, &b.extended, &params[k], c, &options)?;
                 r.error = if a.terminal.is_nan() { a.terminal } else { r.error.max(a.terminal) };
                 found.accuracy = Some(a);
             } else {
                 r.error = f64::NAN;
             }
             // constraints of a phase alone say little: the links take part
-            let explain = std::mem::replace(&mut p.settings.explain, 0);
             let (bounds, system) = (&b.bounds, &b.extended.system);
             let mut case = Case { result: &found, problem: &mut b.problem, bounds, w: &own.x, system };
-            let message = p.diagnose(&mut case, control);
-            p.settings.explain = explain;
-            if !message.is_empty() {
-                messages.push(format!("phase {k}: {message}"));
+            let diagnosis = p.diagnose(&mut case, request, control);
+            found.take(diagnosis);
+            if !found.message.is_empty() {
+                messages.push(format!("phase {k}: {}", found.message));
             }
-            found.message = message;
             r.cost += found.cost;
-            p.result = Some(found.clone());
             r.phases.push(found);
+        }
+        for (p, found) in self.phases.iter_mut().zip(&r.phases) {
+            p.result = Some(found.clone());
         }
         r.message = messages.join("; ");
         Ok(())
@@ -371,6 +394,7 @@ impl MultiPhase {
         plan: &Plan,
         built: &mut [Built],
         params: &[Vec<f64>],
+        options: &SolveOptions,
         control: &mut Control,
     ) -> Result<Vec<f64>> {
         let mut w = Vec::with_capacity(plan.n());
@@ -382,7 +406,7 @@ impl MultiPhase {
             if chained {
                 p.x_guess = Some((vec![0.0], end));
             }
-            let own = p.starting_point(&mut b.problem, &b.extended, params, control).map(|s| s.0);
+            let own = p.starting_point(&mut b.problem, &b.extended, params, options, control).map(|s| s.0);
             if chained {
                 p.x_guess = None;
             }
@@ -440,7 +464,8 @@ mod tests {
     #[test]
     fn derivatives_of_the_joint_program() {
         let mut m = phases();
-        m.phases.iter_mut().for_each(|p| assert!(p.build().is_ok()));
+        let options = SolveOptions::from_settings(&m.settings).unwrap();
+        m.phases.iter_mut().for_each(|p| assert!(p.build(Start::Cold, &options).is_ok()));
         let mut built: Vec<Built> = m.phases.iter_mut().map(|p| p.built.take().unwrap()).collect();
         let mut plan = Plan::new(&m.links, &built);
         assert_eq!(plan.clocks.len(), 1);

@@ -6,6 +6,7 @@ use crate::fesd::Fesd;
 use crate::func::EvalError;
 use crate::mpcc::{Change, Mpcc, Tangent};
 use crate::nlp::Nlp;
+use crate::stop;
 
 /// Step of the central differences in a parameter, relative: their error is about 1e-10 with exact derivatives of the
 /// model.
@@ -43,7 +44,11 @@ impl Ocp {
         let mut explicit = vec![0.0; d.x + d.p];
         problem.set_polishing(true);
         for k in 0..d.p {
-            let (change, cost) = parameter(problem, &values, k, &w, &y).map_err(|e| no_value(k, &e))?;
+            let found = parameter(problem, &values, k, &w, &y).map_err(|e| no_value(k, &e));
+            if found.is_err() {
+                problem.set_polishing(false);
+            }
+            let (change, cost) = found?;
             changes.push(change);
             explicit[d.x + k] = cost;
         }
@@ -60,6 +65,9 @@ impl Ocp {
 }
 
 fn no_value(k: usize, e: &EvalError) -> Error {
+    if *e == EvalError::Stopped {
+        return stop::error();
+    }
     Error::NonFinite(format!("the model has no value at parameters next to the given ones ({e:?}): parameter {k}"))
 }
 

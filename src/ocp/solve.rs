@@ -7,12 +7,17 @@ use super::diagnosis::Case;
 use super::extend::{Extended, Slacks, Statement};
 use super::identify::Identifier;
 use super::neighbours::Grid;
+use super::request::{Comparison, Request};
 use super::{Durations, Ocp, OcpResult, SLACK};
-use crate::dcs::{Dcs, FormOptions};
+use crate::dcs::Dcs;
 use crate::error::{Error, Result};
-use crate::fesd::{Fesd, Options, Spec, Trajectory};
-use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Polish, Side, Solution, Wanted, Warm};
+use crate::fesd::{Fesd, Spec, Trajectory};
+use crate::func::EvalError;
+use crate::memory;
+use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Solution, Suggest, Wanted, Warm};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
+use crate::sim::SolveOptions;
+use crate::stop::{self, Why};
 use crate::system::{Regions, SharedFunction};
 
 /// The discretised problem, ready to be solved again and again.
@@ -22,6 +27,32 @@ pub(super) struct Built {
     pub bounds: Bounds,
     pub identifier: Identifier,
     pub extended: Extended,
+    options: SolveOptions,
+    /// What warm starts go on from: the last solution that did not fail for want of values.
+    last: Option<Solution>,
+}
+
+impl Built {
+    /// Takes over options that leave the structure as it is.
+    fn set_options(&mut self, options: &SolveOptions) {
+        self.options = *options;
+        self.solver.settings = options.solver;
+        self.identifier.set_options(options);
+        self.problem.set_rho_h(options.discretisation.rho_h);
+    }
+
+    /// Elements of every stage.
+    pub fn n_fe(&self) -> &[usize] {
+        &self.problem.spec().n_fe
+    }
+}
+
+/// What a solve is given, ready for the discretised problem.
+struct Prepared {
+    /// Parameters of every stage, references and slacks included.
+    stage_params: Vec<f64>,
+    /// Sides and lengths of the elements of a mode sequence.
+    modes: Option<(Vec<Side>, Vec<f64>)>,
 }
 
 /// Where a solve starts.
@@ -36,10 +67,16 @@ pub(super) enum Start {
 }
 
 impl Ocp {
-    pub(super) fn build(&mut self) -> Result<f64> {
-        if self.built.is_some() {
+    /// Discretises the problem unless that was done: with the same structure, and on the same grid. A warm start stays on
+    /// the grid there is, which adaptation may have changed.
+    pub(super) fn build(&mut self, start: Start, options: &SolveOptions) -> Result<f64> {
+        let n_fe = self.elements(options);
+        let serves = |b: &Built| b.options.fits(options) && (start == Start::Warm || b.n_fe() == n_fe);
+        if let Some(b) = self.built.as_mut().filter(|b| serves(b)) {
+            b.set_options(options);
             return Ok(0.0);
         }
+        self.built = None;
         let clock = Instant::now();
         let extended = Extended::new(&Statement {
             system: &self.system,
@@ -53,7 +90,7 @@ impl Ocp {
             complementarity: &self.complementarity,
         })?;
         self.check_free_params(&extended)?;
-        let mut dcs = Dcs::new(&extended.system, FormOptions::from_settings(&self.settings)?)?;
+        let mut dcs = Dcs::new(&extended.system, options.form)?;
         let e = &extended;
         let outer = e.lagrange.iter().chain(&e.mayer).chain(&e.grid_cost).chain(e.path.iter().map(|p| &p.f));
         let outer = outer.chain(e.terminal.iter().map(|t| &t.f)).chain(e.boundary.iter().map(|b| &b.f));
@@ -62,7 +99,6 @@ impl Ocp {
             dcs.require_clock();
         }
         let d = e.system.dims();
-        let n_fe = self.elements();
         let mut linear = self.linear.clone();
         linear.resize(d.u, false);
         let mut free = self.free_params();
@@ -79,19 +115,21 @@ impl Ocp {
             terminal: e.terminal.clone(),
             boundary: e.boundary.clone(),
             complementarity: e.complementarity.clone(),
-            ..Spec::new(dcs, Options::from_settings(&self.settings)?, n_fe.clone())
+            ..Spec::new(dcs, options.discretisation, n_fe.clone())
         };
         let mut problem = Fesd::new(spec, self.durations[0])?;
-        let solver = MpccSolver::new(&mut problem, MpccSettings::from(&self.settings))?;
+        stop::check_building(problem.n())?;
+        let solver = MpccSolver::new(&mut problem, options.solver)?;
         let bounds = problem.bounds();
-        let mut identifier = Identifier::new(&extended.system, &self.settings);
+        let mut identifier = Identifier::new(&extended.system, options);
         identifier.linear = self.linear.contains(&true);
         identifier.h_at = problem.lengths();
         identifier.n_sides = problem.n_element_groups();
         let sizes = problem.spec().dcs.form().simplices.iter().map(|c| c.len()).collect();
         identifier.grid = Grid { n_fe, sizes };
         (identifier.x0_at, identifier.u_at) = problem.places();
-        self.built = Some(Built { problem, solver, bounds, identifier, extended });
+        self.built = Some(Built { problem, solver, bounds, identifier, extended, options: *options, last: None });
+        self.builds += 1;
         Ok(clock.elapsed().as_secs_f64())
     }
 
@@ -119,33 +157,42 @@ impl Ocp {
         Ok(())
     }
 
-    /// Elements of every stage.
-    pub(super) fn elements(&self) -> Vec<usize> {
+    /// Elements of every stage, as they were stated.
+    pub(super) fn elements(&self, options: &SolveOptions) -> Vec<usize> {
         if self.n_fe.is_empty() {
-            vec![self.settings.n_fe as usize; self.n_stages]
+            vec![options.n_fe; self.n_stages]
         } else {
             self.n_fe.clone()
         }
     }
 
-    /// Solves. `Err` when the problem cannot be stated; how the solver ended is in the result.
+    /// Solves. `Err` when the problem cannot be stated; how the solver ended is in the result. Earlier solves leave
+    /// nothing behind that counts: the same problem gives the same bits.
     pub fn solve(&mut self, control: &mut Control) -> Result<&OcpResult> {
         self.solve_from(Start::Cold, control)
     }
 
     /// Solves from the last solution: after small changes of bounds, initial state, parameters or references the active
-    /// set is tried first, and the homotopy only where that fails. Without a solution as [`Ocp::solve`].
+    /// set is tried first, and the homotopy only where that fails. Stays on the grid that adaptation has reached. Without a
+    /// solution as [`Ocp::solve`]; a solve that failed for want of function values leaves the solution before.
     pub fn solve_warm(&mut self, control: &mut Control) -> Result<&OcpResult> {
-        let start = if self.built.is_some() && self.result.is_some() { Start::Warm } else { Start::Cold };
-        self.solve_from(start, control)
+        let options = SolveOptions::from_settings(&self.settings)?;
+        let known = self.built.as_ref().is_some_and(|b| b.last.is_some() && b.options.fits(&options));
+        self.solve_from(if known { Start::Warm } else { Start::Cold }, control)
     }
 
     fn solve_from(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
-        if self.settings.adapt_tol > 0.0 {
-            self.adapt(start, control)
-        } else {
-            self.run(start, control)
-        }
+        let request = Request::from_settings(&self.settings)?;
+        // what was built is gone where this unwinds, and is built again by the next solve
+        memory::bounded(self.settings.max_memory, || {
+            control.within(request.options.max_time, |control| {
+                let adapts = self.settings.adapt_tol > 0.0;
+                let solved =
+                    if adapts { self.adapt(start, &request, control) } else { self.run(start, &request, control) };
+                solved.map(|_| ())
+            })
+        })?;
+        self.result.as_ref().ok_or_else(|| Error::Internal("a solve without a result".into()))
     }
 
     /// Makes the last solution, one control stage later, the guess of the next solve; the last stage is repeated.
@@ -175,108 +222,181 @@ impl Ocp {
         self.set_u_guess(&u)
     }
 
-    pub(super) fn run(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
-        let time_build = self.build()?;
-        let given = match (&self.built, &self.modes) {
-            (Some(b), Some(m)) if start != Start::Warm && b.problem.detects_switches() => {
-                Some(m.on_grid(b.problem.spec().dcs.form(), &self.durations, &b.identifier.grid.n_fe)?)
-            }
-            _ => None,
-        };
-        let Some(Built { mut problem, mut solver, mut bounds, mut identifier, mut extended }) = self.built.take()
-        else {
+    /// One solve on one grid: discretises where that is due, prepares, solves, reports. What was built stays whatever
+    /// happens, and after an error it is as before.
+    pub(super) fn run(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
+        let time_build = self.build(start, &request.options)?;
+        let Some(mut built) = self.built.take() else {
             return Err(Error::Internal("the problem was not built".into()));
         };
-        let stage_params = self.prepare(&mut problem, &mut bounds, &mut identifier, &mut extended)?;
-        let budget = self.settings.mode_search as usize;
-        let has_modes = given.is_some();
-        let improves = start == Start::Carried || (start == Start::Cold && !has_modes);
-        identifier.restart(improves || budget > 0, budget);
-        solver.settings = MpccSettings::from(&self.settings);
-        control.limit(self.settings.max_time);
-        problem.forget_trouble();
-        let usual = problem.usual_exit();
-        let (mut before, mut near) = (Statistics::default(), false);
-        if start == Start::Cold && !has_modes && !problem.relaxes_well() && self.settings.polish() {
-            let (found, cost) = self.with_stand_in(&problem, control)?;
-            before.add(&cost);
-            if let Some((other, mut x)) = found {
-                // a function without a value leaves them at zero, and the solve says so
-                let _ = problem.write_members(&mut x);
-                // neighbours were searched already
-                identifier.restart(false, 0);
-                near = [usual, usual.other()].into_iter().any(|exit| {
-                    problem.set_exit(exit);
-                    let suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
-                    let ok = solver.solve_near(&mut problem, &bounds, &other, &x, control, suggest);
-                    if !ok {
-                        before.add(&solver.solution().stats);
-                    }
-                    ok
-                });
-                if !near {
-                    identifier.restart(true, budget);
-                }
-            }
+        let result = self.run_built(&mut built, start, request, control);
+        let broken = matches!(built.problem.trouble().map(|t| t.error), Some(EvalError::Fatal(_)));
+        match &result {
+            Ok(r) if r.outcome != Outcome::Failed && !broken => built.last = Some(built.solver.solution().clone()),
+            Ok(_) => {}
+            Err(_) => built.last.iter().for_each(|s| built.solver.restore(s)),
         }
-        if !near {
-            problem.set_exit(usual);
-        }
-        if start == Start::Warm {
-            let s = solver.solution();
-            let (x, y, z) = (s.x.clone(), s.y.clone(), s.z.clone());
-            solver.solve_warm(&mut problem, &bounds, &Warm { x: &x, y: &y, z: &z }, control, &mut |k, w, s| {
-                identifier.suggest(k, w, s)
-            });
-        } else if !near {
-            let (w0, guess) = self.starting_point(&mut problem, &extended, &stage_params, control)?;
-            let mut spent = None;
-            if let Some((mut sides, lengths)) = given {
-                let mut w = w0.clone();
-                problem.guess_active_set(&mut w, self.t0, &lengths, &sides, |t, x| guess.state(t, x));
-                sides.extend(problem.member_sides(&w0));
-                if !solver
-                    .solve_sides(&mut problem, &bounds, &sides, &w, control, &mut |k, w, s| identifier.suggest(k, w, s))
-                {
-                    spent = Some(solver.solution().stats);
-                    identifier.restart(true, budget);
-                }
-            }
-            if !has_modes || spent.is_some() {
-                solver.solve_with(&mut problem, &bounds, &w0, control, &mut |k, w, s| identifier.suggest(k, w, s));
-                solver.add_cost(&spent.unwrap_or_default());
-            }
-        }
-        let found = solver.solution();
-        if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
-            problem.set_exit(usual.other());
-            if !solver.polish_again(&mut problem, &bounds, control, &mut |k, w, s| identifier.suggest(k, w, s)) {
-                problem.set_exit(usual);
-                solver.rescue(&mut problem, &bounds, control, &mut |k, w, s| identifier.suggest(k, w, s));
-            }
-        }
-        let mut result = self.read(&mut problem, solver.solution(), &extended, &stage_params);
+        self.built = Some(built);
+        let mut result = result?;
         result.time_build = time_build;
-        result.stats.add(&before);
-        if self.settings.accuracy != 0 && result.outcome != Outcome::Stopped {
-            result.accuracy = Some(self.measure(&result, &problem, &solver.solution().x, &extended, &stage_params)?);
-        }
-        let w = &solver.solution().x;
-        let mut case = Case { result: &result, problem: &mut problem, bounds: &bounds, w, system: &extended.system };
-        let message = self.diagnose(&mut case, control);
-        result.message = message;
-        self.built = Some(Built { problem, solver, bounds, identifier, extended });
         Ok(self.result.insert(result))
     }
 
-    /// Writes the data of this solve into what was built; returns the parameters of every stage.
-    pub(super) fn prepare(
+    fn run_built(
+        &mut self,
+        b: &mut Built,
+        start: Start,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<OcpResult> {
+        let given = self.prepare_solve(b, start, request)?;
+        let before = self.solve_discretised(b, &given, start, request, control)?;
+        self.report(b, &given.stage_params, before, request, control)
+    }
+
+    /// Writes data and options into what was built.
+    fn prepare_solve(&self, b: &mut Built, start: Start, request: &Request) -> Result<Prepared> {
+        let modes = match &self.modes {
+            Some(m) if start != Start::Warm && b.problem.detects_switches() => {
+                Some(m.on_grid(b.problem.spec().dcs.form(), &self.durations, b.n_fe())?)
+            }
+            _ => None,
+        };
+        let stage_params = self.prepare(b)?;
+        let improves = start == Start::Carried || (start == Start::Cold && modes.is_none());
+        b.identifier.restart(improves || request.search > 0, request.search);
+        b.problem.forget_trouble();
+        let usual = b.problem.usual_exit();
+        b.problem.set_exit(usual);
+        Ok(Prepared { stage_params, modes })
+    }
+
+    /// Solves from where `start` says; what was spent besides the last solve of the solver.
+    fn solve_discretised(
         &self,
-        problem: &mut Fesd,
-        bounds: &mut Bounds,
-        identifier: &mut Identifier,
-        e: &mut Extended,
-    ) -> Result<Vec<f64>> {
+        b: &mut Built,
+        given: &Prepared,
+        start: Start,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<Statistics> {
+        let mut before = Statistics::default();
+        if let (Start::Warm, Some(last)) = (start, &b.last) {
+            let warm = Warm { x: &last.x, y: &last.y, z: &last.z };
+            let Built { problem, solver, bounds, identifier, .. } = b;
+            let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
+            solver.solve_warm(problem, bounds, &warm, control, suggest);
+        } else if !self.solve_by_stand_in(b, given, request, &mut before, control)? {
+            self.solve_from_guesses(b, given, request, control)?;
+        }
+        let Built { problem, solver, bounds, identifier, .. } = b;
+        let found = solver.solution();
+        if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
+            let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
+            let usual = problem.usual_exit();
+            problem.set_exit(usual.other());
+            if !solver.polish_again(problem, bounds, control, suggest) {
+                problem.set_exit(usual);
+                solver.rescue(problem, bounds, control, suggest);
+            }
+        }
+        Ok(before)
+    }
+
+    /// The way of a method whose relaxed problems are not well posed: the solution with Radau IIA in its place leads to
+    /// the branch problem. True when that has a solution; `spent` is what it took besides.
+    fn solve_by_stand_in(
+        &self,
+        b: &mut Built,
+        given: &Prepared,
+        request: &Request,
+        spent: &mut Statistics,
+        control: &mut Control,
+    ) -> Result<bool> {
+        if given.modes.is_some() || b.problem.relaxes_well() || !request.options.solver.polish {
+            return Ok(false);
+        }
+        let (found, cost) = self.with_stand_in(&b.problem, &request.options, control)?;
+        spent.add(&cost);
+        let Some((other, mut x)) = found else { return Ok(false) };
+        let Built { problem, solver, bounds, identifier, .. } = b;
+        // a function without a value leaves them at zero, and the solve says so
+        let _ = problem.write_members(&mut x);
+        // switches between control stages were moved off them already
+        identifier.restart(request.search > 0, request.search);
+        let usual = problem.usual_exit();
+        let near = [usual, usual.other()].into_iter().any(|exit| {
+            problem.set_exit(exit);
+            let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
+            let ok = solver.solve_near(problem, bounds, &other, &x, control, suggest);
+            if !ok {
+                spent.add(&solver.solution().stats);
+            }
+            ok
+        });
+        if !near {
+            identifier.restart(true, request.search);
+            problem.set_exit(usual);
+        }
+        Ok(near)
+    }
+
+    /// From the guesses: with a mode sequence its branch problem, without one, or where that has no solution, the
+    /// homotopy.
+    fn solve_from_guesses(
+        &self,
+        b: &mut Built,
+        given: &Prepared,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
+        let Built { problem, solver, bounds, identifier, extended, .. } = b;
+        let (w0, guess) = self.starting_point(problem, extended, &given.stage_params, &request.options, control)?;
+        let mut spent = Statistics::default();
+        if let Some((sides, lengths)) = &given.modes {
+            let (mut w, mut sides) = (w0.clone(), sides.clone());
+            problem.guess_active_set(&mut w, self.t0, lengths, &sides, |t, x| guess.state(t, x));
+            sides.extend(problem.member_sides(&w0));
+            let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
+            if solver.solve_sides(problem, bounds, &sides, &w, control, suggest) {
+                return Ok(());
+            }
+            spent = solver.solution().stats;
+            identifier.restart(true, request.search);
+        }
+        let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
+        solver.solve_with(problem, bounds, &w0, control, suggest);
+        solver.add_cost(&spent);
+        Ok(())
+    }
+
+    /// The solution in the user's terms, compared with a simulation and explained as far as that is asked for.
+    fn report(
+        &mut self,
+        b: &mut Built,
+        stage_params: &[f64],
+        before: Statistics,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<OcpResult> {
+        let Built { problem, solver, bounds, extended, .. } = b;
+        let solution = solver.solution();
+        let mut result = self.read(problem, solution, extended, stage_params);
+        result.stats.add(&before);
+        if let Some(c) = request.comparison {
+            let options = &request.options;
+            result.accuracy = Some(self.compare(&result, problem, &solution.x, extended, stage_params, c, options)?);
+        }
+        let w = &solution.x;
+        let mut case = Case { result: &result, problem, bounds, w, system: &extended.system };
+        let found = self.diagnose(&mut case, request, control);
+        result.take(found);
+        Ok(result)
+    }
+
+    /// Writes the data of this solve into what was built; returns the parameters of every stage.
+    pub(super) fn prepare(&self, b: &mut Built) -> Result<Vec<f64>> {
+        let Built { problem, bounds, identifier, extended: e, .. } = b;
         let stage_params = self.extended_params(e);
         self.write_data(problem, bounds, e, &stage_params)?;
         identifier.durations.clone_from(&self.durations);
@@ -371,12 +491,21 @@ impl Ocp {
                 }
             }
         }
+        let cost = match problem.cost(&s.x) {
+            Ok(c) => c - penalty,
+            // no time left to ask: the solver knows
+            Err(EvalError::Stopped) if s.polish == Polish::Done => s.objective - penalty,
+            Err(EvalError::Stopped) => s.objective - problem.guidance(&s.x) - penalty,
+            Err(_) => f64::NAN,
+        };
         let user_params = if self.stage_params.is_some() { &stage_params[..d.p] } else { &params[..d.p] };
         OcpResult {
             outcome: s.outcome,
             polish: s.polish,
             message: String::new(),
-            cost: problem.cost(&s.x).map_or(f64::NAN, |c| c - penalty),
+            cost: if s.outcome == Outcome::Solved { cost } else { f64::NAN },
+            cost_reached: cost,
+            undefined: false,
             control_ends: if self.linear.contains(&true) { own(&ends) } else { own(&controls) },
             controls: own(&controls),
             durations,
@@ -393,19 +522,44 @@ impl Ocp {
         }
     }
 
-    /// Compares an answer with the simulation of its controls.
-    pub(super) fn measure(
+    /// Compares an answer with the simulation of its controls; nothing is known where there is no time for it.
+    #[allow(clippy::too_many_arguments)]
+    pub(super) fn compare(
         &mut self,
         r: &OcpResult,
         problem: &Fesd,
         w: &[f64],
         e: &Extended,
         stage_params: &[f64],
+        comparison: Comparison,
+        options: &SolveOptions,
     ) -> Result<Accuracy> {
-        let tol = self.settings.accuracy_tol;
-        let (mut engine, tol) = match self.engine.take() {
-            Some((e, t)) if t == tol => (e, t),
-            _ => (Replay::new(&e.system, e.lagrange.as_ref(), &self.linear, &self.settings)?, tol),
+        let (n_stages, nx) = (self.n_stages, e.system.dims().x);
+        let stopped = |why| Ok(Accuracy::stopped(n_stages, nx, why));
+        if let Some(why) = stop::requested() {
+            return stopped(why);
+        }
+        match self.measure(r, problem, w, e, stage_params, comparison, options) {
+            Err(Error::Interrupted) => stopped(Why::Interrupted),
+            Err(Error::OutOfTime) => stopped(Why::OutOfTime),
+            r => r,
+        }
+    }
+
+    #[allow(clippy::too_many_arguments)]
+    fn measure(
+        &mut self,
+        r: &OcpResult,
+        problem: &Fesd,
+        w: &[f64],
+        e: &Extended,
+        stage_params: &[f64],
+        comparison: Comparison,
+        options: &SolveOptions,
+    ) -> Result<Accuracy> {
+        let mut engine = match self.engine.take().filter(|e| e.fits(comparison.tol, options)) {
+            Some(e) => e,
+            None => Replay::new(&e.system, e.lagrange.as_ref(), &self.linear, comparison.tol, options)?,
         };
         let elements = &r.trajectory.elements;
         let ends = elements.iter().enumerate().filter(|(k, e)| {
@@ -420,7 +574,7 @@ impl Ocp {
                 (0..self.n_stages).for_each(|k| params[k * np + j] = w[v]);
             }
         }
-        let total = r.cost + self.penalty(problem, w, e, &r.durations);
+        let total = r.cost_reached + self.penalty(problem, w, e, &r.durations);
         let answer = Answer {
             t0: self.t0,
             x0: &elements[0].x0,
@@ -431,20 +585,21 @@ impl Ocp {
             params: &params,
             states: &states,
             cost: total,
+            tol: comparison.tol,
             mayer: e.mayer.as_ref(),
             grid_cost: e.grid_cost.as_ref(),
             terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
         };
         let mut found = accuracy::measure(&mut engine, &answer)?;
-        found.cost -= total - r.cost;
-        if self.settings.adapt_tol > 0.0 {
+        found.cost -= total - r.cost_reached;
+        if comparison.by_stage {
             found.local = answer
                 .by_stage()
                 .iter()
                 .map(|a| Ok(accuracy::measure(&mut engine, a)?.terminal))
                 .collect::<Result<_>>()?;
         }
-        self.engine = Some((engine, tol));
+        self.engine = Some(engine);
         Ok(found)
     }
 

@@ -186,6 +186,9 @@ impl Function for Squares {
         }
         Ok(())
     }
+    fn is_serial(&self) -> bool {
+        self.f.is_serial()
+    }
     fn jacobian_is_approximate(&self) -> bool {
         self.f.jacobian_is_approximate()
     }

@@ -1,11 +1,12 @@
 //! Several starting points at once. Every start is a solve of its own, so the results do not depend on the number of threads.
 
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Mutex;
 
 use super::guess::middle;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::nlp::{Control, IterationInfo, Outcome};
 
 /// What surrounds the solve of one start on its thread, [`Ocp::solve_starts_within`].
@@ -23,7 +24,7 @@ pub struct Starts {
 impl Ocp {
     /// Solves from several guesses of the controls, `[n_stages · nu]` each, on `threads` threads, one of which is that of the
     /// caller, and keeps the best solution. With more than one, functions of the model are called from several threads
-    /// at once. A start that fails does not keep the others from being solved; `Err` if all fail.
+    /// at once; if one of them is [serial](crate::func::Function::is_serial), the thread of the caller does it all. A start that fails does not keep the others from being solved; `Err` if all fail.
     ///
     /// `control` interrupts all of them; its monitor sees the iterations on the thread of the caller only, and stops all.
     pub fn solve_starts(&mut self, controls: &[Vec<f64>], threads: usize, control: &mut Control) -> Result<Starts> {
@@ -47,9 +48,9 @@ impl Ocp {
             p.set_u_guess(u)?;
             problems.push(Mutex::new(p));
         }
-        let own = AtomicBool::new(false);
-        let stop = control.interrupt.unwrap_or(&own);
-        let deadline = control.deadline;
+        let threads = if self.statement().is_serial() { 1 } else { threads };
+        let mut stop = control.stop.clone().with_flag();
+        stop.limit(self.settings.max_time);
         let next = AtomicUsize::new(0);
         let work = |control: &mut Control| -> Vec<(usize, Result<()>)> {
             let mut done = Vec::new();
@@ -60,7 +61,7 @@ impl Ocp {
                     let mut p = problem.lock().map_err(|_| Error::Internal("a start is poisoned".into()))?;
                     let stopped = p.solve(control)?.outcome == Outcome::Stopped;
                     if stopped {
-                        stop.store(true, Ordering::Relaxed);
+                        stop.raise_flag();
                     }
                     Ok(())
                 };
@@ -69,13 +70,18 @@ impl Ocp {
         };
         let ends: Vec<(usize, Result<()>)> = std::thread::scope(|scope| {
             let others: Vec<_> = (1..threads.min(controls.len()))
-                .map(|_| scope.spawn(|| work(&mut Control { interrupt: Some(stop), monitor: None, deadline })))
+                // without room for another thread the others do its work
+                .map_while(|_| {
+                    let builder = std::thread::Builder::new();
+                    let work = || work(&mut Control::of(stop.clone()));
+                    memory::room_for_thread().then(|| builder.spawn_scoped(scope, work).ok()).flatten()
+                })
                 .collect();
             let watched = control.monitor.is_some();
             let mut monitor = |i: &IterationInfo| control.monitor.as_mut().is_none_or(|f| f(i));
             let monitor: Option<&mut dyn FnMut(&IterationInfo) -> bool> =
                 if watched { Some(&mut monitor) } else { None };
-            let mut all = work(&mut Control { interrupt: Some(stop), monitor, deadline });
+            let mut all = work(&mut Control { stop: stop.clone(), monitor });
             others.into_iter().for_each(|h| all.extend(h.join().unwrap_or_default()));
             all
         });
@@ -166,6 +172,7 @@ impl Ocp {
             u_guess: self.u_guess.clone(),
             modes: self.modes.clone(),
             built: None,
+            builds: 0,
             engine: None,
             result: None,
         }

@@ -41,6 +41,20 @@ pub struct Statement<'a> {
     pub modes: Option<&'a ModeSequence>,
 }
 
+impl Statement<'_> {
+    /// Must functions of the problem be called by one thread only ([`crate::func::Function::is_serial`])?
+    pub fn is_serial(&self) -> bool {
+        self.system.is_serial()
+            || self.lagrange.into_iter().chain(self.mayer).any(|f| f.is_serial())
+            || self.path.iter().any(|c| c.f.is_serial())
+            || self.terminal.iter().any(|c| c.f.is_serial())
+            || self.boundary.iter().any(|c| c.f.is_serial())
+            || self.squares.iter().any(|c| c.f.is_serial())
+            || self.soft.iter().any(|c| c.f.is_serial())
+            || self.complementarity.iter().any(|c| c.a.is_serial() || c.b.is_serial())
+    }
+}
+
 impl Ocp {
     /// The problem as it was stated.
     pub fn statement(&self) -> Statement<'_> {
@@ -74,6 +88,7 @@ impl Ocp {
             u_guess,
             modes,
             built: _,
+            builds: _,
             engine: _,
             result: _,
         } = self;

@@ -212,6 +212,9 @@ impl Function for Stack {
         }
         Ok(())
     }
+    fn is_serial(&self) -> bool {
+        self.parts.iter().any(|p| p.f.is_serial())
+    }
     fn jacobian_is_approximate(&self) -> bool {
         self.parts.iter().any(|p| p.f.jacobian_is_approximate())
     }
