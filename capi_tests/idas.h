@@ -12,13 +12,17 @@
 
 #include "check.h"
 
-/* Residual F(t, y, y') of n equations; differential[i] != 0 where y_i' occurs. */
+/* Residual F(t, y, y') of n equations; differential[i] != 0 where y_i' occurs. `roots`, if any, fills n_roots functions of y;
+ * where one of them changes its sign a solve ends. */
 typedef void (*residual_fn)(double t, const double *y, const double *yp, double *r);
+typedef void (*roots_fn)(const double *y, double *g);
 
 struct dae {
     int n;
     residual_fn residual;
     const int *differential;
+    int n_roots;
+    roots_fn roots;
 };
 
 static inline int idas_residual(sunrealtype t, N_Vector y, N_Vector yp, N_Vector r, void *user_data)
@@ -27,10 +31,18 @@ static inline int idas_residual(sunrealtype t, N_Vector y, N_Vector yp, N_Vector
     return 0;
 }
 
+static inline int idas_roots(sunrealtype t, N_Vector y, N_Vector yp, sunrealtype *g, void *user_data)
+{
+    (void)t;
+    (void)yp;
+    ((struct dae *)user_data)->roots(N_VGetArrayPointer(y), g);
+    return 0;
+}
+
 #define IDAS(call) CHECK((call) >= 0)
 
-/* From y(t0), with a guess of y' and of what is not differential, to y(t1). */
-static inline void idas_solve(struct dae *dae, double t0, double t1, double *y, const double *yp, double rtol)
+/* From y(t0), with a guess of y' and of what is not differential, to y(t1), or to the first root. Returns the time. */
+static inline double idas_solve(struct dae *dae, double t0, double t1, double *y, const double *yp, double rtol)
 {
     SUNContext context = NULL;
     N_Vector v, vp, id;
@@ -38,7 +50,7 @@ static inline void idas_solve(struct dae *dae, double t0, double t1, double *y, 
     SUNLinearSolver solver;
     void *memory;
     sunrealtype t;
-    int i, algebraic = 0;
+    int i, flag, algebraic = 0;
 
     IDAS(SUNContext_Create(SUN_COMM_NULL, &context));
     v = N_VNew_Serial(dae->n, context);
@@ -59,11 +71,14 @@ static inline void idas_solve(struct dae *dae, double t0, double t1, double *y, 
     IDAS(IDASetUserData(memory, dae));
     IDAS(IDASetMaxNumSteps(memory, 1000000));
     IDAS(IDASetStopTime(memory, t1));
+    IDAS(IDASetNonlinConvCoef(memory, 1e-3)); /* the default leaves a tenth of the tolerance to Newton's method */
+    if (dae->n_roots)
+        IDAS(IDARootInit(memory, dae->n_roots, idas_roots));
     if (algebraic)
         IDAS(IDASetId(memory, id));
     IDAS(IDACalcIC(memory, algebraic ? IDA_YA_YDP_INIT : IDA_Y_INIT, t0 + 1e-3 * (t1 - t0)));
-    IDAS(IDASolve(memory, t1, &t, v, vp, IDA_NORMAL));
-    CHECK(t == t1);
+    flag = IDASolve(memory, t1, &t, v, vp, IDA_NORMAL);
+    CHECK(flag == IDA_ROOT_RETURN || (flag >= 0 && t == t1));
     for (i = 0; i < dae->n; i++)
         y[i] = NV_Ith_S(v, i);
     IDAFree(&memory);
@@ -73,6 +88,14 @@ static inline void idas_solve(struct dae *dae, double t0, double t1, double *y, 
     N_VDestroy(vp);
     N_VDestroy(id);
     SUNContext_Free(&context);
+    return t;
+}
+
+/* The derivatives that make the residual r = f(y) - y' of an ordinary differential equation vanish. */
+static inline void start(residual_fn f, const double *y, double *yp)
+{
+    double zero[8] = {0};
+    f(0.0, y, zero, yp);
 }
 
 /* Slope of log(error) over log(h), least squares over the errors above `floor`. */

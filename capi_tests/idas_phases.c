@@ -1,7 +1,6 @@
 /* The same phases by FESD and by IDAS: the smooth phases of the oscillator, also through its switch; a sliding
  * mode as index-reduced DAE; a nonlinear mode as DAE. FESD must agree, and converge with its order. */
-#include "idas.h"
-#include "models.h"
+#include "idas_models.h"
 
 enum { LEVELS = 4 };
 
@@ -50,30 +49,9 @@ static void converge(swb_system *system, const struct phase *p)
 
 /* --- the oscillator ------------------------------------------------------------------------------- */
 
-static void inside(double t, const double *y, const double *yp, double *r)
-{
-    (void)t;
-    r[0] = y[0] + OMEGA * y[1] - yp[0];
-    r[1] = -OMEGA * y[0] + y[1] - yp[1];
-}
-
-static void outside(double t, const double *y, const double *yp, double *r)
-{
-    (void)t;
-    r[0] = y[0] - OMEGA * y[1] - yp[0];
-    r[1] = OMEGA * y[0] + y[1] - yp[1];
-}
-
-static void start(residual_fn f, const double *y, double *yp)
-{
-    double zero[8] = {0};
-    f(0.0, y, zero, yp);
-}
-
 static void oscillator(void)
 {
-    static const int differential[] = {1, 1};
-    struct dae before = {2, inside, differential}, after = {2, outside, differential};
+    struct dae before = INSIDE, after = OUTSIDE;
     swb_system *system = make_oscillator();
     double x1[2] = {OSCILLATOR_X0[0], OSCILLATOR_X0[1]}, x2[2] = {1.0, 0.0}, yp[2], all[2];
     const double on[2] = {1.0, 0.0};
@@ -115,59 +93,14 @@ static void oscillator(void)
 
 /* --- sliding -------------------------------------------------------------------------------------- */
 
-/* x' = 1 + y^2, y' = x + 2 below the curve psi = y - sin(x)/2 = 0 and x - 2 above it: both modes push towards
- * it. On it y' = x + 2 s, and the difference s of the two coefficients follows from d psi / dt = 0. */
-static int32_t sliding_f0(const swb_point *at, double *out, void *user_data)
-{
-    (void)user_data;
-    out[0] = 1.0 + at->x[1] * at->x[1];
-    out[1] = at->x[0];
-    return 0;
-}
-
-static int32_t sliding_modes(const swb_point *at, double *out, void *user_data)
-{
-    (void)at;
-    (void)user_data;
-    out[0] = 2.0;
-    out[1] = -2.0;
-    return 0;
-}
-
-static int32_t curve(const swb_point *at, double *out, void *user_data)
-{
-    (void)user_data;
-    out[0] = at->x[1] - 0.5 * sin(at->x[0]);
-    return 0;
-}
-
-/* Index 1: x, y and the coefficient s, with d psi / dt = 0 in place of psi = 0. */
-static void sliding_dae(double t, const double *y, const double *yp, double *r)
-{
-    double fx = 1.0 + y[1] * y[1];
-    (void)t;
-    r[0] = fx - yp[0];
-    r[1] = y[0] + 2.0 * y[2] - yp[1];
-    r[2] = y[0] + 2.0 * y[2] - 0.5 * cos(y[0]) * fx;
-}
-
 static void sliding(void)
 {
-    static const int differential[] = {1, 1, 0};
-    static const int64_t rows[] = {1};
-    static const int8_t signs[] = {-1, 1};
     static const double x0[2] = {0.0, 0.0};
-    struct dae dae = {3, sliding_dae, differential};
-    swb_function *f0 = make_function("f0", 2, 0, 0, 2, sliding_f0, NULL), *psi = make_function("c", 2, 0, 0, 1, curve, NULL);
-    swb_function *modes = make_function("F", 2, 0, 0, 2, sliding_modes, NULL);
-    swb_system *system = NULL;
+    struct dae dae = SLIDING;
+    swb_system *system = make_sliding();
     double y[3] = {0.0, 0.0, 0.25}, yp[3] = {1.0, 0.5, 0.0};
     int64_t n_s;
 
-    CHECK_OK(swb_function_set_linear(modes));
-    CHECK_OK(swb_system_create(2, 0, 0, &system));
-    CHECK_OK(swb_system_set_f0(system, f0));
-    CHECK_OK(swb_system_add_subsystem(system, rows, 1, modes, 2, psi, signs, 2, NULL));
     idas_solve(&dae, 0.0, 1.0, y, yp, 1e-10);
     CHECK_NEAR(y[1], 0.5 * sin(y[0]), 1e-9);
     CHECK(fabs(y[2]) < 0.9); /* it slides indeed */
@@ -178,67 +111,19 @@ static void sliding(void)
         converge(system, &p);
     }
     swb_system_free(system);
-    swb_function_free(f0);
-    swb_function_free(psi);
-    swb_function_free(modes);
 }
 
 /* --- a nonlinear mode ----------------------------------------------------------------------------- */
 
-/* Van der Pol in Lienard's plane with a constant pull against x: x' = 2 (z - x^3/3 + x), z' = -x/5 - sign(x)/10.
- * The DAE has the slope x' as a variable of its own. */
-static int32_t lienard(const swb_point *at, double *out, void *user_data)
-{
-    double x = at->x[0];
-    (void)user_data;
-    out[0] = 2.0 * (at->x[1] - x * x * x / 3.0 + x);
-    out[1] = -0.2 * x;
-    return 0;
-}
-
-static int32_t friction(const swb_point *at, double *out, void *user_data)
-{
-    (void)at;
-    (void)user_data;
-    out[0] = 0.1;
-    out[1] = -0.1;
-    return 0;
-}
-
-static void lienard_dae(double t, const double *y, const double *yp, double *r)
-{
-    (void)t;
-    r[0] = y[2] - yp[0];
-    r[1] = -0.2 * y[0] - 0.1 - yp[1];
-    r[2] = 2.0 * (y[1] - y[0] * y[0] * y[0] / 3.0 + y[0]) - y[2];
-}
-
-static int32_t first(const swb_point *at, double *out, void *user_data)
-{
-    (void)user_data;
-    out[0] = at->x[0];
-    return 0;
-}
-
 static void nonlinear(void)
 {
-    static const int differential[] = {1, 1, 0};
-    static const int64_t rows[] = {1};
-    static const int8_t signs[] = {-1, 1};
     static const double x0[2] = {2.0, 0.5};
-    struct dae dae = {3, lienard_dae, differential};
-    swb_function *f0 = make_function("f0", 2, 0, 0, 2, lienard, NULL), *psi = make_function("c", 2, 0, 0, 1, first, NULL);
-    swb_function *modes = make_function("F", 2, 0, 0, 2, friction, NULL);
-    swb_system *system = NULL;
+    struct dae dae = LIENARD;
+    swb_system *system = make_lienard();
     double y[3] = {2.0, 0.5, 0.0}, yp[3] = {0.0, -0.5, 0.0};
     int64_t n_s;
 
     yp[0] = y[2] = 2.0 * (y[1] - y[0] * y[0] * y[0] / 3.0 + y[0]);
-    CHECK_OK(swb_function_set_linear(modes));
-    CHECK_OK(swb_function_set_linear(psi));
-    CHECK_OK(swb_system_create(2, 0, 0, &system));
-    CHECK_OK(swb_system_set_f0(system, f0));
-    CHECK_OK(swb_system_add_subsystem(system, rows, 1, modes, 2, psi, signs, 2, NULL));
     idas_solve(&dae, 0.0, 1.0, y, yp, 1e-10);
     for (n_s = 2; n_s <= 3; n_s++) {
         struct phase p = {"nonlinear mode", 0.0, 1.0, x0, y, 2, n_s, {2, 4, 8, 16}, 0, 2e-11};
@@ -246,9 +131,6 @@ static void nonlinear(void)
         converge(system, &p);
     }
     swb_system_free(system);
-    swb_function_free(f0);
-    swb_function_free(psi);
-    swb_function_free(modes);
 }
 
 int main(void)

@@ -134,6 +134,9 @@ static void adjoint(void)
     r = hypot(x[0], x[1]);
     v[0] = x[0] / r;
     v[1] = x[1] / r;
+    CHECK_OK(swb_integrator_interrupt(i));
+    CHECK_STATUS(SWB_ERR_INTERRUPTED,
+                 swb_integrator_adjoint(i, v, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
     CHECK_OK(swb_integrator_adjoint(i, v, 2, NULL, 0, NULL, 0, NULL, 0, NULL, 0, g, 2, NULL, 0, NULL, 0));
     CHECK_NEAR(g[0], exp(OSCILLATOR_T), 1e-8);
     CHECK_NEAR(g[1], 0.0, 1e-8);
@@ -200,6 +203,54 @@ static int32_t failing(const swb_point *at, double *out, void *user_data)
 {
     out[0] = 0.0;
     return at->x[0] > 0.5 ? *(const int32_t *)user_data : 0;
+}
+
+static int32_t decay(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = -at->p[0] * at->x[0] + at->u[0];
+    return 0;
+}
+
+/* Functions that declare no inputs depend on parameters: x' = -p x + u + 3 up to x = 0, + 1 from there on. */
+static void undeclared(void)
+{
+    static const double x0 = -1.0, u = 0.25, p = 0.5, one = 1.0, step = 1e-5;
+    swb_system *system = make_scalar(decay, NULL);
+    double s[3], g[3], end[2], x, q;
+    int k, side;
+
+    for (k = 0; k < 3; k++) {
+        for (side = 0; side < 2; side++) {
+            swb_integrator *i = NULL;
+            const double by = side ? -step : step;
+            CHECK_OK(swb_integrator_create(system, NULL, &i));
+            CHECK_OK(swb_integrator_set_string(i, "rtol", "1e-11"));
+            CHECK_OK(swb_integrator_set_string(i, "atol", "1e-12"));
+            CHECK_OK(swb_integrator_set_string(i, "sensitivity", "on"));
+            CHECK_OK(swb_integrator_set_string(i, "adjoint", "on"));
+            x = x0 + (k == 0 ? by : 0.0);
+            CHECK_OK(swb_integrator_reinit(i, 0.0, &x, 1));
+            q = p + (k == 1 ? by : 0.0);
+            CHECK_OK(swb_integrator_set_params(i, &q, 1));
+            q = u + (k == 2 ? by : 0.0);
+            CHECK_OK(swb_integrator_set_controls(i, &q, 1));
+            CHECK_OK(swb_integrator_advance(i, 1.0, NULL));
+            CHECK_OK(swb_integrator_get_state(i, &end[side], 1));
+            if (k == 0 && side == 0) {
+                swb_run *run = NULL;
+                CHECK_OK(swb_integrator_adjoint(i, &one, 1, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &g[0], 1, &g[1], 1, &g[2], 1));
+                CHECK_OK(swb_integrator_get_run(i, &run));
+                CHECK_OK(swb_run_sensitivity(run, s, 3));
+                swb_run_free(run);
+            }
+            swb_integrator_free(i);
+        }
+        CHECK(fabs(s[k]) > 0.05);
+        CHECK_NEAR(s[k], (end[0] - end[1]) / (2.0 * step), 1e-4);
+        CHECK_NEAR(g[k], s[k], 1e-9);
+    }
+    swb_system_free(system);
 }
 
 struct steps {
@@ -372,7 +423,8 @@ static void failures(void)
     CHECK(x <= 0.5 && x >= -1.0);
     CHECK_STATUS(SWB_ERR_STATE, swb_integrator_advance(i, 2.0, &outcome));
     CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
-    CHECK_OK(swb_integrator_advance(i, 0.5, &outcome));
+    /* the mode of x < 0 is looked at beyond the surface too, up to x = 0.2 */
+    CHECK_OK(swb_integrator_advance(i, 0.4, &outcome));
     CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
 
     /* a function that is not defined: an outcome with its name */
@@ -558,13 +610,13 @@ static void batches(void)
         system = make_scalar(failing, &code);
         CHECK_OK(swb_batch_create(system, NULL, &batch));
         swb_system_free(system);
-        CHECK_OK(swb_batch_run(batch, 0.0, 0.5, start, 2, NULL, 0, NULL, 0, 2));
+        CHECK_OK(swb_batch_run(batch, 0.0, 0.4, start, 2, NULL, 0, NULL, 0, 2));
         CHECK_OK(swb_batch_outcomes(batch, outcome, 2));
         CHECK(outcome[0] == SWB_RUN_OUTCOME_REACHED && outcome[1] == SWB_ERR_USER);
         CHECK_STATUS(SWB_ERR_USER, swb_batch_get_run(batch, 1, &run));
         CHECK(strstr(swb_last_error(), "drift"));
         CHECK_OK(swb_batch_states(batch, x, 2));
-        CHECK_NEAR(x[0], 1.0 / 6.0, 1e-12);
+        CHECK_NEAR(x[0], 1.0 / 15.0, 1e-12);
         CHECK(isnan(x[1]));
         swb_batch_free(batch);
     }
@@ -617,10 +669,110 @@ static void two_threads(void)
     swb_integrator_free(shared.integrator);
 }
 
+static int32_t ball_f(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[1];
+    out[1] = -at->p[0];
+    out[2] = 0.0;
+    return 0;
+}
+
+static int32_t ball_gap(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[0];
+    return 0;
+}
+
+static int32_t ball_bounce(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[0];
+    out[1] = -0.9 * at->x[1];
+    out[2] = at->x[2] + 1.0;
+    return 0;
+}
+
+/* A ball that bounces, and counts how often in a state. */
+static void transitions(void)
+{
+    static const double x0[3] = {1.0, 0.0, 0.0}, g = 9.81;
+    static const int64_t state = 2, missing = 7;
+    static const double never = -1.0;
+    swb_system *system = NULL;
+    swb_function *f = make_function("f", 3, 0, 1, 3, ball_f, NULL), *gap = make_function("gap", 3, 0, 1, 1, ball_gap, NULL),
+                 *bounce = make_function("bounce", 3, 0, 1, 3, ball_bounce, NULL);
+    swb_integrator *integrator = NULL;
+    swb_run *run = NULL;
+    swb_run_info info;
+    swb_run_stats stats;
+    swb_jump jumps[4];
+    int64_t index = -1;
+    int32_t outcome = -1;
+    double x[3], before[3], after[3], dt[4];
+
+    CHECK_OK(swb_system_create(3, 0, 1, &system));
+    CHECK_OK(swb_system_set_f0(system, f));
+    CHECK_STATUS(SWB_ERR_STATE, swb_system_add_transition(system, gap, SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, NULL, NULL, 0,
+                                                          NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_transition(system, gap, 2, NULL, 0, NULL, 0, bounce, NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_system_add_transition(system, gap, SWB_DIRECTION_FALLING, &missing, 1, &never, 1, bounce,
+                                                          NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_add_transition(system, gap, SWB_DIRECTION_FALLING, &state, 1, NULL, 0, bounce,
+                                                              NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_system_add_transition(system, bounce, SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, bounce,
+                                                              NULL, 0, NULL, 0, &index));
+    CHECK(index == -1);
+    /* one that is never watched, for the count is never negative */
+    CHECK_OK(swb_system_add_transition(system, gap, SWB_DIRECTION_RISING, &state, 1, &never, 1, bounce, NULL, 0, NULL, 0, &index));
+    CHECK(index == 0);
+    CHECK_OK(swb_system_add_transition(system, gap, SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, bounce, NULL, 0, NULL, 0, &index));
+    CHECK(index == 1);
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_set_double(integrator, "rtol", 1e-11));
+    CHECK_OK(swb_integrator_set_double(integrator, "atol", 1e-11));
+    CHECK_OK(swb_integrator_set_string(integrator, "sensitivity", "on"));
+    CHECK_OK(swb_integrator_set_params(integrator, &g, 1));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, x0, 3));
+    CHECK_OK(swb_integrator_advance(integrator, 3.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_state(integrator, x, 3));
+    CHECK_NEAR(x[0], 0.41835172208395643, 1e-9);
+    CHECK_NEAR(x[1], -0.48755089263868119, 1e-9);
+    CHECK(x[2] == 4.0);
+    CHECK_OK(swb_integrator_get_run(integrator, &run));
+    CHECK_OK(swb_run_get_info(run, &info, sizeof info));
+    CHECK(info.n_jumps == 4 && info.n_events == 0 && info.one_sided == 0);
+    CHECK_OK(swb_run_get_stats(run, &stats, sizeof stats));
+    CHECK(stats.jumps == 4);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_jumps(run, jumps, 3, sizeof jumps[0]));
+    CHECK_OK(swb_run_jumps(run, jumps, 4, sizeof jumps[0]));
+    CHECK(jumps[3].transition == 1 && !jumps[3].simultaneous && jumps[3].rate > 0.0);
+    CHECK_NEAR(jumps[0].t, 0.45152364098573090, 1e-12);
+    CHECK_NEAR(jumps[3].t, 2.6540559617141263, 1e-11);
+    CHECK_OK(swb_run_jump_states(run, 3, before, after, 3));
+    CHECK(after[1] == -0.9 * before[1] && after[2] == before[2] + 1.0);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_jump_states(run, 4, before, after, 3));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_jump_states(run, 0, before, after, 2));
+    CHECK_OK(swb_run_jump_sensitivity(run, 3, dt, 4));
+    CHECK_NEAR(dt[0], 1.327027980857063, 1e-6); /* by differences of the callbacks */
+    CHECK_NEAR(dt[1], 0.1019367991845056, 1e-6);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_jump_sensitivity(run, -1, dt, 4));
+    swb_run_free(run);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_function_free(f);
+    swb_function_free(gap);
+    swb_function_free(bounce);
+}
+
 int main(void)
 {
+    transitions();
     oscillator();
     adjoint();
+    undeclared();
     stepping();
     failures();
     choices();

@@ -75,9 +75,9 @@ static void derivatives(void)
     CHECK_OK(swb_function_name(f, name, sizeof name, NULL));
     CHECK_TEXT("f", name);
 
-    /* Dense in x and u by default. */
+    /* Dense in x, u and p by default. */
     CHECK_OK(swb_function_sizes(f, &nx, &nu, &np, &n_out, &jnz, &hnz));
-    CHECK(nx == 3 && nu == 1 && np == 1 && n_out == 2 && jnz == 8 && hnz == 10);
+    CHECK(nx == 3 && nu == 1 && np == 1 && n_out == 2 && jnz == 10 && hnz == 15);
     CHECK_OK(swb_function_set_inputs(f, SWB_INPUT_X + SWB_INPUT_T));
     CHECK_OK(swb_function_sizes(f, NULL, NULL, NULL, NULL, &jnz, &hnz));
     CHECK(jnz == 8 && hnz == 10);

@@ -1,9 +1,11 @@
 // The C++ header: owners, lambdas, exceptions through the library.
 #include "switchback.hpp"
 
+#include <atomic>
 #include <cmath>
 #include <cstdio>
 #include <string>
+#include <thread>
 
 static int failures;
 #define CHECK(condition)                                                                                               \
@@ -278,6 +280,27 @@ static void programs() {
     CHECK(free.solve() == SWB_OUTCOME_SOLVED && std::abs(free.objective()) < 1e-12);
 }
 
+/* A heater that goes on below 18 and off above 20 degrees. */
+static void transitions() {
+    const swb::Function f("f", {2, 0, 0}, 2, [](const swb_point &at, double *out) {
+        out[0] = 5.0 * at.x[1] - 0.2 * at.x[0];
+        out[1] = 0.0;
+    });
+    const swb::Function cold("cold", {2, 0, 0}, 1, [](const swb_point &at, double *out) { out[0] = 18.0 - at.x[0]; });
+    const swb::Function hot("hot", {2, 0, 0}, 1, [](const swb_point &at, double *out) { out[0] = at.x[0] - 20.0; });
+    swb::System system({2, 0, 0});
+    system.f0(f);
+    system.transition(cold, SWB_DIRECTION_RISING, nullptr, {{1, 0.0}}, {{1, 1.0}});
+    system.transition(hot, SWB_DIRECTION_RISING, nullptr, {{1, 1.0}}, {{1, 0.0}});
+    CHECK(status_of([&] { system.transition(hot, SWB_DIRECTION_RISING, nullptr); }) == SWB_ERR_STATE);
+    swb::Settings settings;
+    settings.rtol = settings.atol = 1e-11;
+    swb::Integrator i(system, settings);
+    i.reinit(0.0, {15.0, 0.0});
+    CHECK(i.advance(12.0) == SWB_RUN_OUTCOME_REACHED && i.stats().jumps == 9);
+    CHECK(std::abs(i.state()[0] - 19.68827786379199706) < 1e-9 && i.state()[1] == 1.0);
+}
+
 static void events() {
     int calls = 0;
     const double end = 1.5707963267948966;
@@ -338,6 +361,88 @@ static void events() {
     CHECK(std::abs(batch[2].state()[0] - 3.0) < 1e-12 && status_of([&] { batch[3]; }) == SWB_ERR_DIMENSION);
 }
 
+// Functions that declare no inputs depend on parameters.
+static void undeclared_inputs() {
+    swb::Function f("f", {1, 0, 1}, 1, [](const swb_point &at, double *out) { out[0] = -at.p[0] * at.x[0]; });
+    swb::System decay({1, 0, 1});
+    decay.f0(f);
+    swb::Settings settings;
+    settings.rtol = settings.atol = 1e-11;
+    settings.sensitivity = settings.adjoint = 1;
+    swb::Integrator i(decay, settings);
+    i.reinit(0.0, {2.0});
+    i.params({0.5});
+    CHECK(i.advance(1.5) == SWB_RUN_OUTCOME_REACHED);
+    const double slope = -1.5 * i.state()[0];
+    CHECK(std::abs(i.run().sensitivity()[1] - slope) < 1e-7 && std::abs(i.adjoint({1.0}).p[0] - slope) < 1e-7);
+}
+
+// Exceptions on threads of the library come out of the call; serial functions see no other thread.
+static void threads() {
+    const swb::Sizes sizes{1, 1, 0};
+    const auto caller = std::this_thread::get_id();
+    std::atomic<int> elsewhere{0};
+    const auto make = [&](bool serial, bool throws) {
+        swb::Function f0("f0", sizes, 1, [&elsewhere, caller, throws](const swb_point &at, double *out) {
+            if (std::this_thread::get_id() != caller)
+                ++elsewhere;
+            if (throws && at.x[0] > 10.0)
+                throw std::out_of_range("x = " + std::to_string(at.x[0]));
+            out[0] = at.u[0];
+        });
+        f0.serial(serial);
+        swb::System system(sizes);
+        system.f0(f0);
+        return system;
+    };
+    swb::Vector x0(40, 0.0);
+    for (std::size_t k = 20; k < x0.size(); ++k)
+        x0[k] = 1.0 + static_cast<double>(k);
+    for (int64_t n_threads : {1, 2, 8}) {
+        swb::Batch batch(make(false, true));
+        std::string text;
+        try {
+            batch.run(0.0, 1.0, x0, {1.0}, {}, n_threads);
+        } catch (const std::out_of_range &e) {
+            text = e.what();
+        }
+        CHECK(text.rfind("x = 21.0", 0) == 0);
+        const auto outcomes = batch.outcomes();
+        CHECK(outcomes[19] == SWB_RUN_OUTCOME_REACHED && outcomes[20] == SWB_ERR_USER && outcomes[39] == SWB_ERR_USER);
+        CHECK(std::abs(batch.states()[19] - 1.0) < 1e-12);
+        CHECK(status_of([&] { batch[39]; }) == SWB_ERR_USER);
+    }
+    elsewhere = 0;
+    swb::Batch serial(make(true, false));
+    serial.run(0.0, 1.0, x0, {1.0}, {}, 8);
+    CHECK(elsewhere == 0 && std::abs(serial.states()[0] - 1.0) < 1e-12);
+
+    // the random starts but the first fail
+    for (bool flag : {true, false}) {
+        swb::Function cost("L", sizes, 1, [&elsewhere, caller](const swb_point &at, double *out) {
+            if (std::this_thread::get_id() != caller)
+                ++elsewhere;
+            if (at.u[0] > 50.0)
+                throw std::runtime_error("thrown in a cost");
+            out[0] = at.u[0] * at.u[0];
+        });
+        cost.serial(flag);
+        swb::Ocp ocp(make(false, false), 1.0, 2);
+        ocp.lagrange(cost);
+        ocp.initial_state({1.0});
+        bool caught = false;
+        elsewhere = 0;
+        try {
+            ocp.solve_starts({0.5, 0.5, 99.0, 99.0, 99.0, 99.0, 0.25, 0.25}, 4);
+        } catch (const std::runtime_error &e) {
+            caught = std::string(e.what()) == "thrown in a cost";
+        }
+        CHECK(caught && ocp.cost() < 1e-10);
+        CHECK(!flag || elsewhere == 0);
+    }
+    CHECK(status_of([&] { swb::Function(static_cast<swb_function *>(nullptr)).serial(); }) == SWB_ERR_NULL);
+}
+
 // From 0 to 1, and from there back to 0, with a document in between.
 static void phases() {
     const swb::Sizes sizes{1, 1, 0};
@@ -373,6 +478,9 @@ int main() {
     simulation();
     phases();
     events();
+    transitions();
+    undeclared_inputs();
+    threads();
     exceptions();
     optimal_control();
     terms_of_optimal_control();

@@ -68,7 +68,8 @@ int main(void)
     FIELD(57, adapt_tol);
     FIELD(58, adapt_rounds);
     FIELD(59, adapt_elements);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 60);
+    FIELD(60, max_memory);
+    CHECK(sizeof(swb_settings) == (size_t)8 * 61);
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);
@@ -233,7 +234,8 @@ int main(void)
     AT(swb_run_stats, 8, switches);
     AT(swb_run_stats, 9, accumulations);
     AT(swb_run_stats, 10, time_total);
-    CHECK(sizeof(swb_run_stats) == (size_t)8 * 11);
+    AT(swb_run_stats, 11, jumps);
+    CHECK(sizeof(swb_run_stats) == (size_t)8 * 12);
     AT(swb_progress, 0, struct_size);
     AT(swb_progress, 1, t);
     AT(swb_progress, 2, x);
@@ -255,7 +257,8 @@ int main(void)
     AT(swb_run_info, 10, n_branch_points);
     AT(swb_run_info, 11, n_contacts);
     AT(swb_run_info, 12, n_accumulations);
-    CHECK(sizeof(swb_run_info) == (size_t)8 * 13);
+    AT(swb_run_info, 13, n_jumps);
+    CHECK(sizeof(swb_run_info) == (size_t)8 * 14);
     AT(swb_branch_point, 0, struct_size);
     AT(swb_branch_point, 1, t);
     AT(swb_branch_point, 2, n_continuations);
@@ -273,6 +276,12 @@ int main(void)
     AT(swb_accumulation, 3, steps);
     AT(swb_accumulation, 4, error);
     CHECK(sizeof(swb_accumulation) == (size_t)8 * 5);
+    AT(swb_jump, 0, struct_size);
+    AT(swb_jump, 1, t);
+    AT(swb_jump, 2, transition);
+    AT(swb_jump, 3, simultaneous);
+    AT(swb_jump, 4, rate);
+    CHECK(sizeof(swb_jump) == (size_t)8 * 5);
     AT(swb_branching, 0, struct_size);
     AT(swb_branching, 1, t);
     AT(swb_branching, 2, x);

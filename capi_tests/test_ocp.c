@@ -143,6 +143,11 @@ static void known_solution(void)
     CHECK_OK(swb_ocp_set_int(ocp, "max_iter", 2));
     CHECK_OK(swb_ocp_solve(ocp, &outcome));
     CHECK(outcome == SWB_OUTCOME_MAX_ITER);
+    /* what is no solution shows no cost, but says what its point costs to who asks for that */
+    CHECK_OK(swb_ocp_get_cost(ocp, &cost));
+    CHECK(isnan(cost));
+    CHECK_OK(swb_ocp_get_cost_reached(ocp, &cost));
+    CHECK(isfinite(cost));
     CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_sensitivity(ocp, x, 1, NULL, 0, NULL));
     CHECK_OK(swb_ocp_set_double(ocp, "max_time", 0.0));
     CHECK_OK(swb_ocp_set_int(ocp, "max_iter", 1000));
@@ -310,8 +315,13 @@ static void free_lengths(void)
     swb_accuracy accuracy;
     swb_certificate certificate;
     int32_t outcome = -1;
+    swb_function *all[4];
     double found[2], cost = 0.0, violation = -1.0;
+    int i;
 
+    all[0] = f0, all[1] = end, all[2] = rate, all[3] = across;
+    for (i = 0; i < 4; i++) /* none depends on the parameter */
+        CHECK_OK(swb_function_set_inputs(all[i], SWB_INPUT_X + SWB_INPUT_U));
     CHECK_OK(swb_system_create(2, 1, 1, &system));
     CHECK_OK(swb_system_set_f0(system, f0));
     CHECK_OK(swb_ocp_create(system, 1.0, 2, NULL, &ocp));
@@ -633,8 +643,70 @@ static void modes_starts_and_grids(void)
     swb_function_free(cost);
 }
 
+static long calls, interrupt_at;
+static swb_ocp *running;
+
+/* x' = u - x, a function that interrupts the call it is called by. */
+static int32_t decay(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    if (++calls == interrupt_at) CHECK_OK(swb_ocp_interrupt(running));
+    out[0] = at->u[0] - at->x[0];
+    return 0;
+}
+
+/* An interrupt in the comparison leaves the solution; no function is called behind an interrupt anywhere. */
+static void interrupts(void)
+{
+    static const double start[] = {1.0}, lower[] = {-1.0}, upper[] = {1.0};
+    swb_function *f = make_function("decay", 1, 1, 0, 1, decay, NULL);
+    swb_function *rate = make_function("L", 1, 1, 0, 1, square, NULL);
+    swb_system *system = NULL;
+    swb_accuracy accuracy;
+    int32_t outcome = -1;
+    double cost, found;
+    char text[256];
+    long all, k;
+
+    CHECK_OK(swb_system_create(1, 1, 0, &system));
+    CHECK_OK(swb_system_set_f0(system, f));
+    CHECK_OK(swb_ocp_create(system, 1.0, 4, NULL, &running));
+    CHECK_OK(swb_ocp_set_lagrange(running, rate));
+    CHECK_OK(swb_ocp_set_initial_state(running, start, 1));
+    CHECK_OK(swb_ocp_set_control_bounds(running, lower, 1, upper, 1));
+    CHECK_OK(swb_ocp_solve(running, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_ocp_get_cost(running, &cost));
+    calls = 0;
+    CHECK_OK(swb_ocp_solve(running, &outcome));
+    all = calls;
+    for (k = 1; k <= 20; k++) {
+        calls = 0;
+        interrupt_at = all * k / 20;
+        CHECK_OK(swb_ocp_solve(running, &outcome));
+        CHECK(calls == interrupt_at);
+        CHECK(outcome == SWB_OUTCOME_STOPPED || outcome == SWB_OUTCOME_SOLVED);
+    }
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_OK(swb_ocp_get_cost(running, &found));
+    CHECK_NEAR(found, cost, 1e-12);
+    CHECK_OK(swb_ocp_get_accuracy(running, &accuracy, sizeof accuracy));
+    CHECK(isnan(accuracy.worst) && isnan(accuracy.cost_error) && accuracy.reached == 0);
+    CHECK_OK(swb_ocp_get_message(running, text, sizeof text, NULL));
+    CHECK(strstr(text, "interrupted in the comparison") != NULL);
+    interrupt_at = 0;
+    CHECK_OK(swb_ocp_solve(running, &outcome));
+    CHECK_OK(swb_ocp_get_accuracy(running, &accuracy, sizeof accuracy));
+    CHECK(outcome == SWB_OUTCOME_SOLVED && accuracy.reached == 1 && accuracy.worst < 1e-3);
+    swb_ocp_free(running);
+    swb_system_free(system);
+    swb_function_free(f);
+    swb_function_free(rate);
+}
+
 int main(void)
 {
+    interrupts();
     phases();
     known_solution();
     modes_starts_and_grids();

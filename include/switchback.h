@@ -12,8 +12,29 @@
  *
  * Objects are opaque and independent of each other. A const pointer to an object may be used by several
  * threads at once, any other by one; calling back into the same object from a callback is SWB_ERR_STATE.
- * Freeing NULL does nothing. Callbacks return 0, a positive code if they are not defined at the point
- * (the solver tries another one), a negative code to stop; they must not unwind. */
+ * A pointer to an object is a handle, of the size of a pointer, that is looked up in a table and never
+ * read: a handle that has been freed (also if new objects were made since), one of another type and any
+ * other pointer are SWB_ERR_STATE. Freeing NULL does nothing; freeing any of these, or an object that is
+ * in use, does nothing either, and swb_last_error() says so.
+ *
+ * Where there is not enough memory a call is SWB_ERR_LIBRARY, or SWB_ERR_DIMENSION for sizes that cannot be meant; the
+ * object can be used again, or says with SWB_ERR_STATE that it can only be freed. Large arrays are asked for so that they can
+ * be refused, and estimated first; small requests that fail are served from a reserve of 8 MB until the call has ended. The
+ * process is ended only where a single step of a call, between two places at which it looks, needs more than that reserve in
+ * arrays that could not be foreseen. Memory of callbacks and of linked libraries is theirs. The option max_memory bounds
+ * what a call takes.
+ *
+ * Callbacks return 0, a positive code if they are not defined at the point (the solver tries another
+ * one), a negative code to stop. They must return: an exception of C++ or another language, pthread_exit
+ * and the cancellation of the thread end the process where they reach the library, which cannot catch
+ * them. A longjmp over the library leaves the object of the call, and those it uses, in use for ever:
+ * they cannot even be freed, and what the call allocated is lost; other objects are not touched. Catch
+ * inside of the callback and return a negative code (switchback.hpp does so, and throws again when the
+ * call is back).
+ *
+ * A thread that calls the library needs stack: 200 kB were measured for solves, 180 kB for reading
+ * documents, 130 kB for simulations by finite elements. Give it 512 kB, and what the callbacks need;
+ * threads of the library have 2 MB. */
 
 
 #ifndef SWITCHBACK_H
@@ -638,6 +659,30 @@ typedef int32_t swb_input;
 #endif // __cplusplus
 
 /**
+ * Properties of a function, to be added up; see swb_function_set_flags.
+ *
+ */
+enum swb_function_flag
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The callbacks are called by the thread that calls the library only, and one at a time: calls that would work on
+     * several threads use one. For functions in languages whose run time does not know the threads of the library, and
+     * for functions that keep something between calls.
+     */
+    SWB_SERIAL = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_function_flag swb_function_flag;
+#else
+typedef int32_t swb_function_flag;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * What happens at a switch.
  */
 enum swb_switch_kind
@@ -1243,6 +1288,31 @@ typedef int32_t swb_event_kind;
 #endif // __cplusplus
 
 /**
+ * The direction in which the guard of a transition passes zero.
+ */
+enum swb_direction
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * From below: the transition happens where the guard becomes positive.
+     */
+    SWB_DIRECTION_RISING = 0,
+    /**
+     * From above: the transition happens where the guard becomes negative.
+     */
+    SWB_DIRECTION_FALLING = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_direction swb_direction;
+#else
+typedef int32_t swb_direction;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * What a step did.
  */
 enum swb_progress_kind
@@ -1571,7 +1641,7 @@ typedef struct swb_settings {
      */
     int64_t max_iter;
     /**
-     * Limit on the wall time of one solve, in seconds.
+     * Limit on the wall time of one solve, in seconds, with everything it does: guesses, certificate, comparison, further rounds. It ends at most one factorisation or 16 model evaluations later, with what was found before; a model function that takes long itself is waited for.
      */
     double max_time;
     /**
@@ -1762,6 +1832,10 @@ typedef struct swb_settings {
      * Finite elements of such a grid at most, over all stages.
      */
     int64_t adapt_elements;
+    /**
+     * Bytes that building, solving or simulating may take at most; 0: as many as there are.
+     */
+    int64_t max_memory;
 } swb_settings;
 
 /**
@@ -1798,7 +1872,8 @@ typedef struct swb_point {
  *
  * Returns 0; a positive number if the function is not defined at the point, which makes the solver try
  * another one (so do values that are not finite); a negative number to end the call with SWB_ERR_USER.
- * May be called by every thread that uses an object with this function.
+ * May be called by every thread that uses an object with this function, and by threads of the library where several
+ * simulations or solves run at once (swb_batch_run, swb_ocp_solve_starts), unless swb_function_set_flags says SWB_SERIAL.
  */
 typedef int32_t (*swb_value_fn)(const struct swb_point *at, double *out, void *user_data);
 
@@ -2192,6 +2267,10 @@ typedef struct swb_run_info {
      * Points at which switches accumulate.
      */
     int64_t n_accumulations;
+    /**
+     * Transitions in the log.
+     */
+    int64_t n_jumps;
 } swb_run_info;
 
 /**
@@ -2242,6 +2321,10 @@ typedef struct swb_run_stats {
      * Seconds.
      */
     double time_total;
+    /**
+     * Transitions.
+     */
+    int64_t jumps;
 } swb_run_stats;
 
 /**
@@ -2365,6 +2448,32 @@ typedef struct swb_accumulation {
      */
     double error;
 } swb_accumulation;
+
+/**
+ * A transition that was made.
+ */
+typedef struct swb_jump {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Time.
+     */
+    double t;
+    /**
+     * The transition, in the order they were added to the system.
+     */
+    int64_t transition;
+    /**
+     * 1 if another transition was made at the same time.
+     */
+    int64_t simultaneous;
+    /**
+     * Rate at which the guard passes zero, positive in its direction; NaN where it held when its discrete state began.
+     */
+    double rate;
+} swb_jump;
 
 /**
  * A point from which several solutions go on.
@@ -2564,7 +2673,7 @@ typedef struct swb_multiphase_info {
      */
     int64_t n_phases;
     /**
-     * Sum of the costs of the phases.
+     * Sum of the costs of the phases; NaN unless the outcome is SWB_OUTCOME_SOLVED.
      */
     double cost;
     /**
@@ -2673,9 +2782,20 @@ int32_t swb_last_user_code(void);
  *
  * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
  * @param[out] needed length with the final NUL, written in any case; may be NULL
- * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short. The last error is unchanged.
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short. The last error is unchanged; if there was none, it is that
+ *         of this call.
  */
-SWB_API swb_status swb_last_error_copy(char *buf, int64_t len, int64_t *needed);
+SWB_API
+swb_status swb_last_error_copy(char *buf,
+                               int64_t len,
+                               int64_t *needed);
+
+/**
+ * Number of objects that were created and not freed: for tests that look for leaks. Objects of the library are found
+ * through a table, so tools that search the memory for lost pointers do not miss those that were not freed.
+ */
+SWB_API
+int64_t swb_live_objects(void);
 
 /**
  * General message of a status code; "unknown status" for any other number. Never NULL, static.
@@ -2898,8 +3018,8 @@ SWB_API const char *swb_outcome_name(int32_t outcome);
  * Create a function given by its values.
  *
  * Derivatives are added by swb_function_set_jacobian and swb_function_set_hessian; without them they are
- * finite differences of a function of all x and u that depends neither on p (a constant then) nor on t
- * (swb_function_set_inputs says otherwise).
+ * finite differences of a function of all x, u and p that does not depend on t (swb_function_set_inputs says
+ * otherwise, and fewer inputs make cheaper differences).
  *
  * @param[in]  name      used in messages, such as "f0"
  * @param[in]  value     the callback
@@ -2973,6 +3093,17 @@ SWB_API swb_status swb_function_set_linear(struct swb_function *f);
 SWB_API
 swb_status swb_function_set_inputs(struct swb_function *f,
                                    int32_t inputs);
+
+/**
+ * Set properties of a function; those that are not given are taken back.
+ *
+ * @param[in] flags sum of enum swb_function_flag; 0: none
+ * @return SWB_OK; SWB_ERR_RANGE if there are no such flags; SWB_ERR_STATE if the function belongs to a model already, or
+ *         was made by the library
+ */
+SWB_API
+swb_status swb_function_set_flags(struct swb_function *f,
+                                  int32_t flags);
 
 /**
  * Sizes of a function. Any output may be NULL.
@@ -3073,7 +3204,8 @@ swb_status swb_function_eval_hessian(const struct swb_function *f,
 
 /**
  * Compare the derivatives of a function at a point with finite differences, inside and outside the
- * declared patterns.
+ * declared patterns. The work grows with the square of the number of inputs, and no interrupt reaches it: for functions
+ * of thousands of inputs it takes minutes, and only a negative code of a callback ends it before.
  *
  * @param[out] passed    1 if nothing disagrees; may be NULL
  * @param[out] max_error largest relative error of an entry, accepted ones included; may be NULL
@@ -3106,6 +3238,11 @@ SWB_API void swb_function_free(struct swb_function *f);
  * f.reverse(1).jacobian() makes it. Those that are missing are finite differences. Integers may have 32 or 64 bits,
  * numbers must be double. What the library says of itself is checked; it is called once with zeros. It stays open as
  * long as the function is used. A code that is not 0 counts as not defined at the point.
+ *
+ * The code must be smooth: what jumps or has a kink (sign, fabs, if_else, fmin, floor ...) is stated by modes and
+ * switching functions. Compiled code does not show what is inside of it; simulations notice that they chatter, solves of
+ * optimal control problems take many iterations. The library must be the whole file: those that end too early are
+ * refused, but a file that is damaged otherwise, or changes while it is loaded, can end the process, as with dlopen.
  *
  * @param[in]  path   of the library, as for dlopen
  * @param[in]  name   f
@@ -3489,13 +3626,17 @@ SWB_API void swb_expr_free(struct swb_expr *graph);
 /**
  * Build a model from the derivatives of its states; operators that switch become switching functions and modes.
  *
+ * The time it takes grows with the number of expressions the derivatives consist of, about ten microseconds each. There
+ * may be 2097152 of them.
+ *
  * @param[in]  name  used in messages
  * @param[in]  rhs   [nx] the derivative of every state
  * @param[in]  names names of states, controls and parameters, one in each line, empty lines for x[0] and so on; may be
  *                   NULL
  * @param[in]  trial where all functions should be defined, which the report says if not; may be NULL
  * @param[out] out   the new object, NULL on failure; free with swb_model_free
- * @return SWB_OK; SWB_ERR_UNSUPPORTED if too many switching functions are coupled; else as swb_expr_function
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED if too many switching functions are coupled or there are too many expressions; else
+ *         as swb_expr_function
  */
 SWB_API
 swb_status swb_model_create(struct swb_expr *graph,
@@ -3939,7 +4080,9 @@ swb_status swb_simulator_set_log(struct swb_simulator *sim,
 
 /**
  * Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
- * thread and from signal handlers; only swb_simulator_free must not run at the same time.
+ * thread and from signal handlers; only swb_simulator_free must not run at the same time. It is heeded in every phase, before the
+ * next evaluation of a model function and before the next factorisation: the call ends within the time of one of
+ * these, a model function that takes long itself is waited for. What was found before stays the answer.
  *
  * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
  */
@@ -4131,6 +4274,83 @@ swb_status swb_run_evaluate(const struct swb_run *run,
  * Free; NULL is allowed.
  */
 SWB_API void swb_run_free(struct swb_run *run);
+
+/**
+ * Add a transition: where the guard passes zero in its direction while the discrete states are as `from` says, the state
+ * becomes what reset makes of it, and the discrete states become as `to` says.
+ *
+ * A discrete state is a state that a transition names in `from` or `to`; its derivative must be zero. Only the event-driven
+ * simulation follows transitions. A guard that is beyond zero, or at zero and on its way, when the discrete states become as
+ * `from` says, acts at once: at the start and after a change of controls or parameters, too. Of several at one time the first
+ * that was added is made first, and the others if they still hold; 64 at one time end the run. A transition that leaves its
+ * own guard beyond zero is watched again when the guard has been back.
+ *
+ * @param[in]  guard       one output
+ * @param[in]  direction   enum swb_direction
+ * @param[in]  from_states [n_from_states] discrete states that must have the values
+ * @param[in]  from_values [n_from_values] for the transition to be watched; none: always
+ * @param[in]  reset       nx outputs, the state behind the transition; NULL: the state before it
+ * @param[in]  to_states   [n_to_states] discrete states that get the values
+ * @param[in]  to_values   [n_to_values] behind the reset
+ * @param[out] index       number of the transition; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if states do not exist or repeat, or for an unknown
+ *         direction; SWB_ERR_STATE if nothing changes
+ */
+SWB_API
+swb_status swb_system_add_transition(struct swb_system *system,
+                                     const struct swb_function *guard,
+                                     int32_t direction,
+                                     const int64_t *from_states,
+                                     int64_t n_from_states,
+                                     const double *from_values,
+                                     int64_t n_from_values,
+                                     const struct swb_function *reset,
+                                     const int64_t *to_states,
+                                     int64_t n_to_states,
+                                     const double *to_values,
+                                     int64_t n_to_values,
+                                     int64_t *index);
+
+/**
+ * The transitions of a run in the order they were made; their number is n_jumps of swb_run_info.
+ *
+ * @param[out] jumps       [n] n_jumps
+ * @param[in]  struct_size sizeof(swb_jump)
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_run_jumps(const struct swb_run *run,
+                         struct swb_jump *jumps,
+                         int64_t n,
+                         uint64_t struct_size);
+
+/**
+ * The states just before and just behind a transition.
+ *
+ * @param[in]  index  its place in swb_run_jumps, from 0
+ * @param[out] before [n] nx
+ * @param[out] after  [n] nx
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_run_jump_states(const struct swb_run *run,
+                               int64_t index,
+                               double *before,
+                               double *after,
+                               int64_t n);
+
+/**
+ * Derivatives of the time of a transition with respect to initial states, parameters and controls.
+ *
+ * @param[in]  index its place in swb_run_jumps, from 0
+ * @param[out] dt    [n] n_columns
+ * @return as swb_run_sensitivity
+ */
+SWB_API
+swb_status swb_run_jump_sensitivity(const struct swb_run *run,
+                                    int64_t index,
+                                    double *dt,
+                                    int64_t n);
 
 /**
  * Create an integrator. Time, state, controls and parameters are zero until they are set.
@@ -4369,7 +4589,7 @@ SWB_API swb_status swb_integrator_get_run(struct swb_integrator *integrator, str
  * @param[out] dp     [np] gradient with respect to the parameters
  * @param[out] du     [nu] gradient with respect to the controls
  * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a time or a switch is none of the run; SWB_ERR_STATE without the
- *         option adjoint
+ *         option adjoint; SWB_ERR_INTERRUPTED
  */
 SWB_API
 swb_status swb_integrator_adjoint(struct swb_integrator *integrator,
@@ -4468,7 +4688,8 @@ swb_status swb_integrator_set_log(struct swb_integrator *integrator,
 
 /**
  * Stop the call that runs now with the outcome SWB_RUN_OUTCOME_STOPPED, or the next one if none runs; the one after it
- * goes on. From any thread and from signal handlers; only swb_integrator_free must not run at the same time.
+ * goes on. From any thread and from signal handlers; only swb_integrator_free must not run at the same time. It is heeded
+ * between steps: a call ends within the time of one step, which takes some tens of evaluations of the model.
  *
  * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
  */
@@ -4483,7 +4704,8 @@ SWB_API void swb_integrator_free(struct swb_integrator *integrator);
 /**
  * Create a batch.
  *
- * @param[in]  system   copied; may be freed afterwards. Its functions are called by several threads at once
+ * @param[in]  system   copied; may be freed afterwards. Its functions are called by several threads at once, unless one
+ *                      of them carries the flag SWB_SERIAL
  * @param[in]  settings NULL for the defaults
  * @param[out] out      the new object, NULL on failure; free with swb_batch_free
  * @return as swb_integrator_create
@@ -4500,7 +4722,8 @@ swb_status swb_batch_create(const struct swb_system *system,
  * @param[in] x0        [n_x0] the initial states, those of one run together
  * @param[in] u         [n_u] controls: none (zeros), nu for all runs, or nu for each
  * @param[in] p         [n_p] parameters, the same
- * @param[in] n_threads threads at most; 0: one for each processor. Log and progress callbacks do not exist here
+ * @param[in] n_threads threads at most; 0: one for each processor. With a function that carries the flag SWB_SERIAL the
+ *                      thread of the caller does it all. Log and progress callbacks do not exist here
  * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
  */
 SWB_API
@@ -4555,7 +4778,8 @@ swb_status swb_batch_get_run(const struct swb_batch *batch,
 
 /**
  * Stop the runs that are at work, with the outcome SWB_RUN_OUTCOME_STOPPED, or those of the next call if none are. From
- * any thread and from signal handlers; only swb_batch_free must not run at the same time.
+ * any thread and from signal handlers; only swb_batch_free must not run at the same time. The call ends when every run has
+ * finished its step.
  *
  * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
  */
@@ -4749,11 +4973,26 @@ SWB_API swb_status swb_ocp_get_outcome(const struct swb_ocp *ocp, int32_t *outco
 SWB_API swb_status swb_ocp_get_polished(const struct swb_ocp *ocp, int32_t *polished);
 
 /**
- * Cost, without terms that only guide the solver.
+ * Cost of the solution, without terms that only guide the solver; NaN where there is none (unless the outcome is
+ * SWB_OUTCOME_SOLVED, or SWB_OUTCOME_STOPPED after a round of an adaptation that was solved): what
+ * another point costs says nothing about the problem (swb_ocp_get_cost_reached).
  *
  * @return SWB_OK; SWB_ERR_STATE before the first solve
  */
-SWB_API swb_status swb_ocp_get_cost(const struct swb_ocp *ocp, double *cost);
+SWB_API
+swb_status swb_ocp_get_cost(const struct swb_ocp *ocp,
+                            double *cost);
+
+/**
+ * What the point costs at which the last solve ended, however it ended. Unless the outcome is SWB_OUTCOME_SOLVED the point
+ * need not satisfy dynamics and constraints, and its cost may lie on either side of that of a solution. NaN where the
+ * solve was stopped before it was known.
+ *
+ * @return SWB_OK; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_get_cost_reached(const struct swb_ocp *ocp,
+                                    double *cost);
 
 /**
  * Controls.
@@ -4766,7 +5005,8 @@ SWB_API swb_status swb_ocp_get_controls(const struct swb_ocp *ocp, double *u, in
 /**
  * Derivatives of the last solution with respect to its data: the initial state `[nx]`, then the parameters `[np]`. The
  * order of modes is held; the solution must be exact (SWB_POLISHED_DONE). A component of the initial state that is free is
- * no datum: its derivatives are zero. One factorisation for all of them; parameters cost four evaluations of the model
+ * no datum: its derivatives are zero. Where the order of modes cannot be held in either direction, the derivatives with
+ * respect to that datum are NaN and one_sided is 1. One factorisation for all of them; parameters cost four evaluations of the model
  * each.
  *
  * @param[out] cost      [n_cost] nx + np, derivatives of the cost; NULL with n_cost 0 if not wanted
@@ -4885,7 +5125,12 @@ SWB_API swb_status swb_ocp_set_log(struct swb_ocp *ocp, swb_log_fn log, void *us
 
 /**
  * Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
- * thread and from signal handlers; only swb_ocp_free must not run at the same time.
+ * thread and from signal handlers; only swb_ocp_free must not run at the same time. It is heeded in every phase, before the
+ * next evaluation of a model function and before the next factorisation: the call ends within the time of one of
+ * these, a model function that takes long itself is waited for. What was found before stays the answer: an interrupt
+ * during the comparison accuracy leaves the solution, with an accuracy that is NaN and a message. Where nothing was found
+ * yet, while the problem is built or in swb_ocp_get_sensitivity, the call returns SWB_ERR_INTERRUPTED; max_time ends
+ * calls in the same places.
  *
  * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
  */
@@ -4952,7 +5197,8 @@ swb_status swb_ocp_get_mismatch(const struct swb_ocp *ocp,
 
 /**
  * Why the last solve did not end with an exact solution, in the words of the model: which constraint cannot be met and by
- * how much, which function has no value where, which stage needs more elements. Stages, elements, rows and states are
+ * how much, which function has no value where, which stage needs more elements. Of a solution, why the comparison accuracy
+ * says nothing, or which state of the simulation is far off and what helps. Stages, elements, rows and states are
  * counted from zero. Empty where there is nothing to say. After a solve that returned an error it is there too.
  *
  * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
@@ -5040,7 +5286,8 @@ swb_status swb_ocp_random_starts(struct swb_ocp *ocp,
  *
  * @param[in]  u         [n_u] n_stages * nu for every start
  * @param[in]  n_threads threads at most, of which one is that of the caller; 0: one for each processor. With more than 1,
- *                       functions of the model are called by several threads at once: give 1 if they cannot be
+ *                       functions of the model are called by several threads at once; if one of them carries the flag
+ *                       SWB_SERIAL, the thread of the caller does it all
  * @param[out] best      the start that was kept; may be NULL
  * @return SWB_OK, however the solves ended; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative; that of the
  *         first start if all fail
@@ -5058,7 +5305,7 @@ swb_status swb_ocp_solve_starts(struct swb_ocp *ocp,
  * @param[in]  start    from 0
  * @param[out] outcome  an enum swb_outcome; may be NULL
  * @param[out] polished an enum swb_polished; may be NULL
- * @param[out] cost     may be NULL
+ * @param[out] cost     NaN unless the start was solved; may be NULL
  * @param[out] u        [n_u] n_stages * nu controls; NULL if not wanted
  * @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
  */
@@ -5094,7 +5341,7 @@ swb_status swb_ocp_get_adaptation(const struct swb_ocp *ocp,
  * @param[out] iterations  may be NULL
  * @param[out] error       largest difference of a state from the simulation at the ends of the control stages, NaN where
  *                         the simulation got stuck; may be NULL
- * @param[out] cost        may be NULL
+ * @param[out] cost        NaN unless the round was solved; may be NULL
  * @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
  */
 SWB_API
@@ -5849,7 +6096,9 @@ SWB_API swb_status swb_mpcc_set_log(struct swb_mpcc *mpcc, swb_log_fn log, void 
 
 /**
  * Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
- * thread and from signal handlers; only swb_mpcc_free must not run at the same time.
+ * thread and from signal handlers; only swb_mpcc_free must not run at the same time. It is heeded in every phase, before the
+ * next evaluation of a model function and before the next factorisation: the call ends within the time of one of
+ * these, a model function that takes long itself is waited for. What was found before stays the answer.
  *
  * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
  */

@@ -1,7 +1,9 @@
 /* switchback for C++17: the C interface with owners, exceptions and lambdas. Header only. BSD-2-Clause, see LICENSE.
  *
  * Objects own their handle and can be moved, not copied. A call that fails throws swb::Error; an exception thrown by a
- * callback ends the call and comes out of it unchanged. Arrays are std::vector<double>, or anything swb::View takes. */
+ * callback ends the call and comes out of it unchanged, on whatever thread it was thrown (of several, the first). Other
+ * ways to leave a callback (longjmp, pthread_exit, cancelling the thread) are not caught: see switchback.h. Arrays are
+ * std::vector<double>, or anything swb::View takes. */
 #ifndef SWITCHBACK_HPP
 #define SWITCHBACK_HPP
 
@@ -9,10 +11,13 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <deque>
 #include <exception>
 #include <functional>
 #include <limits>
+#include <map>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <type_traits>
@@ -42,18 +47,81 @@ private:
 
 namespace detail {
 
-/// The exception of a callback on its way through the library.
+/// The exception of a callback on its way through the library, where the callback runs on the thread of the call.
 inline std::exception_ptr &pending() noexcept {
     static thread_local std::exception_ptr exception;
     return exception;
 }
 
+/// Exceptions that functions of a model threw, on any thread, by the code the function returned because of it: the call
+/// that fails with this code, on its own thread, throws them again.
+class Thrown {
+public:
+    static Thrown &all() noexcept {
+        static Thrown thrown;
+        return thrown;
+    }
+    /// The code to return; -1 if there is no memory left.
+    int32_t keep(const std::exception_ptr &exception) noexcept {
+        try {
+            const std::lock_guard<std::mutex> lock(mutex_);
+            const int32_t code = first - static_cast<int32_t>(count_++ % numbers);
+            exceptions_[code] = exception;
+            order_.push_back(code);
+            // Calls that nobody asks about leave theirs behind.
+            if (order_.size() > most) {
+                exceptions_.erase(order_.front());
+                order_.pop_front();
+            }
+            return code;
+        } catch (...) {
+            return -1;
+        }
+    }
+    std::exception_ptr take(int32_t code) noexcept {
+        const std::lock_guard<std::mutex> lock(mutex_);
+        const auto found = exceptions_.find(code);
+        if (found == exceptions_.end())
+            return nullptr;
+        std::exception_ptr exception = std::move(found->second);
+        exceptions_.erase(found);
+        return exception;
+    }
+
+private:
+    static constexpr int32_t first = -0x40000000;
+    static constexpr uint32_t numbers = 0x3fffffff;
+    static constexpr std::size_t most = 4096;
+    std::mutex mutex_;
+    std::map<int32_t, std::exception_ptr> exceptions_;
+    std::deque<int32_t> order_;
+    uint32_t count_ = 0;
+};
+
 /// Throws what a callback threw, or the error of the call.
 inline void check(swb_status status) {
-    if (std::exception_ptr exception = std::exchange(pending(), nullptr))
+    std::exception_ptr exception = std::exchange(pending(), nullptr);
+    if (status == SWB_ERR_USER) {
+        std::exception_ptr kept = Thrown::all().take(swb_last_user_code());
+        if (!exception)
+            exception = std::move(kept);
+    }
+    if (exception)
         std::rethrow_exception(exception);
     if (status != SWB_OK)
         throw Error(status, swb_last_error(), swb_last_user_code());
+}
+
+/// The first exception among the parts of a call that ends well although some of its parts failed: `status_of(k)` asks
+/// for part k.
+template <class StatusOf>
+std::exception_ptr first_thrown(int64_t n, StatusOf &&status_of) {
+    std::exception_ptr first;
+    for (int64_t k = 0; k < n; ++k)
+        if (status_of(k) == SWB_ERR_USER)
+            if (std::exception_ptr exception = Thrown::all().take(swb_last_user_code()); exception && !first)
+                first = std::move(exception);
+    return first;
 }
 
 template <class Body>
@@ -64,6 +132,18 @@ int32_t guarded(int32_t on_exception, Body &&body) noexcept {
         if (!pending())
             pending() = std::current_exception();
         return on_exception;
+    }
+}
+
+/// The same for functions of a model, which other threads may call, too.
+template <class Body>
+int32_t guarded_function(Body &&body) noexcept {
+    try {
+        return body();
+    } catch (...) {
+        if (!pending())
+            pending() = std::current_exception();
+        return Thrown::all().keep(std::current_exception());
     }
 }
 
@@ -206,6 +286,13 @@ public:
         return *this;
     }
 
+    /// The callbacks are called by the thread that calls the library only: calls that would work on several threads use
+    /// one (SWB_SERIAL).
+    Function &serial(bool on = true) {
+        detail::check(swb_function_set_flags(get(), on ? SWB_SERIAL : 0));
+        return *this;
+    }
+
     Vector operator()(double t, View x, View u = {}, View p = {}) const {
         int64_t n_out = 0;
         detail::check(swb_function_sizes(get(), nullptr, nullptr, nullptr, &n_out, nullptr, nullptr));
@@ -255,13 +342,13 @@ private:
             return f;
     }
     static int32_t call_value(const swb_point *at, double *out, void *data) {
-        return detail::guarded(-1, [&] { return static_cast<Callbacks *>(data)->value(*at, out); });
+        return detail::guarded_function([&] { return static_cast<Callbacks *>(data)->value(*at, out); });
     }
     static int32_t call_jacobian(const swb_point *at, double *out, void *data) {
-        return detail::guarded(-1, [&] { return static_cast<Callbacks *>(data)->jacobian(*at, out); });
+        return detail::guarded_function([&] { return static_cast<Callbacks *>(data)->jacobian(*at, out); });
     }
     static int32_t call_hessian(const swb_point *at, const double *weights, double *out, void *data) {
-        return detail::guarded(-1, [&] { return static_cast<Callbacks *>(data)->hessian(*at, weights, out); });
+        return detail::guarded_function([&] { return static_cast<Callbacks *>(data)->hessian(*at, weights, out); });
     }
     static void destroy(void *data) { delete static_cast<Callbacks *>(data); }
 
@@ -315,6 +402,24 @@ public:
     System &subsystem(const std::vector<int64_t> &rows, const Function &modes, int64_t n_modes, const Function &indicators) {
         detail::check(swb_system_add_subsystem_indicators(get(), rows.data(), static_cast<int64_t>(rows.size()), modes.get(),
                                                           n_modes, indicators.get(), nullptr));
+        return *this;
+    }
+    /// A jump of the state where the guard passes zero in its direction: discrete states and their values before (none: always),
+    /// the state behind it (NULL: as before), discrete states and their values behind it. See swb_system_add_transition.
+    System &transition(const Function &guard, swb_direction direction, const Function *reset,
+                       const std::vector<std::pair<int64_t, double>> &from = {},
+                       const std::vector<std::pair<int64_t, double>> &to = {}) {
+        std::vector<int64_t> states[2];
+        std::vector<double> values[2];
+        for (int k = 0; k < 2; k++)
+            for (const auto &d : k == 0 ? from : to) {
+                states[k].push_back(d.first);
+                values[k].push_back(d.second);
+            }
+        detail::check(swb_system_add_transition(
+            get(), guard.get(), direction, states[0].data(), static_cast<int64_t>(states[0].size()), values[0].data(),
+            static_cast<int64_t>(values[0].size()), reset ? reset->get() : nullptr, states[1].data(),
+            static_cast<int64_t>(states[1].size()), values[1].data(), static_cast<int64_t>(values[1].size()), nullptr));
         return *this;
     }
     swb_system *get() const noexcept { return owner_.get(); }
@@ -747,10 +852,23 @@ public:
         owner_.reset(b);
         detail::check(swb_system_sizes(system.get(), &nx_, nullptr, nullptr, nullptr));
     }
-    /// Initial states, those of one run together; controls and parameters: none, one set for all, or one for each.
+    /// Initial states, those of one run together; controls and parameters: none, one set for all, or one for each. With
+    /// more than one thread (0: one for each processor) functions of the model are called by several threads at once,
+    /// unless one of them is serial. If a function throws, the other runs are finished and the exception of the first run
+    /// that has one comes out; the results of the others are there.
     void run(double t0, double t1, View x0, View u = {}, View p = {}, int64_t n_threads = 0) {
-        detail::check(swb_batch_run(get(), t0, t1, x0.data(), x0.length(), u.data(), u.length(), p.data(), p.length(),
-                                    n_threads));
+        const swb_status status = swb_batch_run(get(), t0, t1, x0.data(), x0.length(), u.data(), u.length(), p.data(),
+                                                p.length(), n_threads);
+        std::exception_ptr own = status == SWB_OK ? std::exchange(detail::pending(), nullptr) : nullptr;
+        detail::check(status);
+        const std::exception_ptr first = detail::first_thrown(size(), [this](int64_t k) {
+            swb_run *r = nullptr;
+            const swb_status of_run = swb_batch_get_run(get(), k, &r);
+            swb_run_free(r);
+            return of_run;
+        });
+        if (first || own)
+            std::rethrow_exception(first ? first : own);
     }
     int64_t size() const {
         int64_t n = 0;
@@ -894,13 +1012,20 @@ public:
     std::string to_json() const {
         return detail::text([&](char *b, int64_t n, int64_t *needed) { return swb_ocp_to_json(get(), b, n, needed); });
     }
-    /// Why the last solve did not end with an exact solution; empty where it did.
+    /// Why the last solve did not end with an exact solution, and what the comparison with the simulation says of one.
     std::string message() const {
         return detail::text([&](char *b, int64_t n, int64_t *needed) { return swb_ocp_get_message(get(), b, n, needed); });
     }
+    /// Cost of the solution; NaN unless the problem is solved.
     double cost() const {
         double c = 0;
         detail::check(swb_ocp_get_cost(get(), &c));
+        return c;
+    }
+    /// What the point costs at which the last solve ended, solution or not.
+    double cost_reached() const {
+        double c = 0;
+        detail::check(swb_ocp_get_cost_reached(get(), &c));
         return c;
     }
     /// The controls of one stage together; where they are linear, at the start of the stages.
@@ -983,10 +1108,20 @@ public:
         return u;
     }
     /// Solves from several guesses of the controls and keeps the best solution; returns which one that is. With more than
-    /// one thread (0: one for each processor) functions of the model are called by several threads at once.
+    /// one thread (0: one for each processor) functions of the model are called by several threads at once, unless one of
+    /// them is serial. If a function throws, the other starts are solved and the exception of the first start that has
+    /// one comes out; the best of the others is the solution.
     int64_t solve_starts(View u, int64_t n_threads = 0) {
         int64_t best = 0;
-        detail::check(swb_ocp_solve_starts(get(), u.data(), u.length(), n_threads, &best));
+        const swb_status status = swb_ocp_solve_starts(get(), u.data(), u.length(), n_threads, &best);
+        std::exception_ptr own = status == SWB_OK ? std::exchange(detail::pending(), nullptr) : nullptr;
+        detail::check(status);
+        const int64_t n = n_stages_ * nu_ > 0 ? u.length() / (n_stages_ * nu_) : 0;
+        const std::exception_ptr first = detail::first_thrown(n, [this](int64_t k) {
+            return swb_ocp_get_start(get(), k, nullptr, nullptr, nullptr, nullptr, 0);
+        });
+        if (first || own)
+            std::rethrow_exception(first ? first : own);
         return best;
     }
     /// One solve on the way to an adapted grid.
@@ -1199,7 +1334,7 @@ public:
 
 private:
     static int32_t call_hessian(const swb_point *at, double weight, const double *y, double *out, void *data) {
-        return detail::guarded(-1, [&] { return (*static_cast<LagrangianHessian *>(data))(*at, weight, y, out); });
+        return detail::guarded_function([&] { return (*static_cast<LagrangianHessian *>(data))(*at, weight, y, out); });
     }
     Mpcc(int64_t n, int64_t np, const Function &objective, const Function *constraints, const Settings &settings) : n_(n) {
         swb_mpcc *p = nullptr;

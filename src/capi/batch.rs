@@ -2,15 +2,18 @@
 
 use super::guard::{caught, guard};
 use super::handle::{self, Interrupt, Object};
-use super::integrator::{listening, reason_of};
+use super::integrator::listening;
 use super::raw;
 use super::run::{modes_of, outcome_number, swb_run, swb_run_outcome, Record};
 use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
+use super::threads;
 use crate::error::{Error, Result};
 use crate::event::{Engine, Options, Outcome};
+use crate::memory;
 use crate::settings::Settings;
+use crate::stop::Stop;
 use crate::system::System;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
@@ -64,15 +67,11 @@ impl Batch {
         }
         let n_runs = x0.len() / d.x;
         let (u, p) = (Inputs::new(u, d.u, n_runs, "u")?, Inputs::new(p, d.p, n_runs, "p")?);
-        let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
-        let threads = match threads {
-            0 => cores(),
-            n => usize::try_from(n).map_err(|_| Error::Range(format!("n_threads is {n}: give 0 or more")))?,
-        };
+        let threads = threads::number(threads, self.system.is_serial())?;
         let (next, interrupt) = (AtomicUsize::new(0), &self.interrupt);
         let one = |i: usize| -> Result<Record> {
             let clock = Instant::now();
-            let (result, troubles) = listening(|| {
+            let result = listening(|| {
                 let mut engine = Engine::new(&self.system, &self.options)?;
                 engine.set_interrupt(interrupt.clone());
                 engine.reinit(t0, &x0[i * d.x..(i + 1) * d.x])?;
@@ -89,7 +88,6 @@ impl Batch {
                 Ok((engine.into_run(), stopped))
             });
             let (mut run, stopped) = result?;
-            run.reason = reason_of(run.outcome, &run.reason, &troubles);
             let mut outcome = outcome_number(run.outcome);
             if stopped && run.outcome == Outcome::Reached {
                 outcome = swb_run_outcome::Stopped as i32;
@@ -98,6 +96,7 @@ impl Batch {
             let seconds = clock.elapsed().as_secs_f64();
             Ok(Record { run, outcome, t_start: t0, seconds, n_modes: self.n_modes.clone() })
         };
+        let stop = Stop::on(interrupt);
         let work = || -> Vec<(usize, Result<Record>)> {
             let mut mine = Vec::new();
             loop {
@@ -105,11 +104,16 @@ impl Batch {
                 if i >= n_runs {
                     return mine;
                 }
-                mine.push((i, caught(|| one(i))));
+                mine.push((i, caught(|| stop.scope(|| memory::call(|| one(i))))));
             }
         };
         let mut runs: Vec<(usize, Result<Record>)> = std::thread::scope(|scope| {
-            let others: Vec<_> = (1..threads.min(n_runs)).map(|_| scope.spawn(work)).collect();
+            // without room for another thread the others do its work
+            let spawn = || {
+                let room = memory::room_for_thread();
+                room.then(|| std::thread::Builder::new().spawn_scoped(scope, work).ok()).flatten()
+            };
+            let others: Vec<_> = (1..threads.min(n_runs)).map_while(|_| spawn()).collect();
             let mut all = work();
             for o in others {
                 all.extend(o.join().unwrap_or_default());
@@ -135,7 +139,8 @@ impl Batch {
 
 /// Create a batch.
 ///
-/// @param[in]  system   copied; may be freed afterwards. Its functions are called by several threads at once
+/// @param[in]  system   copied; may be freed afterwards. Its functions are called by several threads at once, unless one
+///                      of them carries the flag SWB_SERIAL
 /// @param[in]  settings NULL for the defaults
 /// @param[out] out      the new object, NULL on failure; free with swb_batch_free
 /// @return as swb_integrator_create
@@ -165,7 +170,8 @@ pub unsafe extern "C" fn swb_batch_create(
 /// @param[in] x0        [n_x0] the initial states, those of one run together
 /// @param[in] u         [n_u] controls: none (zeros), nu for all runs, or nu for each
 /// @param[in] p         [n_p] parameters, the same
-/// @param[in] n_threads threads at most; 0: one for each processor. Log and progress callbacks do not exist here
+/// @param[in] n_threads threads at most; 0: one for each processor. With a function that carries the flag SWB_SERIAL the
+///                      thread of the caller does it all. Log and progress callbacks do not exist here
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
 #[no_mangle]
 pub unsafe extern "C" fn swb_batch_run(
@@ -203,8 +209,8 @@ pub unsafe extern "C" fn swb_batch_states(batch: *const swb_batch, x: *mut f64, 
     guard(|| unsafe {
         handle::with_ref(batch, |b| {
             let failed = vec![f64::NAN; b.system.dims().x];
-            let all: Vec<f64> =
-                b.runs.iter().flat_map(|r| r.as_ref().map_or(&failed, |r| &r.run.x).iter().copied()).collect();
+            let mut all = memory::with_capacity(b.runs.len() * failed.len());
+            all.extend(b.runs.iter().flat_map(|r| r.as_ref().map_or(&failed, |r| &r.run.x).iter().copied()));
             raw::write_slice(x, n, &all, "x")
         })
     })
@@ -232,16 +238,17 @@ pub unsafe extern "C" fn swb_batch_outcomes(batch: *const swb_batch, outcome: *m
 /// @return SWB_OK; SWB_ERR_DIMENSION; the status of the run if it failed, with its message
 #[no_mangle]
 pub unsafe extern "C" fn swb_batch_get_run(batch: *const swb_batch, index: i64, out: *mut *mut swb_run) -> swb_status {
-    guard(|| unsafe { handle::create(out, |_| handle::with_ref(batch, |b| b.get(index).cloned())) })
+    guard(|| unsafe { handle::create(out, |_| handle::with_ref(batch, |b| b.get(index)?.copy())) })
 }
 
 /// Stop the runs that are at work, with the outcome SWB_RUN_OUTCOME_STOPPED, or those of the next call if none are. From
-/// any thread and from signal handlers; only swb_batch_free must not run at the same time.
+/// any thread and from signal handlers; only swb_batch_free must not run at the same time. The call ends when every run has
+/// finished its step.
 ///
 /// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 #[no_mangle]
 pub unsafe extern "C" fn swb_batch_interrupt(batch: *const swb_batch) -> swb_status {
-    guard(|| unsafe { handle::interrupt(batch) })
+    unsafe { handle::interrupt(batch) }
 }
 
 /// Free; NULL is allowed.

@@ -1,12 +1,13 @@
 //! Functions that CasADi generated, from a library, from addresses, or from a file.
 
-use super::function::{size, swb_function, UserFunction};
+use super::function::{swb_function, UserFunction};
 use super::guard::guard;
 use super::status::swb_status;
 use super::{handle, raw};
 use crate::error::{Error, Result};
 use crate::func::casadi::{self, Code, Symbols};
 use crate::func::{Callback, Dims};
+use crate::memory::sizes::size;
 use std::ffi::c_char;
 use std::path::Path;
 use std::sync::Arc;
@@ -100,6 +101,11 @@ fn ready(f: Callback) -> UserFunction {
 /// f.reverse(1).jacobian() makes it. Those that are missing are finite differences. Integers may have 32 or 64 bits,
 /// numbers must be double. What the library says of itself is checked; it is called once with zeros. It stays open as
 /// long as the function is used. A code that is not 0 counts as not defined at the point.
+///
+/// The code must be smooth: what jumps or has a kink (sign, fabs, if_else, fmin, floor ...) is stated by modes and
+/// switching functions. Compiled code does not show what is inside of it; simulations notice that they chatter, solves of
+/// optimal control problems take many iterations. The library must be the whole file: those that end too early are
+/// refused, but a file that is damaged otherwise, or changes while it is loaded, can end the process, as with dlopen.
 ///
 /// @param[in]  path   of the library, as for dlopen
 /// @param[in]  name   f

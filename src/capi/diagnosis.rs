@@ -275,7 +275,12 @@ impl Program {
         if list.len() > SHOWN {
             shown.push(format!("more = {}", list.len() - SHOWN));
         }
-        format!("{what} {}", if shown.is_empty() { "none".to_owned() } else { shown.join(", ") })
+        // nothing is known where a solve was cut short: no line then
+        if shown.is_empty() {
+            String::new()
+        } else {
+            format!("{what} {}", shown.join(", "))
+        }
     }
 }
 

@@ -11,6 +11,7 @@ use super::status::swb_status;
 use crate::document::{read, write_model, Document};
 use crate::error::{Error, Result};
 use crate::expr::Id;
+use crate::memory::sizes;
 use crate::model::SavedModel;
 use crate::system::SharedFunction;
 use std::ffi::c_char;
@@ -136,8 +137,10 @@ pub unsafe extern "C" fn swb_simulator_to_json(
         if !(duration > 0.0 && duration.is_finite()) {
             return Err(Error::Range(format!("the duration is {duration}: it must be positive and finite")));
         }
-        let n = usize::try_from(n_steps).ok().filter(|&n| n > 0);
-        let n = n.ok_or_else(|| Error::Range(format!("the number of steps is {n_steps}: it must be at least 1")))?;
+        let n = sizes::size(n_steps, "n_steps")?;
+        if n == 0 {
+            return Err(Error::Range("the number of steps is 0: it must be at least 1".into()));
+        }
         let text = handle::with_ref(sim, |s| s.json(duration, n))?;
         raw::write_text(text.as_bytes(), buf, len, needed)
     })

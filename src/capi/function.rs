@@ -4,10 +4,11 @@ use super::guard::guard;
 use super::handle::{self, Object};
 use super::raw;
 use super::status::swb_status;
-use super::trouble::{self, Complaint};
 use crate::error::{Error, Result};
+use crate::func::trouble::{self, Complaint};
 use crate::func::{check_derivatives, Callback, CheckSettings, Dims, EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
+use crate::memory::sizes::size;
 use crate::system::SharedFunction;
 use std::ffi::{c_char, c_void};
 use std::ptr;
@@ -40,7 +41,8 @@ pub struct swb_point {
 ///
 /// Returns 0; a positive number if the function is not defined at the point, which makes the solver try
 /// another one (so do values that are not finite); a negative number to end the call with SWB_ERR_USER.
-/// May be called by every thread that uses an object with this function.
+/// May be called by every thread that uses an object with this function, and by threads of the library where several
+/// simulations or solves run at once (swb_batch_run, swb_ocp_solve_starts), unless swb_function_set_flags says SWB_SERIAL.
 pub type swb_value_fn =
     Option<unsafe extern "C" fn(at: *const swb_point, out: *mut f64, user_data: *mut c_void) -> i32>;
 
@@ -72,10 +74,31 @@ pub enum swb_input {
     T = 8,
 }
 
+/// Properties of a function, to be added up; see swb_function_set_flags.
+///
+/// cbindgen:rename-all=None
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_function_flag {
+    /// The callbacks are called by the thread that calls the library only, and one at a time: calls that would work on
+    /// several threads use one. For functions in languages whose run time does not know the threads of the library, and
+    /// for functions that keep something between calls.
+    SWB_SERIAL = 1,
+}
+
 /// The user's pointer, and how to give it back.
 struct UserData {
     pointer: *mut c_void,
     destroy: swb_destroy_fn,
+    /// The function was handed out: until then the pointer stays the caller's.
+    ours: AtomicBool,
+}
+
+impl UserData {
+    /// A pointer that is not given back.
+    fn borrowed(pointer: *mut c_void) -> Arc<UserData> {
+        Arc::new(UserData { pointer, destroy: None, ours: AtomicBool::new(false) })
+    }
 }
 
 // SAFETY: the pointer is only passed on; the header asks for functions that may be called by every thread
@@ -85,7 +108,7 @@ unsafe impl Sync for UserData {}
 
 impl Drop for UserData {
     fn drop(&mut self) {
-        if let Some(destroy) = self.destroy {
+        if let Some(destroy) = self.destroy.filter(|_| *self.ours.get_mut()) {
             // SAFETY: the contract of `swb_destroy_fn`.
             unsafe { destroy(self.pointer) }
         }
@@ -104,7 +127,7 @@ pub(super) struct Caller {
 impl Caller {
     /// For a callback that is no [`UserFunction`]; `pointer` stays the caller's.
     pub fn new(name: &str, pointer: *mut c_void) -> Caller {
-        Caller { name: name.into(), data: Arc::new(UserData { pointer, destroy: None }), timeless: false }
+        Caller { name: name.into(), data: UserData::borrowed(pointer), timeless: false }
     }
 
     /// Calls back with the point in C and notes complaints.
@@ -127,7 +150,9 @@ impl Caller {
         if code == 0 && out.iter().all(|v| v.is_finite()) {
             return 0;
         }
-        trouble::note(Complaint { function: self.name.clone(), part, code, timeless: blind });
+        let bad = out.iter().copied().enumerate().find(|(_, v)| code == 0 && part == "value" && !v.is_finite());
+        let place = trouble::place(at, bad);
+        trouble::note(Complaint { function: self.name.clone(), part, code, place, timeless: blind });
         if code == 0 {
             1
         } else {
@@ -147,6 +172,7 @@ pub struct UserFunction {
     jacobian: Option<(Pattern, swb_jacobian_fn)>,
     hessian: Option<(Pattern, swb_hessian_fn)>,
     linear: bool,
+    serial: bool,
     callback: OnceLock<SharedFunction>,
     /// A model has it: its description is fixed.
     used: AtomicBool,
@@ -160,10 +186,11 @@ impl UserFunction {
             dims: f.dims(),
             n_out: f.n_out(),
             value: None,
-            data: Arc::new(UserData { pointer: ptr::null_mut(), destroy: None }),
+            data: UserData::borrowed(ptr::null_mut()),
             jacobian: None,
             hessian: None,
             linear: false,
+            serial: false,
             callback: OnceLock::from(f),
             used: AtomicBool::new(true),
         }
@@ -198,7 +225,8 @@ impl UserFunction {
                 })?,
             };
         }
-        Ok(if self.linear { f.linear() } else { f })
+        let f = if self.linear { f.linear() } else { f };
+        Ok(if self.serial { f.serial() } else { f })
     }
 
     fn callback(&self) -> Result<&SharedFunction> {
@@ -247,6 +275,7 @@ impl UserFunction {
             Err(e) => Err(match (troubles.fatal.or(troubles.last), e) {
                 (Some(complaint), _) => complaint.error(),
                 (None, EvalError::Fatal(code)) => Error::User { code, what: format!("function '{}'", self.name) },
+                (None, EvalError::Stopped) => crate::stop::error(),
                 (None, EvalError::Recoverable) => {
                     Error::NonFinite(format!("function '{}' is not defined at the point", self.name))
                 }
@@ -293,14 +322,6 @@ pub unsafe fn shared_optional(f: *const swb_function, what: &str) -> Result<Opti
     unsafe { shared(f, what).map(Some) }
 }
 
-pub(super) fn size(n: i64, what: &str) -> Result<usize> {
-    // more would not fit into the factorisation
-    match usize::try_from(n) {
-        Ok(n) if n <= i32::MAX as usize => Ok(n),
-        _ => Err(Error::Dimension(format!("{what} is {n}: it must lie between 0 and {}", i32::MAX))),
-    }
-}
-
 const COLUMNS: &str = "x, u, p and t";
 
 /// The pattern of the caller, `rows × cols`; `columns` says what the columns stand for.
@@ -334,8 +355,8 @@ pub(super) unsafe fn pattern(
 /// Create a function given by its values.
 ///
 /// Derivatives are added by swb_function_set_jacobian and swb_function_set_hessian; without them they are
-/// finite differences of a function of all x and u that depends neither on p (a constant then) nor on t
-/// (swb_function_set_inputs says otherwise).
+/// finite differences of a function of all x, u and p that does not depend on t (swb_function_set_inputs says
+/// otherwise, and fewer inputs make cheaper differences).
 ///
 /// @param[in]  name      used in messages, such as "f0"
 /// @param[in]  value     the callback
@@ -367,13 +388,18 @@ pub unsafe extern "C" fn swb_function_create(
                 dims,
                 n_out,
                 value: Some(value),
-                data: Arc::new(UserData { pointer: user_data, destroy }),
+                data: Arc::new(UserData { pointer: user_data, destroy, ours: AtomicBool::new(false) }),
                 jacobian: None,
                 hessian: None,
                 linear: false,
+                serial: false,
                 callback: OnceLock::new(),
                 used: AtomicBool::new(false),
             })
+        })?;
+        handle::with_ref(*out, |f| {
+            f.data.ours.store(true, Ordering::Relaxed);
+            Ok(())
         })
     })
 }
@@ -485,6 +511,26 @@ pub unsafe extern "C" fn swb_function_set_inputs(f: *mut swb_function, inputs: i
     })
 }
 
+/// Set properties of a function; those that are not given are taken back.
+///
+/// @param[in] flags sum of enum swb_function_flag; 0: none
+/// @return SWB_OK; SWB_ERR_RANGE if there are no such flags; SWB_ERR_STATE if the function belongs to a model already, or
+///         was made by the library
+#[no_mangle]
+pub unsafe extern "C" fn swb_function_set_flags(f: *mut swb_function, flags: i32) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(f, |f| {
+            let f = f.open()?;
+            let serial = swb_function_flag::SWB_SERIAL as i32;
+            if flags & !serial != 0 {
+                return Err(Error::Range(format!("flags is {flags}: it must be a sum of enum swb_function_flag")));
+            }
+            f.serial = flags & serial != 0;
+            Ok(())
+        })
+    })
+}
+
 /// Sizes of a function. Any output may be NULL.
 ///
 /// @param[out] jacobian_nnz entries of the Jacobian pattern, declared or derived
@@ -538,7 +584,7 @@ unsafe fn write_pattern(p: &Pattern, col_ptr: *mut i64, n_col_ptr: i64, row_idx:
             p.nnz()
         )));
     }
-    raw::check(col_ptr, "col_ptr")?;
+    raw::check_slice(col_ptr, n_col_ptr, p.col_ptr().len(), "col_ptr")?;
     unsafe {
         raw::write_slice(row_idx, nnz, &wide(p.row_idx()), "row_idx")?;
         raw::write_slice(col_ptr, n_col_ptr, &wide(p.col_ptr()), "col_ptr")
@@ -650,7 +696,8 @@ pub unsafe extern "C" fn swb_function_eval_hessian(
 }
 
 /// Compare the derivatives of a function at a point with finite differences, inside and outside the
-/// declared patterns.
+/// declared patterns. The work grows with the square of the number of inputs, and no interrupt reaches it: for functions
+/// of thousands of inputs it takes minutes, and only a negative code of a callback ends it before.
 ///
 /// @param[out] passed    1 if nothing disagrees; may be NULL
 /// @param[out] max_error largest relative error of an entry, accepted ones included; may be NULL

@@ -1,11 +1,13 @@
-//! The border itself: no panic leaves, every failure becomes a status and a message of the thread.
+//! The border itself: no panic leaves, every failure becomes a status and a message of the thread. A lack of memory too, see
+//! [`crate::memory`].
 
 use super::raw;
 use super::status::swb_status;
 use crate::error::{Error, Result};
+use crate::memory;
 use std::any::Any;
 use std::cell::{Cell, RefCell};
-use std::ffi::{c_char, CString};
+use std::ffi::{c_char, CStr, CString};
 use std::panic::{catch_unwind, AssertUnwindSafe};
 use std::sync::Once;
 
@@ -19,12 +21,16 @@ thread_local! {
     static DEPTH: Cell<u32> = const { Cell::new(0) };
     /// Where the last panic below a guard happened.
     static PLACE: RefCell<Option<String>> = const { RefCell::new(None) };
+    /// A message that a signal handler may leave, newer than that of `LAST`.
+    static CONSTANT: Cell<Option<&'static CStr>> = const { Cell::new(None) };
     static LAST: RefCell<LastError> = RefCell::new(LastError { message: CString::default(), user_code: 0 });
 }
 
 /// Run the body of an export: the status of its result, with panics caught and the error remembered.
 pub fn guard(body: impl FnOnce() -> Result<()>) -> swb_status {
-    match caught(body) {
+    // what was done without memory is not to be relied on, even if it ended well
+    let body = || body().and_then(|()| memory::check());
+    match caught(|| memory::call(body)) {
         Ok(()) => swb_status::SWB_OK,
         Err(e) => {
             remember(&e);
@@ -44,11 +50,18 @@ pub fn query<R>(fallback: R, body: impl FnOnce() -> R) -> R {
 /// Run `body`; a panic becomes [`Error::Internal`] with its place.
 pub fn caught<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
     silence();
+    // glibc ends the process where it has no memory to note that these are to be dropped: not when there is an error to keep
+    let _ = LAST.try_with(|_| ());
+    let _ = PLACE.try_with(|_| ());
     DEPTH.with(|d| d.set(d.get() + 1));
     let result = catch_unwind(AssertUnwindSafe(body));
     DEPTH.with(|d| d.set(d.get() - 1));
     result.unwrap_or_else(|payload| {
         let place = PLACE.with(|p| p.take()).unwrap_or_default();
+        let payload = match memory::from_panic(payload) {
+            Ok(e) => return Err(e),
+            Err(other) => other,
+        };
         let message = format!("{} ({place})", panic_text(&*payload));
         // A payload may panic in its own destructor.
         let _ = catch_unwind(AssertUnwindSafe(|| drop(payload)));
@@ -56,11 +69,30 @@ pub fn caught<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
     })
 }
 
+/// Longest message, in bytes: texts of the caller may be part of it, however long they are.
+const LONGEST: usize = 4000;
+
 /// Make `e` the last error of this thread.
 pub fn remember(e: &Error) {
-    let message = raw::c_string(&e.to_string());
+    let mut text = e.to_string();
+    if text.len() > LONGEST {
+        let end = (0..=LONGEST).rev().find(|&k| text.is_char_boundary(k)).unwrap_or(0);
+        text.truncate(end);
+        text.push_str(" ...");
+    }
+    let message = raw::c_string(&text);
     let user_code = if let Error::User { code, .. } = e { *code } else { 0 };
     let _ = LAST.try_with(|last| *last.borrow_mut() = LastError { message, user_code });
+    let _ = CONSTANT.try_with(|c| c.set(None));
+}
+
+/// Make a constant text the last error of this thread: nothing is allocated or freed, so a signal handler may do it.
+pub fn remember_constant(text: &'static CStr) {
+    let _ = CONSTANT.try_with(|c| c.set(Some(text)));
+}
+
+fn constant() -> Option<&'static CStr> {
+    CONSTANT.try_with(Cell::get).ok().flatten()
 }
 
 fn panic_text(payload: &(dyn Any + Send)) -> &str {
@@ -95,36 +127,46 @@ fn silence() {
 /// change it. Never NULL.
 #[no_mangle]
 pub extern "C" fn swb_last_error() -> *const c_char {
-    LAST.try_with(|last| last.borrow().message.as_ptr()).unwrap_or(c"".as_ptr())
+    let last = || LAST.try_with(|last| last.borrow().message.as_ptr()).unwrap_or(c"".as_ptr());
+    constant().map_or_else(last, CStr::as_ptr)
 }
 
 /// Code that the user function returned, if the last failed call of this thread failed by it; else 0.
 #[no_mangle]
 pub extern "C" fn swb_last_user_code() -> i32 {
-    LAST.try_with(|last| last.borrow().user_code).unwrap_or(0)
+    match constant() {
+        Some(_) => 0,
+        None => LAST.try_with(|last| last.borrow().user_code).unwrap_or(0),
+    }
 }
 
 /// Copy the message of the last failed call on this thread.
 ///
 /// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 /// @param[out] needed length with the final NUL, written in any case; may be NULL
-/// @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short. The last error is unchanged.
+/// @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short. The last error is unchanged; if there was none, it is that
+///         of this call.
 #[no_mangle]
 pub unsafe extern "C" fn swb_last_error_copy(buf: *mut c_char, len: i64, needed: *mut i64) -> swb_status {
     let result = caught(|| {
-        let text = LAST.try_with(|last| last.borrow().message.clone()).unwrap_or_default();
+        let last = || LAST.try_with(|last| last.borrow().message.clone()).unwrap_or_default();
+        let text = constant().map_or_else(last, CStr::to_owned);
         unsafe { raw::write_text(text.to_bytes(), buf, len, needed) }
     });
     match result {
         Ok(()) => swb_status::SWB_OK,
-        Err(e) => swb_status::from(&e),
+        Err(e) => {
+            if constant().is_none() && LAST.try_with(|last| last.borrow().message.is_empty()).unwrap_or(false) {
+                remember(&e);
+            }
+            swb_status::from(&e)
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use std::ffi::CStr;
 
     fn last() -> String {
         unsafe { CStr::from_ptr(swb_last_error()) }.to_str().unwrap().to_owned()
@@ -139,6 +181,17 @@ mod tests {
         let user = Error::User { code: -7, what: "the right-hand side".into() };
         assert_eq!(guard(|| Err(user)), swb_status::SWB_ERR_USER);
         assert_eq!(swb_last_user_code(), -7);
+    }
+
+    #[test]
+    fn a_constant_message_lasts_until_the_next_failure() {
+        guard(|| Err(Error::State("abc".into())));
+        remember_constant(c"constant");
+        assert_eq!(last(), "constant");
+        guard(|| Err(Error::User { code: -3, what: "f".into() }));
+        assert!(last().contains("-3") && swb_last_user_code() == -3);
+        remember_constant(c"constant");
+        assert_eq!(swb_last_user_code(), 0);
     }
 
     #[test]

@@ -1,22 +1,25 @@
-//! Opaque objects: a Rust value behind a pointer that knows its type and who uses it.
+//! Opaque objects: a Rust value behind a handle, which knows its type and who uses it.
 //!
-//! Every use goes through [`with_ref`] or [`with_mut`], which check the pointer (NULL, another type, a
-//! freed object as far as that can be seen) and borrow at run time: shared uses may overlap, an
-//! exclusive one may not. So a callback that calls back into its own object, or a second thread that
-//! should not be there, gets [`Error::State`]. A panic inside an exclusive use leaves the object
-//! unusable, except for [`free`].
+//! Every use goes through [`with_ref`] or [`with_mut`], which look the handle up in the table of live objects
+//! ([`super::slots`]; NULL, a freed object, another type and any other pointer are refused without reading what they
+//! point to) and borrow at run time: shared uses may overlap, an exclusive one may not. So a callback that calls back
+//! into its own object, or a second thread that should not be there, gets [`Error::State`]. A panic inside an exclusive
+//! use leaves the object unusable, except for [`free`].
 
-use super::guard::{caught, remember};
+use super::guard::{caught, query, remember, remember_constant};
 use super::raw;
+use super::slots::{Kind, Refusal, Slot, OBJECTS};
+use super::status::swb_status;
 use crate::error::{Error, Result};
+use crate::memory;
 use std::cell::UnsafeCell;
 use std::ptr;
-use std::sync::atomic::{AtomicBool, AtomicI32, AtomicU64, Ordering};
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::Arc;
 
 /// An exported marker type, opaque in the header, and the value behind it.
 pub trait Object {
-    /// What a pointer to the marker really points to.
+    /// What a handle of the marker type stands for.
     type Value: Send;
     /// Name of the marker type.
     const NAME: &'static str;
@@ -25,26 +28,20 @@ pub trait Object {
 /// Flag that stops a running call; shared with the value when it is created.
 pub type Interrupt = Arc<AtomicBool>;
 
-struct Handle<T> {
-    magic: AtomicU64,
-    /// Number of shared uses, or [`EXCLUSIVE`], or [`BROKEN`].
-    uses: AtomicI32,
+struct Body<T> {
     interrupt: Interrupt,
     value: UnsafeCell<T>,
 }
 
-const EXCLUSIVE: i32 = -1;
-const BROKEN: i32 = -2;
-const FREED: u64 = 0xdead_f4ee_0000_0001;
+const fn kind<O: Object>() -> Kind {
+    &O::NAME
+}
 
-/// Hash of the type's name (FNV-1a).
-const fn magic(name: &str) -> u64 {
-    let (bytes, mut hash, mut i) = (name.as_bytes(), 0xcbf2_9ce4_8422_2325_u64, 0);
-    while i < bytes.len() {
-        hash = (hash ^ bytes[i] as u64).wrapping_mul(0x0100_0000_01b3);
-        i += 1;
-    }
-    hash
+/// Number of objects that were created and not freed: for tests that look for leaks. Objects of the library are found
+/// through a table, so tools that search the memory for lost pointers do not miss those that were not freed.
+#[no_mangle]
+pub extern "C" fn swb_live_objects() -> i64 {
+    query(0, || OBJECTS.live())
 }
 
 /// Make a value and hand it out; `*out` is NULL on failure.
@@ -53,87 +50,90 @@ const fn magic(name: &str) -> u64 {
 /// `out` is NULL or can be written.
 pub unsafe fn create<O: Object>(out: *mut *mut O, make: impl FnOnce(&Interrupt) -> Result<O::Value>) -> Result<()> {
     unsafe { raw::write(out, ptr::null_mut(), "out")? };
+    // Room first: what `make` has made may hold something of the caller, which a failure afterwards would give back.
+    let vacancy = OBJECTS.reserve()?;
+    let mut room: Vec<Body<O::Value>> = Vec::new();
+    room.try_reserve_exact(1).map_err(|_| Error::Library(format!("out of memory: no room for a {}", O::NAME)))?;
     let interrupt = Interrupt::default();
     let value = make(&interrupt)?;
-    let handle = Box::new(Handle {
-        magic: AtomicU64::new(magic(O::NAME)),
-        uses: AtomicI32::new(0),
-        interrupt,
-        value: UnsafeCell::new(value),
-    });
-    unsafe { out.write(Box::into_raw(handle).cast()) };
+    // made from the reserve: not kept
+    memory::check()?;
+    room.push(Body { interrupt, value: UnsafeCell::new(value) });
+    let body = Box::into_raw(room.into_boxed_slice()).cast::<Body<O::Value>>();
+    unsafe { out.write(ptr::without_provenance_mut(vacancy.fill(kind::<O>(), body.cast()))) };
     Ok(())
 }
 
 /// Use the object together with other shared uses.
 ///
 /// # Safety
-/// `object` is NULL or comes from [`create`] and is not freed during the call.
+/// Any value of `object` is allowed: it is looked up, not read. So it is for all functions below.
 pub unsafe fn with_ref<O: Object, R>(object: *const O, body: impl FnOnce(&O::Value) -> Result<R>) -> Result<R>
 where
     O::Value: Sync,
 {
-    let handle = unsafe { check(object)? };
-    let claim = |uses: i32| (uses >= 0).then_some(uses + 1);
-    if let Err(uses) = handle.uses.fetch_update(Ordering::Acquire, Ordering::Relaxed, claim) {
-        return Err(taken::<O>(uses));
-    }
-    struct Release<'a>(&'a AtomicI32);
-    impl Drop for Release<'_> {
+    struct Release(&'static Slot);
+    impl Drop for Release {
         fn drop(&mut self) {
-            self.0.fetch_sub(1, Ordering::Release);
+            OBJECTS.unshare(self.0);
         }
     }
-    let _release = Release(&handle.uses);
-    body(unsafe { &*handle.value.get() })
+    let claim = Release(OBJECTS.share(address(object)?, kind::<O>())?);
+    body(unsafe { &*body_of::<O>(claim.0).value.get() })
 }
 
 /// Use the object alone.
 ///
 /// # Safety
-/// `object` is NULL or comes from [`create`] and is not freed during the call.
+/// As [`with_ref`].
 pub unsafe fn with_mut<O: Object, R>(object: *mut O, body: impl FnOnce(&mut O::Value) -> Result<R>) -> Result<R> {
-    let handle = unsafe { check(object)? };
-    let claimed = handle.uses.compare_exchange(0, EXCLUSIVE, Ordering::Acquire, Ordering::Relaxed);
-    if let Err(uses) = claimed {
-        return Err(taken::<O>(uses));
-    }
-    struct Release<'a>(&'a AtomicI32);
-    impl Drop for Release<'_> {
+    struct Release(&'static Slot);
+    impl Drop for Release {
         fn drop(&mut self) {
-            let uses = if std::thread::panicking() { BROKEN } else { 0 };
-            self.0.store(uses, Ordering::Release);
+            OBJECTS.untake(self.0, std::thread::panicking());
         }
     }
-    let _release = Release(&handle.uses);
-    body(unsafe { &mut *handle.value.get() })
+    let claim = Release(OBJECTS.take(address(object)?, kind::<O>())?);
+    body(unsafe { &mut *body_of::<O>(claim.0).value.get() })
 }
 
-/// Raise the interrupt flag of the object: from any thread or signal handler, also while it is in use.
+/// Raise the interrupt flag of the object: from any thread or signal handler, also while it is in use. What a signal handler
+/// must not do is left out: nothing is allocated, the message of a failure is a constant.
 ///
 /// # Safety
-/// `object` is NULL or comes from [`create`] and is not freed during the call.
-pub unsafe fn interrupt<O: Object>(object: *const O) -> Result<()> {
-    unsafe { check(object)? }.interrupt.store(true, Ordering::Relaxed);
-    Ok(())
+/// As [`with_ref`].
+pub unsafe fn interrupt<O: Object>(object: *const O) -> swb_status {
+    if object.is_null() {
+        remember_constant(c"the object to interrupt is NULL");
+        return swb_status::SWB_ERR_NULL;
+    }
+    match OBJECTS.pin(object.addr(), kind::<O>()) {
+        Ok(slot) => {
+            unsafe { body_of::<O>(slot) }.interrupt.store(true, Ordering::Relaxed);
+            OBJECTS.unpin(slot);
+            swb_status::SWB_OK
+        }
+        Err(refusal) => {
+            remember_constant(match refusal {
+                Refusal::Freed => c"the object to interrupt has been freed",
+                _ => c"the object to interrupt is no such object",
+            });
+            swb_status::SWB_ERR_STATE
+        }
+    }
 }
 
 /// Free the object; NULL does nothing. An object in use stays, and the last error says so.
 ///
 /// # Safety
-/// `object` is NULL or comes from [`create`] and is not used afterwards.
+/// As [`with_ref`].
 pub unsafe fn free<O: Object>(object: *mut O) {
     if object.is_null() {
         return;
     }
     let result = caught(|| {
-        let handle = unsafe { check(object)? };
-        let claim = |uses: i32| (uses == 0 || uses == BROKEN).then_some(EXCLUSIVE);
-        if let Err(uses) = handle.uses.fetch_update(Ordering::Acquire, Ordering::Relaxed, claim) {
-            return Err(taken::<O>(uses));
-        }
-        handle.magic.store(FREED, Ordering::Relaxed);
-        drop(unsafe { Box::from_raw(object.cast::<Handle<O::Value>>()) });
+        let body = OBJECTS.remove(address(object)?, kind::<O>())?;
+        drop(unsafe { Box::from_raw(ptr::slice_from_raw_parts_mut(body.cast::<Body<O::Value>>(), 1)) });
         Ok(())
     });
     if let Err(e) = result {
@@ -141,23 +141,17 @@ pub unsafe fn free<O: Object>(object: *mut O) {
     }
 }
 
-unsafe fn check<'a, O: Object>(object: *const O) -> Result<&'a Handle<O::Value>> {
-    let p = object.cast::<Handle<O::Value>>();
-    raw::check(p, O::NAME)?;
-    // Only the first word is read before the type is known.
-    let found = unsafe { &*ptr::addr_of!((*p).magic) }.load(Ordering::Relaxed);
-    if found != magic(O::NAME) {
-        let why = if found == FREED { "has been freed" } else { "is no such object" };
-        return Err(Error::State(format!("the {} {why}", O::NAME)));
+fn address<O: Object>(object: *const O) -> Result<usize> {
+    if object.is_null() {
+        return Err(Error::Null(format!("{} is NULL", O::NAME)));
     }
-    Ok(unsafe { &*p })
+    Ok(object.addr())
 }
 
-fn taken<O: Object>(uses: i32) -> Error {
-    Error::State(match uses {
-        BROKEN => format!("the {} was left behind by an internal error; it can only be freed", O::NAME),
-        _ => format!("the {} is in use, by another thread or by the call that called back", O::NAME),
-    })
+/// What is in a slot that is claimed.
+unsafe fn body_of<'a, O: Object>(slot: &Slot) -> &'a Body<O::Value> {
+    // SAFETY: the kind of the slot was compared with that of `O`.
+    unsafe { &*slot.body().cast() }
 }
 
 #[cfg(test)]
@@ -192,7 +186,7 @@ mod tests {
             })
             .unwrap();
             assert_eq!(with_ref(c, |v| Ok(v.0)), Ok(5));
-            interrupt(c).unwrap();
+            assert_eq!(interrupt(c), swb_status::SWB_OK);
             assert!(with_ref(c, |v| Ok(v.1.load(Ordering::Relaxed))).unwrap());
             free(c);
             free(ptr::null_mut::<Counter>());
@@ -214,7 +208,7 @@ mod tests {
             with_mut(c, |_| {
                 assert_eq!(with_mut(c, |_| Ok(())).unwrap_err().code(), -4);
                 assert_eq!(with_ref(c, |_| Ok(())).unwrap_err().code(), -4);
-                interrupt(c)?; // allowed at any time
+                assert_eq!(interrupt(c), swb_status::SWB_OK); // allowed at any time
                 free(c); // refused
                 Ok(())
             })

@@ -9,10 +9,12 @@ use super::run::{modes_of, order, outcome_name, outcome_number, swb_run, swb_run
 use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
-use super::trouble::{self, Troubles};
 use crate::error::{Error, Result};
 use crate::event::{Branching, Decider, Engine, Options, Outcome, Progress, Run, Statistics, Term};
+use crate::func::trouble;
+use crate::memory;
 use crate::settings::{LogLevel, Settings, Value};
+use crate::stop::Stop;
 use crate::system::System;
 use std::ffi::{c_char, c_void};
 use std::mem::size_of;
@@ -184,21 +186,11 @@ fn build(
 }
 
 /// Run `body`, which may call user functions, and say which one it was that ended it.
-pub(super) fn listening<R>(body: impl FnOnce() -> Result<R>) -> (Result<R>, Troubles) {
+pub(super) fn listening<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
     let (result, troubles) = trouble::collect(true, body);
     match &troubles.fatal {
-        Some(complaint) => (Err(complaint.error()), troubles),
-        None => (result, troubles),
-    }
-}
-
-/// The reason of an early end, with the function that is not defined there.
-pub(super) fn reason_of(outcome: Outcome, reason: &str, troubles: &Troubles) -> String {
-    match &troubles.last {
-        Some(c) if matches!(outcome, Outcome::StepTooSmall | Outcome::NoContinuation) => {
-            format!("{reason}; last complaint: {}", c.error())
-        }
-        _ => reason.into(),
+        Some(complaint) => Err(complaint.error()),
+        None => result,
     }
 }
 
@@ -315,7 +307,7 @@ impl Integrator {
 
     fn set_inputs(&mut self, what: impl FnOnce(&mut Engine) -> Result<()>) -> Result<()> {
         let engine = self.engine.get();
-        listening(|| what(engine)).0
+        listening(|| what(engine))
     }
 
     /// New options are taken over where nothing is lost by it.
@@ -342,7 +334,7 @@ impl Integrator {
         let mut logged = self.stats.switches;
         let (engine, stop_times) = (self.engine.get(), &self.stop_times);
         let (progress, data, log, interrupt) = (self.progress, self.progress_data, self.log, &self.interrupt);
-        let (result, troubles) = listening(|| loop {
+        let result = listening(|| loop {
             if interrupt.swap(false, Ordering::Relaxed) {
                 stopped = true;
                 return Ok(());
@@ -396,12 +388,12 @@ impl Integrator {
         self.seconds += clock.elapsed().as_secs_f64();
         self.look();
         if let Err(e) = result {
-            // arguments are checked before anything is done
-            self.broken = !matches!(e, Error::Range(_) | Error::Dimension(_));
+            // arguments and memory are checked before anything is done
+            let before = matches!(e, Error::Range(_) | Error::Dimension(_));
+            self.broken = !before && !self.engine.get().was_refused();
             self.tell(LogLevel::Error, || format!("integration error = {e}"));
             return Err(e);
         }
-        self.reason = reason_of(self.engine.get().outcome(), &self.reason, &troubles);
         if stopped {
             self.outcome = swb_run_outcome::Stopped as i32;
             self.reason = format!("t = {}: a callback or an interrupt asked to stop", self.t);
@@ -431,14 +423,17 @@ impl Integrator {
     }
 
     /// The result so far.
-    fn record(&mut self) -> Record {
+    fn record(&mut self) -> Result<Record> {
         let engine = self.engine.get();
+        let bytes = engine.path().map_or(0, |p| p.bytes()) + size_of_val(engine.switches());
+        memory::need(bytes as u128, || "a copy of the run".into())?;
         let run = Run {
             outcome: engine.outcome(),
             reason: self.reason.clone(),
             t: engine.time(),
             x: engine.state().to_vec(),
             switches: engine.switches().to_vec(),
+            jumps: engine.jumps().to_vec(),
             stats: engine.stats(),
             path: engine.path().cloned(),
             sensitivity: engine.sensitivity().map(<[f64]>::to_vec),
@@ -447,13 +442,13 @@ impl Integrator {
             contacts: engine.contacts().to_vec(),
             accumulations: engine.accumulations().to_vec(),
         };
-        Record {
+        Ok(Record {
             run,
             outcome: self.outcome,
             t_start: self.t_start,
             seconds: self.seconds,
             n_modes: self.n_modes.clone(),
-        }
+        })
     }
 }
 
@@ -684,7 +679,7 @@ pub unsafe extern "C" fn swb_integrator_get_dky(
         handle::with_mut(integrator, |o| {
             let mut out = vec![0.0; o.x.len()];
             let engine = o.engine.get();
-            listening(|| engine.get_dky(t, k, &mut out)).0?;
+            listening(|| engine.get_dky(t, k, &mut out))?;
             raw::write_slice(dky, nx, &out, "dky")
         })
     })
@@ -796,7 +791,7 @@ pub unsafe extern "C" fn swb_integrator_get_stats(
 /// @return SWB_OK
 #[no_mangle]
 pub unsafe extern "C" fn swb_integrator_get_run(integrator: *mut swb_integrator, out: *mut *mut swb_run) -> swb_status {
-    guard(|| unsafe { handle::create(out, |_| handle::with_mut(integrator, |o| Ok(o.record()))) })
+    guard(|| unsafe { handle::create(out, |_| handle::with_mut(integrator, |o| o.record())) })
 }
 
 /// Gradient of a function of the run with respect to initial state, parameters and controls, by the transpose of the
@@ -813,7 +808,7 @@ pub unsafe extern "C" fn swb_integrator_get_run(integrator: *mut swb_integrator,
 /// @param[out] dp     [np] gradient with respect to the parameters
 /// @param[out] du     [nu] gradient with respect to the controls
 /// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a time or a switch is none of the run; SWB_ERR_STATE without the
-///         option adjoint
+///         option adjoint; SWB_ERR_INTERRUPTED
 #[no_mangle]
 pub unsafe extern "C" fn swb_integrator_adjoint(
     integrator: *mut swb_integrator,
@@ -839,15 +834,15 @@ pub unsafe extern "C" fn swb_integrator_adjoint(
         let (events, weight) = (raw::slice(events, n_events, "events")?, raw::slice(weight, n_weight, "weight")?);
         handle::with_mut(integrator, |o| {
             let terms = terms(o.x.len(), (t, v_t), (events, weight))?;
+            let stop = Stop::on(&o.interrupt);
             let engine = o.engine.get();
-            let g = listening(|| engine.adjoint(v, &terms)).0?;
+            let g = stop.scope(|| listening(|| engine.adjoint(v, &terms)));
+            if matches!(g, Err(Error::Interrupted)) {
+                o.interrupt.store(false, Ordering::Relaxed);
+            }
+            let g = g?;
             for (p, n, values, what) in [(dx0, nx0, &g.x0, "dx0"), (dp, np, &g.p, "dp"), (du, nu, &g.u, "du")] {
-                if usize::try_from(n) != Ok(values.len()) {
-                    return Err(Error::Dimension(format!("{what} has length {n}, not {}", values.len())));
-                }
-                if n > 0 {
-                    raw::check(p, what)?;
-                }
+                raw::check_slice(p, n, values.len(), what)?;
             }
             raw::write_slice(dx0, nx0, &g.x0, "dx0")?;
             raw::write_slice(dp, np, &g.p, "dp")?;
@@ -992,12 +987,13 @@ pub unsafe extern "C" fn swb_integrator_set_log(
 }
 
 /// Stop the call that runs now with the outcome SWB_RUN_OUTCOME_STOPPED, or the next one if none runs; the one after it
-/// goes on. From any thread and from signal handlers; only swb_integrator_free must not run at the same time.
+/// goes on. From any thread and from signal handlers; only swb_integrator_free must not run at the same time. It is heeded
+/// between steps: a call ends within the time of one step, which takes some tens of evaluations of the model.
 ///
 /// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 #[no_mangle]
 pub unsafe extern "C" fn swb_integrator_interrupt(integrator: *const swb_integrator) -> swb_status {
-    guard(|| unsafe { handle::interrupt(integrator) })
+    unsafe { handle::interrupt(integrator) }
 }
 
 /// Free; NULL is allowed.

@@ -34,9 +34,9 @@ impl LogSink {
         function.map(|function| LogSink { function, user_data })
     }
 
-    /// Send one line.
+    /// Send one line. Names of the user and messages of other libraries may hold line breaks: a space takes their place.
     pub fn line(&self, level: LogLevel, text: &str) {
-        let line = raw::c_string(text.trim_end());
+        let line = raw::c_string(&text.trim_end().replace(['\n', '\r'], " "));
         // SAFETY: the function obeys the contract of `swb_log_fn`; the line outlives the call.
         unsafe { (self.function)(level as i64, line.as_ptr(), self.user_data) }
     }

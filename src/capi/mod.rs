@@ -17,7 +17,7 @@
 //! One file per object, listed below in the order of the header. An object is a marker type (opaque in
 //! the header) with the Rust type behind it:
 //!
-//! ```ignore
+//! ```text
 //! /// Optimal control problem.
 //! pub struct swb_ocp(());
 //! impl Object for swb_ocp {
@@ -79,7 +79,7 @@
 //! - structs that may grow start with `struct_size: u64` and contain 8-byte fields only;
 //! - callbacks are `Option<unsafe extern "C" fn(..., *mut c_void)>`, return 0 ok, > 0 recoverable, < 0
 //!   fatal, and may be called while the object is borrowed: keep no other lock;
-//! - what user functions complain about is in [`trouble`]; a solve runs inside [`report::Hooks::run`], which turns it
+//! - what user functions complain about is in [`crate::func::trouble`]; a solve runs inside [`report::Hooks::run`], which turns it
 //!   into the status of the call;
 //! - write every exported item out: the generator does not expand macros;
 //! - after a change: `make header`, and the new symbols into `capi_tests/abi/symbols.txt`.
@@ -92,7 +92,8 @@
 pub mod guard;
 pub mod handle;
 pub mod raw;
-mod trouble;
+mod slots;
+mod threads;
 
 #[cfg(test)]
 mod docs;
@@ -121,6 +122,8 @@ pub mod trajectory;
 pub mod simulator;
 
 pub mod run;
+
+pub mod transition;
 
 pub mod integrator;
 

@@ -12,9 +12,10 @@ use super::report::{
 use super::settings;
 use super::status::swb_status;
 use crate::error::{Error, Result};
-use crate::func::{EvalError, Point};
+use crate::func::{trouble, EvalError, Point};
 use crate::linalg::csc::Pattern;
 use crate::linalg::kkt::LinearStats;
+use crate::memory::{self, sizes};
 use crate::mpcc::diagnostics::{self, Item};
 use crate::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, Solution, Warm};
 use crate::nlp::{Bounds, CallbackNlp, LagrangianFn, Nlp, Outcome, Residuals};
@@ -229,6 +230,14 @@ impl Program {
     }
 
     fn solve(&mut self, from: From) -> Result<Outcome> {
+        memory::limited(self.settings.max_memory, || {
+            let outcome = self.solve_within(from)?;
+            memory::check()?;
+            Ok(outcome)
+        })
+    }
+
+    fn solve_within(&mut self, from: From) -> Result<Outcome> {
         self.settings.validate()?;
         self.bounds.validate(self.n, self.m)?;
         let time_build = self.build()?;
@@ -237,6 +246,7 @@ impl Program {
             return Err(Error::Internal("the program was not built".into()));
         };
         problem.inner().set_params(&self.params)?;
+        problem.inner().forget_undefined();
         let bounds = problem.bounds(&self.bounds)?;
         bounds.validate(problem.n(), problem.m())?;
         solver.settings = MpccSettings::from(&self.settings);
@@ -244,17 +254,19 @@ impl Program {
         let (start, rows, seconds, result) = (&self.start, self.m, self.settings.max_time, &mut self.result);
         *result = None;
         let outcome = self.hooks.run("mpcc", level, |control| {
-            control.limit(seconds);
-            if let Some(w) = &warm {
-                let warm = Warm { x: &w.x, y: &w.y, z: &w.z };
-                solver.solve_warm(problem, &bounds, &warm, control, &mut |_, _, _| false);
-            } else {
-                let w0 = problem.start(start);
-                solver.solve(problem, &bounds, &w0, control);
-            }
+            control.within(seconds, |control| {
+                if let Some(w) = &warm {
+                    let warm = Warm { x: &w.x, y: &w.y, z: &w.z };
+                    solver.solve_warm(problem, &bounds, &warm, control, &mut |_, _, _| false);
+                } else {
+                    let w0 = problem.start(start);
+                    solver.solve(problem, &bounds, &w0, control);
+                }
+            });
             let outcome = solver.solution().outcome;
+            let undefined = problem.inner().undefined().map(|(f, part)| trouble::undefined(part, f));
             *result = Some(Outcome1::of(problem, solver, jac, bounds, (start.len(), rows), time_build));
-            Ok(outcome)
+            undefined.filter(|_| outcome == Outcome::Failed).map_or(Ok(outcome), Err)
         })?;
         let importance = if outcome == Outcome::Solved { LogLevel::Info } else { LogLevel::Warning };
         self.hooks.tell(level, importance, || {
@@ -422,10 +434,7 @@ pub unsafe extern "C" fn swb_mpcc_create(
         handle::create(out, |interrupt| {
             let settings = settings::read(settings)?;
             settings.validate()?;
-            let size = |n: i64, what: &str| {
-                usize::try_from(n).map_err(|_| Error::Dimension(format!("{what} is {n}: it must not be negative")))
-            };
-            let sizes = (size(n, "n")?, size(np, "np")?);
+            let sizes = (sizes::index(n, "n")?, sizes::size(np, "np")?);
             let objective = shared(objective, "objective")?;
             let constraints = shared_optional(constraints, "constraints")?;
             Program::new(sizes, objective, constraints, settings, interrupt)
@@ -762,12 +771,10 @@ pub unsafe extern "C" fn swb_mpcc_get_multipliers(
     guard(|| unsafe {
         handle::with_ref(mpcc, |p| {
             let s = &p.result()?.solution;
-            if usize::try_from(n) != Ok(p.n) {
-                return Err(Error::Dimension(format!("z has length {n}, not {}", p.n)));
-            }
-            raw::check(z, "z")?;
+            let bounds = p.bound_multipliers()?;
+            raw::check_slice(z, n, bounds.len(), "z")?;
             raw::write_slice(y, m, &s.y[..p.m], "y")?;
-            raw::write_slice(z, n, &p.bound_multipliers()?, "z")
+            raw::write_slice(z, n, &bounds, "z")
         })
     })
 }
@@ -799,10 +806,12 @@ pub unsafe extern "C" fn swb_mpcc_get_pairs(
             let column = |values: &[f64], first: bool| -> Vec<f64> {
                 r.pairs.iter().map(|(a, b)| values[if first { *a } else { *b }]).collect()
             };
-            for (out, values, first) in [(g, &s.x, true), (h, &s.x, false), (nu, &s.z, true), (xi, &s.z, false)] {
-                if !out.is_null() {
-                    raw::write_slice(out, n_pairs, &column(values, first), "output")?;
-                }
+            let outputs = [(g, &s.x, true), (h, &s.x, false), (nu, &s.z, true), (xi, &s.z, false)];
+            for (out, _, _) in outputs.iter().filter(|o| !o.0.is_null()) {
+                raw::check(*out, "an output")?;
+            }
+            for (out, values, first) in outputs.into_iter().filter(|o| !o.0.is_null()) {
+                raw::write_slice(out, n_pairs, &column(values, first), "an output")?;
             }
             Ok(())
         })
@@ -950,12 +959,14 @@ pub unsafe extern "C" fn swb_mpcc_set_log(mpcc: *mut swb_mpcc, log: swb_log_fn, 
 }
 
 /// Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
-/// thread and from signal handlers; only swb_mpcc_free must not run at the same time.
+/// thread and from signal handlers; only swb_mpcc_free must not run at the same time. It is heeded in every phase, before the
+/// next evaluation of a model function and before the next factorisation: the call ends within the time of one of
+/// these, a model function that takes long itself is waited for. What was found before stays the answer.
 ///
 /// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 #[no_mangle]
 pub unsafe extern "C" fn swb_mpcc_interrupt(mpcc: *const swb_mpcc) -> swb_status {
-    guard(|| unsafe { handle::interrupt(mpcc) })
+    unsafe { handle::interrupt(mpcc) }
 }
 
 /// Free; NULL is allowed.

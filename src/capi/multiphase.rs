@@ -37,6 +37,9 @@ impl Phases {
         self.hooks.run("multiphase", LogLevel::Silent, |control| {
             let r = problem.solve(control)?;
             *result = Some(r.clone());
+            if r.outcome == Outcome::Failed && r.phases.iter().any(|p| p.undefined) {
+                return Err(Error::NonFinite(r.message.clone()));
+            }
             Ok(r.outcome)
         })
     }
@@ -58,7 +61,7 @@ pub struct swb_multiphase_info {
     pub polished: i64,
     /// Number of phases.
     pub n_phases: i64,
-    /// Sum of the costs of the phases.
+    /// Sum of the costs of the phases; NaN unless the outcome is SWB_OUTCOME_SOLVED.
     pub cost: f64,
     /// Largest violation of a link.
     pub link_violation: f64,
@@ -254,7 +257,7 @@ pub unsafe extern "C" fn swb_multiphase_set_iteration(
 /// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 #[no_mangle]
 pub unsafe extern "C" fn swb_multiphase_interrupt(m: *const swb_multiphase) -> swb_status {
-    guard(|| unsafe { handle::interrupt(m) })
+    unsafe { handle::interrupt(m) }
 }
 
 /// Free; NULL is allowed.

@@ -11,10 +11,12 @@ use super::report::{
 use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
+use super::threads;
 use super::trajectory::{hand_out, swb_trajectory};
 use crate::document::write_ocp;
 use crate::error::{Error, Result};
 use crate::fesd::PathAt;
+use crate::memory::sizes;
 use crate::nlp::Outcome;
 use crate::ocp::{Around, Ocp, OcpResult, OcpSensitivity};
 use crate::settings::{LogLevel, Settings, Value};
@@ -75,6 +77,9 @@ impl Problem {
         let outcome = self.hooks.run("ocp", level, |control| {
             let r = if warm { ocp.solve_warm(control) } else { ocp.solve(control) }?;
             *result = Some(r.clone());
+            if r.outcome == Outcome::Failed && r.undefined {
+                return Err(Error::NonFinite(r.message.clone()));
+            }
             Ok(r.outcome)
         });
         let outcome = outcome.map_err(|e| in_words(e, self.result.as_ref()))?;
@@ -118,9 +123,10 @@ impl Problem {
     }
 
     /// Solves from several guesses, every solve within `around`, and keeps the best.
-    pub(super) fn solve_starts(&mut self, guesses: &[Vec<f64>], threads: usize, around: Around) -> Result<usize> {
+    pub(super) fn solve_starts(&mut self, guesses: &[Vec<f64>], threads: i64, around: Around) -> Result<usize> {
         let level = self.settings.log_level();
         let (ocp, result, starts) = (self.ocp.get(), &mut self.result, &mut self.starts);
+        let threads = threads::number(threads, ocp.statement().is_serial())?;
         ocp.set_settings(&self.settings)?;
         *result = None;
         starts.clear();
@@ -148,8 +154,9 @@ impl Problem {
         self.result()?;
         let mut found = None;
         let ocp = self.ocp.get();
-        self.hooks.run("ocp", LogLevel::Silent, |_| {
-            found = Some(ocp.sensitivity()?);
+        let max_time = self.settings.max_time;
+        self.hooks.run("ocp", LogLevel::Silent, |control| {
+            found = Some(control.within(max_time, |_| ocp.sensitivity())?);
             Ok(Outcome::Solved)
         })?;
         found.ok_or_else(|| Error::Internal("no derivatives were computed".into()))
@@ -217,8 +224,7 @@ pub unsafe extern "C" fn swb_ocp_create(
     guard(|| unsafe {
         handle::create(out, |interrupt| {
             let settings = settings::read(settings)?;
-            let n = usize::try_from(n_stages)
-                .map_err(|_| Error::Dimension(format!("n_stages is {n_stages}: it must be at least 1")))?;
+            let n = sizes::size(n_stages, "n_stages")?;
             handle::with_ref(system, |s| Ok(new(Ocp::new(s, horizon, n, &settings)?, interrupt)))
         })
     })
@@ -458,12 +464,24 @@ pub unsafe extern "C" fn swb_ocp_get_polished(ocp: *const swb_ocp, polished: *mu
     })
 }
 
-/// Cost, without terms that only guide the solver.
+/// Cost of the solution, without terms that only guide the solver; NaN where there is none (unless the outcome is
+/// SWB_OUTCOME_SOLVED, or SWB_OUTCOME_STOPPED after a round of an adaptation that was solved): what
+/// another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 ///
 /// @return SWB_OK; SWB_ERR_STATE before the first solve
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_get_cost(ocp: *const swb_ocp, cost: *mut f64) -> swb_status {
     guard(|| unsafe { handle::with_ref(ocp, |o| raw::write(cost, o.result()?.cost, "cost")) })
+}
+
+/// What the point costs at which the last solve ended, however it ended. Unless the outcome is SWB_OUTCOME_SOLVED the point
+/// need not satisfy dynamics and constraints, and its cost may lie on either side of that of a solution. NaN where the
+/// solve was stopped before it was known.
+///
+/// @return SWB_OK; SWB_ERR_STATE before the first solve
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_get_cost_reached(ocp: *const swb_ocp, cost: *mut f64) -> swb_status {
+    guard(|| unsafe { handle::with_ref(ocp, |o| raw::write(cost, o.result()?.cost_reached, "cost")) })
 }
 
 /// Controls.
@@ -477,7 +495,8 @@ pub unsafe extern "C" fn swb_ocp_get_controls(ocp: *const swb_ocp, u: *mut f64, 
 
 /// Derivatives of the last solution with respect to its data: the initial state `[nx]`, then the parameters `[np]`. The
 /// order of modes is held; the solution must be exact (SWB_POLISHED_DONE). A component of the initial state that is free is
-/// no datum: its derivatives are zero. One factorisation for all of them; parameters cost four evaluations of the model
+/// no datum: its derivatives are zero. Where the order of modes cannot be held in either direction, the derivatives with
+/// respect to that datum are NaN and one_sided is 1. One factorisation for all of them; parameters cost four evaluations of the model
 /// each.
 ///
 /// @param[out] cost      [n_cost] nx + np, derivatives of the cost; NULL with n_cost 0 if not wanted
@@ -500,6 +519,9 @@ pub unsafe extern "C" fn swb_ocp_get_sensitivity(
         handle::with_mut(ocp, |o| {
             let s = o.sensitivity()?;
             let wanted = |n: i64, p: *mut f64| n != 0 || !p.is_null();
+            if wanted(n_u, u) {
+                raw::check_slice(u, n_u, s.controls.len(), "u")?;
+            }
             if wanted(n_cost, cost) {
                 raw::write_slice(cost, n_cost, &s.cost, "cost")?;
             }
@@ -661,12 +683,17 @@ pub unsafe extern "C" fn swb_ocp_set_log(ocp: *mut swb_ocp, log: swb_log_fn, use
 }
 
 /// Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
-/// thread and from signal handlers; only swb_ocp_free must not run at the same time.
+/// thread and from signal handlers; only swb_ocp_free must not run at the same time. It is heeded in every phase, before the
+/// next evaluation of a model function and before the next factorisation: the call ends within the time of one of
+/// these, a model function that takes long itself is waited for. What was found before stays the answer: an interrupt
+/// during the comparison accuracy leaves the solution, with an accuracy that is NaN and a message. Where nothing was found
+/// yet, while the problem is built or in swb_ocp_get_sensitivity, the call returns SWB_ERR_INTERRUPTED; max_time ends
+/// calls in the same places.
 ///
 /// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_interrupt(ocp: *const swb_ocp) -> swb_status {
-    guard(|| unsafe { handle::interrupt(ocp) })
+    unsafe { handle::interrupt(ocp) }
 }
 
 /// Free; NULL is allowed.

@@ -8,7 +8,6 @@ use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
 use crate::error::{Error, Result};
-use crate::event;
 use crate::ocp::{Accuracy, OcpResult};
 use std::ffi::c_char;
 
@@ -41,7 +40,7 @@ impl swb_accuracy {
         let worst = a.stages.iter().fold(0.0, |m: f64, v| if v.is_nan() { *v } else { m.max(*v) });
         swb_accuracy {
             struct_size: 0,
-            reached: i64::from(a.outcome == event::Outcome::Reached),
+            reached: i64::from(a.reached()),
             n_switches: a.n_switches as i64,
             worst,
             terminal: a.terminal,
@@ -134,7 +133,8 @@ pub unsafe extern "C" fn swb_ocp_get_mismatch(ocp: *const swb_ocp, stages: *mut 
 }
 
 /// Why the last solve did not end with an exact solution, in the words of the model: which constraint cannot be met and by
-/// how much, which function has no value where, which stage needs more elements. Stages, elements, rows and states are
+/// how much, which function has no value where, which stage needs more elements. Of a solution, why the comparison accuracy
+/// says nothing, or which state of the simulation is far off and what helps. Stages, elements, rows and states are
 /// counted from zero. Empty where there is nothing to say. After a solve that returned an error it is there too.
 ///
 /// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length

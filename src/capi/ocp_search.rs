@@ -8,6 +8,7 @@ use super::raw;
 use super::report::{outcome_number, polished_number};
 use super::status::swb_status;
 use crate::error::{Error, Result};
+use crate::memory::{self, sizes};
 use crate::ocp::{ModeSequence, OcpResult, Round};
 
 fn flags(values: &[i32]) -> Vec<bool> {
@@ -63,11 +64,14 @@ pub unsafe extern "C" fn swb_ocp_get_modes(
     guard(|| unsafe {
         handle::with_ref(ocp, |o| {
             let m = o.result()?.modes();
-            raw::write_slice(times, n_times, &m.times, "times")?;
-            raw::write_slice(modes, n_modes, &numbers(&m.modes), "modes")?;
-            if n_cells != 0 || !cells.is_null() {
+            let wants_cells = n_cells != 0 || !cells.is_null();
+            raw::check_slice(times, n_times, m.times.len(), "times")?;
+            raw::check_slice(modes, n_modes, m.modes.len(), "modes")?;
+            if wants_cells {
                 raw::write_slice(cells, n_cells, &numbers(&m.cells), "cells")?;
             }
+            raw::write_slice(times, n_times, &m.times, "times")?;
+            raw::write_slice(modes, n_modes, &numbers(&m.modes), "modes")?;
             Ok(())
         })
     })
@@ -110,13 +114,8 @@ impl Problem {
                 u.len()
             )));
         }
-        let cores = || std::thread::available_parallelism().map_or(1, |n| n.get());
-        let threads = match threads {
-            0 => cores(),
-            n => usize::try_from(n).map_err(|_| Error::Range(format!("n_threads is {n}: give 0 or more")))?,
-        };
         let guesses: Vec<Vec<f64>> = u.chunks(width).map(<[f64]>::to_vec).collect();
-        self.solve_starts(&guesses, threads, &|body| caught(|| listening(body).0))
+        self.solve_starts(&guesses, threads, &|body| caught(|| listening(body)))
     }
 
     fn start(&self, k: i64) -> Result<&OcpResult> {
@@ -150,7 +149,9 @@ pub unsafe extern "C" fn swb_ocp_random_starts(ocp: *mut swb_ocp, seed: u64, u: 
     guard(|| unsafe {
         handle::with_mut(ocp, |o| {
             let width = o.control_size().max(1);
-            let n = usize::try_from(n_u).unwrap_or(0) / width;
+            let n = raw::length(n_u, "u")? / width;
+            sizes::entries("the list of starts", &[n, width])?;
+            memory::need(3 * 8 * n_u.max(0) as u128, || format!("{n} starts"))?;
             raw::write_slice(u, n_u, &o.random(n, seed).concat(), "u")
         })
     })
@@ -165,7 +166,8 @@ pub unsafe extern "C" fn swb_ocp_random_starts(ocp: *mut swb_ocp, seed: u64, u: 
 ///
 /// @param[in]  u         [n_u] n_stages * nu for every start
 /// @param[in]  n_threads threads at most, of which one is that of the caller; 0: one for each processor. With more than 1,
-///                       functions of the model are called by several threads at once: give 1 if they cannot be
+///                       functions of the model are called by several threads at once; if one of them carries the flag
+///                       SWB_SERIAL, the thread of the caller does it all
 /// @param[out] best      the start that was kept; may be NULL
 /// @return SWB_OK, however the solves ended; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative; that of the
 ///         first start if all fail
@@ -190,7 +192,7 @@ pub unsafe extern "C" fn swb_ocp_solve_starts(
 /// @param[in]  start    from 0
 /// @param[out] outcome  an enum swb_outcome; may be NULL
 /// @param[out] polished an enum swb_polished; may be NULL
-/// @param[out] cost     may be NULL
+/// @param[out] cost     NaN unless the start was solved; may be NULL
 /// @param[out] u        [n_u] n_stages * nu controls; NULL if not wanted
 /// @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 #[no_mangle]
@@ -249,7 +251,7 @@ pub unsafe extern "C" fn swb_ocp_get_adaptation(
 /// @param[out] iterations  may be NULL
 /// @param[out] error       largest difference of a state from the simulation at the ends of the control stages, NaN where
 ///                         the simulation got stuck; may be NULL
-/// @param[out] cost        may be NULL
+/// @param[out] cost        NaN unless the round was solved; may be NULL
 /// @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_get_round(

@@ -9,6 +9,7 @@ use super::report::outcome_number;
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::fesd::PathAt;
+use crate::memory::sizes;
 use crate::ocp::{CostAt, Durations, Norm};
 
 /// What the optimiser may choose of the lengths of the control stages.
@@ -52,8 +53,13 @@ fn choose<T: Copy>(all: &[(i32, T)], value: i32, what: &str) -> Result<T> {
     found.ok_or_else(|| Error::Range(format!("{value} is no {what}")))
 }
 
-fn sizes(values: &[i64], what: &str) -> Result<Vec<usize>> {
-    let size = |v: &i64| usize::try_from(*v).map_err(|_| Error::Range(format!("{what} {v} is negative")));
+fn all_sizes(values: &[i64], what: &str) -> Result<Vec<usize>> {
+    let size = |v: &i64| {
+        if *v < 0 {
+            return Err(Error::Range(format!("{what} {v} is negative")));
+        }
+        sizes::size(*v, what)
+    };
     values.iter().map(size).collect()
 }
 
@@ -86,7 +92,7 @@ pub unsafe extern "C" fn swb_ocp_add_boundary(
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_add_periodic(ocp: *mut swb_ocp, states: *const i64, n_states: i64) -> swb_status {
     guard(|| unsafe {
-        let states = sizes(raw::slice(states, n_states, "states")?, "state")?;
+        let states = all_sizes(raw::slice(states, n_states, "states")?, "state")?;
         change(ocp, |o| o.add_periodic(&states))
     })
 }
@@ -138,7 +144,7 @@ pub unsafe extern "C" fn swb_ocp_set_references(
 ) -> swb_status {
     guard(|| unsafe {
         let references = raw::slice(references, n_references, "references")?;
-        let term = sizes(&[term], "term")?[0];
+        let term = all_sizes(&[term], "term")?[0];
         change(ocp, |o| o.set_references(term, references))
     })
 }
@@ -205,7 +211,7 @@ pub unsafe extern "C" fn swb_ocp_add_complementarity(
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_elements(ocp: *mut swb_ocp, n_fe: *const i64, n: i64) -> swb_status {
     guard(|| unsafe {
-        let n_fe = sizes(raw::slice(n_fe, n, "n_fe")?, "number of elements")?;
+        let n_fe = all_sizes(raw::slice(n_fe, n, "n_fe")?, "number of elements")?;
         change(ocp, |o| o.set_elements(&n_fe))
     })
 }

@@ -57,18 +57,27 @@ pub unsafe fn write_optional<T>(p: *mut T, value: T) {
     }
 }
 
+/// Check that `count` values can be written to the output `[n]` at `p`: for several outputs, check all before the first
+/// is written.
+pub fn check_slice<T>(p: *mut T, n: i64, count: usize, what: &str) -> Result<()> {
+    if length(n, what)? != count {
+        return Err(Error::Dimension(format!("{what} has length {n}, not {count}")));
+    }
+    if count == 0 {
+        return Ok(());
+    }
+    check(p, what)
+}
+
 /// Write `values` to the output `[n]` at `p`; `n` must be their number.
 ///
 /// # Safety
 /// `p` is NULL or `n` values can be written there; it does not overlap `values`.
 pub unsafe fn write_slice<T: Copy>(p: *mut T, n: i64, values: &[T], what: &str) -> Result<()> {
-    if length(n, what)? != values.len() {
-        return Err(Error::Dimension(format!("{what} has length {n}, not {}", values.len())));
-    }
+    check_slice(p, n, values.len(), what)?;
     if values.is_empty() {
         return Ok(());
     }
-    check(p, what)?;
     unsafe { ptr::copy_nonoverlapping(values.as_ptr(), p, values.len()) };
     Ok(())
 }
@@ -112,7 +121,8 @@ pub fn c_string(text: &str) -> CString {
     CString::new(&text[..end]).unwrap_or_default()
 }
 
-fn length(n: i64, what: &str) -> Result<usize> {
+/// A length that an array can have.
+pub fn length(n: i64, what: &str) -> Result<usize> {
     // More bytes than that do not exist for any of our types.
     const LIMIT: i64 = i64::MAX / 64;
     if !(0..=LIMIT).contains(&n) {

@@ -4,12 +4,13 @@ use super::guard::query;
 use super::handle::Interrupt;
 use super::log::{swb_log_fn, LogSink};
 use super::raw;
-use super::trouble;
 use crate::error::{Error, Result};
+use crate::func::trouble;
 use crate::linalg::kkt::LinearStats;
 use crate::mpcc;
 use crate::nlp::{Control, IterationInfo, Outcome, Residuals, Statistics};
 use crate::settings::LogLevel;
+use crate::stop::Stop;
 use std::ffi::{c_char, c_void, CStr};
 use std::mem::size_of;
 use std::ptr;
@@ -346,12 +347,10 @@ impl Hooks {
             go_on
         };
         let watched = self.iteration.is_some() || level as i64 >= LogLevel::Debug as i64;
-        let mut control = Control {
-            interrupt: Some(&self.interrupt),
-            monitor: if watched { Some(&mut monitor) } else { None },
-            ..Control::default()
-        };
-        let (result, troubles) = trouble::collect(true, || body(&mut control));
+        let mut control =
+            Control { stop: Stop::on(&self.interrupt), monitor: if watched { Some(&mut monitor) } else { None } };
+        let stop = control.stop.clone();
+        let (result, troubles) = trouble::collect(true, || stop.scope(|| body(&mut control)));
         let result = match (troubles.fatal, result) {
             (Some(complaint), _) => Err(complaint.error()),
             (None, Ok(Outcome::Failed)) => Err(troubles.last.map_or_else(
@@ -362,6 +361,10 @@ impl Hooks {
                 },
                 |complaint| complaint.error(),
             )),
+            // a callback has said more
+            (None, Err(Error::NonFinite(text))) => {
+                Err(troubles.last.map_or(Error::NonFinite(text), |complaint| complaint.error()))
+            }
             (None, result) => result,
         };
         // an interrupt is for this solve alone, whatever ended it
@@ -372,10 +375,13 @@ impl Hooks {
         result
     }
 
-    /// Send a line, if there is a sink and `level` lets it pass.
+    /// Send a line, if there is a sink and `level` lets it pass; no line where there is nothing to say.
     pub fn tell(&self, level: LogLevel, importance: LogLevel, line: impl FnOnce() -> String) {
         if self.log.is_some() && level as i64 >= importance as i64 {
-            self.line(importance, &line());
+            let line = line();
+            if !line.is_empty() {
+                self.line(importance, &line);
+            }
         }
     }
 

@@ -7,6 +7,7 @@ use super::report::{write_sized, Sized8};
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::event::{self, Kind, Outcome};
+use crate::memory;
 use crate::system::System;
 use std::ffi::{c_char, CStr};
 use std::mem::size_of;
@@ -175,6 +176,8 @@ pub struct swb_run_stats {
     pub accumulations: i64,
     /// Seconds.
     pub time_total: f64,
+    /// Transitions.
+    pub jumps: i64,
 }
 unsafe impl Sized8 for swb_run_stats {}
 
@@ -192,6 +195,7 @@ impl swb_run_stats {
             switches: s.switches as i64,
             accumulations: s.accumulations as i64,
             time_total: seconds,
+            jumps: s.jumps as i64,
         }
     }
 }
@@ -227,6 +231,8 @@ pub struct swb_run_info {
     pub n_contacts: i64,
     /// Points at which switches accumulate.
     pub n_accumulations: i64,
+    /// Transitions in the log.
+    pub n_jumps: i64,
 }
 unsafe impl Sized8 for swb_run_info {}
 
@@ -280,7 +286,7 @@ pub struct swb_accumulation {
 unsafe impl Sized8 for swb_accumulation {}
 
 /// Write one struct for each item of a list to an array of the caller.
-unsafe fn write_structs<S, T: Sized8>(
+pub(super) unsafe fn write_structs<S, T: Sized8>(
     items: &[S],
     of: impl Fn(&S) -> T,
     out: *mut T,
@@ -300,6 +306,12 @@ unsafe fn write_structs<S, T: Sized8>(
 }
 
 impl Record {
+    /// A copy, if there is room for one.
+    pub(super) fn copy(&self) -> Result<Record> {
+        memory::need(self.run.bytes() as u128, || "a copy of the run".into())?;
+        Ok(self.clone())
+    }
+
     fn columns(&self) -> usize {
         let nx = self.run.x.len();
         self.run.sensitivity.as_ref().map_or(0, |s| s.len() / nx)
@@ -312,7 +324,7 @@ impl Record {
     }
 }
 
-fn need_derivatives<T>(v: Option<T>) -> Result<T> {
+pub(super) fn need_derivatives<T>(v: Option<T>) -> Result<T> {
     v.ok_or_else(|| Error::State("there are no derivatives: switch the option sensitivity on, then simulate".into()))
 }
 
@@ -343,6 +355,7 @@ pub unsafe extern "C" fn swb_run_get_info(
                 n_branch_points: r.run.branchings.len() as i64,
                 n_contacts: r.run.contacts.len() as i64,
                 n_accumulations: r.run.accumulations.len() as i64,
+                n_jumps: r.run.jumps.len() as i64,
             };
             write_sized(&value, info, struct_size, "info")
         })
@@ -512,10 +525,7 @@ pub unsafe extern "C" fn swb_run_event_modes(
             let n_modes = r.n_modes.get(s.subsystem).copied().unwrap_or(0);
             let flags = |active: &[usize]| (0..n_modes as usize).map(|m| i32::from(active.contains(&m))).collect();
             let (a, b): (Vec<i32>, Vec<i32>) = (flags(&s.before), flags(&s.after));
-            if n_modes > 0 {
-                raw::check(before, "before")?;
-                raw::check(after, "after")?;
-            }
+            raw::check_slice(after, n, b.len(), "after")?;
             raw::write_slice(before, n, &a, "before")?;
             raw::write_slice(after, n, &b, "after")
         })

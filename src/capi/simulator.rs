@@ -11,6 +11,7 @@ use super::system::swb_system;
 use super::trajectory::{hand_out, swb_trajectory};
 use crate::document;
 use crate::error::{Error, Result};
+use crate::memory;
 use crate::nlp::Outcome;
 use crate::settings::{LogLevel, Settings, Value};
 use crate::sim::{SimResult, Simulator};
@@ -121,6 +122,10 @@ impl Simulation {
 
     /// Does `n_steps` steps over `duration` and appends them to the trajectory.
     fn run(&mut self, duration: f64, n_steps: i64) -> Result<Outcome> {
+        memory::limited(self.settings.max_memory, || self.run_within(duration, n_steps))
+    }
+
+    fn run_within(&mut self, duration: f64, n_steps: i64) -> Result<Outcome> {
         if !(duration > 0.0 && duration.is_finite()) {
             return Err(Error::Range(format!("the duration is {duration}: it must be positive and finite")));
         }
@@ -130,16 +135,20 @@ impl Simulation {
         self.refresh()?;
         let (t0, level) = (self.t, self.settings.log_level());
         let (simulator, result) = (self.simulator.get(), &mut self.result);
+        let max_time = self.settings.max_time;
         let outcome = self.hooks.run("simulation", level, |control| {
-            for k in 1..=n_steps {
-                // the grid does not inherit the rounding of sums
-                let end = t0 + duration * (k as f64 / n_steps as f64);
-                simulator.advance(end - simulator.time(), control, result);
-                if result.outcome != Outcome::Solved {
-                    break;
+            control.within(max_time, |control| {
+                for k in 1..=n_steps {
+                    // the grid does not inherit the rounding of sums
+                    let end = t0 + duration * (k as f64 / n_steps as f64);
+                    simulator.advance(end - simulator.time(), control, result);
+                    memory::check()?;
+                    if result.outcome != Outcome::Solved {
+                        break;
+                    }
                 }
-            }
-            Ok(result.outcome)
+                Ok(result.outcome)
+            })
         });
         self.t = simulator.time();
         self.x.copy_from_slice(simulator.state());
@@ -497,12 +506,14 @@ pub unsafe extern "C" fn swb_simulator_set_log(
 }
 
 /// Stop the call that runs now with the outcome SWB_OUTCOME_STOPPED, or the next one if none runs. From any
-/// thread and from signal handlers; only swb_simulator_free must not run at the same time.
+/// thread and from signal handlers; only swb_simulator_free must not run at the same time. It is heeded in every phase, before the
+/// next evaluation of a model function and before the next factorisation: the call ends within the time of one of
+/// these, a model function that takes long itself is waited for. What was found before stays the answer.
 ///
 /// @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 #[no_mangle]
 pub unsafe extern "C" fn swb_simulator_interrupt(sim: *const swb_simulator) -> swb_status {
-    guard(|| unsafe { handle::interrupt(sim) })
+    unsafe { handle::interrupt(sim) }
 }
 
 /// Free; NULL is allowed.

@@ -7,6 +7,7 @@ use super::integrator::listening;
 use super::raw;
 use super::status::swb_status;
 use crate::error::{Error, Result};
+use crate::memory::sizes::size;
 use crate::system::{Inclusion, Regions, Subsystem, System};
 
 /// Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.
@@ -14,10 +15,6 @@ pub struct swb_system(());
 impl Object for swb_system {
     type Value = System;
     const NAME: &'static str = "swb_system";
-}
-
-fn count(n: i64, what: &str) -> Result<usize> {
-    usize::try_from(n).map_err(|_| Error::Dimension(format!("{what} is {n}: it must not be negative")))
 }
 
 /// Create a system without dynamics.
@@ -29,7 +26,7 @@ fn count(n: i64, what: &str) -> Result<usize> {
 /// @return SWB_OK; SWB_ERR_DIMENSION
 #[no_mangle]
 pub unsafe extern "C" fn swb_system_create(nx: i64, nu: i64, np: i64, out: *mut *mut swb_system) -> swb_status {
-    guard(|| unsafe { handle::create(out, |_| System::new(count(nx, "nx")?, count(nu, "nu")?, count(np, "np")?)) })
+    guard(|| unsafe { handle::create(out, |_| System::new(size(nx, "nx")?, size(nu, "nu")?, size(np, "np")?)) })
 }
 
 /// Set the part of the right-hand side that does not switch: nx outputs.
@@ -62,7 +59,7 @@ unsafe fn add(
         let subsystem = Subsystem {
             rows: rows_of(rows, n_rows)?,
             modes: shared(modes, "modes")?,
-            n_modes: count(n_modes, "n_modes")?,
+            n_modes: size(n_modes, "n_modes")?,
             regions: regions()?,
         };
         let k = handle::with_mut(system, |s| s.add_subsystem(subsystem))?;
@@ -170,7 +167,7 @@ pub unsafe extern "C" fn swb_system_set_algebraic(
 ) -> swb_status {
     guard(|| unsafe {
         let g = if g.is_null() { None } else { Some(shared(g, "g")?) };
-        handle::with_mut(system, |s| s.set_algebraic(count(n_z, "n_z")?, g))
+        handle::with_mut(system, |s| s.set_algebraic(size(n_z, "n_z")?, g))
     })
 }
 
@@ -229,8 +226,7 @@ pub unsafe extern "C" fn swb_system_surfaces(
             listening(|| {
                 f.value(&at, &mut out, &mut work)
                     .map_err(|_| Error::NonFinite(format!("function '{}' is not defined at the point", f.name())))
-            })
-            .0?;
+            })?;
             if matches!(sub.regions, Regions::Indicators(_)) {
                 out = differences(&out);
             }

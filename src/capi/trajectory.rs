@@ -7,6 +7,7 @@ use super::report::{write_sized, Sized8};
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::fesd::{Element, Switch, SwitchKind, Trajectory};
+use crate::memory;
 use std::mem::size_of;
 
 /// Trajectory of a simulation or of an optimal control problem: finite elements, each a polynomial, that
@@ -160,7 +161,8 @@ pub unsafe extern "C" fn swb_trajectory_times(trajectory: *const swb_trajectory,
 pub unsafe extern "C" fn swb_trajectory_states(trajectory: *const swb_trajectory, x: *mut f64, n: i64) -> swb_status {
     guard(|| unsafe {
         handle::with_ref(trajectory, |r| {
-            let mut all: Vec<f64> = r.elements.first().map_or_else(Vec::new, |e| e.x0.clone());
+            let mut all = memory::with_capacity(usize::try_from(n).unwrap_or(0).min((r.elements.len() + 1) * r.nx()));
+            r.elements.first().iter().for_each(|e| all.extend(&e.x0));
             r.elements.iter().for_each(|e| all.extend(&e.x1));
             raw::write_slice(x, n, &all, "x")
         })

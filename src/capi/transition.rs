@@ -1,0 +1,182 @@
+//! Transitions: of a system, and in the result of a simulation.
+
+use super::function::{shared, swb_function};
+use super::guard::guard;
+use super::handle;
+use super::raw;
+use super::report::Sized8;
+use super::run::{need_derivatives, swb_run, write_structs, Record};
+use super::status::swb_status;
+use super::system::swb_system;
+use crate::error::{Error, Result};
+use crate::event::Jump;
+use crate::system::{Direction, Transition};
+
+/// The direction in which the guard of a transition passes zero.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_direction {
+    /// From below: the transition happens where the guard becomes positive.
+    Rising = 0,
+    /// From above: the transition happens where the guard becomes negative.
+    Falling = 1,
+}
+
+/// Discrete states and their values.
+unsafe fn values_of(
+    (states, n_states): (*const i64, i64),
+    (values, n_values): (*const f64, i64),
+    what: &str,
+) -> Result<Vec<(usize, f64)>> {
+    let (states, values) = unsafe { (raw::slice(states, n_states, what)?, raw::slice(values, n_values, what)?) };
+    if states.len() != values.len() {
+        return Err(Error::Dimension(format!(
+            "`{what}` has {} states and {} values: give one value for each",
+            states.len(),
+            values.len()
+        )));
+    }
+    let bad = |s: i64| Error::Range(format!("`{what}` names the state {s}: states count from 0"));
+    states.iter().zip(values).map(|(&s, &v)| Ok((usize::try_from(s).map_err(|_| bad(s))?, v))).collect()
+}
+
+/// Add a transition: where the guard passes zero in its direction while the discrete states are as `from` says, the state
+/// becomes what reset makes of it, and the discrete states become as `to` says.
+///
+/// A discrete state is a state that a transition names in `from` or `to`; its derivative must be zero. Only the event-driven
+/// simulation follows transitions. A guard that is beyond zero, or at zero and on its way, when the discrete states become as
+/// `from` says, acts at once: at the start and after a change of controls or parameters, too. Of several at one time the first
+/// that was added is made first, and the others if they still hold; 64 at one time end the run. A transition that leaves its
+/// own guard beyond zero is watched again when the guard has been back.
+///
+/// @param[in]  guard       one output
+/// @param[in]  direction   enum swb_direction
+/// @param[in]  from_states [n_from_states] discrete states that must have the values
+/// @param[in]  from_values [n_from_values] for the transition to be watched; none: always
+/// @param[in]  reset       nx outputs, the state behind the transition; NULL: the state before it
+/// @param[in]  to_states   [n_to_states] discrete states that get the values
+/// @param[in]  to_values   [n_to_values] behind the reset
+/// @param[out] index       number of the transition; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if states do not exist or repeat, or for an unknown
+///         direction; SWB_ERR_STATE if nothing changes
+#[no_mangle]
+pub unsafe extern "C" fn swb_system_add_transition(
+    system: *mut swb_system,
+    guard: *const swb_function,
+    direction: i32,
+    from_states: *const i64,
+    n_from_states: i64,
+    from_values: *const f64,
+    n_from_values: i64,
+    reset: *const swb_function,
+    to_states: *const i64,
+    n_to_states: i64,
+    to_values: *const f64,
+    n_to_values: i64,
+    index: *mut i64,
+) -> swb_status {
+    self::guard(|| unsafe {
+        let transition = Transition {
+            guard: shared(guard, "guard")?,
+            direction: match direction {
+                0 => Direction::Rising,
+                1 => Direction::Falling,
+                d => return Err(Error::Range(format!("direction is {d}: give an enum swb_direction"))),
+            },
+            from: values_of((from_states, n_from_states), (from_values, n_from_values), "from")?,
+            reset: if reset.is_null() { None } else { Some(shared(reset, "reset")?) },
+            to: values_of((to_states, n_to_states), (to_values, n_to_values), "to")?,
+        };
+        let k = handle::with_mut(system, |s| s.add_transition(transition))?;
+        raw::write_optional(index, k as i64);
+        Ok(())
+    })
+}
+
+/// A transition that was made.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+pub struct swb_jump {
+    /// Size of this struct in bytes.
+    pub struct_size: u64,
+    /// Time.
+    pub t: f64,
+    /// The transition, in the order they were added to the system.
+    pub transition: i64,
+    /// 1 if another transition was made at the same time.
+    pub simultaneous: i64,
+    /// Rate at which the guard passes zero, positive in its direction; NaN where it held when its discrete state began.
+    pub rate: f64,
+}
+unsafe impl Sized8 for swb_jump {}
+
+/// The transitions of a run in the order they were made; their number is n_jumps of swb_run_info.
+///
+/// @param[out] jumps       [n] n_jumps
+/// @param[in]  struct_size sizeof(swb_jump)
+/// @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_jumps(
+    run: *const swb_run,
+    jumps: *mut swb_jump,
+    n: i64,
+    struct_size: u64,
+) -> swb_status {
+    self::guard(|| unsafe {
+        handle::with_ref(run, |r| {
+            let of = |j: &Jump| swb_jump {
+                struct_size: 0,
+                t: j.t,
+                transition: j.transition as i64,
+                simultaneous: j.simultaneous.into(),
+                rate: j.rate,
+            };
+            write_structs(&r.run.jumps, of, jumps, n, struct_size, "jumps")
+        })
+    })
+}
+
+fn jump(r: &Record, index: i64) -> Result<&Jump> {
+    let n = r.run.jumps.len();
+    let found = usize::try_from(index).ok().and_then(|i| r.run.jumps.get(i));
+    found.ok_or_else(|| Error::Dimension(format!("there is no transition {index}, the run has {n}")))
+}
+
+/// The states just before and just behind a transition.
+///
+/// @param[in]  index  its place in swb_run_jumps, from 0
+/// @param[out] before [n] nx
+/// @param[out] after  [n] nx
+/// @return SWB_OK; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_jump_states(
+    run: *const swb_run,
+    index: i64,
+    before: *mut f64,
+    after: *mut f64,
+    n: i64,
+) -> swb_status {
+    self::guard(|| unsafe {
+        handle::with_ref(run, |r| {
+            let j = jump(r, index)?;
+            raw::check_slice(after, n, j.after.len(), "after")?;
+            raw::write_slice(before, n, &j.before, "before")?;
+            raw::write_slice(after, n, &j.after, "after")
+        })
+    })
+}
+
+/// Derivatives of the time of a transition with respect to initial states, parameters and controls.
+///
+/// @param[in]  index its place in swb_run_jumps, from 0
+/// @param[out] dt    [n] n_columns
+/// @return as swb_run_sensitivity
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_jump_sensitivity(run: *const swb_run, index: i64, dt: *mut f64, n: i64) -> swb_status {
+    self::guard(|| unsafe {
+        handle::with_ref(run, |r| {
+            need_derivatives(r.run.sensitivity.as_ref())?;
+            raw::write_slice(dt, n, &jump(r, index)?.dt, "dt")
+        })
+    })
+}
