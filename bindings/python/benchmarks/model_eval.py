@@ -81,7 +81,7 @@ def write(folder: Path) -> None:
         for k, (inputs, value) in enumerate(functions):
             names, symbols = zip(*inputs)
             f = ca.Function(f"{model}_{k}", list(symbols), [value], list(names), ["y"])
-            bundle = bridge._with_derivatives([f], None)[0]
+            bundle = bridge._with_derivatives([f], None, smooth=False)[0]
             for part in bundle:
                 generator.add(part)
             serializer = ca.FileSerializer(str(folder / f"{f.name()}.casadi"))

@@ -16,6 +16,7 @@ import numpy as np
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
+PROBLEMS = "SWITCHBACK_MPCC_PROBLEMS"  # environment variable: the folder of the problems
 
 FUNCTION = ctypes.CFUNCTYPE(c_int, POINTER(c_double), c_void_p, POINTER(c_double), c_void_p)
 

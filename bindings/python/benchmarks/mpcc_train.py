@@ -3,8 +3,9 @@
 usage: mpcc_train.py [--problems DIR] [--only REGEX] [--limit SECONDS] [--json FILE|-] [--lib FILE]
                      [--set NAME=VALUE ...] [--members auto|rows] [--move-start SEED] [--no-ipopt] [--ipopt-cache FILE]
 
-The problems are a folder with mpcc_problem.h, mpcc_vm.c, train.json and the files it names; by default `shared/mpcc`
-beside this repository. Without it nothing is done, which is no failure.
+The problems are a folder with mpcc_problem.h, mpcc_vm.c, train.json and the files it names (bindings/python/tests/collection
+is a small one); by default the one that the environment variable SWITCHBACK_MPCC_PROBLEMS names. Collections that may not
+be copied are no part of this repository: without a folder nothing is done, which is no failure.
 
 The peer is IPOPT with MUMPS, called through its C interface (pip install casadi): the homotopy of Scholtes,
 G_i H_i <= sigma for sigma = 1, 0.1, ..., 1e-9, each program solved to 1e-8 from the point before, until one is solved
@@ -30,6 +31,7 @@ import json
 import math
 import multiprocessing
 import multiprocessing.connection
+import os
 import re
 import resource
 import signal
@@ -44,7 +46,7 @@ import numpy as np
 import mpcc_compare
 import mpcc_ipopt
 import mpcc_switchback
-from mpcc_problems import ROOT, Code, Problem, training_set
+from mpcc_problems import PROBLEMS, Code, Problem, training_set
 
 VIOLATION, PRODUCT = 1e-6, 1e-7
 ENOUGH = 0.3  # seconds of runs after which no further one is made
@@ -190,7 +192,7 @@ def parse(argv: list[str] | None = None) -> argparse.Namespace:
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Those that the ablation has too."""
-    parser.add_argument("--problems", type=Path, default=ROOT.parent / "shared" / "mpcc", help="folder of the problems")
+    parser.add_argument("--problems", type=Path, default=os.environ.get(PROBLEMS), help=f"their folder; default: ${PROBLEMS}")
     parser.add_argument("--only", default="", metavar="REGEX", help="problems whose name matches")
     parser.add_argument("--limit", type=float, default=60.0, metavar="SECONDS", help="of one solve")
     parser.add_argument("--repeat", type=int, default=5, help="runs of which the fastest counts, for short ones")
@@ -215,8 +217,9 @@ def options_of(settings: list[str]) -> dict[str, str]:
 
 def chosen(arguments: argparse.Namespace) -> dict[str, dict] | None:
     """The problems, or None with a message where there are none."""
-    if not (arguments.problems / "train.json").is_file():
-        print(f"skipped: no problems in {arguments.problems} (--problems says where they are)")
+    if arguments.problems is None or not (arguments.problems / "train.json").is_file():
+        where = "without a folder of problems" if arguments.problems is None else f"no problems in {arguments.problems}"
+        print(f"left out: {where} ({PROBLEMS} or --problems says where they are)")
         return None
     every = training_set(arguments.problems)
     return {name: entry for name, entry in every.items() if re.search(arguments.only, name)}

@@ -11,6 +11,7 @@ print(run.x_end, run.table())
 from . import casadi, expr
 from ._ffi import (
     CostAt,
+    Direction,
     EventKind,
     FreeTime,
     Item,
@@ -78,6 +79,7 @@ from .integrator import (
     Event,
     Gradient,
     Integrator,
+    Jump,
     Run,
     RunStats,
     Step,
@@ -121,6 +123,7 @@ __all__ = [
     "Contact",
     "DerivativeCheck",
     "DimensionError",
+    "Direction",
     "Event",
     "EventKind",
     "CostAt",
@@ -132,6 +135,7 @@ __all__ = [
     "InterruptedSolve",
     "Item",
     "Iteration",
+    "Jump",
     "LibraryError",
     "LinearStats",
     "LogLevel",

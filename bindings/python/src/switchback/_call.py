@@ -140,6 +140,40 @@ def call(function: Callable[..., int], *arguments: Any, interruptible: bool = Fa
     check(status, current.undefined)
 
 
+def aside(work: Callable[[], None], stop: Callable[[], object]) -> None:
+    """Do work that calls no Python function on its way, such as a batch: on a thread of its own, for Python handles
+    Ctrl-C on the main thread, between two of its own instructions. Then `stop` is called, and what the handler raised
+    is raised when the work has ended."""
+    if threading.current_thread() is not threading.main_thread():
+        work()
+        return
+    raised: list[BaseException] = []
+    done = threading.Event()
+
+    def run() -> None:
+        try:
+            work()
+        except BaseException as error:
+            raised.append(error)
+        finally:
+            done.set()
+
+    interrupt: BaseException | None = None
+    thread = threading.Thread(target=run, daemon=True)
+    while not done.is_set():
+        try:
+            if thread.ident is None:
+                thread.start()
+            done.wait(1.0)  # a wait without an end is deaf on Windows
+        except BaseException as error:
+            interrupt = interrupt or error
+            stop()
+    if interrupt is not None:
+        raise interrupt
+    if raised:
+        raise raised[0]
+
+
 def _free(kind: str, handle: int) -> None:
     getattr(lib, f"swb_{kind}_free")(handle)
     with _live_lock:

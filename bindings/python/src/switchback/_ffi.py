@@ -178,6 +178,12 @@ class Input(Names):
     T = 8
 
 
+class FunctionFlag(Names):
+    """enum swb_function_flag"""
+
+    SERIAL = 1
+
+
 class SwitchKind(Names):
     """enum swb_switch_kind"""
 
@@ -339,6 +345,13 @@ class EventKind(Names):
     SPONTANEOUS = 3
 
 
+class Direction(Names):
+    """enum swb_direction"""
+
+    RISING = 0
+    FALLING = 1
+
+
 class ProgressKind(Names):
     """enum swb_progress_kind"""
 
@@ -468,6 +481,7 @@ class swb_settings(Structure):
         ("adapt_tol", c_double),
         ("adapt_rounds", c_int64),
         ("adapt_elements", c_int64),
+        ("max_memory", c_int64),
     ]
 
 
@@ -591,6 +605,7 @@ class swb_run_info(Structure):
         ("n_branch_points", c_int64),
         ("n_contacts", c_int64),
         ("n_accumulations", c_int64),
+        ("n_jumps", c_int64),
     ]
 
 
@@ -607,6 +622,7 @@ class swb_run_stats(Structure):
         ("switches", c_int64),
         ("accumulations", c_int64),
         ("time_total", c_double),
+        ("jumps", c_int64),
     ]
 
 
@@ -651,6 +667,16 @@ class swb_accumulation(Structure):
         ("until", c_double),
         ("steps", c_int64),
         ("error", c_double),
+    ]
+
+
+class swb_jump(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("transition", c_int64),
+        ("simultaneous", c_int64),
+        ("rate", c_double),
     ]
 
 
@@ -745,6 +771,7 @@ FUNCTIONS = {
     "swb_last_error": (c_char_p, []),
     "swb_last_user_code": (c_int32, []),
     "swb_last_error_copy": (c_int32, [c_void_p, c_int64, c_void_p]),
+    "swb_live_objects": (c_int64, []),
     "swb_status_string": (c_char_p, [c_int32]),
     "swb_status_name": (c_char_p, [c_int32]),
     "swb_version": (c_char_p, []),
@@ -776,6 +803,7 @@ FUNCTIONS = {
     "swb_function_set_hessian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, swb_hessian_fn]),
     "swb_function_set_linear": (c_int32, [c_void_p]),
     "swb_function_set_inputs": (c_int32, [c_void_p, c_int32]),
+    "swb_function_set_flags": (c_int32, [c_void_p, c_int32]),
     "swb_function_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_function_name": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_function_jacobian_pattern": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
@@ -867,6 +895,10 @@ FUNCTIONS = {
     "swb_run_times": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_run_evaluate": (c_int32, [c_void_p, c_void_p, c_int64, c_int64, c_void_p, c_int64]),
     "swb_run_free": (None, [c_void_p]),
+    "swb_system_add_transition": (c_int32, [c_void_p, c_void_p, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
+    "swb_run_jumps": (c_int32, [c_void_p, POINTER(swb_jump), c_int64, c_uint64]),
+    "swb_run_jump_states": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_int64]),
+    "swb_run_jump_sensitivity": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
     "swb_integrator_create": (c_int32, [c_void_p, POINTER(swb_settings), c_void_p]),
     "swb_integrator_reinit": (c_int32, [c_void_p, c_double, c_void_p, c_int64]),
     "swb_integrator_set_controls": (c_int32, [c_void_p, c_void_p, c_int64]),
@@ -921,6 +953,7 @@ FUNCTIONS = {
     "swb_ocp_get_outcome": (c_int32, [c_void_p, c_void_p]),
     "swb_ocp_get_polished": (c_int32, [c_void_p, c_void_p]),
     "swb_ocp_get_cost": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_get_cost_reached": (c_int32, [c_void_p, c_void_p]),
     "swb_ocp_get_controls": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_sensitivity": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_ocp_get_residuals": (c_int32, [c_void_p, POINTER(swb_residuals), c_uint64]),

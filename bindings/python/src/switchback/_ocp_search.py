@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy
 
-from ._arrays import Array, address, index, table
+from ._arrays import Array, address, index, real, seen
 from ._ffi import Outcome, Polished
 from ._solver import Solver
 from .errors import DimensionError, RangeError, StateError, SwitchbackError
@@ -92,9 +92,14 @@ class OcpSearch(Solver):
         if modes is None:
             self._do("set_modes", None, 0, None, 0, None, 0)
             return
-        times = numpy.ascontiguousarray(numpy.atleast_1d(modes.times), dtype=float)
+        times = numpy.atleast_1d(seen(modes.times, "times"))
         if times.ndim != 1 or times.size == 0:
             raise DimensionError("a mode sequence needs a start for every phase")
+        for name, value in (("modes", modes.modes), ("cells", modes.cells)):
+            if value is not None and seen(value, name).shape[:1] != times.shape:
+                wanted = f"a row for each of {len(times)} phases"
+                raise DimensionError(f"{name} has shape {seen(value, name).shape}, expected {wanted}")
+        times = real(times, "times")
 
         def flags(value: Any, name: str) -> Any:
             array = numpy.ascontiguousarray(numpy.asarray(value), dtype=numpy.int32)
@@ -118,15 +123,13 @@ class OcpSearch(Solver):
 
     def solve_starts(self, starts: Any, threads: int | None = None) -> Starts:
         """Solve from several guesses of the controls, (n, n_stages, nu), or from so many random ones; the problem keeps the
-        best solution. `threads`: None and 0 for one on each processor; models with Python functions are solved on one.
+        best solution. `threads`: None and 0 for one on each processor; models with functions written in Python are solved on one.
         The results do not depend on it."""
-        u = self.random_starts(starts) if numpy.ndim(starts) == 0 else numpy.asarray(starts, dtype=float)
-        if u.ndim != 3:
+        u = self.random_starts(starts) if numpy.ndim(starts) == 0 else seen(starts, "starts")
+        if u.ndim != 3 or u.shape[1:] != (self.n_stages, self.nu):
             raise DimensionError(f"starts has shape {u.shape}, expected (n, {self.n_stages}, {self.nu})")
-        flat = table(u.reshape(len(u), -1), None, self.n_stages * self.nu, "starts")
+        flat = real(u, "starts").reshape(len(u), self.n_stages * self.nu)
         count = 0 if threads is None else index(threads, "threads")
-        if any(f._callbacks for f in self._functions):
-            count = 1
         best = ctypes.c_int64()
         arguments = (address(flat), flat.size, count, ctypes.byref(best))
         self._do("solve_starts", *arguments, interruptible=True)

@@ -3,34 +3,16 @@
 from __future__ import annotations
 
 import ctypes
-from enum import IntEnum
-from typing import Any, TypeVar
+from typing import Any
 
 import numpy
 
-from ._arrays import address, bounds, index, number, real, table, vector
+from ._arrays import address, bounds, choice, index, number, real, seen, table, vector
 from ._ffi import CostAt, FreeTime, Norm, PathAt, swb_certificate
 from ._solver import Solver
-from .errors import ArgumentError, DimensionError
+from .errors import DimensionError
 from .function import Function
 from .mpcc import Certificate
-
-E = TypeVar("E", bound=IntEnum)
-
-
-def choice(kind: type[E], value: Any, name: str) -> E:
-    """A value of an enumeration by itself, its name or its number."""
-    if isinstance(value, str):
-        try:
-            return kind[value.upper()]
-        except KeyError:
-            known = ", ".join(v.name.lower() for v in kind)
-            raise ArgumentError(f"{name} must be one of {known}, not '{value}'") from None
-    try:
-        return kind(index(value, name))
-    except ValueError as error:
-        raise ArgumentError(f"{name}: {error}") from None
-
 
 class OcpTerms(Solver):
     """Methods of `Ocp` that state the problem further."""
@@ -48,7 +30,7 @@ class OcpTerms(Solver):
     def _rows(f: Any, lower: Any, upper: Any, name: str) -> int:
         if isinstance(f, Function):
             return f.n_out
-        sizes = {real(b, name).size for b in (lower, upper) if b is not None and numpy.ndim(b) > 0}
+        sizes = {seen(b, name).size for b in (lower, upper) if b is not None and numpy.ndim(b) > 0}
         if len(sizes) > 1:
             raise DimensionError(f"bounds of {name}: {' and '.join(map(str, sorted(sizes)))} numbers")
         return sizes.pop() if sizes else 1
@@ -72,16 +54,26 @@ class OcpTerms(Solver):
         """Add (f - y)' W (f - y) to the cost: integrated ("running"), summed over the ends of the control stages
         ("control_grid") or at the end ("terminal"). `weights` is the diagonal of W or all of it, `references` is y or has a
         row for every stage."""
-        w = numpy.atleast_1d(real(weights, "weights"))
-        n = f.n_out if isinstance(f, Function) else len(w)
+        shape = seen(weights, "weights").shape or (1,)
+        n = f.n_out if isinstance(f, Function) else shape[0]
+        if shape not in ((n,), (n, n)) and not (n == 1 and seen(weights, "weights").size == 1):
+            raise DimensionError(f"weights has shape {shape}, expected ({n},) or ({n}, {n})")
         function = self._function(f, n, "least_squares")
-        y = numpy.atleast_1d(real(references, "references"))
+        w = numpy.atleast_1d(real(weights, "weights"))
+        y = self._references(references, (1, n, self.n_stages * n))
         if y.size == 1:
             y = numpy.full(n, y.item())
-        w, y = numpy.ascontiguousarray(w), numpy.ascontiguousarray(y)
         place = choice(CostAt, at, "at")
         self._do("add_least_squares", function, address(w), w.size, address(y), y.size, place)
         self._functions.append(function)
+
+    @staticmethod
+    def _references(references: Any, sizes: tuple[int, ...]) -> Any:
+        array = seen(references, "references")
+        if array.size not in sizes:
+            wanted = " or ".join(map(str, dict.fromkeys(sizes)))
+            raise DimensionError(f"references has shape {array.shape}, expected {wanted} numbers")
+        return numpy.atleast_1d(real(array, "references"))
 
     def set_references(self, term: int, references: Any) -> None:
         """Change the references of a least-squares term, counted from 0 in the order they were added."""
@@ -138,7 +130,10 @@ class OcpTerms(Solver):
 
     def set_linear_controls(self, linear: Any = True) -> None:
         """Make controls continuous and linear on every stage: True for all, or one truth value for each."""
-        flags = numpy.broadcast_to(numpy.asarray(linear, dtype=bool), (self.nu,)).astype(numpy.int32)
+        array = seen(linear, "linear")
+        if array.shape not in ((), (1,), (self.nu,)):
+            raise DimensionError(f"linear has shape {array.shape}, expected one truth value or ({self.nu},)")
+        flags = numpy.broadcast_to(array.astype(bool), (self.nu,)).astype(numpy.int32)
         self._do("set_linear_controls", address(flags), len(flags))
 
     def set_param_bounds(self, lower: Any, upper: Any) -> None:

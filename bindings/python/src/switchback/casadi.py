@@ -9,6 +9,10 @@
 The inputs are named x (or w), u, p and t, those that are needed. The value is all outputs, one after the other, by
 columns: the modes of a subsystem are the columns of a matrix, or several outputs. Derivatives are made by CasADi. The
 code is compiled where there is a C compiler (the variable CC, or cc); else CasADi evaluates it.
+
+Functions of a model are smooth: what jumps or has a kink is stated by modes and switching functions. A function with
+`sign`, `fabs`, `if_else`, `fmin`, `floor` and the like inside, applied to anything but parameters, is refused; with
+`smooth=True` it is taken as it is. Code that is loaded from a shared library cannot be looked into.
 """
 
 from __future__ import annotations
@@ -24,6 +28,7 @@ from typing import Any
 
 from ._arrays import index
 from ._call import encode
+from ._casadi_switches import refuse
 from ._library import lib
 from .errors import ArgumentError, DimensionError, LibraryError
 from .function import Function
@@ -48,18 +53,20 @@ def function(
     *,
     inputs: Sequence[str] | None = None,
     how: str | None = None,
+    smooth: bool = False,
 ) -> Function:
     """A function of CasADi, or several with outputs one after the other, as a `Function` with exact derivatives.
 
     `inputs` says what the inputs are, such as ["x", "u"], where they have other names. Sizes that are not given are
-    those of the inputs. `how` is "compile" or "interpret"; None compiles if that works.
+    those of the inputs. `how` is "compile" or "interpret"; None compiles if that works. `smooth=True` says that operators
+    such as `if_else` and `fmax` inside of it are used where they do no harm (beyond the domain of a square root, say).
     """
     if how not in (None, *_HOW):
         raise ArgumentError(f"how must be 'compile', 'interpret' or None, not {how!r}")
     parts = list(f) if isinstance(f, (list, tuple)) else [f]
     if not parts or not all(is_function(part) for part in parts):
         raise ArgumentError(f"expected a function of CasADi, not {f!r:.60}")
-    bundle, sizes, total = _with_derivatives(parts, inputs)
+    bundle, sizes, total = _with_derivatives(parts, inputs, smooth)
     given = {"x": nx, "u": nu, "p": np}
     sizes = {key: sizes.get(key, 0) if n is None else index(n, f"n{key}") for key, n in given.items()}
     shape = (
@@ -95,20 +102,23 @@ def load(
     return _made("library", [str(path)], name, " ".join(inputs) if inputs else None, sizes, None)
 
 
-def generate(functions: Any, path: str | os.PathLike) -> None:
-    """Write C code of functions of CasADi with their derivatives, to be compiled and used by `load`, or from C."""
+def generate(functions: Any, path: str | os.PathLike, *, smooth: bool = False) -> None:
+    """Write C code of functions of CasADi with their derivatives, to be compiled and used by `load`, or from C; `smooth`
+    as in `function`."""
     import casadi as ca
 
     path = Path(path)
     generator = ca.CodeGenerator(path.name)
     for f in functions if isinstance(functions, (list, tuple)) else [functions]:
-        for part in _with_derivatives([f], None)[0]:
+        for part in _with_derivatives([f], None, smooth)[0]:
             generator.add(part)
     folder = str(path.parent)
     generator.generate(folder + os.sep)
 
 
-def _with_derivatives(parts: list[Any], inputs: Sequence[str] | None) -> tuple[list[Any], dict[str, int], int]:
+def _with_derivatives(
+    parts: list[Any], inputs: Sequence[str] | None, smooth: bool
+) -> tuple[list[Any], dict[str, int], int]:
     """Function, Jacobian and Hessian of the weighted sum under the names the library looks for; sizes of the inputs;
     number of outputs."""
     import casadi as ca
@@ -126,6 +136,8 @@ def _with_derivatives(parts: list[Any], inputs: Sequence[str] | None) -> tuple[l
                     "inputs=['x', 'u']"
                 )
         names.append(" ".join(own))
+    if not smooth:
+        refuse(parts, [own.split() for own in names])
     used = [n for n in _BLOCKS if any(n in own.split() for own in names)]
     shapes: dict[str, tuple[int, int]] = {}
     for part, own in zip(parts, names):

@@ -19,11 +19,11 @@ from typing import Any, Callable, Iterable, Iterator, Sequence
 import numpy
 
 from . import _ffi
-from ._arrays import address, index, real
+from ._arrays import address, index, number, real
 from ._call import Handle, call, encode, text
 from ._document import Reader
 from ._library import lib
-from .errors import ArgumentError, DimensionError, RangeError
+from .errors import ArgumentError, DimensionError, RangeError, UnsupportedError
 from .function import Function
 from .system import System
 
@@ -84,6 +84,13 @@ class Graph(Handle):
     def _expr(self, ids: numpy.ndarray, condition: bool = False) -> Expr:
         e = Expr.__new__(Expr)
         e._graph, e._ids, e._condition = self, ids, condition
+        e._margin = None
+        return e
+
+    def _positive(self, margin: Expr) -> Expr:
+        """The condition that a value is positive, which remembers the value."""
+        e = self._apply(_Op.POSITIVE, margin)
+        e._margin = margin
         return e
 
     def constant(self, value: Any) -> Expr:
@@ -147,6 +154,7 @@ class Expr:
     _graph: Graph
     _ids: numpy.ndarray
     _condition: bool
+    _margin: Expr | None  # of a comparison: what is positive where it holds
 
     def __init__(self) -> None:
         raise TypeError("expressions come from the variables of a Model or a Graph")
@@ -228,10 +236,10 @@ class Expr:
         return self
 
     def __gt__(self, other: Any) -> Expr:
-        return self._graph._apply(_Op.POSITIVE, self - other)
+        return self._graph._positive(self - other)
 
     def __lt__(self, other: Any) -> Expr:
-        return self._graph._apply(_Op.POSITIVE, other - self)
+        return self._graph._positive(other - self)
 
     __ge__ = __gt__
     __le__ = __lt__
@@ -511,6 +519,8 @@ class Model:
         self._rhs: list[Expr | None] = [None] * self.nx
         self._trial: Any = None
         self._made: _Built | None = None
+        self._transitions: list[tuple[Expr, dict[int, float], dict[int, Expr] | None, dict[int, float]]] = []
+        self._discrete: list[float] = []  # initial values of the last states
 
     def derivative(self, state: Expr, rhs: Any) -> None:
         """Set the derivative of a state."""
@@ -520,6 +530,84 @@ class Model:
         self._rhs[int(places[0])] = self.graph.of(rhs)
         self._made = None
 
+    def discrete(self, name: str = "", initial: float = 0.0) -> Expr:
+        """Add a discrete state: only transitions change it. It is the last state, and where an initial state is given
+        without the discrete ones they begin with `initial`. Add discrete states before functions of the model are made."""
+        start = number(initial, "initial")
+        if not isinstance(name, str):
+            raise ArgumentError(f"the name of a discrete state must be a text, not {type(name).__name__}")
+        if name and name in self.names[0]:
+            raise ArgumentError(f"there is a state '{name}' already")
+        self.names[0].append(name)
+        self.nx += 1
+        self.x = self.graph.inputs("x", self.nx)
+        self._rhs.append(self.graph.constant(0.0))
+        self._discrete.append(start)
+        self._made = None
+        return self.x[self.nx - 1]
+
+    def _state(self, state: Any, what: str) -> int:
+        """The place of a state that is given as an expression or by its name."""
+        if isinstance(state, Expr) and state.ndim == 0:
+            places = numpy.flatnonzero(self.x._ids == state._ids)
+        else:
+            places = [i for i, name in enumerate(self.names[0]) if name and name == state]
+        if len(places) != 1:
+            raise ArgumentError(f"{what}: {state!r} is no state of the model")
+        return int(places[0])
+
+    def _values(self, given: Any, what: str) -> dict[int, float]:
+        if given is None:
+            return {}
+        if not hasattr(given, "items"):
+            raise ArgumentError(f"{what} must be a dictionary from discrete states to values, not {type(given).__name__}")
+        return {self._state(state, what): number(value, what) for state, value in given.items()}
+
+    def transition(self, guard: Any, *, when: Any = None, reset: Any = None, to: Any = None) -> int:
+        """Add a jump of the state, for event-driven simulation, and return its number.
+
+        `guard` is a comparison, such as `v > 15`, or an expression; the jump happens where the comparison becomes true, or
+        the expression positive. `when` are discrete states and the values they must have for that; `reset` are states
+        and what they become, expressions of the state before; `to` are discrete states and the values they get. All
+        three are dictionaries; what is not named stays as it is.
+
+        A guard that holds when its discrete states begin (at the start, too) acts at once. Of several at one time the
+        first that was added comes first. A transition that leaves its own guard true is watched again when the guard has
+        been false.
+        """
+        g = self.graph.of(guard)
+        if g._condition:
+            if g._margin is None:
+                raise ArgumentError("a guard is one comparison: state several as transitions of their own")
+            g = g._margin
+        if g.ndim:
+            raise DimensionError(f"a guard is one value, not an array of shape {g.shape}")
+        after: dict[int, Expr] | None = None
+        if reset is not None:
+            if not hasattr(reset, "items"):
+                raise ArgumentError(f"reset must be a dictionary from states to expressions, not {type(reset).__name__}")
+            after = {self._state(state, "reset"): self.graph.of(value) for state, value in reset.items()}
+        self._transitions.append((g, self._values(when, "when"), after, self._values(to, "to")))
+        self._made = None
+        return len(self._transitions) - 1
+
+    def hysteresis(self, value: Any, on: Any, off: Any, initial: int = 0, name: str = "") -> Expr:
+        """A discrete value that becomes 1 where `value` exceeds `on` and 0 where it falls below `off`, which is smaller.
+
+        It is a new discrete state (see `discrete`). For a heater, which goes on below a threshold, negate all three.
+        """
+        if initial not in (0, 1):
+            raise ArgumentError(f"initial is {initial!r}: the value is 0 or 1")
+        high, low = self.graph.of(on), self.graph.of(off)
+        if not isinstance(on, Expr) and not isinstance(off, Expr) and not number(off, "off") < number(on, "on"):
+            raise ArgumentError(
+                f"on is {on} and off is {off}: off must be smaller; for what goes on below a threshold negate value, on and off"
+            )
+        w = self.discrete(name, initial)
+        self.transition(self.graph.of(value) > high, when={w: 0}, to={w: 1})
+        self.transition(self.graph.of(value) < low, when={w: 1}, to={w: 0})
+        return w
+
     @property
     def derivatives(self) -> list[Expr | None]:
         """Derivatives of the states, in order; None where one is missing."""
@@ -528,9 +616,10 @@ class Model:
     @derivatives.setter
     def derivatives(self, rhs: Any) -> None:
         all = [self.graph.of(r) for r in rhs]
-        if len(all) != self.nx:
-            raise DimensionError(f"{len(all)} derivatives for {self.nx} states")
-        self._rhs = list(all)
+        smooth = self.nx - len(self._discrete)
+        if len(all) not in (self.nx, smooth):
+            raise DimensionError(f"{len(all)} derivatives for {smooth} states")
+        self._rhs = list(all) + self._rhs[len(all) :]
         self._made = None
 
     def try_at(self, x: Any, u: Any = None, p: Any = None, t: float = 0.0) -> None:
@@ -579,6 +668,11 @@ class Model:
         s._functions = list(self.graph._functions)
         s._make(lib.swb_model_system, self._build())
         s.n_subsystems = self.counts().subsystems
+        s._discrete = list(self._discrete)
+        for guard, when, reset, to in self._transitions:
+            states = range(self.nx)
+            after = None if reset is None else self.function([reset.get(i, self.x[i]) for i in states], "reset")
+            s.add_transition(self.function(guard, "guard"), when=when, reset=after, to=to)
         return s
 
     def function(self, outputs: Any, name: str = "f") -> Function:
@@ -609,7 +703,9 @@ class Model:
         return text(lib.swb_model_write_c, self._build())
 
     def to_json(self) -> str:
-        """The model as a document in JSON: for bug reports, and to pass it on."""
+        """The model as a document in JSON: for bug reports, and to pass it on. Transitions are no part of documents yet."""
+        if self._transitions:
+            raise UnsupportedError("a model with transitions cannot be written as a document yet")
         return text(lib.swb_model_to_json, self._build())
 
     @classmethod

@@ -10,14 +10,14 @@ from typing import Any, Callable, Sequence, Union
 import numpy
 
 from . import _ffi
-from ._arrays import Array, address, index, number, vector
+from ._arrays import Array, address, index, number, real, seen, vector
 from ._call import Handle, encode, failed
 from .errors import ArgumentError, DimensionError, NullError, RangeError
 
 __all__ = ["DerivativeCheck", "Function"]
 
 _NAMES = ("x", "u", "p", "t")
-_FLAGS = {"x": _ffi.Input.X, "u": _ffi.Input.U, "t": _ffi.Input.T}
+_FLAGS = {"x": _ffi.Input.X, "u": _ffi.Input.U, "p": _ffi.Input.P, "t": _ffi.Input.T}
 _CACHE = 4096  # views of memory that are kept
 
 Pattern = Any  # (rows, columns), or a matrix whose entries count if they are not zero
@@ -119,14 +119,13 @@ def sparse_entries(matrix: Any, rows: Array, columns: Array, pointers: Array) ->
 
 
 def _numbers(result: Any, what: str) -> Array:
-    """What a callable returned, as an array of numbers."""
+    """What a callable returned, as an array of numbers of any type: who assigns it converts it."""
     if result is None:
         raise TypeError(f"{what} returned None: is a return missing?")
     array = numpy.asarray(result)
-    if array.dtype.kind != "f":
-        if array.dtype.kind not in "iub":
-            raise TypeError(f"{what} must return real numbers, not {result!r:.80}")
-        array = array.astype(numpy.float64)
+    if array.dtype.kind not in "fiub":
+        shown = f"{result!r:.80}" if array.size <= 100 else f"an array of shape {array.shape} and type {array.dtype}"
+        raise TypeError(f"{what} must return real numbers, not {shown}")
     return array
 
 
@@ -160,11 +159,11 @@ class _Entries:
         if self.listed:
             if len(pattern) != 2:
                 raise DimensionError(f"pattern of {what}: expected (rows, columns), got {len(pattern)} items")
-            rows, columns = (self._indices(v, what) for v in pattern)
+            rows, columns = (self._indices(v, n_rows * n_columns, what) for v in pattern)
             if len(rows) != len(columns):
                 raise DimensionError(f"pattern of {what}: {len(rows)} rows and {len(columns)} columns")
         else:
-            rows, columns = self._of_matrix(pattern, what)
+            rows, columns = self._of_matrix(pattern, n_rows, n_columns, what)
             if upper:
                 keep = rows <= columns
                 rows, columns = rows[keep], columns[keep]
@@ -186,16 +185,21 @@ class _Entries:
         self.n_rows = n_rows
 
     @staticmethod
-    def _indices(values: Any, what: str) -> Array:
-        array = numpy.atleast_1d(numpy.asarray(values))
+    def _indices(values: Any, most: int, what: str) -> Array:
+        array = numpy.atleast_1d(seen(values, f"pattern of {what}"))
         if array.size == 0:
             return numpy.empty(0, dtype=numpy.int64)
+        if array.size > most:
+            raise DimensionError(f"pattern of {what}: {array.size} entries, the matrix has {most}")
         if array.ndim != 1 or array.dtype.kind not in "iu":
             raise RangeError(f"pattern of {what}: rows and columns are lists of integers")
         return array.astype(numpy.int64)
 
     @staticmethod
-    def _of_matrix(pattern: Any, what: str) -> tuple[Array, Array]:
+    def _of_matrix(pattern: Any, n_rows: int, n_columns: int, what: str) -> tuple[Array, Array]:
+        shape = numpy.shape(pattern)
+        if len(shape) == 2 and (shape[0] > n_rows or shape[1] > n_columns):
+            raise RangeError(f"pattern of {what}: a matrix of shape {shape}, expected {(n_rows, n_columns)} at most")
         if hasattr(pattern, "tocoo"):
             coo = pattern.tocoo()
             return coo.row.astype(numpy.int64), coo.col.astype(numpy.int64)
@@ -305,6 +309,7 @@ class Function(Handle):
     """
 
     _kind = "function"
+    _in_python = False
 
     def __init__(
         self,
@@ -343,7 +348,10 @@ class Function(Handle):
         self.inputs = tuple(names)
         callback = _ffi.swb_value_fn(_value_callback(value, names, self.sizes, self.shape, what))
         self._callbacks: list[Any] = [callback]
+        self._in_python = True
         self._create_function(callback)
+        # One thread only: exceptions come out with their traceback, and Python would not run faster on several.
+        self._do("set_flags", _ffi.FunctionFlag.SERIAL)
         flags = sum(_FLAGS[n] for n in names if n in _FLAGS)
         self._do("set_inputs", flags)
         if flags == 0:
@@ -402,14 +410,16 @@ class Function(Handle):
         hessian: Pointer | None = None,
         hessian_pattern: Pattern | None = None,
         linear: bool = False,
-        inputs: str = "xut",
+        inputs: str = "xupt",
         user_data: int | None = None,
         name: str = "f",
         keep: Any = None,
+        serial: bool = True,
     ) -> Function:
         """A function in compiled code: pointers to a swb_value_fn, swb_jacobian_fn and swb_hessian_fn, as numbers
         or ctypes functions. Derivatives write the entries of their patterns column by column. `inputs` are the
-        letters of those that the function depends on, `keep` is kept alive with it."""
+        letters of those that the function depends on, `keep` is kept alive with it. `serial=False` says that several
+        threads may call the code at once."""
         self = cls.__new__(cls)
         self.name = name
         self.shape = tuple(n_out) if isinstance(n_out, (tuple, list)) else (index(n_out, "n_out"),)
@@ -426,6 +436,7 @@ class Function(Handle):
         self._create(
             encode(name, "name"), s["x"], s["u"], s["p"], self.n_out, pointer, user_data, _ffi.swb_destroy_fn(0)
         )
+        self._do("set_flags", _ffi.FunctionFlag.SERIAL if serial else 0)
         self._do("set_inputs", sum(_FLAGS[n] for n in inputs if n in _FLAGS))
         if linear and (hessian is not None or hessian_pattern is not None):
             raise ArgumentError(f"function '{name}': linear and a Hessian contradict each other")
@@ -450,18 +461,17 @@ class Function(Handle):
     ) -> Function:
         """constant + matrix z, with a column of the matrix for each of z = x, or (x, u), or (x, u, p), or
         (x, u, p, t). A constant with several dimensions is the shape of the outputs, one after the other."""
-        from ._arrays import real
-
         b = real(constant, f"constant of '{name}'")
         b = b.reshape(1) if b.ndim == 0 else b
         widths = [nx, nx + nu, nx + nu + np, nx + nu + np + 1]
-        a = numpy.zeros((b.size, nx)) if matrix is None else real(matrix, f"matrix of '{name}'")
+        a = numpy.zeros((b.size, nx)) if matrix is None else seen(matrix, f"matrix of '{name}'")
         a = a.reshape(1, -1) if a.ndim == 1 and b.size == 1 else a
         if a.ndim != 2 or a.shape[0] != b.size or a.shape[1] not in widths:
             raise DimensionError(
                 f"matrix of '{name}' has shape {a.shape}, expected {b.size} rows and "
                 f"{' or '.join(map(str, sorted(set(widths))))} columns"
             )
+        a = real(a, f"matrix of '{name}'")
         if not (numpy.isfinite(a).all() and numpy.isfinite(b).all()):
             raise RangeError(f"constant and matrix of '{name}' must be finite")
         width = a.shape[1]

@@ -10,8 +10,8 @@ from typing import Any, Callable, Iterator, Mapping, NamedTuple, Sequence
 import numpy
 
 from . import _ffi
-from ._arrays import Array, address, index, number, real, table, vector
-from ._call import Handle, frame, text
+from ._arrays import Array, address, index, number, one_or, real, seen, table, vector
+from ._call import Handle, aside, frame, text
 from ._ffi import EventKind, ProgressKind, RunOutcome
 from ._library import lib
 from ._solver import OnLog, _log_callback
@@ -51,6 +51,18 @@ class Event(NamedTuple):
     unique: bool
     rate: float
     transversality: float
+
+
+class Jump(NamedTuple):
+    """A transition that was made: states before and after. `rate` is the speed at which its guard passes zero, NaN where
+    the guard held when its discrete state began."""
+
+    t: float
+    transition: int
+    before: Array
+    after: Array
+    simultaneous: bool
+    rate: float
 
 
 class Step(NamedTuple):
@@ -123,6 +135,7 @@ class RunStats:
     switches: int
     accumulations: int
     time_total: float
+    jumps: int
 
     @classmethod
     def _of(cls, c: Any) -> RunStats:
@@ -193,11 +206,12 @@ def _decide_callback(f: OnBranching | None, n_modes: Sequence[int]) -> Any:
 
 def _span(t_span: Any) -> tuple[float, float]:
     """A duration from 0 on, or start and end."""
+    shape = seen(t_span, "t_span").shape
+    if shape not in ((), (2,)):
+        raise DimensionError(f"t_span has shape {shape}: give the end, or start and end")
     values = real(t_span, "t_span")
     if values.ndim == 0:
         return 0.0, float(values)
-    if values.shape != (2,):
-        raise DimensionError(f"t_span has shape {values.shape}: give the end, or start and end")
     return float(values[0]), float(values[1])
 
 
@@ -208,12 +222,14 @@ class Run(Handle):
     t_start, t_end     from when to when
     x_end              [nx] state reached
     switches           in the order of time, a list of `Event`
+    jumps              the transitions in the order of time, a list of `Jump`
     outcome, success   how it ended; did it reach its time?
     reason             why it ended early, in words
     stats              work
     n_modes            numbers of modes of the subsystems that can switch
     dx_dx0, dx_dp, dx_du   derivatives of the state reached, [nx, nx], [nx, np], [nx, nu], or None
     switch_derivatives     those of the switching times, [n_switches, nx + np + nu], or None
+    jump_derivatives       those of the times of the transitions, [n_jumps, nx + np + nu], or None
     one_sided          the derivatives hold for one side only
     branch_points      points with several continuations
     contacts           surfaces only touched
@@ -226,11 +242,13 @@ class Run(Handle):
     x: Array
     x_end: Array
     switches: list[Event]
+    jumps: list[Jump]
     stats: RunStats
     dx_dx0: Array | None
     dx_dp: Array | None
     dx_du: Array | None
     switch_derivatives: Array | None
+    jump_derivatives: Array | None
 
     def __init__(self) -> None:
         raise TypeError("runs come from a simulation")
@@ -262,6 +280,8 @@ class Run(Handle):
         self.n_modes = tuple(int(k) for k in self._array("modes", (info.n_subsystems,), kind=numpy.int64))
         self.x_end = self._array("state", (self.nx,))
         self.switches = [self._event(i, e) for i, e in enumerate(self._structs("events", _ffi.swb_event, n))]
+        made = self._structs("jumps", _ffi.swb_jump, info.n_jumps)
+        self.jumps = [self._jump(i, j) for i, j in enumerate(made)]
         points = self._structs("branch_points", _ffi.swb_branch_point, info.n_branch_points)
         self.branch_points = [BranchPoint(b.t, b.n_continuations, b.taken if b.taken >= 0 else None) for b in points]
         touched = self._structs("contacts", _ffi.swb_contact, info.n_contacts)
@@ -274,18 +294,25 @@ class Run(Handle):
         else:
             self.t, self.x = numpy.array([self.t_end]), self.x_end.reshape(1, -1).copy()
         self.one_sided = bool(info.one_sided)
-        self.dx_dx0 = self.dx_dp = self.dx_du = self.switch_derivatives = None
+        self.dx_dx0 = self.dx_dp = self.dx_du = self.switch_derivatives = self.jump_derivatives = None
         if info.n_columns:
             nx, np, _ = sizes
             s = self._array("sensitivity", (info.n_columns, nx)).T
             self.dx_dx0, self.dx_dp, self.dx_du = s[:, :nx], s[:, nx : nx + np], s[:, nx + np :]
             rows = [self._array("event_sensitivity", (info.n_columns,), i) for i in range(n)]
             self.switch_derivatives = numpy.array(rows).reshape(n, info.n_columns)
+            rows = [self._array("jump_sensitivity", (info.n_columns,), i) for i in range(len(self.jumps))]
+            self.jump_derivatives = numpy.array(rows).reshape(len(rows), info.n_columns)
 
     def _structs(self, name: str, kind: Any, n: int) -> list[Any]:
         found = (kind * max(n, 1))()
         self._do(name, found if n else None, n, ctypes.sizeof(kind))
         return list(found[:n])
+
+    def _jump(self, i: int, j: Any) -> Jump:
+        before, after = numpy.empty(self.nx), numpy.empty(self.nx)
+        self._do("jump_states", i, address(before), address(after), self.nx)
+        return Jump(j.t, j.transition, before, after, bool(j.simultaneous), j.rate)
 
     def _event(self, i: int, e: Any) -> Event:
         n = self.n_modes[e.subsystem]
@@ -372,7 +399,7 @@ def _chosen(settings: Any, named: Mapping[str, Any], options: Mapping[str, Any])
     chosen = Settings._from(settings, values)
     if not each:
         return chosen, None
-    get = lambda name: numpy.atleast_1d(real(tolerances.get(name, getattr(chosen, name)), name))  # noqa: E731
+    get = lambda name: seen(tolerances.get(name, getattr(chosen, name)), name)  # noqa: E731
     return chosen, (get("rtol"), get("atol"))
 
 
@@ -448,12 +475,12 @@ class Integrator(Handle, HasSettings):
 
     def set_tolerances(self, rtol: Any, atol: Any) -> None:
         """Set tolerances of the local error, one number or one for each state."""
-        r, a = (numpy.atleast_1d(real(v, name)) for v, name in ((rtol, "rtol"), (atol, "atol")))
+        r, a = (one_or(v, self.nx, name) for v, name in ((rtol, "rtol"), (atol, "atol")))
         self._do("set_tolerances", address(r), r.size, address(a), a.size)
 
     def reinit(self, x: Any, t: float = 0.0) -> None:
         """Set state and time, and begin anew: log, statistics, derivatives and dense output are cleared."""
-        array = vector(x, self.nx, "x")
+        array = self.system._start(x, "x")
         self._do("reinit", number(t, "t"), address(array), array.size)
 
     def set_controls(self, u: Any) -> None:
@@ -665,6 +692,9 @@ class _Batch(Handle):
         self._functions = list(system._functions)
         self._create(system, ctypes.byref(settings._c))
 
+    def _interrupt(self) -> None:
+        lib.swb_batch_interrupt(self._handle)
+
     def _run(self, i: int) -> Run:
         s = self.system
         return Run._take(self, (s.nx, s.np, s.nu), s, i)
@@ -692,7 +722,12 @@ def simulate_batch(
     whatever the number of threads. Functions written in Python are called by one thread only.
     """
     s = system_of(system)
-    starts = table(x0, None, s.nx, "x0")
+    smooth = s.nx - len(s._discrete)
+    if s._discrete and numpy.ndim(x0) == 2 and numpy.shape(x0)[1] == smooth:
+        given = table(x0, None, smooth, "x0")
+        starts = numpy.hstack([given, numpy.tile(s._discrete, (len(given), 1))])
+    else:
+        starts = table(x0, None, s.nx, "x0")
     if len(starts) == 0:
         raise DimensionError("x0 has no rows")
 
@@ -711,19 +746,12 @@ def simulate_batch(
         raise ArgumentError("a batch takes one rtol and one atol for all states")
     start, end = _span(t_span)
     batch = _Batch(s, chosen)
-    batch._do(
-        "run",
-        start,
-        end,
-        address(starts),
-        starts.size,
-        address(controls),
-        controls.size,
-        address(params),
-        params.size,
-        1 if s._functions else index(threads, "threads"),
-        interruptible=True,
-    )
+    given = (address(starts), starts.size, address(controls), controls.size, address(params), params.size)
+    n_threads = index(threads, "threads")
+    if any(f._in_python for f in s._functions):
+        batch._do("run", start, end, *given, n_threads, interruptible=True)
+    else:
+        aside(lambda: batch._do("run", start, end, *given, n_threads), batch._interrupt)
     x, outcomes = numpy.empty(starts.shape), numpy.empty(len(starts), dtype=numpy.int32)
     batch._do("states", address(x), x.size)
     batch._do("outcomes", address(outcomes), outcomes.size)

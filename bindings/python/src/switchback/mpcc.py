@@ -10,7 +10,7 @@ from typing import Any, Callable, Iterable, Mapping, NamedTuple, Sequence
 import numpy
 
 from . import _ffi
-from ._arrays import Array, address, bounds, index, real, vector
+from ._arrays import Array, address, bounds, index, real, seen, vector
 from ._call import encode, failed, text
 from ._ffi import Item, Member, Outcome, Polished
 from ._library import lib
@@ -313,7 +313,7 @@ class Mpcc(Solver):
             return constraints.n_out
         if isinstance(constraints, (list, tuple)) and all(callable(g) for g in constraints):
             return len(constraints)
-        sizes = {real(b, "constraint_bounds").size for b in limits or () if b is not None and numpy.ndim(b) > 0}
+        sizes = {seen(b, "constraint_bounds").size for b in limits or () if b is not None and numpy.ndim(b) > 0}
         if len(sizes) == 1:
             return sizes.pop()
         raise ArgumentError("n_constraints: the number of constraints must be given")

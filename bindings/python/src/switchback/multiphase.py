@@ -25,7 +25,7 @@ class MultiPhaseResult(HasOutcome):
 
     outcome: Outcome
     polished: Polished
-    #: Sum of the costs of the phases.
+    #: Sum of the costs of the phases; NaN unless the problem is solved.
     cost: float
     phases: Sequence[OcpResult] = field(repr=False)
     #: Largest violation of a link.

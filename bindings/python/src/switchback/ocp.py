@@ -8,13 +8,13 @@ from typing import Any, Iterable, Mapping, Sequence
 
 import numpy
 
-from ._arrays import Array, address, bounds, index, number, real, table, vector
+from ._arrays import Array, address, bounds, choice, index, number, real, table, vector
 from ._call import text
 from ._document import Reader
 from ._ffi import Outcome, PathAt, Polished, swb_accuracy
 from ._library import lib
 from ._ocp_search import Adaptation, OcpSearch
-from ._ocp_terms import OcpTerms, choice
+from ._ocp_terms import OcpTerms
 from .errors import ArgumentError, DimensionError, StateError
 from .expr import Model, system_of
 from .function import Function
@@ -32,6 +32,7 @@ class OcpResult(HasOutcome):
 
     outcome: Outcome
     polished: Polished
+    #: Cost of the solution; NaN unless the problem is solved.
     cost: float
     controls: Array
     control_times: Array = field(repr=False)
@@ -50,11 +51,15 @@ class OcpResult(HasOutcome):
     control_ends: Array | None = field(default=None, repr=False)
     #: Largest violation of a relaxed constraint.
     violation: float = 0.0
-    #: Why there is no exact solution, in the words of the model; empty where there is one. Stages, elements and rows are
-    #: counted from 0.
+    #: Why there is no exact solution, in the words of the model, and why the comparison `accuracy` says nothing, or what
+    #: brings the answer closer to the simulation where they are far apart; empty where there is nothing to say. Stages,
+    #: elements, rows and states are counted from 0.
     message: str = ""
     #: How the grid was adapted; None with the option adapt_tol at 0.
     adaptation: Adaptation | None = field(default=None, repr=False)
+    #: What the point costs that is given here, solution or not. One that is none need not satisfy dynamics and
+    #: constraints, and its cost may lie on either side of that of a solution.
+    cost_reached: float = field(default=float("nan"), repr=False)
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
         """See `switchback.plot`."""
@@ -250,6 +255,7 @@ class Ocp(OcpTerms, OcpSearch):
             self._violation(),
             text(lib.swb_ocp_get_message, self),
             self._adaptation(),
+            self._get("get_cost_reached", ctypes.c_double),
         )
 
     def _accuracy(self) -> tuple[Accuracy | None, Array | None]:

@@ -114,12 +114,17 @@ def _finish(figure: Any, path: Any) -> Any:
 
 
 def _curve(run: Run, points: int) -> tuple[numpy.ndarray, numpy.ndarray]:
-    """Times and states along a run, some in every step."""
+    """Times and states along a run, some in every step; at a jump the time twice, with the states before and behind."""
     if len(run.t) < 2:
         raise StateError("the run has no dense output: simulate with dense=True, over some time")
     between = numpy.linspace(0.0, 1.0, max(points, 1) + 1)[:-1]
     t = numpy.append((run.t[:-1, None] + numpy.diff(run.t)[:, None] * between).ravel(), run.t[-1])
-    return t, run(numpy.clip(t, run.t_start, run.t_end))
+    x = run(numpy.clip(t, run.t_start, run.t_end))
+    if run.jumps:
+        places = numpy.searchsorted(t, [j.t for j in run.jumps], side="right")
+        t = numpy.insert(t, places, [j.t for j in run.jumps])
+        x = numpy.insert(x, places, [j.after for j in run.jumps], axis=0)
+    return t, x
 
 
 def plot_run(

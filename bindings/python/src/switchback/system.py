@@ -8,8 +8,9 @@ from typing import Any, Callable, Sequence
 import numpy
 
 from . import _ffi
-from ._arrays import address, index, number, vector
+from ._arrays import address, choice, index, number, seen, vector
 from ._call import Handle
+from ._ffi import Direction
 from .errors import ArgumentError, DimensionError, RangeError
 from .function import Function
 
@@ -29,6 +30,7 @@ class System(Handle):
         self.nx, self.nu, self.np = index(nx, "nx"), index(nu, "nu"), index(np, "np")
         self._functions: list[Function] = []  # their callbacks are called as long as a model is there
         self.n_subsystems = 0
+        self._discrete: list[float] = []  # initial values of the last states
         self._create(self.nx, self.nu, self.np)
         if f0 is not None:
             self.set_f0(f0)
@@ -36,6 +38,13 @@ class System(Handle):
     def function(self, value: Callable[..., Any], n_out: int | tuple[int, ...] = 1, **keywords: Any) -> Function:
         """A function with the sizes of this system; keywords as those of `Function`."""
         return Function(value, self.nx, self.nu, self.np, n_out, **keywords)
+
+    def _start(self, x: Any, what: str) -> numpy.ndarray:
+        """An initial state; the discrete states of a model may be left out."""
+        smooth = self.nx - len(self._discrete)
+        if self._discrete and numpy.ndim(x) <= 1 and numpy.size(x) == smooth:
+            return numpy.concatenate([vector(x, smooth, what), self._discrete])
+        return vector(x, self.nx, what)
 
     def _function(self, f: Any, n_out: int | tuple[int, ...], name: str) -> Function:
         return Function._of(f, (self.nx, self.nu, self.np), n_out, name)
@@ -49,7 +58,9 @@ class System(Handle):
     def _rows(self, rows: Any) -> numpy.ndarray:
         if rows is None:
             return numpy.arange(self.nx, dtype=numpy.int64)
-        array = numpy.atleast_1d(numpy.asarray(rows))
+        array = numpy.atleast_1d(seen(rows, "rows"))
+        if array.size > self.nx:
+            raise DimensionError(f"rows has {array.size} entries, there are {self.nx} states")
         if array.size and (array.ndim != 1 or array.dtype.kind not in "iu"):
             raise RangeError(f"rows must be indices of states, not {rows!r:.60}")
         return numpy.ascontiguousarray(array, dtype=numpy.int64)
@@ -137,6 +148,47 @@ class System(Handle):
         self._do("set_algebraic", count, f)
         if f is not None:
             self._functions.append(f)
+
+    def add_transition(
+        self, guard: Any, direction: Direction | str = "rising", *, when: Any = None, reset: Any = None, to: Any = None
+    ) -> int:
+        """Add a jump of the state, for event-driven simulation, and return its number.
+
+        It happens where the function `guard` passes zero in its direction, "rising" or "falling", while the states in
+        `when`, a dictionary from indices to values, have these values. Then the state becomes `reset`, a function with nx
+        outputs, and the states in `to` get their values. States in `when` and `to` are discrete: their derivative is zero.
+        The rules are those of `Model.transition`.
+        """
+        g = self._function(guard, 1, "guard")
+        after = None if reset is None else self._function(reset, self.nx, "reset")
+        lists = []
+        for what, given in (("when", when), ("to", to)):
+            if given is None:
+                given = {}
+            if not hasattr(given, "items"):
+                raise ArgumentError(f"{what} must be a dictionary from states to values, not {type(given).__name__}")
+            states = numpy.array([index(i, what) for i in given], dtype=numpy.int64)
+            values = numpy.array([number(v, what) for v in given.values()], dtype=numpy.float64)
+            lists.append((states, values))
+        (a, va), (b, vb) = lists
+        count = ctypes.c_int64()
+        self._do(
+            "add_transition",
+            g,
+            choice(Direction, direction, "direction"),
+            address(a),
+            a.size,
+            address(va),
+            va.size,
+            after,
+            address(b),
+            b.size,
+            address(vb),
+            vb.size,
+            ctypes.byref(count),
+        )
+        self._functions += [f for f in (g, after) if f is not None]
+        return count.value
 
     def surfaces(self, x: Any, u: Any = None, p: Any = None, t: float = 0.0, *, subsystem: int = 0) -> numpy.ndarray:
         """Values whose zeros are the switching surfaces of a subsystem: its switching functions, or the differences
