@@ -21,6 +21,7 @@
 pub mod memory;
 
 pub mod capi;
+pub(crate) mod contact;
 pub mod dcs;
 pub mod document;
 pub mod error;
@@ -33,6 +34,7 @@ pub mod model;
 pub mod mpcc;
 pub mod nlp;
 pub mod ocp;
+pub mod scene;
 pub mod settings;
 pub mod sim;
 pub mod stop;

@@ -18,8 +18,10 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("mpcc", &["error", "stop", "settings", "log", "linalg", "func", "nlp"]),
     ("system", &["error", "stop", "settings", "log", "linalg", "func"]),
     ("model", &["error", "stop", "linalg", "func", "expr", "system"]),
+    ("scene", &["error", "stop", "linalg", "func", "expr", "system", "model"]),
+    ("contact", &["error", "stop", "linalg", "func", "system"]),
     ("dcs", &["error", "stop", "settings", "log", "linalg", "func", "system"]),
-    ("event", &["error", "stop", "settings", "log", "tableau", "linalg", "func", "system", "dcs"]),
+    ("event", &["error", "stop", "settings", "log", "tableau", "linalg", "func", "system", "contact", "dcs"]),
     ("fesd", &["error", "stop", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs"]),
     (
         "sim",

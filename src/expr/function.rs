@@ -36,6 +36,8 @@ pub struct ExprFunction {
     parts: Vec<Part>,
     source: Arc<Result<SavedGraph>>,
     part_len: usize,
+    /// There are no second derivatives.
+    first_order: bool,
 }
 
 /// Outputs that can be evaluated alone.
@@ -54,12 +56,22 @@ impl ExprFunction {
     /// # Errors
     /// As [`Tape::new`] and [`Dag::jacobian`].
     pub fn new(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
+        ExprFunction::with_order(name, dag, dims, outputs, true)
+    }
+
+    /// The same without second derivatives, for those who never ask for them: [`Function::hess_pattern`] is empty and
+    /// [`Function::hessian`] fails.
+    pub fn first_order(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id]) -> Result<ExprFunction> {
+        ExprFunction::with_order(name, dag, dims, outputs, false)
+    }
+
+    fn with_order(name: &str, dag: &mut Dag, dims: Dims, outputs: &[Id], second: bool) -> Result<ExprFunction> {
         let named = |e: Error| in_function(name, e);
         let value = Tape::new(dag, dims, 0, outputs).map_err(named)?;
         let wrt = all_inputs(dag, dims);
         let weights = dag.inputs(Block::Weight, outputs.len());
         let jac = dag.jacobian(outputs, &wrt).map_err(named)?;
-        let hess = dag.hessian(outputs, &weights, &wrt).map_err(named)?;
+        let hess = if second { dag.hessian(outputs, &weights, &wrt).map_err(named)? } else { Vec::new() };
         let tape = |dag: &Dag, n_weights: usize, entries: &[super::diff::Entry]| {
             let ids: Vec<Id> = entries.iter().map(|e| e.value).collect();
             Tape::new(dag, dims, n_weights, &ids).map_err(named)
@@ -81,6 +93,7 @@ impl ExprFunction {
             hess_pattern: pattern(dims.n_in(), &hess),
             value,
             approximate,
+            first_order: !second,
         })
     }
 
@@ -156,7 +169,7 @@ impl ExprFunction {
 
     /// Has no second derivatives.
     pub fn is_affine(&self) -> bool {
-        self.hess_pattern.nnz() == 0
+        self.hess_pattern.nnz() == 0 && !self.first_order
     }
 
     /// Program of the values.
@@ -241,6 +254,9 @@ impl Function for ExprFunction {
         self.checked("Jacobian", at, r, &[], 0)
     }
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        if self.first_order {
+            return Err(EvalError::Recoverable);
+        }
         let r = self.hessian.run(at, weights, &mut out[..self.hessian.n_out()], work);
         self.checked("Hessian", at, r, &[], 0)
     }

@@ -4,23 +4,23 @@
 //! and powers are rounded outwards where they are not exact; functions of the system's mathematical library, which are
 //! right to a unit in the last place or two, by [`SLACK`] units.
 
-use crate::expr::{Binary, Dag, Id, Node, Unary};
+use crate::expr::{Binary, Block, Dag, Id, Node, Unary};
 
 /// Units in the last place that a value of the mathematical library may be wrong.
 const SLACK: usize = 4;
 
 /// The least and the largest value a node can have.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(super) struct Interval {
-    pub(super) low: f64,
-    pub(super) high: f64,
+pub(crate) struct Interval {
+    pub(crate) low: f64,
+    pub(crate) high: f64,
 }
 
 /// Any number.
-const ALL: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
+pub(crate) const ALL: Interval = Interval { low: f64::NEG_INFINITY, high: f64::INFINITY };
 
 /// Intervals of the nodes of a part of a graph.
-pub(super) struct Bounds {
+pub(crate) struct Bounds {
     ids: Vec<Id>,
     of: Vec<Interval>,
 }
@@ -28,17 +28,25 @@ pub(super) struct Bounds {
 impl Bounds {
     /// Of everything the roots are computed from, in one pass.
     pub(super) fn new(dag: &Dag, roots: &[Id]) -> Bounds {
+        Bounds::within(dag, roots, &|_, _| ALL)
+    }
+
+    /// The same for inputs in these intervals.
+    pub(crate) fn within(dag: &Dag, roots: &[Id], inputs: &dyn Fn(Block, usize) -> Interval) -> Bounds {
         let ids = dag.reachable(roots);
         let mut bounds = Bounds { of: Vec::with_capacity(ids.len()), ids };
         for k in 0..bounds.ids.len() {
-            let interval = bounds.node(dag, bounds.ids[k]);
+            let interval = match dag.node(bounds.ids[k]) {
+                Node::Input(block, i) => inputs(block, i as usize),
+                _ => bounds.node(dag, bounds.ids[k]),
+            };
             bounds.of.push(interval);
         }
         bounds
     }
 
     /// Of a node; any number where it is not known.
-    pub(super) fn get(&self, id: Id) -> Interval {
+    pub(crate) fn get(&self, id: Id) -> Interval {
         self.ids.binary_search(&id).ok().and_then(|k| self.of.get(k)).copied().unwrap_or(ALL)
     }
 

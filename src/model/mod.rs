@@ -9,7 +9,7 @@
 //! modes and not `2^n`. Within a group every sign pattern that can occur is a cell; what no pattern reaches, switching
 //! functions without effect, and rows that are the same in all modes are dropped. [`Report`] says what is left and why.
 
-mod bounds;
+pub(crate) mod bounds;
 mod cells;
 mod certificate;
 mod reach;
@@ -45,7 +45,7 @@ pub struct Names {
 }
 
 impl Names {
-    fn of(&self, block: Block, i: usize) -> String {
+    pub(crate) fn of(&self, block: Block, i: usize) -> String {
         let (list, letter) = match block {
             Block::X => (&self.x, "x"),
             Block::U => (&self.u, "u"),

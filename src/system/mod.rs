@@ -7,6 +7,7 @@
 //! A [`Subsystem`] has its own modes and regions: switching functions `ψ` with a sign matrix, or Stewart's
 //! indicator functions. Subsystems add: `n` of them with two modes cost `2n` modes, not `2^n`.
 
+mod contact;
 mod transition;
 
 use std::sync::Arc;
@@ -15,6 +16,7 @@ use crate::error::{Error, Result};
 use crate::func::{Dims, Function};
 use crate::memory::sizes;
 
+pub use contact::{Contact, ImpactLaw, Inertia, Mechanics};
 pub use transition::{Direction, Transition};
 
 /// A function that may be shared by models and threads.
@@ -76,6 +78,7 @@ pub struct System {
     n_z: usize,
     algebraic: Option<SharedFunction>,
     transitions: Vec<Transition>,
+    mechanics: Option<Arc<Mechanics>>,
 }
 
 impl System {
@@ -93,6 +96,7 @@ impl System {
             n_z: 0,
             algebraic: None,
             transitions: Vec::new(),
+            mechanics: None,
         })
     }
 
@@ -219,6 +223,9 @@ impl System {
 
     /// Is anything there to integrate?
     pub fn validate(&self) -> Result<()> {
+        if self.mechanics.is_some() {
+            return self.check_alone();
+        }
         if self.f0.is_none() && self.subsystems.is_empty() && self.inclusions.is_empty() {
             return Err(Error::State("the system has no dynamics: set f0 or add a subsystem".into()));
         }
@@ -233,6 +240,7 @@ impl System {
         };
         let transition = |t: &Transition| t.guard.is_serial() || t.reset.as_ref().is_some_and(|r| r.is_serial());
         self.transitions.iter().any(transition)
+            || self.mechanics.as_ref().is_some_and(|m| m.is_serial())
             || self.f0.iter().chain(&self.algebraic).any(|f| f.is_serial())
             || self.subsystems.iter().any(subsystem)
             || self.inclusions.iter().any(|i| i.f.is_serial() || i.psi.is_serial())

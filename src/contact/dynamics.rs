@@ -1,0 +1,392 @@
+//! Accelerations and contact forces at a point, under given modes.
+
+use std::sync::Arc;
+
+use super::inertia::Mass;
+use super::least_norm::LeastNorm;
+use super::mode;
+use crate::func::{EvalError, EvalResult, Function, Point};
+use crate::system::{Contact, Inertia, Mechanics};
+
+/// Where the motion is looked at: time, state, controls, parameters.
+pub(crate) type At<'a> = Point<'a>;
+
+/// Normal force and tangential forces of a contact.
+pub(crate) type Forces = [f64; 3];
+
+/// What is known of one contact at the last point it was loaded for.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Block {
+    /// Gap and its rate.
+    pub(crate) gap: [f64; 2],
+    /// `g̈ − nᵀ v̇`.
+    pub(super) rest: f64,
+    pub(crate) friction: f64,
+    pub(crate) restitution: f64,
+    pub(crate) normal: Vec<f64>,
+    /// Sliding velocity.
+    pub(crate) sliding: [f64; 2],
+    /// `ṡ − Bᵀ v̇`.
+    pub(super) sliding_rest: [f64; 2],
+    pub(super) tangents: Vec<f64>,
+}
+
+impl Block {
+    pub(super) fn tangent(&self, k: usize) -> &[f64] {
+        let n_v = self.normal.len();
+        &self.tangents[k * n_v..(k + 1) * n_v]
+    }
+
+    /// The row of component `k`: 0 is the normal.
+    pub(super) fn row(&self, k: usize) -> &[f64] {
+        if k == 0 {
+            &self.normal
+        } else {
+            self.tangent(k - 1)
+        }
+    }
+
+    /// Second derivative of component `k` without accelerations.
+    pub(super) fn rest_of(&self, k: usize) -> f64 {
+        if k == 0 {
+            self.rest
+        } else {
+            self.sliding_rest[k - 1]
+        }
+    }
+}
+
+/// A closed contact and the component of it that is held: 0 the gap, then tangents.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Row {
+    pub(super) contact: usize,
+    pub(super) component: usize,
+}
+
+/// Evaluates motion with contacts. All memory is allocated once, but for singular sets of contacts.
+pub(crate) struct Dynamics {
+    pub(crate) mechanics: Arc<Mechanics>,
+    /// A constant inertia is positive definite.
+    definite: bool,
+    pub(super) mass: Mass,
+    pub(super) blocks: Vec<Block>,
+    /// `N v`, `f_v`.
+    pub(super) smooth: Vec<f64>,
+    /// Accelerations without contact forces, and with them.
+    pub(super) free: Vec<f64>,
+    pub(crate) acceleration: Vec<f64>,
+    /// Forces of all contacts; those of open ones are zero.
+    pub(crate) forces: Vec<Forces>,
+    /// What is held under the modes of the last evaluation.
+    pub(super) rows: Vec<Row>,
+    /// `M⁻¹` times the force directions of the rows, one after the other.
+    pub(super) y: Vec<f64>,
+    pub(super) held: LeastNorm,
+    pub(super) lambda: Vec<f64>,
+    /// Directions of sliding where the sliding velocity is zero, of contacts in space that begin to slide.
+    pub(crate) directions: Vec<[f64; 2]>,
+    /// Largest sliding velocity of a contact in space since it began to slide.
+    pub(crate) fastest: Vec<f64>,
+    pub(super) buffer: Vec<f64>,
+    pub(super) work: Vec<f64>,
+    pub(super) extended: Vec<f64>,
+    pub(crate) evaluations: usize,
+}
+
+/// A contact in space sticks when its sliding velocity has fallen to this share of the largest it had since it began to
+/// slide: what is left of the way to the stop goes along the tangent, with an error of the square of it.
+pub(crate) const STOP: f64 = 1e-8;
+
+impl Dynamics {
+    pub(crate) fn new(mechanics: &Arc<Mechanics>) -> Dynamics {
+        let m = mechanics.as_ref();
+        let n_v = m.n_v;
+        let most: usize = m.contacts.iter().map(|c| 1 + c.n_tangents).sum();
+        let block =
+            |c: &Contact| Block { normal: vec![0.0; n_v], tangents: vec![0.0; c.n_tangents * n_v], ..Block::default() };
+        let (mut buffer, mut work) = (n_v, 0);
+        let mut note = |f: &dyn Function| {
+            buffer = buffer.max(f.n_out()).max(f.jac_pattern().nnz());
+            work = work.max(f.work_len());
+        };
+        note(m.smooth.as_ref());
+        if let Inertia::Varying { matrix, product } = &m.inertia {
+            note(matrix.as_ref());
+            note(product.as_ref());
+        }
+        for c in &m.contacts {
+            note(c.gap.as_ref());
+            note(c.motion.as_ref());
+            note(c.reaction.as_ref());
+        }
+        let (mass, definite) = Mass::new(m);
+        // as many contacts as are closed at once share a matrix, usually a few
+        let some = most.min(64);
+        Dynamics {
+            mechanics: mechanics.clone(),
+            definite,
+            mass,
+            blocks: m.contacts.iter().map(block).collect(),
+            smooth: vec![0.0; m.n_q + n_v],
+            free: vec![0.0; n_v],
+            acceleration: vec![0.0; n_v],
+            forces: vec![[0.0; 3]; m.contacts.len()],
+            rows: Vec::with_capacity(some),
+            y: Vec::with_capacity(some * n_v),
+            held: LeastNorm::with_capacity(some),
+            lambda: Vec::with_capacity(some),
+            directions: vec![[0.0; 2]; m.contacts.len()],
+            fastest: vec![0.0; m.contacts.len()],
+            buffer: vec![0.0; buffer],
+            work: vec![0.0; work],
+            extended: Vec::new(),
+            evaluations: 0,
+        }
+    }
+
+    /// Number of contacts.
+    pub(crate) fn n_contacts(&self) -> usize {
+        self.blocks.len()
+    }
+
+    /// Gap and its rate, and all else of contact `i`, at the last point it was loaded for.
+    pub(crate) fn block(&self, i: usize) -> &Block {
+        &self.blocks[i]
+    }
+
+    /// `N v`, `f_v`, and the acceleration without contact forces.
+    pub(super) fn load(&mut self, at: &At) -> EvalResult {
+        self.evaluations += 1;
+        if !self.definite {
+            return Err(EvalError::Recoverable);
+        }
+        let m = &self.mechanics;
+        m.smooth.value(at, &mut self.smooth, &mut self.work)?;
+        self.mass.load(m, at, &mut self.work)?;
+        self.free.copy_from_slice(&self.smooth[m.n_q..]);
+        self.mass.solve(&mut self.free);
+        Ok(())
+    }
+
+    /// Is the inertia matrix positive definite at a point?
+    pub(crate) fn is_definite(&mut self, at: &At) -> bool {
+        self.definite && self.mass.load(&self.mechanics, at, &mut self.work).is_ok()
+    }
+
+    /// Gap of contact `i` and its rate.
+    pub(crate) fn load_gap(&mut self, at: &At, i: usize) -> EvalResult {
+        self.mechanics.contacts[i].gap.value(at, &mut self.blocks[i].gap, &mut self.work)
+    }
+
+    /// Everything of contact `i` but its gap.
+    pub(crate) fn load_contact(&mut self, at: &At, i: usize) -> EvalResult {
+        let (c, b, n_v) = (&self.mechanics.contacts[i], &mut self.blocks[i], self.mechanics.n_v);
+        let out = &mut self.buffer[..c.motion.n_out()];
+        c.motion.value(at, out, &mut self.work)?;
+        (b.rest, b.friction, b.restitution) = (out[0], out[1], out[2]);
+        b.normal.copy_from_slice(&out[3..3 + n_v]);
+        for (k, own) in out[3 + n_v..].chunks_exact(2 + n_v).enumerate() {
+            (b.sliding[k], b.sliding_rest[k]) = (own[0], own[1]);
+            b.tangents[k * n_v..(k + 1) * n_v].copy_from_slice(&own[2..]);
+        }
+        Ok(())
+    }
+
+    /// Unit vector of the sliding velocity of contact `i` under a sliding mode.
+    pub(crate) fn direction(&self, i: usize, m: usize) -> [f64; 2] {
+        if self.mechanics.contacts[i].n_tangents == 1 {
+            return [if m == mode::SLIDES_BACK { -1.0 } else { 1.0 }, 0.0];
+        }
+        let s = self.blocks[i].sliding;
+        let size = s[0].hypot(s[1]);
+        // a contact that has begun to slide has no velocity yet: it goes where it will go
+        if size <= STOP * self.fastest[i] || size == 0.0 {
+            return self.directions[i];
+        }
+        [s[0] / size, s[1] / size]
+    }
+
+    /// Is contact `i` sliding under this mode?
+    pub(crate) fn slides(m: usize) -> bool {
+        m == mode::SLIDES || m == mode::SLIDES_BACK
+    }
+
+    /// Which components are held under these modes.
+    fn list_rows(&mut self, modes: &[Vec<usize>]) {
+        self.rows.clear();
+        for (contact, set) in modes.iter().enumerate() {
+            if set[0] == mode::OPEN {
+                continue;
+            }
+            self.rows.push(Row { contact, component: 0 });
+            if set[0] == mode::CLOSED {
+                let n = self.mechanics.contacts[contact].n_tangents;
+                self.rows.extend((1..=n).map(|component| Row { contact, component }));
+            }
+        }
+    }
+
+    /// Accelerations and forces under the modes of all contacts, at a point where everything is evaluated anew.
+    pub(crate) fn accelerate(&mut self, at: &At, modes: &[Vec<usize>]) -> EvalResult {
+        self.load(at)?;
+        self.list_rows(modes);
+        self.acceleration.copy_from_slice(&self.free);
+        self.forces.fill([0.0; 3]);
+        if self.rows.is_empty() {
+            return Ok(());
+        }
+        for i in 0..self.rows.len() {
+            if self.rows[i].component == 0 {
+                self.load_contact(at, self.rows[i].contact)?;
+            }
+        }
+        self.assemble(modes)?;
+        let n_v = self.mechanics.n_v;
+        self.lambda.clear();
+        for r in &self.rows {
+            let b = &self.blocks[r.contact];
+            self.lambda.push(-dot(b.row(r.component), &self.free) - b.rest_of(r.component));
+        }
+        self.held.solve(&mut self.lambda);
+        for (r, (l, y)) in self.rows.iter().zip(self.lambda.iter().zip(self.y.chunks_exact(n_v))) {
+            self.forces[r.contact][r.component] = *l;
+            self.acceleration.iter_mut().zip(y).for_each(|(a, y)| *a += l * y);
+        }
+        for (i, set) in modes.iter().enumerate() {
+            if Dynamics::slides(set[0]) {
+                let (d, mu) = (self.direction(i, set[0]), self.blocks[i].friction);
+                for k in 0..self.mechanics.contacts[i].n_tangents {
+                    self.forces[i][1 + k] = -mu * self.forces[i][0] * d[k];
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// `M⁻¹ F` and the matrix `G M⁻¹ F` of the rows, factored; the blocks of the closed contacts are loaded.
+    pub(super) fn assemble(&mut self, modes: &[Vec<usize>]) -> EvalResult {
+        let n_v = self.mechanics.n_v;
+        self.y.clear();
+        for r in &self.rows {
+            let b = &self.blocks[r.contact];
+            let from = self.y.len();
+            self.y.extend_from_slice(b.row(r.component));
+            let m = modes[r.contact][0];
+            if r.component == 0 && Dynamics::slides(m) {
+                let d = self.direction(r.contact, m);
+                for k in 0..self.mechanics.contacts[r.contact].n_tangents {
+                    let weight = b.friction * d[k];
+                    self.y[from..].iter_mut().zip(b.tangent(k)).for_each(|(y, t)| *y -= weight * t);
+                }
+            }
+            self.mass.solve(&mut self.y[from..]);
+        }
+        let m = self.rows.len();
+        let a = self.held.clear(m);
+        for (i, r) in self.rows.iter().enumerate() {
+            let g = self.blocks[r.contact].row(r.component);
+            for (j, y) in self.y.chunks_exact(n_v).enumerate() {
+                a[i * m + j] = dot(g, y);
+            }
+        }
+        if self.held.factorise() {
+            Ok(())
+        } else {
+            Err(EvalError::Recoverable)
+        }
+    }
+
+    /// Derivative of the state under the modes of all contacts.
+    pub(crate) fn rhs(&mut self, at: &At, modes: &[Vec<usize>], out: &mut [f64]) -> EvalResult {
+        self.accelerate(at, modes)?;
+        let n_q = self.mechanics.n_q;
+        out[..n_q].copy_from_slice(&self.smooth[..n_q]);
+        out[n_q..].copy_from_slice(&self.acceleration);
+        Ok(())
+    }
+
+    /// Are the forces under the modes of the last evaluation not unique? The motion is.
+    pub(crate) fn is_redundant(&self) -> bool {
+        !self.rows.is_empty() && self.held.is_singular()
+    }
+
+    /// Moves the coordinates until the gaps of all closed contacts vanish to rounding, and the velocities until the gaps and
+    /// the sticking contacts rest. `tolerance` is what of a gap is zero. Says whether the state has changed.
+    pub(crate) fn project(
+        &mut self,
+        at: &At,
+        modes: &[Vec<usize>],
+        x: &mut [f64],
+        tolerance: &dyn Fn(usize, &Block) -> [f64; 2],
+    ) -> Result<bool, EvalError> {
+        let (n_q, n_v) = (self.mechanics.n_q, self.mechanics.n_v);
+        let closed = |c: usize| modes[c][0] != mode::OPEN;
+        let mut moved = false;
+        for i in (0..modes.len()).filter(|i| closed(*i)) {
+            let at = Point { x, ..*at };
+            self.load_gap(&at, i)?;
+            let [g, rate] = tolerance(i, &self.blocks[i]);
+            moved |= self.blocks[i].gap[0].abs() > g || self.blocks[i].gap[1].abs() > rate;
+        }
+        if !moved {
+            return Ok(false);
+        }
+        for _ in 0..3 {
+            // along M⁻¹ of the normals: the shift of the coordinates is N times that of a velocity
+            self.evaluate_rows(&Point { x, ..*at }, modes)?;
+            self.lambda.clear();
+            for r in &self.rows {
+                let b = &self.blocks[r.contact];
+                self.lambda.push(if r.component == 0 { -b.gap[0] } else { 0.0 });
+            }
+            self.held.solve(&mut self.lambda);
+            let mut shift = vec![0.0; n_q + n_v];
+            for (l, y) in self.lambda.iter().zip(self.y.chunks_exact(n_v)) {
+                shift[n_q..].iter_mut().zip(y).for_each(|(s, y)| *s += l * y);
+            }
+            // N times the shift: the rates of the coordinates are linear in the velocities
+            let mut there = x.to_vec();
+            let rates =
+                |d: &Dynamics, at: &Point, out: &mut [f64], work: &mut [f64]| d.mechanics.smooth.value(at, out, work);
+            let (mut work, mut with, mut without) =
+                (std::mem::take(&mut self.work), vec![0.0; n_q + n_v], vec![0.0; n_q + n_v]);
+            there[n_q..].copy_from_slice(&shift[n_q..]);
+            let first = rates(self, &Point { x: &there, ..*at }, &mut with, &mut work);
+            there[n_q..].fill(0.0);
+            let second = rates(self, &Point { x: &there, ..*at }, &mut without, &mut work);
+            self.work = work;
+            first.and(second)?;
+            x[..n_q].iter_mut().zip(with.iter().zip(&without)).for_each(|(x, (a, b))| *x += a - b);
+        }
+        // the velocities, at the coordinates that are right now
+        self.evaluate_rows(&Point { x, ..*at }, modes)?;
+        self.lambda.clear();
+        for r in &self.rows {
+            let b = &self.blocks[r.contact];
+            self.lambda.push(if r.component == 0 { -b.gap[1] } else { -b.sliding[r.component - 1] });
+        }
+        self.held.solve(&mut self.lambda);
+        for (l, y) in self.lambda.iter().zip(self.y.chunks_exact(n_v)) {
+            x[n_q..].iter_mut().zip(y).for_each(|(v, y)| *v += l * y);
+        }
+        Ok(true)
+    }
+
+    /// Loads all closed contacts and the matrix of what is held.
+    fn evaluate_rows(&mut self, at: &At, modes: &[Vec<usize>]) -> EvalResult {
+        self.list_rows(modes);
+        self.mass.load(&self.mechanics, at, &mut self.work)?;
+        for i in 0..self.rows.len() {
+            if self.rows[i].component == 0 {
+                let contact = self.rows[i].contact;
+                self.load_gap(at, contact)?;
+                self.load_contact(at, contact)?;
+            }
+        }
+        self.assemble(modes)
+    }
+}
+
+pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}

@@ -1,0 +1,245 @@
+//! Impacts: velocities behind them, and the derivatives of these.
+//!
+//! ```text
+//! M (v⁺ − v⁻) = Σ_i (n_i Λ_i + B_i T_i),    0 ≤ Λ_i ⊥ ġ_i⁺ + e_i ġ_i⁻ ≥ 0,    friction between T_i and s_i⁺
+//! ```
+//!
+//! Newton's law of restitution with Coulomb's law for impulses, J. J. Moreau, *Unilateral contact and dry friction in finite
+//! freedom dynamics*, in: Nonsmooth Mechanics and Applications (1988); (8.3), (8.4) of the thesis for one contact without
+//! friction.
+
+use super::dynamics::{dot, At, Dynamics, Forces, Row};
+use super::least_norm::LeastNorm;
+use super::mode;
+use super::problem::{Part, Problem, State};
+use super::sensitivity::{add_jacobian, Given};
+use crate::func::{EvalError, EvalResult, Function, Point};
+use crate::system::Inertia;
+
+/// What one contact contributes to an impact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) struct Impulse {
+    /// The contact.
+    pub(crate) contact: usize,
+    /// Rate of its gap before and behind.
+    pub(crate) rates: [f64; 2],
+    /// Normal and tangential impulses.
+    pub(crate) impulse: Forces,
+    /// Its state during the impact.
+    pub(crate) state: State,
+    /// The restitution that counted.
+    pub(crate) restitution: f64,
+}
+
+/// An impact.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Impact {
+    /// Every contact that took part, also those without impulse.
+    pub(crate) parts: Vec<Impulse>,
+    /// There is one solution only.
+    pub(crate) unique: bool,
+    /// Other impulses have the same effect.
+    pub(crate) redundant: bool,
+}
+
+impl Dynamics {
+    /// `W = G M⁻¹ Gᵀ` of all components of these contacts, and their places; `G M⁻¹`, column by column, is left in the
+    /// dynamics.
+    pub(super) fn delassus(&mut self, contacts: &[usize]) -> (Vec<usize>, Vec<f64>) {
+        let n_v = self.mechanics.n_v;
+        self.rows.clear();
+        let mut first = Vec::with_capacity(contacts.len());
+        for &contact in contacts {
+            first.push(self.rows.len());
+            let n = self.mechanics.contacts[contact].n_tangents;
+            self.rows.extend((0..=n).map(|component| Row { contact, component }));
+        }
+        self.y.clear();
+        for r in &self.rows {
+            let from = self.y.len();
+            self.y.extend_from_slice(self.blocks[r.contact].row(r.component));
+            self.mass.solve(&mut self.y[from..]);
+        }
+        let m = self.rows.len();
+        let mut w = vec![0.0; m * m];
+        for (i, r) in self.rows.iter().enumerate() {
+            let g = self.blocks[r.contact].row(r.component);
+            for (j, y) in self.y.chunks_exact(n_v).enumerate() {
+                w[i * m + j] = dot(g, y);
+            }
+        }
+        (first, w)
+    }
+
+    /// Changes the velocities of `x` by an impact of these contacts, which have no gap. `restitution` of each may differ from
+    /// that of the model, and `size` is what counts as the size of its rate. None where there is no solution.
+    pub(crate) fn impact(
+        &mut self,
+        at: &At,
+        contacts: &[(usize, Option<f64>)],
+        size: &dyn Fn(usize, &Dynamics) -> f64,
+        x: &mut [f64],
+    ) -> Result<Option<Impact>, EvalError> {
+        let (n_q, n_v) = (self.mechanics.n_q, self.mechanics.n_v);
+        self.mass.load(&self.mechanics, at, &mut self.work)?;
+        let list: Vec<usize> = contacts.iter().map(|c| c.0).collect();
+        for &i in &list {
+            self.load_gap(at, i)?;
+            self.load_contact(at, i)?;
+        }
+        let (first, matrix) = self.delassus(&list);
+        let mut problem = Problem { matrix, free: vec![0.0; self.rows.len()], ..Problem::default() };
+        let mut own = Vec::with_capacity(list.len());
+        for (&(i, e), &first) in contacts.iter().zip(&first) {
+            let b = &self.blocks[i];
+            let e = e.unwrap_or(b.restitution);
+            own.push(e);
+            problem.free[first] = (1.0 + e) * b.gap[1];
+            let n_t = self.mechanics.contacts[i].n_tangents;
+            problem.free[first + 1..=first + n_t].copy_from_slice(&b.sliding[..n_t]);
+            problem.parts.push(Part { first, n_t, friction: b.friction, slides: None, size: size(i, self) });
+        }
+        let found = problem.solve();
+        let Some(s) = found.all.first() else { return Ok(None) };
+        for (r, y) in s.r.iter().zip(self.y.chunks_exact(n_v)) {
+            x[n_q..].iter_mut().zip(y).for_each(|(v, y)| *v += r * y);
+        }
+        let mut out = Impact { unique: found.all.len() == 1, redundant: found.redundant, ..Impact::default() };
+        for (k, &contact) in list.iter().enumerate() {
+            let (p, rate) = (&problem.parts[k], self.blocks[contact].gap[1]);
+            let mut impulse = [0.0; 3];
+            impulse[..=p.n_t].copy_from_slice(&s.r[p.first..=p.first + p.n_t]);
+            let after = match s.states[k] {
+                // what the law says, without the rounding of the sums
+                State::Open => s.z[p.first] - own[k] * rate,
+                _ => -own[k] * rate,
+            };
+            let rates = [rate, after];
+            out.parts.push(Impulse { contact, rates, impulse, state: s.states[k], restitution: own[k] });
+        }
+        Ok(Some(out))
+    }
+
+    /// Derivatives of the state behind an impact with respect to state, parameters, controls and time before it, row-major
+    /// with the columns `x`, `p`, `u`, `t`. `at` is before the impact, `after` the state behind it.
+    pub(crate) fn impact_jacobian(&mut self, at: &At, after: &[f64], impact: &Impact, out: &mut [f64]) -> EvalResult {
+        let m = self.mechanics.clone();
+        let (n_q, n_v, columns) = (m.n_q, m.n_v, self.columns(at));
+        let n_z = columns.n();
+        out.fill(0.0);
+        (0..n_q + n_v).for_each(|i| out[i * n_z + i] = 1.0);
+        let behind = Point { x: after, ..*at };
+        let mut modes = vec![vec![mode::OPEN]; m.contacts.len()];
+        let mut impulses = vec![[0.0; 3]; m.contacts.len()];
+        self.rows.clear();
+        for p in impact.parts.iter().filter(|p| p.state != State::Open) {
+            let i = p.contact;
+            self.load_contact(&behind, i)?;
+            impulses[i] = p.impulse;
+            self.rows.push(Row { contact: i, component: 0 });
+            modes[i][0] = match p.state {
+                State::Slides(d) if m.contacts[i].n_tangents == 1 && d[0] < 0.0 => mode::SLIDES_BACK,
+                State::Slides(_) => mode::SLIDES,
+                _ => {
+                    let n = m.contacts[i].n_tangents;
+                    self.rows.extend((1..=n).map(|component| Row { contact: i, component }));
+                    mode::CLOSED
+                }
+            };
+        }
+        let rows = self.rows.clone();
+        if rows.is_empty() {
+            return Ok(());
+        }
+        let delta: Vec<f64> = after[n_q..].iter().zip(&at.x[n_q..]).map(|(a, b)| a - b).collect();
+        let mut r = vec![0.0; (n_v + rows.len()) * n_z];
+        let given = Given { a: &delta, forces: &impulses, modes: &modes };
+        self.add_reactions(&behind, &given, &mut r[..n_v * n_z])?;
+        for (k, row) in rows.iter().enumerate() {
+            let c = &m.contacts[row.contact];
+            let place = n_v + k;
+            let room = (&mut self.buffer[..], &mut self.work[..]);
+            if row.component > 0 {
+                let output = 3 + n_v + (row.component - 1) * (2 + n_v);
+                let pick = |i: usize| (i == output).then_some((place, 1.0));
+                add_jacobian(c.motion.as_ref(), &behind, columns, &pick, &mut r, room)?;
+                continue;
+            }
+            let part = impact.parts.iter().find(|p| p.contact == row.contact);
+            let Some(part) = part else { continue };
+            let e = part.restitution;
+            let pick = |w: f64| move |i: usize| (i == 1).then_some((place, w));
+            add_jacobian(c.gap.as_ref(), &behind, columns, &pick(1.0), &mut r, (&mut *room.0, &mut *room.1))?;
+            if e != 0.0 {
+                add_jacobian(c.gap.as_ref(), at, columns, &pick(e), &mut r, (&mut *room.0, &mut *room.1))?;
+                let own = |i: usize| (i == 2).then_some((place, part.rates[0]));
+                add_jacobian(c.motion.as_ref(), at, columns, &own, &mut r, room)?;
+            }
+        }
+        let mut solver = self.impact_matrix(&behind, &modes, &impulses, &rows)?;
+        let n = n_v + rows.len();
+        let mut column = vec![0.0; n];
+        for z in 0..n_z {
+            (0..n).for_each(|i| column[i] = -r[i * n_z + z]);
+            solver.solve(&mut column);
+            (0..n_v).for_each(|i| out[(n_q + i) * n_z + z] += column[i]);
+        }
+        Ok(())
+    }
+
+    /// The matrix of the equations of an impact, factored: `M` with the turning of friction in space, force directions,
+    /// what is held.
+    fn impact_matrix(
+        &mut self,
+        at: &At,
+        modes: &[Vec<usize>],
+        impulses: &[Forces],
+        rows: &[Row],
+    ) -> Result<LeastNorm, EvalError> {
+        let (n_v, m) = (self.mechanics.n_v, rows.len());
+        let n = n_v + m;
+        let mut solver = LeastNorm::with_capacity(n);
+        let a = solver.clear(n);
+        match &self.mechanics.inertia {
+            Inertia::Identity => (0..n_v).for_each(|i| a[i * n + i] = 1.0),
+            Inertia::Constant(e) => {
+                (0..n_v).for_each(|i| a[i * n..i * n + n_v].copy_from_slice(&e[i * n_v..(i + 1) * n_v]))
+            }
+            Inertia::Varying { matrix, .. } => {
+                let e = &mut self.buffer[..n_v * n_v];
+                matrix.value(at, e, &mut self.work)?;
+                (0..n_v).for_each(|i| a[i * n..i * n + n_v].copy_from_slice(&e[i * n_v..(i + 1) * n_v]));
+            }
+        }
+        for (j, r) in rows.iter().enumerate() {
+            let (b, set) = (&self.blocks[r.contact], modes[r.contact][0]);
+            let mut force = b.row(r.component).to_vec();
+            (0..n_v).for_each(|i| a[(n_v + j) * n + i] = force[i]);
+            if r.component == 0 && Dynamics::slides(set) {
+                let n_t = self.mechanics.contacts[r.contact].n_tangents;
+                let d = self.direction(r.contact, set);
+                for k in 0..n_t {
+                    force.iter_mut().zip(b.tangent(k)).for_each(|(f, t)| *f -= b.friction * d[k] * t);
+                }
+                let size = b.sliding[0].hypot(b.sliding[1]);
+                if n_t == 2 && size > 0.0 {
+                    let weight = b.friction * impulses[r.contact][0] / size;
+                    for (k, l) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
+                        let turn = weight * (f64::from(u8::from(k == l)) - d[k] * d[l]);
+                        for i in 0..n_v {
+                            for h in 0..n_v {
+                                a[i * n + h] += turn * b.tangent(k)[i] * b.tangent(l)[h];
+                            }
+                        }
+                    }
+                }
+            }
+            (0..n_v).for_each(|i| a[i * n + n_v + j] = -force[i]);
+        }
+        if solver.factorise() {
+            Ok(solver)
+        } else {
+            Err(EvalError::Recoverable)
+        }
+    }
+}

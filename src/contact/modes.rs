@@ -1,0 +1,199 @@
+//! Which contact modes may follow at a point: a complementarity problem of forces and accelerations, and, where that leaves
+//! quantities at zero, of the way they go from there.
+
+use super::dynamics::{At, Dynamics};
+use super::mode;
+use super::problem::{Part, Problem, Solution, State};
+use super::sensitivity::add_jacobian;
+use crate::func::{EvalError, Function, Point};
+
+/// Modes of all contacts that may follow.
+#[derive(Debug, Clone)]
+pub(crate) struct Choice {
+    /// The modes.
+    pub(crate) modes: Vec<Vec<usize>>,
+    /// Directions of contacts in space that begin to slide.
+    directions: Vec<(usize, [f64; 2])>,
+}
+
+/// What may follow.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Follow {
+    /// The choices, those with most forces first.
+    pub(crate) all: Vec<Choice>,
+    /// Forces are not unique.
+    pub(crate) redundant: bool,
+}
+
+/// A closed contact whose next mode is looked for.
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Closed {
+    pub(crate) contact: usize,
+    /// It does not slide: its sliding velocity is zero.
+    pub(crate) rests: bool,
+}
+
+/// Share of its size that is zero for a quantity at a located event.
+const ZERO: f64 = 1e-9;
+
+impl Dynamics {
+    /// The modes that may follow where these contacts are closed and the others open. Over a time `length` the solution
+    /// hardly changes.
+    pub(crate) fn follow(&mut self, at: &At, closed: &[Closed], length: f64) -> Result<Follow, EvalError> {
+        self.load(at)?;
+        let list: Vec<usize> = closed.iter().map(|c| c.contact).collect();
+        for &i in &list {
+            self.load_contact(at, i)?;
+        }
+        let (first, matrix) = self.delassus(&list);
+        let mut problem = Problem { matrix, free: Vec::new(), ..Problem::default() };
+        let sum = |row: &[f64], a: &[f64]| row.iter().zip(a).map(|(r, a)| (r * a).abs()).sum::<f64>();
+        for r in &self.rows {
+            let b = &self.blocks[r.contact];
+            problem.free.push(super::dynamics::dot(b.row(r.component), &self.free) + b.rest_of(r.component));
+        }
+        for (c, &first) in closed.iter().zip(&first) {
+            let (b, n_t) = (&self.blocks[c.contact], self.mechanics.contacts[c.contact].n_tangents);
+            let size = (0..=n_t).map(|k| sum(b.row(k), &self.free) + b.rest_of(k).abs()).fold(0.0, f64::max);
+            let s = b.sliding;
+            let speed = s[0].hypot(s[1]);
+            let slides = (n_t > 0 && !c.rests && speed > 0.0).then(|| [s[0] / speed, s[1] / speed]);
+            problem.parts.push(Part { first, n_t, friction: b.friction, slides, size });
+        }
+        let found = problem.solve();
+        let mut out = Follow { redundant: found.redundant, ..Follow::default() };
+        for s in &found.all {
+            let choice = self.choice(closed, s);
+            if self.goes_on(at, closed, &problem, s, &choice, length)? {
+                out.all.push(choice);
+            }
+        }
+        Ok(out)
+    }
+
+    fn choice(&self, closed: &[Closed], s: &Solution) -> Choice {
+        let mut out = Choice { modes: vec![vec![mode::OPEN]; self.n_contacts()], directions: Vec::new() };
+        for (c, state) in closed.iter().zip(&s.states) {
+            out.modes[c.contact][0] = match state {
+                State::Open => mode::OPEN,
+                State::Rests => mode::CLOSED,
+                State::Slides(d) => {
+                    let n_t = self.mechanics.contacts[c.contact].n_tangents;
+                    if n_t == 2 {
+                        out.directions.push((c.contact, *d));
+                    }
+                    if n_t == 1 && d[0] < 0.0 {
+                        mode::SLIDES_BACK
+                    } else {
+                        mode::SLIDES
+                    }
+                }
+            };
+        }
+        out
+    }
+
+    /// Takes over what a choice says about directions, before its modes are used.
+    pub(crate) fn begin(&mut self, choice: &Choice) {
+        for &(i, d) in &choice.directions {
+            self.directions[i] = d;
+            // so small a velocity is rounding: the direction is that which is given
+            let b = &self.blocks[i];
+            let noise = 64.0 * f64::EPSILON * b.sliding[0].hypot(b.sliding[1]).max(f64::MIN_POSITIVE);
+            self.fastest[i] = noise;
+        }
+    }
+
+    /// Do the quantities of a solution that are zero go where they may?
+    fn goes_on(
+        &mut self,
+        at: &At,
+        closed: &[Closed],
+        problem: &Problem,
+        s: &Solution,
+        choice: &Choice,
+        length: f64,
+    ) -> Result<bool, EvalError> {
+        // value, its size, and the weights of its rate: of the component of z, of the forces
+        struct Quantity {
+            contact: usize,
+            size: f64,
+            z: [f64; 3],
+            r: [f64; 3],
+        }
+        let n = problem.free.len();
+        let mut zero = Vec::new();
+        for ((c, p), state) in closed.iter().zip(&problem.parts).zip(&s.states) {
+            let (r, z) = (&s.r[p.first..=p.first + p.n_t], &s.z[p.first..=p.first + p.n_t]);
+            let w = problem.matrix[p.first * n + p.first];
+            let force = if w > 0.0 { p.size / w } else { p.size };
+            let mut note = |value: f64, size: f64, z: [f64; 3], r: [f64; 3]| {
+                if value.abs() <= ZERO * size {
+                    zero.push(Quantity { contact: c.contact, size, z, r });
+                }
+            };
+            match state {
+                State::Open => note(z[0], p.size, [1.0, 0.0, 0.0], [0.0; 3]),
+                State::Rests => {
+                    note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0]);
+                    if p.n_t == 1 {
+                        note(p.friction * r[0] - r[1], force, [0.0; 3], [p.friction, -1.0, 0.0]);
+                        note(p.friction * r[0] + r[1], force, [0.0; 3], [p.friction, 1.0, 0.0]);
+                    } else if p.n_t == 2 {
+                        let size = r[1].hypot(r[2]);
+                        let d = if size > 0.0 { [r[1] / size, r[2] / size] } else { [0.0; 2] };
+                        note(p.friction * r[0] - size, force, [0.0; 3], [p.friction, -d[0], -d[1]]);
+                    }
+                }
+                State::Slides(d) => {
+                    note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0]);
+                    if p.slides.is_none() {
+                        let along = z[1..].iter().zip(d).map(|(z, d)| z * d).sum();
+                        note(along, p.size, [0.0, d[0], d[1]], [0.0; 3]);
+                    }
+                }
+            }
+        }
+        if zero.is_empty() {
+            return Ok(true);
+        }
+        let m = self.mechanics.clone();
+        let (nx, columns) = (at.x.len(), self.columns(at));
+        let n_z = columns.n();
+        let (mut jac, mut forces) = (vec![0.0; nx * n_z], vec![0.0; 3 * m.contacts.len() * n_z]);
+        self.begin(choice);
+        self.jacobian(at, &choice.modes, &mut jac, Some(&mut forces))?;
+        let mut flow = vec![0.0; n_z];
+        flow[..m.n_q].copy_from_slice(&self.smooth[..m.n_q]);
+        flow[m.n_q..nx].copy_from_slice(&self.acceleration);
+        flow[n_z - 1] = 1.0;
+        let along = |row: &[f64]| row.iter().zip(&flow).map(|(r, f)| r * f).sum::<f64>();
+        let a = self.acceleration.clone();
+        for q in &zero {
+            let c = &m.contacts[q.contact];
+            let mut rate = 0.0;
+            for k in 0..=c.n_tangents {
+                if q.r[k] != 0.0 {
+                    rate += q.r[k] * along(&forces[(3 * q.contact + k) * n_z..(3 * q.contact + k + 1) * n_z]);
+                }
+                if q.z[k] != 0.0 {
+                    let mut row = vec![0.0; n_z];
+                    self.extend(at, &a, &[0.0; 3][..1 + c.n_tangents]);
+                    let there = Point { p: &self.extended, ..*at };
+                    let room = (&mut self.buffer[..], &mut self.work[..]);
+                    let pick = |i: usize| (i == m.n_v + k).then_some((0, 1.0));
+                    add_jacobian(c.reaction.as_ref(), &there, columns, &pick, &mut row, room)?;
+                    let direct = along(&row);
+                    let n = self.blocks[q.contact].row(k);
+                    let through: f64 =
+                        (0..m.n_v).map(|i| n[i] * along(&jac[(m.n_q + i) * n_z..(m.n_q + i + 1) * n_z])).sum();
+                    rate += q.z[k] * (direct + through);
+                }
+            }
+            if rate * length < -ZERO * q.size {
+                return Ok(false);
+            }
+        }
+        Ok(true)
+    }
+}

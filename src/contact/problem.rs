@@ -1,0 +1,541 @@
+//! The complementarity problem of contacts with friction: of forces and accelerations, or of impulses and velocities.
+//!
+//! ```text
+//! z = W r + w,    0 ≤ r_n ⊥ z_n ≥ 0,    ‖r_t‖ ≤ μ r_n,   z_t = 0 or r_t = −μ r_n z_t/‖z_t‖
+//! ```
+//!
+//! for every contact, where a contact that slides already has a direction `d` that is given, `r_t = −μ r_n d`. Few contacts
+//! in the plane are decided by trying all states, so that it is known whether there is none (Painlevé) or more than one
+//! solution; many, and those in space, by Gauss-Seidel sweeps and Newton's method on the equations of Alart and Curnier,
+//! *A mixed formulation for frictional contact problems prone to Newton like solution methods*, Comput. Methods Appl. Mech.
+//! Eng. 92 (1991).
+
+use super::least_norm::LeastNorm;
+
+/// What a contact does in a solution.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(crate) enum State {
+    /// No force.
+    Open,
+    /// Nothing moves: `z_n = 0`, `z_t = 0`.
+    Rests,
+    /// `z_n = 0`, and friction against this direction.
+    Slides([f64; 2]),
+}
+
+/// One contact of a problem.
+#[derive(Debug, Clone)]
+pub(crate) struct Part {
+    /// Place of its normal component among all; its tangents follow.
+    pub(crate) first: usize,
+    /// Tangents.
+    pub(crate) n_t: usize,
+    /// Coefficient of friction.
+    pub(crate) friction: f64,
+    /// The direction it slides in already.
+    pub(crate) slides: Option<[f64; 2]>,
+    /// What the normal component of `z` is compared with to be zero.
+    pub(crate) size: f64,
+}
+
+/// A problem.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Problem {
+    /// The contacts.
+    pub(crate) parts: Vec<Part>,
+    /// `W`, row-major.
+    pub(crate) matrix: Vec<f64>,
+    /// `w`.
+    pub(crate) free: Vec<f64>,
+}
+
+/// A solution.
+#[derive(Debug, Clone)]
+pub(crate) struct Solution {
+    /// Of every contact.
+    pub(crate) states: Vec<State>,
+    /// `r`.
+    pub(crate) r: Vec<f64>,
+    /// `z`.
+    pub(crate) z: Vec<f64>,
+}
+
+/// All solutions that were found.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct Solutions {
+    /// Those with different `z`, those with most forces first.
+    pub(crate) all: Vec<Solution>,
+    /// Another `r` has the same `z`.
+    pub(crate) redundant: bool,
+    /// Everything was tried.
+    pub(crate) complete: bool,
+}
+
+/// Combinations of states that are all tried.
+const COMBINATIONS: usize = 1024;
+/// What is smaller than this share of its size is zero: far above rounding of the few operations, far below what matters.
+const ZERO: f64 = 1e-9;
+const SWEEPS: usize = 400;
+const NEWTON: usize = 40;
+
+impl Problem {
+    fn n(&self) -> usize {
+        self.free.len()
+    }
+
+    /// The unit of `r` for a component.
+    fn force_size(&self, p: &Part, k: usize) -> f64 {
+        let i = p.first + k;
+        let w = self.matrix[i * self.n() + i];
+        let other = self.free[p.first..=p.first + p.n_t].iter().fold(p.size, |m, v| m.max(v.abs()));
+        if w > 0.0 {
+            other / w
+        } else {
+            other
+        }
+    }
+
+    /// Is everything zero to rounding, and nothing to be done?
+    pub(crate) fn solve(&self) -> Solutions {
+        if self.parts.is_empty() {
+            let nothing = Solution { states: Vec::new(), r: Vec::new(), z: Vec::new() };
+            return Solutions { all: vec![nothing], redundant: false, complete: true };
+        }
+        let states = |p: &Part| match (p.n_t, p.slides) {
+            (2, None) if p.friction > 0.0 => usize::MAX,
+            (_, Some(_)) => 2,
+            (0, _) => 2,
+            _ => 4,
+        };
+        let n = self.parts.iter().try_fold(1usize, |n, p| n.checked_mul(states(p)));
+        match n {
+            Some(n) if n <= COMBINATIONS => self.try_all(n),
+            _ => {
+                let all: Vec<Solution> = self.iterate().into_iter().collect();
+                Solutions { redundant: false, complete: false, all }
+            }
+        }
+    }
+
+    /// States a contact may have, those with forces first.
+    fn options(&self, p: &Part) -> Vec<State> {
+        match (p.n_t, p.slides) {
+            (_, Some(d)) => vec![State::Slides(d), State::Open],
+            (0, None) => vec![State::Rests, State::Open],
+            (_, None) => vec![State::Rests, State::Slides([1.0, 0.0]), State::Slides([-1.0, 0.0]), State::Open],
+        }
+    }
+
+    fn try_all(&self, n: usize) -> Solutions {
+        let options: Vec<Vec<State>> = self.parts.iter().map(|p| self.options(p)).collect();
+        let mut out = Solutions { complete: true, ..Solutions::default() };
+        let mut solver = LeastNorm::with_capacity(self.n());
+        let mut found: Vec<(usize, Solution)> = Vec::new();
+        for code in 0..n {
+            let mut rest = code;
+            let states: Vec<State> = options
+                .iter()
+                .map(|o| {
+                    let s = o[rest % o.len()];
+                    rest /= o.len();
+                    s
+                })
+                .collect();
+            let Some(s) = self.with_states(&states, &mut solver) else { continue };
+            if self.holds(&s) {
+                let open = states.iter().filter(|s| **s == State::Open).count();
+                found.push((open, s));
+            }
+        }
+        found.sort_by_key(|f| f.0);
+        for (_, s) in found {
+            match out.all.iter().find(|o| self.same_motion(o, &s)) {
+                Some(o) => out.redundant |= !self.same_forces(o, &s),
+                None => out.all.push(s),
+            }
+        }
+        out
+    }
+
+    /// The `r` of given states.
+    fn with_states(&self, states: &[State], solver: &mut LeastNorm) -> Option<Solution> {
+        let n = self.n();
+        let mut held = Vec::new();
+        for (p, s) in self.parts.iter().zip(states) {
+            match s {
+                State::Open => {}
+                State::Slides(_) => held.push(p.first),
+                State::Rests => held.extend(p.first..=p.first + p.n_t),
+            }
+        }
+        // column of unknown j: the force itself and the friction that follows it
+        let mut columns: Vec<Vec<(usize, f64)>> = Vec::with_capacity(held.len());
+        for &i in &held {
+            let (p, s) = self.parts.iter().zip(states).find(|(p, _)| p.first <= i && i <= p.first + p.n_t)?;
+            let mut column = vec![(i, 1.0)];
+            if let State::Slides(d) = s {
+                column.extend((0..p.n_t).map(|k| (p.first + 1 + k, -p.friction * d[k])));
+            }
+            columns.push(column);
+        }
+        let m = held.len();
+        let mut r = vec![0.0; n];
+        if m > 0 {
+            let a = solver.clear(m);
+            for (i, &row) in held.iter().enumerate() {
+                for (j, column) in columns.iter().enumerate() {
+                    a[i * m + j] = column.iter().map(|(k, f)| self.matrix[row * n + k] * f).sum();
+                }
+            }
+            let mut b: Vec<f64> = held.iter().map(|&i| -self.free[i]).collect();
+            if !solver.factorise() {
+                return None;
+            }
+            solver.solve(&mut b);
+            for (column, b) in columns.iter().zip(&b) {
+                column.iter().for_each(|(k, f)| r[*k] += b * f);
+            }
+        }
+        let z = self.residual(&r);
+        Some(Solution { states: states.to_vec(), r, z })
+    }
+
+    fn residual(&self, r: &[f64]) -> Vec<f64> {
+        let n = self.n();
+        (0..n)
+            .map(|i| self.matrix[i * n..(i + 1) * n].iter().zip(r).fold(self.free[i], |s, (w, r)| s + w * r))
+            .collect()
+    }
+
+    /// What rounding makes of component `i` of `z`.
+    fn noise(&self, p: &Part, i: usize, r: &[f64]) -> f64 {
+        let n = self.n();
+        let terms = self.matrix[i * n..(i + 1) * n].iter().zip(r).fold(p.size, |s, (w, r)| s + (w * r).abs());
+        ZERO * terms
+    }
+
+    /// Do the conditions hold, up to what is zero?
+    fn holds(&self, s: &Solution) -> bool {
+        self.parts.iter().zip(&s.states).all(|(p, state)| {
+            let zero = |k: usize| self.noise(p, p.first + k, &s.r);
+            let little = |k: usize| ZERO * self.force_size(p, k);
+            let (r, z) = (&s.r[p.first..=p.first + p.n_t], &s.z[p.first..=p.first + p.n_t]);
+            match state {
+                State::Open => z[0] >= -zero(0),
+                // what is held is held also where the matrix is singular
+                State::Rests => {
+                    let size = r[1..].iter().map(|t| t * t).sum::<f64>().sqrt();
+                    let held = z.iter().enumerate().all(|(k, z)| z.abs() <= zero(k));
+                    held && r[0] >= -little(0)
+                        && size <= p.friction * r[0].max(0.0) + (1..=p.n_t).map(little).fold(0.0, f64::max)
+                }
+                State::Slides(d) => {
+                    let along: f64 = z[1..].iter().zip(d).map(|(z, d)| z * d).sum();
+                    let moves = p.slides.is_some() || along >= -(1..=p.n_t).map(zero).fold(0.0, f64::max);
+                    z[0].abs() <= zero(0) && r[0] >= -little(0) && moves
+                }
+            }
+        })
+    }
+
+    fn same_motion(&self, a: &Solution, b: &Solution) -> bool {
+        self.parts.iter().all(|p| {
+            (p.first..=p.first + p.n_t).all(|i| {
+                let zero = 10.0 * (self.noise(p, i, &a.r) + self.noise(p, i, &b.r));
+                (a.z[i] - b.z[i]).abs() <= zero
+            })
+        })
+    }
+
+    fn same_forces(&self, a: &Solution, b: &Solution) -> bool {
+        self.parts.iter().all(|p| {
+            (0..=p.n_t).all(|k| (a.r[p.first + k] - b.r[p.first + k]).abs() <= 10.0 * ZERO * self.force_size(p, k))
+        })
+    }
+
+    /// One solution by sweeps over the contacts, made exact by Newton's method.
+    fn iterate(&self) -> Option<Solution> {
+        let n = self.n();
+        let mut r = vec![0.0; n];
+        for _ in 0..SWEEPS {
+            let mut change = 0.0f64;
+            for p in &self.parts {
+                change = change.max(self.relax(p, &mut r));
+            }
+            if change <= 1e-12 {
+                break;
+            }
+        }
+        let swept = self.classify(&r);
+        if let Some(s) = self.newton(r.clone()) {
+            let exact = self.classify(&s);
+            if self.holds(&exact) {
+                return Some(exact);
+            }
+        }
+        // the states the sweeps say, solved as they stand
+        let mut solver = LeastNorm::with_capacity(n);
+        let exact = self.with_states(&swept.states, &mut solver).filter(|s| self.holds(s));
+        exact.or_else(|| Some(swept).filter(|s| self.holds(s)))
+    }
+
+    /// Solves for one contact with the others as they are; the change relative to its size.
+    fn relax(&self, p: &Part, r: &mut [f64]) -> f64 {
+        let n = self.n();
+        let i = p.first;
+        let z = |i: usize, r: &[f64]| {
+            self.matrix[i * n..(i + 1) * n].iter().zip(r).fold(self.free[i], |s, (w, r)| s + w * r)
+        };
+        let before: Vec<f64> = r[i..=i + p.n_t].to_vec();
+        let slope = match p.slides {
+            Some(d) => {
+                (0..p.n_t).fold(self.matrix[i * n + i], |s, k| s - p.friction * d[k] * self.matrix[i * n + i + 1 + k])
+            }
+            None => self.matrix[i * n + i],
+        };
+        if slope > 0.0 {
+            r[i] = (r[i] - z(i, r) / slope).max(0.0);
+        }
+        match p.slides {
+            Some(d) => (0..p.n_t).for_each(|k| r[i + 1 + k] = -p.friction * d[k] * r[i]),
+            None if p.n_t > 0 => {
+                let w = (1..=p.n_t).map(|k| self.matrix[(i + k) * n + i + k]).fold(0.0, f64::max);
+                let trial: Vec<f64> = (1..=p.n_t).map(|k| r[i + k] - z(i + k, r) / w.max(f64::MIN_POSITIVE)).collect();
+                let size = trial.iter().map(|t| t * t).sum::<f64>().sqrt();
+                let most = p.friction * r[i];
+                let factor = if size > most { most / size } else { 1.0 };
+                trial.iter().enumerate().for_each(|(k, t)| r[i + 1 + k] = factor * t);
+            }
+            None => {}
+        }
+        let unit = self.force_size(p, 0).max(f64::MIN_POSITIVE);
+        before.iter().zip(&r[i..]).fold(0.0f64, |m, (a, b)| m.max((a - b).abs() / unit))
+    }
+
+    /// The states that forces and motion look like.
+    fn classify(&self, r: &[f64]) -> Solution {
+        let z = self.residual(r);
+        let states = self.parts.iter().map(|p| {
+            let (i, unit) = (p.first, self.force_size(p, 0));
+            if r[i] <= ZERO * unit {
+                return State::Open;
+            }
+            if let Some(d) = p.slides {
+                return State::Slides(d);
+            }
+            let size = |v: &[f64]| v[i + 1..=i + p.n_t].iter().map(|t| t * t).sum::<f64>().sqrt();
+            let moves = size(&z);
+            let noise = (1..=p.n_t).map(|k| self.noise(p, i + k, r)).fold(0.0, f64::max);
+            if p.n_t > 0 && moves > noise {
+                let mut d = [0.0; 2];
+                d.iter_mut().zip(&z[i + 1..=i + p.n_t]).for_each(|(d, z)| *d = z / moves);
+                return State::Slides(d);
+            }
+            State::Rests
+        });
+        Solution { states: states.collect(), r: r.to_vec(), z }
+    }
+
+    /// Newton's method on `r_n = max(0, r_n − ρ z_n)` and `r_t = P(r_t − ρ z_t)` with the projection on the disc of the
+    /// present normal force.
+    fn newton(&self, mut r: Vec<f64>) -> Option<Vec<f64>> {
+        let n = self.n();
+        let mut solver = LeastNorm::with_capacity(n);
+        let mut best = f64::INFINITY;
+        let mut good = r.clone();
+        for _ in 0..NEWTON {
+            let (f, jac, size) = self.equations(&r);
+            if size < best {
+                best = size;
+                good.copy_from_slice(&r);
+            }
+            if size <= 4.0 * f64::EPSILON {
+                break;
+            }
+            solver.clear(n).copy_from_slice(&jac);
+            if !solver.factorise() {
+                break;
+            }
+            let mut d: Vec<f64> = f.iter().map(|f| -f).collect();
+            solver.solve(&mut d);
+            // halved until the equations hold better, taken whole where they never do: kinks
+            let mut step = 1.0;
+            let mut next = r.clone();
+            for _ in 0..8 {
+                next.iter_mut().zip(r.iter().zip(&d)).for_each(|(n, (r, d))| *n = r + step * d);
+                if self.equations(&next).2 < size {
+                    break;
+                }
+                step *= 0.5;
+            }
+            r = next;
+        }
+        good.iter().all(|v| v.is_finite()).then_some(good)
+    }
+
+    /// The equations, their Jacobian and the largest of them relative to its size.
+    fn equations(&self, r: &[f64]) -> (Vec<f64>, Vec<f64>, f64) {
+        let n = self.n();
+        let z = self.residual(r);
+        let (mut f, mut jac, mut worst) = (vec![0.0; n], vec![0.0; n * n], 0.0f64);
+        for p in &self.parts {
+            let i = p.first;
+            let rho = 1.0 / self.matrix[i * n + i].max(f64::MIN_POSITIVE);
+            let unit = self.force_size(p, 0).max(f64::MIN_POSITIVE);
+            let active = r[i] - rho * z[i] > 0.0;
+            if active {
+                f[i] = rho * z[i];
+                (0..n).for_each(|j| jac[i * n + j] = rho * self.matrix[i * n + j]);
+            } else {
+                f[i] = r[i];
+                jac[i * n + i] = 1.0;
+            }
+            worst = worst.max(f[i].abs() / unit);
+            if p.n_t == 0 {
+                continue;
+            }
+            if let Some(d) = p.slides {
+                for k in 0..p.n_t {
+                    let row = i + 1 + k;
+                    f[row] = r[row] + p.friction * d[k] * r[i];
+                    jac[row * n + row] = 1.0;
+                    jac[row * n + i] = p.friction * d[k];
+                    worst = worst.max(f[row].abs() / unit);
+                }
+                continue;
+            }
+            let w = (1..=p.n_t).map(|k| self.matrix[(i + k) * n + i + k]).fold(0.0, f64::max);
+            let rho = 1.0 / w.max(f64::MIN_POSITIVE);
+            let y: Vec<f64> = (1..=p.n_t).map(|k| r[i + k] - rho * z[i + k]).collect();
+            let size = y.iter().map(|y| y * y).sum::<f64>().sqrt();
+            let most = p.friction * r[i].max(0.0);
+            for k in 0..p.n_t {
+                let row = i + 1 + k;
+                if size <= most {
+                    f[row] = rho * z[row];
+                    (0..n).for_each(|j| jac[row * n + j] = rho * self.matrix[row * n + j]);
+                } else {
+                    // r_t − μ r_n y/‖y‖
+                    f[row] = r[row] - most * y[k] / size;
+                    jac[row * n + row] += 1.0;
+                    if r[i] > 0.0 {
+                        jac[row * n + i] -= p.friction * y[k] / size;
+                    }
+                    for l in 0..p.n_t {
+                        let same = f64::from(u8::from(k == l));
+                        let turn = most / size * (same - y[k] * y[l] / (size * size));
+                        jac[row * n + i + 1 + l] -= turn;
+                        for j in 0..n {
+                            jac[row * n + j] += turn * rho * self.matrix[(i + 1 + l) * n + j];
+                        }
+                    }
+                }
+                worst = worst.max(f[row].abs() / unit);
+            }
+        }
+        (f, jac, worst)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn part(first: usize, n_t: usize, friction: f64) -> Part {
+        Part { first, n_t, friction, slides: None, size: 1.0 }
+    }
+
+    #[test]
+    fn a_weight_on_a_floor_rests_or_slides() {
+        for (push, state, tangential) in
+            [(0.5, State::Rests, -0.5), (2.0, State::Slides([1.0, 0.0]), -1.0), (-2.0, State::Slides([-1.0, 0.0]), 1.0)]
+        {
+            let p = Problem { parts: vec![part(0, 1, 1.0)], matrix: vec![1.0, 0.0, 0.0, 1.0], free: vec![-1.0, push] };
+            let s = p.solve();
+            assert!(s.complete && s.all.len() == 1, "{s:?}");
+            assert_eq!(s.all[0].states, [state]);
+            assert!((s.all[0].r[0] - 1.0).abs() < 1e-15 && (s.all[0].r[1] - tangential).abs() < 1e-15);
+        }
+    }
+
+    /// The rod of Painlevé: none, one, two solutions; figures of the report on `rod.json`.
+    #[test]
+    fn painleve_is_seen() {
+        let (nn, nt, tt) = (1.75, -1.299038105676658, 3.25);
+        let solve = |mu: f64, push: f64| {
+            let p = Problem {
+                parts: vec![Part { slides: Some([-1.0, 0.0]), ..part(0, 1, mu) }],
+                matrix: vec![nn, nt, nt, tt],
+                free: vec![push, 0.0],
+            };
+            p.solve().all.len()
+        };
+        assert_eq!([solve(1.0, -1.0), solve(1.0, 1.0)], [1, 1]);
+        // beyond the critical friction 1.347: inconsistent, indeterminate
+        assert_eq!([solve(1.5, -1.0), solve(1.5, 1.0)], [0, 2]);
+    }
+
+    #[test]
+    fn two_balls_in_a_row_share_a_push_and_four_legs_are_redundant() {
+        let p = Problem {
+            parts: vec![part(0, 0, 0.0), part(1, 0, 0.0)],
+            matrix: vec![2.0, -1.0, -1.0, 2.0],
+            free: vec![-2.0, 0.0],
+        };
+        let s = p.solve();
+        assert!(
+            s.all.len() == 1 && (s.all[0].r[0] - 4.0 / 3.0).abs() < 1e-14 && (s.all[0].r[1] - 2.0 / 3.0).abs() < 1e-14
+        );
+        // three supports of a beam: two would do
+        let g = [[1.0, -1.0], [1.0, 0.0], [1.0, 1.0]];
+        let matrix = (0..9).map(|k| g[k / 3][0] * g[k % 3][0] + 3.0 * g[k / 3][1] * g[k % 3][1]).collect();
+        let p = Problem { parts: (0..3).map(|i| part(i, 0, 0.0)).collect(), matrix, free: vec![-1.0; 3] };
+        let s = p.solve();
+        assert!(s.all.len() == 1 && s.redundant, "{s:?}");
+        assert!(s.all[0].r.iter().all(|r| (r - 1.0 / 3.0).abs() < 1e-12), "{s:?}");
+    }
+
+    /// Many contacts and those in space take the other way; it agrees with all states tried.
+    #[test]
+    fn iteration_agrees_with_trying_everything() {
+        let mut seed = 7u64;
+        let mut random = move || {
+            seed = seed.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (seed >> 11) as f64 / (1u64 << 53) as f64 * 2.0 - 1.0
+        };
+        let (mut compared, mut unsolved) = (0, 0);
+        for _ in 0..200 {
+            let (m, k) = (4, 8);
+            let g: Vec<f64> = (0..m * k).map(|_| random()).collect();
+            let matrix = (0..m * m).map(|e| (0..k).map(|l| g[(e / m) * k + l] * g[(e % m) * k + l]).sum()).collect();
+            let p = Problem {
+                parts: vec![part(0, 1, 0.3), part(2, 1, 0.3)],
+                matrix,
+                free: (0..m).map(|_| 3.0 * random()).collect(),
+            };
+            let all = p.solve();
+            let Some(s) = p.iterate() else {
+                unsolved += 1;
+                continue;
+            };
+            assert!(all.all.iter().any(|o| p.same_motion(o, &s)), "{p:?} {s:?} {all:?}");
+            compared += 1;
+        }
+        assert!(compared >= 195 && unsolved <= 5, "{compared} {unsolved}");
+    }
+
+    #[test]
+    fn a_weight_in_space_slides_against_the_push() {
+        let p = Problem {
+            parts: vec![part(0, 2, 0.5)],
+            matrix: vec![1.0, 0.1, 0.0, 0.1, 1.0, 0.2, 0.0, 0.2, 1.5],
+            free: vec![-2.0, 3.0, -4.0],
+        };
+        let s = p.solve();
+        let s = &s.all[0];
+        let (State::Slides(d), r, z) = (s.states[0], &s.r, &s.z) else { panic!("{s:?}") };
+        assert!(z[0].abs() < 1e-13 && (r[1].hypot(r[2]) - 0.5 * r[0]).abs() < 1e-13);
+        assert!((d[0] * r[2] - d[1] * r[1]).abs() < 1e-13 && d[0] * r[1] + d[1] * r[2] < 0.0);
+        assert!((d[0] * z[2] - d[1] * z[1]).abs() < 1e-12);
+    }
+}

@@ -1,0 +1,243 @@
+//! Derivatives of accelerations and forces, by differentiating the equations they solve.
+//!
+//! With `R = M a − f_v − Σ (n λ + B τ)` and the held components `C = (g̈, ṡ)`, both at fixed `a` and forces,
+//!
+//! ```text
+//! M da − F dλ = −∂R/∂z,    G da = −∂C/∂z
+//! ```
+//!
+//! where the columns `z` are state, parameters, controls, time. Impacts solve the same equations with the change of velocity
+//! in the place of `a` and impulses in that of forces.
+
+use super::dynamics::{dot, At, Dynamics};
+use super::mode;
+use crate::func::{EvalResult, Function, Point};
+use crate::system::Inertia;
+
+/// Where the columns of a pattern go: `x`, `u`, `p` and what follows it, `t` become `x`, `p`, `u`, `t`; none for what stands
+/// behind the parameters.
+#[derive(Clone, Copy)]
+pub(super) struct Columns {
+    pub(super) nx: usize,
+    pub(super) nu: usize,
+    pub(super) np: usize,
+}
+
+impl Columns {
+    pub(super) fn of(&self, col: usize, last: usize) -> Option<usize> {
+        let Columns { nx, nu, np } = *self;
+        match col {
+            c if c == last => Some(nx + np + nu),
+            c if c < nx => Some(c),
+            c if c < nx + nu => Some(c + np),
+            c if c < nx + nu + np => Some(c - nu),
+            _ => None,
+        }
+    }
+
+    /// Number of columns.
+    pub(super) fn n(&self) -> usize {
+        self.nx + self.nu + self.np + 1
+    }
+}
+
+/// Adds `sign` times the derivatives of `f` to rows of `n_z` columns: output `i` to row `rows(i)`.
+pub(super) fn add_jacobian(
+    f: &dyn Function,
+    at: &At,
+    columns: Columns,
+    rows: &dyn Fn(usize) -> Option<(usize, f64)>,
+    out: &mut [f64],
+    room: (&mut [f64], &mut [f64]),
+) -> EvalResult {
+    let p = f.jac_pattern();
+    if p.nnz() == 0 {
+        return Ok(());
+    }
+    f.jacobian(at, &mut room.0[..p.nnz()], room.1)?;
+    let (last, n_z) = (p.n_cols() - 1, columns.n());
+    for col in 0..p.n_cols() {
+        let Some(to) = columns.of(col, last) else { continue };
+        for e in p.range(col) {
+            if let Some((row, sign)) = rows(p.row_idx()[e]) {
+                out[row * n_z + to] += sign * room.0[e];
+            }
+        }
+    }
+    Ok(())
+}
+
+/// What a derivative is taken of: accelerations and forces, or changes of velocity and impulses.
+pub(super) struct Given<'a> {
+    /// Accelerations.
+    pub(super) a: &'a [f64],
+    /// Forces of all contacts.
+    pub(super) forces: &'a [super::Forces],
+    /// Modes of all contacts.
+    pub(super) modes: &'a [Vec<usize>],
+}
+
+impl Dynamics {
+    pub(super) fn columns(&self, at: &At) -> Columns {
+        Columns { nx: at.x.len(), nu: at.u.len(), np: at.p.len() }
+    }
+
+    /// Adds `∂/∂z (M a − Σ (n λ + B τ))` at fixed `a` and forces to rows of `out`, with the dependence of the friction of
+    /// sliding contacts on everything but `λ`.
+    pub(super) fn add_reactions(&mut self, at: &At, given: &Given, out: &mut [f64]) -> EvalResult {
+        let m = self.mechanics.clone();
+        let (n_v, columns) = (m.n_v, self.columns(at));
+        let n_z = columns.n();
+        if let Inertia::Varying { product, .. } = &m.inertia {
+            self.extend(at, given.a, &[]);
+            let room = (&mut self.buffer[..], &mut self.work[..]);
+            let there = Point { p: &self.extended, ..*at };
+            add_jacobian(product.as_ref(), &there, columns, &|i| Some((i, 1.0)), out, room)?;
+        }
+        for (i, set) in given.modes.iter().enumerate() {
+            if set[0] == mode::OPEN {
+                continue;
+            }
+            let c = &m.contacts[i];
+            self.extend(at, given.a, &given.forces[i][..1 + c.n_tangents]);
+            let there = Point { p: &self.extended, ..*at };
+            let room = (&mut self.buffer[..], &mut self.work[..]);
+            let force = |i: usize| (i < n_v).then_some((i, -1.0));
+            add_jacobian(c.reaction.as_ref(), &there, columns, &force, out, room)?;
+            if !Dynamics::slides(set[0]) {
+                continue;
+            }
+            // τ = −μ λ d: λ (∂μ d + μ ∂d) along the tangents
+            let mut own = vec![0.0; (1 + c.n_tangents) * n_z];
+            self.add_motion(at, i, columns, &mut own)?;
+            let (d, lambda, b) = (self.direction(i, set[0]), given.forces[i][0], &self.blocks[i]);
+            let (dmu, ds) = own.split_at(n_z);
+            let size = b.sliding[0].hypot(b.sliding[1]);
+            for z in 0..n_z {
+                let along = if c.n_tangents == 2 && size > 0.0 { d[0] * ds[z] + d[1] * ds[n_z + z] } else { 0.0 };
+                for k in 0..c.n_tangents {
+                    let turn =
+                        if c.n_tangents == 2 && size > 0.0 { (ds[k * n_z + z] - d[k] * along) / size } else { 0.0 };
+                    let weight = lambda * (dmu[z] * d[k] + b.friction * turn);
+                    if weight != 0.0 {
+                        for (r, t) in b.tangent(k).iter().enumerate() {
+                            out[r * n_z + z] += weight * t;
+                        }
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Derivatives of friction and sliding velocity of contact `i`, one row after the other.
+    pub(super) fn add_motion(&mut self, at: &At, i: usize, columns: Columns, out: &mut [f64]) -> EvalResult {
+        let c = &self.mechanics.contacts[i];
+        let (n_v, room) = (self.mechanics.n_v, (&mut self.buffer[..], &mut self.work[..]));
+        let row = |r: usize| match r {
+            1 => Some((0, 1.0)),
+            r if r >= 3 + n_v && (r - 3 - n_v) % (2 + n_v) == 0 => Some((1 + (r - 3 - n_v) / (2 + n_v), 1.0)),
+            _ => None,
+        };
+        add_jacobian(c.motion.as_ref(), at, columns, &row, out, room)
+    }
+
+    /// The parameters, then accelerations and forces.
+    pub(super) fn extend(&mut self, at: &At, a: &[f64], forces: &[f64]) {
+        self.extended.clear();
+        for part in [at.p, a, forces] {
+            self.extended.extend_from_slice(part);
+        }
+    }
+
+    /// Jacobian of the derivative of the state under the modes of all contacts, row-major with the columns `x`, `p`, `u`,
+    /// `t`; with `forces` also that of the forces, three rows for every contact.
+    pub(crate) fn jacobian(
+        &mut self,
+        at: &At,
+        modes: &[Vec<usize>],
+        out: &mut [f64],
+        mut forces: Option<&mut [f64]>,
+    ) -> EvalResult {
+        self.accelerate(at, modes)?;
+        let m = self.mechanics.clone();
+        let (n_q, n_v, columns) = (m.n_q, m.n_v, self.columns(at));
+        let n_z = columns.n();
+        out.fill(0.0);
+        let room = (&mut self.buffer[..], &mut self.work[..]);
+        let sign = |i: usize| Some((i, if i < n_q { 1.0 } else { -1.0 }));
+        add_jacobian(m.smooth.as_ref(), at, columns, &sign, out, room)?;
+        let (a, f) = (self.acceleration.clone(), self.forces.clone());
+        let given = Given { a: &a, forces: &f, modes };
+        self.add_reactions(at, &given, &mut out[n_q * n_z..])?;
+        let mut held = vec![0.0; self.rows.len() * n_z];
+        for r in 0..self.rows.len() {
+            let row = self.rows[r];
+            let c = &m.contacts[row.contact];
+            self.extend(at, &a, &f[row.contact][..1 + c.n_tangents]);
+            let there = Point { p: &self.extended, ..*at };
+            let room = (&mut self.buffer[..], &mut self.work[..]);
+            let pick = |i: usize| (i == n_v + row.component).then_some((r, 1.0));
+            add_jacobian(c.reaction.as_ref(), &there, columns, &pick, &mut held, room)?;
+        }
+        let rates = self.solve_linearised(&mut out[n_q * n_z..], &held, n_z);
+        if let Some(forces) = &mut forces {
+            forces.fill(0.0);
+            for (r, row) in self.rows.iter().enumerate() {
+                let to = (3 * row.contact + row.component) * n_z;
+                forces[to..to + n_z].copy_from_slice(&rates[r * n_z..(r + 1) * n_z]);
+            }
+            self.add_friction(at, modes, forces)?;
+        }
+        Ok(())
+    }
+
+    /// Solves `M da − F dλ = −R`, `G da = −C` for all columns: `R` (`n_v` rows) becomes `da`; returns `dλ`.
+    pub(super) fn solve_linearised(&mut self, r: &mut [f64], held: &[f64], n_z: usize) -> Vec<f64> {
+        let n_v = self.mechanics.n_v;
+        let m = self.rows.len();
+        let (mut column, mut lambda) = (vec![0.0; n_v], vec![0.0; m]);
+        let mut all = vec![0.0; m * n_z];
+        for z in 0..n_z {
+            (0..n_v).for_each(|i| column[i] = -r[i * n_z + z]);
+            self.mass.solve(&mut column);
+            for (i, row) in self.rows.iter().enumerate() {
+                lambda[i] = -held[i * n_z + z] - dot(self.blocks[row.contact].row(row.component), &column);
+            }
+            if m > 0 {
+                self.held.solve(&mut lambda);
+            }
+            for (i, y) in self.y.chunks_exact(n_v).enumerate() {
+                column.iter_mut().zip(y).for_each(|(c, y)| *c += lambda[i] * y);
+                all[i * n_z + z] = lambda[i];
+            }
+            (0..n_v).for_each(|i| r[i * n_z + z] = column[i]);
+        }
+        all
+    }
+
+    /// The friction of sliding contacts follows their normal forces: rows `τ` from rows `λ`.
+    pub(super) fn add_friction(&mut self, at: &At, modes: &[Vec<usize>], forces: &mut [f64]) -> EvalResult {
+        let columns = self.columns(at);
+        let n_z = columns.n();
+        for (i, set) in modes.iter().enumerate().filter(|(_, s)| Dynamics::slides(s[0])) {
+            let n_t = self.mechanics.contacts[i].n_tangents;
+            let mut own = vec![0.0; (1 + n_t) * n_z];
+            self.add_motion(at, i, columns, &mut own)?;
+            let (d, b, lambda) = (self.direction(i, set[0]), &self.blocks[i], self.forces[i][0]);
+            let size = b.sliding[0].hypot(b.sliding[1]);
+            let (dmu, ds) = own.split_at(n_z);
+            let own = &mut forces[3 * i * n_z..(3 * i + 3) * n_z];
+            for z in 0..n_z {
+                let turns = n_t == 2 && size > 0.0;
+                let along = if turns { d[0] * ds[z] + d[1] * ds[n_z + z] } else { 0.0 };
+                for k in 0..n_t {
+                    let turn = if turns { (ds[k * n_z + z] - d[k] * along) / size } else { 0.0 };
+                    let dl = own[z];
+                    own[(1 + k) * n_z + z] = -d[k] * (b.friction * dl + lambda * dmu[z]) - lambda * b.friction * turn;
+                }
+            }
+        }
+        Ok(())
+    }
+}

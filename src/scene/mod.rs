@@ -1,0 +1,522 @@
+//! Scenes: mechanical systems with contacts, written as expressions.
+//!
+//! ```text
+//! q̇ = N(q) v,    M(q) v̇ = f_v(q,v,u,p,t) + contact forces,    0 ≤ λ_i ⊥ g_i(q,t) ≥ 0,   friction
+//! ```
+//!
+//! The user writes coordinates, inertia, forces and gaps; normals, the rates of gaps, what is centrifugal in them and all
+//! derivatives follow by differentiation (section 8.1 of the thesis). In the graph the states are `q`, then `v`.
+//!
+//! Only what a scene needs is there: contacts without tangents have no friction, a constant inertia is factored once, and a
+//! contact that the bounds of the coordinates prove to be open is left out ([`Report`]).
+//!
+//! ```
+//! use switchback::event::{simulate, Options};
+//! use switchback::expr::Graph;
+//! use switchback::scene::{Contact, Scene};
+//!
+//! // a ball that falls on a floor and bounces once
+//! let g = Graph::new();
+//! let (y, one) = (g.x(0), g.constant(1.0));
+//! let mut scene = Scene::new("ball", 1, 1, 0, 0).unwrap();
+//! scene.set_force(0, g.constant(-9.81).id()).unwrap();
+//! scene.add_contact(Contact { restitution: one.id(), ..Contact::new(&g, "floor", y) }).unwrap();
+//! let built = scene.build(&g).unwrap();
+//! let run = simulate(&built.system, &Options::default(), 0.0, &[1.0, 0.0], 0.6).unwrap();
+//! assert_eq!(run.impacts.len(), 1);
+//! ```
+
+mod report;
+
+use std::sync::Arc;
+
+pub use report::{ContactReport, Dropped, Report};
+
+use crate::error::{finite, Error, Result};
+use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id};
+use crate::func::Dims;
+use crate::memory::sizes;
+use crate::model::bounds::{Bounds, Interval, ALL};
+use crate::model::Names;
+use crate::system::{self, ImpactLaw, Inertia, Mechanics, SharedFunction, System};
+
+/// A contact as the user states it.
+#[derive(Debug, Clone)]
+pub struct Contact {
+    /// Name in messages, reports and results.
+    pub name: String,
+    /// The gap, a smooth expression of coordinates, parameters and time: positive where the bodies are apart.
+    pub gap: Id,
+    /// Up to two tangents: expressions of coordinates, parameters and time whose rates are the components of the sliding
+    /// velocity, or, where they contain velocities, that component itself, linear in them. None: no friction.
+    pub tangents: Vec<Id>,
+    /// Coefficient of friction, an expression of coordinates, parameters and time that is not negative.
+    pub friction: Id,
+    /// Coefficient of restitution between 0 and 1, an expression like the one before.
+    pub restitution: Id,
+}
+
+impl Contact {
+    /// A contact without friction and restitution.
+    pub fn new(graph: &Graph, name: &str, gap: Expr) -> Contact {
+        let zero = graph.constant(0.0).id();
+        Contact { name: name.to_owned(), gap: gap.id(), tangents: Vec::new(), friction: zero, restitution: zero }
+    }
+}
+
+/// A scene: sizes, equations of motion, contacts.
+#[derive(Debug, Clone)]
+pub struct Scene {
+    name: String,
+    n_q: usize,
+    n_v: usize,
+    nu: usize,
+    np: usize,
+    names: Names,
+    rates: Option<Vec<Id>>,
+    inertia: Option<Vec<Id>>,
+    force: Vec<Option<Id>>,
+    contacts: Vec<Contact>,
+    law: ImpactLaw,
+    bounds: Vec<Option<(f64, f64)>>,
+}
+
+/// What a scene became.
+#[derive(Clone)]
+pub struct Built {
+    /// The system.
+    pub system: System,
+    /// What it consists of and what was left out.
+    pub report: Report,
+    /// Sizes: states (coordinates, then velocities), controls, parameters.
+    pub dims: Dims,
+    /// Names of the states, controls and parameters.
+    pub names: Names,
+}
+
+impl Scene {
+    /// A scene with `n_q` coordinates, `n_v` velocities, `nu` controls and `np` parameters, without forces and contacts. The
+    /// inertia is the unit matrix, and, where there are as many coordinates as velocities, `q̇ = v`.
+    pub fn new(name: &str, n_q: usize, n_v: usize, nu: usize, np: usize) -> Result<Scene> {
+        if n_q == 0 || n_v == 0 {
+            return Err(Error::Dimension("a scene needs at least one coordinate and one velocity".into()));
+        }
+        sizes::check("coordinates, velocities, controls or parameters", &[n_q, n_v, nu, np])?;
+        Ok(Scene {
+            name: name.to_owned(),
+            n_q,
+            n_v,
+            nu,
+            np,
+            names: Names::default(),
+            rates: None,
+            inertia: None,
+            force: vec![None; n_v],
+            contacts: Vec::new(),
+            law: ImpactLaw::default(),
+            bounds: vec![None; n_q],
+        })
+    }
+
+    /// Sizes of state, controls and parameters.
+    pub fn dims(&self) -> Dims {
+        Dims { x: self.n_q + self.n_v, u: self.nu, p: self.np }
+    }
+
+    /// Coordinates and velocities.
+    pub fn sizes(&self) -> (usize, usize) {
+        (self.n_q, self.n_v)
+    }
+
+    /// Names for reports and messages; those of the states are coordinates, then velocities.
+    pub fn set_names(&mut self, names: Names) {
+        self.names = names;
+    }
+
+    /// Sets `q̇ = N(q) v`: one expression for every coordinate, linear in the velocities.
+    pub fn set_rates(&mut self, rates: &[Id]) -> Result<()> {
+        self.expect("rates of coordinates", rates.len(), self.n_q)?;
+        self.rates = Some(rates.to_vec());
+        Ok(())
+    }
+
+    /// Sets the inertia matrix, row-major `n_v × n_v`: symmetric, positive definite at every point that is reached.
+    pub fn set_inertia(&mut self, entries: &[Id]) -> Result<()> {
+        self.expect("entries of the inertia matrix", entries.len(), self.n_v * self.n_v)?;
+        self.inertia = Some(entries.to_vec());
+        Ok(())
+    }
+
+    /// Sets the force on velocity `i`: all that stands beside `M v̇` but contact forces.
+    pub fn set_force(&mut self, i: usize, force: Id) -> Result<()> {
+        let n = self.n_v;
+        let place = self.force.get_mut(i);
+        *place.ok_or_else(|| Error::Range(format!("velocity {i} does not exist: the scene has {n}")))? = Some(force);
+        Ok(())
+    }
+
+    /// Adds a contact and returns its index.
+    pub fn add_contact(&mut self, c: Contact) -> Result<usize> {
+        let (k, name) = (self.contacts.len(), &c.name);
+        if c.tangents.len() > 2 {
+            return Err(Error::Range(format!(
+                "contact {name} has {} tangents: one in the plane, two in space",
+                c.tangents.len()
+            )));
+        }
+        if let Some(other) = self.contacts.iter().find(|o| o.gap == c.gap) {
+            return Err(Error::State(format!(
+                "contact {name} has the gap of contact {}: the same contact twice would share its force at will",
+                other.name
+            )));
+        }
+        if let Some(other) = self.contacts.iter().find(|o| o.name == c.name) {
+            return Err(Error::State(format!(
+                "there is a contact {} already: give each a name of its own",
+                other.name
+            )));
+        }
+        self.contacts.push(c);
+        Ok(k)
+    }
+
+    /// What happens where several contacts close at once.
+    pub fn set_law(&mut self, law: ImpactLaw) {
+        self.law = law;
+    }
+
+    /// States that coordinate `i` stays between `low` and `high`: contacts that cannot close there are left out. A simulation
+    /// that leaves the bounds ends with an error if something was left out for them.
+    pub fn set_bounds(&mut self, i: usize, low: f64, high: f64) -> Result<()> {
+        let n = self.n_q;
+        finite("bounds of a coordinate", &[low, high], 2)?;
+        if low > high {
+            return Err(Error::Range(format!(
+                "the bounds of coordinate {i} are {low} and {high}: the lower comes first"
+            )));
+        }
+        let place = self.bounds.get_mut(i);
+        *place.ok_or_else(|| Error::Range(format!("coordinate {i} does not exist: the scene has {n}")))? =
+            Some((low, high));
+        Ok(())
+    }
+
+    fn expect(&self, what: &str, n: usize, expected: usize) -> Result<()> {
+        if n != expected {
+            return Err(Error::Dimension(format!("{}: {n} {what}, expected {expected}", self.name)));
+        }
+        Ok(())
+    }
+
+    /// Builds the system with the expressions of a [`Graph`].
+    pub fn build(&self, graph: &Graph) -> Result<Built> {
+        self.build_in(&mut graph.dag())
+    }
+
+    /// Builds the system.
+    ///
+    /// # Errors
+    /// [`Error::State`] if a force or the rates of the coordinates are missing, [`Error::Range`] if a gap depends on
+    /// velocities or controls, or not on coordinates, or something is not linear where it has to be,
+    /// [`Error::Unsupported`] for operators that switch, and those of [`ExprFunction::new`].
+    pub fn build_in(&self, dag: &mut Dag) -> Result<Built> {
+        Builder { scene: self, dag }.build()
+    }
+}
+
+/// The steps of [`Scene::build_in`].
+struct Builder<'a> {
+    scene: &'a Scene,
+    dag: &'a mut Dag,
+}
+
+/// A scalar quantity of `q` and `t`, its rate, and the parts of its second derivative: `ṙ = aᵀ v̇ + rest`.
+struct Motion {
+    rate: Id,
+    along: Vec<Id>,
+    rest: Id,
+}
+
+impl Builder<'_> {
+    fn build(mut self) -> Result<Built> {
+        let s = self.scene;
+        let dims = s.dims();
+        let rates = self.rates()?;
+        let force = self.force()?;
+        let (dropped, kept) = self.reachable();
+        let mut contacts = Vec::new();
+        for &k in &kept {
+            contacts.push(self.contact(&s.contacts[k], &rates)?);
+        }
+        let mut smooth = rates.clone();
+        smooth.extend_from_slice(&force);
+        let smooth = self.function("smooth", dims, &smooth)?;
+        let inertia = self.inertia()?;
+        let bounds = if dropped.is_empty() { Vec::new() } else { s.bounds.clone() };
+        let mechanics = Mechanics { n_q: s.n_q, n_v: s.n_v, smooth, inertia, contacts, law: s.law, bounds };
+        let report = Report::new(s, &mechanics, &kept, dropped);
+        let system = System::of_mechanics(mechanics, dims.u, dims.p)?;
+        Ok(Built { system, report, dims, names: s.names.clone() })
+    }
+
+    fn text(&self, id: Id) -> String {
+        self.dag.text_with(id, &|block, i| self.scene.names.of(block, i))
+    }
+
+    /// Refuses what switches or is a condition.
+    fn check_smooth(&self, what: &str, id: Id) -> Result<()> {
+        if self.dag.is_condition(id) {
+            return Err(Error::Range(format!("{what} is a condition: choose values with where")));
+        }
+        match self.dag.switches_of(&[id]).first().and_then(|&s| self.dag.switching_function(s)) {
+            Some(psi) => Err(Error::Unsupported(format!(
+                "{what} switches where {} vanishes: a scene takes smooth expressions; what pushes on one side only is a \
+                 contact, dry friction is the friction of one",
+                self.text(psi)
+            ))),
+            None => Ok(()),
+        }
+    }
+
+    /// `q̇` as expressions.
+    fn rates(&mut self) -> Result<Vec<Id>> {
+        let s = self.scene;
+        let Some(rates) = &s.rates else {
+            if s.n_q != s.n_v {
+                return Err(Error::State(format!(
+                    "{}: {} coordinates and {} velocities: say how the coordinates move (set_rates)",
+                    s.name, s.n_q, s.n_v
+                )));
+            }
+            return Ok((0..s.n_v).map(|i| self.dag.input(Block::X, s.n_q + i)).collect());
+        };
+        for (i, &r) in rates.iter().enumerate() {
+            let what = format!("the rate of {}", s.names.of(Block::X, i));
+            self.check_smooth(&what, r)?;
+            self.check_linear(&what, r)?;
+        }
+        Ok(rates.clone())
+    }
+
+    /// Is an expression linear in the velocities?
+    fn check_linear(&mut self, what: &str, id: Id) -> Result<()> {
+        let v = self.velocities();
+        let all: Vec<Id> = self.dag.jacobian(&[id], &v)?.iter().map(|e| e.value).collect();
+        if !self.dag.jacobian(&all, &v)?.is_empty() {
+            return Err(Error::Range(format!("{what}, {}, must be linear in the velocities", self.text(id))));
+        }
+        Ok(())
+    }
+
+    fn velocities(&mut self) -> Vec<Id> {
+        let (n_q, n_v) = (self.scene.n_q, self.scene.n_v);
+        (0..n_v).map(|i| self.dag.input(Block::X, n_q + i)).collect()
+    }
+
+    fn force(&mut self) -> Result<Vec<Id>> {
+        let s = self.scene;
+        let mut out = Vec::with_capacity(s.n_v);
+        for (i, f) in s.force.iter().enumerate() {
+            let name = s.names.of(Block::X, s.n_q + i);
+            let f = f.ok_or_else(|| {
+                Error::State(format!("{}: there is no force on {name}; set it to 0 if there is none", s.name))
+            })?;
+            self.check_smooth(&format!("the force on {name}"), f)?;
+            out.push(f);
+        }
+        Ok(out)
+    }
+
+    /// Which contacts can close within the bounds of the coordinates, and proofs for the others.
+    fn reachable(&self) -> (Vec<Dropped>, Vec<usize>) {
+        let s = self.scene;
+        let all: Vec<usize> = (0..s.contacts.len()).collect();
+        if s.bounds.iter().all(Option::is_none) {
+            return (Vec::new(), all);
+        }
+        let within = |block: Block, i: usize| match (block, s.bounds.get(i).copied().flatten()) {
+            (Block::X, Some((low, high))) => Interval { low, high },
+            _ => ALL,
+        };
+        let gaps: Vec<Id> = s.contacts.iter().map(|c| c.gap).collect();
+        let bounds = Bounds::within(self.dag, &gaps, &within);
+        let (mut dropped, mut kept) = (Vec::new(), Vec::new());
+        for k in all {
+            let c = &s.contacts[k];
+            let least = bounds.get(c.gap).low;
+            if least > 0.0 {
+                let text = format!("{} is at least {least} within the bounds of the coordinates", self.text(c.gap));
+                dropped.push(Dropped { contact: k, name: c.name.clone(), proof: text });
+            } else {
+                kept.push(k);
+            }
+        }
+        (dropped, kept)
+    }
+
+    /// Derivative along the motion of something that depends on coordinates, velocities and time: that part of it that the
+    /// accelerations have nothing to do with.
+    fn along_motion(&mut self, id: Id, rates: &[Id]) -> Result<Id> {
+        let q: Vec<Id> = (0..self.scene.n_q).map(|i| self.dag.input(Block::X, i)).collect();
+        let t = self.dag.input(Block::T, 0);
+        let mut wrt = q;
+        wrt.push(t);
+        let mut sum = self.dag.constant(0.0);
+        for e in self.dag.jacobian(&[id], &wrt)? {
+            let term = match rates.get(e.col) {
+                Some(&r) => self.dag.mul(e.value, r),
+                None => e.value,
+            };
+            sum = self.dag.add(sum, term);
+        }
+        Ok(sum)
+    }
+
+    /// Of something whose rate is `rate`.
+    fn motion(&mut self, rate: Id, rates: &[Id]) -> Result<Motion> {
+        let v = self.velocities();
+        let along = self.dag.dense_jacobian(&[rate], &v)?;
+        let rest = self.along_motion(rate, rates)?;
+        Ok(Motion { rate, along, rest })
+    }
+
+    /// Does an expression depend on these inputs?
+    fn depends(&self, id: Id, block: Block, from: usize) -> bool {
+        let all = self.dag.reachable(&[id]);
+        all.iter()
+            .any(|&n| matches!(self.dag.node(n), crate::expr::Node::Input(b, i) if b == block && i as usize >= from))
+    }
+
+    fn contact(&mut self, c: &Contact, rates: &[Id]) -> Result<system::Contact> {
+        let (s, dims) = (self.scene, self.scene.dims());
+        let name = &c.name;
+        self.check_smooth(&format!("the gap of contact {name}"), c.gap)?;
+        for (what, id) in [("gap", c.gap), ("friction", c.friction), ("restitution", c.restitution)] {
+            self.check_smooth(&format!("the {what} of contact {name}"), id)?;
+            if self.depends(id, Block::X, s.n_q) || self.depends(id, Block::U, 0) {
+                return Err(Error::Range(format!(
+                    "the {what} of contact {name}, {}, depends on velocities or controls: it may depend on coordinates, \
+                     parameters and time",
+                    self.text(id)
+                )));
+            }
+        }
+        for (what, id, most) in [("friction", c.friction, f64::MAX), ("restitution", c.restitution, 1.0)] {
+            if let Some(v) = self.dag.as_const(id).filter(|v| !(*v >= 0.0 && *v <= most)) {
+                let range = if most == 1.0 { "between 0 and 1" } else { "not negative" };
+                return Err(Error::Range(format!("the {what} of contact {name} is {v}: it must be {range}")));
+            }
+        }
+        // without friction there is nothing to slide along
+        let frictionless = self.dag.as_const(c.friction) == Some(0.0);
+        let tangents: &[Id] = if frictionless { &[] } else { &c.tangents };
+        let rate = self.along_motion(c.gap, rates)?;
+        let normal = self.motion(rate, rates)?;
+        let zero = self.dag.constant(0.0);
+        if normal.along.iter().all(|n| *n == zero) {
+            return Err(Error::Range(format!(
+                "the gap of contact {name}, {}, does not depend on anything that moves",
+                self.text(c.gap)
+            )));
+        }
+        let mut sliding = Vec::new();
+        for &tangent in tangents {
+            let what = format!("a tangent of contact {name}");
+            self.check_smooth(&what, tangent)?;
+            let rate = if self.depends(tangent, Block::X, s.n_q) {
+                self.check_linear(&what, tangent)?;
+                tangent
+            } else {
+                self.along_motion(tangent, rates)?
+            };
+            let m = self.motion(rate, rates)?;
+            if m.along.iter().all(|b| *b == zero) {
+                let text = self.text(tangent);
+                return Err(Error::Range(format!("{what}, {text}, does not depend on anything that moves")));
+            }
+            if m.along == normal.along || sliding.iter().any(|o: &Motion| o.along == m.along) {
+                let text = self.text(tangent);
+                return Err(Error::Range(format!(
+                    "{what}, {text}, has the direction of the normal or of the other tangent"
+                )));
+            }
+            sliding.push(m);
+        }
+        let gap = self.function(&format!("gap of {name}"), dims, &[c.gap, rate])?;
+        let mut motion = vec![normal.rest, c.friction, c.restitution];
+        motion.extend_from_slice(&normal.along);
+        for m in &sliding {
+            motion.extend_from_slice(&[m.rate, m.rest]);
+            motion.extend_from_slice(&m.along);
+        }
+        let motion = self.function(&format!("motion of {name}"), dims, &motion)?;
+        let reaction = self.reaction(name, dims, &normal, &sliding)?;
+        Ok(system::Contact { name: name.clone(), n_tangents: sliding.len(), gap, motion, reaction })
+    }
+
+    fn reaction(&mut self, name: &str, dims: Dims, normal: &Motion, sliding: &[Motion]) -> Result<SharedFunction> {
+        let n_v = self.scene.n_v;
+        let a: Vec<Id> = (0..n_v).map(|i| self.dag.input(Block::P, dims.p + i)).collect();
+        let all: Vec<&Motion> = std::iter::once(normal).chain(sliding).collect();
+        let mut out = vec![self.dag.constant(0.0); n_v];
+        for (k, m) in all.iter().enumerate() {
+            let force = self.dag.input(Block::P, dims.p + n_v + k);
+            for (o, n) in out.iter_mut().zip(&m.along) {
+                let term = self.dag.mul(*n, force);
+                *o = self.dag.add(*o, term);
+            }
+        }
+        for m in &all {
+            let along = self.dag.dot(&m.along, &a)?;
+            out.push(self.dag.add(along, m.rest));
+        }
+        let dims = Dims { p: dims.p + n_v + all.len(), ..dims };
+        self.function(&format!("reaction of {name}"), dims, &out)
+    }
+
+    fn inertia(&mut self) -> Result<Inertia> {
+        let (s, dims) = (self.scene, self.scene.dims());
+        let Some(entries) = &s.inertia else { return Ok(Inertia::Identity) };
+        let n = s.n_v;
+        for (k, &e) in entries.iter().enumerate() {
+            let (i, j) = (k / n, k % n);
+            let what = format!("entry ({i}, {j}) of the inertia");
+            self.check_smooth(&what, e)?;
+            if self.depends(e, Block::X, s.n_q) || self.depends(e, Block::U, 0) {
+                return Err(Error::Range(format!(
+                    "{what}, {}, depends on velocities or controls: it may depend on coordinates, parameters and time",
+                    self.text(e)
+                )));
+            }
+        }
+        let values: Option<Vec<f64>> = entries.iter().map(|&e| self.dag.as_const(e)).collect();
+        if let Some(m) = values {
+            check_symmetric(&s.name, &m, n)?;
+            return Ok(Inertia::Constant(m));
+        }
+        let a: Vec<Id> = (0..n).map(|i| self.dag.input(Block::P, dims.p + i)).collect();
+        let product = self.dag.matmul(n, n, 1, entries, &a)?;
+        let matrix = self.function("inertia", dims, entries)?;
+        let product = self.function("inertia times acceleration", Dims { p: dims.p + n, ..dims }, &product)?;
+        Ok(Inertia::Varying { matrix, product })
+    }
+
+    fn function(&mut self, name: &str, dims: Dims, outputs: &[Id]) -> Result<SharedFunction> {
+        Ok(Arc::new(ExprFunction::first_order(name, self.dag, dims, outputs)?))
+    }
+}
+
+fn check_symmetric(name: &str, m: &[f64], n: usize) -> Result<()> {
+    for i in 0..n {
+        for j in 0..i {
+            let (a, b) = (m[i * n + j], m[j * n + i]);
+            // the same number written twice
+            if (a - b).abs() > 4.0 * f64::EPSILON * a.abs().max(b.abs()) {
+                return Err(Error::Range(format!(
+                    "{name}: the inertia is not symmetric: entry ({i}, {j}) is {a}, entry ({j}, {i}) is {b}"
+                )));
+            }
+        }
+    }
+    Ok(())
+}

@@ -1,0 +1,108 @@
+//! What a scene consists of, what was left out and why.
+
+use std::fmt;
+
+use super::Scene;
+use crate::system::{ImpactLaw, Inertia, Mechanics};
+
+/// A contact that the simulation has.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct ContactReport {
+    /// Its number as it was added.
+    pub contact: usize,
+    /// Its name.
+    pub name: String,
+    /// Components of the sliding velocity; 0 without friction.
+    pub n_tangents: usize,
+    /// Functions that an event-driven simulation watches while the contact is open, slides, sticks.
+    pub watched: [usize; 3],
+    /// Unknown forces while it is closed.
+    pub unknowns: usize,
+}
+
+/// A contact that cannot close.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Dropped {
+    /// Its number as it was added.
+    pub contact: usize,
+    /// Its name.
+    pub name: String,
+    /// Why it cannot.
+    pub proof: String,
+}
+
+/// What a scene consists of.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub struct Report {
+    /// Name of the scene.
+    pub name: String,
+    /// Coordinates, velocities, controls, parameters.
+    pub sizes: [usize; 4],
+    /// How the inertia is treated, in words.
+    pub inertia: String,
+    /// What happens where several contacts close at once.
+    pub law: ImpactLaw,
+    /// Contacts in the order they are numbered in results.
+    pub contacts: Vec<ContactReport>,
+    /// Contacts that were left out.
+    pub dropped: Vec<Dropped>,
+}
+
+impl Report {
+    pub(super) fn new(s: &Scene, m: &Mechanics, kept: &[usize], dropped: Vec<Dropped>) -> Report {
+        let inertia = match &m.inertia {
+            Inertia::Identity => "unit matrix: nothing to solve",
+            Inertia::Constant(_) => "constant: factored once",
+            Inertia::Varying { .. } => "varies: factored once per point",
+        };
+        let contact = |(&contact, c): (&usize, &crate::system::Contact)| ContactReport {
+            contact,
+            name: c.name.clone(),
+            n_tangents: c.n_tangents,
+            watched: match c.n_tangents {
+                0 => [1, 1, 1],
+                1 => [1, 2, 3],
+                _ => [1, 2, 2],
+            },
+            unknowns: 1 + c.n_tangents,
+        };
+        Report {
+            name: s.name.clone(),
+            sizes: [s.n_q, s.n_v, s.nu, s.np],
+            inertia: inertia.into(),
+            law: m.law,
+            contacts: kept.iter().zip(&m.contacts).map(contact).collect(),
+            dropped,
+        }
+    }
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let [n_q, n_v, nu, np] = self.sizes;
+        writeln!(f, "scene {}: {n_q} coordinates, {n_v} velocities, {nu} controls, {np} parameters", self.name)?;
+        writeln!(f, "inertia: {}", self.inertia)?;
+        if self.contacts.is_empty() {
+            writeln!(f, "no contacts: a smooth model")?;
+        }
+        for c in &self.contacts {
+            let friction = match c.n_tangents {
+                0 => "no friction",
+                1 => "friction in the plane",
+                _ => "friction in space",
+            };
+            let [open, slips, sticks] = c.watched;
+            let one = |n: usize| if n == 1 { "1 force".to_owned() } else { format!("{n} forces") };
+            writeln!(
+                f,
+                "contact {}: {friction}; watched while open {open}, sliding {slips}, sticking {sticks}; {} while closed",
+                c.name,
+                one(c.unknowns)
+            )?;
+        }
+        for d in &self.dropped {
+            writeln!(f, "left out: contact {}: {}", d.name, d.proof)?;
+        }
+        Ok(())
+    }
+}

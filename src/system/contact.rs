@@ -1,0 +1,184 @@
+//! Mechanical systems with unilateral contacts and friction.
+//!
+//! ```text
+//! q̇ = N(q) v,    M(q) v̇ = f_v(q,v,u,p,t) + Σ_i (n_i λ_i + B_i τ_i),
+//! 0 ≤ λ_i ⊥ g_i(q,t) ≥ 0,    ‖τ_i‖ ≤ μ_i λ_i,  τ_i opposite to the sliding velocity s_i
+//! ```
+//!
+//! with the gap `g_i`, its rate `ġ_i = n_iᵀ v + ∂g_i/∂t`, the sliding velocity `s_i = B_iᵀ v + …` of no, one or two
+//! components, the friction coefficient `μ_i` and the coefficient of restitution `e_i` (section 8.1 of the thesis, with
+//! coordinates `q` whose rates need not be the velocities `v`). The state is `x = (q, v)`.
+//!
+//! `λ_i` works on `ġ_i` and `τ_i` on `s_i`: where there is friction, gap and tangents are lengths, or `μ` means something
+//! else.
+
+use std::sync::Arc;
+
+use super::{SharedFunction, System};
+use crate::error::{Error, Result};
+use crate::func::Dims;
+use crate::memory::sizes;
+
+/// What happens where several contacts close at once; the laws differ, and which is right is a matter of the bodies.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum ImpactLaw {
+    /// Newton's law for all contacts at once, in one complementarity problem (Moreau).
+    #[default]
+    Newton = 0,
+    /// Newton's law for one contact after the other, the one that closes fastest first, until none closes.
+    Sequential = 1,
+}
+
+/// The matrix `M(q)`.
+#[derive(Clone)]
+pub enum Inertia {
+    /// The unit matrix.
+    Identity,
+    /// Constant entries, row-major `n_v × n_v`.
+    Constant(Vec<f64>),
+    /// Depends on the state, time or parameters.
+    Varying {
+        /// `M`, row-major `n_v × n_v` outputs.
+        matrix: SharedFunction,
+        /// `M a` as `n_v` outputs; the parameters are those of the system, then `a`.
+        product: SharedFunction,
+    },
+}
+
+/// One contact.
+#[derive(Clone)]
+pub struct Contact {
+    /// Name in messages and reports.
+    pub name: String,
+    /// Components of the sliding velocity: 0 without friction, 1 in the plane, 2 in space.
+    pub n_tangents: usize,
+    /// Gap and its rate, two outputs.
+    pub gap: SharedFunction,
+    /// What contact forces need to know, [`Contact::motion_len`] outputs: `g̈ − nᵀ v̇`, `μ`, `e`, `n` (`n_v` values), then for
+    /// every tangent `s`, `ṡ − Bᵀ v̇` and its column of `B` (`n_v` values).
+    pub motion: SharedFunction,
+    /// `n λ + B τ` (`n_v` values), `g̈`, and `ṡ` of every tangent; the parameters are those of the system, then `v̇`, `λ`,
+    /// `τ`. Its derivatives are those of the equations of motion.
+    pub reaction: SharedFunction,
+}
+
+impl Contact {
+    /// Outputs of [`Contact::motion`].
+    pub fn motion_len(n_v: usize, n_tangents: usize) -> usize {
+        3 + n_v + n_tangents * (2 + n_v)
+    }
+}
+
+/// Equations of motion with contacts.
+#[derive(Clone)]
+pub struct Mechanics {
+    /// Coordinates `q`, the first states.
+    pub n_q: usize,
+    /// Velocities `v`, the other states.
+    pub n_v: usize,
+    /// `N v` (`n_q` values), then `f_v`.
+    pub smooth: SharedFunction,
+    /// The matrix `M`.
+    pub inertia: Inertia,
+    /// The contacts.
+    pub contacts: Vec<Contact>,
+    /// What happens where several contacts close at once.
+    pub law: ImpactLaw,
+    /// Bounds of the coordinates that contacts were left out for: nothing is known where they are left. Empty, or one for
+    /// every coordinate.
+    pub bounds: Vec<Option<(f64, f64)>>,
+}
+
+impl Mechanics {
+    /// Must its functions be called by one thread only?
+    pub(super) fn is_serial(&self) -> bool {
+        let inertia = match &self.inertia {
+            Inertia::Varying { matrix, product } => matrix.is_serial() || product.is_serial(),
+            _ => false,
+        };
+        let contact = |c: &Contact| c.gap.is_serial() || c.motion.is_serial() || c.reaction.is_serial();
+        inertia || self.smooth.is_serial() || self.contacts.iter().any(contact)
+    }
+
+    fn check(&self, system: &System) -> Result<()> {
+        let own = system.dims;
+        if self.n_q + self.n_v != own.x {
+            let (q, v) = (self.n_q, self.n_v);
+            return Err(Error::Dimension(format!("{q} coordinates and {v} velocities make no state of {}", own.x)));
+        }
+        sizes::check("contacts", &[self.contacts.len()])?;
+        let check = |f: &SharedFunction, more: usize, n_out: usize| {
+            let expected = Dims { p: own.p + more, ..own };
+            if f.dims() != expected || f.n_out() != n_out {
+                let (name, d, n) = (f.name(), f.dims(), f.n_out());
+                return Err(Error::Dimension(format!(
+                    "function '{name}' has {n} outputs of inputs {d:?}, expected {n_out} of {expected:?}"
+                )));
+            }
+            Ok(())
+        };
+        check(&self.smooth, 0, own.x)?;
+        match &self.inertia {
+            Inertia::Identity => {}
+            Inertia::Constant(m) if m.len() == self.n_v * self.n_v => {}
+            Inertia::Constant(m) => {
+                let (n, n_v) = (m.len(), self.n_v);
+                return Err(Error::Dimension(format!("the inertia has {n} entries, expected {n_v} x {n_v}")));
+            }
+            Inertia::Varying { matrix, product } => {
+                check(matrix, 0, self.n_v * self.n_v)?;
+                check(product, self.n_v, self.n_v)?;
+            }
+        }
+        for c in &self.contacts {
+            if c.n_tangents > 2 {
+                let (name, n) = (&c.name, c.n_tangents);
+                return Err(Error::Range(format!("contact {name} has {n} tangents: there are up to two")));
+            }
+            check(&c.gap, 0, 2)?;
+            check(&c.motion, 0, Contact::motion_len(self.n_v, c.n_tangents))?;
+            check(&c.reaction, self.n_v + 1 + c.n_tangents, self.n_v + 1 + c.n_tangents)?;
+        }
+        Ok(())
+    }
+}
+
+impl System {
+    /// A mechanical system with contacts, without anything else.
+    pub fn of_mechanics(mechanics: Mechanics, nu: usize, np: usize) -> Result<System> {
+        let mut system = System::new(mechanics.n_q + mechanics.n_v, nu, np)?;
+        mechanics.check(&system)?;
+        system.mechanics = Some(Arc::new(mechanics));
+        Ok(system)
+    }
+
+    /// Its equations of motion with contacts, if it has any.
+    pub fn mechanics(&self) -> Option<&Arc<Mechanics>> {
+        self.mechanics.as_ref()
+    }
+
+    /// Contacts stand alone: what else moves the velocities is part of `f_v`.
+    pub(super) fn check_alone(&self) -> Result<()> {
+        let more = self.f0.is_some() || self.n_z > 0 || self.algebraic.is_some();
+        let lists = self.subsystems.len() + self.inclusions.len() + self.transitions.len();
+        if more || lists > 0 {
+            return Err(Error::Unsupported(
+                "a scene with contacts takes no f0, subsystems, inclusions, algebraic states or transitions beside it: \
+                 write forces into the scene"
+                    .into(),
+            ));
+        }
+        Ok(())
+    }
+
+    /// An error where the system has contacts, for those who cannot follow them.
+    pub(crate) fn check_without_contacts(&self, who: &str) -> Result<()> {
+        match &self.mechanics {
+            None => Ok(()),
+            Some(_) => Err(Error::Unsupported(format!(
+                "{who} cannot follow contacts: simulate the scene event-driven or by time stepping"
+            ))),
+        }
+    }
+}
