@@ -173,9 +173,135 @@ static void problems(void)
     swb_expr_free(g);
 }
 
+/* x' = w - x/2 with w on below 1 and off above 1.5; where it goes on x is raised by a tenth. */
+static swb_model *heater(swb_expr *g)
+{
+    static const double numbers[5] = {0.5, 1.0, 1.5, 0.1, 0.0}, initial[1] = {1.0}, off = 0.0, on = 1.0;
+    static const int64_t state = 0, heat = 1, missing = 7, negative = -1;
+    static const double nan_ = 0.0 / 0.0;
+    int64_t x[2], c[5], rhs[2], low, high, raised, index = -1, n = 0, m = 0, condition;
+    swb_model *model = NULL;
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_X, 0, x, 2));
+    CHECK_OK(swb_expr_constants(g, numbers, 5, c, 5));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &c[0], &x[0], NULL, &rhs[0], 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SUB, &x[1], &rhs[0], NULL, &rhs[0], 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SUB, &x[0], &c[1], NULL, &low, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SUB, &x[0], &c[2], NULL, &high, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ADD, &x[0], &c[3], NULL, &raised, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_POSITIVE, &low, NULL, NULL, &condition, 1));
+    rhs[1] = c[4];
+    CHECK_OK(swb_model_create(g, "heater", 2, 0, 0, rhs, "x\nheat", NULL, &model));
+
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_set_discrete(model, numbers, 3));
+    CHECK_STATUS(SWB_ERR_STATE, swb_model_set_discrete(model, numbers, 2)); /* x moves */
+    CHECK(strstr(swb_last_error(), "state x is discrete") != NULL);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_set_discrete(model, &nan_, 1));
+    CHECK_OK(swb_model_transition_counts(model, &n, &m));
+    CHECK(n == 0 && m == 0);
+    CHECK_OK(swb_model_set_discrete(model, initial, 1));
+
+    CHECK_STATUS(SWB_ERR_STATE, swb_model_add_transition(model, g, low, SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, NULL, 0, NULL, 0,
+                                                         NULL, 0, NULL, 0, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, low, 5, &heat, 1, &off, 1, NULL, 0, NULL, 0, &heat, 1, &on, 1,
+                                                         &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, condition, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, NULL, 0,
+                                                         NULL, 0, &heat, 1, &on, 1, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, -4, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, NULL, 0, NULL, 0,
+                                                         &heat, 1, &on, 1, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, low, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &missing, 1,
+                                                         &raised, 1, &heat, 1, &on, 1, &index));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_add_transition(model, g, low, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &negative, 1,
+                                                         &raised, 1, &heat, 1, &on, 1, &index));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_add_transition(model, g, low, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &state, 1,
+                                                             NULL, 0, &heat, 1, &on, 1, &index));
+    CHECK(index == -1);
+    CHECK_OK(swb_model_add_transition(model, g, low, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &state, 1, &raised, 1, &heat, 1,
+                                      &on, 1, &index));
+    CHECK(index == 0);
+    CHECK_OK(swb_model_add_transition(model, g, high, SWB_DIRECTION_RISING, &heat, 1, &on, 1, NULL, 0, NULL, 0, &heat, 1, &off, 1,
+                                      NULL));
+    return model;
+}
+
+static swb_run *heated(const swb_model *model)
+{
+    static const double x0[2] = {1.2, 1.0};
+    swb_system *system = NULL;
+    swb_integrator *integrator = NULL;
+    swb_run *run = NULL;
+    int32_t outcome = -1;
+    CHECK_OK(swb_model_system(model, &system));
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, x0, 2));
+    CHECK_OK(swb_integrator_advance(integrator, 10.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_run(integrator, &run));
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    return run;
+}
+
+/* Transitions and discrete states return, and what returns runs alike to the last bit. */
+static void transitions(void)
+{
+    swb_expr *g = NULL, *h = NULL;
+    swb_model *model, *again = NULL;
+    swb_run *run, *run2;
+    swb_run_info info, info2;
+    char *text;
+    double initial = -1.0, from_value = -1.0, to_value = -1.0, x[2], x2[2];
+    int64_t n = -1, m = -1, rhs[2], guard = -1, from = -1, reset = -1, to = -1, id = -1, sizes[3];
+    int32_t direction = -1;
+    CHECK_OK(swb_expr_create(&g));
+    CHECK_OK(swb_expr_create(&h));
+    model = heater(g);
+    text = model_text(model);
+    CHECK_OK(swb_model_from_json(h, text, NULL, 0, rhs, 2, &again));
+    CHECK_OK(swb_model_transition_counts(again, &n, &m));
+    CHECK(n == 1 && m == 2);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_get_discrete(again, &initial, 2));
+    CHECK_OK(swb_model_get_discrete(again, &initial, 1));
+    CHECK(initial == 1.0);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_transition_sizes(again, 2, NULL, NULL, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_transition_sizes(again, -1, NULL, NULL, NULL));
+    CHECK_OK(swb_model_transition_sizes(again, 0, &sizes[0], &sizes[1], &sizes[2]));
+    CHECK(sizes[0] == 1 && sizes[1] == 1 && sizes[2] == 1);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_get_transition(again, 0, &guard, &direction, &from, 1, &from_value, 1, NULL, 0, NULL,
+                                                             0, &to, 1, &to_value, 1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_model_get_transition(again, 0, NULL, &direction, &from, 1, &from_value, 1, &reset, 1, &id, 1, &to,
+                                                        1, &to_value, 1));
+    CHECK(direction == -1 && guard == -1 && from == -1);
+    CHECK_OK(swb_model_get_transition(again, 0, &guard, &direction, &from, 1, &from_value, 1, &reset, 1, &id, 1, &to, 1, &to_value,
+                                      1));
+    CHECK(direction == SWB_DIRECTION_FALLING && from == 1 && from_value == 0.0 && reset == 0 && to == 1 && to_value == 1.0);
+    CHECK(guard >= 0 && id >= 0);
+    CHECK_OK(swb_model_transition_sizes(again, 1, &sizes[0], &sizes[1], &sizes[2]));
+    CHECK(sizes[0] == 1 && sizes[1] == 0 && sizes[2] == 1);
+    run = heated(model);
+    run2 = heated(again);
+    CHECK_OK(swb_run_get_info(run, &info, sizeof info));
+    CHECK_OK(swb_run_get_info(run2, &info2, sizeof info2));
+    CHECK(info.n_jumps == info2.n_jumps && info.n_jumps > 3);
+    CHECK_OK(swb_run_state(run, x, 2));
+    CHECK_OK(swb_run_state(run2, x2, 2));
+    CHECK(x[0] == x2[0] && x[1] == x2[1]);
+    swb_model_free(again);
+    again = NULL;
+    memcpy(strstr(text, "\"falling\""), "\"failing\"", 9);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_from_json(h, text, NULL, 0, NULL, 0, &again));
+    CHECK(again == NULL && strstr(swb_last_error(), "failing") != NULL);
+    free(text);
+    swb_run_free(run);
+    swb_run_free(run2);
+    swb_model_free(model);
+    swb_expr_free(g);
+    swb_expr_free(h);
+}
+
 int main(void)
 {
     models();
+    transitions();
     supplied_functions();
     problems();
     return CHECK_DONE();

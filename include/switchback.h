@@ -3692,7 +3692,8 @@ swb_status swb_model_report(const struct swb_model *model,
                             int64_t *needed);
 
 /**
- * C code of all functions of a model with their derivatives: f0, then modes0, psi0, modes1, ...
+ * C code of all functions of a model with their derivatives: f0, then modes0, psi0, modes1, ..., then guard0 and, if there is
+ * one, reset0, guard1, ...
  *
  * Functions g that are called (swb_expr_call) are declared as g_value, g_jacobian, g_hessian, those that are needed, to
  * be supplied where the code is linked: the arguments are (t, x, u, p, out), of the Hessian (t, x, u, p, weights, out);
@@ -4351,6 +4352,123 @@ swb_status swb_run_jump_sensitivity(const struct swb_run *run,
                                     int64_t index,
                                     double *dt,
                                     int64_t n);
+
+/**
+ * Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
+ * transitions change them. Reports name them and documents keep the values; simulations start where they are told to.
+ *
+ * @param[in] initial [n]
+ * @return SWB_OK; SWB_ERR_DIMENSION if there are more values than states; SWB_ERR_RANGE for a value that is not finite; SWB_ERR_STATE
+ *         if such a state has a derivative
+ */
+SWB_API
+swb_status swb_model_set_discrete(struct swb_model *model,
+                                  const double *initial,
+                                  int64_t n);
+
+/**
+ * Add a transition to a model, and thereby to all systems made of it later; see swb_system_add_transition.
+ *
+ * @param[in]  graph         the graph the model was made of
+ * @param[in]  guard         an expression
+ * @param[in]  direction     enum swb_direction
+ * @param[in]  from_states   [n_from_states] discrete states that must have the values
+ * @param[in]  from_values   [n_from_values] for the transition to be watched; none: always
+ * @param[in]  reset_states  [n_reset_states] states that become what
+ * @param[in]  resets        [n_resets] these expressions of the state before say; the others stay as they are
+ * @param[in]  to_states     [n_to_states] discrete states that get the values
+ * @param[in]  to_values     [n_to_values] behind the reset
+ * @param[out] index         number of the transition; may be NULL
+ * @return as swb_system_add_transition; SWB_ERR_RANGE for conditions and for guards and resets that switch
+ */
+SWB_API
+swb_status swb_model_add_transition(struct swb_model *model,
+                                    struct swb_expr *graph,
+                                    int64_t guard,
+                                    int32_t direction,
+                                    const int64_t *from_states,
+                                    int64_t n_from_states,
+                                    const double *from_values,
+                                    int64_t n_from_values,
+                                    const int64_t *reset_states,
+                                    int64_t n_reset_states,
+                                    const int64_t *resets,
+                                    int64_t n_resets,
+                                    const int64_t *to_states,
+                                    int64_t n_to_states,
+                                    const double *to_values,
+                                    int64_t n_to_values,
+                                    int64_t *index);
+
+/**
+ * Numbers of discrete states and of transitions of a model. Any output may be NULL.
+ *
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_model_transition_counts(const struct swb_model *model,
+                                       int64_t *n_discrete,
+                                       int64_t *n_transitions);
+
+/**
+ * Values with which the discrete states, the last ones, begin.
+ *
+ * @param[out] initial [n] n_discrete of swb_model_transition_counts
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_model_get_discrete(const struct swb_model *model,
+                                  double *initial,
+                                  int64_t n);
+
+/**
+ * How long the lists of a transition of a model are. Any output may be NULL.
+ *
+ * @param[in]  index   of the transition, from 0
+ * @param[out] n_from  discrete states it asks for
+ * @param[out] n_reset states it resets
+ * @param[out] n_to    discrete states it sets
+ * @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition
+ */
+SWB_API
+swb_status swb_model_transition_sizes(const struct swb_model *model,
+                                      int64_t index,
+                                      int64_t *n_from,
+                                      int64_t *n_reset,
+                                      int64_t *n_to);
+
+/**
+ * A transition of a model as it was given to swb_model_add_transition, or read by swb_model_from_json; its expressions are
+ * those of the graph it was made of or read into.
+ *
+ * @param[in]  index        of the transition, from 0
+ * @param[out] guard        an expression
+ * @param[out] direction    enum swb_direction
+ * @param[out] from_states  [n_from_states] n_from of swb_model_transition_sizes
+ * @param[out] from_values  [n_from_values] as many
+ * @param[out] reset_states [n_reset_states] n_reset of swb_model_transition_sizes
+ * @param[out] resets       [n_resets] as many
+ * @param[out] to_states    [n_to_states] n_to of swb_model_transition_sizes
+ * @param[out] to_values    [n_to_values] as many
+ * @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition or a length is another
+ */
+SWB_API
+swb_status swb_model_get_transition(const struct swb_model *model,
+                                    int64_t index,
+                                    int64_t *guard,
+                                    int32_t *direction,
+                                    int64_t *from_states,
+                                    int64_t n_from_states,
+                                    double *from_values,
+                                    int64_t n_from_values,
+                                    int64_t *reset_states,
+                                    int64_t n_reset_states,
+                                    int64_t *resets,
+                                    int64_t n_resets,
+                                    int64_t *to_states,
+                                    int64_t n_to_states,
+                                    double *to_values,
+                                    int64_t n_to_values);
 
 /**
  * Create an integrator. Time, state, controls and parameters are zero until they are set.
@@ -5681,8 +5799,8 @@ SWB_API swb_status swb_multiphase_interrupt(const struct swb_multiphase *m);
 SWB_API void swb_multiphase_free(struct swb_multiphase *m);
 
 /**
- * A model as a document in JSON, for bug reports and to pass it on: its expressions, names and trial point. Functions that
- * are called are named.
+ * A model as a document in JSON, for bug reports and to pass it on: its expressions, names and trial point, its discrete
+ * states with the values they begin with, and its transitions. Functions that are called are named.
  *
  * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
  * @param[out] needed length with the final NUL; may be NULL

@@ -4,15 +4,16 @@ use std::sync::Arc;
 
 use switchback::document::{read, write_model, write_ocp, write_simulation, Document, Simulation};
 use switchback::error::{Error, Result};
+use switchback::event::{Engine, Options};
 use switchback::expr::{Dag, Expr, Graph, Piecewise};
 use switchback::fesd::PathAt;
 use switchback::func::{Callback, Dims, Function, Point};
-use switchback::model::{Built, Model, Names, Trial};
+use switchback::model::{Built, Model, Names, Transition, Trial};
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{CostAt, Durations, Norm, Ocp};
 use switchback::settings::{InitialGuess, Settings};
 use switchback::sim::Simulator;
-use switchback::system::{Inclusion, System};
+use switchback::system::{Direction, Inclusion, System};
 
 #[path = "../examples/report/expression_models.rs"]
 mod expression_models;
@@ -259,6 +260,151 @@ fn inclusions_and_algebraic_equations_return() {
     assert!(matches!(read(&wrong, &[]), Err(Error::Dimension(_))));
 }
 
+/// A cart with friction that a spring pushes to and fro: a discrete state says which way, another counts, and the speed jumps.
+fn cart() -> Built {
+    let g = Graph::new();
+    let (x, v, push, count, t) = (g.x(0), g.x(1), g.x(2), g.x(3), g.t());
+    let table = Piecewise::steps(&[-0.5, 0.5], &[-1.0, 0.0, 1.0 / 3.0]).unwrap();
+    let zero = g.constant(0.0);
+    let force = g.piecewise(&table, push) * (1.0 + g.p(0) * (2.0 * t).sin());
+    let mut m = Model::from_rhs("cart", 0, 1, &[v, force - 0.1 * v.sign() - 0.2 * x, zero, zero]).unwrap();
+    let names = |all: &[&str]| all.iter().map(|s| (*s).to_owned()).collect::<Vec<_>>();
+    m.set_names(Names { x: names(&["x", "v", "push", "count"]), u: vec![], p: names(&["a"]) });
+    m.set_discrete(&[1.0, 0.0]).unwrap();
+    for (from, direction) in [(1.0, Direction::Rising), (-1.0, Direction::Falling)] {
+        let t = Transition {
+            guard: (x - from * (0.3 + 0.1 * g.p(0) * t)).id(),
+            direction,
+            from: vec![(2, from)],
+            reset: vec![(3, (count + 1.0).id()), (1, (v * 0.9 + 0.1 * t.cos()).id())],
+            to: vec![(2, -from)],
+        };
+        m.add_transition(t);
+    }
+    m.build(&g).unwrap()
+}
+
+/// Everything a run says, to the last bit.
+fn run_of(system: &System) -> (Vec<u64>, usize) {
+    let mut e = Engine::new(system, &Options { sensitivity: true, ..Options::with_tolerance(1e-10, 1e-10) }).unwrap();
+    e.reinit(0.0, &[0.0, 0.4, 1.0, 0.0]).unwrap();
+    e.set_params(&[0.2]).unwrap();
+    e.advance(12.0).unwrap();
+    let mut all = e.state().to_vec();
+    all.extend_from_slice(e.sensitivity().unwrap());
+    for j in e.jumps() {
+        all.push(j.t);
+        all.extend([&j.before, &j.after, &j.dt].into_iter().flatten());
+    }
+    all.extend(e.switches().iter().map(|s| s.t));
+    (all.into_iter().map(f64::to_bits).collect(), e.jumps().len())
+}
+
+#[test]
+fn transitions_and_discrete_states_return_and_run_alike_to_the_last_bit() {
+    let b = cart();
+    let text = write_model(b.source().unwrap()).unwrap();
+    let again = rebuilt(&text, &[]).unwrap();
+    // nodes that only transitions need are younger now, so the text is another one, once
+    let second = write_model(again.source().unwrap()).unwrap();
+    assert_eq!(write_model(rebuilt(&second, &[]).unwrap().source().unwrap()).unwrap(), second);
+    let report = b.report.to_string();
+    assert_eq!(again.report.to_string(), report);
+    assert!(report.contains("discrete: push, count\n"), "{report}");
+    assert!(report.contains("transition 0: push 1 -> -1, count := "), "{report}");
+    // what never moves by itself needs no warning
+    assert!(!report.contains("constant") && !report.contains("jumps or has kinks"), "{report}");
+    assert_eq!((again.discrete(), again.transitions().len()), (&[1.0, 0.0][..], 2));
+    assert_eq!(again.functions.len(), b.functions.len());
+    for (f, g) in b.functions.iter().zip(&again.functions) {
+        assert_eq!((f.name(), values(f.as_ref())), (g.name(), values(g.as_ref())));
+    }
+    let (run, n) = run_of(&b.system);
+    assert!(n > 3, "{n} jumps");
+    assert_eq!(run_of(&again.system).0, run);
+
+    // as part of a system of functions
+    let s = Simulation {
+        system: b.system,
+        settings: Settings::default(),
+        t0: 0.0,
+        x0: vec![0.0, 0.4, 1.0, 0.0],
+        u: vec![],
+        p: vec![0.2],
+        duration: 1.0,
+        n_steps: 1,
+    };
+    let text = write_simulation(&s).unwrap();
+    let Document::Simulation(again) = read(&text, &[]).unwrap() else { panic!("no simulation") };
+    assert_eq!(write_simulation(&again).unwrap(), text);
+    assert_eq!(run_of(&again.system).0, run);
+    for (from, to, expected) in [
+        ("\"from\":[{\"state\":2", "\"from\":[{\"state\":9", "names the state 9"),
+        ("\"direction\":\"rising\"", "\"direction\":\"upwards\"", "unknown variant `upwards`"),
+        ("\"to\":[{", "\"to\":[{\"state\":2,\"value\":4},{", "names the state 2 twice"),
+    ] {
+        assert!(text.contains(from), "{from} is not in the document");
+        let e = read(&text.replacen(from, to, 1), &[]).map(|_| ()).unwrap_err().to_string();
+        assert!(e.contains(expected), "{to}: {e}");
+    }
+}
+
+#[test]
+fn transitions_that_make_no_sense_are_refused_in_words() {
+    let text = write_model(cart().source().unwrap()).unwrap();
+    let cases = [
+        ("\"state\":2", "\"state\":4", "transition 0: `from` names the state 4, but there are 4"),
+        ("\"state\":2", "\"state\":18446744073709551615", "names the state 18446744073709551615"),
+        ("\"state\":2", "\"state\":-1", "invalid value: integer `-1`"),
+        ("\"from\":[{", "\"from\":[{\"state\":2,\"value\":1.0},{", "`from` names the state 2 twice"),
+        ("\"to\":[{", "\"to\":[{\"state\":2,\"value\":1.0},{", "`to` names the state 2 twice"),
+        ("\"value\":-1.0", "\"value\":NaN", "line 1"),
+        ("\"value\":-1.0", "\"value\":1e999", "number out of range"),
+        ("\"value\":-1.0", "\"value\":null", "invalid type: null"),
+        ("\"direction\":\"rising\"", "\"direction\":\"up\"", "unknown variant `up`, expected `rising` or `falling`"),
+        ("\"direction\":\"rising\",", "", "missing field `direction`"),
+        ("\"reset\":[3,1]", "\"reset\":[3,3]", "the reset names the state 3 twice"),
+        ("\"reset\":[3,1]", "\"reset\":[3,4]", "the reset names the state 4, but there are 4"),
+        ("\"reset\":[3,1]", "\"reset\":[3]", "transition 0: a transition that resets 1 states has 3 expressions"),
+        ("\"discrete\":[1.0,0.0]", "\"discrete\":[1.0,0.0,0.0]", "state v is discrete"),
+        ("\"discrete\":[1.0,0.0]", "\"discrete\":[0,0,0,0,0,0]", "6 discrete states, but the model has 4"),
+        ("\"discrete\":[1.0,0.0]", "\"discrete\":[1.0,1e999]", "number out of range"),
+    ];
+    for (from, to, expected) in cases {
+        assert!(text.contains(from), "{from} is not in the document {text}");
+        let said = refusal(&text.replacen(from, to, 1));
+        assert!(said.contains(expected), "{to}: {said}");
+    }
+    let with = |list: &str| {
+        let plain = model(r#"["x",0],["x",1],["const",0],["positive",0]"#, "1,2", "");
+        plain.replace("}}}", &format!("}},\"transitions\":[{list}]}}}}"))
+    };
+    let jump = |nodes: &str, roots: &str, rest: &str| {
+        with(&format!(r#"{{"expressions":{{"nodes":[{nodes}],"roots":[{roots}]}},"direction":"rising"{rest}}}"#))
+    };
+    let to = r#","to":[{"state":1,"value":1}]"#;
+    rebuilt(&jump(r#"["x",0]"#, "0", to), &[]).unwrap();
+    for (text, expected) in [
+        (jump(r#"["x",0]"#, "0", ""), "transition 0 changes nothing"),
+        (jump(r#"["x",0]"#, "", to), "0 states has 0 expressions"),
+        (jump(r#"["x",0]"#, "7", to), "transition 0: refers to node 7"),
+        (jump(r#"["x",2]"#, "0", to), "x[2]"),
+        (jump(r#"["x",0],["positive",0]"#, "1", to), "is a condition"),
+        (jump(r#"["x",0],["positive",0],["const",1],["neg",2],["where",1,2,3]"#, "4", to), "guard0: sign"),
+        (jump(r#"["x",0]"#, "0", &format!("{to},\"more\":1")), "unknown field `more`"),
+    ] {
+        let said = refusal(&text);
+        assert!(said.contains(expected), "{said}\nexpected: {expected}\n{text}");
+    }
+    // many resets of many states are many outputs
+    let roots = vec!["0"; 1 << 14].join(",");
+    let one = r#"{"expressions":{"nodes":[["x",0]],"roots":[0,0]},"direction":"rising","reset":[0]}"#;
+    let many = vec![one; 1 << 13].join(",");
+    let large = model(r#"["x",0]"#, &roots, "").replace("}}}", &format!("}},\"transitions\":[{many}]}}}}"));
+    let said = refusal(&large);
+    assert!(said.contains("the resets: 8192 times 16384 entries"), "{said}");
+}
+
 fn drag(name: &str, n_out: usize) -> Arc<dyn Function> {
     let dims = Dims { x: 1, u: 0, p: 0 };
     Arc::new(Callback::new(name, dims, n_out, |at, out| {
@@ -441,7 +587,8 @@ fn sizes_of_problems_are_judged_before_anything_is_allocated() {
 #[test]
 fn damaged_documents_end_with_an_error_or_an_object() {
     let ocp = problem();
-    let texts = [write_model(rich().source().unwrap()).unwrap(), write_ocp(&ocp, ocp.settings()).unwrap()];
+    let texts = [rich(), cart()].map(|b| write_model(b.source().unwrap()).unwrap());
+    let texts = [&texts[0], &texts[1], &write_ocp(&ocp, ocp.settings()).unwrap()];
     let try_it = |text: &str| match read(text, &[]) {
         Ok(Document::Model(m)) => {
             let mut dag = Dag::new();
@@ -459,7 +606,7 @@ fn damaged_documents_end_with_an_error_or_an_object() {
         ((state >> 33) % n as u64) as usize
     };
     let replacements: [&str; 12] = ["0", "1", "7", "-", "\"", "[", "]", "4294967295", "1e308", "-1", "null", "[[1]]"];
-    for text in &texts {
+    for text in texts {
         let cuts =
             (0..text.len()).filter(|&k| text.is_char_boundary(k)).step_by(if text.len() > 4000 { 23 } else { 1 });
         for k in cuts {

@@ -144,6 +144,47 @@ static void count(const swb_settings *s)
     DO(swb_run_jump_sensitivity, run, 0, dt, 2);
 }
 
+/* A model with a discrete state and transitions, which is kept as a document, too. */
+static void heater(const swb_settings *s)
+{
+    static const double start[2] = {0.4, 0.0}, numbers[2] = {1.0, 0.0}, off = 0.0, on = 1.0;
+    static const int64_t x_ = 0, heat = 1;
+    int64_t x[2], c[2], rhs[2], guard, raised, from, reset, to, id, n;
+    double value, initial;
+    int32_t direction, outcome;
+    swb_expr *graph = NULL;
+    swb_model *model = NULL;
+    swb_system *system = NULL;
+    swb_integrator *it = NULL;
+    MUST(swb_expr_create(&graph));
+    pool_add(T_swb_expr, graph);
+    MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 2));
+    MUST(swb_expr_constants(graph, numbers, 2, c, 2));
+    MUST(swb_expr_apply(graph, SWB_OPERATOR_SUB, &x[1], &x[0], NULL, &rhs[0], 1));
+    MUST(swb_expr_apply(graph, SWB_OPERATOR_MUL, &x[0], &x[0], NULL, &raised, 1));
+    MUST(swb_expr_apply(graph, SWB_OPERATOR_SUB, &x[0], &c[0], NULL, &guard, 1));
+    rhs[1] = c[1];
+    if (!DO(swb_model_create, graph, "heater", 2, 0, 0, rhs, "x\nheat", NULL, &model))
+        return;
+    pool_add(T_swb_model, model);
+    DO(swb_model_set_discrete, model, &off, 1);
+    DO(swb_model_add_transition, model, graph, x[0], SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &x_, 1, &raised, 1, &heat, 1, &on, 1, NULL);
+    DO(swb_model_add_transition, model, graph, guard, SWB_DIRECTION_RISING, &heat, 1, &on, 1, NULL, 0, NULL, 0, &heat, 1, &off, 1, &n);
+    DO(swb_model_transition_counts, model, &n, NULL);
+    DO(swb_model_get_discrete, model, &initial, 1);
+    DO(swb_model_transition_sizes, model, 0, &n, NULL, NULL);
+    DO(swb_model_get_transition, model, 0, &n, &direction, &from, 1, &value, 1, &reset, 1, &id, 1, &to, 1, &initial, 1);
+    keep_document(write_model, model);
+    if (!DO(swb_model_system, model, &system))
+        return;
+    pool_add(T_swb_system, system);
+    if (!DO(swb_integrator_create, system, s, &it))
+        return;
+    pool_add(T_swb_integrator, it);
+    DO(swb_integrator_reinit, it, 0.0, start, 2);
+    DO(swb_integrator_advance, it, 2.0, &outcome);
+}
+
 /* Derivatives of a function, dense in the states. */
 static void give_derivatives(swb_function *f, int64_t nx, int64_t nu, int64_t np, int64_t n_out)
 {
@@ -385,6 +426,8 @@ void world_create(struct random *r)
         simulate(r, &f, &s);
     if (random_once_in(r, 2))
         count(&s);
+    if (random_once_in(r, 2))
+        heater(&s);
     if (random_once_in(r, 2))
         solve_program(r, &s);
 }

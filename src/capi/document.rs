@@ -37,8 +37,8 @@ fn model_of(document: Document) -> Result<Box<SavedModel>> {
     }
 }
 
-/// A model as a document in JSON, for bug reports and to pass it on: its expressions, names and trial point. Functions that
-/// are called are named.
+/// A model as a document in JSON, for bug reports and to pass it on: its expressions, names and trial point, its discrete
+/// states with the values they begin with, and its transitions. Functions that are called are named.
 ///
 /// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
 /// @param[out] needed length with the final NUL; may be NULL

@@ -542,7 +542,8 @@ pub unsafe extern "C" fn swb_model_report(
     })
 }
 
-/// C code of all functions of a model with their derivatives: f0, then modes0, psi0, modes1, ...
+/// C code of all functions of a model with their derivatives: f0, then modes0, psi0, modes1, ..., then guard0 and, if there is
+/// one, reset0, guard1, ...
 ///
 /// Functions g that are called (swb_expr_call) are declared as g_value, g_jacobian, g_hessian, those that are needed, to
 /// be supplied where the code is linked: the arguments are (t, x, u, p, out), of the Hessian (t, x, u, p, weights, out);

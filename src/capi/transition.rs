@@ -23,7 +23,7 @@ pub enum swb_direction {
 }
 
 /// Discrete states and their values.
-unsafe fn values_of(
+pub(super) unsafe fn values_of(
     (states, n_states): (*const i64, i64),
     (values, n_values): (*const f64, i64),
     what: &str,
@@ -38,6 +38,14 @@ unsafe fn values_of(
     }
     let bad = |s: i64| Error::Range(format!("`{what}` names the state {s}: states count from 0"));
     states.iter().zip(values).map(|(&s, &v)| Ok((usize::try_from(s).map_err(|_| bad(s))?, v))).collect()
+}
+
+pub(super) fn direction_of(direction: i32) -> Result<Direction> {
+    match direction {
+        0 => Ok(Direction::Rising),
+        1 => Ok(Direction::Falling),
+        d => Err(Error::Range(format!("direction is {d}: give an enum swb_direction"))),
+    }
 }
 
 /// Add a transition: where the guard passes zero in its direction while the discrete states are as `from` says, the state
@@ -78,11 +86,7 @@ pub unsafe extern "C" fn swb_system_add_transition(
     self::guard(|| unsafe {
         let transition = Transition {
             guard: shared(guard, "guard")?,
-            direction: match direction {
-                0 => Direction::Rising,
-                1 => Direction::Falling,
-                d => return Err(Error::Range(format!("direction is {d}: give an enum swb_direction"))),
-            },
+            direction: direction_of(direction)?,
             from: values_of((from_states, n_from_states), (from_values, n_from_values), "from")?,
             reset: if reset.is_null() { None } else { Some(shared(reset, "reset")?) },
             to: values_of((to_states, n_to_states), (to_values, n_to_values), "to")?,

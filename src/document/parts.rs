@@ -9,9 +9,10 @@ use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, SavedGraph, Signature};
 use crate::func::{Dims, Function};
 use crate::memory::sizes::check as sizes;
+use crate::model::{SavedDirection, SavedValue};
 use crate::ocp::Linear;
 use crate::settings::{Settings, Value, OPTIONS};
-use crate::system::{Inclusion, Regions, SharedFunction, Subsystem, System};
+use crate::system::{Inclusion, Regions, SharedFunction, Subsystem, System, Transition};
 
 /// Numbers of which some may be infinite, which JSON writes as text.
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -158,6 +159,21 @@ pub(super) struct SavedSystem {
     algebraic: usize,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     algebraic_equations: Option<SavedFunction>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    transitions: Vec<SavedTransition>,
+}
+
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedTransition {
+    guard: SavedFunction,
+    direction: SavedDirection,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    from: Vec<SavedValue>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    reset: Option<SavedFunction>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    to: Vec<SavedValue>,
 }
 
 #[derive(Clone, Serialize, Deserialize)]
@@ -204,6 +220,15 @@ impl SavedSystem {
             let (f, psi) = (SavedFunction::new(&i.f)?, SavedFunction::new(&i.psi)?);
             Ok(SavedInclusion { rows: i.rows.clone(), f, psi })
         };
+        let transition = |t: &Transition| -> Result<SavedTransition> {
+            Ok(SavedTransition {
+                guard: SavedFunction::new(&t.guard)?,
+                direction: t.direction.into(),
+                from: SavedValue::list(&t.from),
+                reset: t.reset.as_ref().map(SavedFunction::new).transpose()?,
+                to: SavedValue::list(&t.to),
+            })
+        };
         Ok(SavedSystem {
             states: d.x,
             controls: d.u,
@@ -213,6 +238,7 @@ impl SavedSystem {
             inclusions: system.inclusions().iter().map(inclusion).collect::<Result<_>>()?,
             algebraic: system.n_algebraic(),
             algebraic_equations: system.algebraic().map(SavedFunction::new).transpose()?,
+            transitions: system.transitions().iter().map(transition).collect::<Result<_>>()?,
         })
     }
 
@@ -239,6 +265,15 @@ impl SavedSystem {
         }
         let equations = self.algebraic_equations.as_ref().map(|g| g.restore(supplied)).transpose()?;
         system.set_algebraic(self.algebraic, equations)?;
+        for t in &self.transitions {
+            system.add_transition(Transition {
+                guard: t.guard.restore(supplied)?,
+                direction: t.direction.into(),
+                from: SavedValue::values(&t.from),
+                reset: t.reset.as_ref().map(|r| r.restore(supplied)).transpose()?,
+                to: SavedValue::values(&t.to),
+            })?;
+        }
         Ok(system)
     }
 }

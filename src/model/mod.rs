@@ -16,9 +16,13 @@ mod reach;
 mod report;
 mod saved;
 mod simplex;
+mod transition;
 
 pub use report::{Counts, Group, Note, NoteKind, Report};
 pub use saved::SavedModel;
+pub use transition::Transition;
+
+pub(crate) use saved::{SavedDirection, SavedValue};
 
 use std::sync::Arc;
 
@@ -96,6 +100,8 @@ pub struct Model {
     names: Names,
     rhs: Vec<Option<Id>>,
     trial: Option<Trial>,
+    discrete: Vec<f64>,
+    transitions: Vec<Transition>,
 }
 
 /// What a model became.
@@ -106,17 +112,30 @@ pub struct Built {
     /// What it consists of, what it costs, what was dropped.
     pub report: Report,
     /// The functions of the system, to be written out or evaluated: smooth part, then modes and switching functions
-    /// of every subsystem.
+    /// of every subsystem, then guard and reset of every transition.
     pub functions: Vec<Arc<ExprFunction>>,
     /// Sizes of the model.
     pub dims: Dims,
     saved: Arc<Result<SavedModel>>,
+    names: Names,
+    /// States that nothing drives.
+    still: Vec<bool>,
+    discrete: Vec<f64>,
+    transitions: Vec<Transition>,
 }
 
 impl Built {
     /// The model it was built from, for documents; an error if it cannot be saved.
     pub fn source(&self) -> Result<&SavedModel> {
         self.saved.as_ref().as_ref().map_err(Error::clone)
+    }
+
+    /// Changes what documents say of the model; what cannot be saved makes the whole model one that cannot.
+    fn change_source(&mut self, change: impl FnOnce(&mut SavedModel) -> Result<()>) {
+        let saved = Arc::make_mut(&mut self.saved);
+        if let Err(e) = saved.as_mut().map_err(|e| e.clone()).and_then(change) {
+            *saved = Err(e);
+        }
     }
 }
 
@@ -132,6 +151,8 @@ impl Model {
             names: Names::default(),
             rhs: vec![None; nx],
             trial: None,
+            discrete: Vec::new(),
+            transitions: Vec::new(),
         })
     }
 
@@ -212,7 +233,14 @@ impl Model {
                 subsystems.push(c);
             }
         }
-        b.assemble(&f0, &subsystems, saved)
+        let mut built = b.assemble(&f0, &subsystems, saved)?;
+        if !self.discrete.is_empty() {
+            built.set_discrete(&self.discrete)?;
+        }
+        for t in &self.transitions {
+            built.add_transition(dag, t.clone())?;
+        }
+        Ok(built)
     }
 
     fn check_size(&self, dag: &Dag) -> Result<()> {
@@ -462,8 +490,8 @@ impl Builder<'_> {
                 signs,
             });
         }
-        self.lint_states(f0, subsystems);
-        self.lint_tables(f0, subsystems);
+        let still = self.lint_states(f0, subsystems);
+        self.lint_tables(f0, subsystems, &still);
         self.lint_trial(&functions, subsystems);
         let t_col = d.t_col();
         let clock = functions.iter().any(|f| !f.jac_pattern().rows(t_col).is_empty());
@@ -475,9 +503,22 @@ impl Builder<'_> {
             clock,
             n_smooth: smooth.len(),
             groups,
+            discrete: Vec::new(),
+            transitions: Vec::new(),
             notes: self.notes,
         };
-        Ok(Built { system, report, functions, dims: d, saved })
+        let names = self.model.names.clone();
+        Ok(Built {
+            system,
+            report,
+            functions,
+            dims: d,
+            saved,
+            names,
+            still,
+            discrete: Vec::new(),
+            transitions: Vec::new(),
+        })
     }
 
     /// Gradient of an expression with respect to states and time: indices (`nx` is the time) and entries.
@@ -586,24 +627,26 @@ impl Builder<'_> {
         }))
     }
 
-    fn lint_states(&mut self, f0: &[Id], subsystems: &[Cells]) {
-        for (i, &f) in f0.iter().enumerate() {
-            if self.dag.as_const(f) == Some(0.0) && !subsystems.iter().any(|c| c.rows.contains(&i)) {
-                let text = format!("state {} is constant: a parameter costs less", self.model.names.of(Block::X, i));
-                self.note(NoteKind::Info, text);
-            }
+    /// States that nothing drives.
+    fn lint_states(&mut self, f0: &[Id], subsystems: &[Cells]) -> Vec<bool> {
+        let driven = |i: usize| subsystems.iter().any(|c| c.rows.contains(&i));
+        let still: Vec<bool> =
+            f0.iter().enumerate().map(|(i, &f)| self.dag.as_const(f) == Some(0.0) && !driven(i)).collect();
+        for (i, _) in still.iter().enumerate().filter(|s| *s.1) {
+            let text = transition::constant_note(&self.model.names.of(Block::X, i));
+            self.note(NoteKind::Info, text);
         }
+        still
     }
 
-    /// Tables that jump are followed without switch detection.
-    fn lint_tables(&mut self, f0: &[Id], subsystems: &[Cells]) {
+    /// Tables that jump are followed without switch detection; those of discrete states never jump between transitions.
+    fn lint_tables(&mut self, f0: &[Id], subsystems: &[Cells], still: &[bool]) {
         let mut roots = f0.to_vec();
         roots.extend(subsystems.iter().flat_map(|c| c.modes.iter().flat_map(|m| m.1.iter().copied())));
         let rough: Vec<Id> = self.dag.reachable(&roots).into_iter().filter(|&i| self.dag.smoothness(i) < 1).collect();
         for id in rough {
-            let argument =
-                self.dag.reachable(&[id]).into_iter().any(|i| matches!(self.dag.node(i), Node::Input(Block::X, _)));
-            if argument {
+            let moves = |i: Id| matches!(self.dag.node(i), Node::Input(Block::X, k) if !still[k as usize]);
+            if self.dag.reachable(&[id]).into_iter().any(moves) {
                 let text = format!(
                     "{} jumps or has kinks and depends on the state: its breaks are not found as switches; use a table \
                      with switching functions",

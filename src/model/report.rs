@@ -137,6 +137,10 @@ pub struct Report {
     pub n_smooth: usize,
     /// Subsystems.
     pub groups: Vec<Group>,
+    /// Names of the discrete states.
+    pub discrete: Vec<String>,
+    /// The transitions in words.
+    pub transitions: Vec<String>,
     /// Remarks.
     pub notes: Vec<Note>,
 }
@@ -203,7 +207,8 @@ impl Report {
             .collect();
         format!(
             "{{\"name\":{},\"states\":{},\"controls\":{},\"parameters\":{},\"clock\":{},\"smooth\":{},\
-             \"switching_functions\":{},\"regions\":{},\"algebraic\":{},\"pairs\":{},\"groups\":[{}],\"notes\":[{}]}}",
+             \"switching_functions\":{},\"regions\":{},\"algebraic\":{},\"pairs\":{},\"groups\":[{}],\
+             \"discrete\":{},\"transitions\":{},\"notes\":[{}]}}",
             quoted(&self.name),
             self.n_states,
             self.n_controls,
@@ -215,6 +220,8 @@ impl Report {
             self.n_algebraic(),
             self.n_pairs(),
             groups.join(","),
+            list(&self.discrete),
+            list(&self.transitions),
             notes.join(",")
         )
     }
@@ -276,6 +283,12 @@ impl fmt::Display for Report {
             plural(self.n_algebraic(), "algebraic variable"),
             plural(self.n_pairs(), "pair")
         )?;
+        if !self.discrete.is_empty() {
+            writeln!(f, "  discrete: {}", self.discrete.join(", "))?;
+        }
+        for (k, t) in self.transitions.iter().enumerate() {
+            writeln!(f, "  transition {k}: {t}")?;
+        }
         for n in &self.notes {
             writeln!(f, "  {}: {}", n.kind.name(), n.text)?;
         }

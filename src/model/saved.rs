@@ -2,11 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::{Model, Names, Trial};
+use super::{Model, Names, Transition, Trial};
 use crate::error::{Error, Result};
 use crate::expr::{Dag, Id, SavedGraph};
 use crate::func::Function;
 use crate::memory::sizes;
+use crate::system::Direction;
 use std::sync::Arc;
 
 /// Name, sizes and derivatives of a model; there are as many states as derivatives.
@@ -21,6 +22,11 @@ pub struct SavedModel {
     derivatives: SavedGraph,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     trial: Option<SavedTrial>,
+    /// Values with which the last states, which are discrete, begin.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    discrete: Vec<f64>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    transitions: Vec<SavedTransition>,
 }
 
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
@@ -40,6 +46,96 @@ struct SavedTrial {
     p: Vec<f64>,
 }
 
+/// A discrete state and a value of it.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct SavedValue {
+    state: usize,
+    value: f64,
+}
+
+impl SavedValue {
+    pub(crate) fn list(values: &[(usize, f64)]) -> Vec<SavedValue> {
+        values.iter().map(|&(state, value)| SavedValue { state, value }).collect()
+    }
+
+    pub(crate) fn values(list: &[SavedValue]) -> Vec<(usize, f64)> {
+        list.iter().map(|v| (v.state, v.value)).collect()
+    }
+}
+
+/// The direction of a guard.
+#[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum SavedDirection {
+    Rising,
+    Falling,
+}
+
+impl From<Direction> for SavedDirection {
+    fn from(d: Direction) -> SavedDirection {
+        match d {
+            Direction::Rising => SavedDirection::Rising,
+            Direction::Falling => SavedDirection::Falling,
+        }
+    }
+}
+
+impl From<SavedDirection> for Direction {
+    fn from(d: SavedDirection) -> Direction {
+        match d {
+            SavedDirection::Rising => Direction::Rising,
+            SavedDirection::Falling => Direction::Falling,
+        }
+    }
+}
+
+/// A transition: the first root of the expressions is the guard, the others are what the states in `reset` become.
+#[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedTransition {
+    expressions: SavedGraph,
+    direction: SavedDirection,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    from: Vec<SavedValue>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    reset: Vec<usize>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    to: Vec<SavedValue>,
+}
+
+impl SavedTransition {
+    fn new(dag: &Dag, t: &Transition) -> Result<SavedTransition> {
+        let roots: Vec<Id> = [t.guard].into_iter().chain(t.reset.iter().map(|r| r.1)).collect();
+        Ok(SavedTransition {
+            expressions: SavedGraph::new(dag, &roots)?,
+            direction: t.direction.into(),
+            from: SavedValue::list(&t.from),
+            reset: t.reset.iter().map(|r| r.0).collect(),
+            to: SavedValue::list(&t.to),
+        })
+    }
+
+    fn restore(&self, dag: &mut Dag, supplied: &[Arc<dyn Function>]) -> Result<Transition> {
+        let n = 1 + self.reset.len();
+        if self.expressions.n_roots() != n {
+            return Err(Error::Dimension(format!(
+                "a transition that resets {} states has {} expressions: the guard, and one for each of these",
+                self.reset.len(),
+                self.expressions.n_roots()
+            )));
+        }
+        let roots = self.expressions.restore(dag, supplied)?;
+        Ok(Transition {
+            guard: roots[0],
+            direction: self.direction.into(),
+            from: SavedValue::values(&self.from),
+            reset: self.reset.iter().copied().zip(roots[1..].iter().copied()).collect(),
+            to: SavedValue::values(&self.to),
+        })
+    }
+}
+
 impl SavedModel {
     /// Of a model with all its derivatives.
     ///
@@ -57,7 +153,19 @@ impl SavedModel {
             names: named.then(|| SavedNames { states: n.x.clone(), controls: n.u.clone(), parameters: n.p.clone() }),
             derivatives: SavedGraph::new(dag, &rhs)?,
             trial: model.trial.as_ref().map(|t| SavedTrial { t: t.t, x: t.x.clone(), u: t.u.clone(), p: t.p.clone() }),
+            discrete: Vec::new(),
+            transitions: Vec::new(),
         })
+    }
+
+    pub(super) fn set_discrete(&mut self, initial: &[f64]) -> Result<()> {
+        self.discrete = initial.to_vec();
+        Ok(())
+    }
+
+    pub(super) fn add_transition(&mut self, dag: &Dag, t: &Transition) -> Result<()> {
+        self.transitions.push(SavedTransition::new(dag, t)?);
+        Ok(())
     }
 
     /// The model, with its expressions added to a graph.
@@ -77,6 +185,21 @@ impl SavedModel {
         if let Some(t) = &self.trial {
             model.set_trial(Trial { t: t.t, x: t.x.clone(), u: t.u.clone(), p: t.p.clone() })?;
         }
+        model.set_discrete(&self.discrete)?;
+        // a reset has an output for every state, which a document does not write out
+        sizes::entries("the resets", &[self.transitions.iter().filter(|t| !t.reset.is_empty()).count(), model.dims.x])?;
+        for (k, t) in self.transitions.iter().enumerate() {
+            model.add_transition(t.restore(dag, supplied).map_err(|e| at_transition(k, e))?);
+        }
         Ok(model)
+    }
+}
+
+fn at_transition(k: usize, e: Error) -> Error {
+    let put = |s: String| format!("transition {k}: {s}");
+    match e {
+        Error::Dimension(s) => Error::Dimension(put(s)),
+        Error::Range(s) => Error::Range(put(s)),
+        other => other,
     }
 }

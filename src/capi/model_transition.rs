@@ -1,0 +1,206 @@
+//! Transitions and discrete states of models: guards and resets are expressions.
+
+use super::expr::{swb_expr, swb_model};
+use super::guard::guard;
+use super::handle;
+use super::raw;
+use super::status::swb_status;
+use super::transition::{direction_of, values_of};
+use crate::error::{Error, Result};
+use crate::expr::Id;
+use crate::model::{Built, Transition};
+use crate::system::Direction;
+
+/// Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
+/// transitions change them. Reports name them and documents keep the values; simulations start where they are told to.
+///
+/// @param[in] initial [n]
+/// @return SWB_OK; SWB_ERR_DIMENSION if there are more values than states; SWB_ERR_RANGE for a value that is not finite; SWB_ERR_STATE
+///         if such a state has a derivative
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_set_discrete(model: *mut swb_model, initial: *const f64, n: i64) -> swb_status {
+    guard(|| unsafe {
+        let initial = raw::slice(initial, n, "initial")?;
+        handle::with_mut(model, |m| m.set_discrete(initial))
+    })
+}
+
+/// Add a transition to a model, and thereby to all systems made of it later; see swb_system_add_transition.
+///
+/// @param[in]  graph         the graph the model was made of
+/// @param[in]  guard         an expression
+/// @param[in]  direction     enum swb_direction
+/// @param[in]  from_states   [n_from_states] discrete states that must have the values
+/// @param[in]  from_values   [n_from_values] for the transition to be watched; none: always
+/// @param[in]  reset_states  [n_reset_states] states that become what
+/// @param[in]  resets        [n_resets] these expressions of the state before say; the others stay as they are
+/// @param[in]  to_states     [n_to_states] discrete states that get the values
+/// @param[in]  to_values     [n_to_values] behind the reset
+/// @param[out] index         number of the transition; may be NULL
+/// @return as swb_system_add_transition; SWB_ERR_RANGE for conditions and for guards and resets that switch
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_add_transition(
+    model: *mut swb_model,
+    graph: *mut swb_expr,
+    guard: i64,
+    direction: i32,
+    from_states: *const i64,
+    n_from_states: i64,
+    from_values: *const f64,
+    n_from_values: i64,
+    reset_states: *const i64,
+    n_reset_states: i64,
+    resets: *const i64,
+    n_resets: i64,
+    to_states: *const i64,
+    n_to_states: i64,
+    to_values: *const f64,
+    n_to_values: i64,
+    index: *mut i64,
+) -> swb_status {
+    self::guard(|| unsafe {
+        let direction = direction_of(direction)?;
+        let from = values_of((from_states, n_from_states), (from_values, n_from_values), "from")?;
+        let to = values_of((to_states, n_to_states), (to_values, n_to_values), "to")?;
+        let states = raw::slice(reset_states, n_reset_states, "reset_states")?;
+        let ids = raw::slice(resets, n_resets, "resets")?;
+        if states.len() != ids.len() {
+            return Err(Error::Dimension(format!(
+                "there are {} states to reset and {} expressions: give one for each",
+                states.len(),
+                ids.len()
+            )));
+        }
+        let place = |v: i64, what: &str| {
+            usize::try_from(v).map_err(|_| Error::Range(format!("{what} is {v}: states and expressions count from 0")))
+        };
+        let k = handle::with_mut(graph, |dag| {
+            let guard = dag.id(place(guard, "guard")?)?;
+            let one = |(&s, &id)| Ok((place(s, "reset_states")?, dag.id(place(id, "resets")?)?));
+            let reset = states.iter().zip(ids).map(one).collect::<Result<Vec<(usize, Id)>>>()?;
+            let t = Transition { guard, direction, from, reset, to };
+            handle::with_mut(model, |m| m.add_transition(dag, t))
+        })?;
+        raw::write_optional(index, k as i64);
+        Ok(())
+    })
+}
+
+/// Numbers of discrete states and of transitions of a model. Any output may be NULL.
+///
+/// @return SWB_OK
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_transition_counts(
+    model: *const swb_model,
+    n_discrete: *mut i64,
+    n_transitions: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(model, |m| {
+            raw::write_optional(n_discrete, m.discrete().len() as i64);
+            raw::write_optional(n_transitions, m.transitions().len() as i64);
+            Ok(())
+        })
+    })
+}
+
+/// Values with which the discrete states, the last ones, begin.
+///
+/// @param[out] initial [n] n_discrete of swb_model_transition_counts
+/// @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_get_discrete(model: *const swb_model, initial: *mut f64, n: i64) -> swb_status {
+    guard(|| unsafe { handle::with_ref(model, |m| raw::write_slice(initial, n, m.discrete(), "initial")) })
+}
+
+fn transition(m: &Built, index: i64) -> Result<&Transition> {
+    let all = m.transitions();
+    let found = usize::try_from(index).ok().and_then(|i| all.get(i));
+    found.ok_or_else(|| Error::Dimension(format!("there is no transition {index}, the model has {}", all.len())))
+}
+
+/// How long the lists of a transition of a model are. Any output may be NULL.
+///
+/// @param[in]  index   of the transition, from 0
+/// @param[out] n_from  discrete states it asks for
+/// @param[out] n_reset states it resets
+/// @param[out] n_to    discrete states it sets
+/// @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_transition_sizes(
+    model: *const swb_model,
+    index: i64,
+    n_from: *mut i64,
+    n_reset: *mut i64,
+    n_to: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(model, |m| {
+            let t = transition(m, index)?;
+            raw::write_optional(n_from, t.from.len() as i64);
+            raw::write_optional(n_reset, t.reset.len() as i64);
+            raw::write_optional(n_to, t.to.len() as i64);
+            Ok(())
+        })
+    })
+}
+
+/// A transition of a model as it was given to swb_model_add_transition, or read by swb_model_from_json; its expressions are
+/// those of the graph it was made of or read into.
+///
+/// @param[in]  index        of the transition, from 0
+/// @param[out] guard        an expression
+/// @param[out] direction    enum swb_direction
+/// @param[out] from_states  [n_from_states] n_from of swb_model_transition_sizes
+/// @param[out] from_values  [n_from_values] as many
+/// @param[out] reset_states [n_reset_states] n_reset of swb_model_transition_sizes
+/// @param[out] resets       [n_resets] as many
+/// @param[out] to_states    [n_to_states] n_to of swb_model_transition_sizes
+/// @param[out] to_values    [n_to_values] as many
+/// @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition or a length is another
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_get_transition(
+    model: *const swb_model,
+    index: i64,
+    guard: *mut i64,
+    direction: *mut i32,
+    from_states: *mut i64,
+    n_from_states: i64,
+    from_values: *mut f64,
+    n_from_values: i64,
+    reset_states: *mut i64,
+    n_reset_states: i64,
+    resets: *mut i64,
+    n_resets: i64,
+    to_states: *mut i64,
+    n_to_states: i64,
+    to_values: *mut f64,
+    n_to_values: i64,
+) -> swb_status {
+    self::guard(|| unsafe {
+        handle::with_ref(model, |m| {
+            let t = transition(m, index)?;
+            let states = |list: &[(usize, f64)]| list.iter().map(|d| d.0 as i64).collect::<Vec<i64>>();
+            let values = |list: &[(usize, f64)]| list.iter().map(|d| d.1).collect::<Vec<f64>>();
+            let (from, from_v, to, to_v) = (states(&t.from), values(&t.from), states(&t.to), values(&t.to));
+            let reset: Vec<i64> = t.reset.iter().map(|r| r.0 as i64).collect();
+            let ids: Vec<i64> = t.reset.iter().map(|r| r.1.index() as i64).collect();
+            raw::check(guard, "guard")?;
+            raw::check(direction, "direction")?;
+            raw::check_slice(from_states, n_from_states, from.len(), "from_states")?;
+            raw::check_slice(from_values, n_from_values, from.len(), "from_values")?;
+            raw::check_slice(reset_states, n_reset_states, reset.len(), "reset_states")?;
+            raw::check_slice(resets, n_resets, reset.len(), "resets")?;
+            raw::check_slice(to_states, n_to_states, to.len(), "to_states")?;
+            raw::check_slice(to_values, n_to_values, to.len(), "to_values")?;
+            raw::write(guard, t.guard.index() as i64, "guard")?;
+            raw::write(direction, if t.direction == Direction::Rising { 0 } else { 1 }, "direction")?;
+            raw::write_slice(from_states, n_from_states, &from, "from_states")?;
+            raw::write_slice(from_values, n_from_values, &from_v, "from_values")?;
+            raw::write_slice(reset_states, n_reset_states, &reset, "reset_states")?;
+            raw::write_slice(resets, n_resets, &ids, "resets")?;
+            raw::write_slice(to_states, n_to_states, &to, "to_states")?;
+            raw::write_slice(to_values, n_to_values, &to_v, "to_values")
+        })
+    })
+}

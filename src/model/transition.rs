@@ -1,0 +1,180 @@
+//! Transitions of a model: guards and resets as expressions, discrete states with the values they begin with.
+
+use std::sync::Arc;
+
+use super::{Built, Model};
+use crate::error::{finite, Error, Result};
+use crate::expr::{Block, Dag, ExprFunction, Id};
+use crate::system::{Direction, SharedFunction, Transition as Made};
+
+/// A jump of the state where a guard passes zero, see [`crate::system::Transition`]; guard and reset are expressions.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Transition {
+    /// The guard.
+    pub guard: Id,
+    /// Where it passes zero to.
+    pub direction: Direction,
+    /// Discrete states and the values they must have for the transition to be watched.
+    pub from: Vec<(usize, f64)>,
+    /// States and what they become, expressions of the state before; the others stay as they are.
+    pub reset: Vec<(usize, Id)>,
+    /// Discrete states and the values they have behind the jump.
+    pub to: Vec<(usize, f64)>,
+}
+
+impl Model {
+    /// Says that the last states are discrete and with which values they begin where nothing else is given. Only transitions
+    /// change them.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for values that are not finite; [`Error::Dimension`] if there are more than states.
+    pub fn set_discrete(&mut self, initial: &[f64]) -> Result<()> {
+        check_initial(initial, self.dims.x)?;
+        self.discrete = initial.to_vec();
+        Ok(())
+    }
+
+    /// Values with which the last states, which are discrete, begin.
+    pub fn discrete(&self) -> &[f64] {
+        &self.discrete
+    }
+
+    /// Adds a transition and returns its index; what is wrong with it is said when the model is built.
+    pub fn add_transition(&mut self, t: Transition) -> usize {
+        self.transitions.push(t);
+        self.transitions.len() - 1
+    }
+
+    /// The transitions in the order they were added.
+    pub fn transitions(&self) -> &[Transition] {
+        &self.transitions
+    }
+}
+
+fn check_initial(initial: &[f64], nx: usize) -> Result<()> {
+    if initial.len() > nx {
+        return Err(Error::Dimension(format!("{} discrete states, but the model has {nx} states", initial.len())));
+    }
+    finite("initial value of discrete state", initial, initial.len())
+}
+
+/// What a report says of a state that nothing drives.
+pub(super) fn constant_note(name: &str) -> String {
+    format!("state {name} is constant: a parameter costs less")
+}
+
+impl Built {
+    /// The transitions in the order they were added; their expressions are those of the graph they were added from.
+    pub fn transitions(&self) -> &[Transition] {
+        &self.transitions
+    }
+
+    /// Values with which the last states, which are discrete, begin.
+    pub fn discrete(&self) -> &[f64] {
+        &self.discrete
+    }
+
+    /// As [`Model::set_discrete`], of a model that is built already.
+    ///
+    /// # Errors
+    /// Those of [`Model::set_discrete`], and [`Error::State`] if such a state has a derivative.
+    pub fn set_discrete(&mut self, initial: &[f64]) -> Result<()> {
+        let nx = self.dims.x;
+        check_initial(initial, nx)?;
+        let own = nx - initial.len()..nx;
+        let driven = |i: &usize| !self.still[*i];
+        if let Some(i) = own.clone().find(driven) {
+            return Err(Error::State(format!(
+                "state {} is discrete: only transitions change it, its derivative must be zero",
+                self.names.of(Block::X, i)
+            )));
+        }
+        let known: Vec<String> = own.map(|i| self.names.of(Block::X, i)).collect();
+        let texts: Vec<String> = known.iter().map(|name| constant_note(name)).collect();
+        self.report.notes.retain(|n| !texts.contains(&n.text));
+        self.report.discrete = known;
+        self.discrete = initial.to_vec();
+        self.change_source(|saved| saved.set_discrete(initial));
+        Ok(())
+    }
+
+    /// Adds a transition with expressions of the graph the model was built from, and returns its index.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for states that do not exist or repeat and for guards and resets that switch; those of
+    /// [`crate::system::System::add_transition`] and of [`ExprFunction::new`].
+    pub fn add_transition(&mut self, dag: &mut Dag, t: Transition) -> Result<usize> {
+        let k = self.transitions.len();
+        let nx = self.dims.x;
+        for (i, &(state, _)) in t.reset.iter().enumerate() {
+            if state >= nx {
+                return Err(Error::Range(format!(
+                    "transition {k}: the reset names the state {state}, but there are {nx}"
+                )));
+            }
+            if t.reset[..i].iter().any(|r| r.0 == state) {
+                return Err(Error::Range(format!("transition {k}: the reset names the state {state} twice")));
+            }
+        }
+        for &id in t.reset.iter().map(|r| &r.1).chain([&t.guard]) {
+            if dag.is_condition(id) {
+                return Err(Error::Range(format!(
+                    "transition {k}: guard and reset are values, {} is a condition: a guard is what passes zero",
+                    dag.text_with(id, &|block, i| self.names.of(block, i))
+                )));
+            }
+        }
+        let function = |dag: &mut Dag, name: &str, outputs: &[Id]| -> Result<Arc<ExprFunction>> {
+            Ok(Arc::new(ExprFunction::new(name, dag, self.dims, outputs)?))
+        };
+        let guard = function(dag, &format!("guard{k}"), &[t.guard])?;
+        let mut reset = None;
+        if !t.reset.is_empty() {
+            let mut all = dag.inputs(Block::X, nx);
+            for &(state, id) in &t.reset {
+                all[state] = id;
+            }
+            reset = Some(function(dag, &format!("reset{k}"), &all)?);
+        }
+        let made = Made {
+            guard: guard.clone(),
+            direction: t.direction,
+            from: t.from.clone(),
+            reset: reset.clone().map(|r| r as SharedFunction),
+            to: t.to.clone(),
+        };
+        self.system.add_transition(made)?;
+        self.functions.push(guard);
+        self.functions.extend(reset);
+        self.report.transitions.push(self.transition_text(dag, &t));
+        self.change_source(|saved| saved.add_transition(dag, &t));
+        self.transitions.push(t);
+        Ok(k)
+    }
+
+    /// `heat 0 -> 1 where 18 - x becomes positive`
+    fn transition_text(&self, dag: &Dag, t: &Transition) -> String {
+        let name = |i: usize| self.names.of(Block::X, i);
+        let text = |id: Id| dag.text_with(id, &|block, i| self.names.of(block, i));
+        let mut parts: Vec<String> = Vec::new();
+        for &(state, value) in &t.to {
+            parts.push(match t.from.iter().find(|f| f.0 == state) {
+                Some(f) => format!("{} {} -> {value}", name(state), f.1),
+                None => format!("{} -> {value}", name(state)),
+            });
+        }
+        parts.extend(t.reset.iter().map(|&(state, id)| format!("{} := {}", name(state), text(id))));
+        let mut out = parts.join(", ");
+        out += &match (dag.as_const(t.guard), t.direction) {
+            (Some(v), d) if v * d.sign() > 0.0 => " at once".to_owned(),
+            (_, Direction::Rising) => format!(" where {} becomes positive", text(t.guard)),
+            (_, Direction::Falling) => format!(" where {} becomes negative", text(t.guard)),
+        };
+        let asked = t.from.iter().filter(|f| t.to.iter().all(|to| to.0 != f.0));
+        let asked: Vec<String> = asked.map(|&(state, value)| format!("{} = {value}", name(state))).collect();
+        if !asked.is_empty() {
+            out += &format!(", while {}", asked.join(" and "));
+        }
+        out
+    }
+}
