@@ -301,6 +301,49 @@ static void transitions() {
     CHECK(std::abs(i.state()[0] - 19.68827786379199706) < 1e-9 && i.state()[1] == 1.0);
 }
 
+/* A heater by hysteresis, and a lamp with three states that follows it and the temperature. */
+static void automata() {
+    const swb::Sizes sizes{3, 0, 0};
+    const swb::Function above("above", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[0] - 20.0; });
+    const swb::Function below("below", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[0] - 18.0; });
+    const swb::Function warm("warm", sizes, 1, [](const swb_point &at, double *out) { out[0] = at.x[0] - 19.0; });
+    const swb::Function always("always", sizes, 1, [](const swb_point &, double *out) { out[0] = 1.0; });
+    swb::System system(sizes);
+    /* a cooler: on above 20, off below 18; heating is its opposite */
+    const swb::Function g("g", sizes, 3, [](const swb_point &at, double *out) {
+        out[0] = 5.0 * (1.0 - at.x[1]) - 0.2 * at.x[0];
+        out[1] = out[2] = 0.0;
+    });
+    system.f0(g).hysteresis(1, above, below);
+    swb::Automaton lamp(system, 2, {"dark", "dim", "bright"});
+    lamp.edge("dark", "dim", warm).edge("dim", "bright", always, SWB_DIRECTION_RISING, nullptr, {{1, 1.0}});
+    lamp.edge("bright", "dark", warm, SWB_DIRECTION_FALLING);
+    CHECK(lamp["bright"] == 2.0 && lamp.name(1.0) == "dim" && lamp.state() == 2);
+    CHECK(status_of([&] { lamp["red"]; }) == SWB_ERR_RANGE && status_of([&] { lamp.name(0.5); }) == SWB_ERR_RANGE);
+    CHECK(status_of([&] { lamp.edge("dark", "red", warm); }) == SWB_ERR_RANGE);
+    CHECK(status_of([&] { lamp.edge("dark", "dim", warm, SWB_DIRECTION_RISING, nullptr, {{2, 1.0}}); }) == SWB_ERR_RANGE);
+    swb::Settings settings;
+    settings.rtol = settings.atol = 1e-11;
+    settings.sensitivity = 1;
+    swb::Integrator i(system, settings);
+    i.reinit(0.0, {15.0, 0.0, lamp["dark"]});
+    CHECK(i.advance(12.0) == SWB_RUN_OUTCOME_REACHED);
+    const swb::Run run = i.run();
+    const auto heater = run.discrete(1), shown = run.discrete(2);
+    CHECK(heater.size() == 9 && heater[0].start == 0.0 && heater[8].end == 12.0 && heater[8].value == 0.0);
+    CHECK(std::abs(heater[1].start - 3.465735902799726547) < 1e-10 && heater[0].end == heater[1].start);
+    CHECK(std::abs(heater[8].start - 10.62002976527444653) < 1e-10);
+    CHECK(shown.size() > 6 && lamp.name(shown[0].value) == "dark" && lamp.name(shown[1].value) == "dim");
+    CHECK(lamp.name(shown[2].value) == "bright" && shown[2].start == heater[1].start);
+    CHECK(std::abs(shown[1].start - 5.0 * std::log(10.0 / 6.0)) < 1e-10);
+    const auto jumps = run.jumps();
+    CHECK(static_cast<int64_t>(jumps.size()) == run.info().n_jumps && jumps[1].simultaneous == 1);
+    const auto around = run.jump_states(1);
+    CHECK(around.first[1] == 0.0 && around.second[1] == 1.0 && around.first[0] == around.second[0]);
+    CHECK(std::abs(run.jump_sensitivity(0)[0] + 1.0 / (0.2 * (25.0 - 15.0))) < 1e-6);
+    CHECK(status_of([&] { run.discrete(3); }) == SWB_ERR_DIMENSION && status_of([&] { run.jump_states(99); }) == SWB_ERR_DIMENSION);
+}
+
 static void events() {
     int calls = 0;
     const double end = 1.5707963267948966;
@@ -479,6 +522,7 @@ int main() {
     phases();
     events();
     transitions();
+    automata();
     undeclared_inputs();
     threads();
     exceptions();

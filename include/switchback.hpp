@@ -422,10 +422,53 @@ public:
             static_cast<int64_t>(states[1].size()), values[1].data(), static_cast<int64_t>(values[1].size()), nullptr));
         return *this;
     }
+    /// A discrete state that becomes 1 where `above` passes zero from below, and 0 where `below` passes zero from above: a
+    /// value minus its upper and minus its lower threshold.
+    System &hysteresis(int64_t state, const Function &above, const Function &below) {
+        transition(above, SWB_DIRECTION_RISING, nullptr, {{state, 0.0}}, {{state, 1.0}});
+        return transition(below, SWB_DIRECTION_FALLING, nullptr, {{state, 1.0}}, {{state, 0.0}});
+    }
     swb_system *get() const noexcept { return owner_.get(); }
 
 private:
     detail::Owner<swb_system, swb_system_free> owner_;
+};
+
+/// A discrete state with named values, and the edges between them; the values are 0, 1, ... in the order of the names.
+class Automaton {
+public:
+    /// Of a system that outlives it; `state` is the discrete state, whose derivative is zero.
+    Automaton(System &system, int64_t state, std::vector<std::string> names)
+        : system_(&system), state_(state), names_(std::move(names)) {}
+    /// The value of a state, for initial states and modes; Error if there is none of this name.
+    double operator[](const std::string &name) const {
+        for (std::size_t i = 0; i < names_.size(); i++)
+            if (names_[i] == name)
+                return static_cast<double>(i);
+        throw Error(SWB_ERR_RANGE, "the automaton has no state '" + name + "'", 0);
+    }
+    /// The name of a value; Error if there is none.
+    const std::string &name(double value) const {
+        for (std::size_t i = 0; i < names_.size(); i++)
+            if (value == static_cast<double>(i))
+                return names_[i];
+        throw Error(SWB_ERR_RANGE, "the automaton has no state " + std::to_string(value), 0);
+    }
+    /// From one state to another where the guard passes zero in its direction, while the discrete states in `given`, those of
+    /// others, have these values; `reset` is the state behind it, NULL: as before. See System::transition.
+    Automaton &edge(const std::string &source, const std::string &target, const Function &guard,
+                    swb_direction direction = SWB_DIRECTION_RISING, const Function *reset = nullptr,
+                    std::vector<std::pair<int64_t, double>> given = {}) {
+        given.emplace_back(state_, (*this)[source]);
+        system_->transition(guard, direction, reset, given, {{state_, (*this)[target]}});
+        return *this;
+    }
+    int64_t state() const noexcept { return state_; }
+
+private:
+    System *system_;
+    int64_t state_;
+    std::vector<std::string> names_;
 };
 
 /// A copy of what a simulation or an optimal control problem found.
@@ -660,6 +703,46 @@ public:
     std::vector<swb_accumulation> accumulations() const {
         return structs<swb_accumulation>(swb_run_accumulations, info_.n_accumulations);
     }
+    /// The transitions in the order they were made.
+    std::vector<swb_jump> jumps() const { return structs<swb_jump>(swb_run_jumps, info_.n_jumps); }
+    /// The states just before and just behind a transition, by its place in jumps().
+    std::pair<Vector, Vector> jump_states(int64_t index) const {
+        Vector before(static_cast<std::size_t>(info_.nx)), after = before;
+        detail::check(swb_run_jump_states(get(), index, before.data(), after.data(), info_.nx));
+        return {std::move(before), std::move(after)};
+    }
+    /// Derivatives of the time of a transition.
+    Vector jump_sensitivity(int64_t index) const {
+        Vector out(static_cast<std::size_t>(info_.n_columns));
+        detail::check(swb_run_jump_sensitivity(get(), index, out.data(), info_.n_columns));
+        return out;
+    }
+    /// How long a discrete state had a value.
+    struct Interval {
+        double start, end, value;
+    };
+    /// The values of a discrete state in their order, with their times; those it had for no time are left out. Error if the run
+    /// made more transitions than its log holds (option max_switches).
+    std::vector<Interval> discrete(int64_t state) const {
+        if (state < 0 || state >= info_.nx)
+            throw Error(SWB_ERR_DIMENSION, "there is no state " + std::to_string(state), 0);
+        if (stats().jumps > info_.n_jumps)
+            throw Error(SWB_ERR_STATE, "the run made more transitions than it noted: raise max_switches", 0);
+        const auto made = jumps();
+        const auto i = static_cast<std::size_t>(state);
+        Interval now{info_.t_start, info_.t_end, made.empty() ? this->state()[i] : jump_states(0).first[i]};
+        std::vector<Interval> out;
+        for (std::size_t k = 0; k < made.size(); k++) {
+            const double value = jump_states(static_cast<int64_t>(k)).second[i];
+            if (value == now.value)
+                continue;
+            now.end = made[k].t;
+            add(out, now);
+            now = {made[k].t, info_.t_end, value};
+        }
+        add(out, now, true);
+        return out;
+    }
     /// Derivatives of the state reached, by columns: initial states, parameters, controls.
     Vector sensitivity() const { return array(swb_run_sensitivity, info_.nx * info_.n_columns); }
     /// Derivatives of the time of a switch.
@@ -680,6 +763,15 @@ public:
     swb_run *get() const noexcept { return owner_.get(); }
 
 private:
+    /// Adds an interval, or makes the last one longer; an empty one counts at the end only.
+    static void add(std::vector<Interval> &out, const Interval &i, bool last = false) {
+        if (!(i.end > i.start) && !last)
+            return;
+        if (!out.empty() && out.back().value == i.value)
+            out.back().end = i.end;
+        else
+            out.push_back(i);
+    }
     template <class Call>
     Vector array(Call call, int64_t n) const {
         Vector out(static_cast<std::size_t>(n));

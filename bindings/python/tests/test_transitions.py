@@ -124,5 +124,3 @@ def test_nonsense():
         s.add_transition(lambda x: x[0], "up", to={1: 1})
     with pytest.raises(swb.UnsupportedError, match="event-driven"):
         swb.Ocp(thermostat(), 1.0, 2)
-    with pytest.raises(swb.UnsupportedError, match="document"):
-        thermostat().to_json()

@@ -28,6 +28,7 @@ from ._ffi import (
 )
 from ._library import path as library_path
 from ._library import version as library_version
+from .automaton import Automaton, Interval
 from .errors import (
     ArgumentError,
     DimensionError,
@@ -115,6 +116,7 @@ __all__ = [
     "Accumulation",
     "Accuracy",
     "ArgumentError",
+    "Automaton",
     "Batch",
     "BranchPoint",
     "Branching",
@@ -133,6 +135,7 @@ __all__ = [
     "Integrator",
     "InternalError",
     "InterruptedSolve",
+    "Interval",
     "Item",
     "Iteration",
     "Jump",

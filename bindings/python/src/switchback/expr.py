@@ -22,8 +22,9 @@ from . import _ffi
 from ._arrays import address, index, number, real
 from ._call import Handle, call, encode, text
 from ._document import Reader
+from ._ffi import Direction
 from ._library import lib
-from .errors import ArgumentError, DimensionError, RangeError, UnsupportedError
+from .errors import ArgumentError, DimensionError, RangeError
 from .function import Function
 from .system import System
 
@@ -479,6 +480,46 @@ class Counts:
     pairs: int
 
 
+@dataclass(frozen=True)
+class _Transition:
+    guard: Expr
+    direction: Direction
+    when: dict[int, float]
+    reset: dict[int, Expr]
+    to: dict[int, float]
+
+    def add_to(self, built: _Built, graph: Graph) -> None:
+        """Add it to a model of the library."""
+
+        reset = {state: int(value._ids) for state, value in self.reset.items()}
+        arrays: list[numpy.ndarray] = []
+        for given, kind in ((self.when, float), (reset, numpy.int64), (self.to, float)):
+            arrays += [numpy.array(list(given), numpy.int64), numpy.array(list(given.values()), kind)]
+        places = [v for a in arrays for v in (address(a), a.size)]
+        built._do("add_transition", graph, int(self.guard._ids), self.direction, *places, None)
+
+    @classmethod
+    def read(cls, built: _Built, graph: Graph, index: int) -> _Transition:
+        """A transition of a model of the library."""
+        sizes = [ctypes.c_int64() for _ in range(3)]
+        built._do("transition_sizes", index, *(ctypes.byref(n) for n in sizes))
+        guard, direction = ctypes.c_int64(), ctypes.c_int32()
+        found, places = [], []
+        for n, kind in zip(sizes, (float, numpy.int64, float)):
+            states, values = numpy.empty(n.value, numpy.int64), numpy.empty(n.value, kind)
+            found.append((states, values))
+            places += [address(states), n.value, address(values), n.value]
+        built._do("get_transition", index, ctypes.byref(guard), ctypes.byref(direction), *places)
+        when, reset, to = ({int(s): v for s, v in zip(states, values)} for states, values in found)
+        return cls(
+            graph._expr(numpy.array(guard.value)),
+            Direction(direction.value),
+            {state: float(v) for state, v in when.items()},
+            {state: graph._expr(numpy.array(v)) for state, v in reset.items()},
+            {state: float(v) for state, v in to.items()},
+        )
+
+
 class _Built(Handle):
     _kind = "model"
 
@@ -519,7 +560,7 @@ class Model:
         self._rhs: list[Expr | None] = [None] * self.nx
         self._trial: Any = None
         self._made: _Built | None = None
-        self._transitions: list[tuple[Expr, dict[int, float], dict[int, Expr] | None, dict[int, float]]] = []
+        self._transitions: list[_Transition] = []
         self._discrete: list[float] = []  # initial values of the last states
 
     def derivative(self, state: Expr, rhs: Any) -> None:
@@ -582,12 +623,17 @@ class Model:
             g = g._margin
         if g.ndim:
             raise DimensionError(f"a guard is one value, not an array of shape {g.shape}")
-        after: dict[int, Expr] | None = None
+        after: dict[int, Expr] = {}
         if reset is not None:
             if not hasattr(reset, "items"):
                 raise ArgumentError(f"reset must be a dictionary from states to expressions, not {type(reset).__name__}")
             after = {self._state(state, "reset"): self.graph.of(value) for state, value in reset.items()}
-        self._transitions.append((g, self._values(when, "when"), after, self._values(to, "to")))
+        for state, value in after.items():
+            if value.ndim or value._condition:
+                what = "a condition" if value._condition else f"an array of shape {value.shape}"
+                raise DimensionError(f"reset of {self.names[0][state] or self.x[state]!r} is {what}: it becomes one value")
+        made = _Transition(g, Direction.RISING, self._values(when, "when"), after, self._values(to, "to"))
+        self._transitions.append(made)
         self._made = None
         return len(self._transitions) - 1
 
@@ -658,6 +704,11 @@ class Model:
                 encode("\n".join(n for group in self.names for n in group), "names"),
                 trial,
             )
+            if self._discrete:
+                initial = numpy.array(self._discrete)
+                made._do("set_discrete", address(initial), initial.size)
+            for t in self._transitions:
+                t.add_to(made, self.graph)
             self._made = made
         return self._made
 
@@ -669,10 +720,7 @@ class Model:
         s._make(lib.swb_model_system, self._build())
         s.n_subsystems = self.counts().subsystems
         s._discrete = list(self._discrete)
-        for guard, when, reset, to in self._transitions:
-            states = range(self.nx)
-            after = None if reset is None else self.function([reset.get(i, self.x[i]) for i in states], "reset")
-            s.add_transition(self.function(guard, "guard"), when=when, reset=after, to=to)
+        s._origin = self.graph, self.x._ids, tuple(self.names[0])
         return s
 
     def function(self, outputs: Any, name: str = "f") -> Function:
@@ -703,9 +751,8 @@ class Model:
         return text(lib.swb_model_write_c, self._build())
 
     def to_json(self) -> str:
-        """The model as a document in JSON: for bug reports, and to pass it on. Transitions are no part of documents yet."""
-        if self._transitions:
-            raise UnsupportedError("a model with transitions cannot be written as a document yet")
+        """The model as a document in JSON: for bug reports, and to pass it on; with its transitions, and with its discrete
+        states and the values they begin with. The names of the states of an `Automaton` are not in it."""
         return text(lib.swb_model_to_json, self._build())
 
     @classmethod
@@ -735,6 +782,12 @@ class Model:
         trial = saved.get("trial")
         if trial is not None:
             model.try_at(trial["x"], trial["u"], trial["p"], trial["t"])
+        counts = [ctypes.c_int64(), ctypes.c_int64()]
+        made._do("transition_counts", *(ctypes.byref(n) for n in counts))
+        initial = numpy.empty(counts[0].value)
+        made._do("get_discrete", address(initial), initial.size)
+        model._discrete = initial.tolist()
+        model._transitions = [_Transition.read(made, graph, k) for k in range(counts[1].value)]
         model._made = made
         return model
 

@@ -356,6 +356,17 @@ class Run(Handle):
         modes = [s.before for s in own[:1]] + [s.after for s in own]
         return [(a, b, m) for a, b, m in zip(starts, ends, modes) if b > a]
 
+    def discrete(self, state: Any) -> list[Any]:
+        """The values of a discrete state in their order, with their times: a list of `Interval(start, end, value)`.
+
+        `state` is an `Automaton`, whose states are named then, or a discrete state by name, place or as an expression.
+        """
+        from .automaton import Automaton, intervals, place_of
+
+        if isinstance(state, Automaton):
+            return state.sequence(self)
+        return intervals(self, place_of(self.system, state))
+
     def table(self) -> str:
         """The switches as text."""
         lines = [f"{'t':>22}  {'kind':<11} {'subsystem':>9}  modes"]

@@ -31,6 +31,7 @@ class System(Handle):
         self._functions: list[Function] = []  # their callbacks are called as long as a model is there
         self.n_subsystems = 0
         self._discrete: list[float] = []  # initial values of the last states
+        self._origin: Any = None  # of a model: its graph, its states as expressions, and their names
         self._create(self.nx, self.nu, self.np)
         if f0 is not None:
             self.set_f0(f0)
