@@ -113,7 +113,7 @@ pub enum swb_table {
     Spline = 2,
 }
 
-unsafe fn ids(d: &Dag, p: *const i64, n: i64, what: &str) -> Result<Vec<Id>> {
+pub(super) unsafe fn ids(d: &Dag, p: *const i64, n: i64, what: &str) -> Result<Vec<Id>> {
     let numbers = unsafe { raw::slice(p, n, what)? };
     let wrong = |v: i64| Error::Range(format!("{what} holds {v}: expressions count from 0"));
     numbers.iter().map(|&v| usize::try_from(v).map_err(|_| wrong(v)).and_then(|v| d.id(v))).collect()

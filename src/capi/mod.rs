@@ -125,6 +125,8 @@ pub mod run;
 
 pub mod transition;
 
+pub mod scene;
+
 pub mod model_transition;
 
 pub mod integrator;

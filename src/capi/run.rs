@@ -178,6 +178,8 @@ pub struct swb_run_stats {
     pub time_total: f64,
     /// Transitions.
     pub jumps: i64,
+    /// Impacts, each contact for itself.
+    pub impacts: i64,
 }
 unsafe impl Sized8 for swb_run_stats {}
 
@@ -196,6 +198,7 @@ impl swb_run_stats {
             accumulations: s.accumulations as i64,
             time_total: seconds,
             jumps: s.jumps as i64,
+            impacts: s.impacts as i64,
         }
     }
 }
@@ -233,6 +236,10 @@ pub struct swb_run_info {
     pub n_accumulations: i64,
     /// Transitions in the log.
     pub n_jumps: i64,
+    /// Impacts in the log, one for every contact with an impulse.
+    pub n_impacts: i64,
+    /// Contacts of the scene.
+    pub n_scene_contacts: i64,
 }
 unsafe impl Sized8 for swb_run_info {}
 
@@ -356,6 +363,8 @@ pub unsafe extern "C" fn swb_run_get_info(
                 n_contacts: r.run.contacts.len() as i64,
                 n_accumulations: r.run.accumulations.len() as i64,
                 n_jumps: r.run.jumps.len() as i64,
+                n_impacts: r.run.impacts.len() as i64,
+                n_scene_contacts: r.run.mechanics.as_ref().map_or(0, |m| m.contacts.len()) as i64,
             };
             write_sized(&value, info, struct_size, "info")
         })

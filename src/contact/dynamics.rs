@@ -206,6 +206,15 @@ impl Dynamics {
         [s[0] / size, s[1] / size]
     }
 
+    /// A contact in space that slides remembers where to and how fast, at the end of a step.
+    pub(crate) fn keep_direction(&mut self, i: usize, m: usize) {
+        if self.mechanics.contacts[i].n_tangents == 2 {
+            self.directions[i] = self.direction(i, m);
+            let s = self.blocks[i].sliding;
+            self.fastest[i] = self.fastest[i].max(s[0].hypot(s[1]));
+        }
+    }
+
     /// Is contact `i` sliding under this mode?
     pub(crate) fn slides(m: usize) -> bool {
         m == mode::SLIDES || m == mode::SLIDES_BACK
@@ -214,6 +223,7 @@ impl Dynamics {
     /// Which components are held under these modes.
     fn list_rows(&mut self, modes: &[Vec<usize>]) {
         self.rows.clear();
+        self.y.clear();
         for (contact, set) in modes.iter().enumerate() {
             if set[0] == mode::OPEN {
                 continue;
@@ -305,11 +315,6 @@ impl Dynamics {
         Ok(())
     }
 
-    /// Are the forces under the modes of the last evaluation not unique? The motion is.
-    pub(crate) fn is_redundant(&self) -> bool {
-        !self.rows.is_empty() && self.held.is_singular()
-    }
-
     /// Moves the coordinates until the gaps of all closed contacts vanish to rounding, and the velocities until the gaps and
     /// the sticking contacts rest. `tolerance` is what of a gap is zero. Says whether the state has changed.
     pub(crate) fn project(
@@ -370,6 +375,44 @@ impl Dynamics {
             x[n_q..].iter_mut().zip(y).for_each(|(v, y)| *v += l * y);
         }
         Ok(true)
+    }
+
+    /// Rate of the sliding velocity of contact `i` along a direction, under the last accelerations.
+    pub(crate) fn sliding_acceleration(&self, i: usize, direction: [f64; 2]) -> f64 {
+        let b = &self.blocks[i];
+        let n_t = self.mechanics.contacts[i].n_tangents;
+        (0..n_t).map(|k| direction[k] * (dot(b.tangent(k), &self.acceleration) + b.sliding_rest[k])).sum()
+    }
+
+    /// Second derivative of the gap of contact `i` under the last accelerations; the contact is loaded.
+    pub(crate) fn gap_acceleration(&self, i: usize) -> f64 {
+        let b = &self.blocks[i];
+        dot(&b.normal, &self.acceleration) + b.rest
+    }
+
+    /// The same with the accelerations in a derivative of the state.
+    pub(crate) fn gap_acceleration_of(&self, i: usize, velocity: &[f64]) -> f64 {
+        let b = &self.blocks[i];
+        dot(&b.normal, &velocity[self.mechanics.n_q..]) + b.rest
+    }
+
+    /// Column `k` of the tangents of contact `i`.
+    pub(crate) fn tangent(&self, i: usize, k: usize) -> &[f64] {
+        self.blocks[i].tangent(k)
+    }
+
+    /// What the normal force of contact `i`, which is loaded, consists of before anything cancels.
+    pub(crate) fn force_size(&self, i: usize) -> f64 {
+        let b = &self.blocks[i];
+        let mut y = b.normal.clone();
+        self.mass.solve(&mut y);
+        let w = dot(&b.normal, &y);
+        let terms = b.normal.iter().zip(&self.free).map(|(n, a)| (n * a).abs()).sum::<f64>() + b.rest.abs();
+        if w > 0.0 {
+            terms / w
+        } else {
+            terms
+        }
     }
 
     /// Loads all closed contacts and the matrix of what is held.

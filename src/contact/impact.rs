@@ -11,9 +11,9 @@
 use super::dynamics::{dot, At, Dynamics, Forces, Row};
 use super::least_norm::LeastNorm;
 use super::mode;
-use super::problem::{Part, Problem, State};
+use super::problem::{Part, Problem, Solution, State};
 use super::sensitivity::{add_jacobian, Given};
-use crate::func::{EvalError, EvalResult, Function, Point};
+use crate::func::{EvalError, EvalResult, Point};
 use crate::system::Inertia;
 
 /// What one contact contributes to an impact.
@@ -80,6 +80,29 @@ impl Dynamics {
         size: &dyn Fn(usize, &Dynamics) -> f64,
         x: &mut [f64],
     ) -> Result<Option<Impact>, EvalError> {
+        self.impact_of(at, contacts, size, x, false)
+    }
+
+    /// The same where no contact closes and no forces continue the motion: impulses bring the sliding to rest (Painlevé's
+    /// paradox; F. Génot, B. Brogliato, *New results on Painlevé paradoxes*, Eur. J. Mech. A/Solids 18 (1999)).
+    pub(crate) fn impact_without_collision(
+        &mut self,
+        at: &At,
+        contacts: &[(usize, Option<f64>)],
+        size: &dyn Fn(usize, &Dynamics) -> f64,
+        x: &mut [f64],
+    ) -> Result<Option<Impact>, EvalError> {
+        self.impact_of(at, contacts, size, x, true)
+    }
+
+    fn impact_of(
+        &mut self,
+        at: &At,
+        contacts: &[(usize, Option<f64>)],
+        size: &dyn Fn(usize, &Dynamics) -> f64,
+        x: &mut [f64],
+        without_collision: bool,
+    ) -> Result<Option<Impact>, EvalError> {
         let (n_q, n_v) = (self.mechanics.n_q, self.mechanics.n_v);
         self.mass.load(&self.mechanics, at, &mut self.work)?;
         let list: Vec<usize> = contacts.iter().map(|c| c.0).collect();
@@ -100,7 +123,9 @@ impl Dynamics {
             problem.parts.push(Part { first, n_t, friction: b.friction, slides: None, size: size(i, self) });
         }
         let found = problem.solve();
-        let Some(s) = found.all.first() else { return Ok(None) };
+        // without a collision nothing at all solves the problem, too: the other solution is meant
+        let some = |s: &&Solution| !without_collision || s.r.iter().any(|r| *r != 0.0);
+        let Some(s) = found.all.iter().find(some) else { return Ok(None) };
         for (r, y) in s.r.iter().zip(self.y.chunks_exact(n_v)) {
             x[n_q..].iter_mut().zip(y).for_each(|(v, y)| *v += r * y);
         }

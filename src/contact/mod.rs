@@ -17,9 +17,9 @@ mod modes;
 pub(crate) mod problem;
 mod sensitivity;
 
-pub(crate) use dynamics::{At, Block, Dynamics, Forces, STOP};
-pub(crate) use impact::{Impact, Impulse};
-pub(crate) use modes::{Choice, Closed, Follow};
+pub(crate) use dynamics::{Dynamics, Forces, STOP};
+pub(crate) use impact::Impulse;
+pub(crate) use modes::{Closed, Follow};
 
 /// Modes of a contact, as results number them.
 pub(crate) mod mode {

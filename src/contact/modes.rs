@@ -5,7 +5,7 @@ use super::dynamics::{At, Dynamics};
 use super::mode;
 use super::problem::{Part, Problem, Solution, State};
 use super::sensitivity::add_jacobian;
-use crate::func::{EvalError, Function, Point};
+use crate::func::{EvalError, Point};
 
 /// Modes of all contacts that may follow.
 #[derive(Debug, Clone)]

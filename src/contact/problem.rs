@@ -63,12 +63,10 @@ pub(crate) struct Solution {
 /// All solutions that were found.
 #[derive(Debug, Clone, Default)]
 pub(crate) struct Solutions {
-    /// Those with different `z`, those with most forces first.
+    /// Those with different `z`, or the same where quantities are zero that two states share; those with most forces first.
     pub(crate) all: Vec<Solution>,
     /// Another `r` has the same `z`.
     pub(crate) redundant: bool,
-    /// Everything was tried.
-    pub(crate) complete: bool,
 }
 
 /// Combinations of states that are all tried.
@@ -99,7 +97,7 @@ impl Problem {
     pub(crate) fn solve(&self) -> Solutions {
         if self.parts.is_empty() {
             let nothing = Solution { states: Vec::new(), r: Vec::new(), z: Vec::new() };
-            return Solutions { all: vec![nothing], redundant: false, complete: true };
+            return Solutions { all: vec![nothing], redundant: false };
         }
         let states = |p: &Part| match (p.n_t, p.slides) {
             (2, None) if p.friction > 0.0 => usize::MAX,
@@ -112,7 +110,7 @@ impl Problem {
             Some(n) if n <= COMBINATIONS => self.try_all(n),
             _ => {
                 let all: Vec<Solution> = self.iterate().into_iter().collect();
-                Solutions { redundant: false, complete: false, all }
+                Solutions { redundant: false, all }
             }
         }
     }
@@ -128,7 +126,7 @@ impl Problem {
 
     fn try_all(&self, n: usize) -> Solutions {
         let options: Vec<Vec<State>> = self.parts.iter().map(|p| self.options(p)).collect();
-        let mut out = Solutions { complete: true, ..Solutions::default() };
+        let mut out = Solutions::default();
         let mut solver = LeastNorm::with_capacity(self.n());
         let mut found: Vec<(usize, Solution)> = Vec::new();
         for code in 0..n {
@@ -149,9 +147,10 @@ impl Problem {
         }
         found.sort_by_key(|f| f.0);
         for (_, s) in found {
+            // the same motion by other forces is redundancy; by the same forces it is another reading of what is zero
             match out.all.iter().find(|o| self.same_motion(o, &s)) {
-                Some(o) => out.redundant |= !self.same_forces(o, &s),
-                None => out.all.push(s),
+                Some(o) if !self.same_forces(o, &s) => out.redundant = true,
+                _ => out.all.push(s),
             }
         }
         out
@@ -452,7 +451,7 @@ mod tests {
         {
             let p = Problem { parts: vec![part(0, 1, 1.0)], matrix: vec![1.0, 0.0, 0.0, 1.0], free: vec![-1.0, push] };
             let s = p.solve();
-            assert!(s.complete && s.all.len() == 1, "{s:?}");
+            assert!(s.all.len() == 1, "{s:?}");
             assert_eq!(s.all[0].states, [state]);
             assert!((s.all[0].r[0] - 1.0).abs() < 1e-15 && (s.all[0].r[1] - tangential).abs() < 1e-15);
         }

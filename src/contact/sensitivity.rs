@@ -142,6 +142,20 @@ impl Dynamics {
         add_jacobian(c.motion.as_ref(), at, columns, &row, out, room)
     }
 
+    /// Adds the gradient of the gap of contact `i` (`output` 0) or of its rate (1) to a row.
+    pub(crate) fn gap_gradient(&mut self, at: &At, i: usize, output: usize, out: &mut [f64]) -> EvalResult {
+        let columns = self.columns(at);
+        let room = (&mut self.buffer[..], &mut self.work[..]);
+        let pick = |k: usize| (k == output).then_some((0, 1.0));
+        add_jacobian(self.mechanics.contacts[i].gap.as_ref(), at, columns, &pick, out, room)
+    }
+
+    /// Adds the gradients of friction and sliding velocity of contact `i` to rows.
+    pub(crate) fn friction_gradients(&mut self, at: &At, i: usize, out: &mut [f64]) -> EvalResult {
+        let columns = self.columns(at);
+        self.add_motion(at, i, columns, out)
+    }
+
     /// The parameters, then accelerations and forces.
     pub(super) fn extend(&mut self, at: &At, a: &[f64], forces: &[f64]) {
         self.extended.clear();

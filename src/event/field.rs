@@ -11,13 +11,17 @@
 //! sliding mode are located on it as accurately as the state is known.
 
 mod cells;
+mod contacts;
 mod derivatives;
 
+pub(super) use contacts::TO_RATE;
+
+use self::contacts::{Contacts, WATCHED};
 use super::guard::{Guards, Reset};
 use crate::dcs::{filippov, Cell, Dcs, Drift};
 use crate::func::{Dims, EvalError, EvalResult, Function, Point};
 use crate::linalg::lu::Lu;
-use crate::system::{SharedFunction, Transition};
+use crate::system::{SharedFunction, System};
 
 /// One subsystem.
 pub(super) struct Sub {
@@ -126,12 +130,14 @@ pub(super) struct Field {
     lu: Lu<f64>,
     buffer: Vec<f64>,
     work: Vec<f64>,
+    /// Contacts; where there are any, nothing else moves the system, and the active sets are their modes.
+    contacts: Option<Box<Contacts>>,
     pub(super) counts: Counts,
 }
 
 impl Field {
-    pub(super) fn new(dcs: &Dcs, transitions: &[Transition]) -> Field {
-        let dims = dcs.dims();
+    pub(super) fn new(dcs: &Dcs, system: &System) -> Field {
+        let (dims, transitions) = (dcs.dims(), system.transitions());
         let nx = dims.x;
         let (mut subs, mut owner) = (Vec::new(), Vec::new());
         let (mut buffer, mut work, mut q0) = (0, 0, 0);
@@ -167,6 +173,10 @@ impl Field {
         let guards = Guards::new(transitions, q0, &dims);
         q0 += transitions.len();
         let (n_cells, n_z) = (owner.len(), nx + dims.p + dims.u + 1);
+        let n_gradients = q0;
+        let contacts = system.mechanics().map(|m| Box::new(Contacts::new(m, q0, nx, n_z)));
+        let n_contacts = system.mechanics().map_or(0, |m| m.contacts.len());
+        q0 += WATCHED * n_contacts;
         let most = n_cells.saturating_sub(subs.len());
         Field {
             nx,
@@ -174,7 +184,11 @@ impl Field {
             u: vec![0.0; dims.u],
             p: vec![0.0; dims.p],
             floor: vec![0.0; nx],
-            active: subs.iter().map(|s| Vec::with_capacity(s.cells.len())).collect(),
+            active: subs
+                .iter()
+                .map(|s| Vec::with_capacity(s.cells.len()))
+                .chain((0..n_contacts).map(|_| Vec::with_capacity(1)))
+                .collect(),
             dq_constant: subs.iter().all(|s| s.affine) && guards.all.iter().all(|g| g.affine),
             subs,
             guards,
@@ -188,7 +202,7 @@ impl Field {
             unit: vec![1.0; most],
             q_unit: vec![1.0; q0],
             q: vec![0.0; q0],
-            dq: vec![0.0; q0 * n_z],
+            dq: vec![0.0; n_gradients * n_z],
             dq_known: false,
             guards_known: false,
             base: vec![0.0; nx],
@@ -200,6 +214,7 @@ impl Field {
             lu: Lu::with_capacity(most),
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
+            contacts,
             counts: Counts::default(),
         }
     }
@@ -218,6 +233,9 @@ impl Field {
     pub(super) fn forget(&mut self) {
         self.dq_known = false;
         self.guards_known = false;
+        if let Some(c) = &mut self.contacts {
+            c.forget();
+        }
     }
 
     /// What [`Field::release`] brings back.
@@ -243,13 +261,19 @@ impl Field {
     /// Makes `sets` the active cells.
     pub(super) fn set_active(&mut self, sets: &[Vec<usize>]) {
         self.pairs.clear();
+        if let Some(c) = &mut self.contacts {
+            c.forget();
+        }
         for (k, (to, from)) in self.active.iter_mut().zip(sets).enumerate() {
             to.clone_from(from);
-            for &cell in &from[1..] {
+            for &cell in from.iter().skip(1) {
                 self.pairs.push(Pair { sub: k, cell, base: from[0] });
             }
         }
         self.lone = None;
+        if self.contacts.is_some() {
+            return;
+        }
         if let ([s], true, true) = (&self.subs[..], self.drifts.is_empty(), self.pairs.is_empty()) {
             if s.identity {
                 let mode = s.cells[self.active[0][0] - s.first].mode;
@@ -287,7 +311,7 @@ impl Field {
 
     /// Modes of a set of cells of subsystem `k`, ascending, each once.
     pub(super) fn modes_of(&self, k: usize, set: &[usize]) -> Vec<usize> {
-        let s = &self.subs[k];
+        let Some(s) = self.subs.get(k) else { return set.to_vec() };
         let mut m: Vec<usize> = set.iter().map(|c| s.cells[c - s.first].mode).collect();
         m.sort_unstable();
         m.dedup();
@@ -399,6 +423,9 @@ impl Field {
     }
 
     fn rhs_of_parts(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        if self.contacts.is_some() {
+            return self.scene_rhs(t, x, out);
+        }
         if self.pairs.is_empty() {
             self.counts.values += 1;
             self.drift(t, x, out)?;
@@ -481,6 +508,9 @@ impl Field {
 
     /// Everything that is watched: indicator functions, and the guards of the present discrete states.
     pub(super) fn watched(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        if self.contacts.is_some() {
+            return self.scene_watched(t, x);
+        }
         self.indicators(t, x)?;
         let at = Point { t, x, u: &self.u, p: &self.p };
         self.guards.values(&at, &mut self.q, &mut self.work)
@@ -616,6 +646,11 @@ impl Field {
             }
         }
         base
+    }
+
+    /// Active cells, which contacts have none of.
+    pub(super) fn active_cells(&self) -> impl Iterator<Item = usize> + '_ {
+        self.active[..self.subs.len()].iter().flatten().copied()
     }
 
     /// Are the gradients of the indicators the same everywhere?

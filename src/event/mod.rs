@@ -38,6 +38,7 @@
 mod adjoint;
 mod bernstein;
 mod collocation;
+mod contact_forces;
 mod engine;
 mod explicit;
 mod field;
@@ -56,7 +57,8 @@ pub use engine::{Engine, Progress};
 pub use path::Path;
 
 use crate::error::{Error, Result};
-use crate::system::System;
+use crate::system::{Mechanics, System};
+use std::sync::Arc;
 
 /// Integration method of the modes; sliding modes always have Radau IIA.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -304,6 +306,55 @@ impl Jump {
     }
 }
 
+/// What brought an impact about.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+pub enum ImpactKind {
+    /// A contact closed.
+    Collision = 0,
+    /// No forces continue the motion (Painlevé): sliding stops by an impact without collision.
+    Painleve = 1,
+    /// Impacts accumulate: this is the last, the contact stays closed.
+    Last = 2,
+}
+
+/// What one contact contributes to an impact.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Impact {
+    /// Time.
+    pub t: f64,
+    /// The contact.
+    pub contact: usize,
+    /// What brought it about.
+    pub kind: ImpactKind,
+    /// Rate of the gap before and behind.
+    pub rates: [f64; 2],
+    /// Normal impulse, and tangential impulses in the order of the tangents.
+    pub impulse: [f64; 3],
+    /// How far the bodies would overlap without the impact, `ġ⁻² / (2 |g̈|)`: small where the contact is grazing, and
+    /// derivatives grow like its square root. Infinite without acceleration towards the contact.
+    pub depth: f64,
+    /// Other contacts had impulses at the same time.
+    pub simultaneous: bool,
+    /// Velocities behind it and impulses are unique.
+    pub unique: bool,
+    /// Derivatives of the time with respect to initial state, parameters and controls, if they are asked for.
+    pub dt: Vec<f64>,
+}
+
+/// Contact modes, controls and parameters from a time on.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Phase {
+    /// The time it begins.
+    pub t: f64,
+    /// Mode of every contact: 0 open, 1 closed (sticking), 2 sliding, 3 sliding against the tangent.
+    pub modes: Vec<usize>,
+    /// Controls.
+    pub u: Vec<f64>,
+    /// Parameters.
+    pub p: Vec<f64>,
+}
+
 /// A way a solution may go on.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Continuation {
@@ -394,6 +445,8 @@ pub struct Statistics {
     pub switches: usize,
     /// Transitions.
     pub jumps: usize,
+    /// Impacts, each contact for itself.
+    pub impacts: usize,
     /// Points at which switches accumulate.
     pub accumulations: usize,
 }
@@ -413,6 +466,12 @@ pub struct Run {
     pub switches: Vec<Switch>,
     /// The transitions in the order they were made.
     pub jumps: Vec<Jump>,
+    /// The impacts in the order they happened, one entry for every contact with an impulse.
+    pub impacts: Vec<Impact>,
+    /// Contact modes of a scene as they followed each other; as many as switches at most.
+    pub phases: Vec<Phase>,
+    /// The equations of motion of a scene, for the forces of its contacts.
+    pub mechanics: Option<Arc<Mechanics>>,
     /// Work done.
     pub stats: Statistics,
     /// Points with several continuations; as many as switches at most.
@@ -435,7 +494,13 @@ impl Run {
     pub fn bytes(&self) -> usize {
         let path = self.path.as_ref().map_or(0, Path::bytes);
         let jumps = self.jumps.len() * Jump::bytes(self.x.len());
-        path + jumps + self.switches.len() * size_of::<Switch>() + 8 * self.sensitivity.as_ref().map_or(0, Vec::len)
+        let impacts = self.impacts.len() * size_of::<Impact>();
+        let phases = self.phases.iter().map(|p| 8 * (p.modes.len() + p.u.len() + p.p.len())).sum::<usize>();
+        path + jumps
+            + impacts
+            + phases
+            + self.switches.len() * size_of::<Switch>()
+            + 8 * self.sensitivity.as_ref().map_or(0, Vec::len)
     }
 }
 

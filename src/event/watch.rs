@@ -1,6 +1,6 @@
 //! What must stay positive under an active set: distances to the surfaces around, weights of the active cells.
 
-use super::field::Field;
+use super::field::{Field, TO_RATE};
 use super::step::Stages;
 use crate::func::EvalResult;
 
@@ -14,6 +14,28 @@ pub(super) enum Watch {
     /// `sign · q_a`, of the guard of a transition: it happens where this vanishes, or, where the guard has passed zero
     /// already (`back`), it is watched again from there on.
     Guard { guard: usize, a: usize, sign: f64, back: bool },
+    /// A function of a contact, whose value stands at `a`.
+    Contact { contact: usize, what: ContactWatch, a: usize },
+}
+
+/// What is watched of a contact.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum ContactWatch {
+    /// The gap of an open contact.
+    Gap,
+    /// The normal force of a closed one.
+    Pressure,
+    /// What is left of the friction of one that sticks; in the plane towards either side.
+    Cone(f64),
+    /// The speed of one that slides.
+    Speed,
+}
+
+impl ContactWatch {
+    /// Is it a force, whose rate is not known?
+    pub(super) fn is_force(self) -> bool {
+        matches!(self, ContactWatch::Pressure | ContactWatch::Cone(_))
+    }
 }
 
 impl Watch {
@@ -26,7 +48,20 @@ impl Watch {
         match *self {
             Watch::Enter { a, b, sign, .. } => Some((a, b, sign)),
             Watch::Guard { a, sign, .. } => Some((a, None, sign)),
-            Watch::Leave { .. } => None,
+            Watch::Leave { .. } | Watch::Contact { .. } => None,
+        }
+    }
+
+    /// Is it something that a state jump, a reset or an impact, may put to zero and push away from it?
+    pub(super) fn is_left_by_jumps(&self) -> bool {
+        matches!(self, Watch::Guard { .. } | Watch::Contact { .. })
+    }
+
+    /// Rate of change for a velocity: of a contact that which stands among the values `q`, NaN for forces.
+    pub(super) fn rate_in(&self, q: &[f64], dq: &[f64], n_z: usize, velocity: &[f64]) -> f64 {
+        match *self {
+            Watch::Contact { a, .. } => q[a + TO_RATE],
+            _ => self.rate(dq, n_z, velocity),
         }
     }
 
@@ -35,7 +70,7 @@ impl Watch {
         match *self {
             Watch::Enter { sub, .. } => field.subs[sub].affine,
             Watch::Guard { guard, .. } => field.guards.all[guard].affine,
-            Watch::Leave { .. } => false,
+            Watch::Leave { .. } | Watch::Contact { .. } => false,
         }
     }
 
@@ -45,6 +80,7 @@ impl Watch {
             Watch::Enter { a, b, sign, .. } => sign * (q[a] - b.map_or(0.0, |b| q[b])),
             Watch::Guard { a, sign, .. } => sign * q[a],
             Watch::Leave { cell, .. } => field.theta(cell),
+            Watch::Contact { a, .. } => q[a],
         }
     }
 
@@ -84,6 +120,7 @@ impl Watch {
     ) -> EvalResult {
         let n_z = field.n_z;
         match (*self, self.difference()) {
+            (Watch::Contact { contact, what, .. }, _) => field.contact_gradient((contact, what), (t, x), out)?,
             (Watch::Leave { cell, .. }, _) => field.theta_gradient(cell, (t, x, velocity), jac, out)?,
             (_, None) => {}
             (_, Some((a, b, sign))) => {
@@ -119,6 +156,9 @@ impl Watch {
     /// Sizes to compare value and rate with; `dq` are the gradients of the indicators.
     pub(super) fn scale(&self, dq: &[f64], field: &Field, t: f64, x: &[f64]) -> Scale {
         let n_z = field.n_z;
+        if let Watch::Contact { contact, what, .. } = *self {
+            return field.contact_scale(contact, what);
+        }
         let Some((a, b, _)) = self.difference() else { return Scale { value: 1.0, reach: 1.0, gradient: 1.0 } };
         let mut s = Scale { value: 0.0, reach: 0.0, gradient: 0.0 };
         for j in std::iter::once(a).chain(b) {
@@ -166,6 +206,7 @@ pub(super) fn list(field: &Field, out: &mut Vec<Watch>) {
             out.extend(set.iter().map(|&cell| Watch::Leave { sub: k, cell }));
         }
     }
+    out.extend(field.contact_watches().into_iter().map(|(contact, what, a)| Watch::Contact { contact, what, a }));
     for &guard in &field.guards.armed {
         let g = &field.guards.all[guard];
         let toward = g.transition.direction.sign();

@@ -106,3 +106,25 @@ impl fmt::Display for Report {
         Ok(())
     }
 }
+
+impl Report {
+    /// The report as one object of JSON.
+    pub fn json(&self) -> String {
+        let contact = |c: &ContactReport| {
+            serde_json::json!({
+                "contact": c.contact, "name": c.name, "tangents": c.n_tangents, "unknowns": c.unknowns,
+                "watched": {"open": c.watched[0], "sliding": c.watched[1], "sticking": c.watched[2]},
+            })
+        };
+        let dropped = |d: &Dropped| serde_json::json!({"contact": d.contact, "name": d.name, "proof": d.proof});
+        let [n_q, n_v, nu, np] = self.sizes;
+        let law = if self.law == ImpactLaw::Newton { "newton" } else { "sequential" };
+        serde_json::json!({
+            "name": self.name, "n_q": n_q, "n_v": n_v, "n_controls": nu, "n_parameters": np,
+            "inertia": self.inertia, "impact_law": law,
+            "contacts": self.contacts.iter().map(contact).collect::<Vec<_>>(),
+            "dropped": self.dropped.iter().map(dropped).collect::<Vec<_>>(),
+        })
+        .to_string()
+    }
+}

@@ -26,7 +26,12 @@ impl Engine {
             self.field.set_active(&best.sets);
             return Ok(true);
         }
-        if let Some(taken) = self.branch(&found) {
+        let name = |s: &FilippovSolution| Continuation {
+            modes: s.sets.iter().enumerate().map(|(k, set)| self.field.modes_of(k, set)).collect(),
+            velocity: s.velocity.clone(),
+        };
+        let continuations = found.iter().map(name).collect();
+        if let Some(taken) = self.branch(continuations) {
             self.field.set_active(&found[taken].sets);
         }
         Ok(false)
@@ -59,21 +64,18 @@ impl Engine {
     }
 
     /// Several continuations: notes them and decides.
-    fn branch(&mut self, found: &[FilippovSolution]) -> Option<usize> {
-        let n_sub = self.field.subs.len();
-        let name = |s: &FilippovSolution| Continuation {
-            modes: s.sets.iter().enumerate().map(|(k, set)| self.field.modes_of(k, set)).collect(),
-            velocity: s.velocity.clone(),
-        };
+    pub(super) fn branch(&mut self, continuations: Vec<Continuation>) -> Option<usize> {
+        let n_sub = self.field.active.len();
+        let n = continuations.len();
         let mut b = Branching {
             t: self.t,
             x: self.x.clone(),
             before: (0..n_sub).map(|k| self.field.modes(k)).collect(),
-            continuations: found.iter().map(name).collect(),
+            continuations,
             taken: None,
         };
         b.taken = match (&mut self.decider, self.options.ambiguity) {
-            (Some(decide), _) => decide(&b).filter(|i| *i < found.len()),
+            (Some(decide), _) => decide(&b).filter(|i| *i < n),
             (None, Ambiguity::First) => Some(0),
             (None, Ambiguity::Stop) => None,
             (None, Ambiguity::Prefer) => {
@@ -86,12 +88,12 @@ impl Engine {
                     });
                     each.collect()
                 };
-                (0..found.len()).min_by_key(|i| rank(&b.continuations[*i]))
+                (0..n).min_by_key(|i| rank(&b.continuations[*i]))
             }
         };
         let taken = b.taken;
         if taken.is_none() {
-            let text = format!("the continuation is not unique: {} active sets are possible", found.len());
+            let text = format!("the continuation is not unique: {n} active sets are possible");
             self.fail(Outcome::Ambiguous, text);
         }
         if self.branchings.len() < self.options.max_log {

@@ -34,7 +34,7 @@ impl Engine {
         let most = (1.1 * full).min(self.t_stop - self.t);
         let end = self.w1[l];
         // between two zeros that nearly are one (a short flight in a long step) the way is halved until it is between them
-        let tries = if matches!(self.watches[l], Watch::Guard { .. }) { 60 } else { 12 };
+        let tries = if self.watches[l].is_left_by_jumps() { 60 } else { 12 };
         for _ in 0..tries {
             self.step.h = h;
             self.dense_ready = false;
@@ -108,7 +108,10 @@ impl Engine {
         self.field.watched(t, &self.step.x1)?;
         self.field.watched_gradients(t, &self.step.x1)?;
         let value = w.value(&self.field.q, &self.field);
-        let rate = if w.is_leave() { f64::NAN } else { w.rate(&self.field.dq, self.field.n_z, &self.step.f1) };
+        let rate = match w {
+            Watch::Leave { .. } => f64::NAN,
+            _ => w.rate_in(&self.field.q, &self.field.dq, self.field.n_z, &self.step.f1),
+        };
         Ok((value, rate))
     }
 
@@ -148,7 +151,7 @@ impl Engine {
         let (n_z, nx) = (self.field.n_z, self.nx);
         let mut nearest = (f64::INFINITY, 0, 0.0);
         for l in 0..self.watches.len() {
-            let rate = self.watches[l].rate(&self.dq0, n_z, &self.f);
+            let rate = self.watches[l].rate_in(&self.q0, &self.dq0, n_z, &self.f);
             let left = -self.w0[l] / rate;
             if rate < 0.0 && left >= 0.0 && left < nearest.0 {
                 nearest = (left, l, rate);

@@ -3,6 +3,7 @@
 mod accumulation;
 mod chatter;
 mod choice;
+mod contact;
 mod control;
 mod derivatives;
 mod jump;
@@ -30,13 +31,13 @@ use super::step::Step;
 use super::tape::Tape;
 use super::watch::Watch;
 use super::{Accumulation, Arbiter, Branching, Contact, Decider};
-use super::{Ambiguity, Jump, Method, Options, Outcome, Run, Statistics, Switch};
+use super::{Ambiguity, Impact, Jump, Method, Options, Outcome, Phase, Run, Statistics, Switch};
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
 use crate::func::{trouble, EvalError};
 use crate::memory;
 use crate::stop;
-use crate::system::System;
+use crate::system::{Mechanics, System};
 
 /// Rounding.
 const EPS: f64 = f64::EPSILON;
@@ -130,6 +131,9 @@ pub struct Engine {
     reason: String,
     switches: Vec<Switch>,
     jumps: Vec<Jump>,
+    impacts: Vec<Impact>,
+    /// Contact modes with controls and parameters, from times on, for forces afterwards.
+    phases: Vec<Phase>,
     branchings: Vec<Branching>,
     contacts: Vec<Contact>,
     accumulations: Vec<Accumulation>,
@@ -146,6 +150,8 @@ pub struct Engine {
     /// Derivatives of the time of a switch, and room for a Jacobian.
     time_row: Vec<f64>,
     jac: Vec<f64>,
+    /// Room for powers of a Jacobian.
+    squares: (Vec<f64>, Vec<f64>),
     one_sided: bool,
     interrupt: Option<Arc<AtomicBool>>,
     /// The last step was not begun for lack of memory.
@@ -163,7 +169,7 @@ impl Engine {
         let dcs = Dcs::stewart(system)?;
         let nx = dcs.dims().x;
         options.validate(nx)?;
-        let mut field = Field::new(&dcs, system.transitions());
+        let mut field = Field::new(&dcs, system);
         check_preferred(options, &field)?;
         let spread = |v: &[f64]| (0..nx).map(|i| v[i % v.len()]).collect::<Vec<f64>>();
         let (n_q, n_z, n_cells) = (field.q.len(), field.n_z, field.n_cells);
@@ -177,7 +183,7 @@ impl Engine {
             Method::Auto if finest > 1e-5 => Pair::Dp5,
             _ => Pair::Dop853,
         };
-        let n_w = n_q + n_cells;
+        let (n_w, n_dq) = (n_q + n_cells, field.dq.len());
         Ok(Engine {
             options: options.clone(),
             nx,
@@ -203,8 +209,8 @@ impl Engine {
             resting: vec![false; n_w],
             q0: vec![0.0; n_q],
             q1: vec![0.0; n_q],
-            dq0: vec![0.0; n_q * n_z],
-            dq1: vec![0.0; n_q * n_z],
+            dq0: vec![0.0; n_dq],
+            dq1: vec![0.0; n_dq],
             zero: vec![false; n_q],
             set: Vec::with_capacity(2),
             weights: vec![0.0; nx],
@@ -233,6 +239,8 @@ impl Engine {
             reason: String::new(),
             switches: Vec::new(),
             jumps: Vec::new(),
+            impacts: Vec::new(),
+            phases: Vec::new(),
             branchings: Vec::new(),
             contacts: Vec::new(),
             accumulations: Vec::new(),
@@ -246,6 +254,11 @@ impl Engine {
             reset: Reset::new(nx, n_z),
             time_row: vec![0.0; n_z],
             jac: vec![0.0; nx * n_z],
+            squares: if options.sensitivity || options.adjoint {
+                (vec![0.0; nx * nx], vec![0.0; nx * nx])
+            } else {
+                Default::default()
+            },
             one_sided: false,
             interrupt: None,
             refused: false,
@@ -277,6 +290,8 @@ impl Engine {
         self.reason.clear();
         self.switches.clear();
         self.jumps.clear();
+        self.impacts.clear();
+        self.phases.clear();
         self.branchings.clear();
         self.contacts.clear();
         self.accumulations.clear();
@@ -377,6 +392,21 @@ impl Engine {
         &self.jumps
     }
 
+    /// The impacts so far.
+    pub fn impacts(&self) -> &[Impact] {
+        &self.impacts
+    }
+
+    /// The equations of motion, if the system is a scene.
+    pub fn mechanics(&self) -> Option<Arc<Mechanics>> {
+        self.field.scene().map(|c| c.dynamics.mechanics.clone())
+    }
+
+    /// The contact modes so far, as they followed each other.
+    pub fn phases(&self) -> &[Phase] {
+        &self.phases
+    }
+
     /// Points with several continuations so far.
     pub fn branchings(&self) -> &[Branching] {
         &self.branchings
@@ -428,6 +458,9 @@ impl Engine {
             x: self.x,
             switches: self.switches,
             jumps: self.jumps,
+            impacts: self.impacts,
+            phases: self.phases,
+            mechanics: self.field.scene().map(|c| c.dynamics.mechanics.clone()),
             branchings: self.branchings,
             contacts: self.contacts,
             accumulations: self.accumulations,
@@ -512,6 +545,7 @@ impl Engine {
             self.h = self.no_time();
         }
         let mut rejected = false;
+        let longest = self.variational_step()?.min(self.options.h_max);
         loop {
             if self.stats.steps + self.stats.rejections >= self.options.max_steps {
                 let text = format!("{} steps were not enough to reach {t_stop}", self.options.max_steps);
@@ -521,7 +555,7 @@ impl Engine {
                 return Ok(p);
             }
             let left = t_stop - self.t;
-            let wanted = self.h.min(self.options.h_max);
+            let wanted = self.h.min(longest);
             let last = wanted >= 0.99 * left;
             self.step.h = if last { left } else { wanted };
             if self.step.h <= 4.0 * EPS * self.t.abs() && !last {
@@ -650,10 +684,14 @@ impl Engine {
             *d = if *rests { 2 } else { 0 };
         }
         self.fresh = false;
+        let moved = self.field.has_contacts() && self.settle_contacts()?;
         std::mem::swap(&mut self.alpha_start, &mut self.alpha_end);
         std::mem::swap(&mut self.q0, &mut self.q1);
         if !self.field.constant_gradients() {
             std::mem::swap(&mut self.dq0, &mut self.dq1);
+        }
+        if moved {
+            self.q0.copy_from_slice(&self.field.q);
         }
         Ok(())
     }

@@ -5,7 +5,7 @@ use super::{fatal, Engine, EPS};
 use crate::error::Result;
 use crate::event::bernstein::{self, First, NODES};
 use crate::event::explicit::Pair;
-use crate::event::watch::Watch;
+use crate::event::watch::{ContactWatch, Watch};
 use crate::event::Contact;
 use crate::func::EvalError;
 use crate::stop;
@@ -75,7 +75,7 @@ impl Engine {
                     let end = i == NODES - 1;
                     let value = if end { self.w1[l] } else { self.watches[l].value(&self.field.q, &self.field) };
                     // a guard that has just been left is zero at the start, up to the rounding of its location
-                    let left = matches!(self.watches[l], Watch::Guard { .. }) && self.depart[l] == 1;
+                    let left = self.watches[l].is_left_by_jumps() && self.depart[l] == 1;
                     self.samples[l][i] = if left { value - self.w0[l] } else { value };
                 }
             }
@@ -95,7 +95,7 @@ impl Engine {
             let power = usize::from(self.depart[l]);
             let (c, d) = self.sampler.coefficients(&self.samples[l], power);
             let c = &c[..=d];
-            let passed = matches!(self.watches[l], Watch::Guard { .. }) && power > 0 && self.w1[l] < 0.0;
+            let passed = self.watches[l].is_left_by_jumps() && power > 0 && self.w1[l] < 0.0;
             let s = match bernstein::first(c) {
                 // at rest at zero when the step began, and beyond it at the end
                 First::None if passed => 0.0,
@@ -160,6 +160,13 @@ impl Engine {
                 self.one_sided |= !back;
                 return;
             }
+            Watch::Contact { contact, what, .. } => {
+                self.one_sided = true;
+                if what != ContactWatch::Gap {
+                    return;
+                }
+                contact
+            }
             Watch::Leave { .. } => return,
         };
         let rate = slope / self.step.h;
@@ -191,19 +198,28 @@ impl Engine {
             }
             self.field.watched(t + 0.5 * h, &self.node)?;
         }
+        let contacts = self.field.has_contacts();
+        if contacts {
+            self.look_inside()?;
+        }
         for l in 0..self.watches.len() {
             let w = self.watches[l];
             let (w0, depart) = (self.w0[l], self.depart[l]);
             let w1 = w.value(&self.q1, &self.field);
             self.w1[l] = w1;
-            let certain = w1.is_nan() || w1 <= 0.0 || depart == 2;
+            let certain = w1.is_nan() || w1 <= 0.0 || depart >= 2;
             self.suspect[l] = match w {
                 Watch::Leave { cell, .. } => certain || depart > 0 || self.weight_falls(cell, w0, w1),
                 _ if w.is_affine(&self.field) => certain || self.nears(&w, w0, w1, depart),
-                Watch::Enter { .. } | Watch::Guard { .. } => {
-                    let v = w.value(&self.field.q, &self.field);
-                    let r0 = w.rate(&self.dq0, n_z, &self.step.f0);
-                    let r1 = w.rate(&self.dq1, n_z, &self.step.f1);
+                Watch::Contact { what, .. } if what.is_force() => {
+                    let (low, e) = self.screen_force(l);
+                    worst = worst.max(e);
+                    certain || depart > 0 || low
+                }
+                _ => {
+                    let v = if contacts { self.samples[l][1] } else { w.value(&self.field.q, &self.field) };
+                    let r0 = w.rate_in(&self.q0, &self.dq0, n_z, &self.step.f0);
+                    let r1 = w.rate_in(&self.q1, &self.dq1, n_z, &self.step.f1);
                     let error = (v - 0.5 * (w0 + w1) - 0.125 * h * (r0 - r1)).abs();
                     let size = FRACTION * w0.abs().max(w1.abs()).max(v.abs());
                     if error > size {

@@ -10,6 +10,9 @@ use crate::func::EvalError;
 impl Engine {
     /// Finds the active set of the present point and prepares the first step.
     pub(super) fn begin(&mut self, t_stop: f64) -> Result<()> {
+        if self.field.has_contacts() {
+            return self.begin_scene(t_stop);
+        }
         let before: Vec<Vec<usize>> = self.field.active.clone();
         let first = before.iter().any(Vec::is_empty) || before.is_empty();
         let found = self.begin_inner(first);
@@ -176,6 +179,9 @@ impl Engine {
         self.alpha_start.clear();
         self.alpha_start.extend_from_slice(&self.field.alpha[..self.field.n_alg()]);
         watch::list(&self.field, &mut self.watches);
+        if self.field.has_contacts() {
+            self.field.contact_sizes(t, &self.x)?;
+        }
         let pace = self.field.pace(&self.x, &self.f);
         for l in 0..self.watches.len() {
             let w = self.watches[l];
@@ -185,6 +191,10 @@ impl Engine {
             let scale = w.scale(&self.dq0, &self.field, t, &self.x);
             if w.is_leave() {
                 self.depart[l] = u8::from(value <= 1e-9);
+                continue;
+            }
+            if let Watch::Contact { .. } = w {
+                self.depart[l] = self.contact_departs(w, value);
                 continue;
             }
             let rate = w.rate(&self.dq0, n_z, &self.f);
@@ -198,7 +208,7 @@ impl Engine {
             }
         }
         let none = self.stiff.len() - 1;
-        let known = self.field.active.iter().flatten().any(|&c| self.stiff[c]) || self.stiff[none];
+        let known = self.field.active_cells().any(|c| self.stiff[c]) || self.stiff[none];
         self.implicit = self.field.n_alg() > 0
             || self.options.method == Method::Radau5
             || self.options.method == Method::Auto && known;
@@ -208,8 +218,10 @@ impl Engine {
 
     /// Switches at the present point, where watch `l` vanishes.
     pub(super) fn switch(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
-        if let Watch::Guard { .. } = self.watches[l] {
-            return self.jump(l, slope, grown);
+        match self.watches[l] {
+            Watch::Guard { .. } => return self.jump(l, slope, grown),
+            Watch::Contact { .. } => return self.contact_event(l, slope, grown),
+            _ => {}
         }
         let before = self.field.active.clone();
         let r = self.switch_inner(l, slope, &before);
@@ -276,7 +288,7 @@ impl Engine {
                         }
                     }
                 }
-                Watch::Leave { .. } | Watch::Guard { .. } => {}
+                Watch::Leave { .. } | Watch::Guard { .. } | Watch::Contact { .. } => {}
             }
         }
         self.keep_surfaces();

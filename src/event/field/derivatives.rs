@@ -7,6 +7,9 @@ impl Field {
     /// Jacobian of `b + D α` for fixed `α`, row-major `nx × n_z` with the columns `x`, `p`, `u`, `t`.
     pub(in crate::event) fn jacobian(&mut self, t: f64, x: &[f64], alpha: &[f64], out: &mut [f64]) -> EvalResult {
         self.counts.jacobians += 1;
+        if self.has_contacts() {
+            return self.scene_jacobian(t, x, out);
+        }
         let at = Point { t, x, u: &self.u, p: &self.p };
         let column = Columns { nx: self.nx, nu: self.u.len(), np: self.p.len() };
         let n_z = self.n_z;

@@ -1,0 +1,453 @@
+//! Scenes with contacts: made of expressions, and their impacts and forces in the result of a simulation.
+
+use super::expr::{ids, swb_expr};
+use super::guard::guard;
+use super::handle::{self, Object};
+use super::raw;
+use super::report::Sized8;
+use super::run::{need_derivatives, swb_run, write_structs};
+use super::status::swb_status;
+use super::system::swb_system;
+use crate::error::{Error, Result};
+use crate::event::Impact;
+use crate::expr::Id;
+use crate::memory::sizes::size;
+use crate::model::Names;
+use crate::scene::{Built, Contact, Scene};
+use crate::system::ImpactLaw;
+use std::ffi::c_char;
+
+/// A scene that is being written, and what it became when it was last built.
+pub struct SceneObject {
+    scene: Scene,
+    built: Option<Built>,
+}
+
+impl SceneObject {
+    fn change(&mut self) -> &mut Scene {
+        self.built = None;
+        &mut self.scene
+    }
+
+    fn built(&self) -> Result<&Built> {
+        self.built.as_ref().ok_or_else(|| Error::State("the scene is not built: call swb_scene_build first".into()))
+    }
+}
+
+/// Scene: coordinates q, velocities v, inertia, forces and contacts, made of expressions in which the states are q, then v.
+pub struct swb_scene(());
+impl Object for swb_scene {
+    type Value = SceneObject;
+    const NAME: &'static str = "swb_scene";
+}
+
+/// What happens where several contacts close at once.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_impact_law {
+    /// Newton's law for all contacts in one complementarity problem (Moreau).
+    Newton = 0,
+    /// Newton's law for one contact after the other, the one that closes fastest first.
+    Sequential = 1,
+}
+
+/// What brought an impact about.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_impact_kind {
+    /// A contact closed.
+    Collision = 0,
+    /// No forces continue the motion (Painleve): sliding stops by an impact without collision.
+    Painleve = 1,
+    /// Impacts accumulate: this is the last, the contact stays closed.
+    Last = 2,
+}
+
+/// Modes of a contact.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_contact_mode {
+    /// Open: no force.
+    Open = 0,
+    /// Closed; with friction, sticking.
+    Closed = 1,
+    /// Sliding: in the plane along the tangent, in space in any direction.
+    Slides = 2,
+    /// Sliding against the tangent, in the plane.
+    SlidesBack = 3,
+}
+
+/// Create a scene without forces and contacts: the inertia is the unit matrix, and where there are as many coordinates as
+/// velocities the rates of the coordinates are the velocities.
+///
+/// @param[in]  name  for messages
+/// @param[in]  n_q   coordinates
+/// @param[in]  n_v   velocities
+/// @param[in]  nu    controls
+/// @param[in]  np    parameters
+/// @param[in]  names of coordinates, velocities, controls and parameters, one per line, for messages; may be NULL
+/// @param[out] out   the new object, NULL on failure; free with swb_scene_free
+/// @return SWB_OK; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_create(
+    name: *const c_char,
+    n_q: i64,
+    n_v: i64,
+    nu: i64,
+    np: i64,
+    names: *const c_char,
+    out: *mut *mut swb_scene,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::create(out, |_| {
+            let (n_q, n_v) = (size(n_q, "n_q")?, size(n_v, "n_v")?);
+            let (nu, np) = (size(nu, "nu")?, size(np, "np")?);
+            let mut scene = Scene::new(raw::text(name, "name")?, n_q, n_v, nu, np)?;
+            if !names.is_null() {
+                let all: Vec<String> = raw::text(names, "names")?.split('\n').map(str::to_owned).collect();
+                let mut rest = all.into_iter();
+                let mut take = |n: usize| rest.by_ref().take(n).collect::<Vec<String>>();
+                scene.set_names(Names { x: take(n_q + n_v), u: take(nu), p: take(np) });
+            }
+            Ok(SceneObject { scene, built: None })
+        })
+    })
+}
+
+unsafe fn with_ids(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    (list, n): (*const i64, i64),
+    what: &str,
+    f: impl FnOnce(&mut Scene, Vec<Id>) -> Result<()>,
+) -> Result<()> {
+    let all = unsafe { handle::with_ref(graph, |dag| ids(dag, list, n, what))? };
+    unsafe { handle::with_mut(scene, |s| f(s.change(), all)) }
+}
+
+/// Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
+///
+/// @param[in] graph the graph of the expressions
+/// @param[in] rates [n] n_q expressions
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE for numbers that are no expressions
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_set_rates(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    rates: *const i64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe { with_ids(scene, graph, (rates, n), "rates", |s, all| s.set_rates(&all)) })
+}
+
+/// Set the inertia matrix M: symmetric and positive definite; it may depend on coordinates, parameters and time.
+///
+/// @param[in] graph   the graph of the expressions
+/// @param[in] entries [n] n_v times n_v expressions
+/// @return as swb_scene_set_rates
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_set_inertia(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    entries: *const i64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe { with_ids(scene, graph, (entries, n), "entries", |s, all| s.set_inertia(&all)) })
+}
+
+/// Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact forces, smooth expressions.
+///
+/// @param[in] graph the graph of the expressions
+/// @param[in] force [n] n_v expressions
+/// @return as swb_scene_set_rates
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_set_force(
+    scene: *mut swb_scene,
+    graph: *const swb_expr,
+    force: *const i64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        with_ids(scene, graph, (force, n), "force", |s, all| {
+            let n_v = s.sizes().1;
+            if all.len() != n_v {
+                return Err(Error::Dimension(format!("there are {} forces, expected {n_v}", all.len())));
+            }
+            all.into_iter().enumerate().try_for_each(|(i, f)| s.set_force(i, f))
+        })
+    })
+}
+
+/// Add a contact.
+///
+/// @param[in]  graph       the graph of the expressions
+/// @param[in]  name        of its own, for messages and results
+/// @param[in]  gap         expression of coordinates, parameters and time, positive where the bodies are apart; with friction a
+///                         length
+/// @param[in]  tangents    [n_tangents] no, one (in the plane) or two (in space) expressions whose rates are the sliding
+///                         velocity, or which are its components, linear in the velocities
+/// @param[in]  friction    expression, coefficient of friction; -1: none
+/// @param[in]  restitution expression, coefficient of restitution between 0 and 1; -1: 0
+/// @param[out] index       number of the contact; may be NULL
+/// @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions or too many tangents; SWB_ERR_STATE for a name or a gap
+///         that is there already
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_add_contact(
+    scene: *mut swb_scene,
+    graph: *mut swb_expr,
+    name: *const c_char,
+    gap: i64,
+    tangents: *const i64,
+    n_tangents: i64,
+    friction: i64,
+    restitution: i64,
+    index: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let contact = handle::with_mut(graph, |dag| {
+            let zero = dag.constant(0.0);
+            let one = |v: i64, what: &str| ids(dag, &v, 1, what).map(|all| all[0]);
+            let optional = |v: i64, what: &str| if v == -1 { Ok(zero) } else { one(v, what) };
+            Ok(Contact {
+                name: raw::text(name, "name")?.to_owned(),
+                gap: one(gap, "gap")?,
+                tangents: ids(dag, tangents, n_tangents, "tangents")?,
+                friction: optional(friction, "friction")?,
+                restitution: optional(restitution, "restitution")?,
+            })
+        })?;
+        let k = handle::with_mut(scene, |s| s.change().add_contact(contact))?;
+        raw::write_optional(index, k as i64);
+        Ok(())
+    })
+}
+
+/// State that a coordinate stays between bounds: contacts that cannot close there are left out when the scene is built, with a
+/// proof in the report. A simulation that leaves the bounds ends with an error if something was left out for them.
+///
+/// @param[in] coordinate from 0
+/// @param[in] low        lower bound
+/// @param[in] high       upper bound
+/// @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NONFINITE
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_set_bounds(
+    scene: *mut swb_scene,
+    coordinate: i64,
+    low: f64,
+    high: f64,
+) -> swb_status {
+    guard(|| unsafe {
+        let i = size(coordinate, "coordinate")?;
+        handle::with_mut(scene, |s| s.change().set_bounds(i, low, high))
+    })
+}
+
+/// Set what happens where several contacts close at once.
+///
+/// @param[in] law enum swb_impact_law
+/// @return SWB_OK; SWB_ERR_RANGE
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_set_impact_law(scene: *mut swb_scene, law: i32) -> swb_status {
+    guard(|| unsafe {
+        let law = match law {
+            0 => ImpactLaw::Newton,
+            1 => ImpactLaw::Sequential,
+            _ => return Err(Error::Range(format!("law is {law}: give an enum swb_impact_law"))),
+        };
+        handle::with_mut(scene, |s| {
+            s.change().set_law(law);
+            Ok(())
+        })
+    })
+}
+
+/// Build the scene: derivatives, normals, and which contacts cannot close. Any change needs another call.
+///
+/// @param[in] graph the graph of the expressions; it grows
+/// @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
+///         with a message that names them
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_build(scene: *mut swb_scene, graph: *mut swb_expr) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(scene, |s| {
+            s.built = Some(handle::with_mut(graph, |dag| s.scene.build_in(dag))?);
+            Ok(())
+        })
+    })
+}
+
+/// The system of a scene that is built; its states are the coordinates, then the velocities. Simulate it event-driven.
+///
+/// @param[out] out the new object, NULL on failure; free with swb_system_free
+/// @return SWB_OK; SWB_ERR_STATE if the scene is not built
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_system(scene: *const swb_scene, out: *mut *mut swb_system) -> swb_status {
+    guard(|| unsafe { handle::create(out, |_| handle::with_ref(scene, |s| Ok(s.built()?.system.clone()))) })
+}
+
+/// Report of a scene that is built: contacts with what they cost, and which were left out and why.
+///
+/// @param[in]  json   0 for text, 1 for an object of JSON
+/// @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+/// @param[out] needed length with the final NUL; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE if the scene is not built
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_report(
+    scene: *const swb_scene,
+    json: i32,
+    buf: *mut c_char,
+    len: i64,
+    needed: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let text = handle::with_ref(scene, |s| {
+            let r = &s.built()?.report;
+            Ok(if json == 0 { r.to_string() } else { r.json() })
+        })?;
+        raw::write_text(text.as_bytes(), buf, len, needed)
+    })
+}
+
+/// Free; systems made of the scene stay. NULL is allowed.
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_free(scene: *mut swb_scene) {
+    unsafe { handle::free(scene) }
+}
+
+/// What one contact contributes to an impact.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Default)]
+pub struct swb_impact {
+    /// Size of this struct in bytes.
+    pub struct_size: u64,
+    /// Time.
+    pub t: f64,
+    /// The contact; those that were left out do not count.
+    pub contact: i64,
+    /// An enum swb_impact_kind.
+    pub kind: i64,
+    /// 1 if other contacts had impulses at the same time.
+    pub simultaneous: i64,
+    /// 1 if velocities behind it and impulses are unique.
+    pub unique: i64,
+    /// Rate of the gap before.
+    pub rate_before: f64,
+    /// Rate of the gap behind.
+    pub rate_after: f64,
+    /// Normal impulse.
+    pub normal: f64,
+    /// Impulse along the first tangent.
+    pub tangential: f64,
+    /// Impulse along the second tangent.
+    pub tangential2: f64,
+    /// How far the bodies would overlap without the impact: small where the contact is grazing.
+    pub depth: f64,
+}
+unsafe impl Sized8 for swb_impact {}
+
+/// The impacts of a run in the order they happened; their number is n_impacts of swb_run_info.
+///
+/// @param[out] impacts     [n] n_impacts
+/// @param[in]  struct_size sizeof(swb_impact)
+/// @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_impacts(
+    run: *const swb_run,
+    impacts: *mut swb_impact,
+    n: i64,
+    struct_size: u64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(run, |r| {
+            let of = |i: &Impact| swb_impact {
+                struct_size: 0,
+                t: i.t,
+                contact: i.contact as i64,
+                kind: i.kind as i64,
+                simultaneous: i.simultaneous.into(),
+                unique: i.unique.into(),
+                rate_before: i.rates[0],
+                rate_after: i.rates[1],
+                normal: i.impulse[0],
+                tangential: i.impulse[1],
+                tangential2: i.impulse[2],
+                depth: i.depth,
+            };
+            write_structs(&r.run.impacts, of, impacts, n, struct_size, "impacts")
+        })
+    })
+}
+
+/// Derivatives of the time of an impact with respect to initial states, parameters and controls.
+///
+/// @param[in]  index its place in swb_run_impacts, from 0
+/// @param[out] dt    [n] n_columns
+/// @return as swb_run_sensitivity
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_impact_sensitivity(
+    run: *const swb_run,
+    index: i64,
+    dt: *mut f64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(run, |r| {
+            need_derivatives(r.run.sensitivity.as_ref())?;
+            let n_impacts = r.run.impacts.len();
+            let found = usize::try_from(index).ok().and_then(|i| r.run.impacts.get(i));
+            let impact = found
+                .ok_or_else(|| Error::Dimension(format!("there is no impact {index}, the run has {n_impacts}")))?;
+            raw::write_slice(dt, n, &impact.dt, "dt")
+        })
+    })
+}
+
+/// Modes of the contacts of a scene at times.
+///
+/// @param[in]  t     [n_t] times; at the time of an event the modes are those before it
+/// @param[out] modes [n] n_t times n_scene_contacts, enum swb_contact_mode, those of the first time first
+/// @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_contact_modes(
+    run: *const swb_run,
+    t: *const f64,
+    n_t: i64,
+    modes: *mut i64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(run, |r| {
+            let mut all = Vec::new();
+            for &t in raw::slice(t, n_t, "t")? {
+                all.extend(r.run.contact_modes(t)?.iter().map(|&m| m as i64));
+            }
+            raw::write_slice(modes, n, &all, "modes")
+        })
+    })
+}
+
+/// Forces of the contacts of a scene at times: forces, not impulses. Other times than the end need the option dense.
+///
+/// @param[in]  t      [n_t] times within the run
+/// @param[out] forces [n] n_t times n_scene_contacts times 3: the normal force and those along the tangents, zero where the
+///                    contact is open or has no tangents; the contacts of the first time first
+/// @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene, or for want of dense output; SWB_ERR_RANGE for times
+///         outside; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_run_contact_forces(
+    run: *const swb_run,
+    t: *const f64,
+    n_t: i64,
+    forces: *mut f64,
+    n: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_ref(run, |r| {
+            let mut all = Vec::new();
+            for &t in raw::slice(t, n_t, "t")? {
+                all.extend(r.run.contact_forces(t)?.into_iter().flatten());
+            }
+            raw::write_slice(forces, n, &all, "forces")
+        })
+    })
+}

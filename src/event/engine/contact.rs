@@ -1,0 +1,704 @@
+//! Contacts of a scene: impacts, and the modes behind impacts and wherever a contact force, a gap or a sliding velocity
+//! vanishes.
+//!
+//! A closed contact is held at the level of accelerations, which explicit methods integrate; at the ends of steps gaps and
+//! their rates are put back to zero, so nothing drifts. Derivatives go through events like those through transitions:
+//! `S⁺ = r_x (S⁻ + f⁻ dt) + … − f⁺ dt`, where `r` is the impact, or the identity.
+
+use super::{recover, Engine, Progress, EPS};
+use crate::contact::{self, mode, Closed, Dynamics, Impulse};
+use crate::error::{Error, Result};
+use crate::event::field::TO_RATE;
+use crate::event::watch::{ContactWatch, Watch};
+use crate::event::{Accumulation, Continuation, Impact, ImpactKind, Outcome, Phase, Zeno};
+use crate::func::EvalError;
+use crate::system::ImpactLaw;
+
+/// Impacts at one time at most, one after the other.
+const MOST: usize = 1000;
+/// A sliding velocity below this share of its size is zero behind an event: what equations solved there leave.
+const AT_REST: f64 = 1e-11;
+/// A gap at the start below so many roundings of its size is closed: the user computed the state in as many operations.
+const TOUCHES: f64 = 1e3;
+/// Velocities that agree so well are the same.
+const SAME: f64 = 1e-9;
+/// Accumulating impacts are summed where what they still do to the gap is this share of the tolerance.
+const LAST: f64 = 0.1;
+
+impl Engine {
+    /// Values of what is watched inside of a step, at its quarters, where the state is interpolated from its ends.
+    pub(super) fn look_inside(&mut self) -> std::result::Result<(), EvalError> {
+        let forces = self.watches.iter().any(|w| matches!(w, Watch::Contact { what, .. } if what.is_force()));
+        let (h, t) = (self.step.h, self.step.t);
+        for (k, s) in [0.25, 0.5, 0.75].into_iter().enumerate() {
+            if k != 1 && !forces {
+                continue;
+            }
+            let (a, b) = ((1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s), s * s * (3.0 - 2.0 * s));
+            let (da, db) = (h * s * (1.0 - s) * (1.0 - s), h * s * s * (s - 1.0));
+            let step = &self.step;
+            for (i, m) in self.node.iter_mut().enumerate() {
+                *m = a * step.x0[i] + b * step.x1[i] + da * step.f0[i] + db * step.f1[i];
+            }
+            self.field.watched(t + s * h, &self.node)?;
+            for (l, w) in self.watches.iter().enumerate() {
+                self.samples[l][k] = w.value(&self.field.q, &self.field);
+            }
+        }
+        Ok(())
+    }
+
+    /// Might a contact force vanish in the step, and how well does the step resolve it: the error of a cubic through its
+    /// values at the quarters, relative to a tenth of its size?
+    pub(super) fn screen_force(&self, l: usize) -> (bool, f64) {
+        const FRACTION: f64 = 0.1;
+        let (w0, w1) = (self.w0[l], self.w1[l]);
+        let [a, b, c] = [self.samples[l][0], self.samples[l][1], self.samples[l][2]];
+        let all = [w0, a, b, c, w1];
+        let low = all.iter().fold(f64::INFINITY, |m, v| m.min(*v));
+        let high = all.iter().fold(f64::NEG_INFINITY, |m, v| m.max(*v));
+        let error = (b - (4.0 * (a + c) - w0 - w1) / 6.0).abs();
+        let rounding = 1e3 * EPS * self.watches[l].scale(&self.dq0, &self.field, self.t, &self.x).value;
+        (low <= 4.0 * error + 0.25 * (high - low), error / (FRACTION * high.abs().max(low.abs()) + rounding))
+    }
+
+    /// Order of the zero a function of a contact has at the start of a phase.
+    pub(super) fn contact_departs(&mut self, w: Watch, value: f64) -> u8 {
+        let Watch::Contact { contact, what, a } = w else { return 0 };
+        let scale = w.scale(&self.dq0, &self.field, self.t, &self.x).value;
+        let Some(c) = self.field.scene() else { return 0 };
+        let rate_size = c.sizes[contact][3];
+        let rate = self.q0[a + TO_RATE];
+        let near = (64.0 * EPS * scale).max(8.0 * EPS * rate.abs() * self.t.abs());
+        match what {
+            _ if what.is_force() => u8::from(value <= 1e-9 * scale),
+            _ if value > near => 0,
+            ContactWatch::Gap if rate > 64.0 * EPS * rate_size => 1,
+            // a contact that has just opened without velocity: by its acceleration, or by what follows
+            ContactWatch::Gap => 3,
+            _ if rate > 1e-9 * scale * self.field.pace(&self.x, &self.f) => 1,
+            _ => 2,
+        }
+    }
+
+    /// Puts the gaps of closed contacts, and the velocities that are held, back to zero at the end of a step. Says whether
+    /// the state has moved; the velocities belong to the new state then.
+    pub(super) fn settle_contacts(&mut self) -> Result<bool> {
+        if let Some(i) = self.outside() {
+            return Err(Error::State(format!(
+                "t = {}: coordinate {i} is {}, outside of the bounds that contacts of the scene were left out for: widen them",
+                self.t, self.x[i]
+            )));
+        }
+        let (t, mut x) = (self.t, std::mem::take(&mut self.x));
+        let copy = self.node.clone();
+        self.node.copy_from_slice(&x);
+        let start = self.node.clone();
+        let moved = self.field.with_contacts(t, &start, |c, at, modes| {
+            for (i, set) in modes.iter().enumerate().filter(|(_, s)| Dynamics::slides(s[0])) {
+                c.dynamics.keep_direction(i, set[0]);
+            }
+            if modes.iter().all(|s| s[0] == mode::OPEN) {
+                return Ok(false);
+            }
+            let sizes = &c.sizes;
+            // half of what is a tenth of the tolerance would be late: as soon as rounding adds up
+            c.dynamics.project(at, modes, &mut x, &|i, _| [16.0 * EPS * sizes[i][0], 16.0 * EPS * sizes[i][3]])
+        });
+        self.x = x;
+        self.node = copy;
+        let Some(moved) = recover(moved.unwrap_or(Ok(false)).map(Some), None)? else { return Ok(false) };
+        if moved {
+            self.field.forget();
+            let r = self.field.rhs(t, &self.x, &mut self.f).and_then(|()| self.field.watched(t, &self.x));
+            recover(r.map(|()| true), false)?;
+        }
+        Ok(moved)
+    }
+
+    /// A coordinate beyond the bounds that the reduction relies on.
+    fn outside(&self) -> Option<usize> {
+        let bounds = &self.field.scene()?.dynamics.mechanics.bounds;
+        let mut all = bounds.iter().zip(&self.x).enumerate();
+        all.find(|(_, (b, x))| b.is_some_and(|(low, high)| !(**x >= low && **x <= high))).map(|(i, _)| i)
+    }
+
+    /// Checks a scene at its start, makes the impacts there and finds the first modes.
+    pub(super) fn begin_scene(&mut self, t_stop: f64) -> Result<()> {
+        let first = self.field.active.iter().any(Vec::is_empty) || self.field.active.is_empty();
+        if first {
+            for set in &mut self.field.active {
+                set.clear();
+                set.push(mode::OPEN);
+            }
+            self.check_scene()?;
+        }
+        self.time_row.fill(0.0);
+        if let Some(s) = &mut self.sens {
+            s.dt.fill(0.0);
+        }
+        let start = self.switches.len();
+        let found = self.scene_inner(None, f64::NAN, (t_stop - self.t).max(f64::MIN_POSITIVE));
+        if !recover(found.map(|()| true), false)? && self.outcome == Outcome::Reached {
+            self.fail(Outcome::NoContinuation, "the scene is not defined at this point".into());
+        }
+        if first {
+            // the modes at the start are no switches
+            self.stats.switches -= self.switches.len() - start;
+            self.switches.truncate(start);
+        }
+        if self.outcome != Outcome::Reached {
+            return Ok(());
+        }
+        self.restart = false;
+        self.err_before = 1e-4;
+        self.h = self.initial_step(t_stop - self.t)?;
+        Ok(())
+    }
+
+    /// Says what is wrong with a scene at its start.
+    fn check_scene(&mut self) -> Result<()> {
+        let (t, x) = (self.t, self.x.clone());
+        if let Some(i) = self.outside() {
+            return Err(Error::Range(format!(
+                "coordinate {i} starts at {}, outside of the bounds that contacts of the scene were left out for",
+                x[i]
+            )));
+        }
+        let sizes = recover(self.field.contact_sizes(t, &x).map(|()| true), false)?;
+        let rtol = self.rtol.clone();
+        let checked = self.field.with_contacts(t, &x, |c, at, _| -> Result<()> {
+            if !c.dynamics.is_definite(at) {
+                return Err(Error::Range(format!(
+                    "the inertia matrix is not positive definite at t = {t}, or not defined there"
+                )));
+            }
+            if !sizes {
+                return Ok(());
+            }
+            for i in 0..c.dynamics.n_contacts() {
+                let known = c.dynamics.load_gap(at, i).and_then(|()| c.dynamics.load_contact(at, i));
+                if known.is_err() {
+                    continue;
+                }
+                let (b, name) = (c.dynamics.block(i), &c.dynamics.mechanics.contacts[i].name);
+                // sizes hold what the absolute tolerances take for zero
+                let loosest = rtol.iter().fold(0.0f64, |m, v| m.max(*v)).max(TOUCHES * EPS);
+                if b.gap[0] < -loosest * c.sizes[i][0] {
+                    return Err(Error::Range(format!(
+                        "the gap of contact {name} is {} at the start: the bodies overlap; start with a gap of zero or more",
+                        b.gap[0]
+                    )));
+                }
+                if b.friction < 0.0 || !(0.0..=1.0).contains(&b.restitution) {
+                    return Err(Error::Range(format!(
+                        "contact {name} has friction {} and restitution {} at the start: friction must not be negative, \
+                         restitution must lie between 0 and 1",
+                        b.friction, b.restitution
+                    )));
+                }
+                if b.gap[0] <= TOUCHES * EPS * c.sizes[i][0] && b.normal.iter().all(|n| *n == 0.0) {
+                    return Err(Error::Range(format!(
+                        "the gradient of the gap of contact {name} vanishes where it is closed: write the gap as a distance"
+                    )));
+                }
+            }
+            Ok(())
+        });
+        checked.unwrap_or(Ok(()))
+    }
+
+    /// An event of watch `l` at the present point.
+    pub(super) fn contact_event(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        let length = self.usual_step();
+        let n = self.impacts.len();
+        let r = self.scene_inner(Some(l), slope, length);
+        if !recover(r.map(|()| true), false)? && self.outcome == Outcome::Reached {
+            let text = "the scene is not defined at this event, or its inertia is not positive definite there";
+            return Ok(self.fail(Outcome::NoContinuation, text.into()));
+        }
+        // behind an impact everything may happen soon again
+        self.h = grown;
+        self.err_before = 1e-4;
+        if self.outcome != Outcome::Reached {
+            return Ok(Progress::Done);
+        }
+        if self.impacts.len() > n {
+            self.zero.fill(false);
+            self.remember();
+            self.recent.jumps = true;
+            if let Some(p) = self.accumulate()? {
+                return Ok(p);
+            }
+        }
+        Ok(Progress::Switched)
+    }
+
+    /// Everything that happens at the present point: the end of a slide in space, impacts, the next modes. `l` is the watch
+    /// that vanishes, none at the start or where controls or parameters have changed.
+    fn scene_inner(&mut self, l: Option<usize>, slope: f64, length: f64) -> std::result::Result<(), EvalError> {
+        let before: Vec<Vec<usize>> = self.field.active.clone();
+        let event = l.and_then(|l| match self.watches[l] {
+            Watch::Contact { contact, what, .. } => Some((contact, what)),
+            _ => None,
+        });
+        let mut rate = slope;
+        if let Some(l) = l {
+            self.arrive()?;
+            let own = self.watches[l].rate_in(&self.field.q, &self.field.dq, self.field.n_z, &self.f);
+            rate = if own.is_finite() { own } else { slope };
+            self.differentiate_time(l)?;
+        } else {
+            self.f.fill(0.0);
+            let r = self.field.rhs(self.t, &self.x, &mut self.node);
+            if r.is_ok() {
+                self.f.copy_from_slice(&self.node);
+            }
+            r?;
+            self.field.contact_sizes(self.t, &self.x)?;
+        }
+        self.f_before.copy_from_slice(&self.f);
+        let recorded = self.sens.is_some() || self.tape.is_some();
+        if let Some(s) = &mut self.sens {
+            s.advance(&self.f_before, 1.0);
+        }
+        if let Some((contact, ContactWatch::Speed)) = event {
+            self.stop_in_space(contact)?;
+        }
+        let start = self.impacts.len();
+        let mut resets = Vec::new();
+        let mut unique = self.collide(event, recorded, &mut resets)?;
+        if self.outcome != Outcome::Reached {
+            return Ok(());
+        }
+        unique &= self.next_modes(event, length, recorded, &mut resets)?;
+        if self.outcome != Outcome::Reached {
+            return Ok(());
+        }
+        self.enter()?;
+        let several = self.impacts.len() - start > 1;
+        self.impacts[start..].iter_mut().for_each(|i| i.simultaneous = several);
+        self.one_sided |= !unique || several;
+        if let Some(s) = &mut self.sens {
+            s.advance(&self.f, -1.0);
+        }
+        if let Some(tape) = &mut self.tape {
+            let n_c = self.time_row.len() - 1;
+            tape.jump((self.switches.len(), start), &self.time_row[..n_c], [&self.f_before, &self.f], &resets);
+        }
+        if self.field.active == before {
+            if self.impacts.len() == start {
+                // nothing has changed: a force or a speed that only touches zero
+                self.crowd += 1;
+                if self.crowd > 20 {
+                    self.fail(Outcome::NoContinuation, "the contact modes contradict each other".into());
+                }
+                if let Some(l) = l {
+                    self.depart[l] = self.depart[l].max(2);
+                }
+            }
+        } else {
+            self.log(&before, rate, None, unique);
+        }
+        self.note_phase();
+        Ok(())
+    }
+
+    /// Notes the modes from here on.
+    fn note_phase(&mut self) {
+        let modes: Vec<usize> = self.field.active.iter().map(|s| s[0]).collect();
+        if self.phases.len() < self.options.max_log {
+            let same =
+                self.phases.last().is_some_and(|p| p.modes == modes && p.u == self.field.u && p.p == self.field.p);
+            if !same {
+                self.phases.push(Phase { t: self.t, modes, u: self.field.u.clone(), p: self.field.p.clone() });
+            }
+        }
+    }
+
+    /// What is left of a slide in space goes along the tangent, see [`contact::STOP`].
+    fn stop_in_space(&mut self, contact: usize) -> std::result::Result<(), EvalError> {
+        let (t, x) = (self.t, self.x.clone());
+        let left = self.field.with_contacts(t, &x, |c, _, modes| {
+            if c.dynamics.mechanics.contacts[contact].n_tangents < 2 {
+                return None;
+            }
+            let d = c.dynamics.direction(contact, modes[contact][0]);
+            let s = c.dynamics.block(contact).sliding;
+            Some((s[0].hypot(s[1]), c.dynamics.sliding_acceleration(contact, d)))
+        });
+        let Some((speed, rate)) = left.flatten() else { return Ok(()) };
+        let left = (speed / -rate).min(self.t_stop - self.t);
+        if !(left > 0.0 && left.is_finite()) {
+            return Ok(());
+        }
+        self.x.iter_mut().zip(&self.f).for_each(|(x, f)| *x += left * f);
+        self.t += left;
+        if let Some(tape) = &mut self.tape {
+            tape.move_end(self.t);
+        }
+        let mut x = self.x.clone();
+        let start = x.clone();
+        let r = self.field.with_contacts(self.t, &start, |c, at, modes| {
+            let mut held = modes.to_vec();
+            held[contact][0] = mode::CLOSED;
+            c.dynamics.project(at, &held, &mut x, &|_, _| [-1.0, -1.0])
+        });
+        r.unwrap_or(Ok(false))?;
+        self.x = x;
+        Ok(())
+    }
+
+    /// Contacts without a gap at the present point, and whether each closes or is closed.
+    fn touching(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<Vec<usize>, EvalError> {
+        let (t, x) = (self.t, self.x.clone());
+        let first = event.is_none();
+        let r = self.field.with_contacts(t, &x, |c, at, modes| {
+            let mut out = Vec::new();
+            for (i, set) in modes.iter().enumerate() {
+                if set[0] != mode::OPEN || event == Some((i, ContactWatch::Gap)) {
+                    out.push(i);
+                    continue;
+                }
+                c.dynamics.load_gap(at, i)?;
+                let [gap, rate] = c.dynamics.block(i).gap;
+                let roundings = if first { TOUCHES } else { 64.0 };
+                let near = (roundings * EPS * c.sizes[i][0]).max(8.0 * EPS * rate.abs() * at.t.abs());
+                if gap <= near && rate <= 64.0 * EPS * c.sizes[i][3] {
+                    out.push(i);
+                }
+            }
+            Ok(out)
+        });
+        r.unwrap_or(Ok(Vec::new()))
+    }
+
+    /// Makes the impacts at the present point, if there are any. Says whether they are unique.
+    fn collide(
+        &mut self,
+        event: Option<(usize, ContactWatch)>,
+        recorded: bool,
+        resets: &mut Vec<f64>,
+    ) -> std::result::Result<bool, EvalError> {
+        let all = self.touching(event)?;
+        let mut unique = true;
+        for made in 0.. {
+            let Some((worst, law)) = self.closing(&all, event.filter(|_| made == 0))? else { break };
+            if made == MOST {
+                let text = format!("{MOST} impacts at one time: with this law the bodies do not come apart");
+                self.fail(Outcome::NoContinuation, text);
+                return Ok(false);
+            }
+            let several = all.len() > 1;
+            let set: Vec<usize> = if law == ImpactLaw::Sequential { vec![worst] } else { all.clone() };
+            if law == ImpactLaw::Sequential && several && made == 1 {
+                // the next contact closes because of the first: another order may have another end
+                unique = false;
+            }
+            let list: Vec<(usize, Option<f64>)> = set.iter().map(|i| (*i, None)).collect();
+            let last = self.last_of(&list)?;
+            let list: Vec<(usize, Option<f64>)> =
+                list.iter().map(|c| if last.iter().any(|l| l.0 == c.0) { (c.0, Some(0.0)) } else { *c }).collect();
+            let kind = if last.is_empty() { ImpactKind::Collision } else { ImpactKind::Last };
+            unique &= self.strike(&list, kind, recorded, resets)?;
+            for (_, rest) in last {
+                self.stats.accumulations += 1;
+                let t = self.t;
+                self.accumulations_push(Accumulation { t: t + rest, until: t, steps: 0, error: 0.0 });
+                self.one_sided = true;
+            }
+            if self.outcome != Outcome::Reached {
+                return Ok(false);
+            }
+        }
+        Ok(unique)
+    }
+
+    /// The contact that closes fastest, relative to the size of its rate, if one closes.
+    fn closing(
+        &mut self,
+        all: &[usize],
+        event: Option<(usize, ContactWatch)>,
+    ) -> std::result::Result<Option<(usize, ImpactLaw)>, EvalError> {
+        let (t, x) = (self.t, self.x.clone());
+        let r = self.field.with_contacts(t, &x, |c, at, modes| {
+            let mut worst = (0.0, None);
+            for &i in all {
+                c.dynamics.load_gap(at, i)?;
+                let rate = c.dynamics.block(i).gap[1];
+                let size = c.sizes[i][3];
+                // rounding of what is held is no collision, a collision however slow is one
+                let open = modes[i][0] == mode::OPEN;
+                let noise = if event == Some((i, ContactWatch::Gap)) { 0.0 } else { AT_REST };
+                let noise = if open { noise.min(64.0 * EPS) } else { AT_REST };
+                if rate < -noise * size && rate / size < worst.0 {
+                    worst = (rate / size, Some(i));
+                }
+            }
+            Ok(worst.1.map(|i| (i, c.dynamics.mechanics.law)))
+        });
+        r.unwrap_or(Ok(None))
+    }
+
+    /// Those of closing contacts whose impacts would go on in ever shorter time, but for nothing that the tolerances see,
+    /// with the time until they end. With the closing speed `w = −e ġ⁻` behind this impact and the acceleration `−a`, the
+    /// flights take `2w/a, 2ew/a, …`: their sum is `2w/(a (1−e))`.
+    fn last_of(&mut self, list: &[(usize, Option<f64>)]) -> std::result::Result<Vec<(usize, f64)>, EvalError> {
+        if self.options.zeno != Zeno::Continue {
+            return Ok(Vec::new());
+        }
+        let (t, x, length) = (self.t, self.x.clone(), self.usual_step());
+        let (rtol, atol) = (self.rtol.clone(), self.atol.clone());
+        let n_z = self.field.n_z;
+        let r = self.field.with_contacts(t, &x, |c, at, modes| {
+            let mut out = Vec::new();
+            for &(i, _) in list {
+                c.dynamics.load_gap(at, i)?;
+                c.dynamics.load_contact(at, i)?;
+                let (e, rate) = (c.dynamics.block(i).restitution, c.dynamics.block(i).gap[1]);
+                if !(e > 0.0 && e < 1.0 && rate < 0.0) {
+                    continue;
+                }
+                // as it flies: the other contacts as they are
+                let closed: Vec<Closed> = (0..modes.len())
+                    .filter(|k| *k != i && modes[*k][0] != mode::OPEN)
+                    .map(|contact| Closed { contact, rests: modes[contact][0] == mode::CLOSED })
+                    .collect();
+                let follow = c.dynamics.follow(at, &closed, length)?;
+                let Some(choice) = follow.all.first() else { continue };
+                c.dynamics.begin(choice);
+                c.dynamics.accelerate(at, &choice.modes)?;
+                c.dynamics.load_contact(at, i)?;
+                let a = -c.dynamics.gap_acceleration(i);
+                if a <= 0.0 {
+                    continue;
+                }
+                let w = -e * rate;
+                let rest = 2.0 * w / (a * (1.0 - e));
+                let mut row = vec![0.0; n_z];
+                c.dynamics.gap_gradient(at, i, 0, &mut row)?;
+                let n_q = c.dynamics.mechanics.n_q;
+                let states = at.x[..n_q].iter().enumerate();
+                let tolerance: f64 = states.map(|(k, x)| row[k].abs() * (rtol[k] * x.abs() + atol[k])).sum();
+                if a * rest * rest <= LAST * tolerance.max(EPS * c.sizes[i][0]) {
+                    out.push((i, rest));
+                }
+            }
+            Ok(out)
+        });
+        r.unwrap_or(Ok(Vec::new()))
+    }
+
+    /// One impact of these contacts. Says whether it is unique.
+    fn strike(
+        &mut self,
+        list: &[(usize, Option<f64>)],
+        kind: ImpactKind,
+        recorded: bool,
+        resets: &mut Vec<f64>,
+    ) -> std::result::Result<bool, EvalError> {
+        let (t, x) = (self.t, self.x.clone());
+        let mut after = x.clone();
+        let mut jac = std::mem::take(&mut self.reset.jac);
+        let r = self.field.with_contacts(t, &x, |c, at, _| {
+            let sizes = &c.sizes;
+            let found = c.dynamics.impact(at, list, &|i, _| sizes[i][3], &mut after)?;
+            if let (Some(impact), true) = (&found, recorded) {
+                c.dynamics.impact_jacobian(at, &after, impact, &mut jac)?;
+            }
+            Ok(found)
+        });
+        self.reset.jac = jac;
+        let Some(impact) = r.unwrap_or(Ok(None))? else {
+            self.fail(Outcome::NoContinuation, "no impulses satisfy the conditions of the impact".into());
+            return Ok(false);
+        };
+        self.record(&impact.parts, kind, impact.unique && !impact.redundant);
+        self.jump_to(&after, recorded, resets);
+        Ok(impact.unique)
+    }
+
+    /// The state becomes `after` by a reset with the last Jacobian.
+    fn jump_to(&mut self, after: &[f64], recorded: bool, resets: &mut Vec<f64>) {
+        self.x.copy_from_slice(after);
+        if !recorded {
+            return;
+        }
+        if let Some(s) = &mut self.sens {
+            s.reset_by(&self.reset.jac);
+        }
+        if self.tape.is_some() {
+            resets.extend_from_slice(&self.reset.jac);
+        }
+    }
+
+    fn record(&mut self, parts: &[Impulse], kind: ImpactKind, unique: bool) {
+        for p in parts.iter().filter(|p| p.impulse.iter().any(|v| *v != 0.0)) {
+            self.stats.impacts += 1;
+            let (depth, tolerance) = self.depth(p.contact, p.rates[0]);
+            // whether there is an impact at all is a matter of the tolerances
+            self.one_sided |= depth < tolerance && kind == ImpactKind::Collision;
+            if self.impacts.len() < self.options.max_log {
+                let dt = self.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone());
+                let Impulse { contact, rates, impulse, .. } = *p;
+                self.impacts.push(Impact {
+                    t: self.t,
+                    contact,
+                    kind,
+                    rates,
+                    impulse,
+                    depth,
+                    simultaneous: false,
+                    unique,
+                    dt,
+                });
+            }
+        }
+    }
+
+    /// How far the bodies would overlap without an impact of contact `i` that closes at this rate, and what of it the
+    /// tolerances do not see. The velocity is that before.
+    fn depth(&mut self, i: usize, rate: f64) -> (f64, f64) {
+        let (t, x, f) = (self.t, self.x.clone(), self.f_before.clone());
+        let rtol = self.rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v));
+        let found = self.field.with_contacts(t, &x, |c, at, _| {
+            let known = c.dynamics.load_contact(at, i).is_ok();
+            let a = if known { c.dynamics.gap_acceleration_of(i, &f) } else { f64::NAN };
+            (a, rtol * c.sizes[i][0])
+        });
+        let (a, tolerance) = found.unwrap_or((f64::NAN, 0.0));
+        (0.5 * rate * rate / a.abs(), tolerance)
+    }
+
+    /// Finds the next modes; where no forces continue the motion, by an impact without collision. Says whether they are
+    /// unique.
+    fn next_modes(
+        &mut self,
+        event: Option<(usize, ContactWatch)>,
+        length: f64,
+        recorded: bool,
+        resets: &mut Vec<f64>,
+    ) -> std::result::Result<bool, EvalError> {
+        for attempt in 0..2 {
+            let closed = self.closed(event)?;
+            let (t, x) = (self.t, self.x.clone());
+            let found = self.field.with_contacts(t, &x, |c, at, _| c.dynamics.follow(at, &closed, length));
+            let Some(found) = found else { return Ok(true) };
+            let found = found?;
+            if !found.all.is_empty() {
+                return self.take(found, t, &x);
+            }
+            let slides = closed.iter().any(|c| !c.rests);
+            if attempt == 1 || !slides {
+                break;
+            }
+            // Painlevé: an impact without collision, in which friction brings the sliding to rest
+            let list: Vec<(usize, Option<f64>)> = closed.iter().map(|c| (c.contact, Some(0.0))).collect();
+            if !self.stop_by_impact(&list, recorded, resets)? {
+                break;
+            }
+        }
+        let text = "no contact forces continue the motion: friction and normal force contradict each other (Painlevé)";
+        self.fail(Outcome::NoContinuation, text.into());
+        Ok(false)
+    }
+
+    /// An impact of closed contacts with impulses, though none closes. False where there is none.
+    fn stop_by_impact(
+        &mut self,
+        list: &[(usize, Option<f64>)],
+        recorded: bool,
+        resets: &mut Vec<f64>,
+    ) -> std::result::Result<bool, EvalError> {
+        let (t, x) = (self.t, self.x.clone());
+        let mut after = x.clone();
+        let mut jac = std::mem::take(&mut self.reset.jac);
+        let r = self.field.with_contacts(t, &x, |c, at, _| {
+            let sizes = &c.sizes;
+            let found = c.dynamics.impact_without_collision(at, list, &|i, _| sizes[i][3], &mut after)?;
+            if let (Some(impact), true) = (&found, recorded) {
+                c.dynamics.impact_jacobian(at, &after, impact, &mut jac)?;
+            }
+            Ok(found)
+        });
+        self.reset.jac = jac;
+        let Some(impact) = r.unwrap_or(Ok(None))? else { return Ok(false) };
+        self.record(&impact.parts, ImpactKind::Painleve, false);
+        self.jump_to(&after, recorded, resets);
+        self.one_sided = true;
+        Ok(true)
+    }
+
+    /// Takes one of the modes that may follow.
+    fn take(&mut self, found: contact::Follow, t: f64, x: &[f64]) -> std::result::Result<bool, EvalError> {
+        let present = &self.field.active;
+        let mut all = found.all;
+        if let Some(i) = all.iter().position(|c| c.modes == *present) {
+            all[..=i].rotate_right(1);
+        }
+        let mut taken = 0;
+        let mut unique = true;
+        if all.len() > 1 {
+            let mut continuations: Vec<Continuation> = Vec::with_capacity(all.len());
+            let mut kept = Vec::with_capacity(all.len());
+            for c in all {
+                let mut velocity = vec![0.0; self.nx];
+                let r = self.field.with_contacts(t, x, |own, at, _| {
+                    own.dynamics.begin(&c);
+                    own.dynamics.rhs(at, &c.modes, &mut velocity)
+                });
+                r.unwrap_or(Ok(()))?;
+                let same = |o: &Continuation| {
+                    o.velocity.iter().zip(&velocity).all(|(a, b)| (a - b).abs() <= SAME * (a.abs() + b.abs()))
+                };
+                // modes that move the system alike are one continuation
+                if !continuations.iter().any(same) {
+                    continuations.push(Continuation { modes: c.modes.clone(), velocity });
+                    kept.push(c);
+                }
+            }
+            all = kept;
+            if all.len() > 1 {
+                unique = false;
+                match self.branch(continuations) {
+                    Some(i) => taken = i,
+                    None => return Ok(false),
+                }
+            }
+        }
+        let choice = &all[taken];
+        self.field.with_contacts(t, x, |c, _, _| c.dynamics.begin(choice));
+        self.field.set_active(&choice.modes);
+        Ok(unique)
+    }
+
+    /// The contacts that are closed at the present point, and whether each is at rest.
+    fn closed(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<Vec<Closed>, EvalError> {
+        let all = self.touching(event)?;
+        let (t, x, floor) = (self.t, self.x.clone(), self.field.floor.clone());
+        let r = self.field.with_contacts(t, &x, |c, at, modes| {
+            let mut out = Vec::new();
+            for &i in &all {
+                c.dynamics.load_gap(at, i)?;
+                c.dynamics.load_contact(at, i)?;
+                let b = c.dynamics.block(i);
+                if b.gap[1] > AT_REST * c.sizes[i][3] {
+                    continue;
+                }
+                let n_q = c.dynamics.mechanics.n_q;
+                let n_t = c.dynamics.mechanics.contacts[i].n_tangents;
+                let size = |k: usize| -> f64 {
+                    let states = at.x[n_q..].iter().zip(&floor[n_q..]);
+                    c.dynamics.tangent(i, k).iter().zip(states).map(|(g, (v, f))| g.abs() * (v.abs() + f)).sum()
+                };
+                let size = (0..n_t).map(size).fold(0.0, f64::max);
+                let stops = event == Some((i, ContactWatch::Speed));
+                let sticks = modes[i][0] == mode::CLOSED && event.is_some_and(|e| e.1 != ContactWatch::Gap);
+                let still = b.sliding[0].hypot(b.sliding[1]) <= AT_REST * size;
+                out.push(Closed { contact: i, rests: stops || sticks || still });
+            }
+            Ok(out)
+        });
+        r.unwrap_or(Ok(Vec::new()))
+    }
+}

@@ -1,0 +1,306 @@
+//! Contacts of a scene, as the engine watches them.
+
+use super::Field;
+use crate::contact::{mode, Dynamics, STOP};
+use crate::event::watch::{ContactWatch, Scale};
+use crate::func::{EvalError, EvalResult, Point};
+use crate::system::Mechanics;
+use std::sync::Arc;
+
+/// Values watched of one contact: gap, normal force, two more by its mode; then their rates, NaN where they are not known.
+pub(in crate::event) const WATCHED: usize = 8;
+/// From a value to its rate.
+pub(in crate::event) const TO_RATE: usize = 4;
+
+/// Contacts with their places among what is watched.
+pub(in crate::event) struct Contacts {
+    pub(in crate::event) dynamics: Dynamics,
+    /// Place of the first value.
+    q0: usize,
+    /// Sizes of gap, normal force, sliding velocity and rate of the gap, of every contact.
+    pub(in crate::event) sizes: Vec<[f64; 4]>,
+    /// The point of the last right-hand side.
+    last_t: f64,
+    last_x: Vec<f64>,
+    known: bool,
+    /// The gradient of a gap.
+    row: Vec<f64>,
+}
+
+impl Contacts {
+    pub(super) fn new(mechanics: &Arc<Mechanics>, q0: usize, nx: usize, n_z: usize) -> Contacts {
+        let dynamics = Dynamics::new(mechanics);
+        Contacts {
+            sizes: vec![[0.0; 4]; dynamics.n_contacts()],
+            dynamics,
+            q0,
+            last_t: 0.0,
+            last_x: vec![0.0; nx],
+            known: false,
+            row: vec![0.0; n_z],
+        }
+    }
+
+    /// Place of the first value of contact `i`.
+    pub(in crate::event) fn place(&self, i: usize) -> usize {
+        self.q0 + WATCHED * i
+    }
+
+    pub(super) fn forget(&mut self) {
+        self.known = false;
+    }
+}
+
+impl Field {
+    /// Does the system have contacts?
+    pub(in crate::event) fn has_contacts(&self) -> bool {
+        self.contacts.is_some()
+    }
+
+    /// The contacts, if the system has any.
+    pub(in crate::event) fn scene(&self) -> Option<&Contacts> {
+        self.contacts.as_deref()
+    }
+
+    /// Runs `f` with the dynamics at a point.
+    pub(in crate::event) fn with_contacts<T>(
+        &mut self,
+        t: f64,
+        x: &[f64],
+        f: impl FnOnce(&mut Contacts, &Point, &[Vec<usize>]) -> T,
+    ) -> Option<T> {
+        let mut contacts = self.contacts.take()?;
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        let out = f(&mut contacts, &at, &self.active);
+        self.contacts = Some(contacts);
+        Some(out)
+    }
+
+    /// Right-hand side of a scene.
+    pub(super) fn scene_rhs(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        self.counts.values += 1;
+        let r = self.with_contacts(t, x, |c, at, modes| {
+            c.known = false;
+            c.dynamics.rhs(at, modes, out)?;
+            c.last_t = t;
+            c.last_x.copy_from_slice(x);
+            c.known = true;
+            Ok(())
+        });
+        r.unwrap_or(Ok(()))
+    }
+
+    /// Jacobian of the right-hand side of a scene.
+    pub(super) fn scene_jacobian(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        let r = self.with_contacts(t, x, |c, at, modes| {
+            c.known = false;
+            c.dynamics.jacobian(at, modes, out, None)
+        });
+        r.unwrap_or(Ok(()))
+    }
+
+    /// Writes the watched values of all contacts under their modes.
+    pub(super) fn scene_watched(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        let mut q = std::mem::take(&mut self.q);
+        let mut evaluated = 0;
+        let r = self.with_contacts(t, x, |c, at, modes| {
+            let mut closed = false;
+            for (i, set) in modes.iter().enumerate() {
+                if set[0] == mode::OPEN {
+                    c.dynamics.load_gap(at, i)?;
+                    let place = c.place(i);
+                    let [gap, rate] = c.dynamics.block(i).gap;
+                    (q[place], q[place + TO_RATE]) = (gap, rate);
+                } else {
+                    closed = true;
+                }
+            }
+            if !closed {
+                return Ok(());
+            }
+            if !(c.known && c.last_t == t && c.last_x == x) {
+                c.known = false;
+                evaluated = 1;
+                c.dynamics.accelerate(at, modes)?;
+            }
+            for (i, set) in modes.iter().enumerate().filter(|(_, s)| s[0] != mode::OPEN) {
+                let place = c.place(i);
+                c.write(i, set[0], &mut q[place..place + WATCHED]);
+            }
+            Ok(())
+        });
+        self.q = q;
+        self.counts.values += evaluated;
+        r.unwrap_or(Ok(()))
+    }
+
+    /// The gradient of a watched function of a contact with respect to `x`, `p`, `u`, `t`.
+    pub(in crate::event) fn contact_gradient(
+        &mut self,
+        (contact, what): (usize, ContactWatch),
+        (t, x): (f64, &[f64]),
+        out: &mut [f64],
+    ) -> EvalResult {
+        let r = self.with_contacts(t, x, |c, at, modes| {
+            c.known = false;
+            c.gradient(contact, what, at, modes, out)
+        });
+        r.unwrap_or(Ok(()))
+    }
+
+    /// Finds the sizes that what is watched of the contacts is compared with, at a point whose right-hand side has just been
+    /// evaluated.
+    pub(in crate::event) fn contact_sizes(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        let floor = std::mem::take(&mut self.floor);
+        let r = self.with_contacts(t, x, |c, at, modes| {
+            for i in 0..modes.len() {
+                c.sizes[i] = c.sizes_of(i, modes[i][0], at, &floor)?;
+            }
+            Ok(())
+        });
+        self.floor = floor;
+        r.unwrap_or(Ok(()))
+    }
+
+    /// Sizes of a watched function of a contact.
+    pub(in crate::event) fn contact_scale(&self, contact: usize, what: ContactWatch) -> Scale {
+        let size = self.contacts.as_ref().map_or(1.0, |c| {
+            let s = c.sizes[contact];
+            match what {
+                ContactWatch::Gap => s[0],
+                ContactWatch::Pressure | ContactWatch::Cone(_) => s[1],
+                ContactWatch::Speed => s[2],
+            }
+        });
+        Scale { value: size, reach: size, gradient: 1.0 }
+    }
+
+    /// What is watched under the present modes: contact, function, place of its value.
+    pub(in crate::event) fn contact_watches(&self) -> Vec<(usize, ContactWatch, usize)> {
+        let Some(c) = &self.contacts else { return Vec::new() };
+        let mut out = Vec::with_capacity(self.active.len());
+        for (i, set) in self.active.iter().enumerate() {
+            let place = c.place(i);
+            let n_t = c.dynamics.mechanics.contacts[i].n_tangents;
+            if set[0] == mode::OPEN {
+                out.push((i, ContactWatch::Gap, place));
+                continue;
+            }
+            out.push((i, ContactWatch::Pressure, place + 1));
+            if Dynamics::slides(set[0]) {
+                if n_t > 0 {
+                    out.push((i, ContactWatch::Speed, place + 2));
+                }
+            } else if n_t == 1 {
+                out.push((i, ContactWatch::Cone(1.0), place + 2));
+                out.push((i, ContactWatch::Cone(-1.0), place + 3));
+            } else if n_t == 2 {
+                out.push((i, ContactWatch::Cone(1.0), place + 2));
+            }
+        }
+        out
+    }
+}
+
+impl Contacts {
+    /// Values and rates of a closed contact after an evaluation.
+    fn write(&self, i: usize, m: usize, q: &mut [f64]) {
+        let d = &self.dynamics;
+        let (b, f) = (d.block(i), d.forces[i]);
+        q.fill(f64::NAN);
+        q[1] = f[0];
+        match (d.mechanics.contacts[i].n_tangents, Dynamics::slides(m)) {
+            (0, _) => {}
+            (_, true) => {
+                let dir = d.direction(i, m);
+                let n = d.mechanics.contacts[i].n_tangents;
+                q[2] =
+                    (0..n).map(|k| dir[k] * b.sliding[k]).sum::<f64>() - if n == 2 { STOP * d.fastest[i] } else { 0.0 };
+                q[2 + TO_RATE] = d.sliding_acceleration(i, dir);
+            }
+            (1, false) => {
+                q[2] = b.friction * f[0] - f[1];
+                q[3] = b.friction * f[0] + f[1];
+            }
+            (_, false) => q[2] = b.friction * f[0] - f[1].hypot(f[2]),
+        }
+    }
+
+    fn gradient(
+        &mut self,
+        i: usize,
+        what: ContactWatch,
+        at: &Point,
+        modes: &[Vec<usize>],
+        out: &mut [f64],
+    ) -> EvalResult {
+        out.fill(0.0);
+        let n_z = out.len();
+        let d = &mut self.dynamics;
+        match what {
+            ContactWatch::Gap => d.gap_gradient(at, i, 0, out),
+            ContactWatch::Speed => {
+                let dir = d.direction(i, modes[i][0]);
+                let mut rows = vec![0.0; 3 * n_z];
+                d.friction_gradients(at, i, &mut rows)?;
+                let n = d.mechanics.contacts[i].n_tangents;
+                for k in 0..n {
+                    let row = &rows[(1 + k) * n_z..(2 + k) * n_z];
+                    out.iter_mut().zip(row).for_each(|(o, r)| *o += dir[k] * r);
+                }
+                Ok(())
+            }
+            ContactWatch::Pressure | ContactWatch::Cone(_) => {
+                let nx = at.x.len();
+                let mut jac = vec![0.0; nx * n_z];
+                let mut forces = vec![0.0; 3 * modes.len() * n_z];
+                d.jacobian(at, modes, &mut jac, Some(&mut forces))?;
+                let own = &forces[3 * i * n_z..(3 * i + 3) * n_z];
+                let ContactWatch::Cone(sign) = what else {
+                    out.copy_from_slice(&own[..n_z]);
+                    return Ok(());
+                };
+                let f = d.forces[i];
+                let size = f[1].hypot(f[2]);
+                let dir = match d.mechanics.contacts[i].n_tangents {
+                    1 => [sign, 0.0],
+                    _ if size > 0.0 => [f[1] / size, f[2] / size],
+                    _ => [0.0; 2],
+                };
+                let mut rows = vec![0.0; 3 * n_z];
+                d.friction_gradients(at, i, &mut rows)?;
+                let mu = d.block(i).friction;
+                for (z, o) in out.iter_mut().enumerate() {
+                    *o = mu * own[z] + f[0] * rows[z] - dir[0] * own[n_z + z] - dir[1] * own[2 * n_z + z];
+                }
+                Ok(())
+            }
+        }
+    }
+
+    fn sizes_of(&mut self, i: usize, m: usize, at: &Point, floor: &[f64]) -> Result<[f64; 4], EvalError> {
+        let n_q = self.dynamics.mechanics.n_q;
+        let sum = |row: &[f64], from: usize| {
+            let states = at.x[from..].iter().zip(&floor[from..]);
+            row.iter().zip(states).map(|(g, (x, f))| g.abs() * (x.abs() + f)).sum::<f64>()
+        };
+        self.row.fill(0.0);
+        let mut row = std::mem::take(&mut self.row);
+        let r = self.dynamics.gap_gradient(at, i, 0, &mut row);
+        let gap = sum(&row[..n_q], 0) + (row[row.len() - 1] * at.t).abs();
+        // the gradient of a gap is that of its rate with respect to the rates of the coordinates
+        row.fill(0.0);
+        let r = r.and_then(|()| self.dynamics.gap_gradient(at, i, 1, &mut row));
+        let rate = sum(&row[n_q..at.x.len()], n_q) + self.dynamics.block(i).gap[1].abs();
+        self.row = row;
+        r?;
+        let mut out = [gap, 0.0, 0.0, rate];
+        if m != mode::OPEN {
+            self.dynamics.load_contact(at, i)?;
+            out[1] = self.dynamics.force_size(i);
+            let n_t = self.dynamics.mechanics.contacts[i].n_tangents;
+            out[2] = (0..n_t).map(|k| sum(self.dynamics.tangent(i, k), n_q)).fold(0.0, f64::max);
+        }
+        Ok(out)
+    }
+}

@@ -1,0 +1,203 @@
+//! Contacts in the event-driven engine, against solutions nobody computed with this code.
+
+#[path = "common/scenes.rs"]
+mod scenes;
+
+use scenes::*;
+use switchback::event::{Engine, Options, Outcome};
+use switchback::system::System;
+
+/// Largest difference, relative to one and to the numbers.
+fn off(a: &[f64], b: &[f64]) -> f64 {
+    assert_eq!(a.len(), b.len(), "{a:?} {b:?}");
+    a.iter().zip(b).fold(0.0, |m, (a, b)| f64::max(m, (a - b).abs() / (1.0 + b.abs())))
+}
+
+fn run(s: &System, rtol: f64, x0: &[f64], p: &[f64], t: f64) -> Engine {
+    let mut o = Options::with_tolerance(rtol, rtol);
+    (o.sensitivity, o.adjoint) = (true, true);
+    let mut e = Engine::new(s, &o).unwrap();
+    e.reinit(0.0, x0).unwrap();
+    e.set_params(p).unwrap();
+    e.advance(t).unwrap();
+    assert_eq!(e.outcome(), Outcome::Reached, "{}", e.reason());
+    e
+}
+
+#[test]
+fn every_reference_over_tolerances() {
+    let rad = |v: &serde_json::Value| number(v);
+    let b = reference("box_elastic.json");
+    let pa = reference("parabola.json");
+    let sl = reference("particle_slide_stop_stick.json");
+    let so = reference("slope_sticks_between.json");
+    let di = &reference("disc.json")["slide_then_roll"];
+    let tb = reference("two_balls_spring.json");
+    let pu = reference("cone_3d.json");
+    let di_sol = numbers(&di["sol"]);
+    let cases: Vec<(&str, System, Vec<f64>, Vec<f64>, f64, Vec<f64>, Vec<f64>)> = vec![
+        ("box", box_elastic(), numbers(&b["x0"]), vec![], rad(&b["T"]), numbers(&b["x_T"]), numbers(&b["dxT_dx0"])),
+        (
+            "parabola",
+            parabola(),
+            numbers(&pa["x0"]),
+            vec![rad(&pa["e"])],
+            rad(&pa["T"]),
+            numbers(&pa["x_T"]),
+            numbers(&pa["dxT_dx0"]),
+        ),
+        (
+            "slider",
+            slider(),
+            numbers(&sl["params"]["x0"]),
+            vec![0.35, 1.0],
+            2.0,
+            numbers(&sl["x_T"]),
+            numbers(&sl["dxT_dx0"]),
+        ),
+        (
+            "slope",
+            slope(rad(&so["angle"]), rad(&so["mu"]), rad(&so["F"]), rad(&so["w"])),
+            numbers(&so["x0"]),
+            vec![],
+            rad(&so["T"]),
+            numbers(&so["x_T"]),
+            numbers(&so["dxT_dx0"]),
+        ),
+        ("disc", disc(0.3, 0.25), vec![0.0, 0.0, 0.0, 3.0, 0.0, 0.0], vec![], 1.5, di_sol[..6].to_vec(), vec![]),
+        ("two balls", two_balls(), numbers(&tb["x0"]), vec![], 1.0, numbers(&tb["x_T"]), numbers(&tb["dxT_dx0"])),
+        ("puck", puck(0.4, 2.0, 5.0), numbers(&pu["x0"]), vec![], 1.0, numbers(&pu["x_T"]), vec![]),
+    ];
+    let mut bad = Vec::new();
+    for (name, system, x0, p, t, x, s) in &cases {
+        for k in [4, 6, 8, 10, 12] {
+            let rtol = 10f64.powi(-k);
+            let e = run(system, rtol, x0, p, *t);
+            let error = off(e.state(), x);
+            let n_c = x0.len() + p.len();
+            let own: Vec<f64> =
+                (0..x0.len()).flat_map(|i| e.sensitivity().unwrap()[i * n_c..i * n_c + x0.len()].to_vec()).collect();
+            // the adjoint is the transpose, to rounding
+            let mut e = e;
+            let v: Vec<f64> = (0..x0.len()).map(|i| 1.0 + 0.3 * i as f64).collect();
+            let gradient = e.adjoint(&v, &[]).unwrap();
+            let s_all = e.sensitivity().unwrap();
+            let forward: Vec<f64> = (0..n_c).map(|c| (0..x0.len()).map(|i| v[i] * s_all[i * n_c + c]).sum()).collect();
+            let adjoint: Vec<f64> = gradient.x0.iter().chain(&gradient.p).copied().collect();
+            assert!(off(&adjoint, &forward) < 1e-9, "{name} {rtol}: {adjoint:?} {forward:?}");
+            let derivative = if s.is_empty() { 0.0 } else { off(&own, s) };
+            println!(
+                "{name} {rtol:.0e}: state {error:.1e} derivatives {derivative:.1e} switches {} impacts {} steps {}",
+                e.switches().len(),
+                e.impacts().len(),
+                e.stats().steps
+            );
+            if error > 100.0 * rtol || derivative > 1e3 * rtol.max(1e-13) {
+                bad.push((name, rtol, error, derivative));
+            }
+        }
+    }
+    assert!(bad.is_empty(), "{bad:?}");
+}
+
+/// The rod falls on its lower end, sticks, slips, and lands on its other end: times, impulses, state before the landing.
+#[test]
+fn a_rod_falls() {
+    let r = &reference("rod.json")["sticks"];
+    let (x0, events) = (numbers(&r["x0"]), numbers(&r["events"]));
+    let mut e = run(&rod(1.0, 1.0 / 12.0, 0.9), 1e-11, &x0, &[], events[2] - 1e-9);
+    assert!((e.impacts()[0].t - events[0]).abs() < 1e-11);
+    let logged = r["log"][0].as_array().unwrap();
+    assert!((e.impacts()[0].impulse[0] - number(&logged[2])).abs() < 1e-10, "{:?}", e.impacts());
+    assert!((e.impacts()[0].impulse[1] - number(&logged[3])).abs() < 1e-10, "{:?}", e.impacts());
+    assert!((e.switches()[1].t - events[1]).abs() < 1e-10, "{:?}", e.switches());
+    assert_eq!(e.switches().iter().map(|s| s.after[0]).collect::<Vec<_>>(), [1, 2]);
+    // to the landing, along the velocity for a nanosecond
+    let landing: Vec<f64> = e.state().iter().zip(e.derivative()).map(|(x, f)| x + 1e-9 * f).collect();
+    assert!(off(&landing, &numbers(&r["x_T"])) < 1e-10, "{landing:?}");
+    e.advance(0.45).unwrap();
+    println!("{:?} {:?} {:?} {}", e.impacts(), e.switches(), e.state(), e.reason());
+    let dt: Vec<f64> = e.switches()[..2].iter().flat_map(|s| s.dt.clone()).collect();
+    assert!(off(&dt, &numbers(&r["dtimes_dx0"])[..12]) < 1e-8, "{dt:?}");
+}
+
+/// A block rocks from corner to corner.
+#[test]
+fn a_block_rocks() {
+    let r = &reference("rocking_block.json")["slender"];
+    let (b, h) = (number(&r["b"]), number(&r["h"]));
+    let (th, t) = (numbers(&r["x0"])[0], number(&r["T"]));
+    // the file counts angles clockwise
+    let th0 = -th;
+    let y0 = -(b * th0.sin() - h * th0.cos());
+    let e = run(&block(b, h, 10.0), 1e-11, &[0.0, y0, th0, 0.0, 0.0, 0.0], &[], t);
+    println!("{:?} {:?}", e.impacts(), e.state());
+    let want = numbers(&r["th_w_T"]);
+    let own = [-e.state()[2], -e.state()[5]];
+    assert!(off(&own, &want) < 1e-9, "{own:?} {want:?}");
+    let times: Vec<f64> = r["impacts"].as_array().unwrap().iter().map(|i| number(&i["t"])).collect();
+    let mut own: Vec<f64> = e.impacts().iter().map(|i| i.t).collect();
+    own.dedup();
+    assert!(off(&own, &times) < 1e-10, "{own:?} {times:?}");
+}
+
+/// Impacts on a table accumulate, the ball rests, and leaves with the table.
+#[test]
+fn chattering_ends_and_the_ball_leaves() {
+    let r = reference("table_chatter.json");
+    let s = table(number(&r["A"]), number(&r["w"]), number(&r["e"]));
+    for k in [6, 8, 10, 12] {
+        let rtol = 10f64.powi(-k);
+        let e = run(&s, rtol, &numbers(&r["x0"]), &[], number(&r["T"]));
+        let error = off(e.state(), &numbers(&r["x_T"]));
+        let first = numbers(&r["first_impacts"]);
+        let worst = first.iter().zip(e.impacts()).fold(0.0f64, |m, (a, b)| m.max((a - b.t).abs()));
+        let log = r["log"].as_array().unwrap();
+        let limit = (e.accumulations().last().unwrap().t - number(&log[0][0])).abs();
+        let leaves = (e.switches().last().unwrap().t - number(&log[1][0])).abs();
+        println!(
+            "{rtol:.0e}: {error:.1e} impacts {worst:.1e} limit {limit:.1e} leaves {leaves:.1e} n {}",
+            e.impacts().len()
+        );
+        assert!(error <= 100.0 * rtol && limit <= 100.0 * rtol && leaves <= 100.0 * rtol, "{:?}", e.accumulations());
+    }
+}
+
+/// Derivatives grow like the square root of the depth of grazing.
+#[test]
+fn grazing() {
+    let r = reference("grazing.json");
+    let (s, a) = (impact_oscillator(0.1, 1.0, 1.2, 0.7), number(&r["steady_amplitude"]));
+    for row in r["rows"].as_array().unwrap() {
+        let depth = number(&row["stop_below_amplitude"]);
+        let e = run(&s, 1e-13, &numbers(&r["x0_on_steady_state"]), &[a - depth], 6.0);
+        let own: Vec<f64> = (0..2).flat_map(|i| e.sensitivity().unwrap()[i * 3..i * 3 + 2].to_vec()).collect();
+        println!(
+            "{depth:.0e}: state {:.1e} derivatives {:.1e} {:?} one-sided {}",
+            off(e.state(), &numbers(&row["x_T6"])),
+            off(&own, &numbers(&row["dxT_dx0"])),
+            e.impacts(),
+            e.one_sided()
+        );
+    }
+}
+
+/// Chains of balls by Newton's law, and one after the other.
+#[test]
+fn pile_of_twenty() {
+    let r = reference("pile_of_20.json");
+    let mut x0: Vec<f64> = (0..19).flat_map(|i| [0.0, 0.2 + 0.4 * f64::from(i)]).collect();
+    x0.extend([-2.2, 7.4]);
+    x0.extend((0..40).map(|k| if k == 38 { 10.0 } else { 0.0 }));
+    let mut e = Engine::new(&discs(20, 0.2), &Options::with_tolerance(1e-11, 1e-12)).unwrap();
+    e.reinit(0.0, &x0).unwrap();
+    let start = std::time::Instant::now();
+    let outcome = e.advance(0.3).unwrap();
+    println!("{outcome:?} {} {:?} {:?}", e.reason(), start.elapsed(), e.stats());
+    for ev in r["events"].as_array().unwrap() {
+        println!("{} {}", ev["t"], ev["impulses"]);
+    }
+    for i in e.impacts() {
+        println!("{:.17} {} {:.17}", i.t, i.contact, i.impulse[0]);
+    }
+}
