@@ -1313,6 +1313,93 @@ typedef int32_t swb_direction;
 #endif // __cplusplus
 
 /**
+ * What happens where several contacts close at once.
+ */
+enum swb_impact_law
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Newton's law for all contacts in one complementarity problem (Moreau).
+     */
+    SWB_IMPACT_LAW_NEWTON = 0,
+    /**
+     * Newton's law for one contact after the other, the one that closes fastest first.
+     */
+    SWB_IMPACT_LAW_SEQUENTIAL = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_impact_law swb_impact_law;
+#else
+typedef int32_t swb_impact_law;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What brought an impact about.
+ */
+enum swb_impact_kind
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * A contact closed.
+     */
+    SWB_IMPACT_KIND_COLLISION = 0,
+    /**
+     * No forces continue the motion (Painleve): sliding stops by an impact without collision.
+     */
+    SWB_IMPACT_KIND_PAINLEVE = 1,
+    /**
+     * Impacts accumulate: this is the last, the contact stays closed.
+     */
+    SWB_IMPACT_KIND_LAST = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_impact_kind swb_impact_kind;
+#else
+typedef int32_t swb_impact_kind;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Modes of a contact.
+ */
+enum swb_contact_mode
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Open: no force.
+     */
+    SWB_CONTACT_MODE_OPEN = 0,
+    /**
+     * Closed; with friction, sticking.
+     */
+    SWB_CONTACT_MODE_CLOSED = 1,
+    /**
+     * Sliding: in the plane along the tangent, in space in any direction.
+     */
+    SWB_CONTACT_MODE_SLIDES = 2,
+    /**
+     * Sliding against the tangent, in the plane.
+     */
+    SWB_CONTACT_MODE_SLIDES_BACK = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_contact_mode swb_contact_mode;
+#else
+typedef int32_t swb_contact_mode;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * What a step did.
  */
 enum swb_progress_kind
@@ -1566,6 +1653,11 @@ typedef struct swb_ocp swb_ocp;
  * of the object it comes from.
  */
 typedef struct swb_run swb_run;
+
+/**
+ * Scene: coordinates q, velocities v, inertia, forces and contacts, made of expressions in which the states are q, then v.
+ */
+typedef struct swb_scene swb_scene;
 
 /**
  * Simulator of a system: time, state, and the trajectory since the state was set.
@@ -2271,6 +2363,14 @@ typedef struct swb_run_info {
      * Transitions in the log.
      */
     int64_t n_jumps;
+    /**
+     * Impacts in the log, one for every contact with an impulse.
+     */
+    int64_t n_impacts;
+    /**
+     * Contacts of the scene.
+     */
+    int64_t n_scene_contacts;
 } swb_run_info;
 
 /**
@@ -2325,6 +2425,10 @@ typedef struct swb_run_stats {
      * Transitions.
      */
     int64_t jumps;
+    /**
+     * Impacts, each contact for itself.
+     */
+    int64_t impacts;
 } swb_run_stats;
 
 /**
@@ -2474,6 +2578,60 @@ typedef struct swb_jump {
      */
     double rate;
 } swb_jump;
+
+/**
+ * What one contact contributes to an impact.
+ */
+typedef struct swb_impact {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Time.
+     */
+    double t;
+    /**
+     * The contact; those that were left out do not count.
+     */
+    int64_t contact;
+    /**
+     * An enum swb_impact_kind.
+     */
+    int64_t kind;
+    /**
+     * 1 if other contacts had impulses at the same time.
+     */
+    int64_t simultaneous;
+    /**
+     * 1 if velocities behind it and impulses are unique.
+     */
+    int64_t unique;
+    /**
+     * Rate of the gap before.
+     */
+    double rate_before;
+    /**
+     * Rate of the gap behind.
+     */
+    double rate_after;
+    /**
+     * Normal impulse.
+     */
+    double normal;
+    /**
+     * Impulse along the first tangent.
+     */
+    double tangential;
+    /**
+     * Impulse along the second tangent.
+     */
+    double tangential2;
+    /**
+     * How far the bodies would overlap without the impact: small where the contact is grazing.
+     */
+    double depth;
+} swb_impact;
 
 /**
  * A point from which several solutions go on.
@@ -4352,6 +4510,213 @@ swb_status swb_run_jump_sensitivity(const struct swb_run *run,
                                     int64_t index,
                                     double *dt,
                                     int64_t n);
+
+/**
+ * Create a scene without forces and contacts: the inertia is the unit matrix, and where there are as many coordinates as
+ * velocities the rates of the coordinates are the velocities.
+ *
+ * @param[in]  name  for messages
+ * @param[in]  n_q   coordinates
+ * @param[in]  n_v   velocities
+ * @param[in]  nu    controls
+ * @param[in]  np    parameters
+ * @param[in]  names of coordinates, velocities, controls and parameters, one per line, for messages; may be NULL
+ * @param[out] out   the new object, NULL on failure; free with swb_scene_free
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_scene_create(const char *name,
+                            int64_t n_q,
+                            int64_t n_v,
+                            int64_t nu,
+                            int64_t np,
+                            const char *names,
+                            struct swb_scene **out);
+
+/**
+ * Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
+ *
+ * @param[in] graph the graph of the expressions
+ * @param[in] rates [n] n_q expressions
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE for numbers that are no expressions
+ */
+SWB_API
+swb_status swb_scene_set_rates(struct swb_scene *scene,
+                               const struct swb_expr *graph,
+                               const int64_t *rates,
+                               int64_t n);
+
+/**
+ * Set the inertia matrix M: symmetric and positive definite; it may depend on coordinates, parameters and time.
+ *
+ * @param[in] graph   the graph of the expressions
+ * @param[in] entries [n] n_v times n_v expressions
+ * @return as swb_scene_set_rates
+ */
+SWB_API
+swb_status swb_scene_set_inertia(struct swb_scene *scene,
+                                 const struct swb_expr *graph,
+                                 const int64_t *entries,
+                                 int64_t n);
+
+/**
+ * Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact forces, smooth expressions.
+ *
+ * @param[in] graph the graph of the expressions
+ * @param[in] force [n] n_v expressions
+ * @return as swb_scene_set_rates
+ */
+SWB_API
+swb_status swb_scene_set_force(struct swb_scene *scene,
+                               const struct swb_expr *graph,
+                               const int64_t *force,
+                               int64_t n);
+
+/**
+ * Add a contact.
+ *
+ * @param[in]  graph       the graph of the expressions
+ * @param[in]  name        of its own, for messages and results
+ * @param[in]  gap         expression of coordinates, parameters and time, positive where the bodies are apart; with friction a
+ *                         length
+ * @param[in]  tangents    [n_tangents] no, one (in the plane) or two (in space) expressions whose rates are the sliding
+ *                         velocity, or which are its components, linear in the velocities
+ * @param[in]  friction    expression, coefficient of friction; -1: none
+ * @param[in]  restitution expression, coefficient of restitution between 0 and 1; -1: 0
+ * @param[out] index       number of the contact; may be NULL
+ * @return SWB_OK; SWB_ERR_RANGE for numbers that are no expressions or too many tangents; SWB_ERR_STATE for a name or a gap
+ *         that is there already
+ */
+SWB_API
+swb_status swb_scene_add_contact(struct swb_scene *scene,
+                                 struct swb_expr *graph,
+                                 const char *name,
+                                 int64_t gap,
+                                 const int64_t *tangents,
+                                 int64_t n_tangents,
+                                 int64_t friction,
+                                 int64_t restitution,
+                                 int64_t *index);
+
+/**
+ * State that a coordinate stays between bounds: contacts that cannot close there are left out when the scene is built, with a
+ * proof in the report. A simulation that leaves the bounds ends with an error if something was left out for them.
+ *
+ * @param[in] coordinate from 0
+ * @param[in] low        lower bound
+ * @param[in] high       upper bound
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NONFINITE
+ */
+SWB_API
+swb_status swb_scene_set_bounds(struct swb_scene *scene,
+                                int64_t coordinate,
+                                double low,
+                                double high);
+
+/**
+ * Set what happens where several contacts close at once.
+ *
+ * @param[in] law enum swb_impact_law
+ * @return SWB_OK; SWB_ERR_RANGE
+ */
+SWB_API swb_status swb_scene_set_impact_law(struct swb_scene *scene, int32_t law);
+
+/**
+ * Build the scene: derivatives, normals, and which contacts cannot close. Any change needs another call.
+ *
+ * @param[in] graph the graph of the expressions; it grows
+ * @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
+ *         with a message that names them
+ */
+SWB_API
+swb_status swb_scene_build(struct swb_scene *scene,
+                           struct swb_expr *graph);
+
+/**
+ * The system of a scene that is built; its states are the coordinates, then the velocities. Simulate it event-driven.
+ *
+ * @param[out] out the new object, NULL on failure; free with swb_system_free
+ * @return SWB_OK; SWB_ERR_STATE if the scene is not built
+ */
+SWB_API
+swb_status swb_scene_system(const struct swb_scene *scene,
+                            struct swb_system **out);
+
+/**
+ * Report of a scene that is built: contacts with what they cost, and which were left out and why.
+ *
+ * @param[in]  json   0 for text, 1 for an object of JSON
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE if the scene is not built
+ */
+SWB_API
+swb_status swb_scene_report(const struct swb_scene *scene,
+                            int32_t json,
+                            char *buf,
+                            int64_t len,
+                            int64_t *needed);
+
+/**
+ * Free; systems made of the scene stay. NULL is allowed.
+ */
+SWB_API void swb_scene_free(struct swb_scene *scene);
+
+/**
+ * The impacts of a run in the order they happened; their number is n_impacts of swb_run_info.
+ *
+ * @param[out] impacts     [n] n_impacts
+ * @param[in]  struct_size sizeof(swb_impact)
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_run_impacts(const struct swb_run *run,
+                           struct swb_impact *impacts,
+                           int64_t n,
+                           uint64_t struct_size);
+
+/**
+ * Derivatives of the time of an impact with respect to initial states, parameters and controls.
+ *
+ * @param[in]  index its place in swb_run_impacts, from 0
+ * @param[out] dt    [n] n_columns
+ * @return as swb_run_sensitivity
+ */
+SWB_API
+swb_status swb_run_impact_sensitivity(const struct swb_run *run,
+                                      int64_t index,
+                                      double *dt,
+                                      int64_t n);
+
+/**
+ * Modes of the contacts of a scene at times.
+ *
+ * @param[in]  t     [n_t] times; at the time of an event the modes are those before it
+ * @param[out] modes [n] n_t times n_scene_contacts, enum swb_contact_mode, those of the first time first
+ * @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_run_contact_modes(const struct swb_run *run,
+                                 const double *t,
+                                 int64_t n_t,
+                                 int64_t *modes,
+                                 int64_t n);
+
+/**
+ * Forces of the contacts of a scene at times: forces, not impulses. Other times than the end need the option dense.
+ *
+ * @param[in]  t      [n_t] times within the run
+ * @param[out] forces [n] n_t times n_scene_contacts times 3: the normal force and those along the tangents, zero where the
+ *                    contact is open or has no tangents; the contacts of the first time first
+ * @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene, or for want of dense output; SWB_ERR_RANGE for times
+ *         outside; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_run_contact_forces(const struct swb_run *run,
+                                  const double *t,
+                                  int64_t n_t,
+                                  double *forces,
+                                  int64_t n);
 
 /**
  * Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only

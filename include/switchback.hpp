@@ -705,6 +705,26 @@ public:
     }
     /// The transitions in the order they were made.
     std::vector<swb_jump> jumps() const { return structs<swb_jump>(swb_run_jumps, info_.n_jumps); }
+    /// The impacts of a scene in the order they happened, one entry for every contact with an impulse.
+    std::vector<swb_impact> impacts() const { return structs<swb_impact>(swb_run_impacts, info_.n_impacts); }
+    /// Derivatives of the time of an impact.
+    Vector impact_sensitivity(int64_t index) const {
+        Vector out(static_cast<std::size_t>(info_.n_columns));
+        detail::check(swb_run_impact_sensitivity(get(), index, out.data(), info_.n_columns));
+        return out;
+    }
+    /// Modes of all contacts of a scene at a time, numbers of swb_contact_mode.
+    std::vector<int64_t> contact_modes(double t) const {
+        std::vector<int64_t> out(static_cast<std::size_t>(info_.n_scene_contacts));
+        detail::check(swb_run_contact_modes(get(), &t, 1, out.data(), info_.n_scene_contacts));
+        return out;
+    }
+    /// Forces of all contacts of a scene at a time, three for each: normal, along the tangents.
+    Vector contact_forces(double t) const {
+        Vector out(static_cast<std::size_t>(3 * info_.n_scene_contacts));
+        detail::check(swb_run_contact_forces(get(), &t, 1, out.data(), 3 * info_.n_scene_contacts));
+        return out;
+    }
     /// The states just before and just behind a transition, by its place in jumps().
     std::pair<Vector, Vector> jump_states(int64_t index) const {
         Vector before(static_cast<std::size_t>(info_.nx)), after = before;

@@ -506,6 +506,119 @@ private:
     mutable detail::Owner<swb_model, swb_model_free> built_;
 };
 
+// --- scenes ----------------------------------------------------------------------------------------
+
+/// A mechanical system with contacts: coordinates q, velocities v (one for each coordinate, unless they are named), inertia,
+/// forces, contacts. Its states are q, then v.
+class Scene {
+public:
+    /// Variables by names, separated by spaces or commas.
+    explicit Scene(const std::string &q, const std::string &v = "", const std::string &controls = "",
+                   const std::string &parameters = "", const std::string &name = "scene")
+        : graph_(detail::new_graph()) {
+        const auto qs = words(q), vs = v.empty() ? rates_of(qs) : words(v), us = words(controls), ps = words(parameters);
+        std::string names;
+        for (const auto *group : {&qs, &vs, &us, &ps})
+            for (const auto &n : *group)
+                names += n + "\n";
+        swb_scene *s = nullptr;
+        detail::check(swb_scene_create(name.c_str(), size(qs), size(vs), size(us), size(ps), names.c_str(), &s));
+        scene_ = detail::Owner<swb_scene, swb_scene_free>(s);
+        const Exprs x = inputs(SWB_INPUT_X, qs.size() + vs.size());
+        q_.assign(x.begin(), x.begin() + static_cast<std::ptrdiff_t>(qs.size()));
+        v_.assign(x.begin() + static_cast<std::ptrdiff_t>(qs.size()), x.end());
+        u_ = inputs(SWB_INPUT_U, us.size());
+        p_ = inputs(SWB_INPUT_P, ps.size());
+        t_ = inputs(SWB_INPUT_T, 1);
+    }
+
+    const Exprs &q() const { return q_; }
+    const Exprs &v() const { return v_; }
+    const Expr &q(std::size_t i) const { return q_.at(i); }
+    const Expr &v(std::size_t i) const { return v_.at(i); }
+    const Expr &u(std::size_t i) const { return u_.at(i); }
+    const Expr &p(std::size_t i) const { return p_.at(i); }
+    const Expr &t() const { return t_.front(); }
+    /// A number as an expression.
+    Expr constant(double value) const { return Expr(detail::constant(graph_, value)); }
+
+    /// The rates of the coordinates, linear in the velocities.
+    void rates(const Exprs &values) { set(swb_scene_set_rates, values); }
+    /// The inertia matrix, symmetric: its rows one after the other.
+    void inertia(const Exprs &entries) { set(swb_scene_set_inertia, entries); }
+    /// The forces, one for every velocity.
+    void force(const Exprs &values) { set(swb_scene_set_force, values); }
+    /// Adds a contact and returns its number; see swb_scene_add_contact.
+    int64_t contact(const std::string &name, const Expr &gap, const Exprs &tangents = {}, const Operand &friction = 0.0,
+                    const Operand &restitution = 0.0) {
+        const auto along = detail::ids(graph_, tangents);
+        const int64_t distance = detail::ids(graph_, {gap}).front();
+        const int64_t mu = detail::ids(graph_, {Expr(friction.in(graph_))}).front();
+        const int64_t e = detail::ids(graph_, {Expr(restitution.in(graph_))}).front();
+        int64_t k = 0;
+        detail::check(swb_scene_add_contact(scene_.get(), graph_.get(), name.c_str(), distance, along.data(),
+                                            detail::length(along), mu, e, &k));
+        return k;
+    }
+    /// States that a coordinate stays between bounds; see swb_scene_set_bounds.
+    void bounds(int64_t coordinate, double low, double high) {
+        detail::check(swb_scene_set_bounds(scene_.get(), coordinate, low, high));
+    }
+    /// What happens where several contacts close at once.
+    void impact_law(swb_impact_law law) { detail::check(swb_scene_set_impact_law(scene_.get(), law)); }
+    /// The system, for event-driven simulation.
+    System system() {
+        detail::check(swb_scene_build(scene_.get(), graph_.get()));
+        swb_system *s = nullptr;
+        detail::check(swb_scene_system(scene_.get(), &s));
+        return System(s);
+    }
+    /// What the scene consists of, what each contact costs, which were left out and why.
+    std::string report(bool json = false) {
+        detail::check(swb_scene_build(scene_.get(), graph_.get()));
+        int64_t needed = 0;
+        swb_scene_report(scene_.get(), json ? 1 : 0, nullptr, 0, &needed);
+        std::string out(static_cast<std::size_t>(needed), '\0');
+        detail::check(swb_scene_report(scene_.get(), json ? 1 : 0, &out[0], needed, nullptr));
+        out.pop_back();
+        return out;
+    }
+
+private:
+    using Words = std::vector<std::string>;
+
+    static Words words(std::string text) {
+        for (char &c : text)
+            c = c == ',' ? ' ' : c;
+        std::istringstream in(text);
+        Words out;
+        for (std::string word; in >> word;)
+            out.push_back(word);
+        return out;
+    }
+    static Words rates_of(const Words &q) {
+        Words out;
+        for (const auto &n : q)
+            out.push_back("v_" + n);
+        return out;
+    }
+    static int64_t size(const Words &w) { return static_cast<int64_t>(w.size()); }
+    Exprs inputs(swb_input block, std::size_t n) const {
+        std::vector<int64_t> ids(n);
+        detail::check(swb_expr_inputs(graph_.get(), block, 0, ids.data(), detail::length(ids)));
+        return detail::exprs(graph_, ids);
+    }
+    template <class F>
+    void set(F f, const Exprs &values) {
+        const auto ids = detail::ids(graph_, values);
+        detail::check(f(scene_.get(), graph_.get(), ids.data(), detail::length(ids)));
+    }
+
+    detail::Graph graph_;
+    detail::Owner<swb_scene, swb_scene_free> scene_{nullptr};
+    Exprs q_, v_, u_, p_, t_;
+};
+
 } // namespace swb
 
 #endif

@@ -5,6 +5,8 @@ mod scenes;
 
 use scenes::*;
 use switchback::event::{Engine, Options, Outcome};
+use switchback::expr::Graph;
+use switchback::scene::{Contact, Scene};
 use switchback::system::System;
 
 /// Largest difference, relative to one and to the numbers.
@@ -199,5 +201,37 @@ fn pile_of_twenty() {
     }
     for i in e.impacts() {
         println!("{:.17} {} {:.17}", i.t, i.contact, i.impulse[0]);
+    }
+}
+
+/// The play operator as a sweeping process: the output follows the input with slack.
+#[test]
+fn play_follows_its_input() {
+    let r = reference("play.json");
+    let g = Graph::new();
+    let (y, input) = (g.x(0), 2.0 * g.t().sin());
+    let mut s = Scene::projected("play", 1, 0, 0).unwrap();
+    s.set_force(0, g.constant(0.0).id()).unwrap();
+    s.add_contact(Contact::new(&g, "upper", input - y + 0.5)).unwrap();
+    s.add_contact(Contact::new(&g, "lower", y - input + 0.5)).unwrap();
+    let system = s.build(&g).unwrap().system;
+    for k in [4, 8, 12] {
+        let rtol = 10f64.powi(-k);
+        let mut o = Options::with_tolerance(rtol, rtol);
+        (o.dense, o.sensitivity) = (true, true);
+        let mut e = Engine::new(&system, &o).unwrap();
+        e.reinit(0.0, &[0.0]).unwrap();
+        e.advance(6.0).unwrap();
+        assert_eq!(e.outcome(), Outcome::Reached, "{}", e.reason());
+        let times: Vec<f64> = e.switches().iter().map(|s| s.t).collect();
+        println!("{times:?} {:?}", e.stats());
+        assert!(off(&times, &numbers(&r["switches"])) <= 100.0 * rtol);
+        for at in r["y_at"].as_array().unwrap() {
+            let mut x = [0.0];
+            e.path().unwrap().eval(number(&at[0]), 0, &mut x).unwrap();
+            assert!((x[0] - number(&at[1])).abs() <= 100.0 * rtol, "{} {x:?} {at}", rtol);
+        }
+        // where the input drags the output along, the start is forgotten
+        assert!(e.sensitivity().unwrap()[0].abs() < 1e-12);
     }
 }

@@ -185,6 +185,58 @@ static void heater(const swb_settings *s)
     DO(swb_integrator_advance, it, 2.0, &outcome);
 }
 
+/* A block that falls on a rough floor and slides. */
+static void block(const swb_settings *s)
+{
+    static const double numbers[4] = {0.0, -10.0, 0.3, 1.0}, start[4] = {0.0, 0.1, 1.0, 0.0}, t = 0.2;
+    int64_t x[4], c[4], entries[4], force[2], modes[1];
+    double dt[4], forces[3];
+    int32_t outcome;
+    char text[1000];
+    swb_impact impacts[64];
+    swb_run_info info;
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL;
+    swb_system *system = NULL;
+    swb_integrator *it = NULL;
+    swb_run *run = NULL;
+    MUST(swb_expr_create(&graph));
+    pool_add(T_swb_expr, graph);
+    MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 4));
+    MUST(swb_expr_constants(graph, numbers, 4, c, 4));
+    if (!DO(swb_scene_create, "block", 2, 2, 0, 0, NULL, &scene))
+        return;
+    pool_add(T_swb_scene, scene);
+    entries[0] = entries[3] = c[3];
+    entries[1] = entries[2] = force[0] = c[0];
+    force[1] = c[1];
+    DO(swb_scene_set_rates, scene, graph, &x[2], 2);
+    DO(swb_scene_set_inertia, scene, graph, entries, 4);
+    DO(swb_scene_set_force, scene, graph, force, 2);
+    DO(swb_scene_add_contact, scene, graph, "floor", x[1], x, 1, c[2], c[0], NULL);
+    DO(swb_scene_set_bounds, scene, 0, -10.0, 10.0);
+    DO(swb_scene_set_impact_law, scene, SWB_IMPACT_LAW_SEQUENTIAL);
+    if (!DO(swb_scene_build, scene, graph))
+        return;
+    DO(swb_scene_report, scene, 1, text, sizeof text, NULL);
+    if (!DO(swb_scene_system, scene, &system))
+        return;
+    pool_add(T_swb_system, system);
+    if (!DO(swb_integrator_create, system, s, &it))
+        return;
+    pool_add(T_swb_integrator, it);
+    DO(swb_integrator_reinit, it, 0.0, start, 4);
+    DO(swb_integrator_advance, it, 0.5, &outcome);
+    if (!DO(swb_integrator_get_run, it, &run))
+        return;
+    pool_add(T_swb_run, run);
+    if (swb_run_get_info(run, &info, sizeof info) == SWB_OK && info.n_impacts <= 64)
+        DO(swb_run_impacts, run, impacts, info.n_impacts, sizeof impacts[0]);
+    DO(swb_run_impact_sensitivity, run, 0, dt, 4);
+    DO(swb_run_contact_modes, run, &t, 1, modes, 1);
+    DO(swb_run_contact_forces, run, &t, 1, forces, 3);
+}
+
 /* Derivatives of a function, dense in the states. */
 static void give_derivatives(swb_function *f, int64_t nx, int64_t nu, int64_t np, int64_t n_out)
 {
@@ -428,6 +480,8 @@ void world_create(struct random *r)
         count(&s);
     if (random_once_in(r, 2))
         heater(&s);
+    if (random_once_in(r, 2))
+        block(&s);
     if (random_once_in(r, 2))
         solve_program(r, &s);
 }

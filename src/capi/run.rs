@@ -34,7 +34,10 @@ pub struct Record {
 
 /// Modes of the subsystems that can switch.
 pub(super) fn modes_of(system: &System) -> Vec<i64> {
-    system.subsystems().iter().map(|s| s.n_modes as i64).filter(|&n| n > 1).collect()
+    let contacts = system.mechanics().map_or(0, |m| m.contacts.len());
+    // open, closed, sliding either way
+    let contacts = std::iter::repeat_n(4, contacts);
+    system.subsystems().iter().map(|s| s.n_modes as i64).filter(|&n| n > 1).chain(contacts).collect()
 }
 
 /// How an event-driven simulation stands. Numbers are only ever added.
@@ -240,6 +243,8 @@ pub struct swb_run_info {
     pub n_impacts: i64,
     /// Contacts of the scene.
     pub n_scene_contacts: i64,
+    /// 1 if contacts of the scene were redundant at some time: the motion is unique, the forces are those of least norm.
+    pub redundant: i64,
 }
 unsafe impl Sized8 for swb_run_info {}
 
@@ -364,6 +369,7 @@ pub unsafe extern "C" fn swb_run_get_info(
                 n_accumulations: r.run.accumulations.len() as i64,
                 n_jumps: r.run.jumps.len() as i64,
                 n_impacts: r.run.impacts.len() as i64,
+                redundant: r.run.phases.iter().any(|p| p.redundant).into(),
                 n_scene_contacts: r.run.mechanics.as_ref().map_or(0, |m| m.contacts.len()) as i64,
             };
             write_sized(&value, info, struct_size, "info")

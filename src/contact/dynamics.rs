@@ -6,7 +6,7 @@ use super::inertia::Mass;
 use super::least_norm::LeastNorm;
 use super::mode;
 use crate::func::{EvalError, EvalResult, Function, Point};
-use crate::system::{Contact, Inertia, Mechanics};
+use crate::system::{Contact, Inertia, Mechanics, Order};
 
 /// Where the motion is looked at: time, state, controls, parameters.
 pub(crate) type At<'a> = Point<'a>;
@@ -142,6 +142,11 @@ impl Dynamics {
             extended: Vec::new(),
             evaluations: 0,
         }
+    }
+
+    /// Do contacts act on the states themselves?
+    pub(crate) fn is_first_order(&self) -> bool {
+        self.mechanics.order == Order::First
     }
 
     /// Number of contacts.
@@ -315,6 +320,11 @@ impl Dynamics {
         Ok(())
     }
 
+    /// Are the forces under the modes of the last evaluation not unique? The motion is.
+    pub(crate) fn is_redundant(&self) -> bool {
+        !self.rows.is_empty() && self.held.is_singular()
+    }
+
     /// Moves the coordinates until the gaps of all closed contacts vanish to rounding, and the velocities until the gaps and
     /// the sticking contacts rest. `tolerance` is what of a gap is zero. Says whether the state has changed.
     pub(crate) fn project(
@@ -331,7 +341,7 @@ impl Dynamics {
             let at = Point { x, ..*at };
             self.load_gap(&at, i)?;
             let [g, rate] = tolerance(i, &self.blocks[i]);
-            moved |= self.blocks[i].gap[0].abs() > g || self.blocks[i].gap[1].abs() > rate;
+            moved |= self.blocks[i].gap[0].abs() > g || self.blocks[i].gap[1].abs() > rate && !self.is_first_order();
         }
         if !moved {
             return Ok(false);
@@ -345,6 +355,12 @@ impl Dynamics {
                 self.lambda.push(if r.component == 0 { -b.gap[0] } else { 0.0 });
             }
             self.held.solve(&mut self.lambda);
+            if self.is_first_order() {
+                for (l, y) in self.lambda.iter().zip(self.y.chunks_exact(n_v)) {
+                    x.iter_mut().zip(y).for_each(|(x, y)| *x += l * y);
+                }
+                continue;
+            }
             let mut shift = vec![0.0; n_q + n_v];
             for (l, y) in self.lambda.iter().zip(self.y.chunks_exact(n_v)) {
                 shift[n_q..].iter_mut().zip(y).for_each(|(s, y)| *s += l * y);
@@ -362,6 +378,9 @@ impl Dynamics {
             self.work = work;
             first.and(second)?;
             x[..n_q].iter_mut().zip(with.iter().zip(&without)).for_each(|(x, (a, b))| *x += a - b);
+        }
+        if self.is_first_order() {
+            return Ok(true);
         }
         // the velocities, at the coordinates that are right now
         self.evaluate_rows(&Point { x, ..*at }, modes)?;
@@ -388,6 +407,12 @@ impl Dynamics {
     pub(crate) fn gap_acceleration(&self, i: usize) -> f64 {
         let b = &self.blocks[i];
         dot(&b.normal, &self.acceleration) + b.rest
+    }
+
+    /// What the rate of a constraint of first order, which is loaded, consists of before anything cancels.
+    pub(crate) fn gap_rate_size(&self, i: usize) -> f64 {
+        let b = &self.blocks[i];
+        b.normal.iter().zip(&self.acceleration).map(|(n, a)| (n * a).abs()).sum::<f64>() + b.rest.abs()
     }
 
     /// The same with the accelerations in a derivative of the state.

@@ -56,6 +56,11 @@ impl LeastNorm {
         (0..n).all(|i| m[i * n + i].abs() > RANK * scale)
     }
 
+    /// Was the matrix singular?
+    pub(super) fn is_singular(&self) -> bool {
+        self.inverse.is_some()
+    }
+
     /// Replaces the right-hand side by the solution of least norm.
     pub(super) fn solve(&mut self, b: &mut [f64]) {
         match &self.inverse {

@@ -21,8 +21,6 @@ pub(crate) struct Choice {
 pub(crate) struct Follow {
     /// The choices, those with most forces first.
     pub(crate) all: Vec<Choice>,
-    /// Forces are not unique.
-    pub(crate) redundant: bool,
 }
 
 /// A closed contact whose next mode is looked for.
@@ -61,7 +59,7 @@ impl Dynamics {
             problem.parts.push(Part { first, n_t, friction: b.friction, slides, size });
         }
         let found = problem.solve();
-        let mut out = Follow { redundant: found.redundant, ..Follow::default() };
+        let mut out = Follow::default();
         for s in &found.all {
             let choice = self.choice(closed, s);
             if self.goes_on(at, closed, &problem, s, &choice, length)? {

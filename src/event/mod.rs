@@ -349,6 +349,8 @@ pub struct Phase {
     pub t: f64,
     /// Mode of every contact: 0 open, 1 closed (sticking), 2 sliding, 3 sliding against the tangent.
     pub modes: Vec<usize>,
+    /// Contacts are redundant: the motion is unique, the forces are those of least norm among many.
+    pub redundant: bool,
     /// Controls.
     pub u: Vec<f64>,
     /// Parameters.

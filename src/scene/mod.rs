@@ -38,7 +38,7 @@ use crate::func::Dims;
 use crate::memory::sizes;
 use crate::model::bounds::{Bounds, Interval, ALL};
 use crate::model::Names;
-use crate::system::{self, ImpactLaw, Inertia, Mechanics, SharedFunction, System};
+use crate::system::{self, ImpactLaw, Inertia, Mechanics, Order, SharedFunction, System};
 
 /// A contact as the user states it.
 #[derive(Debug, Clone)]
@@ -79,6 +79,7 @@ pub struct Scene {
     contacts: Vec<Contact>,
     law: ImpactLaw,
     bounds: Vec<Option<(f64, f64)>>,
+    order: Order,
 }
 
 /// What a scene became.
@@ -115,7 +116,18 @@ impl Scene {
             contacts: Vec::new(),
             law: ImpactLaw::default(),
             bounds: vec![None; n_q],
+            order: Order::Second,
         })
+    }
+
+    /// A projected system or first-order sweeping process: `ẋ = f + Σ ∇c_i λ_i`, `0 ≤ λ_i ⊥ c_i(x, t) ≥ 0` (sections 4.3.6,
+    /// 4.3.7). The states stand for velocities everywhere: [`Scene::set_force`] sets `f`, the gaps of contacts are the `c_i`,
+    /// functions of states, parameters and time, without tangents and restitution.
+    pub fn projected(name: &str, nx: usize, nu: usize, np: usize) -> Result<Scene> {
+        if nx == 0 {
+            return Err(Error::Dimension("a projected system needs at least one state".into()));
+        }
+        Ok(Scene { n_q: 0, bounds: vec![None; nx], order: Order::First, ..Scene::new(name, 1, nx, nu, np)? })
     }
 
     /// Sizes of state, controls and parameters.
@@ -253,7 +265,7 @@ impl Builder<'_> {
         let smooth = self.function("smooth", dims, &smooth)?;
         let inertia = self.inertia()?;
         let bounds = if dropped.is_empty() { Vec::new() } else { s.bounds.clone() };
-        let mechanics = Mechanics { n_q: s.n_q, n_v: s.n_v, smooth, inertia, contacts, law: s.law, bounds };
+        let mechanics = Mechanics { order: s.order, n_q: s.n_q, n_v: s.n_v, smooth, inertia, contacts, law: s.law, bounds };
         let report = Report::new(s, &mechanics, &kept, dropped);
         let system = System::of_mechanics(mechanics, dims.u, dims.p)?;
         Ok(Built { system, report, dims, names: s.names.clone() })
@@ -281,6 +293,9 @@ impl Builder<'_> {
     /// `q̇` as expressions.
     fn rates(&mut self) -> Result<Vec<Id>> {
         let s = self.scene;
+        if s.order == Order::First {
+            return Ok(Vec::new());
+        }
         let Some(rates) = &s.rates else {
             if s.n_q != s.n_v {
                 return Err(Error::State(format!(
@@ -393,7 +408,8 @@ impl Builder<'_> {
         self.check_smooth(&format!("the gap of contact {name}"), c.gap)?;
         for (what, id) in [("gap", c.gap), ("friction", c.friction), ("restitution", c.restitution)] {
             self.check_smooth(&format!("the {what} of contact {name}"), id)?;
-            if self.depends(id, Block::X, s.n_q) || self.depends(id, Block::U, 0) {
+            let velocities = s.order == Order::Second && self.depends(id, Block::X, s.n_q);
+            if velocities || self.depends(id, Block::U, 0) {
                 return Err(Error::Range(format!(
                     "the {what} of contact {name}, {}, depends on velocities or controls: it may depend on coordinates, \
                      parameters and time",
@@ -406,6 +422,9 @@ impl Builder<'_> {
                 let range = if most == 1.0 { "between 0 and 1" } else { "not negative" };
                 return Err(Error::Range(format!("the {what} of contact {name} is {v}: it must be {range}")));
             }
+        }
+        if s.order == Order::First {
+            return self.constraint(c);
         }
         // without friction there is nothing to slide along
         let frictionless = self.dag.as_const(c.friction) == Some(0.0);
@@ -454,6 +473,31 @@ impl Builder<'_> {
         Ok(system::Contact { name: name.clone(), n_tangents: sliding.len(), gap, motion, reaction })
     }
 
+    /// A constraint of a projected system: its gradient with respect to the states is its normal, and what is left of its
+    /// rate is its derivative with respect to time.
+    fn constraint(&mut self, c: &Contact) -> Result<system::Contact> {
+        let (dims, name) = (self.scene.dims(), &c.name);
+        let zero = self.dag.constant(0.0);
+        if !c.tangents.is_empty() || c.friction != zero || c.restitution != zero {
+            return Err(Error::Range(format!(
+                "constraint {name} of a projected system has tangents, friction or restitution: there are no velocities"
+            )));
+        }
+        let states = self.velocities();
+        let along = self.dag.dense_jacobian(&[c.gap], &states)?;
+        if along.iter().all(|n| *n == zero) {
+            return Err(Error::Range(format!("constraint {name}, {}, does not depend on any state", self.text(c.gap))));
+        }
+        let rest = self.along_motion(c.gap, &[])?;
+        let gap = self.function(&format!("constraint {name}"), dims, &[c.gap, zero])?;
+        let normal = Motion { rate: c.gap, along, rest };
+        let mut motion = vec![normal.rest, zero, zero];
+        motion.extend_from_slice(&normal.along);
+        let motion = self.function(&format!("motion of {name}"), dims, &motion)?;
+        let reaction = self.reaction(name, dims, &normal, &[])?;
+        Ok(system::Contact { name: name.clone(), n_tangents: 0, gap, motion, reaction })
+    }
+
     fn reaction(&mut self, name: &str, dims: Dims, normal: &Motion, sliding: &[Motion]) -> Result<SharedFunction> {
         let n_v = self.scene.n_v;
         let a: Vec<Id> = (0..n_v).map(|i| self.dag.input(Block::P, dims.p + i)).collect();
@@ -482,7 +526,8 @@ impl Builder<'_> {
             let (i, j) = (k / n, k % n);
             let what = format!("entry ({i}, {j}) of the inertia");
             self.check_smooth(&what, e)?;
-            if self.depends(e, Block::X, s.n_q) || self.depends(e, Block::U, 0) {
+            let velocities = s.order == Order::Second && self.depends(e, Block::X, s.n_q);
+            if velocities || self.depends(e, Block::U, 0) {
                 return Err(Error::Range(format!(
                     "{what}, {}, depends on velocities or controls: it may depend on coordinates, parameters and time",
                     self.text(e)

@@ -46,6 +46,17 @@ pub enum Inertia {
     },
 }
 
+/// What contacts act on.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum Order {
+    /// Velocities: mechanical systems, whose gaps are functions of coordinates.
+    #[default]
+    Second,
+    /// States directly: projected systems and sweeping processes, `ẋ = f + Σ ∇c_i λ_i` with `0 ≤ λ_i ⊥ c_i(x, t) ≥ 0`
+    /// (sections 4.3.6, 4.3.7). The states take the place of the velocities, there are no coordinates, and nothing jumps.
+    First,
+}
+
 /// One contact.
 #[derive(Clone)]
 pub struct Contact {
@@ -73,6 +84,8 @@ impl Contact {
 /// Equations of motion with contacts.
 #[derive(Clone)]
 pub struct Mechanics {
+    /// What the contacts act on.
+    pub order: Order,
     /// Coordinates `q`, the first states.
     pub n_q: usize,
     /// Velocities `v`, the other states.
@@ -180,5 +193,12 @@ impl System {
                 "{who} cannot follow contacts: simulate the scene event-driven or by time stepping"
             ))),
         }
+    }
+}
+
+impl std::fmt::Debug for Mechanics {
+    fn fmt(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+        let names: Vec<&str> = self.contacts.iter().map(|c| &c.name[..]).collect();
+        f.debug_struct("Mechanics").field("n_q", &self.n_q).field("n_v", &self.n_v).field("contacts", &names).finish()
     }
 }

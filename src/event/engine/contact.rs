@@ -311,7 +311,8 @@ impl Engine {
             let same =
                 self.phases.last().is_some_and(|p| p.modes == modes && p.u == self.field.u && p.p == self.field.p);
             if !same {
-                self.phases.push(Phase { t: self.t, modes, u: self.field.u.clone(), p: self.field.p.clone() });
+                let redundant = self.field.scene().is_some_and(|c| c.dynamics.is_redundant());
+                self.phases.push(Phase { t: self.t, modes, redundant, u: self.field.u.clone(), p: self.field.p.clone() });
             }
         }
     }
@@ -363,6 +364,13 @@ impl Engine {
                 c.dynamics.load_gap(at, i)?;
                 let [gap, rate] = c.dynamics.block(i).gap;
                 let roundings = if first { TOUCHES } else { 64.0 };
+                if c.dynamics.is_first_order() {
+                    // what follows is decided by the rates
+                    if gap <= roundings * EPS * c.sizes[i][0] {
+                        out.push(i);
+                    }
+                    continue;
+                }
                 let near = (roundings * EPS * c.sizes[i][0]).max(8.0 * EPS * rate.abs() * at.t.abs());
                 if gap <= near && rate <= 64.0 * EPS * c.sizes[i][3] {
                     out.push(i);
@@ -380,6 +388,9 @@ impl Engine {
         recorded: bool,
         resets: &mut Vec<f64>,
     ) -> std::result::Result<bool, EvalError> {
+        if self.field.scene().is_some_and(|c| c.dynamics.is_first_order()) {
+            return Ok(true);
+        }
         let all = self.touching(event)?;
         let mut unique = true;
         for made in 0.. {
@@ -682,6 +693,10 @@ impl Engine {
                 c.dynamics.load_gap(at, i)?;
                 c.dynamics.load_contact(at, i)?;
                 let b = c.dynamics.block(i);
+                if c.dynamics.is_first_order() {
+                    out.push(Closed { contact: i, rests: true });
+                    continue;
+                }
                 if b.gap[1] > AT_REST * c.sizes[i][3] {
                     continue;
                 }

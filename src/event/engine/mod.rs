@@ -698,7 +698,7 @@ impl Engine {
 }
 
 fn check_preferred(options: &Options, field: &Field) -> Result<()> {
-    let (n, n_sub) = (options.preferred.len(), field.subs.len());
+    let (n, n_sub) = (options.preferred.len(), field.active.len());
     if n != n_sub && (n > 0 || options.ambiguity == Ambiguity::Prefer) {
         return Err(Error::Dimension(format!(
             "preferred has {n} lists of modes: give one for each of the {n_sub} subsystems with more than one mode"

@@ -104,7 +104,9 @@ impl Field {
         let mut q = std::mem::take(&mut self.q);
         let mut evaluated = 0;
         let r = self.with_contacts(t, x, |c, at, modes| {
-            let mut closed = false;
+            let first_order = c.dynamics.is_first_order();
+            // rates of open constraints are those under the present field
+            let mut closed = first_order;
             for (i, set) in modes.iter().enumerate() {
                 if set[0] == mode::OPEN {
                     c.dynamics.load_gap(at, i)?;
@@ -123,8 +125,15 @@ impl Field {
                 evaluated = 1;
                 c.dynamics.accelerate(at, modes)?;
             }
-            for (i, set) in modes.iter().enumerate().filter(|(_, s)| s[0] != mode::OPEN) {
+            for (i, set) in modes.iter().enumerate() {
                 let place = c.place(i);
+                if set[0] == mode::OPEN {
+                    if first_order {
+                        c.dynamics.load_contact(at, i)?;
+                        q[place + TO_RATE] = c.dynamics.gap_acceleration(i);
+                    }
+                    continue;
+                }
                 c.write(i, set[0], &mut q[place..place + WATCHED]);
             }
             Ok(())
@@ -287,11 +296,18 @@ impl Contacts {
         self.row.fill(0.0);
         let mut row = std::mem::take(&mut self.row);
         let r = self.dynamics.gap_gradient(at, i, 0, &mut row);
-        let gap = sum(&row[..n_q], 0) + (row[row.len() - 1] * at.t).abs();
+        let first_order = self.dynamics.is_first_order();
+        let gap = sum(&row[..if first_order { at.x.len() } else { n_q }], 0) + (row[row.len() - 1] * at.t).abs();
         // the gradient of a gap is that of its rate with respect to the rates of the coordinates
         row.fill(0.0);
         let r = r.and_then(|()| self.dynamics.gap_gradient(at, i, 1, &mut row));
-        let rate = sum(&row[n_q..at.x.len()], n_q) + self.dynamics.block(i).gap[1].abs();
+        let rate = match first_order {
+            true => {
+                self.dynamics.load_contact(at, i)?;
+                self.dynamics.gap_rate_size(i)
+            }
+            false => sum(&row[n_q..at.x.len()], n_q) + self.dynamics.block(i).gap[1].abs(),
+        };
         self.row = row;
         r?;
         let mut out = [gap, 0.0, 0.0, rate];

@@ -105,6 +105,7 @@ from ._ocp_search import Modes
 from .ocp import Ocp, OcpResult, OcpSensitivity
 from .plot import plot, plot_phase, plot_run
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
+from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Scene, SceneContact
 from .settings import Option, Settings, options
 from .simulator import SimulationResult, Simulator, simulate_fesd
 from .system import System
@@ -123,15 +124,19 @@ __all__ = [
     "Certificate",
     "Conflict",
     "Contact",
+    "ContactMode",
+    "CostAt",
     "DerivativeCheck",
     "DimensionError",
     "Direction",
     "Event",
     "EventKind",
-    "CostAt",
     "FreeTime",
     "Function",
     "Gradient",
+    "Impact",
+    "ImpactKind",
+    "ImpactLaw",
     "Integrator",
     "InternalError",
     "InterruptedSolve",
@@ -144,6 +149,7 @@ __all__ = [
     "LogLevel",
     "Member",
     "Model",
+    "Modes",
     "Mpcc",
     "MpccResult",
     "MultiPhase",
@@ -154,7 +160,6 @@ __all__ = [
     "Norm",
     "NullError",
     "NumericError",
-    "Modes",
     "Ocp",
     "OcpResult",
     "OcpSensitivity",
@@ -171,6 +176,8 @@ __all__ = [
     "Run",
     "RunOutcome",
     "RunStats",
+    "Scene",
+    "SceneContact",
     "Settings",
     "SimulationResult",
     "Simulator",

@@ -352,6 +352,30 @@ class Direction(Names):
     FALLING = 1
 
 
+class ImpactLaw(Names):
+    """enum swb_impact_law"""
+
+    NEWTON = 0
+    SEQUENTIAL = 1
+
+
+class ImpactKind(Names):
+    """enum swb_impact_kind"""
+
+    COLLISION = 0
+    PAINLEVE = 1
+    LAST = 2
+
+
+class ContactMode(Names):
+    """enum swb_contact_mode"""
+
+    OPEN = 0
+    CLOSED = 1
+    SLIDES = 2
+    SLIDES_BACK = 3
+
+
 class ProgressKind(Names):
     """enum swb_progress_kind"""
 
@@ -606,6 +630,8 @@ class swb_run_info(Structure):
         ("n_contacts", c_int64),
         ("n_accumulations", c_int64),
         ("n_jumps", c_int64),
+        ("n_impacts", c_int64),
+        ("n_scene_contacts", c_int64),
     ]
 
 
@@ -623,6 +649,7 @@ class swb_run_stats(Structure):
         ("accumulations", c_int64),
         ("time_total", c_double),
         ("jumps", c_int64),
+        ("impacts", c_int64),
     ]
 
 
@@ -677,6 +704,23 @@ class swb_jump(Structure):
         ("transition", c_int64),
         ("simultaneous", c_int64),
         ("rate", c_double),
+    ]
+
+
+class swb_impact(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("contact", c_int64),
+        ("kind", c_int64),
+        ("simultaneous", c_int64),
+        ("unique", c_int64),
+        ("rate_before", c_double),
+        ("rate_after", c_double),
+        ("normal", c_double),
+        ("tangential", c_double),
+        ("tangential2", c_double),
+        ("depth", c_double),
     ]
 
 
@@ -899,6 +943,21 @@ FUNCTIONS = {
     "swb_run_jumps": (c_int32, [c_void_p, POINTER(swb_jump), c_int64, c_uint64]),
     "swb_run_jump_states": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_int64]),
     "swb_run_jump_sensitivity": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_scene_create": (c_int32, [c_char_p, c_int64, c_int64, c_int64, c_int64, c_char_p, c_void_p]),
+    "swb_scene_set_rates": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64]),
+    "swb_scene_set_inertia": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64]),
+    "swb_scene_set_force": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64]),
+    "swb_scene_add_contact": (c_int32, [c_void_p, c_void_p, c_char_p, c_int64, c_void_p, c_int64, c_int64, c_int64, c_void_p]),
+    "swb_scene_set_bounds": (c_int32, [c_void_p, c_int64, c_double, c_double]),
+    "swb_scene_set_impact_law": (c_int32, [c_void_p, c_int32]),
+    "swb_scene_build": (c_int32, [c_void_p, c_void_p]),
+    "swb_scene_system": (c_int32, [c_void_p, c_void_p]),
+    "swb_scene_report": (c_int32, [c_void_p, c_int32, c_void_p, c_int64, c_void_p]),
+    "swb_scene_free": (None, [c_void_p]),
+    "swb_run_impacts": (c_int32, [c_void_p, POINTER(swb_impact), c_int64, c_uint64]),
+    "swb_run_impact_sensitivity": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_run_contact_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_run_contact_forces": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_model_set_discrete": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_model_add_transition": (c_int32, [c_void_p, c_void_p, c_int64, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_model_transition_counts": (c_int32, [c_void_p, c_void_p, c_void_p]),

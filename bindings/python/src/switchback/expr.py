@@ -800,10 +800,12 @@ class Model:
         return f"<Model '{self.name}': {self.nx} states, {self.nu} controls, {self.np} parameters>"
 
 
-def system_of(system: System | Model) -> System:
-    """A system, or that of a model."""
-    if isinstance(system, Model):
+def system_of(system: Any) -> System:
+    """A system, or that of a model or a scene."""
+    from .scene import Scene
+
+    if isinstance(system, (Model, Scene)):
         return system.system()
     if not isinstance(system, System):
-        raise ArgumentError(f"system must be a System or a Model, not {type(system).__name__}")
+        raise ArgumentError(f"system must be a System, a Model or a Scene, not {type(system).__name__}")
     return system

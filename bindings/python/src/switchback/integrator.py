@@ -17,6 +17,7 @@ from ._library import lib
 from ._solver import OnLog, _log_callback
 from .errors import ArgumentError, DimensionError, RangeError
 from .expr import Model, system_of
+from .scene import Impact, ImpactKind, Scene, SceneContact
 from .settings import HasSettings, Settings
 from .system import System
 
@@ -136,6 +137,7 @@ class RunStats:
     accumulations: int
     time_total: float
     jumps: int
+    impacts: int
 
     @classmethod
     def _of(cls, c: Any) -> RunStats:
@@ -230,7 +232,10 @@ class Run(Handle):
     dx_dx0, dx_dp, dx_du   derivatives of the state reached, [nx, nx], [nx, np], [nx, nu], or None
     switch_derivatives     those of the switching times, [n_switches, nx + np + nu], or None
     jump_derivatives       those of the times of the transitions, [n_jumps, nx + np + nu], or None
+    impacts            of a scene in the order of time, a list of `Impact`, one for every contact with an impulse
+    impact_derivatives     those of the times of the impacts, [n_impacts, nx + np + nu], or None
     one_sided          the derivatives hold for one side only
+    redundant          contacts of a scene were redundant: the motion is unique, the forces are those of least norm
     branch_points      points with several continuations
     contacts           surfaces only touched
     accumulations      points at which switches accumulate
@@ -249,6 +254,8 @@ class Run(Handle):
     dx_du: Array | None
     switch_derivatives: Array | None
     jump_derivatives: Array | None
+    impacts: list[Impact]
+    impact_derivatives: Array | None
 
     def __init__(self) -> None:
         raise TypeError("runs come from a simulation")
@@ -282,6 +289,8 @@ class Run(Handle):
         self.switches = [self._event(i, e) for i, e in enumerate(self._structs("events", _ffi.swb_event, n))]
         made = self._structs("jumps", _ffi.swb_jump, info.n_jumps)
         self.jumps = [self._jump(i, j) for i, j in enumerate(made)]
+        struck = self._structs("impacts", _ffi.swb_impact, info.n_impacts)
+        self.impacts = [self._impact(i) for i in struck]
         points = self._structs("branch_points", _ffi.swb_branch_point, info.n_branch_points)
         self.branch_points = [BranchPoint(b.t, b.n_continuations, b.taken if b.taken >= 0 else None) for b in points]
         touched = self._structs("contacts", _ffi.swb_contact, info.n_contacts)
@@ -294,7 +303,9 @@ class Run(Handle):
         else:
             self.t, self.x = numpy.array([self.t_end]), self.x_end.reshape(1, -1).copy()
         self.one_sided = bool(info.one_sided)
-        self.dx_dx0 = self.dx_dp = self.dx_du = self.switch_derivatives = self.jump_derivatives = None
+        self.redundant = bool(info.redundant)
+        self.dx_dx0 = self.dx_dp = self.dx_du = None
+        self.switch_derivatives = self.jump_derivatives = self.impact_derivatives = None
         if info.n_columns:
             nx, np, _ = sizes
             s = self._array("sensitivity", (info.n_columns, nx)).T
@@ -303,6 +314,8 @@ class Run(Handle):
             self.switch_derivatives = numpy.array(rows).reshape(n, info.n_columns)
             rows = [self._array("jump_sensitivity", (info.n_columns,), i) for i in range(len(self.jumps))]
             self.jump_derivatives = numpy.array(rows).reshape(len(rows), info.n_columns)
+            rows = [self._array("impact_sensitivity", (info.n_columns,), i) for i in range(len(self.impacts))]
+            self.impact_derivatives = numpy.array(rows).reshape(len(rows), info.n_columns)
 
     def _structs(self, name: str, kind: Any, n: int) -> list[Any]:
         found = (kind * max(n, 1))()
@@ -313,6 +326,60 @@ class Run(Handle):
         before, after = numpy.empty(self.nx), numpy.empty(self.nx)
         self._do("jump_states", i, address(before), address(after), self.nx)
         return Jump(j.t, j.transition, before, after, bool(j.simultaneous), j.rate)
+
+    def _impact(self, i: Any) -> Impact:
+        n = self._n_tangents(i.contact)
+        return Impact(
+            i.t,
+            i.contact,
+            self.system._contacts[i.contact][0],
+            ImpactKind(i.kind),
+            i.rate_before,
+            i.rate_after,
+            i.normal,
+            (i.tangential, i.tangential2)[:n],
+            i.depth,
+            bool(i.simultaneous),
+            bool(i.unique),
+        )
+
+    def _n_tangents(self, contact: int) -> int:
+        return self.system._contacts[contact][1]
+
+    def _contact(self, contact: Any) -> int:
+        names = [c[0] for c in self.system._contacts]
+        name = contact.name if isinstance(contact, SceneContact) else contact
+        if isinstance(name, str):
+            if name not in names:
+                raise ArgumentError(f"there is no contact '{name}' in this run, only {', '.join(names) or 'none'}")
+            return names.index(name)
+        k = index(contact, "contact")
+        if not 0 <= k < len(names):
+            raise DimensionError(f"there is no contact {k}, their number is {len(names)}")
+        return k
+
+    def mode(self, contact: Any, t: Any = None) -> Array:
+        """Modes of a contact of a scene, a `SceneContact`, its name or its number, at times (`t` of the run by default):
+        integers of `ContactMode`. At the time of an event they are those before it."""
+        k = self._contact(contact)
+        times = self.t if t is None else real(t, "t")
+        flat = numpy.ascontiguousarray(times.reshape(-1))
+        n = len(self.system._contacts)
+        out = numpy.empty((flat.size, n), dtype=numpy.int64)
+        self._do("contact_modes", address(flat), flat.size, address(out), out.size)
+        return out[:, k].reshape(times.shape)
+
+    def force(self, contact: Any, t: Any = None) -> Array:
+        """Forces of a contact of a scene at times (`t` of the run by default), [..., 1 + number of tangents]: the normal force,
+        then those along the tangents. Forces, not impulses, which are in `impacts`."""
+        k = self._contact(contact)
+        times = self.t if t is None else real(t, "t")
+        flat = numpy.ascontiguousarray(times.reshape(-1))
+        n = len(self.system._contacts)
+        out = numpy.empty((flat.size, n, 3))
+        self._do("contact_forces", address(flat), flat.size, address(out), out.size)
+        width = 1 + self._n_tangents(k)
+        return out[:, k, :width].reshape((*times.shape, width))
 
     def _event(self, i: int, e: Any) -> Event:
         n = self.n_modes[e.subsystem]
@@ -609,7 +676,7 @@ class Integrator(Handle, HasSettings):
 
 
 def simulate(
-    system: System | Model,
+    system: System | Model | Scene,
     x0: Any,
     t_span: Any,
     *,
@@ -628,7 +695,7 @@ def simulate(
     on_log: OnLog | None = None,
     **options: Any,
 ) -> Run:
-    """Simulate a system or model from x0 over `t_span`: the end, or (start, end).
+    """Simulate a system, model or scene from x0 over `t_span`: the end, or (start, end).
 
     `u` are constant controls, or with several rows those of equal pieces of the time span; `p` are parameters. `rtol`
     and `atol` are one number, or one for each state (1e-8 and 1e-10), `method` is "auto", "dp5", "dop853" or "radau5".

@@ -1,0 +1,247 @@
+"""Scenes: mechanical systems with contacts, written as expressions."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy
+
+from ._arrays import address, choice, index, number, vector
+from ._call import Handle, encode, text
+from ._ffi import ContactMode, ImpactKind, ImpactLaw
+from ._library import lib
+from .errors import ArgumentError, DimensionError
+from .expr import Expr, Graph, _names
+from .function import Function
+from .system import System
+
+if TYPE_CHECKING:
+    from .integrator import Run
+
+__all__ = ["ContactMode", "Impact", "ImpactKind", "ImpactLaw", "Scene", "SceneContact"]
+
+
+@dataclass(frozen=True)
+class Impact:
+    """What one contact contributes to an impact.
+
+    t                  time
+    contact            number of the contact
+    name               its name
+    kind               ImpactKind: a collision, the last of accumulating ones, an impact without collision (Painlevé)
+    rate_before, rate_after   rate of the gap around it
+    normal, tangential        impulses; the tangential ones in the order of the tangents
+    depth              how far the bodies would overlap without it: small where the contact is grazing
+    simultaneous       other contacts had impulses at the same time
+    unique             velocities behind it and impulses are unique
+    """
+
+    t: float
+    contact: int
+    name: str
+    kind: ImpactKind
+    rate_before: float
+    rate_after: float
+    normal: float
+    tangential: tuple[float, ...]
+    depth: float
+    simultaneous: bool
+    unique: bool
+
+
+@dataclass(frozen=True)
+class SceneContact:
+    """A contact of a scene, as `Scene.contact` returns it: for `Run.force` and `Run.mode`."""
+
+    name: str
+    gap: Expr
+    tangents: tuple[Expr, ...]
+
+
+class _Scene(Handle):
+    _kind = "scene"
+
+
+class Scene:
+    """A mechanical system with contacts:
+
+    q' = N(q) v,   M(q) v' = force(q, v, u, p, t) + contact forces,   gap >= 0, friction
+
+    `q`, `v`, `u`, `p` are arrays of expressions and `t` is the time. Coordinates, controls and parameters are given by names,
+    "x y", or by their number; velocities too, and without them there is one for each coordinate, its rate.
+
+        s = swb.Scene("y", name="ball")
+        s.force([-9.81])
+        s.contact("floor", gap=s.q[0], e=0.8)
+        run = s.simulate([1.0], [0.0], 3.0)
+    """
+
+    def __init__(
+        self,
+        q: int | str | Sequence[str],
+        v: int | str | Sequence[str] | None = None,
+        u: int | str | Sequence[str] = 0,
+        p: int | str | Sequence[str] = 0,
+        name: str = "scene",
+    ):
+        self.name = name
+        qs = _names(q, "q")
+        vs = [f"v_{n}" if n else "" for n in qs] if v is None else _names(v, "v")
+        self.names = [qs, vs, _names(u, "u"), _names(p, "p")]
+        self.n_q, self.n_v, self.nu, self.np = (len(n) for n in self.names)
+        if not self.n_q or not self.n_v:
+            raise DimensionError("a scene needs at least one coordinate and one velocity")
+        self.graph = Graph()
+        x = self.graph.inputs("x", self.n_q + self.n_v)
+        self.q, self.v = x[: self.n_q], x[self.n_q :]
+        self.x = x
+        self.u, self.p = self.graph.inputs("u", self.nu), self.graph.inputs("p", self.np)
+        self.t = self.graph.inputs("t", 1)[0]
+        self.contacts: list[SceneContact] = []
+        self._made = _Scene.__new__(_Scene)
+        self._made._make(
+            lib.swb_scene_create,
+            encode(name, "name"),
+            self.n_q,
+            self.n_v,
+            self.nu,
+            self.np,
+            encode("\n".join(n for group in self.names for n in group), "names"),
+        )
+        self._current = False
+
+    @property
+    def nx(self) -> int:
+        """Number of states: coordinates and velocities."""
+        return self.n_q + self.n_v
+
+    def _ids(self, values: Any, shape: tuple[int, ...], what: str) -> numpy.ndarray:
+        given = self.graph.of(values)
+        if given.shape != shape:
+            raise DimensionError(f"{what} has shape {given.shape}, expected {shape}")
+        self._current = False
+        return numpy.ascontiguousarray(given._ids.ravel(), dtype=numpy.int64)
+
+    def rates(self, values: Any) -> None:
+        """Set the rates of the coordinates, one for each, linear in the velocities; by default they are the velocities."""
+        ids = self._ids(values, (self.n_q,), "rates")
+        self._made._do("set_rates", self.graph, address(ids), ids.size)
+
+    def inertia(self, values: Any) -> None:
+        """Set the inertia: a number for every velocity (a diagonal), or a symmetric matrix; by default the unit matrix."""
+        given = self.graph.of(values)
+        if given.ndim == 1 and self.n_v >= 1 and given.shape == (self.n_v,):
+            rows = [[given[i] if i == j else 0.0 for j in range(self.n_v)] for i in range(self.n_v)]
+            given = self.graph.of(rows)
+        ids = self._ids(given, (self.n_v, self.n_v), "inertia")
+        self._made._do("set_inertia", self.graph, address(ids), ids.size)
+
+    def force(self, values: Any) -> None:
+        """Set the forces, one for every velocity: all that stands beside M v' but contact forces, smooth expressions."""
+        ids = self._ids(values, (self.n_v,), "force")
+        self._made._do("set_force", self.graph, address(ids), ids.size)
+
+    def contact(self, name: str, gap: Any, tangents: Any = (), mu: Any = 0.0, e: Any = 0.0) -> SceneContact:
+        """Add a contact.
+
+        `gap` is an expression of coordinates, parameters and time, positive where the bodies are apart. `tangents` are none
+        (no friction), one (in the plane) or two (in space): expressions whose rates are the sliding velocity, or which are
+        its components, linear in the velocities. `mu` and `e` are friction and restitution, numbers or expressions. With
+        friction, gap and tangents are lengths.
+        """
+        if not isinstance(name, str) or not name:
+            raise ArgumentError(f"the name of a contact must be a text, not {name!r:.40}")
+        listed = list(tangents) if isinstance(tangents, (list, tuple)) else [tangents]
+        all = [self.graph.of(t) for t in listed]
+        numbers = []
+        for what, value in (("gap", gap), ("mu", mu), ("e", e)):
+            given = self.graph.of(value)
+            if given.ndim:
+                raise DimensionError(f"{what} of contact {name} is an array of shape {given.shape}")
+            numbers.append(int(given._ids))
+        if any(t.ndim for t in all):
+            raise DimensionError(f"tangents of contact {name}: give a list of single expressions")
+        ids = numpy.array([int(t._ids) for t in all], dtype=numpy.int64)
+        place = ctypes.c_int64()
+        self._made._do(
+            "add_contact",
+            self.graph,
+            encode(name, "name"),
+            numbers[0],
+            address(ids),
+            ids.size,
+            numbers[1],
+            numbers[2],
+            ctypes.byref(place),
+        )
+        self._current = False
+        made = SceneContact(name, self.graph.of(gap), tuple(all))
+        self.contacts.append(made)
+        return made
+
+    def bounds(self, coordinate: Any, low: float, high: float) -> None:
+        """State that a coordinate stays between bounds: contacts that cannot close there are left out (see `report`). A
+        simulation that leaves the bounds ends with an error then."""
+        self._made._do("set_bounds", self._place(coordinate), number(low, "low"), number(high, "high"))
+        self._current = False
+
+    def _place(self, coordinate: Any) -> int:
+        if isinstance(coordinate, Expr) and coordinate.ndim == 0:
+            found = numpy.flatnonzero(self.q._ids == coordinate._ids)
+        elif isinstance(coordinate, str):
+            found = numpy.array([i for i, n in enumerate(self.names[0]) if n and n == coordinate])
+        else:
+            return index(coordinate, "coordinate")
+        if len(found) != 1:
+            raise ArgumentError(f"{coordinate!r} is no coordinate of the scene")
+        return int(found[0])
+
+    def impact_law(self, law: str | ImpactLaw) -> None:
+        """What happens where several contacts close at once: "newton" (all in one problem) or "sequential" (one after the
+        other, the fastest first)."""
+        self._made._do("set_impact_law", int(choice(ImpactLaw, law, "law")))
+        self._current = False
+
+    def _build(self) -> _Scene:
+        if not self._current:
+            self._made._do("build", self.graph)
+            self._current = True
+        return self._made
+
+    def report(self) -> str:
+        """What the scene consists of, what each contact costs, which were left out and why."""
+        return text(lib.swb_scene_report, self._build(), 0)
+
+    def report_data(self) -> dict[str, Any]:
+        """The report as data."""
+        return json.loads(text(lib.swb_scene_report, self._build(), 1))
+
+    def system(self) -> System:
+        """The system, for event-driven simulation."""
+        s = System.__new__(System)
+        s.nx, s.nu, s.np = self.nx, self.nu, self.np
+        s._functions = list(self.graph._functions)
+        s._make(lib.swb_scene_system, self._build())
+        s.n_subsystems = 0
+        s._discrete = []
+        s._origin = self.graph, self.x._ids, tuple(self.names[0] + self.names[1])
+        s._contacts = tuple((c["name"], c["tangents"]) for c in self.report_data()["contacts"])
+        return s
+
+    def simulate(self, q0: Any, v0: Any, t_span: Any, **keywords: Any) -> Run:
+        """Simulate from coordinates and velocities; see `switchback.simulate` for the rest."""
+        from .integrator import simulate
+
+        x0 = numpy.concatenate([vector(q0, self.n_q, "q0"), vector(v0, self.n_v, "v0")])
+        return simulate(self.system(), x0, t_span, **keywords)
+
+    def function(self, outputs: Any, name: str = "f") -> Function:
+        """A function of the state, controls, parameters and time of the scene."""
+        return self.graph.function(outputs, self.nx, self.nu, self.np, name)
+
+    def __repr__(self) -> str:
+        return f"<Scene '{self.name}': {self.n_q} coordinates, {self.n_v} velocities, {len(self.contacts)} contacts>"

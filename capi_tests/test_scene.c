@@ -1,0 +1,157 @@
+/* Scenes with contacts: a ball that bounces and rests, a sliding block, refusals. */
+#include "check.h"
+#include "switchback.h"
+
+#include <math.h>
+#include <string.h>
+
+static const double g = 9.81;
+
+/* A ball of height q above a floor, with restitution e. */
+static swb_system *ball(double e)
+{
+    const double numbers[2] = {-g, e};
+    int64_t q, id[2], index = -1;
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL;
+    swb_system *system = NULL;
+    CHECK_OK(swb_expr_create(&graph));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, &q, 1));
+    CHECK_OK(swb_expr_constants(graph, numbers, 2, id, 2));
+    CHECK_OK(swb_scene_create("ball", 1, 1, 0, 0, "y\nv", &scene));
+    CHECK_OK(swb_scene_set_force(scene, graph, &id[0], 1));
+    CHECK_OK(swb_scene_add_contact(scene, graph, "floor", q, NULL, 0, -1, id[1], &index));
+    CHECK(index == 0);
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_system(scene, &system));
+    CHECK(system == NULL);
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_system(scene, &system));
+    swb_scene_free(scene);
+    swb_expr_free(graph);
+    return system;
+}
+
+/* Bounces of a ball that falls from height 1: closed form. */
+static void bounces(void)
+{
+    static const double x0[2] = {1.0, 0.0};
+    const double e = 0.5, first = sqrt(2.0 / g);
+    swb_system *system = ball(e);
+    swb_integrator *integrator = NULL;
+    swb_run *run = NULL;
+    swb_run_info info;
+    swb_impact impacts[64];
+    int64_t modes[2];
+    double x[2], dt[2], t, forces[6], times[2] = {0.1, 2.0}, speed = sqrt(2.0 * g);
+    int32_t outcome = -1;
+
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_set_double(integrator, "rtol", 1e-12));
+    CHECK_OK(swb_integrator_set_double(integrator, "atol", 1e-12));
+    CHECK_OK(swb_integrator_set_string(integrator, "sensitivity", "on"));
+    CHECK_OK(swb_integrator_set_string(integrator, "dense", "on"));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, x0, 2));
+    CHECK_OK(swb_integrator_advance(integrator, 2.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_state(integrator, x, 2));
+    CHECK(fabs(x[0]) < 1e-12 && fabs(x[1]) < 1e-12); /* at rest since t = 3 first */
+    CHECK_OK(swb_integrator_get_run(integrator, &run));
+    CHECK_OK(swb_run_get_info(run, &info, sizeof info));
+    CHECK(info.n_scene_contacts == 1 && info.n_accumulations == 1 && info.n_impacts > 8 && info.n_impacts <= 64);
+    if (info.n_impacts <= 64)
+        CHECK_OK(swb_run_impacts(run, impacts, info.n_impacts, sizeof impacts[0]));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_impacts(run, impacts, info.n_impacts + 1, sizeof impacts[0]));
+    t = first;
+    for (int i = 0; i < 8; i++) {
+        CHECK_NEAR(impacts[i].t, t, 1e-12);
+        CHECK_NEAR(impacts[i].rate_before, -speed, 1e-11);
+        CHECK_NEAR(impacts[i].rate_after, e * speed, 1e-11);
+        CHECK_NEAR(impacts[i].normal, (1.0 + e) * speed, 1e-11);
+        CHECK(impacts[i].contact == 0 && impacts[i].kind == SWB_IMPACT_KIND_COLLISION && impacts[i].unique);
+        CHECK_NEAR(impacts[i].depth, speed * speed / (2.0 * g), 1e-11);
+        speed *= e;
+        t += 2.0 * speed / g;
+    }
+    CHECK(impacts[info.n_impacts - 1].kind == SWB_IMPACT_KIND_LAST);
+    CHECK_OK(swb_run_impact_sensitivity(run, 0, dt, 2));
+    CHECK_NEAR(dt[0], 0.5 * first, 1e-12);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_impact_sensitivity(run, info.n_impacts, dt, 2));
+    CHECK_OK(swb_run_contact_modes(run, times, 2, modes, 2));
+    CHECK(modes[0] == SWB_CONTACT_MODE_OPEN && modes[1] == SWB_CONTACT_MODE_CLOSED);
+    CHECK_OK(swb_run_contact_forces(run, times, 2, forces, 6));
+    CHECK(forces[0] == 0.0);
+    CHECK_NEAR(forces[3], g, 1e-12);
+    times[0] = -1.0;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_run_contact_forces(run, times, 2, forces, 6));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_contact_forces(run, &times[1], 1, forces, 4));
+    swb_run_free(run);
+    /* below the floor */
+    x[0] = -0.1;
+    x[1] = 0.0;
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, x, 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_advance(integrator, 1.0, &outcome));
+    CHECK(strstr(swb_last_error(), "floor") != NULL && strstr(swb_last_error(), "-0.1") != NULL);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+}
+
+/* A block slides to a stop: x(t) with friction mu, then sticks. */
+static void slides(void)
+{
+    const double numbers[4] = {0.0, -g, 0.3, 2.0}, x0[4] = {0.0, 0.0, 1.5, 0.0};
+    int64_t x[4], c[4], entries[4], force[2];
+    double end[4];
+    int32_t outcome = -1;
+    char text[2000];
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL;
+    swb_system *system = NULL;
+    swb_integrator *integrator = NULL;
+
+    CHECK_OK(swb_expr_create(&graph));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 4));
+    CHECK_OK(swb_expr_constants(graph, numbers, 4, c, 4));
+    CHECK_OK(swb_scene_create("block", 2, 2, 0, 0, NULL, &scene));
+    entries[0] = entries[3] = c[3];
+    entries[1] = entries[2] = c[0];
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_set_inertia(scene, graph, entries, 3));
+    CHECK_OK(swb_scene_set_inertia(scene, graph, entries, 4));
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_build(scene, graph)); /* no forces */
+    force[0] = c[0];
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_MUL, &c[1], &c[3], NULL, &force[1], 1));
+    CHECK_OK(swb_scene_set_force(scene, graph, force, 2));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_add_contact(scene, graph, "floor", 9999, &x[0], 1, c[2], -1, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_add_contact(scene, graph, "floor", x[1], x, 3, c[2], -1, NULL));
+    CHECK_OK(swb_scene_add_contact(scene, graph, "floor", x[1], &x[0], 1, c[2], -1, NULL));
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_add_contact(scene, graph, "again", x[1], &x[0], 1, c[2], -1, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_impact_law(scene, 7));
+    CHECK_OK(swb_scene_set_impact_law(scene, SWB_IMPACT_LAW_NEWTON));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_bounds(scene, 5, 0.0, 1.0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_bounds(scene, 0, 1.0, 0.0));
+    CHECK_OK(swb_scene_set_bounds(scene, 0, -100.0, 100.0));
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_report(scene, 0, text, sizeof text, NULL));
+    CHECK(strstr(text, "contact floor: friction in the plane") != NULL);
+    CHECK_OK(swb_scene_report(scene, 1, text, sizeof text, NULL));
+    CHECK(text[0] == '{');
+    CHECK_OK(swb_scene_system(scene, &system));
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, x0, 4));
+    CHECK_OK(swb_integrator_advance(integrator, 2.0, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_state(integrator, end, 4));
+    CHECK_NEAR(end[0], 1.5 * 1.5 / (2.0 * 0.3 * g), 1e-10);
+    CHECK(end[1] == 0.0 && end[2] == 0.0 && end[3] == 0.0);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_scene_free(scene);
+    swb_expr_free(graph);
+    swb_scene_free(NULL);
+}
+
+int main(void)
+{
+    bounces();
+    slides();
+    return CHECK_DONE();
+}
