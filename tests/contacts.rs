@@ -28,78 +28,91 @@ fn run(s: &System, rtol: f64, x0: &[f64], p: &[f64], t: f64) -> Engine {
 
 #[test]
 fn every_reference_over_tolerances() {
-    let rad = |v: &serde_json::Value| number(v);
-    let b = reference("box_elastic.json");
-    let pa = reference("parabola.json");
-    let sl = reference("particle_slide_stop_stick.json");
-    let so = reference("slope_sticks_between.json");
-    let di = &reference("disc.json")["slide_then_roll"];
-    let tb = reference("two_balls_spring.json");
-    let pu = reference("cone_3d.json");
-    let di_sol = numbers(&di["sol"]);
-    let cases: Vec<(&str, System, Vec<f64>, Vec<f64>, f64, Vec<f64>, Vec<f64>)> = vec![
-        ("box", box_elastic(), numbers(&b["x0"]), vec![], rad(&b["T"]), numbers(&b["x_T"]), numbers(&b["dxT_dx0"])),
-        (
-            "parabola",
-            parabola(),
-            numbers(&pa["x0"]),
-            vec![rad(&pa["e"])],
-            rad(&pa["T"]),
-            numbers(&pa["x_T"]),
-            numbers(&pa["dxT_dx0"]),
-        ),
-        (
-            "slider",
-            slider(),
-            numbers(&sl["params"]["x0"]),
-            vec![0.35, 1.0],
-            2.0,
-            numbers(&sl["x_T"]),
-            numbers(&sl["dxT_dx0"]),
-        ),
-        (
-            "slope",
-            slope(rad(&so["angle"]), rad(&so["mu"]), rad(&so["F"]), rad(&so["w"])),
-            numbers(&so["x0"]),
-            vec![],
-            rad(&so["T"]),
-            numbers(&so["x_T"]),
-            numbers(&so["dxT_dx0"]),
-        ),
-        ("disc", disc(0.3, 0.25), vec![0.0, 0.0, 0.0, 3.0, 0.0, 0.0], vec![], 1.5, di_sol[..6].to_vec(), vec![]),
-        ("two balls", two_balls(), numbers(&tb["x0"]), vec![], 1.0, numbers(&tb["x_T"]), numbers(&tb["dxT_dx0"])),
-        ("puck", puck(0.4, 2.0, 5.0), numbers(&pu["x0"]), vec![], 1.0, numbers(&pu["x_T"]), vec![]),
-    ];
     let mut bad = Vec::new();
-    for (name, system, x0, p, t, x, s) in &cases {
+    for Case { name, system, x0, p, t, x, derivatives, events } in &cases() {
         for k in [4, 6, 8, 10, 12] {
             let rtol = 10f64.powi(-k);
-            let e = run(system, rtol, x0, p, *t);
-            let error = off(e.state(), x);
+            let mut e = run(system, rtol, x0, p, *t);
             let n_c = x0.len() + p.len();
-            let own: Vec<f64> =
-                (0..x0.len()).flat_map(|i| e.sensitivity().unwrap()[i * n_c..i * n_c + x0.len()].to_vec()).collect();
+            let s = e.sensitivity().unwrap().to_vec();
+            let own: Vec<f64> = (0..x0.len()).flat_map(|i| s[i * n_c..i * n_c + x0.len()].to_vec()).collect();
+            let state = off(e.state(), x);
+            let derivative = if derivatives.is_empty() { 0.0 } else { off(&own, derivatives) };
+            let times = event_times(e.impacts().iter().map(|i| i.t), e.switches().iter().map(|s| s.t));
+            let time = if events.is_empty() { 0.0 } else { off(&times, events) };
+            // rounding of what grazes by a depth d grows like its root
+            let graze = if name.starts_with("grazing") { 1e4 } else { 1.0 };
+            let close = state <= 100.0 * rtol && time <= 100.0 * rtol.max(1e-14);
+            if !close || derivative > 1e3 * rtol.max(1e-14) * graze {
+                bad.push((name, rtol, state, derivative, time));
+            }
             // the adjoint is the transpose, to rounding
-            let mut e = e;
             let v: Vec<f64> = (0..x0.len()).map(|i| 1.0 + 0.3 * i as f64).collect();
             let gradient = e.adjoint(&v, &[]).unwrap();
-            let s_all = e.sensitivity().unwrap();
-            let forward: Vec<f64> = (0..n_c).map(|c| (0..x0.len()).map(|i| v[i] * s_all[i * n_c + c]).sum()).collect();
+            let forward: Vec<f64> = (0..n_c).map(|c| (0..x0.len()).map(|i| v[i] * s[i * n_c + c]).sum()).collect();
             let adjoint: Vec<f64> = gradient.x0.iter().chain(&gradient.p).copied().collect();
             assert!(off(&adjoint, &forward) < 1e-9, "{name} {rtol}: {adjoint:?} {forward:?}");
-            let derivative = if s.is_empty() { 0.0 } else { off(&own, s) };
-            println!(
-                "{name} {rtol:.0e}: state {error:.1e} derivatives {derivative:.1e} switches {} impacts {} steps {}",
-                e.switches().len(),
-                e.impacts().len(),
-                e.stats().steps
-            );
-            if error > 100.0 * rtol || derivative > 1e3 * rtol.max(1e-13) {
-                bad.push((name, rtol, error, derivative));
-            }
         }
     }
     assert!(bad.is_empty(), "{bad:?}");
+}
+
+/// Derivatives with respect to parameters, controls and times of impacts, by differences.
+#[test]
+fn derivatives_are_those_of_differences() {
+    let g = Graph::new();
+    let (x, y, th, v) = (g.x(0), g.x(1), g.x(2), g.x(3));
+    // a disc with a spring and air on a curved floor: friction p0, restitution p1, force u0
+    let mut s = Scene::new("disc", 3, 3, 1, 2).unwrap();
+    let zero = g.constant(0.0);
+    let r = 0.3;
+    let inertia = [g.constant(1.0), zero, zero, zero, 1.0 + 0.1 * x * x, zero, zero, zero, g.constant(0.5 * r * r)];
+    s.set_inertia(&inertia.map(|e| e.id())).unwrap();
+    for (i, f) in [g.u(0) - 0.3 * v, -GRAVITY + zero, -0.01 * g.x(5)].into_iter().enumerate() {
+        s.set_force(i, f.id()).unwrap();
+    }
+    let c = Contact {
+        tangents: vec![(x + r * th).id()],
+        friction: g.p(0).id(),
+        restitution: g.p(1).id(),
+        ..Contact::new(&g, "floor", y - r - 0.05 * (2.0 * x).sin())
+    };
+    s.add_contact(c).unwrap();
+    let system = s.build(&g).unwrap().system;
+    let solve = |z: &[f64]| {
+        let mut o = Options::with_tolerance(1e-13, 1e-13);
+        o.sensitivity = true;
+        let mut e = Engine::new(&system, &o).unwrap();
+        e.reinit(0.0, &z[..6]).unwrap();
+        e.set_params(&z[6..8]).unwrap();
+        e.set_controls(&z[8..]).unwrap();
+        e.advance(2.0).unwrap();
+        assert_eq!(e.outcome(), Outcome::Reached, "{}", e.reason());
+        e
+    };
+    let z = [0.0, 0.8, 0.2, 1.0, 0.0, -2.0, 0.25, 0.3, 0.4];
+    let e = solve(&z);
+    assert!(e.impacts().len() > 3 && e.switches().len() > 1, "{} {}", e.impacts().len(), e.switches().len());
+    let h = 1e-5;
+    for c in 0..z.len() {
+        let at = |k: f64| {
+            let mut moved = z;
+            moved[c] += k * h;
+            solve(&moved)
+        };
+        let (a, b, a2, b2) = (at(-1.0), at(1.0), at(-2.0), at(2.0));
+        let fourth = |a2: f64, a: f64, b: f64, b2: f64| (8.0 * (b - a) - (b2 - a2)) / (12.0 * h);
+        for i in 0..6 {
+            let d = fourth(a2.state()[i], a.state()[i], b.state()[i], b2.state()[i]);
+            let own = e.sensitivity().unwrap()[i * 9 + c];
+            assert!((d - own).abs() < 2e-7 * (1.0 + d.abs()), "state {i}, column {c}: {own} {d}");
+        }
+        for k in 0..3 {
+            let t = |e: &Engine| e.impacts()[k].t;
+            let (d, own) = (fourth(t(&a2), t(&a), t(&b), t(&b2)), e.impacts()[k].dt[c]);
+            assert!((d - own).abs() < 2e-7 * (1.0 + d.abs()), "impact {k}, column {c}: {own} {d}");
+        }
+    }
 }
 
 /// The rod falls on its lower end, sticks, slips, and lands on its other end: times, impulses, state before the landing.
@@ -174,17 +187,14 @@ fn grazing() {
         let depth = number(&row["stop_below_amplitude"]);
         let e = run(&s, 1e-13, &numbers(&r["x0_on_steady_state"]), &[a - depth], 6.0);
         let own: Vec<f64> = (0..2).flat_map(|i| e.sensitivity().unwrap()[i * 3..i * 3 + 2].to_vec()).collect();
-        println!(
-            "{depth:.0e}: state {:.1e} derivatives {:.1e} {:?} one-sided {}",
-            off(e.state(), &numbers(&row["x_T6"])),
-            off(&own, &numbers(&row["dxT_dx0"])),
-            e.impacts(),
-            e.one_sided()
-        );
+        assert!(off(e.state(), &numbers(&row["x_T6"])) < 1e-11, "{depth}: {:?}", e.state());
+        // the derivatives magnify rounding of the impact speed, which is the root of the depth
+        assert!(off(&own, &numbers(&row["dxT_dx0"])) < 1e-13 / depth.sqrt() * 100.0, "{depth}: {own:?}");
+        assert!((e.impacts()[0].depth / depth - 1.0).abs() < 0.2, "{:?}", e.impacts());
     }
 }
 
-/// Chains of balls by Newton's law, and one after the other.
+/// A disc hits a stack of nineteen: the first three impacts with all impulses.
 #[test]
 fn pile_of_twenty() {
     let r = reference("pile_of_20.json");
@@ -193,15 +203,23 @@ fn pile_of_twenty() {
     x0.extend((0..40).map(|k| if k == 38 { 10.0 } else { 0.0 }));
     let mut e = Engine::new(&discs(20, 0.2), &Options::with_tolerance(1e-11, 1e-12)).unwrap();
     e.reinit(0.0, &x0).unwrap();
-    let start = std::time::Instant::now();
-    let outcome = e.advance(0.3).unwrap();
-    println!("{outcome:?} {} {:?} {:?}", e.reason(), start.elapsed(), e.stats());
-    for ev in r["events"].as_array().unwrap() {
-        println!("{} {}", ev["t"], ev["impulses"]);
+    assert_eq!(e.advance(0.31).unwrap(), Outcome::Reached, "{}", e.reason());
+    let mut impacts = e.impacts().iter();
+    for event in r["events"].as_array().unwrap() {
+        let mut expected: Vec<f64> = event["impulses"].as_object().unwrap().values().map(number).collect();
+        let mut own: Vec<f64> = impacts
+            .by_ref()
+            .take(expected.len())
+            .map(|i| {
+                assert!((i.t - number(&event["t"])).abs() < 1e-10, "{i:?}");
+                i.impulse[0]
+            })
+            .collect();
+        expected.sort_by(f64::total_cmp);
+        own.sort_by(f64::total_cmp);
+        assert!(off(&own, &expected) < 1e-10, "{own:?} {expected:?}");
     }
-    for i in e.impacts() {
-        println!("{:.17} {} {:.17}", i.t, i.contact, i.impulse[0]);
-    }
+    assert!(e.stats().evaluations < 2000, "{:?}", e.stats());
 }
 
 /// The play operator as a sweeping process: the output follows the input with slack.

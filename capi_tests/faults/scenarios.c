@@ -12,6 +12,7 @@ struct made {
     swb_system *system;
     swb_expr *graph, *second_graph;
     swb_model *model, *second_model;
+    swb_scene *scene;
     swb_integrator *integrator;
     swb_simulator *simulator, *second_simulator;
     swb_batch *batch;
@@ -48,6 +49,7 @@ static void release(struct made *m)
     swb_simulator_free(m->second_simulator);
     swb_integrator_free(m->integrator);
     swb_model_free(m->model);
+    swb_scene_free(m->scene);
     swb_model_free(m->second_model);
     swb_expr_free(m->graph);
     swb_expr_free(m->second_graph);
@@ -289,6 +291,36 @@ static void models(struct made *m)
     DO(swb_model_report(m->model, 0, room, ROOM, NULL));
     DO(swb_model_report(m->model, 1, room, ROOM, NULL));
     DO(swb_model_write_c(m->model, room, ROOM, NULL));
+}
+
+/* A block falls on a rough floor and slides. */
+static void scenes(struct made *m)
+{
+    static const double numbers[4] = {0.0, -10.0, 0.3, 1.0}, start[4] = {0.0, 0.1, 1.0, 0.0}, t = 0.4;
+    int64_t x[4], c[4], entries[4], force[2], modes[1];
+    double forces[3];
+    int32_t outcome;
+    DO(swb_expr_create(&m->graph));
+    DO(swb_expr_inputs(m->graph, SWB_INPUT_X, 0, x, 4));
+    DO(swb_expr_constants(m->graph, numbers, 4, c, 4));
+    DO(swb_scene_create("block", 2, 2, 0, 0, "x\ny\nu\nv", &m->scene));
+    entries[0] = entries[3] = c[3];
+    entries[1] = entries[2] = force[0] = c[0];
+    force[1] = c[1];
+    DO(swb_scene_set_inertia(m->scene, m->graph, entries, 4));
+    DO(swb_scene_set_force(m->scene, m->graph, force, 2));
+    DO(swb_scene_add_contact(m->scene, m->graph, "floor", x[1], x, 1, c[2], c[0], NULL));
+    DO(swb_scene_build(m->scene, m->graph));
+    DO(swb_scene_report(m->scene, 1, room, ROOM, NULL));
+    DO(swb_scene_system(m->scene, &m->system));
+    DO(swb_integrator_create(m->system, NULL, &m->integrator));
+    DO(swb_integrator_set_string(m->integrator, "dense", "on"));
+    DO(swb_integrator_set_string(m->integrator, "sensitivity", "on"));
+    DO(swb_integrator_reinit(m->integrator, 0.0, start, 4));
+    DO(swb_integrator_advance(m->integrator, 0.5, &outcome));
+    DO(swb_integrator_get_run(m->integrator, &m->run));
+    DO(swb_run_contact_modes(m->run, &t, 1, modes, 1));
+    DO(swb_run_contact_forces(m->run, &t, 1, forces, 3));
 }
 
 static void expressions(struct made *m)
@@ -618,7 +650,7 @@ static void multiphase(struct made *m)
         return m.status;                 \
     }
 #define ALL(X)                                                                                                    \
-    X(functions) X(systems) X(settings) X(expressions) X(models) X(model_document) X(simulation_document)         \
+    X(functions) X(systems) X(settings) X(expressions) X(models) X(scenes) X(model_document) X(simulation_document)         \
     X(ocp_document) X(dense_output) X(stiff_integration) X(forward_sensitivity) X(adjoint_sensitivity)            \
     X(batch_of_one_thread) X(batch_of_threads) X(simulation) X(time_stepping) X(programs) X(conflicts)            \
     X(optimal_control) X(accuracy_and_sensitivity) X(mode_search) X(standard_elements) X(stand_in) X(adaptation)  \

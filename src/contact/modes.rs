@@ -36,8 +36,14 @@ const ZERO: f64 = 1e-9;
 
 impl Dynamics {
     /// The modes that may follow where these contacts are closed and the others open. Over a time `length` the solution
-    /// hardly changes.
-    pub(crate) fn follow(&mut self, at: &At, closed: &[Closed], length: f64) -> Result<Follow, EvalError> {
+    /// hardly changes; `forces` are sizes that the normal forces had lately, for where all of what they consist of vanishes.
+    pub(crate) fn follow(
+        &mut self,
+        at: &At,
+        closed: &[Closed],
+        forces: &[f64],
+        length: f64,
+    ) -> Result<Follow, EvalError> {
         self.load(at)?;
         let list: Vec<usize> = closed.iter().map(|c| c.contact).collect();
         for &i in &list {
@@ -52,7 +58,8 @@ impl Dynamics {
         }
         for (c, &first) in closed.iter().zip(&first) {
             let (b, n_t) = (&self.blocks[c.contact], self.mechanics.contacts[c.contact].n_tangents);
-            let size = (0..=n_t).map(|k| sum(b.row(k), &self.free) + b.rest_of(k).abs()).fold(0.0, f64::max);
+            let lately = problem.matrix[first * self.rows.len() + first] * forces[c.contact];
+            let size = (0..=n_t).map(|k| sum(b.row(k), &self.free) + b.rest_of(k).abs()).fold(lately, f64::max);
             let s = b.sliding;
             let speed = s[0].hypot(s[1]);
             let slides = (n_t > 0 && !c.rests && speed > 0.0).then(|| [s[0] / speed, s[1] / speed]);

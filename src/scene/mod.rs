@@ -265,7 +265,8 @@ impl Builder<'_> {
         let smooth = self.function("smooth", dims, &smooth)?;
         let inertia = self.inertia()?;
         let bounds = if dropped.is_empty() { Vec::new() } else { s.bounds.clone() };
-        let mechanics = Mechanics { order: s.order, n_q: s.n_q, n_v: s.n_v, smooth, inertia, contacts, law: s.law, bounds };
+        let mechanics =
+            Mechanics { order: s.order, n_q: s.n_q, n_v: s.n_v, smooth, inertia, contacts, law: s.law, bounds };
         let report = Report::new(s, &mechanics, &kept, dropped);
         let system = System::of_mechanics(mechanics, dims.u, dims.p)?;
         Ok(Built { system, report, dims, names: s.names.clone() })

@@ -176,3 +176,80 @@ pub fn discs(n: usize, r: f64) -> System {
     }
     built(&s, &g)
 }
+
+/// A scene with its reference solution.
+pub struct Case {
+    pub name: &'static str,
+    pub system: System,
+    pub x0: Vec<f64>,
+    pub p: Vec<f64>,
+    pub t: f64,
+    /// State at `t`.
+    pub x: Vec<f64>,
+    /// Its derivatives with respect to `x0`, row-major; empty if the reference has none.
+    pub derivatives: Vec<f64>,
+    /// Times of impacts and switches, in order, each once; empty if the reference has none.
+    pub events: Vec<f64>,
+}
+
+/// The references that a whole run can be compared with.
+pub fn cases() -> Vec<Case> {
+    let case = |name, system, x0: &[f64], p: &[f64], t, x: &[f64], derivatives: &[f64], events: &[f64]| Case {
+        name,
+        system,
+        x0: x0.to_vec(),
+        p: p.to_vec(),
+        t,
+        x: x.to_vec(),
+        derivatives: derivatives.to_vec(),
+        events: events.to_vec(),
+    };
+    let of = |r: &serde_json::Value, key: &str| numbers(&r[key]);
+    let mut out = Vec::new();
+    let r = reference("box_elastic.json");
+    let times: Vec<f64> = r["impacts"].as_array().unwrap().iter().map(|i| number(&i[0])).collect();
+    out.push(case("box", box_elastic(), &of(&r, "x0"), &[], 4.0, &of(&r, "x_T"), &of(&r, "dxT_dx0"), &times));
+    let r = reference("parabola.json");
+    let times: Vec<f64> = r["impacts"].as_array().unwrap().iter().map(|i| number(&i["t"])).collect();
+    let (x, d) = (of(&r, "x_T"), of(&r, "dxT_dx0"));
+    out.push(case("parabola", parabola(), &of(&r, "x0"), &of(&r, "e"), number(&r["T"]), &x, &d, &times));
+    let r = reference("particle_slide_stop_stick.json");
+    let (x0, p) = (of(&r["params"], "x0"), [number(&r["params"]["mu"]), number(&r["params"]["u1"])]);
+    let (x, d, events) = (of(&r, "x_T"), of(&r, "dxT_dx0"), of(&r, "events"));
+    out.push(case("slider", slider(), &x0, &p, number(&r["params"]["T"]), &x, &d, &events));
+    let r = reference("slope_sticks_between.json");
+    let system = slope(number(&r["angle"]), number(&r["mu"]), number(&r["F"]), number(&r["w"]));
+    let (x, d, events) = (of(&r, "x_T"), of(&r, "dxT_dx0"), of(&r, "events"));
+    out.push(case("slope", system, &of(&r, "x0"), &[], number(&r["T"]), &x, &d, &events));
+    let r = &reference("disc.json")["slide_then_roll"];
+    let (radius, mu) = (number(&r["r"]), number(&r["mu"]));
+    let x0 = [0.0, 0.0, 0.0, number(&r["v0"]), 0.0, number(&r["w0"])];
+    let (x, events) = (numbers(&r["sol"][0]), numbers(&r["sol"][1]));
+    out.push(case("disc", disc(radius, mu), &x0, &[], number(&r["T"]), &x, &[], &events));
+    let r = reference("two_balls_spring.json");
+    let (x, d, events) = (of(&r, "x_T"), of(&r, "dxT_dx0"), of(&r, "impacts"));
+    out.push(case("two balls", two_balls(), &of(&r, "x0"), &[], 1.0, &x, &d, &events));
+    let r = reference("cone_3d.json");
+    let system = puck(number(&r["mu"]), number(&r["F"]), number(&r["w"]));
+    out.push(case("puck", system, &of(&r, "x0"), &[], number(&r["T"]), &of(&r, "x_T"), &[], &of(&r, "events")));
+    let r = reference("table_chatter.json");
+    let system = table(number(&r["A"]), number(&r["w"]), number(&r["e"]));
+    out.push(case("table", system, &of(&r, "x0"), &[], number(&r["T"]), &of(&r, "x_T"), &[], &[]));
+    let r = reference("grazing.json");
+    let amplitude = number(&r["steady_amplitude"]);
+    for (name, row) in ["grazing 1e-2", "grazing 1e-4", "grazing 1e-6"].into_iter().zip(r["rows"].as_array().unwrap()) {
+        let p = [amplitude - number(&row["stop_below_amplitude"])];
+        let (x, d, events) = (of(row, "x_T6"), of(row, "dxT_dx0"), of(row, "impacts"));
+        let system = impact_oscillator(0.1, 1.0, 1.2, 0.7);
+        out.push(case(name, system, &of(&r, "x0_on_steady_state"), &p, 6.0, &x, &d, &events));
+    }
+    out
+}
+
+/// Times of impacts and of changes of contact modes, in order, each once.
+pub fn event_times(impacts: impl Iterator<Item = f64>, switches: impl Iterator<Item = f64>) -> Vec<f64> {
+    let mut all: Vec<f64> = impacts.chain(switches).collect();
+    all.sort_by(f64::total_cmp);
+    all.dedup();
+    all
+}

@@ -9,6 +9,7 @@ mod model_eval;
 mod mpcc_textbook;
 mod oscillator;
 mod relaxations;
+mod scenes;
 mod sim;
 mod sliding_families;
 mod sliding_ocp;
@@ -43,6 +44,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("linalg", linalg::run),
     ("model-eval", model_eval::run),
     ("relaxations", relaxations::run),
+    ("scenes", scenes::run),
 ];
 
 pub const BOTH: [Discretisation; 2] = [Discretisation::Fesd, Discretisation::Standard];

@@ -101,6 +101,9 @@ impl Engine {
             if modes.iter().all(|s| s[0] == mode::OPEN) {
                 return Ok(false);
             }
+            for (size, f) in c.sizes.iter_mut().zip(&c.dynamics.forces) {
+                size[1] = size[1].max(f[0].abs());
+            }
             let sizes = &c.sizes;
             // half of what is a tenth of the tolerance would be late: as soon as rounding adds up
             c.dynamics.project(at, modes, &mut x, &|i, _| [16.0 * EPS * sizes[i][0], 16.0 * EPS * sizes[i][3]])
@@ -312,7 +315,13 @@ impl Engine {
                 self.phases.last().is_some_and(|p| p.modes == modes && p.u == self.field.u && p.p == self.field.p);
             if !same {
                 let redundant = self.field.scene().is_some_and(|c| c.dynamics.is_redundant());
-                self.phases.push(Phase { t: self.t, modes, redundant, u: self.field.u.clone(), p: self.field.p.clone() });
+                self.phases.push(Phase {
+                    t: self.t,
+                    modes,
+                    redundant,
+                    u: self.field.u.clone(),
+                    p: self.field.p.clone(),
+                });
             }
         }
     }
@@ -475,7 +484,8 @@ impl Engine {
                     .filter(|k| *k != i && modes[*k][0] != mode::OPEN)
                     .map(|contact| Closed { contact, rests: modes[contact][0] == mode::CLOSED })
                     .collect();
-                let follow = c.dynamics.follow(at, &closed, length)?;
+                let forces = c.force_sizes();
+                let follow = c.dynamics.follow(at, &closed, &forces, length)?;
                 let Some(choice) = follow.all.first() else { continue };
                 c.dynamics.begin(choice);
                 c.dynamics.accelerate(at, &choice.modes)?;
@@ -544,7 +554,9 @@ impl Engine {
     }
 
     fn record(&mut self, parts: &[Impulse], kind: ImpactKind, unique: bool) {
-        for p in parts.iter().filter(|p| p.impulse.iter().any(|v| *v != 0.0)) {
+        let largest = |p: &Impulse| p.impulse.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let noise = 64.0 * EPS * parts.iter().map(largest).fold(0.0, f64::max);
+        for p in parts.iter().filter(|p| largest(p) > noise) {
             self.stats.impacts += 1;
             let (depth, tolerance) = self.depth(p.contact, p.rates[0]);
             // whether there is an impact at all is a matter of the tolerances
@@ -593,7 +605,10 @@ impl Engine {
         for attempt in 0..2 {
             let closed = self.closed(event)?;
             let (t, x) = (self.t, self.x.clone());
-            let found = self.field.with_contacts(t, &x, |c, at, _| c.dynamics.follow(at, &closed, length));
+            let found = self.field.with_contacts(t, &x, |c, at, _| {
+                let forces = c.force_sizes();
+                c.dynamics.follow(at, &closed, &forces, length)
+            });
             let Some(found) = found else { return Ok(true) };
             let found = found?;
             if !found.all.is_empty() {

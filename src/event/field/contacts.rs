@@ -212,6 +212,11 @@ impl Field {
 }
 
 impl Contacts {
+    /// Sizes of the normal forces since the present phase began.
+    pub(in crate::event) fn force_sizes(&self) -> Vec<f64> {
+        self.sizes.iter().map(|s| s[1]).collect()
+    }
+
     /// Values and rates of a closed contact after an evaluation.
     fn write(&self, i: usize, m: usize, q: &mut [f64]) {
         let d = &self.dynamics;
