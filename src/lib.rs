@@ -37,6 +37,7 @@ pub mod ocp;
 pub mod scene;
 pub mod settings;
 pub mod sim;
+pub mod stepping;
 pub mod stop;
 pub mod system;
 pub mod tableau;

@@ -20,6 +20,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("model", &["error", "stop", "linalg", "func", "expr", "system"]),
     ("scene", &["error", "stop", "linalg", "func", "expr", "system", "model"]),
     ("contact", &["error", "stop", "linalg", "func", "system"]),
+    ("stepping", &["error", "stop", "linalg", "func", "system", "contact"]),
     ("dcs", &["error", "stop", "settings", "log", "linalg", "func", "system"]),
     ("event", &["error", "stop", "settings", "log", "tableau", "linalg", "func", "system", "contact", "dcs"]),
     ("fesd", &["error", "stop", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs"]),

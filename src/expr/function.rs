@@ -260,6 +260,10 @@ impl Function for ExprFunction {
         let r = self.hessian.run(at, weights, &mut out[..self.hessian.n_out()], work);
         self.checked("Hessian", at, r, &[], 0)
     }
+    fn bounds(&self, low: &Point, high: &Point, out_low: &mut [f64], out_high: &mut [f64], work: &mut [f64]) -> bool {
+        self.value.bounds(low, high, out_low, out_high, work);
+        true
+    }
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         Some(self)
     }

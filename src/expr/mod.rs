@@ -13,6 +13,7 @@ mod diff;
 pub(crate) mod exact;
 mod function;
 mod graph;
+mod interval;
 mod linear;
 mod op;
 mod operator;

@@ -1,6 +1,6 @@
 //! Rebuilding expressions with switches decided, and switching functions that contain switches themselves.
 
-use super::dag::{Dag, Group, Id, Node};
+use super::dag::{Block, Dag, Group, Id, Node};
 use super::op::Binary;
 use crate::error::{Error, Result};
 use crate::stop;
@@ -84,8 +84,23 @@ impl Dag {
         Ok(result)
     }
 
+    /// The same expressions of inputs that have other numbers in their block.
+    pub fn renumber(&mut self, roots: &[Id], number: &dyn Fn(Block, usize) -> usize) -> Vec<Id> {
+        self.rebuild_with(roots, &mut |_, _| None, &|block, i| number(block, i as usize))
+    }
+
     /// Copies the nodes under `roots` with conditions replaced.
     fn rebuild(&mut self, roots: &[Id], replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>) -> Vec<Id> {
+        self.rebuild_with(roots, replace, &|_, i| i as usize)
+    }
+
+    /// The same with inputs renumbered.
+    fn rebuild_with(
+        &mut self,
+        roots: &[Id],
+        replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>,
+        number: &dyn Fn(Block, u32) -> usize,
+    ) -> Vec<Id> {
         let ids = self.reachable(roots);
         let top = ids.last().map_or(0, |id| id.index() + 1);
         let mut new: Vec<Option<Id>> = vec![None; top];
@@ -93,7 +108,8 @@ impl Dag {
         for id in ids {
             let at = |a: Id| new[a.index()].unwrap_or(a);
             let copy = match self.node(id) {
-                Node::Const(_) | Node::Input(..) | Node::Truth(_) => id,
+                Node::Const(_) | Node::Truth(_) => id,
+                Node::Input(block, i) => self.input(block, number(block, i)),
                 Node::Positive(s) => match replace(self, s) {
                     Some(c) => c,
                     None => {

@@ -105,6 +105,13 @@ pub trait Function: Send + Sync {
     }
     /// `Σ_i weights[i] ∇² f_i`, `out[hess_pattern().nnz()]` in CSC order, upper triangle.
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult;
+    /// Bounds of the value over all points between `low` and `high`, the times included: no value lies outside, neither
+    /// exactly nor as it is computed. `work` has twice the length [`Function::work_len`]. False where nothing is known, which
+    /// functions of expressions do not say.
+    fn bounds(&self, low: &Point, high: &Point, out_low: &mut [f64], out_high: &mut [f64], work: &mut [f64]) -> bool {
+        let _ = (low, high, out_low, out_high, work);
+        false
+    }
     /// The function itself, for who knows its type: documents look for expressions in it.
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         None

@@ -28,6 +28,7 @@
 
 mod report;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub use report::{ContactReport, Dropped, Report};
@@ -38,7 +39,7 @@ use crate::func::Dims;
 use crate::memory::sizes;
 use crate::model::bounds::{Bounds, Interval, ALL};
 use crate::model::Names;
-use crate::system::{self, ImpactLaw, Inertia, Mechanics, Order, SharedFunction, System};
+use crate::system::{self, ImpactLaw, Inertia, Local, Mechanics, Order, SharedFunction, System};
 
 /// A contact as the user states it.
 #[derive(Debug, Clone)]
@@ -232,7 +233,7 @@ impl Scene {
     /// velocities or controls, or not on coordinates, or something is not linear where it has to be,
     /// [`Error::Unsupported`] for operators that switch, and those of [`ExprFunction::new`].
     pub fn build_in(&self, dag: &mut Dag) -> Result<Built> {
-        Builder { scene: self, dag }.build()
+        Builder { scene: self, dag, alike: BTreeMap::new() }.build()
     }
 }
 
@@ -240,6 +241,8 @@ impl Scene {
 struct Builder<'a> {
     scene: &'a Scene,
     dag: &'a mut Dag,
+    /// Functions of what contacts touch, by their sizes and expressions: bodies alike share them.
+    alike: BTreeMap<(usize, Vec<Id>), SharedFunction>,
 }
 
 /// A scalar quantity of `q` and `t`, its rate, and the parts of its second derivative: `ṙ = aᵀ v̇ + rest`.
@@ -462,6 +465,7 @@ impl Builder<'_> {
             }
             sliding.push(m);
         }
+        let local = self.local(c, &normal, &sliding)?;
         let gap = self.function(&format!("gap of {name}"), dims, &[c.gap, rate])?;
         let mut motion = vec![normal.rest, c.friction, c.restitution];
         motion.extend_from_slice(&normal.along);
@@ -471,7 +475,54 @@ impl Builder<'_> {
         }
         let motion = self.function(&format!("motion of {name}"), dims, &motion)?;
         let reaction = self.reaction(name, dims, &normal, &sliding)?;
-        Ok(system::Contact { name: name.clone(), n_tangents: sliding.len(), gap, motion, reaction })
+        Ok(system::Contact { name: name.clone(), n_tangents: sliding.len(), gap, motion, reaction, local: Some(local) })
+    }
+
+    /// The contact as functions of the states it touches.
+    fn local(&mut self, c: &Contact, normal: &Motion, sliding: &[Motion]) -> Result<Local> {
+        let (n_q, dims) = (self.scene.n_q, self.scene.dims());
+        let zero = self.dag.constant(0.0);
+        let along = || std::iter::once(normal).chain(sliding).map(|m| &m.along);
+        let mut all = vec![c.gap, normal.rate, c.friction, c.restitution];
+        all.extend(sliding.iter().map(|m| m.rate));
+        all.extend(along().flatten().filter(|a| **a != zero));
+        let mut touched: Vec<usize> = Vec::new();
+        for id in self.dag.reachable(&all) {
+            if let crate::expr::Node::Input(Block::X, i) = self.dag.node(id) {
+                touched.push(i as usize);
+            }
+        }
+        touched.extend(along().flat_map(|a| (0..a.len()).filter(|&i| a[i] != zero).map(|i| n_q + i)));
+        touched.sort_unstable();
+        touched.dedup();
+        let velocities: Vec<usize> = touched.iter().filter(|&&i| i >= n_q).map(|i| i - n_q).collect();
+        let mut rows = vec![normal.rate, c.friction, c.restitution];
+        rows.extend(velocities.iter().map(|&i| normal.along[i]));
+        for m in sliding {
+            rows.push(m.rate);
+            rows.extend(velocities.iter().map(|&i| m.along[i]));
+        }
+        let place = |block: Block, i: usize| match block {
+            Block::X => touched.binary_search(&i).unwrap_or(i),
+            _ => i,
+        };
+        let (gap, rows) = (self.dag.renumber(&[c.gap], &place), self.dag.renumber(&rows, &place));
+        let dims = Dims { x: touched.len(), ..dims };
+        let gap = self.shared(&format!("gap of {} and contacts alike", c.name), dims, gap)?;
+        let rows = self.shared(&format!("normal and tangents of {} and contacts alike", c.name), dims, rows)?;
+        let coordinates = touched.iter().copied().filter(|i| *i < n_q).collect();
+        Ok(Local { coordinates, velocities, gap, rows })
+    }
+
+    /// A function of these outputs, the one there is if another contact has the same.
+    fn shared(&mut self, name: &str, dims: Dims, outputs: Vec<Id>) -> Result<SharedFunction> {
+        let key = (dims.x, outputs);
+        if let Some(f) = self.alike.get(&key) {
+            return Ok(f.clone());
+        }
+        let f = self.function(name, dims, &key.1)?;
+        self.alike.insert(key, f.clone());
+        Ok(f)
     }
 
     /// A constraint of a projected system: its gradient with respect to the states is its normal, and what is left of its
@@ -496,7 +547,7 @@ impl Builder<'_> {
         motion.extend_from_slice(&normal.along);
         let motion = self.function(&format!("motion of {name}"), dims, &motion)?;
         let reaction = self.reaction(name, dims, &normal, &[])?;
-        Ok(system::Contact { name: name.clone(), n_tangents: 0, gap, motion, reaction })
+        Ok(system::Contact { name: name.clone(), n_tangents: 0, gap, motion, reaction, local: None })
     }
 
     fn reaction(&mut self, name: &str, dims: Dims, normal: &Motion, sliding: &[Motion]) -> Result<SharedFunction> {

@@ -57,6 +57,31 @@ pub enum Order {
     First,
 }
 
+/// A contact as a function of what it touches alone, for scenes with many: its cost does not grow with the scene. Contacts
+/// of bodies alike may share the functions.
+///
+/// The states of both functions are the coordinates that are listed, then the velocities that are listed; controls,
+/// parameters and time are those of the system.
+#[derive(Clone)]
+pub struct Local {
+    /// Coordinates that occur, increasing.
+    pub coordinates: Vec<usize>,
+    /// Velocities that occur, increasing.
+    pub velocities: Vec<usize>,
+    /// The gap, one output. With [`crate::func::Function::bounds`] it is known how long the contact stays open.
+    pub gap: SharedFunction,
+    /// [`Local::rows_len`] outputs: the rate of the gap, `μ`, `e`, the entries of `n` of the velocities listed, then for
+    /// every tangent `s` and the entries of its column of `B`.
+    pub rows: SharedFunction,
+}
+
+impl Local {
+    /// Outputs of [`Local::rows`].
+    pub fn rows_len(n_velocities: usize, n_tangents: usize) -> usize {
+        3 + n_velocities + n_tangents * (1 + n_velocities)
+    }
+}
+
 /// One contact.
 #[derive(Clone)]
 pub struct Contact {
@@ -72,6 +97,8 @@ pub struct Contact {
     /// `n λ + B τ` (`n_v` values), `g̈`, and `ṡ` of every tangent; the parameters are those of the system, then `v̇`, `λ`,
     /// `τ`. Its derivatives are those of the equations of motion.
     pub reaction: SharedFunction,
+    /// The same of what it touches alone, for time stepping; none in projected systems.
+    pub local: Option<Local>,
 }
 
 impl Contact {
@@ -110,7 +137,8 @@ impl Mechanics {
             Inertia::Varying { matrix, product } => matrix.is_serial() || product.is_serial(),
             _ => false,
         };
-        let contact = |c: &Contact| c.gap.is_serial() || c.motion.is_serial() || c.reaction.is_serial();
+        let contact =
+            |c: &Contact| [&c.gap, &c.motion, &c.reaction, &c.local.gap, &c.local.rows].iter().any(|f| f.is_serial());
         inertia || self.smooth.is_serial() || self.contacts.iter().any(contact)
     }
 
@@ -152,6 +180,29 @@ impl Mechanics {
             check(&c.gap, 0, 2)?;
             check(&c.motion, 0, Contact::motion_len(self.n_v, c.n_tangents))?;
             check(&c.reaction, self.n_v + 1 + c.n_tangents, self.n_v + 1 + c.n_tangents)?;
+            self.check_local(c, own)?;
+        }
+        Ok(())
+    }
+
+    fn check_local(&self, c: &Contact, own: Dims) -> Result<()> {
+        let (Some(l), name) = (&c.local, &c.name) else { return Ok(()) };
+        for (what, list, n) in [("coordinates", &l.coordinates, self.n_q), ("velocities", &l.velocities, self.n_v)] {
+            if list.iter().any(|&i| i >= n) || list.windows(2).any(|w| w[0] >= w[1]) {
+                return Err(Error::Range(format!(
+                    "contact {name}: the {what} it touches are {list:?}: they must increase, and there are {n}"
+                )));
+            }
+        }
+        let dims = Dims { x: l.coordinates.len() + l.velocities.len(), ..own };
+        let lengths = [1, Local::rows_len(l.velocities.len(), c.n_tangents)];
+        for (f, n) in [&l.gap, &l.rows].into_iter().zip(lengths) {
+            if f.dims() != dims || f.n_out() != n {
+                let (name, d, k) = (f.name(), f.dims(), f.n_out());
+                return Err(Error::Dimension(format!(
+                    "function '{name}' has {k} outputs of inputs {d:?}, expected {n} of {dims:?}"
+                )));
+            }
         }
         Ok(())
     }

@@ -16,7 +16,7 @@ use crate::error::{Error, Result};
 use crate::func::{Dims, Function};
 use crate::memory::sizes;
 
-pub use contact::{Contact, ImpactLaw, Inertia, Mechanics, Order};
+pub use contact::{Contact, ImpactLaw, Inertia, Local, Mechanics, Order};
 pub use transition::{Direction, Transition};
 
 /// A function that may be shared by models and threads.
