@@ -12,6 +12,7 @@
 //! `λ_i` works on `ġ_i` and `τ_i` on `s_i`: where there is friction, gap and tangents are lengths, or `μ` means something
 //! else.
 
+use std::fmt;
 use std::sync::Arc;
 
 use super::{SharedFunction, System};
@@ -128,6 +129,15 @@ pub struct Mechanics {
     /// Bounds of the coordinates that contacts were left out for: nothing is known where they are left. Empty, or one for
     /// every coordinate.
     pub bounds: Vec<Option<(f64, f64)>>,
+}
+
+impl fmt::Debug for Mechanics {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        let names: Vec<&str> = self.contacts.iter().map(|c| c.name.as_str()).collect();
+        let mut out = f.debug_struct("Mechanics");
+        out.field("n_q", &self.n_q).field("n_v", &self.n_v).field("contacts", &names).field("law", &self.law);
+        out.finish_non_exhaustive()
+    }
 }
 
 impl Mechanics {
