@@ -12,7 +12,6 @@
 //! `λ_i` works on `ġ_i` and `τ_i` on `s_i`: where there is friction, gap and tangents are lengths, or `μ` means something
 //! else.
 
-use std::fmt;
 use std::sync::Arc;
 
 use super::{SharedFunction, System};
@@ -131,15 +130,6 @@ pub struct Mechanics {
     pub bounds: Vec<Option<(f64, f64)>>,
 }
 
-impl fmt::Debug for Mechanics {
-    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
-        let names: Vec<&str> = self.contacts.iter().map(|c| c.name.as_str()).collect();
-        let mut out = f.debug_struct("Mechanics");
-        out.field("n_q", &self.n_q).field("n_v", &self.n_v).field("contacts", &names).field("law", &self.law);
-        out.finish_non_exhaustive()
-    }
-}
-
 impl Mechanics {
     /// Must its functions be called by one thread only?
     pub(super) fn is_serial(&self) -> bool {
@@ -147,8 +137,10 @@ impl Mechanics {
             Inertia::Varying { matrix, product } => matrix.is_serial() || product.is_serial(),
             _ => false,
         };
-        let contact =
-            |c: &Contact| [&c.gap, &c.motion, &c.reaction, &c.local.gap, &c.local.rows].iter().any(|f| f.is_serial());
+        let contact = |c: &Contact| {
+            let local = c.local.iter().flat_map(|l| [&l.gap, &l.rows]);
+            [&c.gap, &c.motion, &c.reaction].into_iter().chain(local).any(|f| f.is_serial())
+        };
         inertia || self.smooth.is_serial() || self.contacts.iter().any(contact)
     }
 
