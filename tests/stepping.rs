@@ -245,8 +245,7 @@ fn blocks_slide_and_stop() {
             ((r * (x[0] - x[1])) - 0.5 * a * t * t).abs()
         })
         .collect();
-    assert!(errors.iter().zip(&h).all(|(e, h)| *e < 10.0 * h), "{errors:?}");
-    assert!(slope(&h, &errors) > 0.8, "{errors:?}");
+    assert!(errors.iter().zip(&h).all(|(e, h)| *e < 5.0 * h * h), "{errors:?}");
     // and stays where friction holds it
     let mut p = Plane::new(1, &[], G);
     let (x, y) = (p.g.x(0), p.g.x(1));
