@@ -2371,6 +2371,10 @@ typedef struct swb_run_info {
      * Contacts of the scene.
      */
     int64_t n_scene_contacts;
+    /**
+     * 1 if contacts of the scene were redundant at some time: the motion is unique, the forces are those of least norm.
+     */
+    int64_t redundant;
 } swb_run_info;
 
 /**
@@ -4532,6 +4536,29 @@ swb_status swb_scene_create(const char *name,
                             int64_t np,
                             const char *names,
                             struct swb_scene **out);
+
+/**
+ * Create a projected system, or first-order sweeping process, without right-hand side and constraints:
+ * x' = f(x, u, p, t) + sum of the gradients of c_i(x, p, t) times multipliers, 0 <= multiplier, c_i >= 0, one of them zero.
+ *
+ * It is a scene whose states are in the place of velocities: swb_scene_set_force sets f, swb_scene_add_contact adds a
+ * constraint c_i, without tangents, friction and restitution; multipliers are the forces in the results.
+ *
+ * @param[in]  name  for messages
+ * @param[in]  nx    states
+ * @param[in]  nu    controls
+ * @param[in]  np    parameters
+ * @param[in]  names of states, controls and parameters, one per line, for messages; may be NULL
+ * @param[out] out   the new object, NULL on failure; free with swb_scene_free
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_scene_create_projected(const char *name,
+                                      int64_t nx,
+                                      int64_t nu,
+                                      int64_t np,
+                                      const char *names,
+                                      struct swb_scene **out);
 
 /**
  * Set the rates of the coordinates, linear in the velocities: q' = N(q) v.

@@ -237,6 +237,38 @@ static void block(const swb_settings *s)
     DO(swb_run_contact_forces, run, &t, 1, forces, 3);
 }
 
+/* The play operator: an output that follows the time with slack. */
+static void play(const swb_settings *s)
+{
+    static const double numbers[2] = {0.0, 0.5}, start = 0.0;
+    int64_t y, t, c[2], gap;
+    int32_t outcome;
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL;
+    swb_system *system = NULL;
+    swb_integrator *it = NULL;
+    MUST(swb_expr_create(&graph));
+    pool_add(T_swb_expr, graph);
+    MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, &y, 1));
+    MUST(swb_expr_inputs(graph, SWB_INPUT_T, 0, &t, 1));
+    MUST(swb_expr_constants(graph, numbers, 2, c, 2));
+    MUST(swb_expr_apply(graph, SWB_OPERATOR_SUB, &y, &t, NULL, &gap, 1));
+    MUST(swb_expr_apply(graph, SWB_OPERATOR_ADD, &gap, &c[1], NULL, &gap, 1));
+    if (!DO(swb_scene_create_projected, "play", 1, 0, 0, "y", &scene))
+        return;
+    pool_add(T_swb_scene, scene);
+    DO(swb_scene_set_force, scene, graph, &c[0], 1);
+    DO(swb_scene_add_contact, scene, graph, "lower", gap, NULL, 0, -1, -1, NULL);
+    if (!DO(swb_scene_build, scene, graph) || !DO(swb_scene_system, scene, &system))
+        return;
+    pool_add(T_swb_system, system);
+    if (!DO(swb_integrator_create, system, s, &it))
+        return;
+    pool_add(T_swb_integrator, it);
+    DO(swb_integrator_reinit, it, 0.0, &start, 1);
+    DO(swb_integrator_advance, it, 2.0, &outcome);
+}
+
 /* Derivatives of a function, dense in the states. */
 static void give_derivatives(swb_function *f, int64_t nx, int64_t nu, int64_t np, int64_t n_out)
 {
@@ -482,6 +514,8 @@ void world_create(struct random *r)
         heater(&s);
     if (random_once_in(r, 2))
         block(&s);
+    if (random_once_in(r, 3))
+        play(&s);
     if (random_once_in(r, 2))
         solve_program(r, &s);
 }

@@ -103,15 +103,53 @@ pub unsafe extern "C" fn swb_scene_create(
             let (n_q, n_v) = (size(n_q, "n_q")?, size(n_v, "n_v")?);
             let (nu, np) = (size(nu, "nu")?, size(np, "np")?);
             let mut scene = Scene::new(raw::text(name, "name")?, n_q, n_v, nu, np)?;
-            if !names.is_null() {
-                let all: Vec<String> = raw::text(names, "names")?.split('\n').map(str::to_owned).collect();
-                let mut rest = all.into_iter();
-                let mut take = |n: usize| rest.by_ref().take(n).collect::<Vec<String>>();
-                scene.set_names(Names { x: take(n_q + n_v), u: take(nu), p: take(np) });
-            }
+            set_names(&mut scene, names, [n_q + n_v, nu, np])?;
             Ok(SceneObject { scene, built: None })
         })
     })
+}
+
+/// Create a projected system, or first-order sweeping process, without right-hand side and constraints:
+/// x' = f(x, u, p, t) + sum of the gradients of c_i(x, p, t) times multipliers, 0 <= multiplier, c_i >= 0, one of them zero.
+///
+/// It is a scene whose states are in the place of velocities: swb_scene_set_force sets f, swb_scene_add_contact adds a
+/// constraint c_i, without tangents, friction and restitution; multipliers are the forces in the results.
+///
+/// @param[in]  name  for messages
+/// @param[in]  nx    states
+/// @param[in]  nu    controls
+/// @param[in]  np    parameters
+/// @param[in]  names of states, controls and parameters, one per line, for messages; may be NULL
+/// @param[out] out   the new object, NULL on failure; free with swb_scene_free
+/// @return SWB_OK; SWB_ERR_DIMENSION
+#[no_mangle]
+pub unsafe extern "C" fn swb_scene_create_projected(
+    name: *const c_char,
+    nx: i64,
+    nu: i64,
+    np: i64,
+    names: *const c_char,
+    out: *mut *mut swb_scene,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::create(out, |_| {
+            let (nx, nu, np) = (size(nx, "nx")?, size(nu, "nu")?, size(np, "np")?);
+            let mut scene = Scene::projected(raw::text(name, "name")?, nx, nu, np)?;
+            set_names(&mut scene, names, [nx, nu, np])?;
+            Ok(SceneObject { scene, built: None })
+        })
+    })
+}
+
+/// Names of states, controls and parameters, one per line.
+unsafe fn set_names(scene: &mut Scene, names: *const c_char, [nx, nu, np]: [usize; 3]) -> Result<()> {
+    if !names.is_null() {
+        let all: Vec<String> = unsafe { raw::text(names, "names")? }.split('\n').map(str::to_owned).collect();
+        let mut rest = all.into_iter();
+        let mut take = |n: usize| rest.by_ref().take(n).collect::<Vec<String>>();
+        scene.set_names(Names { x: take(nx), u: take(nu), p: take(np) });
+    }
+    Ok(())
 }
 
 unsafe fn with_ids(

@@ -1151,6 +1151,7 @@ Numbers of a run, the lengths of its arrays.
 - `n_jumps`: Transitions in the log.
 - `n_impacts`: Impacts in the log, one for every contact with an impulse.
 - `n_scene_contacts`: Contacts of the scene.
+- `redundant`: 1 if contacts of the scene were redundant at some time: the motion is unique, the forces are those of least norm.
 """
 struct swb_run_info
     struct_size::UInt64
@@ -1169,8 +1170,9 @@ struct swb_run_info
     n_jumps::Int64
     n_impacts::Int64
     n_scene_contacts::Int64
+    redundant::Int64
 end
-sizeof(swb_run_info) == 128 || error("swb_run_info has another size than in C")
+sizeof(swb_run_info) == 136 || error("swb_run_info has another size than in C")
 
 """
 Work of an event-driven simulation.
@@ -1632,6 +1634,7 @@ const NAMES = [
     :swb_run_jump_states,
     :swb_run_jump_sensitivity,
     :swb_scene_create,
+    :swb_scene_create_projected,
     :swb_scene_set_rates,
     :swb_scene_set_inertia,
     :swb_scene_set_force,
@@ -3404,6 +3407,27 @@ swb_scene_create(name, n_q, n_v, nu, np, names, out) =
         n_v, nu, np, names, out)
 
 """
+    swb_scene_create_projected(name, nx, nu, np, names, out) -> swb_status
+
+Create a projected system, or first-order sweeping process, without right-hand side and constraints:
+x' = f(x, u, p, t) + sum of the gradients of c_i(x, p, t) times multipliers, 0 <= multiplier, c_i >= 0, one of them zero.
+
+It is a scene whose states are in the place of velocities: swb_scene_set_force sets f, swb_scene_add_contact adds a
+constraint c_i, without tangents, friction and restitution; multipliers are the forces in the results.
+
+@param[in]  name  for messages
+@param[in]  nx    states
+@param[in]  nu    controls
+@param[in]  np    parameters
+@param[in]  names of states, controls and parameters, one per line, for messages; may be NULL
+@param[out] out   the new object, NULL on failure; free with swb_scene_free
+@return SWB_OK; SWB_ERR_DIMENSION
+"""
+swb_scene_create_projected(name, nx, nu, np, names, out) =
+    ccall(address(133), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
+        names, out)
+
+"""
     swb_scene_set_rates(scene, graph, rates, n) -> swb_status
 
 Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
@@ -3413,7 +3437,7 @@ Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE for numbers that are no expressions
 """
 swb_scene_set_rates(scene, graph, rates, n) =
-    ccall(address(133), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
+    ccall(address(134), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
 
 """
     swb_scene_set_inertia(scene, graph, entries, n) -> swb_status
@@ -3425,7 +3449,7 @@ Set the inertia matrix M: symmetric and positive definite; it may depend on coor
 @return as swb_scene_set_rates
 """
 swb_scene_set_inertia(scene, graph, entries, n) =
-    ccall(address(134), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
+    ccall(address(135), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
 
 """
     swb_scene_set_force(scene, graph, force, n) -> swb_status
@@ -3437,7 +3461,7 @@ Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact force
 @return as swb_scene_set_rates
 """
 swb_scene_set_force(scene, graph, force, n) =
-    ccall(address(135), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
+    ccall(address(136), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
 
 """
     swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) -> swb_status
@@ -3457,7 +3481,7 @@ Add a contact.
         that is there already
 """
 swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) =
-    ccall(address(136), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
+    ccall(address(137), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
         Ptr{Int64}), scene, graph, name, gap, tangents, n_tangents, friction, restitution, index)
 
 """
@@ -3472,7 +3496,7 @@ proof in the report. A simulation that leaves the bounds ends with an error if s
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NONFINITE
 """
 swb_scene_set_bounds(scene, coordinate, low, high) =
-    ccall(address(137), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
+    ccall(address(138), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
 
 """
     swb_scene_set_impact_law(scene, law) -> swb_status
@@ -3482,7 +3506,7 @@ Set what happens where several contacts close at once.
 @param[in] law enum swb_impact_law
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_scene_set_impact_law(scene, law) = ccall(address(138), swb_status, (Ptr{swb_scene}, Int32), scene, law)
+swb_scene_set_impact_law(scene, law) = ccall(address(139), swb_status, (Ptr{swb_scene}, Int32), scene, law)
 
 """
     swb_scene_build(scene, graph) -> swb_status
@@ -3493,7 +3517,7 @@ Build the scene: derivatives, normals, and which contacts cannot close. Any chan
 @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
         with a message that names them
 """
-swb_scene_build(scene, graph) = ccall(address(139), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
+swb_scene_build(scene, graph) = ccall(address(140), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
 
 """
     swb_scene_system(scene, out) -> swb_status
@@ -3503,7 +3527,7 @@ The system of a scene that is built; its states are the coordinates, then the ve
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_STATE if the scene is not built
 """
-swb_scene_system(scene, out) = ccall(address(140), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
+swb_scene_system(scene, out) = ccall(address(141), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
 
 """
     swb_scene_report(scene, json, buf, len, needed) -> swb_status
@@ -3516,7 +3540,7 @@ Report of a scene that is built: contacts with what they cost, and which were le
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE if the scene is not built
 """
 swb_scene_report(scene, json, buf, len, needed) =
-    ccall(address(141), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
+    ccall(address(142), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
         needed)
 
 """
@@ -3524,7 +3548,7 @@ swb_scene_report(scene, json, buf, len, needed) =
 
 Free; systems made of the scene stay. NULL is allowed.
 """
-swb_scene_free(scene) = ccall(address(142), Cvoid, (Ptr{swb_scene},), scene)
+swb_scene_free(scene) = ccall(address(143), Cvoid, (Ptr{swb_scene},), scene)
 
 """
     swb_run_impacts(run, impacts, n, struct_size) -> swb_status
@@ -3536,7 +3560,7 @@ The impacts of a run in the order they happened; their number is n_impacts of sw
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_impacts(run, impacts, n, struct_size) =
-    ccall(address(143), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
+    ccall(address(144), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
 
 """
     swb_run_impact_sensitivity(run, index, dt, n) -> swb_status
@@ -3548,7 +3572,7 @@ Derivatives of the time of an impact with respect to initial states, parameters 
 @return as swb_run_sensitivity
 """
 swb_run_impact_sensitivity(run, index, dt, n) =
-    ccall(address(144), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(145), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_contact_modes(run, t, n_t, modes, n) -> swb_status
@@ -3560,7 +3584,7 @@ Modes of the contacts of a scene at times.
 @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene; SWB_ERR_DIMENSION
 """
 swb_run_contact_modes(run, t, n_t, modes, n) =
-    ccall(address(145), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
+    ccall(address(146), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
 
 """
     swb_run_contact_forces(run, t, n_t, forces, n) -> swb_status
@@ -3574,7 +3598,7 @@ Forces of the contacts of a scene at times: forces, not impulses. Other times th
         outside; SWB_ERR_DIMENSION
 """
 swb_run_contact_forces(run, t, n_t, forces, n) =
-    ccall(address(146), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
+    ccall(address(147), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
         n)
 
 """
@@ -3588,7 +3612,7 @@ transitions change them. Reports name them and documents keep the values; simula
         if such a state has a derivative
 """
 swb_model_set_discrete(model, initial, n) =
-    ccall(address(147), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(148), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_add_transition(model, graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -3609,7 +3633,7 @@ Add a transition to a model, and thereby to all systems made of it later; see sw
 """
 swb_model_add_transition(model, graph, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(148), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(149), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model,
         graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states,
         n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
@@ -3622,7 +3646,7 @@ Numbers of discrete states and of transitions of a model. Any output may be NULL
 @return SWB_OK
 """
 swb_model_transition_counts(model, n_discrete, n_transitions) =
-    ccall(address(149), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
+    ccall(address(150), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
 
 """
     swb_model_get_discrete(model, initial, n) -> swb_status
@@ -3633,7 +3657,7 @@ Values with which the discrete states, the last ones, begin.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_model_get_discrete(model, initial, n) =
-    ccall(address(150), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(151), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_transition_sizes(model, index, n_from, n_reset, n_to) -> swb_status
@@ -3647,7 +3671,7 @@ How long the lists of a transition of a model are. Any output may be NULL.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition
 """
 swb_model_transition_sizes(model, index, n_from, n_reset, n_to) =
-    ccall(address(151), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
+    ccall(address(152), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
         n_from, n_reset, n_to)
 
 """
@@ -3669,7 +3693,7 @@ those of the graph it was made of or read into.
 """
 swb_model_get_transition(model, index, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values) =
-    ccall(address(152), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(153), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64), model, index, guard,
         direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets,
         n_resets, to_states, n_to_states, to_values, n_to_values)
@@ -3685,7 +3709,7 @@ Create an integrator. Time, state, controls and parameters are zero until they a
 @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_create(system, settings, out) =
-    ccall(address(153), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
+    ccall(address(154), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
         settings, out)
 
 """
@@ -3698,7 +3722,7 @@ taken over. Controls, parameters and stop times stay.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite, or tolerances are too small
 """
 swb_integrator_reinit(integrator, t, x, nx) =
-    ccall(address(154), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
+    ccall(address(155), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
 
 """
     swb_integrator_set_controls(integrator, u, nu) -> swb_status
@@ -3709,7 +3733,7 @@ Set the controls, constant from now on. The active modes are found anew.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_integrator_set_controls(integrator, u, nu) =
-    ccall(address(155), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
+    ccall(address(156), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
 
 """
     swb_integrator_set_params(integrator, p, np) -> swb_status
@@ -3720,7 +3744,7 @@ Set the parameters. The active modes are found anew.
 @return as swb_integrator_set_controls
 """
 swb_integrator_set_params(integrator, p, np) =
-    ccall(address(156), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
+    ccall(address(157), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
 
 """
     swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) -> swb_status
@@ -3734,7 +3758,7 @@ next swb_integrator_reinit, or at once before the first step.
         small
 """
 swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) =
-    ccall(address(157), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
+    ccall(address(158), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
         rtol, n_rtol, atol, n_atol)
 
 """
@@ -3746,7 +3770,7 @@ Set times at which steps end, for functions of time that are not smooth there an
 @return SWB_OK; SWB_ERR_RANGE if a time is not finite
 """
 swb_integrator_set_stop_times(integrator, t, n) =
-    ccall(address(158), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
+    ccall(address(159), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
 
 """
     swb_integrator_set_preferred(integrator, subsystem, modes, n) -> swb_status
@@ -3759,7 +3783,7 @@ ambiguity = prefer. Taken over by the next swb_integrator_reinit, or at once bef
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such subsystem; SWB_ERR_RANGE if there is no such mode
 """
 swb_integrator_set_preferred(integrator, subsystem, modes, n) =
-    ccall(address(159), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
+    ccall(address(160), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
         n)
 
 """
@@ -3771,7 +3795,7 @@ Set who decides where the continuation is not unique, before the option ambiguit
 @return SWB_OK
 """
 swb_integrator_set_decider(integrator, decide, user_data) =
-    ccall(address(160), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
+    ccall(address(161), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
 
 """
     swb_integrator_step(integrator, t_stop, kind) -> swb_status
@@ -3783,7 +3807,7 @@ Do one step, not beyond t_stop nor a stop time.
         negative code; SWB_ERR_STATE after a call that failed so, until swb_integrator_reinit
 """
 swb_integrator_step(integrator, t_stop, kind) =
-    ccall(address(161), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
+    ccall(address(162), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
 
 """
     swb_integrator_advance(integrator, t, outcome) -> swb_status
@@ -3794,7 +3818,7 @@ Integrate to the time t, exactly. Time and state are those at the end, or where 
 @return as swb_integrator_step
 """
 swb_integrator_advance(integrator, t, outcome) =
-    ccall(address(162), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
+    ccall(address(163), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
 
 """
     swb_integrator_get_dky(integrator, t, k, dky, nx) -> swb_status
@@ -3806,7 +3830,7 @@ Derivatives of the dense output with respect to time at a time in the last step.
 @return SWB_OK; SWB_ERR_RANGE if t is outside of the last step or k is negative; SWB_ERR_STATE before the first step
 """
 swb_integrator_get_dky(integrator, t, k, dky, nx) =
-    ccall(address(163), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
+    ccall(address(164), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
         dky, nx)
 
 """
@@ -3817,7 +3841,7 @@ Time reached.
 @return SWB_OK
 """
 swb_integrator_get_time(integrator, t) =
-    ccall(address(164), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
+    ccall(address(165), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
 
 """
     swb_integrator_get_state(integrator, x, nx) -> swb_status
@@ -3828,7 +3852,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_state(integrator, x, nx) =
-    ccall(address(165), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
+    ccall(address(166), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
 
 """
     swb_integrator_get_derivative(integrator, f, nx) -> swb_status
@@ -3839,7 +3863,7 @@ Derivative of the state with respect to time under the present active modes; 0 b
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_derivative(integrator, f, nx) =
-    ccall(address(166), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
+    ccall(address(167), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
 
 """
     swb_integrator_get_active(integrator, subsystem, active, n) -> swb_status
@@ -3851,7 +3875,7 @@ Which modes of a subsystem are active: one alone, or several in a sliding mode; 
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_active(integrator, subsystem, active, n) =
-    ccall(address(167), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
+    ccall(address(168), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
         n)
 
 """
@@ -3863,7 +3887,7 @@ How the simulation stands.
 @return SWB_OK
 """
 swb_integrator_get_outcome(integrator, outcome) =
-    ccall(address(168), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
+    ccall(address(169), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
 
 """
     swb_integrator_get_reason(integrator, buf, len, needed) -> swb_status
@@ -3875,7 +3899,7 @@ Why the simulation ended early, in words; \"\" if it did not.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_integrator_get_reason(integrator, buf, len, needed) =
-    ccall(address(169), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
+    ccall(address(170), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
         needed)
 
 """
@@ -3888,7 +3912,7 @@ Work since the last swb_integrator_reinit.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_stats(integrator, stats, struct_size) =
-    ccall(address(170), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
+    ccall(address(171), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
         struct_size)
 
 """
@@ -3900,7 +3924,7 @@ A copy of the result since the last swb_integrator_reinit: switches, derivatives
 @return SWB_OK
 """
 swb_integrator_get_run(integrator, out) =
-    ccall(address(171), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
+    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
 
 """
     swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu) -> swb_status
@@ -3923,7 +3947,7 @@ the option adjoint.
 """
 swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du,
     nu) =
-    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(173), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu)
 
@@ -3936,7 +3960,7 @@ integration are taken over by the next swb_integrator_reinit, or at once before 
 @return as swb_settings_set_int
 """
 swb_integrator_set_int(integrator, name, value) =
-    ccall(address(173), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
+    ccall(address(174), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
 
 """
     swb_integrator_set_double(integrator, name, value) -> swb_status
@@ -3946,7 +3970,7 @@ Set a float option of an integrator by name, as swb_integrator_set_int.
 @return as swb_settings_set_double
 """
 swb_integrator_set_double(integrator, name, value) =
-    ccall(address(174), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
+    ccall(address(175), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
 
 """
     swb_integrator_set_string(integrator, name, value) -> swb_status
@@ -3956,7 +3980,7 @@ Set any option of an integrator by name from text, as swb_integrator_set_int.
 @return as swb_settings_set_string
 """
 swb_integrator_set_string(integrator, name, value) =
-    ccall(address(175), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
+    ccall(address(176), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
 
 """
     swb_integrator_set_settings(integrator, settings) -> swb_status
@@ -3967,7 +3991,7 @@ Set all options of an integrator, as swb_integrator_set_int.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_set_settings(integrator, settings) =
-    ccall(address(176), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
+    ccall(address(177), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
 
 """
     swb_integrator_get_settings(integrator, settings, struct_size) -> swb_status
@@ -3979,7 +4003,7 @@ Options of an integrator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_settings(integrator, settings, struct_size) =
-    ccall(address(177), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
+    ccall(address(178), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
         struct_size)
 
 """
@@ -3991,7 +4015,7 @@ Set who is called once per accepted step; NULL for nobody.
 @return SWB_OK
 """
 swb_integrator_set_progress(integrator, progress, user_data) =
-    ccall(address(178), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
+    ccall(address(179), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
 
 """
     swb_integrator_set_log(integrator, log, user_data) -> swb_status
@@ -4003,7 +4027,7 @@ for each switch at level debug, one for each step at level trace.
 @return SWB_OK
 """
 swb_integrator_set_log(integrator, log, user_data) =
-    ccall(address(179), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
+    ccall(address(180), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
 
 """
     swb_integrator_interrupt(integrator) -> swb_status
@@ -4014,14 +4038,14 @@ between steps: a call ends within the time of one step, which takes some tens of
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_integrator_interrupt(integrator) = ccall(address(180), swb_status, (Ptr{swb_integrator},), integrator)
+swb_integrator_interrupt(integrator) = ccall(address(181), swb_status, (Ptr{swb_integrator},), integrator)
 
 """
     swb_integrator_free(integrator) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_integrator_free(integrator) = ccall(address(181), Cvoid, (Ptr{swb_integrator},), integrator)
+swb_integrator_free(integrator) = ccall(address(182), Cvoid, (Ptr{swb_integrator},), integrator)
 
 """
     swb_batch_create(system, settings, out) -> swb_status
@@ -4035,7 +4059,7 @@ Create a batch.
 @return as swb_integrator_create
 """
 swb_batch_create(system, settings, out) =
-    ccall(address(182), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
+    ccall(address(183), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
         out)
 
 """
@@ -4052,7 +4076,7 @@ are those of single runs to the last bit, whatever the number of threads.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
 """
 swb_batch_run(batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads) =
-    ccall(address(183), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(184), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Int64), batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads)
 
 """
@@ -4062,7 +4086,7 @@ Number of runs of the last swb_batch_run; 0 before.
 
 @return SWB_OK
 """
-swb_batch_size(batch, n_runs) = ccall(address(184), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
+swb_batch_size(batch, n_runs) = ccall(address(185), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
 
 """
     swb_batch_states(batch, x, n) -> swb_status
@@ -4072,7 +4096,7 @@ Final states of all runs.
 @param[out] x [n] n_runs * nx, those of one run together; NaN for runs that failed
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_batch_states(batch, x, n) = ccall(address(185), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
+swb_batch_states(batch, x, n) = ccall(address(186), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
 
 """
     swb_batch_outcomes(batch, outcome, n) -> swb_status
@@ -4083,7 +4107,7 @@ How all runs ended.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_batch_outcomes(batch, outcome, n) =
-    ccall(address(186), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
+    ccall(address(187), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
 
 """
     swb_batch_get_run(batch, index, out) -> swb_status
@@ -4095,7 +4119,7 @@ A copy of the result of one run.
 @return SWB_OK; SWB_ERR_DIMENSION; the status of the run if it failed, with its message
 """
 swb_batch_get_run(batch, index, out) =
-    ccall(address(187), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
+    ccall(address(188), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
 
 """
     swb_batch_interrupt(batch) -> swb_status
@@ -4106,14 +4130,14 @@ finished its step.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_batch_interrupt(batch) = ccall(address(188), swb_status, (Ptr{swb_batch},), batch)
+swb_batch_interrupt(batch) = ccall(address(189), swb_status, (Ptr{swb_batch},), batch)
 
 """
     swb_batch_free(batch) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_batch_free(batch) = ccall(address(189), Cvoid, (Ptr{swb_batch},), batch)
+swb_batch_free(batch) = ccall(address(190), Cvoid, (Ptr{swb_batch},), batch)
 
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
@@ -4130,7 +4154,7 @@ parameters are zero, and there is no cost, until they are set.
         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
 """
 swb_ocp_create(system, horizon, n_stages, settings, out) =
-    ccall(address(190), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
+    ccall(address(191), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
         horizon, n_stages, settings, out)
 
 """
@@ -4140,7 +4164,7 @@ Set the cost rate, one output: its integral over the horizon is minimised.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_lagrange(ocp, f) = ccall(address(191), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_lagrange(ocp, f) = ccall(address(192), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
@@ -4149,7 +4173,7 @@ Set the terminal cost, one output; its control is that of the last stage.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_mayer(ocp, f) = ccall(address(192), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_mayer(ocp, f) = ccall(address(193), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) -> swb_status
@@ -4162,7 +4186,7 @@ Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) =
-    ccall(address(193), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(194), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, lower, n_lower, upper, n_upper, at)
 
 """
@@ -4176,7 +4200,7 @@ last stage.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_terminal(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(194), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(195), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -4189,7 +4213,7 @@ Set bounds of the states at all stage points and element ends after the initial 
 @return as swb_ocp_add_path
 """
 swb_ocp_set_state_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(195), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(196), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -4202,7 +4226,7 @@ Set bounds of the initial state; equal bounds fix it.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_initial_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(196), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(197), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -4214,7 +4238,7 @@ Fix the initial state.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
 """
 swb_ocp_set_initial_state(ocp, x0, nx) =
-    ccall(address(197), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
+    ccall(address(198), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
 
 """
     swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -4226,7 +4250,7 @@ Set bounds of the controls.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(198), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(199), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -4237,7 +4261,7 @@ Set the parameters.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_ocp_set_params(ocp, p, np) = ccall(address(199), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
+swb_ocp_set_params(ocp, p, np) = ccall(address(200), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 
 """
     swb_ocp_set_initial_time(ocp, t0) -> swb_status
@@ -4246,7 +4270,7 @@ Set the initial time.
 
 @return SWB_OK; SWB_ERR_RANGE if it is not finite
 """
-swb_ocp_set_initial_time(ocp, t0) = ccall(address(200), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
+swb_ocp_set_initial_time(ocp, t0) = ccall(address(201), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 
 """
     swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) -> swb_status
@@ -4258,7 +4282,7 @@ Give states to start from, linear in between.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
 """
 swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) =
-    ccall(address(201), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
+    ccall(address(202), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
         x, n_x)
 
 """
@@ -4270,7 +4294,7 @@ Give controls to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_ocp_set_control_guess(ocp, u, n_u) =
-    ccall(address(202), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(203), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_solve(ocp, outcome) -> swb_status
@@ -4282,7 +4306,7 @@ Solve. The problem is discretised at the first solve, and again only when its st
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if options do not go together
 """
-swb_ocp_solve(ocp, outcome) = ccall(address(203), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve(ocp, outcome) = ccall(address(204), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_outcome(ocp, outcome) -> swb_status
@@ -4292,7 +4316,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_outcome(ocp, outcome) = ccall(address(204), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_get_outcome(ocp, outcome) = ccall(address(205), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
@@ -4302,7 +4326,7 @@ Was the active set identified and the problem solved with it?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_polished(ocp, polished) = ccall(address(205), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
+swb_ocp_get_polished(ocp, polished) = ccall(address(206), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 
 """
     swb_ocp_get_cost(ocp, cost) -> swb_status
@@ -4313,7 +4337,7 @@ another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost(ocp, cost) = ccall(address(206), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost(ocp, cost) = ccall(address(207), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
@@ -4324,7 +4348,7 @@ solve was stopped before it was known.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost_reached(ocp, cost) = ccall(address(207), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost_reached(ocp, cost) = ccall(address(208), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_controls(ocp, u, n_u) -> swb_status
@@ -4334,7 +4358,7 @@ Controls.
 @param[out] u [n_u] n_stages * nu, the controls of one stage together
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_controls(ocp, u, n_u) = ccall(address(208), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+swb_ocp_get_controls(ocp, u, n_u) = ccall(address(209), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) -> swb_status
@@ -4354,7 +4378,7 @@ each.
         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
 """
 swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) =
-    ccall(address(209), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
+    ccall(address(210), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
         n_cost, u, n_u, one_sided)
 
 """
@@ -4367,7 +4391,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_residuals(ocp, residuals, struct_size) =
-    ccall(address(210), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
+    ccall(address(211), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
 
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
@@ -4379,7 +4403,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_stats(ocp, stats, struct_size) =
-    ccall(address(211), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
+    ccall(address(212), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
 
 """
     swb_ocp_get_trajectory(ocp, out) -> swb_status
@@ -4389,7 +4413,7 @@ A copy of the trajectory of the last solve.
 @param[out] out the new object, NULL on failure; free with swb_trajectory_free
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_trajectory(ocp, out) = ccall(address(212), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
+swb_ocp_get_trajectory(ocp, out) = ccall(address(213), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 
 """
     swb_ocp_set_int(ocp, name, value) -> swb_status
@@ -4398,7 +4422,7 @@ Set an integer or enumeration option of an optimal control problem (or a float o
 
 @return as swb_settings_set_int
 """
-swb_ocp_set_int(ocp, name, value) = ccall(address(213), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
+swb_ocp_set_int(ocp, name, value) = ccall(address(214), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 
 """
     swb_ocp_set_double(ocp, name, value) -> swb_status
@@ -4408,7 +4432,7 @@ Set a float option of an optimal control problem by name.
 @return as swb_settings_set_double
 """
 swb_ocp_set_double(ocp, name, value) =
-    ccall(address(214), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
+    ccall(address(215), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
 
 """
     swb_ocp_set_string(ocp, name, value) -> swb_status
@@ -4418,7 +4442,7 @@ Set any option of an optimal control problem by name from text: a number, or the
 @return as swb_settings_set_string
 """
 swb_ocp_set_string(ocp, name, value) =
-    ccall(address(215), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
+    ccall(address(216), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
 
 """
     swb_ocp_set_settings(ocp, settings) -> swb_status
@@ -4428,7 +4452,7 @@ Set all options of an optimal control problem.
 @param[in] settings NULL for the defaults
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
-swb_ocp_set_settings(ocp, settings) = ccall(address(216), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
+swb_ocp_set_settings(ocp, settings) = ccall(address(217), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 
 """
     swb_ocp_get_settings(ocp, settings, struct_size) -> swb_status
@@ -4440,7 +4464,7 @@ Options of an optimal control problem, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_get_settings(ocp, settings, struct_size) =
-    ccall(address(217), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
+    ccall(address(218), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
 
 """
     swb_ocp_set_iteration(ocp, iteration, user_data) -> swb_status
@@ -4451,7 +4475,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_iteration(ocp, iteration, user_data) =
-    ccall(address(218), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
+    ccall(address(219), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
 
 """
     swb_ocp_set_log(ocp, log, user_data) -> swb_status
@@ -4462,7 +4486,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_log(ocp, log, user_data) =
-    ccall(address(219), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
+    ccall(address(220), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
 
 """
     swb_ocp_interrupt(ocp) -> swb_status
@@ -4477,14 +4501,14 @@ calls in the same places.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_ocp_interrupt(ocp) = ccall(address(220), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_interrupt(ocp) = ccall(address(221), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_free(ocp) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_ocp_free(ocp) = ccall(address(221), Cvoid, (Ptr{swb_ocp},), ocp)
+swb_ocp_free(ocp) = ccall(address(222), Cvoid, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_sizes(ocp, nx, nu, np, n_stages) -> swb_status
@@ -4498,7 +4522,7 @@ Sizes of an optimal control problem.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_ocp_sizes(ocp, nx, nu, np, n_stages) =
-    ccall(address(222), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
+    ccall(address(223), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
         n_stages)
 
 """
@@ -4512,7 +4536,7 @@ accuracy_tol.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
-    ccall(address(223), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
+    ccall(address(224), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
 
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
@@ -4525,7 +4549,7 @@ unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_certificate(ocp, certificate, struct_size) =
-    ccall(address(224), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
+    ccall(address(225), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
 
 """
     swb_ocp_get_mismatch(ocp, stages, n_stages) -> swb_status
@@ -4536,7 +4560,7 @@ Largest difference between a state of the last solution and of the simulation at
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
 """
 swb_ocp_get_mismatch(ocp, stages, n_stages) =
-    ccall(address(225), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
+    ccall(address(226), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
 
 """
     swb_ocp_get_message(ocp, buf, len, needed) -> swb_status
@@ -4551,7 +4575,7 @@ counted from zero. Empty where there is nothing to say. After a solve that retur
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_message(ocp, buf, len, needed) =
-    ccall(address(226), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(227), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) -> swb_status
@@ -4564,7 +4588,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
-    ccall(address(227), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(228), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -4579,7 +4603,7 @@ Mode sequence of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(228), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(229), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -4596,7 +4620,7 @@ checks. Orders next to it are tried within the budget of the option mode_search 
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
 """
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(229), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(230), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -4609,7 +4633,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(230), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(231), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -4630,7 +4654,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(231), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(232), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -4646,7 +4670,7 @@ What the starts of the last swb_ocp_solve_starts found.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(232), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(233), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -4660,7 +4684,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(233), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(234), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -4678,7 +4702,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(234), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(235), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -4692,7 +4716,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(235), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(236), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -4704,7 +4728,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(236), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(237), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -4717,7 +4741,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(237), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(238), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -4730,7 +4754,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(238), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(239), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -4745,7 +4769,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(239), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(240), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -4760,7 +4784,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(240), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(241), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -4770,7 +4794,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(241), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(242), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -4781,7 +4805,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(242), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(243), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -4794,7 +4818,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(243), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(244), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -4804,7 +4828,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(244), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(245), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -4815,7 +4839,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -4828,7 +4852,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -4840,7 +4864,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -4850,7 +4874,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(249), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -4859,7 +4883,7 @@ Make the last solution, one control stage later, the guess of the next solve.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(249), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(250), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -4870,7 +4894,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(251), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -4880,7 +4904,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(251), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -4891,7 +4915,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -4900,7 +4924,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(254), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_multiphase_create(phases, n_phases, settings, out) -> swb_status
@@ -4914,7 +4938,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(254), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(255), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -4929,7 +4953,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(255), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(256), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -4940,7 +4964,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(256), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(257), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -4950,7 +4974,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(257), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(258), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -4962,7 +4986,7 @@ What the last solve found.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(258), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(259), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -4974,7 +4998,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(259), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(260), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -4987,7 +5011,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(260), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(261), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -4998,7 +5022,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(261), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(262), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -5007,14 +5031,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(262), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(263), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(263), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(264), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -5028,7 +5052,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(264), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(265), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -5044,7 +5068,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(265), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(266), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -5055,7 +5079,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(266), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(267), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -5071,7 +5095,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(267), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(268), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -5087,7 +5111,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(268), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(269), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -5102,7 +5126,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(269), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -5115,7 +5139,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(270), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(271), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -5132,7 +5156,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(271), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(272), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -5150,7 +5174,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(272), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(273), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -5167,7 +5191,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(273), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(274), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -5180,7 +5204,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(274), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(275), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5193,7 +5217,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(275), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(276), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5205,7 +5229,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(276), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(277), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -5215,7 +5239,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(277), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(278), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -5230,7 +5254,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(278), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(279), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -5243,7 +5267,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(279), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(280), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -5254,7 +5278,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(280), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(281), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -5264,7 +5288,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(281), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(282), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -5274,7 +5298,7 @@ Was the active set identified and the smooth program that remains solved?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(282), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(283), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -5284,7 +5308,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(283), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(284), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -5294,7 +5318,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(284), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(285), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -5304,7 +5328,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(285), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(286), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -5317,7 +5341,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(286), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(287), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -5332,7 +5356,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(287), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(288), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -5345,7 +5369,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(288), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(289), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -5357,7 +5381,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(289), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(290), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -5367,7 +5391,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(290), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(291), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -5377,7 +5401,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(291), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(292), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -5387,7 +5411,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(292), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(293), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -5398,7 +5422,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(293), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(294), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -5410,7 +5434,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(294), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(295), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -5421,7 +5445,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(295), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(296), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -5432,7 +5456,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(296), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(297), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -5444,28 +5468,28 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(297), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(298), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(298), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(299), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_stationarity_name(stationarity) -> Cstring
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(299), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(300), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(300), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(301), Cstring, (Int32,), doubt)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -5478,7 +5502,7 @@ Name a variable, a constraint or a pair: reports and messages of the log use it.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(301), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(302), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -5491,7 +5515,7 @@ Name all variables, constraints or pairs.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(302), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(303), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -5505,7 +5529,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(303), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(304), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -5522,7 +5546,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(304), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(305), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -5546,7 +5570,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(305), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(306), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -5559,7 +5583,7 @@ What is known of the point of the last solve: type of stationarity, B-stationari
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(306), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(307), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -5572,7 +5596,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(307), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(308), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -5584,7 +5608,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(308), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(309), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -5596,7 +5620,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(309), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(310), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -5608,6 +5632,6 @@ The same for people: a table with the worst violations and what looks wrong abou
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(310), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(311), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

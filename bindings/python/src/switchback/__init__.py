@@ -105,7 +105,7 @@ from ._ocp_search import Modes
 from .ocp import Ocp, OcpResult, OcpSensitivity
 from .plot import plot, plot_phase, plot_run
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
-from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Scene, SceneContact
+from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Projected, Scene, SceneContact
 from .settings import Option, Settings, options
 from .simulator import SimulationResult, Simulator, simulate_fesd
 from .system import System
@@ -171,6 +171,7 @@ __all__ = [
     "Polished",
     "ProgramItem",
     "ProgressKind",
+    "Projected",
     "RangeError",
     "Residuals",
     "Run",

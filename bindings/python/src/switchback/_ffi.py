@@ -632,6 +632,7 @@ class swb_run_info(Structure):
         ("n_jumps", c_int64),
         ("n_impacts", c_int64),
         ("n_scene_contacts", c_int64),
+        ("redundant", c_int64),
     ]
 
 
@@ -944,6 +945,7 @@ FUNCTIONS = {
     "swb_run_jump_states": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_int64]),
     "swb_run_jump_sensitivity": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
     "swb_scene_create": (c_int32, [c_char_p, c_int64, c_int64, c_int64, c_int64, c_char_p, c_void_p]),
+    "swb_scene_create_projected": (c_int32, [c_char_p, c_int64, c_int64, c_int64, c_char_p, c_void_p]),
     "swb_scene_set_rates": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64]),
     "swb_scene_set_inertia": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64]),
     "swb_scene_set_force": (c_int32, [c_void_p, c_void_p, c_void_p, c_int64]),

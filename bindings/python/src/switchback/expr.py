@@ -802,9 +802,9 @@ class Model:
 
 def system_of(system: Any) -> System:
     """A system, or that of a model or a scene."""
-    from .scene import Scene
+    from .scene import Projected, Scene
 
-    if isinstance(system, (Model, Scene)):
+    if isinstance(system, (Model, Projected, Scene)):
         return system.system()
     if not isinstance(system, System):
         raise ArgumentError(f"system must be a System, a Model or a Scene, not {type(system).__name__}")

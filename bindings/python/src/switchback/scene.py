@@ -22,7 +22,7 @@ from .system import System
 if TYPE_CHECKING:
     from .integrator import Run
 
-__all__ = ["ContactMode", "Impact", "ImpactKind", "ImpactLaw", "Scene", "SceneContact"]
+__all__ = ["ContactMode", "Impact", "ImpactKind", "ImpactLaw", "Projected", "Scene", "SceneContact"]
 
 
 @dataclass(frozen=True)
@@ -245,3 +245,88 @@ class Scene:
 
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': {self.n_q} coordinates, {self.n_v} velocities, {len(self.contacts)} contacts>"
+
+
+class Projected:
+    """A projected system, or first-order sweeping process:
+
+    x' = f(x, u, p, t) + sum of gradient(c_i) * multiplier_i,   multiplier_i >= 0, c_i(x, p, t) >= 0, one of them zero
+
+    A state is held inside of a set, that may move, by the least push; play between two parts is one. `run.force(constraint)`
+    are multipliers, `run.mode(constraint)` is 0 where a constraint is not active and 1 where it is.
+
+        m = swb.Projected("y", name="play")
+        y, input = m.x[0], swb.sin(m.t)
+        m.f([0])
+        m.constraint("upper", input - y + 0.2)
+        m.constraint("lower", y - input + 0.2)
+        run = swb.simulate(m, [0.0], 10.0)
+    """
+
+    def __init__(
+        self,
+        x: int | str | Sequence[str],
+        u: int | str | Sequence[str] = 0,
+        p: int | str | Sequence[str] = 0,
+        name: str = "projected",
+    ):
+        self.name = name
+        self.names = [_names(x, "x"), _names(u, "u"), _names(p, "p")]
+        self.nx, self.nu, self.np = (len(n) for n in self.names)
+        self.graph = Graph()
+        self.x, self.u, self.p = (self.graph.inputs(b, n) for b, n in zip("xup", (self.nx, self.nu, self.np)))
+        self.t = self.graph.inputs("t", 1)[0]
+        self.constraints: list[SceneContact] = []
+        self._made = _Scene.__new__(_Scene)
+        names = encode("\n".join(n for group in self.names for n in group), "names")
+        self._made._make(lib.swb_scene_create_projected, encode(name, "name"), self.nx, self.nu, self.np, names)
+        self._current = False
+
+    def f(self, values: Any) -> None:
+        """Set the derivatives of the states without constraints, one for each, smooth expressions."""
+        given = self.graph.of(values)
+        if given.shape != (self.nx,):
+            raise DimensionError(f"f has shape {given.shape}, expected {(self.nx,)}")
+        ids = numpy.ascontiguousarray(given._ids.ravel(), dtype=numpy.int64)
+        self._made._do("set_force", self.graph, address(ids), ids.size)
+        self._current = False
+
+    def constraint(self, name: str, c: Any) -> SceneContact:
+        """Add a constraint c >= 0, an expression of states, parameters and time."""
+        if not isinstance(name, str) or not name:
+            raise ArgumentError(f"the name of a constraint must be a text, not {name!r:.40}")
+        given = self.graph.of(c)
+        if given.ndim:
+            raise DimensionError(f"constraint {name} is an array of shape {given.shape}")
+        self._made._do(
+            "add_contact", self.graph, encode(name, "name"), int(given._ids), None, 0, -1, -1, ctypes.byref(ctypes.c_int64())
+        )
+        self._current = False
+        made = SceneContact(name, given, ())
+        self.constraints.append(made)
+        return made
+
+    def _build(self) -> _Scene:
+        if not self._current:
+            self._made._do("build", self.graph)
+            self._current = True
+        return self._made
+
+    def report(self) -> str:
+        """What the system consists of."""
+        return text(lib.swb_scene_report, self._build(), 0)
+
+    def system(self) -> System:
+        """The system, for event-driven simulation."""
+        s = System.__new__(System)
+        s.nx, s.nu, s.np = self.nx, self.nu, self.np
+        s._functions = list(self.graph._functions)
+        s._make(lib.swb_scene_system, self._build())
+        s.n_subsystems = 0
+        s._discrete = []
+        s._origin = self.graph, self.x._ids, tuple(self.names[0])
+        s._contacts = tuple((c.name, 0) for c in self.constraints)
+        return s
+
+    def __repr__(self) -> str:
+        return f"<Projected '{self.name}': {self.nx} states, {len(self.constraints)} constraints>"
