@@ -7,6 +7,7 @@
 //! cases that can use one, `--casadi` a folder that
 //! `bindings/python/benchmarks/model_eval.py` wrote; `--method` restricts `sliding-ocp` to one Runge-Kutta family.
 
+mod automata_models;
 mod cases;
 mod compiled;
 mod expression_models;

@@ -30,6 +30,7 @@ include("monitors.jl")
 include("systems.jl")
 include("models.jl")
 include("simulation.jl")
+include("automata.jl")
 include("trajectories.jl")
 include("ocp.jl")
 include("programs.jl")
@@ -41,6 +42,7 @@ include("problems.jl")
 
 export Model, derivatives!, try_at!, counts, report, c_code, between_ends, external, jacobian, when, relay, dead_zone, table,
     step_table
+export discrete!, transition!, hysteresis!, Automaton, edge!, is_in, choose, intervals
 export System, ModelFunction, set_f0!, add_subsystem!, add_subsystem_indicators!, add_inclusion!, set_algebraic!, surfaces,
     affine, casadi_function, jacobian_at, hessian_at, check_derivatives
 export simulate, simulate_batch, simulate_fesd, Solution, Batch, Integrator, Simulator, Trajectory, FesdSolution, reinit!, step!,

@@ -77,6 +77,9 @@ function from_json(::Type{Model}, document; functions = ())
     m.rhs = [in_graph(graph, id) for id in rhs]
     trial = get(saved, "trial", nothing)
     trial === nothing || try_at!(m, Float64.(trial["x"]); u = Float64.(trial["u"]), p = Float64.(trial["p"]), t = trial["t"])
+    n_discrete, n_transitions = integers(2, Lib.swb_model_transition_counts, made)
+    m.discrete = numbers(Float64, n_discrete, Lib.swb_model_get_discrete, made)
+    m.transitions = Any[read_transition(made, graph, k) for k in 0:n_transitions-1]
     m.built = made
     return m
 end

@@ -26,6 +26,9 @@ end
 struct Condition
     graph::Graph
     id::Int64
+    margin::Union{Nothing,Expression} # of a comparison: what is positive where it holds
+
+    Condition(graph, id, margin = nothing) = new(graph, id, margin)
 end
 
 Expression(x::Real) = Expression(nothing, 0, Float64(x))
@@ -158,7 +161,7 @@ function Base.:<(a::Expression, b::Expression)
     isnumber(a) && isnumber(b) && return a.number < b.number
     d = b - a
     isnumber(d) && return d.number > 0
-    return Condition(d.graph, apply(d.graph, Lib.SWB_OPERATOR_POSITIVE, d.id))
+    return Condition(d.graph, apply(d.graph, Lib.SWB_OPERATOR_POSITIVE, d.id), d)
 end
 Base.:<=(a::Expression, b::Expression) = a < b # the same: the solution is Filippov's
 Base.isless(a::Expression, b::Expression) =

@@ -26,6 +26,8 @@ mutable struct Model
     rhs::Vector{Union{Nothing,Expression}}
     trial::Any
     built::Union{Nothing,Built}
+    discrete::Vector{Float64} # values with which the last states begin
+    transitions::Vector{Any}
 end
 
 variable_names(v::Integer, what) = v < 0 ? mistake(:dimension, "$what is negative: $v") : fill("", v)
@@ -45,7 +47,7 @@ function empty_model(graph, names, name)
     blocks = (Lib.SWB_INPUT_X, Lib.SWB_INPUT_U, Lib.SWB_INPUT_P)
     x, u, p = (inputs(graph, block, 0, length(n)) for (block, n) in zip(blocks, names))
     t = inputs(graph, Lib.SWB_INPUT_T, 0, 1)[1]
-    return Model(plain(name, "name"), names, graph, x, u, p, t, fill(nothing, length(x)), nothing, nothing)
+    return Model(plain(name, "name"), names, graph, x, u, p, t, fill(nothing, length(x)), nothing, nothing, Float64[], [])
 end
 
 function inputs(graph::Graph, block, first, n)
@@ -79,7 +81,8 @@ end
 Set the derivatives of all states, in their order, or of those that are named.
 """
 function derivatives!(m::Model, rhs::Union{AbstractVector,Tuple})
-    length(rhs) == length(m.x) || mistake(:dimension, "$(length(rhs)) derivatives for $(length(m.x)) states")
+    smooth = length(m.x) - length(m.discrete)
+    length(rhs) in (length(m.x), smooth) || mistake(:dimension, "$(length(rhs)) derivatives for $smooth states")
     for (k, r) in enumerate(rhs)
         set_derivative(m, k, r)
     end
@@ -124,7 +127,10 @@ function built(m::Model)
         t, x, u, p = m.trial
         GC.@preserve x u p make(Ref(Lib.swb_point(t, pointer(x), pointer(u), pointer(p))))
     end
-    return m.built = owned(Built(address, 0))
+    made = owned(Built(address, 0))
+    isempty(m.discrete) || check(Lib.swb_model_set_discrete(made, m.discrete, length(m.discrete)))
+    foreach(t -> add_to(made, m.graph, t), m.transitions)
+    return m.built = made
 end
 
 """
@@ -134,7 +140,7 @@ The system of a model; simulations and optimal control problems make it themselv
 """
 function System(m::Model)
     made = built(m)
-    s = owned(System(created(AnySystem, Lib.swb_model_system, made), 0, sizes(m)..., 0, m.graph.serial, m.names))
+    s = owned(System(created(AnySystem, Lib.swb_model_system, made), 0, sizes(m)..., 0, m.graph.serial, map(copy, m.names), copy(m.discrete)))
     s.n_subsystems = counts(m).subsystems
     return s
 end

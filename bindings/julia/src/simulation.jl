@@ -10,10 +10,12 @@ time, `sol(t; order = 1)` derivatives with respect to time.
   at `t[k]`, `sol[:q]` the state named q, `Array(sol)` the matrix of all
 - `switches`: in the order of time, NamedTuples with `t`, `kind` (`:cross`, `:enter` a sliding mode, `:leave` it,
   `:spontaneous`), `subsystem`, the active modes `before` and `after`, `simultaneous`, `unique`, `rate` and `transversality`
+- `jumps`: the transitions in the order of time, NamedTuples with `t`, `transition`, the states `before` and `after`,
+  `simultaneous` and `rate`; `intervals` has the values of discrete states with their times
 - `retcode`: `:Success`, `:MaxIters`, `:DtLessThanMin`, `:Terminated` or `:Failure`; `outcome` is the library's own word for
   it, `reason` says it in words
-- `dx_dx0`, `dx_dp`, `dx_du`: derivatives of the state reached, and `switch_derivatives`, a row of derivatives with respect
-  to all of these for each switching time; nothing without `sensitivity`. `one_sided` if they hold for one side only
+- `dx_dx0`, `dx_dp`, `dx_du`: derivatives of the state reached, and `switch_derivatives` and `jump_derivatives`, a row of
+  derivatives with respect to all of these for the time of each switch and each transition; nothing without `sensitivity`. `one_sided` if they hold for one side only
 - `branch_points`, `contacts`, `accumulations`: points with several continuations, surfaces only touched, points at which
   switches accumulate
 - `n_modes`: numbers of modes of the subsystems that can switch; `stats`: the work
@@ -28,11 +30,13 @@ mutable struct Solution <: AnyRun
     retcode::Symbol
     reason::String
     switches::Vector{NamedTuple}
+    jumps::Vector{NamedTuple}
     n_modes::Vector{Int}
     dx_dx0::Union{Nothing,Matrix{Float64}}
     dx_dp::Union{Nothing,Matrix{Float64}}
     dx_du::Union{Nothing,Matrix{Float64}}
     switch_derivatives::Union{Nothing,Matrix{Float64}}
+    jump_derivatives::Union{Nothing,Matrix{Float64}}
     one_sided::Bool
     branch_points::Vector{NamedTuple}
     contacts::Vector{NamedTuple}
@@ -47,7 +51,7 @@ const NOT_KNOWN = Vector{Int}[]
 
 "The result that the library handed out, read."
 function Solution(address::Ptr{Lib.swb_run}, system::System)
-    s = owned(Solution(address, 0, system, Float64[], [], :none, :none, "", [], Int[], nothing, nothing, nothing, nothing, false,
+    s = owned(Solution(address, 0, system, Float64[], [], :none, :none, "", [], [], Int[], nothing, nothing, nothing, nothing, nothing, false,
                        [], [], [], NamedTuple(), 0.0, 0.0, NOT_KNOWN))
     info = record(Lib.swb_run_info, Lib.swb_run_get_info, s)
     s.outcome = symbol(Lib.NAMES_swb_run_outcome, info.outcome)
@@ -58,6 +62,7 @@ function Solution(address::Ptr{Lib.swb_run}, system::System)
     s.n_modes = numbers(Int64, info.n_subsystems, Lib.swb_run_modes, s)
     events = records(Lib.swb_event, info.n_events, Lib.swb_run_events, s)
     s.switches = NamedTuple[switch_of(s, k, e) for (k, e) in enumerate(events)]
+    s.jumps = NamedTuple[jump_of(s, k, j, info.nx) for (k, j) in enumerate(records(Lib.swb_jump, info.n_jumps, Lib.swb_run_jumps, s))]
     points = records(Lib.swb_branch_point, info.n_branch_points, Lib.swb_run_branch_points, s)
     s.branch_points = [(t = b.t, n_continuations = b.n_continuations, taken = b.taken < 0 ? nothing : b.taken + 1) for b in points]
     touched = records(Lib.swb_contact, info.n_contacts, Lib.swb_run_contacts, s)
@@ -83,6 +88,12 @@ function switch_of(s, k, e)
             simultaneous = e.simultaneous != 0, unique = e.unique != 0, rate = e.rate, transversality = e.transversality)
 end
 
+function jump_of(s, k, j, nx)
+    before, after = Vector{Float64}(undef, nx), Vector{Float64}(undef, nx)
+    check(Lib.swb_run_jump_states(s, k - 1, before, after, nx))
+    return (t = j.t, transition = Int(j.transition) + 1, before = before, after = after, simultaneous = j.simultaneous != 0, rate = j.rate)
+end
+
 "Places of the bits that are set, from 1."
 function set_bits(mask::UInt64)
     out = Int[]
@@ -106,6 +117,8 @@ function read_derivatives!(s, info)
     s.dx_dx0, s.dx_dp, s.dx_du = all_[:, 1:nx], all_[:, nx+1:nx+np], all_[:, nx+np+1:end]
     rows = [numbers(Float64, n, Lib.swb_run_event_sensitivity, s, k - 1) for k in 1:info.n_events]
     s.switch_derivatives = isempty(rows) ? zeros(0, n) : permutedims(reduce(hcat, rows))
+    rows = [numbers(Float64, n, Lib.swb_run_jump_sensitivity, s, k - 1) for k in 1:info.n_jumps]
+    s.jump_derivatives = isempty(rows) ? zeros(0, n) : permutedims(reduce(hcat, rows))
 end
 
 (s::Solution)(t::Real; order = 0) = vec(s([number(t, "t")]; order = order))
@@ -309,7 +322,7 @@ end
 Set state and time, and begin anew: switches, statistics, derivatives and dense output are cleared.
 """
 function reinit!(i::Integrator, x, t = 0.0)
-    start = named_vector(x, i.system.names[1], "x")
+    start = start_of(i.system, x)
     using_object(() -> Lib.swb_integrator_reinit(i, number(t, "t"), start, length(start)), i)
     return i
 end
@@ -544,7 +557,9 @@ threads. Functions written in Julia are called by one thread, which is the defau
 """
 function simulate_batch(system, x0, tspan; u = nothing, p = nothing, threads = nothing, keywords...)
     s = system_of(system)
-    starts = matrix_of(x0, s.nx, nothing, "x0")
+    smooth = s.nx - length(s.discrete)
+    starts = x0 isa AbstractMatrix && !isempty(s.discrete) && size(x0, 1) == smooth ?
+        [matrix_of(x0, smooth, nothing, "x0"); repeat(s.discrete, 1, size(x0, 2))] : matrix_of(x0, s.nx, nothing, "x0")
     n = size(starts, 2)
     n > 0 || mistake(:dimension, "x0 has no columns")
     inputs(v, names, what) = v isa AbstractMatrix ? matrix_of(v, length(names), n, what) :

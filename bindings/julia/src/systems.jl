@@ -16,17 +16,31 @@ mutable struct System <: AnySystem
     n_subsystems::Int
     serial::Bool # has functions of Julia, which one thread only may call
     names::NTuple{3,Vector{String}} # of states, controls and parameters
+    discrete::Vector{Float64} # values with which the last states begin
 end
 
 function System(nx::Integer; controls = 0, parameters = 0, f0 = nothing)
     nx, nu, np = integer(nx, "nx"), integer(controls, "controls"), integer(parameters, "parameters")
     address = created(AnySystem, Lib.swb_system_create, nx, nu, np)
-    s = owned(System(address, 0, nx, nu, np, 0, false, (fill("", nx), fill("", nu), fill("", np))))
+    s = owned(System(address, 0, nx, nu, np, 0, false, (fill("", nx), fill("", nu), fill("", np)), Float64[]))
     f0 === nothing || set_f0!(s, f0)
     return s
 end
 
 sizes(s::System) = (s.nx, s.nu, s.np)
+
+"An initial state; the discrete states of a model may be left out."
+function start_of(s::System, x)
+    n = s.nx - length(s.discrete)
+    isempty(s.discrete) && return named_vector(x, s.names[1], "x")
+    if x isa Union{NamedTuple,AbstractDict} || (x isa Union{Tuple,AbstractVector} && !isempty(x) && all(e -> e isa Pair, x))
+        given = Dict{Symbol,Any}(Symbol(name) => v for (name, v) in zip(s.names[1][n+1:end], s.discrete) if !isempty(name))
+        merge!(given, Dict(Symbol(k) => v for (k, v) in (x isa NamedTuple ? pairs(x) : x)))
+        return named_vector(given, s.names[1], "x")
+    end
+    x isa Union{Tuple,AbstractVector} && length(x) == n || return named_vector(x, s.names[1], "x")
+    return [named_vector(x, s.names[1][1:n], "x"); s.discrete]
+end
 ModelFunction(f, s::System; keywords...) = ModelFunction(f, sizes(s)...; keywords...)
 
 "Note that an object has a function, for the number of threads."

@@ -1,6 +1,7 @@
 //! The cases, and what they share.
 
 mod adaptation;
+mod automata;
 mod gallery;
 mod guesses;
 mod latency;
@@ -32,6 +33,7 @@ pub type Case = fn(&Context);
 pub const ALL: &[(&str, Case)] = &[
     ("oscillator", oscillator::run),
     ("sim", sim::run),
+    ("automata", automata::run),
     ("switching", switching::run),
     ("tutorial-ocp", tutorial_ocp::run),
     ("sliding-ocp", sliding_ocp::run),
