@@ -344,6 +344,43 @@ static void automata() {
     CHECK(status_of([&] { run.discrete(3); }) == SWB_ERR_DIMENSION && status_of([&] { run.jump_states(99); }) == SWB_ERR_DIMENSION);
 }
 
+/* A car with two gears and a fan by hysteresis, as expressions; and back from its document. */
+static void automata_of_expressions() {
+    swb::Model m("v", "", "a");
+    const swb::Expr v = m.x(0);
+    const swb::Expr fan = m.hysteresis(v, 12.0, 9.0, 0.0, "fan");
+    swb::ModelAutomaton gear(m, "low high", "gear");
+    CHECK(gear.edge("low", "high", v > 10.0, {{v, 0.9 * v}}, {{fan, 0.0}}) == 2);
+    CHECK(gear.edge("high", "low", v < 5.0) == 3);
+    m.derivatives({m.p(0) * gear.choose({2.0, 1.5}) - 0.1 * v - 2.0 * fan * (1.0 + gear.is_in("high"))});
+    CHECK(gear["high"] == 1.0 && gear.name(0.0) == "low");
+    CHECK(m.report().find("transition 2: gear 0 -> 1, v := ") != std::string::npos);
+    CHECK(m.report().find("discrete: fan, gear") != std::string::npos);
+    CHECK(status_of([&] { gear.edge("low", "third", v > 1.0); }) == SWB_ERR_RANGE);
+    CHECK(status_of([&] { gear.choose({1.0}); }) == SWB_ERR_DIMENSION);
+    CHECK(status_of([&] { m.transition((v > 1.0) & (v < 2.0), {}, {{v, -v}}); }) == SWB_ERR_RANGE);
+    CHECK(status_of([&] { m.transition(v > 1.0, {}, {{2.0 * v, v}}); }) == SWB_ERR_RANGE);
+    swb::Model moving("v");
+    moving.derivatives({moving.x(0)});
+    moving.transition(moving.x(0) > 1.0, {}, {});
+    CHECK(status_of([&] { moving.system(); }) == SWB_ERR_STATE); /* changes nothing */
+    swb::Settings settings;
+    settings.rtol = settings.atol = 1e-10;
+    const auto run = [&](const swb::System &system) {
+        swb::Integrator i(system, settings);
+        i.params({2.0});
+        i.reinit(0.0, {1.0, 0.0, gear["low"]});
+        CHECK(i.advance(20.0) == SWB_RUN_OUTCOME_REACHED);
+        return i.run();
+    };
+    const swb::Run first = run(m.system()), again = run(swb::Model::system_from_json(m.to_json()));
+    CHECK(first.state() == again.state() && first.jumps().size() == again.jumps().size() && first.jumps().size() > 3);
+    const auto gears = first.discrete(2);
+    CHECK(gears.size() == 2 && gear.name(gears[1].value) == "high");
+    CHECK(std::abs(gears[1].start - 10.0 * std::log(39.0 / 30.0)) < 1e-8); /* v = 40 - 39 exp(-t/10) */
+    CHECK(first.jump_states(0).second[0] == 0.9 * first.jump_states(0).first[0]);
+}
+
 static void events() {
     int calls = 0;
     const double end = 1.5707963267948966;
@@ -523,6 +560,7 @@ int main() {
     events();
     transitions();
     automata();
+    automata_of_expressions();
     undeclared_inputs();
     threads();
     exceptions();

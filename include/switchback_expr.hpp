@@ -13,6 +13,7 @@
 
 #include "switchback.hpp"
 
+#include <algorithm>
 #include <array>
 #include <sstream>
 
@@ -88,12 +89,14 @@ private:
 /// A condition.
 class Cond {
 public:
-    explicit Cond(detail::Node node) : node_(std::move(node)) {}
+    explicit Cond(detail::Node node, detail::Node margin = {}) : node_(std::move(node)), margin_(std::move(margin)) {}
     const detail::Node &node() const noexcept { return node_; }
     int64_t id() const noexcept { return node_.id; }
+    /// Of a comparison: what is positive where it holds; of others its number is -1.
+    const detail::Node &margin() const noexcept { return margin_; }
 
 private:
-    detail::Node node_;
+    detail::Node node_, margin_;
 };
 
 using Exprs = std::vector<Expr>;
@@ -172,7 +175,7 @@ inline Expr where(const Cond &condition, const Operand &a, const Operand &b) {
 }
 
 namespace detail {
-inline Cond positive(const Expr &a) { return Cond(apply(SWB_OPERATOR_POSITIVE, a.node())); }
+inline Cond positive(const Expr &a) { return Cond(apply(SWB_OPERATOR_POSITIVE, a.node()), a.node()); }
 } // namespace detail
 
 /// On the surface itself Filippov's solution counts: > and >= are the same.
@@ -217,6 +220,7 @@ inline Exprs exprs(const Graph &graph, const std::vector<int64_t> &ids) {
 }
 
 inline int64_t length(const std::vector<int64_t> &v) { return static_cast<int64_t>(v.size()); }
+inline int64_t length(const Vector &v) { return static_cast<int64_t>(v.size()); }
 
 template <class F>
 Exprs each(const Exprs &a, const Exprs &b, F f) {
@@ -368,11 +372,12 @@ public:
     /// A number as an expression.
     Expr constant(double value) const { return Expr(detail::constant(graph_, value)); }
 
-    /// The derivatives of all states, in order.
+    /// The derivatives of all states, in order; discrete states, the last ones, may be left out.
     void derivatives(const Exprs &rhs) {
-        if (rhs.size() != x().size())
+        if (rhs.size() != x().size() && rhs.size() + initial_.size() != x().size())
             throw Error(SWB_ERR_DIMENSION, "there must be one derivative for every state", 0);
-        rhs_ = detail::ids(graph_, rhs);
+        const auto ids = detail::ids(graph_, rhs);
+        std::copy(ids.begin(), ids.end(), rhs_.begin());
         built_.reset();
     }
     /// The derivative of one state.
@@ -384,6 +389,49 @@ public:
                 return;
             }
         throw Error(SWB_ERR_RANGE, "this expression is no state of the model", 0);
+    }
+    /// Discrete states and values of them.
+    using Values = std::vector<std::pair<Expr, double>>;
+    /// States and what they become.
+    using Resets = std::vector<std::pair<Expr, Expr>>;
+
+    /// Adds a discrete state, the last one, which only transitions change; documents keep the value it begins with. References
+    /// to states, as x(0) returns them, end here: copy them.
+    Expr discrete(const std::string &name = "", double initial = 0) {
+        const int64_t n = length(0);
+        int64_t id = -1;
+        detail::check(swb_expr_inputs(graph_.get(), SWB_INPUT_X, n, &id, 1));
+        inputs_[0].push_back(Expr(detail::Node{graph_, id}));
+        names_[0].push_back(name);
+        rhs_.push_back(detail::constant(graph_, 0.0).id);
+        initial_.push_back(initial);
+        built_.reset();
+        return inputs_[0].back();
+    }
+    /// A jump of the state where a comparison becomes true while the discrete states in `when` have these values: states become
+    /// what `reset` says, discrete states what `to` says. Returns its number. See swb_system_add_transition.
+    int64_t transition(const Cond &guard, const Values &when, const Resets &reset, const Values &to = {}) {
+        if (guard.margin().id < 0)
+            throw Error(SWB_ERR_RANGE, "a guard is one comparison: state several as transitions of their own", 0);
+        Jump j;
+        j.guard = detail::ids(graph_, {Expr(guard.margin())}).front();
+        for (const auto &d : when)
+            j.from.first.push_back(place(d.first)), j.from.second.push_back(d.second);
+        for (const auto &r : reset)
+            j.reset.first.push_back(place(r.first)), j.reset.second.push_back(detail::ids(graph_, {r.second}).front());
+        for (const auto &d : to)
+            j.to.first.push_back(place(d.first)), j.to.second.push_back(d.second);
+        jumps_.push_back(std::move(j));
+        built_.reset();
+        return static_cast<int64_t>(jumps_.size()) - 1;
+    }
+    /// A discrete value that becomes 1 where `value` exceeds `on` and 0 where it falls below `off`, which is smaller. For a
+    /// heater, which goes on below a threshold, negate all three.
+    Expr hysteresis(const Expr &value, const Operand &on, const Operand &off, double initial = 0, const std::string &name = "") {
+        const Expr high(on.in(graph_)), low(off.in(graph_)), w = discrete(name, initial);
+        transition(value > high, {{w, 0.0}}, {}, {{w, 1.0}});
+        transition(value < low, {{w, 1.0}}, {}, {{w, 0.0}});
+        return w;
     }
     /// A point where everything should be defined; the report says what is not.
     void try_at(View x, View u = {}, View p = {}, double t = 0) {
@@ -485,7 +533,15 @@ private:
             swb_model *m = nullptr;
             detail::check(swb_model_create(graph_.get(), name_.c_str(), length(0), length(1), length(2), rhs_.data(),
                                            names.c_str(), has_trial_ ? &at : nullptr, &m));
-            built_.reset(m);
+            detail::Owner<swb_model, swb_model_free> owner(m);
+            detail::check(swb_model_set_discrete(m, initial_.data(), detail::length(initial_)));
+            for (const Jump &j : jumps_)
+                detail::check(swb_model_add_transition(
+                    m, graph_.get(), j.guard, SWB_DIRECTION_RISING, j.from.first.data(), detail::length(j.from.first),
+                    j.from.second.data(), detail::length(j.from.second), j.reset.first.data(), detail::length(j.reset.first),
+                    j.reset.second.data(), detail::length(j.reset.second), j.to.first.data(), detail::length(j.to.first),
+                    j.to.second.data(), detail::length(j.to.second), nullptr));
+            built_ = std::move(owner);
         }
         return built_.get();
     }
@@ -495,15 +551,86 @@ private:
         return detail::text([&](char *b, int64_t n, int64_t *needed) { return call(m, b, n, needed); });
     }
 
+    /// A transition: places of states with values or expressions.
+    struct Jump {
+        int64_t guard = -1;
+        std::pair<std::vector<int64_t>, Vector> from, to;
+        std::pair<std::vector<int64_t>, std::vector<int64_t>> reset;
+    };
+    int64_t place(const Expr &state) const {
+        for (std::size_t i = 0; i < x().size(); ++i)
+            if (state.node().graph == graph_ && state.id() == x(i).id())
+                return static_cast<int64_t>(i);
+        throw Error(SWB_ERR_RANGE, "this expression is no state of the model", 0);
+    }
+
     detail::Graph graph_;
     std::string name_;
     Names names_;
     std::array<Exprs, 4> inputs_;
     std::vector<int64_t> rhs_;
+    Vector initial_;
+    std::vector<Jump> jumps_;
     std::array<Vector, 3> trial_;
     double trial_time_ = 0;
     bool has_trial_ = false;
     mutable detail::Owner<swb_model, swb_model_free> built_;
+};
+
+/// A discrete state of a model with named values, 0, 1, ..., and edges between them. It belongs to a model that outlives it.
+class ModelAutomaton {
+public:
+    /// States by names, separated by spaces; it begins in the first.
+    ModelAutomaton(Model &model, const std::string &states, const std::string &name = "")
+        : model_(&model), state_(model.discrete(name)) {
+        std::istringstream words(states);
+        for (std::string word; words >> word;)
+            names_.push_back(word);
+    }
+    /// The discrete state.
+    const Expr &state() const noexcept { return state_; }
+    /// The value of a state; Error if there is none of this name.
+    double operator[](const std::string &name) const {
+        for (std::size_t i = 0; i < names_.size(); ++i)
+            if (names_[i] == name)
+                return static_cast<double>(i);
+        throw Error(SWB_ERR_RANGE, "the automaton has no state '" + name + "'", 0);
+    }
+    /// The name of a value, as Run::discrete has them; Error if there is none.
+    const std::string &name(double value) const {
+        for (std::size_t i = 0; i < names_.size(); ++i)
+            if (value == static_cast<double>(i))
+                return names_[i];
+        throw Error(SWB_ERR_RANGE, "the automaton has no state " + std::to_string(value), 0);
+    }
+    /// An edge that is passed where a comparison becomes true, or at once where it is true when the source begins; `given` are
+    /// discrete states of others and the values they must have. Returns the number of its transition.
+    int64_t edge(const std::string &source, const std::string &target, const Cond &when, const Model::Resets &reset = {},
+                 Model::Values given = {}) {
+        given.emplace_back(state_, (*this)[source]);
+        return model_->transition(when, given, reset, {{state_, (*this)[target]}});
+    }
+    /// An expression with a value for each state, in their order: a table of steps between the states, which is nothing that
+    /// switches, and whose derivative is zero.
+    Expr choose(const Vector &values) const {
+        if (values.size() != names_.size() || values.size() < 2)
+            throw Error(SWB_ERR_DIMENSION, "there must be one value for every state of the automaton", 0);
+        Vector breaks;
+        for (std::size_t i = 1; i < values.size(); ++i)
+            breaks.push_back(static_cast<double>(i) - 0.5);
+        return table(state_, breaks, values, SWB_TABLE_STEPS);
+    }
+    /// An expression that is 1 in a state and 0 in all others.
+    Expr is_in(const std::string &name) const {
+        Vector values(names_.size());
+        values[static_cast<std::size_t>((*this)[name])] = 1.0;
+        return choose(values);
+    }
+
+private:
+    Model *model_;
+    Expr state_;
+    std::vector<std::string> names_;
 };
 
 // --- scenes ----------------------------------------------------------------------------------------

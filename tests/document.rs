@@ -13,7 +13,7 @@ use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{CostAt, Durations, Norm, Ocp};
 use switchback::settings::{InitialGuess, Settings};
 use switchback::sim::Simulator;
-use switchback::system::{Direction, Inclusion, System};
+use switchback::system::{Direction, ImpactLaw, Inclusion, Inertia, Mechanics, Order, System};
 
 #[path = "../examples/report/expression_models.rs"]
 mod expression_models;
@@ -403,6 +403,27 @@ fn transitions_that_make_no_sense_are_refused_in_words() {
     let large = model(r#"["x",0]"#, &roots, "").replace("}}}", &format!("}},\"transitions\":[{many}]}}}}"));
     let said = refusal(&large);
     assert!(said.contains("the resets: 8192 times 16384 entries"), "{said}");
+}
+
+#[test]
+fn contacts_are_no_part_of_documents_yet() {
+    let g = Graph::new();
+    let smooth = Arc::new(g.function("fall", Dims { x: 2, u: 0, p: 0 }, &[g.x(1), g.constant(-9.81)]).unwrap());
+    let (inertia, law) = (Inertia::Identity, ImpactLaw::Newton);
+    let (order, contacts, bounds) = (Order::Second, vec![], vec![]);
+    let mechanics = Mechanics { order, n_q: 1, n_v: 1, smooth, inertia, contacts, law, bounds };
+    let s = Simulation {
+        system: System::of_mechanics(mechanics, 0, 0).unwrap(),
+        settings: Settings::default(),
+        t0: 0.0,
+        x0: vec![1.0, 0.0],
+        u: vec![],
+        p: vec![],
+        duration: 1.0,
+        n_steps: 1,
+    };
+    let e = write_simulation(&s).unwrap_err();
+    assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("contacts"), "{e}");
 }
 
 fn drag(name: &str, n_out: usize) -> Arc<dyn Function> {

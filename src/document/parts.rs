@@ -202,6 +202,7 @@ enum SavedRegions {
 
 impl SavedSystem {
     pub(super) fn new(system: &System) -> Result<SavedSystem> {
+        system.check_without_contacts("a document")?;
         let d = system.dims();
         let subsystem = |s: &Subsystem| -> Result<SavedSubsystem> {
             Ok(SavedSubsystem {
