@@ -5,8 +5,11 @@ use switchback::expr::{Expr, Graph, Id, Piecewise};
 use switchback::model::{Built, Model, Transition};
 use switchback::system::Direction::{self, Falling, Rising};
 
-/// Names of the references and their models.
-pub const AUTOMATA: [(&str, fn() -> Built); 4] =
+/// Name of a reference and its model.
+pub type Automaton = (&'static str, fn() -> Built);
+
+/// The automata with references.
+pub const AUTOMATA: [Automaton; 4] =
     [("thermostat_run", thermostat), ("relay_hysteresis_run", relay), ("two_tanks", two_tanks), ("gear_box", gear_box)];
 
 /// Where the guard passes zero: between which values of a discrete state.
@@ -97,8 +100,8 @@ pub fn rooms(n: usize) -> Built {
         })
         .collect();
     model(&g, 2, &rhs, &vec![0.0; n], |m| {
-        for i in 0..n {
-            hysteresis(m, -t[i], -g.p(0), -g.p(1), n + i, 0.0);
+        for (i, t) in t.iter().enumerate() {
+            hysteresis(m, -*t, -g.p(0), -g.p(1), n + i, 0.0);
         }
     })
 }
