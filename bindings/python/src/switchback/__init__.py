@@ -28,7 +28,9 @@ from ._ffi import (
 )
 from ._library import path as library_path
 from ._library import version as library_version
+from .animation import animate
 from .automaton import Automaton, Interval
+from .bodies import Body, BodyState, Fixed, Motion, States, World
 from .errors import (
     ArgumentError,
     DimensionError,
@@ -103,7 +105,7 @@ from .mpcc import (
 from .multiphase import MultiPhase, MultiPhaseResult
 from ._ocp_search import Modes
 from .ocp import Ocp, OcpResult, OcpSensitivity
-from .plot import plot, plot_phase, plot_run
+from .plot import plot, plot_contacts, plot_phase, plot_run
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
 from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Projected, Scene, SceneContact
 from .settings import Option, Settings, options
@@ -119,6 +121,8 @@ __all__ = [
     "ArgumentError",
     "Automaton",
     "Batch",
+    "Body",
+    "BodyState",
     "BranchPoint",
     "Branching",
     "Certificate",
@@ -131,6 +135,7 @@ __all__ = [
     "Direction",
     "Event",
     "EventKind",
+    "Fixed",
     "FreeTime",
     "Function",
     "Gradient",
@@ -151,6 +156,7 @@ __all__ = [
     "Model",
     "Modes",
     "Mpcc",
+    "Motion",
     "MpccResult",
     "MultiPhase",
     "MultiPhaseResult",
@@ -183,6 +189,7 @@ __all__ = [
     "SimulationResult",
     "Simulator",
     "StateError",
+    "States",
     "Stats",
     "Status",
     "Step",
@@ -194,7 +201,9 @@ __all__ = [
     "Undefined",
     "UnsupportedError",
     "UserError",
+    "World",
     "acos",
+    "animate",
     "asin",
     "atan",
     "atan2",
@@ -214,6 +223,7 @@ __all__ = [
     "minimum",
     "options",
     "plot",
+    "plot_contacts",
     "plot_phase",
     "plot_run",
     "print_iteration",

@@ -256,6 +256,7 @@ class Run(Handle):
     jump_derivatives: Array | None
     impacts: list[Impact]
     impact_derivatives: Array | None
+    _p: Array | None = None  # parameters, where they are known
 
     def __init__(self) -> None:
         raise TypeError("runs come from a simulation")
@@ -348,6 +349,9 @@ class Run(Handle):
 
     def _contact(self, contact: Any) -> int:
         names = [c[0] for c in self.system._contacts]
+        own = getattr(self.system._scene, "contacts", [])
+        if isinstance(contact, SceneContact) and not any(contact is c for c in own):
+            raise ArgumentError(f"contact '{contact.name}' is one of another scene")
         name = contact.name if isinstance(contact, SceneContact) else contact
         if isinstance(name, str):
             if name not in names:
@@ -362,24 +366,29 @@ class Run(Handle):
         """Modes of a contact of a scene, a `SceneContact`, its name or its number, at times (`t` of the run by default):
         integers of `ContactMode`. At the time of an event they are those before it."""
         k = self._contact(contact)
-        times = self.t if t is None else real(t, "t")
+        return self._modes(self.t if t is None else real(t, "t"))[..., k]
+
+    def _modes(self, times: Array) -> Array:
+        """Modes of all contacts, [..., contacts]."""
         flat = numpy.ascontiguousarray(times.reshape(-1))
         n = len(self.system._contacts)
         out = numpy.empty((flat.size, n), dtype=numpy.int64)
         self._do("contact_modes", address(flat), flat.size, address(out), out.size)
-        return out[:, k].reshape(times.shape)
+        return out.reshape((*times.shape, n))
 
     def force(self, contact: Any, t: Any = None) -> Array:
         """Forces of a contact of a scene at times (`t` of the run by default), [..., 1 + number of tangents]: the normal force,
         then those along the tangents. Forces, not impulses, which are in `impacts`."""
         k = self._contact(contact)
-        times = self.t if t is None else real(t, "t")
+        return self._forces(self.t if t is None else real(t, "t"))[..., k, : 1 + self._n_tangents(k)]
+
+    def _forces(self, times: Array) -> Array:
+        """Forces of all contacts, [..., contacts, 3]."""
         flat = numpy.ascontiguousarray(times.reshape(-1))
         n = len(self.system._contacts)
         out = numpy.empty((flat.size, n, 3))
         self._do("contact_forces", address(flat), flat.size, address(out), out.size)
-        width = 1 + self._n_tangents(k)
-        return out[:, k, :width].reshape((*times.shape, width))
+        return out.reshape((*times.shape, n, 3))
 
     def _event(self, i: int, e: Any) -> Event:
         n = self.n_modes[e.subsystem]
@@ -455,6 +464,18 @@ class Run(Handle):
 
         return plot_phase(self, path, **keywords)
 
+    def plot_contacts(self, path: Any = None, **keywords: Any) -> Any:
+        """See `switchback.plot_contacts`."""
+        from .plot import plot_contacts
+
+        return plot_contacts(self, path, **keywords)
+
+    def animate(self, path: Any, **keywords: Any) -> None:
+        """See `switchback.animate`."""
+        from .animation import animate
+
+        animate(self, path, **keywords)
+
     def __repr__(self) -> str:
         if self.closed:
             return "<Run, closed>"
@@ -507,6 +528,7 @@ class Integrator(Handle, HasSettings):
         self.system = system_of(system)
         self.nx, self.nu, self.np = self.system.nx, self.system.nu, self.system.np
         chosen, tolerances = _chosen(settings, {"rtol": rtol, "atol": atol, "method": method}, options)
+        self._p: Array | None = None
         self._create(self.system, ctypes.byref(chosen._c))
         self._functions = list(self.system._functions)
         if tolerances is not None:
@@ -570,6 +592,7 @@ class Integrator(Handle, HasSettings):
         """Set the parameters."""
         array = vector(p, self.np, "p")
         self._do("set_params", address(array), array.size)
+        self._p = array.copy()
 
     def set_stop_times(self, t: Any) -> None:
         """Set times at which steps end, in any order."""
@@ -669,7 +692,9 @@ class Integrator(Handle, HasSettings):
     @property
     def run(self) -> Run:
         """A copy of the result since the last `reinit`."""
-        return Run._take(self, (self.nx, self.np, self.nu), self.system)
+        run = Run._take(self, (self.nx, self.np, self.nu), self.system)
+        run._p = self._p
+        return run
 
     def __repr__(self) -> str:
         return "<Integrator, closed>" if self.closed else f"<Integrator at t={self.time:g}>"

@@ -1,4 +1,4 @@
-"""Plots of states, controls, step sizes, active modes, switches and switching surfaces."""
+"""Plots of states, controls, step sizes, active modes, switches and switching surfaces, and of contacts."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Any, Sequence
 import numpy
 
 from ._arrays import index
-from ._ffi import EventKind
+from ._ffi import ContactMode, EventKind
 from .errors import ArgumentError, DimensionError, StateError
 from .integrator import Run
 from .trajectory import Trajectory
 
-__all__ = ["plot", "plot_phase", "plot_run"]
+__all__ = ["plot", "plot_contacts", "plot_phase", "plot_run"]
 
 _GRID = {"color": "0.9", "linewidth": 0.6}
 
@@ -113,18 +113,49 @@ def _finish(figure: Any, path: Any) -> Any:
     return figure
 
 
-def _curve(run: Run, points: int) -> tuple[numpy.ndarray, numpy.ndarray]:
-    """Times and states along a run, some in every step; at a jump the time twice, with the states before and behind."""
+def _curve(run: Run, points: int) -> tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray]:
+    """Times and states along a run, some in every step; at a jump the time twice, with the states before and behind, and
+    which places are the first of the two."""
     if len(run.t) < 2:
         raise StateError("the run has no dense output: simulate with dense=True, over some time")
     between = numpy.linspace(0.0, 1.0, max(points, 1) + 1)[:-1]
     t = numpy.append((run.t[:-1, None] + numpy.diff(run.t)[:, None] * between).ravel(), run.t[-1])
+    if run.impacts:
+        # bodies that fly have long steps, whatever the curve
+        t = numpy.union1d(t, numpy.linspace(run.t_start, run.t_end, 400))
     x = run(numpy.clip(t, run.t_start, run.t_end))
-    if run.jumps:
-        places = numpy.searchsorted(t, [j.t for j in run.jumps], side="right")
-        t = numpy.insert(t, places, [j.t for j in run.jumps])
-        x = numpy.insert(x, places, [j.after for j in run.jumps], axis=0)
-    return t, x
+    jumps = [(j.t, j.after) for j in run.jumps]
+    if run.impacts:
+        times = numpy.unique([i.t for i in run.impacts])
+        times = times[times < run.t_end]
+        jumps += zip(times, run(numpy.nextafter(times, numpy.inf)))
+        if run.impacts[-1].t == run.t_end:
+            jumps.append((run.t_end, run.x_end))
+        jumps.sort(key=lambda j: j[0])
+    places = numpy.searchsorted(t, [j[0] for j in jumps], side="right")
+    if jumps:
+        t = numpy.insert(t, places, [j[0] for j in jumps])
+        x = numpy.insert(x, places, [j[1] for j in jumps], axis=0)
+    return t, x, places + numpy.arange(len(places)) - 1
+
+
+def _line(ax: Any, a: numpy.ndarray, b: numpy.ndarray, jumps: numpy.ndarray, **style: Any) -> Any:
+    """A curve that is dotted where it jumps."""
+    whole = [numpy.insert(c, jumps + 1, numpy.nan) for c in (a, b)] if len(jumps) else [a, b]
+    (line,) = ax.plot(*whole, linewidth=1.5, **style)
+    if len(jumps):
+        gaps = numpy.full((len(jumps), 1), numpy.nan)
+        dotted = [numpy.hstack([c[jumps, None], c[jumps + 1, None], gaps]).ravel() for c in (a, b)]
+        ax.plot(*dotted, linestyle=":", linewidth=0.9, color=line.get_color())
+    return line
+
+
+def _default_labels(run: Run) -> list[str]:
+    """Names of the states where the model or scene has any."""
+    labels = _labels(None, "x", run.nx)
+    origin = getattr(run.system, "_origin", None)
+    known = origin[2] if origin is not None else ()
+    return [(known[i] if i < len(known) else "") or label for i, label in enumerate(labels)]
 
 
 def plot_run(
@@ -138,15 +169,32 @@ def plot_run(
 ) -> Any:
     """Plot the states of an event-driven simulation over time, with a mark at every switch (circle: crossing, square: a
     sliding mode begins, triangle: it ends, star: not forced), and the active modes as bands, several of them while
-    sliding.
+    sliding. Where states jump they are dotted.
+
+    Of a scene coordinates and velocities have a panel each, the marks are impacts, and the bands are the modes of the
+    contacts that close (closed, or sticks; slides; slides back).
 
     `states` chooses states, `names` label them, `points` are drawn in every step. With `path` the figure is saved there.
     Returns the matplotlib figure.
     """
-    t, x = _curve(run, points)
+    t, x, jumps = _curve(run, points)
     plt = _pyplot()
-    n_modes = sum(run.n_modes)
-    heights = [3.2] + ([0.5 + 0.22 * n_modes] if n_modes else [])
+    scene = getattr(run.system, "_scene", None)
+    chosen = list(range(run.nx)) if states is None else [index(i, "states") for i in states]
+    if any(not 0 <= i < run.nx for i in chosen):
+        raise DimensionError(f"states must be some of the {run.nx} states, not {list(states or [])}")
+    known = _default_labels(run)
+    if names is not None and len(names) == run.nx:
+        known = list(names)
+    elif names is not None:
+        known = dict(zip(chosen, _labels(names, "x", len(chosen))))  # type: ignore[assignment]
+    groups = [("states", chosen)]
+    if scene is not None:
+        parts = [i for i in chosen if i < scene.n_q], [i for i in chosen if i >= scene.n_q]
+        groups = [g for g in zip(("coordinates", "velocities"), parts) if g[1]]
+    bands = _contact_bands(run, None) if scene is not None else None
+    n_modes = len(bands) if bands is not None else sum(run.n_modes)
+    heights = [3.2 if len(groups) == 1 else 2.4] * len(groups) + ([0.5 + 0.22 * n_modes] if n_modes else [])
     figure, axes = plt.subplots(
         len(heights),
         1,
@@ -156,22 +204,161 @@ def plot_run(
         gridspec_kw={"height_ratios": heights},
         layout="constrained",
     )
-    ax = axes[0, 0]
-    chosen = list(range(run.nx)) if states is None else [index(i, "states") for i in states]
-    labels = _labels(names, "x", len(chosen) if names is not None else run.nx)
-    for i, label in zip(chosen, labels if names is not None else [labels[i] for i in chosen]):
-        (line,) = ax.plot(t, x[:, i], label=label, linewidth=1.5)
-        for s in run.switches:
-            ax.plot(s.t, run(s.t)[i], _MARKS[s.kind], color=line.get_color(), markersize=5)
-    ax.set_ylabel("states")
-    _legend(ax, len(chosen))
-    if n_modes:
+    marks = sorted({i.t for i in run.impacts})
+    before = run(numpy.array(marks)) if marks else None
+    for ax, (what, own) in zip(axes[:, 0], groups):
+        for i in own:
+            line = _line(ax, t, x[:, i], jumps, label=known[i])
+            if scene is None:
+                for s in run.switches:
+                    ax.plot(s.t, run(s.t)[i], _MARKS[s.kind], color=line.get_color(), markersize=5)
+            elif before is not None:
+                ax.plot(marks, before[:, i], "o", color=line.get_color(), markersize=3)
+        ax.set_ylabel(what)
+        _legend(ax, len(own) if scene is None else max(len(own), 2))
+    if bands is not None and n_modes:
+        _draw_contact_bands(axes[-1, 0], bands)
+    elif n_modes:
         _bands(axes[1, 0], run)
     for ax in axes[:, 0]:
         ax.grid(**_GRID)
         ax.set_axisbelow(True)
-        for switch_time in run.switch_times:
-            ax.axvline(switch_time, color="0.5", linestyle=":", linewidth=0.8)
+        if scene is None:
+            for switch_time in run.switch_times:
+                ax.axvline(switch_time, color="0.5", linestyle=":", linewidth=0.8)
+    axes[-1, 0].set_xlabel("time")
+    axes[-1, 0].set_xlim(run.t_start, run.t_end)
+    if title:
+        figure.suptitle(title)
+    return _finish(figure, path)
+
+
+_MODE_STYLE = {
+    ContactMode.CLOSED: ("C0", "closed, sticks"),
+    ContactMode.SLIDES: ("C1", "slides"),
+    ContactMode.SLIDES_BACK: ("C3", "slides back"),
+}
+
+
+def _contact_bands(run: Run, contacts: Sequence[Any] | None) -> list[tuple[str, list[tuple[float, float, int]], list]]:
+    """Of contacts (None: those that close or have impulses) the name, intervals in which they are not open with their
+    mode, and times of impacts."""
+    cuts = numpy.unique([run.t_start, *run.switch_times, *(i.t for i in run.impacts), run.t_end])
+    names = [c[0] for c in run.system._contacts]
+    chosen = list(range(len(names))) if contacts is None else [run._contact(c) for c in contacts]
+    if not chosen:
+        return []
+    struck: dict[int, list[float]] = {}
+    for i in run.impacts:
+        struck.setdefault(i.contact, []).append(i.t)
+    middle = 0.5 * (cuts[:-1] + cuts[1:])
+    modes = run._modes(middle)
+    out = []
+    for k in chosen:
+        spans: list[tuple[float, float, int]] = []
+        for a, b, mode in zip(cuts, cuts[1:], modes[:, k]):
+            if mode == ContactMode.OPEN:
+                continue
+            if spans and spans[-1][1] == a and spans[-1][2] == mode:
+                spans[-1] = (spans[-1][0], b, int(mode))
+            else:
+                spans.append((a, b, int(mode)))
+        if contacts is not None or spans or k in struck:
+            out.append((names[k], spans, struck.get(k, [])))
+    return out
+
+
+def _draw_contact_bands(ax: Any, bands: list[tuple[str, list[tuple[float, float, int]], list]]) -> None:
+    import matplotlib.lines
+    import matplotlib.patches
+
+    seen, marked = set(), False
+    for row, (_, spans, impacts) in enumerate(bands):
+        for mode, (color, _) in _MODE_STYLE.items():
+            own = [(a, b - a) for a, b, m in spans if m == mode]
+            if own:
+                ax.broken_barh(own, (row - 0.35, 0.7), facecolor=color, alpha=0.8)
+                seen.add(mode)
+        if impacts:
+            ax.plot(impacts, [row] * len(impacts), "|", color="black", markersize=6, markeredgewidth=0.8)
+            marked = True
+    ax.set_yticks(range(len(bands)), [name for name, _, _ in bands], fontsize="x-small")
+    ax.set_ylim(len(bands) - 0.4, -0.6)
+    ax.set_ylabel("contacts")
+    handles: list[Any] = [
+        matplotlib.patches.Patch(color=color, alpha=0.8, label=label)
+        for mode, (color, label) in _MODE_STYLE.items()
+        if mode in seen
+    ]
+    if marked:
+        line = matplotlib.lines.Line2D([], [], color="black", marker="|", linestyle="", label="impact")
+        handles.append(line)
+    if handles:
+        ax.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize="small", frameon=False)
+
+
+def plot_contacts(
+    run: Run,
+    path: Any = None,
+    *,
+    contacts: Sequence[Any] | None = None,
+    p: Any = None,
+    title: str | None = None,
+    points: int = 12,
+) -> Any:
+    """Plot the contacts of a scene over time: gaps, normal forces, forces of friction where there are any (dashed: the
+    second tangent), and modes as bands. Impulses are marks in the bands: they are no forces.
+
+    `contacts` chooses contacts by `SceneContact`, name or number; by default they are those that close or have impulses,
+    at most twelve of them in the panels of curves. `p` are the parameters, by default those of the run. With `path` the
+    figure is saved there. Returns the matplotlib figure.
+    """
+    scene = getattr(run.system, "_scene", None)
+    if scene is None:
+        raise ArgumentError("the run is not that of a scene")
+    t, x, jumps = _curve(run, points)
+    bands = _contact_bands(run, contacts)
+    if not bands:
+        raise ArgumentError("no contact closes in this run: choose contacts to see their gaps")
+    plt = _pyplot()
+    drawn = [name for name, _, _ in bands][:12]
+    by_name = {c.name: c for c in scene.contacts}
+    gaps = scene.function([by_name[name].gap for name in drawn], "gaps")
+    given = p if p is not None else run._p
+    u = numpy.zeros(scene.nu)
+    values = numpy.array([gaps(state, u, given, time) for state, time in zip(x, t)])
+    # forces jump at events: a little before and behind each of them
+    events = numpy.unique([*run.switch_times, *(i.t for i in run.impacts)])
+    events = events[(events > run.t_start) & (events < run.t_end)]
+    times = numpy.concatenate([t, numpy.nextafter(events, numpy.inf)])
+    times.sort()
+    forces = run._forces(numpy.clip(times, run.t_start, run.t_end))
+    friction = any(run._n_tangents(run._contact(name)) for name in drawn)
+    heights = [2.0, 2.0] + ([2.0] if friction else []) + [0.5 + 0.22 * len(bands)]
+    figure, axes = plt.subplots(
+        len(heights),
+        1,
+        sharex=True,
+        squeeze=False,
+        figsize=(8.0, 0.8 + sum(heights)),
+        gridspec_kw={"height_ratios": heights},
+        layout="constrained",
+    )
+    for i, name in enumerate(drawn):
+        k = run._contact(name)
+        axes[0, 0].plot(t, values[:, i], linewidth=1.5, label=name, color=f"C{i % 10}")
+        axes[1, 0].plot(times, forces[:, k, 0], linewidth=1.5, color=f"C{i % 10}")
+        for j in range(run._n_tangents(k)):
+            axes[2, 0].plot(times, forces[:, k, 1 + j], ["-", "--"][j], linewidth=1.5, color=f"C{i % 10}")
+    axes[0, 0].set_ylabel("gap")
+    axes[1, 0].set_ylabel("normal force")
+    if friction:
+        axes[2, 0].set_ylabel("friction")
+    _legend(axes[0, 0], max(len(drawn), 2))
+    _draw_contact_bands(axes[-1, 0], bands)
+    for ax in axes[:, 0]:
+        ax.grid(**_GRID)
+        ax.set_axisbelow(True)
     axes[-1, 0].set_xlabel("time")
     axes[-1, 0].set_xlim(run.t_start, run.t_end)
     if title:
@@ -210,7 +397,7 @@ def plot_phase(
 ) -> Any:
     """Plot two states of an event-driven simulation against each other, over the switching surfaces: the zeros of the
     switching functions where the other states, controls `u`, parameters `p` and the time are those of the end. The marks
-    are those of `plot_run`, a cross is the start.
+    are those of `plot_run`, a cross is the start; jumps, and impacts of a scene, are dotted.
 
     `grid` is the number of points in each direction where the surfaces are evaluated. With `path` the figure is saved
     there. Returns the matplotlib figure.
@@ -218,13 +405,15 @@ def plot_phase(
     chosen = [index(i, "states") for i in states]
     if len(chosen) != 2 or any(not 0 <= i < run.nx for i in chosen):
         raise DimensionError(f"states must be two of the {run.nx} states, not {list(states)}")
-    _, x = _curve(run, points)
+    _, x, jumps = _curve(run, points)
     plt = _pyplot()
     figure, ax = plt.subplots(figsize=(6.4, 5.6), layout="constrained")
     a, b = chosen
-    ax.plot(x[:, a], x[:, b], linewidth=1.5, color="C0")
+    _line(ax, x[:, a], x[:, b], jumps, color="C0")
     ax.plot(x[0, a], x[0, b], "x", color="C0", markersize=7)
-    for s in run.switches:
+    if getattr(run.system, "_scene", None) is not None:
+        ax.plot(x[jumps, a], x[jumps, b], "o", color="C3", markersize=3)
+    for s in run.switches if getattr(run.system, "_scene", None) is None else ():
         at = run(s.t)
         ax.plot(at[a], at[b], _MARKS[s.kind], color="C3", markersize=5)
     ax.margins(0.12)
@@ -243,9 +432,9 @@ def plot_phase(
             finite = level[numpy.isfinite(level)]
             if finite.size and finite.min() < 0.0 < finite.max():
                 ax.contour(horizontal, vertical, level, levels=[0.0], colors="0.35", linestyles="--", linewidths=1.0)
-    labels = _labels(names, "x", 2 if names is not None else run.nx)
-    ax.set_xlabel(labels[0 if names is not None else a])
-    ax.set_ylabel(labels[1 if names is not None else b])
+    labels = _labels(names, "x", 2) if names is not None else [_default_labels(run)[i] for i in chosen]
+    ax.set_xlabel(labels[0])
+    ax.set_ylabel(labels[1])
     ax.grid(**_GRID)
     ax.set_axisbelow(True)
     if title:

@@ -113,6 +113,7 @@ class Scene:
             encode("\n".join(n for group in self.names for n in group), "names"),
         )
         self._current = False
+        self._layout: Any = None  # of a World: where its bodies are
 
     @property
     def nx(self) -> int:
@@ -230,6 +231,7 @@ class Scene:
         s._discrete = []
         s._origin = self.graph, self.x._ids, tuple(self.names[0] + self.names[1])
         s._contacts = tuple((c["name"], c["tangents"]) for c in self.report_data()["contacts"])
+        s._scene = self
         return s
 
     def simulate(self, q0: Any, v0: Any, t_span: Any, **keywords: Any) -> Run:

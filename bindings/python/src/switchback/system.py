@@ -26,6 +26,7 @@ class System(Handle):
 
     _kind = "system"
     _contacts: tuple[tuple[str, int], ...] = ()  # of a scene: names of contacts and their numbers of tangents
+    _scene: Any = None  # the scene it was made of
 
     def __init__(self, nx: int, nu: int = 0, np: int = 0, f0: Any = None):
         self.nx, self.nu, self.np = index(nx, "nx"), index(nu, "nu"), index(np, "np")
