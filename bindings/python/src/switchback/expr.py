@@ -118,7 +118,9 @@ class Graph(Handle):
             return value
         if isinstance(value, (list, tuple)) and any(isinstance(v, (Expr, list, tuple)) for v in value):
             parts = [self.of(v) for v in value]
-            if len({(p.shape, p._condition) for p in parts}) != 1:
+            if len({p._condition for p in parts}) > 1:
+                raise DimensionError("a list holds conditions and values: choose values with where")
+            if len({p.shape for p in parts}) != 1:
                 raise DimensionError("a list of expressions must hold arrays of one shape")
             return self._expr(numpy.stack([p._ids for p in parts]), parts[0]._condition)
         return self.constant(value)

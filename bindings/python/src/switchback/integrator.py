@@ -349,6 +349,8 @@ class Run(Handle):
 
     def _contact(self, contact: Any) -> int:
         names = [c[0] for c in self.system._contacts]
+        if self.system._scene is None:
+            raise ArgumentError("the run is not that of a scene: it has no contacts of bodies")
         own = getattr(self.system._scene, "contacts", [])
         if isinstance(contact, SceneContact) and not any(contact is c for c in own):
             raise ArgumentError(f"contact '{contact.name}' is one of another scene")

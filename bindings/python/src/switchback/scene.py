@@ -90,6 +90,9 @@ class Scene:
     ):
         self.name = name
         qs = _names(q, "q")
+        for n in qs:
+            if n and qs.count(n) > 1:
+                raise ArgumentError(f"two coordinates are called '{n}'")
         vs = [f"v_{n}" if n else "" for n in qs] if v is None else _names(v, "v")
         self.names = [qs, vs, _names(u, "u"), _names(p, "p")]
         self.n_q, self.n_v, self.nu, self.np = (len(n) for n in self.names)
@@ -138,6 +141,9 @@ class Scene:
         if given.ndim == 1 and self.n_v >= 1 and given.shape == (self.n_v,):
             rows = [[given[i] if i == j else 0.0 for j in range(self.n_v)] for i in range(self.n_v)]
             given = self.graph.of(rows)
+        elif given.shape != (self.n_v, self.n_v):
+            n = self.n_v
+            raise DimensionError(f"inertia has shape {given.shape}, expected ({n},), a diagonal, or ({n}, {n})")
         ids = self._ids(given, (self.n_v, self.n_v), "inertia")
         self._made._do("set_inertia", self.graph, address(ids), ids.size)
 
@@ -160,10 +166,15 @@ class Scene:
         all = [self.graph.of(t) for t in listed]
         numbers = []
         for what, value in (("gap", gap), ("mu", mu), ("e", e)):
+            if isinstance(value, str) or value is None:
+                raise ArgumentError(f"{what} of contact {name} must be an expression or a number, not {value!r:.40}")
             given = self.graph.of(value)
             if given.ndim:
                 raise DimensionError(f"{what} of contact {name} is an array of shape {given.shape}")
             numbers.append(int(given._ids))
+        # friction that nothing slides along would be ignored
+        if not all and (isinstance(mu, Expr) or number(mu, "mu") > 0.0):
+            raise ArgumentError(f"contact {name} has friction and no tangents: give one in the plane, two in space")
         if any(t.ndim for t in all):
             raise DimensionError(f"tangents of contact {name}: give a list of single expressions")
         ids = numpy.array([int(t._ids) for t in all], dtype=numpy.int64)
