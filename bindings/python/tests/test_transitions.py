@@ -38,7 +38,7 @@ def test_plots_show_both_sides_of_a_jump():
     from switchback.plot import _curve
 
     run = swb.simulate(ball(), [1.0, 0.0], 3.0)
-    t, x = _curve(run, 12)
+    t, x, jumps = _curve(run, 12)
     assert (numpy.diff(t) >= 0).all() and x[:, 1].max() == max(j.after[1] for j in run.jumps)
     for j in run.jumps:
         here = x[t == j.t]

@@ -189,7 +189,7 @@ def plot_run(
     elif names is not None:
         known = dict(zip(chosen, _labels(names, "x", len(chosen))))  # type: ignore[assignment]
     groups = [("states", chosen)]
-    if scene is not None:
+    if scene is not None and scene.n_q:
         parts = [i for i in chosen if i < scene.n_q], [i for i in chosen if i >= scene.n_q]
         groups = [g for g in zip(("coordinates", "velocities"), parts) if g[1]]
     bands = _contact_bands(run, None) if scene is not None else None
@@ -306,7 +306,7 @@ def plot_contacts(
     title: str | None = None,
     points: int = 12,
 ) -> Any:
-    """Plot the contacts of a scene over time: gaps, normal forces, forces of friction where there are any (dashed: the
+    """Plot the contacts of a scene, or the constraints of a projected system, over time: gaps, normal forces, friction (dashed: the
     second tangent), and modes as bands. Impulses are marks in the bands: they are no forces.
 
     `contacts` chooses contacts by `SceneContact`, name or number; by default they are those that close or have impulses,
@@ -350,8 +350,8 @@ def plot_contacts(
         axes[1, 0].plot(times, forces[:, k, 0], linewidth=1.5, color=f"C{i % 10}")
         for j in range(run._n_tangents(k)):
             axes[2, 0].plot(times, forces[:, k, 1 + j], ["-", "--"][j], linewidth=1.5, color=f"C{i % 10}")
-    axes[0, 0].set_ylabel("gap")
-    axes[1, 0].set_ylabel("normal force")
+    axes[0, 0].set_ylabel("gap" if scene.n_q else "constraint")
+    axes[1, 0].set_ylabel("normal force" if scene.n_q else "multiplier")
     if friction:
         axes[2, 0].set_ylabel("friction")
     _legend(axes[0, 0], max(len(drawn), 2))

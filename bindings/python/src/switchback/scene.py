@@ -339,7 +339,19 @@ class Projected:
         s._discrete = []
         s._origin = self.graph, self.x._ids, tuple(self.names[0])
         s._contacts = tuple((c.name, 0) for c in self.constraints)
+        s._scene = self
         return s
+
+    n_q = 0  # states stand for velocities: there are no coordinates
+
+    @property
+    def contacts(self) -> list[SceneContact]:
+        """The constraints."""
+        return self.constraints
+
+    def function(self, outputs: Any, name: str = "f") -> Function:
+        """A function of the states, controls, parameters and time."""
+        return self.graph.function(outputs, self.nx, self.nu, self.np, name)
 
     def __repr__(self) -> str:
         return f"<Projected '{self.name}': {self.nx} states, {len(self.constraints)} constraints>"
