@@ -149,9 +149,76 @@ static void slides(void)
     swb_scene_free(NULL);
 }
 
+/* A ball falls on a floor and stays there, in steps. */
+static void steps(void)
+{
+    const double numbers[2] = {0.0, -g}, x0[2] = {1.0, 0.0}, deep[2] = {-1.0, 0.0};
+    int64_t x[2], c[2], n = 0, nx = 0, n_contacts = 0;
+    double t, end[2], impulse[3], times[11], states[22], impulses[33];
+    swb_expr *graph = NULL;
+    swb_scene *scene = NULL;
+    swb_system *system = NULL;
+    swb_stepper *stepper = NULL;
+    swb_step_options options;
+    swb_step_stats stats;
+
+    CHECK_OK(swb_expr_create(&graph));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 2));
+    CHECK_OK(swb_expr_constants(graph, numbers, 2, c, 2));
+    CHECK_OK(swb_scene_create("ball", 1, 1, 0, 0, NULL, &scene));
+    CHECK_OK(swb_scene_set_force(scene, graph, &c[1], 1));
+    CHECK_OK(swb_scene_add_contact(scene, graph, "floor", x[0], NULL, 0, -1, -1, NULL));
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_system(scene, &system));
+
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_step_options_init(&options, 7));
+    CHECK_OK(swb_step_options_init(&options, sizeof options));
+    CHECK(options.h == 1e-3 && options.theta == 0.5 && options.law == -1);
+    options.law = 9;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_stepper_create(system, &options, &stepper));
+    options.law = SWB_IMPACT_LAW_NEWTON;
+    options.h = 0.0;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_stepper_create(system, &options, &stepper));
+    options.h = 2e-3;
+    CHECK_OK(swb_stepper_create(system, &options, &stepper));
+    CHECK_OK(swb_stepper_sizes(stepper, &nx, NULL, NULL, &n_contacts));
+    CHECK(nx == 2 && n_contacts == 1);
+    CHECK_STATUS(SWB_ERR_STATE, swb_stepper_step(stepper));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_stepper_set_state(stepper, 0.0, deep, 2));
+    CHECK_OK(swb_stepper_set_state(stepper, 0.0, x0, 2));
+    CHECK_OK(swb_stepper_step(stepper));
+    CHECK_OK(swb_stepper_get_time(stepper, &t));
+    CHECK_NEAR(t, 2e-3, 1e-15);
+    CHECK_OK(swb_stepper_advance(stepper, 1.0));
+    CHECK_OK(swb_stepper_get_state(stepper, end, 2));
+    CHECK_NEAR(end[0], 0.0, 4e-5);
+    CHECK(end[1] == 0.0);
+    CHECK_OK(swb_stepper_get_impulses(stepper, impulse, 3));
+    CHECK_NEAR(impulse[0], 2e-3 * g, 1e-6);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_stepper_advance(stepper, 0.5));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_stepper_count(stepper, 1.1, 0, &n));
+    CHECK_OK(swb_stepper_count(stepper, 1.1, 5, &n));
+    CHECK(n == 11);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_stepper_run(stepper, 1.1, 5, times, 10, states, 22, NULL, 0));
+    CHECK_OK(swb_stepper_run(stepper, 1.1, 5, times, 11, states, 22, impulses, 33));
+    CHECK(times[0] == 1.0 && times[10] == 1.1 && states[1] == 0.0);
+    CHECK_NEAR(impulses[30], 2e-3 * g, 1e-6);
+    CHECK_OK(swb_stepper_get_stats(stepper, &stats, sizeof stats));
+    CHECK(stats.steps == 550 && stats.unconverged == 0 && stats.deepest == 0 && stats.penetration < 0.02);
+    CHECK_OK(swb_stepper_interrupt(stepper));
+    CHECK_STATUS(SWB_ERR_INTERRUPTED, swb_stepper_step(stepper));
+    CHECK_OK(swb_stepper_step(stepper));
+    swb_stepper_free(stepper);
+    swb_stepper_free(NULL);
+    swb_system_free(system);
+    swb_scene_free(scene);
+    swb_expr_free(graph);
+}
+
 int main(void)
 {
     bounces();
     slides();
+    steps();
     return CHECK_DONE();
 }

@@ -1665,6 +1665,12 @@ typedef struct swb_scene swb_scene;
 typedef struct swb_simulator swb_simulator;
 
 /**
+ * Stepper: makes steps of a scene by the theta-method of Moreau and Jean, in which impacts need not be located. For
+ * scenes with many contacts; of order 1 in the step.
+ */
+typedef struct swb_stepper swb_stepper;
+
+/**
  * Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.
  */
 typedef struct swb_system swb_system;
@@ -2724,6 +2730,98 @@ typedef struct swb_progress {
  * SWB_RUN_OUTCOME_STOPPED. `info` is valid during the call only. Must not unwind.
  */
 typedef int32_t (*swb_progress_fn)(const struct swb_progress *info, void *user_data);
+
+/**
+ * Options of a stepper; swb_step_options_init sets the defaults.
+ */
+typedef struct swb_step_options {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Length of a step.
+     */
+    double h;
+    /**
+     * Where in a step functions are evaluated: 1/2 in its middle, 1 at its start.
+     */
+    double theta;
+    /**
+     * Impulses of a step are found to this share of them, measured by energy.
+     */
+    double tolerance;
+    /**
+     * Sweeps over the contacts and steps of conjugate gradients in a step at most.
+     */
+    int64_t max_iterations;
+    /**
+     * An enum swb_impact_law, or -1 for that of the scene.
+     */
+    int64_t law;
+    /**
+     * 1: what came to rest too deep is shifted back; 0: it is not.
+     */
+    int64_t correct;
+    /**
+     * 1: every step looks at all contacts, for checks: the result is the same to the last bit.
+     */
+    int64_t look_at_all;
+} swb_step_options;
+
+/**
+ * What the steps since the state was set cost and how they went.
+ */
+typedef struct swb_step_stats {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Steps.
+     */
+    int64_t steps;
+    /**
+     * Gaps evaluated.
+     */
+    int64_t gaps;
+    /**
+     * Bounds of gaps over boxes.
+     */
+    int64_t bounds;
+    /**
+     * Closed contacts, summed over the steps.
+     */
+    int64_t contacts;
+    /**
+     * Most contacts closed at once.
+     */
+    int64_t most_contacts;
+    /**
+     * Sweeps over the contacts.
+     */
+    int64_t sweeps;
+    /**
+     * Steps of conjugate gradients.
+     */
+    int64_t gradients;
+    /**
+     * Steps whose impulses were not found to the tolerance.
+     */
+    int64_t unconverged;
+    /**
+     * The largest relative change left in such a step.
+     */
+    double worst_change;
+    /**
+     * The deepest penetration seen, in the unit of its gap.
+     */
+    double penetration;
+    /**
+     * The contact it was at, -1 if there was none.
+     */
+    int64_t deepest;
+} swb_step_stats;
 
 /**
  * Comparison of an optimal control with a simulation of its controls: by the event-driven engine, or by finite elements of
@@ -5210,6 +5308,187 @@ swb_status swb_integrator_interrupt(const struct swb_integrator *integrator);
  * Free; NULL is allowed.
  */
 SWB_API void swb_integrator_free(struct swb_integrator *integrator);
+
+/**
+ * Set the defaults of the options of a stepper.
+ *
+ * @param[out] options     every word is written
+ * @param[in]  struct_size sizeof(swb_step_options)
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
+ */
+SWB_API swb_status swb_step_options_init(struct swb_step_options *options, uint64_t struct_size);
+
+/**
+ * Create a stepper of a scene. It has no state yet; controls and parameters are zero until they are set.
+ *
+ * @param[in]  system  of swb_scene_system; copied, may be freed afterwards
+ * @param[in]  options NULL for the defaults
+ * @param[out] out     the new object, NULL on failure; free with swb_stepper_free
+ * @return SWB_OK; SWB_ERR_STATE if the system is no scene; SWB_ERR_UNSUPPORTED for projected systems; SWB_ERR_RANGE if an
+ *         option is outside its range; SWB_ERR_NUMERIC if a constant inertia is not positive definite
+ */
+SWB_API
+swb_status swb_stepper_create(const struct swb_system *system,
+                              const struct swb_step_options *options,
+                              struct swb_stepper **out);
+
+/**
+ * Set time and state (coordinates, then velocities), and forget impulses and statistics. Set the parameters first.
+ *
+ * @param[in] x [nx]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite or a gap is negative by more than a thousandth
+ *         of the coordinates in it and more than two steps make; SWB_ERR_NONFINITE if a function is not defined there;
+ *         SWB_ERR_NUMERIC if the inertia is not positive definite
+ */
+SWB_API
+swb_status swb_stepper_set_state(struct swb_stepper *stepper,
+                                 double t,
+                                 const double *x,
+                                 int64_t nx);
+
+/**
+ * Set the controls, constant from now on.
+ *
+ * @param[in] u [nu]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API
+swb_status swb_stepper_set_controls(struct swb_stepper *stepper,
+                                    const double *u,
+                                    int64_t nu);
+
+/**
+ * Set the parameters, constant from now on.
+ *
+ * @param[in] p [np]
+ * @return as swb_stepper_set_controls
+ */
+SWB_API swb_status swb_stepper_set_params(struct swb_stepper *stepper, const double *p, int64_t np);
+
+/**
+ * Make one step of the length h of the options.
+ *
+ * @return SWB_OK; SWB_ERR_STATE before swb_stepper_set_state, and after a step that failed; SWB_ERR_USER if a user function
+ *         returned a negative code; SWB_ERR_NONFINITE if one has no value where it is needed, or the state grows without
+ *         end; SWB_ERR_RANGE if friction or restitution is out of range; SWB_ERR_NUMERIC if the inertia is not positive
+ *         definite; SWB_ERR_INTERRUPTED
+ */
+SWB_API
+swb_status swb_stepper_step(struct swb_stepper *stepper);
+
+/**
+ * Make equal steps, not longer than h, that end at a time.
+ *
+ * @param[in] t not before the time reached
+ * @return as swb_stepper_step; where it fails, time and state are those of the last step that was made
+ */
+SWB_API
+swb_status swb_stepper_advance(struct swb_stepper *stepper,
+                               double t);
+
+/**
+ * How many states swb_stepper_run keeps.
+ *
+ * @param[in]  t     end
+ * @param[in]  every states are kept after so many steps, 1 or more
+ * @param[out] n     states, the present one included
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
+ */
+SWB_API
+swb_status swb_stepper_count(const struct swb_stepper *stepper,
+                             double t,
+                             int64_t every,
+                             int64_t *n);
+
+/**
+ * Make equal steps, not longer than h, that end at a time, and keep states.
+ *
+ * @param[in]  t          not before the time reached
+ * @param[in]  every      the state is kept after so many steps, and the last
+ * @param[out] times      [n_times] as swb_stepper_count says: the present time, then those of the states that are kept
+ * @param[out] states     [n_states] n_times times nx, those of the first time first
+ * @param[out] impulses   [n_impulses] n_times times n_contacts times 3, those of the steps that end at these times; NULL
+ *                        with 0 if they are not wanted
+ * @return as swb_stepper_step, and SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_stepper_run(struct swb_stepper *stepper,
+                           double t,
+                           int64_t every,
+                           double *times,
+                           int64_t n_times,
+                           double *states,
+                           int64_t n_states,
+                           double *impulses,
+                           int64_t n_impulses);
+
+/**
+ * Sizes of a stepper.
+ *
+ * @param[out] nx         states: coordinates and velocities; may be NULL
+ * @param[out] nu         controls; may be NULL
+ * @param[out] np         parameters; may be NULL
+ * @param[out] n_contacts contacts, those that were left out do not count; may be NULL
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API
+swb_status swb_stepper_sizes(const struct swb_stepper *stepper,
+                             int64_t *nx,
+                             int64_t *nu,
+                             int64_t *np,
+                             int64_t *n_contacts);
+
+/**
+ * Time reached.
+ *
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_stepper_get_time(const struct swb_stepper *stepper, double *t);
+
+/**
+ * State reached.
+ *
+ * @param[out] x [nx] coordinates, then velocities
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API swb_status swb_stepper_get_state(const struct swb_stepper *stepper, double *x, int64_t nx);
+
+/**
+ * Impulses of the last step: impulses, not forces.
+ *
+ * @param[out] impulses [n] 3 n_contacts: normal, then along the tangents there are, zero for others
+ * @return SWB_OK; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_stepper_get_impulses(const struct swb_stepper *stepper,
+                                    double *impulses,
+                                    int64_t n);
+
+/**
+ * What the steps since the state was set cost and how they went.
+ *
+ * @param[out] stats
+ * @param[in]  struct_size sizeof(swb_step_stats)
+ * @return SWB_OK; SWB_ERR_DIMENSION if the size is no size of such a struct
+ */
+SWB_API
+swb_status swb_stepper_get_stats(const struct swb_stepper *stepper,
+                                 struct swb_step_stats *stats,
+                                 uint64_t struct_size);
+
+/**
+ * End the call that runs, from another thread or a signal handler, after the step it is at; state and time are those of
+ * that step, and the object can be used again.
+ *
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
+ */
+SWB_API
+swb_status swb_stepper_interrupt(const struct swb_stepper *stepper);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_stepper_free(struct swb_stepper *stepper);
 
 /**
  * Create a batch.

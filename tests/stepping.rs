@@ -599,6 +599,17 @@ fn bad_input_is_named() {
     s.advance(0.0).unwrap();
     assert!(simulate_steps(&system, &options(1e-3), 0.0, &[0.0, 1.0, 0.0, 0.0], f64::NAN).is_err());
 
+    // bounds that contacts were left out for are kept
+    let g = Graph::new();
+    let mut scene = Scene::new("bounds", 1, 1, 0, 0).unwrap();
+    scene.set_force(0, g.constant(-1.0).id()).unwrap();
+    scene.set_bounds(0, -1.0, 5.0).unwrap();
+    scene.add_contact(Contact::new(&g, "deep", g.x(0) + 2.0)).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    let e = simulate_steps(&system, &options(1e-2), 0.0, &[1.0, 0.0], 5.0).unwrap_err().to_string();
+    assert!(e.contains("outside of the bounds"), "{e}");
+    assert!(simulate_steps(&system, &options(1e-2), 0.0, &[6.0, 0.0], 5.0).is_err());
+
     // what depends on parameters is seen when it is evaluated
     let g = Graph::new();
     let mut scene = Scene::new("p", 1, 1, 0, 3).unwrap();

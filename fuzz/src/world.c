@@ -185,6 +185,35 @@ static void heater(const swb_settings *s)
     DO(swb_integrator_advance, it, 2.0, &outcome);
 }
 
+/* Steps of a scene with two coordinates and one contact. */
+static void steps(swb_system *system, const double *start)
+{
+    double x[4], t, times[8], states[32], impulses[24];
+    int64_t n, sizes[4];
+    swb_step_options options;
+    swb_step_stats stats;
+    swb_stepper *stepper = NULL;
+    if (!DO(swb_step_options_init, &options, sizeof options))
+        return;
+    options.h = 0.01;
+    if (!DO(swb_stepper_create, system, &options, &stepper))
+        return;
+    pool_add(T_swb_stepper, stepper);
+    DO(swb_stepper_set_params, stepper, NULL, 0);
+    DO(swb_stepper_set_controls, stepper, NULL, 0);
+    DO(swb_stepper_set_state, stepper, 0.0, start, 4);
+    DO(swb_stepper_step, stepper);
+    DO(swb_stepper_advance, stepper, 0.2);
+    if (DO(swb_stepper_count, stepper, 0.3, 2, &n) && n <= 8)
+        DO(swb_stepper_run, stepper, 0.3, 2, times, n, states, 4 * n, impulses, 3 * n);
+    DO(swb_stepper_sizes, stepper, &sizes[0], &sizes[1], &sizes[2], &sizes[3]);
+    DO(swb_stepper_get_time, stepper, &t);
+    DO(swb_stepper_get_state, stepper, x, 4);
+    DO(swb_stepper_get_impulses, stepper, impulses, 3);
+    DO(swb_stepper_get_stats, stepper, &stats, sizeof stats);
+    DO(swb_stepper_interrupt, stepper);
+}
+
 /* A block that falls on a rough floor and slides. */
 static void block(const swb_settings *s)
 {
@@ -235,6 +264,7 @@ static void block(const swb_settings *s)
     DO(swb_run_impact_sensitivity, run, 0, dt, 4);
     DO(swb_run_contact_modes, run, &t, 1, modes, 1);
     DO(swb_run_contact_forces, run, &t, 1, forces, 3);
+    steps(system, start);
 }
 
 /* The play operator: an output that follows the time with slack. */

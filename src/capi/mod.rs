@@ -131,6 +131,8 @@ pub mod model_transition;
 
 pub mod integrator;
 
+pub mod stepper;
+
 pub mod batch;
 
 pub mod ocp;

@@ -206,7 +206,7 @@ mod tests {
             x * y - 2.0 / (y * y + 1.0),
             x.sin() + 0.3 * y.cos() + x * y.sin(),
             (x - y).powi(3) + x.powi(2) + (x * x + 1.0).powi(-2),
-            (0.1 * x).exp() + (x * x + 2.0).log() + y.atan() + y.tanh() + (0.1 * y).cosh() + (0.1 * x).sinh(),
+            (0.1 * x).exp() + (x * x + 2.0).ln() + y.atan() + y.tanh() + (0.1 * y).cosh() + (0.1 * x).sinh(),
             (0.9 * x.sin()).asin() + (0.9 * y.cos()).acos(),
             x / y + 1.0 / x,
         ];

@@ -45,8 +45,17 @@ impl Stepper {
     /// # Errors
     /// Those of [`Stepper::step`], and [`crate::error::Error::Library`] if there is no memory for what is to be kept.
     pub fn run(&mut self, t1: f64) -> Result<Steps> {
-        let n = self.count_steps(t1)?;
-        let every = self.options.record_every as u64;
+        self.run_recording(t1, self.options.record_every as u64, self.options.record_impulses)
+    }
+
+    /// How many states [`Stepper::run_recording`] keeps, the present one included.
+    pub fn count_records(&self, t1: f64, every: u64) -> Result<usize> {
+        Ok(1 + self.count_steps(t1)?.div_ceil(every.max(1)) as usize)
+    }
+
+    /// [`Stepper::run`] with other choices of what is kept than those of the options.
+    pub fn run_recording(&mut self, t1: f64, every: u64, impulses: bool) -> Result<Steps> {
+        let (n, every) = (self.count_steps(t1)?, every.max(1));
         let kept = n / every + 2;
         let size = self.x.len();
         memory::need(u128::from(kept) * (size as u128 + 1) * 8, || format!("{kept} states of {size} numbers"))?;
@@ -65,7 +74,7 @@ impl Stepper {
             if k % every != 0 && k != n {
                 continue;
             }
-            if self.options.record_impulses {
+            if impulses {
                 let record = out.times.len();
                 let of = |&contact: &usize| StepImpulse { record, contact, impulse: self.impulses[contact] };
                 out.impulses.extend(self.held.iter().map(of).filter(|i| i.impulse != [0.0; 3]));

@@ -23,7 +23,7 @@ impl Stepper {
     /// # Errors
     /// [`Error::Dimension`] and [`Error::Range`] for states that do not fit or are not finite, [`Error::Range`] if a gap is
     /// negative by more than a thousandth of the coordinates in it and more than the motion makes in two steps, or friction or
-    /// restitution of a contact that is closed is out of range, [`Error::NonFinite`] if a function is not defined there,
+    /// restitution of a contact that is closed is out of range, or a coordinate outside of bounds that contacts were left out for, [`Error::NonFinite`] if a function is not defined there,
     /// [`Error::Numeric`] if the inertia is not positive definite.
     pub fn reset(&mut self, t: f64, x: &[f64]) -> Result<()> {
         finite("time", &[t], 1)?;
@@ -36,6 +36,7 @@ impl Stepper {
         self.stats = Statistics::default();
         (self.near.looked, self.near.bounded) = (0, 0);
         self.middle.copy_from_slice(x);
+        self.check_bounds()?;
         self.evaluate_smooth(t)?;
         self.load_inertia(t)?;
         self.find_rates();
@@ -233,6 +234,7 @@ impl Stepper {
         self.move_middle(h);
         self.x[..n_q].copy_from_slice(&self.middle[..n_q]);
         self.x[n_q..].copy_from_slice(&self.v);
+        self.check_bounds()?;
         if let Some(i) = self.x.iter().position(|v| !v.is_finite()) {
             return Err(Error::NonFinite(format!(
                 "state {i} is {} after the step from t = {}: forces that the step does not resolve grow without end, make it \
@@ -241,6 +243,19 @@ impl Stepper {
             )));
         }
         Ok(())
+    }
+
+    /// Nothing is known of the contacts that were left out where the coordinates leave the bounds.
+    fn check_bounds(&self) -> Result<()> {
+        let outside = |b: &Option<(f64, f64)>, x: f64| b.is_some_and(|(low, high)| x < low || x > high);
+        match self.mechanics.bounds.iter().zip(&self.x).position(|(b, x)| outside(b, *x)) {
+            None => Ok(()),
+            Some(i) => Err(Error::Range(format!(
+                "coordinate {i} is {}, in the step from t = {}: outside of the bounds that contacts of the scene were left \
+                 out for, widen them",
+                self.x[i], self.t
+            ))),
+        }
     }
 
     /// Moves the coordinates of the middle by `h N v`, with the velocities that stand there.

@@ -15,6 +15,7 @@ mod sim;
 mod sliding_families;
 mod sliding_ocp;
 mod step_equilibration;
+mod stepping;
 mod switching;
 mod tutorial_ocp;
 
@@ -42,6 +43,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("guesses", guesses::run),
     ("latency", latency::run),
     ("step-equilibration", step_equilibration::run),
+    ("stepping", stepping::run),
     ("mpcc-textbook", mpcc_textbook::run),
     ("linalg", linalg::run),
     ("model-eval", model_eval::run),

@@ -110,6 +110,7 @@ from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_i
 from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Projected, Scene, SceneContact
 from .settings import Option, Settings, options
 from .simulator import SimulationResult, Simulator, simulate_fesd
+from .stepper import Stepper, Steps, StepStats, simulate_steps
 from .system import System
 from .trajectory import Switch, Trajectory
 
@@ -193,6 +194,9 @@ __all__ = [
     "Stats",
     "Status",
     "Step",
+    "StepStats",
+    "Stepper",
+    "Steps",
     "Switch",
     "SwitchKind",
     "SwitchbackError",
@@ -232,6 +236,7 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "simulate_fesd",
+    "simulate_steps",
     "sin",
     "sinh",
     "sqrt",

@@ -751,6 +751,36 @@ class swb_progress(Structure):
     ]
 
 
+class swb_step_options(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("h", c_double),
+        ("theta", c_double),
+        ("tolerance", c_double),
+        ("max_iterations", c_int64),
+        ("law", c_int64),
+        ("correct", c_int64),
+        ("look_at_all", c_int64),
+    ]
+
+
+class swb_step_stats(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("steps", c_int64),
+        ("gaps", c_int64),
+        ("bounds", c_int64),
+        ("contacts", c_int64),
+        ("most_contacts", c_int64),
+        ("sweeps", c_int64),
+        ("gradients", c_int64),
+        ("unconverged", c_int64),
+        ("worst_change", c_double),
+        ("penetration", c_double),
+        ("deepest", c_int64),
+    ]
+
+
 class swb_accuracy(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -995,6 +1025,22 @@ FUNCTIONS = {
     "swb_integrator_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
     "swb_integrator_interrupt": (c_int32, [c_void_p]),
     "swb_integrator_free": (None, [c_void_p]),
+    "swb_step_options_init": (c_int32, [POINTER(swb_step_options), c_uint64]),
+    "swb_stepper_create": (c_int32, [c_void_p, POINTER(swb_step_options), c_void_p]),
+    "swb_stepper_set_state": (c_int32, [c_void_p, c_double, c_void_p, c_int64]),
+    "swb_stepper_set_controls": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_stepper_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_stepper_step": (c_int32, [c_void_p]),
+    "swb_stepper_advance": (c_int32, [c_void_p, c_double]),
+    "swb_stepper_count": (c_int32, [c_void_p, c_double, c_int64, c_void_p]),
+    "swb_stepper_run": (c_int32, [c_void_p, c_double, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_stepper_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_stepper_get_time": (c_int32, [c_void_p, c_void_p]),
+    "swb_stepper_get_state": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_stepper_get_impulses": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_stepper_get_stats": (c_int32, [c_void_p, POINTER(swb_step_stats), c_uint64]),
+    "swb_stepper_interrupt": (c_int32, [c_void_p]),
+    "swb_stepper_free": (None, [c_void_p]),
     "swb_batch_create": (c_int32, [c_void_p, POINTER(swb_settings), c_void_p]),
     "swb_batch_run": (c_int32, [c_void_p, c_double, c_double, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_int64]),
     "swb_batch_size": (c_int32, [c_void_p, c_void_p]),

@@ -21,6 +21,7 @@ from .system import System
 
 if TYPE_CHECKING:
     from .integrator import Run
+    from .stepper import Steps
 
 __all__ = ["ContactMode", "Impact", "ImpactKind", "ImpactLaw", "Projected", "Scene", "SceneContact"]
 
@@ -251,6 +252,12 @@ class Scene:
 
         x0 = numpy.concatenate([vector(q0, self.n_q, "q0"), vector(v0, self.n_v, "v0")])
         return simulate(self.system(), x0, t_span, **keywords)
+
+    def simulate_steps(self, q0: Any, v0: Any, t_span: Any, h: float = 1e-3, **keywords: Any) -> Steps:
+        """Simulate by time stepping, for many contacts; see `switchback.simulate_steps`."""
+        from .stepper import simulate_steps
+
+        return simulate_steps(self, q0, v0, t_span, h, **keywords)
 
     def function(self, outputs: Any, name: str = "f") -> Function:
         """A function of the state, controls, parameters and time of the scene."""
