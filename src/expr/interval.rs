@@ -101,7 +101,8 @@ fn meets(a: f64, b: f64, from: f64) -> bool {
 }
 
 fn sine(a: Range, shift: f64, f: fn(f64) -> f64) -> Range {
-    if !(a[0].abs().max(a[1].abs()) < LARGE_ANGLE) {
+    let largest = a[0].abs().max(a[1].abs());
+    if largest.is_nan() || largest >= LARGE_ANGLE {
         return [-1.0, 1.0];
     }
     let quarter = std::f64::consts::FRAC_PI_2;

@@ -163,7 +163,7 @@ impl Solver {
                 curvature += self.product[i] * self.direction[i];
             }
             // nothing to gain where the rows depend on each other
-            if !(curvature > 0.0) {
+            if curvature.is_nan() || curvature <= 0.0 {
                 break;
             }
             let length = norm / curvature;
@@ -320,13 +320,13 @@ fn solve3(w: &[f64; 9], b: [f64; 3]) -> Option<[f64; 3]> {
     let l00 = w[0].sqrt();
     let (l10, l20) = (w[3] / l00, w[6] / l00);
     let d1 = w[4] - l10 * l10;
-    if !(d1 > 1e-14 * w[4]) {
+    if d1.is_nan() || d1 <= 1e-14 * w[4] {
         return None;
     }
     let l11 = d1.sqrt();
     let l21 = (w[7] - l20 * l10) / l11;
     let d2 = w[8] - l20 * l20 - l21 * l21;
-    if !(d2 > 1e-14 * w[8]) {
+    if d2.is_nan() || d2 <= 1e-14 * w[8] {
         return None;
     }
     let l22 = d2.sqrt();
@@ -366,7 +366,7 @@ fn in_disc(a: [f64; 3], b: [f64; 2], radius: f64) -> [f64; 2] {
         // xᵀ (A + ν)⁻¹ x
         let c = (x[0] * x[0] * q - 2.0 * x[0] * x[1] * a[1] + x[1] * x[1] * p) / det;
         let step = (n / radius - 1.0) * n * n / c;
-        if !(step.abs() > 1e-15 * (nu + trace)) {
+        if step.is_nan() || step.abs() <= 1e-15 * (nu + trace) {
             break;
         }
         nu = (nu + step).max(1e-14 * trace);

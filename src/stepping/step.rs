@@ -408,7 +408,7 @@ impl Stepper {
 }
 
 fn check_law(name: &str, friction: f64, restitution: f64) -> Result<()> {
-    if !(friction >= 0.0) {
+    if friction.is_nan() || friction < 0.0 {
         return Err(Error::Range(format!("the friction of contact {name} is {friction}: it must not be negative")));
     }
     if !(0.0..=1.0).contains(&restitution) {
