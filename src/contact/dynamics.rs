@@ -82,6 +82,10 @@ pub(crate) struct Dynamics {
     /// `M⁻¹` times the force directions of the rows, one after the other.
     pub(super) y: Vec<f64>,
     pub(super) held: LeastNorm,
+    /// Contacts of which nothing but the sliding velocity changes: flat, with tangents that are straight.
+    flat: Vec<bool>,
+    /// Modes whose rows and matrix are those that are kept, where nothing of them changes; empty: none.
+    kept: Vec<usize>,
     pub(super) lambda: Vec<f64>,
     /// Directions of sliding where the sliding velocity is zero, of contacts in space that begin to slide.
     pub(crate) directions: Vec<[f64; 2]>,
@@ -134,6 +138,8 @@ impl Dynamics {
             rows: Vec::with_capacity(some),
             y: Vec::with_capacity(some * n_v),
             held: LeastNorm::with_capacity(some),
+            flat: m.contacts.iter().map(|c| is_flat(c, n_v)).collect(),
+            kept: Vec::with_capacity(m.contacts.len()),
             lambda: Vec::with_capacity(some),
             directions: vec![[0.0; 2]; m.contacts.len()],
             fastest: vec![0.0; m.contacts.len()],
@@ -225,10 +231,16 @@ impl Dynamics {
         m == mode::SLIDES || m == mode::SLIDES_BACK
     }
 
-    /// Which components are held under these modes.
-    fn list_rows(&mut self, modes: &[Vec<usize>]) {
+    /// Nothing is held any more.
+    pub(super) fn forget_rows(&mut self) {
+        self.kept.clear();
         self.rows.clear();
         self.y.clear();
+    }
+
+    /// Which components are held under these modes.
+    fn list_rows(&mut self, modes: &[Vec<usize>]) {
+        self.forget_rows();
         for (contact, set) in modes.iter().enumerate() {
             if set[0] == mode::OPEN {
                 continue;
@@ -244,18 +256,24 @@ impl Dynamics {
     /// Accelerations and forces under the modes of all contacts, at a point where everything is evaluated anew.
     pub(crate) fn accelerate(&mut self, at: &At, modes: &[Vec<usize>]) -> EvalResult {
         self.load(at)?;
-        self.list_rows(modes);
+        let kept = self.kept.len() == modes.len() && self.kept.iter().zip(modes).all(|(a, b)| *a == b[0]);
+        if !kept {
+            self.list_rows(modes);
+        }
         self.acceleration.copy_from_slice(&self.free);
         self.forces.fill([0.0; 3]);
         if self.rows.is_empty() {
             return Ok(());
         }
-        for i in 0..self.rows.len() {
-            if self.rows[i].component == 0 {
-                self.load_contact(at, self.rows[i].contact)?;
+        if !kept {
+            for i in 0..self.rows.len() {
+                if self.rows[i].component == 0 {
+                    self.load_contact(at, self.rows[i].contact)?;
+                }
             }
+            self.assemble(modes)?;
+            self.keep(modes);
         }
-        self.assemble(modes)?;
         let n_v = self.mechanics.n_v;
         self.lambda.clear();
         for r in &self.rows {
@@ -276,6 +294,18 @@ impl Dynamics {
             }
         }
         Ok(())
+    }
+
+    /// Keeps rows and matrix for the next evaluation if nothing of them changes.
+    fn keep(&mut self, modes: &[Vec<usize>]) {
+        let contacts = modes.iter().zip(&self.flat).zip(&self.mechanics.contacts);
+        let mut closed = contacts.filter(|((m, _), _)| m[0] != mode::OPEN);
+        // the direction of a slide in space turns
+        if self.mass.is_constant()
+            && closed.all(|((m, flat), c)| *flat && !(c.n_tangents == 2 && Dynamics::slides(m[0])))
+        {
+            self.kept.extend(modes.iter().map(|m| m[0]));
+        }
     }
 
     /// `M⁻¹ F` and the matrix `G M⁻¹ F` of the rows, factored; the blocks of the closed contacts are loaded.
@@ -453,6 +483,13 @@ impl Dynamics {
         }
         self.assemble(modes)
     }
+}
+
+/// Is the sliding velocity all that changes of what is known of a contact?
+fn is_flat(c: &Contact, n_v: usize) -> bool {
+    let p = c.motion.jac_pattern();
+    let sliding = |r: usize| r >= 3 + n_v && (r - 3 - n_v) % (2 + n_v) == 0;
+    (0..p.n_cols()).all(|col| p.rows(col).iter().all(|&r| sliding(r)))
 }
 
 pub(super) fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -47,7 +47,7 @@ impl Dynamics {
     /// dynamics.
     pub(super) fn delassus(&mut self, contacts: &[usize]) -> (Vec<usize>, Vec<f64>) {
         let n_v = self.mechanics.n_v;
-        self.rows.clear();
+        self.forget_rows();
         let mut first = Vec::with_capacity(contacts.len());
         for &contact in contacts {
             first.push(self.rows.len());
@@ -156,7 +156,7 @@ impl Dynamics {
         let behind = Point { x: after, ..*at };
         let mut modes = vec![vec![mode::OPEN]; m.contacts.len()];
         let mut impulses = vec![[0.0; 3]; m.contacts.len()];
-        self.rows.clear();
+        self.forget_rows();
         for p in impact.parts.iter().filter(|p| p.state != State::Open) {
             let i = p.contact;
             self.load_contact(&behind, i)?;

@@ -39,6 +39,11 @@ impl Mass {
         }
     }
 
+    /// Is it the same everywhere?
+    pub(super) fn is_constant(&self) -> bool {
+        !matches!(self, Mass::Dense { constant: false, .. })
+    }
+
     /// Evaluates and factors the matrix where it varies.
     pub(super) fn load(&mut self, m: &Mechanics, at: &Point, work: &mut [f64]) -> EvalResult {
         if let (Mass::Dense { n, l, constant: false }, Inertia::Varying { matrix, .. }) = (self, &m.inertia) {

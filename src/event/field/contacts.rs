@@ -134,6 +134,10 @@ impl Field {
                     }
                     continue;
                 }
+                if Dynamics::slides(set[0]) {
+                    // flat contacts are not evaluated anew for the forces
+                    c.dynamics.load_contact(at, i)?;
+                }
                 c.write(i, set[0], &mut q[place..place + WATCHED]);
             }
             Ok(())
