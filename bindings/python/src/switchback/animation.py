@@ -133,8 +133,8 @@ def _fit(ax: Any, view: Any, low: Array, high: Array) -> None:
 
 
 def _clock(ax: Any) -> Any:
-    box = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 2.0}
-    return ax.text(0.02, 0.97, "", transform=ax.transAxes, va="top", fontsize="small", bbox=box, zorder=10)
+    """Where the time is shown: above the picture, where nothing moves."""
+    return ax.set_title(" ", loc="left", fontsize="small")
 
 
 # --- scenes ---------------------------------------------------------------------------------------------
@@ -245,7 +245,7 @@ def _bodies(
         hidden = numpy.zeros((tails.shape[1], 2))
         arrows = ax.quiver(
             hidden[:, 0], hidden[:, 1], hidden[:, 0], hidden[:, 1],
-            angles="xy", scale_units="xy", scale=1.0, color="C3", width=0.005, zorder=5,
+            angles="xy", scale_units="xy", scale=1.0, color="C3", width=0.009, zorder=5,
         )  # fmt: skip
     clock = _clock(ax)
 

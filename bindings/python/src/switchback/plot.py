@@ -172,7 +172,7 @@ def plot_run(
     sliding. Where states jump they are dotted.
 
     Of a scene coordinates and velocities have a panel each, the marks are impacts, and the bands are the modes of the
-    contacts that close (closed, or sticks; slides; slides back).
+    contacts that close: closed, or with friction sticks, slides along the tangent, slides back.
 
     `states` chooses states, `names` label them, `points` are drawn in every step. With `path` the figure is saved there.
     Returns the matplotlib figure.
@@ -217,7 +217,7 @@ def plot_run(
         ax.set_ylabel(what)
         _legend(ax, len(own) if scene is None else max(len(own), 2))
     if bands is not None and n_modes:
-        _draw_contact_bands(axes[-1, 0], bands)
+        _draw_contact_bands(axes[-1, 0], run, bands)
     elif n_modes:
         _bands(axes[1, 0], run)
     for ax in axes[:, 0]:
@@ -234,7 +234,7 @@ def plot_run(
 
 
 _MODE_STYLE = {
-    ContactMode.CLOSED: ("C0", "closed, sticks"),
+    ContactMode.CLOSED: ("C0", "sticks"),
     ContactMode.SLIDES: ("C1", "slides"),
     ContactMode.SLIDES_BACK: ("C3", "slides back"),
 }
@@ -268,11 +268,15 @@ def _contact_bands(run: Run, contacts: Sequence[Any] | None) -> list[tuple[str, 
     return out
 
 
-def _draw_contact_bands(ax: Any, bands: list[tuple[str, list[tuple[float, float, int]], list]]) -> None:
+def _draw_contact_bands(ax: Any, run: Run, bands: list[tuple[str, list[tuple[float, float, int]], list]]) -> None:
     import matplotlib.lines
     import matplotlib.patches
 
     seen, marked = set(), False
+    # what closed means: nothing slides without friction, and constraints of projected systems are no contacts
+    of_bodies = run.system._scene.n_q > 0
+    rough = any(n for _, n in run.system._contacts)
+    closed = ("sticks" if rough else "closed") if of_bodies else "active"
     for row, (_, spans, impacts) in enumerate(bands):
         for mode, (color, _) in _MODE_STYLE.items():
             own = [(a, b - a) for a, b, m in spans if m == mode]
@@ -284,9 +288,9 @@ def _draw_contact_bands(ax: Any, bands: list[tuple[str, list[tuple[float, float,
             marked = True
     ax.set_yticks(range(len(bands)), [name for name, _, _ in bands], fontsize="x-small")
     ax.set_ylim(len(bands) - 0.4, -0.6)
-    ax.set_ylabel("contacts")
+    ax.set_ylabel("contacts" if of_bodies else "constraints")
     handles: list[Any] = [
-        matplotlib.patches.Patch(color=color, alpha=0.8, label=label)
+        matplotlib.patches.Patch(color=color, alpha=0.8, label=closed if mode == ContactMode.CLOSED else label)
         for mode, (color, label) in _MODE_STYLE.items()
         if mode in seen
     ]
@@ -355,7 +359,7 @@ def plot_contacts(
     if friction:
         axes[2, 0].set_ylabel("friction")
     _legend(axes[0, 0], max(len(drawn), 2))
-    _draw_contact_bands(axes[-1, 0], bands)
+    _draw_contact_bands(axes[-1, 0], run, bands)
     for ax in axes[:, 0]:
         ax.grid(**_GRID)
         ax.set_axisbelow(True)
