@@ -79,7 +79,7 @@ def animate(
         else:
             frame = _drawn(ax, run, times, view, draw, scene.n_q, pace)
         if title:
-            ax.set_title(title)
+            figure.suptitle(title)
         # the layout is found once: finding it for every frame takes most of the time
         frame(0)
         figure.canvas.draw()
