@@ -37,13 +37,14 @@ def animate(
 ) -> None:
     """Animate a run of a scene: a GIF, with ffmpeg an MP4, or a page where `path` ends in .html.
 
-    The bodies of a `World` in the plane are drawn as they are, impacts as stars, with `forces` the contact forces as arrows.
-    Of another scene `draw(axes, q, t)` draws what there is to see at coordinates `q`, on axes that are empty again; without
-    it there is a point at (q[0], q[1]), or at (0, q[0]).
+    The bodies of a `World` in the plane are drawn as they are, impacts as stars, with `forces` the contact forces as
+    arrows. Of another scene `draw(axes, q, t)` draws what there is to see at coordinates `q`, on axes that are empty
+    again; without it there is a point at (q[0], q[1]), or at (0, q[0]).
 
-    `fps` are frames per second, `speed` is the time of the run that passes in a second, `size` is in inches (of 100 pixels),
-    `limits` are (left, right, bottom, top); by default everything is inside. Errors: `ImportError` without matplotlib or
-    pillow, `StateError` for runs without dense output, `UnsupportedError` for worlds in space without `draw`.
+    `fps` are frames per second, `speed` is the time of the run that passes in a second, `size` is in inches (of 100
+    pixels), `limits` are (left, right, bottom, top); by default everything is inside. Errors: `ImportError` without
+    matplotlib or pillow, `StateError` for runs without dense output, `UnsupportedError` for worlds in space without
+    `draw`.
     """
     plt = _pyplot()
     scene = getattr(run.system, "_scene", None)
@@ -140,7 +141,9 @@ def _clock(ax: Any) -> Any:
 # --- scenes ---------------------------------------------------------------------------------------------
 
 
-def _drawn(ax: Any, run: Run, times: Array, view: Any, draw: Draw | None, n_q: int, pace: float) -> Callable[[int], Any]:
+def _drawn(
+    ax: Any, run: Run, times: Array, view: Any, draw: Draw | None, n_q: int, pace: float
+) -> Callable[[int], Any]:
     """Frames that a function draws, or a point."""
     q = run(times)[:, :n_q]
     point = q[:, :2] if n_q > 1 else numpy.column_stack([numpy.zeros(len(q)), q[:, 0]])

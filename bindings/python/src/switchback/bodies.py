@@ -61,8 +61,8 @@ class Body:
 class Fixed:
     """A plane that bodies do not pass, in the plane a line: they are where normal . position >= offset.
 
-    `offset` is a number or a function of `States` (time, parameters); `speed` is the speed of its surface, a number, in the
-    plane along the normal turned by 90 degrees clockwise (to the right on a floor), a belt.
+    `offset` is a number or a function of `States` (time, parameters); `speed` is the speed of its surface, a number, in
+    the plane along the normal turned by 90 degrees clockwise (to the right on a floor), a belt.
     """
 
     name: str
@@ -87,8 +87,9 @@ class Fixed:
 
 @dataclass(frozen=True)
 class BodyState:
-    """Position and velocity of a body: expressions, or arrays of numbers. `angle` and `omega` are None where the rotation is
-    not part of the scene; in space there is no angle, and `omega` are three numbers; in the plane no `z` and `vz`."""
+    """Position and velocity of a body: expressions, or arrays of numbers. `angle` and `omega` are None where the
+    rotation is not part of the scene; in space there is no angle, and `omega` are three numbers; in the plane no `z`
+    and `vz`."""
 
     position: Any
     velocity: Any
@@ -121,8 +122,9 @@ class BodyState:
 
 
 class States:
-    """The expressions of a world, for forces, moving planes, friction and restitution given as functions: `s[body]` is a
-    `BodyState`, the body given by itself or its name; `s.t` is the time, `s.u` and `s.p` are controls and parameters."""
+    """The expressions of a world, for forces, moving planes, friction and restitution given as functions: `s[body]` is
+    a `BodyState`, the body given by itself or its name; `s.t` is the time, `s.u` and `s.p` are controls and
+    parameters."""
 
     def __init__(self, world: World, states: dict[str, BodyState], u: Any, p: Any, t: Any):
         self._world, self._states = world, states
@@ -134,8 +136,8 @@ class States:
 
 @dataclass(frozen=True)
 class Motion:
-    """The way of a body: arrays over the times `t`. `z` and `vz` are None in the plane, `angle` in space, where `omega` has
-    a column for each direction. Bodies whose rotation is not part of the scene turn as they began."""
+    """The way of a body: arrays over the times `t`. `z` and `vz` are None in the plane, `angle` in space, where `omega`
+    has a column for each direction. Bodies whose rotation is not part of the scene turn as they began."""
 
     t: Array
     x: Array
@@ -242,8 +244,8 @@ def _positive(value: Any, name: str) -> float:
 
 
 class World:
-    """Rigid bodies with contacts: discs, boxes, rods, capsules and points in the plane, spheres and points in space, and
-    planes that they do not pass. It writes the expressions of a `Scene`, which is there as `scene`.
+    """Rigid bodies with contacts: discs, boxes, rods, capsules and points in the plane, spheres and points in space,
+    and planes that they do not pass. It writes the expressions of a `Scene`, which is there as `scene`.
 
         w = swb.World(e=0.8)
         ball, floor = w.disc(0.1, mass=1.0, name="ball"), w.floor()
@@ -251,11 +253,12 @@ class World:
         run = w.simulate(5.0)
         w.trajectory(run, ball).y
 
-    `gravity` points down the last axis, or is a vector. `mu` and `e` are friction and restitution of all contacts that have
-    none of their own: numbers, or functions of `States` that return an expression. `controls` and `parameters` are numbers
-    or names, as in a scene; `impact_law` is "newton" or "sequential" (see `Scene.impact_law`).
+    `gravity` points down the last axis, or is a vector. `mu` and `e` are friction and restitution of all contacts that
+    have none of their own: numbers, or functions of `States` that return an expression. `controls` and `parameters` are
+    numbers or names, as in a scene; `impact_law` is "newton" or "sequential" (see `Scene.impact_law`).
 
-    Angles and angular velocities are counter-clockwise. A disc without friction does not need its angle: it is left out.
+    Angles and angular velocities are counter-clockwise. A disc without friction does not need its angle: it is left
+    out.
     """
 
     def __init__(
@@ -311,7 +314,12 @@ class World:
         return body
 
     def disc(
-        self, radius: float, mass: float, inertia: float | None = None, name: str | None = None, turns: bool | None = None
+        self,
+        radius: float,
+        mass: float,
+        inertia: float | None = None,
+        name: str | None = None,
+        turns: bool | None = None,
     ) -> Body:
         """Add a disc; without `inertia` it is homogeneous. Its rotation is part of the scene where a contact of it has
         friction, or as `turns` says."""
@@ -347,16 +355,21 @@ class World:
         return self._add("point", name, mass, None, 1.0, turns=False)
 
     def sphere(
-        self, radius: float, mass: float, inertia: float | None = None, name: str | None = None, turns: bool | None = None
+        self,
+        radius: float,
+        mass: float,
+        inertia: float | None = None,
+        name: str | None = None,
+        turns: bool | None = None,
     ) -> Body:
-        """Add a sphere, in space; without `inertia` it is homogeneous. With friction its angular velocity is part of the
-        scene (three more velocities and no coordinates: a sphere looks the same from everywhere)."""
+        """Add a sphere, in space; without `inertia` it is homogeneous. With friction its angular velocity is part of
+        the scene (three more velocities and no coordinates: a sphere looks the same from everywhere)."""
         r = _positive(radius, "the radius of a sphere")
         return self._add("sphere", name, mass, inertia, 0.4 * r * r, radius=r, turns=turns)
 
     def plane(self, normal: Any, offset: Any = 0.0, name: str | None = None, speed: float = 0.0) -> Fixed:
-        """Add a plane, in the plane a line: bodies stay where normal . position >= offset. The normal is made a unit vector.
-        `offset` may be a function of `States`, of time and parameters; `speed` is that of a belt (`Fixed`)."""
+        """Add a plane, in the plane a line: bodies stay where normal . position >= offset. The normal is made a unit
+        vector. `offset` may be a function of `States`, of time and parameters; `speed` is that of a belt (`Fixed`)."""
         n = vector(normal, self._n, "normal")
         length = float(numpy.linalg.norm(n))
         if not (length > 0.0 and math.isfinite(length)):
@@ -405,12 +418,12 @@ class World:
     # --- contacts and forces ------------------------------------------------------------------------------
 
     def contacts(self, *pairs: tuple[Any, Any], mu: Any = None, e: Any = None) -> None:
-        """Say which pairs may touch: tuples of two bodies, or of a body and a plane, by themselves or by name; without any,
-        all pairs that are not named yet. `mu` and `e` are their friction and restitution. A world of which this is never
-        said has contacts of all pairs.
+        """Say which pairs may touch: tuples of two bodies, or of a body and a plane, by themselves or by name; without
+        any, all pairs that are not named yet. `mu` and `e` are their friction and restitution. A world of which this is
+        never said has contacts of all pairs.
 
-        A box, rod or capsule touches planes only: the distance of its side from another body is not smooth where the nearest
-        point passes a corner. Without friction, or with it in the plane, round bodies touch each other.
+        A box, rod or capsule touches planes only: the distance of its side from another body is not smooth where the
+        nearest point passes a corner. Without friction, or with it in the plane, round bodies touch each other.
         """
         mu, e = (self.mu if mu is None else mu), (self.e if e is None else e)
         old = list(self._pairs or [])
@@ -442,8 +455,8 @@ class World:
             return
         if not (a._round and b._round):
             raise UnsupportedError(
-                f"{a.name} ({a.shape}) and {b.name} ({b.shape}): the distance of sides and corners is not smooth; boxes, rods and "
-                "capsules touch planes only. Name the pairs that may touch, without this one"
+                f"{a.name} ({a.shape}) and {b.name} ({b.shape}): the distance of sides and corners is not smooth; "
+                "boxes, rods and capsules touch planes only. Name the pairs that may touch, without this one"
             )
         if not a.radius and not b.radius:
             raise UnsupportedError(
@@ -451,13 +464,13 @@ class World:
             )
         if self.space and _rough(mu):
             raise UnsupportedError(
-                f"{a.name} and {b.name}: friction of two spheres needs two tangents that turn with the normal, and there are "
-                "no smooth ones for every direction; give this pair mu=0"
+                f"{a.name} and {b.name}: friction of two spheres needs two tangents that turn with the normal, and "
+                "there are no smooth ones for every direction; give this pair mu=0"
             )
 
     def force(self, body: Any, f: Callable[[States], Any]) -> None:
-        """Add a force on a body, beside its weight: `f` is a function of `States` that returns its components, expressions
-        or numbers; in the plane a third one is a torque.
+        """Add a force on a body, beside its weight: `f` is a function of `States` that returns its components,
+        expressions or numbers; in the plane a third one is a torque.
 
             w.force(block, lambda s: [-k * s["block"].x + s.u[0], 0.0])
         """
@@ -571,7 +584,8 @@ class World:
         z: float = 0.0,
         vz: float = 0.0,
     ) -> None:
-        """Place the centre of a body where a simulation begins, with its velocity; in space `omega` are three numbers."""
+        """Place the centre of a body where a simulation begins, with its velocity; in space `omega` are three
+        numbers."""
         b = self._body(body)
         named = {"x": x, "y": y, "z": z, "vx": vx, "vy": vy, "vz": vz, "angle": angle}
         n = {name: number(value, f"{name} of {b.name}") for name, value in named.items()}
@@ -580,7 +594,8 @@ class World:
         if self.space and n["angle"]:
             raise UnsupportedError("spheres have no angle in space")
         if self.space:
-            turn: Any = numpy.zeros(3) if numpy.ndim(omega) == 0 and not omega else vector(omega, 3, f"omega of {b.name}")
+            none = numpy.ndim(omega) == 0 and not omega
+            turn: Any = numpy.zeros(3) if none else vector(omega, 3, f"omega of {b.name}")
         else:
             turn = number(omega, f"omega of {b.name}")
         position, velocity = (n["x"], n["y"], n["z"])[: self._n], (n["vx"], n["vy"], n["vz"])[: self._n]

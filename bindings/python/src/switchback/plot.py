@@ -114,8 +114,8 @@ def _finish(figure: Any, path: Any) -> Any:
 
 
 def _curve(run: Run, points: int) -> tuple[numpy.ndarray, numpy.ndarray, numpy.ndarray]:
-    """Times and states along a run, some in every step; at a jump the time twice, with the states before and behind, and
-    which places are the first of the two."""
+    """Times and states along a run, some in every step; at a jump the time twice, with the states before and behind,
+    and which places are the first of the two."""
     if len(run.t) < 2:
         raise StateError("the run has no dense output: simulate with dense=True, over some time")
     between = numpy.linspace(0.0, 1.0, max(points, 1) + 1)[:-1]
@@ -174,8 +174,8 @@ def plot_run(
     Of a scene coordinates and velocities have a panel each, the marks are impacts, and the bands are the modes of the
     contacts that close: closed, or with friction sticks, slides along the tangent, slides back.
 
-    `states` chooses states, `names` label them, `points` are drawn in every step. With `path` the figure is saved there.
-    Returns the matplotlib figure.
+    `states` chooses states, `names` label them, `points` are drawn in every step. With `path` the figure is saved
+    there. Returns the matplotlib figure.
     """
     t, x, jumps = _curve(run, points)
     plt = _pyplot()
@@ -310,12 +310,12 @@ def plot_contacts(
     title: str | None = None,
     points: int = 12,
 ) -> Any:
-    """Plot the contacts of a scene, or the constraints of a projected system, over time: gaps, normal forces, friction (dashed: the
-    second tangent), and modes as bands. Impulses are marks in the bands: they are no forces.
+    """Plot the contacts of a scene, or the constraints of a projected system, over time: gaps, normal forces, friction
+    (dashed: the second tangent), and modes as bands. Impulses are marks in the bands: they are no forces.
 
-    `contacts` chooses contacts by `SceneContact`, name or number; by default they are those that close or have impulses,
-    at most twelve of them in the panels of curves. `p` are the parameters, by default those of the run. With `path` the
-    figure is saved there. Returns the matplotlib figure.
+    `contacts` chooses contacts by `SceneContact`, name or number; by default they are those that close or have
+    impulses, at most twelve of them in the panels of curves. `p` are the parameters, by default those of the run. With
+    `path` the figure is saved there. Returns the matplotlib figure.
     """
     scene = getattr(run.system, "_scene", None)
     if scene is None:
@@ -400,8 +400,8 @@ def plot_phase(
     p: Any = None,
 ) -> Any:
     """Plot two states of an event-driven simulation against each other, over the switching surfaces: the zeros of the
-    switching functions where the other states, controls `u`, parameters `p` and the time are those of the end. The marks
-    are those of `plot_run`, a cross is the start; jumps, and impacts of a scene, are dotted.
+    switching functions where the other states, controls `u`, parameters `p` and the time are those of the end. The
+    marks are those of `plot_run`, a cross is the start; jumps, and impacts of a scene, are dotted.
 
     `grid` is the number of points in each direction where the surfaces are evaluated. With `path` the figure is saved
     there. Returns the matplotlib figure.
