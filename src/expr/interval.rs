@@ -196,6 +196,10 @@ mod tests {
     use crate::expr::{Expr, Graph};
     use crate::func::{Dims, Function, Point};
 
+    fn at(x: &[f64]) -> Point<'_> {
+        Point { t: 0.0, x, u: &[], p: &[] }
+    }
+
     /// Values at points of random boxes stay inside, and boxes that are points have narrow bounds.
     #[test]
     fn no_value_lies_outside() {
@@ -224,7 +228,6 @@ mod tests {
                 let low = [10.0 * random() - 5.0, 10.0 * random() - 5.0];
                 let high = [low[0] + size * random(), low[1] + size * random()];
                 let (mut a, mut b) = ([0.0], [0.0]);
-                let at = |x| Point { t: 0.0, x, u: &[], p: &[] };
                 assert!(f.bounds(&at(&low), &at(&high), &mut a, &mut b, &mut work));
                 for _ in 0..20 {
                     let z = [0, 1].map(|i: usize| (low[i] + random() * (high[i] - low[i])).clamp(low[i], high[i]));
