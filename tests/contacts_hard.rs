@@ -288,3 +288,55 @@ fn mixed_restitution_and_several_at_once() {
     let speeds: Vec<f64> = e.impacts().iter().map(|i| i.rates[1]).collect();
     assert!(speeds.iter().zip([0.2, 0.18, 0.036]).all(|(a, b)| (a - b).abs() < 1e-14), "{speeds:?}");
 }
+
+/// In space a body that sticks begins to slide where its friction is used up, in the direction of the force.
+#[test]
+fn sticking_ends_in_space() {
+    let g = Graph::new();
+    let [x, y, z] = [g.x(0), g.x(1), g.x(2)];
+    let mu = 0.3;
+    let force = [2.0 * g.t(), 1.0 * g.t(), g.constant(-GRAVITY)];
+    let mut s = scene(&g, "puck", &[1.0; 3], &force, 0, 0);
+    s.add_contact(contact(&g, "floor", z, &[x, y], mu, 0.0)).unwrap();
+    let mut e = start(&s.build(&g).unwrap().system, &Options::with_tolerance(1e-11, 1e-11), &[0.0; 6]);
+    assert_eq!(e.advance(3.0).unwrap(), Outcome::Reached, "{}", e.reason());
+    // along (2, 1)/√5: s'' = √5 t − μ g from the time when that is zero on
+    let (a, b) = (5.0f64.sqrt(), mu * GRAVITY);
+    let t0 = b / a;
+    let way = |t: f64| a * t.powi(3) / 6.0 - b * t * t / 2.0;
+    let s_end = way(3.0) - way(t0) - (a * t0 * t0 / 2.0 - b * t0) * (3.0 - t0);
+    assert!((e.switches()[0].t - t0).abs() < 1e-10, "{:?}", e.switches());
+    assert!(
+        (e.state()[0] - 2.0 / a * s_end).abs() < 1e-9 && (e.state()[1] - s_end / a).abs() < 1e-9,
+        "{:?}",
+        e.state()
+    );
+}
+
+/// Discs that touch without a force between them, and heaps that fall.
+#[test]
+fn heaps_come_to_rest() {
+    let small: Vec<f64> = [(-0.2, 0.2), (0.2, 0.2), (-0.1, 0.7), (0.3, 0.7)].iter().flat_map(|p| [p.0, p.1]).collect();
+    let mut seed = 3u64;
+    let mut random = move || {
+        seed = seed.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        (seed >> 11) as f64 / (1u64 << 53) as f64
+    };
+    let mut heaps = vec![(4, small)];
+    for n in [6, 8, 10] {
+        heaps.push((
+            n,
+            (0..n).flat_map(|i| [0.05 * random() + 0.45 * (i % 3) as f64, 0.3 + 0.45 * (i / 3) as f64]).collect(),
+        ));
+    }
+    for (n, at) in heaps {
+        let mut x0 = at;
+        x0.resize(4 * n, 0.0);
+        let mut e = start(&discs(n, 0.2), &Options::with_tolerance(1e-8, 1e-8), &x0);
+        let outcome = e.advance(1.0).unwrap();
+        println!("{n}: {outcome:?} {} {:?}", e.reason(), e.stats());
+        assert_eq!(outcome, Outcome::Reached, "{n}: {}", e.reason());
+        let y = |i: usize| e.state()[2 * i + 1];
+        assert!((0..n).all(|i| y(i) > 0.2 - 1e-7), "{:?}", e.state());
+    }
+}

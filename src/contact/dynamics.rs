@@ -37,6 +37,26 @@ impl Block {
         &self.tangents[k * n_v..(k + 1) * n_v]
     }
 
+    /// Do tangents depend on each other or on the normal? The determinant of their cosines tells.
+    pub(crate) fn has_dependent_rows(&self) -> bool {
+        /// Angles of a millionth are none.
+        const LEAST: f64 = 1e-12;
+        let n_v = self.normal.len();
+        let n_t = self.tangents.len() / n_v;
+        let size = |v: &[f64]| dot(v, v).sqrt();
+        let rows: Vec<&[f64]> = (0..=n_t).map(|k| self.row(k)).filter(|r| size(r) > 0.0).collect();
+        let cosine = |a: &[f64], b: &[f64]| dot(a, b) / (size(a) * size(b));
+        let determinant = match rows[..] {
+            [a, b] => 1.0 - cosine(a, b).powi(2),
+            [a, b, c] => {
+                let (x, y, z) = (cosine(a, b), cosine(a, c), cosine(b, c));
+                1.0 + 2.0 * x * y * z - x * x - y * y - z * z
+            }
+            _ => 1.0,
+        };
+        determinant < LEAST
+    }
+
     /// The row of component `k`: 0 is the normal.
     pub(super) fn row(&self, k: usize) -> &[f64] {
         if k == 0 {
@@ -182,6 +202,21 @@ impl Dynamics {
     /// Is the inertia matrix positive definite at a point?
     pub(crate) fn is_definite(&mut self, at: &At) -> bool {
         self.definite && self.mass.load(&self.mechanics, at, &mut self.work).is_ok()
+    }
+
+    /// Entries of a varying inertia matrix that should be one and differ.
+    pub(crate) fn asymmetry(&mut self, at: &At) -> Option<(usize, usize)> {
+        let n = self.mechanics.n_v;
+        let Inertia::Varying { matrix, .. } = &self.mechanics.inertia else { return None };
+        let m = &mut self.buffer[..n * n];
+        matrix.value(at, m, &mut self.work).ok()?;
+        let pairs = (0..n).flat_map(|i| (0..i).map(move |j| (i, j)));
+        let differ = |&(i, j): &(usize, usize)| {
+            let (a, b) = (m[i * n + j], m[j * n + i]);
+            // the same entry written twice, in another order of its terms
+            (a - b).abs() > 1e3 * f64::EPSILON * (m[i * n + i] * m[j * n + j]).abs().sqrt()
+        };
+        pairs.into_iter().find(|p| differ(p))
     }
 
     /// Gap of contact `i` and its rate.
@@ -456,13 +491,23 @@ impl Dynamics {
         self.blocks[i].tangent(k)
     }
 
-    /// What the normal force of contact `i`, which is loaded, consists of before anything cancels.
+    /// What the normal force of contact `i`, which is loaded and closed, consists of before anything cancels: free
+    /// accelerations, and the pushes of the other contacts of the last evaluation.
     pub(crate) fn force_size(&self, i: usize) -> f64 {
         let b = &self.blocks[i];
+        let m = self.rows.len();
+        let held = self.held.entries();
+        let pushes: f64 = match self.rows.iter().position(|r| r.contact == i && r.component == 0) {
+            Some(r) if held.len() == m * m && self.lambda.len() == m => {
+                held[r * m..(r + 1) * m].iter().zip(&self.lambda).map(|(a, l)| (a * l).abs()).sum()
+            }
+            _ => 0.0,
+        };
         let mut y = b.normal.clone();
         self.mass.solve(&mut y);
         let w = dot(&b.normal, &y);
-        let terms = b.normal.iter().zip(&self.free).map(|(n, a)| (n * a).abs()).sum::<f64>() + b.rest.abs();
+        let own = b.normal.iter().zip(&self.free).map(|(n, a)| (n * a).abs()).sum::<f64>() + b.rest.abs();
+        let terms = own + pushes;
         if w > 0.0 {
             terms / w
         } else {

@@ -56,6 +56,11 @@ impl LeastNorm {
         (0..n).all(|i| m[i * n + i].abs() > RANK * scale)
     }
 
+    /// The matrix, row-major, of the last factorisation.
+    pub(super) fn entries(&self) -> &[f64] {
+        &self.copy
+    }
+
     /// Was the matrix singular?
     pub(super) fn is_singular(&self) -> bool {
         self.inverse.is_some()

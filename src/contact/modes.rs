@@ -126,35 +126,33 @@ impl Dynamics {
             z: [f64; 3],
             r: [f64; 3],
         }
-        let n = problem.free.len();
         let mut zero = Vec::new();
         for ((c, p), state) in closed.iter().zip(&problem.parts).zip(&s.states) {
             let (r, z) = (&s.r[p.first..=p.first + p.n_t], &s.z[p.first..=p.first + p.n_t]);
-            let w = problem.matrix[p.first * n + p.first];
-            let force = if w > 0.0 { p.size / w } else { p.size };
+            let (size, force) = (problem.scale(p, p.first, &s.r), problem.force_scale(p, p.first, &s.r));
             let mut note = |value: f64, size: f64, z: [f64; 3], r: [f64; 3]| {
                 if value.abs() <= ZERO * size {
                     zero.push(Quantity { contact: c.contact, size, z, r });
                 }
             };
             match state {
-                State::Open => note(z[0], p.size, [1.0, 0.0, 0.0], [0.0; 3]),
+                State::Open => note(z[0], size, [1.0, 0.0, 0.0], [0.0; 3]),
                 State::Rests => {
                     note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0]);
                     if p.n_t == 1 {
                         note(p.friction * r[0] - r[1], force, [0.0; 3], [p.friction, -1.0, 0.0]);
                         note(p.friction * r[0] + r[1], force, [0.0; 3], [p.friction, 1.0, 0.0]);
                     } else if p.n_t == 2 {
-                        let size = r[1].hypot(r[2]);
-                        let d = if size > 0.0 { [r[1] / size, r[2] / size] } else { [0.0; 2] };
-                        note(p.friction * r[0] - size, force, [0.0; 3], [p.friction, -d[0], -d[1]]);
+                        let push = r[1].hypot(r[2]);
+                        let d = if push > 0.0 { [r[1] / push, r[2] / push] } else { [0.0; 2] };
+                        note(p.friction * r[0] - push, force, [0.0; 3], [p.friction, -d[0], -d[1]]);
                     }
                 }
                 State::Slides(d) => {
                     note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0]);
                     if p.slides.is_none() {
                         let along = z[1..].iter().zip(d).map(|(z, d)| z * d).sum();
-                        note(along, p.size, [0.0, d[0], d[1]], [0.0; 3]);
+                        note(along, size, [0.0, d[0], d[1]], [0.0; 3]);
                     }
                 }
             }

@@ -109,7 +109,7 @@ impl Problem {
         match n {
             Some(n) if n <= COMBINATIONS => self.try_all(n),
             _ => {
-                let all: Vec<Solution> = self.iterate().into_iter().collect();
+                let all = self.iterate().map_or_else(Vec::new, |s| self.readings(s));
                 Solutions { redundant: false, all }
             }
         }
@@ -206,18 +206,33 @@ impl Problem {
             .collect()
     }
 
-    /// What rounding makes of component `i` of `z`.
-    fn noise(&self, p: &Part, i: usize, r: &[f64]) -> f64 {
+    /// Size of what component `i` of `z` is the sum of: contacts that others push are compared with these pushes.
+    pub(crate) fn scale(&self, p: &Part, i: usize, r: &[f64]) -> f64 {
         let n = self.n();
-        let terms = self.matrix[i * n..(i + 1) * n].iter().zip(r).fold(p.size, |s, (w, r)| s + (w * r).abs());
-        ZERO * terms
+        self.matrix[i * n..(i + 1) * n].iter().zip(r).fold(p.size, |s, (w, r)| s + (w * r).abs())
+    }
+
+    /// What of component `i` of `z` is zero.
+    fn noise(&self, p: &Part, i: usize, r: &[f64]) -> f64 {
+        ZERO * self.scale(p, i, r)
+    }
+
+    /// The force that makes so much of component `i`.
+    pub(crate) fn force_scale(&self, p: &Part, i: usize, r: &[f64]) -> f64 {
+        let w = self.matrix[i * self.n() + i];
+        let size = self.scale(p, i, r);
+        if w > 0.0 {
+            size / w
+        } else {
+            size
+        }
     }
 
     /// Do the conditions hold, up to what is zero?
     fn holds(&self, s: &Solution) -> bool {
         self.parts.iter().zip(&s.states).all(|(p, state)| {
             let zero = |k: usize| self.noise(p, p.first + k, &s.r);
-            let little = |k: usize| ZERO * self.force_size(p, k);
+            let little = |k: usize| ZERO * self.force_scale(p, p.first + k, &s.r).max(self.force_size(p, k));
             let (r, z) = (&s.r[p.first..=p.first + p.n_t], &s.z[p.first..=p.first + p.n_t]);
             match state {
                 State::Open => z[0] >= -zero(0),
@@ -248,7 +263,10 @@ impl Problem {
 
     fn same_forces(&self, a: &Solution, b: &Solution) -> bool {
         self.parts.iter().all(|p| {
-            (0..=p.n_t).all(|k| (a.r[p.first + k] - b.r[p.first + k]).abs() <= 10.0 * ZERO * self.force_size(p, k))
+            (p.first..=p.first + p.n_t).all(|i| {
+                let unit = self.force_scale(p, i, &a.r).max(self.force_scale(p, i, &b.r));
+                (a.r[i] - b.r[i]).abs() <= 10.0 * ZERO * unit
+            })
         })
     }
 
@@ -276,6 +294,39 @@ impl Problem {
         let mut solver = LeastNorm::with_capacity(n);
         let exact = self.with_states(&swept.states, &mut solver).filter(|s| self.holds(s));
         exact.or_else(|| Some(swept).filter(|s| self.holds(s)))
+    }
+
+    /// The same solution with other states where it is on the border between two of them: what follows decides. As many as
+    /// there are for one contact at a time.
+    fn readings(&self, s: Solution) -> Vec<Solution> {
+        let mut out = vec![s];
+        for (k, p) in self.parts.iter().enumerate() {
+            let (i, s) = (p.first, &out[0]);
+            let zero = ZERO * self.force_scale(p, i, &s.r);
+            let size = s.r[i + 1..=i + p.n_t].iter().map(|t| t * t).sum::<f64>().sqrt();
+            let mut others = Vec::new();
+            match s.states[k] {
+                State::Rests if p.n_t > 0 && size > 0.0 && p.friction * s.r[i] - size <= zero => {
+                    let mut d = [0.0; 2];
+                    d.iter_mut().zip(&s.r[i + 1..=i + p.n_t]).for_each(|(d, r)| *d = -r / size);
+                    others.push(State::Slides(d));
+                }
+                State::Open if s.z[i] <= self.noise(p, i, &s.r) => {
+                    others.push(p.slides.map_or(State::Rests, State::Slides));
+                }
+                _ => {}
+            }
+            if s.states[k] != State::Open && s.r[i] <= zero {
+                others.push(State::Open);
+            }
+            let base = out[0].clone();
+            out.extend(others.into_iter().map(|state| {
+                let mut s = base.clone();
+                s.states[k] = state;
+                s
+            }));
+        }
+        out
     }
 
     /// Solves for one contact with the others as they are; the change relative to its size.
@@ -315,7 +366,7 @@ impl Problem {
     fn classify(&self, r: &[f64]) -> Solution {
         let z = self.residual(r);
         let states = self.parts.iter().map(|p| {
-            let (i, unit) = (p.first, self.force_size(p, 0));
+            let (i, unit) = (p.first, self.force_scale(p, p.first, r));
             if r[i] <= ZERO * unit {
                 return State::Open;
             }

@@ -452,6 +452,12 @@ impl Field {
 
     /// Evaluates `b` and `D`.
     pub(super) fn parts(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        if self.contacts.is_some() {
+            let mut base = std::mem::take(&mut self.base);
+            let r = self.scene_rhs(t, x, &mut base);
+            self.base = base;
+            return r;
+        }
         self.counts.values += 1;
         let mut base = std::mem::take(&mut self.base);
         let mut d = std::mem::take(&mut self.d);

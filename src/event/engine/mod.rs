@@ -123,6 +123,8 @@ pub struct Engine {
     /// Progress lately, see [`Engine::chatters`].
     window: Window,
     crowd: usize,
+    /// Since when there were impacts without time between them, and how many.
+    burst: (f64, usize),
     /// A contact in the step that is looked at.
     touched: Option<Contact>,
     /// Complaints of functions before the present step.
@@ -233,6 +235,7 @@ impl Engine {
             t_stop: 0.0,
             window: Window::default(),
             crowd: 0,
+            burst: (f64::NEG_INFINITY, 0),
             touched: None,
             heard: 0,
             outcome: Outcome::Reached,
@@ -283,6 +286,7 @@ impl Engine {
         self.recent.last = t;
         self.field.guards.reset(x);
         self.crowd = 0;
+        self.burst = (f64::NEG_INFINITY, 0);
         self.behind = false;
         self.passages = 0;
         self.touched = None;
