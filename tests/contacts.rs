@@ -257,7 +257,7 @@ fn play_follows_its_input() {
 /// of the methods.
 #[test]
 fn methods_keep_their_order_through_contacts() {
-    let cases: [(&str, System, Vec<f64>, Vec<f64>, f64); 2] = [
+    let cases = [
         ("oscillator", impact_oscillator(0.1, 1.0, 1.2, 0.7), vec![-1.75, 1.15], vec![1.2], 60.0),
         ("slope", slope(0.35, 0.5, 3.0, 5.0), vec![0.0, 0.4, 0.5, 0.0], vec![], 20.0),
     ];

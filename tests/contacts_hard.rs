@@ -183,9 +183,8 @@ fn units() {
         let c = contact(&g, "floor", y - 0.1 * length * (x / length).sin(), &[x], 0.4, 0.3);
         s.add_contact(c).unwrap();
         let v = length / time;
-        let mut o = Options::default();
-        o.rtol = vec![1e-9];
-        o.atol = [length, length, v, v].iter().map(|s| 1e-9 * s).collect();
+        let atol = [length, length, v, v].iter().map(|s| 1e-9 * s).collect();
+        let o = Options { rtol: vec![1e-9], atol, ..Options::default() };
         let mut e = start(&s.build(&g).unwrap().system, &o, &[0.0, length, v, 0.0]);
         assert_eq!(e.advance(2.0 * time).unwrap(), Outcome::Reached, "{}", e.reason());
         let scaled: Vec<f64> = e.state().iter().zip([length, length, v, v]).map(|(x, s)| x / s).collect();
