@@ -103,7 +103,7 @@ static void slides(void)
     double end[4];
     int32_t outcome = -1;
     char text[2000];
-    swb_expr *graph = NULL;
+    swb_expr *graph = NULL, *other = NULL;
     swb_scene *scene = NULL;
     swb_system *system = NULL;
     swb_integrator *integrator = NULL;
@@ -116,6 +116,9 @@ static void slides(void)
     entries[1] = entries[2] = c[0];
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_set_inertia(scene, graph, entries, 3));
     CHECK_OK(swb_scene_set_inertia(scene, graph, entries, 4));
+    CHECK_OK(swb_expr_create(&other));
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_build(scene, other)); /* the expressions are of another graph */
+    swb_expr_free(other);
     CHECK_STATUS(SWB_ERR_STATE, swb_scene_build(scene, graph)); /* no forces */
     force[0] = c[0];
     CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_MUL, &c[1], &c[3], NULL, &force[1], 1));

@@ -4749,7 +4749,7 @@ SWB_API swb_status swb_scene_set_impact_law(struct swb_scene *scene, int32_t law
 /**
  * Build the scene: derivatives, normals, and which contacts cannot close. Any change needs another call.
  *
- * @param[in] graph the graph of the expressions; it grows
+ * @param[in] graph the graph of all expressions of the scene; it grows
  * @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
  *         with a message that names them
  */

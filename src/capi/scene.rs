@@ -21,9 +21,27 @@ use std::ffi::c_char;
 pub struct SceneObject {
     scene: Scene,
     built: Option<Built>,
+    /// The handle of the graph of its expressions: those of another one mean something else.
+    graph: Option<*const swb_expr>,
 }
 
+// The handle is compared, never read.
+unsafe impl Send for SceneObject {}
+unsafe impl Sync for SceneObject {}
+
 impl SceneObject {
+    fn new(scene: Scene) -> SceneObject {
+        SceneObject { scene, built: None, graph: None }
+    }
+
+    /// An error if the scene has expressions of another graph.
+    fn check_graph(&mut self, graph: *const swb_expr) -> Result<()> {
+        if *self.graph.get_or_insert(graph) == graph {
+            return Ok(());
+        }
+        Err(Error::State("the expressions of the scene belong to another graph: give that one in all calls".into()))
+    }
+
     fn change(&mut self) -> &mut Scene {
         self.built = None;
         &mut self.scene
@@ -104,7 +122,7 @@ pub unsafe extern "C" fn swb_scene_create(
             let (nu, np) = (size(nu, "nu")?, size(np, "np")?);
             let mut scene = Scene::new(raw::text(name, "name")?, n_q, n_v, nu, np)?;
             set_names(&mut scene, names, [n_q + n_v, nu, np])?;
-            Ok(SceneObject { scene, built: None })
+            Ok(SceneObject::new(scene))
         })
     })
 }
@@ -136,7 +154,7 @@ pub unsafe extern "C" fn swb_scene_create_projected(
             let (nx, nu, np) = (size(nx, "nx")?, size(nu, "nu")?, size(np, "np")?);
             let mut scene = Scene::projected(raw::text(name, "name")?, nx, nu, np)?;
             set_names(&mut scene, names, [nx, nu, np])?;
-            Ok(SceneObject { scene, built: None })
+            Ok(SceneObject::new(scene))
         })
     })
 }
@@ -160,7 +178,12 @@ unsafe fn with_ids(
     f: impl FnOnce(&mut Scene, Vec<Id>) -> Result<()>,
 ) -> Result<()> {
     let all = unsafe { handle::with_ref(graph, |dag| ids(dag, list, n, what))? };
-    unsafe { handle::with_mut(scene, |s| f(s.change(), all)) }
+    unsafe {
+        handle::with_mut(scene, |s| {
+            s.check_graph(graph)?;
+            f(s.change(), all)
+        })
+    }
 }
 
 /// Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
@@ -254,7 +277,10 @@ pub unsafe extern "C" fn swb_scene_add_contact(
                 restitution: optional(restitution, "restitution")?,
             })
         })?;
-        let k = handle::with_mut(scene, |s| s.change().add_contact(contact))?;
+        let k = handle::with_mut(scene, |s| {
+            s.check_graph(graph)?;
+            s.change().add_contact(contact)
+        })?;
         raw::write_optional(index, k as i64);
         Ok(())
     })
@@ -301,13 +327,14 @@ pub unsafe extern "C" fn swb_scene_set_impact_law(scene: *mut swb_scene, law: i3
 
 /// Build the scene: derivatives, normals, and which contacts cannot close. Any change needs another call.
 ///
-/// @param[in] graph the graph of the expressions; it grows
+/// @param[in] graph the graph of all expressions of the scene; it grows
 /// @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
 ///         with a message that names them
 #[no_mangle]
 pub unsafe extern "C" fn swb_scene_build(scene: *mut swb_scene, graph: *mut swb_expr) -> swb_status {
     guard(|| unsafe {
         handle::with_mut(scene, |s| {
+            s.check_graph(graph)?;
             s.built = Some(handle::with_mut(graph, |dag| s.scene.build_in(dag))?);
             Ok(())
         })

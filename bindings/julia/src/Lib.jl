@@ -3591,7 +3591,7 @@ swb_scene_set_impact_law(scene, law) = ccall(address(139), swb_status, (Ptr{swb_
 
 Build the scene: derivatives, normals, and which contacts cannot close. Any change needs another call.
 
-@param[in] graph the graph of the expressions; it grows
+@param[in] graph the graph of all expressions of the scene; it grows
 @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
         with a message that names them
 """
