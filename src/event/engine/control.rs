@@ -106,46 +106,93 @@ impl Engine {
 
     /// The longest step over which the derivatives of the solution are as accurate as the solution: they follow the linear
     /// equation `Ṡ = J S` with every mode of `J` in it, also those that the state does not show and its error says nothing
-    /// about. A method of order `p` makes an error of `(h ρ)^(p+1) / (p+1)!` with the spectral radius `ρ`, for which
-    /// `‖J⁴‖^(1/4)` stands, with all states measured by their size.
+    /// about. A method of order `p` makes an error of `(h ρ)^(p+1) / (p+1)!` in a mode with the frequency `ρ`. The fastest
+    /// mode is looked for by a few powers of `J`. Where it is damped its part of the derivatives is gone at once, and steps
+    /// that are stable are enough; where those are far shorter than the state wants, the system is stiff.
     pub(super) fn variational_step(&mut self) -> Result<f64> {
+        /// Steps from one look to the next, where the steps are well below the limit.
+        const LOOK: usize = 8;
         if self.implicit || (self.sens.is_none() && self.tape.is_none()) {
             return Ok(f64::INFINITY);
         }
-        let (nx, n_z) = (self.nx, self.field.n_z);
+        let (limit, last) = self.variational;
+        let far = self.h < 0.5 * limit && self.stats.steps < last + LOOK;
+        if far && !self.fresh && last <= self.stats.steps {
+            return Ok(limit);
+        }
         let r = self.field.jacobian(self.t, &self.x, &[], &mut self.jac);
         if !recover(r.map(|()| true), false)? {
             return Ok(f64::INFINITY);
         }
-        let (a, b) = &mut self.squares;
-        for i in 0..nx {
-            let own = self.field.size(i, self.x[i]);
-            for j in 0..nx {
-                let scaled = self.jac[i * n_z + j] * self.field.size(j, self.x[j]) / own;
-                // what has no size says nothing
-                a[i * nx + j] = if scaled.is_finite() { scaled } else { 0.0 };
-            }
-        }
-        for _ in 0..2 {
-            b.fill(0.0);
-            for i in 0..nx {
-                for k in 0..nx {
-                    let v = a[i * nx + k];
-                    if v != 0.0 {
-                        (0..nx).for_each(|j| b[i * nx + j] += v * a[k * nx + j]);
-                    }
-                }
-            }
-            std::mem::swap(a, b);
-        }
-        let norm = a.chunks_exact(nx.max(1)).map(|r| r.iter().map(|v| v.abs()).sum::<f64>()).fold(0.0, f64::max);
-        let radius = norm.sqrt().sqrt();
         let rtol = self.rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v)).clamp(1e-14, 0.1);
         let (p, factorial) = match self.pair {
             Pair::Dp5 => (6.0, 720.0),
             Pair::Dop853 => (9.0, 362_880.0),
         };
-        Ok((factorial * rtol).powf(1.0 / p) / radius.max(f64::MIN_POSITIVE))
+        let (modulus, damped) = self.fastest_mode();
+        // next to a stop in space the direction of friction turns ever faster, and where it turns to is what counts
+        let damped = damped && !self.field.slides_in_space();
+        let reach = if damped { 0.5 * self.pair.stability() } else { (factorial * rtol).powf(1.0 / p) };
+        let limit = reach / modulus.max(f64::MIN_POSITIVE);
+        self.variational = (limit, self.stats.steps);
+        self.held_back = if damped && self.h > limit { self.held_back + 1 } else { 0 };
+        if self.held_back > STIFF_STEPS && self.options.method == Method::Auto {
+            self.held_back = 0;
+            self.turn_stiff();
+            return Ok(f64::INFINITY);
+        }
+        Ok(limit)
+    }
+
+    /// Modulus of the eigenvalue of the last Jacobian that is largest, and whether it is damped: from `v`, `J v` and `J² v`
+    /// with `v` in the plane of the fastest mode, where `λ² = c₁ λ + c₀`.
+    fn fastest_mode(&mut self) -> (f64, bool) {
+        const POWERS: usize = 8;
+        let (nx, n_z) = (self.nx, self.field.n_z);
+        let [v, w, z] = &mut self.powers;
+        let (jac, field, x) = (&self.jac, &self.field, &self.x);
+        // all states measured by their size, or as they are where they have none
+        let size = |i: usize| Some(field.size(i, x[i])).filter(|s| *s > 0.0).unwrap_or(1.0);
+        let product = |v: &[f64], out: &mut [f64]| {
+            for (i, o) in out.iter_mut().enumerate() {
+                let row = jac[i * n_z..i * n_z + nx].iter().zip(v).enumerate();
+                *o = row.map(|(j, (a, v))| if *a == 0.0 { 0.0 } else { a * size(j) * v }).sum::<f64>() / size(i);
+            }
+        };
+        let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+        // no direction in particular
+        v.iter_mut().enumerate().for_each(|(i, v)| *v = if i % 2 == 0 { 1.0 } else { -0.7 } + 0.1 * (i % 5) as f64);
+        for _ in 0..POWERS {
+            product(v, w);
+            let n = norm(w);
+            if !(n > 0.0 && n.is_finite()) {
+                return (0.0, false);
+            }
+            v.iter_mut().zip(w.iter()).for_each(|(v, w)| *v = w / n);
+        }
+        product(v, w);
+        product(w, z);
+        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+        let (vv, vw, ww, vz, wz) = (dot(v, v), dot(v, w), dot(w, w), dot(v, z), dot(w, z));
+        let det = vv * ww - vw * vw;
+        if det <= 1e-6 * vv * ww {
+            // one real mode
+            let value = vw / vv;
+            return (value.abs(), value < 0.0);
+        }
+        let (c1, c0) = ((vv * wz - vw * vz) / det, (ww * vz - vw * wz) / det);
+        let discriminant = 0.25 * c1 * c1 + c0;
+        if discriminant >= 0.0 {
+            let root = discriminant.sqrt();
+            let (a, b) = (0.5 * c1 + root, 0.5 * c1 - root);
+            let fastest = if a.abs() >= b.abs() { a } else { b };
+            // two modes that take turns are none that is damped
+            let both = (a + b).abs() < 0.1 * (a.abs() + b.abs());
+            return (fastest.abs(), !both && fastest < 0.0);
+        }
+        let modulus = (-c0).sqrt();
+        // damped within a fraction of a turn
+        (modulus, 0.5 * c1 < -0.5 * modulus)
     }
 
     /// Back to the explicit pair where it is stable with the steps that accuracy allows, by a bound on the Jacobian
@@ -168,6 +215,16 @@ impl Engine {
         }
     }
 
+    /// The present mode is stiff from here on.
+    fn turn_stiff(&mut self) {
+        self.implicit = true;
+        let none = self.stiff.len() - 1;
+        self.stiff[none] |= self.field.active.is_empty();
+        for c in 0..self.field.n_cells {
+            self.stiff[c] |= self.field.active_cells().any(|a| a == c);
+        }
+    }
+
     pub(super) fn watch_stiffness(&mut self) {
         if self.options.method != Method::Auto || self.field.n_alg() > 0 {
             return;
@@ -184,12 +241,7 @@ impl Engine {
             self.mild_steps = 0;
             self.stiff_steps += 1;
             if self.stiff_steps >= STIFF_STEPS {
-                self.implicit = true;
-                let none = self.stiff.len() - 1;
-                self.stiff[none] |= self.field.active.is_empty();
-                for c in self.field.active_cells() {
-                    self.stiff[c] = true;
-                }
+                self.turn_stiff();
             }
         } else {
             self.mild_steps += 1;

@@ -152,8 +152,11 @@ pub struct Engine {
     /// Derivatives of the time of a switch, and room for a Jacobian.
     time_row: Vec<f64>,
     jac: Vec<f64>,
-    /// Room for powers of a Jacobian.
-    squares: (Vec<f64>, Vec<f64>),
+    /// Room for products with a Jacobian, and what they said last of the longest step for derivatives, at which step.
+    powers: [Vec<f64>; 3],
+    variational: (f64, usize),
+    /// Looks in a row at which stability allowed much less than the state wanted.
+    held_back: usize,
     one_sided: bool,
     interrupt: Option<Arc<AtomicBool>>,
     /// The last step was not begun for lack of memory.
@@ -257,11 +260,9 @@ impl Engine {
             reset: Reset::new(nx, n_z),
             time_row: vec![0.0; n_z],
             jac: vec![0.0; nx * n_z],
-            squares: if options.sensitivity || options.adjoint {
-                (vec![0.0; nx * nx], vec![0.0; nx * nx])
-            } else {
-                Default::default()
-            },
+            powers: std::array::from_fn(|_| vec![0.0; nx]),
+            variational: (f64::INFINITY, 0),
+            held_back: 0,
             one_sided: false,
             interrupt: None,
             refused: false,
@@ -287,6 +288,8 @@ impl Engine {
         self.field.guards.reset(x);
         self.crowd = 0;
         self.burst = (f64::NEG_INFINITY, 0);
+        self.variational = (f64::INFINITY, 0);
+        self.held_back = 0;
         self.behind = false;
         self.passages = 0;
         self.touched = None;
@@ -543,13 +546,13 @@ impl Engine {
         if t_stop - self.t <= 8.0 * EPS * t_stop.abs() {
             return Ok(self.coast(t_stop));
         }
+        let longest = self.variational_step()?.min(self.options.h_max);
         self.prepare_step();
         if self.h <= 64.0 * EPS * self.t.abs() {
             // what was left of the way to the last stop says nothing about the way to the next
             self.h = self.no_time();
         }
         let mut rejected = false;
-        let longest = self.variational_step()?.min(self.options.h_max);
         loop {
             if self.stats.steps + self.stats.rejections >= self.options.max_steps {
                 let text = format!("{} steps were not enough to reach {t_stop}", self.options.max_steps);

@@ -57,6 +57,14 @@ impl Field {
         self.contacts.is_some()
     }
 
+    /// Does a contact slide in space?
+    pub(in crate::event) fn slides_in_space(&self) -> bool {
+        self.contacts.as_ref().is_some_and(|c| {
+            let all = self.active.iter().zip(&c.dynamics.mechanics.contacts);
+            all.into_iter().any(|(set, contact)| contact.n_tangents == 2 && Dynamics::slides(set[0]))
+        })
+    }
+
     /// The contacts, if the system has any.
     pub(in crate::event) fn scene(&self) -> Option<&Contacts> {
         self.contacts.as_deref()
