@@ -42,11 +42,12 @@ end
     @test made == [(stays[k].value, stays[k+1].value) for k in 1:length(stays)-1]
     # initial states by name, with and without the discrete ones
     named_ = simulate(m, (v = 1.0, s = 0.0, wear = 0.0), T; p = p, reltol = 1e-12, abstol = 1e-12)
-    @test named_.u[end] == sol.u[end]
+    # steps are shorter where derivatives are asked for
+    @test named_.u[end] ≈ sol.u[end] rtol = 1e-10
     other = simulate(m, (v = 8.0, s = 0.0, wear = 0.0, driver = 1), 1.0; p = p)
     @test intervals(other, driver)[1].value === :coasts
     batch = simulate_batch(m, [1.0 2.0; 0.0 0.0; 0.0 0.0], T; p = p, reltol = 1e-12, abstol = 1e-12)
-    @test batch.x[:, 1] == sol.u[end] && length(batch[2].jumps) > 10
+    @test batch.x[:, 1] == named_.u[end] && length(batch[2].jumps) > 10
 
     again = from_json(Model, to_json(m))
     copied = simulate(again, x0, T; p = p, reltol = 1e-12, abstol = 1e-12, sensitivity = true)
