@@ -73,35 +73,16 @@ impl Dynamics {
 
     /// Changes the velocities of `x` by an impact of these contacts, which have no gap. `restitution` of each may differ from
     /// that of the model, and `size` is what counts as the size of its rate. None where there is no solution.
+    ///
+    /// Without a `collision` no contact closes and no forces continue the motion: impulses bring the sliding to rest (Painlevé's
+    /// paradox; F. Génot, B. Brogliato, *New results on Painlevé paradoxes*, Eur. J. Mech. A/Solids 18 (1999)).
     pub(crate) fn impact(
         &mut self,
         at: &At,
         contacts: &[(usize, Option<f64>)],
+        collision: bool,
         size: &dyn Fn(usize, &Dynamics) -> f64,
         x: &mut [f64],
-    ) -> Result<Option<Impact>, EvalError> {
-        self.impact_of(at, contacts, size, x, false)
-    }
-
-    /// The same where no contact closes and no forces continue the motion: impulses bring the sliding to rest (Painlevé's
-    /// paradox; F. Génot, B. Brogliato, *New results on Painlevé paradoxes*, Eur. J. Mech. A/Solids 18 (1999)).
-    pub(crate) fn impact_without_collision(
-        &mut self,
-        at: &At,
-        contacts: &[(usize, Option<f64>)],
-        size: &dyn Fn(usize, &Dynamics) -> f64,
-        x: &mut [f64],
-    ) -> Result<Option<Impact>, EvalError> {
-        self.impact_of(at, contacts, size, x, true)
-    }
-
-    fn impact_of(
-        &mut self,
-        at: &At,
-        contacts: &[(usize, Option<f64>)],
-        size: &dyn Fn(usize, &Dynamics) -> f64,
-        x: &mut [f64],
-        without_collision: bool,
     ) -> Result<Option<Impact>, EvalError> {
         let (n_q, n_v) = (self.mechanics.n_q, self.mechanics.n_v);
         self.mass.load(&self.mechanics, at, &mut self.work)?;
@@ -124,7 +105,7 @@ impl Dynamics {
         }
         let found = problem.solve();
         // without a collision nothing at all solves the problem, too: the other solution is meant
-        let some = |s: &&Solution| !without_collision || s.r.iter().any(|r| *r != 0.0);
+        let some = |s: &&Solution| collision || s.r.iter().any(|r| *r != 0.0);
         let Some(s) = found.all.iter().find(some) else { return Ok(None) };
         for (r, y) in s.r.iter().zip(self.y.chunks_exact(n_v)) {
             x[n_q..].iter_mut().zip(y).for_each(|(v, y)| *v += r * y);

@@ -93,7 +93,7 @@ impl Problem {
         }
     }
 
-    /// Is everything zero to rounding, and nothing to be done?
+    /// The solutions: all of them where few contacts in the plane allow to try everything, else one.
     pub(crate) fn solve(&self) -> Solutions {
         if self.parts.is_empty() {
             let nothing = Solution { states: Vec::new(), r: Vec::new(), z: Vec::new() };

@@ -11,7 +11,7 @@
 
 use super::dynamics::{dot, At, Dynamics};
 use super::mode;
-use crate::func::{EvalResult, Function, Point};
+use crate::func::{EvalError, EvalResult, Function, Point};
 use crate::system::Inertia;
 
 /// Where the columns of a pattern go: `x`, `u`, `p` and what follows it, `t` become `x`, `p`, `u`, `t`; none for what stands
@@ -107,22 +107,13 @@ impl Dynamics {
             if !Dynamics::slides(set[0]) {
                 continue;
             }
-            // τ = −μ λ d: λ (∂μ d + μ ∂d) along the tangents
-            let mut own = vec![0.0; (1 + c.n_tangents) * n_z];
-            self.add_motion(at, i, columns, &mut own)?;
-            let (d, lambda, b) = (self.direction(i, set[0]), given.forces[i][0], &self.blocks[i]);
-            let (dmu, ds) = own.split_at(n_z);
-            let size = b.sliding[0].hypot(b.sliding[1]);
-            for z in 0..n_z {
-                let along = if c.n_tangents == 2 && size > 0.0 { d[0] * ds[z] + d[1] * ds[n_z + z] } else { 0.0 };
-                for k in 0..c.n_tangents {
-                    let turn =
-                        if c.n_tangents == 2 && size > 0.0 { (ds[k * n_z + z] - d[k] * along) / size } else { 0.0 };
-                    let weight = lambda * (dmu[z] * d[k] + b.friction * turn);
-                    if weight != 0.0 {
-                        for (r, t) in b.tangent(k).iter().enumerate() {
-                            out[r * n_z + z] += weight * t;
-                        }
+            // τ = −μ λ d: λ ∂(μ d) along the tangents
+            let own = self.friction_direction(at, i, set[0])?;
+            let (lambda, b) = (given.forces[i][0], &self.blocks[i]);
+            for (k, row) in own.chunks_exact(n_z).enumerate() {
+                for (z, v) in row.iter().enumerate().filter(|(_, v)| **v != 0.0) {
+                    for (r, t) in b.tangent(k).iter().enumerate() {
+                        out[r * n_z + z] += lambda * v * t;
                     }
                 }
             }
@@ -142,11 +133,33 @@ impl Dynamics {
         add_jacobian(c.motion.as_ref(), at, columns, &row, out, room)
     }
 
-    /// Adds the gradient of the gap of contact `i` (`output` 0) or of its rate (1) to a row.
-    pub(crate) fn gap_gradient(&mut self, at: &At, i: usize, output: usize, out: &mut [f64]) -> EvalResult {
+    /// Derivatives of `μ d` of a contact that slides, `d` the direction it slides in, one row for every tangent.
+    fn friction_direction(&mut self, at: &At, i: usize, m: usize) -> Result<Vec<f64>, EvalError> {
+        let (n_t, columns) = (self.mechanics.contacts[i].n_tangents, self.columns(at));
+        let n_z = columns.n();
+        let mut own = vec![0.0; (1 + n_t) * n_z];
+        self.add_motion(at, i, columns, &mut own)?;
+        let (d, b) = (self.direction(i, m), &self.blocks[i]);
+        let size = b.sliding[0].hypot(b.sliding[1]);
+        let turns = n_t == 2 && size > 0.0;
+        let (dmu, ds) = own.split_at_mut(n_z);
+        for z in 0..n_z {
+            let along = if turns { d[0] * ds[z] + d[1] * ds[n_z + z] } else { 0.0 };
+            for k in 0..n_t {
+                let turn = if turns { (ds[k * n_z + z] - d[k] * along) / size } else { 0.0 };
+                ds[k * n_z + z] = dmu[z] * d[k] + b.friction * turn;
+            }
+        }
+        own.drain(..n_z);
+        Ok(own)
+    }
+
+    /// Adds the gradient of the gap of contact `i` to a row, and that of its rate to the next one if there is one.
+    pub(crate) fn gap_gradient(&mut self, at: &At, i: usize, out: &mut [f64]) -> EvalResult {
         let columns = self.columns(at);
+        let n_rows = out.len() / columns.n();
         let room = (&mut self.buffer[..], &mut self.work[..]);
-        let pick = |k: usize| (k == output).then_some((0, 1.0));
+        let pick = |k: usize| (k < n_rows).then_some((k, 1.0));
         add_jacobian(self.mechanics.contacts[i].gap.as_ref(), at, columns, &pick, out, room)
     }
 
@@ -231,24 +244,15 @@ impl Dynamics {
     }
 
     /// The friction of sliding contacts follows their normal forces: rows `τ` from rows `λ`.
-    pub(super) fn add_friction(&mut self, at: &At, modes: &[Vec<usize>], forces: &mut [f64]) -> EvalResult {
-        let columns = self.columns(at);
-        let n_z = columns.n();
+    fn add_friction(&mut self, at: &At, modes: &[Vec<usize>], forces: &mut [f64]) -> EvalResult {
+        let n_z = self.columns(at).n();
         for (i, set) in modes.iter().enumerate().filter(|(_, s)| Dynamics::slides(s[0])) {
-            let n_t = self.mechanics.contacts[i].n_tangents;
-            let mut own = vec![0.0; (1 + n_t) * n_z];
-            self.add_motion(at, i, columns, &mut own)?;
-            let (d, b, lambda) = (self.direction(i, set[0]), &self.blocks[i], self.forces[i][0]);
-            let size = b.sliding[0].hypot(b.sliding[1]);
-            let (dmu, ds) = own.split_at(n_z);
-            let own = &mut forces[3 * i * n_z..(3 * i + 3) * n_z];
-            for z in 0..n_z {
-                let turns = n_t == 2 && size > 0.0;
-                let along = if turns { d[0] * ds[z] + d[1] * ds[n_z + z] } else { 0.0 };
-                for k in 0..n_t {
-                    let turn = if turns { (ds[k * n_z + z] - d[k] * along) / size } else { 0.0 };
-                    let dl = own[z];
-                    own[(1 + k) * n_z + z] = -d[k] * (b.friction * dl + lambda * dmu[z]) - lambda * b.friction * turn;
+            let turning = self.friction_direction(at, i, set[0])?;
+            let (d, mu, lambda) = (self.direction(i, set[0]), self.blocks[i].friction, self.forces[i][0]);
+            let (normal, tangential) = forces[3 * i * n_z..(3 * i + 3) * n_z].split_at_mut(n_z);
+            for (k, (own, turning)) in tangential.chunks_exact_mut(n_z).zip(turning.chunks_exact(n_z)).enumerate() {
+                for ((o, dl), v) in own.iter_mut().zip(normal.iter()).zip(turning) {
+                    *o = -d[k] * mu * dl - lambda * v;
                 }
             }
         }

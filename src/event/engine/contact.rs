@@ -93,10 +93,8 @@ impl Engine {
             )));
         }
         let (t, mut x) = (self.t, std::mem::take(&mut self.x));
-        let copy = self.node.clone();
-        self.node.copy_from_slice(&x);
-        let start = self.node.clone();
-        let moved = self.field.with_contacts(t, &start, |c, at, modes| {
+        // the projection takes the state by itself, for it changes it
+        let moved = self.field.with_contacts(t, &[], |c, at, modes| {
             for (i, set) in modes.iter().enumerate().filter(|(_, s)| Dynamics::slides(s[0])) {
                 c.dynamics.keep_direction(i, set[0]);
             }
@@ -107,11 +105,10 @@ impl Engine {
                 size[1] = size[1].max(f[0].abs());
             }
             let sizes = &c.sizes;
-            // half of what is a tenth of the tolerance would be late: as soon as rounding adds up
+            // as soon as it is more than the rounding of a few operations
             c.dynamics.project(at, modes, &mut x, &|i, _| [16.0 * EPS * sizes[i][0], 16.0 * EPS * sizes[i][3]])
         });
         self.x = x;
-        self.node = copy;
         let Some(moved) = recover(moved.unwrap_or(Ok(false)).map(Some), None)? else { return Ok(false) };
         if moved {
             self.field.forget();
@@ -440,7 +437,11 @@ impl Engine {
             let list: Vec<(usize, Option<f64>)> =
                 list.iter().map(|c| if last.iter().any(|l| l.0 == c.0) { (c.0, Some(0.0)) } else { *c }).collect();
             let kind = if last.is_empty() { ImpactKind::Collision } else { ImpactKind::Last };
-            unique &= self.strike(&list, kind, recorded, resets)?;
+            let Some(one) = self.strike(&list, kind, recorded, resets)? else {
+                self.fail(Outcome::NoContinuation, "no impulses satisfy the conditions of the impact".into());
+                return Ok(false);
+            };
+            unique &= one;
             for (_, rest) in last {
                 self.stats.accumulations += 1;
                 let t = self.t;
@@ -514,7 +515,7 @@ impl Engine {
                 let w = -e * rate;
                 let rest = 2.0 * w / (a * (1.0 - e));
                 let mut row = vec![0.0; n_z];
-                c.dynamics.gap_gradient(at, i, 0, &mut row)?;
+                c.dynamics.gap_gradient(at, i, &mut row)?;
                 let n_q = c.dynamics.mechanics.n_q;
                 let states = at.x[..n_q].iter().enumerate();
                 let tolerance: f64 = states.map(|(k, x)| row[k].abs() * (rtol[k] * x.abs() + atol[k])).sum();
@@ -527,33 +528,33 @@ impl Engine {
         r.unwrap_or(Ok(Vec::new()))
     }
 
-    /// One impact of these contacts. Says whether it is unique.
+    /// One impact of these contacts, without a collision where `kind` says so. Says whether it is unique; none where there is
+    /// no impact.
     fn strike(
         &mut self,
         list: &[(usize, Option<f64>)],
         kind: ImpactKind,
         recorded: bool,
         resets: &mut Vec<f64>,
-    ) -> std::result::Result<bool, EvalError> {
+    ) -> std::result::Result<Option<bool>, EvalError> {
         let (t, x) = (self.t, self.x.clone());
         let mut after = x.clone();
         let mut jac = std::mem::take(&mut self.reset.jac);
         let r = self.field.with_contacts(t, &x, |c, at, _| {
             let sizes = &c.sizes;
-            let found = c.dynamics.impact(at, list, &|i, _| sizes[i][3], &mut after)?;
+            let collision = kind != ImpactKind::Painleve;
+            let found = c.dynamics.impact(at, list, collision, &|i, _| sizes[i][3], &mut after)?;
             if let (Some(impact), true) = (&found, recorded) {
                 c.dynamics.impact_jacobian(at, &after, impact, &mut jac)?;
             }
             Ok(found)
         });
         self.reset.jac = jac;
-        let Some(impact) = r.unwrap_or(Ok(None))? else {
-            self.fail(Outcome::NoContinuation, "no impulses satisfy the conditions of the impact".into());
-            return Ok(false);
-        };
-        self.record(&impact.parts, kind, impact.unique && !impact.redundant);
+        let Some(impact) = r.unwrap_or(Ok(None))? else { return Ok(None) };
+        let unique = impact.unique && kind != ImpactKind::Painleve;
+        self.record(&impact.parts, kind, unique && !impact.redundant);
         self.jump_to(&after, recorded, resets);
-        Ok(impact.unique)
+        Ok(Some(unique))
     }
 
     /// The state becomes `after` by a reset with the last Jacobian.
@@ -637,39 +638,14 @@ impl Engine {
             }
             // Painlevé: an impact without collision, in which friction brings the sliding to rest
             let list: Vec<(usize, Option<f64>)> = closed.iter().map(|c| (c.contact, Some(0.0))).collect();
-            if !self.stop_by_impact(&list, recorded, resets)? {
+            if self.strike(&list, ImpactKind::Painleve, recorded, resets)?.is_none() {
                 break;
             }
+            self.one_sided = true;
         }
         let text = "no contact forces continue the motion: friction and normal force contradict each other (Painlevé)";
         self.fail(Outcome::NoContinuation, text.into());
         Ok(false)
-    }
-
-    /// An impact of closed contacts with impulses, though none closes. False where there is none.
-    fn stop_by_impact(
-        &mut self,
-        list: &[(usize, Option<f64>)],
-        recorded: bool,
-        resets: &mut Vec<f64>,
-    ) -> std::result::Result<bool, EvalError> {
-        let (t, x) = (self.t, self.x.clone());
-        let mut after = x.clone();
-        let mut jac = std::mem::take(&mut self.reset.jac);
-        let r = self.field.with_contacts(t, &x, |c, at, _| {
-            let sizes = &c.sizes;
-            let found = c.dynamics.impact_without_collision(at, list, &|i, _| sizes[i][3], &mut after)?;
-            if let (Some(impact), true) = (&found, recorded) {
-                c.dynamics.impact_jacobian(at, &after, impact, &mut jac)?;
-            }
-            Ok(found)
-        });
-        self.reset.jac = jac;
-        let Some(impact) = r.unwrap_or(Ok(None))? else { return Ok(false) };
-        self.record(&impact.parts, ImpactKind::Painleve, false);
-        self.jump_to(&after, recorded, resets);
-        self.one_sided = true;
-        Ok(true)
     }
 
     /// Takes one of the modes that may follow.

@@ -23,8 +23,8 @@ pub(in crate::event) struct Contacts {
     last_t: f64,
     last_x: Vec<f64>,
     known: bool,
-    /// The gradient of a gap.
-    row: Vec<f64>,
+    /// The gradients of a gap and of its rate.
+    rows: Vec<f64>,
 }
 
 impl Contacts {
@@ -37,7 +37,7 @@ impl Contacts {
             last_t: 0.0,
             last_x: vec![0.0; nx],
             known: false,
-            row: vec![0.0; n_z],
+            rows: vec![0.0; 2 * n_z],
         }
     }
 
@@ -264,7 +264,7 @@ impl Contacts {
         let n_z = out.len();
         let d = &mut self.dynamics;
         match what {
-            ContactWatch::Gap => d.gap_gradient(at, i, 0, out),
+            ContactWatch::Gap => d.gap_gradient(at, i, out),
             ContactWatch::Speed => {
                 let dir = d.direction(i, modes[i][0]);
                 let mut rows = vec![0.0; 3 * n_z];
@@ -310,23 +310,22 @@ impl Contacts {
             let states = at.x[from..].iter().zip(&floor[from..]);
             row.iter().zip(states).map(|(g, (x, f))| g.abs() * (x.abs() + f)).sum::<f64>()
         };
-        self.row.fill(0.0);
-        let mut row = std::mem::take(&mut self.row);
-        let r = self.dynamics.gap_gradient(at, i, 0, &mut row);
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.fill(0.0);
+        let known = self.dynamics.gap_gradient(at, i, &mut rows);
         let first_order = self.dynamics.is_first_order();
-        let gap = sum(&row[..if first_order { at.x.len() } else { n_q }], 0) + (row[row.len() - 1] * at.t).abs();
-        // the gradient of a gap is that of its rate with respect to the rates of the coordinates
-        row.fill(0.0);
-        let r = r.and_then(|()| self.dynamics.gap_gradient(at, i, 1, &mut row));
+        let (own, of_rate) = rows.split_at(rows.len() / 2);
+        let gap = sum(&own[..if first_order { at.x.len() } else { n_q }], 0) + (own[own.len() - 1] * at.t).abs();
+        let rate = sum(&of_rate[n_q..at.x.len()], n_q) + self.dynamics.block(i).gap[1].abs();
+        self.rows = rows;
+        known?;
         let rate = match first_order {
             true => {
                 self.dynamics.load_contact(at, i)?;
                 self.dynamics.gap_rate_size(i)
             }
-            false => sum(&row[n_q..at.x.len()], n_q) + self.dynamics.block(i).gap[1].abs(),
+            false => rate,
         };
-        self.row = row;
-        r?;
         let mut out = [gap, 0.0, 0.0, rate];
         if m != mode::OPEN {
             self.dynamics.load_contact(at, i)?;
