@@ -7,8 +7,8 @@ Simulation and optimal control of systems that switch.
     derivatives!(m, [v, -q - 0.4sign(v) + cos(0.5m.t)])
     sol = simulate(m, [1.0, 0.0], (0.0, 6.0))
 
-Models: `Model` (expressions) and `System` (functions). Simulation: `simulate`, `Integrator`, `simulate_batch`,
-`simulate_fesd`. Optimal control: `Ocp`, `MultiPhase`. Programs with complementarity constraints: `Mpcc`, `minimize`. The C
+Models: `Model` (expressions), `Scene` (bodies with contacts), `Projected` and `System` (functions). Simulation: `simulate`,
+`Integrator`, `simulate_batch`, `simulate_steps` (many contacts), `simulate_fesd`. Optimal control: `Ocp`, `MultiPhase`. Programs with complementarity constraints: `Mpcc`, `minimize`. The C
 interface is `Switchback.Lib`.
 """
 module Switchback
@@ -31,6 +31,8 @@ include("systems.jl")
 include("models.jl")
 include("simulation.jl")
 include("automata.jl")
+include("scenes.jl")
+include("steps.jl")
 include("trajectories.jl")
 include("ocp.jl")
 include("programs.jl")
@@ -43,6 +45,8 @@ include("problems.jl")
 export Model, derivatives!, try_at!, counts, report, c_code, between_ends, external, jacobian, when, relay, dead_zone, table,
     step_table
 export discrete!, transition!, hysteresis!, Automaton, edge!, is_in, choose, intervals
+export Scene, Projected, SceneContact, rates!, inertia!, force!, contact!, constraint!, impact_law!, contact_mode, contact_force
+export simulate_steps, Stepper, Steps, impulses
 export System, ModelFunction, set_f0!, add_subsystem!, add_subsystem_indicators!, add_inclusion!, set_algebraic!, surfaces,
     affine, casadi_function, jacobian_at, hessian_at, check_derivatives
 export simulate, simulate_batch, simulate_fesd, Solution, Batch, Integrator, Simulator, Trajectory, FesdSolution, reinit!, step!,

@@ -111,7 +111,7 @@ function free end
 for (name, object) in (
     (:Graph, :expr), (:Built, :model), (:ModelFunction, :function), (:System, :system), (:Run, :run),
     (:Integrator, :integrator), (:Batch, :batch), (:Simulator, :simulator), (:Trajectory, :trajectory), (:Ocp, :ocp),
-    (:MultiPhase, :multiphase), (:Program, :mpcc),
+    (:MultiPhase, :multiphase), (:Program, :mpcc), (:Scene, :scene), (:Stepper, :stepper),
 )
     kind, release = Symbol(:swb_, object), Symbol(:swb_, object, :_free)
     @eval begin

@@ -82,7 +82,8 @@ function draw_bands(io, bands, labels, top, t_range, x_of, switches)
                 """height="10" fill="$(colour(row))" fill-opacity="0.75"/>""")
     end
     for (row, label) in enumerate(labels)
-        println(io, """<text x="$(LEFT - 6)" y="$(short(top + 16 * row - 8))" text-anchor="end" dominant-baseline="middle">$label</text>""")
+        x, anchor = length(label) > 8 ? (PAGE - RIGHT + 8, "start") : (LEFT - 6, "end") # where there is room
+        println(io, """<text x="$x" y="$(short(top + 16 * row - 8))" text-anchor="$anchor" dominant-baseline="middle">$(escaped(label))</text>""")
     end
     axis_label(io, "modes", top + height / 2)
     return height
@@ -136,6 +137,7 @@ end
 
 function picture(io::IO, s::Solution; title = "", states = nothing)
     length(s.t) > 1 || mistake(:state, "there is nothing to draw: simulate with dense = true, over some time")
+    s.system.scene === nothing || return scene_picture(io, s, title, states)
     labels = state_labels(s.system.names[1], s.system.nx)
     shown = chosen_states(states, labels)
     t = dense_times(s.t)
@@ -145,6 +147,30 @@ function picture(io::IO, s::Solution; title = "", states = nothing)
     offsets = cumsum([0; s.n_modes])
     bands = [(a, b, offsets[k] + m) for k in eachindex(s.n_modes) for (a, b, on) in active_modes(s, k) for m in on]
     draw(io, [Panel("states", 260.0, lines, marks)], bands, mode_labels(s.n_modes), (s.t_start, s.t_end), unique(switch_times(s)), title)
+end
+
+"Coordinates and velocities of a scene with its impacts, and the modes of the contacts that close, a row for each that occurs."
+function scene_picture(io, s, title, states)
+    labels = state_labels(s.system.names[1], s.system.nx)
+    shown = chosen_states(states, labels)
+    n_q = s.system.scene isa Scene ? length(s.system.scene.q) : 0 # states of projected systems are in the place of velocities
+    times = unique(Float64[i.t for i in s.impacts])
+    t = sort!([dense_times(s.t); nextfloat.(filter(<(s.t_end), times))]) # behind impacts, where velocities are others
+    x = s(clamp.(t, s.t_start, s.t_end))
+    panel(name, chosen) = Panel(name, 170.0, [(t, x[i, :], labels[i]) for i in chosen],
+                                [(w, s(w)[i], k) for w in times for (k, i) in enumerate(chosen)])
+    parts = [(n_q > 0 ? "coordinates" : "states", filter(<=(n_q), shown)), (n_q > 0 ? "velocities" : "states", filter(>(n_q), shown))]
+    panels = [panel(name, chosen) for (name, chosen) in parts if !isempty(chosen)]
+    cuts = unique(sort!([s.t_start; switch_times(s); times; s.t_end]))
+    rows, bands = Tuple{String,Symbol}[], Tuple{Float64,Float64,Int}[]
+    for (name, tangents) in s.system.contacts, mode in (:closed, :slides, :slides_back)
+        middles = (cuts[1:end-1] .+ cuts[2:end]) ./ 2
+        on = contact_mode(s, name, middles) .== mode
+        any(on) || continue
+        push!(rows, (name, tangents > 0 && mode === :closed ? :sticks : mode))
+        append!(bands, [(cuts[k], cuts[k+1], length(rows)) for k in findall(on)])
+    end
+    draw(io, panels, bands, [replace("$name $mode", "_" => " ") for (name, mode) in rows], (s.t_start, s.t_end), unique(switch_times(s)), title)
 end
 
 function picture(io::IO, r::Trajectory; title = "", states = nothing, controls = zeros(0, 0), control_times = Float64[],
@@ -172,7 +198,8 @@ picture(io::IO, r::FesdSolution; keywords...) = picture(io, r.trajectory; contro
     picture(path, result; title = "", states = all)
 
 Draw a `Solution`, a `Trajectory`, or the result of an optimal control problem as SVG: states and controls over time, a mark
-and a dotted line at every switch, and the active modes as bands. `states` chooses states by number or name. Notebooks show
+and a dotted line at every switch, and the active modes as bands. Of a scene the marks are impacts, and the bands the modes of
+the contacts that close. `states` chooses states by number or name. Notebooks show
 the picture of a result without being asked.
 """
 function picture(path::AbstractString, result; keywords...)

@@ -12,10 +12,15 @@ time, `sol(t; order = 1)` derivatives with respect to time.
   `:spontaneous`), `subsystem`, the active modes `before` and `after`, `simultaneous`, `unique`, `rate` and `transversality`
 - `jumps`: the transitions in the order of time, NamedTuples with `t`, `transition`, the states `before` and `after`,
   `simultaneous` and `rate`; `intervals` has the values of discrete states with their times
+- `impacts`: of a scene, in the order of time, one for every contact with an impulse, NamedTuples with `t`, `contact` and its
+  `name`, `kind` (`:collision`, `:last` of accumulating ones, `:painleve`: without collision), `rate_before` and `rate_after` of
+  the gap, the impulses `normal` and `tangential`, `depth` (how far the bodies would overlap without it: small where the contact
+  is grazing), `simultaneous` and `unique`; `redundant` if contacts were redundant: the motion is unique, the forces are those of
+  least norm. See also `contact_force` and `contact_mode`
 - `retcode`: `:Success`, `:MaxIters`, `:DtLessThanMin`, `:Terminated` or `:Failure`; `outcome` is the library's own word for
   it, `reason` says it in words
-- `dx_dx0`, `dx_dp`, `dx_du`: derivatives of the state reached, and `switch_derivatives` and `jump_derivatives`, a row of
-  derivatives with respect to all of these for the time of each switch and each transition; nothing without `sensitivity`. `one_sided` if they hold for one side only
+- `dx_dx0`, `dx_dp`, `dx_du`: derivatives of the state reached, and `switch_derivatives`, `jump_derivatives` and `impact_derivatives`, a
+  row of derivatives with respect to all of these for the time of each switch, each transition and each impact; nothing without `sensitivity`. `one_sided` if they hold for one side only
 - `branch_points`, `contacts`, `accumulations`: points with several continuations, surfaces only touched, points at which
   switches accumulate
 - `n_modes`: numbers of modes of the subsystems that can switch; `stats`: the work
@@ -31,13 +36,16 @@ mutable struct Solution <: AnyRun
     reason::String
     switches::Vector{NamedTuple}
     jumps::Vector{NamedTuple}
+    impacts::Vector{NamedTuple}
     n_modes::Vector{Int}
     dx_dx0::Union{Nothing,Matrix{Float64}}
     dx_dp::Union{Nothing,Matrix{Float64}}
     dx_du::Union{Nothing,Matrix{Float64}}
     switch_derivatives::Union{Nothing,Matrix{Float64}}
     jump_derivatives::Union{Nothing,Matrix{Float64}}
+    impact_derivatives::Union{Nothing,Matrix{Float64}}
     one_sided::Bool
+    redundant::Bool
     branch_points::Vector{NamedTuple}
     contacts::Vector{NamedTuple}
     accumulations::Vector{NamedTuple}
@@ -51,18 +59,20 @@ const NOT_KNOWN = Vector{Int}[]
 
 "The result that the library handed out, read."
 function Solution(address::Ptr{Lib.swb_run}, system::System)
-    s = owned(Solution(address, 0, system, Float64[], [], :none, :none, "", [], [], Int[], nothing, nothing, nothing, nothing, nothing, false,
-                       [], [], [], NamedTuple(), 0.0, 0.0, NOT_KNOWN))
+    s = owned(Solution(address, 0, system, Float64[], [], :none, :none, "", [], [], [], Int[], nothing, nothing, nothing, nothing, nothing,
+                       nothing, false, false, [], [], [], NamedTuple(), 0.0, 0.0, NOT_KNOWN))
     info = record(Lib.swb_run_info, Lib.swb_run_get_info, s)
     s.outcome = symbol(Lib.NAMES_swb_run_outcome, info.outcome)
     s.retcode = get(RETCODES, s.outcome, :Failure)
     s.t_start, s.t_end, s.one_sided = info.t_start, info.t_end, info.one_sided != 0
+    s.redundant = info.redundant != 0
     s.reason = own_words(text(Lib.swb_run_reason, s))
     s.stats = named(record(Lib.swb_run_stats, Lib.swb_run_get_stats, s))
     s.n_modes = numbers(Int64, info.n_subsystems, Lib.swb_run_modes, s)
     events = records(Lib.swb_event, info.n_events, Lib.swb_run_events, s)
     s.switches = NamedTuple[switch_of(s, k, e) for (k, e) in enumerate(events)]
     s.jumps = NamedTuple[jump_of(s, k, j, info.nx) for (k, j) in enumerate(records(Lib.swb_jump, info.n_jumps, Lib.swb_run_jumps, s))]
+    s.impacts = NamedTuple[impact_of(system, i) for i in records(Lib.swb_impact, info.n_impacts, Lib.swb_run_impacts, s)]
     points = records(Lib.swb_branch_point, info.n_branch_points, Lib.swb_run_branch_points, s)
     s.branch_points = [(t = b.t, n_continuations = b.n_continuations, taken = b.taken < 0 ? nothing : b.taken + 1) for b in points]
     touched = records(Lib.swb_contact, info.n_contacts, Lib.swb_run_contacts, s)
@@ -115,10 +125,10 @@ function read_derivatives!(s, info)
     all_ = Matrix{Float64}(undef, nx, n)
     check(Lib.swb_run_sensitivity(s, all_, length(all_)))
     s.dx_dx0, s.dx_dp, s.dx_du = all_[:, 1:nx], all_[:, nx+1:nx+np], all_[:, nx+np+1:end]
-    rows = [numbers(Float64, n, Lib.swb_run_event_sensitivity, s, k - 1) for k in 1:info.n_events]
-    s.switch_derivatives = isempty(rows) ? zeros(0, n) : permutedims(reduce(hcat, rows))
-    rows = [numbers(Float64, n, Lib.swb_run_jump_sensitivity, s, k - 1) for k in 1:info.n_jumps]
-    s.jump_derivatives = isempty(rows) ? zeros(0, n) : permutedims(reduce(hcat, rows))
+    rows(get, count_) = permutedims(reshape(reduce(vcat, (numbers(Float64, n, get, s, k - 1) for k in 1:count_); init = Float64[]), Int(n), :))
+    s.switch_derivatives = rows(Lib.swb_run_event_sensitivity, info.n_events)
+    s.jump_derivatives = rows(Lib.swb_run_jump_sensitivity, info.n_jumps)
+    s.impact_derivatives = rows(Lib.swb_run_impact_sensitivity, info.n_impacts)
 end
 
 (s::Solution)(t::Real; order = 0) = vec(s([number(t, "t")]; order = order))
@@ -206,7 +216,7 @@ end
 """
     Integrator(system; reltol, abstol, method, preferred, on_step, on_branching, on_log, options...)
 
-Event-driven integrator of a `System` or `Model`, step by step: `reinit!`, `step!`, `advance!`, `set_controls!`,
+Event-driven integrator of a `System`, `Model` or `Scene`, step by step: `reinit!`, `step!`, `advance!`, `set_controls!`,
 `set_params!`, `set_stop_times!`; `time`, `state`, `derivative`, `state_at`, `active_modes`, `solution`, `adjoint`. `reltol` and
 `abstol` are one number, or one for each state; `method` is `:auto`, `:dp5`, `:dop853` or `:radau5`.
 """
@@ -479,7 +489,7 @@ end
 """
     simulate(system, x0, tspan; u, p, reltol = 1e-8, abstol = 1e-10, sensitivity = false, ...) -> Solution
 
-Simulate a `System` or `Model` from `x0` over `tspan`: (start, end), or the end alone. States, parameters and controls of
+Simulate a `System`, `Model`, `Scene` or `Projected` system from `x0` over `tspan`: (start, end), or the end alone. States, parameters and controls of
 models with names may be given by name: `p = (k = 2.0,)`.
 
 - `u`: constant controls, or a matrix with a column for each of several equal pieces of the time span; `p`: parameters

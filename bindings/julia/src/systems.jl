@@ -17,6 +17,11 @@ mutable struct System <: AnySystem
     serial::Bool # has functions of Julia, which one thread only may call
     names::NTuple{3,Vector{String}} # of states, controls and parameters
     discrete::Vector{Float64} # values with which the last states begin
+    contacts::Vector{Tuple{String,Int}} # of a scene: their names and numbers of tangents
+    scene::Any # the scene it is of, or nothing
+
+    System(address, uses, nx, nu, np, n_subsystems, serial, names, discrete) =
+        new(address, uses, nx, nu, np, n_subsystems, serial, names, discrete, [], nothing)
 end
 
 function System(nx::Integer; controls = 0, parameters = 0, f0 = nothing)

@@ -1,8 +1,5 @@
 # Transitions, hysteresis, automata, and models with them as documents.
 
-scene(name) = Swb.parse_json(read(joinpath(ROOT, "tests", "data", "reference", "scenes", "$name.json"), String))
-scene_numbers(v) = v isa AbstractVector ? Float64[parse(Float64, string(e)) for e in v] : parse(Float64, string(v))
-
 "A car: v, the way s and the wear of its gear box; a driver who drives until 24 and coasts until 6."
 function gear_box()
     m = Model(states = (:v, :s, :wear), parameters = (:a, :d, :e, :r))

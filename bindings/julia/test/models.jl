@@ -60,6 +60,8 @@ function python_reference()
 end
 
 reference_solution(name) = Swb.parse_json(read(joinpath(ROOT, "tests", "data", "reference", "$name.json"), String))
+scene(name) = Swb.parse_json(read(joinpath(ROOT, "tests", "data", "reference", "scenes", "$name.json"), String))
+scene_numbers(v) = v isa AbstractVector ? Float64[parse(Float64, string(e)) for e in v] : parse(Float64, string(v))
 only_(v) = (length(v) == 1 || error("not one but $(length(v))"); v[1])
 matrix(rows) = permutedims(reduce(hcat, [Float64.(r) for r in rows]))
 

@@ -9,7 +9,7 @@ const ROOT = joinpath(@__DIR__, "..", "..", "..") # of the repository
 
 include("models.jl")
 
-const FILES = isempty(ARGS) ? ["lib", "expressions", "callbacks", "simulation", "automata", "ocp", "programs", "refusals", "memory", "pages"] : ARGS
+const FILES = isempty(ARGS) ? ["lib", "expressions", "callbacks", "simulation", "automata", "scenes", "ocp", "programs", "refusals", "memory", "pages"] : ARGS
 @testset "Switchback" begin
     @testset "$file" for file in FILES
         seconds = @elapsed include(joinpath(@__DIR__, "$file.jl"))

@@ -26,7 +26,7 @@ def test_ball_comes_to_rest():
 
 def test_stepper():
     with swb.Stepper(ball(0.5), h=1e-2) as s:
-        with pytest.raises(swb.StateError, match="reset it first"):
+        with pytest.raises(swb.StateError, match="set its state first"):
             s.step()
         s.set_state([1.0, 0.0], 2.0)
         s.step()
