@@ -251,6 +251,21 @@ fn play_follows_its_input() {
         // where the input drags the output along, the start is forgotten
         assert!(e.sensitivity().unwrap()[0].abs() < 1e-12);
     }
+    // the loop in the plane of input and output, once the start is forgotten: the integral of y over x
+    let mut e = Engine::new(&system, &Options { dense: true, ..Options::with_tolerance(1e-10, 1e-10) }).unwrap();
+    e.reinit(0.0, &[0.0]).unwrap();
+    e.advance(4.0 * std::f64::consts::PI).unwrap();
+    let n = 20_000;
+    let period = 2.0 * std::f64::consts::PI;
+    let area: f64 = (0..n)
+        .map(|k| {
+            let t = period * (1.0 + (f64::from(k) + 0.5) / f64::from(n));
+            let mut y = [0.0];
+            e.path().unwrap().eval(t, 0, &mut y).unwrap();
+            y[0] * 2.0 * t.cos() * period / f64::from(n)
+        })
+        .sum();
+    assert!((area.abs() - number(&r["loop_area"])).abs() < 1e-6, "{area}");
 }
 
 /// Error against work through impacts, phases of contact and changes between sliding and sticking: the slopes are the orders

@@ -589,7 +589,7 @@ fn bad_input_is_named() {
     plain.set_f0(std::sync::Arc::new(switchback::func::Callback::new("f", plain.dims(), 1, |_, _| 0))).unwrap();
     assert!(Stepper::new(&plain, &options(1e-3)).err().unwrap().to_string().contains("no scene"));
     let mut s = Stepper::new(&system, &options(1e-3)).unwrap();
-    assert!(s.step().unwrap_err().to_string().contains("reset it first"));
+    assert!(s.step().unwrap_err().to_string().contains("set its state first"));
     assert!(s.reset(0.0, &[0.0; 3]).is_err() && s.reset(0.0, &[f64::NAN, 1.0, 0.0, 0.0]).is_err());
     let e = s.reset(0.0, &[0.0, -0.5, 0.0, 0.0]).unwrap_err().to_string();
     assert!(e.contains("the gap of contact floor is -0.5"), "{e}");

@@ -1,4 +1,5 @@
-"""A puck in space on a rough table, pushed by a force that turns: friction opposes the velocity in any direction.
+"""A puck in space on a rough table, pushed by a force that grows and turns: it sticks until the force is too strong, then
+friction opposes the velocity in any direction.
 
 usage: puck.py FOLDER_FOR_PLOTS
 """
@@ -16,12 +17,14 @@ folder.mkdir(parents=True, exist_ok=True)
 mu, g, push, turn = 0.3, 9.81, 4.0, 3.0
 s = swb.Scene("x y z", name="puck")
 x, y, z = s.q
-s.force([push * swb.cos(turn * s.t), push * swb.sin(turn * s.t), -g])
+strength = push * (1 - swb.exp(-s.t))
+s.force([strength * swb.cos(turn * s.t), strength * swb.sin(turn * s.t), -g])
 table = s.contact("table", gap=z, tangents=[x, y], mu=mu)
-run = s.simulate([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], 6.0, rtol=1e-9, atol=1e-9)
+run = s.simulate([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], 8.0, rtol=1e-9, atol=1e-9)
 print(run)
-print(f"the table can hold {mu * g:.3f}, the push is {push}: it slides from the start on")
-t = np.linspace(2.0, 6.0, 9)
+exact = -np.log(1 - mu * g / push)
+print(f"it slides from t = {run.switch_times[0]:.10f} on, exactly {exact:.10f}, where the push is {mu * g:.3f}, all that friction can hold")
+t = np.linspace(2.0, 8.0, 9)
 force, v = run.force(table, t), run(t)[:, 3:5]
 speed = np.linalg.norm(v, axis=1)
 print("friction over mu times normal force:", np.hypot(force[:, 1], force[:, 2]) / (mu * force[:, 0]))

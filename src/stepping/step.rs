@@ -178,7 +178,7 @@ impl Stepper {
     pub(super) fn step_to(&mut self, end: f64, h: f64) -> Result<()> {
         stop::check()?;
         if !self.ready {
-            return Err(Error::State("the stepper has no state to go on from: reset it first".into()));
+            return Err(Error::State("the stepper has no state to go on from: set its state first".into()));
         }
         self.ready = false;
         let r = self.make_step(h);
