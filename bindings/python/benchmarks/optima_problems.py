@@ -3,12 +3,21 @@
 `PROBLEMS` has them all: `PROBLEMS["snell_2"].make(**options)` returns the `Ocp`. Where `exact` is a number, it is the optimal
 cost on the grid of the problem, derived in the docstring. `stable` is false where the motion is unstable, so that small
 errors of the discretisation grow when the controls are simulated.
+
+usage: optima_problems.py --write | --check
+
+The same problems are documents, `benches/optima/NAME.json`, for those who do without Python: `--write` writes them, `--check`
+says which are not what is written here. Of the options they hold those that are not the default.
 """
 
 from __future__ import annotations
 
+import argparse
+import json
 import math
+import sys
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Callable
 
 import numpy as np
@@ -18,6 +27,7 @@ from switchback import clip, cos, dead_zone, exp, maximum, minimum, sign, sin, w
 from switchback.expr import Model, solve, step_table
 
 INF = np.inf
+DOCUMENTS = Path(__file__).resolve().parents[3] / "benches" / "optima"
 
 
 @dataclass(frozen=True)
@@ -1208,3 +1218,70 @@ def relay_estimation(**o):
     ocp.set_param_bounds([0.05, 0.0], [3.0, 3.0])
     ocp.add_least_squares(m.function([m.x[0]]), [1.0], np.round(data, 6).reshape(-1, 1), at="control_grid")
     return ocp
+
+
+# --- documents ------------------------------------------------------------------------------------
+
+
+def _default_settings() -> dict[str, Any]:
+    m = Model(states=1)
+    m.derivatives = [-m.x[0]]
+    return json.loads(swb.Ocp(m, 1.0, 1).to_json())["ocp"]["settings"]
+
+
+def documents() -> dict[str, dict[str, Any]]:
+    """All problems as data. Options that have their default are left out: the defaults of whoever reads them hold."""
+    usual, found = _default_settings(), {}
+    for name, p in PROBLEMS.items():
+        data = json.loads(p.make().to_json())
+        settings = data["ocp"]["settings"]
+        data["ocp"]["settings"] = {key: value for key, value in settings.items() if value != usual[key]}
+        found[name] = data
+    return found
+
+
+def same(a: Any, b: Any) -> bool:
+    """Equal data, numbers but for the rounding of another machine."""
+    if isinstance(a, dict) and isinstance(b, dict):
+        return a.keys() == b.keys() and all(same(a[k], b[k]) for k in a)
+    if isinstance(a, list) and isinstance(b, list):
+        return len(a) == len(b) and all(map(same, a, b))
+    if isinstance(a, float) and isinstance(b, float):
+        return math.isclose(a, b, rel_tol=1e-12, abs_tol=1e-14)
+    return bool(a == b)
+
+
+def differences() -> list[str]:
+    """Documents that are not those of the problems: missing, of no problem, or with something else in them."""
+    stored = {f.stem: json.loads(f.read_text()) for f in DOCUMENTS.glob("*.json")}
+    wanted = documents()
+    changed = [name for name in wanted if name in stored and not same(wanted[name]["ocp"], stored[name].get("ocp"))]
+    return sorted(wanted.keys() ^ stored.keys()) + changed
+
+
+def write_documents() -> None:
+    DOCUMENTS.mkdir(parents=True, exist_ok=True)
+    wanted, other = documents(), set(differences())
+    for name in other:
+        file = DOCUMENTS / f"{name}.json"
+        if name in wanted:
+            file.write_text(json.dumps(wanted[name], separators=(",", ":")) + "\n")
+        else:
+            file.unlink()
+
+
+def main() -> int:
+    parser = argparse.ArgumentParser(description="Documents of the problems.")
+    choice = parser.add_mutually_exclusive_group(required=True)
+    choice.add_argument("--write", action="store_true", help="write the documents that differ")
+    choice.add_argument("--check", action="store_true", help="say which documents differ")
+    if parser.parse_args().write:
+        write_documents()
+    other = differences()
+    if other:
+        print(f"not as the problems are, run optima_problems.py --write: {', '.join(other)}")
+    return 1 if other else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -20,6 +20,7 @@ sys.path.insert(0, str(FOLDER))
 import mpcc_compare  # noqa: E402
 import mpcc_profile  # noqa: E402
 import mpcc_train  # noqa: E402
+import optima_problems  # noqa: E402
 
 
 def result(objective, iterations=10, cpu=1.0, solved=True, **more):
@@ -135,3 +136,7 @@ def test_models_of_casadi_for_the_report(tmp_path):
     records = [{"model": "m", "way": "tape", "value_ns": 1.0, "jacobian_ns": 2.0, "hessian_ns": 3.0, "solve_ratio": 1.0}]
     records += [{"model": "m", "evaluation_share": 0.125}]
     assert "1         2        3      6   1.000" in model_eval.table(records) and "m 12.5 %" in model_eval.table(records)
+
+
+def test_documents_of_the_optimal_control_problems_are_those_that_are_stored():
+    assert optima_problems.differences() == []

@@ -8,6 +8,7 @@ mod latency;
 mod linalg;
 mod model_eval;
 mod mpcc_textbook;
+mod optima;
 mod oscillator;
 mod relaxations;
 mod scenes;
@@ -41,6 +42,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("adaptation", adaptation::run),
     ("gallery", gallery::run),
     ("guesses", guesses::run),
+    ("optima", optima::run),
     ("latency", latency::run),
     ("step-equilibration", step_equilibration::run),
     ("stepping", stepping::run),
