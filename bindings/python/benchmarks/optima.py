@@ -48,6 +48,7 @@ STARTS: list[dict[str, Any]] = [
     {"initial_guess": "time_stepping"},
     {"dcs_form": "heaviside", "sigma_init": 10.0, "initial_guess": "time_stepping"},
 ]
+COSTS = optima_problems.DOCUMENTS / "costs.tsv"
 STORE = Path(__file__).resolve().parents[3] / "docs" / "benchmarks" / "data" / "optima.json"
 
 
@@ -186,14 +187,18 @@ def keep(entry: dict[str, Any]) -> None:
     write_costs()
 
 
-def write_costs() -> None:
+def costs() -> list[list[str]]:
     """The table that goes with the documents."""
-    store, lines = known(), ["problem\tcost\tknown\tmotion"]
+    store, rows = known(), [["problem", "cost", "known", "motion"]]
     for name, p in optima_problems.PROBLEMS.items():
         cost = reference(name, store)
         kind, motion = "found" if p.exact is None else "exact", "stable" if p.stable else "unstable"
-        lines.append(f"{name}\t{'' if cost is None else repr(float(cost))}\t{kind}\t{motion}")
-    (optima_problems.DOCUMENTS / "costs.tsv").write_text("\n".join(lines) + "\n")
+        rows.append([name, "" if cost is None else repr(float(cost)), kind, motion])
+    return rows
+
+
+def write_costs() -> None:
+    COSTS.write_text("".join("\t".join(row) + "\n" for row in costs()))
 
 
 def search(names: list[str], seconds: float) -> int:

@@ -20,6 +20,7 @@ sys.path.insert(0, str(FOLDER))
 import mpcc_compare  # noqa: E402
 import mpcc_profile  # noqa: E402
 import mpcc_train  # noqa: E402
+import optima  # noqa: E402
 import optima_problems  # noqa: E402
 
 
@@ -140,3 +141,24 @@ def test_models_of_casadi_for_the_report(tmp_path):
 
 def test_documents_of_the_optimal_control_problems_are_those_that_are_stored():
     assert optima_problems.differences() == []
+
+
+def test_costs_beside_the_documents_are_those_on_record():
+    stored = [line.split("\t") for line in optima.COSTS.read_text().splitlines()]
+    wanted = optima.costs()
+    assert [row[:1] + row[2:] for row in stored] == [row[:1] + row[2:] for row in wanted]
+    numbers = [[float(row[1] or "nan") for row in rows[1:]] for rows in (stored, wanted)]
+    assert numbers[0] == pytest.approx(numbers[1], rel=1e-12, nan_ok=True)
+
+
+def test_gaps_of_optima():
+    assert optima.gap(2.0, None) != optima.gap(2.0, None)
+    assert optima.gap(1e-9, 0.0) == 0.0
+    assert optima.gap(-0.9, -1.0) == pytest.approx(0.1)
+    assert optima.gap(3.3, 3.0) == pytest.approx(0.1)
+
+
+def test_a_problem_with_a_known_answer():
+    r = optima.solve("friction_move_02")
+    assert r["solved"] and optima.gap(r["cost"], optima.reference("friction_move_02", {})) < 1e-9
+    assert optima.summary([r], {}).startswith("1 problems: 1 solved, 1 polished, 1 of 1 within")
