@@ -198,7 +198,14 @@ static swb_model *heater(swb_expr *g)
     CHECK_STATUS(SWB_ERR_RANGE, swb_model_set_discrete(model, &nan_, 1));
     CHECK_OK(swb_model_transition_counts(model, &n, &m));
     CHECK(n == 0 && m == 0);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_set_value_names(model, 0, "off\non")); /* there is none yet */
     CHECK_OK(swb_model_set_discrete(model, initial, 1));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_set_value_names(model, 1, "off\non"));
+    CHECK(strstr(swb_last_error(), "no discrete state 1") != NULL);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_set_value_names(model, -1, "off\non"));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_set_value_names(model, 0, "off\noff"));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_model_set_value_names(model, 0, "off\n"));
+    CHECK_OK(swb_model_set_value_names(model, 0, "off\non"));
 
     CHECK_STATUS(SWB_ERR_STATE, swb_model_add_transition(model, g, low, SWB_DIRECTION_FALLING, NULL, 0, NULL, 0, NULL, 0, NULL, 0,
                                                          NULL, 0, NULL, 0, &index));
@@ -248,7 +255,7 @@ static void transitions(void)
     swb_model *model, *again = NULL;
     swb_run *run, *run2;
     swb_run_info info, info2;
-    char *text;
+    char *text, *named, names[16], report[4000];
     double initial = -1.0, from_value = -1.0, to_value = -1.0, x[2], x2[2];
     int64_t n = -1, m = -1, rhs[2], guard = -1, from = -1, reset = -1, to = -1, id = -1, sizes[3];
     int32_t direction = -1;
@@ -262,6 +269,13 @@ static void transitions(void)
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_get_discrete(again, &initial, 2));
     CHECK_OK(swb_model_get_discrete(again, &initial, 1));
     CHECK(initial == 1.0);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_get_value_names(again, 1, names, sizeof names, NULL));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_get_value_names(again, 0, names, 3, &n));
+    CHECK(n == 7);
+    CHECK_OK(swb_model_get_value_names(again, 0, names, sizeof names, NULL));
+    CHECK(strcmp(names, "off\non") == 0);
+    CHECK_OK(swb_model_report(again, 0, report, sizeof report, NULL));
+    CHECK(strstr(report, "discrete: heat (off, on)") != NULL);
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_transition_sizes(again, 2, NULL, NULL, NULL));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_model_transition_sizes(again, -1, NULL, NULL, NULL));
     CHECK_OK(swb_model_transition_sizes(again, 0, &sizes[0], &sizes[1], &sizes[2]));
@@ -285,6 +299,16 @@ static void transitions(void)
     CHECK_OK(swb_run_state(run, x, 2));
     CHECK_OK(swb_run_state(run2, x2, 2));
     CHECK(x[0] == x2[0] && x[1] == x2[1]);
+    swb_model_free(again);
+    again = NULL;
+    /* documents from before there were names */
+    named = strstr(text, "\"value_names\":[[\"off\",\"on\"]],");
+    CHECK(named != NULL);
+    if (named != NULL)
+        memset(named, ' ', strlen("\"value_names\":[[\"off\",\"on\"]],"));
+    CHECK_OK(swb_model_from_json(h, text, NULL, 0, NULL, 0, &again));
+    CHECK_OK(swb_model_get_value_names(again, 0, names, sizeof names, NULL));
+    CHECK(names[0] == 0);
     swb_model_free(again);
     again = NULL;
     memcpy(strstr(text, "\"falling\""), "\"failing\"", 9);

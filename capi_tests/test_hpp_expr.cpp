@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstdio>
+#include <limits>
 #include <string>
 
 static int failures;
@@ -160,6 +161,86 @@ static void documents() {
     CHECK(near(c.state()[0], 0.5, 1e-6));
 }
 
+static const double g = 9.81;
+
+/// A ball that bounces to rest: impacts, forces and modes of the result; the same in steps.
+static void scenes() {
+    swb::Scene s("y", "", "", "e", "ball");
+    s.force({s.constant(-g)});
+    CHECK(s.contact("floor", s.q(0), {}, 0.0, s.p(0)) == 0);
+    CHECK(s.contact("top", 10.0 - s.q(0)) == 1);
+    s.bounds(0, -1.0, std::numeric_limits<double>::infinity());
+    CHECK(s.report().find("left out") == std::string::npos);
+    s.bounds(0, -std::numeric_limits<double>::infinity(), 5.0);
+    CHECK(s.report().find("left out: contact top") != std::string::npos && s.report(true)[0] == '{');
+    const swb::System system = s.system();
+    swb::Settings settings;
+    settings.set("rtol", 1e-12).set("atol", 1e-12).set("dense", "on").set("sensitivity", "on");
+    swb::Integrator integrator(system, settings);
+    integrator.params({0.5});
+    integrator.reinit(0.0, {1.0, 0.0});
+    CHECK(integrator.advance(2.0) == SWB_RUN_OUTCOME_REACHED);
+    const swb::Run run = integrator.run();
+    const double first = std::sqrt(2.0 / g), speed = g * first;
+    const auto impacts = run.impacts();
+    CHECK(impacts.size() > 8 && impacts.back().kind == SWB_IMPACT_KIND_LAST && run.info().redundant == 0);
+    CHECK(near(impacts[0].t, first, 1e-12) && near(impacts[0].normal, 1.5 * speed, 1e-11));
+    CHECK(near(impacts[1].t, first + speed / g, 1e-12) && near(impacts[1].rate_after, 0.25 * speed, 1e-11));
+    CHECK(near(run.impact_sensitivity(0)[0], 0.5 * first, 1e-11));
+    CHECK(run.contact_modes(0.1) == std::vector<int64_t>{SWB_CONTACT_MODE_OPEN});
+    CHECK(run.contact_modes(1.9) == std::vector<int64_t>{SWB_CONTACT_MODE_CLOSED});
+    CHECK(run.contact_forces(0.1) == swb::Vector(3) && near(run.contact_forces(1.9)[0], g, 1e-12));
+    CHECK(near(run.accumulations().at(0).t, 3.0 * first, 1e-6));
+
+    swb::StepOptions options;
+    options.h = 1e-2;
+    swb::Stepper stepper(system, options);
+    CHECK(stepper.contacts() == 1);
+    CHECK(status_of([&] { stepper.step(); }) == SWB_ERR_STATE);
+    CHECK(status_of([&] { stepper.reinit(0.0, {1.0}); }) == SWB_ERR_DIMENSION);
+    CHECK(status_of([&] { stepper.reinit(0.0, {-1.0, 0.0}); }) == SWB_ERR_RANGE);
+    stepper.params({0.0});
+    stepper.reinit(0.0, {1.0, 0.0});
+    stepper.step();
+    CHECK(near(stepper.time(), 0.01) && near(stepper.state()[1], -0.01 * g));
+    const swb::Steps kept = stepper.run(1.0, 10, true);
+    CHECK(kept.times.size() == 11 && kept.states.size() == 22 && kept.impulses.size() == 33);
+    CHECK(kept.times.back() == 1.0 && kept.states.back() == 0.0 && near(kept.impulses[30], 0.01 * g, 1e-9));
+    CHECK(near(stepper.impulses()[0], 0.01 * g, 1e-9) && stepper.stats().steps == 100 && stepper.stats().unconverged == 0);
+    CHECK(stepper.run(1.1).impulses.empty());
+    stepper.interrupt();
+    CHECK(status_of([&] { stepper.advance(2.0); }) == SWB_ERR_INTERRUPTED);
+    stepper.advance(2.0);
+    CHECK(stepper.time() == 2.0);
+
+    swb::Scene wrong("x y");
+    CHECK(status_of([&] { wrong.force({wrong.q(0)}); }) == SWB_ERR_DIMENSION);
+    CHECK(status_of([&] { wrong.contact("floor", s.q(0)); }) == SWB_ERR_STATE);
+    CHECK(status_of([&] { wrong.system(); }) == SWB_ERR_STATE);
+    swb::Model m("x");
+    m.derivatives({-m.x(0)});
+    CHECK(status_of([&] { swb::Stepper none(m.system()); }) == SWB_ERR_STATE);
+}
+
+/// Play: the output follows the input at the distance of the slack.
+static void projected() {
+    swb::Projected play("y");
+    play.derivatives({play.constant(0.0)});
+    const swb::Expr input = 2.0 * sin(play.t());
+    play.constraint("upper", input - play.x(0) + 0.5);
+    CHECK(play.constraint("lower", play.x(0) - input + 0.5) == 1);
+    const swb::System system = play.system();
+    swb::Settings settings;
+    settings.set("rtol", 1e-11).set("atol", 1e-11).set("dense", "on");
+    swb::Integrator integrator(system, settings);
+    integrator.reinit(0.0, {0.0});
+    CHECK(integrator.advance(2.0) == SWB_RUN_OUTCOME_REACHED && near(integrator.state()[0], 1.5, 1e-10));
+    const swb::Run run = integrator.run();
+    CHECK(near(run.events().at(0).t, std::asin(0.25), 1e-10) && near(run.contact_forces(1.0)[3], 2.0 * std::cos(1.0), 1e-8));
+    CHECK(run.contact_modes(1.0)[1] == SWB_CONTACT_MODE_CLOSED && play.report().find("lower") != std::string::npos);
+    CHECK(status_of([&] { swb::Stepper none(system); }) == SWB_ERR_UNSUPPORTED);
+}
+
 static void refusals() {
     swb::Model m("q v"), other("x");
     const swb::Expr q = m.x(0);
@@ -184,6 +265,8 @@ int main() {
     models();
     optimal_control();
     documents();
+    scenes();
+    projected();
     refusals();
     if (failures == 0)
         std::puts("all checks passed");

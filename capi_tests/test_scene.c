@@ -131,7 +131,11 @@ static void slides(void)
     CHECK_OK(swb_scene_set_impact_law(scene, SWB_IMPACT_LAW_NEWTON));
     CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_bounds(scene, 5, 0.0, 1.0));
     CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_bounds(scene, 0, 1.0, 0.0));
-    CHECK_OK(swb_scene_set_bounds(scene, 0, -100.0, 100.0));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_bounds(scene, 0, NAN, 0.0));
+    CHECK(strstr(swb_last_error(), "-inf or inf") != NULL);
+    CHECK_STATUS(SWB_ERR_RANGE, swb_scene_set_bounds(scene, 0, INFINITY, INFINITY));
+    CHECK_OK(swb_scene_set_bounds(scene, 0, -100.0, INFINITY));
+    CHECK_OK(swb_scene_set_bounds(scene, 1, -INFINITY, INFINITY)); /* nothing is known */
     CHECK_OK(swb_scene_build(scene, graph));
     CHECK_OK(swb_scene_report(scene, 0, text, sizeof text, NULL));
     CHECK(strstr(text, "contact floor: friction in the plane") != NULL);
@@ -218,10 +222,162 @@ static void steps(void)
     swb_expr_free(graph);
 }
 
+/* What a new call must refuse, and with which words. */
+#define REFUSED(status, call, words)                                     \
+    do {                                                                 \
+        CHECK_STATUS(status, call);                                      \
+        CHECK(strstr(swb_last_error(), words) != NULL);                  \
+    } while (0)
+
+/* A point over a floor in the plane: the scene of the next test, with the force on x, friction and restitution. */
+static swb_scene *point(swb_expr *graph, const int64_t *x, int64_t force_x, int64_t down, int64_t mu, int64_t e, int64_t n_tangents)
+{
+    swb_scene *scene = NULL;
+    int64_t force[2];
+    force[0] = force_x;
+    force[1] = down;
+    CHECK_OK(swb_scene_create("point", 2, 2, 1, 1, "x\ny\nu\nv\npush\nrough", &scene));
+    CHECK_OK(swb_scene_set_force(scene, graph, force, 2));
+    CHECK_OK(swb_scene_add_contact(scene, graph, "floor", x[1], &x[0], n_tangents, mu, e, NULL));
+    return scene;
+}
+
+static void refusals(void)
+{
+    const double numbers[5] = {0.0, -g, 0.3, -0.1, 1.1}, nan_state[4] = {0.0, NAN, 0.0, 0.0}, start[4] = {0.0, 1.0, 0.0, 0.0};
+    const double nan_ = NAN, negative = -0.5, rough = 0.5, landed[4] = {0.0, 0.0, 1.0, 0.0};
+    int64_t x[4], p, u, c[5], entries[4], foreign[2], square;
+    double out[8];
+    int32_t outcome;
+    char text[4];
+    swb_expr *graph = NULL, *other = NULL;
+    swb_scene *scene = NULL, *gone;
+    swb_system *system = NULL, *empty = NULL;
+    swb_stepper *stepper = NULL;
+    swb_step_options options;
+    swb_step_stats stats;
+    swb_integrator *integrator = NULL;
+
+    CHECK_OK(swb_expr_create(&graph));
+    CHECK_OK(swb_expr_create(&other));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 4));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_P, 0, &p, 1));
+    CHECK_OK(swb_expr_inputs(graph, SWB_INPUT_U, 0, &u, 1));
+    CHECK_OK(swb_expr_constants(graph, numbers, 5, c, 5));
+    CHECK_OK(swb_expr_apply(graph, SWB_OPERATOR_MUL, &x[2], &x[2], NULL, &square, 1));
+    CHECK_OK(swb_expr_inputs(other, SWB_INPUT_X, 0, foreign, 2));
+
+    /* sizes */
+    REFUSED(SWB_ERR_DIMENSION, swb_scene_create("empty", 0, 0, 0, 0, NULL, &scene), "at least one coordinate");
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_scene_create("negative", 1, -1, 0, 0, NULL, &scene));
+    CHECK_STATUS(SWB_ERR_NULL, swb_scene_create("nowhere", 1, 1, 0, 0, NULL, NULL));
+    REFUSED(SWB_ERR_DIMENSION, swb_scene_create_projected("empty", 0, 0, 0, NULL, &scene), "at least one state");
+    CHECK(scene == NULL);
+    scene = point(graph, x, u, c[1], p, -1, 1);
+    REFUSED(SWB_ERR_DIMENSION, swb_scene_set_rates(scene, graph, x, 1), "1 rates of coordinates, expected 2");
+    REFUSED(SWB_ERR_DIMENSION, swb_scene_set_force(scene, graph, c, 1), "1 forces, expected 2");
+    REFUSED(SWB_ERR_STATE, swb_scene_set_force(scene, other, foreign, 2), "graph");
+    REFUSED(SWB_ERR_STATE, swb_scene_add_contact(scene, other, "top", foreign[0], NULL, 0, -1, -1, NULL), "graph");
+    REFUSED(SWB_ERR_STATE, swb_scene_add_contact(scene, graph, "floor", x[0], NULL, 0, -1, -1, NULL), "floor already");
+    REFUSED(SWB_ERR_STATE, swb_scene_report(scene, 0, text, sizeof text, NULL), "build");
+    REFUSED(SWB_ERR_STATE, swb_scene_system(scene, &system), "build");
+    CHECK_OK(swb_scene_build(scene, graph));
+    REFUSED(SWB_ERR_DIMENSION, swb_scene_report(scene, 0, text, sizeof text, NULL), "buffer");
+    CHECK_OK(swb_scene_system(scene, &system));
+
+    /* values */
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    REFUSED(SWB_ERR_RANGE, swb_integrator_reinit(integrator, 0.0, nan_state, 4), "NaN");
+    CHECK_OK(swb_integrator_set_params(integrator, &negative, 1));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, landed, 4));
+    REFUSED(SWB_ERR_RANGE, swb_integrator_advance(integrator, 1.0, &outcome), "friction -0.5");
+    CHECK_OK(swb_integrator_set_params(integrator, &rough, 1));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, landed, 4));
+    CHECK_OK(swb_integrator_advance(integrator, 1.0, &outcome));
+    swb_integrator_free(integrator);
+
+    /* the stepper */
+    CHECK_OK(swb_system_create(1, 0, 0, &empty));
+    CHECK_STATUS(SWB_ERR_STATE, swb_stepper_create(empty, NULL, &stepper));
+    CHECK_STATUS(SWB_ERR_NULL, swb_stepper_create(NULL, NULL, &stepper));
+    swb_system_free(empty);
+    CHECK_OK(swb_step_options_init(&options, sizeof options));
+    options.h = NAN;
+    REFUSED(SWB_ERR_RANGE, swb_stepper_create(system, &options, &stepper), "the step h is NaN");
+    options.h = 1e-3;
+    options.tolerance = -1.0;
+    REFUSED(SWB_ERR_RANGE, swb_stepper_create(system, &options, &stepper), "tolerance");
+    CHECK(stepper == NULL);
+    CHECK_OK(swb_stepper_create(system, NULL, &stepper));
+    REFUSED(SWB_ERR_STATE, swb_stepper_step(stepper), "set its state first");
+    REFUSED(SWB_ERR_DIMENSION, swb_stepper_set_state(stepper, 0.0, start, 3), "4");
+    REFUSED(SWB_ERR_RANGE, swb_stepper_set_state(stepper, 0.0, nan_state, 4), "NaN");
+    CHECK_STATUS(SWB_ERR_RANGE, swb_stepper_set_state(stepper, INFINITY, start, 4));
+    REFUSED(SWB_ERR_DIMENSION, swb_stepper_set_controls(stepper, start, 2), "expected 1");
+    REFUSED(SWB_ERR_RANGE, swb_stepper_set_params(stepper, &nan_, 1), "NaN");
+    CHECK_OK(swb_stepper_set_params(stepper, &negative, 1));
+    CHECK_OK(swb_stepper_set_state(stepper, 0.0, start, 4));
+    REFUSED(SWB_ERR_RANGE, swb_stepper_advance(stepper, 1.0), "friction"); /* where the contact closes */
+    CHECK_OK(swb_stepper_set_params(stepper, &rough, 1));
+    CHECK_OK(swb_stepper_set_state(stepper, 0.0, start, 4));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_stepper_advance(stepper, NAN));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_stepper_get_state(stepper, out, 3));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_stepper_get_impulses(stepper, out, 4));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_stepper_get_stats(stepper, &stats, 3));
+    CHECK_STATUS(SWB_ERR_NULL, swb_stepper_get_time(stepper, NULL));
+    CHECK_OK(swb_stepper_advance(stepper, 0.1)); /* it is as it was */
+    swb_stepper_free(stepper);
+    swb_system_free(system);
+
+    /* what was freed */
+    gone = scene;
+    swb_scene_free(scene);
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_build(gone, graph));
+    CHECK_STATUS(SWB_ERR_STATE, swb_scene_set_bounds(gone, 0, 0.0, 1.0));
+
+    /* what the build refuses */
+    scene = point(graph, x, c[0], c[1], c[3], -1, 1);
+    REFUSED(SWB_ERR_RANGE, swb_scene_build(scene, graph), "friction of contact floor is -0.1");
+    swb_scene_free(scene);
+    scene = point(graph, x, c[0], c[1], -1, c[4], 0);
+    REFUSED(SWB_ERR_RANGE, swb_scene_build(scene, graph), "restitution of contact floor is 1.1");
+    swb_scene_free(scene);
+    scene = point(graph, x, c[0], c[1], c[2], -1, 0);
+    REFUSED(SWB_ERR_RANGE, swb_scene_build(scene, graph), "no tangents");
+    swb_scene_free(scene);
+    scene = point(graph, x, c[0], c[1], -1, -1, 0);
+    CHECK_OK(swb_scene_add_contact(scene, graph, "wall", square, NULL, 0, -1, -1, NULL));
+    REFUSED(SWB_ERR_RANGE, swb_scene_build(scene, graph), "depends on velocities");
+    swb_scene_free(scene);
+    scene = point(graph, x, c[0], c[1], -1, -1, 0);
+    CHECK_OK(swb_scene_add_contact(scene, graph, "wall", x[0], &square, 1, c[2], -1, NULL));
+    REFUSED(SWB_ERR_RANGE, swb_scene_build(scene, graph), "linear");
+    swb_scene_free(scene);
+    /* a body without mass */
+    scene = point(graph, x, c[0], c[1], -1, -1, 0);
+    entries[0] = entries[1] = entries[2] = c[0];
+    entries[3] = c[2];
+    CHECK_OK(swb_scene_set_inertia(scene, graph, entries, 4));
+    CHECK_OK(swb_scene_build(scene, graph));
+    CHECK_OK(swb_scene_system(scene, &system));
+    CHECK_STATUS(SWB_ERR_NUMERIC, swb_stepper_create(system, NULL, &stepper));
+    CHECK(strstr(swb_last_error(), "positive definite") != NULL);
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_set_params(integrator, &rough, 1));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, start, 4));
+    REFUSED(SWB_ERR_RANGE, swb_integrator_advance(integrator, 1.0, &outcome), "not positive definite");
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_scene_free(scene);
+    swb_expr_free(graph);
+    swb_expr_free(other);
+}
+
 int main(void)
 {
     bounces();
     slides();
     steps();
+    refusals();
     return CHECK_DONE();
 }

@@ -4728,9 +4728,9 @@ swb_status swb_scene_add_contact(struct swb_scene *scene,
  * proof in the report. A simulation that leaves the bounds ends with an error if something was left out for them.
  *
  * @param[in] coordinate from 0
- * @param[in] low        lower bound
- * @param[in] high       upper bound
- * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NONFINITE
+ * @param[in] low        lower bound, -INFINITY if none is known
+ * @param[in] high       upper bound, INFINITY if none is known
+ * @return SWB_OK; SWB_ERR_RANGE if there is no such coordinate, or a bound is NaN, or no number is between the bounds
  */
 SWB_API
 swb_status swb_scene_set_bounds(struct swb_scene *scene,
@@ -4845,7 +4845,8 @@ swb_status swb_run_contact_forces(const struct swb_run *run,
 
 /**
  * Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
- * transitions change them. Reports name them and documents keep the values; simulations start where they are told to.
+ * transitions change them. Reports name them and documents keep the values; simulations start where they are told to. Names of
+ * values (swb_model_set_value_names) are given behind this.
  *
  * @param[in] initial [n]
  * @return SWB_OK; SWB_ERR_DIMENSION if there are more values than states; SWB_ERR_RANGE for a value that is not finite; SWB_ERR_STATE
@@ -4855,6 +4856,33 @@ SWB_API
 swb_status swb_model_set_discrete(struct swb_model *model,
                                   const double *initial,
                                   int64_t n);
+
+/**
+ * Name the values 0, 1, ... of a discrete state: the states of an automaton. Reports and documents keep the names.
+ *
+ * @param[in] discrete the discrete state, from 0: those of swb_model_set_discrete, in their order
+ * @param[in] names    the names, each behind the first after a line break; NULL for none
+ * @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state; SWB_ERR_RANGE for names that are empty or repeat
+ */
+SWB_API
+swb_status swb_model_set_value_names(struct swb_model *model,
+                                     int64_t discrete,
+                                     const char *names);
+
+/**
+ * Names of the values of a discrete state, as swb_model_set_value_names takes them; an empty text if there are none.
+ *
+ * @param[in]  discrete the discrete state, from 0
+ * @param[out] buf      [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed   length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state, or the buffer is too short
+ */
+SWB_API
+swb_status swb_model_get_value_names(const struct swb_model *model,
+                                     int64_t discrete,
+                                     char *buf,
+                                     int64_t len,
+                                     int64_t *needed);
 
 /**
  * Add a transition to a model, and thereby to all systems made of it later; see swb_system_add_transition.

@@ -954,6 +954,85 @@ private:
     std::unique_ptr<std::function<void(int64_t, const char *)>> log_;
 };
 
+/// Options of a Stepper: those of swb_step_options, with their defaults.
+struct StepOptions : swb_step_options {
+    StepOptions() { detail::check(swb_step_options_init(this, sizeof(swb_step_options))); }
+};
+
+/// States after steps.
+struct Steps {
+    /// Times; the first is that from which the steps began.
+    Vector times;
+    /// nx numbers for each time: coordinates, then velocities.
+    Vector states;
+    /// Three numbers for each contact and time, of the steps that end at these times: the normal impulse, then those along the
+    /// tangents there are; empty if they were not asked for.
+    Vector impulses;
+};
+
+/// Makes steps of a scene by the theta-method of Moreau and Jean, for many contacts: impacts are not located, and the error is
+/// of order 1 in the length of a step.
+class Stepper {
+public:
+    /// Error SWB_ERR_STATE if the system is not that of a scene, SWB_ERR_UNSUPPORTED if it is a projected one.
+    explicit Stepper(const System &system, const StepOptions &options = {}) {
+        swb_stepper *s = nullptr;
+        detail::check(swb_stepper_create(system.get(), &options, &s));
+        owner_.reset(s);
+        detail::check(swb_stepper_sizes(s, &nx_, nullptr, nullptr, &contacts_));
+    }
+    /// Sets time and state and begins anew; set the parameters first.
+    void reinit(double t, View x) { detail::check(swb_stepper_set_state(get(), t, x.data(), x.length())); }
+    void controls(View u) { detail::check(swb_stepper_set_controls(get(), u.data(), u.length())); }
+    void params(View p) { detail::check(swb_stepper_set_params(get(), p.data(), p.length())); }
+    /// One step of the length in the options.
+    void step() { detail::check(swb_stepper_step(get())); }
+    /// Equal steps, not longer than that in the options, that end at a time.
+    void advance(double t) { detail::check(swb_stepper_advance(get(), t)); }
+    /// The same, and keeps the state after `every` steps, with the impulses if they are wanted.
+    Steps run(double t, int64_t every = 1, bool impulses = false) {
+        int64_t n = 0;
+        detail::check(swb_stepper_count(get(), t, every, &n));
+        Steps out{Vector(static_cast<std::size_t>(n)), Vector(static_cast<std::size_t>(n * nx_)),
+                  Vector(static_cast<std::size_t>(impulses ? 3 * n * contacts_ : 0))};
+        detail::check(swb_stepper_run(get(), t, every, out.times.data(), n, out.states.data(), n * nx_,
+                                      out.impulses.empty() ? nullptr : out.impulses.data(),
+                                      static_cast<int64_t>(out.impulses.size())));
+        return out;
+    }
+    double time() const {
+        double t = 0;
+        detail::check(swb_stepper_get_time(get(), &t));
+        return t;
+    }
+    /// State reached: coordinates, then velocities.
+    Vector state() const {
+        Vector x(static_cast<std::size_t>(nx_));
+        detail::check(swb_stepper_get_state(get(), x.data(), nx_));
+        return x;
+    }
+    /// Impulses of the last step, not forces: three for each contact, normal, then along the tangents there are.
+    Vector impulses() const {
+        Vector out(static_cast<std::size_t>(3 * contacts_));
+        detail::check(swb_stepper_get_impulses(get(), out.data(), 3 * contacts_));
+        return out;
+    }
+    swb_step_stats stats() const {
+        swb_step_stats s{};
+        detail::check(swb_stepper_get_stats(get(), &s, sizeof s));
+        return s;
+    }
+    /// Number of contacts; those that were left out of the scene do not count.
+    int64_t contacts() const noexcept { return contacts_; }
+    /// Stops the running call after the step it is at, or the next call; from any thread and signal handler.
+    void interrupt() const noexcept { swb_stepper_interrupt(get()); }
+    swb_stepper *get() const noexcept { return owner_.get(); }
+
+private:
+    detail::Owner<swb_stepper, swb_stepper_free> owner_;
+    int64_t nx_ = 0, contacts_ = 0;
+};
+
 /// Event-driven simulations from several initial states on several threads. Functions of the system are called by several
 /// threads at once; one that throws ends its run with SWB_ERR_USER.
 class Batch {

@@ -405,8 +405,17 @@ public:
         names_[0].push_back(name);
         rhs_.push_back(detail::constant(graph_, 0.0).id);
         initial_.push_back(initial);
+        value_names_.emplace_back();
         built_.reset();
         return inputs_[0].back();
+    }
+    /// Number of discrete states.
+    std::size_t discrete_count() const noexcept { return initial_.size(); }
+    /// Names the values 0, 1, ... of a discrete state, from 0 in the order they were added: reports and documents keep them. A
+    /// ModelAutomaton does so itself.
+    void value_names(std::size_t discrete, const std::vector<std::string> &names) {
+        value_names_.at(discrete) = names;
+        built_.reset();
     }
     /// A jump of the state where a comparison becomes true while the discrete states in `when` have these values: states become
     /// what `reset` says, discrete states what `to` says. Returns its number. See swb_system_add_transition.
@@ -535,6 +544,12 @@ private:
                                            names.c_str(), has_trial_ ? &at : nullptr, &m));
             detail::Owner<swb_model, swb_model_free> owner(m);
             detail::check(swb_model_set_discrete(m, initial_.data(), detail::length(initial_)));
+            for (std::size_t k = 0; k < value_names_.size(); ++k) {
+                std::string all;
+                for (const std::string &name : value_names_[k])
+                    all += (all.empty() ? "" : "\n") + name;
+                detail::check(swb_model_set_value_names(m, static_cast<int64_t>(k), all.c_str()));
+            }
             for (const Jump &j : jumps_)
                 detail::check(swb_model_add_transition(
                     m, graph_.get(), j.guard, SWB_DIRECTION_RISING, j.from.first.data(), detail::length(j.from.first),
@@ -570,6 +585,7 @@ private:
     std::array<Exprs, 4> inputs_;
     std::vector<int64_t> rhs_;
     Vector initial_;
+    std::vector<std::vector<std::string>> value_names_;
     std::vector<Jump> jumps_;
     std::array<Vector, 3> trial_;
     double trial_time_ = 0;
@@ -586,6 +602,7 @@ public:
         std::istringstream words(states);
         for (std::string word; words >> word;)
             names_.push_back(word);
+        model.value_names(model.discrete_count() - 1, names_);
     }
     /// The discrete state.
     const Expr &state() const noexcept { return state_; }
@@ -635,84 +652,33 @@ private:
 
 // --- scenes ----------------------------------------------------------------------------------------
 
-/// A mechanical system with contacts: coordinates q, velocities v (one for each coordinate, unless they are named), inertia,
-/// forces, contacts. Its states are q, then v.
-class Scene {
-public:
-    /// Variables by names, separated by spaces or commas.
-    explicit Scene(const std::string &q, const std::string &v = "", const std::string &controls = "",
-                   const std::string &parameters = "", const std::string &name = "scene")
-        : graph_(detail::new_graph()) {
-        const auto qs = words(q), vs = v.empty() ? rates_of(qs) : words(v), us = words(controls), ps = words(parameters);
-        std::string names;
-        for (const auto *group : {&qs, &vs, &us, &ps})
-            for (const auto &n : *group)
-                names += n + "\n";
-        swb_scene *s = nullptr;
-        detail::check(swb_scene_create(name.c_str(), size(qs), size(vs), size(us), size(ps), names.c_str(), &s));
-        scene_ = detail::Owner<swb_scene, swb_scene_free>(s);
-        const Exprs x = inputs(SWB_INPUT_X, qs.size() + vs.size());
-        q_.assign(x.begin(), x.begin() + static_cast<std::ptrdiff_t>(qs.size()));
-        v_.assign(x.begin() + static_cast<std::ptrdiff_t>(qs.size()), x.end());
-        u_ = inputs(SWB_INPUT_U, us.size());
-        p_ = inputs(SWB_INPUT_P, ps.size());
-        t_ = inputs(SWB_INPUT_T, 1);
-    }
+namespace detail {
 
-    const Exprs &q() const { return q_; }
-    const Exprs &v() const { return v_; }
-    const Expr &q(std::size_t i) const { return q_.at(i); }
-    const Expr &v(std::size_t i) const { return v_.at(i); }
+/// What scenes and projected systems share.
+class ContactSystem {
+public:
     const Expr &u(std::size_t i) const { return u_.at(i); }
     const Expr &p(std::size_t i) const { return p_.at(i); }
     const Expr &t() const { return t_.front(); }
     /// A number as an expression.
     Expr constant(double value) const { return Expr(detail::constant(graph_, value)); }
-
-    /// The rates of the coordinates, linear in the velocities.
-    void rates(const Exprs &values) { set(swb_scene_set_rates, values); }
-    /// The inertia matrix, symmetric: its rows one after the other.
-    void inertia(const Exprs &entries) { set(swb_scene_set_inertia, entries); }
-    /// The forces, one for every velocity.
-    void force(const Exprs &values) { set(swb_scene_set_force, values); }
-    /// Adds a contact and returns its number; see swb_scene_add_contact.
-    int64_t contact(const std::string &name, const Expr &gap, const Exprs &tangents = {}, const Operand &friction = 0.0,
-                    const Operand &restitution = 0.0) {
-        const auto along = detail::ids(graph_, tangents);
-        const int64_t distance = detail::ids(graph_, {gap}).front();
-        const int64_t mu = detail::ids(graph_, {Expr(friction.in(graph_))}).front();
-        const int64_t e = detail::ids(graph_, {Expr(restitution.in(graph_))}).front();
-        int64_t k = 0;
-        detail::check(swb_scene_add_contact(scene_.get(), graph_.get(), name.c_str(), distance, along.data(),
-                                            detail::length(along), mu, e, &k));
-        return k;
-    }
-    /// States that a coordinate stays between bounds; see swb_scene_set_bounds.
-    void bounds(int64_t coordinate, double low, double high) {
-        detail::check(swb_scene_set_bounds(scene_.get(), coordinate, low, high));
-    }
-    /// What happens where several contacts close at once.
-    void impact_law(swb_impact_law law) { detail::check(swb_scene_set_impact_law(scene_.get(), law)); }
     /// The system, for event-driven simulation.
     System system() {
-        detail::check(swb_scene_build(scene_.get(), graph_.get()));
+        check(swb_scene_build(scene_.get(), graph_.get()));
         swb_system *s = nullptr;
-        detail::check(swb_scene_system(scene_.get(), &s));
+        check(swb_scene_system(scene_.get(), &s));
         return System(s);
     }
-    /// What the scene consists of, what each contact costs, which were left out and why.
+    /// What it consists of, what each contact costs, which were left out and why; as text or as JSON.
     std::string report(bool json = false) {
-        detail::check(swb_scene_build(scene_.get(), graph_.get()));
-        int64_t needed = 0;
-        swb_scene_report(scene_.get(), json ? 1 : 0, nullptr, 0, &needed);
-        std::string out(static_cast<std::size_t>(needed), '\0');
-        detail::check(swb_scene_report(scene_.get(), json ? 1 : 0, &out[0], needed, nullptr));
-        out.pop_back();
-        return out;
+        check(swb_scene_build(scene_.get(), graph_.get()));
+        return text([&](char *b, int64_t n, int64_t *needed) { return swb_scene_report(scene_.get(), json ? 1 : 0, b, n, needed); });
     }
 
-private:
+protected:
     using Words = std::vector<std::string>;
+
+    ContactSystem() : graph_(new_graph()) {}
 
     static Words words(std::string text) {
         for (char &c : text)
@@ -723,27 +689,126 @@ private:
             out.push_back(word);
         return out;
     }
+    static std::string joined(std::initializer_list<const Words *> groups) {
+        std::string out;
+        for (const Words *group : groups)
+            for (const auto &n : *group)
+                out += n + "\n";
+        return out;
+    }
+    static int64_t size(const Words &w) { return static_cast<int64_t>(w.size()); }
+    /// Takes the new object and makes the variables of `nx` states, and of these controls and parameters.
+    Exprs begin(swb_scene *s, std::size_t nx, const Words &us, const Words &ps) {
+        scene_ = Owner<swb_scene, swb_scene_free>(s);
+        u_ = inputs(SWB_INPUT_U, us.size());
+        p_ = inputs(SWB_INPUT_P, ps.size());
+        t_ = inputs(SWB_INPUT_T, 1);
+        return inputs(SWB_INPUT_X, nx);
+    }
+    template <class F>
+    void set(F f, const Exprs &values) {
+        const auto given = ids(graph_, values);
+        check(f(scene_.get(), graph_.get(), given.data(), length(given)));
+    }
+    int64_t add(const std::string &name, const Expr &gap, const Exprs &tangents, int64_t friction, int64_t restitution) {
+        const auto along = ids(graph_, tangents);
+        int64_t k = 0;
+        check(swb_scene_add_contact(scene_.get(), graph_.get(), name.c_str(), ids(graph_, {gap}).front(), along.data(),
+                                    length(along), friction, restitution, &k));
+        return k;
+    }
+
+    Graph graph_;
+    Owner<swb_scene, swb_scene_free> scene_{nullptr};
+
+private:
+    Exprs inputs(swb_input block, std::size_t n) const {
+        std::vector<int64_t> out(n);
+        check(swb_expr_inputs(graph_.get(), block, 0, out.data(), length(out)));
+        return exprs(graph_, out);
+    }
+
+    Exprs u_, p_, t_;
+};
+
+} // namespace detail
+
+/// A mechanical system with contacts: coordinates q, velocities v (one for each coordinate, unless they are named), inertia,
+/// forces, contacts. Its states are q, then v.
+class Scene : public detail::ContactSystem {
+public:
+    /// Variables by names, separated by spaces or commas.
+    explicit Scene(const std::string &q, const std::string &v = "", const std::string &controls = "",
+                   const std::string &parameters = "", const std::string &name = "scene") {
+        const auto qs = words(q), vs = v.empty() ? rates_of(qs) : words(v), us = words(controls), ps = words(parameters);
+        swb_scene *s = nullptr;
+        detail::check(swb_scene_create(name.c_str(), size(qs), size(vs), size(us), size(ps),
+                                       joined({&qs, &vs, &us, &ps}).c_str(), &s));
+        const Exprs x = begin(s, qs.size() + vs.size(), us, ps);
+        q_.assign(x.begin(), x.begin() + static_cast<std::ptrdiff_t>(qs.size()));
+        v_.assign(x.begin() + static_cast<std::ptrdiff_t>(qs.size()), x.end());
+    }
+
+    const Exprs &q() const { return q_; }
+    const Exprs &v() const { return v_; }
+    const Expr &q(std::size_t i) const { return q_.at(i); }
+    const Expr &v(std::size_t i) const { return v_.at(i); }
+
+    /// The rates of the coordinates, linear in the velocities.
+    void rates(const Exprs &values) { set(swb_scene_set_rates, values); }
+    /// The inertia matrix, symmetric: its rows one after the other.
+    void inertia(const Exprs &entries) { set(swb_scene_set_inertia, entries); }
+    /// The forces, one for every velocity.
+    void force(const Exprs &values) { set(swb_scene_set_force, values); }
+    /// Adds a contact and returns its number; see swb_scene_add_contact.
+    int64_t contact(const std::string &name, const Expr &gap, const Exprs &tangents = {}, const Operand &friction = 0.0,
+                    const Operand &restitution = 0.0) {
+        return add(name, gap, tangents, detail::ids(graph_, {Expr(friction.in(graph_))}).front(),
+                   detail::ids(graph_, {Expr(restitution.in(graph_))}).front());
+    }
+    /// States that a coordinate stays between bounds, which may be infinite; see swb_scene_set_bounds.
+    void bounds(int64_t coordinate, double low, double high) {
+        detail::check(swb_scene_set_bounds(scene_.get(), coordinate, low, high));
+    }
+    /// What happens where several contacts close at once.
+    void impact_law(swb_impact_law law) { detail::check(swb_scene_set_impact_law(scene_.get(), law)); }
+
+private:
     static Words rates_of(const Words &q) {
         Words out;
         for (const auto &n : q)
             out.push_back("v_" + n);
         return out;
     }
-    static int64_t size(const Words &w) { return static_cast<int64_t>(w.size()); }
-    Exprs inputs(swb_input block, std::size_t n) const {
-        std::vector<int64_t> ids(n);
-        detail::check(swb_expr_inputs(graph_.get(), block, 0, ids.data(), detail::length(ids)));
-        return detail::exprs(graph_, ids);
-    }
-    template <class F>
-    void set(F f, const Exprs &values) {
-        const auto ids = detail::ids(graph_, values);
-        detail::check(f(scene_.get(), graph_.get(), ids.data(), detail::length(ids)));
+
+    Exprs q_, v_;
+};
+
+/// A projected system, or first-order sweeping process: x' = f plus the sum of gradient(c) times multiplier over all constraints
+/// c >= 0; multipliers are not negative, and zero where their constraint is positive. Of a Run, contact_forces has the
+/// multipliers, and contact_modes is SWB_CONTACT_MODE_CLOSED where a constraint is active.
+class Projected : public detail::ContactSystem {
+public:
+    /// Variables by names, separated by spaces or commas.
+    explicit Projected(const std::string &x, const std::string &controls = "", const std::string &parameters = "",
+                       const std::string &name = "projected") {
+        const auto xs = words(x), us = words(controls), ps = words(parameters);
+        swb_scene *s = nullptr;
+        detail::check(swb_scene_create_projected(name.c_str(), size(xs), size(us), size(ps),
+                                                 joined({&xs, &us, &ps}).c_str(), &s));
+        x_ = begin(s, xs.size(), us, ps);
     }
 
-    detail::Graph graph_;
-    detail::Owner<swb_scene, swb_scene_free> scene_{nullptr};
-    Exprs q_, v_, u_, p_, t_;
+    const Exprs &x() const { return x_; }
+    const Expr &x(std::size_t i) const { return x_.at(i); }
+
+    /// The derivatives of the states without constraints.
+    void derivatives(const Exprs &f) { set(swb_scene_set_force, f); }
+    /// Adds a constraint c >= 0, an expression of states, parameters and time, and returns its number.
+    int64_t constraint(const std::string &name, const Expr &c) { return add(name, c, {}, -1, -1); }
+
+private:
+    Exprs x_;
 };
 
 } // namespace swb

@@ -268,6 +268,17 @@ fn bounds_leave_contacts_out() {
     s.add_contact(contact(&g, "pillar", (g.x(0) - 5.0).powi(2) + g.x(1).powi(2) - 1.0, &[], 0.0, 1.0)).unwrap();
     s.set_bounds(0, -5.0, 5.0).unwrap();
     assert_eq!(s.build(&g).unwrap().report.dropped.len(), 0);
+    // an infinite bound says nothing of its side, two take back what was said
+    s.set_bounds(0, f64::NEG_INFINITY, 3.0).unwrap();
+    assert_eq!(s.build(&g).unwrap().report.dropped.len(), 1);
+    s.set_bounds(0, 3.0, f64::INFINITY).unwrap();
+    assert_eq!(s.build(&g).unwrap().report.dropped.len(), 0);
+    s.set_bounds(0, f64::NEG_INFINITY, 3.0).unwrap();
+    s.set_bounds(0, f64::NEG_INFINITY, f64::INFINITY).unwrap();
+    assert_eq!(s.build(&g).unwrap().report.dropped.len(), 0);
+    for (low, high) in [(f64::NAN, 1.0), (1.0, 0.0), (f64::INFINITY, f64::INFINITY)] {
+        assert!(s.set_bounds(0, low, high).unwrap_err().to_string().contains("bounds of coordinate 0"));
+    }
     // leaving the bounds is an error, not a surprise
     let mut e = start(&reduced.system, &Options::default(), &[0.0, 1.0, 20.0, 0.0]);
     let why = e.advance(2.0).unwrap_err().to_string();
@@ -305,6 +316,8 @@ fn sticking_ends_in_space() {
     let way = |t: f64| a * t.powi(3) / 6.0 - b * t * t / 2.0;
     let s_end = way(3.0) - way(t0) - (a * t0 * t0 / 2.0 - b * t0) * (3.0 - t0);
     assert!((e.switches()[0].t - t0).abs() < 1e-10, "{:?}", e.switches());
+    let start = &e.phases().last().unwrap().starting;
+    assert!(start.len() == 1 && (start[0].1[0] - 2.0 / a).abs() < 1e-8, "{start:?}");
     assert!(
         (e.state()[0] - 2.0 / a * s_end).abs() < 1e-9 && (e.state()[1] - s_end / a).abs() < 1e-9,
         "{:?}",

@@ -14,6 +14,7 @@ struct made {
     swb_model *model, *second_model;
     swb_scene *scene;
     swb_integrator *integrator;
+    swb_stepper *stepper;
     swb_simulator *simulator, *second_simulator;
     swb_batch *batch;
     swb_run *run;
@@ -48,6 +49,7 @@ static void release(struct made *m)
     swb_simulator_free(m->simulator);
     swb_simulator_free(m->second_simulator);
     swb_integrator_free(m->integrator);
+    swb_stepper_free(m->stepper);
     swb_model_free(m->model);
     swb_scene_free(m->scene);
     swb_model_free(m->second_model);
@@ -293,13 +295,11 @@ static void models(struct made *m)
     DO(swb_model_write_c(m->model, room, ROOM, NULL));
 }
 
-/* A block falls on a rough floor and slides. */
-static void scenes(struct made *m)
+/* The system of a block that falls on a rough floor and slides. */
+static void make_block(struct made *m)
 {
-    static const double numbers[4] = {0.0, -10.0, 0.3, 1.0}, start[4] = {0.0, 0.1, 1.0, 0.0}, t = 0.4;
-    int64_t x[4], c[4], entries[4], force[2], modes[1];
-    double forces[3];
-    int32_t outcome;
+    static const double numbers[4] = {0.0, -10.0, 0.3, 1.0};
+    int64_t x[4], c[4], entries[4], force[2];
     DO(swb_expr_create(&m->graph));
     DO(swb_expr_inputs(m->graph, SWB_INPUT_X, 0, x, 4));
     DO(swb_expr_constants(m->graph, numbers, 4, c, 4));
@@ -313,14 +313,50 @@ static void scenes(struct made *m)
     DO(swb_scene_build(m->scene, m->graph));
     DO(swb_scene_report(m->scene, 1, room, ROOM, NULL));
     DO(swb_scene_system(m->scene, &m->system));
+}
+
+static const double block_start[4] = {0.0, 0.1, 1.0, 0.0};
+
+static void scenes(struct made *m)
+{
+    static const double t = 0.4;
+    int64_t modes[1];
+    double forces[3];
+    int32_t outcome;
+    make_block(m);
+    if (m->status != SWB_OK)
+        return;
     DO(swb_integrator_create(m->system, NULL, &m->integrator));
     DO(swb_integrator_set_string(m->integrator, "dense", "on"));
     DO(swb_integrator_set_string(m->integrator, "sensitivity", "on"));
-    DO(swb_integrator_reinit(m->integrator, 0.0, start, 4));
+    DO(swb_integrator_reinit(m->integrator, 0.0, block_start, 4));
     DO(swb_integrator_advance(m->integrator, 0.5, &outcome));
     DO(swb_integrator_get_run(m->integrator, &m->run));
     DO(swb_run_contact_modes(m->run, &t, 1, modes, 1));
     DO(swb_run_contact_forces(m->run, &t, 1, forces, 3));
+}
+
+/* The same block in steps: it lands during the first calls and slides in the last. */
+static void steps_of_scenes(struct made *m)
+{
+    double times[16], states[64], impulses[48], x[4];
+    int64_t n = 0;
+    swb_step_options options;
+    swb_step_stats stats;
+    make_block(m);
+    if (m->status != SWB_OK)
+        return;
+    DO(swb_step_options_init(&options, sizeof options));
+    options.h = 0.01;
+    DO(swb_stepper_create(m->system, &options, &m->stepper));
+    DO(swb_stepper_set_state(m->stepper, 0.0, block_start, 4));
+    DO(swb_stepper_step(m->stepper));
+    DO(swb_stepper_advance(m->stepper, 0.3));
+    DO(swb_stepper_count(m->stepper, 0.4, 2, &n));
+    if (n <= 16)
+        DO(swb_stepper_run(m->stepper, 0.4, 2, times, n, states, 4 * n, impulses, 3 * n));
+    DO(swb_stepper_get_state(m->stepper, x, 4));
+    DO(swb_stepper_get_stats(m->stepper, &stats, sizeof stats));
 }
 
 static void expressions(struct made *m)
@@ -650,7 +686,7 @@ static void multiphase(struct made *m)
         return m.status;                 \
     }
 #define ALL(X)                                                                                                    \
-    X(functions) X(systems) X(settings) X(expressions) X(models) X(scenes) X(model_document) X(simulation_document)         \
+    X(functions) X(systems) X(settings) X(expressions) X(models) X(scenes) X(steps_of_scenes) X(model_document) X(simulation_document)         \
     X(ocp_document) X(dense_output) X(stiff_integration) X(forward_sensitivity) X(adjoint_sensitivity)            \
     X(batch_of_one_thread) X(batch_of_threads) X(simulation) X(time_stepping) X(programs) X(conflicts)            \
     X(optimal_control) X(accuracy_and_sensitivity) X(mode_search) X(standard_elements) X(stand_in) X(adaptation)  \

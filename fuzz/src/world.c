@@ -1,6 +1,7 @@
 #include "world.h"
 
 #include <inttypes.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -151,6 +152,7 @@ static void heater(const swb_settings *s)
     static const int64_t x_ = 0, heat = 1;
     int64_t x[2], c[2], rhs[2], guard, raised, from, reset, to, id, n;
     double value, initial;
+    char names[16];
     int32_t direction, outcome;
     swb_expr *graph = NULL;
     swb_model *model = NULL;
@@ -168,6 +170,8 @@ static void heater(const swb_settings *s)
         return;
     pool_add(T_swb_model, model);
     DO(swb_model_set_discrete, model, &off, 1);
+    DO(swb_model_set_value_names, model, 0, "off\non");
+    DO(swb_model_get_value_names, model, 0, names, sizeof names, &n);
     DO(swb_model_add_transition, model, graph, x[0], SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &x_, 1, &raised, 1, &heat, 1, &on, 1, NULL);
     DO(swb_model_add_transition, model, graph, guard, SWB_DIRECTION_RISING, &heat, 1, &on, 1, NULL, 0, NULL, 0, &heat, 1, &off, 1, &n);
     DO(swb_model_transition_counts, model, &n, NULL);
@@ -243,7 +247,7 @@ static void block(const swb_settings *s)
     DO(swb_scene_set_inertia, scene, graph, entries, 4);
     DO(swb_scene_set_force, scene, graph, force, 2);
     DO(swb_scene_add_contact, scene, graph, "floor", x[1], x, 1, c[2], c[0], NULL);
-    DO(swb_scene_set_bounds, scene, 0, -10.0, 10.0);
+    DO(swb_scene_set_bounds, scene, 0, -10.0, INFINITY);
     DO(swb_scene_set_impact_law, scene, SWB_IMPACT_LAW_SEQUENTIAL);
     if (!DO(swb_scene_build, scene, graph))
         return;

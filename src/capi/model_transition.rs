@@ -1,5 +1,7 @@
 //! Transitions and discrete states of models: guards and resets are expressions.
 
+use std::ffi::c_char;
+
 use super::expr::{swb_expr, swb_model};
 use super::guard::guard;
 use super::handle;
@@ -8,11 +10,13 @@ use super::status::swb_status;
 use super::transition::{direction_of, values_of};
 use crate::error::{Error, Result};
 use crate::expr::Id;
+use crate::memory::sizes::size;
 use crate::model::{Built, Transition};
 use crate::system::Direction;
 
 /// Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
-/// transitions change them. Reports name them and documents keep the values; simulations start where they are told to.
+/// transitions change them. Reports name them and documents keep the values; simulations start where they are told to. Names of
+/// values (swb_model_set_value_names) are given behind this.
 ///
 /// @param[in] initial [n]
 /// @return SWB_OK; SWB_ERR_DIMENSION if there are more values than states; SWB_ERR_RANGE for a value that is not finite; SWB_ERR_STATE
@@ -22,6 +26,52 @@ pub unsafe extern "C" fn swb_model_set_discrete(model: *mut swb_model, initial: 
     guard(|| unsafe {
         let initial = raw::slice(initial, n, "initial")?;
         handle::with_mut(model, |m| m.set_discrete(initial))
+    })
+}
+
+/// Name the values 0, 1, ... of a discrete state: the states of an automaton. Reports and documents keep the names.
+///
+/// @param[in] discrete the discrete state, from 0: those of swb_model_set_discrete, in their order
+/// @param[in] names    the names, each behind the first after a line break; NULL for none
+/// @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state; SWB_ERR_RANGE for names that are empty or repeat
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_set_value_names(
+    model: *mut swb_model,
+    discrete: i64,
+    names: *const c_char,
+) -> swb_status {
+    guard(|| unsafe {
+        let k = size(discrete, "discrete")?;
+        let given = if names.is_null() { "" } else { raw::text(names, "names")? };
+        let list: Vec<String> =
+            if given.is_empty() { Vec::new() } else { given.split('\n').map(str::to_owned).collect() };
+        handle::with_mut(model, |m| m.set_value_names(k, &list))
+    })
+}
+
+/// Names of the values of a discrete state, as swb_model_set_value_names takes them; an empty text if there are none.
+///
+/// @param[in]  discrete the discrete state, from 0
+/// @param[out] buf      [len] the text with its final NUL; NULL with len 0 to ask for the length
+/// @param[out] needed   length with the final NUL; may be NULL
+/// @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state, or the buffer is too short
+#[no_mangle]
+pub unsafe extern "C" fn swb_model_get_value_names(
+    model: *const swb_model,
+    discrete: i64,
+    buf: *mut c_char,
+    len: i64,
+    needed: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let k = size(discrete, "discrete")?;
+        handle::with_ref(model, |m| {
+            let n = m.value_names().len();
+            let names = m.value_names().get(k);
+            let names =
+                names.ok_or_else(|| Error::Dimension(format!("there is no discrete state {k}, the model has {n}")))?;
+            raw::write_text(names.join("\n").as_bytes(), buf, len, needed)
+        })
     })
 }
 

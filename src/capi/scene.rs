@@ -290,9 +290,9 @@ pub unsafe extern "C" fn swb_scene_add_contact(
 /// proof in the report. A simulation that leaves the bounds ends with an error if something was left out for them.
 ///
 /// @param[in] coordinate from 0
-/// @param[in] low        lower bound
-/// @param[in] high       upper bound
-/// @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NONFINITE
+/// @param[in] low        lower bound, -INFINITY if none is known
+/// @param[in] high       upper bound, INFINITY if none is known
+/// @return SWB_OK; SWB_ERR_RANGE if there is no such coordinate, or a bound is NaN, or no number is between the bounds
 #[no_mangle]
 pub unsafe extern "C" fn swb_scene_set_bounds(
     scene: *mut swb_scene,

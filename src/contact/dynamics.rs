@@ -109,6 +109,8 @@ pub(crate) struct Dynamics {
     pub(super) lambda: Vec<f64>,
     /// Directions of sliding where the sliding velocity is zero, of contacts in space that begin to slide.
     pub(crate) directions: Vec<[f64; 2]>,
+    /// Those of the choice of modes that was begun last, contact by contact, until somebody notes them.
+    pub(crate) starting: Vec<(usize, [f64; 2])>,
     /// Largest sliding velocity of a contact in space since it began to slide.
     pub(crate) fastest: Vec<f64>,
     pub(super) buffer: Vec<f64>,
@@ -162,6 +164,7 @@ impl Dynamics {
             kept: Vec::with_capacity(m.contacts.len()),
             lambda: Vec::with_capacity(some),
             directions: vec![[0.0; 2]; m.contacts.len()],
+            starting: Vec::new(),
             fastest: vec![0.0; m.contacts.len()],
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],

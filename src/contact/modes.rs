@@ -100,6 +100,7 @@ impl Dynamics {
 
     /// Takes over what a choice says about directions, before its modes are used.
     pub(crate) fn begin(&mut self, choice: &Choice) {
+        self.starting.clone_from(&choice.directions);
         for &(i, d) in &choice.directions {
             self.directions[i] = d;
             // so small a velocity is rounding: the direction is that which is given

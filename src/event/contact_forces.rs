@@ -34,6 +34,12 @@ impl Run {
                 .eval(t, 0, &mut x)?;
         }
         let mut dynamics = Dynamics::new(mechanics);
+        // what has just begun to slide has a velocity that is rounding: its direction is the one it begins with
+        if t - phase.t <= 1e-10 * t.abs().max(phase.t.abs()) {
+            for &(i, direction) in &phase.starting {
+                (dynamics.directions[i], dynamics.fastest[i]) = (direction, f64::INFINITY);
+            }
+        }
         let at = Point { t, x: &x, u: &phase.u, p: &phase.p };
         match dynamics.accelerate(&at, &modes) {
             Ok(()) => Ok(dynamics.forces.clone()),

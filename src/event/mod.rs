@@ -351,6 +351,8 @@ pub struct Phase {
     pub modes: Vec<usize>,
     /// Contacts are redundant: the motion is unique, the forces are those of least norm among many.
     pub redundant: bool,
+    /// Contacts in space that slide from here on, and the directions they begin with.
+    pub starting: Vec<(usize, [f64; 2])>,
     /// Controls.
     pub u: Vec<f64>,
     /// Parameters.
@@ -497,7 +499,11 @@ impl Run {
         let path = self.path.as_ref().map_or(0, Path::bytes);
         let jumps = self.jumps.len() * Jump::bytes(self.x.len());
         let impacts = self.impacts.len() * size_of::<Impact>();
-        let phases = self.phases.iter().map(|p| 8 * (p.modes.len() + p.u.len() + p.p.len())).sum::<usize>();
+        let phases = self
+            .phases
+            .iter()
+            .map(|p| 8 * (p.modes.len() + p.u.len() + p.p.len() + 3 * p.starting.len()))
+            .sum::<usize>();
         path + jumps
             + impacts
             + phases

@@ -101,6 +101,7 @@ pub struct Model {
     rhs: Vec<Option<Id>>,
     trial: Option<Trial>,
     discrete: Vec<f64>,
+    value_names: Vec<Vec<String>>,
     transitions: Vec<Transition>,
 }
 
@@ -121,6 +122,7 @@ pub struct Built {
     /// States that nothing drives.
     still: Vec<bool>,
     discrete: Vec<f64>,
+    value_names: Vec<Vec<String>>,
     transitions: Vec<Transition>,
 }
 
@@ -152,6 +154,7 @@ impl Model {
             rhs: vec![None; nx],
             trial: None,
             discrete: Vec::new(),
+            value_names: Vec::new(),
             transitions: Vec::new(),
         })
     }
@@ -236,6 +239,9 @@ impl Model {
         let mut built = b.assemble(&f0, &subsystems, saved)?;
         if !self.discrete.is_empty() {
             built.set_discrete(&self.discrete)?;
+        }
+        for (k, names) in self.value_names.iter().enumerate().filter(|(_, names)| !names.is_empty()) {
+            built.set_value_names(k, names)?;
         }
         for t in &self.transitions {
             built.add_transition(dag, t.clone())?;
@@ -504,6 +510,7 @@ impl Builder<'_> {
             n_smooth: smooth.len(),
             groups,
             discrete: Vec::new(),
+            value_names: Vec::new(),
             transitions: Vec::new(),
             notes: self.notes,
         };
@@ -517,6 +524,7 @@ impl Builder<'_> {
             names,
             still,
             discrete: Vec::new(),
+            value_names: Vec::new(),
             transitions: Vec::new(),
         })
     }

@@ -139,6 +139,8 @@ pub struct Report {
     pub groups: Vec<Group>,
     /// Names of the discrete states.
     pub discrete: Vec<String>,
+    /// Names of the values of each of them; none where they have no names.
+    pub value_names: Vec<Vec<String>>,
     /// The transitions in words.
     pub transitions: Vec<String>,
     /// Remarks.
@@ -208,7 +210,7 @@ impl Report {
         format!(
             "{{\"name\":{},\"states\":{},\"controls\":{},\"parameters\":{},\"clock\":{},\"smooth\":{},\
              \"switching_functions\":{},\"regions\":{},\"algebraic\":{},\"pairs\":{},\"groups\":[{}],\
-             \"discrete\":{},\"transitions\":{},\"notes\":[{}]}}",
+             \"discrete\":{},\"value_names\":[{}],\"transitions\":{},\"notes\":[{}]}}",
             quoted(&self.name),
             self.n_states,
             self.n_controls,
@@ -221,6 +223,7 @@ impl Report {
             self.n_pairs(),
             groups.join(","),
             list(&self.discrete),
+            self.value_names.iter().map(|names| list(names)).collect::<Vec<_>>().join(","),
             list(&self.transitions),
             notes.join(",")
         )
@@ -284,7 +287,14 @@ impl fmt::Display for Report {
             plural(self.n_pairs(), "pair")
         )?;
         if !self.discrete.is_empty() {
-            writeln!(f, "  discrete: {}", self.discrete.join(", "))?;
+            let all = self.discrete.iter().zip(&self.value_names);
+            let texts: Vec<String> = all
+                .map(|(name, values)| match values.len() {
+                    0 => name.clone(),
+                    _ => format!("{name} ({})", values.join(", ")),
+                })
+                .collect();
+            writeln!(f, "  discrete: {}", texts.join(", "))?;
         }
         for (k, t) in self.transitions.iter().enumerate() {
             writeln!(f, "  transition {k}: {t}")?;

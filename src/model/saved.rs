@@ -25,6 +25,9 @@ pub struct SavedModel {
     /// Values with which the last states, which are discrete, begin.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     discrete: Vec<f64>,
+    /// Names of the values 0, 1, ... of each of them; none where they have no names.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    value_names: Vec<Vec<String>>,
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     transitions: Vec<SavedTransition>,
 }
@@ -154,12 +157,19 @@ impl SavedModel {
             derivatives: SavedGraph::new(dag, &rhs)?,
             trial: model.trial.as_ref().map(|t| SavedTrial { t: t.t, x: t.x.clone(), u: t.u.clone(), p: t.p.clone() }),
             discrete: Vec::new(),
+            value_names: Vec::new(),
             transitions: Vec::new(),
         })
     }
 
     pub(super) fn set_discrete(&mut self, initial: &[f64]) -> Result<()> {
         self.discrete = initial.to_vec();
+        self.value_names = Vec::new();
+        Ok(())
+    }
+
+    pub(super) fn set_value_names(&mut self, all: &[Vec<String>]) -> Result<()> {
+        self.value_names = if all.iter().all(Vec::is_empty) { Vec::new() } else { all.to_vec() };
         Ok(())
     }
 
@@ -186,6 +196,9 @@ impl SavedModel {
             model.set_trial(Trial { t: t.t, x: t.x.clone(), u: t.u.clone(), p: t.p.clone() })?;
         }
         model.set_discrete(&self.discrete)?;
+        for (k, names) in self.value_names.iter().enumerate() {
+            model.set_value_names(k, names)?;
+        }
         // a reset has an output for every state, which a document does not write out
         sizes::entries("the resets", &[self.transitions.iter().filter(|t| !t.reset.is_empty()).count(), model.dims.x])?;
         for (k, t) in self.transitions.iter().enumerate() {

@@ -31,7 +31,17 @@ impl Model {
     pub fn set_discrete(&mut self, initial: &[f64]) -> Result<()> {
         check_initial(initial, self.dims.x)?;
         self.discrete = initial.to_vec();
+        self.value_names = vec![Vec::new(); initial.len()];
         Ok(())
+    }
+
+    /// Names the values 0, 1, ... of the discrete state `k`, which counts from 0: the states of an automaton. No names take
+    /// back what was said before.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] if there is no such discrete state; [`Error::Range`] for names that are empty or repeat.
+    pub fn set_value_names(&mut self, k: usize, names: &[String]) -> Result<()> {
+        name_values(&mut self.value_names, k, names)
     }
 
     /// Values with which the last states, which are discrete, begin.
@@ -49,6 +59,24 @@ impl Model {
     pub fn transitions(&self) -> &[Transition] {
         &self.transitions
     }
+}
+
+fn name_values(all: &mut [Vec<String>], k: usize, names: &[String]) -> Result<()> {
+    let n = all.len();
+    let place = all.get_mut(k).ok_or_else(|| {
+        Error::Dimension(format!("there is no discrete state {k}, the model has {n}: set them first"))
+    })?;
+    let mut seen = std::collections::BTreeSet::new();
+    for name in names {
+        if name.is_empty() || name.contains(['\n', '\0']) {
+            return Err(Error::Range(format!("'{name:.40}' is no name of a value of discrete state {k}")));
+        }
+        if !seen.insert(name) {
+            return Err(Error::Range(format!("two values of discrete state {k} have the name '{name:.40}'")));
+        }
+    }
+    *place = names.to_vec();
+    Ok(())
 }
 
 fn check_initial(initial: &[f64], nx: usize) -> Result<()> {
@@ -93,9 +121,28 @@ impl Built {
         let texts: Vec<String> = known.iter().map(|name| constant_note(name)).collect();
         self.report.notes.retain(|n| !texts.contains(&n.text));
         self.report.discrete = known;
+        self.report.value_names = vec![Vec::new(); initial.len()];
         self.discrete = initial.to_vec();
+        self.value_names = vec![Vec::new(); initial.len()];
         self.change_source(|saved| saved.set_discrete(initial));
         Ok(())
+    }
+
+    /// As [`Model::set_value_names`], of a model that is built already.
+    ///
+    /// # Errors
+    /// Those of [`Model::set_value_names`].
+    pub fn set_value_names(&mut self, k: usize, names: &[String]) -> Result<()> {
+        name_values(&mut self.value_names, k, names)?;
+        self.report.value_names.clone_from(&self.value_names);
+        let all = &self.value_names.clone();
+        self.change_source(|saved| saved.set_value_names(all));
+        Ok(())
+    }
+
+    /// Names of the values of every discrete state; none where they have no names.
+    pub fn value_names(&self) -> &[Vec<String>] {
+        &self.value_names
     }
 
     /// Adds a transition with expressions of the graph the model was built from, and returns its index.

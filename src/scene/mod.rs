@@ -33,7 +33,7 @@ use std::sync::Arc;
 
 pub use report::{ContactReport, Dropped, Report};
 
-use crate::error::{finite, Error, Result};
+use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id};
 use crate::func::Dims;
 use crate::memory::sizes;
@@ -199,18 +199,27 @@ impl Scene {
     }
 
     /// States that coordinate `i` stays between `low` and `high`: contacts that cannot close there are left out. A simulation
-    /// that leaves the bounds ends with an error if something was left out for them.
+    /// that leaves the bounds ends with an error if something was left out for them. An infinite bound says nothing about its
+    /// side; two take back what was said before.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for a coordinate that does not exist, and for bounds between which no number is.
     pub fn set_bounds(&mut self, i: usize, low: f64, high: f64) -> Result<()> {
-        let n = self.n_q;
-        finite("bounds of a coordinate", &[low, high], 2)?;
-        if low > high {
+        let n = self.bounds.len();
+        if low.is_nan() || high.is_nan() {
+            return Err(Error::Range(format!(
+                "the bounds of coordinate {i} are {low} and {high}: where there is no bound give -inf or inf"
+            )));
+        }
+        if low > high || low == f64::INFINITY || high == f64::NEG_INFINITY {
             return Err(Error::Range(format!(
                 "the bounds of coordinate {i} are {low} and {high}: the lower comes first"
             )));
         }
         let place = self.bounds.get_mut(i);
+        let known = low.is_finite() || high.is_finite();
         *place.ok_or_else(|| Error::Range(format!("coordinate {i} does not exist: the scene has {n}")))? =
-            Some((low, high));
+            known.then_some((low, high));
         Ok(())
     }
 
@@ -430,8 +439,14 @@ impl Builder<'_> {
         if s.order == Order::First {
             return self.constraint(c);
         }
-        // without friction there is nothing to slide along
+        // without friction there is nothing to slide along; friction that nothing slides along would be ignored
         let frictionless = self.dag.as_const(c.friction) == Some(0.0);
+        if !frictionless && c.tangents.is_empty() {
+            return Err(Error::Range(format!(
+                "contact {} has friction and no tangents: give one in the plane, two in space",
+                c.name
+            )));
+        }
         let tangents: &[Id] = if frictionless { &[] } else { &c.tangents };
         let rate = self.along_motion(c.gap, rates)?;
         let normal = self.motion(rate, rates)?;

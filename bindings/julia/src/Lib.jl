@@ -1712,6 +1712,8 @@ const NAMES = [
     :swb_run_contact_modes,
     :swb_run_contact_forces,
     :swb_model_set_discrete,
+    :swb_model_set_value_names,
+    :swb_model_get_value_names,
     :swb_model_add_transition,
     :swb_model_transition_counts,
     :swb_model_get_discrete,
@@ -3569,9 +3571,9 @@ State that a coordinate stays between bounds: contacts that cannot close there a
 proof in the report. A simulation that leaves the bounds ends with an error if something was left out for them.
 
 @param[in] coordinate from 0
-@param[in] low        lower bound
-@param[in] high       upper bound
-@return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NONFINITE
+@param[in] low        lower bound, -INFINITY if none is known
+@param[in] high       upper bound, INFINITY if none is known
+@return SWB_OK; SWB_ERR_RANGE if there is no such coordinate, or a bound is NaN, or no number is between the bounds
 """
 swb_scene_set_bounds(scene, coordinate, low, high) =
     ccall(address(138), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
@@ -3683,7 +3685,8 @@ swb_run_contact_forces(run, t, n_t, forces, n) =
     swb_model_set_discrete(model, initial, n) -> swb_status
 
 Say that the last n states of a model are discrete, and with which values they begin where nothing else is given: only
-transitions change them. Reports name them and documents keep the values; simulations start where they are told to.
+transitions change them. Reports name them and documents keep the values; simulations start where they are told to. Names of
+values (swb_model_set_value_names) are given behind this.
 
 @param[in] initial [n]
 @return SWB_OK; SWB_ERR_DIMENSION if there are more values than states; SWB_ERR_RANGE for a value that is not finite; SWB_ERR_STATE
@@ -3691,6 +3694,32 @@ transitions change them. Reports name them and documents keep the values; simula
 """
 swb_model_set_discrete(model, initial, n) =
     ccall(address(148), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+
+"""
+    swb_model_set_value_names(model, discrete, names) -> swb_status
+
+Name the values 0, 1, ... of a discrete state: the states of an automaton. Reports and documents keep the names.
+
+@param[in] discrete the discrete state, from 0: those of swb_model_set_discrete, in their order
+@param[in] names    the names, each behind the first after a line break; NULL for none
+@return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state; SWB_ERR_RANGE for names that are empty or repeat
+"""
+swb_model_set_value_names(model, discrete, names) =
+    ccall(address(149), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
+
+"""
+    swb_model_get_value_names(model, discrete, buf, len, needed) -> swb_status
+
+Names of the values of a discrete state, as swb_model_set_value_names takes them; an empty text if there are none.
+
+@param[in]  discrete the discrete state, from 0
+@param[out] buf      [len] the text with its final NUL; NULL with len 0 to ask for the length
+@param[out] needed   length with the final NUL; may be NULL
+@return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state, or the buffer is too short
+"""
+swb_model_get_value_names(model, discrete, buf, len, needed) =
+    ccall(address(150), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
+        len, needed)
 
 """
     swb_model_add_transition(model, graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -3711,7 +3740,7 @@ Add a transition to a model, and thereby to all systems made of it later; see sw
 """
 swb_model_add_transition(model, graph, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(149), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(151), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model,
         graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states,
         n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
@@ -3724,7 +3753,7 @@ Numbers of discrete states and of transitions of a model. Any output may be NULL
 @return SWB_OK
 """
 swb_model_transition_counts(model, n_discrete, n_transitions) =
-    ccall(address(150), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
+    ccall(address(152), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
 
 """
     swb_model_get_discrete(model, initial, n) -> swb_status
@@ -3735,7 +3764,7 @@ Values with which the discrete states, the last ones, begin.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_model_get_discrete(model, initial, n) =
-    ccall(address(151), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(153), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_transition_sizes(model, index, n_from, n_reset, n_to) -> swb_status
@@ -3749,7 +3778,7 @@ How long the lists of a transition of a model are. Any output may be NULL.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition
 """
 swb_model_transition_sizes(model, index, n_from, n_reset, n_to) =
-    ccall(address(152), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
+    ccall(address(154), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
         n_from, n_reset, n_to)
 
 """
@@ -3771,7 +3800,7 @@ those of the graph it was made of or read into.
 """
 swb_model_get_transition(model, index, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values) =
-    ccall(address(153), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(155), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64), model, index, guard,
         direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets,
         n_resets, to_states, n_to_states, to_values, n_to_values)
@@ -3787,7 +3816,7 @@ Create an integrator. Time, state, controls and parameters are zero until they a
 @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_create(system, settings, out) =
-    ccall(address(154), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
+    ccall(address(156), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
         settings, out)
 
 """
@@ -3800,7 +3829,7 @@ taken over. Controls, parameters and stop times stay.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite, or tolerances are too small
 """
 swb_integrator_reinit(integrator, t, x, nx) =
-    ccall(address(155), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
+    ccall(address(157), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
 
 """
     swb_integrator_set_controls(integrator, u, nu) -> swb_status
@@ -3811,7 +3840,7 @@ Set the controls, constant from now on. The active modes are found anew.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_integrator_set_controls(integrator, u, nu) =
-    ccall(address(156), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
+    ccall(address(158), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
 
 """
     swb_integrator_set_params(integrator, p, np) -> swb_status
@@ -3822,7 +3851,7 @@ Set the parameters. The active modes are found anew.
 @return as swb_integrator_set_controls
 """
 swb_integrator_set_params(integrator, p, np) =
-    ccall(address(157), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
+    ccall(address(159), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
 
 """
     swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) -> swb_status
@@ -3836,7 +3865,7 @@ next swb_integrator_reinit, or at once before the first step.
         small
 """
 swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) =
-    ccall(address(158), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
+    ccall(address(160), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
         rtol, n_rtol, atol, n_atol)
 
 """
@@ -3848,7 +3877,7 @@ Set times at which steps end, for functions of time that are not smooth there an
 @return SWB_OK; SWB_ERR_RANGE if a time is not finite
 """
 swb_integrator_set_stop_times(integrator, t, n) =
-    ccall(address(159), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
+    ccall(address(161), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
 
 """
     swb_integrator_set_preferred(integrator, subsystem, modes, n) -> swb_status
@@ -3861,7 +3890,7 @@ ambiguity = prefer. Taken over by the next swb_integrator_reinit, or at once bef
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such subsystem; SWB_ERR_RANGE if there is no such mode
 """
 swb_integrator_set_preferred(integrator, subsystem, modes, n) =
-    ccall(address(160), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
+    ccall(address(162), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
         n)
 
 """
@@ -3873,7 +3902,7 @@ Set who decides where the continuation is not unique, before the option ambiguit
 @return SWB_OK
 """
 swb_integrator_set_decider(integrator, decide, user_data) =
-    ccall(address(161), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
+    ccall(address(163), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
 
 """
     swb_integrator_step(integrator, t_stop, kind) -> swb_status
@@ -3885,7 +3914,7 @@ Do one step, not beyond t_stop nor a stop time.
         negative code; SWB_ERR_STATE after a call that failed so, until swb_integrator_reinit
 """
 swb_integrator_step(integrator, t_stop, kind) =
-    ccall(address(162), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
+    ccall(address(164), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
 
 """
     swb_integrator_advance(integrator, t, outcome) -> swb_status
@@ -3896,7 +3925,7 @@ Integrate to the time t, exactly. Time and state are those at the end, or where 
 @return as swb_integrator_step
 """
 swb_integrator_advance(integrator, t, outcome) =
-    ccall(address(163), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
+    ccall(address(165), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
 
 """
     swb_integrator_get_dky(integrator, t, k, dky, nx) -> swb_status
@@ -3908,7 +3937,7 @@ Derivatives of the dense output with respect to time at a time in the last step.
 @return SWB_OK; SWB_ERR_RANGE if t is outside of the last step or k is negative; SWB_ERR_STATE before the first step
 """
 swb_integrator_get_dky(integrator, t, k, dky, nx) =
-    ccall(address(164), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
+    ccall(address(166), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
         dky, nx)
 
 """
@@ -3919,7 +3948,7 @@ Time reached.
 @return SWB_OK
 """
 swb_integrator_get_time(integrator, t) =
-    ccall(address(165), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
+    ccall(address(167), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
 
 """
     swb_integrator_get_state(integrator, x, nx) -> swb_status
@@ -3930,7 +3959,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_state(integrator, x, nx) =
-    ccall(address(166), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
+    ccall(address(168), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
 
 """
     swb_integrator_get_derivative(integrator, f, nx) -> swb_status
@@ -3941,7 +3970,7 @@ Derivative of the state with respect to time under the present active modes; 0 b
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_derivative(integrator, f, nx) =
-    ccall(address(167), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
+    ccall(address(169), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
 
 """
     swb_integrator_get_active(integrator, subsystem, active, n) -> swb_status
@@ -3953,7 +3982,7 @@ Which modes of a subsystem are active: one alone, or several in a sliding mode; 
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_active(integrator, subsystem, active, n) =
-    ccall(address(168), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
+    ccall(address(170), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
         n)
 
 """
@@ -3965,7 +3994,7 @@ How the simulation stands.
 @return SWB_OK
 """
 swb_integrator_get_outcome(integrator, outcome) =
-    ccall(address(169), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
+    ccall(address(171), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
 
 """
     swb_integrator_get_reason(integrator, buf, len, needed) -> swb_status
@@ -3977,7 +4006,7 @@ Why the simulation ended early, in words; \"\" if it did not.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_integrator_get_reason(integrator, buf, len, needed) =
-    ccall(address(170), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
+    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
         needed)
 
 """
@@ -3990,7 +4019,7 @@ Work since the last swb_integrator_reinit.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_stats(integrator, stats, struct_size) =
-    ccall(address(171), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
+    ccall(address(173), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
         struct_size)
 
 """
@@ -4002,7 +4031,7 @@ A copy of the result since the last swb_integrator_reinit: switches, derivatives
 @return SWB_OK
 """
 swb_integrator_get_run(integrator, out) =
-    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
+    ccall(address(174), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
 
 """
     swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu) -> swb_status
@@ -4025,7 +4054,7 @@ the option adjoint.
 """
 swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du,
     nu) =
-    ccall(address(173), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(175), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu)
 
@@ -4038,7 +4067,7 @@ integration are taken over by the next swb_integrator_reinit, or at once before 
 @return as swb_settings_set_int
 """
 swb_integrator_set_int(integrator, name, value) =
-    ccall(address(174), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
+    ccall(address(176), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
 
 """
     swb_integrator_set_double(integrator, name, value) -> swb_status
@@ -4048,7 +4077,7 @@ Set a float option of an integrator by name, as swb_integrator_set_int.
 @return as swb_settings_set_double
 """
 swb_integrator_set_double(integrator, name, value) =
-    ccall(address(175), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
+    ccall(address(177), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
 
 """
     swb_integrator_set_string(integrator, name, value) -> swb_status
@@ -4058,7 +4087,7 @@ Set any option of an integrator by name from text, as swb_integrator_set_int.
 @return as swb_settings_set_string
 """
 swb_integrator_set_string(integrator, name, value) =
-    ccall(address(176), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
+    ccall(address(178), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
 
 """
     swb_integrator_set_settings(integrator, settings) -> swb_status
@@ -4069,7 +4098,7 @@ Set all options of an integrator, as swb_integrator_set_int.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_set_settings(integrator, settings) =
-    ccall(address(177), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
+    ccall(address(179), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
 
 """
     swb_integrator_get_settings(integrator, settings, struct_size) -> swb_status
@@ -4081,7 +4110,7 @@ Options of an integrator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_settings(integrator, settings, struct_size) =
-    ccall(address(178), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
+    ccall(address(180), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
         struct_size)
 
 """
@@ -4093,7 +4122,7 @@ Set who is called once per accepted step; NULL for nobody.
 @return SWB_OK
 """
 swb_integrator_set_progress(integrator, progress, user_data) =
-    ccall(address(179), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
+    ccall(address(181), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
 
 """
     swb_integrator_set_log(integrator, log, user_data) -> swb_status
@@ -4105,7 +4134,7 @@ for each switch at level debug, one for each step at level trace.
 @return SWB_OK
 """
 swb_integrator_set_log(integrator, log, user_data) =
-    ccall(address(180), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
+    ccall(address(182), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
 
 """
     swb_integrator_interrupt(integrator) -> swb_status
@@ -4116,14 +4145,14 @@ between steps: a call ends within the time of one step, which takes some tens of
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_integrator_interrupt(integrator) = ccall(address(181), swb_status, (Ptr{swb_integrator},), integrator)
+swb_integrator_interrupt(integrator) = ccall(address(183), swb_status, (Ptr{swb_integrator},), integrator)
 
 """
     swb_integrator_free(integrator) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_integrator_free(integrator) = ccall(address(182), Cvoid, (Ptr{swb_integrator},), integrator)
+swb_integrator_free(integrator) = ccall(address(184), Cvoid, (Ptr{swb_integrator},), integrator)
 
 """
     swb_step_options_init(options, struct_size) -> swb_status
@@ -4135,7 +4164,7 @@ Set the defaults of the options of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_step_options_init(options, struct_size) =
-    ccall(address(183), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
+    ccall(address(185), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
 
 """
     swb_stepper_create(system, options, out) -> swb_status
@@ -4149,7 +4178,7 @@ Create a stepper of a scene. It has no state yet; controls and parameters are ze
         option is outside its range; SWB_ERR_NUMERIC if a constant inertia is not positive definite
 """
 swb_stepper_create(system, options, out) =
-    ccall(address(184), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
+    ccall(address(186), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
         options, out)
 
 """
@@ -4163,7 +4192,7 @@ Set time and state (coordinates, then velocities), and forget impulses and stati
         SWB_ERR_NUMERIC if the inertia is not positive definite
 """
 swb_stepper_set_state(stepper, t, x, nx) =
-    ccall(address(185), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
+    ccall(address(187), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
 
 """
     swb_stepper_set_controls(stepper, u, nu) -> swb_status
@@ -4174,7 +4203,7 @@ Set the controls, constant from now on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_stepper_set_controls(stepper, u, nu) =
-    ccall(address(186), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
+    ccall(address(188), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
 
 """
     swb_stepper_set_params(stepper, p, np) -> swb_status
@@ -4185,7 +4214,7 @@ Set the parameters, constant from now on.
 @return as swb_stepper_set_controls
 """
 swb_stepper_set_params(stepper, p, np) =
-    ccall(address(187), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
+    ccall(address(189), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
 
 """
     swb_stepper_step(stepper) -> swb_status
@@ -4197,7 +4226,7 @@ Make one step of the length h of the options.
         end; SWB_ERR_RANGE if friction or restitution is out of range; SWB_ERR_NUMERIC if the inertia is not positive
         definite; SWB_ERR_INTERRUPTED
 """
-swb_stepper_step(stepper) = ccall(address(188), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_step(stepper) = ccall(address(190), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_advance(stepper, t) -> swb_status
@@ -4207,7 +4236,7 @@ Make equal steps, not longer than h, that end at a time.
 @param[in] t not before the time reached
 @return as swb_stepper_step; where it fails, time and state are those of the last step that was made
 """
-swb_stepper_advance(stepper, t) = ccall(address(189), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
+swb_stepper_advance(stepper, t) = ccall(address(191), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
 
 """
     swb_stepper_count(stepper, t, every, n) -> swb_status
@@ -4220,7 +4249,7 @@ How many states swb_stepper_run keeps.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
 swb_stepper_count(stepper, t, every, n) =
-    ccall(address(190), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
+    ccall(address(192), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
 
 """
     swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) -> swb_status
@@ -4236,7 +4265,7 @@ Make equal steps, not longer than h, that end at a time, and keep states.
 @return as swb_stepper_step, and SWB_ERR_DIMENSION
 """
 swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) =
-    ccall(address(191), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(193), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), stepper, t, every, times, n_times, states, n_states, impulses, n_impulses)
 
 """
@@ -4251,7 +4280,7 @@ Sizes of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_stepper_sizes(stepper, nx, nu, np, n_contacts) =
-    ccall(address(192), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
+    ccall(address(194), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
         nu, np, n_contacts)
 
 """
@@ -4261,7 +4290,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_stepper_get_time(stepper, t) = ccall(address(193), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
+swb_stepper_get_time(stepper, t) = ccall(address(195), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
 
 """
     swb_stepper_get_state(stepper, x, nx) -> swb_status
@@ -4272,7 +4301,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_state(stepper, x, nx) =
-    ccall(address(194), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
+    ccall(address(196), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
 
 """
     swb_stepper_get_impulses(stepper, impulses, n) -> swb_status
@@ -4283,7 +4312,7 @@ Impulses of the last step: impulses, not forces.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_impulses(stepper, impulses, n) =
-    ccall(address(195), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
+    ccall(address(197), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
 
 """
     swb_stepper_get_stats(stepper, stats, struct_size) -> swb_status
@@ -4295,7 +4324,7 @@ What the steps since the state was set cost and how they went.
 @return SWB_OK; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_stepper_get_stats(stepper, stats, struct_size) =
-    ccall(address(196), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
+    ccall(address(198), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
 
 """
     swb_stepper_interrupt(stepper) -> swb_status
@@ -4305,14 +4334,14 @@ that step, and the object can be used again.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_stepper_interrupt(stepper) = ccall(address(197), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_interrupt(stepper) = ccall(address(199), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_free(stepper) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_stepper_free(stepper) = ccall(address(198), Cvoid, (Ptr{swb_stepper},), stepper)
+swb_stepper_free(stepper) = ccall(address(200), Cvoid, (Ptr{swb_stepper},), stepper)
 
 """
     swb_batch_create(system, settings, out) -> swb_status
@@ -4326,7 +4355,7 @@ Create a batch.
 @return as swb_integrator_create
 """
 swb_batch_create(system, settings, out) =
-    ccall(address(199), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
+    ccall(address(201), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
         out)
 
 """
@@ -4343,7 +4372,7 @@ are those of single runs to the last bit, whatever the number of threads.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
 """
 swb_batch_run(batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads) =
-    ccall(address(200), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(202), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Int64), batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads)
 
 """
@@ -4353,7 +4382,7 @@ Number of runs of the last swb_batch_run; 0 before.
 
 @return SWB_OK
 """
-swb_batch_size(batch, n_runs) = ccall(address(201), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
+swb_batch_size(batch, n_runs) = ccall(address(203), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
 
 """
     swb_batch_states(batch, x, n) -> swb_status
@@ -4363,7 +4392,7 @@ Final states of all runs.
 @param[out] x [n] n_runs * nx, those of one run together; NaN for runs that failed
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_batch_states(batch, x, n) = ccall(address(202), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
+swb_batch_states(batch, x, n) = ccall(address(204), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
 
 """
     swb_batch_outcomes(batch, outcome, n) -> swb_status
@@ -4374,7 +4403,7 @@ How all runs ended.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_batch_outcomes(batch, outcome, n) =
-    ccall(address(203), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
+    ccall(address(205), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
 
 """
     swb_batch_get_run(batch, index, out) -> swb_status
@@ -4386,7 +4415,7 @@ A copy of the result of one run.
 @return SWB_OK; SWB_ERR_DIMENSION; the status of the run if it failed, with its message
 """
 swb_batch_get_run(batch, index, out) =
-    ccall(address(204), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
+    ccall(address(206), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
 
 """
     swb_batch_interrupt(batch) -> swb_status
@@ -4397,14 +4426,14 @@ finished its step.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_batch_interrupt(batch) = ccall(address(205), swb_status, (Ptr{swb_batch},), batch)
+swb_batch_interrupt(batch) = ccall(address(207), swb_status, (Ptr{swb_batch},), batch)
 
 """
     swb_batch_free(batch) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_batch_free(batch) = ccall(address(206), Cvoid, (Ptr{swb_batch},), batch)
+swb_batch_free(batch) = ccall(address(208), Cvoid, (Ptr{swb_batch},), batch)
 
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
@@ -4421,7 +4450,7 @@ parameters are zero, and there is no cost, until they are set.
         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
 """
 swb_ocp_create(system, horizon, n_stages, settings, out) =
-    ccall(address(207), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
+    ccall(address(209), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
         horizon, n_stages, settings, out)
 
 """
@@ -4431,7 +4460,7 @@ Set the cost rate, one output: its integral over the horizon is minimised.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_lagrange(ocp, f) = ccall(address(208), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_lagrange(ocp, f) = ccall(address(210), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
@@ -4440,7 +4469,7 @@ Set the terminal cost, one output; its control is that of the last stage.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_mayer(ocp, f) = ccall(address(209), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_mayer(ocp, f) = ccall(address(211), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) -> swb_status
@@ -4453,7 +4482,7 @@ Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) =
-    ccall(address(210), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(212), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, lower, n_lower, upper, n_upper, at)
 
 """
@@ -4467,7 +4496,7 @@ last stage.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_terminal(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(211), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(213), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -4480,7 +4509,7 @@ Set bounds of the states at all stage points and element ends after the initial 
 @return as swb_ocp_add_path
 """
 swb_ocp_set_state_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(212), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(214), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -4493,7 +4522,7 @@ Set bounds of the initial state; equal bounds fix it.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_initial_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(213), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(215), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -4505,7 +4534,7 @@ Fix the initial state.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
 """
 swb_ocp_set_initial_state(ocp, x0, nx) =
-    ccall(address(214), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
+    ccall(address(216), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
 
 """
     swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -4517,7 +4546,7 @@ Set bounds of the controls.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(215), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(217), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -4528,7 +4557,7 @@ Set the parameters.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_ocp_set_params(ocp, p, np) = ccall(address(216), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
+swb_ocp_set_params(ocp, p, np) = ccall(address(218), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 
 """
     swb_ocp_set_initial_time(ocp, t0) -> swb_status
@@ -4537,7 +4566,7 @@ Set the initial time.
 
 @return SWB_OK; SWB_ERR_RANGE if it is not finite
 """
-swb_ocp_set_initial_time(ocp, t0) = ccall(address(217), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
+swb_ocp_set_initial_time(ocp, t0) = ccall(address(219), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 
 """
     swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) -> swb_status
@@ -4549,7 +4578,7 @@ Give states to start from, linear in between.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
 """
 swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) =
-    ccall(address(218), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
+    ccall(address(220), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
         x, n_x)
 
 """
@@ -4561,7 +4590,7 @@ Give controls to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_ocp_set_control_guess(ocp, u, n_u) =
-    ccall(address(219), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(221), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_solve(ocp, outcome) -> swb_status
@@ -4573,7 +4602,7 @@ Solve. The problem is discretised at the first solve, and again only when its st
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if options do not go together
 """
-swb_ocp_solve(ocp, outcome) = ccall(address(220), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve(ocp, outcome) = ccall(address(222), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_outcome(ocp, outcome) -> swb_status
@@ -4583,7 +4612,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_outcome(ocp, outcome) = ccall(address(221), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_get_outcome(ocp, outcome) = ccall(address(223), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
@@ -4593,7 +4622,7 @@ Was the active set identified and the problem solved with it?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_polished(ocp, polished) = ccall(address(222), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
+swb_ocp_get_polished(ocp, polished) = ccall(address(224), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 
 """
     swb_ocp_get_cost(ocp, cost) -> swb_status
@@ -4604,7 +4633,7 @@ another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost(ocp, cost) = ccall(address(223), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost(ocp, cost) = ccall(address(225), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
@@ -4615,7 +4644,7 @@ solve was stopped before it was known.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost_reached(ocp, cost) = ccall(address(224), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost_reached(ocp, cost) = ccall(address(226), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_controls(ocp, u, n_u) -> swb_status
@@ -4625,7 +4654,7 @@ Controls.
 @param[out] u [n_u] n_stages * nu, the controls of one stage together
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_controls(ocp, u, n_u) = ccall(address(225), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+swb_ocp_get_controls(ocp, u, n_u) = ccall(address(227), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) -> swb_status
@@ -4645,7 +4674,7 @@ each.
         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
 """
 swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) =
-    ccall(address(226), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
+    ccall(address(228), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
         n_cost, u, n_u, one_sided)
 
 """
@@ -4658,7 +4687,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_residuals(ocp, residuals, struct_size) =
-    ccall(address(227), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
+    ccall(address(229), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
 
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
@@ -4670,7 +4699,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_stats(ocp, stats, struct_size) =
-    ccall(address(228), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
+    ccall(address(230), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
 
 """
     swb_ocp_get_trajectory(ocp, out) -> swb_status
@@ -4680,7 +4709,7 @@ A copy of the trajectory of the last solve.
 @param[out] out the new object, NULL on failure; free with swb_trajectory_free
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_trajectory(ocp, out) = ccall(address(229), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
+swb_ocp_get_trajectory(ocp, out) = ccall(address(231), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 
 """
     swb_ocp_set_int(ocp, name, value) -> swb_status
@@ -4689,7 +4718,7 @@ Set an integer or enumeration option of an optimal control problem (or a float o
 
 @return as swb_settings_set_int
 """
-swb_ocp_set_int(ocp, name, value) = ccall(address(230), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
+swb_ocp_set_int(ocp, name, value) = ccall(address(232), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 
 """
     swb_ocp_set_double(ocp, name, value) -> swb_status
@@ -4699,7 +4728,7 @@ Set a float option of an optimal control problem by name.
 @return as swb_settings_set_double
 """
 swb_ocp_set_double(ocp, name, value) =
-    ccall(address(231), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
+    ccall(address(233), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
 
 """
     swb_ocp_set_string(ocp, name, value) -> swb_status
@@ -4709,7 +4738,7 @@ Set any option of an optimal control problem by name from text: a number, or the
 @return as swb_settings_set_string
 """
 swb_ocp_set_string(ocp, name, value) =
-    ccall(address(232), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
+    ccall(address(234), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
 
 """
     swb_ocp_set_settings(ocp, settings) -> swb_status
@@ -4719,7 +4748,7 @@ Set all options of an optimal control problem.
 @param[in] settings NULL for the defaults
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
-swb_ocp_set_settings(ocp, settings) = ccall(address(233), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
+swb_ocp_set_settings(ocp, settings) = ccall(address(235), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 
 """
     swb_ocp_get_settings(ocp, settings, struct_size) -> swb_status
@@ -4731,7 +4760,7 @@ Options of an optimal control problem, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_get_settings(ocp, settings, struct_size) =
-    ccall(address(234), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
+    ccall(address(236), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
 
 """
     swb_ocp_set_iteration(ocp, iteration, user_data) -> swb_status
@@ -4742,7 +4771,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_iteration(ocp, iteration, user_data) =
-    ccall(address(235), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
+    ccall(address(237), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
 
 """
     swb_ocp_set_log(ocp, log, user_data) -> swb_status
@@ -4753,7 +4782,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_log(ocp, log, user_data) =
-    ccall(address(236), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
+    ccall(address(238), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
 
 """
     swb_ocp_interrupt(ocp) -> swb_status
@@ -4768,14 +4797,14 @@ calls in the same places.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_ocp_interrupt(ocp) = ccall(address(237), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_interrupt(ocp) = ccall(address(239), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_free(ocp) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_ocp_free(ocp) = ccall(address(238), Cvoid, (Ptr{swb_ocp},), ocp)
+swb_ocp_free(ocp) = ccall(address(240), Cvoid, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_sizes(ocp, nx, nu, np, n_stages) -> swb_status
@@ -4789,7 +4818,7 @@ Sizes of an optimal control problem.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_ocp_sizes(ocp, nx, nu, np, n_stages) =
-    ccall(address(239), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
+    ccall(address(241), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
         n_stages)
 
 """
@@ -4803,7 +4832,7 @@ accuracy_tol.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
-    ccall(address(240), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
+    ccall(address(242), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
 
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
@@ -4816,7 +4845,7 @@ unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_certificate(ocp, certificate, struct_size) =
-    ccall(address(241), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
+    ccall(address(243), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
 
 """
     swb_ocp_get_mismatch(ocp, stages, n_stages) -> swb_status
@@ -4827,7 +4856,7 @@ Largest difference between a state of the last solution and of the simulation at
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
 """
 swb_ocp_get_mismatch(ocp, stages, n_stages) =
-    ccall(address(242), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
+    ccall(address(244), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
 
 """
     swb_ocp_get_message(ocp, buf, len, needed) -> swb_status
@@ -4842,7 +4871,7 @@ counted from zero. Empty where there is nothing to say. After a solve that retur
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_message(ocp, buf, len, needed) =
-    ccall(address(243), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) -> swb_status
@@ -4855,7 +4884,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
-    ccall(address(244), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -4870,7 +4899,7 @@ Mode sequence of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -4887,7 +4916,7 @@ checks. Orders next to it are tried within the budget of the option mode_search 
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
 """
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -4900,7 +4929,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(247), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(249), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -4921,7 +4950,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -4937,7 +4966,7 @@ What the starts of the last swb_ocp_solve_starts found.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(249), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(251), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -4951,7 +4980,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -4969,7 +4998,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(251), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(253), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -4983,7 +5012,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(254), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -4995,7 +5024,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(255), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -5008,7 +5037,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(254), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -5021,7 +5050,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(255), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(257), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -5036,7 +5065,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(258), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -5051,7 +5080,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(257), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(259), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -5061,7 +5090,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(258), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(260), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -5072,7 +5101,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(259), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(261), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -5085,7 +5114,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(260), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(262), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -5095,7 +5124,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(261), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(263), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -5106,7 +5135,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(262), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(264), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -5119,7 +5148,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(263), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(265), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5131,7 +5160,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(264), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(266), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -5141,7 +5170,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(265), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(267), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -5150,7 +5179,7 @@ Make the last solution, one control stage later, the guess of the next solve.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(266), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(268), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -5161,7 +5190,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(267), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(269), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -5171,7 +5200,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(268), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -5182,7 +5211,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(269), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(271), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -5191,7 +5220,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(272), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_multiphase_create(phases, n_phases, settings, out) -> swb_status
@@ -5205,7 +5234,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(271), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(273), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -5220,7 +5249,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(272), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(274), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -5231,7 +5260,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(273), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(275), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -5241,7 +5270,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(274), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(276), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -5253,7 +5282,7 @@ What the last solve found.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(275), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(277), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -5265,7 +5294,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(276), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(278), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -5278,7 +5307,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(277), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(279), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -5289,7 +5318,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(278), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(280), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -5298,14 +5327,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(279), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(281), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(280), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(282), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -5319,7 +5348,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(281), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(283), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -5335,7 +5364,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(282), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(284), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -5346,7 +5375,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(283), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(285), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -5362,7 +5391,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(284), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(286), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -5378,7 +5407,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(285), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(287), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -5393,7 +5422,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -5406,7 +5435,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(287), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(289), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -5423,7 +5452,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(288), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(290), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -5441,7 +5470,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(289), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(291), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -5458,7 +5487,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(290), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(292), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -5471,7 +5500,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(291), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(293), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5484,7 +5513,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(292), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(294), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5496,7 +5525,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(293), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(295), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -5506,7 +5535,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(294), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(296), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -5521,7 +5550,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(295), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(297), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -5534,7 +5563,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(296), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(298), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -5545,7 +5574,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(297), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(299), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -5555,7 +5584,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(298), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(300), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -5565,7 +5594,7 @@ Was the active set identified and the smooth program that remains solved?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(299), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(301), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -5575,7 +5604,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(300), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(302), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -5585,7 +5614,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(301), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(303), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -5595,7 +5624,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(302), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(304), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -5608,7 +5637,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(303), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(305), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -5623,7 +5652,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(304), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(306), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -5636,7 +5665,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(305), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(307), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -5648,7 +5677,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(306), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(308), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -5658,7 +5687,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(307), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(309), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -5668,7 +5697,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(308), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(310), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -5678,7 +5707,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(309), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(311), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -5689,7 +5718,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(310), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(312), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -5701,7 +5730,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(311), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(313), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -5712,7 +5741,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(312), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(314), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -5723,7 +5752,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(313), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(315), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -5735,28 +5764,28 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(314), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(316), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(315), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(317), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_stationarity_name(stationarity) -> Cstring
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(316), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(318), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(317), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(319), Cstring, (Int32,), doubt)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -5769,7 +5798,7 @@ Name a variable, a constraint or a pair: reports and messages of the log use it.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(318), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(320), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -5782,7 +5811,7 @@ Name all variables, constraints or pairs.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(319), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(321), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -5796,7 +5825,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(320), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(322), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -5813,7 +5842,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(321), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(323), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -5837,7 +5866,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(322), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(324), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -5850,7 +5879,7 @@ What is known of the point of the last solve: type of stationarity, B-stationari
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(323), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(325), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -5863,7 +5892,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(324), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(326), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -5875,7 +5904,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(325), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(327), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -5887,7 +5916,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(326), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(328), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -5899,6 +5928,6 @@ The same for people: a table with the worst violations and what looks wrong abou
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(327), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(329), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

@@ -124,7 +124,12 @@ end
 
 A discrete state of a model with named values, and edges between them (`edge!`), for event-driven simulation. `states` are the
 names, `(:idle, :heat)` or "idle heat". `is_in` and `choose` make expressions of it, `intervals` reads the states of a
-solution. `automaton.state` is the discrete state; it counts from 0.
+solution. `automaton.state` is the discrete state; it counts from 0. Documents keep the names.
+
+    Automaton(model, state)
+
+The automaton of a discrete state, given by itself or by its name, of a model that came from a document. Its edges are the
+transitions of the model that lead from one of its states to another.
 """
 struct Automaton
     model::Model
@@ -142,7 +147,25 @@ function Automaton(m::Model; states, initial = nothing, name = "")
     allunique(names) || mistake(:range, "two states of the automaton have one name: $(join(names, ", "))")
     start = initial === nothing ? 0 : location(names, initial, "initial")
     state = discrete!(m, name; initial = start)
+    m.value_names[length(m.x)] = names
     return Automaton(m, names, state, isempty(String(name)) ? string(state) : String(name), [], Dict())
+end
+
+function Automaton(m::Model, state)
+    place = state_place(m, state)
+    haskey(m.value_names, place) || mistake(:range, "$state has no named values: the model has automata of ",
+                                            join((named_text(m, m.x[k]) for k in sort!(collect(keys(m.value_names)))), ", "))
+    names = m.value_names[place]
+    a = Automaton(m, names, m.x[place], named_text(m, m.x[place]), [], Dict())
+    value_of(list) = (k = findfirst(d -> first(d) == place - 1, list); k === nothing ? nothing : Int(last(list[k])))
+    for (k, t) in enumerate(m.transitions)
+        source, target = value_of(t.from), value_of(t.to)
+        (source === nothing || target === nothing) && continue
+        others = sort!([first(d) + 1 => last(d) for d in t.from if first(d) != place - 1]; by = first)
+        a.known[(source, t.guard.id, others)] = names[target+1]
+        push!(a.edges, (source = names[source+1], target = names[target+1], transition = k))
+    end
+    return a
 end
 
 "The value of a state, from 0."

@@ -79,6 +79,10 @@ function from_json(::Type{Model}, document; functions = ())
     trial === nothing || try_at!(m, Float64.(trial["x"]); u = Float64.(trial["u"]), p = Float64.(trial["p"]), t = trial["t"])
     n_discrete, n_transitions = integers(2, Lib.swb_model_transition_counts, made)
     m.discrete = numbers(Float64, n_discrete, Lib.swb_model_get_discrete, made)
+    for k in 1:n_discrete
+        names = text(Lib.swb_model_get_value_names, made, k - 1)
+        isempty(names) || (m.value_names[n[1]-n_discrete+k] = Symbol.(split(names, "\n")))
+    end
     m.transitions = Any[read_transition(made, graph, k) for k in 0:n_transitions-1]
     m.built = made
     return m

@@ -28,6 +28,7 @@ mutable struct Model
     built::Union{Nothing,Built}
     discrete::Vector{Float64} # values with which the last states begin
     transitions::Vector{Any}
+    value_names::Dict{Int,Vector{Symbol}} # of discrete states, by their place among all states
 end
 
 variable_names(v::Integer, what) = v < 0 ? mistake(:dimension, "$what is negative: $v") : fill("", v)
@@ -47,7 +48,7 @@ function empty_model(graph, names, name)
     blocks = (Lib.SWB_INPUT_X, Lib.SWB_INPUT_U, Lib.SWB_INPUT_P)
     x, u, p = (inputs(graph, block, 0, length(n)) for (block, n) in zip(blocks, names))
     t = inputs(graph, Lib.SWB_INPUT_T, 0, 1)[1]
-    return Model(plain(name, "name"), names, graph, x, u, p, t, fill(nothing, length(x)), nothing, nothing, Float64[], [])
+    return Model(plain(name, "name"), names, graph, x, u, p, t, fill(nothing, length(x)), nothing, nothing, Float64[], [], Dict())
 end
 
 function inputs(graph::Graph, block, first, n)
@@ -129,6 +130,9 @@ function built(m::Model)
     end
     made = owned(Built(address, 0))
     isempty(m.discrete) || check(Lib.swb_model_set_discrete(made, m.discrete, length(m.discrete)))
+    for (place, names) in m.value_names
+        check(Lib.swb_model_set_value_names(made, place - 1 - (length(m.x) - length(m.discrete)), join(names, "\n")))
+    end
     foreach(t -> add_to(made, m.graph, t), m.transitions)
     return m.built = made
 end

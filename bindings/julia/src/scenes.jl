@@ -134,7 +134,7 @@ force!(s::Scene, values_) = give_expressions(Lib.swb_scene_set_force, s, values_
     inertia!(scene, values)
 
 Set the inertia: a number for every velocity (a diagonal), or a symmetric matrix; by default the unit matrix. It may depend on
-coordinates, parameters and time.
+coordinates, parameters and time; the terms that Lagrange's equations then put beside M v' belong to `force!`.
 """
 function inertia!(s::Scene, values_)
     n = length(s.v)
@@ -201,7 +201,7 @@ end
     set_bounds!(scene, coordinate, low, high)
 
 State that a coordinate, given by itself, its name or its number, stays between bounds: contacts that cannot close there are
-left out (see `report`). A simulation that leaves the bounds ends with an error.
+left out (see `report`). A simulation that leaves the bounds ends with an error. `-Inf` and `Inf` say nothing about their side.
 """
 function set_bounds!(s::Scene, coordinate, low, high)
     k = coordinate isa Expression ? findfirst(==(coordinate), s.q) : place_of(coordinate, s.names[1], "coordinates")

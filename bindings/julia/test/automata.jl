@@ -50,6 +50,10 @@ end
     copied = simulate(again, x0, T; p = p, reltol = 1e-12, abstol = 1e-12, sensitivity = true)
     @test copied.u[end] == sol.u[end] && copied.dx_dp == sol.dx_dp && copied.jump_derivatives == sol.jump_derivatives
     @test again.names == m.names && report(again) == report(m) && intervals(copied, :gear) == intervals(sol, :gear)
+    same = Automaton(again, :gear)
+    @test same.states == gear.states && same.edges == gear.edges && intervals(copied, same) == stays
+    @test refused(() -> edge!(same, :third => :second, again[:v] < 13; reset = :wear => 0.0), :range, "already")
+    @test refused(() -> Automaton(again, :v), :range, "automata of gear, driver")
     transition!(again, again[:v] > 9; reset = :v => 1.0)
     @test length(simulate(again, x0, T; p = p).jumps) > length(sol.jumps)
     @test occursin("reset0", c_code(m)) && occursin("Automaton gear of first, second, third; 4 edges", string(gear))

@@ -161,6 +161,12 @@ def test_models_with_automata_are_documents():
         assert [(j.t, j.transition, *j.after) for j in other.jumps] == [(j.t, j.transition, *j.after) for j in run.jumps]
         assert (other.jump_derivatives == run.jump_derivatives).all()
         assert other.discrete("gear") == run.discrete("gear")
+        same = swb.Automaton.of(again, "gear")
+        assert same.states == gear.states and same.edges == gear.edges and same.sequence(other) == gear.sequence(run)
+        with pytest.raises(swb.ArgumentError, match="automata of gear, driver"):
+            swb.Automaton.of(again, "v")
+        with pytest.raises(swb.ArgumentError, match="already"):
+            same.edge("third", "second", again.x[0] < 13, reset={"wear": 0.0})
         # it can be changed as the one that was written
         again.transition(again.x[0] > 9, reset={"v": 1.0})
         assert len(swb.simulate(again, r["x0"], 30.0, p=r["p"]).jumps) > len(run.jumps)
@@ -168,8 +174,13 @@ def test_models_with_automata_are_documents():
     report = m.report_data()
     assert report["discrete"] == ["gear", "driver"] and len(report["transitions"]) == 6
     assert "while driver = 0" in report["transitions"][0]
-    # what was written before there were transitions has none
+    # what was written before there were names of states, or transitions, has none
     old = json.loads(document)
+    assert old["model"].pop("value_names") == [["first", "second", "third"], ["drives", "coasts"]]
+    nameless = Model.from_json(json.dumps(old))
+    assert (swb.simulate(nameless, r["x0"], 30.0, **options).x_end == run.x_end).all()
+    with pytest.raises(swb.ArgumentError, match="no named values"):
+        swb.Automaton.of(nameless, "gear")
     del old["model"]["transitions"], old["model"]["discrete"]
     plain = Model.from_json(json.dumps(old))
     assert not swb.simulate(plain, [*r["x0"], 0, 0], 1.0, p=r["p"]).jumps
@@ -184,6 +195,9 @@ def test_hostile_documents_are_refused_in_words():
         (lambda m: m["transitions"][1].update(reset=[0]), "transition 1"),
         (lambda m: m["transitions"][2]["expressions"].update(roots=[4000]), "transition 2"),
         (lambda m: m.update(discrete=[0.0] * 9), "9 discrete states"),
+        (lambda m: m.update(value_names=[[], [], ["a"]]), "no discrete state 2"),
+        (lambda m: m.update(value_names=[["a", "a"]]), "two values"),
+        (lambda m: m.update(value_names=[["a\nb"]]), "no name"),
         (lambda m: m.update(discrete=[0.0] * 3), "h2 is discrete"),
         (lambda m: m["transitions"][0]["to"][0].update(value=None), "null"),
     ]:

@@ -358,5 +358,7 @@ def test_plots(tumbling, tmp_path):
         run.plot_contacts(contacts=["floor"])
     with pytest.raises(swb.ArgumentError, match="not that of a scene"):
         swb.plot_contacts(swb.simulate(swb.System(1, f0=lambda x: -x), [1.0], 1.0))
-    with pytest.raises(swb.DimensionError, match="states must be"):
+    with pytest.raises(swb.DimensionError, match="there is no state 99"):
         run.plot(states=[99])
+    with pytest.raises(swb.ArgumentError, match="'height' is no state"):
+        run.plot_phase(states=["height", 0])

@@ -248,6 +248,40 @@ def test_rates_of_coordinates():
     assert len(run.impacts) == 1 and run.x_end == pytest.approx([1000.0, 0.0], abs=1e-7)
 
 
+def test_bounds_may_be_infinite():
+    """One side is enough for a proof; nothing is known of the other."""
+    inf = float("inf")
+    s = two()
+    s.contact("floor", s.q[1])
+    s.contact("top", 10.0 - s.q[1])
+    s.bounds("y", 0.0, inf)
+    assert "left out" not in s.report()
+    s.bounds("y", -inf, 5.0)
+    assert [c["name"] for c in s.report_data()["contacts"]] == ["floor"]
+    run = s.simulate([0.0, 1.0], [0.0, 0.0], 0.2)
+    assert run.success
+    with pytest.raises(swb.StateError, match="outside of the bounds"):
+        s.simulate([0.0, 1.0], [0.0, 20.0], 2.0)
+    s.bounds("y", -inf, inf)
+    assert len(s.report_data()["contacts"]) == 2 and s.simulate([0.0, 1.0], [0.0, 11.0], 2.0).success
+
+
+def test_friction_where_sliding_begins_in_space():
+    """Just behind the end of sticking friction opposes the way it will go, although there is no velocity yet."""
+    mu, push = 0.3, 4.0
+    s = swb.Scene("x y z")
+    growing = push * (1 - swb.exp(-s.t))
+    s.force([growing * cos(3 * s.t), growing * sin(3 * s.t), -G])
+    s.contact("table", s.q[2], [s.q[0], s.q[1]], mu=mu)
+    run = s.simulate([0.0] * 3, [0.0] * 3, 3.0, **TIGHT)
+    exact = -np.log(1 - mu * G / push)
+    assert run.switch_times == pytest.approx([exact], abs=1e-11)
+    before, behind = run.force("table", [run.switch_times[0], np.nextafter(run.switch_times[0], 9.0)])
+    along = [np.cos(3 * exact), np.sin(3 * exact)]
+    assert before == pytest.approx([G, -mu * G * along[0], -mu * G * along[1]], abs=1e-8)
+    assert behind == pytest.approx(before, abs=1e-6)
+
+
 def test_bounds_leave_contacts_out():
     s = two()
     floor = s.contact("floor", s.q[1])
@@ -379,10 +413,12 @@ NONSENSE = {
     "sign in a force": (lambda: _force(lambda s: [-sign(s.v[0]), 0]), swb.UnsupportedError, "force on v_x switches where v_x"),
     "a condition as force": (lambda: _force(lambda s: [s.v[0] > 0, 0]), swb.DimensionError, "conditions and values"),
     "rates missing": (_rates, swb.StateError, "2 coordinates and 1 velocities"),
-    "coordinates of one name": (lambda: swb.Scene("y y"), swb.ArgumentError, "two coordinates are called 'y'"),
+    "coordinates of one name": (lambda: swb.Scene("y y"), swb.ArgumentError, "two variables are called 'y'"),
+    "a velocity like a coordinate": (lambda: swb.Scene("y", "y"), swb.ArgumentError, "two variables are called 'y'"),
     "no such coordinate": (lambda: _bounds("z", 0, 1), swb.ArgumentError, "'z' is no coordinate"),
     "bounds the wrong way round": (lambda: _bounds("x", 1, 0), swb.RangeError, "are 1 and 0: the lower comes first"),
-    "bounds that are no numbers": (lambda: _bounds("x", np.nan, 0), swb.RangeError, "bounds .*NaN"),
+    "bounds that are no numbers": (lambda: _bounds("x", np.nan, 0), swb.RangeError, "bounds .*NaN.*-inf or inf"),
+    "bounds without a number between": (lambda: _bounds("x", np.inf, np.inf), swb.RangeError, "the lower comes first"),
     "no such law": (lambda: two().impact_law("poisson"), swb.ArgumentError, "newton, sequential, not 'poisson'"),
     "q0 too long": (lambda: ball().simulate([1, 2], [0], 1), swb.DimensionError, r"q0 has shape \(2,\)"),
     "v0 too short": (lambda: ball().simulate([1], [], 1), swb.DimensionError, r"v0 has shape \(0,\)"),

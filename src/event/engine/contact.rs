@@ -322,15 +322,19 @@ impl Engine {
     /// Notes the modes from here on.
     fn note_phase(&mut self) {
         let modes: Vec<usize> = self.field.active.iter().map(|s| s[0]).collect();
+        let starting = self.field.with_contacts(self.t, &[], |c, _, _| std::mem::take(&mut c.dynamics.starting));
         if self.phases.len() < self.options.max_log {
             let same =
                 self.phases.last().is_some_and(|p| p.modes == modes && p.u == self.field.u && p.p == self.field.p);
             if !same {
                 let redundant = self.field.scene().is_some_and(|c| c.dynamics.is_redundant());
+                let mut starting = starting.unwrap_or_default();
+                starting.retain(|(i, _)| modes[*i] == mode::SLIDES);
                 self.phases.push(Phase {
                     t: self.t,
                     modes,
                     redundant,
+                    starting,
                     u: self.field.u.clone(),
                     p: self.field.p.clone(),
                 });

@@ -991,6 +991,8 @@ FUNCTIONS = {
     "swb_run_contact_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_run_contact_forces": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_model_set_discrete": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_model_set_value_names": (c_int32, [c_void_p, c_int64, c_char_p]),
+    "swb_model_get_value_names": (c_int32, [c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_model_add_transition": (c_int32, [c_void_p, c_void_p, c_int64, c_int32, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_model_transition_counts": (c_int32, [c_void_p, c_void_p, c_void_p]),
     "swb_model_get_discrete": (c_int32, [c_void_p, c_void_p, c_int64]),

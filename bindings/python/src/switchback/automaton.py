@@ -64,9 +64,32 @@ class Automaton:
         self.model, self.states = model, tuple(names)
         self.initial = 0 if initial is None else self._place(initial, "initial")
         self.state = model.discrete(name, self.initial)
+        if isinstance(names[0], str):
+            model._value_names[model.nx - 1] = self.states
         self.name = name or repr(self.state)
         self.edges: list[tuple[Any, Any, int]] = []
         self._known: dict[Any, str] = {}
+
+    @classmethod
+    def of(cls, model: Model, state: Any) -> Automaton:
+        """The automaton of a discrete state of a model, given by its name or as an expression: of a model that came from a
+        document. Its edges are the transitions of the model that lead from one of its states to another."""
+        place = model._state(state, "the discrete state")
+        if place not in model._value_names:
+            named = [model.names[0][i] or repr(model.x[i]) for i in model._value_names]
+            raise ArgumentError(f"{state!r} has no named values: the model has automata of {', '.join(named) or 'no states'}")
+        made = cls.__new__(cls)
+        made.model, made.states, made.state = model, model._value_names[place], model.x[place]
+        made.initial = int(model._discrete[place - model.nx])
+        made.name = model.names[0][place] or repr(made.state)
+        made.edges, made._known = [], {}
+        for k, t in enumerate(model._transitions):
+            if place in t.when and place in t.to:
+                source, target = (made.states[int(d[place])] for d in (t.when, t.to))
+                made.edges.append((source, target, k))
+                others = sorted((i, v) for i, v in t.when.items() if i != place)
+                made._known[(int(t.when[place]), tuple(t.guard._ids.ravel()), tuple(others))] = target
+        return made
 
     def _place(self, state: Any, what: str) -> int:
         if isinstance(state, (str, int, numpy.integer)) and not isinstance(state, bool) and state in self.states:

@@ -85,6 +85,10 @@ class Fixed:
         return f"<Fixed '{self.name}'>"
 
 
+def _component(of: str, i: int) -> Any:
+    return property(lambda self: getattr(self, of)[i], doc=f"Component {i} of the {of}.")
+
+
 @dataclass(frozen=True)
 class BodyState:
     """Position and velocity of a body: expressions, or arrays of numbers. `angle` and `omega` are None where the
@@ -96,29 +100,12 @@ class BodyState:
     angle: Any = None
     omega: Any = None
 
-    @property
-    def x(self) -> Any:
-        return self.position[0]
-
-    @property
-    def y(self) -> Any:
-        return self.position[1]
-
-    @property
-    def z(self) -> Any:
-        return self.position[2]
-
-    @property
-    def vx(self) -> Any:
-        return self.velocity[0]
-
-    @property
-    def vy(self) -> Any:
-        return self.velocity[1]
-
-    @property
-    def vz(self) -> Any:
-        return self.velocity[2]
+    x = _component("position", 0)
+    y = _component("position", 1)
+    z = _component("position", 2)
+    vx = _component("velocity", 0)
+    vy = _component("velocity", 1)
+    vz = _component("velocity", 2)
 
 
 class States:

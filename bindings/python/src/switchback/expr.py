@@ -564,6 +564,7 @@ class Model:
         self._made: _Built | None = None
         self._transitions: list[_Transition] = []
         self._discrete: list[float] = []  # initial values of the last states
+        self._value_names: dict[int, tuple[str, ...]] = {}  # of discrete states, by their place among all states
 
     def derivative(self, state: Expr, rhs: Any) -> None:
         """Set the derivative of a state."""
@@ -709,6 +710,8 @@ class Model:
             if self._discrete:
                 initial = numpy.array(self._discrete)
                 made._do("set_discrete", address(initial), initial.size)
+            for place, values in self._value_names.items():
+                made._do("set_value_names", place - (self.nx - initial.size), encode("\n".join(values), "names"))
             for t in self._transitions:
                 t.add_to(made, self.graph)
             self._made = made
@@ -753,8 +756,8 @@ class Model:
         return text(lib.swb_model_write_c, self._build())
 
     def to_json(self) -> str:
-        """The model as a document in JSON: for bug reports, and to pass it on; with its transitions, and with its discrete
-        states and the values they begin with. The names of the states of an `Automaton` are not in it."""
+        """The model as a document in JSON: for bug reports, and to pass it on; with its transitions, with its discrete
+        states, the values they begin with, and the names of the states of an `Automaton` (see `Automaton.of`)."""
         return text(lib.swb_model_to_json, self._build())
 
     @classmethod
@@ -789,6 +792,10 @@ class Model:
         initial = numpy.empty(counts[0].value)
         made._do("get_discrete", address(initial), initial.size)
         model._discrete = initial.tolist()
+        for k in range(initial.size):
+            values = text(lib.swb_model_get_value_names, made, k)
+            if values:
+                model._value_names[model.nx - initial.size + k] = tuple(values.split("\n"))
         model._transitions = [_Transition.read(made, graph, k) for k in range(counts[1].value)]
         model._made = made
         return model

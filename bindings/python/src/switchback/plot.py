@@ -7,8 +7,8 @@ from typing import Any, Sequence
 
 import numpy
 
-from ._arrays import index
 from ._ffi import ContactMode, EventKind
+from .automaton import place_of
 from .errors import ArgumentError, DimensionError, StateError
 from .integrator import Run
 from .trajectory import Trajectory
@@ -163,7 +163,7 @@ def plot_run(
     path: Any = None,
     *,
     names: Sequence[str] | None = None,
-    states: Sequence[int] | None = None,
+    states: Sequence[Any] | None = None,
     title: str | None = None,
     points: int = 12,
 ) -> Any:
@@ -174,15 +174,13 @@ def plot_run(
     Of a scene coordinates and velocities have a panel each, the marks are impacts, and the bands are the modes of the
     contacts that close: closed, or with friction sticks, slides along the tangent, slides back.
 
-    `states` chooses states, `names` label them, `points` are drawn in every step. With `path` the figure is saved
-    there. Returns the matplotlib figure.
+    `states` chooses states by number, name or expression, `names` label them, `points` are drawn in every step. With
+    `path` the figure is saved there. Returns the matplotlib figure.
     """
     t, x, jumps = _curve(run, points)
     plt = _pyplot()
     scene = getattr(run.system, "_scene", None)
-    chosen = list(range(run.nx)) if states is None else [index(i, "states") for i in states]
-    if any(not 0 <= i < run.nx for i in chosen):
-        raise DimensionError(f"states must be some of the {run.nx} states, not {list(states or [])}")
+    chosen = list(range(run.nx)) if states is None else [place_of(run.system, i) for i in states]
     known = _default_labels(run)
     if names is not None and len(names) == run.nx:
         known = list(names)
@@ -391,7 +389,7 @@ def plot_phase(
     run: Run,
     path: Any = None,
     *,
-    states: Sequence[int] = (0, 1),
+    states: Sequence[Any] = (0, 1),
     names: Sequence[str] | None = None,
     title: str | None = None,
     points: int = 12,
@@ -403,11 +401,12 @@ def plot_phase(
     switching functions where the other states, controls `u`, parameters `p` and the time are those of the end. The
     marks are those of `plot_run`, a cross is the start; jumps, and impacts of a scene, are dotted.
 
-    `grid` is the number of points in each direction where the surfaces are evaluated. With `path` the figure is saved
+    `states` are numbers, names or expressions; `grid` is the number of points in each direction where the surfaces are
+    evaluated. With `path` the figure is saved
     there. Returns the matplotlib figure.
     """
-    chosen = [index(i, "states") for i in states]
-    if len(chosen) != 2 or any(not 0 <= i < run.nx for i in chosen):
+    chosen = [place_of(run.system, i) for i in states]
+    if len(chosen) != 2:
         raise DimensionError(f"states must be two of the {run.nx} states, not {list(states)}")
     _, x, jumps = _curve(run, points)
     plt = _pyplot()

@@ -67,7 +67,101 @@ class _Scene(Handle):
     _kind = "scene"
 
 
-class Scene:
+class _ContactSystem:
+    """What scenes and projected systems share: a graph, contacts, and the system they become."""
+
+    name: str
+    names: list[list[str]]
+    graph: Graph
+    x: Expr
+    contacts: list[SceneContact]
+    n_q: int  # number of coordinates; the states of a projected system are in the place of velocities
+    nx: int
+    nu: int
+    np: int
+    _made: _Scene
+    _layout: Any = None  # of a World: where its bodies are
+
+    def _begin(self, create: Any, sizes: Sequence[int], states: int, controls: list[str], parameters: list[str]) -> None:
+        given = [n for group in self.names for n in group if n]
+        for n in given:
+            if given.count(n) > 1:
+                raise ArgumentError(f"two variables are called '{n}'")
+        self.graph = Graph()
+        self.x = self.graph.inputs("x", states)
+        self.nx, self.nu, self.np = states, len(controls), len(parameters)
+        self.u, self.p = self.graph.inputs("u", self.nu), self.graph.inputs("p", self.np)
+        self.t = self.graph.inputs("t", 1)[0]
+        self.contacts = []
+        names = encode("\n".join(n for group in self.names for n in group), "names")
+        self._made = _Scene.__new__(_Scene)
+        self._made._make(create, encode(self.name, "name"), *sizes, names)
+        self._current = False
+
+    def _ids(self, values: Any, shape: tuple[int, ...], what: str) -> numpy.ndarray:
+        given = self.graph.of(values)
+        if given.shape != shape:
+            raise DimensionError(f"{what} has shape {given.shape}, expected {shape}")
+        self._current = False
+        return numpy.ascontiguousarray(given._ids.ravel(), dtype=numpy.int64)
+
+    def _set(self, function: str, values: Any, shape: tuple[int, ...], what: str) -> None:
+        ids = self._ids(values, shape, what)
+        self._made._do(function, self.graph, address(ids), ids.size)
+
+    def _add(self, name: str, gap: Expr, tangents: Sequence[Expr], mu: int, e: int) -> SceneContact:
+        """Add a contact whose parts are checked; `mu` and `e` are numbers of expressions, -1 for zero."""
+        ids = numpy.array([int(t._ids) for t in tangents], dtype=numpy.int64)
+        place = ctypes.c_int64()
+        self._made._do(
+            "add_contact",
+            self.graph,
+            encode(name, "name"),
+            int(gap._ids),
+            address(ids) if ids.size else None,
+            ids.size,
+            mu,
+            e,
+            ctypes.byref(place),
+        )
+        self._current = False
+        made = SceneContact(name, gap, tuple(tangents))
+        self.contacts.append(made)
+        return made
+
+    def _build(self) -> _Scene:
+        if not self._current:
+            self._made._do("build", self.graph)
+            self._current = True
+        return self._made
+
+    def report(self) -> str:
+        """What it consists of, what each contact costs, which were left out and why."""
+        return text(lib.swb_scene_report, self._build(), 0)
+
+    def report_data(self) -> dict[str, Any]:
+        """The report as data."""
+        return json.loads(text(lib.swb_scene_report, self._build(), 1))
+
+    def system(self) -> System:
+        """The system, for event-driven simulation."""
+        s = System.__new__(System)
+        s.nx, s.nu, s.np = self.nx, self.nu, self.np
+        s._functions = list(self.graph._functions)
+        s._make(lib.swb_scene_system, self._build())
+        s.n_subsystems = 0
+        s._discrete = []
+        s._origin = self.graph, self.x._ids, tuple(n for group in self.names[:-2] for n in group)
+        s._contacts = tuple((c["name"], c["tangents"]) for c in self.report_data()["contacts"])
+        s._scene = self
+        return s
+
+    def function(self, outputs: Any, name: str = "f") -> Function:
+        """A function of the states, controls, parameters and time."""
+        return self.graph.function(outputs, self.nx, self.nu, self.np, name)
+
+
+class Scene(_ContactSystem):
     """A mechanical system with contacts:
 
     q' = N(q) v,   M(q) v' = force(q, v, u, p, t) + contact forces,   gap >= 0, friction
@@ -91,53 +185,22 @@ class Scene:
     ):
         self.name = name
         qs = _names(q, "q")
-        for n in qs:
-            if n and qs.count(n) > 1:
-                raise ArgumentError(f"two coordinates are called '{n}'")
         vs = [f"v_{n}" if n else "" for n in qs] if v is None else _names(v, "v")
         self.names = [qs, vs, _names(u, "u"), _names(p, "p")]
-        self.n_q, self.n_v, self.nu, self.np = (len(n) for n in self.names)
+        self.n_q, self.n_v, nu, np = (len(n) for n in self.names)
         if not self.n_q or not self.n_v:
             raise DimensionError("a scene needs at least one coordinate and one velocity")
-        self.graph = Graph()
-        x = self.graph.inputs("x", self.n_q + self.n_v)
-        self.q, self.v = x[: self.n_q], x[self.n_q :]
-        self.x = x
-        self.u, self.p = self.graph.inputs("u", self.nu), self.graph.inputs("p", self.np)
-        self.t = self.graph.inputs("t", 1)[0]
-        self.contacts: list[SceneContact] = []
-        self._made = _Scene.__new__(_Scene)
-        self._made._make(
-            lib.swb_scene_create,
-            encode(name, "name"),
-            self.n_q,
-            self.n_v,
-            self.nu,
-            self.np,
-            encode("\n".join(n for group in self.names for n in group), "names"),
-        )
-        self._current = False
-        self._layout: Any = None  # of a World: where its bodies are
-
-    @property
-    def nx(self) -> int:
-        """Number of states: coordinates and velocities."""
-        return self.n_q + self.n_v
-
-    def _ids(self, values: Any, shape: tuple[int, ...], what: str) -> numpy.ndarray:
-        given = self.graph.of(values)
-        if given.shape != shape:
-            raise DimensionError(f"{what} has shape {given.shape}, expected {shape}")
-        self._current = False
-        return numpy.ascontiguousarray(given._ids.ravel(), dtype=numpy.int64)
+        self._begin(lib.swb_scene_create, (self.n_q, self.n_v, nu, np), self.n_q + self.n_v, *self.names[2:])
+        self.q, self.v = self.x[: self.n_q], self.x[self.n_q :]
 
     def rates(self, values: Any) -> None:
         """Set the rates of the coordinates, one for each, linear in the velocities; by default they are the velocities."""
-        ids = self._ids(values, (self.n_q,), "rates")
-        self._made._do("set_rates", self.graph, address(ids), ids.size)
+        self._set("set_rates", values, (self.n_q,), "rates")
 
     def inertia(self, values: Any) -> None:
-        """Set the inertia: a number for every velocity (a diagonal), or a symmetric matrix; by default the unit matrix."""
+        """Set the inertia: a number for every velocity (a diagonal), or a symmetric matrix; by default the unit matrix.
+
+        Where it depends on coordinates, the terms that Lagrange's equations put beside M v' belong to `force`."""
         given = self.graph.of(values)
         if given.ndim == 1 and self.n_v >= 1 and given.shape == (self.n_v,):
             rows = [[given[i] if i == j else 0.0 for j in range(self.n_v)] for i in range(self.n_v)]
@@ -145,13 +208,11 @@ class Scene:
         elif given.shape != (self.n_v, self.n_v):
             n = self.n_v
             raise DimensionError(f"inertia has shape {given.shape}, expected ({n},), a diagonal, or ({n}, {n})")
-        ids = self._ids(given, (self.n_v, self.n_v), "inertia")
-        self._made._do("set_inertia", self.graph, address(ids), ids.size)
+        self._set("set_inertia", given, (self.n_v, self.n_v), "inertia")
 
     def force(self, values: Any) -> None:
         """Set the forces, one for every velocity: all that stands beside M v' but contact forces, smooth expressions."""
-        ids = self._ids(values, (self.n_v,), "force")
-        self._made._do("set_force", self.graph, address(ids), ids.size)
+        self._set("set_force", values, (self.n_v,), "force")
 
     def contact(self, name: str, gap: Any, tangents: Any = (), mu: Any = 0.0, e: Any = 0.0) -> SceneContact:
         """Add a contact.
@@ -178,27 +239,11 @@ class Scene:
             raise ArgumentError(f"contact {name} has friction and no tangents: give one in the plane, two in space")
         if any(t.ndim for t in all):
             raise DimensionError(f"tangents of contact {name}: give a list of single expressions")
-        ids = numpy.array([int(t._ids) for t in all], dtype=numpy.int64)
-        place = ctypes.c_int64()
-        self._made._do(
-            "add_contact",
-            self.graph,
-            encode(name, "name"),
-            numbers[0],
-            address(ids),
-            ids.size,
-            numbers[1],
-            numbers[2],
-            ctypes.byref(place),
-        )
-        self._current = False
-        made = SceneContact(name, self.graph.of(gap), tuple(all))
-        self.contacts.append(made)
-        return made
+        return self._add(name, self.graph.of(gap), all, numbers[1], numbers[2])
 
     def bounds(self, coordinate: Any, low: float, high: float) -> None:
         """State that a coordinate stays between bounds: contacts that cannot close there are left out (see `report`). A
-        simulation that leaves the bounds ends with an error then."""
+        simulation that leaves the bounds ends with an error then. -inf and inf say nothing about their side."""
         self._made._do("set_bounds", self._place(coordinate), number(low, "low"), number(high, "high"))
         self._current = False
 
@@ -219,33 +264,6 @@ class Scene:
         self._made._do("set_impact_law", int(choice(ImpactLaw, law, "law")))
         self._current = False
 
-    def _build(self) -> _Scene:
-        if not self._current:
-            self._made._do("build", self.graph)
-            self._current = True
-        return self._made
-
-    def report(self) -> str:
-        """What the scene consists of, what each contact costs, which were left out and why."""
-        return text(lib.swb_scene_report, self._build(), 0)
-
-    def report_data(self) -> dict[str, Any]:
-        """The report as data."""
-        return json.loads(text(lib.swb_scene_report, self._build(), 1))
-
-    def system(self) -> System:
-        """The system, for event-driven simulation."""
-        s = System.__new__(System)
-        s.nx, s.nu, s.np = self.nx, self.nu, self.np
-        s._functions = list(self.graph._functions)
-        s._make(lib.swb_scene_system, self._build())
-        s.n_subsystems = 0
-        s._discrete = []
-        s._origin = self.graph, self.x._ids, tuple(self.names[0] + self.names[1])
-        s._contacts = tuple((c["name"], c["tangents"]) for c in self.report_data()["contacts"])
-        s._scene = self
-        return s
-
     def simulate(self, q0: Any, v0: Any, t_span: Any, **keywords: Any) -> Run:
         """Simulate from coordinates and velocities; see `switchback.simulate` for the rest."""
         from .integrator import simulate
@@ -259,15 +277,11 @@ class Scene:
 
         return simulate_steps(self, q0, v0, t_span, h, **keywords)
 
-    def function(self, outputs: Any, name: str = "f") -> Function:
-        """A function of the state, controls, parameters and time of the scene."""
-        return self.graph.function(outputs, self.nx, self.nu, self.np, name)
-
     def __repr__(self) -> str:
         return f"<Scene '{self.name}': {self.n_q} coordinates, {self.n_v} velocities, {len(self.contacts)} contacts>"
 
 
-class Projected:
+class Projected(_ContactSystem):
     """A projected system, or first-order sweeping process:
 
     x' = f(x, u, p, t) + sum of gradient(c_i) * multiplier_i,   multiplier_i >= 0, c_i(x, p, t) >= 0, one of them zero
@@ -292,24 +306,11 @@ class Projected:
     ):
         self.name = name
         self.names = [_names(x, "x"), _names(u, "u"), _names(p, "p")]
-        self.nx, self.nu, self.np = (len(n) for n in self.names)
-        self.graph = Graph()
-        self.x, self.u, self.p = (self.graph.inputs(b, n) for b, n in zip("xup", (self.nx, self.nu, self.np)))
-        self.t = self.graph.inputs("t", 1)[0]
-        self.constraints: list[SceneContact] = []
-        self._made = _Scene.__new__(_Scene)
-        names = encode("\n".join(n for group in self.names for n in group), "names")
-        self._made._make(lib.swb_scene_create_projected, encode(name, "name"), self.nx, self.nu, self.np, names)
-        self._current = False
+        self._begin(lib.swb_scene_create_projected, [len(n) for n in self.names], len(self.names[0]), *self.names[1:])
 
     def f(self, values: Any) -> None:
         """Set the derivatives of the states without constraints, one for each, smooth expressions."""
-        given = self.graph.of(values)
-        if given.shape != (self.nx,):
-            raise DimensionError(f"f has shape {given.shape}, expected {(self.nx,)}")
-        ids = numpy.ascontiguousarray(given._ids.ravel(), dtype=numpy.int64)
-        self._made._do("set_force", self.graph, address(ids), ids.size)
-        self._current = False
+        self._set("set_force", values, (self.nx,), "f")
 
     def constraint(self, name: str, c: Any) -> SceneContact:
         """Add a constraint c >= 0, an expression of states, parameters and time."""
@@ -318,47 +319,14 @@ class Projected:
         given = self.graph.of(c)
         if given.ndim:
             raise DimensionError(f"constraint {name} is an array of shape {given.shape}")
-        self._made._do(
-            "add_contact", self.graph, encode(name, "name"), int(given._ids), None, 0, -1, -1, ctypes.byref(ctypes.c_int64())
-        )
-        self._current = False
-        made = SceneContact(name, given, ())
-        self.constraints.append(made)
-        return made
+        return self._add(name, given, (), -1, -1)
 
-    def _build(self) -> _Scene:
-        if not self._current:
-            self._made._do("build", self.graph)
-            self._current = True
-        return self._made
-
-    def report(self) -> str:
-        """What the system consists of."""
-        return text(lib.swb_scene_report, self._build(), 0)
-
-    def system(self) -> System:
-        """The system, for event-driven simulation."""
-        s = System.__new__(System)
-        s.nx, s.nu, s.np = self.nx, self.nu, self.np
-        s._functions = list(self.graph._functions)
-        s._make(lib.swb_scene_system, self._build())
-        s.n_subsystems = 0
-        s._discrete = []
-        s._origin = self.graph, self.x._ids, tuple(self.names[0])
-        s._contacts = tuple((c.name, 0) for c in self.constraints)
-        s._scene = self
-        return s
-
-    n_q = 0  # states stand for velocities: there are no coordinates
+    n_q = 0
 
     @property
-    def contacts(self) -> list[SceneContact]:
-        """The constraints."""
-        return self.constraints
-
-    def function(self, outputs: Any, name: str = "f") -> Function:
-        """A function of the states, controls, parameters and time."""
-        return self.graph.function(outputs, self.nx, self.nu, self.np, name)
+    def constraints(self) -> list[SceneContact]:
+        """The constraints, in the order they were added."""
+        return self.contacts
 
     def __repr__(self) -> str:
         return f"<Projected '{self.name}': {self.nx} states, {len(self.constraints)} constraints>"
