@@ -86,3 +86,48 @@ def test_bad_input():
         swb.Stepper(system)
     with pytest.raises(swb.ArgumentError, match="takes a scene"):
         swb.simulate_steps(system, [1.0], [0.0], 1.0)
+
+
+def slider():
+    s = swb.Scene("x y", u="f", p="mu", name="slider")
+    s.force([s.u[0], -9.81])
+    s.contact("floor", gap=s.q[1], tangents=s.q[0], mu=s.p[0])
+    return s
+
+
+@pytest.mark.parametrize(
+    ("change", "error", "message"),
+    [
+        ({"q0": [0.0, numpy.nan]}, swb.RangeError, "state 1 is NaN"),
+        ({"v0": [numpy.inf, 0.0]}, swb.RangeError, "state 2 is inf"),
+        ({"v0": [0.0]}, swb.DimensionError, r"v0 has shape \(1,\)"),
+        ({"p": [-0.1]}, swb.RangeError, "friction of contact floor is -0.1"),
+        ({"p": [numpy.nan]}, swb.RangeError, "NaN"),
+        ({"p": None}, swb.ArgumentError, "p"),
+        ({"u": [1.0, 2.0]}, swb.DimensionError, r"u has shape \(2,\)"),
+        ({"every": 0}, swb.RangeError, "every"),
+        ({"t_span": numpy.nan}, swb.RangeError, "t"),
+        ({"law": "poisson"}, swb.ArgumentError, "newton, sequential"),
+    ],
+)
+def test_bad_input_of_whole_runs(change, error, message):
+    given = {"q0": [0.0, 0.0], "v0": [1.0, 0.0], "t_span": 0.1, "u": [0.0], "p": [0.3]}
+    assert swb.simulate_steps(slider(), **given).t[-1] == 0.1
+    with pytest.raises(error, match=message):
+        swb.simulate_steps(slider(), **{**given, **change})
+
+
+def test_a_closed_stepper_and_a_body_without_mass():
+    s = swb.Stepper(ball())
+    s.close()
+    with pytest.raises(swb.StateError, match="closed"):
+        s.set_state([1.0, 0.0])
+    light = ball()
+    light.inertia([0.0])
+    with pytest.raises(swb.SwitchbackError, match="positive definite"):
+        swb.simulate_steps(light, [1.0], [0.0], 1.0)
+    with pytest.raises(swb.UnsupportedError, match="projected"):
+        m = swb.Projected("x")
+        m.f([1.0])
+        m.constraint("wall", 1.0 - m.x[0])
+        swb.Stepper(m)
