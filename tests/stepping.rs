@@ -612,16 +612,16 @@ fn bad_input_is_named() {
 
     // what depends on parameters is seen when it is evaluated
     let g = Graph::new();
-    let mut scene = Scene::new("p", 1, 1, 0, 3).unwrap();
+    let mut scene = Scene::new("p", 2, 2, 0, 3).unwrap();
+    let zero = g.constant(0.0).id();
     scene.set_force(0, g.constant(-1.0).id()).unwrap();
-    scene.set_inertia(&[g.p(2).id()]).unwrap();
-    let c = Contact {
-        friction: g.p(0).id(),
-        restitution: g.p(1).id(),
-        tangents: vec![],
-        ..Contact::new(&g, "floor", g.x(0))
-    };
-    scene.add_contact(c).unwrap();
+    scene.set_force(1, zero).unwrap();
+    scene.set_inertia(&[g.p(2).id(), zero, zero, g.p(2).id()]).unwrap();
+    let smooth = Contact { friction: g.p(0).id(), restitution: g.p(1).id(), ..Contact::new(&g, "floor", g.x(0)) };
+    let mut wrong = scene.clone();
+    wrong.add_contact(smooth.clone()).unwrap();
+    assert!(wrong.build(&g).err().unwrap().to_string().contains("floor has friction and no tangents"));
+    scene.add_contact(Contact { tangents: vec![g.x(1).id()], ..smooth }).unwrap();
     let system = scene.build(&g).unwrap().system;
     for (p, text) in [
         ([-0.1, 0.0, 1.0], "the friction of contact floor is -0.1"),
@@ -630,7 +630,7 @@ fn bad_input_is_named() {
     ] {
         let mut s = Stepper::new(&system, &options(1e-3)).unwrap();
         s.set_params(&p).unwrap();
-        let r = s.reset(0.0, &[0.0, -1.0]).and_then(|()| s.step());
+        let r = s.reset(0.0, &[0.0, 0.0, -1.0, 0.0]).and_then(|()| s.step());
         assert!(r.unwrap_err().to_string().contains(text), "{text}");
     }
 }
