@@ -69,7 +69,8 @@ int main(void)
     FIELD(58, adapt_rounds);
     FIELD(59, adapt_elements);
     FIELD(60, max_memory);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 61);
+    FIELD(61, ocp_start);
+    CHECK(sizeof(swb_settings) == (size_t)8 * 62);
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);
@@ -89,6 +90,7 @@ int main(void)
     CHECK(SWB_STEP_EQUILIBRATION_DIFFERENCE == 2 && SWB_STEP_EQUILIBRATION_ETA_PRODUCT == 3);
     CHECK(SWB_POLISH_OFF == 0 && SWB_POLISH_ON == 1);
     CHECK(SWB_INITIAL_GUESS_CONSTANT == 0 && SWB_INITIAL_GUESS_SIMULATION == 1);
+    CHECK(SWB_OCP_START_PORTFOLIO == 0 && SWB_OCP_START_HOMOTOPY == 1 && SWB_OCP_START_SMOOTHING == 2);
     CHECK(SWB_LOG_LEVEL_SILENT == 0 && SWB_LOG_LEVEL_ERROR == 1 && SWB_LOG_LEVEL_WARNING == 2);
     CHECK(SWB_LOG_LEVEL_INFO == 3 && SWB_LOG_LEVEL_DEBUG == 4 && SWB_LOG_LEVEL_TRACE == 5);
     CHECK(SWB_LINEAR_SOLVER_AUTO == 0 && SWB_LINEAR_SOLVER_SUITESPARSE == 1 && SWB_LINEAR_SOLVER_FAER == 2);

@@ -399,6 +399,36 @@ typedef int64_t swb_initial_guess;
 #endif // __cplusplus
 
 /**
+ * Where optimal control problems start from (ocp_start).
+ */
+enum swb_ocp_start
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Smoothed problems lead to mode sequences, several of which are solved; where they do not agree on an answer the
+     * homotopy from the guess is followed too, and the cheapest answer is kept.
+     */
+    SWB_OCP_START_PORTFOLIO = 0,
+    /**
+     * The homotopy from the guess alone.
+     */
+    SWB_OCP_START_HOMOTOPY = 1,
+    /**
+     * Smoothed problems alone; the homotopy only where they lead to no answer.
+     */
+    SWB_OCP_START_SMOOTHING = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_ocp_start swb_ocp_start;
+#else
+typedef int64_t swb_ocp_start;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Factorisation of the Newton matrices (linear_solver).
  */
 enum swb_linear_solver
@@ -1934,6 +1964,10 @@ typedef struct swb_settings {
      * Bytes that building, solving or simulating may take at most; 0: as many as there are.
      */
     int64_t max_memory;
+    /**
+     * Where optimal control problems start from (enum ocp_start).
+     */
+    int64_t ocp_start;
 } swb_settings;
 
 /**

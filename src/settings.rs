@@ -123,6 +123,19 @@ pub enum InitialGuess {
     TimeStepping = 3,
 }
 
+/// Where optimal control problems start from (ocp_start).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum OcpStart {
+    /// Smoothed problems lead to mode sequences, several of which are solved; where they do not agree on an answer the
+    /// homotopy from the guess is followed too, and the cheapest answer is kept.
+    Portfolio = 0,
+    /// The homotopy from the guess alone.
+    Homotopy = 1,
+    /// Smoothed problems alone; the homotopy only where they lead to no answer.
+    Smoothing = 2,
+}
+
 /// Factorisation of the Newton matrices (linear_solver).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -312,6 +325,7 @@ value_names!(InitialGuess {
     Smoothed = "smoothed",
     TimeStepping = "time_stepping",
 });
+value_names!(OcpStart { Portfolio = "portfolio", Homotopy = "homotopy", Smoothing = "smoothing" });
 value_names!(LinearSolver { Auto = "auto", Suitesparse = "suitesparse", Faer = "faer" });
 value_names!(Ordering { Amd = "amd", Natural = "natural" });
 value_names!(Relaxation {
@@ -478,6 +492,8 @@ pub struct Settings {
     pub adapt_elements: i64,
     /// Bytes that building, solving or simulating may take at most; 0: as many as there are.
     pub max_memory: i64,
+    /// Where optimal control problems start from (enum ocp_start).
+    pub ocp_start: i64,
 }
 
 /// A value on its way to or from an option.
@@ -723,6 +739,8 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Finite elements of such a grid at most, over all stages."),
     row!(max_memory: Int(0, Closed(0.0), Closed(1e15)), "", FREE,
         "Bytes that building, solving or simulating may take at most; 0: as many as there are."),
+    row!(ocp_start: Enum(OcpStart::Portfolio), "", FREE,
+        "Where optimal control problems start from (enum ocp_start)."),
 ];
 
 impl OptionInfo {
@@ -913,6 +931,7 @@ impl Default for Settings {
             adapt_rounds: 0,
             adapt_elements: 0,
             max_memory: 0,
+            ocp_start: 0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);
@@ -1017,6 +1036,10 @@ impl Settings {
         self.polish != Polish::Off as i64
     }
 
+    /// [`OcpStart`] of these settings.
+    pub fn ocp_start(&self) -> Result<OcpStart> {
+        OcpStart::from_i64(self.ocp_start).ok_or_else(|| bad("ocp_start", self.ocp_start))
+    }
     /// [`InitialGuess`] of these settings.
     pub fn initial_guess(&self) -> Result<InitialGuess> {
         InitialGuess::from_i64(self.initial_guess).ok_or_else(|| bad("initial_guess", self.initial_guess))

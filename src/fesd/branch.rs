@@ -326,6 +326,11 @@ impl Mpcc for Fesd {
     fn is_discretised(&self) -> bool {
         true
     }
+    fn sizes(&self, out: &mut [f64]) {
+        if !self.sizes.is_empty() {
+            out.copy_from_slice(&self.sizes);
+        }
+    }
     fn n_groups(&self) -> usize {
         self.l.n_groups
     }
@@ -340,7 +345,8 @@ impl Mpcc for Fesd {
     fn enter_branch(&self, from: &[Side], to: &[Side], w: &mut [f64]) {
         let l = &self.l;
         for (&(a, b), &g) in self.path_pairs().filter(|(_, g)| from[**g] != to[**g]) {
-            w[if to[g] == Side::First { b } else { a }] = 1e-2;
+            let j = if to[g] == Side::First { b } else { a };
+            w[j] = 1e-2 * self.size(j);
         }
         if !l.fesd {
             return;
@@ -357,7 +363,7 @@ impl Mpcc for Fesd {
                 for c in cells.clone() {
                     for (&theta, &lambda) in e.theta.iter().zip(&e.lambda) {
                         w[theta + c] = if active(c) { share } else { 0.0 };
-                        w[lambda + c] = if active(c) { 0.0 } else { w[lambda + c].max(0.1) };
+                        w[lambda + c] = if active(c) { 0.0 } else { w[lambda + c].max(0.1 * self.size(lambda + c)) };
                     }
                 }
             }

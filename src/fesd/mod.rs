@@ -31,6 +31,7 @@ mod places;
 mod problem;
 mod restart;
 pub(crate) mod size;
+mod sizes;
 mod start;
 mod trajectory;
 
@@ -38,4 +39,5 @@ pub use branch::{Exit, Violation};
 pub use layout::{Boundary, Durations, Options, PathAt, PathConstraint, PathPairs, Spec, Terminal};
 pub use places::{Part, Place, Role, RowMeaning, Trouble, VariableMeaning};
 pub use problem::Fesd;
+pub use sizes::Sizes;
 pub use trajectory::{Element, Switch, SwitchKind, Trajectory};

@@ -103,6 +103,8 @@ pub struct Fesd {
     pub(super) end_weights: Vec<f64>,
     pub(super) scratch: Scratch,
     pub(super) evaluations: usize,
+    /// Sizes of the variables; empty: all 1.
+    pub(super) sizes: Vec<f64>,
 }
 
 impl Fesd {
@@ -239,6 +241,7 @@ impl Fesd {
             end_weights: tableau.boundary_weights().unwrap_or_default(),
             scratch: Scratch { f: vec![0.0; l.nx], local: vec![0.0; eta::n_local(l.n_cells)] },
             evaluations: 0,
+            sizes: Vec::new(),
             tableau,
             l,
             spec,
@@ -417,7 +420,7 @@ impl Fesd {
         };
         put_x(w, l.x0, 0.0, 0, 0.0);
         if let Some(j) = l.lambda0 {
-            w[j..j + l.n_cells].fill(LAMBDA_GUESS);
+            self.guess_multipliers(w, j);
         }
         for (k, &u) in l.u.iter().enumerate() {
             for (j, r) in l.linear.iter().enumerate() {
@@ -445,7 +448,7 @@ impl Fesd {
                 put_x(w, e.x_end, t + h, e.stage, (e.n as f64 + 1.0) / n_fe);
             }
             if let Some(j) = e.lambda_end {
-                w[j..j + l.n_cells].fill(LAMBDA_GUESS);
+                self.guess_multipliers(w, j);
             }
             self.write_sums(w, e);
             if e.n + 1 == self.spec.n_fe[e.stage] {
@@ -454,11 +457,23 @@ impl Fesd {
         }
     }
 
+    /// Multipliers of half the size of their indicators.
+    fn guess_multipliers(&self, w: &mut [f64], lambda: usize) {
+        for j in lambda..lambda + self.l.n_cells {
+            w[j] = LAMBDA_GUESS * self.size(j);
+        }
+    }
+
+    /// Size of a variable.
+    pub(super) fn size(&self, j: usize) -> f64 {
+        self.sizes.get(j).copied().unwrap_or(1.0)
+    }
+
     fn fill_multipliers(&self, w: &mut [f64], theta: usize, lambda: usize) {
         for cells in &self.spec.dcs.form().simplices {
             w[theta + cells.start..theta + cells.end].fill(1.0 / cells.len() as f64);
         }
-        w[lambda..lambda + self.l.n_cells].fill(LAMBDA_GUESS);
+        self.guess_multipliers(w, lambda);
         self.write_products(w, theta);
     }
 

@@ -220,7 +220,8 @@ impl MpccSolver {
                     break;
                 }
                 self.identify(p);
-                if !suggest(Wanted::Repair(k), &self.saved.x[..self.st.n], &mut self.sides) {
+                let x = self.user(&self.saved.x);
+                if !suggest(Wanted::Repair(k), &x, &mut self.sides) {
                     break;
                 }
                 ok = self.try_branch(p, bounds, control);

@@ -50,6 +50,10 @@ pub trait Mpcc: Nlp {
         }
     }
 
+    /// Writes the sizes the variables usually have, where the problem knows them: the solver works in their units. Those of
+    /// the two members of a pair are those its relaxation is measured by.
+    fn sizes(&self, _out: &mut [f64]) {}
+
     /// Is this a discretised problem? Then its starting point knows something of the pairs, its branches are exact where
     /// they have a solution, and what a branch fixes beside the pairs belongs to the statement.
     fn is_discretised(&self) -> bool {

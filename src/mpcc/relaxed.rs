@@ -38,6 +38,8 @@ pub(super) struct Structure {
     inner_jac: Vec<f64>,
     inner_hess: Vec<f64>,
     weighted: Vec<f64>,
+    /// Room for a point in the units of the problem.
+    user: Vec<f64>,
     soft: Softness,
     /// Parameters of the pairs, where the strategy has such.
     own: Vec<[f64; 3]>,
@@ -148,7 +150,7 @@ impl Structure {
             m,
             n_all,
             m_all,
-            scaling: Scaling::new(m),
+            scaling: Scaling::new(n, m),
             inner_jac: vec![0.0; p.jac_pattern().nnz()],
             inner_hess: vec![0.0; nnz],
             weighted: vec![0.0; if relaxes_rows { m } else { 0 }],
@@ -161,6 +163,7 @@ impl Structure {
             places,
             hess,
             bilinear,
+            user: vec![0.0; n],
             soft: Softness::default(),
             own: vec![[0.0; 3]; if adapts { np } else { 0 }],
             seen: vec![Seen::default(); if adapts { np } else { 0 }],
@@ -263,7 +266,7 @@ impl Structure {
 
     /// Starting point from `x0[n]`.
     pub fn start(&self, x0: &[f64], out: &mut [f64]) {
-        out[..self.n].copy_from_slice(x0);
+        self.scaling.shrink(x0, &mut out[..self.n]);
         self.start_elastic(out);
     }
 
@@ -408,6 +411,15 @@ fn push_pattern(p: &Pattern, rows: &mut Vec<usize>, cols: &mut Vec<usize>) {
     }
 }
 
+/// A point in the units of the problem; `room` where these are others.
+fn at<'a>(scaling: &Scaling, x: &'a [f64], room: &'a mut [f64]) -> &'a [f64] {
+    if !scaling.sized {
+        return x;
+    }
+    scaling.grow(x, room);
+    room
+}
+
 /// The relaxed problem over the original one.
 pub(super) struct Relaxed<'a> {
     pub inner: &'a mut dyn Mpcc,
@@ -441,9 +453,9 @@ impl Nlp for Relaxed<'_> {
         self.st.set_level(sigma) || inner
     }
     fn eval(&mut self, x: &[f64], c: &mut [f64]) -> Result<f64, EvalError> {
-        let st = &*self.st;
+        let st = &mut *self.st;
         let (n, m) = (st.n, st.m);
-        let f = self.inner.eval(&x[..n], &mut c[..m])?;
+        let f = self.inner.eval(at(&st.scaling, &x[..n], &mut st.user), &mut c[..m])?;
         let f = st.scaling.value(f, &mut c[..m]);
         c[m..].fill(0.0);
         if st.branch {
@@ -463,7 +475,8 @@ impl Nlp for Relaxed<'_> {
     }
     fn derivatives(&mut self, x: &[f64], grad: &mut [f64], jac: &mut [f64]) -> EvalResult {
         let st = &mut *self.st;
-        self.inner.derivatives(&x[..st.n], &mut grad[..st.n], &mut st.inner_jac)?;
+        let user = at(&st.scaling, &x[..st.n], &mut st.user);
+        self.inner.derivatives(user, &mut grad[..st.n], &mut st.inner_jac)?;
         st.scaling.derivatives(&mut grad[..st.n], self.inner.jac_pattern(), &mut st.inner_jac);
         jac.fill(0.0);
         for (v, &k) in st.inner_jac.iter().zip(&st.jac_map) {
@@ -504,8 +517,11 @@ impl Nlp for Relaxed<'_> {
             st.weighted[i] = y[i] + y[st.m_all - m + i];
         }
         let of_rows = if st.weighted.is_empty() { &y[..m] } else { &st.weighted };
+        at(&st.scaling, &x[..n], &mut st.user);
+        let user = if st.scaling.sized { &st.user } else { &x[..n] };
         let (weight, weights) = st.scaling.weights(w, of_rows);
-        self.inner.hessian(&x[..n], weight, weights, &mut st.inner_hess)?;
+        self.inner.hessian(user, weight, weights, &mut st.inner_hess)?;
+        st.scaling.hessian(self.inner.hess_pattern(), &mut st.inner_hess);
         hess.fill(0.0);
         for (v, &k) in st.inner_hess.iter().zip(&st.hess_map) {
             hess[k] = *v;

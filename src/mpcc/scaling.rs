@@ -3,11 +3,14 @@
 //! Every function whose gradient has an entry above 100 is scaled down to that (A. Wächter, L. Biegler, Math. Program.
 //! 106, 2006, section 3.8). Variables, and with them the pairs, stay as they are.
 
+use super::problem::Mpcc;
 use crate::linalg::csc::Pattern;
 use crate::nlp::Bounds;
 
 /// Largest entry of a scaled gradient at the starting point.
 const LARGEST: f64 = 100.0;
+/// Largest entry of the scaled gradient of the objective in variables of their sizes.
+const OBJECTIVE: f64 = 16.0;
 /// Smallest factor.
 const SMALLEST: f64 = 1e-8;
 
@@ -18,13 +21,17 @@ pub(super) struct Scaling {
     pub objective: f64,
     /// Factor of every row `[m]`.
     pub rows: Vec<f64>,
+    /// Size of every variable `[n]`: the solver sees `x / size`.
+    pub sizes: Vec<f64>,
+    /// Are there sizes other than 1?
+    pub sized: bool,
     weights: Vec<f64>,
 }
 
 impl Scaling {
-    /// No scaling, for `m` rows.
-    pub fn new(m: usize) -> Scaling {
-        Scaling { objective: 1.0, rows: vec![1.0; m], weights: vec![0.0; m] }
+    /// No scaling, for `n` variables and `m` rows.
+    pub fn new(n: usize, m: usize) -> Scaling {
+        Scaling { objective: 1.0, rows: vec![1.0; m], sizes: vec![1.0; n], sized: false, weights: vec![0.0; m] }
     }
 
     /// Factors 1.
@@ -33,16 +40,39 @@ impl Scaling {
         self.rows.fill(1.0);
     }
 
-    /// Factors from the gradients at a point.
+    /// Takes over the sizes a problem has for its variables, as powers of two.
+    pub fn set_sizes(&mut self, p: &dyn Mpcc) {
+        self.sizes.fill(1.0);
+        p.sizes(&mut self.sizes);
+        for s in &mut self.sizes {
+            *s = if *s > 0.0 && s.is_finite() { s.log2().round().exp2() } else { 1.0 };
+        }
+        self.sized = self.sizes.iter().any(|s| *s != 1.0);
+    }
+
+    /// Factors from the gradients at a point, with respect to variables of their sizes.
     pub fn choose(&mut self, grad: &[f64], jac: &Pattern, values: &[f64]) {
-        self.objective = factor(grad.iter().fold(0.0, |a, g| a.max(g.abs())));
+        let of = if self.sized { unit } else { factor };
+        let target = if self.sized { OBJECTIVE } else { 1.0 };
+        self.objective = target * of(grad.iter().zip(&self.sizes).fold(0.0, |a, (g, s)| a.max((g * s).abs())));
         self.rows.fill(0.0);
-        for (&i, v) in jac.row_idx().iter().zip(values) {
-            if i < self.rows.len() {
-                self.rows[i] = self.rows[i].max(v.abs());
+        for j in 0..jac.n_cols() {
+            for (&i, v) in jac.rows(j).iter().zip(&values[jac.range(j)]) {
+                if i < self.rows.len() {
+                    self.rows[i] = self.rows[i].max((v * self.sizes[j]).abs());
+                }
             }
         }
-        self.rows.iter_mut().for_each(|r| *r = factor(*r));
+        self.rows.iter_mut().for_each(|r| *r = of(*r));
+    }
+
+    /// Variables in units of their sizes, and back.
+    pub fn shrink(&self, x: &[f64], out: &mut [f64]) {
+        out.iter_mut().zip(x).zip(&self.sizes).for_each(|((o, x), s)| *o = x / s);
+    }
+
+    pub fn grow(&self, x: &[f64], out: &mut [f64]) {
+        out.iter_mut().zip(x).zip(&self.sizes).for_each(|((o, x), s)| *o = x * s);
     }
 
     pub fn value(&self, f: f64, rows: &mut [f64]) -> f64 {
@@ -53,6 +83,21 @@ impl Scaling {
     pub fn derivatives(&self, grad: &mut [f64], jac: &Pattern, values: &mut [f64]) {
         grad.iter_mut().for_each(|g| *g *= self.objective);
         values.iter_mut().zip(jac.row_idx()).for_each(|(v, &i)| *v *= self.rows[i]);
+        if self.sized {
+            grad.iter_mut().zip(&self.sizes).for_each(|(g, s)| *g *= s);
+            for (j, s) in self.sizes.iter().enumerate() {
+                values[jac.range(j)].iter_mut().for_each(|v| *v *= s);
+            }
+        }
+    }
+
+    /// Second derivatives with respect to variables of their sizes.
+    pub fn hessian(&self, pattern: &Pattern, values: &mut [f64]) {
+        for (j, s) in self.sizes.iter().enumerate().filter(|_| self.sized) {
+            for (v, &i) in values[pattern.range(j)].iter_mut().zip(pattern.rows(j)) {
+                *v *= s * self.sizes[i];
+            }
+        }
     }
 
     /// Weights of objective and rows for the Hessian of the unscaled functions.
@@ -64,6 +109,10 @@ impl Scaling {
     }
 
     pub fn bounds(&self, out: &mut Bounds) {
+        for (j, s) in self.sizes.iter().enumerate().filter(|_| self.sized) {
+            out.xl[j] /= s;
+            out.xu[j] /= s;
+        }
         for (i, s) in self.rows.iter().enumerate() {
             out.cl[i] *= s;
             out.cu[i] *= s;
@@ -80,6 +129,15 @@ fn factor(largest: f64) -> f64 {
     }
 }
 
+/// Makes the largest entry about 1, whatever it is.
+fn unit(largest: f64) -> f64 {
+    if largest > 0.0 && largest.is_finite() {
+        (1.0 / largest).log2().floor().exp2()
+    } else {
+        1.0
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -87,7 +145,7 @@ mod tests {
     #[test]
     fn steep_functions_are_scaled_down_and_flat_ones_left_alone() {
         let (jac, _) = Pattern::from_triplets(3, 2, &[0, 1, 1], &[0, 0, 1]);
-        let mut s = Scaling::new(3);
+        let mut s = Scaling::new(2, 3);
         s.choose(&[1e6, 0.0], &jac, &[50.0, 1e30, f64::INFINITY]);
         assert!(s.objective * 1e6 <= 100.0 && s.objective * 1e6 > 49.0 && s.objective.log2().fract() == 0.0);
         assert_eq!((s.rows[0], s.rows[2]), (1.0, 1.0));

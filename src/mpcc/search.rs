@@ -240,11 +240,12 @@ impl MpccSolver {
 
     /// Another active set for the point a branch got stuck at, which is made a point of that set; false without one.
     fn ask_near(&mut self, wanted: Wanted, p: &mut dyn Mpcc, suggest: Suggest) -> bool {
-        let n = self.st.n;
+        let mut x = self.user(&self.point);
         let mut sides = self.sides.clone();
-        let found = suggest(wanted, &self.point[..n], &mut sides);
+        let found = suggest(wanted, &x, &mut sides);
         if found {
-            p.enter_branch(&self.sides, &sides, &mut self.point[..n]);
+            p.enter_branch(&self.sides, &sides, &mut x);
+            self.st.scaling.shrink(&x, &mut self.point[..self.st.n]);
             self.sides = sides;
         }
         found
@@ -253,8 +254,9 @@ impl MpccSolver {
     /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
     /// positive starts inside.
     fn try_neighbour(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
-        self.st.start(x, &mut self.point);
-        p.enter_branch(&self.solution.sides, &self.sides, &mut self.point[..self.st.n]);
+        let mut x = x.to_vec();
+        p.enter_branch(&self.solution.sides, &self.sides, &mut x);
+        self.st.start(&x, &mut self.point);
         self.try_point(p, bounds, control)
     }
 

@@ -334,7 +334,7 @@ impl MpccSolver {
             let mut rule = Monotone { mu_init: s.mu_init, tol: s.tol, primal_tol };
             p.set_polishing(true);
             self.st.bounds(bounds, 0.0, &mut self.bounds);
-            let outcome = self.run(p, Start::Cold(x0), &mut rule, control, b' ');
+            let outcome = self.run_from(p, x0, &mut rule, control);
             self.record(p, outcome, Polish::None);
             self.confirm(p, bounds, control);
             if outcome == Outcome::Solved && s.polish && s.square_newton {
@@ -385,6 +385,55 @@ impl MpccSolver {
         &self.solution
     }
 
+    /// Solves a program without pairs from a point, to the tolerance `tol` with a barrier parameter that begins at `mu`,
+    /// and without a polish: one of a sequence of programs that lead elsewhere. Multipliers that are empty are estimated.
+    pub fn solve_loosely(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        from: &Warm,
+        [mu, tol]: [f64; 2],
+        max_iter: usize,
+        control: &mut Control,
+    ) -> Outcome {
+        let clock = Instant::now();
+        self.begin(p);
+        self.scale(p, from.x);
+        let mut rule = Monotone { mu_init: mu, tol, primal_tol: tol };
+        self.st.bounds(bounds, 0.0, &mut self.bounds);
+        let usual = std::mem::replace(&mut self.settings.max_iter, max_iter);
+        p.set_polishing(true);
+        let outcome = if from.y.is_empty() {
+            self.run_from(p, from.x, &mut rule, control)
+        } else {
+            self.load(p, from);
+            let saved = std::mem::replace(&mut self.saved, Iterate::zeros(0, 0));
+            let outcome = self.run(p, Start::Warm(&saved, mu), &mut rule, control, b' ');
+            self.saved = saved;
+            outcome
+        };
+        self.settings.max_iter = usual;
+        self.record(p, outcome, Polish::None);
+        p.set_polishing(false);
+        self.solution.stats.time_total = clock.elapsed().as_secs_f64();
+        outcome
+    }
+
+    /// From a point in the user's units.
+    fn run_from(
+        &mut self,
+        p: &mut dyn Mpcc,
+        x0: &[f64],
+        path: &mut dyn Continuation,
+        control: &mut Control,
+    ) -> Outcome {
+        let mut point = std::mem::take(&mut self.point);
+        self.st.start(x0, &mut point);
+        let outcome = self.run(p, Start::Cold(&point), path, control, b' ');
+        self.point = point;
+        outcome
+    }
+
     /// Puts a point in the user's units into `saved`.
     pub(super) fn load(&mut self, p: &mut dyn Mpcc, warm: &Warm) {
         self.st.start(warm.x, &mut self.saved.x);
@@ -395,8 +444,9 @@ impl MpccSolver {
             v.fill(0.0);
         }
         for (j, z) in warm.z.iter().enumerate() {
-            it.zl[j] = (z * scaling.objective).max(0.0);
-            it.zu[j] = (-z * scaling.objective).max(0.0);
+            let z = z * scaling.objective * scaling.sizes[j];
+            it.zl[j] = z.max(0.0);
+            it.zu[j] = (-z).max(0.0);
         }
         for (i, y) in warm.y.iter().enumerate() {
             it.y[i] = y * scaling.objective / scaling.rows[i];
@@ -458,7 +508,7 @@ impl MpccSolver {
                 let mut path = Path::new(s, &self.st, stops[k]);
                 self.st.bounds(bounds, path.start().sigma, &mut self.bounds);
                 let mut start = std::mem::take(&mut self.point);
-                start[..x0.len()].copy_from_slice(x0);
+                self.st.start(x0, &mut start);
                 if centre {
                     for b in &self.st.bilinear {
                         for j in [b.a, b.b] {
@@ -532,6 +582,7 @@ impl MpccSolver {
         (s.residuals, s.stats) = (Residuals::default(), Statistics::default());
         s.sides.fill(Side::First);
         self.st.reset();
+        self.st.scaling.set_sizes(p);
         self.active.reset();
         self.close = false;
         self.near = f64::INFINITY;
@@ -567,6 +618,13 @@ impl MpccSolver {
         outcome
     }
 
+    /// The variables of a point in the user's units.
+    pub(super) fn user(&self, x: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.st.n];
+        self.st.scaling.grow(x, &mut out);
+        out
+    }
+
     /// Copies point, multipliers and residuals out of the interior-point solver.
     pub(super) fn record(&mut self, p: &mut dyn Mpcc, outcome: Outcome, polish: Polish) {
         let relaxed = Relaxed { inner: p, st: &mut self.st };
@@ -575,8 +633,8 @@ impl MpccSolver {
         self.st.complete(&it.x, &mut s.residuals);
         s.outcome = outcome;
         s.polish = polish;
-        s.x.copy_from_slice(&it.x[..self.st.n]);
         let scaling = &self.st.scaling;
+        scaling.grow(&it.x, &mut s.x);
         s.objective = self.st.objective(self.ipm.objective(), &it.x);
         self.st.row_multipliers(&it.y, &mut s.y);
         for (y, scale) in s.y.iter_mut().zip(&scaling.rows) {
@@ -594,6 +652,9 @@ impl MpccSolver {
         }
         for v in s.y.iter_mut().chain(&mut s.z) {
             *v /= scaling.objective;
+        }
+        for (v, size) in s.z.iter_mut().zip(&scaling.sizes) {
+            *v /= size;
         }
     }
 }

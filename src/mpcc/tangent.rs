@@ -98,11 +98,11 @@ impl MpccSolver {
         let scaling = &self.st.scaling;
         let mut objective = 0.0;
         for &(j, v) in &change.fixed {
-            dx[j] += v;
+            dx[j] += v / scaling.sizes[j];
             objective += self.solution.z[j] * v;
         }
         for &(j, v) in change.gradient.iter().filter(|c| self.bounds.xl[c.0] != self.bounds.xu[c.0]) {
-            dx[j] += v * scaling.objective;
+            dx[j] += v * scaling.objective * scaling.sizes[j];
         }
         for &(i, v) in &change.rows {
             dy[i] += v * scaling.rows[i];
@@ -112,6 +112,7 @@ impl MpccSolver {
             return None;
         }
         dx.truncate(n);
+        dx.iter_mut().zip(&scaling.sizes).for_each(|(x, s)| *x *= s);
         dy.truncate(m);
         for (y, scale) in dy.iter_mut().zip(&scaling.rows) {
             *y *= scale / scaling.objective;

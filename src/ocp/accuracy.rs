@@ -119,6 +119,22 @@ pub(super) struct Answer<'a> {
 }
 
 impl Answer<'_> {
+    /// What the first stage is simulated from and with: the state behind cost and ramps, the place of the answer's states
+    /// in it, and the controls.
+    fn start(&self) -> (Vec<f64>, usize, Vec<f64>) {
+        let nu = self.controls.len() / self.durations.len();
+        let ramps = (0..self.linear.len()).filter(|&j| self.linear[j]);
+        let mut start = vec![0.0];
+        let mut u = self.controls[..nu].to_vec();
+        for j in ramps {
+            start.push(u[j]);
+            u[j] = (self.control_ends[j] - u[j]) / self.durations[0].max(f64::MIN_POSITIVE);
+        }
+        let first = start.len();
+        start.extend_from_slice(self.x0);
+        (start, first, u)
+    }
+
     /// The stages as answers of their own, without costs at their ends.
     pub fn by_stage(&self) -> Vec<Answer<'_>> {
         let n = self.durations.len();
@@ -239,6 +255,74 @@ impl Replay {
                 Ok(if r.outcome == nlp::Outcome::Solved { Outcome::Reached } else { Outcome::NoContinuation })
             }
         }
+    }
+
+    /// Simulates the stages of `answer` one after the other, from its states again where `off(simulated, answer)` says so,
+    /// and takes down states and active regions, of `n_regions`. `None` for systems that are not simulated by events.
+    pub fn trace(
+        &mut self,
+        answer: &Answer,
+        off: &dyn Fn(&[f64], &[f64]) -> bool,
+        n_regions: usize,
+    ) -> Result<Option<super::sequence::Traced>> {
+        let Method::Events(e) = &mut self.method else { return Ok(None) };
+        let mut found = super::sequence::Traced::default();
+        let nx = answer.x0.len();
+        let mut t = answer.t0;
+        let mut fresh = true;
+        for (k, one) in answer.by_stage().iter().enumerate() {
+            let (start, first, u) = one.start();
+            if k > 0 {
+                fresh = fresh || off(&e.state()[first..], one.x0);
+            }
+            if fresh {
+                e.reinit(t, &start)?;
+                fresh = false;
+            } else if first > 1 {
+                let mut x = start;
+                x[first..].copy_from_slice(&e.state()[first..]);
+                e.reinit(t, &x)?;
+            }
+            e.set_params(one.params)?;
+            e.set_controls(&u)?;
+            if k == 0 {
+                found.times.push(0.0);
+                found.states.extend_from_slice(one.x0);
+            }
+            let end = t + one.durations[0];
+            let mut phases: Vec<(Vec<bool>, f64)> = Vec::new();
+            while e.time() < end {
+                let before = e.time();
+                let done = e.step(end)?;
+                if e.outcome() != Outcome::Reached || e.time() <= before && done == crate::event::Progress::Done {
+                    fresh = true;
+                    break;
+                }
+                let mut set = vec![false; n_regions];
+                e.cells_of_step().for_each(|c| set[c] = true);
+                let h = e.time() - before;
+                match phases.last_mut() {
+                    Some((last, sum)) if *last == set => *sum += h,
+                    _ => phases.push((set, h)),
+                }
+                if e.time() > answer.t0 + found.times[found.times.len() - 1] {
+                    found.times.push(e.time() - answer.t0);
+                    found.states.extend_from_slice(&e.state()[first..first + nx]);
+                }
+            }
+            t = end;
+            let reached: f64 = phases.iter().map(|p| p.1).sum();
+            match phases.last_mut() {
+                Some(p) => p.1 += one.durations[0] - reached,
+                // nothing is known of the stage: as the one before
+                None => match found.stages.last().and_then(|s: &Vec<(Vec<bool>, f64)>| s.last()) {
+                    Some((set, _)) => phases.push((set.clone(), one.durations[0])),
+                    None => return Ok(None),
+                },
+            }
+            found.stages.push(phases);
+        }
+        Ok(Some(found))
     }
 
     fn state(&self) -> &[f64] {

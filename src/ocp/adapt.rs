@@ -122,7 +122,7 @@ impl Ocp {
         let Settings { adapt_tol: tol, adapt_rounds, adapt_elements, .. } = self.settings;
         let mut start = start;
         loop {
-            let r = match self.run(start, request, control) {
+            let r = match self.search(start, request, control) {
                 Ok(r) => r.clone(),
                 // what is asked to end has no value: that is no failure of the rounds before
                 Err(e) => {
@@ -131,7 +131,11 @@ impl Ocp {
                     return Ok(());
                 }
             };
-            let now = self.elements(&request.options);
+            // the search gives stages as many elements as its sequence needs
+            let now = match &self.built {
+                Some(b) => b.n_fe().to_vec(),
+                None => self.elements(&request.options),
+            };
             rounds.spent.add(&r.stats);
             rounds.time_build += r.time_build;
             let last = rounds.story.rounds.len();
@@ -253,10 +257,6 @@ impl OcpResult {
     pub fn error(&self) -> f64 {
         let Some(a) = &self.accuracy else { return f64::NAN };
         a.stages.iter().fold(0.0, |m: f64, v| if v.is_nan() || m.is_nan() { f64::NAN } else { m.max(*v) })
-    }
-
-    fn is_exact(&self) -> bool {
-        self.outcome == Outcome::Solved && self.polish != Polish::Rejected
     }
 
     /// Solved ones are better, then exact ones, then those that can be simulated, then those with the error asked for,

@@ -120,7 +120,7 @@ impl Ocp {
         one.repeat(self.n_stages)
     }
 
-    fn params_of(&self, stage: usize) -> &[f64] {
+    pub(super) fn params_of(&self, stage: usize) -> &[f64] {
         let np = self.params.len();
         self.stage_params.as_ref().map_or(&self.params[..], |s| &s[stage * np..(stage + 1) * np])
     }

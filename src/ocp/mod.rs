@@ -21,10 +21,14 @@ mod identify;
 mod joint;
 mod modes;
 mod neighbours;
+mod nominal;
 mod phases;
+mod portfolio;
 mod request;
 mod rewire;
 mod sensitivity;
+mod sequence;
+mod smoothing;
 mod solve;
 mod squares;
 mod stand_in;
@@ -46,7 +50,7 @@ use self::accuracy::Replay;
 use self::extend::{Complementarity, LeastSquares, Soft};
 use self::solve::Built;
 use crate::error::{finite, Error, Result};
-use crate::fesd::{Boundary, PathAt, PathConstraint, Terminal, Trajectory};
+use crate::fesd::{Boundary, PathAt, PathConstraint, Sizes, Terminal, Trajectory};
 use crate::linalg::kkt::LinearStats;
 use crate::memory::sizes;
 use crate::mpcc::{Certificate, Polish};
@@ -171,6 +175,8 @@ pub struct Ocp {
     /// Simulates answers.
     engine: Option<Replay>,
     result: Option<OcpResult>,
+    /// Sizes that are known already, for problems made of another one.
+    sizes: Option<Sizes>,
 }
 
 impl Ocp {
@@ -222,6 +228,7 @@ impl Ocp {
             builds: 0,
             engine: None,
             result: None,
+            sizes: None,
         })
     }
 

@@ -4,7 +4,7 @@ use super::solve::Start;
 use super::Ocp;
 use crate::error::Result;
 use crate::nlp::Control;
-use crate::settings::Settings;
+use crate::settings::{OcpStart, Settings};
 use crate::sim::SolveOptions;
 
 /// How the controls of an answer are simulated.
@@ -24,6 +24,8 @@ pub(super) struct Request {
     pub search: usize,
     /// The comparison of the answer with a simulation, where it is asked for.
     pub comparison: Option<Comparison>,
+    /// Where a cold solve starts from.
+    pub start: OcpStart,
     /// Where constraints cannot be met: find out by how much at best?
     pub explain: bool,
 }
@@ -35,15 +37,21 @@ impl Request {
             options: SolveOptions::from_settings(s)?,
             search: s.mode_search as usize,
             comparison: (s.accuracy != 0).then_some(Comparison { tol: s.accuracy_tol, by_stage: false }),
+            start: s.ocp_start()?,
             explain: s.explain != 0,
         })
+    }
+
+    /// One solve of one discretised problem and nothing else.
+    pub fn inside(options: &SolveOptions) -> Request {
+        Request { options: *options, search: 0, comparison: None, start: OcpStart::Homotopy, explain: false }
     }
 }
 
 impl Ocp {
     /// Solves the discretised problem from the guesses and does nothing else: for solves inside solves.
     pub(super) fn solve_inside(&mut self, options: &SolveOptions, control: &mut Control) -> Result<()> {
-        let request = Request { options: *options, search: 0, comparison: None, explain: false };
+        let request = Request::inside(options);
         self.run(Start::Cold, &request, control).map(|_| ())
     }
 }

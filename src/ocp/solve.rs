@@ -11,7 +11,7 @@ use super::request::{Comparison, Request};
 use super::{Durations, Ocp, OcpResult, SLACK};
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
-use crate::fesd::{Fesd, Spec, Trajectory};
+use crate::fesd::{Fesd, Sizes, Spec, Trajectory};
 use crate::func::EvalError;
 use crate::memory;
 use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Solution, Suggest, Wanted, Warm};
@@ -29,7 +29,7 @@ pub(super) struct Built {
     pub extended: Extended,
     options: SolveOptions,
     /// What warm starts go on from: the last solution that did not fail for want of values.
-    last: Option<Solution>,
+    pub(super) last: Option<Solution>,
 }
 
 impl Built {
@@ -39,6 +39,13 @@ impl Built {
         self.solver.settings = options.solver;
         self.identifier.set_options(options);
         self.problem.set_rho_h(options.discretisation.rho_h);
+    }
+
+    /// Sets the sizes the solver measures by; references and slacks have the size 1.
+    pub fn set_sizes(&mut self, sizes: &Sizes) {
+        let d = self.extended.system.dims();
+        let more = |own: &[f64], n: usize| own.iter().copied().chain(std::iter::repeat(1.0)).take(n).collect();
+        self.problem.set_sizes(&Sizes { u: more(&sizes.u, d.u), p: more(&sizes.p, d.p), ..sizes.clone() });
     }
 
     /// Elements of every stage.
@@ -62,6 +69,8 @@ pub(super) enum Start {
     Cold,
     /// From guesses and modes that are an earlier solution on another grid.
     Carried,
+    /// From the branch problem of the modes that were given, and nothing else.
+    Branch,
     /// From the last solution.
     Warm,
 }
@@ -188,7 +197,7 @@ impl Ocp {
             control.within(request.options.max_time, |control| {
                 let adapts = self.settings.adapt_tol > 0.0;
                 let solved =
-                    if adapts { self.adapt(start, &request, control) } else { self.run(start, &request, control) };
+                    if adapts { self.adapt(start, &request, control) } else { self.search(start, &request, control) };
                 solved.map(|_| ())
             })
         })?;
@@ -263,7 +272,14 @@ impl Ocp {
             _ => None,
         };
         let stage_params = self.prepare(b)?;
-        let improves = start == Start::Carried || (start == Start::Cold && modes.is_none());
+        if start != Start::Warm {
+            let sizes = match &self.sizes {
+                Some(s) => s.clone(),
+                None => self.sizes()?,
+            };
+            b.set_sizes(&sizes);
+        }
+        let improves = matches!(start, Start::Carried | Start::Branch) || (start == Start::Cold && modes.is_none());
         b.identifier.restart(improves || request.search > 0, request.search);
         b.problem.forget_trouble();
         let usual = b.problem.usual_exit();
@@ -286,12 +302,12 @@ impl Ocp {
             let Built { problem, solver, bounds, identifier, .. } = b;
             let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
             solver.solve_warm(problem, bounds, &warm, control, suggest);
-        } else if !self.solve_by_stand_in(b, given, request, &mut before, control)? {
-            self.solve_from_guesses(b, given, request, control)?;
+        } else if start == Start::Branch || !self.solve_by_stand_in(b, given, request, &mut before, control)? {
+            self.solve_from_guesses(b, given, start, request, control)?;
         }
         let Built { problem, solver, bounds, identifier, .. } = b;
         let found = solver.solution();
-        if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
+        if start != Start::Branch && found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
             let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
             let usual = problem.usual_exit();
             problem.set_exit(usual.other());
@@ -347,6 +363,7 @@ impl Ocp {
         &self,
         b: &mut Built,
         given: &Prepared,
+        start: Start,
         request: &Request,
         control: &mut Control,
     ) -> Result<()> {
@@ -361,6 +378,9 @@ impl Ocp {
             if solver.solve_sides(problem, bounds, &sides, &w, control, suggest) {
                 return Ok(());
             }
+            if start == Start::Branch {
+                return Ok(());
+            }
             spent = solver.solution().stats;
             identifier.restart(true, request.search);
         }
@@ -371,7 +391,7 @@ impl Ocp {
     }
 
     /// The solution in the user's terms, compared with a simulation and explained as far as that is asked for.
-    fn report(
+    pub(super) fn report(
         &mut self,
         b: &mut Built,
         stage_params: &[f64],

@@ -175,6 +175,7 @@ impl Ocp {
             builds: 0,
             engine: None,
             result: None,
+            sizes: self.sizes.clone(),
         }
     }
 }

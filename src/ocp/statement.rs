@@ -91,6 +91,7 @@ impl Ocp {
             builds: _,
             engine: _,
             result: _,
+            sizes: _,
         } = self;
         Statement {
             system,

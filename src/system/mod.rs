@@ -8,6 +8,7 @@
 //! indicator functions. Subsystems add: `n` of them with two modes cost `2n` modes, not `2^n`.
 
 mod contact;
+mod smoothed;
 mod transition;
 
 use std::sync::Arc;
@@ -17,6 +18,7 @@ use crate::func::{Dims, Function};
 use crate::memory::sizes;
 
 pub use contact::{Contact, ImpactLaw, Inertia, Local, Mechanics, Order};
+pub use smoothed::Widths;
 pub use transition::{Direction, Transition};
 
 /// A function that may be shared by models and threads.

@@ -175,6 +175,19 @@ const SWB_INITIAL_GUESS_TIME_STEPPING = swb_initial_guess(3)
 const NAMES_swb_initial_guess = [:constant => 0, :simulation => 1, :smoothed => 2, :time_stepping => 3]
 
 """
+Where optimal control problems start from (ocp_start).
+
+- `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved; where they do not agree on an answer the homotopy from the guess is followed too, and the cheapest answer is kept.
+- `SWB_OCP_START_HOMOTOPY`: The homotopy from the guess alone.
+- `SWB_OCP_START_SMOOTHING`: Smoothed problems alone; the homotopy only where they lead to no answer.
+"""
+const swb_ocp_start = Int64
+const SWB_OCP_START_PORTFOLIO = swb_ocp_start(0)
+const SWB_OCP_START_HOMOTOPY = swb_ocp_start(1)
+const SWB_OCP_START_SMOOTHING = swb_ocp_start(2)
+const NAMES_swb_ocp_start = [:portfolio => 0, :homotopy => 1, :smoothing => 2]
+
+"""
 Factorisation of the Newton matrices (linear_solver).
 
 - `SWB_LINEAR_SOLVER_AUTO`: By the fill of the factors: columns where they are sparse, dense blocks where they are not.
@@ -875,6 +888,7 @@ table (`swb_option_range`).
 - `adapt_rounds`: Solves on further grids at most.
 - `adapt_elements`: Finite elements of such a grid at most, over all stages.
 - `max_memory`: Bytes that building, solving or simulating may take at most; 0: as many as there are.
+- `ocp_start`: Where optimal control problems start from (enum ocp_start).
 """
 struct swb_settings
     struct_size::UInt64
@@ -938,8 +952,9 @@ struct swb_settings
     adapt_rounds::Int64
     adapt_elements::Int64
     max_memory::Int64
+    ocp_start::Int64
 end
-sizeof(swb_settings) == 488 || error("swb_settings has another size than in C")
+sizeof(swb_settings) == 496 || error("swb_settings has another size than in C")
 
 """
 Where a function is evaluated. Derivatives number the inputs in this order: x, u, p, then t.

@@ -442,6 +442,11 @@ impl Engine {
         self.field.modes(subsystem)
     }
 
+    /// Cells of all subsystems that were active in the last step.
+    pub(crate) fn cells_of_step(&self) -> impl Iterator<Item = usize> + '_ {
+        self.step_sets.iter().flatten().copied()
+    }
+
     /// Work so far.
     pub fn stats(&self) -> Statistics {
         Statistics {

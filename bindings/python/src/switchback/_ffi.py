@@ -107,6 +107,14 @@ class InitialGuess(Names):
     TIME_STEPPING = 3
 
 
+class OcpStart(Names):
+    """enum swb_ocp_start"""
+
+    PORTFOLIO = 0
+    HOMOTOPY = 1
+    SMOOTHING = 2
+
+
 class LinearSolver(Names):
     """enum swb_linear_solver"""
 
@@ -506,6 +514,7 @@ class swb_settings(Structure):
         ("adapt_rounds", c_int64),
         ("adapt_elements", c_int64),
         ("max_memory", c_int64),
+        ("ocp_start", c_int64),
     ]
 
 

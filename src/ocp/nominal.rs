@@ -1,0 +1,139 @@
+//! Sizes of the quantities of a problem: what is known of them by bounds, and what a few simulations show.
+//!
+//! The solver measures variables by them, so that units of states, controls, time and switching functions do not matter.
+
+use super::guess::middle;
+use super::Ocp;
+use crate::error::Result;
+use crate::event::{self, Engine};
+use crate::fesd::Sizes;
+use crate::func::Point;
+use crate::system::SharedFunction;
+
+/// Share of the values of a quantity that are not larger than what counts as its size.
+const QUANTILE: f64 = 0.75;
+/// Values of every control stage that are looked at.
+const SAMPLES: usize = 4;
+/// Simulations: the controls of the guess, then others within their bounds.
+const RUNS: usize = 5;
+/// Tolerance and steps of a simulation.
+const TOLERANCE: f64 = 1e-4;
+const MAX_STEPS: usize = 20_000;
+
+impl Ocp {
+    /// Sizes of states, controls, parameters and switching functions.
+    pub(super) fn sizes(&self) -> Result<Sizes> {
+        let d = self.system.dims();
+        let n_psi = self.system.switching_functions().iter().map(|f| f.n_out()).sum();
+        let (mut x, mut psi) = (vec![Vec::new(); d.x], vec![Vec::new(); n_psi]);
+        self.simulate_sizes(&mut x, &mut psi)?;
+        let bounded = |b: &[Vec<f64>; 2], j: usize| -> Option<f64> {
+            let (l, u) = (b[0][j], b[1][j]);
+            (l.is_finite() && u.is_finite()).then(|| l.abs().max(u.abs())).filter(|s| *s > 0.0)
+        };
+        let known = |v: f64| (v.is_finite() && v != 0.0).then(|| v.abs());
+        let state = |(i, values): (usize, Vec<f64>)| {
+            let start = known(middle(self.x0_bounds[0][i], self.x0_bounds[1][i])).unwrap_or(0.0);
+            let seen = quantile(values).unwrap_or(0.0).max(start);
+            let one_sided = [self.x_bounds[0][i], self.x_bounds[1][i]].into_iter().find_map(known);
+            bounded(&self.x_bounds, i).or(known(seen)).or(one_sided).unwrap_or(1.0)
+        };
+        let guess = self.control_guess();
+        let control = |j: usize| {
+            let seen = guess.iter().skip(j).step_by(d.u).fold(0f64, |a, v| a.max(v.abs()));
+            let one_sided = [self.u_bounds[0][j], self.u_bounds[1][j]].into_iter().find_map(known);
+            bounded(&self.u_bounds, j).or(known(seen)).or(one_sided).unwrap_or(1.0)
+        };
+        let param = |j: usize| {
+            let free = self.p_bounds.as_ref().and_then(|b| bounded(b, j));
+            known(self.params[j]).or(free).unwrap_or(1.0)
+        };
+        Ok(Sizes {
+            x: x.into_iter().enumerate().map(state).collect(),
+            u: (0..d.u).map(control).collect(),
+            p: (0..d.p).map(param).collect(),
+            psi: psi.into_iter().map(|v| quantile(v).unwrap_or(1.0)).collect(),
+        })
+    }
+
+    /// Sizes along states at times from the start of the horizon with the controls of stages of these lengths; those of
+    /// `known` for what vanishes there, and for what has bounds.
+    pub(super) fn sizes_along(
+        &self,
+        (times, states): (&[f64], &[f64]),
+        controls: &[f64],
+        durations: &[f64],
+        known: &Sizes,
+    ) -> Sizes {
+        let d = self.system.dims();
+        let (mut x, mut psi) = (vec![Vec::new(); d.x], vec![Vec::new(); known.psi.len()]);
+        let functions = self.system.switching_functions();
+        let (mut stage, mut end) = (0, durations[0]);
+        for (t, state) in times.iter().zip(states.chunks_exact(d.x)) {
+            while *t > end && stage + 1 < durations.len() {
+                stage += 1;
+                end += durations[stage];
+            }
+            let u = &controls[stage * d.u..(stage + 1) * d.u];
+            x.iter_mut().zip(state).for_each(|(all, v)| all.push(v.abs()));
+            sample(&functions, &Point { t: self.t0 + t, x: state, u, p: self.params_of(stage) }, &mut psi);
+        }
+        let bounded = |i: usize| self.x_bounds[0][i].is_finite() && self.x_bounds[1][i].is_finite();
+        let state = |(i, v): (usize, Vec<f64>)| quantile(v).filter(|_| !bounded(i)).unwrap_or(known.x[i]);
+        Sizes {
+            x: x.into_iter().enumerate().map(state).collect(),
+            psi: psi.into_iter().zip(&known.psi).map(|(v, k)| quantile(v).unwrap_or(*k)).collect(),
+            ..known.clone()
+        }
+    }
+
+    /// Values of states and switching functions in simulations with controls at their bounds and in between. Systems
+    /// that are not simulated by events show none.
+    fn simulate_sizes(&self, x: &mut [Vec<f64>], psi: &mut [Vec<f64>]) -> Result<()> {
+        let options = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
+        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let Ok(mut engine) = Engine::new(&self.system, &options) else { return Ok(()) };
+        let nu = self.system.dims().u;
+        let functions = self.system.switching_functions();
+        for controls in self.random_starts(RUNS, 0) {
+            engine.reinit(self.t0, &x0)?;
+            let mut t = self.t0;
+            'run: for k in 0..self.n_stages {
+                let u = &controls[k * nu..(k + 1) * nu];
+                engine.set_params(self.params_of(k))?;
+                engine.set_controls(u)?;
+                for _ in 0..SAMPLES {
+                    t += self.durations[k] / SAMPLES as f64;
+                    if !matches!(engine.advance(t), Ok(event::Outcome::Reached)) {
+                        break 'run;
+                    }
+                    let at = Point { t, x: engine.state(), u, p: self.params_of(k) };
+                    x.iter_mut().zip(at.x).for_each(|(all, v)| all.push(v.abs()));
+                    sample(&functions, &at, psi);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Adds the moduli of the switching functions at a point.
+pub(super) fn sample(functions: &[SharedFunction], at: &Point, values: &mut [Vec<f64>]) {
+    let mut first = 0;
+    for f in functions {
+        let mut out = vec![0.0; f.n_out()];
+        if f.value(at, &mut out, &mut vec![0.0; f.work_len()]).is_ok() {
+            out.iter().enumerate().for_each(|(j, v)| values[first + j].push(v.abs()));
+        }
+        first += f.n_out();
+    }
+}
+
+/// A size of values that are not all zero.
+pub(super) fn quantile(mut v: Vec<f64>) -> Option<f64> {
+    v.retain(|v| v.is_finite());
+    v.sort_unstable_by(f64::total_cmp);
+    let at = *v.get(((v.len() as f64 - 1.0) * QUANTILE) as usize)?;
+    let largest = *v.last()?;
+    (largest > 0.0).then_some(if at > 1e-3 * largest { at } else { 0.1 * largest })
+}

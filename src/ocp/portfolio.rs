@@ -1,0 +1,154 @@
+//! Cold solves from several starts: smoothed problems lead to mode sequences, whose mode programs give exact answers; where
+//! these do not agree the homotopy from the guess is followed too. The cheapest exact answer is kept.
+
+use std::time::Instant;
+
+use super::request::Request;
+use super::solve::Start;
+use super::{Ocp, OcpResult};
+use crate::error::{Error, Result};
+use crate::mpcc::Polish;
+use crate::nlp::{Control, Outcome, Statistics};
+use crate::settings::OcpStart;
+use crate::stop;
+
+/// Costs that differ by less, relative, are the same.
+const SAME: f64 = 1e-4;
+/// Difference, relative, up to which the cost of a mode program is what the smoothed problem promised.
+const PROMISED: f64 = 0.03;
+
+/// What starts by smoothing found.
+#[derive(Default)]
+struct Candidates {
+    /// The cheapest exact answer.
+    best: Option<Ocp>,
+    /// Several ways led there, and it costs what the smoothed problem promised.
+    agreed: bool,
+    /// What all took.
+    spent: Statistics,
+}
+
+impl Candidates {
+    fn cost(&self) -> f64 {
+        self.best.as_ref().and_then(|b| b.result.as_ref()).map_or(f64::INFINITY, |r| r.cost)
+    }
+}
+
+impl OcpResult {
+    /// Is the active set exact, or nothing switches?
+    pub(super) fn is_exact(&self) -> bool {
+        self.outcome == Outcome::Solved && self.polish != Polish::Rejected
+    }
+}
+
+impl Ocp {
+    /// Solves as the request says where to start from; from elsewhere than cold, and where modes are given, as
+    /// [`Ocp::run`].
+    pub(super) fn search(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
+        let smooths = start == Start::Cold && request.start != OcpStart::Homotopy && self.may_smooth(request);
+        if !smooths {
+            return self.run(start, request, control);
+        }
+        let clock = Instant::now();
+        let mut found = self.solve_by_smoothing(request, control)?;
+        let given = self.x_guess.is_some() || self.u_guess.is_some();
+        let enough = found.best.is_some() && (request.start == OcpStart::Smoothing || (found.agreed && !given));
+        if !enough && (found.best.is_none() || stop::requested().is_none()) {
+            let r = match self.run(start, request, control) {
+                Ok(r) => r,
+                // what the other starts found stays an answer where this one is asked to end
+                Err(Error::OutOfTime) if found.best.is_some() => return self.adopt(found, request, control, clock),
+                Err(e) => return Err(e),
+            };
+            let better = r.is_exact() && r.cost <= found.cost();
+            if better || found.best.is_none() {
+                if let Some(r) = self.result.as_mut() {
+                    r.stats.add(&found.spent);
+                    r.stats.time_total = clock.elapsed().as_secs_f64() - r.time_build;
+                }
+                return self.result.as_ref().ok_or_else(|| Error::Internal("a solve without a result".into()));
+            }
+            found.spent.add(&r.stats);
+        }
+        self.adopt(found, request, control, clock)
+    }
+
+    /// Takes over the best answer with what was built for it, and reports it.
+    fn adopt(
+        &mut self,
+        found: Candidates,
+        request: &Request,
+        control: &mut Control,
+        clock: Instant,
+    ) -> Result<&OcpResult> {
+        let Some((mut b, builds)) = found.best.and_then(|mut f| f.built.take().map(|b| (b, f.builds))) else {
+            return Err(Error::Internal("no answer was found".into()));
+        };
+        let stage_params = b.extended.params.clone();
+        self.engine = None;
+        self.builds += builds;
+        let reported = self.report(&mut b, &stage_params, Statistics::default(), request, control);
+        self.built = Some(b);
+        let mut r = reported?;
+        r.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..found.spent };
+        Ok(self.result.insert(r))
+    }
+
+    /// Is there a smoothed problem, and are its answers of use: is the exact active set wanted, and simulated?
+    fn may_smooth(&self, request: &Request) -> bool {
+        let s = &self.system;
+        self.modes.is_none()
+            && self.complementarity.is_empty()
+            && s.n_algebraic() == 0
+            && s.inclusions().is_empty()
+            && s.subsystems().iter().any(|s| s.n_modes > 1)
+            && request.options.solver.polish
+            && request.options.discretisation.discretisation == crate::settings::Discretisation::Fesd
+    }
+
+    /// From the smoothed problems to the mode programs of their controls.
+    fn solve_by_smoothing(&self, request: &Request, control: &mut Control) -> Result<Candidates> {
+        let mut found = Candidates::default();
+        let known = self.sizes()?;
+        let Some(mut smoother) = self.smoother(&known, request, control)? else { return Ok(found) };
+        let ladders = smoother.race(control);
+        found.spent = smoother.spent;
+        let inside = Request { comparison: None, explain: false, ..*request };
+        let mut tried: Vec<Vec<Vec<Vec<bool>>>> = Vec::new();
+        let mut costs: Vec<f64> = Vec::new();
+        for (k, ladder) in ladders.iter().enumerate() {
+            let mut best = f64::INFINITY;
+            for smooth in &ladder.answers {
+                if stop::requested().is_some() {
+                    return Ok(found);
+                }
+                let Some(traced) = self.trace(smooth)? else { continue };
+                let sets = |s: &Vec<(Vec<bool>, f64)>| s.iter().map(|p| p.0.clone()).collect();
+                let phases: Vec<Vec<Vec<bool>>> = traced.stages.iter().map(sets).collect();
+                if tried.contains(&phases) {
+                    continue;
+                }
+                tried.push(phases);
+                let one = self.solve_traced(smooth, &traced, &known, &inside, control)?;
+                let Some(r) = one.result.as_ref() else { continue };
+                found.spent.add(&r.stats);
+                if !r.is_exact() {
+                    continue;
+                }
+                best = best.min(r.cost);
+                if r.cost < found.cost() {
+                    let size = r.cost.abs().max(smooth.cost_reached.abs());
+                    let promised = (r.cost - smooth.cost_reached).abs() <= PROMISED * size;
+                    found.agreed = k == 0 && ladder.count > 1 && promised;
+                    found.best = Some(one);
+                }
+            }
+            costs.push(best);
+        }
+        costs.sort_by(f64::total_cmp);
+        if let [a, b, ..] = costs[..] {
+            found.agreed |= (a - b).abs() <= SAME * a.abs().max(b.abs());
+        }
+        Ok(found)
+    }
+}

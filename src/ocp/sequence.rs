@@ -1,0 +1,126 @@
+//! Mode sequences by simulation: controls are simulated by the event-driven engine from the states of an answer, stage by
+//! stage, and the phases that follow are the start of the mode program, whose grid has room for all of them.
+
+use super::accuracy::{Answer, Replay};
+use super::request::Request;
+use super::solve::Start;
+use super::{ModeSequence, Ocp, OcpResult};
+use crate::dcs::Dcs;
+use crate::error::Result;
+use crate::fesd::Sizes;
+use crate::nlp::Control;
+
+/// Share of a stage below which a phase of the simulation is left out: the search puts it back where it matters.
+const SHORT: f64 = 0.02;
+/// Share of the range of a state by which the simulation may be off before it starts from the answer again.
+const OFF: f64 = 0.05;
+/// Tolerance of the simulation.
+const TOLERANCE: f64 = 1e-7;
+
+/// States and phases of a simulation.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Traced {
+    /// Times from the start of the horizon, and the states there.
+    pub times: Vec<f64>,
+    pub states: Vec<f64>,
+    /// Of every stage: active regions and length of every phase.
+    pub stages: Vec<Vec<(Vec<bool>, f64)>>,
+}
+
+impl Ocp {
+    /// Simulates the controls of `r`. `None` where there is no such simulation.
+    pub(super) fn trace(&self, r: &OcpResult) -> Result<Option<Traced>> {
+        let d = self.system.dims();
+        let Ok(dcs) = Dcs::stewart(&self.system) else { return Ok(None) };
+        let mut engine = Replay::new(&self.system, None, &self.linear, TOLERANCE, &self.solve_options()?)?;
+        let elements = &r.trajectory.elements;
+        let mut ends = Vec::new();
+        for k in 0..self.n_stages {
+            let Some(e) = elements.iter().rev().find(|e| e.stage == k) else { return Ok(None) };
+            ends.extend_from_slice(&e.x1);
+        }
+        let x0 = elements[0].x0.clone();
+        let params: Vec<f64> = match &self.stage_params {
+            Some(p) => p.clone(),
+            None => r.params.repeat(self.n_stages),
+        };
+        let answer = Answer {
+            t0: self.t0,
+            x0: &x0,
+            durations: &r.durations,
+            controls: &r.controls,
+            control_ends: &r.control_ends,
+            linear: &self.linear,
+            params: &params,
+            states: &ends,
+            cost: 0.0,
+            mayer: None,
+            grid_cost: None,
+            tol: TOLERANCE,
+            terminal: Vec::new(),
+        };
+        let range: Vec<f64> = (0..d.x)
+            .map(|i| {
+                let values = ends.chunks_exact(d.x).map(|x| x[i]).chain([x0[i]]);
+                let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+                hi - lo
+            })
+            .collect();
+        engine.trace(&answer, &|x, at| (0..d.x).any(|i| (x[i] - at[i]).abs() > OFF * range[i]), dcs.n_cells())
+    }
+
+    /// The mode program of the phases of a simulation, from its states and the controls of `r`: a copy of the
+    /// problem, whose result is what became of it.
+    pub(super) fn solve_traced(
+        &self,
+        r: &OcpResult,
+        traced: &Traced,
+        known: &Sizes,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<Ocp> {
+        let dcs = Dcs::new(&self.system, request.options.form)?;
+        let form = dcs.form();
+        let mut s = ModeSequence::default();
+        let mut t = 0.0;
+        let mut work = self.blank();
+        let mut n_fe = self.elements(&request.options);
+        for (k, stage) in traced.stages.iter().enumerate() {
+            let mut phases: Vec<(&[bool], f64)> = Vec::new();
+            for (set, length) in stage {
+                match phases.last_mut() {
+                    Some((last, sum)) if *last == &set[..] || *length < SHORT * r.durations[k] => *sum += length,
+                    Some((last, sum)) if *sum < SHORT * r.durations[k] => (*last, *sum) = (set, *sum + length),
+                    _ => phases.push((set, *length)),
+                }
+            }
+            n_fe[k] = n_fe[k].max(phases.len());
+            for (regions, length) in phases {
+                let cells = dcs.from_regions(regions);
+                s.times.push(t);
+                let modes = form.reported.iter().flatten();
+                s.modes.extend(modes.map(|w| w.iter().any(|&w| form.is_active(w, &cells))));
+                s.cells.extend(cells);
+                t += length;
+            }
+        }
+        work.set_elements(&n_fe)?;
+        work.set_x_guess(&traced.times, &traced.states)?;
+        work.set_u_guess(&r.controls)?;
+        if r.durations.iter().all(|d| *d > 0.0) {
+            work.durations.clone_from(&r.durations);
+        }
+        if work.stage_params.is_none() {
+            work.params.clone_from(&r.params);
+        }
+        let along = (&traced.times[..], &traced.states[..]);
+        work.sizes = Some(self.sizes_along(along, &r.controls, &r.durations, known));
+        work.modes = Some(s);
+        work.run(Start::Branch, request, control)?;
+        Ok(work)
+    }
+
+    fn solve_options(&self) -> Result<crate::sim::SolveOptions> {
+        crate::sim::SolveOptions::from_settings(&self.settings)
+    }
+}

@@ -1,0 +1,212 @@
+//! Starts by smoothing: the problem with smooth weights on fixed steps, wide first and then narrower, is a sequence of
+//! ordinary nonlinear programs, each of which starts from the last. Wide problems have few local optima. Several ladders
+//! of widths race to the width at which their costs can be compared; the best go on to the narrowest one, whose answer
+//! says which controls to simulate, see [`super::sequence`].
+
+use super::nominal::{quantile, sample};
+use super::request::Request;
+use super::solve::{Built, Start};
+use super::{Ocp, OcpResult};
+use crate::error::{Error, Result};
+use crate::fesd::Sizes;
+use crate::func::Point;
+use crate::mpcc::{Solution, Warm};
+use crate::nlp::{Control, Outcome, Statistics};
+use crate::settings::{Discretisation, InitialGuess};
+use crate::sim::SolveOptions;
+use crate::stop;
+use crate::system::{SharedFunction, Widths};
+
+/// A smoothed problem: width in units of the sizes of the switching functions, barrier parameter it begins with, tolerance.
+type Rung = (f64, f64, f64);
+
+/// Widths at which ladders may begin, the likeliest first.
+const FIRST: [f64; 3] = [1.0, 0.1, 10.0];
+/// What every ladder goes through from its first width down; at the last one the costs are compared.
+const COMMON: [Rung; 3] = [(1.0, 1e-2, 1e-2), (0.3, 1e-2, 1e-2), (0.1, 1e-2, 1e-3)];
+/// The last one. A narrower one is not resolved by the grid: its optima are those of the grid.
+const NARROWEST: Rung = (0.03, 1e-3, 1e-3);
+/// Barrier parameter and tolerance of the first problem of a ladder.
+const OPENING: [f64; 2] = [0.1, 1e-2];
+/// Ladders that go on to the end, and the difference of their costs, relative, from which they are different.
+const FINISHERS: usize = 2;
+const DIFFERENT: f64 = 1e-3;
+/// Finite elements of the whole horizon at least, and stages of the method.
+const ELEMENTS: usize = 40;
+const STAGES: usize = 2;
+/// Iterations of one program.
+const ITERATIONS: usize = 150;
+
+/// The smoothed problem, built once for all ladders.
+pub(super) struct Smoother {
+    ocp: Ocp,
+    built: Built,
+    widths: Widths,
+    /// Switching functions of the system.
+    functions: Vec<SharedFunction>,
+    /// Sizes of the switching functions in the simulations, and along the path of a ladder.
+    sizes: Vec<f64>,
+    stage_params: Vec<f64>,
+    w0: Vec<f64>,
+    /// What all of them took.
+    pub spent: Statistics,
+    /// Iterations that are left.
+    left: usize,
+}
+
+/// How far a ladder got.
+struct Climber {
+    sizes: Vec<f64>,
+    at: Solution,
+    /// Ladders that got to this point.
+    count: usize,
+}
+
+/// What a ladder ended at.
+pub(super) struct Smoothed {
+    /// Answers of its last problems.
+    pub answers: Vec<OcpResult>,
+    /// Ladders that got there.
+    pub count: usize,
+}
+
+impl Ocp {
+    /// The smoothed problem; `None` where the system has none.
+    pub(super) fn smoother(&self, known: &Sizes, request: &Request, control: &mut Control) -> Result<Option<Smoother>> {
+        let Ok((system, widths)) = self.system.smoothed() else { return Ok(None) };
+        if widths.is_empty() {
+            return Ok(None);
+        }
+        let mut ocp = self.blank();
+        (ocp.system, ocp.modes) = (system, None);
+        let options = smoothed_options(&request.options);
+        ocp.n_fe = self.elements(&options).iter().map(|n| (*n).max(ELEMENTS.div_ceil(self.n_stages))).collect();
+        known.psi.iter().enumerate().for_each(|(k, s)| widths.set(k, *s));
+        ocp.build(Start::Cold, &options)?;
+        let Some(mut built) = ocp.built.take() else {
+            return Err(Error::Internal("the smoothed problem was not built".into()));
+        };
+        let stage_params = ocp.prepare(&mut built)?;
+        built.set_sizes(known);
+        let (w0, _) = ocp.starting_point(&mut built.problem, &built.extended, &stage_params, &options, control)?;
+        let spent = Statistics::default();
+        let functions = self.system.switching_functions();
+        Ok(Some(Smoother {
+            ocp,
+            built,
+            widths,
+            functions,
+            sizes: known.psi.clone(),
+            stage_params,
+            w0,
+            spent,
+            left: options.solver.max_iter,
+        }))
+    }
+}
+
+impl Smoother {
+    /// The best of the ladders, the cheapest first, which differ in their costs.
+    pub fn race(&mut self, control: &mut Control) -> Vec<Smoothed> {
+        let mut field: Vec<Climber> = Vec::new();
+        for first in FIRST {
+            let rungs: Vec<Rung> = COMMON.into_iter().filter(|r| r.0 < first).collect();
+            let opened = self.open(first, control);
+            let climber = opened.and_then(|c| self.climb(c, &rungs, control));
+            if stop::requested().is_some() {
+                break;
+            }
+            let Some(c) = climber else { continue };
+            let same = |o: &&mut Climber| {
+                let (a, b) = (o.at.objective, c.at.objective);
+                (a - b).abs() <= DIFFERENT * a.abs().max(b.abs())
+            };
+            match field.iter_mut().find(same) {
+                Some(o) => o.count += 1,
+                None => field.push(c),
+            }
+        }
+        field.sort_by(|a, b| a.at.objective.total_cmp(&b.at.objective));
+        let mut found = Vec::new();
+        for c in field.into_iter().take(FINISHERS) {
+            let (first, count) = (self.read(&c), c.count);
+            let last = self.climb(c, &[NARROWEST], control);
+            let answers = std::iter::once(first).chain(last.map(|c| self.read(&c))).collect();
+            found.push(Smoothed { answers, count });
+        }
+        found
+    }
+
+    fn read(&mut self, c: &Climber) -> OcpResult {
+        let Smoother { ocp, built, stage_params, .. } = self;
+        ocp.read(&mut built.problem, &c.at, &built.extended, stage_params)
+    }
+
+    /// The first problem of a ladder, from the guess; its answer shows the sizes of the switching functions.
+    fn open(&mut self, width: f64, control: &mut Control) -> Option<Climber> {
+        let w0 = std::mem::take(&mut self.w0);
+        let from = Warm { x: &w0, y: &[], z: &[] };
+        let sizes = self.sizes.clone();
+        let found = self.solve(&sizes, width, &from, OPENING, control);
+        self.w0 = w0;
+        let at = found?;
+        let sizes = self.sizes_along(&at.x);
+        Some(Climber { sizes, at, count: 1 })
+    }
+
+    /// Goes through the rungs from the point of a climber; `None` where the first of them has no solution.
+    fn climb(&mut self, mut c: Climber, rungs: &[Rung], control: &mut Control) -> Option<Climber> {
+        for &(width, mu, tol) in rungs {
+            let Solution { x, y, z, .. } = &c.at;
+            c.at = self.solve(&c.sizes, width, &Warm { x, y, z }, [mu, tol], control)?;
+        }
+        Some(c)
+    }
+
+    /// One smoothed problem; `None` where it has no solution nearby.
+    fn solve(
+        &mut self,
+        sizes: &[f64],
+        width: f64,
+        from: &Warm,
+        accuracy: [f64; 2],
+        control: &mut Control,
+    ) -> Option<Solution> {
+        sizes.iter().enumerate().for_each(|(k, s)| self.widths.set(k, width * s));
+        let Built { problem, solver, bounds, .. } = &mut self.built;
+        let outcome = solver.solve_loosely(problem, bounds, from, accuracy, ITERATIONS.min(self.left), control);
+        let s = solver.solution();
+        self.spent.add(&s.stats);
+        self.left -= s.stats.iterations.min(self.left);
+        // what has not converged is a start as good as any
+        let far = s.residuals.primal > 0.1;
+        (matches!(outcome, Outcome::Solved | Outcome::Stalled | Outcome::MaxIter) && !far).then(|| s.clone())
+    }
+
+    /// Sizes of the switching functions along a point; those of the simulations where they vanish.
+    fn sizes_along(&self, w: &[f64]) -> Vec<f64> {
+        let (problem, n_stages) = (&self.built.problem, self.ocp.n_stages);
+        let (nx, nu, np) = (self.ocp.system.dims().x, self.ocp.system.dims().u, self.ocp.system.dims().p);
+        let mut values: Vec<Vec<f64>> = vec![Vec::new(); self.sizes.len()];
+        let (states, controls, n_fe) = (problem.end_states(w), problem.controls(w), &problem.spec().n_fe);
+        let (wide, wide_p) = (controls.len() / n_stages, self.stage_params.len() / n_stages);
+        let stages = n_fe.iter().enumerate().flat_map(|(k, &n)| std::iter::repeat_n(k, n));
+        let points = states.chunks_exact(states.len() / (1 + n_fe.iter().sum::<usize>())).skip(1);
+        for (x, k) in points.zip(stages) {
+            let (u, p) = (&controls[k * wide..k * wide + nu], &self.stage_params[k * wide_p..k * wide_p + np]);
+            sample(&self.functions, &Point { t: self.ocp.t0, x: &x[..nx], u, p }, &mut values);
+        }
+        values.into_iter().zip(&self.sizes).map(|(v, k)| quantile(v).unwrap_or(*k)).collect()
+    }
+}
+
+/// Radau IIA on fixed steps, solved loosely.
+fn smoothed_options(o: &SolveOptions) -> SolveOptions {
+    let mut o = o.with_radau_iia();
+    o.discretisation.discretisation = Discretisation::Standard;
+    o.discretisation.n_s = STAGES;
+    o.initial_guess = InitialGuess::Constant;
+    o.solver.polish = false;
+    o.solver.certify = false;
+    o
+}
