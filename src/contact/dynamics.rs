@@ -5,6 +5,8 @@ use std::sync::Arc;
 use super::inertia::Mass;
 use super::least_norm::LeastNorm;
 use super::mode;
+use super::problem::{Problem, Room};
+use super::sensitivity::Linearised;
 use crate::func::{EvalError, EvalResult, Function, Point};
 use crate::system::{Contact, Inertia, Mechanics, Order};
 
@@ -116,6 +118,9 @@ pub(crate) struct Dynamics {
     pub(super) buffer: Vec<f64>,
     pub(super) work: Vec<f64>,
     pub(super) extended: Vec<f64>,
+    pub(super) problem: Problem,
+    pub(super) room: Room,
+    pub(super) linearised: Linearised,
     pub(crate) evaluations: usize,
 }
 
@@ -169,6 +174,9 @@ impl Dynamics {
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
             extended: Vec::new(),
+            problem: Problem::default(),
+            room: Room::with_capacity(some),
+            linearised: Linearised::default(),
             evaluations: 0,
         }
     }

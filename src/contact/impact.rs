@@ -11,7 +11,7 @@
 use super::dynamics::{dot, At, Dynamics, Forces, Row};
 use super::least_norm::LeastNorm;
 use super::mode;
-use super::problem::{Part, Problem, Solution, State};
+use super::problem::{Part, Problem, Solution, Solutions, State};
 use super::sensitivity::{add_jacobian, Given};
 use crate::func::{EvalError, EvalResult, Point};
 use crate::system::Inertia;
@@ -29,6 +29,8 @@ pub(crate) struct Impulse {
     pub(crate) state: State,
     /// The restitution that counted.
     pub(crate) restitution: f64,
+    /// A normal impulse that is rounding of the velocities before.
+    pub(crate) noise: f64,
 }
 
 /// An impact.
@@ -43,32 +45,25 @@ pub(crate) struct Impact {
 }
 
 impl Dynamics {
-    /// `W = G M⁻¹ Gᵀ` of all components of these contacts, and their places; `G M⁻¹`, column by column, is left in the
-    /// dynamics.
-    pub(super) fn delassus(&mut self, contacts: &[usize]) -> (Vec<usize>, Vec<f64>) {
+    /// Writes `W = G M⁻¹ Gᵀ` of all components of these contacts to a problem without contacts; `G M⁻¹`, column by column,
+    /// is left in the dynamics.
+    pub(super) fn delassus(&mut self, contacts: impl Iterator<Item = usize>, problem: &mut Problem) {
         let n_v = self.mechanics.n_v;
         self.forget_rows();
-        let mut first = Vec::with_capacity(contacts.len());
-        for &contact in contacts {
-            first.push(self.rows.len());
+        for contact in contacts {
             let n = self.mechanics.contacts[contact].n_tangents;
             self.rows.extend((0..=n).map(|component| Row { contact, component }));
         }
-        self.y.clear();
         for r in &self.rows {
             let from = self.y.len();
             self.y.extend_from_slice(self.blocks[r.contact].row(r.component));
             self.mass.solve(&mut self.y[from..]);
         }
-        let m = self.rows.len();
-        let mut w = vec![0.0; m * m];
-        for (i, r) in self.rows.iter().enumerate() {
+        problem.clear();
+        for r in &self.rows {
             let g = self.blocks[r.contact].row(r.component);
-            for (j, y) in self.y.chunks_exact(n_v).enumerate() {
-                w[i * m + j] = dot(g, y);
-            }
+            problem.matrix.extend(self.y.chunks_exact(n_v).map(|y| dot(g, y)));
         }
-        (first, w)
     }
 
     /// Changes the velocities of `x` by an impact of these contacts, which have no gap. `restitution` of each may differ from
@@ -84,46 +79,65 @@ impl Dynamics {
         size: &dyn Fn(usize, &Dynamics) -> f64,
         x: &mut [f64],
     ) -> Result<Option<Impact>, EvalError> {
-        let (n_q, n_v) = (self.mechanics.n_q, self.mechanics.n_v);
         self.mass.load(&self.mechanics, at, &mut self.work)?;
-        let list: Vec<usize> = contacts.iter().map(|c| c.0).collect();
-        for &i in &list {
+        for &(i, _) in contacts {
             self.load_gap(at, i)?;
             self.load_contact(at, i)?;
         }
-        let (first, matrix) = self.delassus(&list);
-        let mut problem = Problem { matrix, free: vec![0.0; self.rows.len()], ..Problem::default() };
-        let mut own = Vec::with_capacity(list.len());
-        for (&(i, e), &first) in contacts.iter().zip(&first) {
+        let mut problem = std::mem::take(&mut self.problem);
+        self.delassus(contacts.iter().map(|c| c.0), &mut problem);
+        problem.free.resize(self.rows.len(), 0.0);
+        let mut first = 0;
+        for &(i, e) in contacts {
             let b = &self.blocks[i];
             let e = e.unwrap_or(b.restitution);
-            own.push(e);
             problem.free[first] = (1.0 + e) * b.gap[1];
             let n_t = self.mechanics.contacts[i].n_tangents;
             problem.free[first + 1..=first + n_t].copy_from_slice(&b.sliding[..n_t]);
             problem.parts.push(Part { first, n_t, friction: b.friction, slides: None, size: size(i, self) });
+            first += 1 + n_t;
         }
-        let found = problem.solve();
+        let found = problem.solve(&mut self.room);
+        let out = self.impact_of(&problem, &found, contacts, collision, (&at.x[self.mechanics.n_q..], x));
+        problem.clear();
+        self.problem = problem;
+        Ok(out)
+    }
+
+    /// The impact that a solution stands for; the velocities of `x` become those behind it.
+    fn impact_of(
+        &self,
+        problem: &Problem,
+        found: &Solutions,
+        contacts: &[(usize, Option<f64>)],
+        collision: bool,
+        (before, x): (&[f64], &mut [f64]),
+    ) -> Option<Impact> {
+        let (n_q, n_v) = (self.mechanics.n_q, self.mechanics.n_v);
         // without a collision nothing at all solves the problem, too: the other solution is meant
         let some = |s: &&Solution| collision || s.r.iter().any(|r| *r != 0.0);
-        let Some(s) = found.all.iter().find(some) else { return Ok(None) };
+        let s = found.all.iter().find(some)?;
         for (r, y) in s.r.iter().zip(self.y.chunks_exact(n_v)) {
             x[n_q..].iter_mut().zip(y).for_each(|(v, y)| *v += r * y);
         }
         let mut out = Impact { unique: found.all.len() == 1, redundant: found.redundant, ..Impact::default() };
-        for (k, &contact) in list.iter().enumerate() {
-            let (p, rate) = (&problem.parts[k], self.blocks[contact].gap[1]);
+        for (k, &(contact, e)) in contacts.iter().enumerate() {
+            let (p, b) = (&problem.parts[k], &self.blocks[contact]);
+            let (rate, restitution) = (b.gap[1], e.unwrap_or(b.restitution));
             let mut impulse = [0.0; 3];
             impulse[..=p.n_t].copy_from_slice(&s.r[p.first..=p.first + p.n_t]);
             let after = match s.states[k] {
                 // what the law says, without the rounding of the sums
-                State::Open => s.z[p.first] - own[k] * rate,
-                _ => -own[k] * rate,
+                State::Open => s.z[p.first] - restitution * rate,
+                _ => -restitution * rate,
             };
-            let rates = [rate, after];
-            out.parts.push(Impulse { contact, rates, impulse, state: s.states[k], restitution: own[k] });
+            // velocities that cancel leave their rounding, and that is no impact
+            let terms = b.normal.iter().zip(before).map(|(n, v)| (n * v).abs()).sum::<f64>();
+            let w = problem.matrix[p.first * self.rows.len() + p.first];
+            let noise = if w > 0.0 { 64.0 * f64::EPSILON * terms / w } else { 0.0 };
+            out.parts.push(Impulse { contact, rates: [rate, after], impulse, state: s.states[k], restitution, noise });
         }
-        Ok(Some(out))
+        Some(out)
     }
 
     /// Derivatives of the state behind an impact with respect to state, parameters, controls and time before it, row-major

@@ -4,7 +4,7 @@
 use super::dynamics::{At, Dynamics};
 use super::mode;
 use super::problem::{Part, Problem, Solution, State};
-use super::sensitivity::add_jacobian;
+use super::sensitivity::{add_jacobian, zeros};
 use crate::func::{EvalError, Point};
 
 /// Modes of all contacts that may follow.
@@ -36,44 +36,49 @@ const ZERO: f64 = 1e-9;
 
 impl Dynamics {
     /// The modes that may follow where these contacts are closed and the others open. Over a time `length` the solution
-    /// hardly changes; `forces` are sizes that the normal forces had lately, for where all of what they consist of vanishes.
+    /// hardly changes; `lately` are sizes that the normal forces had, for where all of what they consist of vanishes.
     pub(crate) fn follow(
         &mut self,
         at: &At,
         closed: &[Closed],
-        forces: &[f64],
+        lately: &dyn Fn(usize) -> f64,
         length: f64,
     ) -> Result<Follow, EvalError> {
         self.load(at)?;
-        let list: Vec<usize> = closed.iter().map(|c| c.contact).collect();
-        for &i in &list {
-            self.load_contact(at, i)?;
+        for c in closed {
+            self.load_contact(at, c.contact)?;
         }
-        let (first, matrix) = self.delassus(&list);
-        let mut problem = Problem { matrix, free: Vec::new(), ..Problem::default() };
+        let mut problem = std::mem::take(&mut self.problem);
+        self.delassus(closed.iter().map(|c| c.contact), &mut problem);
         let sum = |row: &[f64], a: &[f64]| row.iter().zip(a).map(|(r, a)| (r * a).abs()).sum::<f64>();
+        let m = self.rows.len();
         for r in &self.rows {
             let b = &self.blocks[r.contact];
             problem.free.push(super::dynamics::dot(b.row(r.component), &self.free) + b.rest_of(r.component));
         }
-        for (c, &first) in closed.iter().zip(&first) {
+        let mut first = 0;
+        for c in closed {
             let (b, n_t) = (&self.blocks[c.contact], self.mechanics.contacts[c.contact].n_tangents);
-            let lately = problem.matrix[first * self.rows.len() + first] * forces[c.contact];
+            let lately = problem.matrix[first * m + first] * lately(c.contact);
             let size = (0..=n_t).map(|k| sum(b.row(k), &self.free) + b.rest_of(k).abs()).fold(lately, f64::max);
             let s = b.sliding;
             let speed = s[0].hypot(s[1]);
             let slides = (n_t > 0 && !c.rests && speed > 0.0).then(|| [s[0] / speed, s[1] / speed]);
             problem.parts.push(Part { first, n_t, friction: b.friction, slides, size });
+            first += 1 + n_t;
         }
-        let found = problem.solve();
+        let found = problem.solve(&mut self.room);
         let mut out = Follow::default();
-        for s in &found.all {
+        let r = found.all.iter().try_for_each(|s| {
             let choice = self.choice(closed, s);
             if self.goes_on(at, closed, &problem, s, &choice, length)? {
                 out.all.push(choice);
             }
-        }
-        Ok(out)
+            Ok(())
+        });
+        problem.clear();
+        self.problem = problem;
+        r.map(|()| out)
     }
 
     fn choice(&self, closed: &[Closed], s: &Solution) -> Choice {
@@ -164,15 +169,21 @@ impl Dynamics {
         let m = self.mechanics.clone();
         let (nx, columns) = (at.x.len(), self.columns(at));
         let n_z = columns.n();
-        let (mut jac, mut forces) = (vec![0.0; nx * n_z], vec![0.0; 3 * m.contacts.len() * n_z]);
+        let [mut jac, mut forces, mut flow, mut row] = {
+            let l = &mut self.linearised;
+            [&mut l.jacobian, &mut l.of_forces, &mut l.flow, &mut l.row].map(std::mem::take)
+        };
+        zeros(&mut jac, nx * n_z);
+        zeros(&mut forces, 3 * m.contacts.len() * n_z);
         self.begin(choice);
         self.jacobian(at, &choice.modes, &mut jac, Some(&mut forces))?;
-        let mut flow = vec![0.0; n_z];
+        zeros(&mut flow, n_z);
         flow[..m.n_q].copy_from_slice(&self.smooth[..m.n_q]);
         flow[m.n_q..nx].copy_from_slice(&self.acceleration);
         flow[n_z - 1] = 1.0;
         let along = |row: &[f64]| row.iter().zip(&flow).map(|(r, f)| r * f).sum::<f64>();
         let a = self.acceleration.clone();
+        let mut fine = true;
         for q in &zero {
             let c = &m.contacts[q.contact];
             let mut rate = 0.0;
@@ -181,7 +192,7 @@ impl Dynamics {
                     rate += q.r[k] * along(&forces[(3 * q.contact + k) * n_z..(3 * q.contact + k + 1) * n_z]);
                 }
                 if q.z[k] != 0.0 {
-                    let mut row = vec![0.0; n_z];
+                    zeros(&mut row, n_z);
                     self.extend(at, &a, &[0.0; 3][..1 + c.n_tangents]);
                     let there = Point { p: &self.extended, ..*at };
                     let room = (&mut self.buffer[..], &mut self.work[..]);
@@ -195,9 +206,12 @@ impl Dynamics {
                 }
             }
             if rate * length < -ZERO * q.size {
-                return Ok(false);
+                fine = false;
+                break;
             }
         }
-        Ok(true)
+        let l = &mut self.linearised;
+        (l.jacobian, l.of_forces, l.flow, l.row) = (jac, forces, flow, row);
+        Ok(fine)
     }
 }

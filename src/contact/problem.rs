@@ -49,8 +49,28 @@ pub(crate) struct Problem {
     pub(crate) free: Vec<f64>,
 }
 
+/// Memory of those who solve problems.
+pub(crate) struct Room {
+    solver: LeastNorm,
+    /// What is held: contact and component.
+    held: Vec<(usize, usize)>,
+    b: Vec<f64>,
+    trial: Solution,
+}
+
+impl Room {
+    pub(crate) fn with_capacity(n: usize) -> Room {
+        Room {
+            solver: LeastNorm::with_capacity(n),
+            held: Vec::with_capacity(n),
+            b: Vec::with_capacity(n),
+            trial: Solution::default(),
+        }
+    }
+}
+
 /// A solution.
-#[derive(Debug, Clone)]
+#[derive(Debug, Clone, Default)]
 pub(crate) struct Solution {
     /// Of every contact.
     pub(crate) states: Vec<State>,
@@ -94,57 +114,65 @@ impl Problem {
     }
 
     /// The solutions: all of them where few contacts in the plane allow to try everything, else one.
-    pub(crate) fn solve(&self) -> Solutions {
+    pub(crate) fn solve(&self, room: &mut Room) -> Solutions {
         if self.parts.is_empty() {
-            let nothing = Solution { states: Vec::new(), r: Vec::new(), z: Vec::new() };
-            return Solutions { all: vec![nothing], redundant: false };
+            return Solutions { all: vec![Solution::default()], redundant: false };
         }
-        let states = |p: &Part| match (p.n_t, p.slides) {
-            (2, None) if p.friction > 0.0 => usize::MAX,
-            (_, Some(_)) => 2,
-            (0, _) => 2,
-            _ => 4,
-        };
-        let n = self.parts.iter().try_fold(1usize, |n, p| n.checked_mul(states(p)));
+        let n = self.parts.iter().try_fold(1usize, |n, p| n.checked_mul(Problem::n_options(p)));
         match n {
-            Some(n) if n <= COMBINATIONS => self.try_all(n),
+            Some(n) if n <= COMBINATIONS => self.try_all(n, room),
             _ => {
-                let all = self.iterate().map_or_else(Vec::new, |s| self.readings(s));
+                let all = self.iterate(room).map_or_else(Vec::new, |s| self.readings(s));
                 Solutions { redundant: false, all }
             }
         }
     }
 
-    /// States a contact may have, those with forces first.
-    fn options(&self, p: &Part) -> Vec<State> {
-        match (p.n_t, p.slides) {
-            (_, Some(d)) => vec![State::Slides(d), State::Open],
-            (0, None) => vec![State::Rests, State::Open],
-            (_, None) => vec![State::Rests, State::Slides([1.0, 0.0]), State::Slides([-1.0, 0.0]), State::Open],
+    /// Forgets all contacts, and keeps the memory.
+    pub(crate) fn clear(&mut self) {
+        self.parts.clear();
+        self.matrix.clear();
+        self.free.clear();
+    }
+
+    /// State number `k` that a contact may have, those with forces first.
+    fn option(p: &Part, k: usize) -> State {
+        match (p.n_t, p.slides, k) {
+            (_, Some(d), 0) => State::Slides(d),
+            (_, Some(_), _) | (0, None, 1) | (_, None, 3) => State::Open,
+            (_, None, 0) => State::Rests,
+            (_, None, 1) => State::Slides([1.0, 0.0]),
+            (_, None, _) => State::Slides([-1.0, 0.0]),
         }
     }
 
-    fn try_all(&self, n: usize) -> Solutions {
-        let options: Vec<Vec<State>> = self.parts.iter().map(|p| self.options(p)).collect();
+    /// Number of states a contact may have.
+    fn n_options(p: &Part) -> usize {
+        match (p.n_t, p.slides) {
+            (2, None) if p.friction > 0.0 => usize::MAX,
+            (_, Some(_)) | (0, _) => 2,
+            _ => 4,
+        }
+    }
+
+    fn try_all(&self, n: usize, room: &mut Room) -> Solutions {
         let mut out = Solutions::default();
-        let mut solver = LeastNorm::with_capacity(self.n());
         let mut found: Vec<(usize, Solution)> = Vec::new();
+        let mut trial = std::mem::take(&mut room.trial);
         for code in 0..n {
             let mut rest = code;
-            let states: Vec<State> = options
-                .iter()
-                .map(|o| {
-                    let s = o[rest % o.len()];
-                    rest /= o.len();
-                    s
-                })
-                .collect();
-            let Some(s) = self.with_states(&states, &mut solver) else { continue };
-            if self.holds(&s) {
-                let open = states.iter().filter(|s| **s == State::Open).count();
-                found.push((open, s));
+            trial.states.clear();
+            for p in &self.parts {
+                let own = Problem::n_options(p);
+                trial.states.push(Problem::option(p, rest % own));
+                rest /= own;
+            }
+            if self.with_states(&mut trial, room) && self.holds(&trial) {
+                let open = trial.states.iter().filter(|s| **s == State::Open).count();
+                found.push((open, trial.clone()));
             }
         }
+        room.trial = trial;
         found.sort_by_key(|f| f.0);
         for (_, s) in found {
             // the same motion by other forces is redundancy; by the same forces it is another reading of what is zero
@@ -156,54 +184,65 @@ impl Problem {
         out
     }
 
-    /// The `r` of given states.
-    fn with_states(&self, states: &[State], solver: &mut LeastNorm) -> Option<Solution> {
+    /// Writes the `r` and `z` of the states of `s`; false where there are none.
+    fn with_states(&self, s: &mut Solution, room: &mut Room) -> bool {
         let n = self.n();
-        let mut held = Vec::new();
-        for (p, s) in self.parts.iter().zip(states) {
-            match s {
+        let Room { solver, held, b, .. } = room;
+        held.clear();
+        for (k, (p, state)) in self.parts.iter().zip(&s.states).enumerate() {
+            match state {
                 State::Open => {}
-                State::Slides(_) => held.push(p.first),
-                State::Rests => held.extend(p.first..=p.first + p.n_t),
+                State::Slides(_) => held.push((k, p.first)),
+                State::Rests => held.extend((p.first..=p.first + p.n_t).map(|i| (k, i))),
             }
-        }
-        // column of unknown j: the force itself and the friction that follows it
-        let mut columns: Vec<Vec<(usize, f64)>> = Vec::with_capacity(held.len());
-        for &i in &held {
-            let (p, s) = self.parts.iter().zip(states).find(|(p, _)| p.first <= i && i <= p.first + p.n_t)?;
-            let mut column = vec![(i, 1.0)];
-            if let State::Slides(d) = s {
-                column.extend((0..p.n_t).map(|k| (p.first + 1 + k, -p.friction * d[k])));
-            }
-            columns.push(column);
         }
         let m = held.len();
-        let mut r = vec![0.0; n];
+        s.r.clear();
+        s.r.resize(n, 0.0);
         if m > 0 {
             let a = solver.clear(m);
-            for (i, &row) in held.iter().enumerate() {
-                for (j, column) in columns.iter().enumerate() {
-                    a[i * m + j] = column.iter().map(|(k, f)| self.matrix[row * n + k] * f).sum();
+            for (j, &(k, i)) in held.iter().enumerate() {
+                let p = &self.parts[k];
+                for (e, &(_, row)) in held.iter().enumerate() {
+                    let row = &self.matrix[row * n..(row + 1) * n];
+                    let mut v = row[i];
+                    // the friction that follows the force
+                    if let State::Slides(d) = &s.states[k] {
+                        v = (0..p.n_t).fold(v, |v, l| v - p.friction * d[l] * row[p.first + 1 + l]);
+                    }
+                    a[e * m + j] = v;
                 }
             }
-            let mut b: Vec<f64> = held.iter().map(|&i| -self.free[i]).collect();
             if !solver.factorise() {
-                return None;
+                return false;
             }
-            solver.solve(&mut b);
-            for (column, b) in columns.iter().zip(&b) {
-                column.iter().for_each(|(k, f)| r[*k] += b * f);
+            b.clear();
+            b.extend(held.iter().map(|&(_, i)| -self.free[i]));
+            solver.solve(b);
+            for (&(k, i), b) in held.iter().zip(b.iter()) {
+                s.r[i] += b;
+                if let State::Slides(d) = &s.states[k] {
+                    let p = &self.parts[k];
+                    (0..p.n_t).for_each(|l| s.r[p.first + 1 + l] -= p.friction * d[l] * b);
+                }
             }
         }
-        let z = self.residual(&r);
-        Some(Solution { states: states.to_vec(), r, z })
+        self.residual_to(&s.r, &mut s.z);
+        true
+    }
+
+    fn residual_to(&self, r: &[f64], z: &mut Vec<f64>) {
+        let n = self.n();
+        z.clear();
+        z.extend(
+            (0..n).map(|i| self.matrix[i * n..(i + 1) * n].iter().zip(r).fold(self.free[i], |s, (w, r)| s + w * r)),
+        );
     }
 
     fn residual(&self, r: &[f64]) -> Vec<f64> {
-        let n = self.n();
-        (0..n)
-            .map(|i| self.matrix[i * n..(i + 1) * n].iter().zip(r).fold(self.free[i], |s, (w, r)| s + w * r))
-            .collect()
+        let mut z = Vec::with_capacity(self.n());
+        self.residual_to(r, &mut z);
+        z
     }
 
     /// Size of what component `i` of `z` is the sum of: contacts that others push are compared with these pushes.
@@ -271,7 +310,7 @@ impl Problem {
     }
 
     /// One solution by sweeps over the contacts, made exact by Newton's method.
-    fn iterate(&self) -> Option<Solution> {
+    fn iterate(&self, room: &mut Room) -> Option<Solution> {
         let n = self.n();
         let mut r = vec![0.0; n];
         for _ in 0..SWEEPS {
@@ -291,9 +330,11 @@ impl Problem {
             }
         }
         // the states the sweeps say, solved as they stand
-        let mut solver = LeastNorm::with_capacity(n);
-        let exact = self.with_states(&swept.states, &mut solver).filter(|s| self.holds(s));
-        exact.or_else(|| Some(swept).filter(|s| self.holds(s)))
+        let mut exact = swept.clone();
+        if self.with_states(&mut exact, room) && self.holds(&exact) {
+            return Some(exact);
+        }
+        Some(swept).filter(|s| self.holds(s))
     }
 
     /// The same solution with other states where it is on the border between two of them: what follows decides. As many as
@@ -501,7 +542,7 @@ mod tests {
             [(0.5, State::Rests, -0.5), (2.0, State::Slides([1.0, 0.0]), -1.0), (-2.0, State::Slides([-1.0, 0.0]), 1.0)]
         {
             let p = Problem { parts: vec![part(0, 1, 1.0)], matrix: vec![1.0, 0.0, 0.0, 1.0], free: vec![-1.0, push] };
-            let s = p.solve();
+            let s = p.solve(&mut Room::with_capacity(8));
             assert!(s.all.len() == 1, "{s:?}");
             assert_eq!(s.all[0].states, [state]);
             assert!((s.all[0].r[0] - 1.0).abs() < 1e-15 && (s.all[0].r[1] - tangential).abs() < 1e-15);
@@ -518,7 +559,7 @@ mod tests {
                 matrix: vec![nn, nt, nt, tt],
                 free: vec![push, 0.0],
             };
-            p.solve().all.len()
+            p.solve(&mut Room::with_capacity(8)).all.len()
         };
         assert_eq!([solve(1.0, -1.0), solve(1.0, 1.0)], [1, 1]);
         // beyond the critical friction 1.347: inconsistent, indeterminate
@@ -532,7 +573,7 @@ mod tests {
             matrix: vec![2.0, -1.0, -1.0, 2.0],
             free: vec![-2.0, 0.0],
         };
-        let s = p.solve();
+        let s = p.solve(&mut Room::with_capacity(8));
         assert!(
             s.all.len() == 1 && (s.all[0].r[0] - 4.0 / 3.0).abs() < 1e-14 && (s.all[0].r[1] - 2.0 / 3.0).abs() < 1e-14
         );
@@ -540,7 +581,7 @@ mod tests {
         let g = [[1.0, -1.0], [1.0, 0.0], [1.0, 1.0]];
         let matrix = (0..9).map(|k| g[k / 3][0] * g[k % 3][0] + 3.0 * g[k / 3][1] * g[k % 3][1]).collect();
         let p = Problem { parts: (0..3).map(|i| part(i, 0, 0.0)).collect(), matrix, free: vec![-1.0; 3] };
-        let s = p.solve();
+        let s = p.solve(&mut Room::with_capacity(8));
         assert!(s.all.len() == 1 && s.redundant, "{s:?}");
         assert!(s.all[0].r.iter().all(|r| (r - 1.0 / 3.0).abs() < 1e-12), "{s:?}");
     }
@@ -563,8 +604,8 @@ mod tests {
                 matrix,
                 free: (0..m).map(|_| 3.0 * random()).collect(),
             };
-            let all = p.solve();
-            let Some(s) = p.iterate() else {
+            let all = p.solve(&mut Room::with_capacity(8));
+            let Some(s) = p.iterate(&mut Room::with_capacity(8)) else {
                 unsolved += 1;
                 continue;
             };
@@ -581,7 +622,7 @@ mod tests {
             matrix: vec![1.0, 0.1, 0.0, 0.1, 1.0, 0.2, 0.0, 0.2, 1.5],
             free: vec![-2.0, 3.0, -4.0],
         };
-        let s = p.solve();
+        let s = p.solve(&mut Room::with_capacity(8));
         let s = &s.all[0];
         let (State::Slides(d), r, z) = (s.states[0], &s.r, &s.z) else { panic!("{s:?}") };
         assert!(z[0].abs() < 1e-13 && (r[1].hypot(r[2]) - 0.5 * r[0]).abs() < 1e-13);

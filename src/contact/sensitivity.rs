@@ -11,7 +11,7 @@
 
 use super::dynamics::{dot, At, Dynamics};
 use super::mode;
-use crate::func::{EvalError, EvalResult, Function, Point};
+use crate::func::{EvalResult, Function, Point};
 use crate::system::Inertia;
 
 /// Where the columns of a pattern go: `x`, `u`, `p` and what follows it, `t` become `x`, `p`, `u`, `t`; none for what stands
@@ -77,6 +77,31 @@ pub(super) struct Given<'a> {
     pub(super) modes: &'a [Vec<usize>],
 }
 
+/// Memory of those who differentiate.
+#[derive(Default)]
+pub(super) struct Linearised {
+    a: Vec<f64>,
+    forces: Vec<super::Forces>,
+    /// Derivatives of what is held, of its forces, and of the friction of a contact, row-major.
+    held: Vec<f64>,
+    rates: Vec<f64>,
+    friction: Vec<f64>,
+    column: Vec<f64>,
+    lambda: Vec<f64>,
+    /// Of the whole state and of all forces.
+    pub(super) jacobian: Vec<f64>,
+    pub(super) of_forces: Vec<f64>,
+    pub(super) flow: Vec<f64>,
+    pub(super) row: Vec<f64>,
+}
+
+/// As many zeros.
+pub(super) fn zeros(v: &mut Vec<f64>, n: usize) -> &mut [f64] {
+    v.clear();
+    v.resize(n, 0.0);
+    v
+}
+
 impl Dynamics {
     pub(super) fn columns(&self, at: &At) -> Columns {
         Columns { nx: at.x.len(), nu: at.u.len(), np: at.p.len() }
@@ -108,7 +133,8 @@ impl Dynamics {
                 continue;
             }
             // τ = −μ λ d: λ ∂(μ d) along the tangents
-            let own = self.friction_direction(at, i, set[0])?;
+            let mut own = std::mem::take(&mut self.linearised.friction);
+            self.friction_direction(at, i, set[0], &mut own)?;
             let (lambda, b) = (given.forces[i][0], &self.blocks[i]);
             for (k, row) in own.chunks_exact(n_z).enumerate() {
                 for (z, v) in row.iter().enumerate().filter(|(_, v)| **v != 0.0) {
@@ -117,6 +143,7 @@ impl Dynamics {
                     }
                 }
             }
+            self.linearised.friction = own;
         }
         Ok(())
     }
@@ -134,11 +161,10 @@ impl Dynamics {
     }
 
     /// Derivatives of `μ d` of a contact that slides, `d` the direction it slides in, one row for every tangent.
-    fn friction_direction(&mut self, at: &At, i: usize, m: usize) -> Result<Vec<f64>, EvalError> {
+    fn friction_direction(&mut self, at: &At, i: usize, m: usize, own: &mut Vec<f64>) -> EvalResult {
         let (n_t, columns) = (self.mechanics.contacts[i].n_tangents, self.columns(at));
         let n_z = columns.n();
-        let mut own = vec![0.0; (1 + n_t) * n_z];
-        self.add_motion(at, i, columns, &mut own)?;
+        self.add_motion(at, i, columns, zeros(own, (1 + n_t) * n_z))?;
         let (d, b) = (self.direction(i, m), &self.blocks[i]);
         let size = b.sliding[0].hypot(b.sliding[1]);
         let turns = n_t == 2 && size > 0.0;
@@ -151,7 +177,7 @@ impl Dynamics {
             }
         }
         own.drain(..n_z);
-        Ok(own)
+        Ok(())
     }
 
     /// Adds the gradient of the gap of contact `i` to a row, and that of its rate to the next one if there is one.
@@ -194,45 +220,49 @@ impl Dynamics {
         let room = (&mut self.buffer[..], &mut self.work[..]);
         let sign = |i: usize| Some((i, if i < n_q { 1.0 } else { -1.0 }));
         add_jacobian(m.smooth.as_ref(), at, columns, &sign, out, room)?;
-        let (a, f) = (self.acceleration.clone(), self.forces.clone());
-        let given = Given { a: &a, forces: &f, modes };
+        let mut l = std::mem::take(&mut self.linearised);
+        l.a.clone_from(&self.acceleration);
+        l.forces.clone_from(&self.forces);
+        let given = Given { a: &l.a, forces: &l.forces, modes };
         self.add_reactions(at, &given, &mut out[n_q * n_z..])?;
-        let mut held = vec![0.0; self.rows.len() * n_z];
+        let held = zeros(&mut l.held, self.rows.len() * n_z);
         for r in 0..self.rows.len() {
             let row = self.rows[r];
             let c = &m.contacts[row.contact];
-            self.extend(at, &a, &f[row.contact][..1 + c.n_tangents]);
+            self.extend(at, &l.a, &l.forces[row.contact][..1 + c.n_tangents]);
             let there = Point { p: &self.extended, ..*at };
             let room = (&mut self.buffer[..], &mut self.work[..]);
             let pick = |i: usize| (i == n_v + row.component).then_some((r, 1.0));
-            add_jacobian(c.reaction.as_ref(), &there, columns, &pick, &mut held, room)?;
+            add_jacobian(c.reaction.as_ref(), &there, columns, &pick, held, room)?;
         }
-        let rates = self.solve_linearised(&mut out[n_q * n_z..], &held, n_z);
+        self.solve_linearised(&mut out[n_q * n_z..], &mut l, n_z);
         if let Some(forces) = &mut forces {
             forces.fill(0.0);
-            for (r, row) in self.rows.iter().enumerate() {
+            for (row, rates) in self.rows.iter().zip(l.rates.chunks_exact(n_z)) {
                 let to = (3 * row.contact + row.component) * n_z;
-                forces[to..to + n_z].copy_from_slice(&rates[r * n_z..(r + 1) * n_z]);
+                forces[to..to + n_z].copy_from_slice(rates);
             }
-            self.add_friction(at, modes, forces)?;
+            self.add_friction(at, modes, forces, &mut l.friction)?;
         }
+        self.linearised = l;
         Ok(())
     }
 
-    /// Solves `M da − F dλ = −R`, `G da = −C` for all columns: `R` (`n_v` rows) becomes `da`; returns `dλ`.
-    pub(super) fn solve_linearised(&mut self, r: &mut [f64], held: &[f64], n_z: usize) -> Vec<f64> {
+    /// Solves `M da − F dλ = −R`, `G da = −C` for all columns: `R` (`n_v` rows) becomes `da`, and `C` what is held; writes
+    /// `dλ` to the rates.
+    fn solve_linearised(&mut self, r: &mut [f64], l: &mut Linearised, n_z: usize) {
         let n_v = self.mechanics.n_v;
         let m = self.rows.len();
-        let (mut column, mut lambda) = (vec![0.0; n_v], vec![0.0; m]);
-        let mut all = vec![0.0; m * n_z];
+        let (column, lambda) = (zeros(&mut l.column, n_v), zeros(&mut l.lambda, m));
+        let all = zeros(&mut l.rates, m * n_z);
         for z in 0..n_z {
             (0..n_v).for_each(|i| column[i] = -r[i * n_z + z]);
-            self.mass.solve(&mut column);
+            self.mass.solve(column);
             for (i, row) in self.rows.iter().enumerate() {
-                lambda[i] = -held[i * n_z + z] - dot(self.blocks[row.contact].row(row.component), &column);
+                lambda[i] = -l.held[i * n_z + z] - dot(self.blocks[row.contact].row(row.component), column);
             }
             if m > 0 {
-                self.held.solve(&mut lambda);
+                self.held.solve(lambda);
             }
             for (i, y) in self.y.chunks_exact(n_v).enumerate() {
                 column.iter_mut().zip(y).for_each(|(c, y)| *c += lambda[i] * y);
@@ -240,14 +270,19 @@ impl Dynamics {
             }
             (0..n_v).for_each(|i| r[i * n_z + z] = column[i]);
         }
-        all
     }
 
     /// The friction of sliding contacts follows their normal forces: rows `τ` from rows `λ`.
-    fn add_friction(&mut self, at: &At, modes: &[Vec<usize>], forces: &mut [f64]) -> EvalResult {
+    fn add_friction(
+        &mut self,
+        at: &At,
+        modes: &[Vec<usize>],
+        forces: &mut [f64],
+        turning: &mut Vec<f64>,
+    ) -> EvalResult {
         let n_z = self.columns(at).n();
         for (i, set) in modes.iter().enumerate().filter(|(_, s)| Dynamics::slides(s[0])) {
-            let turning = self.friction_direction(at, i, set[0])?;
+            self.friction_direction(at, i, set[0], turning)?;
             let (d, mu, lambda) = (self.direction(i, set[0]), self.blocks[i].friction, self.forces[i][0]);
             let (normal, tangential) = forces[3 * i * n_z..(3 * i + 3) * n_z].split_at_mut(n_z);
             for (k, (own, turning)) in tangential.chunks_exact_mut(n_z).zip(turning.chunks_exact(n_z)).enumerate() {

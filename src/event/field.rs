@@ -13,6 +13,7 @@
 mod cells;
 mod contacts;
 mod derivatives;
+mod near;
 
 pub(super) use contacts::TO_RATE;
 

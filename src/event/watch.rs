@@ -206,7 +206,7 @@ pub(super) fn list(field: &Field, out: &mut Vec<Watch>) {
             out.extend(set.iter().map(|&cell| Watch::Leave { sub: k, cell }));
         }
     }
-    out.extend(field.contact_watches().into_iter().map(|(contact, what, a)| Watch::Contact { contact, what, a }));
+    field.contact_watches(out);
     for &guard in &field.guards.armed {
         let g = &field.guards.all[guard];
         let toward = g.transition.direction.sign();

@@ -120,6 +120,20 @@ impl<T: Scalar> Lu<T> {
     /// Replaces the right-hand side by the solution.
     pub(crate) fn solve(&mut self, b: &mut [T]) {
         let n = self.n;
+        // the usual orders of contacts and sliding modes, without the loops
+        match (&self.a[..], &self.perm[..]) {
+            ([a], _) => {
+                b[0] = b[0] / *a;
+                return;
+            }
+            ([a, u, l, d], &[i, j]) => {
+                let y = b[i];
+                b[1] = (b[j] - *l * y) / *d;
+                b[0] = (y - *u * b[1]) / *a;
+                return;
+            }
+            _ => {}
+        }
         self.y.clear();
         self.y.extend(self.perm.iter().map(|&i| b[i]));
         let y = &mut self.y;

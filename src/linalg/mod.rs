@@ -1,9 +1,10 @@
 //! Sparse linear algebra: compressed columns, LDLᵀ factorisation, the KKT level above it.
 //!
 //! `csc` holds patterns, matrices and value maps; `ldl` is the protocol of a symmetric solver with its
-//! backends; `kkt` adds equilibration, regularisation, inertia and iterative refinement; `lu` factorises small
-//! dense matrices. This layer does not know optimisation.
+//! backends; `kkt` adds equilibration, regularisation, inertia and iterative refinement; `lu` and `cholesky` factorise
+//! small dense matrices. This layer does not know optimisation.
 
+pub(crate) mod cholesky;
 pub mod csc;
 pub mod kkt;
 mod krylov;

@@ -1,10 +1,8 @@
 //! The inertia matrix in blocks: velocities that no entry couples are solved apart.
 
 use crate::func::{EvalError, EvalResult, Point};
+use crate::linalg::cholesky;
 use crate::system::{Inertia, Mechanics};
-
-/// A pivot below this share of its diagonal entry is rounding: the matrix is not positive definite to working precision.
-const PIVOT: f64 = 8.0 * f64::EPSILON;
 
 /// A factored inertia matrix: the lower factors of Cholesky of its blocks, one after the other, row-major.
 pub(super) struct Blocks {
@@ -119,7 +117,7 @@ impl Blocks {
                     l[r * k + c] = a[i * n + j];
                 }
             }
-            if !cholesky(k, l) {
+            if !cholesky::factorise(k, l) {
                 return false;
             }
         }
@@ -128,15 +126,7 @@ impl Blocks {
 
     /// Replaces what stands at the velocities of block `b`, in their order, by the solution.
     pub(super) fn solve_block(&self, b: usize, x: &mut [f64]) {
-        let (k, l) = (x.len(), &self.factors[self.offset[b]..]);
-        for i in 0..k {
-            let s = (0..i).fold(x[i], |s, j| s - l[i * k + j] * x[j]);
-            x[i] = s / l[i * k + i];
-        }
-        for i in (0..k).rev() {
-            let s = (i + 1..k).fold(x[i], |s, j| s - l[j * k + i] * x[j]);
-            x[i] = s / l[i * k + i];
-        }
+        cholesky::solve(&self.factors[self.offset[b]..], x);
     }
 
     /// Replaces `x` by `M⁻¹ x`.
@@ -156,22 +146,4 @@ impl Blocks {
     pub(super) fn place(&self, i: usize) -> usize {
         self.place[i]
     }
-}
-
-/// Replaces the lower triangle of a symmetric matrix by its factor; false if it is not positive definite.
-fn cholesky(n: usize, a: &mut [f64]) -> bool {
-    for j in 0..n {
-        let d = (0..j).fold(a[j * n + j], |s, k| s - a[j * n + k] * a[j * n + k]);
-        // also where it is no number
-        if !(d > PIVOT * a[j * n + j].abs() && d.is_finite()) {
-            return false;
-        }
-        let d = d.sqrt();
-        a[j * n + j] = d;
-        for i in j + 1..n {
-            let s = (0..j).fold(a[i * n + j], |s, k| s - a[i * n + k] * a[j * n + k]);
-            a[i * n + j] = s / d;
-        }
-    }
-    true
 }

@@ -27,14 +27,77 @@ const SAME: f64 = 1e-9;
 /// Accumulating impacts are summed where what they still do to the gap is this share of the tolerance.
 const LAST: f64 = 0.1;
 
+/// Memory for events.
+#[derive(Default)]
+pub(super) struct SceneRoom {
+    /// Contacts without a gap.
+    touching: Vec<usize>,
+    closed: Vec<Closed>,
+    /// Contacts of an impact, with another restitution than that of the model.
+    list: Vec<(usize, Option<f64>)>,
+    /// Contacts whose impacts accumulate, and the time until they end.
+    last: Vec<(usize, f64)>,
+    after: Vec<f64>,
+    before: Vec<Vec<usize>>,
+    row: Vec<f64>,
+    /// Jacobians of the resets of an event.
+    resets: Vec<f64>,
+}
+
 impl Engine {
+    /// Decides which contacts are looked at in the step that was tried, and evaluates those that were not until now where it
+    /// begins.
+    pub(super) fn look_near(&mut self) -> std::result::Result<(), EvalError> {
+        if !self.field.look_near(&self.step, self.step_implicit) {
+            return Ok(());
+        }
+        self.looked.clear();
+        for (l, w) in self.watches.iter().enumerate() {
+            if !self.field.looks_at(w) {
+                continue;
+            }
+            self.looked.push(l);
+            if let Watch::Contact { contact, what: ContactWatch::Gap, a } = *w {
+                if let Some([gap, rate]) = self.field.approach(contact, &self.step)? {
+                    (self.q0[a], self.q0[a + TO_RATE]) = (gap, rate);
+                    (self.w0[l], self.depart[l]) = (gap, 0);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Notes the contacts whose functions may vanish in the step; says whether there are forces among these, none if there
+    /// are no contacts at all.
+    pub(super) fn wanted_contacts(&mut self) -> Option<bool> {
+        if !self.field.has_contacts() {
+            return None;
+        }
+        self.wanted.fill(false);
+        let mut forces = false;
+        for &l in self.looked.iter().filter(|l| self.suspect[**l]) {
+            if let Watch::Contact { contact, what, .. } = self.watches[l] {
+                self.wanted[contact] = true;
+                forces |= what.is_force();
+            }
+        }
+        Some(forces)
+    }
+
     /// Values of what is watched inside of a step, at its quarters, where the state is interpolated from its ends.
     pub(super) fn look_inside(&mut self) -> std::result::Result<(), EvalError> {
-        let forces = self.watches.iter().any(|w| matches!(w, Watch::Contact { what, .. } if what.is_force()));
+        let forces = self.field.active.iter().any(|set| set[0] != mode::OPEN);
+        for (w, set) in self.wanted.iter_mut().zip(&self.field.active) {
+            *w = set[0] != mode::OPEN;
+        }
         let (h, t) = (self.step.h, self.step.t);
-        for (k, s) in [0.25, 0.5, 0.75].into_iter().enumerate() {
+        for (k, s) in [(0, 0.25), (2, 0.75), (1, 0.5)] {
             if k != 1 && !forces {
                 continue;
+            }
+            if let (1, Some(c)) = (k, self.field.scene()) {
+                // of open contacts the middle is enough
+                self.wanted.iter_mut().enumerate().for_each(|(i, w)| *w = c.is_near(i));
             }
             let (a, b) = ((1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s), s * s * (3.0 - 2.0 * s));
             let (da, db) = (h * s * (1.0 - s) * (1.0 - s), h * s * s * (s - 1.0));
@@ -42,9 +105,9 @@ impl Engine {
             for (i, m) in self.node.iter_mut().enumerate() {
                 *m = a * step.x0[i] + b * step.x1[i] + da * step.f0[i] + db * step.f1[i];
             }
-            self.field.watched(t + s * h, &self.node)?;
-            for (l, w) in self.watches.iter().enumerate() {
-                self.samples[l][k] = w.value(&self.field.q, &self.field);
+            self.field.scene_values((t + s * h, &self.node), forces, |c| self.wanted[c])?;
+            for &l in &self.looked {
+                self.samples[l][k] = self.watches[l].value(&self.field.q, &self.field);
             }
         }
         Ok(())
@@ -92,14 +155,14 @@ impl Engine {
                 self.t, self.x[i]
             )));
         }
+        if self.field.active.iter().all(|s| s[0] == mode::OPEN) {
+            return Ok(false);
+        }
         let (t, mut x) = (self.t, std::mem::take(&mut self.x));
         // the projection takes the state by itself, for it changes it
         let moved = self.field.with_contacts(t, &[], |c, at, modes| {
             for (i, set) in modes.iter().enumerate().filter(|(_, s)| Dynamics::slides(s[0])) {
                 c.dynamics.keep_direction(i, set[0]);
-            }
-            if modes.iter().all(|s| s[0] == mode::OPEN) {
-                return Ok(false);
             }
             for (size, f) in c.sizes.iter_mut().zip(&c.dynamics.forces) {
                 size[1] = size[1].max(f[0].abs());
@@ -135,6 +198,7 @@ impl Engine {
             }
             self.check_scene()?;
         }
+        self.field.look_at_all();
         self.time_row.fill(0.0);
         if let Some(s) = &mut self.sens {
             s.dt.fill(0.0);
@@ -160,16 +224,16 @@ impl Engine {
 
     /// Says what is wrong with a scene at its start.
     fn check_scene(&mut self) -> Result<()> {
-        let (t, x) = (self.t, self.x.clone());
+        let t = self.t;
         if let Some(i) = self.outside() {
             return Err(Error::Range(format!(
                 "coordinate {i} starts at {}, outside of the bounds that contacts of the scene were left out for",
-                x[i]
+                self.x[i]
             )));
         }
-        let sizes = recover(self.field.contact_sizes(t, &x).map(|()| true), false)?;
-        let rtol = self.rtol.clone();
-        let checked = self.field.with_contacts(t, &x, |c, at, _| -> Result<()> {
+        let sizes = recover(self.field.contact_sizes(t, &self.x).map(|()| true), false)?;
+        let loosest = self.rtol.iter().fold(0.0f64, |m, v| m.max(*v)).max(TOUCHES * EPS);
+        let checked = self.field.with_contacts(t, &self.x, |c, at, _| -> Result<()> {
             if !c.dynamics.is_definite(at) {
                 return Err(Error::Range(format!(
                     "the inertia matrix is not positive definite at t = {t}, or not defined there"
@@ -190,7 +254,6 @@ impl Engine {
                 }
                 let (b, name) = (c.dynamics.block(i), &c.dynamics.mechanics.contacts[i].name);
                 // sizes hold what the absolute tolerances take for zero
-                let loosest = rtol.iter().fold(0.0f64, |m, v| m.max(*v)).max(TOUCHES * EPS);
                 if b.gap[0] < -loosest * c.sizes[i][0] {
                     return Err(Error::Range(format!(
                         "the gap of contact {name} is {} at the start: the bodies overlap; start with a gap of zero or more",
@@ -252,7 +315,8 @@ impl Engine {
     /// Everything that happens at the present point: the end of a slide in space, impacts, the next modes. `l` is the watch
     /// that vanishes, none at the start or where controls or parameters have changed.
     fn scene_inner(&mut self, l: Option<usize>, slope: f64, length: f64) -> std::result::Result<(), EvalError> {
-        let before: Vec<Vec<usize>> = self.field.active.clone();
+        self.scene.before.clone_from(&self.field.active);
+        self.scene.resets.clear();
         let event = l.and_then(|l| match self.watches[l] {
             Watch::Contact { contact, what, .. } => Some((contact, what)),
             _ => None,
@@ -281,12 +345,11 @@ impl Engine {
             self.stop_in_space(contact)?;
         }
         let start = self.impacts.len();
-        let mut resets = Vec::new();
-        let mut unique = self.collide(event, recorded, &mut resets)?;
+        let mut unique = self.collide(event, recorded)?;
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
-        unique &= self.next_modes(event, length, recorded, &mut resets)?;
+        unique &= self.next_modes(event, length, recorded, self.impacts.len() == start)?;
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
@@ -299,9 +362,14 @@ impl Engine {
         }
         if let Some(tape) = &mut self.tape {
             let n_c = self.time_row.len() - 1;
-            tape.jump((self.switches.len(), start), &self.time_row[..n_c], [&self.f_before, &self.f], &resets);
+            tape.jump(
+                (self.switches.len(), start),
+                &self.time_row[..n_c],
+                [&self.f_before, &self.f],
+                &self.scene.resets,
+            );
         }
-        if self.field.active == before {
+        if self.field.active == self.scene.before {
             if self.impacts.len() == start {
                 // nothing has changed: a force or a speed that only touches zero
                 self.crowd += 1;
@@ -313,7 +381,9 @@ impl Engine {
                 }
             }
         } else {
+            let before = std::mem::take(&mut self.scene.before);
             self.log(&before, rate, None, unique);
+            self.scene.before = before;
         }
         self.note_phase();
         Ok(())
@@ -321,31 +391,25 @@ impl Engine {
 
     /// Notes the modes from here on.
     fn note_phase(&mut self) {
-        let modes: Vec<usize> = self.field.active.iter().map(|s| s[0]).collect();
         let starting = self.field.with_contacts(self.t, &[], |c, _, _| std::mem::take(&mut c.dynamics.starting));
-        if self.phases.len() < self.options.max_log {
-            let same =
-                self.phases.last().is_some_and(|p| p.modes == modes && p.u == self.field.u && p.p == self.field.p);
-            if !same {
-                let redundant = self.field.scene().is_some_and(|c| c.dynamics.is_redundant());
-                let mut starting = starting.unwrap_or_default();
-                starting.retain(|(i, _)| modes[*i] == mode::SLIDES);
-                self.phases.push(Phase {
-                    t: self.t,
-                    modes,
-                    redundant,
-                    starting,
-                    u: self.field.u.clone(),
-                    p: self.field.p.clone(),
-                });
-            }
+        if self.phases.len() >= self.options.max_log {
+            return;
         }
+        let (field, last) = (&self.field, self.phases.last());
+        let modes = || field.active.iter().map(|s| s[0]);
+        if last.is_some_and(|p| p.modes.iter().copied().eq(modes()) && p.u == field.u && p.p == field.p) {
+            return;
+        }
+        let redundant = field.scene().is_some_and(|c| c.dynamics.is_redundant());
+        let (u, p) = (field.u.clone(), field.p.clone());
+        let mut starting = starting.unwrap_or_default();
+        starting.retain(|(i, _)| field.active[*i][0] == mode::SLIDES);
+        self.phases.push(Phase { t: self.t, modes: modes().collect(), redundant, starting, u, p });
     }
 
     /// What is left of a slide in space goes along the tangent, see [`contact::STOP`].
     fn stop_in_space(&mut self, contact: usize) -> std::result::Result<(), EvalError> {
-        let (t, x) = (self.t, self.x.clone());
-        let left = self.field.with_contacts(t, &x, |c, _, modes| {
+        let left = self.field.with_contacts(self.t, &self.x, |c, _, modes| {
             if c.dynamics.mechanics.contacts[contact].n_tangents < 2 {
                 return None;
             }
@@ -375,15 +439,18 @@ impl Engine {
         Ok(())
     }
 
-    /// Contacts without a gap at the present point, and whether each closes or is closed.
-    fn touching(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<Vec<usize>, EvalError> {
-        let (t, x) = (self.t, self.x.clone());
+    /// Lists the contacts without a gap at the present point that are closed or do not open.
+    fn touching(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
         let first = event.is_none();
-        let r = self.field.with_contacts(t, &x, |c, at, modes| {
-            let mut out = Vec::new();
+        let out = &mut self.scene.touching;
+        out.clear();
+        let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             for (i, set) in modes.iter().enumerate() {
                 if set[0] != mode::OPEN || event == Some((i, ContactWatch::Gap)) {
                     out.push(i);
+                    continue;
+                }
+                if !c.is_near(i) {
                     continue;
                 }
                 c.dynamics.load_gap(at, i)?;
@@ -401,9 +468,9 @@ impl Engine {
                     out.push(i);
                 }
             }
-            Ok(out)
+            Ok(())
         });
-        r.unwrap_or(Ok(Vec::new()))
+        r.unwrap_or(Ok(()))
     }
 
     /// Makes the impacts at the present point, if there are any. Says whether they are unique.
@@ -411,44 +478,46 @@ impl Engine {
         &mut self,
         event: Option<(usize, ContactWatch)>,
         recorded: bool,
-        resets: &mut Vec<f64>,
     ) -> std::result::Result<bool, EvalError> {
+        self.touching(event)?;
         if self.field.scene().is_some_and(|c| c.dynamics.is_first_order()) {
             return Ok(true);
         }
-        let all = self.touching(event)?;
+        let mut list = std::mem::take(&mut self.scene.list);
         let mut unique = true;
         for made in 0.. {
-            let Some((worst, law)) = self.closing(&all, event.filter(|_| made == 0))? else { break };
+            let Some((worst, law)) = self.closing(event.filter(|_| made == 0))? else { break };
             if made == MOST {
                 let text = format!("{MOST} impacts at one time: with this law the bodies do not come apart");
                 self.fail(Outcome::NoContinuation, text);
                 return Ok(false);
             }
-            let several = all.len() > 1;
-            let set: Vec<usize> = if law == ImpactLaw::Sequential { vec![worst] } else { all.clone() };
-            if law == ImpactLaw::Sequential && several && made == 1 {
+            list.clear();
+            if law == ImpactLaw::Sequential {
+                list.push((worst, None));
                 // the next contact closes because of the first: another order may have another end
-                unique = false;
+                unique &= !(made == 1 && self.scene.touching.len() > 1);
+            } else {
+                list.extend(self.scene.touching.iter().map(|i| (*i, None)));
             }
-            let list: Vec<(usize, Option<f64>)> = set.iter().map(|i| (*i, None)).collect();
-            let last = self.last_of(&list)?;
-            if let (Some((_, rest)), Zeno::Stop) = (last.first(), self.options.zeno) {
+            self.last_of(&list)?;
+            if let (Some((_, rest)), Zeno::Stop) = (self.scene.last.first(), self.options.zeno) {
                 let limit = self.t + rest;
                 self.end_at_accumulation(limit);
                 return Ok(false);
             }
-            let list: Vec<(usize, Option<f64>)> =
-                list.iter().map(|c| if last.iter().any(|l| l.0 == c.0) { (c.0, Some(0.0)) } else { *c }).collect();
-            let kind = if last.is_empty() { ImpactKind::Collision } else { ImpactKind::Last };
-            let Some(one) = self.strike(&list, kind, recorded, resets)? else {
+            for c in list.iter_mut().filter(|c| self.scene.last.iter().any(|l| l.0 == c.0)) {
+                c.1 = Some(0.0);
+            }
+            let kind = if self.scene.last.is_empty() { ImpactKind::Collision } else { ImpactKind::Last };
+            let Some(one) = self.strike(&list, kind, recorded)? else {
                 self.fail(Outcome::NoContinuation, "no impulses satisfy the conditions of the impact".into());
                 return Ok(false);
             };
             unique &= one;
-            for (_, rest) in last {
+            for k in 0..self.scene.last.len() {
+                let (t, rest) = (self.t, self.scene.last[k].1);
                 self.stats.accumulations += 1;
-                let t = self.t;
                 self.accumulations_push(Accumulation { t: t + rest, until: t, steps: 0, error: 0.0 });
                 self.one_sided = true;
             }
@@ -456,17 +525,17 @@ impl Engine {
                 return Ok(false);
             }
         }
+        self.scene.list = list;
         Ok(unique)
     }
 
     /// The contact that closes fastest, relative to the size of its rate, if one closes.
     fn closing(
         &mut self,
-        all: &[usize],
         event: Option<(usize, ContactWatch)>,
     ) -> std::result::Result<Option<(usize, ImpactLaw)>, EvalError> {
-        let (t, x) = (self.t, self.x.clone());
-        let r = self.field.with_contacts(t, &x, |c, at, modes| {
+        let all = &self.scene.touching;
+        let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             let mut worst = (0.0, None);
             for &i in all {
                 c.dynamics.load_gap(at, i)?;
@@ -488,12 +557,12 @@ impl Engine {
     /// Those of closing contacts whose impacts would go on in ever shorter time, but for nothing that the tolerances see,
     /// with the time until they end. With the closing speed `w = −e ġ⁻` behind this impact and the acceleration `−a`, the
     /// flights take `2w/a, 2ew/a, …`: their sum is `2w/(a (1−e))`.
-    fn last_of(&mut self, list: &[(usize, Option<f64>)]) -> std::result::Result<Vec<(usize, f64)>, EvalError> {
-        let (t, x, length) = (self.t, self.x.clone(), self.usual_step());
-        let (rtol, atol) = (self.rtol.clone(), self.atol.clone());
-        let n_z = self.field.n_z;
-        let r = self.field.with_contacts(t, &x, |c, at, modes| {
-            let mut out = Vec::new();
+    fn last_of(&mut self, list: &[(usize, Option<f64>)]) -> std::result::Result<(), EvalError> {
+        let (length, n_z) = (self.usual_step(), self.field.n_z);
+        let (rtol, atol) = (&self.rtol, &self.atol);
+        let SceneRoom { last: out, closed, row, .. } = &mut self.scene;
+        out.clear();
+        let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             for &(i, _) in list {
                 c.dynamics.load_gap(at, i)?;
                 c.dynamics.load_contact(at, i)?;
@@ -502,12 +571,12 @@ impl Engine {
                     continue;
                 }
                 // as it flies: the other contacts as they are
-                let closed: Vec<Closed> = (0..modes.len())
-                    .filter(|k| *k != i && modes[*k][0] != mode::OPEN)
-                    .map(|contact| Closed { contact, rests: modes[contact][0] == mode::CLOSED })
-                    .collect();
-                let forces = c.force_sizes();
-                let follow = c.dynamics.follow(at, &closed, &forces, length)?;
+                closed.clear();
+                for k in (0..modes.len()).filter(|k| *k != i && modes[*k][0] != mode::OPEN) {
+                    closed.push(Closed { contact: k, rests: modes[k][0] == mode::CLOSED });
+                }
+                let sizes = &c.sizes;
+                let follow = c.dynamics.follow(at, closed, &|k| sizes[k][1], length)?;
                 let Some(choice) = follow.all.first() else { continue };
                 c.dynamics.begin(choice);
                 c.dynamics.accelerate(at, &choice.modes)?;
@@ -518,8 +587,9 @@ impl Engine {
                 }
                 let w = -e * rate;
                 let rest = 2.0 * w / (a * (1.0 - e));
-                let mut row = vec![0.0; n_z];
-                c.dynamics.gap_gradient(at, i, &mut row)?;
+                row.clear();
+                row.resize(n_z, 0.0);
+                c.dynamics.gap_gradient(at, i, row)?;
                 let n_q = c.dynamics.mechanics.n_q;
                 let states = at.x[..n_q].iter().enumerate();
                 let tolerance: f64 = states.map(|(k, x)| row[k].abs() * (rtol[k] * x.abs() + atol[k])).sum();
@@ -527,9 +597,9 @@ impl Engine {
                     out.push((i, rest));
                 }
             }
-            Ok(out)
+            Ok(())
         });
-        r.unwrap_or(Ok(Vec::new()))
+        r.unwrap_or(Ok(()))
     }
 
     /// One impact of these contacts, without a collision where `kind` says so. Says whether it is unique; none where there is
@@ -539,30 +609,29 @@ impl Engine {
         list: &[(usize, Option<f64>)],
         kind: ImpactKind,
         recorded: bool,
-        resets: &mut Vec<f64>,
     ) -> std::result::Result<Option<bool>, EvalError> {
-        let (t, x) = (self.t, self.x.clone());
-        let mut after = x.clone();
-        let mut jac = std::mem::take(&mut self.reset.jac);
-        let r = self.field.with_contacts(t, &x, |c, at, _| {
+        let mut after = std::mem::take(&mut self.scene.after);
+        after.clone_from(&self.x);
+        let jac = &mut self.reset.jac;
+        let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
             let sizes = &c.sizes;
             let collision = kind != ImpactKind::Painleve;
             let found = c.dynamics.impact(at, list, collision, &|i, _| sizes[i][3], &mut after)?;
             if let (Some(impact), true) = (&found, recorded) {
-                c.dynamics.impact_jacobian(at, &after, impact, &mut jac)?;
+                c.dynamics.impact_jacobian(at, &after, impact, jac)?;
             }
             Ok(found)
         });
-        self.reset.jac = jac;
         let Some(impact) = r.unwrap_or(Ok(None))? else { return Ok(None) };
         let unique = impact.unique && kind != ImpactKind::Painleve;
         self.record(&impact.parts, kind, unique && !impact.redundant);
-        self.jump_to(&after, recorded, resets);
+        self.jump_to(&after, recorded);
+        self.scene.after = after;
         Ok(Some(unique))
     }
 
     /// The state becomes `after` by a reset with the last Jacobian.
-    fn jump_to(&mut self, after: &[f64], recorded: bool, resets: &mut Vec<f64>) {
+    fn jump_to(&mut self, after: &[f64], recorded: bool) {
         self.x.copy_from_slice(after);
         if !recorded {
             return;
@@ -571,14 +640,14 @@ impl Engine {
             s.reset_by(&self.reset.jac);
         }
         if self.tape.is_some() {
-            resets.extend_from_slice(&self.reset.jac);
+            self.scene.resets.extend_from_slice(&self.reset.jac);
         }
     }
 
     fn record(&mut self, parts: &[Impulse], kind: ImpactKind, unique: bool) {
         let largest = |p: &Impulse| p.impulse.iter().fold(0.0f64, |m, v| m.max(v.abs()));
         let noise = 64.0 * EPS * parts.iter().map(largest).fold(0.0, f64::max);
-        for p in parts.iter().filter(|p| largest(p) > noise) {
+        for p in parts.iter().filter(|p| largest(p) > noise.max(p.noise)) {
             self.stats.impacts += 1;
             let (depth, tolerance) = self.depth(p.contact, p.rates[0]);
             // whether there is an impact at all is a matter of the tolerances
@@ -604,11 +673,11 @@ impl Engine {
     /// How far the bodies would overlap without an impact of contact `i` that closes at this rate, and what of it the
     /// tolerances do not see. The velocity is that before.
     fn depth(&mut self, i: usize, rate: f64) -> (f64, f64) {
-        let (t, x, f) = (self.t, self.x.clone(), self.f_before.clone());
         let rtol = self.rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v));
-        let found = self.field.with_contacts(t, &x, |c, at, _| {
+        let f = &self.f_before;
+        let found = self.field.with_contacts(self.t, &self.x, |c, at, _| {
             let known = c.dynamics.load_contact(at, i).is_ok();
-            let a = if known { c.dynamics.gap_acceleration_of(i, &f) } else { f64::NAN };
+            let a = if known { c.dynamics.gap_acceleration_of(i, f) } else { f64::NAN };
             (a, rtol * c.sizes[i][0])
         });
         let (a, tolerance) = found.unwrap_or((f64::NAN, 0.0));
@@ -622,19 +691,23 @@ impl Engine {
         event: Option<(usize, ContactWatch)>,
         length: f64,
         recorded: bool,
-        resets: &mut Vec<f64>,
+        mut listed: bool,
     ) -> std::result::Result<bool, EvalError> {
         for attempt in 0..2 {
-            let closed = self.closed(event)?;
-            let (t, x) = (self.t, self.x.clone());
-            let found = self.field.with_contacts(t, &x, |c, at, _| {
-                let forces = c.force_sizes();
-                c.dynamics.follow(at, &closed, &forces, length)
+            if !listed {
+                self.touching(event)?;
+            }
+            listed = false;
+            self.closed(event)?;
+            let closed = &self.scene.closed;
+            let found = self.field.with_contacts(self.t, &self.x, |c, at, _| {
+                let sizes = &c.sizes;
+                c.dynamics.follow(at, closed, &|k| sizes[k][1], length)
             });
             let Some(found) = found else { return Ok(true) };
             let found = found?;
             if !found.all.is_empty() {
-                return self.take(found, t, &x);
+                return self.take(found);
             }
             let slides = closed.iter().any(|c| !c.rests);
             if attempt == 1 || !slides {
@@ -642,7 +715,7 @@ impl Engine {
             }
             // Painlevé: an impact without collision, in which friction brings the sliding to rest
             let list: Vec<(usize, Option<f64>)> = closed.iter().map(|c| (c.contact, Some(0.0))).collect();
-            if self.strike(&list, ImpactKind::Painleve, recorded, resets)?.is_none() {
+            if self.strike(&list, ImpactKind::Painleve, recorded)?.is_none() {
                 break;
             }
             self.one_sided = true;
@@ -653,7 +726,7 @@ impl Engine {
     }
 
     /// Takes one of the modes that may follow.
-    fn take(&mut self, found: contact::Follow, t: f64, x: &[f64]) -> std::result::Result<bool, EvalError> {
+    fn take(&mut self, found: contact::Follow) -> std::result::Result<bool, EvalError> {
         let present = &self.field.active;
         let mut all = found.all;
         if let Some(i) = all.iter().position(|c| c.modes == *present) {
@@ -666,7 +739,7 @@ impl Engine {
             let mut kept = Vec::with_capacity(all.len());
             for c in all {
                 let mut velocity = vec![0.0; self.nx];
-                let r = self.field.with_contacts(t, x, |own, at, _| {
+                let r = self.field.with_contacts(self.t, &self.x, |own, at, _| {
                     own.dynamics.begin(&c);
                     own.dynamics.rhs(at, &c.modes, &mut velocity)
                 });
@@ -690,18 +763,19 @@ impl Engine {
             }
         }
         let choice = &all[taken];
-        self.field.with_contacts(t, x, |c, _, _| c.dynamics.begin(choice));
+        self.field.with_contacts(self.t, &self.x, |c, _, _| c.dynamics.begin(choice));
         self.field.set_active(&choice.modes);
         Ok(unique)
     }
 
-    /// The contacts that are closed at the present point, and whether each is at rest.
-    fn closed(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<Vec<Closed>, EvalError> {
-        let all = self.touching(event)?;
-        let (t, x, floor) = (self.t, self.x.clone(), self.field.floor.clone());
-        let r = self.field.with_contacts(t, &x, |c, at, modes| {
-            let mut out = Vec::new();
-            for &i in &all {
+    /// Lists those of the touching contacts that are closed, and whether each is at rest.
+    fn closed(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
+        let (all, out) = (&self.scene.touching, &mut self.scene.closed);
+        out.clear();
+        // as the field does it while it lends the rest of itself
+        let floor = std::mem::take(&mut self.field.floor);
+        let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
+            for &i in all {
                 c.dynamics.load_gap(at, i)?;
                 c.dynamics.load_contact(at, i)?;
                 let b = c.dynamics.block(i);
@@ -724,8 +798,9 @@ impl Engine {
                 let still = b.sliding[0].hypot(b.sliding[1]) <= AT_REST * size;
                 out.push(Closed { contact: i, rests: stops || sticks || still });
             }
-            Ok(out)
+            Ok(())
         });
-        r.unwrap_or(Ok(Vec::new()))
+        self.field.floor = floor;
+        r.unwrap_or(Ok(()))
     }
 }

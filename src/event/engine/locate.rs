@@ -87,7 +87,7 @@ impl Engine {
 
     /// Does another watched function say that a switch before this one was missed? Then a shorter step shows it.
     pub(super) fn overlooked(&self, l: usize) -> bool {
-        (0..self.watches.len()).any(|m| {
+        self.looked.iter().any(|&m| {
             let w = &self.watches[m];
             let near = 1e4 * EPS * w.scale(&self.field.dq, &self.field, self.t, &self.step.x1).value;
             m != l && self.depart[m] == 0 && w.value(&self.field.q, &self.field) < -near.max(1e-2 * self.w0[m])
@@ -152,7 +152,7 @@ impl Engine {
     pub(super) fn reach_surface(&mut self) -> Result<Option<Progress>> {
         let (n_z, nx) = (self.field.n_z, self.nx);
         let mut nearest = (f64::INFINITY, 0, 0.0);
-        for l in 0..self.watches.len() {
+        for &l in &self.looked {
             let rate = self.watches[l].rate_in(&self.q0, &self.dq0, n_z, &self.f);
             let left = -self.w0[l] / rate;
             if rate < 0.0 && left >= 0.0 && left < nearest.0 {

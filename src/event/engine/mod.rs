@@ -18,6 +18,7 @@ use std::sync::Arc;
 
 use self::accumulation::{Recent, MEMORY};
 use self::chatter::Window;
+use self::contact::SceneRoom;
 use self::control::Tried;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler, NODES};
@@ -81,6 +82,12 @@ pub struct Engine {
     sampler: Sampler,
     samples: Vec<Coefficients>,
     watches: Vec<Watch>,
+    /// Those that are looked at in the present step.
+    looked: Vec<usize>,
+    /// Those whose contacts are to be sampled, by contact.
+    wanted: Vec<bool>,
+    /// Memory for events of contacts.
+    scene: SceneRoom,
     /// Order of the zero that a watched function has at the start of the step.
     depart: Vec<u8>,
     w0: Vec<f64>,
@@ -207,6 +214,9 @@ impl Engine {
             sampler: Sampler::new(),
             samples: vec![[0.0; NODES]; n_w],
             watches: Vec::with_capacity(n_w),
+            looked: Vec::with_capacity(n_w),
+            wanted: vec![false; field.active.len()],
+            scene: SceneRoom::default(),
             depart: vec![0; n_w],
             w0: vec![0.0; n_w],
             w1: vec![0.0; n_w],
@@ -696,6 +706,7 @@ impl Engine {
             *d = if *rests { 2 } else { 0 };
         }
         self.fresh = false;
+        self.field.accept_near(&self.step, self.step_implicit);
         let moved = self.field.has_contacts() && self.settle_contacts()?;
         std::mem::swap(&mut self.alpha_start, &mut self.alpha_end);
         std::mem::swap(&mut self.q0, &mut self.q1);

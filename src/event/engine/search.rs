@@ -35,6 +35,9 @@ impl Engine {
     }
 
     pub(super) fn search_inner(&mut self, t1: f64) -> std::result::Result<Found, EvalError> {
+        if self.field.has_contacts() {
+            self.look_near()?;
+        }
         self.field.watched(t1, &self.step.x1)?;
         // what the field keeps is written again before it is read
         std::mem::swap(&mut self.q1, &mut self.field.q);
@@ -60,17 +63,21 @@ impl Engine {
             return Ok(Found::Nothing);
         }
         self.write_dense()?;
+        let forces = self.wanted_contacts();
         for i in 1..NODES {
             let s = self.sampler.nodes[i];
             if i < NODES - 1 {
                 self.step.at(s, &mut self.node);
                 let t = self.step.t + s * self.step.h;
-                self.field.watched(t, &self.node)?;
+                match forces {
+                    Some(forces) => self.field.scene_values((t, &self.node), forces, |c| self.wanted[c])?,
+                    None => self.field.watched(t, &self.node)?,
+                }
                 if leaves {
                     self.field.hidden(t, &self.node)?;
                 }
             }
-            for l in 0..self.watches.len() {
+            for &l in &self.looked {
                 if self.suspect[l] {
                     let end = i == NODES - 1;
                     let value = if end { self.w1[l] } else { self.watches[l].value(&self.field.q, &self.field) };
@@ -83,7 +90,8 @@ impl Engine {
         self.touched = None;
         let mut best = Found::Nothing;
         let mut first = f64::INFINITY;
-        for l in 0..self.watches.len() {
+        for k in 0..self.looked.len() {
+            let l = self.looked[k];
             if !self.suspect[l] {
                 continue;
             }
@@ -187,6 +195,7 @@ impl Engine {
         const FRACTION: f64 = 0.1;
         let (h, t, n_z, nx) = (self.step.h, self.step.t, self.field.n_z, self.nx);
         self.resting[..self.watches.len()].fill(false);
+        self.suspect[..self.watches.len()].fill(false);
         let mut worst = 0.0f64;
         let n_alg = self.field.n_alg();
         self.alpha_end.clear();
@@ -202,7 +211,8 @@ impl Engine {
         if contacts {
             self.look_inside()?;
         }
-        for l in 0..self.watches.len() {
+        for k in 0..self.looked.len() {
+            let l = self.looked[k];
             let w = self.watches[l];
             let (w0, depart) = (self.w0[l], self.depart[l]);
             let w1 = w.value(&self.q1, &self.field);

@@ -179,6 +179,8 @@ impl Engine {
         self.alpha_start.clear();
         self.alpha_start.extend_from_slice(&self.field.alpha[..self.field.n_alg()]);
         watch::list(&self.field, &mut self.watches);
+        self.looked.clear();
+        self.looked.extend(0..self.watches.len());
         if self.field.has_contacts() {
             self.field.contact_sizes(t, &self.x)?;
         }
@@ -188,6 +190,9 @@ impl Engine {
             let value = w.value(&self.q0, &self.field);
             self.w0[l] = value;
             self.depart[l] = 0;
+            if !self.field.looks_at(&w) {
+                continue;
+            }
             let scale = w.scale(&self.dq0, &self.field, t, &self.x);
             if w.is_leave() {
                 self.depart[l] = u8::from(value <= 1e-9);

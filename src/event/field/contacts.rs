@@ -1,8 +1,10 @@
 //! Contacts of a scene, as the engine watches them.
 
+use super::near::Near;
 use super::Field;
 use crate::contact::{mode, Dynamics, STOP};
-use crate::event::watch::{ContactWatch, Scale};
+use crate::event::step::Step;
+use crate::event::watch::{ContactWatch, Scale, Watch};
 use crate::func::{EvalError, EvalResult, Point};
 use crate::system::Mechanics;
 use std::sync::Arc;
@@ -25,6 +27,7 @@ pub(in crate::event) struct Contacts {
     known: bool,
     /// The gradients of a gap and of its rate.
     rows: Vec<f64>,
+    near: Near,
 }
 
 impl Contacts {
@@ -38,12 +41,18 @@ impl Contacts {
             last_x: vec![0.0; nx],
             known: false,
             rows: vec![0.0; 2 * n_z],
+            near: Near::new(mechanics),
         }
     }
 
     /// Place of the first value of contact `i`.
     pub(in crate::event) fn place(&self, i: usize) -> usize {
         self.q0 + WATCHED * i
+    }
+
+    /// Is contact `i` looked at in the present step?
+    pub(in crate::event) fn is_near(&self, i: usize) -> bool {
+        self.near.near[i]
     }
 
     pub(super) fn forget(&mut self) {
@@ -116,6 +125,9 @@ impl Field {
             // rates of open constraints are those under the present field
             let mut closed = first_order;
             for (i, set) in modes.iter().enumerate() {
+                if set[0] == mode::OPEN && !c.near.near[i] {
+                    continue;
+                }
                 if set[0] == mode::OPEN {
                     c.dynamics.load_gap(at, i)?;
                     let place = c.place(i);
@@ -155,6 +167,86 @@ impl Field {
         r.unwrap_or(Ok(()))
     }
 
+    /// Writes the values, without rates, of the contacts for which `wanted` holds; those of forces only if they are asked for.
+    pub(in crate::event) fn scene_values(
+        &mut self,
+        (t, x): (f64, &[f64]),
+        forces: bool,
+        wanted: impl Fn(usize) -> bool,
+    ) -> EvalResult {
+        let mut q = std::mem::take(&mut self.q);
+        let mut evaluated = 0;
+        let r = self.with_contacts(t, x, |c, at, modes| {
+            if forces && !(c.known && c.last_t == t && c.last_x == x) {
+                c.known = false;
+                evaluated = 1;
+                c.dynamics.accelerate(at, modes)?;
+            }
+            for (i, set) in modes.iter().enumerate().filter(|(i, _)| wanted(*i)) {
+                let place = c.place(i);
+                if set[0] == mode::OPEN {
+                    c.dynamics.load_gap(at, i)?;
+                    q[place] = c.dynamics.block(i).gap[0];
+                    continue;
+                }
+                if Dynamics::slides(set[0]) {
+                    c.dynamics.load_contact(at, i)?;
+                }
+                c.write(i, set[0], &mut q[place..place + WATCHED]);
+            }
+            Ok(())
+        });
+        self.q = q;
+        self.counts.values += evaluated;
+        r.unwrap_or(Ok(()))
+    }
+
+    /// Decides which contacts are looked at in a step; false where all are, always.
+    pub(in crate::event) fn look_near(&mut self, s: &Step, implicit: bool) -> bool {
+        let any = self.with_contacts(s.t, &s.x0, |c, at, modes| {
+            let Contacts { near, dynamics, .. } = c;
+            near.look(&dynamics.mechanics, (s, implicit), at, |i| modes[i][0] == mode::OPEN)
+        });
+        any.unwrap_or(false)
+    }
+
+    /// Is a watched function looked at in the present step? Those of contacts that are far are not.
+    pub(in crate::event) fn looks_at(&self, w: &Watch) -> bool {
+        match (w, &self.contacts) {
+            (Watch::Contact { contact, .. }, Some(c)) => c.near.near[*contact],
+            _ => true,
+        }
+    }
+
+    /// A step is accepted.
+    pub(in crate::event) fn accept_near(&mut self, s: &Step, implicit: bool) {
+        if let Some(c) = &mut self.contacts {
+            c.near.accept(s, implicit);
+        }
+    }
+
+    /// All contacts are looked at again.
+    pub(in crate::event) fn look_at_all(&mut self) {
+        if let Some(c) = &mut self.contacts {
+            c.near.reset();
+        }
+    }
+
+    /// The gap of an open contact and its rate where a step begins, if they are not known there.
+    pub(in crate::event) fn approach(&mut self, i: usize, s: &Step) -> Result<Option<[f64; 2]>, EvalError> {
+        let floor = std::mem::take(&mut self.floor);
+        let r = self.with_contacts(s.t, &s.x0, |c, at, modes| {
+            if std::mem::replace(&mut c.near.known[i], true) {
+                return Ok(None);
+            }
+            c.sizes[i] = c.sizes_of(i, modes[i][0], at, &floor)?;
+            c.dynamics.load_gap(at, i)?;
+            Ok(Some(c.dynamics.block(i).gap))
+        });
+        self.floor = floor;
+        r.unwrap_or(Ok(None))
+    }
+
     /// The gradient of a watched function of a contact with respect to `x`, `p`, `u`, `t`.
     pub(in crate::event) fn contact_gradient(
         &mut self,
@@ -175,7 +267,11 @@ impl Field {
         let floor = std::mem::take(&mut self.floor);
         let r = self.with_contacts(t, x, |c, at, modes| {
             for i in 0..modes.len() {
-                c.sizes[i] = c.sizes_of(i, modes[i][0], at, &floor)?;
+                let looked = modes[i][0] != mode::OPEN || c.near.near[i];
+                if looked {
+                    c.sizes[i] = c.sizes_of(i, modes[i][0], at, &floor)?;
+                }
+                (c.near.near[i], c.near.known[i]) = (looked, looked);
             }
             Ok(())
         });
@@ -196,39 +292,33 @@ impl Field {
         Scale { value: size, reach: size, gradient: 1.0 }
     }
 
-    /// What is watched under the present modes: contact, function, place of its value.
-    pub(in crate::event) fn contact_watches(&self) -> Vec<(usize, ContactWatch, usize)> {
-        let Some(c) = &self.contacts else { return Vec::new() };
-        let mut out = Vec::with_capacity(self.active.len());
-        for (i, set) in self.active.iter().enumerate() {
-            let place = c.place(i);
-            let n_t = c.dynamics.mechanics.contacts[i].n_tangents;
+    /// Adds what is watched under the present modes.
+    pub(in crate::event) fn contact_watches(&self, out: &mut Vec<Watch>) {
+        let Some(c) = &self.contacts else { return };
+        for (contact, set) in self.active.iter().enumerate() {
+            let place = c.place(contact);
+            let mut add = |what: ContactWatch, k: usize| out.push(Watch::Contact { contact, what, a: place + k });
+            let n_t = c.dynamics.mechanics.contacts[contact].n_tangents;
             if set[0] == mode::OPEN {
-                out.push((i, ContactWatch::Gap, place));
+                add(ContactWatch::Gap, 0);
                 continue;
             }
-            out.push((i, ContactWatch::Pressure, place + 1));
+            add(ContactWatch::Pressure, 1);
             if Dynamics::slides(set[0]) {
                 if n_t > 0 {
-                    out.push((i, ContactWatch::Speed, place + 2));
+                    add(ContactWatch::Speed, 2);
                 }
             } else if n_t == 1 {
-                out.push((i, ContactWatch::Cone(1.0), place + 2));
-                out.push((i, ContactWatch::Cone(-1.0), place + 3));
+                add(ContactWatch::Cone(1.0), 2);
+                add(ContactWatch::Cone(-1.0), 3);
             } else if n_t == 2 {
-                out.push((i, ContactWatch::Cone(1.0), place + 2));
+                add(ContactWatch::Cone(1.0), 2);
             }
         }
-        out
     }
 }
 
 impl Contacts {
-    /// Sizes of the normal forces since the present phase began.
-    pub(in crate::event) fn force_sizes(&self) -> Vec<f64> {
-        self.sizes.iter().map(|s| s[1]).collect()
-    }
-
     /// Values and rates of a closed contact after an evaluation.
     fn write(&self, i: usize, m: usize, q: &mut [f64]) {
         let d = &self.dynamics;
