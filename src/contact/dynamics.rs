@@ -90,6 +90,10 @@ pub(crate) struct Dynamics {
     pub(crate) mechanics: Arc<Mechanics>,
     /// A constant inertia is positive definite.
     definite: bool,
+    /// When a varying inertia was not positive definite last.
+    refused: f64,
+    /// Its smallest pivot at the start.
+    first_pivot: f64,
     pub(super) mass: Mass,
     pub(super) blocks: Vec<Block>,
     /// `N v`, `f_v`.
@@ -156,6 +160,8 @@ impl Dynamics {
         Dynamics {
             mechanics: mechanics.clone(),
             definite,
+            refused: f64::NEG_INFINITY,
+            first_pivot: 0.0,
             mass,
             blocks: m.contacts.iter().map(block).collect(),
             smooth: vec![0.0; m.n_q + n_v],
@@ -204,15 +210,32 @@ impl Dynamics {
         }
         let m = &self.mechanics;
         m.smooth.value(at, &mut self.smooth, &mut self.work)?;
-        self.mass.load(m, at, &mut self.work)?;
+        if let Err(e) = self.mass.load(m, at, &mut self.work) {
+            self.refused = at.t;
+            return Err(e);
+        }
         self.free.copy_from_slice(&self.smooth[m.n_q..]);
         self.mass.solve(&mut self.free);
         Ok(())
     }
 
-    /// Is the inertia matrix positive definite at a point?
+    /// Is the inertia matrix positive definite at a point, where a run begins?
     pub(crate) fn is_definite(&mut self, at: &At) -> bool {
-        self.definite && self.mass.load(&self.mechanics, at, &mut self.work).is_ok()
+        let fine = self.definite && self.mass.load(&self.mechanics, at, &mut self.work).is_ok();
+        (self.refused, self.first_pivot) = (f64::NEG_INFINITY, self.mass.smallest_pivot());
+        fine
+    }
+
+    /// Is the inertia matrix at a point hardly positive definite, compared with the start, or was it not within a time
+    /// around it?
+    pub(crate) fn is_nearly_singular(&mut self, at: &At, time: f64) -> bool {
+        /// Share of a pivot that is left of it.
+        const LEFT: f64 = 1e-6;
+        if self.mass.is_constant() {
+            return false;
+        }
+        let known = self.mass.load(&self.mechanics, at, &mut self.work).is_ok();
+        !known || self.mass.smallest_pivot() < LEFT * self.first_pivot || (self.refused - at.t).abs() <= time
     }
 
     /// Entries of a varying inertia matrix that should be one and differ.
@@ -474,9 +497,18 @@ impl Dynamics {
 
     /// Rate of the sliding velocity of contact `i` along a direction, under the last accelerations.
     pub(crate) fn sliding_acceleration(&self, i: usize, direction: [f64; 2]) -> f64 {
+        self.sliding_rate(i, direction, &self.acceleration)
+    }
+
+    /// The same with the accelerations in a derivative of the state.
+    pub(crate) fn sliding_acceleration_of(&self, i: usize, direction: [f64; 2], velocity: &[f64]) -> f64 {
+        self.sliding_rate(i, direction, &velocity[self.mechanics.n_q..])
+    }
+
+    fn sliding_rate(&self, i: usize, direction: [f64; 2], acceleration: &[f64]) -> f64 {
         let b = &self.blocks[i];
         let n_t = self.mechanics.contacts[i].n_tangents;
-        (0..n_t).map(|k| direction[k] * (dot(b.tangent(k), &self.acceleration) + b.sliding_rest[k])).sum()
+        (0..n_t).map(|k| direction[k] * (dot(b.tangent(k), acceleration) + b.sliding_rest[k])).sum()
     }
 
     /// Second derivative of the gap of contact `i` under the last accelerations; the contact is loaded.
@@ -504,7 +536,8 @@ impl Dynamics {
 
     /// What the normal force of contact `i`, which is loaded and closed, consists of before anything cancels: free
     /// accelerations, and the pushes of the other contacts of the last evaluation.
-    pub(crate) fn force_size(&self, i: usize) -> f64 {
+    pub(crate) fn force_size(&mut self, i: usize) -> f64 {
+        let y = &mut self.buffer[..self.mechanics.n_v];
         let b = &self.blocks[i];
         let m = self.rows.len();
         let held = self.held.entries();
@@ -514,9 +547,9 @@ impl Dynamics {
             }
             _ => 0.0,
         };
-        let mut y = b.normal.clone();
-        self.mass.solve(&mut y);
-        let w = dot(&b.normal, &y);
+        y.copy_from_slice(&b.normal);
+        self.mass.solve(y);
+        let w = dot(&b.normal, y);
         let own = b.normal.iter().zip(&self.free).map(|(n, a)| (n * a).abs()).sum::<f64>() + b.rest.abs();
         let terms = own + pushes;
         if w > 0.0 {

@@ -42,6 +42,14 @@ impl Mass {
         !matches!(self, Mass::Dense { constant: false, .. })
     }
 
+    /// Smallest pivot of a factored matrix.
+    pub(super) fn smallest_pivot(&self) -> f64 {
+        match self {
+            Mass::Dense { n, l, .. } => (0..*n).map(|i| l[i * n + i] * l[i * n + i]).fold(f64::INFINITY, f64::min),
+            _ => 1.0,
+        }
+    }
+
     /// Evaluates and factors the matrix where it varies.
     pub(super) fn load(&mut self, m: &Mechanics, at: &Point, work: &mut [f64]) -> EvalResult {
         if let (Mass::Dense { n, l, constant: false }, Inertia::Varying { matrix, .. }) = (self, &m.inertia) {

@@ -36,15 +36,17 @@ const ZERO: f64 = 1e-9;
 
 impl Dynamics {
     /// The modes that may follow where these contacts are closed and the others open. Over a time `length` the solution
-    /// hardly changes; `lately` are sizes that the normal forces had, for where all of what they consist of vanishes.
+    /// hardly changes; what is `loaded` already is not evaluated again; `lately` are sizes that the normal forces had, for where all of what they consist of vanishes.
     pub(crate) fn follow(
         &mut self,
         at: &At,
         closed: &[Closed],
         lately: &dyn Fn(usize) -> f64,
-        length: f64,
+        (length, loaded): (f64, bool),
     ) -> Result<Follow, EvalError> {
-        self.load(at)?;
+        if !loaded {
+            self.load(at)?;
+        }
         for c in closed {
             self.load_contact(at, c.contact)?;
         }

@@ -15,9 +15,9 @@ mod contacts;
 mod derivatives;
 mod near;
 
-pub(super) use contacts::TO_RATE;
+pub(super) use contacts::{Contacts, TO_RATE};
 
-use self::contacts::{Contacts, WATCHED};
+use self::contacts::WATCHED;
 use super::guard::{Guards, Reset};
 use crate::dcs::{filippov, Cell, Dcs, Drift};
 use crate::func::{Dims, EvalError, EvalResult, Function, Point};

@@ -8,16 +8,21 @@
 use super::{recover, Engine, Progress, EPS};
 use crate::contact::{self, mode, Closed, Dynamics, Impulse};
 use crate::error::{Error, Result};
-use crate::event::field::TO_RATE;
+use crate::event::field::{Contacts, TO_RATE};
 use crate::event::watch::{ContactWatch, Watch};
 use crate::event::{Accumulation, Continuation, Impact, ImpactKind, Outcome, Phase, Zeno};
-use crate::func::EvalError;
+use crate::func::{EvalError, Point};
 use crate::system::ImpactLaw;
 
 /// Impacts at one time at most, one after the other.
 const MOST: usize = 1000;
 /// Impacts in no time at most.
 const BURST: usize = 5000;
+/// So many closed contacts are a heap.
+const MANY: usize = 8;
+/// What to do where many contacts are too much.
+pub(super) const BY_STEPS: &str =
+    "; scenes in which many bodies touch each other are for time stepping (simulate_steps)";
 /// A sliding velocity below this share of its size is zero behind an event: what equations solved there leave.
 const AT_REST: f64 = 1e-11;
 /// A gap at the start below so many roundings of its size is closed: the user computed the state in as many operations.
@@ -30,6 +35,10 @@ const LAST: f64 = 0.1;
 /// Memory for events.
 #[derive(Default)]
 pub(super) struct SceneRoom {
+    /// When every contact was closed last.
+    left: Vec<f64>,
+    /// Contacts that hardly open are closed at the present event, see [`Engine::flight_is_short`].
+    merges: bool,
     /// Contacts without a gap.
     touching: Vec<usize>,
     closed: Vec<Closed>,
@@ -42,6 +51,13 @@ pub(super) struct SceneRoom {
     row: Vec<f64>,
     /// Jacobians of the resets of an event.
     resets: Vec<f64>,
+}
+
+impl SceneRoom {
+    /// A run begins.
+    pub(super) fn forget(&mut self) {
+        self.left.fill(f64::NEG_INFINITY);
+    }
 }
 
 impl Engine {
@@ -286,6 +302,14 @@ impl Engine {
 
     /// An event of watch `l` at the present point.
     pub(super) fn contact_event(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        if let Watch::Contact { contact, what: ContactWatch::Gap, .. } = self.watches[l] {
+            if self.t > self.step.t {
+                let x = std::mem::take(&mut self.x);
+                let r = self.check_gradient(contact, self.t, &x);
+                self.x = x;
+                r?;
+            }
+        }
         let length = self.usual_step();
         let n = self.impacts.len();
         let r = self.scene_inner(Some(l), slope, length);
@@ -306,10 +330,54 @@ impl Engine {
             }
             self.burst.1 += 1;
             if self.burst.1 > BURST {
-                return Ok(self.end_at_accumulation(self.t));
+                let text = format!("{BURST} impacts in no time: they accumulate{BY_STEPS}");
+                return Ok(self.fail(Outcome::Zeno, text));
             }
         }
         Ok(Progress::Switched)
+    }
+
+    /// A gap whose gradient vanishes where it closes has no normal: no force could act. It is compared with the way the gap
+    /// has gone since the step began.
+    pub(super) fn check_gradient(&mut self, contact: usize, t: f64, x: &[f64]) -> Result<()> {
+        /// Gradients so small are none.
+        const LEAST: f64 = 1e-6;
+        let (s, n_z, row) = (&self.step, self.field.n_z, &mut self.scene.row);
+        row.clear();
+        row.resize(n_z, 0.0);
+        let there = self.field.with_contacts(t, x, |c, at, _| c.dynamics.gap_gradient(at, contact, row));
+        let before = self.field.with_contacts(s.t, &s.x0, |c, at, _| {
+            c.dynamics.load_gap(at, contact).map(|()| c.dynamics.block(contact).gap[0])
+        });
+        let (Some(Ok(())), Some(Ok(gap))) = (there, before) else { return Ok(()) };
+        let ways = x.iter().zip(&s.x0).zip(s.f0.iter().zip(&s.f1));
+        let way = ways.map(|((x, x0), (a, b))| (x - x0).abs().max(s.h * a.abs()).max(s.h * b.abs()));
+        let reach = row.iter().zip(way).map(|(g, w)| g.abs() * w).sum::<f64>() + row[n_z - 1].abs() * s.h;
+        if !(gap > 0.0 && reach <= LEAST * gap) {
+            return Ok(());
+        }
+        let name = self.field.scene().map_or("", |c| &c.dynamics.mechanics.contacts[contact].name);
+        let text = format!(
+            "the gradient of the gap of contact {name} vanishes where it closes: state the gap so that its gradient is not \
+             zero there, as a distance and not as a power of it"
+        );
+        self.fail(Outcome::NoContinuation, text);
+        Err(Error::Range(self.reason.clone()))
+    }
+
+    /// What made the steps of a scene too short, if that is known.
+    pub(super) fn cause_of_short_steps(&mut self) -> Option<String> {
+        let t = self.t;
+        let near = 1e-6 * (self.t_stop - self.t_start).abs();
+        let singular = self.field.with_contacts(t, &self.x, |c, at, _| c.dynamics.is_nearly_singular(at, near))?;
+        if singular {
+            return Some(
+                "the inertia matrix becomes singular there: choose coordinates in which it stays positive definite"
+                    .into(),
+            );
+        }
+        let closed = self.field.active.iter().filter(|set| set[0] != mode::OPEN).count();
+        (closed >= MANY).then(|| BY_STEPS[2..].to_owned())
     }
 
     /// Everything that happens at the present point: the end of a slide in space, impacts, the next modes. `l` is the watch
@@ -345,6 +413,10 @@ impl Engine {
             self.stop_in_space(contact)?;
         }
         let start = self.impacts.len();
+        self.scene.merges = match event {
+            Some((contact, ContactWatch::Gap)) => self.flight_is_short(contact)?,
+            _ => false,
+        };
         let mut unique = self.collide(event, recorded)?;
         if self.outcome != Outcome::Reached {
             return Ok(());
@@ -352,6 +424,15 @@ impl Engine {
         unique &= self.next_modes(event, length, recorded, self.impacts.len() == start)?;
         if self.outcome != Outcome::Reached {
             return Ok(());
+        }
+        let t = self.t;
+        let SceneRoom { left, touching, .. } = &mut self.scene;
+        left.resize(self.field.active.len(), f64::NEG_INFINITY);
+        touching.iter().for_each(|i| left[*i] = t);
+        if self.scene.merges {
+            self.stats.accumulations += 1;
+            self.one_sided = true;
+            self.bring_together()?;
         }
         self.enter()?;
         let several = self.impacts.len() - start > 1;
@@ -374,7 +455,8 @@ impl Engine {
                 // nothing has changed: a force or a speed that only touches zero
                 self.crowd += 1;
                 if self.crowd > 20 {
-                    self.fail(Outcome::NoContinuation, "the contact modes contradict each other".into());
+                    let text = format!("the contact modes contradict each other{BY_STEPS}");
+                    self.fail(Outcome::NoContinuation, text);
                 }
                 if let Some(l) = l {
                     self.depart[l] = self.depart[l].max(2);
@@ -439,10 +521,45 @@ impl Engine {
         Ok(())
     }
 
+    /// Did a contact that closes now fly for so short a time, and so slowly, that the tolerances see neither its gap nor its
+    /// velocity? Bodies that carry each other knock contacts open which close again, in ever shorter time; the motion goes
+    /// on behind that where all that hardly moves is taken as closed.
+    fn flight_is_short(&mut self, i: usize) -> std::result::Result<bool, EvalError> {
+        let since = self.t - self.scene.left.get(i).copied().unwrap_or(f64::NEG_INFINITY);
+        if !since.is_finite() || self.field.scene().is_some_and(|c| c.dynamics.is_first_order()) {
+            return Ok(false);
+        }
+        let (rtol, atol, row) = (&self.rtol, &self.atol, &mut self.scene.row);
+        let n_z = self.field.n_z;
+        let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
+            c.dynamics.load_gap(at, i)?;
+            c.dynamics.load_contact(at, i)?;
+            let (b, n_q) = (c.dynamics.block(i), c.dynamics.mechanics.n_q);
+            let (rate, elastic) = (b.gap[1].abs(), b.restitution >= 1.0);
+            let [gap, speed] = c.unseen(i, at, n_q, (rtol, atol), (row, n_z))?;
+            Ok(!elastic && rate * since <= LAST * gap && rate <= speed)
+        });
+        r.unwrap_or(Ok(false))
+    }
+
+    /// The gaps of contacts that are taken as closed, and their rates, become zero.
+    fn bring_together(&mut self) -> std::result::Result<(), EvalError> {
+        let mut x = std::mem::take(&mut self.scene.after);
+        x.clone_from(&self.x);
+        let r = self
+            .field
+            .with_contacts(self.t, &self.x, |c, at, modes| c.dynamics.project(at, modes, &mut x, &|_, _| [0.0; 2]));
+        self.x.copy_from_slice(&x);
+        self.scene.after = x;
+        self.field.forget();
+        r.unwrap_or(Ok(false)).map(|_| ())
+    }
+
     /// Lists the contacts without a gap at the present point that are closed or do not open.
     fn touching(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
         let first = event.is_none();
-        let out = &mut self.scene.touching;
+        let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
+        let SceneRoom { touching: out, row, merges, .. } = &mut self.scene;
         out.clear();
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
             for (i, set) in modes.iter().enumerate() {
@@ -464,7 +581,8 @@ impl Engine {
                     continue;
                 }
                 let near = (roundings * EPS * c.sizes[i][0]).max(8.0 * EPS * rate.abs() * at.t.abs());
-                if gap <= near && rate <= 64.0 * EPS * c.sizes[i][3] {
+                let closes = gap <= near && rate <= 64.0 * EPS * c.sizes[i][3];
+                if closes || *merges && c.hardly_opens(i, at, (rtol, atol), (row, n_z))? {
                     out.push(i);
                 }
             }
@@ -506,10 +624,12 @@ impl Engine {
                 self.end_at_accumulation(limit);
                 return Ok(false);
             }
-            for c in list.iter_mut().filter(|c| self.scene.last.iter().any(|l| l.0 == c.0)) {
+            let merges = self.scene.merges;
+            for c in list.iter_mut().filter(|c| merges || self.scene.last.iter().any(|l| l.0 == c.0)) {
                 c.1 = Some(0.0);
             }
-            let kind = if self.scene.last.is_empty() { ImpactKind::Collision } else { ImpactKind::Last };
+            let last = merges || !self.scene.last.is_empty();
+            let kind = if last { ImpactKind::Last } else { ImpactKind::Collision };
             let Some(one) = self.strike(&list, kind, recorded)? else {
                 self.fail(Outcome::NoContinuation, "no impulses satisfy the conditions of the impact".into());
                 return Ok(false);
@@ -576,7 +696,8 @@ impl Engine {
                     closed.push(Closed { contact: k, rests: modes[k][0] == mode::CLOSED });
                 }
                 let sizes = &c.sizes;
-                let follow = c.dynamics.follow(at, closed, &|k| sizes[k][1], length)?;
+                let loaded = c.is_at(at);
+                let follow = c.dynamics.follow(at, closed, &|k| sizes[k][1], (length, loaded))?;
                 let Some(choice) = follow.all.first() else { continue };
                 c.dynamics.begin(choice);
                 c.dynamics.accelerate(at, &choice.modes)?;
@@ -702,7 +823,8 @@ impl Engine {
             let closed = &self.scene.closed;
             let found = self.field.with_contacts(self.t, &self.x, |c, at, _| {
                 let sizes = &c.sizes;
-                c.dynamics.follow(at, closed, &|k| sizes[k][1], length)
+                let loaded = c.is_at(at);
+                c.dynamics.follow(at, closed, &|k| sizes[k][1], (length, loaded))
             });
             let Some(found) = found else { return Ok(true) };
             let found = found?;
@@ -770,20 +892,22 @@ impl Engine {
 
     /// Lists those of the touching contacts that are closed, and whether each is at rest.
     fn closed(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
-        let (all, out) = (&self.scene.touching, &mut self.scene.closed);
+        let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
+        let SceneRoom { touching: all, closed: out, row, merges, .. } = &mut self.scene;
         out.clear();
         // as the field does it while it lends the rest of itself
         let floor = std::mem::take(&mut self.field.floor);
         let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
-            for &i in all {
+            for &i in all.iter() {
                 c.dynamics.load_gap(at, i)?;
                 c.dynamics.load_contact(at, i)?;
+                let hardly = *merges && c.hardly_opens(i, at, (rtol, atol), (row, n_z))?;
                 let b = c.dynamics.block(i);
                 if c.dynamics.is_first_order() {
                     out.push(Closed { contact: i, rests: true });
                     continue;
                 }
-                if b.gap[1] > AT_REST * c.sizes[i][3] {
+                if b.gap[1] > AT_REST * c.sizes[i][3] && !hardly {
                     continue;
                 }
                 let n_q = c.dynamics.mechanics.n_q;
@@ -802,5 +926,45 @@ impl Engine {
         });
         self.field.floor = floor;
         r.unwrap_or(Ok(()))
+    }
+}
+
+impl Contacts {
+    /// What of the gap of contact `i`, and of its rate, the tolerances do not see; its normal is loaded.
+    fn unseen(
+        &mut self,
+        i: usize,
+        at: &Point,
+        n_q: usize,
+        (rtol, atol): (&[f64], &[f64]),
+        (row, n_z): (&mut Vec<f64>, usize),
+    ) -> std::result::Result<[f64; 2], EvalError> {
+        row.clear();
+        row.resize(n_z, 0.0);
+        self.dynamics.gap_gradient(at, i, row)?;
+        let tolerance = |k: usize| rtol[k] * at.x[k].abs() + atol[k];
+        let gap = (0..n_q).map(|k| row[k].abs() * tolerance(k)).sum();
+        let normal = &self.dynamics.block(i).normal;
+        Ok([gap, normal.iter().enumerate().map(|(k, n)| n.abs() * tolerance(n_q + k)).sum()])
+    }
+
+    /// Is the gap of contact `i` zero, and does it rest, as far as the tolerances see?
+    fn hardly_opens(
+        &mut self,
+        i: usize,
+        at: &Point,
+        tolerances: (&[f64], &[f64]),
+        room: (&mut Vec<f64>, usize),
+    ) -> std::result::Result<bool, EvalError> {
+        self.dynamics.load_gap(at, i)?;
+        let [gap, rate] = self.dynamics.block(i).gap;
+        // far from it by any size
+        if gap > 1e-3 * self.sizes[i][0] || rate.abs() > 1e-3 * self.sizes[i][3] {
+            return Ok(false);
+        }
+        self.dynamics.load_contact(at, i)?;
+        let n_q = self.dynamics.mechanics.n_q;
+        let unseen = self.unseen(i, at, n_q, tolerances, room)?;
+        Ok(gap <= LAST * unseen[0] && rate.abs() <= unseen[1])
     }
 }

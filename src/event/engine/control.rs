@@ -82,10 +82,14 @@ impl Engine {
             (safe * err.max(1e-8).powf(-0.25)).clamp(0.2, 8.0)
         } else {
             // proportional-integral control, which the pair of order 8 does without
+            // the first step of a scene is a guess, and flights and slides are often polynomials
+            let guessed = self.stats.steps == 0 && self.field.has_contacts();
+            let least = if guessed { 1e-18 } else { 1e-10 };
             let (factor, most) = match self.pair {
-                Pair::Dp5 => (err.max(1e-10).powf(-0.17) * self.err_before.powf(0.04), 10.0),
-                Pair::Dop853 => (1.0 / err.max(1e-10).sqrt().sqrt().sqrt(), 6.0),
+                Pair::Dp5 => (err.max(least).powf(-0.17) * self.err_before.powf(0.04), 10.0),
+                Pair::Dop853 => (1.0 / err.max(least).sqrt().sqrt().sqrt(), 6.0),
             };
+            let most = if guessed { 100.0 } else { most };
             (0.9 * factor).clamp(0.333, most)
         };
         let h = self.step.h * if rejected { factor.min(1.0) } else { factor };

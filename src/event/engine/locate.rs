@@ -60,7 +60,9 @@ impl Engine {
                 return Ok(None);
             }
             if delta.abs() <= 1e-8 * h || delta.abs() <= floor || self.is_short(delta, l) {
-                if self.overlooked(l) {
+                // forces of bodies that carry each other vanish together, and no step lies between them
+                let at_once = self.field.has_contacts() && h <= self.no_time();
+                if self.overlooked(l) && !at_once {
                     return Ok(None);
                 }
                 return self.touch_down(l, slope, grown).map(Some);
@@ -117,11 +119,21 @@ impl Engine {
         Ok((value, rate))
     }
 
+    /// The same where only this function has to be known.
+    fn watched_alone(&mut self, l: usize, t: f64) -> std::result::Result<(f64, f64), EvalError> {
+        let Watch::Contact { contact, what, .. } = self.watches[l] else { return self.watched(l, t) };
+        match self.field.contact_alone((contact, what), (t, &self.step.x1), &self.step.f1)? {
+            Some(found) => Ok(found),
+            None => self.watched(l, t),
+        }
+    }
+
     /// The last digits of the switching time: along the velocity, which is exact to rounding over so short a time.
     pub(super) fn touch_down(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
         let mut t = (self.t + self.step.h).min(self.t_stop);
-        for _ in 0..4 {
-            let found = self.watched(l, t).map(Some);
+        for k in 0..4 {
+            // all that is watched is known where the step ends
+            let found = if k == 0 { self.watched(l, t) } else { self.watched_alone(l, t) }.map(Some);
             let Some((value, rate)) = recover(found, None)? else { break };
             let rate = if rate < 0.0 { rate } else { slope };
             let rounding = self.watches[l].rounding(&self.field.dq, &self.field, t, &self.step.x1);

@@ -298,6 +298,7 @@ impl Engine {
         self.field.guards.reset(x);
         self.crowd = 0;
         self.burst = (f64::NEG_INFINITY, 0);
+        self.scene.forget();
         self.variational = (f64::INFINITY, 0);
         self.held_back = 0;
         self.behind = false;
@@ -648,6 +649,9 @@ impl Engine {
     fn fail(&mut self, outcome: Outcome, reason: String) -> Progress {
         self.outcome = outcome;
         self.reason = format!("t = {}: {reason}", self.t);
+        if let (Outcome::StepTooSmall, Some(cause)) = (outcome, self.cause_of_short_steps()) {
+            self.reason = format!("{}; {cause}", self.reason);
+        }
         if matches!(outcome, Outcome::StepTooSmall | Outcome::NoContinuation) {
             if let Some(complaint) = trouble::last_after(self.heard) {
                 self.reason = format!("{}; last complaint: {complaint}", self.reason);
@@ -691,6 +695,13 @@ impl Engine {
         }
         self.differentiate_step(t1)?;
         if let Some(c) = self.touched.take() {
+            if self.field.has_contacts() {
+                let mut x = std::mem::take(&mut self.node);
+                self.step.at((c.t - self.step.t) / self.step.h, &mut x);
+                let r = self.check_gradient(c.subsystem, c.t, &x);
+                self.node = x;
+                r?;
+            }
             self.touch(c);
         }
         self.stats.steps += 1;

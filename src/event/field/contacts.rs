@@ -140,7 +140,7 @@ impl Field {
             if !closed {
                 return Ok(());
             }
-            if !(c.known && c.last_t == t && c.last_x == x) {
+            if !c.is_at(at) {
                 c.known = false;
                 evaluated = 1;
                 c.dynamics.accelerate(at, modes)?;
@@ -177,7 +177,7 @@ impl Field {
         let mut q = std::mem::take(&mut self.q);
         let mut evaluated = 0;
         let r = self.with_contacts(t, x, |c, at, modes| {
-            if forces && !(c.known && c.last_t == t && c.last_x == x) {
+            if forces && !c.is_at(at) {
                 c.known = false;
                 evaluated = 1;
                 c.dynamics.accelerate(at, modes)?;
@@ -199,6 +199,29 @@ impl Field {
         self.q = q;
         self.counts.values += evaluated;
         r.unwrap_or(Ok(()))
+    }
+
+    /// A watched function and its rate for a velocity, where they take no accelerations.
+    pub(in crate::event) fn contact_alone(
+        &mut self,
+        (contact, what): (usize, ContactWatch),
+        (t, x): (f64, &[f64]),
+        velocity: &[f64],
+    ) -> Result<Option<(f64, f64)>, EvalError> {
+        let r = self.with_contacts(t, x, |c, at, modes| match what {
+            ContactWatch::Gap if !c.dynamics.is_first_order() => {
+                c.dynamics.load_gap(at, contact)?;
+                let [gap, rate] = c.dynamics.block(contact).gap;
+                Ok(Some((gap, rate)))
+            }
+            ContactWatch::Speed => {
+                c.dynamics.load_contact(at, contact)?;
+                let d = c.dynamics.direction(contact, modes[contact][0]);
+                Ok(Some((c.speed(contact, d), c.dynamics.sliding_acceleration_of(contact, d, velocity))))
+            }
+            _ => Ok(None),
+        });
+        r.unwrap_or(Ok(None))
     }
 
     /// Decides which contacts are looked at in a step; false where all are, always.
@@ -319,6 +342,18 @@ impl Field {
 }
 
 impl Contacts {
+    /// Sliding velocity of a contact along a direction, in space until it counts as zero.
+    fn speed(&self, i: usize, direction: [f64; 2]) -> f64 {
+        let d = &self.dynamics;
+        let (n, s) = (d.mechanics.contacts[i].n_tangents, d.block(i).sliding);
+        (0..n).map(|k| direction[k] * s[k]).sum::<f64>() - if n == 2 { STOP * d.fastest[i] } else { 0.0 }
+    }
+
+    /// Was the right-hand side evaluated here last?
+    pub(in crate::event) fn is_at(&self, at: &Point) -> bool {
+        self.known && self.last_t == at.t && self.last_x == at.x
+    }
+
     /// Values and rates of a closed contact after an evaluation.
     fn write(&self, i: usize, m: usize, q: &mut [f64]) {
         let d = &self.dynamics;
@@ -329,9 +364,7 @@ impl Contacts {
             (0, _) => {}
             (_, true) => {
                 let dir = d.direction(i, m);
-                let n = d.mechanics.contacts[i].n_tangents;
-                q[2] =
-                    (0..n).map(|k| dir[k] * b.sliding[k]).sum::<f64>() - if n == 2 { STOP * d.fastest[i] } else { 0.0 };
+                q[2] = self.speed(i, dir);
                 q[2 + TO_RATE] = d.sliding_acceleration(i, dir);
             }
             (1, false) => {

@@ -159,8 +159,7 @@ impl Near {
         let guess = |closing: f64, share: f64| (share * gap / closing).min(FAR);
         let mut k = if self.closing[i] == 0.0 { FAR } else { guess(self.closing[i], 0.9) };
         for _ in 0..TRIES {
-            // also where it is no number
-            if !(k >= used) {
+            if k.is_nan() || k < used {
                 // what was known of its closing may be out of date some time
                 self.closing[i] *= 0.97;
                 return false;
