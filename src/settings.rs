@@ -620,7 +620,7 @@ macro_rules! row {
 pub static OPTIONS: &[OptionInfo] = &[
     row!(rk_family: Enum(RkFamily::RadauIia), "", SETUP,
         "Runge-Kutta family (enum rk_family)."),
-    row!(n_s: Int(2, Closed(1.0), Closed(9.0)), "n_s", SETUP,
+    row!(n_s: Int(3, Closed(1.0), Closed(9.0)), "n_s", SETUP,
         "Stage points of the Runge-Kutta method."),
     row!(n_fe: Int(3, Closed(1.0), Closed(1000.0)), "N_FE", SETUP,
         "Finite elements of a control stage or a simulation step."),

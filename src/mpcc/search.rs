@@ -25,21 +25,21 @@ const MAX_COLLAPSES: usize = 3;
 const MAX_ITERATIONS: usize = 150;
 
 impl MpccSolver {
-    /// Solves the branch `sides` from `x0[n]` and goes on to better ones; true when it has a solution, which is then the
+    /// Solves the branch `sides` from `x0[n]`, which may be `far` from its solution, and goes on to better ones; true when it has a solution, which is then the
     /// result.
     pub fn solve_sides(
         &mut self,
         p: &mut dyn Mpcc,
         bounds: &Bounds,
         sides: &[Side],
-        x0: &[f64],
+        (x0, far): (&[f64], bool),
         control: &mut Control,
         suggest: Suggest,
     ) -> bool {
         let clock = Instant::now();
         self.enter(p, sides, x0);
         let mut ok = self.try_point(p, bounds, control);
-        if !ok {
+        if !ok && far {
             self.st.start(x0, &mut self.point);
             ok = self.try_far(p, bounds, control);
         }

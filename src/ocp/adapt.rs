@@ -218,7 +218,7 @@ impl Ocp {
     }
 
     /// Makes a solution the guess of the next solve: states, controls, lengths, free parameters, modes.
-    fn carry_over(&mut self, r: &OcpResult) -> Result<()> {
+    pub(super) fn carry_over(&mut self, r: &OcpResult) -> Result<()> {
         let nx = r.trajectory.nx();
         let t0 = r.trajectory.elements.first().map_or(0.0, |e| e.t);
         let (mut times, mut states) = (Vec::new(), Vec::new());

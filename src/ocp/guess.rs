@@ -1,12 +1,13 @@
 //! Starting points: what was given, a constant, a simulation, a smoothed one, or the solution of an easier problem.
 
 use super::extend::Extended;
-use super::{Ocp, SLACK};
+use super::{CostAt, Ocp, SLACK};
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::event::{self, Engine};
 use crate::fesd::{Fesd, Options, Spec};
 use crate::func::{Callback, EvalError, Point};
+use crate::linalg::cholesky;
 use crate::linalg::csc::Pattern;
 use crate::mpcc::{MpccSettings, MpccSolver};
 use crate::nlp::{Control, Nlp, Outcome};
@@ -19,6 +20,9 @@ const TOLERANCE: f64 = 1e-6;
 const MAX_STEPS: usize = 100_000;
 /// Points of a simulation that are kept for every element.
 const POINTS: usize = 3;
+/// Steps to a state that meets the terminal conditions, and the share of the first violation that counts as none.
+const TARGET_STEPS: usize = 20;
+const TARGET_MET: f64 = 1e-6;
 /// Relaxation at which the problem on fixed steps is left.
 const EARLY: f64 = 0.1;
 
@@ -109,6 +113,70 @@ impl Ocp {
             Err(e) => return Err(e),
         };
         Ok(Guess { times, states, pairs: kind == InitialGuess::Smoothed, ..constant })
+    }
+
+    /// A state at which the terminal constraints hold and terminal least squares vanish, near the initial one: minimal
+    /// steps of Gauss and Newton. `None` where there is nothing to reach, or it is not reached.
+    pub(super) fn target(&self) -> Option<Vec<f64>> {
+        let d = self.system.dims();
+        let mut x: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let start = x.clone();
+        let u = self.control_guess();
+        let t = self.t0 + self.durations.iter().sum::<f64>();
+        let last = &u[(self.n_stages - 1) * d.u..];
+        let wanted: Vec<(&SharedFunction, &[f64], &[f64])> = self
+            .terminal
+            .iter()
+            .map(|e| (&e.f, &e.lower[..], &e.upper[..]))
+            .chain(
+                self.squares
+                    .iter()
+                    .filter(|q| q.place == CostAt::Terminal)
+                    .map(|q| (&q.f, &q.references[..], &q.references[..])),
+            )
+            .collect();
+        let mut first = f64::NAN;
+        for step in 0..=TARGET_STEPS {
+            let at = Point { t, x: &x, u: last, p: self.params_of(self.n_stages - 1) };
+            // rows of the violated conditions and how far they are from their bounds
+            let (mut rows, mut off): (Vec<Vec<f64>>, Vec<f64>) = (Vec::new(), Vec::new());
+            for (f, lower, upper) in &wanted {
+                let values = value(f, &at).ok()?;
+                let p = f.jac_pattern();
+                let mut jac = vec![0.0; p.nnz()];
+                f.jacobian(&at, &mut jac, &mut vec![0.0; f.work_len()]).ok()?;
+                for (i, v) in values.iter().enumerate() {
+                    let miss = v.clamp(lower[i], upper[i]) - v;
+                    let row: Vec<f64> = (0..d.x).map(|j| p.get(i, j).map_or(0.0, |k| jac[k])).collect();
+                    if miss != 0.0 && row.iter().any(|v| *v != 0.0) {
+                        rows.push(row);
+                        off.push(miss);
+                    }
+                }
+            }
+            let size = off.iter().fold(0f64, |a, v| a.max(v.abs()));
+            if step == 0 {
+                first = size;
+            }
+            if size <= TARGET_MET * first {
+                return (x != start).then_some(x);
+            }
+            let n = rows.len();
+            let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+            let mut gram: Vec<f64> = (0..n * n).map(|k| product(&rows[k % n], &rows[k / n])).collect();
+            for i in 0..n {
+                // dependent conditions share the step
+                gram[i * n + i] *= 1.0 + 1e-9;
+            }
+            if !cholesky::factorise(n, &mut gram) {
+                return None;
+            }
+            cholesky::solve(&gram, &mut off);
+            for (row, v) in rows.iter().zip(&off) {
+                x.iter_mut().zip(row).for_each(|(x, r)| *x += r * v);
+            }
+        }
+        None
     }
 
     /// Controls as given, or in the middle of their bounds.

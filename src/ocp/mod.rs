@@ -20,6 +20,7 @@ mod guess;
 mod identify;
 mod joint;
 mod modes;
+mod moves;
 mod neighbours;
 mod nominal;
 mod phases;

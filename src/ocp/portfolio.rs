@@ -3,9 +3,11 @@
 
 use std::time::Instant;
 
+use super::moves::Sequence;
 use super::request::Request;
 use super::solve::Start;
 use super::{Ocp, OcpResult};
+use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::mpcc::Polish;
 use crate::nlp::{Control, Outcome, Statistics};
@@ -16,6 +18,11 @@ use crate::stop;
 const SAME: f64 = 1e-4;
 /// Difference, relative, up to which the cost of a mode program is what the smoothed problem promised.
 const PROMISED: f64 = 0.03;
+
+/// Sequences next to that of an answer that are tried at most.
+const NEIGHBOURS: usize = 24;
+/// Share of the cost by which one must be lower to count as better.
+const GAIN: f64 = 1e-7;
 
 /// What starts by smoothing found.
 #[derive(Default)]
@@ -53,6 +60,7 @@ impl Ocp {
         let mut found = self.solve_by_smoothing(request, control)?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
         let enough = found.best.is_some() && (request.start == OcpStart::Smoothing || (found.agreed && !given));
+        found = self.improve(found, request, control)?;
         if !enough && (found.best.is_none() || stop::requested().is_none()) {
             let r = match self.run(start, request, control) {
                 Ok(r) => r,
@@ -71,6 +79,43 @@ impl Ocp {
             found.spent.add(&r.stats);
         }
         self.adopt(found, request, control, clock)
+    }
+
+    /// Goes from the best answer to sequences next to its own as long as the cost falls.
+    fn improve(&self, mut found: Candidates, request: &Request, control: &mut Control) -> Result<Candidates> {
+        let inside = Request { comparison: None, explain: false, ..*request };
+        let form = Dcs::new(&self.system, request.options.form)?.form().clone();
+        let n_fe = self.elements(&request.options);
+        let mut tried = Vec::new();
+        let mut left = NEIGHBOURS.max(request.search);
+        while let Some((r, sizes)) = found.best.as_ref().and_then(|b| Some((b.result.clone()?, b.sizes.clone()))) {
+            let now = Sequence::of(&r);
+            tried.push(now.sets());
+            let mut better = false;
+            for s in now.neighbours(&form.simplices) {
+                if stop::requested().is_some() || left == 0 {
+                    return Ok(found);
+                }
+                if tried.contains(&s.sets()) {
+                    continue;
+                }
+                tried.push(s.sets());
+                left -= 1;
+                let mut work = self.with_sequence(&r, &s, &form, &n_fe)?;
+                work.sizes.clone_from(&sizes);
+                let next = work.run(Start::Near, &inside, control)?;
+                found.spent.add(&next.stats);
+                if next.is_exact() && next.cost < r.cost - GAIN * r.cost.abs() {
+                    found.best = Some(work);
+                    better = true;
+                    break;
+                }
+            }
+            if !better {
+                break;
+            }
+        }
+        Ok(found)
     }
 
     /// Takes over the best answer with what was built for it, and reports it.

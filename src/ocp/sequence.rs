@@ -2,9 +2,10 @@
 //! stage, and the phases that follow are the start of the mode program, whose grid has room for all of them.
 
 use super::accuracy::{Answer, Replay};
+use super::moves::Sequence;
 use super::request::Request;
 use super::solve::Start;
-use super::{ModeSequence, Ocp, OcpResult};
+use super::{Ocp, OcpResult};
 use crate::dcs::Dcs;
 use crate::error::Result;
 use crate::fesd::Sizes;
@@ -80,30 +81,22 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<Ocp> {
         let dcs = Dcs::new(&self.system, request.options.form)?;
-        let form = dcs.form();
-        let mut s = ModeSequence::default();
-        let mut t = 0.0;
         let mut work = self.blank();
-        let mut n_fe = self.elements(&request.options);
-        for (k, stage) in traced.stages.iter().enumerate() {
+        let mut stages = Vec::with_capacity(traced.stages.len());
+        for (stage, duration) in traced.stages.iter().zip(&r.durations) {
             let mut phases: Vec<(&[bool], f64)> = Vec::new();
             for (set, length) in stage {
                 match phases.last_mut() {
-                    Some((last, sum)) if *last == &set[..] || *length < SHORT * r.durations[k] => *sum += length,
-                    Some((last, sum)) if *sum < SHORT * r.durations[k] => (*last, *sum) = (set, *sum + length),
+                    Some((last, sum)) if *last == &set[..] || *length < SHORT * duration => *sum += length,
+                    Some((last, sum)) if *sum < SHORT * duration => (*last, *sum) = (set, *sum + length),
                     _ => phases.push((set, *length)),
                 }
             }
-            n_fe[k] = n_fe[k].max(phases.len());
-            for (regions, length) in phases {
-                let cells = dcs.from_regions(regions);
-                s.times.push(t);
-                let modes = form.reported.iter().flatten();
-                s.modes.extend(modes.map(|w| w.iter().any(|&w| form.is_active(w, &cells))));
-                s.cells.extend(cells);
-                t += length;
-            }
+            stages.push(phases.into_iter().map(|(set, length)| (dcs.from_regions(set), length)).collect());
         }
+        let s = Sequence { stages };
+        let own = self.elements(&request.options);
+        let n_fe: Vec<usize> = own.iter().zip(&s.stages).map(|(n, s)| (*n).max(s.len())).collect();
         work.set_elements(&n_fe)?;
         work.set_x_guess(&traced.times, &traced.states)?;
         work.set_u_guess(&r.controls)?;
@@ -115,7 +108,7 @@ impl Ocp {
         }
         let along = (&traced.times[..], &traced.states[..]);
         work.sizes = Some(self.sizes_along(along, &r.controls, &r.durations, known));
-        work.modes = Some(s);
+        work.modes = Some(s.modes(dcs.form()));
         work.run(Start::Branch, request, control)?;
         Ok(work)
     }

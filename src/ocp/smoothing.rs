@@ -20,8 +20,9 @@ use crate::system::{SharedFunction, Widths};
 /// A smoothed problem: width in units of the sizes of the switching functions, barrier parameter it begins with, tolerance.
 type Rung = (f64, f64, f64);
 
-/// Widths at which ladders may begin, the likeliest first.
-const FIRST: [f64; 3] = [1.0, 0.1, 10.0];
+/// Where ladders begin, the likeliest first: the width, and whether states go straight to a state that meets the terminal
+/// conditions instead of staying as they are at the start.
+const FIRST: [(f64, bool); 4] = [(1.0, false), (1.0, true), (0.1, false), (10.0, false)];
 /// What every ladder goes through from its first width down; at the last one the costs are compared.
 const COMMON: [Rung; 3] = [(1.0, 1e-2, 1e-2), (0.3, 1e-2, 1e-2), (0.1, 1e-2, 1e-3)];
 /// The last one. A narrower one is not resolved by the grid: its optima are those of the grid.
@@ -48,6 +49,8 @@ pub(super) struct Smoother {
     sizes: Vec<f64>,
     stage_params: Vec<f64>,
     w0: Vec<f64>,
+    /// A guess that goes straight to the target, where there is one.
+    straight: Option<Vec<f64>>,
     /// What all of them took.
     pub spent: Statistics,
     /// Iterations that are left.
@@ -89,6 +92,13 @@ impl Ocp {
         let stage_params = ocp.prepare(&mut built)?;
         built.set_sizes(known);
         let (w0, _) = ocp.starting_point(&mut built.problem, &built.extended, &stage_params, &options, control)?;
+        let mut straight = None;
+        if let (Some(x1), None) = (self.target(), &self.x_guess) {
+            let (x0, horizon) = (&w0[built.identifier.x0_at..][..x1.len()], self.durations.iter().sum());
+            ocp.set_x_guess(&[0.0, horizon], &[x0, &x1[..]].concat())?;
+            let (w1, _) = ocp.starting_point(&mut built.problem, &built.extended, &stage_params, &options, control)?;
+            straight = Some(w1);
+        }
         let spent = Statistics::default();
         let functions = self.system.switching_functions();
         Ok(Some(Smoother {
@@ -99,6 +109,7 @@ impl Ocp {
             sizes: known.psi.clone(),
             stage_params,
             w0,
+            straight,
             spent,
             left: options.solver.max_iter,
         }))
@@ -109,9 +120,12 @@ impl Smoother {
     /// The best of the ladders, the cheapest first, which differ in their costs.
     pub fn race(&mut self, control: &mut Control) -> Vec<Smoothed> {
         let mut field: Vec<Climber> = Vec::new();
-        for first in FIRST {
+        for (first, straight) in FIRST {
+            if straight && self.straight.is_none() {
+                continue;
+            }
             let rungs: Vec<Rung> = COMMON.into_iter().filter(|r| r.0 < first).collect();
-            let opened = self.open(first, control);
+            let opened = self.open(first, straight, control);
             let climber = opened.and_then(|c| self.climb(c, &rungs, control));
             if stop::requested().is_some() {
                 break;
@@ -143,13 +157,11 @@ impl Smoother {
     }
 
     /// The first problem of a ladder, from the guess; its answer shows the sizes of the switching functions.
-    fn open(&mut self, width: f64, control: &mut Control) -> Option<Climber> {
-        let w0 = std::mem::take(&mut self.w0);
+    fn open(&mut self, width: f64, straight: bool, control: &mut Control) -> Option<Climber> {
+        let w0 = self.straight.as_ref().filter(|_| straight).unwrap_or(&self.w0).clone();
         let from = Warm { x: &w0, y: &[], z: &[] };
         let sizes = self.sizes.clone();
-        let found = self.solve(&sizes, width, &from, OPENING, control);
-        self.w0 = w0;
-        let at = found?;
+        let at = self.solve(&sizes, width, &from, OPENING, control)?;
         let sizes = self.sizes_along(&at.x);
         Some(Climber { sizes, at, count: 1 })
     }

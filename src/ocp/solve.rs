@@ -71,8 +71,17 @@ pub(super) enum Start {
     Carried,
     /// From the branch problem of the modes that were given, and nothing else.
     Branch,
+    /// The same, of a sequence next to one with a solution: given up where it is not solved soon.
+    Near,
     /// From the last solution.
     Warm,
+}
+
+impl Start {
+    /// Is a branch problem all that is to be solved?
+    fn is_branch(self) -> bool {
+        matches!(self, Start::Branch | Start::Near)
+    }
 }
 
 impl Ocp {
@@ -279,7 +288,8 @@ impl Ocp {
             };
             b.set_sizes(&sizes);
         }
-        let improves = matches!(start, Start::Carried | Start::Branch) || (start == Start::Cold && modes.is_none());
+        let improves =
+            matches!(start, Start::Carried | Start::Branch | Start::Near) || (start == Start::Cold && modes.is_none());
         b.identifier.restart(improves || request.search > 0, request.search);
         b.problem.forget_trouble();
         let usual = b.problem.usual_exit();
@@ -302,12 +312,12 @@ impl Ocp {
             let Built { problem, solver, bounds, identifier, .. } = b;
             let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
             solver.solve_warm(problem, bounds, &warm, control, suggest);
-        } else if start == Start::Branch || !self.solve_by_stand_in(b, given, request, &mut before, control)? {
+        } else if start.is_branch() || !self.solve_by_stand_in(b, given, request, &mut before, control)? {
             self.solve_from_guesses(b, given, start, request, control)?;
         }
         let Built { problem, solver, bounds, identifier, .. } = b;
         let found = solver.solution();
-        if start != Start::Branch && found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
+        if !start.is_branch() && found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
             let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
             let usual = problem.usual_exit();
             problem.set_exit(usual.other());
@@ -375,10 +385,11 @@ impl Ocp {
             problem.guess_active_set(&mut w, self.t0, lengths, &sides, |t, x| guess.state(t, x));
             sides.extend(problem.member_sides(&w0));
             let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
-            if solver.solve_sides(problem, bounds, &sides, &w, control, suggest) {
+            let far = start != Start::Near;
+            if solver.solve_sides(problem, bounds, &sides, (&w, far), control, suggest) {
                 return Ok(());
             }
-            if start == Start::Branch {
+            if start.is_branch() {
                 return Ok(());
             }
             spent = solver.solution().stats;

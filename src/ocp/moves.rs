@@ -1,0 +1,212 @@
+//! Sequences of phases stage by stage, and those next to one: a switch that lies between two control stages goes into the
+//! one before or behind, or one stage on, and short phases are left out.
+//!
+//! The mode program moves switches within their stages and finds the best places for them there. A switch between two
+//! stages is held by both: the controls before and behind differ, so the cost has a kink there, and whether it is lower on
+//! either side only the sequences on the other side of the kink can say.
+
+use std::ops::Range;
+
+use super::{ModeSequence, Ocp, OcpResult};
+use crate::dcs::Form;
+
+/// Share of the shorter neighbour that a new phase begins with.
+const SHARE: f64 = 0.2;
+/// Share of a stage below which a phase is no phase.
+const NOTHING: f64 = 1e-6;
+
+/// Phases of every stage: active cells and length.
+#[derive(Debug, Clone, PartialEq)]
+pub(super) struct Sequence {
+    pub stages: Vec<Vec<(Vec<bool>, f64)>>,
+}
+
+impl Sequence {
+    /// The sequence of a solution.
+    pub fn of(r: &OcpResult) -> Sequence {
+        let mut stages: Vec<Vec<(Vec<bool>, f64)>> = vec![Vec::new(); r.durations.len()];
+        for e in r.trajectory.elements.iter().filter(|e| e.h > NOTHING * r.durations[e.stage]) {
+            match stages[e.stage].last_mut() {
+                Some((cells, length)) if *cells == e.active_cells => *length += e.h,
+                _ => stages[e.stage].push((e.active_cells.clone(), e.h)),
+            }
+        }
+        Sequence { stages }
+    }
+
+    /// What it is apart from lengths.
+    pub fn sets(&self) -> Vec<Vec<Vec<bool>>> {
+        self.stages.iter().map(|s| s.iter().map(|p| p.0.clone()).collect()).collect()
+    }
+
+    /// As times and modes.
+    pub fn modes(&self, form: &Form) -> ModeSequence {
+        let (mut s, mut t) = (ModeSequence::default(), 0.0);
+        for (cells, length) in self.stages.iter().flatten() {
+            s.times.push(t);
+            let modes = form.reported.iter().flatten();
+            s.modes.extend(modes.map(|w| w.iter().any(|&w| form.is_active(w, cells))));
+            s.cells.extend(cells);
+            t += length;
+        }
+        s
+    }
+
+    /// Sequences next to this one, the likeliest first; cells of one of `simplices` change at a time.
+    pub fn neighbours(&self, simplices: &[Range<usize>]) -> Vec<Sequence> {
+        let mut out: Vec<Sequence> = Vec::new();
+        let mut add = |s: Sequence| {
+            if s.sets() != self.sets() && !out.contains(&s) {
+                out.push(s);
+            }
+        };
+        for k in 1..self.stages.len() {
+            for cells in simplices {
+                let (Some(a), Some(b)) = (self.stages[k - 1].last(), self.stages[k].first()) else { continue };
+                if a.0[cells.clone()] == b.0[cells.clone()] {
+                    continue;
+                }
+                let with = |of: &[bool], from: &[bool]| {
+                    let mut set = of.to_vec();
+                    set[cells.clone()].copy_from_slice(&from[cells.clone()]);
+                    set
+                };
+                let length = SHARE * a.1.min(b.1);
+                let mut before = self.clone();
+                before.split_last(k - 1, length, with(&a.0, &b.0));
+                add(before);
+                let mut after = self.clone();
+                after.split_first(k, length, with(&b.0, &a.0));
+                add(after);
+            }
+        }
+        for k in 1..self.stages.len() {
+            for cells in simplices {
+                let (Some(a), Some(b)) = (self.stages[k - 1].last(), self.stages[k].first()) else { continue };
+                if a.0[cells.clone()] == b.0[cells.clone()] {
+                    continue;
+                }
+                // one stage on, where the stage has one set
+                for (stage, from) in [(k - 1, &b.0), (k, &a.0)] {
+                    let one = |p: &(Vec<bool>, f64)| p.0[cells.clone()] == self.stages[stage][0].0[cells.clone()];
+                    if self.stages[stage].iter().all(one) {
+                        let mut s = self.clone();
+                        for p in &mut s.stages[stage] {
+                            p.0[cells.clone()].copy_from_slice(&from[cells.clone()]);
+                        }
+                        add(s);
+                    }
+                }
+            }
+        }
+        for cells in simplices {
+            self.without_short(cells, &mut add);
+        }
+        out
+    }
+
+    fn split_last(&mut self, stage: usize, length: f64, set: Vec<bool>) {
+        if let Some(last) = self.stages[stage].last_mut() {
+            last.1 -= length;
+        }
+        self.stages[stage].push((set, length));
+    }
+
+    fn split_first(&mut self, stage: usize, length: f64, set: Vec<bool>) {
+        if let Some(first) = self.stages[stage].first_mut() {
+            first.1 -= length;
+        }
+        self.stages[stage].insert(0, (set, length));
+    }
+
+    /// Without one of the phases of `cells` that are shorter than a stage: what is around it takes its place.
+    fn without_short(&self, cells: &Range<usize>, add: &mut dyn FnMut(Sequence)) {
+        let all: Vec<(usize, usize)> =
+            self.stages.iter().enumerate().flat_map(|(k, s)| (0..s.len()).map(move |j| (k, j))).collect();
+        let set = |at: (usize, usize)| &self.stages[at.0][at.1].0[cells.clone()];
+        let mut runs: Vec<Range<usize>> = Vec::new();
+        for (i, &at) in all.iter().enumerate() {
+            match runs.last_mut() {
+                Some(r) if set(all[r.start]) == set(at) => r.end = i + 1,
+                _ => runs.push(i..i + 1),
+            }
+        }
+        let stage: f64 = self.stages.iter().flatten().map(|p| p.1).sum::<f64>() / self.stages.len() as f64;
+        for (i, r) in runs.iter().enumerate() {
+            let length: f64 = all[r.clone()].iter().map(|&(k, j)| self.stages[k][j].1).sum();
+            let around = [i.checked_sub(1), (i + 1 < runs.len()).then_some(i + 1)];
+            for other in around.into_iter().flatten().filter(|_| length < stage) {
+                let new = set(all[runs[other].start]).to_vec();
+                let mut s = self.clone();
+                for &(k, j) in &all[r.clone()] {
+                    s.stages[k][j].0[cells.clone()].copy_from_slice(&new);
+                }
+                for stage in &mut s.stages {
+                    stage.dedup_by(|b, a| {
+                        let same = a.0 == b.0;
+                        a.1 += if same { b.1 } else { 0.0 };
+                        same
+                    });
+                }
+                add(s);
+            }
+        }
+    }
+}
+
+impl Ocp {
+    /// A copy of the problem whose guess is the answer `r` with the sequence `s`, and whose grid has room for it.
+    pub(super) fn with_sequence(
+        &self,
+        r: &OcpResult,
+        s: &Sequence,
+        form: &Form,
+        n_fe: &[usize],
+    ) -> crate::error::Result<Ocp> {
+        let mut work = self.blank();
+        work.carry_over(r)?;
+        let rooms: Vec<usize> = n_fe.iter().zip(&s.stages).map(|(n, s)| (*n).max(s.len())).collect();
+        work.set_elements(&rooms)?;
+        work.modes = Some(s.modes(form));
+        Ok(work)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// `+` the first of two cells, `-` the second, `0` both; a word for every stage, all phases of the length 1.
+    fn sequence(words: &[&str]) -> Sequence {
+        let set = |c| vec![c != '-', c != '+'];
+        Sequence { stages: words.iter().map(|w| w.chars().map(|c| (set(c), 1.0)).collect()).collect() }
+    }
+
+    fn words(s: &Sequence) -> Vec<String> {
+        let of = |c: &Vec<bool>| match c[..] {
+            [true, false] => '+',
+            [false, true] => '-',
+            _ => '0',
+        };
+        s.stages.iter().map(|s| s.iter().map(|p| of(&p.0)).collect()).collect()
+    }
+
+    #[test]
+    fn a_switch_between_stages_goes_into_either_or_a_stage_on() {
+        let s = sequence(&["+", "+", "-", "-"]);
+        let found: Vec<Vec<String>> = s.neighbours(&[0..2]).iter().map(words).collect();
+        assert_eq!(found, [["+", "+-", "-", "-"], ["+", "+", "+-", "-"], ["+", "-", "-", "-"], ["+", "+", "+", "-"]]);
+        let total: f64 = s.neighbours(&[0..2])[0].stages[1].iter().map(|p| p.1).sum();
+        assert!((total - 1.0).abs() < 1e-15);
+        assert!(sequence(&["+", "+-", "-"]).neighbours(&[0..2]).is_empty(), "no switch is between stages");
+    }
+
+    #[test]
+    fn phases_shorter_than_a_stage_are_left_out() {
+        let mut s = sequence(&["0+", "+", "+"]);
+        s.stages[0][0].1 = 0.3;
+        s.stages[0][1].1 = 0.7;
+        let found: Vec<Vec<String>> = s.neighbours(&[0..2]).iter().map(words).collect();
+        assert_eq!(found, [["+", "+", "+"]]);
+    }
+}
