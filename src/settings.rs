@@ -1173,7 +1173,7 @@ mod tests {
         let s = Settings::default();
         s.validate().unwrap();
         assert_eq!(s.struct_size, std::mem::size_of::<Settings>() as u64);
-        assert_eq!((s.n_s, s.n_fe, s.max_iter, s.step_equilibration), (2, 3, 3000, 2));
+        assert_eq!((s.n_s, s.n_fe, s.max_iter, s.step_equilibration), (3, 3, 3000, 2));
         assert_eq!(s.rk_family(), Ok(RkFamily::RadauIia));
         assert!(s.max_time.is_infinite() && s.polish());
         for o in OPTIONS {
@@ -1262,14 +1262,14 @@ mod tests {
         let (old, mut new) = (Settings::default(), Settings::default());
         new.tol = 1e-7;
         new.validate_as_update(&old).unwrap();
-        new.n_s = 3;
+        new.n_s = 2;
         assert_eq!(new.validate_as_update(&old).unwrap_err().code(), -4);
     }
 
     #[test]
     fn json_is_complete() {
         let json = Settings::default().to_json();
-        assert!(json.starts_with("{\"rk_family\": \"radau_iia\", \"n_s\": 2, "), "{json}");
+        assert!(json.starts_with("{\"rk_family\": \"radau_iia\", \"n_s\": 3, "), "{json}");
         assert!(json.contains("\"max_time\": \"inf\"") && json.contains("\"tol\": 1e-9"), "{json}");
         assert_eq!(json.matches(": ").count(), OPTIONS.len());
     }

@@ -15,7 +15,7 @@ use std::collections::BTreeMap;
 use switchback::event::{self, Options};
 use switchback::mpcc::MpccSettings;
 use switchback::nlp::{Control, Statistics};
-use switchback::settings::{DcsForm, Settings};
+use switchback::settings::{DcsForm, OcpStart, Settings};
 use switchback::sim::Simulator;
 use switchback::system::System;
 
@@ -40,6 +40,8 @@ fn measure() -> Counts {
         }
     }
     for mut p in optimal::all() {
+        let homotopy = Settings { ocp_start: OcpStart::Homotopy as i64, ..*p.ocp.settings() };
+        p.ocp.set_settings(&homotopy).unwrap();
         let r = p.ocp.solve(&mut Control::default()).unwrap();
         let mut c = of(&r.stats);
         c.extend([("variables", r.dimensions.0), ("rows", r.dimensions.1), ("pairs", r.dimensions.2)]);

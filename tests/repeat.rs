@@ -14,7 +14,7 @@ use switchback::func::{Callback, Dims};
 use switchback::mpcc::{MpccSettings, MpccSolver, Polish, Solution};
 use switchback::nlp::{Control, IterationInfo, Outcome, Statistics};
 use switchback::ocp::{Ocp, OcpResult};
-use switchback::settings::{DcsForm, Relaxation, RkFamily, Settings};
+use switchback::settings::{DcsForm, OcpStart, Relaxation, RkFamily, Settings};
 use switchback::sim::{SimResult, Simulator};
 use switchback::system::System;
 
@@ -69,7 +69,9 @@ fn check(name: &str, mut o: Ocp, small: bool) {
     assert_same(&first, &solve(&mut o), &format!("{name}: after a warm solve"));
     assert_eq!(stop_after(&mut o, 25), Outcome::Stopped, "{name}");
     assert_same(&first, &solve(&mut o), &format!("{name}: after an interrupted one"));
-    assert_eq!(o.builds(), 1, "{name}: built once");
+    // other starts build problems of their own
+    let alone = o.settings().ocp_start == OcpStart::Homotopy as i64;
+    assert!(o.builds() == 1 || !alone, "{name}: built once");
     let other = std::thread::spawn(move || (solve(&mut twin), twin));
     let (found, mut twin) = other.join().unwrap();
     assert_same(&first, &found, &format!("{name}: another object on another thread"));
@@ -98,7 +100,7 @@ fn optimal_control_problems_of_the_gallery() {
 
 #[test]
 fn other_methods_and_adapted_grids() {
-    let base = Settings { n_s: 2, n_fe: 2, ..Settings::default() };
+    let base = Settings { n_s: 2, n_fe: 2, ocp_start: OcpStart::Homotopy as i64, ..Settings::default() };
     for set in [
         Settings { rk_family: RkFamily::GaussLegendre as i64, ..base },
         Settings { rk_family: RkFamily::LobattoIiic as i64, adapt_tol: 1e-6, ..base },
@@ -190,7 +192,13 @@ fn fragile(fails_at: Arc<AtomicUsize>, family: RkFamily, adapt_tol: f64) -> Ocp 
     s.set_f0(models::affine("f0", d, &[0.0], &[(0, 1, 2.0)])).unwrap();
     let psi = models::affine("psi", d, &[0.0], &[(0, 0, 1.0)]);
     models::add_sides(&mut s, &[0], models::affine("F", d, &[-1.0, 1.0], &[]), psi);
-    let set = Settings { rk_family: family as i64, n_fe: 2, adapt_tol, ..Settings::default() };
+    let set = Settings {
+        rk_family: family as i64,
+        n_fe: 2,
+        adapt_tol,
+        ocp_start: OcpStart::Homotopy as i64,
+        ..Settings::default()
+    };
     let mut o = Ocp::new(&s, 1.0, 4, &set).unwrap();
     let cost = Callback::new("L", d, 1, move |at, o| {
         o[0] = (at.x[0] - 0.3).powi(2) + 0.1 * at.u[0] * at.u[0];

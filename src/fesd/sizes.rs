@@ -81,6 +81,11 @@ impl Fesd {
         self.sizes = w;
     }
 
+    /// Makes all sizes 1.
+    pub fn forget_sizes(&mut self) {
+        self.sizes.clear();
+    }
+
     /// Sizes of `λ` and `μ` at a point.
     fn multiplier_sizes(&self, psi: &[f64]) -> (Vec<f64>, Vec<f64>) {
         let form = self.spec.dcs.form();

@@ -220,8 +220,8 @@ impl MpccSolver {
                     break;
                 }
                 self.identify(p);
-                let x = self.user(&self.saved.x);
-                if !suggest(Wanted::Repair(k), &x, &mut self.sides) {
+                self.st.scaling.grow(&self.saved.x, &mut self.room);
+                if !suggest(Wanted::Repair(k), &self.room, &mut self.sides) {
                     break;
                 }
                 ok = self.try_branch(p, bounds, control);
@@ -324,7 +324,7 @@ impl MpccSolver {
         let mut ok = false;
         for _ in 0..ROUNDS {
             self.active.bounds(&mut self.bounds);
-            let mut rule = Settle::new(self.settings.polish_tol, consistency(p));
+            let mut rule = Settle::new(self.settings.polish_tol, consistency(p), self.st.scaling.steepness());
             let at = std::mem::replace(&mut self.active.at, Iterate::zeros(0, 0));
             let outcome = self.run(p, Start::Warm(&at, 0.0), &mut rule, control, b'p');
             self.active.at = at;
@@ -350,7 +350,7 @@ impl MpccSolver {
         }
         self.active.bounds(&mut self.bounds);
         self.ipm.settings_mut().restoration = false;
-        let mut rule = Settle::new(self.settings.polish_tol, consistency(p));
+        let mut rule = Settle::new(self.settings.polish_tol, consistency(p), self.st.scaling.steepness());
         let at = std::mem::replace(&mut self.active.at, Iterate::zeros(0, 0));
         let outcome = self.run(p, Start::Warm(&at, 0.0), &mut rule, &mut Control::default(), b'p');
         self.active.at = at;

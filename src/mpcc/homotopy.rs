@@ -199,6 +199,7 @@ impl Continuation for Branch {
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Settle {
     primal_tol: f64,
+    dual_tol: f64,
     consistency: f64,
     best: f64,
     since: usize,
@@ -212,8 +213,9 @@ const WAIT: usize = 2;
 const MAX_STEPS: usize = 20;
 
 impl Settle {
-    pub fn new(primal_tol: f64, consistency: f64) -> Settle {
-        Settle { primal_tol, consistency, best: f64::INFINITY, since: 0, steps: 0 }
+    /// `steepness` is the size of the gradient of the objective, which rounding is relative to.
+    pub fn new(primal_tol: f64, consistency: f64, steepness: f64) -> Settle {
+        Settle { primal_tol, dual_tol: SETTLED * steepness, consistency, best: f64::INFINITY, since: 0, steps: 0 }
     }
 }
 
@@ -224,7 +226,7 @@ impl Continuation for Settle {
     fn advance(&mut self, m: &Measures) -> Advance {
         let error = m.primal.max(m.dual);
         let primal_tol = self.primal_tol.max(m.rounding);
-        if m.primal <= primal_tol && m.dual <= SETTLED {
+        if m.primal <= primal_tol && m.dual <= self.dual_tol {
             return Advance::Done;
         }
         self.since = if error <= 0.5 * self.best { 0 } else { self.since + 1 };
@@ -232,7 +234,7 @@ impl Continuation for Settle {
         self.steps += 1;
         if self.since > WAIT || self.steps > MAX_STEPS {
             // an active set that is consistent up to the tolerance of the data
-            return if m.primal <= self.consistency.max(primal_tol) && m.dual <= 100.0 * SETTLED {
+            return if m.primal <= self.consistency.max(primal_tol) && m.dual <= 100.0 * self.dual_tol {
                 Advance::Done
             } else {
                 Advance::GiveUp

@@ -107,8 +107,10 @@ impl MpccSolver {
     /// Solves the branch the last descent leads into, from its end; true when that is a better point.
     fn descend(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         let Some((d, sides)) = self.judge.as_ref().and_then(|j| j.certifier.descent()) else { return false };
-        let end: Vec<f64> = self.solution.x.iter().zip(d).map(|(x, d)| x + d).collect();
-        self.st.start(&end, &mut self.point);
+        for ((w, x), d) in self.room.iter_mut().zip(&self.solution.x).zip(d) {
+            *w = x + d;
+        }
+        self.st.start(&self.room, &mut self.point);
         for (k, side) in sides.iter().enumerate() {
             self.sides[p.group(k)] = *side;
         }

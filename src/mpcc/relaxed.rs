@@ -207,7 +207,11 @@ impl Structure {
         self.scaling.reset();
         // values first: gradients are those of the point whose values were computed last
         if p.eval(x, rows).is_ok() && p.derivatives(x, grad, &mut self.inner_jac).is_ok() {
-            self.scaling.choose(grad, p.jac_pattern(), &self.inner_jac);
+            // where the gradient vanishes its change over the size of a variable says how steep the objective is
+            rows.fill(0.0);
+            let curved = self.scaling.sized && p.hessian(x, 1.0, rows, &mut self.inner_hess).is_ok();
+            let hess = if curved { Some((p.hess_pattern(), &self.inner_hess[..])) } else { None };
+            self.scaling.choose(grad, hess, p.jac_pattern(), &self.inner_jac);
         }
     }
 

@@ -9,8 +9,10 @@ use crate::nlp::Bounds;
 
 /// Largest entry of a scaled gradient at the starting point.
 const LARGEST: f64 = 100.0;
-/// Largest entry of the scaled gradient of the objective in variables of their sizes.
-const OBJECTIVE: f64 = 16.0;
+/// Largest entry of the scaled gradient of the objective, and of its second derivatives, in variables of their sizes.
+const OBJECTIVE: f64 = 100.0;
+/// A gradient in variables of their sizes that is as good as zero.
+const ROUNDING: f64 = 1e-12;
 /// Smallest factor.
 const SMALLEST: f64 = 1e-8;
 
@@ -50,11 +52,25 @@ impl Scaling {
         self.sized = self.sizes.iter().any(|s| *s != 1.0);
     }
 
+    /// All sizes and factors 1.
+    pub fn forget_sizes(&mut self) {
+        self.reset();
+        self.sizes.fill(1.0);
+        self.sized = false;
+    }
+
     /// Factors from the gradients at a point, with respect to variables of their sizes.
-    pub fn choose(&mut self, grad: &[f64], jac: &Pattern, values: &[f64]) {
+    pub fn choose(&mut self, grad: &[f64], hess: Option<(&Pattern, &[f64])>, jac: &Pattern, values: &[f64]) {
         let of = if self.sized { unit } else { factor };
+        let mut steepest = grad.iter().zip(&self.sizes).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
+        if let Some((p, h)) = hess {
+            for (j, s) in self.sizes.iter().enumerate() {
+                let at = p.rows(j).iter().zip(&h[p.range(j)]);
+                steepest = at.fold(steepest, |a, (&i, v)| a.max((v * s * self.sizes[i]).abs()));
+            }
+        }
         let target = if self.sized { OBJECTIVE } else { 1.0 };
-        self.objective = target * of(grad.iter().zip(&self.sizes).fold(0.0, |a, (g, s)| a.max((g * s).abs())));
+        self.objective = target * of(steepest);
         self.rows.fill(0.0);
         for j in 0..jac.n_cols() {
             for (&i, v) in jac.rows(j).iter().zip(&values[jac.range(j)]) {
@@ -64,6 +80,15 @@ impl Scaling {
             }
         }
         self.rows.iter_mut().for_each(|r| *r = of(*r));
+    }
+
+    /// Size of the scaled gradient of the objective.
+    pub fn steepness(&self) -> f64 {
+        if self.sized {
+            OBJECTIVE
+        } else {
+            1.0
+        }
     }
 
     /// Variables in units of their sizes, and back.
@@ -129,9 +154,9 @@ fn factor(largest: f64) -> f64 {
     }
 }
 
-/// Makes the largest entry about 1, whatever it is.
+/// Makes the largest entry about 1, unless it is rounding.
 fn unit(largest: f64) -> f64 {
-    if largest > 0.0 && largest.is_finite() {
+    if largest > ROUNDING && largest.is_finite() {
         (1.0 / largest).log2().floor().exp2()
     } else {
         1.0
@@ -146,10 +171,10 @@ mod tests {
     fn steep_functions_are_scaled_down_and_flat_ones_left_alone() {
         let (jac, _) = Pattern::from_triplets(3, 2, &[0, 1, 1], &[0, 0, 1]);
         let mut s = Scaling::new(2, 3);
-        s.choose(&[1e6, 0.0], &jac, &[50.0, 1e30, f64::INFINITY]);
+        s.choose(&[1e6, 0.0], None, &jac, &[50.0, 1e30, f64::INFINITY]);
         assert!(s.objective * 1e6 <= 100.0 && s.objective * 1e6 > 49.0 && s.objective.log2().fract() == 0.0);
         assert_eq!((s.rows[0], s.rows[2]), (1.0, 1.0));
-        s.choose(&[0.0, 1.0], &jac, &[200.0, 1e30, 1.0]);
+        s.choose(&[0.0, 1.0], None, &jac, &[200.0, 1e30, 1.0]);
         assert_eq!((s.objective, s.rows[0]), (1.0, 0.5));
         assert!(s.rows[1] >= 0.5 * SMALLEST);
         let mut c = [4.0, 1.0, 3.0];

@@ -240,12 +240,12 @@ impl MpccSolver {
 
     /// Another active set for the point a branch got stuck at, which is made a point of that set; false without one.
     fn ask_near(&mut self, wanted: Wanted, p: &mut dyn Mpcc, suggest: Suggest) -> bool {
-        let mut x = self.user(&self.point);
+        self.st.scaling.grow(&self.point, &mut self.room);
         let mut sides = self.sides.clone();
-        let found = suggest(wanted, &x, &mut sides);
+        let found = suggest(wanted, &self.room, &mut sides);
         if found {
-            p.enter_branch(&self.sides, &sides, &mut x);
-            self.st.scaling.shrink(&x, &mut self.point[..self.st.n]);
+            p.enter_branch(&self.sides, &sides, &mut self.room);
+            self.st.scaling.shrink(&self.room, &mut self.point[..self.st.n]);
             self.sides = sides;
         }
         found
@@ -254,9 +254,9 @@ impl MpccSolver {
     /// Tries the branch `sides` from the point `x` of another one: multipliers start afresh, and what may now be
     /// positive starts inside.
     fn try_neighbour(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], control: &mut Control) -> bool {
-        let mut x = x.to_vec();
-        p.enter_branch(&self.solution.sides, &self.sides, &mut x);
-        self.st.start(&x, &mut self.point);
+        self.room.copy_from_slice(x);
+        p.enter_branch(&self.solution.sides, &self.sides, &mut self.room);
+        self.st.start(&self.room, &mut self.point);
         self.try_point(p, bounds, control)
     }
 

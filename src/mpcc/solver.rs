@@ -232,6 +232,8 @@ pub struct MpccSolver {
     pub(super) saved: Iterate,
     /// Room for a point.
     pub(super) point: Vec<f64>,
+    /// Room for a point in the user's units `[n]`.
+    pub(super) room: Vec<f64>,
     pub(super) solution: Solution,
     pub(super) sides: Vec<Side>,
     pub(super) votes: Vec<(f64, f64)>,
@@ -266,6 +268,7 @@ impl MpccSolver {
             branch: Bounds::free(n, m),
             saved: Iterate::zeros(n_all, all),
             point: vec![0.0; n_all],
+            room: vec![0.0; n],
             solution: Solution {
                 outcome: Outcome::Failed,
                 polish: Polish::None,
@@ -616,13 +619,6 @@ impl MpccSolver {
             total.polish_iterations += s.iterations;
         }
         outcome
-    }
-
-    /// The variables of a point in the user's units.
-    pub(super) fn user(&self, x: &[f64]) -> Vec<f64> {
-        let mut out = vec![0.0; self.st.n];
-        self.st.scaling.grow(x, &mut out);
-        out
     }
 
     /// Copies point, multipliers and residuals out of the interior-point solver.

@@ -48,7 +48,8 @@ impl MpccSolver {
         }
         check(changes, bounds)?;
         let (x, y, z) = (s.x.clone(), s.y.clone(), s.z.clone());
-        self.load(p, &Warm { x: &x, y: &y, z: &z });
+        let warm = Warm { x: &x, y: &y, z: &z };
+        self.load(p, &warm);
         p.set_polishing(true);
         self.sides.copy_from_slice(&self.solution.sides);
         self.branch.copy_from(bounds);
@@ -56,7 +57,13 @@ impl MpccSolver {
             p.branch(&self.sides, &mut self.branch);
         }
         let stats = self.solution.stats;
-        let settled = self.settle_saved(p, &mut Control::default());
+        let mut settled = self.settle_saved(p, &mut Control::default());
+        if !settled && self.st.scaling.sized {
+            // where the optimum is flat, which bounds are active may be clearer in the units of the problem
+            self.st.scaling.forget_sizes();
+            self.load(p, &warm);
+            settled = self.settle_saved(p, &mut Control::default());
+        }
         let mut found: Vec<Option<Tangent>> = vec![None; changes.len()];
         if settled {
             let one_sided = self.active.is_weak(self.ipm.constraints());

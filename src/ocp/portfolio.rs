@@ -60,7 +60,6 @@ impl Ocp {
         let mut found = self.solve_by_smoothing(request, control)?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
         let enough = found.best.is_some() && (request.start == OcpStart::Smoothing || (found.agreed && !given));
-        found = self.improve(found, request, control)?;
         if !enough && (found.best.is_none() || stop::requested().is_none()) {
             let r = match self.run(start, request, control) {
                 Ok(r) => r,
@@ -68,16 +67,19 @@ impl Ocp {
                 Err(Error::OutOfTime) if found.best.is_some() => return self.adopt(found, request, control, clock),
                 Err(e) => return Err(e),
             };
-            let better = r.is_exact() && r.cost <= found.cost();
-            if better || found.best.is_none() {
-                if let Some(r) = self.result.as_mut() {
-                    r.stats.add(&found.spent);
-                    r.stats.time_total = clock.elapsed().as_secs_f64() - r.time_build;
-                }
-                return self.result.as_ref().ok_or_else(|| Error::Internal("a solve without a result".into()));
-            }
+            let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.cost);
             found.spent.add(&r.stats);
+            if !exact && found.best.is_none() {
+                let spent = found.spent;
+                return self.spent_in_all(spent, clock);
+            }
+            if exact && cost <= found.cost() {
+                let mut own = self.blank();
+                (own.built, own.result, own.engine) = (self.built.take(), self.result.take(), self.engine.take());
+                found.best = Some(own);
+            }
         }
+        found = self.improve(found, request, control)?;
         self.adopt(found, request, control, clock)
     }
 
@@ -130,13 +132,18 @@ impl Ocp {
             return Err(Error::Internal("no answer was found".into()));
         };
         let stage_params = b.extended.params.clone();
-        self.engine = None;
         self.builds += builds;
         let reported = self.report(&mut b, &stage_params, Statistics::default(), request, control);
         self.built = Some(b);
-        let mut r = reported?;
-        r.stats = Statistics { time_total: clock.elapsed().as_secs_f64(), ..found.spent };
-        Ok(self.result.insert(r))
+        self.result = Some(reported?);
+        self.spent_in_all(found.spent, clock)
+    }
+
+    /// The result is what all of this took.
+    fn spent_in_all(&mut self, spent: Statistics, clock: Instant) -> Result<&OcpResult> {
+        let r = self.result.as_mut().ok_or_else(|| Error::Internal("a solve without a result".into()))?;
+        r.stats = Statistics { time_total: clock.elapsed().as_secs_f64() - r.time_build, ..spent };
+        Ok(r)
     }
 
     /// Is there a smoothed problem, and are its answers of use: is the exact active set wanted, and simulated?

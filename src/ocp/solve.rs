@@ -16,6 +16,7 @@ use crate::func::EvalError;
 use crate::memory;
 use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Solution, Suggest, Wanted, Warm};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
+use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop::{self, Why};
 use crate::system::{Regions, SharedFunction};
@@ -281,7 +282,9 @@ impl Ocp {
             _ => None,
         };
         let stage_params = self.prepare(b)?;
-        if start != Start::Warm {
+        if request.start == OcpStart::Homotopy {
+            b.problem.forget_sizes();
+        } else if start != Start::Warm {
             let sizes = match &self.sizes {
                 Some(s) => s.clone(),
                 None => self.sizes()?,

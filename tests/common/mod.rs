@@ -7,7 +7,7 @@ pub mod models;
 use switchback::dcs::Dcs;
 use switchback::fesd::{Fesd, Options, Spec};
 use switchback::nlp::{Control, Outcome};
-use switchback::settings::{Discretisation, RkFamily, Settings};
+use switchback::settings::{Discretisation, OcpStart, RkFamily, Settings};
 use switchback::sim::{SimResult, Simulator};
 use switchback::system::System;
 
@@ -17,7 +17,8 @@ pub use switchback::settings::Discretisation::{Fesd as FESD, Standard as STANDAR
 pub use switchback::settings::RkFamily::{Explicit, GaussLegendre, RadauIia};
 
 pub fn settings(family: RkFamily, n_s: i64, n_fe: i64, discretisation: Discretisation) -> Settings {
-    Settings { rk_family: family as i64, n_s, n_fe, discretisation: discretisation as i64, ..Settings::default() }
+    let (rk_family, discretisation) = (family as i64, discretisation as i64);
+    Settings { rk_family, n_s, n_fe, discretisation, ocp_start: OcpStart::Homotopy as i64, ..Settings::default() }
 }
 
 /// Simulates in equal steps and expects that it works.
