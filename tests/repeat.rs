@@ -86,7 +86,10 @@ fn optimal_control_problems_of_the_gallery() {
         let mut settings = *p.ocp.settings();
         // one form as the problem has it, the other one too where that is quick
         let small = ["turbo-car", "tanks", "friction"].contains(&p.name);
-        check(p.name, p.ocp.blank(), small);
+        // the portfolio too, where that is quick
+        let mut alone = p.ocp.blank();
+        alone.set_settings(&Settings { ocp_start: OcpStart::Homotopy as i64, ..settings }).unwrap();
+        check(p.name, alone, small);
         if small {
             for form in [DcsForm::Stewart, DcsForm::Heaviside] {
                 settings.dcs_form = form as i64;

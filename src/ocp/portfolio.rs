@@ -56,6 +56,12 @@ impl Ocp {
         if !smooths {
             return self.run(start, request, control);
         }
+        self.search_from_all(start, request, control)
+    }
+
+    /// A function of its own, whose frame solves from one start do not pay for.
+    #[inline(never)]
+    fn search_from_all(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
         let clock = Instant::now();
         let mut found = self.solve_by_smoothing(request, control)?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
