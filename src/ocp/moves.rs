@@ -182,6 +182,11 @@ mod tests {
         Sequence { stages: words.iter().map(|w| w.chars().map(|c| (set(c), 1.0)).collect()).collect() }
     }
 
+    /// One simplex of two cells.
+    fn one() -> Vec<Range<usize>> {
+        std::iter::once(0..2).collect()
+    }
+
     fn words(s: &Sequence) -> Vec<String> {
         let of = |c: &Vec<bool>| match c[..] {
             [true, false] => '+',
@@ -194,11 +199,11 @@ mod tests {
     #[test]
     fn a_switch_between_stages_goes_into_either_or_a_stage_on() {
         let s = sequence(&["+", "+", "-", "-"]);
-        let found: Vec<Vec<String>> = s.neighbours(&[0..2]).iter().map(words).collect();
+        let found: Vec<Vec<String>> = s.neighbours(&one()).iter().map(words).collect();
         assert_eq!(found, [["+", "+-", "-", "-"], ["+", "+", "+-", "-"], ["+", "-", "-", "-"], ["+", "+", "+", "-"]]);
-        let total: f64 = s.neighbours(&[0..2])[0].stages[1].iter().map(|p| p.1).sum();
+        let total: f64 = s.neighbours(&one())[0].stages[1].iter().map(|p| p.1).sum();
         assert!((total - 1.0).abs() < 1e-15);
-        assert!(sequence(&["+", "+-", "-"]).neighbours(&[0..2]).is_empty(), "no switch is between stages");
+        assert!(sequence(&["+", "+-", "-"]).neighbours(&one()).is_empty(), "no switch is between stages");
     }
 
     #[test]
@@ -206,7 +211,7 @@ mod tests {
         let mut s = sequence(&["0+", "+", "+"]);
         s.stages[0][0].1 = 0.3;
         s.stages[0][1].1 = 0.7;
-        let found: Vec<Vec<String>> = s.neighbours(&[0..2]).iter().map(words).collect();
+        let found: Vec<Vec<String>> = s.neighbours(&one()).iter().map(words).collect();
         assert_eq!(found, [["+", "+", "+"]]);
     }
 }

@@ -141,7 +141,7 @@ pub fn run(c: &Context) {
         let error = r.accuracy.as_ref().map_or(f64::NAN, |a| a.terminal);
         let (solved, polished) = (r.outcome == Outcome::Solved, r.polish == Polish::Done);
         let far = gap(r.cost, k.cost);
-        let optimal = solved && far <= SAME && far >= -BELOW;
+        let optimal = solved && (-BELOW..=SAME).contains(&far);
         totals.problems += 1;
         totals.solved += usize::from(solved);
         totals.polished += usize::from(solved && polished);
