@@ -521,8 +521,7 @@ impl Nlp for Relaxed<'_> {
             st.weighted[i] = y[i] + y[st.m_all - m + i];
         }
         let of_rows = if st.weighted.is_empty() { &y[..m] } else { &st.weighted };
-        at(&st.scaling, &x[..n], &mut st.user);
-        let user = if st.scaling.sized { &st.user } else { &x[..n] };
+        let user = at(&st.scaling, &x[..n], &mut st.user);
         let (weight, weights) = st.scaling.weights(w, of_rows);
         self.inner.hessian(user, weight, weights, &mut st.inner_hess)?;
         st.scaling.hessian(self.inner.hess_pattern(), &mut st.inner_hess);

@@ -1,7 +1,9 @@
-//! Scaling of objective and rows by their gradients at the starting point.
+//! Scaling of variables by their sizes, where the problem knows them, and of objective and rows by their gradients at the
+//! starting point.
 //!
 //! Every function whose gradient has an entry above 100 is scaled down to that (A. Wächter, L. Biegler, Math. Program.
-//! 106, 2006, section 3.8). Variables, and with them the pairs, stay as they are.
+//! 106, 2006, section 3.8). Without sizes variables, and with them the pairs, stay as they are; with sizes
+//! gradients are those in units of them, and are scaled up as well.
 
 use super::problem::Mpcc;
 use crate::linalg::csc::Pattern;

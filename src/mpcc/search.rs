@@ -25,8 +25,8 @@ const MAX_COLLAPSES: usize = 3;
 const MAX_ITERATIONS: usize = 150;
 
 impl MpccSolver {
-    /// Solves the branch `sides` from `x0[n]`, which may be `far` from its solution, and goes on to better ones; true when it has a solution, which is then the
-    /// result.
+    /// Solves the branch `sides` from `x0[n]`, which may be `far` from its solution, and goes on to better ones; true when
+    /// it has a solution, which is then the result.
     pub fn solve_sides(
         &mut self,
         p: &mut dyn Mpcc,

@@ -315,12 +315,12 @@ impl Replay {
             match phases.last_mut() {
                 Some(p) => p.1 += one.durations[0] - reached,
                 // nothing is known of the stage: as the one before
-                None => match found.stages.last().and_then(|s: &Vec<(Vec<bool>, f64)>| s.last()) {
+                None => match found.phases.stages.last().and_then(|s| s.last()) {
                     Some((set, _)) => phases.push((set.clone(), one.durations[0])),
                     None => return Ok(None),
                 },
             }
-            found.stages.push(phases);
+            found.phases.stages.push(phases);
         }
         Ok(Some(found))
     }

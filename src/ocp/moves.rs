@@ -16,7 +16,7 @@ const SHARE: f64 = 0.2;
 const NOTHING: f64 = 1e-6;
 
 /// Phases of every stage: active cells and length.
-#[derive(Debug, Clone, PartialEq)]
+#[derive(Debug, Clone, PartialEq, Default)]
 pub(super) struct Sequence {
     pub stages: Vec<Vec<(Vec<bool>, f64)>>,
 }

@@ -172,7 +172,7 @@ impl Ocp {
         let ladders = smoother.race(control);
         found.spent = smoother.spent;
         let inside = Request { comparison: None, explain: false, ..*request };
-        let mut tried: Vec<Vec<Vec<Vec<bool>>>> = Vec::new();
+        let mut tried = Vec::new();
         let mut costs: Vec<f64> = Vec::new();
         for (k, ladder) in ladders.iter().enumerate() {
             let mut best = f64::INFINITY;
@@ -180,13 +180,12 @@ impl Ocp {
                 if stop::requested().is_some() {
                     return Ok(found);
                 }
-                let Some(traced) = self.trace(smooth)? else { continue };
-                let sets = |s: &Vec<(Vec<bool>, f64)>| s.iter().map(|p| p.0.clone()).collect();
-                let phases: Vec<Vec<Vec<bool>>> = traced.stages.iter().map(sets).collect();
-                if tried.contains(&phases) {
+                let Some(traced) = self.trace(smooth, &request.options)? else { continue };
+                let sets = traced.phases.sets();
+                if tried.contains(&sets) {
                     continue;
                 }
-                tried.push(phases);
+                tried.push(sets);
                 let one = self.solve_traced(smooth, &traced, &known, &inside, control)?;
                 let Some(r) = one.result.as_ref() else { continue };
                 found.spent.add(&r.stats);

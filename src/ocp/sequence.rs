@@ -10,6 +10,7 @@ use crate::dcs::Dcs;
 use crate::error::Result;
 use crate::fesd::Sizes;
 use crate::nlp::Control;
+use crate::sim::SolveOptions;
 
 /// Share of a stage below which a phase of the simulation is left out: the search puts it back where it matters.
 const SHORT: f64 = 0.02;
@@ -24,16 +25,16 @@ pub(super) struct Traced {
     /// Times from the start of the horizon, and the states there.
     pub times: Vec<f64>,
     pub states: Vec<f64>,
-    /// Of every stage: active regions and length of every phase.
-    pub stages: Vec<Vec<(Vec<bool>, f64)>>,
+    /// Phases, with regions in the place of cells.
+    pub phases: Sequence,
 }
 
 impl Ocp {
     /// Simulates the controls of `r`. `None` where there is no such simulation.
-    pub(super) fn trace(&self, r: &OcpResult) -> Result<Option<Traced>> {
+    pub(super) fn trace(&self, r: &OcpResult, options: &SolveOptions) -> Result<Option<Traced>> {
         let d = self.system.dims();
         let Ok(dcs) = Dcs::stewart(&self.system) else { return Ok(None) };
-        let mut engine = Replay::new(&self.system, None, &self.linear, TOLERANCE, &self.solve_options()?)?;
+        let mut engine = Replay::new(&self.system, None, &self.linear, TOLERANCE, options)?;
         let elements = &r.trajectory.elements;
         let mut ends = Vec::new();
         for k in 0..self.n_stages {
@@ -82,8 +83,8 @@ impl Ocp {
     ) -> Result<Ocp> {
         let dcs = Dcs::new(&self.system, request.options.form)?;
         let mut work = self.blank();
-        let mut stages = Vec::with_capacity(traced.stages.len());
-        for (stage, duration) in traced.stages.iter().zip(&r.durations) {
+        let mut stages = Vec::with_capacity(traced.phases.stages.len());
+        for (stage, duration) in traced.phases.stages.iter().zip(&r.durations) {
             let mut phases: Vec<(&[bool], f64)> = Vec::new();
             for (set, length) in stage {
                 match phases.last_mut() {
@@ -111,9 +112,5 @@ impl Ocp {
         work.modes = Some(s.modes(dcs.form()));
         work.run(Start::Branch, request, control)?;
         Ok(work)
-    }
-
-    fn solve_options(&self) -> Result<crate::sim::SolveOptions> {
-        crate::sim::SolveOptions::from_settings(&self.settings)
     }
 }
