@@ -2,6 +2,7 @@
 #include <pthread.h>
 #include <stdlib.h>
 
+#include "kink.h"
 #include "models.h"
 
 static swb_integrator *make_integrator(const char *names[], const char *values[], int n)
@@ -158,29 +159,14 @@ static void adjoint(void)
     swb_integrator_free(i);
 }
 
-static int32_t up(const swb_point *at, double *out, void *user_data)
-{
-    (void)at;
-    (void)user_data;
-    out[0] = 3.0;
-    out[1] = 1.0;
-    return 0;
-}
-
-static int32_t first(const swb_point *at, double *out, void *user_data)
-{
-    (void)user_data;
-    out[0] = at->x[0];
-    return 0;
-}
-
 /* x' = 3 where x < 0, else 1, plus p and u. */
 static swb_system *make_scalar(swb_value_fn drift, void *user_data)
 {
     static const int64_t rows[] = {0};
     static const int8_t signs[] = {-1, 1};
     swb_system *system = NULL;
-    swb_function *modes = make_function("F", 1, 1, 1, 2, up, NULL), *psi = make_function("c", 1, 1, 1, 1, first, NULL);
+    swb_function *modes = make_function("F", 1, 1, 1, 2, kink_slopes, NULL);
+    swb_function *psi = make_function("c", 1, 1, 1, 1, first_state, NULL);
     swb_function *f0 = make_function("drift", 1, 1, 1, 1, drift, user_data);
 
     CHECK_OK(swb_system_create(1, 1, 1, &system));
@@ -480,7 +466,8 @@ static void choices(void)
     static const int64_t rows[] = {0};
     static const int8_t signs[] = {-1, 1};
     swb_system *system = NULL;
-    swb_function *modes = make_function("F", 1, 0, 0, 2, apart, NULL), *psi = make_function("c", 1, 0, 0, 1, first, NULL);
+    swb_function *modes = make_function("F", 1, 0, 0, 2, apart, NULL);
+    swb_function *psi = make_function("c", 1, 0, 0, 1, first_state, NULL);
     swb_integrator *i = NULL;
     swb_run *run = NULL;
     swb_run_info info;

@@ -1,49 +1,18 @@
 /* Optimal control: a problem with a known solution, one with sliding modes, options, what can go wrong. */
 #include <stdlib.h>
 
+#include "kink.h"
 #include "models.h"
-
-/* x' = 2 - sign(x): 3 on the left, 1 on the right. */
-static int32_t slopes(const swb_point *at, double *out, void *user_data)
-{
-    (void)at;
-    (void)user_data;
-    out[0] = 3.0;
-    out[1] = 1.0;
-    return 0;
-}
-
-static int32_t first_state(const swb_point *at, double *out, void *user_data)
-{
-    (void)user_data;
-    out[0] = at->x[0];
-    return 0;
-}
-
-static int32_t square(const swb_point *at, double *out, void *user_data)
-{
-    (void)user_data;
-    out[0] = at->x[0] * at->x[0];
-    return 0;
-}
-
-static int32_t distance(const swb_point *at, double *out, void *user_data)
-{
-    double d = at->x[0] - 5.0 / 3.0;
-    (void)user_data;
-    out[0] = d * d;
-    return 0;
-}
 
 static swb_ocp *make_problem(const swb_settings *settings)
 {
     static const int64_t rows[] = {0};
     static const int8_t signs[] = {-1, 1};
     static const double lower[] = {-2.0}, upper[] = {-1.0};
-    swb_function *modes = make_function("F", 1, 0, 0, 2, slopes, NULL);
+    swb_function *modes = make_function("F", 1, 0, 0, 2, kink_slopes, NULL);
     swb_function *psi = make_function("c", 1, 0, 0, 1, first_state, NULL);
-    swb_function *rate = make_function("L", 1, 0, 0, 1, square, NULL);
-    swb_function *end = make_function("M", 1, 0, 0, 1, distance, NULL);
+    swb_function *rate = make_function("L", 1, 0, 0, 1, first_state_squared, NULL);
+    swb_function *end = make_function("M", 1, 0, 0, 1, kink_distance, NULL);
     swb_system *system = NULL;
     swb_ocp *ocp = NULL;
 
@@ -660,7 +629,7 @@ static void interrupts(void)
 {
     static const double start[] = {1.0}, lower[] = {-1.0}, upper[] = {1.0};
     swb_function *f = make_function("decay", 1, 1, 0, 1, decay, NULL);
-    swb_function *rate = make_function("L", 1, 1, 0, 1, square, NULL);
+    swb_function *rate = make_function("L", 1, 1, 0, 1, first_state_squared, NULL);
     swb_system *system = NULL;
     swb_accuracy accuracy;
     int32_t outcome = -1;

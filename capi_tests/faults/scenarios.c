@@ -4,6 +4,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "../kink.h"
+
 const char *failed_call = "";
 
 /* Everything a scenario makes; what it did not come to stays NULL, which may be freed. */
@@ -84,37 +86,6 @@ static int32_t relay_surface(const swb_point *at, double *out, void *data)
     return 0;
 }
 
-static int32_t slopes(const swb_point *at, double *out, void *data)
-{
-    (void)at;
-    (void)data;
-    out[0] = 3.0;
-    out[1] = 1.0;
-    return 0;
-}
-
-static int32_t first_state(const swb_point *at, double *out, void *data)
-{
-    (void)data;
-    out[0] = at->x[0];
-    return 0;
-}
-
-static int32_t square(const swb_point *at, double *out, void *data)
-{
-    (void)data;
-    out[0] = at->x[0] * at->x[0];
-    return 0;
-}
-
-static int32_t distance(const swb_point *at, double *out, void *data)
-{
-    double d = at->x[0] - 5.0 / 3.0;
-    (void)data;
-    out[0] = d * d;
-    return 0;
-}
-
 static int32_t control_squared(const swb_point *at, double *out, void *data)
 {
     (void)data;
@@ -169,10 +140,10 @@ static void relay(struct made *m)
 static void ocp(struct made *m, const swb_settings *settings)
 {
     static const double lower[] = {-2.0}, upper[] = {-1.0};
-    DO(swb_function_create("F", 1, 0, 0, 2, slopes, NULL, NULL, &m->f[0]));
+    DO(swb_function_create("F", 1, 0, 0, 2, kink_slopes, NULL, NULL, &m->f[0]));
     DO(swb_function_create("c", 1, 0, 0, 1, first_state, NULL, NULL, &m->f[1]));
-    DO(swb_function_create("L", 1, 0, 0, 1, square, NULL, NULL, &m->f[2]));
-    DO(swb_function_create("M", 1, 0, 0, 1, distance, NULL, NULL, &m->f[3]));
+    DO(swb_function_create("L", 1, 0, 0, 1, first_state_squared, NULL, NULL, &m->f[2]));
+    DO(swb_function_create("M", 1, 0, 0, 1, kink_distance, NULL, NULL, &m->f[3]));
     DO(swb_system_create(1, 0, 0, &m->system));
     DO(swb_system_add_subsystem(m->system, FIRST, 1, m->f[0], 2, m->f[1], SIGNS, 2, NULL));
     DO(swb_ocp_create(m->system, 2.0, 3, settings, &m->ocp));

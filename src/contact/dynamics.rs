@@ -34,9 +34,14 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    pub(super) fn tangent(&self, k: usize) -> &[f64] {
+    pub(crate) fn tangent(&self, k: usize) -> &[f64] {
         let n_v = self.normal.len();
         &self.tangents[k * n_v..(k + 1) * n_v]
+    }
+
+    /// Number of tangents.
+    pub(crate) fn n_tangents(&self) -> usize {
+        self.tangents.len() / self.normal.len()
     }
 
     /// Do tangents depend on each other or on the normal? The determinant of their cosines tells.
@@ -125,6 +130,10 @@ pub(crate) struct Dynamics {
     pub(super) problem: Problem,
     pub(super) room: Room,
     pub(super) linearised: Linearised,
+    /// The direction of derivatives, where only one is looked for.
+    pub(super) along: Option<Arc<[f64]>>,
+    /// Contacts that would slide and are held back by others that stick, see [`Dynamics::find_carried`].
+    pub(crate) carried: Vec<bool>,
     pub(crate) evaluations: usize,
 }
 
@@ -183,6 +192,8 @@ impl Dynamics {
             problem: Problem::default(),
             room: Room::with_capacity(some),
             linearised: Linearised::default(),
+            along: None,
+            carried: vec![false; m.contacts.len()],
             evaluations: 0,
         }
     }
@@ -273,6 +284,7 @@ impl Dynamics {
     }
 
     /// Unit vector of the sliding velocity of contact `i` under a sliding mode.
+    #[inline]
     pub(crate) fn direction(&self, i: usize, m: usize) -> [f64; 2] {
         if self.mechanics.contacts[i].n_tangents == 1 {
             return [if m == mode::SLIDES_BACK { -1.0 } else { 1.0 }, 0.0];
@@ -280,7 +292,7 @@ impl Dynamics {
         let s = self.blocks[i].sliding;
         let size = s[0].hypot(s[1]);
         // a contact that has begun to slide has no velocity yet: it goes where it will go
-        if size <= STOP * self.fastest[i] || size == 0.0 {
+        if size <= STOP * self.fastest[i] || size == 0.0 || self.carried[i] {
             return self.directions[i];
         }
         [s[0] / size, s[1] / size]
@@ -288,7 +300,7 @@ impl Dynamics {
 
     /// A contact in space that slides remembers where to and how fast, at the end of a step.
     pub(crate) fn keep_direction(&mut self, i: usize, m: usize) {
-        if self.mechanics.contacts[i].n_tangents == 2 {
+        if self.mechanics.contacts[i].n_tangents == 2 && !self.carried[i] {
             self.directions[i] = self.direction(i, m);
             let s = self.blocks[i].sliding;
             self.fastest[i] = self.fastest[i].max(s[0].hypot(s[1]));
@@ -298,6 +310,82 @@ impl Dynamics {
     /// Is contact `i` sliding under this mode?
     pub(crate) fn slides(m: usize) -> bool {
         m == mode::SLIDES || m == mode::SLIDES_BACK
+    }
+
+    /// Finds the contacts that are at the limit of their friction and do not slide, as others that stick hold the bodies: two
+    /// legs of a table share a push at will, and while one of them sticks none slides. What such a contact does is decided by
+    /// forces; its sliding velocity, which is zero, says nothing. The modes are those of the last accelerations, and `size` is
+    /// what the sliding velocity of a contact is compared with.
+    pub(crate) fn find_carried(&mut self, modes: &[Vec<usize>], size: &dyn Fn(&Block) -> f64) {
+        /// Share of its size that a velocity, or its rate, is zero below.
+        const STILL: f64 = 1e-6;
+        self.carried.fill(false);
+        for i in (0..modes.len()).filter(|i| Dynamics::slides(modes[*i][0])) {
+            let (b, n_t) = (&self.blocks[i], self.mechanics.contacts[i].n_tangents);
+            let others = self.rows.iter().any(|r| r.contact != i);
+            if n_t == 0 || !others || b.sliding[0].hypot(b.sliding[1]) > STILL * size(b) {
+                continue;
+            }
+            let still = |k: usize| {
+                let (t, rest) = (b.tangent(k), b.sliding_rest[k]);
+                // compared with what it would be without contacts: where all is at rest, accelerations are rounding
+                let size = |a: &[f64]| t.iter().zip(a).map(|(t, a)| (t * a).abs()).sum::<f64>();
+                let terms = size(&self.free).max(size(&self.acceleration)) + rest.abs();
+                (dot(t, &self.acceleration) + rest).abs() <= STILL * terms
+            };
+            if (0..n_t).all(still) && self.is_held_by(i, &self.rows) {
+                self.carried[i] = true;
+            }
+        }
+    }
+
+    /// Do the tangents of contact `i` depend on these rows? All blocks are loaded.
+    fn is_held_by(&self, i: usize, rows: &[Row]) -> bool {
+        /// Angles of a millionth are none.
+        const LEAST: f64 = 1e-12;
+        let (b, m) = (&self.blocks[i], rows.len());
+        let shifts: Vec<Vec<f64>> = rows
+            .iter()
+            .map(|r| {
+                let mut y = self.blocks[r.contact].row(r.component).to_vec();
+                self.mass.solve(&mut y);
+                y
+            })
+            .collect();
+        let mut solver = LeastNorm::with_capacity(m);
+        let a = solver.clear(m);
+        for (k, r) in rows.iter().enumerate() {
+            let g = self.blocks[r.contact].row(r.component);
+            shifts.iter().enumerate().for_each(|(l, y)| a[k * m + l] = dot(g, y));
+        }
+        if m == 0 || !solver.factorise() {
+            return false;
+        }
+        (0..self.mechanics.contacts[i].n_tangents).all(|k| {
+            let t = b.tangent(k);
+            let mut own = t.to_vec();
+            self.mass.solve(&mut own);
+            let whole = dot(t, &own);
+            let products: Vec<f64> = shifts.iter().map(|y| dot(t, y)).collect();
+            let mut weights = products.clone();
+            solver.solve(&mut weights);
+            // what is left of the tangent beside all rows, in the metric of the inertia
+            whole - dot(&products, &weights) <= LEAST * whole
+        })
+    }
+
+    /// Can contact `i` not slide where all that is held under these modes is held, and contact `sticks` sticks? All closed
+    /// contacts are loaded.
+    pub(crate) fn stops_with(&self, i: usize, sticks: usize, modes: &[Vec<usize>]) -> bool {
+        let mut rows = Vec::new();
+        for (contact, set) in modes.iter().enumerate().filter(|(_, set)| set[0] != mode::OPEN) {
+            rows.push(Row { contact, component: 0 });
+            if set[0] == mode::CLOSED || contact == sticks {
+                let n = self.mechanics.contacts[contact].n_tangents;
+                rows.extend((1..=n).map(|component| Row { contact, component }));
+            }
+        }
+        self.is_held_by(i, &rows)
     }
 
     /// Nothing is held any more.
@@ -413,10 +501,20 @@ impl Dynamics {
     /// Derivative of the state under the modes of all contacts.
     pub(crate) fn rhs(&mut self, at: &At, modes: &[Vec<usize>], out: &mut [f64]) -> EvalResult {
         self.accelerate(at, modes)?;
+        self.write(out);
+        Ok(())
+    }
+
+    /// Derivative of the state at the point of the last accelerations.
+    pub(crate) fn write(&self, out: &mut [f64]) {
         let n_q = self.mechanics.n_q;
         out[..n_q].copy_from_slice(&self.smooth[..n_q]);
         out[n_q..].copy_from_slice(&self.acceleration);
-        Ok(())
+    }
+
+    /// Contacts that were closed in the last accelerations.
+    pub(crate) fn closed(&self) -> impl Iterator<Item = usize> + '_ {
+        self.rows.iter().filter(|r| r.component == 0).map(|r| r.contact)
     }
 
     /// Are the forces under the modes of the last evaluation not unique? The motion is.

@@ -182,18 +182,18 @@ impl Dynamics {
             if row.component > 0 {
                 let output = 3 + n_v + (row.component - 1) * (2 + n_v);
                 let pick = |i: usize| (i == output).then_some((place, 1.0));
-                add_jacobian(c.motion.as_ref(), &behind, columns, &pick, &mut r, room)?;
+                add_jacobian(c.motion.as_ref(), &behind, &columns, &pick, &mut r, room)?;
                 continue;
             }
             let part = impact.parts.iter().find(|p| p.contact == row.contact);
             let Some(part) = part else { continue };
             let e = part.restitution;
             let pick = |w: f64| move |i: usize| (i == 1).then_some((place, w));
-            add_jacobian(c.gap.as_ref(), &behind, columns, &pick(1.0), &mut r, (&mut *room.0, &mut *room.1))?;
+            add_jacobian(c.gap.as_ref(), &behind, &columns, &pick(1.0), &mut r, (&mut *room.0, &mut *room.1))?;
             if e != 0.0 {
-                add_jacobian(c.gap.as_ref(), at, columns, &pick(e), &mut r, (&mut *room.0, &mut *room.1))?;
+                add_jacobian(c.gap.as_ref(), at, &columns, &pick(e), &mut r, (&mut *room.0, &mut *room.1))?;
                 let own = |i: usize| (i == 2).then_some((place, part.rates[0]));
-                add_jacobian(c.motion.as_ref(), at, columns, &own, &mut r, room)?;
+                add_jacobian(c.motion.as_ref(), at, &columns, &own, &mut r, room)?;
             }
         }
         let mut solver = self.impact_matrix(&behind, &modes, &impulses, &rows)?;

@@ -69,6 +69,7 @@ impl LeastNorm {
     /// Replaces the right-hand side by the solution of least norm.
     pub(super) fn solve(&mut self, b: &mut [f64]) {
         match &self.inverse {
+            None if self.n == 1 => b[0] /= self.copy[0],
             None => self.lu.solve(b),
             Some(inverse) => {
                 let x = inverse * DVector::from_column_slice(&b[..self.n]);

@@ -17,7 +17,7 @@ mod modes;
 pub(crate) mod problem;
 mod sensitivity;
 
-pub(crate) use dynamics::{Dynamics, Forces, STOP};
+pub(crate) use dynamics::{Block, Dynamics, Forces, STOP};
 pub(crate) use impact::Impulse;
 pub(crate) use modes::{Closed, Follow};
 

@@ -1,7 +1,7 @@
 //! Which contact modes may follow at a point: a complementarity problem of forces and accelerations, and, where that leaves
 //! quantities at zero, of the way they go from there.
 
-use super::dynamics::{At, Dynamics};
+use super::dynamics::{dot, At, Dynamics};
 use super::mode;
 use super::problem::{Part, Problem, Solution, State};
 use super::sensitivity::{add_jacobian, zeros};
@@ -56,7 +56,7 @@ impl Dynamics {
         let m = self.rows.len();
         for r in &self.rows {
             let b = &self.blocks[r.contact];
-            problem.free.push(super::dynamics::dot(b.row(r.component), &self.free) + b.rest_of(r.component));
+            problem.free.push(dot(b.row(r.component), &self.free) + b.rest_of(r.component));
         }
         let mut first = 0;
         for c in closed {
@@ -169,51 +169,44 @@ impl Dynamics {
             return Ok(true);
         }
         let m = self.mechanics.clone();
-        let (nx, columns) = (at.x.len(), self.columns(at));
-        let n_z = columns.n();
-        let [mut jac, mut forces, mut flow, mut row] = {
+        let [mut rates, mut forces, mut row] = {
             let l = &mut self.linearised;
-            [&mut l.jacobian, &mut l.of_forces, &mut l.flow, &mut l.row].map(std::mem::take)
+            [&mut l.jacobian, &mut l.of_forces, &mut l.row].map(std::mem::take)
         };
-        zeros(&mut jac, nx * n_z);
-        zeros(&mut forces, 3 * m.contacts.len() * n_z);
+        zeros(&mut rates, at.x.len());
+        zeros(&mut forces, 3 * m.contacts.len());
         self.begin(choice);
-        self.jacobian(at, &choice.modes, &mut jac, Some(&mut forces))?;
-        zeros(&mut flow, n_z);
-        flow[..m.n_q].copy_from_slice(&self.smooth[..m.n_q]);
-        flow[m.n_q..nx].copy_from_slice(&self.acceleration);
-        flow[n_z - 1] = 1.0;
-        let along = |row: &[f64]| row.iter().zip(&flow).map(|(r, f)| r * f).sum::<f64>();
+        self.along_motion(at, &choice.modes, &mut rates, &mut forces)?;
+        let columns = self.columns(at);
         let a = self.acceleration.clone();
-        let mut fine = true;
-        for q in &zero {
-            let c = &m.contacts[q.contact];
-            let mut rate = 0.0;
-            for k in 0..=c.n_tangents {
-                if q.r[k] != 0.0 {
-                    rate += q.r[k] * along(&forces[(3 * q.contact + k) * n_z..(3 * q.contact + k + 1) * n_z]);
+        let mut check = || -> Result<bool, EvalError> {
+            for q in &zero {
+                let c = &m.contacts[q.contact];
+                let mut rate = 0.0;
+                for k in 0..=c.n_tangents {
+                    if q.r[k] != 0.0 {
+                        rate += q.r[k] * forces[3 * q.contact + k];
+                    }
+                    if q.z[k] != 0.0 {
+                        zeros(&mut row, 1);
+                        self.extend(at, &a, &[0.0; 3][..1 + c.n_tangents]);
+                        let there = Point { p: &self.extended, ..*at };
+                        let room = (&mut self.buffer[..], &mut self.work[..]);
+                        let pick = |i: usize| (i == m.n_v + k).then_some((0, 1.0));
+                        add_jacobian(c.reaction.as_ref(), &there, &columns, &pick, &mut row, room)?;
+                        rate += q.z[k] * (row[0] + dot(self.blocks[q.contact].row(k), &rates[m.n_q..]));
+                    }
                 }
-                if q.z[k] != 0.0 {
-                    zeros(&mut row, n_z);
-                    self.extend(at, &a, &[0.0; 3][..1 + c.n_tangents]);
-                    let there = Point { p: &self.extended, ..*at };
-                    let room = (&mut self.buffer[..], &mut self.work[..]);
-                    let pick = |i: usize| (i == m.n_v + k).then_some((0, 1.0));
-                    add_jacobian(c.reaction.as_ref(), &there, columns, &pick, &mut row, room)?;
-                    let direct = along(&row);
-                    let n = self.blocks[q.contact].row(k);
-                    let through: f64 =
-                        (0..m.n_v).map(|i| n[i] * along(&jac[(m.n_q + i) * n_z..(m.n_q + i + 1) * n_z])).sum();
-                    rate += q.z[k] * (direct + through);
+                if rate * length < -ZERO * q.size {
+                    return Ok(false);
                 }
             }
-            if rate * length < -ZERO * q.size {
-                fine = false;
-                break;
-            }
-        }
+            Ok(true)
+        };
+        let fine = check();
+        self.along_nothing();
         let l = &mut self.linearised;
-        (l.jacobian, l.of_forces, l.flow, l.row) = (jac, forces, flow, row);
-        Ok(fine)
+        (l.jacobian, l.of_forces, l.row) = (rates, forces, row);
+        fine
     }
 }

@@ -9,6 +9,8 @@
 //! where the columns `z` are state, parameters, controls, time. Impacts solve the same equations with the change of velocity
 //! in the place of `a` and impulses in that of forces.
 
+use std::sync::Arc;
+
 use super::dynamics::{dot, At, Dynamics};
 use super::mode;
 use crate::func::{EvalResult, Function, Point};
@@ -16,16 +18,18 @@ use crate::system::Inertia;
 
 /// Where the columns of a pattern go: `x`, `u`, `p` and what follows it, `t` become `x`, `p`, `u`, `t`; none for what stands
 /// behind the parameters.
-#[derive(Clone, Copy)]
+#[derive(Clone)]
 pub(super) struct Columns {
-    pub(super) nx: usize,
-    pub(super) nu: usize,
-    pub(super) np: usize,
+    nx: usize,
+    nu: usize,
+    np: usize,
+    /// Derivatives along this direction take the place of all columns.
+    along: Option<Arc<[f64]>>,
 }
 
 impl Columns {
     pub(super) fn of(&self, col: usize, last: usize) -> Option<usize> {
-        let Columns { nx, nu, np } = *self;
+        let Columns { nx, nu, np, .. } = *self;
         match col {
             c if c == last => Some(nx + np + nu),
             c if c < nx => Some(c),
@@ -37,7 +41,10 @@ impl Columns {
 
     /// Number of columns.
     pub(super) fn n(&self) -> usize {
-        self.nx + self.nu + self.np + 1
+        match self.along {
+            None => self.nx + self.nu + self.np + 1,
+            Some(_) => 1,
+        }
     }
 }
 
@@ -45,7 +52,7 @@ impl Columns {
 pub(super) fn add_jacobian(
     f: &dyn Function,
     at: &At,
-    columns: Columns,
+    columns: &Columns,
     rows: &dyn Fn(usize) -> Option<(usize, f64)>,
     out: &mut [f64],
     room: (&mut [f64], &mut [f64]),
@@ -58,9 +65,14 @@ pub(super) fn add_jacobian(
     let (last, n_z) = (p.n_cols() - 1, columns.n());
     for col in 0..p.n_cols() {
         let Some(to) = columns.of(col, last) else { continue };
+        let (to, weight) = match &columns.along {
+            None => (to, 1.0),
+            Some(along) if along[to] == 0.0 => continue,
+            Some(along) => (0, along[to]),
+        };
         for e in p.range(col) {
             if let Some((row, sign)) = rows(p.row_idx()[e]) {
-                out[row * n_z + to] += sign * room.0[e];
+                out[row * n_z + to] += sign * weight * room.0[e];
             }
         }
     }
@@ -91,7 +103,6 @@ pub(super) struct Linearised {
     /// Of the whole state and of all forces.
     pub(super) jacobian: Vec<f64>,
     pub(super) of_forces: Vec<f64>,
-    pub(super) flow: Vec<f64>,
     pub(super) row: Vec<f64>,
 }
 
@@ -104,7 +115,7 @@ pub(super) fn zeros(v: &mut Vec<f64>, n: usize) -> &mut [f64] {
 
 impl Dynamics {
     pub(super) fn columns(&self, at: &At) -> Columns {
-        Columns { nx: at.x.len(), nu: at.u.len(), np: at.p.len() }
+        Columns { nx: at.x.len(), nu: at.u.len(), np: at.p.len(), along: self.along.clone() }
     }
 
     /// Adds `∂/∂z (M a − Σ (n λ + B τ))` at fixed `a` and forces to rows of `out`, with the dependence of the friction of
@@ -117,7 +128,7 @@ impl Dynamics {
             self.extend(at, given.a, &[]);
             let room = (&mut self.buffer[..], &mut self.work[..]);
             let there = Point { p: &self.extended, ..*at };
-            add_jacobian(product.as_ref(), &there, columns, &|i| Some((i, 1.0)), out, room)?;
+            add_jacobian(product.as_ref(), &there, &columns, &|i| Some((i, 1.0)), out, room)?;
         }
         for (i, set) in given.modes.iter().enumerate() {
             if set[0] == mode::OPEN {
@@ -128,7 +139,7 @@ impl Dynamics {
             let there = Point { p: &self.extended, ..*at };
             let room = (&mut self.buffer[..], &mut self.work[..]);
             let force = |i: usize| (i < n_v).then_some((i, -1.0));
-            add_jacobian(c.reaction.as_ref(), &there, columns, &force, out, room)?;
+            add_jacobian(c.reaction.as_ref(), &there, &columns, &force, out, room)?;
             if !Dynamics::slides(set[0]) {
                 continue;
             }
@@ -149,7 +160,7 @@ impl Dynamics {
     }
 
     /// Derivatives of friction and sliding velocity of contact `i`, one row after the other.
-    pub(super) fn add_motion(&mut self, at: &At, i: usize, columns: Columns, out: &mut [f64]) -> EvalResult {
+    pub(super) fn add_motion(&mut self, at: &At, i: usize, columns: &Columns, out: &mut [f64]) -> EvalResult {
         let c = &self.mechanics.contacts[i];
         let (n_v, room) = (self.mechanics.n_v, (&mut self.buffer[..], &mut self.work[..]));
         let row = |r: usize| match r {
@@ -164,7 +175,7 @@ impl Dynamics {
     fn friction_direction(&mut self, at: &At, i: usize, m: usize, own: &mut Vec<f64>) -> EvalResult {
         let (n_t, columns) = (self.mechanics.contacts[i].n_tangents, self.columns(at));
         let n_z = columns.n();
-        self.add_motion(at, i, columns, zeros(own, (1 + n_t) * n_z))?;
+        self.add_motion(at, i, &columns, zeros(own, (1 + n_t) * n_z))?;
         let (d, b) = (self.direction(i, m), &self.blocks[i]);
         let size = b.sliding[0].hypot(b.sliding[1]);
         let turns = n_t == 2 && size > 0.0;
@@ -186,13 +197,13 @@ impl Dynamics {
         let n_rows = out.len() / columns.n();
         let room = (&mut self.buffer[..], &mut self.work[..]);
         let pick = |k: usize| (k < n_rows).then_some((k, 1.0));
-        add_jacobian(self.mechanics.contacts[i].gap.as_ref(), at, columns, &pick, out, room)
+        add_jacobian(self.mechanics.contacts[i].gap.as_ref(), at, &columns, &pick, out, room)
     }
 
     /// Adds the gradients of friction and sliding velocity of contact `i` to rows.
     pub(crate) fn friction_gradients(&mut self, at: &At, i: usize, out: &mut [f64]) -> EvalResult {
         let columns = self.columns(at);
-        self.add_motion(at, i, columns, out)
+        self.add_motion(at, i, &columns, out)
     }
 
     /// The parameters, then accelerations and forces.
@@ -210,16 +221,57 @@ impl Dynamics {
         at: &At,
         modes: &[Vec<usize>],
         out: &mut [f64],
-        mut forces: Option<&mut [f64]>,
+        forces: Option<&mut [f64]>,
     ) -> EvalResult {
         self.accelerate(at, modes)?;
+        self.linearise(at, modes, out, forces)
+    }
+
+    /// Derivatives of accelerations and forces along the motion: of the state (`n_q + n_v` values), and three for every
+    /// contact.
+    pub(super) fn along_motion(
+        &mut self,
+        at: &At,
+        modes: &[Vec<usize>],
+        out: &mut [f64],
+        forces: &mut [f64],
+    ) -> EvalResult {
+        self.accelerate(at, modes)?;
+        let n_q = self.mechanics.n_q;
+        let mut flow = vec![0.0; at.x.len() + at.p.len() + at.u.len() + 1];
+        flow[..n_q].copy_from_slice(&self.smooth[..n_q]);
+        flow[n_q..at.x.len()].copy_from_slice(&self.acceleration);
+        if let Some(t) = flow.last_mut() {
+            *t = 1.0;
+        }
+        self.along = Some(flow.into());
+        let r = self.linearise(at, modes, out, Some(forces));
+        if r.is_err() {
+            self.along = None;
+        }
+        r
+    }
+
+    /// Derivatives are those of all columns again.
+    pub(super) fn along_nothing(&mut self) {
+        self.along = None;
+    }
+
+    /// Differentiates the equations of motion at the point of the last accelerations.
+    fn linearise(
+        &mut self,
+        at: &At,
+        modes: &[Vec<usize>],
+        out: &mut [f64],
+        mut forces: Option<&mut [f64]>,
+    ) -> EvalResult {
         let m = self.mechanics.clone();
         let (n_q, n_v, columns) = (m.n_q, m.n_v, self.columns(at));
         let n_z = columns.n();
         out.fill(0.0);
         let room = (&mut self.buffer[..], &mut self.work[..]);
         let sign = |i: usize| Some((i, if i < n_q { 1.0 } else { -1.0 }));
-        add_jacobian(m.smooth.as_ref(), at, columns, &sign, out, room)?;
+        add_jacobian(m.smooth.as_ref(), at, &columns, &sign, out, room)?;
         let mut l = std::mem::take(&mut self.linearised);
         l.a.clone_from(&self.acceleration);
         l.forces.clone_from(&self.forces);
@@ -233,7 +285,7 @@ impl Dynamics {
             let there = Point { p: &self.extended, ..*at };
             let room = (&mut self.buffer[..], &mut self.work[..]);
             let pick = |i: usize| (i == n_v + row.component).then_some((r, 1.0));
-            add_jacobian(c.reaction.as_ref(), &there, columns, &pick, held, room)?;
+            add_jacobian(c.reaction.as_ref(), &there, &columns, &pick, held, room)?;
         }
         self.solve_linearised(&mut out[n_q * n_z..], &mut l, n_z);
         if let Some(forces) = &mut forces {

@@ -90,12 +90,39 @@ pub(super) fn value(b: &[f64], s: f64) -> f64 {
 
 #[inline(always)]
 fn reduce(c: &mut [f64], s: f64) -> f64 {
-    for m in (1..c.len()).rev() {
+    reduce_to(c, s, 1);
+    c[0]
+}
+
+/// Steps of de Casteljau until `left` coefficients are left.
+#[inline(always)]
+fn reduce_to(c: &mut [f64], s: f64, left: usize) {
+    for m in (left..c.len()).rev() {
         for i in 0..m {
             c[i] += s * (c[i + 1] - c[i]);
         }
     }
-    c[0]
+}
+
+/// Value and derivative: the two coefficients before the last step are the derivative's.
+fn value_and_slope(b: &[f64], s: f64) -> (f64, f64) {
+    let mut c = [0.0; NODES];
+    let n = b.len();
+    if n < 2 {
+        return (b[0], 0.0);
+    }
+    match n {
+        NODES => {
+            c.copy_from_slice(b);
+            reduce_to(&mut c, s, 2);
+        }
+        n => {
+            c[..n].copy_from_slice(b);
+            reduce_to(&mut c[..n], s, 2);
+        }
+    }
+    let d = c[1] - c[0];
+    (c[0] + s * d, (n - 1) as f64 * d)
 }
 
 /// Derivative.
@@ -111,6 +138,37 @@ pub(super) fn slope(b: &[f64], s: f64) -> f64 {
 /// First change of sign from plus to minus on `(0, 1]`. Every one is found, however close to the next: where the
 /// coefficients do not decide, the interval is divided, down to `1e-9`; what is closer counts as touching.
 pub(super) fn first(b: &[f64]) -> First {
+    if b[0] <= 0.0 {
+        return First::Zero(0.0);
+    }
+    match changes(b) {
+        0 => First::None,
+        1 => First::Zero(zero(b)),
+        _ => first_of_several(b),
+    }
+}
+
+/// Where a polynomial that stays positive comes so near to zero that only rounding tells it from one that touches.
+pub(super) fn nearly_touches(b: &[f64]) -> Option<f64> {
+    /// What rounding of the samples may lift it by.
+    const ROUNDING: f64 = 1e-13;
+    let largest = b.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+    let mut lowered = [0.0; NODES];
+    let lowered = &mut lowered[..b.len()];
+    lowered.iter_mut().zip(b).for_each(|(l, v)| *l = v - ROUNDING * largest);
+    match first(lowered) {
+        First::None => None,
+        First::Zero(s) | First::Touch(s) => Some(s),
+    }
+}
+
+/// Changes of sign from one coefficient to the next: at least as many as there are zeros.
+fn changes(c: &[f64]) -> usize {
+    c.windows(2).filter(|w| (w[0] > 0.0) != (w[1] > 0.0)).count()
+}
+
+#[inline(never)]
+fn first_of_several(b: &[f64]) -> First {
     const DEPTH: usize = 30;
     let n = b.len();
     let mut stack = [([0.0; NODES], 0.0, 0.0); DEPTH + 2];
@@ -128,8 +186,7 @@ pub(super) fn first(b: &[f64]) -> First {
         if c[0] <= 0.0 {
             return First::Zero(lo);
         }
-        let changes = c.windows(2).filter(|w| (w[0] > 0.0) != (w[1] > 0.0)).count();
-        if changes == 1 {
+        if changes(c) == 1 {
             return First::Zero(lo + (hi - lo) * zero(c));
         }
         if top + 2 > DEPTH || hi - lo < 1e-9 {
@@ -162,13 +219,13 @@ fn zero(b: &[f64]) -> f64 {
     // a last coefficient that is rounding must not be taken for the zero
     let mut s = (first / (first - last)).clamp(0.1, 0.9);
     for _ in 0..60 {
-        let v = value(b, s);
+        let (v, dv) = value_and_slope(b, s);
         if v > 0.0 {
             lo = s;
         } else {
             hi = s;
         }
-        let newton = s - v / slope(b, s);
+        let newton = s - v / dv;
         // the step that ends there is located again by its own value
         if (newton - s).abs() <= 1e-12 || hi - lo <= 1e-14 {
             return newton.clamp(lo, hi);
@@ -209,6 +266,30 @@ mod tests {
         }
         assert_eq!(first_of(|t| (t - 0.4) * (t - 0.4) + 1e-6, 0), None);
         assert_eq!(first_of(|t| 1.0 - 0.999 * t, 0), None);
+    }
+
+    #[test]
+    fn rounding_does_not_hide_a_touch() {
+        for at in [0.2, 0.3 + 1e-3, 0.77] {
+            let (c, d) = of(|t| (t - at) * (t - at) * (1.0 + t) + 1e-16, 0);
+            let near = match first(&c[..=d]) {
+                First::None => nearly_touches(&c[..=d]),
+                First::Zero(s) | First::Touch(s) => Some(s),
+            };
+            assert!(near.is_some_and(|s| (s - at).abs() < 1e-6), "{at}: {near:?}");
+        }
+        let (c, d) = of(|t| (t - 0.4) * (t - 0.4) + 1e-11, 0);
+        assert_eq!(nearly_touches(&c[..=d]), None);
+    }
+
+    #[test]
+    fn values_and_slopes_at_once() {
+        let (c, d) = of(|t| (t - 0.4).sin() * t.exp(), 0);
+        for s in [0.0, 0.31, 0.77, 1.0] {
+            let (v, dv) = value_and_slope(&c[..=d], s);
+            assert!((v - value(&c[..=d], s)).abs() < 1e-14 && (dv - slope(&c[..=d], s)).abs() < 1e-13, "{s}");
+        }
+        assert_eq!(value_and_slope(&[2.0], 0.3), (2.0, 0.0));
     }
 
     #[test]

@@ -73,7 +73,8 @@ fn end<const M: usize>(n: usize, s: &mut Step, row: &Row<M>) {
 
 /// Computes the end of a step from `x0`, `f0`.
 pub(super) fn attempt(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
-    match (pair, s.x0.len()) {
+    field.begin_stages();
+    let r = match (pair, s.x0.len()) {
         (Pair::Dp5, 1) => dp5_stages(1, field, s),
         (Pair::Dp5, 2) => dp5_stages(2, field, s),
         (Pair::Dp5, 4) => dp5_stages(4, field, s),
@@ -82,7 +83,9 @@ pub(super) fn attempt(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult
         (Pair::Dop853, 2) => dop853_stages(2, field, s),
         (Pair::Dop853, 4) => dop853_stages(4, field, s),
         (Pair::Dop853, n) => dop853_stages(n, field, s),
-    }
+    };
+    field.end_stages();
+    r
 }
 
 #[inline(always)]

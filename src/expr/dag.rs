@@ -4,7 +4,7 @@
 //! no algorithm on the graph needs recursion. Equal nodes are one node; what a constructor can simplify at
 //! once (constants, neutral elements, like terms) never becomes a node. The same calls give the same numbers.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashSet};
 
 use super::op::{powi, Binary, Unary};
 use super::piecewise::Piecewise;
@@ -98,7 +98,7 @@ pub(super) struct GroupEntry {
 }
 
 /// A function that is a node.
-pub(super) type External = std::sync::Arc<dyn crate::func::Function>;
+pub(crate) type External = std::sync::Arc<dyn crate::func::Function>;
 
 /// A hash-consed graph of scalar expressions and conditions.
 #[derive(Default)]
@@ -144,6 +144,11 @@ impl Dag {
     #[inline]
     pub fn node(&self, id: Id) -> Node {
         self.nodes[id.index()]
+    }
+
+    /// The functions that nodes call.
+    pub(crate) fn external_functions(&self) -> &[External] {
+        &self.functions
     }
 
     /// Value of a constant.
@@ -550,11 +555,11 @@ impl Dag {
 
     /// All nodes the roots are computed from, themselves included, oldest first.
     pub fn reachable(&self, roots: &[Id]) -> Vec<Id> {
-        let mut seen = vec![false; roots.iter().map(|r| r.index() + 1).max().unwrap_or(0)];
+        let mut seen = Seen::below(roots.iter().map(|r| r.index() + 1).max().unwrap_or(0));
         let mut stack: Vec<Id> = roots.to_vec();
         let mut out = Vec::new();
         while let Some(id) = stack.pop() {
-            if std::mem::replace(&mut seen[id.index()], true) {
+            if !seen.insert(id.index()) {
                 continue;
             }
             out.push(id);
@@ -563,7 +568,7 @@ impl Dag {
                 Node::Pick(g, _) => {
                     let e = &self.groups[g as usize];
                     let known = (e.first.0..e.first.0 + e.n)
-                        .any(|k| k != id.0 && seen.get(k as usize).copied().unwrap_or(false));
+                        .any(|k| k != id.0 && seen.contains(k as usize));
                     if !known {
                         self.for_children(id, |c| stack.push(c));
                     }
@@ -573,6 +578,48 @@ impl Dag {
         }
         out.sort_unstable();
         out
+    }
+}
+
+/// Numbers of nodes that were met: a set while they are few, so that looking at a small part of a large graph costs as much
+/// as that part.
+enum Seen {
+    Few(HashSet<usize>, usize),
+    Many(Vec<bool>),
+}
+
+impl Seen {
+    /// A set of numbers that is worth a table has at least so many of them, and this share of all.
+    const SHARE: usize = 64;
+
+    fn below(top: usize) -> Seen {
+        if top <= 64 * Seen::SHARE {
+            return Seen::Many(vec![false; top]);
+        }
+        Seen::Few(HashSet::new(), top)
+    }
+
+    fn contains(&self, k: usize) -> bool {
+        match self {
+            Seen::Few(set, _) => set.contains(&k),
+            Seen::Many(all) => all.get(k).copied().unwrap_or(false),
+        }
+    }
+
+    /// Adds a number; false if it was there.
+    fn insert(&mut self, k: usize) -> bool {
+        if let Seen::Few(set, top) = self {
+            if set.len() * Seen::SHARE < *top {
+                return set.insert(k);
+            }
+            let mut all = vec![false; *top];
+            set.iter().for_each(|&k| all[k] = true);
+            *self = Seen::Many(all);
+        }
+        match self {
+            Seen::Many(all) => !std::mem::replace(&mut all[k], true),
+            Seen::Few(set, _) => set.insert(k),
+        }
     }
 }
 

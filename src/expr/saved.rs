@@ -207,6 +207,24 @@ impl SavedGraph {
         self.roots.iter().map(|&i| r.any(i)).collect()
     }
 
+    /// Inputs that occur.
+    pub(crate) fn inputs(&self) -> impl Iterator<Item = (Block, usize)> + '_ {
+        self.nodes.iter().filter_map(|n| match n {
+            SavedNode::Input(block, i) => Some((*block, *i as usize)),
+            _ => None,
+        })
+    }
+
+    /// The same expressions of inputs with other numbers.
+    pub(crate) fn renumbered(mut self, number: &dyn Fn(Block, usize) -> usize) -> SavedGraph {
+        for n in &mut self.nodes {
+            if let SavedNode::Input(block, i) = n {
+                *i = number(*block, *i as usize) as u32;
+            }
+        }
+        self
+    }
+
     /// Signatures of the functions that are called.
     pub fn functions(&self) -> &[Signature] {
         &self.functions

@@ -26,20 +26,23 @@
 //! assert_eq!(run.impacts.len(), 1);
 //! ```
 
+mod embedded;
 mod report;
+mod shape;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
 pub use report::{ContactReport, Dropped, Report};
 
+use self::shape::{Excerpt, Flaw, Frame, Parts, Places, Shape};
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id};
 use crate::func::Dims;
 use crate::memory::sizes;
 use crate::model::bounds::{Bounds, Interval, ALL};
 use crate::model::Names;
-use crate::system::{self, ImpactLaw, Inertia, Local, Mechanics, Order, SharedFunction, System};
+use crate::system::{self, ImpactLaw, Inertia, Mechanics, Order, SharedFunction, System};
 
 /// A contact as the user states it.
 #[derive(Debug, Clone)]
@@ -78,6 +81,9 @@ pub struct Scene {
     inertia: Option<Vec<Id>>,
     force: Vec<Option<Id>>,
     contacts: Vec<Contact>,
+    /// Contacts by their gaps and by their names.
+    by_gap: BTreeMap<Id, usize>,
+    by_name: BTreeMap<String, usize>,
     law: ImpactLaw,
     bounds: Vec<Option<(f64, f64)>>,
     order: Order,
@@ -115,6 +121,8 @@ impl Scene {
             inertia: None,
             force: vec![None; n_v],
             contacts: Vec::new(),
+            by_gap: BTreeMap::new(),
+            by_name: BTreeMap::new(),
             law: ImpactLaw::default(),
             bounds: vec![None; n_q],
             order: Order::Second,
@@ -177,18 +185,17 @@ impl Scene {
                 c.tangents.len()
             )));
         }
-        if let Some(other) = self.contacts.iter().find(|o| o.gap == c.gap) {
+        if let Some(other) = self.by_gap.get(&c.gap).and_then(|&o| self.contacts.get(o)) {
             return Err(Error::State(format!(
                 "contact {name} has the gap of contact {}: the same contact twice would share its force at will",
                 other.name
             )));
         }
-        if let Some(other) = self.contacts.iter().find(|o| o.name == c.name) {
-            return Err(Error::State(format!(
-                "there is a contact {} already: give each a name of its own",
-                other.name
-            )));
+        if self.by_name.contains_key(name) {
+            return Err(Error::State(format!("there is a contact {name} already: give each a name of its own")));
         }
+        self.by_gap.insert(c.gap, k);
+        self.by_name.insert(name.clone(), k);
         self.contacts.push(c);
         Ok(k)
     }
@@ -250,15 +257,8 @@ impl Scene {
 struct Builder<'a> {
     scene: &'a Scene,
     dag: &'a mut Dag,
-    /// Functions of what contacts touch, by their sizes and expressions: bodies alike share them.
-    alike: BTreeMap<(usize, Vec<Id>), SharedFunction>,
-}
-
-/// A scalar quantity of `q` and `t`, its rate, and the parts of its second derivative: `ṙ = aᵀ v̇ + rest`.
-struct Motion {
-    rate: Id,
-    along: Vec<Id>,
-    rest: Id,
+    /// Functions of what contacts touch, by their expressions: bodies alike share them.
+    alike: BTreeMap<String, Arc<Shape>>,
 }
 
 impl Builder<'_> {
@@ -267,7 +267,7 @@ impl Builder<'_> {
         let dims = s.dims();
         let rates = self.rates()?;
         let force = self.force()?;
-        let (dropped, kept) = self.reachable();
+        let (dropped, kept) = self.reachable()?;
         let mut contacts = Vec::new();
         for &k in &kept {
             contacts.push(self.contact(&s.contacts[k], &rates)?);
@@ -326,19 +326,18 @@ impl Builder<'_> {
         Ok(rates.clone())
     }
 
+    /// Where expressions of the graph of the scene are differentiated.
+    fn frame(&mut self) -> Frame<'_> {
+        let (n_q, n_v) = self.scene.sizes();
+        Frame { dag: self.dag, n_q, n_v, dims: self.scene.dims() }
+    }
+
     /// Is an expression linear in the velocities?
     fn check_linear(&mut self, what: &str, id: Id) -> Result<()> {
-        let v = self.velocities();
-        let all: Vec<Id> = self.dag.jacobian(&[id], &v)?.iter().map(|e| e.value).collect();
-        if !self.dag.jacobian(&all, &v)?.is_empty() {
+        if !self.frame().is_linear(id)? {
             return Err(Error::Range(format!("{what}, {}, must be linear in the velocities", self.text(id))));
         }
         Ok(())
-    }
-
-    fn velocities(&mut self) -> Vec<Id> {
-        let (n_q, n_v) = (self.scene.n_q, self.scene.n_v);
-        (0..n_v).map(|i| self.dag.input(Block::X, n_q + i)).collect()
     }
 
     fn force(&mut self) -> Result<Vec<Id>> {
@@ -355,57 +354,46 @@ impl Builder<'_> {
         Ok(out)
     }
 
-    /// Which contacts can close within the bounds of the coordinates, and proofs for the others.
-    fn reachable(&self) -> (Vec<Dropped>, Vec<usize>) {
+    /// Which contacts can close, within the bounds of the coordinates if there are any, and proofs for the others.
+    ///
+    /// # Errors
+    /// [`Error::Range`] for a gap that is never negative: where it is zero it is smallest, and a smooth function has no
+    /// gradient there that a force could follow.
+    fn reachable(&self) -> Result<(Vec<Dropped>, Vec<usize>)> {
         let s = self.scene;
-        let all: Vec<usize> = (0..s.contacts.len()).collect();
-        if s.bounds.iter().all(Option::is_none) {
-            return (Vec::new(), all);
-        }
+        let gaps: Vec<Id> = s.contacts.iter().map(|c| c.gap).collect();
+        let anywhere = Bounds::within(self.dag, &gaps, &|_, _| ALL);
         let within = |block: Block, i: usize| match (block, s.bounds.get(i).copied().flatten()) {
             (Block::X, Some((low, high))) => Interval { low, high },
             _ => ALL,
         };
-        let gaps: Vec<Id> = s.contacts.iter().map(|c| c.gap).collect();
-        let bounds = Bounds::within(self.dag, &gaps, &within);
+        let bounded = s.bounds.iter().any(Option::is_some).then(|| Bounds::within(self.dag, &gaps, &within));
         let (mut dropped, mut kept) = (Vec::new(), Vec::new());
-        for k in all {
-            let c = &s.contacts[k];
-            let least = bounds.get(c.gap).low;
-            if least > 0.0 {
-                let text = format!("{} is at least {least} within the bounds of the coordinates", self.text(c.gap));
-                dropped.push(Dropped { contact: k, name: c.name.clone(), proof: text });
+        for (k, c) in s.contacts.iter().enumerate() {
+            if self.dag.as_const(c.gap).is_some() {
+                // refused below
+                kept.push(k);
+                continue;
+            }
+            let least = anywhere.get(c.gap).low;
+            let there = bounded.as_ref().map_or(least, |b| b.get(c.gap).low);
+            if there > 0.0 {
+                let place = if least > 0.0 { "everywhere" } else { "within the bounds of the coordinates" };
+                let proof = format!("{} is at least {there} {place}", self.text(c.gap));
+                dropped.push(Dropped { contact: k, name: c.name.clone(), proof });
+            } else if least >= 0.0 {
+                return Err(Error::Range(format!(
+                    "the gap of contact {}, {}, is never negative: its gradient vanishes, or there is none, where it \
+                     closes; state the gap as a distance that changes its sign where the bodies would overlap, not as a \
+                     power or a size of one",
+                    c.name,
+                    self.text(c.gap)
+                )));
             } else {
                 kept.push(k);
             }
         }
-        (dropped, kept)
-    }
-
-    /// Derivative along the motion of something that depends on coordinates, velocities and time: that part of it that the
-    /// accelerations have nothing to do with.
-    fn along_motion(&mut self, id: Id, rates: &[Id]) -> Result<Id> {
-        let q: Vec<Id> = (0..self.scene.n_q).map(|i| self.dag.input(Block::X, i)).collect();
-        let t = self.dag.input(Block::T, 0);
-        let mut wrt = q;
-        wrt.push(t);
-        let mut sum = self.dag.constant(0.0);
-        for e in self.dag.jacobian(&[id], &wrt)? {
-            let term = match rates.get(e.col) {
-                Some(&r) => self.dag.mul(e.value, r),
-                None => e.value,
-            };
-            sum = self.dag.add(sum, term);
-        }
-        Ok(sum)
-    }
-
-    /// Of something whose rate is `rate`.
-    fn motion(&mut self, rate: Id, rates: &[Id]) -> Result<Motion> {
-        let v = self.velocities();
-        let along = self.dag.dense_jacobian(&[rate], &v)?;
-        let rest = self.along_motion(rate, rates)?;
-        Ok(Motion { rate, along, rest })
+        Ok((dropped, kept))
     }
 
     /// Does an expression depend on these inputs?
@@ -416,7 +404,7 @@ impl Builder<'_> {
     }
 
     fn contact(&mut self, c: &Contact, rates: &[Id]) -> Result<system::Contact> {
-        let (s, dims) = (self.scene, self.scene.dims());
+        let s = self.scene;
         let name = &c.name;
         self.check_smooth(&format!("the gap of contact {name}"), c.gap)?;
         for (what, id) in [("gap", c.gap), ("friction", c.friction), ("restitution", c.restitution)] {
@@ -437,7 +425,13 @@ impl Builder<'_> {
             }
         }
         if s.order == Order::First {
-            return self.constraint(c);
+            let zero = self.dag.constant(0.0);
+            if !c.tangents.is_empty() || c.friction != zero || c.restitution != zero {
+                return Err(Error::Range(format!(
+                    "constraint {name} of a projected system has tangents, friction or restitution: there are no velocities"
+                )));
+            }
+            return self.shaped(c, &[], rates);
         }
         // without friction there is nothing to slide along; friction that nothing slides along would be ignored
         let frictionless = self.dag.as_const(c.friction) == Some(0.0);
@@ -448,141 +442,57 @@ impl Builder<'_> {
             )));
         }
         let tangents: &[Id] = if frictionless { &[] } else { &c.tangents };
-        let rate = self.along_motion(c.gap, rates)?;
-        let normal = self.motion(rate, rates)?;
-        let zero = self.dag.constant(0.0);
-        if normal.along.iter().all(|n| *n == zero) {
-            return Err(Error::Range(format!(
+        for &tangent in tangents {
+            self.check_smooth(&format!("a tangent of contact {name}"), tangent)?;
+        }
+        self.shaped(c, tangents, rates)
+    }
+
+    /// What is wrong with a contact, in words.
+    fn flaw(&self, c: &Contact, tangents: &[Id], flaw: Flaw) -> Error {
+        let name = &c.name;
+        match flaw {
+            Flaw::Gap if self.scene.order == Order::First => {
+                Error::Range(format!("constraint {name}, {}, does not depend on any state", self.text(c.gap)))
+            }
+            Flaw::Gap => Error::Range(format!(
                 "the gap of contact {name}, {}, does not depend on anything that moves",
                 self.text(c.gap)
-            )));
+            )),
+            Flaw::Tangent(k, why) => {
+                Error::Range(format!("a tangent of contact {name}, {}, {why}", self.text(tangents[k])))
+            }
+            Flaw::Other(e) => e,
         }
-        let mut sliding = Vec::new();
-        for &tangent in tangents {
-            let what = format!("a tangent of contact {name}");
-            self.check_smooth(&what, tangent)?;
-            let rate = if self.depends(tangent, Block::X, s.n_q) {
-                self.check_linear(&what, tangent)?;
-                tangent
-            } else {
-                self.along_motion(tangent, rates)?
+    }
+
+    /// The functions of a contact: those of another one that is alike, or new ones.
+    fn shaped(&mut self, c: &Contact, tangents: &[Id], rates: &[Id]) -> Result<system::Contact> {
+        let (s, dims) = (self.scene, self.scene.dims());
+        let Ok(excerpt) = Excerpt::new(self.dag, s, c, tangents, rates) else {
+            // what cannot be copied is differentiated where it is
+            let parts = Parts {
+                gap: c.gap,
+                friction: c.friction,
+                restitution: c.restitution,
+                tangents: tangents.to_vec(),
+                rates: rates.to_vec(),
             };
-            let m = self.motion(rate, rates)?;
-            if m.along.iter().all(|b| *b == zero) {
-                let text = self.text(tangent);
-                return Err(Error::Range(format!("{what}, {text}, does not depend on anything that moves")));
-            }
-            if m.along == normal.along || sliding.iter().any(|o: &Motion| o.along == m.along) {
-                let text = self.text(tangent);
-                return Err(Error::Range(format!(
-                    "{what}, {text}, has the direction of the normal or of the other tangent"
-                )));
-            }
-            sliding.push(m);
-        }
-        let local = self.local(c, &normal, &sliding)?;
-        let gap = self.function(&format!("gap of {name}"), dims, &[c.gap, rate])?;
-        let mut motion = vec![normal.rest, c.friction, c.restitution];
-        motion.extend_from_slice(&normal.along);
-        for m in &sliding {
-            motion.extend_from_slice(&[m.rate, m.rest]);
-            motion.extend_from_slice(&m.along);
-        }
-        let motion = self.function(&format!("motion of {name}"), dims, &motion)?;
-        let reaction = self.reaction(name, dims, &normal, &sliding)?;
-        Ok(system::Contact { name: name.clone(), n_tangents: sliding.len(), gap, motion, reaction, local: Some(local) })
-    }
-
-    /// The contact as functions of the states it touches.
-    fn local(&mut self, c: &Contact, normal: &Motion, sliding: &[Motion]) -> Result<Local> {
-        let (n_q, dims) = (self.scene.n_q, self.scene.dims());
-        let zero = self.dag.constant(0.0);
-        let along = || std::iter::once(normal).chain(sliding).map(|m| &m.along);
-        let mut all = vec![c.gap, normal.rate, c.friction, c.restitution];
-        all.extend(sliding.iter().map(|m| m.rate));
-        all.extend(along().flatten().filter(|a| **a != zero));
-        let mut touched: Vec<usize> = Vec::new();
-        for id in self.dag.reachable(&all) {
-            if let crate::expr::Node::Input(Block::X, i) = self.dag.node(id) {
-                touched.push(i as usize);
-            }
-        }
-        touched.extend(along().flat_map(|a| (0..a.len()).filter(|&i| a[i] != zero).map(|i| n_q + i)));
-        touched.sort_unstable();
-        touched.dedup();
-        let velocities: Vec<usize> = touched.iter().filter(|&&i| i >= n_q).map(|i| i - n_q).collect();
-        let mut rows = vec![normal.rate, c.friction, c.restitution];
-        rows.extend(velocities.iter().map(|&i| normal.along[i]));
-        for m in sliding {
-            rows.push(m.rate);
-            rows.extend(velocities.iter().map(|&i| m.along[i]));
-        }
-        let place = |block: Block, i: usize| match block {
-            Block::X => touched.binary_search(&i).unwrap_or(i),
-            _ => i,
+            let made = Shape::new(&mut self.frame(), s.order, &c.name, &parts);
+            let shape = made.map_err(|e| self.flaw(c, tangents, e))?;
+            return Ok(shape.contact(&c.name, &Places::all(s.n_q, s.n_v), dims));
         };
-        let (gap, rows) = (self.dag.renumber(&[c.gap], &place), self.dag.renumber(&rows, &place));
-        let dims = Dims { x: touched.len(), ..dims };
-        let gap = self.shared(&format!("gap of {} and contacts alike", c.name), dims, gap)?;
-        let rows = self.shared(&format!("normal and tangents of {} and contacts alike", c.name), dims, rows)?;
-        let coordinates = touched.iter().copied().filter(|i| *i < n_q).collect();
-        Ok(Local { coordinates, velocities, gap, rows })
-    }
-
-    /// A function of these outputs, the one there is if another contact has the same.
-    fn shared(&mut self, name: &str, dims: Dims, outputs: Vec<Id>) -> Result<SharedFunction> {
-        let key = (dims.x, outputs);
-        if let Some(f) = self.alike.get(&key) {
-            return Ok(f.clone());
-        }
-        let f = self.function(name, dims, &key.1)?;
-        self.alike.insert(key, f.clone());
-        Ok(f)
-    }
-
-    /// A constraint of a projected system: its gradient with respect to the states is its normal, and what is left of its
-    /// rate is its derivative with respect to time.
-    fn constraint(&mut self, c: &Contact) -> Result<system::Contact> {
-        let (dims, name) = (self.scene.dims(), &c.name);
-        let zero = self.dag.constant(0.0);
-        if !c.tangents.is_empty() || c.friction != zero || c.restitution != zero {
-            return Err(Error::Range(format!(
-                "constraint {name} of a projected system has tangents, friction or restitution: there are no velocities"
-            )));
-        }
-        let states = self.velocities();
-        let along = self.dag.dense_jacobian(&[c.gap], &states)?;
-        if along.iter().all(|n| *n == zero) {
-            return Err(Error::Range(format!("constraint {name}, {}, does not depend on any state", self.text(c.gap))));
-        }
-        let rest = self.along_motion(c.gap, &[])?;
-        let gap = self.function(&format!("constraint {name}"), dims, &[c.gap, zero])?;
-        let normal = Motion { rate: c.gap, along, rest };
-        let mut motion = vec![normal.rest, zero, zero];
-        motion.extend_from_slice(&normal.along);
-        let motion = self.function(&format!("motion of {name}"), dims, &motion)?;
-        let reaction = self.reaction(name, dims, &normal, &[])?;
-        Ok(system::Contact { name: name.clone(), n_tangents: 0, gap, motion, reaction, local: None })
-    }
-
-    fn reaction(&mut self, name: &str, dims: Dims, normal: &Motion, sliding: &[Motion]) -> Result<SharedFunction> {
-        let n_v = self.scene.n_v;
-        let a: Vec<Id> = (0..n_v).map(|i| self.dag.input(Block::P, dims.p + i)).collect();
-        let all: Vec<&Motion> = std::iter::once(normal).chain(sliding).collect();
-        let mut out = vec![self.dag.constant(0.0); n_v];
-        for (k, m) in all.iter().enumerate() {
-            let force = self.dag.input(Block::P, dims.p + n_v + k);
-            for (o, n) in out.iter_mut().zip(&m.along) {
-                let term = self.dag.mul(*n, force);
-                *o = self.dag.add(*o, term);
+        let key = excerpt.key(&c.name);
+        let shape = match self.alike.get(&key) {
+            Some(shape) => shape.clone(),
+            None => {
+                let made = excerpt.shape(self.dag.external_functions(), s.order, &c.name, dims);
+                let shape = made.map_err(|e| self.flaw(c, tangents, e))?;
+                self.alike.insert(key, shape.clone());
+                shape
             }
-        }
-        for m in &all {
-            let along = self.dag.dot(&m.along, &a)?;
-            out.push(self.dag.add(along, m.rest));
-        }
-        let dims = Dims { p: dims.p + n_v + all.len(), ..dims };
-        self.function(&format!("reaction of {name}"), dims, &out)
+        };
+        Ok(shape.contact(&c.name, &excerpt.places, dims))
     }
 
     fn inertia(&mut self) -> Result<Inertia> {

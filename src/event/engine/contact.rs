@@ -8,6 +8,7 @@
 use super::{recover, Engine, Progress, EPS};
 use crate::contact::{self, mode, Closed, Dynamics, Impulse};
 use crate::error::{Error, Result};
+use crate::event::explicit::Pair;
 use crate::event::field::{Contacts, TO_RATE};
 use crate::event::watch::{ContactWatch, Watch};
 use crate::event::{Accumulation, Continuation, Impact, ImpactKind, Outcome, Phase, Zeno};
@@ -32,6 +33,37 @@ const SAME: f64 = 1e-9;
 /// Accumulating impacts are summed where what they still do to the gap is this share of the tolerance.
 const LAST: f64 = 0.1;
 
+/// The stages that a cubic is laid through, with the ends, and where it is compared.
+struct StagesOfForce {
+    /// The last stage before the end.
+    last: usize,
+    through: [usize; 2],
+    /// Of the start, the two stages and the end, in the value of the cubic where it is compared.
+    weights: [f64; 4],
+    /// It is compared in the middle of the step, which has no stage near it.
+    middle: bool,
+    /// Else at this stage.
+    at: usize,
+}
+
+/// Nodes 0, 0.3, 0.8, 1, compared at 0.5.
+const DP5: StagesOfForce = StagesOfForce {
+    last: 5,
+    through: [2, 3],
+    weights: [-1.0 / 8.0, 5.0 / 7.0, 5.0 / 8.0, -3.0 / 14.0],
+    middle: true,
+    at: 0,
+};
+
+/// Nodes 0, 1/3, 6/7, 1, compared at 3/5.
+const DOP853: StagesOfForce = StagesOfForce {
+    last: 11,
+    through: [5, 10],
+    weights: [-12.0 / 125.0, 729.0 / 1375.0, 1372.0 / 1375.0, -54.0 / 125.0],
+    middle: false,
+    at: 9,
+};
+
 /// Memory for events.
 #[derive(Default)]
 pub(super) struct SceneRoom {
@@ -39,6 +71,8 @@ pub(super) struct SceneRoom {
     left: Vec<f64>,
     /// Contacts that hardly open are closed at the present event, see [`Engine::flight_is_short`].
     merges: bool,
+    /// A contact that counts as at rest has a sliding velocity: what is left of it where others have put the bodies back.
+    creeps: bool,
     /// Contacts without a gap.
     touching: Vec<usize>,
     closed: Vec<Closed>,
@@ -100,15 +134,17 @@ impl Engine {
         Some(forces)
     }
 
-    /// Values of what is watched inside of a step, at its quarters, where the state is interpolated from its ends.
+    /// Values of what is watched inside of a step, where the state is interpolated from its ends: in the middle, and at the
+    /// quarters where forces are not known at the stages.
     pub(super) fn look_inside(&mut self) -> std::result::Result<(), EvalError> {
-        let forces = self.field.active.iter().any(|set| set[0] != mode::OPEN);
+        let closed = self.field.active.iter().any(|set| set[0] != mode::OPEN);
+        let (quarters, forces) = (closed && self.step_implicit, closed && self.stages().is_none_or(|s| s.middle));
         for (w, set) in self.wanted.iter_mut().zip(&self.field.active) {
             *w = set[0] != mode::OPEN;
         }
         let (h, t) = (self.step.h, self.step.t);
         for (k, s) in [(0, 0.25), (2, 0.75), (1, 0.5)] {
-            if k != 1 && !forces {
+            if k != 1 && !quarters {
                 continue;
             }
             if let (1, Some(c)) = (k, self.field.scene()) {
@@ -129,16 +165,37 @@ impl Engine {
         Ok(())
     }
 
-    /// Might a contact force vanish in the step, and how well does the step resolve it: the error of a cubic through its
-    /// values at the quarters, relative to a tenth of its size?
-    pub(super) fn screen_force(&self, l: usize) -> (bool, f64) {
+    /// Which stages of an explicit step tell how a contact force goes; none in implicit steps.
+    fn stages(&self) -> Option<&'static StagesOfForce> {
+        match self.pair {
+            _ if self.step_implicit => None,
+            Pair::Dp5 => Some(&DP5),
+            Pair::Dop853 => Some(&DOP853),
+        }
+    }
+
+    /// Might a contact force vanish in the step, and how well does the step resolve it: the error of a cubic through some of
+    /// its values, relative to a tenth of its size?
+    pub(super) fn screen_force(&self, l: usize, contact: usize, what: ContactWatch) -> (bool, f64) {
         const FRACTION: f64 = 0.1;
         let (w0, w1) = (self.w0[l], self.w1[l]);
-        let [a, b, c] = [self.samples[l][0], self.samples[l][1], self.samples[l][2]];
-        let all = [w0, a, b, c, w1];
-        let low = all.iter().fold(f64::INFINITY, |m, v| m.min(*v));
-        let high = all.iter().fold(f64::NEG_INFINITY, |m, v| m.max(*v));
-        let error = (b - (4.0 * (a + c) - w0 - w1) / 6.0).abs();
+        let samples = &self.samples[l];
+        let (mut low, mut high) = (w0.min(w1), w0.max(w1));
+        let mut note = |v: f64| (low, high) = (low.min(v), high.max(v));
+        let error = match self.stages().zip(self.field.force_at_stages(contact, what)) {
+            Some((s, at)) => {
+                at[1..=s.last].iter().for_each(|v| note(*v));
+                let value = if s.middle { samples[1] } else { at[s.at] };
+                note(value);
+                let [a, b] = s.through.map(|i| at[i]);
+                (value - (s.weights[0] * w0 + s.weights[1] * a + s.weights[2] * b + s.weights[3] * w1)).abs()
+            }
+            None => {
+                let [a, b, c] = [samples[0], samples[1], samples[2]];
+                [a, b, c].into_iter().for_each(&mut note);
+                (b - (4.0 * (a + c) - w0 - w1) / 6.0).abs()
+            }
+        };
         let rounding = 1e3 * EPS * self.watches[l].scale(&self.dq0, &self.field, self.t, &self.x).value;
         (low <= 4.0 * error + 0.25 * (high - low), error / (FRACTION * high.abs().max(low.abs()) + rounding))
     }
@@ -342,6 +399,8 @@ impl Engine {
     pub(super) fn check_gradient(&mut self, contact: usize, t: f64, x: &[f64]) -> Result<()> {
         /// Gradients so small are none.
         const LEAST: f64 = 1e-6;
+        /// Those that may be, as the point is not exact.
+        const LITTLE: f64 = 1e-2;
         let (s, n_z, row) = (&self.step, self.field.n_z, &mut self.scene.row);
         row.clear();
         row.resize(n_z, 0.0);
@@ -353,7 +412,10 @@ impl Engine {
         let ways = x.iter().zip(&s.x0).zip(s.f0.iter().zip(&s.f1));
         let way = ways.map(|((x, x0), (a, b))| (x - x0).abs().max(s.h * a.abs()).max(s.h * b.abs()));
         let reach = row.iter().zip(way).map(|(g, w)| g.abs() * w).sum::<f64>() + row[n_z - 1].abs() * s.h;
-        if !(gap > 0.0 && reach <= LEAST * gap) {
+        if !(gap > 0.0 && reach <= LITTLE * gap) {
+            return Ok(());
+        }
+        if reach > LEAST * gap && !self.halves(contact, t, x) {
             return Ok(());
         }
         let name = self.field.scene().map_or("", |c| &c.dynamics.mechanics.contacts[contact].name);
@@ -363,6 +425,31 @@ impl Engine {
         );
         self.fail(Outcome::NoContinuation, text);
         Err(Error::Range(self.reason.clone()))
+    }
+
+    /// Does the way to the zero of a gap, along the velocity, halve in every step of Newton's method? Then the zero is a double
+    /// one: there the gradient vanishes.
+    fn halves(&mut self, contact: usize, t: f64, x: &[f64]) -> bool {
+        const STEPS: usize = 10;
+        let (mut t, mut there) = (t, x.to_vec());
+        let (mut ways, mut steps) = (0, 0);
+        let mut last = f64::NAN;
+        while steps < STEPS {
+            let gap = self.field.with_contacts(t, &there, |c, at, _| {
+                c.dynamics.load_gap(at, contact).map(|()| c.dynamics.block(contact).gap)
+            });
+            let Some(Ok([gap, rate])) = gap else { return false };
+            let delta = -gap / rate;
+            if rate == 0.0 || !delta.is_finite() {
+                return gap == 0.0 || rate == 0.0;
+            }
+            ways += usize::from((0.4..0.6).contains(&(delta / last)));
+            last = delta;
+            there.iter_mut().zip(&self.step.f1).for_each(|(x, f)| *x += delta * f);
+            t += delta;
+            steps += 1;
+        }
+        ways >= STEPS / 2
     }
 
     /// What made the steps of a scene too short, if that is known.
@@ -432,6 +519,8 @@ impl Engine {
         if self.scene.merges {
             self.stats.accumulations += 1;
             self.one_sided = true;
+        }
+        if self.scene.merges || self.scene.creeps {
             self.bring_together()?;
         }
         self.enter()?;
@@ -542,13 +631,13 @@ impl Engine {
         r.unwrap_or(Ok(false))
     }
 
-    /// The gaps of contacts that are taken as closed, and their rates, become zero.
+    /// The gaps of contacts that are taken as closed, their rates, and the velocities of those that rest, become zero.
     fn bring_together(&mut self) -> std::result::Result<(), EvalError> {
         let mut x = std::mem::take(&mut self.scene.after);
         x.clone_from(&self.x);
         let r = self
             .field
-            .with_contacts(self.t, &self.x, |c, at, modes| c.dynamics.project(at, modes, &mut x, &|_, _| [0.0; 2]));
+            .with_contacts(self.t, &self.x, |c, at, modes| c.dynamics.project(at, modes, &mut x, &|_, _| [-1.0; 2]));
         self.x.copy_from_slice(&x);
         self.scene.after = x;
         self.field.forget();
@@ -697,7 +786,9 @@ impl Engine {
                 }
                 let sizes = &c.sizes;
                 let loaded = c.is_at(at);
-                let follow = c.dynamics.follow(at, closed, &|k| sizes[k][1], (length, loaded))?;
+                let follow = c.dynamics.follow(at, closed, &|k| sizes[k][1], (length, loaded));
+                c.forget();
+                let follow = follow?;
                 let Some(choice) = follow.all.first() else { continue };
                 c.dynamics.begin(choice);
                 c.dynamics.accelerate(at, &choice.modes)?;
@@ -824,7 +915,9 @@ impl Engine {
             let found = self.field.with_contacts(self.t, &self.x, |c, at, _| {
                 let sizes = &c.sizes;
                 let loaded = c.is_at(at);
-                c.dynamics.follow(at, closed, &|k| sizes[k][1], (length, loaded))
+                let found = c.dynamics.follow(at, closed, &|k| sizes[k][1], (length, loaded));
+                c.forget();
+                found
             });
             let Some(found) = found else { return Ok(true) };
             let found = found?;
@@ -862,6 +955,7 @@ impl Engine {
             for c in all {
                 let mut velocity = vec![0.0; self.nx];
                 let r = self.field.with_contacts(self.t, &self.x, |own, at, _| {
+                    own.forget();
                     own.dynamics.begin(&c);
                     own.dynamics.rhs(at, &c.modes, &mut velocity)
                 });
@@ -893,7 +987,11 @@ impl Engine {
     /// Lists those of the touching contacts that are closed, and whether each is at rest.
     fn closed(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
-        let SceneRoom { touching: all, closed: out, row, merges, .. } = &mut self.scene;
+        /// Share of its size below which a sliding velocity may be zero, if others that stop say so.
+        const STILL: f64 = 1e-3;
+        let SceneRoom { touching: all, closed: out, row, merges, creeps, .. } = &mut self.scene;
+        let mut likely = Vec::new();
+        *creeps = false;
         out.clear();
         // as the field does it while it lends the rest of itself
         let floor = std::mem::take(&mut self.field.floor);
@@ -919,8 +1017,18 @@ impl Engine {
                 let size = (0..n_t).map(size).fold(0.0, f64::max);
                 let stops = event == Some((i, ContactWatch::Speed));
                 let sticks = modes[i][0] == mode::CLOSED && event.is_some_and(|e| e.1 != ContactWatch::Gap);
-                let still = b.sliding[0].hypot(b.sliding[1]) <= AT_REST * size;
-                out.push(Closed { contact: i, rests: stops || sticks || still });
+                let speed = b.sliding[0].hypot(b.sliding[1]);
+                let rests = stops || sticks || speed <= AT_REST * size || c.dynamics.carried[i];
+                *creeps |= rests && speed > AT_REST * size;
+                out.push(Closed { contact: i, rests });
+                likely.extend((!rests && speed <= STILL * size).then_some(out.len() - 1));
+            }
+            // what slides together stops together
+            if let Some((stopped, ContactWatch::Speed)) = event {
+                for &k in likely.iter() {
+                    out[k].rests = c.dynamics.stops_with(out[k].contact, stopped, modes);
+                    *creeps |= out[k].rests;
+                }
             }
             Ok(())
         });

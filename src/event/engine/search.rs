@@ -107,7 +107,14 @@ impl Engine {
             let s = match bernstein::first(c) {
                 // at rest at zero when the step began, and beyond it at the end
                 First::None if passed => 0.0,
-                First::None => continue,
+                First::None => {
+                    if let (Watch::Contact { what: ContactWatch::Gap, .. }, 0) = (self.watches[l], power) {
+                        if let Some(s) = bernstein::nearly_touches(c) {
+                            self.notice(l, s, bernstein::slope(c, s));
+                        }
+                    }
+                    continue;
+                }
                 First::Touch(s) => {
                     self.notice(l, s, bernstein::slope(c, s));
                     continue;
@@ -221,8 +228,8 @@ impl Engine {
             self.suspect[l] = match w {
                 Watch::Leave { cell, .. } => certain || depart > 0 || self.weight_falls(cell, w0, w1),
                 _ if w.is_affine(&self.field) => certain || self.nears(&w, w0, w1, depart),
-                Watch::Contact { what, .. } if what.is_force() => {
-                    let (low, e) = self.screen_force(l);
+                Watch::Contact { contact, what, .. } if what.is_force() => {
+                    let (low, e) = self.screen_force(l, contact, what);
                     worst = worst.max(e);
                     certain || depart > 0 || low
                 }

@@ -178,6 +178,7 @@ impl Engine {
         self.fresh = true;
         self.alpha_start.clear();
         self.alpha_start.extend_from_slice(&self.field.alpha[..self.field.n_alg()]);
+        self.field.find_carried(&self.x);
         watch::list(&self.field, &mut self.watches);
         self.looked.clear();
         self.looked.extend(0..self.watches.len());

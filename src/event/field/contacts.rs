@@ -2,8 +2,8 @@
 
 use super::near::Near;
 use super::Field;
-use crate::contact::{mode, Dynamics, STOP};
-use crate::event::step::Step;
+use crate::contact::{mode, Block, Dynamics, STOP};
+use crate::event::step::{Stages, Step};
 use crate::event::watch::{ContactWatch, Scale, Watch};
 use crate::func::{EvalError, EvalResult, Point};
 use crate::system::Mechanics;
@@ -28,6 +28,10 @@ pub(in crate::event) struct Contacts {
     /// The gradients of a gap and of its rate.
     rows: Vec<f64>,
     near: Near,
+    /// Values of forces at the stages of the present step, three for every contact, and the stage that comes next; none where
+    /// nobody wants them.
+    traces: Vec<Stages>,
+    stage: Option<usize>,
 }
 
 impl Contacts {
@@ -42,6 +46,8 @@ impl Contacts {
             known: false,
             rows: vec![0.0; 2 * n_z],
             near: Near::new(mechanics),
+            traces: vec![[0.0; 16]; 3 * mechanics.contacts.len()],
+            stage: None,
         }
     }
 
@@ -55,7 +61,8 @@ impl Contacts {
         self.near.near[i]
     }
 
-    pub(super) fn forget(&mut self) {
+    /// The accelerations are no longer those of the present modes.
+    pub(in crate::event) fn forget(&mut self) {
         self.known = false;
     }
 }
@@ -95,16 +102,21 @@ impl Field {
 
     /// Right-hand side of a scene.
     pub(super) fn scene_rhs(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        let Some(c) = &mut self.contacts else { return Ok(()) };
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        if c.is_at(&at) {
+            c.dynamics.write(out);
+            c.trace();
+            return Ok(());
+        }
         self.counts.values += 1;
-        let r = self.with_contacts(t, x, |c, at, modes| {
-            c.known = false;
-            c.dynamics.rhs(at, modes, out)?;
-            c.last_t = t;
-            c.last_x.copy_from_slice(x);
-            c.known = true;
-            Ok(())
-        });
-        r.unwrap_or(Ok(()))
+        c.known = false;
+        c.dynamics.rhs(&at, &self.active, out)?;
+        c.last_t = t;
+        c.last_x.copy_from_slice(x);
+        c.known = true;
+        c.trace();
+        Ok(())
     }
 
     /// Jacobian of the right-hand side of a scene.
@@ -140,11 +152,7 @@ impl Field {
             if !closed {
                 return Ok(());
             }
-            if !c.is_at(at) {
-                c.known = false;
-                evaluated = 1;
-                c.dynamics.accelerate(at, modes)?;
-            }
+            evaluated = c.accelerate(at, modes)?;
             for (i, set) in modes.iter().enumerate() {
                 let place = c.place(i);
                 if set[0] == mode::OPEN {
@@ -154,11 +162,7 @@ impl Field {
                     }
                     continue;
                 }
-                if Dynamics::slides(set[0]) {
-                    // flat contacts are not evaluated anew for the forces
-                    c.dynamics.load_contact(at, i)?;
-                }
-                c.write(i, set[0], &mut q[place..place + WATCHED]);
+                c.write(at, i, set[0], &mut q[place..place + WATCHED])?;
             }
             Ok(())
         });
@@ -177,10 +181,8 @@ impl Field {
         let mut q = std::mem::take(&mut self.q);
         let mut evaluated = 0;
         let r = self.with_contacts(t, x, |c, at, modes| {
-            if forces && !c.is_at(at) {
-                c.known = false;
-                evaluated = 1;
-                c.dynamics.accelerate(at, modes)?;
+            if forces {
+                evaluated = c.accelerate(at, modes)?;
             }
             for (i, set) in modes.iter().enumerate().filter(|(i, _)| wanted(*i)) {
                 let place = c.place(i);
@@ -189,10 +191,7 @@ impl Field {
                     q[place] = c.dynamics.block(i).gap[0];
                     continue;
                 }
-                if Dynamics::slides(set[0]) {
-                    c.dynamics.load_contact(at, i)?;
-                }
-                c.write(i, set[0], &mut q[place..place + WATCHED]);
+                c.write(at, i, set[0], &mut q[place..place + WATCHED])?;
             }
             Ok(())
         });
@@ -222,6 +221,46 @@ impl Field {
             _ => Ok(None),
         });
         r.unwrap_or(Ok(None))
+    }
+
+    /// The stages of an explicit step begin, the first of them, at its start, is known: forces at them are noted.
+    pub(in crate::event) fn begin_stages(&mut self) {
+        if let Some(c) = &mut self.contacts {
+            c.stage = Some(1);
+        }
+    }
+
+    /// No more stages come.
+    pub(in crate::event) fn end_stages(&mut self) {
+        if let Some(c) = &mut self.contacts {
+            c.stage = None;
+        }
+    }
+
+    /// Values of a force of a contact at the stages of the last explicit step, but the first.
+    pub(in crate::event) fn force_at_stages(&self, contact: usize, what: ContactWatch) -> Option<&Stages> {
+        let k = match what {
+            ContactWatch::Pressure => 0,
+            ContactWatch::Cone(sign) if sign > 0.0 => 1,
+            ContactWatch::Cone(_) => 2,
+            ContactWatch::Gap | ContactWatch::Speed => return None,
+        };
+        self.contacts.as_ref().map(|c| &c.traces[3 * contact + k])
+    }
+
+    /// Finds the contacts that others hold back, at the point of the last right-hand side; see [`Dynamics::find_carried`].
+    pub(in crate::event) fn find_carried(&mut self, x: &[f64]) {
+        let floor = &self.floor;
+        let Some(c) = &mut self.contacts else { return };
+        let n_q = c.dynamics.mechanics.n_q;
+        let size = |b: &Block| {
+            let row = |k: usize| {
+                let states = x[n_q..].iter().zip(&floor[n_q..]);
+                b.tangent(k).iter().zip(states).map(|(g, (v, f))| g.abs() * (v.abs() + f)).sum::<f64>()
+            };
+            (0..b.n_tangents()).map(row).fold(0.0, f64::max)
+        };
+        c.dynamics.find_carried(&self.active, &size);
     }
 
     /// Decides which contacts are looked at in a step; false where all are, always.
@@ -328,7 +367,7 @@ impl Field {
             }
             add(ContactWatch::Pressure, 1);
             if Dynamics::slides(set[0]) {
-                if n_t > 0 {
+                if n_t > 0 && !c.dynamics.carried[contact] {
                     add(ContactWatch::Speed, 2);
                 }
             } else if n_t == 1 {
@@ -354,8 +393,40 @@ impl Contacts {
         self.known && self.last_t == at.t && self.last_x == at.x
     }
 
+    /// Notes the forces of closed contacts at a stage.
+    fn trace(&mut self) {
+        let Some(stage) = self.stage else { return };
+        self.stage = Some(stage + 1);
+        let d = &self.dynamics;
+        for i in d.closed() {
+            let (f, mu) = (d.forces[i], d.block(i).friction);
+            let cones = match d.mechanics.contacts[i].n_tangents {
+                0 => [0.0; 2],
+                1 => [mu * f[0] - f[1], mu * f[0] + f[1]],
+                _ => [mu * f[0] - f[1].hypot(f[2]); 2],
+            };
+            for (k, v) in [f[0], cones[0], cones[1]].into_iter().enumerate() {
+                self.traces[3 * i + k][stage.min(15)] = v;
+            }
+        }
+    }
+
+    /// Accelerations and forces at a point, if they are not known there. Says how often they were evaluated.
+    fn accelerate(&mut self, at: &Point, modes: &[Vec<usize>]) -> Result<usize, EvalError> {
+        if self.is_at(at) {
+            return Ok(0);
+        }
+        self.known = false;
+        self.dynamics.accelerate(at, modes)?;
+        Ok(1)
+    }
+
     /// Values and rates of a closed contact after an evaluation.
-    fn write(&self, i: usize, m: usize, q: &mut [f64]) {
+    fn write(&mut self, at: &Point, i: usize, m: usize, q: &mut [f64]) -> EvalResult {
+        if Dynamics::slides(m) && self.dynamics.mechanics.contacts[i].n_tangents > 0 {
+            // flat contacts are not evaluated anew for the forces
+            self.dynamics.load_contact(at, i)?;
+        }
         let d = &self.dynamics;
         let (b, f) = (d.block(i), d.forces[i]);
         q.fill(f64::NAN);
@@ -373,6 +444,7 @@ impl Contacts {
             }
             (_, false) => q[2] = b.friction * f[0] - f[1].hypot(f[2]),
         }
+        Ok(())
     }
 
     fn gradient(
