@@ -567,8 +567,7 @@ impl Dag {
                 // The other components of the group need the same.
                 Node::Pick(g, _) => {
                     let e = &self.groups[g as usize];
-                    let known = (e.first.0..e.first.0 + e.n)
-                        .any(|k| k != id.0 && seen.contains(k as usize));
+                    let known = (e.first.0..e.first.0 + e.n).any(|k| k != id.0 && seen.contains(k as usize));
                     if !known {
                         self.for_children(id, |c| stack.push(c));
                     }

@@ -126,8 +126,7 @@ mod tests {
         let (a, b) = (g.x(1), g.x(4));
         let all = Dims { x: 5, u: 1, p: 3 };
         let zero = g.constant(0.0);
-        let large =
-            g.function("large", all, &[zero, a * b, zero, g.p(0) * b + g.p(2) * g.u(0) + t * t, zero]).unwrap();
+        let large = g.function("large", all, &[zero, a * b, zero, g.p(0) * b + g.p(2) * g.u(0) + t * t, zero]).unwrap();
         let e = Embedded {
             name: "large".into(),
             inner: Arc::new(small),

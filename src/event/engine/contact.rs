@@ -481,6 +481,7 @@ impl Engine {
             self.arrive()?;
             let own = self.watches[l].rate_in(&self.field.q, &self.field.dq, self.field.n_z, &self.f);
             rate = if own.is_finite() { own } else { slope };
+            self.field.renew_sizes(self.t, &self.x, event.map(|e| e.0))?;
             self.differentiate_time(l)?;
         } else {
             self.f.fill(0.0);

@@ -341,6 +341,25 @@ impl Field {
         r.unwrap_or(Ok(()))
     }
 
+    /// Finds the sizes of the closed contacts, and of that of an event, anew at the event: a phase that began at rest knew
+    /// no velocities.
+    pub(in crate::event) fn renew_sizes(&mut self, t: f64, x: &[f64], event: Option<usize>) -> EvalResult {
+        let floor = std::mem::take(&mut self.floor);
+        let r = self.with_contacts(t, x, |c, at, modes| {
+            for (i, set) in modes.iter().enumerate() {
+                if set[0] == mode::OPEN && event != Some(i) {
+                    continue;
+                }
+                let (new, old) = (c.sizes_of(i, set[0], at, &floor)?, &mut c.sizes[i]);
+                // forces that vanish here had a size before
+                new.iter().zip(old.iter_mut()).for_each(|(n, o)| *o = o.max(*n));
+            }
+            Ok(())
+        });
+        self.floor = floor;
+        r.unwrap_or(Ok(()))
+    }
+
     /// Sizes of a watched function of a contact.
     pub(in crate::event) fn contact_scale(&self, contact: usize, what: ContactWatch) -> Scale {
         let size = self.contacts.as_ref().map_or(1.0, |c| {
