@@ -67,6 +67,7 @@ impl Dynamics {
             let speed = s[0].hypot(s[1]);
             let slides = (n_t > 0 && !c.rests && speed > 0.0).then(|| [s[0] / speed, s[1] / speed]);
             problem.parts.push(Part { first, n_t, friction: b.friction, slides, size });
+            problem.start.extend_from_slice(&self.forces[c.contact][..=n_t]);
             first += 1 + n_t;
         }
         let found = problem.solve(&mut self.room);

@@ -47,6 +47,8 @@ pub(crate) struct Problem {
     pub(crate) matrix: Vec<f64>,
     /// `w`.
     pub(crate) free: Vec<f64>,
+    /// An `r` near the solution, for many contacts; empty if none is known.
+    pub(crate) start: Vec<f64>,
 }
 
 /// Memory of those who solve problems.
@@ -133,6 +135,7 @@ impl Problem {
         self.parts.clear();
         self.matrix.clear();
         self.free.clear();
+        self.start.clear();
     }
 
     /// State number `k` that a contact may have, those with forces first.
@@ -309,10 +312,26 @@ impl Problem {
         })
     }
 
-    /// One solution by sweeps over the contacts, made exact by Newton's method.
+    /// One solution, by iteration from the first of these that leads to one: the forces that were there before, those that
+    /// bring everything to rest, none. Where bodies carry each other there may be several solutions, and those that rest
+    /// keep resting.
     fn iterate(&self, room: &mut Room) -> Option<Solution> {
-        let n = self.n();
-        let mut r = vec![0.0; n];
+        let before = (self.start.len() == self.n()).then(|| self.start.clone());
+        let mut rest = Solution {
+            states: self.parts.iter().map(|p| p.slides.map_or(State::Rests, State::Slides)).collect(),
+            ..Solution::default()
+        };
+        let rests = self.with_states(&mut rest, room);
+        if rests && self.holds(&rest) {
+            return Some(rest);
+        }
+        let starts = [before, rests.then_some(rest.r), Some(vec![0.0; self.n()])];
+        starts.into_iter().flatten().find_map(|r| self.iterate_from(r, room))
+    }
+
+    /// Sweeps over the contacts, made exact by Newton's method.
+    fn iterate_from(&self, mut r: Vec<f64>, room: &mut Room) -> Option<Solution> {
+        self.parts.iter().for_each(|p| self.admit(p, &mut r));
         for _ in 0..SWEEPS {
             let mut change = 0.0f64;
             for p in &self.parts {
@@ -368,6 +387,21 @@ impl Problem {
             }));
         }
         out
+    }
+
+    /// Puts the forces of a contact into its cone.
+    fn admit(&self, p: &Part, r: &mut [f64]) {
+        let i = p.first;
+        r[i] = r[i].max(0.0);
+        let most = p.friction * r[i];
+        let size = r[i + 1..=i + p.n_t].iter().map(|t| t * t).sum::<f64>().sqrt();
+        for k in 0..p.n_t {
+            match p.slides {
+                Some(d) => r[i + 1 + k] = -most * d[k],
+                None if size > most => r[i + 1 + k] *= most / size,
+                None => {}
+            }
+        }
     }
 
     /// Solves for one contact with the others as they are; the change relative to its size.
@@ -541,7 +575,12 @@ mod tests {
         for (push, state, tangential) in
             [(0.5, State::Rests, -0.5), (2.0, State::Slides([1.0, 0.0]), -1.0), (-2.0, State::Slides([-1.0, 0.0]), 1.0)]
         {
-            let p = Problem { parts: vec![part(0, 1, 1.0)], matrix: vec![1.0, 0.0, 0.0, 1.0], free: vec![-1.0, push] };
+            let p = Problem {
+                parts: vec![part(0, 1, 1.0)],
+                matrix: vec![1.0, 0.0, 0.0, 1.0],
+                free: vec![-1.0, push],
+                ..Problem::default()
+            };
             let s = p.solve(&mut Room::with_capacity(8));
             assert!(s.all.len() == 1, "{s:?}");
             assert_eq!(s.all[0].states, [state]);
@@ -558,6 +597,7 @@ mod tests {
                 parts: vec![Part { slides: Some([-1.0, 0.0]), ..part(0, 1, mu) }],
                 matrix: vec![nn, nt, nt, tt],
                 free: vec![push, 0.0],
+                ..Problem::default()
             };
             p.solve(&mut Room::with_capacity(8)).all.len()
         };
@@ -572,6 +612,7 @@ mod tests {
             parts: vec![part(0, 0, 0.0), part(1, 0, 0.0)],
             matrix: vec![2.0, -1.0, -1.0, 2.0],
             free: vec![-2.0, 0.0],
+            ..Problem::default()
         };
         let s = p.solve(&mut Room::with_capacity(8));
         assert!(
@@ -580,7 +621,12 @@ mod tests {
         // three supports of a beam: two would do
         let g = [[1.0, -1.0], [1.0, 0.0], [1.0, 1.0]];
         let matrix = (0..9).map(|k| g[k / 3][0] * g[k % 3][0] + 3.0 * g[k / 3][1] * g[k % 3][1]).collect();
-        let p = Problem { parts: (0..3).map(|i| part(i, 0, 0.0)).collect(), matrix, free: vec![-1.0; 3] };
+        let p = Problem {
+            parts: (0..3).map(|i| part(i, 0, 0.0)).collect(),
+            matrix,
+            free: vec![-1.0; 3],
+            ..Problem::default()
+        };
         let s = p.solve(&mut Room::with_capacity(8));
         assert!(s.all.len() == 1 && s.redundant, "{s:?}");
         assert!(s.all[0].r.iter().all(|r| (r - 1.0 / 3.0).abs() < 1e-12), "{s:?}");
@@ -603,6 +649,7 @@ mod tests {
                 parts: vec![part(0, 1, 0.3), part(2, 1, 0.3)],
                 matrix,
                 free: (0..m).map(|_| 3.0 * random()).collect(),
+                ..Problem::default()
             };
             let all = p.solve(&mut Room::with_capacity(8));
             let Some(s) = p.iterate(&mut Room::with_capacity(8)) else {
@@ -621,6 +668,7 @@ mod tests {
             parts: vec![part(0, 2, 0.5)],
             matrix: vec![1.0, 0.1, 0.0, 0.1, 1.0, 0.2, 0.0, 0.2, 1.5],
             free: vec![-2.0, 3.0, -4.0],
+            ..Problem::default()
         };
         let s = p.solve(&mut Room::with_capacity(8));
         let s = &s.all[0];

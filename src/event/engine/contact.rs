@@ -432,6 +432,9 @@ impl Engine {
     fn halves(&mut self, contact: usize, t: f64, x: &[f64]) -> bool {
         const STEPS: usize = 10;
         let (mut t, mut there) = (t, x.to_vec());
+        let s = &self.step;
+        let part = ((t - s.t) / s.h).clamp(0.0, 1.0);
+        let velocity: Vec<f64> = s.f0.iter().zip(&s.f1).map(|(a, b)| a + part * (b - a)).collect();
         let (mut ways, mut steps) = (0, 0);
         let mut last = f64::NAN;
         while steps < STEPS {
@@ -443,9 +446,9 @@ impl Engine {
             if rate == 0.0 || !delta.is_finite() {
                 return gap == 0.0 || rate == 0.0;
             }
-            ways += usize::from((0.4..0.6).contains(&(delta / last)));
+            ways += usize::from((0.3..0.7).contains(&(delta / last)));
             last = delta;
-            there.iter_mut().zip(&self.step.f1).for_each(|(x, f)| *x += delta * f);
+            there.iter_mut().zip(&velocity).for_each(|(x, f)| *x += delta * f);
             t += delta;
             steps += 1;
         }
