@@ -309,7 +309,6 @@ impl Shape {
             motions.push(m);
         }
         let all: Vec<&Motion> = motions.iter().collect();
-        let local = if first_order { None } else { Some(f.local(name, c, &all)?) };
         let (what, rate) = if first_order { ("constraint", zero) } else { ("gap of", motions[0].rate) };
         let gap = f.function(&format!("{what} {name}"), f.dims, &[c.gap, rate])?;
         let mut motion = vec![motions[0].rest, c.friction, c.restitution];
@@ -320,6 +319,7 @@ impl Shape {
         }
         let motion = f.function(&format!("motion of {name}"), f.dims, &motion)?;
         let reaction = f.reaction(&format!("reaction of {name}"), &all)?;
+        let local = if first_order { None } else { Some(f.local(name, c, &all)?) };
         Ok(Shape { n_tangents: c.tangents.len(), gap, motion, reaction, local })
     }
 
