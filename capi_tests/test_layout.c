@@ -288,6 +288,12 @@ int main(void)
     AT(swb_jump, 3, simultaneous);
     AT(swb_jump, 4, rate);
     CHECK(sizeof(swb_jump) == (size_t)8 * 5);
+    AT(swb_ocp_jump, 0, struct_size);
+    AT(swb_ocp_jump, 1, t);
+    AT(swb_ocp_jump, 2, transition);
+    AT(swb_ocp_jump, 3, stage);
+    AT(swb_ocp_jump, 4, at_once);
+    CHECK(sizeof(swb_ocp_jump) == (size_t)8 * 5);
     AT(swb_impact, 0, struct_size);
     AT(swb_impact, 1, t);
     AT(swb_impact, 2, contact);

@@ -2947,6 +2947,32 @@ typedef struct swb_certificate {
 } swb_certificate;
 
 /**
+ * A transition of an optimal control.
+ */
+typedef struct swb_ocp_jump {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Time.
+     */
+    double t;
+    /**
+     * The transition, in the order they were added to the system.
+     */
+    int64_t transition;
+    /**
+     * The control stage it is made in, from 0.
+     */
+    int64_t stage;
+    /**
+     * 1 if its guard was beyond zero where its discrete state began, or where the control changed: it does not pass zero.
+     */
+    int64_t at_once;
+} swb_ocp_jump;
+
+/**
  * What a solve of several phases found; what the phases do is asked of them, see swb_multiphase_get_phase.
  */
 typedef struct swb_multiphase_info {
@@ -6420,6 +6446,42 @@ SWB_API swb_status swb_ocp_get_control_ends(const struct swb_ocp *ocp, double *u
  * @return SWB_OK; SWB_ERR_STATE before the first solve
  */
 SWB_API swb_status swb_ocp_get_violation(const struct swb_ocp *ocp, double *violation);
+
+/**
+ * Number of transitions of the last answer.
+ *
+ * @param[out] n_jumps transitions; 0 for systems without
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE before the first solve
+ */
+SWB_API swb_status swb_ocp_jump_count(const struct swb_ocp *ocp, int64_t *n_jumps);
+
+/**
+ * The transitions of the last answer in the order of time.
+ *
+ * @param[out] jumps       [n] swb_ocp_jump_count
+ * @param[in]  struct_size sizeof(swb_ocp_jump)
+ * @return SWB_OK; SWB_ERR_DIMENSION if n is another number; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_jumps(const struct swb_ocp *ocp,
+                         struct swb_ocp_jump *jumps,
+                         int64_t n,
+                         uint64_t struct_size);
+
+/**
+ * The states just before and just behind a transition of the last answer.
+ *
+ * @param[in]  index  its place in swb_ocp_jumps, from 0
+ * @param[out] before [n] nx
+ * @param[out] after  [n] nx
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
+ */
+SWB_API
+swb_status swb_ocp_jump_states(const struct swb_ocp *ocp,
+                               int64_t index,
+                               double *before,
+                               double *after,
+                               int64_t n);
 
 /**
  * Create a problem of phases, one after the other. The initial state of a phase is free unless its problem bounds it;

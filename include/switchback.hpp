@@ -1245,6 +1245,21 @@ public:
         detail::check(swb_ocp_get_certificate(get(), &c, sizeof c));
         return c;
     }
+    /// The transitions of the last solution in the order of time.
+    std::vector<swb_ocp_jump> jumps() const {
+        int64_t n = 0;
+        detail::check(swb_ocp_jump_count(get(), &n));
+        std::vector<swb_ocp_jump> out(static_cast<std::size_t>(n));
+        detail::check(swb_ocp_jumps(get(), out.data(), n, sizeof(swb_ocp_jump)));
+        return out;
+    }
+    /// The states just before and just behind a transition, by its place in jumps().
+    std::pair<Vector, Vector> jump_states(int64_t index) const {
+        const auto nx = static_cast<std::size_t>(n_data_ - np_);
+        std::pair<Vector, Vector> out{Vector(nx), Vector(nx)};
+        detail::check(swb_ocp_jump_states(get(), index, out.first.data(), out.second.data(), n_data_ - np_));
+        return out;
+    }
     /// Largest difference of a state from the simulation at the end of every stage.
     Vector mismatch() const { return array(swb_ocp_get_mismatch, n_stages_); }
     /// Derivatives of cost and controls with respect to the data: initial state, then parameters; the controls of one

@@ -419,7 +419,8 @@ fn what_makes_no_sense_is_refused() {
     let s = thermostat();
     let said = switchback::sim::Simulator::new(&s, &Settings::default()).err().unwrap().to_string();
     assert!(said.contains("event-driven"), "{said}");
-    let said = switchback::ocp::Ocp::new(&s, 1.0, 2, &Settings::default()).err().unwrap().to_string();
+    let phase = switchback::ocp::Ocp::new(&s, 1.0, 2, &Settings::default()).unwrap();
+    let said = switchback::ocp::MultiPhase::new(vec![phase]).err().unwrap().to_string();
     assert!(said.contains("event-driven"), "{said}");
 }
 

@@ -145,6 +145,24 @@ static void count(const swb_settings *s)
     DO(swb_run_jump_sensitivity, run, 0, dt, 2);
 }
 
+/* An optimal control problem without controls: what it finds is the simulation. */
+static void heater_ocp(swb_system *system, const swb_settings *s, const double *start)
+{
+    double before[2], after[2];
+    swb_ocp_jump jumps[16];
+    int64_t n = 0;
+    int32_t outcome;
+    swb_ocp *ocp = NULL;
+    if (!DO(swb_ocp_create, system, 1.0, 2, s, &ocp))
+        return;
+    pool_add(T_swb_ocp, ocp);
+    DO(swb_ocp_set_initial_state, ocp, start, 2);
+    DO(swb_ocp_solve, ocp, &outcome);
+    if (DO(swb_ocp_jump_count, ocp, &n) && n <= 16)
+        DO(swb_ocp_jumps, ocp, jumps, n, sizeof jumps[0]);
+    DO(swb_ocp_jump_states, ocp, 0, before, after, 2);
+}
+
 /* A model with a discrete state and transitions, which is kept as a document, too. */
 static void heater(const swb_settings *s)
 {
@@ -187,6 +205,7 @@ static void heater(const swb_settings *s)
     pool_add(T_swb_integrator, it);
     DO(swb_integrator_reinit, it, 0.0, start, 2);
     DO(swb_integrator_advance, it, 2.0, &outcome);
+    heater_ocp(system, s, start);
 }
 
 /* Steps of a scene with two coordinates and one contact. */

@@ -139,6 +139,7 @@ pub mod ocp;
 pub mod ocp_accuracy;
 pub mod ocp_search;
 pub mod ocp_terms;
+pub mod ocp_transitions;
 
 pub mod multiphase;
 

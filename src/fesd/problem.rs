@@ -502,6 +502,11 @@ impl Fesd {
         (self.l.x0, self.l.u.clone())
     }
 
+    /// States of an element that are the linear controls, as numbers behind those of the user.
+    pub fn ramps(&self) -> Vec<usize> {
+        self.l.linear.iter().flatten().copied().collect()
+    }
+
     /// First index of the states at the end of the horizon.
     pub fn end_place(&self) -> usize {
         self.l.elements[self.l.elements.len() - 1].x_end

@@ -4,14 +4,42 @@ use super::solve::Built;
 use crate::fesd::Fesd;
 use crate::func::{EvalError, EvalResult, Point};
 use crate::linalg::csc::Pattern;
-use crate::mpcc::{Mpcc, Side};
-use crate::nlp::{Bounds, Nlp};
+use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Wanted};
+use crate::nlp::{Bounds, Control, Nlp, Outcome};
 use crate::system::SharedFunction;
 
 /// `lower ≤ f(x_k(T), x_{k+1}(0)) ≤ upper`.
 #[derive(Clone)]
 pub(super) struct Link {
     pub(super) f: SharedFunction,
+    pub(super) lower: Vec<f64>,
+    pub(super) upper: Vec<f64>,
+}
+
+/// Where an input of a function between phases comes from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) enum Source {
+    /// A variable of the joint program.
+    Variable(usize),
+    /// A number.
+    Constant(f64),
+}
+
+impl Source {
+    fn variable(self) -> Option<usize> {
+        match self {
+            Source::Variable(j) => Some(j),
+            Source::Constant(_) => None,
+        }
+    }
+}
+
+/// `lower ≤ f ≤ upper` of a function of variables of any phases.
+#[derive(Clone)]
+pub(super) struct Coupling {
+    pub(super) f: SharedFunction,
+    /// Of every input `(x, u, p, t)`.
+    pub(super) inputs: Vec<Source>,
     pub(super) lower: Vec<f64>,
     pub(super) upper: Vec<f64>,
 }
@@ -38,12 +66,10 @@ pub(super) struct Plan {
     pub(super) work: Vec<f64>,
 }
 
-/// A link with its place in the program.
+/// A coupling with its place in the program.
 pub(super) struct PlacedLink {
-    pub(super) f: SharedFunction,
     pub(super) row: usize,
-    /// Variables behind its inputs, but for the time.
-    pub(super) inputs: Vec<usize>,
+    pub(super) coupling: Coupling,
 }
 
 /// The row that says when a phase begins.
@@ -54,8 +80,41 @@ pub(super) struct Clock {
     pub(super) lengths: Vec<(usize, f64)>,
 }
 
+/// What stands in a map of entries for one that belongs to a constant.
+const NOWHERE: usize = usize::MAX;
+
 impl Plan {
+    /// The program of phases and the links between each and the next.
     pub(super) fn new(links: &[Vec<Link>], built: &[Built]) -> Plan {
+        let variables = Plan::first_variables(built);
+        let mut couplings = Vec::new();
+        for (k, list) in links.iter().enumerate() {
+            let (a, b) = (&built[k].problem, &built[k + 1].problem);
+            let (end, start) = (variables[k] + a.end_place(), variables[k + 1] + b.places().0);
+            let states = (0..a.spec().dcs.dims().x).map(|i| end + i);
+            let states = states.chain((0..b.spec().dcs.dims().x).map(|i| start + i)).map(Source::Variable);
+            // a link knows no time
+            let inputs: Vec<Source> = states.chain([Source::Constant(0.0)]).collect();
+            for link in list {
+                let Link { f, lower, upper } = link.clone();
+                couplings.push(Coupling { f, inputs: inputs.clone(), lower, upper });
+            }
+        }
+        Plan::coupled(built, couplings)
+    }
+
+    /// First variables of the phases in the joint program, and their number.
+    pub(super) fn first_variables(built: &[Built]) -> Vec<usize> {
+        let mut n = 0;
+        let ends = built.iter().map(|b| {
+            n += b.problem.n();
+            n
+        });
+        [0].into_iter().chain(ends).collect()
+    }
+
+    /// The program of phases that are tied by these couplings.
+    pub(super) fn coupled(built: &[Built], couplings: Vec<Coupling>) -> Plan {
         let mut p = Plan {
             variables: vec![0],
             rows: vec![0],
@@ -89,34 +148,32 @@ impl Plan {
             p.rows.push(m);
             p.groups.push(n_groups);
         }
-        for (k, list) in links.iter().enumerate() {
-            let (a, b) = (&built[k].problem, &built[k + 1].problem);
-            let (end, start) = (p.variables[k] + a.end_place(), p.variables[k + 1] + b.places().0);
-            let inputs: Vec<usize> = (0..a.spec().dcs.dims().x)
-                .map(|i| end + i)
-                .chain((0..b.spec().dcs.dims().x).map(|i| start + i))
-                .collect();
-            for link in list {
-                let f = &link.f;
-                let known = |j: &usize| *j < inputs.len();
-                for j in (0..f.jac_pattern().n_cols()).filter(known) {
-                    for &i in f.jac_pattern().rows(j) {
-                        jac.0.push(m + i);
-                        jac.1.push(inputs[j]);
-                    }
+        // of every entry of every function: does it belong to variables?
+        let (mut in_jac, mut in_hess) = (vec![true; jac.0.len()], vec![true; hess.0.len()]);
+        for coupling in couplings {
+            let Coupling { f, inputs, .. } = &coupling;
+            for (j, i) in entries(f.jac_pattern()) {
+                let variable = inputs[j].variable();
+                in_jac.push(variable.is_some());
+                if let Some(v) = variable {
+                    jac.0.push(m + i);
+                    jac.1.push(v);
                 }
-                for j in (0..f.hess_pattern().n_cols()).filter(known) {
-                    for &i in f.hess_pattern().rows(j) {
-                        hess.0.push(inputs[i].min(inputs[j]));
-                        hess.1.push(inputs[i].max(inputs[j]));
-                    }
-                }
-                room = room.max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
-                p.work.resize(p.work.len().max(f.work_len()), 0.0);
-                p.inputs.resize(p.inputs.len().max(inputs.len()), 0.0);
-                p.links.push(PlacedLink { f: f.clone(), row: m, inputs: inputs.clone() });
-                m += f.n_out();
             }
+            for (j, i) in entries(f.hess_pattern()) {
+                let variables = inputs[i].variable().zip(inputs[j].variable());
+                in_hess.push(variables.is_some());
+                if let Some((a, b)) = variables {
+                    hess.0.push(a.min(b));
+                    hess.1.push(a.max(b));
+                }
+            }
+            room = room.max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
+            p.work.resize(p.work.len().max(f.work_len()), 0.0);
+            p.inputs.resize(p.inputs.len().max(inputs.len()), 0.0);
+            let n_out = f.n_out();
+            p.links.push(PlacedLink { row: m, coupling });
+            m += n_out;
         }
         let mut lengths: Vec<(usize, f64)> = Vec::new();
         for (k, b) in built.iter().enumerate() {
@@ -135,14 +192,41 @@ impl Plan {
             lengths.extend(f.horizon_places().1.iter().map(|&(v, s)| (p.variables[k] + v, s)));
         }
         p.m = m;
-        (p.jac, p.jac_map) = Pattern::from_triplets(m, n, &jac.0, &jac.1);
-        (p.hess, p.hess_map) = Pattern::from_triplets(n, n, &hess.0, &hess.1);
+        let jac = Pattern::from_triplets(m, n, &jac.0, &jac.1);
+        let hess = Pattern::from_triplets(n, n, &hess.0, &hess.1);
+        (p.jac, p.jac_map) = (jac.0, spread(jac.1, &in_jac));
+        (p.hess, p.hess_map) = (hess.0, spread(hess.1, &in_hess));
         p.values = vec![0.0; room];
         p
     }
 
     pub(super) fn n(&self) -> usize {
         self.variables[self.variables.len() - 1]
+    }
+
+    /// Bounds of the phases, of the couplings, and of the times at which the phases begin, the first at `t0`.
+    pub(super) fn bounds(&self, built: &[Built], t0: f64) -> Bounds {
+        let mut all = Bounds::free(self.n(), self.m);
+        for (k, b) in built.iter().enumerate() {
+            self.put(k, &b.bounds, &mut all);
+        }
+        for l in &self.links {
+            let rows = l.row..l.row + l.coupling.lower.len();
+            all.cl[rows.clone()].copy_from_slice(&l.coupling.lower);
+            all.cu[rows].copy_from_slice(&l.coupling.upper);
+        }
+        let mut given = t0;
+        let mut clocks = self.clocks.iter();
+        for (k, b) in built.iter().enumerate() {
+            if k > 0 && b.problem.spec().dcs.clock().is_some() {
+                if let Some(c) = clocks.next() {
+                    (all.cl[c.row], all.cu[c.row]) = (given, given);
+                    (all.xl[c.variable], all.xu[c.variable]) = (f64::NEG_INFINITY, f64::INFINITY);
+                }
+            }
+            given += b.problem.horizon_places().0;
+        }
+        all
     }
 
     /// Bounds of a part of all.
@@ -165,12 +249,93 @@ impl Plan {
     }
 }
 
+/// Entries of a pattern, column by column: (column, row).
+fn entries(p: &Pattern) -> impl Iterator<Item = (usize, usize)> + '_ {
+    (0..p.n_cols()).flat_map(move |j| p.rows(j).iter().map(move |&i| (j, i)))
+}
+
+/// Places of entries, with [`NOWHERE`] where an entry has none; those behind `present` have one.
+fn spread(places: Vec<usize>, present: &[bool]) -> Vec<usize> {
+    let mut places = places.into_iter();
+    let mut all = Vec::with_capacity(present.len());
+    for &has in present {
+        all.push(if has { places.next().unwrap_or(NOWHERE) } else { NOWHERE });
+    }
+    all.extend(places);
+    all
+}
+
 fn record(p: &Pattern, to: &mut (Vec<usize>, Vec<usize>), row: impl Fn(usize) -> usize, col: impl Fn(usize) -> usize) {
     for j in 0..p.n_cols() {
         for &i in p.rows(j) {
             to.0.push(row(i));
             to.1.push(col(j));
         }
+    }
+}
+
+/// Solves the joint program from `start`: with the other condition at the ends of sliding modes where the usual one has no
+/// solution, then from active sets next to what was found. Every phase proposes active sets of its own.
+pub(super) fn solve(
+    plan: &mut Plan,
+    solver: &mut MpccSolver,
+    built: &mut [Built],
+    bounds: &Bounds,
+    start: &[f64],
+    control: &mut Control,
+) {
+    let (mut problems, mut identifiers): (Vec<_>, Vec<_>) =
+        built.iter_mut().map(|b| (&mut b.problem, &mut b.identifier)).unzip();
+    let (groups, variables) = (plan.groups.clone(), plan.variables.clone());
+    let n_phases = identifiers.len();
+    let mut turn = Turn::default();
+    let mut suggest = |wanted: Wanted, w: &[f64], sides: &mut [Side]| {
+        let mut ask = |k: usize, wanted: Wanted| {
+            let own = &mut sides[groups[k]..groups[k + 1]];
+            identifiers[k].suggest(wanted, &w[variables[k]..variables[k + 1]], own)
+        };
+        match wanted {
+            // the phases change one after the other
+            Wanted::Improve(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Improve(k))),
+            Wanted::Rescue(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Rescue(k))),
+            // all at once
+            _ => (0..n_phases).filter(|&k| ask(k, wanted)).count() > 0,
+        }
+    };
+    let mut all = Program { parts: problems.iter_mut().map(|p| &mut **p).collect(), plan };
+    solver.solve_with(&mut all, bounds, start, control, &mut suggest);
+    let found = solver.solution();
+    if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
+        all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit().other()));
+        if !solver.polish_again(&mut all, bounds, control, &mut suggest) {
+            all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit()));
+            solver.rescue(&mut all, bounds, control, &mut suggest);
+        }
+    }
+}
+
+/// Whose proposals come next.
+#[derive(Default)]
+struct Turn {
+    phase: usize,
+    /// Proposals it made.
+    made: usize,
+}
+
+impl Turn {
+    /// The next proposal, the first one for `k = 0`, of the phase whose turn it is or of one behind it.
+    fn next(&mut self, k: usize, n: usize, mut ask: impl FnMut(usize, usize) -> bool) -> bool {
+        if k == 0 {
+            *self = Turn::default();
+        }
+        while self.phase < n {
+            self.made += 1;
+            if ask(self.phase, self.made - 1) {
+                return true;
+            }
+            *self = Turn { phase: self.phase + 1, made: 0 };
+        }
+        false
     }
 }
 
@@ -181,7 +346,7 @@ pub(super) struct Program<'a> {
 }
 
 impl PlacedLink {
-    /// Calls `body` with the function at a point.
+    /// Calls `body` with the inputs of the function at a point.
     fn with(
         &self,
         w: &[f64],
@@ -189,10 +354,15 @@ impl PlacedLink {
         work: &mut [f64],
         body: impl FnOnce(&Point, &mut [f64]) -> EvalResult,
     ) -> EvalResult {
-        for (v, &j) in inputs.iter_mut().zip(&self.inputs) {
-            *v = w[j];
+        for (v, s) in inputs.iter_mut().zip(&self.coupling.inputs) {
+            *v = match *s {
+                Source::Variable(j) => w[j],
+                Source::Constant(c) => c,
+            };
         }
-        body(&Point { t: 0.0, x: &inputs[..self.inputs.len()], u: &[], p: &[] }, work)
+        let d = self.coupling.f.dims();
+        let (x, u, p) = (&inputs[..d.x], &inputs[d.x..d.x + d.u], &inputs[d.x + d.u..d.t_col()]);
+        body(&Point { t: inputs[d.t_col()], x, u, p }, work)
     }
 }
 
@@ -218,8 +388,9 @@ impl Nlp for Program<'_> {
             f += p.eval(own, &mut c[plan.rows[k]..plan.rows[k + 1]])?;
         }
         for l in &plan.links {
-            let out = &mut c[l.row..l.row + l.f.n_out()];
-            l.with(w, &mut plan.inputs, &mut plan.work, |at, work| l.f.value(at, out, work))?;
+            let f = &l.coupling.f;
+            let out = &mut c[l.row..l.row + f.n_out()];
+            l.with(w, &mut plan.inputs, &mut plan.work, |at, work| f.value(at, out, work))?;
         }
         for k in &plan.clocks {
             c[k.row] = w[k.variable] - k.lengths.iter().map(|(v, s)| s * w[*v]).sum::<f64>();
@@ -241,15 +412,14 @@ impl Nlp for Program<'_> {
             at += nnz;
         }
         for l in &plan.links {
-            let nnz = l.f.jac_pattern().nnz();
+            let f = &l.coupling.f;
+            let nnz = f.jac_pattern().nnz();
             let values = &mut plan.values[..nnz];
-            l.with(w, &mut plan.inputs, &mut plan.work, |z, work| l.f.jacobian(z, values, work))?;
-            // the column of the time is the last one and has no place
-            let known = l.f.jac_pattern().col_ptr()[l.inputs.len()];
-            for (to, v) in plan.jac_map[at..at + known].iter().zip(&plan.values) {
+            l.with(w, &mut plan.inputs, &mut plan.work, |z, work| f.jacobian(z, values, work))?;
+            for (to, v) in plan.jac_map[at..at + nnz].iter().zip(&plan.values).filter(|e| *e.0 != NOWHERE) {
                 jac[*to] += v;
             }
-            at += known;
+            at += nnz;
         }
         for k in &plan.clocks {
             jac[plan.jac_map[at]] += 1.0;
@@ -275,15 +445,15 @@ impl Nlp for Program<'_> {
             at += nnz;
         }
         for l in &plan.links {
-            let nnz = l.f.hess_pattern().nnz();
+            let f = &l.coupling.f;
+            let nnz = f.hess_pattern().nnz();
             let values = &mut plan.values[..nnz];
-            let weights = &y[l.row..l.row + l.f.n_out()];
-            l.with(w, &mut plan.inputs, &mut plan.work, |z, work| l.f.hessian(z, weights, values, work))?;
-            let known = l.f.hess_pattern().col_ptr()[l.inputs.len()];
-            for (to, v) in plan.hess_map[at..at + known].iter().zip(&plan.values) {
+            let weights = &y[l.row..l.row + f.n_out()];
+            l.with(w, &mut plan.inputs, &mut plan.work, |z, work| f.hessian(z, weights, values, work))?;
+            for (to, v) in plan.hess_map[at..at + nnz].iter().zip(&plan.values).filter(|e| *e.0 != NOWHERE) {
                 hess[*to] += v;
             }
-            at += known;
+            at += nnz;
         }
         Ok(())
     }
@@ -301,6 +471,11 @@ impl Mpcc for Program<'_> {
     }
     fn is_discretised(&self) -> bool {
         true
+    }
+    fn sizes(&self, out: &mut [f64]) {
+        for (k, p) in self.parts.iter().enumerate() {
+            p.sizes(&mut out[self.plan.variables[k]..self.plan.variables[k + 1]]);
+        }
     }
     fn set_polishing(&mut self, on: bool) {
         self.parts.iter_mut().for_each(|p| p.set_polishing(on));

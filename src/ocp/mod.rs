@@ -36,6 +36,7 @@ mod stand_in;
 mod starts;
 mod statement;
 mod terms;
+mod transitions;
 
 pub use crate::fesd::Durations;
 pub use accuracy::Accuracy;
@@ -46,6 +47,7 @@ pub use sensitivity::OcpSensitivity;
 pub use starts::{Around, Starts};
 pub use statement::Statement;
 pub(crate) use terms::Linear;
+pub use transitions::JumpMade;
 
 use self::accuracy::Replay;
 use self::extend::{Complementarity, LeastSquares, Soft};
@@ -134,6 +136,8 @@ pub struct OcpResult {
     pub undefined: bool,
     /// How the grid was adapted; `None` where that was not asked for.
     pub adaptation: Option<Adaptation>,
+    /// Transitions, in the order of time.
+    pub jumps: Vec<JumpMade>,
 }
 
 /// An optimal control problem.
@@ -185,7 +189,7 @@ impl Ocp {
     /// free, parameters are zero until they are set.
     pub fn new(system: &System, horizon: f64, n_stages: usize, settings: &Settings) -> Result<Ocp> {
         system.validate()?;
-        system.check_without_transitions("optimal control")?;
+        system.check_transitions_are_followed()?;
         system.check_without_contacts("optimal control")?;
         settings.validate()?;
         if !(horizon > 0.0 && horizon.is_finite()) {

@@ -4,7 +4,7 @@
 use std::time::Instant;
 
 use super::diagnosis::Case;
-use super::joint::{Link, Plan, Program};
+use super::joint::{self, Link, Plan, Program};
 use super::request::{Comparison, Request};
 use super::solve::{Built, Start};
 use super::terms::combination;
@@ -12,7 +12,7 @@ use super::{check_bounds, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::func::Dims;
 use crate::memory;
-use crate::mpcc::{MpccSolver, Polish, Side, Solution, Wanted};
+use crate::mpcc::{MpccSolver, Polish, Solution};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Residuals, Statistics};
 use crate::settings::Settings;
 use crate::sim::SolveOptions;
@@ -56,31 +56,6 @@ pub struct MultiPhase {
     result: Option<MultiPhaseResult>,
 }
 
-/// Whose proposals come next.
-#[derive(Default)]
-struct Turn {
-    phase: usize,
-    /// Proposals it made.
-    made: usize,
-}
-
-impl Turn {
-    /// The next proposal, the first one for `k = 0`, of the phase whose turn it is or of one behind it.
-    fn next(&mut self, k: usize, n: usize, mut ask: impl FnMut(usize, usize) -> bool) -> bool {
-        if k == 0 {
-            *self = Turn::default();
-        }
-        while self.phase < n {
-            self.made += 1;
-            if ask(self.phase, self.made - 1) {
-                return true;
-            }
-            *self = Turn { phase: self.phase + 1, made: 0 };
-        }
-        false
-    }
-}
-
 struct Joint {
     plan: Plan,
     solver: MpccSolver,
@@ -92,6 +67,9 @@ impl MultiPhase {
         let Some(first) = phases.first() else {
             return Err(Error::Dimension("a problem of several phases needs one at least".into()));
         };
+        for p in &phases {
+            p.system.check_without_transitions("a problem of several phases")?;
+        }
         let settings = first.settings;
         let links = (1..phases.len()).map(|_| Vec::new()).collect();
         Ok(MultiPhase { phases, links, settings, joint: None, result: None })
@@ -245,37 +223,11 @@ impl MultiPhase {
                 joint.insert(Joint { plan, solver })
             }
         };
-        let bounds = self.bounds(plan, built);
+        let bounds = plan.bounds(built, self.phases[0].t0);
         let start = self.starting_point(plan, built, &params, &request.options, control)?;
         solver.settings = request.options.solver;
-        let (mut problems, mut identifiers): (Vec<_>, Vec<_>) =
-            built.iter_mut().map(|b| (&mut b.problem, &mut b.identifier)).unzip();
-        let (groups, variables) = (plan.groups.clone(), plan.variables.clone());
-        let n_phases = identifiers.len();
-        let mut turn = Turn::default();
-        let mut suggest = |wanted: Wanted, w: &[f64], sides: &mut [Side]| {
-            let mut ask = |k: usize, wanted: Wanted| {
-                let own = &mut sides[groups[k]..groups[k + 1]];
-                identifiers[k].suggest(wanted, &w[variables[k]..variables[k + 1]], own)
-            };
-            match wanted {
-                // the phases change one after the other
-                Wanted::Improve(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Improve(k))),
-                Wanted::Rescue(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Rescue(k))),
-                // all at once
-                _ => (0..n_phases).filter(|&k| ask(k, wanted)).count() > 0,
-            }
-        };
-        let mut all = Program { parts: problems.iter_mut().map(|p| &mut **p).collect(), plan };
-        solver.solve_with(&mut all, &bounds, &start, control, &mut suggest);
-        let found = solver.solution();
-        if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
-            all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit().other()));
-            if !solver.polish_again(&mut all, &bounds, control, &mut suggest) {
-                all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit()));
-                solver.rescue(&mut all, &bounds, control, &mut suggest);
-            }
-        }
+        joint::solve(plan, solver, built, &bounds, &start, control);
+        let mut all = Program { parts: built.iter_mut().map(|b| &mut b.problem).collect(), plan };
         let dimensions = (all.n(), all.m(), all.plan.pairs.len());
         let mut c = vec![f64::NAN; all.m()];
         let evaluated = all.eval(&solver.solution().x, &mut c).is_ok();
@@ -355,37 +307,13 @@ impl MultiPhase {
     fn name_of_link(&self, plan: &Plan, (row, by): (usize, f64)) -> String {
         let numbered = self.links.iter().enumerate().flat_map(|(k, list)| (0..list.len()).map(move |j| (k, j)));
         for ((phase, j), l) in numbered.zip(&plan.links) {
-            if (l.row..l.row + l.f.n_out()).contains(&row) {
-                let (name, row) = (l.f.name(), row - l.row);
+            let f = &l.coupling.f;
+            if (l.row..l.row + f.n_out()).contains(&row) {
+                let (name, row) = (f.name(), row - l.row);
                 return format!("link {j} ('{name}') behind phase {phase}, row {row}, is violated by {by:.3e}");
             }
         }
         format!("a phase does not begin where the one before it ends, by {by:.3e} in time")
-    }
-
-    fn bounds(&self, plan: &Plan, built: &[Built]) -> Bounds {
-        let mut all = Bounds::free(plan.n(), plan.m);
-        for (k, b) in built.iter().enumerate() {
-            plan.put(k, &b.bounds, &mut all);
-        }
-        let links = self.links.iter().flatten();
-        for (link, placed) in links.zip(&plan.links) {
-            let rows = placed.row..placed.row + link.lower.len();
-            all.cl[rows.clone()].copy_from_slice(&link.lower);
-            all.cu[rows].copy_from_slice(&link.upper);
-        }
-        let mut given = self.phases[0].t0;
-        let mut clocks = plan.clocks.iter();
-        for (k, b) in built.iter().enumerate() {
-            if k > 0 && b.problem.spec().dcs.clock().is_some() {
-                if let Some(c) = clocks.next() {
-                    (all.cl[c.row], all.cu[c.row]) = (given, given);
-                    (all.xl[c.variable], all.xu[c.variable]) = (f64::NEG_INFINITY, f64::INFINITY);
-                }
-            }
-            given += b.problem.horizon_places().0;
-        }
-        all
     }
 
     /// Starting points of the phases; where nothing is known of the start of one it is the end of that before.

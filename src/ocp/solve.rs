@@ -197,6 +197,7 @@ impl Ocp {
     pub fn solve_warm(&mut self, control: &mut Control) -> Result<&OcpResult> {
         let options = SolveOptions::from_settings(&self.settings)?;
         let known = self.built.as_ref().is_some_and(|b| b.last.is_some() && b.options.fits(&options));
+        let known = known || (self.has_transitions() && self.result.is_some());
         self.solve_from(if known { Start::Warm } else { Start::Cold }, control)
     }
 
@@ -205,6 +206,9 @@ impl Ocp {
         // what was built is gone where this unwinds, and is built again by the next solve
         memory::bounded(self.settings.max_memory, || {
             control.within(request.options.max_time, |control| {
+                if self.has_transitions() {
+                    return self.solve_transitions(start, &request, control).map(|_| ());
+                }
                 let adapts = self.settings.adapt_tol > 0.0;
                 let solved =
                     if adapts { self.adapt(start, &request, control) } else { self.search(start, &request, control) };
@@ -444,7 +448,7 @@ impl Ocp {
     }
 
     /// Parameters of every stage with references and slacks behind the user's.
-    fn extended_params(&self, e: &Extended) -> Vec<f64> {
+    pub(super) fn extended_params(&self, e: &Extended) -> Vec<f64> {
         let (np, wide) = (self.params.len(), e.system.dims().p);
         let mut all = vec![SLACK; self.n_stages * wide];
         for (k, p) in all.chunks_mut(wide.max(1)).enumerate().take(if wide == 0 { 0 } else { self.n_stages }) {
@@ -553,6 +557,7 @@ impl Ocp {
             dimensions: (problem.n(), problem.m(), problem.pairs().len()),
             accuracy: None,
             adaptation: None,
+            jumps: Vec::new(),
         }
     }
 

@@ -102,6 +102,11 @@ impl System {
         Ok(k)
     }
 
+    /// The system as it is between transitions: its discrete states are states that nothing drives.
+    pub(crate) fn without_transitions(&self) -> System {
+        System { transitions: Vec::new(), ..self.clone() }
+    }
+
     /// An error where there are transitions, for those who cannot follow them.
     pub(crate) fn check_without_transitions(&self, who: &str) -> Result<()> {
         if self.transitions.is_empty() {
@@ -110,6 +115,18 @@ impl System {
         Err(Error::Unsupported(format!(
             "{who} cannot follow transitions (guards with resets or discrete states): simulate the system event-driven"
         )))
+    }
+
+    /// An error where optimal control cannot follow the transitions.
+    pub(crate) fn check_transitions_are_followed(&self) -> Result<()> {
+        if self.transitions.is_empty() || (self.n_z == 0 && self.inclusions.is_empty()) {
+            return Ok(());
+        }
+        Err(Error::Unsupported(
+            "optimal control follows transitions (guards with resets or discrete states) of systems without algebraic \
+             states and inclusions only"
+                .into(),
+        ))
     }
 
     /// Is a discrete state driven by something else?

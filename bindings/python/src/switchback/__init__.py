@@ -104,7 +104,7 @@ from .mpcc import (
 )
 from .multiphase import MultiPhase, MultiPhaseResult
 from ._ocp_search import Modes
-from .ocp import Ocp, OcpResult, OcpSensitivity
+from .ocp import Ocp, OcpJump, OcpResult, OcpSensitivity
 from .plot import plot, plot_contacts, plot_phase, plot_run
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
 from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Projected, Scene, SceneContact
@@ -168,6 +168,7 @@ __all__ = [
     "NullError",
     "NumericError",
     "Ocp",
+    "OcpJump",
     "OcpResult",
     "OcpSensitivity",
     "Option",

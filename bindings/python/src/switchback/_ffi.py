@@ -819,6 +819,16 @@ class swb_certificate(Structure):
     ]
 
 
+class swb_ocp_jump(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("transition", c_int64),
+        ("stage", c_int64),
+        ("at_once", c_int64),
+    ]
+
+
 class swb_multiphase_info(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -1124,6 +1134,9 @@ FUNCTIONS = {
     "swb_ocp_get_params": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_control_ends": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_violation": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_jump_count": (c_int32, [c_void_p, c_void_p]),
+    "swb_ocp_jumps": (c_int32, [c_void_p, POINTER(swb_ocp_jump), c_int64, c_uint64]),
+    "swb_ocp_jump_states": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_int64]),
     "swb_multiphase_create": (c_int32, [c_void_p, c_int64, POINTER(swb_settings), c_void_p]),
     "swb_multiphase_link": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_multiphase_link_continuous": (c_int32, [c_void_p, c_int64]),

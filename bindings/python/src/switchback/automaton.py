@@ -233,7 +233,8 @@ class Automaton:
     def sequence(self, run: Any) -> list[Interval]:
         """The states of a run in their order, with their times: `Interval(start, end, state)`. States that are left at
         the time they are entered are not in it; `run.jumps` has them."""
-        found = intervals(run, self.model._state(self.state, "the automaton"))
+        place = self.model._state(self.state, "the automaton")
+        found = run._intervals(place) if hasattr(run, "_intervals") else intervals(run, place)
         whole = [int(round(i.value)) for i in found]
         if any(not 0 <= k < len(self.states) for k in whole):
             raise ArgumentError(f"{self.name} has values that are none of its states: does the run belong to another model?")
@@ -247,13 +248,18 @@ def intervals(run: Any, place: int) -> list[Interval]:
     """Values of a discrete state of a run, by its place, with their times."""
     if run.stats.jumps > len(run.jumps):
         raise StateError(f"the run made {run.stats.jumps} transitions and noted {len(run.jumps)}: raise max_switches")
-    value = run.jumps[0].before[place] if run.jumps else run.x_end[place]
-    start, found = run.t_start, []
-    for j in run.jumps:
+    return intervals_of(run.jumps, place, run.t_start, run.t_end, run.x_end)
+
+
+def intervals_of(jumps: Sequence[Any], place: int, start: float, end: float, x_end: Any) -> list[Interval]:
+    """Values of a discrete state between two times, by its place, from the transitions in between."""
+    value = jumps[0].before[place] if jumps else x_end[place]
+    found = []
+    for j in jumps:
         if j.after[place] != value:
             found.append(Interval(start, j.t, float(value)))
             start, value = j.t, j.after[place]
-    found.append(Interval(start, run.t_end, float(value)))
+    found.append(Interval(start, end, float(value)))
     # a run that ends where it jumps has been in its last state for no time, and is in it
     kept = [i for i in found[:-1] if i.end > i.start] + found[-1:]
     merged: list[Interval] = []

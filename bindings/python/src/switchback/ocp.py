@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import ctypes
 from dataclasses import dataclass, field
-from typing import Any, Iterable, Mapping, Sequence
+from typing import Any, Iterable, Mapping, NamedTuple, Sequence
 
 import numpy
 
 from ._arrays import Array, address, bounds, choice, index, number, real, table, vector
 from ._call import text
 from ._document import Reader
-from ._ffi import Outcome, PathAt, Polished, swb_accuracy
+from ._ffi import Outcome, PathAt, Polished, swb_accuracy, swb_ocp_jump
 from ._library import lib
 from ._ocp_search import Adaptation, OcpSearch
 from ._ocp_terms import OcpTerms
@@ -23,7 +23,19 @@ from .settings import Settings
 from .system import System
 from .trajectory import Trajectory
 
-__all__ = ["Ocp", "OcpResult", "OcpSensitivity"]
+__all__ = ["Ocp", "OcpJump", "OcpResult", "OcpSensitivity"]
+
+
+class OcpJump(NamedTuple):
+    """A transition of an optimal control: states before and after. `at_once`: its guard was beyond zero where its discrete
+    state began, or where the control changed."""
+
+    t: float
+    transition: int
+    stage: int
+    before: Array
+    after: Array
+    at_once: bool
 
 
 @dataclass(frozen=True)
@@ -60,6 +72,36 @@ class OcpResult(HasOutcome):
     #: What the point costs that is given here, solution or not. One that is none need not satisfy dynamics and
     #: constraints, and its cost may lie on either side of that of a solution.
     cost_reached: float = field(default=float("nan"), repr=False)
+    #: The transitions, for models with hysteresis or automata, in the order of time.
+    jumps: list[OcpJump] = field(default_factory=list, repr=False)
+    #: The system of the problem; None for a problem from a document.
+    system: System | None = field(default=None, repr=False)
+
+    def discrete(self, state: Any) -> list[Any]:
+        """The values of a discrete state in their order, with their times: a list of `Interval(start, end, value)`.
+
+        `state` is an `Automaton`, whose states are named then, or a discrete state by name, place or as an expression.
+        """
+        from .automaton import Automaton, place_of
+
+        if isinstance(state, Automaton):
+            return state.sequence(self)
+        system = self.system
+        place = place_of(system, state) if system is not None else index(state, "state")
+        return self._intervals(place)
+
+    def _intervals(self, place: int) -> list[Any]:
+        from .automaton import intervals_of
+
+        times = self.control_times
+        return intervals_of(self.jumps, place, float(times[0]), float(times[-1]), self.trajectory(times[-1]))
+
+    def table(self) -> str:
+        """The transitions as text: time, transition, control stage."""
+        lines = [f"{'t':>22}  {'transition':>10}  {'stage':>5}"]
+        for j in self.jumps:
+            lines.append(f"{j.t:22.15g}  {j.transition:>10}  {j.stage:>5}" + ("  at once" if j.at_once else ""))
+        return "\n".join(lines)
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
         """See `switchback.plot`."""
@@ -88,6 +130,7 @@ class Ocp(OcpTerms, OcpSearch):
     """
 
     _kind = "ocp"
+    _system: System | None = None
 
     def __init__(
         self,
@@ -115,6 +158,7 @@ class Ocp(OcpTerms, OcpSearch):
         chosen = Settings._from(settings, options)
         self._create(system, self.horizon, self.n_stages, ctypes.byref(chosen._c))
         self._functions = list(system._functions)
+        self._system = system
         self._monitors(on_iteration, on_log)
         for value, method in (
             (lagrange, self.set_lagrange),
@@ -149,6 +193,7 @@ class Ocp(OcpTerms, OcpSearch):
         ocp.nx, ocp.nu, ocp.np = (data["system"][key] for key in ("states", "controls", "parameters"))
         ocp.horizon, ocp.n_stages, ocp.initial_time = float(data["horizon"]), data["n_stages"], float(data["t0"])
         ocp._functions = list(reader.functions)
+        ocp._system = None
         ocp._monitors(None, None)
         return ocp
 
@@ -186,8 +231,14 @@ class Ocp(OcpTerms, OcpSearch):
         self._do(name, address(low), n, address(high), n)
 
     def set_state_bounds(self, lower: Any = None, upper: Any = None) -> None:
-        """Set bounds of the states after the initial time; None is no bound, one number is for all."""
-        self._bounds("set_state_bounds", lower, upper, self.nx, "bounds of the states")
+        """Set bounds of the states after the initial time; None is no bound, one number is for all. The discrete states of a
+        model may be left out; bounds of theirs are bounds of the values they may take."""
+        n = len(self._system._discrete) if self._system is not None else 0
+        low, high = (
+            value if not n or numpy.ndim(value) != 1 or numpy.size(value) != self.nx - n else numpy.append(value, n * [free])
+            for value, free in ((lower, -numpy.inf), (upper, numpy.inf))
+        )
+        self._bounds("set_state_bounds", low, high, self.nx, "bounds of the states")
 
     def set_initial_bounds(self, lower: Any = None, upper: Any = None) -> None:
         """Set bounds of the initial state; equal bounds fix it."""
@@ -198,8 +249,9 @@ class Ocp(OcpTerms, OcpSearch):
         self._bounds("set_control_bounds", lower, upper, self.nu, "bounds of the controls")
 
     def set_initial_state(self, x0: Any) -> None:
-        """Fix the initial state."""
-        array = vector(x0, self.nx, "x0")
+        """Fix the initial state; the discrete states of a model may be left out."""
+        system = self._system
+        array = vector(x0, self.nx, "x0") if system is None else system._start(x0, "x0")
         self._do("set_initial_state", address(array), len(array))
 
     def set_initial_time(self, t0: float) -> None:
@@ -256,7 +308,20 @@ class Ocp(OcpTerms, OcpSearch):
             text(lib.swb_ocp_get_message, self),
             self._adaptation(),
             self._get("get_cost_reached", ctypes.c_double),
+            self._jumps(),
+            self._system,
         )
+
+    def _jumps(self) -> list[OcpJump]:
+        n = self._get("jump_count", ctypes.c_int64)
+        found = (swb_ocp_jump * max(n, 1))()
+        self._do("jumps", found if n else None, n, ctypes.sizeof(swb_ocp_jump))
+        jumps = []
+        for i, j in enumerate(found[:n]):
+            before, after = numpy.empty(self.nx), numpy.empty(self.nx)
+            self._do("jump_states", i, address(before), address(after), self.nx)
+            jumps.append(OcpJump(j.t, j.transition, j.stage, before, after, bool(j.at_once)))
+        return jumps
 
     def _accuracy(self) -> tuple[Accuracy | None, Array | None]:
         mismatch = numpy.empty(self.n_stages)
