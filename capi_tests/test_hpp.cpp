@@ -175,6 +175,8 @@ static void terms_of_optimal_control() {
     fastest.free_time(SWB_FREE_TIME_HORIZON, 0.1, 10.0);
     CHECK(fastest.solve() == SWB_OUTCOME_SOLVED && std::abs(fastest.cost() - 2.0) < 1e-8);
     CHECK(std::abs(fastest.durations()[1] - 1.0 / 3) < 1e-6 && fastest.accuracy().terminal < 1e-9);
+    CHECK(fastest.optimality().verdict == SWB_VERDICT_LOCAL_OPTIMUM && fastest.kinks().empty());
+    CHECK(fastest.reduced_gradient().size() == fastest.descent().size() && fastest.descent()[0] == 0.0);
     CHECK(fastest.certificate().stationarity == SWB_STATIONARITY_UNKNOWN);  // there are no pairs
 
     swb::Ocp stages(system, 3.0, 2);

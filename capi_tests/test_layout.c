@@ -154,6 +154,18 @@ int main(void)
     AT(swb_linear_stats, 10, refinement_steps);
     AT(swb_linear_stats, 11, equilibrations);
     CHECK(sizeof(swb_linear_stats) == (size_t)8 * 12);
+    AT(swb_optimality, 0, struct_size);
+    AT(swb_optimality, 1, verdict);
+    AT(swb_optimality, 2, n_kinks);
+    AT(swb_optimality, 3, residual);
+    CHECK(sizeof(swb_optimality) == (size_t)8 * 4);
+    AT(swb_kink, 0, struct_size);
+    AT(swb_kink, 1, stage);
+    AT(swb_kink, 2, t);
+    AT(swb_kink, 3, before);
+    AT(swb_kink, 4, after);
+    AT(swb_kink, 5, touch);
+    CHECK(sizeof(swb_kink) == (size_t)8 * 6);
     AT(swb_certificate, 0, struct_size);
     AT(swb_certificate, 1, stationarity);
     AT(swb_certificate, 2, sharp);

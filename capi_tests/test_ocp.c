@@ -283,6 +283,9 @@ static void free_lengths(void)
     swb_ocp *ocp = NULL;
     swb_accuracy accuracy;
     swb_certificate certificate;
+    swb_optimality optimality;
+    swb_kink kink;
+    int64_t length = 0;
     int32_t outcome = -1;
     swb_function *all[4];
     double found[2], cost = 0.0, violation = -1.0;
@@ -322,6 +325,18 @@ static void free_lengths(void)
     CHECK_OK(swb_ocp_get_certificate(ocp, &certificate, sizeof certificate));
     CHECK(certificate.stationarity == SWB_STATIONARITY_UNKNOWN); /* without pairs there is nothing to certify */
     CHECK(accuracy.reached == 1 && accuracy.terminal < 1e-8 && fabs(accuracy.cost_error) < 1e-6);
+    CHECK_OK(swb_ocp_get_optimality(ocp, &optimality, sizeof optimality));
+    CHECK(optimality.verdict == SWB_VERDICT_LOCAL_OPTIMUM && optimality.residual < 1e-3 && optimality.n_kinks == 0);
+    CHECK_OK(swb_ocp_get_optimality_reason(ocp, NULL, 0, &length));
+    CHECK(length == 1);
+    CHECK_OK(swb_ocp_get_reduced_gradient(ocp, found, 2)); /* both controls are at bounds: against them the cost rises */
+    CHECK(found[0] < 0.0 && found[1] > 0.0);
+    CHECK_OK(swb_ocp_get_descent(ocp, found, 2));
+    CHECK(found[0] == 0.0 && found[1] == 0.0);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_descent(ocp, found, 1));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_get_optimality(ocp, NULL, sizeof optimality));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_get_kink(ocp, 0, &kink, sizeof kink));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_get_kink(ocp, -1, &kink, sizeof kink));
     CHECK_OK(swb_ocp_get_mismatch(ocp, found, 2));
     CHECK(found[0] <= accuracy.worst && found[1] <= accuracy.worst);
     CHECK_OK(swb_ocp_get_params(ocp, found, 1));
@@ -331,6 +346,7 @@ static void free_lengths(void)
     CHECK_OK(swb_ocp_set_int(ocp, "accuracy", 0));
     CHECK_OK(swb_ocp_solve(ocp, &outcome));
     CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_accuracy(ocp, &accuracy, sizeof accuracy));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_get_optimality(ocp, &optimality, sizeof optimality));
 
     /* Refusals. */
     CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_free_time(ocp, 3, 0.0, 1.0));

@@ -1633,6 +1633,40 @@ typedef int32_t swb_doubt;
 #endif // __cplusplus
 
 /**
+ * What an optimal control is as a point of the control problem: is the cost stationary under changes of controls, free
+ * lengths, free parameters and free initial states, when every change is simulated by events?
+ */
+enum swb_verdict
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Not known; swb_ocp_get_optimality_reason says why.
+     */
+    SWB_VERDICT_UNKNOWN = 0,
+    /**
+     * No change lowers the cost to first order.
+     */
+    SWB_VERDICT_LOCAL_OPTIMUM = 1,
+    /**
+     * The same; switches lie exactly between control stages, and the cost rises towards either side of each.
+     */
+    SWB_VERDICT_KINK = 2,
+    /**
+     * Some change lowers the cost to first order.
+     */
+    SWB_VERDICT_NOT_OPTIMAL = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_verdict swb_verdict;
+#else
+typedef int32_t swb_verdict;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Event-driven simulations of one system from several initial states, with controls and parameters of their own.
  */
 typedef struct swb_batch swb_batch;
@@ -2945,6 +2979,61 @@ typedef struct swb_certificate {
      */
     int64_t nodes;
 } swb_certificate;
+
+/**
+ * Optimality of an optimal control.
+ */
+typedef struct swb_optimality {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * enum swb_verdict.
+     */
+    int64_t verdict;
+    /**
+     * Switches that lie between two control stages, see swb_ocp_get_kink.
+     */
+    int64_t n_kinks;
+    /**
+     * Largest first-order change of the cost by one quantity within its bounds, over the size of the quantity, relative to
+     * what single terms of cost and constraints change; NaN where it is not known. Up to 1e-3 counts as none.
+     */
+    double residual;
+} swb_optimality;
+
+/**
+ * A switch that lies between two control stages, or a surface that is touched: there the cost has a kink.
+ */
+typedef struct swb_kink {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * The control stage behind the switch.
+     */
+    int64_t stage;
+    /**
+     * Time of the switch.
+     */
+    double t;
+    /**
+     * Derivative of the cost towards a switch in the stage before, relative as the residual of swb_optimality: negative
+     * where that lowers the cost, NaN where there is no such switch.
+     */
+    double before;
+    /**
+     * The same towards a switch in the stage behind.
+     */
+    double after;
+    /**
+     * 1 where nothing switches, but a surface is touched and left to the side the state came from: `before` is then the
+     * derivative away from it, `after` that of a moment behind it. 0 otherwise.
+     */
+    int64_t touch;
+} swb_kink;
 
 /**
  * A transition of an optimal control.
@@ -6087,6 +6176,77 @@ swb_status swb_ocp_get_message(const struct swb_ocp *ocp,
                                char *buf,
                                int64_t len,
                                int64_t *needed);
+
+/**
+ * Name of an enum swb_verdict, such as "kink"; NULL for any other number. Static.
+ */
+SWB_API const char *swb_verdict_name(int32_t verdict);
+
+/**
+ * Is the last solution optimal for the control problem? Derivatives of event-driven simulations of its controls and the
+ * multipliers of its constraints decide, independently of the discretisation.
+ *
+ * @param[out] optimality  every field is written
+ * @param[in]  struct_size sizeof(swb_optimality)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
+ */
+SWB_API
+swb_status swb_ocp_get_optimality(const struct swb_ocp *ocp,
+                                  struct swb_optimality *optimality,
+                                  uint64_t struct_size);
+
+/**
+ * A switch of the last solution that lies between two control stages.
+ *
+ * @param[in]  index       below n_kinks of swb_optimality
+ * @param[out] kink        every field is written
+ * @param[in]  struct_size sizeof(swb_kink)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_STATE as swb_ocp_get_optimality
+ */
+SWB_API
+swb_status swb_ocp_get_kink(const struct swb_ocp *ocp,
+                            int64_t index,
+                            struct swb_kink *kink,
+                            uint64_t struct_size);
+
+/**
+ * Derivatives of the cost with respect to the controls of the last solution, with the multipliers of its constraints; of
+ * controls that are linear, with respect to their slopes. Those of controls at their bounds need not vanish. NaN where the
+ * verdict is SWB_VERDICT_UNKNOWN for want of a simulation.
+ *
+ * @param[out] gradient [n_stages * nu] the controls of the first stage first
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
+ */
+SWB_API
+swb_status swb_ocp_get_reduced_gradient(const struct swb_ocp *ocp,
+                                        double *gradient,
+                                        int64_t n);
+
+/**
+ * Changes of the controls that lower the cost of the last solution to first order, where its verdict is
+ * SWB_VERDICT_NOT_OPTIMAL: the largest of them is as large as that control usually is. All zero for any other verdict, and
+ * where controls are linear.
+ *
+ * @param[out] direction [n_stages * nu] the controls of the first stage first
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
+ */
+SWB_API
+swb_status swb_ocp_get_descent(const struct swb_ocp *ocp,
+                               double *direction,
+                               int64_t n);
+
+/**
+ * Why it is not known whether the last solution is optimal; empty where it is.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE as swb_ocp_get_optimality
+ */
+SWB_API
+swb_status swb_ocp_get_optimality_reason(const struct swb_ocp *ocp,
+                                         char *buf,
+                                         int64_t len,
+                                         int64_t *needed);
 
 /**
  * Sizes of the mode sequence of the last solution: a phase for every finite element that has a length.

@@ -1260,6 +1260,23 @@ public:
         detail::check(swb_ocp_jump_states(get(), index, out.first.data(), out.second.data(), n_data_ - np_));
         return out;
     }
+    /// What the last solution is as a point of the control problem, by simulations of its controls; see swb_verdict.
+    swb_optimality optimality() const {
+        swb_optimality o{};
+        detail::check(swb_ocp_get_optimality(get(), &o, sizeof o));
+        return o;
+    }
+    /// Switches of the last solution that lie between two control stages.
+    std::vector<swb_kink> kinks() const {
+        std::vector<swb_kink> all(static_cast<std::size_t>(optimality().n_kinks));
+        for (std::size_t i = 0; i < all.size(); ++i)
+            detail::check(swb_ocp_get_kink(get(), static_cast<int64_t>(i), &all[i], sizeof all[i]));
+        return all;
+    }
+    /// Derivatives of the cost with respect to the controls, and changes of the controls that lower it where the last
+    /// solution is not optimal; a stage after the other.
+    Vector reduced_gradient() const { return array(swb_ocp_get_reduced_gradient, n_stages_ * nu_); }
+    Vector descent() const { return array(swb_ocp_get_descent, n_stages_ * nu_); }
     /// Largest difference of a state from the simulation at the end of every stage.
     Vector mismatch() const { return array(swb_ocp_get_mismatch, n_stages_); }
     /// Derivatives of cost and controls with respect to the data: initial state, then parameters; the controls of one

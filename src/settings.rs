@@ -620,7 +620,7 @@ macro_rules! row {
 pub static OPTIONS: &[OptionInfo] = &[
     row!(rk_family: Enum(RkFamily::RadauIia), "", SETUP,
         "Runge-Kutta family (enum rk_family)."),
-    row!(n_s: Int(2, Closed(1.0), Closed(9.0)), "n_s", SETUP,
+    row!(n_s: Int(3, Closed(1.0), Closed(9.0)), "n_s", SETUP,
         "Stage points of the Runge-Kutta method."),
     row!(n_fe: Int(3, Closed(1.0), Closed(1000.0)), "N_FE", SETUP,
         "Finite elements of a control stage or a simulation step."),
@@ -739,7 +739,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Finite elements of such a grid at most, over all stages."),
     row!(max_memory: Int(0, Closed(0.0), Closed(1e15)), "", FREE,
         "Bytes that building, solving or simulating may take at most; 0: as many as there are."),
-    row!(ocp_start: Enum(OcpStart::Homotopy), "", FREE,
+    row!(ocp_start: Enum(OcpStart::Portfolio), "", FREE,
         "Where optimal control problems start from (enum ocp_start)."),
 ];
 
@@ -1173,7 +1173,7 @@ mod tests {
         let s = Settings::default();
         s.validate().unwrap();
         assert_eq!(s.struct_size, std::mem::size_of::<Settings>() as u64);
-        assert_eq!((s.n_s, s.n_fe, s.max_iter, s.step_equilibration), (2, 3, 3000, 2));
+        assert_eq!((s.n_s, s.n_fe, s.max_iter, s.step_equilibration), (3, 3, 3000, 2));
         assert_eq!(s.rk_family(), Ok(RkFamily::RadauIia));
         assert!(s.max_time.is_infinite() && s.polish());
         for o in OPTIONS {
@@ -1262,14 +1262,14 @@ mod tests {
         let (old, mut new) = (Settings::default(), Settings::default());
         new.tol = 1e-7;
         new.validate_as_update(&old).unwrap();
-        new.n_s = 3;
+        new.n_s = 4;
         assert_eq!(new.validate_as_update(&old).unwrap_err().code(), -4);
     }
 
     #[test]
     fn json_is_complete() {
         let json = Settings::default().to_json();
-        assert!(json.starts_with("{\"rk_family\": \"radau_iia\", \"n_s\": 2, "), "{json}");
+        assert!(json.starts_with("{\"rk_family\": \"radau_iia\", \"n_s\": 3, "), "{json}");
         assert!(json.contains("\"max_time\": \"inf\"") && json.contains("\"tol\": 1e-9"), "{json}");
         assert_eq!(json.matches(": ").count(), OPTIONS.len());
     }

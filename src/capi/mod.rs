@@ -137,6 +137,7 @@ pub mod batch;
 
 pub mod ocp;
 pub mod ocp_accuracy;
+pub mod ocp_optimality;
 pub mod ocp_search;
 pub mod ocp_terms;
 pub mod ocp_transitions;

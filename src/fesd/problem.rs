@@ -615,7 +615,7 @@ impl Fesd {
         r
     }
 
-    fn evaluate_jacobians(&mut self, w: &[f64]) -> EvalResult {
+    pub(super) fn evaluate_jacobians(&mut self, w: &[f64]) -> EvalResult {
         let mut cache = std::mem::take(&mut self.cache);
         let r = self.at_all_points(w, &mut cache, Part::Jacobian, |c, f, at, cache| match self.jac_cols[c.f].len() {
             0 => Ok(()),

@@ -431,7 +431,7 @@ fn values(f: &SharedFunction, at: &Point) -> Vec<f64> {
 }
 
 /// The system behind the integral of `lagrange` and its linear controls, which are states here.
-fn with_cost(system: &System, lagrange: Option<&SharedFunction>, linear: &[bool]) -> Result<System> {
+pub(super) fn with_cost(system: &System, lagrange: Option<&SharedFunction>, linear: &[bool]) -> Result<System> {
     let d = system.dims();
     let ramps: Vec<(usize, usize)> = (0..linear.len()).filter(|&j| linear[j]).zip(1..).collect();
     let wide = Dims { x: d.x + ramps.len() + 1, ..d };

@@ -56,7 +56,7 @@ pub struct Adaptation {
 /// The best answer so far, with what was built for it where another grid has taken its place.
 struct Kept {
     result: OcpResult,
-    built: Option<Built>,
+    built: Option<Box<Built>>,
 }
 
 /// The rounds so far.

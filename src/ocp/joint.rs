@@ -85,7 +85,7 @@ const NOWHERE: usize = usize::MAX;
 
 impl Plan {
     /// The program of phases and the links between each and the next.
-    pub(super) fn new(links: &[Vec<Link>], built: &[Built]) -> Plan {
+    pub(super) fn new(links: &[Vec<Link>], built: &[Box<Built>]) -> Plan {
         let variables = Plan::first_variables(built);
         let mut couplings = Vec::new();
         for (k, list) in links.iter().enumerate() {
@@ -104,7 +104,7 @@ impl Plan {
     }
 
     /// First variables of the phases in the joint program, and their number.
-    pub(super) fn first_variables(built: &[Built]) -> Vec<usize> {
+    pub(super) fn first_variables(built: &[Box<Built>]) -> Vec<usize> {
         let mut n = 0;
         let ends = built.iter().map(|b| {
             n += b.problem.n();
@@ -114,7 +114,7 @@ impl Plan {
     }
 
     /// The program of phases that are tied by these couplings.
-    pub(super) fn coupled(built: &[Built], couplings: Vec<Coupling>) -> Plan {
+    pub(super) fn coupled(built: &[Box<Built>], couplings: Vec<Coupling>) -> Plan {
         let mut p = Plan {
             variables: vec![0],
             rows: vec![0],
@@ -205,7 +205,7 @@ impl Plan {
     }
 
     /// Bounds of the phases, of the couplings, and of the times at which the phases begin, the first at `t0`.
-    pub(super) fn bounds(&self, built: &[Built], t0: f64) -> Bounds {
+    pub(super) fn bounds(&self, built: &[Box<Built>], t0: f64) -> Bounds {
         let mut all = Bounds::free(self.n(), self.m);
         for (k, b) in built.iter().enumerate() {
             self.put(k, &b.bounds, &mut all);
@@ -279,7 +279,7 @@ fn record(p: &Pattern, to: &mut (Vec<usize>, Vec<usize>), row: impl Fn(usize) ->
 pub(super) fn solve(
     plan: &mut Plan,
     solver: &mut MpccSolver,
-    built: &mut [Built],
+    built: &mut [Box<Built>],
     bounds: &Bounds,
     start: &[f64],
     control: &mut Control,

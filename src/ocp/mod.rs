@@ -23,6 +23,7 @@ mod modes;
 mod moves;
 mod neighbours;
 mod nominal;
+mod optimality;
 mod phases;
 mod portfolio;
 mod request;
@@ -42,6 +43,7 @@ pub use crate::fesd::Durations;
 pub use accuracy::Accuracy;
 pub use adapt::{Adaptation, Round};
 pub use modes::ModeSequence;
+pub use optimality::{Kink, Optimality, Verdict};
 pub use phases::{MultiPhase, MultiPhaseResult};
 pub use sensitivity::OcpSensitivity;
 pub use starts::{Around, Starts};
@@ -132,6 +134,8 @@ pub struct OcpResult {
     pub dimensions: (usize, usize, usize),
     /// Comparison with a simulation of the controls; `None` when it is not asked for.
     pub accuracy: Option<Accuracy>,
+    /// What the answer is as a point of the control problem; `None` where the comparison is not asked for.
+    pub optimality: Option<Optimality>,
     /// A model function has no value where one is needed: that is why there is no solution.
     pub undefined: bool,
     /// How the grid was adapted; `None` where that was not asked for.
@@ -174,7 +178,7 @@ pub struct Ocp {
     x_guess: Option<(Vec<f64>, Vec<f64>)>,
     u_guess: Option<Vec<f64>>,
     modes: Option<ModeSequence>,
-    built: Option<Built>,
+    built: Option<Box<Built>>,
     /// How often the problem was discretised.
     builds: usize,
     /// Simulates answers.

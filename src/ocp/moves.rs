@@ -162,8 +162,8 @@ impl Ocp {
         s: &Sequence,
         form: &Form,
         n_fe: &[usize],
-    ) -> crate::error::Result<Ocp> {
-        let mut work = self.blank();
+    ) -> crate::error::Result<Box<Ocp>> {
+        let mut work = Box::new(self.blank());
         work.carry_over(r)?;
         let rooms: Vec<usize> = n_fe.iter().zip(&s.stages).map(|(n, s)| (*n).max(s.len())).collect();
         work.set_elements(&rooms)?;

@@ -201,7 +201,7 @@ impl MultiPhase {
 
     fn solve_built(
         &mut self,
-        built: &mut [Built],
+        built: &mut [Box<Built>],
         joint: &mut Option<Joint>,
         request: &Request,
         control: &mut Control,
@@ -260,7 +260,7 @@ impl MultiPhase {
         r: &mut MultiPhaseResult,
         plan: &Plan,
         s: &Solution,
-        built: &mut [Built],
+        built: &mut [Box<Built>],
         params: &[Vec<f64>],
         request: &Request,
         control: &Control,
@@ -320,7 +320,7 @@ impl MultiPhase {
     fn starting_point(
         &mut self,
         plan: &Plan,
-        built: &mut [Built],
+        built: &mut [Box<Built>],
         params: &[Vec<f64>],
         options: &SolveOptions,
         control: &mut Control,
@@ -394,7 +394,7 @@ mod tests {
         let mut m = phases();
         let options = SolveOptions::from_settings(&m.settings).unwrap();
         m.phases.iter_mut().for_each(|p| assert!(p.build(Start::Cold, &options).is_ok()));
-        let mut built: Vec<Built> = m.phases.iter_mut().map(|p| p.built.take().unwrap()).collect();
+        let mut built: Vec<Box<Built>> = m.phases.iter_mut().map(|p| p.built.take().unwrap()).collect();
         let mut plan = Plan::new(&m.links, &built);
         assert_eq!(plan.clocks.len(), 1);
         let mut p = Program { parts: built.iter_mut().map(|b| &mut b.problem).collect(), plan: &mut plan };

@@ -4,11 +4,14 @@
 use std::time::Instant;
 
 use super::moves::Sequence;
+use super::optimality::OTHER;
 use super::request::Request;
+use super::sequence::{Room, BRIEF, NEAR, ROUGH};
 use super::solve::Start;
 use super::{Ocp, OcpResult};
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
+use crate::fesd::Sizes;
 use crate::mpcc::Polish;
 use crate::nlp::{Control, Outcome, Statistics};
 use crate::settings::OcpStart;
@@ -19,8 +22,16 @@ const SAME: f64 = 1e-4;
 /// Difference, relative, up to which the cost of a mode program is what the smoothed problem promised.
 const PROMISED: f64 = 0.03;
 
+/// Iterations that the homotopy has at least where the other starts agree.
+const OPINION: usize = 100;
 /// Sequences next to that of an answer that are tried at most.
 const NEIGHBOURS: usize = 24;
+/// Changes of controls, in units of their sizes, by which the direction of a better answer is followed.
+const STEPS: [f64; 3] = [0.01, 0.001, 0.1];
+/// Multiples of the elements where an answer is too inaccurate for its simulation.
+const FINER: [usize; 2] = [2, 4];
+/// How often it is followed at most.
+const FOLLOWED: usize = 4;
 /// Share of the cost by which one must be lower to count as better.
 const GAIN: f64 = 1e-7;
 
@@ -28,14 +39,21 @@ const GAIN: f64 = 1e-7;
 #[derive(Default)]
 struct Candidates {
     /// The cheapest exact answer.
-    best: Option<Ocp>,
+    best: Option<Box<Ocp>>,
     /// Several ways led there, and it costs what the smoothed problem promised.
     agreed: bool,
-    /// What all took.
+    /// What all took, and the seconds to build their problems.
     spent: Statistics,
+    time_build: f64,
 }
 
 impl Candidates {
+    /// Counts what a solve took.
+    fn add(&mut self, r: &OcpResult) {
+        self.spent.add(&r.stats);
+        self.time_build += r.time_build;
+    }
+
     fn cost(&self) -> f64 {
         self.best.as_ref().and_then(|b| b.result.as_ref()).map_or(f64::INFINITY, |r| r.cost)
     }
@@ -65,22 +83,27 @@ impl Ocp {
         let clock = Instant::now();
         let mut found = self.solve_by_smoothing(request, control)?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
-        let enough = found.best.is_some() && (request.start == OcpStart::Smoothing || (found.agreed && !given));
+        let enough = found.best.is_some() && request.start == OcpStart::Smoothing;
         if !enough && (found.best.is_none() || stop::requested().is_none()) {
-            let r = match self.run(start, request, control) {
+            let mut inside = *request;
+            if found.agreed && !given {
+                // a second opinion may take as long as the first
+                let most = found.spent.iterations.max(OPINION);
+                inside.options.solver.max_iter = inside.options.solver.max_iter.min(most);
+            }
+            let r = match self.run(start, &inside, control) {
                 Ok(r) => r,
                 // what the other starts found stays an answer where this one is asked to end
                 Err(Error::OutOfTime) if found.best.is_some() => return self.adopt(found, request, control, clock),
                 Err(e) => return Err(e),
             };
             let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.cost);
-            found.spent.add(&r.stats);
+            found.add(r);
             if !exact && found.best.is_none() {
-                let spent = found.spent;
-                return self.spent_in_all(spent, clock);
+                return self.spent_in_all(&found, clock);
             }
             if exact && cost <= found.cost() {
-                let mut own = self.blank();
+                let mut own = Box::new(self.blank());
                 (own.built, own.result, own.engine) = (self.built.take(), self.result.take(), self.engine.take());
                 found.best = Some(own);
             }
@@ -96,6 +119,7 @@ impl Ocp {
         let n_fe = self.elements(&request.options);
         let mut tried = Vec::new();
         let mut left = NEIGHBOURS.max(request.search);
+        let mut followed = 0;
         while let Some((r, sizes)) = found.best.as_ref().and_then(|b| Some((b.result.clone()?, b.sizes.clone()))) {
             let now = Sequence::of(&r);
             tried.push(now.sets());
@@ -112,18 +136,95 @@ impl Ocp {
                 let mut work = self.with_sequence(&r, &s, &form, &n_fe)?;
                 work.sizes.clone_from(&sizes);
                 let next = work.run(Start::Near, &inside, control)?;
-                found.spent.add(&next.stats);
+                found.add(next);
                 if next.is_exact() && next.cost < r.cost - GAIN * r.cost.abs() {
                     found.best = Some(work);
                     better = true;
                     break;
                 }
             }
-            if !better {
+            if better {
+                continue;
+            }
+            if followed == FOLLOWED {
+                break;
+            }
+            followed += 1;
+            if !self.follow(&mut found, request, &mut tried, control)? {
                 break;
             }
         }
         Ok(found)
+    }
+
+    /// Follows the direction in which the best answer is not optimal: the controls are moved along it, what they lead to is
+    /// simulated, and the mode programs of the phases are solved. Is there a better answer?
+    fn follow(
+        &self,
+        found: &mut Candidates,
+        request: &Request,
+        tried: &mut Vec<Vec<Vec<Vec<bool>>>>,
+        control: &mut Control,
+    ) -> Result<bool> {
+        let Some(best) = found.best.as_mut() else { return Ok(false) };
+        let Some(judged) = best.judged()? else { return Ok(false) };
+        let Some(r) = best.result.clone() else { return Ok(false) };
+        let known = best.sizes.clone().map_or_else(|| self.sizes(), Ok)?;
+        let inside = Request { comparison: None, explain: false, ..*request };
+        if judged.reason == OTHER {
+            return self.refine(found, &r, &known, &inside, control);
+        }
+        if judged.direction.is_empty() {
+            return Ok(false);
+        }
+        for step in STEPS {
+            if stop::requested().is_some() {
+                break;
+            }
+            let mut moved = r.clone();
+            let bounds = self.u_bounds[0].iter().zip(&self.u_bounds[1]).cycle();
+            for ((u, d), (l, h)) in moved.controls.iter_mut().zip(&judged.direction).zip(bounds) {
+                *u = (*u + step * d).clamp(*l, *h);
+            }
+            moved.control_ends.clone_from(&moved.controls);
+            let Some(traced) = self.trace(&moved, &request.options)? else { continue };
+            let one = self.solve_traced(&moved, (&traced, NEAR), &known, &inside, control)?;
+            let Some(next) = one.result.as_ref() else { continue };
+            found.add(next);
+            tried.push(Sequence::of(next).sets());
+            if next.is_exact() && next.cost < r.cost - GAIN * r.cost.abs() {
+                found.best = Some(one);
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// An answer that its own controls do not lead to is none: the phases of their simulation on a finer grid replace it,
+    /// whatever they cost. Is there such an answer?
+    fn refine(
+        &self,
+        found: &mut Candidates,
+        r: &OcpResult,
+        known: &Sizes,
+        inside: &Request,
+        control: &mut Control,
+    ) -> Result<bool> {
+        let Some(traced) = self.trace(r, &inside.options)? else { return Ok(false) };
+        for elements in FINER {
+            if stop::requested().is_some() {
+                break;
+            }
+            let room = Room { short: BRIEF, elements };
+            let mut one = self.solve_traced(r, (&traced, room), known, inside, control)?;
+            let Some(next) = one.result.as_ref() else { continue };
+            found.add(next);
+            if next.is_exact() && one.judged()?.is_some_and(|o| o.reason != OTHER) {
+                found.best = Some(one);
+                return Ok(true);
+            }
+        }
+        Ok(false)
     }
 
     /// Takes over the best answer with what was built for it, and reports it.
@@ -134,7 +235,8 @@ impl Ocp {
         control: &mut Control,
         clock: Instant,
     ) -> Result<&OcpResult> {
-        let Some((mut b, builds)) = found.best.and_then(|mut f| f.built.take().map(|b| (b, f.builds))) else {
+        let mut found = found;
+        let Some((mut b, builds)) = found.best.take().and_then(|mut f| f.built.take().map(|b| (b, f.builds))) else {
             return Err(Error::Internal("no answer was found".into()));
         };
         let stage_params = b.extended.params.clone();
@@ -142,20 +244,25 @@ impl Ocp {
         let reported = self.report(&mut b, &stage_params, Statistics::default(), request, control);
         self.built = Some(b);
         self.result = Some(reported?);
-        self.spent_in_all(found.spent, clock)
+        self.spent_in_all(&found, clock)
     }
 
     /// The result is what all of this took.
-    fn spent_in_all(&mut self, spent: Statistics, clock: Instant) -> Result<&OcpResult> {
+    fn spent_in_all(&mut self, found: &Candidates, clock: Instant) -> Result<&OcpResult> {
         let r = self.result.as_mut().ok_or_else(|| Error::Internal("a solve without a result".into()))?;
-        r.stats = Statistics { time_total: clock.elapsed().as_secs_f64() - r.time_build, ..spent };
+        r.time_build = found.time_build;
+        r.stats = Statistics { time_total: clock.elapsed().as_secs_f64() - found.time_build, ..found.spent };
         Ok(r)
     }
 
-    /// Is there a smoothed problem, and are its answers of use: is the exact active set wanted, and simulated?
+    /// Is there a smoothed problem, and are its answers of use: is there a cost to compare, is the exact active set wanted, and
+    /// simulated?
     fn may_smooth(&self, request: &Request) -> bool {
         let s = &self.system;
-        self.modes.is_none()
+        let costs =
+            self.lagrange.is_some() || self.mayer.is_some() || !self.squares.is_empty() || !self.soft.is_empty();
+        costs
+            && self.modes.is_none()
             && self.complementarity.is_empty()
             && s.n_algebraic() == 0
             && s.inclusions().is_empty()
@@ -186,9 +293,9 @@ impl Ocp {
                     continue;
                 }
                 tried.push(sets);
-                let one = self.solve_traced(smooth, &traced, &known, &inside, control)?;
+                let one = self.solve_traced(smooth, (&traced, ROUGH), &known, &inside, control)?;
                 let Some(r) = one.result.as_ref() else { continue };
-                found.spent.add(&r.stats);
+                found.add(r);
                 if !r.is_exact() {
                     continue;
                 }

@@ -31,7 +31,7 @@ impl Ocp {
     /// central differences of the optimality conditions, the rest is exact: A. V. Fiacco's theorem on the branch.
     pub fn sensitivity(&mut self) -> Result<OcpSensitivity> {
         let d = self.system.dims();
-        let Some(Built { problem, solver, bounds, extended, .. }) = &mut self.built else {
+        let Some(Built { problem, solver, bounds, extended, .. }) = self.built.as_deref_mut() else {
             return Err(Error::State("there is no solution to differentiate: solve the problem first".into()));
         };
         let (x0, u) = problem.places();

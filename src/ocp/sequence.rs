@@ -12,12 +12,27 @@ use crate::fesd::Sizes;
 use crate::nlp::Control;
 use crate::sim::SolveOptions;
 
-/// Share of a stage below which a phase of the simulation is left out: the search puts it back where it matters.
+/// Share of a stage below which a phase of a simulation is left out, with controls that are a first guess and with those next
+/// to an answer.
 const SHORT: f64 = 0.02;
+pub(super) const BRIEF: f64 = 1e-4;
 /// Share of the range of a state by which the simulation may be off before it starts from the answer again.
 const OFF: f64 = 0.05;
 /// Tolerance of the simulation.
 const TOLERANCE: f64 = 1e-7;
+
+/// How much of a simulation is kept.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Room {
+    /// Share of a stage below which a phase is left out.
+    pub short: f64,
+    /// Multiples of the elements that the options ask for.
+    pub elements: usize,
+}
+
+/// With controls that are a first guess, and with those next to an answer.
+pub(super) const ROUGH: Room = Room { short: SHORT, elements: 1 };
+pub(super) const NEAR: Room = Room { short: BRIEF, elements: 1 };
 
 /// States and phases of a simulation.
 #[derive(Debug, Clone, Default)]
@@ -72,24 +87,24 @@ impl Ocp {
     }
 
     /// The mode program of the phases of a simulation, from its states and the controls of `r`: a copy of the
-    /// problem, whose result is what became of it.
+    /// problem, whose result is what became of it. The grid has room as told.
     pub(super) fn solve_traced(
         &self,
         r: &OcpResult,
-        traced: &Traced,
+        (traced, room): (&Traced, Room),
         known: &Sizes,
         request: &Request,
         control: &mut Control,
-    ) -> Result<Ocp> {
+    ) -> Result<Box<Ocp>> {
         let dcs = Dcs::new(&self.system, request.options.form)?;
-        let mut work = self.blank();
+        let mut work = Box::new(self.blank());
         let mut stages = Vec::with_capacity(traced.phases.stages.len());
         for (stage, duration) in traced.phases.stages.iter().zip(&r.durations) {
             let mut phases: Vec<(&[bool], f64)> = Vec::new();
             for (set, length) in stage {
                 match phases.last_mut() {
-                    Some((last, sum)) if *last == &set[..] || *length < SHORT * duration => *sum += length,
-                    Some((last, sum)) if *sum < SHORT * duration => (*last, *sum) = (set, *sum + length),
+                    Some((last, sum)) if *last == &set[..] || *length < room.short * duration => *sum += length,
+                    Some((last, sum)) if *sum < room.short * duration => (*last, *sum) = (set, *sum + length),
                     _ => phases.push((set, *length)),
                 }
             }
@@ -97,7 +112,7 @@ impl Ocp {
         }
         let s = Sequence { stages };
         let own = self.elements(&request.options);
-        let n_fe: Vec<usize> = own.iter().zip(&s.stages).map(|(n, s)| (*n).max(s.len())).collect();
+        let n_fe: Vec<usize> = own.iter().zip(&s.stages).map(|(n, s)| (room.elements * n).max(s.len())).collect();
         work.set_elements(&n_fe)?;
         work.set_x_guess(&traced.times, &traced.states)?;
         work.set_u_guess(&r.controls)?;

@@ -41,7 +41,7 @@ const ITERATIONS: usize = 150;
 /// The smoothed problem, built once for all ladders.
 pub(super) struct Smoother {
     ocp: Ocp,
-    built: Built,
+    built: Box<Built>,
     widths: Widths,
     /// Switching functions of the system.
     functions: Vec<SharedFunction>,
@@ -185,7 +185,7 @@ impl Smoother {
         control: &mut Control,
     ) -> Option<Solution> {
         sizes.iter().enumerate().for_each(|(k, s)| self.widths.set(k, width * s));
-        let Built { problem, solver, bounds, .. } = &mut self.built;
+        let Built { problem, solver, bounds, .. } = &mut *self.built;
         let outcome = solver.solve_loosely(problem, bounds, from, accuracy, ITERATIONS.min(self.left), control);
         let s = solver.solution();
         self.spent.add(&s.stats);

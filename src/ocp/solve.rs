@@ -147,7 +147,8 @@ impl Ocp {
         let sizes = problem.spec().dcs.form().simplices.iter().map(|c| c.len()).collect();
         identifier.grid = Grid { n_fe, sizes };
         (identifier.x0_at, identifier.u_at) = problem.places();
-        self.built = Some(Built { problem, solver, bounds, identifier, extended, options: *options, last: None });
+        self.built =
+            Some(Box::new(Built { problem, solver, bounds, identifier, extended, options: *options, last: None }));
         self.builds += 1;
         Ok(clock.elapsed().as_secs_f64())
     }
@@ -417,14 +418,17 @@ impl Ocp {
         request: &Request,
         control: &mut Control,
     ) -> Result<OcpResult> {
-        let Built { problem, solver, bounds, extended, .. } = b;
+        let Built { problem, solver, extended, .. } = b;
         let solution = solver.solution();
         let mut result = self.read(problem, solution, extended, stage_params);
         result.stats.add(&before);
         if let Some(c) = request.comparison {
             let options = &request.options;
             result.accuracy = Some(self.compare(&result, problem, &solution.x, extended, stage_params, c, options)?);
+            result.optimality = Some(self.judge(&result, b)?);
         }
+        let Built { problem, solver, bounds, extended, .. } = b;
+        let solution = solver.solution();
         let w = &solution.x;
         let mut case = Case { result: &result, problem, bounds, w, system: &extended.system };
         let found = self.diagnose(&mut case, request, control);
@@ -556,6 +560,7 @@ impl Ocp {
             time_build: 0.0,
             dimensions: (problem.n(), problem.m(), problem.pairs().len()),
             accuracy: None,
+            optimality: None,
             adaptation: None,
             jumps: Vec::new(),
         }

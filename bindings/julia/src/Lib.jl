@@ -738,6 +738,22 @@ const SWB_DOUBT_ACCURACY = swb_doubt(4)
 const SWB_DOUBT_STOPPED = swb_doubt(5)
 const NAMES_swb_doubt = [:none => 0, :data => 1, :infeasible => 2, :nodes => 3, :accuracy => 4, :stopped => 5]
 
+"""
+What an optimal control is as a point of the control problem: is the cost stationary under changes of controls, free
+lengths, free parameters and free initial states, when every change is simulated by events?
+
+- `SWB_VERDICT_UNKNOWN`: Not known; swb_ocp_get_optimality_reason says why.
+- `SWB_VERDICT_LOCAL_OPTIMUM`: No change lowers the cost to first order.
+- `SWB_VERDICT_KINK`: The same; switches lie exactly between control stages, and the cost rises towards either side of each.
+- `SWB_VERDICT_NOT_OPTIMAL`: Some change lowers the cost to first order.
+"""
+const swb_verdict = Int64
+const SWB_VERDICT_UNKNOWN = swb_verdict(0)
+const SWB_VERDICT_LOCAL_OPTIMUM = swb_verdict(1)
+const SWB_VERDICT_KINK = swb_verdict(2)
+const SWB_VERDICT_NOT_OPTIMAL = swb_verdict(3)
+const NAMES_swb_verdict = [:unknown => 0, :local_optimum => 1, :kink => 2, :not_optimal => 3]
+
 # --- structs ---
 
 """
@@ -1519,6 +1535,42 @@ end
 sizeof(swb_certificate) == 88 || error("swb_certificate has another size than in C")
 
 """
+Optimality of an optimal control.
+
+- `struct_size`: Size of this struct in bytes.
+- `verdict`: enum swb_verdict.
+- `n_kinks`: Switches that lie between two control stages, see swb_ocp_get_kink.
+- `residual`: Largest first-order change of the cost by one quantity within its bounds, over the size of the quantity, relative to what single terms of cost and constraints change; NaN where it is not known. Up to 1e-3 counts as none.
+"""
+struct swb_optimality
+    struct_size::UInt64
+    verdict::Int64
+    n_kinks::Int64
+    residual::Cdouble
+end
+sizeof(swb_optimality) == 32 || error("swb_optimality has another size than in C")
+
+"""
+A switch that lies between two control stages, or a surface that is touched: there the cost has a kink.
+
+- `struct_size`: Size of this struct in bytes.
+- `stage`: The control stage behind the switch.
+- `t`: Time of the switch.
+- `before`: Derivative of the cost towards a switch in the stage before, relative as the residual of swb_optimality: negative where that lowers the cost, NaN where there is no such switch.
+- `after`: The same towards a switch in the stage behind.
+- `touch`: 1 where nothing switches, but a surface is touched and left to the side the state came from: `before` is then the derivative away from it, `after` that of a moment behind it. 0 otherwise.
+"""
+struct swb_kink
+    struct_size::UInt64
+    stage::Int64
+    t::Cdouble
+    before::Cdouble
+    after::Cdouble
+    touch::Int64
+end
+sizeof(swb_kink) == 48 || error("swb_kink has another size than in C")
+
+"""
 A transition of an optimal control.
 
 - `struct_size`: Size of this struct in bytes.
@@ -1842,6 +1894,12 @@ const NAMES = [
     :swb_ocp_get_certificate,
     :swb_ocp_get_mismatch,
     :swb_ocp_get_message,
+    :swb_verdict_name,
+    :swb_ocp_get_optimality,
+    :swb_ocp_get_kink,
+    :swb_ocp_get_reduced_gradient,
+    :swb_ocp_get_descent,
+    :swb_ocp_get_optimality_reason,
     :swb_ocp_mode_sizes,
     :swb_ocp_get_modes,
     :swb_ocp_set_modes,
@@ -4910,6 +4968,77 @@ swb_ocp_get_message(ocp, buf, len, needed) =
     ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
+    swb_verdict_name(verdict) -> Cstring
+
+Name of an enum swb_verdict, such as \"kink\"; NULL for any other number. Static.
+"""
+swb_verdict_name(verdict) = ccall(address(246), Cstring, (Int32,), verdict)
+
+"""
+    swb_ocp_get_optimality(ocp, optimality, struct_size) -> swb_status
+
+Is the last solution optimal for the control problem? Derivatives of event-driven simulations of its controls and the
+multipliers of its constraints decide, independently of the discretisation.
+
+@param[out] optimality  every field is written
+@param[in]  struct_size sizeof(swb_optimality)
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
+"""
+swb_ocp_get_optimality(ocp, optimality, struct_size) =
+    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
+
+"""
+    swb_ocp_get_kink(ocp, index, kink, struct_size) -> swb_status
+
+A switch of the last solution that lies between two control stages.
+
+@param[in]  index       below n_kinks of swb_optimality
+@param[out] kink        every field is written
+@param[in]  struct_size sizeof(swb_kink)
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_STATE as swb_ocp_get_optimality
+"""
+swb_ocp_get_kink(ocp, index, kink, struct_size) =
+    ccall(address(248), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
+
+"""
+    swb_ocp_get_reduced_gradient(ocp, gradient, n) -> swb_status
+
+Derivatives of the cost with respect to the controls of the last solution, with the multipliers of its constraints; of
+controls that are linear, with respect to their slopes. Those of controls at their bounds need not vanish. NaN where the
+verdict is SWB_VERDICT_UNKNOWN for want of a simulation.
+
+@param[out] gradient [n_stages * nu] the controls of the first stage first
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
+"""
+swb_ocp_get_reduced_gradient(ocp, gradient, n) =
+    ccall(address(249), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
+
+"""
+    swb_ocp_get_descent(ocp, direction, n) -> swb_status
+
+Changes of the controls that lower the cost of the last solution to first order, where its verdict is
+SWB_VERDICT_NOT_OPTIMAL: the largest of them is as large as that control usually is. All zero for any other verdict, and
+where controls are linear.
+
+@param[out] direction [n_stages * nu] the controls of the first stage first
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
+"""
+swb_ocp_get_descent(ocp, direction, n) =
+    ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
+
+"""
+    swb_ocp_get_optimality_reason(ocp, buf, len, needed) -> swb_status
+
+Why it is not known whether the last solution is optimal; empty where it is.
+
+@param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+@param[out] needed length with the final NUL; may be NULL
+@return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE as swb_ocp_get_optimality
+"""
+swb_ocp_get_optimality_reason(ocp, buf, len, needed) =
+    ccall(address(251), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+
+"""
     swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) -> swb_status
 
 Sizes of the mode sequence of the last solution: a phase for every finite element that has a length.
@@ -4920,7 +5049,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
-    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -4935,7 +5064,7 @@ Mode sequence of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -4952,7 +5081,7 @@ checks. Orders next to it are tried within the budget of the option mode_search 
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
 """
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(254), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -4965,7 +5094,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(249), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(255), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -4986,7 +5115,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -5002,7 +5131,7 @@ What the starts of the last swb_ocp_solve_starts found.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(251), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(257), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -5016,7 +5145,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(258), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -5034,7 +5163,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(253), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(259), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -5048,7 +5177,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(254), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(260), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -5060,7 +5189,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(255), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(261), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -5073,7 +5202,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(262), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -5086,7 +5215,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(257), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(263), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -5101,7 +5230,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(258), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(264), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -5116,7 +5245,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(259), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(265), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -5126,7 +5255,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(260), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(266), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -5137,7 +5266,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(261), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(267), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -5150,7 +5279,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(262), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(268), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -5160,7 +5289,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(263), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(269), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -5171,7 +5300,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(264), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -5184,7 +5313,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(265), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(271), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5196,7 +5325,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(266), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(272), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -5206,7 +5335,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(267), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(273), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -5215,7 +5344,7 @@ Make the last solution, one control stage later, the guess of the next solve.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(268), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(274), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -5226,7 +5355,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(269), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(275), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -5236,7 +5365,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(276), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -5247,7 +5376,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(271), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(277), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -5256,7 +5385,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(272), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(278), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_ocp_jump_count(ocp, n_jumps) -> swb_status
@@ -5266,7 +5395,7 @@ Number of transitions of the last answer.
 @param[out] n_jumps transitions; 0 for systems without
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE before the first solve
 """
-swb_ocp_jump_count(ocp, n_jumps) = ccall(address(273), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
+swb_ocp_jump_count(ocp, n_jumps) = ccall(address(279), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 
 """
     swb_ocp_jumps(ocp, jumps, n, struct_size) -> swb_status
@@ -5278,7 +5407,7 @@ The transitions of the last answer in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jumps(ocp, jumps, n, struct_size) =
-    ccall(address(274), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
+    ccall(address(280), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
 
 """
     swb_ocp_jump_states(ocp, index, before, after, n) -> swb_status
@@ -5291,7 +5420,7 @@ The states just before and just behind a transition of the last answer.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jump_states(ocp, index, before, after, n) =
-    ccall(address(275), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
+    ccall(address(281), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
         after, n)
 
 """
@@ -5306,7 +5435,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(276), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(282), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -5321,7 +5450,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(277), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(283), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -5332,7 +5461,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(278), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(284), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -5342,7 +5471,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(279), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(285), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -5354,7 +5483,7 @@ What the last solve found.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(280), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(286), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -5366,7 +5495,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(281), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(287), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -5379,7 +5508,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(282), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(288), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -5390,7 +5519,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(283), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(289), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -5399,14 +5528,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(284), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(290), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(285), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(291), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -5420,7 +5549,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(286), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(292), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -5436,7 +5565,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(287), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(293), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -5447,7 +5576,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(288), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(294), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -5463,7 +5592,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(289), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(295), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -5479,7 +5608,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(290), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(296), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -5494,7 +5623,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -5507,7 +5636,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(292), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(298), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -5524,7 +5653,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(293), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(299), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -5542,7 +5671,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(294), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(300), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -5559,7 +5688,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(295), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(301), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -5572,7 +5701,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(296), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(302), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5585,7 +5714,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(297), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(303), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5597,7 +5726,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(298), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(304), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -5607,7 +5736,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(299), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(305), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -5622,7 +5751,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(300), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(306), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -5635,7 +5764,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(301), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(307), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -5646,7 +5775,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(302), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(308), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -5656,7 +5785,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(303), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(309), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -5666,7 +5795,7 @@ Was the active set identified and the smooth program that remains solved?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(304), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(310), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -5676,7 +5805,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(305), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(311), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -5686,7 +5815,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(306), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(312), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -5696,7 +5825,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(307), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(313), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -5709,7 +5838,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(308), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(314), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -5724,7 +5853,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(309), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(315), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -5737,7 +5866,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(310), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(316), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -5749,7 +5878,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(311), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(317), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -5759,7 +5888,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(312), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(318), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -5769,7 +5898,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(313), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(319), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -5779,7 +5908,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(314), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(320), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -5790,7 +5919,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(315), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(321), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -5802,7 +5931,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(316), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(322), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -5813,7 +5942,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(317), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(323), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -5824,7 +5953,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(318), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(324), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -5836,28 +5965,28 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(319), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(325), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(320), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(326), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_stationarity_name(stationarity) -> Cstring
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(321), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(327), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(322), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(328), Cstring, (Int32,), doubt)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -5870,7 +5999,7 @@ Name a variable, a constraint or a pair: reports and messages of the log use it.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(323), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(329), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -5883,7 +6012,7 @@ Name all variables, constraints or pairs.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(324), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(330), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -5897,7 +6026,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(325), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(331), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -5914,7 +6043,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(326), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(332), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -5938,7 +6067,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(327), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(333), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -5951,7 +6080,7 @@ What is known of the point of the last solve: type of stationarity, B-stationari
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(328), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(334), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -5964,7 +6093,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(329), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(335), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -5976,7 +6105,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(330), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(336), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -5988,7 +6117,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(331), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(337), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -6000,6 +6129,6 @@ The same for people: a table with the worst violations and what looks wrong abou
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(332), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(338), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

@@ -337,6 +337,9 @@ What a solve of an optimal control problem found.
 - `trajectory`, `residuals`, `stats`; `violation` of relaxed constraints
 - `accuracy`: comparison with a simulation of the controls, and `mismatch`, the largest difference of a state at the end of
   every stage; nothing with the option `accuracy = :off`
+- `optimality`: what the answer is as a point of the control problem: `verdict` (`:local_optimum`, `:kink` where switches
+  between control stages make the cost rise on either side, `:not_optimal`, `:unknown`), `residual`, `gradient` and `descent` (a
+  column for each control stage), `kinks`, `reason`; nothing with the option `accuracy = :off`
 - `message`: why there is no exact solution, in the words of the model, which counts from 0
 - `adaptation`: how the grid was adapted (option `adapt_tol`), or nothing
 """
@@ -356,6 +359,7 @@ struct OcpResult
     violation::Float64
     accuracy::Union{Nothing,NamedTuple}
     mismatch::Union{Nothing,Vector{Float64}}
+    optimality::Union{Nothing,NamedTuple}
     message::String
     adaptation::Union{Nothing,NamedTuple}
     control_names::Vector{String}
@@ -416,7 +420,7 @@ function result(o::Ocp)
         o.initial_time .+ cumsum([0.0; durations]), matrix_from(o, Lib.swb_ocp_get_control_ends), durations,
         numbers(Float64, o.np, Lib.swb_ocp_get_params, o),
         Trajectory(Lib.swb_ocp_get_trajectory, o, o.names[1]), residuals(o), stats(o),
-        value(Float64, Lib.swb_ocp_get_violation, o), accuracy, mismatch,
+        value(Float64, Lib.swb_ocp_get_violation, o), accuracy, mismatch, optimality_of(o),
         own_words(text(Lib.swb_ocp_get_message, o)), adaptation(o), o.names[2],
     )
 end
@@ -435,6 +439,15 @@ function accuracy_of(o::Ocp)
     a = unless_absent(() -> record(Lib.swb_accuracy, Lib.swb_ocp_get_accuracy, o))
     a === nothing && return nothing, nothing
     return merge(named(a), (reached = a.reached != 0,)), numbers(Float64, o.n_stages, Lib.swb_ocp_get_mismatch, o)
+end
+
+function optimality_of(o::Ocp)
+    c = unless_absent(() -> record(Lib.swb_optimality, Lib.swb_ocp_get_optimality, o))
+    c === nothing && return nothing
+    kink(i) = (k = Ref{Lib.swb_kink}(); check(Lib.swb_ocp_get_kink(o, i, k, sizeof(Lib.swb_kink))); named(k[]))
+    return (verdict = symbol(Lib.NAMES_swb_verdict, c.verdict), residual = c.residual,
+            gradient = matrix_from(o, Lib.swb_ocp_get_reduced_gradient), descent = matrix_from(o, Lib.swb_ocp_get_descent),
+            kinks = [kink(i) for i in 0:(c.n_kinks - 1)], reason = text(Lib.swb_ocp_get_optimality_reason, o))
 end
 
 """

@@ -9,6 +9,7 @@
         r = solve!(ocp)
         @test successful(r) && r.polished === :done && abs(r.cost - TUTORIAL_COST) < 1e-9
         @test abs(r.trajectory.states[1, 1] - TUTORIAL_X0) < 1e-7
+        @test r.optimality.verdict === :local_optimum && isempty(r.optimality.kinks) && r.optimality.residual < 1e-3
         @test r.accuracy.reached && r.accuracy.worst < 1e-8 && length(r.mismatch) == 1 && r.message == ""
         @test r.residuals.primal < 1e-9 && r.stats.iterations > 0 && length(r.trajectory.switches) == 1
         c = certificate(ocp)
@@ -32,6 +33,7 @@
     @test refused(() -> from_json(Ocp, to_json(named_ocp)), :state, "rate")
     @test abs(solve!(from_json(Ocp, to_json(named_ocp); functions = [f])).cost - TUTORIAL_COST) < 1e-9
     @test solve!(tutorial(; accuracy = :off)).accuracy === nothing
+    @test solve!(tutorial(; accuracy = :off)).optimality === nothing
     adapted = solve!(tutorial(; adapt_tol = 1e-6))
     @test adapted.adaptation.reached && adapted.adaptation.rounds[adapted.adaptation.kept].error < 1e-6
 end

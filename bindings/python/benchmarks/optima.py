@@ -1,10 +1,12 @@
 """Are the answers optimal? Problems of `optima_problems.py` from the default start, one line each.
 
-usage: optima.py [NAME ...] [--configurations] [--peers] [--max-time S] [--json FILE]
+usage: optima.py [NAME ...] [--configurations] [--peers] [--max-time S] [--set OPTION=VALUE ...] [--json FILE]
 
 A line has outcome, whether the modes were polished, the certificate, the cost, the cost and the distance at the end when
 the controls are simulated by events, iterations and seconds. `gap` is the distance from the exact or the best known cost,
 relative, where there is one. `--configurations` solves from other starts too: forms, first relaxations and guesses.
+
+`--set` changes options of all solves, e.g. `--set ocp_start=homotopy --set n_s=2`.
 
 `--peers` looks for lower costs (pip install casadi scipy): smoothing with IPOPT, and descents on simulations by events from
 its controls and from answers of ours from several starts. The best known cost is the exact one where there is one, else the
@@ -233,12 +235,26 @@ def plain(r: dict[str, Any]) -> dict[str, Any]:
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in kept.items()}
 
 
+def option(parser: argparse.ArgumentParser, text: str) -> tuple[str, Any]:
+    """Name and value of an option given as NAME=VALUE."""
+    name, equals, value = text.partition("=")
+    if not equals:
+        parser.error(f"'{text}' is not of the form OPTION=VALUE")
+    for kind in (int, float):
+        try:
+            return name, kind(value)
+        except ValueError:
+            continue
+    return name, value
+
+
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("names", nargs="*", help="problems; none: all")
     parser.add_argument("--configurations", action="store_true", help="solve from other starts too")
     parser.add_argument("--peers", action="store_true", help="look for lower costs by other ways")
     parser.add_argument("--max-time", type=float, default=60.0, help="seconds for one solve")
+    parser.add_argument("--set", action="append", default=[], metavar="OPTION=VALUE", help="an option of all solves")
     parser.add_argument("--json", type=Path, help="write the figures to this file")
     arguments = parser.parse_args()
     names = arguments.names or list(optima_problems.PROBLEMS)
@@ -246,6 +262,7 @@ def main() -> int:
         if name not in optima_problems.PROBLEMS:
             parser.error(f"there is no problem '{name}'")
 
+    options = dict(option(parser, text) for text in arguments.set)
     if arguments.peers:
         return search(names, min(arguments.max_time, 60.0))
     store, record = known(), []
@@ -255,14 +272,14 @@ def main() -> int:
     )
     found = []
     for name in names:
-        r = solve(name, arguments.max_time)
+        r = solve(name, arguments.max_time, **options)
         found.append(r)
-        record.append(plain(r) | {"configuration": {}})
+        record.append(plain(r) | {"configuration": options})
         print(line(r, reference(name, store)), flush=True)
-        for options in CONFIGURATIONS if arguments.configurations else []:
-            r = solve(name, arguments.max_time, **options)
-            record.append(plain(r) | {"configuration": options})
-            text = f"{options['initial_guess']} {options['dcs_form']} {options['sigma_init']:g}"
+        for other in CONFIGURATIONS if arguments.configurations else []:
+            r = solve(name, arguments.max_time, **options | other)
+            record.append(plain(r) | {"configuration": other})
+            text = f"{other['initial_guess']} {other['dcs_form']} {other['sigma_init']:g}"
             print(f"{line(r, reference(name, store))}  {text}", flush=True)
     print(summary(found, store))
     if arguments.json:

@@ -178,6 +178,21 @@ def test_a_problem_says_what_its_answer_is():
     assert (ocp.certificate.stationarity, ocp.certificate.b_stationary) == ("S", True)
 
 
+def test_answers_that_can_be_bettered_are_told_apart():
+    ocp = optimal.turbo_car().ocp
+    ocp.set(ocp_start="homotopy")
+    poor = ocp.solve()
+    assert poor.certificate == "not_optimal" and np.any(poor.optimality.descent)
+    assert poor.optimality.kinks and all(isinstance(k, swb.Kink) and 0 < k.stage < 10 for k in poor.optimality.kinks)
+    ocp.set(ocp_start="portfolio")
+    good = ocp.solve()
+    assert good.certificate == "local_optimum" and not np.any(good.optimality.descent)
+    assert good.cost < 0.9 * poor.cost and good.optimality.gradient.shape == good.controls.shape
+    ocp.set(accuracy="off")
+    r = ocp.solve()
+    assert r.optimality is None and r.certificate == "unknown"
+
+
 def test_every_problem_is_solved(solved):
     for name, r in solved.items():
         assert (r.outcome, r.polished) == (swb.Outcome.SOLVED, swb.Polished.DONE), name

@@ -175,7 +175,7 @@ def fails():
 LOOPS = {
     "simulate": lambda: swb.simulate(oscillator(), OSCILLATOR_X0, 0.2, dense=True),
     "batch": lambda: swb.simulate_batch(oscillator(), [OSCILLATOR_X0] * 3, 0.1),
-    "solve": lambda: tutorial(n_fe=2).solve(),
+    "solve": lambda: tutorial(n_fe=2, ocp_start="homotopy").solve(),
     "model": lambda: swb.Ocp(friction(), 1.0, 2).to_json(),
     "failing": lambda: swb.simulate(swb.System(1, f0=lambda x: fails()), [1.0], 1.0),
     "refused": lambda: swb.Settings(n_s=-1),

@@ -8,7 +8,10 @@ from models import TUTORIAL_COST, TUTORIAL_X0, sides, tutorial
 
 
 def test_tutorial():
-    ocp = tutorial()
+    r = tutorial().solve()
+    assert r.success and r.cost == pytest.approx(TUTORIAL_COST, abs=1e-10) and r.stats.time_build > 0
+    assert (r.certificate, r.optimality.kinks, r.optimality.reason) == ("local_optimum", [], "") and r.optimality.residual < 1e-3
+    ocp = tutorial(ocp_start="homotopy")
     r = ocp.solve()
     assert r.success and r.polished == swb.Polished.DONE
     assert r.cost == pytest.approx(TUTORIAL_COST, abs=1e-10)
@@ -113,7 +116,7 @@ def sliding_ocp(n_s=2, n_fe=3):
 
 
 def test_sliding_modes():
-    r = sliding_ocp().solve()
+    r = sliding_ocp(ocp_start="homotopy").solve()
     assert r.success and np.allclose(r.trajectory.states[-1, :2], [-np.pi / 6, -np.pi / 4], atol=1e-8)
     both = [r.trajectory.active_modes(k).all(axis=1) for k in (0, 1)]
     assert np.any(both[0] & both[1])

@@ -104,7 +104,8 @@ def test_what_has_no_solution_says_why(tmp_path):
     system = swb.System(2, 1, f0=lambda x, u: (1.0, u[0]))
     for at in (2.3, 2.6):
         system.add_subsystem(lambda: (1.0, 0.0), lambda x, at=at: x[0] - at, [1, -1], rows=[1])
-    ocp = swb.Ocp(system, 4.0, 4, initial_state=[0, 0], lagrange=lambda x, u: u[0] ** 2 + x[1] ** 2, n_fe=2)
+    cost = lambda x, u: u[0] ** 2 + x[1] ** 2
+    ocp = swb.Ocp(system, 4.0, 4, initial_state=[0, 0], lagrange=cost, n_fe=2, ocp_start="homotopy")
     assert "2 switches in the stage" in ocp.solve().message
     ocp.set_elements([2, 2, 3, 2])
     assert ocp.solve().message == ""

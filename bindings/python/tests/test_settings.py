@@ -22,7 +22,7 @@ def test_reading_and_writing():
     assert s["n_s"] == 2 and isinstance(s.n_s, int) and isinstance(s.tol, float)
     assert set(s.to_dict()) == set(s) == set(swb.options()) and "n_s" in dir(s)
     assert json.loads(s.to_json())["cross"] == "full"
-    assert repr(swb.Settings(n_s=3)) == "Settings(n_s=3)" and repr(swb.Settings()) == "Settings()"
+    assert repr(swb.Settings(n_s=4)) == "Settings(n_s=4)" and repr(swb.Settings()) == "Settings()"
     s.validate()
 
 

@@ -20,7 +20,7 @@ pub(super) struct Program<'a> {
     whole: &'a Ocp,
     automaton: &'a Automaton,
     legs: Vec<Leg>,
-    built: Vec<Built>,
+    built: Vec<Box<Built>>,
     /// First variables of the legs.
     first: Vec<usize>,
     /// Parameters of every stage of every leg, references and slacks included.

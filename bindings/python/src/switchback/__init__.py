@@ -104,7 +104,7 @@ from .mpcc import (
 )
 from .multiphase import MultiPhase, MultiPhaseResult
 from ._ocp_search import Modes
-from .ocp import Ocp, OcpJump, OcpResult, OcpSensitivity
+from .ocp import Kink, Ocp, OcpJump, OcpResult, OcpSensitivity, Optimality
 from .plot import plot, plot_contacts, plot_phase, plot_run
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
 from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Projected, Scene, SceneContact
@@ -245,4 +245,6 @@ __all__ = [
     "tanh",
     "variable",
     "where",
+    "Kink",
+    "Optimality",
 ]

@@ -439,6 +439,15 @@ class Doubt(Names):
     STOPPED = 5
 
 
+class Verdict(Names):
+    """enum swb_verdict"""
+
+    UNKNOWN = 0
+    LOCAL_OPTIMUM = 1
+    KINK = 2
+    NOT_OPTIMAL = 3
+
+
 swb_log_fn = CFUNCTYPE(None, c_int64, c_char_p, c_void_p)
 swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_destroy_fn = CFUNCTYPE(None, c_void_p)
@@ -819,6 +828,26 @@ class swb_certificate(Structure):
     ]
 
 
+class swb_optimality(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("verdict", c_int64),
+        ("n_kinks", c_int64),
+        ("residual", c_double),
+    ]
+
+
+class swb_kink(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("stage", c_int64),
+        ("t", c_double),
+        ("before", c_double),
+        ("after", c_double),
+        ("touch", c_int64),
+    ]
+
+
 class swb_ocp_jump(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -1107,6 +1136,12 @@ FUNCTIONS = {
     "swb_ocp_get_certificate": (c_int32, [c_void_p, POINTER(swb_certificate), c_uint64]),
     "swb_ocp_get_mismatch": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_message": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_verdict_name": (c_char_p, [c_int32]),
+    "swb_ocp_get_optimality": (c_int32, [c_void_p, POINTER(swb_optimality), c_uint64]),
+    "swb_ocp_get_kink": (c_int32, [c_void_p, c_int64, POINTER(swb_kink), c_uint64]),
+    "swb_ocp_get_reduced_gradient": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_get_descent": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_ocp_get_optimality_reason": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_ocp_mode_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_ocp_get_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_set_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),

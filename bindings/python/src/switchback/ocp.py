@@ -11,7 +11,7 @@ import numpy
 from ._arrays import Array, address, bounds, choice, index, number, real, table, vector
 from ._call import text
 from ._document import Reader
-from ._ffi import Outcome, PathAt, Polished, swb_accuracy, swb_ocp_jump
+from ._ffi import Outcome, PathAt, Polished, swb_accuracy, swb_kink, swb_ocp_jump, swb_optimality
 from ._library import lib
 from ._ocp_search import Adaptation, OcpSearch
 from ._ocp_terms import OcpTerms
@@ -23,7 +23,7 @@ from .settings import Settings
 from .system import System
 from .trajectory import Trajectory
 
-__all__ = ["Ocp", "OcpJump", "OcpResult", "OcpSensitivity"]
+__all__ = ["Kink", "Ocp", "OcpJump", "OcpResult", "OcpSensitivity", "Optimality"]
 
 
 class OcpJump(NamedTuple):
@@ -36,6 +36,39 @@ class OcpJump(NamedTuple):
     before: Array
     after: Array
     at_once: bool
+
+
+class Kink(NamedTuple):
+    """A switch that lies exactly between two control stages, where the cost has a kink."""
+
+    #: The control stage behind it.
+    stage: int
+    t: float
+    #: Derivatives of the cost towards a switch in the stage before and in the stage behind, relative: negative where that
+    #: lowers the cost, NaN where there is no such switch.
+    before: float
+    after: float
+    #: Nothing switches, but a surface is touched and left again: `before` is the derivative away from it, `after` that of a
+    #: moment behind it.
+    touch: bool
+
+
+@dataclass(frozen=True)
+class Optimality:
+    """An optimal control as a point of the control problem: derivatives of event-driven simulations of the controls, with the
+    multipliers of the constraints, independent of the discretisation."""
+
+    #: "local_optimum", "kink", "not_optimal" or "unknown".
+    verdict: str
+    #: Largest first-order change of the cost by one quantity within its bounds, relative; up to 1e-3 counts as none.
+    residual: float
+    #: Derivatives of the cost with respect to the controls, a row for each control stage.
+    gradient: Array = field(repr=False)
+    kinks: list[Kink]
+    #: Changes of the controls that lower the cost to first order where the verdict is "not_optimal", zeros otherwise.
+    descent: Array = field(repr=False)
+    #: Why the verdict is "unknown".
+    reason: str = ""
 
 
 @dataclass(frozen=True)
@@ -102,6 +135,14 @@ class OcpResult(HasOutcome):
         for j in self.jumps:
             lines.append(f"{j.t:22.15g}  {j.transition:>10}  {j.stage:>5}" + ("  at once" if j.at_once else ""))
         return "\n".join(lines)
+    #: What the answer is as a point of the control problem; None with the option accuracy off.
+    optimality: Optimality | None = field(default=None, repr=False)
+
+    @property
+    def certificate(self) -> str:
+        """"local_optimum", "kink" (switches lie between control stages, and the cost rises towards either side),
+        "not_optimal" or "unknown"; see `optimality`."""
+        return self.optimality.verdict if self.optimality else "unknown"
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
         """See `switchback.plot`."""
@@ -310,6 +351,7 @@ class Ocp(OcpTerms, OcpSearch):
             self._get("get_cost_reached", ctypes.c_double),
             self._jumps(),
             self._system,
+            self._optimality(),
         )
 
     def _jumps(self) -> list[OcpJump]:
@@ -331,6 +373,21 @@ class Ocp(OcpTerms, OcpSearch):
             return None, None
         self._do("get_mismatch", address(mismatch), len(mismatch))
         return Accuracy._of(c), mismatch
+
+    def _optimality(self) -> Optimality | None:
+        try:
+            c = self._struct("get_optimality", swb_optimality)
+        except StateError:
+            return None
+        kinks = []
+        for i in range(c.n_kinks):
+            k = swb_kink()
+            self._do("get_kink", i, ctypes.byref(k), ctypes.sizeof(k))
+            kinks.append(Kink(k.stage, k.t, k.before, k.after, bool(k.touch)))
+        names = ("get_reduced_gradient", "get_descent")
+        gradient, descent = (self._vector(n, self.n_stages * self.nu).reshape(self.n_stages, self.nu) for n in names)
+        verdict = (lib.swb_verdict_name(c.verdict) or b"unknown").decode()
+        return Optimality(verdict, c.residual, gradient, kinks, descent, text(lib.swb_ocp_get_optimality_reason, self))
 
     def sensitivity(self) -> OcpSensitivity:
         """Derivatives of the last solution with respect to initial state and parameters, while the order of modes stays

@@ -1,0 +1,90 @@
+//! What acts on states, controls and parameters from outside the dynamics: costs at points of time, constraints along the
+//! path and at the ends weighted with their multipliers, and the multipliers of the bounds of states. With these the
+//! costates of the control problem can be computed by any method that knows the dynamics.
+
+use super::problem::{Call, Fesd};
+use crate::func::EvalError;
+
+/// Where the states of one point of time begin among the variables.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct StatePoint {
+    /// Control stage; the initial state belongs to the first one.
+    pub stage: usize,
+    /// Share of the stage that lies before the point, 0 to 1.
+    pub share: f64,
+    /// First of the variables.
+    pub at: usize,
+}
+
+impl Fesd {
+    /// The initial state, then the states at stage points and ends of elements, in the order of time.
+    pub fn state_points(&self, w: &[f64]) -> Vec<StatePoint> {
+        let lengths = self.stage_lengths(w);
+        let mut out = vec![StatePoint { stage: 0, share: 0.0, at: self.layout().x0 }];
+        let (mut stage, mut before) = (0, 0.0);
+        for e in &self.layout().elements {
+            if e.stage != stage {
+                (stage, before) = (e.stage, 0.0);
+            }
+            let h = self.h_of(e, w);
+            let share = |c: f64| ((before + c * h) / lengths[stage].max(f64::MIN_POSITIVE)).min(1.0);
+            let points = e.x.iter().zip(&self.tableau().c).map(|(&at, c)| StatePoint { stage, share: share(*c), at });
+            out.extend(points.filter(|p| p.at != e.x_end));
+            out.push(StatePoint { stage, share: share(1.0), at: e.x_end });
+            before += h;
+        }
+        out
+    }
+
+    /// The states that linear controls are, among the states of a point.
+    pub fn ramp_places(&self) -> &[Option<usize>] {
+        &self.layout().linear
+    }
+
+    /// Gradient `[n]` of the costs at points of time plus `yᵀ` times the constraints along the path and at the ends, less
+    /// the multipliers `z` of the bounds of states (lower minus upper); the running cost and the dynamics are left out.
+    pub fn outer_gradient(&mut self, w: &[f64], y: &[f64], z: &[f64]) -> std::result::Result<Vec<f64>, EvalError> {
+        self.evaluate_values(w)?;
+        self.evaluate_jacobians(w)?;
+        let mut out = vec![0.0; self.layout().n];
+        let path = self.path.iter().zip(&self.path_rows);
+        for (c, &row) in path.chain(self.end_calls()) {
+            self.add_gradient(c, &y[row..], &mut out);
+        }
+        self.mayer.iter().for_each(|c| self.add_gradient(c, &[1.0], &mut out));
+        for p in self.state_points(w).iter().skip(1) {
+            (p.at..p.at + self.layout().nx).for_each(|j| out[j] -= z[j]);
+        }
+        Ok(out)
+    }
+
+    /// The rows of the constraints at the ends of the horizon, their values, and their gradients `[n]` at the point where
+    /// [`Fesd::outer_gradient`] was called last.
+    pub fn end_gradients(&self) -> Vec<(usize, f64, Vec<f64>)> {
+        let mut out = Vec::new();
+        for (c, &row) in self.end_calls() {
+            let n = self.functions[c.f].n_out();
+            for r in 0..n {
+                let (mut unit, mut gradient) = (vec![0.0; n], vec![0.0; self.layout().n]);
+                unit[r] = 1.0;
+                self.add_gradient(c, &unit, &mut gradient);
+                out.push((row + r, self.cache.val[c.val + r], gradient));
+            }
+        }
+        out
+    }
+
+    /// Terminal and boundary constraints with their first rows.
+    fn end_calls(&self) -> impl Iterator<Item = (&Call, &usize)> {
+        let l = self.layout();
+        self.terminal.iter().zip(&l.row_terminal).chain(self.boundary.iter().zip(&l.row_boundary))
+    }
+
+    fn add_gradient(&self, c: &Call, weights: &[f64], out: &mut [f64]) {
+        for (p, &(col, row)) in self.jac_cols[c.f].iter().enumerate() {
+            if let Some(v) = self.var(c, col) {
+                out[v] += weights[row as usize] * self.cache.jac[c.jac + p];
+            }
+        }
+    }
+}

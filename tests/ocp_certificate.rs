@@ -1,0 +1,119 @@
+//! What an answer is as a point of the control problem: verdicts, derivatives, kinks, directions.
+
+use std::path::Path;
+use std::sync::Arc;
+use switchback::document::{read, Document};
+use switchback::event::{Engine, Options};
+use switchback::expr::{Expr, Graph};
+use switchback::func::Dims;
+use switchback::model::Model;
+use switchback::mpcc::Polish;
+use switchback::nlp::{Control, Outcome};
+use switchback::ocp::{Ocp, OcpResult, Optimality, Verdict};
+use switchback::settings::{OcpStart, Settings};
+use switchback::system::{SharedFunction, System};
+
+fn load(name: &str, start: OcpStart) -> Ocp {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("benches/optima/{name}.json"));
+    let Document::Ocp(mut ocp) = read(&std::fs::read_to_string(path).unwrap(), &[]).unwrap() else {
+        panic!("{name} is no optimal control problem")
+    };
+    let set = Settings { ocp_start: start as i64, ..*ocp.settings() };
+    ocp.set_settings(&set).unwrap();
+    *ocp
+}
+
+fn solve(ocp: &mut Ocp) -> (OcpResult, Optimality) {
+    let r = ocp.solve(&mut Control::default()).unwrap().clone();
+    assert_eq!((r.outcome, r.polish), (Outcome::Solved, Polish::Done), "{}", r.message);
+    let o = r.optimality.clone().expect("the comparison is on");
+    (r, o)
+}
+
+/// Exact optima: paths that bend where speeds change, whose switches lie between stages, and smooth ones.
+#[test]
+fn exact_optima_are_certified() {
+    let cases = [
+        ("snell_3", Verdict::Kink),
+        ("headwind", Verdict::Kink),
+        ("zermelo_river", Verdict::Kink),
+        ("friction_move_02", Verdict::LocalOptimum),
+        ("friction_energy", Verdict::LocalOptimum),
+        ("sailing", Verdict::LocalOptimum),
+        ("stewart", Verdict::LocalOptimum),
+        ("friction_estimation", Verdict::LocalOptimum),
+        ("brachistochrone", Verdict::LocalOptimum),
+    ];
+    for (name, verdict) in cases {
+        let (_, o) = solve(&mut load(name, OcpStart::Portfolio));
+        assert_eq!(o.verdict, verdict, "{name}: {o:?}");
+        assert_eq!(o.kinks.is_empty(), verdict == Verdict::LocalOptimum, "{name}");
+        assert!(o.residual < 1e-3 && o.direction.is_empty(), "{name}: {o:?}");
+    }
+}
+
+/// The homotopy ends at a point of the discretisation that is none of the control problem; the portfolio does not.
+#[test]
+fn answers_that_can_be_bettered_are_not_certified() {
+    let (poor, o) = solve(&mut load("landing", OcpStart::Homotopy));
+    assert_eq!(o.verdict, Verdict::NotOptimal, "{o:?}");
+    assert!(o.direction.iter().any(|d| *d != 0.0));
+    let (good, o) = solve(&mut load("landing", OcpStart::Portfolio));
+    assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
+    assert!(good.cost < 0.9 * poor.cost, "{} and {}", good.cost, poor.cost);
+}
+
+fn function(g: &Graph, d: Dims, outputs: &[Expr]) -> SharedFunction {
+    Arc::new(g.function("end", d, outputs).unwrap())
+}
+
+/// A block with dry friction on a spring that is pushed; the cost is a state of its own.
+fn block() -> (System, Ocp) {
+    let g = Graph::new();
+    let d = Dims { x: 3, u: 1, p: 0 };
+    let (q, v, u) = (g.x(0), g.x(1), g.u(0));
+    let cost = u * u + (q - 1.0) * (q - 1.0);
+    let rhs = [v, u - q - 0.3 * v.sign(), cost];
+    let system = Model::from_rhs("block", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let mut o =
+        Ocp::new(&system, 3.0, 6, &Settings { ocp_start: OcpStart::Homotopy as i64, ..Settings::default() }).unwrap();
+    o.set_x0(&[-1.0, 0.0, 0.0]).unwrap();
+    o.set_u_bounds(&[-5.0], &[5.0]).unwrap();
+    let end = [g.x(2) + 10.0 * (q - 1.0) * (q - 1.0) + 10.0 * v * v];
+    o.set_mayer(function(&g, d, &end)).unwrap();
+    (system, o)
+}
+
+/// Where nothing holds at the end, the derivatives with respect to the controls are those of the simulated cost, whether the
+/// controls are at bounds or not.
+#[test]
+fn the_gradient_is_that_of_the_simulated_cost() {
+    let (system, mut ocp) = block();
+    let options = Options::with_tolerance(1e-12, 1e-12);
+    let mut engine = Engine::new(&system, &options).unwrap();
+    let mut cost = |u: &[f64]| -> f64 {
+        engine.reinit(0.0, &[-1.0, 0.0, 0.0]).unwrap();
+        for (k, u) in u.iter().enumerate() {
+            engine.set_controls(&[*u]).unwrap();
+            assert_eq!(engine.advance(0.5 * (k + 1) as f64).unwrap(), switchback::event::Outcome::Reached);
+        }
+        let x = engine.state();
+        x[2] + 10.0 * (x[0] - 1.0).powi(2) + 10.0 * x[1] * x[1]
+    };
+    // within these bounds the optimum is at a bound in some stages, where derivatives do not vanish
+    ocp.set_u_bounds(&[-0.5], &[1.2]).unwrap();
+    let (r, o) = solve(&mut ocp);
+    assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
+    let (h, mut steep) = (1e-5, 0);
+    for k in 0..6 {
+        let mut moved = r.controls.clone();
+        let mut at = |step: f64| {
+            moved[k] = r.controls[k] + step;
+            cost(&moved)
+        };
+        let slope = (at(h) - at(-h)) / (2.0 * h);
+        steep += usize::from(slope.abs() > 0.1);
+        assert!((slope - o.gradient[k]).abs() < 1e-4, "{k}: {slope} and {}", o.gradient[k]);
+    }
+    assert!(steep > 0, "no derivative stands out: {:?}", o.gradient);
+}
