@@ -357,6 +357,44 @@ fn heaps_come_to_rest() {
     }
 }
 
+/// Pyramids of discs that friction can hold: they stand for a thousand seconds without an event, and do not creep.
+#[test]
+fn pyramids_stand() {
+    for (rows, mu) in [(2, 0.3), (3, 0.5), (4, 0.6)] {
+        let (g, r) = (Graph::new(), 0.2);
+        let at: Vec<(f64, f64)> = (0..rows)
+            .flat_map(|i| (0..rows - i).map(move |j| (i as f64, j as f64)))
+            .map(|(i, j)| (r * (2.0 * j + i), r * (1.0 + i * 3f64.sqrt())))
+            .collect();
+        let n = at.len();
+        let inertia: Vec<f64> = (0..3 * n).map(|k| if k % 3 == 2 { 0.5 * r * r } else { 1.0 }).collect();
+        let force: Vec<Expr> = (0..3 * n).map(|k| g.constant(if k % 3 == 1 { -GRAVITY } else { 0.0 })).collect();
+        let mut s = scene(&g, "pyramid", &inertia, &force, 0, 0);
+        let (q, v) = (|i: usize, k: usize| g.x(3 * i + k), |i: usize, k: usize| g.x(3 * n + 3 * i + k));
+        for i in 0..n {
+            s.add_contact(contact(&g, &format!("floor {i}"), q(i, 1) - r, &[q(i, 0) + r * q(i, 2)], mu, 0.0)).unwrap();
+            for j in 0..i {
+                let (dx, dy) = (q(i, 0) - q(j, 0), q(i, 1) - q(j, 1));
+                let d = (dx * dx + dy * dy).sqrt();
+                let across = (dx * (v(i, 1) - v(j, 1)) - dy * (v(i, 0) - v(j, 0))) / d - r * (v(i, 2) + v(j, 2));
+                s.add_contact(contact(&g, &format!("{i} {j}"), d - 2.0 * r, &[across], mu, 0.0)).unwrap();
+            }
+        }
+        let mut x0: Vec<f64> = at.iter().flat_map(|p| [p.0, p.1, 0.0]).collect();
+        x0.resize(6 * n, 0.0);
+        let mut e = start(&s.build(&g).unwrap().system, &Options::with_tolerance(1e-8, 1e-8), &x0);
+        assert_eq!(e.advance(1000.0).unwrap(), Outcome::Reached, "{rows}: {}", e.reason());
+        assert!(
+            e.switches().is_empty() && e.impacts().is_empty(),
+            "{rows}: {} {}",
+            e.switches().len(),
+            e.impacts().len()
+        );
+        let moved = e.state().iter().zip(&x0).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+        assert!(moved < 1e-9, "{rows}: {moved}");
+    }
+}
+
 /// A gap whose gradient vanishes where it closes has no normal: an error that names the contact.
 #[test]
 fn gaps_without_a_gradient_are_named() {
@@ -381,6 +419,30 @@ fn gaps_without_a_gradient_are_named() {
         let mut e = start(&s.build(&g).unwrap().system, &Options::default(), &[1000.0, 0.0]);
         assert_eq!(e.advance(20.0).unwrap(), Outcome::Reached, "{}", e.reason());
         assert!(!e.impacts().is_empty());
+    }
+}
+
+/// Friction and restitution that are expressions are checked where they count.
+#[test]
+fn laws_that_become_none_are_named() {
+    let falls = |e: f64, mu: f64| {
+        let g = Graph::new();
+        let (x, y) = (g.x(0), g.x(1));
+        let mut s = scene(&g, "falls", &[1.0; 2], &[g.constant(0.0), g.constant(-GRAVITY)], 0, 0);
+        let c = Contact {
+            tangents: vec![x.id()],
+            friction: (0.1 + mu * g.t()).id(),
+            restitution: (0.2 + e * g.t()).id(),
+            ..Contact::new(&g, "floor", y)
+        };
+        s.add_contact(c).unwrap();
+        let mut e = start(&s.build(&g).unwrap().system, &Options::default(), &[0.0, 1.0, 1.0, 0.0]);
+        (e.advance(1.0).unwrap(), e.reason().to_owned())
+    };
+    assert_eq!(falls(0.0, 0.0).0, Outcome::Reached);
+    for (e, mu, said) in [(10.0, 0.0, "restitution 4."), (0.0, -1.0, "friction -0.3")] {
+        let (outcome, why) = falls(e, mu);
+        assert!(outcome == Outcome::NoContinuation && why.contains("contact floor") && why.contains(said), "{why}");
     }
 }
 

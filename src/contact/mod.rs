@@ -12,6 +12,7 @@
 mod dynamics;
 mod impact;
 mod inertia;
+mod least_energy;
 mod least_norm;
 mod modes;
 pub(crate) mod problem;

@@ -312,11 +312,11 @@ impl Problem {
         })
     }
 
-    /// One solution, by iteration from the first of these that leads to one: the forces that were there before, those that
-    /// bring everything to rest, none. Where bodies carry each other there may be several solutions, and those that rest
-    /// keep resting.
+    /// One solution, by iteration from the first of these that leads to one: the forces that were there before, those of
+    /// least energy, none. Where bodies carry each other there may be several solutions, and those that rest keep resting.
     fn iterate(&self, room: &mut Room) -> Option<Solution> {
-        let before = (self.start.len() == self.n()).then(|| self.start.clone());
+        let known = self.start.len() == self.n() && self.start.iter().any(|r| *r != 0.0);
+        let before = || known.then(|| self.start.clone());
         let mut rest = Solution {
             states: self.parts.iter().map(|p| p.slides.map_or(State::Rests, State::Slides)).collect(),
             ..Solution::default()
@@ -325,8 +325,9 @@ impl Problem {
         if rests && self.holds(&rest) {
             return Some(rest);
         }
-        let starts = [before, rests.then_some(rest.r), Some(vec![0.0; self.n()])];
-        starts.into_iter().flatten().find_map(|r| self.iterate_from(r, room))
+        let found = before().and_then(|r| self.iterate_from(r, room));
+        let found = found.or_else(|| self.least_energy().and_then(|r| self.iterate_from(r, room)));
+        found.or_else(|| self.iterate_from(vec![0.0; self.n()], room))
     }
 
     /// Sweeps over the contacts, made exact by Newton's method.

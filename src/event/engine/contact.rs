@@ -723,7 +723,12 @@ impl Engine {
             }
             let last = merges || !self.scene.last.is_empty();
             let kind = if last { ImpactKind::Last } else { ImpactKind::Collision };
-            let Some(one) = self.strike(&list, kind, recorded)? else {
+            let struck = self.strike(&list, kind, recorded)?;
+            self.check_laws(&list);
+            if self.outcome != Outcome::Reached {
+                return Ok(false);
+            }
+            let Some(one) = struck else {
                 self.fail(Outcome::NoContinuation, "no impulses satisfy the conditions of the impact".into());
                 return Ok(false);
             };
@@ -765,6 +770,27 @@ impl Engine {
             Ok(worst.1.map(|i| (i, c.dynamics.mechanics.law)))
         });
         r.unwrap_or(Ok(None))
+    }
+
+    /// Ends the run where friction or restitution of one of these contacts, which are loaded, is none: they may be expressions
+    /// that are fine at the start and not later.
+    fn check_laws(&mut self, list: &[(usize, Option<f64>)]) {
+        let bad = self.field.scene().and_then(|c| {
+            list.iter().find_map(|&(i, e)| {
+                let (b, name) = (c.dynamics.block(i), &c.dynamics.mechanics.contacts[i].name);
+                let fine = b.friction >= 0.0 && (e.is_some() || (0.0..=1.0).contains(&b.restitution));
+                (!fine).then(|| {
+                    format!(
+                        "contact {name} has friction {} and restitution {} there: friction must not be negative, restitution \
+                         must lie between 0 and 1",
+                        b.friction, b.restitution
+                    )
+                })
+            })
+        });
+        if let Some(text) = bad {
+            self.fail(Outcome::NoContinuation, text);
+        }
     }
 
     /// Those of closing contacts whose impacts would go on in ever shorter time, but for nothing that the tolerances see,
@@ -915,6 +941,11 @@ impl Engine {
             }
             listed = false;
             self.closed(event)?;
+            let list: Vec<(usize, Option<f64>)> = self.scene.closed.iter().map(|c| (c.contact, Some(0.0))).collect();
+            self.check_laws(&list);
+            if self.outcome != Outcome::Reached {
+                return Ok(false);
+            }
             let closed = &self.scene.closed;
             let found = self.field.with_contacts(self.t, &self.x, |c, at, _| {
                 let sizes = &c.sizes;
@@ -933,7 +964,6 @@ impl Engine {
                 break;
             }
             // Painlevé: an impact without collision, in which friction brings the sliding to rest
-            let list: Vec<(usize, Option<f64>)> = closed.iter().map(|c| (c.contact, Some(0.0))).collect();
             if self.strike(&list, ImpactKind::Painleve, recorded)?.is_none() {
                 break;
             }
