@@ -323,7 +323,9 @@ impl Problem {
         };
         let rests = self.with_states(&mut rest, room);
         if rests && self.holds(&rest) {
-            return Some(rest);
+            // contacts without a force are open
+            let seen = self.classify(&rest.r);
+            return Some(if self.holds(&seen) { seen } else { rest });
         }
         let found = before().and_then(|r| self.iterate_from(r, room));
         let found = found.or_else(|| self.least_energy().and_then(|r| self.iterate_from(r, room)));
