@@ -1463,6 +1463,171 @@ typedef int32_t swb_progress_kind;
 #endif // __cplusplus
 
 /**
+ * What happens between two samples.
+ */
+enum swb_nmpc_scheme
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * One linearisation at the last iterate per sample.
+     */
+    SWB_NMPC_SCHEME_RTI = 0,
+    /**
+     * One iteration of a level per sample; levels A, B, C keep the matrices of the first linearisation.
+     */
+    SWB_NMPC_SCHEME_MLI = 1,
+    /**
+     * Iterations of a level on the problem with the predicted state, then a linearisation.
+     */
+    SWB_NMPC_SCHEME_AS_RTI = 2,
+    /**
+     * The problem with the predicted state is solved until it converges, then linearised.
+     */
+    SWB_NMPC_SCHEME_ASC = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_nmpc_scheme swb_nmpc_scheme;
+#else
+typedef int32_t swb_nmpc_scheme;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What an iteration evaluates.
+ */
+enum swb_nmpc_level
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Nothing: another initial value in the same quadratic program.
+     */
+    SWB_NMPC_LEVEL_A = 0,
+    /**
+     * Values of the constraints; the gradient from the frozen Hessian.
+     */
+    SWB_NMPC_LEVEL_B = 1,
+    /**
+     * Besides, the gradient of the Lagrangian by an adjoint sweep.
+     */
+    SWB_NMPC_LEVEL_C = 2,
+    /**
+     * All Jacobians; the Hessian is that of Gauss and Newton.
+     */
+    SWB_NMPC_LEVEL_D0 = 3,
+    /**
+     * All Jacobians; the Hessian is updated from gradients.
+     */
+    SWB_NMPC_LEVEL_D1 = 4,
+    /**
+     * All Jacobians and the exact Hessian, made convex.
+     */
+    SWB_NMPC_LEVEL_D2 = 5,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_nmpc_level swb_nmpc_level;
+#else
+typedef int32_t swb_nmpc_level;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * How quadratic programs are solved.
+ */
+enum swb_nmpc_qp
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * States eliminated, dual active set on the prepared inverse of the Hessian.
+     */
+    SWB_NMPC_QP_CONDENSING = 0,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_nmpc_qp swb_nmpc_qp;
+#else
+typedef int32_t swb_nmpc_qp;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Where a control comes from.
+ */
+enum swb_nmpc_source
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The quadratic program.
+     */
+    SWB_NMPC_SOURCE_QP = 0,
+    /**
+     * The quadratic program with constraints at a price, since they cannot all be met.
+     */
+    SWB_NMPC_SOURCE_SOFT_QP = 1,
+    /**
+     * The affine law or an unfinished quadratic program, cut off at the bounds of the controls.
+     */
+    SWB_NMPC_SOURCE_TANGENT = 2,
+    /**
+     * The last plan.
+     */
+    SWB_NMPC_SOURCE_PLAN = 3,
+    /**
+     * The last control again.
+     */
+    SWB_NMPC_SOURCE_HOLD = 4,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_nmpc_source swb_nmpc_source;
+#else
+typedef int32_t swb_nmpc_source;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * How a quadratic program ended.
+ */
+enum swb_nmpc_qp_status
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Solved.
+     */
+    SWB_NMPC_QP_STATUS_SOLVED = 0,
+    /**
+     * Constraints contradict each other.
+     */
+    SWB_NMPC_QP_STATUS_INFEASIBLE = 1,
+    /**
+     * The deadline came first.
+     */
+    SWB_NMPC_QP_STATUS_OUT_OF_TIME = 2,
+    /**
+     * Not convex on the controls, or not finite.
+     */
+    SWB_NMPC_QP_STATUS_FAILED = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_nmpc_qp_status swb_nmpc_qp_status;
+#else
+typedef int32_t swb_nmpc_qp_status;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * What a member of a complementarity pair is.
  */
 enum swb_member
@@ -1706,6 +1871,11 @@ typedef struct swb_mpcc swb_mpcc;
  * between the end of one and the start of the next.
  */
 typedef struct swb_multiphase swb_multiphase;
+
+/**
+ * Controller: feedback for measured states by a few iterations per sample on an optimal control problem.
+ */
+typedef struct swb_nmpc swb_nmpc;
 
 /**
  * Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
@@ -2890,6 +3060,218 @@ typedef struct swb_step_stats {
      */
     int64_t deepest;
 } swb_step_stats;
+
+/**
+ * Options of a controller; swb_nmpc_options_init sets the defaults.
+ */
+typedef struct swb_nmpc_options {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * What happens between two samples, an enum swb_nmpc_scheme.
+     */
+    int64_t scheme;
+    /**
+     * What an iteration evaluates, an enum swb_nmpc_level: that of SWB_NMPC_SCHEME_MLI, and of the inner iterations of
+     * SWB_NMPC_SCHEME_AS_RTI; levels D also say where Hessians come from.
+     */
+    int64_t level;
+    /**
+     * Inner iterations of advanced steps per sample, at most 10000.
+     */
+    int64_t inner;
+    /**
+     * How quadratic programs are solved, an enum swb_nmpc_qp.
+     */
+    int64_t qp_solver;
+    /**
+     * 1: the iterate moves by one stage at every sample; 0: it does not.
+     */
+    int64_t shift;
+    /**
+     * An enum swb_rk_family for the predictions, or -1 for that of the problem's settings.
+     */
+    int64_t rk_family;
+    /**
+     * Stages of the method, 0 for as many as the settings say.
+     */
+    int64_t n_s;
+    /**
+     * Steps in every control stage, 0 for as many as the settings have finite elements.
+     */
+    int64_t steps;
+    /**
+     * SWB_NMPC_SCHEME_ASC ends its iterations where states and controls change by less than this share of their size.
+     */
+    double tol;
+    /**
+     * Seconds that swb_nmpc_feedback may take; infinite for as many as it needs.
+     */
+    double deadline;
+    /**
+     * Price per unit of violation where constraints cannot all be met; 0: a thousand times the largest multiplier.
+     */
+    double elastic_price;
+} swb_nmpc_options;
+
+/**
+ * What a preparation or a feedback did.
+ */
+typedef struct swb_nmpc_info {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Preparation: 1 if there is a quadratic program for the next sample.
+     */
+    int64_t ready;
+    /**
+     * Preparation: inner iterations.
+     */
+    int64_t inner;
+    /**
+     * Feedback: where the control comes from, an enum swb_nmpc_source.
+     */
+    int64_t source;
+    /**
+     * Feedback: how the quadratic program ended, an enum swb_nmpc_qp_status.
+     */
+    int64_t qp_status;
+    /**
+     * Feedback: changes of the active set.
+     */
+    int64_t qp_iterations;
+    /**
+     * Seconds.
+     */
+    double time;
+} swb_nmpc_info;
+
+/**
+ * What a controller knows of its own work since it was made or reset. Evaluations are counted for the whole horizon at once,
+ * those of dynamics at every point of a Runge-Kutta step.
+ */
+typedef struct swb_nmpc_monitor {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Estimate of the linear rate of contraction (10.18), the ratio of the last two inner steps; NaN without two.
+     */
+    double kappa;
+    /**
+     * Estimate of omega/2 of (10.18); NaN without three inner steps.
+     */
+    double omega;
+    /**
+     * The last inner step, relative to the size of states and controls.
+     */
+    double step;
+    /**
+     * Distance of the last measured from the predicted state, relative to the size of the states; NaN without a prediction.
+     */
+    double prediction;
+    /**
+     * Preparations, and their seconds: of the last, of all, of the longest.
+     */
+    int64_t preparations;
+    /**
+     * Seconds of the last preparation.
+     */
+    double preparation_last;
+    /**
+     * Seconds of all preparations.
+     */
+    double preparation_total;
+    /**
+     * Seconds of the longest preparation.
+     */
+    double preparation_worst;
+    /**
+     * Feedbacks, and their seconds: of the last, of all, of the longest.
+     */
+    int64_t feedbacks;
+    /**
+     * Seconds of the last feedback.
+     */
+    double feedback_last;
+    /**
+     * Seconds of all feedbacks.
+     */
+    double feedback_total;
+    /**
+     * Seconds of the longest feedback.
+     */
+    double feedback_worst;
+    /**
+     * Values of functions.
+     */
+    int64_t values;
+    /**
+     * Jacobians.
+     */
+    int64_t jacobians;
+    /**
+     * Adjoint sweeps.
+     */
+    int64_t adjoints;
+    /**
+     * Hessians.
+     */
+    int64_t hessians;
+    /**
+     * Values in the last preparation.
+     */
+    int64_t last_values;
+    /**
+     * Jacobians in the last preparation.
+     */
+    int64_t last_jacobians;
+    /**
+     * Adjoint sweeps in the last preparation.
+     */
+    int64_t last_adjoints;
+    /**
+     * Hessians in the last preparation.
+     */
+    int64_t last_hessians;
+    /**
+     * Quadratic programs solved.
+     */
+    int64_t qps;
+    /**
+     * Iterations of all of them.
+     */
+    int64_t qp_iterations;
+    /**
+     * Linearisations whose functions had no value, or whose program was not convex.
+     */
+    int64_t failed_linearisations;
+    /**
+     * Feedbacks from the quadratic program.
+     */
+    int64_t from_qp;
+    /**
+     * Feedbacks from the program with constraints at a price.
+     */
+    int64_t from_soft_qp;
+    /**
+     * Feedbacks from the affine law, cut off.
+     */
+    int64_t from_tangent;
+    /**
+     * Feedbacks from the last plan.
+     */
+    int64_t from_plan;
+    /**
+     * Feedbacks that repeat the last control.
+     */
+    int64_t from_hold;
+} swb_nmpc_monitor;
 
 /**
  * Comparison of an optimal control with a simulation of its controls: by the event-driven engine, or by finite elements of
@@ -5756,6 +6138,196 @@ swb_status swb_batch_interrupt(const struct swb_batch *batch);
  * Free; NULL is allowed.
  */
 SWB_API void swb_batch_free(struct swb_batch *batch);
+
+/**
+ * Set the defaults of the options of a controller.
+ *
+ * @param[out] options     every word is written
+ * @param[in]  struct_size sizeof(swb_nmpc_options)
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
+ */
+SWB_API swb_status swb_nmpc_options_init(struct swb_nmpc_options *options, uint64_t struct_size);
+
+/**
+ * Create a controller for a problem as it is stated now. All memory is taken here. The problem is copied; the first iterate is
+ * its guess. Costs along the horizon are summed over the starts of the stages (10.1), path constraints hold there.
+ *
+ * @param[in]  ocp     may be changed, solved and freed afterwards
+ * @param[in]  options NULL for the defaults
+ * @param[out] out     the new object, NULL on failure; free with swb_nmpc_free
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED for what controllers do not know: switches, free times and parameters, linear controls,
+ *         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
+ */
+SWB_API
+swb_status swb_nmpc_create(struct swb_ocp *ocp,
+                           const struct swb_nmpc_options *options,
+                           struct swb_nmpc **out);
+
+/**
+ * Sizes of a controller.
+ *
+ * @param[out] n  control stages
+ * @param[out] nx states that are measured: those with a derivative
+ * @param[out] nu controls
+ * @return SWB_OK; SWB_ERR_NULL
+ */
+SWB_API swb_status swb_nmpc_sizes(const struct swb_nmpc *c, int64_t *n, int64_t *nx, int64_t *nu);
+
+/**
+ * Solve the problem for an initial state to convergence, from the present iterate: the start of a closed loop.
+ *
+ * @param[in]  x0         [nx]
+ * @param[in]  max_iter   steps at most
+ * @param[out] iterations steps made; NULL if not wanted
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_NUMERIC if it does not converge, the iterate being the last point;
+ *         SWB_ERR_USER; SWB_ERR_INTERRUPTED
+ */
+SWB_API
+swb_status swb_nmpc_initialise(struct swb_nmpc *c,
+                               const double *x0,
+                               int64_t nx,
+                               int64_t max_iter,
+                               int64_t *iterations);
+
+/**
+ * Do everything for the next sample that needs no measurement. Where functions have no value the quadratic program of the
+ * sample before is used further, which is no failure.
+ *
+ * @param[in]  x_predicted [nx] the state that will be found; NULL with 0: one step of the model from the last state
+ * @param[out] info        NULL if not wanted
+ * @param[in]  struct_size sizeof(swb_nmpc_info)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_USER if a function returned a negative
+ *         code; SWB_ERR_INTERRUPTED
+ */
+SWB_API
+swb_status swb_nmpc_prepare(struct swb_nmpc *c,
+                            const double *x_predicted,
+                            int64_t nx,
+                            struct swb_nmpc_info *info,
+                            uint64_t struct_size);
+
+/**
+ * The control for a measured state. No model function is evaluated and nothing is allocated. There always is a control; info says
+ * where it comes from, also for a state that is not finite.
+ *
+ * @param[in]  x           [nx]
+ * @param[out] u0          [nu]
+ * @param[out] info        NULL if not wanted
+ * @param[in]  struct_size sizeof(swb_nmpc_info)
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
+ */
+SWB_API
+swb_status swb_nmpc_feedback(struct swb_nmpc *c,
+                             const double *x,
+                             int64_t nx,
+                             double *u0,
+                             int64_t nu,
+                             struct swb_nmpc_info *info,
+                             uint64_t struct_size);
+
+/**
+ * Do what belongs to the last sample and can wait until its control is out: the plan, and the prediction of the next state. Every
+ * other call does it where it is needed.
+ *
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_nmpc_finish(struct swb_nmpc *c);
+
+/**
+ * Set the parameters, from the next preparation on.
+ *
+ * @param[in] p  of the whole horizon [np], of its stages [n np], or of its nodes [(n + 1) np]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API swb_status swb_nmpc_set_params(struct swb_nmpc *c, const double *p, int64_t n);
+
+/**
+ * Set the references of a least-squares term, from the next preparation on.
+ *
+ * @param[in] term its number, in the order they were added to the problem
+ * @param[in] y    one reference for all nodes of the term, or one for each
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term or a value is not finite
+ */
+SWB_API
+swb_status swb_nmpc_set_references(struct swb_nmpc *c,
+                                   int64_t term,
+                                   const double *y,
+                                   int64_t n);
+
+/**
+ * Set the time of the first node, from the next preparation on.
+ *
+ * @return SWB_OK; SWB_ERR_RANGE
+ */
+SWB_API swb_status swb_nmpc_set_time(struct swb_nmpc *c, double t0);
+
+/**
+ * Set the seconds a feedback may take.
+ *
+ * @return SWB_OK; SWB_ERR_RANGE if they are not positive
+ */
+SWB_API swb_status swb_nmpc_set_deadline(struct swb_nmpc *c, double seconds);
+
+/**
+ * Set the iterate; its multipliers are zero.
+ *
+ * @param[in] x [(n + 1) nx], those of the first node first
+ * @param[in] u [n nu]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ */
+SWB_API
+swb_status swb_nmpc_set_iterate(struct swb_nmpc *c,
+                                const double *x,
+                                int64_t n_x,
+                                const double *u,
+                                int64_t n_u);
+
+/**
+ * Back to the start: the guess of the problem, no multipliers, nothing measured, monitor at zero.
+ *
+ * @return SWB_OK
+ */
+SWB_API swb_status swb_nmpc_reset(struct swb_nmpc *c);
+
+/**
+ * The plan from the last sample on.
+ *
+ * @param[out] x [(n + 1) nx], those of the first node first
+ * @param[out] u [n nu]
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
+ */
+SWB_API
+swb_status swb_nmpc_get_plan(struct swb_nmpc *c,
+                             double *x,
+                             int64_t n_x,
+                             double *u,
+                             int64_t n_u);
+
+/**
+ * How the controller is doing.
+ *
+ * @param[out] monitor     every word is written
+ * @param[in]  struct_size sizeof(swb_nmpc_monitor)
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
+ */
+SWB_API
+swb_status swb_nmpc_get_monitor(struct swb_nmpc *c,
+                                struct swb_nmpc_monitor *monitor,
+                                uint64_t struct_size);
+
+/**
+ * End the call that runs: from any thread or signal handler. A preparation that is ended leaves the quadratic program before.
+ *
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
+ */
+SWB_API
+swb_status swb_nmpc_interrupt(const struct swb_nmpc *c);
+
+/**
+ * Free; NULL is allowed.
+ */
+SWB_API void swb_nmpc_free(struct swb_nmpc *c);
 
 /**
  * Create an optimal control problem. Bounds are infinite, the initial state is free, initial time and

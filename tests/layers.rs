@@ -12,6 +12,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("log", &["error", "settings"]),
     ("tableau", &["error"]),
     ("linalg", &["error", "stop", "settings", "log"]),
+    ("qp", &["error", "linalg"]),
     ("func", &["error", "stop", "settings", "log", "linalg"]),
     ("expr", &["error", "stop", "linalg", "func"]),
     ("nlp", &["error", "stop", "settings", "log", "linalg", "func"]),
@@ -38,6 +39,7 @@ const LAYERS: &[(&str, &[&str])] = &[
             "fesd", "sim",
         ],
     ),
+    ("nmpc", &["error", "stop", "settings", "tableau", "linalg", "func", "expr", "system", "fesd", "ocp", "qp"]),
     ("document", &["error", "stop", "settings", "func", "expr", "system", "model", "fesd", "ocp"]),
 ];
 const ABOVE_ALL: &str = "capi";

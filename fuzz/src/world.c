@@ -423,6 +423,46 @@ static void terms_of_ocp(struct random *r, const struct friction *f, const swb_s
     }
 }
 
+/* A controller of whatever problem there is. */
+static void controller(struct random *r, swb_ocp *ocp, const double *numbers)
+{
+    double x[64], u[16];
+    int64_t n, nx, nu, done;
+    swb_nmpc_options options;
+    swb_nmpc_info info;
+    swb_nmpc_monitor monitor;
+    swb_nmpc *c = NULL;
+    if (!DO(swb_nmpc_options_init, &options, sizeof options))
+        return;
+    options.scheme = random_below(r, 4);
+    options.level = random_below(r, 6);
+    options.inner = random_below(r, 3);
+    options.shift = random_below(r, 2);
+    options.rk_family = random_below(r, 3);
+    options.n_s = 2;
+    options.steps = 1 + random_below(r, 2);
+    if (!DO(swb_nmpc_create, ocp, &options, &c))
+        return;
+    pool_add(T_swb_nmpc, c);
+    if (!DO(swb_nmpc_sizes, c, &n, &nx, &nu) || (n + 1) * nx > 64 || n * nu > 16)
+        return;
+    DO(swb_nmpc_set_time, c, 0.5);
+    DO(swb_nmpc_set_deadline, c, 1e-3);
+    DO(swb_nmpc_set_params, c, numbers, random_below(r, 3));
+    DO(swb_nmpc_set_references, c, 0, numbers, 1);
+    DO(swb_nmpc_initialise, c, numbers, nx, 5, &done);
+    for (int k = 0; k < 3; k++) {
+        DO(swb_nmpc_prepare, c, k == 1 ? numbers : NULL, k == 1 ? nx : 0, &info, sizeof info);
+        DO(swb_nmpc_feedback, c, numbers, nx, u, nu, &info, sizeof info);
+        DO(swb_nmpc_finish, c);
+    }
+    DO(swb_nmpc_get_plan, c, x, (n + 1) * nx, u, n * nu);
+    DO(swb_nmpc_set_iterate, c, x, (n + 1) * nx, u, n * nu);
+    DO(swb_nmpc_get_monitor, c, &monitor, sizeof monitor);
+    DO(swb_nmpc_interrupt, c);
+    DO(swb_nmpc_reset, c);
+}
+
 /* Systems with functions that may fail, of any form. */
 static void random_system(struct random *r, const swb_settings *s)
 {
@@ -449,8 +489,12 @@ static void random_system(struct random *r, const swb_settings *s)
             DO(swb_system_set_algebraic, system, 1, function_of(r, nx, nu, np, 1));
     }
     swb_ocp *ocp = NULL;
-    if (DO(swb_ocp_create, system, 1.0, 2, s, &ocp))
+    if (DO(swb_ocp_create, system, 1.0, 2, s, &ocp)) {
+        static const double numbers[8] = {0.1, -0.2, 0.3, 0.4, 0.5, -0.6, 0.7, 0.8};
         pool_add(T_swb_ocp, ocp);
+        DO(swb_ocp_add_least_squares, ocp, function_of(r, nx, nu, np, nx + nu), numbers, nx + nu, numbers, nx + nu, SWB_COST_AT_RUNNING);
+        controller(r, ocp, numbers);
+    }
     swb_integrator *it = NULL;
     if (DO(swb_integrator_create, system, s, &it))
         pool_add(T_swb_integrator, it);

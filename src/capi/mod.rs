@@ -135,6 +135,7 @@ pub mod stepper;
 
 pub mod batch;
 
+pub mod nmpc;
 pub mod ocp;
 pub mod ocp_accuracy;
 pub mod ocp_optimality;

@@ -2,10 +2,11 @@
 //!
 //! `csc` holds patterns, matrices and value maps; `ldl` is the protocol of a symmetric solver with its
 //! backends; `kkt` adds equilibration, regularisation, inertia and iterative refinement; `lu` and `cholesky` factorise
-//! small dense matrices. This layer does not know optimisation.
+//! small dense matrices, `dense` has products and factors for larger ones. This layer does not know optimisation.
 
 pub(crate) mod cholesky;
 pub mod csc;
+pub(crate) mod dense;
 pub mod kkt;
 mod krylov;
 pub mod ldl;

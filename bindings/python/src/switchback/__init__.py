@@ -17,6 +17,10 @@ from ._ffi import (
     Item,
     LogLevel,
     Member,
+    NmpcLevel,
+    NmpcQpStatus,
+    NmpcScheme,
+    NmpcSource,
     Norm,
     Outcome,
     PathAt,
@@ -104,6 +108,7 @@ from .mpcc import (
 )
 from .multiphase import MultiPhase, MultiPhaseResult
 from ._ocp_search import Modes
+from .nmpc import ClosedLoop, Nmpc, closed_loop
 from .ocp import Kink, Ocp, OcpJump, OcpResult, OcpSensitivity, Optimality
 from .plot import plot, plot_contacts, plot_phase, plot_run
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
@@ -127,6 +132,7 @@ __all__ = [
     "BranchPoint",
     "Branching",
     "Certificate",
+    "ClosedLoop",
     "Conflict",
     "Contact",
     "ContactMode",
@@ -163,6 +169,11 @@ __all__ = [
     "MultiPhaseResult",
     "Multipliers",
     "Nlp",
+    "Nmpc",
+    "NmpcLevel",
+    "NmpcQpStatus",
+    "NmpcScheme",
+    "NmpcSource",
     "NonfiniteError",
     "Norm",
     "NullError",
@@ -213,6 +224,7 @@ __all__ = [
     "atan",
     "atan2",
     "clip",
+    "closed_loop",
     "constraint",
     "cos",
     "cosh",

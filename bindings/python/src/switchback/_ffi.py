@@ -393,6 +393,51 @@ class ProgressKind(Names):
     STOP_TIME = 3
 
 
+class NmpcScheme(Names):
+    """enum swb_nmpc_scheme"""
+
+    RTI = 0
+    MLI = 1
+    AS_RTI = 2
+    ASC = 3
+
+
+class NmpcLevel(Names):
+    """enum swb_nmpc_level"""
+
+    A = 0
+    B = 1
+    C = 2
+    D0 = 3
+    D1 = 4
+    D2 = 5
+
+
+class NmpcQp(Names):
+    """enum swb_nmpc_qp"""
+
+    CONDENSING = 0
+
+
+class NmpcSource(Names):
+    """enum swb_nmpc_source"""
+
+    QP = 0
+    SOFT_QP = 1
+    TANGENT = 2
+    PLAN = 3
+    HOLD = 4
+
+
+class NmpcQpStatus(Names):
+    """enum swb_nmpc_qp_status"""
+
+    SOLVED = 0
+    INFEASIBLE = 1
+    OUT_OF_TIME = 2
+    FAILED = 3
+
+
 class Member(Names):
     """enum swb_member"""
 
@@ -799,6 +844,69 @@ class swb_step_stats(Structure):
     ]
 
 
+class swb_nmpc_options(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("scheme", c_int64),
+        ("level", c_int64),
+        ("inner", c_int64),
+        ("qp_solver", c_int64),
+        ("shift", c_int64),
+        ("rk_family", c_int64),
+        ("n_s", c_int64),
+        ("steps", c_int64),
+        ("tol", c_double),
+        ("deadline", c_double),
+        ("elastic_price", c_double),
+    ]
+
+
+class swb_nmpc_info(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("ready", c_int64),
+        ("inner", c_int64),
+        ("source", c_int64),
+        ("qp_status", c_int64),
+        ("qp_iterations", c_int64),
+        ("time", c_double),
+    ]
+
+
+class swb_nmpc_monitor(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("kappa", c_double),
+        ("omega", c_double),
+        ("step", c_double),
+        ("prediction", c_double),
+        ("preparations", c_int64),
+        ("preparation_last", c_double),
+        ("preparation_total", c_double),
+        ("preparation_worst", c_double),
+        ("feedbacks", c_int64),
+        ("feedback_last", c_double),
+        ("feedback_total", c_double),
+        ("feedback_worst", c_double),
+        ("values", c_int64),
+        ("jacobians", c_int64),
+        ("adjoints", c_int64),
+        ("hessians", c_int64),
+        ("last_values", c_int64),
+        ("last_jacobians", c_int64),
+        ("last_adjoints", c_int64),
+        ("last_hessians", c_int64),
+        ("qps", c_int64),
+        ("qp_iterations", c_int64),
+        ("failed_linearisations", c_int64),
+        ("from_qp", c_int64),
+        ("from_soft_qp", c_int64),
+        ("from_tangent", c_int64),
+        ("from_plan", c_int64),
+        ("from_hold", c_int64),
+    ]
+
+
 class swb_accuracy(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -1099,6 +1207,23 @@ FUNCTIONS = {
     "swb_batch_get_run": (c_int32, [c_void_p, c_int64, c_void_p]),
     "swb_batch_interrupt": (c_int32, [c_void_p]),
     "swb_batch_free": (None, [c_void_p]),
+    "swb_nmpc_options_init": (c_int32, [POINTER(swb_nmpc_options), c_uint64]),
+    "swb_nmpc_create": (c_int32, [c_void_p, POINTER(swb_nmpc_options), c_void_p]),
+    "swb_nmpc_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
+    "swb_nmpc_initialise": (c_int32, [c_void_p, c_void_p, c_int64, c_int64, c_void_p]),
+    "swb_nmpc_prepare": (c_int32, [c_void_p, c_void_p, c_int64, POINTER(swb_nmpc_info), c_uint64]),
+    "swb_nmpc_feedback": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, POINTER(swb_nmpc_info), c_uint64]),
+    "swb_nmpc_finish": (c_int32, [c_void_p]),
+    "swb_nmpc_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
+    "swb_nmpc_set_references": (c_int32, [c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_nmpc_set_time": (c_int32, [c_void_p, c_double]),
+    "swb_nmpc_set_deadline": (c_int32, [c_void_p, c_double]),
+    "swb_nmpc_set_iterate": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_nmpc_reset": (c_int32, [c_void_p]),
+    "swb_nmpc_get_plan": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_nmpc_get_monitor": (c_int32, [c_void_p, POINTER(swb_nmpc_monitor), c_uint64]),
+    "swb_nmpc_interrupt": (c_int32, [c_void_p]),
+    "swb_nmpc_free": (None, [c_void_p]),
     "swb_ocp_create": (c_int32, [c_void_p, c_double, c_int64, POINTER(swb_settings), c_void_p]),
     "swb_ocp_set_lagrange": (c_int32, [c_void_p, c_void_p]),
     "swb_ocp_set_mayer": (c_int32, [c_void_p, c_void_p]),

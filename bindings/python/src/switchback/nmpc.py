@@ -1,0 +1,389 @@
+"""Model predictive control in real time."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass, field
+from typing import Any, Callable, Mapping
+
+import numpy
+
+from . import _ffi
+from ._arrays import Array, address, choice, index, number, real, table, vector
+from ._call import Handle, aside, check
+from ._ffi import NmpcLevel, NmpcQp, NmpcQpStatus, NmpcScheme, NmpcSource, RkFamily
+from ._library import lib
+from .errors import ArgumentError, DimensionError
+from .expr import Model, system_of
+from .integrator import Integrator
+from .ocp import Ocp
+from .system import System
+
+__all__ = ["ClosedLoop", "Feedback", "Monitor", "Nmpc", "Plan", "Preparation", "closed_loop"]
+
+_LEVELS = {"d": "d0"}
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """What a preparation did.
+
+    ready  there is a quadratic program for the next sample
+    inner  inner iterations
+    time   seconds
+    """
+
+    ready: bool
+    inner: int
+    time: float
+
+
+@dataclass(frozen=True)
+class Feedback:
+    """What a feedback is.
+
+    source      where the control comes from: QP, SOFT_QP, TANGENT, PLAN or HOLD, the best that was there in time
+    status      how the quadratic program ended
+    iterations  changes of its active set
+    time        seconds
+    """
+
+    source: NmpcSource
+    status: NmpcQpStatus
+    iterations: int
+    time: float
+
+
+@dataclass(frozen=True)
+class Plan:
+    """States [n + 1, nx] and controls [n, nu] from the last sample on."""
+
+    x: Array
+    u: Array
+
+
+@dataclass(frozen=True)
+class Monitor:
+    """What a controller knows of its own work since it was made or reset; evaluations are counted for the whole horizon at once.
+
+    kappa, omega   estimates of (10.18) from the inner steps: they contract where kappa is below 1; NaN without enough of them
+    step           the last inner step, relative to the size of states and controls
+    prediction     distance of the last measured from the predicted state, relative to the size of the states
+    preparations, feedbacks    how many, and the seconds of the last, of all and of the longest
+    values, jacobians, adjoints, hessians    evaluations, and those of the last preparation alone (`last_...`)
+    qps, qp_iterations         quadratic programs, and their iterations
+    failed_linearisations      linearisations whose functions had no value, or whose program was not convex
+    from_...                   feedbacks by their source
+    """
+
+    kappa: float
+    omega: float
+    step: float
+    prediction: float
+    preparations: int
+    preparation_last: float
+    preparation_total: float
+    preparation_worst: float
+    feedbacks: int
+    feedback_last: float
+    feedback_total: float
+    feedback_worst: float
+    values: int
+    jacobians: int
+    adjoints: int
+    hessians: int
+    last_values: int
+    last_jacobians: int
+    last_adjoints: int
+    last_hessians: int
+    qps: int
+    qp_iterations: int
+    failed_linearisations: int
+    from_qp: int
+    from_soft_qp: int
+    from_tangent: int
+    from_plan: int
+    from_hold: int
+
+
+class Nmpc(Handle):
+    """A controller for an optimal control problem: `prepare` between samples, `feedback` at them.
+
+    scheme         "rti": one linearisation per sample. "mli": one iteration of a level per sample. "as_rti": inner iterations
+                   of a level on the problem with the predicted state, then a linearisation. "asc": that problem is solved
+    level          "a", "b", "c", "d0" (or "d"), "d1", "d2": what an iteration evaluates
+    inner          inner iterations per sample
+    shift          the iterate moves by one stage at every sample
+    deadline       seconds a feedback may take
+    tol            "asc" ends its iterations where states and controls change by less than this share
+    elastic_price  price of violations where constraints cannot all be met; 0: chosen by the controller
+    rk_family, n_s, steps   the Runge-Kutta method of the predictions and its steps in every stage; by default as the settings
+                   of the problem say, with its finite elements as steps
+
+    The problem is copied as it is stated now. Costs along the horizon are summed over the starts of the stages, path constraints
+    hold there. After an algebraic elimination `nx` counts the states that have a derivative: they are what is measured.
+    """
+
+    _kind = "nmpc"
+
+    def __init__(
+        self,
+        ocp: Ocp,
+        scheme: str | NmpcScheme = "rti",
+        level: str | NmpcLevel = "d0",
+        inner: int = 1,
+        *,
+        shift: bool = False,
+        deadline: float = numpy.inf,
+        tol: float = 1e-8,
+        elastic_price: float = 0.0,
+        qp_solver: str | NmpcQp = "condensing",
+        rk_family: str | RkFamily | None = None,
+        n_s: int = 0,
+        steps: int = 0,
+    ):
+        if not isinstance(ocp, Ocp):
+            raise ArgumentError(f"a controller takes an Ocp, not {type(ocp).__name__}")
+        options = _ffi.swb_nmpc_options()
+        check(lib.swb_nmpc_options_init(ctypes.byref(options), ctypes.sizeof(options)))
+        if isinstance(level, str):
+            level = _LEVELS.get(level.lower(), level)
+        options.scheme = int(choice(NmpcScheme, scheme, "scheme"))
+        options.level = int(choice(NmpcLevel, level, "level"))
+        options.qp_solver = int(choice(NmpcQp, qp_solver, "qp_solver"))
+        options.inner, options.shift = index(inner, "inner"), int(bool(shift))
+        options.rk_family = -1 if rk_family is None else int(choice(RkFamily, rk_family, "rk_family"))
+        options.n_s, options.steps = index(n_s, "n_s"), index(steps, "steps")
+        options.tol, options.deadline = number(tol, "tol"), number(deadline, "deadline")
+        options.elastic_price = number(elastic_price, "elastic_price")
+        self._create(ocp, ctypes.byref(options))
+        self._functions = list(ocp._functions)
+        self.np, self.horizon = ocp.np, ocp.horizon
+        sizes = [ctypes.c_int64() for _ in range(3)]
+        self._do("sizes", *(ctypes.byref(s) for s in sizes))
+        self.n, self.nx, self.nu = (s.value for s in sizes)
+        self._info = _ffi.swb_nmpc_info()
+        self._u = numpy.empty(self.nu)
+
+    def _long(self, work: Callable[[], None]) -> None:
+        if any(f._in_python for f in self._functions):
+            work()
+        else:
+            aside(work, self.interrupt)
+
+    def initialise(self, x0: Any, max_iter: int = 100) -> int:
+        """Solve the problem for `x0` to convergence from the present iterate: the start of a closed loop. Returns the steps made."""
+        given, done = vector(x0, self.nx, "x0"), ctypes.c_int64()
+        most = index(max_iter, "max_iter")
+        self._long(lambda: self._do("initialise", address(given), given.size, most, ctypes.byref(done)))
+        return done.value
+
+    def prepare(self, x_predicted: Any = None) -> Preparation:
+        """Do everything for the next sample that needs no measurement. `x_predicted` is the state it will find, where that is known
+        better than by one step of the model."""
+        given = None if x_predicted is None else vector(x_predicted, self.nx, "x_predicted")
+        at = (None, 0) if given is None else (address(given), given.size)
+        i = self._info
+        self._do("prepare", *at, ctypes.byref(i), ctypes.sizeof(i))
+        return Preparation(bool(i.ready), i.inner, i.time)
+
+    def feedback(self, x: Any) -> tuple[Array, Feedback]:
+        """The control [nu] for a measured state, and where it comes from. There always is one, also for a state that is not
+        finite."""
+        given, i = vector(x, self.nx, "x"), self._info
+        u = self._u
+        self._do("feedback", address(given), given.size, address(u), u.size, ctypes.byref(i), ctypes.sizeof(i))
+        info = Feedback(NmpcSource(i.source), NmpcQpStatus(i.qp_status), i.qp_iterations, i.time)
+        return u.copy(), info
+
+    def finish(self) -> None:
+        """Do what belongs to the last sample and can wait until its control is out. Every other call does it where it is needed."""
+        self._do("finish")
+
+    def set_params(self, p: Any) -> None:
+        """Set the parameters from the next preparation on: [np], [n, np] for the stages or [n + 1, np] for the nodes."""
+        given = real(p, "p")
+        if given.size not in (self.np, self.n * self.np, (self.n + 1) * self.np):
+            raise DimensionError(f"p has shape {given.shape}, expected ({self.np},), ({self.n}, {self.np}) or one row more")
+        self._do("set_params", address(given), given.size)
+
+    def set_references(self, term: int, y: Any) -> None:
+        """Set the references of a least-squares term, in the order they were added: one for all its nodes, or a row for each."""
+        given = numpy.atleast_1d(real(y, "y"))
+        self._do("set_references", index(term, "term"), address(given), given.size)
+
+    def set_time(self, t0: float) -> None:
+        """Set the time of the first node."""
+        self._do("set_time", number(t0, "t0"))
+
+    def set_deadline(self, seconds: float) -> None:
+        """Set the seconds a feedback may take."""
+        self._do("set_deadline", number(seconds, "seconds"))
+
+    def set_iterate(self, x: Any, u: Any) -> None:
+        """Set states [n + 1, nx] and controls [n, nu] as the iterate."""
+        x, u = table(x, self.n + 1, self.nx, "x"), table(u, self.n, self.nu, "u")
+        self._do("set_iterate", address(x), x.size, address(u), u.size)
+
+    def reset(self) -> None:
+        """Back to the start: the guess of the problem, nothing measured."""
+        self._do("reset")
+
+    @property
+    def plan(self) -> Plan:
+        """States and controls from the last sample on."""
+        x, u = numpy.empty((self.n + 1, self.nx)), numpy.empty((self.n, self.nu))
+        self._do("get_plan", address(x), x.size, address(u), u.size)
+        return Plan(x, u)
+
+    @property
+    def monitor(self) -> Monitor:
+        """Contraction, times and counts."""
+        m = _ffi.swb_nmpc_monitor()
+        self._do("get_monitor", ctypes.byref(m), ctypes.sizeof(m))
+        return Monitor(*(getattr(m, name) for name in Monitor.__dataclass_fields__))
+
+    def interrupt(self) -> None:
+        """End the call that runs now, or the next one; from any thread."""
+        self._do("interrupt")
+
+
+@dataclass(frozen=True)
+class ClosedLoop:
+    """What happened in a closed loop.
+
+    t         [steps + 1] times of the samples
+    x         [steps + 1, nx] states of the plant at them
+    measured  [steps, nx] what the controller saw: with noise
+    u         [steps, nu] controls that acted on the plant
+    sources   where each came from
+    cost      sum of the costs of the samples; NaN without `cost`
+    preparation, feedback    [steps] seconds
+    """
+
+    t: Array
+    x: Array
+    measured: Array = field(repr=False)
+    u: Array
+    sources: list[NmpcSource] = field(repr=False)
+    cost: float
+    preparation: Array = field(repr=False)
+    feedback: Array = field(repr=False)
+
+    def plot(self, path: Any = None, names: Any = None) -> Any:
+        """States above controls over time, written to `path` if one is given. Needs matplotlib."""
+        import matplotlib.pyplot as plt
+
+        figure, axes = plt.subplots(2, 1, sharex=True, figsize=(7, 5))
+        for i in range(self.x.shape[1]):
+            axes[0].plot(self.t, self.x[:, i], label=names[i] if names else f"x{i}")
+        for j in range(self.u.shape[1]):
+            axes[1].step(self.t, numpy.append(self.u[:, j], self.u[-1, j]), where="post", label=f"u{j}")
+        for a in axes:
+            a.legend(loc="best", fontsize="small")
+            a.grid(alpha=0.3)
+        axes[1].set_xlabel("time")
+        figure.tight_layout()
+        if path is not None:
+            figure.savefig(path)
+            plt.close(figure)
+        return figure
+
+
+def _plant(plant: System | Model | Callable[..., Any], sample: float, options: Mapping[str, Any]) -> Callable[..., Array]:
+    """One sample of a plant: a function of (x, u, p, t), or a system that is simulated by events."""
+    if callable(plant) and not isinstance(plant, (System, Model)):
+        return lambda x, u, p, t: numpy.asarray(plant(x, u, p, t), dtype=float)
+    system = system_of(plant)
+    settings = {"rtol": 1e-9, "atol": 1e-12, **options}
+    integrator = Integrator(system, **settings)
+
+    def step(x: Array, u: Array, p: Array | None, t: float) -> Array:
+        if p is not None and system.np:
+            integrator.set_params(p)
+        if system.nu:
+            integrator.set_controls(u)
+        integrator.reinit(x, t)
+        integrator.advance(t + sample)
+        if integrator.time < t + sample * (1 - 1e-9):
+            raise ArgumentError(f"the plant cannot be simulated from t = {t:.6g}: {integrator.reason}")
+        return integrator.state
+
+    return step
+
+
+def closed_loop(
+    controller: Nmpc,
+    plant: System | Model | Callable[..., Any],
+    x0: Any,
+    steps: int,
+    *,
+    sample: float | None = None,
+    t0: float = 0.0,
+    noise: Any = None,
+    measure: Callable[[Array, float], Any] | None = None,
+    delay: int = 0,
+    p: Any = None,
+    cost: Callable[..., float] | None = None,
+    before: Callable[[Nmpc, int, float], None] | None = None,
+    predict: Callable[[Array, Array, float], Any] | None = None,
+    **options: Any,
+) -> ClosedLoop:
+    """Let a controller act on a plant for a number of samples.
+
+    plant    a system or model, simulated by events (`options` are those of an `Integrator`), also one with contacts or switches that
+             the controller does not know; or a function (x, u, p, t) that gives the state one sample later
+    sample   length of a sample; by default that of the first stage of an even grid
+    noise    added to the state of the plant after every sample: amplitudes [nx] of uniform numbers that are the same in every run,
+             or a function of the number of the sample
+    measure  (x, t) -> what the controller sees, [its nx]; by default the state itself
+    delay    samples that a control is late; the state is then predicted over the delay with the controls that are under way, by
+             `predict`, a function (x, u, t) of one sample, or by the plant itself
+    p        parameters of the plant: [np], or a function of time
+    cost     (x, u, t) -> cost of a sample, with the state at its start
+    before   called with (controller, number, time) before every preparation: for references, parameters, deadlines
+
+    The controller should have been initialised for `x0`.
+    """
+    steps, delay = index(steps, "steps"), index(delay, "delay")
+    if steps < 1 or delay < 0:
+        raise DimensionError("a closed loop has at least one sample and no negative delay")
+    ts = number(sample, "sample") if sample is not None else controller.horizon / controller.n
+    advance = _plant(plant, ts, options)
+    foresee = predict or (lambda x, u, t: advance(x, u, parameters(t), t))
+    parameters = p if callable(p) else (lambda t: None if p is None else numpy.atleast_1d(real(p, "p")))
+    seen = measure or (lambda x, t: x)
+    x = numpy.array(real(x0, "x0"), dtype=float).ravel()
+    amplitude = None if noise is None or callable(noise) else vector(noise, x.size, "noise")
+    generator = numpy.random.Generator(numpy.random.PCG64(0))
+    states, measured, controls, sources = [x], [], [], []
+    times = numpy.zeros((2, steps))
+    total = 0.0 if cost is not None else float("nan")
+    waiting = [numpy.zeros(controller.nu)] * delay
+    for k in range(steps):
+        t = t0 + k * ts
+        if before is not None:
+            before(controller, k, t)
+        times[0, k] = controller.prepare().time
+        y = numpy.asarray(seen(x, t), dtype=float)
+        measured.append(y)
+        ahead = y
+        for i, u in enumerate(waiting):
+            ahead = numpy.asarray(foresee(ahead, u, t + i * ts), dtype=float)
+        u, info = controller.feedback(ahead)
+        times[1, k] = info.time
+        sources.append(info.source)
+        waiting.append(u)
+        u = waiting.pop(0)
+        controls.append(u)
+        controller.finish()
+        if cost is not None:
+            total += float(cost(x, u, t))
+        x = numpy.array(advance(x, u, parameters(t), t), dtype=float)
+        if callable(noise):
+            x = x + numpy.asarray(noise(k), dtype=float)
+        elif amplitude is not None:
+            x = x + amplitude * (2.0 * generator.random(x.size) - 1.0)
+        states.append(x)
+    grid = t0 + ts * numpy.arange(steps + 1)
+    return ClosedLoop(grid, numpy.array(states), numpy.array(measured), numpy.array(controls), sources, total, *times)

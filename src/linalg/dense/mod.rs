@@ -1,0 +1,346 @@
+//! Dense kernels for the matrices of real-time control: products, Cholesky factors, inverses.
+//!
+//! Matrices are column-major with a leading dimension. Every entry of a product is summed in the order of the inner index,
+//! whatever the sizes and the tiles, so the same input gives the same bits. Nothing allocates. The loops are ordinary
+//! Rust; [`dispatch`] compiles them a second time for processors with wide registers and fused products.
+
+#[allow(unsafe_code)]
+mod dispatch;
+
+pub(crate) use dispatch::wide;
+
+/// Rows of a tile that is kept in registers.
+const TILE_ROWS: usize = 8;
+/// Columns of a tile that is kept in registers.
+const TILE_COLS: usize = 4;
+/// Columns that a factorisation handles at once.
+const PANEL: usize = 8;
+
+/// A left factor: `m × k` entries, rows beside each other.
+#[derive(Clone, Copy)]
+pub(crate) struct Left<'a> {
+    pub v: &'a [f64],
+    pub ld: usize,
+}
+
+/// A right factor: entry `(i, j)` is `v[i * rs + j * cs]`, so a transposed matrix is one with its steps exchanged.
+#[derive(Clone, Copy)]
+pub(crate) struct Right<'a> {
+    pub v: &'a [f64],
+    pub rs: usize,
+    pub cs: usize,
+}
+
+/// What happens to the left side of an assignment.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Mode {
+    /// `C = A B`
+    Set,
+    /// `C += A B`
+    Add,
+    /// `C -= A B`
+    Subtract,
+}
+
+/// Product of `m × k` and `k × n` into `c` with the leading dimension `ldc`.
+#[inline]
+pub(crate) fn gemm([m, n, k]: [usize; 3], a: Left, b: Right, c: &mut [f64], ldc: usize, mode: Mode) {
+    dispatch::gemm([m, n, k], a, b, c, ldc, mode);
+}
+
+#[inline(always)]
+fn gemm_body<const FUSED: bool>([m, n, k]: [usize; 3], a: Left, b: Right, c: &mut [f64], ldc: usize, mode: Mode) {
+    let mut j = 0;
+    while j + TILE_COLS <= n {
+        gemm_columns::<FUSED, TILE_COLS>([m, j, k], a, b, c, ldc, mode);
+        j += TILE_COLS;
+    }
+    while j < n {
+        gemm_columns::<FUSED, 1>([m, j, k], a, b, c, ldc, mode);
+        j += 1;
+    }
+}
+
+/// Columns `j` to `j + NR` of a product.
+#[inline(always)]
+fn gemm_columns<const FUSED: bool, const NR: usize>(
+    [m, j, k]: [usize; 3],
+    a: Left,
+    b: Right,
+    c: &mut [f64],
+    ldc: usize,
+    mode: Mode,
+) {
+    let mut i = 0;
+    while i + TILE_ROWS <= m {
+        tile::<FUSED, TILE_ROWS, NR>([i, j, k], a, b, c, ldc, mode);
+        i += TILE_ROWS;
+    }
+    if i + 4 <= m {
+        tile::<FUSED, 4, NR>([i, j, k], a, b, c, ldc, mode);
+        i += 4;
+    }
+    while i < m {
+        tile::<FUSED, 1, NR>([i, j, k], a, b, c, ldc, mode);
+        i += 1;
+    }
+}
+
+#[inline(always)]
+fn tile<const FUSED: bool, const MR: usize, const NR: usize>(
+    [i, j, k]: [usize; 3],
+    a: Left,
+    b: Right,
+    c: &mut [f64],
+    ldc: usize,
+    mode: Mode,
+) {
+    // indices instead of iterators: loops over arrays of known length stay in registers at every level of optimisation
+    let mut sum = [[0.0f64; MR]; NR];
+    for l in 0..k {
+        let left = &a.v[i + l * a.ld..i + l * a.ld + MR];
+        let first = l * b.rs + j * b.cs;
+        for jj in 0..NR {
+            let right = b.v[first + jj * b.cs];
+            for ii in 0..MR {
+                sum[jj][ii] = if FUSED { left[ii].mul_add(right, sum[jj][ii]) } else { left[ii] * right + sum[jj][ii] };
+            }
+        }
+    }
+    for jj in 0..NR {
+        let to = &mut c[i + (j + jj) * ldc..i + (j + jj) * ldc + MR];
+        for ii in 0..MR {
+            to[ii] = match mode {
+                Mode::Set => sum[jj][ii],
+                Mode::Add => to[ii] + sum[jj][ii],
+                Mode::Subtract => to[ii] - sum[jj][ii],
+            };
+        }
+    }
+}
+
+/// `y += A x` with `m × n` entries.
+#[inline]
+pub(crate) fn gemv(m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]) {
+    dispatch::gemv(m, n, a, x, y);
+}
+
+#[inline(always)]
+fn gemv_body<const FUSED: bool>(m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]) {
+    let (x, y) = (&x[..n], &mut y[..m]);
+    for j in 0..n {
+        let (column, x) = (&a.v[j * a.ld..j * a.ld + m], x[j]);
+        for i in 0..m {
+            y[i] = if FUSED { column[i].mul_add(x, y[i]) } else { column[i] * x + y[i] };
+        }
+    }
+}
+
+/// `y += Aᵀ x` with `m × n` entries of `A`, `x` of `m` and `y` of `n`.
+#[inline]
+pub(crate) fn gemv_transposed(m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]) {
+    for (j, y) in y[..n].iter_mut().enumerate() {
+        *y += dot(&a.v[j * a.ld..j * a.ld + m], &x[..m]);
+    }
+}
+
+/// Scalar product, summed in eight interleaved sums.
+#[inline]
+pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    let n = a.len().min(b.len());
+    let (a, b) = (&a[..n], &b[..n]);
+    let (mut s, whole) = ([0.0; 8], n - n % 8);
+    let mut i = 0;
+    while i < whole {
+        let (x, y) = (&a[i..i + 8], &b[i..i + 8]);
+        for l in 0..8 {
+            s[l] += x[l] * y[l];
+        }
+        i += 8;
+    }
+    let mut rest = 0.0;
+    for i in whole..n {
+        rest += a[i] * b[i];
+    }
+    ((s[0] + s[4]) + (s[1] + s[5])) + ((s[2] + s[6]) + (s[3] + s[7])) + rest
+}
+
+/// `y += alpha x`
+#[inline(always)]
+pub(crate) fn axpy(alpha: f64, x: &[f64], y: &mut [f64]) {
+    let n = x.len().min(y.len());
+    let (x, y) = (&x[..n], &mut y[..n]);
+    for i in 0..n {
+        y[i] += alpha * x[i];
+    }
+}
+
+/// Cholesky factor of the lower triangle of `a`, in place; false where a pivot is not above `n` times the rounding error of its
+/// diagonal entry. The upper triangle is neither read nor written.
+pub(crate) fn potrf(n: usize, a: &mut [f64], ld: usize) -> bool {
+    dispatch::potrf(n, a, ld)
+}
+
+#[inline(always)]
+fn potrf_body<const FUSED: bool>(n: usize, a: &mut [f64], ld: usize) -> bool {
+    let tiny = n as f64 * f64::EPSILON;
+    let mut p = 0;
+    while p < n {
+        let w = PANEL.min(n - p);
+        // what the columns in front take from the panel; the diagonal entries before are their scale
+        let mut scale = [0.0f64; PANEL];
+        for j in 0..w {
+            scale[j] = a[p + j + (p + j) * ld];
+        }
+        let (done, panel) = a.split_at_mut(p * ld);
+        if p > 0 {
+            let left = Left { v: &done[p..], ld };
+            let right = Right { v: &done[p..], rs: ld, cs: 1 };
+            gemm_body::<FUSED>([n - p, w, p], left, right, &mut panel[p..], ld, Mode::Subtract);
+        }
+        for j in 0..w {
+            let (before, rest) = panel.split_at_mut(j * ld);
+            let column = &mut rest[p + j..n];
+            for k in 0..j {
+                let l = before[p + j + k * ld];
+                axpy(-l, &before[p + j + k * ld..n + k * ld], column);
+            }
+            let pivot = column[0];
+            // NaN fails too
+            if !(pivot > tiny * scale[j].abs() && pivot.is_finite()) {
+                return false;
+            }
+            let root = pivot.sqrt();
+            for i in 1..column.len() {
+                column[i] /= root;
+            }
+            column[0] = root;
+        }
+        p += w;
+    }
+    true
+}
+
+/// The inverse `P` of a symmetric matrix from its Cholesky factor `l`, all of it. `x` and `xt` are scratch of `n · ld`.
+pub(crate) fn inverse(n: usize, l: &[f64], ld: usize, x: &mut [f64], xt: &mut [f64], p: &mut [f64]) {
+    dispatch::inverse(n, l, ld, x, xt, p);
+}
+
+#[inline(always)]
+fn inverse_body<const FUSED: bool>(n: usize, l: &[f64], ld: usize, x: &mut [f64], xt: &mut [f64], p: &mut [f64]) {
+    x[..n * ld].fill(0.0);
+    xt[..n * ld].fill(0.0);
+    let mut i = 0;
+    while i < n {
+        let w = PANEL.min(n - i);
+        // rows i.. of X = L⁻¹: L_ii X_i = E_i − L_i,<i X_<i, held transposed: Xᵀ = ... so that both factors lie well
+        if i > 0 {
+            // Xᵀ(0..i, i..i+w) = −Xᵀ(0..i, 0..i) L(i..i+w, 0..i)ᵀ
+            let (done, rest) = xt.split_at_mut(i * ld);
+            let right = Right { v: &l[i..], rs: ld, cs: 1 };
+            gemm_body::<FUSED>([i, w, i], Left { v: done, ld }, right, rest, ld, Mode::Subtract);
+        }
+        for j in 0..w {
+            xt[i + j + (i + j) * ld] = 1.0;
+        }
+        for j in 0..w {
+            let (before, rest) = xt.split_at_mut((i + j) * ld);
+            let column = &mut rest[..i + w];
+            for k in 0..j {
+                let f = l[i + j + (i + k) * ld];
+                let from = &before[(i + k) * ld..(i + k) * ld + i + w];
+                axpy(-f, from, column);
+            }
+            let d = l[i + j + (i + j) * ld];
+            for r in 0..column.len() {
+                column[r] /= d;
+            }
+        }
+        i += w;
+    }
+    for j in 0..n {
+        for i in 0..=j {
+            x[j + i * ld] = xt[i + j * ld];
+        }
+    }
+    // P = Xᵀ X: rows of Xᵀ from i on begin at column i
+    let mut i = 0;
+    while i < n {
+        let w = PANEL.min(n - i);
+        let left = Left { v: &xt[i + i * ld..], ld };
+        let right = Right { v: &x[i..], rs: 1, cs: ld };
+        gemm_body::<FUSED>([w, i + w, n - i], left, right, &mut p[i..], ld, Mode::Set);
+        i += w;
+    }
+    for j in 0..n {
+        for i in j + 1..n {
+            p[j + i * ld] = p[i + j * ld];
+        }
+    }
+}
+
+/// Eigenvalues below `floor` are lifted to it: the nearest symmetric matrix (in the Frobenius norm) whose eigenvalues are
+/// at least that large. By cyclic rotations (Jacobi); `a` has the leading dimension `n`, `work` is scratch of `n² + n`.
+/// Returns the smallest eigenvalue before.
+pub(crate) fn lift_eigenvalues(n: usize, a: &mut [f64], work: &mut [f64], floor: f64) -> f64 {
+    let (vectors, values) = work.split_at_mut(n * n);
+    vectors.fill(0.0);
+    (0..n).for_each(|i| vectors[i + i * n] = 1.0);
+    let norm: f64 = a[..n * n].iter().map(|v| v * v).sum();
+    let mut sweeps = 0;
+    while off_diagonal(n, a) > f64::EPSILON * f64::EPSILON * norm && sweeps < MAX_SWEEPS {
+        for q in 1..n {
+            for p in 0..q {
+                rotate(n, a, vectors, p, q);
+            }
+        }
+        sweeps += 1;
+    }
+    let mut smallest = f64::INFINITY;
+    for i in 0..n {
+        smallest = smallest.min(a[i + i * n]);
+        values[i] = a[i + i * n].max(floor);
+    }
+    for j in 0..n {
+        for i in 0..=j {
+            let s: f64 = (0..n).map(|k| vectors[i + k * n] * values[k] * vectors[j + k * n]).sum();
+            a[i + j * n] = s;
+            a[j + i * n] = s;
+        }
+    }
+    smallest
+}
+
+fn off_diagonal(n: usize, a: &[f64]) -> f64 {
+    (0..n).flat_map(|j| (0..j).map(move |i| a[i + j * n] * a[i + j * n])).sum()
+}
+
+/// Sweeps of rotations at most; six to ten reach the rounding error.
+const MAX_SWEEPS: usize = 30;
+
+fn rotate(n: usize, a: &mut [f64], v: &mut [f64], p: usize, q: usize) {
+    let (app, aqq, apq) = (a[p + p * n], a[q + q * n], a[p + q * n]);
+    if apq == 0.0 {
+        return;
+    }
+    let tau = (aqq - app) / (2.0 * apq);
+    let t = tau.signum() / (tau.abs() + (1.0 + tau * tau).sqrt());
+    let c = 1.0 / (1.0 + t * t).sqrt();
+    let s = t * c;
+    for k in 0..n {
+        let (x, y) = (a[k + p * n], a[k + q * n]);
+        a[k + p * n] = c * x - s * y;
+        a[k + q * n] = s * x + c * y;
+    }
+    for k in 0..n {
+        let (x, y) = (a[p + k * n], a[q + k * n]);
+        a[p + k * n] = c * x - s * y;
+        a[q + k * n] = s * x + c * y;
+        let (x, y) = (v[k + p * n], v[k + q * n]);
+        v[k + p * n] = c * x - s * y;
+        v[k + q * n] = s * x + c * y;
+    }
+}
+
+#[cfg(test)]
+mod tests;

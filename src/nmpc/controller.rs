@@ -1,0 +1,688 @@
+//! The controller: what happens between samples and at them.
+
+use super::iterate::{Iterate, Step};
+use super::linearise::{Linearisation, Model};
+use super::monitor::{Contraction, Monitor};
+use super::options::{Level, Options, QpMethod, Scheme, Source};
+use super::problem;
+use super::stage::{Evaluations, Stage, Starts};
+use crate::error::{finite, Error, Result};
+use crate::func::EvalError;
+use crate::ocp::Ocp;
+use crate::qp::{Condensing, QpSolution, QpSolver, QpStatus, Terms};
+use crate::stop;
+use std::time::{Duration, Instant};
+
+/// Price of violations where rows cannot all be met, in units of the largest multiplier.
+const ELASTIC: f64 = 1e3;
+/// Share of the predicted descent that a step of [`Nmpc::initialise`] must make (Armijo).
+const ARMIJO: f64 = 1e-4;
+/// Halvings of a step at most.
+const HALVINGS: usize = 12;
+/// [`Nmpc::initialise`] has converged where a step is below this share of the size of states and controls.
+const CONVERGED: f64 = 1e-10;
+
+/// What a preparation did.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Preparation {
+    /// Is there a quadratic program for the next sample?
+    pub ready: bool,
+    /// Inner iterations.
+    pub inner: usize,
+    /// Seconds.
+    pub time: f64,
+}
+
+/// What a feedback is.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Feedback {
+    /// Where the control comes from.
+    pub source: Source,
+    /// How the quadratic program ended.
+    pub status: QpStatus,
+    /// Changes of its active set.
+    pub iterations: usize,
+    /// Seconds.
+    pub time: f64,
+}
+
+/// What was found at the last sample and is not yet part of the iterate.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Pending {
+    Nothing,
+    Solved,
+    /// The iterate stays; its plan is one sample older.
+    Aged,
+}
+
+/// A model predictive controller. All memory is taken when it is made.
+pub struct Nmpc {
+    options: Options,
+    model: Model,
+    predictor: Box<dyn Stage>,
+    lin: Linearisation,
+    iterate: Iterate,
+    other: Iterate,
+    step: Step,
+    monitor: Monitor,
+    pending: Pending,
+    /// Entry of the plan that belongs to the next sample.
+    entry: usize,
+    /// The last measured state and control; whether there are any.
+    x: Vec<f64>,
+    u: Vec<f64>,
+    seen: bool,
+    /// The predicted state, where there is one.
+    predicted: Vec<f64>,
+    has_prediction: bool,
+    scale: Vec<f64>,
+    start: [Vec<f64>; 2],
+    next: Vec<f64>,
+}
+
+impl Nmpc {
+    /// A controller for a problem as it is stated now. The plan is the problem's guess: call [`Nmpc::initialise`] for a better
+    /// start.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for what a controller does not know, in words; [`Error::Range`] for options out of their ranges.
+    pub fn new(ocp: &Ocp, options: &Options) -> Result<Nmpc> {
+        options.validate()?;
+        let (model, qp) = problem::build(ocp, options)?;
+        let predictor = problem::stage(ocp, options, 1)?;
+        let (n, nx, nu, rows) = (qp.n, qp.nx, qp.nu, qp.rows.len());
+        let solver: Box<dyn QpSolver> = match options.qp {
+            QpMethod::Condensing => Box::new(Condensing::new(&qp)?),
+        };
+        let step = Step { of: 0, solution: QpSolution::new(&qp) };
+        let lin = Linearisation::new(&model, qp, solver, options.hessian());
+        let zeros = || Iterate::zeros(n, nx, nu, rows);
+        let mut c = Nmpc {
+            options: options.clone(),
+            predictor,
+            lin,
+            iterate: zeros(),
+            other: zeros(),
+            step,
+            monitor: Monitor::default(),
+            pending: Pending::Nothing,
+            entry: 0,
+            x: vec![0.0; nx],
+            u: vec![0.0; nu],
+            seen: false,
+            predicted: vec![0.0; nx],
+            has_prediction: false,
+            scale: vec![1.0; nx + nu],
+            start: [vec![0.0; (n + 1) * nx], vec![0.0; n * nu]],
+            next: vec![0.0; n * nx],
+            model,
+        };
+        c.take_guess(ocp);
+        c.reset();
+        Ok(c)
+    }
+
+    /// States and controls of the guess of the problem, `x_0` and zero within bounds where there is none.
+    fn take_guess(&mut self, ocp: &Ocp) {
+        let s = ocp.statement();
+        let (n, nx, nu) = (self.n(), self.nx(), self.nu());
+        let all = s.system.dims().x;
+        let middle = |l: f64, u: f64| if l.is_finite() && u.is_finite() { 0.5 * (l + u) } else { 0f64.max(l).min(u) };
+        for k in 0..=n {
+            let x = &mut self.start[0][k * nx..(k + 1) * nx];
+            for (i, x) in x.iter_mut().enumerate() {
+                *x = match s.x_guess {
+                    Some((times, values)) => {
+                        interpolate(times, values, all, i, self.model.nodes.t[k] - self.model.nodes.t[0])
+                    }
+                    None => middle(s.x0_bounds[0][i], s.x0_bounds[1][i]),
+                };
+            }
+        }
+        for k in 0..n {
+            for i in 0..nu {
+                let u = s.u_guess.map_or(0.0, |u| u[k * nu + i]);
+                self.start[1][k * nu + i] = u.max(self.model.u_lower[i]).min(self.model.u_upper[i]);
+            }
+        }
+    }
+
+    /// Number of stages.
+    pub fn n(&self) -> usize {
+        self.model.nodes.n
+    }
+
+    /// Differential states: what is measured.
+    pub fn nx(&self) -> usize {
+        self.model.nodes.nx
+    }
+
+    /// Controls.
+    pub fn nu(&self) -> usize {
+        self.model.nodes.nu
+    }
+
+    /// The options.
+    pub fn options(&self) -> &Options {
+        &self.options
+    }
+
+    /// The plan: states and controls from the last sample on, with multipliers.
+    pub fn plan(&mut self) -> &Iterate {
+        self.finish();
+        &self.iterate
+    }
+
+    /// The point the present quadratic program belongs to.
+    pub fn linearisation(&self) -> &Iterate {
+        self.lin.point()
+    }
+
+    /// How the controller is doing.
+    pub fn monitor(&self) -> &Monitor {
+        &self.monitor
+    }
+
+    /// Sets the seconds a feedback may take.
+    pub fn set_deadline(&mut self, seconds: f64) -> Result<()> {
+        let options = Options { deadline: seconds, ..self.options.clone() };
+        options.validate()?;
+        self.options = options;
+        Ok(())
+    }
+
+    /// Sets the parameters `[np]` of the whole horizon, `[n · np]` of its stages or `[(n + 1) · np]` of its nodes. They count from
+    /// the next preparation on.
+    pub fn set_params(&mut self, p: &[f64]) -> Result<()> {
+        let (n, np) = (self.n(), self.model.nodes.np);
+        finite("parameter", p, p.len())?;
+        if p.len() != np && p.len() != n * np && p.len() != (n + 1) * np {
+            return Err(Error::Dimension(format!(
+                "{} parameters given: expected {np}, {} for the stages or {} for the nodes",
+                p.len(),
+                n * np,
+                (n + 1) * np
+            )));
+        }
+        self.finish();
+        for k in 0..if np == 0 { 0 } else { n + 1 } {
+            let from = if p.len() == np { 0 } else { k.min(p.len() / np - 1) * np };
+            self.model.nodes.p[k * np..(k + 1) * np].copy_from_slice(&p[from..from + np]);
+        }
+        Ok(())
+    }
+
+    /// Sets the references of least-squares term `k`, in the order they were added to the problem: one for all its nodes, or one
+    /// for each. They count from the next preparation on.
+    pub fn set_references(&mut self, k: usize, y: &[f64]) -> Result<()> {
+        finite("reference", y, y.len())?;
+        let n_terms = self.model.costs.squares.len();
+        let Some(term) = self.model.costs.squares.get_mut(k) else {
+            return Err(Error::Range(format!("least-squares term {k}: there are {n_terms}")));
+        };
+        let sizes = term.reference_sizes();
+        if !sizes.contains(&y.len()) {
+            return Err(Error::Dimension(format!(
+                "{} references given, expected {} for all nodes or {}",
+                y.len(),
+                sizes[0],
+                sizes[1]
+            )));
+        }
+        term.set_references(y);
+        Ok(())
+    }
+
+    /// Sets the time of the first node.
+    pub fn set_time(&mut self, t0: f64) -> Result<()> {
+        finite("time", &[t0], 1)?;
+        self.finish();
+        let nodes = &mut self.model.nodes;
+        nodes.t[0] = t0;
+        for k in 0..nodes.n {
+            nodes.t[k + 1] = nodes.t[k] + nodes.h[k];
+        }
+        Ok(())
+    }
+
+    /// Sets states `[(n + 1) · nx]` and controls `[n · nu]` as the iterate; its multipliers are zero.
+    pub fn set_iterate(&mut self, x: &[f64], u: &[f64]) -> Result<()> {
+        finite("state", x, (self.n() + 1) * self.nx())?;
+        finite("control", u, self.n() * self.nu())?;
+        self.forget();
+        self.iterate.x.copy_from_slice(x);
+        self.iterate.u.copy_from_slice(u);
+        Ok(())
+    }
+
+    /// Back to the start: the guess of the problem, no multipliers, nothing measured.
+    pub fn reset(&mut self) {
+        self.forget();
+        self.iterate.x.copy_from_slice(&self.start[0]);
+        self.iterate.u.copy_from_slice(&self.start[1]);
+        let nu = self.nu();
+        self.u.copy_from_slice(&self.start[1][..nu]);
+        self.monitor = Monitor::default();
+    }
+
+    fn forget(&mut self) {
+        self.pending = Pending::Nothing;
+        self.entry = 0;
+        self.seen = false;
+        self.has_prediction = false;
+        self.lin.reset();
+        for v in [&mut self.iterate.lambda, &mut self.iterate.u_mu, &mut self.iterate.row_mu] {
+            v.fill(0.0);
+        }
+    }
+
+    /// What belongs to the last sample and can wait: the plan from its quadratic program, and the prediction of the next state.
+    /// Every other call does it where it is needed.
+    pub fn finish(&mut self) {
+        let pending = std::mem::replace(&mut self.pending, Pending::Nothing);
+        match pending {
+            Pending::Nothing => return,
+            Pending::Aged => self.entry += 1,
+            Pending::Solved => {
+                self.lin.step(&mut self.step);
+                self.lin.advance(&self.step, 1.0, &mut self.other);
+                if self.other.x.iter().chain(&self.other.lambda).all(|v| v.is_finite()) {
+                    std::mem::swap(&mut self.iterate, &mut self.other);
+                    // the plan begins at the last sample
+                    self.entry = 1;
+                } else {
+                    self.entry += 1;
+                }
+            }
+        }
+        self.predict();
+    }
+
+    /// `x̃ = ψ(x, u)` with the first stage's data of the last sample.
+    fn predict(&mut self) {
+        self.has_prediction = false;
+        if !self.seen || !matches!(self.options.scheme, Scheme::AsRti | Scheme::Asc) {
+            return;
+        }
+        let nodes = &self.model.nodes;
+        let at = Starts { x: &self.x, u: &self.u, p: &nodes.p[..nodes.np], t: &nodes.t[..1], h: &nodes.h[..1] };
+        self.has_prediction = self.predictor.values(&at, &mut self.predicted).is_ok();
+    }
+
+    /// Everything for the next sample that needs no measurement. `predicted` is the state it will find, where that is known better
+    /// than by one step of the model from the last state with the control that was returned.
+    ///
+    /// Where functions have no value at the iterate, the last linearisation is used further.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`]; [`Error::Interrupted`] if the call was to end; [`Error::User`] for a fatal code of a callback.
+    pub fn prepare(&mut self, predicted: Option<&[f64]>) -> Result<Preparation> {
+        if let Some(x) = predicted {
+            finite("predicted state", x, self.nx())?;
+        }
+        let start = Instant::now();
+        self.finish();
+        let before = self.model.evaluations();
+        if let Some(x) = predicted {
+            self.predicted.copy_from_slice(x);
+            self.has_prediction = true;
+        }
+        if self.options.shift && self.seen {
+            self.iterate.shift(self.model.nodes.nx, self.model.nodes.nu);
+            self.lin.shift();
+            self.entry = self.entry.saturating_sub(1);
+        }
+        let inner = match self.options.scheme {
+            Scheme::Rti => 0,
+            Scheme::Mli => 0,
+            Scheme::AsRti | Scheme::Asc => self.inner_iterations()?,
+        };
+        let outcome = match (self.options.scheme, self.options.level) {
+            (Scheme::Mli, Level::A) if self.lin.is_ready() => Ok(()),
+            (Scheme::Mli, level @ (Level::B | Level::C)) if self.lin.is_ready() => {
+                self.lin.refresh(&mut self.model, &self.iterate, level == Level::C)
+            }
+            _ => self.lin.linearise(&mut self.model, &self.iterate),
+        };
+        self.note(outcome)?;
+        let after = self.model.evaluations();
+        self.monitor.evaluations = after;
+        self.monitor.last_evaluations = difference(after, before);
+        let time = self.monitor.preparation.add(start.elapsed());
+        Ok(Preparation { ready: self.lin.is_ready(), inner, time })
+    }
+
+    /// Counts what went wrong, and ends the call where that was asked for.
+    fn note(&mut self, outcome: std::result::Result<(), EvalError>) -> Result<()> {
+        match outcome {
+            Ok(()) if self.lin.is_ready() => Ok(()),
+            Ok(()) | Err(EvalError::Recoverable) => {
+                self.monitor.failed_linearisations += 1;
+                Ok(())
+            }
+            Err(EvalError::Fatal(code)) => {
+                Err(Error::User { code, what: "a function of the model returned a negative code".into() })
+            }
+            Err(EvalError::Stopped) => Err(stop::error()),
+        }
+    }
+
+    /// Iterations on the problem with the predicted state: line 3 of Algorithm 2.
+    fn inner_iterations(&mut self) -> Result<usize> {
+        if !self.has_prediction {
+            return Ok(0);
+        }
+        let asc = self.options.scheme == Scheme::Asc;
+        // another solution of the same program with the same data would be the same
+        let most = if self.options.level == Level::A && !asc { self.options.inner.min(1) } else { self.options.inner };
+        let mut contraction = Contraction::default();
+        for done in 0..most {
+            let outcome = match self.options.level {
+                Level::A if !asc => Ok(()),
+                Level::B | Level::C if !asc && self.lin.is_ready() => {
+                    self.lin.refresh(&mut self.model, &self.iterate, self.options.level == Level::C)
+                }
+                _ => self.lin.linearise(&mut self.model, &self.iterate),
+            };
+            let failed = outcome.is_err();
+            self.note(outcome)?;
+            if failed || !self.inner_step() {
+                return Ok(done);
+            }
+            // both iterates are there: the step is their difference
+            self.measure_scale();
+            let size = self.iterate.distance(&self.other, &self.scale, self.model.nodes.nx, self.model.nodes.nu);
+            contraction.see(size, &mut self.monitor);
+            if asc && size <= self.options.tol {
+                return Ok(done + 1);
+            }
+        }
+        Ok(most)
+    }
+
+    /// The quadratic program with the predicted state; its step leads from the linearisation's own point.
+    fn inner_step(&mut self) -> bool {
+        let status = self.lin.solve(&self.predicted, &Terms::default());
+        self.count_qp();
+        let status = match status {
+            QpStatus::Infeasible => {
+                let terms = Terms { deadline: None, elastic: Some(self.elastic_price()) };
+                self.count_qp();
+                self.lin.solve(&self.predicted, &terms)
+            }
+            s => s,
+        };
+        if status != QpStatus::Solved {
+            return false;
+        }
+        self.lin.step(&mut self.step);
+        self.lin.advance(&self.step, 1.0, &mut self.other);
+        if !self.other.x.iter().chain(&self.other.lambda).all(|v| v.is_finite()) {
+            return false;
+        }
+        std::mem::swap(&mut self.iterate, &mut self.other);
+        true
+    }
+
+    fn count_qp(&mut self) {
+        self.monitor.qps += 1;
+        self.monitor.qp_iterations += self.lin.qp_iterations() as u64;
+    }
+
+    /// The size of every state and control over the horizon of the iterate.
+    fn measure_scale(&mut self) {
+        let (nx, nu) = (self.model.nodes.nx, self.model.nodes.nu);
+        self.scale.fill(0.0);
+        for (i, v) in self.iterate.x.iter().enumerate() {
+            self.scale[i % nx] = self.scale[i % nx].max(v.abs());
+        }
+        for (i, v) in self.iterate.u.iter().enumerate() {
+            self.scale[nx + i % nu] = self.scale[nx + i % nu].max(v.abs());
+        }
+        // a component at rest is measured by the largest one of its kind
+        for range in [0..nx, nx..nx + nu] {
+            let largest = self.scale[range.clone()].iter().fold(0.0f64, |m, v| m.max(*v));
+            let floor = if largest > 0.0 { f64::EPSILON.sqrt() * largest } else { 1.0 };
+            self.scale[range].iter_mut().for_each(|s| *s = s.max(floor));
+        }
+    }
+
+    fn elastic_price(&self) -> f64 {
+        if self.options.elastic_price > 0.0 {
+            return self.options.elastic_price;
+        }
+        let largest = |v: &[f64]| v.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        let multipliers = largest(&self.iterate.row_mu).max(largest(&self.iterate.lambda));
+        let gradient = largest(&self.lin.qp.grad_x).max(largest(&self.lin.qp.grad_u));
+        ELASTIC * if multipliers > 0.0 { multipliers } else { gradient.max(1.0) }
+    }
+
+    /// The control `u0[nu]` for a measured state `x[nx]`. There always is one, and [`Feedback::source`] says where it comes from.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] if a length is wrong.
+    pub fn feedback(&mut self, x: &[f64], u0: &mut [f64]) -> Result<Feedback> {
+        let (nx, nu) = (self.nx(), self.nu());
+        if x.len() != nx || u0.len() != nu {
+            return Err(Error::Dimension(format!(
+                "feedback of {nx} states and {nu} controls: {} and {} given",
+                x.len(),
+                u0.len()
+            )));
+        }
+        let start = Instant::now();
+        let d = self.options.deadline;
+        let limit = Duration::try_from_secs_f64(d).ok();
+        let deadline = limit.and_then(|d| start.checked_add(d));
+        if self.pending != Pending::Nothing {
+            // two samples without anything in between: the plan of the first is not expanded any more
+            self.entry += 1;
+        }
+        let measured = x.iter().all(|v| v.is_finite());
+        let mut iterations = 0;
+        let mut status = QpStatus::Failed;
+        let mut source = Source::Plan;
+        if measured {
+            (status, source) = self.solve(x, u0, deadline, &mut iterations);
+        }
+        if matches!(source, Source::Qp | Source::SoftQp) {
+            self.pending = Pending::Solved;
+        } else {
+            self.pending = Pending::Aged;
+        }
+        if source == Source::Plan {
+            source = self.from_plan(u0);
+        }
+        let bounds = self.model.u_lower.iter().zip(&self.model.u_upper);
+        u0.iter_mut().zip(bounds).for_each(|(u, (l, h))| *u = u.max(*l).min(*h));
+        if measured {
+            self.keep_prediction_error(x);
+            self.x.copy_from_slice(x);
+            self.seen = true;
+        } else {
+            self.seen = false;
+        }
+        self.u.copy_from_slice(u0);
+        self.monitor.sources[source as usize] += 1;
+        let time = self.monitor.feedback.add(start.elapsed());
+        Ok(Feedback { source, status, iterations, time })
+    }
+
+    /// Quadratic program, elastic quadratic program, tangent: the first that gives finite controls.
+    fn solve(
+        &mut self,
+        x: &[f64],
+        u0: &mut [f64],
+        deadline: Option<Instant>,
+        iterations: &mut usize,
+    ) -> (QpStatus, Source) {
+        let mut status = self.lin.solve(x, &Terms { deadline, elastic: None });
+        *iterations = self.lin.qp_iterations();
+        self.count_qp();
+        let mut source = Source::Qp;
+        if status == QpStatus::Infeasible {
+            let soft = self.lin.solve(x, &Terms { deadline, elastic: Some(self.elastic_price()) });
+            *iterations += self.lin.qp_iterations();
+            self.count_qp();
+            source = Source::SoftQp;
+            if soft != QpStatus::Solved {
+                status = soft;
+            }
+        }
+        match status {
+            QpStatus::Solved | QpStatus::Infeasible => self.lin.first_control(u0),
+            QpStatus::OutOfTime => {
+                self.lin.first_control(u0);
+                source = Source::Tangent;
+            }
+            QpStatus::Failed if self.lin.is_ready() => {
+                self.lin.tangent_control(x, u0);
+                source = Source::Tangent;
+            }
+            QpStatus::Failed => source = Source::Plan,
+        }
+        if source != Source::Plan && !u0.iter().all(|v| v.is_finite()) {
+            source = Source::Plan;
+        }
+        (status, source)
+    }
+
+    /// The control that the last plan has for now; behind its end the last control.
+    fn from_plan(&mut self, u0: &mut [f64]) -> Source {
+        let nu = self.nu();
+        match self.iterate.u.chunks_exact(nu).nth(self.entry) {
+            Some(u) => {
+                u0.copy_from_slice(u);
+                Source::Plan
+            }
+            None => {
+                u0.copy_from_slice(&self.u);
+                Source::Hold
+            }
+        }
+    }
+
+    fn keep_prediction_error(&mut self, x: &[f64]) {
+        self.monitor.prediction = f64::NAN;
+        if self.has_prediction {
+            let size = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+            let gap = x.iter().zip(&self.predicted).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+            self.monitor.prediction = if gap > 0.0 { gap / size.max(gap) } else { 0.0 };
+        }
+    }
+
+    /// Solves the problem for an initial value to convergence by damped steps of the same kind, from the present iterate: the
+    /// start of a controller. Returns the steps it took, or an error with what to do.
+    ///
+    /// # Errors
+    /// [`Error::Numeric`] if it does not converge in `max_iter` steps; the iterate is the best point found.
+    pub fn initialise(&mut self, x0: &[f64], max_iter: usize) -> Result<usize> {
+        finite("initial value", x0, self.nx())?;
+        self.finish();
+        self.has_prediction = false;
+        let nx = self.nx();
+        self.iterate.x[..nx].copy_from_slice(x0);
+        let mut penalty = 0.0f64;
+        for done in 0..max_iter {
+            stop::check()?;
+            let outcome = self.lin.linearise(&mut self.model, &self.iterate);
+            let failed = outcome.is_err();
+            self.note(outcome)?;
+            if failed || !self.lin.is_ready() {
+                return Err(Error::Numeric(
+                    "functions have no value, or the problem is not convex: give another guess".into(),
+                ));
+            }
+            self.predicted.copy_from_slice(x0);
+            let t = self.damped_step(&mut penalty)?;
+            self.measure_scale();
+            let size = self.iterate.distance(&self.other, &self.scale, nx, self.model.nodes.nu);
+            if t == 1.0 && size <= CONVERGED {
+                // the plan begins at the sample to come
+                self.entry = 0;
+                return Ok(done + 1);
+            }
+        }
+        Err(Error::Numeric(format!("no convergence in {max_iter} steps: give a better guess, or more steps")))
+    }
+
+    /// One step with the share of it that decreases cost plus violations; `other` is the point before.
+    fn damped_step(&mut self, penalty: &mut f64) -> Result<f64> {
+        let mut status = self.lin.solve(&self.predicted, &Terms::default());
+        if status == QpStatus::Infeasible {
+            let terms = Terms { deadline: None, elastic: Some(self.elastic_price()) };
+            status = self.lin.solve(&self.predicted, &terms);
+        }
+        if status != QpStatus::Solved {
+            return Err(Error::Numeric("a quadratic program has no solution: give another guess".into()));
+        }
+        self.lin.step(&mut self.step);
+        let s = &self.step.solution;
+        let largest = |v: &[f64]| v.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        *penalty = penalty.max(2.0 * largest(&s.lambda).max(largest(&s.row_mu)));
+        let qp = &self.lin.qp;
+        let slope = |g: &[f64], d: &[f64]| g.iter().zip(d).map(|(g, d)| g * d).sum::<f64>();
+        let along = slope(&qp.grad_x, &s.x) + slope(&qp.grad_u, &s.u);
+        self.other.copy_from(&self.iterate);
+        let [cost, violation] = self.merit()?.unwrap_or([f64::INFINITY, f64::INFINITY]);
+        let descent = along - *penalty * violation;
+        let before = cost + *penalty * violation;
+        let mut t = 1.0;
+        for _ in 0..HALVINGS {
+            self.lin.advance(&self.step, t, &mut self.iterate);
+            if let Some([cost, violation]) = self.merit()? {
+                let rounding = f64::EPSILON.sqrt() * before.abs();
+                if cost + *penalty * violation <= before + ARMIJO * t * descent.min(0.0) + rounding {
+                    break;
+                }
+            }
+            t *= 0.5;
+        }
+        Ok(t)
+    }
+
+    /// Cost with prices of violations, and violations that have none, of the iterate; nothing where functions have no value.
+    fn merit(&mut self) -> Result<Option<[f64; 2]>> {
+        let Model { nodes, stage, costs, constraints, .. } = &mut self.model;
+        let (n, nx, it) = (nodes.n, nodes.nx, &self.iterate);
+        let mut all = || -> std::result::Result<[f64; 2], EvalError> {
+            nodes.solve(&it.x, &it.u)?;
+            let cost = costs.value(nodes, &it.x, &it.u)?;
+            constraints.values(nodes, &it.x, &it.u)?;
+            let at = Starts { x: &it.x[..n * nx], u: &it.u, p: &nodes.p, t: &nodes.t, h: &nodes.h };
+            let next = &mut self.next;
+            stage.values(&at, next)?;
+            let gaps: f64 = next.iter().zip(&it.x[nx..]).map(|(a, b)| (a - b).abs()).sum();
+            let [hard, priced] = constraints.violation();
+            Ok([cost + priced, gaps + hard])
+        };
+        match all() {
+            Ok(m) => Ok(Some(m)),
+            Err(EvalError::Recoverable) => Ok(None),
+            Err(e) => self.note(Err(e)).map(|()| None),
+        }
+    }
+}
+
+fn difference(after: Evaluations, before: Evaluations) -> Evaluations {
+    Evaluations {
+        values: after.values - before.values,
+        jacobians: after.jacobians - before.jacobians,
+        adjoints: after.adjoints - before.adjoints,
+        hessians: after.hessians - before.hessians,
+    }
+}
+
+/// State `i` of a guess `values[times.len() · width]` at a time, linear in between.
+fn interpolate(times: &[f64], values: &[f64], width: usize, i: usize, t: f64) -> f64 {
+    let after = times.partition_point(|s| *s <= t);
+    let value = |k: usize| values[k * width + i];
+    if after == 0 {
+        return value(0);
+    }
+    if after == times.len() {
+        return value(after - 1);
+    }
+    let share = (t - times[after - 1]) / (times[after] - times[after - 1]);
+    value(after - 1) + share * (value(after) - value(after - 1))
+}

@@ -1,0 +1,391 @@
+//! Quadratic programs (10.5) at points of the optimisation.
+
+use super::constraints::Constraints;
+use super::cost::Costs;
+use super::iterate::{Iterate, Step};
+use super::nodes::Nodes;
+use super::quasi_newton::BlockUpdates;
+use super::stage::{Evaluations, Stage, Starts};
+use crate::func::EvalResult;
+use crate::linalg::dense::{gemv_transposed, lift_eigenvalues, Left};
+use crate::qp::{QpSolution, QpSolver, QpStatus, StageQp, Terms};
+
+/// Eigenvalues of a Hessian block are at least this share of its largest entry where it had to be made convex.
+const CONVEX: f64 = 1e-8;
+
+/// Where the Hessian of the program comes from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum HessianKind {
+    /// Gauss-Newton for least squares; costs without structure have their own Hessian, made convex node by node.
+    GaussNewton,
+    /// Of the Lagrangian, made convex node by node.
+    Exact,
+    /// Of the Lagrangian, updated from gradients node by node.
+    QuasiNewton,
+}
+
+/// Functions of the problem with room for their values.
+pub(super) struct Model {
+    pub nodes: Nodes,
+    pub stage: Box<dyn Stage>,
+    pub costs: Costs,
+    pub constraints: Constraints,
+    pub u_lower: Vec<f64>,
+    pub u_upper: Vec<f64>,
+    /// Control evaluations of costs and constraints, and those of the stages.
+    pub evaluations: Evaluations,
+}
+
+impl Model {
+    /// Evaluations so far, those of the dynamics included.
+    pub fn evaluations(&self) -> Evaluations {
+        let (own, stage) = (self.evaluations, self.stage.evaluations());
+        Evaluations {
+            values: own.values + stage.values,
+            jacobians: own.jacobians + stage.jacobians,
+            adjoints: own.adjoints + stage.adjoints,
+            hessians: own.hessians + stage.hessians,
+        }
+    }
+}
+
+/// A quadratic program and the point it belongs to.
+pub(super) struct Linearisation {
+    /// Counts the points: a step knows which one it belongs to.
+    stamp: u64,
+    /// Where vectors were evaluated last; steps start here.
+    point: Iterate,
+    /// Where matrices were evaluated last, with the gradient of the cost there.
+    base_x: Vec<f64>,
+    base_u: Vec<f64>,
+    base_grad_x: Vec<f64>,
+    base_grad_u: Vec<f64>,
+    pub qp: StageQp,
+    solver: Box<dyn QpSolver>,
+    ready: bool,
+    kind: HessianKind,
+    /// `ψ`, `A`, `B` of an evaluation that may fail on the way.
+    next: Vec<f64>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+    gx: Vec<f64>,
+    gu: Vec<f64>,
+    /// Hessian blocks before they are made convex.
+    blocks: Vec<f64>,
+    work: Vec<f64>,
+    row: Vec<f64>,
+    updates: Option<BlockUpdates>,
+    dx0: Vec<f64>,
+}
+
+impl Linearisation {
+    pub fn new(model: &Model, qp: StageQp, solver: Box<dyn QpSolver>, kind: HessianKind) -> Linearisation {
+        let (n, nx, nu) = (qp.n, qp.nx, qp.nu);
+        let width = nx + nu;
+        let has_blocks = kind != HessianKind::GaussNewton || !model.costs.general.is_empty();
+        Linearisation {
+            stamp: 0,
+            point: Iterate::zeros(n, nx, nu, qp.rows.len()),
+            base_x: vec![0.0; (n + 1) * nx],
+            base_u: vec![0.0; n * nu],
+            base_grad_x: vec![0.0; (n + 1) * nx],
+            base_grad_u: vec![0.0; n * nu],
+            solver,
+            ready: false,
+            kind,
+            next: vec![0.0; n * nx],
+            a: vec![0.0; qp.a.len()],
+            b: vec![0.0; qp.b.len()],
+            gx: vec![0.0; (n + 1) * nx],
+            gu: vec![0.0; n * nu],
+            blocks: vec![0.0; if has_blocks { (n + 1) * width * width } else { 0 }],
+            work: vec![0.0; 2 * width * width + width],
+            row: vec![0.0; width],
+            updates: (kind == HessianKind::QuasiNewton).then(|| BlockUpdates::new(n, nx, nu, qp.rows.len())),
+            dx0: vec![0.0; nx],
+            qp,
+        }
+    }
+
+    /// Is there a program to solve?
+    pub fn is_ready(&self) -> bool {
+        self.ready
+    }
+
+    /// The point that steps start from.
+    pub fn point(&self) -> &Iterate {
+        &self.point
+    }
+
+    /// Iterations of the last quadratic program.
+    pub fn qp_iterations(&self) -> usize {
+        self.solver.iterations()
+    }
+
+    /// Level D: values, Jacobians, Hessian and factors at a point. On failure the program before stays, to be solved further.
+    pub fn linearise(&mut self, model: &mut Model, at: &Iterate) -> EvalResult {
+        self.evaluate(model, at)?;
+        let (nx, nu) = (self.qp.nx, self.qp.nu);
+        self.stamp += 1;
+        self.point.copy_from(at);
+        self.base_x.copy_from_slice(&at.x);
+        self.base_u.copy_from_slice(&at.u);
+        std::mem::swap(&mut self.qp.a, &mut self.a);
+        std::mem::swap(&mut self.qp.b, &mut self.b);
+        self.write_vectors(model);
+        model.constraints.write_jacobian(&model.nodes, &mut self.qp, &mut self.row);
+        self.qp.grad_x.fill(0.0);
+        self.qp.grad_u.fill(0.0);
+        model.costs.add_gradient(&model.nodes, &mut self.qp.grad_x, &mut self.qp.grad_u);
+        self.base_grad_x.copy_from_slice(&self.qp.grad_x);
+        self.base_grad_u.copy_from_slice(&self.qp.grad_u);
+        self.write_hessian(model);
+        if let Some(updates) = &mut self.updates {
+            updates.update(&self.qp, &self.point, nx, nu);
+            updates.write(&mut self.qp);
+        }
+        self.ready = self.solver.prepare(&self.qp);
+        Ok(())
+    }
+
+    /// All functions at a point; nothing of the program changes.
+    fn evaluate(&mut self, model: &mut Model, at: &Iterate) -> EvalResult {
+        let Model { nodes, stage, costs, constraints, evaluations, .. } = model;
+        let (nx, exact) = (nodes.nx, self.kind == HessianKind::Exact);
+        nodes.solve(&at.x, &at.u)?;
+        costs.evaluate(nodes, &at.x, &at.u, exact)?;
+        constraints.linearise(nodes, &at.x, &at.u)?;
+        evaluations.values += 1;
+        evaluations.jacobians += 1;
+        let starts = Starts { x: &at.x[..nodes.n * nx], u: &at.u, p: &nodes.p, t: &nodes.t, h: &nodes.h };
+        let second = if exact {
+            constraints.hessians(nodes, &at.row_mu)?;
+            evaluations.hessians += 1;
+            let width = nx + nodes.nu;
+            self.blocks.fill(0.0);
+            Some((&at.lambda[nx..], &mut self.blocks[..nodes.n * width * width]))
+        } else {
+            None
+        };
+        stage.linearise(&starts, &mut self.next, &mut self.a, &mut self.b, second)
+    }
+
+    /// Constraints as seen from the point: what is left of the dynamics, bounds.
+    fn write_vectors(&mut self, model: &Model) {
+        let nx = self.qp.nx;
+        let gap = self.next.iter().zip(&self.point.x[nx..]);
+        self.qp.c.iter_mut().zip(gap).for_each(|(c, (psi, x))| *c = psi - x);
+        let write = |to: &mut [f64], bound: &[f64]| {
+            for (k, v) in to.iter_mut().enumerate() {
+                *v = bound[k % bound.len()] - self.point.u[k];
+            }
+        };
+        write(&mut self.qp.u_lower, &model.u_lower);
+        write(&mut self.qp.u_upper, &model.u_upper);
+        model.constraints.write_bounds(&mut self.qp);
+    }
+
+    fn write_hessian(&mut self, model: &mut Model) {
+        let exact = self.kind == HessianKind::Exact;
+        self.qp.hess_x.fill(0.0);
+        self.qp.hess_xu.fill(0.0);
+        self.qp.hess_u.fill(0.0);
+        if self.blocks.is_empty() {
+            model.costs.add_hessian(&model.nodes, &mut self.qp, None, false);
+            return;
+        }
+        if !exact {
+            self.blocks.fill(0.0);
+        }
+        model.costs.add_hessian(&model.nodes, &mut self.qp, Some(&mut self.blocks), exact);
+        if exact {
+            model.constraints.add_hessian(&model.nodes, &mut self.blocks);
+        }
+        self.convexify();
+    }
+
+    /// Adds the blocks to the Hessian of the program, node by node, and lifts the eigenvalues of the sum where they are not
+    /// positive.
+    fn convexify(&mut self) {
+        let (n, nx, nu) = (self.qp.n, self.qp.nx, self.qp.nu);
+        let width = nx + nu;
+        for k in 0..=n {
+            let used = if k == n { nx } else { width };
+            let block = &self.blocks[k * width * width..(k + 1) * width * width];
+            let (m, work) = self.work.split_at_mut(width * width);
+            let mut largest = 0.0f64;
+            for b in 0..used {
+                for a in b..used {
+                    let own = match (a < nx, b < nx) {
+                        (true, true) => self.qp.hess_x[k * nx * nx + a + b * nx],
+                        (false, true) => self.qp.hess_xu[k * nu * nx + (a - nx) + b * nu],
+                        _ => self.qp.hess_u[k * nu * nu + (a - nx) + (b - nx) * nu],
+                    };
+                    let v = own + block[a + b * width];
+                    (m[a + b * used], m[b + a * used]) = (v, v);
+                    largest = largest.max(v.abs());
+                }
+            }
+            lift_eigenvalues(used, &mut m[..used * used], &mut work[..used * used + used], CONVEX * largest);
+            for b in 0..used {
+                for a in 0..used {
+                    let v = m[a + b * used];
+                    match (a < nx, b < nx) {
+                        (true, true) => self.qp.hess_x[k * nx * nx + a + b * nx] = v,
+                        (false, true) => self.qp.hess_xu[k * nu * nx + (a - nx) + b * nu] = v,
+                        (false, false) => self.qp.hess_u[k * nu * nu + (a - nx) + (b - nx) * nu] = v,
+                        _ => {}
+                    }
+                }
+            }
+        }
+    }
+
+    /// Level B: values of the constraints at a point, the gradient by (10.11); level C: by (10.12), with an adjoint sweep. Matrices
+    /// stay. On failure nothing has changed.
+    pub fn refresh(&mut self, model: &mut Model, at: &Iterate, adjoint: bool) -> EvalResult {
+        let Model { nodes, stage, costs, constraints, evaluations, .. } = model;
+        let (n, nx) = (self.qp.n, self.qp.nx);
+        nodes.solve(&at.x, &at.u)?;
+        let starts = Starts { x: &at.x[..n * nx], u: &at.u, p: &nodes.p, t: &nodes.t, h: &nodes.h };
+        evaluations.values += 1;
+        if adjoint {
+            costs.evaluate(nodes, &at.x, &at.u, false)?;
+            constraints.linearise(nodes, &at.x, &at.u)?;
+            let gx = &mut self.gx[..n * nx];
+            stage.adjoint(&starts, &at.lambda[nx..], &mut self.next, gx, &mut self.gu)?;
+            self.gx[n * nx..].fill(0.0);
+            evaluations.adjoints += 1;
+            costs.add_gradient(nodes, &mut self.gx, &mut self.gu);
+            constraints.add_transposed(nodes, &at.row_mu, &mut self.gx, &mut self.gu, &mut self.row);
+            self.subtract_frozen(at);
+        } else {
+            constraints.values(nodes, &at.x, &at.u)?;
+            stage.values(&starts, &mut self.next)?;
+        }
+        self.stamp += 1;
+        self.point.copy_from(at);
+        self.write_vectors(model);
+        if adjoint {
+            self.qp.grad_x.copy_from_slice(&self.gx);
+            self.qp.grad_u.copy_from_slice(&self.gu);
+        } else {
+            self.frozen_gradient();
+        }
+        self.solver.refresh(&self.qp);
+        Ok(())
+    }
+
+    /// `− Âᵀ λ − Ĉᵀ μ`, which the program's own matrices bring back.
+    fn subtract_frozen(&mut self, at: &Iterate) {
+        let (n, nx, nu) = (self.qp.n, self.qp.nx, self.qp.nu);
+        let row = &mut self.row;
+        for k in 0..n {
+            let lambda = &at.lambda[(k + 1) * nx..(k + 2) * nx];
+            row.fill(0.0);
+            gemv_transposed(nx, nx, Left { v: &self.qp.a[k * nx * nx..], ld: nx }, lambda, &mut row[..nx]);
+            gemv_transposed(nx, nu, Left { v: &self.qp.b[k * nx * nu..], ld: nx }, lambda, &mut row[nx..]);
+            self.gx[k * nx..(k + 1) * nx].iter_mut().zip(&*row).for_each(|(g, v)| *g -= v);
+            self.gu[k * nu..(k + 1) * nu].iter_mut().zip(&row[nx..]).for_each(|(g, v)| *g -= v);
+        }
+        for (i, mu) in at.row_mu.iter().enumerate().filter(|e| *e.1 != 0.0) {
+            let k = self.qp.rows[i].node;
+            let c = &self.qp.row_x[i * nx..(i + 1) * nx];
+            self.gx[k * nx..(k + 1) * nx].iter_mut().zip(c).for_each(|(g, c)| *g -= mu * c);
+            if k < n {
+                let d = &self.qp.row_u[i * nu..(i + 1) * nu];
+                self.gu[k * nu..(k + 1) * nu].iter_mut().zip(d).for_each(|(g, d)| *g -= mu * d);
+            }
+        }
+    }
+
+    /// `â + Â (w − ŵ)`
+    fn frozen_gradient(&mut self) {
+        let (n, nx, nu) = (self.qp.n, self.qp.nx, self.qp.nu);
+        let qp = &mut self.qp;
+        qp.grad_x.copy_from_slice(&self.base_grad_x);
+        qp.grad_u.copy_from_slice(&self.base_grad_u);
+        for k in 0..=n {
+            for j in 0..nx {
+                let d = self.point.x[k * nx + j] - self.base_x[k * nx + j];
+                let q = &qp.hess_x[k * nx * nx + j * nx..][..nx];
+                qp.grad_x[k * nx..(k + 1) * nx].iter_mut().zip(q).for_each(|(g, q)| *g += q * d);
+                if k < n {
+                    let s = &qp.hess_xu[k * nu * nx + j * nu..][..nu];
+                    qp.grad_u[k * nu..(k + 1) * nu].iter_mut().zip(s).for_each(|(g, s)| *g += s * d);
+                }
+            }
+            for j in 0..if k < n { nu } else { 0 } {
+                let d = self.point.u[k * nu + j] - self.base_u[k * nu + j];
+                let r = &qp.hess_u[k * nu * nu + j * nu..][..nu];
+                qp.grad_u[k * nu..(k + 1) * nu].iter_mut().zip(r).for_each(|(g, r)| *g += r * d);
+                for i in 0..nx {
+                    qp.grad_x[k * nx + i] += qp.hess_xu[k * nu * nx + j + i * nu] * d;
+                }
+            }
+        }
+    }
+
+    /// Solves the program with the initial value embedded. No function is evaluated.
+    pub fn solve(&mut self, x0: &[f64], terms: &Terms) -> QpStatus {
+        if !self.ready {
+            return QpStatus::Failed;
+        }
+        self.difference(x0);
+        self.solver.solve(&self.qp, &self.dx0, terms)
+    }
+
+    fn difference(&mut self, x0: &[f64]) {
+        self.dx0.iter_mut().zip(x0.iter().zip(&self.point.x)).for_each(|(d, (x0, x))| *d = x0 - x);
+    }
+
+    /// The first control of the last solution.
+    pub fn first_control(&self, u0: &mut [f64]) {
+        let own = self.point.u.iter().zip(self.solver.controls());
+        u0.iter_mut().zip(own).for_each(|(u, (point, step))| *u = point + step);
+    }
+
+    /// The first control without regard of constraints but its own bounds.
+    pub fn tangent_control(&mut self, x0: &[f64], u0: &mut [f64]) {
+        self.difference(x0);
+        let step = self.solver.tangent(&self.qp, &self.dx0);
+        u0.iter_mut().zip(self.point.u.iter().zip(step)).for_each(|(u, (point, step))| *u = point + step);
+    }
+
+    /// The last solution with states and multipliers, as a step of this point.
+    pub fn step(&mut self, out: &mut Step) {
+        out.of = self.stamp;
+        self.solver.expand(&self.qp, &mut out.solution);
+    }
+
+    /// The point a share `t` of a step leads to; multipliers are those of the step at `t = 1`.
+    pub fn advance(&self, step: &Step, t: f64, out: &mut Iterate) {
+        debug_assert_eq!(step.of, self.stamp, "a step of another linearisation");
+        let s: &QpSolution = &step.solution;
+        let blend = |to: &mut [f64], from: &[f64], by: &[f64]| {
+            to.iter_mut().zip(from.iter().zip(by)).for_each(|(o, (p, d))| *o = p + t * d);
+        };
+        blend(&mut out.x, &self.point.x, &s.x);
+        blend(&mut out.u, &self.point.u, &s.u);
+        let mix = |to: &mut [f64], from: &[f64], by: &[f64]| {
+            to.iter_mut().zip(from.iter().zip(by)).for_each(|(o, (p, d))| *o = p + t * (d - p));
+        };
+        mix(&mut out.lambda, &self.point.lambda, &s.lambda);
+        mix(&mut out.u_mu, &self.point.u_mu, &s.u_mu);
+        mix(&mut out.row_mu, &self.point.row_mu, &s.row_mu);
+    }
+
+    /// Moves the guess of the active set by a stage.
+    pub fn shift(&mut self) {
+        self.solver.shift(&self.qp);
+    }
+
+    /// Forgets program and guesses.
+    pub fn reset(&mut self) {
+        self.ready = false;
+        self.solver.reset();
+        if let Some(u) = &mut self.updates {
+            u.reset();
+        }
+    }
+}

@@ -1,0 +1,58 @@
+//! From one node of the horizon to the next: `x_{k+1} = ψ_k(x_k, u_k)` with derivatives, all stages at once.
+
+mod chain;
+mod explicit;
+mod implicit;
+mod sensitivity;
+#[cfg(test)]
+mod tests;
+
+pub(super) use chain::Chain;
+pub(super) use explicit::ExplicitRk;
+pub(super) use implicit::ImplicitRk;
+
+use crate::func::EvalResult;
+
+/// Where the stages start: node by node `x[n · nx]`, `u[n · nu]`, `p[n · np]`, times and lengths of the stages `[n]`.
+#[derive(Clone, Copy)]
+pub(super) struct Starts<'a> {
+    pub x: &'a [f64],
+    pub u: &'a [f64],
+    pub p: &'a [f64],
+    pub t: &'a [f64],
+    pub h: &'a [f64],
+}
+
+/// Evaluations of model functions, each for all stages at once.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct Evaluations {
+    /// Values of right-hand sides, costs and constraints.
+    pub values: u64,
+    /// Their Jacobians for forward derivatives.
+    pub jacobians: u64,
+    /// Adjoint sweeps.
+    pub adjoints: u64,
+    /// Hessians.
+    pub hessians: u64,
+}
+
+/// A discretisation of the dynamics. Nothing is allocated after it was made. Results are those of a failed evaluation's
+/// function; outputs are then undefined.
+pub(super) trait Stage: Send {
+    /// `ψ_k`, `next[n · nx]`.
+    fn values(&mut self, at: &Starts, next: &mut [f64]) -> EvalResult;
+    /// `ψ_k` and its derivatives `a[n · nx · nx]`, `b[n · nx · nu]`, column-major. With `lambda[n · nx]` also the second derivatives
+    /// of `λ_kᵀ ψ_k`: lower triangles of `(nx + nu)²` for every stage, column-major, added to `hess`.
+    fn linearise(
+        &mut self,
+        at: &Starts,
+        next: &mut [f64],
+        a: &mut [f64],
+        b: &mut [f64],
+        second: Option<(&[f64], &mut [f64])>,
+    ) -> EvalResult;
+    /// `ψ_k`, and `(∂ψ_k/∂x)ᵀ λ_k`, `(∂ψ_k/∂u)ᵀ λ_k` by one reverse sweep: `gx[n · nx]`, `gu[n · nu]`.
+    fn adjoint(&mut self, at: &Starts, lambda: &[f64], next: &mut [f64], gx: &mut [f64], gu: &mut [f64]) -> EvalResult;
+    /// Evaluations so far.
+    fn evaluations(&self) -> Evaluations;
+}

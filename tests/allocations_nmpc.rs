@@ -1,0 +1,68 @@
+//! A controller allocates nothing after it was made: feedback, preparations of all levels, also where programs are infeasible and
+//! measurements are not numbers.
+
+#[path = "common/counting.rs"]
+mod counting;
+use counting::count;
+use std::sync::Arc;
+use switchback::expr::Graph;
+use switchback::func::Dims;
+use switchback::nmpc::{Level, Nmpc, Options, Scheme};
+use switchback::ocp::{CostAt, Norm, Ocp};
+use switchback::settings::Settings;
+use switchback::system::{SharedFunction, System};
+use switchback::tableau::Family;
+
+/// A pendulum with a bound of the angular velocity that may be violated and one of the angle that may not.
+fn problem() -> Ocp {
+    let g = Graph::new();
+    let dims = Dims { x: 2, u: 1, p: 0 };
+    let [a, w, u] = [g.x(0), g.x(1), g.u(0)];
+    let f: SharedFunction = Arc::new(g.function("f", dims, &[w, u - a.sin()]).unwrap());
+    let all: SharedFunction = Arc::new(g.function("all", dims, &[a, w, u]).unwrap());
+    let speed: SharedFunction = Arc::new(g.function("speed", dims, &[w]).unwrap());
+    let mut system = System::new(2, 1, 0).unwrap();
+    system.set_f0(f).unwrap();
+    let mut ocp = Ocp::new(&system, 1.5, 15, &Settings::default()).unwrap();
+    ocp.add_least_squares(all, &[1.0, 0.1, 0.01], &[0.0; 3], CostAt::Running).unwrap();
+    let at = switchback::fesd::PathAt::ControlGrid;
+    ocp.add_relaxed(speed.clone(), &[-0.5], &[0.5], Some(at), Norm::L1, 3.0).unwrap();
+    ocp.add_relaxed(speed, &[-0.5], &[0.5], Some(at), Norm::L2, 5.0).unwrap();
+    ocp.set_x_bounds(&[-0.8, -9.0], &[0.8, 9.0]).unwrap();
+    ocp.set_u_bounds(&[-1.0], &[1.0]).unwrap();
+    ocp
+}
+
+#[test]
+fn nothing_is_allocated_after_creation() {
+    let ocp = problem();
+    for (family, n_s) in [(Family::Explicit, 4), (Family::GaussLegendre, 2)] {
+        for scheme in [Scheme::Rti, Scheme::Mli, Scheme::AsRti, Scheme::Asc] {
+            for level in [Level::A, Level::B, Level::C, Level::D0, Level::D1, Level::D2] {
+                if level == Level::D2 && family != Family::Explicit {
+                    continue;
+                }
+                let options = Options {
+                    scheme,
+                    level,
+                    inner: 2,
+                    shift: true,
+                    family: Some(family),
+                    n_s,
+                    steps: 1,
+                    ..Options::default()
+                };
+                let mut c = Nmpc::new(&ocp, &options).unwrap();
+                let mut u = [0.0];
+                let before = count();
+                for x in [[0.5, 0.0], [0.4, 0.3], [f64::NAN, 0.0], [2.0, 3.0], [-0.6, -0.4], [0.0, 0.0]] {
+                    c.prepare(None).unwrap();
+                    c.feedback(&x, &mut u).unwrap();
+                    c.finish();
+                }
+                assert_eq!(count(), before, "{family:?} {scheme:?} {level:?}");
+                assert!(c.monitor().sources[0] > 0 && c.monitor().sources[1] > 0, "{:?}", c.monitor().sources);
+            }
+        }
+    }
+}
