@@ -1390,6 +1390,71 @@ private:
     int64_t n_stages_ = 0, nu_ = 0, np_ = 0, n_data_ = 0;
 };
 
+/// Options of an Nmpc: those of swb_nmpc_options, with their defaults.
+struct NmpcOptions : swb_nmpc_options {
+    NmpcOptions() { detail::check(swb_nmpc_options_init(this, sizeof(swb_nmpc_options))); }
+};
+
+/// Model predictive control in real time: prepare between samples, feedback at them.
+class Nmpc {
+public:
+    /// Error SWB_ERR_UNSUPPORTED for what controllers do not know, with what that is. The problem is copied.
+    explicit Nmpc(const Ocp &ocp, const NmpcOptions &options = {}) {
+        swb_nmpc *c = nullptr;
+        detail::check(swb_nmpc_create(ocp.get(), &options, &c));
+        owner_.reset(c);
+        detail::check(swb_nmpc_sizes(c, &n_, &nx_, &nu_));
+    }
+    /// Solves the problem for a state to convergence: the start of a closed loop. Returns the steps it took.
+    int64_t initialise(View x0, int64_t max_iter = 100) {
+        int64_t steps = 0;
+        detail::check(swb_nmpc_initialise(get(), x0.data(), x0.length(), max_iter, &steps));
+        return steps;
+    }
+    /// Everything for the next sample that needs no measurement; with the state it will find, where that is known.
+    swb_nmpc_info prepare(View predicted = {}) {
+        swb_nmpc_info info{};
+        detail::check(swb_nmpc_prepare(get(), predicted.data(), predicted.length(), &info, sizeof info));
+        return info;
+    }
+    /// The control for a measured state. There always is one, and the info says where it comes from.
+    swb_nmpc_info feedback(View x, double *u0, int64_t nu) {
+        swb_nmpc_info info{};
+        detail::check(swb_nmpc_feedback(get(), x.data(), x.length(), u0, nu, &info, sizeof info));
+        return info;
+    }
+    /// What can wait until the control is out.
+    void finish() { detail::check(swb_nmpc_finish(get())); }
+    void params(View p) { detail::check(swb_nmpc_set_params(get(), p.data(), p.length())); }
+    void references(int64_t term, View y) { detail::check(swb_nmpc_set_references(get(), term, y.data(), y.length())); }
+    void time(double t0) { detail::check(swb_nmpc_set_time(get(), t0)); }
+    void deadline(double seconds) { detail::check(swb_nmpc_set_deadline(get(), seconds)); }
+    void iterate(View x, View u) { detail::check(swb_nmpc_set_iterate(get(), x.data(), x.length(), u.data(), u.length())); }
+    void reset() { detail::check(swb_nmpc_reset(get())); }
+    /// States of the nodes and controls of the stages, from the last sample on.
+    std::pair<Vector, Vector> plan() {
+        std::pair<Vector, Vector> out{Vector(static_cast<std::size_t>((n_ + 1) * nx_)), Vector(static_cast<std::size_t>(n_ * nu_))};
+        detail::check(swb_nmpc_get_plan(get(), out.first.data(), (n_ + 1) * nx_, out.second.data(), n_ * nu_));
+        return out;
+    }
+    swb_nmpc_monitor monitor() const {
+        swb_nmpc_monitor m{};
+        detail::check(swb_nmpc_get_monitor(get(), &m, sizeof m));
+        return m;
+    }
+    /// Stages, measured states, controls.
+    int64_t stages() const noexcept { return n_; }
+    int64_t states() const noexcept { return nx_; }
+    int64_t controls() const noexcept { return nu_; }
+    /// Ends the running call, or the next one; from any thread and signal handler.
+    void interrupt() const noexcept { swb_nmpc_interrupt(get()); }
+    swb_nmpc *get() const noexcept { return owner_.get(); }
+
+private:
+    detail::Owner<swb_nmpc, swb_nmpc_free> owner_;
+    int64_t n_ = 0, nx_ = 0, nu_ = 0;
+};
+
 /// Phases one after the other, each a problem as it is stated when this is made, linked at their ends.
 class MultiPhase {
 public:

@@ -421,6 +421,8 @@ impl Nmpc {
             return false;
         }
         std::mem::swap(&mut self.iterate, &mut self.other);
+        // the plan begins at the predicted state now
+        self.entry = 0;
         true
     }
 

@@ -7,7 +7,7 @@ use super::nodes::Nodes;
 use super::quasi_newton::BlockUpdates;
 use super::stage::{Evaluations, Stage, Starts};
 use crate::func::EvalResult;
-use crate::linalg::dense::{gemv_transposed, lift_eigenvalues, Left};
+use crate::linalg::dense::{gemv_transposed, mirror_eigenvalues, Left};
 use crate::qp::{QpSolution, QpSolver, QpStatus, StageQp, Terms};
 
 /// Eigenvalues of a Hessian block are at least this share of its largest entry where it had to be made convex.
@@ -204,7 +204,7 @@ impl Linearisation {
         self.convexify();
     }
 
-    /// Adds the blocks to the Hessian of the program, node by node, and lifts the eigenvalues of the sum where they are not
+    /// Adds the blocks to the Hessian of the program, node by node, and mirrors the eigenvalues of the sum that are not
     /// positive.
     fn convexify(&mut self) {
         let (n, nx, nu) = (self.qp.n, self.qp.nx, self.qp.nu);
@@ -226,7 +226,7 @@ impl Linearisation {
                     largest = largest.max(v.abs());
                 }
             }
-            lift_eigenvalues(used, &mut m[..used * used], &mut work[..used * used + used], CONVEX * largest);
+            mirror_eigenvalues(used, &mut m[..used * used], &mut work[..used * used + used], CONVEX * largest);
             for b in 0..used {
                 for a in 0..used {
                     let v = m[a + b * used];

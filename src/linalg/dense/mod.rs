@@ -279,10 +279,10 @@ fn inverse_body<const FUSED: bool>(n: usize, l: &[f64], ld: usize, x: &mut [f64]
     }
 }
 
-/// Eigenvalues below `floor` are lifted to it: the nearest symmetric matrix (in the Frobenius norm) whose eigenvalues are
-/// at least that large. By cyclic rotations (Jacobi); `a` has the leading dimension `n`, `work` is scratch of `n² + n`.
-/// Returns the smallest eigenvalue before.
-pub(crate) fn lift_eigenvalues(n: usize, a: &mut [f64], work: &mut [f64], floor: f64) -> f64 {
+/// Eigenvalues that are not above `floor` are replaced by their moduli, or by `floor` where these are smaller: directions of
+/// negative curvature keep their size. By cyclic rotations (Jacobi); `a` has the leading dimension `n`, `work` is scratch of
+/// `n² + n`. Returns the smallest eigenvalue before.
+pub(crate) fn mirror_eigenvalues(n: usize, a: &mut [f64], work: &mut [f64], floor: f64) -> f64 {
     let (vectors, values) = work.split_at_mut(n * n);
     vectors.fill(0.0);
     (0..n).for_each(|i| vectors[i + i * n] = 1.0);
@@ -299,7 +299,7 @@ pub(crate) fn lift_eigenvalues(n: usize, a: &mut [f64], work: &mut [f64], floor:
     let mut smallest = f64::INFINITY;
     for i in 0..n {
         smallest = smallest.min(a[i + i * n]);
-        values[i] = a[i + i * n].max(floor);
+        values[i] = if a[i + i * n] > floor { a[i + i * n] } else { a[i + i * n].abs().max(floor) };
     }
     for j in 0..n {
         for i in 0..=j {

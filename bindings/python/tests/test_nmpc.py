@@ -1,0 +1,129 @@
+"""Controllers from Python: feedback of linear problems, closed loops, delays, what can go wrong."""
+
+import numpy as np
+import pytest
+
+import switchback as swb
+
+N, H = 15, 0.1
+
+
+def integrator():
+    m = swb.Model(states="q v", controls="a")
+    m.derivatives = [m.x[1], m.u[0]]
+    return m
+
+
+def problem(m, limit=1.0, **bounds):
+    ocp = swb.Ocp(m, N * H, N, rk_family="explicit", n_s=4, n_fe=1, control_bounds=(-limit, limit))
+    ocp.add_least_squares(m.function([m.x[0], m.x[1], m.u[0]]), [2, 0.5, 0.3], np.zeros(3))
+    ocp.add_least_squares(m.function([m.x[0], m.x[1]]), [5, 1], np.zeros(2), at="terminal")
+    return ocp
+
+
+def gain():
+    """First gain of the Riccati recursion."""
+    a, b = np.array([[1, H], [0, 1]]), np.array([[H * H / 2], [H]])
+    q, r, p = H * np.diag([2, 0.5]), H * 0.3, np.diag([5.0, 1.0])
+    for _ in range(N):
+        k = np.linalg.solve(r + b.T @ p @ b, b.T @ p @ a)
+        p = q + a.T @ p @ (a - b @ k)
+    return k
+
+
+def test_feedback_is_that_of_riccati():
+    with swb.Nmpc(problem(integrator())) as c:
+        assert (c.n, c.nx, c.nu) == (N, 2, 1)
+        assert c.prepare().ready
+        x = np.array([0.1, -0.05])
+        u, info = c.feedback(x)
+        assert info.source is swb.NmpcSource.QP and info.status is swb.NmpcQpStatus.SOLVED
+        np.testing.assert_allclose(u, -gain() @ x, atol=1e-13)
+        assert c.plan.x.shape == (N + 1, 2)
+        np.testing.assert_allclose(c.plan.x[0], x, atol=1e-15)
+        assert c.monitor.feedbacks == 1
+
+
+@pytest.mark.parametrize("scheme", ["rti", "mli", "as_rti", "asc"])
+@pytest.mark.parametrize("level", ["a", "b", "c", "d", "d1", "d2"])
+def test_every_scheme_stabilises(scheme, level):
+    m = integrator()
+    with swb.Nmpc(problem(m), scheme, level, shift=True) as c:
+        loop = swb.closed_loop(c, m, [1.5, 0.0], 60, cost=lambda x, u, t: x @ x)
+    assert np.abs(loop.x[-1]).max() < 0.05
+    assert set(loop.sources) == {swb.NmpcSource.QP}
+    assert loop.u.min() == -1.0
+
+
+def test_delays_and_mismatch():
+    m, heavier = integrator(), swb.Model(states="q v", controls="a")
+    heavier.derivatives = [heavier.x[1], 0.8 * heavier.u[0] - 0.1 * heavier.x[1]]
+    with swb.Nmpc(problem(m)) as c:
+        loop = swb.closed_loop(c, heavier, [1.0, 0.0], 80, delay=2, noise=[1e-3, 1e-3])
+        assert np.abs(loop.x[-1]).max() < 0.1
+        again = swb.Nmpc(problem(m))
+        assert np.array_equal(swb.closed_loop(again, heavier, [1.0, 0.0], 80, delay=2, noise=[1e-3, 1e-3]).x, loop.x)
+
+
+def test_a_plant_with_dry_friction():
+    m, rough = integrator(), swb.Model(states="q v", controls="a")
+    rough.derivatives = [rough.x[1], rough.u[0] - 0.05 * swb.sign(rough.x[1])]
+    with swb.Nmpc(problem(m)) as c:
+        loop = swb.closed_loop(c, rough, [1.0, 0.0], 60)
+    assert np.abs(loop.x[-1]).max() < 0.1
+
+
+def test_references_and_parameters():
+    m = swb.Model(states="q", controls="u", parameters="d")
+    m.derivatives = [m.u[0] + m.p[0]]
+    ocp = swb.Ocp(m, 1.0, 10, rk_family="gauss_legendre", n_s=2, n_fe=2)
+    ocp.add_least_squares(m.function([m.x[0], m.u[0]]), [10, 0.1], np.zeros(2))
+    with swb.Nmpc(ocp) as c:
+        c.set_params([0.5])
+        c.set_references(0, [1.0, -0.5])
+        x = np.zeros(1)
+        for _ in range(40):
+            c.prepare()
+            u, _ = c.feedback(x)
+            x = x + 0.1 * (u + 0.5)
+        assert abs(x[0] - 1.0) < 1e-3 and abs(u[0] + 0.5) < 1e-2
+        with pytest.raises(swb.DimensionError):
+            c.set_params([1.0, 2.0])
+        with pytest.raises(swb.SwitchbackError):
+            c.set_references(3, [1.0])
+
+
+def test_there_is_always_a_control():
+    with swb.Nmpc(problem(integrator())) as c:
+        c.initialise([1.0, 0.0])
+        plan = c.plan.u[:, 0]
+        for k in range(N + 3):
+            c.prepare()
+            u, info = c.feedback([np.nan, 0.0])
+            assert info.source is (swb.NmpcSource.PLAN if k < N else swb.NmpcSource.HOLD)
+            assert u[0] == plan[min(k, N - 1)]
+
+
+def test_constraints_that_cannot_be_met():
+    m = integrator()
+    ocp = problem(m)
+    ocp.set_state_bounds([-np.inf, -0.2], [np.inf, 0.2])
+    with swb.Nmpc(ocp) as c:
+        c.prepare()
+        u, info = c.feedback([0.0, 3.0])
+        assert info.source is swb.NmpcSource.SOFT_QP and u[0] == -1.0
+        c.prepare()
+        _, info = c.feedback([0.0, 0.1])
+        assert info.source is swb.NmpcSource.QP
+        assert np.abs(c.plan.x[1:, 1]).max() <= 0.2 * (1 + 1e-9)
+
+
+def test_what_controllers_do_not_know():
+    m = swb.Model(states="q", controls="u")
+    m.derivatives = [m.u[0] - swb.sign(m.x[0])]
+    with pytest.raises(swb.UnsupportedError, match="switch"):
+        swb.Nmpc(swb.Ocp(m, 1.0, 5))
+    with pytest.raises(swb.ArgumentError, match="Ocp"):
+        swb.Nmpc(m)
+    with pytest.raises(swb.ArgumentError, match="scheme"):
+        swb.Nmpc(problem(integrator()), "fast")
