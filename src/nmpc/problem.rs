@@ -18,6 +18,8 @@ fn refuse<T>(what: &str) -> Result<T> {
 
 /// What a controller cannot do yet, said when it is made.
 fn check(s: &Statement) -> Result<()> {
+    s.system.check_without_transitions("real-time control")?;
+    s.system.check_without_contacts("real-time control")?;
     if !s.system.subsystems().is_empty() || !s.system.inclusions().is_empty() {
         return refuse("systems that switch: give it a smooth one, or solve the problem itself at every sample");
     }
