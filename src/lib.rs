@@ -29,6 +29,7 @@ pub mod event;
 pub mod expr;
 pub mod fesd;
 pub mod func;
+pub mod jumps;
 pub mod linalg;
 pub mod model;
 pub mod mpcc;

@@ -26,6 +26,13 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("event", &["error", "stop", "settings", "log", "tableau", "linalg", "func", "system", "contact", "dcs"]),
     ("fesd", &["error", "stop", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs"]),
     (
+        "jumps",
+        &[
+            "error", "stop", "settings", "log", "tableau", "linalg", "func", "expr", "nlp", "mpcc", "system", "event",
+            "fesd",
+        ],
+    ),
+    (
         "sim",
         &[
             "error", "stop", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "event",
@@ -36,7 +43,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         "ocp",
         &[
             "error", "stop", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "event",
-            "fesd", "sim",
+            "fesd", "jumps", "sim",
         ],
     ),
     ("nmpc", &["error", "stop", "settings", "tableau", "linalg", "func", "expr", "system", "fesd", "ocp", "qp"]),

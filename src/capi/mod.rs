@@ -139,6 +139,7 @@ pub mod nmpc;
 pub mod ocp;
 pub mod ocp_accuracy;
 pub mod ocp_optimality;
+pub mod ocp_scene;
 pub mod ocp_search;
 pub mod ocp_terms;
 pub mod ocp_transitions;

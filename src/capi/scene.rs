@@ -47,7 +47,7 @@ impl SceneObject {
         &mut self.scene
     }
 
-    fn built(&self) -> Result<&Built> {
+    pub(super) fn built(&self) -> Result<&Built> {
         self.built.as_ref().ok_or_else(|| Error::State("the scene is not built: call swb_scene_build first".into()))
     }
 }
@@ -410,6 +410,24 @@ pub struct swb_impact {
 }
 unsafe impl Sized8 for swb_impact {}
 
+/// An impact as a struct.
+pub(super) fn impact_of(i: &Impact) -> swb_impact {
+    swb_impact {
+        struct_size: 0,
+        t: i.t,
+        contact: i.contact as i64,
+        kind: i.kind as i64,
+        simultaneous: i.simultaneous.into(),
+        unique: i.unique.into(),
+        rate_before: i.rates[0],
+        rate_after: i.rates[1],
+        normal: i.impulse[0],
+        tangential: i.impulse[1],
+        tangential2: i.impulse[2],
+        depth: i.depth,
+    }
+}
+
 /// The impacts of a run in the order they happened; their number is n_impacts of swb_run_info.
 ///
 /// @param[out] impacts     [n] n_impacts
@@ -423,23 +441,7 @@ pub unsafe extern "C" fn swb_run_impacts(
     struct_size: u64,
 ) -> swb_status {
     guard(|| unsafe {
-        handle::with_ref(run, |r| {
-            let of = |i: &Impact| swb_impact {
-                struct_size: 0,
-                t: i.t,
-                contact: i.contact as i64,
-                kind: i.kind as i64,
-                simultaneous: i.simultaneous.into(),
-                unique: i.unique.into(),
-                rate_before: i.rates[0],
-                rate_after: i.rates[1],
-                normal: i.impulse[0],
-                tangential: i.impulse[1],
-                tangential2: i.impulse[2],
-                depth: i.depth,
-            };
-            write_structs(&r.run.impacts, of, impacts, n, struct_size, "impacts")
-        })
+        handle::with_ref(run, |r| write_structs(&r.run.impacts, impact_of, impacts, n, struct_size, "impacts"))
     })
 }
 

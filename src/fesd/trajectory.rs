@@ -104,6 +104,11 @@ impl Trajectory {
         }
     }
 
+    /// Elements that were found elsewhere, without modes; the start of one need not be the end of the last.
+    pub(crate) fn of_elements(tableau: &Tableau, nx: usize, elements: Vec<Element>) -> Trajectory {
+        Trajectory { tableau: tableau.clone(), nx, n_z: 0, modes: Vec::new(), elements, switches: Vec::new() }
+    }
+
     /// Times of the element boundaries, one more than elements.
     pub fn times(&self) -> Vec<f64> {
         let mut t: Vec<f64> = self.elements.iter().map(|e| e.t).collect();

@@ -67,7 +67,7 @@ const NOISE: f64 = 1e3;
 
 impl Accuracy {
     /// What is known without a simulation.
-    fn unknown(n_stages: usize, nx: usize) -> Accuracy {
+    pub(super) fn unknown(n_stages: usize, nx: usize) -> Accuracy {
         Accuracy {
             outcome: None,
             reason: String::new(),

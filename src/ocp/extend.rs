@@ -66,6 +66,28 @@ impl Soft {
     }
 }
 
+impl Soft {
+    /// Tells `take` the largest slack and the cost of the slacks, for the horizon or for every stage, whose controls are `wide`
+    /// numbers each.
+    pub(super) fn account(
+        &self,
+        at: &Slacks,
+        params: &[f64],
+        controls: &[f64],
+        wide: usize,
+        durations: &[f64],
+        take: &mut dyn FnMut(f64, f64),
+    ) {
+        let mut of = |slacks: &[f64], h: f64| take(slacks.iter().fold(0.0, |m, v| v.max(m)), self.penalty(slacks, h));
+        match at {
+            Slacks::Params(r) => of(&params[r.clone()], 1.0),
+            Slacks::Controls(r) => {
+                controls.chunks_exact(wide).zip(durations).for_each(|(u, h)| of(&u[r.clone()], *h));
+            }
+        }
+    }
+}
+
 /// Where the slacks of a soft constraint are.
 #[derive(Debug, Clone)]
 pub(super) enum Slacks {

@@ -28,6 +28,7 @@ mod phases;
 mod portfolio;
 mod request;
 mod rewire;
+mod scene;
 mod sensitivity;
 mod sequence;
 mod smoothing;
@@ -40,6 +41,7 @@ mod terms;
 mod transitions;
 
 pub use crate::fesd::Durations;
+pub use crate::jumps::{Contacts, Method as Jumps};
 pub use accuracy::Accuracy;
 pub use adapt::{Adaptation, Round};
 pub use modes::ModeSequence;
@@ -142,6 +144,8 @@ pub struct OcpResult {
     pub adaptation: Option<Adaptation>,
     /// Transitions, in the order of time.
     pub jumps: Vec<JumpMade>,
+    /// What the contacts of a scene do; `None` for other systems.
+    pub contacts: Option<Contacts>,
 }
 
 /// An optimal control problem.
@@ -186,6 +190,8 @@ pub struct Ocp {
     result: Option<OcpResult>,
     /// Sizes that are known already, for problems made of another one.
     sizes: Option<Sizes>,
+    /// How contact modes are found, where the system is a scene, and what the last solve knows of them.
+    scene: scene::SceneControl,
 }
 
 impl Ocp {
@@ -194,7 +200,6 @@ impl Ocp {
     pub fn new(system: &System, horizon: f64, n_stages: usize, settings: &Settings) -> Result<Ocp> {
         system.validate()?;
         system.check_transitions_are_followed()?;
-        system.check_without_contacts("optimal control")?;
         settings.validate()?;
         if !(horizon > 0.0 && horizon.is_finite()) {
             return Err(Error::Range(format!("the horizon is {horizon}: it must be positive and finite")));
@@ -238,6 +243,7 @@ impl Ocp {
             engine: None,
             result: None,
             sizes: None,
+            scene: scene::SceneControl::default(),
         })
     }
 

@@ -89,6 +89,7 @@ impl Ocp {
     /// Discretises the problem unless that was done: with the same structure, and on the same grid. A warm start stays on
     /// the grid there is, which adaptation may have changed.
     pub(super) fn build(&mut self, start: Start, options: &SolveOptions) -> Result<f64> {
+        self.system.check_without_contacts("this kind of optimal control problem")?;
         let n_fe = self.elements(options);
         let serves = |b: &Built| b.options.fits(options) && (start == Start::Warm || b.n_fe() == n_fe);
         if let Some(b) = self.built.as_mut().filter(|b| serves(b)) {
@@ -196,6 +197,9 @@ impl Ocp {
     /// set is tried first, and the homotopy only where that fails. Stays on the grid that adaptation has reached. Without a
     /// solution as [`Ocp::solve`]; a solve that failed for want of function values leaves the solution before.
     pub fn solve_warm(&mut self, control: &mut Control) -> Result<&OcpResult> {
+        if self.system.mechanics().is_some() {
+            return self.solve_scene(Start::Warm, control);
+        }
         let options = SolveOptions::from_settings(&self.settings)?;
         let known = self.built.as_ref().is_some_and(|b| b.last.is_some() && b.options.fits(&options));
         let known = known || (self.has_transitions() && self.result.is_some());
@@ -203,6 +207,9 @@ impl Ocp {
     }
 
     fn solve_from(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
+        if self.system.mechanics().is_some() {
+            return self.solve_scene(start, control);
+        }
         let request = Request::from_settings(&self.settings)?;
         // what was built is gone where this unwinds, and is built again by the next solve
         memory::bounded(self.settings.max_memory, || {
@@ -563,6 +570,7 @@ impl Ocp {
             optimality: None,
             adaptation: None,
             jumps: Vec::new(),
+            contacts: None,
         }
     }
 

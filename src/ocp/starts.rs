@@ -176,6 +176,7 @@ impl Ocp {
             engine: None,
             result: None,
             sizes: self.sizes.clone(),
+            scene: self.scene.blank(),
         }
     }
 }

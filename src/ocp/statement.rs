@@ -92,6 +92,7 @@ impl Ocp {
             engine: _,
             result: _,
             sizes: _,
+            scene: _,
         } = self;
         Statement {
             system,

@@ -426,7 +426,12 @@ NONSENSE = {
     "no contact of this number": (lambda: _run().force(7), swb.DimensionError, "no contact 7"),
     "contact of another scene": (_foreign, swb.ArgumentError, "contact 'floor' is one of another scene"),
     "force behind the end": (lambda: _run().force("floor", 2.0), swb.RangeError, "2 is outside of the run"),
-    "optimal control": (lambda: swb.Ocp(ball(), 1.0, 4), swb.UnsupportedError, "cannot follow contacts"),
+    "a gap that is negative at the start of a control problem": (
+        lambda: swb.Ocp(ball(), 1.0, 4, initial_state=[-1.0, 0.0]).solve(),
+        swb.RangeError,
+        "the gap of contact floor is -1",
+    ),
+    "no such search for jumps": (lambda: swb.Ocp(ball(), 1.0, 4, jumps="magic"), swb.ArgumentError, "magic"),
     "finite elements": (lambda: swb.simulate_fesd(ball(), [1, 0], 1.0, 4), swb.UnsupportedError, "cannot follow contacts"),
     "undefined force": (lambda: _force(lambda s: [np.nan, 0]), swb.NonfiniteError, "NaN"),
 }

@@ -4,6 +4,7 @@ mod adaptation;
 mod automata;
 mod gallery;
 mod guesses;
+mod jumps;
 mod latency;
 mod linalg;
 mod model_eval;
@@ -51,6 +52,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("model-eval", model_eval::run),
     ("relaxations", relaxations::run),
     ("scenes", scenes::run),
+    ("jumps", jumps::run),
 ];
 
 pub const BOTH: [Discretisation; 2] = [Discretisation::Fesd, Discretisation::Standard];

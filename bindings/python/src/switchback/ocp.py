@@ -11,8 +11,9 @@ import numpy
 from ._arrays import Array, address, bounds, choice, index, number, real, table, vector
 from ._call import text
 from ._document import Reader
-from ._ffi import Outcome, PathAt, Polished, swb_accuracy, swb_kink, swb_ocp_jump, swb_optimality
+from ._ffi import Jumps, Outcome, PathAt, Polished, swb_accuracy, swb_kink, swb_ocp_jump, swb_optimality
 from ._library import lib
+from ._ocp_contacts import OcpContacts
 from ._ocp_search import Adaptation, OcpSearch
 from ._ocp_terms import OcpTerms
 from .errors import ArgumentError, DimensionError, StateError
@@ -109,6 +110,8 @@ class OcpResult(HasOutcome):
     jumps: list[OcpJump] = field(default_factory=list, repr=False)
     #: The system of the problem; None for a problem from a document.
     system: System | None = field(default=None, repr=False)
+    #: What the contacts of a scene do; None for other systems.
+    contacts: OcpContacts | None = field(default=None, repr=False)
 
     def discrete(self, state: Any) -> list[Any]:
         """The values of a discrete state in their order, with their times: a list of `Interval(start, end, value)`.
@@ -168,6 +171,10 @@ class Ocp(OcpTerms, OcpSearch):
 
     Bounds are infinite, the initial state is free, initial time and parameters are zero, and there is no cost,
     until they are set, by keyword or by the methods. Options by `settings` or by keyword.
+
+    A `Scene` stands where a system does: its contacts close, slide, stick and bounce in physical time, and the answer says
+    when (`OcpResult.contacts`). `jumps` says how that is found: "modes" from a simulation of the guess and the orders of
+    contacts next to it, "fesd_j" by finite elements with jumps, "auto" by both.
     """
 
     _kind = "ocp"
@@ -188,6 +195,7 @@ class Ocp(OcpTerms, OcpSearch):
         state_bounds: Sequence[Any] | None = None,
         control_bounds: Sequence[Any] | None = None,
         params: Any = None,
+        jumps: Jumps | str = Jumps.AUTO,
         on_iteration: OnIteration | None = None,
         on_log: OnLog | None = None,
         **options: Any,
@@ -200,6 +208,8 @@ class Ocp(OcpTerms, OcpSearch):
         self._create(system, self.horizon, self.n_stages, ctypes.byref(chosen._c))
         self._functions = list(system._functions)
         self._system = system
+        self._contacts = system._contacts if system._scene is not None else None
+        self._do("set_jumps", choice(Jumps, jumps, "jumps"))
         self._monitors(on_iteration, on_log)
         for value, method in (
             (lagrange, self.set_lagrange),
@@ -235,6 +245,7 @@ class Ocp(OcpTerms, OcpSearch):
         ocp.horizon, ocp.n_stages, ocp.initial_time = float(data["horizon"]), data["n_stages"], float(data["t0"])
         ocp._functions = list(reader.functions)
         ocp._system = None
+        ocp._contacts = None
         ocp._monitors(None, None)
         return ocp
 
@@ -332,13 +343,14 @@ class Ocp(OcpTerms, OcpSearch):
         self._do("get_controls", address(u), u.size)
         durations = self._vector("get_durations", self.n_stages)
         times = self.initial_time + numpy.concatenate(([0.0], numpy.cumsum(durations)))
+        trajectory = Trajectory._take(self)
         return OcpResult(
             self.outcome,
             polished_of(self._get("get_polished", ctypes.c_int32)),
             self._get("get_cost", ctypes.c_double),
             u,
             times,
-            Trajectory._take(self),
+            trajectory,
             self.residuals,
             self.stats,
             *self._accuracy(),
@@ -352,6 +364,7 @@ class Ocp(OcpTerms, OcpSearch):
             self._jumps(),
             self._system,
             self._optimality(),
+            contacts=None if self._contacts is None else OcpContacts(self, trajectory),
         )
 
     def _jumps(self) -> list[OcpJump]:

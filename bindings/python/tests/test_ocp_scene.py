@@ -1,0 +1,82 @@
+"""Optimal control of scenes: contacts, impacts and friction in physical time."""
+
+import math
+
+import numpy as np
+import pytest
+
+import switchback as swb
+
+G = 9.81
+
+
+def puck(jumps="auto", **keywords):
+    """Example 8.19 of the thesis: a point mass falls on a rough floor and is pushed along it."""
+    s = swb.Scene("x y", u="ux", name="puck")
+    x, y = s.q
+    s.force([s.u[0], -G])
+    s.contact("floor", gap=y, tangents=[x], mu=0.6)
+    ocp = swb.Ocp(
+        s,
+        2.0,
+        20,
+        n_s=2,
+        n_fe=1,
+        lagrange=s.function(s.u[0] ** 2),
+        initial_state=[0, 1, 0, 0],
+        control_bounds=(-10, 10),
+        jumps=jumps,
+        **keywords,
+    )
+    ocp.add_terminal(s.function([x, y, *s.v]), [3, 0, 0, 0], [3, 0, 0, 0])
+    return ocp
+
+
+def test_a_puck_lands_slides_and_sticks():
+    r = puck().solve()
+    assert r.success
+    assert r.cost == pytest.approx(72.639278346280518, abs=1e-9)
+    assert r.accuracy.terminal < 1e-9
+    (hit,) = r.contacts.impacts
+    assert hit.name == "floor" and hit.t == pytest.approx(math.sqrt(2 / G), abs=1e-10)
+    assert hit.tangential[0] == pytest.approx(-0.6 * hit.normal)
+    assert r.contacts.mode("floor", [0.1, 1.0, 1.9]).tolist() == [0, 2, 1]
+    force = r.contacts.force("floor", np.array([0.1, 1.0]))
+    assert np.allclose(force, [[0, 0], [G, -0.6 * G]], atol=1e-8)
+    assert "impact of floor" in r.contacts.table() and "floor slides" in r.contacts.table()
+    # the velocity jumps: both limits are there
+    t = r.trajectory
+    k = int(np.argmin(np.abs(t.times - hit.t)))
+    assert t.stage_states[k - 1, -1, 3] == pytest.approx(-math.sqrt(2 * G)) and abs(t.states[k, 3]) < 1e-9
+
+
+def test_two_carts_and_a_target_that_only_a_hit_reaches():
+    s = swb.Scene("a b", u="F", name="carts")
+    a, b = s.q
+    s.force([s.u[0], 0.0])
+    s.contact("carts", gap=b - a, e=0.5)
+    ocp = swb.Ocp(
+        s, 2.0, 10, n_s=2, n_fe=1, lagrange=s.function(s.u[0] ** 2), initial_state=[0, 1, 0, 0], control_bounds=(-20, 20)
+    )
+    ocp.add_terminal(s.function([b]), [2.0], [2.0])
+    r = ocp.solve()
+    assert r.success and r.accuracy.terminal < 1e-6
+    assert r.contacts.impacts or any(m[0] for _, _, m in r.contacts.phases)
+
+
+def test_errors_have_words():
+    ocp = puck()
+    ocp.set_initial_state([0, -0.5, 0, 0])
+    with pytest.raises(swb.RangeError, match="the gap of contact floor is -0.5 at the initial state"):
+        ocp.solve()
+    with pytest.raises(swb.DimensionError):
+        puck().solve().contacts.force(3, 0.5)
+    with pytest.raises(swb.RangeError):
+        puck().solve().contacts.mode(0, 5.0)
+
+
+def test_other_systems_have_no_contacts():
+    m = swb.Model(x="x", u="u")
+    m.derivative(m.x[0], m.u[0])
+    r = swb.Ocp(m, 1.0, 4, lagrange=m.function(m.u[0] ** 2), initial_state=[1.0]).solve()
+    assert r.contacts is None

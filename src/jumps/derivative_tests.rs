@@ -1,0 +1,138 @@
+//! Derivatives of all programs against differences.
+
+use std::sync::Arc;
+
+use super::assembly::Program;
+use super::modes::{ContactMode, Phase, Sequence};
+use super::problem::{Problem, Statement};
+use super::track::{Piece, Track};
+use super::transcribe::Transcription;
+use super::{complementary, modal};
+use crate::expr::Graph;
+use crate::fesd::Durations;
+use crate::func::Dims;
+use crate::nlp::Nlp;
+use crate::scene::{Contact, Scene};
+use crate::tableau::{Family, Tableau};
+
+/// A driven point above a moving curve with friction and restitution, whose mass depends on where it is; cost and time couple.
+fn problem() -> Problem {
+    let g = Graph::new();
+    let (x, y, vx, vy, u, p, t) = (g.x(0), g.x(1), g.x(2), g.x(3), g.u(0), g.p(0), g.t());
+    let mut scene = Scene::new("test", 2, 2, 1, 1).unwrap();
+    let mass = x * x * 0.2 + 1.0;
+    let zero = g.constant(0.0);
+    scene.set_inertia(&[mass.id(), zero.id(), zero.id(), mass.id()]).unwrap();
+    scene.set_force(0, (u - vx * vx * x * 0.2).id()).unwrap();
+    scene.set_force(1, (p * -9.81 * mass + t.sin()).id()).unwrap();
+    let contact = Contact {
+        friction: (x * x * 0.1 + 0.4).id(),
+        restitution: (g.constant(0.3) + x * x * 0.01).id(),
+        tangents: vec![(vx + x * vy * 0.4).id()],
+        ..Contact::new(&g, "floor", y - x * x * 0.2 + t.cos() * 0.1)
+    };
+    scene.add_contact(contact).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    let dims = Dims { x: 4, u: 1, p: 1 };
+    let cost = g.function("cost", dims, &[u * u * x + vy * t + x * vx]).unwrap();
+    let free = |n: usize| [vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]];
+    Problem::new(Statement {
+        system,
+        dims,
+        wide: dims,
+        tableau: Tableau::new(Family::RadauIia, 2).unwrap(),
+        n_fe: vec![1, 2],
+        durations: vec![0.5, 0.7],
+        time: Durations::Horizon,
+        time_bounds: [0.5, 2.0],
+        t0: 0.3,
+        lagrange: Some(Arc::new(cost)),
+        mayer: Some(Arc::new(g.function("end", dims, &[x * y * p]).unwrap())),
+        grid_cost: None,
+        path: Vec::new(),
+        terminal: Vec::new(),
+        boundary: Vec::new(),
+        x_bounds: free(4),
+        x0_bounds: free(4),
+        u_bounds: free(1),
+        params: vec![1.0, 1.1],
+        free: vec![None],
+    })
+    .unwrap()
+}
+
+fn track(p: &Problem) -> Track {
+    let piece = |k: usize| Piece {
+        t: 0.3 + 0.6 * k as f64,
+        h: 0.6,
+        stage: k,
+        modes: vec![ContactMode::Open],
+        x0: vec![0.1, 1.0, 0.2, -0.3],
+        xs: vec![0.2, 0.9, 0.3, -0.4, 0.3, 0.8, 0.1, -0.5],
+        forces: vec![1.0, 0.2, 1.5, -0.1],
+        ..Piece::default()
+    };
+    let pieces = vec![piece(0), piece(1)];
+    Track { tableau: p.given().tableau.clone(), nx: 4, pieces, controls: vec![0.5, -0.4], free: Vec::new() }
+}
+
+/// Central differences of values against the Jacobian, and of the gradient of the Lagrangian against the Hessian.
+fn check(t: &mut Transcription) {
+    let p: &mut Program = &mut t.program;
+    let (n, m) = (p.n(), p.m());
+    // a point at which nothing is zero
+    let w: Vec<f64> = (0..n).map(|j| 0.5 + 0.3 * (1.7 * j as f64).sin()).collect();
+    let y: Vec<f64> = (0..m).map(|i| 0.2 + (0.9 * i as f64).cos()).collect();
+    let lagrangian = |p: &mut Program, w: &[f64]| {
+        let (mut grad, mut jac) = (vec![0.0; n], vec![0.0; p.jac_pattern().nnz()]);
+        p.derivatives(w, &mut grad, &mut jac).unwrap();
+        for (j, v) in grad.iter_mut().enumerate() {
+            let pattern = p.jac_pattern();
+            *v = 1.3 * *v + pattern.range(j).map(|k| jac[k] * y[pattern.row_idx()[k]]).sum::<f64>();
+        }
+        grad
+    };
+    let gradient = lagrangian(p, &w);
+    let mut hess = vec![0.0; p.hess_pattern().nnz()];
+    p.hessian(&w, 1.3, &y, &mut hess).unwrap();
+    let value = |p: &mut Program, w: &[f64]| {
+        let mut c = vec![0.0; m];
+        1.3 * p.eval(w, &mut c).unwrap() + c.iter().zip(&y).map(|(c, y)| c * y).sum::<f64>()
+    };
+    let h = 1e-5;
+    for j in 0..n {
+        let moved = |by: f64| {
+            let mut w = w.clone();
+            w[j] += by;
+            w
+        };
+        let d = (value(p, &moved(h)) - value(p, &moved(-h))) / (2.0 * h);
+        assert!((d - gradient[j]).abs() < 1e-6 * d.abs().max(1.0), "gradient {j}: {} against {d}", gradient[j]);
+        let (right, left) = (lagrangian(p, &moved(h)), lagrangian(p, &moved(-h)));
+        for i in 0..n {
+            let d = (right[i] - left[i]) / (2.0 * h);
+            let found = p.hess_pattern().get(i.min(j), i.max(j)).map_or(0.0, |k| hess[k]);
+            assert!((d - found).abs() < 1e-5 * d.abs().max(1.0), "second derivative {i}, {j}: {found} against {d}");
+        }
+    }
+}
+
+#[test]
+fn mode_programs_have_the_derivatives_of_their_values() {
+    use ContactMode::{Closed, Open, Slides, SlidesBack};
+    let p = problem();
+    let phase = |mode, jump: Option<ContactMode>| Phase { modes: vec![mode], jump: jump.map(|j| vec![j]), share: 0.5 };
+    let s = Sequence {
+        stages: vec![
+            vec![phase(Open, None), phase(Open, Some(Slides)), phase(Closed, Some(Closed))],
+            vec![phase(Slides, None), phase(SlidesBack, None), phase(Open, None)],
+        ],
+    };
+    check(&mut modal::transcribe(&p, &s, &track(&p)));
+}
+
+#[test]
+fn finite_elements_with_jumps_have_the_derivatives_of_their_values() {
+    let p = problem();
+    check(&mut complementary::transcribe(&p, 2, 0.7, &track(&p)));
+}

@@ -1,0 +1,33 @@
+//! Optimal control of scenes in physical time: contacts, impacts and friction as finite elements with jumps.
+//!
+//! - [`modal`]: the *contact mode program*, smooth, for given contact modes and jumps. Every answer is one of its solutions.
+//! - [`complementary`]: *FESD with jumps*, an MPCC that finds modes and jumps.
+//! - [`search`]: from a simulated guess, or from FESD with jumps, to modes; from modes to those next to them as long as the cost
+//!   falls.
+//!
+//! All programs are sums of model functions at points ([`assembly`]); [`transcribe`] writes motion, costs and constraints, which
+//! are the same for all of them.
+
+mod assembly;
+mod complementary;
+#[cfg(test)]
+mod derivative_tests;
+mod functions;
+mod modal;
+mod modes;
+mod neighbours;
+mod problem;
+mod result;
+mod search;
+mod sensitivity;
+mod simulate;
+mod track;
+mod transcribe;
+
+pub use modes::{ContactMode, Key, Phase, Sequence};
+pub use problem::{Problem, Statement};
+pub(crate) use result::trajectory;
+pub use result::Contacts;
+pub use search::{solve, Answer, Method, Options, Solved};
+pub use sensitivity::Derivatives;
+pub use simulate::{replay, Replay};

@@ -1,0 +1,400 @@
+//! The contact mode program: a smooth program for given contact modes and jumps, in physical time.
+//!
+//! Forces exist only where a contact is closed. A closed contact has `ġ = 0` at the stage points (and `ṡ`-free sticking `s = 0`),
+//! a differential-algebraic equation of index 2, in which Radau IIA methods of `s` stages keep their order `2s − 1` of the
+//! state on curved gaps (E. Hairer, Ch. Lubich, M. Roche, *The Numerical Solution of Differential-Algebraic Systems by
+//! Runge-Kutta Methods*, 1989, section 4); the gap itself is zero where the contact closes.
+//!
+//! An event inside a control stage adds the equation that decides when it happens: a gap or a sliding speed that is zero at
+//! the end of the phase, or, where a contact opens or begins to slide, a force at that point. Forces at stage points are less
+//! accurate than states, so the forces that decide are those of the accelerations at the point itself, as functions of the
+//! state there.
+
+use super::assembly::{Input, NOWHERE};
+use super::modes::{ContactMode, Phase, Sequence};
+use super::problem::Problem;
+use super::track::Track;
+use super::transcribe::{Forces, Jump, Place, Planned, Transcriber, Transcription, EQUAL, FREE, INF, POSITIVE};
+use crate::fesd::Durations;
+use crate::func::Point;
+use crate::system::SharedFunction;
+
+/// Shortest phase, as a share of its control stage. One that gets there wants to vanish: another sequence is to be tried.
+pub(super) const SHORTEST: f64 = 1e-4;
+
+/// The elements of a sequence.
+pub(super) fn plan(p: &Problem, s: &Sequence) -> Vec<Planned> {
+    let g = &p.given;
+    let mut plan = Vec::new();
+    let mut t = g.t0;
+    for (k, stage) in s.stages.iter().enumerate() {
+        let length = g.durations[k];
+        for phase in stage {
+            let n = n_elements(p, k, phase);
+            let h = length * phase.share / n as f64;
+            for i in 0..n {
+                let alone = stage.len() == 1 && g.time == Durations::Fixed;
+                let least = SHORTEST * length / n as f64;
+                plan.push(Planned {
+                    stage: k,
+                    modes: Some(phase.modes.clone()),
+                    jump: if i == 0 { phase.jump.clone().map(Jump::Given) } else { None },
+                    span: [t, t + h],
+                    length: if alone { [h, h] } else { [least, INF] },
+                    tied: i > 0 && !alone,
+                });
+                t += h;
+            }
+        }
+    }
+    plan
+}
+
+/// The program of a sequence, started from a guess whose phases are as long as the shares of the sequence say.
+pub(super) fn transcribe(p: &Problem, s: &Sequence, guess: &Track) -> Transcription {
+    let plan = plan(p, s);
+    let mut m = Modal { t: Transcriber::new(p, guess), opened: vec![None; p.n_contacts()] };
+    for k in 0..plan.len() {
+        if k == 0 || plan[k].stage != plan[k - 1].stage {
+            m.t.stage();
+        }
+        if k == 0 {
+            m.beginning(&plan[0]);
+        } else if plan[k].jump.is_none() {
+            m.change(&plan[k - 1], &plan[k]);
+        }
+        let n = m.t.element(&plan[k]);
+        if let Some(Jump::Given(parts)) = &plan[k].jump {
+            m.impact(n, parts, &plan[k], k.checked_sub(1).map(|k| &plan[k]));
+        }
+        m.note_openings(k.checked_sub(1).map(|k| &plan[k]), &plan[k], n);
+        m.contacts(n, &plan[k], plan.get(k + 1));
+    }
+    m.t.finish()
+}
+
+/// Largest gap, and rate of a gap, of a contact that is closed at a given initial state, as a share of the size of the state: what
+/// keeps it apart is more than rounding from there on.
+const TOUCHES: f64 = 1e-7;
+
+/// Can a sequence begin at the initial state, where that is given: are closed contacts closed there?
+pub(super) fn can_begin(p: &Problem, s: &Sequence) -> bool {
+    let g = &p.given;
+    let x0 = &g.x0_bounds[0];
+    if x0.iter().zip(&g.x0_bounds[1]).any(|(l, u)| l != u) {
+        return true;
+    }
+    let Some(first) = s.stages.first().and_then(|stage| stage.first()) else { return false };
+    let u = vec![0.0; g.dims.u];
+    let at = Point { t: g.t0, x: x0, u: &u, p: &g.params[..g.dims.p] };
+    let size = x0.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+    let is_zero = |f: &SharedFunction| {
+        let mut out = [f64::NAN];
+        f.value(&at, &mut out, &mut vec![0.0; f.work_len()]).is_ok() && out[0].abs() <= TOUCHES * size
+    };
+    (0..p.n_contacts()).all(|i| {
+        let c = &p.functions.contacts[i];
+        let hit = first.jump.as_ref().is_some_and(|parts| parts[i].is_closed());
+        let slides = first.modes[i] == ContactMode::Closed && c.slide.as_ref().is_some_and(|f| !is_zero(f));
+        let closed = first.modes[i].is_closed() || hit;
+        !closed || (is_zero(&c.gap) && (first.jump.is_some() || (is_zero(&c.rate) && !slides)))
+    })
+}
+
+fn modes(plan: &Planned) -> &[ContactMode] {
+    plan.modes.as_deref().unwrap_or(&[])
+}
+
+/// Adds the contacts.
+struct Modal<'a> {
+    t: Transcriber<'a>,
+    /// Where open contacts have opened: what the gap has drifted off zero while it was closed is no violation.
+    opened: Vec<Option<Place>>,
+}
+
+impl Modal<'_> {
+    fn n_contacts(&self) -> usize {
+        self.t.p.n_contacts()
+    }
+
+    /// Variables of the force of a contact, or of an impulse, that start from these values.
+    fn forces(&mut self, i: usize, start: [f64; 2]) -> Forces {
+        let normal = self.t.b.variables(1, POSITIVE, start[0].max(0.0), 1.0);
+        let tangential = (self.t.contact(i).n_tangents > 0).then(|| self.t.b.variables(1, FREE, start[1], 1.0));
+        Forces { normal, tangential }
+    }
+
+    /// Friction of a contact that is closed in this mode: inside of the cone, or on its border.
+    fn friction(&mut self, i: usize, mode: ContactMode, inputs: &[Input]) {
+        let Some(cone) = &self.t.contact(i).cone else { return };
+        // outputs μλ − τ, μλ + τ; where one is zero the other is implied
+        let rows = match mode {
+            ContactMode::Slides => [NOWHERE, self.t.b.rows(1, EQUAL) as u32],
+            ContactMode::SlidesBack => [self.t.b.rows(1, EQUAL) as u32, NOWHERE],
+            _ => {
+                let both = self.t.b.rows(2, POSITIVE) as u32;
+                [both, both + 1]
+            }
+        };
+        self.t.b.term(cone, inputs, 1.0, None, rows);
+    }
+
+    /// Contacts of an element at its stage points.
+    fn contacts(&mut self, n: usize, plan: &Planned, next: Option<&Planned>) {
+        let n_s = self.t.elements[n].points.len();
+        for i in 0..self.n_contacts() {
+            let mode = modes(plan)[i];
+            for j in 0..n_s {
+                let (at, stage) = (self.t.elements[n].points[j], plan.stage);
+                let inputs = self.t.inputs(at, stage, &[]);
+                let ends = j + 1 == n_s;
+                if mode == ContactMode::Open {
+                    if !(ends && next.is_some_and(|next| takes_part(next, i))) {
+                        self.gap_not_negative(i, at, stage);
+                    }
+                    continue;
+                }
+                let t = plan.span[0] + self.t.p.given.tableau.c[j] * (plan.span[1] - plan.span[0]);
+                let forces = self.forces(i, self.t.guess.force(t, i));
+                self.t.add_force(n, j, i, forces);
+                let c = self.t.contact(i);
+                self.t.row(&c.rate, &inputs, EQUAL);
+                let stops = ends && next.is_some_and(|next| stops(plan, next, i));
+                if let Some(slide) = &c.slide {
+                    match mode {
+                        ContactMode::Closed => {
+                            self.t.row(slide, &inputs, EQUAL);
+                        }
+                        // where it stops the speed is zero: a row of the event
+                        _ if stops => {}
+                        ContactMode::Slides => {
+                            self.t.row(slide, &inputs, POSITIVE);
+                        }
+                        _ => {
+                            self.t.row(slide, &inputs, [-INF, 0.0]);
+                        }
+                    }
+                }
+                let inputs = self.t.force_inputs(at, stage, None, forces);
+                self.friction(i, mode, &inputs);
+            }
+        }
+    }
+
+    fn gap_not_negative(&mut self, i: usize, at: Place, stage: usize) {
+        let gap = &self.t.contact(i).gap;
+        let inputs = self.t.inputs(at, stage, &[]);
+        let row = self.t.row(gap, &inputs, POSITIVE);
+        if let Some(opened) = self.opened[i] {
+            let inputs = self.t.inputs(opened, stage, &[]);
+            self.t.b.term(gap, &inputs, -1.0, None, [row as u32]);
+        }
+    }
+
+    /// Remembers where contacts open, and forgets it where they close.
+    fn note_openings(&mut self, before: Option<&Planned>, plan: &Planned, n: usize) {
+        for i in 0..self.n_contacts() {
+            let was = before.is_some_and(|b| modes(b)[i].is_closed());
+            if was && modes(plan)[i] == ContactMode::Open {
+                self.opened[i] = Some(self.t.elements[n].start);
+            } else if takes_part(plan, i) {
+                self.opened[i] = None;
+            }
+        }
+    }
+
+    /// Contacts closed at the initial time: a condition on the initial state as far as that is free.
+    fn beginning(&mut self, plan: &Planned) {
+        let x0 = self.t.last_end();
+        let n_x = self.t.p.given.dims.x;
+        let is_free = |m: &Self, f: &SharedFunction| {
+            let p = f.jac_pattern();
+            (0..n_x).any(|k| !p.rows(k).is_empty() && m.t.b.xl[x0.q + k] < m.t.b.xu[x0.q + k])
+        };
+        for i in 0..self.n_contacts() {
+            let c = self.t.contact(i);
+            let inputs = self.t.inputs(x0, 0, &[]);
+            let closed = modes(plan)[i].is_closed();
+            if is_free(self, &c.gap) && !takes_part(plan, i) {
+                self.t.row(&c.gap, &inputs, if closed { EQUAL } else { POSITIVE });
+            }
+            if !closed || plan.jump.is_some() {
+                continue;
+            }
+            if is_free(self, &c.rate) {
+                self.t.row(&c.rate, &inputs, EQUAL);
+            }
+            if let Some(slide) = c.slide.as_ref().filter(|f| modes(plan)[i] == ContactMode::Closed && is_free(self, f))
+            {
+                self.t.row(slide, &inputs, EQUAL);
+            }
+        }
+    }
+
+    /// Conditions of a change of modes without an impact, at the end of the last element.
+    fn change(&mut self, before: &Planned, next: &Planned) {
+        let at = self.t.last_end();
+        let inside = before.stage == next.stage;
+        let mut decides = Vec::new();
+        for i in 0..self.n_contacts() {
+            let (a, b) = (modes(before)[i], modes(next)[i]);
+            if a == b {
+                continue;
+            }
+            let c = self.t.contact(i);
+            let inputs = self.t.inputs(at, before.stage, &[]);
+            match (a, b) {
+                // a contact closes without an impact: the gap comes to zero with its rate
+                (ContactMode::Open, _) => {
+                    self.t.row(&c.gap, &inputs, EQUAL);
+                    self.t.row(&c.rate, &inputs, EQUAL);
+                }
+                (_, ContactMode::Open) | (ContactMode::Closed, _) => decides.push(i),
+                _ => {
+                    if let Some(slide) = &c.slide {
+                        self.t.row(slide, &inputs, EQUAL);
+                    }
+                }
+            }
+        }
+        if inside && !decides.is_empty() {
+            self.decisive_forces(at, before, next, &decides);
+        }
+    }
+
+    /// Accelerations and forces at a point under the modes before it; those of the contacts that open there are zero, those
+    /// of contacts that begin to slide are on the border of their cone.
+    fn decisive_forces(&mut self, at: Place, before: &Planned, next: &Planned, decides: &[usize]) {
+        let (stage, n_v) = (before.stage, self.t.p.functions.n_v);
+        let h = (before.span[1] - before.span[0]).max(f64::MIN_POSITIVE);
+        let a = self.t.b.variables(n_v, FREE, 0.0, 1.0);
+        if let Some(last) = self.t.elements.last() {
+            let rate = last.rates[last.rates.len() - 1] + self.t.p.functions.n_q;
+            for i in 0..n_v {
+                self.t.b.start[a + i] = self.t.b.start[rate + i] / h;
+            }
+        }
+        let rows = self.t.b.rows(n_v, EQUAL);
+        let velocities = || (rows..rows + n_v).map(|r| r as u32);
+        let more: Vec<Input> = (0..n_v).map(|i| Input::Variable(a + i)).collect();
+        let inputs = self.t.inputs(at, stage, &more);
+        let f = &self.t.p.functions;
+        self.t.b.term(&f.momentum, &inputs, 1.0, None, velocities());
+        let inputs = self.t.inputs(at, stage, &[]);
+        let places = (0..f.n_q).map(|_| NOWHERE).chain(velocities());
+        self.t.b.term(&f.smooth, &inputs, -1.0, None, places);
+        for i in 0..self.n_contacts() {
+            let mode = modes(before)[i];
+            if !mode.is_closed() {
+                continue;
+            }
+            let forces = self.forces(i, self.t.guess.force(before.span[1], i));
+            let inputs = self.t.force_inputs(at, stage, Some(a), forces);
+            let c = self.t.contact(i);
+            self.t.b.term(&c.push, &inputs, -1.0, None, velocities());
+            let n = c.accelerate.n_out();
+            // what slides has an acceleration along the tangent
+            let held = if mode == ContactMode::Closed { n } else { 1 };
+            let rows = self.t.b.rows(held, EQUAL);
+            let rows = (0..n).map(|k| if k < held { (rows + k) as u32 } else { NOWHERE });
+            self.t.b.term(&c.accelerate, &inputs, 1.0, None, rows);
+            if mode != ContactMode::Closed {
+                self.friction(i, mode, &inputs);
+            } else if decides.contains(&i) && modes(next)[i].is_closed() {
+                self.friction(i, modes(next)[i], &inputs);
+            }
+            if decides.contains(&i) && !modes(next)[i].is_closed() {
+                (self.t.b.xl[forces.normal], self.t.b.xu[forces.normal]) = (0.0, 0.0);
+            }
+        }
+    }
+
+    /// An impact at the start of element `n`.
+    fn impact(&mut self, n: usize, parts: &[ContactMode], plan: &Planned, last: Option<&Planned>) {
+        let Some(mut impact) = self.t.elements[n].impact.clone() else { return };
+        let (at, stage) = (self.t.elements[n].start, plan.stage);
+        let control = last.map_or(stage, |l| l.stage);
+        let x0_is_free = n > 0 || (0..self.t.p.functions.n_q).any(|k| self.t.b.xl[at.q + k] < self.t.b.xu[at.q + k]);
+        for i in 0..self.n_contacts() {
+            let c = self.t.contact(i);
+            let inputs = self.t.inputs(at, control, &[]);
+            let was_closed = last.is_some_and(|l| modes(l)[i].is_closed());
+            if !parts[i].is_closed() {
+                if was_closed {
+                    self.t.row(&c.rate, &inputs, POSITIVE);
+                }
+                continue;
+            }
+            let start = self.guessed_impulse(plan.span[0], i);
+            let forces = self.forces(i, start);
+            impact.impulses[i] = Some(forces);
+            if !was_closed && x0_is_free {
+                let inputs = self.t.inputs(impact.before, control, &[]);
+                self.t.row(&c.gap, &inputs, EQUAL);
+            }
+            let both = self.both_velocities(impact.before, at, control);
+            self.t.row(&c.rebound, &both, EQUAL);
+            if let Some(slide) = &c.slide {
+                let bounds = match parts[i] {
+                    ContactMode::Closed => EQUAL,
+                    ContactMode::Slides => POSITIVE,
+                    _ => [-INF, 0.0],
+                };
+                self.t.row(slide, &inputs, bounds);
+            }
+            let inputs = self.t.force_inputs(at, control, None, forces);
+            self.friction(i, parts[i], &inputs);
+        }
+        self.t.impact_forces(control, at, &impact);
+        self.t.elements[n].impact = Some(impact);
+    }
+
+    fn guessed_impulse(&self, t: f64, i: usize) -> [f64; 2] {
+        let near = self.t.guess.pieces.iter().filter(|p| p.impulses.len() > 2 * i + 1 && p.impulses[2 * i] > 0.0);
+        let nearest = near.min_by(|a, b| (a.t - t).abs().total_cmp(&(b.t - t).abs()));
+        nearest.map_or([0.0; 2], |p| [p.impulses[2 * i], p.impulses[2 * i + 1]])
+    }
+
+    /// Inputs `(q, v⁻, v⁺)` of a restitution.
+    fn both_velocities(&self, before: Place, after: Place, stage: usize) -> Vec<Input> {
+        let (n_q, n_v) = (self.t.p.functions.n_q, self.t.p.functions.n_v);
+        let mut inputs = self.t.inputs(before, stage, &[]);
+        let later = (after.v..after.v + n_v).map(Input::Variable);
+        inputs.splice(n_q + n_v..n_q + n_v, later);
+        inputs
+    }
+}
+
+/// Has contact `i` an impulse at the start of an element?
+fn takes_part(plan: &Planned, i: usize) -> bool {
+    matches!(&plan.jump, Some(Jump::Given(parts)) if parts[i].is_closed())
+}
+
+/// Does contact `i` stop sliding at the end of an element, without an impact?
+fn stops(plan: &Planned, next: &Planned, i: usize) -> bool {
+    let (a, b) = (modes(plan)[i], modes(next)[i]);
+    next.jump.is_none() && a.sign() != 0.0 && b.is_closed() && b != a
+}
+
+/// Elements of a phase.
+fn n_elements(p: &Problem, stage: usize, phase: &Phase) -> usize {
+    ((p.given.n_fe[stage] as f64 * phase.share).ceil() as usize).max(1)
+}
+
+/// Lengths of the phases of a sequence in the motion of its program.
+pub(super) fn phase_lengths(p: &Problem, s: &Sequence, found: &Track) -> Vec<Vec<f64>> {
+    let mut pieces = found.pieces.iter();
+    let mut of = |k: usize, phase: &Phase| pieces.by_ref().take(n_elements(p, k, phase)).map(|p| p.h).sum();
+    s.stages.iter().enumerate().map(|(k, stage)| stage.iter().map(|phase| of(k, phase)).collect()).collect()
+}
+
+/// Phases that are as short as they may be at a solution: those that want to vanish. In pairs of stage and place in it.
+pub(super) fn vanishing(lengths: &[Vec<f64>]) -> Vec<(usize, usize)> {
+    let mut out = Vec::new();
+    for (k, stage) in lengths.iter().enumerate() {
+        let whole: f64 = stage.iter().sum();
+        let short = |i: &usize| stage.len() > 1 && stage[*i] < 2.0 * SHORTEST * whole;
+        out.extend((0..stage.len()).filter(short).map(|i| (k, i)));
+    }
+    out
+}

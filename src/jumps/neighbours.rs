@@ -1,0 +1,243 @@
+//! Mode sequences next to one: events in other control stages or between two, phases left out, other friction.
+
+use super::modes::{ContactMode, Phase, Sequence};
+
+/// Share of a stage that a phase begins with where an event moves into the stage.
+const ENTERS: f64 = 0.1;
+
+/// A phase and its control stage.
+#[derive(Debug, Clone)]
+struct Item {
+    stage: usize,
+    phase: Phase,
+}
+
+fn flat(s: &Sequence) -> Vec<Item> {
+    let of = |(stage, phases): (usize, &Vec<Phase>)| {
+        phases.iter().map(move |phase| Item { stage, phase: phase.clone() }).collect::<Vec<_>>()
+    };
+    s.stages.iter().enumerate().flat_map(of).collect()
+}
+
+fn grouped(items: Vec<Item>, n_stages: usize) -> Option<Sequence> {
+    let mut stages = vec![Vec::new(); n_stages];
+    for i in items {
+        stages[i.stage].push(i.phase);
+    }
+    if stages.iter().any(Vec::is_empty) {
+        return None;
+    }
+    let mut s = Sequence { stages };
+    s.tidy();
+    Some(s)
+}
+
+/// Is there an event at the start of item `i`?
+fn is_event(items: &[Item], i: usize) -> bool {
+    i > 0 && i < items.len() && Sequence::is_event(&items[i - 1].phase, &items[i].phase)
+}
+
+/// The event at the start of item `i` one place later: from inside a stage to its end, and into the next stage; from between
+/// two stages into the second.
+fn later(items: &[Item], i: usize) -> Vec<Vec<Item>> {
+    let (stage, before) = (items[i].stage, &items[i - 1]);
+    let copy = |stage: usize, from: &Phase, share: f64| Item {
+        stage,
+        phase: Phase { modes: from.modes.clone(), jump: None, share },
+    };
+    if before.stage != stage {
+        let mut inside = items.to_vec();
+        inside.insert(i, copy(stage, &before.phase, ENTERS));
+        return vec![inside];
+    }
+    let Some(next) = items.get(i + 1).filter(|n| n.stage == stage + 1 && !is_event(items, i + 1)) else {
+        return Vec::new();
+    };
+    let mut between = items.to_vec();
+    between[i + 1].phase.jump.clone_from(&items[i].phase.jump);
+    between.remove(i);
+    let mut inside = between.clone();
+    inside.insert(i, copy(next.stage, &before.phase, ENTERS));
+    vec![between, inside]
+}
+
+/// The event at the start of item `i` one place earlier.
+fn earlier(items: &[Item], i: usize) -> Vec<Vec<Item>> {
+    let stage = items[i].stage;
+    let enter = |items: &mut Vec<Item>, i: usize| {
+        let share = ENTERS / (1.0 - ENTERS);
+        let mut phase = items[i].phase.clone();
+        phase.share = share;
+        items[i].phase.jump = None;
+        let stage = items[i].stage - 1;
+        items.insert(i, Item { stage, phase });
+    };
+    if items[i - 1].stage != stage {
+        let mut inside = items.to_vec();
+        enter(&mut inside, i);
+        return vec![inside];
+    }
+    let first = i >= 2 && items[i - 2].stage + 1 == stage && !is_event(items, i - 1);
+    if !first {
+        return Vec::new();
+    }
+    let mut between = items.to_vec();
+    between.remove(i - 1);
+    let mut inside = between.clone();
+    enter(&mut inside, i - 1);
+    vec![between, inside]
+}
+
+/// Without item `i`: the phases on both sides meet, with the impacts of both ends.
+fn without(items: &[Item], i: usize) -> Option<Vec<Item>> {
+    let alone = !items.iter().enumerate().any(|(k, o)| k != i && o.stage == items[i].stage);
+    if alone {
+        return None;
+    }
+    let mut out = items.to_vec();
+    let gone = out.remove(i).phase;
+    if let Some(next) = out.get_mut(i) {
+        if let (Some(parts), None) = (&gone.jump, &next.phase.jump) {
+            // who is not closed any more has no part in the impact, unless it bounces off
+            next.phase.jump = Some(parts.clone());
+        }
+    }
+    Some(out)
+}
+
+/// Other friction of contact `c`, from item `i` as long as it stays in one mode.
+fn other_friction(items: &[Item], i: usize, c: usize, mode: ContactMode) -> Vec<Item> {
+    let mut out = items.to_vec();
+    let was = items[i].phase.modes[c];
+    let mut k = i;
+    while k < out.len() && out[k].phase.modes[c] == was && (k == i || !takes_part(&out[k].phase, c)) {
+        out[k].phase.modes[c] = mode;
+        k += 1;
+    }
+    if let Some(parts) = out[i].phase.jump.as_mut().filter(|p| p[c].is_closed()) {
+        parts[c] = mode;
+    }
+    out
+}
+
+fn takes_part(p: &Phase, c: usize) -> bool {
+    p.jump.as_ref().is_some_and(|parts| parts[c].is_closed())
+}
+
+/// A contact that slides until the end of item `i` sticks there: a phase behind it, in the same stage.
+fn sticking(items: &[Item], i: usize, c: usize) -> Vec<Item> {
+    let mut out = items.to_vec();
+    let mut phase = items[i].phase.clone();
+    phase.modes[c] = ContactMode::Closed;
+    phase.jump = None;
+    phase.share *= 0.5;
+    out[i].phase.share *= 0.5;
+    out.insert(i + 1, Item { stage: items[i].stage, phase });
+    out
+}
+
+/// Sequences next to one, those first that phases which want to vanish lead to, which are marked; `frictional` says which contacts have
+/// friction, `friction_first` that other friction is likelier than events elsewhere.
+pub(super) fn neighbours(
+    s: &Sequence,
+    vanishing: &[(usize, usize)],
+    frictional: &[bool],
+    friction_first: bool,
+) -> Vec<(Sequence, bool)> {
+    let items = flat(s);
+    let n = s.stages.len();
+    let mut place = 0;
+    let mut wants = vec![false; items.len()];
+    for (k, stage) in s.stages.iter().enumerate() {
+        for j in 0..stage.len() {
+            wants[place + j] = vanishing.contains(&(k, j));
+        }
+        place += stage.len();
+    }
+    let mut first = Vec::new();
+    let mut rest = Vec::new();
+    let mut friction = Vec::new();
+    for i in 0..items.len() {
+        if is_event(&items, i) {
+            // what vanishes behind an event lets it move later, what vanishes before it earlier
+            let same = |k: usize| items[k].stage == items[i].stage;
+            let to = if wants[i] && same(i - 1) { &mut first } else { &mut rest };
+            to.extend(later(&items, i));
+            let to = if wants[i - 1] && same(i - 1) { &mut first } else { &mut rest };
+            to.extend(earlier(&items, i));
+        }
+        if wants[i] {
+            first.extend(without(&items, i));
+        }
+    }
+    for i in 0..items.len() {
+        if !wants[i] && (is_event(&items, i) || is_event(&items, i + 1)) {
+            rest.extend(without(&items, i));
+        }
+        for (c, _) in frictional.iter().enumerate().filter(|f| *f.1) {
+            let mode = items[i].phase.modes[c];
+            let begins = i == 0 || items[i - 1].phase.modes[c] != mode || takes_part(&items[i].phase, c);
+            let ends = items.get(i + 1).is_none_or(|n| !n.phase.modes[c].is_closed() || takes_part(&n.phase, c));
+            if mode.sign() != 0.0 && ends {
+                friction.push(sticking(&items, i, c));
+            }
+            if mode.is_closed() && begins {
+                let others = [ContactMode::Closed, ContactMode::Slides, ContactMode::SlidesBack];
+                friction.extend(others.into_iter().filter(|o| *o != mode).map(|o| other_friction(&items, i, c, o)));
+            }
+        }
+    }
+    let rest = if friction_first { friction.into_iter().chain(rest).collect() } else { [rest, friction].concat() };
+    let rest: Vec<Vec<Item>> = rest;
+    let marked = first.into_iter().map(|i| (i, true)).chain(rest.into_iter().map(|i| (i, false)));
+    marked.filter_map(|(items, wanted)| Some((grouped(items, n)?, wanted))).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const OPEN: ContactMode = ContactMode::Open;
+    const CLOSED: ContactMode = ContactMode::Closed;
+
+    fn phase(mode: ContactMode, jump: bool) -> Phase {
+        Phase { modes: vec![mode], jump: jump.then(|| vec![CLOSED]), share: 0.5 }
+    }
+
+    /// A contact closes inside of the second of three stages.
+    fn landing() -> Sequence {
+        let mut s = Sequence {
+            stages: vec![
+                vec![phase(OPEN, false)],
+                vec![phase(OPEN, false), phase(CLOSED, true)],
+                vec![phase(CLOSED, false)],
+            ],
+        };
+        s.tidy();
+        s
+    }
+
+    #[test]
+    fn an_event_moves_to_the_next_stages_and_between_them() {
+        let shapes: Vec<Vec<usize>> = neighbours(&landing(), &[], &[false], false)
+            .iter()
+            .map(|(s, _)| s.stages.iter().map(Vec::len).collect())
+            .collect();
+        // the end of stage 1, stage 2, the start of stage 1, stage 0; without either phase it is between stages too
+        for wanted in [vec![1, 1, 1], vec![1, 1, 2], vec![2, 1, 1]] {
+            assert!(shapes.contains(&wanted), "{shapes:?}");
+        }
+        for (s, _) in neighbours(&landing(), &[], &[false], false) {
+            let jumps = s.stages.iter().flatten().filter(|p| p.jump.is_some()).count();
+            assert_eq!(jumps, 1, "{s:?}");
+        }
+    }
+
+    #[test]
+    fn a_phase_that_wants_to_vanish_comes_first() {
+        let s = neighbours(&landing(), &[(1, 0)], &[false], false);
+        // an event that wants to be earlier: between stages 0 and 1
+        assert_eq!(s[0].0.stages[1].len(), 1);
+        assert!(s[0].1 && s[0].0.stages[1][0].jump.is_some());
+    }
+}

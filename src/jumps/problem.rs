@@ -1,0 +1,123 @@
+//! What is discretised: a scene with costs and constraints on a grid of control stages.
+
+use super::functions::SceneFunctions;
+use crate::error::{Error, Result};
+use crate::fesd::{Boundary, Durations, PathConstraint, Terminal};
+use crate::func::{Dims, Point};
+use crate::system::{SharedFunction, System};
+use crate::tableau::Tableau;
+
+/// A scene with costs and constraints. Functions of costs and constraints have the sizes `wide`: controls and parameters of the scene come first, what
+/// stands behind them belongs to costs and constraints alone.
+pub struct Statement {
+    /// The scene.
+    pub system: System,
+    /// Sizes of the scene.
+    pub dims: Dims,
+    /// Sizes of costs and constraints.
+    pub wide: Dims,
+    /// The method, one that ends an element with a stage.
+    pub tableau: Tableau,
+    /// Elements of every control stage in which no contact changes.
+    pub n_fe: Vec<usize>,
+    /// Lengths of the control stages; to start from where they are variables.
+    pub durations: Vec<f64>,
+    /// Which lengths are variables.
+    pub time: Durations,
+    /// Bounds of the horizon or of a stage, where these are variables.
+    pub time_bounds: [f64; 2],
+    /// Initial time.
+    pub t0: f64,
+    /// Cost rate.
+    pub lagrange: Option<SharedFunction>,
+    /// Terminal cost.
+    pub mayer: Option<SharedFunction>,
+    /// Cost at the end of every stage.
+    pub grid_cost: Option<SharedFunction>,
+    /// Constraints along the horizon.
+    pub path: Vec<PathConstraint>,
+    /// Constraints at its end.
+    pub terminal: Vec<Terminal>,
+    /// Constraints between both ends.
+    pub boundary: Vec<Boundary>,
+    /// Bounds of the states behind the initial time, `[nx]` each.
+    pub x_bounds: [Vec<f64>; 2],
+    /// Bounds of the initial state.
+    pub x0_bounds: [Vec<f64>; 2],
+    /// Bounds of the controls, those behind the scene's included.
+    pub u_bounds: [Vec<f64>; 2],
+    /// Parameters of every stage `[n_stages · wide.p]`.
+    pub params: Vec<f64>,
+    /// Bounds of the parameters that are variables, of all `wide.p`.
+    pub free: Vec<Option<[f64; 2]>>,
+}
+
+/// A statement with the functions that programs are made of.
+pub struct Problem {
+    pub(super) given: Statement,
+    pub(super) functions: SceneFunctions,
+    pub(super) knows_time: bool,
+}
+
+impl Problem {
+    /// Builds the functions of the scene.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for methods without a stage at the end of an element, for friction in space, and for scenes
+    /// that are not made of expressions.
+    pub fn new(given: Statement) -> Result<Problem> {
+        let t = &given.tableau;
+        if !t.stiffly_accurate() || !t.is_collocation() || t.c[0] == 0.0 {
+            return Err(Error::Unsupported(
+                "optimal control of scenes takes Radau IIA methods: contacts are held at the ends of elements, where \
+                 other methods have no stage"
+                    .into(),
+            ));
+        }
+        let mechanics = given.system.mechanics();
+        let mechanics = mechanics.ok_or_else(|| Error::Internal("a scene without equations of motion".into()))?;
+        let functions = SceneFunctions::new(mechanics, given.dims)?;
+        let g = &given;
+        let outer = g.lagrange.iter().chain(&g.mayer).chain(&g.grid_cost).chain(g.path.iter().map(|c| &c.f));
+        let mut outer = outer.chain(g.terminal.iter().map(|c| &c.f)).chain(g.boundary.iter().map(|c| &c.f));
+        let knows_time = functions.knows_time || outer.any(|f| !f.jac_pattern().rows(f.dims().t_col()).is_empty());
+        Ok(Problem { given, functions, knows_time })
+    }
+
+    /// What was stated.
+    pub fn given(&self) -> &Statement {
+        &self.given
+    }
+
+    /// Takes over other bounds, parameters and lengths of the same sizes: the functions stay.
+    pub fn restate(&mut self, given: Statement) {
+        self.given = given;
+    }
+
+    /// Control stages.
+    pub fn n_stages(&self) -> usize {
+        self.given.durations.len()
+    }
+
+    /// Contacts of the scene.
+    pub fn n_contacts(&self) -> usize {
+        self.functions.contacts.len()
+    }
+
+    /// Names of the contacts.
+    pub fn contact_names(&self) -> Vec<String> {
+        self.functions.contacts.iter().map(|c| c.name.clone()).collect()
+    }
+
+    /// Gaps of all contacts at a point, with their names; NaN where a gap has no value.
+    pub fn gaps(&self, at: &Point) -> Vec<(&str, f64)> {
+        let of = |c: &'_ super::functions::ContactFunctions| {
+            let mut gap = [f64::NAN];
+            match c.gap.value(at, &mut gap, &mut vec![0.0; c.gap.work_len()]) {
+                Ok(()) => gap[0],
+                Err(_) => f64::NAN,
+            }
+        };
+        self.functions.contacts.iter().map(|c| (&c.name[..], of(c))).collect()
+    }
+}

@@ -1,0 +1,139 @@
+//! Answers in the terms of the scene: motion with both limits at jumps, impacts, forces, contact modes.
+
+use super::modes::{ContactMode, Sequence};
+use super::problem::Problem;
+use super::search::Answer;
+use super::track::{Piece, Track};
+use crate::error::{Error, Result};
+use crate::event::{Impact, ImpactKind};
+use crate::fesd::{Element, Trajectory};
+use crate::func::Point;
+
+/// What the contacts do in an answer.
+#[derive(Debug, Clone)]
+pub struct Contacts {
+    /// Names of the contacts.
+    pub names: Vec<String>,
+    /// The impacts in the order of time, one entry for every contact with an impulse.
+    pub impacts: Vec<Impact>,
+    /// Modes and jumps of every control stage: to start another solve from.
+    pub sequence: Sequence,
+    /// Sequences that were solved for.
+    pub tried: usize,
+    track: Track,
+}
+
+impl Contacts {
+    /// Of an answer.
+    pub(crate) fn new(p: &Problem, answer: &Answer) -> Contacts {
+        let track = answer.track.clone();
+        let mut impacts = Vec::new();
+        for (k, piece) in track.pieces.iter().enumerate() {
+            if piece.impulses.is_empty() {
+                continue;
+            }
+            let before = match k.checked_sub(1).and_then(|k| track.pieces.get(k)) {
+                Some(last) => last.xs[last.xs.len() - track.nx..].to_vec(),
+                // an impact at the initial time: what was before it has the coordinates behind it
+                None => answer.x0.clone(),
+            };
+            let hit: Vec<usize> = (0..p.n_contacts()).filter(|i| piece.impulses[2 * i] > 0.0).collect();
+            for &i in &hit {
+                impacts.push(Impact {
+                    t: piece.t,
+                    contact: i,
+                    kind: ImpactKind::Collision,
+                    rates: [&before, &piece.x0].map(|x| rate(p, &track, piece, i, x)),
+                    impulse: [piece.impulses[2 * i], piece.impulses[2 * i + 1], 0.0],
+                    depth: f64::NAN,
+                    simultaneous: hit.len() > 1,
+                    unique: true,
+                    dt: Vec::new(),
+                });
+            }
+        }
+        Contacts { names: p.contact_names(), impacts, sequence: answer.sequence.clone(), tried: answer.tried, track }
+    }
+
+    fn piece(&self, t: f64) -> Result<&Piece> {
+        let (first, last) = (self.track.pieces.first(), self.track.pieces.last());
+        let (Some(first), Some(last)) = (first, last) else {
+            return Err(Error::State("there is no motion: solve first".into()));
+        };
+        let end = last.t + last.h;
+        // times that are sums of lengths
+        let slack = 1e-12 * end.abs().max(first.t.abs()).max(end - first.t);
+        if !(t >= first.t - slack && t <= end + slack) {
+            return Err(Error::Range(format!("time {t} is outside of the motion, {} to {end}", first.t)));
+        }
+        self.track.piece(t, false).ok_or_else(|| Error::Internal("a motion without pieces".into()))
+    }
+
+    /// Modes of all contacts at a time; at the time of an event those before it.
+    pub fn modes(&self, t: f64) -> Result<&[ContactMode]> {
+        Ok(&self.piece(t)?.modes)
+    }
+
+    /// Normal and tangential force of all contacts at a time: forces, not impulses.
+    pub fn forces(&self, t: f64) -> Result<Vec<[f64; 3]>> {
+        let n = self.piece(t)?.modes.len();
+        let of = |i: usize| {
+            let [normal, tangential] = self.track.force(t, i);
+            [normal, tangential, 0.0]
+        };
+        Ok((0..n).map(of).collect())
+    }
+
+    /// Parts of the horizon with their modes: start, end, modes.
+    pub fn phases(&self) -> Vec<(f64, f64, Vec<ContactMode>)> {
+        let mut out: Vec<(f64, f64, Vec<ContactMode>)> = Vec::new();
+        for p in &self.track.pieces {
+            match out.last_mut() {
+                Some(last) if last.2 == p.modes && p.jump.is_none() => last.1 = p.t + p.h,
+                _ => out.push((p.t, p.t + p.h, p.modes.clone())),
+            }
+        }
+        out
+    }
+}
+
+/// Rate of the gap of contact `i` at a state at the start of a piece.
+fn rate(p: &Problem, track: &Track, piece: &Piece, i: usize, x: &[f64]) -> f64 {
+    let g = &p.given;
+    let u = &track.controls[piece.stage * g.wide.u..piece.stage * g.wide.u + g.dims.u];
+    let params = &g.params[piece.stage * g.wide.p..piece.stage * g.wide.p + g.dims.p];
+    let f = &p.functions.contacts[i].rate;
+    let mut out = [f64::NAN];
+    let at = Point { t: piece.t, x, u, p: params };
+    match f.value(&at, &mut out, &mut vec![0.0; f.work_len()]) {
+        Ok(()) => out[0],
+        Err(_) => f64::NAN,
+    }
+}
+
+/// The motion of an answer: the state at the start of an element is the one behind a jump there.
+pub(crate) fn trajectory(answer: &Answer) -> Trajectory {
+    let track = &answer.track;
+    let (nx, n_s) = (track.nx, track.tableau.n_s);
+    let a_inv = track.tableau.a_inv.as_deref().unwrap_or(&[]);
+    let element = |p: &Piece| Element {
+        t: p.t,
+        h: p.h,
+        stage: p.stage,
+        x0: p.x0.clone(),
+        x1: p.xs[(n_s - 1) * nx..].to_vec(),
+        xs: p.xs.clone(),
+        hk: (0..n_s * nx)
+            .map(|k| {
+                let (i, r) = (k / nx, k % nx);
+                (0..n_s).map(|j| a_inv[i * n_s + j] * (p.xs[j * nx + r] - p.x0[r])).sum()
+            })
+            .collect(),
+        theta: Vec::new(),
+        lambda: Vec::new(),
+        mu: Vec::new(),
+        active: Vec::new(),
+        active_cells: Vec::new(),
+    };
+    Trajectory::of_elements(&track.tableau, nx, track.pieces.iter().map(element).collect())
+}

@@ -1,0 +1,497 @@
+//! From guesses to modes, from modes to exact answers, from these to better ones.
+
+use std::time::Instant;
+
+use super::complementary;
+use super::modal;
+use super::modes::{ContactMode, Event, Key, Sequence};
+use super::neighbours::neighbours;
+use super::problem::Problem;
+use super::simulate::simulate;
+use super::track::Track;
+use super::transcribe::Transcription;
+use crate::error::{Error, Result};
+use crate::mpcc::{Certificate, Mpcc, MpccSettings, MpccSolver, Warm};
+use crate::nlp::{Control, Nlp, Outcome, Residuals, Statistics};
+use crate::stop;
+
+/// How contact modes are found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum Method {
+    /// From the simulated guess and from FESD with jumps; the cheaper answer.
+    #[default]
+    Auto = 0,
+    /// From the simulated guess and the sequences next to it.
+    Modes = 1,
+    /// From FESD with jumps.
+    FesdJ = 2,
+}
+
+/// What a search is given besides the problem.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// How modes are found.
+    pub method: Method,
+    /// Parameters of the solver.
+    pub solver: MpccSettings,
+    /// Elements of a control stage in FESD with jumps.
+    pub n_fe: usize,
+    /// Weight of the soft step equilibration.
+    pub rho_h: f64,
+    /// Sequences next to an answer that may be tried.
+    pub search: usize,
+    /// Controls to start from `[n_stages · wide.u]`.
+    pub controls: Vec<f64>,
+    /// Initial state to start from.
+    pub x0: Vec<f64>,
+    /// Times and states to start from, where they are given.
+    pub states: Option<(Vec<f64>, Vec<f64>)>,
+    /// A state at which the conditions at the end hold, where there is one.
+    pub target: Option<Vec<f64>>,
+    /// A mode sequence to start from.
+    pub sequence: Option<Sequence>,
+    /// An answer to a problem nearby, whose modes are tried first.
+    pub warm: Option<Answer>,
+}
+
+/// What a search found.
+#[derive(Debug, Clone)]
+pub struct Answer {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Initial state.
+    pub x0: Vec<f64>,
+    /// Modes and jumps.
+    pub sequence: Sequence,
+    pub(super) track: Track,
+    /// The cost, whether the point is a solution or not.
+    pub cost: f64,
+    /// Phases that are as short as they may be: another sequence would be better.
+    pub vanishing: Vec<(usize, usize)>,
+    /// What is left of every residual.
+    pub residuals: Residuals,
+    /// Type of the solution.
+    pub certificate: Certificate,
+    /// What all solves took.
+    pub stats: Statistics,
+    /// Variables, rows and pairs of the program with the most.
+    pub dimensions: (usize, usize, usize),
+    /// Sequences that were solved for.
+    pub tried: usize,
+    /// Variables and multipliers, for warm starts, and the sequence of the program they belong to.
+    pub(super) point: [Vec<f64>; 3],
+    pub(super) planned: Sequence,
+    /// Parameters that are variables, by their number among all.
+    pub params: Vec<(usize, f64)>,
+    /// A function without a value, if that is what kept it from a solution.
+    pub trouble: Option<String>,
+    /// Rows that conflict, as far as that is known: violations of the worst.
+    pub violation: f64,
+}
+
+impl Answer {
+    /// Is it a solution?
+    pub fn is_solved(&self) -> bool {
+        self.outcome == Outcome::Solved
+    }
+
+    /// Controls of all stages, those behind the scene's included.
+    pub fn controls(&self) -> &[f64] {
+        &self.track.controls
+    }
+
+    /// Lengths of the control stages.
+    pub fn durations(&self, n_stages: usize) -> Vec<f64> {
+        let mut lengths = vec![0.0; n_stages];
+        self.track.pieces.iter().for_each(|p| lengths[p.stage] += p.h);
+        lengths
+    }
+}
+
+/// Iterations of the program of a sequence, which take a dozen where it has a solution, and of one that gets close to one.
+const ITERATIONS: usize = 150;
+const NEAR_ITERATIONS: usize = 40;
+/// Sequences that are tried again where nothing has a solution, and their iterations.
+const INSISTED: usize = 3;
+const MOST_ITERATIONS: usize = 400;
+/// First barrier parameter of the program of a sequence: its guess is a motion.
+const NEAR_BARRIER: f64 = 1e-2;
+/// Violation up to which a sequence that is cheaper than the best so far gets the iterations of one that is right.
+const PROMISING: f64 = 1e-2;
+/// Relaxations at which FESD with jumps is asked for modes, and iterations it gets to each of them.
+const STOPS: [f64; 3] = [1e-1, 1e-2, 1e-4];
+const COMPLEMENTARY_ITERATIONS: usize = 200;
+
+/// Share of the cost by which a sequence must be better to count.
+const GAIN: f64 = 1e-9;
+
+/// A program and its solver, with the solution they hold.
+pub struct Solved {
+    pub(super) transcription: Transcription,
+    pub(super) solver: MpccSolver,
+}
+
+/// Solves: the best answer, and its program.
+///
+/// # Errors
+/// Those of simulations of the guess and of building programs. That there is no solution is no error: it is the outcome of the
+/// answer.
+pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(Answer, Solved)> {
+    let clock = Instant::now();
+    let mut s = Search {
+        p,
+        options,
+        spent: Statistics::default(),
+        tried: Vec::new(),
+        best: None,
+        dimensions: (0, 0, 0),
+        failure: 0.0,
+        failed: Vec::new(),
+    };
+    if let Some(last) = &options.warm {
+        s.from_answer(last, control)?;
+    }
+    let known = s.best.as_ref().is_some_and(|b| b.0.is_solved());
+    if !known {
+        s.from_guess(control)?;
+    }
+    let wants =
+        !known && options.method != Method::Modes && (options.method == Method::FesdJ || options.sequence.is_none());
+    if wants && stop::requested().is_none() {
+        s.from_complementarity(control)?;
+    }
+    // a warm start goes where phases that vanish lead, and no further
+    s.improve(known, control)?;
+    if s.best.as_ref().is_none_or(|b| !b.0.is_solved()) && stop::requested().is_none() {
+        s.insist(control)?;
+        s.improve(false, control)?;
+    }
+    if s.best.is_none() {
+        stop::check()?;
+        // nothing that was found can begin at the initial state
+        let open = Sequence::constant(p.n_stages(), vec![ContactMode::Open; p.n_contacts()]);
+        let guess = s.plain_track(options.states.as_ref());
+        s.attempt(&open, &guess, ITERATIONS, control)?;
+    }
+    if s.best.is_none() {
+        stop::check()?;
+    }
+    let (mut best, solved) = s.best.ok_or_else(|| Error::Internal("a search without an answer".into()))?;
+    best.stats = s.spent;
+    best.stats.time_total = clock.elapsed().as_secs_f64();
+    best.dimensions = s.dimensions;
+    best.tried = s.tried.len();
+    Ok((best, solved))
+}
+
+struct Search<'a> {
+    p: &'a Problem,
+    options: &'a Options,
+    spent: Statistics,
+    tried: Vec<Key>,
+    best: Option<(Answer, Solved)>,
+    dimensions: (usize, usize, usize),
+    /// Violation of the last sequence that was tried; 0 where it has a solution.
+    failure: f64,
+    /// Sequences without a solution while nothing has one: violation, sequence, guess.
+    failed: Vec<(f64, Sequence, Track)>,
+}
+
+impl Search<'_> {
+    /// Solves for the modes of an answer, from its point where the program is the same.
+    fn from_answer(&mut self, last: &Answer, control: &mut Control) -> Result<()> {
+        self.attempt_from(&last.planned, &last.track, Some(&last.point), ITERATIONS, control).map(|_| ())
+    }
+
+    /// Simulates the guess and solves for its modes.
+    fn from_guess(&mut self, control: &mut Control) -> Result<()> {
+        let o = self.options;
+        let durations = &self.p.given.durations;
+        if let Some(sequence) = &o.sequence {
+            let guess = self.plain_track(o.states.as_ref());
+            return self.attempt(sequence, &guess, ITERATIONS, control).map(|_| ());
+        }
+        if o.method == Method::FesdJ {
+            return Ok(());
+        }
+        let run = simulate(self.p, &o.x0, &o.controls, durations)?;
+        let track = run.track(self.p, &o.controls, durations)?;
+        self.attempt(&track.sequence(self.p.n_stages()), &track, NEAR_ITERATIONS, control).map(|_| ())
+    }
+
+    /// The initial state all the time, or states at times.
+    fn plain_track(&self, states: Option<&(Vec<f64>, Vec<f64>)>) -> Track {
+        let (g, o) = (&self.p.given, self.options);
+        let (nx, n_c, n_s) = (g.dims.x, self.p.n_contacts(), g.tableau.n_s);
+        let at = |t: f64| match states {
+            Some((times, x)) => interpolate(times, x, t - g.t0, nx),
+            None => o.x0.clone(),
+        };
+        let mut pieces = Vec::new();
+        let mut t = g.t0;
+        for (k, &h) in g.durations.iter().enumerate() {
+            pieces.push(super::track::Piece {
+                t,
+                h,
+                stage: k,
+                modes: vec![ContactMode::Open; n_c],
+                x0: at(t),
+                xs: g.tableau.c.iter().flat_map(|c| at(t + c * h)).collect(),
+                forces: vec![0.0; n_s * n_c * 2],
+                ..Default::default()
+            });
+            t += h;
+        }
+        Track { tableau: g.tableau.clone(), nx, pieces, controls: o.controls.clone(), free: Vec::new() }
+    }
+
+    /// FESD with jumps from the initial state, and, where that leads to no solution, from a straight line to the target.
+    fn from_complementarity(&mut self, control: &mut Control) -> Result<()> {
+        let o = self.options;
+        let line = o.target.as_ref().filter(|_| o.states.is_none()).map(|target| {
+            let times = vec![0.0, self.p.given.durations.iter().sum()];
+            (times, [&o.x0[..], &target[..]].concat())
+        });
+        for states in [o.states.clone(), line.clone()] {
+            let again = states.is_some() && states == line;
+            let solved = self.best.as_ref().is_some_and(|b| b.0.is_solved());
+            if again && (solved || stop::requested().is_some()) {
+                break;
+            }
+            let guess = self.plain_track(states.as_ref());
+            self.follow_homotopy(&guess, control)?;
+            if line.is_none() {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// FESD with jumps. At several stops of its relaxation its modes are read, and those of the simulation of its controls: far
+    /// from the end it has seen more of the other motions, near the end it knows better when contacts close.
+    fn follow_homotopy(&mut self, guess: &Track, control: &mut Control) -> Result<()> {
+        let o = self.options;
+        let mut t = complementary::transcribe(self.p, o.n_fe, o.rho_h, guess);
+        let max_iter = o.solver.max_iter.min(COMPLEMENTARY_ITERATIONS);
+        let settings = MpccSettings { polish: false, certify: false, early_polish: false, max_iter, ..o.solver };
+        let mut solver = MpccSolver::new(&mut t.program, settings)?;
+        let mut from = t.start.clone();
+        let mut sigma = o.solver.sigma_init;
+        for stop in STOPS {
+            if stop::requested().is_some() {
+                break;
+            }
+            solver.settings.sigma_init = sigma;
+            solver.settings.sigma_min = stop;
+            sigma = stop;
+            let solution = solver.solve(&mut t.program, &t.bounds, &from, control).clone();
+            self.note(&t, &solution.stats);
+            if !solution.residuals.primal.is_finite() {
+                break;
+            }
+            from.copy_from_slice(&solution.x);
+            self.try_modes_of(&t, &from, control)?;
+        }
+        Ok(())
+    }
+
+    /// The modes at a point of FESD with jumps, and those of the simulation of its controls.
+    fn try_modes_of(&mut self, t: &Transcription, w: &[f64], control: &mut Control) -> Result<()> {
+        let found = complementary::read(self.p, t, w);
+        self.attempt(&found.sequence(self.p.n_stages()), &found, NEAR_ITERATIONS, control)?;
+        let lengths = self.stage_lengths(&found);
+        let x0: Vec<f64> = t.state(self.p, t.x0, w);
+        if let Ok(run) = simulate(self.p, &x0, &found.controls, &lengths) {
+            let track = run.track(self.p, &found.controls, &lengths)?;
+            self.attempt(&track.sequence(self.p.n_stages()), &track, NEAR_ITERATIONS, control)?;
+        }
+        Ok(())
+    }
+
+    fn stage_lengths(&self, track: &Track) -> Vec<f64> {
+        let mut lengths = vec![0.0; self.p.n_stages()];
+        track.pieces.iter().for_each(|p| lengths[p.stage] += p.h);
+        lengths
+    }
+
+    fn note(&mut self, t: &Transcription, stats: &Statistics) {
+        self.spent.add(stats);
+        let now = (t.program.n(), t.program.m(), t.program.pairs().len());
+        if now.0 > self.dimensions.0 {
+            self.dimensions = now;
+        }
+    }
+
+    /// Solves for a sequence unless that was done; true where it is the best answer now.
+    fn attempt(&mut self, sequence: &Sequence, guess: &Track, most: usize, control: &mut Control) -> Result<bool> {
+        self.attempt_from(sequence, guess, None, most, control)
+    }
+
+    /// The same from variables and multipliers, where the program has as many.
+    fn attempt_from(
+        &mut self,
+        sequence: &Sequence,
+        guess: &Track,
+        point: Option<&[Vec<f64>; 3]>,
+        most: usize,
+        control: &mut Control,
+    ) -> Result<bool> {
+        let key = sequence.key();
+        if self.tried.contains(&key) || !modal::can_begin(self.p, sequence) || stop::requested().is_some() {
+            return Ok(false);
+        }
+        self.tried.push(key);
+        let settings = MpccSettings {
+            max_iter: self.options.solver.max_iter.min(most),
+            mu_init: NEAR_BARRIER,
+            ..self.options.solver
+        };
+        let (mut answer, mut solved) = solve_sequence(self.p, sequence, guess, point, settings, control)?;
+        self.note(&solved.transcription, &answer.stats);
+        let cheaper = self.best.as_ref().is_none_or(|b| !b.0.is_solved() || answer.cost < b.0.cost);
+        if answer.outcome == Outcome::MaxIter && most < ITERATIONS && cheaper && answer.violation < PROMISING {
+            let settings =
+                MpccSettings { max_iter: self.options.solver.max_iter.min(ITERATIONS), ..self.options.solver };
+            (answer, solved) = solve_sequence(self.p, sequence, guess, point, settings, control)?;
+            self.note(&solved.transcription, &answer.stats);
+        }
+        self.failure = if answer.is_solved() { 0.0 } else { answer.violation };
+        if self.failure > 0.0 && self.best.as_ref().is_none_or(|b| !b.0.is_solved()) {
+            self.failed.push((self.failure, sequence.clone(), guess.clone()));
+        }
+        let better = match &self.best {
+            None => true,
+            Some((b, _)) => match (answer.is_solved(), b.is_solved()) {
+                (true, true) => answer.cost < b.cost - GAIN * b.cost.abs(),
+                (false, false) => answer.violation < b.violation,
+                (now, _) => now,
+            },
+        };
+        if better {
+            self.best = Some((answer, solved));
+        }
+        Ok(better)
+    }
+
+    /// Where nothing has a solution: the sequences that came closest get the iterations of a problem of its own.
+    fn insist(&mut self, control: &mut Control) -> Result<()> {
+        let mut failed = std::mem::take(&mut self.failed);
+        failed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, sequence, guess) in failed.into_iter().take(INSISTED) {
+            let key = sequence.key();
+            self.tried.retain(|k| *k != key);
+            self.attempt(&sequence, &guess, MOST_ITERATIONS, control)?;
+        }
+        Ok(())
+    }
+
+    /// Goes to sequences next to the best as long as the cost falls.
+    fn improve(&mut self, only_wanted: bool, control: &mut Control) -> Result<()> {
+        let frictional: Vec<bool> = self.p.functions.contacts.iter().map(|c| c.n_tangents > 0).collect();
+        let mut left = self.options.search;
+        // events that were where no solution is
+        let mut impossible: Vec<Event> = Vec::new();
+        while let Some(best) = self.best.as_ref().map(|b| b.0.clone()) {
+            let own = best.sequence.events();
+            let near = neighbours(&best.sequence, &best.vanishing, &frictional, !best.is_solved());
+            let mut better = false;
+            for (s, wanted) in near {
+                if only_wanted && !wanted {
+                    continue;
+                }
+                if left == 0 || stop::requested().is_some() {
+                    return Ok(());
+                }
+                // an event that was clearly impossible in another sequence will be again
+                let new: Vec<Event> = s.events().into_iter().filter(|e| !own.contains(e)).collect();
+                if !wanted && best.is_solved() && new.iter().any(|e| impossible.contains(e)) {
+                    continue;
+                }
+                let known = self.tried.len();
+                self.failure = 0.0;
+                better = self.attempt(&s, &best.track, NEAR_ITERATIONS, control)?;
+                left -= self.tried.len() - known;
+                if best.is_solved() && self.failure > PROMISING {
+                    impossible.extend(new);
+                }
+                if better {
+                    break;
+                }
+            }
+            if !better {
+                return Ok(());
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Solves the contact mode program of a sequence.
+pub(super) fn solve_sequence(
+    p: &Problem,
+    sequence: &Sequence,
+    guess: &Track,
+    point: Option<&[Vec<f64>; 3]>,
+    settings: MpccSettings,
+    control: &mut Control,
+) -> Result<(Answer, Solved)> {
+    let mut t = modal::transcribe(p, sequence, guess);
+    t.bounds.validate(t.program.n(), t.program.m())?;
+    stop::check_building(t.program.n())?;
+    let mut solver = MpccSolver::new(&mut t.program, settings)?;
+    let s = match point.filter(|w| w[0].len() == t.program.n() && w[1].len() == t.program.m()) {
+        Some([x, y, z]) => {
+            solver.solve_warm(&mut t.program, &t.bounds, &Warm { x, y, z }, control, &mut |_, _, _| false)
+        }
+        None => solver.solve(&mut t.program, &t.bounds, &t.start, control),
+    };
+    let s = s.clone();
+    let track = t.read(p, &s.x, &|_| Vec::new());
+    let cost = t.cost(&s.x).unwrap_or(f64::NAN);
+    let trouble = match (s.outcome, t.program.trouble()) {
+        (Outcome::Failed, Some((name, _))) => Some(name.to_owned()),
+        _ => None,
+    };
+    let params = (0..t.params.len()).filter_map(|j| t.params[j].map(|v| (j, s.x[v]))).collect();
+    let lengths = modal::phase_lengths(p, sequence, &track);
+    let vanishing = modal::vanishing(&lengths);
+    let planned = sequence.clone();
+    let mut sequence = sequence.clone();
+    for (stage, lengths) in sequence.stages.iter_mut().zip(&lengths) {
+        for (phase, length) in stage.iter_mut().zip(lengths) {
+            phase.share = *length;
+        }
+    }
+    sequence.tidy();
+    let answer = Answer {
+        outcome: s.outcome,
+        x0: t.state(p, t.x0, &s.x),
+        sequence,
+        track,
+        cost,
+        vanishing,
+        residuals: s.residuals,
+        certificate: s.certificate,
+        stats: s.stats,
+        dimensions: (t.program.n(), t.program.m(), 0),
+        tried: 1,
+        violation: if s.residuals.primal.is_finite() { s.residuals.primal } else { f64::INFINITY },
+        point: [s.x, s.y, s.z],
+        planned,
+        params,
+        trouble,
+    };
+    Ok((answer, Solved { transcription: t, solver }))
+}
+
+/// Linear interpolation of states at rising times.
+fn interpolate(times: &[f64], x: &[f64], t: f64, nx: usize) -> Vec<f64> {
+    let k = times.partition_point(|s| *s <= t);
+    if k == 0 || k == times.len() {
+        let k = k.saturating_sub(1);
+        return x[k * nx..(k + 1) * nx].to_vec();
+    }
+    let w = (t - times[k - 1]) / (times[k] - times[k - 1]);
+    (0..nx).map(|i| (1.0 - w) * x[(k - 1) * nx + i] + w * x[k * nx + i]).collect()
+}

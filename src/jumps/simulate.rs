@@ -1,0 +1,269 @@
+//! Motions under given controls by the event engine: guesses of modes, and replays of answers.
+
+use super::modes::ContactMode;
+use super::problem::Problem;
+use super::track::{Piece, Track};
+use crate::error::{Error, Result};
+use crate::event::{Engine, Impact, Options, Outcome, Run};
+use crate::func::Point;
+use crate::system::SharedFunction;
+use crate::tableau::{Family, Tableau};
+
+/// Tolerance of simulations that are guesses, and their steps at most.
+const TOLERANCE: f64 = 1e-6;
+const MAX_STEPS: usize = 100_000;
+/// Parts of a control stage that last less, as a share of it, are left out.
+const SHORT: f64 = 1e-7;
+
+/// A simulation with piecewise constant controls, and where it ended if it did not reach the end.
+pub(super) struct Simulated {
+    pub(super) run: Run,
+    /// Ends of the control stages that were reached, the start first.
+    pub(super) times: Vec<f64>,
+}
+
+/// Simulates controls `[n_stages · wide.u]` over stages of lengths `durations`.
+pub(super) fn simulate(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Simulated> {
+    simulate_with(p, x0, controls, durations, None, &p.given.params)
+}
+
+/// The same with a tolerance and parameters of every stage.
+fn simulate_with(
+    p: &Problem,
+    x0: &[f64],
+    controls: &[f64],
+    durations: &[f64],
+    tolerance: Option<f64>,
+    params: &[f64],
+) -> Result<Simulated> {
+    let g = &p.given;
+    let tol = tolerance.unwrap_or(TOLERANCE);
+    let options = Options { max_steps: MAX_STEPS, dense: true, ..Options::with_tolerance(tol, tol) };
+    let mut engine = Engine::new(&g.system, &options)?;
+    engine.reinit(g.t0, x0)?;
+    let mut times = vec![g.t0];
+    for (k, d) in durations.iter().enumerate() {
+        engine.set_params(&params[k * g.wide.p..k * g.wide.p + g.dims.p])?;
+        engine.set_controls(&controls[k * g.wide.u..k * g.wide.u + g.dims.u])?;
+        let end = times[k] + d;
+        if engine.advance(end.max(engine.time()))? != Outcome::Reached {
+            break;
+        }
+        times.push(end);
+    }
+    Ok(Simulated { run: engine.into_run(), times })
+}
+
+impl Simulated {
+    /// The motion piece by piece; what was not reached is the last state at rest.
+    pub(super) fn track(&self, p: &Problem, controls: &[f64], durations: &[f64]) -> Result<Track> {
+        let n_stages = durations.len();
+        let mut pieces = Vec::new();
+        for k in 0..n_stages {
+            let Some((&a, &b)) = self.times.get(k).zip(self.times.get(k + 1)) else { break };
+            let mut cuts = vec![a];
+            let inside = |t: f64| t > a + SHORT * (b - a) && t < b - SHORT * (b - a);
+            cuts.extend(self.run.phases.iter().map(|p| p.t).filter(|&t| inside(t)));
+            cuts.extend(self.run.impacts.iter().map(|i| i.t).filter(|&t| inside(t)));
+            cuts.push(b);
+            cuts.sort_by(f64::total_cmp);
+            cuts.dedup_by(|a, b| (*a - *b).abs() <= SHORT * durations[k]);
+            for w in cuts.windows(2) {
+                pieces.push(self.piece(p, controls, k, w[0], w[1])?);
+            }
+        }
+        self.rest(p, &mut pieces, durations);
+        Ok(Track {
+            tableau: p.given.tableau.clone(),
+            nx: p.given.dims.x,
+            pieces,
+            controls: controls.to_vec(),
+            free: Vec::new(),
+        })
+    }
+
+    fn piece(&self, p: &Problem, controls: &[f64], stage: usize, a: f64, b: f64) -> Result<Piece> {
+        let g = &p.given;
+        let path = self.run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
+        let (nx, n_c, h) = (g.dims.x, p.n_contacts(), b - a);
+        let numbers = self.run.contact_modes(a + 0.5 * h)?;
+        let modes: Vec<ContactMode> =
+            numbers.iter().map(|&m| ContactMode::from_number(m).unwrap_or(ContactMode::Open)).collect();
+        let mut piece = Piece { t: a, h, stage, modes, ..Piece::default() };
+        piece.x0 = vec![0.0; nx];
+        path.eval(a + SHORT * h, 0, &mut piece.x0)?;
+        for c in &g.tableau.c {
+            let (t, mut x) = ((a + c * h).min(b), vec![0.0; nx]);
+            path.eval(t, 0, &mut x)?;
+            piece.xs.extend_from_slice(&x);
+            let forces = self.run.contact_forces(a + (c * h).min((1.0 - SHORT) * h))?;
+            piece.forces.extend(forces.iter().flat_map(|f| [f[0], f[1]]));
+        }
+        let hits: Vec<&Impact> = self.run.impacts.iter().filter(|i| (i.t - a).abs() <= SHORT * h.max(b - a)).collect();
+        if hits.iter().any(|i| i.impulse[0] > 0.0) {
+            let mut parts = vec![ContactMode::Open; n_c];
+            piece.impulses = vec![0.0; 2 * n_c];
+            for i in hits {
+                piece.impulses[2 * i.contact] += i.impulse[0];
+                piece.impulses[2 * i.contact + 1] += i.impulse[1];
+                parts[i.contact] = self.direction(p, i.contact, &piece, controls);
+            }
+            for i in 0..n_c {
+                // what stays closed holds against the impact
+                if piece.modes[i].is_closed() && !parts[i].is_closed() {
+                    parts[i] = piece.modes[i];
+                }
+            }
+            piece.jump = Some(parts);
+        }
+        Ok(piece)
+    }
+
+    /// What a contact does behind an impact, by its sliding velocity there.
+    fn direction(&self, p: &Problem, i: usize, piece: &Piece, controls: &[f64]) -> ContactMode {
+        if piece.modes[i].is_closed() {
+            return piece.modes[i];
+        }
+        let g = &p.given;
+        let Some(f) = &p.functions.contacts[i].slide else { return ContactMode::Closed };
+        let u = &controls[piece.stage * g.wide.u..piece.stage * g.wide.u + g.dims.u];
+        let params = &g.params[piece.stage * g.wide.p..piece.stage * g.wide.p + g.dims.p];
+        let mut s = [0.0];
+        let at = Point { t: piece.t, x: &piece.x0, u, p: params };
+        if f.value(&at, &mut s, &mut vec![0.0; f.work_len()]).is_err() {
+            return ContactMode::Closed;
+        }
+        let size = piece.x0[p.functions.n_q..].iter().fold(0f64, |m, v| m.max(v.abs()));
+        if s[0].abs() <= 1e-9 * size {
+            ContactMode::Closed
+        } else if s[0] > 0.0 {
+            ContactMode::Slides
+        } else {
+            ContactMode::SlidesBack
+        }
+    }
+
+    /// Fills stages that were not reached.
+    fn rest(&self, p: &Problem, pieces: &mut Vec<Piece>, durations: &[f64]) {
+        let reached = self.times.len() - 1;
+        let (nx, n_c, n_s) = (p.given.dims.x, p.n_contacts(), p.given.tableau.n_s);
+        let mut t = self.times[reached];
+        for k in reached..durations.len() {
+            let modes = pieces.last().map_or_else(|| vec![ContactMode::Open; n_c], |p| p.modes.clone());
+            let x = &self.run.x;
+            pieces.push(Piece {
+                t,
+                h: durations[k],
+                stage: k,
+                modes,
+                x0: x.clone(),
+                xs: (0..n_s).flat_map(|_| x.iter().copied()).take(n_s * nx).collect(),
+                forces: vec![0.0; n_s * n_c * 2],
+                ..Piece::default()
+            });
+            t += durations[k];
+        }
+    }
+}
+
+/// What the event engine makes of the controls of an answer.
+pub struct Replay {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// Why, where the end is not reached.
+    pub reason: String,
+    /// Largest difference of a state at the end of every control stage that was reached.
+    pub differences: Vec<f64>,
+    /// The last state.
+    pub x_end: Vec<f64>,
+    /// Changes of modes and impacts.
+    pub events: usize,
+    /// The cost, as an integral over the steps of the engine.
+    pub cost: f64,
+}
+
+/// Stage points of the quadrature of costs along simulations.
+const QUADRATURE: usize = 5;
+
+/// Simulates the controls of an answer with the tolerance `tol`.
+pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Result<Replay> {
+    let given = with_free_parameters(p, a);
+    let s = simulate_with(p, &a.x0, a.controls(), durations, Some(tol), &given)?;
+    let n = s.times.len() - 1;
+    let mut differences = Vec::with_capacity(n);
+    let (nx, mut x) = (p.given.dims.x, vec![0.0; p.given.dims.x]);
+    let path = s.run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
+    for k in 0..n {
+        if s.times[k + 1] == s.run.t {
+            x.copy_from_slice(&s.run.x);
+        } else {
+            // an impact at the end of the stage: the answer has the state before it there
+            path.eval(s.times[k + 1], 0, &mut x)?;
+        }
+        let last = a.track.pieces.iter().rev().find(|q| q.stage == k);
+        let Some(q) = last else { continue };
+        let end = &q.xs[q.xs.len() - nx..];
+        differences.push(x.iter().zip(end).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs())));
+    }
+    let cost = cost(p, a, &s, &given)?;
+    let events = s.run.phases.len().saturating_sub(n) + s.run.impacts.len();
+    Ok(Replay {
+        outcome: s.run.outcome,
+        reason: s.run.reason.clone(),
+        differences,
+        x_end: s.run.x.clone(),
+        events,
+        cost,
+    })
+}
+
+/// Parameters of all stages, those that are variables as the answer has them.
+fn with_free_parameters(p: &Problem, a: &super::Answer) -> Vec<f64> {
+    let g = &p.given;
+    let mut params = g.params.clone();
+    for &(j, v) in &a.params {
+        (0..g.durations.len()).for_each(|k| params[k * g.wide.p + j] = v);
+    }
+    params
+}
+
+/// Costs along a simulation that reached its end; NaN for others.
+fn cost(p: &Problem, a: &super::Answer, s: &Simulated, params: &[f64]) -> Result<f64> {
+    let g = &p.given;
+    let n = s.times.len() - 1;
+    if n < g.durations.len() {
+        return Ok(f64::NAN);
+    }
+    let path = s.run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
+    let rule = Tableau::new(Family::GaussLegendre, QUADRATURE)?;
+    let mut x = vec![0.0; g.dims.x];
+    let value = |f: &SharedFunction, t: f64, x: &[f64], k: usize| {
+        let (u, q) = (&a.controls()[k * g.wide.u..(k + 1) * g.wide.u], &params[k * g.wide.p..(k + 1) * g.wide.p]);
+        let mut out = [f64::NAN];
+        match f.value(&Point { t, x, u, p: q }, &mut out, &mut vec![0.0; f.work_len()]) {
+            Ok(()) => out[0],
+            Err(_) => f64::NAN,
+        }
+    };
+    let mut sum = 0.0;
+    if let Some(l) = &g.lagrange {
+        for w in path.times().windows(2).filter(|w| w[1] > w[0]) {
+            let k = s.times.partition_point(|t| *t <= 0.5 * (w[0] + w[1])).saturating_sub(1).min(n - 1);
+            for (c, b) in rule.c.iter().zip(&rule.b) {
+                let t = w[0] + c * (w[1] - w[0]);
+                path.eval(t, 0, &mut x)?;
+                sum += b * (w[1] - w[0]) * value(l, t, &x, k);
+            }
+        }
+    }
+    if let Some(f) = &g.grid_cost {
+        for k in 0..n {
+            path.eval(s.times[k + 1].min(s.run.t), 0, &mut x)?;
+            sum += value(f, s.times[k + 1], &x, k);
+        }
+    }
+    if let Some(f) = &g.mayer {
+        sum += value(f, s.run.t, &s.run.x, n - 1);
+    }
+    Ok(sum)
+}

@@ -1,0 +1,303 @@
+//! Optimal control of scenes: the problem as it was stated becomes one with contacts and jumps, its answer one like any other.
+
+use super::accuracy::Accuracy;
+use super::extend::{Extended, Statement};
+use super::guess::middle;
+use super::request::Request;
+use super::solve::Start;
+use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
+use crate::error::{Error, Result};
+use crate::func::Point;
+use crate::jumps::{self, Answer, Contacts, Options, Problem, Sequence, Solved};
+use crate::memory;
+use crate::mpcc::Polish;
+use crate::nlp::{Control, Outcome};
+use crate::tableau::Tableau;
+
+/// How contact modes are found, and what is known of them.
+#[derive(Default)]
+pub(super) struct SceneControl {
+    method: Jumps,
+    /// Modes to start from.
+    sequence: Option<Sequence>,
+    /// The last answer, and what it was found with.
+    last: Option<Last>,
+}
+
+struct Last {
+    answer: Answer,
+    problem: Problem,
+    solved: Solved,
+}
+
+impl SceneControl {
+    /// The same without answers.
+    pub(super) fn blank(&self) -> SceneControl {
+        SceneControl { method: self.method, sequence: self.sequence.clone(), last: None }
+    }
+}
+
+/// Sequences next to an answer that are tried at most, where the settings do not ask for more.
+const NEIGHBOURS: usize = 60;
+/// Elements of a control stage in FESD with jumps.
+const ELEMENTS: usize = 2;
+
+impl Ocp {
+    /// Sets how the contact modes of a scene are found.
+    pub fn set_jumps(&mut self, method: Jumps) {
+        self.scene.method = method;
+    }
+
+    /// Gives modes and jumps of a scene to start from, or takes them back.
+    pub fn set_contact_sequence(&mut self, sequence: Option<Sequence>) {
+        self.scene.sequence = sequence;
+    }
+
+    /// Solves a problem with contacts.
+    pub(super) fn solve_scene(&mut self, start: Start, control: &mut Control) -> Result<&OcpResult> {
+        let request = Request::from_settings(&self.settings)?;
+        let result = memory::bounded(self.settings.max_memory, || {
+            control.within(request.options.max_time, |control| self.run_scene(start, &request, control))
+        })?;
+        Ok(self.result.insert(result))
+    }
+
+    fn run_scene(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<OcpResult> {
+        let clock = std::time::Instant::now();
+        let extended = Extended::new(&Statement {
+            system: &self.system,
+            lagrange: self.lagrange.as_ref(),
+            mayer: self.mayer.as_ref(),
+            path: &self.path,
+            terminal: &self.terminal,
+            boundary: &self.boundary,
+            squares: &self.squares,
+            soft: &self.soft,
+            complementarity: &self.complementarity,
+        })?;
+        let problem = self.scene_problem(&extended, request)?;
+        self.check_start(&problem)?;
+        let options = self.scene_options(&problem, &extended, start, request);
+        let time_build = clock.elapsed().as_secs_f64();
+        let (answer, solved) = jumps::solve(&problem, &options, control)?;
+        let mut result = self.scene_result(&problem, &extended, &answer);
+        result.time_build = time_build;
+        if let (Some(c), true) = (request.comparison, answer.is_solved()) {
+            result.accuracy = Some(self.replay(&problem, &answer, &result, c.tol)?);
+        }
+        result.message = self.scene_message(&problem, &answer);
+        if answer.is_solved() {
+            self.scene.last = Some(Last { answer, problem, solved });
+        }
+        Ok(result)
+    }
+
+    /// Derivatives of the last answer of a problem with contacts.
+    pub(super) fn scene_sensitivity(&mut self) -> Result<OcpSensitivity> {
+        let Some(last) = self.scene.last.as_mut() else {
+            return Err(Error::State("there is no solution to differentiate: solve the problem first".into()));
+        };
+        let d = last.solved.derivatives(&last.problem)?;
+        Ok(OcpSensitivity { cost: d.cost, controls: d.controls, variables: d.variables, one_sided: d.one_sided })
+    }
+
+    fn scene_problem(&self, e: &Extended, request: &Request) -> Result<Problem> {
+        if self.linear.contains(&true) {
+            return Err(Error::Unsupported(
+                "controls of scenes are constant on every stage: linear ones would be states that nothing jumps with; make \
+                 the rate a control and the control a coordinate"
+                    .into(),
+            ));
+        }
+        if !e.complementarity.is_empty() {
+            return Err(Error::Unsupported(
+                "complementarity conditions of your own are not possible beside contacts: write them as contacts"
+                    .into(),
+            ));
+        }
+        let o = &request.options;
+        let d = self.system.dims();
+        let wide = e.system.dims();
+        let n_fe = self.elements(o);
+        let tableau = Tableau::new(o.discretisation.family, o.discretisation.n_s)?;
+        let mut free: Vec<Option<[f64; 2]>> = vec![None; wide.p];
+        if let Some([lower, upper]) = &self.p_bounds {
+            for (j, (l, u)) in lower.iter().zip(upper).enumerate().filter(|(_, (l, u))| l < u) {
+                free[j] = Some([*l, *u]);
+            }
+        }
+        free[e.slack_params.clone()].fill(Some([0.0, f64::INFINITY]));
+        let more = wide.u - d.u;
+        let slacks = |v: f64| vec![v; more];
+        Problem::new(jumps::Statement {
+            system: self.system.clone(),
+            dims: d,
+            wide,
+            tableau,
+            n_fe,
+            durations: self.durations.clone(),
+            time: self.time,
+            time_bounds: self.time_bounds,
+            t0: self.t0,
+            lagrange: e.lagrange.clone(),
+            mayer: e.mayer.clone(),
+            grid_cost: e.grid_cost.clone(),
+            path: e.path.clone(),
+            terminal: e.terminal.clone(),
+            boundary: e.boundary.clone(),
+            x_bounds: self.x_bounds.clone(),
+            x0_bounds: self.x0_bounds.clone(),
+            u_bounds: [
+                [&self.u_bounds[0][..], &slacks(0.0)].concat(),
+                [&self.u_bounds[1][..], &slacks(f64::INFINITY)].concat(),
+            ],
+            params: self.extended_params(e),
+            free,
+        })
+    }
+
+    fn initial_guess_state(&self) -> Vec<f64> {
+        self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect()
+    }
+
+    fn scene_options(&self, p: &Problem, e: &Extended, start: Start, request: &Request) -> Options {
+        let d = self.system.dims();
+        let wide = e.system.dims();
+        let own = self.control_guess();
+        let mut controls = vec![SLACK; self.n_stages * wide.u];
+        for k in 0..self.n_stages {
+            controls[k * wide.u..k * wide.u + d.u].copy_from_slice(&own[k * d.u..(k + 1) * d.u]);
+        }
+        let o = &request.options;
+        Options {
+            method: self.scene.method,
+            solver: o.solver,
+            n_fe: ELEMENTS,
+            rho_h: o.discretisation.rho_h,
+            search: request.search.max(NEIGHBOURS),
+            controls,
+            x0: self.initial_guess_state(),
+            states: self.x_guess.clone(),
+            target: self.target(),
+            sequence: self.scene.sequence.clone().filter(|s| s.stages.len() == p.n_stages()),
+            warm: if start == Start::Warm { self.scene.last.as_ref().map(|l| l.answer.clone()) } else { None },
+        }
+    }
+
+    /// A negative gap at a start that is given, in the words of the scene.
+    fn check_start(&self, p: &Problem) -> Result<()> {
+        let fixed = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).all(|(l, u)| l == u);
+        if !fixed {
+            return Ok(());
+        }
+        let x0 = &self.x0_bounds[0];
+        let u = vec![0.0; self.system.dims().u];
+        let size = x0.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+        for (name, gap) in p.gaps(&Point { t: self.t0, x: x0, u: &u, p: self.params_of(0) }) {
+            if gap < -1e-9 * size {
+                return Err(Error::Range(format!(
+                    "the gap of contact {name} is {gap} at the initial state: bodies may touch there, but not overlap"
+                )));
+            }
+        }
+        Ok(())
+    }
+
+    fn scene_result(&self, p: &Problem, e: &Extended, a: &Answer) -> OcpResult {
+        let d = self.system.dims();
+        let wide = e.system.dims().u;
+        let all = a.controls();
+        let controls: Vec<f64> = (0..self.n_stages).flat_map(|k| all[k * wide..k * wide + d.u].to_vec()).collect();
+        let durations = a.durations(self.n_stages);
+        let mut params = self.params_of(0).to_vec();
+        let mut slack_params = vec![0.0; e.system.dims().p];
+        for &(j, v) in &a.params {
+            slack_params[j] = v;
+            if let Some(p) = params.get_mut(j) {
+                *p = v;
+            }
+        }
+        let (mut violation, mut penalty) = (0f64, 0.0);
+        for (soft, at) in self.soft.iter().zip(&e.slacks) {
+            soft.account(at, &slack_params, all, wide, &durations, &mut |most, cost| {
+                violation = violation.max(most);
+                penalty += cost;
+            });
+        }
+        let cost = a.cost - penalty;
+        OcpResult {
+            outcome: a.outcome,
+            polish: if a.is_solved() { Polish::Done } else { Polish::None },
+            message: String::new(),
+            cost: if a.is_solved() { cost } else { f64::NAN },
+            cost_reached: cost,
+            controls: controls.clone(),
+            control_ends: controls,
+            durations,
+            params,
+            violation,
+            trajectory: jumps::trajectory(a),
+            residuals: a.residuals,
+            certificate: a.certificate,
+            stats: a.stats,
+            time_build: 0.0,
+            dimensions: a.dimensions,
+            accuracy: None,
+            optimality: None,
+            undefined: a.trouble.is_some(),
+            adaptation: None,
+            jumps: Vec::new(),
+            contacts: Some(Contacts::new(p, a)),
+        }
+    }
+
+    /// Simulates the controls of an answer with contacts and compares the states at the ends of the stages.
+    fn replay(&self, p: &Problem, a: &Answer, r: &OcpResult, tol: f64) -> Result<Accuracy> {
+        let (n, nx) = (self.n_stages, self.system.dims().x);
+        let run = match jumps::replay(p, a, &r.durations, tol) {
+            Err(Error::Interrupted) => return Ok(Accuracy::stopped(n, nx, crate::stop::Why::Interrupted)),
+            Err(Error::OutOfTime) => return Ok(Accuracy::stopped(n, nx, crate::stop::Why::OutOfTime)),
+            r => r?,
+        };
+        let mut found = Accuracy::unknown(n, nx);
+        found.outcome = Some(run.outcome);
+        found.reason = run.reason;
+        found.n_switches = run.events;
+        for (k, d) in run.differences.iter().enumerate() {
+            found.stages[k] = *d;
+        }
+        if run.differences.len() == n {
+            found.terminal = run.differences[n - 1];
+            found.x_end = run.x_end;
+            found.cost = run.cost;
+            found.cost_error = r.cost_reached - run.cost;
+        }
+        Ok(found)
+    }
+
+    /// Why there is no exact answer.
+    fn scene_message(&self, p: &Problem, a: &Answer) -> String {
+        let names = p.contact_names();
+        if let Some(f) = &a.trouble {
+            return format!("function '{f}' has no value where one is needed");
+        }
+        match a.outcome {
+            Outcome::Solved if a.vanishing.is_empty() => String::new(),
+            Outcome::Solved => {
+                let (stage, _) = a.vanishing[0];
+                format!(
+                    "a phase of control stage {stage} is as short as it may be: the optimum has an event at the end of that \
+                     stage, or one less"
+                )
+            }
+            Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter => format!(
+                "no motion was found that meets all constraints, after {} orders of contacts; the one closest to it violates \
+                 them by {:.3e}: {}",
+                a.tried,
+                a.violation,
+                a.sequence.text(&names)
+            ),
+            _ => String::new(),
+        }
+    }
+}

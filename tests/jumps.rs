@@ -1,0 +1,231 @@
+//! Optimal control of scenes: contacts, impacts, friction.
+
+use std::sync::Arc;
+use switchback::event::{simulate, Options};
+use switchback::expr::Graph;
+use switchback::func::Dims;
+use switchback::jumps::ContactMode;
+use switchback::nlp::{Control, Outcome};
+use switchback::ocp::{Jumps, Ocp};
+use switchback::scene::{Contact, Scene};
+use switchback::settings::Settings;
+
+const G: f64 = 9.81;
+
+/// A point mass above a floor with friction, pushed along it: Example 8.19.
+fn puck(mu: f64) -> (Graph, switchback::system::System) {
+    let g = Graph::new();
+    let (x, y, u) = (g.x(0), g.x(1), g.u(0));
+    let mut scene = Scene::new("puck", 2, 2, 1, 0).unwrap();
+    scene.set_force(0, u.id()).unwrap();
+    scene.set_force(1, g.constant(-G).id()).unwrap();
+    let (mu, tangents) = (g.constant(mu).id(), vec![x.id()]);
+    scene.add_contact(Contact { friction: mu, tangents, ..Contact::new(&g, "floor", y) }).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    (g, system)
+}
+
+/// Example 8.19: from (0, 1) at rest to (3, 0) at rest in 2 s, force at most 10, cost u².
+fn example_819(method: Jumps) -> Ocp {
+    let (g, system) = puck(0.6);
+    let mut settings = Settings::default();
+    settings.set_by_name("n_s", 2i64).unwrap();
+    settings.set_by_name("n_fe", 1i64).unwrap();
+    let mut ocp = Ocp::new(&system, 2.0, 20, &settings).unwrap();
+    ocp.set_x0(&[0.0, 1.0, 0.0, 0.0]).unwrap();
+    ocp.set_u_bounds(&[-10.0], &[10.0]).unwrap();
+    let d = Dims { x: 4, u: 1, p: 0 };
+    ocp.set_lagrange(Arc::new(g.function("cost", d, &[g.u(0) * g.u(0)]).unwrap())).unwrap();
+    let end = g.function("end", d, &[g.x(0), g.x(1), g.x(2), g.x(3)]).unwrap();
+    ocp.add_terminal(Arc::new(end), &[3.0, 0.0, 0.0, 0.0], &[3.0, 0.0, 0.0, 0.0]).unwrap();
+    ocp.set_jumps(method);
+    ocp
+}
+
+/// Exact optimum over controls that are constant on 20 equal intervals: the block stops in interval 16 and sticks.
+/// Multiprecision, from the equations of sliding alone.
+const J_819: f64 = 72.639_278_346_280_518;
+const STOP_819: f64 = 1.610_106_786_589_409;
+
+#[test]
+fn example_819_from_the_default_start() {
+    for method in [Jumps::Auto, Jumps::FesdJ, Jumps::Modes] {
+        let mut ocp = example_819(method);
+        let r = ocp.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved, "{method:?}: {}", r.message);
+        assert!((r.cost - J_819).abs() < 1e-9, "{method:?}: {:.12}", r.cost);
+        let contacts = r.contacts.as_ref().unwrap();
+        // it lands after sqrt(2/g), slides, and sticks
+        assert_eq!(contacts.impacts.len(), 1);
+        let hit = &contacts.impacts[0];
+        assert!((hit.t - (2.0 / G).sqrt()).abs() < 1e-12, "{}", hit.t);
+        assert!((hit.impulse[0] - (2.0 * G).sqrt()).abs() < 1e-10);
+        assert!((hit.impulse[1] + 0.6 * hit.impulse[0]).abs() < 1e-10, "friction opposes sliding");
+        assert!((hit.rates[0] + (2.0 * G).sqrt()).abs() < 1e-10 && hit.rates[1].abs() < 1e-10);
+        let stop = contacts.phases().iter().find(|p| p.2[0] == ContactMode::Closed).unwrap().0;
+        assert!((stop - STOP_819).abs() < 1e-7, "{stop}");
+        assert!((contacts.forces(1.0).unwrap()[0][0] - G).abs() < 1e-9);
+        // the event engine, which shares nothing with the program, agrees
+        let a = r.accuracy.as_ref().unwrap();
+        assert!(a.reached() && a.terminal < 1e-9 && a.cost_error.abs() < 1e-9, "{a:?}");
+        // both limits at the impact
+        let k = r.trajectory.elements.iter().position(|e| (e.t - hit.t).abs() < 1e-12).unwrap();
+        let (before, after) = (&r.trajectory.elements[k - 1].x1, &r.trajectory.elements[k].x0);
+        assert!(before[3] < -4.4 && after[3].abs() < 1e-10 && before[2] > after[2]);
+    }
+}
+
+#[test]
+fn a_warm_start_tries_the_modes_there_were() {
+    let mut ocp = example_819(Jumps::Auto);
+    let cold = ocp.solve(&mut Control::default()).unwrap().clone();
+    ocp.set_x0(&[0.01, 1.0, 0.0, 0.0]).unwrap();
+    let warm = ocp.solve_warm(&mut Control::default()).unwrap().clone();
+    assert_eq!(warm.outcome, Outcome::Solved);
+    assert!(warm.cost < cold.cost, "{} after {}", warm.cost, cold.cost);
+    let n = [cold.stats.iterations, warm.stats.iterations];
+    assert!(n[1] < n[0] / 2, "{n:?}");
+}
+
+#[test]
+fn the_same_problem_gives_the_same_bits() {
+    let cost = || example_819(Jumps::Auto).solve(&mut Control::default()).unwrap().cost.to_bits();
+    assert_eq!(cost(), cost());
+}
+
+#[test]
+fn a_scene_without_contacts_is_a_smooth_problem() {
+    // minimal effort from rest to rest over a distance of 1: u = 6 - 12 t, cost 12
+    let g = Graph::new();
+    let mut scene = Scene::new("cart", 1, 1, 1, 0).unwrap();
+    scene.set_force(0, g.u(0).id()).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    let mut ocp = Ocp::new(&system, 1.0, 40, &Settings::default()).unwrap();
+    let d = Dims { x: 2, u: 1, p: 0 };
+    ocp.set_x0(&[0.0, 0.0]).unwrap();
+    ocp.set_lagrange(Arc::new(g.function("cost", d, &[g.u(0) * g.u(0)]).unwrap())).unwrap();
+    let end = Arc::new(g.function("end", d, &[g.x(0), g.x(1)]).unwrap());
+    ocp.add_terminal(end, &[1.0, 0.0], &[1.0, 0.0]).unwrap();
+    let r = ocp.solve(&mut Control::default()).unwrap();
+    // piecewise constant controls lose 1/N² of it
+    let n2 = 1600.0;
+    assert!((r.cost - 12.0 / (1.0 - 1.0 / n2)).abs() < 1e-8, "{}", r.cost);
+    assert_eq!(r.dimensions.2, 0);
+}
+
+#[test]
+fn a_negative_gap_at_the_start_is_named() {
+    let mut ocp = example_819(Jumps::Auto);
+    ocp.set_x0(&[0.0, -0.25, 0.0, 0.0]).unwrap();
+    let text = ocp.solve(&mut Control::default()).unwrap_err().to_string();
+    assert!(text.contains("contact floor is -0.25"), "{text}");
+}
+
+#[test]
+fn what_cannot_be_reached_says_so() {
+    // with forces of 5 it does not get to x = 9 in two seconds
+    let mut ocp = example_819(Jumps::Auto);
+    ocp.set_u_bounds(&[-5.0], &[5.0]).unwrap();
+    let (g, _) = puck(0.6);
+    let d = Dims { x: 4, u: 1, p: 0 };
+    ocp.add_terminal(Arc::new(g.function("far", d, &[g.x(0)]).unwrap()), &[9.0], &[9.0]).unwrap();
+    let r = ocp.solve(&mut Control::default()).unwrap();
+    assert_ne!(r.outcome, Outcome::Solved);
+    assert!(
+        r.cost.is_nan() && r.message.contains("no motion was found") && r.message.contains("floor"),
+        "{}",
+        r.message
+    );
+}
+
+#[test]
+fn friction_in_space_and_other_methods_are_refused() {
+    let g = Graph::new();
+    let mut scene = Scene::new("puck", 3, 3, 0, 0).unwrap();
+    (0..3).for_each(|i| scene.set_force(i, g.constant(-1.0).id()).unwrap());
+    let (friction, tangents) = (g.constant(0.5).id(), vec![g.x(0).id(), g.x(1).id()]);
+    scene.add_contact(Contact { friction, tangents, ..Contact::new(&g, "table", g.x(2)) }).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    let mut ocp = Ocp::new(&system, 1.0, 2, &Settings::default()).unwrap();
+    ocp.set_x0(&[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]).unwrap();
+    let text = ocp.solve(&mut Control::default()).unwrap_err().to_string();
+    assert!(text.contains("table has friction in space"), "{text}");
+    let mut ocp = example_819(Jumps::Auto);
+    let mut settings = *ocp.settings();
+    settings.set_by_name("rk_family", "gauss_legendre").unwrap();
+    ocp.set_settings(&settings).unwrap();
+    let text = ocp.solve(&mut Control::default()).unwrap_err().to_string();
+    assert!(text.contains("Radau IIA"), "{text}");
+}
+
+/// A point mass above the curve y = 0.3 x² with friction: gap and sliding velocity are lengths.
+fn bowl(mu: f64, e: f64) -> (Graph, switchback::system::System) {
+    let g = Graph::new();
+    let (x, y, vx, vy) = (g.x(0), g.x(1), g.x(2), g.x(3));
+    let length = (x * x * 0.36 + 1.0).sqrt();
+    let mut scene = Scene::new("bowl", 2, 2, 0, 0).unwrap();
+    scene.set_force(0, (vx * -0.1).id()).unwrap();
+    scene.set_force(1, (vy * -0.1 - G).id()).unwrap();
+    let slide = (vx + x * vy * 0.6) / length;
+    let contact = Contact {
+        friction: g.constant(mu).id(),
+        restitution: g.constant(e).id(),
+        tangents: vec![slide.id()],
+        ..Contact::new(&g, "bowl", (y - x * x * 0.3) / length)
+    };
+    scene.add_contact(contact).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    (g, system)
+}
+
+/// Largest difference of the final state from the event engine with `n` stages of a method with `n_s` stage points.
+fn error_on_a_curve(system: &switchback::system::System, x0: &[f64], t_end: f64, n_s: usize, n: usize) -> f64 {
+    let mut settings = Settings::default();
+    settings.set_by_name("n_s", n_s as i64).unwrap();
+    settings.set_by_name("n_fe", 1i64).unwrap();
+    let mut ocp = Ocp::new(system, t_end, n, &settings).unwrap();
+    ocp.set_x0(x0).unwrap();
+    ocp.set_jumps(Jumps::Modes);
+    let r = ocp.solve(&mut Control::default()).unwrap();
+    assert_eq!(r.outcome, Outcome::Solved, "{n_s} stage points, {n} stages: {}", r.message);
+    let exact = simulate(system, &Options::with_tolerance(1e-12, 1e-13), 0.0, x0, t_end).unwrap();
+    let last = r.trajectory.elements.last().unwrap();
+    exact.x.iter().zip(&last.x1).fold(0.0, |m, (a, b)| m.max((a - b).abs()))
+}
+
+fn slope(steps: &[usize], errors: &[f64]) -> f64 {
+    let (a, b) = (errors[0] / errors[errors.len() - 1], steps[steps.len() - 1] as f64 / steps[0] as f64);
+    a.ln() / b.ln()
+}
+
+#[test]
+fn programs_keep_the_order_of_the_method_on_a_curved_floor() {
+    // it lands and slides; it bounces
+    for (mu, e, t_end) in [(0.2, 0.0, 0.6), (0.0, 0.8, 0.6)] {
+        let (_, system) = bowl(mu, e);
+        for (n_s, n) in [(1, [32, 64, 128]), (2, [8, 16, 32]), (3, [4, 8, 16])] {
+            let errors = n.map(|n| error_on_a_curve(&system, &[-0.8, 0.5, 0.3, 0.0], t_end, n_s, n));
+            let order = slope(&n, &errors);
+            let expected = 2.0 * n_s as f64 - 1.0;
+            assert!(order > expected - 0.4, "e = {e}, {n_s} stage points: {errors:?}, slope {order:.2}");
+        }
+    }
+}
+
+#[test]
+fn derivatives_of_the_optimum_agree_with_differences() {
+    let mut ocp = example_819(Jumps::Modes);
+    let cost_at = |ocp: &mut Ocp, x: f64, y: f64| {
+        ocp.set_x0(&[x, y, 0.0, 0.0]).unwrap();
+        let r = ocp.solve_warm(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved);
+        r.cost
+    };
+    cost_at(&mut ocp, 0.0, 1.0);
+    let s = ocp.sensitivity().unwrap();
+    let h = 1e-4;
+    let dx = (cost_at(&mut ocp, h, 1.0) - cost_at(&mut ocp, -h, 1.0)) / (2.0 * h);
+    let dy = (cost_at(&mut ocp, 0.0, 1.0 + h) - cost_at(&mut ocp, 0.0, 1.0 - h)) / (2.0 * h);
+    assert!((s.cost[0] - dx).abs() < 1e-6 * dx.abs().max(1.0), "{} against {dx}", s.cost[0]);
+    assert!((s.cost[1] - dy).abs() < 1e-6 * dy.abs().max(1.0), "{} against {dy}", s.cost[1]);
+}
