@@ -1430,6 +1430,35 @@ typedef int32_t swb_contact_mode;
 #endif // __cplusplus
 
 /**
+ * How an optimal control problem of a scene finds contact modes and impacts.
+ */
+enum swb_jumps
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * From a simulation of the guess and by finite elements with jumps; the cheaper answer.
+     */
+    SWB_JUMPS_AUTO = 0,
+    /**
+     * From a simulation of the guess and the orders of modes next to it.
+     */
+    SWB_JUMPS_MODES = 1,
+    /**
+     * By finite elements with jumps: complementarity between gaps and forces in every element.
+     */
+    SWB_JUMPS_FESD_J = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_jumps swb_jumps;
+#else
+typedef int32_t swb_jumps;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * What a step did.
  */
 enum swb_progress_kind
@@ -6819,6 +6848,87 @@ swb_status swb_ocp_get_optimality_reason(const struct swb_ocp *ocp,
                                          char *buf,
                                          int64_t len,
                                          int64_t *needed);
+
+/**
+ * Create an optimal control problem of a scene that is built; as swb_ocp_create with the system of the scene. Its states are
+ * coordinates, then velocities; horizon, control grid and costs are in physical time.
+ *
+ * @param[in]  scene    copied; may be freed afterwards
+ * @param[in]  horizon  duration
+ * @param[in]  n_stages control intervals of equal length
+ * @param[in]  settings NULL for the defaults
+ * @param[out] out      the new object, NULL on failure; free with swb_ocp_free
+ * @return as swb_ocp_create; SWB_ERR_STATE if the scene is not built
+ */
+SWB_API
+swb_status swb_ocp_create_scene(const struct swb_scene *scene,
+                                double horizon,
+                                int64_t n_stages,
+                                const struct swb_settings *settings,
+                                struct swb_ocp **out);
+
+/**
+ * Set how contact modes and impacts of a scene are found. Other systems do not look at it.
+ *
+ * @param[in] jumps an enum swb_jumps
+ * @return SWB_OK; SWB_ERR_RANGE
+ */
+SWB_API swb_status swb_ocp_set_jumps(struct swb_ocp *ocp, int32_t jumps);
+
+/**
+ * Sizes of what the contacts of an answer do.
+ *
+ * @param[out] n_contacts contacts of the scene, those that were left out not counted
+ * @param[out] n_impacts  impacts, one for every contact with an impulse
+ * @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene
+ */
+SWB_API
+swb_status swb_ocp_get_contacts(const struct swb_ocp *ocp,
+                                int64_t *n_contacts,
+                                int64_t *n_impacts);
+
+/**
+ * The impacts of an answer in the order they happen. Their depth is NaN: it is not computed.
+ *
+ * @param[out] impacts     [n] n_impacts of swb_ocp_get_contacts
+ * @param[in]  struct_size sizeof(swb_impact)
+ * @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if n is another number
+ */
+SWB_API
+swb_status swb_ocp_impacts(const struct swb_ocp *ocp,
+                           struct swb_impact *impacts,
+                           int64_t n,
+                           uint64_t struct_size);
+
+/**
+ * Modes of the contacts of an answer at times.
+ *
+ * @param[in]  t     [n_t] times within the horizon; at the time of an event the modes are those before it
+ * @param[out] modes [n] n_t times n_contacts, enum swb_contact_mode, those of the first time first
+ * @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_RANGE for times outside;
+ *         SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_ocp_contact_modes(const struct swb_ocp *ocp,
+                                 const double *t,
+                                 int64_t n_t,
+                                 int64_t *modes,
+                                 int64_t n);
+
+/**
+ * Forces of the contacts of an answer at times: forces, not impulses.
+ *
+ * @param[in]  t      [n_t] times within the horizon
+ * @param[out] forces [n] n_t times n_contacts times 3: the normal force and those along the tangents, zero where the contact
+ *                    is open or has no tangents; the contacts of the first time first
+ * @return as swb_ocp_contact_modes
+ */
+SWB_API
+swb_status swb_ocp_contact_forces(const struct swb_ocp *ocp,
+                                  const double *t,
+                                  int64_t n_t,
+                                  double *forces,
+                                  int64_t n);
 
 /**
  * Sizes of the mode sequence of the last solution: a phase for every finite element that has a length.

@@ -384,6 +384,14 @@ class ContactMode(Names):
     SLIDES_BACK = 3
 
 
+class Jumps(Names):
+    """enum swb_jumps"""
+
+    AUTO = 0
+    MODES = 1
+    FESD_J = 2
+
+
 class ProgressKind(Names):
     """enum swb_progress_kind"""
 
@@ -1267,6 +1275,12 @@ FUNCTIONS = {
     "swb_ocp_get_reduced_gradient": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_descent": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_optimality_reason": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_ocp_create_scene": (c_int32, [c_void_p, c_double, c_int64, POINTER(swb_settings), c_void_p]),
+    "swb_ocp_set_jumps": (c_int32, [c_void_p, c_int32]),
+    "swb_ocp_get_contacts": (c_int32, [c_void_p, c_void_p, c_void_p]),
+    "swb_ocp_impacts": (c_int32, [c_void_p, POINTER(swb_impact), c_int64, c_uint64]),
+    "swb_ocp_contact_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_contact_forces": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_mode_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_ocp_get_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_set_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
