@@ -53,7 +53,7 @@ static void doors(void)
     char text[64];
 
     CHECK_OK(swb_settings_init(&s, sizeof s));
-    CHECK(s.n_s == 2 && s.n_fe == 3 && s.tol == 1e-9 && isinf(s.max_time));
+    CHECK(s.n_s == 3 && s.n_fe == 3 && s.tol == 1e-9 && isinf(s.max_time));
     CHECK(s.step_equilibration == SWB_STEP_EQUILIBRATION_DIFFERENCE && s.polish == SWB_POLISH_ON);
 
     CHECK_OK(swb_settings_set_int(&s, "n_s", 4));

@@ -101,7 +101,7 @@ fn the_gradient_is_that_of_the_simulated_cost() {
         x[2] + 10.0 * (x[0] - 1.0).powi(2) + 10.0 * x[1] * x[1]
     };
     // within these bounds the optimum is at a bound in some stages, where derivatives do not vanish
-    ocp.set_u_bounds(&[-0.5], &[1.2]).unwrap();
+    ocp.set_u_bounds(&[-0.2], &[0.4]).unwrap();
     let (r, o) = solve(&mut ocp);
     assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
     let (h, mut steep) = (1e-5, 0);

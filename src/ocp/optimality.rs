@@ -18,13 +18,13 @@ use super::accuracy::with_cost;
 use super::solve::Built;
 use super::{Durations, Ocp, OcpResult};
 use crate::dcs::Dcs;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::event::{self, Engine};
 use crate::fesd::{Fesd, StatePoint};
 use crate::func::Point;
 use crate::mpcc::Polish;
 use crate::nlp::Outcome;
-use crate::stop;
+use crate::stop::{self, Why};
 use crate::system::SharedFunction;
 use nalgebra::{DMatrix, DVector};
 
@@ -796,6 +796,19 @@ impl Ocp {
         let sides = judge.sweep(&legs, &kinks, &outer, &mut q);
         let ranges: Vec<[f64; 2]> = outer.ends.iter().map(|e| e.range).collect();
         Ok(q.verdict(&kinks, &sides, &ranges, self.system.dims().u))
+    }
+
+    /// The same, as far as there is time.
+    pub(super) fn judge_in_time(&self, r: &OcpResult, b: &mut Built) -> Result<Optimality> {
+        let stopped = |why: Why| Ok(Optimality::unknown(why.words()));
+        if let Some(why) = stop::requested() {
+            return stopped(why);
+        }
+        match self.judge(r, b) {
+            Err(Error::Interrupted) => stopped(Why::Interrupted),
+            Err(Error::OutOfTime) => stopped(Why::OutOfTime),
+            r => r,
+        }
     }
 
     /// Judges the last solution, where there is one.

@@ -59,6 +59,14 @@ impl Candidates {
     }
 }
 
+/// What was found before there was no time left is an answer.
+fn in_time(r: Result<()>, found: &Candidates) -> Result<()> {
+    match r {
+        Err(Error::Interrupted | Error::OutOfTime) if found.best.is_some() => Ok(()),
+        r => r,
+    }
+}
+
 impl OcpResult {
     /// Is the active set exact, or nothing switches?
     pub(super) fn is_exact(&self) -> bool {
@@ -81,7 +89,8 @@ impl Ocp {
     #[inline(never)]
     fn search_from_all(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
         let clock = Instant::now();
-        let mut found = self.solve_by_smoothing(request, control)?;
+        let mut found = Candidates::default();
+        in_time(self.solve_by_smoothing(&mut found, request, control), &found)?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
         let enough = found.best.is_some() && request.start == OcpStart::Smoothing;
         if !enough && (found.best.is_none() || stop::requested().is_none()) {
@@ -108,12 +117,12 @@ impl Ocp {
                 found.best = Some(own);
             }
         }
-        found = self.improve(found, request, control)?;
+        in_time(self.improve(&mut found, request, control), &found)?;
         self.adopt(found, request, control, clock)
     }
 
     /// Goes from the best answer to sequences next to its own as long as the cost falls.
-    fn improve(&self, mut found: Candidates, request: &Request, control: &mut Control) -> Result<Candidates> {
+    fn improve(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
         let inside = Request { comparison: None, explain: false, ..*request };
         let form = Dcs::new(&self.system, request.options.form)?.form().clone();
         let n_fe = self.elements(&request.options);
@@ -126,7 +135,7 @@ impl Ocp {
             let mut better = false;
             for s in now.neighbours(&form.simplices) {
                 if stop::requested().is_some() || left == 0 {
-                    return Ok(found);
+                    return Ok(());
                 }
                 if tried.contains(&s.sets()) {
                     continue;
@@ -150,11 +159,11 @@ impl Ocp {
                 break;
             }
             followed += 1;
-            if !self.follow(&mut found, request, &mut tried, control)? {
+            if !self.follow(found, request, &mut tried, control)? {
                 break;
             }
         }
-        Ok(found)
+        Ok(())
     }
 
     /// Follows the direction in which the best answer is not optimal: the controls are moved along it, what they lead to is
@@ -272,10 +281,9 @@ impl Ocp {
     }
 
     /// From the smoothed problems to the mode programs of their controls.
-    fn solve_by_smoothing(&self, request: &Request, control: &mut Control) -> Result<Candidates> {
-        let mut found = Candidates::default();
+    fn solve_by_smoothing(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
         let known = self.sizes()?;
-        let Some(mut smoother) = self.smoother(&known, request, control)? else { return Ok(found) };
+        let Some(mut smoother) = self.smoother(&known, request, control)? else { return Ok(()) };
         let ladders = smoother.race(control);
         found.spent = smoother.spent;
         let inside = Request { comparison: None, explain: false, ..*request };
@@ -285,7 +293,7 @@ impl Ocp {
             let mut best = f64::INFINITY;
             for smooth in &ladder.answers {
                 if stop::requested().is_some() {
-                    return Ok(found);
+                    return Ok(());
                 }
                 let Some(traced) = self.trace(smooth, &request.options)? else { continue };
                 let sets = traced.phases.sets();
@@ -313,6 +321,6 @@ impl Ocp {
         if let [a, b, ..] = costs[..] {
             found.agreed |= (a - b).abs() <= SAME * a.abs().max(b.abs());
         }
-        Ok(found)
+        Ok(())
     }
 }

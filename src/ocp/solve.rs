@@ -432,7 +432,7 @@ impl Ocp {
         if let Some(c) = request.comparison {
             let options = &request.options;
             result.accuracy = Some(self.compare(&result, problem, &solution.x, extended, stage_params, c, options)?);
-            result.optimality = Some(self.judge(&result, b)?);
+            result.optimality = Some(self.judge_in_time(&result, b)?);
         }
         let Built { problem, solver, bounds, extended, .. } = b;
         let solution = solver.solution();

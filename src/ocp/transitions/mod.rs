@@ -339,34 +339,67 @@ fn distance(from: &[Passage], guess: &Guess, to: &[Passage]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::Graph;
-    use crate::model::{Model, Transition};
-    use crate::ocp::Durations;
+    use crate::func::{Callback, Dims};
+    use crate::linalg::csc::Pattern;
+    use crate::ocp::terms::combination;
     use crate::settings::Settings;
-    use crate::system::Direction;
+    use crate::system::{Direction, SharedFunction, System, Transition};
+    use std::sync::Arc;
+
+    /// Distance, speed and the turbo: its states, control and time.
+    const D: Dims = Dims { x: 3, u: 1, p: 0 };
+
+    /// The turbo, a discrete state, multiplies the acceleration.
+    fn motion(factor: f64) -> Callback {
+        let more = factor - 1.0;
+        let f = Callback::new("f", D, 3, move |at, o| {
+            o.copy_from_slice(&[at.x[1], at.u[0] * (1.0 + more * at.x[2]), 0.0]);
+            0
+        });
+        let (jac, _) = Pattern::from_triplets(3, D.n_in(), &[0, 1, 1], &[1, 2, 3]);
+        let f = f.with_jacobian(jac, move |at, o| {
+            o.copy_from_slice(&[1.0, more * at.u[0], 1.0 + more * at.x[2]]);
+            0
+        });
+        let (hess, _) = Pattern::from_triplets(D.n_in(), D.n_in(), &[2], &[3]);
+        let curved = move |_: &crate::func::Point, w: &[f64], o: &mut [f64]| {
+            o[0] = more * w[1];
+            0
+        };
+        f.and_then(|f| f.with_hessian(hess, curved)).unwrap()
+    }
+
+    /// The speed less a limit.
+    fn above(limit: f64) -> SharedFunction {
+        let f = Callback::new("guard", D, 1, move |at, o| {
+            o[0] = at.x[1] - limit;
+            0
+        });
+        let (jac, _) = Pattern::from_triplets(1, D.n_in(), &[0], &[1]);
+        let f = f.with_jacobian(jac, |_, o| {
+            o[0] = 1.0;
+            0
+        });
+        Arc::new(f.unwrap().linear())
+    }
 
     /// The car with hysteresis on `n` stages.
     fn car(n: usize, (on, off, factor): (f64, f64, f64)) -> Ocp {
-        let g = Graph::new();
-        let (q, v, w, a) = (g.x(0), g.x(1), g.x(2), g.u(0));
-        let mut m = Model::from_rhs("car", 1, 0, &[v, a * (1.0 + (factor - 1.0) * w), g.constant(0.0)]).unwrap();
-        m.set_discrete(&[0.0]).unwrap();
-        let edges = [(v - on, Direction::Rising, 0.0), (v - off, Direction::Falling, 1.0)];
-        for (guard, direction, from) in edges {
+        let mut s = System::new(3, 1, 0).unwrap();
+        s.set_f0(Arc::new(motion(factor))).unwrap();
+        for (limit, direction, from) in [(on, Direction::Rising, 0.0), (off, Direction::Falling, 1.0)] {
             let (from, to) = (vec![(2, from)], vec![(2, 1.0 - from)]);
-            m.add_transition(Transition { guard: guard.id(), direction, from, reset: vec![], to });
+            s.add_transition(Transition { guard: above(limit), direction, from, reset: None, to }).unwrap();
         }
-        let b = m.build(&g).unwrap();
-        let mut o = Ocp::new(&b.system, 10.0, n, &Settings { n_fe: 1, ..Settings::default() }).unwrap();
+        let mut o = Ocp::new(&s, 10.0, n, &Settings { n_fe: 1, ..Settings::default() }).unwrap();
         o.set_x0(&[0.0; 3]).unwrap();
         let most = f64::INFINITY;
         o.set_x_bounds(&[-most, -25.0, -most], &[most, 25.0, most]).unwrap();
         o.set_u_bounds(&[-5.0], &[5.0]).unwrap();
         o.set_free_time(Durations::Horizon, 0.5, 100.0).unwrap();
-        let d = b.system.dims();
-        o.add_terminal(std::sync::Arc::new(g.function("end", d, &[q, v]).unwrap()), &[150.0, 0.0], &[150.0, 0.0])
-            .unwrap();
-        o.set_mayer(std::sync::Arc::new(g.function("T", d, &[g.t()]).unwrap())).unwrap();
+        let end = combination("end", D, vec![vec![(0, 1.0)], vec![(1, 1.0)]]);
+        o.add_terminal(end, &[150.0, 0.0], &[150.0, 0.0]).unwrap();
+        o.set_mayer(combination("T", D, vec![vec![(D.t_col(), 1.0)]])).unwrap();
         o
     }
 
