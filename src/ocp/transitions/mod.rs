@@ -447,7 +447,8 @@ mod tests {
                 }
                 best = best.min(s.found[0].result.cost);
             }
-            assert!(found.cost <= best + 1e-9, "{data:?}: {} {best}", found.cost);
+            // both are known to the tolerance of the solver
+            assert!(found.cost <= best * (1.0 + 1e-8), "{data:?}: {} {best}", found.cost);
         }
     }
 
