@@ -110,8 +110,6 @@ class OcpResult(HasOutcome):
     jumps: list[OcpJump] = field(default_factory=list, repr=False)
     #: The system of the problem; None for a problem from a document.
     system: System | None = field(default=None, repr=False)
-    #: What the contacts of a scene do; None for other systems.
-    contacts: OcpContacts | None = field(default=None, repr=False)
 
     def discrete(self, state: Any) -> list[Any]:
         """The values of a discrete state in their order, with their times: a list of `Interval(start, end, value)`.
@@ -140,6 +138,8 @@ class OcpResult(HasOutcome):
         return "\n".join(lines)
     #: What the answer is as a point of the control problem; None with the option accuracy off.
     optimality: Optimality | None = field(default=None, repr=False)
+    #: What the contacts of a scene do; None for other systems.
+    contacts: OcpContacts | None = field(default=None, repr=False)
 
     @property
     def certificate(self) -> str:
