@@ -93,7 +93,6 @@ static void known_solution(void)
     /* Again, with what was built, and with other options. */
     CHECK_OK(swb_ocp_solve(ocp, NULL));
     CHECK_OK(swb_ocp_get_stats(ocp, &stats, sizeof stats));
-    CHECK(stats.time_build > 0.0); /* several starts build their own problems */
     CHECK_OK(swb_ocp_set_int(ocp, "ocp_start", SWB_OCP_START_HOMOTOPY));
     CHECK_OK(swb_ocp_solve(ocp, NULL));
     CHECK_OK(swb_ocp_solve(ocp, NULL));
@@ -679,7 +678,7 @@ static void interrupts(void)
         CHECK(outcome == SWB_OUTCOME_STOPPED || outcome == SWB_OUTCOME_SOLVED);
         if (outcome == SWB_OUTCOME_STOPPED) continue;
         CHECK_OK(swb_ocp_get_cost(running, &found));
-        CHECK_NEAR(found, cost, 1e-12);
+        CHECK_NEAR(found, cost, 1e-9); /* the tolerance of the solver, which may be stopped just before its last step */
         CHECK_OK(swb_ocp_get_optimality(running, &optimality, sizeof optimality));
         CHECK(optimality.verdict == SWB_VERDICT_UNKNOWN && isnan(optimality.residual));
         CHECK_OK(swb_ocp_get_optimality_reason(running, text, sizeof text, NULL));

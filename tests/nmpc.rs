@@ -52,10 +52,10 @@ fn chain(m: usize) -> Case {
     let velocity = |i: usize, c: usize| g.x(3 * (m + 1) + 3 * i + c);
     let mut rates: Vec<_> = (0..m).flat_map(|i| (0..3).map(move |c| (i, c))).map(|(i, c)| velocity(i, c)).collect();
     rates.extend((0..3).map(|c| g.u(c)));
-    for i in 0..m {
-        for c in 0..3 {
+    for pair in spring.windows(2).take(m) {
+        for (c, (before, behind)) in pair[0].iter().zip(&pair[1]).enumerate() {
             let weight = if c == 2 { -9.81 } else { 0.0 };
-            rates.push((spring[i + 1][c] - spring[i][c]) / mass + weight);
+            rates.push((*behind - *before) / mass + weight);
         }
     }
     let f: SharedFunction = Arc::new(g.function("chain", Dims { x: nx, u: 3, p: 0 }, &rates).unwrap());

@@ -150,16 +150,16 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         failed: Vec::new(),
     };
     if let Some(last) = &options.warm {
-        s.from_answer(last, control)?;
+        s.start_at_answer(last, control)?;
     }
     let known = s.best.as_ref().is_some_and(|b| b.0.is_solved());
     if !known {
-        s.from_guess(control)?;
+        s.start_at_guess(control)?;
     }
     let wants =
         !known && options.method != Method::Modes && (options.method == Method::FesdJ || options.sequence.is_none());
     if wants && stop::requested().is_none() {
-        s.from_complementarity(control)?;
+        s.start_with_complementarity(control)?;
     }
     // a warm start goes where phases that vanish lead, and no further
     s.improve(known, control)?;
@@ -200,12 +200,12 @@ struct Search<'a> {
 
 impl Search<'_> {
     /// Solves for the modes of an answer, from its point where the program is the same.
-    fn from_answer(&mut self, last: &Answer, control: &mut Control) -> Result<()> {
+    fn start_at_answer(&mut self, last: &Answer, control: &mut Control) -> Result<()> {
         self.attempt_from(&last.planned, &last.track, Some(&last.point), ITERATIONS, control).map(|_| ())
     }
 
     /// Simulates the guess and solves for its modes.
-    fn from_guess(&mut self, control: &mut Control) -> Result<()> {
+    fn start_at_guess(&mut self, control: &mut Control) -> Result<()> {
         let o = self.options;
         let durations = &self.p.given.durations;
         if let Some(sequence) = &o.sequence {
@@ -247,7 +247,7 @@ impl Search<'_> {
     }
 
     /// FESD with jumps from the initial state, and, where that leads to no solution, from a straight line to the target.
-    fn from_complementarity(&mut self, control: &mut Control) -> Result<()> {
+    fn start_with_complementarity(&mut self, control: &mut Control) -> Result<()> {
         let o = self.options;
         let line = o.target.as_ref().filter(|_| o.states.is_none()).map(|target| {
             let times = vec![0.0, self.p.given.durations.iter().sum()];

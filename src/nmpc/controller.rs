@@ -493,7 +493,7 @@ impl Nmpc {
             self.pending = Pending::Aged;
         }
         if source == Source::Plan {
-            source = self.from_plan(u0);
+            source = self.retreat_to_plan(u0);
         }
         let bounds = self.model.u_lower.iter().zip(&self.model.u_upper);
         u0.iter_mut().zip(bounds).for_each(|(u, (l, h))| *u = u.max(*l).min(*h));
@@ -550,7 +550,7 @@ impl Nmpc {
     }
 
     /// The control that the last plan has for now; behind its end the last control.
-    fn from_plan(&mut self, u0: &mut [f64]) -> Source {
+    fn retreat_to_plan(&mut self, u0: &mut [f64]) -> Source {
         let nu = self.nu();
         match self.iterate.u.chunks_exact(nu).nth(self.entry) {
             Some(u) => {

@@ -134,7 +134,7 @@ impl BlockUpdates {
         gemv_transposed(w, w, Left { v: block, ld: w }, &self.s, &mut self.bs);
         let (sbs, mut sy) = (dot(&self.s, &self.bs), dot(&self.s, &self.y));
         // a step too small to say anything
-        if !(sbs > 0.0) || !sy.is_finite() {
+        if sbs.is_nan() || sbs <= 0.0 || !sy.is_finite() {
             return;
         }
         if sy < DAMPING * sbs {

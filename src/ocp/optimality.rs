@@ -266,7 +266,9 @@ impl Judge<'_> {
 
     fn advance(&mut self, t: f64) -> Result<bool> {
         stop::check()?;
-        Ok(matches!(self.engine.advance(t)?, event::Outcome::Reached))
+        let reached = matches!(self.engine.advance(t)?, event::Outcome::Reached);
+        stop::check()?;
+        Ok(reached)
     }
 
     /// Velocity under the control of another stage, a little behind `t`.

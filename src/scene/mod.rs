@@ -370,7 +370,7 @@ impl Builder<'_> {
         let bounded = s.bounds.iter().any(Option::is_some).then(|| Bounds::within(self.dag, &gaps, &within));
         let (mut dropped, mut kept) = (Vec::new(), Vec::new());
         for (k, c) in s.contacts.iter().enumerate() {
-            if self.dag.as_const(c.gap).is_some() {
+            if self.dag.as_const(c.gap).is_some() || self.sees_motion(c.gap) {
                 // refused below
                 kept.push(k);
                 continue;
@@ -396,6 +396,12 @@ impl Builder<'_> {
         Ok((dropped, kept))
     }
 
+    /// Does an expression depend on velocities or controls?
+    fn sees_motion(&self, id: Id) -> bool {
+        let s = self.scene;
+        (s.order == Order::Second && self.depends(id, Block::X, s.n_q)) || self.depends(id, Block::U, 0)
+    }
+
     /// Does an expression depend on these inputs?
     fn depends(&self, id: Id, block: Block, from: usize) -> bool {
         let all = self.dag.reachable(&[id]);
@@ -409,8 +415,7 @@ impl Builder<'_> {
         self.check_smooth(&format!("the gap of contact {name}"), c.gap)?;
         for (what, id) in [("gap", c.gap), ("friction", c.friction), ("restitution", c.restitution)] {
             self.check_smooth(&format!("the {what} of contact {name}"), id)?;
-            let velocities = s.order == Order::Second && self.depends(id, Block::X, s.n_q);
-            if velocities || self.depends(id, Block::U, 0) {
+            if self.sees_motion(id) {
                 return Err(Error::Range(format!(
                     "the {what} of contact {name}, {}, depends on velocities or controls: it may depend on coordinates, \
                      parameters and time",
