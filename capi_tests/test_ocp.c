@@ -98,9 +98,9 @@ static void known_solution(void)
     CHECK_OK(swb_ocp_solve(ocp, NULL));
     CHECK_OK(swb_ocp_get_stats(ocp, &stats, sizeof stats));
     CHECK(stats.time_build == 0.0);
-    CHECK_OK(swb_ocp_set_int(ocp, "n_s", 3));
+    CHECK_OK(swb_ocp_set_int(ocp, "n_s", 2));
     CHECK_OK(swb_ocp_get_settings(ocp, &settings, sizeof settings));
-    CHECK(settings.n_s == 3 && settings.n_fe == 2 && settings.initial_guess == SWB_INITIAL_GUESS_CONSTANT);
+    CHECK(settings.n_s == 2 && settings.n_fe == 2 && settings.initial_guess == SWB_INITIAL_GUESS_CONSTANT);
     CHECK_OK(swb_ocp_solve(ocp, &outcome));
     CHECK(outcome == SWB_OUTCOME_SOLVED);
     CHECK_OK(swb_ocp_get_cost(ocp, &cost));

@@ -21,7 +21,7 @@ use crate::dcs::Dcs;
 use crate::error::{Error, Result};
 use crate::event::{self, Engine};
 use crate::fesd::{Fesd, StatePoint};
-use crate::func::Point;
+use crate::func::{EvalError, Point};
 use crate::mpcc::Polish;
 use crate::nlp::Outcome;
 use crate::stop::{self, Why};
@@ -750,8 +750,10 @@ impl Ocp {
         let d = e.system.dims();
         let solution = b.solver.solution();
         let (w, y, z) = (solution.x.clone(), solution.y.clone(), solution.z.clone());
-        let Ok(gradient) = b.problem.outer_gradient(&w, &y, &z) else {
-            return Ok(Optimality::unknown("a function of the model has no value at the answer"));
+        let gradient = match b.problem.outer_gradient(&w, &y, &z) {
+            Ok(g) => g,
+            Err(EvalError::Stopped) => return Err(stop::error()),
+            Err(_) => return Ok(Optimality::unknown("a function of the model has no value at the answer")),
         };
         let ends = b.problem.end_gradients().into_iter().filter_map(|(row, value, gradient)| {
             let (l, u) = (b.bounds.cl[row], b.bounds.cu[row]);
