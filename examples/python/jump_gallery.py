@@ -128,9 +128,10 @@ def picture(s, ocp, r, path):
 
     figure, axes = plt.subplots(4, 1, sharex=True, figsize=(7, 8))
     t = r.trajectory
-    # both limits at jumps: the start of an element is behind, the last stage point of the element before it is before
-    times = np.concatenate([[a, *row] for a, row in zip(t.times, t.stage_times)])
-    states = np.concatenate([np.vstack([a, rows]) for a, rows in zip(t.states, t.stage_states)])
+    # both limits at jumps: the start of an element is behind, its end is before
+    starts = np.nextafter(t.times[:-1], np.inf)
+    times = np.concatenate([[a, *row] for a, row in zip(starts, t.stage_times)])
+    states = t(times)
     for i, name in enumerate(s.names[0]):
         axes[0].plot(times, states[:, i], label=name)
     for i, name in enumerate(s.names[1]):
