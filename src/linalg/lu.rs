@@ -1,5 +1,6 @@
 //! Dense LU factorisations in place, real and complex, without allocation after the first use.
 
+use super::dense::axpy;
 use nalgebra::Complex;
 use std::ops::{Add, Div, Mul, Sub};
 
@@ -152,6 +153,32 @@ impl<T: Scalar> Lu<T> {
 }
 
 impl Lu<f64> {
+    /// Replaces `m` right-hand sides by their solutions: `b` is row-major, `n × m`, and so is `work`.
+    pub(crate) fn solve_block(&self, m: usize, b: &mut [f64], work: &mut [f64]) {
+        let n = self.n;
+        for (i, &from) in self.perm.iter().enumerate() {
+            work[i * m..(i + 1) * m].copy_from_slice(&b[from * m..(from + 1) * m]);
+        }
+        for i in 0..n {
+            let (done, rest) = work.split_at_mut(i * m);
+            for j in 0..i {
+                axpy(-self.a[i * n + j], &done[j * m..(j + 1) * m], &mut rest[..m]);
+            }
+        }
+        for i in (0..n).rev() {
+            let (front, done) = work.split_at_mut((i + 1) * m);
+            let row = &mut front[i * m..];
+            for j in i + 1..n {
+                axpy(-self.a[i * n + j], &done[(j - i - 1) * m..(j - i) * m], row);
+            }
+            let pivot = self.a[i * n + i];
+            for v in row.iter_mut() {
+                *v /= pivot;
+            }
+        }
+        b[..n * m].copy_from_slice(&work[..n * m]);
+    }
+
     /// Replaces the right-hand side by the solution of the transposed system.
     pub(crate) fn solve_transposed(&mut self, b: &mut [f64]) {
         let n = self.n;
@@ -205,6 +232,23 @@ mod tests {
         let mut b: Vec<f64> = (0..3).map(|j| (0..3).map(|i| a[3 * i + j] * x[i]).sum()).collect();
         lu.solve_transposed(&mut b);
         assert!(b.iter().zip(&x).all(|(b, x)| (b - x).abs() < 1e-14), "{b:?}");
+    }
+
+    #[test]
+    fn solves_several_right_hand_sides_at_once() {
+        let (n, m) = (5, 3);
+        let mut lu = Lu::<f64>::with_capacity(n);
+        let wave = |k: usize| (1.7 * k as f64 + 0.4).sin();
+        lu.clear(n).iter_mut().enumerate().for_each(|(k, v)| *v = wave(k));
+        assert!(lu.factorise());
+        let b: Vec<f64> = (0..n * m).map(|k| wave(k + 100)).collect();
+        let (mut block, mut work) = (b.clone(), vec![0.0; n * m]);
+        lu.solve_block(m, &mut block, &mut work);
+        for c in 0..m {
+            let mut column: Vec<f64> = (0..n).map(|r| b[r * m + c]).collect();
+            lu.solve(&mut column);
+            assert!((0..n).all(|r| (column[r] - block[r * m + c]).abs() < 1e-12 * (1.0 + column[r].abs())));
+        }
     }
 
     #[test]

@@ -11,6 +11,10 @@ use super::{QpSolution, QpSolver, QpStatus, StageQp, Terms};
 use crate::error::Result;
 use crate::linalg::dense::{gemm, gemv, gemv_transposed, inverse, potrf, Left, Mode, Right};
 
+/// From this condition of the Hessian on, corrections take the gradient from the states: for unstable systems on long horizons
+/// the Hessian is made of terms that are far larger than what they add up to.
+const BAD: f64 = 1e6;
+
 /// Condensing with a dual active-set method.
 pub struct Condensing {
     nx: usize,
@@ -35,6 +39,8 @@ pub struct Condensing {
     v_now: Vec<f64>,
     x: Vec<f64>,
     ready: bool,
+    /// A lower bound of the condition of `H`.
+    condition: f64,
     active_set: DualActiveSet,
 }
 
@@ -66,6 +72,7 @@ impl Condensing {
             v_now: vec![0.0; n_u],
             x: vec![0.0; (n + 1) * nx],
             ready: false,
+            condition: 1.0,
             active_set: DualActiveSet::new(n_u, qp.rows.len()),
         })
     }
@@ -119,25 +126,11 @@ impl Condensing {
 
     /// Gradient `h` of the controls where `x_0 = 0` and all controls are zero, by one adjoint sweep, and `v_0 = −H⁻¹ h`.
     fn gradient(&mut self, qp: &StageQp) {
-        let (nx, nu, n_u) = (self.nx, qp.nu, self.n_u);
+        let n_u = self.n_u;
         self.x.fill(0.0);
         self.v.fill(0.0);
         qp.roll_out(&self.v, &mut self.x);
-        let [next, own] = &mut self.adjoint;
-        let (next, own) = (&mut next[..nx], &mut own[..nx]);
-        next.copy_from_slice(&qp.grad_x[qp.n * nx..]);
-        gemv(nx, nx, qp.q(qp.n), &self.x[qp.n * nx..], next);
-        for k in (0..qp.n).rev() {
-            let x = &self.x[k * nx..(k + 1) * nx];
-            let h = &mut self.h[k * nu..(k + 1) * nu];
-            h.copy_from_slice(&qp.grad_u[k * nu..(k + 1) * nu]);
-            gemv(nu, nx, qp.s(k), x, h);
-            gemv_transposed(nx, nu, qp.b(k), next, h);
-            own.copy_from_slice(&qp.grad_x[k * nx..(k + 1) * nx]);
-            gemv(nx, nx, qp.q(k), x, own);
-            gemv_transposed(nx, nx, qp.a(k), next, own);
-            next.copy_from_slice(own);
-        }
+        gradient_at(qp, &self.x, &self.v, &mut self.adjoint, &mut self.h);
         self.v.fill(0.0);
         gemv(n_u, n_u, Left { v: &self.inverse, ld: n_u }, &self.h, &mut self.v);
         self.v.iter_mut().for_each(|v| *v = -*v);
@@ -185,6 +178,7 @@ struct Condensed<'a> {
     gamma: &'a [f64],
     gamma_at: &'a [usize],
     x: &'a mut [f64],
+    adjoint: &'a mut [Vec<f64>; 2],
 }
 
 impl Rows for Condensed<'_> {
@@ -201,6 +195,33 @@ impl Rows for Condensed<'_> {
         if let Some((at, own)) = self.qp.own_controls(i) {
             a[at..at + nu].copy_from_slice(own);
         }
+    }
+
+    fn gradient(&mut self, u: &[f64], out: &mut [f64]) {
+        self.qp.roll_out(u, self.x);
+        gradient_at(self.qp, self.x, u, self.adjoint, out);
+    }
+}
+
+/// Derivatives of the cost by the controls at states that follow the dynamics, by one adjoint sweep.
+fn gradient_at(qp: &StageQp, x: &[f64], u: &[f64], adjoint: &mut [Vec<f64>; 2], out: &mut [f64]) {
+    let (nx, nu) = (qp.nx, qp.nu);
+    let [next, own] = adjoint;
+    let (next, own) = (&mut next[..nx], &mut own[..nx]);
+    next.copy_from_slice(&qp.grad_x[qp.n * nx..]);
+    gemv(nx, nx, qp.q(qp.n), &x[qp.n * nx..], next);
+    for k in (0..qp.n).rev() {
+        let (x, u) = (&x[k * nx..(k + 1) * nx], &u[k * nu..(k + 1) * nu]);
+        let h = &mut out[k * nu..(k + 1) * nu];
+        h.copy_from_slice(&qp.grad_u[k * nu..(k + 1) * nu]);
+        gemv(nu, nx, qp.s(k), x, h);
+        gemv(nu, nu, qp.r(k), u, h);
+        gemv_transposed(nx, nu, qp.b(k), next, h);
+        own.copy_from_slice(&qp.grad_x[k * nx..(k + 1) * nx]);
+        gemv(nx, nx, qp.q(k), x, own);
+        gemv_transposed(nu, nx, qp.s(k), u, own);
+        gemv_transposed(nx, nx, qp.a(k), next, own);
+        next.copy_from_slice(own);
     }
 }
 
@@ -230,9 +251,11 @@ impl QpSolver for Condensing {
         let right = Right { v: &self.hess, rs: 1, cs: n_u };
         self.gain.fill(0.0);
         gemm([n_u, nx, n_u], Left { v: &self.inverse, ld: n_u }, right, &mut self.gain, n_u, Mode::Subtract);
+        let largest = |m: &[f64]| (0..n_u).fold(0.0f64, |v, i| v.max(m[i * (n_u + 1)]));
+        self.condition = largest(&self.hess[n_u * nx..]) * largest(&self.inverse);
         self.gradient(qp);
-        let Condensing { gamma, gamma_at, x, inverse, active_set, .. } = self;
-        active_set.prepare(inverse, &mut Condensed { qp, gamma, gamma_at, x });
+        let Condensing { gamma, gamma_at, x, adjoint, inverse, active_set, .. } = self;
+        active_set.prepare(inverse, &mut Condensed { qp, gamma, gamma_at, x, adjoint });
         self.ready = self.h.iter().chain(&self.v).all(|v| v.is_finite());
         self.ready
     }
@@ -249,7 +272,8 @@ impl QpSolver for Condensing {
         }
         self.at(x0);
         let nx = self.nx;
-        let Condensing { gamma, gamma_at, x, inverse, hess, h_now, v_now, active_set, .. } = self;
+        let by_states = self.condition > BAD;
+        let Condensing { gamma, gamma_at, x, adjoint, inverse, hess, h_now, v_now, active_set, .. } = self;
         let program = Program {
             hessian: &hess[h_now.len() * nx..],
             inverse,
@@ -260,8 +284,10 @@ impl QpSolver for Condensing {
             row_lower: &qp.row_lower,
             row_upper: &qp.row_upper,
             rows: &qp.rows,
+            corrections: if by_states { 2 } else { 1 },
+            by_states,
         };
-        active_set.solve(&program, &mut Condensed { qp, gamma, gamma_at, x }, terms)
+        active_set.solve(&program, &mut Condensed { qp, gamma, gamma_at, x, adjoint }, terms)
     }
 
     fn controls(&self) -> &[f64] {

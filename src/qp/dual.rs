@@ -57,6 +57,8 @@ pub(super) trait Rows {
     fn values(&mut self, u: &[f64], out: &mut [f64]);
     /// `a_i`.
     fn form(&mut self, i: usize, a: &mut [f64]);
+    /// `H u + h`, without the cancellation of that product where the Hessian is made of large terms.
+    fn gradient(&mut self, u: &[f64], out: &mut [f64]);
 }
 
 /// A program, dense in the controls.
@@ -71,6 +73,9 @@ pub(super) struct Program<'a> {
     pub row_lower: &'a [f64],
     pub row_upper: &'a [f64],
     pub rows: &'a [Row],
+    /// Corrections at the end, and whether they take the gradient from the states.
+    pub corrections: usize,
+    pub by_states: bool,
 }
 
 /// The method with its memory and its guess of the active set. Constraints are numbered bounds first.
@@ -392,7 +397,9 @@ impl DualActiveSet {
                 return QpStatus::Infeasible;
             }
         }
-        self.refine(q);
+        for _ in 0..q.corrections {
+            self.refine(q, rows);
+        }
         if self.u.iter().all(|v| v.is_finite()) {
             QpStatus::Solved
         } else {
@@ -716,11 +723,15 @@ impl DualActiveSet {
     }
 
     /// One correction of controls and multipliers by what rounding left of the optimality conditions with this active set.
-    fn refine(&mut self, q: &Program) {
+    fn refine(&mut self, q: &Program, rows: &mut dyn Rows) {
         let n = self.n;
         let mut r = std::mem::take(&mut self.residual);
-        r.copy_from_slice(q.gradient);
-        gemv(n, n, Left { v: q.hessian, ld: n }, &self.u, &mut r);
+        if q.by_states {
+            rows.gradient(&self.u, &mut r);
+        } else {
+            r.copy_from_slice(q.gradient);
+            gemv(n, n, Left { v: q.hessian, ld: n }, &self.u, &mut r);
+        }
         for i in 0..n + self.n_rows {
             let f = self.side[i] * self.lambda[i];
             if self.state[i] == State::Out || f == 0.0 {

@@ -123,6 +123,10 @@ impl StageQp {
         Left { v: &self.hess_xu[k * self.nu * self.nx..], ld: self.nu }
     }
 
+    pub(crate) fn r(&self, k: usize) -> Left<'_> {
+        Left { v: &self.hess_u[k * self.nu * self.nu..], ld: self.nu }
+    }
+
     /// `x_{k+1} = A_k x_k + B_k u_k + c_k`
     pub(crate) fn step(&self, k: usize, x: &[f64], u: &[f64], next: &mut [f64]) {
         let (nx, nu) = (self.nx, self.nu);

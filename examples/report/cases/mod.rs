@@ -9,6 +9,7 @@ mod latency;
 mod linalg;
 mod model_eval;
 mod mpcc_textbook;
+mod nmpc;
 mod optima;
 mod oscillator;
 mod relaxations;
@@ -48,6 +49,7 @@ pub const ALL: &[(&str, Case)] = &[
     ("step-equilibration", step_equilibration::run),
     ("stepping", stepping::run),
     ("mpcc-textbook", mpcc_textbook::run),
+    ("nmpc", nmpc::run),
     ("linalg", linalg::run),
     ("model-eval", model_eval::run),
     ("relaxations", relaxations::run),

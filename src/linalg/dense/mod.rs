@@ -76,6 +76,11 @@ fn gemm_columns<const FUSED: bool, const NR: usize>(
         tile::<FUSED, TILE_ROWS, NR>([i, j, k], a, b, c, ldc, mode);
         i += TILE_ROWS;
     }
+    if i < m && i > 0 && mode == Mode::Set {
+        // what is left with rows that are there already: the same sums again
+        tile::<FUSED, TILE_ROWS, NR>([m - TILE_ROWS, j, k], a, b, c, ldc, mode);
+        return;
+    }
     if i + 4 <= m {
         tile::<FUSED, 4, NR>([i, j, k], a, b, c, ldc, mode);
         i += 4;

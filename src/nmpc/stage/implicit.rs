@@ -12,12 +12,15 @@ use super::super::evaluate::Many;
 use super::{Evaluations, Stage, Starts};
 use crate::error::{Error, Result};
 use crate::func::{EvalError, EvalResult};
+use crate::linalg::dense::axpy;
 use crate::linalg::lu::Lu;
 use crate::system::SharedFunction;
 use crate::tableau::Tableau;
 
 /// Newton's method ends where a step is below this share of the largest state, or of the largest algebraic state.
 const CONVERGED: f64 = 1e-12;
+/// Where steps no longer shrink with a matrix of their own, rounding decides: below this share of the states that is a solution.
+const STALLED: f64 = 1e-9;
 /// Iterations of it at most.
 const MAX_NEWTON: usize = 30;
 /// An old matrix is given up where the steps shrink by less than this factor.
@@ -47,6 +50,9 @@ pub(in super::super) struct ImplicitRk {
     z_by: Vec<f64>,
     residual: Vec<f64>,
     column: Vec<f64>,
+    /// Right-hand sides of all columns at once.
+    block: Vec<f64>,
+    block_work: Vec<f64>,
     evaluations: Evaluations,
 }
 
@@ -89,6 +95,8 @@ impl ImplicitRk {
             z_by: vec![0.0; n * s * nz * (nx + nu)],
             residual: vec![0.0; n * s * all],
             column: vec![0.0; s * all.max(1)],
+            block: vec![0.0; (s * nx).max(nz) * (nx + nu)],
+            block_work: vec![0.0; (s * nx).max(nz) * (nx + nu)],
             tableau,
             evaluations: Evaluations::default(),
         })
@@ -225,15 +233,22 @@ impl ImplicitRk {
         if !lu.factorise() {
             return Err(EvalError::Recoverable);
         }
-        for c in 0..nx + nu {
-            let from = if c < nx { c } else { c + nz };
-            let z = &mut self.z_by[(q * (nx + nu) + c) * nz..][..nz];
-            (0..nz).for_each(|r| z[r] = -full[(nx + r) * columns + from]);
-            lu.solve(z);
-            for r in 0..nx {
-                let f_z = &full[r * columns + nx..][..nz];
-                reduced[r * (nx + nu) + c] += f_z.iter().zip(&*z).map(|(f, z)| f * z).sum::<f64>();
+        let m = nx + nu;
+        let block = &mut self.block[..nz * m];
+        for r in 0..nz {
+            let row = &full[(nx + r) * columns..(nx + r + 1) * columns];
+            (0..m).for_each(|c| block[r * m + c] = -row[if c < nx { c } else { c + nz }]);
+        }
+        lu.solve_block(m, block, &mut self.block_work);
+        for r in 0..nx {
+            let to = &mut reduced[r * m..(r + 1) * m];
+            for i in 0..nz {
+                axpy(full[r * columns + nx + i], &block[i * m..(i + 1) * m], to);
             }
+        }
+        for c in 0..m {
+            let z = &mut self.z_by[(q * m + c) * nz..][..nz];
+            (0..nz).for_each(|r| z[r] = block[r * m + c]);
         }
         Ok(())
     }
@@ -296,7 +311,7 @@ impl ImplicitRk {
     /// Solves for the stage unknowns at all nodes, and `ψ`.
     fn solve(&mut self, at: &Starts, next: &mut [f64]) -> EvalResult {
         self.predict(at);
-        let mut last = f64::INFINITY;
+        let (mut last, mut before, mut stalls) = (f64::INFINITY, f64::INFINITY, 0);
         for _ in 0..MAX_NEWTON {
             self.residuals(at)?;
             if !self.factored {
@@ -313,10 +328,16 @@ impl ImplicitRk {
                 self.advance(at, next);
                 return Ok(());
             }
-            if change > CONTRACTION * last {
+            if change > CONTRACTION * before {
+                stalls += 1;
                 self.factored = false;
             }
-            last = change;
+            // the second time the matrix was that of the point
+            if stalls >= 2 && change <= STALLED {
+                self.advance(at, next);
+                return Ok(());
+            }
+            (last, before) = (change, change);
         }
         // nothing of this is a start for the next time
         self.known = false;
@@ -341,28 +362,28 @@ impl ImplicitRk {
         }
     }
 
-    /// Derivatives of the unknowns by column `c` of `(x, u)` in stage `k`, to `column[..s nx]` for `K`.
-    fn derivative(&mut self, at: &Starts, k: usize, c: usize) {
-        let (nx, nz, nu, s) = (self.nx, self.nz, self.nu, self.tableau.n_s);
-        let all = nx + nz;
-        for i in 0..s {
-            let reduced = &self.reduced[(k * s + i) * nx * (nx + nu)..];
-            (0..nx).for_each(|r| self.column[i * nx + r] = reduced[r * (nx + nu) + c]);
-        }
-        self.outer[k].solve(&mut self.column[..s * nx]);
-        let tangent = &mut self.tangent[(k * (nx + nu) + c) * s * all..][..s * all];
-        for i in 0..s {
-            let q = k * s + i;
-            tangent[i * all..i * all + nx].copy_from_slice(&self.column[i * nx..(i + 1) * nx]);
-            let z_by = &self.z_by[q * (nx + nu) * nz..(q + 1) * (nx + nu) * nz];
-            let to = &mut tangent[i * all + nx..(i + 1) * all];
-            to.copy_from_slice(&z_by[c * nz..(c + 1) * nz]);
-            if nz == 0 {
-                continue;
-            }
-            for e in 0..nx {
-                let dx: f64 = (0..s).map(|j| at.h[k] * self.tableau.a(i, j) * self.column[j * nx + e]).sum();
-                to.iter_mut().zip(&z_by[e * nz..]).for_each(|(t, z)| *t += z * dx);
+    /// Derivatives of the unknowns of stage `k` by `(x, u)`: those of `K` row by row to `block`, all column by column to `tangent`.
+    fn derivatives(&mut self, at: &Starts, k: usize) {
+        let (nx, nz, s) = (self.nx, self.nz, self.tableau.n_s);
+        let (all, m) = (nx + nz, nx + self.nu);
+        let rows = &self.reduced[k * s * nx * m..(k + 1) * s * nx * m];
+        self.block[..s * nx * m].copy_from_slice(rows);
+        self.outer[k].solve_block(m, &mut self.block[..s * nx * m], &mut self.block_work);
+        let block = &self.block;
+        for c in 0..m {
+            let tangent = &mut self.tangent[(k * m + c) * s * all..][..s * all];
+            for i in 0..s {
+                (0..nx).for_each(|r| tangent[i * all + r] = block[(i * nx + r) * m + c]);
+                if nz == 0 {
+                    continue;
+                }
+                let z_by = &self.z_by[(k * s + i) * m * nz..(k * s + i + 1) * m * nz];
+                let to = &mut tangent[i * all + nx..(i + 1) * all];
+                to.copy_from_slice(&z_by[c * nz..(c + 1) * nz]);
+                for e in 0..nx {
+                    let dx: f64 = (0..s).map(|j| at.h[k] * self.tableau.a(i, j) * block[(j * nx + e) * m + c]).sum();
+                    axpy(dx, &z_by[e * nz..(e + 1) * nz], to);
+                }
             }
         }
     }
@@ -388,17 +409,17 @@ impl Stage for ImplicitRk {
         self.evaluations.jacobians += 1;
         let (nx, nu, s) = (self.nx, self.nu, self.tableau.n_s);
         for k in 0..self.n {
-            for c in 0..nx + nu {
-                self.derivative(at, k, c);
-                let to =
-                    if c < nx { &mut a[(k * nx + c) * nx..][..nx] } else { &mut b[(k * nu + c - nx) * nx..][..nx] };
-                to.fill(0.0);
-                if c < nx {
-                    to[c] = 1.0;
-                }
+            self.derivatives(at, k);
+            let (a, b) = (&mut a[k * nx * nx..(k + 1) * nx * nx], &mut b[k * nx * nu..(k + 1) * nx * nu]);
+            a.fill(0.0);
+            b.fill(0.0);
+            for r in 0..nx {
+                a[r + r * nx] = 1.0;
                 for i in 0..s {
                     let f = at.h[k] * self.tableau.b[i];
-                    to.iter_mut().zip(&self.column[i * nx..]).for_each(|(t, k)| *t += f * k);
+                    let row = &self.block[(i * nx + r) * (nx + nu)..(i * nx + r + 1) * (nx + nu)];
+                    (0..nx).for_each(|c| a[r + c * nx] += f * row[c]);
+                    (0..nu).for_each(|c| b[r + c * nx] += f * row[nx + c]);
                 }
             }
         }
