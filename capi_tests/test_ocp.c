@@ -701,8 +701,77 @@ static void interrupts(void)
     swb_function_free(rate);
 }
 
+static int32_t driven(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->u[0] * (1.0 + at->x[1]);
+    out[1] = 0.0;
+    return 0;
+}
+
+static int32_t over_one(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->x[0] - 1.0;
+    return 0;
+}
+
+static int32_t squared_control(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = at->u[0] * at->u[0];
+    return 0;
+}
+
+/* x' = u (1 + w), w goes on where x exceeds 1; from 0 to 3 with the least squared_control: u and 2 u share the way evenly. */
+static void transitions(void)
+{
+    static const int64_t w = 1;
+    static const double off = 0.0, on = 1.0, start[] = {0.0, 0.0}, low[] = {-9.0}, high[] = {9.0}, goal[] = {3.0};
+    swb_function *f = make_function("f", 2, 1, 0, 2, driven, NULL), *guard = make_function("guard", 2, 1, 0, 1, over_one, NULL);
+    swb_function *rate = make_function("L", 2, 1, 0, 1, squared_control, NULL), *end = make_function("e", 2, 1, 0, 1, first_state, NULL);
+    swb_system *system = NULL;
+    swb_ocp *ocp = NULL;
+    swb_ocp_jump jumps[2];
+    double before[2], after[2];
+    int64_t n = -1;
+    int32_t outcome = -1;
+
+    CHECK_OK(swb_system_create(2, 1, 0, &system));
+    CHECK_OK(swb_system_set_f0(system, f));
+    CHECK_OK(swb_system_add_transition(system, guard, SWB_DIRECTION_RISING, &w, 1, &off, 1, NULL, &w, 1, &on, 1, NULL));
+    CHECK_OK(swb_ocp_create(system, 2.0, 4, NULL, &ocp));
+    CHECK_OK(swb_ocp_set_lagrange(ocp, rate));
+    CHECK_OK(swb_ocp_set_control_bounds(ocp, low, 1, high, 1));
+    CHECK_OK(swb_ocp_add_terminal(ocp, end, goal, 1, goal, 1));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_jump_count(ocp, &n));
+    CHECK_STATUS(SWB_ERR_STATE, swb_ocp_solve(ocp, &outcome));
+    CHECK(strstr(swb_last_error(), "state 1 is discrete") != NULL);
+    CHECK_OK(swb_ocp_set_initial_state(ocp, start, 2));
+    CHECK_OK(swb_ocp_solve(ocp, &outcome));
+    CHECK(outcome == SWB_OUTCOME_SOLVED);
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_jump_count(ocp, NULL));
+    CHECK_OK(swb_ocp_jump_count(ocp, &n));
+    CHECK(n == 1);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_jumps(ocp, jumps, 2, sizeof jumps[0]));
+    CHECK_OK(swb_ocp_jumps(ocp, jumps, 1, sizeof jumps[0]));
+    CHECK(jumps[0].transition == 0 && jumps[0].at_once == 0 && jumps[0].stage >= 0 && jumps[0].stage < 4);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_jump_states(ocp, 1, before, after, 2));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_jump_states(ocp, -1, before, after, 2));
+    CHECK_OK(swb_ocp_jump_states(ocp, 0, before, after, 2));
+    CHECK_NEAR(before[0], 1.0, 1e-8);
+    CHECK(before[1] == 0.0 && after[1] == 1.0 && fabs(after[0] - before[0]) < 1e-12);
+    swb_ocp_free(ocp);
+    swb_system_free(system);
+    swb_function_free(f);
+    swb_function_free(guard);
+    swb_function_free(rate);
+    swb_function_free(end);
+}
+
 int main(void)
 {
+    transitions();
     interrupts();
     phases();
     known_solution();

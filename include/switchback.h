@@ -2211,6 +2211,74 @@ typedef struct swb_settings {
 typedef void (*swb_log_fn)(int64_t level, const char *line, void *user_data);
 
 /**
+ * How a scene is made a piecewise smooth system in numerical time; swb_freeze_options_init sets the defaults.
+ */
+typedef struct swb_freeze_options {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * Numerical time that a jump should take: the length of a step or of a finite element.
+     */
+    double step;
+    /**
+     * Rate at which gaps usually close.
+     */
+    double speed;
+    /**
+     * Strength a_n of the push of contacts without restitution; 0 for the recommended one.
+     */
+    double a_n;
+    /**
+     * Stiffness of contacts with restitution; 0 for the recommended one.
+     */
+    double stiffness;
+    /**
+     * Sliding speed below which a contact in space creeps; 0 for a thousandth of speed.
+     */
+    double creep;
+    /**
+     * 1: a control behind the others multiplies all rates, the speed of time.
+     */
+    int64_t speed_of_time;
+} swb_freeze_options;
+
+/**
+ * Where things are in a model in numerical time: the states of the scene come first and keep their numbers.
+ */
+typedef struct swb_freeze_layout {
+    /**
+     * Size of this struct in bytes.
+     */
+    uint64_t struct_size;
+    /**
+     * First state that is the depth of a contact with restitution.
+     */
+    int64_t first_depth;
+    /**
+     * Number of those states.
+     */
+    int64_t n_depths;
+    /**
+     * The state that is the physical time.
+     */
+    int64_t clock;
+    /**
+     * First state that is the integral of a cost over physical time.
+     */
+    int64_t first_cost;
+    /**
+     * Number of those states.
+     */
+    int64_t n_costs;
+    /**
+     * The control that is the speed of time, or -1.
+     */
+    int64_t speed;
+} swb_freeze_layout;
+
+/**
  * Where a function is evaluated. Derivatives number the inputs in this order: x, u, p, then t.
  */
 typedef struct swb_point {
@@ -3833,6 +3901,56 @@ SWB_API swb_status swb_option_setup_only(int64_t index, int32_t *setup_only);
  * Name of an outcome, such as "solved"; NULL for any other number. Static.
  */
 SWB_API const char *swb_outcome_name(int32_t outcome);
+
+/**
+ * Set options of time-freezing to their defaults.
+ *
+ * @param[out] options     written
+ * @param[in]  struct_size sizeof(swb_freeze_options)
+ * @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION for a size that cannot be
+ */
+SWB_API
+swb_status swb_freeze_options_init(struct swb_freeze_options *options,
+                                   uint64_t struct_size);
+
+/**
+ * Make a scene a piecewise smooth model in numerical time: its states get a clock, which stands still while auxiliary dynamics
+ * take the velocities from one side of an impact to the other. Where the clock runs the states are those of the scene.
+ *
+ * @param[in]  graph   the graph of all expressions of the scene; it grows
+ * @param[in]  options NULL for the defaults
+ * @param[in]  at      [n_at] state of the scene where a_n and stiffness are recommended; n_at = 0 for zeros
+ * @param[in]  costs   [n_costs] expressions whose integrals over physical time become states
+ * @param[out] layout  where things are; may be NULL
+ * @param[in]  layout_size sizeof(swb_freeze_layout); any number if layout is NULL
+ * @param[out] out     the new object, NULL on failure; free with swb_model_free
+ * @return SWB_OK; SWB_ERR_STATE if forces are missing or the graph is another one; SWB_ERR_RANGE for options that are not
+ *         positive; SWB_ERR_UNSUPPORTED for restitution that is no number, and friction beside restitution; SWB_ERR_DIMENSION
+ */
+SWB_API
+swb_status swb_scene_freeze(struct swb_scene *scene,
+                            struct swb_expr *graph,
+                            const struct swb_freeze_options *options,
+                            const double *at,
+                            int64_t n_at,
+                            const int64_t *costs,
+                            int64_t n_costs,
+                            struct swb_freeze_layout *layout,
+                            uint64_t layout_size,
+                            struct swb_model **out);
+
+/**
+ * What became of the contacts in the last call of swb_scene_freeze: strengths, the recommended ones, warnings.
+ *
+ * @param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before swb_scene_freeze
+ */
+SWB_API
+swb_status swb_scene_freeze_report(const struct swb_scene *scene,
+                                   char *buf,
+                                   int64_t len,
+                                   int64_t *needed);
 
 /**
  * Create a function given by its values.

@@ -770,6 +770,34 @@ public:
     void bounds(int64_t coordinate, double low, double high) {
         detail::check(swb_scene_set_bounds(scene_.get(), coordinate, low, high));
     }
+    /// A scene in numerical time: its system, where things are in it, what became of the contacts.
+    struct Frozen {
+        System system;
+        swb_freeze_layout layout;
+        std::string report;
+    };
+    /// Default options of time-freezing.
+    static swb_freeze_options freeze_options() {
+        swb_freeze_options o{};
+        detail::check(swb_freeze_options_init(&o, sizeof o));
+        return o;
+    }
+    /// The scene as a piecewise smooth system in numerical time (time-freezing); `costs` become states that are integrals over
+    /// physical time, `at` is the state where strengths are recommended. See swb_scene_freeze.
+    Frozen freeze(const swb_freeze_options &options = freeze_options(), const Exprs &costs = {}, View at = {}) {
+        const auto list = detail::ids(graph_, costs);
+        swb_model *made = nullptr;
+        swb_freeze_layout layout{};
+        detail::check(swb_scene_freeze(scene_.get(), graph_.get(), &options, at.data(), at.length(), list.data(),
+                                       static_cast<int64_t>(list.size()), &layout, sizeof layout, &made));
+        const std::unique_ptr<swb_model, void (*)(swb_model *)> owner(made, swb_model_free);
+        swb_system *s = nullptr;
+        detail::check(swb_model_system(made, &s));
+        System system(s);
+        return {std::move(system), layout, detail::text([&](char *b, int64_t n, int64_t *needed) {
+                    return swb_scene_freeze_report(scene_.get(), b, n, needed);
+                })};
+    }
     /// What happens where several contacts close at once.
     void impact_law(swb_impact_law law) { detail::check(swb_scene_set_impact_law(scene_.get(), law)); }
 

@@ -28,6 +28,7 @@ pub mod error;
 pub mod event;
 pub mod expr;
 pub mod fesd;
+pub mod freezing;
 pub mod func;
 pub mod jumps;
 pub mod linalg;

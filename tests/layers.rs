@@ -20,6 +20,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("system", &["error", "stop", "settings", "log", "linalg", "func"]),
     ("model", &["error", "stop", "linalg", "func", "expr", "system"]),
     ("scene", &["error", "stop", "linalg", "func", "expr", "system", "model"]),
+    ("freezing", &["error", "expr", "func", "system", "model", "scene"]),
     ("contact", &["error", "stop", "linalg", "func", "system"]),
     ("stepping", &["error", "stop", "linalg", "func", "system", "contact"]),
     ("dcs", &["error", "stop", "settings", "log", "linalg", "func", "system"]),

@@ -208,6 +208,21 @@ static void heater(const swb_settings *s)
     heater_ocp(system, s, start);
 }
 
+/* A scene in numerical time. */
+static void frozen(swb_scene *scene, swb_expr *graph, const double *at)
+{
+    char text[64];
+    int64_t needed;
+    swb_freeze_options options;
+    swb_freeze_layout layout;
+    swb_model *model = NULL;
+    if (!DO(swb_freeze_options_init, &options, sizeof options))
+        return;
+    if (DO(swb_scene_freeze, scene, graph, &options, at, 4, NULL, 0, &layout, sizeof layout, &model))
+        pool_add(T_swb_model, model);
+    DO(swb_scene_freeze_report, scene, text, sizeof text, &needed);
+}
+
 /* Steps of a scene with two coordinates and one contact. */
 static void steps(swb_system *system, const double *start)
 {
@@ -288,6 +303,7 @@ static void block(const swb_settings *s)
     DO(swb_run_contact_modes, run, &t, 1, modes, 1);
     DO(swb_run_contact_forces, run, &t, 1, forces, 3);
     steps(system, start);
+    frozen(scene, graph, start);
 }
 
 /* The play operator: an output that follows the time with slack. */

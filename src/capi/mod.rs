@@ -109,6 +109,7 @@ pub mod settings;
 
 pub mod report;
 
+pub mod freezing;
 pub mod function;
 
 pub mod casadi;

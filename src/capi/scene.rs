@@ -23,6 +23,8 @@ pub struct SceneObject {
     built: Option<Built>,
     /// The handle of the graph of its expressions: those of another one mean something else.
     graph: Option<*const swb_expr>,
+    /// What became of the contacts when it was last frozen.
+    frozen: Option<String>,
 }
 
 // The handle is compared, never read.
@@ -31,19 +33,32 @@ unsafe impl Sync for SceneObject {}
 
 impl SceneObject {
     fn new(scene: Scene) -> SceneObject {
-        SceneObject { scene, built: None, graph: None }
+        SceneObject { scene, built: None, graph: None, frozen: None }
     }
 
     /// An error if the scene has expressions of another graph.
-    fn check_graph(&mut self, graph: *const swb_expr) -> Result<()> {
+    pub(super) fn check_graph(&mut self, graph: *const swb_expr) -> Result<()> {
         if *self.graph.get_or_insert(graph) == graph {
             return Ok(());
         }
         Err(Error::State("the expressions of the scene belong to another graph: give that one in all calls".into()))
     }
 
+    pub(super) fn scene(&self) -> &Scene {
+        &self.scene
+    }
+
+    pub(super) fn frozen(&self) -> Option<&str> {
+        self.frozen.as_deref()
+    }
+
+    pub(super) fn set_frozen(&mut self, report: String) {
+        self.frozen = Some(report);
+    }
+
     fn change(&mut self) -> &mut Scene {
         self.built = None;
+        self.frozen = None;
         &mut self.scene
     }
 

@@ -86,20 +86,25 @@ impl Dag {
 
     /// The same expressions of inputs that have other numbers in their block.
     pub fn renumber(&mut self, roots: &[Id], number: &dyn Fn(Block, usize) -> usize) -> Vec<Id> {
-        self.rebuild_with(roots, &mut |_, _| None, &|block, i| number(block, i as usize))
+        self.rebuild_with(roots, &mut |_, _| None, &|block, i| (block, number(block, i as usize)))
+    }
+
+    /// The same expressions of other inputs: `place` says which block an input goes to, and its number there.
+    pub fn move_inputs(&mut self, roots: &[Id], place: &dyn Fn(Block, usize) -> (Block, usize)) -> Vec<Id> {
+        self.rebuild_with(roots, &mut |_, _| None, &|block, i| place(block, i as usize))
     }
 
     /// Copies the nodes under `roots` with conditions replaced.
     fn rebuild(&mut self, roots: &[Id], replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>) -> Vec<Id> {
-        self.rebuild_with(roots, replace, &|_, i| i as usize)
+        self.rebuild_with(roots, replace, &|block, i| (block, i as usize))
     }
 
-    /// The same with inputs renumbered.
+    /// The same with other inputs.
     fn rebuild_with(
         &mut self,
         roots: &[Id],
         replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>,
-        number: &dyn Fn(Block, u32) -> usize,
+        place: &dyn Fn(Block, u32) -> (Block, usize),
     ) -> Vec<Id> {
         let ids = self.reachable(roots);
         let top = ids.last().map_or(0, |id| id.index() + 1);
@@ -109,7 +114,10 @@ impl Dag {
             let at = |a: Id| new[a.index()].unwrap_or(a);
             let copy = match self.node(id) {
                 Node::Const(_) | Node::Truth(_) => id,
-                Node::Input(block, i) => self.input(block, number(block, i)),
+                Node::Input(block, i) => {
+                    let (block, i) = place(block, i);
+                    self.input(block, i)
+                }
                 Node::Positive(s) => match replace(self, s) {
                     Some(c) => c,
                     None => {

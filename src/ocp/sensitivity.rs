@@ -34,6 +34,7 @@ impl Ocp {
             return self.scene_sensitivity();
         }
         let d = self.system.dims();
+        self.system.check_without_transitions("a derivative of an optimum")?;
         let Some(Built { problem, solver, bounds, extended, .. }) = self.built.as_deref_mut() else {
             return Err(Error::State("there is no solution to differentiate: solve the problem first".into()));
         };

@@ -27,12 +27,14 @@
 //! ```
 
 mod embedded;
+mod parts;
 mod report;
 mod shape;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+pub use parts::{ContactEquations, Equations, Sliding};
 pub use report::{ContactReport, Dropped, Report};
 
 use self::shape::{Excerpt, Flaw, Frame, Parts, Places, Shape};

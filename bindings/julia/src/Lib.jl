@@ -1066,6 +1066,50 @@ end
 sizeof(swb_settings) == 496 || error("swb_settings has another size than in C")
 
 """
+How a scene is made a piecewise smooth system in numerical time; swb_freeze_options_init sets the defaults.
+
+- `struct_size`: Size of this struct in bytes.
+- `step`: Numerical time that a jump should take: the length of a step or of a finite element.
+- `speed`: Rate at which gaps usually close.
+- `a_n`: Strength a_n of the push of contacts without restitution; 0 for the recommended one.
+- `stiffness`: Stiffness of contacts with restitution; 0 for the recommended one.
+- `creep`: Sliding speed below which a contact in space creeps; 0 for a thousandth of speed.
+- `speed_of_time`: 1: a control behind the others multiplies all rates, the speed of time.
+"""
+struct swb_freeze_options
+    struct_size::UInt64
+    step::Cdouble
+    speed::Cdouble
+    a_n::Cdouble
+    stiffness::Cdouble
+    creep::Cdouble
+    speed_of_time::Int64
+end
+sizeof(swb_freeze_options) == 56 || error("swb_freeze_options has another size than in C")
+
+"""
+Where things are in a model in numerical time: the states of the scene come first and keep their numbers.
+
+- `struct_size`: Size of this struct in bytes.
+- `first_depth`: First state that is the depth of a contact with restitution.
+- `n_depths`: Number of those states.
+- `clock`: The state that is the physical time.
+- `first_cost`: First state that is the integral of a cost over physical time.
+- `n_costs`: Number of those states.
+- `speed`: The control that is the speed of time, or -1.
+"""
+struct swb_freeze_layout
+    struct_size::UInt64
+    first_depth::Int64
+    n_depths::Int64
+    clock::Int64
+    first_cost::Int64
+    n_costs::Int64
+    speed::Int64
+end
+sizeof(swb_freeze_layout) == 56 || error("swb_freeze_layout has another size than in C")
+
+"""
 Where a function is evaluated. Derivatives number the inputs in this order: x, u, p, then t.
 
 - `t`: Time; NAN during a solve for functions that do not say that they depend on it.
@@ -1893,6 +1937,9 @@ const NAMES = [
     :swb_option_default,
     :swb_option_setup_only,
     :swb_outcome_name,
+    :swb_freeze_options_init,
+    :swb_scene_freeze,
+    :swb_scene_freeze_report,
     :swb_function_create,
     :swb_function_set_jacobian,
     :swb_function_set_hessian,
@@ -2513,6 +2560,51 @@ Name of an outcome, such as \"solved\"; NULL for any other number. Static.
 swb_outcome_name(outcome) = ccall(address(30), Cstring, (Int32,), outcome)
 
 """
+    swb_freeze_options_init(options, struct_size) -> swb_status
+
+Set options of time-freezing to their defaults.
+
+@param[out] options     written
+@param[in]  struct_size sizeof(swb_freeze_options)
+@return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION for a size that cannot be
+"""
+swb_freeze_options_init(options, struct_size) =
+    ccall(address(31), swb_status, (Ptr{swb_freeze_options}, UInt64), options, struct_size)
+
+"""
+    swb_scene_freeze(scene, graph, options, at, n_at, costs, n_costs, layout, layout_size, out) -> swb_status
+
+Make a scene a piecewise smooth model in numerical time: its states get a clock, which stands still while auxiliary dynamics
+take the velocities from one side of an impact to the other. Where the clock runs the states are those of the scene.
+
+@param[in]  graph   the graph of all expressions of the scene; it grows
+@param[in]  options NULL for the defaults
+@param[in]  at      [n_at] state of the scene where a_n and stiffness are recommended; n_at = 0 for zeros
+@param[in]  costs   [n_costs] expressions whose integrals over physical time become states
+@param[out] layout  where things are; may be NULL
+@param[in]  layout_size sizeof(swb_freeze_layout); any number if layout is NULL
+@param[out] out     the new object, NULL on failure; free with swb_model_free
+@return SWB_OK; SWB_ERR_STATE if forces are missing or the graph is another one; SWB_ERR_RANGE for options that are not
+        positive; SWB_ERR_UNSUPPORTED for restitution that is no number, and friction beside restitution; SWB_ERR_DIMENSION
+"""
+swb_scene_freeze(scene, graph, options, at, n_at, costs, n_costs, layout, layout_size, out) =
+    ccall(address(32), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{swb_freeze_options}, Ptr{Cdouble}, Int64,
+        Ptr{Int64}, Int64, Ptr{swb_freeze_layout}, UInt64, Ptr{Ptr{swb_model}}), scene, graph, options, at, n_at,
+        costs, n_costs, layout, layout_size, out)
+
+"""
+    swb_scene_freeze_report(scene, buf, len, needed) -> swb_status
+
+What became of the contacts in the last call of swb_scene_freeze: strengths, the recommended ones, warnings.
+
+@param[out] buf    [len] the text with its final NUL; NULL with len 0 to ask for the length
+@param[out] needed length with the final NUL; may be NULL
+@return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before swb_scene_freeze
+"""
+swb_scene_freeze_report(scene, buf, len, needed) =
+    ccall(address(33), swb_status, (Ptr{swb_scene}, Ptr{UInt8}, Int64, Ptr{Int64}), scene, buf, len, needed)
+
+"""
     swb_function_create(name, nx, nu, np, n_out, value, user_data, destroy, out) -> swb_status
 
 Create a function given by its values.
@@ -2530,7 +2622,7 @@ otherwise, and fewer inputs make cheaper differences).
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if a size is negative
 """
 swb_function_create(name, nx, nu, np, n_out, value, user_data, destroy, out) =
-    ccall(address(31), swb_status, (Cstring, Int64, Int64, Int64, Int64, Ptr{Cvoid}, Ptr{Cvoid}, Ptr{Cvoid},
+    ccall(address(34), swb_status, (Cstring, Int64, Int64, Int64, Int64, Ptr{Cvoid}, Ptr{Cvoid}, Ptr{Cvoid},
         Ptr{Ptr{swb_function}}), name, nx, nu, np, n_out, value, user_data, destroy, out)
 
 """
@@ -2547,7 +2639,7 @@ Entries outside the pattern are zero for the library.
         function belongs to a model already
 """
 swb_function_set_jacobian(f, col_ptr, n_col_ptr, row_idx, nnz, jacobian) =
-    ccall(address(32), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}), f,
+    ccall(address(35), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}), f,
         col_ptr, n_col_ptr, row_idx, nnz, jacobian)
 
 """
@@ -2562,7 +2654,7 @@ for each of x, u, p and t.
 @return as swb_function_set_jacobian
 """
 swb_function_set_hessian(f, col_ptr, n_col_ptr, row_idx, nnz, hessian) =
-    ccall(address(33), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}), f,
+    ccall(address(36), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}), f,
         col_ptr, n_col_ptr, row_idx, nnz, hessian)
 
 """
@@ -2572,7 +2664,7 @@ Say that all second derivatives vanish.
 
 @return SWB_OK; SWB_ERR_STATE if the function belongs to a model already
 """
-swb_function_set_linear(f) = ccall(address(34), swb_status, (Ptr{swb_function},), f)
+swb_function_set_linear(f) = ccall(address(37), swb_status, (Ptr{swb_function},), f)
 
 """
     swb_function_set_inputs(f, inputs) -> swb_status
@@ -2583,7 +2675,7 @@ Say which inputs the function depends on; the Jacobian is dense in them and made
 @return SWB_OK; SWB_ERR_RANGE if there are no such inputs; SWB_ERR_STATE if the function belongs to a
         model already
 """
-swb_function_set_inputs(f, inputs) = ccall(address(35), swb_status, (Ptr{swb_function}, Int32), f, inputs)
+swb_function_set_inputs(f, inputs) = ccall(address(38), swb_status, (Ptr{swb_function}, Int32), f, inputs)
 
 """
     swb_function_set_flags(f, flags) -> swb_status
@@ -2594,7 +2686,7 @@ Set properties of a function; those that are not given are taken back.
 @return SWB_OK; SWB_ERR_RANGE if there are no such flags; SWB_ERR_STATE if the function belongs to a model already, or
         was made by the library
 """
-swb_function_set_flags(f, flags) = ccall(address(36), swb_status, (Ptr{swb_function}, Int32), f, flags)
+swb_function_set_flags(f, flags) = ccall(address(39), swb_status, (Ptr{swb_function}, Int32), f, flags)
 
 """
     swb_function_sizes(f, nx, nu, np, n_out, jacobian_nnz, hessian_nnz) -> swb_status
@@ -2606,7 +2698,7 @@ Sizes of a function. Any output may be NULL.
 @return SWB_OK
 """
 swb_function_sizes(f, nx, nu, np, n_out, jacobian_nnz, hessian_nnz) =
-    ccall(address(37), swb_status, (Ptr{swb_function}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64},
+    ccall(address(40), swb_status, (Ptr{swb_function}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64},
         Ptr{Int64}), f, nx, nu, np, n_out, jacobian_nnz, hessian_nnz)
 
 """
@@ -2619,7 +2711,7 @@ Name of a function.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_function_name(f, buf, len, needed) =
-    ccall(address(38), swb_status, (Ptr{swb_function}, Ptr{UInt8}, Int64, Ptr{Int64}), f, buf, len, needed)
+    ccall(address(41), swb_status, (Ptr{swb_function}, Ptr{UInt8}, Int64, Ptr{Int64}), f, buf, len, needed)
 
 """
     swb_function_jacobian_pattern(f, col_ptr, n_col_ptr, row_idx, nnz) -> swb_status
@@ -2631,7 +2723,7 @@ Pattern of the Jacobian, declared or derived.
 @return SWB_OK; SWB_ERR_DIMENSION if a length is not that of the pattern
 """
 swb_function_jacobian_pattern(f, col_ptr, n_col_ptr, row_idx, nnz) =
-    ccall(address(39), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), f, col_ptr, n_col_ptr,
+    ccall(address(42), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), f, col_ptr, n_col_ptr,
         row_idx, nnz)
 
 """
@@ -2644,7 +2736,7 @@ Pattern of the Hessian, upper triangle, declared or derived.
 @return SWB_OK; SWB_ERR_DIMENSION if a length is not that of the pattern
 """
 swb_function_hessian_pattern(f, col_ptr, n_col_ptr, row_idx, nnz) =
-    ccall(address(40), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), f, col_ptr, n_col_ptr,
+    ccall(address(43), swb_status, (Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), f, col_ptr, n_col_ptr,
         row_idx, nnz)
 
 """
@@ -2657,7 +2749,7 @@ Evaluate a function.
         returned a negative code
 """
 swb_function_eval(f, at, out, n_out) =
-    ccall(address(41), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64), f, at, out, n_out)
+    ccall(address(44), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64), f, at, out, n_out)
 
 """
     swb_function_eval_jacobian(f, at, out, nnz) -> swb_status
@@ -2668,7 +2760,7 @@ Evaluate the Jacobian of a function.
 @return as swb_function_eval
 """
 swb_function_eval_jacobian(f, at, out, nnz) =
-    ccall(address(42), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64), f, at, out, nnz)
+    ccall(address(45), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64), f, at, out, nnz)
 
 """
     swb_function_eval_hessian(f, at, weights, n_weights, out, nnz) -> swb_status
@@ -2680,7 +2772,7 @@ Evaluate the Hessian of the weighted sum of the outputs of a function.
 @return as swb_function_eval
 """
 swb_function_eval_hessian(f, at, weights, n_weights, out, nnz) =
-    ccall(address(43), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), f,
+    ccall(address(46), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), f,
         at, weights, n_weights, out, nnz)
 
 """
@@ -2698,7 +2790,7 @@ of thousands of inputs it takes minutes, and only a negative code of a callback 
         SWB_ERR_DIMENSION if the buffer is too short; else as swb_function_eval
 """
 swb_function_check_derivatives(f, at, passed, max_error, buf, len, needed) =
-    ccall(address(44), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Int32}, Ptr{Cdouble}, Ptr{UInt8}, Int64,
+    ccall(address(47), swb_status, (Ptr{swb_function}, Ptr{swb_point}, Ptr{Int32}, Ptr{Cdouble}, Ptr{UInt8}, Int64,
         Ptr{Int64}), f, at, passed, max_error, buf, len, needed)
 
 """
@@ -2706,7 +2798,7 @@ swb_function_check_derivatives(f, at, passed, max_error, buf, len, needed) =
 
 Free the handle; models that have the function keep it. NULL is allowed.
 """
-swb_function_free(f) = ccall(address(45), Cvoid, (Ptr{swb_function},), f)
+swb_function_free(f) = ccall(address(48), Cvoid, (Ptr{swb_function},), f)
 
 """
     swb_function_from_casadi_library(path, name, inputs, nx, nu, np, out) -> swb_status
@@ -2735,7 +2827,7 @@ refused, but a file that is damaged otherwise, or changes while it is loaded, ca
         that are not double
 """
 swb_function_from_casadi_library(path, name, inputs, nx, nu, np, out) =
-    ccall(address(46), swb_status, (Cstring, Cstring, Cstring, Int64, Int64, Int64, Ptr{Ptr{swb_function}}), path,
+    ccall(address(49), swb_status, (Cstring, Cstring, Cstring, Int64, Int64, Int64, Ptr{Ptr{swb_function}}), path,
         name, inputs, nx, nu, np, out)
 
 """
@@ -2753,7 +2845,7 @@ swb_function_from_casadi_library.
 @return as swb_function_from_casadi_library
 """
 swb_function_from_casadi_pointers(name, value, jacobian, hessian, inputs, nx, nu, np, out) =
-    ccall(address(47), swb_status, (Cstring, Ptr{swb_casadi}, Ptr{swb_casadi}, Ptr{swb_casadi}, Cstring, Int64,
+    ccall(address(50), swb_status, (Cstring, Ptr{swb_casadi}, Ptr{swb_casadi}, Ptr{swb_casadi}, Cstring, Int64,
         Int64, Int64, Ptr{Ptr{swb_function}}), name, value, jacobian, hessian, inputs, nx, nu, np, out)
 
 """
@@ -2772,7 +2864,7 @@ The functions of the file stay loaded until the program ends.
 @return as swb_function_from_casadi_library
 """
 swb_function_from_casadi_file(casadi, file, name, inputs, nx, nu, np, out) =
-    ccall(address(48), swb_status, (Cstring, Cstring, Cstring, Cstring, Int64, Int64, Int64,
+    ccall(address(51), swb_status, (Cstring, Cstring, Cstring, Cstring, Int64, Int64, Int64,
         Ptr{Ptr{swb_function}}), casadi, file, name, inputs, nx, nu, np, out)
 
 """
@@ -2787,7 +2879,7 @@ Create a system without dynamics.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_system_create(nx, nu, np, out) =
-    ccall(address(49), swb_status, (Int64, Int64, Int64, Ptr{Ptr{swb_system}}), nx, nu, np, out)
+    ccall(address(52), swb_status, (Int64, Int64, Int64, Ptr{Ptr{swb_system}}), nx, nu, np, out)
 
 """
     swb_system_set_f0(system, f0) -> swb_status
@@ -2796,7 +2888,7 @@ Set the part of the right-hand side that does not switch: nx outputs.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_system_set_f0(system, f0) = ccall(address(50), swb_status, (Ptr{swb_system}, Ptr{swb_function}), system, f0)
+swb_system_set_f0(system, f0) = ccall(address(53), swb_status, (Ptr{swb_system}, Ptr{swb_function}), system, f0)
 
 """
     swb_system_add_subsystem(system, rows, n_rows, modes, n_modes, psi, signs, n_signs, index) -> swb_status
@@ -2813,7 +2905,7 @@ signs[i][j] psi_j(x) > 0 for every j with signs[i][j] != 0.
 @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat or regions overlap
 """
 swb_system_add_subsystem(system, rows, n_rows, modes, n_modes, psi, signs, n_signs, index) =
-    ccall(address(51), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Int64, Ptr{swb_function},
+    ccall(address(54), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Int64, Ptr{swb_function},
         Ptr{Int8}, Int64, Ptr{Int64}), system, rows, n_rows, modes, n_modes, psi, signs, n_signs, index)
 
 """
@@ -2829,7 +2921,7 @@ is the smallest.
 @return as swb_system_add_subsystem
 """
 swb_system_add_subsystem_indicators(system, rows, n_rows, modes, n_modes, indicators, index) =
-    ccall(address(52), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Int64, Ptr{swb_function},
+    ccall(address(55), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Int64, Ptr{swb_function},
         Ptr{Int64}), system, rows, n_rows, modes, n_modes, indicators, index)
 
 """
@@ -2848,7 +2940,7 @@ two modes, psi_j > 0 and psi_j < 0, behind the subsystems.
 @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit; SWB_ERR_RANGE if rows repeat
 """
 swb_system_add_inclusion(system, rows, n_rows, f, psi, index) =
-    ccall(address(53), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Ptr{swb_function},
+    ccall(address(56), swb_status, (Ptr{swb_system}, Ptr{Int64}, Int64, Ptr{swb_function}, Ptr{swb_function},
         Ptr{Int64}), system, rows, n_rows, f, psi, index)
 
 """
@@ -2864,7 +2956,7 @@ simulation refuses them.
 @return SWB_OK; SWB_ERR_DIMENSION if sizes do not fit
 """
 swb_system_set_algebraic(system, n_z, g) =
-    ccall(address(54), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_function}), system, n_z, g)
+    ccall(address(57), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_function}), system, n_z, g)
 
 """
     swb_system_sizes(system, nx, nu, np, n_subsystems) -> swb_status
@@ -2874,7 +2966,7 @@ Sizes of a system. Any output may be NULL.
 @return SWB_OK
 """
 swb_system_sizes(system, nx, nu, np, n_subsystems) =
-    ccall(address(55), swb_status, (Ptr{swb_system}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), system, nx,
+    ccall(address(58), swb_status, (Ptr{swb_system}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), system, nx,
         nu, np, n_subsystems)
 
 """
@@ -2890,7 +2982,7 @@ g_i - g_j, i < j, of its indicators, NaN where both are not the smallest two.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NONFINITE if a function is not defined at the point
 """
 swb_system_surfaces(system, subsystem, at, values, n, needed) =
-    ccall(address(56), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Int64}),
+    ccall(address(59), swb_status, (Ptr{swb_system}, Int64, Ptr{swb_point}, Ptr{Cdouble}, Int64, Ptr{Int64}),
         system, subsystem, at, values, n, needed)
 
 """
@@ -2898,7 +2990,7 @@ swb_system_surfaces(system, subsystem, at, values, n, needed) =
 
 Free; objects made of the system keep what they need. NULL is allowed.
 """
-swb_system_free(system) = ccall(address(57), Cvoid, (Ptr{swb_system},), system)
+swb_system_free(system) = ccall(address(60), Cvoid, (Ptr{swb_system},), system)
 
 """
     swb_expr_create(out) -> swb_status
@@ -2908,7 +3000,7 @@ Create a graph without expressions.
 @param[out] out the new object, NULL on failure; free with swb_expr_free
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_expr_create(out) = ccall(address(58), swb_status, (Ptr{Ptr{swb_expr}},), out)
+swb_expr_create(out) = ccall(address(61), swb_status, (Ptr{Ptr{swb_expr}},), out)
 
 """
     swb_expr_constants(graph, values, n, out, n_out) -> swb_status
@@ -2920,7 +3012,7 @@ Constants. Values that are not finite are refused when a function is made of the
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_expr_constants(graph, values, n, out, n_out) =
-    ccall(address(59), swb_status, (Ptr{swb_expr}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), graph, values, n, out,
+    ccall(address(62), swb_status, (Ptr{swb_expr}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), graph, values, n, out,
         n_out)
 
 """
@@ -2934,7 +3026,7 @@ Inputs of one block.
 @return SWB_OK; SWB_ERR_RANGE if there is no such block; SWB_ERR_DIMENSION
 """
 swb_expr_inputs(graph, block, first, out, n) =
-    ccall(address(60), swb_status, (Ptr{swb_expr}, Int32, Int64, Ptr{Int64}, Int64), graph, block, first, out, n)
+    ccall(address(63), swb_status, (Ptr{swb_expr}, Int32, Int64, Ptr{Int64}, Int64), graph, block, first, out, n)
 
 """
     swb_expr_apply(graph, op, a, b, c, out, n) -> swb_status
@@ -2950,7 +3042,7 @@ Apply an operator element by element.
         value; SWB_ERR_NULL; SWB_ERR_DIMENSION if an operand is too many
 """
 swb_expr_apply(graph, op, a, b, c, out, n) =
-    ccall(address(61), swb_status, (Ptr{swb_expr}, Int32, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Int64),
+    ccall(address(64), swb_status, (Ptr{swb_expr}, Int32, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Int64),
         graph, op, a, b, c, out, n)
 
 """
@@ -2964,7 +3056,7 @@ Product of matrices stored by columns: a is m times k, b is k times n.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_expr_matmul(graph, m, k, n, a, n_a, b, n_b, out, n_out) =
-    ccall(address(62), swb_status, (Ptr{swb_expr}, Int64, Int64, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64,
+    ccall(address(65), swb_status, (Ptr{swb_expr}, Int64, Int64, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64,
         Ptr{Int64}, Int64), graph, m, k, n, a, n_a, b, n_b, out, n_out)
 
 """
@@ -2979,7 +3071,7 @@ all right-hand sides and derivatives.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the matrix is singular whatever its entries are
 """
 swb_expr_solve(graph, matrix, n_matrix, rhs, out, n) =
-    ccall(address(63), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Int64), graph, matrix,
+    ccall(address(66), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Int64), graph, matrix,
         n_matrix, rhs, out, n)
 
 """
@@ -2995,7 +3087,7 @@ Values of a table.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION
 """
 swb_expr_table(graph, kind, points, n_points, values, n_values, a, out, n) =
-    ccall(address(64), swb_status, (Ptr{swb_expr}, Int32, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(67), swb_status, (Ptr{swb_expr}, Int32, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Int64}, Int64), graph, kind, points, n_points, values, n_values, a, out, n)
 
 """
@@ -3008,7 +3100,7 @@ Outputs of a function at expressions. Derivatives are those of the function.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_expr_call(graph, f, args, n_args, out, n_out) =
-    ccall(address(65), swb_status, (Ptr{swb_expr}, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
+    ccall(address(68), swb_status, (Ptr{swb_expr}, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
         f, args, n_args, out, n_out)
 
 """
@@ -3022,7 +3114,7 @@ Jacobian of expressions as expressions, by columns; entries that vanish are the 
 @return SWB_OK; SWB_ERR_RANGE if wrt holds what is no input; SWB_ERR_UNSUPPORTED for operators that switch
 """
 swb_expr_jacobian(graph, outputs, n_outputs, wrt, n_wrt, out, n_out) =
-    ccall(address(66), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
+    ccall(address(69), swb_status, (Ptr{swb_expr}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64), graph,
         outputs, n_outputs, wrt, n_wrt, out, n_out)
 
 """
@@ -3035,7 +3127,7 @@ An expression as text, cut where it is long.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_expr_text(graph, expression, buf, len, needed) =
-    ccall(address(67), swb_status, (Ptr{swb_expr}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), graph, expression, buf,
+    ccall(address(70), swb_status, (Ptr{swb_expr}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), graph, expression, buf,
         len, needed)
 
 """
@@ -3050,7 +3142,7 @@ A function with exact derivatives. It does not need the graph any more.
         finite; SWB_ERR_UNSUPPORTED for operators that switch
 """
 swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) =
-    ccall(address(68), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Int64,
+    ccall(address(71), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_function}}), graph, name, nx, nu, np, outputs, n_outputs, out)
 
 """
@@ -3058,7 +3150,7 @@ swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) =
 
 Free the graph; functions and models made of it stay. NULL is allowed.
 """
-swb_expr_free(graph) = ccall(address(69), Cvoid, (Ptr{swb_expr},), graph)
+swb_expr_free(graph) = ccall(address(72), Cvoid, (Ptr{swb_expr},), graph)
 
 """
     swb_model_create(graph, name, nx, nu, np, rhs, names, trial, out) -> swb_status
@@ -3078,7 +3170,7 @@ may be 2097152 of them.
         as swb_expr_function
 """
 swb_model_create(graph, name, nx, nu, np, rhs, names, trial, out) =
-    ccall(address(70), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Cstring,
+    ccall(address(73), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Cstring,
         Ptr{swb_point}, Ptr{Ptr{swb_model}}), graph, name, nx, nu, np, rhs, names, trial, out)
 
 """
@@ -3089,7 +3181,7 @@ The system of a model.
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_NULL
 """
-swb_model_system(model, out) = ccall(address(71), swb_status, (Ptr{swb_model}, Ptr{Ptr{swb_system}}), model, out)
+swb_model_system(model, out) = ccall(address(74), swb_status, (Ptr{swb_model}, Ptr{Ptr{swb_system}}), model, out)
 
 """
     swb_model_counts(model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs) -> swb_status
@@ -3104,7 +3196,7 @@ What a model consists of. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_counts(model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs) =
-    ccall(address(72), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}),
+    ccall(address(75), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}),
         model, n_subsystems, n_switching_functions, n_regions, n_algebraic, n_pairs)
 
 """
@@ -3119,7 +3211,7 @@ was dropped or merged and why, and what looks wrong.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_model_report(model, json, buf, len, needed) =
-    ccall(address(73), swb_status, (Ptr{swb_model}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), model, json, buf, len,
+    ccall(address(76), swb_status, (Ptr{swb_model}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), model, json, buf, len,
         needed)
 
 """
@@ -3138,14 +3230,14 @@ they write all entries, of the patterns beside the declarations, and return 0, o
         the buffer is too short
 """
 swb_model_write_c(model, buf, len, needed) =
-    ccall(address(74), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(77), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_free(model) -> Cvoid
 
 Free; systems made of the model stay. NULL is allowed.
 """
-swb_model_free(model) = ccall(address(75), Cvoid, (Ptr{swb_model},), model)
+swb_model_free(model) = ccall(address(78), Cvoid, (Ptr{swb_model},), model)
 
 """
     swb_trajectory_get_info(trajectory, info, struct_size) -> swb_status
@@ -3157,7 +3249,7 @@ Numbers of a trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_trajectory_get_info(trajectory, info, struct_size) =
-    ccall(address(76), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
+    ccall(address(79), swb_status, (Ptr{swb_trajectory}, Ptr{swb_trajectory_info}, UInt64), trajectory, info,
         struct_size)
 
 """
@@ -3169,7 +3261,7 @@ Times of the element boundaries.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_times(trajectory, t, n) =
-    ccall(address(77), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(80), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_states(trajectory, x, n) -> swb_status
@@ -3181,7 +3273,7 @@ States at the element boundaries.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_states(trajectory, x, n) =
-    ccall(address(78), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(81), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_steps(trajectory, h, n) -> swb_status
@@ -3192,7 +3284,7 @@ Lengths of the elements.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_steps(trajectory, h, n) =
-    ccall(address(79), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
+    ccall(address(82), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, h, n)
 
 """
     swb_trajectory_control_stages(trajectory, stage, n) -> swb_status
@@ -3203,7 +3295,7 @@ Control stages the elements belong to; 0 in simulations.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_control_stages(trajectory, stage, n) =
-    ccall(address(80), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
+    ccall(address(83), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, stage, n)
 
 """
     swb_trajectory_modes(trajectory, n_modes, n) -> swb_status
@@ -3214,7 +3306,7 @@ Numbers of modes of the subsystems that can switch.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_modes(trajectory, n_modes, n) =
-    ccall(address(81), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
+    ccall(address(84), swb_status, (Ptr{swb_trajectory}, Ptr{Int64}, Int64), trajectory, n_modes, n)
 
 """
     swb_trajectory_active(trajectory, active, n) -> swb_status
@@ -3225,7 +3317,7 @@ Which modes are active in the elements: one alone, or several in a sliding mode.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_active(trajectory, active, n) =
-    ccall(address(82), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
+    ccall(address(85), swb_status, (Ptr{swb_trajectory}, Ptr{Int32}, Int64), trajectory, active, n)
 
 """
     swb_trajectory_stage_times(trajectory, t, n) -> swb_status
@@ -3236,7 +3328,7 @@ Times of the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_times(trajectory, t, n) =
-    ccall(address(83), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
+    ccall(address(86), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, t, n)
 
 """
     swb_trajectory_stage_states(trajectory, x, n) -> swb_status
@@ -3247,7 +3339,7 @@ States at the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_states(trajectory, x, n) =
-    ccall(address(84), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
+    ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, x, n)
 
 """
     swb_trajectory_stage_theta(trajectory, theta, n) -> swb_status
@@ -3258,7 +3350,7 @@ Convex multipliers of the modes at the stage points.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_stage_theta(trajectory, theta, n) =
-    ccall(address(85), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
+    ccall(address(88), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64), trajectory, theta, n)
 
 """
     swb_trajectory_switches(trajectory, switches, n, struct_size) -> swb_status
@@ -3270,7 +3362,7 @@ Switches in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_trajectory_switches(trajectory, switches, n, struct_size) =
-    ccall(address(86), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
+    ccall(address(89), swb_status, (Ptr{swb_trajectory}, Ptr{swb_switch}, Int64, UInt64), trajectory, switches, n,
         struct_size)
 
 """
@@ -3283,7 +3375,7 @@ States at any times, by the polynomials of the elements.
 @return SWB_OK; SWB_ERR_RANGE if a time is outside; SWB_ERR_STATE if the trajectory is empty
 """
 swb_trajectory_state_at(trajectory, t, n_t, x, n_x) =
-    ccall(address(87), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
+    ccall(address(90), swb_status, (Ptr{swb_trajectory}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), trajectory, t,
         n_t, x, n_x)
 
 """
@@ -3291,7 +3383,7 @@ swb_trajectory_state_at(trajectory, t, n_t, x, n_x) =
 
 Free; NULL is allowed.
 """
-swb_trajectory_free(trajectory) = ccall(address(88), Cvoid, (Ptr{swb_trajectory},), trajectory)
+swb_trajectory_free(trajectory) = ccall(address(91), Cvoid, (Ptr{swb_trajectory},), trajectory)
 
 """
     swb_simulator_create(system, settings, out) -> swb_status
@@ -3305,7 +3397,7 @@ Create a simulator. Time, state, controls and parameters are zero until they are
         range; SWB_ERR_UNSUPPORTED if options do not go together
 """
 swb_simulator_create(system, settings, out) =
-    ccall(address(89), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
+    ccall(address(92), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_simulator}}), system, settings,
         out)
 
 """
@@ -3317,7 +3409,7 @@ Set time and state, and begin a new trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_simulator_set_state(sim, t, x, nx) =
-    ccall(address(90), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
+    ccall(address(93), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Cdouble}, Int64), sim, t, x, nx)
 
 """
     swb_simulator_set_controls(sim, u, nu) -> swb_status
@@ -3328,7 +3420,7 @@ Set the controls, constant from now on.
 @return as swb_simulator_set_state
 """
 swb_simulator_set_controls(sim, u, nu) =
-    ccall(address(91), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
+    ccall(address(94), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, u, nu)
 
 """
     swb_simulator_set_params(sim, p, np) -> swb_status
@@ -3339,7 +3431,7 @@ Set the parameters.
 @return as swb_simulator_set_state
 """
 swb_simulator_set_params(sim, p, np) =
-    ccall(address(92), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
+    ccall(address(95), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, p, np)
 
 """
     swb_simulator_run(sim, duration, n_steps, outcome) -> swb_status
@@ -3353,7 +3445,7 @@ the last step that was done.
         SWB_ERR_NONFINITE if one has no value where it is needed
 """
 swb_simulator_run(sim, duration, n_steps, outcome) =
-    ccall(address(93), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
+    ccall(address(96), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{Int32}), sim, duration, n_steps,
         outcome)
 
 """
@@ -3365,7 +3457,7 @@ Simulate one step of n_fe finite elements over the duration h; the trajectory gr
 @return as swb_simulator_run
 """
 swb_simulator_step(sim, h, outcome) =
-    ccall(address(94), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
+    ccall(address(97), swb_status, (Ptr{swb_simulator}, Cdouble, Ptr{Int32}), sim, h, outcome)
 
 """
     swb_simulator_clear(sim) -> swb_status
@@ -3374,7 +3466,7 @@ Forget trajectory and statistics; time and state stay.
 
 @return SWB_OK
 """
-swb_simulator_clear(sim) = ccall(address(95), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_clear(sim) = ccall(address(98), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_sizes(sim, nx, nu, np) -> swb_status
@@ -3387,7 +3479,7 @@ Sizes of a simulator.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_simulator_sizes(sim, nx, nu, np) =
-    ccall(address(96), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
+    ccall(address(99), swb_status, (Ptr{swb_simulator}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), sim, nx, nu, np)
 
 """
     swb_simulator_get_time(sim, t) -> swb_status
@@ -3396,7 +3488,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_simulator_get_time(sim, t) = ccall(address(97), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
+swb_simulator_get_time(sim, t) = ccall(address(100), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}), sim, t)
 
 """
     swb_simulator_get_state(sim, x, nx) -> swb_status
@@ -3407,7 +3499,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_state(sim, x, nx) =
-    ccall(address(98), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
+    ccall(address(101), swb_status, (Ptr{swb_simulator}, Ptr{Cdouble}, Int64), sim, x, nx)
 
 """
     swb_simulator_get_outcome(sim, outcome) -> swb_status
@@ -3417,7 +3509,8 @@ How the last step ended.
 @param[out] outcome an enum swb_outcome; solved before the first step
 @return SWB_OK
 """
-swb_simulator_get_outcome(sim, outcome) = ccall(address(99), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
+swb_simulator_get_outcome(sim, outcome) =
+    ccall(address(102), swb_status, (Ptr{swb_simulator}, Ptr{Int32}), sim, outcome)
 
 """
     swb_simulator_get_residuals(sim, residuals, struct_size) -> swb_status
@@ -3429,7 +3522,7 @@ Largest residuals over the steps of the trajectory.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_residuals(sim, residuals, struct_size) =
-    ccall(address(100), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
+    ccall(address(103), swb_status, (Ptr{swb_simulator}, Ptr{swb_residuals}, UInt64), sim, residuals, struct_size)
 
 """
     swb_simulator_get_stats(sim, stats, struct_size) -> swb_status
@@ -3441,7 +3534,7 @@ What the steps of the trajectory cost.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_stats(sim, stats, struct_size) =
-    ccall(address(101), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
+    ccall(address(104), swb_status, (Ptr{swb_simulator}, Ptr{swb_stats}, UInt64), sim, stats, struct_size)
 
 """
     swb_simulator_get_trajectory(sim, out) -> swb_status
@@ -3452,7 +3545,7 @@ A copy of the trajectory since the state was set; empty before the first step.
 @return SWB_OK
 """
 swb_simulator_get_trajectory(sim, out) =
-    ccall(address(102), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
+    ccall(address(105), swb_status, (Ptr{swb_simulator}, Ptr{Ptr{swb_trajectory}}), sim, out)
 
 """
     swb_simulator_set_int(sim, name, value) -> swb_status
@@ -3462,7 +3555,7 @@ Set an integer or enumeration option of a simulator (or a float one, to an integ
 @return as swb_settings_set_int
 """
 swb_simulator_set_int(sim, name, value) =
-    ccall(address(103), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
+    ccall(address(106), swb_status, (Ptr{swb_simulator}, Cstring, Int64), sim, name, value)
 
 """
     swb_simulator_set_double(sim, name, value) -> swb_status
@@ -3472,7 +3565,7 @@ Set a float option of a simulator by name.
 @return as swb_settings_set_double
 """
 swb_simulator_set_double(sim, name, value) =
-    ccall(address(104), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
+    ccall(address(107), swb_status, (Ptr{swb_simulator}, Cstring, Cdouble), sim, name, value)
 
 """
     swb_simulator_set_string(sim, name, value) -> swb_status
@@ -3482,7 +3575,7 @@ Set any option of a simulator by name from text: a number, or the value name of 
 @return as swb_settings_set_string
 """
 swb_simulator_set_string(sim, name, value) =
-    ccall(address(105), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
+    ccall(address(108), swb_status, (Ptr{swb_simulator}, Cstring, Cstring), sim, name, value)
 
 """
     swb_simulator_set_settings(sim, settings) -> swb_status
@@ -3493,7 +3586,7 @@ Set all options of a simulator.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_simulator_set_settings(sim, settings) =
-    ccall(address(106), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
+    ccall(address(109), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}), sim, settings)
 
 """
     swb_simulator_get_settings(sim, settings, struct_size) -> swb_status
@@ -3505,7 +3598,7 @@ Options of a simulator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_simulator_get_settings(sim, settings, struct_size) =
-    ccall(address(107), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
+    ccall(address(110), swb_status, (Ptr{swb_simulator}, Ptr{swb_settings}, UInt64), sim, settings, struct_size)
 
 """
     swb_simulator_set_iteration(sim, iteration, user_data) -> swb_status
@@ -3516,7 +3609,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_simulator_set_iteration(sim, iteration, user_data) =
-    ccall(address(108), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
+    ccall(address(111), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, iteration, user_data)
 
 """
     swb_simulator_set_log(sim, log, user_data) -> swb_status
@@ -3527,7 +3620,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_simulator_set_log(sim, log, user_data) =
-    ccall(address(109), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
+    ccall(address(112), swb_status, (Ptr{swb_simulator}, Ptr{Cvoid}, Ptr{Cvoid}), sim, log, user_data)
 
 """
     swb_simulator_interrupt(sim) -> swb_status
@@ -3539,21 +3632,21 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_simulator_interrupt(sim) = ccall(address(110), swb_status, (Ptr{swb_simulator},), sim)
+swb_simulator_interrupt(sim) = ccall(address(113), swb_status, (Ptr{swb_simulator},), sim)
 
 """
     swb_simulator_free(sim) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_simulator_free(sim) = ccall(address(111), Cvoid, (Ptr{swb_simulator},), sim)
+swb_simulator_free(sim) = ccall(address(114), Cvoid, (Ptr{swb_simulator},), sim)
 
 """
     swb_run_outcome_name(outcome) -> Cstring
 
 Name of an outcome of an event-driven simulation, such as \"reached\"; NULL for any other number. Static.
 """
-swb_run_outcome_name(outcome) = ccall(address(112), Cstring, (Int32,), outcome)
+swb_run_outcome_name(outcome) = ccall(address(115), Cstring, (Int32,), outcome)
 
 """
     swb_run_get_info(run, info, struct_size) -> swb_status
@@ -3565,7 +3658,7 @@ Numbers of a run.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_get_info(run, info, struct_size) =
-    ccall(address(113), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
+    ccall(address(116), swb_status, (Ptr{swb_run}, Ptr{swb_run_info}, UInt64), run, info, struct_size)
 
 """
     swb_run_reason(run, buf, len, needed) -> swb_status
@@ -3577,7 +3670,7 @@ Why a run ended early, in words; \"\" if it reached its time.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_run_reason(run, buf, len, needed) =
-    ccall(address(114), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
+    ccall(address(117), swb_status, (Ptr{swb_run}, Ptr{UInt8}, Int64, Ptr{Int64}), run, buf, len, needed)
 
 """
     swb_run_get_stats(run, stats, struct_size) -> swb_status
@@ -3589,7 +3682,7 @@ Work of a run.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_get_stats(run, stats, struct_size) =
-    ccall(address(115), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
+    ccall(address(118), swb_status, (Ptr{swb_run}, Ptr{swb_run_stats}, UInt64), run, stats, struct_size)
 
 """
     swb_run_state(run, x, nx) -> swb_status
@@ -3599,7 +3692,7 @@ State reached.
 @param[out] x [nx]
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_run_state(run, x, nx) = ccall(address(116), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
+swb_run_state(run, x, nx) = ccall(address(119), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, x, nx)
 
 """
     swb_run_events(run, events, n, struct_size) -> swb_status
@@ -3611,7 +3704,7 @@ Switches in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_events(run, events, n, struct_size) =
-    ccall(address(117), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
+    ccall(address(120), swb_status, (Ptr{swb_run}, Ptr{swb_event}, Int64, UInt64), run, events, n, struct_size)
 
 """
     swb_run_branch_points(run, points, n, struct_size) -> swb_status
@@ -3623,7 +3716,7 @@ Points with several continuations, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_branch_points(run, points, n, struct_size) =
-    ccall(address(118), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
+    ccall(address(121), swb_status, (Ptr{swb_run}, Ptr{swb_branch_point}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -3636,7 +3729,7 @@ Surfaces only touched, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_contacts(run, contacts, n, struct_size) =
-    ccall(address(119), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
+    ccall(address(122), swb_status, (Ptr{swb_run}, Ptr{swb_contact}, Int64, UInt64), run, contacts, n, struct_size)
 
 """
     swb_run_accumulations(run, points, n, struct_size) -> swb_status
@@ -3648,7 +3741,7 @@ Accumulating switches, in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_accumulations(run, points, n, struct_size) =
-    ccall(address(120), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
+    ccall(address(123), swb_status, (Ptr{swb_run}, Ptr{swb_accumulation}, Int64, UInt64), run, points, n,
         struct_size)
 
 """
@@ -3659,7 +3752,7 @@ Numbers of modes of the subsystems that can switch.
 @param[out] n_modes [n] n_subsystems
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
-swb_run_modes(run, n_modes, n) = ccall(address(121), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
+swb_run_modes(run, n_modes, n) = ccall(address(124), swb_status, (Ptr{swb_run}, Ptr{Int64}, Int64), run, n_modes, n)
 
 """
     swb_run_event_modes(run, index, before, after, n) -> swb_status
@@ -3672,7 +3765,7 @@ Which modes of its subsystem are active before and after a switch.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_event_modes(run, index, before, after, n) =
-    ccall(address(122), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
+    ccall(address(125), swb_status, (Ptr{swb_run}, Int64, Ptr{Int32}, Ptr{Int32}, Int64), run, index, before, after,
         n)
 
 """
@@ -3684,7 +3777,7 @@ same amount over the whole run.
 @param[out] s [n] nx * n_columns, by columns: those of the initial states, then of the parameters, then of the controls
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without the option sensitivity
 """
-swb_run_sensitivity(run, s, n) = ccall(address(123), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
+swb_run_sensitivity(run, s, n) = ccall(address(126), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, s, n)
 
 """
     swb_run_event_sensitivity(run, index, dt, n) -> swb_status
@@ -3697,7 +3790,7 @@ none.
 @return as swb_run_sensitivity
 """
 swb_run_event_sensitivity(run, index, dt, n) =
-    ccall(address(124), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(127), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_times(run, t, n) -> swb_status
@@ -3707,7 +3800,7 @@ Times between which the dense output has a polynomial each: starts and ends of t
 @param[out] t [n] n_pieces + 1; none if there are no pieces
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
-swb_run_times(run, t, n) = ccall(address(125), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
+swb_run_times(run, t, n) = ccall(address(128), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64), run, t, n)
 
 """
     swb_run_evaluate(run, t, n_t, k, x, n_x) -> swb_status
@@ -3720,7 +3813,7 @@ States at any times of the run, or their derivatives with respect to time. At a 
 @return SWB_OK; SWB_ERR_RANGE if a time is outside or k is negative; SWB_ERR_STATE without the option dense
 """
 swb_run_evaluate(run, t, n_t, k, x, n_x) =
-    ccall(address(126), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
+    ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Int64, Ptr{Cdouble}, Int64), run, t, n_t, k,
         x, n_x)
 
 """
@@ -3728,7 +3821,7 @@ swb_run_evaluate(run, t, n_t, k, x, n_x) =
 
 Free; NULL is allowed.
 """
-swb_run_free(run) = ccall(address(127), Cvoid, (Ptr{swb_run},), run)
+swb_run_free(run) = ccall(address(130), Cvoid, (Ptr{swb_run},), run)
 
 """
     swb_system_add_transition(system, guard, direction, from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values, n_to_values, index) -> swb_status
@@ -3755,7 +3848,7 @@ own guard beyond zero is watched again when the guard has been back.
 """
 swb_system_add_transition(system, guard, direction, from_states, n_from_states, from_values, n_from_values, reset,
     to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(128), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(131), swb_status, (Ptr{swb_system}, Ptr{swb_function}, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{swb_function}, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), system, guard, direction,
         from_states, n_from_states, from_values, n_from_values, reset, to_states, n_to_states, to_values,
         n_to_values, index)
@@ -3770,7 +3863,7 @@ The transitions of a run in the order they were made; their number is n_jumps of
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_jumps(run, jumps, n, struct_size) =
-    ccall(address(129), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
+    ccall(address(132), swb_status, (Ptr{swb_run}, Ptr{swb_jump}, Int64, UInt64), run, jumps, n, struct_size)
 
 """
     swb_run_jump_states(run, index, before, after, n) -> swb_status
@@ -3783,7 +3876,7 @@ The states just before and just behind a transition.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_run_jump_states(run, index, before, after, n) =
-    ccall(address(130), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
+    ccall(address(133), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), run, index, before,
         after, n)
 
 """
@@ -3796,7 +3889,7 @@ Derivatives of the time of a transition with respect to initial states, paramete
 @return as swb_run_sensitivity
 """
 swb_run_jump_sensitivity(run, index, dt, n) =
-    ccall(address(131), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(134), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_scene_create(name, n_q, n_v, nu, np, names, out) -> swb_status
@@ -3814,7 +3907,7 @@ velocities the rates of the coordinates are the velocities.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_scene_create(name, n_q, n_v, nu, np, names, out) =
-    ccall(address(132), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
+    ccall(address(135), swb_status, (Cstring, Int64, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, n_q,
         n_v, nu, np, names, out)
 
 """
@@ -3835,7 +3928,7 @@ constraint c_i, without tangents, friction and restitution; multipliers are the 
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_scene_create_projected(name, nx, nu, np, names, out) =
-    ccall(address(133), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
+    ccall(address(136), swb_status, (Cstring, Int64, Int64, Int64, Cstring, Ptr{Ptr{swb_scene}}), name, nx, nu, np,
         names, out)
 
 """
@@ -3848,7 +3941,7 @@ Set the rates of the coordinates, linear in the velocities: q' = N(q) v.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE for numbers that are no expressions
 """
 swb_scene_set_rates(scene, graph, rates, n) =
-    ccall(address(134), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
+    ccall(address(137), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, rates, n)
 
 """
     swb_scene_set_inertia(scene, graph, entries, n) -> swb_status
@@ -3860,7 +3953,7 @@ Set the inertia matrix M: symmetric and positive definite; it may depend on coor
 @return as swb_scene_set_rates
 """
 swb_scene_set_inertia(scene, graph, entries, n) =
-    ccall(address(135), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
+    ccall(address(138), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, entries, n)
 
 """
     swb_scene_set_force(scene, graph, force, n) -> swb_status
@@ -3872,7 +3965,7 @@ Set the forces f_v(q, v, u, p, t): all that stands beside M v' but contact force
 @return as swb_scene_set_rates
 """
 swb_scene_set_force(scene, graph, force, n) =
-    ccall(address(136), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
+    ccall(address(139), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Ptr{Int64}, Int64), scene, graph, force, n)
 
 """
     swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) -> swb_status
@@ -3892,7 +3985,7 @@ Add a contact.
         that is there already
 """
 swb_scene_add_contact(scene, graph, name, gap, tangents, n_tangents, friction, restitution, index) =
-    ccall(address(137), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
+    ccall(address(140), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}, Cstring, Int64, Ptr{Int64}, Int64, Int64, Int64,
         Ptr{Int64}), scene, graph, name, gap, tangents, n_tangents, friction, restitution, index)
 
 """
@@ -3907,7 +4000,7 @@ proof in the report. A simulation that leaves the bounds ends with an error if s
 @return SWB_OK; SWB_ERR_RANGE if there is no such coordinate, or a bound is NaN, or no number is between the bounds
 """
 swb_scene_set_bounds(scene, coordinate, low, high) =
-    ccall(address(138), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
+    ccall(address(141), swb_status, (Ptr{swb_scene}, Int64, Cdouble, Cdouble), scene, coordinate, low, high)
 
 """
     swb_scene_set_impact_law(scene, law) -> swb_status
@@ -3917,7 +4010,7 @@ Set what happens where several contacts close at once.
 @param[in] law enum swb_impact_law
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_scene_set_impact_law(scene, law) = ccall(address(139), swb_status, (Ptr{swb_scene}, Int32), scene, law)
+swb_scene_set_impact_law(scene, law) = ccall(address(142), swb_status, (Ptr{swb_scene}, Int32), scene, law)
 
 """
     swb_scene_build(scene, graph) -> swb_status
@@ -3928,7 +4021,7 @@ Build the scene: derivatives, normals, and which contacts cannot close. Any chan
 @return SWB_OK; SWB_ERR_STATE if forces are missing; SWB_ERR_RANGE, SWB_ERR_UNSUPPORTED for expressions that do not fit,
         with a message that names them
 """
-swb_scene_build(scene, graph) = ccall(address(140), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
+swb_scene_build(scene, graph) = ccall(address(143), swb_status, (Ptr{swb_scene}, Ptr{swb_expr}), scene, graph)
 
 """
     swb_scene_system(scene, out) -> swb_status
@@ -3938,7 +4031,7 @@ The system of a scene that is built; its states are the coordinates, then the ve
 @param[out] out the new object, NULL on failure; free with swb_system_free
 @return SWB_OK; SWB_ERR_STATE if the scene is not built
 """
-swb_scene_system(scene, out) = ccall(address(141), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
+swb_scene_system(scene, out) = ccall(address(144), swb_status, (Ptr{swb_scene}, Ptr{Ptr{swb_system}}), scene, out)
 
 """
     swb_scene_report(scene, json, buf, len, needed) -> swb_status
@@ -3951,7 +4044,7 @@ Report of a scene that is built: contacts with what they cost, and which were le
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE if the scene is not built
 """
 swb_scene_report(scene, json, buf, len, needed) =
-    ccall(address(142), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
+    ccall(address(145), swb_status, (Ptr{swb_scene}, Int32, Ptr{UInt8}, Int64, Ptr{Int64}), scene, json, buf, len,
         needed)
 
 """
@@ -3959,7 +4052,7 @@ swb_scene_report(scene, json, buf, len, needed) =
 
 Free; systems made of the scene stay. NULL is allowed.
 """
-swb_scene_free(scene) = ccall(address(143), Cvoid, (Ptr{swb_scene},), scene)
+swb_scene_free(scene) = ccall(address(146), Cvoid, (Ptr{swb_scene},), scene)
 
 """
     swb_run_impacts(run, impacts, n, struct_size) -> swb_status
@@ -3971,7 +4064,7 @@ The impacts of a run in the order they happened; their number is n_impacts of sw
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_run_impacts(run, impacts, n, struct_size) =
-    ccall(address(144), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
+    ccall(address(147), swb_status, (Ptr{swb_run}, Ptr{swb_impact}, Int64, UInt64), run, impacts, n, struct_size)
 
 """
     swb_run_impact_sensitivity(run, index, dt, n) -> swb_status
@@ -3983,7 +4076,7 @@ Derivatives of the time of an impact with respect to initial states, parameters 
 @return as swb_run_sensitivity
 """
 swb_run_impact_sensitivity(run, index, dt, n) =
-    ccall(address(145), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
+    ccall(address(148), swb_status, (Ptr{swb_run}, Int64, Ptr{Cdouble}, Int64), run, index, dt, n)
 
 """
     swb_run_contact_modes(run, t, n_t, modes, n) -> swb_status
@@ -3995,7 +4088,7 @@ Modes of the contacts of a scene at times.
 @return SWB_OK; SWB_ERR_STATE if the run is not that of a scene; SWB_ERR_DIMENSION
 """
 swb_run_contact_modes(run, t, n_t, modes, n) =
-    ccall(address(146), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
+    ccall(address(149), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), run, t, n_t, modes, n)
 
 """
     swb_run_contact_forces(run, t, n_t, forces, n) -> swb_status
@@ -4009,7 +4102,7 @@ Forces of the contacts of a scene at times: forces, not impulses. Other times th
         outside; SWB_ERR_DIMENSION
 """
 swb_run_contact_forces(run, t, n_t, forces, n) =
-    ccall(address(147), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
+    ccall(address(150), swb_status, (Ptr{swb_run}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), run, t, n_t, forces,
         n)
 
 """
@@ -4024,7 +4117,7 @@ values (swb_model_set_value_names) are given behind this.
         if such a state has a derivative
 """
 swb_model_set_discrete(model, initial, n) =
-    ccall(address(148), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(151), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_set_value_names(model, discrete, names) -> swb_status
@@ -4036,7 +4129,7 @@ Name the values 0, 1, ... of a discrete state: the states of an automaton. Repor
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state; SWB_ERR_RANGE for names that are empty or repeat
 """
 swb_model_set_value_names(model, discrete, names) =
-    ccall(address(149), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
+    ccall(address(152), swb_status, (Ptr{swb_model}, Int64, Cstring), model, discrete, names)
 
 """
     swb_model_get_value_names(model, discrete, buf, len, needed) -> swb_status
@@ -4049,7 +4142,7 @@ Names of the values of a discrete state, as swb_model_set_value_names takes them
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such discrete state, or the buffer is too short
 """
 swb_model_get_value_names(model, discrete, buf, len, needed) =
-    ccall(address(150), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
+    ccall(address(153), swb_status, (Ptr{swb_model}, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), model, discrete, buf,
         len, needed)
 
 """
@@ -4071,7 +4164,7 @@ Add a transition to a model, and thereby to all systems made of it later; see sw
 """
 swb_model_add_transition(model, graph, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index) =
-    ccall(address(151), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(154), swb_status, (Ptr{swb_model}, Ptr{swb_expr}, Int64, Int32, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Int64}), model,
         graph, guard, direction, from_states, n_from_states, from_values, n_from_values, reset_states,
         n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values, index)
@@ -4084,7 +4177,7 @@ Numbers of discrete states and of transitions of a model. Any output may be NULL
 @return SWB_OK
 """
 swb_model_transition_counts(model, n_discrete, n_transitions) =
-    ccall(address(152), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
+    ccall(address(155), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}), model, n_discrete, n_transitions)
 
 """
     swb_model_get_discrete(model, initial, n) -> swb_status
@@ -4095,7 +4188,7 @@ Values with which the discrete states, the last ones, begin.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number
 """
 swb_model_get_discrete(model, initial, n) =
-    ccall(address(153), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
+    ccall(address(156), swb_status, (Ptr{swb_model}, Ptr{Cdouble}, Int64), model, initial, n)
 
 """
     swb_model_transition_sizes(model, index, n_from, n_reset, n_to) -> swb_status
@@ -4109,7 +4202,7 @@ How long the lists of a transition of a model are. Any output may be NULL.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such transition
 """
 swb_model_transition_sizes(model, index, n_from, n_reset, n_to) =
-    ccall(address(154), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
+    ccall(address(157), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, index,
         n_from, n_reset, n_to)
 
 """
@@ -4131,7 +4224,7 @@ those of the graph it was made of or read into.
 """
 swb_model_get_transition(model, index, guard, direction, from_states, n_from_states, from_values, n_from_values,
     reset_states, n_reset_states, resets, n_resets, to_states, n_to_states, to_values, n_to_values) =
-    ccall(address(155), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
+    ccall(address(158), swb_status, (Ptr{swb_model}, Int64, Ptr{Int64}, Ptr{Int32}, Ptr{Int64}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64), model, index, guard,
         direction, from_states, n_from_states, from_values, n_from_values, reset_states, n_reset_states, resets,
         n_resets, to_states, n_to_states, to_values, n_to_values)
@@ -4147,7 +4240,7 @@ Create an integrator. Time, state, controls and parameters are zero until they a
 @return SWB_OK; SWB_ERR_STATE if the system has no dynamics; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_create(system, settings, out) =
-    ccall(address(156), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
+    ccall(address(159), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_integrator}}), system,
         settings, out)
 
 """
@@ -4160,7 +4253,7 @@ taken over. Controls, parameters and stop times stay.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite, or tolerances are too small
 """
 swb_integrator_reinit(integrator, t, x, nx) =
-    ccall(address(157), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
+    ccall(address(160), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Cdouble}, Int64), integrator, t, x, nx)
 
 """
     swb_integrator_set_controls(integrator, u, nu) -> swb_status
@@ -4171,7 +4264,7 @@ Set the controls, constant from now on. The active modes are found anew.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_integrator_set_controls(integrator, u, nu) =
-    ccall(address(158), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
+    ccall(address(161), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, u, nu)
 
 """
     swb_integrator_set_params(integrator, p, np) -> swb_status
@@ -4182,7 +4275,7 @@ Set the parameters. The active modes are found anew.
 @return as swb_integrator_set_controls
 """
 swb_integrator_set_params(integrator, p, np) =
-    ccall(address(159), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
+    ccall(address(162), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, p, np)
 
 """
     swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) -> swb_status
@@ -4196,7 +4289,7 @@ next swb_integrator_reinit, or at once before the first step.
         small
 """
 swb_integrator_set_tolerances(integrator, rtol, n_rtol, atol, n_atol) =
-    ccall(address(160), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
+    ccall(address(163), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), integrator,
         rtol, n_rtol, atol, n_atol)
 
 """
@@ -4208,7 +4301,7 @@ Set times at which steps end, for functions of time that are not smooth there an
 @return SWB_OK; SWB_ERR_RANGE if a time is not finite
 """
 swb_integrator_set_stop_times(integrator, t, n) =
-    ccall(address(161), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
+    ccall(address(164), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, t, n)
 
 """
     swb_integrator_set_preferred(integrator, subsystem, modes, n) -> swb_status
@@ -4221,7 +4314,7 @@ ambiguity = prefer. Taken over by the next swb_integrator_reinit, or at once bef
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such subsystem; SWB_ERR_RANGE if there is no such mode
 """
 swb_integrator_set_preferred(integrator, subsystem, modes, n) =
-    ccall(address(162), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
+    ccall(address(165), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int64}, Int64), integrator, subsystem, modes,
         n)
 
 """
@@ -4233,7 +4326,7 @@ Set who decides where the continuation is not unique, before the option ambiguit
 @return SWB_OK
 """
 swb_integrator_set_decider(integrator, decide, user_data) =
-    ccall(address(163), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
+    ccall(address(166), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, decide, user_data)
 
 """
     swb_integrator_step(integrator, t_stop, kind) -> swb_status
@@ -4245,7 +4338,7 @@ Do one step, not beyond t_stop nor a stop time.
         negative code; SWB_ERR_STATE after a call that failed so, until swb_integrator_reinit
 """
 swb_integrator_step(integrator, t_stop, kind) =
-    ccall(address(164), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
+    ccall(address(167), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t_stop, kind)
 
 """
     swb_integrator_advance(integrator, t, outcome) -> swb_status
@@ -4256,7 +4349,7 @@ Integrate to the time t, exactly. Time and state are those at the end, or where 
 @return as swb_integrator_step
 """
 swb_integrator_advance(integrator, t, outcome) =
-    ccall(address(165), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
+    ccall(address(168), swb_status, (Ptr{swb_integrator}, Cdouble, Ptr{Int32}), integrator, t, outcome)
 
 """
     swb_integrator_get_dky(integrator, t, k, dky, nx) -> swb_status
@@ -4268,7 +4361,7 @@ Derivatives of the dense output with respect to time at a time in the last step.
 @return SWB_OK; SWB_ERR_RANGE if t is outside of the last step or k is negative; SWB_ERR_STATE before the first step
 """
 swb_integrator_get_dky(integrator, t, k, dky, nx) =
-    ccall(address(166), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
+    ccall(address(169), swb_status, (Ptr{swb_integrator}, Cdouble, Int64, Ptr{Cdouble}, Int64), integrator, t, k,
         dky, nx)
 
 """
@@ -4279,7 +4372,7 @@ Time reached.
 @return SWB_OK
 """
 swb_integrator_get_time(integrator, t) =
-    ccall(address(167), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
+    ccall(address(170), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}), integrator, t)
 
 """
     swb_integrator_get_state(integrator, x, nx) -> swb_status
@@ -4290,7 +4383,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_state(integrator, x, nx) =
-    ccall(address(168), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
+    ccall(address(171), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, x, nx)
 
 """
     swb_integrator_get_derivative(integrator, f, nx) -> swb_status
@@ -4301,7 +4394,7 @@ Derivative of the state with respect to time under the present active modes; 0 b
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_derivative(integrator, f, nx) =
-    ccall(address(169), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
+    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64), integrator, f, nx)
 
 """
     swb_integrator_get_active(integrator, subsystem, active, n) -> swb_status
@@ -4313,7 +4406,7 @@ Which modes of a subsystem are active: one alone, or several in a sliding mode; 
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_active(integrator, subsystem, active, n) =
-    ccall(address(170), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
+    ccall(address(173), swb_status, (Ptr{swb_integrator}, Int64, Ptr{Int32}, Int64), integrator, subsystem, active,
         n)
 
 """
@@ -4325,7 +4418,7 @@ How the simulation stands.
 @return SWB_OK
 """
 swb_integrator_get_outcome(integrator, outcome) =
-    ccall(address(171), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
+    ccall(address(174), swb_status, (Ptr{swb_integrator}, Ptr{Int32}), integrator, outcome)
 
 """
     swb_integrator_get_reason(integrator, buf, len, needed) -> swb_status
@@ -4337,7 +4430,7 @@ Why the simulation ended early, in words; \"\" if it did not.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short
 """
 swb_integrator_get_reason(integrator, buf, len, needed) =
-    ccall(address(172), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
+    ccall(address(175), swb_status, (Ptr{swb_integrator}, Ptr{UInt8}, Int64, Ptr{Int64}), integrator, buf, len,
         needed)
 
 """
@@ -4350,7 +4443,7 @@ Work since the last swb_integrator_reinit.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_stats(integrator, stats, struct_size) =
-    ccall(address(173), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
+    ccall(address(176), swb_status, (Ptr{swb_integrator}, Ptr{swb_run_stats}, UInt64), integrator, stats,
         struct_size)
 
 """
@@ -4362,7 +4455,7 @@ A copy of the result since the last swb_integrator_reinit: switches, derivatives
 @return SWB_OK
 """
 swb_integrator_get_run(integrator, out) =
-    ccall(address(174), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
+    ccall(address(177), swb_status, (Ptr{swb_integrator}, Ptr{Ptr{swb_run}}), integrator, out)
 
 """
     swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu) -> swb_status
@@ -4385,7 +4478,7 @@ the option adjoint.
 """
 swb_integrator_adjoint(integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du,
     nu) =
-    ccall(address(175), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
+    ccall(address(178), swb_status, (Ptr{swb_integrator}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64, Ptr{Int64}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble},
         Int64), integrator, v, nx, t, n_t, v_t, n_v_t, events, n_events, weight, n_weight, dx0, nx0, dp, np, du, nu)
 
@@ -4398,7 +4491,7 @@ integration are taken over by the next swb_integrator_reinit, or at once before 
 @return as swb_settings_set_int
 """
 swb_integrator_set_int(integrator, name, value) =
-    ccall(address(176), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
+    ccall(address(179), swb_status, (Ptr{swb_integrator}, Cstring, Int64), integrator, name, value)
 
 """
     swb_integrator_set_double(integrator, name, value) -> swb_status
@@ -4408,7 +4501,7 @@ Set a float option of an integrator by name, as swb_integrator_set_int.
 @return as swb_settings_set_double
 """
 swb_integrator_set_double(integrator, name, value) =
-    ccall(address(177), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
+    ccall(address(180), swb_status, (Ptr{swb_integrator}, Cstring, Cdouble), integrator, name, value)
 
 """
     swb_integrator_set_string(integrator, name, value) -> swb_status
@@ -4418,7 +4511,7 @@ Set any option of an integrator by name from text, as swb_integrator_set_int.
 @return as swb_settings_set_string
 """
 swb_integrator_set_string(integrator, name, value) =
-    ccall(address(178), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
+    ccall(address(181), swb_status, (Ptr{swb_integrator}, Cstring, Cstring), integrator, name, value)
 
 """
     swb_integrator_set_settings(integrator, settings) -> swb_status
@@ -4429,7 +4522,7 @@ Set all options of an integrator, as swb_integrator_set_int.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_integrator_set_settings(integrator, settings) =
-    ccall(address(179), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
+    ccall(address(182), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}), integrator, settings)
 
 """
     swb_integrator_get_settings(integrator, settings, struct_size) -> swb_status
@@ -4441,7 +4534,7 @@ Options of an integrator, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_integrator_get_settings(integrator, settings, struct_size) =
-    ccall(address(180), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
+    ccall(address(183), swb_status, (Ptr{swb_integrator}, Ptr{swb_settings}, UInt64), integrator, settings,
         struct_size)
 
 """
@@ -4453,7 +4546,7 @@ Set who is called once per accepted step; NULL for nobody.
 @return SWB_OK
 """
 swb_integrator_set_progress(integrator, progress, user_data) =
-    ccall(address(181), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
+    ccall(address(184), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, progress, user_data)
 
 """
     swb_integrator_set_log(integrator, log, user_data) -> swb_status
@@ -4465,7 +4558,7 @@ for each switch at level debug, one for each step at level trace.
 @return SWB_OK
 """
 swb_integrator_set_log(integrator, log, user_data) =
-    ccall(address(182), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
+    ccall(address(185), swb_status, (Ptr{swb_integrator}, Ptr{Cvoid}, Ptr{Cvoid}), integrator, log, user_data)
 
 """
     swb_integrator_interrupt(integrator) -> swb_status
@@ -4476,14 +4569,14 @@ between steps: a call ends within the time of one step, which takes some tens of
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_integrator_interrupt(integrator) = ccall(address(183), swb_status, (Ptr{swb_integrator},), integrator)
+swb_integrator_interrupt(integrator) = ccall(address(186), swb_status, (Ptr{swb_integrator},), integrator)
 
 """
     swb_integrator_free(integrator) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_integrator_free(integrator) = ccall(address(184), Cvoid, (Ptr{swb_integrator},), integrator)
+swb_integrator_free(integrator) = ccall(address(187), Cvoid, (Ptr{swb_integrator},), integrator)
 
 """
     swb_step_options_init(options, struct_size) -> swb_status
@@ -4495,7 +4588,7 @@ Set the defaults of the options of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_step_options_init(options, struct_size) =
-    ccall(address(185), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
+    ccall(address(188), swb_status, (Ptr{swb_step_options}, UInt64), options, struct_size)
 
 """
     swb_stepper_create(system, options, out) -> swb_status
@@ -4509,7 +4602,7 @@ Create a stepper of a scene. It has no state yet; controls and parameters are ze
         option is outside its range; SWB_ERR_NUMERIC if a constant inertia is not positive definite
 """
 swb_stepper_create(system, options, out) =
-    ccall(address(186), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
+    ccall(address(189), swb_status, (Ptr{swb_system}, Ptr{swb_step_options}, Ptr{Ptr{swb_stepper}}), system,
         options, out)
 
 """
@@ -4523,7 +4616,7 @@ Set time and state (coordinates, then velocities), and forget impulses and stati
         SWB_ERR_NUMERIC if the inertia is not positive definite
 """
 swb_stepper_set_state(stepper, t, x, nx) =
-    ccall(address(187), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
+    ccall(address(190), swb_status, (Ptr{swb_stepper}, Cdouble, Ptr{Cdouble}, Int64), stepper, t, x, nx)
 
 """
     swb_stepper_set_controls(stepper, u, nu) -> swb_status
@@ -4534,7 +4627,7 @@ Set the controls, constant from now on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_stepper_set_controls(stepper, u, nu) =
-    ccall(address(188), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
+    ccall(address(191), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, u, nu)
 
 """
     swb_stepper_set_params(stepper, p, np) -> swb_status
@@ -4545,7 +4638,7 @@ Set the parameters, constant from now on.
 @return as swb_stepper_set_controls
 """
 swb_stepper_set_params(stepper, p, np) =
-    ccall(address(189), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
+    ccall(address(192), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, p, np)
 
 """
     swb_stepper_step(stepper) -> swb_status
@@ -4557,7 +4650,7 @@ Make one step of the length h of the options.
         end; SWB_ERR_RANGE if friction or restitution is out of range; SWB_ERR_NUMERIC if the inertia is not positive
         definite; SWB_ERR_INTERRUPTED
 """
-swb_stepper_step(stepper) = ccall(address(190), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_step(stepper) = ccall(address(193), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_advance(stepper, t) -> swb_status
@@ -4567,7 +4660,7 @@ Make equal steps, not longer than h, that end at a time.
 @param[in] t not before the time reached
 @return as swb_stepper_step; where it fails, time and state are those of the last step that was made
 """
-swb_stepper_advance(stepper, t) = ccall(address(191), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
+swb_stepper_advance(stepper, t) = ccall(address(194), swb_status, (Ptr{swb_stepper}, Cdouble), stepper, t)
 
 """
     swb_stepper_count(stepper, t, every, n) -> swb_status
@@ -4580,7 +4673,7 @@ How many states swb_stepper_run keeps.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
 """
 swb_stepper_count(stepper, t, every, n) =
-    ccall(address(192), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
+    ccall(address(195), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Int64}), stepper, t, every, n)
 
 """
     swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) -> swb_status
@@ -4596,7 +4689,7 @@ Make equal steps, not longer than h, that end at a time, and keep states.
 @return as swb_stepper_step, and SWB_ERR_DIMENSION
 """
 swb_stepper_run(stepper, t, every, times, n_times, states, n_states, impulses, n_impulses) =
-    ccall(address(193), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(196), swb_status, (Ptr{swb_stepper}, Cdouble, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), stepper, t, every, times, n_times, states, n_states, impulses, n_impulses)
 
 """
@@ -4611,7 +4704,7 @@ Sizes of a stepper.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_stepper_sizes(stepper, nx, nu, np, n_contacts) =
-    ccall(address(194), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
+    ccall(address(197), swb_status, (Ptr{swb_stepper}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), stepper, nx,
         nu, np, n_contacts)
 
 """
@@ -4621,7 +4714,7 @@ Time reached.
 
 @return SWB_OK
 """
-swb_stepper_get_time(stepper, t) = ccall(address(195), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
+swb_stepper_get_time(stepper, t) = ccall(address(198), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}), stepper, t)
 
 """
     swb_stepper_get_state(stepper, x, nx) -> swb_status
@@ -4632,7 +4725,7 @@ State reached.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_state(stepper, x, nx) =
-    ccall(address(196), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
+    ccall(address(199), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, x, nx)
 
 """
     swb_stepper_get_impulses(stepper, impulses, n) -> swb_status
@@ -4643,7 +4736,7 @@ Impulses of the last step: impulses, not forces.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_stepper_get_impulses(stepper, impulses, n) =
-    ccall(address(197), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
+    ccall(address(200), swb_status, (Ptr{swb_stepper}, Ptr{Cdouble}, Int64), stepper, impulses, n)
 
 """
     swb_stepper_get_stats(stepper, stats, struct_size) -> swb_status
@@ -4655,7 +4748,7 @@ What the steps since the state was set cost and how they went.
 @return SWB_OK; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_stepper_get_stats(stepper, stats, struct_size) =
-    ccall(address(198), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
+    ccall(address(201), swb_status, (Ptr{swb_stepper}, Ptr{swb_step_stats}, UInt64), stepper, stats, struct_size)
 
 """
     swb_stepper_interrupt(stepper) -> swb_status
@@ -4665,14 +4758,14 @@ that step, and the object can be used again.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_stepper_interrupt(stepper) = ccall(address(199), swb_status, (Ptr{swb_stepper},), stepper)
+swb_stepper_interrupt(stepper) = ccall(address(202), swb_status, (Ptr{swb_stepper},), stepper)
 
 """
     swb_stepper_free(stepper) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_stepper_free(stepper) = ccall(address(200), Cvoid, (Ptr{swb_stepper},), stepper)
+swb_stepper_free(stepper) = ccall(address(203), Cvoid, (Ptr{swb_stepper},), stepper)
 
 """
     swb_batch_create(system, settings, out) -> swb_status
@@ -4686,7 +4779,7 @@ Create a batch.
 @return as swb_integrator_create
 """
 swb_batch_create(system, settings, out) =
-    ccall(address(201), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
+    ccall(address(204), swb_status, (Ptr{swb_system}, Ptr{swb_settings}, Ptr{Ptr{swb_batch}}), system, settings,
         out)
 
 """
@@ -4703,7 +4796,7 @@ are those of single runs to the last bit, whatever the number of threads.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if n_threads is negative
 """
 swb_batch_run(batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads) =
-    ccall(address(202), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(205), swb_status, (Ptr{swb_batch}, Cdouble, Cdouble, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64, Int64), batch, t0, t1, x0, n_x0, u, n_u, p, n_p, n_threads)
 
 """
@@ -4713,7 +4806,7 @@ Number of runs of the last swb_batch_run; 0 before.
 
 @return SWB_OK
 """
-swb_batch_size(batch, n_runs) = ccall(address(203), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
+swb_batch_size(batch, n_runs) = ccall(address(206), swb_status, (Ptr{swb_batch}, Ptr{Int64}), batch, n_runs)
 
 """
     swb_batch_states(batch, x, n) -> swb_status
@@ -4723,7 +4816,7 @@ Final states of all runs.
 @param[out] x [n] n_runs * nx, those of one run together; NaN for runs that failed
 @return SWB_OK; SWB_ERR_DIMENSION
 """
-swb_batch_states(batch, x, n) = ccall(address(204), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
+swb_batch_states(batch, x, n) = ccall(address(207), swb_status, (Ptr{swb_batch}, Ptr{Cdouble}, Int64), batch, x, n)
 
 """
     swb_batch_outcomes(batch, outcome, n) -> swb_status
@@ -4734,7 +4827,7 @@ How all runs ended.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_batch_outcomes(batch, outcome, n) =
-    ccall(address(205), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
+    ccall(address(208), swb_status, (Ptr{swb_batch}, Ptr{Int32}, Int64), batch, outcome, n)
 
 """
     swb_batch_get_run(batch, index, out) -> swb_status
@@ -4746,7 +4839,7 @@ A copy of the result of one run.
 @return SWB_OK; SWB_ERR_DIMENSION; the status of the run if it failed, with its message
 """
 swb_batch_get_run(batch, index, out) =
-    ccall(address(206), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
+    ccall(address(209), swb_status, (Ptr{swb_batch}, Int64, Ptr{Ptr{swb_run}}), batch, index, out)
 
 """
     swb_batch_interrupt(batch) -> swb_status
@@ -4757,14 +4850,14 @@ finished its step.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_batch_interrupt(batch) = ccall(address(207), swb_status, (Ptr{swb_batch},), batch)
+swb_batch_interrupt(batch) = ccall(address(210), swb_status, (Ptr{swb_batch},), batch)
 
 """
     swb_batch_free(batch) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_batch_free(batch) = ccall(address(208), Cvoid, (Ptr{swb_batch},), batch)
+swb_batch_free(batch) = ccall(address(211), Cvoid, (Ptr{swb_batch},), batch)
 
 """
     swb_nmpc_options_init(options, struct_size) -> swb_status
@@ -4776,7 +4869,7 @@ Set the defaults of the options of a controller.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_options_init(options, struct_size) =
-    ccall(address(209), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
+    ccall(address(212), swb_status, (Ptr{swb_nmpc_options}, UInt64), options, struct_size)
 
 """
     swb_nmpc_create(ocp, options, out) -> swb_status
@@ -4791,7 +4884,7 @@ its guess. Costs along the horizon are summed over the starts of the stages (10.
         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
 """
 swb_nmpc_create(ocp, options, out) =
-    ccall(address(210), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
+    ccall(address(213), swb_status, (Ptr{swb_ocp}, Ptr{swb_nmpc_options}, Ptr{Ptr{swb_nmpc}}), ocp, options, out)
 
 """
     swb_nmpc_sizes(c, n, nx, nu) -> swb_status
@@ -4804,7 +4897,7 @@ Sizes of a controller.
 @return SWB_OK; SWB_ERR_NULL
 """
 swb_nmpc_sizes(c, n, nx, nu) =
-    ccall(address(211), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
+    ccall(address(214), swb_status, (Ptr{swb_nmpc}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), c, n, nx, nu)
 
 """
     swb_nmpc_initialise(c, x0, nx, max_iter, iterations) -> swb_status
@@ -4818,7 +4911,7 @@ Solve the problem for an initial state to convergence, from the present iterate:
         SWB_ERR_USER; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_initialise(c, x0, nx, max_iter, iterations) =
-    ccall(address(212), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
+    ccall(address(215), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), c, x0, nx, max_iter,
         iterations)
 
 """
@@ -4834,7 +4927,7 @@ sample before is used further, which is no failure.
         code; SWB_ERR_INTERRUPTED
 """
 swb_nmpc_prepare(c, x_predicted, nx, info, struct_size) =
-    ccall(address(213), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
+    ccall(address(216), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info}, UInt64), c,
         x_predicted, nx, info, struct_size)
 
 """
@@ -4850,7 +4943,7 @@ where it comes from, also for a state that is not finite.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_feedback(c, x, nx, u0, nu, info, struct_size) =
-    ccall(address(214), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
+    ccall(address(217), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{swb_nmpc_info},
         UInt64), c, x, nx, u0, nu, info, struct_size)
 
 """
@@ -4861,7 +4954,7 @@ other call does it where it is needed.
 
 @return SWB_OK
 """
-swb_nmpc_finish(c) = ccall(address(215), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_finish(c) = ccall(address(218), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_set_params(c, p, n) -> swb_status
@@ -4871,7 +4964,7 @@ Set the parameters, from the next preparation on.
 @param[in] p  of the whole horizon [np], of its stages [n np], or of its nodes [(n + 1) np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_nmpc_set_params(c, p, n) = ccall(address(216), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
+swb_nmpc_set_params(c, p, n) = ccall(address(219), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_nmpc_set_references(c, term, y, n) -> swb_status
@@ -4883,7 +4976,7 @@ Set the references of a least-squares term, from the next preparation on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term or a value is not finite
 """
 swb_nmpc_set_references(c, term, y, n) =
-    ccall(address(217), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
+    ccall(address(220), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)
 
 """
     swb_nmpc_set_time(c, t0) -> swb_status
@@ -4892,7 +4985,7 @@ Set the time of the first node, from the next preparation on.
 
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_nmpc_set_time(c, t0) = ccall(address(218), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
+swb_nmpc_set_time(c, t0) = ccall(address(221), swb_status, (Ptr{swb_nmpc}, Cdouble), c, t0)
 
 """
     swb_nmpc_set_deadline(c, seconds) -> swb_status
@@ -4901,7 +4994,7 @@ Set the seconds a feedback may take.
 
 @return SWB_OK; SWB_ERR_RANGE if they are not positive
 """
-swb_nmpc_set_deadline(c, seconds) = ccall(address(219), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
+swb_nmpc_set_deadline(c, seconds) = ccall(address(222), swb_status, (Ptr{swb_nmpc}, Cdouble), c, seconds)
 
 """
     swb_nmpc_set_iterate(c, x, n_x, u, n_u) -> swb_status
@@ -4913,7 +5006,7 @@ Set the iterate; its multipliers are zero.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_nmpc_set_iterate(c, x, n_x, u, n_u) =
-    ccall(address(220), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(223), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_reset(c) -> swb_status
@@ -4922,7 +5015,7 @@ Back to the start: the guess of the problem, no multipliers, nothing measured, m
 
 @return SWB_OK
 """
-swb_nmpc_reset(c) = ccall(address(221), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_reset(c) = ccall(address(224), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_get_plan(c, x, n_x, u, n_u) -> swb_status
@@ -4934,7 +5027,7 @@ The plan from the last sample on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_NULL
 """
 swb_nmpc_get_plan(c, x, n_x, u, n_u) =
-    ccall(address(222), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
+    ccall(address(225), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), c, x, n_x, u, n_u)
 
 """
     swb_nmpc_get_monitor(c, monitor, struct_size) -> swb_status
@@ -4946,7 +5039,7 @@ How the controller is doing.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION if the size is no size of such a struct
 """
 swb_nmpc_get_monitor(c, monitor, struct_size) =
-    ccall(address(223), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
+    ccall(address(226), swb_status, (Ptr{swb_nmpc}, Ptr{swb_nmpc_monitor}, UInt64), c, monitor, struct_size)
 
 """
     swb_nmpc_interrupt(c) -> swb_status
@@ -4955,14 +5048,14 @@ End the call that runs: from any thread or signal handler. A preparation that is
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if the object has been freed
 """
-swb_nmpc_interrupt(c) = ccall(address(224), swb_status, (Ptr{swb_nmpc},), c)
+swb_nmpc_interrupt(c) = ccall(address(227), swb_status, (Ptr{swb_nmpc},), c)
 
 """
     swb_nmpc_free(c) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_nmpc_free(c) = ccall(address(225), Cvoid, (Ptr{swb_nmpc},), c)
+swb_nmpc_free(c) = ccall(address(228), Cvoid, (Ptr{swb_nmpc},), c)
 
 """
     swb_ocp_create(system, horizon, n_stages, settings, out) -> swb_status
@@ -4979,7 +5072,7 @@ parameters are zero, and there is no cost, until they are set.
         positive or an option is outside its range; SWB_ERR_DIMENSION without stages
 """
 swb_ocp_create(system, horizon, n_stages, settings, out) =
-    ccall(address(226), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
+    ccall(address(229), swb_status, (Ptr{swb_system}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), system,
         horizon, n_stages, settings, out)
 
 """
@@ -4989,7 +5082,7 @@ Set the cost rate, one output: its integral over the horizon is minimised.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_lagrange(ocp, f) = ccall(address(227), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_lagrange(ocp, f) = ccall(address(230), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
@@ -4998,7 +5091,7 @@ Set the terminal cost, one output; its control is that of the last stage.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """
-swb_ocp_set_mayer(ocp, f) = ccall(address(228), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
+swb_ocp_set_mayer(ocp, f) = ccall(address(231), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) -> swb_status
@@ -5011,7 +5104,7 @@ Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_ocp_add_path(ocp, f, lower, n_lower, upper, n_upper, at) =
-    ccall(address(229), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(232), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, lower, n_lower, upper, n_upper, at)
 
 """
@@ -5025,7 +5118,7 @@ last stage.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_terminal(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(230), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(233), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -5038,7 +5131,7 @@ Set bounds of the states at all stage points and element ends after the initial 
 @return as swb_ocp_add_path
 """
 swb_ocp_set_state_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(231), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(234), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5051,7 +5144,7 @@ Set bounds of the initial state; equal bounds fix it.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_initial_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(232), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(235), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5063,7 +5156,7 @@ Fix the initial state.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is NaN
 """
 swb_ocp_set_initial_state(ocp, x0, nx) =
-    ccall(address(233), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
+    ccall(address(236), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, x0, nx)
 
 """
     swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -5075,7 +5168,7 @@ Set bounds of the controls.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_control_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(234), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(237), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5086,7 +5179,7 @@ Set the parameters.
 @param[in] p [np]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_ocp_set_params(ocp, p, np) = ccall(address(235), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
+swb_ocp_set_params(ocp, p, np) = ccall(address(238), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, np)
 
 """
     swb_ocp_set_initial_time(ocp, t0) -> swb_status
@@ -5095,7 +5188,7 @@ Set the initial time.
 
 @return SWB_OK; SWB_ERR_RANGE if it is not finite
 """
-swb_ocp_set_initial_time(ocp, t0) = ccall(address(236), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
+swb_ocp_set_initial_time(ocp, t0) = ccall(address(239), swb_status, (Ptr{swb_ocp}, Cdouble), ocp, t0)
 
 """
     swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) -> swb_status
@@ -5107,7 +5200,7 @@ Give states to start from, linear in between.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if times do not rise or a value is not finite
 """
 swb_ocp_set_state_guess(ocp, times, n_times, x, n_x) =
-    ccall(address(237), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
+    ccall(address(240), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, times, n_times,
         x, n_x)
 
 """
@@ -5119,7 +5212,7 @@ Give controls to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_ocp_set_control_guess(ocp, u, n_u) =
-    ccall(address(238), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(241), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_solve(ocp, outcome) -> swb_status
@@ -5131,7 +5224,7 @@ Solve. The problem is discretised at the first solve, and again only when its st
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if options do not go together
 """
-swb_ocp_solve(ocp, outcome) = ccall(address(239), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve(ocp, outcome) = ccall(address(242), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_outcome(ocp, outcome) -> swb_status
@@ -5141,7 +5234,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_outcome(ocp, outcome) = ccall(address(240), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_get_outcome(ocp, outcome) = ccall(address(243), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_get_polished(ocp, polished) -> swb_status
@@ -5151,7 +5244,7 @@ Was the active set identified and the problem solved with it?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_polished(ocp, polished) = ccall(address(241), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
+swb_ocp_get_polished(ocp, polished) = ccall(address(244), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, polished)
 
 """
     swb_ocp_get_cost(ocp, cost) -> swb_status
@@ -5162,7 +5255,7 @@ another point costs says nothing about the problem (swb_ocp_get_cost_reached).
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost(ocp, cost) = ccall(address(242), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost(ocp, cost) = ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_cost_reached(ocp, cost) -> swb_status
@@ -5173,7 +5266,7 @@ solve was stopped before it was known.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_cost_reached(ocp, cost) = ccall(address(243), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
+swb_ocp_get_cost_reached(ocp, cost) = ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, cost)
 
 """
     swb_ocp_get_controls(ocp, u, n_u) -> swb_status
@@ -5183,7 +5276,7 @@ Controls.
 @param[out] u [n_u] n_stages * nu, the controls of one stage together
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_controls(ocp, u, n_u) = ccall(address(244), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+swb_ocp_get_controls(ocp, u, n_u) = ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) -> swb_status
@@ -5203,7 +5296,7 @@ each.
         minimiser; SWB_ERR_USER, SWB_ERR_NONFINITE if the model fails next to the given parameters
 """
 swb_ocp_get_sensitivity(ocp, cost, n_cost, u, n_u, one_sided) =
-    ccall(address(245), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
+    ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Int32}), ocp, cost,
         n_cost, u, n_u, one_sided)
 
 """
@@ -5216,7 +5309,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_residuals(ocp, residuals, struct_size) =
-    ccall(address(246), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
+    ccall(address(249), swb_status, (Ptr{swb_ocp}, Ptr{swb_residuals}, UInt64), ocp, residuals, struct_size)
 
 """
     swb_ocp_get_stats(ocp, stats, struct_size) -> swb_status
@@ -5228,7 +5321,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_stats(ocp, stats, struct_size) =
-    ccall(address(247), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
+    ccall(address(250), swb_status, (Ptr{swb_ocp}, Ptr{swb_stats}, UInt64), ocp, stats, struct_size)
 
 """
     swb_ocp_get_trajectory(ocp, out) -> swb_status
@@ -5238,7 +5331,7 @@ A copy of the trajectory of the last solve.
 @param[out] out the new object, NULL on failure; free with swb_trajectory_free
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_trajectory(ocp, out) = ccall(address(248), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
+swb_ocp_get_trajectory(ocp, out) = ccall(address(251), swb_status, (Ptr{swb_ocp}, Ptr{Ptr{swb_trajectory}}), ocp, out)
 
 """
     swb_ocp_set_int(ocp, name, value) -> swb_status
@@ -5247,7 +5340,7 @@ Set an integer or enumeration option of an optimal control problem (or a float o
 
 @return as swb_settings_set_int
 """
-swb_ocp_set_int(ocp, name, value) = ccall(address(249), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
+swb_ocp_set_int(ocp, name, value) = ccall(address(252), swb_status, (Ptr{swb_ocp}, Cstring, Int64), ocp, name, value)
 
 """
     swb_ocp_set_double(ocp, name, value) -> swb_status
@@ -5257,7 +5350,7 @@ Set a float option of an optimal control problem by name.
 @return as swb_settings_set_double
 """
 swb_ocp_set_double(ocp, name, value) =
-    ccall(address(250), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
+    ccall(address(253), swb_status, (Ptr{swb_ocp}, Cstring, Cdouble), ocp, name, value)
 
 """
     swb_ocp_set_string(ocp, name, value) -> swb_status
@@ -5267,7 +5360,7 @@ Set any option of an optimal control problem by name from text: a number, or the
 @return as swb_settings_set_string
 """
 swb_ocp_set_string(ocp, name, value) =
-    ccall(address(251), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
+    ccall(address(254), swb_status, (Ptr{swb_ocp}, Cstring, Cstring), ocp, name, value)
 
 """
     swb_ocp_set_settings(ocp, settings) -> swb_status
@@ -5277,7 +5370,7 @@ Set all options of an optimal control problem.
 @param[in] settings NULL for the defaults
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
-swb_ocp_set_settings(ocp, settings) = ccall(address(252), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
+swb_ocp_set_settings(ocp, settings) = ccall(address(255), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}), ocp, settings)
 
 """
     swb_ocp_get_settings(ocp, settings, struct_size) -> swb_status
@@ -5289,7 +5382,7 @@ Options of an optimal control problem, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_get_settings(ocp, settings, struct_size) =
-    ccall(address(253), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
+    ccall(address(256), swb_status, (Ptr{swb_ocp}, Ptr{swb_settings}, UInt64), ocp, settings, struct_size)
 
 """
     swb_ocp_set_iteration(ocp, iteration, user_data) -> swb_status
@@ -5300,7 +5393,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_iteration(ocp, iteration, user_data) =
-    ccall(address(254), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
+    ccall(address(257), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, iteration, user_data)
 
 """
     swb_ocp_set_log(ocp, log, user_data) -> swb_status
@@ -5311,7 +5404,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_ocp_set_log(ocp, log, user_data) =
-    ccall(address(255), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
+    ccall(address(258), swb_status, (Ptr{swb_ocp}, Ptr{Cvoid}, Ptr{Cvoid}), ocp, log, user_data)
 
 """
     swb_ocp_interrupt(ocp) -> swb_status
@@ -5326,14 +5419,14 @@ calls in the same places.
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_ocp_interrupt(ocp) = ccall(address(256), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_interrupt(ocp) = ccall(address(259), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_free(ocp) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_ocp_free(ocp) = ccall(address(257), Cvoid, (Ptr{swb_ocp},), ocp)
+swb_ocp_free(ocp) = ccall(address(260), Cvoid, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_sizes(ocp, nx, nu, np, n_stages) -> swb_status
@@ -5347,7 +5440,7 @@ Sizes of an optimal control problem.
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
 swb_ocp_sizes(ocp, nx, nu, np, n_stages) =
-    ccall(address(258), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
+    ccall(address(261), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, nx, nu, np,
         n_stages)
 
 """
@@ -5361,7 +5454,7 @@ accuracy_tol.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_accuracy(ocp, accuracy, struct_size) =
-    ccall(address(259), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
+    ccall(address(262), swb_status, (Ptr{swb_ocp}, Ptr{swb_accuracy}, UInt64), ocp, accuracy, struct_size)
 
 """
     swb_ocp_get_certificate(ocp, certificate, struct_size) -> swb_status
@@ -5374,7 +5467,7 @@ unless it is exact (SWB_POLISHED_DONE) and the option certify is on.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_certificate(ocp, certificate, struct_size) =
-    ccall(address(260), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
+    ccall(address(263), swb_status, (Ptr{swb_ocp}, Ptr{swb_certificate}, UInt64), ocp, certificate, struct_size)
 
 """
     swb_ocp_get_mismatch(ocp, stages, n_stages) -> swb_status
@@ -5385,7 +5478,7 @@ Largest difference between a state of the last solution and of the simulation at
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_accuracy
 """
 swb_ocp_get_mismatch(ocp, stages, n_stages) =
-    ccall(address(261), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
+    ccall(address(264), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, stages, n_stages)
 
 """
     swb_ocp_get_message(ocp, buf, len, needed) -> swb_status
@@ -5400,14 +5493,14 @@ counted from zero. Empty where there is nothing to say. After a solve that retur
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_message(ocp, buf, len, needed) =
-    ccall(address(262), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(265), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_verdict_name(verdict) -> Cstring
 
 Name of an enum swb_verdict, such as \"kink\"; NULL for any other number. Static.
 """
-swb_verdict_name(verdict) = ccall(address(263), Cstring, (Int32,), verdict)
+swb_verdict_name(verdict) = ccall(address(266), Cstring, (Int32,), verdict)
 
 """
     swb_ocp_get_optimality(ocp, optimality, struct_size) -> swb_status
@@ -5420,7 +5513,7 @@ multipliers of its constraints decide, independently of the discretisation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve, and where the option accuracy is off
 """
 swb_ocp_get_optimality(ocp, optimality, struct_size) =
-    ccall(address(264), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
+    ccall(address(267), swb_status, (Ptr{swb_ocp}, Ptr{swb_optimality}, UInt64), ocp, optimality, struct_size)
 
 """
     swb_ocp_get_kink(ocp, index, kink, struct_size) -> swb_status
@@ -5433,7 +5526,7 @@ A switch of the last solution that lies between two control stages.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_kink(ocp, index, kink, struct_size) =
-    ccall(address(265), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
+    ccall(address(268), swb_status, (Ptr{swb_ocp}, Int64, Ptr{swb_kink}, UInt64), ocp, index, kink, struct_size)
 
 """
     swb_ocp_get_reduced_gradient(ocp, gradient, n) -> swb_status
@@ -5446,7 +5539,7 @@ verdict is SWB_VERDICT_UNKNOWN for want of a simulation.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_reduced_gradient(ocp, gradient, n) =
-    ccall(address(266), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
+    ccall(address(269), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, gradient, n)
 
 """
     swb_ocp_get_descent(ocp, direction, n) -> swb_status
@@ -5459,7 +5552,7 @@ where controls are linear.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_descent(ocp, direction, n) =
-    ccall(address(267), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
+    ccall(address(270), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, direction, n)
 
 """
     swb_ocp_get_optimality_reason(ocp, buf, len, needed) -> swb_status
@@ -5471,7 +5564,7 @@ Why it is not known whether the last solution is optimal; empty where it is.
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE as swb_ocp_get_optimality
 """
 swb_ocp_get_optimality_reason(ocp, buf, len, needed) =
-    ccall(address(268), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(271), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_create_scene(scene, horizon, n_stages, settings, out) -> swb_status
@@ -5487,7 +5580,7 @@ coordinates, then velocities; horizon, control grid and costs are in physical ti
 @return as swb_ocp_create; SWB_ERR_STATE if the scene is not built
 """
 swb_ocp_create_scene(scene, horizon, n_stages, settings, out) =
-    ccall(address(269), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
+    ccall(address(272), swb_status, (Ptr{swb_scene}, Cdouble, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_ocp}}), scene,
         horizon, n_stages, settings, out)
 
 """
@@ -5498,7 +5591,7 @@ Set how contact modes and impacts of a scene are found. Other systems do not loo
 @param[in] jumps an enum swb_jumps
 @return SWB_OK; SWB_ERR_RANGE
 """
-swb_ocp_set_jumps(ocp, jumps) = ccall(address(270), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
+swb_ocp_set_jumps(ocp, jumps) = ccall(address(273), swb_status, (Ptr{swb_ocp}, Int32), ocp, jumps)
 
 """
     swb_ocp_get_contacts(ocp, n_contacts, n_impacts) -> swb_status
@@ -5510,7 +5603,7 @@ Sizes of what the contacts of an answer do.
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene
 """
 swb_ocp_get_contacts(ocp, n_contacts, n_impacts) =
-    ccall(address(271), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
+    ccall(address(274), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}), ocp, n_contacts, n_impacts)
 
 """
     swb_ocp_impacts(ocp, impacts, n, struct_size) -> swb_status
@@ -5522,7 +5615,7 @@ The impacts of an answer in the order they happen. Their depth is NaN: it is not
 @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if n is another number
 """
 swb_ocp_impacts(ocp, impacts, n, struct_size) =
-    ccall(address(272), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
+    ccall(address(275), swb_status, (Ptr{swb_ocp}, Ptr{swb_impact}, Int64, UInt64), ocp, impacts, n, struct_size)
 
 """
     swb_ocp_contact_modes(ocp, t, n_t, modes, n) -> swb_status
@@ -5535,7 +5628,7 @@ Modes of the contacts of an answer at times.
         SWB_ERR_DIMENSION
 """
 swb_ocp_contact_modes(ocp, t, n_t, modes, n) =
-    ccall(address(273), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
+    ccall(address(276), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int64}, Int64), ocp, t, n_t, modes, n)
 
 """
     swb_ocp_contact_forces(ocp, t, n_t, forces, n) -> swb_status
@@ -5548,7 +5641,7 @@ Forces of the contacts of an answer at times: forces, not impulses.
 @return as swb_ocp_contact_modes
 """
 swb_ocp_contact_forces(ocp, t, n_t, forces, n) =
-    ccall(address(274), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
+    ccall(address(277), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, t, n_t, forces,
         n)
 
 """
@@ -5562,7 +5655,7 @@ Sizes of the mode sequence of the last solution: a phase for every finite elemen
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_ocp_mode_sizes(ocp, n_phases, n_modes, n_cells) =
-    ccall(address(275), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
+    ccall(address(278), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), ocp, n_phases, n_modes,
         n_cells)
 
 """
@@ -5577,7 +5670,7 @@ Mode sequence of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(276), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(279), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -5594,7 +5687,7 @@ checks. Orders next to it are tried within the budget of the option mode_search 
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if the times fall or do not start at 0
 """
 swb_ocp_set_modes(ocp, times, n_times, modes, n_modes, cells, n_cells) =
-    ccall(address(277), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
+    ccall(address(280), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Int32}, Int64, Ptr{Int32}, Int64), ocp,
         times, n_times, modes, n_modes, cells, n_cells)
 
 """
@@ -5607,7 +5700,7 @@ the bounds of the controls.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_random_starts(ocp, seed, u, n_u) =
-    ccall(address(278), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
+    ccall(address(281), swb_status, (Ptr{swb_ocp}, UInt64, Ptr{Cdouble}, Int64), ocp, seed, u, n_u)
 
 """
     swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) -> swb_status
@@ -5628,7 +5721,7 @@ starts; so does swb_ocp_interrupt.
         first start if all fail
 """
 swb_ocp_solve_starts(ocp, u, n_u, n_threads, best) =
-    ccall(address(279), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
+    ccall(address(282), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Int64, Ptr{Int64}), ocp, u, n_u, n_threads,
         best)
 
 """
@@ -5644,7 +5737,7 @@ What the starts of the last swb_ocp_solve_starts found.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such start; the status of the start if it failed, with its message
 """
 swb_ocp_get_start(ocp, start, outcome, polished, cost, u, n_u) =
-    ccall(address(280), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
+    ccall(address(283), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int32}, Ptr{Int32}, Ptr{Cdouble}, Ptr{Cdouble},
         Int64), ocp, start, outcome, polished, cost, u, n_u)
 
 """
@@ -5658,7 +5751,7 @@ How the grid of the last solve was adapted (option adapt_tol).
 @return SWB_OK; SWB_ERR_STATE before the first solve, and where the option adapt_tol is 0
 """
 swb_ocp_get_adaptation(ocp, n_rounds, kept, reached) =
-    ccall(address(281), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
+    ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Ptr{Int64}, Ptr{Int32}), ocp, n_rounds, kept,
         reached)
 
 """
@@ -5676,7 +5769,7 @@ One solve on the way to an adapted grid.
 @return SWB_OK; SWB_ERR_DIMENSION if there is no such round; SWB_ERR_STATE as swb_ocp_get_adaptation
 """
 swb_ocp_get_round(ocp, round, elements, n_elements, n_variables, iterations, error, cost) =
-    ccall(address(282), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
+    ccall(address(285), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Int64}, Int64, Ptr{Int64}, Ptr{Int64}, Ptr{Cdouble},
         Ptr{Cdouble}), ocp, round, elements, n_elements, n_variables, iterations, error, cost)
 
 """
@@ -5690,7 +5783,7 @@ control and time of the end.
 @return as swb_ocp_add_path
 """
 swb_ocp_add_boundary(ocp, f, lower, n_lower, upper, n_upper) =
-    ccall(address(283), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(286), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         ocp, f, lower, n_lower, upper, n_upper)
 
 """
@@ -5702,7 +5795,7 @@ Require that states have the same values at both ends of the horizon.
 @return SWB_OK; SWB_ERR_RANGE if there is no such state
 """
 swb_ocp_add_periodic(ocp, states, n_states) =
-    ccall(address(284), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
+    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, states, n_states)
 
 """
     swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) -> swb_status
@@ -5715,7 +5808,7 @@ Add (f - y)' W (f - y) to the cost, integrated, summed over the ends of the cont
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_add_least_squares(ocp, f, weights, n_weights, references, n_references, at) =
-    ccall(address(285), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32), ocp, f, weights, n_weights, references, n_references, at)
 
 """
@@ -5728,7 +5821,7 @@ Change the references of a least-squares term.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term
 """
 swb_ocp_set_references(ocp, term, references, n_references) =
-    ccall(address(286), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
+    ccall(address(289), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Int64), ocp, term, references, n_references)
 
 """
     swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) -> swb_status
@@ -5743,7 +5836,7 @@ without it; see swb_ocp_get_violation.
 @return as swb_ocp_add_path; SWB_ERR_RANGE if the weight is not positive
 """
 swb_ocp_add_relaxed(ocp, f, lower, n_lower, upper, n_upper, at, norm, weight) =
-    ccall(address(287), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
+    ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64,
         Int32, Int32, Cdouble), ocp, f, lower, n_lower, upper, n_upper, at, norm, weight)
 
 """
@@ -5758,7 +5851,7 @@ is zero. Pairs of controls alone belong to the control grid; elsewhere they woul
 @return as swb_ocp_add_path
 """
 swb_ocp_add_complementarity(ocp, a, b, at) =
-    ccall(address(288), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
+    ccall(address(291), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}, Ptr{swb_function}, Int32), ocp, a, b, at)
 
 """
     swb_ocp_set_elements(ocp, n_fe, n) -> swb_status
@@ -5768,7 +5861,7 @@ Set the number of finite elements of every control stage; without it all have as
 @param[in] n_fe [n] one for every stage, at least 1
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
-swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(289), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
+swb_ocp_set_elements(ocp, n_fe, n) = ccall(address(292), swb_status, (Ptr{swb_ocp}, Ptr{Int64}, Int64), ocp, n_fe, n)
 
 """
     swb_ocp_set_durations(ocp, durations, n) -> swb_status
@@ -5779,7 +5872,7 @@ Set the lengths of the control stages; where they are free, those to start from.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_durations(ocp, durations, n) =
-    ccall(address(290), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_set_free_time(ocp, what, lower, upper) -> swb_status
@@ -5792,7 +5885,7 @@ Let the optimiser choose lengths.
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_set_free_time(ocp, what, lower, upper) =
-    ccall(address(291), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
+    ccall(address(294), swb_status, (Ptr{swb_ocp}, Int32, Cdouble, Cdouble), ocp, what, lower, upper)
 
 """
     swb_ocp_add_horizon(ocp, lower, upper) -> swb_status
@@ -5802,7 +5895,7 @@ Bound the length of the horizon where those of the stages are free; after swb_oc
 @return SWB_OK; SWB_ERR_RANGE
 """
 swb_ocp_add_horizon(ocp, lower, upper) =
-    ccall(address(292), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
+    ccall(address(295), swb_status, (Ptr{swb_ocp}, Cdouble, Cdouble), ocp, lower, upper)
 
 """
     swb_ocp_set_linear_controls(ocp, linear, nu) -> swb_status
@@ -5813,7 +5906,7 @@ Make controls continuous and linear on every stage; the others stay constant.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_ocp_set_linear_controls(ocp, linear, nu) =
-    ccall(address(293), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
+    ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Int32}, Int64), ocp, linear, nu)
 
 """
     swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) -> swb_status
@@ -5826,7 +5919,7 @@ the others keep those values.
 @return as swb_ocp_add_path
 """
 swb_ocp_set_param_bounds(ocp, lower, n_lower, upper, n_upper) =
-    ccall(address(294), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
+    ccall(address(297), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), ocp, lower, n_lower,
         upper, n_upper)
 
 """
@@ -5838,7 +5931,7 @@ Set parameters that change from control stage to control stage.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE
 """
 swb_ocp_set_stage_params(ocp, p, n_p) =
-    ccall(address(295), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+    ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_solve_warm(ocp, outcome) -> swb_status
@@ -5848,7 +5941,7 @@ Solve from the last solution: after small changes its active set is tried first.
 @param[out] outcome as swb_ocp_solve
 @return as swb_ocp_solve
 """
-swb_ocp_solve_warm(ocp, outcome) = ccall(address(296), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
+swb_ocp_solve_warm(ocp, outcome) = ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Int32}), ocp, outcome)
 
 """
     swb_ocp_shift(ocp) -> swb_status
@@ -5857,7 +5950,7 @@ Make the last solution, one control stage later, the guess of the next solve.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_shift(ocp) = ccall(address(297), swb_status, (Ptr{swb_ocp},), ocp)
+swb_ocp_shift(ocp) = ccall(address(300), swb_status, (Ptr{swb_ocp},), ocp)
 
 """
     swb_ocp_get_durations(ocp, durations, n) -> swb_status
@@ -5868,7 +5961,7 @@ Lengths of the control stages of the last solution.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_durations(ocp, durations, n) =
-    ccall(address(298), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
+    ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, durations, n)
 
 """
     swb_ocp_get_params(ocp, p, n_p) -> swb_status
@@ -5878,7 +5971,7 @@ Parameters of the last solution, those that were free as they were found.
 @param[out] p [n_p] np
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_params(ocp, p, n_p) = ccall(address(299), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
+swb_ocp_get_params(ocp, p, n_p) = ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, p, n_p)
 
 """
     swb_ocp_get_control_ends(ocp, u, n_u) -> swb_status
@@ -5889,7 +5982,7 @@ Controls at the end of every stage: others than at its start where they are line
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_get_control_ends(ocp, u, n_u) =
-    ccall(address(300), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
+    ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}, Int64), ocp, u, n_u)
 
 """
     swb_ocp_get_violation(ocp, violation) -> swb_status
@@ -5898,7 +5991,7 @@ Largest violation of a relaxed constraint.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_ocp_get_violation(ocp, violation) = ccall(address(301), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
+swb_ocp_get_violation(ocp, violation) = ccall(address(304), swb_status, (Ptr{swb_ocp}, Ptr{Cdouble}), ocp, violation)
 
 """
     swb_ocp_jump_count(ocp, n_jumps) -> swb_status
@@ -5908,7 +6001,7 @@ Number of transitions of the last answer.
 @param[out] n_jumps transitions; 0 for systems without
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE before the first solve
 """
-swb_ocp_jump_count(ocp, n_jumps) = ccall(address(302), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
+swb_ocp_jump_count(ocp, n_jumps) = ccall(address(305), swb_status, (Ptr{swb_ocp}, Ptr{Int64}), ocp, n_jumps)
 
 """
     swb_ocp_jumps(ocp, jumps, n, struct_size) -> swb_status
@@ -5920,7 +6013,7 @@ The transitions of the last answer in the order of time.
 @return SWB_OK; SWB_ERR_DIMENSION if n is another number; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jumps(ocp, jumps, n, struct_size) =
-    ccall(address(303), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
+    ccall(address(306), swb_status, (Ptr{swb_ocp}, Ptr{swb_ocp_jump}, Int64, UInt64), ocp, jumps, n, struct_size)
 
 """
     swb_ocp_jump_states(ocp, index, before, after, n) -> swb_status
@@ -5933,7 +6026,7 @@ The states just before and just behind a transition of the last answer.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_ocp_jump_states(ocp, index, before, after, n) =
-    ccall(address(304), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
+    ccall(address(307), swb_status, (Ptr{swb_ocp}, Int64, Ptr{Cdouble}, Ptr{Cdouble}, Int64), ocp, index, before,
         after, n)
 
 """
@@ -5948,7 +6041,7 @@ links tie it to the end of the phase before. A function of time sees the time fr
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION without phases; SWB_ERR_RANGE if an option is outside its range
 """
 swb_multiphase_create(phases, n_phases, settings, out) =
-    ccall(address(305), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
+    ccall(address(308), swb_status, (Ptr{Ptr{swb_ocp}}, Int64, Ptr{swb_settings}, Ptr{Ptr{swb_multiphase}}), phases,
         n_phases, settings, out)
 
 """
@@ -5963,7 +6056,7 @@ controls and no parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no phase behind, or a lower bound is above the upper one
 """
 swb_multiphase_link(m, phase, f, lower, n_lower, upper, n_upper) =
-    ccall(address(306), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
+    ccall(address(309), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{swb_function}, Ptr{Cdouble}, Int64,
         Ptr{Cdouble}, Int64), m, phase, f, lower, n_lower, upper, n_upper)
 
 """
@@ -5974,7 +6067,7 @@ Require that the next phase begins where this one ends, in all states.
 @param[in] phase counted from 0
 @return as swb_multiphase_link
 """
-swb_multiphase_link_continuous(m, phase) = ccall(address(307), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
+swb_multiphase_link_continuous(m, phase) = ccall(address(310), swb_status, (Ptr{swb_multiphase}, Int64), m, phase)
 
 """
     swb_multiphase_solve(m, outcome) -> swb_status
@@ -5984,7 +6077,7 @@ Solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_ocp_solve
 """
-swb_multiphase_solve(m, outcome) = ccall(address(308), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
+swb_multiphase_solve(m, outcome) = ccall(address(311), swb_status, (Ptr{swb_multiphase}, Ptr{Int32}), m, outcome)
 
 """
     swb_multiphase_get_info(m, info, struct_size) -> swb_status
@@ -5996,7 +6089,7 @@ What the last solve found.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_info(m, info, struct_size) =
-    ccall(address(309), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
+    ccall(address(312), swb_status, (Ptr{swb_multiphase}, Ptr{swb_multiphase_info}, UInt64), m, info, struct_size)
 
 """
     swb_multiphase_get_message(m, buf, len, needed) -> swb_status
@@ -6008,7 +6101,7 @@ Why the last solve did not end with an exact solution; empty where there is noth
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_message(m, buf, len, needed) =
-    ccall(address(310), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
+    ccall(address(313), swb_status, (Ptr{swb_multiphase}, Ptr{UInt8}, Int64, Ptr{Int64}), m, buf, len, needed)
 
 """
     swb_multiphase_get_phase(m, phase, out) -> swb_status
@@ -6021,7 +6114,7 @@ and statistics are those of all phases.
 @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_STATE before the first solve
 """
 swb_multiphase_get_phase(m, phase, out) =
-    ccall(address(311), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
+    ccall(address(314), swb_status, (Ptr{swb_multiphase}, Int64, Ptr{Ptr{swb_ocp}}), m, phase, out)
 
 """
     swb_multiphase_set_iteration(m, iteration, user_data) -> swb_status
@@ -6032,7 +6125,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_multiphase_set_iteration(m, iteration, user_data) =
-    ccall(address(312), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
+    ccall(address(315), swb_status, (Ptr{swb_multiphase}, Ptr{Cvoid}, Ptr{Cvoid}), m, iteration, user_data)
 
 """
     swb_multiphase_interrupt(m) -> swb_status
@@ -6041,14 +6134,14 @@ Stop the call that runs now, or the next one if none runs; see swb_ocp_interrupt
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_multiphase_interrupt(m) = ccall(address(313), swb_status, (Ptr{swb_multiphase},), m)
+swb_multiphase_interrupt(m) = ccall(address(316), swb_status, (Ptr{swb_multiphase},), m)
 
 """
     swb_multiphase_free(m) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_multiphase_free(m) = ccall(address(314), Cvoid, (Ptr{swb_multiphase},), m)
+swb_multiphase_free(m) = ccall(address(317), Cvoid, (Ptr{swb_multiphase},), m)
 
 """
     swb_model_to_json(model, buf, len, needed) -> swb_status
@@ -6062,7 +6155,7 @@ states with the values they begin with, and its transitions. Functions that are 
         too short
 """
 swb_model_to_json(model, buf, len, needed) =
-    ccall(address(315), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
+    ccall(address(318), swb_status, (Ptr{swb_model}, Ptr{UInt8}, Int64, Ptr{Int64}), model, buf, len, needed)
 
 """
     swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) -> swb_status
@@ -6078,7 +6171,7 @@ Build a model from a document; its expressions become expressions of the graph.
         SWB_ERR_STATE if a function is missing; SWB_ERR_DIMENSION; else as swb_model_create
 """
 swb_model_from_json(graph, text, functions, n_functions, rhs, n_rhs, out) =
-    ccall(address(316), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
+    ccall(address(319), swb_status, (Ptr{swb_expr}, Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Int64}, Int64,
         Ptr{Ptr{swb_model}}), graph, text, functions, n_functions, rhs, n_rhs, out)
 
 """
@@ -6089,7 +6182,7 @@ Numbers of states, controls and parameters of a model. Any output may be NULL.
 @return SWB_OK
 """
 swb_model_sizes(model, nx, nu, np) =
-    ccall(address(317), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
+    ccall(address(320), swb_status, (Ptr{swb_model}, Ptr{Int64}, Ptr{Int64}, Ptr{Int64}), model, nx, nu, np)
 
 """
     swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) -> swb_status
@@ -6105,7 +6198,7 @@ Functions that are not made of expressions are named only.
         the buffer is too short
 """
 swb_simulator_to_json(sim, duration, n_steps, buf, len, needed) =
-    ccall(address(318), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
+    ccall(address(321), swb_status, (Ptr{swb_simulator}, Cdouble, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), sim,
         duration, n_steps, buf, len, needed)
 
 """
@@ -6121,7 +6214,7 @@ Create a simulator from a document; it stands where the simulation begins.
 @return as swb_model_from_json
 """
 swb_simulator_from_json(text, functions, n_functions, duration, n_steps, out) =
-    ccall(address(319), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
+    ccall(address(322), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Cdouble}, Ptr{Int64},
         Ptr{Ptr{swb_simulator}}), text, functions, n_functions, duration, n_steps, out)
 
 """
@@ -6136,7 +6229,7 @@ given to start from. Functions that are not made of expressions are named only.
         too short
 """
 swb_ocp_to_json(ocp, buf, len, needed) =
-    ccall(address(320), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
+    ccall(address(323), swb_status, (Ptr{swb_ocp}, Ptr{UInt8}, Int64, Ptr{Int64}), ocp, buf, len, needed)
 
 """
     swb_ocp_from_json(text, functions, n_functions, out) -> swb_status
@@ -6149,7 +6242,7 @@ Create an optimal control problem from a document.
 @return as swb_model_from_json
 """
 swb_ocp_from_json(text, functions, n_functions, out) =
-    ccall(address(321), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
+    ccall(address(324), swb_status, (Cstring, Ptr{Ptr{swb_function}}, Int64, Ptr{Ptr{swb_ocp}}), text, functions,
         n_functions, out)
 
 """
@@ -6166,7 +6259,7 @@ Create a program without pairs and bounds, parameters and start zero.
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of a function are not (n, 0, np)
 """
 swb_mpcc_create(n, np, objective, constraints, settings, out) =
-    ccall(address(322), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
+    ccall(address(325), swb_status, (Int64, Int64, Ptr{swb_function}, Ptr{swb_function}, Ptr{swb_settings},
         Ptr{Ptr{swb_mpcc}}), n, np, objective, constraints, settings, out)
 
 """
@@ -6184,7 +6277,7 @@ A constraint may be in one pair only; a variable in several.
         there is no such index
 """
 swb_mpcc_add_pair(mpcc, kind_g, index_g, kind_h, index_h) =
-    ccall(address(323), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
+    ccall(address(326), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Int32, Int64), mpcc, kind_g, index_g, kind_h,
         index_h)
 
 """
@@ -6201,7 +6294,7 @@ For functions described with swb_function_set_linear nothing else is prepared, a
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_DIMENSION or SWB_ERR_RANGE if this is no such pattern
 """
 swb_mpcc_set_hessian(mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data) =
-    ccall(address(324), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
+    ccall(address(327), swb_status, (Ptr{swb_mpcc}, Ptr{Int64}, Int64, Ptr{Int64}, Int64, Ptr{Cvoid}, Ptr{Cvoid}),
         mpcc, col_ptr, n_col_ptr, row_idx, nnz, hessian, user_data)
 
 """
@@ -6214,7 +6307,7 @@ Set bounds of the variables.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a lower bound is above the upper one or NaN
 """
 swb_mpcc_set_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(325), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(328), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6227,7 +6320,7 @@ Set bounds of the constraints; equal bounds make an equation. Those of rows in p
 @return as swb_mpcc_set_bounds
 """
 swb_mpcc_set_constraint_bounds(mpcc, lower, n_lower, upper, n_upper) =
-    ccall(address(326), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
+    ccall(address(329), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, lower, n_lower,
         upper, n_upper)
 
 """
@@ -6239,7 +6332,7 @@ Set the parameters.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_params(mpcc, values, np) =
-    ccall(address(327), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
+    ccall(address(330), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, values, np)
 
 """
     swb_mpcc_set_start(mpcc, w, n) -> swb_status
@@ -6249,7 +6342,7 @@ Set the point to start from.
 @param[in] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
-swb_mpcc_set_start(mpcc, w, n) = ccall(address(328), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_set_start(mpcc, w, n) = ccall(address(331), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) -> swb_status
@@ -6264,7 +6357,7 @@ goes back to starting from a point alone.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_mpcc_set_warm_start(mpcc, w, n, y, m, z, n_z) =
-    ccall(address(329), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
+    ccall(address(332), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64),
         mpcc, w, n, y, m, z, n_z)
 
 """
@@ -6277,7 +6370,7 @@ Solve.
         SWB_ERR_NONFINITE if one has no value at the start; SWB_ERR_NUMERIC; SWB_ERR_RANGE,
         SWB_ERR_UNSUPPORTED if bounds and pairs do not go together
 """
-swb_mpcc_solve(mpcc, outcome) = ccall(address(330), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_solve(mpcc, outcome) = ccall(address(333), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_resolve(mpcc, outcome) -> swb_status
@@ -6288,7 +6381,7 @@ failed, diverged or ended infeasible this is swb_mpcc_solve.
 @param[out] outcome an enum swb_outcome; may be NULL
 @return as swb_mpcc_solve; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_resolve(mpcc, outcome) = ccall(address(331), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_resolve(mpcc, outcome) = ccall(address(334), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_outcome(mpcc, outcome) -> swb_status
@@ -6298,7 +6391,7 @@ How the last solve ended.
 @param[out] outcome an enum swb_outcome
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(332), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
+swb_mpcc_get_outcome(mpcc, outcome) = ccall(address(335), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, outcome)
 
 """
     swb_mpcc_get_polished(mpcc, polished) -> swb_status
@@ -6308,7 +6401,7 @@ Was the active set identified and the smooth program that remains solved?
 @param[out] polished an enum swb_polished
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_polished(mpcc, polished) = ccall(address(333), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
+swb_mpcc_get_polished(mpcc, polished) = ccall(address(336), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}), mpcc, polished)
 
 """
     swb_mpcc_get_objective(mpcc, objective) -> swb_status
@@ -6318,7 +6411,7 @@ Objective.
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_objective(mpcc, objective) =
-    ccall(address(334), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
+    ccall(address(337), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}), mpcc, objective)
 
 """
     swb_mpcc_get_solution(mpcc, w, n) -> swb_status
@@ -6328,7 +6421,7 @@ The point.
 @param[out] w [n]
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_solution(mpcc, w, n) = ccall(address(335), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
+swb_mpcc_get_solution(mpcc, w, n) = ccall(address(338), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, w, n)
 
 """
     swb_mpcc_get_constraints(mpcc, c, m) -> swb_status
@@ -6338,7 +6431,7 @@ Constraints at the point.
 @param[out] c [m] rows; NaN where the solve failed
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
-swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(336), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
+swb_mpcc_get_constraints(mpcc, c, m) = ccall(address(339), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64), mpcc, c, m)
 
 """
     swb_mpcc_get_multipliers(mpcc, y, m, z, n) -> swb_status
@@ -6351,7 +6444,7 @@ Multipliers: grad f + J' y - z = 0, with J the Jacobian of the constraints.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_multipliers(mpcc, y, m, z, n) =
-    ccall(address(337), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
+    ccall(address(340), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Int64, Ptr{Cdouble}, Int64), mpcc, y, m, z, n)
 
 """
     swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) -> swb_status
@@ -6366,7 +6459,7 @@ the pairs were added.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_pairs(mpcc, g, h, nu, xi, n_pairs) =
-    ccall(address(338), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
+    ccall(address(341), swb_status, (Ptr{swb_mpcc}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Ptr{Cdouble}, Int64),
         mpcc, g, h, nu, xi, n_pairs)
 
 """
@@ -6379,7 +6472,7 @@ Residuals of the last solve.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_residuals(mpcc, residuals, struct_size) =
-    ccall(address(339), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(342), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_stats(mpcc, stats, struct_size) -> swb_status
@@ -6391,7 +6484,7 @@ What the last solve cost.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_stats(mpcc, stats, struct_size) =
-    ccall(address(340), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(343), swb_status, (Ptr{swb_mpcc}, Ptr{swb_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_set_int(mpcc, name, value) -> swb_status
@@ -6401,7 +6494,7 @@ Set an integer or enumeration option of a program (or a float one, to an integer
 @return as swb_settings_set_int
 """
 swb_mpcc_set_int(mpcc, name, value) =
-    ccall(address(341), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
+    ccall(address(344), swb_status, (Ptr{swb_mpcc}, Cstring, Int64), mpcc, name, value)
 
 """
     swb_mpcc_set_double(mpcc, name, value) -> swb_status
@@ -6411,7 +6504,7 @@ Set a float option of a program by name.
 @return as swb_settings_set_double
 """
 swb_mpcc_set_double(mpcc, name, value) =
-    ccall(address(342), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
+    ccall(address(345), swb_status, (Ptr{swb_mpcc}, Cstring, Cdouble), mpcc, name, value)
 
 """
     swb_mpcc_set_string(mpcc, name, value) -> swb_status
@@ -6421,7 +6514,7 @@ Set any option of a program by name from text: a number, or the value name of an
 @return as swb_settings_set_string
 """
 swb_mpcc_set_string(mpcc, name, value) =
-    ccall(address(343), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
+    ccall(address(346), swb_status, (Ptr{swb_mpcc}, Cstring, Cstring), mpcc, name, value)
 
 """
     swb_mpcc_set_settings(mpcc, settings) -> swb_status
@@ -6432,7 +6525,7 @@ Set all options of a program.
 @return SWB_OK; SWB_ERR_RANGE if an option is outside its range
 """
 swb_mpcc_set_settings(mpcc, settings) =
-    ccall(address(344), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
+    ccall(address(347), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}), mpcc, settings)
 
 """
     swb_mpcc_get_settings(mpcc, settings, struct_size) -> swb_status
@@ -6444,7 +6537,7 @@ Options of a program, all of them.
 @return SWB_OK; SWB_ERR_DIMENSION
 """
 swb_mpcc_get_settings(mpcc, settings, struct_size) =
-    ccall(address(345), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
+    ccall(address(348), swb_status, (Ptr{swb_mpcc}, Ptr{swb_settings}, UInt64), mpcc, settings, struct_size)
 
 """
     swb_mpcc_set_iteration(mpcc, iteration, user_data) -> swb_status
@@ -6455,7 +6548,7 @@ Set who is called once per iteration; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_iteration(mpcc, iteration, user_data) =
-    ccall(address(346), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
+    ccall(address(349), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, iteration, user_data)
 
 """
     swb_mpcc_set_log(mpcc, log, user_data) -> swb_status
@@ -6466,7 +6559,7 @@ Set who gets the log, as much as the option log_level says; NULL for nobody.
 @return SWB_OK
 """
 swb_mpcc_set_log(mpcc, log, user_data) =
-    ccall(address(347), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
+    ccall(address(350), swb_status, (Ptr{swb_mpcc}, Ptr{Cvoid}, Ptr{Cvoid}), mpcc, log, user_data)
 
 """
     swb_mpcc_interrupt(mpcc) -> swb_status
@@ -6478,28 +6571,28 @@ these, a model function that takes long itself is waited for. What was found bef
 
 @return SWB_OK; SWB_ERR_NULL; SWB_ERR_STATE if this is no such object
 """
-swb_mpcc_interrupt(mpcc) = ccall(address(348), swb_status, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_interrupt(mpcc) = ccall(address(351), swb_status, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_mpcc_free(mpcc) -> Cvoid
 
 Free; NULL is allowed.
 """
-swb_mpcc_free(mpcc) = ccall(address(349), Cvoid, (Ptr{swb_mpcc},), mpcc)
+swb_mpcc_free(mpcc) = ccall(address(352), Cvoid, (Ptr{swb_mpcc},), mpcc)
 
 """
     swb_stationarity_name(stationarity) -> Cstring
 
 Name of an enum swb_stationarity, such as \"M\"; NULL for any other number. Static.
 """
-swb_stationarity_name(stationarity) = ccall(address(350), Cstring, (Int32,), stationarity)
+swb_stationarity_name(stationarity) = ccall(address(353), Cstring, (Int32,), stationarity)
 
 """
     swb_doubt_name(doubt) -> Cstring
 
 Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 """
-swb_doubt_name(doubt) = ccall(address(351), Cstring, (Int32,), doubt)
+swb_doubt_name(doubt) = ccall(address(354), Cstring, (Int32,), doubt)
 
 """
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
@@ -6512,7 +6605,7 @@ Name a variable, a constraint or a pair: reports and messages of the log use it.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(352), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(355), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -6525,7 +6618,7 @@ Name all variables, constraints or pairs.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(353), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(356), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -6539,7 +6632,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(354), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(357), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -6556,7 +6649,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(355), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(358), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -6580,7 +6673,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(356), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(359), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -6593,7 +6686,7 @@ What is known of the point of the last solve: type of stationarity, B-stationari
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(357), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(360), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -6606,7 +6699,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(358), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(361), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -6618,7 +6711,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(359), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(362), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -6630,7 +6723,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(360), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(363), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -6642,6 +6735,6 @@ The same for people: a table with the worst violations and what looks wrong abou
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(361), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(364), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

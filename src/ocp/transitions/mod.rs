@@ -130,7 +130,9 @@ impl Ocp {
         };
         result.stats = spent;
         let text = text.unwrap_or_default();
-        if result.outcome != Outcome::Solved {
+        if let Some(why) = stop::requested() {
+            result.message = format!("{}: the search ended after {tried} sequences of transitions", why.words());
+        } else if result.outcome != Outcome::Solved {
             result.message = format!(
                 "none of the {tried} sequences of transitions that were tried has a solution; the nearest one ({text}) \
                  violates constraints by {:.3e}",

@@ -76,6 +76,7 @@ from .expr import (
     tanh,
     where,
 )
+from .freezing import FrozenModel
 from .function import DerivativeCheck, Function
 from .integrator import (
     Accumulation,
@@ -144,6 +145,7 @@ __all__ = [
     "EventKind",
     "Fixed",
     "FreeTime",
+    "FrozenModel",
     "Function",
     "Gradient",
     "Impact",

@@ -580,6 +580,30 @@ class swb_settings(Structure):
     ]
 
 
+class swb_freeze_options(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("step", c_double),
+        ("speed", c_double),
+        ("a_n", c_double),
+        ("stiffness", c_double),
+        ("creep", c_double),
+        ("speed_of_time", c_int64),
+    ]
+
+
+class swb_freeze_layout(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("first_depth", c_int64),
+        ("n_depths", c_int64),
+        ("clock", c_int64),
+        ("first_cost", c_int64),
+        ("n_costs", c_int64),
+        ("speed", c_int64),
+    ]
+
+
 class swb_point(Structure):
     _fields_ = [
         ("t", c_double),
@@ -1037,6 +1061,9 @@ FUNCTIONS = {
     "swb_option_default": (c_int32, [c_int64, c_void_p]),
     "swb_option_setup_only": (c_int32, [c_int64, c_void_p]),
     "swb_outcome_name": (c_char_p, [c_int32]),
+    "swb_freeze_options_init": (c_int32, [POINTER(swb_freeze_options), c_uint64]),
+    "swb_scene_freeze": (c_int32, [c_void_p, c_void_p, POINTER(swb_freeze_options), c_void_p, c_int64, c_void_p, c_int64, POINTER(swb_freeze_layout), c_uint64, c_void_p]),
+    "swb_scene_freeze_report": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_function_create": (c_int32, [c_char_p, c_int64, c_int64, c_int64, c_int64, swb_value_fn, c_void_p, swb_destroy_fn, c_void_p]),
     "swb_function_set_jacobian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, swb_jacobian_fn]),
     "swb_function_set_hessian": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, swb_hessian_fn]),

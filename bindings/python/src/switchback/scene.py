@@ -20,6 +20,7 @@ from .function import Function
 from .system import System
 
 if TYPE_CHECKING:
+    from .freezing import FrozenModel
     from .integrator import Run
     from .stepper import Steps
 
@@ -270,6 +271,29 @@ class Scene(_ContactSystem):
 
         x0 = numpy.concatenate([vector(q0, self.n_q, "q0"), vector(v0, self.n_v, "v0")])
         return simulate(self.system(), x0, t_span, **keywords)
+
+    def freeze(
+        self,
+        step: float = 0.1,
+        speed: float = 1.0,
+        a_n: float = 0.0,
+        stiffness: float = 0.0,
+        creep: float = 0.0,
+        speed_of_time: bool = False,
+        costs: Sequence[Any] = (),
+        at: Any = None,
+    ) -> FrozenModel:
+        """The scene as a piecewise smooth model in numerical time (time-freezing): for simulation by finite elements and
+        optimal control.
+
+        `step` is the numerical time a jump should take, that of a step or a finite element; `speed` the rate at which gaps
+        usually close. The strength `a_n` of contacts without restitution and the `stiffness` of those with follow from them at
+        the state `at` (zeros), unless they are given. In space, what slides slower than `creep` sticks. `costs` are expressions
+        whose integrals over physical time become states; with `speed_of_time` a control multiplies all rates.
+        """
+        from .freezing import freeze
+
+        return freeze(self, step, speed, a_n, stiffness, creep, speed_of_time, costs, at)
 
     def simulate_steps(self, q0: Any, v0: Any, t_span: Any, h: float = 1e-3, **keywords: Any) -> Steps:
         """Simulate by time stepping, for many contacts; see `switchback.simulate_steps`."""

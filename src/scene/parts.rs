@@ -1,0 +1,121 @@
+//! A scene taken apart: equations of motion and contacts as expressions, for other formulations of the same mechanics.
+
+use super::{Builder, Scene};
+use crate::error::{Error, Result};
+use crate::expr::{Block, Dag, Id};
+use crate::system::Order;
+
+/// One direction of sliding: its velocity, and the gradient of that with respect to the velocities.
+#[derive(Debug, Clone)]
+pub struct Sliding {
+    /// The component of the sliding velocity.
+    pub rate: Id,
+    /// Its gradient `[n_v]`: the column of `B`.
+    pub along: Vec<Id>,
+}
+
+/// A contact in expressions.
+#[derive(Debug, Clone)]
+pub struct ContactEquations {
+    /// Its name.
+    pub name: String,
+    /// The gap.
+    pub gap: Id,
+    /// The rate of the gap.
+    pub rate: Id,
+    /// The gradient of the rate with respect to the velocities `[n_v]`: the normal.
+    pub normal: Vec<Id>,
+    /// Directions of sliding; none without friction.
+    pub sliding: Vec<Sliding>,
+    /// Coefficient of friction.
+    pub friction: Id,
+    /// Coefficient of restitution.
+    pub restitution: Id,
+}
+
+/// A scene in expressions of its graph, checked as by [`Scene::build_in`].
+#[derive(Debug, Clone)]
+pub struct Equations {
+    /// Rates of the coordinates `[n_q]`.
+    pub rates: Vec<Id>,
+    /// Forces `[n_v]`.
+    pub force: Vec<Id>,
+    /// Inertia, row-major `n_v × n_v`; none: the unit matrix.
+    pub inertia: Option<Vec<Id>>,
+    /// Contacts that can close within the bounds of the coordinates.
+    pub contacts: Vec<ContactEquations>,
+}
+
+impl Scene {
+    /// Its name.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Names of states, controls and parameters.
+    pub fn names(&self) -> &crate::model::Names {
+        &self.names
+    }
+
+    /// Number of contacts that were added.
+    pub fn n_contacts(&self) -> usize {
+        self.contacts.len()
+    }
+
+    /// The scene in expressions.
+    ///
+    /// # Errors
+    /// Those of [`Scene::build_in`], and [`Error::Unsupported`] for projected systems.
+    pub fn equations(&self, dag: &mut Dag) -> Result<Equations> {
+        if self.order == Order::First {
+            return Err(Error::Unsupported("a projected system has no velocities: it is no mechanical scene".into()));
+        }
+        // what can be wrong is said there
+        self.build_in(dag)?;
+        let mut b = Builder { scene: self, dag, alike: std::collections::BTreeMap::new() };
+        let (rates, force) = (b.rates()?, b.force()?);
+        let (_, kept) = b.reachable()?;
+        let mut contacts = Vec::new();
+        for k in kept {
+            let c = &self.contacts[k];
+            let rate = b.rate_of(c.gap, &rates)?;
+            let normal = b.along(rate)?;
+            let frictionless = b.dag.as_const(c.friction) == Some(0.0);
+            let mut sliding = Vec::new();
+            for &tangent in if frictionless { &[][..] } else { &c.tangents } {
+                let moves = b.depends(tangent, Block::X, self.n_q);
+                let rate = if moves { tangent } else { b.rate_of(tangent, &rates)? };
+                let along = b.along(rate)?;
+                sliding.push(Sliding { rate, along });
+            }
+            let (name, gap) = (c.name.clone(), c.gap);
+            let (friction, restitution) = (c.friction, c.restitution);
+            contacts.push(ContactEquations { name, gap, rate, normal, sliding, friction, restitution });
+        }
+        Ok(Equations { rates, force, inertia: self.inertia.clone(), contacts })
+    }
+}
+
+impl Builder<'_> {
+    /// The rate of a function of coordinates and time.
+    fn rate_of(&mut self, id: Id, rates: &[Id]) -> Result<Id> {
+        let mut wrt: Vec<Id> = (0..rates.len()).map(|i| self.dag.input(Block::X, i)).collect();
+        wrt.push(self.dag.input(Block::T, 0));
+        let mut sum = self.dag.constant(0.0);
+        for e in self.dag.jacobian(&[id], &wrt)? {
+            let term = match rates.get(e.col) {
+                Some(&r) => self.dag.mul(e.value, r),
+                None => e.value,
+            };
+            sum = self.dag.add(sum, term);
+        }
+        Ok(sum)
+    }
+
+    /// The gradient of a rate with respect to the velocities.
+    fn along(&mut self, rate: Id) -> Result<Vec<Id>> {
+        let (n_q, n_v) = (self.scene.n_q, self.scene.n_v);
+        let v: Vec<Id> = (0..n_v).map(|i| self.dag.input(Block::X, n_q + i)).collect();
+        self.dag.dense_jacobian(&[rate], &v)
+    }
+}
