@@ -7,9 +7,9 @@ use crate::Context;
 use std::path::Path;
 use std::time::Instant;
 use switchback::document::{read, Document};
-use switchback::mpcc::{BStationarity, Polish};
+use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
-use switchback::ocp::{Ocp, OcpResult};
+use switchback::ocp::{Ocp, OcpResult, Verdict};
 use switchback::settings::Settings;
 
 /// Costs this close to the best known, relative, are as good, and so are differences as small as the second number.
@@ -69,9 +69,14 @@ fn gap(cost: f64, best: f64) -> f64 {
     }
 }
 
-/// Is this point of the discretised program shown to be one that no direction improves?
+/// What the answer is as a point of the control problem.
+fn verdict(r: &OcpResult) -> Verdict {
+    r.optimality.as_ref().map_or(Verdict::Unknown, |o| o.verdict)
+}
+
+/// Is the answer shown to be one that no direction improves?
 fn certified(r: &OcpResult) -> bool {
-    r.certificate.b == BStationarity::Yes
+    matches!(verdict(r), Verdict::LocalOptimum | Verdict::Kink)
 }
 
 #[derive(Default)]
@@ -153,14 +158,13 @@ pub fn run(c: &Context) {
         totals.iterations += r.stats.iterations;
         totals.seconds += seconds;
         totals.log_seconds += seconds.ln();
-        let stationarity = format!("{:?}", r.certificate.stationarity);
         table.row(vec![
             k.name.clone(),
             format!("{:.8}", r.cost),
             format!("{far:.1e}{}", if optimal || !k.cost.is_finite() { "" } else { " *" }),
             r.outcome.name().into(),
             format!("{:?}", r.polish).to_lowercase(),
-            stationarity.clone(),
+            verdict(r).name().into(),
             format!("{error:.1e}"),
             r.stats.iterations.to_string(),
             format!("{:.0}", 1e3 * seconds),
@@ -168,7 +172,7 @@ pub fn run(c: &Context) {
         let o = Object::new().text("case", "optima").text("problem", &k.name).text("outcome", r.outcome.name());
         let o =
             o.num("cost", r.cost).num("best", k.cost).flag("exact", k.exact).num("gap", far).flag("optimal", optimal);
-        let o = o.flag("polished", polished).text("stationarity", &stationarity).flag("certified", certified(r));
+        let o = o.flag("polished", polished).text("certificate", verdict(r).name()).flag("certified", certified(r));
         let o = o.num("terminal_error", error).flag("stable", k.stable).int("iterations", r.stats.iterations);
         c.record(&o.num("wall_s", seconds));
     }
