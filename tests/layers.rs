@@ -29,8 +29,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "jumps",
         &[
-            "error", "stop", "settings", "log", "tableau", "linalg", "func", "expr", "nlp", "mpcc", "system", "event",
-            "fesd",
+            "error", "stop", "settings", "log", "tableau", "linalg", "func", "expr", "nlp", "mpcc", "system", "scene",
+            "event", "fesd",
         ],
     ),
     (
