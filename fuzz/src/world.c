@@ -252,6 +252,28 @@ static void steps(swb_system *system, const double *start)
     DO(swb_stepper_interrupt, stepper);
 }
 
+/* Optimal control of a block that falls: when it lands is found. */
+static void controlled_block(const swb_scene *scene, const swb_settings *s, const double *start)
+{
+    static const double t = 0.1;
+    int64_t n_contacts = 0, n_impacts = 0, modes[1];
+    double forces[3];
+    int32_t outcome;
+    swb_impact impacts[64];
+    swb_ocp *ocp = NULL;
+    if (!DO(swb_ocp_create_scene, scene, 0.4, 2, s, &ocp))
+        return;
+    pool_add(T_swb_ocp, ocp);
+    DO(swb_ocp_set_jumps, ocp, SWB_JUMPS_MODES);
+    DO(swb_ocp_set_initial_state, ocp, start, 4);
+    DO(swb_ocp_solve, ocp, &outcome);
+    DO(swb_ocp_get_contacts, ocp, &n_contacts, &n_impacts);
+    if (n_impacts >= 0 && n_impacts <= 64)
+        DO(swb_ocp_impacts, ocp, impacts, n_impacts, sizeof *impacts);
+    DO(swb_ocp_contact_modes, ocp, &t, 1, modes, 1);
+    DO(swb_ocp_contact_forces, ocp, &t, 1, forces, 3);
+}
+
 /* A block that falls on a rough floor and slides. */
 static void block(const swb_settings *s)
 {
@@ -286,6 +308,7 @@ static void block(const swb_settings *s)
     if (!DO(swb_scene_build, scene, graph))
         return;
     DO(swb_scene_report, scene, 1, text, sizeof text, NULL);
+    controlled_block(scene, s, start);
     if (!DO(swb_scene_system, scene, &system))
         return;
     pool_add(T_swb_system, system);
