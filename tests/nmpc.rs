@@ -1,5 +1,7 @@
 //! Closed loops whose costs are known, and what the theory says of the schemes (tests/data/nmpc).
 
+// the report uses more of it
+#[allow(dead_code)]
 #[path = "common/nmpc.rs"]
 mod problems;
 
