@@ -45,7 +45,8 @@ pub struct Relay {
 /// derivatives than states; those of [`ExprFunction::new`].
 pub fn freeze_relay(dag: &mut Dag, relay: &Relay) -> Result<System> {
     let d = relay.dims;
-    if !(relay.off < relay.on) || !(relay.on - relay.off).is_finite() {
+    let span = relay.on - relay.off;
+    if !span.is_finite() || span <= 0.0 {
         return Err(Error::Range(format!("off is {} and on is {}: off must be smaller", relay.off, relay.on)));
     }
     if !(relay.strength > 0.0 && relay.strength.is_finite()) {
