@@ -1438,7 +1438,7 @@ enum swb_jumps
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * From a simulation of the guess and by finite elements with jumps; the cheaper answer.
+     * From a simulation of the guess; where that leads to no answer, by finite elements with jumps.
      */
     SWB_JUMPS_AUTO = 0,
     /**

@@ -17,7 +17,7 @@ use crate::settings::Settings;
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_jumps {
-    /// From a simulation of the guess and by finite elements with jumps; the cheaper answer.
+    /// From a simulation of the guess; where that leads to no answer, by finite elements with jumps.
     Auto = 0,
     /// From a simulation of the guess and the orders of modes next to it.
     Modes = 1,

@@ -19,7 +19,7 @@ use crate::stop;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 pub enum Method {
-    /// From the simulated guess and from FESD with jumps; the cheaper answer.
+    /// From the simulated guess and the sequences next to it; where none of them has a solution, from FESD with jumps.
     #[default]
     Auto = 0,
     /// From the simulated guess and the sequences next to it.
@@ -155,9 +155,13 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     let known = s.best.as_ref().is_some_and(|b| b.0.is_solved());
     if !known {
         s.start_at_guess(control)?;
+        if options.method == Method::Auto {
+            s.improve(false, control)?;
+        }
     }
+    let solved = s.best.as_ref().is_some_and(|b| b.0.is_solved());
     let wants =
-        !known && options.method != Method::Modes && (options.method == Method::FesdJ || options.sequence.is_none());
+        !solved && options.method != Method::Modes && (options.method == Method::FesdJ || options.sequence.is_none());
     if wants && stop::requested().is_none() {
         s.start_with_complementarity(control)?;
     }

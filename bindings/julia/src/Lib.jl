@@ -648,7 +648,7 @@ const NAMES_swb_contact_mode = [:open => 0, :closed => 1, :slides => 2, :slides_
 """
 How an optimal control problem of a scene finds contact modes and impacts.
 
-- `SWB_JUMPS_AUTO`: From a simulation of the guess and by finite elements with jumps; the cheaper answer.
+- `SWB_JUMPS_AUTO`: From a simulation of the guess; where that leads to no answer, by finite elements with jumps.
 - `SWB_JUMPS_MODES`: From a simulation of the guess and the orders of modes next to it.
 - `SWB_JUMPS_FESD_J`: By finite elements with jumps: complementarity between gaps and forces in every element.
 """
