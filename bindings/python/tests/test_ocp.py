@@ -94,7 +94,7 @@ def test_sensitivity():
         assert np.allclose(controls, (right[1] - left[1]) / (2 * h), rtol=1e-3, atol=1e-3)
 
 
-def sliding_ocp(n_s=2, n_fe=3):
+def sliding_ocp(n_s=2, n_fe=3, **options):
     """Two sliding modes at once; Python callables without derivatives."""
     system = swb.System(4, 2, f0=lambda x, u: [x[2], x[3], u[0], u[1]])
     system.add_subsystem([[-1.0], [1.0]], lambda x: x[0] + 0.15 * x[1] ** 2, [1, -1], rows=[0])
@@ -109,6 +109,7 @@ def sliding_ocp(n_s=2, n_fe=3):
         control_bounds=(-10, 10),
         n_s=n_s,
         n_fe=n_fe,
+        **options,
     )
     goal = [-np.pi / 6, -np.pi / 4]
     ocp.add_terminal(lambda x: x[:2], goal, goal)

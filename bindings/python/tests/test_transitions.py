@@ -123,4 +123,4 @@ def test_nonsense():
     with pytest.raises(swb.ArgumentError, match="falling"):
         s.add_transition(lambda x: x[0], "up", to={1: 1})
     with pytest.raises(swb.UnsupportedError, match="event-driven"):
-        swb.Ocp(thermostat(), 1.0, 2)
+        swb.Simulator(thermostat())

@@ -179,6 +179,7 @@ class Ocp(OcpTerms, OcpSearch):
 
     _kind = "ocp"
     _system: System | None = None
+    _contacts: tuple[Any, ...] | None = None
 
     def __init__(
         self,
