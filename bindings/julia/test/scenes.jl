@@ -173,7 +173,6 @@ end
         (:dimension, ["contacts must be one of 1 to 1"], () -> contact_mode(sol, 2)),
         (:range, ["outside"], () -> contact_force(sol, ground, 2.0)),
         (:range, ["not that of a scene"], () -> contact_mode(simulate(oscillator(), OSCILLATOR_X0, 0.1), 1)),
-        (:unsupported, ["contacts"], () -> Ocp(s, 1.0, 4)),
         (:range, ["the step h is 0"], () -> Stepper(s, 0.0)),
         (:range, ["takes a Scene"], () -> simulate_steps(oscillator(), [1.0], [0.0], 1.0)),
         (:state, ["no scene"], () -> Stepper(oscillator())),
