@@ -35,7 +35,6 @@ fn solve(ocp: &mut Ocp) -> (OcpResult, Optimality) {
 fn exact_optima_are_certified() {
     let cases = [
         ("snell_3", Verdict::Kink),
-        ("headwind", Verdict::Kink),
         ("zermelo_river", Verdict::Kink),
         ("friction_move_02", Verdict::LocalOptimum),
         ("friction_energy", Verdict::LocalOptimum),

@@ -238,7 +238,7 @@ fn gear_box(n: usize, highest: f64) -> Ocp {
         edges.push(edge(v - down, Direction::Falling, 2, k + 1.0, k));
     }
     let b = build(&g, 1, &[v, u * force - 0.05 * v], &[0.0], edges);
-    let set = Settings { n_fe: 2, ..Settings::default() };
+    let set = Settings { n_s: 2, n_fe: 2, ..Settings::default() };
     let mut o = Ocp::new(&b.system, 12.0, n, &set).unwrap();
     o.set_x0(&[0.0; 3]).unwrap();
     o.set_x_bounds(&[-INF; 3], &[INF, INF, highest]).unwrap();
