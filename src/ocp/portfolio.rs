@@ -1,5 +1,5 @@
-//! Cold solves from several starts: smoothed problems lead to mode sequences, whose mode programs give exact answers; where
-//! these do not agree the homotopy from the guess is followed too. The cheapest exact answer is kept.
+//! Cold solves from several starts: smoothed problems lead to mode sequences, whose mode programs give exact answers; the
+//! homotopy from the guess is a second opinion. The cheapest exact answer is kept.
 
 use std::time::Instant;
 

@@ -1,7 +1,7 @@
 //! Optimal control of scenes: the problem as it was stated becomes one with contacts and jumps, its answer one like any other.
 
 use super::accuracy::Accuracy;
-use super::extend::{Extended, Statement};
+use super::extend::Extended;
 use super::guess::middle;
 use super::request::Request;
 use super::solve::Start;
@@ -64,17 +64,7 @@ impl Ocp {
 
     fn run_scene(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<OcpResult> {
         let clock = std::time::Instant::now();
-        let extended = Extended::new(&Statement {
-            system: &self.system,
-            lagrange: self.lagrange.as_ref(),
-            mayer: self.mayer.as_ref(),
-            path: &self.path,
-            terminal: &self.terminal,
-            boundary: &self.boundary,
-            squares: &self.squares,
-            soft: &self.soft,
-            complementarity: &self.complementarity,
-        })?;
+        let extended = self.extended()?;
         let problem = self.scene_problem(&extended, request)?;
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, start, request);

@@ -86,6 +86,21 @@ impl Start {
 }
 
 impl Ocp {
+    /// The problem with its own parameters and controls.
+    pub(super) fn extended(&self) -> Result<Extended> {
+        Extended::new(&Statement {
+            system: &self.system,
+            lagrange: self.lagrange.as_ref(),
+            mayer: self.mayer.as_ref(),
+            path: &self.path,
+            terminal: &self.terminal,
+            boundary: &self.boundary,
+            squares: &self.squares,
+            soft: &self.soft,
+            complementarity: &self.complementarity,
+        })
+    }
+
     /// Discretises the problem unless that was done: with the same structure, and on the same grid. A warm start stays on
     /// the grid there is, which adaptation may have changed.
     pub(super) fn build(&mut self, start: Start, options: &SolveOptions) -> Result<f64> {
@@ -98,17 +113,7 @@ impl Ocp {
         }
         self.built = None;
         let clock = Instant::now();
-        let extended = Extended::new(&Statement {
-            system: &self.system,
-            lagrange: self.lagrange.as_ref(),
-            mayer: self.mayer.as_ref(),
-            path: &self.path,
-            terminal: &self.terminal,
-            boundary: &self.boundary,
-            squares: &self.squares,
-            soft: &self.soft,
-            complementarity: &self.complementarity,
-        })?;
+        let extended = self.extended()?;
         self.check_free_params(&extended)?;
         let mut dcs = Dcs::new(&extended.system, options.form)?;
         let e = &extended;
