@@ -166,6 +166,74 @@ swb_function *friction_cost(swb_expr *graph)
     return f;
 }
 
+static int64_t constant(swb_expr *graph, double value)
+{
+    int64_t out = -1;
+    MUST(swb_expr_constants(graph, &value, 1, &out, 1));
+    return out;
+}
+
+/* A problem of two states and one control on [0, 1], two stages. */
+static swb_ocp *ocp_of(swb_expr *graph, const int64_t *rhs, const double *start, const swb_settings *settings)
+{
+    swb_model *model = NULL;
+    swb_system *system = NULL;
+    swb_ocp *ocp = NULL;
+    MUST(swb_model_create(graph, "controlled", 2, 1, 0, rhs, NULL, NULL, &model));
+    MUST(swb_model_system(model, &system));
+    swb_model_free(model);
+    swb_status status = swb_ocp_create(system, 1.0, 2, settings, &ocp);
+    swb_system_free(system);
+    if (status != SWB_OK)
+        return NULL;
+    MUST(swb_ocp_set_initial_state(ocp, start, 2));
+    return ocp;
+}
+
+swb_ocp *tracking_ocp(swb_expr *graph, const swb_settings *settings)
+{
+    static const double start[2] = {1.0, 0.0}, zero[3] = {0.0, 0.0, 0.0}, weights[3] = {1.0, 1.0, 0.1};
+    int64_t of[3], rhs[2];
+    swb_function *residual = NULL;
+    MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, of, 2));
+    MUST(swb_expr_inputs(graph, SWB_INPUT_U, 0, &of[2], 1));
+    rhs[0] = of[1];
+    rhs[1] = of[2];
+    swb_ocp *ocp = ocp_of(graph, rhs, start, settings);
+    if (!ocp)
+        return NULL;
+    MUST(swb_expr_function(graph, "residual", 2, 1, 0, of, 3, &residual));
+    MUST(swb_ocp_add_least_squares(ocp, residual, weights, 3, zero, 3, SWB_COST_AT_RUNNING));
+    swb_function_free(residual);
+    return ocp;
+}
+
+swb_ocp *kinked_ocp(swb_expr *graph, const swb_settings *settings)
+{
+    static const double start[2] = {-1.0, 0.0};
+    int64_t x[2], u, t, rhs[2], miss, squared, price;
+    swb_function *effort = NULL, *paid = NULL;
+    MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 2));
+    MUST(swb_expr_inputs(graph, SWB_INPUT_U, 0, &u, 1));
+    MUST(swb_expr_inputs(graph, SWB_INPUT_T, 0, &t, 1));
+    rhs[0] = u;
+    rhs[1] = apply(graph, SWB_OPERATOR_SIGN, x[0], -1);
+    swb_ocp *ocp = ocp_of(graph, rhs, start, settings);
+    if (!ocp)
+        return NULL;
+    miss = apply(graph, SWB_OPERATOR_MUL, t, constant(graph, 3.6));
+    miss = apply(graph, SWB_OPERATOR_SUB, u, apply(graph, SWB_OPERATOR_ADD, miss, constant(graph, 1.3)));
+    squared = apply(graph, SWB_OPERATOR_MUL, miss, miss);
+    MUST(swb_expr_function(graph, "effort", 2, 1, 0, &squared, 1, &effort));
+    price = apply(graph, SWB_OPERATOR_MUL, x[1], constant(graph, 0.5));
+    MUST(swb_expr_function(graph, "paid", 2, 1, 0, &price, 1, &paid));
+    MUST(swb_ocp_set_lagrange(ocp, effort));
+    MUST(swb_ocp_set_mayer(ocp, paid));
+    swb_function_free(effort);
+    swb_function_free(paid);
+    return ocp;
+}
+
 void counter_create(struct counter *out, swb_expr *graph)
 {
     const double numbers[3] = {0.0, 0.1, 1.0};

@@ -166,9 +166,9 @@ static void heater_ocp(swb_system *system, const swb_settings *s, const double *
 /* A model with a discrete state and transitions, which is kept as a document, too. */
 static void heater(const swb_settings *s)
 {
-    static const double start[2] = {0.4, 0.0}, numbers[2] = {1.0, 0.0}, off = 0.0, on = 1.0;
+    static const double start[2] = {0.4, 0.0}, numbers[3] = {0.3, 0.0, 0.5}, off = 0.0, on = 1.0;
     static const int64_t x_ = 0, heat = 1;
-    int64_t x[2], c[2], rhs[2], guard, raised, from, reset, to, id, n;
+    int64_t x[2], c[3], rhs[2], cold, warm, raised, from, reset, to, id, n;
     double value, initial;
     char names[16];
     int32_t direction, outcome;
@@ -179,10 +179,11 @@ static void heater(const swb_settings *s)
     MUST(swb_expr_create(&graph));
     pool_add(T_swb_expr, graph);
     MUST(swb_expr_inputs(graph, SWB_INPUT_X, 0, x, 2));
-    MUST(swb_expr_constants(graph, numbers, 2, c, 2));
+    MUST(swb_expr_constants(graph, numbers, 3, c, 3));
     MUST(swb_expr_apply(graph, SWB_OPERATOR_SUB, &x[1], &x[0], NULL, &rhs[0], 1));
     MUST(swb_expr_apply(graph, SWB_OPERATOR_MUL, &x[0], &x[0], NULL, &raised, 1));
-    MUST(swb_expr_apply(graph, SWB_OPERATOR_SUB, &x[0], &c[0], NULL, &guard, 1));
+    MUST(swb_expr_apply(graph, SWB_OPERATOR_SUB, &x[0], &c[0], NULL, &cold, 1));
+    MUST(swb_expr_apply(graph, SWB_OPERATOR_SUB, &x[0], &c[2], NULL, &warm, 1));
     rhs[1] = c[1];
     if (!DO(swb_model_create, graph, "heater", 2, 0, 0, rhs, "x\nheat", NULL, &model))
         return;
@@ -190,8 +191,8 @@ static void heater(const swb_settings *s)
     DO(swb_model_set_discrete, model, &off, 1);
     DO(swb_model_set_value_names, model, 0, "off\non");
     DO(swb_model_get_value_names, model, 0, names, sizeof names, &n);
-    DO(swb_model_add_transition, model, graph, x[0], SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &x_, 1, &raised, 1, &heat, 1, &on, 1, NULL);
-    DO(swb_model_add_transition, model, graph, guard, SWB_DIRECTION_RISING, &heat, 1, &on, 1, NULL, 0, NULL, 0, &heat, 1, &off, 1, &n);
+    DO(swb_model_add_transition, model, graph, cold, SWB_DIRECTION_FALLING, &heat, 1, &off, 1, &x_, 1, &raised, 1, &heat, 1, &on, 1, NULL);
+    DO(swb_model_add_transition, model, graph, warm, SWB_DIRECTION_RISING, &heat, 1, &on, 1, NULL, 0, NULL, 0, &heat, 1, &off, 1, &n);
     DO(swb_model_transition_counts, model, &n, NULL);
     DO(swb_model_get_discrete, model, &initial, 1);
     DO(swb_model_transition_sizes, model, 0, &n, NULL, NULL);
@@ -211,7 +212,7 @@ static void heater(const swb_settings *s)
 /* A scene in numerical time. */
 static void frozen(swb_scene *scene, swb_expr *graph, const double *at)
 {
-    char text[64];
+    char text[4000];
     int64_t needed;
     swb_freeze_options options;
     swb_freeze_layout layout;
@@ -488,7 +489,7 @@ static void controller(struct random *r, swb_ocp *ocp, const double *numbers)
     DO(swb_nmpc_set_time, c, 0.5);
     DO(swb_nmpc_set_deadline, c, 1e-3);
     DO(swb_nmpc_set_params, c, numbers, random_below(r, 3));
-    DO(swb_nmpc_set_references, c, 0, numbers, 1);
+    DO(swb_nmpc_set_references, c, 0, numbers, nx + nu);
     DO(swb_nmpc_initialise, c, numbers, nx, 5, &done);
     for (int k = 0; k < 3; k++) {
         DO(swb_nmpc_prepare, c, k == 1 ? numbers : NULL, k == 1 ? nx : 0, &info, sizeof info);
@@ -500,6 +501,34 @@ static void controller(struct random *r, swb_ocp *ocp, const double *numbers)
     DO(swb_nmpc_get_monitor, c, &monitor, sizeof monitor);
     DO(swb_nmpc_interrupt, c);
     DO(swb_nmpc_reset, c);
+}
+
+/* A problem that controllers can be made of. */
+static void tracking(struct random *r, const swb_settings *s)
+{
+    static const double numbers[8] = {0.9, 0.1, 0.2};
+    swb_expr *graph = NULL;
+    MUST(swb_expr_create(&graph));
+    pool_add(T_swb_expr, graph);
+    swb_ocp *ocp = tracking_ocp(graph, s);
+    if (keep(T_swb_ocp, ocp))
+        controller(r, ocp, numbers);
+}
+
+/* An optimum whose switch lies between two control stages. */
+static void kinked(const swb_settings *s)
+{
+    int32_t outcome;
+    swb_optimality optimality;
+    swb_kink kink;
+    swb_expr *graph = NULL;
+    MUST(swb_expr_create(&graph));
+    pool_add(T_swb_expr, graph);
+    swb_ocp *ocp = kinked_ocp(graph, s);
+    if (!keep(T_swb_ocp, ocp) || !DO(swb_ocp_solve, ocp, &outcome))
+        return;
+    if (DO(swb_ocp_get_optimality, ocp, &optimality, sizeof optimality))
+        DO(swb_ocp_get_kink, ocp, 0, &kink, sizeof kink);
 }
 
 /* Systems with functions that may fail, of any form. */
@@ -648,6 +677,10 @@ void world_create(struct random *r)
         count(&s);
     if (random_once_in(r, 2))
         heater(&s);
+    if (random_once_in(r, 2))
+        tracking(r, &s);
+    if (random_once_in(r, 3))
+        kinked(&s);
     if (random_once_in(r, 2))
         block(&s);
     if (random_once_in(r, 3))

@@ -93,6 +93,8 @@ pub unsafe extern "C" fn swb_ocp_get_contacts(
 ) -> swb_status {
     guard(|| unsafe {
         let (n, m) = with_contacts(ocp, |c| Ok((c.names.len() as i64, c.impacts.len() as i64)))?;
+        raw::check(n_contacts, "n_contacts")?;
+        raw::check(n_impacts, "n_impacts")?;
         raw::write(n_contacts, n, "n_contacts")?;
         raw::write(n_impacts, m, "n_impacts")
     })

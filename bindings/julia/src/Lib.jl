@@ -4961,7 +4961,7 @@ swb_nmpc_finish(c) = ccall(address(218), swb_status, (Ptr{swb_nmpc},), c)
 
 Set the parameters, from the next preparation on.
 
-@param[in] p  of the whole horizon [np], of its stages [n np], or of its nodes [(n + 1) np]
+@param[in] p [n] np values for the whole horizon, n_stages np for its stages, or (n_stages + 1) np for its nodes
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
 """
 swb_nmpc_set_params(c, p, n) = ccall(address(219), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
@@ -4972,7 +4972,7 @@ swb_nmpc_set_params(c, p, n) = ccall(address(219), swb_status, (Ptr{swb_nmpc}, P
 Set the references of a least-squares term, from the next preparation on.
 
 @param[in] term its number, in the order they were added to the problem
-@param[in] y    one reference for all nodes of the term, or one for each
+@param[in] y    [n] one reference for all nodes of the term, or one for each
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term or a value is not finite
 """
 swb_nmpc_set_references(c, term, y, n) =
