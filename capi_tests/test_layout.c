@@ -369,7 +369,9 @@ int main(void)
     AT(swb_nmpc_options, 9, tol);
     AT(swb_nmpc_options, 10, deadline);
     AT(swb_nmpc_options, 11, elastic_price);
-    CHECK(sizeof(swb_nmpc_options) == (size_t)8 * 12);
+    AT(swb_nmpc_options, 12, flips);
+    AT(swb_nmpc_options, 13, hysteresis);
+    CHECK(sizeof(swb_nmpc_options) == (size_t)8 * 14);
     AT(swb_nmpc_info, 0, struct_size);
     AT(swb_nmpc_info, 1, ready);
     AT(swb_nmpc_info, 2, inner);
@@ -407,7 +409,9 @@ int main(void)
     AT(swb_nmpc_monitor, 26, from_tangent);
     AT(swb_nmpc_monitor, 27, from_plan);
     AT(swb_nmpc_monitor, 28, from_hold);
-    CHECK(sizeof(swb_nmpc_monitor) == (size_t)8 * 29);
+    AT(swb_nmpc_monitor, 29, alternatives);
+    AT(swb_nmpc_monitor, 30, flips);
+    CHECK(sizeof(swb_nmpc_monitor) == (size_t)8 * 31);
     AT(swb_branching, 0, struct_size);
     AT(swb_branching, 1, t);
     AT(swb_branching, 2, x);

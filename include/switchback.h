@@ -3211,6 +3211,15 @@ typedef struct swb_nmpc_options {
      * Price per unit of violation where constraints cannot all be met; 0: a thousand times the largest multiplier.
      */
     double elastic_price;
+    /**
+     * Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks; at
+     * most 64.
+     */
+    int64_t flips;
+    /**
+     * Systems that switch: an alternative is taken where its predicted cost is lower than that of the plan by more than this share.
+     */
+    double hysteresis;
 } swb_nmpc_options;
 
 /**
@@ -3368,6 +3377,14 @@ typedef struct swb_nmpc_monitor {
      * Feedbacks that repeat the last control.
      */
     int64_t from_hold;
+    /**
+     * Systems that switch: alternatives to the plan that were prepared.
+     */
+    int64_t alternatives;
+    /**
+     * Those that were taken.
+     */
+    int64_t flips;
 } swb_nmpc_monitor;
 
 /**
@@ -6296,13 +6313,15 @@ SWB_API void swb_batch_free(struct swb_batch *batch);
 SWB_API swb_status swb_nmpc_options_init(struct swb_nmpc_options *options, uint64_t struct_size);
 
 /**
- * Create a controller for a problem as it is stated now. All memory is taken here. The problem is copied; the first iterate is
- * its guess. Costs along the horizon are summed over the starts of the stages (10.1), path constraints hold there.
+ * Create a controller for a problem as it is stated now. All memory is taken here, but for logs of switches. The problem is copied;
+ * the first iterate is its guess. Costs along the horizon are summed over the starts of the stages (10.1), path constraints hold
+ * there. Systems that switch are simulated by events in every stage, with the tolerances of the settings; they take level D0 and
+ * every scheme but SWB_NMPC_SCHEME_MLI.
  *
  * @param[in]  ocp     may be changed, solved and freed afterwards
  * @param[in]  options NULL for the defaults
  * @param[out] out     the new object, NULL on failure; free with swb_nmpc_free
- * @return SWB_OK; SWB_ERR_UNSUPPORTED for what controllers do not know: switches, free times and parameters, linear controls,
+ * @return SWB_OK; SWB_ERR_UNSUPPORTED for what controllers do not know: transitions, contacts, free times and parameters, linear controls,
  *         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
  */
 SWB_API

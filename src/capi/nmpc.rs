@@ -129,6 +129,11 @@ pub struct swb_nmpc_options {
     pub deadline: f64,
     /// Price per unit of violation where constraints cannot all be met; 0: a thousand times the largest multiplier.
     pub elastic_price: f64,
+    /// Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks; at
+    /// most 64.
+    pub flips: i64,
+    /// Systems that switch: an alternative is taken where its predicted cost is lower than that of the plan by more than this share.
+    pub hysteresis: f64,
 }
 
 unsafe impl Sized8 for swb_nmpc_options {}
@@ -149,6 +154,8 @@ impl Default for swb_nmpc_options {
             tol: o.tol,
             deadline: o.deadline,
             elastic_price: o.elastic_price,
+            flips: o.flips as i64,
+            hysteresis: o.hysteresis,
         }
     }
 }
@@ -203,6 +210,8 @@ impl swb_nmpc_options {
             family: if self.rk_family == -1 { None } else { Some(pick("rk_family", &families, self.rk_family)?) },
             n_s: count("n_s", self.n_s)?,
             steps: count("steps", self.steps)?,
+            flips: count("flips", self.flips)?,
+            hysteresis: self.hysteresis,
         })
     }
 }
@@ -320,6 +329,10 @@ pub struct swb_nmpc_monitor {
     pub from_plan: i64,
     /// Feedbacks that repeat the last control.
     pub from_hold: i64,
+    /// Systems that switch: alternatives to the plan that were prepared.
+    pub alternatives: i64,
+    /// Those that were taken.
+    pub flips: i64,
 }
 
 unsafe impl Sized8 for swb_nmpc_monitor {}
@@ -357,6 +370,8 @@ impl swb_nmpc_monitor {
             from_tangent: s[2] as i64,
             from_plan: s[3] as i64,
             from_hold: s[4] as i64,
+            alternatives: m.alternatives as i64,
+            flips: m.flips as i64,
         }
     }
 }
@@ -382,13 +397,15 @@ pub unsafe extern "C" fn swb_nmpc_options_init(options: *mut swb_nmpc_options, s
     guard(|| unsafe { write_sized(&swb_nmpc_options::default(), options, struct_size, "options") })
 }
 
-/// Create a controller for a problem as it is stated now. All memory is taken here. The problem is copied; the first iterate is
-/// its guess. Costs along the horizon are summed over the starts of the stages (10.1), path constraints hold there.
+/// Create a controller for a problem as it is stated now. All memory is taken here, but for logs of switches. The problem is copied;
+/// the first iterate is its guess. Costs along the horizon are summed over the starts of the stages (10.1), path constraints hold
+/// there. Systems that switch are simulated by events in every stage, with the tolerances of the settings; they take level D0 and
+/// every scheme but SWB_NMPC_SCHEME_MLI.
 ///
 /// @param[in]  ocp     may be changed, solved and freed afterwards
 /// @param[in]  options NULL for the defaults
 /// @param[out] out     the new object, NULL on failure; free with swb_nmpc_free
-/// @return SWB_OK; SWB_ERR_UNSUPPORTED for what controllers do not know: switches, free times and parameters, linear controls,
+/// @return SWB_OK; SWB_ERR_UNSUPPORTED for what controllers do not know: transitions, contacts, free times and parameters, linear controls,
 ///         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
 #[no_mangle]
 pub unsafe extern "C" fn swb_nmpc_create(

@@ -635,6 +635,11 @@ impl Field {
         Ok(moved)
     }
 
+    /// Largest component of `D` at the last point.
+    pub(super) fn largest_difference(&self) -> f64 {
+        self.d[..self.pairs.len() * self.nx].iter().fold(0.0, |m, v| m.max(v.abs()))
+    }
+
     /// Weight of an active cell at the last point.
     pub(super) fn theta(&self, cell: usize) -> f64 {
         self.theta_in(&self.alpha, cell)

@@ -1,5 +1,6 @@
 //! The controller: what happens between samples and at them.
 
+use super::branch::{Branches, Effort};
 use super::iterate::{Iterate, Step};
 use super::linearise::{Linearisation, Model};
 use super::monitor::{Contraction, Monitor};
@@ -55,7 +56,7 @@ enum Pending {
     Aged,
 }
 
-/// A model predictive controller. All memory is taken when it is made.
+/// A model predictive controller. All memory is taken when it is made, but for the logs of switches of systems that do.
 pub struct Nmpc {
     options: Options,
     model: Model,
@@ -78,6 +79,8 @@ pub struct Nmpc {
     scale: Vec<f64>,
     start: [Vec<f64>; 2],
     next: Vec<f64>,
+    /// For systems that switch.
+    branches: Option<Box<Branches>>,
 }
 
 impl Nmpc {
@@ -91,9 +94,17 @@ impl Nmpc {
         let (model, qp) = problem::build(ocp, options)?;
         let predictor = problem::stage(ocp, options, 1)?;
         let (n, nx, nu, rows) = (qp.n, qp.nx, qp.nu, qp.rows.len());
-        let solver: Box<dyn QpSolver> = match options.qp {
-            QpMethod::Condensing => Box::new(Condensing::new(&qp)?),
+        let solver = || -> Result<Box<dyn QpSolver>> {
+            match options.qp {
+                QpMethod::Condensing => Ok(Box::new(Condensing::new(&qp)?)),
+            }
         };
+        let branches = if model.switches {
+            Some(Box::new(Branches::new(&model, &qp, options.flips, solver, options.hessian())?))
+        } else {
+            None
+        };
+        let solver = solver()?;
         let step = Step { of: 0, solution: QpSolution::new(&qp) };
         let lin = Linearisation::new(&model, qp, solver, options.hessian());
         let zeros = || Iterate::zeros(n, nx, nu, rows);
@@ -115,6 +126,7 @@ impl Nmpc {
             scale: vec![1.0; nx + nu],
             start: [vec![0.0; (n + 1) * nx], vec![0.0; n * nu]],
             next: vec![0.0; n * nx],
+            branches,
             model,
         };
         c.take_guess(ocp);
@@ -271,6 +283,9 @@ impl Nmpc {
         self.seen = false;
         self.has_prediction = false;
         self.lin.reset();
+        if let Some(b) = &mut self.branches {
+            b.forget();
+        }
         for v in [&mut self.iterate.lambda, &mut self.iterate.u_mu, &mut self.iterate.row_mu] {
             v.fill(0.0);
         }
@@ -301,7 +316,9 @@ impl Nmpc {
     /// `x̃ = ψ(x, u)` with the first stage's data of the last sample.
     fn predict(&mut self) {
         self.has_prediction = false;
-        if !self.seen || !matches!(self.options.scheme, Scheme::AsRti | Scheme::Asc) {
+        // plans of systems that switch are simulated from where the next sample begins
+        let needed = self.model.switches || matches!(self.options.scheme, Scheme::AsRti | Scheme::Asc);
+        if !self.seen || !needed {
             return;
         }
         let nodes = &self.model.nodes;
@@ -332,9 +349,18 @@ impl Nmpc {
             self.lin.shift();
             self.entry = self.entry.saturating_sub(1);
         }
+        let inner = if self.model.switches { self.prepare_switching()? } else { self.prepare_smooth()? };
+        let after = self.model.evaluations();
+        self.monitor.evaluations = after;
+        self.monitor.last_evaluations = difference(after, before);
+        let time = self.monitor.preparation.add(start.elapsed());
+        Ok(Preparation { ready: self.lin.is_ready(), inner, time })
+    }
+
+    /// Inner iterations and a linearisation; their number.
+    fn prepare_smooth(&mut self) -> Result<usize> {
         let inner = match self.options.scheme {
-            Scheme::Rti => 0,
-            Scheme::Mli => 0,
+            Scheme::Rti | Scheme::Mli => 0,
             Scheme::AsRti | Scheme::Asc => self.inner_iterations()?,
         };
         let outcome = match (self.options.scheme, self.options.level) {
@@ -345,11 +371,38 @@ impl Nmpc {
             _ => self.lin.linearise(&mut self.model, &self.iterate),
         };
         self.note(outcome)?;
-        let after = self.model.evaluations();
-        self.monitor.evaluations = after;
-        self.monitor.last_evaluations = difference(after, before);
-        let time = self.monitor.preparation.add(start.elapsed());
-        Ok(Preparation { ready: self.lin.is_ready(), inner, time })
+        Ok(inner)
+    }
+
+    /// The plan and its alternatives, simulated from the predicted state; the iterations made on the plan.
+    fn prepare_switching(&mut self) -> Result<usize> {
+        let inner = if self.options.scheme == Scheme::Rti { 0 } else { self.options.inner };
+        let tol = if self.options.scheme == Scheme::Asc { self.options.tol } else { 0.0 };
+        let nx = self.nx();
+        let from = if self.has_prediction { &self.predicted[..] } else { &self.iterate.x[..nx] };
+        self.other.x[..nx].copy_from_slice(from);
+        let done = self.search_branches(inner, tol)?;
+        self.monitor.alternatives += self.branches.as_ref().map_or(0, |b| b.used() as u64);
+        Ok(done)
+    }
+
+    /// Improves the plan and its alternatives from the first state of the other iterate.
+    fn search_branches(&mut self, inner: usize, tol: f64) -> Result<usize> {
+        let effort = Effort { inner, tol, price: self.elastic_price() };
+        let nx = self.nx();
+        let Some(b) = &mut self.branches else { return Ok(0) };
+        b.x0.copy_from_slice(&self.other.x[..nx]);
+        self.other.copy_from(&self.iterate);
+        let outcome = b.prepare(&mut self.model, &mut self.lin, &mut self.iterate, effort);
+        let done = *outcome.as_ref().unwrap_or(&0);
+        if outcome.is_ok() {
+            // the plan begins at the predicted state now
+            self.entry = 0;
+        } else {
+            self.iterate.copy_from(&self.other);
+        }
+        self.note(outcome.map(|_| ()))?;
+        Ok(done)
     }
 
     /// Counts what went wrong, and ends the call where that was asked for.
@@ -543,10 +596,28 @@ impl Nmpc {
             }
             QpStatus::Failed => source = Source::Plan,
         }
+        let solved = status == QpStatus::Solved && source == Source::Qp;
+        if self.choose_branch(x, deadline, solved, iterations) {
+            self.lin.first_control(u0);
+            (status, source) = (QpStatus::Solved, Source::Qp);
+        }
         if source != Source::Plan && !u0.iter().all(|v| v.is_finite()) {
             source = Source::Plan;
         }
         (status, source)
+    }
+
+    /// Takes an alternative to the plan where that is cheaper.
+    fn choose_branch(&mut self, x: &[f64], deadline: Option<Instant>, solved: bool, iterations: &mut usize) -> bool {
+        let price = self.elastic_price();
+        let Some(b) = &mut self.branches else { return false };
+        let terms = Terms { deadline, elastic: None };
+        let choice = b.choose(&mut self.lin, x, &terms, (price, self.options.hysteresis, solved));
+        self.monitor.qps += choice.qps;
+        self.monitor.qp_iterations += choice.iterations;
+        *iterations += choice.iterations as usize;
+        self.monitor.flips += u64::from(choice.taken);
+        choice.taken
     }
 
     /// The control that the last plan has for now; behind its end the last control.
@@ -583,6 +654,9 @@ impl Nmpc {
         self.finish();
         self.has_prediction = false;
         let nx = self.nx();
+        if self.model.switches {
+            return self.initialise_switching(x0, max_iter);
+        }
         self.iterate.x[..nx].copy_from_slice(x0);
         let mut penalty = 0.0f64;
         for done in 0..max_iter {
@@ -604,6 +678,25 @@ impl Nmpc {
                 self.entry = 0;
                 return Ok(done + 1);
             }
+        }
+        Err(Error::Numeric(format!("no convergence in {max_iter} steps: give a better guess, or more steps")))
+    }
+
+    /// The best of the plan and its alternatives, each improved until that lowers its cost no further.
+    fn initialise_switching(&mut self, x0: &[f64], max_iter: usize) -> Result<usize> {
+        self.other.x[..x0.len()].copy_from_slice(x0);
+        let failed = self.monitor.failed_linearisations;
+        let done = self.search_branches(max_iter, 0.0)?;
+        if self.monitor.failed_linearisations > failed || !self.lin.is_ready() {
+            return Err(Error::Numeric(
+                "the plan cannot be simulated from this state, or the problem is not convex: give another guess".into(),
+            ));
+        }
+        if let Some(b) = &mut self.branches {
+            b.take_cheapest(&mut self.lin, &mut self.iterate);
+        }
+        if done < max_iter {
+            return Ok(done);
         }
         Err(Error::Numeric(format!("no convergence in {max_iter} steps: give a better guess, or more steps")))
     }

@@ -32,6 +32,8 @@ pub(super) struct Model {
     pub constraints: Constraints,
     pub u_lower: Vec<f64>,
     pub u_upper: Vec<f64>,
+    /// The system switches: its stages are simulated by events.
+    pub switches: bool,
     /// Control evaluations of costs and constraints, and those of the stages.
     pub evaluations: Evaluations,
 }
@@ -76,6 +78,8 @@ pub(super) struct Linearisation {
     row: Vec<f64>,
     updates: Option<BlockUpdates>,
     dx0: Vec<f64>,
+    /// Of the last [`Linearisation::roll_out`], `[n · nu]`: where controls that move nothing begin to.
+    break_away: Vec<Option<[f64; 2]>>,
 }
 
 impl Linearisation {
@@ -103,6 +107,7 @@ impl Linearisation {
             row: vec![0.0; width],
             updates: (kind == HessianKind::QuasiNewton).then(|| BlockUpdates::new(n, nx, nu, qp.rows.len())),
             dx0: vec![0.0; nx],
+            break_away: vec![None; n * nu],
             qp,
         }
     }
@@ -122,9 +127,50 @@ impl Linearisation {
         self.solver.iterations()
     }
 
+    /// Simulates the stages one after the other: from the first state and the controls of `at` to all other states, with
+    /// derivatives for [`Linearisation::linearise_rolled`]. The program stays as it is.
+    pub fn roll_out(&mut self, model: &mut Model, at: &mut Iterate) -> EvalResult {
+        let (n, nx, nu, np) = (self.qp.n, self.qp.nx, self.qp.nu, model.nodes.np);
+        for k in 0..n {
+            let (before, after) = at.x.split_at_mut((k + 1) * nx);
+            let starts = Starts {
+                x: &before[k * nx..],
+                u: &at.u[k * nu..(k + 1) * nu],
+                p: &model.nodes.p[k * np..(k + 1) * np],
+                t: &model.nodes.t[k..=k],
+                h: &model.nodes.h[k..=k],
+            };
+            let (a, b) = (&mut self.a[k * nx * nx..(k + 1) * nx * nx], &mut self.b[k * nx * nu..(k + 1) * nx * nu]);
+            model.stage.linearise(&starts, &mut after[..nx], a, b, None)?;
+            (0..nu).for_each(|j| self.break_away[k * nu + j] = model.stage.break_away(j));
+        }
+        self.next.copy_from_slice(&at.x[nx..]);
+        Ok(())
+    }
+
+    /// Controls that moved nothing in the last [`Linearisation::roll_out`], with the values at which they begin to.
+    pub fn break_away(&self) -> &[Option<[f64; 2]>] {
+        &self.break_away
+    }
+
+    /// [`Linearisation::linearise`] at the point of the last [`Linearisation::roll_out`].
+    pub fn linearise_rolled(&mut self, model: &mut Model, at: &Iterate) -> EvalResult {
+        let Model { nodes, costs, constraints, evaluations, .. } = model;
+        costs.evaluate(nodes, &at.x, &at.u, false)?;
+        constraints.linearise(nodes, &at.x, &at.u)?;
+        evaluations.values += 1;
+        evaluations.jacobians += 1;
+        self.take_over(model, at)
+    }
+
     /// Level D: values, Jacobians, Hessian and factors at a point. On failure the program before stays, to be solved further.
     pub fn linearise(&mut self, model: &mut Model, at: &Iterate) -> EvalResult {
         self.evaluate(model, at)?;
+        self.take_over(model, at)
+    }
+
+    /// The program of the functions that were evaluated last.
+    fn take_over(&mut self, model: &mut Model, at: &Iterate) -> EvalResult {
         let (nx, nu) = (self.qp.nx, self.qp.nu);
         self.stamp += 1;
         self.point.copy_from(at);
@@ -350,6 +396,12 @@ impl Linearisation {
         self.difference(x0);
         let step = self.solver.tangent(&self.qp, &self.dx0);
         u0.iter_mut().zip(self.point.u.iter().zip(step)).for_each(|(u, (point, step))| *u = point + step);
+    }
+
+    /// What a step adds to the cost by the program; rows that may not be violated have `price` per unit.
+    pub fn predicted_change(&self, step: &Step, price: f64) -> f64 {
+        debug_assert_eq!(step.of, self.stamp, "a step of another linearisation");
+        self.qp.objective(&step.solution.x, &step.solution.u, price)
     }
 
     /// The last solution with states and multipliers, as a step of this point.

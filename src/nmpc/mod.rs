@@ -7,13 +7,15 @@
 //!
 //! ```text
 //! nodes          times, parameters, algebraic states
-//! stage          x_{k+1} = ψ(x_k, u_k), A_k, B_k, adjoints: explicit and implicit Runge-Kutta
+//! stage          x_{k+1} = ψ(x_k, u_k), A_k, B_k, adjoints: explicit and implicit Runge-Kutta, events
 //! cost, constraints
 //! linearise      quadratic programs of levels B, C, D at a point; steps belong to them
+//! branch         alternatives where a system sticks
 //! controller     schemes: real-time iterations, multi-level iterations, advanced steps
 //! monitor        contraction, times, counts
 //! ```
 
+mod branch;
 mod constraints;
 mod controller;
 mod cost;

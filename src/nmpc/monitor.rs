@@ -54,6 +54,10 @@ pub struct Monitor {
     pub failed_linearisations: u64,
     /// Feedbacks by their source.
     pub sources: [u64; 5],
+    /// Systems that switch: alternatives to plans that were prepared, and those that were taken.
+    pub alternatives: u64,
+    /// Alternatives that were taken.
+    pub flips: u64,
 }
 
 impl Default for Monitor {
@@ -71,6 +75,8 @@ impl Default for Monitor {
             qp_iterations: 0,
             failed_linearisations: 0,
             sources: [0; 5],
+            alternatives: 0,
+            flips: 0,
         }
     }
 }

@@ -88,6 +88,11 @@ pub struct Options {
     pub n_s: usize,
     /// Steps in every control stage, 0: as many as the settings have finite elements.
     pub steps: usize,
+    /// Systems that switch: alternatives to the plan that are prepared at most where a control moves nothing since the system
+    /// sticks. Memory for as many linearisations is taken when the controller is made.
+    pub flips: usize,
+    /// An alternative is taken where its predicted cost is lower than that of the plan by more than this share of the latter.
+    pub hysteresis: f64,
 }
 
 impl Default for Options {
@@ -104,6 +109,8 @@ impl Default for Options {
             family: None,
             n_s: 0,
             steps: 0,
+            flips: 4,
+            hysteresis: 0.01,
         }
     }
 }
@@ -126,6 +133,8 @@ impl Options {
         range(self.elastic_price >= 0.0 && self.elastic_price.is_finite(), "elastic_price must not be negative")?;
         range(self.inner <= 10_000, "inner is at most 10000")?;
         range(self.steps <= 1000, "steps is at most 1000")?;
-        range(self.n_s <= 9, "n_s is at most 9")
+        range(self.n_s <= 9, "n_s is at most 9")?;
+        range(self.flips <= 64, "flips is at most 64")?;
+        range((0.0..1.0).contains(&self.hysteresis), "hysteresis is a share, from 0 to below 1")
     }
 }

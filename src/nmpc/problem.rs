@@ -4,8 +4,8 @@ use super::constraints::{Constraints, Stated, Where};
 use super::cost::{Costs, General, Squares};
 use super::linearise::{HessianKind, Model};
 use super::nodes::Nodes;
-use super::stage::{Chain, Evaluations, ExplicitRk, ImplicitRk, Stage};
-use super::Options;
+use super::stage::{Chain, Evaluations, EventStage, ExplicitRk, ImplicitRk, Stage};
+use super::{Level, Options, Scheme};
 use crate::error::{Error, Result};
 use crate::ocp::{CostAt, Durations, Norm, Ocp, Statement};
 use crate::qp::{Price, StageQp};
@@ -16,14 +16,19 @@ fn refuse<T>(what: &str) -> Result<T> {
     Err(Error::Unsupported(format!("real-time control does not know {what}")))
 }
 
+/// Does the system switch?
+fn switches(s: &Statement) -> bool {
+    !s.system.subsystems().is_empty() || !s.system.inclusions().is_empty()
+}
+
 /// What a controller cannot do yet, said when it is made.
 fn check(s: &Statement) -> Result<()> {
     s.system.check_without_transitions("real-time control")?;
     s.system.check_without_contacts("real-time control")?;
-    if !s.system.subsystems().is_empty() || !s.system.inclusions().is_empty() {
-        return refuse("systems that switch: give it a smooth one, or solve the problem itself at every sample");
+    if switches(s) && s.system.n_algebraic() > 0 {
+        return refuse("algebraic equations in systems that switch");
     }
-    if s.system.f0().is_none() {
+    if s.system.f0().is_none() && !switches(s) {
         return refuse("systems without a right-hand side");
     }
     if s.time != Durations::Fixed {
@@ -103,6 +108,12 @@ fn costs(s: &Statement, second: bool, width: usize) -> Result<Costs> {
 /// The discretisation of `n` stages.
 pub(super) fn stage(ocp: &Ocp, options: &Options, n: usize) -> Result<Box<dyn Stage>> {
     let s = ocp.statement();
+    if switches(&s) {
+        if options.scheme == Scheme::Mli || options.level != Level::D0 {
+            return refuse("levels other than D0 for systems that switch: their derivatives change with the modes");
+        }
+        return Ok(Box::new(EventStage::new(s.system, &s.settings.into())?));
+    }
     let Some(f) = s.system.f0() else { return refuse("systems without a right-hand side") };
     let own = crate::fesd::Options::from_settings(s.settings)?;
     let family = options.family.unwrap_or(own.family);
@@ -178,6 +189,7 @@ pub(super) fn build(ocp: &Ocp, options: &Options) -> Result<(Model, StageQp)> {
         costs: costs(&s, exact, nodes.nx + nodes.nu)?,
         constraints,
         stage: stage(ocp, options, n)?,
+        switches: switches(&s),
         u_lower: s.u_bounds[0].clone(),
         u_upper: s.u_bounds[1].clone(),
         nodes,

@@ -144,6 +144,35 @@ impl StageQp {
         }
     }
 
+    /// Value of the program at states and controls of all nodes, with prices of violations; rows without one have `price` per unit.
+    pub(crate) fn objective(&self, x: &[f64], u: &[f64], price: f64) -> f64 {
+        let (nx, nu) = (self.nx, self.nu);
+        let mut sum = dot(&self.grad_x, x) + dot(&self.grad_u, u);
+        for k in 0..=self.n {
+            let own = &x[k * nx..(k + 1) * nx];
+            for (j, v) in own.iter().enumerate() {
+                sum += 0.5 * v * dot(&self.hess_x[(k * nx + j) * nx..][..nx], own);
+            }
+            if k == self.n {
+                break;
+            }
+            let control = &u[k * nu..(k + 1) * nu];
+            for (j, v) in own.iter().enumerate() {
+                sum += v * dot(&self.hess_xu[(k * nx + j) * nu..][..nu], control);
+            }
+            for (j, v) in control.iter().enumerate() {
+                sum += 0.5 * v * dot(&self.hess_u[(k * nu + j) * nu..][..nu], control);
+            }
+        }
+        for (i, row) in self.rows.iter().enumerate() {
+            let v = self.row_value(i, x, u);
+            let beyond = (v - self.row_upper[i]).max(self.row_lower[i] - v).max(0.0);
+            let price = row.price.unwrap_or(Price { linear: price, quadratic: 0.0 });
+            sum += beyond * (price.linear + price.quadratic * beyond);
+        }
+        sum
+    }
+
     /// Value of row `i` at states and controls of all nodes.
     pub(crate) fn row_value(&self, i: usize, x: &[f64], u: &[f64]) -> f64 {
         let (nx, nu, k) = (self.nx, self.nu, self.rows[i].node);

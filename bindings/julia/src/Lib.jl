@@ -1631,6 +1631,8 @@ Options of a controller; swb_nmpc_options_init sets the defaults.
 - `tol`: SWB_NMPC_SCHEME_ASC ends its iterations where states and controls change by less than this share of their size.
 - `deadline`: Seconds that swb_nmpc_feedback may take; infinite for as many as it needs.
 - `elastic_price`: Price per unit of violation where constraints cannot all be met; 0: a thousand times the largest multiplier.
+- `flips`: Systems that switch: alternatives to the plan at most, prepared where a control moves nothing since the system sticks; at most 64.
+- `hysteresis`: Systems that switch: an alternative is taken where its predicted cost is lower than that of the plan by more than this share.
 """
 struct swb_nmpc_options
     struct_size::UInt64
@@ -1645,8 +1647,10 @@ struct swb_nmpc_options
     tol::Cdouble
     deadline::Cdouble
     elastic_price::Cdouble
+    flips::Int64
+    hysteresis::Cdouble
 end
-sizeof(swb_nmpc_options) == 96 || error("swb_nmpc_options has another size than in C")
+sizeof(swb_nmpc_options) == 112 || error("swb_nmpc_options has another size than in C")
 
 """
 What a preparation or a feedback did.
@@ -1703,6 +1707,8 @@ those of dynamics at every point of a Runge-Kutta step.
 - `from_tangent`: Feedbacks from the affine law, cut off.
 - `from_plan`: Feedbacks from the last plan.
 - `from_hold`: Feedbacks that repeat the last control.
+- `alternatives`: Systems that switch: alternatives to the plan that were prepared.
+- `flips`: Those that were taken.
 """
 struct swb_nmpc_monitor
     struct_size::UInt64
@@ -1734,8 +1740,10 @@ struct swb_nmpc_monitor
     from_tangent::Int64
     from_plan::Int64
     from_hold::Int64
+    alternatives::Int64
+    flips::Int64
 end
-sizeof(swb_nmpc_monitor) == 232 || error("swb_nmpc_monitor has another size than in C")
+sizeof(swb_nmpc_monitor) == 248 || error("swb_nmpc_monitor has another size than in C")
 
 """
 Comparison of an optimal control with a simulation of its controls: by the event-driven engine, or by finite elements of
@@ -4874,13 +4882,15 @@ swb_nmpc_options_init(options, struct_size) =
 """
     swb_nmpc_create(ocp, options, out) -> swb_status
 
-Create a controller for a problem as it is stated now. All memory is taken here. The problem is copied; the first iterate is
-its guess. Costs along the horizon are summed over the starts of the stages (10.1), path constraints hold there.
+Create a controller for a problem as it is stated now. All memory is taken here, but for logs of switches. The problem is copied;
+the first iterate is its guess. Costs along the horizon are summed over the starts of the stages (10.1), path constraints hold
+there. Systems that switch are simulated by events in every stage, with the tolerances of the settings; they take level D0 and
+every scheme but SWB_NMPC_SCHEME_MLI.
 
 @param[in]  ocp     may be changed, solved and freed afterwards
 @param[in]  options NULL for the defaults
 @param[out] out     the new object, NULL on failure; free with swb_nmpc_free
-@return SWB_OK; SWB_ERR_UNSUPPORTED for what controllers do not know: switches, free times and parameters, linear controls,
+@return SWB_OK; SWB_ERR_UNSUPPORTED for what controllers do not know: transitions, contacts, free times and parameters, linear controls,
         periodicity, complementarity, penalties of the largest violation; SWB_ERR_RANGE if an option is outside its range
 """
 swb_nmpc_create(ocp, options, out) =

@@ -121,9 +121,49 @@ def test_constraints_that_cannot_be_met():
 def test_what_controllers_do_not_know():
     m = swb.Model(states="q", controls="u")
     m.derivatives = [m.u[0] - swb.sign(m.x[0])]
+    for level in "abc":
+        with pytest.raises(swb.UnsupportedError, match="switch"):
+            swb.Nmpc(swb.Ocp(m, 1.0, 5), level=level)
     with pytest.raises(swb.UnsupportedError, match="switch"):
-        swb.Nmpc(swb.Ocp(m, 1.0, 5))
+        swb.Nmpc(swb.Ocp(m, 1.0, 5), "mli")
+    with pytest.raises(swb.RangeError, match="hysteresis"):
+        swb.Nmpc(problem(integrator()), hysteresis=-1.0)
     with pytest.raises(swb.ArgumentError, match="Ocp"):
         swb.Nmpc(m)
     with pytest.raises(swb.ArgumentError, match="scheme"):
         swb.Nmpc(problem(integrator()), "fast")
+
+
+def dry_mass(friction=1.0):
+    m = swb.Model(states="q v", controls="a")
+    m.derivatives = [m.x[1], m.u[0] - friction * swb.sign(m.x[1])]
+    return m
+
+
+def dry_loop(flips, friction=1.0, delay=0, noise=None):
+    m = dry_mass()
+    ocp = swb.Ocp(m, N * H, N, control_bounds=(-4, 4))
+    ocp.add_least_squares(m.function([m.x[0], m.x[1], m.u[0]]), [2, 0.1, 0.01], np.zeros(3))
+    ocp.add_least_squares(m.function([m.x[0], m.x[1]]), [20, 1], np.zeros(2), at="terminal")
+    ocp.set_state_guess([0.0], [[1.0, 0.0]])
+    with swb.Nmpc(ocp, "as_rti", shift=True, flips=flips) as c:
+        c.initialise([1.0, 0.0])
+        return swb.closed_loop(c, dry_mass(friction), [1.0, 0.0], 40, delay=delay, noise=noise), c.monitor
+
+
+def test_a_mass_that_sticks_breaks_away():
+    loop, monitor = dry_loop(flips=4)
+    assert abs(loop.x[-1, 0]) < 0.05 and loop.x[-1, 1] == 0.0
+    assert monitor.alternatives > 0 and set(loop.sources) == {swb.NmpcSource.QP}
+    # no derivative says that a larger force would move it
+    loop, monitor = dry_loop(flips=0)
+    assert np.all(loop.x[:, 0] == 1.0) and monitor.alternatives == monitor.flips == 0
+
+
+@pytest.mark.parametrize("friction, delay, noise", [(1.2, 0, None), (0.8, 0, None), (1.0, 2, None), (1.0, 0, [1e-3, 1e-3])])
+def test_friction_that_is_not_that_of_the_model(friction, delay, noise):
+    loop, _ = dry_loop(4, friction, delay, noise)
+    last = loop.u[-15:, 0]
+    assert abs(loop.x[-1, 0]) < 0.1
+    # the force does not change its side from sample to sample
+    assert np.sum((last[1:] * last[:-1] < 0) & (np.minimum(abs(last[1:]), abs(last[:-1])) > 0.8)) <= 1

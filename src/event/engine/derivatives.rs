@@ -7,6 +7,29 @@ use crate::event::tape::Time;
 use crate::func::EvalError;
 
 impl Engine {
+    /// Weights of the active modes of every sliding subsystem at the time reached, with their derivatives by the controls: calls
+    /// `each(θ, ∂θ/∂u, |D|)` for every one of these modes. `|D|` is the largest change of a component of the velocity from one
+    /// mode to another. Does nothing where nothing slides.
+    pub(crate) fn sliding_weights(&mut self, each: &mut dyn FnMut(f64, &[f64], f64)) -> Result<()> {
+        if self.field.has_contacts() || self.field.n_alg() == 0 {
+            return Ok(());
+        }
+        let first = self.nx + self.field.p.len();
+        let controls = first..first + self.field.u.len();
+        for k in 0..self.field.subs.len() {
+            for i in 0..if self.field.active[k].len() < 2 { 0 } else { self.field.active[k].len() } {
+                let cell = self.field.active[k][i];
+                let at = (self.t, &self.x[..], &self.f[..]);
+                let r = self.field.theta_gradient(cell, at, &mut self.jac, &mut self.time_row);
+                if recover(r.map(|()| true), false)? {
+                    let apart = self.field.largest_difference();
+                    each(self.field.theta(cell), &self.time_row[controls.clone()], apart);
+                }
+            }
+        }
+        Ok(())
+    }
+
     /// `∂x/∂(x0, p, u)` at the time reached, row-major with one row per state, if the options ask for it. After
     /// [`Engine::set_params`] or [`Engine::set_controls`] the derivatives are those with respect to changes of the
     /// parameters and controls over the whole run.

@@ -1,6 +1,7 @@
 //! From one node of the horizon to the next: `x_{k+1} = ψ_k(x_k, u_k)` with derivatives, all stages at once.
 
 mod chain;
+mod events;
 mod explicit;
 mod implicit;
 mod sensitivity;
@@ -8,6 +9,7 @@ mod sensitivity;
 mod tests;
 
 pub(super) use chain::Chain;
+pub(super) use events::EventStage;
 pub(super) use explicit::ExplicitRk;
 pub(super) use implicit::ImplicitRk;
 
@@ -36,7 +38,7 @@ pub struct Evaluations {
     pub hessians: u64,
 }
 
-/// A discretisation of the dynamics. Nothing is allocated after it was made. Results are those of a failed evaluation's
+/// A discretisation of the dynamics. Nothing is allocated after it was made, but by [`EventStage`]. Results are those of a failed evaluation's
 /// function; outputs are then undefined.
 pub(super) trait Stage: Send {
     /// `ψ_k`, `next[n · nx]`.
@@ -55,4 +57,9 @@ pub(super) trait Stage: Send {
     fn adjoint(&mut self, at: &Starts, lambda: &[f64], next: &mut [f64], gx: &mut [f64], gu: &mut [f64]) -> EvalResult;
     /// Evaluations so far.
     fn evaluations(&self) -> Evaluations;
+    /// Where control `j` moved nothing in the last stage of the last [`Stage::linearise`], since the system sticks: the values, below
+    /// and above, at which it begins to.
+    fn break_away(&self, _j: usize) -> Option<[f64; 2]> {
+        None
+    }
 }

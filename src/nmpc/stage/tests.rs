@@ -3,7 +3,7 @@
 use super::*;
 use crate::expr::Graph;
 use crate::func::Dims;
-use crate::system::SharedFunction;
+use crate::system::{Regions, SharedFunction, Subsystem, System};
 use crate::tableau::{Family, Tableau};
 use std::sync::Arc;
 
@@ -168,4 +168,96 @@ fn hessians_of_explicit_steps() {
             }
         }
     }
+}
+
+/// A mass on a dry track with a spring and a force; `friction` acts against the velocity.
+fn dry(friction: f64) -> System {
+    let g = Graph::new();
+    let dims = Dims { x: 2, u: 2, p: 1 };
+    let mut system = System::new(2, 2, 1).unwrap();
+    let smooth = [g.x(1), g.u(0) - g.x(0) * g.p(0) + g.u(1) * g.u(1)];
+    system.set_f0(Arc::new(g.function("f", dims, &smooth).unwrap())).unwrap();
+    let modes = [g.constant(-friction), g.constant(friction)];
+    let regions = Regions::Signs { psi: Arc::new(g.function("psi", dims, &[g.x(1)]).unwrap()), signs: vec![1, -1] };
+    let modes = Arc::new(g.function("modes", dims, &modes).unwrap());
+    system.add_subsystem(Subsystem { rows: vec![1], modes, n_modes: 2, regions }).unwrap();
+    system
+}
+
+/// Stages that cross the surface, that begin to slide, that slide.
+#[test]
+fn derivatives_of_stages_with_switches() {
+    let options = crate::event::Options::with_tolerance(1e-12, 1e-12);
+    let mut stage = EventStage::new(&dry(0.3), &options).unwrap();
+    let starts = [
+        [0.2, 0.05, 1.0, 0.1],
+        [0.1, 0.2, -1.5, 0.3],
+        [0.1, 0.04, -0.1, 0.2],
+        [0.3, -0.3, 0.4, 0.0],
+        [0.2, 0.0, 0.1, 0.1],
+    ];
+    let mut kinds = std::collections::BTreeSet::new();
+    for [x, v, u0, u1] in starts {
+        let at = |x: [f64; 2], u: [f64; 2], stage: &mut EventStage, a: &mut [f64], b: &mut [f64]| {
+            let starts = Starts { x: &x, u: &u, p: &[0.8], t: &[0.5], h: &[0.25] };
+            let mut next = [0.0; 2];
+            stage.linearise(&starts, &mut next, a, b, None).unwrap();
+            let mut again = [0.0; 2];
+            stage.values(&starts, &mut again).unwrap();
+            assert!(next.iter().zip(&again).all(|(a, b)| (a - b).abs() < 1e-11));
+            let (mut gx, mut gu) = ([0.0; 2], [0.0; 2]);
+            stage.adjoint(&starts, &[0.7, -0.4], &mut again, &mut gx, &mut gu).unwrap();
+            for (j, (x, u)) in gx.iter().zip(&gu).enumerate() {
+                assert!((x - (0.7 * a[2 * j] - 0.4 * a[2 * j + 1])).abs() < 1e-14);
+                assert!((u - (0.7 * b[2 * j] - 0.4 * b[2 * j + 1])).abs() < 1e-14);
+            }
+            next
+        };
+        let (mut a, mut b) = ([0.0; 4], [0.0; 4]);
+        at([x, v], [u0, u1], &mut stage, &mut a, &mut b);
+        let (a, b) = (a, b);
+        kinds.insert(stage.break_away(0).is_some());
+        for c in 0..4 {
+            let h = 1e-6;
+            let mut moved = |by: f64| {
+                let mut z = [x, v, u0, u1];
+                z[c] += by;
+                at([z[0], z[1]], [z[2], z[3]], &mut stage, &mut [0.0; 4], &mut [0.0; 4])
+            };
+            // a start on the surface is left by a change of the velocity to one side only
+            let (up, down) = (moved(h), moved(if v == 0.0 && c == 1 { 0.0 } else { -h }));
+            for i in 0..2 {
+                let e = (up[i] - down[i]) / if v == 0.0 && c == 1 { h } else { 2.0 * h };
+                let exact = if c < 2 { a[2 * c + i] } else { b[2 * (c - 2) + i] };
+                assert!((e - exact).abs() < 1e-5, "{x} {v} {u0}, row {i}, column {c}: {e} {exact}");
+            }
+        }
+    }
+    assert_eq!(kinds.len(), 2, "some stages stick, others do not");
+}
+
+/// A mass that sticks breaks away where the force on it exceeds the friction: `u_0 + u_1² − p x = ± friction`.
+#[test]
+fn controls_that_stick_know_where_they_break_away() {
+    let mut stage = EventStage::new(&dry(0.3), &crate::event::Options::default()).unwrap();
+    let (x, u, p) = ([0.5, 0.0], [0.3, 0.1], [0.8]);
+    let at = Starts { x: &x, u: &u, p: &p, t: &[0.0], h: &[0.1] };
+    stage.linearise(&at, &mut [0.0; 2], &mut [0.0; 4], &mut [0.0; 4], None).unwrap();
+    let [lower, upper] = stage.break_away(0).unwrap();
+    assert!(
+        (lower - (0.4 - 0.01 - 0.3)).abs() < 1e-12 && (upper - (0.4 - 0.01 + 0.3)).abs() < 1e-12,
+        "{lower} {upper}"
+    );
+    // to first order in the other control, whose force is its square: slope 0.2
+    let [lower, upper] = stage.break_away(1).unwrap();
+    let weight = 0.5 - (0.3 + 0.01 - 0.4) / 0.6;
+    assert!(
+        (upper - (0.1 + weight * 0.6 / 0.2)).abs() < 1e-12
+            || (upper - (0.1 + (1.0 - weight) * 0.6 / 0.2)).abs() < 1e-12
+    );
+    assert!(lower < 0.1 && (upper - lower - 0.6 / 0.2).abs() < 1e-12, "{lower} {upper}");
+    // it moves: nothing sticks
+    let at = Starts { x: &[0.5, 0.4], ..at };
+    stage.linearise(&at, &mut [0.0; 2], &mut [0.0; 4], &mut [0.0; 4], None).unwrap();
+    assert_eq!((stage.break_away(0), stage.break_away(1)), (None, None));
 }

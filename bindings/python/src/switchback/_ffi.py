@@ -890,6 +890,8 @@ class swb_nmpc_options(Structure):
         ("tol", c_double),
         ("deadline", c_double),
         ("elastic_price", c_double),
+        ("flips", c_int64),
+        ("hysteresis", c_double),
     ]
 
 
@@ -936,6 +938,8 @@ class swb_nmpc_monitor(Structure):
         ("from_tangent", c_int64),
         ("from_plan", c_int64),
         ("from_hold", c_int64),
+        ("alternatives", c_int64),
+        ("flips", c_int64),
     ]
 
 

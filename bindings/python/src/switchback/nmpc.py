@@ -74,6 +74,7 @@ class Monitor:
     qps, qp_iterations         quadratic programs, and their iterations
     failed_linearisations      linearisations whose functions had no value, or whose program was not convex
     from_...                   feedbacks by their source
+    alternatives, flips        systems that switch: alternatives to plans that were prepared, and those that were taken
     """
 
     kappa: float
@@ -104,6 +105,8 @@ class Monitor:
     from_tangent: int
     from_plan: int
     from_hold: int
+    alternatives: int
+    flips: int
 
 
 class Nmpc(Handle):
@@ -119,9 +122,12 @@ class Nmpc(Handle):
     elastic_price  price of violations where constraints cannot all be met; 0: chosen by the controller
     rk_family, n_s, steps   the Runge-Kutta method of the predictions and its steps in every stage; by default as the settings
                    of the problem say, with its finite elements as steps
+    flips          systems that switch: alternatives to the plan at most, where a control moves nothing since the system sticks
+    hysteresis     they are taken where their predicted cost is lower than that of the plan by more than this share
 
     The problem is copied as it is stated now. Costs along the horizon are summed over the starts of the stages, path constraints
-    hold there. After an algebraic elimination `nx` counts the states that have a derivative: they are what is measured.
+    hold there. Stages of systems that switch are simulated by events, with `rtol` and `atol` of the problem's settings; they take level
+    "d0" and every scheme but "mli". After an algebraic elimination `nx` counts the states that have a derivative: they are what is measured.
     """
 
     _kind = "nmpc"
@@ -141,6 +147,8 @@ class Nmpc(Handle):
         rk_family: str | RkFamily | None = None,
         n_s: int = 0,
         steps: int = 0,
+        flips: int = 4,
+        hysteresis: float = 0.01,
     ):
         if not isinstance(ocp, Ocp):
             raise ArgumentError(f"a controller takes an Ocp, not {type(ocp).__name__}")
@@ -156,6 +164,7 @@ class Nmpc(Handle):
         options.n_s, options.steps = index(n_s, "n_s"), index(steps, "steps")
         options.tol, options.deadline = number(tol, "tol"), number(deadline, "deadline")
         options.elastic_price = number(elastic_price, "elastic_price")
+        options.flips, options.hysteresis = index(flips, "flips"), number(hysteresis, "hysteresis")
         self._create(ocp, ctypes.byref(options))
         self._functions = list(ocp._functions)
         self.np, self.horizon = ocp.np, ocp.horizon

@@ -1,0 +1,326 @@
+//! Alternatives to the plan where a system sticks.
+//!
+//! A control that holds a sticking system changes nothing as long as it does not break away: the derivatives of the states by it
+//! are exactly zero, and a quadratic program at such a point never moves it. Where the plan has stages of this kind the problem is
+//! therefore also linearised at plans that break away in them, to either side; all programs are prepared, the feedback solves
+//! them all and takes the one with the lowest predicted cost.
+//!
+//! States are simulated from the predicted one on under the controls of a plan, so that every point is a solution of the dynamics with
+//! the switches it has, and costs of plans can be compared.
+
+use super::iterate::{Iterate, Step};
+use super::linearise::{Linearisation, Model};
+use crate::func::{EvalError, EvalResult};
+use crate::qp::{QpSolution, QpSolver, QpStatus, StageQp, Terms};
+
+type Evaluated<T> = std::result::Result<T, EvalError>;
+
+/// How far beyond break-away alternatives begin, in widths of the interval of controls that stick.
+const BEYOND: [f64; 2] = [0.05, 0.5];
+/// Share of its cost by which a plan must become better to be taken for better.
+const BETTER: f64 = 1e-9;
+/// Halvings of a step at most.
+const HALVINGS: usize = 4;
+
+/// How much is done for a plan.
+#[derive(Clone, Copy)]
+pub(super) struct Effort {
+    /// Iterations at most.
+    pub inner: usize,
+    /// They end where one gains less than this share of the cost.
+    pub tol: f64,
+    /// Price per unit of violation of rows that have none.
+    pub price: f64,
+}
+
+/// Control `j` in the stages `first..end` at another value.
+#[derive(Clone, Copy)]
+struct Flip {
+    first: usize,
+    end: usize,
+    j: usize,
+    value: f64,
+}
+
+/// An alternative: a plan with its linearisation, and its cost.
+struct Branch {
+    at: Iterate,
+    lin: Linearisation,
+    cost: f64,
+}
+
+/// All that belongs to alternatives of a plan.
+pub(super) struct Branches {
+    others: Vec<Branch>,
+    /// Those that are prepared lead.
+    used: usize,
+    /// Cost of the plan itself.
+    cost: f64,
+    /// The state all plans begin at.
+    pub x0: Vec<f64>,
+    base: Iterate,
+    trial: Iterate,
+    step: Step,
+    break_away: Vec<Option<[f64; 2]>>,
+    flips: Vec<Flip>,
+}
+
+/// What the choice among the programs was.
+pub(super) struct Choice {
+    /// An alternative is in the place of the plan's linearisation now.
+    pub taken: bool,
+    /// Programs solved, and their iterations.
+    pub qps: u64,
+    pub iterations: u64,
+}
+
+impl Branches {
+    /// `most` alternatives; `solver` makes what solves the programs.
+    pub fn new(
+        model: &Model,
+        qp: &StageQp,
+        most: usize,
+        solver: impl Fn() -> crate::error::Result<Box<dyn QpSolver>>,
+        kind: super::HessianKind,
+    ) -> crate::error::Result<Branches> {
+        let zeros = || Iterate::zeros(qp.n, qp.nx, qp.nu, qp.rows.len());
+        let branch = |_| -> crate::error::Result<Branch> {
+            Ok(Branch { at: zeros(), lin: Linearisation::new(model, qp.clone(), solver()?, kind), cost: f64::INFINITY })
+        };
+        Ok(Branches {
+            others: (0..most).map(branch).collect::<crate::error::Result<_>>()?,
+            used: 0,
+            cost: f64::INFINITY,
+            x0: vec![0.0; qp.nx],
+            base: zeros(),
+            trial: zeros(),
+            step: Step { of: 0, solution: QpSolution::new(qp) },
+            break_away: vec![None; qp.n * qp.nu],
+            flips: Vec::with_capacity(most),
+        })
+    }
+
+    /// Alternatives that are prepared.
+    pub fn used(&self) -> usize {
+        self.used
+    }
+
+    /// Nothing is prepared any more.
+    pub fn forget(&mut self) {
+        self.used = 0;
+        self.others.iter_mut().for_each(|b| b.lin.reset());
+    }
+
+    /// Simulates the plan from `x0`, improves it and its alternatives, and linearises all. Returns the iterations made on the plan.
+    pub fn prepare(
+        &mut self,
+        model: &mut Model,
+        lin: &mut Linearisation,
+        plan: &mut Iterate,
+        effort: Effort,
+    ) -> Evaluated<usize> {
+        self.used = 0;
+        self.base.copy_from(plan);
+        let mut search = Search { model, trial: &mut self.trial, step: &mut self.step, x0: &self.x0, effort };
+        self.cost = search.start(lin, plan)?;
+        self.break_away.copy_from_slice(lin.break_away());
+        let (cost, done) = search.improve(lin, plan, self.cost)?;
+        self.cost = cost;
+        list_flips(search.model, &self.break_away, &self.base.u, self.others.len(), &mut self.flips);
+        for flip in &self.flips {
+            let b = &mut self.others[self.used];
+            b.at.copy_from(&self.base);
+            let nu = search.model.nodes.nu;
+            (flip.first..flip.end).for_each(|k| b.at.u[k * nu + flip.j] = flip.value);
+            let found = search.start(&mut b.lin, &mut b.at);
+            match found.and_then(|cost| search.improve(&mut b.lin, &mut b.at, cost)) {
+                Ok((cost, _)) if b.lin.is_ready() => {
+                    b.cost = cost;
+                    self.used += 1;
+                }
+                Ok(_) | Err(EvalError::Recoverable) => {}
+                Err(e) => return Err(e),
+            }
+        }
+        Ok(done)
+    }
+
+    /// Puts the cheapest alternative in the place of the plan where it is better: for plans that were solved to the end.
+    pub fn take_cheapest(&mut self, lin: &mut Linearisation, plan: &mut Iterate) {
+        let costs = self.others[..self.used].iter().map(|b| b.cost).enumerate();
+        let Some((i, cost)) = costs.min_by(|a, b| a.1.total_cmp(&b.1)) else { return };
+        if cost < self.cost {
+            let b = &mut self.others[i];
+            std::mem::swap(lin, &mut b.lin);
+            std::mem::swap(plan, &mut b.at);
+            std::mem::swap(&mut self.cost, &mut b.cost);
+        }
+    }
+
+    /// Solves the programs of all alternatives for a state and puts the best one in the place of `lin`, whose program is solved,
+    /// if it is cheaper by the share `margin`. `solved`: is there a solution of `lin`?
+    pub fn choose(
+        &mut self,
+        lin: &mut Linearisation,
+        x: &[f64],
+        terms: &Terms,
+        (price, margin, solved): (f64, f64, bool),
+    ) -> Choice {
+        let mut choice = Choice { taken: false, qps: 0, iterations: 0 };
+        if self.used == 0 {
+            return choice;
+        }
+        let mut keep = f64::INFINITY;
+        if solved {
+            lin.step(&mut self.step);
+            keep = self.cost + lin.predicted_change(&self.step, price);
+        }
+        let mut best: Option<(usize, f64)> = None;
+        for (i, b) in self.others[..self.used].iter_mut().enumerate() {
+            if terms.over() {
+                break;
+            }
+            let status = b.lin.solve(x, &Terms { deadline: terms.deadline, elastic: None });
+            choice.qps += 1;
+            choice.iterations += b.lin.qp_iterations() as u64;
+            if status != QpStatus::Solved {
+                continue;
+            }
+            b.lin.step(&mut self.step);
+            let cost = b.cost + b.lin.predicted_change(&self.step, price);
+            if cost < best.map_or(f64::INFINITY, |b| b.1) {
+                best = Some((i, cost));
+            }
+        }
+        // infinite where nothing else is there
+        let limit = if keep.is_finite() { keep - margin * keep.abs() } else { f64::INFINITY };
+        if let Some((i, _)) = best.filter(|b| b.1 < limit) {
+            std::mem::swap(lin, &mut self.others[i].lin);
+            choice.taken = true;
+        }
+        choice
+    }
+}
+
+/// Plans that break away: the controls that move nothing, in the first stages in a row where they do not, then in the next, at values
+/// beyond break-away to either side, the smaller ones first.
+fn list_flips(model: &Model, break_away: &[Option<[f64; 2]>], u: &[f64], most: usize, out: &mut Vec<Flip>) {
+    let (n, nu) = (model.nodes.n, model.nodes.nu);
+    out.clear();
+    let inert = |k: usize, j: usize| break_away[k * nu + j];
+    let zone = |from: usize, j: usize| {
+        let first = (from..n).find(|k| inert(*k, j).is_some())?;
+        Some(first..(first..n).find(|k| inert(*k, j).is_none()).unwrap_or(n))
+    };
+    for which in 0..n {
+        for beyond in BEYOND {
+            for j in 0..nu {
+                let mut stages = zone(0, j);
+                for _ in 0..which {
+                    stages = stages.and_then(|s| zone(s.end, j));
+                }
+                let Some(stages) = stages else { continue };
+                let Some([lower, upper]) = inert(stages.start, j) else { continue };
+                let own = u[stages.start * nu + j];
+                let width = match (lower.is_finite(), upper.is_finite()) {
+                    (true, true) => upper - lower,
+                    (true, false) => own - lower,
+                    _ => upper - own,
+                };
+                for (edge, sign) in [(upper, 1.0), (lower, -1.0)] {
+                    let value = (edge + sign * beyond * width).max(model.u_lower[j]).min(model.u_upper[j]);
+                    let moves = edge.is_finite() && sign * (value - edge) > 0.0;
+                    if moves && out.len() < most {
+                        out.push(Flip { first: stages.start, end: stages.end, j, value });
+                    }
+                }
+            }
+        }
+        if out.len() >= most || (0..nu).all(|j| zone(0, j).is_none()) {
+            return;
+        }
+    }
+}
+
+/// Plans from one state.
+struct Search<'a> {
+    model: &'a mut Model,
+    trial: &'a mut Iterate,
+    step: &'a mut Step,
+    x0: &'a [f64],
+    effort: Effort,
+}
+
+impl Search<'_> {
+    /// Simulates a plan and linearises there; its cost.
+    fn start(&mut self, lin: &mut Linearisation, at: &mut Iterate) -> Evaluated<f64> {
+        at.x[..self.x0.len()].copy_from_slice(self.x0);
+        lin.roll_out(self.model, at)?;
+        let cost = merit(self.model, at, self.effort.price)?;
+        lin.linearise_rolled(self.model, at)?;
+        Ok(cost)
+    }
+
+    /// Steps of the quadratic program, each as long as it lowers the cost of the simulated plan. Returns the cost, and the steps.
+    fn improve(&mut self, lin: &mut Linearisation, at: &mut Iterate, mut cost: f64) -> Evaluated<(f64, usize)> {
+        for done in 0..self.effort.inner {
+            if !lin.is_ready() || !self.solve(lin) {
+                return Ok((cost, done));
+            }
+            lin.step(self.step);
+            let Some(better) = self.shorten(lin, cost)? else { return Ok((cost, done)) };
+            std::mem::swap(at, self.trial);
+            lin.linearise_rolled(self.model, at)?;
+            let gain = cost - better;
+            cost = better;
+            if gain <= self.effort.tol * cost.abs() {
+                return Ok((cost, done + 1));
+            }
+        }
+        Ok((cost, self.effort.inner))
+    }
+
+    fn solve(&mut self, lin: &mut Linearisation) -> bool {
+        let status = lin.solve(self.x0, &Terms::default());
+        if status == QpStatus::Infeasible {
+            let elastic = Terms { deadline: None, elastic: Some(self.effort.price) };
+            return lin.solve(self.x0, &elastic) == QpStatus::Solved;
+        }
+        status == QpStatus::Solved
+    }
+
+    /// The longest of a few shares of a step that lowers the cost; the plan is the trial then.
+    fn shorten(&mut self, lin: &mut Linearisation, cost: f64) -> Evaluated<Option<f64>> {
+        let mut t = 1.0;
+        for _ in 0..=HALVINGS {
+            lin.advance(self.step, t, self.trial);
+            self.keep_bounds();
+            self.trial.x[..self.x0.len()].copy_from_slice(self.x0);
+            let value = lin.roll_out(self.model, self.trial);
+            match value.and_then(|()| merit(self.model, self.trial, self.effort.price)) {
+                Ok(c) if c < cost - BETTER * cost.abs() => return Ok(Some(c)),
+                Ok(_) | Err(EvalError::Recoverable) => {}
+                Err(e) => return Err(e),
+            }
+            t *= 0.5;
+        }
+        Ok(None)
+    }
+
+    fn keep_bounds(&mut self) {
+        let nu = self.model.nodes.nu;
+        for (i, u) in self.trial.u.iter_mut().enumerate() {
+            *u = u.max(self.model.u_lower[i % nu]).min(self.model.u_upper[i % nu]);
+        }
+    }
+}
+
+/// Cost of a simulated plan with the prices of its violations.
+fn merit(model: &mut Model, at: &Iterate, price: f64) -> Evaluated<f64> {
+    let Model { nodes, costs, constraints, .. } = model;
+    let cost = costs.value(nodes, &at.x, &at.u)?;
+    let done: EvalResult = constraints.values(nodes, &at.x, &at.u);
+    done?;
+    let [hard, priced] = constraints.violation();
+    Ok(cost + priced + price * hard)
+}

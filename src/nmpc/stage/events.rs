@@ -1,0 +1,176 @@
+//! Stages of a system that switches, simulated by events.
+
+use super::{Evaluations, Stage, Starts};
+use crate::error::{Error, Result};
+use crate::event::{Engine, Options, Outcome};
+use crate::func::{EvalError, EvalResult};
+use crate::linalg::dense::{gemv_transposed, Left};
+use crate::system::System;
+
+/// Share of what a control would do in one stage if nothing stuck, below which it does nothing.
+const INERT: f64 = 1e-6;
+
+/// The solution of the piecewise smooth system over every stage with its exact derivatives, through switches (6.25) and sliding modes.
+/// Stages are independent of each other, and there may be any number of them in a call.
+///
+/// Switches are logged by the engine, which allocates.
+pub(in super::super) struct EventStage {
+    /// With derivatives, and without.
+    engine: Engine,
+    plain: Engine,
+    nx: usize,
+    nu: usize,
+    np: usize,
+    break_away: Vec<Option<[f64; 2]>>,
+    /// Room for thresholds, and for the size of what the controls do.
+    reach: Vec<[f64; 3]>,
+    a: Vec<f64>,
+    b: Vec<f64>,
+    evaluations: Evaluations,
+}
+
+/// An error of a simulation as that of a function: what cannot be simulated has no value.
+fn outcome(done: Result<Outcome>) -> EvalResult {
+    match done {
+        Ok(Outcome::Reached) => Ok(()),
+        Err(Error::Interrupted) => Err(EvalError::Stopped),
+        Err(Error::User { code, .. }) => Err(EvalError::Fatal(code)),
+        Ok(_) | Err(_) => Err(EvalError::Recoverable),
+    }
+}
+
+fn simulate(engine: &mut Engine, at: &Starts, k: usize, [nx, nu, np]: [usize; 3], next: &mut [f64]) -> EvalResult {
+    let mut run = || -> Result<Outcome> {
+        engine.reinit(at.t[k], &at.x[k * nx..(k + 1) * nx])?;
+        engine.set_params(&at.p[k * np..(k + 1) * np])?;
+        engine.set_controls(&at.u[k * nu..(k + 1) * nu])?;
+        engine.advance(at.t[k] + at.h[k])
+    };
+    outcome(run())?;
+    next.copy_from_slice(engine.state());
+    if next.iter().all(|v| v.is_finite()) {
+        Ok(())
+    } else {
+        Err(EvalError::Recoverable)
+    }
+}
+
+impl EventStage {
+    /// `options` are those of the simulations; derivatives are added where they are needed.
+    pub fn new(system: &System, options: &Options) -> Result<EventStage> {
+        let with = |sensitivity: bool| Options { sensitivity, dense: false, adjoint: false, ..options.clone() };
+        let d = system.dims();
+        Ok(EventStage {
+            engine: Engine::new(system, &with(true))?,
+            plain: Engine::new(system, &with(false))?,
+            nx: d.x,
+            nu: d.u,
+            np: d.p,
+            break_away: vec![None; d.u],
+            reach: vec![[0.0; 3]; d.u],
+            a: vec![0.0; d.x * d.x],
+            b: vec![0.0; d.x * d.u],
+            evaluations: Evaluations::default(),
+        })
+    }
+
+    fn sizes(&self) -> [usize; 3] {
+        [self.nx, self.nu, self.np]
+    }
+
+    /// One stage with derivatives, column-major.
+    fn derivatives(&mut self, at: &Starts, k: usize, next: &mut [f64], a: &mut [f64], b: &mut [f64]) -> EvalResult {
+        let [nx, nu, np] = self.sizes();
+        simulate(&mut self.engine, at, k, [nx, nu, np], next)?;
+        let Some(s) = self.engine.sensitivity() else { return Err(EvalError::Recoverable) };
+        for (i, row) in s.chunks_exact(nx + np + nu).enumerate() {
+            (0..nx).for_each(|j| a[i + j * nx] = row[j]);
+            (0..nu).for_each(|j| b[i + j * nx] = row[nx + np + j]);
+        }
+        if a.iter().chain(b.iter()).all(|v| v.is_finite()) {
+            Ok(())
+        } else {
+            Err(EvalError::Recoverable)
+        }
+    }
+
+    /// Finds the controls that move nothing, and where they begin to. While a mode slides its weights are affine in the controls
+    /// to first order, and it ends where one of them is zero.
+    fn look_for_sticking(&mut self, at: &Starts, k: usize, b: &[f64]) -> EvalResult {
+        let EventStage { engine, reach, break_away, nx, nu, .. } = self;
+        reach.fill([f64::NEG_INFINITY, f64::INFINITY, 0.0]);
+        let u = &at.u[k * *nu..(k + 1) * *nu];
+        let mut see = |weight: f64, slope: &[f64], apart: f64| {
+            for ((r, u), slope) in reach.iter_mut().zip(u).zip(slope).filter(|e| *e.1 != 0.0) {
+                let at = u - weight / slope;
+                if at < *u {
+                    r[0] = r[0].max(at);
+                } else {
+                    r[1] = r[1].min(at);
+                }
+                r[2] = r[2].max(slope.abs() * apart);
+            }
+        };
+        outcome(engine.sliding_weights(&mut see).map(|()| Outcome::Reached))?;
+        for (j, found) in break_away.iter_mut().enumerate() {
+            let [lower, upper, size] = reach[j];
+            let acts = b[j * *nx..(j + 1) * *nx].iter().fold(0.0f64, |m, v| m.max(v.abs()));
+            *found = (size > 0.0 && acts <= INERT * at.h[k] * size).then_some([lower, upper]);
+        }
+        Ok(())
+    }
+}
+
+impl Stage for EventStage {
+    fn values(&mut self, at: &Starts, next: &mut [f64]) -> EvalResult {
+        let sizes = self.sizes();
+        self.evaluations.values += 1;
+        next.chunks_exact_mut(self.nx).enumerate().try_for_each(|(k, x)| simulate(&mut self.plain, at, k, sizes, x))
+    }
+
+    fn linearise(
+        &mut self,
+        at: &Starts,
+        next: &mut [f64],
+        a: &mut [f64],
+        b: &mut [f64],
+        second: Option<(&[f64], &mut [f64])>,
+    ) -> EvalResult {
+        debug_assert!(second.is_none(), "problems that switch are made without second derivatives");
+        let (nx, nu) = (self.nx, self.nu);
+        self.evaluations.values += 1;
+        self.evaluations.jacobians += 1;
+        for (k, x) in next.chunks_exact_mut(nx).enumerate() {
+            let b = &mut b[k * nx * nu..(k + 1) * nx * nu];
+            self.derivatives(at, k, x, &mut a[k * nx * nx..(k + 1) * nx * nx], b)?;
+            self.look_for_sticking(at, k, b)?;
+        }
+        Ok(())
+    }
+
+    fn adjoint(&mut self, at: &Starts, lambda: &[f64], next: &mut [f64], gx: &mut [f64], gu: &mut [f64]) -> EvalResult {
+        let (nx, nu) = (self.nx, self.nu);
+        let (mut a, mut b) = (std::mem::take(&mut self.a), std::mem::take(&mut self.b));
+        self.evaluations.adjoints += 1;
+        let done = next.chunks_exact_mut(nx).enumerate().try_for_each(|(k, x)| {
+            self.derivatives(at, k, x, &mut a, &mut b)?;
+            let (gx, gu) = (&mut gx[k * nx..(k + 1) * nx], &mut gu[k * nu..(k + 1) * nu]);
+            gx.fill(0.0);
+            gu.fill(0.0);
+            let lambda = &lambda[k * nx..(k + 1) * nx];
+            gemv_transposed(nx, nx, Left { v: &a, ld: nx }, lambda, gx);
+            gemv_transposed(nx, nu, Left { v: &b, ld: nx }, lambda, gu);
+            Ok(())
+        });
+        (self.a, self.b) = (a, b);
+        done
+    }
+
+    fn evaluations(&self) -> Evaluations {
+        self.evaluations
+    }
+
+    fn break_away(&self, j: usize) -> Option<[f64; 2]> {
+        self.break_away[j]
+    }
+}
