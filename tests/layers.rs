@@ -47,7 +47,10 @@ const LAYERS: &[(&str, &[&str])] = &[
             "fesd", "jumps", "sim",
         ],
     ),
-    ("nmpc", &["error", "stop", "settings", "tableau", "linalg", "func", "expr", "system", "fesd", "event", "ocp", "qp"]),
+    (
+        "nmpc",
+        &["error", "stop", "settings", "tableau", "linalg", "func", "expr", "system", "fesd", "event", "ocp", "qp"],
+    ),
     ("document", &["error", "stop", "settings", "func", "expr", "system", "model", "fesd", "ocp"]),
 ];
 const ABOVE_ALL: &str = "capi";
