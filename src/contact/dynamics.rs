@@ -130,6 +130,8 @@ pub(crate) struct Dynamics {
     pub(super) problem: Problem,
     pub(super) room: Room,
     pub(super) linearised: Linearised,
+    /// Forces that the present modes began with: where forces are not unique, they stay as near to these as they can.
+    pub(super) reference: Vec<Forces>,
     /// The direction of derivatives, where only one is looked for.
     pub(super) along: Option<Arc<[f64]>>,
     /// Contacts that would slide and are held back by others that stick, see [`Dynamics::find_carried`].
@@ -192,6 +194,7 @@ impl Dynamics {
             problem: Problem::default(),
             room: Room::with_capacity(some),
             linearised: Linearised::default(),
+            reference: vec![[0.0; 3]; m.contacts.len()],
             along: None,
             carried: vec![false; m.contacts.len()],
             evaluations: 0,
@@ -438,6 +441,9 @@ impl Dynamics {
             self.lambda.push(-dot(b.row(r.component), &self.free) - b.rest_of(r.component));
         }
         self.held.solve(&mut self.lambda);
+        if self.held.is_singular() {
+            self.keep_reference();
+        }
         for (r, (l, y)) in self.rows.iter().zip(self.lambda.iter().zip(self.y.chunks_exact(n_v))) {
             self.forces[r.contact][r.component] = *l;
             self.acceleration.iter_mut().zip(y).for_each(|(a, y)| *a += l * y);
@@ -451,6 +457,17 @@ impl Dynamics {
             }
         }
         Ok(())
+    }
+
+    /// Adds to forces of least norm what of the reference changes nothing of the motion: rigid bodies do not say how they share
+    /// a load, and the share of least norm may ask more of friction than it gives.
+    fn keep_reference(&mut self) {
+        let m = self.rows.len();
+        let reference: Vec<f64> = self.rows.iter().map(|r| self.reference[r.contact][r.component]).collect();
+        let mut moved: Vec<f64> = self.held.entries().chunks_exact(m).map(|row| dot(row, &reference)).collect();
+        self.held.solve(&mut moved);
+        let rest = reference.iter().zip(&moved).map(|(r, m)| r - m);
+        self.lambda.iter_mut().zip(rest).for_each(|(l, r)| *l += r);
     }
 
     /// Keeps rows and matrix for the next evaluation if nothing of them changes.
@@ -655,6 +672,32 @@ impl Dynamics {
         } else {
             terms
         }
+    }
+
+    /// For every closed contact, the normal force that its rounding is proportional to: that of the equations of all contacts
+    /// that are held, as far as they act on it (componentwise: N. J. Higham, *Accuracy and Stability of Numerical Algorithms*,
+    /// 2002, 7.2). A contact that nothing presses has what the others leave.
+    pub(crate) fn force_roundings(&mut self) -> Vec<(usize, f64)> {
+        let m = self.rows.len();
+        let held = self.held.entries();
+        if held.len() != m * m || self.lambda.len() != m || m < 2 {
+            return Vec::new();
+        }
+        let of = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a * b).abs()).sum::<f64>();
+        let terms = self.rows.iter().zip(held.chunks_exact(m)).map(|(r, a)| {
+            let b = &self.blocks[r.contact];
+            of(a, &self.lambda) + of(b.row(r.component), &self.free) + b.rest_of(r.component).abs()
+        });
+        let terms: Vec<f64> = terms.collect();
+        let (mut sizes, mut column) = (vec![0.0; m], vec![0.0; m]);
+        for (j, t) in terms.iter().enumerate() {
+            column.fill(0.0);
+            column[j] = *t;
+            self.held.solve(&mut column);
+            sizes.iter_mut().zip(&column).for_each(|(s, c)| *s += c.abs());
+        }
+        let normal = self.rows.iter().zip(&sizes).filter(|(r, _)| r.component == 0);
+        normal.map(|(r, s)| (r.contact, *s)).collect()
     }
 
     /// Loads all closed contacts and the matrix of what is held.

@@ -14,9 +14,11 @@ mod impact;
 mod inertia;
 mod least_energy;
 mod least_norm;
+mod lemke;
 mod modes;
 pub(crate) mod problem;
 mod sensitivity;
+mod share;
 
 pub(crate) use dynamics::{Block, Dynamics, Forces, STOP};
 pub(crate) use impact::Impulse;

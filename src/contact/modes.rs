@@ -1,7 +1,7 @@
 //! Which contact modes may follow at a point: a complementarity problem of forces and accelerations, and, where that leaves
 //! quantities at zero, of the way they go from there.
 
-use super::dynamics::{dot, At, Dynamics};
+use super::dynamics::{dot, At, Dynamics, Forces};
 use super::mode;
 use super::problem::{Part, Problem, Solution, State};
 use super::sensitivity::{add_jacobian, zeros};
@@ -14,6 +14,8 @@ pub(crate) struct Choice {
     pub(crate) modes: Vec<Vec<usize>>,
     /// Directions of contacts in space that begin to slide.
     directions: Vec<(usize, [f64; 2])>,
+    /// Forces of the closed contacts, where there are many and they are not unique: those well within the friction.
+    forces: Vec<(usize, Forces)>,
 }
 
 /// What may follow.
@@ -71,27 +73,42 @@ impl Dynamics {
             first += 1 + n_t;
         }
         let found = problem.solve(&mut self.room);
+        let shared = found.shared;
         let mut out = Follow::default();
         let r = found.all.iter().try_for_each(|s| {
-            let choice = self.choice(closed, s);
-            if self.goes_on(at, closed, &problem, s, &choice, length)? {
+            let choice = self.choice(closed, s, shared);
+            if self.do_not_go_on(at, closed, &problem, s, &choice, length)?.is_empty() {
                 out.all.push(choice);
             }
             Ok(())
         });
+        let r = match (r, found.all.into_iter().next()) {
+            (Ok(()), Some(s)) if out.all.is_empty() => {
+                self.change_borders(at, closed, &problem, s, (length, shared)).map(|c| out.all.extend(c))
+            }
+            (r, _) => r,
+        };
         problem.clear();
         self.problem = problem;
         r.map(|()| out)
     }
 
-    fn choice(&self, closed: &[Closed], s: &Solution) -> Choice {
-        let mut out = Choice { modes: vec![vec![mode::OPEN]; self.n_contacts()], directions: Vec::new() };
+    fn choice(&self, closed: &[Closed], s: &Solution, shared: bool) -> Choice {
+        let mut out =
+            Choice { modes: vec![vec![mode::OPEN]; self.n_contacts()], directions: Vec::new(), forces: Vec::new() };
+        let mut first = 0;
         for (c, state) in closed.iter().zip(&s.states) {
+            let n_t = self.mechanics.contacts[c.contact].n_tangents;
+            let mut force = [0.0; 3];
+            force[..=n_t].copy_from_slice(&s.r[first..=first + n_t]);
+            if shared {
+                out.forces.push((c.contact, force));
+            }
+            first += 1 + n_t;
             out.modes[c.contact][0] = match state {
                 State::Open => mode::OPEN,
                 State::Rests => mode::CLOSED,
                 State::Slides(d) => {
-                    let n_t = self.mechanics.contacts[c.contact].n_tangents;
                     if n_t == 2 {
                         out.directions.push((c.contact, *d));
                     }
@@ -109,6 +126,8 @@ impl Dynamics {
     /// Takes over what a choice says about directions, before its modes are used.
     pub(crate) fn begin(&mut self, choice: &Choice) {
         self.starting.clone_from(&choice.directions);
+        self.reference.fill([0.0; 3]);
+        choice.forces.iter().for_each(|&(i, f)| self.reference[i] = f);
         for &(i, d) in &choice.directions {
             self.directions[i] = d;
             // so small a velocity is rounding: the direction is that which is given
@@ -118,8 +137,34 @@ impl Dynamics {
         }
     }
 
-    /// Do the quantities of a solution that are zero go where they may?
-    fn goes_on(
+    /// Several contacts may have to change together where they are at the border between two states: those that do not go on
+    /// change, all of them at first and then one at a time, until all do.
+    fn change_borders(
+        &mut self,
+        at: &At,
+        closed: &[Closed],
+        problem: &Problem,
+        mut s: Solution,
+        (length, shared): (f64, bool),
+    ) -> Result<Option<Choice>, EvalError> {
+        let n = problem.parts.len();
+        for pass in 0..3 * n {
+            let choice = self.choice(closed, &s, shared);
+            let mut wrong = self.do_not_go_on(at, closed, problem, &s, &choice, length)?;
+            if wrong.is_empty() {
+                return Ok(Some(choice));
+            }
+            if pass >= n {
+                wrong.truncate(1);
+            }
+            wrong.into_iter().for_each(|(k, state)| s.states[k] = state);
+        }
+        Ok(None)
+    }
+
+    /// The quantities of a solution that are zero and do not go where they may: the places of their contacts, with the states
+    /// these have then.
+    fn do_not_go_on(
         &mut self,
         at: &At,
         closed: &[Closed],
@@ -127,47 +172,58 @@ impl Dynamics {
         s: &Solution,
         choice: &Choice,
         length: f64,
-    ) -> Result<bool, EvalError> {
-        // value, its size, and the weights of its rate: of the component of z, of the forces
+    ) -> Result<Vec<(usize, State)>, EvalError> {
+        // its contact, the state behind zero, its size, and the weights of its rate: of the component of z, of the forces
         struct Quantity {
+            place: usize,
             contact: usize,
+            behind: State,
             size: f64,
             z: [f64; 3],
             r: [f64; 3],
         }
         let mut zero = Vec::new();
-        for ((c, p), state) in closed.iter().zip(&problem.parts).zip(&s.states) {
+        let sizes = problem.parts.iter().map(|p| problem.scale(p, p.first, &s.r));
+        // where nothing acts on a contact, what acts on the others leaves its rounding
+        let least = f64::EPSILON / ZERO * sizes.fold(0.0, f64::max);
+        for (place, ((c, p), state)) in closed.iter().zip(&problem.parts).zip(&s.states).enumerate() {
             let (r, z) = (&s.r[p.first..=p.first + p.n_t], &s.z[p.first..=p.first + p.n_t]);
             let (size, force) = (problem.scale(p, p.first, &s.r), problem.force_scale(p, p.first, &s.r));
-            let mut note = |value: f64, size: f64, z: [f64; 3], r: [f64; 3]| {
+            let mut note = |value: f64, size: f64, z: [f64; 3], r: [f64; 3], behind: State| {
                 if value.abs() <= ZERO * size {
-                    zero.push(Quantity { contact: c.contact, size, z, r });
+                    zero.push(Quantity { place, contact: c.contact, behind, size: size.max(least), z, r });
                 }
             };
             match state {
-                State::Open => note(z[0], size, [1.0, 0.0, 0.0], [0.0; 3]),
+                State::Open => {
+                    let behind = problem.may_push(p, s).unwrap_or(State::Rests);
+                    note(z[0], size, [1.0, 0.0, 0.0], [0.0; 3], behind);
+                }
                 State::Rests => {
-                    note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0]);
+                    note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0], State::Open);
                     if p.n_t == 1 {
-                        note(p.friction * r[0] - r[1], force, [0.0; 3], [p.friction, -1.0, 0.0]);
-                        note(p.friction * r[0] + r[1], force, [0.0; 3], [p.friction, 1.0, 0.0]);
+                        let behind = State::Slides([-1.0, 0.0]);
+                        note(p.friction * r[0] - r[1], force, [0.0; 3], [p.friction, -1.0, 0.0], behind);
+                        let behind = State::Slides([1.0, 0.0]);
+                        note(p.friction * r[0] + r[1], force, [0.0; 3], [p.friction, 1.0, 0.0], behind);
                     } else if p.n_t == 2 {
                         let push = r[1].hypot(r[2]);
                         let d = if push > 0.0 { [r[1] / push, r[2] / push] } else { [0.0; 2] };
-                        note(p.friction * r[0] - push, force, [0.0; 3], [p.friction, -d[0], -d[1]]);
+                        let behind = State::Slides([-d[0], -d[1]]);
+                        note(p.friction * r[0] - push, force, [0.0; 3], [p.friction, -d[0], -d[1]], behind);
                     }
                 }
                 State::Slides(d) => {
-                    note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0]);
+                    note(r[0], force, [0.0; 3], [1.0, 0.0, 0.0], State::Open);
                     if p.slides.is_none() {
                         let along = z[1..].iter().zip(d).map(|(z, d)| z * d).sum();
-                        note(along, size, [0.0, d[0], d[1]], [0.0; 3]);
+                        note(along, size, [0.0, d[0], d[1]], [0.0; 3], State::Rests);
                     }
                 }
             }
         }
         if zero.is_empty() {
-            return Ok(true);
+            return Ok(Vec::new());
         }
         let m = self.mechanics.clone();
         let [mut rates, mut forces, mut row] = {
@@ -180,7 +236,8 @@ impl Dynamics {
         self.along_motion(at, &choice.modes, &mut rates, &mut forces)?;
         let columns = self.columns(at);
         let a = self.acceleration.clone();
-        let mut check = || -> Result<bool, EvalError> {
+        let mut check = || -> Result<Vec<(usize, State)>, EvalError> {
+            let mut wrong = Vec::new();
             for q in &zero {
                 let c = &m.contacts[q.contact];
                 let mut rate = 0.0;
@@ -199,10 +256,10 @@ impl Dynamics {
                     }
                 }
                 if rate * length < -ZERO * q.size {
-                    return Ok(false);
+                    wrong.push((q.place, q.behind));
                 }
             }
-            Ok(true)
+            Ok(wrong)
         };
         let fine = check();
         self.along_nothing();

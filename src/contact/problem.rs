@@ -89,6 +89,8 @@ pub(crate) struct Solutions {
     pub(crate) all: Vec<Solution>,
     /// Another `r` has the same `z`.
     pub(crate) redundant: bool,
+    /// The forces are those that stay within the cones of friction, see [`super::share`].
+    pub(crate) shared: bool,
 }
 
 /// Combinations of states that are all tried.
@@ -118,14 +120,17 @@ impl Problem {
     /// The solutions: all of them where few contacts in the plane allow to try everything, else one.
     pub(crate) fn solve(&self, room: &mut Room) -> Solutions {
         if self.parts.is_empty() {
-            return Solutions { all: vec![Solution::default()], redundant: false };
+            return Solutions { all: vec![Solution::default()], ..Solutions::default() };
         }
         let n = self.parts.iter().try_fold(1usize, |n, p| n.checked_mul(Problem::n_options(p)));
         match n {
             Some(n) if n <= COMBINATIONS => self.try_all(n, room),
             _ => {
-                let all = self.iterate(room).map_or_else(Vec::new, |s| self.readings(s));
-                Solutions { redundant: false, all }
+                let found = self.iterate(room).map(|mut s| {
+                    let redundant = self.share_loads(&mut s);
+                    Solutions { redundant, shared: redundant, all: self.readings(s) }
+                });
+                found.unwrap_or_default()
             }
         }
     }
@@ -242,7 +247,7 @@ impl Problem {
         );
     }
 
-    fn residual(&self, r: &[f64]) -> Vec<f64> {
+    pub(super) fn residual(&self, r: &[f64]) -> Vec<f64> {
         let mut z = Vec::with_capacity(self.n());
         self.residual_to(r, &mut z);
         z
@@ -255,7 +260,7 @@ impl Problem {
     }
 
     /// What of component `i` of `z` is zero.
-    fn noise(&self, p: &Part, i: usize, r: &[f64]) -> f64 {
+    pub(super) fn noise(&self, p: &Part, i: usize, r: &[f64]) -> f64 {
         ZERO * self.scale(p, i, r)
     }
 
@@ -271,7 +276,7 @@ impl Problem {
     }
 
     /// Do the conditions hold, up to what is zero?
-    fn holds(&self, s: &Solution) -> bool {
+    pub(super) fn holds(&self, s: &Solution) -> bool {
         self.parts.iter().zip(&s.states).all(|(p, state)| {
             let zero = |k: usize| self.noise(p, p.first + k, &s.r);
             let little = |k: usize| ZERO * self.force_scale(p, p.first + k, &s.r).max(self.force_size(p, k));
@@ -294,7 +299,7 @@ impl Problem {
         })
     }
 
-    fn same_motion(&self, a: &Solution, b: &Solution) -> bool {
+    pub(super) fn same_motion(&self, a: &Solution, b: &Solution) -> bool {
         self.parts.iter().all(|p| {
             (p.first..=p.first + p.n_t).all(|i| {
                 let zero = 10.0 * (self.noise(p, i, &a.r) + self.noise(p, i, &b.r));
@@ -313,7 +318,7 @@ impl Problem {
     }
 
     /// One solution, by iteration from the first of these that leads to one: the forces that were there before, those of
-    /// least energy, none. Where bodies carry each other there may be several solutions, and those that rest keep resting.
+    /// least energy, none, those that pivots find. Where bodies carry each other there may be several solutions, and those that rest keep resting.
     fn iterate(&self, room: &mut Room) -> Option<Solution> {
         let known = self.start.len() == self.n() && self.start.iter().any(|r| *r != 0.0);
         let before = || known.then(|| self.start.clone());
@@ -329,7 +334,8 @@ impl Problem {
         }
         let found = before().and_then(|r| self.iterate_from(r, room));
         let found = found.or_else(|| self.least_energy().and_then(|r| self.iterate_from(r, room)));
-        found.or_else(|| self.iterate_from(vec![0.0; self.n()], room))
+        let found = found.or_else(|| self.iterate_from(vec![0.0; self.n()], room));
+        found.or_else(|| self.pivot().and_then(|r| self.iterate_from(r, room)))
     }
 
     /// Sweeps over the contacts, made exact by Newton's method.

@@ -43,6 +43,12 @@ impl Watch {
         matches!(self, Watch::Leave { .. })
     }
 
+    /// Is it something that may begin a little below zero and rise: a gap that others have pushed there by less than the
+    /// tolerances see, a sliding velocity that is taken as zero?
+    pub(super) fn may_begin_below(&self) -> bool {
+        matches!(self, Watch::Contact { what: ContactWatch::Gap | ContactWatch::Speed, .. })
+    }
+
     /// What is watched as a difference of indicators: `sign · (q_a − q_b)`; none for a weight.
     fn difference(&self) -> Option<(usize, Option<usize>, f64)> {
         match *self {

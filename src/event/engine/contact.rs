@@ -30,6 +30,8 @@ const AT_REST: f64 = 1e-11;
 const TOUCHES: f64 = 1e3;
 /// Velocities that agree so well are the same.
 const SAME: f64 = 1e-9;
+/// So many flights in a row double the speed that counts as none.
+const PATIENCE: f64 = 10.0;
 /// Accumulating impacts are summed where what they still do to the gap is this share of the tolerance.
 const LAST: f64 = 0.1;
 
@@ -71,6 +73,12 @@ pub(super) struct SceneRoom {
     left: Vec<f64>,
     /// Contacts that hardly open are closed at the present event, see [`Engine::flight_is_short`].
     merges: bool,
+    /// Flights one after the other that were too short to be seen and too fast to be nothing.
+    flights: usize,
+    /// How many times what the tolerances see of a velocity counts as none after so many.
+    patience: f64,
+    /// The contact of the present event opened for less than the rounding of its gap, see [`Engine::flight_is_unseen`].
+    unseen: Option<usize>,
     /// A contact that counts as at rest has a sliding velocity: what is left of it where others have put the bodies back.
     creeps: bool,
     /// Contacts without a gap.
@@ -90,6 +98,7 @@ pub(super) struct SceneRoom {
 impl SceneRoom {
     /// A run begins.
     pub(super) fn forget(&mut self) {
+        self.flights = 0;
         self.left.fill(f64::NEG_INFINITY);
     }
 }
@@ -504,15 +513,24 @@ impl Engine {
             self.stop_in_space(contact)?;
         }
         let start = self.impacts.len();
-        self.scene.merges = match event {
-            Some((contact, ContactWatch::Gap)) => self.flight_is_short(contact)?,
-            _ => false,
+        (self.scene.merges, self.scene.unseen) = match event {
+            Some((contact, ContactWatch::Gap)) => {
+                let unseen = self.flight_is_unseen(contact)?.then_some(contact);
+                (self.flight_is_short(contact)?, unseen)
+            }
+            _ => (false, None),
         };
         let mut unique = self.collide(event, recorded)?;
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
         unique &= self.next_modes(event, length, recorded, self.impacts.len() == start)?;
+        if self.scene.merges && self.outcome == Outcome::Reached && !self.come_together()? {
+            // to close them all would move the bodies by more than the tolerances allow
+            self.scene.merges = false;
+            self.scene.flights += 1;
+            unique &= self.next_modes(event, length, recorded, false)?;
+        }
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
@@ -524,7 +542,7 @@ impl Engine {
             self.stats.accumulations += 1;
             self.one_sided = true;
         }
-        if self.scene.merges || self.scene.creeps {
+        if self.scene.merges || self.scene.creeps || self.scene.unseen.is_some() {
             self.bring_together()?;
         }
         self.enter()?;
@@ -615,24 +633,73 @@ impl Engine {
     }
 
     /// Did a contact that closes now fly for so short a time, and so slowly, that the tolerances see neither its gap nor its
-    /// velocity? Bodies that carry each other knock contacts open which close again, in ever shorter time; the motion goes
+    /// velocity? The longer such flights go on one after the other, the faster they may be: two contacts that open each other in
+    /// turn, for ever, move a little faster than the tolerances see. Bodies that carry each other knock contacts open which close again, in ever shorter time; the motion goes
     /// on behind that where all that hardly moves is taken as closed.
     fn flight_is_short(&mut self, i: usize) -> std::result::Result<bool, EvalError> {
         let since = self.t - self.scene.left.get(i).copied().unwrap_or(f64::NEG_INFINITY);
         if !since.is_finite() || self.field.scene().is_some_and(|c| c.dynamics.is_first_order()) {
+            self.scene.flights = 0;
             return Ok(false);
         }
         let (rtol, atol, row) = (&self.rtol, &self.atol, &mut self.scene.row);
         let n_z = self.field.n_z;
+        let patience = 1.0 + self.scene.flights as f64 / PATIENCE;
         let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
             c.dynamics.load_gap(at, i)?;
             c.dynamics.load_contact(at, i)?;
             let (b, n_q) = (c.dynamics.block(i), c.dynamics.mechanics.n_q);
             let (rate, elastic) = (b.gap[1].abs(), b.restitution >= 1.0);
             let [gap, speed] = c.unseen(i, at, n_q, (rtol, atol), (row, n_z))?;
-            Ok(!elastic && rate * since <= LAST * gap && rate <= speed)
+            Ok((!elastic && rate * since <= LAST * gap, rate <= speed * patience))
+        });
+        let (short, slow) = r.unwrap_or(Ok((false, false)))?;
+        self.scene.patience = patience;
+        self.scene.flights = if short { self.scene.flights + 1 } else { 0 };
+        Ok(short && slow)
+    }
+
+    /// Does a contact whose gap is zero open with a velocity so small that the acceleration that closes it again, that of the
+    /// modes so far, leaves no gap beyond rounding? With the rate `w` and the acceleration `−a` the gap grows to `w²/2a`. It
+    /// closes with `−w` and then rests, where there is no restitution or as its bounces are even lower: as if it had never
+    /// opened, since what its force would have done meanwhile is the impulse that is missing.
+    fn flight_is_unseen(&mut self, i: usize) -> std::result::Result<bool, EvalError> {
+        let f = &self.f_before;
+        let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
+            if c.dynamics.is_first_order() {
+                return Ok(false);
+            }
+            c.dynamics.load_gap(at, i)?;
+            c.dynamics.load_contact(at, i)?;
+            let b = c.dynamics.block(i);
+            let (rate, elastic) = (b.gap[1], b.restitution >= 1.0);
+            let a = -c.dynamics.gap_acceleration_of(i, f);
+            Ok(!elastic && rate > 0.0 && a > 0.0 && rate * rate <= 128.0 * EPS * a * c.sizes[i][0])
         });
         r.unwrap_or(Ok(false))
+    }
+
+    /// Can the contacts that are closed now be brought together without moving the bodies by more than the tolerances?
+    fn come_together(&mut self) -> std::result::Result<bool, EvalError> {
+        let mut x = std::mem::take(&mut self.scene.after);
+        x.clone_from(&self.x);
+        let r = self
+            .field
+            .with_contacts(self.t, &self.x, |c, at, modes| c.dynamics.project(at, modes, &mut x, &|_, _| [-1.0; 2]));
+        let near = self.is_near(&x, self.scene.patience);
+        self.scene.after = x;
+        self.field.forget();
+        r.unwrap_or(Ok(false)).map(|_| near)
+    }
+
+    /// Does this state differ from the present one by no more than the tolerances, in velocities by this many times as much?
+    fn is_near(&self, x: &[f64], times: f64) -> bool {
+        let n_q = self.field.scene().map_or(0, |c| c.dynamics.mechanics.n_q);
+        let mut states = x.iter().zip(&self.x).zip(self.rtol.iter().zip(&self.atol)).enumerate();
+        states.all(|(k, ((a, b), (rtol, atol)))| {
+            let times = if k < n_q { 1.0 } else { times };
+            (a - b).abs() <= times * (rtol * b.abs() + atol)
+        })
     }
 
     /// The gaps of contacts that are taken as closed, their rates, and the velocities of those that rest, become zero.
@@ -642,7 +709,9 @@ impl Engine {
         let r = self
             .field
             .with_contacts(self.t, &self.x, |c, at, modes| c.dynamics.project(at, modes, &mut x, &|_, _| [-1.0; 2]));
-        self.x.copy_from_slice(&x);
+        if self.scene.merges || self.scene.unseen.is_none() || self.is_near(&x, 1.0) {
+            self.x.copy_from_slice(&x);
+        }
         self.scene.after = x;
         self.field.forget();
         r.unwrap_or(Ok(false)).map(|_| ())
@@ -1023,7 +1092,7 @@ impl Engine {
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
         /// Share of its size below which a sliding velocity may be zero, if others that stop say so.
         const STILL: f64 = 1e-3;
-        let SceneRoom { touching: all, closed: out, row, merges, creeps, .. } = &mut self.scene;
+        let SceneRoom { touching: all, closed: out, row, merges, creeps, unseen, .. } = &mut self.scene;
         let mut likely = Vec::new();
         *creeps = false;
         out.clear();
@@ -1033,7 +1102,7 @@ impl Engine {
             for &i in all.iter() {
                 c.dynamics.load_gap(at, i)?;
                 c.dynamics.load_contact(at, i)?;
-                let hardly = *merges && c.hardly_opens(i, at, (rtol, atol), (row, n_z))?;
+                let hardly = *unseen == Some(i) || *merges && c.hardly_opens(i, at, (rtol, atol), (row, n_z))?;
                 let b = c.dynamics.block(i);
                 if c.dynamics.is_first_order() {
                     out.push(Closed { contact: i, rests: true });

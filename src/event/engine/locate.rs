@@ -30,6 +30,7 @@ impl Engine {
             return self.switch(l, slope, 0.25 * full).map(Some);
         }
         let (mut slope, mut before) = (slope, None);
+        let base = self.begins_at(l);
         // what the interpolation says may be off by a little
         let most = (1.1 * full).min(self.t_stop - self.t);
         let end = self.w1[l];
@@ -47,6 +48,7 @@ impl Engine {
                 return Ok(None);
             }
             let Some((value, rate)) = recover(self.watched(l, self.t + h).map(Some), None)? else { return Ok(None) };
+            let value = value - base;
             if let Some((v, at)) = before {
                 let secant: f64 = (value - v) / (h - at);
                 if secant < 0.0 {
@@ -73,6 +75,13 @@ impl Engine {
             h = (h + delta).max(0.2 * h).min((5.0 * h).min(most));
         }
         // grazing: the length hardly matters for the value any more
+        if let (Some((value, _)), Watch::Contact { .. }) = (before, self.watches[l]) {
+            let rtol = self.rtol.iter().fold(0.0f64, |m, v| m.max(*v));
+            if value > rtol * self.watches[l].scale(&self.dq0, &self.field, self.t, &self.x).value {
+                // there is no zero here: the step is too long for its interpolation
+                return Ok(None);
+            }
+        }
         self.touch_down(l, slope, grown).map(Some)
     }
 
@@ -106,6 +115,16 @@ impl Engine {
         !self.step_implicit && delta.abs() <= 0.01 * s.h && straight
     }
 
+    /// What a watched function that begins a little below zero comes back to, see [`Watch::may_begin_below`]; else zero.
+    pub(super) fn begins_at(&self, l: usize) -> f64 {
+        let below = self.depart[l] > 0 && self.watches[l].may_begin_below();
+        if below {
+            self.w0[l].min(0.0)
+        } else {
+            0.0
+        }
+    }
+
     /// Value and rate of a watched function at the end of the step; the rate of a weight is NaN.
     pub(super) fn watched(&mut self, l: usize, t: f64) -> std::result::Result<(f64, f64), EvalError> {
         let w = self.watches[l];
@@ -131,10 +150,12 @@ impl Engine {
     /// The last digits of the switching time: along the velocity, which is exact to rounding over so short a time.
     pub(super) fn touch_down(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
         let mut t = (self.t + self.step.h).min(self.t_stop);
+        let base = self.begins_at(l);
         for k in 0..4 {
             // all that is watched is known where the step ends
             let found = if k == 0 { self.watched(l, t) } else { self.watched_alone(l, t) }.map(Some);
             let Some((value, rate)) = recover(found, None)? else { break };
+            let value = value - base;
             let rate = if rate < 0.0 { rate } else { slope };
             let rounding = self.watches[l].rounding(&self.field.dq, &self.field, t, &self.step.x1);
             let most = if self.step_implicit { 1e-6 } else { 0.01 } * self.step.h;

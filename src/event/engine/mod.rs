@@ -713,8 +713,10 @@ impl Engine {
         }
         let n = self.watches.len();
         self.w0[..n].copy_from_slice(&self.w1[..n]);
-        for (d, rests) in self.depart.iter_mut().zip(&self.resting).take(n) {
-            *d = if *rests { 2 } else { 0 };
+        for l in 0..n {
+            // what is a little below zero and rises does not vanish there
+            let below = self.watches[l].may_begin_below() && self.w1[l] < 0.0;
+            self.depart[l] = if self.resting[l] { 2 } else { u8::from(below) };
         }
         self.fresh = false;
         self.field.accept_near(&self.step, self.step_implicit);
@@ -726,6 +728,9 @@ impl Engine {
         }
         if moved {
             self.q0.copy_from_slice(&self.field.q);
+            for &l in &self.looked {
+                self.w0[l] = self.watches[l].value(&self.q0, &self.field);
+            }
         }
         Ok(())
     }

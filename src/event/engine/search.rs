@@ -81,8 +81,10 @@ impl Engine {
                 if self.suspect[l] {
                     let end = i == NODES - 1;
                     let value = if end { self.w1[l] } else { self.watches[l].value(&self.field.q, &self.field) };
-                    // a guard that has just been left is zero at the start, up to the rounding of its location
-                    let left = self.watches[l].is_left_by_jumps() && self.depart[l] == 1;
+                    // a guard that has just been left is zero at the start, up to the rounding of its location, and so is
+                    // what begins a little below zero
+                    let below = self.watches[l].may_begin_below() && self.depart[l] > 1 && self.w0[l] < 0.0;
+                    let left = below || self.watches[l].is_left_by_jumps() && self.depart[l] == 1;
                     self.samples[l][i] = if left { value - self.w0[l] } else { value };
                 }
             }
@@ -103,7 +105,9 @@ impl Engine {
             let power = usize::from(self.depart[l]);
             let (c, d) = self.sampler.coefficients(&self.samples[l], power);
             let c = &c[..=d];
-            let passed = self.watches[l].is_left_by_jumps() && power > 0 && self.w1[l] < 0.0;
+            // what is zero to rounding, or below, and does not fall, stays
+            let falls = self.w1[l] < if self.watches[l].may_begin_below() { self.w0[l].min(0.0) } else { 0.0 };
+            let passed = self.watches[l].is_left_by_jumps() && power > 0 && falls;
             let s = match bernstein::first(c) {
                 // at rest at zero when the step began, and beyond it at the end
                 First::None if passed => 0.0,

@@ -335,6 +335,7 @@ impl Field {
                 }
                 (c.near.near[i], c.near.known[i]) = (looked, looked);
             }
+            c.raise_force_sizes();
             Ok(())
         });
         self.floor = floor;
@@ -354,6 +355,7 @@ impl Field {
                 // forces that vanish here had a size before
                 new.iter().zip(old.iter_mut()).for_each(|(n, o)| *o = o.max(*n));
             }
+            c.raise_force_sizes();
             Ok(())
         });
         self.floor = floor;
@@ -515,6 +517,17 @@ impl Contacts {
                 }
                 Ok(())
             }
+        }
+    }
+
+    /// The size of a contact force is at least that of its rounding, where others make more of it than it has, and at most
+    /// the largest there is; what is a billionth of that is nothing in any case.
+    fn raise_force_sizes(&mut self) {
+        const NOTHING: f64 = 1e-9;
+        let Contacts { dynamics, sizes, .. } = self;
+        let largest = dynamics.closed().map(|i| sizes[i][1]).fold(0.0, f64::max);
+        for (i, size) in dynamics.force_roundings() {
+            sizes[i][1] = sizes[i][1].max(size.clamp(NOTHING * largest, largest));
         }
     }
 
