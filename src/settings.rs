@@ -127,8 +127,8 @@ pub enum InitialGuess {
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OcpStart {
-    /// Smoothed problems lead to mode sequences, several of which are solved; where they do not agree on an answer the
-    /// homotopy from the guess is followed too, and the cheapest answer is kept.
+    /// Smoothed problems lead to mode sequences, several of which are solved; the homotopy from the guess is followed too, as a
+    /// second opinion. The cheapest answer is kept.
     Portfolio = 0,
     /// The homotopy from the guess alone.
     Homotopy = 1,

@@ -94,9 +94,36 @@ pub struct Form {
     pub reported: Vec<Vec<Vec<usize>>>,
     /// For every region the cells it needs.
     pub region_cells: Vec<Vec<usize>>,
+    /// Factors of the outputs of every source that [`Form::measure`] put into the rows; none at first.
+    scales: Vec<Vec<f64>>,
 }
 
 impl Form {
+    /// Measures switching functions that are compared with each other by their sizes, those of all sources one after the other:
+    /// Stewart's indicators `g = Σ_j ± ψ_j` become `Σ_j ± ψ_j s / s_j` with the largest size `s`. Regions and solutions stay the
+    /// same; without this a function in small units would not count among the others. Indicators that are given as such are in
+    /// one unit.
+    pub fn measure(&mut self, sizes: &[f64]) {
+        let mut first = 0;
+        self.scales.resize(self.sources.len(), Vec::new());
+        for (k, f) in self.sources.iter().enumerate() {
+            let n = f.n_out();
+            let own = |j: usize| sizes.get(first + j).copied().filter(|s| *s > 0.0 && s.is_finite()).unwrap_or(1.0);
+            let compared = |r: &IndicatorRow| r.mu.is_some() && r.weights.iter().all(|w| *w != 0.0);
+            if n > 1 && self.rows.iter().filter(|r| r.source == k).all(compared) {
+                let largest = (0..n).map(own).fold(0.0, f64::max);
+                let scale: Vec<f64> = (0..n).map(|j| largest / own(j)).collect();
+                for r in self.rows.iter_mut().filter(|r| r.source == k) {
+                    for (j, w) in r.weights.iter_mut().enumerate() {
+                        *w *= scale[j] / self.scales[k].get(j).copied().unwrap_or(1.0);
+                    }
+                }
+                self.scales[k] = scale;
+            }
+            first += n;
+        }
+    }
+
     /// Weights of a point: cells, then products.
     pub fn n_weights(&self) -> usize {
         self.n_cells + self.products.len()

@@ -139,6 +139,11 @@ impl Dcs {
         &self.form
     }
 
+    /// See [`Form::measure`].
+    pub fn measure(&mut self, sizes: &[f64]) {
+        self.form.measure(sizes);
+    }
+
     /// Algebraic states: the last of the user's. Their right-hand side is a residual.
     pub fn n_algebraic(&self) -> usize {
         self.n_z

@@ -283,7 +283,7 @@ impl Fesd {
         if self.polishing {
             0.0
         } else {
-            self.spec.options.rho_h
+            self.guidance_unit * self.spec.options.rho_h
         }
     }
 

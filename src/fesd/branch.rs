@@ -341,6 +341,10 @@ impl Mpcc for Fesd {
         self.polishing = on;
     }
 
+    fn set_steepest(&mut self, steepest: f64) {
+        self.measure_guidance(steepest);
+    }
+
     /// In elements whose active set changes, active cells get equal shares and the others a positive `λ`.
     fn enter_branch(&self, from: &[Side], to: &[Side], w: &mut [f64]) {
         let l = &self.l;

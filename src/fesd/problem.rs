@@ -105,6 +105,8 @@ pub struct Fesd {
     pub(super) evaluations: usize,
     /// Sizes of the variables; empty: all 1.
     pub(super) sizes: Vec<f64>,
+    /// What the weights of the penalties on step sizes are multiples of.
+    pub(super) guidance_unit: f64,
 }
 
 impl Fesd {
@@ -242,6 +244,7 @@ impl Fesd {
             scratch: Scratch { f: vec![0.0; l.nx], local: vec![0.0; eta::n_local(l.n_cells)] },
             evaluations: 0,
             sizes: Vec::new(),
+            guidance_unit: 1.0,
             tableau,
             l,
             spec,
@@ -571,7 +574,7 @@ impl Fesd {
         if self.polishing || !soft {
             0.0
         } else {
-            self.spec.options.rho_h
+            self.guidance_unit * self.spec.options.rho_h
         }
     }
 

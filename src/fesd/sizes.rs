@@ -20,6 +20,7 @@ impl Fesd {
     /// Sets the sizes the solver measures the variables by; without them all are 1. Weights have the size 1, multipliers
     /// that of their indicators, lengths that of the steps of an equidistant grid.
     pub fn set_sizes(&mut self, sizes: &Sizes) {
+        self.spec.dcs.measure(&sizes.psi);
         let l = &self.l;
         let mut w = vec![1.0; l.n];
         let horizon: f64 = self.durations.iter().sum();
@@ -81,9 +82,14 @@ impl Fesd {
         self.sizes = w;
     }
 
-    /// Makes all sizes 1.
-    pub fn forget_sizes(&mut self) {
-        self.sizes.clear();
+    /// Makes the penalties on step sizes a share of the cost, whose steepest change in variables of their sizes is told: a step
+    /// that differs from its reference by a usual one costs `rho_h` times that. Only where there are sizes.
+    pub(super) fn measure_guidance(&mut self, steepest: f64) {
+        let steps = self.l.elements.iter().filter(|e| e.h.is_some()).map(|e| self.h_nominal(e.stage));
+        let (n, sum) = steps.fold((0.0, 0.0), |(n, sum), h| (n + 1.0, sum + h));
+        if n > 0.0 && !self.sizes.is_empty() {
+            self.guidance_unit = steepest * (n / sum).powi(2);
+        }
     }
 
     /// Sizes of `λ` and `μ` at a point.

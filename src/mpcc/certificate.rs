@@ -107,7 +107,7 @@ pub enum Doubt {
     Data = 1,
     /// The point violates rows, bounds or complementarity.
     Infeasible = 2,
-    /// Too many pieces for the node limit.
+    /// Too many pieces for the limits of nodes or of iterations.
     Nodes = 3,
     /// A linear program could not be solved well enough to believe it.
     Accuracy = 4,
@@ -169,6 +169,8 @@ pub struct CertSettings {
     pub max_nodes: usize,
     /// Nodes for every type that is tried; 0 keeps to the multipliers given.
     pub type_nodes: usize,
+    /// Interior-point iterations in all linear programs together; what is not decided then stays undecided.
+    pub max_iterations: usize,
 }
 
 impl Default for CertSettings {
@@ -180,6 +182,7 @@ impl Default for CertSettings {
             radius: 1e-2,
             max_nodes: 500,
             type_nodes: 100,
+            max_iterations: usize::MAX,
         }
     }
 }
@@ -222,6 +225,8 @@ enum Node {
     Prune,
     /// Nothing is shown, and there is nothing left to decide.
     Lost,
+    /// There are no iterations left.
+    Spent,
     Stopped,
     Branch(Choice),
 }
@@ -326,8 +331,7 @@ impl Certifier {
         self.descent = false;
         self.root = Verdict::Unclear;
         self.nodes = 0;
-        self.lpcc.lps = 0;
-        self.lpcc.iterations = 0;
+        self.lpcc.begin(settings.max_iterations);
         let mut cert = Certificate::default();
         if !self.usable(p) {
             return Certificate { doubt: Doubt::Data, ..cert };
@@ -522,6 +526,7 @@ impl Certifier {
                     return;
                 }
                 Verdict::Unclear => return doubt(cert, Doubt::Accuracy),
+                Verdict::Spent => return doubt(cert, Doubt::Nodes),
                 Verdict::Stopped => return doubt(cert, Doubt::Stopped),
             }
         }
@@ -536,7 +541,7 @@ impl Certifier {
                 End::Open(why) => {
                     cert.sharp = false;
                     doubt(cert, why);
-                    if why == Doubt::Stopped {
+                    if why == Doubt::Stopped || self.lpcc.is_spent() {
                         return;
                     }
                 }
@@ -562,7 +567,7 @@ impl Certifier {
                 End::Exhausted => {}
                 other => end = other,
             }
-            if end == End::Found || end == End::Open(Doubt::Stopped) {
+            if end == End::Found || end == End::Open(Doubt::Stopped) || self.lpcc.is_spent() {
                 break;
             }
         }
@@ -588,6 +593,7 @@ impl Certifier {
             match node {
                 Node::Found => return End::Found,
                 Node::Stopped => return End::Open(Doubt::Stopped),
+                Node::Spent => return End::Open(Doubt::Nodes),
                 Node::Branch(choice) => {
                     self.assigned[choice.k] = Some(choice.pieces[0]);
                     self.stack.push(choice);
@@ -643,6 +649,7 @@ impl Certifier {
         }
         match verdict {
             Verdict::Stopped => return Node::Stopped,
+            Verdict::Spent => return Node::Spent,
             Verdict::Stationary => {
                 if whole {
                     self.y.copy_from_slice(&self.lpcc.y);
@@ -676,6 +683,7 @@ impl Certifier {
             match self.solve((Signs::UP, Signs::UP), control) {
                 Verdict::Descent => return Node::Found,
                 Verdict::Stopped => return Node::Stopped,
+                Verdict::Spent => return Node::Spent,
                 Verdict::Stationary | Verdict::Unclear => {}
             }
             for c in self.stack.drain(self.stack.len() - open..) {
@@ -694,6 +702,7 @@ impl Certifier {
                 Verdict::Stationary => {}
                 Verdict::Descent => return Node::Prune,
                 Verdict::Unclear => return Node::Lost,
+                Verdict::Spent => return Node::Spent,
                 Verdict::Stopped => return Node::Stopped,
             }
         }

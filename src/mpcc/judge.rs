@@ -5,8 +5,10 @@ use super::conflict::Conflict;
 use super::infeasible::Claim;
 use super::problem::{Mpcc, Side};
 use super::relaxed::Relaxed;
-use super::solver::{MpccSolver, Polish, Suggest};
+use super::scaling::Scaling;
+use super::solver::{MpccSolver, Polish, Solution, Suggest};
 use crate::error::Result;
+use crate::linalg::csc::Pattern;
 use crate::nlp::{Bounds, Control, Level, Outcome};
 use crate::stop;
 
@@ -14,6 +16,10 @@ use crate::stop;
 const MAX_DESCENTS: usize = 10;
 /// Trust regions of the linearised problem, the wide one first.
 const RADII: [f64; 2] = [1e-2, 1e-4];
+/// Iterations of a certificate at most: a multiple of those of the solve, or what many of a small program cost, in entries of
+/// the Jacobian that are factored.
+const SHARE: usize = 2;
+const LITTLE_WORK: usize = 20_000_000;
 /// Distance at which constraints of an infeasible problem count as active.
 const ACTIVE: f64 = 1e-6;
 
@@ -24,6 +30,10 @@ pub(super) struct Judge {
     c: Vec<f64>,
     grad: Vec<f64>,
     jac: Vec<f64>,
+    /// The point and its multipliers in the units of the solver.
+    x: Vec<f64>,
+    y: Vec<f64>,
+    z: Vec<f64>,
 }
 
 impl Judge {
@@ -35,6 +45,9 @@ impl Judge {
             c: vec![0.0; m],
             grad: vec![0.0; n],
             jac: vec![0.0; p.jac_pattern().nnz()],
+            x: vec![0.0; n],
+            y: vec![0.0; m],
+            z: vec![0.0; n],
         })
     }
 
@@ -44,6 +57,26 @@ impl Judge {
         let ok = p.eval(x, &mut self.c).is_ok() && p.derivatives(x, &mut self.grad, &mut self.jac).is_ok();
         p.set_polishing(false);
         ok
+    }
+
+    /// Everything in the units of the solver: distances and slopes are compared with constants, which mean nothing in those of
+    /// the user.
+    fn measure(&mut self, s: &Solution, scaling: &Scaling, jac: &Pattern) {
+        scaling.value(0.0, &mut self.c);
+        scaling.derivatives(&mut self.grad, jac, &mut self.jac);
+        scaling.shrink(&s.x, &mut self.x);
+        scaling.bounds(&mut self.bounds);
+        for ((out, y), w) in self.y.iter_mut().zip(&s.y).zip(&scaling.rows) {
+            *out = y * scaling.objective / w;
+        }
+        for ((out, z), size) in self.z.iter_mut().zip(&s.z).zip(&scaling.sizes) {
+            *out = z * scaling.objective * size;
+        }
+    }
+
+    /// Iterations of a certificate after a solve with `iterations`.
+    fn max_iterations(&self, iterations: usize) -> usize {
+        (SHARE * iterations).max(LITTLE_WORK / (self.jac.len() + self.x.len()).max(1))
     }
 }
 
@@ -70,16 +103,17 @@ impl MpccSolver {
                 judge.bounds.xu[j] = bounds.xu[j];
             }
         }
+        judge.measure(s, &self.st.scaling, p.jac_pattern());
         let local = Local {
-            x: &s.x,
+            x: &judge.x,
             c: &judge.c,
             grad: &judge.grad,
             jac: p.jac_pattern(),
             jac_values: &judge.jac,
             bounds: &judge.bounds,
             pairs: p.pairs(),
-            y: &s.y,
-            z: &s.z,
+            y: &judge.y,
+            z: &judge.z,
         };
         judge.certifier.certify(&local, settings, control)
     }
@@ -89,7 +123,10 @@ impl MpccSolver {
         if self.judge.is_none() || !self.settings.certify {
             return;
         }
-        let quick = CertSettings { type_nodes: 0, ..CertSettings::default() };
+        let iterations = self.solution.stats.iterations;
+        let max_iterations = self.judge.as_ref().map_or(0, |j| j.max_iterations(iterations));
+        let full = CertSettings { max_iterations, ..CertSettings::default() };
+        let quick = CertSettings { type_nodes: 0, ..full };
         let mut left = if p.is_discretised() { 0 } else { MAX_DESCENTS };
         while left > 0 {
             left -= 1;
@@ -101,14 +138,14 @@ impl MpccSolver {
                 break;
             }
         }
-        self.solution.certificate = self.certify(p, bounds, &CertSettings::default(), control);
+        self.solution.certificate = self.certify(p, bounds, &full, control);
     }
 
     /// Solves the branch the last descent leads into, from its end; true when that is a better point.
     fn descend(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         let Some((d, sides)) = self.judge.as_ref().and_then(|j| j.certifier.descent()) else { return false };
-        for ((w, x), d) in self.room.iter_mut().zip(&self.solution.x).zip(d) {
-            *w = x + d;
+        for (((w, x), d), size) in self.room.iter_mut().zip(&self.solution.x).zip(d).zip(&self.st.scaling.sizes) {
+            *w = x + d * size;
         }
         self.st.start(&self.room, &mut self.point);
         for (k, side) in sides.iter().enumerate() {

@@ -48,6 +48,8 @@ pub(super) enum Verdict {
     Descent,
     /// Neither could be shown.
     Unclear,
+    /// There are no iterations left.
+    Spent,
     /// Interrupted, or out of time.
     Stopped,
 }
@@ -131,8 +133,9 @@ pub(super) struct Lpcc {
     pub z: Vec<f64>,
     /// Programs solved.
     pub lps: usize,
-    /// Interior-point iterations in them.
+    /// Interior-point iterations in them, and how many there may be.
     pub iterations: usize,
+    max_iterations: usize,
 }
 
 impl Lpcc {
@@ -162,7 +165,18 @@ impl Lpcc {
             z: vec![0.0; n],
             lps: 0,
             iterations: 0,
+            max_iterations: usize::MAX,
         })
+    }
+
+    /// Counts from here, up to `max_iterations`.
+    pub fn begin(&mut self, max_iterations: usize) {
+        (self.lps, self.iterations, self.max_iterations) = (0, 0, max_iterations);
+    }
+
+    /// Are there no iterations left?
+    pub fn is_spent(&self) -> bool {
+        self.iterations >= self.max_iterations
     }
 
     /// Linearises at a point. Distances up to `active` from a bound count as none; `tol` is the violation of the
@@ -300,6 +314,10 @@ impl Lpcc {
             self.lps += 1;
             // a descent shows long before the last digits do
             for (mu, tol, margin) in [(mu, ROUGH, 1e6), (0.1 * ROUGH, LP_TOL, 10.0)] {
+                if self.is_spent() {
+                    return Verdict::Spent;
+                }
+                self.ipm.settings_mut().max_iter = MAX_ITER.min(self.max_iterations - self.iterations);
                 let mut rule = Monotone { mu_init: mu, tol, primal_tol: LP_TOL };
                 let mut quiet = control.quiet();
                 let start = if tol == ROUGH { Start::Cold(&self.origin) } else { Start::Warm(&self.rough, WARM_PUSH) };

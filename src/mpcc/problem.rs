@@ -62,4 +62,9 @@ pub trait Mpcc: Nlp {
 
     /// Terms that only guide the homotopy are left out while `on`.
     fn set_polishing(&mut self, _on: bool) {}
+
+    /// Told, where the problem knows the sizes of its variables: the largest first or second derivative of the objective of the
+    /// polish at the point a solve starts from, in variables of their sizes; 1 where there is none. What is added to that objective
+    /// outside of the polish can be made a share of it.
+    fn set_steepest(&mut self, _steepest: f64) {}
 }

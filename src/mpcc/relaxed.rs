@@ -205,6 +205,8 @@ impl Structure {
     /// Scales by the gradients at `x`; not at all where functions or gradients have no value. `rows[m]` is room.
     pub fn scale(&mut self, p: &mut dyn Mpcc, x: &[f64], rows: &mut [f64], grad: &mut [f64]) {
         self.scaling.reset();
+        // what is added outside of the polish is measured by the objective, and not the other way round
+        p.set_polishing(true);
         // values first: gradients are those of the point whose values were computed last
         if p.eval(x, rows).is_ok() && p.derivatives(x, grad, &mut self.inner_jac).is_ok() {
             // where the gradient vanishes its change over the size of a variable says how steep the objective is
@@ -212,6 +214,10 @@ impl Structure {
             let curved = self.scaling.sized && p.hessian(x, 1.0, rows, &mut self.inner_hess).is_ok();
             let hess = if curved { Some((p.hess_pattern(), &self.inner_hess[..])) } else { None };
             self.scaling.choose(grad, hess, p.jac_pattern(), &self.inner_jac);
+        }
+        p.set_polishing(false);
+        if self.scaling.sized {
+            p.set_steepest(self.scaling.steepness() / self.scaling.objective);
         }
     }
 

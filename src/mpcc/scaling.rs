@@ -44,12 +44,13 @@ impl Scaling {
         self.rows.fill(1.0);
     }
 
-    /// Takes over the sizes a problem has for its variables, as powers of two.
+    /// Takes over the sizes a problem has for its variables. They are not rounded to powers of two: the program the solver sees
+    /// would then depend on the units.
     pub fn set_sizes(&mut self, p: &dyn Mpcc) {
         self.sizes.fill(1.0);
         p.sizes(&mut self.sizes);
         for s in &mut self.sizes {
-            *s = if *s > 0.0 && s.is_finite() { s.log2().round().exp2() } else { 1.0 };
+            *s = if *s > 0.0 && s.is_finite() { *s } else { 1.0 };
         }
         self.sized = self.sizes.iter().any(|s| *s != 1.0);
     }
@@ -156,10 +157,10 @@ fn factor(largest: f64) -> f64 {
     }
 }
 
-/// Makes the largest entry about 1, unless it is rounding.
+/// Makes the largest entry 1, unless it is rounding.
 fn unit(largest: f64) -> f64 {
     if largest > ROUNDING && largest.is_finite() {
-        (1.0 / largest).log2().floor().exp2()
+        1.0 / largest
     } else {
         1.0
     }

@@ -167,6 +167,8 @@ impl Answer<'_> {
 pub(super) struct Replay {
     method: Method,
     tol: f64,
+    /// Sizes of what is simulated, which the absolute tolerances are relative to.
+    sizes: Vec<f64>,
     options: SolveOptions,
 }
 
@@ -189,21 +191,45 @@ pub(super) struct Elements {
     reason: String,
 }
 
+/// Largest moduli of cost, linear controls and states of an answer, in the order of [`with_cost`]; 1 for what is zero throughout.
+fn sizes_of(a: &Answer) -> Vec<f64> {
+    let nx = a.x0.len();
+    let nu = a.linear.len();
+    let largest = |values: &mut dyn Iterator<Item = f64>| match values.fold(0f64, |m, v| m.max(v.abs())) {
+        m if m > 0.0 && m.is_finite() => m,
+        _ => 1.0,
+    };
+    let cost = largest(&mut [a.cost].into_iter());
+    let ramp = |j: usize| largest(&mut a.controls.iter().chain(a.control_ends).skip(j).step_by(nu).copied());
+    let state = |i: usize| largest(&mut a.states.iter().skip(i).step_by(nx).copied().chain([a.x0[i]]));
+    let ramps = (0..nu).filter(|&j| a.linear[j]).map(ramp);
+    std::iter::once(cost).chain(ramps).chain((0..nx).map(state)).collect()
+}
+
+/// Tolerances of a simulation of quantities of these sizes.
+pub(super) fn tolerances(tol: f64, sizes: &[f64]) -> Options {
+    Options { atol: sizes.iter().map(|s| tol * s).collect(), ..Options::with_tolerance(tol, tol) }
+}
+
+/// Factor by which sizes may differ and still be the same for the tolerances of a simulation.
+const ALIKE: f64 = 10.0;
+
 impl Replay {
     /// Of the system behind its cost and its linear controls, all of them states; the place of these among the controls is
-    /// that of their slopes.
+    /// that of their slopes. What is simulated says how large they are.
     pub fn new(
         system: &System,
         lagrange: Option<&SharedFunction>,
-        linear: &[bool],
-        tol: f64,
+        answer: &Answer,
         options: &SolveOptions,
     ) -> Result<Replay> {
-        let extended = with_cost(system, lagrange, linear)?;
+        let tol = answer.tol;
+        let extended = with_cost(system, lagrange, answer.linear)?;
+        let sizes = sizes_of(answer);
         if system.n_algebraic() == 0 && system.inclusions().is_empty() {
-            let loose = Options { max_steps: MAX_STEPS, ..Options::with_tolerance(tol, tol) };
+            let loose = Options { max_steps: MAX_STEPS, ..tolerances(tol, &sizes) };
             let method = Method::Events(Box::new(Engine::new(&extended, &loose)?));
-            return Ok(Replay { method, tol, options: *options });
+            return Ok(Replay { method, tol, sizes, options: *options });
         }
         let coarse = &options.discretisation;
         let discretisation = fesd::Options {
@@ -214,13 +240,16 @@ impl Replay {
         };
         let simulator = Simulator::with_options(&extended, &SolveOptions { discretisation, n_fe: 2, ..*options })?;
         let elements = Elements { simulator, duration: 0.0, switches: Vec::new(), reason: String::new() };
-        Ok(Replay { method: Method::Elements(Box::new(elements)), tol, options: *options })
+        Ok(Replay { method: Method::Elements(Box::new(elements)), tol, sizes, options: *options })
     }
 
-    /// Was it made for these?
-    pub fn fits(&self, tol: f64, options: &SolveOptions) -> bool {
-        // by events only the tolerance counts
-        self.tol == tol && (matches!(self.method, Method::Events(_)) || self.options == *options)
+    /// Was it made for answers like this one?
+    pub fn fits(&self, answer: &Answer, options: &SolveOptions) -> bool {
+        let alike = |(a, b): (&f64, f64)| *a <= ALIKE * b && b <= ALIKE * a;
+        match self.method {
+            Method::Events(_) => self.tol == answer.tol && self.sizes.iter().zip(sizes_of(answer)).all(alike),
+            Method::Elements(_) => self.tol == answer.tol && self.options == *options,
+        }
     }
 
     fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
@@ -397,7 +426,7 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
             at_grid += values(f, &at)[0];
         }
     }
-    let large = |at: &usize| differences[*at] > (LARGE * sizes[at % nx]).max(NOISE * answer.tol);
+    let large = |at: &usize| differences[*at] > LARGE.max(NOISE * answer.tol) * sizes[at % nx];
     let share = |at: &usize| differences[*at] / sizes[at % nx];
     let worst = (0..n * nx).filter(large).max_by(|a, b| share(a).total_cmp(&share(b)).then(b.cmp(a)));
     found.large =

@@ -105,7 +105,7 @@ impl Ocp {
             InitialGuess::Simulation => Ok(self.system.clone()),
             InitialGuess::Smoothed => self.smoothed(options),
         };
-        let loose = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
+        let loose = self.loose(TOLERANCE, MAX_STEPS);
         let n_fe = &problem.spec().n_fe;
         let (times, states) = match system.and_then(|s| Engine::new(&s, &loose)) {
             Ok(mut engine) => self.by_events(&mut engine, &x0, &constant.controls, n_fe)?,

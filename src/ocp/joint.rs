@@ -480,6 +480,9 @@ impl Mpcc for Program<'_> {
     fn set_polishing(&mut self, on: bool) {
         self.parts.iter_mut().for_each(|p| p.set_polishing(on));
     }
+    fn set_steepest(&mut self, steepest: f64) {
+        self.parts.iter_mut().for_each(|p| p.set_steepest(steepest));
+    }
     fn branch(&self, sides: &[Side], bounds: &mut Bounds) {
         for (k, p) in self.parts.iter().enumerate() {
             let mut own = self.plan.take(k, bounds);

@@ -2,6 +2,7 @@
 //!
 //! The solver measures variables by them, so that units of states, controls, time and switching functions do not matter.
 
+use super::accuracy::tolerances;
 use super::guess::middle;
 use super::Ocp;
 use crate::error::Result;
@@ -26,27 +27,32 @@ impl Ocp {
         let d = self.system.dims();
         let n_psi = self.system.switching_functions().iter().map(|f| f.n_out()).sum();
         let (mut x, mut psi) = (vec![Vec::new(); d.x], vec![Vec::new(); n_psi]);
-        self.simulate_sizes(&mut x, &mut psi)?;
-        let bounded = |b: &[Vec<f64>; 2], j: usize| -> Option<f64> {
-            let (l, u) = (b[0][j], b[1][j]);
-            (l.is_finite() && u.is_finite()).then(|| l.abs().max(u.abs())).filter(|s| *s > 0.0)
-        };
-        let known = |v: f64| (v.is_finite() && v != 0.0).then(|| v.abs());
+        let mut prior = self.prior_sizes();
+        self.simulate_sizes(&prior, &mut x, &mut psi)?;
+        // simulations with tolerances that were guessed are made again with those that they show
+        let known = self.known_sizes();
+        let seen: Vec<Option<f64>> = x.iter().map(|v| quantile(v.clone())).collect();
+        let guessed = |(k, s): (&Option<f64>, &Option<f64>)| k.is_none() && s.is_some();
+        if known.iter().zip(&seen).any(guessed) {
+            let better = |((k, s), p): ((Option<f64>, Option<f64>), &f64)| k.or(s).unwrap_or(*p);
+            prior = known.into_iter().zip(seen).zip(&prior).map(better).collect();
+            x.iter_mut().chain(&mut psi).for_each(Vec::clear);
+            self.simulate_sizes(&prior, &mut x, &mut psi)?;
+        }
         let state = |(i, values): (usize, Vec<f64>)| {
-            let start = known(middle(self.x0_bounds[0][i], self.x0_bounds[1][i])).unwrap_or(0.0);
+            let start = magnitude(middle(self.x0_bounds[0][i], self.x0_bounds[1][i])).unwrap_or(0.0);
             let seen = quantile(values).unwrap_or(0.0).max(start);
-            let one_sided = [self.x_bounds[0][i], self.x_bounds[1][i]].into_iter().find_map(known);
-            bounded(&self.x_bounds, i).or(known(seen)).or(one_sided).unwrap_or(1.0)
+            bounded(&self.x_bounds, i).or(magnitude(seen)).unwrap_or(prior[i])
         };
         let guess = self.control_guess();
         let control = |j: usize| {
             let seen = guess.iter().skip(j).step_by(d.u).fold(0f64, |a, v| a.max(v.abs()));
-            let one_sided = [self.u_bounds[0][j], self.u_bounds[1][j]].into_iter().find_map(known);
-            bounded(&self.u_bounds, j).or(known(seen)).or(one_sided).unwrap_or(1.0)
+            let one_sided = [self.u_bounds[0][j], self.u_bounds[1][j]].into_iter().find_map(magnitude);
+            bounded(&self.u_bounds, j).or(magnitude(seen)).or(one_sided).unwrap_or(1.0)
         };
         let param = |j: usize| {
             let free = self.p_bounds.as_ref().and_then(|b| bounded(b, j));
-            known(self.params[j]).or(free).unwrap_or(1.0)
+            magnitude(self.params[j]).or(free).unwrap_or(1.0)
         };
         Ok(Sizes {
             x: x.into_iter().enumerate().map(state).collect(),
@@ -54,6 +60,29 @@ impl Ocp {
             p: (0..d.p).map(param).collect(),
             psi: psi.into_iter().map(|v| quantile(v).unwrap_or(1.0)).collect(),
         })
+    }
+
+    /// Sizes of the states before anything was simulated, as far as the problem says something: two bounds say most, then the
+    /// initial state, one bound, and where the state is to go.
+    fn known_sizes(&self) -> Vec<Option<f64>> {
+        let target = self.target();
+        let size = |i: usize| {
+            let start = magnitude(middle(self.x0_bounds[0][i], self.x0_bounds[1][i]));
+            let one_sided = || [self.x_bounds[0][i], self.x_bounds[1][i]].into_iter().find_map(magnitude);
+            let goal = || target.as_ref().and_then(|x| magnitude(x[i]));
+            bounded(&self.x_bounds, i).or(start).or_else(one_sided).or_else(goal)
+        };
+        (0..self.system.dims().x).map(size).collect()
+    }
+
+    /// The same, 1 where nothing is known.
+    fn prior_sizes(&self) -> Vec<f64> {
+        self.known_sizes().into_iter().map(|s| s.unwrap_or(1.0)).collect()
+    }
+
+    /// A simulation of the problem's system as accurate as `tol`, relative to the sizes of its states.
+    pub(super) fn loose(&self, tol: f64, max_steps: usize) -> event::Options {
+        event::Options { max_steps, ..tolerances(tol, &self.prior_sizes()) }
     }
 
     /// Sizes along states at times from the start of the horizon with the controls of stages of these lengths; those of
@@ -89,8 +118,8 @@ impl Ocp {
 
     /// Values of states and switching functions in simulations with controls at their bounds and in between. Systems
     /// that are not simulated by events show none.
-    fn simulate_sizes(&self, x: &mut [Vec<f64>], psi: &mut [Vec<f64>]) -> Result<()> {
-        let options = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
+    fn simulate_sizes(&self, sizes: &[f64], x: &mut [Vec<f64>], psi: &mut [Vec<f64>]) -> Result<()> {
+        let options = event::Options { max_steps: MAX_STEPS, ..tolerances(TOLERANCE, sizes) };
         let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
         let Ok(mut engine) = Engine::new(&self.system, &options) else { return Ok(()) };
         let nu = self.system.dims().u;
@@ -115,6 +144,17 @@ impl Ocp {
         }
         Ok(())
     }
+}
+
+/// Size of what has two bounds.
+fn bounded(b: &[Vec<f64>; 2], j: usize) -> Option<f64> {
+    let (l, u) = (b[0][j], b[1][j]);
+    (l.is_finite() && u.is_finite()).then(|| l.abs().max(u.abs())).filter(|s| *s > 0.0)
+}
+
+/// Modulus of a value that says something of a size.
+fn magnitude(v: f64) -> Option<f64> {
+    (v.is_finite() && v != 0.0).then(|| v.abs())
 }
 
 /// Adds the moduli of the switching functions at a point.

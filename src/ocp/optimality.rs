@@ -14,7 +14,7 @@
 //! with the velocities under the control before (`c_b`) or behind (`c_a`). The answer is stationary if some `c` between the
 //! two makes the derivatives vanish: `c_b − c` and `c − c_a` are then the derivatives of the cost towards either side.
 
-use super::accuracy::with_cost;
+use super::accuracy::{self, with_cost};
 use super::solve::Built;
 use super::{Durations, Ocp, OcpResult};
 use crate::dcs::Dcs;
@@ -180,6 +180,23 @@ impl Corner {
             Kind::Switch { before, after } => [before.as_deref(), after.as_deref()],
             Kind::Touch { beyond, .. } => [None, Some(beyond)],
         }
+    }
+}
+
+/// By how much a state changes over the horizon, not less than a simulation is off by itself, and its largest modulus; 1 for
+/// what is zero throughout.
+#[derive(Debug, Clone, Copy)]
+struct Extent {
+    range: f64,
+    size: f64,
+}
+
+impl Extent {
+    fn of(values: impl Iterator<Item = f64>) -> Extent {
+        let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        let size = lo.abs().max(hi.abs());
+        let size = if size > 0.0 { size } else { 1.0 };
+        Extent { range: (hi - lo).max(NOISE * TOLERANCE * size), size }
     }
 }
 
@@ -755,35 +772,40 @@ impl Ocp {
             Err(EvalError::Stopped) => return Err(stop::error()),
             Err(_) => return Ok(Optimality::unknown("a function of the model has no value at the answer")),
         };
-        let ends = b.problem.end_gradients().into_iter().filter_map(|(row, value, gradient)| {
-            let (l, u) = (b.bounds.cl[row], b.bounds.cu[row]);
-            // of an inequality the multiplier keeps its sign
-            let at = |bound: f64| (value - bound).abs() <= AT_BOUND * bound.abs().max(1.0);
-            let low = if at(l) { f64::NEG_INFINITY } else { -y[row].max(0.0) };
-            let high = if at(u) { f64::INFINITY } else { -y[row].min(0.0) };
-            (low < high).then_some(End { gradient, range: [low, high] })
-        });
-        let outer = Outer { gradient, ends: ends.collect(), clock: b.problem.spec().dcs.clock() };
         let system = with_cost(&e.system, e.lagrange.as_ref(), &self.linear)?;
         let Ok(dcs) = Dcs::stewart(&system) else { return Ok(Optimality::unknown("the system has no indicators")) };
-        let tight = event::Options::with_tolerance(TOLERANCE, TOLERANCE);
-        let options = event::Options { sensitivity: true, max_steps: MAX_STEPS, ..tight };
         let ramps = b.problem.ramp_places().iter().flatten();
         let places: Vec<Option<usize>> =
             std::iter::once(None).chain(ramps.map(|r| Some(*r))).chain((0..d.x).map(Some)).collect();
         let points = b.problem.state_points(&w);
         let controls = b.problem.places().1;
-        let range = |i: usize| {
-            let values = points.iter().map(|p| w[p.at + i]);
-            let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-            hi - lo
-        };
+        let cost = Extent { range: 0.0, size: if r.cost != 0.0 { r.cost.abs() } else { 1.0 } };
+        let extent = |p: &Option<usize>| p.map_or(cost, |i| Extent::of(points.iter().map(|p| w[p.at + i])));
+        let extents: Vec<Extent> = places.iter().map(extent).collect();
+        let of_states = &extents[extents.len() - d.x..];
+        let sizes: Vec<f64> = extents.iter().map(|e| e.size).collect();
+        let tight = accuracy::tolerances(TOLERANCE, &sizes);
+        let options = event::Options { sensitivity: true, max_steps: MAX_STEPS, ..tight };
+        let ends = b.problem.end_gradients().into_iter().filter_map(|(row, value, gradient)| {
+            let (l, u) = (b.bounds.cl[row], b.bounds.cu[row]);
+            // what the state can change a constraint by is its size, or else its bound
+            let change = |p: &StatePoint| {
+                of_states.iter().enumerate().map(|(i, e)| (gradient[p.at + i] * e.size).abs()).fold(0.0, f64::max)
+            };
+            let size = points.iter().map(change).fold(0.0, f64::max);
+            // of an inequality the multiplier keeps its sign
+            let at = |bound: f64| (value - bound).abs() <= AT_BOUND * bound.abs().max(size);
+            let low = if at(l) { f64::NEG_INFINITY } else { -y[row].max(0.0) };
+            let high = if at(u) { f64::INFINITY } else { -y[row].min(0.0) };
+            (low < high).then_some(End { gradient, range: [low, high] })
+        });
+        let outer = Outer { gradient, ends: ends.collect(), clock: b.problem.spec().dcs.clock() };
         let mut judge = Judge {
             engine: Engine::new(&system, &options)?,
             dcs,
             w: &w,
             // the simulation itself is no better than its tolerance
-            ranges: places.iter().map(|p| p.map_or(0.0, |i| range(i).max(NOISE * TOLERANCE))).collect(),
+            ranges: extents.iter().map(|e| e.range).collect(),
             places,
             n_p: d.p,
             n_u: d.u,

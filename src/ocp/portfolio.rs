@@ -94,7 +94,6 @@ impl Ocp {
         let given = self.x_guess.is_some() || self.u_guess.is_some();
         let enough = found.best.is_some() && request.start == OcpStart::Smoothing;
         if !enough && (found.best.is_none() || stop::requested().is_none()) {
-            // as it would be alone: it measures variables as they are
             let mut inside = Request { start: OcpStart::Homotopy, ..*request };
             if found.agreed && !given {
                 // a second opinion may take as long as the first

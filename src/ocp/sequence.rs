@@ -49,7 +49,6 @@ impl Ocp {
     pub(super) fn trace(&self, r: &OcpResult, options: &SolveOptions) -> Result<Option<Traced>> {
         let d = self.system.dims();
         let Ok(dcs) = Dcs::stewart(&self.system) else { return Ok(None) };
-        let mut engine = Replay::new(&self.system, None, &self.linear, TOLERANCE, options)?;
         let elements = &r.trajectory.elements;
         let mut ends = Vec::new();
         for k in 0..self.n_stages {
@@ -76,6 +75,7 @@ impl Ocp {
             tol: TOLERANCE,
             terminal: Vec::new(),
         };
+        let mut engine = Replay::new(&self.system, None, &answer, options)?;
         let range: Vec<f64> = (0..d.x)
             .map(|i| {
                 let values = ends.chunks_exact(d.x).map(|x| x[i]).chain([x0[i]]);

@@ -16,7 +16,6 @@ use crate::func::EvalError;
 use crate::memory;
 use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Solution, Suggest, Wanted, Warm};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
-use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop::{self, Why};
 use crate::system::{Regions, SharedFunction};
@@ -299,9 +298,7 @@ impl Ocp {
             _ => None,
         };
         let stage_params = self.prepare(b)?;
-        if request.start == OcpStart::Homotopy {
-            b.problem.forget_sizes();
-        } else if start != Start::Warm {
+        if start != Start::Warm {
             let sizes = match &self.sizes {
                 Some(s) => s.clone(),
                 None => self.sizes()?,
@@ -614,10 +611,6 @@ impl Ocp {
         comparison: Comparison,
         options: &SolveOptions,
     ) -> Result<Accuracy> {
-        let mut engine = match self.engine.take().filter(|e| e.fits(comparison.tol, options)) {
-            Some(e) => e,
-            None => Replay::new(&e.system, e.lagrange.as_ref(), &self.linear, comparison.tol, options)?,
-        };
         let elements = &r.trajectory.elements;
         let ends = elements.iter().enumerate().filter(|(k, e)| {
             let next = elements.get(k + 1);
@@ -646,6 +639,10 @@ impl Ocp {
             mayer: e.mayer.as_ref(),
             grid_cost: e.grid_cost.as_ref(),
             terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
+        };
+        let mut engine = match self.engine.take().filter(|e| e.fits(&answer, options)) {
+            Some(e) => e,
+            None => Replay::new(&e.system, e.lagrange.as_ref(), &answer, options)?,
         };
         let mut found = accuracy::measure(&mut engine, &answer)?;
         found.cost -= total - r.cost_reached;
