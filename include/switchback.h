@@ -407,8 +407,8 @@ enum swb_ocp_start
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Smoothed problems lead to mode sequences, several of which are solved; where they do not agree on an answer the
-     * homotopy from the guess is followed too, and the cheapest answer is kept.
+     * Smoothed problems lead to mode sequences, several of which are solved; the homotopy from the guess is followed too, as a
+     * second opinion. The cheapest answer is kept.
      */
     SWB_OCP_START_PORTFOLIO = 0,
     /**
@@ -1986,7 +1986,7 @@ typedef struct swb_settings {
      */
     int64_t step_equilibration;
     /**
-     * Weight of the soft step equilibration.
+     * Weight of the soft step equilibration, in optimal control in multiples of the steepest change of the cost.
      */
     double rho_h;
     /**

@@ -386,7 +386,7 @@ pub struct Settings {
     pub cross: i64,
     /// Step equilibration during the homotopy (enum step_equilibration).
     pub step_equilibration: i64,
-    /// Weight of the soft step equilibration.
+    /// Weight of the soft step equilibration, in optimal control in multiples of the steepest change of the cost.
     pub rho_h: f64,
     /// Step sizes stay between (1 - gamma_h) and (1 + gamma_h) times the nominal one.
     pub gamma_h: f64,
@@ -633,7 +633,7 @@ pub static OPTIONS: &[OptionInfo] = &[
     row!(step_equilibration: Enum(StepEquilibration::Difference), "", SETUP,
         "Step equilibration during the homotopy (enum step_equilibration)."),
     row!(rho_h: Float(1.0, Closed(0.0), Open(INF)), "rho_h", FREE,
-        "Weight of the soft step equilibration."),
+        "Weight of the soft step equilibration, in optimal control in multiples of the steepest change of the cost."),
     row!(gamma_h: Float(1.0, Open(0.0), Closed(1.0)), "gamma_h", FREE,
         "Step sizes stay between (1 - gamma_h) and (1 + gamma_h) times the nominal one."),
     row!(tol: Float(1e-9, Open(0.0), Open(1.0)), "epsilon_tol", FREE,

@@ -63,7 +63,7 @@ fn simulations_agree_for_every_equilibration() {
 #[test]
 fn optimal_controls_agree_for_every_form() {
     for n_s in [2, 3] {
-        let base = settings(RadauIia, n_s, 6, FESD);
+        let base = from_all_starts(settings(RadauIia, n_s, 6, FESD));
         let reference = solve(&mut sliding_ocp(&base));
         assert_eq!((reference.outcome, reference.polish), (Outcome::Solved, Polish::Done));
         for (cross, form) in [
@@ -78,8 +78,8 @@ fn optimal_controls_agree_for_every_form() {
             assert_eq!(r.outcome, Outcome::Solved, "{what}");
             // the problem has two local optima; which one is found may differ
             let near = |cost: f64| (r.cost - cost).abs() < 1e-6;
-            let other = if n_s == 2 { 9.265_045_46 } else { 9.265_045_22 };
-            assert!(near(reference.cost) || near(other), "{what}: {} and {}", r.cost, reference.cost);
+            let known = [9.149_601_87, if n_s == 2 { 9.265_045_46 } else { 9.265_045_22 }];
+            assert!(known.into_iter().any(near), "{what}: {} and {}", r.cost, reference.cost);
             if near(reference.cost) && r.polish == Polish::Done {
                 // the optimum is flat: controls are known to the root of what the cost is known to
                 assert_near(&[r.cost], &[reference.cost], 1e-9, &what);

@@ -11,7 +11,7 @@ use switchback::settings::{DcsForm, RkFamily, Settings};
 /// Exact, and as accurate as the method allows on this grid: the error at the terminal point when the controls are
 /// simulated by the event-driven engine.
 fn check(family: RkFamily, n_s: i64, n_fe: i64, form: DcsForm, error: f64) {
-    let set = Settings { dcs_form: form as i64, ..settings(family, n_s, n_fe, FESD) };
+    let set = Settings { dcs_form: form as i64, ..from_all_starts(settings(family, n_s, n_fe, FESD)) };
     let mut ocp = models::sliding_ocp(&set);
     let r = ocp.solve(&mut Control::default()).unwrap();
     let what = format!("{family:?} {n_s}, {n_fe} elements, {form:?}");

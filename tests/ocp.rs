@@ -86,7 +86,7 @@ fn resimulated(controls: &[f64]) -> f64 {
 #[test]
 fn the_sliding_mode_problem() {
     for (n_s, error) in [(2, 1e-6), (3, 1e-8), (4, 1e-11)] {
-        let mut o = sliding_ocp(&settings(RadauIia, n_s, 6, FESD));
+        let mut o = sliding_ocp(&from_all_starts(settings(RadauIia, n_s, 6, FESD)));
         let r = o.solve(&mut Control::default()).unwrap();
         let what = format!("n_s = {n_s}");
         assert_eq!((r.outcome, r.polish), (Outcome::Solved, Polish::Done), "{what}");
@@ -183,7 +183,9 @@ fn one_function_may_be_in_two_path_constraints() {
 #[test]
 fn every_answer_says_how_far_it_is_off() {
     for (n_s, n_fe, most) in [(2, 6, 1e-9), (3, 4, 1e-12), (4, 4, 1e-12)] {
-        let mut o = sliding_ocp(&settings(RadauIia, n_s, n_fe, FESD));
+        // with two stage points the homotopy ends at another optimum
+        let own = settings(RadauIia, n_s, n_fe, FESD);
+        let mut o = sliding_ocp(&if n_s == 2 { from_all_starts(own) } else { own });
         let r = o.solve(&mut Control::default()).unwrap().clone();
         let a = r.accuracy.unwrap();
         assert_eq!((a.outcome, a.n_switches), (Some(switchback::event::Outcome::Reached), r.trajectory.switches.len()));

@@ -19,8 +19,8 @@ fn solve(o: &mut Ocp) -> OcpResult {
 
 #[test]
 fn the_error_asked_for_is_reached() {
-    for adapt_tol in [1e-5, 1e-8] {
-        let set = Settings { adapt_tol, ..settings(RadauIia, 2, 2, FESD) };
+    for adapt_tol in [1e-6, 1e-8] {
+        let set = Settings { adapt_tol, ..from_all_starts(settings(RadauIia, 2, 2, FESD)) };
         let mut o = sliding_ocp(&set);
         let r = solve(&mut o);
         let a = r.adaptation.as_ref().unwrap();
@@ -37,7 +37,7 @@ fn the_error_asked_for_is_reached() {
 /// The first and the last stages of (7.51) have no switches: they lose what they do not need.
 #[test]
 fn idle_elements_are_taken_away() {
-    let set = Settings { adapt_tol: 1e-4, ..settings(RadauIia, 3, 6, FESD) };
+    let set = Settings { adapt_tol: 1e-4, ..from_all_starts(settings(RadauIia, 3, 6, FESD)) };
     let mut o = sliding_ocp(&set);
     o.set_elements(&[6, 3, 3, 3, 3, 6]).unwrap();
     let r = solve(&mut o);
@@ -50,7 +50,8 @@ fn idle_elements_are_taken_away() {
     assert!((r.cost - a.rounds[0].cost).abs() < 1e-4, "{a:?}");
     assert!(3 * a.rounds[1].iterations < a.rounds[0].iterations, "{a:?}");
     // warm starts are those of the grid that was kept
-    assert!(o.sensitivity().is_ok());
+    let found = o.sensitivity();
+    assert!(found.is_ok(), "{found:?}");
 }
 
 #[test]
@@ -154,7 +155,7 @@ fn a_round_that_is_cut_short_does_not_replace_the_answer() {
     let mut seen = 0;
     let mut monitor = |_: &IterationInfo| {
         seen += 1;
-        seen < first + 20
+        seen < first + 2
     };
     let r = o.solve(&mut Control { monitor: Some(&mut monitor), ..Control::default() }).unwrap().clone();
     let a = r.adaptation.as_ref().unwrap();
@@ -168,7 +169,7 @@ fn a_round_that_is_cut_short_does_not_replace_the_answer() {
     let mut seen = 0;
     let mut monitor = |_: &IterationInfo| {
         seen += 1;
-        if seen == first + 20 {
+        if seen == first + 2 {
             std::thread::sleep(limit.saturating_sub(clock.elapsed()) + Duration::from_millis(5));
         }
         true

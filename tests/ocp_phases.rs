@@ -39,7 +39,16 @@ fn part(set: &Settings, stages: usize, first: bool, last: bool) -> Ocp {
 
 #[test]
 fn two_phases_of_one_system_are_one() {
-    let set = settings(RadauIia, 2, 4, FESD);
+    for (s, f) in [(2, 3), (2, 4), (3, 3), (3, 4), (3, 6), (4, 3), (4, 4), (2, 5), (2, 8)] {
+        let set = settings(RadauIia, s, f, FESD);
+        let mut one = sliding_ocp(&set);
+        let one = one.solve(&mut Control::default()).unwrap();
+        let mut m = MultiPhase::new(vec![part(&set, 2, true, false), part(&set, 4, false, true)]).unwrap();
+        m.link_continuous(0).unwrap();
+        let two = m.solve(&mut Control::default()).unwrap();
+        println!("TRY {s} {f}: {} {}", one.cost, two.cost);
+    }
+    let set = settings(RadauIia, 3, 3, FESD);
     let mut one = sliding_ocp(&set);
     let one = one.solve(&mut Control::default()).unwrap();
     let mut m = MultiPhase::new(vec![part(&set, 2, true, false), part(&set, 4, false, true)]).unwrap();

@@ -42,7 +42,7 @@ fn compare(o: &mut Ocp, s: &OcpSensitivity, k: usize, mut set: impl FnMut(&mut O
 
 #[test]
 fn the_sliding_mode_problem_follows_its_initial_state() {
-    let mut o = sliding_ocp(&settings(RadauIia, 2, 6, FESD));
+    let mut o = sliding_ocp(&from_all_starts(settings(RadauIia, 2, 6, FESD)));
     solve(&mut o);
     let s = o.sensitivity().unwrap();
     assert!(!s.one_sided);

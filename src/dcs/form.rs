@@ -95,7 +95,7 @@ pub struct Form {
     /// For every region the cells it needs.
     pub region_cells: Vec<Vec<usize>>,
     /// Factors of the outputs of every source that [`Form::measure`] put into the rows; none at first.
-    scales: Vec<Vec<f64>>,
+    pub scales: Vec<Vec<f64>>,
 }
 
 impl Form {

@@ -467,6 +467,11 @@ impl Fesd {
         }
     }
 
+    /// Sizes of the states, those behind the user's included.
+    pub fn state_sizes(&self) -> Vec<f64> {
+        (self.l.x0..self.l.x0 + self.l.nx).map(|j| self.size(j)).collect()
+    }
+
     /// Size of a variable.
     pub(super) fn size(&self, j: usize) -> f64 {
         self.sizes.get(j).copied().unwrap_or(1.0)

@@ -105,7 +105,8 @@ impl Builder {
         self.linear.push((row as u32, variable as u32, coefficient));
     }
 
-    /// Adds `weight (a − b)²` to the cost until the program is polished: it guides, and counts for nothing in the end.
+    /// Adds `weight ((a − b)/s)²` times the steepest change of the cost until the program is polished, with the size `s` of `a`: it
+    /// guides, and counts for nothing in the end.
     pub(super) fn guide(&mut self, a: usize, b: usize, weight: f64) {
         self.quadratic.push((a as u32, b as u32, weight));
     }
@@ -156,6 +157,7 @@ impl Builder {
             inputs: self.inputs,
             rows: self.rows,
             linear: self.linear,
+            weights_told: self.quadratic.iter().map(|q| q.2).collect(),
             quadratic: self.quadratic,
             constants: self.constants,
             pairs: self.pairs,
@@ -191,6 +193,8 @@ pub(super) struct Program {
     rows: Vec<u32>,
     linear: Vec<(u32, u32, f64)>,
     quadratic: Vec<(u32, u32, f64)>,
+    /// Weights of the quadratic terms as multiples of the steepest change of the cost, for differences of usual size.
+    weights_told: Vec<f64>,
     constants: Vec<f64>,
     pairs: Vec<(usize, usize)>,
     size: Vec<f64>,
@@ -500,5 +504,10 @@ impl Mpcc for Program {
     }
     fn set_polishing(&mut self, on: bool) {
         self.polishing = on;
+    }
+    fn set_steepest(&mut self, steepest: f64) {
+        for ((a, _, weight), own) in self.quadratic.iter_mut().zip(&self.weights_told) {
+            *weight = own * steepest / self.size[*a as usize].powi(2);
+        }
     }
 }

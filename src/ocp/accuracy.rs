@@ -96,6 +96,8 @@ impl Accuracy {
 
 /// What is simulated: piecewise constant inputs, and what they are compared with.
 pub(super) struct Answer<'a> {
+    /// Usual sizes of the states.
+    pub usual: &'a [f64],
     pub t0: f64,
     pub x0: &'a [f64],
     /// Lengths of the control stages.
@@ -144,6 +146,7 @@ impl Answer<'_> {
             let start = t0;
             t0 += self.durations[k];
             Answer {
+                usual: self.usual,
                 t0: start,
                 x0: if k == 0 { self.x0 } else { &self.states[(k - 1) * nx..k * nx] },
                 durations: &self.durations[k..=k],
@@ -191,7 +194,11 @@ pub(super) struct Elements {
     reason: String,
 }
 
-/// Largest moduli of cost, linear controls and states of an answer, in the order of [`with_cost`]; 1 for what is zero throughout.
+/// Share of its usual size below which what a state is on the way says nothing of its size: it may be rounding.
+pub(super) const LITTLE: f64 = 1e-3;
+
+/// Sizes of cost, linear controls and states of an answer, in the order of [`with_cost`]: their largest moduli; 1 for what is zero
+/// throughout.
 fn sizes_of(a: &Answer) -> Vec<f64> {
     let nx = a.x0.len();
     let nu = a.linear.len();
@@ -201,7 +208,8 @@ fn sizes_of(a: &Answer) -> Vec<f64> {
     };
     let cost = largest(&mut [a.cost].into_iter());
     let ramp = |j: usize| largest(&mut a.controls.iter().chain(a.control_ends).skip(j).step_by(nu).copied());
-    let state = |i: usize| largest(&mut a.states.iter().skip(i).step_by(nx).copied().chain([a.x0[i]]));
+    let state =
+        |i: usize| largest(&mut a.states.iter().skip(i).step_by(nx).copied().chain([a.x0[i], LITTLE * a.usual[i]]));
     let ramps = (0..nu).filter(|&j| a.linear[j]).map(ramp);
     std::iter::once(cost).chain(ramps).chain((0..nx).map(state)).collect()
 }
@@ -426,7 +434,10 @@ pub(super) fn measure(engine: &mut Replay, answer: &Answer) -> Result<Accuracy> 
             at_grid += values(f, &at)[0];
         }
     }
-    let large = |at: &usize| differences[*at] > LARGE.max(NOISE * answer.tol) * sizes[at % nx];
+    let large = |at: &usize| {
+        let (size, usual) = (sizes[at % nx], answer.usual[at % nx]);
+        differences[*at] > LARGE * size && differences[*at] > NOISE * answer.tol * usual
+    };
     let share = |at: &usize| differences[*at] / sizes[at % nx];
     let worst = (0..n * nx).filter(large).max_by(|a, b| share(a).total_cmp(&share(b)).then(b.cmp(a)));
     found.large =

@@ -14,6 +14,7 @@
 
 mod accuracy;
 mod adapt;
+mod candidates;
 mod diagnosis;
 mod extend;
 mod guess;

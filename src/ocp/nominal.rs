@@ -17,6 +17,8 @@ const QUANTILE: f64 = 0.75;
 const SAMPLES: usize = 4;
 /// Simulations: the controls of the guess, then others within their bounds.
 const RUNS: usize = 5;
+/// Values of a state, relative to the size it is simulated with, that are rounding.
+const ROUNDING: f64 = 1e-10;
 /// Tolerance and steps of a simulation.
 const TOLERANCE: f64 = 1e-4;
 const MAX_STEPS: usize = 20_000;
@@ -31,7 +33,8 @@ impl Ocp {
         self.simulate_sizes(&prior, &mut x, &mut psi)?;
         // simulations with tolerances that were guessed are made again with those that they show
         let known = self.known_sizes();
-        let seen: Vec<Option<f64>> = x.iter().map(|v| quantile(v.clone())).collect();
+        let told = |v: &Vec<f64>| quantile(v.clone()).filter(|s| *s > ROUNDING);
+        let seen: Vec<Option<f64>> = x.iter().map(told).collect();
         let guessed = |(k, s): (&Option<f64>, &Option<f64>)| k.is_none() && s.is_some();
         if known.iter().zip(&seen).any(guessed) {
             let better = |((k, s), p): ((Option<f64>, Option<f64>), &f64)| k.or(s).unwrap_or(*p);
@@ -41,7 +44,7 @@ impl Ocp {
         }
         let state = |(i, values): (usize, Vec<f64>)| {
             let start = magnitude(middle(self.x0_bounds[0][i], self.x0_bounds[1][i])).unwrap_or(0.0);
-            let seen = quantile(values).unwrap_or(0.0).max(start);
+            let seen = quantile(values).filter(|s| *s > ROUNDING * prior[i]).unwrap_or(0.0).max(start);
             bounded(&self.x_bounds, i).or(magnitude(seen)).unwrap_or(prior[i])
         };
         let guess = self.control_guess();
@@ -76,8 +79,14 @@ impl Ocp {
     }
 
     /// The same, 1 where nothing is known.
-    fn prior_sizes(&self) -> Vec<f64> {
+    pub(super) fn prior_sizes(&self) -> Vec<f64> {
         self.known_sizes().into_iter().map(|s| s.unwrap_or(1.0)).collect()
+    }
+
+    /// Does anything switch? Programs of smooth systems are scaled by their gradients alone.
+    pub(super) fn switches(&self) -> bool {
+        let s = &self.system;
+        s.subsystems().iter().any(|s| s.n_modes > 1) || !s.inclusions().is_empty()
     }
 
     /// A simulation of the problem's system as accurate as `tol`, relative to the sizes of its states.

@@ -183,8 +183,7 @@ impl Corner {
     }
 }
 
-/// By how much a state changes over the horizon, not less than a simulation is off by itself, and its largest modulus; 1 for
-/// what is zero throughout.
+/// By how much a state changes over the horizon, not less than a simulation is off by itself, and its largest modulus.
 #[derive(Debug, Clone, Copy)]
 struct Extent {
     range: f64,
@@ -192,10 +191,10 @@ struct Extent {
 }
 
 impl Extent {
-    fn of(values: impl Iterator<Item = f64>) -> Extent {
+    /// Of a state whose size is at least `least`.
+    fn of(values: impl Iterator<Item = f64>, least: f64) -> Extent {
         let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
-        let size = lo.abs().max(hi.abs());
-        let size = if size > 0.0 { size } else { 1.0 };
+        let size = lo.abs().max(hi.abs()).max(least);
         Extent { range: (hi - lo).max(NOISE * TOLERANCE * size), size }
     }
 }
@@ -779,8 +778,11 @@ impl Ocp {
             std::iter::once(None).chain(ramps.map(|r| Some(*r))).chain((0..d.x).map(Some)).collect();
         let points = b.problem.state_points(&w);
         let controls = b.problem.places().1;
+        let usual = b.problem.state_sizes();
         let cost = Extent { range: 0.0, size: if r.cost != 0.0 { r.cost.abs() } else { 1.0 } };
-        let extent = |p: &Option<usize>| p.map_or(cost, |i| Extent::of(points.iter().map(|p| w[p.at + i])));
+        let extent = |p: &Option<usize>| {
+            p.map_or(cost, |i| Extent::of(points.iter().map(|p| w[p.at + i]), accuracy::LITTLE * usual[i]))
+        };
         let extents: Vec<Extent> = places.iter().map(extent).collect();
         let of_states = &extents[extents.len() - d.x..];
         let sizes: Vec<f64> = extents.iter().map(|e| e.size).collect();

@@ -209,6 +209,9 @@ impl MultiPhase {
         let mut params = Vec::new();
         for (p, b) in self.phases.iter().zip(built.iter_mut()) {
             params.push(p.prepare(b)?);
+            if p.switches() {
+                b.set_sizes(&p.sizes()?);
+            }
             b.identifier.restart(true, request.search);
             b.problem.forget_trouble();
             let exit = b.problem.usual_exit();

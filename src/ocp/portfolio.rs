@@ -3,6 +3,7 @@
 
 use std::time::Instant;
 
+use super::candidates::{agree, cost_of, Candidates};
 use super::moves::Sequence;
 use super::optimality::OTHER;
 use super::request::Request;
@@ -30,34 +31,12 @@ const NEIGHBOURS: usize = 24;
 const STEPS: [f64; 3] = [0.01, 0.001, 0.1];
 /// Multiples of the elements where an answer is too inaccurate for its simulation.
 const FINER: [usize; 2] = [2, 4];
+/// Simulations that are started from where nothing else leads to an answer.
+const SIMULATED: usize = 5;
 /// How often it is followed at most.
 const FOLLOWED: usize = 4;
 /// Share of the cost by which one must be lower to count as better.
 const GAIN: f64 = 1e-7;
-
-/// What starts by smoothing found.
-#[derive(Default)]
-struct Candidates {
-    /// The cheapest exact answer.
-    best: Option<Box<Ocp>>,
-    /// Several ways led there, and it costs what the smoothed problem promised.
-    agreed: bool,
-    /// What all took, and the seconds to build their problems.
-    spent: Statistics,
-    time_build: f64,
-}
-
-impl Candidates {
-    /// Counts what a solve took.
-    fn add(&mut self, r: &OcpResult) {
-        self.spent.add(&r.stats);
-        self.time_build += r.time_build;
-    }
-
-    fn cost(&self) -> f64 {
-        self.best.as_ref().and_then(|b| b.result.as_ref()).map_or(f64::INFINITY, |r| r.cost)
-    }
-}
 
 /// What was found before there was no time left is an answer.
 fn in_time(r: Result<()>, found: &Candidates) -> Result<()> {
@@ -109,16 +88,50 @@ impl Ocp {
             let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.cost);
             found.add(r);
             if !exact && found.best.is_none() {
-                return self.spent_in_all(&found, clock);
+                let failed = r.clone();
+                in_time(self.solve_from_simulations(&mut found, &failed, request, control), &found)?;
+                if found.best.is_none() {
+                    return self.spent_in_all(&found, clock);
+                }
             }
             if exact && cost <= found.cost() {
                 let mut own = Box::new(self.blank());
                 (own.built, own.result, own.engine) = (self.built.take(), self.result.take(), self.engine.take());
-                found.best = Some(own);
+                found.replace(own, request)?;
             }
         }
         in_time(self.improve(&mut found, request, control), &found)?;
+        in_time(self.settle(&mut found, request, control), &found)?;
         self.adopt(found, request, control, clock)
+    }
+
+    /// Where nothing else leads to an exact answer: mode programs along simulations of the guessed controls and of others within
+    /// their bounds.
+    fn solve_from_simulations(
+        &self,
+        found: &mut Candidates,
+        failed: &OcpResult,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
+        let known = self.sizes()?;
+        let inside = Request { comparison: None, explain: false, ..*request };
+        for controls in self.random_starts(SIMULATED, 0) {
+            if stop::requested().is_some() {
+                break;
+            }
+            let mut moved = failed.clone();
+            (moved.durations, moved.control_ends) = (self.durations.clone(), controls.clone());
+            moved.controls = controls;
+            let Some(traced) = self.trace_through(&moved, &request.options)? else { continue };
+            let one = self.solve_traced(&moved, (&traced, ROUGH), &known, &inside, control)?;
+            let Some(r) = one.result.as_ref() else { continue };
+            found.add(r);
+            if r.is_exact() && r.cost < found.cost() {
+                found.replace(one, request)?;
+            }
+        }
+        Ok(())
     }
 
     /// Goes from the best answer to sequences next to its own as long as the cost falls.
@@ -147,7 +160,7 @@ impl Ocp {
                 let next = work.run(Start::Near, &inside, control)?;
                 found.add(next);
                 if next.is_exact() && next.cost < r.cost - GAIN * r.cost.abs() {
-                    found.best = Some(work);
+                    found.replace(work, request)?;
                     better = true;
                     break;
                 }
@@ -202,7 +215,7 @@ impl Ocp {
             found.add(next);
             tried.push(Sequence::of(next).sets());
             if next.is_exact() && next.cost < r.cost - GAIN * r.cost.abs() {
-                found.best = Some(one);
+                found.replace(one, request)?;
                 return Ok(true);
             }
         }
@@ -229,11 +242,39 @@ impl Ocp {
             let Some(next) = one.result.as_ref() else { continue };
             found.add(next);
             if next.is_exact() && one.judged()?.is_some_and(|o| o.reason != OTHER) {
-                found.best = Some(one);
+                found.replace(one, inside)?;
                 return Ok(true);
             }
         }
         Ok(false)
+    }
+
+    /// What counts is what the controls lead to: where that costs more than the answer says, and more than another answer, the
+    /// other one is taken. Where there is none it is looked for along the simulation of the best one.
+    fn settle(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
+        let cost = found.cost();
+        let Some(best) = found.best.as_mut() else { return Ok(()) };
+        let Some(simulated) = best.simulated_cost(request)? else { return Ok(()) };
+        if agree(simulated, cost) {
+            return Ok(());
+        }
+        let inside = Request { comparison: None, explain: false, ..*request };
+        let mut from = best.result.clone();
+        let known = best.sizes.clone().map_or_else(|| self.sizes(), Ok)?;
+        // descents of the programs end where the simulation is what they say, or lead away from it again
+        for _ in 0..FOLLOWED {
+            let Some(r) = from.take() else { break };
+            let Some(traced) = self.trace_through(&r, &request.options)? else { break };
+            let one = self.solve_traced(&r, (&traced, NEAR), &known, &inside, control)?;
+            let Some(next) = one.result.as_ref().filter(|n| n.is_exact()) else { break };
+            found.add(next);
+            from = Some(next.clone());
+            found.keep(one, request)?;
+        }
+        if cost_of(&found.spare) < simulated {
+            found.best = found.spare.take();
+        }
+        Ok(())
     }
 
     /// Takes over the best answer with what was built for it, and reports it.
@@ -275,7 +316,7 @@ impl Ocp {
             && self.complementarity.is_empty()
             && s.n_algebraic() == 0
             && s.inclusions().is_empty()
-            && s.subsystems().iter().any(|s| s.n_modes > 1)
+            && self.switches()
             && request.options.solver.polish
             && request.options.discretisation.discretisation == crate::settings::Discretisation::Fesd
     }
@@ -312,7 +353,9 @@ impl Ocp {
                     let size = r.cost.abs().max(smooth.cost_reached.abs());
                     let promised = (r.cost - smooth.cost_reached).abs() <= PROMISED * size;
                     found.agreed = k == 0 && ladder.count > 1 && promised;
-                    found.best = Some(one);
+                    found.replace(one, request)?;
+                } else {
+                    found.keep(one, request)?;
                 }
             }
             costs.push(best);

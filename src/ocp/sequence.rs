@@ -45,8 +45,18 @@ pub(super) struct Traced {
 }
 
 impl Ocp {
-    /// Simulates the controls of `r`. `None` where there is no such simulation.
+    /// Simulates the controls of `r`, every stage from the state of the answer where the simulation before it led elsewhere.
+    /// `None` where there is no such simulation.
     pub(super) fn trace(&self, r: &OcpResult, options: &SolveOptions) -> Result<Option<Traced>> {
+        self.trace_from(r, options, OFF)
+    }
+
+    /// The same, but only from the initial state.
+    pub(super) fn trace_through(&self, r: &OcpResult, options: &SolveOptions) -> Result<Option<Traced>> {
+        self.trace_from(r, options, f64::INFINITY)
+    }
+
+    fn trace_from(&self, r: &OcpResult, options: &SolveOptions, off: f64) -> Result<Option<Traced>> {
         let d = self.system.dims();
         let Ok(dcs) = Dcs::stewart(&self.system) else { return Ok(None) };
         let elements = &r.trajectory.elements;
@@ -60,7 +70,9 @@ impl Ocp {
             Some(p) => p.clone(),
             None => r.params.repeat(self.n_stages),
         };
+        let usual = self.sizes.as_ref().map_or_else(|| self.prior_sizes(), |s| s.x.clone());
         let answer = Answer {
+            usual: &usual,
             t0: self.t0,
             x0: &x0,
             durations: &r.durations,
@@ -83,7 +95,7 @@ impl Ocp {
                 hi - lo
             })
             .collect();
-        engine.trace(&answer, &|x, at| (0..d.x).any(|i| (x[i] - at[i]).abs() > OFF * range[i]), dcs.n_cells())
+        engine.trace(&answer, &|x, at| (0..d.x).any(|i| (x[i] - at[i]).abs() > off * range[i]), dcs.n_cells())
     }
 
     /// The mode program of the phases of a simulation, from its states and the controls of `r`: a copy of the

@@ -298,7 +298,7 @@ impl Ocp {
             _ => None,
         };
         let stage_params = self.prepare(b)?;
-        if start != Start::Warm {
+        if start != Start::Warm && self.switches() {
             let sizes = match &self.sizes {
                 Some(s) => s.clone(),
                 None => self.sizes()?,
@@ -625,7 +625,9 @@ impl Ocp {
             }
         }
         let total = r.cost_reached + self.penalty(problem, w, e, &r.durations);
+        let usual = problem.state_sizes();
         let answer = Answer {
+            usual: &usual,
             t0: self.t0,
             x0: &elements[0].x0,
             durations: &r.durations,

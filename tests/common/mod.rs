@@ -46,3 +46,9 @@ pub fn discretise(sys: &System, set: &Settings, n_stages: usize, duration: f64) 
     let spec = Spec::new(dcs, options, vec![set.n_fe as usize; n_stages]);
     Fesd::new(spec, duration).unwrap()
 }
+
+/// The same with all starts of the portfolio, of which the best answer is kept.
+#[allow(dead_code)]
+pub fn from_all_starts(settings: Settings) -> Settings {
+    Settings { ocp_start: OcpStart::Portfolio as i64, ..settings }
+}

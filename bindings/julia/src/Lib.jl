@@ -177,7 +177,7 @@ const NAMES_swb_initial_guess = [:constant => 0, :simulation => 1, :smoothed => 
 """
 Where optimal control problems start from (ocp_start).
 
-- `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved; where they do not agree on an answer the homotopy from the guess is followed too, and the cheapest answer is kept.
+- `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved; the homotopy from the guess is followed too, as a second opinion. The cheapest answer is kept.
 - `SWB_OCP_START_HOMOTOPY`: The homotopy from the guess alone.
 - `SWB_OCP_START_SMOOTHING`: Smoothed problems alone; the homotopy only where they lead to no answer.
 """
@@ -944,7 +944,7 @@ table (`swb_option_range`).
 - `stage_form`: Unknowns at the stage points (enum stage_form).
 - `cross`: Granularity of the cross complementarity (enum cross).
 - `step_equilibration`: Step equilibration during the homotopy (enum step_equilibration).
-- `rho_h`: Weight of the soft step equilibration.
+- `rho_h`: Weight of the soft step equilibration, in optimal control in multiples of the steepest change of the cost.
 - `gamma_h`: Step sizes stay between (1 - gamma_h) and (1 + gamma_h) times the nominal one.
 - `tol`: Convergence tolerance of the interior point at sigma = 0, before polishing.
 - `max_iter`: Limit on the interior point iterations of one solve, over all homotopy steps.

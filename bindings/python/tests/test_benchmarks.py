@@ -2,6 +2,7 @@
 
 import json
 import os
+import random
 import shutil
 import signal
 import subprocess
@@ -22,6 +23,7 @@ import mpcc_profile  # noqa: E402
 import mpcc_train  # noqa: E402
 import optima  # noqa: E402
 import optima_problems  # noqa: E402
+import units  # noqa: E402
 
 
 def result(objective, iterations=10, cpu=1.0, solved=True, **more):
@@ -162,3 +164,17 @@ def test_a_problem_with_a_known_answer():
     r = optima.solve("friction_move_02")
     assert r["solved"] and optima.gap(r["cost"], optima.reference("friction_move_02", {})) < 1e-9
     assert optima.summary([r], {}).startswith("1 problems: 1 solved, 1 polished, 1 of 1 within")
+
+
+@pytest.mark.parametrize("name", ["switched_lq", "gearbox_fuel", "landing"])
+def test_units_do_not_matter(name):
+    """The same problem in random units has the same optimum, by a similar way: sizes are rounded to powers of two."""
+    document = json.loads((units.DOCUMENTS / f"{name}.json").read_text())
+    own = units.solve(document)
+    numbers = random.Random(name)
+    for _ in range(3):
+        change = units.Units(document["ocp"], numbers, 6.0)
+        one = units.solve(units.in_units(document, change))
+        assert (one["outcome"], one["certificate"]) == ("solved", own["certificate"])
+        assert one["cost"] / change.cost == pytest.approx(own["cost"], rel=1e-6)
+        assert 0.5 <= one["iterations"] / own["iterations"] <= 2.0

@@ -194,7 +194,9 @@ impl Ocp {
             let last = elements.iter().rev().find(|e| e.stage == k);
             states.extend(last.map_or_else(|| vec![f64::NAN; nx], |e| e.x1.clone()));
         }
+        let usual = self.prior_sizes();
         let answer = Answer {
+            usual: &usual,
             t0: self.t0,
             x0: r.jumps.first().filter(|j| j.t <= self.t0).map_or(&elements[0].x0, |j| &j.before),
             durations: &r.durations,

@@ -1,0 +1,87 @@
+//! Exact answers of a search. The cheapest one counts, unless its own controls lead elsewhere: where a solution is not unique, on a
+//! surface that both sides lead away from, a program picks the continuation that costs least, and nothing else does.
+
+use super::request::{Comparison, Request};
+use super::{Ocp, OcpResult};
+use crate::error::{Error, Result};
+use crate::nlp::Statistics;
+
+/// Tolerance of the simulation that answers are compared with.
+const TOLERANCE: f64 = 1e-7;
+/// Difference, relative, up to which a simulation costs the same.
+const SAME: f64 = 1e-3;
+
+/// What starts of a search found.
+#[derive(Default)]
+pub(super) struct Candidates {
+    /// The cheapest exact answer.
+    pub best: Option<Box<Ocp>>,
+    /// The cheapest of the others that simulations agree with.
+    pub spare: Option<Box<Ocp>>,
+    /// Several ways led to the best one, and it costs what the smoothed problem promised.
+    pub agreed: bool,
+    /// What all took, and the seconds to build their problems.
+    pub spent: Statistics,
+    pub time_build: f64,
+}
+
+/// Cost of an answer, infinite where there is none.
+pub(super) fn cost_of(one: &Option<Box<Ocp>>) -> f64 {
+    one.as_ref().and_then(|b| b.result.as_ref()).map_or(f64::INFINITY, |r| r.cost)
+}
+
+impl Candidates {
+    /// Counts what a solve took.
+    pub fn add(&mut self, r: &OcpResult) {
+        self.spent.add(&r.stats);
+        self.time_build += r.time_build;
+    }
+
+    /// Cost of the best.
+    pub fn cost(&self) -> f64 {
+        cost_of(&self.best)
+    }
+
+    /// A new best; the one before may become the spare one.
+    pub fn replace(&mut self, one: Box<Ocp>, request: &Request) -> Result<()> {
+        match self.best.replace(one) {
+            Some(old) => self.keep(old, request),
+            None => Ok(()),
+        }
+    }
+
+    /// Keeps an exact answer as the spare one, where it is cheaper than that and its simulation agrees.
+    pub fn keep(&mut self, mut one: Box<Ocp>, request: &Request) -> Result<()> {
+        let cost = one.result.as_ref().map_or(f64::INFINITY, |r| r.cost);
+        if cost < cost_of(&self.spare) && one.simulated_cost(request)?.is_some_and(|s| agree(s, cost)) {
+            self.spare = Some(one);
+        }
+        Ok(())
+    }
+}
+
+/// Is an answer of this cost what its simulation is?
+pub(super) fn agree(simulated: f64, cost: f64) -> bool {
+    (simulated - cost).abs() <= SAME * simulated.abs().max(cost.abs())
+}
+
+impl Ocp {
+    /// Cost of the last answer in a simulation of its controls; infinite where that does not get to the end, `None` where it
+    /// cannot be compared: constraints at the end may then be missed by a little, and nobody knows what that is worth.
+    pub(super) fn simulated_cost(&mut self, request: &Request) -> Result<Option<f64>> {
+        if !self.terminal.is_empty() || !self.boundary.is_empty() {
+            return Ok(None);
+        }
+        let (Some(b), Some(r)) = (self.built.take(), self.result.take()) else { return Ok(None) };
+        let comparison = Comparison { tol: TOLERANCE, by_stage: false };
+        let w = b.solver.solution().x.clone();
+        let params = b.extended.params.clone();
+        let found = self.compare(&r, &b.problem, &w, &b.extended, &params, comparison, &request.options);
+        (self.built, self.result) = (Some(b), Some(r));
+        match found {
+            Ok(a) => Ok(Some(if a.reached() { a.cost } else { f64::INFINITY })),
+            Err(Error::Interrupted | Error::OutOfTime) => Ok(None),
+            Err(e) => Err(e),
+        }
+    }
+}
