@@ -241,3 +241,31 @@ impl QpSolution {
         }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Two stages, all terms of the objective with numbers of their own.
+    #[test]
+    fn the_objective_by_hand() {
+        let rows =
+            vec![Row { node: 1, price: Some(Price { linear: 2.0, quadratic: 3.0 }) }, Row { node: 2, price: None }];
+        let mut qp = StageQp::new(2, 1, 1, rows).unwrap();
+        qp.hess_x.copy_from_slice(&[2.0, 4.0, 6.0]);
+        qp.hess_xu.copy_from_slice(&[0.5, -0.25]);
+        qp.hess_u.copy_from_slice(&[1.0, 3.0]);
+        qp.grad_x.copy_from_slice(&[1.0, -1.0, 2.0]);
+        qp.grad_u.copy_from_slice(&[0.5, 1.5]);
+        qp.row_x.copy_from_slice(&[1.0, 1.0]);
+        qp.row_u.copy_from_slice(&[1.0, 0.0]);
+        qp.row_upper.copy_from_slice(&[1.0, 0.5]);
+        let (x, u) = ([1.0, 2.0, 3.0], [-1.0, 0.5]);
+        let squares =
+            0.5 * (2.0 + 4.0 * 4.0 + 6.0 * 9.0) + (0.5 * x[0] * u[0] - 0.25 * x[1] * u[1]) + 0.5 * (1.0 + 3.0 * 0.25);
+        let linear = 1.0 - 2.0 + 6.0 - 0.5 + 0.75;
+        // 2 + 0.5 exceeds 1 by 1.5, and 3 exceeds 0.5 by 2.5
+        let prices = 2.0 * 1.5 + 3.0 * 1.5 * 1.5 + 10.0 * 2.5;
+        assert!((qp.objective(&x, &u, 10.0) - squares - linear - prices).abs() < 1e-13);
+    }
+}

@@ -40,6 +40,8 @@ pub struct Loop {
     pub u: Vec<f64>,
     /// Seconds of preparation and feedback of every sample.
     pub times: Vec<[f64; 2]>,
+    /// Alternatives to the plan that were prepared for every sample.
+    pub alternatives: Vec<u64>,
 }
 
 /// Rows, what is added to them where the state with the number at the end is positive, the negative of it where it is not.
@@ -137,6 +139,7 @@ impl StickSlip {
         let mut plant = Engine::new(&self.plant, &event::Options::with_tolerance(1e-10, 1e-12)).unwrap();
         let (mut x, mut reference, mut cost) = (self.x0, [0.0; STATES], 0.0);
         let mut done = (vec![x], Vec::new(), Vec::new());
+        let mut alternatives = Vec::new();
         let mut waiting = vec![0.0; disturbance.delay];
         let mut seed = 1u64;
         for k in 0..self.samples {
@@ -151,7 +154,9 @@ impl StickSlip {
             if k == 0 {
                 c.initialise(&x, 100).unwrap();
             }
+            let before = c.monitor().alternatives;
             let prepared = c.prepare(None).unwrap();
+            alternatives.push(c.monitor().alternatives - before);
             let mut ahead = x;
             waiting.iter().for_each(|u| step(&mut plant, &mut ahead, *u, &reference, &mut 0.0));
             let mut u = [f64::NAN];
@@ -169,7 +174,7 @@ impl StickSlip {
             done.2.push([prepared.time, info.time]);
         }
         assert_eq!(c.monitor().failed_linearisations, 0);
-        Loop { cost, controller: c, x: done.0, u: done.1, times: done.2 }
+        Loop { cost, controller: c, x: done.0, u: done.1, times: done.2, alternatives }
     }
 }
 

@@ -10,6 +10,11 @@ use switchback::nmpc::{Level, Options, Scheme};
 #[path = "../../../tests/common/nmpc.rs"]
 mod problems;
 
+// the tests use more of it
+#[allow(dead_code)]
+#[path = "../../../tests/common/stick_slip.rs"]
+mod stick_slip;
+
 use problems::{chain, pendulum, scheme, Case};
 
 /// Loops whose shortest times are kept.
@@ -97,6 +102,57 @@ pub fn run(context: &Context) {
             let o = Object::new().text("case", "nmpc").text("problem", name).text("scheme", what);
             let o = o.num("cost", cost).num("known", known).num("relative_error", (cost - known).abs() / known);
             context.record(&o.num("prepare_us", mean(0)).num("feedback_us", mean(1)).num("worst_feedback_us", worst));
+        }
+    }
+    context.say(&table.text());
+    run_switching(context);
+}
+
+/// Problems with dry friction, with the costs prototypes reach: fixed modes with two break-away branches.
+fn run_switching(context: &Context) {
+    let head = [
+        "problem",
+        "scheme",
+        "cost",
+        "known",
+        "prepare us",
+        "with 4 alternatives us",
+        "feedback us",
+        "worst us",
+        "taken",
+    ];
+    let mut table = Table::new(&head);
+    let schemes = [("RTI", Scheme::Rti, 0), ("AS-RTI-D-1", Scheme::AsRti, 1), ("AS-RTI-D-3", Scheme::AsRti, 3)];
+    for (name, known) in [("cart_pole", 357.23), ("two_masses", 81.18)] {
+        let case = if name == "cart_pole" { stick_slip::cart_pole(3.0) } else { stick_slip::two_masses(1.0) };
+        for (what, kind, inner) in schemes {
+            let options = stick_slip::options(kind, inner);
+            let done = case.run(&options, &stick_slip::Disturbance::default());
+            let mut times = done.times;
+            for _ in 1..if context.all { 1 } else { REPETITIONS } {
+                let again = case.run(&options, &stick_slip::Disturbance::default()).times;
+                times.iter_mut().zip(&again).for_each(|(t, new)| *t = [t[0].min(new[0]), t[1].min(new[1])]);
+            }
+            let mean = |v: &mut dyn Iterator<Item = f64>| -> f64 {
+                let (sum, n) = v.fold((0.0, 0), |(s, n), t| (s + 1e6 * t, n + 1));
+                sum / f64::from(n)
+            };
+            let (prepare, feedback) = (mean(&mut times.iter().map(|t| t[0])), mean(&mut times.iter().map(|t| t[1])));
+            let full = times.iter().zip(&done.alternatives).filter(|e| *e.1 == 4);
+            let four = mean(&mut full.map(|e| e.0[0]));
+            let worst = 1e6 * times.iter().fold(0.0f64, |m, t| m.max(t[1]));
+            let m = done.controller.monitor();
+            let numbers = [format!("{:.4}", done.cost), format!("{known}")];
+            let rest = [prepare, four, feedback, worst].map(|t| format!("{t:.2}"));
+            let row = [name.to_string(), what.to_string()].into_iter().chain(numbers).chain(rest);
+            table.row(row.chain([m.flips.to_string()]).collect());
+            let o = Object::new().text("case", "nmpc").text("problem", name).text("scheme", what);
+            let o = o.num("cost", done.cost).num("known", known).num("prepare_us", prepare).num("prepare_4_us", four);
+            let o = o
+                .num("feedback_us", feedback)
+                .num("worst_feedback_us", worst)
+                .num("alternatives_taken", m.flips as f64);
+            context.record(&o.num("unsolved", (m.sources.iter().sum::<u64>() - m.sources[0]) as f64));
         }
     }
     context.say(&table.text());
