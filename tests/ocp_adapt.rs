@@ -145,17 +145,17 @@ fn tutorial(set: &Settings) -> Ocp {
 /// Where a limit ends a later round, the answer is the best of the rounds that ended, to the bit.
 #[test]
 fn a_round_that_is_cut_short_does_not_replace_the_answer() {
-    let set = Settings { adapt_tol: 1e-9, ..settings(RadauIia, 2, 2, FESD) };
+    let set = Settings { adapt_tol: 1e-6, ..settings(RadauIia, 1, 4, FESD) };
     let mut o = sliding_ocp(&set);
     let whole = solve(&mut o);
     let rounds = &whole.adaptation.as_ref().unwrap().rounds;
-    assert!(rounds.len() > 2);
+    assert!(rounds.len() > 2, "{rounds:?}");
     let first = rounds[0].iterations + 3;
     // stopped in the second round
     let mut seen = 0;
     let mut monitor = |_: &IterationInfo| {
         seen += 1;
-        seen < first + 2
+        seen < first + 10
     };
     let r = o.solve(&mut Control { monitor: Some(&mut monitor), ..Control::default() }).unwrap().clone();
     let a = r.adaptation.as_ref().unwrap();
@@ -169,7 +169,7 @@ fn a_round_that_is_cut_short_does_not_replace_the_answer() {
     let mut seen = 0;
     let mut monitor = |_: &IterationInfo| {
         seen += 1;
-        if seen == first + 2 {
+        if seen == first + 10 {
             std::thread::sleep(limit.saturating_sub(clock.elapsed()) + Duration::from_millis(5));
         }
         true
