@@ -9,6 +9,7 @@ use crate::error::Result;
 use crate::event::{self, Engine};
 use crate::fesd::Sizes;
 use crate::func::Point;
+use crate::nlp::INFINITE;
 use crate::system::SharedFunction;
 
 /// Share of the values of a quantity that are not larger than what counts as its size.
@@ -66,14 +67,14 @@ impl Ocp {
     }
 
     /// Sizes of the states before anything was simulated, as far as the problem says something: two bounds say most, then the
-    /// initial state, one bound, and where the state is to go.
+    /// initial state, where it is to go, and one bound.
     fn known_sizes(&self) -> Vec<Option<f64>> {
         let target = self.target();
         let size = |i: usize| {
             let start = magnitude(middle(self.x0_bounds[0][i], self.x0_bounds[1][i]));
             let one_sided = || [self.x_bounds[0][i], self.x_bounds[1][i]].into_iter().find_map(magnitude);
             let goal = || target.as_ref().and_then(|x| magnitude(x[i]));
-            bounded(&self.x_bounds, i).or(start).or_else(one_sided).or_else(goal)
+            bounded(&self.x_bounds, i).or(start).or_else(goal).or_else(one_sided)
         };
         (0..self.system.dims().x).map(size).collect()
     }
@@ -158,12 +159,12 @@ impl Ocp {
 /// Size of what has two bounds.
 fn bounded(b: &[Vec<f64>; 2], j: usize) -> Option<f64> {
     let (l, u) = (b[0][j], b[1][j]);
-    (l.is_finite() && u.is_finite()).then(|| l.abs().max(u.abs())).filter(|s| *s > 0.0)
+    (l > -INFINITE && u < INFINITE).then(|| l.abs().max(u.abs())).filter(|s| *s > 0.0)
 }
 
 /// Modulus of a value that says something of a size.
 fn magnitude(v: f64) -> Option<f64> {
-    (v.is_finite() && v != 0.0).then(|| v.abs())
+    (v.abs() < INFINITE && v != 0.0).then(|| v.abs())
 }
 
 /// Adds the moduli of the switching functions at a point.
