@@ -82,6 +82,13 @@ impl Fesd {
         self.sizes = w;
     }
 
+    /// Makes all sizes 1.
+    pub fn forget_sizes(&mut self) {
+        self.sizes.clear();
+        self.guidance_unit = 1.0;
+        self.spec.dcs.measure(&[]);
+    }
+
     /// Makes the penalties on step sizes a share of the cost, whose steepest change in variables of their sizes is told: a step
     /// that differs from its reference by a usual one costs `rho_h` times that. Only where there are sizes.
     pub(super) fn measure_guidance(&mut self, steepest: f64) {

@@ -16,6 +16,7 @@ use crate::func::EvalError;
 use crate::memory;
 use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Solution, Suggest, Wanted, Warm};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
+use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
 use crate::stop::{self, Why};
 use crate::system::{Regions, SharedFunction};
@@ -298,7 +299,10 @@ impl Ocp {
             _ => None,
         };
         let stage_params = self.prepare(b)?;
-        if start != Start::Warm && self.switches() {
+        if request.start == OcpStart::Homotopy && self.x_guess.is_some() {
+            // a trajectory that is given says more than sizes: the homotopy stays near it in the units it is given in
+            b.problem.forget_sizes();
+        } else if start != Start::Warm && self.switches() {
             let sizes = match &self.sizes {
                 Some(s) => s.clone(),
                 None => self.sizes()?,
