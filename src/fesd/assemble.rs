@@ -279,7 +279,8 @@ impl Fesd {
         self.l.eta.filter(|s| *s != Shape::Equation)
     }
 
-    pub(super) fn eta_weight(&self) -> f64 {
+    /// Weight of what guides steps outside of the polish.
+    pub(super) fn guidance_weight(&self) -> f64 {
         if self.polishing {
             0.0
         } else {
@@ -294,7 +295,7 @@ impl Fesd {
             self.load_eta(a, b, w, local);
             sum += eta::value(shape, self.l.n_cells, local);
         }
-        self.eta_weight() * sum
+        self.guidance_weight() * sum
     }
 
     pub(super) fn load_eta(&self, a: &ElementIndex, b: &ElementIndex, w: &[f64], out: &mut [f64]) {

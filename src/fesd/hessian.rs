@@ -166,7 +166,7 @@ impl Fesd {
         let Some(shape) = l.eta else { return };
         for (a, b) in self.eta_pairs() {
             self.load_eta(a, b, w, local);
-            let weight = b.row_eta.map_or(obj * self.eta_weight(), |r| y[r]);
+            let weight = b.row_eta.map_or(obj * self.guidance_weight(), |r| y[r]);
             for k in 0..local.len() {
                 for j in 0..=k {
                     let v = if weight == 0.0 { 0.0 } else { weight * eta::hessian(shape, l.n_cells, local, j, k) };

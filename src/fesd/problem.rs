@@ -576,10 +576,10 @@ impl Fesd {
 
     pub(super) fn soft_weight(&self) -> f64 {
         let soft = matches!(self.spec.options.equilibration, StepEquilibration::Mean | StepEquilibration::Difference);
-        if self.polishing || !soft {
-            0.0
+        if soft {
+            self.guidance_weight()
         } else {
-            self.guidance_unit * self.spec.options.rho_h
+            0.0
         }
     }
 
@@ -768,7 +768,7 @@ impl Nlp for Fesd {
         let map = std::mem::take(&mut self.jac_map);
         let mut scratch = std::mem::take(&mut self.scratch);
         if let Some(shape) = self.eta_penalty() {
-            let weight = self.eta_weight();
+            let weight = self.guidance_weight();
             for (a, b) in self.eta_pairs() {
                 self.load_eta(a, b, w, &mut scratch.local);
                 for k in 0..scratch.local.len() {

@@ -66,12 +66,8 @@ impl Judge {
         scaling.derivatives(&mut self.grad, jac, &mut self.jac);
         scaling.shrink(&s.x, &mut self.x);
         scaling.bounds(&mut self.bounds);
-        for ((out, y), w) in self.y.iter_mut().zip(&s.y).zip(&scaling.rows) {
-            *out = y * scaling.objective / w;
-        }
-        for ((out, z), size) in self.z.iter_mut().zip(&s.z).zip(&scaling.sizes) {
-            *out = z * scaling.objective * size;
-        }
+        self.y.iter_mut().zip(&s.y).enumerate().for_each(|(i, (out, y))| *out = scaling.row_multiplier(i, *y));
+        self.z.iter_mut().zip(&s.z).enumerate().for_each(|(j, (out, z))| *out = scaling.bound_multiplier(j, *z));
     }
 
     /// Iterations of a certificate after a solve with `iterations`.

@@ -104,6 +104,16 @@ impl Scaling {
         out.iter_mut().zip(x).zip(&self.sizes).for_each(|((o, x), s)| *o = x * s);
     }
 
+    /// The multiplier of row `i` in the units of the solver.
+    pub fn row_multiplier(&self, i: usize, y: f64) -> f64 {
+        y * self.objective / self.rows[i]
+    }
+
+    /// The multiplier of the bounds of variable `j` in the units of the solver.
+    pub fn bound_multiplier(&self, j: usize, z: f64) -> f64 {
+        z * self.objective * self.sizes[j]
+    }
+
     pub fn value(&self, f: f64, rows: &mut [f64]) -> f64 {
         rows.iter_mut().zip(&self.rows).for_each(|(c, s)| *c *= s);
         f * self.objective

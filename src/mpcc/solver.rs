@@ -447,12 +447,12 @@ impl MpccSolver {
             v.fill(0.0);
         }
         for (j, z) in warm.z.iter().enumerate() {
-            let z = z * scaling.objective * scaling.sizes[j];
+            let z = scaling.bound_multiplier(j, *z);
             it.zl[j] = z.max(0.0);
             it.zu[j] = (-z).max(0.0);
         }
         for (i, y) in warm.y.iter().enumerate() {
-            it.y[i] = y * scaling.objective / scaling.rows[i];
+            it.y[i] = scaling.row_multiplier(i, *y);
             it.vl[i] = (-it.y[i]).max(0.0);
             it.vu[i] = it.y[i].max(0.0);
         }

@@ -4,6 +4,7 @@
 use super::request::{Comparison, Request};
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
+use crate::fesd::Sizes;
 use crate::nlp::Statistics;
 
 /// Tolerance of the simulation that answers are compared with.
@@ -20,6 +21,8 @@ pub(super) struct Candidates {
     pub spare: Option<Box<Ocp>>,
     /// Several ways led to the best one, and it costs what the smoothed problem promised.
     pub agreed: bool,
+    /// Sizes of the quantities of the problem.
+    pub known: Sizes,
     /// What all took, and the seconds to build their problems.
     pub spent: Statistics,
     pub time_build: f64,

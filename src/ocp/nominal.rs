@@ -30,10 +30,10 @@ impl Ocp {
         let d = self.system.dims();
         let n_psi = self.system.switching_functions().iter().map(|f| f.n_out()).sum();
         let (mut x, mut psi) = (vec![Vec::new(); d.x], vec![Vec::new(); n_psi]);
-        let mut prior = self.prior_sizes();
+        let known = self.known_sizes();
+        let mut prior = or_one(&known);
         self.simulate_sizes(&prior, &mut x, &mut psi)?;
         // simulations with tolerances that were guessed are made again with those that they show
-        let known = self.known_sizes();
         let told = |v: &Vec<f64>| quantile(v.clone()).filter(|s| *s > ROUNDING);
         let seen: Vec<Option<f64>> = x.iter().map(told).collect();
         let guessed = |(k, s): (&Option<f64>, &Option<f64>)| k.is_none() && s.is_some();
@@ -81,7 +81,7 @@ impl Ocp {
 
     /// The same, 1 where nothing is known.
     pub(super) fn prior_sizes(&self) -> Vec<f64> {
-        self.known_sizes().into_iter().map(|s| s.unwrap_or(1.0)).collect()
+        or_one(&self.known_sizes())
     }
 
     /// Does anything switch? Programs of smooth systems are scaled by their gradients alone.
@@ -154,6 +154,11 @@ impl Ocp {
         }
         Ok(())
     }
+}
+
+/// Sizes, 1 where nothing is known.
+fn or_one(known: &[Option<f64>]) -> Vec<f64> {
+    known.iter().map(|s| s.unwrap_or(1.0)).collect()
 }
 
 /// Size of what has two bounds.

@@ -68,7 +68,7 @@ impl Ocp {
     #[inline(never)]
     fn search_from_all(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
         let clock = Instant::now();
-        let mut found = Candidates::default();
+        let mut found = Candidates { known: self.sizes()?, ..Candidates::default() };
         in_time(self.solve_by_smoothing(&mut found, request, control), &found)?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
         let enough = found.best.is_some() && request.start == OcpStart::Smoothing;
@@ -114,7 +114,7 @@ impl Ocp {
         request: &Request,
         control: &mut Control,
     ) -> Result<()> {
-        let known = self.sizes()?;
+        let known = found.known.clone();
         let inside = Request { comparison: None, explain: false, ..*request };
         for controls in self.random_starts(SIMULATED, 0) {
             if stop::requested().is_some() {
@@ -191,7 +191,7 @@ impl Ocp {
         let Some(best) = found.best.as_mut() else { return Ok(false) };
         let Some(judged) = best.judged()? else { return Ok(false) };
         let Some(r) = best.result.clone() else { return Ok(false) };
-        let known = best.sizes.clone().map_or_else(|| self.sizes(), Ok)?;
+        let known = best.sizes.clone().unwrap_or_else(|| found.known.clone());
         let inside = Request { comparison: None, explain: false, ..*request };
         if judged.reason == OTHER {
             return self.refine(found, &r, &known, &inside, control);
@@ -260,7 +260,7 @@ impl Ocp {
         }
         let inside = Request { comparison: None, explain: false, ..*request };
         let mut from = best.result.clone();
-        let known = best.sizes.clone().map_or_else(|| self.sizes(), Ok)?;
+        let known = best.sizes.clone().unwrap_or_else(|| found.known.clone());
         // descents of the programs end where the simulation is what they say, or lead away from it again
         for _ in 0..FOLLOWED {
             let Some(r) = from.take() else { break };
@@ -323,7 +323,7 @@ impl Ocp {
 
     /// From the smoothed problems to the mode programs of their controls.
     fn solve_by_smoothing(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
-        let known = self.sizes()?;
+        let known = found.known.clone();
         let Some(mut smoother) = self.smoother(&known, request, control)? else { return Ok(()) };
         let ladders = smoother.race(control);
         found.spent = smoother.spent;

@@ -78,13 +78,13 @@ impl Scene {
         let mut contacts = Vec::new();
         for k in kept {
             let c = &self.contacts[k];
-            let rate = b.rate_of(c.gap, &rates)?;
+            let rate = b.frame().along_motion(c.gap, &rates)?;
             let normal = b.along(rate)?;
             let frictionless = b.dag.as_const(c.friction) == Some(0.0);
             let mut sliding = Vec::new();
             for &tangent in if frictionless { &[][..] } else { &c.tangents } {
                 let moves = b.depends(tangent, Block::X, self.n_q);
-                let rate = if moves { tangent } else { b.rate_of(tangent, &rates)? };
+                let rate = if moves { tangent } else { b.frame().along_motion(tangent, &rates)? };
                 let along = b.along(rate)?;
                 sliding.push(Sliding { rate, along });
             }
@@ -97,25 +97,10 @@ impl Scene {
 }
 
 impl Builder<'_> {
-    /// The rate of a function of coordinates and time.
-    fn rate_of(&mut self, id: Id, rates: &[Id]) -> Result<Id> {
-        let mut wrt: Vec<Id> = (0..rates.len()).map(|i| self.dag.input(Block::X, i)).collect();
-        wrt.push(self.dag.input(Block::T, 0));
-        let mut sum = self.dag.constant(0.0);
-        for e in self.dag.jacobian(&[id], &wrt)? {
-            let term = match rates.get(e.col) {
-                Some(&r) => self.dag.mul(e.value, r),
-                None => e.value,
-            };
-            sum = self.dag.add(sum, term);
-        }
-        Ok(sum)
-    }
-
     /// The gradient of a rate with respect to the velocities.
     fn along(&mut self, rate: Id) -> Result<Vec<Id>> {
-        let (n_q, n_v) = (self.scene.n_q, self.scene.n_v);
-        let v: Vec<Id> = (0..n_v).map(|i| self.dag.input(Block::X, n_q + i)).collect();
-        self.dag.dense_jacobian(&[rate], &v)
+        let frame = &mut self.frame();
+        let v = frame.velocities();
+        frame.dag.dense_jacobian(&[rate], &v)
     }
 }

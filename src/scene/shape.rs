@@ -31,7 +31,7 @@ pub(super) struct Frame<'a> {
 }
 
 impl Frame<'_> {
-    fn velocities(&mut self) -> Vec<Id> {
+    pub(super) fn velocities(&mut self) -> Vec<Id> {
         (0..self.n_v).map(|i| self.dag.input(Block::X, self.n_q + i)).collect()
     }
 
@@ -44,7 +44,7 @@ impl Frame<'_> {
 
     /// Derivative along the motion of something that depends on coordinates, velocities and time: that part of it that the
     /// accelerations have nothing to do with.
-    fn along_motion(&mut self, id: Id, rates: &[Id]) -> Result<Id> {
+    pub(super) fn along_motion(&mut self, id: Id, rates: &[Id]) -> Result<Id> {
         let mut wrt: Vec<Id> = (0..self.n_q).map(|i| self.dag.input(Block::X, i)).collect();
         wrt.push(self.dag.input(Block::T, 0));
         let mut sum = self.dag.constant(0.0);
