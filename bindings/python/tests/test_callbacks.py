@@ -17,6 +17,13 @@ import switchback as swb
 from models import A_IN, A_OUT, OSCILLATOR_T, OSCILLATOR_X0, OSCILLATOR_XT, oscillator, tutorial
 
 
+@pytest.fixture(autouse=True)
+def in_python():
+    """Callables stay callables: what they do when they are called is what is tested here."""
+    with swb.tracing(False):
+        yield
+
+
 class Failing:
     """The modes of the oscillator, which do something else from a call on."""
 

@@ -79,7 +79,8 @@ def test_simulations_return_from_where_they_stand():
 
 def test_callbacks_are_supplied():
     system = swb.System(nx=1)
-    psi, modes = swb.Function(lambda x: [x[0]], 1, name="psi"), swb.Function(lambda x: [[1.0], [3.0]], 1, n_out=(2, 1), name="modes")
+    psi = swb.Function(lambda x: [x[0]], 1, name="psi", trace=False)
+    modes = swb.Function(lambda x: [[1.0], [3.0]], 1, n_out=(2, 1), name="modes", trace=False)
     system.add_subsystem(modes=modes, psi=psi, signs=[1, -1])
     document = swb.Ocp(system, 2.0, 1, initial_state=[-1.0]).to_json()
     with pytest.raises(swb.StateError, match="supply it"):

@@ -32,6 +32,7 @@ from ._ffi import (
 )
 from ._library import path as library_path
 from ._library import version as library_version
+from ._trace import TraceWarning, tracing
 from .animation import animate
 from .automaton import Automaton, Interval
 from .bodies import Body, BodyState, Fixed, Motion, States, World
@@ -215,6 +216,7 @@ __all__ = [
     "SwitchKind",
     "SwitchbackError",
     "System",
+    "TraceWarning",
     "Trajectory",
     "Undefined",
     "UnsupportedError",
@@ -257,6 +259,7 @@ __all__ = [
     "sqrt",
     "tan",
     "tanh",
+    "tracing",
     "variable",
     "where",
     "Kink",

@@ -15,6 +15,7 @@ from typing import Any, Iterable, NamedTuple, Sequence
 import numpy
 
 from ._arrays import index, number
+from ._names import nearest
 from .errors import ArgumentError, DimensionError, StateError
 from .expr import Expr, Model, table
 
@@ -284,5 +285,8 @@ def place_of(system: Any, state: Any) -> int:
     elif isinstance(state, str) and state:
         places = [i for i, name in enumerate(names) if name == state]
     if len(places) != 1:
-        raise ArgumentError(f"{state!r} is no state of the system of the run: give its name, its place, or the expression")
+        meant = nearest(state, names) if isinstance(state, str) else ""
+        raise ArgumentError(
+            f"{state!r} is no state of the system of the run{meant or ': give its name, its place, or the expression'}"
+        )
     return int(places[0])

@@ -24,7 +24,9 @@ from ._call import Handle, call, encode, text
 from ._document import Reader
 from ._ffi import Direction
 from ._library import lib
-from .errors import ArgumentError, DimensionError, RangeError
+from ._names import Named, nearest, split
+from ._trace import check_captured
+from .errors import ArgumentError, DimensionError, RangeError, UnsupportedError
 from .function import Function
 from .system import System
 
@@ -77,6 +79,7 @@ class Graph(Handle):
     """Holds expressions; equal expressions are one."""
 
     _kind = "expr"
+    _tracing = False  # a callable is called with these expressions just now, and may do nothing that hides a branch
 
     def __init__(self) -> None:
         self._functions: list[Function] = []  # their callbacks are called as long as the graph is there
@@ -116,8 +119,13 @@ class Graph(Handle):
             if value._graph is not self:
                 raise ArgumentError("expressions of two graphs cannot be combined")
             return value
-        if isinstance(value, (list, tuple)) and any(isinstance(v, (Expr, list, tuple)) for v in value):
+        objects = isinstance(value, numpy.ndarray) and value.dtype == object and value.ndim > 0
+        if objects or (
+            isinstance(value, (list, tuple)) and any(isinstance(v, (Expr, list, tuple, numpy.ndarray)) for v in value)
+        ):
             parts = [self.of(v) for v in value]
+            if not parts:
+                return self.constant([])
             if len({p._condition for p in parts}) > 1:
                 raise DimensionError("a list holds conditions and values: choose values with where")
             if len({p.shape for p in parts}) != 1:
@@ -146,9 +154,14 @@ class Graph(Handle):
         f.name, f.shape = name, flat.shape
         f.sizes = {"x": index(nx, "nx"), "u": index(nu, "nu"), "p": index(np, "np")}
         f.inputs = ("x", "u", "p", "t")
-        f._callbacks = list(self._functions)
-        f._make(lib.swb_expr_function, self, encode(name, "name"), nx, nu, np, address(flat), flat.size)
+        self._fill(f, flat, encode(name, "name"))
         return f
+
+    def _fill(self, f: Function, ids: numpy.ndarray, name: bytes) -> None:
+        """Make a function, whose sizes are known, of expressions by their numbers."""
+        f._callbacks = list(self._functions)
+        s = f.sizes
+        f._make(lib.swb_expr_function, self, name, s["x"], s["u"], s["p"], address(ids), ids.size)
 
 
 class Expr:
@@ -186,6 +199,20 @@ class Expr:
         """The same expressions in another shape."""
         return self._graph._expr(self._ids.reshape(*shape), self._condition)
 
+    def ravel(self) -> Expr:
+        """The same expressions in one row."""
+        return self.reshape(-1)
+
+    flatten = ravel
+
+    def copy(self) -> Expr:
+        """The same expressions: they never change."""
+        return self
+
+    def dot(self, other: Any) -> Expr:
+        """Product of matrices or vectors, as `@`."""
+        return self @ other
+
     def __len__(self) -> int:
         if self.ndim == 0:
             raise TypeError("a single expression has no length")
@@ -212,7 +239,20 @@ class Expr:
     def __hash__(self) -> int:
         return hash((id(self._graph), self._ids.tobytes(), self.shape))
 
+    def __float__(self) -> float:
+        raise TypeError(
+            "an expression is no number yet: use swb.sin or numpy.sin instead of math.sin, and collect results in a list, "
+            "[a, b], instead of an array of numbers"
+        )
+
+    __int__ = __index__ = __complex__ = __float__  # type: ignore[assignment]
+
+    def __setitem__(self, key: Any, value: Any) -> None:
+        raise TypeError("expressions cannot be changed in place: collect the new ones in a list, [a, b]")
+
     def __eq__(self, other: Any) -> bool:  # of expressions, not of their values
+        if self._graph._tracing:
+            raise TypeError("whether a value equals another one is not known before the model runs")
         return (
             isinstance(other, Expr)
             and other._graph is self._graph
@@ -258,7 +298,12 @@ class Expr:
     def __array_function__(self, function: Any, types: Any, inputs: Any, keywords: Any) -> Any:
         """Other functions of numpy: where, clip, dot, sum, concatenate, linalg.norm, linalg.solve."""
         f = _FUNCTIONS.get(function)
-        return NotImplemented if f is None else f(*inputs, **keywords)
+        if f is not None:
+            return f(*inputs, **keywords)
+        if function not in _ARRANGING:
+            return NotImplemented
+        graph = _graph_of(*inputs)
+        return graph.of(function(*(_objects(i) for i in inputs), **keywords))
 
 
 def _graph_of(*operands: Any) -> Graph:
@@ -275,11 +320,16 @@ def _graph_of(*operands: Any) -> Graph:
     raise ArgumentError("there is no expression among the operands")
 
 
+_LARGE_PRODUCT = 100_000  # multiplications of a matrix product that are slower as expressions than in NumPy
+
+
 def _matmul(graph: Graph, a: Expr, b: Expr) -> Expr:
     if a.ndim not in (1, 2) or b.ndim not in (1, 2) or a.shape[-1] != b.shape[0]:
         raise DimensionError(f"matrices of shapes {a.shape} and {b.shape} cannot be multiplied")
     left, right = numpy.atleast_2d(a._ids), b._ids.reshape(b.shape[0], -1)
     m, k, n = left.shape[0], left.shape[1], right.shape[1]
+    if graph._tracing and m * k * n > _LARGE_PRODUCT:
+        raise UnsupportedError(f"a matrix product of {m} by {k} by {n} is faster in NumPy")
     x, y = (_packed(v.T) for v in (left, right))  # by columns
     out = numpy.empty((n, m), dtype=numpy.int64)
     graph._do("matmul", m, k, n, address(x), x.size, address(y), y.size, address(out), out.size)
@@ -386,6 +436,11 @@ _UFUNCS: dict[str, Callable[..., Any]] = {
 }
 
 
+# Arrays of objects, such as numpy.array([q, v]), call methods of their elements.
+for _name in "sqrt exp log sin cos tan arcsin arccos arctan sinh cosh tanh sign square".split():
+    setattr(Expr, _name, lambda self, f=_UFUNCS[_name]: f(self))
+
+
 def norm(a: Expr) -> Expr:
     """Euclidean norm; it has no derivative at zero."""
     flat = a.reshape(-1)
@@ -425,7 +480,34 @@ def jacobian(outputs: Any, inputs: Expr) -> Expr:
     return inputs._graph._expr(out.T.reshape(f.shape + inputs.shape))
 
 
+def _objects(value: Any) -> Any:
+    """Expressions as an array of objects, also in lists."""
+    if isinstance(value, Expr):
+        out = numpy.empty(value.shape, dtype=object)
+        for place in numpy.ndindex(value.shape):
+            out[place] = value[place]
+        return out
+    if isinstance(value, (list, tuple)) and any(isinstance(v, (Expr, list, tuple)) for v in value):
+        return type(value)(_objects(v) for v in value)
+    return value
+
+
+# Functions of numpy that arrange, add and multiply what is in arrays: they work on arrays of objects.
+_ARRANGING = {
+    getattr(numpy, name)
+    for name in (
+        "append atleast_1d atleast_2d broadcast_to column_stack cross cumsum diag diagonal diff dstack expand_dims flip "
+        "flipud fliplr hstack inner kron mean moveaxis outer prod ravel repeat reshape roll squeeze stack swapaxes take tensordot "
+        "tile trace transpose vdot vstack einsum"
+    ).split()
+    if hasattr(numpy, name)
+}
+
+
 _FUNCTIONS: dict[Any, Callable[..., Expr]] = {
+    numpy.zeros_like: lambda a, **_: numpy.zeros(a.shape, dtype=object),
+    numpy.ones_like: lambda a, **_: numpy.ones(a.shape, dtype=object),
+    numpy.empty_like: lambda a, **_: numpy.zeros(a.shape, dtype=object),
     numpy.where: where,
     numpy.clip: clip,
     numpy.dot: lambda a, b: _graph_of(a, b).of(a) @ b,
@@ -526,21 +608,10 @@ class _Built(Handle):
     _kind = "model"
 
 
-def _names(given: int | str | Sequence[str], what: str) -> list[str]:
-    if isinstance(given, str):
-        return given.replace(",", " ").split()
-    if isinstance(given, (list, tuple)):
-        return [str(name) for name in given]
-    n = index(given, what)
-    if n < 0:
-        raise DimensionError(f"{what} is negative: {n}")
-    return [""] * n
-
-
-class Model:
+class Model(Named):
     """A model made of expressions: variables `x`, `u`, `p` and the time `t`, and the derivatives of the states.
 
-    Variables are given by names, "q v", or by their number. Setting `derivatives` to a list of expressions, one for
+    Variables are given by names, "q v", or by their number; those with names are attributes, `model.q`, too. Setting `derivatives` to a list of expressions, one for
     each state, or `derivative` state by state, completes the model.
     """
 
@@ -554,7 +625,7 @@ class Model:
         _graph: Graph | None = None,
     ):
         self.name = name
-        self.names = [_names(states, "states"), _names(controls, "controls"), _names(parameters, "parameters")]
+        self.names = [split(states, "states"), split(controls, "controls"), split(parameters, "parameters")]
         self.nx, self.nu, self.np = (len(n) for n in self.names)
         self.graph = Graph() if _graph is None else _graph
         self.x, self.u, self.p = (self.graph.inputs(b, n) for b, n in zip("xup", (self.nx, self.nu, self.np)))
@@ -565,13 +636,14 @@ class Model:
         self._transitions: list[_Transition] = []
         self._discrete: list[float] = []  # initial values of the last states
         self._value_names: dict[int, tuple[str, ...]] = {}  # of discrete states, by their place among all states
+        self._complete = True
 
-    def derivative(self, state: Expr, rhs: Any) -> None:
-        """Set the derivative of a state."""
-        places = numpy.flatnonzero(self.x._ids == state._ids) if state.ndim == 0 else []
-        if len(places) != 1:
-            raise ArgumentError(f"{state!r} is no state of the model")
-        self._rhs[int(places[0])] = self.graph.of(rhs)
+    def _blocks(self) -> tuple[Expr, ...]:
+        return self.x, self.u, self.p
+
+    def derivative(self, state: Expr | str, rhs: Any) -> None:
+        """Set the derivative of a state, given as an expression or by its name."""
+        self._rhs[self._state(state, "derivative")] = self.graph.of(rhs)
         self._made = None
 
     def discrete(self, name: str = "", initial: float = 0.0) -> Expr:
@@ -597,7 +669,7 @@ class Model:
         else:
             places = [i for i, name in enumerate(self.names[0]) if name and name == state]
         if len(places) != 1:
-            raise ArgumentError(f"{what}: {state!r} is no state of the model")
+            raise ArgumentError(f"{what}: {state!r} is no state of the model{nearest(state, self.names[0])}")
         return int(places[0])
 
     def _values(self, given: Any, what: str) -> dict[int, float]:
@@ -725,6 +797,7 @@ class Model:
         s._make(lib.swb_model_system, self._build())
         s.n_subsystems = self.counts().subsystems
         s._discrete = list(self._discrete)
+        s._names = tuple(tuple(names) for names in self.names)
         s._origin = self.graph, self.x._ids, tuple(self.names[0])
         return s
 
@@ -817,4 +890,5 @@ def system_of(system: Any) -> System:
         return system.system()
     if not isinstance(system, System):
         raise ArgumentError(f"system must be a System, a Model or a Scene, not {type(system).__name__}")
+    check_captured(system._functions)
     return system

@@ -12,7 +12,7 @@ import numpy
 from . import _ffi
 from ._arrays import Array, address, index, number, real, seen, vector
 from ._call import Handle, encode, failed
-from .errors import ArgumentError, DimensionError, NullError, RangeError
+from .errors import ArgumentError, DimensionError, NullError, RangeError, SwitchbackError
 
 __all__ = ["DerivativeCheck", "Function"]
 
@@ -127,6 +127,12 @@ def _numbers(result: Any, what: str) -> Array:
         shown = f"{result!r:.80}" if array.size <= 100 else f"an array of shape {array.shape} and type {array.dtype}"
         raise TypeError(f"{what} must return real numbers, not {shown}")
     return array
+
+
+def _constant(value: Any, what: str) -> Callable[..., Any]:
+    """Numbers as a callable without arguments."""
+    numbers = real(value, what)
+    return lambda: numbers
 
 
 def _value_callback(
@@ -306,10 +312,18 @@ class Function(Handle):
     (rows, columns), then the values may be returned in this order; or a matrix that is zero where the derivative
     always is. Patterns without a callable help the finite differences. Patterns of Hessians are those of the upper
     triangle. `linear` says that all second derivatives are zero.
+
+    A callable without derivatives is traced: it is called once with expressions, and these are used where they agree with
+    it at random points; `traced` tells. Their derivatives are exact, and no Python runs while they are evaluated. A callable that
+    branches on a value, or calls what knows numbers only, cannot be traced: a `TraceWarning` names the line. Numbers from
+    around the callable keep the values they have when the function is made. `trace=False`: call it every time.
     """
 
     _kind = "function"
     _in_python = False
+    #: Was it a callable, and is it expressions now?
+    traced = False
+    _captured: Sequence[Any] = ()
 
     def __init__(
         self,
@@ -325,13 +339,27 @@ class Function(Handle):
         hessian_pattern: Pattern | None = None,
         linear: bool = False,
         name: str | None = None,
+        trace: bool = True,
     ):
-        self._begin(value, nx, nu, np, n_out, name, None)
-        self._derivatives(jacobian, jacobian_pattern, hessian, hessian_pattern, linear)
+        derivatives = (jacobian, jacobian_pattern, hessian, hessian_pattern)
+        parts = [value] if trace and not linear and all(d is None for d in derivatives) else None
+        self._begin(value, nx, nu, np, n_out, name, None, parts)
+        if not self.traced:
+            self._derivatives(*derivatives, linear)
 
     def _begin(
-        self, value: Any, nx: int, nu: int, np: int, n_out: Any, name: str | None, inputs: list[str] | None
+        self,
+        value: Any,
+        nx: int,
+        nu: int,
+        np: int,
+        n_out: Any,
+        name: str | None,
+        inputs: list[str] | None,
+        parts: list[Any] | None = None,
     ) -> None:
+        """Make it of a callable `value`; of expressions where the callables `parts`, each with its share of the outputs, can
+        be traced."""
         if name is None:
             name = getattr(value, "__name__", None) or "f"
             name = "f" if name == "<lambda>" else name
@@ -346,6 +374,8 @@ class Function(Handle):
         what = f"function '{name}'"
         names = _arguments(value, _NAMES, what) if inputs is None else inputs
         self.inputs = tuple(names)
+        if parts is not None and self._trace(parts, what):
+            return
         callback = _ffi.swb_value_fn(_value_callback(value, names, self.sizes, self.shape, what))
         self._callbacks: list[Any] = [callback]
         self._in_python = True
@@ -356,6 +386,29 @@ class Function(Handle):
         self._do("set_inputs", flags)
         if flags == 0:
             self._do("set_linear")
+
+    def _trace(self, callables: list[Any], what: str) -> bool:
+        """Make it of expressions, if the callables can be traced; else say why not."""
+        from . import _trace
+
+        if not _trace.is_on():
+            return False
+        parts = [_trace.Part(f, _arguments(f, _NAMES, what), what) for f in callables]
+        outcome = _trace.trace(parts, self.sizes, self.shape)
+        if outcome.ids is not None:
+            try:
+                outcome.graph._fill(self, outcome.ids, encode(self.name, "name"))
+                reason = _trace.disagreement(self, parts, self.sizes)
+                if reason is None:
+                    self.traced, self._captured = True, outcome.captured
+                    return True
+                self.close()
+            except SwitchbackError as error:
+                reason = str(error)
+            outcome = outcome._replace(reason=reason)
+        if outcome.reason:
+            _trace.warn(what, outcome)
+        return False
 
     def _create_function(self, callback: Any) -> None:
         s = self.sizes
@@ -503,8 +556,8 @@ class Function(Handle):
             return casadi.function(f, *sizes, n_out)
         if callable(f):
             return cls(f, *sizes, n_out, name=name)
-        if isinstance(f, (list, tuple)) and f and all(callable(g) and not isinstance(g, Function) for g in f):
-            return cls._stack(list(f), sizes, n_out, name)
+        if isinstance(f, (list, tuple)) and any(callable(g) and not isinstance(g, Function) for g in f):
+            return cls._stack([g if callable(g) else _constant(g, f"{name}[{k}]") for k, g in enumerate(f)], sizes, n_out, name)
         nx, nu, np = sizes
         constant = cls.affine(f, nx=nx, nu=nu, np=np, name=name)
         shape = n_out if isinstance(n_out, tuple) else (n_out,)
@@ -534,7 +587,7 @@ class Function(Handle):
             return out.ravel()
 
         self = cls.__new__(cls)
-        self._begin(value, *sizes, shape, name, union)
+        self._begin(value, *sizes, shape, name, union, parts)
         return self
 
     # --- what it is -----------------------------------------------------------------------------------

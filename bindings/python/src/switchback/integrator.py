@@ -13,7 +13,10 @@ from . import _ffi
 from ._arrays import Array, address, index, number, one_or, real, seen, table, vector
 from ._call import Handle, aside, frame, text
 from ._ffi import EventKind, ProgressKind, RunOutcome
+from ._foreign import method as method_of
+from ._foreign import translated
 from ._library import lib
+from ._names import rows
 from ._solver import OnLog, _log_callback
 from .errors import ArgumentError, DimensionError, RangeError
 from .expr import Model, system_of
@@ -492,7 +495,7 @@ def _chosen(settings: Any, named: Mapping[str, Any], options: Mapping[str, Any])
     """Settings, and tolerances state by state if there are any."""
     values = dict(options)
     if named["method"] is not None:
-        values["integration"] = named["method"]
+        values["integration"] = method_of(named["method"])
     tolerances = {name: named[name] for name in ("rtol", "atol") if named[name] is not None}
     each = any(numpy.ndim(v) > 0 for v in tolerances.values())
     if not each:
@@ -587,12 +590,12 @@ class Integrator(Handle, HasSettings):
 
     def set_controls(self, u: Any) -> None:
         """Set the controls, constant from now on."""
-        array = vector(u, self.nu, "u")
+        array = self.system._controls(u)
         self._do("set_controls", address(array), array.size)
 
     def set_params(self, p: Any) -> None:
         """Set the parameters."""
-        array = vector(p, self.np, "p")
+        array = self.system._params(p)
         self._do("set_params", address(array), array.size)
         self._p = array.copy()
 
@@ -730,8 +733,7 @@ def simulate(
     option `ambiguity`. Look at `run.success`: a simulation may end early, `run.reason` says why. For stepping use an `Integrator`, for the
     discretisation with complementarity constraints `simulate_fesd`.
     """
-    if "n_steps" in options or "duration" in options:
-        raise ArgumentError("simulate takes (system, x0, t_span); equal steps of finite elements are simulate_fesd")
+    options = translated(options)
     options |= {"dense": int(bool(dense)), "sensitivity": int(bool(sensitivity))}
     start, end = _span(t_span)
     with Integrator(
@@ -750,12 +752,12 @@ def simulate(
             i.set_params(p)
         pieces = numpy.empty((1, 0))
         if u is not None or i.nu:
-            pieces = table(u, None, i.nu, "u") if numpy.ndim(u) == 2 else vector(u, i.nu, "u").reshape(1, -1)
+            pieces = table(u, None, i.nu, "u") if numpy.ndim(u) == 2 else i.system._controls(u).reshape(1, -1)
         if len(pieces) == 0:
             raise DimensionError("u has no rows")
         if stop_times is not None:
             i.set_stop_times(stop_times)
-        i.reinit(x0, start)
+        i.reinit(i.system._start(x0, "x0"), start)
         if not end >= start:
             raise RangeError(f"t_span is {start:g} to {end:g}: the end must not lie before the start")
         for k, row in enumerate(pieces):
@@ -823,10 +825,13 @@ def simulate_batch(
 ) -> Batch:
     """Simulate from every row of `x0`, [n, nx], on several threads (0: one for each processor).
 
-    `u` and `p` are one row for all runs, or one for each. The results are those of single runs to the last bit,
+    `u` and `p` are one row for all runs, or one for each. All three may be dictionaries from names to numbers, or to arrays with
+    a number for each run. The results are those of single runs to the last bit,
     whatever the number of threads. Functions written in Python are called by one thread only.
     """
     s = system_of(system)
+    options = translated(options)
+    x0, u, p = (rows(value, names, what) for value, names, what in zip((x0, u, p), s._names, ("x0", "u", "p")))
     smooth = s.nx - len(s._discrete)
     if s._discrete and numpy.ndim(x0) == 2 and numpy.shape(x0)[1] == smooth:
         given = table(x0, None, smooth, "x0")

@@ -13,6 +13,7 @@ from ._call import text
 from ._document import Reader
 from ._ffi import Jumps, Outcome, PathAt, Polished, swb_accuracy, swb_kink, swb_ocp_jump, swb_optimality
 from ._library import lib
+from ._names import filled, named_vector
 from ._ocp_contacts import OcpContacts
 from ._ocp_search import Adaptation, OcpSearch
 from ._ocp_terms import OcpTerms
@@ -279,16 +280,26 @@ class Ocp(OcpTerms, OcpSearch):
         self._do("add_terminal", function, address(low), n, address(high), n)
         self._functions.append(function)
 
+    def _named(self, block: int) -> tuple[str, ...]:
+        """Names of states (0), controls (1) or parameters (2); () for a problem from a document."""
+        return () if self._system is None else self._system._names[block]
+
     def _bounds(self, name: str, lower: Any, upper: Any, n: int, what: str) -> None:
+        names = self._named(int(name == "set_control_bounds"))
+        if isinstance(lower, Mapping):
+            lower = filled(lower, names, f"lower {what}", [-numpy.inf] * n)
+        if isinstance(upper, Mapping):
+            upper = filled(upper, names, f"upper {what}", [numpy.inf] * n)
         low, high = bounds(lower, upper, n, what)
         self._do(name, address(low), n, address(high), n)
 
     def set_state_bounds(self, lower: Any = None, upper: Any = None) -> None:
-        """Set bounds of the states after the initial time; None is no bound, one number is for all. The discrete states of a
+        """Set bounds of the states after the initial time; None is no bound, one number is for all, and a dictionary from names
+        to numbers bounds these. The discrete states of a
         model may be left out; bounds of theirs are bounds of the values they may take."""
         n = len(self._system._discrete) if self._system is not None else 0
         low, high = (
-            value if not n or numpy.ndim(value) != 1 or numpy.size(value) != self.nx - n else numpy.append(value, n * [free])
+            value if not n or isinstance(value, Mapping) or numpy.ndim(value) != 1 or numpy.size(value) != self.nx - n else numpy.append(value, n * [free])
             for value, free in ((lower, -numpy.inf), (upper, numpy.inf))
         )
         self._bounds("set_state_bounds", low, high, self.nx, "bounds of the states")
@@ -315,7 +326,7 @@ class Ocp(OcpTerms, OcpSearch):
 
     def set_params(self, p: Any) -> None:
         """Set the parameters."""
-        array = vector(p, self.np, "p")
+        array = named_vector(p, self._named(2), self.np, "p")
         self._do("set_params", address(array), len(array))
 
     def set_state_guess(self, times: Any, x: Any) -> None:

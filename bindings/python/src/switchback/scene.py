@@ -15,7 +15,8 @@ from ._call import Handle, encode, text
 from ._ffi import ContactMode, ImpactKind, ImpactLaw
 from ._library import lib
 from .errors import ArgumentError, DimensionError
-from .expr import Expr, Graph, _names
+from ._names import Named, split
+from .expr import Expr, Graph
 from .function import Function
 from .system import System
 
@@ -68,13 +69,15 @@ class _Scene(Handle):
     _kind = "scene"
 
 
-class _ContactSystem:
+class _ContactSystem(Named):
     """What scenes and projected systems share: a graph, contacts, and the system they become."""
 
     name: str
     names: list[list[str]]
     graph: Graph
     x: Expr
+    q: Expr
+    v: Expr
     contacts: list[SceneContact]
     n_q: int  # number of coordinates; the states of a projected system are in the place of velocities
     nx: int
@@ -98,6 +101,14 @@ class _ContactSystem:
         self._made = _Scene.__new__(_Scene)
         self._made._make(create, encode(self.name, "name"), *sizes, names)
         self._current = False
+        self._complete = True
+
+    def _blocks(self) -> tuple[Expr, ...]:
+        states, start = [], 0
+        for names in self.names[:-2]:
+            states.append(self.x[start : start + len(names)])
+            start += len(names)
+        return *states, self.u, self.p
 
     def _ids(self, values: Any, shape: tuple[int, ...], what: str) -> numpy.ndarray:
         given = self.graph.of(values)
@@ -152,7 +163,9 @@ class _ContactSystem:
         s._make(lib.swb_scene_system, self._build())
         s.n_subsystems = 0
         s._discrete = []
-        s._origin = self.graph, self.x._ids, tuple(n for group in self.names[:-2] for n in group)
+        states = tuple(n for group in self.names[:-2] for n in group)
+        s._names = states, *(tuple(names) for names in self.names[-2:])
+        s._origin = self.graph, self.x._ids, states
         s._contacts = tuple((c["name"], c["tangents"]) for c in self.report_data()["contacts"])
         s._scene = self
         return s
@@ -185,9 +198,9 @@ class Scene(_ContactSystem):
         name: str = "scene",
     ):
         self.name = name
-        qs = _names(q, "q")
-        vs = [f"v_{n}" if n else "" for n in qs] if v is None else _names(v, "v")
-        self.names = [qs, vs, _names(u, "u"), _names(p, "p")]
+        qs = split(q, "q")
+        vs = [f"v_{n}" if n else "" for n in qs] if v is None else split(v, "v")
+        self.names = [qs, vs, split(u, "u"), split(p, "p")]
         self.n_q, self.n_v, nu, np = (len(n) for n in self.names)
         if not self.n_q or not self.n_v:
             raise DimensionError("a scene needs at least one coordinate and one velocity")
@@ -329,7 +342,7 @@ class Projected(_ContactSystem):
         name: str = "projected",
     ):
         self.name = name
-        self.names = [_names(x, "x"), _names(u, "u"), _names(p, "p")]
+        self.names = [split(x, "x"), split(u, "u"), split(p, "p")]
         self._begin(lib.swb_scene_create_projected, [len(n) for n in self.names], len(self.names[0]), *self.names[1:])
 
     def f(self, values: Any) -> None:

@@ -8,11 +8,12 @@ from typing import Any, Iterable, Mapping
 
 import numpy
 
-from ._arrays import Array, address, index, number, table, vector
+from ._arrays import Array, address, index, number, table
 from ._call import text
 from ._document import Reader
 from ._ffi import Outcome
 from ._library import lib
+from ._names import named_vector
 from ._solver import Solver
 from .expr import Model, system_of
 from .function import Function
@@ -43,6 +44,7 @@ class Simulator(Solver):
     ):
         system = system_of(system)
         self.nx, self.nu, self.np = system.nx, system.nu, system.np
+        self._names = system._names
         chosen = Settings._from(settings, options)
         self._create(system, ctypes.byref(chosen._c))
         self._functions = list(system._functions)
@@ -63,23 +65,24 @@ class Simulator(Solver):
         simulator._make(lib.swb_simulator_from_json, *reader.arguments, *places)
         data = reader.data()["simulation"]["system"]
         simulator.nx, simulator.nu, simulator.np = (data[key] for key in ("states", "controls", "parameters"))
+        simulator._names = ((), (), ())
         simulator._functions = list(reader.functions)
         simulator._monitors(None, None)
         return simulator, duration.value, n_steps.value
 
     def set_state(self, x: Any, t: float = 0.0) -> None:
         """Set state and time, and begin a new trajectory."""
-        array = vector(x, self.nx, "x")
+        array = named_vector(x, self._names[0], self.nx, "x")
         self._do("set_state", number(t, "t"), address(array), len(array))
 
     def set_controls(self, u: Any) -> None:
         """Set the controls, constant from now on."""
-        array = vector(u, self.nu, "u")
+        array = named_vector(u, self._names[1], self.nu, "u")
         self._do("set_controls", address(array), len(array))
 
     def set_params(self, p: Any) -> None:
         """Set the parameters."""
-        array = vector(p, self.np, "p")
+        array = named_vector(p, self._names[2], self.np, "p")
         self._do("set_params", address(array), len(array))
 
     def run(self, duration: float, n_steps: int) -> Outcome:
@@ -173,7 +176,8 @@ def simulate_fesd(
         else:
             if u is not None or sim.nu:
                 sim.set_controls(u)
-            controls = numpy.empty((1, 0)) if u is None else vector(u, sim.nu, "u").reshape(1, -1).copy()
+            given = numpy.empty(0) if u is None else named_vector(u, sim._names[1], sim.nu, "u")
+            controls = given.reshape(1, -1).copy()
             control_times = numpy.array([start, start + span])
             outcome = sim.run(span, steps)
         return SimulationResult(

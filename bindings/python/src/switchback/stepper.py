@@ -124,6 +124,7 @@ class Stepper(Handle):
         self._create(system, ctypes.byref(options))
         self._functions = list(system._functions)
         self.nx, self.nu, self.np = system.nx, system.nu, system.np
+        self._system = system
         count = ctypes.c_int64()
         self._do("sizes", None, None, None, ctypes.byref(count))
         self.n_contacts = count.value
@@ -131,17 +132,17 @@ class Stepper(Handle):
 
     def set_state(self, x: Any, t: float = 0.0) -> None:
         """Set the state, coordinates and then velocities, and the time. Set the parameters first."""
-        given = vector(x, self.nx, "x")
+        given = self._system._start(x, "x")
         self._do("set_state", number(t, "t"), address(given), given.size)
 
     def set_controls(self, u: Any) -> None:
         """Set the controls, constant from now on."""
-        given = vector(u, self.nu, "u")
+        given = self._system._controls(u)
         self._do("set_controls", address(given), given.size)
 
     def set_params(self, p: Any) -> None:
         """Set the parameters, constant from now on."""
-        given = vector(p, self.np, "p")
+        given = self._system._params(p)
         self._do("set_params", address(given), given.size)
 
     def step(self) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-from typing import Any, Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy
 
@@ -11,6 +12,7 @@ from . import _ffi
 from ._arrays import address, choice, index, number, seen, vector
 from ._call import Handle
 from ._ffi import Direction
+from ._names import filled, named_vector, split
 from .errors import ArgumentError, DimensionError, RangeError
 from .function import Function
 
@@ -20,6 +22,7 @@ __all__ = ["System"]
 class System(Handle):
     """x' = f0(x, u, p, t) plus, for each subsystem, a convex combination of its modes.
 
+    The numbers of states, controls and parameters may be names, "q v": then values can be given by them, x0={"q": 1, "v": 0}.
     Functions are given as `Function`, as callables (see there), as lists of callables, one for each mode, or as
     arrays of constants.
     """
@@ -27,9 +30,12 @@ class System(Handle):
     _kind = "system"
     _contacts: tuple[tuple[str, int], ...] = ()  # of a scene: names of contacts and their numbers of tangents
     _scene: Any = None  # the scene it was made of
+    _names: tuple[tuple[str, ...], ...]  # of states, controls and parameters: "" where one has none, () where none has
 
-    def __init__(self, nx: int, nu: int = 0, np: int = 0, f0: Any = None):
-        self.nx, self.nu, self.np = index(nx, "nx"), index(nu, "nu"), index(np, "np")
+    def __init__(self, nx: int | str, nu: int | str = 0, np: int | str = 0, f0: Any = None):
+        given = ((nx, "nx"), (nu, "nu"), (np, "np"))
+        self._names = tuple(() if hasattr(n, "__index__") else tuple(split(n, what)) for n, what in given)
+        self.nx, self.nu, self.np = (len(names) or index(n, what) for names, (n, what) in zip(self._names, given))
         self._functions: list[Function] = []  # their callbacks are called as long as a model is there
         self.n_subsystems = 0
         self._discrete: list[float] = []  # initial values of the last states
@@ -45,9 +51,21 @@ class System(Handle):
     def _start(self, x: Any, what: str) -> numpy.ndarray:
         """An initial state; the discrete states of a model may be left out."""
         smooth = self.nx - len(self._discrete)
+        if isinstance(x, Mapping):
+            return filled(x, self._names[0], what, [numpy.nan] * smooth + list(self._discrete))
+        if x is None:
+            return named_vector(x, self._names[0], self.nx, what)
         if self._discrete and numpy.ndim(x) <= 1 and numpy.size(x) == smooth:
             return numpy.concatenate([vector(x, smooth, what), self._discrete])
         return vector(x, self.nx, what)
+
+    def _controls(self, u: Any) -> numpy.ndarray:
+        """Controls, given as an array or by names."""
+        return named_vector(u, self._names[1], self.nu, "u")
+
+    def _params(self, p: Any) -> numpy.ndarray:
+        """Parameters, given as an array or by names."""
+        return named_vector(p, self._names[2], self.np, "p")
 
     def _function(self, f: Any, n_out: int | tuple[int, ...], name: str) -> Function:
         return Function._of(f, (self.nx, self.nu, self.np), n_out, name)
