@@ -178,7 +178,7 @@ def test_wrong_systems():
             swb.simulate_fesd(system, [0.0], 1.0, 1)
     with pytest.raises(swb.StateError):
         swb.Simulator(swb.System(2))  # without dynamics
-    for sizes in ((0,), (-1,), (1, -1), ("a",), (1.5,), (None,)):
+    for sizes in ((0,), (-1,), (1, -1), ("",), ("a a",), (1.5,), (None,)):
         with pytest.raises(swb.ArgumentError):
             swb.System(*sizes)
     system = swb.System(2)

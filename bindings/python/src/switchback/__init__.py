@@ -32,6 +32,8 @@ from ._ffi import (
 )
 from ._library import path as library_path
 from ._library import version as library_version
+from ._logs import log_to_python
+from ._store import load
 from ._trace import TraceWarning, tracing
 from .animation import animate
 from .automaton import Automaton, Interval
@@ -113,7 +115,9 @@ from ._ocp_search import Modes
 from .nmpc import ClosedLoop, Nmpc, closed_loop
 from .ocp import Kink, Ocp, OcpJump, OcpResult, OcpSensitivity, Optimality
 from .plot import plot, plot_contacts, plot_phase, plot_run
+from .recorded import Recorded
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
+from .saved import SavedRun, SavedTrajectory
 from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Projected, Scene, SceneContact
 from .settings import Option, Settings, options
 from .simulator import SimulationResult, Simulator, simulate_fesd
@@ -195,10 +199,13 @@ __all__ = [
     "ProgressKind",
     "Projected",
     "RangeError",
+    "Recorded",
     "Residuals",
     "Run",
     "RunOutcome",
     "RunStats",
+    "SavedRun",
+    "SavedTrajectory",
     "Scene",
     "SceneContact",
     "Settings",
@@ -238,7 +245,9 @@ __all__ = [
     "expr",
     "library_path",
     "library_version",
+    "load",
     "log",
+    "log_to_python",
     "maximum",
     "minimize_mpcc",
     "minimum",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 import signal
 import threading
 import weakref
@@ -99,10 +100,25 @@ class _Nothing:
 _nothing = _Nothing()
 
 
+_C_NAMES = re.compile(r"\b(enum )?swb_([a-z0-9_]+)\b")
+
+
+def _python_name(found: re.Match[str]) -> str:
+    """What a name of the C interface is called here: a method without the object, an enumeration as a class."""
+    name = found[2]
+    kind = "".join(part.capitalize() for part in name.split("_"))
+    if hasattr(_ffi, kind):
+        return kind
+    for prefix in sorted(live, key=len, reverse=True):
+        if name.startswith(prefix + "_"):
+            return name[len(prefix) + 1 :]
+    return found[0]
+
+
 def check(status: int, cause: BaseException | None = None) -> None:
     """Raise the exception of a status code with the message of the library."""
     if status != 0:
-        message = lib.swb_last_error().decode("utf-8", "replace")
+        message = _C_NAMES.sub(_python_name, lib.swb_last_error().decode("utf-8", "replace"))
         raise from_status(status, message, lib.swb_last_user_code()) from cause
 
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import ctypes
 import json
+import math
 import operator
 from dataclasses import dataclass
 from typing import Any, Callable, Iterable, Iterator, Sequence
@@ -73,6 +74,12 @@ _CONDITIONS = {_Op.POSITIVE, _Op.NOT, _Op.AND, _Op.OR}
 def _packed(ids: numpy.ndarray) -> numpy.ndarray:
     """A copy in rows; numpy.ascontiguousarray would make a list of a single number."""
     return numpy.array(ids, order="C")
+
+
+_SMOOTH = (
+    "A cost or constraint is stated with an additional control s instead: for abs(a), bound s - a and s + a below by 0 (add_path) and "
+    "put s into the cost"
+)
 
 
 class Graph(Handle):
@@ -161,7 +168,10 @@ class Graph(Handle):
         """Make a function, whose sizes are known, of expressions by their numbers."""
         f._callbacks = list(self._functions)
         s = f.sizes
-        f._make(lib.swb_expr_function, self, name, s["x"], s["u"], s["p"], address(ids), ids.size)
+        try:
+            f._make(lib.swb_expr_function, self, name, s["x"], s["u"], s["p"], address(ids), ids.size)
+        except UnsupportedError as error:
+            raise UnsupportedError(f"{error}. {_SMOOTH}") from None
 
 
 class Expr:
@@ -307,17 +317,23 @@ class Expr:
 
 
 def _graph_of(*operands: Any) -> Graph:
+    graph = _graph_among(operands)
+    if graph is not None:
+        return graph
+    raise ArgumentError("there is no expression among the operands, only numbers: use the function of numpy for these")
+
+
+def _graph_among(operands: Iterable[Any]) -> Graph | None:
+    """The graph of the first expression among operands, also in lists and arrays of objects; None if there is none."""
     for o in operands:
         if isinstance(o, Expr):
             return o._graph
-        if isinstance(o, (list, tuple)):
-            for inner in o:
-                if isinstance(inner, (Expr, list, tuple)):
-                    try:
-                        return _graph_of(inner)
-                    except ArgumentError:
-                        continue
-    raise ArgumentError("there is no expression among the operands")
+        objects = isinstance(o, numpy.ndarray) and o.dtype == object
+        if objects or isinstance(o, (list, tuple)):
+            graph = _graph_among(o.flat if objects else o)
+            if graph is not None:
+                return graph
+    return None
 
 
 _LARGE_PRODUCT = 100_000  # multiplications of a matrix product that are slower as expressions than in NumPy
@@ -336,36 +352,37 @@ def _matmul(graph: Graph, a: Expr, b: Expr) -> Expr:
     return graph._expr(out.T.reshape(a.shape[:-1] + b.shape[1:]))
 
 
-def _function(op: int, name: str, doc: str) -> Callable[..., Expr]:
-    def f(*operands: Any) -> Expr:
-        return _graph_of(*operands)._apply(op, *operands)
+def _function(op: int, name: str, doc: str, numbers: Callable[..., Any]) -> Callable[..., Any]:
+    def f(*operands: Any) -> Any:
+        graph = _graph_among(operands)
+        return numbers(*operands) if graph is None else graph._apply(op, *operands)
 
     f.__name__ = f.__qualname__ = name
     f.__doc__ = doc
     return f
 
 
-sqrt = _function(_Op.SQRT, "sqrt", "Square root.")
-exp = _function(_Op.EXP, "exp", "Exponential.")
-log = _function(_Op.LOG, "log", "Natural logarithm.")
-sin = _function(_Op.SIN, "sin", "Sine.")
-cos = _function(_Op.COS, "cos", "Cosine.")
-tan = _function(_Op.TAN, "tan", "Tangent.")
-asin = _function(_Op.ASIN, "asin", "Inverse sine.")
-acos = _function(_Op.ACOS, "acos", "Inverse cosine.")
-atan = _function(_Op.ATAN, "atan", "Inverse tangent.")
-sinh = _function(_Op.SINH, "sinh", "Hyperbolic sine.")
-cosh = _function(_Op.COSH, "cosh", "Hyperbolic cosine.")
-tanh = _function(_Op.TANH, "tanh", "Hyperbolic tangent.")
-erf = _function(_Op.ERF, "erf", "Error function.")
-atan2 = _function(_Op.ATAN2, "atan2", "Angle of the point (x, y), called as atan2(y, x).")
-sign = _function(_Op.SIGN, "sign", "Sign. This and those below switch: for the derivatives of models only.")
-minimum = _function(_Op.MIN, "minimum", "The smaller one.")
-maximum = _function(_Op.MAX, "maximum", "The larger one.")
-clip = _function(_Op.CLIP, "clip", "clip(a, low, high): the nearest value between them.")
-relay = _function(_Op.RELAY, "relay", "relay(a, on, off): on where a > 0, else off.")
-dead_zone = _function(_Op.DEAD_ZONE, "dead_zone", "dead_zone(a, w): the distance of a from [-w, w], with sign.")
-where = _function(_Op.WHERE, "where", "where(condition, a, b): a where the condition holds, else b.")
+sqrt = _function(_Op.SQRT, "sqrt", "Square root.", numpy.sqrt)
+exp = _function(_Op.EXP, "exp", "Exponential.", numpy.exp)
+log = _function(_Op.LOG, "log", "Natural logarithm.", numpy.log)
+sin = _function(_Op.SIN, "sin", "Sine.", numpy.sin)
+cos = _function(_Op.COS, "cos", "Cosine.", numpy.cos)
+tan = _function(_Op.TAN, "tan", "Tangent.", numpy.tan)
+asin = _function(_Op.ASIN, "asin", "Inverse sine.", numpy.arcsin)
+acos = _function(_Op.ACOS, "acos", "Inverse cosine.", numpy.arccos)
+atan = _function(_Op.ATAN, "atan", "Inverse tangent.", numpy.arctan)
+sinh = _function(_Op.SINH, "sinh", "Hyperbolic sine.", numpy.sinh)
+cosh = _function(_Op.COSH, "cosh", "Hyperbolic cosine.", numpy.cosh)
+tanh = _function(_Op.TANH, "tanh", "Hyperbolic tangent.", numpy.tanh)
+erf = _function(_Op.ERF, "erf", "Error function.", numpy.vectorize(math.erf))
+atan2 = _function(_Op.ATAN2, "atan2", "Angle of the point (x, y), called as atan2(y, x).", numpy.arctan2)
+sign = _function(_Op.SIGN, "sign", "Sign. This and those below switch: for the derivatives of models only.", numpy.sign)
+minimum = _function(_Op.MIN, "minimum", "The smaller one.", numpy.minimum)
+maximum = _function(_Op.MAX, "maximum", "The larger one.", numpy.maximum)
+clip = _function(_Op.CLIP, "clip", "clip(a, low, high): the nearest value between them.", numpy.clip)
+relay = _function(_Op.RELAY, "relay", "relay(a, on, off): on where a > 0, else off.", lambda a, on, off: numpy.where(numpy.asarray(a) > 0, on, off))
+dead_zone = _function(_Op.DEAD_ZONE, "dead_zone", "dead_zone(a, w): the distance of a from [-w, w], with sign.", lambda a, w: a - numpy.clip(a, -w, w))
+where = _function(_Op.WHERE, "where", "where(condition, a, b): a where the condition holds, else b.", numpy.where)
 
 
 def _power(a: Any, b: Any) -> Expr:
@@ -441,22 +458,31 @@ for _name in "sqrt exp log sin cos tan arcsin arccos arctan sinh cosh tanh sign 
     setattr(Expr, _name, lambda self, f=_UFUNCS[_name]: f(self))
 
 
-def norm(a: Expr) -> Expr:
+def norm(a: Any) -> Any:
     """Euclidean norm; it has no derivative at zero."""
+    if not isinstance(a, Expr):
+        graph = _graph_among((a,))
+        if graph is None:
+            return numpy.linalg.norm(real(a, "a"))
+        a = graph.of(a)
     flat = a.reshape(-1)
     return sqrt(flat @ flat)
 
 
-def concatenate(parts: Sequence[Any]) -> Expr:
+def concatenate(parts: Sequence[Any]) -> Any:
     """One flat array of all parts, in order."""
-    graph = _graph_of(*parts)
+    graph = _graph_among(parts)
+    if graph is None:
+        return numpy.concatenate([real(p, "part").ravel() for p in parts])
     return graph._expr(numpy.concatenate([graph.of(p)._ids.ravel() for p in parts]))
 
 
-def solve(matrix: Any, rhs: Any) -> Expr:
+def solve(matrix: Any, rhs: Any) -> Any:
     """Solution of a small linear system; the matrix is decomposed numerically, not symbolically. With several
-    right-hand sides, a matrix with a column for each."""
-    graph = _graph_of(matrix, rhs)
+    right-hand sides, a matrix with a column for each. Of numbers alone the solution is numbers."""
+    graph = _graph_among((matrix, rhs))
+    if graph is None:
+        return numpy.linalg.solve(real(matrix, "matrix"), real(rhs, "rhs"))
     a, b = graph.of(matrix), graph.of(rhs)
     if a.ndim != 2 or a.shape[0] != a.shape[1] or b.ndim not in (1, 2) or b.shape[0] != a.shape[0]:
         raise DimensionError(f"no linear system: matrix of shape {a.shape}, right-hand side of shape {b.shape}")
@@ -798,6 +824,7 @@ class Model(Named):
         s.n_subsystems = self.counts().subsystems
         s._discrete = list(self._discrete)
         s._names = tuple(tuple(names) for names in self.names)
+        s._built = self._build()
         s._origin = self.graph, self.x._ids, tuple(self.names[0])
         return s
 

@@ -16,10 +16,12 @@ from ._ffi import EventKind, ProgressKind, RunOutcome
 from ._foreign import method as method_of
 from ._foreign import translated
 from ._library import lib
+from ._logs import monitors, take_verbose
 from ._names import rows
 from ._solver import OnLog, _log_callback
 from .errors import ArgumentError, DimensionError, RangeError
 from .expr import Model, system_of
+from .recorded import Recorded, labels
 from .scene import Impact, ImpactKind, Scene, SceneContact
 from .settings import HasSettings, Settings
 from .system import System
@@ -220,8 +222,9 @@ def _span(t_span: Any) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-class Run(Handle):
-    """Result of a simulation. Call it for the states at any times, if it was made with `dense`.
+class Run(Recorded, Handle):
+    """Result of a simulation. Call it for the states at any times, if it was made with `dense`; `run["q"]` are the values of a
+    state at the times `t`. It can be copied, pickled, and written by `save` (see `switchback.load`).
 
     t, x               starts and ends of the steps, [n] and [n, nx]; without `dense` the end only
     t_start, t_end     from when to when
@@ -260,6 +263,9 @@ class Run(Handle):
     impacts: list[Impact]
     impact_derivatives: Array | None
     _p: Array | None = None  # parameters, where they are known
+    _u: Array | None = None  # controls, a row for each of equal pieces of the time span
+    _span: tuple[float, float] = (0.0, 0.0)
+    _steady: dict[int, tuple[int, ...]]  # modes of subsystems that never switched, where they are known
 
     def __init__(self) -> None:
         raise TypeError("runs come from a simulation")
@@ -271,7 +277,7 @@ class Run(Handle):
         handle = ctypes.c_void_p()
         source._do("get_run", *arguments, ctypes.byref(handle))
         self._own(handle.value)
-        self.system = system
+        self.system, self._steady = system, {}
         self._read(sizes)
         return self
 
@@ -427,11 +433,14 @@ class Run(Handle):
         return out.reshape((*times.shape, self.nx))
 
     def active(self, subsystem: int = 0) -> list[tuple[float, float, tuple[int, ...]]]:
-        """Intervals (start, end, active modes) between the switches of a subsystem; none if it never switches."""
+        """Intervals (start, end, active modes) between the switches of a subsystem. Of one that never switches they are known
+        where the run comes from `simulate` or an `Integrator`; otherwise the list is empty."""
         k = index(subsystem, "subsystem")
         if not 0 <= k < len(self.n_modes):
             raise DimensionError(f"there is no subsystem {k} that switches, their number is {len(self.n_modes)}")
         own = [s for s in self.switches if s.subsystem == k]
+        if not own and k in self._steady:
+            return [(self.t_start, self.t_end, self._steady[k])] if self.t_end > self.t_start else []
         starts = [self.t_start] + [s.t for s in own]
         ends = [s.t for s in own] + [self.t_end]
         modes = [s.before for s in own[:1]] + [s.after for s in own]
@@ -448,12 +457,62 @@ class Run(Handle):
             return state.sequence(self)
         return intervals(self, place_of(self.system, state))
 
+    @property
+    def mode_names(self) -> list[list[str]]:
+        """Names of the modes of every subsystem: sides of the switching functions such as "q > 0.5" for a model, else numbers."""
+        from ._regions import mode_names
+
+        return mode_names(self.system, self.n_modes)
+
+    def _series(self) -> tuple[Array, dict[str, Array]]:
+        columns = dict(zip(labels(self.system._names[0], "x", self.nx), self.x.T))
+        if self._u is not None:
+            times, rows = self.controls
+            place = numpy.clip(numpy.searchsorted(times, self.t, side="right") - 1, 0, len(rows) - 1)
+            columns.update(zip(labels(self.system._names[1], "u", rows.shape[1]), rows[place].T))
+        return self.t, columns
+
+    @property
+    def controls(self) -> tuple[Array, Array]:
+        """Times between which the controls were constant, [n + 1], and the controls there, [n, nu]; without rows where the run
+        does not come from `simulate`."""
+        if self._u is None:
+            return numpy.array([self.t_start, self.t_end]), numpy.empty((1, 0))
+        return numpy.linspace(*self._span, len(self._u) + 1), self._u
+
+    def _facts(self) -> dict[str, Any]:
+        facts = {
+            "outcome": self.outcome.name.lower(),
+            "success": self.success,
+            "t_start": self.t_start,
+            "t_end": self.t_end,
+            "x_end": self.x_end,
+            "switch_times": self.switch_times,
+            "steps": self.stats.steps,
+            "time_total": self.stats.time_total,
+        }
+        more = {
+            "jump_times": numpy.array([j.t for j in self.jumps]),
+            "impact_times": numpy.array([i.t for i in self.impacts]),
+            "reason": self.reason,
+        }
+        return {**facts, **{k: v for k, v in more.items() if len(v)}}
+
+    def __reduce__(self) -> Any:
+        from .saved import SavedRun
+
+        return SavedRun._of(self).__reduce__()
+
     def table(self) -> str:
         """The switches as text."""
         lines = [f"{'t':>22}  {'kind':<11} {'subsystem':>9}  modes"]
+        words = self.mode_names
         for s in self.switches:
             notes = [w for w, on in (("simultaneous", s.simultaneous), ("not unique", not s.unique)) if on]
             change = f"{_set(s.before)} -> {_set(s.after)}" + (f"  ({', '.join(notes)})" if notes else "")
+            own = words[s.subsystem]
+            if own[0] != "0":
+                change += "  " + " -> ".join(_words(own, modes) for modes in (s.before, s.after))
             lines.append(f"{s.t:22.15g}  {s.kind.name.lower():<11} {s.subsystem:>9}  {change}")
         return "\n".join(lines)
 
@@ -485,6 +544,11 @@ class Run(Handle):
         if self.closed:
             return "<Run, closed>"
         return f"<Run from {self.t_start:g} to {self.t_end:g}, {self.outcome.name}, {len(self.switches)} switches>"
+
+
+def _words(names: Sequence[str], modes: Sequence[int]) -> str:
+    """Active modes in words."""
+    return " and ".join(names[m] for m in modes) if len(modes) < 2 else f"sliding ({', '.join(names[m] for m in modes)})"
 
 
 def _set(modes: Sequence[int]) -> str:
@@ -532,12 +596,15 @@ class Integrator(Handle, HasSettings):
     ):
         self.system = system_of(system)
         self.nx, self.nu, self.np = self.system.nx, self.system.nu, self.system.np
+        verbose = take_verbose(options)
         chosen, tolerances = _chosen(settings, {"rtol": rtol, "atol": atol, "method": method}, options)
+        on_log, _ = monitors(chosen, verbose, on_log)
         self._p: Array | None = None
         self._create(self.system, ctypes.byref(chosen._c))
         self._functions = list(self.system._functions)
         if tolerances is not None:
             self.set_tolerances(*tolerances)
+        self._n_modes: tuple[int, ...] = ()
         self._n_modes = self.run.n_modes
         for subsystem, modes in (preferred or {}).items():
             self.set_preferred(subsystem, modes)
@@ -699,6 +766,11 @@ class Integrator(Handle, HasSettings):
         """A copy of the result since the last `reinit`."""
         run = Run._take(self, (self.nx, self.np, self.nu), self.system)
         run._p = self._p
+        switched = {s.subsystem for s in run.switches}
+        if run.jumps:  # a jump may lead to other modes
+            return run
+        still = ((k, self.active(k)) for k in range(len(self._n_modes)) if k not in switched)
+        run._steady = {k: modes for k, modes in still if modes}
         return run
 
     def __repr__(self) -> str:
@@ -766,7 +838,10 @@ def simulate(
             last = k + 1 == len(pieces)
             if i.advance(end if last else start + (end - start) * (k + 1) / len(pieces)) != RunOutcome.REACHED:
                 break
-        return i.run
+        run = i.run
+        run._u = pieces if i.nu else None
+        run._span = start, end
+        return run
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from ._arrays import Array, address, bounds, index, real, seen, vector
 from ._call import encode, failed, text
 from ._ffi import Item, Member, Outcome, Polished
 from ._library import lib
+from ._logs import monitors, take_verbose
 from ._solver import Solver
 from .errors import ArgumentError, DimensionError, UnsupportedError
 from .function import Function, _arguments, _Entries, _numbers, _pointer, _reader, _view, sparse_entries
@@ -113,7 +114,7 @@ class Multipliers(NamedTuple):
     h: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class MpccResult(HasOutcome):
     """What a solve found. Multipliers: grad f + J' y - z = 0; those of a pair (G, H) are nu and xi."""
 
@@ -137,6 +138,11 @@ class MpccResult(HasOutcome):
     violations: tuple[ProgramItem, ...] = field(repr=False)
     report: str = field(repr=False)
     _json: str = field(repr=False)
+
+    def __repr__(self) -> str:
+        n = f"{len(self.x)} variables, {len(self.constraints)} constraints, {len(self.g)} pairs"
+        kind = f", {self.stationarity}-stationary" if len(self.g) and self.stationarity not in ("none", "unknown") else ""
+        return f"<MpccResult {self.message}, objective {self.objective:.9g}, {n}{kind}>"
 
     @property
     def multipliers(self) -> Multipliers:
@@ -269,7 +275,9 @@ class Mpcc(Solver):
             self.m = c.n_out
         elif jacobian is not None or jacobian_pattern is not None:
             raise ArgumentError("jacobian: there are no constraints")
+        verbose = take_verbose(options)
         chosen = Settings._from(settings, options)
+        on_log, on_iteration = monitors(chosen, verbose, on_log, on_iteration)
         self._create(self.n, self.np, f, c, ctypes.byref(chosen._c))
         self._functions = [f, c]
         self.n_pairs = 0

@@ -17,6 +17,7 @@ from .errors import ArgumentError, DimensionError
 from .expr import Model, system_of
 from .integrator import Integrator
 from .ocp import Ocp
+from .recorded import Recorded, labels
 from .system import System
 
 __all__ = ["ClosedLoop", "Feedback", "Monitor", "Nmpc", "Plan", "Preparation", "closed_loop"]
@@ -257,9 +258,9 @@ class Nmpc(Handle):
         self._do("interrupt")
 
 
-@dataclass(frozen=True)
-class ClosedLoop:
-    """What happened in a closed loop.
+@dataclass(frozen=True, repr=False)
+class ClosedLoop(Recorded):
+    """What happened in a closed loop. It can be copied, pickled, and written by `save` (see `switchback.load`).
 
     t         [steps + 1] times of the samples
     x         [steps + 1, nx] states of the plant at them
@@ -278,6 +279,18 @@ class ClosedLoop:
     cost: float
     preparation: Array = field(repr=False)
     feedback: Array = field(repr=False)
+
+    def _series(self) -> tuple[Array, dict[str, Array]]:
+        controls = numpy.vstack([self.u, self.u[-1:]]) if len(self.u) else self.u
+        names = labels((), "x", self.x.shape[1]), labels((), "u", self.u.shape[1])
+        return self.t, {**dict(zip(names[0], self.x.T)), **dict(zip(names[1], controls.T))}
+
+    def _facts(self) -> dict[str, Any]:
+        worst = {"preparation_worst": self.preparation.max(initial=0.0), "feedback_worst": self.feedback.max(initial=0.0)}
+        return {"samples": len(self.u), "cost": self.cost, **worst}
+
+    def __repr__(self) -> str:
+        return f"<ClosedLoop of {len(self.u)} samples from {self.t[0]:g} to {self.t[-1]:g}, cost {self.cost:.6g}>"
 
     def plot(self, path: Any = None, names: Any = None) -> Any:
         """States above controls over time, written to `path` if one is given. Needs matplotlib."""

@@ -13,6 +13,7 @@ from ._call import text
 from ._document import Reader
 from ._ffi import Jumps, Outcome, PathAt, Polished, swb_accuracy, swb_kink, swb_ocp_jump, swb_optimality
 from ._library import lib
+from ._logs import monitors, take_verbose
 from ._names import filled, named_vector
 from ._ocp_contacts import OcpContacts
 from ._ocp_search import Adaptation, OcpSearch
@@ -20,7 +21,8 @@ from ._ocp_terms import OcpTerms
 from .errors import ArgumentError, DimensionError, StateError
 from .expr import Model, system_of
 from .function import Function
-from .results import Accuracy, HasOutcome, OnIteration, OnLog, Residuals, Stats, polished_of
+from .recorded import OverElements
+from .results import Accuracy, HasOutcome, OnIteration, OnLog, Residuals, Stats, outcome_name, polished_of
 from .settings import Settings
 from .system import System
 from .trajectory import Trajectory
@@ -73,9 +75,11 @@ class Optimality:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class OcpResult(HasOutcome):
-    """What a solve found; `controls` has a row for each control stage, which last from `control_times` on."""
+@dataclass(frozen=True, repr=False)
+class OcpResult(OverElements, HasOutcome):
+    """What a solve found; `controls` has a row for each control stage, which last from `control_times` on. `result["q"]` are the
+    values of a state or a control, by its name, at the boundaries of the finite elements. It can be copied, pickled, and written by
+    `save` (see `switchback.load`)."""
 
     outcome: Outcome
     polished: Polished
@@ -111,6 +115,10 @@ class OcpResult(HasOutcome):
     jumps: list[OcpJump] = field(default_factory=list, repr=False)
     #: The system of the problem; None for a problem from a document.
     system: System | None = field(default=None, repr=False)
+    #: What the answer is as a point of the control problem; None with the option accuracy off.
+    optimality: Optimality | None = field(default=None, repr=False)
+    #: What the contacts of a scene do; None for other systems.
+    contacts: OcpContacts | None = field(default=None, repr=False)
 
     def discrete(self, state: Any) -> list[Any]:
         """The values of a discrete state in their order, with their times: a list of `Interval(start, end, value)`.
@@ -137,10 +145,6 @@ class OcpResult(HasOutcome):
         for j in self.jumps:
             lines.append(f"{j.t:22.15g}  {j.transition:>10}  {j.stage:>5}" + ("  at once" if j.at_once else ""))
         return "\n".join(lines)
-    #: What the answer is as a point of the control problem; None with the option accuracy off.
-    optimality: Optimality | None = field(default=None, repr=False)
-    #: What the contacts of a scene do; None for other systems.
-    contacts: OcpContacts | None = field(default=None, repr=False)
 
     @property
     def certificate(self) -> str:
@@ -148,11 +152,25 @@ class OcpResult(HasOutcome):
         "not_optimal" or "unknown"; see `optimality`."""
         return self.optimality.verdict if self.optimality else "unknown"
 
-    def plot(self, path: Any = None, **keywords: Any) -> Any:
-        """See `switchback.plot`."""
-        from .plot import plot
+    def _facts(self) -> dict[str, Any]:
+        facts = {
+            "outcome": outcome_name(self.outcome),
+            "success": self.success,
+            "cost": self.cost,
+            "certificate": self.certificate,
+            "switch_times": self.trajectory.switch_times,
+            "control_times": self.control_times,
+            "params": self.params,
+            "iterations": self.stats.iterations,
+            "time_total": self.stats.time_total,
+            "message": self.message,
+        }
+        return {k: v for k, v in facts.items() if v is not None and not (hasattr(v, "__len__") and len(v) == 0)}
 
-        return plot(self, path, **keywords)
+    def __repr__(self) -> str:
+        t = self.trajectory
+        switches = f"{len(t.switches)} switches" + (f", {len(self.jumps)} transitions" if self.jumps else "")
+        return f"<OcpResult {outcome_name(self.outcome)}, cost {self.cost:.9g}, {t.n_elements} elements, {switches}, {self.certificate}>"
 
 
 @dataclass(frozen=True)
@@ -206,7 +224,9 @@ class Ocp(OcpTerms, OcpSearch):
         self.nx, self.nu, self.np = system.nx, system.nu, system.np
         self.horizon, self.n_stages = number(horizon, "horizon"), index(n_stages, "n_stages")
         self.initial_time = 0.0
+        verbose = take_verbose(options)
         chosen = Settings._from(settings, options)
+        on_log, on_iteration = monitors(chosen, verbose, on_log, on_iteration)
         self._create(system, self.horizon, self.n_stages, ctypes.byref(chosen._c))
         self._functions = list(system._functions)
         self._system = system

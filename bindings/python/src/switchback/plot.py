@@ -8,6 +8,7 @@ from typing import Any, Sequence
 import numpy
 
 from ._ffi import ContactMode, EventKind
+from ._regions import mode_names
 from .automaton import place_of
 from .errors import ArgumentError, DimensionError, StateError
 from .integrator import Run
@@ -77,20 +78,21 @@ def plot(
     panels = iter(axes[:, 0])
 
     ax = next(panels)
-    _states(ax, trajectory, names, states, points)
+    system = getattr(result, "system", None)
+    _states(ax, trajectory, _default_labels(system, "x", trajectory.nx) if names is None else names, states, points)
     if has_controls:
-        ax = next(panels)
-        for column, label in zip(controls.T, _labels(control_names, "u", controls.shape[1])):
-            ax.stairs(column, result.control_times, baseline=None, label=label, linewidth=1.5)
-        ax.set_ylabel("controls")
-        _legend(ax, controls.shape[1])
+        n = controls.shape[1]
+        known = _default_labels(system, "u", n) if control_names is None else _labels(control_names, "u", n)
+        _steps(next(panels), result.control_times, controls, known)
     ax = next(panels)
     ax.stairs(trajectory.steps, trajectory.times, baseline=None, color="0.3", linewidth=1.2)
     ax.set_ylim(bottom=0.0)
     ax.set_ylabel("step sizes")
     if n_modes:
-        _modes(next(panels), trajectory)
+        _modes(next(panels), trajectory, mode_names(system, trajectory.n_modes))
+    sliding = _sliding_elements(trajectory)
     for ax in axes[:, 0]:
+        _shade(ax, sliding)
         ax.grid(**_GRID)
         ax.set_axisbelow(True)
         for t in trajectory.switch_times:
@@ -150,12 +152,29 @@ def _line(ax: Any, a: numpy.ndarray, b: numpy.ndarray, jumps: numpy.ndarray, **s
     return line
 
 
-def _default_labels(run: Run) -> list[str]:
-    """Names of the states where the model or scene has any."""
-    labels = _labels(None, "x", run.nx)
-    origin = getattr(run.system, "_origin", None)
-    known = origin[2] if origin is not None else ()
-    return [(known[i] if i < len(known) else "") or label for i, label in enumerate(labels)]
+def _default_labels(system: Any, block: str, n: int) -> list[str]:
+    """Names of the states, "x", or of the controls, "u", where the system has any."""
+    known = () if system is None else system._names["xup".index(block)]
+    return [(known[i] if i < len(known) else "") or label for i, label in enumerate(_labels(None, block, n))]
+
+
+def _steps(ax: Any, times: numpy.ndarray, controls: numpy.ndarray, names: Sequence[str]) -> None:
+    """Controls that are constant between times."""
+    for column, label in zip(controls.T, names):
+        ax.stairs(column, times, baseline=None, label=label, linewidth=1.5)
+    ax.set_ylabel("controls")
+    _legend(ax, len(names))
+
+
+def _shade(ax: Any, spans: Sequence[tuple[float, float]]) -> None:
+    """Grey where a subsystem slides."""
+    for a, b in spans:
+        ax.axvspan(a, b, color="0.5", alpha=0.12, linewidth=0.0)
+
+
+def _sliding(run: Run) -> list[tuple[float, float]]:
+    """Intervals in which several modes of a subsystem are active."""
+    return [(a, b) for k in range(len(run.n_modes)) for a, b, modes in run.active(k) if len(modes) > 1]
 
 
 def plot_run(
@@ -169,7 +188,7 @@ def plot_run(
 ) -> Any:
     """Plot the states of an event-driven simulation over time, with a mark at every switch (circle: crossing, square: a
     sliding mode begins, triangle: it ends, star: not forced), and the active modes as bands, several of them while
-    sliding. Where states jump they are dotted.
+    sliding, which is shaded. Controls that change are steps. Where states jump they are dotted.
 
     Of a scene coordinates and velocities have a panel each, the marks are impacts, and the bands are the modes of the
     contacts that close: closed, or with friction sticks, slides along the tangent, slides back.
@@ -181,7 +200,7 @@ def plot_run(
     plt = _pyplot()
     scene = getattr(run.system, "_scene", None)
     chosen = list(range(run.nx)) if states is None else [place_of(run.system, i) for i in states]
-    known = _default_labels(run)
+    known = _default_labels(run.system, "x", run.nx)
     if names is not None and len(names) == run.nx:
         known = list(names)
     elif names is not None:
@@ -192,7 +211,9 @@ def plot_run(
         groups = [g for g in zip(("coordinates", "velocities"), parts) if g[1]]
     bands = _contact_bands(run, None) if scene is not None else None
     n_modes = len(bands) if bands is not None else sum(run.n_modes)
-    heights = [3.2 if len(groups) == 1 else 2.4] * len(groups) + ([0.5 + 0.22 * n_modes] if n_modes else [])
+    control_times, controls = run.controls
+    with_controls = [1.6] if controls.shape[1] and len(controls) > 1 else []
+    heights = [3.2 if len(groups) == 1 else 2.4] * len(groups) + with_controls + ([0.5 + 0.22 * n_modes] if n_modes else [])
     figure, axes = plt.subplots(
         len(heights),
         1,
@@ -217,10 +238,14 @@ def plot_run(
     if bands is not None and n_modes:
         _draw_contact_bands(axes[-1, 0], run, bands)
     elif n_modes:
-        _bands(axes[1, 0], run)
+        _bands(axes[-1, 0], run)
+    if with_controls:
+        _steps(axes[len(groups), 0], control_times, controls, _default_labels(run.system, "u", controls.shape[1]))
+    sliding = _sliding(run) if scene is None else []
     for ax in axes[:, 0]:
         ax.grid(**_GRID)
         ax.set_axisbelow(True)
+        _shade(ax, sliding)
         if scene is None:
             for switch_time in run.switch_times:
                 ax.axvline(switch_time, color="0.5", linestyle=":", linewidth=0.8)
@@ -368,8 +393,15 @@ def plot_contacts(
     return _finish(figure, path)
 
 
+def _mode_label(words: Sequence[Sequence[str]], k: int, i: int) -> str:
+    """A mode by its name, or by its number, behind that of the subsystem where there are several."""
+    name = words[k][i]
+    return f"{k}: {i}" if name == str(i) and len(words) > 1 else name
+
+
 def _bands(ax: Any, run: Run) -> None:
     labels: list[str] = []
+    words = run.mode_names
     for k, n in enumerate(run.n_modes):
         spans = run.active(k)
         for i in range(n):
@@ -379,7 +411,7 @@ def _bands(ax: Any, run: Run) -> None:
                 facecolor=f"C{k % 10}",
                 alpha=0.8,
             )
-            labels.append(f"{k}: {i}" if len(run.n_modes) > 1 else str(i))
+            labels.append(_mode_label(words, k, i))
     ax.set_yticks(range(len(labels)), labels, fontsize="x-small")
     ax.set_ylim(-0.6, len(labels) - 0.4)
     ax.set_ylabel("modes")
@@ -435,7 +467,7 @@ def plot_phase(
             finite = level[numpy.isfinite(level)]
             if finite.size and finite.min() < 0.0 < finite.max():
                 ax.contour(horizontal, vertical, level, levels=[0.0], colors="0.35", linestyles="--", linewidths=1.0)
-    labels = _labels(names, "x", 2) if names is not None else [_default_labels(run)[i] for i in chosen]
+    labels = _labels(names, "x", 2) if names is not None else [_default_labels(run.system, "x", run.nx)[i] for i in chosen]
     ax.set_xlabel(labels[0])
     ax.set_ylabel(labels[1])
     ax.grid(**_GRID)
@@ -460,14 +492,27 @@ def _states(ax: Any, r: Trajectory, names: Sequence[str] | None, states: Sequenc
     _legend(ax, len(chosen))
 
 
-def _modes(ax: Any, r: Trajectory) -> None:
+def _sliding_elements(r: Trajectory) -> list[tuple[float, float]]:
+    """Intervals of elements in which several modes of a subsystem are active."""
+    spans: list[tuple[float, float]] = []
+    for k in range(len(r.n_modes)):
+        several = r.active_modes(k).sum(axis=1) > 1
+        for a, b, on in zip(r.times, r.times[1:], several):
+            if on and spans and spans[-1][1] == a:
+                spans[-1] = (spans[-1][0], b)
+            elif on:
+                spans.append((a, b))
+    return spans
+
+
+def _modes(ax: Any, r: Trajectory, words: Sequence[Sequence[str]]) -> None:
     labels: list[str] = []
     for k, n in enumerate(r.n_modes):
         for i in range(n):
             active = r.active_modes(k)[:, i]
             spans = [(t, h) for t, h, on in zip(r.times, r.steps, active) if on]
             ax.broken_barh(spans, (len(labels) - 0.4, 0.8), facecolor=f"C{k % 10}", alpha=0.8)
-            labels.append(f"{k}: {i}" if len(r.n_modes) > 1 else str(i))
+            labels.append(_mode_label(words, k, i))
     ax.set_yticks(range(len(labels)), labels, fontsize="x-small")
     ax.set_ylim(-0.6, len(labels) - 0.4)
     ax.set_ylabel("modes")

@@ -140,7 +140,12 @@ class HasOutcome:
     @property
     def message(self) -> str:
         """The outcome in words."""
-        return (lib.swb_outcome_name(int(self.outcome)) or b"unknown").decode()
+        return outcome_name(self.outcome)
+
+
+def outcome_name(outcome: int) -> str:
+    """An outcome in words."""
+    return (lib.swb_outcome_name(int(outcome)) or b"unknown").decode()
 
 
 def outcome_of(number: int) -> Outcome:

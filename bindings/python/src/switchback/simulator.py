@@ -13,10 +13,12 @@ from ._call import text
 from ._document import Reader
 from ._ffi import Outcome
 from ._library import lib
+from ._logs import monitors, take_verbose
 from ._names import named_vector
 from ._solver import Solver
 from .expr import Model, system_of
 from .function import Function
+from .recorded import OverElements
 from .results import HasOutcome, OnIteration, OnLog, Residuals, Stats
 from .settings import Settings
 from .system import System
@@ -45,7 +47,10 @@ class Simulator(Solver):
         system = system_of(system)
         self.nx, self.nu, self.np = system.nx, system.nu, system.np
         self._names = system._names
+        self._system: System | None = system
+        verbose = take_verbose(options)
         chosen = Settings._from(settings, options)
+        on_log, on_iteration = monitors(chosen, verbose, on_log, on_iteration)
         self._create(system, ctypes.byref(chosen._c))
         self._functions = list(system._functions)
         self._monitors(on_iteration, on_log)
@@ -66,6 +71,7 @@ class Simulator(Solver):
         data = reader.data()["simulation"]["system"]
         simulator.nx, simulator.nu, simulator.np = (data[key] for key in ("states", "controls", "parameters"))
         simulator._names = ((), (), ())
+        simulator._system = None
         simulator._functions = list(reader.functions)
         simulator._monitors(None, None)
         return simulator, duration.value, n_steps.value
@@ -119,9 +125,11 @@ class Simulator(Solver):
         return "<Simulator, closed>" if self.closed else f"<Simulator at t={self.time:g}>"
 
 
-@dataclass(frozen=True)
-class SimulationResult(HasOutcome):
-    """What a simulation found; `controls` has a row for each step, which last from `control_times` on."""
+@dataclass(frozen=True, repr=False)
+class SimulationResult(OverElements, HasOutcome):
+    """What a simulation found; `controls` has a row for each step, which last from `control_times` on. `result["q"]` are the
+    values of a state or a control, by its name, at the boundaries of the finite elements. It can be copied, pickled, and written by
+    `save` (see `switchback.load`)."""
 
     outcome: Outcome
     time: float
@@ -131,12 +139,23 @@ class SimulationResult(HasOutcome):
     stats: Stats
     controls: Array = field(repr=False)
     control_times: Array = field(repr=False)
+    #: The system that was simulated.
+    system: Any = field(default=None, repr=False)
 
-    def plot(self, path: Any = None, **keywords: Any) -> Any:
-        """See `switchback.plot`."""
-        from .plot import plot
+    def _facts(self) -> dict[str, Any]:
+        return {
+            "outcome": self.message,
+            "success": self.success,
+            "time": self.time,
+            "state": self.state,
+            "switch_times": self.trajectory.switch_times,
+            "iterations": self.stats.iterations,
+            "time_total": self.stats.time_total,
+        }
 
-        return plot(self, path, **keywords)
+    def __repr__(self) -> str:
+        n = self.trajectory.n_elements
+        return f"<SimulationResult {self.message} at t={self.time:g}, {n} elements, {len(self.trajectory.switches)} switches>"
 
 
 def simulate_fesd(
@@ -181,5 +200,5 @@ def simulate_fesd(
             control_times = numpy.array([start, start + span])
             outcome = sim.run(span, steps)
         return SimulationResult(
-            outcome, sim.time, sim.state, sim.trajectory, sim.residuals, sim.stats, controls, control_times
+            outcome, sim.time, sim.state, sim.trajectory, sim.residuals, sim.stats, controls, control_times, sim._system
         )

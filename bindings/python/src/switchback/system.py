@@ -33,8 +33,11 @@ class System(Handle):
     _names: tuple[tuple[str, ...], ...]  # of states, controls and parameters: "" where one has none, () where none has
 
     def __init__(self, nx: int | str, nu: int | str = 0, np: int | str = 0, f0: Any = None):
-        given = ((nx, "nx"), (nu, "nu"), (np, "np"))
+        given: Any = ((nx, "nx"), (nu, "nu"), (np, "np"))
         self._names = tuple(() if hasattr(n, "__index__") else tuple(split(n, what)) for n, what in given)
+        every = [name for names in self._names for name in names]
+        if len(set(every)) < len(every):
+            raise ArgumentError(f"two variables are called '{max(every, key=every.count)}'")
         self.nx, self.nu, self.np = (len(names) or index(n, what) for names, (n, what) in zip(self._names, given))
         self._functions: list[Function] = []  # their callbacks are called as long as a model is there
         self.n_subsystems = 0

@@ -14,6 +14,7 @@ from ._arrays import Array, address, index, real
 from ._call import Handle
 from ._ffi import SwitchKind
 from .errors import DimensionError
+from .recorded import Recorded, labels
 
 __all__ = ["Switch", "Trajectory"]
 
@@ -30,8 +31,9 @@ class Switch:
     after: tuple[int, ...]
 
 
-class Trajectory(Handle):
-    """Finite elements, each a polynomial, that end where the system switches. Call it for the states at any times.
+class Trajectory(Recorded, Handle):
+    """Finite elements, each a polynomial, that end where the system switches. Call it for the states at any times. It can be
+    copied, pickled, and written by `save` (see `switchback.load`).
 
     times           [n_elements + 1] element boundaries
     states          [n_elements + 1, nx] states there
@@ -129,6 +131,17 @@ class Trajectory(Handle):
 
     def __len__(self) -> int:
         return self.n_elements
+
+    def _series(self) -> tuple[Array, dict[str, Array]]:
+        return self.times, dict(zip(labels((), "x", self.nx), self.states.T))
+
+    def _facts(self) -> dict[str, Any]:
+        return {"t_start": self.t_start, "t_end": self.t_end, "elements": self.n_elements, "switch_times": self.switch_times}
+
+    def __reduce__(self) -> Any:
+        from .saved import SavedTrajectory
+
+        return SavedTrajectory._of(self).__reduce__()
 
     def plot(self, path: Any = None, **keywords: Any) -> Any:
         """See `switchback.plot`."""
