@@ -207,3 +207,58 @@ def test_what_does_not_switch_is_taken():
     assert swb.casadi.function(f, how="interpret")([1.0, 0.0])[0] == pytest.approx(1.0)
     guarded = ca.Function("f", [x], [ca.sqrt(ca.fmax(x[0], 1e-9))], ["x"], ["a"])
     assert swb.casadi.function(guarded, how="interpret", smooth=True)([4.0, 0.0])[0] == pytest.approx(2.0)
+
+
+# --- models -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [ca.SX, ca.MX])
+def test_models_are_those_of_expressions(kind):
+    """if_else, sign, fmax and fabs become the modes that where, sign, maximum and abs have, to the last bit."""
+    from switchback.expr import Model, maximum, sign, where
+
+    x, u, p, t = kind.sym("x", 2), kind.sym("F"), kind.sym("k"), kind.sym("t")
+    q, v = x[0], x[1]
+    force = ca.if_else(q > 0.3, -p * q, -2 * p * q) - 0.3 * ca.sign(v) + u * ca.sin(t) + ca.fmax(q, 0) - ca.fabs(v)
+    read = swb.Model.from_casadi(x, u, p, ca.vertcat(v, force), t=t)
+    m = Model("q v", "F", "k")
+    m.derivatives = [
+        m.v,
+        where(m.q > 0.3, -m.k * m.q, -2 * m.k * m.q) - 0.3 * sign(m.v) + m.F * swb.sin(m.t) + maximum(m.q, 0) - abs(m.v),
+    ]
+    assert read.counts() == m.counts() and read.names == [["x_0", "x_1"], ["F"], ["k"]]
+    runs = [swb.simulate(k, [1.0, 0.0], 6.0, u=[0.5], p=[1.3], rtol=1e-11) for k in (read, m)]
+    assert np.array_equal(runs[0].x_end, runs[1].x_end) and len(runs[0].switches) == len(runs[1].switches) >= 3
+
+
+def test_models_from_lists_of_symbols_and_conditions_as_numbers():
+    a, b = ca.MX.sym("a"), ca.MX.sym("b", 2)
+    m = swb.Model.from_casadi([a, b], rhs=[(a > 0) * b[0], ca.logic_and(b[0] > 0, b[1] < 1), -b[1]])
+    assert m.names[0] == ["a", "b_0", "b_1"] and m.counts().switching_functions == 3
+    assert swb.simulate(m, [1.0, 2.0, 0.5], 1.0).x_end == pytest.approx([3.5, 3.0, 0.5 * np.exp(-1)], abs=1e-7)
+
+
+def test_systems_stated_for_nosnoc():
+    x = ca.SX.sym("x", 2)
+    F = ca.horzcat(ca.DM(models.A_IN) @ x, ca.DM(models.A_OUT) @ x)
+    system = swb.casadi.system(x, F, np.array([[-1], [1]]), ca.sumsqr(x) - 1)
+    run = swb.simulate(system, models.OSCILLATOR_X0, models.OSCILLATOR_T, rtol=1e-10)
+    assert run.x_end == pytest.approx(models.OSCILLATOR_XT, abs=1e-8) and run["x_0"][0] == models.OSCILLATOR_X0[0]
+    two = swb.casadi.system(x, [F / 2, F / 2], [[-1, 1]] * 2, [ca.sumsqr(x) - 1] * 2)
+    assert two.n_subsystems == 2
+
+
+@pytest.mark.parametrize(
+    "expression, error, message",
+    [
+        (lambda x: ca.floor(x[0]), swb.UnsupportedError, "operator floor"),
+        (lambda x: x[0] == 1, swb.UnsupportedError, "compare by < or >"),
+        (lambda x: ca.if_else(x[0], 1, 2), swb.UnsupportedError, "a number is used as a condition"),
+        (lambda x: ca.SX.sym("z"), swb.ArgumentError, "other symbols than those given"),
+        (lambda x: ca.vertcat(x, x), swb.DimensionError, "5 derivatives for 2 states"),
+    ],
+)
+def test_models_that_cannot_be_read(expression, error, message):
+    x = ca.SX.sym("x", 2)
+    with pytest.raises(error, match=message):
+        swb.Model.from_casadi(x, rhs=ca.vertcat(expression(x), 0))

@@ -28,12 +28,15 @@ from typing import Any
 
 from ._arrays import index
 from ._call import encode
+from ._casadi_model import names_of, read, stacked
 from ._casadi_switches import refuse
 from ._library import lib
 from .errors import ArgumentError, DimensionError, LibraryError
+from .expr import Graph
 from .function import Function
+from .system import System
 
-__all__ = ["function", "generate", "load"]
+__all__ = ["function", "generate", "load", "system"]
 
 _HOW = ("compile", "interpret")
 _BLOCKS = ("x", "u", "p", "t")
@@ -85,6 +88,28 @@ def function(
                 said = getattr(error, "stderr", None) or str(error)
                 raise LibraryError(f"'{bundle[0].name()}' cannot be compiled: {said}") from None
     return _interpreted(bundle, sizes, shape)
+
+
+def system(x: Any, F: Any, S: Any, c: Any, u: Any = None, p: Any = None, t: Any = None, f0: Any = None) -> System:
+    """A system stated as for nosnoc, by expressions of CasADi: `F` is a matrix with a column for each mode, `c` are switching
+    functions, and mode i is active where S[i, j] c[j] > 0 for every j with S[i, j] != 0. Several subsystems are lists of these
+    three. `x`, `u`, `p`, `t` are the symbols, or lists of symbols; `f0` is added to every mode."""
+    fields, signs, surfaces = (list(v) if isinstance(F, (list, tuple)) else [v] for v in (F, S, c))
+    if not len(fields) == len(signs) == len(surfaces):
+        raise DimensionError(f"{len(fields)} matrices F, {len(signs)} S and {len(surfaces)} c: one of each for a subsystem")
+    groups = [stacked(v) for v in (x, u, p)]
+    made = System(*(names_of(g) or 0 for g in groups))
+    sizes = made.nx, made.nu, made.np
+    graph = Graph()
+    blocks = [(g, graph.inputs(name, n)) for g, name, n in zip(groups, "xup", sizes)] + [(stacked(t), graph.inputs("t", 1))]
+    if f0 is not None:
+        made.set_f0(graph.function(read(graph, blocks, [f0])[0], *sizes, name="f0"))
+    for f, s, psi in zip(fields, signs, surfaces):
+        if f.size1() != made.nx:
+            raise DimensionError(f"F has {f.size1()} rows, expected one for each of the {made.nx} states")
+        modes, functions = read(graph, blocks, [f, psi])
+        made.add_subsystem(graph.function(modes, *sizes, name="modes"), graph.function(functions, *sizes, name="c"), s)
+    return made
 
 
 def load(

@@ -900,6 +900,26 @@ class Model(Named):
         model._made = made
         return model
 
+    @classmethod
+    def from_casadi(
+        cls, x: Any, u: Any = None, p: Any = None, rhs: Any = None, t: Any = None, name: str = "model"
+    ) -> Model:
+        """A model from expressions of CasADi (SX or MX): symbols of states, controls, parameters and the time, or lists of
+        symbols, and the derivatives of the states. `sign`, `fabs`, `fmin`, `fmax`, `if_else` and comparisons become modes; the
+        names of the symbols become those of the variables.
+
+        Expressions are read operator by operator. Functions that cannot be written out in scalars, such as root finders and
+        tables, are refused: `casadi.Function` objects with these are functions of a `System`."""
+        from . import _casadi_model as reader
+
+        groups = [reader.stacked(v) for v in (x, u, p)]
+        model = cls(*(reader.names_of(g) for g in groups), name=name)
+        time = reader.stacked(t)
+        blocks = [*zip(groups, (model.x, model.u, model.p)), (time, model.t.reshape(1))]
+        given = reader.read(model.graph, blocks, reader.stacked(rhs))
+        model.derivatives = [e for part in given for e in part]
+        return model
+
     def __reduce__(self) -> Any:
         if self.graph._functions:
             raise TypeError("a model that calls functions cannot be pickled: use to_json, and from_json with the functions")

@@ -1,0 +1,87 @@
+"""Simulations as functions that can be differentiated backwards: what JAX and PyTorch have in common."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+from typing import Any
+
+import numpy
+
+from ._arrays import Array, real
+from .errors import NumericError, RangeError
+from .expr import system_of
+from .integrator import Gradient, Integrator, _span
+
+__all__ = ["Flow"]
+
+_KEPT = 8  # simulations whose adjoint may be asked for
+
+
+class Flow:
+    """States of a system at times as a function of initial state, parameters and controls, with its adjoint.
+
+    `at` are the times, rising, within the time span; None is its end alone. Initial state, parameters and controls are flat
+    arrays, the latter constant. The last simulations are kept for their adjoints; another one is made again for it."""
+
+    def __init__(self, system: Any, t_span: Any, at: Sequence[float] | None, options: dict[str, Any]):
+        self.system = system_of(system)
+        self.start, self.end = _span(t_span)
+        self.times = [self.end] if at is None else real(at, "at").ravel().tolist()
+        self.single = at is None
+        if self.times != sorted(set(self.times)) or not self.times or self.times[0] < self.start or self.times[-1] > self.end:
+            raise RangeError("at must be rising times within t_span")
+        self._options = {**options, "adjoint": 1}
+        self._kept: OrderedDict[bytes, Integrator] = OrderedDict()
+        self._lock = threading.Lock()
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Shape of the result: [nx], or [times, nx] where times were given."""
+        return (self.system.nx,) if self.single else (len(self.times), self.system.nx)
+
+    def _simulated(self, inputs: Sequence[Array]) -> tuple[Integrator, Array]:
+        x0, p, u = inputs
+        i = Integrator(self.system, **self._options)
+        if i.np:
+            i.set_params(p)
+        if i.nu:
+            i.set_controls(u)
+        i.reinit(x0, self.start)
+        states = numpy.empty((len(self.times), i.nx))
+        for k, t in enumerate(self.times):
+            if t > self.start:
+                i.advance(t)
+                if i.time != t:
+                    raise NumericError(f"the simulation ended at t = {i.time:g}, before {t:g}: {i.reason}")
+            states[k] = i.state
+        return i, states
+
+    def __call__(self, *inputs: Any) -> Array:
+        """States for initial state, parameters and controls."""
+        arrays = [numpy.array(a, dtype=float).ravel() for a in inputs]
+        i, states = self._simulated(arrays)
+        with self._lock:
+            self._kept[_key(arrays)] = i
+            while len(self._kept) > _KEPT:
+                self._kept.popitem(last=False)
+        return states.reshape(self.shape)
+
+    def gradient(self, weights: Any, *inputs: Any) -> Gradient:
+        """Gradient of the sum of the states times `weights`, an array of their shape."""
+        arrays = [numpy.array(a, dtype=float).ravel() for a in inputs]
+        with self._lock:
+            i = self._kept.pop(_key(arrays), None)
+        if i is None:
+            i, _ = self._simulated(arrays)
+        w = numpy.array(weights, dtype=float).reshape(len(self.times), -1)
+        pairs = [(t, row) for t, row in zip(self.times, w) if self.start < t < self.times[-1]]
+        if self.times[-1] == self.start:
+            return Gradient(w[-1].copy(), numpy.zeros(i.np), numpy.zeros(i.nu))
+        found = i.adjoint(w[-1], at=pairs)
+        return found._replace(x0=found.x0 + w[0]) if self.times[0] == self.start else found
+
+
+def _key(arrays: Sequence[Array]) -> bytes:
+    return b"".join(a.tobytes() for a in arrays)

@@ -1,0 +1,87 @@
+"""Gradients of simulations in JAX and PyTorch: those of the adjoint, and of finite differences."""
+
+import numpy as np
+import pytest
+
+import switchback as swb
+from switchback._flow import Flow
+from switchback.expr import Model, sign, where
+
+X0, P, U, T = np.array([1.0, 0.2]), np.array([1.3, 0.3]), np.array([0.2]), 4.0
+OPTIONS = {"rtol": 1e-11, "atol": 1e-12}
+AT = [0.0, 1.5, 4.0]
+
+
+def spring():
+    """A spring with friction that holds at the end, and a push where q > 0.5."""
+    m = Model(states="q v", controls="F", parameters="k mu")
+    m.derivatives = [m.v, -m.k * m.q - m.mu * sign(m.v) + where(m.q > 0.5, m.F, 0)]
+    return m
+
+
+def adjoint(weights):
+    """Gradient by the adjoint engine itself, for weights of the states at the end."""
+    with swb.Integrator(spring(), adjoint=1, **OPTIONS) as i:
+        i.set_params(P)
+        i.set_controls(U)
+        i.reinit(X0)
+        i.advance(T)
+        assert len(i.run.switches) > 1
+        return i.adjoint(weights)
+
+
+def test_a_flow_has_the_gradient_of_differences():
+    flow = Flow(spring(), T, AT, OPTIONS)
+    weights = np.array([[1.0, 2.0], [0.5, -1.0], [2.0, 1.0]])
+    values = flow(X0, P, U)
+    assert values.shape == (3, 2) and np.array_equal(values[0], X0)
+    found = np.concatenate(flow.gradient(weights, X0, P, U))
+    at = np.concatenate([X0, P, U])
+
+    def total(z):
+        return (flow(z[:2], z[2:4], z[4:]) * weights).sum()
+
+    h = 1e-5
+    differences = [(total(at + h * e) - total(at - h * e)) / (2 * h) for e in np.eye(5)]
+    assert found == pytest.approx(differences, rel=1e-6, abs=1e-6)
+    assert np.array_equal(np.concatenate(flow.gradient(weights, X0, P, U)), found)  # made again, for it was used up
+
+
+def test_flows_refuse():
+    with pytest.raises(swb.RangeError, match="rising times"):
+        Flow(spring(), T, [2.0, 1.0], {})
+    with pytest.raises(swb.RangeError, match="within t_span"):
+        Flow(spring(), T, [5.0], {})
+    with pytest.raises(swb.NumericError, match="ended at t = "):
+        Flow(swb.System(1, f0=lambda x: [x[0] ** 2]), 2.0, None, {})([1.0], [], [])
+
+
+def test_jax():
+    jax = pytest.importorskip("jax")
+    import switchback.jax
+
+    jax.config.update("jax_enable_x64", True)
+    model, weights = spring(), np.array([1.0, -2.0])
+
+    def loss(x0, p, u):
+        return (swb.jax.simulate(model, x0, T, p=p, u=u, **OPTIONS) * weights).sum()
+
+    wanted = adjoint(weights)
+    for gradient in (jax.grad(loss, (0, 1, 2)), jax.jit(jax.grad(loss, (0, 1, 2)))):
+        for found, exact in zip(gradient(X0, P, U), wanted):
+            assert np.allclose(found, exact, rtol=1e-10, atol=1e-10)
+    several = jax.vmap(lambda x: loss(x, P, U))(np.array([X0, 2 * X0]))
+    assert several[0] == pytest.approx(float(loss(X0, P, U)), rel=1e-12)
+    inside = swb.jax.simulate(model, X0, T, p=P, u=U, at=AT, **OPTIONS)
+    assert np.allclose(inside, Flow(model, T, AT, OPTIONS)(X0, P, U), rtol=1e-12)
+
+
+def test_torch():
+    torch = pytest.importorskip("torch")
+    import switchback.torch
+
+    weights = np.array([1.0, -2.0])
+    x0, p, u = (torch.tensor(v, dtype=torch.float64, requires_grad=True) for v in (X0, P, U))
+    (swb.torch.simulate(spring(), x0, T, p=p, u=u, **OPTIONS) * torch.tensor(weights)).sum().backward()
+    for found, exact in zip((x0.grad, p.grad, u.grad), adjoint(weights)):
+        assert np.allclose(found.numpy(), exact, rtol=1e-10, atol=1e-10)
