@@ -1,6 +1,6 @@
 //! A system cell by cell at a point, and which cells are near the point.
 
-use super::filippov::{CellFields, SubsystemCells};
+use super::filippov::{CellFields, Gradient, SubsystemCells};
 use super::{Dcs, Drift, Stewart};
 use crate::func::{EvalResult, Point};
 
@@ -35,6 +35,8 @@ pub struct DcsFields {
     q: Vec<f64>,
     /// Their derivatives with respect to states and time, `n_q × (nx + 1)`.
     dq: Vec<f64>,
+    /// All states.
+    columns: Vec<usize>,
     f0: Vec<f64>,
     buffer: Vec<f64>,
     work: Vec<f64>,
@@ -69,6 +71,7 @@ impl DcsFields {
             way: vec![0.0; d.x + 1],
             q: vec![0.0; first_function],
             dq: vec![0.0; first_function * (d.x + 1)],
+            columns: (0..d.x).collect(),
             f0: vec![0.0; d.x],
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
@@ -197,9 +200,9 @@ impl CellFields for DcsFields {
         Ok(())
     }
 
-    fn gradient(&self, j: usize) -> (&[f64], f64) {
+    fn gradient(&self, j: usize) -> Gradient<'_> {
         let nz = self.nx + 1;
-        (&self.dq[j * nz..j * nz + self.nx], self.dq[j * nz + self.nx])
+        Gradient { columns: &self.columns, values: &self.dq[j * nz..j * nz + self.nx], t: self.dq[j * nz + self.nx] }
     }
 
     fn value(&self, j: usize) -> f64 {

@@ -65,6 +65,30 @@ pub struct SubsystemCells<'a> {
     pub by_signs: bool,
 }
 
+/// The derivatives of a function: those with respect to the states that are not zero, with the places of these states, and
+/// that with respect to time.
+#[derive(Debug, Clone, Copy)]
+pub struct Gradient<'a> {
+    /// States, ascending.
+    pub columns: &'a [usize],
+    /// Derivatives with respect to them.
+    pub values: &'a [f64],
+    /// Derivative with respect to time.
+    pub t: f64,
+}
+
+impl Gradient<'_> {
+    /// Rate of change for a velocity, time apart.
+    pub fn along(&self, v: &[f64]) -> f64 {
+        self.columns.iter().zip(self.values).map(|(&i, g)| g * v[i]).sum()
+    }
+
+    /// Size of the terms of [`Gradient::along`].
+    pub fn size_along(&self, v: &[f64]) -> f64 {
+        self.columns.iter().zip(self.values).map(|(&i, g)| (g * v[i]).abs()).sum()
+    }
+}
+
 /// A system cell by cell, as far as (6.19) asks for it.
 pub trait CellFields {
     /// Number of states.
@@ -81,7 +105,7 @@ pub trait CellFields {
     /// Evaluates the gradients of all indicator functions.
     fn gradients(&mut self, t: f64, x: &[f64]) -> EvalResult;
     /// Derivatives of indicator function `j` with respect to the states and to time, where they were evaluated last.
-    fn gradient(&self, j: usize) -> (&[f64], f64);
+    fn gradient(&self, j: usize) -> Gradient<'_>;
     /// Value of indicator function `j` where these were evaluated last.
     fn value(&self, j: usize) -> f64;
 }
@@ -195,9 +219,9 @@ impl FilippovProblem {
         for k in 0..self.kept.len() {
             let s = system.subsystem(k);
             for j in if s.by_signs { s.functions } else { 0..0 } {
-                let (g, g_t) = system.gradient(j);
+                let g = system.gradient(j);
                 let fields = (0..self.cells.len()).map(|b| &self.fields[b * nx..(b + 1) * nx]);
-                let most = fields.fold(size(g, &self.f0) + g_t.abs(), |m, f| m.max(size(g, f)));
+                let most = fields.fold(g.size_along(&self.f0) + g.t.abs(), |m, f| m.max(g.size_along(f)));
                 if most > 0.0 && most.is_finite() {
                     self.unit[j] = 1.0 / most;
                 }
@@ -218,9 +242,9 @@ impl FilippovProblem {
                 let mut g_t = 0.0;
                 for (w, j) in s.cells[self.cells[a] - s.first].weights.iter().zip(s.functions.clone()) {
                     let w = w * self.unit[j];
-                    let (d, d_t) = system.gradient(j);
-                    g.iter_mut().zip(d).for_each(|(g, d)| *g += w * d);
-                    g_t += w * d_t;
+                    let d = system.gradient(j);
+                    d.columns.iter().zip(d.values).for_each(|(&i, d)| g[i] += w * d);
+                    g_t += w * d.t;
                 }
                 self.own[a] = dot(&g, &self.f0) + g_t;
                 most = most.max(size(&g, &self.f0) + g_t.abs());
@@ -559,10 +583,10 @@ pub fn decide_pair<S: CellFields>(
     for ((wa, wb), j) in wa.iter().zip(wb).zip(s.functions) {
         let w = wb - wa;
         if w != 0.0 {
-            let (g, g_t) = system.gradient(j);
-            ra += w * (dot(g, fa) + g_t);
-            rb += w * (dot(g, fb) + g_t);
-            terms += w.abs() * (size(g, fa).max(size(g, fb)) + g_t.abs());
+            let g = system.gradient(j);
+            ra += w * (g.along(fa) + g.t);
+            rb += w * (g.along(fb) + g.t);
+            terms += w.abs() * (g.size_along(fa).max(g.size_along(fb)) + g.t.abs());
         }
     }
     let clear = DOUBT * terms;

@@ -321,11 +321,14 @@ impl Sweep<'_> {
         let x = &self.tape.data[at..at + nx];
         self.field.hidden(t, x)?;
         for b in 0..r {
-            self.w[b] = self.field.d(b).iter().zip(&self.v).map(|(d, v)| d * v).sum();
+            self.w[b] = self.field.d(b).map(|(a, d)| d * self.v[a]).sum();
         }
         self.field.solve_constraints_transposed(&mut self.w[..r]);
-        for (w, row) in self.w[..r].iter().zip(self.field.c.chunks_exact(n_z)) {
-            add_row(-w, row, &mut self.v, &mut self.g);
+        for (b, w) in self.w[..r].iter().enumerate() {
+            for (i, c) in self.field.c(b).filter(|c| c.0 < n_z - 1) {
+                let to = if i < nx { &mut self.v[i] } else { &mut self.g[i - nx] };
+                *to -= w * c;
+            }
         }
         Ok(())
     }

@@ -77,7 +77,11 @@ impl Collocation {
             let t = t + radau.node(i) * h;
             if r > 0 {
                 field.hidden(t, &self.x)?;
-                self.g[i * r * n_z..(i + 1) * r * n_z].copy_from_slice(&field.c[..r * n_z]);
+                let g = &mut self.g[i * r * n_z..(i + 1) * r * n_z];
+                g.fill(0.0);
+                for b in 0..r {
+                    field.c(b).for_each(|(j, v)| g[b * n_z + j] = v);
+                }
             }
             let jac = &mut self.jac[i * nx * n_z..(i + 1) * nx * n_z];
             field.jacobian(t, &self.x, &z[nx..nx + r], jac)?;
@@ -90,12 +94,11 @@ impl Collocation {
                 for b in 0..nx {
                     row[i * own + b] -= jac[a * n_z + b];
                 }
-                for b in 0..r {
-                    row[i * own + nx + b] = -field.d(b)[a];
-                }
             }
             for b in 0..r {
-                m[(i * own + nx + b) * n + i * own..][..nx].copy_from_slice(&field.c[b * n_z..b * n_z + nx]);
+                field.d(b).for_each(|(a, v)| m[(i * own + a) * n + i * own + nx + b] = -v);
+                let row = &mut m[(i * own + nx + b) * n + i * own..][..nx];
+                field.c(b).filter(|c| c.0 < nx).for_each(|(a, v)| row[a] = v);
             }
         }
         let own = self.own();

@@ -61,6 +61,9 @@ fn stage<const M: usize>(n: usize, field: &mut Field, s: &mut Step, i: usize, c:
     for (k, f) in k.iter_mut().zip(&f[..n]) {
         k[i] = *f;
     }
+    if field.n_alg() > 0 {
+        field.trace_weights(i);
+    }
     Ok(())
 }
 
@@ -140,7 +143,35 @@ pub(super) fn finish(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult 
         k[last] = *f;
     }
     s.n_k = last + 1;
+    if field.n_alg() > 0 {
+        field.trace_weights(last);
+    }
     Ok(())
+}
+
+/// How well a step resolves the weights of a sliding mode: the largest difference of a weight at a stage to the cubic
+/// through its values at both ends and at two other stages; after [`finish`].
+pub(super) fn weights_error(pair: Pair, field: &Field, start: &[f64]) -> f64 {
+    // stages of high order where there are some
+    let (inner, others): ([usize; 2], &[usize]) = match pair {
+        Pair::Dp5 => ([2, 3], &[1, 4]),
+        Pair::Dop853 => ([5, 9], &[6, 8, 10]),
+    };
+    let (c, last) = (pair.rows().1, pair.rows().0.len() - 1);
+    let nodes = [0.0, c[inner[0]], c[inner[1]], 1.0];
+    let mut worst = 0.0f64;
+    for &i in others {
+        let weight = |m: usize| -> f64 {
+            let rest = nodes.iter().enumerate().filter(|(k, _)| *k != m);
+            rest.map(|(_, n)| (c[i] - n) / (nodes[m] - n)).product()
+        };
+        let w: [f64; 4] = std::array::from_fn(weight);
+        for (trace, start) in field.traces().iter().zip(start) {
+            let cubic = w[0] * start + w[1] * trace[inner[0]] + w[2] * trace[inner[1]] + w[3] * trace[last];
+            worst = worst.max((trace[i] - cubic).abs());
+        }
+    }
+    worst
 }
 
 /// Size of the local error relative to the tolerance; `weights` are reciprocal.

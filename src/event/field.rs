@@ -10,18 +10,26 @@
 //! derivative of the constraints, `C (b + D α) + c_t = 0` (6.17): a function of time and state, so switches that end a
 //! sliding mode are located on it as accurately as the state is known.
 
+mod apart;
+mod bundled;
 mod cells;
 mod contacts;
 mod derivatives;
+mod gradients;
 mod near;
+mod sliding;
 
+pub(super) use apart::{Apart, Open};
 pub(super) use contacts::{Contacts, TO_RATE};
+pub(super) use gradients::{Gradients, Row};
+use sliding::Sliding;
 
+use self::bundled::Bundled;
 use self::contacts::WATCHED;
 use super::guard::{Guards, Reset};
+use super::step::Stages;
 use crate::dcs::{filippov, Cell, Dcs, Drift};
 use crate::func::{Dims, EvalError, EvalResult, Function, Point};
-use crate::linalg::lu::Lu;
 use crate::system::{SharedFunction, System};
 
 /// One subsystem.
@@ -46,9 +54,22 @@ pub(super) struct Sub {
     identity: bool,
     /// Where the entries of the Jacobian of the indicators go.
     to_dq: Vec<usize>,
+    /// Where the entries of the gradients of its indicators stand in a row of `C`, from the first of them on.
+    c_places: Vec<usize>,
 }
 
 impl Sub {
+    /// The inputs that its indicators depend on, ascending; notes where the entries of their gradients stand among them.
+    fn collect_columns(&mut self, gradients: &Gradients) -> Vec<usize> {
+        let rows = self.q0..self.q0 + self.n_q;
+        let mut columns: Vec<usize> = rows.clone().flat_map(|j| gradients.entries(j).1).copied().collect();
+        columns.sort_unstable();
+        columns.dedup();
+        let place = |c: &usize| columns.partition_point(|d| d < c);
+        self.c_places = rows.flat_map(|j| gradients.entries(j).1.iter().map(place)).collect();
+        columns
+    }
+
     /// Does the mode of this cell (of the subsystem) depend on the sign of function `j`?
     pub(super) fn cares(&self, cell: usize, j: usize) -> bool {
         let mode = self.cells[cell].mode;
@@ -101,6 +122,8 @@ pub(super) struct Field {
     /// Active cells per subsystem, never empty.
     pub(super) active: Vec<Vec<usize>>,
     pairs: Vec<Pair>,
+    /// First pair of every subsystem; one place more than there are subsystems.
+    first_pair: Vec<usize>,
     /// Where one mode is the whole right-hand side: its outputs among those of all modes, and how many those are.
     lone: Option<(usize, usize)>,
     lone_out: usize,
@@ -111,26 +134,29 @@ pub(super) struct Field {
     q_unit: Vec<f64>,
     /// Indicator functions at the last point.
     pub(super) q: Vec<f64>,
-    /// Their gradients, `n_q × n_z`.
+    /// Entries of their gradients.
     pub(super) dq: Vec<f64>,
+    /// Which entries these are.
+    pub(super) gradients: Gradients,
     /// `dq` holds for any point.
     dq_constant: bool,
     dq_known: bool,
     guards_known: bool,
     /// `b`.
     base: Vec<f64>,
-    /// Columns of `D`, one after the other.
-    d: Vec<f64>,
-    /// Rows of `C`, scaled, `n_alg × n_z`.
-    pub(super) c: Vec<f64>,
+    /// `D`, and the rows of `C`, scaled.
+    sliding: Sliding,
     /// Weights at the last point.
     pub(super) alpha: Vec<f64>,
+    /// Weights at the stages of the present step of an explicit pair.
+    traces: Vec<Stages>,
     room: Vec<f64>,
     /// Weights of the indicators of one subsystem.
     q_weights: Vec<f64>,
-    lu: Lu<f64>,
     buffer: Vec<f64>,
     work: Vec<f64>,
+    /// Drifts, modes and indicators in one program, where there is one.
+    bundle: Option<Bundled>,
     /// Contacts; where there are any, nothing else moves the system, and the active sets are their modes.
     contacts: Option<Box<Contacts>>,
     pub(super) counts: Counts,
@@ -142,6 +168,7 @@ impl Field {
         let nx = dims.x;
         let (mut subs, mut owner) = (Vec::new(), Vec::new());
         let (mut buffer, mut work, mut q0) = (0, 0, 0);
+        let mut gradients = Gradients::new(&dims);
         let mut note = |f: &dyn Function| {
             buffer = buffer.max(f.n_out()).max(f.jac_pattern().nnz()).max(f.hess_pattern().nnz());
             work = work.max(f.work_len());
@@ -165,20 +192,23 @@ impl Field {
                 affine: s.indicators.hess_pattern().nnz() == 0,
                 n_out: s.modes.n_out(),
                 identity: is_identity(&s.rows, nx),
-                to_dq: gradient_map(&s.indicators, q0, &dims),
+                to_dq: gradients.push(s.indicators.jac_pattern(), &dims),
+                c_places: Vec::new(),
             });
             owner.resize(owner.len() + s.cells.len(), k);
             q0 += n_q;
         }
         transitions.iter().flat_map(|t| t.reset.iter().chain([&t.guard])).for_each(|f| note(f.as_ref()));
-        let guards = Guards::new(transitions, q0, &dims);
+        let guards = Guards::new(transitions, q0, &dims, &mut gradients);
         q0 += transitions.len();
         let (n_cells, n_z) = (owner.len(), nx + dims.p + dims.u + 1);
-        let n_gradients = q0;
+        let columns = subs.iter_mut().map(|s| s.collect_columns(&gradients)).collect();
+        let rows = subs.iter().map(|s| s.rows.clone()).collect();
         let contacts = system.mechanics().map(|m| Box::new(Contacts::new(m, q0, nx, n_z)));
         let n_contacts = system.mechanics().map_or(0, |m| m.contacts.len());
         q0 += WATCHED * n_contacts;
         let most = n_cells.saturating_sub(subs.len());
+        let bundle = Bundled::new(dcs.drifts(), &subs);
         Field {
             nx,
             n_z,
@@ -198,23 +228,25 @@ impl Field {
             direct: dcs.drifts().first().is_some_and(|d| is_identity(&d.rows, nx)),
             drifts: dcs.drifts().to_vec(),
             pairs: Vec::with_capacity(most),
+            first_pair: Vec::new(),
             lone: None,
             lone_out: 0,
             unit: vec![1.0; most],
             q_unit: vec![1.0; q0],
             q: vec![0.0; q0],
-            dq: vec![0.0; n_gradients * n_z],
+            dq: vec![0.0; gradients.len()],
+            gradients,
             dq_known: false,
             guards_known: false,
             base: vec![0.0; nx],
-            d: vec![0.0; most * nx],
-            c: vec![0.0; most * n_z],
+            sliding: Sliding::new(rows, columns, (nx, n_z)),
             alpha: vec![0.0; most],
+            traces: vec![[0.0; 16]; most],
             room: vec![0.0; most],
             q_weights: vec![0.0; q0],
-            lu: Lu::with_capacity(most),
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
+            bundle,
             contacts,
             counts: Counts::default(),
         }
@@ -225,9 +257,19 @@ impl Field {
         self.pairs.len()
     }
 
-    /// Columns of `D` at the last point.
-    pub(super) fn d(&self, i: usize) -> &[f64] {
-        &self.d[i * self.nx..(i + 1) * self.nx]
+    /// Column `i` of `D` at the last point: states, and how it moves them.
+    pub(super) fn d(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.sliding.column(self.pairs[i], i)
+    }
+
+    /// Row `i` of `C` at the last point, scaled: inputs, and the derivatives by them.
+    pub(super) fn c(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.sliding.row(self.pairs[i], i)
+    }
+
+    /// The gradient of watched function `j` at the last point.
+    pub(super) fn gradient_row(&self, j: usize) -> Row<'_> {
+        self.gradients.row(&self.dq, j)
     }
 
     /// Parameters or controls have changed: nothing is known any more.
@@ -262,19 +304,23 @@ impl Field {
     /// Makes `sets` the active cells.
     pub(super) fn set_active(&mut self, sets: &[Vec<usize>]) {
         self.pairs.clear();
+        self.first_pair.clear();
         if let Some(c) = &mut self.contacts {
             c.forget();
         }
         for (k, (to, from)) in self.active.iter_mut().zip(sets).enumerate() {
             to.clone_from(from);
+            self.first_pair.push(self.pairs.len());
             for &cell in from.iter().skip(1) {
                 self.pairs.push(Pair { sub: k, cell, base: from[0] });
             }
         }
+        self.first_pair.push(self.pairs.len());
         self.lone = None;
         if self.contacts.is_some() {
             return;
         }
+        self.sliding.lay_out(&self.pairs, &self.first_pair);
         if let ([s], true, true) = (&self.subs[..], self.drifts.is_empty(), self.pairs.is_empty()) {
             if s.identity {
                 let mode = s.cells[self.active[0][0] - s.first].mode;
@@ -294,12 +340,12 @@ impl Field {
         let reciprocal = |size: f64| if size > 0.0 { 1.0 / size } else { 1.0 };
         for s in self.subs.iter().filter(|s| s.signs) {
             for j in s.q0..s.q0 + s.n_q {
-                self.q_unit[j] = reciprocal(self.sum_of_sizes(&self.dq[j * self.n_z..j * self.n_z + self.nx], x));
+                self.q_unit[j] = reciprocal(self.sum_of_sizes(self.gradient_row(j).states(), x));
             }
         }
         self.constraint_rows();
         for i in 0..self.pairs.len() {
-            let size = self.sum_of_sizes(&self.c[i * self.n_z..i * self.n_z + self.nx], x);
+            let size = self.sum_of_sizes(self.sliding.row_of_states(self.pairs[i], i), x);
             self.unit[i] = reciprocal(size);
         }
         Ok(())
@@ -366,8 +412,8 @@ impl Field {
     }
 
     /// `Σ |g_i| size_i`: what a function with the gradient `g` changes by when all states change by their size.
-    pub(super) fn sum_of_sizes(&self, g: &[f64], x: &[f64]) -> f64 {
-        x.iter().zip(g).enumerate().map(|(i, (x, g))| g.abs() * self.size(i, *x)).sum()
+    pub(super) fn sum_of_sizes(&self, g: impl Iterator<Item = (usize, f64)>, x: &[f64]) -> f64 {
+        g.map(|(i, g)| g.abs() * self.size(i, x[i])).sum()
     }
 
     /// Reciprocal of the time in which the first state has moved by its size with this velocity.
@@ -380,11 +426,11 @@ impl Field {
     pub(super) fn nudge(&self, cell: usize, x: &mut [f64]) {
         let s = &self.subs[self.owner[cell]];
         for (j, w) in s.cells[cell - s.first].weights.iter().enumerate() {
-            let g = &self.dq[(s.q0 + j) * self.n_z..(s.q0 + j) * self.n_z + self.nx];
-            if self.q[s.q0 + j].abs() > 64.0 * f64::EPSILON * self.sum_of_sizes(g, x) {
+            let g = self.gradient_row(s.q0 + j);
+            if self.q[s.q0 + j].abs() > 64.0 * f64::EPSILON * self.sum_of_sizes(g.states(), x) {
                 continue;
             }
-            for (i, g) in g.iter().enumerate().filter(|(_, g)| **g != 0.0) {
+            for (i, g) in g.states().filter(|(_, g)| *g != 0.0) {
                 x[i] -= w * g.signum() * (8.0 * f64::EPSILON * self.size(i, x[i])).max(f64::MIN_POSITIVE);
             }
         }
@@ -429,6 +475,9 @@ impl Field {
         }
         if self.pairs.is_empty() {
             self.counts.values += 1;
+            if self.bundled_rhs(t, x, out) {
+                return Ok(());
+            }
             self.drift(t, x, out)?;
             for k in 0..self.subs.len() {
                 self.add_mode(t, x, self.active[k][0], 1.0, out)?;
@@ -445,8 +494,8 @@ impl Field {
         out.copy_from_slice(&self.base);
         for i in 0..self.pairs.len() {
             let a = self.alpha[i];
-            for (o, d) in out.iter_mut().zip(&self.d[i * self.nx..(i + 1) * self.nx]) {
-                *o += a * d;
+            for (row, d) in self.d(i) {
+                out[row] += a * d;
             }
         }
     }
@@ -460,39 +509,45 @@ impl Field {
             return r;
         }
         self.counts.values += 1;
+        if self.bundled_parts(t, x) {
+            return Ok(());
+        }
         let mut base = std::mem::take(&mut self.base);
-        let mut d = std::mem::take(&mut self.d);
-        let r = self.parts_into(t, x, &mut base, &mut d);
+        let r = self.parts_into(t, x, &mut base);
         self.base = base;
-        self.d = d;
         r
     }
 
-    fn parts_into(&mut self, t: f64, x: &[f64], base: &mut [f64], d: &mut [f64]) -> EvalResult {
+    fn parts_into(&mut self, t: f64, x: &[f64], base: &mut [f64]) -> EvalResult {
         self.drift(t, x, base)?;
-        let mut i = 0;
-        let mut first = std::mem::take(&mut self.active);
-        let mut all = || -> EvalResult {
-            for set in &first {
-                let n = set.len() - 1;
-                let own = &mut d[i * self.nx..(i + n) * self.nx];
-                own.fill(0.0);
-                for (j, column) in own.chunks_exact_mut(self.nx).enumerate() {
-                    self.add_mode(t, x, set[j + 1], 1.0, column)?;
-                    self.add_mode(t, x, set[0], -1.0, column)?;
+        let at = Point { t, x, u: &self.u, p: &self.p };
+        for (k, s) in self.subs.iter().enumerate() {
+            let (set, nr) = (&self.active[k], s.rows.len());
+            let pairs = self.first_pair[k]..self.first_pair[k + 1];
+            let own = self.sliding.columns_mut(pairs);
+            for (i, &cell) in set.iter().enumerate().rev() {
+                let mode = s.cells[cell - s.first].mode;
+                let rows = mode * nr..(mode + 1) * nr;
+                s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..s.n_out], &mut self.work)?;
+                let f = &self.buffer[rows];
+                if i > 0 {
+                    own[(i - 1) * nr..i * nr].copy_from_slice(f);
+                    continue;
                 }
-                self.add_mode(t, x, set[0], 1.0, base)?;
-                i += n;
+                for column in own.chunks_exact_mut(nr.max(1)) {
+                    column.iter_mut().zip(f).for_each(|(d, f)| *d -= f);
+                }
+                s.rows.iter().zip(f).for_each(|(&r, f)| base[r] += f);
             }
-            Ok(())
-        };
-        let r = all();
-        std::mem::swap(&mut self.active, &mut first);
-        r
+        }
+        Ok(())
     }
 
     /// Indicator functions.
     pub(super) fn indicators(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        if self.bundled_indicators(t, x) {
+            return Ok(());
+        }
         let at = Point { t, x, u: &self.u, p: &self.p };
         for s in &self.subs {
             s.indicators.value(&at, &mut self.q[s.q0..s.q0 + s.n_q], &mut self.work)?;
@@ -549,17 +604,17 @@ impl Field {
 
     /// Rows of `C` from the gradients of the last point.
     fn constraint_rows(&mut self) {
-        let n_z = self.n_z;
         for (i, p) in self.pairs.iter().enumerate() {
             let s = &self.subs[p.sub];
-            let row = &mut self.c[i * n_z..(i + 1) * n_z];
+            let row = self.sliding.row_mut(i);
             row.fill(0.0);
             let (w, w0) = (&s.cells[p.cell - s.first].weights, &s.cells[p.base - s.first].weights);
+            let own = self.gradients.entries(s.q0).0.start;
             for j in 0..s.n_q {
                 let weight = (w[j] - w0[j]) * self.unit[i] * self.q_unit[s.q0 + j];
                 if weight != 0.0 {
-                    for (r, g) in row.iter_mut().zip(&self.dq[(s.q0 + j) * n_z..]) {
-                        *r += weight * g;
+                    for e in self.gradients.entries(s.q0 + j).0 {
+                        row[s.c_places[e - own]] += weight * self.dq[e];
                     }
                 }
             }
@@ -579,31 +634,25 @@ impl Field {
         self.parts(t, x)?;
         self.gradients(t, x)?;
         self.constraint_rows();
-        let (r, nx, n_z) = (self.pairs.len(), self.nx, self.n_z);
-        let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
-        let m = self.lu.clear(r);
+        let r = self.pairs.len();
         for i in 0..r {
-            let c = &self.c[i * n_z..i * n_z + nx];
-            for j in 0..r {
-                m[i * r + j] = dot(c, &self.d[j * nx..(j + 1) * nx]);
-            }
-            self.alpha[i] = -dot(c, &self.base) - self.c[(i + 1) * n_z - 1];
+            self.alpha[i] = -self.sliding.rate(self.pairs[i], i, &self.base);
         }
-        if !self.lu.factorise() {
+        if !self.sliding.factorise(&self.pairs, &self.first_pair) {
             return Err(EvalError::Recoverable);
         }
-        self.lu.solve(&mut self.alpha[..r]);
+        self.sliding.solve(&mut self.alpha[..r]);
         Ok(())
     }
 
     /// Solves with the transpose of `C D` of the last [`Field::hidden`].
     pub(super) fn solve_constraints_transposed(&mut self, b: &mut [f64]) {
-        self.lu.solve_transposed(b);
+        self.sliding.solve_transposed(b);
     }
 
     /// Solves with `C D` of the last [`Field::hidden`].
     pub(super) fn solve_constraints(&mut self, b: &mut [f64]) {
-        self.lu.solve(b);
+        self.sliding.solve(b);
     }
 
     /// Moves `x` along `D` until all constraints hold to rounding; `C D` is that of the last [`Field::hidden`]. Says
@@ -625,10 +674,10 @@ impl Field {
             }
             before = worst;
             moved = true;
-            self.lu.solve(&mut self.room[..r]);
+            self.sliding.solve(&mut self.room[..r]);
             for i in 0..r {
-                for (x, d) in x.iter_mut().zip(&self.d[i * self.nx..]) {
-                    *x += self.room[i] * d;
+                for (row, d) in self.d(i) {
+                    x[row] += self.room[i] * d;
                 }
             }
         }
@@ -637,7 +686,7 @@ impl Field {
 
     /// Largest component of `D` at the last point.
     pub(super) fn largest_difference(&self) -> f64 {
-        self.d[..self.pairs.len() * self.nx].iter().fold(0.0, |m, v| m.max(v.abs()))
+        (0..self.pairs.len()).flat_map(|i| self.d(i)).fold(0.0, |m, (_, v)| m.max(v.abs()))
     }
 
     /// Weight of an active cell at the last point.
@@ -649,13 +698,37 @@ impl Field {
     pub(super) fn theta_in(&self, alpha: &[f64], cell: usize) -> f64 {
         let mut base = 1.0;
         let k = self.owner[cell];
-        for (p, a) in self.pairs.iter().zip(alpha) {
-            if p.cell == cell {
-                return *a;
+        for i in self.first_pair[k]..self.first_pair[k + 1] {
+            if self.pairs[i].cell == cell {
+                return alpha[i];
             }
-            if p.sub == k {
-                base -= a;
+            base -= alpha[i];
+        }
+        base
+    }
+
+    /// The last right-hand side was that of stage `i` of an explicit pair.
+    #[inline]
+    pub(super) fn trace_weights(&mut self, i: usize) {
+        for (trace, alpha) in self.traces.iter_mut().zip(&self.alpha).take(self.pairs.len()) {
+            trace[i] = *alpha;
+        }
+    }
+
+    /// The algebraic variables at the stages of the present step of an explicit pair.
+    pub(super) fn traces(&self) -> &[Stages] {
+        &self.traces[..self.pairs.len()]
+    }
+
+    /// Weight of an active cell at stage `i` of an explicit pair.
+    pub(super) fn theta_at_stage(&self, cell: usize, i: usize) -> f64 {
+        let mut base = 1.0;
+        let k = self.owner[cell];
+        for j in self.first_pair[k]..self.first_pair[k + 1] {
+            if self.pairs[j].cell == cell {
+                return self.traces[j][i];
             }
+            base -= self.traces[j][i];
         }
         base
     }

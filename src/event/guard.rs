@@ -1,6 +1,6 @@
 //! The guards of transitions, as the engine watches them.
 
-use super::field::{gradient_map, scatter};
+use super::field::{gradient_map, scatter, Gradients};
 use crate::func::{Dims, EvalResult, Point};
 use crate::system::Transition;
 
@@ -28,12 +28,13 @@ pub(super) struct Guards {
 }
 
 impl Guards {
-    /// Of a list of transitions; the first guard has the place `q0` among the indicators.
-    pub(super) fn new(transitions: &[Transition], q0: usize, dims: &Dims) -> Guards {
+    /// Of a list of transitions; the first guard has the place `q0` among the indicators, and their `gradients` are behind
+    /// those of the indicators.
+    pub(super) fn new(transitions: &[Transition], q0: usize, dims: &Dims, gradients: &mut Gradients) -> Guards {
         let guard = |(i, t): (usize, &Transition)| Guard {
             q: q0 + i,
             affine: t.guard.hess_pattern().nnz() == 0,
-            to_dq: gradient_map(&t.guard, q0 + i, dims),
+            to_dq: gradients.push(t.guard.jac_pattern(), dims),
             to_reset: t.reset.as_ref().map_or_else(Vec::new, |r| gradient_map(r, 0, dims)),
             transition: t.clone(),
             spent: false,

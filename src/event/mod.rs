@@ -2,7 +2,9 @@
 //! sliding, a differential-algebraic equation of index 2; every switch is located to rounding.
 //!
 //! - Smooth modes: explicit pairs of Dormand and Prince, order 5 and 8, or Radau IIA of order 5 where they are stiff.
-//! - Sliding modes: Radau IIA with the surface as a constraint at every stage; nothing drifts.
+//! - Sliding modes: the weights follow from a linear system of the surfaces that slide, in blocks that do not touch; the
+//!   field that they leave is integrated by the explicit pairs, and the end of every step is put onto the surfaces. Where it
+//!   is stiff, and where derivatives are asked for, Radau IIA with the surfaces as constraints at every stage.
 //! - Switches: the indicators and the weights of the active modes are followed on the dense output; sign changes are
 //!   found from Bernstein coefficients, also two in one step; the step is then repeated with the length that puts the
 //!   switch at its end.
@@ -60,11 +62,12 @@ use crate::error::{Error, Result};
 use crate::system::{Mechanics, System};
 use std::sync::Arc;
 
-/// Integration method of the modes; sliding modes always have Radau IIA.
+/// Integration method of smooth and sliding modes; sliding modes have Radau IIA always where derivatives are asked for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 pub enum Method {
-    /// An explicit pair chosen by the tolerance; Radau IIA in modes that turn out to be stiff.
+    /// An explicit pair chosen by the tolerance, that of order 5 where switches cut one step after the other short; Radau IIA
+    /// in modes that turn out to be stiff.
     #[default]
     Auto = 0,
     /// Dormand and Prince 5(4).

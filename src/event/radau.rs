@@ -138,8 +138,11 @@ impl Radau {
             field.hidden(s.t, &s.x0)?;
             for i in 0..r {
                 self.alpha[i] = field.alpha[i];
-                self.d[i * nx..(i + 1) * nx].copy_from_slice(field.d(i));
-                self.cx[i * nx..(i + 1) * nx].copy_from_slice(&field.c[i * field.n_z..i * field.n_z + nx]);
+                let (d, c) = (&mut self.d[i * nx..(i + 1) * nx], &mut self.cx[i * nx..(i + 1) * nx]);
+                d.fill(0.0);
+                c.fill(0.0);
+                field.d(i).for_each(|(j, v)| d[j] = v);
+                field.c(i).filter(|e| e.0 < nx).for_each(|(j, v)| c[j] = v);
             }
         }
         field.jacobian(s.t, &s.x0, &self.alpha, &mut self.jac)?;

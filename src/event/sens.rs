@@ -189,17 +189,17 @@ impl Sens {
     /// Makes the derivatives tangential to the surfaces of a sliding mode, along `D`; `C D` is that of the last
     /// [`Field::hidden`].
     pub(super) fn project(&mut self, field: &mut Field) {
-        let (nx, n_z, r, n_c) = (field.nx, field.n_z, field.n_alg(), self.n_c);
+        let (nx, r, n_c) = (field.nx, field.n_alg(), self.n_c);
         for c in 0..if r == 0 { 0 } else { n_c } {
             for b in 0..r {
-                let g = &field.c[b * n_z..(b + 1) * n_z];
-                let own = if c < nx { 0.0 } else { g[c] };
-                self.rhs[b] = -own - (0..nx).map(|a| g[a] * self.s[a * n_c + c]).sum::<f64>();
+                let own = field.c(b).find(|g| g.0 == c && c >= nx).map_or(0.0, |g| g.1);
+                let moved = field.c(b).filter(|g| g.0 < nx).map(|(a, g)| g * self.s[a * n_c + c]).sum::<f64>();
+                self.rhs[b] = -own - moved;
             }
             field.solve_constraints(&mut self.rhs[..r]);
             for b in 0..r {
-                for a in 0..nx {
-                    self.s[a * n_c + c] += self.rhs[b] * field.d(b)[a];
+                for (a, d) in field.d(b) {
+                    self.s[a * n_c + c] += self.rhs[b] * d;
                 }
             }
         }

@@ -64,10 +64,10 @@ impl Watch {
     }
 
     /// Rate of change for a velocity: of a contact that which stands among the values `q`, NaN for forces.
-    pub(super) fn rate_in(&self, q: &[f64], dq: &[f64], n_z: usize, velocity: &[f64]) -> f64 {
+    pub(super) fn rate_in(&self, q: &[f64], dq: &[f64], field: &Field, velocity: &[f64]) -> f64 {
         match *self {
             Watch::Contact { a, .. } => q[a + TO_RATE],
-            _ => self.rate(dq, n_z, velocity),
+            _ => self.rate(dq, field, velocity),
         }
     }
 
@@ -90,25 +90,22 @@ impl Watch {
         }
     }
 
-    /// Rate of change for a velocity, from the gradients of the indicators (`n_z` columns); 0 for weights.
-    pub(super) fn rate(&self, dq: &[f64], n_z: usize, velocity: &[f64]) -> f64 {
+    /// Rate of change for a velocity, from the gradients `dq` of all that is watched; 0 for weights.
+    pub(super) fn rate(&self, dq: &[f64], field: &Field, velocity: &[f64]) -> f64 {
         let Some((a, b, sign)) = self.difference() else { return 0.0 };
-        let along = |j: usize| {
-            let g = &dq[j * n_z..(j + 1) * n_z];
-            g.iter().zip(velocity).map(|(g, v)| g * v).sum::<f64>() + g[n_z - 1]
-        };
+        let along = |j: usize| field.gradients.row(dq, j).along(velocity);
         sign * (along(a) - b.map_or(0.0, along))
     }
 
     /// Rates for the velocities at all stages of a step.
-    pub(super) fn rates(&self, dq: &[f64], n_z: usize, k: &[Stages]) -> Stages {
+    pub(super) fn rates(&self, dq: &[f64], field: &Field, k: &[Stages]) -> Stages {
         let mut out = [0.0; 16];
         let Some((a, b, sign)) = self.difference() else { return out };
         for (j, sign) in std::iter::once((a, sign)).chain(b.map(|b| (b, -sign))) {
-            let g = &dq[j * n_z..(j + 1) * n_z];
-            out.iter_mut().for_each(|o| *o += sign * g[n_z - 1]);
-            for (g, k) in g.iter().zip(k) {
-                out.iter_mut().zip(k).for_each(|(o, k)| *o += sign * g * k);
+            let g = field.gradients.row(dq, j);
+            out.iter_mut().for_each(|o| *o += sign * g.t);
+            for (i, g) in g.states() {
+                out.iter_mut().zip(&k[i]).for_each(|(o, k)| *o += sign * g * k);
             }
         }
         out
@@ -130,9 +127,10 @@ impl Watch {
             (Watch::Leave { cell, .. }, _) => field.theta_gradient(cell, (t, x, velocity), jac, out)?,
             (_, None) => {}
             (_, Some((a, b, sign))) => {
-                out.iter_mut().zip(&field.dq[a * n_z..(a + 1) * n_z]).for_each(|(o, g)| *o = sign * g);
+                out.fill(0.0);
+                field.gradient_row(a).inputs().for_each(|(i, g)| out[i] = sign * g);
                 if let Some(b) = b {
-                    out.iter_mut().zip(&field.dq[b * n_z..(b + 1) * n_z]).for_each(|(o, g)| *o -= sign * g);
+                    field.gradient_row(b).inputs().for_each(|(i, g)| out[i] -= sign * g);
                 }
             }
         }
@@ -143,35 +141,34 @@ impl Watch {
 
     /// Is the rate of a guard at this velocity positive beyond its own rounding? A guard that has just been left by a reset
     /// is zero to rounding, and its rate, however small, is what separates it from zero.
-    pub(super) fn rises(&self, dq: &[f64], n_z: usize, velocity: &[f64]) -> bool {
+    pub(super) fn rises(&self, dq: &[f64], field: &Field, velocity: &[f64]) -> bool {
         let Some((a, _, _)) = self.difference() else { return false };
-        let g = &dq[a * n_z..(a + 1) * n_z];
-        let terms = g.iter().zip(velocity).map(|(g, v)| (g * v).abs()).sum::<f64>() + g[n_z - 1].abs();
-        self.rate(dq, n_z, velocity) > 64.0 * f64::EPSILON * terms
+        let g = field.gradients.row(dq, a);
+        let terms = g.states().map(|(i, g)| (g * velocity[i]).abs()).sum::<f64>() + g.t.abs();
+        self.rate(dq, field, velocity) > 64.0 * f64::EPSILON * terms
     }
 
     /// Half a unit in the last place of the value. For a guard it is that of the numbers themselves, not of what tolerances
     /// take for zero: a ball that hardly leaves the floor must know when it is back.
     pub(super) fn rounding(&self, dq: &[f64], field: &Field, t: f64, x: &[f64]) -> f64 {
         let Watch::Guard { a, .. } = *self else { return 0.5 * f64::EPSILON * self.scale(dq, field, t, x).value };
-        let g = &dq[a * field.n_z..(a + 1) * field.n_z];
-        let terms = g.iter().zip(x).map(|(g, x)| (g * x).abs()).sum::<f64>() + (g[field.n_z - 1] * t).abs();
+        let g = field.gradients.row(dq, a);
+        let terms = g.states().map(|(i, g)| (g * x[i]).abs()).sum::<f64>() + (g.t * t).abs();
         0.5 * f64::EPSILON * terms
     }
 
     /// Sizes to compare value and rate with; `dq` are the gradients of the indicators.
     pub(super) fn scale(&self, dq: &[f64], field: &Field, t: f64, x: &[f64]) -> Scale {
-        let n_z = field.n_z;
         if let Watch::Contact { contact, what, .. } = *self {
             return field.contact_scale(contact, what);
         }
         let Some((a, b, _)) = self.difference() else { return Scale { value: 1.0, reach: 1.0, gradient: 1.0 } };
         let mut s = Scale { value: 0.0, reach: 0.0, gradient: 0.0 };
         for j in std::iter::once(a).chain(b) {
-            let g = &dq[j * n_z..(j + 1) * n_z];
-            s.reach += field.sum_of_sizes(&g[..x.len()], x);
-            s.value += (g[n_z - 1] * t).abs();
-            s.gradient += g[..x.len()].iter().map(|g| g * g).sum::<f64>();
+            let g = field.gradients.row(dq, j);
+            s.reach += field.sum_of_sizes(g.states(), x);
+            s.value += (g.t * t).abs();
+            s.gradient += g.values.iter().map(|g| g * g).sum::<f64>();
         }
         s.value += s.reach;
         s.gradient = s.gradient.sqrt();

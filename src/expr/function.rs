@@ -3,12 +3,13 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use super::bundle::Program;
 use super::dag::{Block, Dag, Id};
 use super::saved::SavedGraph;
 use super::tape::{Tape, LANES};
 use crate::error::{Error, Result};
 use crate::func::trouble::{self, Complaint};
-use crate::func::{Dims, EvalError, EvalResult, Function, Point};
+use crate::func::{Bundle, Dims, EvalError, EvalResult, Function, Point};
 use crate::linalg::csc::Pattern;
 
 /// Expressions with exact derivatives, usable wherever a [`Function`] is.
@@ -123,6 +124,14 @@ impl ExprFunction {
             }
         }
         Ok(f)
+    }
+
+    /// The program of the outputs `rows` alone.
+    pub(super) fn tape_of(&self, rows: &Range<usize>) -> Option<&Tape> {
+        if *rows == (0..self.value.n_out()) {
+            return Some(&self.value);
+        }
+        self.part(rows).map(|p| &p.value)
     }
 
     fn part(&self, rows: &Range<usize>) -> Option<&Part> {
@@ -266,6 +275,9 @@ impl Function for ExprFunction {
     }
     fn as_any(&self) -> Option<&dyn std::any::Any> {
         Some(self)
+    }
+    fn bundle(&self, parts: &[(&dyn Function, Range<usize>)]) -> Option<Box<dyn Bundle>> {
+        Some(Box::new(Program::new(parts)?))
     }
     fn is_serial(&self) -> bool {
         // Derivatives call what the value calls.

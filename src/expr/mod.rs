@@ -7,6 +7,7 @@
 //! Operators that switch (`sign`, `abs`, `min`, `max`, `where`) are not evaluated: [`crate::model`] turns them into
 //! switching functions and modes.
 
+mod bundle;
 mod c_code;
 mod dag;
 mod diff;

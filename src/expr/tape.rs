@@ -58,12 +58,39 @@ pub(super) struct Instruction {
     pub(super) b: u32,
 }
 
+impl Instruction {
+    /// What it computes of the registers `w`; of a block, which has several results, nothing.
+    #[inline(always)]
+    pub(super) fn compute(&self, w: &[f64], immediates: &[f64], tables: &[Piecewise]) -> f64 {
+        let (a, b) = (self.a as usize, self.b as usize);
+        match self.code {
+            Code::Add => w[a] + w[b],
+            Code::Sub => w[a] - w[b],
+            Code::Mul => w[a] * w[b],
+            Code::Div => w[a] / w[b],
+            Code::AddConstant => immediates[b] + w[a],
+            Code::ConstantMinus => immediates[b] - w[a],
+            Code::Scale => immediates[b] * w[a],
+            Code::ConstantOver => immediates[b] / w[a],
+            Code::Neg => -w[a],
+            Code::Square => w[a] * w[a],
+            Code::Sqrt => w[a].sqrt(),
+            Code::Pow => w[a].powf(w[b]),
+            Code::Atan2 => w[a].atan2(w[b]),
+            Code::Unary(op) => op.eval(w[a]),
+            Code::PowI => powi(w[a], self.b as i32),
+            Code::Piecewise => tables[b >> 4].eval((b & 15) as u8, w[a]),
+            Code::Block => 0.0,
+        }
+    }
+}
+
 /// An input: its block (`x`, `u`, `p`, `t`, weights), its place there, and its place among all inputs.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Load {
     pub(super) block: u32,
     pub(super) index: u32,
-    flat: u32,
+    pub(super) flat: u32,
 }
 
 /// A computation with several results in registers that follow each other.
@@ -204,29 +231,11 @@ impl Tape {
             *v = *c;
         }
         for i in &self.code {
-            let (a, b) = (i.a as usize, i.b as usize);
-            w[i.dst as usize] = match i.code {
-                Code::Add => w[a] + w[b],
-                Code::Sub => w[a] - w[b],
-                Code::Mul => w[a] * w[b],
-                Code::Div => w[a] / w[b],
-                Code::AddConstant => self.immediates[b] + w[a],
-                Code::ConstantMinus => self.immediates[b] - w[a],
-                Code::Scale => self.immediates[b] * w[a],
-                Code::ConstantOver => self.immediates[b] / w[a],
-                Code::Neg => -w[a],
-                Code::Square => w[a] * w[a],
-                Code::Sqrt => w[a].sqrt(),
-                Code::Pow => w[a].powf(w[b]),
-                Code::Atan2 => w[a].atan2(w[b]),
-                Code::Unary(op) => op.eval(w[a]),
-                Code::PowI => powi(w[a], i.b as i32),
-                Code::Piecewise => self.piecewise[b >> 4].eval((b & 15) as u8, w[a]),
-                Code::Block => {
-                    self.compounds[a].run(i.dst as usize, w)?;
-                    continue;
-                }
-            };
+            if i.code == Code::Block {
+                self.compounds[i.a as usize].run(i.dst as usize, w)?;
+                continue;
+            }
+            w[i.dst as usize] = i.compute(w, &self.immediates, &self.piecewise);
         }
         Ok(w)
     }

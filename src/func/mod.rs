@@ -68,6 +68,14 @@ pub enum EvalError {
 /// Result of one evaluation.
 pub type EvalResult = std::result::Result<(), EvalError>;
 
+/// Outputs of several functions that are evaluated at the same points, see [`Function::bundle`]. It has memory of its own.
+pub trait Bundle: Send {
+    /// The point at which parts are evaluated from here on.
+    fn move_to(&mut self, at: &Point);
+    /// Writes a part, by its place in the list that the bundle was made of; false where a value is not finite.
+    fn evaluate(&mut self, part: usize, out: &mut [f64]) -> bool;
+}
+
 /// A vector function with first and second derivatives.
 ///
 /// Implementations are immutable and may be called from several threads at once, unless they are
@@ -114,6 +122,12 @@ pub trait Function: Send + Sync {
     }
     /// The function itself, for who knows its type: documents look for expressions in it.
     fn as_any(&self) -> Option<&dyn std::any::Any> {
+        None
+    }
+    /// A program for outputs of several functions, those in a range of each, that costs less than to call one function after
+    /// the other; none where there is no such program.
+    fn bundle(&self, parts: &[(&dyn Function, Range<usize>)]) -> Option<Box<dyn Bundle>> {
+        let _ = parts;
         None
     }
     /// True where the function may only be called by the thread that called the library, one call at a time: whoever

@@ -2,6 +2,7 @@
 
 use super::Engine;
 use crate::dcs::filippov::{decide_pair, distinct, FilippovProblem, FilippovSolution};
+use crate::event::field::{Apart, Open};
 use crate::event::{Ambiguity, Branching, Continuation, Doubt, Outcome};
 use crate::func::EvalError;
 
@@ -20,10 +21,30 @@ impl Engine {
             self.field.set_active(&sets);
             return Ok(true);
         }
-        let found = self.continuations(candidates, length)?;
-        let Some(best) = found.first() else { return Ok(self.arbitrate(candidates)) };
-        if found.len() == 1 {
-            self.field.set_active(&best.sets);
+        let mut apart = std::mem::take(&mut self.apart);
+        let r = self.choose_apart(candidates, length, &mut apart);
+        self.apart = apart;
+        r
+    }
+
+    /// The same where several subsystems have a choice, or one whose rates leave a doubt.
+    fn choose_apart(
+        &mut self,
+        candidates: &[Vec<usize>],
+        length: f64,
+        apart: &mut Apart,
+    ) -> std::result::Result<bool, EvalError> {
+        self.field.decide_apart((self.t, &self.x), candidates, apart)?;
+        if apart.open.is_empty() {
+            self.field.set_active(&apart.sets);
+            return Ok(true);
+        }
+        let found = self.continuations(candidates, length, apart)?;
+        if found.is_empty() {
+            return Ok(self.arbitrate(candidates));
+        }
+        if let [only] = &found[..] {
+            self.field.set_active(&only.sets);
             return Ok(true);
         }
         let name = |s: &FilippovSolution| Continuation {
@@ -37,28 +58,38 @@ impl Engine {
         Ok(false)
     }
 
-    /// The continuations among `candidates`, one for every velocity: the present active set first if it is one of them,
-    /// then by the number of active cells, then by index.
+    /// The continuations among `candidates` of the subsystems that are open, one for every velocity: the present active set
+    /// first if it is one of them, then by the number of active cells, then by index.
     fn continuations(
         &mut self,
         candidates: &[Vec<usize>],
         length: f64,
+        apart: &Apart,
     ) -> std::result::Result<Vec<FilippovSolution>, EvalError> {
-        let kept = candidates.iter().zip(&self.field.active).map(|(c, p)| c.len() == p.len()).collect();
-        let problem = FilippovProblem::new(&mut self.field, self.t, &self.x, candidates)?.keep(kept);
-        let (mut found, decisions) = problem.solutions(&mut self.field, length)?;
+        let own: Vec<Vec<usize>> = apart.open.iter().map(|&k| candidates[k].clone()).collect();
+        let present: Vec<Vec<usize>> = apart.open.iter().map(|&k| self.field.active[k].clone()).collect();
+        let kept = own.iter().zip(&present).map(|(c, p)| c.len() == p.len()).collect();
+        let mut open = Open { field: &mut self.field, apart };
+        let problem = FilippovProblem::new(&mut open, self.t, &self.x, &own)?.keep(kept);
+        let (mut found, decisions) = problem.solutions(&mut open, length)?;
         // one evaluation at the point and one ahead of it
         self.field.counts.values += 2 * decisions;
         if found.is_empty() {
             found.extend(problem.nearest());
         }
-        let present = &self.field.active;
         let same = |s: &FilippovSolution| {
-            let mut sets = s.sets.iter().zip(present);
+            let mut sets = s.sets.iter().zip(&present);
             sets.all(|(a, b)| a.len() == b.len() && a.iter().all(|c| b.contains(c)))
         };
         if let Some(i) = found.iter().position(same) {
             found[..=i].rotate_right(1);
+        }
+        for s in &mut found {
+            let mut sets = apart.sets.clone();
+            for (set, &k) in std::mem::take(&mut s.sets).into_iter().zip(&apart.open) {
+                sets[k] = set;
+            }
+            s.sets = sets;
         }
         Ok(distinct(&self.field, &self.x, found))
     }

@@ -491,7 +491,7 @@ impl Engine {
         let mut rate = slope;
         if let Some(l) = l {
             self.arrive()?;
-            let own = self.watches[l].rate_in(&self.field.q, &self.field.dq, self.field.n_z, &self.f);
+            let own = self.watches[l].rate_in(&self.field.q, &self.field.dq, &self.field, &self.f);
             rate = if own.is_finite() { own } else { slope };
             self.field.renew_sizes(self.t, &self.x, event.map(|e| e.0))?;
             self.differentiate_time(l)?;

@@ -6,6 +6,7 @@ use crate::event::explicit::{self, Pair};
 use crate::event::radau::{self, Attempt};
 use crate::event::step;
 use crate::event::Method;
+use crate::func::EvalError;
 
 /// Steps in a row that look stiff before Radau IIA takes over.
 const STIFF_STEPS: usize = 15;
@@ -71,7 +72,71 @@ impl Engine {
         } else {
             Ok(())
         };
+        let r = r.and_then(|()| self.return_to_surfaces());
         recover(r.map(|()| true), false)
+    }
+
+    /// Puts the end of an explicit step in a sliding mode onto the surfaces again, which the velocity is tangent to: what an
+    /// explicit method drifts off them is part of its local error (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical
+    /// Integration* (2006), section IV.4, on projection methods: the order stays).
+    fn return_to_surfaces(&mut self) -> std::result::Result<(), EvalError> {
+        /// A move of so much of the tolerance leaves the derivative as it is.
+        const UNSEEN: f64 = 1e-3;
+        if self.implicit || self.field.n_alg() == 0 {
+            return Ok(());
+        }
+        let s = &mut self.step;
+        self.node.copy_from_slice(&s.x1);
+        if self.field.project(s.t + s.h, &mut s.x1)? {
+            self.node.iter_mut().zip(&s.x1).for_each(|(n, x)| *n -= x);
+            if step::norm(&self.node, &self.weights) > UNSEEN {
+                self.field.rhs(s.t + s.h, &s.x1, &mut s.f1)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A step has ended, at a switch or where the error let it. Where one step after the other is cut short by a switch, the
+    /// pair of high order has nothing to do with the accuracy that it pays for: the pair of order 5 takes over, whose steps
+    /// cost half as much and whose dense output costs nothing, until it makes more than two steps for one switch. Says
+    /// whether the next step has another pair than the last one.
+    pub(super) fn note_end(&mut self, at_switch: bool) -> bool {
+        /// Steps in a row, or more than there should be.
+        const PATIENCE: usize = 8;
+        if self.implicit
+            || self.usual_pair == Pair::Dp5
+            || self.options.method != Method::Auto
+            || self.field.has_contacts()
+        {
+            return false;
+        }
+        let high = self.pair == Pair::Dop853;
+        self.cut = match (high, at_switch) {
+            (true, true) | (false, false) => self.cut + 1,
+            (true, false) => 0,
+            (false, true) => self.cut.saturating_sub(2),
+        };
+        if self.cut < PATIENCE {
+            return false;
+        }
+        self.cut = 0;
+        self.next_pair = if high { Pair::Dp5 } else { Pair::Dop853 };
+        true
+    }
+
+    /// Has the method of the present mode to be implicit from its start? In a sliding mode it is where derivatives of the
+    /// solution are asked for too: they are those of implicit steps.
+    pub(super) fn begins_implicit(&self) -> bool {
+        let slides = self.field.n_alg() > 0;
+        match self.options.method {
+            Method::Radau5 => true,
+            _ if slides && (self.sens.is_some() || self.tape.is_some()) => true,
+            Method::Dp5 | Method::Dop853 => false,
+            Method::Auto if slides => {
+                self.field.active.iter().zip(&self.stiff_slides).any(|(set, stiff)| *stiff && set.len() > 1)
+            }
+            Method::Auto => self.field.active_cells().any(|c| self.stiff[c]) || self.stiff[self.stiff.len() - 1],
+        }
     }
 
     /// Step length after a success.
@@ -222,6 +287,12 @@ impl Engine {
     /// The present mode is stiff from here on.
     fn turn_stiff(&mut self) {
         self.implicit = true;
+        if self.field.n_alg() > 0 {
+            for (stiff, set) in self.stiff_slides.iter_mut().zip(&self.field.active) {
+                *stiff |= set.len() > 1;
+            }
+            return;
+        }
         let none = self.stiff.len() - 1;
         self.stiff[none] |= self.field.active.is_empty();
         for c in 0..self.field.n_cells {
@@ -230,7 +301,7 @@ impl Engine {
     }
 
     pub(super) fn watch_stiffness(&mut self) {
-        if self.options.method != Method::Auto || self.field.n_alg() > 0 {
+        if self.options.method != Method::Auto || self.implicit && self.field.n_alg() > 0 {
             return;
         }
         if self.implicit {

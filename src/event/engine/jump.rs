@@ -50,7 +50,7 @@ impl Engine {
         let t = self.t;
         self.arrive()?;
         let w = self.watches[l];
-        let rate = if slope.is_finite() { w.rate(&self.field.dq, self.field.n_z, &self.f) } else { slope };
+        let rate = if slope.is_finite() { w.rate(&self.field.dq, &self.field, &self.f) } else { slope };
         let noise = NOISE * w.rounding(&self.field.dq, &self.field, t, &self.x);
         if self.recent.n > 0 && (rate >= 0.0 || self.recent.jumps && -rate * (t - self.recent.last) <= noise) {
             self.end_at_accumulation(t);
@@ -172,7 +172,7 @@ impl Engine {
     /// Value and rate of a watched guard at the present point, and what is rounding of each.
     fn standing(&self, w: &Watch) -> (f64, f64, f64, f64) {
         let value = w.value(&self.q0, &self.field);
-        let rate = w.rate(&self.dq0, self.field.n_z, &self.f);
+        let rate = w.rate(&self.dq0, &self.field, &self.f);
         let scale = w.scale(&self.dq0, &self.field, self.t, &self.x);
         let tol = (64.0 * EPS * scale.value).max(8.0 * EPS * rate.abs() * self.t.abs());
         (value, rate, tol, 1e-9 * scale.reach * self.field.pace(&self.x, &self.f))

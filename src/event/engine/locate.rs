@@ -133,7 +133,7 @@ impl Engine {
         let value = w.value(&self.field.q, &self.field);
         let rate = match w {
             Watch::Leave { .. } => f64::NAN,
-            _ => w.rate_in(&self.field.q, &self.field.dq, self.field.n_z, &self.step.f1),
+            _ => w.rate_in(&self.field.q, &self.field.dq, &self.field, &self.step.f1),
         };
         Ok((value, rate))
     }
@@ -177,16 +177,17 @@ impl Engine {
         }
         self.w1[..self.watches.len()].fill(f64::NAN);
         self.accept(t)?;
+        let grown = if self.note_end(true) { grown.min(self.step.h) } else { grown };
         self.switch(l, slope, grown)
     }
 
     /// Where a function is not defined beyond a surface, steps only come near it: the rest, no longer than rounding,
     /// goes along the velocity.
     pub(super) fn reach_surface(&mut self) -> Result<Option<Progress>> {
-        let (n_z, nx) = (self.field.n_z, self.nx);
+        let nx = self.nx;
         let mut nearest = (f64::INFINITY, 0, 0.0);
         for &l in &self.looked {
-            let rate = self.watches[l].rate_in(&self.q0, &self.dq0, n_z, &self.f);
+            let rate = self.watches[l].rate_in(&self.q0, &self.dq0, &self.field, &self.f);
             let left = -self.w0[l] / rate;
             if rate < 0.0 && left >= 0.0 && left < nearest.0 {
                 nearest = (left, l, rate);

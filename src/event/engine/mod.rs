@@ -23,7 +23,7 @@ use self::control::Tried;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler, NODES};
 use super::explicit::Pair;
-use super::field::Field;
+use super::field::{Apart, Field};
 use super::guard::Reset;
 use super::path::Path;
 use super::radau::Radau;
@@ -73,10 +73,17 @@ pub struct Engine {
     step_implicit: bool,
     dense_ready: bool,
     radau: Radau,
+    /// The pair of the present step, of the next one, and that of the tolerance.
     pair: Pair,
+    next_pair: Pair,
+    usual_pair: Pair,
+    /// See [`Engine::note_end`].
+    cut: usize,
     implicit: bool,
     /// Modes that turned out to be stiff, by cell; the last entry is for a system without cells.
     stiff: Vec<bool>,
+    /// Subsystems that were stiff when they slid.
+    stiff_slides: Vec<bool>,
     stiff_steps: usize,
     mild_steps: usize,
     sampler: Sampler,
@@ -101,6 +108,8 @@ pub struct Engine {
     dq1: Vec<f64>,
     zero: Vec<bool>,
     set: Vec<usize>,
+    /// Memory for decisions.
+    apart: Apart,
     weights: Vec<f64>,
     node: Vec<f64>,
     t: f64,
@@ -207,8 +216,12 @@ impl Engine {
             dense_ready: false,
             radau: Radau::new(nx, n_z, most)?,
             pair,
+            next_pair: pair,
+            usual_pair: pair,
+            cut: 0,
             implicit: false,
             stiff: vec![false; n_cells + 1],
+            stiff_slides: vec![false; field.subs.len()],
             stiff_steps: 0,
             mild_steps: 0,
             sampler: Sampler::new(),
@@ -228,6 +241,7 @@ impl Engine {
             dq1: vec![0.0; n_dq],
             zero: vec![false; n_q],
             set: Vec::with_capacity(2),
+            apart: Apart::default(),
             weights: vec![0.0; nx],
             node: vec![0.0; nx],
             t: 0.0,
@@ -292,6 +306,8 @@ impl Engine {
         self.restart = true;
         self.h = 0.0;
         self.stiff.fill(false);
+        self.stiff_slides.fill(false);
+        (self.next_pair, self.cut) = (self.usual_pair, 0);
         self.recent.n = 0;
         self.recent.jumps = false;
         self.recent.last = t;
@@ -562,6 +578,10 @@ impl Engine {
         if t_stop - self.t <= 8.0 * EPS * t_stop.abs() {
             return Ok(self.coast(t_stop));
         }
+        if self.pair != self.next_pair {
+            self.pair = self.next_pair;
+            self.variational = (f64::INFINITY, 0);
+        }
         let longest = self.variational_step()?.min(self.options.h_max);
         self.prepare_step();
         if self.h <= 64.0 * EPS * self.t.abs() {
@@ -605,6 +625,7 @@ impl Engine {
                         Some(Found::Nothing) => {
                             self.err_before = err.max(1e-4);
                             self.accept(t1)?;
+                            self.note_end(false);
                             self.h = grown;
                             return Ok(Progress::Stepped);
                         }
@@ -622,6 +643,8 @@ impl Engine {
                     let factor = self.shrunk(err);
                     self.reject(&mut rejected, factor);
                 }
+                // stage points of an implicit method lie on the surfaces
+                Tried::Undefined if self.may_turn_implicit() => (self.implicit, self.step_implicit) = (true, true),
                 Tried::Undefined => self.reject(&mut rejected, 0.25),
                 Tried::Diverged => self.reject(&mut rejected, 0.35),
             }
@@ -658,6 +681,11 @@ impl Engine {
             }
         }
         Progress::Done
+    }
+
+    /// Slides an explicit pair that an implicit method may take over from?
+    fn may_turn_implicit(&self) -> bool {
+        !self.implicit && self.options.method == Method::Auto && self.field.n_alg() > 0
     }
 
     fn reject(&mut self, rejected: &mut bool, factor: f64) {

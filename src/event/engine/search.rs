@@ -4,7 +4,7 @@
 use super::{fatal, Engine, EPS};
 use crate::error::Result;
 use crate::event::bernstein::{self, First, NODES};
-use crate::event::explicit::Pair;
+use crate::event::explicit::{self, Pair};
 use crate::event::watch::{ContactWatch, Watch};
 use crate::event::Contact;
 use crate::func::EvalError;
@@ -204,7 +204,7 @@ impl Engine {
     /// error of a cubic interpolation in the middle of the step, relative to a tenth of the size.
     pub(super) fn screen(&mut self) -> std::result::Result<f64, EvalError> {
         const FRACTION: f64 = 0.1;
-        let (h, t, n_z, nx) = (self.step.h, self.step.t, self.field.n_z, self.nx);
+        let (h, t, nx) = (self.step.h, self.step.t, self.nx);
         self.resting[..self.watches.len()].fill(false);
         self.suspect[..self.watches.len()].fill(false);
         let mut worst = 0.0f64;
@@ -239,8 +239,8 @@ impl Engine {
                 }
                 _ => {
                     let v = if contacts { self.samples[l][1] } else { w.value(&self.field.q, &self.field) };
-                    let r0 = w.rate_in(&self.q0, &self.dq0, n_z, &self.step.f0);
-                    let r1 = w.rate_in(&self.q1, &self.dq1, n_z, &self.step.f1);
+                    let r0 = w.rate_in(&self.q0, &self.dq0, &self.field, &self.step.f0);
+                    let r1 = w.rate_in(&self.q1, &self.dq1, &self.field, &self.step.f1);
                     let error = (v - 0.5 * (w0 + w1) - 0.125 * h * (r0 - r1)).abs();
                     let size = FRACTION * w0.abs().max(w1.abs()).max(v.abs());
                     if error > size {
@@ -261,7 +261,10 @@ impl Engine {
                 }
             };
         }
-        if n_alg > 0 {
+        if n_alg > 0 && !self.implicit {
+            let error = explicit::weights_error(self.pair, &self.field, &self.alpha_start);
+            worst = worst.max(error / FRACTION);
+        } else if n_alg > 0 {
             self.write_dense()?;
             self.step.at(0.5, &mut self.node);
             self.field.hidden(t + 0.5 * h, &self.node)?;
@@ -277,10 +280,11 @@ impl Engine {
     /// Might the weight of a cell vanish in the step, to judge by its values at the stages?
     pub(super) fn weight_falls(&self, cell: usize, w0: f64, w1: f64) -> bool {
         let (mut lo, mut hi) = (w0.min(w1), w0.max(w1));
-        for z in &self.radau.z {
-            let th = self.field.theta_in(&z[self.nx..], cell);
-            lo = lo.min(th);
-            hi = hi.max(th);
+        let mut note = |th: f64| (lo, hi) = (lo.min(th), hi.max(th));
+        if self.implicit {
+            self.radau.z.iter().for_each(|z| note(self.field.theta_in(&z[self.nx..], cell)));
+        } else {
+            (1..self.step.n_k - 1).for_each(|i| note(self.field.theta_at_stage(cell, i)));
         }
         lo <= 0.5 * (hi - lo) + 1e-3 * hi
     }
@@ -288,7 +292,7 @@ impl Engine {
     /// Might a function with a constant gradient vanish in the step, to judge by its rates at the stages, with a
     /// margin for what lies between them?
     pub(super) fn nears(&self, w: &Watch, w0: f64, w1: f64, depart: u8) -> bool {
-        let rates = w.rates(&self.dq0, self.field.n_z, &self.step.k);
+        let rates = w.rates(&self.dq0, &self.field, &self.step.k);
         let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
         for r in &rates[..self.step.n_k] {
             lo = lo.min(*r);

@@ -119,7 +119,6 @@ impl Engine {
     /// Marks the indicators a step may bring to zero.
     fn mark_near(&mut self, h: f64, x: &[f64], v: &[f64]) {
         const MARGIN: f64 = 10.0;
-        let n_z = self.field.n_z;
         // the velocity may turn: every state may move by the share of its size that the fastest moves by
         let pace = self.field.pace(x, v);
         self.zero.fill(false);
@@ -127,10 +126,10 @@ impl Engine {
         for s in &self.field.subs {
             let least = self.field.q[s.q0..s.q0 + s.n_q].iter().fold(f64::INFINITY, |m, q| m.min(*q));
             for j in s.q0..s.q0 + s.n_q {
-                let g = &self.field.dq[j * n_z..(j + 1) * n_z];
-                let reach = self.field.sum_of_sizes(&g[..self.nx], x);
+                let g = self.field.gradient_row(j);
+                let reach = self.field.sum_of_sizes(g.states(), x);
                 let value = self.field.q[j] - if s.signs { 0.0 } else { least };
-                self.zero[j] |= value.abs() <= MARGIN * h * (reach * pace + g[n_z - 1].abs());
+                self.zero[j] |= value.abs() <= MARGIN * h * (reach * pace + g.t.abs());
             }
         }
     }

@@ -4,7 +4,7 @@ use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
 use crate::event::watch::{self, Watch};
-use crate::event::{Contact, Method, Outcome};
+use crate::event::{Contact, Outcome};
 use crate::func::EvalError;
 
 impl Engine {
@@ -155,7 +155,7 @@ impl Engine {
 
     /// Prepares the first step under a new active set.
     pub(super) fn enter(&mut self) -> std::result::Result<(), EvalError> {
-        let (t, n_z) = (self.t, self.field.n_z);
+        let t = self.t;
         self.field.scale_constraints(t, &self.x)?;
         match self.field.rhs(t, &self.x, &mut self.f) {
             Err(EvalError::Recoverable) => {
@@ -203,21 +203,17 @@ impl Engine {
                 self.depart[l] = self.contact_departs(w, value);
                 continue;
             }
-            let rate = w.rate(&self.dq0, n_z, &self.f);
+            let rate = w.rate(&self.dq0, &self.field, &self.f);
             if value <= 64.0 * EPS * scale.value || value <= 8.0 * EPS * rate.abs() * t.abs() {
                 // fast enough for a zero of order one: compared with the states moving by their sizes
                 let rises = match w {
-                    Watch::Guard { .. } => w.rises(&self.dq0, n_z, &self.f),
+                    Watch::Guard { .. } => w.rises(&self.dq0, &self.field, &self.f),
                     _ => rate > 1e-9 * scale.reach * pace,
                 };
                 self.depart[l] = if rises { 1 } else { 2 };
             }
         }
-        let none = self.stiff.len() - 1;
-        let known = self.field.active_cells().any(|c| self.stiff[c]) || self.stiff[none];
-        self.implicit = self.field.n_alg() > 0
-            || self.options.method == Method::Radau5
-            || self.options.method == Method::Auto && known;
+        self.implicit = self.begins_implicit();
         self.stiff_steps = 0;
         Ok(())
     }
@@ -269,7 +265,7 @@ impl Engine {
         slope: f64,
         before: &[Vec<usize>],
     ) -> std::result::Result<(), EvalError> {
-        let (t, n_z) = (self.t, self.field.n_z);
+        let t = self.t;
         self.arrive()?;
         self.zero.fill(false);
         let (mut rate, mut cosine, mut grazing) = (slope, f64::NAN, false);
@@ -278,7 +274,7 @@ impl Engine {
             let v = w.value(&self.field.q, &self.field);
             match w {
                 Watch::Enter { a, b, .. } => {
-                    let r = w.rate(&self.field.dq, n_z, &self.f);
+                    let r = w.rate(&self.field.dq, &self.field, &self.f);
                     let scale = w.scale(&self.field.dq, &self.field, t, &self.x);
                     if m == l {
                         let size = self.f.iter().map(|v| v * v).sum::<f64>().sqrt();

@@ -1,7 +1,7 @@
 //! What the complementarity problem (6.19) asks of the right-hand side.
 
 use super::Field;
-use crate::dcs::filippov::{CellFields, SubsystemCells};
+use crate::dcs::filippov::{CellFields, Gradient, SubsystemCells};
 use crate::func::{EvalError, EvalResult};
 
 impl CellFields for Field {
@@ -39,9 +39,9 @@ impl CellFields for Field {
         Field::gradients(self, t, x)
     }
 
-    fn gradient(&self, j: usize) -> (&[f64], f64) {
-        let g = &self.dq[j * self.n_z..(j + 1) * self.n_z];
-        (&g[..self.nx], g[self.n_z - 1])
+    fn gradient(&self, j: usize) -> Gradient<'_> {
+        let g = self.gradient_row(j);
+        Gradient { columns: g.columns, values: g.values, t: g.t }
     }
 
     fn value(&self, j: usize) -> f64 {

@@ -31,16 +31,7 @@ impl Field {
                 continue;
             }
             for &cell in &self.active[k] {
-                let mut weight = 1.0;
-                for (i, a) in self.pairs.iter().enumerate().filter(|(_, a)| a.sub == k) {
-                    if a.cell == cell {
-                        weight = alpha[i];
-                        break;
-                    }
-                    if cell == a.base {
-                        weight -= alpha[i];
-                    }
-                }
+                let weight = self.theta_in(alpha, cell);
                 let mode = s.cells[cell - s.first].mode;
                 let rows = mode * nr..(mode + 1) * nr;
                 s.modes.jacobian_rows(&at, rows.clone(), &mut self.buffer[..p.nnz()], &mut self.work)?;
@@ -68,7 +59,7 @@ impl Field {
         out: &mut [f64],
     ) -> EvalResult {
         self.hidden(t, x)?;
-        let (r, nx, n_z) = (self.pairs.len(), self.nx, self.n_z);
+        let (r, n_z) = (self.pairs.len(), self.n_z);
         let alpha = std::mem::take(&mut self.alpha);
         let jacobian = self.jacobian(t, x, &alpha, jac);
         self.alpha = alpha;
@@ -85,11 +76,11 @@ impl Field {
                 0.0
             };
         }
-        self.lu.solve_transposed(&mut self.room[..r]);
+        self.sliding.solve_transposed(&mut self.room[..r]);
         out.fill(0.0);
         for i in 0..r {
             let y = self.room[i];
-            for (a, c) in self.c[i * n_z..i * n_z + nx].iter().enumerate() {
+            for (a, c) in self.sliding.row_of_states(self.pairs[i], i) {
                 for (o, j) in out.iter_mut().zip(&jac[a * n_z..(a + 1) * n_z]) {
                     *o -= y * c * j;
                 }
@@ -110,7 +101,8 @@ impl Field {
                 continue;
             }
             self.q_weights[..s.n_q].fill(0.0);
-            for (i, e) in self.pairs.iter().enumerate().filter(|(_, e)| e.sub == k) {
+            for i in self.first_pair[k]..self.first_pair[k + 1] {
+                let e = self.pairs[i];
                 let (w, w0) = (&s.cells[e.cell - s.first].weights, &s.cells[e.base - s.first].weights);
                 let own = self.q_unit[s.q0..].iter().zip(w.iter().zip(w0));
                 for (q, (unit, (w, w0))) in self.q_weights.iter_mut().zip(own) {

@@ -1,0 +1,216 @@
+//! Modes that follow at a point where several subsystems have a choice, one subsystem after the other where their rates do
+//! not depend on each other.
+//!
+//! The rate of an indicator is its gradient times the velocity, so it depends on the modes of those subsystems only that
+//! drive a state the indicator depends on ([`Sliding`](super::Sliding)). Where they are decided already, a subsystem with
+//! two candidates is decided by four signs, and with its velocity the next ones are. What is left is the problem (6.19) of
+//! few subsystems, [`Open`].
+
+use super::Field;
+use crate::dcs::filippov::{CellFields, Gradient, SubsystemCells};
+use crate::func::{EvalError, EvalResult, Point};
+
+/// A rate of at most this part of the size of its terms leaves a doubt about its sign.
+const DOUBT: f64 = 1e-6;
+
+/// The decisions at a point, with their memory.
+#[derive(Default)]
+pub(in crate::event) struct Apart {
+    /// Active cells of every subsystem, as far as they are decided.
+    pub(in crate::event) sets: Vec<Vec<usize>>,
+    /// Subsystems that are not decided, ascending.
+    pub(in crate::event) open: Vec<usize>,
+    /// Weight of the first of two cells that slide.
+    theta: Vec<f64>,
+    decided: Vec<bool>,
+    queue: Vec<usize>,
+    base: Vec<f64>,
+    /// Right-hand sides of two cells, and what they are added to.
+    room: [Vec<f64>; 3],
+}
+
+impl Field {
+    /// Decides what the signs of the rates decide among `candidates`, cells by subsystem; the rest is left open.
+    pub(in crate::event) fn decide_apart(
+        &mut self,
+        (t, x): (f64, &[f64]),
+        candidates: &[Vec<usize>],
+        a: &mut Apart,
+    ) -> EvalResult {
+        let n_sub = candidates.len();
+        a.sets.resize(n_sub, Vec::new());
+        a.theta.resize(n_sub, 1.0);
+        a.decided.clear();
+        a.decided.resize(n_sub, false);
+        a.base.resize(self.nx, 0.0);
+        self.gradients(t, x)?;
+        let mut base = std::mem::take(&mut a.base);
+        self.drift(t, x, &mut base)?;
+        for (k, c) in candidates.iter().enumerate().filter(|(_, c)| c.len() == 1) {
+            a.sets[k].clone_from(c);
+            a.decided[k] = true;
+            self.add_cell(t, x, c[0], &mut base)?;
+        }
+        a.queue.clear();
+        a.queue.extend((0..n_sub).filter(|k| !a.decided[*k]));
+        let mut at = 0;
+        while at < a.queue.len() {
+            let k = a.queue[at];
+            at += 1;
+            let ready = self.sliding.dependencies(k).all(|d| d == k || a.decided[d]);
+            if a.decided[k]
+                || !ready
+                || candidates[k].len() != 2
+                || !self.decide_one((t, x), &candidates[k], &mut base, a)?
+            {
+                continue;
+            }
+            a.decided[k] = true;
+            // those that waited for it and had their turn
+            for &other in self.sliding.depends(k) {
+                if !a.decided[other] && a.queue[..at].contains(&other) {
+                    a.queue.push(other);
+                }
+            }
+        }
+        a.base = base;
+        self.reopen(a);
+        a.open.clear();
+        a.open.extend((0..n_sub).filter(|k| !a.decided[*k]));
+        Ok(())
+    }
+
+    /// The second-order condition of what is open needs to know how the weights change that its rates depend on.
+    fn reopen(&self, a: &mut Apart) {
+        a.queue.clear();
+        a.queue.extend((0..a.decided.len()).filter(|k| !a.decided[*k]));
+        while let Some(k) = a.queue.pop() {
+            for other in self.sliding.dependencies(k) {
+                if a.decided[other] && a.sets[other].len() > 1 {
+                    a.decided[other] = false;
+                    a.queue.push(other);
+                }
+            }
+        }
+    }
+
+    /// Decides between two cells by the rates of their difference of indicators under both, and adds what they make of the
+    /// velocity to `base`. Says whether the rates leave no doubt.
+    fn decide_one(
+        &mut self,
+        (t, x): (f64, &[f64]),
+        pair: &[usize],
+        base: &mut [f64],
+        a: &mut Apart,
+    ) -> Result<bool, EvalError> {
+        let k = self.owner[pair[0]];
+        let nr = self.subs[k].rows.len();
+        let [fa, fb, held] = &mut a.room;
+        for (cell, f) in pair.iter().zip([&mut *fa, &mut *fb]) {
+            let at = Point { t, x, u: &self.u, p: &self.p };
+            let s = &self.subs[k];
+            let mode = s.cells[cell - s.first].mode;
+            let rows = mode * nr..(mode + 1) * nr;
+            match s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..s.n_out], &mut self.work) {
+                // rounding may have put the point behind the boundary of a mode: not for here
+                Err(EvalError::Recoverable) => return Ok(false),
+                r => r?,
+            }
+            f.clear();
+            f.extend_from_slice(&self.buffer[rows]);
+        }
+        let s = &self.subs[k];
+        held.clear();
+        held.extend(s.rows.iter().map(|&r| base[r]));
+        let (wa, wb) = (&s.cells[pair[0] - s.first].weights, &s.cells[pair[1] - s.first].weights);
+        // switching functions have no common unit: two of them are left to the search
+        if s.signs && wa.iter().zip(wb).filter(|(a, b)| a != b).count() > 1 {
+            return Ok(false);
+        }
+        let mut rates = [0.0f64; 2];
+        let mut terms = 0.0f64;
+        for (f, rate) in [&*fa, &*fb].into_iter().zip(&mut rates) {
+            s.rows.iter().zip(held.iter().zip(f)).for_each(|(&r, (h, f))| base[r] = h + f);
+            let mut size = 0.0f64;
+            for ((wa, wb), j) in wa.iter().zip(wb).zip(s.q0..) {
+                let w = wb - wa;
+                if w != 0.0 {
+                    let g = self.gradients.row(&self.dq, j);
+                    *rate += w * g.along(base);
+                    size += w.abs() * (g.states().map(|(i, g)| (g * base[i]).abs()).sum::<f64>() + g.t.abs());
+                }
+            }
+            terms = terms.max(size);
+        }
+        let [ra, rb] = rates;
+        let clear = DOUBT * terms;
+        let known = ra.abs() > clear && rb.abs() > clear && !(ra > 0.0 && rb < 0.0);
+        // θ_a r_a + (1 − θ_a) r_b = 0
+        let theta = match (ra > 0.0, rb > 0.0) {
+            (true, _) => 1.0,
+            (_, false) => 0.0,
+            _ => rb / (rb - ra),
+        };
+        for (&r, (h, (fa, fb))) in s.rows.iter().zip(held.iter().zip(fa.iter().zip(fb.iter()))) {
+            base[r] = if known { h + theta * fa + (1.0 - theta) * fb } else { *h };
+        }
+        if known {
+            let set = &mut a.sets[k];
+            set.clear();
+            set.extend(pair.iter().zip([theta > 0.0, theta < 1.0]).filter(|e| e.1).map(|e| *e.0));
+            a.theta[k] = theta;
+        }
+        Ok(known)
+    }
+}
+
+/// The subsystems that are not decided, under the modes of the others.
+pub(in crate::event) struct Open<'a> {
+    pub(in crate::event) field: &'a mut Field,
+    pub(in crate::event) apart: &'a Apart,
+}
+
+impl CellFields for Open<'_> {
+    fn nx(&self) -> usize {
+        self.field.nx
+    }
+
+    fn size(&self, i: usize, value: f64) -> f64 {
+        self.field.size(i, value)
+    }
+
+    fn subsystem(&self, k: usize) -> SubsystemCells<'_> {
+        self.field.subsystem(self.apart.open[k])
+    }
+
+    fn smooth(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        self.field.drift(t, x, out)?;
+        for (k, set) in self.apart.sets.iter().enumerate().filter(|(k, _)| self.apart.decided[*k]) {
+            match set[..] {
+                [a, b] => {
+                    let theta = self.apart.theta[k];
+                    self.field.add_mode(t, x, a, theta, out)?;
+                    self.field.add_mode(t, x, b, 1.0 - theta, out)?;
+                }
+                _ => self.field.add_cell(t, x, set[0], out)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn add_cell(&mut self, t: f64, x: &[f64], cell: usize, out: &mut [f64]) -> EvalResult {
+        self.field.add_cell(t, x, cell, out)
+    }
+
+    fn gradients(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        self.field.gradients(t, x)
+    }
+
+    fn gradient(&self, j: usize) -> Gradient<'_> {
+        CellFields::gradient(self.field, j)
+    }
+
+    fn value(&self, j: usize) -> f64 {
+        self.field.q[j]
+    }
+}

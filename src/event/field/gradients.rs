@@ -1,0 +1,123 @@
+//! Gradients of all that is watched, as compressed rows: what a function does not depend on costs nothing.
+
+use crate::func::Dims;
+use crate::linalg::csc::Pattern;
+
+/// Which inputs the watched functions depend on. Inputs are numbered `x`, `p`, `u`, `t`; those of a row ascend.
+#[derive(Debug, Default)]
+pub(in crate::event) struct Gradients {
+    nx: usize,
+    /// Number of inputs.
+    n_z: usize,
+    /// Where the rows begin; one place more than there are rows.
+    begin: Vec<usize>,
+    columns: Vec<usize>,
+}
+
+/// The gradient of one function.
+#[derive(Debug, Clone, Copy)]
+pub(in crate::event) struct Row<'a> {
+    /// Columns and values of the derivatives with respect to the state.
+    pub(in crate::event) columns: &'a [usize],
+    pub(in crate::event) values: &'a [f64],
+    /// Columns and values of all derivatives.
+    pub(in crate::event) all: (&'a [usize], &'a [f64]),
+    /// Derivative with respect to time.
+    pub(in crate::event) t: f64,
+}
+
+impl Row<'_> {
+    /// Derivatives with respect to states, with their places.
+    pub(in crate::event) fn states(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.columns.iter().copied().zip(self.values.iter().copied())
+    }
+
+    /// Derivatives with respect to all inputs, with their places.
+    pub(in crate::event) fn inputs(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.all.0.iter().copied().zip(self.all.1.iter().copied())
+    }
+
+    /// Rate of change for a velocity.
+    pub(in crate::event) fn along(&self, velocity: &[f64]) -> f64 {
+        self.states().map(|(i, g)| g * velocity[i]).sum::<f64>() + self.t
+    }
+}
+
+impl Gradients {
+    pub(super) fn new(dims: &Dims) -> Gradients {
+        Gradients { nx: dims.x, n_z: dims.x + dims.p + dims.u + 1, begin: vec![0], columns: Vec::new() }
+    }
+
+    /// Adds the rows of a function with the Jacobian pattern `p`; returns where the entries of its Jacobian go.
+    pub(in crate::event) fn push(&mut self, p: &Pattern, dims: &Dims) -> Vec<usize> {
+        let column = super::Columns { nx: dims.x, nu: dims.u, np: dims.p };
+        let first = self.columns.len();
+        let mut entries: Vec<(usize, usize, usize)> = (0..p.n_cols())
+            .flat_map(|c| p.range(c).map(move |k| (c, k)))
+            .map(|(c, k)| (p.row_idx()[k], column.of(c), k))
+            .collect();
+        entries.sort_unstable();
+        let mut map = vec![0; p.nnz()];
+        let mut row = 0;
+        for (i, &(r, c, k)) in entries.iter().enumerate() {
+            self.begin.resize(self.begin.len() + r - row, first + i);
+            row = r;
+            map[k] = first + i;
+            self.columns.push(c);
+        }
+        self.begin.resize(self.begin.len() + p.n_rows() - row, self.columns.len());
+        map
+    }
+
+    /// Number of entries of all rows.
+    pub(in crate::event) fn len(&self) -> usize {
+        self.columns.len()
+    }
+
+    /// Places of the entries of row `j`, and their columns.
+    pub(super) fn entries(&self, j: usize) -> (std::ops::Range<usize>, &[usize]) {
+        let range = self.begin[j]..self.begin[j + 1];
+        (range.clone(), &self.columns[range])
+    }
+
+    /// Row `j` of the gradients with the entries `values`.
+    #[inline]
+    pub(in crate::event) fn row<'a>(&'a self, values: &'a [f64], j: usize) -> Row<'a> {
+        let (from, to) = (self.begin[j], self.begin[j + 1]);
+        let (columns, values) = (&self.columns[from..to], &values[from..to]);
+        let t = match columns.last() {
+            Some(&c) if c + 1 == self.n_z => values[values.len() - 1],
+            _ => 0.0,
+        };
+        let n = columns.iter().rposition(|c| *c < self.nx).map_or(0, |i| i + 1);
+        Row { columns: &columns[..n], values: &values[..n], all: (columns, values), t }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_of_two_functions_have_their_columns_in_order() {
+        let dims = Dims { x: 2, u: 1, p: 1 };
+        let mut g = Gradients::new(&dims);
+        // columns of a pattern: x0 x1 u p t
+        let first = g.push(&Pattern::from_triplets(3, 5, &[2, 2, 0], &[2, 1, 4]).0, &dims);
+        let second = g.push(&Pattern::from_triplets(1, 5, &[0, 0], &[0, 3]).0, &dims);
+        assert_eq!(g.len(), 5);
+        let mut values = vec![0.0; 5];
+        // in the order of the columns of the patterns
+        for (to, v) in first.iter().zip([1.0, 2.0, 3.0]).chain(second.iter().zip([4.0, 5.0])) {
+            values[*to] = v;
+        }
+        let row = |j| g.row(&values, j).inputs().collect::<Vec<_>>();
+        assert_eq!(row(0), [(4, 3.0)]);
+        assert!(row(1).is_empty());
+        assert_eq!(row(2), [(1, 1.0), (3, 2.0)]);
+        assert_eq!(row(3), [(0, 4.0), (2, 5.0)]);
+        assert_eq!(g.row(&values, 0).t, 3.0);
+        assert_eq!(g.row(&values, 2).along(&[7.0, 10.0]), 10.0);
+        assert_eq!(g.row(&values, 2).states().collect::<Vec<_>>(), [(1, 1.0)]);
+    }
+}

@@ -1,0 +1,305 @@
+//! Sliding of higher order: the set that accumulating switches lead to, and the motion in it.
+//!
+//! Where the rate of an indicator does not depend on the modes, `C D = 0` in its row, (6.17) says nothing about the weights,
+//! and solutions reach its surface only through infinitely many switches: twisting and super-twisting algorithms, a relay
+//! behind an actuator. The set they lead to is that of sliding of order two, where the indicator difference `c` and its
+//! derivative `φ = C b + c_t` are zero, and the weights keep it there by the next derivative,
+//!
+//! ```text
+//! φ_x (b + D α) + φ_t = 0
+//! ```
+//!
+//! (A. Levant, *Sliding order and sliding accuracy in sliding mode control*, Int. J. Control 58 (1993) 1247-1263). The
+//! velocity follows from that where the weights are not unique either, as where two relays act on one state: of all weights
+//! those nearest to equal ones are taken. The derivatives of `φ` are central differences along `D` and along `b`, for model
+//! functions may have no derivatives on their surfaces (`sqrt |x|` of the super-twisting algorithm); everything is
+//! evaluated at the point of the surfaces next to the state for the same reason.
+
+use super::{Field, Pair};
+use crate::func::{EvalError, EvalResult};
+
+/// A row that is a combination of others up to this part of its size adds nothing: what central differences leave.
+const DEPENDENT: f64 = 1e-6;
+/// The right-hand side of such a row may differ from that combination by this part of the size of its terms.
+const CONSISTENT: f64 = 1e-4;
+/// Change of a constraint by modes, relative to the change of the states by them, that is no change.
+const NO_CHANGE: f64 = 1e-9;
+/// Steps of the central differences: the part of its size that the fastest state moves by.
+const DIFFERENCE: f64 = 1e-5;
+
+/// What is known of a limit set, with its memory.
+#[derive(Default)]
+pub(in crate::event) struct Limit {
+    /// Constraints whose rate does not depend on the modes, by pair.
+    second: Vec<bool>,
+    /// The place of the weight of every pair among all weights, and the weights of every subsystem that slides.
+    place: Vec<usize>,
+    groups: Vec<std::ops::Range<usize>>,
+    /// Conditions for the weights, orthonormal, and their right-hand sides.
+    rows: Vec<Vec<f64>>,
+    rhs: Vec<f64>,
+    /// The conditions as they are: one row of coefficients of the weights of the pairs for every pair, and right-hand sides.
+    raw: Vec<Vec<f64>>,
+    raw_rhs: Vec<f64>,
+    /// Derivatives `φ` at the last point.
+    phi: Vec<f64>,
+    weights: Vec<f64>,
+    /// The point of the surfaces, and one beside it.
+    y: Vec<f64>,
+    beside: Vec<f64>,
+    base: Vec<f64>,
+    d: Vec<f64>,
+    c: Vec<f64>,
+}
+
+impl Limit {
+    /// The weights of all active cells of subsystems that slide.
+    fn lay_out(&mut self, pairs: &[Pair], first: &[usize]) {
+        self.place.clear();
+        self.groups.clear();
+        let mut n = 0;
+        for w in first.windows(2).filter(|w| w[1] > w[0]) {
+            // the base has the first place
+            self.groups.push(n..n + 1 + w[1] - w[0]);
+            self.place.extend(n + 1..n + 1 + w[1] - w[0]);
+            n += 1 + w[1] - w[0];
+        }
+        let r = pairs.len();
+        self.weights.resize(n, 0.0);
+        self.raw.resize(r, Vec::new());
+        self.raw.iter_mut().for_each(|row| row.resize(r, 0.0));
+        self.raw_rhs.resize(r, 0.0);
+        self.phi.resize(r, 0.0);
+        self.rows.resize(r + self.groups.len(), Vec::new());
+        self.rows.iter_mut().for_each(|row| row.resize(n, 0.0));
+        self.rhs.resize(r + self.groups.len(), 0.0);
+    }
+
+    /// Solves the conditions with the right-hand sides `raw_rhs` for weights next to `around` with the sum `sum` in every
+    /// subsystem; false where they contradict each other. Rows are made orthonormal one after the other.
+    fn solve(&mut self, around: impl Fn(usize) -> f64, sum: f64) -> bool {
+        let (n, r) = (self.weights.len(), self.raw.len());
+        for (g, group) in self.groups.iter().enumerate() {
+            self.weights[group.clone()].fill(around(group.len()));
+            let row = &mut self.rows[g];
+            row.fill(0.0);
+            row[group.clone()].fill(1.0);
+            self.rhs[g] = sum;
+        }
+        let g = self.groups.len();
+        for i in 0..r {
+            let row = &mut self.rows[g + i];
+            row.fill(0.0);
+            self.raw[i].iter().zip(&self.place).for_each(|(v, &at)| row[at] = *v);
+            self.rhs[g + i] = self.raw_rhs[i];
+        }
+        let mut consistent = true;
+        for i in 0..g + r {
+            let (done, rest) = self.rows.split_at_mut(i);
+            let row = &mut rest[0];
+            let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
+            let before = norm(row);
+            let mut terms = self.rhs[i].abs();
+            for (other, rhs) in done.iter().zip(&self.rhs.clone()) {
+                let along: f64 = row.iter().zip(other).map(|(a, b)| a * b).sum();
+                row.iter_mut().zip(other).for_each(|(a, b)| *a -= along * b);
+                self.rhs[i] -= along * rhs;
+                terms = terms.max((along * rhs).abs());
+            }
+            let after = norm(row);
+            if after <= DEPENDENT * before || after == 0.0 {
+                consistent &= self.rhs[i].abs() <= CONSISTENT * terms.max(before);
+                row.fill(0.0);
+                self.rhs[i] = 0.0;
+                continue;
+            }
+            row.iter_mut().for_each(|v| *v /= after);
+            self.rhs[i] /= after;
+            let missing = self.rhs[i] - row.iter().zip(&self.weights).map(|(a, b)| a * b).sum::<f64>();
+            for j in 0..n {
+                self.weights[j] += missing * row[j];
+            }
+        }
+        consistent && self.weights.iter().all(|v| v.is_finite())
+    }
+}
+
+impl Field {
+    /// Is the present mode the motion in a limit set?
+    pub(in crate::event) fn in_limit_set(&self) -> bool {
+        self.limit.is_some()
+    }
+
+    /// Makes the present mode the motion in its limit set, if the rates of some of its constraints do not depend on the
+    /// modes at this point; says whether that is so. Constraints are scaled there.
+    pub(in crate::event) fn begin_limit_set(&mut self, t: f64, x: &[f64]) -> Result<bool, EvalError> {
+        let mut limit = Box::<Limit>::default();
+        limit.lay_out(&self.pairs, &self.first_pair);
+        limit.y.extend_from_slice(x);
+        self.gradients(t, x)?;
+        self.constraint_rows();
+        self.settle(t, &mut limit.y)?;
+        self.parts(t, &limit.y)?;
+        self.gradients(t, &limit.y)?;
+        self.constraint_rows();
+        let r = self.pairs.len();
+        // changes relative to sizes, by the modes of every pair
+        let paces: Vec<f64> = (0..r).map(|j| self.column_pace(j, x)).collect();
+        for i in 0..r {
+            let row = self.raw_row(i);
+            limit.second.push(row.iter().zip(&paces).all(|(v, pace)| v.abs() <= NO_CHANGE * pace));
+        }
+        let any = limit.second.contains(&true);
+        if any {
+            self.limit = Some(limit);
+        }
+        Ok(any)
+    }
+
+    /// Reciprocal of the time in which the modes of pair `j` move a state by its size.
+    fn column_pace(&self, j: usize, x: &[f64]) -> f64 {
+        let each = self.d(j).map(|(i, d)| (d.abs(), self.size(i, x[i])));
+        each.filter(|e| e.1 > 0.0).fold(0.0, |m, (d, size)| m.max(d / size))
+    }
+
+    /// Rates of constraint `i` by the columns of `D`.
+    fn raw_row(&self, i: usize) -> Vec<f64> {
+        let along = |j: usize| {
+            let mut sum = 0.0;
+            for (row, d) in self.d(j) {
+                sum += self.sliding.row_of_states(self.pairs[i], i).find(|c| c.0 == row).map_or(0.0, |c| c.1 * d);
+            }
+            sum
+        };
+        (0..self.pairs.len()).map(along).collect()
+    }
+
+    /// Moves a point onto all surfaces, every state in proportion to its size.
+    fn settle(&mut self, t: f64, y: &mut [f64]) -> EvalResult {
+        for _ in 0..4 {
+            self.indicators(t, y)?;
+            let mut worst = 0.0f64;
+            for i in 0..self.pairs.len() {
+                let value = self.constraint(i);
+                worst = worst.max(value.abs());
+                let row = || self.sliding.row_of_states(self.pairs[i], i);
+                let square = |i: usize| Some(self.size(i, y[i])).filter(|s| *s > 0.0).map_or(1.0, |s| s * s);
+                let total: f64 = row().map(|(i, g)| g * g * square(i)).sum();
+                if total > 0.0 {
+                    let moves: Vec<(usize, f64)> = row().map(|(i, g)| (i, value / total * g * square(i))).collect();
+                    moves.into_iter().for_each(|(i, by)| y[i] -= by);
+                    // constraints that share states see where the others have moved them
+                    self.indicators(t, y)?;
+                }
+            }
+            if worst <= f64::EPSILON {
+                break;
+            }
+        }
+        // what is zero but for rounding is zero: functions may not be defined on its other side
+        for i in 0..self.pairs.len() {
+            for (i, _) in self.sliding.row_of_states(self.pairs[i], i) {
+                if y[i].abs() <= 4.0 * f64::EPSILON * self.floor[i] {
+                    y[i] = 0.0;
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Rates of the constraints of order two under `b`, at the point of the surfaces next to `x`.
+    fn rates_beside(&mut self, t: f64, x: &mut [f64], out: &mut [f64]) -> EvalResult {
+        self.settle(t, x)?;
+        self.parts(t, x)?;
+        self.gradients(t, x)?;
+        self.constraint_rows();
+        for (i, o) in out.iter_mut().enumerate() {
+            *o = self.sliding.rate(self.pairs[i], i, &self.base);
+        }
+        Ok(())
+    }
+
+    /// Weights of the motion in a limit set.
+    pub(super) fn hidden_limit(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        let Some(mut limit) = self.limit.take() else { return Ok(()) };
+        let r = self.hidden_limit_inner(t, x, &mut limit);
+        self.limit = Some(limit);
+        r
+    }
+
+    fn hidden_limit_inner(&mut self, t: f64, x: &[f64], l: &mut Limit) -> EvalResult {
+        let r = self.pairs.len();
+        l.y.clear();
+        l.y.extend_from_slice(x);
+        let mut phi = std::mem::take(&mut l.phi);
+        self.rates_beside(t, &mut l.y, &mut phi)?;
+        for i in 0..r {
+            l.raw[i] = self.raw_row(i);
+            l.raw_rhs[i] = -phi[i];
+        }
+        l.base.clone_from(&self.base);
+        l.d.clone_from(&self.sliding.d);
+        l.c.clone_from(&self.sliding.c);
+        // along the columns of D, then along b with time
+        for j in 0..r + 1 {
+            let pace = if j < r { self.column_pace(j, x) } else { self.pace(x, &self.base) };
+            if pace == 0.0 {
+                continue;
+            }
+            let h = DIFFERENCE / pace;
+            let mut ends = [vec![0.0; r], vec![0.0; r]];
+            for (sign, end) in [1.0, -1.0].into_iter().zip(&mut ends) {
+                l.beside.clone_from(&l.y);
+                if j < r {
+                    self.d(j).for_each(|(i, d)| l.beside[i] += sign * h * d);
+                    self.rates_beside(t, &mut l.beside, end)?;
+                } else {
+                    l.beside.iter_mut().zip(&self.base).for_each(|(y, b)| *y += sign * h * b);
+                    self.rates_beside(t + sign * h, &mut l.beside, end)?;
+                }
+                self.base.clone_from(&l.base);
+                self.sliding.d.clone_from(&l.d);
+                self.sliding.c.clone_from(&l.c);
+            }
+            for i in (0..r).filter(|i| l.second[*i]) {
+                let rate = (ends[0][i] - ends[1][i]) / (2.0 * h);
+                if j < r {
+                    l.raw[i][j] = rate;
+                } else {
+                    l.raw_rhs[i] = -rate;
+                }
+            }
+        }
+        l.phi = phi;
+        if !l.solve(|n| 1.0 / n as f64, 1.0) {
+            return Err(EvalError::Recoverable);
+        }
+        self.alpha.iter_mut().zip(&l.place).for_each(|(a, &at)| *a = l.weights[at]);
+        Ok(())
+    }
+
+    /// Moves `x` onto the limit set: onto the surfaces, then along `D` until the constraints of order two are constant.
+    pub(super) fn project_limit(&mut self, t: f64, x: &mut [f64]) -> Result<bool, EvalError> {
+        let before = x.to_vec();
+        for _ in 0..2 {
+            self.hidden_limit(t, x)?;
+            let Some(mut l) = self.limit.take() else { return Ok(false) };
+            x.copy_from_slice(&l.y);
+            for i in 0..self.pairs.len() {
+                l.raw_rhs[i] = if l.second[i] { -l.phi[i] } else { 0.0 };
+            }
+            let solved = l.solve(|_| 0.0, 0.0);
+            if solved {
+                for j in 0..self.pairs.len() {
+                    let by = l.weights[l.place[j]];
+                    self.d(j).for_each(|(i, d)| x[i] += by * d);
+                }
+            }
+            self.limit = Some(l);
+            if !solved {
+                return Err(EvalError::Recoverable);
+            }
+        }
+        Ok(before != x)
+    }
+}

@@ -1,0 +1,262 @@
+//! The linear system of the weights in a sliding mode, `C D α = −(C b + c_t)` (6.17c), with its structure.
+//!
+//! A row of `C` belongs to a pair of active cells of a subsystem and depends on what its indicators depend on; a column of
+//! `D` moves the states that the subsystem drives. So an entry of `C D` is zero unless the indicators of the one subsystem
+//! depend on the states that the other one drives. That is known beforehand. Subsystems that slide at the same time fall
+//! into blocks that do not touch, and every block is factorised by itself: friction at a hundred joints costs a hundred
+//! divisions, not a matrix of order a hundred.
+
+use super::Pair;
+use crate::linalg::lu::Lu;
+
+/// The rows of `C` of one subsystem meet the columns of `D` of another: places in the row, places in the column.
+#[derive(Debug)]
+struct Coupling {
+    /// The subsystem whose columns these are.
+    other: usize,
+    places: Vec<(usize, usize)>,
+}
+
+/// Matrices of a sliding mode with the memory they need.
+#[derive(Debug, Default)]
+pub(in crate::event) struct Sliding {
+    /// Columns of the rows of `C` of every subsystem, ascending; time is the last one where it is among them.
+    columns: Vec<Vec<usize>>,
+    /// How many of them are states, and whether the last one is time.
+    states: Vec<(usize, bool)>,
+    /// The states that every subsystem drives.
+    rows: Vec<Vec<usize>>,
+    couplings: Vec<Vec<Coupling>>,
+    /// Subsystems whose indicators depend on what this one drives, and itself.
+    influences: Vec<Vec<usize>>,
+    /// Rows of `C`, and where that of every pair begins.
+    pub(super) c: Vec<f64>,
+    c_begin: Vec<usize>,
+    /// Columns of `D`, and where that of every pair begins.
+    pub(super) d: Vec<f64>,
+    d_begin: Vec<usize>,
+    /// Pairs in the order of the blocks, where every block begins, and for every pair its place in its block.
+    order: Vec<usize>,
+    begin: Vec<usize>,
+    place: Vec<usize>,
+    /// Block of every pair.
+    block: Vec<usize>,
+    /// Factors of the blocks with more than one pair, and the entry of those with one.
+    lu: Vec<Lu<f64>>,
+    single: Vec<f64>,
+    room: Vec<f64>,
+}
+
+impl Sliding {
+    /// Of subsystems that drive `rows` and whose indicators depend on the inputs `columns`: states, then others, time as
+    /// `n_z − 1`.
+    pub(super) fn new(rows: Vec<Vec<usize>>, columns: Vec<Vec<usize>>, (nx, n_z): (usize, usize)) -> Sliding {
+        let n_sub = rows.len();
+        // which subsystems drive a state, and at which place
+        let mut drivers: Vec<Vec<(usize, usize)>> = vec![Vec::new(); nx];
+        for (k, rows) in rows.iter().enumerate() {
+            for (i, &r) in rows.iter().enumerate() {
+                drivers[r].push((k, i));
+            }
+        }
+        let mut couplings: Vec<Vec<Coupling>> = Vec::with_capacity(n_sub);
+        let mut influences: Vec<Vec<usize>> = vec![Vec::new(); n_sub];
+        for (k, own) in columns.iter().enumerate() {
+            let mut list: Vec<Coupling> = Vec::new();
+            for (at, &c) in own.iter().enumerate().filter(|(_, c)| **c < nx) {
+                for &(other, place) in &drivers[c] {
+                    match list.iter_mut().find(|l| l.other == other) {
+                        Some(l) => l.places.push((at, place)),
+                        None => list.push(Coupling { other, places: vec![(at, place)] }),
+                    }
+                }
+            }
+            list.iter().for_each(|l| influences[l.other].push(k));
+            couplings.push(list);
+        }
+        let states = columns.iter().map(|c| (c.partition_point(|c| *c < nx), c.last() == Some(&(n_z - 1)))).collect();
+        Sliding { columns, states, rows, couplings, influences, ..Sliding::default() }
+    }
+
+    /// Do the rates of the indicators of a subsystem depend on the modes of another?
+    pub(in crate::event) fn depends(&self, on: usize) -> &[usize] {
+        &self.influences[on]
+    }
+
+    /// Subsystems that the rates of the indicators of subsystem `k` depend on.
+    pub(in crate::event) fn dependencies(&self, k: usize) -> impl Iterator<Item = usize> + '_ {
+        self.couplings[k].iter().map(|c| c.other)
+    }
+
+    /// Lays out the matrices of the pairs, in the order of their subsystems; `first` is the first pair of every subsystem.
+    pub(super) fn lay_out(&mut self, pairs: &[Pair], first: &[usize]) {
+        let r = pairs.len();
+        if r == 0 && self.order.is_empty() && !self.begin.is_empty() {
+            return;
+        }
+        let (mut nc, mut nd) = (0, 0);
+        self.c_begin.clear();
+        self.d_begin.clear();
+        for p in pairs {
+            self.c_begin.push(nc);
+            self.d_begin.push(nd);
+            nc += self.columns[p.sub].len();
+            nd += self.rows[p.sub].len();
+        }
+        self.c_begin.push(nc);
+        self.d_begin.push(nd);
+        self.c.resize(nc.max(self.c.len()), 0.0);
+        self.d.resize(nd.max(self.d.len()), 0.0);
+        self.find_blocks(pairs, first);
+        let largest = self.begin.windows(2).filter(|w| w[1] - w[0] > 1).count();
+        while self.lu.len() < largest {
+            self.lu.push(Lu::with_capacity(2));
+        }
+        self.single.resize(r.max(self.single.len()), 0.0);
+        self.room.resize(r.max(self.room.len()), 0.0);
+    }
+
+    /// Pairs whose subsystems touch, directly or by way of others, are one block.
+    fn find_blocks(&mut self, pairs: &[Pair], first: &[usize]) {
+        const NONE: usize = usize::MAX;
+        self.order.clear();
+        self.begin.clear();
+        self.block.clear();
+        self.block.resize(pairs.len(), NONE);
+        self.place.clear();
+        self.place.resize(pairs.len(), 0);
+        for start in 0..pairs.len() {
+            if self.block[start] != NONE {
+                continue;
+            }
+            let (number, from) = (self.begin.len(), self.order.len());
+            self.begin.push(from);
+            self.block[start] = number;
+            self.order.push(start);
+            let mut at = from;
+            while at < self.order.len() {
+                let k = pairs[self.order[at]].sub;
+                at += 1;
+                for &other in self.influences[k].iter().chain(self.couplings[k].iter().map(|c| &c.other)).chain([&k]) {
+                    for i in first[other]..first[other + 1] {
+                        if self.block[i] == NONE {
+                            self.block[i] = number;
+                            self.order.push(i);
+                        }
+                    }
+                }
+            }
+            // in the order of the pairs, as if there were one block only
+            self.order[from..].sort_unstable();
+            for (i, &pair) in self.order[from..].iter().enumerate() {
+                self.place[pair] = i;
+            }
+        }
+        self.begin.push(self.order.len());
+    }
+
+    /// Column of `D` of pair `i`: the states it moves, and by how much.
+    pub(in crate::event) fn column(&self, pair: Pair, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let values = &self.d[self.d_begin[i]..self.d_begin[i + 1]];
+        self.rows[pair.sub].iter().copied().zip(values.iter().copied())
+    }
+
+    /// Row of `C` of pair `i`: inputs, and the derivatives by them.
+    pub(in crate::event) fn row(&self, pair: Pair, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        let values = &self.c[self.c_begin[i]..self.c_begin[i + 1]];
+        self.columns[pair.sub].iter().copied().zip(values.iter().copied())
+    }
+
+    /// The part of [`Sliding::row`] with derivatives by states.
+    pub(in crate::event) fn row_of_states(&self, pair: Pair, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
+        self.row(pair, i).take(self.states[pair.sub].0)
+    }
+
+    /// Memory of the row of `C` of pair `i`.
+    pub(super) fn row_mut(&mut self, i: usize) -> &mut [f64] {
+        &mut self.c[self.c_begin[i]..self.c_begin[i + 1]]
+    }
+
+    /// Memory of the columns of `D` of the pairs `i`.
+    pub(super) fn columns_mut(&mut self, i: std::ops::Range<usize>) -> &mut [f64] {
+        &mut self.d[self.d_begin[i.start]..self.d_begin[i.end]]
+    }
+
+    /// Rate of constraint `i` for a velocity.
+    pub(super) fn rate(&self, pair: Pair, i: usize, velocity: &[f64]) -> f64 {
+        let moved = self.row_of_states(pair, i).map(|(c, g)| g * velocity[c]).sum::<f64>();
+        if self.states[pair.sub].1 {
+            moved + self.c[self.c_begin[i + 1] - 1]
+        } else {
+            moved
+        }
+    }
+
+    /// Entry of `C D`.
+    fn entry(&self, pairs: &[Pair], i: usize, j: usize) -> f64 {
+        let other = pairs[j].sub;
+        let Some(coupling) = self.couplings[pairs[i].sub].iter().find(|c| c.other == other) else { return 0.0 };
+        let (c, d) = (&self.c[self.c_begin[i]..], &self.d[self.d_begin[j]..]);
+        coupling.places.iter().map(|&(a, b)| c[a] * d[b]).sum()
+    }
+
+    /// Factorises `C D`, block by block; false where it is singular to rounding.
+    pub(super) fn factorise(&mut self, pairs: &[Pair], first: &[usize]) -> bool {
+        let mut large = 0;
+        for b in 0..self.begin.len() - 1 {
+            let (from, to) = (self.begin[b], self.begin[b + 1]);
+            let i = self.order[from];
+            if to - from == 1 {
+                let v = self.entry(pairs, i, i);
+                if v == 0.0 || !v.is_finite() {
+                    return false;
+                }
+                self.single[i] = v;
+                continue;
+            }
+            let mut lu = std::mem::take(&mut self.lu[large]);
+            let n = to - from;
+            let m = lu.clear(n);
+            for (a, &i) in self.order[from..to].iter().enumerate() {
+                for coupling in &self.couplings[pairs[i].sub] {
+                    for j in first[coupling.other]..first[coupling.other + 1] {
+                        m[a * n + self.place[j]] = self.entry(pairs, i, j);
+                    }
+                }
+            }
+            let regular = lu.factorise();
+            self.lu[large] = lu;
+            large += 1;
+            if !regular {
+                return false;
+            }
+        }
+        true
+    }
+
+    /// Solves with `C D`, as it was factorised last.
+    pub(super) fn solve(&mut self, b: &mut [f64]) {
+        self.solve_with(b, |lu, b| lu.solve(b));
+    }
+
+    /// Solves with the transpose of `C D`.
+    pub(super) fn solve_transposed(&mut self, b: &mut [f64]) {
+        self.solve_with(b, |lu, b| lu.solve_transposed(b));
+    }
+
+    fn solve_with(&mut self, b: &mut [f64], solve: impl Fn(&mut Lu<f64>, &mut [f64])) {
+        let mut large = 0;
+        for w in self.begin.windows(2) {
+            let own = &self.order[w[0]..w[1]];
+            if let &[i] = own {
+                b[i] /= self.single[i];
+                continue;
+            }
+            let room = &mut self.room[..own.len()];
+            room.iter_mut().zip(own).for_each(|(r, &i)| *r = b[i]);
+            solve(&mut self.lu[large], room);
+            room.iter().zip(own).for_each(|(r, &i)| b[i] = *r);
+            large += 1;
+        }
+    }
+}
