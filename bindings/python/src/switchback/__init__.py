@@ -122,6 +122,7 @@ from .scene import ContactMode, Impact, ImpactKind, ImpactLaw, Projected, Scene,
 from .settings import Option, Settings, options
 from .simulator import SimulationResult, Simulator, simulate_fesd
 from .stepper import Stepper, Steps, StepStats, simulate_steps
+from .sweep import Simulation, Sweep, sweep
 from .system import System
 from .trajectory import Switch, Trajectory
 
@@ -209,6 +210,7 @@ __all__ = [
     "Scene",
     "SceneContact",
     "Settings",
+    "Simulation",
     "SimulationResult",
     "Simulator",
     "StateError",
@@ -219,6 +221,7 @@ __all__ = [
     "StepStats",
     "Stepper",
     "Steps",
+    "Sweep",
     "Switch",
     "SwitchKind",
     "SwitchbackError",
@@ -266,6 +269,7 @@ __all__ = [
     "sin",
     "sinh",
     "sqrt",
+    "sweep",
     "tan",
     "tanh",
     "tracing",

@@ -198,6 +198,8 @@ class Ocp(OcpTerms, OcpSearch):
 
     _kind = "ocp"
     _system: System | None = None
+    _x0: Array | None = None  # initial state and parameters where they were given
+    _p: Array | None = None
     _contacts: tuple[Any, ...] | None = None
 
     def __init__(
@@ -337,6 +339,7 @@ class Ocp(OcpTerms, OcpSearch):
         system = self._system
         array = vector(x0, self.nx, "x0") if system is None else system._start(x0, "x0")
         self._do("set_initial_state", address(array), len(array))
+        self._x0 = array.copy()
 
     def set_initial_time(self, t0: float) -> None:
         """Set the initial time."""
@@ -348,6 +351,7 @@ class Ocp(OcpTerms, OcpSearch):
         """Set the parameters."""
         array = named_vector(p, self._named(2), self.np, "p")
         self._do("set_params", address(array), len(array))
+        self._p = array.copy()
 
     def set_state_guess(self, times: Any, x: Any) -> None:
         """Give states to start from, a row for each of the rising times, linear in between."""
