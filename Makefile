@@ -2,6 +2,7 @@
 # make check     everything that must hold before a commit; what .ci/run runs
 # make install   library, header, CMake and pkg-config files into PREFIX
 # make header    write include/switchback.h from src/capi, and from it what Python and Julia declare
+# make release-wheel  a wheel that needs nothing of the system, and a source distribution, into build/dist
 # make fuzz      try to break the library for FUZZ_SECONDS, from SEED on; see fuzz/README.md
 # make docs      write docs/errors.md and docs/options.md from the tables
 # make deps      install what is missing (Debian packages, SUNDIALS, Python modules)
@@ -156,6 +157,11 @@ ifneq ($(wildcard bindings/python/pyproject.toml),)
 		--no-build-isolation --wheel-dir $(BUILD)/wheel ./bindings/python
 	$(VENV)/bin/pip install --quiet --no-deps --force-reinstall $(BUILD)/wheel/*.whl
 endif
+
+# A wheel for other machines: own build, SuiteSparse inside, tried in an empty environment.
+.PHONY: release-wheel
+release-wheel: deps
+	sh scripts/release_wheel.sh $(BUILD)
 
 check-python:
 ifneq ($(wildcard bindings/python/pyproject.toml),)

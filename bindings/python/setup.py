@@ -1,11 +1,14 @@
-"""Puts the library into the wheel: the file $SWITCHBACK_LIBRARY, else what cargo built in this repository."""
+"""Puts the library into the wheel: the file $SWITCHBACK_LIBRARY, else what cargo built in this repository, else, in a source
+distribution, what cargo builds of the crate in it. Source distributions hold the crate."""
 
 import os
 import shutil
+import subprocess
 from pathlib import Path
 
 from setuptools import Distribution, setup
 from setuptools.command.build_py import build_py
+from setuptools.command.sdist import sdist
 
 try:
     from setuptools.command.bdist_wheel import bdist_wheel
@@ -13,10 +16,28 @@ except ImportError:  # before setuptools 70.1
     from wheel.bdist_wheel import bdist_wheel
 
 HERE = Path(__file__).resolve().parent
+CRATE = HERE / "crate"  # in a source distribution
+
+
+def build_crate() -> Path:
+    """The library, built of the crate of a source distribution."""
+    target = Path(os.environ.get("CARGO_TARGET_DIR") or CRATE / "target")
+    try:
+        subprocess.run(["cargo", "build", "--release", "--locked", "--lib"], cwd=CRATE, check=True)
+    except FileNotFoundError:
+        raise SystemExit("switchback: building from source needs Rust (https://rustup.rs): there is no cargo here") from None
+    except subprocess.CalledProcessError:
+        raise SystemExit(
+            "switchback: cargo could not build the library; where the linker found no ldl or amd, install SuiteSparse "
+            "(apt-get install libsuitesparse-dev), or set SUITESPARSE_LIB_DIR to where it is"
+        ) from None
+    return target / "release" / "libswitchback.so"
 
 
 def library() -> Path:
     chosen = os.environ.get("SWITCHBACK_LIBRARY")
+    if not chosen and (CRATE / "Cargo.toml").is_file():
+        return build_crate()
     target = os.environ.get("CARGO_TARGET_DIR") or HERE.parents[1] / "target"
     path = Path(chosen) if chosen else Path(target) / "release" / "libswitchback.so"
     if not path.is_file():
@@ -34,7 +55,27 @@ class BuildWithLibrary(build_py):
         if not editable:
             shutil.rmtree(destination, ignore_errors=True)  # of an earlier build
         super().run()
-        shutil.copyfile(library(), destination / "libswitchback.so")
+        copy = destination / "libswitchback.so"
+        shutil.copyfile(library(), copy)
+        strip = shutil.which("strip")
+        if strip:  # 24 MB with names of lines, 6 MB without
+            subprocess.run([strip, "--strip-unneeded", str(copy)], check=True)
+
+
+class SourceWithCrate(sdist):
+    def make_release_tree(self, base_dir, files):
+        super().make_release_tree(base_dir, files)
+        root, crate = HERE.parents[1], Path(base_dir) / "crate"
+        if CRATE.is_dir():
+            shutil.copytree(CRATE, crate, ignore=shutil.ignore_patterns("target"))
+            return
+        crate.mkdir(parents=True)
+        for name in ("Cargo.lock", "build.rs", "LICENSE", "README.md"):
+            shutil.copyfile(root / name, crate / name)
+        # the tests stay at home
+        manifest = (root / "Cargo.toml").read_text(encoding="utf-8")
+        (crate / "Cargo.toml").write_text(manifest.split("[[test]]")[0], encoding="utf-8")
+        shutil.copytree(root / "src", crate / "src")
 
 
 class Platform(Distribution):
@@ -51,4 +92,7 @@ class PlatformWheel(bdist_wheel):
         return "py3", "none", super().get_tag()[2]
 
 
-setup(cmdclass={"build_py": BuildWithLibrary, "bdist_wheel": PlatformWheel}, distclass=Platform)
+setup(
+    cmdclass={"build_py": BuildWithLibrary, "bdist_wheel": PlatformWheel, "sdist": SourceWithCrate},
+    distclass=Platform,
+)

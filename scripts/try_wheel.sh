@@ -1,0 +1,37 @@
+#!/bin/sh
+# usage: try_wheel.sh WHEEL VENV    install a wheel into a new environment VENV; the first example of the package must run there, with the
+# libraries that the wheel brings, and no path of the machine that built it may be inside
+set -eu
+wheel=$1
+venv=$2
+rm -rf "$venv"
+python3 -m venv "$venv"
+"$venv/bin/pip" --disable-pip-version-check install --quiet "$wheel"
+unset SWITCHBACK_LIBRARY PYTHONPATH || true
+cd "$venv"
+cat > example.py << 'END'
+import re
+import sys
+
+import numpy as np
+import switchback as swb
+
+w = 2 * np.pi
+A1, A2 = np.array([[1, w], [-w, 1]]), np.array([[1, -w], [w, 1]])
+system = swb.System(nx=2)
+system.add_subsystem(modes=[lambda x: A1 @ x, lambda x: A2 @ x], psi=lambda x: x @ x - 1, signs=[-1, 1])
+run = swb.simulate(system, x0=[np.exp(-1), 0], t_span=np.pi / 2, rtol=1e-10)
+assert run.success and abs(run.x_end - [-1.5974603774506984, -0.7614936206060108]).max() < 1e-8, run.x_end
+with open("/proc/self/maps", encoding="utf-8") as maps:
+    used = sorted({line.split()[-1] for line in maps if re.search(r"lib(ldl|amd|suitesparse|switchback)", line)})
+print("\n".join(used))
+foreign = [name for name in used if not name.startswith(sys.prefix)]
+if foreign:
+    sys.exit(f"libraries of the system are used: {foreign}")
+with open(swb.library_path, "rb") as library:
+    paths = re.findall(rb"/(?:home|root|work|build)/[\w./-]+", library.read())
+if paths:
+    sys.exit(f"paths of the machine that built it are inside: {paths[:3]}")
+print(run)
+END
+bin/python example.py
