@@ -1,4 +1,7 @@
-# make demo      the whole gallery: tables on the terminal, plots in out/
+# make demo      the first pictures, within three minutes after the build: in out/
+# make examples  all examples, in C and Python: tables on the terminal, plots in out/
+# make benchmarks  the reports on accuracy and speed; takes long
+# make site      the documentation as web pages, in build/site
 # make check     everything that must hold before a commit; what .ci/run runs
 # make install   library, header, CMake and pkg-config files into PREFIX
 # make header    write include/switchback.h from src/capi, and from it what Python and Julia declare
@@ -24,7 +27,7 @@ SUNDIALS := $(BUILD)/sundials
 HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml --target-dir $(TARGET)/header --
 
 .NOTPARALLEL:
-.PHONY: all build demo check install header docs deps clean fuzz \
+.PHONY: all build demo examples benchmarks site check install header docs deps clean fuzz \
 	demo-report demo-c demo-python stage \
 	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python \
 	check-julia check-hostile
@@ -61,9 +64,23 @@ clean:
 # --- the gallery ----------------------------------------------------------------------------------
 
 demo: deps build
+	$(MAKE) wheel
+	MPLBACKEND=Agg $(VENV)/bin/python scripts/demo.py $(OUT)
+
+examples: deps build
 	mkdir -p $(OUT)
-	$(MAKE) demo-report demo-c demo-python
+	$(MAKE) demo-c demo-python
 	@echo "plots and tables: $(OUT)"
+
+benchmarks: deps build
+	mkdir -p $(OUT)
+	$(MAKE) demo-report
+
+site: deps
+	$(MAKE) wheel
+	$(VENV)/bin/python -c "import mkdocs" 2> /dev/null || \
+		$(VENV)/bin/pip install --quiet --disable-pip-version-check mkdocs
+	$(VENV)/bin/python scripts/site.py $(BUILD)
 
 # Rust: one program knows every example.
 demo-report:

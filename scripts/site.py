@@ -1,0 +1,239 @@
+"""usage: site.py FOLDER    write the documentation as web pages into FOLDER/site, with MkDocs, without a network
+
+Pages are docs/*.md, the READMEs, a gallery of the examples with pictures and code, and references of the interfaces for C and Python, which are
+made from the header and the docstrings. Links to files that are no pages become plain text. Exits with 1 where a link of a page leads nowhere.
+"""
+
+import html.parser
+import importlib
+import inspect
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from urllib.parse import unquote, urldefrag
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# Sources of pages, and where they are in the site.
+PAGES = {
+    "README.md": "index.md",
+    "bindings/python/README.md": "python.md",
+    "ARCHITECTURE.md": "architecture.md",
+    "CHANGELOG.md": "changelog.md",
+    "CONTRIBUTING.md": "contributing.md",
+    "fuzz/README.md": "fuzz.md",
+    **{f"docs/{p.name}": p.name for p in sorted((ROOT / "docs").glob("*.md"))},
+    **{f"docs/benchmarks/{p.name}": f"benchmarks/{p.name}" for p in sorted((ROOT / "docs" / "benchmarks").glob("*.md"))},
+}
+
+NAVIGATION = """
+  - Start: index.md
+  - Ideas:
+      - Which model class is my system: model_classes.md
+      - Finite elements with switch detection: fesd.md
+      - Glossary: glossary.md
+      - Coming from other packages: coming_from.md
+  - Guides:
+      - Models as expressions: models.md
+      - Simulation: simulation.md
+      - Scenes with contacts: scenes.md
+      - Time-freezing: freezing.md
+      - Optimal control: ocp.md
+      - Model predictive control: nmpc.md
+      - Programs with complementarity constraints: mpcc.md
+  - Gallery: gallery.md
+  - Languages:
+      - Python: python.md
+      - Reference of Python: api_python.md
+      - Reference of C: api_c.md
+      - Julia: julia.md
+  - Options: options.md
+  - Errors: errors.md
+  - Benchmarks:
+      - Overview: benchmarks/README.md
+      - Simulation: benchmarks/simulation.md
+      - Programs: benchmarks/mpcc.md
+      - Linear algebra: benchmarks/linalg.md
+      - Evaluation of models: benchmarks/model-eval.md
+  - Project:
+      - Architecture: architecture.md
+      - Contributing: contributing.md
+      - Changes: changelog.md
+      - Fuzzing: fuzz.md
+"""
+
+LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
+
+
+def rewritten(text: str, source: Path, target: str) -> str:
+    """A page with links between files of the repository turned into links between pages."""
+
+    def link(match: re.Match[str]) -> str:
+        picture, label, address = match.groups()
+        path, anchor = urldefrag(address)
+        if "://" in address or not path:
+            return match[0]
+        found = os.path.normpath(source.parent / unquote(path))
+        try:
+            name = str(Path(found).relative_to(ROOT))
+        except ValueError:
+            return label
+        if name in PAGES:
+            place = os.path.relpath(PAGES[name], os.path.dirname(target) or ".")
+            return f"{picture}[{label}]({place}{'#' + anchor if anchor else ''})"
+        if picture and name.startswith("docs/") and Path(found).is_file():
+            place = os.path.relpath(name[len("docs/") :], os.path.dirname(target) or ".")
+            return f"![{label}]({place})"
+        return label
+
+    return LINK.sub(link, text)
+
+
+def c_reference() -> str:
+    """Functions of the header by the object they belong to, with their comments."""
+    header = (ROOT / "include" / "switchback.h").read_text(encoding="utf-8")
+    pattern = re.compile(r"/\*\*\n((?: \*[^\n]*\n)+?) \*/\n((?:SWB_API\s+)?[^;{}#/]*?\b(swb_\w+)\([^;]*?\));")
+    groups: dict[str, list[str]] = {}
+    kinds = sorted(set(re.findall(r"\bswb_(\w+)_free\(", header)), key=len, reverse=True)
+    for match in pattern.finditer(header):
+        comment, declaration, name = match.groups()
+        text = "\n".join(line[3:] if line.startswith(" * ") else "" for line in comment.splitlines()).strip()
+        group = next((k for k in kinds if name.startswith(f"swb_{k}_")), "others")
+        groups.setdefault(group, []).append(f"### {name}\n\n```c\n{declaration.strip()};\n```\n\n{text}\n")
+    parts = ["# Reference of C\n\nMade from `include/switchback.h`; functions by the object they belong to.\n"]
+    for group in sorted(groups, key=lambda g: (g == "others", g)):
+        parts.append(f"## {'Other functions' if group == 'others' else 'swb_' + group}\n\n" + "\n".join(groups[group]))
+    return "\n".join(parts)
+
+
+def signature(f: object) -> str:
+    try:
+        text = str(inspect.signature(f))
+    except (TypeError, ValueError):
+        return "(...)"
+    return re.sub(r"'([^']*)'", r"\1", text)
+
+
+def python_reference() -> str:
+    """Classes and functions of the package from their docstrings."""
+    swb = importlib.import_module("switchback")
+    parts = ["# Reference of Python\n\nMade from the docstrings of the package.\n"]
+    for name in sorted(swb.__all__, key=str.lower):
+        thing = getattr(swb, name)
+        if inspect.ismodule(thing):
+            continue
+        text = inspect.getdoc(thing) or ""
+        if inspect.isclass(thing):
+            parts.append(f"## {name}\n\n```text\n{text}\n```\n")
+            for method, member in vars(thing).items():
+                function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
+                if method.startswith("_") or not (inspect.isfunction(function) and inspect.getdoc(function)):
+                    continue
+                call = "" if isinstance(member, property) else signature(function).replace("(self, ", "(").replace("(self)", "()")
+                parts.append(f"**{name}.{method}**`{call or ' '}`\n\n{inspect.getdoc(function)}\n")
+        elif callable(thing):
+            parts.append(f"## {name}\n\n`{name}{signature(thing)}`\n\n```text\n{text}\n```\n")
+        else:
+            parts.append(f"## {name}\n\nA {type(thing).__name__}.\n")
+    return "\n".join(parts)
+
+
+def gallery(target: Path) -> str:
+    """The examples: pictures, and code in Python, C and Julia."""
+    parts = [
+        "# Gallery\n\nRun them with `python examples/python/NAME.py FOLDER`; `make examples` runs all of them and those in C. Pictures that "
+        "are missing here are drawn there.\n"
+    ]
+    pictures = [*(ROOT / "out").glob("*.svg"), *(ROOT / "docs").rglob("*.svg")]
+    (target / "gallery").mkdir()
+    for script in sorted((ROOT / "examples" / "python").glob("*.py")):
+        code = script.read_text(encoding="utf-8")
+        first, _, rest = code.split('"""')[1].partition("\n\n")
+        about = rest.split("usage:")[0].strip()
+        parts.append(f"## {script.stem.replace('_', ' ')}\n\n{' '.join(first.split())}\n\n```text\n{about}\n```\n")
+        stems = (f"python_{script.stem}", script.stem, f"{script.stem}-", f"gallery-{script.stem.replace('_', '-')}")
+        for picture in [p for p in pictures if p.stem.startswith(stems)][:2]:
+            shutil.copyfile(picture, target / "gallery" / picture.name)
+            parts.append(f"![{script.stem}](gallery/{picture.name})\n")
+        parts.append(f"<details markdown><summary>Python</summary>\n\n```python\n{code}\n```\n\n</details>\n")
+        for language, other in (("C", ROOT / "examples" / "c" / f"{script.stem}.c"), ("Julia", ROOT / "bindings" / "julia" / "examples" / f"{script.stem}.jl")):
+            if other.is_file():
+                own = other.read_text(encoding="utf-8")
+                parts.append(f"<details markdown><summary>{language}</summary>\n\n```{language.lower()}\n{own}\n```\n\n</details>\n")
+    return "\n".join(parts)
+
+
+class Links(html.parser.HTMLParser):
+    """Addresses that a page mentions, and the names it has for others."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.addresses: list[str] = []
+        self.anchors: set[str] = set()
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        for key, value in attributes:
+            if key in ("href", "src") and value:
+                self.addresses.append(value)
+            if key in ("id", "name") and value:
+                self.anchors.add(value)
+
+
+def broken(site: Path) -> list[str]:
+    """Links within the site that lead nowhere."""
+    pages = {}
+    for page in site.rglob("*.html"):
+        pages[page] = Links()
+        pages[page].feed(page.read_text(encoding="utf-8"))
+    found = []
+    for page, links in pages.items():
+        if page.name == "404.html":
+            continue
+        for address in links.addresses:
+            path, anchor = urldefrag(address)
+            if re.match(r"[a-z]+:", address) or address.startswith("//"):
+                continue
+            place = page if not path else (page.parent / unquote(path.split("?")[0])).resolve()
+            place = place / "index.html" if place.is_dir() else place
+            if not place.exists() or (anchor and place in pages and anchor not in pages[place].anchors):
+                found.append(f"{page.relative_to(site)}: {address}")
+    return sorted(set(found))
+
+
+def main() -> int:
+    folder = Path(sys.argv[1]).resolve()
+    source, site = folder / "site_source", folder / "site"
+    for old in (source, site):
+        shutil.rmtree(old, ignore_errors=True)
+    source.mkdir(parents=True)
+    for picture in (ROOT / "docs").rglob("*.svg"):
+        place = source / picture.relative_to(ROOT / "docs")
+        place.parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(picture, place)
+    for name, target in PAGES.items():
+        place = source / target
+        place.parent.mkdir(parents=True, exist_ok=True)
+        place.write_text(rewritten((ROOT / name).read_text(encoding="utf-8"), ROOT / name, target), encoding="utf-8")
+    (source / "api_c.md").write_text(c_reference(), encoding="utf-8")
+    (source / "api_python.md").write_text(python_reference(), encoding="utf-8")
+    (source / "gallery.md").write_text(gallery(source), encoding="utf-8")
+    settings = folder / "mkdocs.yml"
+    settings.write_text(
+        f"site_name: switchback\ndocs_dir: {source}\nsite_dir: {site}\nuse_directory_urls: false\n"
+        "theme:\n  name: readthedocs\n  highlightjs: false\n  include_homepage_in_sidebar: false\n"
+        "markdown_extensions: [md_in_html, tables, fenced_code, toc]\nplugins: [search]\n"
+        f"nav:{NAVIGATION}",
+        encoding="utf-8",
+    )
+    subprocess.run([sys.executable, "-m", "mkdocs", "build", "--quiet", "--config-file", str(settings)], check=True)
+    lost = broken(site)
+    print("\n".join(f"broken link: {b}" for b in lost))
+    print(f"{len(list(site.rglob('*.html')))} pages: {site / 'index.html'}")
+    return 1 if lost else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
