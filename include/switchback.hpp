@@ -1128,11 +1128,11 @@ public:
     void param_bounds(View lower, View upper) {
         detail::check(swb_ocp_set_param_bounds(get(), lower.data(), lower.length(), upper.data(), upper.length()));
     }
-    /// A constraint between both ends of the horizon: `f` takes the initial state, then the final one.
     /// 0 <= a, b >= 0, and one of them is zero.
     void complementarity(const Function &a, const Function &b, swb_path_at at = SWB_PATH_AT_CONTROL_GRID) {
         detail::check(swb_ocp_add_complementarity(get(), a.get(), b.get(), at));
     }
+    /// A constraint between both ends of the horizon: `f` takes the initial state, then the final one.
     void boundary(const Function &f, View lower, View upper) {
         detail::check(swb_ocp_add_boundary(get(), f.get(), lower.data(), lower.length(), upper.data(), upper.length()));
     }

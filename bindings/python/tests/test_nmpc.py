@@ -47,12 +47,13 @@ def test_feedback_is_that_of_riccati():
 @pytest.mark.parametrize("scheme", ["rti", "mli", "as_rti", "asc"])
 @pytest.mark.parametrize("level", ["a", "b", "c", "d", "d1", "d2"])
 def test_every_scheme_stabilises(scheme, level):
-    m = integrator()
+    m, seen = integrator(), []
     with swb.Nmpc(problem(m), scheme, level, shift=True) as c:
-        loop = swb.closed_loop(c, m, [1.5, 0.0], 60, cost=lambda x, u, t: x @ x)
+        loop = swb.closed_loop(c, m, [1.5, 0.0], 60, cost=lambda x, u, t: x @ x, progress=lambda *n: seen.append(n))
     assert np.abs(loop.x[-1]).max() < 0.05
     assert set(loop.sources) == {swb.NmpcSource.QP}
     assert loop.u.min() == -1.0
+    assert seen[-1] == (60, 60) and len(seen) == 60
 
 
 def test_delays_and_mismatch():

@@ -133,6 +133,9 @@ def test_columns_and_tables(optimal):
     assert optimal["F"][0] == optimal.controls[0, 0] and optimal["F"][-1] == optimal.controls[-1, 0]
     with pytest.raises(KeyError, match="did you mean 'q'"):
         run["qq"]
+    assert "q" in run and "qq" not in run and "q" in oscillator()
+    with pytest.raises(TypeError):
+        iter(run)
     assert "q > 0.5 -> q < 0.5" in run.table() and "sliding (v > 0, v < 0)" in run.table()
     assert "<table>" in run._repr_html_() and "reached" in run._repr_html_()
     for result in (run, optimal, optimal.trajectory, simulated(dense=False), swb.Nlp(1, lambda x: x @ x).solve()):

@@ -121,3 +121,10 @@ def test_errors_are_results_and_mistakes_are_refused():
         with pytest.raises(swb.ArgumentError, match="takes a"):
             swb.sweep(wrong, GRID)
     assert threading.active_count() < 50
+
+
+def test_progress_in_lines(capsys, monkeypatch):
+    monkeypatch.setitem(__import__("sys").modules, "tqdm.auto", None)
+    swb.sweep(lambda a: a, {"a": range(40)}, progress=True, chunk=1)
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[-1] == "40 of 40 points" and 10 <= len(lines) <= 12

@@ -109,6 +109,11 @@ class Named:
             raise KeyError(f"there is no variable '{name}'{nearest(name, found)}")
         return found[name]
 
+    __iter__ = None  # variables have names, not numbers
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._variables()
+
     def __setattr__(self, name: str, value: Any) -> None:
         if self.__dict__.get("_complete") and not name.startswith("_") and name not in self.__dict__:
             declared = any(name in c.__dict__.get("__annotations__", {}) for c in type(self).__mro__)

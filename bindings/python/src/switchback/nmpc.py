@@ -13,6 +13,7 @@ from ._arrays import Array, address, choice, index, number, real, table, vector
 from ._call import Handle, aside, check
 from ._ffi import NmpcLevel, NmpcQp, NmpcQpStatus, NmpcScheme, NmpcSource, RkFamily
 from ._library import lib
+from ._progress import Progress
 from .errors import ArgumentError, DimensionError
 from .expr import Model, system_of
 from .integrator import Integrator
@@ -349,6 +350,7 @@ def closed_loop(
     cost: Callable[..., float] | None = None,
     before: Callable[[Nmpc, int, float], None] | None = None,
     predict: Callable[[Array, Array, float], Any] | None = None,
+    progress: Any = False,
     **options: Any,
 ) -> ClosedLoop:
     """Let a controller act on a plant for a number of samples.
@@ -363,6 +365,7 @@ def closed_loop(
              `predict`, a function (x, u, t) of one sample, or by the plant itself
     p        parameters of the plant: [np], or a function of time
     cost     (x, u, t) -> cost of a sample, with the state at its start
+    progress True: how far it is, by tqdm where it is installed, else in lines; or a function of (done, total)
     before   called with (controller, number, time) before every preparation: for references, parameters, deadlines
 
     The controller should have been initialised for `x0`.
@@ -382,6 +385,7 @@ def closed_loop(
     times = numpy.zeros((2, steps))
     total = 0.0 if cost is not None else float("nan")
     waiting = [numpy.zeros(controller.nu)] * delay
+    report = Progress(progress, 0, steps, "samples")
     for k in range(steps):
         t = t0 + k * ts
         if before is not None:
@@ -407,5 +411,7 @@ def closed_loop(
         elif amplitude is not None:
             x = x + amplitude * (2.0 * generator.random(x.size) - 1.0)
         states.append(x)
+        report.add()
+    report.close()
     grid = t0 + ts * numpy.arange(steps + 1)
     return ClosedLoop(grid, numpy.array(states), numpy.array(measured), numpy.array(controls), sources, total, *times)

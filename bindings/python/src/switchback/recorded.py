@@ -83,6 +83,11 @@ class Recorded:
             raise KeyError(f"there is no column '{name}'{nearest(name, columns)}")
         return columns[name]
 
+    __iter__ = None  # columns have names, not numbers
+
+    def __contains__(self, name: object) -> bool:
+        return name in self._series()[1]
+
     def to_dict(self) -> dict[str, Any]:
         """Times "t", a column for each state and control by its name, or "x0", "x1", ..., "u0", ..., and what else is known:
         plain numbers, texts and arrays."""

@@ -13,7 +13,6 @@ import itertools
 import multiprocessing
 import pickle
 import queue
-import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -23,6 +22,7 @@ import numpy
 
 from ._arrays import Array, index
 from ._names import named_vector, nearest
+from ._progress import Progress
 from ._sweep_store import Point, SweepStore, key_of
 from .errors import ArgumentError, StateError
 from .expr import Model, system_of
@@ -275,39 +275,6 @@ class Sweep:
         return f"<Sweep of {len(self)} points, {len(self.errors)} errors>"
 
 
-class _Progress:
-    """Says how far a sweep is: to a function, by tqdm where it is installed, else in lines."""
-
-    def __init__(self, wanted: Any, done: int, total: int):
-        self._call, self._bar, self._total, self._done, self._said = None, None, total, done, -1
-        if callable(wanted):
-            self._call = wanted
-        elif wanted:
-            try:
-                from tqdm.auto import tqdm
-            except ImportError:
-                self._call = self._line
-            else:
-                self._bar = tqdm(total=total, initial=done, unit="points")
-
-    def _line(self, done: int, total: int) -> None:
-        tenth = 10 * done // max(total, 1)
-        if tenth > self._said:
-            self._said = tenth
-            print(f"sweep: {done} of {total} points", file=sys.stderr, flush=True)
-
-    def add(self, n: int) -> None:
-        self._done += n
-        if self._bar is not None:
-            self._bar.update(n)
-        if self._call is not None:
-            self._call(self._done, self._total)
-
-    def close(self) -> None:
-        if self._bar is not None:
-            self._bar.close()
-
-
 # --- the sweep ----------------------------------------------------------------------------------------
 
 
@@ -378,7 +345,7 @@ def sweep(
     try:
         known = kept.known()
         missing = list({key_of(p): p for p in points if key_of(p) not in known}.values())
-        report = _Progress(progress, len(points) - len(missing), len(points))
+        report = Progress(progress, len(points) - len(missing), len(points), "points")
         try:
             workers = _Workers.of(executor)
             try:
@@ -399,7 +366,7 @@ def _run(
     document: bytes,
     missing: list[Point],
     kept: SweepStore,
-    report: _Progress,
+    report: Progress,
     chunk: int | None,
     retries: int,
 ) -> None:
