@@ -112,7 +112,7 @@ def test_other_texts_are_refused():
             Model.from_json(text)
     with pytest.raises(swb.ArgumentError):
         Model.from_json(7)
-    with pytest.raises(swb.RangeError, match="swb_model_from_json"):
+    with pytest.raises(swb.RangeError, match="read it with Model.from_json"):
         swb.Ocp.from_json(slider().to_json())
 
 

@@ -103,15 +103,19 @@ _nothing = _Nothing()
 _C_NAMES = re.compile(r"\b(enum )?swb_([a-z0-9_]+)\b")
 
 
+_KINDS = re.findall(r"\bswb_(\w+)_free\b", " ".join(_ffi.FUNCTIONS))
+
+
 def _python_name(found: re.Match[str]) -> str:
     """What a name of the C interface is called here: a method without the object, an enumeration as a class."""
     name = found[2]
     kind = "".join(part.capitalize() for part in name.split("_"))
     if hasattr(_ffi, kind):
         return kind
-    for prefix in sorted(live, key=len, reverse=True):
+    for prefix in sorted(_KINDS, key=len, reverse=True):
         if name.startswith(prefix + "_"):
-            return name[len(prefix) + 1 :]
+            method = name[len(prefix) + 1 :]
+            return f"{prefix.capitalize()}.{method}" if method.startswith("from_") else method
     return found[0]
 
 
