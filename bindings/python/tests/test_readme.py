@@ -1,0 +1,24 @@
+"""The code of the package's README runs, block after block, as a reader would type it."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+README = Path(__file__).resolve().parents[1] / "README.md"
+BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(encoding="utf-8"), re.S)
+
+
+def test_blocks_run(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("casadi")
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": "readme"}
+    assert len(BLOCKS) >= 8
+    for block in BLOCKS:
+        exec(compile(block.replace("executor=2, ", ""), str(README), "exec"), names)  # processes are in test_sweep
+    out = capsys.readouterr().out
+    assert "[-1.59746038 -0.76149362]" in out and "1.52377277" in out
+    assert {"oscillator.svg", "phase.svg", "run.npz", "sweep.sqlite"} <= {p.name for p in tmp_path.iterdir()}
+    assert len(names["found"]) == 200 and np.isfinite(names["found"]["q_end"]).all()
