@@ -2,15 +2,23 @@
 
 import importlib.util
 import re
+import sys
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).resolve().parents[3]
 
-spec = importlib.util.spec_from_file_location("site_script", ROOT / "scripts" / "site.py")
-site = importlib.util.module_from_spec(spec)
-spec.loader.exec_module(site)
+
+
+def script(name):
+    spec = importlib.util.spec_from_file_location(f"{name}_script", ROOT / "scripts" / f"{name}.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+site, demo = script("site"), script("demo")
 
 
 def test_every_page_is_in_the_navigation():
@@ -53,6 +61,14 @@ def test_references_are_complete():
     named = [n for n in swb.__all__ if not inspect_module(getattr(swb, n))]
     assert [n for n in named if f"## {n}\n" not in python] == []
     assert "Ocp.set_lagrange" in python and "```" in python
+
+
+def test_the_demo_begins_with_a_picture(tmp_path, capsys):
+    assert demo.run([sys.executable, "-c", demo.FIRST, str(tmp_path)], "first", tmp_path, "1/2", 120.0)
+    assert demo.pictures(tmp_path, 0.0) == ["readme.svg", "readme_phase.svg"] and "readme.svg" in capsys.readouterr().out
+    assert not demo.run([sys.executable, "-c", "1 / 0"], "wrong", tmp_path, "2/2", 120.0)
+    assert "ZeroDivisionError" in capsys.readouterr().out
+    assert all(demo.title(demo.EXAMPLES / f"{name}.py") for name in demo.ORDER)
 
 
 def inspect_module(thing):
