@@ -1438,7 +1438,7 @@ enum swb_jumps
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * From a simulation of the guess; where that leads to no answer, by finite elements with jumps.
+     * From a simulation of the guess and by time stepping; where neither leads to an answer, by finite elements with jumps.
      */
     SWB_JUMPS_AUTO = 0,
     /**
@@ -1449,6 +1449,10 @@ enum swb_jumps
      * By finite elements with jumps: complementarity between gaps and forces in every element.
      */
     SWB_JUMPS_FESD_J = 2,
+    /**
+     * By time stepping: complementarity at the ends of equal steps of implicit Euler.
+     */
+    SWB_JUMPS_STEPS = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -104,6 +104,17 @@ impl Stop {
         body()
     }
 
+    /// Runs `body` with this as the stop of the thread, and as if nothing had ended yet: what [`raise`] ends in there ends nothing
+    /// outside.
+    pub fn scope_apart<R>(&self, body: impl FnOnce() -> R) -> R {
+        let watch = Watch { stop: self.clone(), armed: true, skip: 0, over: None };
+        let _restore = Restore(Some(WATCH.replace(watch)));
+        let r = body();
+        // a flag that is up will be seen again outside
+        WATCH.with_borrow_mut(|w| w.over = None);
+        r
+    }
+
     fn is_empty(&self) -> bool {
         self.flag.is_none() && self.deadline.is_none()
     }

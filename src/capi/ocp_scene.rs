@@ -17,12 +17,14 @@ use crate::settings::Settings;
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_jumps {
-    /// From a simulation of the guess; where that leads to no answer, by finite elements with jumps.
+    /// From a simulation of the guess and by time stepping; where neither leads to an answer, by finite elements with jumps.
     Auto = 0,
     /// From a simulation of the guess and the orders of modes next to it.
     Modes = 1,
     /// By finite elements with jumps: complementarity between gaps and forces in every element.
     FesdJ = 2,
+    /// By time stepping: complementarity at the ends of equal steps of implicit Euler.
+    Steps = 3,
 }
 
 /// Create an optimal control problem of a scene that is built; as swb_ocp_create with the system of the scene. Its states are
@@ -62,6 +64,7 @@ pub unsafe extern "C" fn swb_ocp_set_jumps(ocp: *mut swb_ocp, jumps: i32) -> swb
             0 => Jumps::Auto,
             1 => Jumps::Modes,
             2 => Jumps::FesdJ,
+            3 => Jumps::Steps,
             _ => return Err(Error::Range(format!("jumps is {jumps}: give an enum swb_jumps"))),
         };
         change(ocp, |o| {

@@ -100,6 +100,11 @@ impl Builder {
         first
     }
 
+    /// The row that was made last.
+    pub(super) fn last_row(&self) -> usize {
+        self.cl.len() - 1
+    }
+
     /// Adds `coefficient · variable` to a row.
     pub(super) fn linear(&mut self, row: usize, variable: usize, coefficient: f64) {
         self.linear.push((row as u32, variable as u32, coefficient));

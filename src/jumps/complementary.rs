@@ -66,18 +66,25 @@ struct End {
 
 /// The program of a grid of `n_fe` elements in every stage; `weight` is that of the soft step equilibration.
 pub(super) fn transcribe(p: &Problem, n_fe: usize, weight: f64, guess: &Track) -> Transcription {
-    let plan = plan(p, n_fe);
-    let mut c = Complementary { t: Transcriber::new(p, guess), ends: Vec::new() };
+    assemble(p, &plan(p, n_fe), weight, guess, false)
+}
+
+/// The program of a plan; `stepping` has complementarity at the ends of elements alone, and no impulses.
+pub(super) fn assemble(p: &Problem, plan: &[Planned], weight: f64, guess: &Track, stepping: bool) -> Transcription {
+    let mut c = Complementary { t: Transcriber::new(p, guess), ends: Vec::new(), stepping, restitutions: Vec::new() };
+    if stepping {
+        c.restitutions = p.restitutions(&guess.pieces.first().map_or_else(Vec::new, |q| q.x0.clone()));
+    }
     for k in 0..plan.len() {
         let new_stage = k == 0 || plan[k].stage != plan[k - 1].stage;
         if new_stage {
             c.t.stage();
         }
-        if k == 0 {
+        if k == 0 && !stepping {
             c.beginning();
         }
         let n = c.t.element(&plan[k]);
-        if !new_stage {
+        if !new_stage && weight > 0.0 {
             let (a, b) = (c.t.elements[n - 1].h, c.t.elements[n].h);
             c.t.b.guide(a, b, weight);
         }
@@ -118,11 +125,18 @@ fn disturb(t: &mut Transcription, p: &Problem) {
 struct Complementary<'a> {
     t: Transcriber<'a>,
     ends: Vec<End>,
+    /// Complementarity at the ends of steps alone.
+    stepping: bool,
+    /// Coefficients of restitution, for time stepping.
+    restitutions: Vec<f64>,
 }
 
 impl Complementary<'_> {
     /// A variable that is not negative and equals `Σ` of others.
     fn sum(&mut self, of: &[usize]) -> usize {
+        if let [one] = of {
+            return *one;
+        }
         let start = of.iter().map(|&j| self.t.b.start[j]).sum();
         let size = of.len() as f64;
         let sum = self.t.b.variables(1, POSITIVE, start, size);
@@ -141,6 +155,21 @@ impl Complementary<'_> {
         let gap = self.t.b.variables(1, POSITIVE, start.max(0.0), 1.0);
         let row = self.t.row(&self.t.contact(i).gap, &inputs, EQUAL);
         self.t.b.linear(row, gap, -1.0);
+        gap
+    }
+
+    /// A variable that is not negative and equals `g_k + e g_{k−2}`, of step `n` with its end at `at`.
+    fn rebounding_gap(&mut self, n: usize, i: usize, at: Place, stage: usize) -> usize {
+        let e = self.restitutions[i];
+        let gap = self.gap(i, at, stage);
+        if e > 0.0 && n > 0 {
+            // the gap where this step begins is the one at the end of the last: two ends ago is where that began
+            let past = self.t.elements[n - 1].start;
+            let inputs = self.t.inputs(past, stage, &[]);
+            let row = self.t.b.last_row();
+            self.t.b.term(&self.t.contact(i).gap, &inputs, e, None, [row as u32]);
+            self.t.b.start[gap] += e * self.t.value(&self.t.contact(i).gap, &inputs)[0].max(0.0);
+        }
         gap
     }
 
@@ -206,9 +235,10 @@ impl Complementary<'_> {
 
     /// A contact in an element.
     fn contact(&mut self, n: usize, i: usize, plan: &Planned) {
-        let start = self.ends[i];
+        let start = self.ends.get(i).copied();
         let points = self.t.elements[n].points.clone();
-        let (mut lambdas, mut gaps) = (Vec::new(), vec![start.gap]);
+        let (mut lambdas, mut gaps) = (Vec::new(), Vec::new());
+        gaps.extend(start.map(|s| s.gap));
         let mut parts: [Vec<usize>; 3] = Default::default();
         let mut against: [Vec<usize>; 3] = Default::default();
         let note = |against: &mut [Vec<usize>; 3], s: Option<Sliding>| {
@@ -218,13 +248,15 @@ impl Complementary<'_> {
                 against[2].push(s.gamma);
             }
         };
-        note(&mut against, start.sliding);
+        note(&mut against, start.and_then(|s| s.sliding));
         for (j, &at) in points.iter().enumerate() {
             let t = plan.span[0] + self.t.p.given.tableau.c[j] * (plan.span[1] - plan.span[0]);
             let forces = self.forces(i, self.t.guess.force(t, i));
             self.t.add_force(n, j, i, forces);
             lambdas.push(forces.normal);
-            gaps.push(self.gap(i, at, plan.stage));
+            let gap =
+                if self.stepping { self.rebounding_gap(n, i, at, plan.stage) } else { self.gap(i, at, plan.stage) };
+            gaps.push(gap);
             let sliding = self.sliding(i, at, plan.stage);
             note(&mut against, sliding);
             let stage = plan.stage;
@@ -233,7 +265,9 @@ impl Complementary<'_> {
                     list.push(v);
                 }
             }
-            self.ends[i] = End { gap: gaps[gaps.len() - 1], sliding };
+            if !self.stepping {
+                self.ends[i] = End { gap: gaps[gaps.len() - 1], sliding };
+            }
         }
         let (a, b) = (self.sum(&lambdas), self.sum(&gaps));
         self.t.b.pairs.push((a, b));
@@ -279,7 +313,7 @@ impl Complementary<'_> {
 }
 
 /// Share of the largest speed below which a closed contact sticks, and of the largest impulse from which there is an impact.
-const SHARE: f64 = 1e-3;
+pub(super) const SHARE: f64 = 1e-3;
 
 /// What the contacts do at a point of the program: modes and impacts of every element. Of every pair that is zero which is
 /// smaller in its units: the largest gap of the contact, and the largest force of the contact or of the inertia.
@@ -297,7 +331,7 @@ pub(super) fn read(p: &Problem, t: &Transcription, w: &[f64]) -> Track {
                     return ContactMode::Open;
                 }
                 let speeds: Vec<f64> = e.points.iter().map(|at| slide(i, &t.state(p, *at, w), e)).collect();
-                direction(&speeds, speed)
+                direction(&speeds, SHARE * speed)
             })
             .collect()
     };
@@ -306,7 +340,9 @@ pub(super) fn read(p: &Problem, t: &Transcription, w: &[f64]) -> Track {
         let Some(impact) = &e.impact else { continue };
         let parts: Vec<ContactMode> = (0..n_c)
             .map(|i| match impact.impulses[i] {
-                Some(f) if w[f.normal] > SHARE * sizes.impulses[i] => direction(&[slide(i, &piece.x0, e)], speed),
+                Some(f) if w[f.normal] > SHARE * sizes.impulses[i] => {
+                    direction(&[slide(i, &piece.x0, e)], SHARE * speed)
+                }
                 _ => ContactMode::Open,
             })
             .collect();
@@ -320,14 +356,14 @@ pub(super) fn read(p: &Problem, t: &Transcription, w: &[f64]) -> Track {
 }
 
 /// Units of what the contacts have, contact by contact.
-struct Sizes {
-    gaps: Vec<f64>,
-    forces: Vec<f64>,
-    impulses: Vec<f64>,
+pub(super) struct Sizes {
+    pub(super) gaps: Vec<f64>,
+    pub(super) forces: Vec<f64>,
+    pub(super) impulses: Vec<f64>,
 }
 
 impl Sizes {
-    fn new(p: &Problem, t: &Transcription, w: &[f64]) -> Sizes {
+    pub(super) fn new(p: &Problem, t: &Transcription, w: &[f64]) -> Sizes {
         let n_c = p.n_contacts();
         let n_q = p.functions.n_q;
         let (mut acceleration, mut change) = (0f64, 0f64);
@@ -359,10 +395,10 @@ impl Sizes {
     }
 }
 
-/// Mode of a closed contact with these sliding velocities, where speeds reach `largest`.
-fn direction(speeds: &[f64], largest: f64) -> ContactMode {
+/// Mode of a closed contact with these sliding velocities, where speeds below `least` are none.
+pub(super) fn direction(speeds: &[f64], least: f64) -> ContactMode {
     let mean = speeds.iter().sum::<f64>() / speeds.len().max(1) as f64;
-    if mean.abs() <= SHARE * largest {
+    if mean.abs() <= least {
         ContactMode::Closed
     } else if mean > 0.0 {
         ContactMode::Slides

@@ -31,6 +31,10 @@ pub(super) struct ContactFunctions {
     pub(super) cone: Option<SharedFunction>,
     /// `ġ(q, v⁺) + e ġ(q, v⁻)` as a function of the state `(q, v⁻, v⁺)`.
     pub(super) rebound: SharedFunction,
+    /// `μ ∇g` with respect to the coordinates, `n_q` outputs; `μ` stands behind the parameters.
+    pub(super) shift: SharedFunction,
+    /// `e`.
+    pub(super) restitution: SharedFunction,
 }
 
 /// Functions of a scene.
@@ -140,12 +144,12 @@ impl Maker<'_> {
         let gap = self.load(&c.gap)?;
         let motion = self.load(&c.motion)?;
         let reaction = self.load(&c.reaction)?;
-        let (mu, e) = (motion[1], motion[2]);
+        let (friction, e) = (motion[1], motion[2]);
         let slide = (c.n_tangents > 0).then(|| motion[3 + n_v]);
         let lambda = self.dag.input(Block::P, dims.p + n_v);
         let cone = if c.n_tangents > 0 {
             let tau = self.dag.input(Block::P, dims.p + n_v + 1);
-            let most = self.dag.mul(mu, lambda);
+            let most = self.dag.mul(friction, lambda);
             let both = [self.dag.sub(most, tau), self.dag.add(most, tau)];
             Some(self.function(&format!("friction of {name}"), forces, &both)?)
         } else {
@@ -156,6 +160,12 @@ impl Maker<'_> {
             Block::X if i >= n_q => i + n_v,
             _ => i,
         });
+        let mu = self.dag.input(Block::P, dims.p);
+        let coordinates: Vec<Id> = (0..n_q).map(|k| self.dag.input(Block::X, k)).collect();
+        let mut shift = vec![self.dag.constant(0.0); n_q];
+        for (k, slope) in self.dag.gradient(&gap[..1], &[mu], &coordinates)? {
+            shift[k] = slope;
+        }
         let before = self.dag.mul(e, gap[1]);
         let rebound = self.dag.add(later[0], before);
         let wide = Dims { x: dims.x + n_v, ..dims };
@@ -171,6 +181,8 @@ impl Maker<'_> {
             push: self.function(&format!("force of {name}"), forces, &reaction[..n_v])?,
             accelerate: self.function(&format!("acceleration of {name}"), forces, &reaction[n_v..])?,
             cone,
+            shift: self.function(&format!("normal of {name}"), Dims { p: dims.p + 1, ..dims }, &shift)?,
+            restitution: self.function(&format!("coefficient of restitution of {name}"), dims, &[e])?,
             rebound: self.function(&format!("restitution of {name}"), wide, &[rebound])?,
         })
     }

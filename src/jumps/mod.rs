@@ -12,6 +12,7 @@ mod assembly;
 mod complementary;
 #[cfg(test)]
 mod derivative_tests;
+mod exact;
 mod functions;
 mod modal;
 mod modes;
@@ -21,13 +22,15 @@ mod result;
 mod search;
 mod sensitivity;
 mod simulate;
+mod stepping;
 mod track;
 mod transcribe;
 
+pub use exact::Solved;
 pub use modes::{ContactMode, Key, Phase, Sequence};
 pub use problem::{Problem, Statement};
 pub(crate) use result::trajectory;
 pub use result::Contacts;
-pub use search::{solve, Answer, Method, Options, Solved};
+pub use search::{solve, Answer, Method, Options};
 pub use sensitivity::Derivatives;
 pub use simulate::{replay, Replay};

@@ -1,9 +1,11 @@
 //! The contact mode program: a smooth program for given contact modes and jumps, in physical time.
 //!
-//! Forces exist only where a contact is closed. A closed contact has `ġ = 0` at the stage points (and `ṡ`-free sticking `s = 0`),
-//! a differential-algebraic equation of index 2, in which Radau IIA methods of `s` stages keep their order `2s − 1` of the
-//! state on curved gaps (E. Hairer, Ch. Lubich, M. Roche, *The Numerical Solution of Differential-Algebraic Systems by
-//! Runge-Kutta Methods*, 1989, section 4); the gap itself is zero where the contact closes.
+//! Forces exist only where a contact is closed. A closed contact has `g = 0` and `ġ = 0` at the stage points (and sticking `s = 0`), with a
+//! multiplier of its own in the rates of the coordinates, `q' = N v + μ ∇g` (C. W. Gear, B. Leimkuhler, G. K. Gupta, *Automatic
+//! integration of Euler-Lagrange equations with constraints*, 1985): a differential-algebraic equation of index 2, in which Radau IIA
+//! methods of `s` stages keep their order `2s − 1` of the state on curved gaps (E. Hairer, Ch. Lubich, M. Roche, *The Numerical Solution
+//! of Differential-Algebraic Systems by Runge-Kutta Methods*, 1989, section 4). Without `μ` gaps drift while they are closed, and a
+//! terminal position that lies on the contact has next to no solution.
 //!
 //! An event inside a control stage adds the equation that decides when it happens: a gap or a sliding speed that is zero at
 //! the end of the phase, or, where a contact opens or begins to slide, a force at that point. Forces at stage points are less
@@ -149,7 +151,10 @@ impl Modal<'_> {
                 let inputs = self.t.inputs(at, stage, &[]);
                 let ends = j + 1 == n_s;
                 if mode == ContactMode::Open {
-                    if !(ends && next.is_some_and(|next| takes_part(next, i))) {
+                    // A gap that opens from rest with a force that falls to zero grows like t³, and at the inner stages, which are of lower
+                    // order than the end, the method has it negative: −0.037 h³ of 0.037 h³ at the first of two.
+                    let unsure = !ends && self.opens(n, i);
+                    if !unsure && !(ends && next.is_some_and(|next| takes_part(next, i))) {
                         self.gap_not_negative(i, at, stage);
                     }
                     continue;
@@ -159,6 +164,7 @@ impl Modal<'_> {
                 self.t.add_force(n, j, i, forces);
                 let c = self.t.contact(i);
                 self.t.row(&c.rate, &inputs, EQUAL);
+                self.t.hold(n, j, i);
                 let stops = ends && next.is_some_and(|next| stops(plan, next, i));
                 if let Some(slide) = &c.slide {
                     match mode {
@@ -179,6 +185,11 @@ impl Modal<'_> {
                 self.friction(i, mode, &inputs);
             }
         }
+    }
+
+    /// Does contact `i` open at the start of element `n`?
+    fn opens(&self, n: usize, i: usize) -> bool {
+        self.opened[i].is_some_and(|o| o.q == self.t.elements[n].start.q)
     }
 
     fn gap_not_negative(&mut self, i: usize, at: Place, stage: usize) {

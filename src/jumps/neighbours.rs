@@ -1,4 +1,5 @@
-//! Mode sequences next to one: events in other control stages or between two, phases left out, other friction.
+//! Mode sequences next to one: events in other control stages or between two, phases left out, other friction, contacts and impacts
+//! left out, impacts put in.
 
 use super::modes::{ContactMode, Phase, Sequence};
 
@@ -86,6 +87,73 @@ fn earlier(items: &[Item], i: usize) -> Vec<Vec<Item>> {
     let mut inside = between.clone();
     enter(&mut inside, i - 1);
     vec![between, inside]
+}
+
+/// Stages by which events are moved at once, where moves to the next stage lead nowhere: the cost as a function of the time of an event has
+/// local minima at the ends of stages, where controls may jump.
+const FAR: [usize; 4] = [2, 3, 5, 8];
+
+/// The event at the start of item `i` some stages later or earlier, inside of a stage.
+fn far(items: &[Item], i: usize, forward: bool) -> Vec<Vec<Item>> {
+    let mut out = Vec::new();
+    let (mut now, mut at) = (items.to_vec(), i);
+    let target = |d: usize| if forward { Some(items[i].stage + d) } else { items[i].stage.checked_sub(d) };
+    while let Some(next) = if forward { later(&now, at) } else { earlier(&now, at) }.pop() {
+        at = match (forward, now[at - 1].stage == now[at].stage) {
+            (true, _) => at + 1,
+            (false, true) => at - 1,
+            (false, false) => at,
+        };
+        now = next;
+        let Some(event) = now.get(at) else { break };
+        if FAR.iter().any(|&d| target(d) == Some(event.stage)) {
+            out.push(now.clone());
+        }
+    }
+    out
+}
+
+/// Without the contact `i` begins with: an impact that contact `c` leaves at once, or a time in which it is closed.
+fn untouched(items: &[Item], i: usize, c: usize) -> Option<Vec<Item>> {
+    let lands = items[i].phase.modes[c].is_closed() && i > 0 && !items[i - 1].phase.modes[c].is_closed();
+    let hits = takes_part(&items[i].phase, c);
+    let held = i > 0 && items[i - 1].phase.modes[c].is_closed();
+    if held || !(lands || hits) {
+        return None;
+    }
+    let mut out = items.to_vec();
+    let leave = |phase: &mut Phase| {
+        if let Some(parts) = &mut phase.jump {
+            parts[c] = ContactMode::Open;
+            if !parts.iter().any(|p| p.is_closed()) {
+                phase.jump = None;
+            }
+        }
+    };
+    leave(&mut out[i].phase);
+    for item in &mut out[i..] {
+        if !item.phase.modes[c].is_closed() {
+            break;
+        }
+        item.phase.modes[c] = ContactMode::Open;
+        leave(&mut item.phase);
+    }
+    Some(out)
+}
+
+/// With an impact of contact `c` in the middle of phase `j` of stage `k`, which it leaves at once.
+pub(super) fn with_impact(s: &Sequence, k: usize, j: usize, c: usize) -> Option<Sequence> {
+    let phase = s.stages.get(k)?.get(j)?;
+    let mut behind = phase.clone();
+    behind.share *= 0.5;
+    // what is closed holds against the impact
+    let mut parts = behind.modes.clone();
+    parts[c] = ContactMode::Closed;
+    behind.jump = Some(parts);
+    let mut out = s.clone();
+    out.stages[k][j].share *= 0.5;
+    out.stages[k].insert(j + 1, behind);
+    Some(out)
 }
 
 /// Without item `i`: the phases on both sides meet, with the impacts of both ends.
@@ -187,6 +255,15 @@ pub(super) fn neighbours(
             }
         }
     }
+    for i in 1..items.len() {
+        for c in 0..frictional.len() {
+            rest.extend(untouched(&items, i, c));
+        }
+    }
+    for i in (1..items.len()).filter(|&i| is_event(&items, i)) {
+        rest.extend(far(&items, i, true));
+        rest.extend(far(&items, i, false));
+    }
     let rest = if friction_first { friction.into_iter().chain(rest).collect() } else { [rest, friction].concat() };
     let rest: Vec<Vec<Item>> = rest;
     let marked = first.into_iter().map(|i| (i, true)).chain(rest.into_iter().map(|i| (i, false)));
@@ -231,6 +308,24 @@ mod tests {
             let jumps = s.stages.iter().flatten().filter(|p| p.jump.is_some()).count();
             assert_eq!(jumps, 1, "{s:?}");
         }
+    }
+
+    #[test]
+    fn an_event_moves_far() {
+        let mut s = Sequence::constant(9, vec![OPEN]);
+        s.stages[1] = vec![phase(OPEN, false), phase(OPEN, true)];
+        let places: Vec<usize> = neighbours(&s, &[], &[false], false)
+            .iter()
+            .filter_map(|(s, _)| s.stages.iter().position(|k| k.iter().any(|p| p.jump.is_some())))
+            .collect();
+        for wanted in [0, 2, 3, 4, 6] {
+            assert!(places.contains(&wanted), "{places:?}");
+        }
+        // and without it
+        assert!(neighbours(&s, &[], &[false], false).iter().any(|(s, _)| s.events().is_empty()));
+        let s = with_impact(&Sequence::constant(3, vec![OPEN]), 1, 0, 0).unwrap();
+        assert_eq!(s.stages.iter().map(Vec::len).collect::<Vec<_>>(), [1, 2, 1]);
+        assert!(s.stages[1][1].jump == Some(vec![CLOSED]) && s.stages[1][1].modes == [OPEN]);
     }
 
     #[test]

@@ -5,10 +5,11 @@ use crate::error::{Error, Result};
 use crate::fesd::{Boundary, Durations, PathConstraint, Terminal};
 use crate::func::{Dims, Point};
 use crate::system::{SharedFunction, System};
-use crate::tableau::Tableau;
+use crate::tableau::{Family, Tableau};
 
 /// A scene with costs and constraints. Functions of costs and constraints have the sizes `wide`: controls and parameters of the scene come first, what
 /// stands behind them belongs to costs and constraints alone.
+#[derive(Clone)]
 pub struct Statement {
     /// The scene.
     pub system: System,
@@ -84,6 +85,12 @@ impl Problem {
         Ok(Problem { given, functions, knows_time })
     }
 
+    /// The same with implicit Euler, the method of one stage point.
+    pub(super) fn with_one_stage_point(&self) -> Result<Problem> {
+        let given = Statement { tableau: Tableau::new(Family::RadauIia, 1)?, ..self.given.clone() };
+        Ok(Problem { given, functions: self.functions.clone(), knows_time: self.knows_time })
+    }
+
     /// What was stated.
     pub fn given(&self) -> &Statement {
         &self.given
@@ -107,6 +114,18 @@ impl Problem {
     /// Names of the contacts.
     pub fn contact_names(&self) -> Vec<String> {
         self.functions.contacts.iter().map(|c| c.name.clone()).collect()
+    }
+
+    /// Coefficients of restitution of all contacts at an initial state; zero where they have no value.
+    pub(super) fn restitutions(&self, x0: &[f64]) -> Vec<f64> {
+        let g = &self.given;
+        let u = vec![0.0; g.dims.u];
+        let at = Point { t: g.t0, x: x0, u: &u, p: &g.params[..g.dims.p] };
+        let of = |f: &SharedFunction| {
+            let mut e = [0.0];
+            f.value(&at, &mut e, &mut vec![0.0; f.work_len()]).map_or(0.0, |()| e[0])
+        };
+        self.functions.contacts.iter().map(|c| of(&c.restitution)).collect()
     }
 
     /// Gaps of all contacts at a point, with their names; NaN where a gap has no value.

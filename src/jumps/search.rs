@@ -3,15 +3,18 @@
 use std::time::Instant;
 
 use super::complementary;
+use super::exact::{solve_sequence, Solved};
 use super::modal;
 use super::modes::{ContactMode, Event, Key, Sequence};
-use super::neighbours::neighbours;
+use super::neighbours::{neighbours, with_impact};
 use super::problem::Problem;
 use super::simulate::simulate;
+use super::stepping;
 use super::track::Track;
 use super::transcribe::Transcription;
 use crate::error::{Error, Result};
-use crate::mpcc::{Certificate, Mpcc, MpccSettings, MpccSolver, Warm};
+use crate::func::Point;
+use crate::mpcc::{Certificate, Mpcc, MpccSettings, MpccSolver};
 use crate::nlp::{Control, Nlp, Outcome, Residuals, Statistics};
 use crate::stop;
 
@@ -19,13 +22,16 @@ use crate::stop;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 pub enum Method {
-    /// From the simulated guess and the sequences next to it; where none of them has a solution, from FESD with jumps.
+    /// From the simulated guess and the sequences next to it, and from time stepping; where none of them has a solution, from FESD
+    /// with jumps.
     #[default]
     Auto = 0,
     /// From the simulated guess and the sequences next to it.
     Modes = 1,
     /// From FESD with jumps.
     FesdJ = 2,
+    /// From time stepping.
+    Steps = 3,
 }
 
 /// What a search is given besides the problem.
@@ -111,7 +117,9 @@ impl Answer {
 
 /// Iterations of the program of a sequence, which take a dozen where it has a solution, and of one that gets close to one.
 const ITERATIONS: usize = 150;
-const NEAR_ITERATIONS: usize = 40;
+const NEAR_ITERATIONS: usize = 80;
+/// Iterations without half the violation after which the program of a sequence next to a solution is given up.
+const NEAR_PATIENCE: usize = 10;
 /// Sequences that are tried again where nothing has a solution, and their iterations.
 const INSISTED: usize = 3;
 const MOST_ITERATIONS: usize = 400;
@@ -123,14 +131,16 @@ const PROMISING: f64 = 1e-2;
 const STOPS: [f64; 3] = [1e-1, 1e-2, 1e-4];
 const COMPLEMENTARY_ITERATIONS: usize = 200;
 
+/// Steps of a control stage in time stepping, the relaxations at which it is asked for modes, and its iterations to each of them.
+const STEPS: usize = 2;
+const STEPPING_STOPS: [f64; 2] = [1e-2, 1e-4];
+const STEPPING_ITERATIONS: usize = 500;
+
+/// Places in which an impact of a contact is put in.
+const PUT_IN: usize = 3;
+
 /// Share of the cost by which a sequence must be better to count.
 const GAIN: f64 = 1e-9;
-
-/// A program and its solver, with the solution they hold.
-pub struct Solved {
-    pub(super) transcription: Transcription,
-    pub(super) solver: MpccSolver,
-}
 
 /// Solves: the best answer, and its program.
 ///
@@ -144,6 +154,8 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         options,
         spent: Statistics::default(),
         tried: Vec::new(),
+        round: 1,
+        attempts: 0,
         best: None,
         dimensions: (0, 0, 0),
         failure: 0.0,
@@ -152,24 +164,19 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     if let Some(last) = &options.warm {
         s.start_at_answer(last, control)?;
     }
-    let known = s.best.as_ref().is_some_and(|b| b.0.is_solved());
-    if !known {
-        s.start_at_guess(control)?;
-        if options.method == Method::Auto {
+    if s.is_solved() {
+        // a warm start goes where phases that vanish lead, and no further
+        s.improve(true, control)?;
+    } else {
+        for start in starts(options) {
+            if stop::requested().is_none() && !(start.is_for_want() && s.is_solved()) {
+                s.explore(start, control)?;
+            }
+        }
+        if !s.is_solved() && stop::requested().is_none() {
+            s.insist(control)?;
             s.improve(false, control)?;
         }
-    }
-    let solved = s.best.as_ref().is_some_and(|b| b.0.is_solved());
-    let wants =
-        !solved && options.method != Method::Modes && (options.method == Method::FesdJ || options.sequence.is_none());
-    if wants && stop::requested().is_none() {
-        s.start_with_complementarity(control)?;
-    }
-    // a warm start goes where phases that vanish lead, and no further
-    s.improve(known, control)?;
-    if s.best.as_ref().is_none_or(|b| !b.0.is_solved()) && stop::requested().is_none() {
-        s.insist(control)?;
-        s.improve(false, control)?;
     }
     if s.best.is_none() {
         stop::check()?;
@@ -185,15 +192,53 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     best.stats = s.spent;
     best.stats.time_total = clock.elapsed().as_secs_f64();
     best.dimensions = s.dimensions;
-    best.tried = s.tried.len();
+    best.tried = s.attempts;
     Ok((best, solved))
+}
+
+/// Where a search begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Start {
+    /// The simulation of the guessed controls, or modes that are given.
+    Guess,
+    /// Time stepping from the initial state.
+    Steps,
+    /// Time stepping from a straight line to the target.
+    StepsOnLine,
+    /// FESD with jumps, from the initial state and from that line.
+    Complementarity,
+}
+
+impl Start {
+    /// Is it only for want of a solution?
+    fn is_for_want(self) -> bool {
+        matches!(self, Start::StepsOnLine | Start::Complementarity)
+    }
+}
+
+/// Starts of a search, in the order they are tried.
+fn starts(o: &Options) -> Vec<Start> {
+    use Start::{Complementarity, Guess, Steps, StepsOnLine};
+    match o.method {
+        Method::Auto if o.sequence.is_some() => vec![Guess],
+        Method::Auto => vec![Guess, Steps, StepsOnLine, Complementarity],
+        Method::Modes => vec![Guess],
+        Method::Steps => vec![Steps, StepsOnLine],
+        Method::FesdJ if o.sequence.is_some() => vec![Guess, Complementarity],
+        Method::FesdJ => vec![Complementarity],
+    }
 }
 
 struct Search<'a> {
     p: &'a Problem,
     options: &'a Options,
     spent: Statistics,
-    tried: Vec<Key>,
+    /// Sequences with the round in which they were tried last; 0 where they have a solution.
+    tried: Vec<(Key, usize)>,
+    /// Programs solved.
+    attempts: usize,
+    /// Starts so far: what failed from another start is tried again.
+    round: usize,
     best: Option<(Answer, Solved)>,
     dimensions: (usize, usize, usize),
     /// Violation of the last sequence that was tried; 0 where it has a solution.
@@ -250,13 +295,84 @@ impl Search<'_> {
         Track { tableau: g.tableau.clone(), nx, pieces, controls: o.controls.clone(), free: Vec::new() }
     }
 
+    fn is_solved(&self) -> bool {
+        self.best.as_ref().is_some_and(|b| b.0.is_solved())
+    }
+
+    /// The best answer that a start leads to, if it is better than those before.
+    fn explore(&mut self, start: Start, control: &mut Control) -> Result<()> {
+        let before = self.best.take();
+        self.round += 1;
+        match start {
+            Start::Guess => self.start_at_guess(control)?,
+            Start::Steps => self.start_with_steps(&self.options.states, control)?,
+            Start::StepsOnLine => {
+                if let Some(line) = self.line() {
+                    self.start_with_steps(&Some(line), control)?;
+                }
+            }
+            Start::Complementarity => self.start_with_complementarity(control)?,
+        }
+        if self.is_solved() {
+            self.improve(false, control)?;
+        }
+        if let Some(old) = before {
+            if self.best.as_ref().is_none_or(|new| !is_better(&new.0, &old.0)) {
+                self.best = Some(old);
+            }
+        }
+        Ok(())
+    }
+
+    /// A straight line from the initial state to the target, where that is known and nothing else was given.
+    fn line(&self) -> Option<(Vec<f64>, Vec<f64>)> {
+        let o = self.options;
+        let target = o.target.as_ref().filter(|_| o.states.is_none())?;
+        Some((vec![0.0, self.p.given.durations.iter().sum()], [&o.x0[..], &target[..]].concat()))
+    }
+
+    /// Time stepping. At several stops of its relaxation sequences are read from its motion: with all its contacts, and without those
+    /// that hardly count.
+    fn start_with_steps(&mut self, states: &Option<(Vec<f64>, Vec<f64>)>, control: &mut Control) -> Result<()> {
+        let o = self.options;
+        let coarse = self.p.with_one_stage_point()?;
+        let guess = self.plain_track(states.as_ref());
+        let mut t = stepping::transcribe(&coarse, STEPS, &guess);
+        let max_iter = o.solver.max_iter.min(STEPPING_ITERATIONS);
+        let settings = MpccSettings { polish: false, certify: false, early_polish: false, max_iter, ..o.solver };
+        let mut solver = MpccSolver::new(&mut t.program, settings)?;
+        let mut from = t.start.clone();
+        let mut sigma = o.solver.sigma_init;
+        for stop in STEPPING_STOPS {
+            if stop::requested().is_some() {
+                break;
+            }
+            solver.settings.sigma_init = sigma;
+            solver.settings.sigma_min = stop;
+            sigma = stop;
+            let solution = solver.solve(&mut t.program, &t.bounds, &from, control).clone();
+            self.note(&t, &solution.stats);
+            if !solution.residuals.primal.is_finite() {
+                break;
+            }
+            from.copy_from_slice(&solution.x);
+            for level in stepping::LEVELS {
+                let found = stepping::motion(&coarse, &t, &from, level);
+                self.attempt(&found.sequence(self.p.n_stages()), &found, ITERATIONS, control)?;
+            }
+            let found = stepping::motion(&coarse, &t, &from, stepping::LEVELS[0]);
+            self.try_simulation_of(&found, &t.state(&coarse, t.x0, &from), control)?;
+        }
+        if !self.is_solved() {
+            self.insist(control)?;
+        }
+        Ok(())
+    }
+
     /// FESD with jumps from the initial state, and, where that leads to no solution, from a straight line to the target.
     fn start_with_complementarity(&mut self, control: &mut Control) -> Result<()> {
         let o = self.options;
-        let line = o.target.as_ref().filter(|_| o.states.is_none()).map(|target| {
-            let times = vec![0.0, self.p.given.durations.iter().sum()];
-            (times, [&o.x0[..], &target[..]].concat())
-        });
+        let line = self.line();
         for states in [o.states.clone(), line.clone()] {
             let again = states.is_some() && states == line;
             let solved = self.best.as_ref().is_some_and(|b| b.0.is_solved());
@@ -304,9 +420,20 @@ impl Search<'_> {
     fn try_modes_of(&mut self, t: &Transcription, w: &[f64], control: &mut Control) -> Result<()> {
         let found = complementary::read(self.p, t, w);
         self.attempt(&found.sequence(self.p.n_stages()), &found, NEAR_ITERATIONS, control)?;
-        let lengths = self.stage_lengths(&found);
-        let x0: Vec<f64> = t.state(self.p, t.x0, w);
-        if let Ok(run) = simulate(self.p, &x0, &found.controls, &lengths) {
+        self.try_simulation_of(&found, &t.state(self.p, t.x0, w), control)
+    }
+
+    /// Was the sequence neither solved for in this round, nor with success before?
+    fn is_new(&self, sequence: &Sequence) -> bool {
+        let key = sequence.key();
+        let known = self.tried.iter().find(|t| t.0 == key);
+        known.is_none_or(|t| t.1 != 0 && t.1 != self.round)
+    }
+
+    /// The modes of the simulation of the controls of a motion.
+    fn try_simulation_of(&mut self, found: &Track, x0: &[f64], control: &mut Control) -> Result<()> {
+        let lengths = self.stage_lengths(found);
+        if let Ok(run) = simulate(self.p, x0, &found.controls, &lengths) {
             let track = run.track(self.p, &found.controls, &lengths)?;
             self.attempt(&track.sequence(self.p.n_stages()), &track, NEAR_ITERATIONS, control)?;
         }
@@ -342,36 +469,36 @@ impl Search<'_> {
         control: &mut Control,
     ) -> Result<bool> {
         let key = sequence.key();
-        if self.tried.contains(&key) || !modal::can_begin(self.p, sequence) || stop::requested().is_some() {
+        if !self.is_new(sequence) || !modal::can_begin(self.p, sequence) || stop::requested().is_some() {
             return Ok(false);
         }
-        self.tried.push(key);
+        self.tried.retain(|t| t.0 != key);
+        self.tried.push((key, self.round));
+        let place = self.tried.len() - 1;
+        let patience = if most <= NEAR_ITERATIONS { NEAR_PATIENCE } else { most / 4 };
         let settings = MpccSettings {
             max_iter: self.options.solver.max_iter.min(most),
             mu_init: NEAR_BARRIER,
             ..self.options.solver
         };
-        let (mut answer, mut solved) = solve_sequence(self.p, sequence, guess, point, settings, control)?;
+        let (mut answer, mut solved) = solve_sequence(self.p, sequence, guess, point, settings, patience, control)?;
         self.note(&solved.transcription, &answer.stats);
         let cheaper = self.best.as_ref().is_none_or(|b| !b.0.is_solved() || answer.cost < b.0.cost);
-        if answer.outcome == Outcome::MaxIter && most < ITERATIONS && cheaper && answer.violation < PROMISING {
+        if matches!(answer.outcome, Outcome::MaxIter) && most < ITERATIONS && cheaper && answer.violation < PROMISING {
             let settings =
                 MpccSettings { max_iter: self.options.solver.max_iter.min(ITERATIONS), ..self.options.solver };
-            (answer, solved) = solve_sequence(self.p, sequence, guess, point, settings, control)?;
+            (answer, solved) = solve_sequence(self.p, sequence, guess, point, settings, patience, control)?;
             self.note(&solved.transcription, &answer.stats);
         }
+        self.attempts += 1;
+        if answer.is_solved() {
+            self.tried[place].1 = 0;
+        }
         self.failure = if answer.is_solved() { 0.0 } else { answer.violation };
-        if self.failure > 0.0 && self.best.as_ref().is_none_or(|b| !b.0.is_solved()) {
+        if self.failure > 0.0 && most < MOST_ITERATIONS && !self.is_solved() {
             self.failed.push((self.failure, sequence.clone(), guess.clone()));
         }
-        let better = match &self.best {
-            None => true,
-            Some((b, _)) => match (answer.is_solved(), b.is_solved()) {
-                (true, true) => answer.cost < b.cost - GAIN * b.cost.abs(),
-                (false, false) => answer.violation < b.violation,
-                (now, _) => now,
-            },
-        };
+        let better = self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0));
         if better {
             self.best = Some((answer, solved));
         }
@@ -384,10 +511,44 @@ impl Search<'_> {
         failed.sort_by(|a, b| a.0.total_cmp(&b.0));
         for (_, sequence, guess) in failed.into_iter().take(INSISTED) {
             let key = sequence.key();
-            self.tried.retain(|k| *k != key);
+            self.tried.retain(|t| t.0 != key);
             self.attempt(&sequence, &guess, MOST_ITERATIONS, control)?;
         }
         Ok(())
+    }
+
+    /// Sequences with one impact more, where an open contact comes closest to closing.
+    fn with_impacts(&self, best: &Answer) -> Vec<Sequence> {
+        let g = &self.p.given;
+        let mut out = Vec::new();
+        let planned = &best.sequence;
+        let places: Vec<(usize, usize)> =
+            planned.stages.iter().enumerate().flat_map(|(k, s)| (0..s.len()).map(move |j| (k, j))).collect();
+        // gaps at the ends of stages, where every stage has an end
+        let ends: Vec<Vec<f64>> = (0..self.p.n_stages())
+            .filter_map(|k| {
+                let piece = best.track.pieces.iter().rev().find(|p| p.stage == k)?;
+                let x = &piece.xs[piece.xs.len() - g.dims.x..];
+                let at = Point {
+                    t: piece.t + piece.h,
+                    x,
+                    u: &best.track.controls[k * g.wide.u..k * g.wide.u + g.dims.u],
+                    p: &g.params[k * g.wide.p..k * g.wide.p + g.dims.p],
+                };
+                Some(self.p.gaps(&at).iter().map(|gap| gap.1).collect())
+            })
+            .collect();
+        for c in 0..self.p.n_contacts() {
+            let gap = |k: usize| ends.get(k).map_or(f64::INFINITY, |e| e[c]);
+            let mut low: Vec<usize> =
+                (1..ends.len()).filter(|&k| gap(k) <= gap(k - 1) && gap(k) <= gap(k + 1)).collect();
+            low.sort_by(|a, b| gap(*a).total_cmp(&gap(*b)));
+            for k in low.into_iter().take(PUT_IN) {
+                let open = places.iter().rev().find(|(i, j)| *i == k && !planned.stages[k][*j].modes[c].is_closed());
+                out.extend(open.and_then(|&(k, j)| with_impact(planned, k, j, c)));
+            }
+        }
+        out
     }
 
     /// Goes to sequences next to the best as long as the cost falls.
@@ -398,7 +559,8 @@ impl Search<'_> {
         let mut impossible: Vec<Event> = Vec::new();
         while let Some(best) = self.best.as_ref().map(|b| b.0.clone()) {
             let own = best.sequence.events();
-            let near = neighbours(&best.sequence, &best.vanishing, &frictional, !best.is_solved());
+            let mut near = neighbours(&best.sequence, &best.vanishing, &frictional, !best.is_solved());
+            near.extend(self.with_impacts(&best).into_iter().map(|s| (s, false)));
             let mut better = false;
             for (s, wanted) in near {
                 if only_wanted && !wanted {
@@ -412,10 +574,10 @@ impl Search<'_> {
                 if !wanted && best.is_solved() && new.iter().any(|e| impossible.contains(e)) {
                     continue;
                 }
-                let known = self.tried.len();
+                let known = self.attempts;
                 self.failure = 0.0;
                 better = self.attempt(&s, &best.track, NEAR_ITERATIONS, control)?;
-                left -= self.tried.len() - known;
+                left -= (self.attempts - known).min(left);
                 if best.is_solved() && self.failure > PROMISING {
                     impossible.extend(new);
                 }
@@ -431,62 +593,13 @@ impl Search<'_> {
     }
 }
 
-/// Solves the contact mode program of a sequence.
-pub(super) fn solve_sequence(
-    p: &Problem,
-    sequence: &Sequence,
-    guess: &Track,
-    point: Option<&[Vec<f64>; 3]>,
-    settings: MpccSettings,
-    control: &mut Control,
-) -> Result<(Answer, Solved)> {
-    let mut t = modal::transcribe(p, sequence, guess);
-    t.bounds.validate(t.program.n(), t.program.m())?;
-    stop::check_building(t.program.n())?;
-    let mut solver = MpccSolver::new(&mut t.program, settings)?;
-    let s = match point.filter(|w| w[0].len() == t.program.n() && w[1].len() == t.program.m()) {
-        Some([x, y, z]) => {
-            solver.solve_warm(&mut t.program, &t.bounds, &Warm { x, y, z }, control, &mut |_, _, _| false)
-        }
-        None => solver.solve(&mut t.program, &t.bounds, &t.start, control),
-    };
-    let s = s.clone();
-    let track = t.read(p, &s.x, &|_| Vec::new());
-    let cost = t.cost(&s.x).unwrap_or(f64::NAN);
-    let trouble = match (s.outcome, t.program.trouble()) {
-        (Outcome::Failed, Some((name, _))) => Some(name.to_owned()),
-        _ => None,
-    };
-    let params = (0..t.params.len()).filter_map(|j| t.params[j].map(|v| (j, s.x[v]))).collect();
-    let lengths = modal::phase_lengths(p, sequence, &track);
-    let vanishing = modal::vanishing(&lengths);
-    let planned = sequence.clone();
-    let mut sequence = sequence.clone();
-    for (stage, lengths) in sequence.stages.iter_mut().zip(&lengths) {
-        for (phase, length) in stage.iter_mut().zip(lengths) {
-            phase.share = *length;
-        }
+/// Solutions before others; of two the cheaper, of others the one with the smaller violation.
+fn is_better(a: &Answer, b: &Answer) -> bool {
+    match (a.is_solved(), b.is_solved()) {
+        (true, true) => a.cost < b.cost - GAIN * b.cost.abs(),
+        (false, false) => a.violation < b.violation,
+        (now, _) => now,
     }
-    sequence.tidy();
-    let answer = Answer {
-        outcome: s.outcome,
-        x0: t.state(p, t.x0, &s.x),
-        sequence,
-        track,
-        cost,
-        vanishing,
-        residuals: s.residuals,
-        certificate: s.certificate,
-        stats: s.stats,
-        dimensions: (t.program.n(), t.program.m(), 0),
-        tried: 1,
-        violation: if s.residuals.primal.is_finite() { s.residuals.primal } else { f64::INFINITY },
-        point: [s.x, s.y, s.z],
-        planned,
-        params,
-        trouble,
-    };
-    Ok((answer, Solved { transcription: t, solver }))
 }
 
 /// Linear interpolation of states at rising times.

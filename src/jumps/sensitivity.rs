@@ -1,7 +1,7 @@
 //! Derivatives of an answer with respect to initial state and parameters, while modes and jumps keep their order.
 
+use super::exact::Solved;
 use super::problem::Problem;
-use super::search::Solved;
 use super::transcribe::Transcription;
 use crate::error::{Error, Result};
 use crate::func::EvalError;

@@ -4,6 +4,9 @@ use crate::tableau::Tableau;
 
 use super::modes::{ContactMode, Phase, Sequence};
 
+/// Share of a piece by which its end and a time may differ and be the same.
+const ROUNDING: f64 = 1e-9;
+
 /// A part of a motion between two jumps or changes of modes: values at its start and at the nodes of the method.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Piece {
@@ -37,10 +40,18 @@ pub(super) struct Track {
 }
 
 impl Track {
-    /// The piece a time falls into; at an end of a piece the one before it, or, `behind` it, the next.
+    /// The piece a time falls into; at an end of a piece the one before it, or, `behind` it, the next. Times that come from lengths added up
+    /// in another order are the same up to rounding.
     pub(super) fn piece(&self, t: f64, behind: bool) -> Option<&Piece> {
         let n = self.pieces.len();
-        let k = self.pieces.partition_point(|p| if behind { p.t + p.h <= t } else { p.t + p.h < t });
+        let k = self.pieces.partition_point(|p| {
+            let (end, rounding) = (p.t + p.h, ROUNDING * p.h);
+            if behind {
+                end <= t + rounding
+            } else {
+                end < t - rounding
+            }
+        });
         self.pieces.get(k.min(n.wrapping_sub(1)))
     }
 

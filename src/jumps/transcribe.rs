@@ -463,6 +463,23 @@ impl<'a> Transcriber<'a> {
         self.b.term(&self.p.functions.contacts[i].push, &inputs, -1.0, Some(h), (rows..rows + n_v).map(|r| r as u32));
     }
 
+    /// Holds contact `i` closed at a stage point: its gap is zero there, with a multiplier in the rates of the coordinates. A gap that is
+    /// linear is held by its rate: collocation integrates it without error, and the row would only say the same again.
+    pub(super) fn hold(&mut self, element: usize, j: usize, i: usize) {
+        if self.contact(i).gap.hess_pattern().nnz() == 0 {
+            return;
+        }
+        let e = &self.elements[element];
+        let (at, stage, n_q) = (e.points[j], e.stage, self.p.functions.n_q);
+        let rows = e.momentum_rows[j] - n_q;
+        let mu = self.b.variables(1, FREE, 0.0, 1.0);
+        let c = self.contact(i);
+        let inputs = self.inputs(at, stage, &[Input::Variable(mu)]);
+        self.b.term(&c.shift, &inputs, -1.0, None, (rows..rows + n_q).map(|r| r as u32));
+        let inputs = self.inputs(at, stage, &[]);
+        self.row(&c.gap, &inputs, EQUAL);
+    }
+
     /// Lengths of the stages, constraints and costs of the horizon; the program.
     pub(super) fn finish(mut self) -> Transcription {
         self.stage_lengths();

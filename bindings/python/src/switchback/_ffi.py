@@ -390,6 +390,7 @@ class Jumps(Names):
     AUTO = 0
     MODES = 1
     FESD_J = 2
+    STEPS = 3
 
 
 class ProgressKind(Names):
