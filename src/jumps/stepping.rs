@@ -18,6 +18,7 @@ use super::modes::ContactMode;
 use super::problem::Problem;
 use super::track::{Piece, Track};
 use super::transcribe::Transcription;
+use crate::func::Point;
 
 /// The program of `n` steps in every control stage; `p` has the method of one stage point.
 pub(super) fn transcribe(p: &Problem, n: usize, guess: &Track) -> Transcription {
@@ -75,7 +76,28 @@ fn without_trifles(modes: &[ContactMode], gaps: &[f64], least: f64) -> Vec<Conta
     out
 }
 
-/// A contact that closes does so in the middle of its first step with a force; with restitution it opens at once.
+/// Shares of a step within which impacts are put.
+const INSIDE: [f64; 2] = [0.1, 0.9];
+
+/// Share of a step after which the first contact that closes in it does so with the velocities before, by a secant of its gap.
+fn landing(p: &Problem, piece: &Piece, hit: &[bool]) -> f64 {
+    let (g, n_q, n_v) = (p.given(), p.functions.n_q, p.functions.n_v);
+    if n_q != n_v {
+        return 0.5;
+    }
+    let u = vec![0.0; g.dims.u];
+    let gaps = |x: &[f64]| -> Vec<f64> {
+        let params = &g.params[piece.stage * g.wide.p..piece.stage * g.wide.p + g.dims.p];
+        p.gaps(&Point { t: piece.t, x, u: &u, p: params }).iter().map(|gap| gap.1).collect()
+    };
+    let mut ahead = piece.x0.clone();
+    (0..n_q).for_each(|k| ahead[k] += piece.h * piece.x0[n_q + k]);
+    let both = gaps(&piece.x0).into_iter().zip(gaps(&ahead)).zip(hit);
+    let shares = both.filter(|(_, hit)| **hit).map(|((a, b), _)| if b < 0.0 && a > 0.0 { a / (a - b) } else { 0.5 });
+    shares.fold(1.0, f64::min).clamp(INSIDE[0], INSIDE[1])
+}
+
+/// A contact that closes does so inside of its first step with a force; with restitution it opens at once.
 fn with_impacts(p: &Problem, track: Track, restitutions: &[f64]) -> Track {
     let (n_c, n_q) = (p.n_contacts(), p.functions.n_q);
     let mut pieces: Vec<Piece> = Vec::with_capacity(track.pieces.len());
@@ -94,16 +116,17 @@ fn with_impacts(p: &Problem, track: Track, restitutions: &[f64]) -> Track {
             pieces.push(piece);
             continue;
         }
-        let half = 0.5 * piece.h;
-        let middle: Vec<f64> = piece.x0.iter().zip(&piece.xs).map(|(a, b)| 0.5 * (a + b)).collect();
+        let share = landing(p, &piece, &hit);
+        let flight = share * piece.h;
+        let middle: Vec<f64> = piece.x0.iter().zip(&piece.xs).map(|(a, b)| (1.0 - share) * a + share * b).collect();
         let held = |i: usize| !hit[i] && behind[i].is_closed();
         let mut first = piece.clone();
-        first.h = half;
+        first.h = flight;
         first.modes = (0..n_c).map(|i| if held(i) { behind[i] } else { ContactMode::Open }).collect();
         first.xs.clone_from(&middle);
         first.xs[n_q..].copy_from_slice(&piece.x0[n_q..]);
         let mut second = piece.clone();
-        (second.t, second.h) = (piece.t + half, half);
+        (second.t, second.h) = (piece.t + flight, piece.h - flight);
         second.x0[..n_q].copy_from_slice(&middle[..n_q]);
         // a bounce takes two steps
         let last = track.pieces.get(k + 1).filter(|_| (0..n_c).any(|i| hit[i] && bounces(i))).unwrap_or(&piece);
