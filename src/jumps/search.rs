@@ -484,11 +484,20 @@ impl Search<'_> {
         let (mut answer, mut solved) = solve_sequence(self.p, sequence, guess, point, settings, patience, control)?;
         self.note(&solved.transcription, &answer.stats);
         let cheaper = self.best.as_ref().is_none_or(|b| !b.0.is_solved() || answer.cost < b.0.cost);
-        if matches!(answer.outcome, Outcome::MaxIter) && most < ITERATIONS && cheaper && answer.violation < PROMISING {
-            let settings =
-                MpccSettings { max_iter: self.options.solver.max_iter.min(ITERATIONS), ..self.options.solver };
-            (answer, solved) = solve_sequence(self.p, sequence, guess, point, settings, patience, control)?;
-            self.note(&solved.transcription, &answer.stats);
+        let stuck = matches!(answer.outcome, Outcome::MaxIter | Outcome::Stalled);
+        if stuck && cheaper && answer.violation < PROMISING {
+            // again from where it got to: steps that the filter of the last solve refuses are often the right ones
+            let settings = MpccSettings {
+                max_iter: self.options.solver.max_iter.min(ITERATIONS),
+                mu_init: NEAR_BARRIER,
+                ..self.options.solver
+            };
+            let last = answer.point.clone();
+            let again = solve_sequence(self.p, sequence, guess, Some(&last), settings, ITERATIONS, control)?;
+            self.note(&again.1.transcription, &again.0.stats);
+            if is_better(&again.0, &answer) {
+                (answer, solved) = again;
+            }
         }
         self.attempts += 1;
         if answer.is_solved() {
@@ -557,7 +566,13 @@ impl Search<'_> {
         let mut left = self.options.search;
         // events that were where no solution is
         let mut impossible: Vec<Event> = Vec::new();
+        let g = &self.p.given;
+        let costs = g.lagrange.is_some() || g.mayer.is_some() || g.grid_cost.is_some();
         while let Some(best) = self.best.as_ref().map(|b| b.0.clone()) {
+            if best.is_solved() && !costs {
+                // all solutions are as good
+                return Ok(());
+            }
             let own = best.sequence.events();
             let mut near = neighbours(&best.sequence, &best.vanishing, &frictional, !best.is_solved());
             near.extend(self.with_impacts(&best).into_iter().map(|s| (s, false)));
