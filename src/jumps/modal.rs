@@ -154,7 +154,8 @@ impl Modal<'_> {
                     // A gap that opens from rest with a force that falls to zero grows like t³, and at the inner stages, which are of lower
                     // order than the end, the method has it negative: −0.037 h³ of 0.037 h³ at the first of two.
                     let unsure = !ends && self.opens(n, i);
-                    if !unsure && !(ends && next.is_some_and(|next| takes_part(next, i))) {
+                    let closes = ends && next.is_some_and(|next| takes_part(next, i));
+                    if !(unsure || closes) {
                         self.gap_not_negative(i, at, stage);
                     }
                     continue;
