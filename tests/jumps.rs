@@ -303,3 +303,48 @@ fn a_string_goes_slack_without_a_jump_of_its_force() {
         assert!(slack > -1e-9, "{slack} at {}", e.t);
     }
 }
+
+/// Example of (5.17): a ball between a wall and a floor, thrown from (−0.5, 1) with the horizontal velocity −2.5, is to be at (−2, 1.5) after
+/// 0.6; the vertical velocity is free in [−8, 8], or given.
+fn thrown_ball(given: Option<f64>) -> Ocp {
+    let g = Graph::new();
+    let (x, y) = (g.x(0), g.x(1));
+    let mut scene = Scene::new("ball", 2, 2, 0, 0).unwrap();
+    scene.set_force(0, g.constant(0.0).id()).unwrap();
+    scene.set_force(1, g.constant(-G).id()).unwrap();
+    for (name, gap) in [("wall", -x + 1.6), ("floor", y)] {
+        scene.add_contact(Contact { restitution: g.constant(0.92).id(), ..Contact::new(&g, name, gap) }).unwrap();
+    }
+    let built = scene.build(&g).unwrap();
+    let mut ocp = Ocp::new(&built.system, 0.6, 3, &Settings { n_s: 3, n_fe: 1, ..Settings::default() }).unwrap();
+    let [lower, upper] = given.map_or([-8.0, 8.0], |v| [v, v]);
+    ocp.set_x0_bounds(&[-0.5, 1.0, -2.5, lower], &[-0.5, 1.0, -2.5, upper]).unwrap();
+    let miss = (x + 2.0).powi(2) + (y - 1.5).powi(2);
+    ocp.set_mayer(Arc::new(g.function("miss", built.dims, &[miss]).unwrap())).unwrap();
+    ocp
+}
+
+#[test]
+fn a_throw_that_hits_is_found_from_any_start() {
+    // with one impact, and without one, from the equations of the parabola
+    let roots = [-4.292_179_045_747_564, 3.776_333_333_333_333];
+    for start in [-8.0, -4.0, -1.0, 0.0, 1.0, 2.0, 4.0, 8.0] {
+        let mut ocp = thrown_ball(None);
+        ocp.set_x_guess(&[0.0], &[-0.5, 1.0, -2.5, start]).unwrap();
+        let r = ocp.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved, "{start}: {}", r.message);
+        assert!(r.cost.abs() < 1e-18, "{start}: {}", r.cost);
+        let found = r.trajectory.elements[0].x0[3];
+        let hits = r.contacts.as_ref().unwrap().impacts.len();
+        assert!((found - roots[1 - hits]).abs() < 1e-9, "{start}: {found} with {hits} impacts");
+        // an impact happens below 1.2763
+        if start < 1.27 {
+            assert_eq!(hits, 1, "{start}");
+        }
+    }
+    // the slope of the cost through the impact
+    let mut ocp = thrown_ball(Some(-2.0));
+    assert_eq!(ocp.solve(&mut Control::default()).unwrap().outcome, Outcome::Solved);
+    let slope = ocp.sensitivity().unwrap().cost[3];
+    assert!((slope - 0.239_091_476).abs() < 1e-9, "{slope}");
+}

@@ -156,6 +156,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         tried: Vec::new(),
         round: 1,
         attempts: 0,
+        largest: 0.0,
         best: None,
         dimensions: (0, 0, 0),
         failure: 0.0,
@@ -237,6 +238,8 @@ struct Search<'a> {
     tried: Vec<(Key, usize)>,
     /// Programs solved.
     attempts: usize,
+    /// Largest cost of one of them.
+    largest: f64,
     /// Starts so far: what failed from another start is tried again.
     round: usize,
     best: Option<(Answer, Solved)>,
@@ -317,7 +320,7 @@ impl Search<'_> {
             self.improve(false, control)?;
         }
         if let Some(old) = before {
-            if self.best.as_ref().is_none_or(|new| !is_better(&new.0, &old.0)) {
+            if self.best.as_ref().is_none_or(|new| !is_better(&new.0, &old.0, self.largest)) {
                 self.best = Some(old);
             }
         }
@@ -495,11 +498,14 @@ impl Search<'_> {
             let last = answer.point.clone();
             let again = solve_sequence(self.p, sequence, guess, Some(&last), settings, ITERATIONS, control)?;
             self.note(&again.1.transcription, &again.0.stats);
-            if is_better(&again.0, &answer) {
+            if is_better(&again.0, &answer, self.largest) {
                 (answer, solved) = again;
             }
         }
         self.attempts += 1;
+        if answer.cost.is_finite() {
+            self.largest = self.largest.max(answer.cost.abs());
+        }
         if answer.is_solved() {
             self.tried[place].1 = 0;
         }
@@ -507,7 +513,7 @@ impl Search<'_> {
         if self.failure > 0.0 && most < MOST_ITERATIONS && !self.is_solved() {
             self.failed.push((self.failure, sequence.clone(), guess.clone()));
         }
-        let better = self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0));
+        let better = self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0, self.largest));
         if better {
             self.best = Some((answer, solved));
         }
@@ -608,10 +614,10 @@ impl Search<'_> {
     }
 }
 
-/// Solutions before others; of two the cheaper, of others the one with the smaller violation.
-fn is_better(a: &Answer, b: &Answer) -> bool {
+/// Solutions before others; of two the cheaper, where costs as large as `largest` have the rounding of that; of others the one with the smaller violation.
+fn is_better(a: &Answer, b: &Answer, largest: f64) -> bool {
     match (a.is_solved(), b.is_solved()) {
-        (true, true) => a.cost < b.cost - GAIN * b.cost.abs(),
+        (true, true) => a.cost < b.cost - (GAIN * b.cost.abs()).max(f64::EPSILON * largest),
         (false, false) => a.violation < b.violation,
         (now, _) => now,
     }

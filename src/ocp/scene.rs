@@ -146,8 +146,13 @@ impl Ocp {
         })
     }
 
+    /// The first state of the guess where there is one, the middle of the bounds elsewhere.
     fn initial_guess_state(&self) -> Vec<f64> {
-        self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect()
+        let bounds = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]);
+        match &self.x_guess {
+            Some((_, x)) => bounds.zip(x).map(|((l, u), x)| x.max(*l).min(*u)).collect(),
+            None => bounds.map(|(l, u)| middle(*l, *u)).collect(),
+        }
     }
 
     fn scene_options(&self, p: &Problem, e: &Extended, start: Start, request: &Request) -> Options {

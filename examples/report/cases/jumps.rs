@@ -119,6 +119,7 @@ fn push_box() -> Ocp {
     let (pusher, x, y) = (g.x(0), g.x(1), g.x(2));
     let mut scene = Scene::new("push box", 3, 3, 1, 0).expect("sizes");
     scene.set_force(0, g.u(0).id()).expect("force");
+    scene.set_force(1, g.constant(0.0).id()).expect("force");
     scene.set_force(2, g.constant(-G).id()).expect("force");
     scene.add_contact(Contact::new(&g, "pusher", x - pusher - 0.1)).expect("contact");
     let (friction, tangents) = (g.constant(0.3).id(), vec![x.id()]);
@@ -143,6 +144,7 @@ fn ball_in_cup() -> Ocp {
     scene.set_inertia(&(0..16).map(entry).collect::<Vec<_>>()).expect("inertia");
     scene.set_force(0, g.u(0).id()).expect("force");
     scene.set_force(1, g.u(1).id()).expect("force");
+    scene.set_force(2, g.constant(0.0).id()).expect("force");
     scene.set_force(3, g.constant(-0.1 * G).id()).expect("force");
     let slack = -(x - cx).powi(2) - (y - cy).powi(2) + 0.25;
     scene.add_contact(Contact::new(&g, "string", slack)).expect("contact");
