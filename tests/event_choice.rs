@@ -231,3 +231,28 @@ fn twenty_subsystems_at_once() {
     assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
     assert!(r.x.iter().enumerate().all(|(k, x)| (x - if k % 3 == 0 { 0.0 } else { 1.0 }).abs() < 1e-12), "{:?}", r.x);
 }
+
+/// A force at the limit of dry friction, or off it by a part of rounding to 1e-9: the block stays where it is, or leaves as slowly as
+/// what is left of the force says. Both sets of modes meet the conditions (6.19) up to rounding there, and only one of them is not
+/// left again at once.
+#[test]
+fn a_force_at_the_limit_of_friction() {
+    use switchback::expr::Graph;
+    use switchback::model::Model;
+    let g = Graph::new();
+    let (q, v, u) = (g.x(0), g.x(1), g.u(0));
+    let rhs = [v, u - 0.5 * q - 0.5 * v.sign()];
+    let system = Model::from_rhs("block", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let start = [0.984160291134757, 0.0];
+    for atol in [1e-9, 1e-12] {
+        for more in [0.0, 1e-16, -1e-16, 1e-14, -1e-14, 1e-12, -1e-12, 1e-10, -1e-10, 1e-9, -1e-9] {
+            let o = Options { max_steps: 200, ..Options::with_tolerance(1e-9, atol) };
+            let mut e = Engine::new(&system, &o).unwrap();
+            e.set_controls(&[-0.007919854432576789 + more]).unwrap();
+            e.reinit(0.0, &start).unwrap();
+            assert_eq!(e.advance(0.2).unwrap(), Outcome::Reached, "{atol} {more}: {}", e.reason());
+            let (x, leaves) = (e.state(), f64::min(more, 0.0));
+            assert!((x[1] - 0.2 * leaves).abs() < 1e-3 * leaves.abs() + 1e-14, "{atol} {more}: {x:?}");
+        }
+    }
+}

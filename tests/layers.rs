@@ -43,8 +43,8 @@ const LAYERS: &[(&str, &[&str])] = &[
     (
         "ocp",
         &[
-            "error", "stop", "settings", "log", "tableau", "linalg", "func", "nlp", "mpcc", "system", "dcs", "event",
-            "fesd", "jumps", "sim",
+            "error", "stop", "settings", "log", "tableau", "linalg", "qp", "func", "nlp", "mpcc", "system", "dcs",
+            "event", "fesd", "jumps", "sim",
         ],
     ),
     (

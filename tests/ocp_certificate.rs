@@ -116,3 +116,30 @@ fn the_gradient_is_that_of_the_simulated_cost() {
     }
     assert!(steep > 0, "no derivative stands out: {:?}", o.gradient);
 }
+
+/// `x' = u + c(x)` is slower beyond zero, and what is gained by going on is worth it before zero and not behind: the best is to end
+/// there, which is a kink at the end of the horizon. The derivatives of neither side vanish, a convex combination does.
+#[test]
+fn a_kink_at_the_end_of_the_horizon_is_found_by_descent() {
+    let g = Graph::new();
+    let d = Dims { x: 1, u: 1, p: 0 };
+    let (x, u) = (g.x(0), g.u(0));
+    let rhs = [u + x.gt(0.0).select(0.2, 1.0)];
+    let system = Model::from_rhs("slower", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    for n in [1, 3] {
+        let mut o = Ocp::new(&system, 1.0, n, &Settings::default()).unwrap();
+        o.set_x0(&[-1.0]).unwrap();
+        o.set_u_bounds(&[-3.0], &[3.0]).unwrap();
+        o.set_lagrange(function(&g, d, &[0.5 * u * u + 0.5 * u])).unwrap();
+        o.set_mayer(function(&g, d, &[1.0 - x])).unwrap();
+        let (r, o) = solve(&mut o);
+        assert!(
+            (r.cost - 1.0).abs() < 1e-9 && r.controls.iter().all(|u| u.abs() < 1e-9),
+            "{} {:?}",
+            r.cost,
+            r.controls
+        );
+        assert_eq!(o.verdict, Verdict::Kink, "{o:?}");
+        assert!(o.residual > 0.1 && o.reason.contains("descent") && o.direction.is_empty(), "{o:?}");
+    }
+}

@@ -18,9 +18,10 @@ use std::ptr;
 pub enum swb_verdict {
     /// Not known; swb_ocp_get_optimality_reason says why.
     Unknown = 0,
-    /// No change lowers the cost to first order.
+    /// No change lowers the cost to first order, or a descent on simulations gains nothing.
     LocalOptimum = 1,
-    /// The same; switches lie exactly between control stages, and the cost rises towards either side of each.
+    /// The same at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises
+    /// towards either side.
     Kink = 2,
     /// Some change lowers the cost to first order.
     NotOptimal = 3,

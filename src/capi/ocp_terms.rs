@@ -312,7 +312,8 @@ pub unsafe extern "C" fn swb_ocp_solve_warm(ocp: *mut swb_ocp, outcome: *mut i32
     })
 }
 
-/// Make the last solution, one control stage later, the guess of the next solve.
+/// Make the last solution, one control stage later, the guess of the next solve. swb_ocp_solve_warm then simulates it from the
+/// initial state that is set by then, and starts from its modes and switching times.
 ///
 /// @return SWB_OK; SWB_ERR_STATE before the first solve
 #[no_mangle]

@@ -277,6 +277,11 @@ impl FilippovProblem {
             let mut holds = holds.into_iter();
             found.retain(|_| holds.next().unwrap_or(true));
         }
+        // of what is left, as where nothing moves at all, sets that meet the conditions go before those that only rounding lets in:
+        // a field that leads over its own surface, however slowly, would be left again at once
+        if found.iter().any(|s| s.margin >= 0.0) {
+            found.retain(|s| s.margin >= 0.0);
+        }
         Ok((found, weak))
     }
 

@@ -1,6 +1,7 @@
 //! Exact answers of a search. The cheapest one counts, unless its own controls lead elsewhere: where a solution is not unique, on a
 //! surface that both sides lead away from, a program picks the continuation that costs least, and nothing else does.
 
+use super::optimality::Verdict;
 use super::request::{Comparison, Request};
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
@@ -19,6 +20,8 @@ pub(super) struct Candidates {
     pub best: Option<Box<Ocp>>,
     /// The cheapest of the others that simulations agree with.
     pub spare: Option<Box<Ocp>>,
+    /// What a descent on simulations says of the best one, where its derivatives alone do not.
+    pub still: Option<Verdict>,
     /// Several ways led to the best one, and it costs what the smoothed problem promised.
     pub agreed: bool,
     /// Sizes of the quantities of the problem.
@@ -47,6 +50,7 @@ impl Candidates {
 
     /// A new best; the one before may become the spare one.
     pub fn replace(&mut self, one: Box<Ocp>, request: &Request) -> Result<()> {
+        self.still = None;
         match self.best.replace(one) {
             Some(old) => self.keep(old, request),
             None => Ok(()),

@@ -15,6 +15,7 @@
 mod accuracy;
 mod adapt;
 mod candidates;
+mod descent;
 mod diagnosis;
 mod extend;
 mod guess;
@@ -27,6 +28,7 @@ mod nominal;
 mod optimality;
 mod phases;
 mod portfolio;
+mod receding;
 mod request;
 mod rewire;
 mod scene;
@@ -191,6 +193,12 @@ pub struct Ocp {
     result: Option<OcpResult>,
     /// Sizes that are known already, for problems made of another one.
     sizes: Option<Sizes>,
+    /// Sizes that the last search measured.
+    measured: Option<Sizes>,
+    /// The largest cost of an answer so far.
+    largest: f64,
+    /// The last solution one control stage later, where the next warm solve is to start from it.
+    shifted: Option<Box<OcpResult>>,
     /// How contact modes are found, where the system is a scene, and what the last solve knows of them.
     scene: scene::SceneControl,
 }
@@ -244,6 +252,9 @@ impl Ocp {
             engine: None,
             result: None,
             sizes: None,
+            measured: None,
+            largest: 0.0,
+            shifted: None,
             scene: scene::SceneControl::default(),
         })
     }
@@ -496,6 +507,8 @@ impl Ocp {
     fn changed(&mut self) {
         self.built = None;
         self.engine = None;
+        self.measured = None;
+        self.largest = 0.0;
     }
 
     /// Sets bounds of the states at all stage points and element ends after the initial time.
@@ -547,6 +560,7 @@ impl Ocp {
         }
         finite("state of the guess", x, times.len() * self.system.dims().x)?;
         self.x_guess = Some((times.to_vec(), x.to_vec()));
+        self.shifted = None;
         Ok(())
     }
 
@@ -554,6 +568,7 @@ impl Ocp {
     pub fn set_u_guess(&mut self, u: &[f64]) -> Result<()> {
         finite("control of the guess", u, self.n_stages * self.system.dims().u)?;
         self.u_guess = Some(u.to_vec());
+        self.shifted = None;
         Ok(())
     }
 

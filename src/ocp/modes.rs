@@ -136,6 +136,7 @@ impl Ocp {
             m.check()?;
         }
         self.modes = modes;
+        self.shifted = None;
         Ok(())
     }
 

@@ -12,6 +12,8 @@ use crate::dcs::Form;
 
 /// Share of the shorter neighbour that a new phase begins with.
 const SHARE: f64 = 0.2;
+/// Share of a stage below which a phase at its start or end is there because phases have a least length.
+const SLIVER: f64 = 1e-3;
 /// Share of a stage below which a phase is no phase.
 const NOTHING: f64 = 1e-6;
 
@@ -37,6 +39,12 @@ impl Sequence {
     /// What it is apart from lengths.
     pub fn sets(&self) -> Vec<Vec<Vec<bool>>> {
         self.stages.iter().map(|s| s.iter().map(|p| p.0.clone()).collect()).collect()
+    }
+
+    /// Does one of the subsystems, whose regions are `simplices`, begin on a surface?
+    pub fn begins_sliding(&self, simplices: &[Range<usize>]) -> bool {
+        let first = self.stages.first().and_then(|s| s.first());
+        first.is_some_and(|(set, _)| simplices.iter().any(|c| set[c.clone()].iter().filter(|a| **a).count() > 1))
     }
 
     /// As times and modes.
@@ -102,7 +110,23 @@ impl Sequence {
         for cells in simplices {
             self.without_short(cells, &mut add);
         }
+        self.without_slivers(&mut add);
         out
+    }
+
+    /// Without the first or the last phase of a stage where that is a sliver: the switch would rather be between the stages.
+    fn without_slivers(&self, add: &mut dyn FnMut(Sequence)) {
+        for (k, stage) in self.stages.iter().enumerate().filter(|(_, s)| s.len() > 1) {
+            let sliver = SLIVER * stage.iter().map(|p| p.1).sum::<f64>();
+            for (at, to) in [(0, 1), (stage.len() - 1, stage.len() - 2)] {
+                if stage[at].1 < sliver {
+                    let mut s = self.clone();
+                    s.stages[k][to].1 += stage[at].1;
+                    s.stages[k].remove(at);
+                    add(s);
+                }
+            }
+        }
     }
 
     fn split_last(&mut self, stage: usize, length: f64, set: Vec<bool>) {

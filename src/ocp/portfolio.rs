@@ -4,8 +4,9 @@
 use std::time::Instant;
 
 use super::candidates::{agree, cost_of, Candidates};
+use super::descent::Descent;
 use super::moves::Sequence;
-use super::optimality::OTHER;
+use super::optimality::{Verdict, OTHER};
 use super::request::Request;
 use super::sequence::{Room, BRIEF, NEAR, ROUGH};
 use super::solve::Start;
@@ -38,6 +39,31 @@ const FOLLOWED: usize = 4;
 /// Share of the cost by which one must be lower to count as better.
 const GAIN: f64 = 1e-7;
 
+/// What the answer of a problem costs when it is simulated, or what it says itself where that cannot be compared.
+fn worth(one: &mut Ocp, request: &Request) -> Result<f64> {
+    let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.cost);
+    Ok(one.simulated_cost(request)?.unwrap_or(own))
+}
+
+/// Which smoothed problems are solved.
+pub(super) enum Ladders {
+    /// All that a cold start has.
+    All,
+    /// One from the guess, which is a plan with these phases.
+    FromPlan(Vec<Vec<Vec<bool>>>),
+}
+
+/// Is an answer better than one that costs this much, by itself and when it is simulated? Simulations decide where both can be compared.
+fn lower(one: &mut Ocp, (cost, simulated): (f64, f64), request: &Request) -> Result<bool> {
+    let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.cost);
+    // those that are far from better by themselves are not simulated
+    if own > cost + SAME * cost.abs() {
+        return Ok(false);
+    }
+    let (now, before) = (worth(one, request)?, if simulated.is_finite() { simulated } else { cost });
+    Ok(now < before - GAIN * before.abs())
+}
+
 /// What was found before there was no time left is an answer.
 fn in_time(r: Result<()>, found: &Candidates) -> Result<()> {
     match r {
@@ -57,19 +83,36 @@ impl Ocp {
     /// Solves as the request says where to start from; from elsewhere than cold, and where modes are given, as
     /// [`Ocp::run`].
     pub(super) fn search(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
+        let shifted = self.shifted.take();
+        if let Some(moved) = shifted.filter(|_| start == Start::Warm && self.may_smooth(request)) {
+            return match self.solve_shifted(moved, request, control)? {
+                None => self.result.as_ref().ok_or_else(|| Error::Internal("a solve without a result".into())),
+                Some(found) => {
+                    // the plan has had its chance
+                    (self.x_guess, self.u_guess) = (None, None);
+                    self.search_from_all(Start::Cold, found, request, control)
+                }
+            };
+        }
         let smooths = start == Start::Cold && request.start != OcpStart::Homotopy && self.may_smooth(request);
         if !smooths {
             return self.run(start, request, control);
         }
-        self.search_from_all(start, request, control)
+        let found = Candidates { known: self.sizes()?, ..Candidates::default() };
+        self.search_from_all(start, found, request, control)
     }
 
     /// A function of its own, whose frame solves from one start do not pay for.
     #[inline(never)]
-    fn search_from_all(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
+    fn search_from_all(
+        &mut self,
+        start: Start,
+        mut found: Candidates,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<&OcpResult> {
         let clock = Instant::now();
-        let mut found = Candidates { known: self.sizes()?, ..Candidates::default() };
-        in_time(self.solve_by_smoothing(&mut found, request, control), &found)?;
+        self.smooth_in_time(&mut found, Ladders::All, request, control)?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
         let enough = found.best.is_some() && request.start == OcpStart::Smoothing;
         if !enough && (found.best.is_none() || stop::requested().is_none()) {
@@ -100,9 +143,29 @@ impl Ocp {
                 found.replace(own, request)?;
             }
         }
-        in_time(self.improve(&mut found, request, control), &found)?;
-        in_time(self.settle(&mut found, request, control), &found)?;
+        self.improve_in_time(&mut found, request, control)?;
+        self.settle_in_time(&mut found, request, control)?;
         self.adopt(found, request, control, clock)
+    }
+
+    /// As [`Ocp::improve`], as far as there is time.
+    pub(super) fn improve_in_time(
+        &self,
+        found: &mut Candidates,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
+        in_time(self.improve(found, request, control), found)
+    }
+
+    /// As [`Ocp::settle`], as far as there is time.
+    pub(super) fn settle_in_time(
+        &self,
+        found: &mut Candidates,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
+        in_time(self.settle(found, request, control), found)
     }
 
     /// Where nothing else leads to an exact answer: mode programs along simulations of the guessed controls and of others within
@@ -141,14 +204,21 @@ impl Ocp {
         let n_fe = self.elements(&request.options);
         let mut tried = Vec::new();
         let mut left = NEIGHBOURS.max(request.search);
-        let mut followed = 0;
+        let (mut followed, mut descended) = (0, 0);
         while let Some((r, sizes)) = found.best.as_ref().and_then(|b| Some((b.result.clone()?, b.sizes.clone()))) {
             let now = Sequence::of(&r);
+            let own = match found.best.as_mut() {
+                Some(best) => worth(best, request)?,
+                None => r.cost,
+            };
             tried.push(now.sets());
             let mut better = false;
             for s in now.neighbours(&form.simplices) {
-                if stop::requested().is_some() || left == 0 {
+                if stop::requested().is_some() {
                     return Ok(());
+                }
+                if left == 0 {
+                    break;
                 }
                 if tried.contains(&s.sets()) {
                     continue;
@@ -159,7 +229,7 @@ impl Ocp {
                 work.sizes.clone_from(&sizes);
                 let next = work.run(Start::Near, &inside, control)?;
                 found.add(next);
-                if next.is_exact() && next.cost < r.cost - GAIN * r.cost.abs() {
+                if next.is_exact() && lower(&mut work, (r.cost, own), request)? {
                     found.replace(work, request)?;
                     better = true;
                     break;
@@ -168,13 +238,16 @@ impl Ocp {
             if better {
                 continue;
             }
-            if followed == FOLLOWED {
+            if followed < FOLLOWED {
+                followed += 1;
+                if self.follow(found, request, &mut tried, control)? {
+                    continue;
+                }
+            }
+            if descended == FOLLOWED || !self.descend_from(found, request, control)? {
                 break;
             }
-            followed += 1;
-            if !self.follow(found, request, &mut tried, control)? {
-                break;
-            }
+            descended += 1;
         }
         Ok(())
     }
@@ -199,6 +272,7 @@ impl Ocp {
         if judged.direction.is_empty() {
             return Ok(false);
         }
+        let own = worth(best, request)?;
         for step in STEPS {
             if stop::requested().is_some() {
                 break;
@@ -210,11 +284,48 @@ impl Ocp {
             }
             moved.control_ends.clone_from(&moved.controls);
             let Some(traced) = self.trace(&moved, &request.options)? else { continue };
-            let one = self.solve_traced(&moved, (&traced, NEAR), &known, &inside, control)?;
+            let mut one = self.solve_traced(&moved, (&traced, NEAR), &known, &inside, control)?;
             let Some(next) = one.result.as_ref() else { continue };
             found.add(next);
             tried.push(Sequence::of(next).sets());
-            if next.is_exact() && next.cost < r.cost - GAIN * r.cost.abs() {
+            if next.is_exact() && lower(&mut one, (r.cost, own), request)? {
+                found.replace(one, request)?;
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Where nothing else follows the direction of a better answer: by descent on simulations, which says either that there is
+    /// none, or where one is. Its mode program is solved on finer grids where it is not better in simulations. Is it?
+    fn descend_from(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<bool> {
+        let Some(best) = found.best.as_mut() else { return Ok(false) };
+        let Some(judged) = best.judged()? else { return Ok(false) };
+        let elsewhere = judged.reason == OTHER;
+        if stop::requested().is_some() || !elsewhere && judged.verdict != Verdict::NotOptimal {
+            return Ok(false);
+        }
+        let known = best.sizes.clone().unwrap_or_else(|| found.known.clone());
+        let inside = Request { comparison: None, explain: false, ..*request };
+        let moved = match self.descend(best, &known)? {
+            None => return Ok(false),
+            Some(Descent::Still(verdict)) => {
+                found.still = (!elsewhere).then_some(verdict);
+                return Ok(false);
+            }
+            Some(Descent::Lower(moved)) => moved,
+        };
+        let now = worth(best, request)?;
+        let Some(traced) = self.trace_through(&moved, &request.options)? else { return Ok(false) };
+        for elements in [1, FINER[0], FINER[1]] {
+            if stop::requested().is_some() {
+                break;
+            }
+            let room = Room { short: BRIEF, elements };
+            let mut one = self.solve_traced(&moved, (&traced, room), &known, &inside, control)?;
+            let Some(next) = one.result.as_ref() else { continue };
+            found.add(next);
+            if next.is_exact() && worth(&mut one, request)? < now - GAIN * now.abs() {
                 found.replace(one, request)?;
                 return Ok(true);
             }
@@ -272,13 +383,13 @@ impl Ocp {
             found.keep(one, request)?;
         }
         if cost_of(&found.spare) < simulated {
-            found.best = found.spare.take();
+            (found.best, found.still) = (found.spare.take(), None);
         }
         Ok(())
     }
 
     /// Takes over the best answer with what was built for it, and reports it.
-    fn adopt(
+    pub(super) fn adopt(
         &mut self,
         found: Candidates,
         request: &Request,
@@ -286,14 +397,22 @@ impl Ocp {
         clock: Instant,
     ) -> Result<&OcpResult> {
         let mut found = found;
+        let cost = found.cost();
         let Some((mut b, builds)) = found.best.take().and_then(|mut f| f.built.take().map(|b| (b, f.builds))) else {
             return Err(Error::Internal("no answer was found".into()));
         };
         let stage_params = b.extended.params.clone();
+        let still = found.still;
+        self.measured = Some(found.known.clone());
+        self.largest = self.largest.max(cost.abs());
         self.builds += builds;
         let reported = self.report(&mut b, &stage_params, Statistics::default(), request, control);
         self.built = Some(b);
-        self.result = Some(reported?);
+        let mut r = reported?;
+        if let (Some(o), Some(verdict)) = (r.optimality.as_mut().filter(|o| o.verdict == Verdict::NotOptimal), still) {
+            o.certify_by_descent(verdict);
+        }
+        self.result = Some(r);
         self.spent_in_all(&found, clock)
     }
 
@@ -321,14 +440,33 @@ impl Ocp {
             && request.options.discretisation.discretisation == crate::settings::Discretisation::Fesd
     }
 
+    /// As [`Ocp::solve_by_smoothing`], as far as there is time.
+    pub(super) fn smooth_in_time(
+        &self,
+        found: &mut Candidates,
+        ladders: Ladders,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
+        in_time(self.solve_by_smoothing(found, ladders, request, control), found)
+    }
+
     /// From the smoothed problems to the mode programs of their controls.
-    fn solve_by_smoothing(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
+    fn solve_by_smoothing(
+        &self,
+        found: &mut Candidates,
+        ladders: Ladders,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
         let known = found.known.clone();
         let Some(mut smoother) = self.smoother(&known, request, control)? else { return Ok(()) };
-        let ladders = smoother.race(control);
-        found.spent = smoother.spent;
+        let (ladders, mut tried) = match ladders {
+            Ladders::All => (smoother.race(control), Vec::new()),
+            Ladders::FromPlan(phases) => (smoother.follow(control), vec![phases]),
+        };
+        found.spent.add(&smoother.spent);
         let inside = Request { comparison: None, explain: false, ..*request };
-        let mut tried = Vec::new();
         let mut costs: Vec<f64> = Vec::new();
         for (k, ladder) in ladders.iter().enumerate() {
             let mut best = f64::INFINITY;

@@ -23,6 +23,8 @@ type Rung = (f64, f64, f64);
 /// Where ladders begin, the likeliest first: the width, and whether states go straight to a state that meets the terminal
 /// conditions instead of staying as they are at the start.
 const FIRST: [(f64, bool); 4] = [(1.0, false), (1.0, true), (0.1, false), (10.0, false)];
+/// Where a ladder begins from a plan that is known, and where it ends.
+const PLAN: [Rung; 2] = [(0.1, 1e-2, 1e-3), NARROWEST];
 /// What every ladder goes through from its first width down; at the last one the costs are compared.
 const COMMON: [Rung; 3] = [(1.0, 1e-2, 1e-2), (0.3, 1e-2, 1e-2), (0.1, 1e-2, 1e-3)];
 /// The last one. A narrower one is not resolved by the grid: its optima are those of the grid.
@@ -149,6 +151,20 @@ impl Smoother {
             found.push(Smoothed { answers, count });
         }
         found
+    }
+
+    /// One ladder from the guess, which is an earlier plan: near it, but not bound to its modes.
+    pub fn follow(&mut self, control: &mut Control) -> Vec<Smoothed> {
+        let [(width, mu, tol), last] = PLAN;
+        let w0 = self.w0.clone();
+        let sizes = self.sizes.clone();
+        let Some(at) = self.solve(&sizes, width, &Warm { x: &w0, y: &[], z: &[] }, [mu, tol], control) else {
+            return Vec::new();
+        };
+        let c = Climber { sizes: self.sizes_along(&at.x), at, count: 1 };
+        let first = self.read(&c);
+        let last = self.climb(c, &[last], control);
+        vec![Smoothed { answers: std::iter::once(first).chain(last.map(|c| self.read(&c))).collect(), count: 1 }]
     }
 
     fn read(&mut self, c: &Climber) -> OcpResult {

@@ -231,33 +231,6 @@ impl Ocp {
         self.result.as_ref().ok_or_else(|| Error::Internal("a solve without a result".into()))
     }
 
-    /// Makes the last solution, one control stage later, the guess of the next solve; the last stage is repeated.
-    pub fn shift(&mut self) -> Result<()> {
-        let r =
-            self.result.as_ref().ok_or_else(|| Error::State("there is no solution to shift: solve first".into()))?;
-        let nu = self.system.dims().u;
-        let mut u = r.controls[nu..].to_vec();
-        u.extend_from_slice(&r.control_ends[(self.n_stages - 1) * nu..]);
-        let from = self.t0 + r.durations[0];
-        let (mut times, mut x) = (Vec::new(), Vec::new());
-        for e in r.trajectory.elements.iter().filter(|e| e.stage > 0) {
-            if times.last().is_none_or(|t| e.t - from > *t) {
-                times.push(e.t - from);
-                x.extend_from_slice(&e.x0);
-            }
-        }
-        if let Some(e) = r.trajectory.elements.last().filter(|_| !times.is_empty()) {
-            if e.h > 1e-12 {
-                times.push(e.t + e.h - from);
-                x.extend_from_slice(&e.x1);
-            }
-        }
-        if self.n_stages > 1 {
-            self.set_x_guess(&times, &x)?;
-        }
-        self.set_u_guess(&u)
-    }
-
     /// One solve on one grid: discretises where that is due, prepares, solves, reports. What was built stays whatever
     /// happens, and after an error it is as before.
     pub(super) fn run(&mut self, start: Start, request: &Request, control: &mut Control) -> Result<&OcpResult> {
@@ -664,7 +637,7 @@ impl Ocp {
     }
 
     /// What the violation of relaxed constraints costs at a point.
-    fn penalty(&self, problem: &Fesd, w: &[f64], e: &Extended, durations: &[f64]) -> f64 {
+    pub(super) fn penalty(&self, problem: &Fesd, w: &[f64], e: &Extended, durations: &[f64]) -> f64 {
         let (controls, params) = (problem.controls(w), problem.params_at(w));
         let wide = e.system.dims().u.max(1);
         let of = |(soft, at): (&super::extend::Soft, &Slacks)| -> f64 {

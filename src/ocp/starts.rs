@@ -176,6 +176,9 @@ impl Ocp {
             engine: None,
             result: None,
             sizes: self.sizes.clone(),
+            measured: None,
+            largest: 0.0,
+            shifted: None,
             scene: self.scene.blank(),
         }
     }

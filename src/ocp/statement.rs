@@ -92,6 +92,9 @@ impl Ocp {
             engine: _,
             result: _,
             sizes: _,
+            measured: _,
+            largest: _,
+            shifted: _,
             scene: _,
         } = self;
         Statement {

@@ -147,7 +147,8 @@ class OcpTerms(Solver):
         self._do("set_stage_params", address(array), array.size)
 
     def shift(self) -> None:
-        """Make the last solution, one control stage later, the guess of the next solve."""
+        """Make the last solution, one control stage later, the guess of the next solve. `solve(warm=True)` then simulates it from
+        the initial state that is set by then, and starts from its modes and switching times."""
         self._do("shift")
 
     @property

@@ -1,0 +1,460 @@
+//! An optimal control problem in its controls, free lengths, parameters and initial states alone: states, cost, constraints and
+//! all derivatives come from event-driven simulations, stage by stage (6.25).
+
+use super::sqp::{Program, Values};
+use crate::error::Result;
+use crate::event::{self, Engine};
+use crate::fesd::{PathAt, Sizes};
+use crate::func::Point;
+use crate::ocp::accuracy::{tolerances, with_cost};
+use crate::ocp::extend::Extended;
+use crate::ocp::solve::Built;
+use crate::ocp::{Durations, Ocp, OcpResult};
+use crate::stop;
+use crate::system::SharedFunction;
+use nalgebra::{DMatrix, DVector};
+
+/// Tolerance of the simulations, relative to the sizes of the states, and their steps.
+const TOLERANCE: f64 = 1e-8;
+const MAX_STEPS: usize = 50_000;
+/// Pieces of a stage at whose ends constraints are looked at that hold along it.
+const PIECES: usize = 3;
+
+/// Where the variables are.
+struct Places {
+    n: usize,
+    /// Of the first stage; then those of the others.
+    controls: usize,
+    /// Of linear controls at the end of the horizon, for each of them.
+    ends: Vec<Option<usize>>,
+    lengths: usize,
+    n_lengths: usize,
+    /// Behind parameters and initial states; none where they are given.
+    params: Vec<Option<usize>>,
+    initial: Vec<Option<usize>>,
+}
+
+/// The problem in these variables.
+pub(super) struct Shooting<'a> {
+    ocp: &'a Ocp,
+    e: &'a Extended,
+    engine: Engine,
+    /// Linear controls, which are states of the simulation behind the cost.
+    ramps: Vec<usize>,
+    at: Places,
+    /// Parameters of every stage, as they are where they are given.
+    params: Vec<f64>,
+    /// Lengths of the stages, shares of the horizon where only that is free.
+    lengths: Vec<f64>,
+    x0: Vec<f64>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    sizes: Vec<f64>,
+    row_lower: Vec<f64>,
+    row_upper: Vec<f64>,
+    pieces: usize,
+}
+
+/// A point of the simulation with the derivatives of what it depends on by the variables.
+struct Here {
+    t: f64,
+    dt: DVector<f64>,
+    /// States of the simulation: cost, linear controls, states.
+    x: Vec<f64>,
+    dx: DMatrix<f64>,
+    /// Controls, linear ones at this point.
+    u: Vec<f64>,
+    du: DMatrix<f64>,
+    p: Vec<f64>,
+    dp: DMatrix<f64>,
+}
+
+/// Half of what lies between two bounds, or else what the value is.
+fn size_of(value: f64, lower: f64, upper: f64, usual: f64) -> f64 {
+    match (upper - lower).is_finite() && upper > lower {
+        true => 0.5 * (upper - lower),
+        false if value.abs().max(usual) > 0.0 => value.abs().max(usual),
+        false => 1.0,
+    }
+}
+
+impl<'a> Shooting<'a> {
+    /// With the extended problem of an answer; where the start is, see [`Shooting::start`].
+    pub fn new(ocp: &'a Ocp, b: &'a Built, r: &OcpResult, usual: &Sizes) -> Result<Shooting<'a>> {
+        let e = &b.extended;
+        let (d, n) = (e.system.dims(), ocp.n_stages);
+        let system = with_cost(&e.system, e.lagrange.as_ref(), &ocp.linear)?;
+        let ramps: Vec<usize> = (0..ocp.linear.len()).filter(|&j| ocp.linear[j]).collect();
+        let control_size = |j: usize| usual.u.get(j).copied().unwrap_or(1.0);
+        let cost = if r.cost_reached != 0.0 { r.cost_reached.abs() } else { 1.0 };
+        let of_states = std::iter::once(cost).chain(ramps.iter().map(|&j| control_size(j))).chain(usual.x.clone());
+        let tight = tolerances(TOLERANCE, &of_states.collect::<Vec<f64>>());
+        let engine = Engine::new(&system, &event::Options { sensitivity: true, max_steps: MAX_STEPS, ..tight })?;
+        let mut s = Shooting {
+            ocp,
+            e,
+            engine,
+            at: Places {
+                n: 0,
+                controls: 0,
+                ends: vec![None; ocp.linear.len()],
+                lengths: 0,
+                n_lengths: 0,
+                params: vec![None; d.p],
+                initial: vec![None; d.x],
+            },
+            ramps,
+            params: e.params.clone(),
+            lengths: r.durations.clone(),
+            x0: r.trajectory.elements.first().map_or_else(|| vec![0.0; d.x], |e| e.x0.clone()),
+            lower: Vec::new(),
+            upper: Vec::new(),
+            sizes: Vec::new(),
+            row_lower: Vec::new(),
+            row_upper: Vec::new(),
+            pieces: 1,
+        };
+        let along =
+            ocp.x_bounds.iter().flatten().any(|b| b.is_finite()) || e.path.iter().any(|c| c.at != PathAt::ControlGrid);
+        s.pieces = if along { PIECES } else { 1 };
+        for _ in 0..n {
+            (0..d.u).for_each(|j| s.control(j, &control_size));
+        }
+        for j in s.ramps.clone() {
+            s.at.ends[j] = Some(s.lower.len());
+            s.control(j, &control_size);
+        }
+        s.at.lengths = s.lower.len();
+        // what the model makes of the time itself is not followed: lengths stay where it does
+        let follows = b.problem.spec().dcs.clock().is_none();
+        s.at.n_lengths = match ocp.time {
+            Durations::Horizon if follows => 1,
+            Durations::Stages if follows => n,
+            _ => 0,
+        };
+        let horizon: f64 = s.lengths.iter().sum();
+        for k in 0..s.at.n_lengths {
+            let value = if s.at.n_lengths == 1 { horizon } else { s.lengths[k] };
+            s.variable(ocp.time_bounds, size_of(value, ocp.time_bounds[0], ocp.time_bounds[1], 0.0));
+        }
+        for j in 0..d.p {
+            let bounds = match &ocp.p_bounds {
+                _ if e.slack_params.contains(&j) => [0.0, f64::INFINITY],
+                Some([l, u]) if j < l.len() && l[j] < u[j] => [l[j], u[j]],
+                _ => continue,
+            };
+            s.at.params[j] = Some(s.lower.len());
+            s.variable(bounds, size_of(s.params[j], bounds[0], bounds[1], 0.0));
+        }
+        for i in 0..d.x {
+            let bounds = [ocp.x0_bounds[0][i], ocp.x0_bounds[1][i]];
+            if bounds[0] < bounds[1] {
+                s.at.initial[i] = Some(s.lower.len());
+                s.variable(bounds, size_of(s.x0[i], bounds[0], bounds[1], usual.x[i]));
+            }
+        }
+        s.at.n = s.lower.len();
+        s.count_rows();
+        Ok(s)
+    }
+
+    /// Number of variables.
+    pub fn n(&self) -> usize {
+        self.at.n
+    }
+
+    fn variable(&mut self, [l, u]: [f64; 2], size: f64) {
+        self.lower.push(l);
+        self.upper.push(u);
+        self.sizes.push(size);
+    }
+
+    fn control(&mut self, j: usize, size: &dyn Fn(usize) -> f64) {
+        let own = self.ocp.u_bounds[0].len();
+        let [l, u] = match j < own {
+            true => [self.ocp.u_bounds[0][j], self.ocp.u_bounds[1][j]],
+            false => [0.0, f64::INFINITY],
+        };
+        self.variable([l, u], size_of(0.0, l, u, size(j)));
+    }
+
+    /// Place of the control at the start of stage `k`; at its end where it is linear.
+    fn control_at(&self, k: usize, j: usize) -> usize {
+        match self.at.ends.get(j).copied().flatten() {
+            Some(end) if k == self.ocp.n_stages => end,
+            _ => self.at.controls + k * self.e.system.dims().u + j,
+        }
+    }
+
+    /// Variables of an answer: its controls and, where they are linear, their ends `[n_stages · nu]`, lengths, parameters, initial states.
+    pub fn start(&self, controls: &[f64], ends: &[f64]) -> Vec<f64> {
+        let (nu, n) = (self.e.system.dims().u, self.ocp.n_stages);
+        let mut z = vec![0.0; self.at.n];
+        z[..n * nu].copy_from_slice(controls);
+        for (j, at) in self.at.ends.iter().enumerate() {
+            at.iter().for_each(|&at| z[at] = ends[(n - 1) * nu + j]);
+        }
+        let lengths = &mut z[self.at.lengths..self.at.lengths + self.at.n_lengths];
+        match lengths {
+            [one] => *one = self.lengths.iter().sum(),
+            all => all.copy_from_slice(&self.lengths[..all.len()]),
+        }
+        let given = self.at.params.iter().zip(&self.params).chain(self.at.initial.iter().zip(&self.x0));
+        given.for_each(|(at, v)| at.iter().for_each(|&at| z[at] = *v));
+        z
+    }
+
+    /// Takes the variables over into an answer: user's controls, lengths, parameters, initial state.
+    pub fn tell(&self, z: &[f64], r: &mut OcpResult) {
+        let (n, own) = (self.ocp.n_stages, self.ocp.u_bounds[0].len());
+        let place = |k: usize, j: usize| z[self.control_at(k, j)];
+        let linear = |j: usize| self.at.ends[j].is_some();
+        let all = |shift: usize| -> Vec<f64> {
+            let of = |k: usize, j: usize| place(if linear(j) { k + shift } else { k }, j);
+            (0..n).flat_map(|k| (0..own).map(move |j| (k, j))).map(|(k, j)| of(k, j)).collect()
+        };
+        (r.controls, r.control_ends) = (all(0), all(1));
+        (0..n).for_each(|k| r.durations[k] = self.length(z, k).0);
+        let count = r.params.len();
+        for (p, at) in r.params.iter_mut().zip(&self.at.params[..count]) {
+            *p = at.map_or(*p, |at| z[at]);
+        }
+        if let Some(e) = r.trajectory.elements.first_mut() {
+            e.x0.iter_mut().zip(&self.at.initial).for_each(|(x, at)| *x = at.map_or(*x, |at| z[at]));
+        }
+    }
+
+    /// Length of a stage, the variable behind it and its share.
+    fn length(&self, z: &[f64], k: usize) -> (f64, Option<(usize, f64)>) {
+        match self.at.n_lengths {
+            0 => (self.lengths[k], None),
+            1 if self.ocp.n_stages > 1 || self.ocp.time == Durations::Horizon => {
+                let share = self.lengths[k] / self.lengths.iter().sum::<f64>();
+                (share * z[self.at.lengths], Some((self.at.lengths, share)))
+            }
+            _ => (z[self.at.lengths + k], Some((self.at.lengths + k, 1.0))),
+        }
+    }
+
+    /// Bounds of all constraints in the order of [`Shooting::evaluate`].
+    fn count_rows(&mut self) {
+        let mut bounds = [Vec::new(), Vec::new()];
+        let mut add = |l: &[f64], u: &[f64]| {
+            bounds[0].extend_from_slice(l);
+            bounds[1].extend_from_slice(u);
+        };
+        for _ in 0..self.ocp.n_stages {
+            self.e.path.iter().for_each(|c| add(&c.lower, &c.upper));
+            for i in 0..self.pieces {
+                for s in self.bounded() {
+                    add(&self.ocp.x_bounds[0][s..=s], &self.ocp.x_bounds[1][s..=s]);
+                }
+                let last = i + 1 == self.pieces;
+                let here = self.e.path.iter().filter(|c| last || c.at != PathAt::ControlGrid);
+                here.for_each(|c| add(&c.lower, &c.upper));
+            }
+        }
+        self.e.terminal.iter().for_each(|c| add(&c.lower, &c.upper));
+        self.e.boundary.iter().for_each(|c| add(&c.lower, &c.upper));
+        [self.row_lower, self.row_upper] = bounds;
+    }
+
+    /// States with bounds.
+    fn bounded(&self) -> Vec<usize> {
+        let b = &self.ocp.x_bounds;
+        (0..b[0].len()).filter(|&i| b[0][i].is_finite() || b[1][i].is_finite()).collect()
+    }
+
+    /// The start of the horizon.
+    fn begin(&self, z: &[f64]) -> Here {
+        let (d, n) = (self.e.system.dims(), self.at.n);
+        let first = 1 + self.ramps.len();
+        let mut here = Here {
+            t: self.ocp.t0,
+            dt: DVector::zeros(n),
+            x: vec![0.0; first + d.x],
+            dx: DMatrix::zeros(first + d.x, n),
+            u: vec![0.0; d.u],
+            du: DMatrix::zeros(d.u, n),
+            p: vec![0.0; d.p],
+            dp: DMatrix::zeros(d.p, n),
+        };
+        for (i, at) in self.at.initial.iter().enumerate() {
+            here.x[first + i] = at.map_or(self.x0[i], |at| z[at]);
+            at.iter().for_each(|&at| here.dx[(first + i, at)] = 1.0);
+        }
+        for (j, at) in self.at.params.iter().enumerate() {
+            at.iter().for_each(|&at| here.dp[(j, at)] = 1.0);
+        }
+        here
+    }
+
+    /// Simulates stage `k` from `here` on; false where that does not get to its end.
+    fn stage(&mut self, z: &[f64], k: usize, here: &mut Here, out: &mut Values) -> Result<bool> {
+        let d = self.e.system.dims();
+        let (length, by) = self.length(z, k);
+        here.p.copy_from_slice(&self.params[k * d.p..(k + 1) * d.p]);
+        for (j, at) in self.at.params.iter().enumerate() {
+            at.iter().for_each(|&at| here.p[j] = z[at]);
+        }
+        here.du.fill(0.0);
+        for j in 0..d.u {
+            let at = self.control_at(k, j);
+            here.u[j] = z[at];
+            here.du[(j, at)] = 1.0;
+        }
+        // linear controls are states, and their slopes are the controls of the simulation
+        let (mut slope, mut dslope) = (here.u.clone(), here.du.clone());
+        for (r, &j) in self.ramps.iter().enumerate() {
+            let (from, to) = (self.control_at(k, j), self.control_at(k + 1, j));
+            here.x[1 + r] = z[from];
+            here.dx.row_mut(1 + r).fill(0.0);
+            here.dx[(1 + r, from)] = 1.0;
+            slope[j] = (z[to] - z[from]) / length;
+            dslope.row_mut(j).fill(0.0);
+            dslope[(j, to)] = 1.0 / length;
+            dslope[(j, from)] = -1.0 / length;
+            by.iter().for_each(|(at, share)| dslope[(j, *at)] -= slope[j] * share / length);
+        }
+        for c in &self.e.path {
+            self.add_rows(&c.f, here, out);
+        }
+        let part = 1.0 / self.pieces as f64;
+        for i in 0..self.pieces {
+            if !self.piece(here, (&slope, &dslope), part * length, by.map(|(at, share)| (at, part * share)))? {
+                return Ok(false);
+            }
+            let last = i + 1 == self.pieces;
+            for s in self.bounded() {
+                let at = 1 + self.ramps.len() + s;
+                out.rows.push(here.x[at]);
+                out.jacobian.extend(here.dx.row(at).iter());
+            }
+            for c in self.e.path.iter().filter(|c| last || c.at != PathAt::ControlGrid) {
+                self.add_rows(&c.f, here, out);
+            }
+        }
+        Ok(true)
+    }
+
+    /// Simulates a piece of a stage of this length, which changes with a variable.
+    fn piece(
+        &mut self,
+        here: &mut Here,
+        (slope, dslope): (&[f64], &DMatrix<f64>),
+        length: f64,
+        by: Option<(usize, f64)>,
+    ) -> Result<bool> {
+        stop::check()?;
+        let end = here.t + length;
+        self.engine.reinit(here.t, &here.x)?;
+        self.engine.set_params(&here.p)?;
+        self.engine.set_controls(slope)?;
+        let reached = length > 0.0 && matches!(self.engine.advance(end)?, event::Outcome::Reached);
+        stop::check()?;
+        let Some(s) = self.engine.sensitivity().filter(|_| reached) else { return Ok(false) };
+        let (nx, np, nu) = (here.x.len(), here.p.len(), slope.len());
+        let s = DMatrix::from_row_slice(nx, nx + np + nu, s);
+        let mut dx = s.columns(0, nx) * &here.dx;
+        dx += s.columns(nx, np) * &here.dp;
+        dx += s.columns(nx + np, nu) * dslope;
+        if let Some((at, share)) = by {
+            self.engine.derivative().iter().enumerate().for_each(|(i, v)| dx[(i, at)] += share * v);
+            here.dt[at] += share;
+        }
+        here.dx = dx;
+        here.x.copy_from_slice(self.engine.state());
+        here.t = end;
+        for (r, &j) in self.ramps.iter().enumerate() {
+            here.u[j] = here.x[1 + r];
+            let row = here.dx.row(1 + r).into_owned();
+            here.du.row_mut(j).copy_from(&row);
+        }
+        Ok(true)
+    }
+
+    /// Values of a function and their derivatives by the variables; NaN where it has none. With `before`, states at the start of the
+    /// horizon come first.
+    fn values(&self, f: &SharedFunction, here: &Here, before: Option<&Here>) -> (Vec<f64>, DMatrix<f64>) {
+        let first = 1 + self.ramps.len();
+        let mut x: Vec<f64> = before.map_or_else(Vec::new, |b| b.x[first..].to_vec());
+        x.extend_from_slice(&here.x[first..]);
+        let (d, m) = (f.dims(), f.n_out());
+        let at = Point { t: here.t, x: &x, u: &here.u, p: &here.p };
+        let pattern = f.jac_pattern();
+        let (mut value, mut entries, mut work) = (vec![f64::NAN; m], vec![0.0; pattern.nnz()], vec![0.0; f.work_len()]);
+        let mut slopes = DMatrix::zeros(m, self.at.n);
+        if f.value(&at, &mut value, &mut work).is_err() || f.jacobian(&at, &mut entries, &mut work).is_err() {
+            value.fill(f64::NAN);
+            return (value, slopes);
+        }
+        for j in 0..d.n_in() {
+            let change = match j {
+                j if j < x.len() => match before {
+                    Some(b) if j < here.x.len() - first => b.dx.row(first + j).into_owned(),
+                    Some(_) => here.dx.row(first + j - (here.x.len() - first)).into_owned(),
+                    None => here.dx.row(first + j).into_owned(),
+                },
+                j if j < d.x + d.u => here.du.row(j - d.x).into_owned(),
+                j if j < d.x + d.u + d.p => here.dp.row(j - d.x - d.u).into_owned(),
+                _ => here.dt.transpose(),
+            };
+            for (&i, v) in pattern.rows(j).iter().zip(&entries[pattern.range(j)]) {
+                let mut row = slopes.row_mut(i);
+                row += &change * *v;
+            }
+        }
+        (value, slopes)
+    }
+
+    fn add_rows(&self, f: &SharedFunction, here: &Here, out: &mut Values) {
+        let (value, slopes) = self.values(f, here, None);
+        push(&value, &slopes, out);
+    }
+
+    fn add_cost(&self, f: Option<&SharedFunction>, here: &Here, out: &mut Values) {
+        let Some(f) = f else { return };
+        let (value, slopes) = self.values(f, here, None);
+        out.cost += value[0];
+        out.gradient.iter_mut().zip(slopes.row(0).iter()).for_each(|(g, s)| *g += s);
+    }
+}
+
+fn push(value: &[f64], slopes: &DMatrix<f64>, out: &mut Values) {
+    out.rows.extend_from_slice(value);
+    (0..value.len()).for_each(|i| out.jacobian.extend(slopes.row(i).iter()));
+}
+
+impl Program for Shooting<'_> {
+    fn bounds(&self) -> (&[f64], &[f64], &[f64]) {
+        (&self.lower, &self.upper, &self.sizes)
+    }
+
+    fn row_bounds(&self) -> (&[f64], &[f64]) {
+        (&self.row_lower, &self.row_upper)
+    }
+
+    fn evaluate(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
+        (out.cost, out.gradient) = (0.0, vec![0.0; self.at.n]);
+        out.rows.clear();
+        out.jacobian.clear();
+        let (mut here, start) = (self.begin(z), self.begin(z));
+        for k in 0..self.ocp.n_stages {
+            if !self.stage(z, k, &mut here, out)? {
+                return Ok(false);
+            }
+            self.add_cost(self.e.grid_cost.as_ref(), &here, out);
+        }
+        self.add_cost(self.e.mayer.as_ref(), &here, out);
+        out.cost += here.x[0];
+        out.gradient.iter_mut().zip(here.dx.row(0).iter()).for_each(|(g, s)| *g += s);
+        for c in &self.e.terminal {
+            self.add_rows(&c.f, &here, out);
+        }
+        for c in &self.e.boundary {
+            let (value, slopes) = self.values(&c.f, &here, Some(&start));
+            push(&value, &slopes, out);
+        }
+        Ok(out.cost.is_finite() && out.rows.iter().all(|v| v.is_finite()))
+    }
+}

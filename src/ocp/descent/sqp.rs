@@ -1,0 +1,523 @@
+//! Sequential quadratic programming with few variables, for functions that are expensive and smooth but for kinks.
+//!
+//! Every step minimises a quadratic model of the cost with the violations of linearised constraints at a price, inside a
+//! box (R. Fletcher, *Practical Methods of Optimization*, 1987, 14.4: the Sℓ₁QP method). Constraints that contradict each other
+//! are nothing special then. The Hessian is that of the damped BFGS update (J. Nocedal, S. J. Wright, *Numerical
+//! Optimization*, 2006, 18.3).
+//!
+//! At a kink no smooth model is right. What a step finds that fails is the linearisation of another piece of the function: the
+//! model is then the larger of the two, as in bundle methods (J.-B. Hiriart-Urruty, C. Lemaréchal, *Convex Analysis and
+//! Minimization Algorithms II*, 1993, ch. XV). Where such a model promises nothing any more, a convex combination of derivatives
+//! around the point vanishes: no direction leads down.
+
+use crate::error::Result;
+use crate::qp::{Condensing, Price, QpSolution, QpSolver, QpStatus, Row, StageQp, Terms};
+
+/// What the box is at first, as a share of the sizes of the variables, and where it is too small to go on.
+const FIRST_BOX: f64 = 0.1;
+const LAST_BOX: f64 = 1e-8;
+/// The largest one.
+const WIDEST: f64 = 1.0;
+/// Shares of the predicted decrease from which a step is taken, from which the box stays, and from which it grows.
+const TAKEN: f64 = 1e-4;
+const FAIR: f64 = 0.25;
+const GOOD: f64 = 0.75;
+/// Predicted decrease, relative to the cost or to what one variable changes it by, below which nothing is left to gain, and the decrease
+/// of a step that counts.
+const NOTHING: f64 = 1e-10;
+const PROGRESS: f64 = 1e-7;
+/// Predicted decrease over the box, relative to the steepest slope, below which no direction leads down.
+const STILL: f64 = 1e-2;
+/// Violation of a constraint, relative to what the variables change it by, that counts as none.
+const MET: f64 = 1e-7;
+/// Price of a violation in units of the steepest change of the cost, its growth and its limit.
+const PRICE: f64 = 10.0;
+const DEARER: f64 = 4.0;
+const DEAREST: f64 = 1e6;
+/// Share of the violation that a step must promise to take away, or else violations become dearer.
+const PROMISE: f64 = 0.5;
+const HELPED: f64 = 0.9;
+/// Pieces on the other side of kinks that are remembered at most, the cosine from which two are the same, and the distance,
+/// in boxes, from which one says nothing any more.
+const PIECES: usize = 12;
+const PARALLEL: f64 = 0.999;
+const FAR: f64 = 100.0;
+/// Least curvature along a step, relative to that of the model, of Powell's damping.
+const DAMPING: f64 = 0.2;
+
+/// A cost and constraints `lower ≤ c(z) ≤ upper` with their derivatives.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Values {
+    pub cost: f64,
+    /// `[n]`
+    pub gradient: Vec<f64>,
+    /// `[m]`
+    pub rows: Vec<f64>,
+    /// Row by row, `[m · n]`.
+    pub jacobian: Vec<f64>,
+}
+
+/// What is minimised.
+pub(super) trait Program {
+    /// Bounds of the variables and their sizes, all positive: `[n]` each.
+    fn bounds(&self) -> (&[f64], &[f64], &[f64]);
+    /// Bounds of the constraints.
+    fn row_bounds(&self) -> (&[f64], &[f64]);
+    /// Values at a point; false where there are none.
+    fn evaluate(&mut self, z: &[f64], out: &mut Values) -> Result<bool>;
+}
+
+/// The end of a descent.
+#[derive(Debug, Clone)]
+pub(super) struct Lowest {
+    pub z: Vec<f64>,
+    /// Cost at the start.
+    pub before: f64,
+    /// Decrease of the cost, relative to what it is or one variable changes it by, whichever is more. What it costs to meet
+    /// constraints that the start violates is counted with their multipliers.
+    pub gain: f64,
+    /// Largest violation of a constraint, relative to what the variables change it by.
+    pub violation: f64,
+    /// Did it end where no direction leads down, and is that so at a kink only?
+    pub stationary: bool,
+    pub kink: bool,
+}
+
+/// Values at the end of a step that failed.
+struct Piece {
+    y: Vec<f64>,
+    values: Values,
+}
+
+/// A descent in variables divided by their sizes, with the cost and the constraints divided by what the variables change them by.
+struct Descent<'a> {
+    program: &'a mut dyn Program,
+    n: usize,
+    m: usize,
+    size: Vec<f64>,
+    lower: Vec<f64>,
+    upper: Vec<f64>,
+    row_lower: Vec<f64>,
+    row_upper: Vec<f64>,
+    /// Factors of the cost and of the constraints, and the steepest slope of the cost with it.
+    unit: f64,
+    slope: f64,
+    row_unit: Vec<f64>,
+    qp: StageQp,
+    solver: Condensing,
+    /// Price of violations.
+    price: f64,
+    pieces: Vec<Piece>,
+    /// Multipliers of the constraints as last found: kinks are looked at in the Lagrange function.
+    multipliers: Vec<f64>,
+}
+
+/// Descends from `z`, with at most `evaluations` evaluations. `None` where there are no values at `z`.
+pub(super) fn minimise(program: &mut dyn Program, z: &[f64], evaluations: usize) -> Result<Option<Lowest>> {
+    let mut here = Values::default();
+    let (lower, upper, _) = program.bounds();
+    let z: Vec<f64> = z.iter().zip(lower.iter().zip(upper)).map(|(v, (l, u))| v.max(*l).min(*u)).collect();
+    if !program.evaluate(&z, &mut here)? {
+        return Ok(None);
+    }
+    let Some(mut descent) = Descent::new(program, &here)? else { return Ok(None) };
+    descent.scale(&mut here);
+    let before = here.clone();
+    let mut lowest = descent.run(&z, here, evaluations)?;
+    lowest.gain += descent.lagrangian(&before);
+    lowest.before = before.cost / descent.unit;
+    Ok(Some(lowest))
+}
+
+impl<'a> Descent<'a> {
+    /// `None` where no variable changes the cost or a constraint.
+    fn new(program: &'a mut dyn Program, at: &Values) -> Result<Option<Descent<'a>>> {
+        let [lower, upper, size] = <[&[f64]; 3]>::from(program.bounds()).map(<[f64]>::to_vec);
+        let [row_lower, row_upper] = <[&[f64]; 2]>::from(program.row_bounds()).map(<[f64]>::to_vec);
+        let (n, m) = (size.len(), at.rows.len());
+        let steepest = |g: &[f64]| g.iter().zip(&size).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
+        let unit = steepest(&at.gradient);
+        let of_rows: Vec<f64> = at.jacobian.chunks_exact(n).map(steepest).collect();
+        let all = of_rows.iter().fold(unit, |a, b| a.max(*b));
+        if !(all > 0.0 && all.is_finite()) {
+            return Ok(None);
+        }
+        // a constraint that nothing changes has no size of its own: it takes that of its value
+        let whole = |(s, v): (&f64, &f64)| if *s > 0.0 { 1.0 / s } else { 1.0 / v.abs().max(f64::MIN_POSITIVE) };
+        let row_unit: Vec<f64> = of_rows.iter().zip(&at.rows).map(whole).map(|f| f.min(f64::MAX)).collect();
+        let rows = vec![Row { node: 0, price: Some(Price { linear: 1.0, quadratic: 0.0 }) }; m + PIECES];
+        let qp = StageQp::new(1, 1, n, rows)?;
+        let over = |b: &[f64], s: &[f64]| b.iter().zip(s).map(|(b, s)| b / s).collect::<Vec<f64>>();
+        let times = |b: &[f64], s: &[f64]| b.iter().zip(s).map(|(b, s)| b * s).collect::<Vec<f64>>();
+        let (lower, upper) = (over(&lower, &size), over(&upper, &size));
+        let (row_lower, row_upper) = (times(&row_lower, &row_unit), times(&row_upper, &row_unit));
+        let solver = Condensing::new(&qp)?;
+        let steepest = unit;
+        let unit = 1.0 / steepest.max(at.cost.abs()).max(f64::MIN_POSITIVE);
+        Ok(Some(Descent {
+            program,
+            n,
+            m,
+            size,
+            lower,
+            upper,
+            row_lower,
+            row_upper,
+            unit,
+            slope: steepest * unit,
+            row_unit,
+            qp,
+            solver,
+            price: PRICE,
+            pieces: Vec::new(),
+            multipliers: vec![0.0; m],
+        }))
+    }
+
+    /// Values in the units of the descent.
+    fn scale(&self, v: &mut Values) {
+        v.cost *= self.unit;
+        v.gradient.iter_mut().zip(&self.size).for_each(|(g, s)| *g *= self.unit * s);
+        v.rows.iter_mut().zip(&self.row_unit).for_each(|(c, f)| *c *= f);
+        for (row, f) in v.jacobian.chunks_exact_mut(self.n).zip(&self.row_unit) {
+            row.iter_mut().zip(&self.size).for_each(|(g, s)| *g *= f * s);
+        }
+    }
+
+    fn evaluate(&mut self, y: &[f64], out: &mut Values) -> Result<bool> {
+        let z: Vec<f64> = y.iter().zip(&self.size).map(|(y, s)| y * s).collect();
+        let found = self.program.evaluate(&z, out)?;
+        self.scale(out);
+        Ok(found && out.cost.is_finite() && out.gradient.iter().chain(&out.jacobian).all(|v| v.is_finite()))
+    }
+
+    /// Violations of the constraints, summed, and the largest.
+    fn violation(&self, rows: impl Iterator<Item = f64>) -> (f64, f64) {
+        let bounds = self.row_lower.iter().zip(&self.row_upper);
+        let by = rows.zip(bounds).map(|(c, (l, u))| (l - c).max(c - u).max(0.0));
+        by.fold((0.0, 0f64), |(sum, worst), v| (sum + v, worst.max(v)))
+    }
+
+    /// The cost with the violations of constraints that act, at their multipliers.
+    fn lagrangian(&self, v: &Values) -> f64 {
+        let bounds = self.row_lower.iter().zip(&self.row_upper);
+        let rows = self.multipliers.iter().zip(&v.rows).zip(bounds);
+        let term = |((mu, c), (l, u)): ((&f64, &f64), (&f64, &f64))| match mu {
+            mu if *mu > 0.0 => mu * (c - u),
+            mu if *mu < 0.0 => mu * (c - l),
+            _ => 0.0,
+        };
+        v.cost + rows.map(term).sum::<f64>()
+    }
+
+    fn merit(&self, v: &Values) -> f64 {
+        v.cost + self.price * self.violation(v.rows.iter().copied()).0
+    }
+
+    /// Solves the model at `here` within a box. False where that fails.
+    fn step(&mut self, y: &[f64], here: &Values, rows: &[f64], radius: f64, out: &mut QpSolution) -> bool {
+        let qp = &mut self.qp;
+        qp.grad_u.copy_from_slice(&here.gradient);
+        for j in 0..self.n {
+            qp.u_lower[j] = (self.lower[j] - y[j]).max(-radius).min(0.0);
+            qp.u_upper[j] = (self.upper[j] - y[j]).min(radius).max(0.0);
+        }
+        qp.row_u[..self.m * self.n].copy_from_slice(&here.jacobian);
+        for i in 0..self.m {
+            qp.row_lower[i] = self.row_lower[i] - rows[i];
+            qp.row_upper[i] = self.row_upper[i] - rows[i];
+            qp.rows[i].price = Some(Price { linear: self.price, quadratic: 0.0 });
+        }
+        let rows = self.pieces.iter().map(Some).chain(std::iter::repeat(None)).take(PIECES);
+        for (i, piece) in rows.enumerate() {
+            let slopes = &mut qp.row_u[(self.m + i) * self.n..][..self.n];
+            qp.row_upper[self.m + i] = match piece {
+                // of a convex function the other piece is below at this point; what is above is curvature, and no more than that
+                // is known of where the piece begins
+                Some(p) => kink(p, y, here, &self.multipliers, slopes).abs(),
+                None => f64::INFINITY,
+            };
+        }
+        if !self.solver.prepare(qp) || self.solver.solve(qp, &[0.0], &Terms::default()) != QpStatus::Solved {
+            return false;
+        }
+        self.solver.expand(qp, out);
+        out.u.iter().all(|d| d.is_finite())
+    }
+
+    /// Decrease of the merit function that the model promises, and the violation it leaves.
+    fn promised(&self, here: &Values, d: &[f64]) -> (f64, f64) {
+        let n = self.n;
+        let curvature: f64 = (0..n).map(|j| d[j] * dot(&self.qp.hess_u[j * n..(j + 1) * n], d)).sum();
+        let linear = here.rows.iter().zip(here.jacobian.chunks_exact(n)).map(|(c, row)| c + dot(row, d));
+        let left = self.violation(linear).0;
+        let beyond =
+            |i: usize| (dot(&self.qp.row_u[(self.m + i) * n..][..n], d) - self.qp.row_upper[self.m + i]).max(0.0);
+        let kinks: f64 = (0..self.pieces.len()).map(beyond).sum();
+        let now = self.violation(here.rows.iter().copied()).0;
+        (-dot(&here.gradient, d) - 0.5 * curvature - kinks + self.price * (now - left), left)
+    }
+
+    fn run(&mut self, z: &[f64], mut here: Values, evaluations: usize) -> Result<Lowest> {
+        let mut y: Vec<f64> = z.iter().zip(&self.size).map(|(z, s)| z / s).collect();
+        self.restart();
+        let mut found = QpSolution::new(&self.qp);
+        let (mut there, mut radius, mut spent) = (Values::default(), FIRST_BOX, 1);
+        let (mut fresh, mut flattest, mut promised) = (true, f64::INFINITY, f64::INFINITY);
+        while spent < evaluations && radius > LAST_BOX {
+            self.pieces.retain(|p| p.y.iter().zip(&y).all(|(a, b)| (a - b).abs() <= FAR * radius));
+            if !self.step(&y, &here, &here.rows, radius, &mut found) {
+                if fresh {
+                    break;
+                }
+                self.restart();
+                fresh = true;
+                continue;
+            }
+            let (gain, left) = self.promised(&here, &found.u);
+            let now = self.violation(here.rows.iter().copied());
+            if now.1 > MET && left > PROMISE * now.0 && self.price < DEAREST && left < HELPED * promised {
+                // as long as that makes the step meet the constraints better
+                promised = left;
+                self.price *= DEARER;
+                continue;
+            }
+            promised = f64::INFINITY;
+            self.multipliers.copy_from_slice(&found.row_mu[..self.m]);
+            flattest = flattest.min(gain / (radius * self.slope.max(NOTHING)));
+            if gain <= NOTHING {
+                break;
+            }
+            let mut next = self.moved(&y, &found.u);
+            spent += 1;
+            let mut reached = self.evaluate(&next, &mut there)?;
+            let mut ratio = if reached { (self.merit(&here) - self.merit(&there)) / gain } else { f64::NEG_INFINITY };
+            if reached && ratio < FAIR && self.violation(there.rows.iter().copied()).0 > now.0 + MET {
+                spent += 1;
+                self.correct((&y, &here), radius, gain, (&mut next, &mut there, &mut found, &mut ratio))?;
+            }
+            reached &= ratio.is_finite();
+            let longest = found.u.iter().fold(0f64, |m, d| m.max(d.abs())).min(radius);
+            let taken = reached && ratio > TAKEN;
+            radius = match ratio {
+                r if r > GOOD => (2.0 * longest).max(radius).min(WIDEST),
+                r if r > FAIR => radius,
+                _ if taken => 0.5 * longest,
+                _ => 0.25 * longest,
+            };
+            if taken {
+                self.update((&y, &here), (&next, &there), &found, fresh);
+                fresh = false;
+                if self.merit(&here) - self.merit(&there) > PROGRESS {
+                    flattest = f64::INFINITY;
+                }
+                y = next;
+                std::mem::swap(&mut here, &mut there);
+            } else if reached {
+                // twice the distance at which the other piece begins, if it does within the step
+                radius = if self.remember(&y, &here, next, &there) { 0.5 * longest } else { radius };
+            }
+        }
+        let kink = found.row_mu[self.m..].iter().any(|mu| *mu > NOTHING);
+        Ok(Lowest {
+            z: y.iter().zip(&self.size).map(|(y, s)| y * s).collect(),
+            before: f64::NAN,
+            gain: -here.cost,
+            violation: self.violation(here.rows.iter().copied()).1,
+            stationary: flattest <= STILL,
+            kink,
+        })
+    }
+
+    /// Where a step makes violations larger the curvature of the constraints is what is wrong: once more with their values at its end.
+    fn correct(
+        &mut self,
+        (y, here): (&[f64], &Values),
+        radius: f64,
+        gain: f64,
+        (next, there, found, ratio): (&mut Vec<f64>, &mut Values, &mut QpSolution, &mut f64),
+    ) -> Result<()> {
+        let shifted: Vec<f64> = (0..self.m).map(|i| there.rows[i] - dot(row(here, self.n, i), &found.u)).collect();
+        let mut second = found.clone();
+        if !self.step(y, here, &shifted, radius, &mut second) {
+            return Ok(());
+        }
+        let corrected = self.moved(y, &second.u);
+        let mut values = Values::default();
+        if self.evaluate(&corrected, &mut values)? {
+            let better = (self.merit(here) - self.merit(&values)) / gain;
+            if better > *ratio {
+                (*ratio, *next, *there, *found) = (better, corrected, values, second);
+            }
+        }
+        Ok(())
+    }
+
+    /// Remembers the end of a step that failed as another piece of the function. Is it one that was not known?
+    fn remember(&mut self, y: &[f64], here: &Values, at: Vec<f64>, values: &Values) -> bool {
+        let piece = Piece { y: at, values: values.clone() };
+        let slopes = |p: &Piece| {
+            let mut out = vec![0.0; self.n];
+            kink(p, y, here, &self.multipliers, &mut out);
+            out
+        };
+        let own = slopes(&piece);
+        let size = dot(&own, &own).sqrt();
+        let alike = |p: &Piece| {
+            let other = slopes(p);
+            dot(&own, &other) > PARALLEL * size * dot(&other, &other).sqrt()
+        };
+        let same = self.pieces.iter().position(alike);
+        match same {
+            Some(i) => self.pieces[i] = piece,
+            None => {
+                if self.pieces.len() == PIECES {
+                    self.pieces.remove(0);
+                }
+                self.pieces.push(piece);
+            }
+        }
+        same.is_none()
+    }
+
+    fn moved(&self, y: &[f64], d: &[f64]) -> Vec<f64> {
+        let bounds = self.lower.iter().zip(&self.upper);
+        y.iter().zip(d).zip(bounds).map(|((y, d), (l, u))| (y + d).max(*l).min(*u)).collect()
+    }
+
+    /// The Hessian before anything is known of it: the steepest slope over the widest box.
+    fn restart(&mut self) {
+        self.qp.hess_u.fill(0.0);
+        let guess = self.slope.max(NOTHING) / WIDEST;
+        (0..self.n).for_each(|j| self.qp.hess_u[j * (self.n + 1)] = guess);
+    }
+
+    /// The damped update with what a step shows of the cost with the multipliers of the model; the first one measures the Hessian.
+    fn update(&mut self, from: (&[f64], &Values), to: (&[f64], &Values), found: &QpSolution, first: bool) {
+        let n = self.n;
+        let ((y, here), (next, there)) = (from, to);
+        let s: Vec<f64> = next.iter().zip(y).map(|(a, b)| a - b).collect();
+        let mut change: Vec<f64> = there.gradient.iter().zip(&here.gradient).map(|(a, b)| a - b).collect();
+        for (i, mu) in found.row_mu[..self.m].iter().enumerate().filter(|(_, mu)| **mu != 0.0) {
+            let rows = row(there, n, i).iter().zip(row(here, n, i));
+            change.iter_mut().zip(rows).for_each(|(c, (a, b))| *c += mu * (a - b));
+        }
+        let (yy, ys) = (dot(&change, &change), dot(&change, &s));
+        if first && ys > 0.0 && (yy / ys).is_finite() {
+            (0..n).for_each(|j| self.qp.hess_u[j * (n + 1)] = yy / ys);
+        }
+        let h = &mut self.qp.hess_u;
+        let hs: Vec<f64> = (0..n).map(|j| dot(&h[j * n..(j + 1) * n], &s)).collect();
+        let (shs, sy) = (dot(&s, &hs), dot(&s, &change));
+        if !(shs > 0.0 && sy.is_finite()) {
+            return;
+        }
+        let theta = if sy >= DAMPING * shs { 1.0 } else { (1.0 - DAMPING) * shs / (shs - sy) };
+        change.iter_mut().zip(&hs).for_each(|(c, b)| *c = theta * *c + (1.0 - theta) * b);
+        let sr = dot(&s, &change);
+        for j in 0..n {
+            for i in 0..n {
+                h[j * n + i] += change[i] * change[j] / sr - hs[i] * hs[j] / shs;
+            }
+        }
+    }
+}
+
+/// What the linearisation of the Lagrange function at another piece is above that at `y`, and its slopes.
+fn kink(piece: &Piece, y: &[f64], here: &Values, multipliers: &[f64], slopes: &mut [f64]) -> f64 {
+    let n = slopes.len();
+    let there = &piece.values;
+    slopes.iter_mut().zip(there.gradient.iter().zip(&here.gradient)).for_each(|(s, (a, b))| *s = a - b);
+    let mut own = there.gradient.clone();
+    let (mut value, mut base) = (there.cost, here.cost);
+    for (i, mu) in multipliers.iter().enumerate().filter(|(_, mu)| **mu != 0.0) {
+        value += mu * there.rows[i];
+        base += mu * here.rows[i];
+        for j in 0..n {
+            slopes[j] += mu * (there.jacobian[i * n + j] - here.jacobian[i * n + j]);
+            own[j] += mu * there.jacobian[i * n + j];
+        }
+    }
+    let back: f64 = (0..n).map(|j| own[j] * (y[j] - piece.y[j])).sum();
+    value + back - base
+}
+
+fn row(v: &Values, n: usize, i: usize) -> &[f64] {
+    &v.jacobian[i * n..(i + 1) * n]
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A program by closures, `f(z)` with gradient and `c(z)` with Jacobian.
+    struct Given<F: FnMut(&[f64], &mut Values)> {
+        lower: Vec<f64>,
+        upper: Vec<f64>,
+        size: Vec<f64>,
+        rows: [Vec<f64>; 2],
+        f: F,
+    }
+
+    impl<F: FnMut(&[f64], &mut Values)> Program for Given<F> {
+        fn bounds(&self) -> (&[f64], &[f64], &[f64]) {
+            (&self.lower, &self.upper, &self.size)
+        }
+        fn row_bounds(&self) -> (&[f64], &[f64]) {
+            (&self.rows[0], &self.rows[1])
+        }
+        fn evaluate(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
+            (self.f)(z, out);
+            Ok(true)
+        }
+    }
+
+    /// Hock and Schittkowski, problem 71, in variables of very different sizes.
+    #[test]
+    fn a_textbook_problem_in_other_units() {
+        let size = [1e-3, 1.0, 1e4, 1.0];
+        let f = |z: &[f64], out: &mut Values| {
+            let x: Vec<f64> = z.iter().zip(&size).map(|(z, s)| z / s).collect();
+            let [a, b, c, d] = x[..] else { return };
+            out.cost = a * d * (a + b + c) + c;
+            let g = [d * (2.0 * a + b + c), a * d, a * d + 1.0, a * (a + b + c)];
+            let product = a * b * c * d;
+            out.rows = vec![product, a * a + b * b + c * c + d * d];
+            let j = [product / a, product / b, product / c, product / d, 2.0 * a, 2.0 * b, 2.0 * c, 2.0 * d];
+            out.gradient = g.iter().zip(&size).map(|(g, s)| g / s).collect();
+            out.jacobian = j.iter().zip(size.iter().cycle()).map(|(j, s)| j / s).collect();
+        };
+        let by = |v: f64| size.iter().map(|s| v * s).collect::<Vec<f64>>();
+        let mut program = Given {
+            lower: by(1.0),
+            upper: by(5.0),
+            size: by(2.0),
+            rows: [vec![25.0, 40.0], vec![f64::INFINITY, 40.0]],
+            f,
+        };
+        let r = minimise(&mut program, &[1e-3, 5.0, 5e4, 1.0], 100).unwrap().unwrap();
+        let mut at = Values::default();
+        program.evaluate(&r.z, &mut at).unwrap();
+        assert!((at.cost - 17.014_017_289).abs() < 1e-6, "{}", at.cost);
+        assert!(r.violation < MET && r.stationary && !r.kink, "{r:?}");
+    }
+
+    /// `|x| + (y − x)²`: no model is right at the kink, where the minimum is.
+    #[test]
+    fn a_kink() {
+        let f = |z: &[f64], out: &mut Values| {
+            let (x, y) = (z[0], z[1]);
+            out.cost = x.abs() + (y - x).powi(2);
+            out.gradient = vec![x.signum() - 2.0 * (y - x), 2.0 * (y - x)];
+        };
+        let free = |v: f64| vec![v; 2];
+        let mut program = Given { lower: free(-10.0), upper: free(10.0), size: free(1.0), rows: Default::default(), f };
+        let r = minimise(&mut program, &[3.0, -2.0], 100).unwrap().unwrap();
+        let left = r.z[0].abs() + (r.z[1] - r.z[0]).powi(2);
+        assert!(left < 1e-7 && r.stationary && r.kink, "{left} {r:?}");
+    }
+}

@@ -1,0 +1,434 @@
+//! Is an answer optimal for the control problem, and not only for its discretisation? The costates are computed by the
+//! derivatives of event-driven simulations, stage by stage from the states of the answer, and with the multipliers of the
+//! constraints they give the derivatives of the cost with respect to controls, free lengths, parameters and initial
+//! states; what is left of these inside their bounds must vanish.
+//!
+//! A switch that lies between two control stages is a kink of the cost: it happens under the control before when the state
+//! arrives earlier, and under the one behind when it arrives later. With `W = 0` the surface, `n` its gradient, `f_A, f_B`
+//! the velocities before and behind the switch and `Λ` the costate behind it, the costate before is `Λ + c n`, where
+//!
+//! ```text
+//! c = Λᵀ (f_B − f_A) / (nᵀ f_A + W_t)            (the transposed jump of (6.25))
+//! ```
+//!
+//! with the velocities under the control before (`c_b`) or behind (`c_a`). The answer is stationary if some `c` between the
+//! two makes the derivatives vanish: `c_b − c` and `c − c_a` are then the derivatives of the cost towards either side.
+
+mod simulate;
+mod slopes;
+
+use super::accuracy::{self, with_cost};
+use super::solve::Built;
+use super::{Durations, Ocp, OcpResult};
+use crate::dcs::Dcs;
+use crate::error::{Error, Result};
+use crate::event::{self, Engine};
+use crate::fesd::{Fesd, StatePoint};
+use crate::func::EvalError;
+use crate::mpcc::Polish;
+use crate::nlp::Outcome;
+use crate::stop::{self, Why};
+use slopes::{Free, Quantities};
+
+/// Tolerance of the simulations.
+const TOLERANCE: f64 = 1e-9;
+const MAX_STEPS: usize = 200_000;
+/// Share of a stage, at least and at most, that is left out around its ends, where a switch of the answer and of the
+/// simulation may be on different sides of the end.
+const MARGIN: [f64; 2] = [1e-7, 1e-3];
+/// Multiples of the difference between answer and simulation that count as doubt about where a switch is.
+const DOUBT: f64 = 10.0;
+/// Multiples of its tolerance that a simulation may be off by itself.
+const NOISE: f64 = 1e3;
+/// Share of its range by which a simulated state may be off at the end of a stage, for derivatives that are those of the
+/// answer.
+const OFF: f64 = 1e-2;
+/// First-order changes, relative to those that single terms of the cost and the constraints make, that count as none: what is
+/// left to gain is of the order of their square, 1e-6.
+const NONE: f64 = 1e-3;
+/// Distance from a bound, in units of the size of a quantity, at which it is reached.
+const AT_BOUND: f64 = 1e-6;
+/// Multiples of what derivatives make of the difference between a simulation and an answer that count as another motion.
+const AWAY: f64 = 10.0;
+/// Why nothing is known of an answer whose controls lead elsewhere.
+pub(super) const OTHER: &str = "the simulation of the controls is not that of the answer";
+/// Share of the largest distance from a surface, in terms of indicators, at which it is touched.
+const TOUCH: f64 = 1e-7;
+/// Share of its terms above which the speed towards a surface is one.
+const SLOW: f64 = 1e-6;
+/// Differences of velocities, relative to the velocities and to ranges of the states over the horizon, that count as none.
+const SAME: f64 = 1e-4;
+/// Singular values, relative to columns of length 1, that count as zero.
+const RANK: f64 = 1e-9;
+/// Share of the largest multiplier below which one acts nowhere.
+const NOTHING: f64 = 1e-9;
+
+/// What an answer is.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[repr(i32)]
+pub enum Verdict {
+    /// Not known.
+    Unknown = 0,
+    /// No change of controls, free lengths, parameters, initial states lowers the cost to first order.
+    LocalOptimum = 1,
+    /// The same; switches lie between control stages, and the cost rises on either side.
+    Kink = 2,
+    /// Some change lowers the cost to first order.
+    NotOptimal = 3,
+}
+
+impl Verdict {
+    /// In a word.
+    pub fn name(self) -> &'static str {
+        match self {
+            Verdict::Unknown => "unknown",
+            Verdict::LocalOptimum => "local_optimum",
+            Verdict::Kink => "kink",
+            Verdict::NotOptimal => "not_optimal",
+        }
+    }
+}
+
+/// A switch between two control stages, or a surface that is touched without being crossed.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Kink {
+    /// The stage behind it, or in which a surface is touched.
+    pub stage: usize,
+    /// Time.
+    pub t: f64,
+    /// Derivatives of the cost towards a switch in the stage before and in the stage behind, relative to what all controls
+    /// together can do; negative where that lowers the cost, NaN where the surface is not reached under the control of that
+    /// stage: then no small change leads there.
+    pub before: f64,
+    /// The same, behind.
+    pub after: f64,
+    /// No switch: the surface is touched and left again. The first derivative is then that away from it, the second that of a
+    /// moment behind it, as long as the stage.
+    pub touch: bool,
+}
+
+/// What is known of an answer as a point of the control problem.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Optimality {
+    /// Verdict.
+    pub verdict: Verdict,
+    /// Why it is not known, or by what else than its derivatives.
+    pub reason: &'static str,
+    /// The largest change of the cost to first order by one quantity within its bounds, over the size of the quantity,
+    /// relative to what single terms change.
+    pub residual: f64,
+    /// Derivatives of the cost with respect to the controls `[n_stages · nu]` (slopes, where they are linear), with the
+    /// multipliers of the constraints; those at bounds included.
+    pub gradient: Vec<f64>,
+    /// Switches between control stages.
+    pub kinks: Vec<Kink>,
+    /// Where the answer is not optimal: changes of the controls `[n_stages · nu]` that lower the cost to first order, the
+    /// largest of them as large as the quantity usually is. Empty otherwise, and where controls are linear.
+    pub direction: Vec<f64>,
+}
+
+impl Optimality {
+    /// A descent on simulations from the answer led nowhere: it is what that says, and there is no direction.
+    pub(super) fn certify_by_descent(&mut self, verdict: Verdict) {
+        self.verdict = verdict;
+        self.reason = "a descent on simulations gains nothing";
+        self.direction.clear();
+    }
+
+    fn unknown(reason: &'static str) -> Optimality {
+        let (gradient, kinks, direction) = Default::default();
+        Optimality { verdict: Verdict::Unknown, reason, residual: f64::NAN, gradient, kinks, direction }
+    }
+}
+
+/// A part of a stage, up to a point where constraints act on states, or to the end of the stage.
+struct Piece {
+    /// Derivatives of the state at its end with respect to that at its start, parameters and controls.
+    s: Vec<f64>,
+    /// Velocity at its end.
+    rate: Vec<f64>,
+    /// State variables at its end, and the share of the stage before it.
+    at: StatePoint,
+}
+
+/// An end of a stage without its margin.
+struct Edge {
+    t: f64,
+    x: Vec<f64>,
+    rate: Vec<f64>,
+    regions: Vec<bool>,
+}
+
+/// A stage between its margins.
+struct Leg {
+    /// Difference between its end in the simulation and in the answer, in ranges of the states.
+    off: f64,
+    margin: f64,
+    start: Edge,
+    end: Edge,
+    pieces: Vec<Piece>,
+}
+
+/// A surface at which the cost has a kink.
+struct Corner {
+    stage: usize,
+    t: f64,
+    /// Gradient of the surface, in states of the simulation.
+    normal: Vec<f64>,
+    kind: Kind,
+}
+
+enum Kind {
+    /// A switch between two stages: `(f_B − f_A) / (nᵀ f_A + W_t)` with the control before, and with the one behind; none
+    /// where the surface is not reached.
+    Switch { before: Option<Vec<f64>>, after: Option<Vec<f64>> },
+    /// A surface that is touched from one side at a point: the first of its variables, and `f_B − f_A`.
+    Touch { at: usize, beyond: Vec<f64> },
+}
+
+impl Corner {
+    /// What the multiple of the gradient is compared with.
+    fn sides(&self) -> [Option<&[f64]>; 2] {
+        match &self.kind {
+            Kind::Switch { before, after } => [before.as_deref(), after.as_deref()],
+            Kind::Touch { beyond, .. } => [None, Some(beyond)],
+        }
+    }
+}
+
+/// By how much a state changes over the horizon, not less than a simulation is off by itself, and its largest modulus.
+#[derive(Debug, Clone, Copy)]
+struct Extent {
+    range: f64,
+    size: f64,
+}
+
+impl Extent {
+    /// Of a state whose size is at least `least`.
+    fn of(values: impl Iterator<Item = f64>, least: f64) -> Extent {
+        let (lo, hi) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(a, b), v| (a.min(v), b.max(v)));
+        let size = lo.abs().max(hi.abs()).max(least);
+        Extent { range: (hi - lo).max(NOISE * TOLERANCE * size), size }
+    }
+}
+
+/// The simulation by which an answer is judged.
+struct Judge<'a> {
+    engine: Engine,
+    dcs: Dcs,
+    w: &'a [f64],
+    /// The state of an answer that every state of the simulation is; the cost is none.
+    places: Vec<Option<usize>>,
+    /// Ranges of the states of the simulation.
+    ranges: Vec<f64>,
+    n_p: usize,
+    n_u: usize,
+    /// Of every stage.
+    params: Vec<f64>,
+    controls: Vec<f64>,
+}
+
+fn dot(a: &[f64], b: &[f64]) -> f64 {
+    a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+/// What every column of the costate says of a corner; then its gradient joins its own column.
+type Sides = [Option<Vec<f64>>; 2];
+
+/// A constraint at the ends of the horizon whose multiplier may be another one than that of the answer: where the end lies
+/// on a switching surface, the rows that keep the modes share the force with it.
+struct End {
+    gradient: Vec<f64>,
+    /// What may be added to its multiplier.
+    range: [f64; 2],
+}
+
+/// What acts from outside the dynamics, see [`Fesd::outer_gradient`].
+struct Outer {
+    gradient: Vec<f64>,
+    ends: Vec<End>,
+    /// The state that is the time.
+    clock: Option<usize>,
+}
+
+impl Ocp {
+    /// Judges the solution in `b` by simulations of its controls.
+    pub(super) fn judge(&self, r: &OcpResult, b: &mut Built) -> Result<Optimality> {
+        let exact = r.polish == Polish::Done || r.dimensions.2 == 0;
+        if r.outcome != Outcome::Solved || !exact {
+            return Ok(Optimality::unknown("the modes of the answer are not exact"));
+        }
+        let e = &b.extended;
+        if e.system.n_algebraic() > 0 || !e.system.inclusions().is_empty() || !e.complementarity.is_empty() {
+            return Ok(Optimality::unknown(
+                "problems with algebraic equations or inclusions are not simulated by events",
+            ));
+        }
+        let d = e.system.dims();
+        let solution = b.solver.solution();
+        let (w, y, z) = (solution.x.clone(), solution.y.clone(), solution.z.clone());
+        let gradient = match b.problem.outer_gradient(&w, &y, &z) {
+            Ok(g) => g,
+            Err(EvalError::Stopped) => return Err(stop::error()),
+            Err(_) => return Ok(Optimality::unknown("a function of the model has no value at the answer")),
+        };
+        let system = with_cost(&e.system, e.lagrange.as_ref(), &self.linear)?;
+        let Ok(dcs) = Dcs::stewart(&system) else { return Ok(Optimality::unknown("the system has no indicators")) };
+        let ramps = b.problem.ramp_places().iter().flatten();
+        let places: Vec<Option<usize>> =
+            std::iter::once(None).chain(ramps.map(|r| Some(*r))).chain((0..d.x).map(Some)).collect();
+        let points = b.problem.state_points(&w);
+        let controls = b.problem.places().1;
+        let usual = b.problem.state_sizes();
+        let cost = Extent { range: 0.0, size: if r.cost != 0.0 { r.cost.abs() } else { 1.0 } };
+        let extent = |p: &Option<usize>| {
+            p.map_or(cost, |i| Extent::of(points.iter().map(|p| w[p.at + i]), accuracy::LITTLE * usual[i]))
+        };
+        let extents: Vec<Extent> = places.iter().map(extent).collect();
+        let of_states = &extents[extents.len() - d.x..];
+        let sizes: Vec<f64> = extents.iter().map(|e| e.size).collect();
+        let tight = accuracy::tolerances(TOLERANCE, &sizes);
+        let options = event::Options { sensitivity: true, max_steps: MAX_STEPS, ..tight };
+        let ends = b.problem.end_gradients().into_iter().filter_map(|(row, value, gradient)| {
+            let (l, u) = (b.bounds.cl[row], b.bounds.cu[row]);
+            // what the state can change a constraint by is its size, or else its bound
+            let change = |p: &StatePoint| {
+                of_states.iter().enumerate().map(|(i, e)| (gradient[p.at + i] * e.size).abs()).fold(0.0, f64::max)
+            };
+            let size = points.iter().map(change).fold(0.0, f64::max);
+            // of an inequality the multiplier keeps its sign
+            let at = |bound: f64| (value - bound).abs() <= AT_BOUND * bound.abs().max(size);
+            let low = if at(l) { f64::NEG_INFINITY } else { -y[row].max(0.0) };
+            let high = if at(u) { f64::INFINITY } else { -y[row].min(0.0) };
+            (low < high).then_some(End { gradient, range: [low, high] })
+        });
+        let outer = Outer { gradient, ends: ends.collect(), clock: b.problem.spec().dcs.clock() };
+        let mut judge = Judge {
+            engine: Engine::new(&system, &options)?,
+            dcs,
+            w: &w,
+            // the simulation itself is no better than its tolerance
+            ranges: extents.iter().map(|e| e.range).collect(),
+            places,
+            n_p: d.p,
+            n_u: d.u,
+            params: all_params(&b.problem, &b.extended.params, d.p, &w),
+            controls: controls.iter().flat_map(|&u| w[u..u + d.u].to_vec()).collect(),
+        };
+        let first = points.first().map_or(0, |p| p.at);
+        let touches = judge.touches(self.t0, &r.durations, &points)?;
+        let points = acting(points, &outer.gradient, d.x, &touches);
+        let Some((legs, mut kinks)) = judge.simulate(self.t0, &r.durations, &points)? else {
+            return Ok(Optimality::unknown(OTHER));
+        };
+        kinks.extend(touches);
+        if judge.departs(self.t0, &r.durations, first, &legs)? {
+            return Ok(Optimality::unknown(OTHER));
+        }
+        let mut q = self.quantities(&judge, b, r, &outer, kinks.len());
+        let sides = judge.sweep(&legs, &kinks, &outer, &mut q);
+        let ranges: Vec<[f64; 2]> = outer.ends.iter().map(|e| e.range).collect();
+        Ok(q.verdict(&kinks, &sides, &ranges, self.system.dims().u))
+    }
+
+    /// The same, as far as there is time.
+    pub(super) fn judge_in_time(&self, r: &OcpResult, b: &mut Built) -> Result<Optimality> {
+        let stopped = |why: Why| Ok(Optimality::unknown(why.words()));
+        if let Some(why) = stop::requested() {
+            return stopped(why);
+        }
+        match self.judge(r, b) {
+            Err(Error::Interrupted) => stopped(Why::Interrupted),
+            Err(Error::OutOfTime) => stopped(Why::OutOfTime),
+            r => r,
+        }
+    }
+
+    /// Judges the last solution, where there is one.
+    pub(super) fn judged(&mut self) -> Result<Option<Optimality>> {
+        let (Some(mut b), Some(r)) = (self.built.take(), self.result.take()) else { return Ok(None) };
+        let found = self.judge(&r, &mut b);
+        (self.built, self.result) = (Some(b), Some(r));
+        found.map(Some)
+    }
+
+    /// Everything that may change, with its bounds and what acts on it directly.
+    fn quantities(&self, judge: &Judge, b: &Built, r: &OcpResult, outer: &Outer, n_kinks: usize) -> Quantities {
+        let n = 1 + n_kinks + outer.ends.len();
+        let (w, problem) = (judge.w, &b.problem);
+        let (own, n_u) = (self.system.dims().u, judge.n_u);
+        let (x0_at, u_at) = problem.places();
+        let direct = |mut f: Free, at: usize| {
+            f.add(0, outer.gradient[at]);
+            outer.ends.iter().enumerate().for_each(|(r, e)| f.add(1 + n_kinks + r, e.gradient[at]));
+            f
+        };
+        let linear = |j: usize| problem.ramp_places().get(j).copied().flatten();
+        let control_bounds = |j: usize| match j < own {
+            true => [self.u_bounds[0][j], self.u_bounds[1][j]],
+            false => [0.0, f64::INFINITY],
+        };
+        let largest = |j: usize| judge.controls.iter().skip(j).step_by(n_u).fold(0f64, |m, v| m.max(v.abs()));
+        let control = |k: usize, j: usize| {
+            let bounds = if linear(j).is_some() { [f64::NEG_INFINITY, f64::INFINITY] } else { control_bounds(j) };
+            direct(Free::new(w[u_at[k] + j], bounds, largest(j), n), u_at[k] + j)
+        };
+        let initial = |i: usize| {
+            let ramp = (0..own).find(|&j| linear(j) == Some(i));
+            let bounds = ramp.map_or_else(|| [self.x0_bounds[0][i], self.x0_bounds[1][i]], control_bounds);
+            direct(Free::new(w[x0_at + i], bounds, 0.0, n), x0_at + i)
+        };
+        let np = self.params.len();
+        let param = |j: usize| match (problem.param_places()[j], &self.p_bounds) {
+            (Some(at), Some([l, u])) if j < np => direct(Free::new(w[at], [l[j], u[j]], 0.0, n), at),
+            (Some(at), _) => direct(Free::new(w[at], [0.0, f64::INFINITY], 0.0, n), at),
+            (None, _) => Free::held(n),
+        };
+        let length = |value: f64| match outer.clock {
+            // what the model makes of the time itself is not followed
+            Some(_) => Free::held(n),
+            None => Free::new(value, self.time_bounds, 0.0, n),
+        };
+        let horizon: f64 = r.durations.iter().sum();
+        let (lengths, shares) = match self.time {
+            Durations::Fixed => (Vec::new(), vec![0.0; self.n_stages]),
+            Durations::Horizon => (vec![length(horizon)], r.durations.iter().map(|d| d / horizon).collect()),
+            Durations::Stages => (r.durations.iter().map(|d| length(*d)).collect(), vec![1.0; self.n_stages]),
+        };
+        Quantities {
+            controls: (0..self.n_stages)
+                .flat_map(|k| (0..n_u).map(move |j| (k, j)))
+                .map(|(k, j)| control(k, j))
+                .collect(),
+            initial: judge.places.iter().flatten().map(|&i| initial(i)).collect(),
+            params: (0..judge.n_p).map(param).collect(),
+            lengths,
+            shares,
+            states: 0.0,
+            lasting: r.durations.clone(),
+        }
+    }
+}
+
+/// The start, first points and ends of stages, and the points in between where something acts on the first `n` states or a
+/// surface is touched.
+fn acting(all: Vec<StatePoint>, outer: &[f64], n: usize, touches: &[Corner]) -> Vec<StatePoint> {
+    let force = |p: &StatePoint| outer[p.at..p.at + n].iter().fold(0f64, |m, v| m.max(v.abs()));
+    let largest = all.iter().map(force).fold(0.0, f64::max);
+    let ends: Vec<bool> =
+        (0..all.len()).map(|i| i == 0 || all.get(i + 1).is_none_or(|next| next.stage != all[i].stage)).collect();
+    let first = |i: usize| i <= 1 || ends[i - 1];
+    let touched = |p: &StatePoint| touches.iter().any(|c| matches!(c.kind, Kind::Touch { at, .. } if at == p.at));
+    let kept =
+        all.iter().enumerate().filter(|(i, p)| ends[*i] || touched(p) || first(*i) || force(p) > NOTHING * largest);
+    kept.map(|(_, p)| *p).collect()
+}
+
+/// Parameters of every stage, those that are variables as they are at `w`.
+fn all_params(problem: &Fesd, given: &[f64], n: usize, w: &[f64]) -> Vec<f64> {
+    let mut params = given.to_vec();
+    for p in params.chunks_mut(n.max(1)) {
+        p.iter_mut().zip(problem.param_places()).for_each(|(p, at)| *p = at.map_or(*p, |v| w[v]));
+    }
+    params
+}

@@ -1,0 +1,296 @@
+//! The simulation by which an answer is judged, stage by stage, and the kinks it meets.
+
+use super::{dot, Corner, Edge, Judge, Kind, Leg, Piece, AWAY, DOUBT, MARGIN, OFF, SAME, SLOW, TOUCH};
+use crate::error::Result;
+use crate::event;
+use crate::fesd::StatePoint;
+use crate::func::Point;
+use crate::stop;
+use crate::system::SharedFunction;
+
+impl Judge<'_> {
+    /// Number of states of the simulation.
+    pub(super) fn n(&self) -> usize {
+        self.places.len()
+    }
+
+    /// The state of the answer where its variables begin at `at`.
+    pub(super) fn state(&self, at: usize) -> Vec<f64> {
+        self.places.iter().map(|p| p.map_or(0.0, |i| self.w[at + i])).collect()
+    }
+
+    pub(super) fn start(&mut self, t: f64, x: &[f64], stage: usize, control: usize) -> Result<()> {
+        self.engine.reinit(t, x)?;
+        self.engine.set_params(&self.params[stage * self.n_p..(stage + 1) * self.n_p])?;
+        self.engine.set_controls(&self.controls[control * self.n_u..(control + 1) * self.n_u])
+    }
+
+    pub(super) fn advance(&mut self, t: f64) -> Result<bool> {
+        stop::check()?;
+        let reached = matches!(self.engine.advance(t)?, event::Outcome::Reached);
+        stop::check()?;
+        Ok(reached)
+    }
+
+    /// Velocity under the control of another stage, a little behind `t`.
+    pub(super) fn velocity(
+        &mut self,
+        (t, x): (f64, &[f64]),
+        stage: usize,
+        control: usize,
+        little: f64,
+    ) -> Result<Option<Vec<f64>>> {
+        self.start(t, x, stage, control)?;
+        Ok(self.advance(t + little)?.then(|| self.engine.derivative().to_vec()))
+    }
+
+    /// Gradient of the surface between two regions and its derivative with respect to time: what is positive where the
+    /// second one is active.
+    pub(super) fn surface(&self, from: usize, to: usize, t: f64, x: &[f64], stage: usize) -> Option<(Vec<f64>, f64)> {
+        let form = self.dcs.form();
+        let row = |c: usize| form.rows.iter().find(|r| r.lambda.iter().any(|l| l.0 == c));
+        let (a, b) = (row(from)?, row(to)?);
+        let f = form.sources.get(a.source).filter(|_| a.source == b.source)?;
+        let first = self.n() - self.dcs.dims().x;
+        let d = f.dims();
+        let p = &self.params[stage * self.n_p..(stage + 1) * self.n_p];
+        let u = vec![0.0; d.u];
+        let pattern = f.jac_pattern();
+        let mut jac = vec![0.0; pattern.nnz()];
+        f.jacobian(&Point { t, x: &x[first..], u: &u, p }, &mut jac, &mut vec![0.0; f.work_len()]).ok()?;
+        let weights: Vec<f64> = a.weights.iter().zip(&b.weights).map(|(a, b)| a - b).collect();
+        let column = |j: usize| pattern.rows(j).iter().zip(&jac[pattern.range(j)]).map(|(&i, v)| weights[i] * v).sum();
+        let normal = (0..self.n()).map(|i| i.checked_sub(first).map_or(0.0, column)).collect();
+        Some((normal, column(d.t_col())))
+    }
+}
+
+impl Judge<'_> {
+    /// Simulates a stage between the points `points` of the answer, the first of which is its start. `None` where the
+    /// simulation is not that of the answer.
+    pub(super) fn leg(&mut self, k: usize, t0: f64, length: f64, points: &[StatePoint]) -> Result<Option<Leg>> {
+        let [first, inner @ ..] = points else { return Ok(None) };
+        let (Some(next), Some(last)) = (inner.first(), inner.last()) else { return Ok(None) };
+        let (x0, x1) = (self.state(first.at), self.state(last.at));
+        // a state on a surface may go on to either side: that of the answer is where its next point is
+        let toward = |share: f64| -> Vec<f64> {
+            let part = (share / next.share.max(share)).min(1.0);
+            x0.iter().zip(self.state(next.at)).map(|(a, b)| a + part * (b - a)).collect()
+        };
+        let (near, ahead) = (toward(MARGIN[0]), toward(0.5 * MARGIN[1]));
+        self.start(t0 + MARGIN[0] * length, &near, k, k)?;
+        if !self.advance(t0 + length)? {
+            return Ok(None);
+        }
+        let off = self.off(&x1);
+        if off.is_nan() || off > OFF {
+            return Ok(None);
+        }
+        // where the answer and the simulation differ their switches do too: the margin is as wide
+        let share = (DOUBT * off).clamp(MARGIN[0], MARGIN[1]);
+        let part = 0.5 * share / (0.5 * MARGIN[1]);
+        let near: Vec<f64> = x0.iter().zip(&ahead).map(|(a, b)| a + part * (b - a)).collect();
+        self.start(t0 + 0.5 * length * share, &near, k, k)?;
+        if !self.advance(t0 + length * share)? {
+            return Ok(None);
+        }
+        let start = self.edge();
+        let mut pieces: Vec<Piece> = Vec::with_capacity(inner.len());
+        for p in inner {
+            let (x, here) = (self.engine.state().to_vec(), self.engine.time());
+            self.start(here, &x, k, k)?;
+            let to = t0 + length * p.share.clamp(share, 1.0 - share);
+            if to > here && !self.advance(to)? {
+                return Ok(None);
+            }
+            let Some(s) = self.engine.sensitivity() else { return Ok(None) };
+            let rate = if to > here { self.engine.derivative() } else { &start.rate };
+            pieces.push(Piece { s: s.to_vec(), rate: rate.to_vec(), at: *p });
+        }
+        Ok(Some(Leg { off, margin: length * share, start, end: self.edge(), pieces }))
+    }
+
+    pub(super) fn edge(&self) -> Edge {
+        let mut regions = vec![false; self.dcs.n_cells()];
+        self.engine.cells_of_step().for_each(|c| regions[c] = true);
+        let (x, rate) = (self.engine.state().to_vec(), self.engine.derivative().to_vec());
+        Edge { t: self.engine.time(), x, rate, regions }
+    }
+
+    /// Largest difference of the simulated state from `x`, in ranges of the states.
+    pub(super) fn off(&self, x: &[f64]) -> f64 {
+        let pairs = self.engine.state().iter().zip(x).zip(&self.ranges);
+        pairs
+            .filter(|(_, r)| **r > 0.0)
+            .fold(0.0, |m, ((a, b), r)| if m >= (a - b).abs() / r { m } else { (a - b).abs() / r })
+    }
+
+    /// Indicators of all cells at a point, less the smallest of their subsystem.
+    pub(super) fn distances(&self, t: f64, x: &[f64], stage: usize) -> Option<Vec<f64>> {
+        let form = self.dcs.form();
+        let p = &self.params[stage * self.n_p..(stage + 1) * self.n_p];
+        let at = |f: &SharedFunction| {
+            let mut out = vec![0.0; f.n_out()];
+            let u = vec![0.0; f.dims().u];
+            f.value(&Point { t, x, u: &u, p }, &mut out, &mut vec![0.0; f.work_len()]).ok().map(|()| out)
+        };
+        let values: Vec<Vec<f64>> = form.sources.iter().map(at).collect::<Option<_>>()?;
+        let mut out = vec![0.0; form.n_cells];
+        for r in &form.rows {
+            let g = dot(&r.weights, &values[r.source]);
+            r.lambda.iter().for_each(|&(c, _)| out[c] = g);
+        }
+        for cells in &form.simplices {
+            let least = out[cells.clone()].iter().copied().fold(f64::INFINITY, f64::min);
+            out[cells.clone()].iter_mut().for_each(|g| *g -= least);
+        }
+        Some(out)
+    }
+
+    /// Surfaces that the states touch at one of the points and leave to the side they came from, where the velocity on the
+    /// other side is another one.
+    pub(super) fn touches(&mut self, t0: f64, lengths: &[f64], points: &[StatePoint]) -> Result<Vec<Corner>> {
+        let starts: Vec<f64> = lengths.iter().scan(t0, |t, h| Some(std::mem::replace(t, *t + h))).collect();
+        let time = |p: &StatePoint| starts[p.stage] + p.share * lengths[p.stage];
+        let mut all: Vec<(StatePoint, Vec<f64>)> = Vec::with_capacity(points.len());
+        for p in points {
+            let apart = all.last().is_none_or(|(q, _)| time(p) - time(q) > MARGIN[0] * lengths[p.stage]);
+            if let Some(d) = self.distances(time(p), &self.state(p.at), p.stage).filter(|_| apart) {
+                all.push((*p, d));
+            }
+        }
+        let n = self.dcs.n_cells();
+        let scale: Vec<f64> = (0..n).map(|c| all.iter().fold(0.0, |m, (_, d)| d[c].max(m))).collect();
+        let mut out = Vec::new();
+        for cells in self.dcs.form().simplices.clone() {
+            for c in cells.clone() {
+                let near = |i: usize| all[i].1[c] <= TOUCH * scale[c];
+                let active = |i: usize| cells.clone().find(|&a| all[i].1[a] == 0.0);
+                for i in 1..all.len().saturating_sub(1) {
+                    let alone = near(i) && !near(i - 1) && !near(i + 1);
+                    let Some(a) = active(i - 1).filter(|a| alone && *a != c && active(i + 1) == Some(*a)) else {
+                        continue;
+                    };
+                    let (p, t) = (all[i].0, time(&all[i].0));
+                    if let Some(corner) = self.touch(p, t, (a, c), scale[c], lengths)? {
+                        out.push(corner);
+                    }
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    /// A touched surface between the regions `of`; none where the velocity is the same on both sides.
+    pub(super) fn touch(
+        &mut self,
+        p: StatePoint,
+        t: f64,
+        of: (usize, usize),
+        scale: f64,
+        lengths: &[f64],
+    ) -> Result<Option<Corner>> {
+        let x = self.state(p.at);
+        let Some((normal, _)) = self.surface(of.0, of.1, t, &x, p.stage) else { return Ok(None) };
+        let step = TOUCH * scale / dot(&normal, &normal);
+        let little = MARGIN[0] * lengths[p.stage];
+        let mut beside = |sign: f64| {
+            let moved: Vec<f64> = x.iter().zip(&normal).map(|(x, n)| x + sign * step * n).collect();
+            self.velocity((t, &moved), p.stage, p.stage, little)
+        };
+        let (Some(there), Some(here)) = (beside(1.0)?, beside(-1.0)?) else { return Ok(None) };
+        let beyond: Vec<f64> = there.iter().zip(&here).map(|(b, a)| b - a).collect();
+        let horizon: f64 = lengths.iter().sum();
+        // the cost has no range: its rate is compared with itself
+        let usual = |i: usize| (self.ranges[i] / horizon).max(there[i].abs().max(here[i].abs()));
+        if !beyond.iter().enumerate().any(|(i, f)| f.abs() > SAME * usual(i)) {
+            return Ok(None);
+        }
+        Ok(Some(Corner { stage: p.stage, t, normal, kind: Kind::Touch { at: p.at, beyond } }))
+    }
+
+    /// The switches between two stages: regions that are active behind, and were not before.
+    pub(super) fn between(&mut self, k: usize, before: &Leg, behind: &Leg) -> Result<Vec<Corner>> {
+        let simplices = self.dcs.form().simplices.clone();
+        let mut out = Vec::new();
+        for cells in simplices {
+            let (a, b) = (&before.end.regions, &behind.start.regions);
+            let Some(to) = cells.clone().find(|&c| b[c] && !a[c]) else { continue };
+            let Some(from) = cells.clone().find(|&c| a[c] && !b[c]).or_else(|| cells.clone().find(|&c| a[c])) else {
+                continue;
+            };
+            let Some((normal, moves)) = self.surface(from, to, before.end.t, &before.end.x, k - 1) else { continue };
+            let over = |fa: &[f64], fb: &[f64]| -> Option<Vec<f64>> {
+                let v = dot(&normal, fa) + moves;
+                let terms = normal.iter().zip(fa).map(|(n, f)| (n * f).abs()).sum::<f64>() + moves.abs();
+                (v > SLOW * terms).then(|| fa.iter().zip(fb).map(|(a, b)| (b - a) / v).collect())
+            };
+            let little = 0.1 * before.margin.min(behind.margin);
+            let (end, start) = (&before.end, &behind.start);
+            let new_before = self.velocity((start.t, &start.x), k, k - 1, little)?;
+            let old_behind = self.velocity((end.t, &end.x), k - 1, k, little)?;
+            let kind = Kind::Switch {
+                before: new_before.and_then(|fb| over(&before.end.rate, &fb)),
+                after: old_behind.and_then(|fa| over(&fa, &behind.start.rate)),
+            };
+            out.push(Corner { stage: k, t: 0.5 * (before.end.t + behind.start.t), normal, kind });
+        }
+        Ok(out)
+    }
+}
+
+impl Judge<'_> {
+    /// Simulates all stages. `None` where that does not lead to the states of the answer.
+    pub(super) fn simulate(
+        &mut self,
+        t0: f64,
+        lengths: &[f64],
+        points: &[StatePoint],
+    ) -> Result<Option<(Vec<Leg>, Vec<Corner>)>> {
+        let (mut legs, mut kinks): (Vec<Leg>, Vec<Corner>) = (Vec::new(), Vec::new());
+        let (mut t, mut first) = (t0, 0);
+        for (k, &length) in lengths.iter().enumerate() {
+            let last = points.iter().rposition(|p| p.stage == k).unwrap_or(first);
+            let Some(leg) = self.leg(k, t, length, &points[first..=last])? else { return Ok(None) };
+            if let Some(before) = legs.last() {
+                kinks.extend(self.between(k, before, &leg)?);
+            }
+            legs.push(leg);
+            (t, first) = (t + length, last);
+        }
+        Ok(Some((legs, kinks)))
+    }
+
+    /// Does a simulation of the whole horizon leave the answer by more than what the derivatives make of their difference? Where
+    /// several motions go on from a point, on a surface that both sides lead away from, an answer takes the cheapest, and
+    /// what its controls lead to is another one.
+    pub(super) fn departs(&mut self, t0: f64, lengths: &[f64], first: usize, legs: &[Leg]) -> Result<bool> {
+        let n = self.n();
+        let n_z = n + self.n_p + self.n_u;
+        let (mut t, mut x, mut apart) = (t0, self.state(first), vec![0.0; n]);
+        for (k, (leg, length)) in legs.iter().zip(lengths).enumerate() {
+            self.start(t, &x, k, k)?;
+            t += length;
+            let Some(end) = leg.pieces.last().map(|p| self.state(p.at.at)) else { return Ok(false) };
+            if !self.advance(t)? {
+                return Ok(true);
+            }
+            for piece in &leg.pieces {
+                apart = piece.s.chunks_exact(n_z).map(|row| dot(&row[..n], &apart)).collect();
+            }
+            let sizes = apart.iter().zip(&self.ranges).filter(|(_, r)| **r > 0.0);
+            let expected = sizes.fold(0f64, |m, (d, r)| m.max(d.abs() / r));
+            let off = self.off(&end);
+            if off.is_nan() || off > OFF && off > AWAY * (leg.off + expected) {
+                return Ok(true);
+            }
+            if off > OFF {
+                // too far for derivatives to say more
+                return Ok(false);
+            }
+            x = self.engine.state().to_vec();
+            apart = x.iter().zip(&end).map(|(a, b)| a - b).collect();
+        }
+        Ok(false)
+    }
+}

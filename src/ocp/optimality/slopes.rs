@@ -1,0 +1,269 @@
+//! Derivatives of the cost along the simulation by everything that may change, and what they say.
+
+use super::{dot, Corner, Judge, Kind, Kink, Leg, Optimality, Outer, Piece, Sides, Verdict, AT_BOUND, NONE, RANK};
+use nalgebra::{DMatrix, DVector};
+
+/// A quantity that may change, with the derivatives of the Lagrange function: the first column is that with the multipliers
+/// of the answer, the others are what a unit more of something adds: of a kink's gradient to the costate, then of the
+/// multiplier of a constraint at the ends.
+pub(super) struct Free {
+    pub(super) slopes: Vec<f64>,
+    /// Sum of the moduli of the terms of the first.
+    pub(super) terms: f64,
+    pub(super) size: f64,
+    /// At its lower bound, at its upper one.
+    pub(super) held: [bool; 2],
+}
+
+impl Free {
+    pub(super) fn new(value: f64, bounds: [f64; 2], usual: f64, n: usize) -> Free {
+        let [l, u] = bounds;
+        let size = match (l.is_finite() && u.is_finite(), value.abs().max(usual)) {
+            (true, _) => 0.5 * (u - l),
+            (false, v) if v > 0.0 => v,
+            _ => 1.0,
+        };
+        Free {
+            slopes: vec![0.0; n],
+            terms: 0.0,
+            size,
+            held: [value <= l + AT_BOUND * size, value >= u - AT_BOUND * size],
+        }
+    }
+
+    /// What may not change.
+    pub(super) fn held(n: usize) -> Free {
+        Free { slopes: vec![0.0; n], terms: 0.0, size: 0.0, held: [true; 2] }
+    }
+
+    pub(super) fn add(&mut self, column: usize, term: f64) {
+        self.slopes[column] += term;
+        if column == 0 {
+            self.terms += term.abs();
+        }
+    }
+
+    /// The slope along `c`, as far as bounds let it be followed, over its size.
+    pub(super) fn left(&self, c: &[f64]) -> f64 {
+        let g = self.slopes[0] + c.iter().zip(&self.slopes[1..]).map(|(c, s)| c * s).sum::<f64>();
+        let g = if self.held[0] { g.min(0.0) } else { g };
+        self.size * if self.held[1] { g.max(0.0) } else { g }
+    }
+}
+
+/// All quantities that may change.
+pub(super) struct Quantities {
+    /// Controls `[n_stages · nu]`.
+    pub(super) controls: Vec<Free>,
+    /// Initial values of the states of the simulation behind the cost.
+    pub(super) initial: Vec<Free>,
+    /// Parameters `[np]`.
+    pub(super) params: Vec<Free>,
+    /// Lengths of the stages, or of the horizon.
+    pub(super) lengths: Vec<Free>,
+    /// Share of every stage in its length.
+    pub(super) shares: Vec<f64>,
+    /// Largest change of the cost by one state that changes by its range.
+    pub(super) states: f64,
+    /// Lengths of the stages.
+    pub(super) lasting: Vec<f64>,
+}
+
+impl Quantities {
+    /// What the length of a stage is, and its share in that.
+    pub(super) fn length(&mut self, stage: usize) -> Option<(&mut Free, f64)> {
+        let at = if self.lengths.len() == 1 { 0 } else { stage };
+        let share = self.shares[stage];
+        self.lengths.get_mut(at).map(|l| (l, share))
+    }
+
+    pub(super) fn all(&self) -> impl Iterator<Item = &Free> {
+        self.controls.iter().chain(&self.initial).chain(&self.params).chain(&self.lengths)
+    }
+
+    /// Multiples `c [n]` of the columns, as small as they can be within `range`, that leave least of the slopes.
+    pub(super) fn fit(&self, range: &[[f64; 2]]) -> Vec<f64> {
+        let n = range.len();
+        let mut c = vec![0.0; n];
+        let mut fixed = vec![false; n];
+        // what a bound holds back may not be fitted: it joins where the rest pulls it away from the bound
+        let mut rows: Vec<&Free> = self.all().filter(|f| f.held == [false; 2]).collect();
+        for _ in 0..=n + self.controls.len() {
+            let open: Vec<usize> = (0..n).filter(|&j| !fixed[j]).collect();
+            if open.is_empty() || rows.is_empty() {
+                break;
+            }
+            let slope = |f: &Free, j: usize| f.size * f.slopes[j + 1];
+            let norm = |j: usize| rows.iter().map(|f| slope(f, j).powi(2)).sum::<f64>().sqrt();
+            let units: Vec<f64> = open.iter().map(|&j| Some(norm(j)).filter(|n| *n > 0.0).unwrap_or(1.0)).collect();
+            let a = DMatrix::from_fn(rows.len(), open.len(), |i, j| slope(rows[i], open[j]) / units[j]);
+            let held = |f: &Free| (0..n).filter(|&j| fixed[j]).map(|j| c[j] * slope(f, j)).sum::<f64>();
+            let b = DVector::from_fn(rows.len(), |i, _| -rows[i].size * rows[i].slopes[0] - held(rows[i]));
+            let Ok(found) = a.svd(true, true).solve(&b, RANK) else { break };
+            open.iter().zip(found.iter().zip(&units)).for_each(|(&j, (v, u))| c[j] = v / u);
+            let outside = |j: usize| (range[j][0] - c[j]).max(c[j] - range[j][1]);
+            let worst = open.iter().copied().max_by(|&i, &j| outside(i).total_cmp(&outside(j)));
+            if let Some(j) = worst.filter(|&j| outside(j) > 0.0) {
+                c[j] = c[j].clamp(range[j][0], range[j][1]);
+                fixed[j] = true;
+                continue;
+            }
+            let known = rows.len();
+            let pulled = self.all().filter(|f| f.held != [false; 2] && f.held != [true; 2] && f.left(&c).abs() > 0.0);
+            let more: Vec<&Free> = pulled.filter(|f| !rows.iter().any(|r| std::ptr::eq(*r, *f))).collect();
+            rows.extend(more);
+            if rows.len() == known {
+                break;
+            }
+        }
+        c
+    }
+}
+
+impl Judge<'_> {
+    /// Sweeps backwards through the stages and adds up the slopes of all quantities. Returns for every kink what every
+    /// column of the costate behind it says of the multiple of its gradient that the costate jumps by: with the switch in
+    /// the stage before, and in the one behind.
+    pub(super) fn sweep(&self, legs: &[Leg], kinks: &[Corner], outer: &Outer, q: &mut Quantities) -> Vec<Sides> {
+        let (n, n_z) = (self.n(), self.n() + self.n_p + self.n_u);
+        let mut columns = vec![vec![0.0; n]; 1 + kinks.len() + outer.ends.len()];
+        columns[0][0] = 1.0;
+        // what shifts everything behind by a unit of time
+        let mut clock = 0.0;
+        let mut sides = vec![[None, None]; kinks.len()];
+        for (k, leg) in legs.iter().enumerate().rev() {
+            for (m, piece) in leg.pieces.iter().enumerate().rev() {
+                let force: Vec<Vec<f64>> =
+                    (0..columns.len()).map(|c| self.force(outer, c, kinks.len(), piece)).collect();
+                for (i, b) in kinks.iter().enumerate() {
+                    if matches!(b.kind, Kind::Touch { at, .. } if at == piece.at.at) {
+                        pass(&mut columns, i, b, &mut sides[i]);
+                    }
+                }
+                columns.iter_mut().zip(&force).for_each(|(l, f)| l.iter_mut().zip(f).for_each(|(l, f)| *l += f));
+                let late = outer.clock.map_or(0.0, |c| outer.gradient[piece.at.at + c]);
+                let end = m + 1 == leg.pieces.len();
+                if let Some((length, share)) = q.length(k) {
+                    for (c, (column, force)) in columns.iter().zip(&force).enumerate() {
+                        let (moved, part) = if end { (column, 1.0) } else { (force, piece.at.share) };
+                        length.add(c, share * part * dot(moved, &piece.rate));
+                    }
+                    length.add(0, share * if end { clock + late } else { piece.at.share * late });
+                }
+                clock += late;
+                for (c, column) in columns.iter_mut().enumerate() {
+                    let mut back = vec![0.0; n];
+                    for (row, l) in piece.s.chunks_exact(n_z).zip(column.iter()).filter(|r| *r.1 != 0.0) {
+                        back.iter_mut().zip(row).for_each(|(b, s)| *b += l * s);
+                        q.params.iter_mut().zip(&row[n..]).for_each(|(p, s)| p.add(c, l * s));
+                        let own = &mut q.controls[k * self.n_u..(k + 1) * self.n_u];
+                        own.iter_mut().zip(&row[n + self.n_p..]).for_each(|(u, s)| u.add(c, l * s));
+                    }
+                    *column = back;
+                }
+                let change = |(l, r): (&f64, &f64)| (l * r).abs();
+                q.states = columns[0].iter().zip(&self.ranges).map(change).fold(q.states, f64::max);
+            }
+            for (i, b) in
+                kinks.iter().enumerate().filter(|(_, b)| b.stage == k && matches!(b.kind, Kind::Switch { .. }))
+            {
+                pass(&mut columns, i, b, &mut sides[i]);
+            }
+        }
+        for (c, column) in columns.iter().enumerate() {
+            q.initial.iter_mut().zip(&column[1..]).for_each(|(x, l)| x.add(c, *l));
+        }
+        sides
+    }
+
+    /// What acts on the states at the end of a piece in a column.
+    pub(super) fn force(&self, outer: &Outer, column: usize, n_kinks: usize, piece: &Piece) -> Vec<f64> {
+        let gradient = match column.checked_sub(1 + n_kinks) {
+            Some(r) => &outer.ends[r].gradient,
+            None if column == 0 => &outer.gradient,
+            None => return vec![0.0; self.n()],
+        };
+        self.places.iter().map(|p| p.map_or(0.0, |i| gradient[piece.at.at + i])).collect()
+    }
+}
+
+fn pass(columns: &mut [Vec<f64>], i: usize, corner: &Corner, sides: &mut Sides) {
+    *sides = corner.sides().map(|of| of.map(|jump| columns.iter().map(|l| dot(jump, l)).collect()));
+    columns[1 + i].iter_mut().zip(&corner.normal).for_each(|(l, n)| *l += n);
+}
+
+impl Quantities {
+    /// What the slopes say; `ends` is what may be added to the multipliers of constraints at the ends, `own` controls of
+    /// every stage are the user's.
+    pub(super) fn verdict(&self, kinks: &[Corner], sides: &[Sides], ends: &[[f64; 2]], own: usize) -> Optimality {
+        let scale = self.all().fold(self.states, |m, f| m.max(f.size * f.terms)).max(f64::MIN_POSITIVE);
+        let left = |c: &[f64]| self.all().fold(0f64, |m, f| m.max(f.left(c).abs())) / scale;
+        let any = [f64::NEG_INFINITY, f64::INFINITY];
+        // at a touched surface the multiplier of staying on this side is not negative
+        let stays = |k: &Corner| if matches!(k.kind, Kind::Touch { .. }) { [0.0, f64::INFINITY] } else { any };
+        let mut range: Vec<[f64; 2]> = kinks.iter().map(stays).collect();
+        range.extend_from_slice(ends);
+        let jump = |of: &Option<Vec<f64>>, c: &[f64]| of.as_ref().map(|s| s[0] + dot(&s[1..], c));
+        let mut c = self.fit(&range);
+        // where several multiples do, one between the two sides is wanted
+        for i in (0..kinks.len()).rev().filter(|&i| matches!(kinks[i].kind, Kind::Switch { .. })) {
+            let [before, after] = [jump(&sides[i][0], &c), jump(&sides[i][1], &c)];
+            let (high, low) = (before.unwrap_or(f64::INFINITY), after.unwrap_or(f64::NEG_INFINITY));
+            if low <= high && !(low..=high).contains(&c[i]) {
+                range[i] = [low, high];
+                let other = self.fit(&range);
+                if left(&other) > NONE.max(left(&c)) {
+                    range[i] = any;
+                } else {
+                    c = other;
+                }
+            }
+        }
+        let residual = left(&c);
+        let found: Vec<Kink> = kinks
+            .iter()
+            .zip(sides)
+            .enumerate()
+            .map(|(i, (b, side))| {
+                let reach = self.all().map(|f| f.size * f.slopes[1 + i].abs()).sum::<f64>() / scale;
+                let towards = |s: Option<f64>, sign: f64| s.map_or(f64::NAN, |s| sign * (s - c[i]) * reach);
+                let touch = matches!(b.kind, Kind::Touch { .. });
+                let [before, after] = match touch {
+                    true => [c[i] * reach, jump(&side[1], &c).map_or(f64::NAN, |s| s * self.lasting[b.stage] / scale)],
+                    false => [towards(jump(&side[0], &c), 1.0), towards(jump(&side[1], &c), -1.0)],
+                };
+                Kink { stage: b.stage, t: b.t, before, after, touch }
+            })
+            .collect();
+        let falls = |k: &Kink| k.before < -NONE || k.after < -NONE;
+        let (verdict, reason) = if !residual.is_finite() {
+            (Verdict::Unknown, "the derivatives are not finite")
+        } else if residual > NONE || found.iter().any(falls) {
+            (Verdict::NotOptimal, "")
+        } else if found.is_empty() {
+            (Verdict::LocalOptimum, "")
+        } else {
+            (Verdict::Kink, "")
+        };
+        let all = (self.controls.len() / self.shares.len()).max(1);
+        let users = || self.controls.iter().enumerate().filter(|(i, _)| i % all < own).map(|(_, f)| f);
+        let worst =
+            found.iter().enumerate().map(|(i, k)| (i, k.before.min(k.after))).min_by(|a, b| a.1.total_cmp(&b.1));
+        let mut direction: Vec<f64> = match worst.filter(|w| residual <= NONE && w.1 < -NONE) {
+            // towards the side of the kink that is lower: the surface is reached earlier, or later
+            Some((i, low)) => {
+                let sign = if found[i].touch || found[i].before == low { 1.0 } else { -1.0 };
+                users().map(|f| sign * f.size * f.size * f.slopes[1 + i]).collect()
+            }
+            None => users().map(|f| -f.size * f.left(&c)).collect(),
+        };
+        let largest = direction.iter().zip(users()).map(|(d, f)| if f.size > 0.0 { d.abs() / f.size } else { 0.0 });
+        let largest = largest.fold(0.0, f64::max);
+        if verdict != Verdict::NotOptimal || !(largest > 0.0 && largest.is_finite()) {
+            direction.clear();
+        }
+        direction.iter_mut().for_each(|d| *d /= largest);
+        let gradient = users().map(|f| f.slopes[0] + dot(&c, &f.slopes[1..])).collect();
+        Optimality { verdict, reason, residual, gradient, kinks: found, direction }
+    }
+}

@@ -1,0 +1,117 @@
+//! Horizons that move on: the solution one control stage later is simulated from the state that was measured, and the phases of that
+//! simulation are the start of a mode program. Switches move with the time, and into the stages where the new state puts them.
+
+use std::time::Instant;
+
+use super::candidates::Candidates;
+use super::guess::middle;
+use super::optimality::Verdict;
+use super::portfolio::Ladders;
+use super::request::Request;
+use super::sequence::NEAR;
+use super::{Durations, Ocp, OcpResult};
+use crate::dcs::Dcs;
+use crate::error::{Error, Result};
+use crate::nlp::Control;
+
+/// Share of the largest cost of a plan so far by which the cost may rise from one sample to the next, and below which nothing
+/// is left that is worth a search: noise.
+const SURPRISE: f64 = 0.01;
+
+impl Ocp {
+    /// Makes the last solution, one control stage later, the guess of the next solve; the last stage is repeated. A warm solve
+    /// simulates it from the initial state that is set by then, and starts from the modes and switching times of that.
+    pub fn shift(&mut self) -> Result<()> {
+        let r =
+            self.result.as_ref().ok_or_else(|| Error::State("there is no solution to shift: solve first".into()))?;
+        let nu = self.system.dims().u;
+        let mut u = r.controls[nu..].to_vec();
+        u.extend_from_slice(&r.control_ends[(self.n_stages - 1) * nu..]);
+        let mut moved = Box::new(r.clone());
+        moved.control_ends.drain(..nu);
+        moved.control_ends.extend_from_slice(&r.control_ends[(self.n_stages - 1) * nu..]);
+        moved.controls.clone_from(&u);
+        if self.time == Durations::Stages {
+            moved.durations.rotate_left(1);
+            moved.durations[self.n_stages - 1] = r.durations[self.n_stages - 1];
+        }
+        let from = self.t0 + r.durations[0];
+        let (mut times, mut x) = (Vec::new(), Vec::new());
+        for e in r.trajectory.elements.iter().filter(|e| e.stage > 0) {
+            if times.last().is_none_or(|t| e.t - from > *t) {
+                times.push(e.t - from);
+                x.extend_from_slice(&e.x0);
+            }
+        }
+        if let Some(e) = r.trajectory.elements.last().filter(|_| !times.is_empty()) {
+            if e.h > 1e-12 {
+                times.push(e.t + e.h - from);
+                x.extend_from_slice(&e.x1);
+            }
+        }
+        if let (Some(first), Some(later)) =
+            (moved.trajectory.elements.first_mut(), r.trajectory.elements.iter().find(|e| e.stage > 0))
+        {
+            first.x0.clone_from(&later.x0);
+        }
+        if self.n_stages > 1 {
+            self.set_x_guess(&times, &x)?;
+        }
+        self.set_u_guess(&u)?;
+        self.shifted = Some(moved);
+        Ok(())
+    }
+
+    /// Solves from the solution one stage earlier. What was found is given back where that is no exact answer, or costs more than was to be
+    /// expected: something happened to the plant, and other plans may be better now.
+    pub(super) fn solve_shifted(
+        &mut self,
+        mut moved: Box<OcpResult>,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<Option<Candidates>> {
+        let clock = Instant::now();
+        if self.time == Durations::Fixed {
+            moved.durations.clone_from(&self.durations);
+        }
+        if let Some(e) = moved.trajectory.elements.first_mut() {
+            for (i, x) in e.x0.iter_mut().enumerate() {
+                let (l, u) = (self.x0_bounds[0][i], self.x0_bounds[1][i]);
+                *x = if l == u { middle(l, u) } else { x.clamp(l, u) };
+            }
+        }
+        let known = match &self.measured {
+            Some(s) => s.clone(),
+            None => self.sizes()?,
+        };
+        let mut found = Candidates { known: known.clone(), ..Candidates::default() };
+        let inside = Request { comparison: None, explain: false, ..*request };
+        let (mut phases, mut slides) = (Vec::new(), false);
+        if let Some(traced) = self.trace_through(&moved, &request.options)? {
+            phases = traced.phases.sets();
+            slides = traced.phases.begins_sliding(&Dcs::stewart(&self.system)?.form().simplices);
+            let one = self.solve_traced(&moved, (&traced, NEAR), &known, &inside, control)?;
+            let Some(r) = one.result.as_ref() else { return Ok(Some(found)) };
+            found.add(r);
+            if r.is_exact() {
+                found.replace(one, request)?;
+            }
+        }
+        let noise = SURPRISE * self.largest;
+        let (expected, cheap) = (moved.cost + noise, found.cost().abs() <= noise);
+        if found.cost() > expected || slides && !cheap {
+            // what sticks sees no control that would set it free: a smoothed problem does
+            self.smooth_in_time(&mut found, Ladders::FromPlan(phases), request, control)?;
+        }
+        if found.cost() > expected {
+            return Ok(Some(found));
+        }
+        let Some(best) = found.best.as_mut() else { return Ok(Some(found)) };
+        if best.judged()?.is_some_and(|o| o.verdict == Verdict::NotOptimal) {
+            self.improve_in_time(&mut found, request, control)?;
+        }
+        self.settle_in_time(&mut found, request, control)?;
+        self.adopt(found, request, control, clock)?;
+        Ok(None)
+    }
+}
