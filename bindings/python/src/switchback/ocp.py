@@ -170,7 +170,9 @@ class OcpResult(OverElements, HasOutcome):
     def __repr__(self) -> str:
         t = self.trajectory
         switches = f"{len(t.switches)} switches" + (f", {len(self.jumps)} transitions" if self.jumps else "")
-        return f"<OcpResult {outcome_name(self.outcome)}, cost {self.cost:.9g}, {t.n_elements} elements, {switches}, {self.certificate}>"
+        more = f": {self.message}" if self.message else ""
+        outcome = outcome_name(self.outcome)
+        return f"<OcpResult {outcome}, cost {self.cost:.9g}, {t.n_elements} elements, {switches}, {self.certificate}{more}>"
 
 
 @dataclass(frozen=True)
