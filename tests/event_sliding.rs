@@ -165,3 +165,113 @@ fn a_stiff_sliding_mode_is_left_to_the_implicit_method() {
     assert!((r.x[2] - exact).abs() <= 1e-5, "{} {exact}", r.x[2]);
     assert!(r.stats.factorisations > 0 && r.stats.steps < 1000, "{:?}", r.stats);
 }
+
+/// Twisting algorithm (A. Levant 1993): `x' = y`, `y' = −3 sign x − 1.2 sign y + d`, and the integral `z` of what the relays
+/// give. With `y + z − ∫ d` constant `z` is known for all times.
+fn twisting(amplitude: f64) -> System {
+    let d = Dims { x: 3, u: 0, p: 0 };
+    let (g, mut s) = (Graph::new(), System::new(3, 0, 0).unwrap());
+    let smooth = [g.x(1), amplitude * (2.0 * g.t()).sin(), g.constant(0.0)];
+    s.set_f0(Arc::new(g.function("f0", d, &smooth).unwrap())).unwrap();
+    for (gain, surface) in [(3.0, 0), (1.2, 1)] {
+        let side = |sign: f64| [g.constant(-gain * sign), g.constant(gain * sign)];
+        add_relay(&mut s, &g, &[1, 2], &side(1.0), &side(-1.0), g.x(surface));
+    }
+    s
+}
+
+#[test]
+fn twisting_ends_in_sliding_of_order_two() {
+    for e in 4..=11 {
+        let rtol = 10f64.powi(-e);
+        // a factor of the amplitude in every half turn: two times in geometric series
+        let (slow, fast) = (1.8f64, 4.2f64);
+        let end = ((2.0 / slow).sqrt() + (2.0 * slow).sqrt() / fast) / (1.0 - (slow / fast).sqrt());
+        let r = simulate(&twisting(0.0), &tolerance(rtol, Method::Auto), 0.0, &[1.0, 0.0, 0.0], 8.0).unwrap();
+        assert_eq!(r.outcome, Outcome::Reached, "rtol {rtol:e}: {}", r.reason);
+        assert!((r.accumulations[0].t - end).abs() <= 100.0 * rtol, "rtol {rtol:e}: {:?} {end}", r.accumulations);
+        for k in 0..5 {
+            let (x, y) = ((1.3 * f64::from(k)).cos(), (2.1 * f64::from(k)).sin());
+            let r = simulate(&twisting(0.5), &tolerance(rtol, Method::Auto), 0.0, &[x, y, 0.0], 8.0).unwrap();
+            assert_eq!(r.outcome, Outcome::Reached, "rtol {rtol:e}, start {x} {y}: {}", r.reason);
+            assert_eq!(r.accumulations.len(), 1);
+            assert!(largest(r.x[..2].iter().copied()) <= 1e-2 * rtol, "{:?}", r.x);
+            let z = 0.25 * (1.0 - 16f64.cos()) + y;
+            assert!((r.x[2] - z).abs() <= 100.0 * rtol, "rtol {rtol:e}, start {x} {y}: {} {z}", r.x[2]);
+            assert!(r.switches.len() < 200 && r.stats.steps < 20_000, "{:?}", r.stats);
+        }
+    }
+}
+
+/// What the relays hold is lost where the disturbance is larger than they are: the motion leaves the set again.
+#[test]
+fn sliding_of_order_two_is_left_where_the_weights_reach_their_bounds() {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let (g, mut s) = (Graph::new(), System::new(2, 0, 0).unwrap());
+    s.set_f0(Arc::new(g.function("f0", d, &[g.x(1), g.t()]).unwrap())).unwrap();
+    for (gain, surface) in [(3.0, 0), (1.2, 1)] {
+        add_relay(&mut s, &g, &[1], &[g.constant(-gain)], &[g.constant(gain)], g.x(surface));
+    }
+    let r = simulate(&s, &tolerance(1e-8, Method::Auto), 0.0, &[0.0, 0.0], 6.0).unwrap();
+    assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
+    // the relays hold 3 + 1.2
+    assert!((r.switches.last().unwrap().t - 4.2).abs() < 1e-6, "{:?}", r.switches);
+    assert!((r.x[1] - 0.5 * 1.8 * 1.8).abs() < 1e-6, "{:?}", r.x);
+}
+
+/// Super-twisting algorithm with a disturbance; the time of convergence is that of an integration with 20 digits.
+#[test]
+fn super_twisting_ends_in_sliding_of_order_two() {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let (g, mut s) = (Graph::new(), System::new(2, 0, 0).unwrap());
+    let smooth = [g.x(1), 0.5 * (2.0 * g.t()).cos()];
+    s.set_f0(Arc::new(g.function("f0", d, &smooth).unwrap())).unwrap();
+    let (x, gain) = (g.x(0), g.constant(1.1));
+    add_relay(&mut s, &g, &[0, 1], &[-1.5 * x.sqrt(), -gain], &[1.5 * (-x).sqrt(), gain], x);
+    for e in 4..=11 {
+        let rtol = 10f64.powi(-e);
+        let r = simulate(&s, &tolerance(rtol, Method::Auto), 0.0, &[1.0, 0.0], 4.0).unwrap();
+        assert_eq!(r.outcome, Outcome::Reached, "rtol {rtol:e}: {}", r.reason);
+        assert!(largest(r.x.iter().copied()) <= 1e-2 * rtol, "{:?}", r.x);
+        let (t, exact) = (r.accumulations[0].t, 1.767_184_862_50);
+        // amplitudes of x go with the square of those of x': the time is as sure as the square root of the tolerance of x
+        assert!((t - exact).abs() <= (1e-2 * rtol).sqrt(), "rtol {rtol:e}: {t}");
+    }
+}
+
+/// Wheel slip held by a relay behind an actuator of first order: switches come closer without an end.
+#[test]
+fn a_relay_behind_an_actuator_is_followed_into_sliding_of_order_two() {
+    let d = Dims { x: 3, u: 0, p: 0 };
+    let (g, mut s) = (Graph::new(), System::new(3, 0, 0).unwrap());
+    let slip = (g.x(0) - 0.3 * g.x(1)) / g.x(0);
+    let force = 300.0 * 9.81 * (1.28 * (1.0 - (-23.99 * slip).exp()) - 0.52 * slip);
+    let smooth = [-force / 300.0, 0.3 * force - g.x(2), -50.0 * g.x(2)];
+    s.set_f0(Arc::new(g.function("f0", d, &smooth).unwrap())).unwrap();
+    add_relay(&mut s, &g, &[2], &[g.constant(0.0)], &[g.constant(1800.0 / 0.02)], slip - 0.2);
+    let run = |t: f64| simulate(&s, &tolerance(1e-6, Method::Auto), 0.0, &[30.0, 100.0, 0.0], t).unwrap();
+    let (one, two) = (run(1.0), run(2.0));
+    assert_eq!(two.outcome, Outcome::Reached, "{}", two.reason);
+    assert!(two.switches.len() < 10_000, "{}", two.switches.len());
+    assert!((1.0 - 0.3 * two.x[1] / two.x[0] - 0.2).abs() <= 1e-9, "{:?}", two.x);
+    let slowing = 9.81 * (1.28 * (1.0 - (-23.99f64 * 0.2).exp()) - 0.52 * 0.2);
+    assert!((one.x[0] - two.x[0] - slowing).abs() <= 1e-6 * 30.0, "{:?} {:?}", one.x, two.x);
+}
+
+/// Spirals into the intersection of two surfaces, at tolerances down to rounding.
+#[test]
+fn a_spiral_into_two_surfaces_goes_on_at_every_tolerance() {
+    let d = Dims { x: 3, u: 0, p: 0 };
+    let (g, mut s) = (Graph::new(), System::new(3, 0, 0).unwrap());
+    s.set_f0(Arc::new(g.function("f0", d, &[g.constant(0.0), g.constant(0.0), g.constant(1.0)]).unwrap())).unwrap();
+    for (surface, own) in [(0, [-0.7, 2.0, 0.3]), (1, [-2.0, -0.7, -0.5])] {
+        let side = |sign: f64| own.map(|v| g.constant(sign * v));
+        add_relay(&mut s, &g, &[0, 1, 2], &side(1.0), &side(-1.0), g.x(surface));
+    }
+    for e in 4..=12 {
+        let rtol = 10f64.powi(-e);
+        let r = simulate(&s, &tolerance(rtol, Method::Auto), 0.0, &[1.0, 0.2, 0.0], 3.0).unwrap();
+        assert_eq!(r.outcome, Outcome::Reached, "rtol {rtol:e}: {}", r.reason);
+        assert!(largest(r.x[..2].iter().copied()) <= 1e-2 * rtol, "rtol {rtol:e}: {:?}", r.x);
+    }
+}

@@ -16,16 +16,18 @@ mod cells;
 mod contacts;
 mod derivatives;
 mod gradients;
+mod limit;
 mod near;
 mod sliding;
 
-pub(super) use apart::{Apart, Open};
+pub(super) use apart::{Apart, Known, Open};
 pub(super) use contacts::{Contacts, TO_RATE};
 pub(super) use gradients::{Gradients, Row};
 use sliding::Sliding;
 
 use self::bundled::Bundled;
 use self::contacts::WATCHED;
+use self::limit::Limit;
 use super::guard::{Guards, Reset};
 use super::step::Stages;
 use crate::dcs::{filippov, Cell, Dcs, Drift};
@@ -146,6 +148,10 @@ pub(super) struct Field {
     base: Vec<f64>,
     /// `D`, and the rows of `C`, scaled.
     sliding: Sliding,
+    /// The rows of `C` are those of the present active set and scale, for any point where gradients are constant.
+    rows_known: bool,
+    /// The motion in a limit set, where the present mode is one.
+    pub(super) limit: Option<Box<Limit>>,
     /// Weights at the last point.
     pub(super) alpha: Vec<f64>,
     /// Weights at the stages of the present step of an explicit pair.
@@ -240,6 +246,8 @@ impl Field {
             guards_known: false,
             base: vec![0.0; nx],
             sliding: Sliding::new(rows, columns, (nx, n_z)),
+            rows_known: false,
+            limit: None,
             alpha: vec![0.0; most],
             traces: vec![[0.0; 16]; most],
             room: vec![0.0; most],
@@ -274,6 +282,7 @@ impl Field {
 
     /// Parameters or controls have changed: nothing is known any more.
     pub(super) fn forget(&mut self) {
+        self.rows_known = false;
         self.dq_known = false;
         self.guards_known = false;
         if let Some(c) = &mut self.contacts {
@@ -303,6 +312,8 @@ impl Field {
 
     /// Makes `sets` the active cells.
     pub(super) fn set_active(&mut self, sets: &[Vec<usize>]) {
+        self.limit = None;
+        self.rows_known = false;
         self.pairs.clear();
         self.first_pair.clear();
         if let Some(c) = &mut self.contacts {
@@ -336,6 +347,7 @@ impl Field {
             return Ok(());
         }
         self.gradients(t, x)?;
+        self.rows_known = false;
         self.unit.fill(1.0);
         let reciprocal = |size: f64| if size > 0.0 { 1.0 / size } else { 1.0 };
         for s in self.subs.iter().filter(|s| s.signs) {
@@ -367,6 +379,9 @@ impl Field {
 
     /// The smooth part of the right-hand side.
     pub(super) fn drift(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        if self.bundled_drift(t, x, out) {
+            return Ok(());
+        }
         let at = Point { t, x, u: &self.u, p: &self.p };
         let mut rest = &self.drifts[..];
         if self.direct {
@@ -631,9 +646,15 @@ impl Field {
 
     /// Everything of a sliding mode at a point: `b`, `D`, `C` and the weights (6.17c).
     pub(super) fn hidden(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        if self.limit.is_some() {
+            return self.hidden_limit(t, x);
+        }
         self.parts(t, x)?;
         self.gradients(t, x)?;
-        self.constraint_rows();
+        if !(self.rows_known && self.dq_constant) {
+            self.constraint_rows();
+            self.rows_known = true;
+        }
         let r = self.pairs.len();
         for i in 0..r {
             self.alpha[i] = -self.sliding.rate(self.pairs[i], i, &self.base);
@@ -658,6 +679,9 @@ impl Field {
     /// Moves `x` along `D` until all constraints hold to rounding; `C D` is that of the last [`Field::hidden`]. Says
     /// whether `x` has changed.
     pub(super) fn project(&mut self, t: f64, x: &mut [f64]) -> Result<bool, EvalError> {
+        if self.limit.is_some() {
+            return self.project_limit(t, x);
+        }
         let r = self.pairs.len();
         let mut moved = false;
         let mut before = f64::INFINITY;

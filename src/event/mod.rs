@@ -82,7 +82,8 @@ pub enum Method {
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 pub enum Zeno {
-    /// Go on in the sliding mode on the surfaces the switches accumulate at, where there is one; else stop.
+    /// Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose
+    /// indicators have no rate either: derivatives do not follow there, they are NaN behind it. Else stop.
     #[default]
     Continue = 0,
     /// Stop.
@@ -425,9 +426,10 @@ pub struct Accumulation {
     pub t: f64,
     /// Where ordinary integration begins again.
     pub until: f64,
-    /// Steps of [`Zeno::TimeStepping`], 0 with the other policies.
+    /// Steps of [`Zeno::TimeStepping`], 0 with the other policies, and where the motion goes on in a limit set.
     pub steps: usize,
-    /// What these steps added to the error of the state, relative to the tolerance: the difference to half as many.
+    /// What these steps added to the error of the state, relative to the tolerance: the difference to half as many. Where the
+    /// motion goes on in a limit set of order two, how far it was from there, relative to the tolerance.
     pub error: f64,
 }
 

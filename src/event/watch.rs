@@ -1,7 +1,7 @@
 //! What must stay positive under an active set: distances to the surfaces around, weights of the active cells.
 
 use super::field::{Field, TO_RATE};
-use super::step::Stages;
+use super::step::{horner, Stages, Step};
 use crate::func::EvalResult;
 
 /// A function of time and state that is positive as long as the active set holds.
@@ -94,6 +94,16 @@ impl Watch {
     pub(super) fn rate(&self, dq: &[f64], field: &Field, velocity: &[f64]) -> f64 {
         let Some((a, b, sign)) = self.difference() else { return 0.0 };
         let along = |j: usize| field.gradients.row(dq, j).along(velocity);
+        sign * (along(a) - b.map_or(0.0, along))
+    }
+
+    /// Change since the start of a step at relative time `s` of its dense output, where the gradient is constant.
+    pub(super) fn change(&self, dq: &[f64], field: &Field, step: &Step, s: f64) -> f64 {
+        let Some((a, b, sign)) = self.difference() else { return 0.0 };
+        let along = |j: usize| {
+            let g = field.gradients.row(dq, j);
+            g.states().map(|(i, g)| g * (horner(&step.poly[i], s) - step.x0[i])).sum::<f64>() + g.t * s * step.h
+        };
         sign * (along(a) - b.map_or(0.0, along))
     }
 

@@ -20,6 +20,11 @@ pub(super) struct Recent {
 }
 
 impl Recent {
+    /// Time between two switches, the `i`-th of those that are remembered.
+    pub(super) fn gap(&self, i: usize) -> f64 {
+        self.gaps[(self.n + i) % MEMORY]
+    }
+
     /// Time between the last two switches or jumps.
     pub(super) fn last_gap(&self) -> f64 {
         self.gaps[(self.n + MEMORY - 1) % MEMORY]
@@ -51,13 +56,40 @@ impl Engine {
         }
     }
 
+    /// Marks what vanished at the last switches, and what the present sliding modes tie.
+    pub(super) fn mark_recent(&mut self) {
+        let n = self.zero.len();
+        self.zero.fill(false);
+        for m in 0..MEMORY {
+            for j in 0..n {
+                self.zero[j] |= self.recent.zero[m * n + j];
+            }
+        }
+        self.keep_surfaces();
+    }
+
+    /// Does the present mode slide on all surfaces that the last switches were at? The last of them began it, where the
+    /// surfaces could not be told apart any more.
+    fn is_past_accumulation(&mut self) -> bool {
+        self.mark_recent();
+        let all = self.zero.clone();
+        self.zero.fill(false);
+        self.keep_surfaces();
+        self.zero == all
+    }
+
     /// Do switches accumulate here? Then the policy decides.
     pub(super) fn accumulate(&mut self) -> Result<Option<Progress>> {
         if self.recent.n <= MEMORY {
             return Ok(None);
         }
+        if !self.recent.jumps && !self.field.in_limit_set() {
+            if let Some(p) = self.approach_limit_set()? {
+                return Ok(Some(p));
+            }
+        }
         let half = MEMORY / 2;
-        let gap = |i: usize| self.recent.gaps[(self.recent.n + i) % MEMORY];
+        let gap = |i: usize| self.recent.gap(i);
         let (old, new) = ((0..half).map(gap).sum::<f64>(), (half..MEMORY).map(gap).sum::<f64>());
         let ratio = new / old;
         let stuck = old + new <= 64.0 * EPS * self.t.abs();
@@ -83,6 +115,16 @@ impl Engine {
             return Ok(Some(self.end_at_accumulation(limit)));
         }
         let text = format!("switches accumulate at t = {limit}");
+        if self.options.zeno != Zeno::Stop {
+            if self.is_past_accumulation() {
+                self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error: 0.0 });
+                return Ok(None);
+            }
+            self.mark_recent();
+            if let Some(p) = self.enter_limit_set(f64::INFINITY, limit, false)? {
+                return Ok(Some(p));
+            }
+        }
         if self.options.zeno == Zeno::TimeStepping {
             return self.step_through(limit).map(Some);
         }
@@ -91,13 +133,7 @@ impl Engine {
             return Ok(Some(self.fail(Outcome::Zeno, text)));
         }
         let before = self.field.active.clone();
-        let n = self.zero.len();
-        for m in 0..MEMORY {
-            for j in 0..n {
-                self.zero[j] |= self.recent.zero[m * n + j];
-            }
-        }
-        self.keep_surfaces();
+        self.mark_recent();
         let candidates = self.candidates();
         let r = self.choose(&candidates, self.h.max(1e3 * EPS * self.t.abs()));
         let unique = recover(r, false)?;

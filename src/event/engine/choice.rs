@@ -2,7 +2,7 @@
 
 use super::Engine;
 use crate::dcs::filippov::{decide_pair, distinct, FilippovProblem, FilippovSolution};
-use crate::event::field::{Apart, Open};
+use crate::event::field::{Apart, Known, Open};
 use crate::event::{Ambiguity, Branching, Continuation, Doubt, Outcome};
 use crate::func::EvalError;
 
@@ -35,6 +35,37 @@ impl Engine {
         apart: &mut Apart,
     ) -> std::result::Result<bool, EvalError> {
         self.field.decide_apart((self.t, &self.x), candidates, apart)?;
+        self.choose_open(candidates, length, apart)
+    }
+
+    /// The same behind a switch: the velocity is that before it, at this point.
+    pub(super) fn choose_behind(
+        &mut self,
+        candidates: &[Vec<usize>],
+        length: f64,
+    ) -> std::result::Result<bool, EvalError> {
+        let many = candidates.iter().filter(|c| c.len() > 1).nth(1).is_some();
+        if !self.arrived || !many || self.field.in_limit_set() {
+            return self.choose(candidates, length);
+        }
+        let mut apart = std::mem::take(&mut self.apart);
+        let known = self.field.decide_changed((self.t, &self.x, &self.f), candidates, &mut apart);
+        let r = match known {
+            Ok(Known::Little) => self.choose_apart(candidates, length, &mut apart),
+            Ok(_) => self.choose_open(candidates, length, &mut apart),
+            Err(e) => Err(e),
+        };
+        self.apart = apart;
+        r
+    }
+
+    /// Makes the best continuation of what is open the active set.
+    fn choose_open(
+        &mut self,
+        candidates: &[Vec<usize>],
+        length: f64,
+        apart: &mut Apart,
+    ) -> std::result::Result<bool, EvalError> {
         if apart.open.is_empty() {
             self.field.set_active(&apart.sets);
             return Ok(true);

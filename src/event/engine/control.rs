@@ -104,6 +104,7 @@ impl Engine {
         /// Steps in a row, or more than there should be.
         const PATIENCE: usize = 8;
         if self.implicit
+            || self.field.in_limit_set()
             || self.usual_pair == Pair::Dp5
             || self.options.method != Method::Auto
             || self.field.has_contacts()
@@ -128,6 +129,9 @@ impl Engine {
     /// solution are asked for too: they are those of implicit steps.
     pub(super) fn begins_implicit(&self) -> bool {
         let slides = self.field.n_alg() > 0;
+        if self.field.in_limit_set() {
+            return false;
+        }
         match self.options.method {
             Method::Radau5 => true,
             _ if slides && (self.sens.is_some() || self.tape.is_some()) => true,
@@ -181,7 +185,7 @@ impl Engine {
     pub(super) fn variational_step(&mut self) -> Result<f64> {
         /// Steps from one look to the next, where the steps are well below the limit.
         const LOOK: usize = 8;
-        if self.implicit || (self.sens.is_none() && self.tape.is_none()) {
+        if self.implicit || self.field.in_limit_set() || (self.sens.is_none() && self.tape.is_none()) {
             return Ok(f64::INFINITY);
         }
         let (limit, last) = self.variational;
@@ -301,7 +305,7 @@ impl Engine {
     }
 
     pub(super) fn watch_stiffness(&mut self) {
-        if self.options.method != Method::Auto || self.implicit && self.field.n_alg() > 0 {
+        if self.options.method != Method::Auto || self.field.in_limit_set() || self.implicit && self.field.n_alg() > 0 {
             return;
         }
         if self.implicit {

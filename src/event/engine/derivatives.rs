@@ -11,7 +11,7 @@ impl Engine {
     /// `each(θ, ∂θ/∂u, |D|)` for every one of these modes. `|D|` is the largest change of a component of the velocity from one
     /// mode to another. Does nothing where nothing slides.
     pub(crate) fn sliding_weights(&mut self, each: &mut dyn FnMut(f64, &[f64], f64)) -> Result<()> {
-        if self.field.has_contacts() || self.field.n_alg() == 0 {
+        if self.field.has_contacts() || self.field.n_alg() == 0 || self.field.in_limit_set() {
             return Ok(());
         }
         let first = self.nx + self.field.p.len();
@@ -82,6 +82,10 @@ impl Engine {
 
     /// The step that ends at `t1` moves the derivatives.
     pub(super) fn differentiate_step(&mut self, t1: f64) -> Result<()> {
+        if self.field.in_limit_set() {
+            self.blur_sensitivity();
+            return Ok(());
+        }
         if let Some(mut s) = self.sens.take() {
             let r = if self.step_implicit {
                 s.implicit(&self.radau, &mut self.field, &self.step)
@@ -103,6 +107,10 @@ impl Engine {
 
     /// Derivatives of the time at which watch `l` vanishes here; the velocity is that before the switch.
     pub(super) fn differentiate_time(&mut self, l: usize) -> std::result::Result<(), EvalError> {
+        if self.field.in_limit_set() {
+            self.mark_time(Time::Unknown);
+            return Ok(());
+        }
         if self.sens.is_some() || self.tape.is_some() {
             let at = (self.t, &self.x[..], &self.f[..]);
             self.watches[l].time_gradient(&mut self.field, at, &mut self.jac, &mut self.time_row)?;
@@ -146,7 +154,7 @@ impl Engine {
 
     /// A sliding mode that begins ties the derivatives to its surfaces.
     pub(super) fn project_sensitivity(&mut self) -> std::result::Result<(), EvalError> {
-        if self.field.n_alg() == 0 {
+        if self.field.n_alg() == 0 || self.field.in_limit_set() {
             return Ok(());
         }
         if let Some(s) = &mut self.sens {

@@ -1,14 +1,16 @@
-//! From accumulating switches into the set they lead to, see [`field::limit`](crate::event::field).
+//! From accumulating switches into the set they lead to, the motion in which the right-hand side knows.
 
 use super::accumulation::MEMORY;
 use super::{recover, Engine, Pair, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
-use crate::event::Accumulation;
+use crate::event::{Accumulation, Outcome, Zeno};
 use crate::func::EvalError;
 
 /// Distance to the limit set relative to the tolerances from which on the solution is in it.
 const NEAR: f64 = 0.1;
+/// The same where nothing else continues it.
+const FAILED: f64 = 100.0;
 /// Switches in a row between which the time has only become shorter, and by which factor: a solution that comes ever closer
 /// without an end is followed no further, and how far it was then is noted.
 const MANY: usize = 4096;
@@ -51,28 +53,66 @@ impl Engine {
         let gap = self.recent.last_gap();
         let close = (0..self.nx).all(|i| self.f[i].abs() * gap <= 10.0 * self.tolerance_of(i));
         let endless = self.shrinking.endless();
-        if !(close && self.recent.n % 4 == 0 || endless && self.recent.n % MEMORY == 0) {
+        // an unstable set is left by ever longer ways
+        let later: f64 = (MEMORY / 2..MEMORY).map(|i| self.recent.gap(i)).sum();
+        let shrinks = later < 0.5 * self.recent.gaps.iter().sum::<f64>();
+        if !(close && shrinks && self.recent.n % 4 == 0 || endless && self.recent.n % MEMORY == 0) {
             return Ok(None);
         }
-        self.enter_limit_set(if endless { f64::INFINITY } else { NEAR }, self.t)
+        if self.options.zeno == Zeno::Stop {
+            let text =
+                format!("switches come ever closer: the last {MANY} of them have an end within reach or none at all");
+            return Ok(endless.then(|| self.fail(Outcome::Zeno, text)));
+        }
+        self.mark_recent();
+        let p = self.enter_limit_set(if endless { f64::INFINITY } else { NEAR }, self.t, false)?;
+        self.stats.accumulations += usize::from(p.is_some());
+        Ok(p)
+    }
+
+    /// Switches may come so close to each other that rounding makes the point between them look as if nothing continued
+    /// the motion: then the limit set does, from the active set `before`. So it does at another surface where the motion was
+    /// in a limit set already (`within`).
+    pub(super) fn rescue(&mut self, before: &[Vec<usize>], within: bool) -> Result<Option<Progress>> {
+        let many = self.recent.n > MEMORY && !self.recent.jumps;
+        if self.options.zeno == Zeno::Stop || !(many || within) || self.field.has_contacts() {
+            return Ok(None);
+        }
+        let failure = (self.outcome, std::mem::take(&mut self.reason));
+        self.outcome = Outcome::Reached;
+        self.field.set_active(before);
+        if !within {
+            self.mark_recent();
+        }
+        let p = self.enter_limit_set(FAILED, self.t, within)?;
+        match p {
+            Some(_) => self.stats.accumulations += usize::from(!within),
+            None => (self.outcome, self.reason) = failure,
+        }
+        Ok(p)
     }
 
     fn tolerance_of(&self, i: usize) -> f64 {
         (self.atol[i] + self.rtol[i] * self.x[i].abs()).max(4.0 * EPS * self.x[i].abs()).max(f64::MIN_POSITIVE)
     }
 
-    /// Goes on in the limit set of the last switches, if there is one no farther than `most` tolerances; `limit` is the time
-    /// the switches lead to.
-    pub(super) fn enter_limit_set(&mut self, most: f64, limit: f64) -> Result<Option<Progress>> {
+    /// Goes on in the limit set of the surfaces that are marked as zero, if there is one no farther than `most` tolerances;
+    /// `limit` is the time the switches lead to, and `within` says that the state is in such a set
+    /// already.
+    pub(super) fn enter_limit_set(&mut self, most: f64, limit: f64, within: bool) -> Result<Option<Progress>> {
+        /// Times in a row without time between them.
+        const TRIES: usize = 4;
+        let at_once = self.t - self.limits.0 <= self.no_time();
         let before = self.field.active.clone();
-        self.mark_recent();
-        let candidates = self.candidates();
-        let tied = |sets: &[Vec<usize>]| sets.iter().map(Vec::len).sum::<usize>();
-        if tied(&candidates) <= tied(&before) && self.field.in_limit_set() {
+        let mut sets = self.candidates();
+        if at_once && self.limits.1 > TRIES || sets.iter().all(|c| c.len() < 2) {
             return Ok(None);
         }
+        if within {
+            self.decide_others(&mut sets)?;
+        }
         let held = self.field.hold();
-        self.field.set_active(&candidates);
+        self.field.set_active(&sets);
         let found = recover(self.limit_point(), None)?.filter(|error| *error <= most);
         let Some(error) = found else {
             self.field.release(held);
@@ -80,10 +120,12 @@ impl Engine {
             recover(r.map(|()| true), false)?;
             return Ok(None);
         };
-        self.stats.accumulations += 1;
+        self.limits = (self.t, if at_once { self.limits.1 + 1 } else { 0 });
         self.recent.n = 0;
         self.shrinking = Shrinking::default();
-        self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error });
+        if !within {
+            self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error });
+        }
         self.mark_time(Time::Unknown);
         self.x.copy_from_slice(&self.node);
         (self.next_pair, self.cut) = (Pair::Dp5, 0);
@@ -92,10 +134,23 @@ impl Engine {
         self.blur_sensitivity();
         if !recover(r.map(|()| true), false)? {
             let text = format!("switches accumulate at t = {limit}, where the motion is not defined");
-            return Ok(Some(self.fail(crate::event::Outcome::Zeno, text)));
+            return Ok(Some(self.fail(Outcome::Zeno, text)));
         }
         self.log(&before, f64::NAN, None, true);
         Ok(Some(Progress::Switched))
+    }
+
+    /// In a limit set the rates of what it ties are zero: those subsystems that other rates decide cross, or slide by themselves.
+    fn decide_others(&mut self, sets: &mut [Vec<usize>]) -> Result<()> {
+        let mut apart = std::mem::take(&mut self.apart);
+        let decided = self.field.decide_apart((self.t, &self.x), sets, &mut apart);
+        if recover(decided.map(|()| true), false)? {
+            for (k, set) in sets.iter_mut().enumerate().filter(|(k, _)| !apart.open.contains(k)) {
+                set.clone_from(&apart.sets[k]);
+            }
+        }
+        self.apart = apart;
+        Ok(())
     }
 
     /// Finds the point of the limit set next to the state, which is left in `node`; its distance relative to the tolerances,

@@ -7,6 +7,7 @@ mod contact;
 mod control;
 mod derivatives;
 mod jump;
+mod limit_set;
 mod locate;
 mod record;
 mod search;
@@ -20,6 +21,7 @@ use self::accumulation::{Recent, MEMORY};
 use self::chatter::Window;
 use self::contact::SceneRoom;
 use self::control::Tried;
+use self::limit_set::Shrinking;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler, NODES};
 use super::explicit::Pair;
@@ -108,8 +110,12 @@ pub struct Engine {
     dq1: Vec<f64>,
     zero: Vec<bool>,
     set: Vec<usize>,
-    /// Memory for decisions.
+    /// Memory for decisions, for candidates, for active sets.
     apart: Apart,
+    candidates: Vec<Vec<usize>>,
+    before: Vec<Vec<usize>>,
+    /// The velocity is that at the present point under the active set before a switch.
+    arrived: bool,
     weights: Vec<f64>,
     node: Vec<f64>,
     t: f64,
@@ -129,6 +135,9 @@ pub struct Engine {
     /// The active set has to be found before the next step.
     restart: bool,
     recent: Recent,
+    shrinking: Shrinking,
+    /// When a limit set was entered last, and how often without time between.
+    limits: (f64, usize),
     /// The next active set is the one behind an accumulation.
     behind: bool,
     /// Passages of [`Zeno::TimeStepping`](super::Zeno) one soon after the other.
@@ -242,6 +251,9 @@ impl Engine {
             zero: vec![false; n_q],
             set: Vec::with_capacity(2),
             apart: Apart::default(),
+            candidates: Vec::new(),
+            before: Vec::new(),
+            arrived: false,
             weights: vec![0.0; nx],
             node: vec![0.0; nx],
             t: 0.0,
@@ -255,6 +267,8 @@ impl Engine {
             alpha_end: Vec::with_capacity(most),
             fresh: true,
             restart: true,
+            shrinking: Shrinking::default(),
+            limits: (f64::NEG_INFINITY, 0),
             recent: Recent { gaps: [0.0; MEMORY], n: 0, last: 0.0, zero: vec![false; MEMORY * n_q], jumps: false },
             behind: false,
             passages: 0,
@@ -310,6 +324,8 @@ impl Engine {
         (self.next_pair, self.cut) = (self.usual_pair, 0);
         self.recent.n = 0;
         self.recent.jumps = false;
+        self.shrinking = Shrinking::default();
+        self.limits = (f64::NEG_INFINITY, 0);
         self.recent.last = t;
         self.field.guards.reset(x);
         self.crowd = 0;
@@ -608,6 +624,11 @@ impl Engine {
                 if let Some(p) = self.reach_surface()? {
                     return Ok(p);
                 }
+                let before = self.field.active.clone();
+                if let Some(p) = self.rescue(&before, false)? {
+                    self.h = self.no_time();
+                    return Ok(p);
+                }
                 let text = "the step became shorter than rounding: the solution grows without bound, a function is \
                             not defined ahead, or the tolerances are too small";
                 return Ok(self.fail(Outcome::StepTooSmall, text.into()));
@@ -685,7 +706,7 @@ impl Engine {
 
     /// Slides an explicit pair that an implicit method may take over from?
     fn may_turn_implicit(&self) -> bool {
-        !self.implicit && self.options.method == Method::Auto && self.field.n_alg() > 0
+        !self.implicit && self.options.method == Method::Auto && self.field.n_alg() > 0 && !self.field.in_limit_set()
     }
 
     fn reject(&mut self, rejected: &mut bool, factor: f64) {

@@ -44,13 +44,14 @@ impl Engine {
             self.radau.dense(&mut self.step, self.fresh);
         } else {
             let foreign = self.step_sets != self.field.active;
-            let present = foreign.then(|| self.field.active.clone());
+            let present = foreign.then(|| (self.field.active.clone(), self.field.limit.take()));
             if foreign {
                 self.field.set_active(&self.step_sets);
             }
             let r = explicit::dense(self.pair, &mut self.field, &mut self.step);
-            if let Some(p) = present {
-                self.field.set_active(&p);
+            if let Some((active, limit)) = present {
+                self.field.set_active(&active);
+                self.field.limit = limit;
             }
             r?;
         }

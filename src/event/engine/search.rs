@@ -64,12 +64,18 @@ impl Engine {
         }
         self.write_dense()?;
         let forces = self.wanted_contacts();
+        let lines = self.field.many_functions() && forces.is_none();
         for i in 1..NODES {
             let s = self.sampler.nodes[i];
             if i < NODES - 1 {
-                self.step.at(s, &mut self.node);
                 let t = self.step.t + s * self.step.h;
+                let bent = |l: &usize| self.suspect[*l] && !self.watches[*l].is_affine(&self.field);
+                let by_lines = lines && !self.looked.iter().any(bent);
+                if !by_lines {
+                    self.step.at(s, &mut self.node);
+                }
                 match forces {
+                    _ if by_lines => {}
                     Some(forces) => self.field.scene_values((t, &self.node), forces, |c| self.wanted[c])?,
                     None => self.field.watched(t, &self.node)?,
                 }
@@ -80,7 +86,14 @@ impl Engine {
             for &l in &self.looked {
                 if self.suspect[l] {
                     let end = i == NODES - 1;
-                    let value = if end { self.w1[l] } else { self.watches[l].value(&self.field.q, &self.field) };
+                    let w = self.watches[l];
+                    let value = match end {
+                        true => self.w1[l],
+                        false if lines && w.is_affine(&self.field) => {
+                            self.w0[l] + w.change(&self.dq0, &self.field, &self.step, s)
+                        }
+                        false => w.value(&self.field.q, &self.field),
+                    };
                     // a guard that has just been left is zero at the start, up to the rounding of its location, and so is
                     // what begins a little below zero
                     let below = self.watches[l].may_begin_below() && self.depart[l] > 1 && self.w0[l] < 0.0;

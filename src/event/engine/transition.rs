@@ -4,7 +4,7 @@ use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
 use crate::event::watch::{self, Watch};
-use crate::event::{Contact, Outcome};
+use crate::event::{Contact, Outcome, Zeno};
 use crate::func::EvalError;
 
 impl Engine {
@@ -44,6 +44,15 @@ impl Engine {
         let time = if std::mem::take(&mut self.behind) { Time::Unknown } else { Time::Fixed };
         self.mark_time(time);
         let unique = self.locate(first, self.t_stop - self.t)?;
+        if self.outcome == Outcome::NoContinuation && self.options.zeno != Zeno::Stop {
+            // the run may begin in a limit set
+            let failure = (self.outcome, std::mem::take(&mut self.reason));
+            self.outcome = Outcome::Reached;
+            match self.enter_limit_set(1.0, self.t, true) {
+                Ok(Some(_)) => return Ok(unique),
+                _ => (self.outcome, self.reason) = failure,
+            }
+        }
         if self.outcome == Outcome::Reached {
             self.enter()?;
             self.project_sensitivity()?;
@@ -127,17 +136,20 @@ impl Engine {
     }
 
     /// Cells that may be active next to the present point, by the signs of the indicators that are not zero.
-    pub(super) fn candidates(&self) -> Vec<Vec<usize>> {
-        let each = self.field.subs.iter().zip(&self.field.active).map(|(s, set)| {
-            let mut c: Vec<usize> = if s.signs {
+    pub(super) fn candidates(&mut self) -> Vec<Vec<usize>> {
+        let mut all = std::mem::take(&mut self.candidates);
+        all.resize(self.field.active.len(), Vec::new());
+        for ((s, set), c) in self.field.subs.iter().zip(&self.field.active).zip(&mut all) {
+            c.clear();
+            if s.signs {
                 let fits = |cell: &usize| {
                     let w = &s.cells[*cell].weights;
                     (0..s.n_q).all(|j| self.zero[s.q0 + j] || w[j] * self.field.q[s.q0 + j] <= 0.0)
                 };
-                (0..s.cells.len()).filter(fits).map(|c| s.first + c).collect()
+                c.extend((0..s.cells.len()).filter(fits).map(|c| s.first + c));
             } else {
-                (0..s.cells.len()).filter(|j| self.zero[s.q0 + j]).map(|j| s.first + j).collect()
-            };
+                c.extend((0..s.cells.len()).filter(|j| self.zero[s.q0 + j]).map(|j| s.first + j));
+            }
             for &a in set {
                 if !c.contains(&a) && (c.is_empty() || !s.signs) {
                     c.push(a);
@@ -148,9 +160,8 @@ impl Engine {
             if c.iter().all(|&a| mode(a) == mode(c[0])) {
                 c.truncate(1);
             }
-            c
-        });
-        each.collect()
+        }
+        all
     }
 
     /// Prepares the first step under a new active set.
@@ -225,9 +236,18 @@ impl Engine {
             Watch::Contact { .. } => return self.contact_event(l, slope, grown),
             _ => {}
         }
-        let before = self.field.active.clone();
+        let mut before = std::mem::take(&mut self.before);
+        before.clone_from(&self.field.active);
+        let within = self.field.in_limit_set();
         let r = self.switch_inner(l, slope, &before);
         let known = recover(r.map(|()| true), false)?;
+        if !known || self.outcome == Outcome::NoContinuation {
+            if let Some(p) = self.rescue(&before, within)? {
+                self.h = grown;
+                return Ok(p);
+            }
+        }
+        self.before = before;
         if !known {
             return Ok(self.fail(Outcome::NoContinuation, "the modes around the switch are not defined there".into()));
         }
@@ -249,10 +269,11 @@ impl Engine {
     /// Velocity before a switch at the present point, and what is watched there with its gradients.
     pub(super) fn arrive(&mut self) -> std::result::Result<(), EvalError> {
         let t = self.t;
+        self.arrived = true;
         // a mode that ends here may have no value any more: its velocity just before serves as well
         match self.field.rhs(t, &self.x, &mut self.node) {
             Ok(()) => self.f.copy_from_slice(&self.node),
-            Err(EvalError::Recoverable) => {}
+            Err(EvalError::Recoverable) => self.arrived = false,
             Err(e) => return Err(e),
         }
         self.field.watched(t, &self.x)?;
@@ -298,7 +319,8 @@ impl Engine {
         self.differentiate_time(l)?;
         let candidates = self.candidates();
         let length = self.usual_step();
-        let unique = self.choose(&candidates, length)?;
+        let unique = self.choose_behind(&candidates, length)?;
+        self.candidates = candidates;
         if self.outcome != Outcome::Reached {
             return Ok(());
         }

@@ -29,7 +29,71 @@ pub(in crate::event) struct Apart {
     room: [Vec<f64>; 3],
 }
 
+/// How much is known of the modes behind a switch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(in crate::event) enum Known {
+    /// All of them.
+    All,
+    /// All but those of the subsystems that are open.
+    ButOpen,
+    /// More than one subsystem has a choice.
+    Little,
+}
+
 impl Field {
+    /// The modes behind a switch of one subsystem, where the others go on as they are: those with one candidate, and those
+    /// that slide on a surface that attracts, with weights inside of their bounds and rates that do not depend on the modes
+    /// of the one that switches. The velocity before the switch and the weights are those of this point: what changes is the
+    /// part of the one subsystem.
+    pub(in crate::event) fn decide_changed(
+        &mut self,
+        (t, x, velocity): (f64, &[f64], &[f64]),
+        candidates: &[Vec<usize>],
+        a: &mut Apart,
+    ) -> Result<Known, EvalError> {
+        /// Weights this far inside of their bounds stay there.
+        const INSIDE: f64 = 1e-6;
+        let mut changed = None;
+        for (k, c) in candidates.iter().enumerate() {
+            let set = &self.active[k];
+            let slides = |i: usize| {
+                let alpha = self.alpha[i];
+                self.sliding.attracts_alone(i) && alpha > INSIDE && alpha < 1.0 - INSIDE
+            };
+            let goes_on = match c.len() {
+                1 => set == c,
+                2 => set.len() == 2 && set.iter().all(|s| c.contains(s)) && slides(self.first_pair[k]),
+                _ => false,
+            };
+            if !goes_on && changed.replace(k).is_some() {
+                return Ok(Known::Little);
+            }
+        }
+        let Some(k) = changed.filter(|k| candidates[*k].len() == 2) else { return Ok(Known::Little) };
+        let touches = self.sliding.depends(k).iter().any(|o| *o != k && candidates[*o].len() > 1);
+        if touches || self.sliding.dependencies(k).any(|o| o != k && candidates[o].len() > 1) {
+            return Ok(Known::Little);
+        }
+        a.sets.clone_from(&self.active);
+        a.theta.clear();
+        let first = |k: usize| if self.active[k].len() == 2 { 1.0 - self.alpha[self.first_pair[k]] } else { 1.0 };
+        a.theta.extend((0..candidates.len()).map(first));
+        a.decided.clear();
+        a.decided.resize(candidates.len(), true);
+        a.base.clear();
+        a.base.extend_from_slice(velocity);
+        let mut base = std::mem::take(&mut a.base);
+        for (cell, weight) in a.sets[k].iter().zip([a.theta[k], 1.0 - a.theta[k]]) {
+            self.add_mode(t, x, *cell, -weight, &mut base)?;
+        }
+        let known = self.decide_one((t, x), &candidates[k], &mut base, a)?;
+        a.base = base;
+        a.decided[k] = known;
+        a.open.clear();
+        a.open.extend((!known).then_some(k));
+        Ok(if known { Known::All } else { Known::ButOpen })
+    }
+
     /// Decides what the signs of the rates decide among `candidates`, cells by subsystem; the rest is left open.
     pub(in crate::event) fn decide_apart(
         &mut self,
@@ -185,6 +249,10 @@ impl CellFields for Open<'_> {
 
     fn smooth(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
         self.field.drift(t, x, out)?;
+        let a = self.apart;
+        if self.field.add_bundled((t, x), &a.decided, (&a.sets, &a.theta), out) {
+            return Ok(());
+        }
         for (k, set) in self.apart.sets.iter().enumerate().filter(|(k, _)| self.apart.decided[*k]) {
             match set[..] {
                 [a, b] => {

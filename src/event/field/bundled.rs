@@ -46,6 +46,11 @@ impl Bundled {
 /// All that follows says whether it has succeeded. Where a value is not finite the functions are asked one by one, which
 /// says more about it.
 impl Field {
+    /// Are there so many model functions that evaluating all of them for one of them is to be avoided?
+    pub(in crate::event) fn many_functions(&self) -> bool {
+        self.bundle.is_some()
+    }
+
     /// Right-hand side where nothing slides.
     pub(super) fn bundled_rhs(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> bool {
         let Some(b) = &mut self.bundle else { return false };
@@ -58,6 +63,48 @@ impl Field {
             s.rows.iter().zip(own.iter()).for_each(|(&r, f)| out[r] += f);
         }
         finite
+    }
+
+    /// The smooth part of the right-hand side.
+    pub(super) fn bundled_drift(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> bool {
+        let Some(b) = &mut self.bundle else { return false };
+        b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
+        drift(b, &self.drifts, self.direct, out)
+    }
+
+    /// Adds the cells `sets` of those subsystems that are `decided`, with the weight `theta` of the first one where there are
+    /// two.
+    pub(super) fn add_bundled(
+        &mut self,
+        (t, x): (f64, &[f64]),
+        decided: &[bool],
+        (sets, theta): (&[Vec<usize>], &[f64]),
+        out: &mut [f64],
+    ) -> bool {
+        let Some(b) = &mut self.bundle else { return false };
+        b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
+        let own: Vec<(usize, f64, usize)> = (0..sets.len())
+            .filter(|k| decided[*k])
+            .flat_map(|k| {
+                let weights = if sets[k].len() > 1 { [theta[k], 1.0 - theta[k]] } else { [1.0, 0.0] };
+                sets[k].iter().zip(weights).map(move |(cell, w)| (k, w, *cell))
+            })
+            .collect();
+        let mut values = vec![0.0; own.iter().map(|o| self.subs[o.0].rows.len()).sum()];
+        let mut at = 0;
+        for &(k, _, cell) in &own {
+            let s = &self.subs[k];
+            let part = b.modes[k] + s.cells[cell - s.first].mode;
+            if !b.program.evaluate(part, &mut values[at..at + s.rows.len()]) {
+                return false;
+            }
+            at += s.rows.len();
+        }
+        let mut values = values.into_iter();
+        for (k, weight, _) in own {
+            self.subs[k].rows.iter().zip(&mut values).for_each(|(&r, v)| out[r] += weight * v);
+        }
+        true
     }
 
     /// `b` and `D` of a sliding mode.

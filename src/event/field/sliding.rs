@@ -27,6 +27,8 @@ pub(in crate::event) struct Sliding {
     /// The states that every subsystem drives.
     rows: Vec<Vec<usize>>,
     couplings: Vec<Vec<Coupling>>,
+    /// Of these the coupling of every subsystem with itself.
+    own: Vec<Option<usize>>,
     /// Subsystems whose indicators depend on what this one drives, and itself.
     influences: Vec<Vec<usize>>,
     /// Rows of `C`, and where that of every pair begins.
@@ -75,7 +77,8 @@ impl Sliding {
             couplings.push(list);
         }
         let states = columns.iter().map(|c| (c.partition_point(|c| *c < nx), c.last() == Some(&(n_z - 1)))).collect();
-        Sliding { columns, states, rows, couplings, influences, ..Sliding::default() }
+        let own = couplings.iter().enumerate().map(|(k, list)| list.iter().position(|c| c.other == k)).collect();
+        Sliding { columns, states, rows, couplings, own, influences, ..Sliding::default() }
     }
 
     /// Do the rates of the indicators of a subsystem depend on the modes of another?
@@ -194,8 +197,13 @@ impl Sliding {
 
     /// Entry of `C D`.
     fn entry(&self, pairs: &[Pair], i: usize, j: usize) -> f64 {
-        let other = pairs[j].sub;
-        let Some(coupling) = self.couplings[pairs[i].sub].iter().find(|c| c.other == other) else { return 0.0 };
+        let (k, other) = (pairs[i].sub, pairs[j].sub);
+        let list = &self.couplings[k];
+        let coupling = match self.own[k] {
+            Some(own) if k == other => Some(&list[own]),
+            _ => list.iter().find(|c| c.other == other),
+        };
+        let Some(coupling) = coupling else { return 0.0 };
         let (c, d) = (&self.c[self.c_begin[i]..], &self.d[self.d_begin[j]..]);
         coupling.places.iter().map(|&(a, b)| c[a] * d[b]).sum()
     }
@@ -232,6 +240,12 @@ impl Sliding {
             }
         }
         true
+    }
+
+    /// Is the weight of pair `i` alone in its block, and does its surface attract: `C D > 0`, as it was factorised last?
+    pub(super) fn attracts_alone(&self, i: usize) -> bool {
+        let b = self.block[i];
+        self.begin[b + 1] - self.begin[b] == 1 && self.single[i] > 0.0
     }
 
     /// Solves with `C D`, as it was factorised last.
