@@ -239,6 +239,22 @@ fn super_twisting_ends_in_sliding_of_order_two() {
     }
 }
 
+/// Strong gains: no switch before the end, the state comes to rest in the set by itself.
+#[test]
+fn super_twisting_ends_in_sliding_of_order_two_without_switches_too() {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let (g, mut s) = (Graph::new(), System::new(2, 0, 0).unwrap());
+    s.set_f0(Arc::new(g.function("f0", d, &[g.x(1), g.constant(0.0)]).unwrap())).unwrap();
+    let (x, gain) = (g.x(0), g.constant(1.3));
+    add_relay(&mut s, &g, &[0, 1], &[-3.5 * x.sqrt(), -gain], &[3.5 * (-x).sqrt(), gain], x);
+    for e in 4..=9 {
+        let rtol = 10f64.powi(-e);
+        let r = simulate(&s, &tolerance(rtol, Method::Auto), 0.0, &[1.0, -0.5], 6.0).unwrap();
+        assert_eq!(r.outcome, Outcome::Reached, "rtol {rtol:e}: {}", r.reason);
+        assert!(largest(r.x.iter().copied()) <= 1e-2 * rtol, "rtol {rtol:e}: {:?}", r.x);
+    }
+}
+
 /// Wheel slip held by a relay behind an actuator of first order: switches come closer without an end.
 #[test]
 fn a_relay_behind_an_actuator_is_followed_into_sliding_of_order_two() {

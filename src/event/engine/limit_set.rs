@@ -10,7 +10,7 @@ use crate::func::EvalError;
 /// Distance to the limit set relative to the tolerances from which on the solution is in it.
 const NEAR: f64 = 0.1;
 /// The same where nothing else continues it.
-const FAILED: f64 = 100.0;
+const FAILED: f64 = 1e3;
 /// Switches in a row between which the time has only become shorter, and by which factor: a solution that comes ever closer
 /// without an end is followed no further, and how far it was then is noted.
 const MANY: usize = 4096;
@@ -70,26 +70,44 @@ impl Engine {
         Ok(p)
     }
 
-    /// Switches may come so close to each other that rounding makes the point between them look as if nothing continued
-    /// the motion: then the limit set does, from the active set `before`. So it does at another surface where the motion was
-    /// in a limit set already (`within`).
+    /// Next to a limit set rounding, or functions that are not defined on the other side of a surface, may make it look as if
+    /// nothing continued the motion: then the set does, from the active set `before`. So it does at another surface where the
+    /// motion was in a limit set already (`within`).
     pub(super) fn rescue(&mut self, before: &[Vec<usize>], within: bool) -> Result<Option<Progress>> {
-        let many = self.recent.n > MEMORY && !self.recent.jumps;
-        if self.options.zeno == Zeno::Stop || !(many || within) || self.field.has_contacts() {
+        if self.options.zeno == Zeno::Stop || self.field.has_contacts() {
             return Ok(None);
         }
         let failure = (self.outcome, std::mem::take(&mut self.reason));
         self.outcome = Outcome::Reached;
         self.field.set_active(before);
-        if !within {
-            self.mark_recent();
-        }
-        let p = self.enter_limit_set(FAILED, self.t, within)?;
+        let near = within || recover(self.mark_near_surfaces().map(|()| true), false)?;
+        let p = if near { self.enter_limit_set(FAILED, self.t, within)? } else { None };
         match p {
             Some(_) => self.stats.accumulations += usize::from(!within),
             None => (self.outcome, self.reason) = failure,
         }
         Ok(p)
+    }
+
+    /// Marks the surfaces that are no farther than the tolerances, those of the last switches, and those that slide.
+    fn mark_near_surfaces(&mut self) -> std::result::Result<(), EvalError> {
+        self.field.watched(self.t, &self.x)?;
+        self.field.watched_gradients(self.t, &self.x)?;
+        if self.recent.n > MEMORY && !self.recent.jumps {
+            self.mark_recent();
+        } else {
+            self.zero.fill(false);
+            self.keep_surfaces();
+        }
+        for s in &self.field.subs {
+            let least = self.field.q[s.q0..s.q0 + s.n_q].iter().fold(f64::INFINITY, |m, q| m.min(*q));
+            for j in s.q0..s.q0 + s.n_q {
+                let reach: f64 = self.field.gradient_row(j).states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum();
+                let value = self.field.q[j] - if s.signs { 0.0 } else { least };
+                self.zero[j] |= value.abs() <= reach;
+            }
+        }
+        Ok(())
     }
 
     fn tolerance_of(&self, i: usize) -> f64 {
