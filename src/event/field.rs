@@ -363,6 +363,12 @@ impl Field {
         Ok(())
     }
 
+    /// The switching functions of subsystem `k`; none where indicators are compared with each other.
+    pub(super) fn surfaces(&self, k: usize) -> std::ops::Range<usize> {
+        let s = &self.subs[k];
+        s.q0..if s.signs { s.q0 + s.n_q } else { s.q0 }
+    }
+
     /// Modes active in subsystem `k`, ascending, each once.
     pub(super) fn modes(&self, k: usize) -> Vec<usize> {
         self.modes_of(k, &self.active[k])

@@ -110,7 +110,7 @@ impl Engine {
         Ok(())
     }
 
-    fn tolerance_of(&self, i: usize) -> f64 {
+    pub(super) fn tolerance_of(&self, i: usize) -> f64 {
         (self.atol[i] + self.rtol[i] * self.x[i].abs()).max(4.0 * EPS * self.x[i].abs()).max(f64::MIN_POSITIVE)
     }
 

@@ -240,7 +240,12 @@ impl Engine {
         before.clone_from(&self.field.active);
         let within = self.field.in_limit_set();
         let r = self.switch_inner(l, slope, &before);
-        let known = recover(r.map(|()| true), false)?;
+        let mut known = recover(r.map(|()| true), false)?;
+        if !known && !within && recover(self.settle_on_marked(), false)? {
+            self.field.set_active(&before);
+            let r = self.switch_inner(l, slope, &before);
+            known = recover(r.map(|()| true), false)?;
+        }
         if !known || self.outcome == Outcome::NoContinuation {
             if let Some(p) = self.rescue(&before, within)? {
                 self.h = grown;
@@ -264,6 +269,37 @@ impl Engine {
             return Ok(p);
         }
         Ok(Progress::Switched)
+    }
+
+    /// Where the location of a switch leaves the state behind the boundary of a mode by more than its rounding, that mode may
+    /// not be defined there: puts it onto the surfaces that are marked, if they are less than a tenth of the tolerances away. Says
+    /// whether it has moved.
+    fn settle_on_marked(&mut self) -> std::result::Result<bool, EvalError> {
+        /// Part of the tolerances.
+        const NEAR: f64 = 0.1;
+        let mut moved = false;
+        for _ in 0..2 {
+            self.field.watched(self.t, &self.x)?;
+            self.field.watched_gradients(self.t, &self.x)?;
+            for j in (0..self.field.subs.len()).flat_map(|k| self.field.surfaces(k)) {
+                let (q, g) = (self.field.q[j], self.field.gradient_row(j));
+                let reach: f64 = g.states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum();
+                if !self.zero[j] || q == 0.0 || q.abs() > NEAR * reach {
+                    continue;
+                }
+                let size = |i: usize| Some(self.field.size(i, self.x[i])).filter(|s| *s > 0.0).unwrap_or(1.0);
+                let total: f64 = g.states().map(|(i, g)| (g * size(i)).powi(2)).sum();
+                let moves: Vec<(usize, f64)> = g.states().map(|(i, g)| (i, q / total * g * size(i).powi(2))).collect();
+                for (i, by) in moves {
+                    self.x[i] -= by;
+                    if self.x[i].abs() <= 4.0 * EPS * self.field.floor[i] {
+                        self.x[i] = 0.0;
+                    }
+                    moved = true;
+                }
+            }
+        }
+        Ok(moved)
     }
 
     /// Velocity before a switch at the present point, and what is watched there with its gradients.
