@@ -1844,11 +1844,12 @@ enum swb_verdict
      */
     SWB_VERDICT_UNKNOWN = 0,
     /**
-     * No change lowers the cost to first order.
+     * No change lowers the cost to first order, or a descent on simulations gains nothing.
      */
     SWB_VERDICT_LOCAL_OPTIMUM = 1,
     /**
-     * The same; switches lie exactly between control stages, and the cost rises towards either side of each.
+     * The same at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises
+     * towards either side.
      */
     SWB_VERDICT_KINK = 2,
     /**
@@ -7396,11 +7397,13 @@ SWB_API swb_status swb_ocp_set_stage_params(struct swb_ocp *ocp, const double *p
 SWB_API swb_status swb_ocp_solve_warm(struct swb_ocp *ocp, int32_t *outcome);
 
 /**
- * Make the last solution, one control stage later, the guess of the next solve.
+ * Make the last solution, one control stage later, the guess of the next solve. swb_ocp_solve_warm then simulates it from the
+ * initial state that is set by then, and starts from its modes and switching times.
  *
  * @return SWB_OK; SWB_ERR_STATE before the first solve
  */
-SWB_API swb_status swb_ocp_shift(struct swb_ocp *ocp);
+SWB_API
+swb_status swb_ocp_shift(struct swb_ocp *ocp);
 
 /**
  * Lengths of the control stages of the last solution.

@@ -833,8 +833,8 @@ What an optimal control is as a point of the control problem: is the cost statio
 lengths, free parameters and free initial states, when every change is simulated by events?
 
 - `SWB_VERDICT_UNKNOWN`: Not known; swb_ocp_get_optimality_reason says why.
-- `SWB_VERDICT_LOCAL_OPTIMUM`: No change lowers the cost to first order.
-- `SWB_VERDICT_KINK`: The same; switches lie exactly between control stages, and the cost rises towards either side of each.
+- `SWB_VERDICT_LOCAL_OPTIMUM`: No change lowers the cost to first order, or a descent on simulations gains nothing.
+- `SWB_VERDICT_KINK`: The same at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises towards either side.
 - `SWB_VERDICT_NOT_OPTIMAL`: Some change lowers the cost to first order.
 """
 const swb_verdict = Int64
@@ -5958,7 +5958,8 @@ swb_ocp_solve_warm(ocp, outcome) = ccall(address(299), swb_status, (Ptr{swb_ocp}
 """
     swb_ocp_shift(ocp) -> swb_status
 
-Make the last solution, one control stage later, the guess of the next solve.
+Make the last solution, one control stage later, the guess of the next solve. swb_ocp_solve_warm then simulates it from the
+initial state that is set by then, and starts from its modes and switching times.
 
 @return SWB_OK; SWB_ERR_STATE before the first solve
 """
