@@ -5,6 +5,7 @@ use crate::json::{Object, Table};
 use crate::Context;
 use std::sync::Arc;
 use std::time::Instant;
+use switchback::error::Error;
 use switchback::event::{simulate, Options};
 use switchback::expr::Graph;
 use switchback::nlp::{Control, Outcome};
@@ -270,8 +271,13 @@ fn starts(c: &Context, e: &Entry, search: &str, jumps: Jumps) -> Vec<String> {
             ocp.set_u_guess(&guess(e, start)).expect("guess");
         }
         let clock = Instant::now();
-        let r = ocp.solve(&mut Control::default()).expect("solve");
+        let solved = ocp.solve(&mut Control::default());
         seconds.push(clock.elapsed().as_secs_f64());
+        // a start whose time is over without anything found counts as unsolved
+        let r = match solved {
+            Err(Error::OutOfTime) => continue,
+            r => r.expect("solve"),
+        };
         iterations.push(r.stats.iterations as f64);
         let (impacts, tried) = r.contacts.as_ref().map_or((0, 0), |c| (c.impacts.len(), c.tried));
         let replay = r.accuracy.as_ref().map_or(f64::NAN, |a| a.terminal);
