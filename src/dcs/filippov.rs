@@ -277,11 +277,13 @@ impl FilippovProblem {
             let mut holds = holds.into_iter();
             found.retain(|_| holds.next().unwrap_or(true));
         }
-        // of what is left, as where nothing moves at all, sets that meet the conditions go before those that only rounding lets in:
-        // a field that leads over its own surface, however slowly, would be left again at once
-        if found.iter().any(|s| s.margin >= 0.0) {
-            found.retain(|s| s.margin >= 0.0);
-        }
+        // of what is left, as where nothing moves at all, a set that only rounding lets in gives way to a larger one that meets the
+        // conditions: its field leads over its own surface, however slowly, and it would be left again at once
+        let within = |s: &FilippovSolution, o: &FilippovSolution| {
+            s.sets.iter().zip(&o.sets).all(|(s, o)| s.iter().all(|c| o.contains(c)))
+        };
+        let met: Vec<FilippovSolution> = found.iter().filter(|s| s.margin >= 0.0).cloned().collect();
+        found.retain(|s| s.margin >= 0.0 || !met.iter().any(|o| within(s, o)));
         Ok((found, weak))
     }
 
