@@ -216,7 +216,9 @@ def test_handler_of_the_user():
 def test_interrupt_of_a_process():
     """Compiled code only: Python runs nowhere but in the iterations."""
     code = (
-        "import switchback as swb, sys\n"
+        "import signal, switchback as swb\n"
+        # shells start what runs in the background with interrupts switched off
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "s = swb.System(1, f0=lambda x: -x)\n"
         "sim = swb.Simulator(s); sim.set_state([1.0])\n"
         "print('go', flush=True)\n"
@@ -227,7 +229,10 @@ def test_interrupt_of_a_process():
     assert p.stdout.readline() == "go\n"
     time.sleep(0.3)
     p.send_signal(signal.SIGINT)
-    out, err = p.communicate(timeout=20)
+    try:
+        out, err = p.communicate(timeout=20)
+    finally:
+        p.kill()
     assert out == "stopped stopped\n" and err == "" and p.returncode == 0
 
 
