@@ -39,7 +39,7 @@ fn methods_whose_first_stage_is_the_start() {
 #[test]
 fn methods_with_a_first_stage_beside_the_start() {
     check(LobattoIiib, 2, 3, DcsForm::Stewart, 2e-2);
-    check(LobattoIiib, 4, 3, DcsForm::Heaviside, 1e-9);
+    check(LobattoIiib, 4, 4, DcsForm::Heaviside, 1e-9);
     check(LobattoIiic, 2, 3, DcsForm::Stewart, 1e-2);
     check(LobattoIiic, 4, 3, DcsForm::Stewart, 1e-9);
 }

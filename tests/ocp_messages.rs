@@ -52,7 +52,8 @@ fn a_goal_out_of_reach_is_named_with_its_distance() {
     let r = run(&mut from_rest(dynamics(), 5.0, &set));
     assert_eq!((r.outcome, &r.message[..]), (Outcome::Solved, ""));
     // switches on the way, and a second goal at 0, which wins; bounds of states
-    let mut o = sliding_ocp(&set);
+    // (with elements for the switches of wherever a problem without solution ends)
+    let mut o = sliding_ocp(&settings(RadauIia, 2, 3, FESD));
     let e = affine("far", o.system().dims(), &[0.0], &[(0, 0, 1.0)]);
     o.add_terminal(e, &[100.0], &[100.0]).unwrap();
     let r = run(&mut o);
