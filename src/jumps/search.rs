@@ -337,35 +337,17 @@ impl Search<'_> {
     /// Time stepping. At several stops of its relaxation sequences are read from its motion: with all its contacts, and without those
     /// that hardly count.
     fn start_with_steps(&mut self, states: &Option<(Vec<f64>, Vec<f64>)>, control: &mut Control) -> Result<()> {
-        let o = self.options;
         let coarse = self.p.with_one_stage_point()?;
         let guess = self.plain_track(states.as_ref());
         let mut t = stepping::transcribe(&coarse, STEPS, &guess);
-        let max_iter = o.solver.max_iter.min(STEPPING_ITERATIONS);
-        let settings = MpccSettings { polish: false, certify: false, early_polish: false, max_iter, ..o.solver };
-        let mut solver = MpccSolver::new(&mut t.program, settings)?;
-        let mut from = t.start.clone();
-        let mut sigma = o.solver.sigma_init;
-        for stop in STEPPING_STOPS {
-            if stop::requested().is_some() {
-                break;
-            }
-            solver.settings.sigma_init = sigma;
-            solver.settings.sigma_min = stop;
-            sigma = stop;
-            let solution = solver.solve(&mut t.program, &t.bounds, &from, control).clone();
-            self.note(&t, &solution.stats);
-            if !solution.residuals.primal.is_finite() {
-                break;
-            }
-            from.copy_from_slice(&solution.x);
+        self.along_relaxation(&mut t, STEPPING_ITERATIONS, &STEPPING_STOPS, control, |search, t, from, control| {
             for level in stepping::LEVELS {
-                let found = stepping::motion(&coarse, &t, &from, level);
-                self.attempt(&found.sequence(self.p.n_stages()), &found, ITERATIONS, control)?;
+                let found = stepping::motion(&coarse, t, from, level);
+                search.attempt(&found.sequence(search.p.n_stages()), &found, ITERATIONS, control)?;
             }
-            let found = stepping::motion(&coarse, &t, &from, stepping::LEVELS[0]);
-            self.try_simulation_of(&found, &t.state(&coarse, t.x0, &from), control)?;
-        }
+            let found = stepping::motion(&coarse, t, from, stepping::LEVELS[0]);
+            search.try_simulation_of(&found, &t.state(&coarse, t.x0, from), control)
+        })?;
         if !self.is_solved() {
             self.insist(control)?;
         }
@@ -396,25 +378,40 @@ impl Search<'_> {
     fn follow_homotopy(&mut self, guess: &Track, control: &mut Control) -> Result<()> {
         let o = self.options;
         let mut t = complementary::transcribe(self.p, o.n_fe, o.rho_h, guess);
-        let max_iter = o.solver.max_iter.min(COMPLEMENTARY_ITERATIONS);
+        self.along_relaxation(&mut t, COMPLEMENTARY_ITERATIONS, &STOPS, control, |search, t, from, control| {
+            search.try_modes_of(t, from, control)
+        })
+    }
+
+    /// Solves a relaxed program from stop to stop of its relaxation, each from the point before; `each` reads sequences from the point.
+    fn along_relaxation(
+        &mut self,
+        t: &mut Transcription,
+        most: usize,
+        stops: &[f64],
+        control: &mut Control,
+        mut each: impl FnMut(&mut Self, &Transcription, &[f64], &mut Control) -> Result<()>,
+    ) -> Result<()> {
+        let o = self.options;
+        let max_iter = o.solver.max_iter.min(most);
         let settings = MpccSettings { polish: false, certify: false, early_polish: false, max_iter, ..o.solver };
         let mut solver = MpccSolver::new(&mut t.program, settings)?;
         let mut from = t.start.clone();
         let mut sigma = o.solver.sigma_init;
-        for stop in STOPS {
+        for &end in stops {
             if stop::requested().is_some() {
                 break;
             }
             solver.settings.sigma_init = sigma;
-            solver.settings.sigma_min = stop;
-            sigma = stop;
+            solver.settings.sigma_min = end;
+            sigma = end;
             let solution = solver.solve(&mut t.program, &t.bounds, &from, control).clone();
-            self.note(&t, &solution.stats);
+            self.note(t, &solution.stats);
             if !solution.residuals.primal.is_finite() {
                 break;
             }
             from.copy_from_slice(&solution.x);
-            self.try_modes_of(&t, &from, control)?;
+            each(self, t, &from, control)?;
         }
         Ok(())
     }
