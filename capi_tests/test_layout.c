@@ -70,6 +70,7 @@ int main(void)
     FIELD(59, adapt_elements);
     FIELD(60, max_memory);
     FIELD(61, ocp_start);
+    FIELD(62, portfolio);
     CHECK(sizeof(swb_settings) == (size_t)8 * 62);
 
     CHECK(sizeof(swb_status) == 4);

@@ -429,6 +429,35 @@ typedef int64_t swb_ocp_start;
 #endif // __cplusplus
 
 /**
+ * Which strategies solve a program with complementarity constraints (portfolio).
+ */
+enum swb_portfolio
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The path that the other options describe alone.
+     */
+    SWB_PORTFOLIO_OFF = 0,
+    /**
+     * Where that path ends without a solution the other strategies follow, until one has a solution.
+     */
+    SWB_PORTFOLIO_RESCUE = 1,
+    /**
+     * All strategies; the best solution is kept.
+     */
+    SWB_PORTFOLIO_ALL = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_portfolio swb_portfolio;
+#else
+typedef int64_t swb_portfolio;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Factorisation of the Newton matrices (linear_solver).
  */
 enum swb_linear_solver
@@ -2206,6 +2235,10 @@ typedef struct swb_settings {
      * Where optimal control problems start from (enum ocp_start).
      */
     int64_t ocp_start;
+    /**
+     * Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).
+     */
+    int64_t portfolio;
 } swb_settings;
 
 /**

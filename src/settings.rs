@@ -136,6 +136,18 @@ pub enum OcpStart {
     Smoothing = 2,
 }
 
+/// Which strategies solve a program with complementarity constraints (portfolio).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Portfolio {
+    /// The path that the other options describe alone.
+    Off = 0,
+    /// Where that path ends without a solution the other strategies follow, until one has a solution.
+    Rescue = 1,
+    /// All strategies; the best solution is kept.
+    All = 2,
+}
+
 /// Factorisation of the Newton matrices (linear_solver).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -325,6 +337,7 @@ value_names!(InitialGuess {
     Smoothed = "smoothed",
     TimeStepping = "time_stepping",
 });
+value_names!(Portfolio { Off = "off", Rescue = "rescue", All = "all" });
 value_names!(OcpStart { Portfolio = "portfolio", Homotopy = "homotopy", Smoothing = "smoothing" });
 value_names!(LinearSolver { Auto = "auto", Suitesparse = "suitesparse", Faer = "faer" });
 value_names!(Ordering { Amd = "amd", Natural = "natural" });
@@ -494,6 +507,8 @@ pub struct Settings {
     pub max_memory: i64,
     /// Where optimal control problems start from (enum ocp_start).
     pub ocp_start: i64,
+    /// Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).
+    pub portfolio: i64,
 }
 
 /// A value on its way to or from an option.
@@ -741,6 +756,8 @@ pub static OPTIONS: &[OptionInfo] = &[
         "Bytes that building, solving or simulating may take at most; 0: as many as there are."),
     row!(ocp_start: Enum(OcpStart::Portfolio), "", FREE,
         "Where optimal control problems start from (enum ocp_start)."),
+    row!(portfolio: Enum(Portfolio::Rescue), "", FREE,
+        "Which strategies solve a program with complementarity constraints within its iterations (enum portfolio)."),
 ];
 
 impl OptionInfo {
@@ -932,6 +949,7 @@ impl Default for Settings {
             adapt_elements: 0,
             max_memory: 0,
             ocp_start: 0,
+            portfolio: 0,
         };
         for o in OPTIONS {
             (o.set)(&mut s, o.default);
@@ -1063,6 +1081,11 @@ impl Settings {
     /// [`Homotopy`] of these settings; the default for a number outside.
     pub fn homotopy(&self) -> Homotopy {
         Homotopy::from_i64(self.homotopy).unwrap_or(Homotopy::Coupled)
+    }
+
+    /// [`Portfolio`] of these settings; the default for a number outside.
+    pub fn portfolio(&self) -> Portfolio {
+        Portfolio::from_i64(self.portfolio).unwrap_or(Portfolio::Rescue)
     }
 
     /// [`LogLevel`] of these settings; a number outside means the nearest level.

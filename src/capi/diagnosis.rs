@@ -8,7 +8,7 @@ use super::report::{swb_linear_stats, swb_residuals, write_sized};
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::mpcc::diagnostics::{self, Warning};
-use crate::mpcc::{BStationarity, Certificate, Doubt, Polish, Stationarity};
+use crate::mpcc::{BStationarity, Certificate, Doubt, FoundBy, Polish, Stationarity};
 use crate::nlp::Residuals;
 use std::ffi::{c_char, CStr};
 use std::fmt::Write as _;
@@ -437,6 +437,7 @@ impl Program {
         }
         let t = &s.stats;
         let mut stats = Json::new();
+        stats.text("found_by", s.found_by.name());
         stats.count("iterations", t.iterations);
         stats.count("restoration_iterations", t.restoration_iterations);
         stats.count("polish_iterations", t.polish_iterations);
@@ -483,6 +484,9 @@ impl Program {
         line("outcome", s.outcome.name().to_owned());
         line("polish", polish_name(s.polish).to_owned());
         line("objective", format!("{:.10e}", s.objective));
+        if s.found_by != FoundBy::Path {
+            line("found by", s.found_by.name().to_owned());
+        }
         if !self.members.is_empty() {
             let c = &s.certificate;
             let sharp = if c.sharp { " (none stronger)" } else { "" };

@@ -121,7 +121,7 @@ impl Claim<'_> {
 }
 
 /// The Jacobian of the rows behind which stand those of `p` and `q`.
-fn elastic_pattern(jac: &Pattern) -> crate::error::Result<Pattern> {
+pub(super) fn elastic_pattern(jac: &Pattern) -> crate::error::Result<Pattern> {
     let (m, n) = (jac.n_rows(), jac.n_cols());
     let mut ptr = jac.col_ptr().to_vec();
     ptr.extend((1..=2 * m).map(|k| jac.nnz() + k));

@@ -4,12 +4,11 @@ use super::certificate::{BStationarity, CertSettings, Certificate, Certifier, Do
 use super::conflict::Conflict;
 use super::infeasible::Claim;
 use super::problem::{Mpcc, Side};
-use super::relaxed::Relaxed;
 use super::scaling::Scaling;
-use super::solver::{MpccSolver, Polish, Solution, Suggest};
+use super::solver::{MpccSolver, Polish, Solution};
 use crate::error::Result;
 use crate::linalg::csc::Pattern;
-use crate::nlp::{Bounds, Control, Level, Outcome};
+use crate::nlp::{Bounds, Control, Outcome};
 use crate::stop;
 
 /// Descents followed at most.
@@ -157,40 +156,6 @@ impl MpccSolver {
         }
         self.record_exact(p, control);
         true
-    }
-
-    /// After a path without end at a point that violates the rows: is there a feasible point at all? From one the active
-    /// set is looked for again; a local minimiser of the violation says that there is none near.
-    pub(super) fn look_for_feasibility(
-        &mut self,
-        p: &mut dyn Mpcc,
-        bounds: &Bounds,
-        control: &mut Control,
-        suggest: Suggest,
-    ) {
-        let s = &self.solution;
-        if s.outcome != Outcome::Stalled || s.polish == Polish::Done || p.is_discretised() {
-            return;
-        }
-        let level = Level { mu: 1e-8, sigma: self.settings.sigma_min };
-        self.st.bounds(bounds, level.sigma, &mut self.bounds);
-        self.saved.copy_from(self.ipm.iterate());
-        let left = self.settings.max_iter.saturating_sub(s.stats.iterations);
-        self.ipm.settings_mut().max_iter = left;
-        let mut relaxed = Relaxed { inner: &mut *p, st: &mut self.st };
-        let outcome = self.ipm.find_feasible(&mut relaxed, &self.bounds, &self.saved, level, control);
-        self.solution.stats.add(self.ipm.statistics());
-        match outcome {
-            Outcome::Infeasible => {
-                self.record(p, outcome, Polish::Rejected);
-                self.confirm(p, bounds, control);
-            }
-            Outcome::Solved if self.settings.polish => {
-                self.saved.copy_from(self.ipm.iterate());
-                self.polish(p, bounds, control, suggest, false);
-            }
-            _ => {}
-        }
     }
 
     /// Takes the claim back that the program is infeasible where its point does not show it. Programs with pairs keep

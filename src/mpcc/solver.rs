@@ -7,6 +7,7 @@ use super::conflict::Conflict;
 use super::endgame::ActiveSet;
 use super::judge::Judge;
 use super::path::Path;
+use super::portfolio::FoundBy;
 use super::problem::{Mpcc, Side};
 use super::relaxation;
 use super::relaxed::{Relaxed, Structure};
@@ -16,7 +17,7 @@ use crate::nlp::{
     Bounds, Continuation, Control, Ipm, IpmSettings, Iterate, Level, Monotone, Nlp, Outcome, Residuals, Start,
     Statistics,
 };
-use crate::settings::{Homotopy, LinearSolver, Ordering, Relaxation, Settings};
+use crate::settings::{Homotopy, LinearSolver, Ordering, Portfolio, Relaxation, Settings};
 use crate::stop;
 
 /// Parameters of the path and the polish.
@@ -74,6 +75,8 @@ pub struct MpccSettings {
     pub homotopy: Homotopy,
     /// First penalty parameter, for penalties.
     pub penalty_init: f64,
+    /// Which strategies solve a program. Discretised problems have searches of their own.
+    pub portfolio: Portfolio,
 }
 
 impl Default for MpccSettings {
@@ -105,6 +108,7 @@ impl Default for MpccSettings {
             relaxation: Relaxation::Scholtes,
             homotopy: Homotopy::Coupled,
             penalty_init: 1.0,
+            portfolio: Portfolio::Rescue,
         }
     }
 }
@@ -138,6 +142,7 @@ impl From<&Settings> for MpccSettings {
             relaxation: s.relaxation(),
             homotopy: s.homotopy(),
             penalty_init: s.penalty_init,
+            portfolio: s.portfolio(),
         }
     }
 }
@@ -179,6 +184,8 @@ pub struct Solution {
     /// The constraints that conflict, where the problem is infeasible. `y` are then the multipliers of the least
     /// violation.
     pub conflict: Option<Conflict>,
+    /// What found it.
+    pub found_by: FoundBy,
     /// Cost of everything.
     pub stats: Statistics,
 }
@@ -246,6 +253,8 @@ pub struct MpccSolver {
     /// Objective of the point a branch got stuck at, infinite where that is far from feasible.
     pub(super) near: f64,
     pub(super) judge: Option<Judge>,
+    /// A solver in elastic mode, once it was needed.
+    pub(super) elastic: Option<Box<MpccSolver>>,
     /// Iterations one branch gets.
     pub(super) branch_iterations: usize,
 }
@@ -280,8 +289,10 @@ impl MpccSolver {
                 residuals: Residuals::default(),
                 certificate: Certificate::default(),
                 conflict: None,
+                found_by: FoundBy::default(),
                 stats: Statistics::default(),
             },
+            elastic: None,
             sides: vec![Side::First; n_groups],
             votes: vec![(0.0, 0.0); n_groups],
             order: (0..n_groups).collect(),
@@ -349,11 +360,18 @@ impl MpccSolver {
             // relaxations that cut the corner have a saddle on the diagonal
             let interior = matches!(s.relaxation, Relaxation::Scholtes | Relaxation::RaghunathanBiegler);
             let centre = s.centre_pairs && interior && !p.is_discretised();
+            let allowed = self.settings.max_iter;
+            if !p.is_discretised() {
+                self.settings.max_iter = self.path_iterations();
+            }
             self.follow(p, bounds, x0, centre, control, suggest);
+            self.settings.max_iter = allowed;
             self.confirm(p, bounds, control);
-            self.look_for_feasibility(p, bounds, control, suggest);
-            if centre && matches!(self.solution.outcome, Outcome::Stalled | Outcome::Infeasible) {
-                self.start_again(p, bounds, x0, control, suggest);
+            if !p.is_discretised() {
+                if self.has_others() {
+                    self.go_on(p, bounds, x0, (interior, centre), control, suggest);
+                }
+                self.find_least_violation(p, bounds, control, suggest);
             }
         }
         self.explain(p, bounds);
@@ -458,22 +476,8 @@ impl MpccSolver {
         }
     }
 
-    /// The path once more, from the pairs as they were given. An answer of before stays where this one is none.
-    fn start_again(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
-        let before = self.solution.clone();
-        self.solution.polish = Polish::None;
-        self.follow(p, bounds, x0, false, control, suggest);
-        self.confirm(p, bounds, control);
-        if before.outcome == Outcome::Infeasible && self.solution.outcome == Outcome::Stalled {
-            // the point is what shows it
-            self.solution = Solution { stats: self.solution.stats, ..before };
-        } else {
-            self.look_for_feasibility(p, bounds, control, suggest);
-        }
-    }
-
     /// The path of relaxed problems, with a look at the active set on the way.
-    fn follow(
+    pub(super) fn follow(
         &mut self,
         p: &mut dyn Mpcc,
         bounds: &Bounds,
@@ -581,7 +585,7 @@ impl MpccSolver {
         p.set_polishing(false);
         let s = &mut self.solution;
         (s.outcome, s.polish, s.objective) = (Outcome::Failed, Polish::None, f64::NAN);
-        (s.certificate, s.conflict) = (Certificate::default(), None);
+        (s.certificate, s.conflict, s.found_by) = (Certificate::default(), None, FoundBy::Path);
         (s.residuals, s.stats) = (Residuals::default(), Statistics::default());
         s.sides.fill(Side::First);
         self.st.reset();

@@ -9,14 +9,14 @@
 use super::iterate::{barrier, primal_error, theta, Iterate, RowKind, Shape};
 use super::problem::{Bilinear, Bounds, Nlp};
 use super::report::{Control, Outcome, Statistics};
-use super::solver::{ended_by, push_inside, start_multiplier, Ipm, IpmSettings, Level, Measures, Monotone, Start};
+use super::solver::{push_inside, start_multiplier, Ipm, IpmSettings, Measures, Monotone, Start};
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::Pattern;
 
 const RHO: f64 = 1e3;
 /// Share of the violation that may be left.
-pub(super) const KAPPA_RESTO: f64 = 0.9;
+const KAPPA_RESTO: f64 = 0.9;
 
 /// The restoration solver and its problem's structure.
 pub(super) struct Restoration {
@@ -210,7 +210,7 @@ impl Restoration {
         bounds: &Bounds,
         it: &Iterate,
         c: &[f64],
-        (mu, kappa): (f64, f64),
+        mu: f64,
         settings: IpmSettings,
         control: &mut Control,
     ) -> (bool, Outcome) {
@@ -268,7 +268,7 @@ impl Restoration {
                     t += (x[n + i] - x[n + m + i]).abs();
                 }
             }
-            found = t <= kappa * th0;
+            found = t <= KAPPA_RESTO * th0;
             found
         };
         let mut rule = Monotone { mu_init: mu, tol: 1e-8, primal_tol: 1e-8 };
@@ -300,7 +300,7 @@ impl Ipm {
             &self.bounds,
             &self.it,
             &self.v.c,
-            (self.level.mu.max(m.primal), self.reduction),
+            self.level.mu.max(m.primal),
             IpmSettings { max_iter: left, ..self.settings },
             control,
         );
@@ -347,52 +347,5 @@ impl Ipm {
             }
             other => Some(other),
         }
-    }
-
-    /// Looks for a point that satisfies `bounds` up to 1e-9, from `start`: solved, or infeasible at a local minimiser of
-    /// the violation, whose multipliers are then those of the iterate.
-    pub fn find_feasible(
-        &mut self,
-        nlp: &mut dyn Nlp,
-        bounds: &Bounds,
-        start: &Iterate,
-        level: Level,
-        control: &mut Control,
-    ) -> Outcome {
-        control.within(f64::INFINITY, |control| ended_by(self.find_feasible_within(nlp, bounds, start, level, control)))
-    }
-
-    fn find_feasible_within(
-        &mut self,
-        nlp: &mut dyn Nlp,
-        bounds: &Bounds,
-        start: &Iterate,
-        level: Level,
-        control: &mut Control,
-    ) -> Outcome {
-        self.stats = Statistics::default();
-        self.bounds.copy_from(bounds);
-        self.level = level;
-        nlp.set_level(level.sigma, level.mu);
-        self.shape.classify(&self.bounds);
-        self.system.restart();
-        if !self.initialise(nlp, Start::Warm(start, 1e-8)) {
-            return Outcome::Failed;
-        }
-        self.reduction = 1e-3;
-        let mut end = None;
-        for _ in 0..10 {
-            let m = self.measure(nlp);
-            if m.primal <= 1e-9f64.max(m.rounding) {
-                end = Some(Outcome::Solved);
-                break;
-            }
-            end = self.restore(nlp, control, &m);
-            if end.is_some() {
-                break;
-            }
-        }
-        self.reduction = KAPPA_RESTO;
-        end.unwrap_or(Outcome::Stalled)
     }
 }

@@ -9,7 +9,7 @@ use super::iterate::{kkt_error, lagrangian_gradient, theta, Iterate, KktError, R
 use super::linesearch::{clamp_multiplier, tiny_gap, Search};
 use super::problem::{Bounds, Nlp};
 use super::report::{Control, IterationInfo, Outcome, Residuals, Statistics};
-use super::restore::{Restoration, KAPPA_RESTO};
+use super::restore::Restoration;
 use crate::error::Result;
 use crate::func::EvalError;
 use crate::linalg::csc::Pattern;
@@ -191,7 +191,7 @@ const ROOMS: usize = 2;
 const ABSURD: f64 = 1e4;
 
 /// What the end of a solve is called: a failure after the call was asked to end is that end.
-pub(super) fn ended_by(outcome: Outcome) -> Outcome {
+fn ended_by(outcome: Outcome) -> Outcome {
     match outcome {
         Outcome::Failed | Outcome::Stalled | Outcome::Infeasible => stop::requested().map_or(outcome, Outcome::from),
         _ => outcome,
@@ -243,8 +243,6 @@ pub struct Ipm {
     /// Size of the starting point, objective before, and steps in a row on the way to infinity.
     x_start: f64,
     f_before: f64,
-    /// Share of the violation a restoration must take away.
-    pub(super) reduction: f64,
     fall_before: f64,
     falling: usize,
 }
@@ -296,7 +294,6 @@ impl Ipm {
             torn: [false; 2],
             x_start: 1.0,
             f_before: 0.0,
-            reduction: KAPPA_RESTO,
             fall_before: 0.0,
             falling: 0,
             jac,

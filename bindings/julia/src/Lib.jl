@@ -188,6 +188,19 @@ const SWB_OCP_START_SMOOTHING = swb_ocp_start(2)
 const NAMES_swb_ocp_start = [:portfolio => 0, :homotopy => 1, :smoothing => 2]
 
 """
+Which strategies solve a program with complementarity constraints (portfolio).
+
+- `SWB_PORTFOLIO_OFF`: The path that the other options describe alone.
+- `SWB_PORTFOLIO_RESCUE`: Where that path ends without a solution the other strategies follow, until one has a solution.
+- `SWB_PORTFOLIO_ALL`: All strategies; the best solution is kept.
+"""
+const swb_portfolio = Int64
+const SWB_PORTFOLIO_OFF = swb_portfolio(0)
+const SWB_PORTFOLIO_RESCUE = swb_portfolio(1)
+const SWB_PORTFOLIO_ALL = swb_portfolio(2)
+const NAMES_swb_portfolio = [:off => 0, :rescue => 1, :all => 2]
+
+"""
 Factorisation of the Newton matrices (linear_solver).
 
 - `SWB_LINEAR_SOLVER_AUTO`: By the fill of the factors: columns where they are sparse, dense blocks where they are not.
@@ -1000,6 +1013,7 @@ table (`swb_option_range`).
 - `adapt_elements`: Finite elements of such a grid at most, over all stages.
 - `max_memory`: Bytes that building, solving or simulating may take at most; 0: as many as there are.
 - `ocp_start`: Where optimal control problems start from (enum ocp_start).
+- `portfolio`: Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).
 """
 struct swb_settings
     struct_size::UInt64
@@ -1064,8 +1078,9 @@ struct swb_settings
     adapt_elements::Int64
     max_memory::Int64
     ocp_start::Int64
+    portfolio::Int64
 end
-sizeof(swb_settings) == 496 || error("swb_settings has another size than in C")
+sizeof(swb_settings) == 504 || error("swb_settings has another size than in C")
 
 """
 How a scene is made a piecewise smooth system in numerical time; swb_freeze_options_init sets the defaults.

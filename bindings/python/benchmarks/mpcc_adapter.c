@@ -1,5 +1,6 @@
 /* One program with complementarity pairs, given by an mpcc_problem, for two solvers: the callbacks of switchback.h,
- * and those of IPOPT's C interface for the relaxation of Scholtes, G_i H_i <= sigma. Both call the same functions and
+ * and those of IPOPT's C interface for the relaxation of Scholtes, G_i H_i <= sigma, and for the elastic mode in the
+ * maximum norm, min f + s / sigma with G_i H_i <= s and one variable s more. Both call the same functions and
  * copy numbers from one array to another; nothing is evaluated twice at the same point for want of a place to keep it.
  *
  * Rows of the problem are con = [g; G; H]. A member of a pair that is a variable of the solver has no row: `member`
@@ -30,6 +31,7 @@ typedef struct {
 
     /* Scholtes: rows kept, then a product for every pair */
     double sigma;
+    int elastic;                    /* is s a variable, behind those of the problem? Then sigma is its inverse weight */
     int n_prod;                     /* entries of the Jacobian of the products: */
     int *prod_pair, *prod_col;      /* [n_prod] pair and column, */
     int *prod_g, *prod_h;           /* [n_prod] entries of G_i and H_i in that of the problem, or -1 */
@@ -161,7 +163,7 @@ adapter *adapter_open(const mpcc_problem *p, const uint8_t *member) {
 
 int adapter_n_kept(const adapter *a) { return a->n_kept; }
 int adapter_n_jac(const adapter *a) { return a->n_jac; }
-int adapter_scholtes_n_jac(const adapter *a) { return a->n_jac + a->n_prod; }
+int adapter_scholtes_n_jac(const adapter *a) { return a->n_jac + a->n_prod + (a->elastic ? a->p->c : 0); }
 int adapter_scholtes_n_hess(const adapter *a) { return a->n_hess; }
 const int *adapter_kept(const adapter *a) { return a->kept; }
 const int *adapter_jac_row(const adapter *a) { return a->jac_row; }
@@ -234,22 +236,26 @@ int32_t adapter_iteration(const swb_iteration_info *info, void *data) {
 }
 
 /* --- IPOPT, C interface of 3.14 ------------------------------------------------------------------------
- * min f(x) subject to the rows kept and G_i H_i - sigma <= 0. Truth values are int 0 or 1, which serves callers
+ * min f(x) subject to the rows kept and G_i H_i - sigma <= 0, or G_i H_i - s <= 0 in elastic mode. Truth values are int 0 or 1, which serves callers
  * that read one byte as well as those that read four. */
 
+void adapter_set_elastic(adapter *a, int on) { a->elastic = on; }
 void adapter_set_sigma(adapter *a, double sigma) { a->sigma = sigma; }
 int adapter_iterations(const adapter *a) { return a->iterations; }
 
 int scholtes_f(int n, double *x, int new_x, double *out, void *data) {
-    const mpcc_problem *p = ((adapter *)data)->p;
+    const adapter *a = (adapter *)data;
     (void)n, (void)new_x;
-    return !p->f(x, NULL, out, p->user);
+    if (a->p->f(x, NULL, out, a->p->user)) return 0;
+    if (a->elastic) *out += x[a->p->n] / a->sigma;
+    return 1;
 }
 
 int scholtes_grad(int n, double *x, int new_x, double *out, void *data) {
-    const mpcc_problem *p = ((adapter *)data)->p;
+    const adapter *a = (adapter *)data;
     (void)n, (void)new_x;
-    return !p->grad(x, NULL, out, p->user);
+    if (a->elastic) out[a->p->n] = 1. / a->sigma;
+    return !a->p->grad(x, NULL, out, a->p->user);
 }
 
 int scholtes_g(int n, double *x, int new_x, int m, double *out, void *data) {
@@ -259,7 +265,7 @@ int scholtes_g(int n, double *x, int new_x, int m, double *out, void *data) {
     if (!con) return 0;
     const double *g = con + a->p->m, *h = g + a->p->c;
     for (int i = 0; i < a->n_kept; ++i) out[i] = con[a->kept[i]];
-    for (int i = 0; i < a->p->c; ++i) out[a->n_kept + i] = g[i] * h[i] - a->sigma;
+    for (int i = 0; i < a->p->c; ++i) out[a->n_kept + i] = g[i] * h[i] - (a->elastic ? x[a->p->n] : a->sigma);
     return 1;
 }
 
@@ -271,6 +277,8 @@ int scholtes_jac(int n, double *x, int new_x, int m, int nnz, int *rows, int *co
         memcpy(cols, a->jac_col, sizeof(int) * (size_t)a->n_jac);
         for (int k = 0; k < a->n_prod; ++k)
             rows[a->n_jac + k] = a->n_kept + a->prod_pair[k], cols[a->n_jac + k] = a->prod_col[k];
+        for (int i = 0, at = a->n_jac + a->n_prod; a->elastic && i < a->p->c; ++i)
+            rows[at + i] = a->n_kept + i, cols[at + i] = a->p->n;
         return 1;
     }
     const double *con = con_at(a, x), *jac = jac_at(a, x);
@@ -284,6 +292,7 @@ int scholtes_jac(int n, double *x, int new_x, int m, int nnz, int *rows, int *co
         if (a->prod_h[k] >= 0) value += jac[a->prod_h[k]] * g[i];
         out[a->n_jac + k] = value;
     }
+    for (int i = 0; a->elastic && i < a->p->c; ++i) out[a->n_jac + a->n_prod + i] = -1.;
     return 1;
 }
 

@@ -1,4 +1,5 @@
-"""IPOPT with MUMPS through its C interface, and the homotopy of Scholtes around it."""
+"""IPOPT with MUMPS through its C interface, and two homotopies around it: Scholtes' relaxation, and the elastic mode in
+the maximum norm."""
 
 from __future__ import annotations
 
@@ -28,6 +29,9 @@ VARIANTS = {
     "monotone": {},
     "adaptive": {"mu_strategy": "adaptive", "mu_oracle": "quality-function"},
 }
+# scholtes: G_i H_i <= sigma. linf: min f + s / sigma, G_i H_i <= s, with one variable s of these bounds and this start.
+MODES = ("scholtes", "linf")
+ELASTIC_MAX, ELASTIC_START = 10.0, 1.0
 SOLVED = (0, 1)
 STATUS = {
     0: "solved", 1: "acceptable", 2: "infeasible", 3: "step too small", 4: "diverging", 5: "time", 6: "feasible point",
@@ -87,7 +91,7 @@ class Ipopt:
         xl, xu, gl, gu = (v.ctypes.data_as(POINTER(c_double)) for v in arrays)
         callbacks = [ctypes.cast(getattr(code, f"scholtes_{f}"), c_void_p) for f in ("f", "g", "grad", "jac", "hess")]
         made = self.library.CreateIpoptProblem(
-            problem.n, xl, xu, len(lower), gl, gu, code.adapter_scholtes_n_jac(adapter),
+            len(lbx), xl, xu, len(lower), gl, gu, code.adapter_scholtes_n_jac(adapter),
             code.adapter_scholtes_n_hess(adapter), 0, *callbacks,
         )  # fmt: skip
         if not made:
@@ -101,15 +105,15 @@ class Ipopt:
         at = x.ctypes.data_as(POINTER(c_double))
         return self.library.IpoptSolve(made, at, None, byref(c_double()), None, None, None, adapter)
 
-    def homotopy(self, problem: Problem, variant: str, limit: float) -> dict:
-        """Solve with G_i H_i <= sigma for falling sigma, each from the point before, until the program is solved and
-        all products are small. CPU time is that inside IPOPT; making the problem is not part of it."""
+    def homotopy(self, problem: Problem, variant: str, limit: float, mode: str = "scholtes") -> dict:
+        """Solve for falling sigma, each program from the point before, until one is solved and all products are small.
+        CPU time is that inside IPOPT; making the problem is not part of it."""
         code = problem.library
-        program = Relaxed(problem)
+        program = Relaxed(problem, mode == "linf")
         adapter = program.adapter
         made = self._create(problem, adapter, *program.bounds(), variant)
         code.adapter_set_deadline(adapter, limit)
-        x = problem.x0.copy()
+        x = program.start()
         iterations, cpu, solves, solved, status = 0, 0.0, 0, False, "none"
         try:
             for sigma in SIGMA:
@@ -121,13 +125,13 @@ class Ipopt:
                 iterations += code.adapter_iterations(adapter)
                 solves += 1
                 status = STATUS.get(number, str(number))
-                solved = number in SOLVED and problem.measure(x).product <= PRODUCT
+                solved = number in SOLVED and problem.measure(x[: problem.n]).product <= PRODUCT
                 if solved or status == "time":
                     break
         finally:
             self.library.FreeIpoptProblem(made)
         return {
-            "solved": solved, "outcome": status, "x": x, "iterations": iterations, "cpu": cpu, "solves": solves,
+            "solved": solved, "outcome": status, "x": x[: problem.n], "iterations": iterations, "cpu": cpu, "solves": solves,
             "sigma": sigma,
         }  # fmt: skip
 
@@ -147,14 +151,20 @@ class Ipopt:
 
 
 class Relaxed:
-    """The relaxation as IPOPT gets it: variables, rows that are no products, products minus sigma."""
+    """The relaxation as IPOPT gets it: variables, rows that are no products, products minus sigma (or minus the last
+    variable, where that is elastic)."""
 
-    def __init__(self, problem: Problem):
+    def __init__(self, problem: Problem, elastic: bool = False):
         code = problem.library
-        self.problem = problem
+        self.problem, self.elastic = problem, elastic
         self.member = problem.variable_members()
         self.adapter = problem.adapter(self.member)
+        code.adapter_set_elastic(self.adapter, int(elastic))
         self.kept = np.array(code.adapter_kept(self.adapter)[: code.adapter_n_kept(self.adapter)], dtype=int)
+
+    def start(self) -> np.ndarray:
+        x = self.problem.x0.copy()
+        return np.append(x, ELASTIC_START) if self.elastic else x
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """Lower and upper bounds of the variables and of the rows."""
@@ -164,8 +174,11 @@ class Relaxed:
         lbx = p.lbx.copy()
         variables = p.pair_variables[self.member]
         lbx[variables] = np.maximum(lbx[variables], 0.0)
+        ubx = p.ubx.copy()
+        if self.elastic:
+            lbx, ubx = np.append(lbx, 0.0), np.append(ubx, ELASTIC_MAX)
         products = np.full(p.c, np.inf), np.zeros(p.c)
-        return lbx, p.ubx.copy(), np.concatenate([lower, -products[0]]), np.concatenate([upper, products[1]])
+        return lbx, ubx, np.concatenate([lower, -products[0]]), np.concatenate([upper, products[1]])
 
     def branch(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """The same with the smaller members at x zero, and no products."""

@@ -61,6 +61,7 @@ class Code:
         for name in ("set_sigma", "set_deadline"):
             f = getattr(library, f"adapter_{name}")
             f.restype, f.argtypes = None, [c_void_p, c_double]
+        library.adapter_set_elastic.restype, library.adapter_set_elastic.argtypes = None, [c_void_p, c_int]
         library.adapter_reset.restype, library.adapter_reset.argtypes = None, [c_void_p]
 
 
@@ -151,6 +152,6 @@ class Problem:
         return made
 
 
-def training_set(folder: Path) -> dict[str, dict]:
-    """Problems by name: the file, what is known, and the record of IPOPT."""
-    return json.loads((folder / "train.json").read_text())
+def collection(folder: Path, name: str = "train") -> dict[str, dict]:
+    """The problems that `name`.json lists: the file, what is known, and what solvers did where that is recorded."""
+    return json.loads((folder / f"{name}.json").read_text())

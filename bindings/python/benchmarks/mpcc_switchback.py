@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
+import json
 import os
 import sys
 import time
@@ -102,5 +103,6 @@ def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], 
         "restoration_iterations": stats.restoration_iterations, "factorisations": stats.factorisations,
         "evaluations": stats.evaluations, "max_delta_w": stats.max_delta_w, "cpu": cpu, "eval": stats.time_eval,
         "linalg": stats.time_linalg, "build": stats.time_build, "n": stats.n_variables, "m": stats.n_constraints,
-        "pairs": stats.n_pairs, "setup": setup, "dual": r.residuals.dual,
+        "pairs": stats.n_pairs, "setup": setup, "dual": r.residuals.dual, "stationarity": r.stationarity,
+        "b_stationary": r.b_stationary, "found_by": json.loads(r.to_json())["stats"].get("found_by", "path"),
     }  # fmt: skip

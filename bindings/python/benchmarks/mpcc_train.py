@@ -1,15 +1,17 @@
 """Our solver beside IPOPT's homotopy on programs with complementarity pairs, both on the same C callbacks.
 
-usage: mpcc_train.py [--problems DIR] [--only REGEX] [--limit SECONDS] [--json FILE|-] [--lib FILE]
-                     [--set NAME=VALUE ...] [--members auto|rows] [--move-start SEED] [--no-ipopt] [--ipopt-cache FILE]
+usage: mpcc_train.py [--problems DIR] [--set-of NAME] [--only REGEX] [--limit SECONDS] [--json FILE|-] [--lib FILE]
+                     [--set NAME=VALUE ...] [--members auto|rows] [--move-start SEED] [--no-ipopt] [--ipopt-mode scholtes|linf]
+                     [--ipopt-cache FILE]
 
-The problems are a folder with mpcc_problem.h, mpcc_vm.c, train.json and the files it names (bindings/python/tests/collection
+The problems are a folder with mpcc_problem.h, mpcc_vm.c, NAME.json (train.json, unless said otherwise) and the files it names (bindings/python/tests/collection
 is a small one); by default the one that the environment variable SWITCHBACK_MPCC_PROBLEMS names. Collections that may not
 be copied are no part of this repository: without a folder nothing is done, which is no failure.
 
 The peer is IPOPT with MUMPS, called through its C interface (pip install casadi): the homotopy of Scholtes,
-G_i H_i <= sigma for sigma = 1, 0.1, ..., 1e-9, each program solved to 1e-8 from the point before, until one is solved
-with all products at most 1e-7. Bounds are not relaxed. `--ipopt-variant monotone` has IPOPT's default barrier update,
+G_i H_i <= sigma, or the elastic mode in the maximum norm, min f + s / sigma with G_i H_i <= s and 0 <= s <= 10, for
+sigma = 1, 0.1, ..., 1e-9, each program solved to 1e-8 from the point before, until one is solved with all products at
+most 1e-7. Bounds are not relaxed. `--ipopt-variant monotone` has IPOPT's default barrier update,
 `adaptive` (the default here, and the stronger one: a third of the iterations) the one of nosnoc: mu_strategy adaptive,
 mu_oracle quality-function.
 
@@ -46,7 +48,7 @@ import numpy as np
 import mpcc_compare
 import mpcc_ipopt
 import mpcc_switchback
-from mpcc_problems import PROBLEMS, Code, Problem, training_set
+from mpcc_problems import PROBLEMS, Code, Problem, collection
 
 VIOLATION, PRODUCT = 1e-6, 1e-7
 ENOUGH = 0.3  # seconds of runs after which no further one is made
@@ -82,7 +84,7 @@ class Bench:
         self.code = Code(arguments.problems, folder)
         self.problems = arguments.problems
         self.limit, self.repeat, self.members = arguments.limit, arguments.repeat, arguments.members
-        self.variant, self.seed = arguments.ipopt_variant, arguments.move_start
+        self.variant, self.mode, self.seed = arguments.ipopt_variant, arguments.ipopt_mode, arguments.move_start
         self.swb = mpcc_switchback.load(arguments.lib) if with_ours else None
         self.ipopt = mpcc_ipopt.Ipopt() if arguments.ipopt else None
 
@@ -91,7 +93,8 @@ class Bench:
         expect = entry.get("known", {}).get("expect", "optimal")
         if solver == "ipopt":
             result = measured(
-                problem, lambda: self.ipopt.homotopy(problem, self.variant, self.limit), self.repeat, expect
+                problem, lambda: self.ipopt.homotopy(problem, self.variant, self.limit, self.mode), self.repeat,
+                expect,
             )
             result["version"] = f"{self.ipopt.version} ({self.ipopt.origin})"
             if result["claimed"]:
@@ -179,7 +182,8 @@ def progress(result: dict) -> str:
 
 def ipopt_key(arguments: argparse.Namespace, name: str) -> str:
     moved = f"/start {arguments.move_start}" if arguments.move_start else ""
-    return f"{arguments.ipopt_variant}{moved}/{name}"
+    mode = "" if arguments.ipopt_mode == "scholtes" else f"{arguments.ipopt_mode}/"
+    return f"{mode}{arguments.ipopt_variant}{moved}/{name}"
 
 
 def parse(argv: list[str] | None = None) -> argparse.Namespace:
@@ -193,6 +197,7 @@ def parse(argv: list[str] | None = None) -> argparse.Namespace:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Those that the ablation has too."""
     parser.add_argument("--problems", type=Path, default=os.environ.get(PROBLEMS), help=f"their folder; default: ${PROBLEMS}")
+    parser.add_argument("--set-of", default="train", metavar="NAME", help="the problems of NAME.json in that folder")
     parser.add_argument("--only", default="", metavar="REGEX", help="problems whose name matches")
     parser.add_argument("--limit", type=float, default=60.0, metavar="SECONDS", help="of one solve")
     parser.add_argument("--repeat", type=int, default=5, help="runs of which the fastest counts, for short ones")
@@ -202,6 +207,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--jobs", type=int, default=1, help="problems at the same time; 1 for honest times")
     parser.add_argument("--ipopt", action=argparse.BooleanOptionalAction, default=True, help="run the peer")
     parser.add_argument("--ipopt-variant", choices=tuple(mpcc_ipopt.VARIANTS), default="adaptive")
+    parser.add_argument("--ipopt-mode", choices=mpcc_ipopt.MODES, default="scholtes", help="relaxation, or elastic mode")
     parser.add_argument("--ipopt-cache", type=Path, metavar="FILE", help="results of the peer, read and written")
 
 
@@ -217,11 +223,11 @@ def options_of(settings: list[str]) -> dict[str, str]:
 
 def chosen(arguments: argparse.Namespace) -> dict[str, dict] | None:
     """The problems, or None with a message where there are none."""
-    if arguments.problems is None or not (arguments.problems / "train.json").is_file():
+    if arguments.problems is None or not (arguments.problems / f"{arguments.set_of}.json").is_file():
         where = "without a folder of problems" if arguments.problems is None else f"no problems in {arguments.problems}"
         print(f"left out: {where} ({PROBLEMS} or --problems says where they are)")
         return None
-    every = training_set(arguments.problems)
+    every = collection(arguments.problems, arguments.set_of)
     return {name: entry for name, entry in every.items() if re.search(arguments.only, name)}
 
 
@@ -254,7 +260,8 @@ def description(arguments: argparse.Namespace, peer: dict[str, dict], options: d
     """How a run was made."""
     versions = {r.get("version") for r in peer.values()} - {None}
     return {
-        "ipopt": ", ".join(sorted(versions)), "ipopt_variant": arguments.ipopt_variant, "options": options,
+        "ipopt": ", ".join(sorted(versions)), "ipopt_variant": arguments.ipopt_variant,
+        "ipopt_mode": arguments.ipopt_mode, "set_of": arguments.set_of, "options": options,
         "ipopt_cached": any(r.get("cached", False) for r in peer.values()),
         "members": arguments.members, "move_start": arguments.move_start, "limit": arguments.limit,
         "repeat": arguments.repeat,

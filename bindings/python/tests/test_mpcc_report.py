@@ -162,7 +162,7 @@ def test_names_in_reports():
     assert [p.name(swb.Item.VARIABLE, i) for i in (0, 1)] == ["feed", "variable 1"]
     lines = []
     p.on_log(lambda level, line: lines.append(line))
-    p.set(log_level="warning")
+    p.set(log_level="warning", portfolio="off", max_iter=5)
     r = p.solve()
     assert not r.success and any("valve" in line for line in lines)
     assert {w.name for w in r.worst(9)} >= {"valve ⊥ flow"} and len(r.worst(1)) == 1 and r.worst(0) == ()

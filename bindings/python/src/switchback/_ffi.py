@@ -115,6 +115,14 @@ class OcpStart(Names):
     SMOOTHING = 2
 
 
+class Portfolio(Names):
+    """enum swb_portfolio"""
+
+    OFF = 0
+    RESCUE = 1
+    ALL = 2
+
+
 class LinearSolver(Names):
     """enum swb_linear_solver"""
 
@@ -578,6 +586,7 @@ class swb_settings(Structure):
         ("adapt_elements", c_int64),
         ("max_memory", c_int64),
         ("ocp_start", c_int64),
+        ("portfolio", c_int64),
     ]
 
 

@@ -1,0 +1,277 @@
+//! What a solve goes on with where its path ends without a solution: other strategies, within the same limits.
+//!
+//! The first path is the fastest on most programs, and no strategy is the best on all: where it ends at a point that is
+//! no solution, the others follow one after the other, each with a share of the iterations that are left, and the first
+//! solution ends the search. Only then is it asked whether there is a feasible point at all ([`violation`]).
+
+use super::problem::{Mpcc, Side};
+use super::solver::{MpccSettings, MpccSolver, Polish, Solution, Suggest};
+use super::violation::{self, Violation};
+use super::Warm;
+use crate::mpcc::certificate::BStationarity;
+use crate::nlp::{Bounds, Control, Outcome};
+use crate::settings::{Homotopy, Portfolio, Relaxation};
+use crate::stop;
+
+/// How an answer was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+#[repr(i32)]
+pub enum FoundBy {
+    /// The path that the settings describe.
+    #[default]
+    Path = 0,
+    /// The same from the pairs as they were given, instead of centred ones.
+    AsGiven = 1,
+    /// Product multipliers are not limited.
+    Unlimited = 2,
+    /// Every relaxed problem is solved before the next one.
+    Outer = 3,
+    /// The elastic mode in the maximum norm.
+    Elastic = 4,
+    /// From a point that minimises the violation of the constraints.
+    Feasible = 5,
+}
+
+impl FoundBy {
+    /// Name as in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            FoundBy::Path => "path",
+            FoundBy::AsGiven => "as_given",
+            FoundBy::Unlimited => "unlimited",
+            FoundBy::Outer => "outer",
+            FoundBy::Elastic => "elastic",
+            FoundBy::Feasible => "feasible",
+        }
+    }
+}
+
+/// The order in which they are tried.
+const ORDER: [FoundBy; 4] = [FoundBy::Elastic, FoundBy::Unlimited, FoundBy::Outer, FoundBy::AsGiven];
+/// Share of the iterations that the path gets where others may follow, and that is kept for the search of a feasible point.
+const PATH_SHARE: f64 = 0.5;
+const KEPT_SHARE: f64 = 0.15;
+/// Violation of the least violated point that counts as none, relative to scaled rows above 1.
+const MET: f64 = 1e-8;
+
+impl MpccSolver {
+    /// Is there no answer yet, and a reason to go on?
+    fn is_open(&self) -> bool {
+        matches!(self.solution.outcome, Outcome::Stalled | Outcome::Infeasible | Outcome::MaxIter)
+            && self.solution.polish != Polish::Done
+            && stop::requested().is_none()
+            && self.iterations_left() > 0
+    }
+
+    /// Is there an answer, and room to look for a better one?
+    fn may_be_better(&self) -> bool {
+        self.solution.outcome == Outcome::Solved && stop::requested().is_none() && self.iterations_left() > 0
+    }
+
+    fn iterations_left(&self) -> usize {
+        self.settings.max_iter.saturating_sub(self.solution.stats.iterations)
+    }
+
+    /// May other strategies follow? Without a polish the answer is that of the relaxation that was asked for.
+    pub(super) fn has_others(&self) -> bool {
+        self.settings.portfolio != Portfolio::Off && self.settings.polish
+    }
+
+    /// Iterations of the path: those of others that may follow are kept.
+    pub(super) fn path_iterations(&self) -> usize {
+        let all = self.settings.max_iter;
+        if !self.has_others() {
+            return all;
+        }
+        (PATH_SHARE * all as f64).ceil() as usize
+    }
+
+    /// Tries the other strategies where the path has no solution. What was found before stays where they have none.
+    pub(super) fn go_on(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        (interior, centred): (bool, bool),
+        control: &mut Control,
+        suggest: Suggest,
+    ) {
+        for strategy in ORDER {
+            let better = self.settings.portfolio == Portfolio::All && self.may_be_better();
+            if !better && !self.is_open() {
+                return;
+            }
+            let useless = match strategy {
+                FoundBy::AsGiven => !centred,
+                FoundBy::Unlimited => !self.settings.convexify_pairs,
+                FoundBy::Outer => self.settings.homotopy == Homotopy::Outer,
+                FoundBy::Elastic => self.settings.relaxation == Relaxation::LinfPenalty,
+                _ => true,
+            };
+            if useless {
+                continue;
+            }
+            let before = self.solution.clone();
+            self.solution.polish = Polish::None;
+            let allowed = self.settings.max_iter;
+            let used = self.solution.stats.iterations;
+            let kept = (KEPT_SHARE * allowed as f64) as usize;
+            self.settings.max_iter = used + allowed.saturating_sub(used + kept) / 2;
+            if strategy == FoundBy::Elastic {
+                self.try_elastic(p, bounds, x0, control, suggest);
+            } else {
+                let given = self.settings;
+                match strategy {
+                    FoundBy::Unlimited => self.settings.convexify_pairs = false,
+                    FoundBy::Outer => self.settings.homotopy = Homotopy::Outer,
+                    _ => {}
+                }
+                let centre = interior && centred && strategy != FoundBy::AsGiven;
+                self.follow(p, bounds, x0, centre, control, suggest);
+                self.settings = given;
+            }
+            self.settings.max_iter = allowed;
+            self.keep(before, strategy);
+        }
+    }
+
+    /// Keeps the present solution, or the one of before where that says more.
+    fn keep(&mut self, before: Solution, strategy: FoundBy) {
+        let rank = |s: &Solution| match s.outcome {
+            Outcome::Solved => 0,
+            Outcome::MaxTime | Outcome::Stopped => 1,
+            Outcome::Infeasible => 2,
+            Outcome::Stalled => 3,
+            Outcome::MaxIter => 4,
+            _ => 5,
+        };
+        let worse = |s: &Solution, t: &Solution| {
+            let value = |s: &Solution| match s.outcome {
+                Outcome::Solved => s.objective,
+                _ => s.residuals.primal.max(s.residuals.pair_product),
+            };
+            let of = |s: &Solution| (rank(s), value(s));
+            let ((i, a), (j, b)) = (of(s), of(t));
+            i > j || (i == j && (a >= b || a.is_nan()))
+        };
+        self.solution.found_by = strategy;
+        if worse(&self.solution, &before) {
+            let stats = self.solution.stats;
+            self.solution = Solution { stats, ..before };
+        }
+    }
+
+    /// The elastic mode, by a solver of its own: its programs have a variable more.
+    fn try_elastic(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
+        let settings = MpccSettings {
+            relaxation: Relaxation::LinfPenalty,
+            homotopy: Homotopy::Outer,
+            max_iter: self.iterations_left(),
+            portfolio: Portfolio::Off,
+            ..self.settings
+        };
+        let mut solver = match self.elastic.take() {
+            Some(s) => s,
+            None => match MpccSolver::new(p, settings) {
+                Ok(s) => Box::new(s),
+                Err(_) => return,
+            },
+        };
+        solver.settings = settings;
+        solver.solve_with(p, bounds, x0, control, suggest);
+        let mut stats = self.solution.stats;
+        stats.add(&solver.solution.stats);
+        self.solution.clone_from(&solver.solution);
+        self.solution.stats = stats;
+        self.elastic = Some(solver);
+    }
+
+    /// Where nothing has a solution: a point that violates the constraints least. If it violates nothing its branch is
+    /// solved from there; if its certificate says that no step lowers the violation the program is infeasible, as far as
+    /// this can be said from near the point; otherwise that stays open.
+    pub(super) fn find_least_violation(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        control: &mut Control,
+        suggest: Suggest,
+    ) {
+        let asked = self.has_others() || self.solution.outcome == Outcome::Infeasible;
+        if !(asked && self.is_open()) {
+            return self.retract();
+        }
+        let Ok(mut st) = violation::Structure::new(p) else { return self.retract() };
+        st.weights.copy_from_slice(&self.st.scaling.rows);
+        let mut c = vec![0.0; p.m()];
+        if p.eval(&self.solution.x, &mut c).is_err() {
+            return self.retract();
+        }
+        let start = st.point(&self.solution.x, &c, bounds);
+        let own = st.bounds(bounds);
+        let (y, z) = (vec![0.0; p.m()], vec![0.0; start.len()]);
+        let settings = MpccSettings {
+            relaxation: Relaxation::Scholtes,
+            polish: true,
+            square_newton: true,
+            certify: true,
+            max_iter: self.iterations_left(),
+            portfolio: Portfolio::Off,
+            ..self.settings
+        };
+        let mut program = Violation { inner: &mut *p, st: &st };
+        let Ok(mut solver) = MpccSolver::new(&mut program, settings) else { return self.retract() };
+        solver.solve_warm(&mut program, &own, &Warm { x: &start, y: &y, z: &z }, control, &mut |_, _, _| false);
+        let found = &solver.solution;
+        self.solution.stats.add(&found.stats);
+        if found.outcome != Outcome::Solved || found.polish != Polish::Done {
+            return self.retract();
+        }
+        let x = &found.x[..p.n()];
+        let size = c.iter().zip(&st.weights).fold(1f64, |a, (c, w)| a.max((c * w).abs()));
+        if found.objective <= MET * size {
+            let sides = found.sides.clone();
+            self.enter_feasible(p, bounds, &sides, x, control, suggest);
+        } else if found.certificate.b == BStationarity::Yes {
+            self.solution.x.copy_from_slice(x);
+            self.solution.y.copy_from_slice(&found.y);
+            self.solution.sides.copy_from_slice(&found.sides);
+            self.solution.outcome = Outcome::Infeasible;
+            self.solution.found_by = FoundBy::Feasible;
+        } else {
+            self.retract();
+        }
+    }
+
+    /// There is no proof that the program is infeasible.
+    fn retract(&mut self) {
+        if self.solution.outcome == Outcome::Infeasible {
+            self.solution.outcome = stop::requested().map_or(Outcome::Stalled, Outcome::from);
+        }
+    }
+
+    /// Solves the branch `sides` from its feasible point `x[n]`, and follows descents from there.
+    fn enter_feasible(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        sides: &[Side],
+        x: &[f64],
+        control: &mut Control,
+        suggest: Suggest,
+    ) {
+        let before = self.solution.clone();
+        self.sides.copy_from_slice(sides);
+        self.st.start(x, &mut self.point);
+        self.close = true;
+        if self.try_point(p, bounds, control) {
+            self.record_exact(p, control);
+            self.improve(p, bounds, control, suggest);
+            self.judge(p, bounds, control);
+        } else {
+            self.retract();
+        }
+        self.close = false;
+        p.set_polishing(false);
+        self.keep(before, FoundBy::Feasible);
+    }
+}
