@@ -1,47 +1,78 @@
 //! States eliminated: a dense program in the controls, made and factorised in the preparation.
 //!
-//! With `x_k = Φ_k x_0 + Γ_k U + g_k` the program has the Hessian `H = Γᵀ Q Γ + ...` and the gradient `h + H_x x_0`. The columns
-//! of `[Φ_k Γ_k]` and of their adjoints are handled as one block of a stage, `2 N² n_x² n_u` operations in products with
-//! `n_x × n_x` (J. Andersson, *A General-Purpose Software Framework for Dynamic Optimization*, 2013; G. Frison, J. B.
-//! Jørgensen, *A fast condensing method for solution of linear-quadratic control problems*, 2013). `H⁻¹` and
-//! `V = −H⁻¹ H_x` are part of the preparation, so that the feedback starts from `v_0 + V x_0`.
+//! With `x_k = Φ_k x_0 + Γ_k U + g_k` the program has a Hessian `H` in the controls `U` of all stages. A Riccati recursion
+//!
+//! ```text
+//! Λ_k = R_k + B_kᵀ P_{k+1} B_k = L_k L_kᵀ,   K_k = Λ_k⁻¹ (S_k + B_kᵀ P_{k+1} A_k),
+//! P_k = Q_k + A_kᵀ P_{k+1} A_k − K_kᵀ Λ_k K_k
+//! ```
+//!
+//! completes the squares, `½ Uᵀ H U = Σ ½ |L_kᵀ (u_k + K_k x_k)|²`, so that `u_k = −K_k x_k + L_k⁻ᵀ w_k` with free `w_k` gives a
+//! factor of the inverse: `U = T W`, `H⁻¹ = T Tᵀ`. The columns of `T` and of the affine law `V` (`U = V x_0` without
+//! constraints) are responses of the controlled system `A_k − B_k K_k`, one block of all columns of a stage at a time. Neither `H` nor
+//! its Cholesky factor is formed; nothing cancels where the system itself is unstable and the controlled one is not (J. A.
+//! Rossiter, B. Kouvaritakis, M. J. Rice, *A numerically robust state-space approach to stable-predictive control strategies*,
+//! 1998; G. Frison, *Algorithms and Methods for High-Performance Model Predictive Control*, 2015). `Λ_k` are the Schur
+//! complements of `H`: they are positive definite where it is.
 
 use super::dual::{DualActiveSet, Program, Rows};
 use super::{QpSolution, QpSolver, QpStatus, StageQp, Terms};
 use crate::error::Result;
-use crate::linalg::dense::{gemm, gemv, gemv_transposed, inverse, potrf, Left, Mode, Right};
+use crate::linalg::dense::{axpy, dot, gemm, gemv, gemv_transposed, inverse_root, potrf};
+use crate::linalg::dense::{Left, Mode, Right, TILE_COLS};
 
-/// From this condition of the Hessian on, corrections take the gradient from the states: for unstable systems on long horizons
-/// the Hessian is made of terms that are far larger than what they add up to.
-const BAD: f64 = 1e6;
+/// From this condition of the Hessian on, the solution is corrected by the gradient that the states give.
+const BAD: f64 = 1e4;
+/// Columns of the triangle of a symmetric product that are computed at once.
+const PANEL: usize = 8;
 
 /// Condensing with a dual active-set method.
 pub struct Condensing {
     nx: usize,
+    nu: usize,
     /// Controls of all stages.
     n_u: usize,
-    /// `[Φ_k Γ_k]` of every node `k`, `nx × (nx + k nu)`, and where each begins.
-    gamma: Vec<f64>,
-    gamma_at: Vec<usize>,
-    /// `A_kᵀ`, the adjoint blocks of two nodes, `B_kᵀ`.
-    transposed: Vec<f64>,
-    adjoint: [Vec<f64>; 2],
-    /// `[H_x H]`, all rows.
-    hess: Vec<f64>,
-    factor: Vec<f64>,
-    scratch: [Vec<f64>; 2],
-    inverse: Vec<f64>,
+    /// `nu` with zeros up to whole tiles of columns.
+    wide: usize,
+    /// `P_k` of every node, of `−K_kᵀ` (`nx × wide`) and `L_k⁻ᵀ` (`wide × wide`) of every stage.
+    value: Vec<f64>,
     gain: Vec<f64>,
-    /// `h`, `v_0`, and both at the present `x_0`.
-    h: Vec<f64>,
+    root: Vec<f64>,
+    scratch: Scratch,
+    /// Response of the controlled system at two nodes, `(nx + n_u) × nx`: rows are columns of `[Φ Γ T]`.
+    response: [Vec<f64>; 2],
+    /// `[V T]ᵀ`, `(nx + n_u) × n_u`, with room for whole tiles.
+    law: Vec<f64>,
+    /// `T`, and `H⁻¹`.
+    factor: Vec<f64>,
+    inverse: Vec<f64>,
+    /// Solution without constraints for `x_0 = 0`, and for the present `x_0`.
     v: Vec<f64>,
-    h_now: Vec<f64>,
     v_now: Vec<f64>,
     x: Vec<f64>,
+    adjoint: [Vec<f64>; 2],
+    slope: Vec<f64>,
+    by_factor: Vec<f64>,
     ready: bool,
     /// A lower bound of the condition of `H`.
     condition: f64,
     active_set: DualActiveSet,
+}
+
+/// Matrices of one stage.
+struct Scratch {
+    /// `B`, `P B`, `Aᵀ P B + Sᵀ`, `(Aᵀ P B + Sᵀ) L⁻ᵀ`, all `nx × wide`.
+    b: Vec<f64>,
+    pb: Vec<f64>,
+    cross: Vec<f64>,
+    half: Vec<f64>,
+    /// `Λ` and its factor.
+    pivot: Vec<f64>,
+    /// `[Aᵀ −half]`, `[P A; halfᵀ]`: their product is `P_k − Q_k`.
+    left: Vec<f64>,
+    right: Vec<f64>,
+    /// `A − B K`.
+    closed: Vec<f64>,
 }
 
 impl Condensing {
@@ -49,118 +80,236 @@ impl Condensing {
     pub fn new(qp: &StageQp) -> Result<Condensing> {
         let (n, nx, nu) = (qp.n, qp.nx, qp.nu);
         let n_u = n * nu;
-        let mut gamma_at = vec![0];
-        for k in 0..=n {
-            gamma_at.push(gamma_at[k] + nx * (nx + k * nu));
-        }
-        let square = || vec![0.0; n_u * n_u];
+        let wide = nu.div_ceil(TILE_COLS) * TILE_COLS;
+        let zeros = |n: usize| vec![0.0; n];
         Ok(Condensing {
             nx,
+            nu,
             n_u,
-            gamma: vec![0.0; gamma_at[n + 1]],
-            gamma_at,
-            transposed: vec![0.0; nx * nx.max(nu)],
-            adjoint: [vec![0.0; nx * (nx + n_u)], vec![0.0; nx * (nx + n_u)]],
-            hess: vec![0.0; n_u * (nx + n_u)],
-            factor: square(),
-            scratch: [square(), square()],
-            inverse: square(),
-            gain: vec![0.0; n_u * nx],
-            h: vec![0.0; n_u],
-            v: vec![0.0; n_u],
-            h_now: vec![0.0; n_u],
-            v_now: vec![0.0; n_u],
-            x: vec![0.0; (n + 1) * nx],
+            wide,
+            value: zeros((n + 1) * nx * nx),
+            gain: zeros(n * nx * wide),
+            root: zeros(n * wide * wide),
+            scratch: Scratch {
+                b: zeros(nx * wide),
+                pb: zeros(nx * wide),
+                cross: zeros(nx * wide),
+                half: zeros(nx * wide),
+                pivot: zeros(nu * nu),
+                left: zeros(nx * (nx + nu)),
+                right: zeros((nx + nu) * nx),
+                closed: zeros(nx * nx),
+            },
+            response: [zeros((nx + n_u) * nx), zeros((nx + n_u) * nx)],
+            law: zeros((nx + n_u) * (n_u + wide - nu)),
+            factor: zeros(n_u * n_u),
+            inverse: zeros(n_u * n_u),
+            v: zeros(n_u),
+            v_now: zeros(n_u),
+            x: zeros((n + 1) * nx),
+            adjoint: [zeros(nx), zeros(nx)],
+            slope: zeros(nu),
+            by_factor: zeros(n_u),
             ready: false,
             condition: 1.0,
             active_set: DualActiveSet::new(n_u, qp.rows.len()),
         })
     }
 
-    /// `[Φ_k Γ_k]` from the first node on.
-    fn propagate(&mut self, qp: &StageQp) {
-        let (nx, nu) = (self.nx, qp.nu);
-        let first = &mut self.gamma[..nx * nx];
-        first.fill(0.0);
-        (0..nx).for_each(|i| first[i + i * nx] = 1.0);
-        for k in 0..qp.n {
-            let (from, to) = self.gamma[self.gamma_at[k]..self.gamma_at[k + 2]].split_at_mut(nx * (nx + k * nu));
-            if k == 0 {
-                to[..nx * nx].copy_from_slice(&qp.a[..nx * nx]);
-            } else {
-                let right = Right { v: from, rs: 1, cs: nx };
-                gemm([nx, nx + k * nu, nx], qp.a(k), right, to, nx, Mode::Set);
-            }
-            to[nx * (nx + k * nu)..].copy_from_slice(&qp.b[k * nx * nu..(k + 1) * nx * nu]);
-        }
+    /// The Riccati recursion; false where a `Λ_k` is not positive definite.
+    fn recur(&mut self, qp: &StageQp) -> bool {
+        let (nx, n) = (self.nx, qp.n);
+        self.value[n * nx * nx..].copy_from_slice(&qp.hess_x[n * nx * nx..]);
+        (0..n).rev().all(|k| self.eliminate(qp, k))
     }
 
-    /// `[H_x H]` from the last node back: `W_k = Q_k [Φ_k Γ_k] + S_kᵀ E_k + A_kᵀ W_{k+1}`, rows `B_kᵀ W_{k+1} + S_k [Φ_k Γ_k] + R_k E_k`,
-    /// where `E_k` are the columns of `u_k`.
-    fn accumulate(&mut self, qp: &StageQp) {
-        let (nx, nu, n_u) = (self.nx, qp.nu, self.n_u);
-        let [mut after, mut own] = std::mem::take(&mut self.adjoint);
-        product_with_hessian(qp, qp.n, &self.gamma[self.gamma_at[qp.n]..], nx + n_u, &mut after, Mode::Set);
-        for k in (0..qp.n).rev() {
-            let (before, width) = (nx + k * nu, nx + (k + 1) * nu);
-            let gamma = &self.gamma[self.gamma_at[k]..self.gamma_at[k + 1]];
-            transpose(nx, nu, qp.b(k), &mut self.transposed);
-            let rows = &mut self.hess[k * nu..];
-            let right = Right { v: &after, rs: 1, cs: nx };
-            gemm([nu, width, nx], Left { v: &self.transposed, ld: nu }, right, rows, n_u, Mode::Set);
-            gemm([nu, before, nx], qp.s(k), Right { v: gamma, rs: 1, cs: nx }, rows, n_u, Mode::Add);
+    /// One stage of it.
+    fn eliminate(&mut self, qp: &StageQp, k: usize) -> bool {
+        let (nx, nu, wide) = (self.nx, self.nu, self.wide);
+        let Scratch { b, pb, cross, half, pivot, left, right, .. } = &mut self.scratch;
+        let (own, after) = self.value[k * nx * nx..(k + 2) * nx * nx].split_at_mut(nx * nx);
+        let next = Left { v: after, ld: nx };
+        b[..nx * nu].copy_from_slice(&qp.b[k * nx * nu..(k + 1) * nx * nu]);
+        gemm([nx, wide, nx], next, Right { v: b, rs: 1, cs: nx }, pb, nx, Mode::Set);
+        for j in 0..nu {
+            for i in j..nu {
+                let product = dot(&b[i * nx..(i + 1) * nx], &pb[j * nx..(j + 1) * nx]);
+                pivot[i + j * nu] = qp.hess_u[k * nu * nu + i + j * nu] + product;
+            }
+        }
+        if !potrf(nu, pivot, nu) {
+            return false;
+        }
+        let root = &mut self.root[k * wide * wide..(k + 1) * wide * wide];
+        inverse_root(nu, pivot, nu, root, wide);
+        transpose(nx, nx, qp.a(k), left);
+        gemm([nx, wide, nx], Left { v: left, ld: nx }, Right { v: pb, rs: 1, cs: nx }, cross, nx, Mode::Set);
+        let s = &qp.hess_xu[k * nu * nx..(k + 1) * nu * nx];
+        for i in 0..nx {
             for j in 0..nu {
-                for i in 0..nu {
-                    rows[i + (before + j) * n_u] += qp.hess_u[k * nu * nu + i + j * nu];
+                cross[i + j * nx] += s[j + i * nu];
+            }
+        }
+        let by_root = Right { v: root, rs: 1, cs: wide };
+        gemm([nx, wide, nu], Left { v: cross, ld: nx }, by_root, half, nx, Mode::Set);
+        let gain = &mut self.gain[k * nx * wide..(k + 1) * nx * wide];
+        let by_transposed = Right { v: root, rs: wide, cs: 1 };
+        gemm([nx, wide, nu], Left { v: half, ld: nx }, by_transposed, gain, nx, Mode::Set);
+        gain.iter_mut().for_each(|v| *v = -*v);
+        // the value of the first node is of no use
+        if k == 0 {
+            return true;
+        }
+        gemm([nx, nx, nx], next, Right { v: &qp.a[k * nx * nx..], rs: 1, cs: nx }, right, nx + nu, Mode::Set);
+        for j in 0..nu {
+            for i in 0..nx {
+                left[i + (nx + j) * nx] = -half[i + j * nx];
+                right[nx + j + i * (nx + nu)] = half[i + j * nx];
+            }
+        }
+        for j in (0..nx).step_by(PANEL) {
+            let (rows, columns) = (nx - j, PANEL.min(nx - j));
+            let right = Right { v: &right[j * (nx + nu)..], rs: 1, cs: nx + nu };
+            let to = &mut own[j * (nx + 1)..];
+            gemm([rows, columns, nx + nu], Left { v: &left[j..], ld: nx }, right, to, nx, Mode::Set);
+        }
+        let q = &qp.hess_x[k * nx * nx..(k + 1) * nx * nx];
+        for j in 0..nx {
+            for i in j..nx {
+                let v = own[i + j * nx] + q[i + j * nx];
+                (own[i + j * nx], own[j + i * nx]) = (v, v);
+            }
+        }
+        true
+    }
+
+    /// `V` and `T` by the responses of the controlled system, and `H⁻¹ = T Tᵀ`.
+    fn respond(&mut self, qp: &StageQp) {
+        let (nx, nu, n_u, wide) = (self.nx, self.nu, self.n_u, self.wide);
+        let ld = nx + n_u;
+        let [mut own, mut next] = std::mem::take(&mut self.response);
+        for j in 0..nx {
+            own[j * ld..j * ld + nx].fill(0.0);
+            own[j + j * ld] = 1.0;
+        }
+        for k in 0..qp.n {
+            let columns = nx + k * nu;
+            let gain = &self.gain[k * nx * wide..(k + 1) * nx * wide];
+            let root = &self.root[k * wide * wide..(k + 1) * wide * wide];
+            // the columns behind the stage's own are written later
+            let law = &mut self.law[k * nu * ld..];
+            let by_gain = Right { v: gain, rs: 1, cs: nx };
+            gemm([columns, wide, nx], Left { v: &own, ld }, by_gain, law, ld, Mode::Set);
+            for j in 0..nu {
+                (0..nu).for_each(|i| law[columns + j + i * ld] = root[i + j * wide]);
+            }
+            if k + 1 == qp.n {
+                break;
+            }
+            let (a, b) = (&qp.a[k * nx * nx..(k + 1) * nx * nx], qp.b(k));
+            let closed = &mut self.scratch.closed;
+            closed.copy_from_slice(a);
+            gemm([nx, nx, nu], b, Right { v: gain, rs: nx, cs: 1 }, closed, nx, Mode::Add);
+            let by_closed = Right { v: closed, rs: nx, cs: 1 };
+            gemm([columns, nx, nx], Left { v: &own, ld }, by_closed, &mut next, ld, Mode::Set);
+            // the columns of the stage's own controls, B L⁻ᵀ
+            for j in 0..nu {
+                for i in 0..nx {
+                    next[columns + j + i * ld] = (0..=j).map(|l| b.v[i + l * nx] * root[l + j * wide]).sum();
                 }
             }
-            if k > 0 {
-                transpose(nx, nx, qp.a(k), &mut self.transposed);
-                gemm([nx, before, nx], Left { v: &self.transposed, ld: nx }, right, &mut own, nx, Mode::Set);
-                product_with_hessian(qp, k, gamma, before, &mut own, Mode::Add);
-                std::mem::swap(&mut after, &mut own);
+            std::mem::swap(&mut own, &mut next);
+        }
+        self.response = [own, next];
+        for i in 0..n_u {
+            let columns = (i / nu + 1) * nu;
+            for j in 0..columns {
+                self.factor[i + j * n_u] = self.law[nx + j + i * ld];
             }
         }
-        self.adjoint = [after, own];
+        for j in (0..n_u).step_by(PANEL) {
+            let columns = PANEL.min(n_u - j);
+            // where the rows of T end
+            let inner = ((j + columns - 1) / nu + 1) * nu;
+            let left = Left { v: &self.factor[j..], ld: n_u };
+            let right = Right { v: &self.law[nx + j * ld..], rs: 1, cs: ld };
+            let to = &mut self.inverse[j * (n_u + 1)..];
+            gemm([n_u - j, columns, inner], left, right, to, n_u, Mode::Set);
+        }
+        for j in 0..n_u {
+            for i in j + 1..n_u {
+                self.inverse[j + i * n_u] = self.inverse[i + j * n_u];
+            }
+        }
     }
 
-    /// Gradient `h` of the controls where `x_0 = 0` and all controls are zero, by one adjoint sweep, and `v_0 = −H⁻¹ h`.
-    fn gradient(&mut self, qp: &StageQp) {
-        let n_u = self.n_u;
-        self.x.fill(0.0);
-        self.v.fill(0.0);
-        qp.roll_out(&self.v, &mut self.x);
-        gradient_at(qp, &self.x, &self.v, &mut self.adjoint, &mut self.h);
-        self.v.fill(0.0);
-        gemv(n_u, n_u, Left { v: &self.inverse, ld: n_u }, &self.h, &mut self.v);
-        self.v.iter_mut().for_each(|v| *v = -*v);
+    /// Controls of the minimum for `x_0 = 0`: the affine part of the recursion, then the controlled system.
+    fn affine(&mut self, qp: &StageQp) {
+        let (nx, nu, wide) = (self.nx, self.nu, self.wide);
+        let [p, before] = &mut self.adjoint;
+        p.copy_from_slice(&qp.grad_x[qp.n * nx..]);
+        for k in (0..qp.n).rev() {
+            let value = Left { v: &self.value[(k + 1) * nx * nx..], ld: nx };
+            gemv(nx, nx, value, &qp.c[k * nx..(k + 1) * nx], p);
+            let slope = &mut self.v_now[k * nu..(k + 1) * nu];
+            slope.copy_from_slice(&qp.grad_u[k * nu..(k + 1) * nu]);
+            gemv_transposed(nx, nu, qp.b(k), p, slope);
+            before.copy_from_slice(&qp.grad_x[k * nx..(k + 1) * nx]);
+            gemv_transposed(nx, nx, qp.a(k), p, before);
+            gemv(nx, nu, Left { v: &self.gain[k * nx * wide..], ld: nx }, slope, before);
+            std::mem::swap(p, before);
+        }
+        self.x[..nx].fill(0.0);
+        let half = &mut self.scratch.half[..nu];
+        for k in 0..qp.n {
+            let root = Left { v: &self.root[k * wide * wide..], ld: wide };
+            let (x, next) = self.x[k * nx..(k + 2) * nx].split_at_mut(nx);
+            let u = &mut self.v[k * nu..(k + 1) * nu];
+            // −Λ⁻¹ (r + Bᵀ p) − K x
+            half.fill(0.0);
+            gemv_transposed(nu, nu, root, &self.v_now[k * nu..(k + 1) * nu], half);
+            half.iter_mut().for_each(|v| *v = -*v);
+            u.fill(0.0);
+            gemv(nu, nu, root, half, u);
+            gemv_transposed(nx, nu, Left { v: &self.gain[k * nx * wide..], ld: nx }, x, u);
+            qp.step(k, x, u, next);
+        }
+    }
+
+    /// Largest of what is known of the eigenvalues of `H` and of its inverse: how the cost grows with all controls of the first stage
+    /// alike, whose effect lasts longest, and diagonal entries.
+    fn estimate_condition(&mut self, qp: &StageQp) {
+        let (nx, nu, n_u) = (self.nx, self.nu, self.n_u);
+        let [x, qx] = &mut self.adjoint;
+        x.fill(0.0);
+        qp.b[..nx * nu].chunks_exact(nx).for_each(|b| axpy(1.0, b, x));
+        let mut size: f64 = qp.hess_u[..nu * nu].iter().sum();
+        for k in 1..=qp.n {
+            qx.fill(0.0);
+            gemv(nx, nx, qp.q(k), x, qx);
+            size += dot(x, qx);
+            if k < qp.n {
+                qx.fill(0.0);
+                gemv(nx, nx, qp.a(k), x, qx);
+                std::mem::swap(x, qx);
+            }
+        }
+        let largest = (0..n_u).fold(0.0f64, |v, i| v.max(self.inverse[i * (n_u + 1)]));
+        self.condition = size / nu as f64 * largest;
+    }
+
+    /// The parts of the dense program.
+    fn dense<'a>(&'a mut self, qp: &'a StageQp) -> (&'a [f64], &'a mut DualActiveSet, Condensed<'a>) {
+        let Condensing { wide, gain, root, factor, inverse, x, adjoint, slope, by_factor, active_set, .. } = self;
+        let rows = Condensed { qp, gain, root, wide: *wide, factor, x, adjoint, slope, by_factor };
+        (inverse, active_set, rows)
     }
 
     fn at(&mut self, x0: &[f64]) {
         let (nx, n_u) = (self.nx, self.n_u);
-        self.h_now.copy_from_slice(&self.h);
         self.v_now.copy_from_slice(&self.v);
-        gemv(n_u, nx, Left { v: &self.hess, ld: n_u }, x0, &mut self.h_now);
-        gemv(n_u, nx, Left { v: &self.gain, ld: n_u }, x0, &mut self.v_now);
+        gemv_transposed(nx, n_u, Left { v: &self.law, ld: nx + n_u }, x0, &mut self.v_now);
         self.x[..nx].copy_from_slice(x0);
-    }
-}
-
-/// `out (+)= Q_k M` with `columns` columns of `M`; a diagonal `Q_k` costs what it holds.
-fn product_with_hessian(qp: &StageQp, k: usize, m: &[f64], columns: usize, out: &mut [f64], mode: Mode) {
-    let nx = qp.nx;
-    let q = qp.q(k);
-    let diagonal = (0..nx).all(|j| (0..nx).all(|i| i == j || q.v[i + j * nx] == 0.0));
-    if !diagonal {
-        gemm([nx, columns, nx], q, Right { v: m, rs: 1, cs: nx }, out, nx, mode);
-        return;
-    }
-    for c in 0..columns {
-        let (to, from) = (&mut out[c * nx..(c + 1) * nx], &m[c * nx..(c + 1) * nx]);
-        for i in 0..nx {
-            let v = q.v[i * (nx + 1)] * from[i];
-            to[i] = if mode == Mode::Set { v } else { to[i] + v };
-        }
     }
 }
 
@@ -175,10 +324,48 @@ fn transpose(m: usize, n: usize, a: Left, out: &mut [f64]) {
 /// Rows of the program as rows of the dense one.
 struct Condensed<'a> {
     qp: &'a StageQp,
-    gamma: &'a [f64],
-    gamma_at: &'a [usize],
+    /// The controlled system, and `T`.
+    gain: &'a [f64],
+    root: &'a [f64],
+    wide: usize,
+    factor: &'a [f64],
     x: &'a mut [f64],
     adjoint: &'a mut [Vec<f64>; 2],
+    /// Vectors of the controls of a stage, and of all.
+    slope: &'a mut [f64],
+    by_factor: &'a mut [f64],
+}
+
+impl Condensed<'_> {
+    fn gain(&self, k: usize) -> Left<'_> {
+        Left { v: &self.gain[k * self.qp.nx * self.wide..], ld: self.qp.nx }
+    }
+
+    /// `Tᵀ a_i` by an adjoint sweep through the controlled system: nothing is large there that cancels in `P a_i = T Tᵀ a_i`.
+    fn transformed(&mut self, i: usize) {
+        let (nx, nu, wide, k) = (self.qp.nx, self.qp.nu, self.wide, self.qp.rows[i].node);
+        let [mut own, mut before] = std::mem::take(self.adjoint);
+        self.by_factor.fill(0.0);
+        own.copy_from_slice(&self.qp.row_x[i * nx..(i + 1) * nx]);
+        let first = usize::from(k == self.qp.n);
+        for j in (0..=k - first).rev() {
+            let slope = &mut self.slope[..nu];
+            slope.fill(0.0);
+            before.fill(0.0);
+            if j < k {
+                gemv_transposed(nx, nu, self.qp.b(j), &own, slope);
+                gemv_transposed(nx, nx, self.qp.a(j), &own, &mut before);
+            } else {
+                slope.copy_from_slice(&self.qp.row_u[i * nu..(i + 1) * nu]);
+                before.copy_from_slice(&own);
+            }
+            let root = Left { v: &self.root[j * wide * wide..], ld: wide };
+            gemv_transposed(nu, nu, root, &self.slope[..nu], &mut self.by_factor[j * nu..(j + 1) * nu]);
+            gemv(nx, nu, self.gain(j), &self.slope[..nu], &mut before);
+            std::mem::swap(&mut own, &mut before);
+        }
+        *self.adjoint = [own, before];
+    }
 }
 
 impl Rows for Condensed<'_> {
@@ -187,14 +374,23 @@ impl Rows for Condensed<'_> {
         out.iter_mut().enumerate().for_each(|(i, v)| *v = self.qp.row_value(i, self.x, u));
     }
 
-    fn form(&mut self, i: usize, a: &mut [f64]) {
+    fn form(&mut self, i: usize, a: &mut [f64], pa: &mut [f64]) {
         let (nx, nu, k) = (self.qp.nx, self.qp.nu, self.qp.rows[i].node);
         a.fill(0.0);
-        let gamma = Left { v: &self.gamma[self.gamma_at[k] + nx * nx..self.gamma_at[k + 1]], ld: nx };
-        gemv_transposed(nx, k * nu, gamma, &self.qp.row_x[i * nx..(i + 1) * nx], a);
+        let [own, before] = &mut *self.adjoint;
+        own.copy_from_slice(&self.qp.row_x[i * nx..(i + 1) * nx]);
+        for j in (0..k).rev() {
+            gemv_transposed(nx, nu, self.qp.b(j), own, &mut a[j * nu..(j + 1) * nu]);
+            before.fill(0.0);
+            gemv_transposed(nx, nx, self.qp.a(j), own, before);
+            std::mem::swap(own, before);
+        }
         if let Some((at, own)) = self.qp.own_controls(i) {
             a[at..at + nu].copy_from_slice(own);
         }
+        self.transformed(i);
+        pa.fill(0.0);
+        gemv(a.len(), a.len(), Left { v: self.factor, ld: a.len() }, self.by_factor, pa);
     }
 
     fn gradient(&mut self, u: &[f64], out: &mut [f64]) {
@@ -207,7 +403,6 @@ impl Rows for Condensed<'_> {
 fn gradient_at(qp: &StageQp, x: &[f64], u: &[f64], adjoint: &mut [Vec<f64>; 2], out: &mut [f64]) {
     let (nx, nu) = (qp.nx, qp.nu);
     let [next, own] = adjoint;
-    let (next, own) = (&mut next[..nx], &mut own[..nx]);
     next.copy_from_slice(&qp.grad_x[qp.n * nx..]);
     gemv(nx, nx, qp.q(qp.n), &x[qp.n * nx..], next);
     for k in (0..qp.n).rev() {
@@ -221,7 +416,7 @@ fn gradient_at(qp: &StageQp, x: &[f64], u: &[f64], adjoint: &mut [Vec<f64>; 2], 
         gemv(nx, nx, qp.q(k), x, own);
         gemv_transposed(nu, nx, qp.s(k), u, own);
         gemv_transposed(nx, nx, qp.a(k), next, own);
-        next.copy_from_slice(own);
+        std::mem::swap(next, own);
     }
 }
 
@@ -231,38 +426,22 @@ impl QpSolver for Condensing {
     }
 
     fn prepare(&mut self, qp: &StageQp) -> bool {
-        let (nx, n_u) = (self.nx, self.n_u);
-        self.propagate(qp);
-        self.accumulate(qp);
-        self.factor.copy_from_slice(&self.hess[n_u * nx..]);
-        self.ready = potrf(n_u, &mut self.factor, n_u);
+        self.ready = self.recur(qp);
         if !self.ready {
             return false;
         }
-        let [x, xt] = &mut self.scratch;
-        inverse(n_u, &self.factor, n_u, x, xt, &mut self.inverse);
-        // the lower triangle is what was computed
-        let hess = &mut self.hess[n_u * nx..];
-        for j in 0..n_u {
-            for i in j + 1..n_u {
-                hess[j + i * n_u] = hess[i + j * n_u];
-            }
-        }
-        let right = Right { v: &self.hess, rs: 1, cs: n_u };
-        self.gain.fill(0.0);
-        gemm([n_u, nx, n_u], Left { v: &self.inverse, ld: n_u }, right, &mut self.gain, n_u, Mode::Subtract);
-        let largest = |m: &[f64]| (0..n_u).fold(0.0f64, |v, i| v.max(m[i * (n_u + 1)]));
-        self.condition = largest(&self.hess[n_u * nx..]) * largest(&self.inverse);
-        self.gradient(qp);
-        let Condensing { gamma, gamma_at, x, adjoint, inverse, active_set, .. } = self;
-        active_set.prepare(inverse, &mut Condensed { qp, gamma, gamma_at, x, adjoint });
-        self.ready = self.h.iter().chain(&self.v).all(|v| v.is_finite());
+        self.respond(qp);
+        self.affine(qp);
+        self.estimate_condition(qp);
+        let (inverse, active_set, mut rows) = self.dense(qp);
+        active_set.prepare(inverse, &mut rows);
+        self.ready = self.v.iter().all(|v| v.is_finite());
         self.ready
     }
 
     fn refresh(&mut self, qp: &StageQp) {
         if self.ready {
-            self.gradient(qp);
+            self.affine(qp);
         }
     }
 
@@ -271,23 +450,22 @@ impl QpSolver for Condensing {
             return QpStatus::Failed;
         }
         self.at(x0);
-        let nx = self.nx;
-        let by_states = self.condition > BAD;
-        let Condensing { gamma, gamma_at, x, adjoint, inverse, hess, h_now, v_now, active_set, .. } = self;
+        let ill_conditioned = self.condition > BAD;
+        let free = std::mem::take(&mut self.v_now);
+        let (inverse, active_set, mut rows) = self.dense(qp);
         let program = Program {
-            hessian: &hess[h_now.len() * nx..],
             inverse,
-            gradient: h_now,
-            free: v_now,
+            free: &free,
             lower: &qp.u_lower,
             upper: &qp.u_upper,
             row_lower: &qp.row_lower,
             row_upper: &qp.row_upper,
             rows: &qp.rows,
-            corrections: if by_states { 2 } else { 1 },
-            by_states,
+            ill_conditioned,
         };
-        active_set.solve(&program, &mut Condensed { qp, gamma, gamma_at, x, adjoint }, terms)
+        let status = active_set.solve(&program, &mut rows, terms);
+        self.v_now = free;
+        status
     }
 
     fn controls(&self) -> &[f64] {

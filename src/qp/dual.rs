@@ -55,17 +55,15 @@ fn keep(worst: &mut Option<(f64, usize, bool)>, size: f64, i: usize, up: bool) {
 pub(super) trait Rows {
     /// All `a_iᵀ u` plus what does not depend on `u`.
     fn values(&mut self, u: &[f64], out: &mut [f64]);
-    /// `a_i`.
-    fn form(&mut self, i: usize, a: &mut [f64]);
-    /// `H u + h`, without the cancellation of that product where the Hessian is made of large terms.
+    /// `a_i` and `P a_i`.
+    fn form(&mut self, i: usize, a: &mut [f64], pa: &mut [f64]);
+    /// `H u + h`.
     fn gradient(&mut self, u: &[f64], out: &mut [f64]);
 }
 
 /// A program, dense in the controls.
 pub(super) struct Program<'a> {
-    pub hessian: &'a [f64],
     pub inverse: &'a [f64],
-    pub gradient: &'a [f64],
     /// The solution without constraints.
     pub free: &'a [f64],
     pub lower: &'a [f64],
@@ -73,9 +71,8 @@ pub(super) struct Program<'a> {
     pub row_lower: &'a [f64],
     pub row_upper: &'a [f64],
     pub rows: &'a [Row],
-    /// Corrections at the end, and whether they take the gradient from the states.
-    pub corrections: usize,
-    pub by_states: bool,
+    /// The solution has to be corrected at the end.
+    pub ill_conditioned: bool,
 }
 
 /// The method with its memory and its guess of the active set. Constraints are numbered bounds first.
@@ -212,9 +209,9 @@ impl DualActiveSet {
         for i in 0..self.n + self.n_rows {
             match self.state[i] {
                 State::Out => self.lambda[i] = 0.0,
-                State::Capped => self.form(i, inverse, rows),
+                State::Capped => self.form(i, rows),
                 State::In | State::Shifted => {
-                    self.form(i, inverse, rows);
+                    self.form(i, rows);
                     if !self.append(i, inverse) {
                         self.state[i] = State::Out;
                         self.lambda[i] = 0.0;
@@ -224,17 +221,13 @@ impl DualActiveSet {
         }
     }
 
-    fn form(&mut self, i: usize, inverse: &[f64], rows: &mut dyn Rows) {
+    fn form(&mut self, i: usize, rows: &mut dyn Rows) {
         let Some(r) = i.checked_sub(self.n) else { return };
         if self.formed[r] {
             return;
         }
         let n = self.n;
-        let a = &mut self.a[r * n..(r + 1) * n];
-        rows.form(r, a);
-        let pa = &mut self.pa[r * n..(r + 1) * n];
-        pa.fill(0.0);
-        gemv(n, n, Left { v: inverse, ld: n }, a, pa);
+        rows.form(r, &mut self.a[r * n..(r + 1) * n], &mut self.pa[r * n..(r + 1) * n]);
         self.formed[r] = true;
     }
 
@@ -391,15 +384,13 @@ impl DualActiveSet {
             self.walk(1.0);
             self.update(q);
             let Some((i, up)) = self.most_violated(q, rows) else { break };
-            self.form(i, q.inverse, rows);
+            self.form(i, rows);
             if !self.enter(i, up, q) {
                 self.cut_off(q);
                 return QpStatus::Infeasible;
             }
         }
-        for _ in 0..q.corrections {
-            self.refine(q, rows);
-        }
+        self.refine(q, rows);
         if self.u.iter().all(|v| v.is_finite()) {
             QpStatus::Solved
         } else {
@@ -722,31 +713,24 @@ impl DualActiveSet {
         value.abs() <= self.tolerance * size
     }
 
-    /// One correction of controls and multipliers by what rounding left of the optimality conditions with this active set.
+    /// Corrections of controls and multipliers by what rounding left of the optimality conditions with this active set.
     fn refine(&mut self, q: &Program, rows: &mut dyn Rows) {
-        let n = self.n;
-        let mut r = std::mem::take(&mut self.residual);
-        if q.by_states {
-            rows.gradient(&self.u, &mut r);
-        } else {
-            r.copy_from_slice(q.gradient);
-            gemv(n, n, Left { v: q.hessian, ld: n }, &self.u, &mut r);
+        // bounds alone leave nothing to correct but what rounding does to the affine law
+        let corrections = match q.ill_conditioned {
+            true => 2,
+            false => usize::from(self.state[self.n..].iter().any(|s| *s != State::Out)),
+        };
+        (0..corrections).for_each(|_| self.correct(q, rows));
+        for &i in self.active.iter().filter(|i| **i < self.n) {
+            self.u[i] = if self.side[i] > 0.0 { q.upper[i] } else { q.lower[i] };
         }
-        for i in 0..n + self.n_rows {
-            let f = self.side[i] * self.lambda[i];
-            if self.state[i] == State::Out || f == 0.0 {
-                continue;
-            }
-            match i.checked_sub(n) {
-                None => r[i] += f,
-                Some(row) => axpy(f, &self.a[row * n..(row + 1) * n], &mut r),
-            }
-        }
-        // the free correction −P r, then what keeps the active rows where they are
+    }
+
+    fn correct(&mut self, q: &Program, rows: &mut dyn Rows) {
         let mut step = std::mem::take(&mut self.base);
         step.fill(0.0);
-        gemv(n, n, Left { v: q.inverse, ld: n }, &r, &mut step);
-        step.iter_mut().for_each(|v| *v = -*v);
+        self.descend(q, rows, &mut step);
+        // then what keeps the active rows where they are
         let mut target = std::mem::take(&mut self.target);
         for (p, &i) in self.active.iter().enumerate() {
             let free =
@@ -760,10 +744,27 @@ impl DualActiveSet {
             self.lambda[i] += target[p];
         }
         axpy(1.0, &step, &mut self.u);
-        (self.residual, self.base, self.target) = (r, step, target);
-        for &i in self.active.iter().filter(|i| **i < n) {
-            self.u[i] = if self.side[i] > 0.0 { q.upper[i] } else { q.lower[i] };
+        (self.base, self.target) = (step, target);
+    }
+
+    /// `−P r` of the gradient `r` of the Lagrangian.
+    fn descend(&mut self, q: &Program, rows: &mut dyn Rows, step: &mut [f64]) {
+        let n = self.n;
+        let mut r = std::mem::take(&mut self.residual);
+        rows.gradient(&self.u, &mut r);
+        for i in 0..n + self.n_rows {
+            let f = self.side[i] * self.lambda[i];
+            if self.state[i] == State::Out || f == 0.0 {
+                continue;
+            }
+            match i.checked_sub(n) {
+                None => r[i] += f,
+                Some(row) => axpy(f, &self.a[row * n..(row + 1) * n], &mut r),
+            }
         }
+        gemv(n, n, Left { v: q.inverse, ld: n }, &r, step);
+        step.iter_mut().for_each(|v| *v = -*v);
+        self.residual = r;
     }
 
     /// The controls of the present multipliers, within their bounds.

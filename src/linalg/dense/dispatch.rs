@@ -2,7 +2,7 @@
 //!
 //! A function with a target feature may be called where that was asked for at run time: this is all that is unsafe here.
 
-use super::{gemm_body, gemv_body, inverse_body, potrf_body, Left, Mode, Right};
+use super::{gemm_body, gemv_body, gemv_transposed_body, inverse_root_body, potrf_body, Left, Mode, Right};
 
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
@@ -33,8 +33,9 @@ macro_rules! kernel {
 
 kernel!(gemm, gemm_body, (sizes: [usize; 3], a: Left, b: Right, c: &mut [f64], ldc: usize, mode: Mode));
 kernel!(gemv, gemv_body, (m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]));
+kernel!(gemv_transposed, gemv_transposed_body, (m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]));
 kernel!(potrf, potrf_body, (n: usize, a: &mut [f64], ld: usize) -> bool);
-kernel!(inverse, inverse_body, (n: usize, l: &[f64], ld: usize, x: &mut [f64], xt: &mut [f64], p: &mut [f64]));
+kernel!(inverse_root, inverse_root_body, (n: usize, l: &[f64], ld: usize, root: &mut [f64], ld_root: usize));
 
 /// Runs `body` compiled for wide registers. What it calls must be `#[inline(always)]` to profit.
 #[inline(always)]

@@ -12,7 +12,7 @@ pub(crate) use dispatch::wide;
 /// Rows of a tile that is kept in registers.
 const TILE_ROWS: usize = 8;
 /// Columns of a tile that is kept in registers.
-const TILE_COLS: usize = 4;
+pub(crate) const TILE_COLS: usize = 4;
 /// Columns that a factorisation handles at once.
 const PANEL: usize = 8;
 
@@ -50,49 +50,89 @@ pub(crate) fn gemm([m, n, k]: [usize; 3], a: Left, b: Right, c: &mut [f64], ldc:
 
 #[inline(always)]
 fn gemm_body<const FUSED: bool>([m, n, k]: [usize; 3], a: Left, b: Right, c: &mut [f64], ldc: usize, mode: Mode) {
-    let mut j = 0;
-    while j + TILE_COLS <= n {
-        gemm_columns::<FUSED, TILE_COLS>([m, j, k], a, b, c, ldc, mode);
-        j += TILE_COLS;
-    }
-    while j < n {
-        gemm_columns::<FUSED, 1>([m, j, k], a, b, c, ldc, mode);
-        j += 1;
+    if b.rs == 1 {
+        gemm_strided::<FUSED, true>([m, n, k], a, b, c, ldc, mode);
+    } else {
+        gemm_strided::<FUSED, false>([m, n, k], a, b, c, ldc, mode);
     }
 }
 
-/// Columns `j` to `j + NR` of a product.
+/// `COLUMNS`: the columns of the right factor are contiguous. The smaller factor is the one that is read again and again.
 #[inline(always)]
-fn gemm_columns<const FUSED: bool, const NR: usize>(
-    [m, j, k]: [usize; 3],
+fn gemm_strided<const FUSED: bool, const COLUMNS: bool>(
+    [m, n, k]: [usize; 3],
     a: Left,
     b: Right,
     c: &mut [f64],
     ldc: usize,
     mode: Mode,
 ) {
-    let mut i = 0;
-    while i + TILE_ROWS <= m {
-        tile::<FUSED, TILE_ROWS, NR>([i, j, k], a, b, c, ldc, mode);
-        i += TILE_ROWS;
-    }
-    if i < m && i > 0 && mode == Mode::Set {
-        // what is left with rows that are there already: the same sums again
-        tile::<FUSED, TILE_ROWS, NR>([m - TILE_ROWS, j, k], a, b, c, ldc, mode);
+    if m <= n {
+        gemm_block::<FUSED, COLUMNS>([0, m, 0, n, k], a, b, c, ldc, mode);
         return;
     }
-    if i + 4 <= m {
-        tile::<FUSED, 4, NR>([i, j, k], a, b, c, ldc, mode);
+    let mut i = 0;
+    while i < m {
+        // rows that do not fill a tile go with the last ones that do
+        let end = if m - i < 2 * TILE_ROWS { m } else { i + TILE_ROWS };
+        gemm_block::<FUSED, COLUMNS>([i, end, 0, n, k], a, b, c, ldc, mode);
+        i = end;
+    }
+}
+
+/// Rows `i0` to `i1` and columns `j0` to `j1` of a product.
+#[inline(always)]
+fn gemm_block<const FUSED: bool, const COLUMNS: bool>(
+    [i0, i1, j0, j1, k]: [usize; 5],
+    a: Left,
+    b: Right,
+    c: &mut [f64],
+    ldc: usize,
+    mode: Mode,
+) {
+    let mut j = j0;
+    while j + TILE_COLS <= j1 {
+        gemm_columns::<FUSED, COLUMNS, TILE_COLS>([i0, i1, j, k], a, b, c, ldc, mode);
+        j += TILE_COLS;
+    }
+    while j < j1 {
+        gemm_columns::<FUSED, COLUMNS, 1>([i0, i1, j, k], a, b, c, ldc, mode);
+        j += 1;
+    }
+}
+
+/// Rows `i0` to `i1` of the columns from `j` on.
+#[inline(always)]
+fn gemm_columns<const FUSED: bool, const COLUMNS: bool, const NR: usize>(
+    [i0, i1, j, k]: [usize; 4],
+    a: Left,
+    b: Right,
+    c: &mut [f64],
+    ldc: usize,
+    mode: Mode,
+) {
+    let mut i = i0;
+    while i + TILE_ROWS <= i1 {
+        tile::<FUSED, COLUMNS, TILE_ROWS, NR>([i, j, k], a, b, c, ldc, mode);
+        i += TILE_ROWS;
+    }
+    if i < i1 && i > i0 && mode == Mode::Set {
+        // what is left with rows that are there already: the same sums again
+        tile::<FUSED, COLUMNS, TILE_ROWS, NR>([i1 - TILE_ROWS, j, k], a, b, c, ldc, mode);
+        return;
+    }
+    if i + 4 <= i1 {
+        tile::<FUSED, COLUMNS, 4, NR>([i, j, k], a, b, c, ldc, mode);
         i += 4;
     }
-    while i < m {
-        tile::<FUSED, 1, NR>([i, j, k], a, b, c, ldc, mode);
+    while i < i1 {
+        tile::<FUSED, COLUMNS, 1, NR>([i, j, k], a, b, c, ldc, mode);
         i += 1;
     }
 }
 
 #[inline(always)]
-fn tile<const FUSED: bool, const MR: usize, const NR: usize>(
+fn tile<const FUSED: bool, const COLUMNS: bool, const MR: usize, const NR: usize>(
     [i, j, k]: [usize; 3],
     a: Left,
     b: Right,
@@ -102,13 +142,23 @@ fn tile<const FUSED: bool, const MR: usize, const NR: usize>(
 ) {
     // indices instead of iterators: loops over arrays of known length stay in registers at every level of optimisation
     let mut sum = [[0.0f64; MR]; NR];
-    for l in 0..k {
-        let left = &a.v[i + l * a.ld..i + l * a.ld + MR];
-        let first = l * b.rs + j * b.cs;
+    if k > 0 && COLUMNS {
+        let mut right = [&b.v[..0]; NR];
         for jj in 0..NR {
-            let right = b.v[first + jj * b.cs];
-            for ii in 0..MR {
-                sum[jj][ii] = if FUSED { left[ii].mul_add(right, sum[jj][ii]) } else { left[ii] * right + sum[jj][ii] };
+            right[jj] = &b.v[(j + jj) * b.cs..(j + jj) * b.cs + k];
+        }
+        for (l, left) in a.v[i..].chunks(a.ld).take(k).enumerate() {
+            let left = &left[..MR];
+            for jj in 0..NR {
+                add_row::<FUSED, MR>(left, right[jj][l], &mut sum[jj]);
+            }
+        }
+    } else if k > 0 {
+        let mut rights = b.v[j * b.cs..].chunks(b.rs);
+        for left in a.v[i..].chunks(a.ld).take(k) {
+            let (left, Some(right)) = (&left[..MR], rights.next()) else { break };
+            for jj in 0..NR {
+                add_row::<FUSED, MR>(left, right[jj * b.cs], &mut sum[jj]);
             }
         }
     }
@@ -121,6 +171,13 @@ fn tile<const FUSED: bool, const MR: usize, const NR: usize>(
                 Mode::Subtract => to[ii] - sum[jj][ii],
             };
         }
+    }
+}
+
+#[inline(always)]
+fn add_row<const FUSED: bool, const MR: usize>(left: &[f64], right: f64, sum: &mut [f64; MR]) {
+    for ii in 0..MR {
+        sum[ii] = if FUSED { left[ii].mul_add(right, sum[ii]) } else { left[ii] * right + sum[ii] };
     }
 }
 
@@ -144,14 +201,24 @@ fn gemv_body<const FUSED: bool>(m: usize, n: usize, a: Left, x: &[f64], y: &mut 
 /// `y += Aᵀ x` with `m × n` entries of `A`, `x` of `m` and `y` of `n`.
 #[inline]
 pub(crate) fn gemv_transposed(m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]) {
+    dispatch::gemv_transposed(m, n, a, x, y);
+}
+
+#[inline(always)]
+fn gemv_transposed_body<const FUSED: bool>(m: usize, n: usize, a: Left, x: &[f64], y: &mut [f64]) {
     for (j, y) in y[..n].iter_mut().enumerate() {
-        *y += dot(&a.v[j * a.ld..j * a.ld + m], &x[..m]);
+        *y += dot_body::<FUSED>(&a.v[j * a.ld..j * a.ld + m], &x[..m]);
     }
 }
 
 /// Scalar product, summed in eight interleaved sums.
 #[inline]
 pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
+    dot_body::<false>(a, b)
+}
+
+#[inline(always)]
+fn dot_body<const FUSED: bool>(a: &[f64], b: &[f64]) -> f64 {
     let n = a.len().min(b.len());
     let (a, b) = (&a[..n], &b[..n]);
     let (mut s, whole) = ([0.0; 8], n - n % 8);
@@ -159,7 +226,7 @@ pub(crate) fn dot(a: &[f64], b: &[f64]) -> f64 {
     while i < whole {
         let (x, y) = (&a[i..i + 8], &b[i..i + 8]);
         for l in 0..8 {
-            s[l] += x[l] * y[l];
+            s[l] = if FUSED { x[l].mul_add(y[l], s[l]) } else { x[l] * y[l] + s[l] };
         }
         i += 8;
     }
@@ -226,34 +293,35 @@ fn potrf_body<const FUSED: bool>(n: usize, a: &mut [f64], ld: usize) -> bool {
     true
 }
 
-/// The inverse `P` of a symmetric matrix from its Cholesky factor `l`, all of it. `x` and `xt` are scratch of `n · ld`.
-pub(crate) fn inverse(n: usize, l: &[f64], ld: usize, x: &mut [f64], xt: &mut [f64], p: &mut [f64]) {
-    dispatch::inverse(n, l, ld, x, xt, p);
+/// `L⁻ᵀ` of a Cholesky factor `l`, upper triangular, so that `L⁻ᵀ L⁻¹` is the inverse of the matrix. What is below the diagonal is
+/// not written.
+pub(crate) fn inverse_root(n: usize, l: &[f64], ld: usize, root: &mut [f64], ld_root: usize) {
+    dispatch::inverse_root(n, l, ld, root, ld_root);
 }
 
 #[inline(always)]
-fn inverse_body<const FUSED: bool>(n: usize, l: &[f64], ld: usize, x: &mut [f64], xt: &mut [f64], p: &mut [f64]) {
-    x[..n * ld].fill(0.0);
-    xt[..n * ld].fill(0.0);
+fn inverse_root_body<const FUSED: bool>(n: usize, l: &[f64], ld: usize, root: &mut [f64], ld_root: usize) {
     let mut i = 0;
     while i < n {
         let w = PANEL.min(n - i);
-        // rows i.. of X = L⁻¹: L_ii X_i = E_i − L_i,<i X_<i, held transposed: Xᵀ = ... so that both factors lie well
+        for j in i..i + w {
+            root[j * ld_root..j * ld_root + i + w].fill(0.0);
+        }
+        // columns i.. of L⁻ᵀ: those of E minus what the columns in front take
         if i > 0 {
-            // Xᵀ(0..i, i..i+w) = −Xᵀ(0..i, 0..i) L(i..i+w, 0..i)ᵀ
-            let (done, rest) = xt.split_at_mut(i * ld);
+            let (done, rest) = root.split_at_mut(i * ld_root);
             let right = Right { v: &l[i..], rs: ld, cs: 1 };
-            gemm_body::<FUSED>([i, w, i], Left { v: done, ld }, right, rest, ld, Mode::Subtract);
+            gemm_body::<FUSED>([i, w, i], Left { v: done, ld: ld_root }, right, rest, ld_root, Mode::Subtract);
         }
         for j in 0..w {
-            xt[i + j + (i + j) * ld] = 1.0;
+            root[i + j + (i + j) * ld_root] = 1.0;
         }
         for j in 0..w {
-            let (before, rest) = xt.split_at_mut((i + j) * ld);
+            let (before, rest) = root.split_at_mut((i + j) * ld_root);
             let column = &mut rest[..i + w];
             for k in 0..j {
                 let f = l[i + j + (i + k) * ld];
-                let from = &before[(i + k) * ld..(i + k) * ld + i + w];
+                let from = &before[(i + k) * ld_root..(i + k) * ld_root + i + w];
                 axpy(-f, from, column);
             }
             let d = l[i + j + (i + j) * ld];
@@ -262,25 +330,6 @@ fn inverse_body<const FUSED: bool>(n: usize, l: &[f64], ld: usize, x: &mut [f64]
             }
         }
         i += w;
-    }
-    for j in 0..n {
-        for i in 0..=j {
-            x[j + i * ld] = xt[i + j * ld];
-        }
-    }
-    // P = Xᵀ X: rows of Xᵀ from i on begin at column i
-    let mut i = 0;
-    while i < n {
-        let w = PANEL.min(n - i);
-        let left = Left { v: &xt[i + i * ld..], ld };
-        let right = Right { v: &x[i..], rs: 1, cs: ld };
-        gemm_body::<FUSED>([w, i + w, n - i], left, right, &mut p[i..], ld, Mode::Set);
-        i += w;
-    }
-    for j in 0..n {
-        for i in j + 1..n {
-            p[j + i * ld] = p[i + j * ld];
-        }
     }
 }
 
