@@ -1,10 +1,10 @@
 //! Explicit Runge-Kutta steps.
 
 use super::super::evaluate::Many;
-use super::sensitivity::{direct, product};
+use super::sensitivity::{combine, direct, product, REGISTER};
 use super::{Evaluations, Stage, Starts};
 use crate::func::EvalResult;
-use crate::linalg::dense::{axpy, wide};
+use crate::linalg::dense::wide;
 use crate::system::SharedFunction;
 use crate::tableau::Tableau;
 
@@ -24,9 +24,12 @@ pub(in super::super) struct ExplicitRk {
     m: usize,
     tableau: Tableau,
     f: Many,
-    /// Entries of the Jacobian by states and by controls; where each begins among the values.
+    /// Entries of the Jacobian by states and by controls, row by row, and which they are among those of the function.
     jac_x: Vec<(usize, usize)>,
     jac_u: Vec<(usize, usize)>,
+    source: Vec<usize>,
+    /// Columns of a block of sensitivities: those by states and controls, where they go one stage at a time up to whole registers.
+    columns: usize,
     /// Values of all stage points: `K` and Jacobians `[x entries, u entries]`.
     k: Vec<f64>,
     jac: Vec<f64>,
@@ -50,13 +53,20 @@ impl ExplicitRk {
     pub fn new(f: &SharedFunction, n: usize, m: usize, tableau: Tableau, second: bool) -> ExplicitRk {
         let f = Many::new(f, n, second);
         let (nx, nu, s) = (f.dims.x, f.dims.u, tableau.n_s);
-        let within = |from: usize, len: usize, to: usize| {
-            let inside = f.jac_entries.iter().filter(move |e| (from..from + len).contains(&e.1));
-            inside.map(move |e| (e.0, e.1 - from + to)).collect::<Vec<_>>()
+        let within = |from: usize, len: usize| {
+            let inside = |e: &usize| (from..from + len).contains(&f.jac_entries[*e].1);
+            let mut all: Vec<usize> = (0..f.jac_entries.len()).filter(inside).collect();
+            all.sort_by_key(|e| f.jac_entries[*e]);
+            all
         };
-        let (jac_x, jac_u) = (within(0, nx, 0), within(nx, nu, nx));
-        let lanes = if nx + nu <= MOST_COLUMNS { SIDE_BY_SIDE } else { 1 };
-        let block = nx * (nx + nu) * lanes;
+        let (by_x, by_u) = (within(0, nx), within(nx, nu));
+        let entries = |of: &[usize]| of.iter().map(|e| f.jac_entries[*e]).collect::<Vec<_>>();
+        let (jac_x, jac_u) = (entries(&by_x), entries(&by_u));
+        let (lanes, columns) = match nx + nu {
+            few if few <= MOST_COLUMNS => (SIDE_BY_SIDE, few),
+            many => (1, many.next_multiple_of(REGISTER)),
+        };
+        let block = nx * columns * lanes;
         let hessians = if second { m * s } else { 0 };
         ExplicitRk {
             n,
@@ -79,6 +89,8 @@ impl ExplicitRk {
             f,
             jac_x,
             jac_u,
+            source: [by_x, by_u].concat(),
+            columns,
             evaluations: Evaluations::default(),
         }
     }
@@ -133,22 +145,12 @@ impl ExplicitRk {
         Ok(())
     }
 
-    /// Entries by states, then by controls.
     fn keep_jacobian(&mut self, point: usize) {
-        let (n, nx, nu) = (self.n, self.nx, self.nu);
-        let size = (self.jac_x.len() + self.jac_u.len()) * n;
+        let n = self.n;
+        let size = self.source.len() * n;
         let to = &mut self.jac[point * size..(point + 1) * size];
-        let (mut at_x, mut at_u) = (0, self.jac_x.len());
-        for (e, &(_, c)) in self.f.jac_entries.iter().enumerate() {
-            let place = if c < nx {
-                &mut at_x
-            } else if c < nx + nu {
-                &mut at_u
-            } else {
-                continue;
-            };
-            to[*place * n..(*place + 1) * n].copy_from_slice(&self.f.jac[e * n..(e + 1) * n]);
-            *place += 1;
+        for (to, e) in to.chunks_exact_mut(n).zip(&self.source) {
+            to.copy_from_slice(&self.f.jac[e * n..(e + 1) * n]);
         }
     }
 
@@ -163,7 +165,7 @@ impl ExplicitRk {
         mut hess: Option<&mut [f64]>,
     ) {
         let (n, nx, nu, s) = (self.n, self.nx, self.nu, self.tableau.n_s);
-        let (columns, share) = (nx + nu, 1.0 / self.m as f64);
+        let (columns, share) = (self.columns, 1.0 / self.m as f64);
         let block = nx * columns * L;
         let mut steps = [0.0; L];
         let m = L.min(n - first);
@@ -179,11 +181,8 @@ impl ExplicitRk {
                 let own = &mut own[..block];
                 let jac = &self.jac[(step * s + i) * (per_x + per_u) * n..][..(per_x + per_u) * n];
                 own.fill(0.0);
-                self.sz[..block].copy_from_slice(&self.s[..block]);
-                for j in (0..i).filter(|j| self.tableau.a(i, *j) != 0.0) {
-                    let f = self.tableau.a(i, j) * share;
-                    add_scaled::<L>(f, &steps, &before[j * block..(j + 1) * block], &mut self.sz[..block]);
-                }
+                let factor = |j: usize| self.tableau.a(i, j) * share;
+                combine::<L>(factor, i, &steps, before, &self.s, &mut self.sz);
                 if step == 0 && i == 0 {
                     direct::<L>(&self.jac_x, jac, [n, first], columns, own);
                 } else {
@@ -196,10 +195,9 @@ impl ExplicitRk {
                     }
                 }
             }
-            for i in 0..s {
-                let k = &self.sk[i * block..(i + 1) * block];
-                add_scaled::<L>(self.tableau.b[i] * share, &steps, k, &mut self.s[..block]);
-            }
+            let factor = |j: usize| self.tableau.b[j] * share;
+            combine::<L>(factor, s, &steps, &self.sk, &self.s, &mut self.sz);
+            std::mem::swap(&mut self.s, &mut self.sz);
         }
         for l in 0..m {
             let k = first + l;
@@ -212,11 +210,11 @@ impl ExplicitRk {
 
     /// `Zᵀ H Z` of one stage at a stage point: `Z` are the derivatives of its state and control by those of the node.
     fn add_hessian<const L: usize>(&mut self, point: usize, k: usize, lane: usize, hess: &mut [f64]) {
-        let (n, nx, columns) = (self.n, self.nx, self.nx + self.nu);
+        let (n, nx, columns, width) = (self.n, self.nx, self.nx + self.nu, self.columns);
         let ExplicitRk { f, hess: values, sz, sh, .. } = self;
         let values = &values[point * f.hess_entries.len() * n..];
         let derivative = |row: usize, c: usize| match row {
-            r if r < nx => sz[(r * columns + c) * L + lane],
+            r if r < nx => sz[(r * width + c) * L + lane],
             r => f64::from(r == c),
         };
         let (left, right) = sh.split_at_mut(columns * columns);
@@ -312,26 +310,6 @@ fn add_steps(f: f64, h: &[f64], x: &[f64], y: &mut [f64]) {
             y[k] += f * h[k] * x[k];
         }
         at += n;
-    }
-}
-
-#[inline(always)]
-fn add_scaled<const L: usize>(f: f64, steps: &[f64; L], x: &[f64], y: &mut [f64]) {
-    let mut scaled = [0.0; L];
-    for l in 0..L {
-        scaled[l] = f * steps[l];
-    }
-    if L == 1 {
-        axpy(scaled[0], x, y);
-        return;
-    }
-    let mut at = 0;
-    while at < y.len() {
-        let (x, y) = (&x[at..at + L], &mut y[at..at + L]);
-        for l in 0..L {
-            y[l] += scaled[l] * x[l];
-        }
-        at += L;
     }
 }
 
