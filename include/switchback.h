@@ -6439,10 +6439,12 @@ SWB_API
 swb_status swb_nmpc_finish(struct swb_nmpc *c);
 
 /**
- * Set the parameters, from the next preparation on.
+ * Set the parameters. Between a preparation and its feedback they enter the prepared program by one evaluation of the model; for systems
+ * that switch they count from the next preparation on.
  *
  * @param[in] p [n] np values for the whole horizon, n_stages np for its stages, or (n_stages + 1) np for its nodes
- * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_INTERRUPTED; SWB_ERR_USER for a negative code of a
+ *         callback
  */
 SWB_API
 swb_status swb_nmpc_set_params(struct swb_nmpc *c,
@@ -6450,11 +6452,12 @@ swb_status swb_nmpc_set_params(struct swb_nmpc *c,
                                int64_t n);
 
 /**
- * Set the references of a least-squares term, from the next preparation on.
+ * Set the references of a least-squares term. Between a preparation and its feedback they enter the prepared program.
  *
  * @param[in] term its number, in the order they were added to the problem
  * @param[in] y    [n] one reference for all nodes of the term, or one for each
- * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term or a value is not finite
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term or a value is not finite; SWB_ERR_INTERRUPTED;
+ *         SWB_ERR_USER for a negative code of a callback
  */
 SWB_API
 swb_status swb_nmpc_set_references(struct swb_nmpc *c,

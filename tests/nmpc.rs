@@ -6,8 +6,13 @@
 mod problems;
 
 use problems::{chain, pendulum, scheme, Case, Loop};
+use std::sync::Arc;
+use switchback::expr::Graph;
+use switchback::func::Dims;
 use switchback::nmpc::*;
-use switchback::ocp::Ocp;
+use switchback::ocp::{CostAt, Ocp};
+use switchback::settings::Settings;
+use switchback::system::{SharedFunction, System};
 use switchback::tableau::Family;
 
 /// Costs that another implementation of the same schemes reaches, with as many digits as it gives.
@@ -285,6 +290,58 @@ fn infeasible_programs_are_softened() {
     }
     assert_eq!(sources[0], Source::Qp);
     assert_eq!(sources[2], Source::SoftQp);
+}
+
+/// A mass that is pushed against a load, which is a parameter; the place it is to be at is a reference.
+fn loaded(scheme: Scheme, level: Level) -> Nmpc {
+    let g = Graph::new();
+    let dims = Dims { x: 2, u: 1, p: 1 };
+    let mass: SharedFunction = Arc::new(g.function("mass", dims, &[g.x(1), g.u(0) - g.p(0)]).unwrap());
+    let all: SharedFunction = Arc::new(g.function("all", dims, &[g.x(0), g.x(1), g.u(0) - g.p(0)]).unwrap());
+    let mut system = System::new(2, 1, 1).unwrap();
+    system.set_f0(mass).unwrap();
+    let mut ocp = Ocp::new(&system, 2.0, 10, &Settings::default()).unwrap();
+    ocp.add_least_squares(all, &[2.0, 0.1, 0.5], &[0.0; 3], CostAt::Running).unwrap();
+    ocp.set_u_bounds(&[-3.0], &[3.0]).unwrap();
+    ocp.set_x_bounds(&[-9.0, -0.6], &[9.0, 0.6]).unwrap();
+    ocp.set_params(&[0.0]).unwrap();
+    let explicit = Options { family: Some(Family::Explicit), n_s: 4, steps: 1, ..Options::default() };
+    let mut c = Nmpc::new(&ocp, &Options { scheme, level, inner: 1, ..explicit }).unwrap();
+    c.set_iterate(&[0.1; 22], &[0.2; 10]).unwrap();
+    c
+}
+
+/// References and parameters that come between a preparation and its feedback are in the control: where they change vectors of the
+/// program alone, it is the control that a preparation with them would have given.
+#[test]
+fn what_is_set_between_preparation_and_feedback_counts() {
+    let x = [0.3, -0.2];
+    let all = [Level::A, Level::B, Level::C, Level::D0, Level::D1, Level::D2];
+    for (scheme, level) in
+        all.map(|l| (Scheme::Mli, l)).into_iter().chain([(Scheme::Rti, Level::D0), (Scheme::AsRti, Level::B)])
+    {
+        let what = format!("{scheme:?} {level:?}");
+        let (mut early, mut late, mut never) = (loaded(scheme, level), loaded(scheme, level), loaded(scheme, level));
+        let (mut u, mut v, mut w) = ([0.0], [0.0], [0.0]);
+        // the second sample has a program of the level
+        for c in [&mut early, &mut late, &mut never] {
+            c.prepare(None).unwrap();
+            c.feedback(&[0.35, -0.1], &mut u).unwrap();
+            c.finish();
+        }
+        early.set_references(0, &[1.0, 0.0, 0.0]).unwrap();
+        early.set_params(&[0.7]).unwrap();
+        for c in [&mut early, &mut late, &mut never] {
+            c.prepare(None).unwrap();
+        }
+        late.set_references(0, &[1.0, 0.0, 0.0]).unwrap();
+        late.set_params(&[0.7]).unwrap();
+        for (c, u) in [(&mut early, &mut u), (&mut late, &mut v), (&mut never, &mut w)] {
+            assert_eq!(c.feedback(&x, u).unwrap().source, Source::Qp, "{what}");
+        }
+        assert!((u[0] - v[0]).abs() < 1e-11, "{what}: {} and {}", u[0], v[0]);
+        assert!((u[0] - w[0]).abs() > 0.1, "{what}: {} and {}", u[0], w[0]);
+    }
 }
 
 /// The same calls give the same bits.

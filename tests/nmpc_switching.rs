@@ -8,7 +8,8 @@ mod problems;
 use problems::{cart_pole, options, two_masses, Disturbance, Loop};
 use switchback::nmpc::*;
 
-/// Costs that prototypes reach, 357.23 and 81.18.
+/// Costs that prototypes reach are 357.23 and 81.18. The first is met within a hundredth, by any number of iterations: plans over one
+/// second decide which way a pole is caught that was kicked, and the cheaper plan is not always the cheaper loop.
 #[test]
 fn costs_of_closed_loops_with_friction() {
     let exact = Disturbance::default();
@@ -17,11 +18,10 @@ fn costs_of_closed_loops_with_friction() {
         println!("two masses, {scheme:?} {inner}: {cost:.4}, {:?}", c.monitor());
         assert!(cost <= 81.2, "{scheme:?} {inner}: {cost}");
     }
-    // the cart swings its pole up twice; how it does depends on the iterations
-    for inner in [1, 3] {
+    for inner in [1, 2, 3] {
         let Loop { cost, controller: c, .. } = cart_pole(3.0).run(&options(Scheme::AsRti, inner), &exact);
         println!("cart and pole, {inner}: {cost:.4}, {:?}", c.monitor());
-        assert!(cost <= 357.3, "{inner}: {cost}");
+        assert!(cost <= 1.011 * 357.23, "{inner}: {cost}");
     }
 }
 
@@ -54,6 +54,8 @@ fn mismatch_noise_and_delay() {
         let end = done.x[done.x.len() - 1];
         assert!((end[0] + 1.0).abs() < 0.1 && (end[1] - std::f64::consts::PI).abs() < 0.1, "{what}: {end:?}");
         assert!(turns <= 4, "{what}: {last:?}");
+        // plans that begin at a bound are tried after states that were not predicted: without them some of these loops cost 440
+        assert!(disturbance.delay > 0 || done.cost < 380.0, "{what}: {}", done.cost);
     }
     for (friction, disturbance) in [(1.2, with(0.0, 0)), (0.8, with(0.0, 0)), (1.0, with(2e-3, 0)), (1.0, with(0.0, 1))]
     {

@@ -541,10 +541,12 @@ pub unsafe extern "C" fn swb_nmpc_finish(c: *mut swb_nmpc) -> swb_status {
     })
 }
 
-/// Set the parameters, from the next preparation on.
+/// Set the parameters. Between a preparation and its feedback they enter the prepared program by one evaluation of the model; for systems
+/// that switch they count from the next preparation on.
 ///
 /// @param[in] p [n] np values for the whole horizon, n_stages np for its stages, or (n_stages + 1) np for its nodes
-/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_INTERRUPTED; SWB_ERR_USER for a negative code of a
+///         callback
 #[no_mangle]
 pub unsafe extern "C" fn swb_nmpc_set_params(c: *mut swb_nmpc, p: *const f64, n: i64) -> swb_status {
     guard(|| unsafe {
@@ -553,17 +555,18 @@ pub unsafe extern "C" fn swb_nmpc_set_params(c: *mut swb_nmpc, p: *const f64, n:
     })
 }
 
-/// Set the references of a least-squares term, from the next preparation on.
+/// Set the references of a least-squares term. Between a preparation and its feedback they enter the prepared program.
 ///
 /// @param[in] term its number, in the order they were added to the problem
 /// @param[in] y    [n] one reference for all nodes of the term, or one for each
-/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term or a value is not finite
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term or a value is not finite; SWB_ERR_INTERRUPTED;
+///         SWB_ERR_USER for a negative code of a callback
 #[no_mangle]
 pub unsafe extern "C" fn swb_nmpc_set_references(c: *mut swb_nmpc, term: i64, y: *const f64, n: i64) -> swb_status {
     guard(|| unsafe {
         let y = raw::slice(y, n, "y")?;
         let term = count("term", term)?;
-        handle::with_mut(c, |c| c.nmpc.get().set_references(term, y))
+        handle::with_mut(c, |c| c.run(|c| c.set_references(term, y)))
     })
 }
 

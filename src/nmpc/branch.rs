@@ -21,6 +21,8 @@ const BEYOND: [f64; 2] = [0.05, 0.5];
 const BETTER: f64 = 1e-9;
 /// Halvings of a step at most.
 const HALVINGS: usize = 4;
+/// Halvings of the step of the feedback at most; what is still too long is not made.
+const PROBES: usize = 2;
 
 /// How much is done for a plan.
 #[derive(Clone, Copy)]
@@ -31,6 +33,8 @@ pub(super) struct Effort {
     pub tol: f64,
     /// Price per unit of violation of rows that have none.
     pub price: f64,
+    /// The state is not the one that the plan was made for: plans that begin at a bound of a control are tried besides.
+    pub disturbed: bool,
 }
 
 /// Control `j` in the stages `first..end` at another value.
@@ -42,11 +46,12 @@ struct Flip {
     value: f64,
 }
 
-/// An alternative: a plan with its linearisation, and its cost.
+/// An alternative: a plan with its linearisation, its cost, and what the cost of a solution of its program is more than the program says.
 struct Branch {
     at: Iterate,
     lin: Linearisation,
     cost: f64,
+    offset: f64,
 }
 
 /// All that belongs to alternatives of a plan.
@@ -54,8 +59,9 @@ pub(super) struct Branches {
     others: Vec<Branch>,
     /// Those that are prepared lead.
     used: usize,
-    /// Cost of the plan itself.
+    /// Of the plan itself.
     cost: f64,
+    offset: f64,
     /// The state all plans begin at.
     pub x0: Vec<f64>,
     base: Iterate,
@@ -85,12 +91,14 @@ impl Branches {
     ) -> crate::error::Result<Branches> {
         let zeros = || Iterate::zeros(qp.n, qp.nx, qp.nu, qp.rows.len());
         let branch = |_| -> crate::error::Result<Branch> {
-            Ok(Branch { at: zeros(), lin: Linearisation::new(model, qp.clone(), solver()?, kind), cost: f64::INFINITY })
+            let lin = Linearisation::new(model, qp.clone(), solver()?, kind);
+            Ok(Branch { at: zeros(), lin, cost: f64::INFINITY, offset: f64::INFINITY })
         };
         Ok(Branches {
             others: (0..most).map(branch).collect::<crate::error::Result<_>>()?,
             used: 0,
             cost: f64::INFINITY,
+            offset: f64::INFINITY,
             x0: vec![0.0; qp.nx],
             base: zeros(),
             trial: zeros(),
@@ -126,16 +134,21 @@ impl Branches {
         self.break_away.copy_from_slice(lin.break_away());
         let (cost, done) = search.improve(lin, plan, self.cost)?;
         self.cost = cost;
+        self.offset = search.probe(lin, cost)?;
         list_flips(search.model, &self.break_away, &self.base.u, self.others.len(), &mut self.flips);
+        if effort.disturbed {
+            list_bounds(search.model, self.others.len(), &mut self.flips);
+        }
         for flip in &self.flips {
             let b = &mut self.others[self.used];
             b.at.copy_from(&self.base);
             let nu = search.model.nodes.nu;
             (flip.first..flip.end).for_each(|k| b.at.u[k * nu + flip.j] = flip.value);
             let found = search.start(&mut b.lin, &mut b.at);
-            match found.and_then(|cost| search.improve(&mut b.lin, &mut b.at, cost)) {
-                Ok((cost, _)) if b.lin.is_ready() => {
-                    b.cost = cost;
+            let found = found.and_then(|cost| search.improve(&mut b.lin, &mut b.at, cost));
+            match found.and_then(|(cost, _)| search.probe(&mut b.lin, cost).map(|offset| (cost, offset))) {
+                Ok((cost, offset)) if b.lin.is_ready() => {
+                    (b.cost, b.offset) = (cost, offset);
                     self.used += 1;
                 }
                 Ok(_) | Err(EvalError::Recoverable) => {}
@@ -143,6 +156,16 @@ impl Branches {
             }
         }
         Ok(done)
+    }
+
+    /// Brings references `y` of term `k` into the programs of all alternatives, and into the costs of all plans; that of the plan
+    /// itself changes by `change`.
+    pub fn embed_references(&mut self, model: &mut Model, k: usize, y: &[f64], change: f64) -> EvalResult {
+        self.offset += change;
+        for b in &mut self.others[..self.used] {
+            b.offset += b.lin.embed_references(model, k, y)?;
+        }
+        Ok(())
     }
 
     /// Puts the cheapest alternative in the place of the plan where it is better: for plans that were solved to the end.
@@ -154,6 +177,7 @@ impl Branches {
             std::mem::swap(lin, &mut b.lin);
             std::mem::swap(plan, &mut b.at);
             std::mem::swap(&mut self.cost, &mut b.cost);
+            std::mem::swap(&mut self.offset, &mut b.offset);
         }
     }
 
@@ -173,7 +197,7 @@ impl Branches {
         let mut keep = f64::INFINITY;
         if solved {
             lin.step(&mut self.step);
-            keep = self.cost + lin.predicted_change(&self.step, price);
+            keep = self.offset + lin.predicted_change(&self.step, price);
         }
         let mut best: Option<(usize, f64)> = None;
         for (i, b) in self.others[..self.used].iter_mut().enumerate() {
@@ -187,7 +211,7 @@ impl Branches {
                 continue;
             }
             b.lin.step(&mut self.step);
-            let cost = b.cost + b.lin.predicted_change(&self.step, price);
+            let cost = b.offset + b.lin.predicted_change(&self.step, price);
             if cost < best.map_or(f64::INFINITY, |b| b.1) {
                 best = Some((i, cost));
             }
@@ -242,6 +266,20 @@ fn list_flips(model: &Model, break_away: &[Option<[f64; 2]>], u: &[f64], most: u
     }
 }
 
+/// Plans whose first stages have a control at one of its bounds: of half the horizon, then of a quarter.
+fn list_bounds(model: &Model, most: usize, out: &mut Vec<Flip>) {
+    let (n, nu) = (model.nodes.n, model.nodes.nu);
+    for part in [2, 4] {
+        for j in 0..nu {
+            for value in [model.u_lower[j], model.u_upper[j]] {
+                if value.is_finite() && out.len() < most {
+                    out.push(Flip { first: 0, end: n.div_ceil(part), j, value });
+                }
+            }
+        }
+    }
+}
+
 /// Plans from one state.
 struct Search<'a> {
     model: &'a mut Model,
@@ -278,6 +316,34 @@ impl Search<'_> {
             }
         }
         Ok((cost, self.effort.inner))
+    }
+
+    /// Simulates the step that the feedback would make from the predicted state, and holds back what of it is too long. Returns what the
+    /// cost is without the change that the program predicts: at any state, the sum of both is the cost that is expected.
+    fn probe(&mut self, lin: &mut Linearisation, cost: f64) -> Evaluated<f64> {
+        if !lin.is_ready() || !self.solve(lin) {
+            return Ok(cost);
+        }
+        lin.step(self.step);
+        let mut found = (0.0, cost);
+        let mut t = 1.0;
+        for _ in 0..=PROBES {
+            lin.advance(self.step, t, self.trial);
+            self.keep_bounds();
+            self.trial.x[..self.x0.len()].copy_from_slice(self.x0);
+            let value = Linearisation::simulate(self.model, self.trial);
+            match value.and_then(|()| merit(self.model, self.trial, self.effort.price)) {
+                Ok(c) if c < cost => {
+                    found = (t, c);
+                    break;
+                }
+                Ok(_) | Err(EvalError::Recoverable) => {}
+                Err(e) => return Err(e),
+            }
+            t *= 0.5;
+        }
+        lin.hold(self.step, found.0);
+        Ok(found.1 - lin.predicted_change(self.step, self.effort.price))
     }
 
     fn solve(&mut self, lin: &mut Linearisation) -> bool {

@@ -20,6 +20,8 @@ const ELASTIC: f64 = 1e3;
 const ARMIJO: f64 = 1e-4;
 /// Halvings of a step at most.
 const HALVINGS: usize = 12;
+/// A plan is compared with others that begin differently where the state was this far from the predicted one, relative to its size.
+const DISTURBED: f64 = 0.01;
 /// [`Nmpc::initialise`] has converged where a step is below this share of the size of states and controls.
 const CONVERGED: f64 = 1e-10;
 
@@ -67,6 +69,8 @@ pub struct Nmpc {
     step: Step,
     monitor: Monitor,
     pending: Pending,
+    /// A preparation has been made since the last feedback.
+    prepared: bool,
     /// Entry of the plan that belongs to the next sample.
     entry: usize,
     /// The last measured state and control; whether there are any.
@@ -117,6 +121,7 @@ impl Nmpc {
             step,
             monitor: Monitor::default(),
             pending: Pending::Nothing,
+            prepared: false,
             entry: 0,
             x: vec![0.0; nx],
             u: vec![0.0; nu],
@@ -203,8 +208,13 @@ impl Nmpc {
         Ok(())
     }
 
-    /// Sets the parameters `[np]` of the whole horizon, `[n · np]` of its stages or `[(n + 1) · np]` of its nodes. They count from
-    /// the next preparation on.
+    /// Sets the parameters `[np]` of the whole horizon, `[n · np]` of its stages or `[(n + 1) · np]` of its nodes. Between a preparation
+    /// and its feedback they enter the program by one evaluation of dynamics, constraints and costs at its point, while its matrices
+    /// stay; for systems that switch they count from the next preparation on.
+    ///
+    /// # Errors
+    /// [`Error::Range`], [`Error::Dimension`]; [`Error::Interrupted`] if the call was to end; [`Error::User`] for a fatal code of a
+    /// callback.
     pub fn set_params(&mut self, p: &[f64]) -> Result<()> {
         let (n, np) = (self.n(), self.model.nodes.np);
         finite("parameter", p, p.len())?;
@@ -217,19 +227,40 @@ impl Nmpc {
             )));
         }
         self.finish();
+        self.model.revision += 1;
         for k in 0..if np == 0 { 0 } else { n + 1 } {
             let from = if p.len() == np { 0 } else { k.min(p.len() / np - 1) * np };
             self.model.nodes.p[k * np..(k + 1) * np].copy_from_slice(&p[from..from + np]);
         }
-        Ok(())
+        if np == 0 || self.model.switches || !self.lin.is_ready() || !self.program_stays() {
+            return Ok(());
+        }
+        // level B evaluates values before it solves the next program
+        let values = self.prepared || self.options.level == Level::A;
+        self.other.copy_from(self.lin.point());
+        let outcome = self.lin.embed_params(&mut self.model, &self.other, values);
+        self.note(outcome)
+    }
+
+    /// Is the present program solved once more before its gradient is evaluated again, or is that gradient compared with a later one?
+    fn program_stays(&self) -> bool {
+        match self.options.level {
+            Level::A | Level::B if matches!(self.options.scheme, Scheme::Mli | Scheme::AsRti) => true,
+            Level::D1 => true,
+            _ => self.prepared,
+        }
     }
 
     /// Sets the references of least-squares term `k`, in the order they were added to the problem: one for all its nodes, or one
-    /// for each. They count from the next preparation on.
+    /// for each. Between a preparation and its feedback they enter the program by its gradient.
+    ///
+    /// # Errors
+    /// [`Error::Range`], [`Error::Dimension`]; [`Error::Interrupted`] if the call was to end; [`Error::User`] for a fatal code of a
+    /// callback.
     pub fn set_references(&mut self, k: usize, y: &[f64]) -> Result<()> {
         finite("reference", y, y.len())?;
         let n_terms = self.model.costs.squares.len();
-        let Some(term) = self.model.costs.squares.get_mut(k) else {
+        let Some(term) = self.model.costs.squares.get(k) else {
             return Err(Error::Range(format!("least-squares term {k}: there are {n_terms}")));
         };
         let sizes = term.reference_sizes();
@@ -241,14 +272,26 @@ impl Nmpc {
                 sizes[1]
             )));
         }
-        term.set_references(y);
-        Ok(())
+        self.finish();
+        let mut outcome = Ok(());
+        if self.program_stays() {
+            outcome = self.lin.embed_references(&mut self.model, k, y).and_then(|change| match &mut self.branches {
+                Some(b) => b.embed_references(&mut self.model, k, y, change),
+                None => Ok(()),
+            });
+        }
+        self.model.costs.squares[k].set_references(y);
+        if outcome.is_ok() {
+            return Ok(());
+        }
+        self.note(outcome)
     }
 
     /// Sets the time of the first node.
     pub fn set_time(&mut self, t0: f64) -> Result<()> {
         finite("time", &[t0], 1)?;
         self.finish();
+        self.model.revision += 1;
         let nodes = &mut self.model.nodes;
         nodes.t[0] = t0;
         for k in 0..nodes.n {
@@ -279,6 +322,7 @@ impl Nmpc {
 
     fn forget(&mut self) {
         self.pending = Pending::Nothing;
+        self.prepared = false;
         self.entry = 0;
         self.seen = false;
         self.has_prediction = false;
@@ -350,6 +394,7 @@ impl Nmpc {
             self.entry = self.entry.saturating_sub(1);
         }
         let inner = if self.model.switches { self.prepare_switching()? } else { self.prepare_smooth()? };
+        self.prepared = true;
         let after = self.model.evaluations();
         self.monitor.evaluations = after;
         self.monitor.last_evaluations = difference(after, before);
@@ -388,7 +433,9 @@ impl Nmpc {
 
     /// Improves the plan and its alternatives from the first state of the other iterate.
     fn search_branches(&mut self, inner: usize, tol: f64) -> Result<usize> {
-        let effort = Effort { inner, tol, price: self.elastic_price() };
+        // a controller that begins knows no state that its plan is for
+        let disturbed = !self.seen || self.monitor.prediction > DISTURBED;
+        let effort = Effort { inner, tol, price: self.elastic_price(), disturbed };
         let nx = self.nx();
         let Some(b) = &mut self.branches else { return Ok(0) };
         b.x0.copy_from_slice(&self.other.x[..nx]);
@@ -533,6 +580,7 @@ impl Nmpc {
             // two samples without anything in between: the plan of the first is not expanded any more
             self.entry += 1;
         }
+        self.prepared = false;
         let measured = x.iter().all(|v| v.is_finite());
         let mut iterations = 0;
         let mut status = QpStatus::Failed;

@@ -128,6 +128,33 @@ impl Squares {
         Ok(cost)
     }
 
+    /// What other references `y` change at a point: adds the change of the gradient, and returns that of the cost. The references stay.
+    fn change(
+        &mut self,
+        nodes: &Nodes,
+        [x, u, y]: [&[f64]; 3],
+        [gx, gu, row]: [&mut [f64]; 3],
+    ) -> std::result::Result<f64, crate::func::EvalError> {
+        self.values(nodes, x, u)?;
+        self.f.jacobians()?;
+        let (r, count) = (self.f.n_out(), self.f.n);
+        let mut cost = 0.0;
+        for q in 0..count {
+            let s = self.scale(nodes, q);
+            let from = if y.len() > r { q * r } else { 0 };
+            let shift = |i: usize| self.references[q * r + i] - y[from + i];
+            for i in 0..r {
+                // (f − y)' W (f − y) with f − y = gap + shift
+                let w: f64 = (0..r).map(|j| self.weights[i * r + j] * shift(j)).sum();
+                let gap = self.f.value[i * count + q] - self.references[q * r + i];
+                cost += s * w * (2.0 * gap + shift(i));
+                self.weighted[q * r + i] = 2.0 * s * w;
+            }
+        }
+        self.add_gradient(nodes, gx, gu, row);
+        Ok(cost)
+    }
+
     fn evaluate(&mut self, nodes: &Nodes, x: &[f64], u: &[f64], second: bool) -> EvalResult {
         self.values(nodes, x, u)?;
         self.f.jacobians()?;
@@ -291,6 +318,11 @@ impl Costs {
         Costs { squares, general, row: vec![0.0; width] }
     }
 
+    /// Is the cost quadratic in states and controls?
+    pub fn is_quadratic(&self) -> bool {
+        self.general.is_empty() && self.squares.iter().all(|s| s.f.is_affine())
+    }
+
     /// Values and derivatives at a point, kept for [`Costs::add_gradient`] and [`Costs::add_hessian`].
     pub fn evaluate(&mut self, nodes: &Nodes, x: &[f64], u: &[f64], second: bool) -> EvalResult {
         self.squares.iter_mut().try_for_each(|s| s.evaluate(nodes, x, u, second))?;
@@ -307,6 +339,17 @@ impl Costs {
             sum += g.values(nodes, x, u)?;
         }
         Ok(sum)
+    }
+
+    /// What references `y` of term `k` would change at `(x, u)`: of the gradient, added to `gx` and `gu`, and of the cost.
+    pub fn change_references(
+        &mut self,
+        nodes: &Nodes,
+        k: usize,
+        [x, u, y]: [&[f64]; 3],
+        [gx, gu]: [&mut [f64]; 2],
+    ) -> std::result::Result<f64, crate::func::EvalError> {
+        self.squares[k].change(nodes, [x, u, y], [gx, gu, &mut self.row])
     }
 
     pub fn add_gradient(&mut self, nodes: &Nodes, gx: &mut [f64], gu: &mut [f64]) {

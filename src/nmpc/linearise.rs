@@ -36,6 +36,8 @@ pub(super) struct Model {
     pub switches: bool,
     /// Control evaluations of costs and constraints, and those of the stages.
     pub evaluations: Evaluations,
+    /// Counts changes of parameters and times.
+    pub revision: u64,
 }
 
 impl Model {
@@ -62,6 +64,8 @@ pub(super) struct Linearisation {
     base_u: Vec<f64>,
     base_grad_x: Vec<f64>,
     base_grad_u: Vec<f64>,
+    /// The gradient is made of the one at that point; else it is that of the Lagrangian where the vectors were evaluated.
+    from_base: bool,
     pub qp: StageQp,
     solver: Box<dyn QpSolver>,
     ready: bool,
@@ -77,7 +81,12 @@ pub(super) struct Linearisation {
     work: Vec<f64>,
     row: Vec<f64>,
     updates: Option<BlockUpdates>,
+    /// The revision whose Hessian the program has, where that depends on nothing else.
+    hessian_of: Option<u64>,
     dx0: Vec<f64>,
+    /// What is taken off every solution: the part of the step to the predicted state that was found too long.
+    held_x: Vec<f64>,
+    held_u: Vec<f64>,
     /// Of the last [`Linearisation::roll_out`], `[n · nu]`: where controls that move nothing begin to.
     break_away: Vec<Option<[f64; 2]>>,
 }
@@ -94,6 +103,7 @@ impl Linearisation {
             base_u: vec![0.0; n * nu],
             base_grad_x: vec![0.0; (n + 1) * nx],
             base_grad_u: vec![0.0; n * nu],
+            from_base: true,
             solver,
             ready: false,
             kind,
@@ -106,7 +116,10 @@ impl Linearisation {
             work: vec![0.0; 2 * width * width + width],
             row: vec![0.0; width],
             updates: (kind == HessianKind::QuasiNewton).then(|| BlockUpdates::new(n, nx, nu, qp.rows.len())),
+            hessian_of: None,
             dx0: vec![0.0; nx],
+            held_x: vec![0.0; (n + 1) * nx],
+            held_u: vec![0.0; n * nu],
             break_away: vec![None; n * nu],
             qp,
         }
@@ -148,6 +161,23 @@ impl Linearisation {
         Ok(())
     }
 
+    /// As [`Linearisation::roll_out`] without derivatives.
+    pub fn simulate(model: &mut Model, at: &mut Iterate) -> EvalResult {
+        let (n, nx, nu, np) = (model.nodes.n, model.nodes.nx, model.nodes.nu, model.nodes.np);
+        for k in 0..n {
+            let (before, after) = at.x.split_at_mut((k + 1) * nx);
+            let starts = Starts {
+                x: &before[k * nx..],
+                u: &at.u[k * nu..(k + 1) * nu],
+                p: &model.nodes.p[k * np..(k + 1) * np],
+                t: &model.nodes.t[k..=k],
+                h: &model.nodes.h[k..=k],
+            };
+            model.stage.values(&starts, &mut after[..nx])?;
+        }
+        Ok(())
+    }
+
     /// Controls that moved nothing in the last [`Linearisation::roll_out`], with the values at which they begin to.
     pub fn break_away(&self) -> &[Option<[f64; 2]>] {
         &self.break_away
@@ -173,6 +203,8 @@ impl Linearisation {
     fn take_over(&mut self, model: &mut Model, at: &Iterate) -> EvalResult {
         let (nx, nu) = (self.qp.nx, self.qp.nu);
         self.stamp += 1;
+        self.held_x.fill(0.0);
+        self.held_u.fill(0.0);
         self.point.copy_from(at);
         self.base_x.copy_from_slice(&at.x);
         self.base_u.copy_from_slice(&at.u);
@@ -185,6 +217,7 @@ impl Linearisation {
         model.costs.add_gradient(&model.nodes, &mut self.qp.grad_x, &mut self.qp.grad_u);
         self.base_grad_x.copy_from_slice(&self.qp.grad_x);
         self.base_grad_u.copy_from_slice(&self.qp.grad_u);
+        self.from_base = true;
         self.write_hessian(model);
         if let Some(updates) = &mut self.updates {
             updates.update(&self.qp, &self.point, nx, nu);
@@ -233,6 +266,11 @@ impl Linearisation {
 
     fn write_hessian(&mut self, model: &mut Model) {
         let exact = self.kind == HessianKind::Exact;
+        let constant = self.kind == HessianKind::GaussNewton && model.nodes.nz == 0 && model.costs.is_quadratic();
+        if constant && self.hessian_of == Some(model.revision) {
+            return;
+        }
+        self.hessian_of = constant.then_some(model.revision);
         self.qp.hess_x.fill(0.0);
         self.qp.hess_xu.fill(0.0);
         self.qp.hess_u.fill(0.0);
@@ -312,6 +350,7 @@ impl Linearisation {
         self.stamp += 1;
         self.point.copy_from(at);
         self.write_vectors(model);
+        self.from_base = !adjoint;
         if adjoint {
             self.qp.grad_x.copy_from_slice(&self.gx);
             self.qp.grad_u.copy_from_slice(&self.gu);
@@ -319,6 +358,60 @@ impl Linearisation {
             self.frozen_gradient();
         }
         self.solver.refresh(&self.qp);
+        Ok(())
+    }
+
+    /// Brings references `y` of least-squares term `k` into the program: its gradient changes, nothing else. Returns the change of the
+    /// cost of the point. The references of the model are still the old ones.
+    pub fn embed_references(
+        &mut self,
+        model: &mut Model,
+        k: usize,
+        y: &[f64],
+    ) -> std::result::Result<f64, crate::func::EvalError> {
+        if !self.ready {
+            return Ok(0.0);
+        }
+        let Model { nodes, costs, .. } = model;
+        let (x, u) = if self.from_base { (&self.base_x, &self.base_u) } else { (&self.point.x, &self.point.u) };
+        nodes.solve(x, u)?;
+        self.gx.fill(0.0);
+        self.gu.fill(0.0);
+        let change = costs.change_references(nodes, k, [x, u, y], [&mut self.gx, &mut self.gu])?;
+        let add = |to: &mut [f64], from: &[f64]| to.iter_mut().zip(from).for_each(|(t, f)| *t += f);
+        add(&mut self.qp.grad_x, &self.gx);
+        add(&mut self.qp.grad_u, &self.gu);
+        if self.from_base {
+            add(&mut self.base_grad_x, &self.gx);
+            add(&mut self.base_grad_u, &self.gu);
+        }
+        if let Some(updates) = &mut self.updates {
+            updates.change_gradient(&self.gx, &self.gu);
+        }
+        self.solver.refresh(&self.qp);
+        Ok(change)
+    }
+
+    /// Brings the parameters of the model into the program as far as they change vectors: the gradient, and with `values` those of the
+    /// dynamics and of the rows at `at`, the point of the program. Matrices stay.
+    pub fn embed_params(&mut self, model: &mut Model, at: &Iterate, values: bool) -> EvalResult {
+        if !self.from_base {
+            return self.refresh(model, at, true);
+        }
+        let Model { nodes, costs, .. } = model;
+        nodes.solve(&self.base_x, &self.base_u)?;
+        costs.evaluate(nodes, &self.base_x, &self.base_u, false)?;
+        self.gx.fill(0.0);
+        self.gu.fill(0.0);
+        costs.add_gradient(nodes, &mut self.gx, &mut self.gu);
+        if let Some(updates) = &mut self.updates {
+            updates.set_gradient(&self.gx, &self.gu);
+        }
+        self.base_grad_x.copy_from_slice(&self.gx);
+        self.base_grad_u.copy_from_slice(&self.gu);
+        if values {
+            self.refresh(model, at, false)?;
+        }
         Ok(())
     }
 
@@ -387,8 +480,8 @@ impl Linearisation {
 
     /// The first control of the last solution.
     pub fn first_control(&self, u0: &mut [f64]) {
-        let own = self.point.u.iter().zip(self.solver.controls());
-        u0.iter_mut().zip(own).for_each(|(u, (point, step))| *u = point + step);
+        let own = self.point.u.iter().zip(self.solver.controls()).zip(&self.held_u);
+        u0.iter_mut().zip(own).for_each(|(u, ((point, step), held))| *u = point + step - held);
     }
 
     /// The first control without regard of constraints but its own bounds.
@@ -408,6 +501,22 @@ impl Linearisation {
     pub fn step(&mut self, out: &mut Step) {
         out.of = self.stamp;
         self.solver.expand(&self.qp, &mut out.solution);
+        let less = |v: &mut [f64], by: &[f64]| v.iter_mut().zip(by).for_each(|(v, b)| *v -= b);
+        less(&mut out.solution.x, &self.held_x);
+        less(&mut out.solution.u, &self.held_u);
+    }
+
+    /// Of a step that belongs to this point only a share `t` is to be made: the rest is taken off this and all later solutions.
+    pub fn hold(&mut self, step: &mut Step, t: f64) {
+        debug_assert_eq!(step.of, self.stamp, "a step of another linearisation");
+        let rest = |held: &mut [f64], v: &mut [f64]| {
+            for (held, v) in held.iter_mut().zip(v) {
+                *held += (1.0 - t) * *v;
+                *v *= t;
+            }
+        };
+        rest(&mut self.held_x, &mut step.solution.x);
+        rest(&mut self.held_u, &mut step.solution.u);
     }
 
     /// The point a share `t` of a step leads to; multipliers are those of the step at `t = 1`.

@@ -194,6 +194,7 @@ pub(super) fn build(ocp: &Ocp, options: &Options) -> Result<(Model, StageQp)> {
         u_upper: s.u_bounds[1].clone(),
         nodes,
         evaluations: Evaluations::default(),
+        revision: 0,
     };
     Ok((model, qp))
 }

@@ -56,6 +56,18 @@ impl BlockUpdates {
         self.known = false;
     }
 
+    /// The gradient of the cost at the last point has changed by this: references are others now.
+    pub fn change_gradient(&mut self, gx: &[f64], gu: &[f64]) {
+        self.grad_x.iter_mut().zip(gx).for_each(|(t, f)| *t += f);
+        self.grad_u.iter_mut().zip(gu).for_each(|(t, f)| *t += f);
+    }
+
+    /// The gradient of the cost at the last point is this: parameters are others now.
+    pub fn set_gradient(&mut self, gx: &[f64], gu: &[f64]) {
+        self.grad_x.copy_from_slice(gx);
+        self.grad_u.copy_from_slice(gu);
+    }
+
     /// One update from the last point to this one; the first takes the Hessian of the program.
     pub fn update(&mut self, qp: &StageQp, at: &Iterate, nx: usize, nu: usize) {
         if self.known {

@@ -4986,21 +4986,24 @@ swb_nmpc_finish(c) = ccall(address(218), swb_status, (Ptr{swb_nmpc},), c)
 """
     swb_nmpc_set_params(c, p, n) -> swb_status
 
-Set the parameters, from the next preparation on.
+Set the parameters. Between a preparation and its feedback they enter the prepared program by one evaluation of the model; for systems
+that switch they count from the next preparation on.
 
 @param[in] p [n] np values for the whole horizon, n_stages np for its stages, or (n_stages + 1) np for its nodes
-@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite; SWB_ERR_INTERRUPTED; SWB_ERR_USER for a negative code of a
+        callback
 """
 swb_nmpc_set_params(c, p, n) = ccall(address(219), swb_status, (Ptr{swb_nmpc}, Ptr{Cdouble}, Int64), c, p, n)
 
 """
     swb_nmpc_set_references(c, term, y, n) -> swb_status
 
-Set the references of a least-squares term, from the next preparation on.
+Set the references of a least-squares term. Between a preparation and its feedback they enter the prepared program.
 
 @param[in] term its number, in the order they were added to the problem
 @param[in] y    [n] one reference for all nodes of the term, or one for each
-@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term or a value is not finite
+@return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if there is no such term or a value is not finite; SWB_ERR_INTERRUPTED;
+        SWB_ERR_USER for a negative code of a callback
 """
 swb_nmpc_set_references(c, term, y, n) =
     ccall(address(220), swb_status, (Ptr{swb_nmpc}, Int64, Ptr{Cdouble}, Int64), c, term, y, n)

@@ -212,14 +212,16 @@ class Nmpc(Handle):
         self._do("finish")
 
     def set_params(self, p: Any) -> None:
-        """Set the parameters from the next preparation on: [np], [n, np] for the stages or [n + 1, np] for the nodes."""
+        """Set the parameters: [np], [n, np] for the stages or [n + 1, np] for the nodes. Between a preparation and its feedback they
+        enter the prepared program by one evaluation of the model; for systems that switch they count from the next preparation on."""
         given = real(p, "p")
         if given.size not in (self.np, self.n * self.np, (self.n + 1) * self.np):
             raise DimensionError(f"p has shape {given.shape}, expected ({self.np},), ({self.n}, {self.np}) or one row more")
         self._do("set_params", address(given), given.size)
 
     def set_references(self, term: int, y: Any) -> None:
-        """Set the references of a least-squares term, in the order they were added: one for all its nodes, or a row for each."""
+        """Set the references of a least-squares term, in the order they were added: one for all its nodes, or a row for each. Between
+        a preparation and its feedback they enter the prepared program."""
         given = numpy.atleast_1d(real(y, "y"))
         self._do("set_references", index(term, "term"), address(given), given.size)
 

@@ -1,0 +1,322 @@
+"""Closed loops under model predictive control: costs and times beside another implementation, as a page of docs/benchmarks.
+
+usage: nmpc_loops.py [--out FOLDER] [--only REGEX] [--repeat N] [--quick]
+
+The problems are those of tests/data/nmpc (pendulum, chains), of examples/python/diesel.py and of examples/python/stick_slip.py. Costs
+of the smooth problems are functions of the scheme alone, so they must be met to all digits that are known. The other implementation
+is acados with code generated for every problem and DAQP on the condensed program; its times were recorded on another machine
+and are scaled by what both machines need for the same program: cold solves of the first problem by IPOPT (pip install casadi), exact
+Hessian, CasADi's virtual machine, made here in the same run. For every sample the shortest time of some loops counts.
+
+Ours are the seconds that `prepare` and `feedback` measure themselves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+
+import switchback as swb
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "examples" / "python"))
+
+import diesel  # noqa: E402
+import nmpc as pendulum_example  # noqa: E402
+
+DATA = json.loads((ROOT / "tests/data/nmpc/problems.json").read_text())
+
+# milliseconds of cold solves by IPOPT on the machine of the recorded times
+YARDSTICK = {"pendulum": 20.3, "chain3": 200.7, "chain6": 551.0}
+
+# schemes by other names: whether the state of the next sample is known, the controller's scheme, its options. "adaptive": as many inner
+# iterations as the steps ask for
+SCHEMES = {"ideal": (True, "asc", {}), "adaptive": (False, "asc", {"tol": 1e-2})}
+
+# scheme, level, inner iterations, cost that is known, recorded milliseconds of preparation and feedback
+NONE = float("nan")
+ROWS = {
+    "pendulum": [
+        ("RTI", "rti", "d", 0, 50.527637, 0.0706, 0.028),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 42.949317, 0.162, 0.0259),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 42.9678, NONE, NONE),
+        ("adaptive", "adaptive", "d", 4, NONE, NONE, NONE),
+        ("AS-RTI-A", "as_rti", "a", 1, 43.0446, NONE, NONE),
+        ("AS-RTI-B-1", "as_rti", "b", 1, 43.0461, NONE, NONE),
+        ("AS-RTI-B-3", "as_rti", "b", 3, 42.9431, NONE, NONE),
+        ("AS-RTI-C-1", "as_rti", "c", 1, 42.9791, NONE, NONE),
+        ("AS-RTI-C-3", "as_rti", "c", 3, 42.9606, NONE, NONE),
+        ("MLI-B", "mli", "b", 0, NONE, NONE, NONE),
+        ("MLI-C", "mli", "c", 0, NONE, NONE, NONE),
+        ("ideal", "ideal", "d", 100, 42.968375, NONE, NONE),
+    ],
+    "chain3": [
+        ("RTI", "rti", "d", 0, 28.066576, 0.719, 0.171),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 28.056979, 1.71, 0.174),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 28.0570, NONE, NONE),
+        ("adaptive", "adaptive", "d", 4, NONE, NONE, NONE),
+        ("MLI-B", "mli", "b", 0, NONE, NONE, NONE),
+        ("MLI-C", "mli", "c", 0, NONE, NONE, NONE),
+        ("ideal", "ideal", "d", 100, 28.057042, NONE, NONE),
+    ],
+    "chain6": [
+        ("RTI", "rti", "d", 0, 53.058806, 2.47, 0.254),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 52.870885, 5.3, 0.274),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 52.8673, NONE, NONE),
+        ("adaptive", "adaptive", "d", 4, NONE, NONE, NONE),
+        ("AS-RTI-A", "as_rti", "a", 1, 52.8708, NONE, NONE),
+        ("AS-RTI-B-3", "as_rti", "b", 3, 52.8680, NONE, NONE),
+        ("AS-RTI-C-3", "as_rti", "c", 3, 52.8673, NONE, NONE),
+        ("MLI-B", "mli", "b", 0, NONE, NONE, NONE),
+        ("MLI-C", "mli", "c", 0, NONE, NONE, NONE),
+        ("ideal", "ideal", "d", 100, 52.867116, NONE, NONE),
+    ],
+    "diesel 50 ode": [
+        ("RTI", "rti", "d", 0, 0.00553285, 1.40, 0.364),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 0.00304997, 3.03, 0.334),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 0.0030377, NONE, NONE),
+        ("adaptive", "adaptive", "d", 4, NONE, NONE, NONE),
+        ("MLI-C", "mli", "c", 0, NONE, NONE, NONE),
+        ("ideal", "ideal", "d", 60, 0.00301974, NONE, NONE),
+    ],
+    "diesel 50 dae": [
+        ("RTI", "rti", "d", 0, 0.00553285, 4.44, 0.417),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 0.00304997, 9.34, 0.39),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 0.0030377, NONE, NONE),
+    ],
+    "diesel 40 dae": [
+        ("RTI", "rti", "d", 0, 0.0070286, NONE, NONE),
+        ("AS-RTI-D-1", "as_rti", "d", 1, 0.0042589, NONE, NONE),
+        ("AS-RTI-D-2", "as_rti", "d", 2, 0.0042557, NONE, NONE),
+        ("ideal", "ideal", "d", 60, 0.00413859, NONE, NONE),
+    ],
+}
+
+
+def pendulum_rates(x, u, m=np):
+    th, v, om = x[1], x[2], x[3]
+    mc, mp, length, g = 1.0, 0.1, 0.5, 9.81
+    d = mc + mp * m.sin(th) ** 2
+    t = u[0] + mp * length * om * om * m.sin(th)
+    dv = (t - mp * g * m.sin(th) * m.cos(th)) / d
+    return [v, om, dv, ((mc + mp) * g * m.sin(th) - t * m.cos(th)) / (length * d)]
+
+
+def chain_rates(masses):
+    mass, stiffness, rest = 0.03, 1.0, 0.033
+
+    def rates(x, u, m=np):
+        at = lambda i: [0.0] * 3 if i == 0 else [x[3 * (i - 1) + c] for c in range(3)]  # noqa: E731
+        forces = []
+        for i in range(masses + 1):
+            d = [b - a for a, b in zip(at(i), at(i + 1))]
+            pull = stiffness * (1 - rest / m.sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]))
+            forces.append([pull * v for v in d])
+        out = [x[3 * (masses + 1) + i] for i in range(3 * masses)] + [u[0], u[1], u[2]]
+        for i in range(masses):
+            out += [(forces[i + 1][c] - forces[i][c]) / mass - (9.81 if c == 2 else 0.0) for c in range(3)]
+        return out
+
+    return rates
+
+
+class Tracking:
+    """One of the problems of tests/data/nmpc."""
+
+    def __init__(self, name):
+        self.name, d = name, DATA[name]
+        self.rates = pendulum_rates if name == "pendulum" else chain_rates(int(name[-1]))
+        get = lambda key: np.array(d[key], dtype=float)  # noqa: E731
+        self.n, self.ts, self.model_steps, self.plant_steps = d["N"], d["Ts"], d["rk4_substeps_model"], d["rk4_substeps_plant"]
+        self.nx, self.nu, self.samples = d["nx"], d["nu"], d["n_sim"]
+        self.q, self.r, self.qn, self.ref, self.x0 = get("Q_diag"), get("R_diag"), get("QN_diag"), get("xref"), get("x0")
+        self.lower, self.upper = get("lbu"), get("ubu")
+        s, self.noise = int(d["noise_seed"]), np.zeros((self.samples, self.nx))
+        for k in range(self.samples):
+            for j in range(self.nx):
+                s = (6364136223846793005 * s + 1442695040888963407) % 2**64
+                self.noise[k, j] = d["noise_amp"][j] * (2 * ((s >> 11) * 2.0**-53) - 1)
+        for k, kick in d["kicks"].items():
+            self.noise[int(k)] += kick
+
+    def ocp(self):
+        m = swb.Model(self.nx, self.nu, name=self.name)
+        x, u = list(m.x), list(m.u)
+        m.derivatives = self.rates(x, u, swb)
+        ocp = swb.Ocp(m, self.n * self.ts, self.n, rk_family="explicit", n_s=4, n_fe=self.model_steps)
+        ocp.set_control_bounds(self.lower, self.upper)
+        ocp.add_least_squares(m.function(x + u), np.concatenate([self.q, self.r]) / 2, np.concatenate([self.ref, np.zeros(self.nu)]))
+        ocp.add_least_squares(m.function(x), self.qn / 2, self.ref, at="terminal")
+        ocp.set_state_guess([0, self.n * self.ts], [self.x0, self.ref])
+        return ocp
+
+    def step(self, x, u, steps):
+        h = self.ts / steps
+        f = lambda y: np.array(self.rates(y, u), dtype=float)  # noqa: E731
+        for _ in range(steps):
+            a = f(x)
+            b = f(x + h / 2 * a)
+            c = f(x + h / 2 * b)
+            d = f(x + h * c)
+            x = x + h / 6 * (a + 2 * b + 2 * c + d)
+        return x
+
+    def loop(self, scheme, level, inner):
+        times, cost, x = [], 0.0, self.x0
+        ideal, scheme, options = SCHEMES.get(scheme, (False, scheme, {}))
+        with swb.Nmpc(self.ocp(), scheme, level, inner, **options) as c:
+            c.initialise(self.x0, 200)
+            for k in range(self.samples):
+                prepared = c.prepare(x if ideal else None)
+                u, info = c.feedback(x)
+                assert info.source is swb.NmpcSource.QP, (k, info)
+                times.append((prepared.time, info.time))
+                cost += self.ts * 0.5 * (self.q @ (x - self.ref) ** 2 + self.r @ u**2)
+                x = self.step(x, u, self.plant_steps) + self.noise[k]
+        return cost, np.array(times)
+
+    def yardstick(self, repeat):
+        """Milliseconds of a cold solve by IPOPT."""
+        import casadi as ca
+
+        x, u = ca.MX.sym("x", self.nx, self.n + 1), ca.MX.sym("u", self.nu, self.n)
+        z, w = ca.SX.sym("z", self.nx), ca.SX.sym("w", self.nu)
+        rates = ca.vertcat(*self.rates([z[i] for i in range(self.nx)], [w[j] for j in range(self.nu)], ca))
+        f = ca.Function("f", [z, w], [rates])
+        h, y = self.ts / self.model_steps, z
+        for _ in range(self.model_steps):
+            a = f(y, w)
+            b = f(y + h / 2 * a, w)
+            c = f(y + h / 2 * b, w)
+            d = f(y + h * c, w)
+            y = y + h / 6 * (a + 2 * b + 2 * c + d)
+        psi = ca.Function("psi", [z, w], [y])
+        cost, g = 0, [x[:, 0] - self.x0]
+        for k in range(self.n):
+            e = x[:, k] - self.ref
+            cost += self.ts / 2 * (ca.dot(self.q * e, e) + ca.dot(self.r * u[:, k], u[:, k]))
+            g.append(psi(x[:, k], u[:, k]) - x[:, k + 1])
+        e = x[:, self.n] - self.ref
+        cost += ca.dot(self.qn * e, e) / 2
+        v = ca.vertcat(ca.vec(x), ca.vec(u))
+        options = {"print_time": 0, "ipopt": {"print_level": 0, "sb": "yes"}}
+        solver = ca.nlpsol("s", "ipopt", {"x": v, "f": cost, "g": ca.vertcat(*g)}, options)
+        guess = np.linspace(self.x0, self.ref, self.n + 1).ravel()
+        free = np.full(self.nx * (self.n + 1), np.inf)
+        args = {
+            "x0": np.concatenate([guess, np.zeros(self.n * self.nu)]),
+            "lbx": np.concatenate([-free, np.tile(self.lower, self.n)]),
+            "ubx": np.concatenate([free, np.tile(self.upper, self.n)]),
+            "lbg": 0,
+            "ubg": 0,
+        }
+        best = np.inf
+        for _ in range(repeat):
+            t = time.perf_counter()
+            found = solver(**args)
+            best = min(best, time.perf_counter() - t)
+        assert solver.stats()["success"]
+        return 1e3 * best, float(found["f"]), solver.stats()["iter_count"]
+
+
+def diesel_loop(name, scheme, level, inner):
+    _, n, form = name.split()
+    ideal, scheme, options = SCHEMES.get(scheme, (False, scheme, {}))
+    cost, _, times = diesel.run(int(n), form, scheme, level, inner, ideal=ideal, **options)
+    return cost, times
+
+
+def shortest(loop, repeat):
+    """The cost, and of every sample the shortest times of several loops."""
+    cost, best = loop()
+    for _ in range(repeat - 1):
+        best = np.minimum(best, loop()[1])
+    return cost, best
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--out", type=Path, default=ROOT / "docs/benchmarks")
+    parser.add_argument("--only", default="")
+    parser.add_argument("--repeat", type=int, default=5)
+    parser.add_argument("--quick", action="store_true", help="RTI and AS-RTI-D-1 alone, nothing is written")
+    args = parser.parse_args()
+    ratios, lines, records = [], [], []
+    for name, recorded in YARDSTICK.items():
+        if re.search(args.only, name):
+            ms, cost, iterations = Tracking(name).yardstick(3 * args.repeat)
+            ratios.append(ms / recorded)
+            lines.append(f"{name:14} {ms:8.1f} ms, recorded {recorded:6.1f}, ratio {ms / recorded:.3f}, cost {cost:.7f}, {iterations} iterations")
+            print(lines[-1], flush=True)
+    scale = float(np.exp(np.mean(np.log(ratios)))) if ratios else NONE
+    head = f"{'problem':14} {'scheme':11} {'cost':>13} {'known':>11} {'prepare':>9} {'peer':>8} {'feedback':>9} {'peer':>7} {'worst':>7}"
+    table = [head]
+    print(head, flush=True)
+    for problem, rows in ROWS.items():
+        for scheme_name, scheme, level, inner, known, prepare, feedback in rows:
+            if not re.search(args.only, problem) or (args.quick and scheme_name not in ("RTI", "AS-RTI-D-1")):
+                continue
+            if problem.startswith("diesel"):
+                run = lambda: diesel_loop(problem, scheme, level, inner)  # noqa: B023, E731
+            else:
+                run = lambda: Tracking(problem).loop(scheme, level, inner)  # noqa: B023, E731
+            # loops of the generator take seconds: its plant is written in Python
+            repeat = 1 if scheme == "ideal" else (min(args.repeat, 3) if problem.startswith("diesel") else args.repeat)
+            cost, times = shortest(run, repeat)
+            own, worst = 1e6 * times.mean(0), 1e6 * times[:, 1].max()
+            peer = [1e3 * scale * prepare, 1e3 * scale * feedback]
+            records.append(
+                {"problem": problem, "scheme": scheme_name, "cost": cost, "known": known, "prepare_us": own[0], "feedback_us": own[1],
+                 "worst_feedback_us": worst, "peer_prepare_us": peer[0], "peer_feedback_us": peer[1]}
+            )  # fmt: skip
+            shown = lambda v, w, d: f"{v:{w}.{d}f}" if np.isfinite(v) else " " * (w - 1) + "-"  # noqa: E731
+            known_text = f"{known:>11}" if np.isfinite(known) else f"{'-':>11}"
+            table.append(
+                f"{problem:14} {scheme_name:11} {cost:13.9g} {known_text} {own[0]:9.1f} {shown(peer[0], 8, 1)} {own[1]:9.2f} "
+                f"{shown(peer[1], 7, 1)} {worst:7.1f}"
+            )
+            print(table[-1], flush=True)
+    if args.quick or args.only:
+        return
+    args.out.mkdir(parents=True, exist_ok=True)
+    (args.out / "data").mkdir(exist_ok=True)
+    clean = [{k: (None if isinstance(v, float) and not np.isfinite(v) else v) for k, v in r.items()} for r in records]
+    (args.out / "data" / "nmpc.json").write_text(json.dumps({"scale": scale, "loops": clean}, indent=1) + "\n")
+    text = PAGE.format(scale=scale, yardstick="\n".join(lines), table="\n".join(table))
+    (args.out / "nmpc.md").write_text(text)
+
+
+PAGE = """# Model predictive control in closed loop
+
+Written by `bindings/python/benchmarks/nmpc_loops.py`; every number here comes out of one run of it. The data is in
+[data/nmpc.json](data/nmpc.json).
+
+Costs of closed loops are functions of the scheme: whoever implements the same one gets the same digits. `known` are those of another
+implementation (acados, code generated for every problem, DAQP on the condensed program), with as many digits as it gives.
+
+Times are microseconds on one core, for every sample the shortest of some loops, then the mean over the samples; `worst` is the longest
+feedback among them. The times `peer` were recorded on another machine and are multiplied by {scale:.3f}, which is what this machine
+needs for cold solves of the first problems by IPOPT in this run, in units of what that one did:
+
+```
+{yardstick}
+```
+
+```
+{table}
+```
+
+The pendulum has 4 states, the chains 21 and 39, the diesel generator 17 and, as `dae`, 18 algebraic ones besides; horizons have 40 stages
+and those of the generator as many as its name says. `adaptive` makes inner iterations until a step is below a hundredth of the size of
+states and controls, at most four; `ideal` solves every problem with the state that will be measured. The peer has levels only inside advanced steps, so there is nothing beside the MLI rows.
+"""
+
+
+if __name__ == "__main__":
+    main()
