@@ -14,7 +14,8 @@ S           the same for the program in which both members may grow.
 infeasible  no such step lowers the violation of the rows, where it is measured as docs/mpcc.md says; and no solution is
             known.
 
-A gradient counts by its terms, so that the objective may have any unit.
+A gradient counts from 1e-8 of its terms, the second derivatives of the objective times the variables (or 1): what is left
+of it at the minimum of a sum of squares is rounding. So the objective may have any unit.
 """
 
 from __future__ import annotations
@@ -37,6 +38,7 @@ from mpcc_problems import Problem
 VIOLATION, PRODUCT = 1e-6, 1e-7
 RADIUS = 1e-3  # of a step, relative to max(1, |x|)
 FALL = 1e-4  # of what a step of that radius can gain at most
+GRADIENT = 1e-8  # of its terms
 ZERO = 1e-6  # a member of a pair, relative to the size of its terms
 SECONDS = 30.0  # of one linear program
 
@@ -54,6 +56,10 @@ class Point:
         self.con = p._call("con", x, None, p.rows)
         values = p._call("jac", x, None, raw.jac_nnz)
         self.jac = scipy.sparse.csr_matrix((values, (rows, cols)), shape=(p.rows, p.n))
+        hess = p._call("hess", x, np.concatenate([[1.0], np.zeros(p.rows)]), raw.hess_nnz)
+        h = scipy.sparse.coo_matrix((np.abs(hess), (p.hess_row, p.hess_col)), shape=(p.n, p.n)).tocsr()
+        size = np.maximum(1.0, np.abs(x))
+        self.rounding = GRADIENT * (h @ size + h.T @ size)
         self.terms = np.abs(self.jac) @ np.abs(x) + np.abs(self.con)
         self.radius = RADIUS * np.maximum(1.0, np.abs(x))
 
@@ -68,7 +74,7 @@ def best_step(at: Point, strong: bool) -> float | None:
     allows; None where the program is not solved. `strong`: both members of a pair may grow where both are zero."""
     p = at.problem
     reach = np.abs(at.gradient) @ at.radius
-    if reach == 0.0:
+    if np.all(np.abs(at.gradient) <= at.rounding.max(initial=0.0)):
         return 0.0
     lower, upper = bounded(p.lbx, p.ubx, at.x, at.radius)
     g, pairs = at.con[: p.m], at.con[p.m :]
