@@ -56,6 +56,7 @@ NAVIGATION = """
       - Overview: benchmarks/README.md
       - Simulation: benchmarks/simulation.md
       - Programs: benchmarks/mpcc.md
+      - Model predictive control: benchmarks/nmpc.md
       - Linear algebra: benchmarks/linalg.md
       - Evaluation of models: benchmarks/model-eval.md
   - Project:
