@@ -72,6 +72,13 @@ impl Stop {
         }
     }
 
+    /// The same, with the latest end after this share of the time that is left.
+    pub fn sooner(&self, share: f64) -> Stop {
+        let now = Instant::now();
+        let deadline = self.deadline.map(|d| now + d.saturating_duration_since(now).mul_f64(share));
+        Stop { flag: self.flag.clone(), deadline }
+    }
+
     /// The same with a flag, a new one where there is none: for work that several threads share.
     pub fn with_flag(mut self) -> Stop {
         self.flag.get_or_insert_default();

@@ -256,3 +256,42 @@ fn a_force_at_the_limit_of_friction() {
         }
     }
 }
+
+/// Two surfaces hold the state where they meet, with a control that is at the limit of what one of them holds, to the last bits: its
+/// weight is zero up to rounding, and nothing happens. Four of these 162 runs ended with `no_continuation`.
+#[test]
+fn a_weight_that_is_rounding_holds() {
+    use switchback::expr::Graph;
+    use switchback::model::Model;
+    let g = Graph::new();
+    let (x, y, u) = (g.x(0), g.x(1), g.u(0));
+    let side = 0.5916128269913684 * x + 1.3588714889876492 * y - 0.30262237899711;
+    let push = 1.5610627639967216 * x - 0.1683226138852345 * y + 0.644990329795311;
+    let a = [
+        -0.06367189136046378 * x + 0.9982420075859381 * y - 2.027816652985781 - 0.27090883242138886 * u,
+        -0.1677320172706603 * x - 0.4344735304330577 * y - 0.3406806095305583 - 2.875692151216953 * u,
+    ];
+    let b = [
+        0.19072553406910134 * x + 0.3844619076527175 * y - 1.5455085805556636 - 0.5515102348793733 * u,
+        0.5702843282174072 * x + 1.4239208071462508 * y + 0.3549814342471218 - 0.8796240081306815 * u,
+    ];
+    let strengths = [2.4268035568479016, 3.250024952038811];
+    let rhs = [0, 1].map(|i| 0.5 * (a[i] + b[i]) + 0.5 * (a[i] - b[i]) * side.sign() - strengths[i] * push.sign());
+    let system = Model::from_rhs("corner", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    // where both surfaces vanish
+    let det = 0.5916128269913684 * -0.1683226138852345 - 1.3588714889876492 * 1.5610627639967216;
+    let start = [
+        (0.30262237899711 * -0.1683226138852345 + 1.3588714889876492 * 0.644990329795311) / det,
+        (0.5916128269913684 * -0.644990329795311 - 1.5610627639967216 * 0.30262237899711) / det,
+    ];
+    let o = Options { max_steps: 200, ..Options::with_tolerance(1e-9, 1e-11) };
+    let mut e = Engine::new(&system, &o).unwrap();
+    for k in -40..=40 {
+        e.set_controls(&[0.6862729613297054 * (1.0 + f64::from(k) * f64::EPSILON)]).unwrap();
+        for end in [0.46, 1.0] {
+            e.reinit(0.0, &start).unwrap();
+            assert_eq!(e.advance(end).unwrap(), Outcome::Reached, "{k}: {}", e.reason());
+            assert!(e.state().iter().zip(&start).all(|(a, b)| (a - b).abs() < 1e-12), "{k}: {:?}", e.state());
+        }
+    }
+}

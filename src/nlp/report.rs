@@ -165,6 +165,16 @@ impl Control<'_> {
         r
     }
 
+    /// Runs `body`, to end after this share of the time that is left; what follows has the rest.
+    pub(crate) fn sooner<R>(&mut self, share: f64, body: impl FnOnce(&mut Self) -> R) -> R {
+        let given = self.stop.clone();
+        self.stop = given.sooner(share);
+        let stop = self.stop.clone();
+        let r = stop.scope(|| body(self));
+        self.stop = given;
+        r
+    }
+
     /// Reports an iteration; returns why to stop, if so.
     pub(crate) fn check(&mut self, info: &IterationInfo) -> Option<Outcome> {
         if !self.monitor.as_mut().is_none_or(|f| f(info)) {

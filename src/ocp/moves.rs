@@ -15,7 +15,7 @@ const SHARE: f64 = 0.2;
 /// Share of a stage below which a phase at its start or end is there because phases have a least length.
 const SLIVER: f64 = 1e-3;
 /// Share of a stage below which a phase is no phase.
-const NOTHING: f64 = 1e-6;
+pub(super) const NOTHING: f64 = 1e-6;
 
 /// Phases of every stage: active cells and length.
 #[derive(Debug, Clone, PartialEq, Default)]

@@ -5,13 +5,13 @@ use std::time::Instant;
 
 use super::candidates::{agree, cost_of, Candidates};
 use super::descent::Descent;
-use super::moves::Sequence;
+use super::moves::{Sequence, NOTHING};
 use super::optimality::{Verdict, OTHER};
 use super::request::Request;
 use super::sequence::{Room, BRIEF, NEAR, ROUGH};
 use super::solve::Start;
 use super::{Ocp, OcpResult};
-use crate::dcs::Dcs;
+use crate::dcs::{Dcs, Form};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::mpcc::Polish;
@@ -36,6 +36,8 @@ const FINER: [usize; 2] = [2, 4];
 const SIMULATED: usize = 5;
 /// How often it is followed at most.
 const FOLLOWED: usize = 4;
+/// Share of the time that is left that a part of a search may take.
+const SEARCH: f64 = 0.9;
 /// Share of the cost by which one must be lower to count as better.
 const GAIN: f64 = 1e-7;
 
@@ -64,15 +66,25 @@ fn lower(one: &mut Ocp, (cost, simulated): (f64, f64), request: &Request) -> Res
     Ok(now < before - GAIN * before.abs())
 }
 
-/// What was found before there was no time left is an answer.
-fn in_time(r: Result<()>, found: &Candidates) -> Result<()> {
-    match r {
+/// A part of a search. It leaves time to compare what was found with a simulation, and to judge it; what was found before there was
+/// no time left is an answer.
+pub(super) fn part(
+    found: &mut Candidates,
+    control: &mut Control,
+    body: impl FnOnce(&mut Candidates, &mut Control) -> Result<()>,
+) -> Result<()> {
+    match control.sooner(SEARCH, |control| body(found, control)) {
         Err(Error::Interrupted | Error::OutOfTime) if found.best.is_some() => Ok(()),
         r => r,
     }
 }
 
 impl OcpResult {
+    /// Are there elements without length?
+    fn has_idle(&self) -> bool {
+        self.trajectory.elements.iter().any(|e| e.h <= NOTHING * self.durations[e.stage])
+    }
+
     /// Is the active set exact, or nothing switches?
     pub(super) fn is_exact(&self) -> bool {
         self.outcome == Outcome::Solved && self.polish != Polish::Rejected
@@ -112,7 +124,7 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<&OcpResult> {
         let clock = Instant::now();
-        self.smooth_in_time(&mut found, Ladders::All, request, control)?;
+        part(&mut found, control, |found, control| self.smooth(found, Ladders::All, request, control))?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
         let enough = found.best.is_some() && request.start == OcpStart::Smoothing;
         if !enough && (found.best.is_none() || stop::requested().is_none()) {
@@ -122,17 +134,21 @@ impl Ocp {
                 let most = found.spent.iterations.max(OPINION);
                 inside.options.solver.max_iter = inside.options.solver.max_iter.min(most);
             }
-            let r = match self.run(start, &inside, control) {
-                Ok(r) => r,
+            let share = if found.best.is_some() { SEARCH } else { 1.0 };
+            match control.sooner(share, |control| self.run(start, &inside, control).map(|_| ())) {
+                Ok(()) => (),
                 // what the other starts found stays an answer where this one is asked to end
                 Err(Error::OutOfTime) if found.best.is_some() => return self.adopt(found, request, control, clock),
                 Err(e) => return Err(e),
-            };
+            }
+            let Some(r) = self.result.as_ref() else { return Err(Error::Internal("a solve without a result".into())) };
             let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.cost);
             found.add(r);
             if !exact && found.best.is_none() {
                 let failed = r.clone();
-                in_time(self.solve_from_simulations(&mut found, &failed, request, control), &found)?;
+                part(&mut found, control, |found, control| {
+                    self.solve_from_simulations(found, &failed, request, control)
+                })?;
                 if found.best.is_none() {
                     return self.spent_in_all(&found, clock);
                 }
@@ -143,29 +159,9 @@ impl Ocp {
                 found.replace(own, request)?;
             }
         }
-        self.improve_in_time(&mut found, request, control)?;
-        self.settle_in_time(&mut found, request, control)?;
+        part(&mut found, control, |found, control| self.improve(found, request, control))?;
+        part(&mut found, control, |found, control| self.settle(found, request, control))?;
         self.adopt(found, request, control, clock)
-    }
-
-    /// As [`Ocp::improve`], as far as there is time.
-    pub(super) fn improve_in_time(
-        &self,
-        found: &mut Candidates,
-        request: &Request,
-        control: &mut Control,
-    ) -> Result<()> {
-        in_time(self.improve(found, request, control), found)
-    }
-
-    /// As [`Ocp::settle`], as far as there is time.
-    pub(super) fn settle_in_time(
-        &self,
-        found: &mut Candidates,
-        request: &Request,
-        control: &mut Control,
-    ) -> Result<()> {
-        in_time(self.settle(found, request, control), found)
     }
 
     /// Where nothing else leads to an exact answer: mode programs along simulations of the guessed controls and of others within
@@ -198,13 +194,14 @@ impl Ocp {
     }
 
     /// Goes from the best answer to sequences next to its own as long as the cost falls.
-    fn improve(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
+    pub(super) fn improve(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
         let inside = Request { comparison: None, explain: false, ..*request };
         let form = Dcs::new(&self.system, request.options.form)?.form().clone();
         let n_fe = self.elements(&request.options);
         let mut tried = Vec::new();
         let mut left = NEIGHBOURS.max(request.search);
         let (mut followed, mut descended) = (0, 0);
+        self.use_idle(found, &form, &n_fe, request, control)?;
         while let Some((r, sizes)) = found.best.as_ref().and_then(|b| Some((b.result.clone()?, b.sizes.clone()))) {
             let now = Sequence::of(&r);
             let own = match found.best.as_mut() {
@@ -248,6 +245,33 @@ impl Ocp {
                 break;
             }
             descended += 1;
+        }
+        Ok(())
+    }
+
+    /// Elements of the best answer that have no length, as those of phases that turned out to have none, are given to the phases that
+    /// are left: the answer is more accurate with them.
+    fn use_idle(
+        &self,
+        found: &mut Candidates,
+        form: &Form,
+        n_fe: &[usize],
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
+        let inside = Request { comparison: None, explain: false, ..*request };
+        let Some((r, sizes)) = found.best.as_ref().and_then(|b| Some((b.result.clone()?, b.sizes.clone()))) else {
+            return Ok(());
+        };
+        if !r.has_idle() || stop::requested().is_some() {
+            return Ok(());
+        }
+        let mut work = self.with_sequence(&r, &Sequence::of(&r), form, n_fe)?;
+        work.sizes = sizes;
+        let next = work.run(Start::Near, &inside, control)?;
+        found.add(next);
+        if next.is_exact() && !next.has_idle() && next.cost <= r.cost + SAME * r.cost.abs() {
+            found.replace(work, request)?;
         }
         Ok(())
     }
@@ -362,7 +386,7 @@ impl Ocp {
 
     /// What counts is what the controls lead to: where that costs more than the answer says, and more than another answer, the
     /// other one is taken. Where there is none it is looked for along the simulation of the best one.
-    fn settle(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
+    pub(super) fn settle(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
         let cost = found.cost();
         let Some(best) = found.best.as_mut() else { return Ok(()) };
         let Some(simulated) = best.simulated_cost(request)? else { return Ok(()) };
@@ -440,19 +464,8 @@ impl Ocp {
             && request.options.discretisation.discretisation == crate::settings::Discretisation::Fesd
     }
 
-    /// As [`Ocp::solve_by_smoothing`], as far as there is time.
-    pub(super) fn smooth_in_time(
-        &self,
-        found: &mut Candidates,
-        ladders: Ladders,
-        request: &Request,
-        control: &mut Control,
-    ) -> Result<()> {
-        in_time(self.solve_by_smoothing(found, ladders, request, control), found)
-    }
-
     /// From the smoothed problems to the mode programs of their controls.
-    fn solve_by_smoothing(
+    pub(super) fn smooth(
         &self,
         found: &mut Candidates,
         ladders: Ladders,

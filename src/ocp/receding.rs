@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::candidates::Candidates;
 use super::guess::middle;
 use super::optimality::Verdict;
-use super::portfolio::Ladders;
+use super::portfolio::{part, Ladders};
 use super::request::Request;
 use super::sequence::NEAR;
 use super::{Durations, Ocp, OcpResult};
@@ -101,16 +101,18 @@ impl Ocp {
         let (expected, cheap) = (moved.cost + noise, found.cost().abs() <= noise);
         if found.cost() > expected || slides && !cheap {
             // what sticks sees no control that would set it free: a smoothed problem does
-            self.smooth_in_time(&mut found, Ladders::FromPlan(phases), request, control)?;
+            part(&mut found, control, |found, control| {
+                self.smooth(found, Ladders::FromPlan(phases), request, control)
+            })?;
         }
         if found.cost() > expected {
             return Ok(Some(found));
         }
         let Some(best) = found.best.as_mut() else { return Ok(Some(found)) };
         if best.judged()?.is_some_and(|o| o.verdict == Verdict::NotOptimal) {
-            self.improve_in_time(&mut found, request, control)?;
+            part(&mut found, control, |found, control| self.improve(found, request, control))?;
         }
-        self.settle_in_time(&mut found, request, control)?;
+        part(&mut found, control, |found, control| self.settle(found, request, control))?;
         self.adopt(found, request, control, clock)?;
         Ok(None)
     }

@@ -111,12 +111,16 @@ impl Ocp {
         let dcs = Dcs::new(&self.system, request.options.form)?;
         let mut work = Box::new(self.blank());
         let mut stages = Vec::with_capacity(traced.phases.stages.len());
-        for (stage, duration) in traced.phases.stages.iter().zip(&r.durations) {
+        for (k, (stage, duration)) in traced.phases.stages.iter().zip(&r.durations).enumerate() {
             let mut phases: Vec<(&[bool], f64)> = Vec::new();
             for (set, length) in stage {
+                let short = room.short * duration;
+                // the initial state begins in its mode, however soon that ends: no control can take it out of there before
+                let begins = k == 0 && phases.len() == 1 && phases[0].1 < short;
                 match phases.last_mut() {
-                    Some((last, sum)) if *last == &set[..] || *length < room.short * duration => *sum += length,
-                    Some((last, sum)) if *sum < room.short * duration => (*last, *sum) = (set, *sum + length),
+                    Some((last, sum)) if *last == &set[..] => *sum += length,
+                    Some((_, sum)) if *length < short && !begins => *sum += length,
+                    Some((last, sum)) if *sum < short && !begins => (*last, *sum) = (set, *sum + length),
                     _ => phases.push((set, *length)),
                 }
             }

@@ -11,7 +11,7 @@ use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::func::Point;
 use crate::mpcc::{Solution, Warm};
-use crate::nlp::{Control, Outcome, Statistics};
+use crate::nlp::{Control, Nlp, Outcome, Statistics};
 use crate::settings::{Discretisation, InitialGuess};
 use crate::sim::SolveOptions;
 use crate::stop;
@@ -20,9 +20,24 @@ use crate::system::{SharedFunction, Widths};
 /// A smoothed problem: width in units of the sizes of the switching functions, barrier parameter it begins with, tolerance.
 type Rung = (f64, f64, f64);
 
-/// Where ladders begin, the likeliest first: the width, and whether states go straight to a state that meets the terminal
-/// conditions instead of staying as they are at the start.
-const FIRST: [(f64, bool); 4] = [(1.0, false), (1.0, true), (0.1, false), (10.0, false)];
+/// A point that a ladder begins from.
+#[derive(Debug, Clone, Copy, PartialEq)]
+enum From {
+    /// The guess.
+    Guess,
+    /// The same, with states that go straight to one that meets the terminal conditions instead of staying as they are at the start.
+    Straight,
+    /// Random controls within their bounds.
+    Random(usize),
+}
+
+/// Where ladders begin, the likeliest first: the width, and the point.
+const FIRST: [(f64, From); 4] = [(1.0, From::Guess), (1.0, From::Straight), (0.1, From::Guess), (10.0, From::Guess)];
+/// Further ladders, as long as the problem is small: iterations times variables of all before do not exceed [`SMALL`]. They begin
+/// narrow: wide problems lead to the same optimum from everywhere.
+const MORE: [(f64, From); 4] =
+    [(0.3, From::Random(1)), (0.3, From::Random(2)), (0.3, From::Random(3)), (0.3, From::Random(4))];
+const SMALL: usize = 500_000;
 /// Where a ladder begins from a plan that is known, and where it ends.
 const PLAN: [Rung; 2] = [(0.1, 1e-2, 1e-3), NARROWEST];
 /// What every ladder goes through from its first width down; at the last one the costs are compared.
@@ -53,6 +68,7 @@ pub(super) struct Smoother {
     w0: Vec<f64>,
     /// A guess that goes straight to the target, where there is one.
     straight: Option<Vec<f64>>,
+    options: SolveOptions,
     /// What all of them took.
     pub spent: Statistics,
     /// Iterations that are left.
@@ -114,6 +130,7 @@ impl Ocp {
             straight,
             spent,
             left: options.solver.max_iter,
+            options,
         }))
     }
 }
@@ -122,12 +139,13 @@ impl Smoother {
     /// The best of the ladders, the cheapest first, which differ in their costs.
     pub fn race(&mut self, control: &mut Control) -> Vec<Smoothed> {
         let mut field: Vec<Climber> = Vec::new();
-        for (first, straight) in FIRST {
-            if straight && self.straight.is_none() {
-                continue;
+        for (first, from) in FIRST.into_iter().chain(MORE) {
+            if matches!(from, From::Random(_)) && self.spent.iterations * self.built.problem.n() > SMALL {
+                break;
             }
+            let Some(w0) = self.beginning(from, control) else { continue };
             let rungs: Vec<Rung> = COMMON.into_iter().filter(|r| r.0 < first).collect();
-            let opened = self.open(first, straight, control);
+            let opened = self.open(first, &w0, control);
             let climber = opened.and_then(|c| self.climb(c, &rungs, control));
             if stop::requested().is_some() {
                 break;
@@ -172,10 +190,23 @@ impl Smoother {
         ocp.read(&mut built.problem, &c.at, &built.extended, stage_params)
     }
 
-    /// The first problem of a ladder, from the guess; its answer shows the sizes of the switching functions.
-    fn open(&mut self, width: f64, straight: bool, control: &mut Control) -> Option<Climber> {
-        let w0 = self.straight.as_ref().filter(|_| straight).unwrap_or(&self.w0).clone();
-        let from = Warm { x: &w0, y: &[], z: &[] };
+    /// The point that a ladder begins from, where there is such a one.
+    fn beginning(&mut self, from: From, control: &mut Control) -> Option<Vec<f64>> {
+        let k = match from {
+            From::Guess => return Some(self.w0.clone()),
+            From::Straight => return self.straight.clone(),
+            From::Random(k) => k,
+        };
+        let u = self.ocp.random_starts(k + 1, 0).pop()?;
+        self.ocp.set_u_guess(&u).ok()?;
+        let Smoother { ocp, built, stage_params, options, .. } = self;
+        let start = ocp.starting_point(&mut built.problem, &built.extended, stage_params, options, control);
+        start.ok().map(|(w, _)| w)
+    }
+
+    /// The first problem of a ladder, from `w0`; its answer shows the sizes of the switching functions.
+    fn open(&mut self, width: f64, w0: &[f64], control: &mut Control) -> Option<Climber> {
+        let from = Warm { x: w0, y: &[], z: &[] };
         let sizes = self.sizes.clone();
         let at = self.solve(&sizes, width, &from, OPENING, control)?;
         let sizes = self.sizes_along(&at.x);

@@ -71,9 +71,10 @@ def one(seed: int, seconds: float) -> dict[str, Any]:
         return found
     descent = optima_peers.Descent(optima_peers.Statement(problem(seed)))
     z = descent.of_result(r)
-    start = descent.run(z)
-    if start is None:
-        return found
+    try:
+        start = descent.run(z)
+    except (FloatingPointError, SwitchbackError) as e:  # of such an answer nothing is known
+        return found | {"note": str(e)}
     best = descent.minimise(z, seconds)
     found["simulated"] = start[0]
     found["gain"] = max(0.0, (start[0] - best[0]) / max(abs(start[0]), 1e-12)) if best else 0.0
@@ -93,7 +94,7 @@ def main() -> int:
         all_found.append(f)
         print(
             f"{seed:5d} {f['outcome']:10s} {f['certificate']:14s} cost {f['cost']:14.8f} simulated {f['simulated']:14.8f}"
-            f" gain {f['gain']:.1e} {f['seconds']:6.2f} s",
+            f" gain {f['gain']:.1e} {f['seconds']:6.2f} s {f.get('note', '')}",
             flush=True,
         )
     certified = [f for f in all_found if f["certificate"] in ("local_optimum", "kink")]

@@ -10,6 +10,9 @@ use crate::event::Contact;
 use crate::func::EvalError;
 use crate::stop;
 
+/// Weights, which are between 0 and 1, that are zero to rounding.
+const WEIGHT_ROUNDING: f64 = 256.0 * EPS;
+
 /// How the search for a switch in a step ended.
 pub(super) enum Found {
     Nothing,
@@ -163,8 +166,12 @@ impl Engine {
     /// are rounding are not taken for signs.
     fn rests(&mut self, l: usize) -> bool {
         let w = self.watches[l];
-        if w.is_leave() || self.depart[l] == 0 {
+        if self.depart[l] == 0 {
             return false;
+        }
+        if w.is_leave() {
+            // a field at the limit of what the others hold
+            return self.samples[l].iter().all(|v| v.abs() <= WEIGHT_ROUNDING);
         }
         let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
         let noise = match w {
