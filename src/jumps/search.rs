@@ -125,7 +125,8 @@ const INSISTED: usize = 3;
 const MOST_ITERATIONS: usize = 400;
 /// First barrier parameter of the program of a sequence: its guess is a motion.
 const NEAR_BARRIER: f64 = 1e-2;
-/// Violation up to which a sequence that is cheaper than the best so far gets the iterations of one that is right.
+/// Violation up to which a sequence gets the iterations of one that is right, where it costs less than the best so far or more by no
+/// more than this share; next to the next best answer it is tried again.
 const PROMISING: f64 = 1e-2;
 /// Relaxations at which FESD with jumps is asked for modes, and iterations it gets to each of them.
 const STOPS: [f64; 3] = [1e-1, 1e-2, 1e-4];
@@ -154,6 +155,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         options,
         spent: Statistics::default(),
         tried: Vec::new(),
+        bests: 0,
         round: 1,
         attempts: 0,
         largest: 0.0,
@@ -230,12 +232,28 @@ fn starts(o: &Options) -> Vec<Start> {
     }
 }
 
+/// What became of a sequence.
+#[derive(Debug, Clone, Copy)]
+enum Tried {
+    Solved,
+    /// It has no solution near a guess of this round.
+    Failed {
+        round: usize,
+    },
+    /// It nearly has one near the answer that was the best then.
+    Close {
+        bests: usize,
+    },
+}
+
 struct Search<'a> {
     p: &'a Problem,
     options: &'a Options,
     spent: Statistics,
-    /// Sequences with the round in which they were tried last; 0 where they have a solution.
-    tried: Vec<(Key, usize)>,
+    /// Sequences that were tried.
+    tried: Vec<(Key, Tried)>,
+    /// Answers that were the best at their time.
+    bests: usize,
     /// Programs solved.
     attempts: usize,
     /// Largest cost of one of them.
@@ -423,11 +441,15 @@ impl Search<'_> {
         self.try_simulation_of(&found, &t.state(self.p, t.x0, w), control)
     }
 
-    /// Was the sequence neither solved for in this round, nor with success before?
+    /// May the sequence have a solution that is not known yet?
     fn is_new(&self, sequence: &Sequence) -> bool {
         let key = sequence.key();
-        let known = self.tried.iter().find(|t| t.0 == key);
-        known.is_none_or(|t| t.1 != 0 && t.1 != self.round)
+        match self.tried.iter().find(|t| t.0 == key).map(|t| t.1) {
+            None => true,
+            Some(Tried::Solved) => false,
+            Some(Tried::Failed { round }) => round != self.round,
+            Some(Tried::Close { bests }) => bests != self.bests,
+        }
     }
 
     /// The modes of the simulation of the controls of a motion.
@@ -473,7 +495,7 @@ impl Search<'_> {
             return Ok(false);
         }
         self.tried.retain(|t| t.0 != key);
-        self.tried.push((key, self.round));
+        self.tried.push((key, Tried::Failed { round: self.round }));
         let place = self.tried.len() - 1;
         let patience = if most <= NEAR_ITERATIONS { NEAR_PATIENCE } else { most / 4 };
         let settings = MpccSettings {
@@ -483,7 +505,8 @@ impl Search<'_> {
         };
         let (mut answer, mut solved) = solve_sequence(self.p, sequence, guess, point, settings, patience, control)?;
         self.note(&solved.transcription, &answer.stats);
-        let cheaper = self.best.as_ref().is_none_or(|b| !b.0.is_solved() || answer.cost < b.0.cost);
+        let cheaper =
+            self.best.as_ref().is_none_or(|b| !b.0.is_solved() || answer.cost < b.0.cost + PROMISING * b.0.cost.abs());
         let stuck = matches!(answer.outcome, Outcome::MaxIter | Outcome::Stalled);
         if stuck && cheaper && answer.violation < PROMISING {
             // again from where it got to: steps that the filter of the last solve refuses are often the right ones
@@ -504,7 +527,9 @@ impl Search<'_> {
             self.largest = self.largest.max(answer.cost.abs());
         }
         if answer.is_solved() {
-            self.tried[place].1 = 0;
+            self.tried[place].1 = Tried::Solved;
+        } else if answer.violation < PROMISING {
+            self.tried[place].1 = Tried::Close { bests: self.bests };
         }
         self.failure = if answer.is_solved() { 0.0 } else { answer.violation };
         if self.failure > 0.0 && most < MOST_ITERATIONS && !self.is_solved() {
@@ -512,6 +537,7 @@ impl Search<'_> {
         }
         let better = self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0, self.largest));
         if better {
+            self.bests += 1;
             self.best = Some((answer, solved));
         }
         Ok(better)

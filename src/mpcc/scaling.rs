@@ -66,6 +66,12 @@ impl Scaling {
         self.exact.clear();
     }
 
+    /// Sizes that are powers of two: variables and bounds are then what they are in their own units, to the last bit.
+    pub fn round_sizes(&mut self) {
+        self.sizes.iter_mut().for_each(|s| *s = s.log2().round().exp2());
+        self.exact.clear();
+    }
+
     /// All sizes and factors 1.
     pub fn forget_sizes(&mut self) {
         self.reset();

@@ -276,8 +276,9 @@ impl Ocp {
         Ok(())
     }
 
-    /// Follows the direction in which the best answer is not optimal: the controls are moved along it, what they lead to is
-    /// simulated, and the mode programs of the phases are solved. Is there a better answer?
+    /// Follows the direction in which the best answer is not optimal, or in which only a simulation says what it is: the controls
+    /// are moved along it, what they lead to is simulated, and the mode programs of the phases are solved. Is there a better
+    /// answer?
     fn follow(
         &self,
         found: &mut Candidates,
@@ -293,7 +294,10 @@ impl Ocp {
         if judged.reason == OTHER {
             return self.refine(found, &r, &known, &inside, control);
         }
-        if judged.direction.is_empty() {
+        // behind a kink that is a jump of the cost the motion may be another one altogether
+        let jumps = judged.direction.is_empty();
+        let direction = if jumps { judged.beyond } else { judged.direction };
+        if direction.is_empty() {
             return Ok(false);
         }
         let own = worth(best, request)?;
@@ -303,11 +307,13 @@ impl Ocp {
             }
             let mut moved = r.clone();
             let bounds = self.u_bounds[0].iter().zip(&self.u_bounds[1]).cycle();
-            for ((u, d), (l, h)) in moved.controls.iter_mut().zip(&judged.direction).zip(bounds) {
+            for ((u, d), (l, h)) in moved.controls.iter_mut().zip(&direction).zip(bounds) {
                 *u = (*u + step * d).clamp(*l, *h);
             }
             moved.control_ends.clone_from(&moved.controls);
-            let Some(traced) = self.trace(&moved, &request.options)? else { continue };
+            let o = &request.options;
+            let simulated = if jumps { self.trace_through(&moved, o) } else { self.trace(&moved, o) };
+            let Some(traced) = simulated? else { continue };
             let mut one = self.solve_traced(&moved, (&traced, NEAR), &known, &inside, control)?;
             let Some(next) = one.result.as_ref() else { continue };
             found.add(next);

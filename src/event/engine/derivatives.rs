@@ -37,6 +37,11 @@ impl Engine {
         self.sens.as_ref().map(|s| &s.s[..])
     }
 
+    /// Had the motion since the start several continuations somewhere, one of which was chosen?
+    pub fn ambiguous(&self) -> bool {
+        self.ambiguous
+    }
+
     /// True where the derivatives hold for one side only, see [`Run::one_sided`](crate::event::Run::one_sided).
     pub fn one_sided(&self) -> bool {
         self.one_sided

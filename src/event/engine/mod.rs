@@ -183,6 +183,8 @@ pub struct Engine {
     /// Looks in a row at which stability allowed much less than the state wanted.
     held_back: usize,
     one_sided: bool,
+    /// Had it a choice: did several active sets continue the motion somewhere?
+    ambiguous: bool,
     interrupt: Option<Arc<AtomicBool>>,
     /// The last step was not begun for lack of memory.
     refused: bool,
@@ -302,6 +304,7 @@ impl Engine {
             variational: (f64::INFINITY, 0),
             held_back: 0,
             one_sided: false,
+            ambiguous: false,
             interrupt: None,
             refused: false,
             field,
@@ -362,6 +365,7 @@ impl Engine {
             tape.reset(t, &self.field);
         }
         self.one_sided = false;
+        self.ambiguous = false;
         Ok(())
     }
 

@@ -58,6 +58,7 @@ impl Engine {
             self.project_sensitivity()?;
         }
         self.one_sided |= !unique;
+        self.ambiguous |= !unique;
         Ok(unique)
     }
 
@@ -376,6 +377,7 @@ impl Engine {
             self.differentiate_jump(&f);
             self.f_before = f;
             self.one_sided |= !unique;
+            self.ambiguous |= !unique;
         }
         self.project_sensitivity()?;
         if self.crowd > 0 && self.field.active == before {

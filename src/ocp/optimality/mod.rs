@@ -44,8 +44,8 @@ const NOISE: f64 = 1e3;
 /// answer.
 const OFF: f64 = 1e-2;
 /// First-order changes, relative to those that single terms of the cost and the constraints make, that count as none: what is
-/// left to gain is of the order of their square, 1e-6.
-const NONE: f64 = 1e-3;
+/// left to gain is of the order of their square, 1e-8. Answers to programs have 1e-5 or less; what has more is looked at by descent.
+const NONE: f64 = 1e-4;
 /// Distance from a bound, in units of the size of a quantity, at which it is reached.
 const AT_BOUND: f64 = 1e-6;
 /// Multiples of what derivatives make of the difference between a simulation and an answer that count as another motion.
@@ -125,6 +125,8 @@ pub struct Optimality {
     /// Where the answer is not optimal: changes of the controls `[n_stages · nu]` that lower the cost to first order, the
     /// largest of them as large as the quantity usually is. Empty otherwise, and where controls are linear.
     pub direction: Vec<f64>,
+    /// The same towards the side of a kink on which the surface is not reached: nothing but a simulation says what the cost is there.
+    pub(super) beyond: Vec<f64>,
 }
 
 impl Optimality {
@@ -136,8 +138,8 @@ impl Optimality {
     }
 
     fn unknown(reason: &'static str) -> Optimality {
-        let (gradient, kinks, direction) = Default::default();
-        Optimality { verdict: Verdict::Unknown, reason, residual: f64::NAN, gradient, kinks, direction }
+        let (gradient, kinks, direction, beyond) = Default::default();
+        Optimality { verdict: Verdict::Unknown, reason, residual: f64::NAN, gradient, kinks, direction, beyond }
     }
 }
 

@@ -261,9 +261,9 @@ impl Judge<'_> {
         Ok(Some((legs, kinks)))
     }
 
-    /// Does a simulation of the whole horizon leave the answer by more than what the derivatives make of their difference? Where
-    /// several motions go on from a point, on a surface that both sides lead away from, an answer takes the cheapest, and
-    /// what its controls lead to is another one.
+    /// Does a simulation of the whole horizon leave the answer by more than what the derivatives make of their difference, or might
+    /// it as well? Where several motions go on from a point, on a surface that both sides lead away from, an answer takes
+    /// the cheapest, and what its controls lead to is another one.
     pub(super) fn departs(&mut self, t0: f64, lengths: &[f64], first: usize, legs: &[Leg]) -> Result<bool> {
         let n = self.n();
         let n_z = n + self.n_p + self.n_u;
@@ -272,7 +272,7 @@ impl Judge<'_> {
             self.start(t, &x, k, k)?;
             t += length;
             let Some(end) = leg.pieces.last().map(|p| self.state(p.at.at)) else { return Ok(false) };
-            if !self.advance(t)? {
+            if !self.advance(t)? || self.engine.ambiguous() {
                 return Ok(true);
             }
             for piece in &leg.pieces {

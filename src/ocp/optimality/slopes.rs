@@ -249,21 +249,29 @@ impl Quantities {
         let users = || self.controls.iter().enumerate().filter(|(i, _)| i % all < own).map(|(_, f)| f);
         let worst =
             found.iter().enumerate().map(|(i, k)| (i, k.before.min(k.after))).min_by(|a, b| a.1.total_cmp(&b.1));
-        let mut direction: Vec<f64> = match worst.filter(|w| residual <= NONE && w.1 < -NONE) {
-            // towards the side of the kink that is lower: the surface is reached earlier, or later
-            Some((i, low)) => {
-                let sign = if found[i].touch || found[i].before == low { 1.0 } else { -1.0 };
-                users().map(|f| sign * f.size * f.size * f.slopes[1 + i]).collect()
-            }
-            None => users().map(|f| -f.size * f.left(&c)).collect(),
+        // the surface of a kink is reached earlier, or later
+        let across = |i: usize, earlier: bool| -> Vec<f64> {
+            let sign = if found[i].touch || earlier { 1.0 } else { -1.0 };
+            users().map(|f| sign * f.size * f.size * f.slopes[1 + i]).collect()
         };
-        let largest = direction.iter().zip(users()).map(|(d, f)| if f.size > 0.0 { d.abs() / f.size } else { 0.0 });
-        let largest = largest.fold(0.0, f64::max);
-        if verdict != Verdict::NotOptimal || !(largest > 0.0 && largest.is_finite()) {
-            direction.clear();
-        }
-        direction.iter_mut().for_each(|d| *d /= largest);
+        let scaled = |mut d: Vec<f64>| -> Vec<f64> {
+            let shares = d.iter().zip(users()).map(|(d, f)| if f.size > 0.0 { d.abs() / f.size } else { 0.0 });
+            let largest = shares.fold(0.0, f64::max);
+            if !(largest > 0.0 && largest.is_finite()) {
+                d.clear();
+            }
+            d.iter_mut().for_each(|d| *d /= largest);
+            d
+        };
+        let direction: Vec<f64> = match worst.filter(|w| residual <= NONE && w.1 < -NONE) {
+            _ if verdict != Verdict::NotOptimal => Vec::new(),
+            // towards the side of the kink that is lower
+            Some((i, low)) => scaled(across(i, found[i].before == low)),
+            None => scaled(users().map(|f| -f.size * f.left(&c)).collect()),
+        };
+        let unreached = found.iter().position(|k| !k.touch && (k.before.is_nan() || k.after.is_nan()));
+        let beyond = unreached.map_or_else(Vec::new, |i| scaled(across(i, found[i].before.is_nan())));
         let gradient = users().map(|f| f.slopes[0] + dot(&c, &f.slopes[1..])).collect();
-        Optimality { verdict, reason, residual, gradient, kinks: found, direction }
+        Optimality { verdict, reason, residual, gradient, kinks: found, direction, beyond }
     }
 }
