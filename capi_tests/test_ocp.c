@@ -198,6 +198,8 @@ static void constraints(void)
     CHECK_OK(swb_ocp_set_state_bounds(ocp, x_lower, 2, x_upper, 2));
     CHECK_OK(swb_ocp_set_control_bounds(ocp, u_lower, 1, u_upper, 1));
     CHECK_OK(swb_ocp_set_params(ocp, p, 1));
+    u[0] = (double)NAN, u[1] = 2.0; /* nothing of the first state is known */
+    CHECK_OK(swb_ocp_set_nominal(ocp, u, 2, u + 1, 1, NULL, 0));
     CHECK_OK(swb_ocp_set_initial_time(ocp, 10.0));
     CHECK_OK(swb_ocp_set_state_guess(ocp, times, 2, guess, 4));
     CHECK_OK(swb_ocp_set_control_guess(ocp, u_guess, 4));
@@ -233,6 +235,10 @@ static void constraints(void)
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_lagrange(ocp, end));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_params(ocp, NULL, 0));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_control_guess(ocp, u, 3));
+    u[0] = 0.0, u[1] = 1.0;
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_nominal(ocp, u, 2, NULL, 0, NULL, 0));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_set_nominal(ocp, NULL, 0, u, 2, NULL, 0));
+    CHECK_STATUS(SWB_ERR_NULL, swb_ocp_set_nominal(ocp, NULL, 2, NULL, 0, NULL, 0));
     CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_state_guess(ocp, x0, 0, guess, 0));
     u[0] = (double)NAN;
     CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_set_control_bounds(ocp, u, 1, u_upper, 1));

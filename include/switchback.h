@@ -6656,6 +6656,25 @@ swb_status swb_ocp_set_control_bounds(struct swb_ocp *ocp,
                                       int64_t n_upper);
 
 /**
+ * Say how large quantities usually are, in their own units: the solver measures variables by that. What is not given it takes from
+ * bounds, initial values, guesses and simulations; units then do not matter either, but a state that begins at zero and has no
+ * bounds is better known to you.
+ *
+ * @param[in] x [n_x] nx, positive; NaN where nothing is known; or NULL and 0
+ * @param[in] u [n_u] nu, as x
+ * @param[in] p [n_p] np, as x
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not positive and finite
+ */
+SWB_API
+swb_status swb_ocp_set_nominal(struct swb_ocp *ocp,
+                               const double *x,
+                               int64_t n_x,
+                               const double *u,
+                               int64_t n_u,
+                               const double *p,
+                               int64_t n_p);
+
+/**
  * Set the parameters.
  *
  * @param[in] p [np]

@@ -1122,6 +1122,10 @@ public:
     void initial_state(View x0) { detail::check(swb_ocp_set_initial_state(get(), x0.data(), x0.length())); }
     void initial_time(double t0) { detail::check(swb_ocp_set_initial_time(get(), t0)); }
     void params(View p) { detail::check(swb_ocp_set_params(get(), p.data(), p.length())); }
+    /// How large states, controls and parameters usually are, in their own units; NaN and empty views where that is not known.
+    void nominal(View x, View u = {}, View p = {}) {
+        detail::check(swb_ocp_set_nominal(get(), x.data(), x.length(), u.data(), u.length(), p.data(), p.length()));
+    }
     /// Parameters that change from stage to stage, those of one stage together.
     void stage_params(View p) { detail::check(swb_ocp_set_stage_params(get(), p.data(), p.length())); }
     /// Parameters with a lower bound below the upper one become variables.

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::fesd::PathAt;
 use crate::memory::sizes;
 use crate::nlp::Outcome;
-use crate::ocp::{Around, Ocp, OcpResult, OcpSensitivity};
+use crate::ocp::{Around, Nominal, Ocp, OcpResult, OcpSensitivity};
 use crate::settings::{LogLevel, Settings, Value};
 use std::ffi::{c_char, c_void};
 
@@ -375,6 +375,33 @@ pub unsafe extern "C" fn swb_ocp_set_control_bounds(
     guard(|| unsafe {
         let (lower, upper) = (raw::slice(lower, n_lower, "lower")?, raw::slice(upper, n_upper, "upper")?);
         change(ocp, |o| o.set_u_bounds(lower, upper))
+    })
+}
+
+/// Say how large quantities usually are, in their own units: the solver measures variables by that. What is not given it takes from
+/// bounds, initial values, guesses and simulations; units then do not matter either, but a state that begins at zero and has no
+/// bounds is better known to you.
+///
+/// @param[in] x [n_x] nx, positive; NaN where nothing is known; or NULL and 0
+/// @param[in] u [n_u] nu, as x
+/// @param[in] p [n_p] np, as x
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not positive and finite
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_set_nominal(
+    ocp: *mut swb_ocp,
+    x: *const f64,
+    n_x: i64,
+    u: *const f64,
+    n_u: i64,
+    p: *const f64,
+    n_p: i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let read = |v: *const f64, n: i64, what: &str| -> Result<Vec<Option<f64>>> {
+            Ok(raw::slice(v, n, what)?.iter().map(|v| (!v.is_nan()).then_some(*v)).collect())
+        };
+        let nominal = Nominal { x: read(x, n_x, "x")?, u: read(u, n_u, "u")?, p: read(p, n_p, "p")? };
+        change(ocp, |o| o.set_nominal(nominal))
     })
 }
 

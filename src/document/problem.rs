@@ -9,7 +9,7 @@ use crate::error::{finite, Error, Result};
 use crate::fesd::PathAt;
 use crate::func::Function;
 use crate::memory::sizes::check as sizes;
-use crate::ocp::{CostAt, Durations, ModeSequence, Norm, Ocp, Statement};
+use crate::ocp::{CostAt, Durations, ModeSequence, Nominal, Norm, Ocp, Statement};
 use crate::settings::Settings;
 use crate::system::System;
 
@@ -193,6 +193,18 @@ struct SavedGuess {
     states: Vec<f64>,
 }
 
+/// Usual sizes of quantities, as far as they are known.
+#[derive(Clone, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct SavedNominal {
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    states: Vec<Option<f64>>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    controls: Vec<Option<f64>>,
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    params: Vec<Option<f64>>,
+}
+
 /// An order of modes to start from.
 #[derive(Clone, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
@@ -235,6 +247,8 @@ pub(super) struct SavedOcp {
     initial_bounds: Interval,
     control_bounds: Interval,
     params: Vec<f64>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    nominal: Option<SavedNominal>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
     state_guess: Option<SavedGuess>,
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -315,6 +329,11 @@ impl SavedOcp {
             initial_bounds: interval(s.x0_bounds),
             control_bounds: interval(s.u_bounds),
             params: s.params.to_vec(),
+            nominal: (!s.nominal.is_empty()).then(|| SavedNominal {
+                states: s.nominal.x.clone(),
+                controls: s.nominal.u.clone(),
+                params: s.nominal.p.clone(),
+            }),
             state_guess: s.x_guess.map(|g| SavedGuess { times: g.0.clone(), states: g.1.clone() }),
             control_guess: s.u_guess.map(<[f64]>::to_vec),
             modes: s.modes.cloned().map(|m| SavedModes { times: m.times, modes: m.modes, cells: m.cells }),
@@ -361,6 +380,9 @@ impl SavedOcp {
         ocp.set_x_bounds(&x[0], &x[1])?;
         ocp.set_x0_bounds(&x0[0], &x0[1])?;
         ocp.set_u_bounds(&u[0], &u[1])?;
+        if let Some(SavedNominal { states, controls, params }) = self.nominal.clone() {
+            ocp.set_nominal(Nominal { x: states, u: controls, p: params })?;
+        }
         if let Some(g) = &self.state_guess {
             ocp.set_x_guess(&g.times, &g.states)?;
         }

@@ -48,6 +48,7 @@ pub use crate::jumps::{Contacts, Method as Jumps};
 pub use accuracy::Accuracy;
 pub use adapt::{Adaptation, Round};
 pub use modes::ModeSequence;
+pub use nominal::Nominal;
 pub use optimality::{Kink, Optimality, Verdict};
 pub use phases::{MultiPhase, MultiPhaseResult};
 pub use sensitivity::OcpSensitivity;
@@ -179,6 +180,7 @@ pub struct Ocp {
     u_bounds: [Vec<f64>; 2],
     /// Bounds of the parameters that are variables.
     p_bounds: Option<[Vec<f64>; 2]>,
+    nominal: Nominal,
     params: Vec<f64>,
     /// Parameters of every stage `[n_stages · np]`, where they differ.
     stage_params: Option<Vec<f64>>,
@@ -242,6 +244,7 @@ impl Ocp {
             x0_bounds: free(d.x),
             u_bounds: free(d.u),
             p_bounds: None,
+            nominal: Nominal::default(),
             params: vec![0.0; d.p],
             stage_params: None,
             x_guess: None,
@@ -534,6 +537,24 @@ impl Ocp {
     pub fn set_u_bounds(&mut self, lower: &[f64], upper: &[f64]) -> Result<()> {
         check_bounds("control", lower, upper, self.system.dims().u)?;
         self.u_bounds = [lower.to_vec(), upper.to_vec()];
+        Ok(())
+    }
+
+    /// Says how large quantities usually are, in their own units; the solver measures variables by that. What is not given it takes
+    /// from bounds, initial values, guesses and simulations.
+    pub fn set_nominal(&mut self, nominal: Nominal) -> Result<()> {
+        let d = self.system.dims();
+        let blocks = [("states", &nominal.x, d.x), ("controls", &nominal.u, d.u), ("parameters", &nominal.p, d.p)];
+        for (what, values, n) in blocks {
+            if !values.is_empty() && values.len() != n {
+                return Err(Error::Dimension(format!("{} nominal values of the {what}: there are {n}", values.len())));
+            }
+            if let Some(i) = values.iter().position(|v| v.is_some_and(|v| !(v > 0.0 && v.is_finite()))) {
+                return Err(Error::Range(format!("nominal value {i} of the {what} must be positive and finite")));
+            }
+        }
+        self.nominal = nominal;
+        self.measured = None;
         Ok(())
     }
 

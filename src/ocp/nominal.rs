@@ -24,6 +24,29 @@ const ROUNDING: f64 = 1e-10;
 const TOLERANCE: f64 = 1e-4;
 const MAX_STEPS: usize = 20_000;
 
+/// Usual sizes of quantities in their own units, positive, as far as they are known: an empty list knows nothing.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Nominal {
+    /// States `[nx]`.
+    pub x: Vec<Option<f64>>,
+    /// Controls `[nu]`.
+    pub u: Vec<Option<f64>>,
+    /// Parameters `[np]`.
+    pub p: Vec<Option<f64>>,
+}
+
+impl Nominal {
+    /// Nothing is known.
+    pub fn is_empty(&self) -> bool {
+        self.x.is_empty() && self.u.is_empty() && self.p.is_empty()
+    }
+}
+
+/// What a list says of a quantity.
+fn told(list: &[Option<f64>], i: usize) -> Option<f64> {
+    list.get(i).copied().flatten()
+}
+
 impl Ocp {
     /// Sizes of states, controls, parameters and switching functions.
     pub(super) fn sizes(&self) -> Result<Sizes> {
@@ -34,8 +57,8 @@ impl Ocp {
         let mut prior = or_one(&known);
         self.simulate_sizes(&prior, &mut x, &mut psi)?;
         // simulations with tolerances that were guessed are made again with those that they show
-        let told = |v: &Vec<f64>| quantile(v.clone()).filter(|s| *s > ROUNDING);
-        let seen: Vec<Option<f64>> = x.iter().map(told).collect();
+        let shown = |v: &Vec<f64>| quantile(v.clone()).filter(|s| *s > ROUNDING);
+        let seen: Vec<Option<f64>> = x.iter().map(shown).collect();
         let guessed = |(k, s): (&Option<f64>, &Option<f64>)| k.is_none() && s.is_some();
         if known.iter().zip(&seen).any(guessed) {
             let better = |((k, s), p): ((Option<f64>, Option<f64>), &f64)| k.or(s).unwrap_or(*p);
@@ -46,17 +69,17 @@ impl Ocp {
         let state = |(i, values): (usize, Vec<f64>)| {
             let start = magnitude(middle(self.x0_bounds[0][i], self.x0_bounds[1][i])).unwrap_or(0.0);
             let seen = quantile(values).filter(|s| *s > ROUNDING * prior[i]).unwrap_or(0.0).max(start);
-            bounded(&self.x_bounds, i).or(magnitude(seen)).unwrap_or(prior[i])
+            told(&self.nominal.x, i).or(bounded(&self.x_bounds, i)).or(magnitude(seen)).unwrap_or(prior[i])
         };
         let guess = self.control_guess();
         let control = |j: usize| {
             let seen = guess.iter().skip(j).step_by(d.u).fold(0f64, |a, v| a.max(v.abs()));
             let one_sided = [self.u_bounds[0][j], self.u_bounds[1][j]].into_iter().find_map(magnitude);
-            bounded(&self.u_bounds, j).or(magnitude(seen)).or(one_sided).unwrap_or(1.0)
+            told(&self.nominal.u, j).or(bounded(&self.u_bounds, j)).or(magnitude(seen)).or(one_sided).unwrap_or(1.0)
         };
         let param = |j: usize| {
             let free = self.p_bounds.as_ref().and_then(|b| bounded(b, j));
-            magnitude(self.params[j]).or(free).unwrap_or(1.0)
+            told(&self.nominal.p, j).or(magnitude(self.params[j])).or(free).unwrap_or(1.0)
         };
         Ok(Sizes {
             x: x.into_iter().enumerate().map(state).collect(),
@@ -74,7 +97,7 @@ impl Ocp {
             let start = magnitude(middle(self.x0_bounds[0][i], self.x0_bounds[1][i]));
             let one_sided = || [self.x_bounds[0][i], self.x_bounds[1][i]].into_iter().find_map(magnitude);
             let goal = || target.as_ref().and_then(|x| magnitude(x[i]));
-            bounded(&self.x_bounds, i).or(start).or_else(goal).or_else(one_sided)
+            told(&self.nominal.x, i).or(bounded(&self.x_bounds, i)).or(start).or_else(goal).or_else(one_sided)
         };
         (0..self.system.dims().x).map(size).collect()
     }
@@ -96,7 +119,7 @@ impl Ocp {
     }
 
     /// Sizes along states at times from the start of the horizon with the controls of stages of these lengths; those of
-    /// `known` for what vanishes there, and for what has bounds.
+    /// `known` for what vanishes there, and for what has bounds or nominal values.
     pub(super) fn sizes_along(
         &self,
         (times, states): (&[f64], &[f64]),
@@ -117,8 +140,8 @@ impl Ocp {
             x.iter_mut().zip(state).for_each(|(all, v)| all.push(v.abs()));
             sample(&functions, &Point { t: self.t0 + t, x: state, u, p: self.params_of(stage) }, &mut psi);
         }
-        let bounded = |i: usize| self.x_bounds[0][i].is_finite() && self.x_bounds[1][i].is_finite();
-        let state = |(i, v): (usize, Vec<f64>)| quantile(v).filter(|_| !bounded(i)).unwrap_or(known.x[i]);
+        let given = |i: usize| told(&self.nominal.x, i).or(bounded(&self.x_bounds, i)).is_some();
+        let state = |(i, v): (usize, Vec<f64>)| quantile(v).filter(|_| !given(i)).unwrap_or(known.x[i]);
         Sizes {
             x: x.into_iter().enumerate().map(state).collect(),
             psi: psi.into_iter().zip(&known.psi).map(|(v, k)| quantile(v).unwrap_or(*k)).collect(),

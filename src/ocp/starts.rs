@@ -166,6 +166,7 @@ impl Ocp {
             x0_bounds: self.x0_bounds.clone(),
             u_bounds: self.u_bounds.clone(),
             p_bounds: self.p_bounds.clone(),
+            nominal: self.nominal.clone(),
             params: self.params.clone(),
             stage_params: self.stage_params.clone(),
             x_guess: self.x_guess.clone(),

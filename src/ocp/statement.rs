@@ -1,7 +1,7 @@
 //! A problem as it was stated, for who writes it down.
 
 use super::extend::{Complementarity, LeastSquares, Soft};
-use super::{Durations, ModeSequence, Ocp};
+use super::{Durations, ModeSequence, Nominal, Ocp};
 use crate::fesd::{Boundary, PathConstraint, Terminal};
 use crate::settings::Settings;
 use crate::system::{SharedFunction, System};
@@ -34,6 +34,7 @@ pub struct Statement<'a> {
     pub linear: &'a [bool],
     pub boundary: &'a [Boundary],
     pub p_bounds: Option<&'a [Vec<f64>; 2]>,
+    pub nominal: &'a Nominal,
     pub stage_params: Option<&'a [f64]>,
     pub(crate) squares: &'a [LeastSquares],
     pub(crate) soft: &'a [Soft],
@@ -82,6 +83,7 @@ impl Ocp {
             x0_bounds,
             u_bounds,
             p_bounds,
+            nominal,
             params,
             stage_params,
             x_guess,
@@ -120,6 +122,7 @@ impl Ocp {
             linear,
             boundary,
             p_bounds: p_bounds.as_ref(),
+            nominal,
             stage_params: stage_params.as_deref(),
             squares,
             soft,

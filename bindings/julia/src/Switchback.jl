@@ -55,7 +55,7 @@ export simulate, simulate_batch, simulate_fesd, Solution, Batch, Integrator, Sim
     residuals, successful
 export Ocp, OcpResult, MultiPhase, MultiPhaseResult, solve!, result, set_lagrange!, set_mayer!, add_path!, add_terminal!,
     add_boundary!, add_periodic!, add_least_squares!, set_references!, add_relaxed!, add_complementarity!, set_state_bounds!,
-    set_initial_bounds!, set_control_bounds!, set_param_bounds!, set_initial_state!, set_initial_time!, set_stage_params!,
+    set_initial_bounds!, set_control_bounds!, set_param_bounds!, set_nominal!, set_initial_state!, set_initial_time!, set_stage_params!,
     set_state_guess!, set_control_guess!, set_elements!, set_durations!, set_free_time!, add_horizon!, set_linear_controls!,
     shift!, certificate, sensitivity, modes, set_modes!, random_starts, solve_starts!, link!, link_continuous!
 export Mpcc, Nlp, MpccResult, minimize, variable, constraint, add_pair!, set_hessian!, set_bounds!, set_constraint_bounds!,

@@ -220,6 +220,19 @@ for (name, set, block, what, effect) in (
 end
 
 """
+    set_nominal!(ocp; x = nothing, u = nothing, p = nothing)
+
+Say how large states, controls and parameters usually are, in their own units, as vectors (`NaN` where nothing is known); the solver
+measures variables by that. What is not given it takes from bounds, initial values, guesses and simulations.
+"""
+function set_nominal!(o::Ocp; x = nothing, u = nothing, p = nothing)
+    of(v, n, what) = v === nothing ? fill(NaN, n) : vector(v, n, what)
+    sizes_ = (of(x, o.nx, "x"), of(u, o.nu, "u"), of(p, o.np, "p"))
+    check(Lib.swb_ocp_set_nominal(o, sizes_[1], length(sizes_[1]), sizes_[2], length(sizes_[2]), sizes_[3], length(sizes_[3])))
+    return o
+end
+
+"""
     set_initial_state!(ocp, x0)
 
 Fix the initial state.

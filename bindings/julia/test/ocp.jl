@@ -125,6 +125,9 @@ plain_model() = (m = Model(states = :x, controls = :u, parameters = (:a, :b)); d
     set_state_bounds!(ocp, -1, 1)
     set_initial_bounds!(ocp, 0.5, 0.5)
     @test successful(solve!(ocp))
+    set_nominal!(ocp; x = [2.0], u = [NaN])
+    @test successful(solve!(ocp))
+    @test_throws SwitchbackError set_nominal!(ocp; x = [0.0])
 end
 
 @testset "several starts and phases" begin

@@ -146,6 +146,10 @@ def test_refusals():
         lambda: ocp.set_initial_state([0.0, np.nan]),
         lambda: ocp.set_initial_state([0.0]),
         lambda: ocp.set_initial_bounds([0.0], [1.0]),
+        lambda: ocp.set_nominal([1.0, 1.0]),
+        lambda: ocp.set_nominal({"x": [1.0]}),
+        lambda: ocp.set_nominal({"x": [1.0, -1.0]}),
+        lambda: ocp.set_nominal({"nobody": 1.0}),
         lambda: ocp.set_control_bounds([2.0], [1.0]),
         lambda: ocp.set_control_bounds(np.nan, 1.0),
         lambda: ocp.set_state_bounds("ab", None),
@@ -224,3 +228,26 @@ def test_undefined_points_of_expressions_are_named(make, start):
     with pytest.raises(swb.NonfiniteError, match="of the right-hand side .* start elsewhere") as e:
         ocp.solve()
     assert "linear systems" not in str(e.value)
+
+
+def test_nominal_sizes_by_name_and_as_lists():
+    """A state that begins at zero, ends at zero and has no bounds: its size is told. The answer does not depend on it."""
+    m = swb.Model(states="q v", controls="force")
+    (q, v), u = m.x, m.u[0]
+    m.derivatives = [v, u - 0.3 * swb.sign(v)]
+
+    def solve(**options):
+        ocp = swb.Ocp(m, 2.0, 4, initial_state=[0, 0], control_bounds=(-4, 4), **options)
+        ocp.set_lagrange(m.function([u**2]))
+        ocp.add_terminal(m.function([q, v]), [1, 0], [1, 0])
+        return ocp, ocp.solve()
+
+    plain = solve()[1]
+    assert plain.success
+    for nominal in ({"q": 1.0, "v": 2.0, "force": 4.0}, {"x": [1.0, np.nan]}, {"u": [3.0], "q": 1e-2}):
+        ocp, r = solve(nominal=nominal)
+        assert r.success and r.cost == pytest.approx(plain.cost, rel=1e-8)
+        again = swb.Ocp.from_json(ocp.to_json())
+        assert "nominal" in ocp.to_json() and again.solve().cost == pytest.approx(plain.cost, rel=1e-8)
+    with pytest.raises(swb.ArgumentError, match="forse"):
+        solve(nominal={"forse": 1.0})

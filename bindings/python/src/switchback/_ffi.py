@@ -1282,6 +1282,7 @@ FUNCTIONS = {
     "swb_ocp_set_initial_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_set_initial_state": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_set_control_bounds": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_set_nominal": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_set_initial_time": (c_int32, [c_void_p, c_double]),
     "swb_ocp_set_state_guess": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),

@@ -220,6 +220,7 @@ class Ocp(OcpTerms, OcpSearch):
         state_bounds: Sequence[Any] | None = None,
         control_bounds: Sequence[Any] | None = None,
         params: Any = None,
+        nominal: Mapping[str, Any] | None = None,
         jumps: Jumps | str = Jumps.AUTO,
         on_iteration: OnIteration | None = None,
         on_log: OnLog | None = None,
@@ -244,6 +245,7 @@ class Ocp(OcpTerms, OcpSearch):
             (initial_state, self.set_initial_state),
             (initial_time, self.set_initial_time),
             (params, self.set_params),
+            (nominal, self.set_nominal),
         ):
             if value is not None:
                 method(value)
@@ -336,6 +338,29 @@ class Ocp(OcpTerms, OcpSearch):
     def set_control_bounds(self, lower: Any = None, upper: Any = None) -> None:
         """Set bounds of the controls."""
         self._bounds("set_control_bounds", lower, upper, self.nu, "bounds of the controls")
+
+    def set_nominal(self, sizes: Mapping[str, Any]) -> None:
+        """Say how large quantities usually are, by their names (of states, controls, parameters) or as lists under "x", "u" and "p"
+        (NaN where nothing is known): `{"q": 1e-3, "force": 50}`. The solver measures variables by that; what is not given it takes
+        from bounds, initial values, guesses and simulations."""
+        if not isinstance(sizes, Mapping):
+            raise ArgumentError("nominal must be a dictionary from names to sizes, as {'q': 1e-3}")
+        counts = (self.nx, self.nu, self.np)
+        names = tuple(name for block in range(3) for name in self._named(block))
+        lists = {key: sizes[key] for key in "xup" if key in sizes and key not in names}
+        named = {key: value for key, value in sizes.items() if key not in lists}
+        unknown = [numpy.inf] * sum(counts)
+        values = numpy.array(filled(named, names, "nominal", unknown) if named else unknown, dtype=float)
+        values[values == numpy.inf] = numpy.nan
+        arrays = numpy.split(values, numpy.cumsum(counts)[:2])
+        for key, array, n in zip("xup", arrays, counts):
+            if key in lists:
+                given = numpy.asarray(lists[key], dtype=float)
+                if given.shape != (n,):
+                    raise DimensionError(f"nominal sizes {key!r} must be {n} numbers")
+                array[:] = numpy.where(numpy.isnan(given), array, given)
+        arrays = [numpy.ascontiguousarray(array) for array in arrays]
+        self._do("set_nominal", *(part for array in arrays for part in (address(array), len(array))))
 
     def set_initial_state(self, x0: Any) -> None:
         """Fix the initial state; the discrete states of a model may be left out."""
