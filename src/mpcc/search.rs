@@ -50,7 +50,7 @@ impl MpccSolver {
 
     /// A solve of the branch `sides` begins at `x0`.
     fn enter(&mut self, p: &mut dyn Mpcc, sides: &[Side], x0: &[f64]) {
-        self.begin(p);
+        self.begin_exact(p);
         self.scale(p, x0);
         self.st.start(x0, &mut self.point);
         self.sides.copy_from_slice(sides);

@@ -339,7 +339,7 @@ impl MpccSolver {
 
     fn solve_within(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
         let clock = Instant::now();
-        self.begin(p);
+        self.begin_exact(p);
         let s = self.settings;
         self.scale(p, x0);
         if self.st.bilinear.is_empty() {
@@ -389,7 +389,7 @@ impl MpccSolver {
         suggest: Suggest,
     ) -> &Solution {
         let clock = Instant::now();
-        self.begin(p);
+        self.begin_exact(p);
         self.scale(p, warm.x);
         self.load(p, warm);
         let ok = if self.st.bilinear.is_empty() {
@@ -552,7 +552,7 @@ impl MpccSolver {
         control: &mut Control,
     ) -> Outcome {
         let clock = Instant::now();
-        self.begin(p);
+        self.begin_exact(p);
         self.st.scaling.reset();
         let it = &mut self.saved;
         self.st.start(x0, &mut it.x);
@@ -595,6 +595,14 @@ impl MpccSolver {
         self.near = f64::INFINITY;
         self.branch_iterations = BRANCH_ITERATIONS;
         self.ipm.settings_mut().restoration = true;
+    }
+
+    /// The same for a solve that ends at an exact answer: sizes are rounded to powers of two. Bounds and points are then what they are
+    /// in the units of the problem, to the last bit, which degenerate active sets need. Smoothed problems, which decide what answer
+    /// is found, are measured by the sizes as they are.
+    pub(super) fn begin_exact(&mut self, p: &mut dyn Mpcc) {
+        self.begin(p);
+        self.st.scaling.round_sizes();
     }
 
     pub(super) fn run(
