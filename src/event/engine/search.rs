@@ -10,8 +10,8 @@ use crate::event::Contact;
 use crate::func::EvalError;
 use crate::stop;
 
-/// Weights, which are between 0 and 1, that are zero to rounding.
-const WEIGHT_ROUNDING: f64 = 256.0 * EPS;
+/// Weights, which are between 0 and 1, that are zero to the rounding of the linear system they solve.
+const WEIGHT_ROUNDING: f64 = 4096.0 * EPS;
 
 /// How the search for a switch in a step ended.
 pub(super) enum Found {
