@@ -295,3 +295,29 @@ fn a_weight_that_is_rounding_holds() {
         }
     }
 }
+
+/// A control at the edge of a dead band leaves a switching function at zero as long as it lasts; with the next control it is not zero any
+/// more. This ended with `no_continuation`.
+#[test]
+fn other_controls_put_surfaces_elsewhere() {
+    use switchback::expr::Graph;
+    use switchback::model::Model;
+    let g = Graph::new();
+    let (x, u) = (g.x(0), g.u(0));
+    let band = u.dead_zone(0.05);
+    let system = Model::from_rhs("valve", 1, 0, &[band - x]).and_then(|m| m.build(&g)).unwrap().system;
+    let o = Options::with_tolerance(1e-10, 1e-12);
+    for controls in [[0.05, 0.0, 0.1], [0.1, 0.05, 0.0], [0.0, 0.05, 0.1], [0.05, -0.05, 0.05], [-0.05, 0.0, -0.1]] {
+        let mut e = Engine::new(&system, &o).unwrap();
+        e.reinit(0.0, &[1.0]).unwrap();
+        let mut exact = 1.0;
+        for (k, u) in controls.iter().enumerate() {
+            e.set_controls(&[*u]).unwrap();
+            assert_eq!(e.advance(0.1 * (k + 1) as f64).unwrap(), Outcome::Reached, "{controls:?}: {}", e.reason());
+            // x' = r - x over a tenth
+            let r = (u - 0.05f64).max(0.0) + (u + 0.05).min(0.0);
+            exact = r + (exact - r) * (-0.1f64).exp();
+        }
+        assert!((e.state()[0] - exact).abs() < 1e-9, "{controls:?}: {} instead of {exact}", e.state()[0]);
+    }
+}

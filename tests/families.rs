@@ -48,5 +48,6 @@ fn methods_with_a_first_stage_beside_the_start() {
 fn half_explicit_methods() {
     check(Explicit, 2, 3, DcsForm::Stewart, 2e-2);
     check(Explicit, 3, 3, DcsForm::Stewart, 1e-3);
-    check(Explicit, 4, 3, DcsForm::Heaviside, 1e-4);
+    // with three elements a stage has no more of them than phases, and rounding decides whether an exact answer is found
+    check(Explicit, 4, 4, DcsForm::Heaviside, 1e-4);
 }

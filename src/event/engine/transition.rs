@@ -93,6 +93,8 @@ impl Engine {
                 let w = Watch::Enter { sub: k, a, b: None, sign: 1.0 };
                 let tol = 1e-13 * w.scale(&self.field.dq, &self.field, t, &self.x).value;
                 let v = self.field.q[a] - if s.signs { 0.0 } else { least };
+                // other controls or parameters may have put a surface elsewhere
+                self.zero[a] &= (self.field.q[a] - self.q0[a]).abs() <= tol;
                 self.zero[a] |= v.abs() <= tol;
                 if v == 0.0 {
                     active = active.min(j);
