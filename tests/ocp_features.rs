@@ -455,3 +455,30 @@ fn constraints_without_room_between_them() {
         assert_near(&[r.cost], &[0.25], 1e-9, &what);
     }
 }
+
+/// A valve with a dead band, `x' = u ∓ 1/2` beyond it: from 0 to 1 in four stages of length 1 with least `∫ u²`. With m stages open
+/// the flow is `1/m` and the cost `m (1/m + 1/2)²`, least for two; which two, nothing decides. Modes that controls choose jump
+/// with them: no control has to be at the edge of the band in between.
+#[test]
+fn controls_jump_over_a_dead_band() {
+    use switchback::expr::Graph;
+    use switchback::model::Model;
+    let g = Graph::new();
+    let u = g.u(0);
+    let system = Model::from_rhs("valve", 1, 0, &[u.dead_zone(0.5)]).and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 1, u: 1, p: 0 };
+    for guess in [None, Some([1.0, 1.0, 0.0, 0.0]), Some([0.0, 1.0, 0.0, 1.0])] {
+        let mut o = Ocp::new(&system, 4.0, 4, &from_all_starts(Settings::default())).unwrap();
+        o.set_x0(&[0.0]).unwrap();
+        o.set_u_bounds(&[-3.0], &[3.0]).unwrap();
+        o.set_lagrange(Arc::new(g.function("cost", d, &[u * u]).unwrap())).unwrap();
+        o.add_terminal(Arc::new(g.function("end", d, &[g.x(0)]).unwrap()), &[1.0], &[1.0]).unwrap();
+        if let Some(u) = guess {
+            o.set_u_guess(&u).unwrap();
+        }
+        let r = solved(&mut o);
+        assert_eq!(r.polish, Polish::Done, "{guess:?}");
+        assert!((r.cost - 2.0).abs() < 1e-9, "{guess:?}: {} with {:?}", r.cost, r.controls);
+        assert!(r.controls.iter().all(|u| u.abs() < 1e-6 || (u - 1.0).abs() < 1e-6), "{guess:?}: {:?}", r.controls);
+    }
+}

@@ -190,8 +190,7 @@ impl Fesd {
             }
             if let Some(row) = e.row_sum_lambda {
                 for k in 0..l.n_cells {
-                    let all = e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end);
-                    c[row + k] = w[e.sum_lambda + k] - all.map(|&j| w[j + k]).sum::<f64>();
+                    c[row + k] = w[e.sum_lambda + k] - l.lambdas(e, k).map(|j| w[j + k]).sum::<f64>();
                 }
             }
             for (row, weights) in [(e.row_first, &self.first), (e.row_last, &self.last)] {
@@ -432,7 +431,7 @@ impl Fesd {
                 }
                 if let Some(row) = e.row_sum_lambda {
                     s.add(row + c, e.sum_lambda + c, 1.0);
-                    for &j in e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end) {
+                    for j in l.lambdas(e, c) {
                         s.add(row + c, j + c, -1.0);
                     }
                 }

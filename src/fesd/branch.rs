@@ -411,7 +411,7 @@ impl Mpcc for Fesd {
             let mut fix_active = |c: usize, says_mu: bool| {
                 let first = self.first_counts() || says_mu;
                 // the start is the end of the element before
-                let start = e.lambda_start.filter(|_| !drifts || i_e == 0);
+                let start = l.start_of(e, c).filter(|_| !drifts || i_e == 0);
                 let end = e.lambda_end.filter(|_| !drifts);
                 for &j in start.iter().chain(&e.lambda[usize::from(!first)..]).chain(&end) {
                     fix(b, j + c);
@@ -447,7 +447,12 @@ impl Mpcc for Fesd {
                 }
             }
             if let (true, Some(end)) = (drifts, e.lambda_end) {
-                let next = |c: usize| sides.get((i_e + 1) * n + c).map_or(active(c), |s| *s == Side::First);
+                // what jumps says nothing of the stage behind
+                let last = l.elements.get(i_e + 1).is_some_and(|b| b.stage != e.stage);
+                let next = |c: usize| match sides.get((i_e + 1) * n + c) {
+                    Some(s) if !(last && l.jumping[c]) => *s == Side::First,
+                    _ => active(c),
+                };
                 for cells in &self.spec.dcs.form().simplices {
                     let reference =
                         cells.clone().find(|&c| active(c) && next(c)).or(cells.clone().find(|&c| active(c)));
@@ -468,7 +473,7 @@ impl Mpcc for Fesd {
             }
             let before = |c: usize| sides[(i_e - 1) * n + c] == Side::First;
             if let Some(row) = e.row_slope {
-                for c in (0..n).filter(|&c| before(c) && !active(c)) {
+                for c in (0..n).filter(|&c| before(c) && !active(c) && l.start_of(e, c).is_some()) {
                     b.cl[row + c] = 0.0;
                 }
             }

@@ -292,6 +292,8 @@ pub(super) struct Layout {
     pub z: std::ops::Range<usize>,
     /// Cells, and all weights: cells, then products.
     pub n_cells: usize,
+    /// Cells whose indicators depend on controls and parameters only: they are constant in a control stage, and jump at its start.
+    pub jumping: Vec<bool>,
     pub n_weights: usize,
     pub n_mu: usize,
     pub n: usize,
@@ -346,6 +348,21 @@ impl Counter {
         self.0 += k;
         self.0 - k
     }
+}
+
+/// Cells whose indicators depend on neither states nor time.
+fn jumping(spec: &Spec) -> Vec<bool> {
+    let form = spec.dcs.form();
+    let mut jumps = vec![true; form.n_cells];
+    for r in &form.rows {
+        let f = &form.sources[r.source];
+        let (d, pattern) = (f.dims(), f.jac_pattern());
+        let moves = |j: usize| pattern.rows(j).iter().any(|&i| r.weights[i] != 0.0);
+        if (0..d.x).chain([d.t_col()]).any(moves) {
+            r.lambda.iter().for_each(|&(c, _)| jumps[c] = false);
+        }
+    }
+    jumps
 }
 
 impl Layout {
@@ -416,6 +433,7 @@ impl Layout {
             nu,
             z,
             n_cells,
+            jumping: jumping(spec),
             n_weights,
             n_mu,
             n: 0,
@@ -552,6 +570,17 @@ impl Layout {
         Ok(l)
     }
 
+    /// The multiplier of cell `c` before the first stage point of an element. It is that of the end of the element before; there is none
+    /// where the indicators jump in between.
+    pub fn start_of(&self, e: &ElementIndex, c: usize) -> Option<usize> {
+        e.lambda_start.filter(|_| e.n > 0 || e.stage == 0 || !self.jumping[c])
+    }
+
+    /// All multipliers of cell `c` in an element, by the first of their block.
+    pub fn lambdas<'a>(&self, e: &'a ElementIndex, c: usize) -> impl Iterator<Item = usize> + 'a {
+        self.start_of(e, c).into_iter().chain(e.lambda.iter().copied()).chain(e.lambda_end)
+    }
+
     /// Elements of stage `k`.
     pub fn stage(&self, k: usize) -> &[ElementIndex] {
         &self.elements[self.first[k]..self.first[k + 1]]
@@ -581,14 +610,15 @@ impl Layout {
                     }
                 }
                 Cross::Point => {
-                    for &lam in e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end) {
+                    let lambdas: Vec<usize> = self.lambdas(e, c).collect();
+                    for lam in lambdas {
                         self.pairs.push((lam + c, e.sum_theta + c));
                         self.groups.push(base + c);
                     }
                 }
                 Cross::Full => {
-                    let lambdas = e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end);
-                    for &lam in lambdas {
+                    let lambdas: Vec<usize> = self.lambdas(e, c).collect();
+                    for lam in lambdas {
                         for i in 0..n_s {
                             self.pairs.push((lam + c, e.theta[i] + c));
                             self.groups.push(base + c);

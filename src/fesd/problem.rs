@@ -499,8 +499,7 @@ impl Fesd {
                 w[e.sum_theta + c] = e.theta.iter().map(|&j| w[j + c]).sum();
             }
             if e.row_sum_lambda.is_some() {
-                let all = e.lambda_start.iter().chain(&e.lambda).chain(&e.lambda_end);
-                w[e.sum_lambda + c] = all.map(|&j| w[j + c]).sum();
+                w[e.sum_lambda + c] = self.l.lambdas(e, c).map(|j| w[j + c]).sum();
             }
         }
     }

@@ -220,6 +220,10 @@ impl Judge<'_> {
                 continue;
             };
             let Some((normal, moves)) = self.surface(from, to, before.end.t, &before.end.x, k - 1) else { continue };
+            if normal.iter().all(|n| *n == 0.0) && moves == 0.0 {
+                // a mode that controls choose
+                continue;
+            }
             let over = |fa: &[f64], fb: &[f64]| -> Option<Vec<f64>> {
                 let v = dot(&normal, fa) + moves;
                 let terms = normal.iter().zip(fa).map(|(n, f)| (n * f).abs()).sum::<f64>() + moves.abs();
