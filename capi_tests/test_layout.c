@@ -71,7 +71,7 @@ int main(void)
     FIELD(60, max_memory);
     FIELD(61, ocp_start);
     FIELD(62, portfolio);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 62);
+    CHECK(sizeof(swb_settings) == (size_t)8 * 63);
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);
