@@ -275,4 +275,5 @@ def test_gene_networks_in_both_forms(solved):
     ocp.set_control_guess(answer.controls)
     other = ocp.solve()
     assert other.outcome is swb.Outcome.SOLVED
-    assert other.cost == pytest.approx(answer.cost, abs=1e-9)
+    # elements that end without a length are given to other phases, so the two grids may differ, and the costs by their errors
+    assert other.cost == pytest.approx(answer.cost, abs=1e-5)
