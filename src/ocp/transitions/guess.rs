@@ -102,7 +102,7 @@ impl Guess {
                 }
                 _ => 0.5 * (from + to),
             };
-            let t = if p.at_once { from } else { wanted.clamp(from + margin, to - margin) };
+            let t = if p.at_once { from } else { wanted.max(from + margin).min(to - margin) };
             let before = passages.last().copied().unwrap_or(0.0);
             passages.push(if p.at_once { t.max(before) } else { t.max(before + 0.1 * margin).min(to) });
         }
@@ -228,7 +228,7 @@ fn passages(sequence: &[Passage], jumps: &[event::Jump], t0: f64, g: &Guess) -> 
     let time = |p: &Passage| {
         if let Some(j) = jumps.next_if(|j| j.transition == p.transition) {
             let (from, to) = g.stage(p.stage);
-            last = (j.t - t0).clamp(from, to);
+            last = (j.t - t0).max(from).min(to);
         }
         last
     };
