@@ -229,7 +229,6 @@ impl Structure {
         out.xu[..n].copy_from_slice(&inner.xu);
         out.cl[..m].copy_from_slice(&inner.cl);
         out.cu[..m].copy_from_slice(&inner.cu);
-        self.scaling.remember(inner);
         self.scaling.bounds(out);
         out.cl[m..].fill(f64::NEG_INFINITY);
         out.cu[m..].fill(f64::INFINITY);

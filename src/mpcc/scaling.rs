@@ -30,23 +30,12 @@ pub(super) struct Scaling {
     /// Are there sizes other than 1?
     pub sized: bool,
     weights: Vec<f64>,
-    /// Bounds of variables whose size is no power of two, in units of it and as they are: `x / size * size` is not always `x`.
-    exact: Vec<Exact>,
-}
-
-/// The bounds `[lower, upper]` of a variable.
-#[derive(Debug, Clone, Copy)]
-struct Exact {
-    variable: usize,
-    scaled: [f64; 2],
-    own: [f64; 2],
 }
 
 impl Scaling {
     /// No scaling, for `n` variables and `m` rows.
     pub fn new(n: usize, m: usize) -> Scaling {
-        let (rows, sizes, weights) = (vec![1.0; m], vec![1.0; n], vec![0.0; m]);
-        Scaling { objective: 1.0, rows, sizes, sized: false, weights, exact: Vec::with_capacity(n) }
+        Scaling { objective: 1.0, rows: vec![1.0; m], sizes: vec![1.0; n], sized: false, weights: vec![0.0; m] }
     }
 
     /// Factors 1.
@@ -63,13 +52,11 @@ impl Scaling {
             *s = if *s > 0.0 && s.is_finite() { *s } else { 1.0 };
         }
         self.sized = self.sizes.iter().any(|s| *s != 1.0);
-        self.exact.clear();
     }
 
     /// Sizes that are powers of two: variables and bounds are then what they are in their own units, to the last bit.
     pub fn round_sizes(&mut self) {
         self.sizes.iter_mut().for_each(|s| *s = s.log2().round().exp2());
-        self.exact.clear();
     }
 
     /// All sizes and factors 1.
@@ -77,7 +64,6 @@ impl Scaling {
         self.reset();
         self.sizes.fill(1.0);
         self.sized = false;
-        self.exact.clear();
     }
 
     /// Factors from the gradients at a point, with respect to variables of their sizes.
@@ -117,14 +103,8 @@ impl Scaling {
         out.iter_mut().zip(x).zip(&self.sizes).for_each(|((o, x), s)| *o = x / s);
     }
 
-    /// A variable at a bound has the value of that to the last bit, which degenerate active sets need.
     pub fn grow(&self, x: &[f64], out: &mut [f64]) {
         out.iter_mut().zip(x).zip(&self.sizes).for_each(|((o, x), s)| *o = x * s);
-        for e in &self.exact {
-            if let Some(side) = e.scaled.iter().position(|b| *b == x[e.variable]) {
-                out[e.variable] = e.own[side];
-            }
-        }
     }
 
     /// The multiplier of row `i` in the units of the solver.
@@ -168,18 +148,6 @@ impl Scaling {
             *t = y * s;
         }
         (w * self.objective, &self.weights)
-    }
-
-    /// Remembers the bounds of a problem in its own units, for [`Scaling::grow`].
-    pub fn remember(&mut self, own: &Bounds) {
-        self.exact.clear();
-        for (j, s) in self.sizes.iter().enumerate().filter(|_| self.sized) {
-            let own = [own.xl[j], own.xu[j]];
-            let scaled = own.map(|b| b / s);
-            if scaled.iter().zip(&own).any(|(b, o)| b.is_finite() && b * s != *o) {
-                self.exact.push(Exact { variable: j, scaled, own });
-            }
-        }
     }
 
     pub fn bounds(&self, out: &mut Bounds) {

@@ -49,6 +49,7 @@ impl MpccSolver {
         check(changes, bounds)?;
         let (x, y, z) = (s.x.clone(), s.y.clone(), s.z.clone());
         let warm = Warm { x: &x, y: &y, z: &z };
+        self.load(p, &warm);
         p.set_polishing(true);
         self.sides.copy_from_slice(&self.solution.sides);
         self.branch.copy_from(bounds);
@@ -56,28 +57,19 @@ impl MpccSolver {
             p.branch(&self.sides, &mut self.branch);
         }
         let stats = self.solution.stats;
-        let mut found: Vec<Option<Tangent>> = vec![None; changes.len()];
-        for units in [Units::Sizes, Units::Powers, Units::Own] {
-            // where the optimum is flat, which bounds are active may be clearer without the rounding of sizes, or in the units of
-            // the problem
-            if units != Units::Sizes && !self.st.scaling.sized {
-                break;
-            }
-            match units {
-                Units::Sizes => (),
-                Units::Powers => self.st.scaling.round_sizes(),
-                Units::Own => self.st.scaling.forget_sizes(),
-            }
+        let mut settled = self.settle_saved(p, &mut Control::default());
+        if !settled && self.st.scaling.sized {
+            // where the optimum is flat, which bounds are active may be clearer in the units of the problem
+            self.st.scaling.forget_sizes();
             self.load(p, &warm);
-            if self.settle_saved(p, &mut Control::default()) {
-                let one_sided = self.active.is_weak(self.ipm.constraints());
-                self.fill(p, changes, one_sided, &mut found);
-                if found.contains(&None) && one_sided && self.let_go(p) {
-                    self.fill(p, changes, true, &mut found);
-                }
-            }
-            if found.iter().any(Option::is_some) {
-                break;
+            settled = self.settle_saved(p, &mut Control::default());
+        }
+        let mut found: Vec<Option<Tangent>> = vec![None; changes.len()];
+        if settled {
+            let one_sided = self.active.is_weak(self.ipm.constraints());
+            self.fill(p, changes, one_sided, &mut found);
+            if found.contains(&None) && one_sided && self.let_go(p) {
+                self.fill(p, changes, true, &mut found);
             }
         }
         self.solution.stats = stats;
@@ -134,17 +126,6 @@ impl MpccSolver {
         }
         Some(Tangent { x: dx, y: dy, objective, one_sided })
     }
-}
-
-/// What variables are measured in.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Units {
-    /// Their sizes.
-    Sizes,
-    /// The powers of two next to them.
-    Powers,
-    /// Those of the problem.
-    Own,
 }
 
 fn check(changes: &[Change], b: &Bounds) -> Result<()> {

@@ -157,19 +157,19 @@ impl Control<'_> {
 
     /// Runs `body` with this as the stop of the thread, to end at most `seconds` from now.
     pub(crate) fn within<R>(&mut self, seconds: f64, body: impl FnOnce(&mut Self) -> R) -> R {
-        let given = self.stop.clone();
-        self.stop.limit(seconds);
-        let stop = self.stop.clone();
-        let r = stop.scope(|| body(self));
-        self.stop = given;
-        r
+        let mut stop = self.stop.clone();
+        stop.limit(seconds);
+        self.under(stop, body)
     }
 
     /// Runs `body`, to end after this share of the time that is left; what follows has the rest.
     pub(crate) fn sooner<R>(&mut self, share: f64, body: impl FnOnce(&mut Self) -> R) -> R {
-        let given = self.stop.clone();
-        self.stop = given.sooner(share);
-        let stop = self.stop.clone();
+        self.under(self.stop.sooner(share), body)
+    }
+
+    /// Runs `body` with another stop, which is that of the thread meanwhile.
+    fn under<R>(&mut self, stop: Stop, body: impl FnOnce(&mut Self) -> R) -> R {
+        let given = std::mem::replace(&mut self.stop, stop.clone());
         let r = stop.scope(|| body(self));
         self.stop = given;
         r

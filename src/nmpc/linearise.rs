@@ -91,6 +91,18 @@ pub(super) struct Linearisation {
     break_away: Vec<Option<[f64; 2]>>,
 }
 
+/// The start of stage `k` from the states `x` up to it and the controls `u` of all stages.
+fn start<'a>(nodes: &'a Nodes, k: usize, x: &'a [f64], u: &'a [f64]) -> Starts<'a> {
+    let (nx, nu, np) = (nodes.nx, nodes.nu, nodes.np);
+    Starts {
+        x: &x[k * nx..],
+        u: &u[k * nu..(k + 1) * nu],
+        p: &nodes.p[k * np..(k + 1) * np],
+        t: &nodes.t[k..=k],
+        h: &nodes.h[k..=k],
+    }
+}
+
 impl Linearisation {
     pub fn new(model: &Model, qp: StageQp, solver: Box<dyn QpSolver>, kind: HessianKind) -> Linearisation {
         let (n, nx, nu) = (qp.n, qp.nx, qp.nu);
@@ -143,16 +155,10 @@ impl Linearisation {
     /// Simulates the stages one after the other: from the first state and the controls of `at` to all other states, with
     /// derivatives for [`Linearisation::linearise_rolled`]. The program stays as it is.
     pub fn roll_out(&mut self, model: &mut Model, at: &mut Iterate) -> EvalResult {
-        let (n, nx, nu, np) = (self.qp.n, self.qp.nx, self.qp.nu, model.nodes.np);
+        let (n, nx, nu) = (self.qp.n, self.qp.nx, self.qp.nu);
         for k in 0..n {
             let (before, after) = at.x.split_at_mut((k + 1) * nx);
-            let starts = Starts {
-                x: &before[k * nx..],
-                u: &at.u[k * nu..(k + 1) * nu],
-                p: &model.nodes.p[k * np..(k + 1) * np],
-                t: &model.nodes.t[k..=k],
-                h: &model.nodes.h[k..=k],
-            };
+            let starts = start(&model.nodes, k, before, &at.u);
             let (a, b) = (&mut self.a[k * nx * nx..(k + 1) * nx * nx], &mut self.b[k * nx * nu..(k + 1) * nx * nu]);
             model.stage.linearise(&starts, &mut after[..nx], a, b, None)?;
             (0..nu).for_each(|j| self.break_away[k * nu + j] = model.stage.break_away(j));
@@ -163,16 +169,10 @@ impl Linearisation {
 
     /// As [`Linearisation::roll_out`] without derivatives.
     pub fn simulate(model: &mut Model, at: &mut Iterate) -> EvalResult {
-        let (n, nx, nu, np) = (model.nodes.n, model.nodes.nx, model.nodes.nu, model.nodes.np);
+        let (n, nx) = (model.nodes.n, model.nodes.nx);
         for k in 0..n {
             let (before, after) = at.x.split_at_mut((k + 1) * nx);
-            let starts = Starts {
-                x: &before[k * nx..],
-                u: &at.u[k * nu..(k + 1) * nu],
-                p: &model.nodes.p[k * np..(k + 1) * np],
-                t: &model.nodes.t[k..=k],
-                h: &model.nodes.h[k..=k],
-            };
+            let starts = start(&model.nodes, k, before, &at.u);
             model.stage.values(&starts, &mut after[..nx])?;
         }
         Ok(())
