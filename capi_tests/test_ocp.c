@@ -298,7 +298,8 @@ static void free_lengths(void)
     int64_t length = 0;
     int32_t outcome = -1;
     swb_function *all[4];
-    double found[2], cost = 0.0, violation = -1.0;
+    double found[2], times[3], costates[6], cost = 0.0, violation = -1.0;
+    int64_t n_times = 0, width = 0;
     int i;
 
     all[0] = f0, all[1] = end, all[2] = rate, all[3] = across;
@@ -347,6 +348,18 @@ static void free_lengths(void)
     CHECK_STATUS(SWB_ERR_NULL, swb_ocp_get_optimality(ocp, NULL, sizeof optimality));
     CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_get_kink(ocp, 0, &kink, sizeof kink));
     CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_get_kink(ocp, -1, &kink, sizeof kink));
+    /* the Hamiltonian 1 + lambda_q v + lambda_v u of the fastest way vanishes, with u = 1 at the start and -2 at the end */
+    CHECK_OK(swb_ocp_multiplier_sizes(ocp, SWB_MULTIPLIERS_OF_COSTATES, 0, &n_times, &width));
+    CHECK(n_times == 3 && width == 2);
+    CHECK_OK(swb_ocp_get_multipliers(ocp, SWB_MULTIPLIERS_OF_COSTATES, 0, times, 3, costates, 6));
+    CHECK_NEAR(costates[1], -1.0, 1e-6);
+    CHECK_NEAR(costates[5], 0.5, 1e-6);
+    CHECK(times[0] == 0.0 && fabs(times[2] - sqrt(3.0)) < 1e-6);
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_ocp_get_multipliers(ocp, SWB_MULTIPLIERS_OF_COSTATES, 0, times, 3, costates, 5));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_multiplier_sizes(ocp, 9, 0, &n_times, &width));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_ocp_multiplier_sizes(ocp, SWB_MULTIPLIERS_OF_PATH, -1, &n_times, &width));
+    CHECK_OK(swb_ocp_count_multipliers(ocp, SWB_MULTIPLIERS_OF_PATH, &n_times));
+    CHECK(n_times == 0);
     CHECK_OK(swb_ocp_get_mismatch(ocp, found, 2));
     CHECK(found[0] <= accuracy.worst && found[1] <= accuracy.worst);
     CHECK_OK(swb_ocp_get_params(ocp, found, 1));

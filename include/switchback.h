@@ -1895,6 +1895,62 @@ typedef int32_t swb_verdict;
 #endif // __cplusplus
 
 /**
+ * What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active and negative where a
+ * lower one is: raising that bound by d changes the optimal cost by -d times the multiplier, to first order.
+ */
+enum swb_multipliers_of
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Costates, nx at the start of every control stage and at the end of the horizon: derivatives of the cost that is still to
+     * come, constraints behind that time included, with respect to the state; at the end, of terminal cost and constraints.
+     */
+    SWB_MULTIPLIERS_OF_COSTATES = 0,
+    /**
+     * Bounds of the initial state, nx: where it is fixed, the negative derivative of the optimal cost with respect to it.
+     */
+    SWB_MULTIPLIERS_OF_INITIAL_STATE = 1,
+    /**
+     * Bounds of the states, nx at the stage points and ends of all finite elements.
+     */
+    SWB_MULTIPLIERS_OF_STATES = 2,
+    /**
+     * Bounds of the controls, nu at the start of every control stage; zero for controls that are linear, whose values are bounded
+     * as states are.
+     */
+    SWB_MULTIPLIERS_OF_CONTROLS = 3,
+    /**
+     * Bounds of the parameters, np; zero for those that are given.
+     */
+    SWB_MULTIPLIERS_OF_PARAMS = 4,
+    /**
+     * A path constraint, at all points at which it holds; those of all points together are the effect of its bound.
+     */
+    SWB_MULTIPLIERS_OF_PATH = 5,
+    /**
+     * A terminal constraint.
+     */
+    SWB_MULTIPLIERS_OF_TERMINAL = 6,
+    /**
+     * A constraint between both ends of the horizon.
+     */
+    SWB_MULTIPLIERS_OF_BOUNDARY = 7,
+    /**
+     * A constraint that may be violated at a price.
+     */
+    SWB_MULTIPLIERS_OF_RELAXED = 8,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_multipliers_of swb_multipliers_of;
+#else
+typedef int32_t swb_multipliers_of;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Event-driven simulations of one system from several initial states, with controls and parameters of their own.
  */
 typedef struct swb_batch swb_batch;
@@ -3238,7 +3294,8 @@ typedef struct swb_nmpc_options {
      */
     int64_t steps;
     /**
-     * SWB_NMPC_SCHEME_ASC ends its iterations where states and controls change by less than this share of their size.
+     * SWB_NMPC_SCHEME_ASC ends its iterations where states and controls change by less than this share of their size,
+     * SWB_NMPC_SCHEME_AS_RTI where they would change by less from then on, by the estimated contraction (10.18).
      */
     double tol;
     /**
@@ -3532,7 +3589,7 @@ typedef struct swb_optimality {
     int64_t n_kinks;
     /**
      * Largest first-order change of the cost by one quantity within its bounds, over the size of the quantity, relative to
-     * what single terms of cost and constraints change; NaN where it is not known. Up to 1e-3 counts as none.
+     * what single terms of cost and constraints change; NaN where it is not known. Up to 1e-4 counts as none.
      */
     double residual;
 } swb_optimality;
@@ -3564,7 +3621,8 @@ typedef struct swb_kink {
     double after;
     /**
      * 1 where nothing switches, but a surface is touched and left to the side the state came from: `before` is then the
-     * derivative away from it, `after` that of a moment behind it. 0 otherwise.
+     * derivative away from it, `after` that of a moment behind it; where the control turns the state back at the end of a stage,
+     * on both sides, that of passing it. 0 otherwise.
      */
     int64_t touch;
 } swb_kink;
@@ -6411,8 +6469,37 @@ swb_status swb_nmpc_prepare(struct swb_nmpc *c,
                             uint64_t struct_size);
 
 /**
+ * Begin a preparation on a thread of the controller and return at once. swb_nmpc_feedback takes what was prepared; all other calls wait
+ * until the preparation is over, and nothing else may be freed or changed by them before. The thread is started by the first call and
+ * calls the functions of the model; where these may be called by one thread only (SWB_FUNCTION_FLAG_SERIAL), the preparation is
+ * made before the call returns.
+ *
+ * @param[in]  x_predicted [nx] the state that will be found; NULL with 0: one step of the model from the last state
+ * @param[out] started     1; 0 if a preparation is running already, which goes on; NULL if not wanted
+ * @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite. How the preparation ends is said by swb_nmpc_wait.
+ */
+SWB_API
+swb_status swb_nmpc_prepare_async(struct swb_nmpc *c,
+                                  const double *x_predicted,
+                                  int64_t nx,
+                                  int64_t *started);
+
+/**
+ * Wait for the preparation that swb_nmpc_prepare_async has begun.
+ *
+ * @param[out] info        as of swb_nmpc_prepare; NULL if not wanted
+ * @param[in]  struct_size sizeof(swb_nmpc_info)
+ * @return SWB_OK; as swb_nmpc_prepare, how the preparation ended; SWB_ERR_STATE where there was none
+ */
+SWB_API
+swb_status swb_nmpc_wait(struct swb_nmpc *c,
+                         struct swb_nmpc_info *info,
+                         uint64_t struct_size);
+
+/**
  * The control for a measured state. No model function is evaluated and nothing is allocated. There always is a control; info says
- * where it comes from, also for a state that is not finite.
+ * where it comes from, also for a state that is not finite. A preparation that runs on the controller's thread is waited for, for at
+ * most half of the deadline; then the control is that of the last plan and its feedback law, cut off at its bounds.
  *
  * @param[in]  x           [nx]
  * @param[out] u0          [nu]
@@ -6977,6 +7064,51 @@ swb_status swb_ocp_get_message(const struct swb_ocp *ocp,
                                char *buf,
                                int64_t len,
                                int64_t *needed);
+
+/**
+ * Constraints of a kind that multipliers belong to; 1 for what is no list.
+ *
+ * @param[in]  of enum swb_multipliers_of
+ * @param[out] n  constraints, in the order in which they were added
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_NULL
+ */
+SWB_API swb_status swb_ocp_count_multipliers(struct swb_ocp *ocp, int32_t of, int64_t *n);
+
+/**
+ * Sizes of the multipliers of the last solution.
+ *
+ * @param[in]  of      enum swb_multipliers_of
+ * @param[in]  index   which constraint, below swb_ocp_count_multipliers; does not count for what is no list
+ * @param[out] n_times points of time
+ * @param[out] width   numbers at each of them
+ * @return SWB_OK; SWB_ERR_NULL; otherwise as swb_ocp_get_multipliers
+ */
+SWB_API
+swb_status swb_ocp_multiplier_sizes(struct swb_ocp *ocp,
+                                    int32_t of,
+                                    int64_t index,
+                                    int64_t *n_times,
+                                    int64_t *width);
+
+/**
+ * Multipliers of the last solution, which must be exact: polished, or of a problem without switches. Not known of problems with
+ * transitions or contacts, and of several phases.
+ *
+ * @param[in]  of     enum swb_multipliers_of
+ * @param[in]  index  which constraint, in the order in which they were added; does not count for what is no list
+ * @param[out] times  [n_times] the points of time; those at the start of the horizon for initial state and parameters
+ * @param[out] values [n_values] n_times times the width, those of one point together
+ * @return SWB_OK; SWB_ERR_RANGE; SWB_ERR_DIMENSION; SWB_ERR_STATE without an exact solution; SWB_ERR_USER, SWB_ERR_NONFINITE if
+ *         the model fails
+ */
+SWB_API
+swb_status swb_ocp_get_multipliers(struct swb_ocp *ocp,
+                                   int32_t of,
+                                   int64_t index,
+                                   double *times,
+                                   int64_t n_times,
+                                   double *values,
+                                   int64_t n_values);
 
 /**
  * Name of an enum swb_verdict, such as "kink"; NULL for any other number. Static.

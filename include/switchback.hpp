@@ -1297,6 +1297,19 @@ public:
         s.one_sided = one_sided != 0;
         return s;
     }
+    /// Multipliers of the last solution at points of time, as many values at each of them; see swb_multipliers_of for their signs,
+    /// for costates too.
+    struct Multipliers {
+        Vector times, values;
+    };
+    /// `index`: which constraint, in the order in which they were added; does not count for what is no list.
+    Multipliers multipliers(swb_multipliers_of of, std::int64_t index = 0) {
+        std::int64_t n = 0, width = 0;
+        detail::check(swb_ocp_multiplier_sizes(get(), of, index, &n, &width));
+        Multipliers m{Vector(static_cast<std::size_t>(n)), Vector(static_cast<std::size_t>(n * width))};
+        detail::check(swb_ocp_get_multipliers(get(), of, index, m.times.data(), n, m.values.data(), n * width));
+        return m;
+    }
     swb_polished polished() const {
         int32_t p = 0;
         detail::check(swb_ocp_get_polished(get(), &p));
@@ -1419,6 +1432,18 @@ public:
     swb_nmpc_info prepare(View predicted = {}) {
         swb_nmpc_info info{};
         detail::check(swb_nmpc_prepare(get(), predicted.data(), predicted.length(), &info, sizeof info));
+        return info;
+    }
+    /// Begins a preparation on a thread of the controller. False if one is running already, which goes on.
+    bool prepare_async(View predicted = {}) {
+        int64_t started = 0;
+        detail::check(swb_nmpc_prepare_async(get(), predicted.data(), predicted.length(), &started));
+        return started != 0;
+    }
+    /// Waits for that preparation, and throws what it failed with.
+    swb_nmpc_info wait() {
+        swb_nmpc_info info{};
+        detail::check(swb_nmpc_wait(get(), &info, sizeof info));
         return info;
     }
     /// The control for a measured state. There always is one, and the info says where it comes from.

@@ -56,7 +56,10 @@ NAVIGATION = """
       - Overview: benchmarks/README.md
       - Simulation: benchmarks/simulation.md
       - Programs: benchmarks/mpcc.md
+      - Scenes in optimal control: benchmarks/jumps.md
       - Model predictive control: benchmarks/nmpc.md
+      - Contraction of real-time iterations: benchmarks/nmpc_contraction.md
+      - Quadratic programs of control: benchmarks/nmpc_qp.md
       - Linear algebra: benchmarks/linalg.md
       - Evaluation of models: benchmarks/model-eval.md
   - Project:

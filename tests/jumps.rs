@@ -139,6 +139,25 @@ fn what_cannot_be_reached_says_so() {
 }
 
 #[test]
+fn a_wall_in_the_way_is_named() {
+    // the goal is one behind a wall: nothing but the gap of the wall keeps the cart from it
+    let g = Graph::new();
+    let mut scene = Scene::new("cart", 1, 1, 1, 0).unwrap();
+    scene.set_force(0, g.u(0).id()).unwrap();
+    scene.add_contact(Contact::new(&g, "wall", -g.x(0) + 1.0)).unwrap();
+    let built = scene.build(&g).unwrap();
+    let mut ocp = Ocp::new(&built.system, 1.0, 8, &Settings { n_s: 2, n_fe: 1, ..Settings::default() }).unwrap();
+    ocp.set_x0(&[0.0, 0.0]).unwrap();
+    ocp.set_u_bounds(&[-20.0], &[20.0]).unwrap();
+    ocp.set_lagrange(Arc::new(g.function("cost", built.dims, &[g.u(0) * g.u(0)]).unwrap())).unwrap();
+    ocp.add_terminal(Arc::new(g.function("goal", built.dims, &[g.x(0)]).unwrap()), &[2.0], &[2.0]).unwrap();
+    let r = ocp.solve(&mut Control::default()).unwrap();
+    assert_ne!(r.outcome, Outcome::Solved);
+    assert!(r.message.contains("most in control stage"), "{}", r.message);
+    assert!(r.message.contains("wall"), "{}", r.message);
+}
+
+#[test]
 fn friction_in_space_and_other_methods_are_refused() {
     let g = Graph::new();
     let mut scene = Scene::new("puck", 3, 3, 0, 0).unwrap();

@@ -54,8 +54,9 @@ fn mismatch_noise_and_delay() {
         let end = done.x[done.x.len() - 1];
         assert!((end[0] + 1.0).abs() < 0.1 && (end[1] - std::f64::consts::PI).abs() < 0.1, "{what}: {end:?}");
         assert!(turns <= 4, "{what}: {last:?}");
-        // plans that begin at a bound are tried after states that were not predicted: without them some of these loops cost 440
-        assert!(disturbance.delay > 0 || done.cost < 380.0, "{what}: {}", done.cost);
+        // after states that were not predicted plans that begin at a bound are tried, and improved for longer: without the former some of
+        // these loops cost 440, without the latter that with the delay 410
+        assert!(done.cost < 380.0, "{what}: {}", done.cost);
     }
     for (friction, disturbance) in [(1.2, with(0.0, 0)), (0.8, with(0.0, 0)), (1.0, with(2e-3, 0)), (1.0, with(0.0, 1))]
     {

@@ -482,3 +482,57 @@ fn controls_jump_over_a_dead_band() {
         assert!(r.controls.iter().all(|u| u.abs() < 1e-6 || (u - 1.0).abs() < 1e-6), "{guess:?}: {:?}", r.controls);
     }
 }
+
+/// A tank that is filled through a check valve by the pressure `u`: `x' = max(u − x, 0)`. The level is to be 1 over two stages of
+/// length 1, `∫ (x − 1)² + 0.3 u²`. With `u = (u1, 0)` the level is `u1 (1 − e^−t)`, then `a u1` with `a = 1 − 1/e`, and the cost is
+/// quadratic in `u1`; more pressure in the second stage costs more than it gains. The valve is open at the end of the first stage and
+/// closed at the start of the second, where the switching function of state and control jumps from 0.42 to −0.73.
+#[test]
+fn a_switching_function_of_state_and_control_jumps() {
+    use switchback::expr::Graph;
+    use switchback::model::Model;
+    let g = Graph::new();
+    let (x, u) = (g.x(0), g.u(0));
+    let system =
+        Model::from_rhs("tank", 1, 0, &[(u - x).max(g.constant(0.0))]).and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 1, u: 1, p: 0 };
+    let decay = (-1f64).exp();
+    let a = 1.0 - decay;
+    let squares = 1.0 - 2.0 * a + 0.5 * (1.0 - decay * decay) + a * a + 0.3;
+    let (u1, cost) = (1.0 / squares, 2.0 - 1.0 / squares);
+    for guess in [None, Some([1.0, 1.0]), Some([0.0, 1.0])] {
+        let mut o = Ocp::new(&system, 2.0, 2, &Settings { n_s: 3, ..Settings::default() }).unwrap();
+        o.set_x0(&[0.0]).unwrap();
+        o.set_u_bounds(&[-3.0], &[3.0]).unwrap();
+        let rate = (x - 1.0) * (x - 1.0) + 0.3 * u * u;
+        o.set_lagrange(Arc::new(g.function("cost", d, &[rate]).unwrap())).unwrap();
+        if let Some(u) = guess {
+            o.set_u_guess(&u).unwrap();
+        }
+        let r = o.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.polish, Polish::Done, "{guess:?}");
+        assert_near(&[r.cost], &[cost], 1e-6, "cost");
+        assert_near(&r.controls, &[u1, 0.0], 1e-4, "controls");
+    }
+}
+
+/// The same valve with a pressure that is given stage by stage, as a parameter: from 2 to 0 it closes at once.
+#[test]
+fn a_switching_function_of_a_stage_parameter_jumps() {
+    use switchback::expr::Graph;
+    use switchback::model::Model;
+    let g = Graph::new();
+    let (x, u, p) = (g.x(0), g.u(0), g.p(0));
+    let rate = (p - x).max(g.constant(0.0)) + u;
+    let system = Model::from_rhs("tank", 1, 1, &[rate]).and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 1, u: 1, p: 1 };
+    let mut o = Ocp::new(&system, 2.0, 2, &Settings { n_s: 3, ..Settings::default() }).unwrap();
+    o.set_x0(&[0.0]).unwrap();
+    o.set_lagrange(Arc::new(g.function("cost", d, &[u * u]).unwrap())).unwrap();
+    for stages in [[2.0, 0.0], [0.5, 2.0]] {
+        o.set_stage_params(&stages).unwrap();
+        let r = o.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.polish, Polish::Done, "{}", r.message);
+        assert!(r.cost < 1e-9 && r.accuracy.as_ref().unwrap().terminal < 1e-5, "{stages:?}: {:?}", r.accuracy);
+    }
+}

@@ -116,7 +116,96 @@ def two_discs(**options):
     return s, ocp
 
 
-PROBLEMS = [puck, slow_box, box, two_carts, three_carts, push_box, two_discs]
+def cart_pole(**options):
+    """A pole on a cart between two walls that its tip may lean against: upright again with little force."""
+    cart, tip, length = 1.0, 0.2, 0.5
+    s = swb.Scene("x a", u="F", name="cart-pole with walls")
+    (x, a), (vx, w) = s.q, s.v
+    coupling = tip * length * cos(a)
+    s.inertia([[cart + tip, coupling], [coupling, tip * length**2]])
+    s.force([s.u[0] + tip * length * sin(a) * w**2, tip * length * G * sin(a)])
+    reach = x + length * sin(a)
+    s.contact("left", gap=reach + 0.3)
+    s.contact("right", gap=0.3 - reach)
+    ocp = swb.Ocp(s, 2.0, 20, n_s=2, n_fe=2, initial_state=[0, 0.3, 0, 0.5], control_bounds=(-3, 3), **options)
+    ocp.set_lagrange(s.function(s.u[0] ** 2 + 10 * a**2 + x**2))
+    ocp.add_terminal(s.function([x, a, vx, w]), [0] * 4, [0] * 4)
+    return s, ocp
+
+
+def ball_in_cup(**options):
+    """A ball on a string that only pulls, below a cup that is driven: it is to be above the cup at the end."""
+    s = swb.Scene("cx cy x y", u="fx fy", name="ball in cup")
+    cx, cy, x, y = s.q
+    s.inertia([1, 1, 0.1, 0.1])
+    s.force([s.u[0], s.u[1], 0, -0.1 * G])
+    s.contact("string", gap=0.25 - (x - cx) ** 2 - (y - cy) ** 2)
+    start = [0, 0, 0, -0.5, 0, 0, 0, 0]
+    ocp = swb.Ocp(s, 1.5, 15, n_s=2, n_fe=2, initial_state=start, control_bounds=(-15, 15), **options)
+    ocp.set_lagrange(s.function(s.u[0] ** 2 + s.u[1] ** 2))
+    ocp.add_terminal(s.function([x - cx, y - cy]), [0, 0.1], [0, 0.1])
+    return s, ocp
+
+
+def drone(**options):
+    """A drone lifts a load off the ground by a tether that is slack at first, and brings it to rest in the air; the drone itself stays
+    above 0.3."""
+    s = swb.Scene("xd yd xl yl", u="ux uy", name="drone with a tether")
+    (xd, yd, xl, yl), v = s.q, s.v
+    s.inertia([1, 1, 0.3, 0.3])
+    s.force([s.u[0] - 0.1 * v[0], s.u[1] - G - 0.1 * v[1], -0.1 * v[2], -0.3 * G - 0.1 * v[3]])
+    s.contact("tether", gap=1 - (xd - xl) ** 2 - (yd - yl) ** 2)
+    s.contact("ground", gap=yl, tangents=[xl], mu=0.5)
+    start = [0, 0.5, 0, 0, 0, 0, 0, 0]
+    ocp = swb.Ocp(s, 3.0, 15, n_s=2, n_fe=2, initial_state=start, control_bounds=(-20, 20), **options)
+    ocp.set_lagrange(s.function(s.u[0] ** 2 + (s.u[1] - G) ** 2))
+    ocp.add_path(s.function([yd]), [0.3])
+    ocp.add_terminal(s.function([xl, yl, v[2], v[3]]), [2, 1, 0, 0], [2, 1, 0, 0])
+    return s, ocp
+
+
+def billiard(**options):
+    """A driven ball hits another one, which is to be at a place that no straight shot from there reaches."""
+    s = swb.Scene("x1 y1 x2 y2", u="fx fy", name="billiard")
+    (x1, y1, x2, y2), v = s.q, s.v
+    s.force([s.u[0] - 0.3 * v[0], s.u[1] - 0.3 * v[1], -0.3 * v[2], -0.3 * v[3]])
+    s.contact("balls", gap=sqrt((x1 - x2) ** 2 + (y1 - y2) ** 2) - 0.1, e=0.95)
+    s.contact("cushion", gap=1 - y2, e=0.8)
+    start = [0, 0, 1, 0.2, 0, 0, 0, 0]
+    ocp = swb.Ocp(s, 2.0, 20, n_s=2, n_fe=2, initial_state=start, control_bounds=(-15, 15), **options)
+    ocp.set_lagrange(s.function(s.u[0] ** 2 + s.u[1] ** 2))
+    ocp.add_terminal(s.function([x2, y2]), [1.5, -0.5], [1.5, -0.5])
+    return s, ocp
+
+
+def jumper(**options):
+    """Two masses with an actuator between them, on a floor: the lower one is to be high up in between, and both at rest at the end."""
+    s = swb.Scene("yb yf", u="F", name="jumper")
+    (yb, yf), (vb, vf) = s.q, s.v
+    s.inertia([2, 0.5])
+    s.force([s.u[0] - 2 * G, -s.u[0] - 0.5 * G])
+    s.contact("floor", gap=yf)
+    ocp = swb.Ocp(s, 1.5, 20, n_s=2, n_fe=2, initial_state=[0.5, 0, 0, 0], control_bounds=(-80, 80), **options)
+    ocp.add_path(s.function([yb - yf]), [0.2], [0.8])
+    ocp.set_lagrange(s.function(0.01 * s.u[0] ** 2 - 10 * yf))
+    ocp.add_terminal(s.function([yb, yf, vb, vf]), [0.5, 0, 0, 0], [0.5, 0, 0, 0])
+    return s, ocp
+
+
+PROBLEMS = [
+    puck,
+    slow_box,
+    box,
+    two_carts,
+    three_carts,
+    push_box,
+    cart_pole,
+    ball_in_cup,
+    drone,
+    billiard,
+    jumper,
+    two_discs,
+]
 
 
 def picture(s, ocp, r, path):

@@ -139,6 +139,7 @@ pub mod batch;
 pub mod nmpc;
 pub mod ocp;
 pub mod ocp_accuracy;
+pub mod ocp_multipliers;
 pub mod ocp_optimality;
 pub mod ocp_scene;
 pub mod ocp_search;

@@ -5,10 +5,10 @@ use super::handle::{self, Interrupt, Object};
 use super::integrator::listening;
 use super::ocp::{copied, swb_ocp};
 use super::raw;
-use super::report::{write_sized, Exclusive, Sized8};
+use super::report::{check_sized, write_sized, Sized8};
 use super::status::swb_status;
 use crate::error::{Error, Result};
-use crate::nmpc::{Feedback, Level, Monitor, Nmpc, Options, Preparation, QpMethod, Scheme};
+use crate::nmpc::{Feedback, Level, Monitor, Nmpc, Options, Preparation, QpMethod, Scheme, Worker};
 use crate::stop::Stop;
 use crate::tableau::Family;
 use std::mem::size_of;
@@ -94,8 +94,7 @@ pub enum swb_nmpc_qp_status {
 
 /// What is behind the handle.
 pub struct Controller {
-    nmpc: Exclusive<Nmpc>,
-    sizes: [usize; 3],
+    worker: Worker,
     u0: Vec<f64>,
     interrupt: Interrupt,
 }
@@ -123,7 +122,8 @@ pub struct swb_nmpc_options {
     pub n_s: i64,
     /// Steps in every control stage, 0 for as many as the settings have finite elements.
     pub steps: i64,
-    /// SWB_NMPC_SCHEME_ASC ends its iterations where states and controls change by less than this share of their size.
+    /// SWB_NMPC_SCHEME_ASC ends its iterations where states and controls change by less than this share of their size,
+    /// SWB_NMPC_SCHEME_AS_RTI where they would change by less from then on, by the estimated contraction (10.18).
     pub tol: f64,
     /// Seconds that swb_nmpc_feedback may take; infinite for as many as it needs.
     pub deadline: f64,
@@ -379,11 +379,13 @@ impl swb_nmpc_monitor {
 impl Controller {
     /// Runs `body`, which an interrupt ends.
     fn run<R>(&mut self, body: impl FnOnce(&mut Nmpc) -> Result<R>) -> Result<R> {
-        let (nmpc, interrupt) = (self.nmpc.get(), &self.interrupt);
-        let result = Stop::on(interrupt).scope(|| listening(|| body(nmpc)));
-        // one call ends, not the next
-        interrupt.store(false, Ordering::Relaxed);
-        result
+        let interrupt = &self.interrupt;
+        self.worker.with(|nmpc| {
+            let result = Stop::on(interrupt).scope(|| listening(|| body(nmpc)));
+            // one call ends, not the next
+            interrupt.store(false, Ordering::Relaxed);
+            result
+        })
     }
 }
 
@@ -418,9 +420,8 @@ pub unsafe extern "C" fn swb_nmpc_create(
             let options = swb_nmpc_options::read(options)?.options()?;
             let ocp = handle::with_mut(ocp, copied)?;
             let nmpc = Nmpc::new(&ocp, &options)?;
-            let sizes = [nmpc.n(), nmpc.nx(), nmpc.nu()];
-            let u0 = vec![0.0; sizes[2]];
-            Ok(Controller { nmpc: Exclusive::new(nmpc), sizes, u0, interrupt: interrupt.clone() })
+            let u0 = vec![0.0; nmpc.nu()];
+            Ok(Controller { worker: Worker::new(nmpc, interrupt), u0, interrupt: interrupt.clone() })
         })
     })
 }
@@ -434,7 +435,7 @@ pub unsafe extern "C" fn swb_nmpc_create(
 #[no_mangle]
 pub unsafe extern "C" fn swb_nmpc_sizes(c: *const swb_nmpc, n: *mut i64, nx: *mut i64, nu: *mut i64) -> swb_status {
     guard(|| unsafe {
-        let sizes = handle::with_ref(c, |c| Ok(c.sizes))?;
+        let sizes = handle::with_ref(c, |c| Ok(c.worker.sizes()))?;
         let outputs = [(n, "n"), (nx, "nx"), (nu, "nu")];
         outputs.iter().try_for_each(|(p, what)| raw::check(*p, what))?;
         outputs.into_iter().zip(sizes).try_for_each(|((p, what), v)| raw::write(p, v as i64, what))
@@ -483,9 +484,55 @@ pub unsafe extern "C" fn swb_nmpc_prepare(
 ) -> swb_status {
     guard(|| unsafe {
         let x = raw::slice(x_predicted, nx, "x_predicted")?;
+        check_info(info, struct_size)?;
         let done = handle::with_mut(c, |c| c.run(|c| c.prepare((nx != 0).then_some(x))))?;
         write_info(&swb_nmpc_info::of_preparation(&done), info, struct_size)
     })
+}
+
+/// Begin a preparation on a thread of the controller and return at once. swb_nmpc_feedback takes what was prepared; all other calls wait
+/// until the preparation is over, and nothing else may be freed or changed by them before. The thread is started by the first call and
+/// calls the functions of the model; where these may be called by one thread only (SWB_FUNCTION_FLAG_SERIAL), the preparation is
+/// made before the call returns.
+///
+/// @param[in]  x_predicted [nx] the state that will be found; NULL with 0: one step of the model from the last state
+/// @param[out] started     1; 0 if a preparation is running already, which goes on; NULL if not wanted
+/// @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a value is not finite. How the preparation ends is said by swb_nmpc_wait.
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_prepare_async(
+    c: *mut swb_nmpc,
+    x_predicted: *const f64,
+    nx: i64,
+    started: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let x = raw::slice(x_predicted, nx, "x_predicted")?;
+        let begun = handle::with_mut(c, |c| listening(|| c.worker.prepare((nx != 0).then_some(x))))?;
+        raw::write_optional(started, i64::from(begun));
+        Ok(())
+    })
+}
+
+/// Wait for the preparation that swb_nmpc_prepare_async has begun.
+///
+/// @param[out] info        as of swb_nmpc_prepare; NULL if not wanted
+/// @param[in]  struct_size sizeof(swb_nmpc_info)
+/// @return SWB_OK; as swb_nmpc_prepare, how the preparation ended; SWB_ERR_STATE where there was none
+#[no_mangle]
+pub unsafe extern "C" fn swb_nmpc_wait(c: *mut swb_nmpc, info: *mut swb_nmpc_info, struct_size: u64) -> swb_status {
+    guard(|| unsafe {
+        check_info(info, struct_size)?;
+        let done = handle::with_mut(c, |c| c.worker.wait())?;
+        write_info(&swb_nmpc_info::of_preparation(&done), info, struct_size)
+    })
+}
+
+/// Nothing is done where what it did could not be said.
+fn check_info(info: *mut swb_nmpc_info, struct_size: u64) -> Result<()> {
+    if info.is_null() {
+        return Ok(());
+    }
+    check_sized(info, struct_size, "info")
 }
 
 unsafe fn write_info(value: &swb_nmpc_info, info: *mut swb_nmpc_info, struct_size: u64) -> Result<()> {
@@ -496,7 +543,8 @@ unsafe fn write_info(value: &swb_nmpc_info, info: *mut swb_nmpc_info, struct_siz
 }
 
 /// The control for a measured state. No model function is evaluated and nothing is allocated. There always is a control; info says
-/// where it comes from, also for a state that is not finite.
+/// where it comes from, also for a state that is not finite. A preparation that runs on the controller's thread is waited for, for at
+/// most half of the deadline; then the control is that of the last plan and its feedback law, cut off at its bounds.
 ///
 /// @param[in]  x           [nx]
 /// @param[out] u0          [nu]
@@ -515,9 +563,10 @@ pub unsafe extern "C" fn swb_nmpc_feedback(
 ) -> swb_status {
     guard(|| unsafe {
         let x = raw::slice(x, nx, "x")?;
+        check_info(info, struct_size)?;
         let done = handle::with_mut(c, |c| {
-            raw::check_slice(u0, nu, c.sizes[2], "u0")?;
-            let done = c.nmpc.get().feedback(x, &mut c.u0)?;
+            raw::check_slice(u0, nu, c.u0.len(), "u0")?;
+            let done = c.worker.feedback(x, &mut c.u0)?;
             raw::write_slice(u0, nu, &c.u0, "u0")?;
             Ok(done)
         })?;
@@ -583,7 +632,7 @@ pub unsafe extern "C" fn swb_nmpc_set_time(c: *mut swb_nmpc, t0: f64) -> swb_sta
 /// @return SWB_OK; SWB_ERR_RANGE if they are not positive
 #[no_mangle]
 pub unsafe extern "C" fn swb_nmpc_set_deadline(c: *mut swb_nmpc, seconds: f64) -> swb_status {
-    guard(|| unsafe { handle::with_mut(c, |c| c.nmpc.get().set_deadline(seconds)) })
+    guard(|| unsafe { handle::with_mut(c, |c| c.worker.with(|c| c.set_deadline(seconds))) })
 }
 
 /// Set the iterate; its multipliers are zero.
@@ -601,7 +650,7 @@ pub unsafe extern "C" fn swb_nmpc_set_iterate(
 ) -> swb_status {
     guard(|| unsafe {
         let (x, u) = (raw::slice(x, n_x, "x")?, raw::slice(u, n_u, "u")?);
-        handle::with_mut(c, |c| c.nmpc.get().set_iterate(x, u))
+        handle::with_mut(c, |c| c.worker.with(|c| c.set_iterate(x, u)))
     })
 }
 
@@ -612,8 +661,10 @@ pub unsafe extern "C" fn swb_nmpc_set_iterate(
 pub unsafe extern "C" fn swb_nmpc_reset(c: *mut swb_nmpc) -> swb_status {
     guard(|| unsafe {
         handle::with_mut(c, |c| {
-            c.nmpc.get().reset();
-            Ok(())
+            c.worker.with(|c| {
+                c.reset();
+                Ok(())
+            })
         })
     })
 }
@@ -633,7 +684,7 @@ pub unsafe extern "C" fn swb_nmpc_get_plan(
 ) -> swb_status {
     guard(|| unsafe {
         handle::with_mut(c, |c| {
-            let [n, nx, nu] = c.sizes;
+            let [n, nx, nu] = c.worker.sizes();
             raw::check_slice(x, n_x, (n + 1) * nx, "x")?;
             raw::check_slice(u, n_u, n * nu, "u")?;
             c.run(|c| {
@@ -657,7 +708,7 @@ pub unsafe extern "C" fn swb_nmpc_get_monitor(
     struct_size: u64,
 ) -> swb_status {
     guard(|| unsafe {
-        let m = handle::with_mut(c, |c| Ok(swb_nmpc_monitor::of(c.nmpc.get().monitor())))?;
+        let m = handle::with_mut(c, |c| c.worker.with(|c| Ok(swb_nmpc_monitor::of(c.monitor()))))?;
         write_sized(&m, monitor, struct_size, "monitor")
     })
 }

@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::fesd::PathAt;
 use crate::memory::sizes;
 use crate::nlp::Outcome;
-use crate::ocp::{Around, Nominal, Ocp, OcpResult, OcpSensitivity};
+use crate::ocp::{Around, Multipliers, MultipliersOf, Nominal, Ocp, OcpResult, OcpSensitivity};
 use crate::settings::{LogLevel, Settings, Value};
 use std::ffi::{c_char, c_void};
 
@@ -150,16 +150,29 @@ impl Problem {
         }
     }
 
+    pub(super) fn count_multipliers(&mut self, of: MultipliersOf) -> usize {
+        self.ocp.get().count_multipliers(of)
+    }
+
+    pub(super) fn multipliers(&mut self, of: MultipliersOf) -> Result<Multipliers> {
+        self.of_solution(|ocp| ocp.multipliers(of))
+    }
+
     fn sensitivity(&mut self) -> Result<OcpSensitivity> {
+        self.of_solution(Ocp::sensitivity)
+    }
+
+    /// What is computed of the last solution, which calls model functions and can be interrupted.
+    fn of_solution<T>(&mut self, compute: impl FnOnce(&mut Ocp) -> Result<T>) -> Result<T> {
         self.result()?;
         let mut found = None;
         let ocp = self.ocp.get();
         let max_time = self.settings.max_time;
         self.hooks.run("ocp", LogLevel::Silent, |control| {
-            found = Some(control.within(max_time, |_| ocp.sensitivity())?);
+            found = Some(control.within(max_time, |_| compute(ocp))?);
             Ok(Outcome::Solved)
         })?;
-        found.ok_or_else(|| Error::Internal("no derivatives were computed".into()))
+        found.ok_or_else(|| Error::Internal("nothing was computed".into()))
     }
 
     pub(super) fn result(&self) -> Result<&OcpResult> {

@@ -51,7 +51,7 @@ pub struct swb_optimality {
     /// Switches that lie between two control stages, see swb_ocp_get_kink.
     pub n_kinks: i64,
     /// Largest first-order change of the cost by one quantity within its bounds, over the size of the quantity, relative to
-    /// what single terms of cost and constraints change; NaN where it is not known. Up to 1e-3 counts as none.
+    /// what single terms of cost and constraints change; NaN where it is not known. Up to 1e-4 counts as none.
     pub residual: f64,
 }
 unsafe impl Sized8 for swb_optimality {}
@@ -72,7 +72,8 @@ pub struct swb_kink {
     /// The same towards a switch in the stage behind.
     pub after: f64,
     /// 1 where nothing switches, but a surface is touched and left to the side the state came from: `before` is then the
-    /// derivative away from it, `after` that of a moment behind it. 0 otherwise.
+    /// derivative away from it, `after` that of a moment behind it; where the control turns the state back at the end of a stage,
+    /// on both sides, that of passing it. 0 otherwise.
     pub touch: i64,
 }
 unsafe impl Sized8 for swb_kink {}

@@ -267,12 +267,18 @@ unsafe impl Sized8 for swb_linear_stats {}
 unsafe impl Sized8 for super::diagnosis::swb_certificate {}
 unsafe impl Sized8 for crate::settings::Settings {}
 
-/// Write a struct to a caller whose header may be older or newer: what is new to us becomes zero.
-pub(super) unsafe fn write_sized<T: Sized8>(value: &T, out: *mut T, struct_size: u64, what: &str) -> Result<()> {
+/// Check that a struct of that size can be written to `out`: for several outputs, check all before the first is written.
+pub(super) fn check_sized<T: Sized8>(out: *const T, struct_size: u64, what: &str) -> Result<()> {
     raw::check(out, what)?;
     if !(8..=1 << 16).contains(&struct_size) || struct_size % 8 != 0 {
         return Err(Error::Dimension(format!("struct_size is {struct_size}, not the size of {what}")));
     }
+    Ok(())
+}
+
+/// Write a struct to a caller whose header may be older or newer: what is new to us becomes zero.
+pub(super) unsafe fn write_sized<T: Sized8>(value: &T, out: *mut T, struct_size: u64, what: &str) -> Result<()> {
+    check_sized(out, struct_size, what)?;
     let known = (struct_size as usize).min(size_of::<T>());
     unsafe {
         let bytes = out.cast::<u8>();

@@ -25,9 +25,9 @@ impl Fesd {
             }
         }
         copy(w, l.x0, o.x0, l.nx);
-        if let (Some(to), Some(at)) = (l.lambda0, o.lambda0) {
-            copy(w, to, at, l.n_cells);
-            copy(w, l.mu0, o.mu0, l.n_mu);
+        for (to, at) in l.starts.iter().zip(&o.starts) {
+            copy(w, to.lambda, at.lambda, l.n_cells);
+            copy(w, to.mu, at.mu, l.n_mu);
         }
         for (&to, &at) in l.u.iter().zip(&o.u) {
             copy(w, to, at, l.nu);

@@ -6,6 +6,7 @@
 use super::eta::{self, Shape};
 use super::layout::ElementIndex;
 use super::problem::{Call, ElementCalls, Fesd};
+use crate::dcs::IndicatorRow;
 use crate::memory;
 use crate::tableau::{Family, Tableau};
 
@@ -115,19 +116,28 @@ impl Fesd {
 
     /// The equations of the multipliers at one point.
     fn indicator_rows(&self, calls: &[Call], row: usize, lambda: usize, mu: usize, w: &[f64], c: &mut [f64]) {
-        for (k, r) in self.spec.dcs.form().rows.iter().enumerate() {
-            let val = calls[r.source].val;
-            let g: f64 = r.weights.iter().enumerate().map(|(j, v)| v * self.cache.val[val + j]).sum();
-            let multipliers = r.lambda.iter().fold(g, |g, &(cell, v)| g + v * w[lambda + cell]);
-            c[row + k] = r.mu.map_or(multipliers, |m| multipliers - w[mu + m]);
-        }
+        let rows = &self.spec.dcs.form().rows;
+        c[row..row + rows.len()]
+            .iter_mut()
+            .zip(rows)
+            .for_each(|(c, r)| *c = self.indicator_row(calls, r, lambda, mu, w));
+    }
+
+    fn indicator_row(&self, calls: &[Call], r: &IndicatorRow, lambda: usize, mu: usize, w: &[f64]) -> f64 {
+        let val = calls[r.source].val;
+        let g: f64 = r.weights.iter().enumerate().map(|(j, v)| v * self.cache.val[val + j]).sum();
+        let multipliers = r.lambda.iter().fold(g, |g, &(cell, v)| g + v * w[lambda + cell]);
+        r.mu.map_or(multipliers, |m| multipliers - w[mu + m])
     }
 
     pub(super) fn constraint_values(&self, w: &[f64], c: &mut [f64], f: &mut [f64], local: &mut [f64]) {
         let (l, t) = (&self.l, &self.tableau);
         let n_s = t.n_s;
-        if let Some(lam) = l.lambda0 {
-            self.indicator_rows(&self.ind_start, l.row_alg0, lam, l.mu0, w, c);
+        let rows = &self.spec.dcs.form().rows;
+        for (s, calls) in l.starts.iter().zip(&self.ind_start) {
+            for (i, &k) in s.rows.iter().enumerate() {
+                c[s.row + i] = self.indicator_row(calls, &rows[k], s.lambda, s.mu, w);
+            }
         }
         if let Some(row) = l.row_z0 {
             c[row..row + l.z.len()].fill(0.0);
@@ -304,19 +314,33 @@ impl Fesd {
     }
 
     fn indicator_jac<S: Sink>(&self, calls: &[Call], row: usize, lambda: usize, mu: usize, s: &mut S) {
-        for (k, r) in self.spec.dcs.form().rows.iter().enumerate() {
+        let all = 0..self.spec.dcs.form().rows.len();
+        self.indicator_rows_jac(calls, all.map(|k| (row + k, k)), lambda, mu, s);
+    }
+
+    /// Of the equations `k` in the rows given with them.
+    fn indicator_rows_jac<S: Sink>(
+        &self,
+        calls: &[Call],
+        rows: impl Iterator<Item = (usize, usize)>,
+        lambda: usize,
+        mu: usize,
+        s: &mut S,
+    ) {
+        for (row, k) in rows {
+            let r = &self.spec.dcs.form().rows[k];
             let call = &calls[r.source];
             for (p, &(col, o)) in self.jac_cols[call.f].iter().enumerate() {
                 let weight = r.weights[o as usize];
                 if let (Some(v), true) = (self.var(call, col), weight != 0.0) {
-                    s.add(row + k, v, weight * self.cache.jac[call.jac + p]);
+                    s.add(row, v, weight * self.cache.jac[call.jac + p]);
                 }
             }
             for &(cell, v) in &r.lambda {
-                s.add(row + k, lambda + cell, v);
+                s.add(row, lambda + cell, v);
             }
             if let Some(m) = r.mu {
-                s.add(row + k, mu + m, -1.0);
+                s.add(row, mu + m, -1.0);
             }
         }
     }
@@ -325,8 +349,9 @@ impl Fesd {
     pub(super) fn jacobian_entries<S: Sink>(&self, w: &[f64], f: &mut [f64], local: &mut [f64], s: &mut S) {
         let (l, t) = (&self.l, &self.tableau);
         let n_s = t.n_s;
-        if let Some(lam) = l.lambda0 {
-            self.indicator_jac(&self.ind_start, l.row_alg0, lam, l.mu0, s);
+        for (start, calls) in l.starts.iter().zip(&self.ind_start) {
+            let rows = start.rows.iter().enumerate().map(|(i, &k)| (start.row + i, k));
+            self.indicator_rows_jac(calls, rows, start.lambda, start.mu, s);
         }
         if let Some(row) = l.row_z0 {
             for (d, c) in self.spec.dcs.drifts().iter().zip(&self.drift_start) {

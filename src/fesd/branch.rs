@@ -64,8 +64,18 @@ impl Fesd {
         b.cl.fill(0.0);
         b.cu.fill(0.0);
         let nonneg = |b: &mut Bounds, from: usize| b.xl[from..from + l.n_cells].fill(0.0);
-        if let Some(j) = l.lambda0 {
-            nonneg(&mut b, j);
+        for s in &l.starts {
+            let [cells, mus] = s.members(self.spec.dcs.form());
+            if !s.whole {
+                b.xu[s.lambda..s.lambda + l.n_cells].fill(0.0);
+                b.xl[s.mu..s.mu + l.n_mu].fill(0.0);
+                b.xu[s.mu..s.mu + l.n_mu].fill(0.0);
+            }
+            nonneg(&mut b, s.lambda);
+            cells.into_iter().for_each(|c| b.xu[s.lambda + c] = f64::INFINITY);
+            for m in mus {
+                (b.xl[s.mu + m], b.xu[s.mu + m]) = (f64::NEG_INFINITY, f64::INFINITY);
+            }
         }
         for e in &l.elements {
             for i in 0..e.x.len() {
@@ -115,10 +125,10 @@ impl Fesd {
     /// from it: a value that is on a switching surface up to rounding would contradict `λ_{0,0} = 0`.
     pub fn free_signs(&self, b: &mut Bounds) {
         let l = &self.l;
-        if let Some(lambda0) = l.lambda0 {
+        if let Some(first) = l.starts.first() {
             // one active cell per subsystem keeps λ = 0: it says what μ is
             for cells in &self.spec.dcs.form().simplices {
-                let cells = lambda0 + cells.start..lambda0 + cells.end;
+                let cells = first.lambda + cells.start..first.lambda + cells.end;
                 let pinned = cells.clone().find(|&j| b.xu[j] == 0.0);
                 for j in cells.filter(|&j| Some(j) != pinned) {
                     b.xl[j] = f64::NEG_INFINITY;
@@ -135,6 +145,7 @@ impl Fesd {
                 b.xl[j] = f64::NEG_INFINITY;
             }
         };
+        l.starts.iter().skip(1).for_each(|s| free(s.lambda));
         for e in &l.elements {
             e.theta.iter().chain(&e.lambda).chain(&e.lambda_end).for_each(|&j| free(j));
             if e.row_sum_lambda.is_some() {
@@ -410,8 +421,8 @@ impl Mpcc for Fesd {
             let active = |c: usize| sides[i_e * n + c] == Side::First;
             let mut fix_active = |c: usize, says_mu: bool| {
                 let first = self.first_counts() || says_mu;
-                // the start is the end of the element before
-                let start = l.start_of(e, c).filter(|_| !drifts || i_e == 0);
+                // a start may be the end of the element before
+                let start = l.start_of(e, c).filter(|_| !drifts || !l.is_tied(e, c));
                 let end = e.lambda_end.filter(|_| !drifts);
                 for &j in start.iter().chain(&e.lambda[usize::from(!first)..]).chain(&end) {
                     fix(b, j + c);
@@ -448,9 +459,8 @@ impl Mpcc for Fesd {
             }
             if let (true, Some(end)) = (drifts, e.lambda_end) {
                 // what jumps says nothing of the stage behind
-                let last = l.elements.get(i_e + 1).is_some_and(|b| b.stage != e.stage);
-                let next = |c: usize| match sides.get((i_e + 1) * n + c) {
-                    Some(s) if !(last && l.jumping[c]) => *s == Side::First,
+                let next = |c: usize| match (l.elements.get(i_e + 1), sides.get((i_e + 1) * n + c)) {
+                    (Some(b), Some(s)) if l.is_tied(b, c) => *s == Side::First,
                     _ => active(c),
                 };
                 for cells in &self.spec.dcs.form().simplices {
@@ -473,7 +483,7 @@ impl Mpcc for Fesd {
             }
             let before = |c: usize| sides[(i_e - 1) * n + c] == Side::First;
             if let Some(row) = e.row_slope {
-                for c in (0..n).filter(|&c| before(c) && !active(c) && l.start_of(e, c).is_some()) {
+                for c in (0..n).filter(|&c| before(c) && !active(c) && l.is_tied(e, c)) {
                     b.cl[row + c] = 0.0;
                 }
             }

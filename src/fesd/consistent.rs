@@ -33,10 +33,11 @@ impl Fesd {
             let rows: Vec<f64> = form.rows.iter().map(|r| value(&calls[r.source], &r.weights)).collect();
             form.relaxed(&rows, sigma, theta, lambda, mu);
         };
-        if let Some(at) = l.lambda0 {
-            solve(&self.ind_start, &mut theta, &mut lambda, &mut mu);
-            w[at..at + l.n_cells].copy_from_slice(&lambda);
-            w[l.mu0..l.mu0 + l.n_mu].copy_from_slice(&mu);
+        for (s, calls) in l.starts.iter().zip(&self.ind_start) {
+            solve(calls, &mut theta, &mut lambda, &mut mu);
+            let [cells, mus] = s.members(form);
+            cells.into_iter().for_each(|c| w[s.lambda + c] = lambda[c]);
+            mus.into_iter().for_each(|m| w[s.mu + m] = mu[m]);
         }
         for (e, ec) in l.elements.iter().zip(&self.ecalls) {
             for i in 0..e.x.len() {

@@ -11,15 +11,17 @@ impl Fesd {
         wgt.fill(0.0);
         let l = &self.l;
         let form = self.spec.dcs.form();
-        let indicator = |wgt: &mut [f64], calls: &[Call], row: usize| {
-            for (k, r) in form.rows.iter().enumerate() {
-                for (j, v) in r.weights.iter().enumerate() {
-                    wgt[calls[r.source].wgt + j] += y[row + k] * v;
-                }
+        let equation = |wgt: &mut [f64], calls: &[Call], k: usize, row: usize| {
+            let r = &form.rows[k];
+            for (j, v) in r.weights.iter().enumerate() {
+                wgt[calls[r.source].wgt + j] += y[row] * v;
             }
         };
-        if l.lambda0.is_some() {
-            indicator(&mut wgt, &self.ind_start, l.row_alg0);
+        let indicator = |wgt: &mut [f64], calls: &[Call], row: usize| {
+            (0..form.rows.len()).for_each(|k| equation(wgt, calls, k, row + k));
+        };
+        for (s, calls) in l.starts.iter().zip(&self.ind_start) {
+            s.rows.iter().enumerate().for_each(|(i, &k)| equation(&mut wgt, calls, k, s.row + i));
         }
         if let Some(row) = l.row_z0 {
             for (d, c) in self.spec.dcs.drifts().iter().zip(&self.drift_start) {

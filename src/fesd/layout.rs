@@ -1,7 +1,7 @@
 //! Variables and rows of the discretised problem, numbered in the order of time.
 
 use super::eta::Shape;
-use crate::dcs::Dcs;
+use crate::dcs::{Dcs, Form};
 use crate::error::{Error, Result};
 use crate::settings::{Cross, Discretisation, Settings, StageForm, StepEquilibration};
 use crate::system::SharedFunction;
@@ -159,6 +159,8 @@ pub struct Spec {
     pub linear: Vec<bool>,
     /// Parameters that are variables of the problem `[np]`, or empty: none is.
     pub free_params: Vec<bool>,
+    /// May the stages have parameters of their own?
+    pub stage_params: bool,
     /// Cost rate.
     pub lagrange: Option<SharedFunction>,
     /// Terminal cost.
@@ -185,6 +187,7 @@ impl Spec {
             durations: Durations::Fixed,
             linear: Vec::new(),
             free_params: Vec::new(),
+            stage_params: false,
             lagrange: None,
             mayer: None,
             grid_cost: None,
@@ -235,6 +238,36 @@ impl Spec {
     }
 }
 
+/// Multipliers at the start of a control stage.
+#[derive(Debug, Clone)]
+pub(super) struct StartIndex {
+    /// The first element of the stage.
+    pub element: usize,
+    pub lambda: usize,
+    pub mu: usize,
+    /// Which equations of the form hold there, and the first row of theirs.
+    pub rows: Vec<usize>,
+    pub row: usize,
+    /// All of them: otherwise only some of the multipliers are there, and the others are zero.
+    pub whole: bool,
+}
+
+impl StartIndex {
+    /// The cells and the `μ` that are there, each once.
+    pub fn members(&self, form: &Form) -> [Vec<usize>; 2] {
+        let of = |k: &usize| &form.rows[*k];
+        let mut out = [
+            self.rows.iter().flat_map(|k| of(k).lambda.iter().map(|l| l.0)).collect::<Vec<_>>(),
+            self.rows.iter().filter_map(|k| of(k).mu).collect(),
+        ];
+        out.iter_mut().for_each(|list| {
+            list.sort_unstable();
+            list.dedup();
+        });
+        out
+    }
+}
+
 /// Variables and rows of one finite element. Blocks are given by their first index.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ElementIndex {
@@ -250,8 +283,10 @@ pub(super) struct ElementIndex {
     pub theta: Vec<usize>,
     pub lambda: Vec<usize>,
     pub mu: Vec<usize>,
-    /// Boundary multipliers: before the first stage point, and after the last where that is no boundary.
+    /// Boundary multipliers: before the first stage point, those at the end of the element before or of the initial state, and those
+    /// of the stage's own, see [`Across`]; and after the last stage point where that is no boundary.
     pub lambda_start: Option<usize>,
+    pub lambda_own: Option<usize>,
     pub lambda_end: Option<usize>,
     pub mu_end: usize,
     pub sum_theta: usize,
@@ -292,16 +327,15 @@ pub(super) struct Layout {
     pub z: std::ops::Range<usize>,
     /// Cells, and all weights: cells, then products.
     pub n_cells: usize,
-    /// Cells whose indicators depend on controls and parameters only: they are constant in a control stage, and jump at its start.
-    pub jumping: Vec<bool>,
+    /// How the multipliers of every cell go on from one control stage to the next.
+    pub across: Vec<Across>,
     pub n_weights: usize,
     pub n_mu: usize,
     pub n: usize,
     pub m: usize,
     pub x0: usize,
-    pub mu0: usize,
-    pub lambda0: Option<usize>,
-    pub row_alg0: usize,
+    /// Multipliers at the start of control stages that do not follow from those at the end of the stage before.
+    pub starts: Vec<StartIndex>,
     /// Residuals of the algebraic equations at `x0`, where they determine the algebraic states there.
     pub row_z0: Option<usize>,
     /// Per stage: controls, or their rates where they are linear.
@@ -350,19 +384,48 @@ impl Counter {
     }
 }
 
-/// Cells whose indicators depend on neither states nor time.
-fn jumping(spec: &Spec) -> Vec<bool> {
+/// How the multipliers of a cell go on from one control stage to the next.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Across {
+    /// Those at the end are those at the start of the next: the indicators are continuous.
+    Tied,
+    /// There are none at the start: the indicators depend on what is constant in a stage, and jump at its end.
+    Nothing,
+    /// There are others at the start: the indicators depend on states, or the time, and on what jumps.
+    Own,
+}
+
+/// Of every cell. What jumps at the ends of stages are controls that are not linear, and parameters where the stages have their own.
+fn across(spec: &Spec) -> Vec<Across> {
     let form = spec.dcs.form();
-    let mut jumps = vec![true; form.n_cells];
+    let mut depends = vec![[false; 2]; form.n_cells];
     for r in &form.rows {
         let f = &form.sources[r.source];
         let (d, pattern) = (f.dims(), f.jac_pattern());
-        let moves = |j: usize| pattern.rows(j).iter().any(|&i| r.weights[i] != 0.0);
-        if (0..d.x).chain([d.t_col()]).any(moves) {
-            r.lambda.iter().for_each(|&(c, _)| jumps[c] = false);
+        let on = |j: usize| pattern.rows(j).iter().any(|&i| r.weights[i] != 0.0);
+        let linear = |j: usize| spec.linear.get(j).copied().unwrap_or(false);
+        let moves = (0..d.x).chain([d.t_col()]).any(on) || (0..d.u).any(|j| linear(j) && on(d.x + j));
+        let params = if spec.stage_params { d.x + d.u..d.t_col() } else { 0..0 };
+        let jumps = (0..d.u).any(|j| !linear(j) && on(d.x + j)) || params.into_iter().any(on);
+        for &(c, _) in &r.lambda {
+            depends[c] = [depends[c][0] || moves, depends[c][1] || jumps];
         }
     }
-    jumps
+    let mut out: Vec<Across> = depends
+        .iter()
+        .map(|d| match d {
+            [false, _] => Across::Nothing,
+            [true, false] => Across::Tied,
+            [true, true] => Across::Own,
+        })
+        .collect();
+    // the multiplier `μ` of a subsystem is one for all its cells
+    for cells in &form.simplices {
+        if out[cells.clone()].contains(&Across::Own) {
+            out[cells.clone()].fill(Across::Own);
+        }
+    }
+    out
 }
 
 impl Layout {
@@ -420,28 +483,28 @@ impl Layout {
             (0..d.p).map(|j| spec.free_params.get(j).copied().unwrap_or(false).then(|| var.take(1))).collect();
         let horizon = (spec.durations == Durations::Horizon).then(|| var.take(1));
         let x0 = var.take(nx);
-        let (mut mu0, mut lambda0, mut row_alg0) = (0, None, 0);
+        let across = across(spec);
+        let mut starts = Vec::new();
         if fesd {
-            lambda0 = Some(var.take(n_cells));
-            mu0 = var.take(n_mu);
-            row_alg0 = row.take(n_rows);
+            let all = StartIndex { element: 0, lambda: 0, mu: 0, rows: (0..n_rows).collect(), row: 0, whole: true };
+            starts.push(StartIndex { lambda: var.take(n_cells), mu: var.take(n_mu), row: row.take(n_rows), ..all });
         }
+        let own = |k: &usize| form.rows[*k].lambda.iter().any(|&(c, _)| across[c] == Across::Own);
+        let own: Vec<usize> = (0..n_rows).filter(own).collect();
         let row_z0 = spec.dcs.determines_algebraic().then(|| row.take(z.len()));
-        let (mut x_prev, mut lambda_prev) = (x0, lambda0);
+        let (mut x_prev, mut lambda_prev) = (x0, starts.first().map(|s| s.lambda));
         let mut l = Layout {
             nx,
             nu,
             z,
             n_cells,
-            jumping: jumping(spec),
+            across,
             n_weights,
             n_mu,
             n: 0,
             m: 0,
             x0,
-            mu0,
-            lambda0,
-            row_alg0,
+            starts,
             row_z0,
             u: Vec::new(),
             linear,
@@ -468,9 +531,15 @@ impl Layout {
             l.u.push(u);
             let time = if spec.durations == Durations::Stages { Some(var.take(1)) } else { horizon };
             l.time.push(time);
+            let element = l.elements.len();
+            if fesd && k > 0 && !own.is_empty() {
+                let (lambda, mu, row) = (var.take(n_cells), var.take(n_mu), row.take(own.len()));
+                l.starts.push(StartIndex { element, lambda, mu, rows: own.clone(), row, whole: false });
+            }
             for n in 0..n_fe {
                 let mut e =
                     ElementIndex { stage: k, n, u, x_start: x_prev, lambda_start: lambda_prev, ..Default::default() };
+                e.lambda_own = l.starts.last().filter(|s| n == 0 && s.element == element).map(|s| s.lambda);
                 if fesd || time.is_some() {
                     e.h = Some(var.take(1));
                 }
@@ -570,10 +639,19 @@ impl Layout {
         Ok(l)
     }
 
-    /// The multiplier of cell `c` before the first stage point of an element. It is that of the end of the element before; there is none
-    /// where the indicators jump in between.
+    /// The multiplier of cell `c` before the first stage point of an element, by the first of its block.
     pub fn start_of(&self, e: &ElementIndex, c: usize) -> Option<usize> {
-        e.lambda_start.filter(|_| e.n > 0 || e.stage == 0 || !self.jumping[c])
+        match self.across[c] {
+            _ if e.n > 0 || e.stage == 0 => e.lambda_start,
+            Across::Tied => e.lambda_start,
+            Across::Own => e.lambda_own,
+            Across::Nothing => None,
+        }
+    }
+
+    /// Is the multiplier of cell `c` before the first stage point of an element that at the end of the element before?
+    pub fn is_tied(&self, e: &ElementIndex, c: usize) -> bool {
+        e.n > 0 || e.stage > 0 && self.across[c] == Across::Tied
     }
 
     /// All multipliers of cell `c` in an element, by the first of their block.

@@ -2,8 +2,11 @@
 //! path and at the ends weighted with their multipliers, and the multipliers of the bounds of states. With these the
 //! costates of the control problem can be computed by any method that knows the dynamics.
 
+use super::layout::PathConstraint;
+use super::places::{Place, RowMeaning};
 use super::problem::{Call, Fesd};
 use crate::func::EvalError;
+use crate::nlp::Nlp;
 
 /// Where the states of one point of time begin among the variables.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -14,6 +17,11 @@ pub struct StatePoint {
     pub share: f64,
     /// First of the variables.
     pub at: usize,
+}
+
+fn acts_on_controls(c: &PathConstraint, row: usize) -> bool {
+    let d = c.f.dims();
+    (d.x..d.x + d.u).any(|j| c.f.jac_pattern().rows(j).contains(&row))
 }
 
 impl Fesd {
@@ -56,6 +64,58 @@ impl Fesd {
             (p.at..p.at + self.layout().nx).for_each(|j| out[j] -= z[j]);
         }
         Ok(out)
+    }
+
+    /// Derivatives `[(n_stages + 1) · nx]` of the Lagrange function with the multipliers `y [m]` with respect to the user's states
+    /// at the start of every control stage, as far as costs and rows behind it make them; at the end of the horizon, as costs
+    /// and constraints at the ends do. Path constraints on the state alone at the start of a stage are those at the end of the stage
+    /// before: they do not count, as they would be counted by half at most.
+    pub fn costates(&mut self, w: &[f64], y: &[f64]) -> std::result::Result<Vec<f64>, EvalError> {
+        let (mut cost, mut values) = (vec![0.0; self.layout().n], vec![0.0; self.jac_pattern().nnz()]);
+        self.evaluate_values(w)?;
+        self.derivatives(w, &mut cost, &mut values)?;
+        let n_stages = self.spec().n_stages();
+        // stages that a row is behind the start of
+        let stage_of = |row: &RowMeaning| match *row {
+            RowMeaning::Path(Place { stage, element: None, .. }, k, r)
+                if !acts_on_controls(&self.spec().path[k], r) =>
+            {
+                stage
+            }
+            RowMeaning::Dynamics(at, _) | RowMeaning::Complementarity(at) | RowMeaning::Grid(at) => at.stage + 1,
+            RowMeaning::Path(at, ..) | RowMeaning::Pair(at, ..) => at.stage + 1,
+            RowMeaning::Terminal(..) | RowMeaning::Boundary(..) => n_stages,
+        };
+        let stages: Vec<usize> = self.row_meanings().iter().map(stage_of).collect();
+        let nx = self.spec().dcs.dims().x;
+        let pattern = self.jac_pattern();
+        let mut out = Vec::with_capacity((n_stages + 1) * nx);
+        for k in 0..n_stages {
+            let at = self.layout().stage(k)[0].x_start;
+            for j in at..at + nx {
+                let behind = pattern.range(j).zip(pattern.rows(j)).filter(|(_, &r)| stages[r] > k);
+                out.push(behind.map(|(entry, &r)| y[r] * values[entry]).sum());
+            }
+        }
+        let mut ends = vec![0.0; self.layout().n];
+        self.mayer.iter().for_each(|c| self.add_gradient(c, &[1.0], &mut ends));
+        for (c, &row) in self.end_calls() {
+            self.add_gradient(c, &y[row..], &mut ends);
+        }
+        let end = self.end_place();
+        out.extend_from_slice(&ends[end..end + nx]);
+        Ok(out)
+    }
+
+    /// The points at which the path constraint `index` holds: times from the start of the horizon, and first rows.
+    pub fn path_rows(&self, index: usize, w: &[f64]) -> Vec<(f64, usize)> {
+        let rows = self.path_points().zip(&self.path_rows).filter(|((constraint, _), _)| *constraint == index);
+        rows.map(|((_, at), &row)| (self.time_at(at, w), row)).collect()
+    }
+
+    /// First rows of the terminal constraints, and of those between the ends.
+    pub fn end_rows(&self) -> [&[usize]; 2] {
+        [&self.layout().row_terminal, &self.layout().row_boundary]
     }
 
     /// The rows of the constraints at the ends of the horizon, their values, and their gradients `[n]` at the point where

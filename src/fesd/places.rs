@@ -140,7 +140,11 @@ impl Fesd {
 
     /// Time from the start of the horizon, or of the model's clock, at which a call is made.
     pub(super) fn time_of(&self, call: &Call, w: &[f64]) -> f64 {
-        let Some((_, place)) = self.owner(call) else { return f64::NAN };
+        self.owner(call).map_or(f64::NAN, |(_, place)| self.time_at(place, w))
+    }
+
+    /// Time from the start of the horizon.
+    pub(super) fn time_at(&self, place: Place, w: &[f64]) -> f64 {
         let lengths = self.stage_lengths(w);
         let start: f64 = lengths[..place.stage].iter().sum();
         let Some(element) = place.element else { return start };
@@ -155,8 +159,9 @@ impl Fesd {
         let is = |c: &Call| (c.f, c.val, c.jac, c.hess) == (call.f, call.val, call.jac, call.hess);
         let any = |calls: &[Call]| calls.iter().any(is);
         let first = Place { stage: 0, element: None, point: None };
-        if any(&self.ind_start) {
-            return Some((Role::Regions, first));
+        if let Some(at) = self.ind_start.iter().position(|calls| any(calls)) {
+            let stage = self.l.elements[self.l.starts[at].element].stage;
+            return Some((Role::Regions, Place { stage, ..first }));
         }
         if any(&self.drift_start) {
             return Some((Role::Smooth, first));
@@ -220,7 +225,7 @@ impl Fesd {
     }
 
     /// The points of all path constraints in the order of their calls: which constraint, and where.
-    fn path_points(&self) -> impl Iterator<Item = (usize, Place)> + '_ {
+    pub(super) fn path_points(&self) -> impl Iterator<Item = (usize, Place)> + '_ {
         let n_s = self.tableau.n_s;
         self.spec.path.iter().enumerate().flat_map(move |(k, p)| {
             (0..self.spec.n_stages()).flat_map(move |stage| {
@@ -252,6 +257,10 @@ impl Fesd {
         let mut set = |from: usize, n: usize, what: &dyn Fn(usize) -> RowMeaning| {
             (0..n).for_each(|r| out[from + r] = what(r));
         };
+        for s in &l.starts {
+            let at = Place { stage: l.elements[s.element].stage, ..start };
+            set(s.row, s.rows.len(), &|_| RowMeaning::Complementarity(at));
+        }
         if let Some(row) = l.row_z0 {
             set(row, l.z.len(), &|r| RowMeaning::Dynamics(start, l.z.start + r));
         }
@@ -317,9 +326,10 @@ impl Fesd {
         }
         let start = Place { stage: 0, element: None, point: None };
         set(l.x0, l.nx, &VariableMeaning::Initial);
-        if let Some(lambda) = l.lambda0 {
-            set(lambda, l.n_cells, &|_| VariableMeaning::Complementarity(start));
-            set(l.mu0, l.n_mu, &|_| VariableMeaning::Complementarity(start));
+        for s in &l.starts {
+            let at = Place { stage: l.elements[s.element].stage, ..start };
+            set(s.lambda, l.n_cells, &|_| VariableMeaning::Complementarity(at));
+            set(s.mu, l.n_mu, &|_| VariableMeaning::Complementarity(at));
         }
         for (stage, (&u, time)) in l.u.iter().zip(&l.time).enumerate() {
             set(u, l.nu, &|j| VariableMeaning::Control(stage, j));

@@ -7,7 +7,7 @@ use super::branch::Exit;
 use super::calls::Builder;
 pub(super) use super::calls::Call;
 use super::eta;
-use super::layout::{Durations, ElementIndex, Layout, PathAt, Spec};
+use super::layout::{Durations, ElementIndex, Layout, PathAt, Spec, StartIndex};
 use super::places::{Note, Part};
 use super::size;
 use crate::error::{finite, Error, Result};
@@ -72,7 +72,7 @@ pub struct Fesd {
     /// Parameters of every stage, then a zero.
     pub(super) constants: Vec<f64>,
     pub(super) ecalls: Vec<ElementCalls>,
-    pub(super) ind_start: Vec<Call>,
+    pub(super) ind_start: Vec<Vec<Call>>,
     pub(super) drift_start: Vec<Call>,
     pub(super) path: Vec<Call>,
     /// First path row of each path call.
@@ -119,9 +119,10 @@ impl Fesd {
         let form = spec.dcs.form();
         let mut ecalls = Vec::with_capacity(l.elements.len());
         let mut ind_start = Vec::new();
-        if l.fesd {
-            let at = b.point(l.x0, 0);
-            ind_start = form.sources.iter().map(|f| b.call(f, at)).collect();
+        for s in &l.starts {
+            let e = &l.elements[s.element];
+            let at = b.point(e.x_start, e.stage);
+            ind_start.push(form.sources.iter().map(|f| b.call(f, at)).collect());
         }
         let mut drift_start = Vec::new();
         if l.row_z0.is_some() {
@@ -422,8 +423,9 @@ impl Fesd {
             }
         };
         put_x(w, l.x0, 0.0, 0, 0.0);
-        if let Some(j) = l.lambda0 {
-            self.guess_multipliers(w, j);
+        for s in &l.starts {
+            self.guess_multipliers(w, s.lambda);
+            self.clear_absent(s, w);
         }
         for (k, &u) in l.u.iter().enumerate() {
             for (j, r) in l.linear.iter().enumerate() {
@@ -465,6 +467,16 @@ impl Fesd {
         for j in lambda..lambda + self.l.n_cells {
             w[j] = LAMBDA_GUESS * self.size(j);
         }
+    }
+
+    /// Makes the multipliers zero that a start does not have.
+    pub(super) fn clear_absent(&self, s: &StartIndex, w: &mut [f64]) {
+        if s.whole {
+            return;
+        }
+        let [cells, mus] = s.members(self.spec.dcs.form());
+        (0..self.l.n_cells).filter(|c| !cells.contains(c)).for_each(|c| w[s.lambda + c] = 0.0);
+        (0..self.l.n_mu).filter(|m| !mus.contains(m)).for_each(|m| w[s.mu + m] = 0.0);
     }
 
     /// Sizes of the states, those behind the user's included.

@@ -43,9 +43,9 @@ impl Fesd {
         let (lambda, mu) = self.multiplier_sizes(&sizes.psi);
         let put = |w: &mut [f64], at: usize, values: &[f64]| w[at..at + values.len()].copy_from_slice(values);
         put_x(&mut w, l.x0, 1.0);
-        if let Some(j) = l.lambda0 {
-            put(&mut w, j, &lambda);
-            put(&mut w, l.mu0, &mu);
+        for s in &l.starts {
+            put(&mut w, s.lambda, &lambda);
+            put(&mut w, s.mu, &mu);
         }
         for (k, &u) in l.u.iter().enumerate() {
             for (j, s) in sizes.u.iter().enumerate() {

@@ -34,8 +34,9 @@ impl Fesd {
         // a model without a value there will say so when it is solved
         let known = self.cost(w).is_ok();
         let n = self.l.n_cells;
-        if let Some(lambda) = self.l.lambda0.filter(|_| known) {
-            self.multipliers(&self.ind_start, &sides[..n], lambda, self.l.mu0, w);
+        for (s, calls) in self.l.starts.iter().zip(&self.ind_start).filter(|_| known) {
+            self.multipliers(calls, &sides[s.element * n..(s.element + 1) * n], s.lambda, s.mu, w);
+            self.clear_absent(s, w);
         }
         for (k, (e, calls)) in self.l.elements.iter().zip(&self.ecalls).enumerate() {
             let sides = &sides[k * n..(k + 1) * n];

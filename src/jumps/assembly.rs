@@ -335,6 +335,20 @@ impl Program {
         t.factor * if t.times == NOWHERE { 1.0 } else { x[t.times as usize] }
     }
 
+    /// Names of the functions in a row, and the last variable behind them.
+    pub(super) fn behind(&self, row: usize) -> (Vec<&str>, usize) {
+        let (mut names, mut last) = (Vec::new(), 0);
+        for t in &self.terms {
+            let f = &self.functions[t.f];
+            if self.rows[t.rows..t.rows + f.n_out()].iter().any(|r| *r as usize == row) {
+                names.push(f.name());
+                let variables = self.inputs_of(t).iter().filter(|c| **c & CONSTANT == 0);
+                last = variables.fold(last, |m, v| m.max(*v as usize));
+            }
+        }
+        (names, last)
+    }
+
     /// The cost alone, without what only guides; `c` is room for the rows.
     pub(super) fn cost(&mut self, x: &[f64], c: &mut [f64]) -> std::result::Result<f64, EvalError> {
         let before = std::mem::replace(&mut self.polishing, true);

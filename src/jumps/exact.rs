@@ -17,27 +17,40 @@ pub struct Solved {
     pub(super) solver: MpccSolver,
 }
 
-/// Solves the contact mode program of a sequence. It is given up where its violation is not halved in `patience` iterations, far from
-/// zero: most sequences next to a good one have no solution, and only saying so exactly is expensive.
+/// When the program of a sequence is given up: most sequences next to a good one have no solution or a worse one, and only saying so
+/// exactly is expensive.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Limits {
+    /// Iterations without half the violation.
+    pub(super) patience: usize,
+    /// A cost that has to be met, infinite where none has.
+    pub(super) cost: f64,
+}
+
+/// Solves the contact mode program of a sequence, or gives it up at `limits`.
 pub(super) fn solve_sequence(
     p: &Problem,
     sequence: &Sequence,
     guess: &Track,
     point: Option<&[Vec<f64>; 3]>,
     settings: MpccSettings,
-    patience: usize,
+    limits: Limits,
     control: &mut Control,
 ) -> Result<(Answer, Solved)> {
     let mut t = modal::transcribe(p, sequence, guess);
     t.bounds.validate(t.program.n(), t.program.m())?;
     stop::check_building(t.program.n())?;
     let mut solver = MpccSolver::new(&mut t.program, settings)?;
-    let s = run(&mut solver, &mut t, point, patience, control);
+    let s = run(&mut solver, &mut t, point, limits, control);
     let track = t.read(p, &s.x, &|_| Vec::new());
     let cost = t.cost(&s.x).unwrap_or(f64::NAN);
     let trouble = match (s.outcome, t.program.trouble()) {
         (Outcome::Failed, Some((name, _))) => Some(name.to_owned()),
         _ => None,
+    };
+    let (violation, broken) = match s.outcome {
+        Outcome::Solved => (s.residuals.primal, None),
+        _ => t.violation(&s.x),
     };
     let params = (0..t.params.len()).filter_map(|j| t.params[j].map(|v| (j, s.x[v]))).collect();
     let lengths = modal::phase_lengths(p, sequence, &track);
@@ -62,7 +75,8 @@ pub(super) fn solve_sequence(
         stats: s.stats,
         dimensions: (t.program.n(), t.program.m(), t.program.pairs().len()),
         tried: 1,
-        violation: if s.residuals.primal.is_finite() { s.residuals.primal } else { f64::INFINITY },
+        violation,
+        broken,
         point: [s.x, s.y, s.z],
         planned,
         params,
@@ -75,16 +89,16 @@ fn run(
     solver: &mut MpccSolver,
     t: &mut Transcription,
     point: Option<&[Vec<f64>; 3]>,
-    patience: usize,
+    limits: Limits,
     control: &mut Control,
 ) -> Solution {
     let mut ended = false;
-    let mut patience = Patience { patience, best: f64::INFINITY, since: 0, over: false };
+    let mut prospects = Prospects::new(limits);
     let stop = control.stop.clone();
     let user = &mut control.monitor;
     let mut monitor = |i: &IterationInfo| {
         ended = !user.as_mut().is_none_or(|f| f(i));
-        !ended && !patience.is_over(i)
+        !ended && !prospects.are_over(i)
     };
     let mut inner = Control { stop: stop.clone(), monitor: Some(&mut monitor) };
     let (start, bounds) = (&t.start, &t.bounds);
@@ -99,32 +113,82 @@ fn run(
     });
     if ended {
         stop::raise();
-    } else if patience.over && s.outcome == Outcome::Stopped {
+    } else if prospects.over && s.outcome == Outcome::Stopped {
         s.outcome = Outcome::MaxIter;
     }
     s
 }
 
-/// Violation below which a program is not given up.
+/// Violation below which patience is this many times as long; below which a program is not given up for it, and its cost says something.
 const CLOSE: f64 = 1e-2;
+const CLOSE_PATIENCE: usize = 3;
+const FEASIBLE: f64 = 1e-4;
+/// Barrier parameter up to which costs are those of the program but for what [`WINDOW`] iterations change.
+const SMALL_BARRIER: f64 = 1e-4;
+/// Iterations over which a cost is watched, and share of what is missing by which it has to fall in them.
+const WINDOW: usize = 4;
+const FALL: f64 = 0.25;
+/// Share of a step from which it counts as a whole one, change of the violation in it, as a share, that counts as none, and for how many
+/// iterations such a step counts: whole steps of Newton's method that leave a violation as it is are at the least there is.
+const WHOLE: f64 = 0.5;
+const SAME: f64 = 0.1;
+const STATIONARY: usize = 2;
 
-/// Iterations without a violation half as large.
-struct Patience {
-    patience: usize,
-    best: f64,
+/// What can still become of a program.
+struct Prospects {
+    limits: Limits,
+    least: f64,
+    last: f64,
     since: usize,
+    costs: [f64; WINDOW],
+    seen: usize,
+    begun: bool,
     over: bool,
 }
 
-impl Patience {
-    fn is_over(&mut self, i: &IterationInfo) -> bool {
-        if i.inf_pr <= 0.5 * self.best {
-            self.best = i.inf_pr;
+impl Prospects {
+    fn new(limits: Limits) -> Prospects {
+        let costs = [f64::INFINITY; WINDOW];
+        Prospects {
+            limits,
+            least: f64::INFINITY,
+            last: f64::INFINITY,
+            since: 0,
+            costs,
+            seen: 0,
+            begun: false,
+            over: false,
+        }
+    }
+
+    fn are_over(&mut self, i: &IterationInfo) -> bool {
+        if i.iter == 0 && std::mem::replace(&mut self.begun, true) {
+            // the first point of a restoration has no violation, in a program of its own
+            return self.over;
+        }
+        if i.inf_pr <= 0.5 * self.least {
+            self.least = i.inf_pr;
             self.since = 0;
         } else {
-            self.since += 1;
+            let stationary = i.alpha_pr > WHOLE && (i.inf_pr - self.last).abs() <= SAME * self.last;
+            self.since += if stationary { STATIONARY } else { 1 };
         }
-        self.over = self.since > self.patience && self.best > CLOSE;
+        self.last = i.inf_pr;
+        let far = self.since > self.limits.patience && self.least > CLOSE;
+        let near = self.since > CLOSE_PATIENCE * self.limits.patience && self.least > FEASIBLE;
+        self.over = far || near || self.is_too_expensive(i);
         self.over
+    }
+
+    /// Does the cost of a point that meets the constraints stay above the one that has to be met?
+    fn is_too_expensive(&mut self, i: &IterationInfo) -> bool {
+        if i.inf_pr > FEASIBLE || i.mu > SMALL_BARRIER {
+            self.seen = 0;
+            return false;
+        }
+        let before = std::mem::replace(&mut self.costs[self.seen % WINDOW], i.objective);
+        self.seen += 1;
+        let missing = i.objective - self.limits.cost;
+        self.seen > WINDOW && missing > 0.0 && before - i.objective < FALL * missing
     }
 }

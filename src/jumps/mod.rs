@@ -34,3 +34,4 @@ pub use result::Contacts;
 pub use search::{solve, Answer, Method, Options};
 pub use sensitivity::Derivatives;
 pub use simulate::{replay, Replay};
+pub use transcribe::Broken;

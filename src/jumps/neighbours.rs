@@ -204,70 +204,161 @@ fn sticking(items: &[Item], i: usize, c: usize) -> Vec<Item> {
     out
 }
 
-/// Sequences next to one, those first that phases which want to vanish lead to, which are marked; `frictional` says which contacts have
-/// friction, `friction_first` that other friction is likelier than events elsewhere.
+/// How a sequence differs from the one it is next to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Move {
+    /// Events that phases want to get rid of are where those phases end, all of them at once.
+    Vanish,
+    /// An event is later, or earlier.
+    Shift {
+        /// Its number in the order of time.
+        event: usize,
+        /// Later?
+        later: bool,
+    },
+    /// A phase is left out.
+    Without(usize),
+    /// Friction of a contact is another in a phase.
+    Friction(usize, usize),
+    /// A contact takes no part any more, from a phase on.
+    Untouched(usize, usize),
+    /// An impact of a contact is put in.
+    Impact(usize),
+}
+
+/// A sequence next to another one.
+#[derive(Debug, Clone)]
+pub(super) struct Neighbour {
+    pub(super) sequence: Sequence,
+    /// What was changed.
+    pub(super) moved: Move,
+    /// Does a phase that is as short as it may be lead to it?
+    pub(super) wanted: bool,
+    /// How many candidates of better prospects there are: the lower the sooner it is tried.
+    pub(super) class: u8,
+}
+
+/// Prospects of neighbours. An event between two stages has a kink of the cost there; one inside of a stage is where it wants to be as long
+/// as it stays in that stage, so that moves to the next stages are as far as any.
+const BETWEEN: u8 = 1;
+const OTHER: u8 = 2;
+const AWAY: u8 = 3;
+
+/// The last of the moves of an event: into the next stage, where there are two.
+fn furthest(moves: Vec<Vec<Item>>) -> Option<Vec<Item>> {
+    moves.into_iter().last()
+}
+
+/// Events that phases want to get rid of, all moved on at once.
+fn without_vanishing(items: &[Item], wants: &[bool]) -> Option<Vec<Item>> {
+    let mut now = items.to_vec();
+    let mut moved = 0;
+    // from the end: what is moved there leaves the numbers before as they are
+    for i in (1..items.len()).rev() {
+        if !is_event(items, i) || items[i - 1].stage != items[i].stage {
+            continue;
+        }
+        let next = match (wants[i], wants[i - 1]) {
+            (true, false) => furthest(later(&now, i)),
+            (false, true) => furthest(earlier(&now, i)),
+            _ => None,
+        };
+        if let Some(next) = next {
+            now = next;
+            moved += 1;
+        }
+    }
+    (moved > 1).then_some(now)
+}
+
+/// The event at the start of item `i`, which is between two stages, between the next two, or the last two.
+fn stage_away(items: &[Item], i: usize, forward: bool) -> Option<Vec<Item>> {
+    if items[i - 1].stage == items[i].stage {
+        return None;
+    }
+    let (once, at) = if forward { (later(items, i), i + 1) } else { (earlier(items, i), i) };
+    let inside = once.into_iter().next()?;
+    let twice = if forward { later(&inside, at) } else { earlier(&inside, at) };
+    twice.into_iter().next()
+}
+
+/// Sequences next to one; `frictional` says which contacts have friction, `friction_first` that other friction is likelier than events
+/// elsewhere.
 pub(super) fn neighbours(
     s: &Sequence,
     vanishing: &[(usize, usize)],
     frictional: &[bool],
     friction_first: bool,
-) -> Vec<(Sequence, bool)> {
+) -> Vec<Neighbour> {
     let items = flat(s);
     let n = s.stages.len();
-    let mut place = 0;
-    let mut wants = vec![false; items.len()];
+    let mut wants = Vec::with_capacity(items.len());
     for (k, stage) in s.stages.iter().enumerate() {
-        for j in 0..stage.len() {
-            wants[place + j] = vanishing.contains(&(k, j));
-        }
-        place += stage.len();
+        wants.extend((0..stage.len()).map(|j| vanishing.contains(&(k, j))));
     }
-    let mut first = Vec::new();
-    let mut rest = Vec::new();
-    let mut friction = Vec::new();
+    let mut out: Vec<Neighbour> = Vec::new();
+    let mut add = |items: Vec<Item>, moved: Move, wanted: bool, class: u8| {
+        if let Some(sequence) = grouped(items, n) {
+            out.push(Neighbour { sequence, moved, wanted, class });
+        }
+    };
+    if let Some(all) = without_vanishing(&items, &wants) {
+        add(all, Move::Vanish, true, 0);
+    }
+    let mut event = 0;
     for i in 0..items.len() {
         if is_event(&items, i) {
             // what vanishes behind an event lets it move later, what vanishes before it earlier
-            let same = |k: usize| items[k].stage == items[i].stage;
-            let to = if wants[i] && same(i - 1) { &mut first } else { &mut rest };
-            to.extend(later(&items, i));
-            let to = if wants[i - 1] && same(i - 1) { &mut first } else { &mut rest };
-            to.extend(earlier(&items, i));
+            let inside = items[i - 1].stage == items[i].stage;
+            let class = if inside { AWAY } else { BETWEEN };
+            for forward in [true, false] {
+                let moved = Move::Shift { event, later: forward };
+                let wanted = inside && if forward { wants[i] } else { wants[i - 1] };
+                let class = if wanted { 0 } else { class };
+                stage_away(&items, i, forward).into_iter().for_each(|m| add(m, moved, false, class));
+                let moves = if forward { later(&items, i) } else { earlier(&items, i) };
+                moves.into_iter().for_each(|m| add(m, moved, wanted, class));
+            }
+            event += 1;
         }
         if wants[i] {
-            first.extend(without(&items, i));
+            without(&items, i).into_iter().for_each(|m| add(m, Move::Without(i), true, 0));
         }
     }
     for i in 0..items.len() {
         if !wants[i] && (is_event(&items, i) || is_event(&items, i + 1)) {
-            rest.extend(without(&items, i));
+            without(&items, i).into_iter().for_each(|m| add(m, Move::Without(i), false, OTHER));
         }
         for (c, _) in frictional.iter().enumerate().filter(|f| *f.1) {
             let mode = items[i].phase.modes[c];
+            let moved = Move::Friction(i, c);
+            let class = if friction_first { BETWEEN } else { OTHER };
             let begins = i == 0 || items[i - 1].phase.modes[c] != mode || takes_part(&items[i].phase, c);
             let ends = items.get(i + 1).is_none_or(|n| !n.phase.modes[c].is_closed() || takes_part(&n.phase, c));
             if mode.sign() != 0.0 && ends {
-                friction.push(sticking(&items, i, c));
+                add(sticking(&items, i, c), moved, false, class);
             }
             if mode.is_closed() && begins {
                 let others = [ContactMode::Closed, ContactMode::Slides, ContactMode::SlidesBack];
-                friction.extend(others.into_iter().filter(|o| *o != mode).map(|o| other_friction(&items, i, c, o)));
+                for other in others.into_iter().filter(|o| *o != mode) {
+                    add(other_friction(&items, i, c, other), moved, false, class);
+                }
             }
         }
     }
     for i in 1..items.len() {
         for c in 0..frictional.len() {
-            rest.extend(untouched(&items, i, c));
+            untouched(&items, i, c).into_iter().for_each(|m| add(m, Move::Untouched(i, c), false, OTHER));
         }
     }
-    for i in (1..items.len()).filter(|&i| is_event(&items, i)) {
-        rest.extend(far(&items, i, true));
-        rest.extend(far(&items, i, false));
+    for (event, i) in (1..items.len()).filter(|&i| is_event(&items, i)).enumerate() {
+        for forward in [true, false] {
+            let moved = Move::Shift { event, later: forward };
+            far(&items, i, forward).into_iter().for_each(|m| add(m, moved, false, AWAY));
+        }
     }
-    let rest = if friction_first { friction.into_iter().chain(rest).collect() } else { [rest, friction].concat() };
-    let rest: Vec<Vec<Item>> = rest;
-    let marked = first.into_iter().map(|i| (i, true)).chain(rest.into_iter().map(|i| (i, false)));
-    marked.filter_map(|(items, wanted)| Some((grouped(items, n)?, wanted))).collect()
+    out.sort_by_key(|n| n.class);
+    out
 }
 
 #[cfg(test)]
@@ -298,13 +389,13 @@ mod tests {
     fn an_event_moves_to_the_next_stages_and_between_them() {
         let shapes: Vec<Vec<usize>> = neighbours(&landing(), &[], &[false], false)
             .iter()
-            .map(|(s, _)| s.stages.iter().map(Vec::len).collect())
+            .map(|s| s.sequence.stages.iter().map(Vec::len).collect())
             .collect();
         // the end of stage 1, stage 2, the start of stage 1, stage 0; without either phase it is between stages too
         for wanted in [vec![1, 1, 1], vec![1, 1, 2], vec![2, 1, 1]] {
             assert!(shapes.contains(&wanted), "{shapes:?}");
         }
-        for (s, _) in neighbours(&landing(), &[], &[false], false) {
+        for Neighbour { sequence: s, .. } in neighbours(&landing(), &[], &[false], false) {
             // it moves with its impact, or is left out
             let jumps = s.stages.iter().flatten().filter(|p| p.jump.is_some()).count();
             let closed = s.stages.iter().flatten().any(|p| p.modes[0].is_closed());
@@ -318,13 +409,13 @@ mod tests {
         s.stages[1] = vec![phase(OPEN, false), phase(OPEN, true)];
         let places: Vec<usize> = neighbours(&s, &[], &[false], false)
             .iter()
-            .filter_map(|(s, _)| s.stages.iter().position(|k| k.iter().any(|p| p.jump.is_some())))
+            .filter_map(|s| s.sequence.stages.iter().position(|k| k.iter().any(|p| p.jump.is_some())))
             .collect();
         for wanted in [0, 2, 3, 4, 6] {
             assert!(places.contains(&wanted), "{places:?}");
         }
         // and without it
-        assert!(neighbours(&s, &[], &[false], false).iter().any(|(s, _)| s.events().is_empty()));
+        assert!(neighbours(&s, &[], &[false], false).iter().any(|s| s.sequence.events().is_empty()));
         let s = with_impact(&Sequence::constant(3, vec![OPEN]), 1, 0, 0).unwrap();
         assert_eq!(s.stages.iter().map(Vec::len).collect::<Vec<_>>(), [1, 2, 1]);
         assert!(s.stages[1][1].jump == Some(vec![CLOSED]) && s.stages[1][1].modes == [OPEN]);
@@ -334,7 +425,7 @@ mod tests {
     fn a_phase_that_wants_to_vanish_comes_first() {
         let s = neighbours(&landing(), &[(1, 0)], &[false], false);
         // an event that wants to be earlier: between stages 0 and 1
-        assert_eq!(s[0].0.stages[1].len(), 1);
-        assert!(s[0].1 && s[0].0.stages[1][0].jump.is_some());
+        assert_eq!(s[0].sequence.stages[1].len(), 1);
+        assert!(s[0].wanted && s[0].sequence.stages[1][0].jump.is_some());
     }
 }

@@ -3,15 +3,15 @@
 use std::time::Instant;
 
 use super::complementary;
-use super::exact::{solve_sequence, Solved};
+use super::exact::{solve_sequence, Limits, Solved};
 use super::modal;
 use super::modes::{ContactMode, Event, Key, Sequence};
-use super::neighbours::{neighbours, with_impact};
+use super::neighbours::{neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
 use super::simulate::simulate;
 use super::stepping;
 use super::track::Track;
-use super::transcribe::Transcription;
+use super::transcribe::{Broken, Transcription};
 use crate::error::{Error, Result};
 use crate::func::Point;
 use crate::mpcc::{Certificate, Mpcc, MpccSettings, MpccSolver};
@@ -92,8 +92,10 @@ pub struct Answer {
     pub params: Vec<(usize, f64)>,
     /// A function without a value, if that is what kept it from a solution.
     pub trouble: Option<String>,
-    /// Rows that conflict, as far as that is known: violations of the worst.
+    /// Largest violation of a row or a bound.
     pub violation: f64,
+    /// The row with it, of a point that is no solution.
+    pub broken: Option<Broken>,
 }
 
 impl Answer {
@@ -128,6 +130,8 @@ const NEAR_BARRIER: f64 = 1e-2;
 /// Violation up to which a sequence gets the iterations of one that is right, where it costs less than the best so far or more by no
 /// more than this share; next to the next best answer it is tried again.
 const PROMISING: f64 = 1e-2;
+/// Violation below which two answers that are no solutions are compared by their costs.
+const NEARLY: f64 = 1e-4;
 /// Relaxations at which FESD with jumps is asked for modes, and iterations it gets to each of them.
 const STOPS: [f64; 3] = [1e-1, 1e-2, 1e-4];
 const COMPLEMENTARY_ITERATIONS: usize = 200;
@@ -139,6 +143,12 @@ const STEPPING_ITERATIONS: usize = 500;
 
 /// Places in which an impact of a contact is put in.
 const PUT_IN: usize = 3;
+
+/// Sequences that are tried next to one without a solution before the next start.
+const NEAR_UNSOLVED: usize = 8;
+
+/// Sequences in a row that are no better after which a start is left that has led to less than another one.
+const BEHIND: usize = 10;
 
 /// Share of the cost by which a sequence must be better to count.
 const GAIN: f64 = 1e-9;
@@ -160,6 +170,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         attempts: 0,
         largest: 0.0,
         best: None,
+        rival: None,
         dimensions: (0, 0, 0),
         failure: 0.0,
         failed: Vec::new(),
@@ -169,7 +180,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     }
     if s.is_solved() {
         // a warm start goes where phases that vanish lead, and no further
-        s.improve(true, control)?;
+        s.improve(true, options.search, control)?;
     } else {
         for start in starts(options) {
             if stop::requested().is_none() && !(start.is_for_want() && s.is_solved()) {
@@ -178,7 +189,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         }
         if !s.is_solved() && stop::requested().is_none() {
             s.insist(control)?;
-            s.improve(false, control)?;
+            s.improve(false, options.search, control)?;
         }
     }
     if s.best.is_none() {
@@ -261,6 +272,8 @@ struct Search<'a> {
     /// Starts so far: what failed from another start is tried again.
     round: usize,
     best: Option<(Answer, Solved)>,
+    /// Cost of the best answer of other starts.
+    rival: Option<f64>,
     dimensions: (usize, usize, usize),
     /// Violation of the last sequence that was tried; 0 where it has a solution.
     failure: f64,
@@ -334,9 +347,10 @@ impl Search<'_> {
             }
             Start::Complementarity => self.start_with_complementarity(control)?,
         }
-        if self.is_solved() {
-            self.improve(false, control)?;
-        }
+        let most = if self.is_solved() { self.options.search } else { NEAR_UNSOLVED };
+        self.rival = before.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
+        self.improve(false, most, control)?;
+        self.rival = None;
         if let Some(old) = before {
             if self.best.as_ref().is_none_or(|new| !is_better(&new.0, &old.0, self.largest)) {
                 self.best = Some(old);
@@ -361,7 +375,9 @@ impl Search<'_> {
         self.along_relaxation(&mut t, STEPPING_ITERATIONS, &STEPPING_STOPS, control, |search, t, from, control| {
             for level in stepping::LEVELS {
                 let found = stepping::motion(&coarse, t, from, level);
-                search.attempt(&found.sequence(search.p.n_stages()), &found, ITERATIONS, control)?;
+                // what costs more than the motion with more contacts is not followed for long
+                let most = if search.is_solved() { NEAR_ITERATIONS } else { ITERATIONS };
+                search.attempt(&found.sequence(search.p.n_stages()), &found, most, control)?;
             }
             let found = stepping::motion(&coarse, t, from, stepping::LEVELS[0]);
             search.try_simulation_of(&found, &t.state(&coarse, t.x0, from), control)
@@ -503,7 +519,9 @@ impl Search<'_> {
             mu_init: NEAR_BARRIER,
             ..self.options.solver
         };
-        let (mut answer, mut solved) = solve_sequence(self.p, sequence, guess, point, settings, patience, control)?;
+        let best = self.best.as_ref().filter(|b| b.0.is_solved());
+        let limits = Limits { patience, cost: best.map_or(f64::INFINITY, |b| b.0.cost) };
+        let (mut answer, mut solved) = solve_sequence(self.p, sequence, guess, point, settings, limits, control)?;
         self.note(&solved.transcription, &answer.stats);
         let cheaper =
             self.best.as_ref().is_none_or(|b| !b.0.is_solved() || answer.cost < b.0.cost + PROMISING * b.0.cost.abs());
@@ -516,7 +534,8 @@ impl Search<'_> {
                 ..self.options.solver
             };
             let last = answer.point.clone();
-            let again = solve_sequence(self.p, sequence, guess, Some(&last), settings, ITERATIONS, control)?;
+            let limits = Limits { patience: ITERATIONS, ..limits };
+            let again = solve_sequence(self.p, sequence, guess, Some(&last), settings, limits, control)?;
             self.note(&again.1.transcription, &again.0.stats);
             if is_better(&again.0, &answer, self.largest) {
                 (answer, solved) = again;
@@ -556,7 +575,7 @@ impl Search<'_> {
     }
 
     /// Sequences with one impact more, where an open contact comes closest to closing.
-    fn with_impacts(&self, best: &Answer) -> Vec<Sequence> {
+    fn with_impacts(&self, best: &Answer) -> Vec<Neighbour> {
         let g = &self.p.given;
         let mut out = Vec::new();
         let planned = &best.sequence;
@@ -583,18 +602,25 @@ impl Search<'_> {
             low.sort_by(|a, b| gap(*a).total_cmp(&gap(*b)));
             for k in low.into_iter().take(PUT_IN) {
                 let open = places.iter().rev().find(|(i, j)| *i == k && !planned.stages[k][*j].modes[c].is_closed());
-                out.extend(open.and_then(|&(k, j)| with_impact(planned, k, j, c)));
+                let sequence = open.and_then(|&(k, j)| with_impact(planned, k, j, c));
+                let with = |sequence| Neighbour { sequence, moved: Move::Impact(c), wanted: false, class: u8::MAX };
+                out.extend(sequence.map(with));
             }
         }
         out
     }
 
-    /// Goes to sequences next to the best as long as the cost falls.
-    fn improve(&mut self, only_wanted: bool, control: &mut Control) -> Result<()> {
+    /// Goes to sequences next to the best as long as the cost falls, to `most` of them, and from the first solution on to as many as the options
+    /// say. What has helped is tried on; of the rest of the same prospects those come
+    /// first whose last attempt is longest ago, so that every event has its turn before one has its second.
+    fn improve(&mut self, only_wanted: bool, most: usize, control: &mut Control) -> Result<()> {
         let frictional: Vec<bool> = self.p.functions.contacts.iter().map(|c| c.n_tangents > 0).collect();
-        let mut left = self.options.search;
-        // events that were where no solution is
+        let mut left = most;
+        // events that were where no solution is, and when moves did not help last
         let mut impossible: Vec<Event> = Vec::new();
+        let mut failed: Vec<(Move, usize)> = Vec::new();
+        let (mut turn, mut helped, mut in_vain) = (0, None, 0);
+        let mut solved = self.is_solved();
         let g = &self.p.given;
         let costs = g.lagrange.is_some() || g.mayer.is_some() || g.grid_cost.is_some();
         while let Some(best) = self.best.as_ref().map(|b| b.0.clone()) {
@@ -602,15 +628,21 @@ impl Search<'_> {
                 // all solutions are as good
                 return Ok(());
             }
+            if best.is_solved() && !std::mem::replace(&mut solved, true) {
+                left = self.options.search;
+            }
             let own = best.sequence.events();
             let mut near = neighbours(&best.sequence, &best.vanishing, &frictional, !best.is_solved());
-            near.extend(self.with_impacts(&best).into_iter().map(|s| (s, false)));
+            near.extend(self.with_impacts(&best));
+            let last = |m: &Move| failed.iter().find(|f| f.0 == *m).map_or(0, |f| f.1);
+            near.sort_by_key(|n| (!n.wanted, helped != Some(n.moved), n.class, last(&n.moved)));
             let mut better = false;
-            for (s, wanted) in near {
+            for Neighbour { sequence: s, moved, wanted, .. } in near {
                 if only_wanted && !wanted {
                     continue;
                 }
-                if left == 0 || stop::requested().is_some() {
+                let behind = in_vain >= BEHIND && best.is_solved() && self.rival.is_some_and(|r| r < best.cost);
+                if left == 0 || behind || stop::requested().is_some() {
                     return Ok(());
                 }
                 // an event that was clearly impossible in another sequence will be again
@@ -626,8 +658,13 @@ impl Search<'_> {
                     impossible.extend(new);
                 }
                 if better {
+                    (helped, in_vain) = (Some(moved), 0);
                     break;
                 }
+                in_vain += 1;
+                turn += 1;
+                failed.retain(|f| f.0 != moved);
+                failed.push((moved, turn));
             }
             if !better {
                 return Ok(());
@@ -637,10 +674,14 @@ impl Search<'_> {
     }
 }
 
-/// Solutions before others; of two the cheaper, where costs as large as `largest` have the rounding of that; of others the one with the smaller violation.
+/// Solutions before others; of two the cheaper, where costs as large as `largest` have the rounding of that; of others the one with the smaller violation, or
+/// the cheaper where neither has one that is worth mentioning.
 fn is_better(a: &Answer, b: &Answer, largest: f64) -> bool {
     match (a.is_solved(), b.is_solved()) {
         (true, true) => a.cost < b.cost - (GAIN * b.cost.abs()).max(f64::EPSILON * largest),
+        (false, false) if a.violation.max(b.violation) < NEARLY && (a.cost - b.cost).abs() > GAIN * b.cost.abs() => {
+            a.cost < b.cost
+        }
         (false, false) => a.violation < b.violation,
         (now, _) => now,
     }

@@ -56,7 +56,36 @@ pub(super) fn motion(p: &Problem, t: &Transcription, w: &[f64], level: f64) -> T
             piece.modes[i] = mode;
         }
     }
-    with_impacts(p, track, &restitutions)
+    between_stages(with_impacts(p, track, &restitutions))
+}
+
+/// Contacts that open or begin to slide without an impact do so where their stage begins, or where it ends if they have landed in it. What a
+/// grid of steps says about the time of such an event is no better than a stage; and between stages, where controls jump, forces may
+/// jump to zero, while an event inside of a stage needs a force that falls to zero just there, which few motions have.
+fn between_stages(mut track: Track) -> Track {
+    let pieces = &mut track.pieces;
+    let n_c = pieces.first().map_or(0, |q| q.modes.len());
+    let decided_by_force =
+        |a: ContactMode, b: ContactMode| a != b && (a == ContactMode::Closed || a.is_closed() && !b.is_closed());
+    for i in 0..n_c {
+        for k in 1..pieces.len() {
+            let (was, is) = (pieces[k - 1].modes[i], pieces[k].modes[i]);
+            if pieces[k - 1].stage != pieces[k].stage || pieces[k].jump.is_some() || !decided_by_force(was, is) {
+                continue;
+            }
+            let stage = pieces[k].stage;
+            let first = pieces[..k].iter().rposition(|q| q.stage != stage).map_or(0, |j| j + 1);
+            let as_long = (first..k).all(|j| pieces[j].modes[i] == was && pieces[j].jump.is_none());
+            if as_long {
+                pieces[first..k].iter_mut().for_each(|q| q.modes[i] = is);
+            } else {
+                let rest =
+                    pieces[k..].iter_mut().take_while(|q| q.stage == stage && q.modes[i] == is && q.jump.is_none());
+                rest.for_each(|q| q.modes[i] = was);
+            }
+        }
+    }
+    track
 }
 
 /// Modes of a contact without times apart between two of contact in which its gap stays below `least`.

@@ -102,6 +102,18 @@ impl Element {
     }
 }
 
+/// Share of the largest violation from which a row is worth naming.
+const TOLD: f64 = 0.01;
+
+/// A row that does not hold.
+#[derive(Debug, Clone)]
+pub struct Broken {
+    /// Names of the functions in it.
+    pub functions: Vec<String>,
+    /// The control stage it belongs to.
+    pub stage: usize,
+}
+
 /// A program with the places of everything in it.
 pub(super) struct Transcription {
     pub(super) program: Program,
@@ -661,6 +673,30 @@ impl Transcription {
             controls: self.controls.iter().flat_map(|&u| w[u..u + wide].iter().copied()).collect(),
             free: self.params.iter().flatten().map(|&j| w[j]).collect(),
         }
+    }
+
+    /// Largest violation of a row or a bound at a point, infinite where a function has no value; and of the rows with functions the
+    /// one that is violated most.
+    pub(super) fn violation(&mut self, w: &[f64]) -> (f64, Option<Broken>) {
+        let mut rows = vec![0.0; self.program.m()];
+        if self.program.cost(w, &mut rows).is_err() {
+            return (f64::INFINITY, None);
+        }
+        let b = &self.bounds;
+        let outside = |v: f64, lower: f64, upper: f64| (lower - v).max(v - upper).max(0.0);
+        let of_row = |i: usize| outside(rows[i], b.cl[i], b.cu[i]);
+        let of_bounds = (0..w.len()).map(|j| outside(w[j], b.xl[j], b.xu[j])).fold(0.0, f64::max);
+        let most = (0..rows.len()).map(of_row).fold(of_bounds, f64::max);
+        // sums of variables alone say nothing about the scene
+        let told = (0..rows.len()).filter(|&i| of_row(i) > TOLD * most && !self.program.behind(i).0.is_empty());
+        let broken = told.max_by(|i, j| of_row(*i).total_cmp(&of_row(*j))).map(|row| {
+            let (names, last) = self.program.behind(row);
+            let stage = self.elements.iter().rfind(|e| e.h <= last).map_or(0, |e| e.stage);
+            let mut functions: Vec<String> = names.into_iter().map(str::to_owned).collect();
+            functions.dedup();
+            Broken { functions, stage }
+        });
+        (most, broken)
     }
 
     /// The cost at a point.

@@ -7,6 +7,7 @@ use super::monitor::{Contraction, Monitor};
 use super::options::{Level, Options, QpMethod, Scheme, Source};
 use super::problem;
 use super::stage::{Evaluations, Stage, Starts};
+use super::standby::{Passed, Standby};
 use crate::error::{finite, Error, Result};
 use crate::func::EvalError;
 use crate::ocp::Ocp;
@@ -20,8 +21,11 @@ const ELASTIC: f64 = 1e3;
 const ARMIJO: f64 = 1e-4;
 /// Halvings of a step at most.
 const HALVINGS: usize = 12;
-/// A plan is compared with others that begin differently where the state was this far from the predicted one, relative to its size.
+/// A plan is compared with others that begin differently, and improved for longer, where a state was this far from the predicted one,
+/// relative to the largest that was measured.
 const DISTURBED: f64 = 0.01;
+/// By how many times the inner iterations are more then: the plan is for another state.
+const EFFORT: usize = 4;
 /// [`Nmpc::initialise`] has converged where a step is below this share of the size of states and controls.
 const CONVERGED: f64 = 1e-10;
 
@@ -77,14 +81,21 @@ pub struct Nmpc {
     x: Vec<f64>,
     u: Vec<f64>,
     seen: bool,
+    /// There was a sample since the iterate was shifted last.
+    unshifted: bool,
     /// The predicted state, where there is one.
     predicted: Vec<f64>,
     has_prediction: bool,
+    /// The largest size of a measured state so far, and how far the last one was from its prediction relative to that.
+    largest: f64,
+    shock: f64,
     scale: Vec<f64>,
     start: [Vec<f64>; 2],
     next: Vec<f64>,
     /// For systems that switch.
     branches: Option<Box<Branches>>,
+    /// Functions of the problem may be called by one thread only.
+    serial: bool,
 }
 
 impl Nmpc {
@@ -126,12 +137,16 @@ impl Nmpc {
             x: vec![0.0; nx],
             u: vec![0.0; nu],
             seen: false,
+            unshifted: false,
             predicted: vec![0.0; nx],
             has_prediction: false,
+            largest: 0.0,
+            shock: 0.0,
             scale: vec![1.0; nx + nu],
             start: [vec![0.0; (n + 1) * nx], vec![0.0; n * nu]],
             next: vec![0.0; n * nx],
             branches,
+            serial: ocp.statement().is_serial(),
             model,
         };
         c.take_guess(ocp);
@@ -177,6 +192,11 @@ impl Nmpc {
     /// Controls.
     pub fn nu(&self) -> usize {
         self.model.nodes.nu
+    }
+
+    /// Must functions of the problem be called by one thread only?
+    pub(super) fn is_serial(&self) -> bool {
+        self.serial
     }
 
     /// The options.
@@ -325,7 +345,10 @@ impl Nmpc {
         self.prepared = false;
         self.entry = 0;
         self.seen = false;
+        self.unshifted = false;
         self.has_prediction = false;
+        self.largest = 0.0;
+        self.shock = 0.0;
         self.lin.reset();
         if let Some(b) = &mut self.branches {
             b.forget();
@@ -388,7 +411,7 @@ impl Nmpc {
             self.predicted.copy_from_slice(x);
             self.has_prediction = true;
         }
-        if self.options.shift && self.seen {
+        if self.options.shift && std::mem::take(&mut self.unshifted) {
             self.iterate.shift(self.model.nodes.nx, self.model.nodes.nu);
             self.lin.shift();
             self.entry = self.entry.saturating_sub(1);
@@ -421,7 +444,10 @@ impl Nmpc {
 
     /// The plan and its alternatives, simulated from the predicted state; the iterations made on the plan.
     fn prepare_switching(&mut self) -> Result<usize> {
-        let inner = if self.options.scheme == Scheme::Rti { 0 } else { self.options.inner };
+        let mut inner = if self.options.scheme == Scheme::Rti { 0 } else { self.options.inner };
+        if self.seen && self.shock > DISTURBED {
+            inner *= EFFORT;
+        }
         let tol = if self.options.scheme == Scheme::Asc { self.options.tol } else { 0.0 };
         let nx = self.nx();
         let from = if self.has_prediction { &self.predicted[..] } else { &self.iterate.x[..nx] };
@@ -434,7 +460,7 @@ impl Nmpc {
     /// Improves the plan and its alternatives from the first state of the other iterate.
     fn search_branches(&mut self, inner: usize, tol: f64) -> Result<usize> {
         // a controller that begins knows no state that its plan is for
-        let disturbed = !self.seen || self.monitor.prediction > DISTURBED;
+        let disturbed = !self.seen || self.shock > DISTURBED;
         let effort = Effort { inner, tol, price: self.elastic_price(), disturbed };
         let nx = self.nx();
         let Some(b) = &mut self.branches else { return Ok(0) };
@@ -493,7 +519,9 @@ impl Nmpc {
             self.measure_scale();
             let size = self.iterate.distance(&self.other, &self.scale, self.model.nodes.nx, self.model.nodes.nu);
             contraction.see(size, &mut self.monitor);
-            if asc && size <= self.options.tol {
+            // a solution for its own sake ends by its steps, a point to linearise at by what is left
+            let left = if asc { size } else { contraction.left(size) };
+            if left <= self.options.tol {
                 return Ok(done + 1);
             }
         }
@@ -564,6 +592,11 @@ impl Nmpc {
     /// # Errors
     /// [`Error::Dimension`] if a length is wrong.
     pub fn feedback(&mut self, x: &[f64], u0: &mut [f64]) -> Result<Feedback> {
+        self.feedback_since(Instant::now(), x, u0)
+    }
+
+    /// The same for a sample that was there at `start`: its time counts from then on.
+    pub(super) fn feedback_since(&mut self, start: Instant, x: &[f64], u0: &mut [f64]) -> Result<Feedback> {
         let (nx, nu) = (self.nx(), self.nu());
         if x.len() != nx || u0.len() != nu {
             return Err(Error::Dimension(format!(
@@ -572,7 +605,6 @@ impl Nmpc {
                 u0.len()
             )));
         }
-        let start = Instant::now();
         let d = self.options.deadline;
         let limit = Duration::try_from_secs_f64(d).ok();
         let deadline = limit.and_then(|d| start.checked_add(d));
@@ -605,10 +637,41 @@ impl Nmpc {
         } else {
             self.seen = false;
         }
+        self.unshifted = self.seen;
         self.u.copy_from_slice(u0);
         self.monitor.sources[source as usize] += 1;
         let time = self.monitor.feedback.add(start.elapsed());
         Ok(Feedback { source, status, iterations, time })
+    }
+
+    /// What answers where this controller is not at hand: its plan, with the law of the program that gave it.
+    pub(super) fn stand_by(&self, out: &mut Standby) {
+        out.x.copy_from_slice(&self.iterate.x);
+        out.u.copy_from_slice(&self.iterate.u);
+        out.u_lower.copy_from_slice(&self.model.u_lower);
+        out.u_upper.copy_from_slice(&self.model.u_upper);
+        out.has_gain = self.lin.gains(&mut out.gain);
+        out.entry = self.entry;
+    }
+
+    /// Learns of samples at which another answered.
+    pub(super) fn catch_up(&mut self, passed: &mut Passed) {
+        if passed.samples == 0 {
+            return;
+        }
+        // the last one is counted when it is finished
+        self.entry += passed.samples - 1 + usize::from(self.pending != Pending::Nothing);
+        self.pending = Pending::Aged;
+        if passed.measured {
+            self.keep_prediction_error(&passed.x);
+            self.x.copy_from_slice(&passed.x);
+        }
+        self.seen = passed.measured;
+        self.unshifted = self.seen;
+        self.u.copy_from_slice(&passed.u);
+        self.monitor.sources.iter_mut().zip(passed.sources).for_each(|(s, p)| *s += p);
+        self.monitor.feedback.merge(&passed.timing);
+        passed.clear();
     }
 
     /// Quadratic program, elastic quadratic program, tangent: the first that gives finite controls.
@@ -685,10 +748,13 @@ impl Nmpc {
 
     fn keep_prediction_error(&mut self, x: &[f64]) {
         self.monitor.prediction = f64::NAN;
+        self.shock = 0.0;
         if self.has_prediction {
             let size = x.iter().fold(0.0f64, |m, v| m.max(v.abs()));
             let gap = x.iter().zip(&self.predicted).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
             self.monitor.prediction = if gap > 0.0 { gap / size.max(gap) } else { 0.0 };
+            self.largest = self.largest.max(size);
+            self.shock = if gap > 0.0 { gap / self.largest.max(gap) } else { 0.0 };
         }
     }
 

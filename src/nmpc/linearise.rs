@@ -147,9 +147,13 @@ impl Linearisation {
         &self.point
     }
 
-    /// Iterations of the last quadratic program.
+    /// Iterations of the last quadratic program, none where there is no program.
     pub fn qp_iterations(&self) -> usize {
-        self.solver.iterations()
+        if self.ready {
+            self.solver.iterations()
+        } else {
+            0
+        }
     }
 
     /// Simulates the stages one after the other: from the first state and the controls of `at` to all other states, with
@@ -482,6 +486,12 @@ impl Linearisation {
     pub fn first_control(&self, u0: &mut [f64]) {
         let own = self.point.u.iter().zip(self.solver.controls()).zip(&self.held_u);
         u0.iter_mut().zip(own).for_each(|(u, ((point, step), held))| *u = point + step - held);
+    }
+
+    /// By how much the controls of every stage, `[n · nu · nx]`, follow a change of its state where no constraint is active; false where
+    /// there is no program.
+    pub fn gains(&self, out: &mut [f64]) -> bool {
+        self.ready && self.solver.gains(out)
     }
 
     /// The first control without regard of constraints but its own bounds.

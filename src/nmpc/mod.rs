@@ -13,6 +13,8 @@
 //! branch         alternatives where a system sticks
 //! controller     schemes: real-time iterations, multi-level iterations, advanced steps
 //! monitor        contraction, times, counts
+//! standby        the last plan with its feedback law
+//! worker         preparations on a thread of their own
 //! ```
 
 mod branch;
@@ -28,6 +30,8 @@ mod options;
 mod problem;
 mod quasi_newton;
 mod stage;
+mod standby;
+mod worker;
 
 pub use controller::{Feedback, Nmpc, Preparation};
 pub use iterate::Iterate;
@@ -35,3 +39,4 @@ pub use linearise::HessianKind;
 pub use monitor::{Monitor, Timing};
 pub use options::{Level, Options, QpMethod, Scheme, Source};
 pub use stage::Evaluations;
+pub use worker::Worker;

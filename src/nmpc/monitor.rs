@@ -24,6 +24,16 @@ impl Timing {
         self.worst = self.worst.max(self.last);
         self.last
     }
+
+    /// Those of another, which ran later.
+    pub(super) fn merge(&mut self, later: &Timing) {
+        if later.count > 0 {
+            self.last = later.last;
+        }
+        self.count += later.count;
+        self.total += later.total;
+        self.worst = self.worst.max(later.worst);
+    }
 }
 
 /// What a controller knows of its own work since it was made or reset.
@@ -89,6 +99,14 @@ pub(super) struct Contraction {
 }
 
 impl Contraction {
+    /// What is left after a step of this size, by the rate of the last two; the step itself where there is no rate, or no contraction.
+    pub fn left(&self, size: f64) -> f64 {
+        match self.ratio {
+            Some((kappa, _)) if kappa < 1.0 => size * (kappa / (1.0 - kappa)),
+            _ => size,
+        }
+    }
+
     /// Another step of this size.
     pub fn see(&mut self, size: f64, monitor: &mut Monitor) {
         monitor.step = size;

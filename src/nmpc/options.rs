@@ -71,7 +71,8 @@ pub struct Options {
     pub level: Level,
     /// Inner iterations of advanced steps per sample; at most as many for [`Scheme::Asc`].
     pub inner: usize,
-    /// [`Scheme::Asc`]: iterations end where states and controls change by less than this share of their size.
+    /// Iterations end early: those of [`Scheme::Asc`] where states and controls change by less than this share of their size, those of
+    /// [`Scheme::AsRti`] where they would change by less from then on, by the estimated contraction (10.18).
     pub tol: f64,
     /// How quadratic programs are solved.
     pub qp: QpMethod,

@@ -23,6 +23,7 @@ mod identify;
 mod joint;
 mod modes;
 mod moves;
+mod multipliers;
 mod neighbours;
 mod nominal;
 mod optimality;
@@ -48,6 +49,7 @@ pub use crate::jumps::{Contacts, Method as Jumps};
 pub use accuracy::Accuracy;
 pub use adapt::{Adaptation, Round};
 pub use modes::ModeSequence;
+pub use multipliers::{Multipliers, MultipliersOf};
 pub use nominal::Nominal;
 pub use optimality::{Kink, Optimality, Verdict};
 pub use phases::{MultiPhase, MultiPhaseResult};
@@ -494,7 +496,10 @@ impl Ocp {
     /// Sets parameters that change from stage to stage `[n_stages · np]`.
     pub fn set_stage_params(&mut self, p: &[f64]) -> Result<()> {
         finite("parameter", p, self.n_stages * self.params.len())?;
-        self.stage_params = Some(p.to_vec());
+        if self.stage_params.replace(p.to_vec()).is_none() {
+            // switching functions of parameters jump at the ends of stages
+            self.built = None;
+        }
         Ok(())
     }
 

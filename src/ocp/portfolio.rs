@@ -30,6 +30,9 @@ const OPINION: usize = 100;
 const NEIGHBOURS: usize = 24;
 /// Changes of controls, in units of their sizes, by which the direction of a better answer is followed.
 const STEPS: [f64; 3] = [0.01, 0.001, 0.1];
+/// The same for the starts of descents, and how many of those there are at most.
+const LONG: f64 = 0.1;
+const SIDES: usize = 3;
 /// Multiples of the elements where an answer is too inaccurate for its simulation.
 const FINER: [usize; 2] = [2, 4];
 /// Simulations that are started from where nothing else leads to an answer.
@@ -83,6 +86,11 @@ impl OcpResult {
     /// Are there elements without length?
     fn has_idle(&self) -> bool {
         self.trajectory.elements.iter().any(|e| e.h <= NOTHING * self.durations[e.stage])
+    }
+
+    /// Is it a solution whose active set is exact, or of a problem without pairs? Its multipliers are those of the problem then.
+    pub(super) fn has_exact_modes(&self) -> bool {
+        self.outcome == Outcome::Solved && (self.polish == Polish::Done || self.dimensions.2 == 0)
     }
 
     /// Is the active set exact, or nothing switches?
@@ -296,23 +304,23 @@ impl Ocp {
         }
         // behind a kink that is a jump of the cost the motion may be another one altogether
         let jumps = judged.direction.is_empty();
-        let direction = if jumps { judged.beyond } else { judged.direction };
-        if direction.is_empty() {
+        let directions = if jumps { judged.beyond } else { vec![judged.direction] };
+        if directions.is_empty() {
             return Ok(false);
         }
         let own = worth(best, request)?;
-        for step in STEPS {
+        // a jump is looked at as an excursion from the answer, too
+        let ways: &[bool] = if jumps { &[false, true] } else { &[false] };
+        let steps = || STEPS.into_iter().flat_map(|s| ways.iter().map(move |through| (s, *through)));
+        for (direction, (step, through)) in directions.iter().flat_map(|d| steps().map(move |s| (d, s))) {
             if stop::requested().is_some() {
                 break;
             }
             let mut moved = r.clone();
-            let bounds = self.u_bounds[0].iter().zip(&self.u_bounds[1]).cycle();
-            for ((u, d), (l, h)) in moved.controls.iter_mut().zip(&direction).zip(bounds) {
-                *u = (*u + step * d).clamp(*l, *h);
-            }
+            moved.controls = self.moved(&r.controls, direction, step);
             moved.control_ends.clone_from(&moved.controls);
             let o = &request.options;
-            let simulated = if jumps { self.trace_through(&moved, o) } else { self.trace(&moved, o) };
+            let simulated = if through { self.trace_through(&moved, o) } else { self.trace(&moved, o) };
             let Some(traced) = simulated? else { continue };
             let mut one = self.solve_traced(&moved, (&traced, NEAR), &known, &inside, control)?;
             let Some(next) = one.result.as_ref() else { continue };
@@ -332,35 +340,51 @@ impl Ocp {
         let Some(best) = found.best.as_mut() else { return Ok(false) };
         let Some(judged) = best.judged()? else { return Ok(false) };
         let elsewhere = judged.reason == OTHER;
-        if stop::requested().is_some() || !elsewhere && judged.verdict != Verdict::NotOptimal {
+        let doubtful = elsewhere || judged.verdict == Verdict::NotOptimal || !judged.beyond.is_empty();
+        if stop::requested().is_some() || !doubtful {
             return Ok(false);
         }
         let known = best.sizes.clone().unwrap_or_else(|| found.known.clone());
         let inside = Request { comparison: None, explain: false, ..*request };
-        let moved = match self.descend(best, &known)? {
-            None => return Ok(false),
-            Some(Descent::Still(verdict)) => {
-                found.still = (!elsewhere).then_some(verdict);
-                return Ok(false);
-            }
-            Some(Descent::Lower(moved)) => moved,
-        };
         let now = worth(best, request)?;
-        let Some(traced) = self.trace_through(&moved, &request.options)? else { return Ok(false) };
-        for elements in [1, FINER[0], FINER[1]] {
-            if stop::requested().is_some() {
-                break;
-            }
-            let room = Room { short: BRIEF, elements };
-            let mut one = self.solve_traced(&moved, (&traced, room), &known, &inside, control)?;
-            let Some(next) = one.result.as_ref() else { continue };
-            found.add(next);
-            if next.is_exact() && worth(&mut one, request)? < now - GAIN * now.abs() {
-                found.replace(one, request)?;
-                return Ok(true);
+        let Some(r) = best.result.clone() else { return Ok(false) };
+        // where a step of any size costs at first, from the other side too
+        let sides = std::iter::once(judged.direction).chain(judged.beyond).filter(|d| !d.is_empty()).take(SIDES);
+        let starts = std::iter::once(r.controls.clone()).chain(sides.map(|d| self.moved(&r.controls, &d, LONG)));
+        for (i, controls) in starts.enumerate() {
+            let Some(best) = found.best.as_mut().filter(|_| stop::requested().is_none()) else { break };
+            let moved = match self.descend(best, &known, &controls)? {
+                Some(Descent::Lower(moved)) => moved,
+                Some(Descent::Still(verdict)) if i == 0 => {
+                    found.still = (!elsewhere).then_some(verdict);
+                    return Ok(false);
+                }
+                None if i == 0 => return Ok(false),
+                _ => continue,
+            };
+            let Some(traced) = self.trace_through(&moved, &request.options)? else { continue };
+            for elements in [1, FINER[0], FINER[1]] {
+                if stop::requested().is_some() {
+                    break;
+                }
+                let room = Room { short: BRIEF, elements };
+                let mut one = self.solve_traced(&moved, (&traced, room), &known, &inside, control)?;
+                let Some(next) = one.result.as_ref() else { continue };
+                found.add(next);
+                if next.is_exact() && worth(&mut one, request)? < now - GAIN * now.abs() {
+                    found.replace(one, request)?;
+                    return Ok(true);
+                }
             }
         }
         Ok(false)
+    }
+
+    /// Controls moved along a direction within their bounds.
+    fn moved(&self, controls: &[f64], direction: &[f64], step: f64) -> Vec<f64> {
+        let bounds = self.u_bounds[0].iter().zip(&self.u_bounds[1]).cycle();
+        let moved = controls.iter().zip(direction).zip(bounds);
+        moved.map(|((u, d), (l, h))| (u + step * d).clamp(*l, *h)).collect()
     }
 
     /// An answer that its own controls do not lead to is none: the phases of their simulation on a finer grid replace it,

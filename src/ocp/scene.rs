@@ -287,9 +287,12 @@ impl Ocp {
             }
             Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter => format!(
                 "no motion was found that meets all constraints, after {} orders of contacts; the one closest to it violates \
-                 them by {:.3e}: {}",
+                 them by {:.3e}{}. Its contacts: {}",
                 a.tried,
                 a.violation,
+                a.broken.as_ref().map_or_else(String::new, |b| {
+                    format!(", most in control stage {}, where it is a matter of the {}", b.stage, b.functions.join(", the "))
+                }),
                 a.sequence.text(&names)
             ),
             _ => String::new(),

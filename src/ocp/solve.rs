@@ -133,6 +133,7 @@ impl Ocp {
             durations: self.time,
             linear,
             free_params: free,
+            stage_params: self.stage_params.is_some(),
             lagrange: e.lagrange.clone(),
             mayer: e.mayer.clone(),
             grid_cost: e.grid_cost.clone(),

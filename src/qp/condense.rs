@@ -489,6 +489,14 @@ impl QpSolver for Condensing {
         &self.v_now
     }
 
+    fn gains(&self, out: &mut [f64]) -> bool {
+        let (nx, nu, wide) = (self.nx, self.nu, self.wide);
+        for (to, from) in out.chunks_exact_mut(nu * nx).zip(self.gain.chunks_exact(nx * wide)) {
+            transpose(nx, nu, Left { v: from, ld: nx }, to);
+        }
+        self.ready
+    }
+
     fn iterations(&self) -> usize {
         self.active_set.iterations()
     }

@@ -69,6 +69,9 @@ pub trait QpSolver: Send {
     fn expand(&mut self, qp: &StageQp, out: &mut QpSolution);
     /// Controls for `x0` without regard of constraints, cut off at their bounds: what is there before anything is solved.
     fn tangent(&mut self, qp: &StageQp, x0: &[f64]) -> &[f64];
+    /// Feedback gains without constraints: `K_k`, `nu × nx` column-major for every stage, `[n · nu · nx]`, so that the solution of the program
+    /// that begins at node `k` moves by `u_k = K_k x_k`. False where nothing is prepared.
+    fn gains(&self, out: &mut [f64]) -> bool;
     /// Iterations of the last solution.
     fn iterations(&self) -> usize;
     /// Moves the guess of the active set by one stage towards the start.

@@ -494,6 +494,28 @@ function sensitivity(o::Ocp)
             one_sided = flag[] != 0)
 end
 
+"""
+    multipliers(ocp, of; index = 1)
+
+Multipliers of the last solution, which must be exact: `times` and a matrix `values` with a column for each of them. `of` is
+`:costates`, `:initial_state`, `:states`, `:controls`, `:params`, or with `index`, in the order in which they were added, `:path`,
+`:terminal`, `:boundary`, `:relaxed`.
+
+Costates are, at the start of every stage, derivatives of the cost that is still to come with respect to the state, and at the end
+of the horizon those of terminal cost and constraints. The others are positive where an upper bound is active and negative where a
+lower one is: raising that bound by `d` changes the optimal cost by `-d` times the multiplier.
+"""
+function multipliers(o::Ocp, of::Symbol; index::Integer = 1)
+    kinds = (:costates, :initial_state, :states, :controls, :params, :path, :terminal, :boundary, :relaxed)
+    kind = findfirst(==(of), kinds)
+    kind === nothing && throw(ArgumentError("multipliers of :$of: known are $(join(kinds, ", "))"))
+    n, width = Ref(Int64(0)), Ref(Int64(0))
+    using_object(() -> Lib.swb_ocp_multiplier_sizes(o, kind - 1, index - 1, n, width), o)
+    times, values = zeros(n[]), zeros(width[], n[])
+    using_object(() -> Lib.swb_ocp_get_multipliers(o, kind - 1, index - 1, times, n[], values, length(values)), o)
+    return (times = times, values = values)
+end
+
 # --- mode sequences, several starts, adapted grids ----------------------------------------------------
 
 """

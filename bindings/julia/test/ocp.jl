@@ -65,6 +65,11 @@ plain_model() = (m = Model(states = :x, controls = :u, parameters = (:a, :b)); d
     s = sensitivity(ocp)
     @test s.cost_x0 ≈ [2.0] rtol = 1e-6
     @test size(s.controls_x0) == (1, 4, 1) && size(s.controls_p) == (1, 4, 2) && all(abs.(s.controls_x0 .+ 1) .< 1e-6)
+    λ = multipliers(ocp, :costates)
+    @test λ.times ≈ 0:0.25:1
+    @test λ.values ≈ fill(2.0, 1, 5) rtol = 1e-6
+    @test multipliers(ocp, :terminal).values ≈ fill(2.0, 1, 1) rtol = 1e-6
+    @test refused(() -> multipliers(ocp, :terminal; index = 2), :range)
     set_control_bounds!(ocp, -0.5, 0.5)
     r = solve!(ocp)
     @test r.outcome in (:infeasible, :stalled) && occursin("cannot be met", r.message) && !successful(r)

@@ -1,5 +1,9 @@
 """Controllers from Python: feedback of linear problems, closed loops, delays, what can go wrong."""
 
+import re
+import threading
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -168,3 +172,49 @@ def test_friction_that_is_not_that_of_the_model(friction, delay, noise):
     assert abs(loop.x[-1, 0]) < 0.1
     # the force does not change its side from sample to sample
     assert np.sum((last[1:] * last[:-1] < 0) & (np.minimum(abs(last[1:]), abs(last[:-1])) > 0.8)) <= 1
+
+
+def test_the_page_runs(monkeypatch):
+    """The code of docs/nmpc.md, as a reader would type it."""
+    page = Path(__file__).resolve().parents[3] / "docs" / "nmpc.md"
+    if not page.exists():
+        pytest.skip("the documentation is not part of this package")
+    monkeypatch.setattr(swb.nmpc.ClosedLoop, "plot", lambda *_: None)
+    names = {"__name__": "page"}
+    blocks = re.findall(r"```python\n(.*?)```", page.read_text(encoding="utf-8"), re.S)
+    assert len(blocks) >= 3
+    for block in blocks:
+        exec(compile(block, str(page), "exec"), names)
+    assert abs(names["x"][0]) < 0.02 and names["info"].source is swb.NmpcSource.QP
+
+
+def test_preparations_on_a_thread_change_nothing():
+    m = integrator()
+    with swb.Nmpc(problem(m), "as_rti") as plain, swb.Nmpc(problem(m), "as_rti") as other:
+        with pytest.raises(swb.StateError):
+            other.wait()
+        x = np.array([0.4, -0.1])
+        for k in range(10):
+            plain.prepare()
+            assert other.prepare_async()
+            if k % 2:
+                assert other.wait().ready
+            u, v = plain.feedback(x)[0], other.feedback(x)[0]
+            assert u == v
+            x = x + H * np.array([x[1], u[0]])
+        # functions in Python are called by the thread that calls the library
+        calls = []
+
+    def rates(x, u):
+        calls.append(threading.get_ident())
+        return [x[1], u[0]]
+
+    system = swb.System(2, 1)
+    system.set_f0(swb.Function(rates, 2, 1, n_out=2, trace=False))
+    ocp = swb.Ocp(system, N * H, N, rk_family="explicit", n_s=4, n_fe=1, control_bounds=(-1, 1))
+    ocp.add_least_squares(swb.Function(lambda x, u: [x[0], x[1], u[0]], 2, 1, n_out=3), [2, 0.5, 0.3], np.zeros(3))
+    with swb.Nmpc(ocp) as c:
+        calls.clear()
+        assert c.prepare_async()
+        assert calls and set(calls) == {threading.get_ident()}
+        assert c.wait().ready

@@ -94,6 +94,19 @@ def test_sensitivity():
         assert np.allclose(controls, (right[1] - left[1]) / (2 * h), rtol=1e-3, atol=1e-3)
 
 
+def test_multipliers():
+    ocp = constrained()
+    with pytest.raises(swb.StateError):
+        ocp.multipliers()
+    r = ocp.solve()
+    m, s = ocp.multipliers(), ocp.sensitivity()
+    assert m.costates.shape == (5, 2) and m.controls.shape == (4, 1) and m.params.shape == (1,)
+    assert m.costates[0] == pytest.approx(s.cost_x0, rel=1e-6) and m.initial_state == pytest.approx(-s.cost_x0, rel=1e-6)
+    assert len(m.states.times) == len(m.states.values) and m.states.times[-1] == pytest.approx(r.trajectory.times[-1])
+    assert m.costates[-1] == pytest.approx(sum(m.terminal), rel=1e-9)  # without a terminal cost, both states as the constraint
+    assert all(p.values.shape[0] == len(p.times) for p in m.path) and m.relaxed == []
+
+
 def sliding_ocp(n_s=2, n_fe=3, **options):
     """Two sliding modes at once; Python callables without derivatives."""
     system = swb.System(4, 2, f0=lambda x, u: [x[2], x[3], u[0], u[1]])

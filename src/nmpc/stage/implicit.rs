@@ -6,14 +6,15 @@
 //!
 //! `Z_i` is eliminated first, with `J_i = f_x − f_z g_z⁻¹ g_x`; what is left is `(I − h A ⊗ J) K' = ...` of `s n_x` unknowns. The
 //! start of Newton's method is the last solution and its tangent ("lifted": J. Albersmeyer, M. Diehl, *The lifted Newton method*,
-//! 2010), the matrix that of the last linearisation as long as it contracts; derivatives are those of the solution.
+//! 2010), the matrix that of the last linearisation as long as it contracts; derivatives are those of the solution. Adjoint sweeps take
+//! Jacobians at the solution too, and the factors of that matrix with corrections.
 
 use super::super::evaluate::Many;
 use super::{Evaluations, Stage, Starts};
 use crate::error::{Error, Result};
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::dense::axpy;
-use crate::linalg::lu::Lu;
+use crate::linalg::lu::{block_work, Lu};
 use crate::system::SharedFunction;
 use crate::tableau::Tableau;
 
@@ -25,6 +26,10 @@ const STALLED: f64 = 1e-9;
 const MAX_NEWTON: usize = 30;
 /// An old matrix is given up where the steps shrink by less than this factor.
 const CONTRACTION: f64 = 0.1;
+/// For multipliers it is given up later: a correction of them evaluates nothing.
+const DUAL_CONTRACTION: f64 = 0.5;
+/// Corrections of multipliers at most.
+const MAX_CORRECTIONS: usize = 40;
 
 /// One step of an implicit method in every stage.
 pub(in super::super) struct ImplicitRk {
@@ -43,7 +48,8 @@ pub(in super::super) struct ImplicitRk {
     /// Factors of every stage, and of `g_z` at every stage point.
     outer: Vec<Lu<f64>>,
     inner: Vec<Lu<f64>>,
-    factored: bool,
+    /// Newton's method in every stage.
+    newton: Vec<Newton>,
     /// Jacobians `[f_x f_z f_u; g_x g_z g_u]` of one stage point after another, row-major; then `f` with `z` eliminated.
     full: Vec<f64>,
     reduced: Vec<f64>,
@@ -53,7 +59,50 @@ pub(in super::super) struct ImplicitRk {
     /// Right-hand sides of all columns at once.
     block: Vec<f64>,
     block_work: Vec<f64>,
+    /// Multipliers of the stage equations, quantity by quantity for all points, what they leave, and their products with the
+    /// columns of the Jacobians.
+    dual: Vec<f64>,
+    dual_gap: Vec<f64>,
+    products: Vec<f64>,
     evaluations: Evaluations,
+}
+
+/// How far Newton's method is in a stage.
+#[derive(Debug, Clone, Copy)]
+struct Newton {
+    /// The factors are of no use any more.
+    stale: bool,
+    /// There is something left to do.
+    open: bool,
+    /// The last step, relative to the states; infinite where factors are new.
+    last: f64,
+    /// The same across new factors.
+    before: f64,
+    /// Steps that shrank too slowly.
+    stalls: usize,
+}
+
+impl Newton {
+    fn begin(&mut self) {
+        (self.open, self.last, self.before, self.stalls) = (true, f64::INFINITY, f64::INFINITY, 0);
+    }
+
+    /// Another step.
+    fn see(&mut self, change: f64) {
+        // what is left after this step, where steps shrink at the rate they did
+        let left = if self.last.is_finite() { change * change / self.last } else { change };
+        if change <= CONVERGED || (change < self.last && left <= CONVERGED) {
+            self.open = false;
+            return;
+        }
+        if change > CONTRACTION * self.before {
+            self.stalls += 1;
+            self.stale = true;
+        }
+        // the second time the matrix was that of the point
+        self.open = !(self.stalls >= 2 && change <= STALLED);
+        (self.last, self.before) = (change, change);
+    }
 }
 
 impl ImplicitRk {
@@ -89,14 +138,17 @@ impl ImplicitRk {
             known: false,
             outer: (0..n).map(|_| Lu::with_capacity(s * nx)).collect(),
             inner: (0..n * s).map(|_| Lu::with_capacity(nz)).collect(),
-            factored: false,
+            newton: vec![Newton { stale: true, open: true, last: 0.0, before: 0.0, stalls: 0 }; n],
             full: vec![0.0; n * s * all * columns],
             reduced: vec![0.0; n * s * nx * (nx + nu)],
             z_by: vec![0.0; n * s * nz * (nx + nu)],
             residual: vec![0.0; n * s * all],
             column: vec![0.0; s * all.max(1)],
             block: vec![0.0; (s * nx).max(nz) * (nx + nu)],
-            block_work: vec![0.0; (s * nx).max(nz) * (nx + nu)],
+            block_work: vec![0.0; block_work((s * nx).max(nz), nx + nu)],
+            dual: vec![0.0; n * s * all],
+            dual_gap: vec![0.0; n * s * all],
+            products: vec![0.0; n * s * columns],
             tableau,
             evaluations: Evaluations::default(),
         })
@@ -171,23 +223,34 @@ impl ImplicitRk {
         Ok(())
     }
 
-    /// Jacobians at the present unknowns, and all factors.
-    fn factorise(&mut self, at: &Starts) -> EvalResult {
+    /// Jacobians at the present unknowns, and factors: of all stages, or where those that are there are of no use.
+    fn factorise(&mut self, at: &Starts, all_stages: bool) -> EvalResult {
         let (nx, nz, nu, s) = (self.nx, self.nz, self.nu, self.tableau.n_s);
         let (all, columns, points) = (nx + nz, nx + nz + nu, self.n * s);
-        self.full.fill(0.0);
+        if all_stages {
+            self.newton.iter_mut().for_each(|stage| stage.stale = true);
+        }
+        let length = s * all * columns;
+        let stages = self.full.chunks_exact_mut(length).zip(&self.newton).filter(|e| e.1.stale);
+        stages.for_each(|(full, _)| full.fill(0.0));
         for (f, first) in &mut self.parts {
             f.jacobians()?;
             for (e, &(i, c)) in f.jac_entries.iter().enumerate().filter(|e| e.1 .1 < columns) {
-                for q in 0..points {
+                for q in (0..points).filter(|q| self.newton[q / s].stale) {
                     self.full[(q * all + *first + i) * columns + c] += f.jac[e * points + q];
                 }
             }
         }
         for q in 0..points {
-            self.eliminate(q)?;
+            if self.newton[q / s].stale {
+                self.eliminate(q)?;
+            }
         }
         for k in 0..self.n {
+            if !std::mem::take(&mut self.newton[k].stale) {
+                continue;
+            }
+            self.newton[k].last = f64::INFINITY;
             let lu = &mut self.outer[k];
             let m = lu.clear(s * nx);
             for i in 0..s {
@@ -204,10 +267,10 @@ impl ImplicitRk {
                 }
             }
             if !lu.factorise() {
+                self.newton[k].stale = true;
                 return Err(EvalError::Recoverable);
             }
         }
-        self.factored = true;
         Ok(())
     }
 
@@ -253,12 +316,15 @@ impl ImplicitRk {
         Ok(())
     }
 
-    /// One step of Newton's method with the present factors; the largest change relative to the states, over all stages.
-    fn newton_step(&mut self, at: &Starts) -> f64 {
+    /// One step of Newton's method with the present factors in the stages where there is something left to do; false where it is not finite.
+    fn newton_step(&mut self, at: &Starts) -> bool {
         let (nx, nz, nu, s) = (self.nx, self.nz, self.nu, self.tableau.n_s);
         let (all, columns) = (nx + nz, nx + nz + nu);
-        let mut worst = 0.0f64;
         for k in 0..self.n {
+            if !self.newton[k].open {
+                continue;
+            }
+            let mut worst = 0.0f64;
             let h = at.h[k];
             // r_f − f_z g_z⁻¹ r_g on the right
             for i in 0..s {
@@ -304,44 +370,34 @@ impl ImplicitRk {
                 let size = scale.max(change);
                 worst = worst.max(change / size);
             }
+            if !(worst + change).is_finite() {
+                return false;
+            }
+            self.newton[k].see(worst);
         }
-        worst
+        true
     }
 
     /// Solves for the stage unknowns at all nodes, and `ψ`.
     fn solve(&mut self, at: &Starts, next: &mut [f64]) -> EvalResult {
         self.predict(at);
-        let (mut last, mut before, mut stalls) = (f64::INFINITY, f64::INFINITY, 0);
+        self.newton.iter_mut().for_each(Newton::begin);
         for _ in 0..MAX_NEWTON {
             self.residuals(at)?;
-            if !self.factored {
-                self.factorise(at)?;
-                last = f64::INFINITY;
+            if self.newton.iter().any(|stage| stage.stale && stage.open) {
+                self.factorise(at, false)?;
             }
-            let change = self.newton_step(at);
-            if !change.is_finite() {
+            if !self.newton_step(at) {
                 break;
             }
-            // what is left after this step, where steps shrink at the rate they did
-            let left = if last.is_finite() { change * change / last } else { change };
-            if change <= CONVERGED || (change < last && left <= CONVERGED) {
+            if !self.newton.iter().any(|stage| stage.open) {
                 self.advance(at, next);
                 return Ok(());
             }
-            if change > CONTRACTION * before {
-                stalls += 1;
-                self.factored = false;
-            }
-            // the second time the matrix was that of the point
-            if stalls >= 2 && change <= STALLED {
-                self.advance(at, next);
-                return Ok(());
-            }
-            (last, before) = (change, change);
         }
         // nothing of this is a start for the next time
         self.known = false;
-        self.factored = false;
+        self.newton.iter_mut().for_each(|stage| stage.stale = true);
         self.unknowns.iter_mut().for_each(|v| {
             if !v.is_finite() {
                 *v = 0.0;
@@ -360,6 +416,113 @@ impl ImplicitRk {
                 to.iter_mut().zip(&self.unknowns[(k * s + i) * all..]).for_each(|(v, k)| *v += f * k);
             }
         }
+    }
+
+    /// Multipliers of the stage equations, `Mᵀ y = −(h b ⊗ λ, 0)` with the matrix `M` of their derivatives by `(K, Z)`, and the products of `y`
+    /// with the Jacobians. The factors are those of the last matrix that was factorised; what they leave is corrected until
+    /// nothing is left. False where that does not contract.
+    fn multipliers(&mut self, at: &Starts, lambda: &[f64]) -> bool {
+        self.dual.fill(0.0);
+        self.products.fill(0.0);
+        let mut last = f64::INFINITY;
+        for _ in 0..MAX_CORRECTIONS {
+            self.dual_residual(at, lambda);
+            let change = self.correct_dual(at);
+            self.multiply_dual();
+            let left = if last.is_finite() { change * change / last } else { change };
+            if change <= CONVERGED || (change < last && left <= CONVERGED) {
+                return true;
+            }
+            if change.is_nan() || change > DUAL_CONTRACTION * last {
+                return false;
+            }
+            last = change;
+        }
+        false
+    }
+
+    /// Products of the multipliers with the Jacobians of all stage points, quantity by quantity.
+    fn multiply_dual(&mut self) {
+        let (columns, points) = (self.nx + self.nz + self.nu, self.n * self.tableau.n_s);
+        self.products.fill(0.0);
+        for (f, first) in &self.parts {
+            for (e, &(i, c)) in f.jac_entries.iter().enumerate().filter(|e| e.1 .1 < columns) {
+                let y = &self.dual[(*first + i) * points..][..points];
+                let entries = f.jac[e * points..][..points].iter().zip(y);
+                let to = &mut self.products[c * points..][..points];
+                to.iter_mut().zip(entries).for_each(|(v, (d, y))| *v += d * y);
+            }
+        }
+    }
+
+    /// What the multipliers leave of their equations.
+    fn dual_residual(&mut self, at: &Starts, lambda: &[f64]) {
+        let (nx, nz, s) = (self.nx, self.nz, self.tableau.n_s);
+        let points = self.n * s;
+        for r in 0..nx {
+            for q in 0..points {
+                let (k, j) = (q / s, q % s);
+                let by_x = &self.products[r * points + k * s..][..s];
+                let through: f64 = by_x.iter().enumerate().map(|(i, v)| self.tableau.a(i, j) * v).sum();
+                let given = self.tableau.b[j] * lambda[k * nx + r];
+                self.dual_gap[r * points + q] = self.dual[r * points + q] - at.h[k] * (given + through);
+            }
+        }
+        let z = nx * points..(nx + nz) * points;
+        self.dual_gap[z.clone()].iter_mut().zip(&self.products[z]).for_each(|(g, v)| *g = -v);
+    }
+
+    /// Adds what the factors make of the residual; the largest change relative to the multipliers, over all stages.
+    fn correct_dual(&mut self, at: &Starts) -> f64 {
+        let (nx, nz, nu, s) = (self.nx, self.nz, self.nu, self.tableau.n_s);
+        let (all, columns, points) = (nx + nz, nx + nz + nu, self.n * s);
+        let mut worst = 0.0f64;
+        for k in 0..self.n {
+            let h = at.h[k];
+            for j in 0..s {
+                for r in 0..nx {
+                    let mut v = self.dual_gap[r * points + k * s + j];
+                    for i in 0..if nz > 0 { s } else { 0 } {
+                        let q = k * s + i;
+                        let z_by = &self.z_by[(q * (nx + nu) + r) * nz..][..nz];
+                        let t: f64 =
+                            z_by.iter().enumerate().map(|(z, d)| d * self.dual_gap[(nx + z) * points + q]).sum();
+                        v += h * self.tableau.a(i, j) * t;
+                    }
+                    self.column[j * nx + r] = -v;
+                }
+            }
+            self.outer[k].solve_transposed(&mut self.column[..s * nx]);
+            let (mut change, mut size) = (0.0f64, 0.0f64);
+            let mut add = |y: &mut f64, d: f64| {
+                *y += d;
+                change = change.max(d.abs());
+                size = size.max(y.abs());
+            };
+            for i in 0..s {
+                let q = k * s + i;
+                let own = &self.column[i * nx..(i + 1) * nx];
+                own.iter().enumerate().for_each(|(r, d)| add(&mut self.dual[r * points + q], *d));
+                if nz == 0 {
+                    continue;
+                }
+                let to = &mut self.block_work[..nz];
+                (0..nz).for_each(|z| to[z] = self.dual_gap[(nx + z) * points + q]);
+                for (r, d) in own.iter().enumerate() {
+                    let f_z = &self.full[(q * all + r) * columns + nx..][..nz];
+                    axpy(-d, f_z, to);
+                }
+                self.inner[q].solve_transposed(to);
+                to.iter().enumerate().for_each(|(z, d)| add(&mut self.dual[(nx + z) * points + q], *d));
+            }
+            if change > 0.0 || change.is_nan() {
+                worst = worst.max(change / size);
+            }
+            if change.is_nan() {
+                return f64::NAN;
+            }
+        }
+        worst
     }
 
     /// Derivatives of the unknowns of stage `k` by `(x, u)`: those of `K` row by row to `block`, all column by column to `tangent`.
@@ -405,7 +568,7 @@ impl Stage for ImplicitRk {
         debug_assert!(second.is_none(), "problems with implicit steps are made without second derivatives");
         self.solve(at, next)?;
         self.place(at);
-        self.factorise(at)?;
+        self.factorise(at, true)?;
         self.evaluations.jacobians += 1;
         let (nx, nu, s) = (self.nx, self.nu, self.tableau.n_s);
         for k in 0..self.n {
@@ -430,27 +593,26 @@ impl Stage for ImplicitRk {
     fn adjoint(&mut self, at: &Starts, lambda: &[f64], next: &mut [f64], gx: &mut [f64], gu: &mut [f64]) -> EvalResult {
         self.solve(at, next)?;
         self.place(at);
-        self.factorise(at)?;
+        for (f, _) in &mut self.parts {
+            f.jacobians()?;
+        }
         self.evaluations.adjoints += 1;
+        if self.newton.iter().any(|stage| stage.stale) {
+            self.factorise(at, false)?;
+        }
+        if !self.multipliers(at, lambda) {
+            self.factorise(at, true)?;
+            if !self.multipliers(at, lambda) {
+                return Err(EvalError::Recoverable);
+            }
+        }
         let (nx, nu, s) = (self.nx, self.nu, self.tableau.n_s);
+        let (all, points) = (nx + self.nz, self.n * s);
+        let of_stage = |products: &[f64], c: usize, k: usize| products[c * points + k * s..][..s].iter().sum::<f64>();
         for k in 0..self.n {
             let lambda = &lambda[k * nx..(k + 1) * nx];
-            for i in 0..s {
-                let f = at.h[k] * self.tableau.b[i];
-                (0..nx).for_each(|r| self.column[i * nx + r] = f * lambda[r]);
-            }
-            self.outer[k].solve_transposed(&mut self.column[..s * nx]);
-            let (gx, gu) = (&mut gx[k * nx..(k + 1) * nx], &mut gu[k * nu..(k + 1) * nu]);
-            gx.copy_from_slice(lambda);
-            gu.fill(0.0);
-            for i in 0..s {
-                let reduced = &self.reduced[(k * s + i) * nx * (nx + nu)..];
-                for r in 0..nx {
-                    let (y, row) = (self.column[i * nx + r], &reduced[r * (nx + nu)..(r + 1) * (nx + nu)]);
-                    gx.iter_mut().zip(row).for_each(|(g, v)| *g += v * y);
-                    gu.iter_mut().zip(&row[nx..]).for_each(|(g, v)| *g += v * y);
-                }
-            }
+            (0..nx).for_each(|r| gx[k * nx + r] = lambda[r] + of_stage(&self.products, r, k));
+            (0..nu).for_each(|j| gu[k * nu + j] = of_stage(&self.products, all + j, k));
         }
         Ok(())
     }

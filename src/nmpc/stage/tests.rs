@@ -49,8 +49,8 @@ fn check(stage: &mut dyn Stage, nx: usize, tol: f64) {
     let mut again = vec![0.0; N * nx];
     stage.values(&d.at(), &mut again).unwrap();
     let gap = next.iter().zip(&again).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
-    // implicit steps are solved to this share
-    assert!(gap < 1e-12, "{gap:e}");
+    // of two solutions of implicit steps each is off by half of this at most: every stage ends when it is there
+    assert!(gap < 2e-12, "{gap:e}");
     let lambda: Vec<f64> = (0..N * nx).map(|i| (0.37 * i as f64).cos()).collect();
     let (mut gx, mut gu) = (vec![0.0; N * nx], vec![0.0; N * 2]);
     stage.adjoint(&d.at(), &lambda, &mut again, &mut gx, &mut gu).unwrap();

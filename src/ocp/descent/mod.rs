@@ -31,15 +31,21 @@ pub(super) enum Descent {
 }
 
 impl Ocp {
-    /// Descends on simulations from the answer that `best` has. `None` where nothing is simulated, or there is nothing to vary.
-    pub(super) fn descend(&self, best: &Ocp, known: &Sizes) -> Result<Option<Descent>> {
+    /// Descends on simulations from the answer that `best` has, with the given controls. `None` where nothing is simulated, or there is
+    /// nothing to vary.
+    pub(super) fn descend(&self, best: &Ocp, known: &Sizes, controls: &[f64]) -> Result<Option<Descent>> {
         let (Some(b), Some(r)) = (best.built.as_ref(), best.result.as_ref()) else { return Ok(None) };
         let mut shooting = Shooting::new(self, b, r, known)?;
         if !(1..=VARIABLES).contains(&shooting.n()) {
             return Ok(None);
         }
         let w = &b.solver.solution().x;
-        let z = shooting.start(&b.problem.controls(w), &b.problem.control_ends(w));
+        let mut all = b.problem.controls(w);
+        let (own, wide) = (self.system.dims().u.max(1), b.extended.system.dims().u.max(1));
+        for (all, moved) in all.chunks_mut(wide).zip(controls.chunks(own)) {
+            all[..moved.len()].copy_from_slice(moved);
+        }
+        let z = shooting.start(&all, &b.problem.control_ends(w));
         let found = match sqp::minimise(&mut shooting, &z, EVALUATIONS) {
             Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => return Err(e),
             // a simulation that fails says nothing of the answer

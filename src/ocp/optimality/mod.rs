@@ -12,7 +12,9 @@
 //! ```
 //!
 //! with the velocities under the control before (`c_b`) or behind (`c_a`). The answer is stationary if some `c` between the
-//! two makes the derivatives vanish: `c_b − c` and `c − c_a` are then the derivatives of the cost towards either side.
+//! two makes the derivatives vanish: `c_b − c` and `c − c_a` are then the derivatives of the cost towards either side. Where the
+//! state comes to a surface exactly at the end of a stage, and the next control turns it back, `c ≥ 0` is the derivative of moving
+//! away from the surface, and that of passing it is `Λᵀ b − c` with `b` the change of the state by what happens beyond.
 
 mod simulate;
 mod slopes;
@@ -25,8 +27,6 @@ use crate::error::{Error, Result};
 use crate::event::{self, Engine};
 use crate::fesd::{Fesd, StatePoint};
 use crate::func::EvalError;
-use crate::mpcc::Polish;
-use crate::nlp::Outcome;
 use crate::stop::{self, Why};
 use slopes::{Free, Quantities};
 
@@ -54,7 +54,7 @@ const AWAY: f64 = 10.0;
 pub(super) const OTHER: &str = "the simulation of the controls is not that of the answer";
 /// Share of the largest distance from a surface, in terms of indicators, at which it is touched.
 const TOUCH: f64 = 1e-7;
-/// Share of its terms above which the speed towards a surface is one.
+/// Share of its terms, and of what the ranges of the states make of it, above which the speed towards a surface is one.
 const SLOW: f64 = 1e-6;
 /// Differences of velocities, relative to the velocities and to ranges of the states over the horizon, that count as none.
 const SAME: f64 = 1e-4;
@@ -103,7 +103,8 @@ pub struct Kink {
     /// The same, behind.
     pub after: f64,
     /// No switch: the surface is touched and left again. The first derivative is then that away from it, the second that of a
-    /// moment behind it, as long as the stage.
+    /// moment behind it, as long as the stage; where the control turns the state back at the end of a stage, on both sides, that of
+    /// passing it.
     pub touch: bool,
 }
 
@@ -125,8 +126,9 @@ pub struct Optimality {
     /// Where the answer is not optimal: changes of the controls `[n_stages · nu]` that lower the cost to first order, the
     /// largest of them as large as the quantity usually is. Empty otherwise, and where controls are linear.
     pub direction: Vec<f64>,
-    /// The same towards the side of a kink on which the surface is not reached: nothing but a simulation says what the cost is there.
-    pub(super) beyond: Vec<f64>,
+    /// The same towards the sides of kinks on which the surface is not reached, or not left again: nothing but a simulation says what
+    /// the cost is there.
+    pub(super) beyond: Vec<Vec<f64>>,
 }
 
 impl Optimality {
@@ -186,6 +188,9 @@ enum Kind {
     Switch { before: Option<Vec<f64>>, after: Option<Vec<f64>> },
     /// A surface that is touched from one side at a point: the first of its variables, and `f_B − f_A`.
     Touch { at: usize, beyond: Vec<f64> },
+    /// The same at the end of a stage, where the control turns the state back, on the other side too: by how much the state differs behind
+    /// that for every unit that the surface would be passed by. Where it would not come back there is nothing to first order.
+    Peak { beyond: Vec<f64> },
 }
 
 impl Corner {
@@ -194,7 +199,13 @@ impl Corner {
         match &self.kind {
             Kind::Switch { before, after } => [before.as_deref(), after.as_deref()],
             Kind::Touch { beyond, .. } => [None, Some(beyond)],
+            Kind::Peak { beyond } => [Some(beyond), None],
         }
+    }
+
+    /// Is the surface touched, and not crossed?
+    fn touches(&self) -> bool {
+        !matches!(self.kind, Kind::Switch { .. })
     }
 }
 
@@ -223,6 +234,8 @@ struct Judge<'a> {
     places: Vec<Option<usize>>,
     /// Ranges of the states of the simulation.
     ranges: Vec<f64>,
+    /// Length of the horizon.
+    horizon: f64,
     n_p: usize,
     n_u: usize,
     /// Of every stage.
@@ -256,8 +269,7 @@ struct Outer {
 impl Ocp {
     /// Judges the solution in `b` by simulations of its controls.
     pub(super) fn judge(&self, r: &OcpResult, b: &mut Built) -> Result<Optimality> {
-        let exact = r.polish == Polish::Done || r.dimensions.2 == 0;
-        if r.outcome != Outcome::Solved || !exact {
+        if !r.has_exact_modes() {
             return Ok(Optimality::unknown("the modes of the answer are not exact"));
         }
         let e = &b.extended;
@@ -311,6 +323,7 @@ impl Ocp {
             w: &w,
             // the simulation itself is no better than its tolerance
             ranges: extents.iter().map(|e| e.range).collect(),
+            horizon: r.durations.iter().sum(),
             places,
             n_p: d.p,
             n_u: d.u,
@@ -324,7 +337,7 @@ impl Ocp {
             return Ok(Optimality::unknown(OTHER));
         };
         kinks.extend(touches);
-        if judge.departs(self.t0, &r.durations, first, &legs)? {
+        if judge.departs(self.t0, &r.durations, first, &legs, &kinks)? {
             return Ok(Optimality::unknown(OTHER));
         }
         let mut q = self.quantities(&judge, b, r, &outer, kinks.len());

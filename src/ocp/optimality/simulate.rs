@@ -8,6 +8,23 @@ use crate::func::Point;
 use crate::stop;
 use crate::system::SharedFunction;
 
+/// By how much the state behind the end of a stage differs, for every unit that a surface which is touched there would be passed by: with
+/// the velocities on this side and beyond under the control before, then under the one behind. None where the state, once
+/// beyond, does not come back.
+fn peak([here, there, back, on]: [&[f64]; 4], speed: impl Fn(&[f64]) -> f64) -> Option<Vec<f64>> {
+    let (v, beyond, returns) = (speed(here), speed(there), speed(on));
+    let change = |a: &[f64], b: &[f64], share: f64| a.iter().zip(b).map(|(a, b)| (b - a) * share).collect::<Vec<f64>>();
+    if beyond <= 0.0 {
+        // both sides lead to the surface: it slides up to the end of the stage
+        return Some(change(here, there, 1.0 / (v - beyond)));
+    }
+    let first = change(here, there, 1.0 / v);
+    (returns < 0.0).then(|| {
+        let second = change(back, on, beyond / (v * -returns));
+        first.iter().zip(&second).map(|(a, b)| a + b).collect()
+    })
+}
+
 impl Judge<'_> {
     /// Number of states of the simulation.
     pub(super) fn n(&self) -> usize {
@@ -54,10 +71,10 @@ impl Judge<'_> {
         let first = self.n() - self.dcs.dims().x;
         let d = f.dims();
         let p = &self.params[stage * self.n_p..(stage + 1) * self.n_p];
-        let u = vec![0.0; d.u];
+        let u = &self.controls[stage * self.n_u..(stage + 1) * self.n_u];
         let pattern = f.jac_pattern();
         let mut jac = vec![0.0; pattern.nnz()];
-        f.jacobian(&Point { t, x: &x[first..], u: &u, p }, &mut jac, &mut vec![0.0; f.work_len()]).ok()?;
+        f.jacobian(&Point { t, x: &x[first..], u, p }, &mut jac, &mut vec![0.0; f.work_len()]).ok()?;
         let weights: Vec<f64> = a.weights.iter().zip(&b.weights).map(|(a, b)| a - b).collect();
         let column = |j: usize| pattern.rows(j).iter().zip(&jac[pattern.range(j)]).map(|(&i, v)| weights[i] * v).sum();
         let normal = (0..self.n()).map(|i| i.checked_sub(first).map_or(0.0, column)).collect();
@@ -129,10 +146,10 @@ impl Judge<'_> {
     pub(super) fn distances(&self, t: f64, x: &[f64], stage: usize) -> Option<Vec<f64>> {
         let form = self.dcs.form();
         let p = &self.params[stage * self.n_p..(stage + 1) * self.n_p];
+        let u = &self.controls[stage * self.n_u..(stage + 1) * self.n_u];
         let at = |f: &SharedFunction| {
             let mut out = vec![0.0; f.n_out()];
-            let u = vec![0.0; f.dims().u];
-            f.value(&Point { t, x, u: &u, p }, &mut out, &mut vec![0.0; f.work_len()]).ok().map(|()| out)
+            f.value(&Point { t, x, u, p }, &mut out, &mut vec![0.0; f.work_len()]).ok().map(|()| out)
         };
         let values: Vec<Vec<f64>> = form.sources.iter().map(at).collect::<Option<_>>()?;
         let mut out = vec![0.0; form.n_cells];
@@ -191,14 +208,17 @@ impl Judge<'_> {
         lengths: &[f64],
     ) -> Result<Option<Corner>> {
         let x = self.state(p.at);
-        let Some((normal, _)) = self.surface(of.0, of.1, t, &x, p.stage) else { return Ok(None) };
+        let Some((normal, moves)) = self.surface(of.0, of.1, t, &x, p.stage) else { return Ok(None) };
         let step = TOUCH * scale / dot(&normal, &normal);
         let little = MARGIN[0] * lengths[p.stage];
-        let mut beside = |sign: f64| {
+        let mut beside = |sign: f64, stage: usize| {
             let moved: Vec<f64> = x.iter().zip(&normal).map(|(x, n)| x + sign * step * n).collect();
-            self.velocity((t, &moved), p.stage, p.stage, little)
+            self.velocity((t, &moved), stage, stage, little)
         };
-        let (Some(there), Some(here)) = (beside(1.0)?, beside(-1.0)?) else { return Ok(None) };
+        let (Some(there), Some(here)) = (beside(1.0, p.stage)?, beside(-1.0, p.stage)?) else { return Ok(None) };
+        let behind = p.stage + 1;
+        let ends = p.share >= 1.0 && behind < lengths.len();
+        let next = if ends { beside(1.0, behind)?.zip(beside(-1.0, behind)?) } else { None };
         let beyond: Vec<f64> = there.iter().zip(&here).map(|(b, a)| b - a).collect();
         let horizon: f64 = lengths.iter().sum();
         // the cost has no range: its rate is compared with itself
@@ -206,7 +226,36 @@ impl Judge<'_> {
         if !beyond.iter().enumerate().any(|(i, f)| f.abs() > SAME * usual(i)) {
             return Ok(None);
         }
+        if let Some((on, back)) = next {
+            let towards = |f: &[f64]| self.speed_towards(&normal, moves, f);
+            // it comes to the surface with the control before, and leaves it with the one behind
+            let turns = towards(&here) > 0.0 && towards(&back) < 0.0;
+            if let Some(beyond) = if turns { peak([&here, &there, &back, &on], towards) } else { None } {
+                return Ok(Some(Corner { stage: behind, t, normal, kind: Kind::Peak { beyond } }));
+            }
+        }
         Ok(Some(Corner { stage: p.stage, t, normal, kind: Kind::Touch { at: p.at, beyond } }))
+    }
+
+    /// Speed towards a surface with the gradient `normal` that moves by itself by `moves`; zero where it is that of rounding errors.
+    fn speed_towards(&self, normal: &[f64], moves: f64, rate: &[f64]) -> f64 {
+        let speed = dot(normal, rate) + moves;
+        let terms = normal.iter().zip(rate).map(|(n, f)| (n * f).abs()).sum::<f64>() + moves.abs();
+        // what the ranges of the states over the horizon make of it
+        let usual = normal.iter().zip(&self.ranges).map(|(n, r)| (n * r).abs()).sum::<f64>() / self.horizon;
+        if speed.abs() > SLOW * terms.max(usual) {
+            speed
+        } else {
+            0.0
+        }
+    }
+
+    /// Is a region another one in stage `k` because the controls are, and not because the state comes to its surface?
+    fn controls_choose(&self, k: usize, (from, to): (usize, usize), end: &Edge) -> bool {
+        let first = self.n() - self.dcs.dims().x;
+        let gap = |stage: usize| self.distances(end.t, &end.x[first..], stage).map(|d| d[to] - d[from]);
+        let (Some(before), Some(behind)) = (gap(k - 1), gap(k)) else { return false };
+        before.abs() > SAME * (behind - before).abs() && behind != before
     }
 
     /// The switches between two stages: regions that are active behind, and were not before.
@@ -220,22 +269,20 @@ impl Judge<'_> {
                 continue;
             };
             let Some((normal, moves)) = self.surface(from, to, before.end.t, &before.end.x, k - 1) else { continue };
-            if normal.iter().all(|n| *n == 0.0) && moves == 0.0 {
-                // a mode that controls choose
+            if normal.iter().all(|n| *n == 0.0) && moves == 0.0 || self.controls_choose(k, (from, to), &before.end) {
                 continue;
             }
-            let over = |fa: &[f64], fb: &[f64]| -> Option<Vec<f64>> {
-                let v = dot(&normal, fa) + moves;
-                let terms = normal.iter().zip(fa).map(|(n, f)| (n * f).abs()).sum::<f64>() + moves.abs();
-                (v > SLOW * terms).then(|| fa.iter().zip(fb).map(|(a, b)| (b - a) / v).collect())
+            let over = |at: &Self, fa: &[f64], fb: &[f64]| -> Option<Vec<f64>> {
+                let v = at.speed_towards(&normal, moves, fa);
+                (v > 0.0).then(|| fa.iter().zip(fb).map(|(a, b)| (b - a) / v).collect())
             };
             let little = 0.1 * before.margin.min(behind.margin);
             let (end, start) = (&before.end, &behind.start);
             let new_before = self.velocity((start.t, &start.x), k, k - 1, little)?;
             let old_behind = self.velocity((end.t, &end.x), k - 1, k, little)?;
             let kind = Kind::Switch {
-                before: new_before.and_then(|fb| over(&before.end.rate, &fb)),
-                after: old_behind.and_then(|fa| over(&fa, &behind.start.rate)),
+                before: new_before.and_then(|fb| over(self, &before.end.rate, &fb)),
+                after: old_behind.and_then(|fa| over(self, &fa, &behind.start.rate)),
             };
             out.push(Corner { stage: k, t: 0.5 * (before.end.t + behind.start.t), normal, kind });
         }
@@ -265,17 +312,41 @@ impl Judge<'_> {
         Ok(Some((legs, kinks)))
     }
 
+    /// The state of the answer at the end of a stage.
+    fn end_of(&self, leg: &Leg) -> Vec<f64> {
+        leg.pieces.last().map_or_else(Vec::new, |p| self.state(p.at.at))
+    }
+
     /// Does a simulation of the whole horizon leave the answer by more than what the derivatives make of their difference, or might
     /// it as well? Where several motions go on from a point, on a surface that both sides lead away from, an answer takes
     /// the cheapest, and what its controls lead to is another one.
-    pub(super) fn departs(&mut self, t0: f64, lengths: &[f64], first: usize, legs: &[Leg]) -> Result<bool> {
+    ///
+    /// A surface that is reached exactly at the end of a stage, under its control, and that both sides lead away from under the next one
+    /// is none of these: the answer is the limit of motions that reach it a little earlier.
+    pub(super) fn departs(
+        &mut self,
+        t0: f64,
+        lengths: &[f64],
+        first: usize,
+        legs: &[Leg],
+        kinks: &[Corner],
+    ) -> Result<bool> {
         let n = self.n();
         let n_z = n + self.n_p + self.n_u;
         let (mut t, mut x, mut apart) = (t0, self.state(first), vec![0.0; n]);
         for (k, (leg, length)) in legs.iter().zip(lengths).enumerate() {
-            self.start(t, &x, k, k)?;
+            let reached = |c: &Corner| c.stage == k && matches!(c.kind, Kind::Switch { before: Some(_), after: None });
+            if kinks.iter().any(reached) {
+                // on the side of the motions that it is the limit of
+                let at = self.end_of(&legs[k - 1]);
+                let moved: Vec<f64> =
+                    leg.start.x.iter().zip(x.iter().zip(&at)).map(|(s, (x, at))| s + (x - at)).collect();
+                self.start(leg.start.t, &moved, k, k)?;
+            } else {
+                self.start(t, &x, k, k)?;
+            }
             t += length;
-            let Some(end) = leg.pieces.last().map(|p| self.state(p.at.at)) else { return Ok(false) };
+            let end = self.end_of(leg);
             if !self.advance(t)? || self.engine.ambiguous() {
                 return Ok(true);
             }

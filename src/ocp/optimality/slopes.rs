@@ -165,7 +165,7 @@ impl Judge<'_> {
                 q.states = columns[0].iter().zip(&self.ranges).map(change).fold(q.states, f64::max);
             }
             for (i, b) in
-                kinks.iter().enumerate().filter(|(_, b)| b.stage == k && matches!(b.kind, Kind::Switch { .. }))
+                kinks.iter().enumerate().filter(|(_, b)| b.stage == k && !matches!(b.kind, Kind::Touch { .. }))
             {
                 pass(&mut columns, i, b, &mut sides[i]);
             }
@@ -200,20 +200,21 @@ impl Quantities {
         let left = |c: &[f64]| self.all().fold(0f64, |m, f| m.max(f.left(c).abs())) / scale;
         let any = [f64::NEG_INFINITY, f64::INFINITY];
         // at a touched surface the multiplier of staying on this side is not negative
-        let stays = |k: &Corner| if matches!(k.kind, Kind::Touch { .. }) { [0.0, f64::INFINITY] } else { any };
+        let stays = |k: &Corner| if k.touches() { [0.0, f64::INFINITY] } else { any };
         let mut range: Vec<[f64; 2]> = kinks.iter().map(stays).collect();
         range.extend_from_slice(ends);
         let jump = |of: &Option<Vec<f64>>, c: &[f64]| of.as_ref().map(|s| s[0] + dot(&s[1..], c));
         let mut c = self.fit(&range);
         // where several multiples do, one between the two sides is wanted
-        for i in (0..kinks.len()).rev().filter(|&i| matches!(kinks[i].kind, Kind::Switch { .. })) {
+        for i in (0..kinks.len()).rev().filter(|&i| !matches!(kinks[i].kind, Kind::Touch { .. })) {
             let [before, after] = [jump(&sides[i][0], &c), jump(&sides[i][1], &c)];
-            let (high, low) = (before.unwrap_or(f64::INFINITY), after.unwrap_or(f64::NEG_INFINITY));
+            let [least, most] = stays(&kinks[i]);
+            let (high, low) = (before.unwrap_or(most), after.unwrap_or(least));
             if low <= high && !(low..=high).contains(&c[i]) {
                 range[i] = [low, high];
                 let other = self.fit(&range);
                 if left(&other) > NONE.max(left(&c)) {
-                    range[i] = any;
+                    range[i] = [least, most];
                 } else {
                     c = other;
                 }
@@ -227,12 +228,13 @@ impl Quantities {
             .map(|(i, (b, side))| {
                 let reach = self.all().map(|f| f.size * f.slopes[1 + i].abs()).sum::<f64>() / scale;
                 let towards = |s: Option<f64>, sign: f64| s.map_or(f64::NAN, |s| sign * (s - c[i]) * reach);
-                let touch = matches!(b.kind, Kind::Touch { .. });
-                let [before, after] = match touch {
-                    true => [c[i] * reach, jump(&side[1], &c).map_or(f64::NAN, |s| s * self.lasting[b.stage] / scale)],
-                    false => [towards(jump(&side[0], &c), 1.0), towards(jump(&side[1], &c), -1.0)],
+                let [low, high] = [jump(&side[1], &c), jump(&side[0], &c)];
+                let [before, after] = match b.kind {
+                    Kind::Touch { .. } => [c[i] * reach, low.map_or(f64::NAN, |s| s * self.lasting[b.stage] / scale)],
+                    Kind::Peak { .. } => [c[i] * reach, towards(high, 1.0)],
+                    Kind::Switch { .. } => [towards(high, 1.0), towards(low, -1.0)],
                 };
-                Kink { stage: b.stage, t: b.t, before, after, touch }
+                Kink { stage: b.stage, t: b.t, before, after, touch: b.touches() }
             })
             .collect();
         let falls = |k: &Kink| k.before < -NONE || k.after < -NONE;
@@ -269,8 +271,8 @@ impl Quantities {
             Some((i, low)) => scaled(across(i, found[i].before == low)),
             None => scaled(users().map(|f| -f.size * f.left(&c)).collect()),
         };
-        let unreached = found.iter().position(|k| !k.touch && (k.before.is_nan() || k.after.is_nan()));
-        let beyond = unreached.map_or_else(Vec::new, |i| scaled(across(i, found[i].before.is_nan())));
+        let unreached = (0..found.len()).filter(|&i| found[i].before.is_nan() || found[i].after.is_nan());
+        let beyond = unreached.map(|i| scaled(across(i, found[i].before.is_nan()))).filter(|d| !d.is_empty()).collect();
         let gradient = users().map(|f| f.slopes[0] + dot(&c, &f.slopes[1..])).collect();
         Optimality { verdict, reason, residual, gradient, kinks: found, direction, beyond }
     }

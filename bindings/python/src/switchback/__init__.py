@@ -113,7 +113,7 @@ from .mpcc import (
 from .multiphase import MultiPhase, MultiPhaseResult
 from ._ocp_search import Modes
 from .nmpc import ClosedLoop, Nmpc, closed_loop
-from .ocp import Kink, Ocp, OcpJump, OcpResult, OcpSensitivity, Optimality
+from .ocp import Kink, Multipliers, Ocp, OcpJump, OcpMultipliers, OcpResult, OcpSensitivity, Optimality
 from .plot import plot, plot_contacts, plot_phase, plot_run
 from .recorded import Recorded
 from .results import Accuracy, Iteration, LinearStats, Residuals, Stats, print_iteration
@@ -177,6 +177,7 @@ __all__ = [
     "MultiPhaseResult",
     "Multipliers",
     "Nlp",
+    "Multipliers",
     "Nmpc",
     "NmpcLevel",
     "NmpcQpStatus",
@@ -188,6 +189,7 @@ __all__ = [
     "NumericError",
     "Ocp",
     "OcpJump",
+    "OcpMultipliers",
     "OcpResult",
     "OcpSensitivity",
     "Option",

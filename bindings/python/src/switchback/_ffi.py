@@ -510,6 +510,20 @@ class Verdict(Names):
     NOT_OPTIMAL = 3
 
 
+class MultipliersOf(Names):
+    """enum swb_multipliers_of"""
+
+    COSTATES = 0
+    INITIAL_STATE = 1
+    STATES = 2
+    CONTROLS = 3
+    PARAMS = 4
+    PATH = 5
+    TERMINAL = 6
+    BOUNDARY = 7
+    RELAXED = 8
+
+
 swb_log_fn = CFUNCTYPE(None, c_int64, c_char_p, c_void_p)
 swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_destroy_fn = CFUNCTYPE(None, c_void_p)
@@ -1261,6 +1275,8 @@ FUNCTIONS = {
     "swb_nmpc_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_nmpc_initialise": (c_int32, [c_void_p, c_void_p, c_int64, c_int64, c_void_p]),
     "swb_nmpc_prepare": (c_int32, [c_void_p, c_void_p, c_int64, POINTER(swb_nmpc_info), c_uint64]),
+    "swb_nmpc_prepare_async": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_nmpc_wait": (c_int32, [c_void_p, POINTER(swb_nmpc_info), c_uint64]),
     "swb_nmpc_feedback": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, POINTER(swb_nmpc_info), c_uint64]),
     "swb_nmpc_finish": (c_int32, [c_void_p]),
     "swb_nmpc_set_params": (c_int32, [c_void_p, c_void_p, c_int64]),
@@ -1311,6 +1327,9 @@ FUNCTIONS = {
     "swb_ocp_get_certificate": (c_int32, [c_void_p, POINTER(swb_certificate), c_uint64]),
     "swb_ocp_get_mismatch": (c_int32, [c_void_p, c_void_p, c_int64]),
     "swb_ocp_get_message": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
+    "swb_ocp_count_multipliers": (c_int32, [c_void_p, c_int32, c_void_p]),
+    "swb_ocp_multiplier_sizes": (c_int32, [c_void_p, c_int32, c_int64, c_void_p, c_void_p]),
+    "swb_ocp_get_multipliers": (c_int32, [c_void_p, c_int32, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_verdict_name": (c_char_p, [c_int32]),
     "swb_ocp_get_optimality": (c_int32, [c_void_p, POINTER(swb_optimality), c_uint64]),
     "swb_ocp_get_kink": (c_int32, [c_void_p, c_int64, POINTER(swb_kink), c_uint64]),

@@ -120,7 +120,8 @@ class Nmpc(Handle):
     inner          inner iterations per sample
     shift          the iterate moves by one stage at every sample
     deadline       seconds a feedback may take
-    tol            "asc" ends its iterations where states and controls change by less than this share
+    tol            "asc" ends its iterations where states and controls change by less than this share of their size, "as_rti" where they
+                   would change by less from then on, by the estimated contraction
     elastic_price  price of violations where constraints cannot all be met; 0: chosen by the controller
     rk_family, n_s, steps   the Runge-Kutta method of the predictions and its steps in every stage; by default as the settings
                    of the problem say, with its finite elements as steps
@@ -196,6 +197,21 @@ class Nmpc(Handle):
         at = (None, 0) if given is None else (address(given), given.size)
         i = self._info
         self._do("prepare", *at, ctypes.byref(i), ctypes.sizeof(i))
+        return Preparation(bool(i.ready), i.inner, i.time)
+
+    def prepare_async(self, x_predicted: Any = None) -> bool:
+        """Begin a preparation on a thread of the controller and return at once: `feedback` takes what was prepared, all other calls wait
+        for it. False where one is running already, which goes on. Models with functions in Python are prepared before the call
+        returns, since one thread only may call them."""
+        given = None if x_predicted is None else vector(x_predicted, self.nx, "x_predicted")
+        at, started = (None, 0) if given is None else (address(given), given.size), ctypes.c_int64()
+        self._do("prepare_async", *at, ctypes.byref(started))
+        return bool(started.value)
+
+    def wait(self) -> Preparation:
+        """Wait for the preparation that `prepare_async` has begun; raises what it failed with."""
+        i = self._info
+        self._long(lambda: self._do("wait", ctypes.byref(i), ctypes.sizeof(i)))
         return Preparation(bool(i.ready), i.inner, i.time)
 
     def feedback(self, x: Any) -> tuple[Array, Feedback]:

@@ -11,7 +11,7 @@ import numpy
 from ._arrays import Array, address, bounds, choice, index, number, real, table, vector
 from ._call import text
 from ._document import Reader
-from ._ffi import Jumps, Outcome, PathAt, Polished, swb_accuracy, swb_kink, swb_ocp_jump, swb_optimality
+from ._ffi import Jumps, MultipliersOf, Outcome, PathAt, Polished, swb_accuracy, swb_kink, swb_ocp_jump, swb_optimality
 from ._library import lib
 from ._logs import monitors, take_verbose
 from ._names import filled, named_vector
@@ -27,7 +27,7 @@ from .settings import Settings
 from .system import System
 from .trajectory import Trajectory
 
-__all__ = ["Kink", "Ocp", "OcpJump", "OcpResult", "OcpSensitivity", "Optimality"]
+__all__ = ["Kink", "Multipliers", "Ocp", "OcpJump", "OcpMultipliers", "OcpResult", "OcpSensitivity", "Optimality"]
 
 
 class OcpJump(NamedTuple):
@@ -185,6 +185,36 @@ class OcpSensitivity:
     controls_x0: Array = field(repr=False)
     controls_p: Array = field(repr=False)
     one_sided: bool
+
+
+@dataclass(frozen=True)
+class Multipliers:
+    """Multipliers at points of time: `values` has a row for each of `times`."""
+
+    times: Array
+    values: Array
+
+
+@dataclass(frozen=True)
+class OcpMultipliers:
+    """Multipliers of an optimum. Those of bounds and constraints are positive where an upper bound is active and negative where a
+    lower one is: raising that bound by d changes the optimal cost by -d times the multiplier, to first order.
+
+    `costates` (n_stages + 1, nx) are, at the start of every stage, the derivatives of the cost that is still to come, constraints
+    behind that time included, with respect to the state, and at the end of the horizon those of terminal cost and constraints.
+    `path`, `terminal`, `boundary` and `relaxed` have an entry for each constraint in the order in which they were added; the
+    multipliers of a path constraint at all its points add up to the effect of its bound.
+    """
+
+    costates: Array
+    initial_state: Array
+    controls: Array
+    params: Array
+    states: Multipliers = field(repr=False)
+    path: list[Multipliers]
+    terminal: list[Array]
+    boundary: list[Array]
+    relaxed: list[Multipliers]
 
 
 class Ocp(OcpTerms, OcpSearch):
@@ -476,6 +506,34 @@ class Ocp(OcpTerms, OcpSearch):
         by_datum = numpy.moveaxis(u, 0, -1)
         return OcpSensitivity(
             cost[: self.nx], cost[self.nx :], by_datum[..., : self.nx], by_datum[..., self.nx :], bool(one_sided.value)
+        )
+
+    def _multipliers(self, of: int, index: int = 0) -> Multipliers:
+        n, width = ctypes.c_int64(), ctypes.c_int64()
+        self._do("multiplier_sizes", of, index, ctypes.byref(n), ctypes.byref(width))
+        times, values = numpy.empty(n.value), numpy.empty((n.value, width.value))
+        self._do("get_multipliers", of, index, address(times), times.size, address(values), values.size)
+        return Multipliers(times, values)
+
+    def multipliers(self) -> OcpMultipliers:
+        """Multipliers of bounds and constraints of the last solution, which must be exact, and costates. Not known of problems with
+        transitions or contacts."""
+
+        def every(of: int) -> list[Multipliers]:
+            n = ctypes.c_int64()
+            self._do("count_multipliers", of, ctypes.byref(n))
+            return [self._multipliers(of, k) for k in range(n.value)]
+
+        return OcpMultipliers(
+            self._multipliers(MultipliersOf.COSTATES).values,
+            self._multipliers(MultipliersOf.INITIAL_STATE).values[0],
+            self._multipliers(MultipliersOf.CONTROLS).values,
+            self._multipliers(MultipliersOf.PARAMS).values[0],
+            self._multipliers(MultipliersOf.STATES),
+            every(MultipliersOf.PATH),
+            [m.values[0] for m in every(MultipliersOf.TERMINAL)],
+            [m.values[0] for m in every(MultipliersOf.BOUNDARY)],
+            every(MultipliersOf.RELAXED),
         )
 
     def __repr__(self) -> str:

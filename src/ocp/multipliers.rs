@@ -1,0 +1,202 @@
+//! Multipliers of the constraints of the last solution, and costates.
+
+use super::{Built, Ocp, OcpResult};
+use crate::error::{Error, Result};
+use crate::fesd::Fesd;
+use crate::func::EvalError;
+use crate::mpcc::Mpcc;
+use crate::stop;
+
+/// What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active, negative where a
+/// lower one is: raising that bound by `d` changes the optimal cost by `−d` times the multiplier, to first order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum MultipliersOf {
+    /// Costates `[nx]` at the start of every control stage and at the end of the horizon: derivatives of the cost that is still to
+    /// come, constraints behind that time included, with respect to the state; at the end, of terminal cost and constraints.
+    Costates,
+    /// Bounds of the initial state `[nx]`: where it is fixed, the negative derivative of the optimal cost with respect to it.
+    InitialState,
+    /// Bounds of the states `[nx]`, at the stage points and ends of all finite elements.
+    States,
+    /// Bounds of the controls `[nu]` in every control stage; zero for controls that are linear, whose values are bounded as states
+    /// are.
+    Controls,
+    /// Bounds of the parameters `[np]`; zero for those that are given.
+    Params,
+    /// A path constraint, in the order in which they were added, at all points at which it holds.
+    Path(usize),
+    /// A terminal constraint.
+    Terminal(usize),
+    /// A constraint between both ends.
+    Boundary(usize),
+    /// A constraint that may be violated at a price; in the order in which they were added.
+    Relaxed(usize),
+}
+
+/// Multipliers at points of time.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Multipliers {
+    /// Times of the points; the start of the stage for controls, the end of the horizon for what holds there, its start for initial
+    /// state and parameters.
+    pub times: Vec<f64>,
+    /// As many numbers for every point, one point behind the other.
+    pub values: Vec<f64>,
+}
+
+impl Multipliers {
+    /// Numbers for every point.
+    pub fn width(&self) -> usize {
+        self.values.len() / self.times.len().max(1)
+    }
+}
+
+/// A point of the discretised problem.
+struct Answer<'a> {
+    problem: &'a mut Fesd,
+    w: &'a [f64],
+    y: &'a [f64],
+    z: &'a [f64],
+    t0: f64,
+}
+
+impl Answer<'_> {
+    fn bounds(&self, at: usize, n: usize) -> impl Iterator<Item = f64> + '_ {
+        self.z[at..at + n].iter().map(|z| -z)
+    }
+
+    fn starts(&self) -> Vec<f64> {
+        let mut t = self.t0;
+        let mut out = vec![t];
+        out.extend(self.problem.stage_lengths(self.w).iter().map(|h| {
+            t += h;
+            t
+        }));
+        out
+    }
+
+    fn end(&self) -> f64 {
+        self.t0 + self.problem.stage_lengths(self.w).iter().sum::<f64>()
+    }
+
+    fn path(&self, index: usize, value: impl Fn(usize) -> Vec<f64>) -> Multipliers {
+        let points = self.problem.path_rows(index, self.w);
+        Multipliers {
+            times: points.iter().map(|p| self.t0 + p.0).collect(),
+            values: points.iter().flat_map(|p| value(p.1)).collect(),
+        }
+    }
+
+    fn at_end(&self, values: Vec<f64>) -> Multipliers {
+        Multipliers { times: vec![self.end()], values }
+    }
+
+    fn costates(&mut self) -> Result<Multipliers> {
+        let found = self.problem.costates(self.w, self.y);
+        let values = found.map_err(|e| match e {
+            EvalError::Stopped => stop::error(),
+            _ => Error::NonFinite("a function of the model has no derivative at the solution".into()),
+        })?;
+        Ok(Multipliers { times: self.starts(), values })
+    }
+
+    fn states(&self, nx: usize) -> Multipliers {
+        let (starts, lengths) = (self.starts(), self.problem.stage_lengths(self.w));
+        let points = self.problem.state_points(self.w);
+        Multipliers {
+            times: points[1..].iter().map(|p| starts[p.stage] + p.share * lengths[p.stage]).collect(),
+            values: points[1..].iter().flat_map(|p| self.bounds(p.at, nx)).collect(),
+        }
+    }
+}
+
+impl Ocp {
+    /// Constraints of the kind of `of`, whose index does not count; 1 for what is no list.
+    pub fn count_multipliers(&self, of: MultipliersOf) -> usize {
+        match of {
+            MultipliersOf::Path(_) => self.path.len(),
+            MultipliersOf::Terminal(_) => self.terminal.len(),
+            MultipliersOf::Boundary(_) => self.boundary.len(),
+            MultipliersOf::Relaxed(_) => self.soft.len(),
+            _ => 1,
+        }
+    }
+
+    /// Multipliers of the last solution, as the discretised problem has them: those of a path constraint add up to the effect of
+    /// its bound at all points together. Known of exact solutions ([`crate::mpcc::Polish::Done`]) of problems without transitions and contacts,
+    /// and of smooth ones.
+    pub fn multipliers(&mut self, of: MultipliersOf) -> Result<Multipliers> {
+        if self.system.mechanics().is_some() {
+            return Err(Error::State("multipliers are not known of problems with contacts".into()));
+        }
+        self.system.check_without_transitions("a multiplier")?;
+        let n = self.count_multipliers(of);
+        if let MultipliersOf::Path(k)
+        | MultipliersOf::Terminal(k)
+        | MultipliersOf::Boundary(k)
+        | MultipliersOf::Relaxed(k) = of
+        {
+            if k >= n {
+                return Err(Error::Range(format!("there is no constraint {k} of this kind: there are {n}")));
+            }
+        }
+        let exact = self.result.as_ref().is_some_and(OcpResult::has_exact_modes);
+        let (true, Some(Built { problem, solver, .. })) = (exact, self.built.as_deref_mut()) else {
+            return Err(Error::State("there is no exact solution to have multipliers: solve the problem first".into()));
+        };
+        let s = solver.solution();
+        let mut a = Answer { problem, w: &s.x, y: &s.y, z: &s.z, t0: self.t0 };
+        let d = self.system.dims();
+        let soft = |k: usize| {
+            let before = |end: bool| self.soft[..k].iter().filter(|s| s.at.is_none() == end).count();
+            let c = &self.soft[k];
+            (c.f.n_out(), before(c.at.is_none()), c.at.is_none())
+        };
+        let start = |values: Vec<f64>| Multipliers { times: vec![self.t0], values };
+        Ok(match of {
+            MultipliersOf::Costates => {
+                a.problem.set_polishing(true);
+                let found = a.costates();
+                a.problem.set_polishing(false);
+                found?
+            }
+            MultipliersOf::InitialState => start(a.bounds(a.problem.places().0, d.x).collect()),
+            MultipliersOf::States => a.states(d.x),
+            MultipliersOf::Controls => {
+                let mut times = a.starts();
+                times.pop();
+                let linear = a.problem.ramp_places();
+                let of = |(j, v): (usize, f64)| if linear[j].is_some() { 0.0 } else { v };
+                let stages = a.problem.places().1;
+                let values = stages.iter().flat_map(|&u| a.bounds(u, d.u).enumerate().map(of)).collect();
+                Multipliers { times, values }
+            }
+            MultipliersOf::Params => {
+                let places = &a.problem.param_places()[..d.p];
+                start(places.iter().map(|p| p.map_or(0.0, |at| -s.z[at])).collect())
+            }
+            MultipliersOf::Path(k) => {
+                let width = self.path[k].f.n_out();
+                a.path(k, |row| s.y[row..row + width].to_vec())
+            }
+            MultipliersOf::Terminal(k) => {
+                let row = a.problem.end_rows()[0][k];
+                a.at_end(s.y[row..row + self.terminal[k].f.n_out()].to_vec())
+            }
+            MultipliersOf::Boundary(k) => {
+                let row = a.problem.end_rows()[1][k];
+                a.at_end(s.y[row..row + self.boundary[k].f.n_out()].to_vec())
+            }
+            MultipliersOf::Relaxed(k) => {
+                // the lower bounds, then the upper ones: of a row at most one is active
+                let (width, before, at_end) = soft(k);
+                let both = |row: usize| (row..row + width).map(|r| s.y[r] + s.y[r + width]).collect::<Vec<f64>>();
+                if at_end {
+                    let row = a.problem.end_rows()[0][self.terminal.len() + before];
+                    a.at_end(both(row))
+                } else {
+                    a.path(self.path.len() + before, both)
+                }
+            }
+        })
+    }
+}
