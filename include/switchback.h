@@ -2726,7 +2726,7 @@ typedef struct swb_iteration_info {
     int64_t trials;
     /**
      * Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam,
-     * 's' step that lowers the error as a whole.
+     * 's' step that lowers the error as a whole, 'c' linear program of a certificate, numbered on its own.
      */
     int64_t phase;
 } swb_iteration_info;

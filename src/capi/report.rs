@@ -247,7 +247,7 @@ pub struct swb_iteration_info {
     /// Trial points of the line search.
     pub trials: i64,
     /// Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam,
-    /// 's' step that lowers the error as a whole.
+    /// 's' step that lowers the error as a whole, 'c' linear program of a certificate, numbered on its own.
     pub phase: i64,
 }
 

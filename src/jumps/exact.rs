@@ -162,6 +162,10 @@ impl Prospects {
     }
 
     fn are_over(&mut self, i: &IterationInfo) -> bool {
+        if i.phase == b'c' {
+            // a linear program of the certificate says nothing of the sequence
+            return false;
+        }
         if i.iter == 0 && std::mem::replace(&mut self.begun, true) {
             // the first point of a restoration has no violation, in a program of its own
             return self.over;

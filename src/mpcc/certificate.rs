@@ -11,6 +11,7 @@ use super::lpcc::{Lpcc, Piece, Signs, Verdict};
 use super::problem::Side;
 use crate::error::{Error, Result};
 use crate::linalg::csc::{mul_add_transposed, Pattern};
+use crate::linalg::kkt::LinearStats;
 use crate::nlp::{within, Bounds, Control, INFINITE};
 
 /// An MPCC in vertical form at a point, to first order.
@@ -157,9 +158,12 @@ pub struct Certificate {
 /// Tolerances and limits.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CertSettings {
-    /// Violation of the stationarity conditions allowed, relative to the gradient where that is above 1.
+    /// Violation of the stationarity conditions allowed, relative to the largest entry of the gradient.
     pub tol: f64,
-    /// Distance at which a bound counts as active, at least; what the multipliers leave over can raise it to 1e-4.
+    /// Entry of the gradient, or of what is left of it, that is rounding.
+    pub rounding: f64,
+    /// Distance at which a bound counts as active. A member of a pair that is not larger, relative to the largest one where
+    /// that is below 1, is zero; one up to 1e-4, depending on what the multipliers leave over, may be.
     pub active_tol: f64,
     /// Violation of rows and bounds allowed, relative to bounds above 1.
     pub feasibility_tol: f64,
@@ -169,26 +173,29 @@ pub struct CertSettings {
     pub max_nodes: usize,
     /// Nodes for every type that is tried; 0 keeps to the multipliers given.
     pub type_nodes: usize,
-    /// Interior-point iterations in all linear programs together; what is not decided then stays undecided.
-    pub max_iterations: usize,
+    /// Factorisations in all linear programs together; what is not decided then stays undecided.
+    pub max_factorisations: usize,
 }
 
 impl Default for CertSettings {
     fn default() -> Self {
         CertSettings {
             tol: 1e-7,
+            rounding: 1e-11,
             active_tol: 1e-8,
             feasibility_tol: 1e-6,
             radius: 1e-2,
             max_nodes: 500,
             type_nodes: 100,
-            max_iterations: usize::MAX,
+            max_factorisations: usize::MAX,
         }
     }
 }
 
-/// Largest distance at which a bound may count as active.
+/// Largest member of a pair that may count as zero.
 const ACTIVE_MAX: f64 = 1e-4;
+/// Error of a point whose multipliers are not known.
+const UNKNOWN: f64 = 1e-6;
 /// Residual of multipliers, relative to their size, above which they prove nothing.
 const GIVEN_TOL: f64 = 1e-6;
 
@@ -199,6 +206,8 @@ struct Biactive {
     pair: usize,
     /// Members whose multiplier is free because something else holds them at zero.
     pinned: (bool, bool),
+    /// Members that are not quite zero: what the pair shows has to hold without it as well, so their multiplier is zero.
+    open: (bool, bool),
     /// A member that is not pinned belongs to another biactive pair as well: its multiplier is a sum.
     shared: bool,
 }
@@ -225,7 +234,7 @@ enum Node {
     Prune,
     /// Nothing is shown, and there is nothing left to decide.
     Lost,
-    /// There are no iterations left.
+    /// There are no factorisations left.
     Spent,
     Stopped,
     Branch(Choice),
@@ -257,6 +266,10 @@ pub struct Certifier {
     z: Vec<f64>,
     work: Vec<f64>,
     sign_tol: f64,
+    /// Strongest type that multipliers at hand prove.
+    known: Stationarity,
+    /// The linear programs are those of the last point.
+    loaded: bool,
     /// What the relaxed problem (2.24) showed.
     root: Verdict,
     nodes: usize,
@@ -297,6 +310,8 @@ impl Certifier {
             z: vec![0.0; n],
             work: vec![0.0; n],
             sign_tol: 0.0,
+            known: Stationarity::Unknown,
+            loaded: false,
             root: Verdict::Unclear,
             nodes: 0,
             part: None,
@@ -306,7 +321,7 @@ impl Certifier {
         })
     }
 
-    /// After [`BStationarity::No`]: a step `d[n]`, feasible to first order, along which the objective falls, and the
+    /// After [`BStationarity::No`], or where a pair that may be biactive has to be: a step `d[n]`, feasible to first order, along which the objective falls, and the
     /// side of every pair that stays zero.
     pub fn descent(&self) -> Option<(&[f64], &[Side])> {
         self.descent.then_some((&self.d, &self.sides))
@@ -322,61 +337,86 @@ impl Certifier {
         (&self.y, &self.z)
     }
 
-    /// Classifies the point. `p` has the structure this object was made for.
-    pub fn certify(&mut self, p: &Local, settings: &CertSettings, control: &mut Control) -> Certificate {
-        control.within(f64::INFINITY, |control| self.certify_within(p, settings, control))
+    /// Forgets the point that was classified last.
+    pub fn forget(&mut self) {
+        (self.descent, self.loaded) = (false, false);
     }
 
-    fn certify_within(&mut self, p: &Local, settings: &CertSettings, control: &mut Control) -> Certificate {
-        self.descent = false;
+    /// Structure and work of the factorisations in the linear programs.
+    pub fn linear_statistics(&self) -> LinearStats {
+        self.lpcc.linear_statistics()
+    }
+
+    /// Factorisations since the last [`Certifier::certify`] began.
+    pub fn factorisations(&self) -> usize {
+        self.lpcc.factorisations
+    }
+
+    /// Classifies the point. `p` has the structure this object was made for.
+    pub fn certify(&mut self, p: &Local, settings: &CertSettings, control: &mut Control) -> Certificate {
+        control.within(f64::INFINITY, |control| {
+            let mut cert = self.examine(p, settings, control);
+            self.improve_type(&mut cert, settings, control);
+            self.describe(cert)
+        })
+    }
+
+    /// Looks for multipliers of a stronger type than `cert` has, which is of the point that was classified last.
+    pub fn refine(&mut self, mut cert: Certificate, settings: &CertSettings, control: &mut Control) -> Certificate {
+        control.within(f64::INFINITY, |control| {
+            self.lpcc.allow(settings.max_factorisations);
+            self.improve_type(&mut cert, settings, control);
+            self.describe(cert)
+        })
+    }
+
+    /// B-stationarity, and what the multipliers at hand prove.
+    fn examine(&mut self, p: &Local, settings: &CertSettings, control: &mut Control) -> Certificate {
+        self.forget();
         self.root = Verdict::Unclear;
+        self.known = Stationarity::Unknown;
         self.nodes = 0;
-        self.lpcc.begin(settings.max_iterations);
+        self.biactive.clear();
+        self.members.clear();
+        self.lpcc.begin();
+        self.lpcc.allow(settings.max_factorisations);
         let mut cert = Certificate::default();
         if !self.usable(p) {
             return Certificate { doubt: Doubt::Data, ..cert };
         }
-        let size = p.grad.iter().fold(1f64, |a, g| a.max(g.abs()));
-        let given = self.take_multipliers(p, size);
-        let active = match given {
-            Some((dual, slack)) => within((10.0 * dual.max(slack)).sqrt(), settings.active_tol, ACTIVE_MAX),
-            None => settings.active_tol.max(1e-6),
-        };
-        let tol = (settings.tol * size).max(given.map_or(0.0, |g| 10.0 * g.0));
+        let size = p.grad.iter().fold(0f64, |a, g| a.max(g.abs()));
+        let given = self.take_multipliers(p, size.max(settings.rounding));
+        let tol = (settings.tol * size).max(settings.rounding).max(given.map_or(0.0, |g| 10.0 * g.0));
         self.sign_tol = tol;
-        if !feasible(p, settings.feasibility_tol, active) {
+        let zero = Zero::new(p, settings, given);
+        if !feasible(p, settings.feasibility_tol, zero.perhaps) {
             return Certificate { doubt: Doubt::Infeasible, ..cert };
         }
-        self.identify(p, active);
-        cert.biactive = self.biactive.len();
-        let mut known = if given.is_some() { self.classify() } else { Stationarity::Unknown };
-        if p.grad.iter().all(|g| g.abs() <= tol) {
+        self.identify(p, &zero);
+        self.known = if given.is_some() { self.classify() } else { Stationarity::Unknown };
+        if size <= tol {
             self.y.fill(0.0);
             self.z.fill(0.0);
-            known = Stationarity::S;
+            self.known = Stationarity::S;
         }
-        if known == Stationarity::S {
-            cert.b = BStationarity::Yes;
-            cert.sharp = true;
-        } else {
-            self.lpcc.load(p, active, tol, settings.radius);
-            self.mark();
-            match self.search_parts(settings.max_nodes, control) {
-                End::Found => {
+        if self.known == Stationarity::S {
+            return Certificate { b: BStationarity::Yes, sharp: true, ..cert };
+        }
+        self.lpcc.load(p, settings.active_tol, tol, settings.radius);
+        self.mark();
+        self.loaded = true;
+        match self.search_parts(settings.max_nodes, control) {
+            End::Found => {
+                self.record_descent(p);
+                if self.descends_either_way() {
                     cert.b = BStationarity::No;
-                    self.record_descent(p);
+                } else {
+                    cert.doubt = Doubt::Accuracy;
                 }
-                End::Exhausted => cert.b = BStationarity::Yes,
-                End::Open(doubt) => cert.doubt = doubt,
             }
-            if self.root == Verdict::Stationary {
-                known = Stationarity::S;
-                cert.sharp = true;
-            } else {
-                self.improve_type(&mut known, &mut cert, settings, control);
-            }
+            End::Exhausted => cert.b = BStationarity::Yes,
+            End::Open(doubt) => cert.doubt = doubt,
         }
-        self.describe(known, &mut cert);
         cert
     }
 
@@ -431,13 +471,12 @@ impl Certifier {
     }
 
     /// Pairs with two zero members, and variables that are zero whatever their own pair does.
-    fn identify(&mut self, p: &Local, active: f64) {
+    fn identify(&mut self, p: &Local, zero: &Zero) {
+        let active = zero.perhaps;
         self.pinned.fill(false);
         self.uses.fill(0);
-        self.biactive.clear();
-        self.members.clear();
         for j in 0..self.n {
-            self.pinned[j] = p.bounds.xu[j] <= active && p.bounds.xl[j] >= 0.0;
+            self.pinned[j] = p.bounds.xu[j] <= zero.surely && p.bounds.xl[j] >= 0.0;
         }
         for &(a, b) in &self.pairs {
             match (p.x[a] <= active, p.x[b] <= active) {
@@ -451,7 +490,9 @@ impl Certifier {
             if p.x[a] <= active && p.x[b] <= active {
                 self.uses[a] += 1;
                 self.uses[b] += 1;
-                self.biactive.push(Biactive { pair: k, pinned: (self.pinned[a], self.pinned[b]), shared: false });
+                let pinned = (self.pinned[a], self.pinned[b]);
+                let open = (p.x[a] > zero.surely, p.x[b] > zero.surely);
+                self.biactive.push(Biactive { pair: k, pinned, open, shared: false });
                 self.members.push((a, b));
             }
         }
@@ -485,11 +526,12 @@ impl Certifier {
         let (q, (a, b), t) = (self.biactive[k], self.members[k], self.sign_tol);
         let up = |j: usize, free: bool| free || z[j] >= -t;
         let zero = |j: usize, free: bool| free || z[j].abs() <= t;
-        let strong = up(a, q.pinned.0) && up(b, q.pinned.1);
+        let closed = (!q.open.0 || zero(a, q.pinned.0)) && (!q.open.1 || zero(b, q.pinned.1));
+        let strong = closed && up(a, q.pinned.0) && up(b, q.pinned.1);
         if strong || kind == Stationarity::W {
             return true;
         }
-        if q.shared {
+        if q.shared || !closed {
             return false;
         }
         let mordukhovich = zero(a, q.pinned.0) || zero(b, q.pinned.1);
@@ -501,42 +543,26 @@ impl Certifier {
         }
     }
 
-    /// Looks for multipliers of a stronger type than `known`.
-    fn improve_type(
-        &mut self,
-        known: &mut Stationarity,
-        cert: &mut Certificate,
-        settings: &CertSettings,
-        control: &mut Control,
-    ) {
-        if settings.type_nodes == 0 {
+    /// Looks for multipliers of a stronger type than is known, with linear programs that are loaded.
+    fn improve_type(&mut self, cert: &mut Certificate, settings: &CertSettings, control: &mut Control) {
+        if !self.loaded {
             return;
         }
-        if *known == Stationarity::Unknown {
-            self.nodes += 1;
-            match self.lpcc.solve(&self.members, |_| (Signs::ZERO, Signs::ZERO), None, control) {
-                Verdict::Stationary => {
-                    self.y.copy_from_slice(&self.lpcc.y);
-                    self.z.copy_from_slice(&self.lpcc.z);
-                    *known = self.classify();
-                }
-                Verdict::Descent => {
-                    *known = Stationarity::None;
-                    cert.sharp = true;
-                    return;
-                }
-                Verdict::Unclear => return doubt(cert, Doubt::Accuracy),
-                Verdict::Spent => return doubt(cert, Doubt::Nodes),
-                Verdict::Stopped => return doubt(cert, Doubt::Stopped),
-            }
+        if self.root == Verdict::Stationary {
+            self.known = Stationarity::S;
+            cert.sharp = true;
+            return;
+        }
+        if settings.type_nodes == 0 || (self.known == Stationarity::Unknown && !self.find_multipliers(cert, control)) {
+            return;
         }
         cert.sharp = self.root == Verdict::Descent;
         for kind in [Stationarity::M, Stationarity::C, Stationarity::A] {
-            if kind as i32 >= *known as i32 {
+            if kind as i32 >= self.known as i32 {
                 return;
             }
             match self.search(Aim::Multipliers(kind), settings.type_nodes, control) {
-                End::Found => *known = kind,
+                End::Found => self.known = kind,
                 End::Exhausted => {}
                 End::Open(why) => {
                     cert.sharp = false;
@@ -547,6 +573,27 @@ impl Certifier {
                 }
             }
         }
+    }
+
+    /// Multipliers of any type, by the tight problem (2.25); false where there are none, or none were found.
+    fn find_multipliers(&mut self, cert: &mut Certificate, control: &mut Control) -> bool {
+        self.nodes += 1;
+        match self.lpcc.solve(&self.members, |_| (Signs::ZERO, Signs::ZERO), None, control) {
+            Verdict::Stationary => {
+                self.y.copy_from_slice(&self.lpcc.y);
+                self.z.copy_from_slice(&self.lpcc.z);
+                self.known = self.classify();
+                return true;
+            }
+            Verdict::Descent => {
+                self.known = Stationarity::None;
+                cert.sharp = true;
+            }
+            Verdict::Unclear => doubt(cert, Doubt::Accuracy),
+            Verdict::Spent => doubt(cert, Doubt::Nodes),
+            Verdict::Stopped => doubt(cert, Doubt::Stopped),
+        }
+        false
     }
 
     /// Looks for a descent. Where one relaxed program does not settle it, parts that have nothing in common are searched
@@ -745,14 +792,24 @@ impl Certifier {
         }
     }
 
-    /// Numbers about the multipliers behind the type.
-    fn describe(&self, known: Stationarity, cert: &mut Certificate) {
-        cert.stationarity = known;
+    /// Is the descent feasible too where members that are not quite zero are positive? Their partners have to stay zero.
+    fn descends_either_way(&self) -> bool {
+        self.biactive.iter().zip(&self.members).all(|(q, &(a, b))| match q.open {
+            (true, false) => self.d[b] <= 0.0,
+            (false, true) => self.d[a] <= 0.0,
+            _ => true,
+        })
+    }
+
+    /// With the type that is known, numbers about the multipliers behind it, and what it cost.
+    fn describe(&self, mut cert: Certificate) -> Certificate {
+        cert.stationarity = self.known;
+        cert.biactive = self.biactive.len();
         cert.lps = self.lpcc.lps;
         cert.lp_iterations = self.lpcc.iterations;
         cert.nodes = self.nodes;
-        if matches!(known, Stationarity::None | Stationarity::Unknown) {
-            return;
+        if matches!(self.known, Stationarity::None | Stationarity::Unknown) {
+            return cert;
         }
         let (mut least, mut largest) = (f64::INFINITY, 1f64);
         cert.ulsc = true;
@@ -768,6 +825,24 @@ impl Certifier {
         if least.is_finite() {
             cert.min_multiplier = least / largest;
         }
+        cert
+    }
+}
+
+/// How small members of pairs are that are zero, and that may be.
+struct Zero {
+    surely: f64,
+    perhaps: f64,
+}
+
+impl Zero {
+    /// The errors of a point whose multipliers leave `given` over are as large as its square root, where the objective grows
+    /// no faster than by the second order. Relative to the largest member, where that is below 1 and not zero itself.
+    fn new(p: &Local, s: &CertSettings, given: Option<(f64, f64)>) -> Zero {
+        let largest = p.pairs.iter().fold(0f64, |a, k| a.max(p.x[k.0]).max(p.x[k.1]));
+        let unit = if largest > s.active_tol { largest.min(1.0) } else { 1.0 };
+        let error = given.map_or(UNKNOWN, |(dual, slack)| (10.0 * dual.max(slack)).sqrt());
+        Zero { surely: s.active_tol * unit, perhaps: within(error, s.active_tol, ACTIVE_MAX) * unit }
     }
 }
 

@@ -11,6 +11,7 @@
 //! distance from its reference point as a further term, so what it ends at may be no such point.
 
 use super::certificate::{BStationarity, CertSettings, Certifier, Local};
+use super::judge::allowance;
 use super::problem::Mpcc;
 use crate::linalg::csc::{mul_add_transposed, Pattern};
 use crate::nlp::{Bounds, Control};
@@ -33,8 +34,8 @@ pub(super) struct Claim<'a> {
 }
 
 impl Claim<'_> {
-    /// Is it one, with a violation that is positive?
-    pub fn holds(&self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
+    /// Is it one, with a violation that is positive? `work` is that of the solve that ended there.
+    pub fn holds(&self, p: &mut dyn Mpcc, work: f64, control: &mut Control) -> bool {
         let (n, m) = (p.n(), p.m());
         let (mut c, mut grad, mut jac) = (vec![0.0; m], vec![0.0; n], vec![0.0; p.jac_pattern().nnz()]);
         p.set_polishing(true);
@@ -77,9 +78,10 @@ impl Claim<'_> {
             y: &y,
             z: &z,
         };
-        let settings = CertSettings { max_nodes: NODES, type_nodes: 0, ..CertSettings::default() };
-        Certifier::new(&elastic, p.pairs())
-            .is_ok_and(|mut c| c.certify(&local, &settings, control).b == BStationarity::Yes)
+        let Ok(mut certifier) = Certifier::new(&elastic, p.pairs()) else { return false };
+        let max_factorisations = allowance(&certifier, work);
+        let settings = CertSettings { max_nodes: NODES, type_nodes: 0, max_factorisations, ..CertSettings::default() };
+        certifier.certify(&local, &settings, control).b == BStationarity::Yes
     }
 
     /// Of every row: above its upper bound (1), below its lower bound (-1), or within what rounding explains (0).
@@ -159,7 +161,7 @@ mod tests {
             bounds.xl.fill(0.0);
         }
         let weights = vec![1.0; at.len()];
-        Claim { x, y, weights: &weights, bounds: &bounds }.holds(&mut p, &mut Control::default())
+        Claim { x, y, weights: &weights, bounds: &bounds }.holds(&mut p, 0.0, &mut Control::default())
     }
 
     /// `x² = −1`: the violation is least at 0.

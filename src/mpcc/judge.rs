@@ -15,10 +15,11 @@ use crate::stop;
 const MAX_DESCENTS: usize = 10;
 /// Trust regions of the linearised problem, the wide one first.
 const RADII: [f64; 2] = [1e-2, 1e-4];
-/// Iterations of a certificate at most: a multiple of those of the solve, or what many of a small program cost, in entries of
-/// the Jacobian that are factored.
-const SHARE: usize = 2;
-const LITTLE_WORK: usize = 20_000_000;
+/// Work of all certificates of a solve at most: a share of that of the solve so far, or what takes some hundredths of a
+/// second ([`LinearStats::work`](crate::linalg::kkt::LinearStats::work)). Work and not time, so that answers are the same
+/// every time.
+const SHARE: f64 = 0.2;
+const LITTLE_WORK: f64 = 2e7;
 /// Distance at which constraints of an infeasible problem count as active.
 const ACTIVE: f64 = 1e-6;
 
@@ -68,10 +69,21 @@ impl Judge {
         self.y.iter_mut().zip(&s.y).enumerate().for_each(|(i, (out, y))| *out = scaling.row_multiplier(i, *y));
         self.z.iter_mut().zip(&s.z).enumerate().for_each(|(j, (out, z))| *out = scaling.bound_multiplier(j, *z));
     }
+}
 
-    /// Iterations of a certificate after a solve with `iterations`.
-    fn max_iterations(&self, iterations: usize) -> usize {
-        (SHARE * iterations).max(LITTLE_WORK / (self.jac.len() + self.x.len()).max(1))
+/// Factorisations of all certificates by `certifier` after a solve that took so much work.
+pub(super) fn allowance(certifier: &Certifier, work: f64) -> usize {
+    ((SHARE * work).max(LITTLE_WORK) / certifier.linear_statistics().work().max(1.0)) as usize
+}
+
+/// Two certificates of one point, by trust regions of different size: what they say together.
+fn combined(wide: Certificate, narrow: Certificate) -> Certificate {
+    let of = |b: BStationarity, doubt: Doubt| Certificate { b, doubt, ..narrow };
+    match (wide.b, narrow.b) {
+        (BStationarity::Undecided, _) => narrow,
+        (b, BStationarity::Undecided) => of(b, wide.doubt),
+        (a, b) if a == b => narrow,
+        _ => of(BStationarity::Undecided, Doubt::Accuracy),
     }
 }
 
@@ -87,6 +99,7 @@ impl MpccSolver {
         let Some(judge) = &mut self.judge else { return Certificate::default() };
         let s = &self.solution;
         if !judge.evaluate(p, &s.x) {
+            judge.certifier.forget();
             let doubt = if stop::requested().is_some() { Doubt::Stopped } else { Doubt::None };
             return Certificate { doubt, ..Certificate::default() };
         }
@@ -118,22 +131,68 @@ impl MpccSolver {
         if self.judge.is_none() || !self.settings.certify {
             return;
         }
-        let iterations = self.solution.stats.iterations;
-        let max_iterations = self.judge.as_ref().map_or(0, |j| j.max_iterations(iterations));
-        let full = CertSettings { max_iterations, ..CertSettings::default() };
-        let quick = CertSettings { type_nodes: 0, ..full };
-        let mut left = if p.is_discretised() { 0 } else { MAX_DESCENTS };
-        while left > 0 {
-            left -= 1;
-            let better = RADII.iter().any(|&radius| {
-                let c = self.certify(p, bounds, &CertSettings { radius, ..quick }, control);
-                c.b == BStationarity::No && self.descend(p, bounds, control)
-            });
-            if !better {
+        let descents = if p.is_discretised() { 0 } else { MAX_DESCENTS };
+        let mut spent = 0;
+        let mut cert = Certificate::default();
+        for k in 0..=descents {
+            cert = self.ask(p, bounds, RADII[0], &mut spent, control);
+            if k == descents || cert.b == BStationarity::Yes {
                 break;
             }
+            if self.descend(p, bounds, control) {
+                continue;
+            }
+            if spent >= self.certificate_allowance() {
+                break;
+            }
+            let narrow = self.ask(p, bounds, RADII[1], &mut spent, control);
+            if narrow.b != BStationarity::Yes && self.descend(p, bounds, control) {
+                continue;
+            }
+            cert = combined(cert, narrow);
+            break;
         }
-        self.solution.certificate = self.certify(p, bounds, &full, control);
+        self.solution.certificate = self.refine(cert, spent, control);
+    }
+
+    /// Certifies the recorded solution as far as B-stationarity goes; `spent` are the factorisations in certificates so far.
+    fn ask(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        radius: f64,
+        spent: &mut usize,
+        control: &mut Control,
+    ) -> Certificate {
+        let max_factorisations = self.certificate_allowance().saturating_sub(*spent);
+        let settings = CertSettings { radius, type_nodes: 0, max_factorisations, ..self.certificate_settings() };
+        let cert = self.certify(p, bounds, &settings, control);
+        *spent += self.judge.as_ref().map_or(0, |j| j.certifier.factorisations());
+        cert
+    }
+
+    /// Completes the last certificate by the type of stationarity.
+    fn refine(&mut self, cert: Certificate, spent: usize, control: &mut Control) -> Certificate {
+        let left = self.certificate_allowance().saturating_sub(spent);
+        let settings = self.certificate_settings();
+        let Some(judge) = &mut self.judge else { return cert };
+        let max_factorisations = judge.certifier.factorisations() + left;
+        judge.certifier.refine(cert, &CertSettings { max_factorisations, ..settings }, control)
+    }
+
+    fn certificate_settings(&self) -> CertSettings {
+        let usual = CertSettings::default();
+        CertSettings { rounding: usual.rounding * self.st.scaling.steepness(), ..usual }
+    }
+
+    /// Factorisations of all certificates of this solve.
+    fn certificate_allowance(&self) -> usize {
+        self.judge.as_ref().map_or(0, |j| allowance(&j.certifier, self.work()))
+    }
+
+    /// Work of this solve so far.
+    fn work(&self) -> f64 {
+        self.solution.stats.factorisations as f64 * self.ipm.linear_statistics().work()
     }
 
     /// Solves the branch the last descent leads into, from its end; true when that is a better point.
@@ -167,7 +226,7 @@ impl MpccSolver {
             return;
         }
         let claim = Claim { x: &s.x, y: &s.y, weights: &self.st.scaling.rows[..s.y.len()], bounds };
-        if !claim.holds(p, control) {
+        if !claim.holds(p, self.work(), control) {
             self.solution.outcome = stop::requested().map_or(Outcome::Stalled, Outcome::from);
         }
     }

@@ -12,6 +12,7 @@ use super::certificate::Local;
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::{mul_add, mul_add_transposed, Pattern};
+use crate::linalg::kkt::LinearStats;
 use crate::nlp::{within, Bounds, Control, Ipm, IpmSettings, Iterate, Monotone, Nlp, Outcome, Start, INFINITE};
 
 /// Signs that a component of the step may have. The multiplier of its bound then has the polar signs.
@@ -48,7 +49,7 @@ pub(super) enum Verdict {
     Descent,
     /// Neither could be shown.
     Unclear,
-    /// There are no iterations left.
+    /// There are no factorisations left.
     Spent,
     /// Interrupted, or out of time.
     Stopped,
@@ -115,6 +116,8 @@ pub(super) struct Lpcc {
     /// With the signs of the present piece.
     bounds: Bounds,
     relaxed: Bounds,
+    /// Lower bound of a member of a biactive pair that may not fall: what is left of it.
+    floor: Vec<f64>,
     rough: Iterate,
     row_scale: Vec<f64>,
     grad_scale: f64,
@@ -125,6 +128,8 @@ pub(super) struct Lpcc {
     signs: Vec<Signs>,
     /// Part of every variable, see [`Lpcc::split`]; before, a forest over variables and rows.
     part: Vec<usize>,
+    /// Number of the part with a root, while parts are numbered.
+    number: Vec<usize>,
     /// Step `[n]` of the last program, in units of the trust region.
     pub step: Vec<f64>,
     /// Multipliers of the rows `[m]`, in the units of the MPCC.
@@ -133,9 +138,11 @@ pub(super) struct Lpcc {
     pub z: Vec<f64>,
     /// Programs solved.
     pub lps: usize,
-    /// Interior-point iterations in them, and how many there may be.
+    /// Interior-point iterations in them.
     pub iterations: usize,
-    max_iterations: usize,
+    /// Factorisations in them, and how many there may be.
+    pub factorisations: usize,
+    max_factorisations: usize,
 }
 
 impl Lpcc {
@@ -151,6 +158,7 @@ impl Lpcc {
             widest: Bounds::free(n, m),
             bounds: Bounds::free(n, m),
             relaxed: Bounds::free(n, m),
+            floor: vec![0.0; n],
             rough: Iterate::zeros(n, m),
             row_scale: vec![1.0; m],
             grad_scale: 1.0,
@@ -160,23 +168,35 @@ impl Lpcc {
             activity: vec![0.0; m],
             signs: vec![Signs::FREE; n],
             part: vec![0; n + m],
+            number: vec![0; n + m],
             step: vec![0.0; n],
             y: vec![0.0; m],
             z: vec![0.0; n],
             lps: 0,
             iterations: 0,
-            max_iterations: usize::MAX,
+            factorisations: 0,
+            max_factorisations: usize::MAX,
         })
     }
 
-    /// Counts from here, up to `max_iterations`.
-    pub fn begin(&mut self, max_iterations: usize) {
-        (self.lps, self.iterations, self.max_iterations) = (0, 0, max_iterations);
+    /// Counts from here.
+    pub fn begin(&mut self) {
+        (self.lps, self.iterations, self.factorisations) = (0, 0, 0);
     }
 
-    /// Are there no iterations left?
+    /// Allows so many factorisations since [`Lpcc::begin`].
+    pub fn allow(&mut self, factorisations: usize) {
+        self.max_factorisations = factorisations;
+    }
+
+    /// Are there no factorisations left?
     pub fn is_spent(&self) -> bool {
-        self.iterations >= self.max_iterations
+        self.factorisations >= self.max_factorisations
+    }
+
+    /// Structure and work of the factorisations.
+    pub fn linear_statistics(&self) -> LinearStats {
+        self.ipm.linear_statistics()
     }
 
     /// Linearises at a point. Distances up to `active` from a bound count as none; `tol` is the violation of the
@@ -203,6 +223,8 @@ impl Lpcc {
             self.widest.xl[j] = if fixed { 0.0 } else { -room(p.x[j] - b.xl[j]).min(1.0) };
             self.widest.xu[j] = if fixed { 0.0 } else { room(b.xu[j] - p.x[j]).min(1.0) };
         }
+        // a member of a pair that may not fall below zero can still lose what is left of it
+        self.floor.copy_from_slice(&self.widest.xl);
         self.activity.fill(0.0);
         for (v, &i) in self.lp.values.iter().zip(p.jac.row_idx()) {
             self.activity[i] += v.abs();
@@ -238,7 +260,7 @@ impl Lpcc {
     /// has no pair.
     pub fn split(&mut self, members: &[(usize, usize)]) -> usize {
         let n = self.lp.n();
-        let Lpcc { part, widest: b, lp, .. } = self;
+        let Lpcc { part, number, widest: b, lp, .. } = self;
         part.iter_mut().enumerate().for_each(|(v, p)| *p = v);
         for j in (0..n).filter(|&j| b.xl[j] < b.xu[j]) {
             for k in lp.jac.range(j) {
@@ -255,17 +277,15 @@ impl Lpcc {
         for v in 0..part.len() {
             part[v] = root(part, v);
         }
-        // roots of trees with a pair become numbers above all indices, then numbers from 1
-        let base = part.len();
+        number.fill(0);
         let mut count = 0;
         for &(a, _) in members {
-            let tree = part[a];
-            if tree < base {
+            if number[part[a]] == 0 {
                 count += 1;
-                part.iter_mut().filter(|p| **p == tree).for_each(|p| *p = base + count);
+                number[part[a]] = count;
             }
         }
-        part.iter_mut().for_each(|p| *p = p.saturating_sub(base));
+        part.iter_mut().for_each(|p| *p = number[*p]);
         count + 1
     }
 
@@ -296,7 +316,7 @@ impl Lpcc {
         for &(a, b) in members {
             for j in [a, b] {
                 if !self.signs[j].neg {
-                    self.bounds.xl[j] = 0.0;
+                    self.bounds.xl[j] = self.floor[j];
                 }
                 if !self.signs[j].pos {
                     self.bounds.xu[j] = 0.0;
@@ -317,12 +337,13 @@ impl Lpcc {
                 if self.is_spent() {
                     return Verdict::Spent;
                 }
-                self.ipm.settings_mut().max_iter = MAX_ITER.min(self.max_iterations - self.iterations);
+                self.ipm.settings_mut().max_iter = MAX_ITER.min(self.max_factorisations - self.factorisations);
                 let mut rule = Monotone { mu_init: mu, tol, primal_tol: LP_TOL };
-                let mut quiet = control.quiet();
                 let start = if tol == ROUGH { Start::Cold(&self.origin) } else { Start::Warm(&self.rough, WARM_PUSH) };
-                let outcome = self.ipm.solve(&mut self.lp, &self.relaxed, start, &mut rule, &mut quiet);
+                let (ipm, lp, bounds) = (&mut self.ipm, &mut self.lp, &self.relaxed);
+                let outcome = control.in_phase(b'c', |control| ipm.solve(lp, bounds, start, &mut rule, control));
                 self.iterations += self.ipm.statistics().iterations;
+                self.factorisations += self.ipm.statistics().factorisations;
                 if matches!(outcome, Outcome::Stopped | Outcome::MaxTime) {
                     return Verdict::Stopped;
                 }

@@ -131,7 +131,7 @@ pub struct IterationInfo {
     /// Trial points of the line search.
     pub trials: usize,
     /// `' '` main phase, `'r'` restoration, `'p'` polish, `'j'` relaxation raised after a jam,
-    /// `'s'` step that lowers the error as a whole.
+    /// `'s'` step that lowers the error as a whole, `'c'` a linear program of a certificate, numbered on its own.
     pub phase: u8,
 }
 
@@ -153,6 +153,18 @@ impl Control<'_> {
     /// The same end, without the monitor: for a solve inside of a solve.
     pub fn quiet(&self) -> Control<'static> {
         Control::of(self.stop.clone())
+    }
+
+    /// Runs `body` with a control that reports every iteration as one of `phase`.
+    pub(crate) fn in_phase<R>(&mut self, phase: u8, body: impl FnOnce(&mut Control) -> R) -> R {
+        let stop = self.stop.clone();
+        match &mut self.monitor {
+            None => body(&mut Control::of(stop)),
+            Some(monitor) => {
+                let mut marked = |i: &IterationInfo| monitor(&IterationInfo { phase, ..*i });
+                body(&mut Control { stop, monitor: Some(&mut marked) })
+            }
+        }
     }
 
     /// Runs `body` with this as the stop of the thread, to end at most `seconds` from now.

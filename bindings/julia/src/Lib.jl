@@ -1329,7 +1329,7 @@ One iteration of a solve.
 - `alpha_du`: Dual step length.
 - `alpha_pr`: Primal step length.
 - `trials`: Trial points of the line search.
-- `phase`: Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam, 's' step that lowers the error as a whole.
+- `phase`: Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam, 's' step that lowers the error as a whole, 'c' linear program of a certificate, numbered on its own.
 """
 struct swb_iteration_info
     struct_size::UInt64

@@ -27,11 +27,12 @@ import mpcc_compare
 import mpcc_ipopt
 import mpcc_profile
 import mpcc_train
-from mpcc_problems import ROOT
+from mpcc_problems import ROOT, collection
 
 ELSEWHERE = {
     "rk_family", "n_s", "n_fe", "discretisation", "stage_form", "cross", "step_equilibration", "rho_h", "gamma_h",
-    "initial_guess", "log_level", "linear_solver", "ordering",
+    "initial_guess", "log_level", "linear_solver", "ordering", "accuracy", "dcs_form", "integration", "zeno", "ambiguity",
+    "dense", "sensitivity", "adjoint", "explain", "ocp_start",
 }  # fmt: skip
 
 NUMBERS: list[tuple[str, dict[str, str]]] = [
@@ -96,22 +97,22 @@ RUNS = {False: "one run of it", True: "it, IPOPT's from an earlier run than ours
 PAGE = """# Programs with complementarity pairs
 
 Written by `bindings/python/benchmarks/mpcc_ablation.py`; every number and plot here comes out of {runs}. The data is
-in [data/mpcc-train.json](data/mpcc-train.json) (each problem) and [data/mpcc-ablation.json](data/mpcc-ablation.json)
-(each variant).
+in [data/mpcc-train.json](data/mpcc-train.json) and [data/mpcc-hard.json](data/mpcc-hard.json) (each problem) and
+[data/mpcc-ablation.json](data/mpcc-ablation.json) (each variant).
 
 {count} problems `min f(x)` subject to bounds, rows and `0 <= G(x) _|_ H(x) >= 0`: discretised control and simulation
 problems of nonsmooth systems from NOSBENCH, problems of MacMPEC, of textbooks, and synthetic ones with planted
-solutions. They are not part of this repository (the collections have no licence); `mpcc_train.py` takes the folder
-where they are.
+solutions; and {hard_count} hard ones: impacts, contact manipulation, time-optimal driving in Heaviside form. They are
+not part of this repository (the collections have no licence); `mpcc_train.py` takes the folder where they are.
 
 ## Beside IPOPT
 
-IPOPT {ipopt} with MUMPS solves the relaxations `G H <= sigma` of Scholtes, `sigma` = 1, 0.1, ..., each to 1e-8 from
-the point before, until a solved program has products of at most 1e-7; barrier update `{variant}`, the better of the
-two tried (the settings of nosnoc). Both solvers call the same C functions on one core of the same machine; CPU
-seconds are those inside the solver, the best of up to {repeat} runs, and good to some ten per cent. Solved means: the
-solver says so, and the point, evaluated anew, violates nothing by more than 1e-6 and has no product above 1e-7; or
-the solver recognises that there is no solution.
+IPOPT {ipopt} with MUMPS, {mode}, for `sigma` = 1, 0.1, ..., each program solved to 1e-8 from the point before, until a
+solved program has products of at most 1e-7; barrier update `{variant}`, the better of the two tried (the settings of
+nosnoc). Both solvers call the same C functions on one core of the same machine; CPU seconds are those inside the
+solver, the best of up to {repeat} runs, and good to some ten per cent. Each has {limit:g} seconds for a problem. Solved
+means: the solver says so, and the point, evaluated anew, violates nothing by more than 1e-6 and has no product above
+1e-7; or the solver recognises that there is no solution.
 
 Ratios are geometric means of IPOPT over ours where both solve; iterations are those of all programs of the homotopy,
 and ours contain the polish. `no worse` is the share of objectives within 1e-5 max(1, |f|) of IPOPT's, or below;
@@ -127,9 +128,21 @@ max min(G, H) <= 1e-10.
 
 ![CPU time](mpcc-cpu.svg) ![iterations](mpcc-iterations.svg)
 
+## Hard problems
+
+```
+{hard_families}
+```
+
+{hard_lists}
+
+## Certificates
+
+{certificates}
+
 ## Each part switched off
 
-The same problems with one option changed. Ratios are geometric means over what both this variant and the defaults
+The {count} problems with one option changed. Ratios are geometric means over what both this variant and the defaults
 solve: above 1, the variant needs more. `lost` and `gained` count problems solved by one of the two; `worse` and
 `better` objectives that differ by more than 1e-5 max(1, |f|); `IPOPT` is the share of objectives no worse than
 IPOPT's.
@@ -140,6 +153,11 @@ IPOPT's.
 
 ![iterations of the variants](mpcc-ablation.svg)
 """
+
+MODE_WORDS = {
+    "scholtes": "solves the relaxations `G H <= sigma` of Scholtes",
+    "linf": "solves the elastic mode in the maximum norm, `min f + s / sigma` with `G H <= s` and `0 <= s <= 10`",
+}
 
 
 def filled(**values: Any) -> str:
@@ -177,8 +195,19 @@ def lists(record: dict) -> str:
         names = ", ".join(f"`{n}`" for n in s[key]) or "none"
         lines.append(f"- {words} ({len(s[key])}): {names}.")
     known = ", ".join(f"{kind} {len(names)}" for kind, names in s["known"].items() if names)
-    lines.append(f"- Against known answers: {known}.")
+    lines.append(f"- Against known answers: {known or 'none are known'}.")
     return "\n".join(lines)
+
+
+def certificates(rows: list[dict]) -> str:
+    """What is said of the answers, as a sentence."""
+    answers = [r["ours"] for r in rows if r["ours"]["solved"] and r["ours"]["outcome"] == "solved"]
+    types: dict[str, int] = {}
+    for a in answers:
+        label = f"{a['stationarity']}, {'B' if a['b_stationary'] else 'B not shown'}"
+        types[label] = types.get(label, 0) + 1
+    listed = ", ".join(f"{label}: {n}" for label, n in sorted(types.items()))
+    return f"Of {len(answers)} answers of both sets, by their type of stationarity: {listed}."
 
 
 def variant_table(rows: dict[str, dict], default: dict) -> str:
@@ -200,11 +229,12 @@ def variant_table(rows: dict[str, dict], default: dict) -> str:
 def write_page(out: Path) -> None:
     """Page and plots from the data."""
     record = json.loads((out / "data" / "mpcc-train.json").read_text())
+    hard = json.loads((out / "data" / "mpcc-hard.json").read_text())
     ablation = json.loads((out / "data" / "mpcc-ablation.json").read_text())
     rows = record["problems"]
     ours, peer = ({r["name"]: r[of] for r in rows if r["peer"]} for of in ("ours", "peer"))
     run = record["run"]
-    label = f"IPOPT, {run['ipopt_variant']}"
+    label = f"IPOPT, {run['ipopt_mode']}, {run['ipopt_variant']}"
     for what, name, words in (("cpu", "mpcc-cpu", "CPU time"), ("iterations", "mpcc-iterations", "iterations")):
         mpcc_profile.write(
             out / f"{name}.svg", f"{len(rows)} programs with complementarity pairs", words,
@@ -217,7 +247,8 @@ def write_page(out: Path) -> None:
     (out / "mpcc.md").write_text(
         filled(
             runs=RUNS[run["ipopt_cached"]], count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"],
-            repeat=run["repeat"],
+            repeat=run["repeat"], mode=MODE_WORDS[run["ipopt_mode"]], limit=run["limit"], hard_count=len(hard["problems"]),
+            hard_families=family_table(hard), hard_lists=lists(hard), certificates=certificates(rows + hard["problems"]),
             families=family_table(record), lists=lists(record),
             variants=variant_table({k: v["figures"] for k, v in ablation.items()}, record["summary"]),
         )
@@ -240,6 +271,8 @@ def main() -> int:
     parser.add_argument("--variants", default="", metavar="REGEX", help="variants whose label matches")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "benchmarks", metavar="DIR")
     parser.add_argument("--page", action="store_true", help="write the page again from the data")
+    parser.add_argument("--hard", default="hard", metavar="NAME", help="a second set, for the defaults alone")
+    parser.set_defaults(ipopt_mode="linf", limit=20.0)
     arguments = parser.parse_args()
     if arguments.page:
         write_page(arguments.out)
@@ -255,19 +288,24 @@ def main() -> int:
             for label, options in every:
                 print(f"{label:<40} {' '.join(f'{k}={v}' for k, v in options.items())}")
             return 0
-        peer = mpcc_train.peer_results(arguments, bench, problems)
 
-        def run(options: dict[str, str]) -> dict[str, dict]:
+        def run(problems: dict[str, dict], options: dict[str, str]) -> dict[str, dict]:
             tasks = [("switchback", n, problems[n], options) for n in problems]
             return dict(zip(problems, mpcc_train.run_all(bench, tasks, arguments.jobs, arguments.limit)))
 
-        default = run({})
-        record = mpcc_compare.compare(problems, default, peer) | {"run": mpcc_train.description(arguments, peer, {})}
-        print(mpcc_compare.table(record), flush=True)
+        def beside(problems: dict[str, dict]) -> tuple[dict, dict[str, dict], dict[str, dict]]:
+            peer, default = mpcc_train.peer_results(arguments, bench, problems), run(problems, {})
+            record = mpcc_compare.compare(problems, default, peer)
+            record["run"] = mpcc_train.description(arguments, peer, {})
+            print(mpcc_compare.table(record), flush=True)
+            return record, default, peer
+
+        record, default, peer = beside(problems)
         keep(arguments.out, "mpcc-train", record)
+        keep(arguments.out, "mpcc-hard", beside(collection(arguments.problems, arguments.hard))[0])
         ablation = {}
         for label, options in every:
-            results = run(options)
+            results = run(problems, options)
             ablation[label] = {
                 "options": options,
                 "figures": figures(problems, default, results, peer),

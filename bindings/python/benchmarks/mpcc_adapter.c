@@ -23,6 +23,7 @@ typedef struct {
     int *jac_row;  /* [n_jac] their row among those kept, */
     int *jac_col;  /* [n_jac] and their column */
 
+    double *units;    /* [1 + rows] what objective and rows of con are multiplied by for switchback.h; NULL: nothing */
     double *weights;  /* [1 + rows] */
     double *con;      /* [rows] at x_con */
     double *jac;      /* [jac_nnz] at x_jac */
@@ -172,6 +173,13 @@ const int *adapter_jac_col(const adapter *a) { return a->jac_col; }
 /* Forget what was evaluated, so that the next solve pays for its own. */
 void adapter_reset(adapter *a) { a->has_con = a->has_jac = a->iterations = 0; }
 
+/* Multiply objective and rows of con by units [1 + rows] in what switchback.h sees. */
+void adapter_set_units(adapter *a, const double *units) {
+    size_t n = 1 + (size_t)a->rows;
+    if (!a->units) a->units = doubles(n);
+    if (a->units) memcpy(a->units, units, sizeof(double) * n);
+}
+
 void adapter_set_deadline(adapter *a, double seconds) { a->deadline = cpu() + seconds; }
 
 /* --- evaluation ------------------------------------------------------------------------------------- */
@@ -197,28 +205,34 @@ static const double *jac_at(adapter *a, const double *x) {
 /* --- switchback.h ----------------------------------------------------------------------------------- */
 
 int32_t adapter_f(const swb_point *at, double *out, void *data) {
-    const mpcc_problem *p = ((adapter *)data)->p;
-    return p->f(at->x, NULL, out, p->user);
+    const adapter *a = (adapter *)data;
+    if (a->p->f(at->x, NULL, out, a->p->user)) return 1;
+    if (a->units) *out *= a->units[0];
+    return 0;
 }
 
 int32_t adapter_f_jac(const swb_point *at, double *out, void *data) {
-    const mpcc_problem *p = ((adapter *)data)->p;
-    return p->grad(at->x, NULL, out, p->user);
+    const adapter *a = (adapter *)data;
+    if (a->p->grad(at->x, NULL, out, a->p->user)) return 1;
+    for (int j = 0; a->units && j < a->p->n; ++j) out[j] *= a->units[0];
+    return 0;
 }
 
 int32_t adapter_c(const swb_point *at, double *out, void *data) {
     adapter *a = (adapter *)data;
-    if (a->n_kept == a->rows) return a->p->con(at->x, NULL, out, a->p->user);
+    if (a->n_kept == a->rows && !a->units) return a->p->con(at->x, NULL, out, a->p->user);
     if (a->p->con(at->x, NULL, a->con, a->p->user)) return 1;
     for (int i = 0; i < a->n_kept; ++i) out[i] = a->con[a->kept[i]];
+    for (int i = 0; a->units && i < a->n_kept; ++i) out[i] *= a->units[1 + a->kept[i]];
     return 0;
 }
 
 int32_t adapter_c_jac(const swb_point *at, double *out, void *data) {
     adapter *a = (adapter *)data;
-    if (a->n_jac == a->p->jac_nnz) return a->p->jac(at->x, NULL, out, a->p->user);
+    if (a->n_jac == a->p->jac_nnz && !a->units) return a->p->jac(at->x, NULL, out, a->p->user);
     if (a->p->jac(at->x, NULL, a->jac, a->p->user)) return 1;
     for (int k = 0; k < a->n_jac; ++k) out[k] = a->jac[a->jac_from[k]];
+    for (int k = 0; a->units && k < a->n_jac; ++k) out[k] *= a->units[1 + a->kept[a->jac_row[k]]];
     return 0;
 }
 
@@ -227,6 +241,7 @@ int32_t adapter_hess(const swb_point *at, double weight, const double *y, double
     memset(a->weights, 0, sizeof(double) * (1 + (size_t)a->rows));
     a->weights[0] = weight;
     for (int i = 0; i < a->n_kept; ++i) a->weights[1 + a->kept[i]] = y[i];
+    for (int i = 0; a->units && i <= a->rows; ++i) a->weights[i] *= a->units[i];
     return a->p->hess(at->x, a->weights, out, a->p->user);
 }
 

@@ -61,6 +61,7 @@ class Code:
         for name in ("set_sigma", "set_deadline"):
             f = getattr(library, f"adapter_{name}")
             f.restype, f.argtypes = None, [c_void_p, c_double]
+        library.adapter_set_units.restype, library.adapter_set_units.argtypes = None, [c_void_p, POINTER(c_double)]
         library.adapter_set_elastic.restype, library.adapter_set_elastic.argtypes = None, [c_void_p, c_int]
         library.adapter_reset.restype, library.adapter_reset.argtypes = None, [c_void_p]
 
@@ -96,6 +97,7 @@ class Problem:
         self.pair_variables = np.concatenate([numbers(raw.G_var, self.c), numbers(raw.H_var, self.c)]).astype(int)
         if seed:
             self.x0 = self._moved(seed)
+        self.units: np.ndarray | None = None  # [1 + rows] what our solver sees objective and rows multiplied by
         self.hess_row, self.hess_col = (numbers(v, raw.hess_nnz) for v in (raw.hess_row, raw.hess_col))
 
     def _moved(self, seed: int) -> np.ndarray:

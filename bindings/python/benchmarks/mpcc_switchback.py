@@ -58,6 +58,10 @@ def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]
     rows = position >= 0
     lower = np.concatenate([problem.lbg, np.zeros(2 * problem.c)])[rows]
     upper = np.concatenate([problem.ubg, np.full(2 * problem.c, np.inf)])[rows]
+    if problem.units is not None:
+        units = np.ascontiguousarray(problem.units)
+        problem.library.adapter_set_units(adapter, units.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
+        lower, upper = lower * units[1:][rows], upper * units[1:][rows]
 
     def of(i: int) -> Any:
         return swb.variable(problem.pair_variables[i]) if member[i] else swb.constraint(position[problem.m + i])

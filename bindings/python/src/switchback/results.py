@@ -89,7 +89,8 @@ class LinearStats(_FromStruct):
 
 @dataclass(frozen=True)
 class Iteration:
-    """One iteration of a solve. `phase` is ' ' main, 'r' restoration, 'p' polish, 'j' relaxation raised."""
+    """One iteration of a solve. `phase` is ' ' main, 'r' restoration, 'p' polish, 'j' relaxation raised, 's' a step that
+    lowers the error as a whole, 'c' a linear program of a certificate, numbered on its own."""
 
     iter: int
     objective: float
