@@ -107,10 +107,10 @@ not part of this repository (the collections have no licence); `mpcc_train.py` t
 
 ## Beside IPOPT
 
-IPOPT {ipopt} with MUMPS, {mode}, for `sigma` = 1, 0.1, ..., each program solved to 1e-8 from the point before, until a
+IPOPT {ipopt} with MUMPS {mode}, for `sigma` = 1, 0.1, ..., each program solved to 1e-8 from the point before, until a
 solved program has products of at most 1e-7; barrier update `{variant}`, the better of the two tried (the settings of
 nosnoc). Both solvers call the same C functions on one core of the same machine; CPU seconds are those inside the
-solver, the best of up to {repeat} runs, and good to some ten per cent. Each has {limit:g} seconds for a problem. Solved
+solver, the best of up to {repeat} runs, and good to some ten per cent on a quiet machine.{note} Each has {limit:g} seconds for a problem. Solved
 means: the solver says so, and the point, evaluated anew, violates nothing by more than 1e-6 and has no product above
 1e-7; or the solver recognises that there is no solution.
 
@@ -247,7 +247,7 @@ def write_page(out: Path) -> None:
     (out / "mpcc.md").write_text(
         filled(
             runs=RUNS[run["ipopt_cached"]], count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"],
-            repeat=run["repeat"], mode=MODE_WORDS[run["ipopt_mode"]], limit=run["limit"], hard_count=len(hard["problems"]),
+            repeat=run["repeat"], note=f" {run['note']}" if run.get("note") else "", mode=MODE_WORDS[run["ipopt_mode"]], limit=run["limit"], hard_count=len(hard["problems"]),
             hard_families=family_table(hard), hard_lists=lists(hard), certificates=certificates(rows + hard["problems"]),
             families=family_table(record), lists=lists(record),
             variants=variant_table({k: v["figures"] for k, v in ablation.items()}, record["summary"]),
@@ -271,6 +271,7 @@ def main() -> int:
     parser.add_argument("--variants", default="", metavar="REGEX", help="variants whose label matches")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "benchmarks", metavar="DIR")
     parser.add_argument("--page", action="store_true", help="write the page again from the data")
+    parser.add_argument("--note", default="", metavar="TEXT", help="a sentence about the run, for the page")
     parser.add_argument("--hard", default="hard", metavar="NAME", help="a second set, for the defaults alone")
     parser.set_defaults(ipopt_mode="linf", limit=20.0)
     arguments = parser.parse_args()
@@ -296,7 +297,7 @@ def main() -> int:
         def beside(problems: dict[str, dict]) -> tuple[dict, dict[str, dict], dict[str, dict]]:
             peer, default = mpcc_train.peer_results(arguments, bench, problems), run(problems, {})
             record = mpcc_compare.compare(problems, default, peer)
-            record["run"] = mpcc_train.description(arguments, peer, {})
+            record["run"] = mpcc_train.description(arguments, peer, {}) | {"note": arguments.note}
             print(mpcc_compare.table(record), flush=True)
             return record, default, peer
 
