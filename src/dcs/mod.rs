@@ -11,11 +11,13 @@
 //! with zeros are split into the cells they stand for only where there are any. Proposition 6.4 (`g = −Sψ`)
 //! holds for full rows alone: with zeros, `−S_i ψ` can exceed `−S_j ψ` inside region `i`.
 
+mod across;
 mod fields;
 pub mod filippov;
 mod form;
 mod relaxed;
 
+pub use across::Across;
 pub use fields::DcsFields;
 pub use form::{Form, FormOptions, Included, IndicatorRow, Term};
 

@@ -1,7 +1,7 @@
 //! Variables and rows of the discretised problem, numbered in the order of time.
 
 use super::eta::Shape;
-use crate::dcs::{Dcs, Form};
+use crate::dcs::{Across, Dcs, Form};
 use crate::error::{Error, Result};
 use crate::settings::{Cross, Discretisation, Settings, StageForm, StepEquilibration};
 use crate::system::SharedFunction;
@@ -384,50 +384,6 @@ impl Counter {
     }
 }
 
-/// How the multipliers of a cell go on from one control stage to the next.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) enum Across {
-    /// Those at the end are those at the start of the next: the indicators are continuous.
-    Tied,
-    /// There are none at the start: the indicators depend on what is constant in a stage, and jump at its end.
-    Nothing,
-    /// There are others at the start: the indicators depend on states, or the time, and on what jumps.
-    Own,
-}
-
-/// Of every cell. What jumps at the ends of stages are controls that are not linear, and parameters where the stages have their own.
-fn across(spec: &Spec) -> Vec<Across> {
-    let form = spec.dcs.form();
-    let mut depends = vec![[false; 2]; form.n_cells];
-    for r in &form.rows {
-        let f = &form.sources[r.source];
-        let (d, pattern) = (f.dims(), f.jac_pattern());
-        let on = |j: usize| pattern.rows(j).iter().any(|&i| r.weights[i] != 0.0);
-        let linear = |j: usize| spec.linear.get(j).copied().unwrap_or(false);
-        let moves = (0..d.x).chain([d.t_col()]).any(on) || (0..d.u).any(|j| linear(j) && on(d.x + j));
-        let params = if spec.stage_params { d.x + d.u..d.t_col() } else { 0..0 };
-        let jumps = (0..d.u).any(|j| !linear(j) && on(d.x + j)) || params.into_iter().any(on);
-        for &(c, _) in &r.lambda {
-            depends[c] = [depends[c][0] || moves, depends[c][1] || jumps];
-        }
-    }
-    let mut out: Vec<Across> = depends
-        .iter()
-        .map(|d| match d {
-            [false, _] => Across::Nothing,
-            [true, false] => Across::Tied,
-            [true, true] => Across::Own,
-        })
-        .collect();
-    // the multiplier `μ` of a subsystem is one for all its cells
-    for cells in &form.simplices {
-        if out[cells.clone()].contains(&Across::Own) {
-            out[cells.clone()].fill(Across::Own);
-        }
-    }
-    out
-}
-
 impl Layout {
     pub fn new(spec: &Spec, tableau: &Tableau) -> Result<Layout> {
         let o = &spec.options;
@@ -483,7 +439,7 @@ impl Layout {
             (0..d.p).map(|j| spec.free_params.get(j).copied().unwrap_or(false).then(|| var.take(1))).collect();
         let horizon = (spec.durations == Durations::Horizon).then(|| var.take(1));
         let x0 = var.take(nx);
-        let across = across(spec);
+        let across = form.across(&spec.linear, spec.stage_params);
         let mut starts = Vec::new();
         if fesd {
             let all = StartIndex { element: 0, lambda: 0, mu: 0, rows: (0..n_rows).collect(), row: 0, whole: true };

@@ -211,13 +211,13 @@ impl Identifier {
     fn move_switch(&self, boundary: usize, way: Way, sides: &mut [Side]) -> bool {
         let n = sides.len() / self.h_at.len();
         let next = self.grid.n_fe[..boundary].iter().sum::<usize>() * n;
-        let switches = self.grid.is_switch(boundary, sides);
-        if switches && way == Way::Before {
-            sides.copy_within(next..next + n, next - n);
-        } else if switches {
-            sides.copy_within(next - n..next, next);
+        let switching = self.grid.switches(boundary, sides);
+        let (before, after) = (next - n, next);
+        let (from, to) = if way == Way::Before { (after, before) } else { (before, after) };
+        for c in &switching {
+            sides.copy_within(from + c.start..from + c.end, to + c.start);
         }
-        switches
+        !switching.is_empty()
     }
 
     fn simulate(&mut self, w: &[f64], sides: &mut [Side]) -> Result<bool> {

@@ -8,7 +8,7 @@
 use std::ops::Range;
 
 use super::{ModeSequence, Ocp, OcpResult};
-use crate::dcs::Form;
+use crate::dcs::{Across, Form};
 
 /// Share of the shorter neighbour that a new phase begins with.
 const SHARE: f64 = 0.2;
@@ -60,8 +60,11 @@ impl Sequence {
         s
     }
 
-    /// Sequences next to this one, the likeliest first; cells of one of `simplices` change at a time.
-    pub fn neighbours(&self, simplices: &[Range<usize>]) -> Vec<Sequence> {
+    /// Sequences next to this one, the likeliest first; cells of one of `simplices` change at a time. Those that go on as the
+    /// indicators do not (`across`) never change inside of a stage.
+    pub fn neighbours(&self, simplices: &[Range<usize>], across: &[Across]) -> Vec<Sequence> {
+        let inside: Vec<Range<usize>> =
+            simplices.iter().zip(across).filter(|s| *s.1 != Across::Nothing).map(|s| s.0.clone()).collect();
         let mut out: Vec<Sequence> = Vec::new();
         let mut add = |s: Sequence| {
             if s.sets() != self.sets() && !out.contains(&s) {
@@ -69,7 +72,7 @@ impl Sequence {
             }
         };
         for k in 1..self.stages.len() {
-            for cells in simplices {
+            for cells in &inside {
                 let (Some(a), Some(b)) = (self.stages[k - 1].last(), self.stages[k].first()) else { continue };
                 if a.0[cells.clone()] == b.0[cells.clone()] {
                     continue;
@@ -107,7 +110,7 @@ impl Sequence {
                 }
             }
         }
-        for cells in simplices {
+        for cells in &inside {
             self.without_short(cells, &mut add);
         }
         self.without_slivers(&mut add);
@@ -223,11 +226,16 @@ mod tests {
     #[test]
     fn a_switch_between_stages_goes_into_either_or_a_stage_on() {
         let s = sequence(&["+", "+", "-", "-"]);
-        let found: Vec<Vec<String>> = s.neighbours(&one()).iter().map(words).collect();
+        let found: Vec<Vec<String>> = s.neighbours(&one(), &[Across::Tied]).iter().map(words).collect();
         assert_eq!(found, [["+", "+-", "-", "-"], ["+", "+", "+-", "-"], ["+", "-", "-", "-"], ["+", "+", "+", "-"]]);
-        let total: f64 = s.neighbours(&one())[0].stages[1].iter().map(|p| p.1).sum();
+        let total: f64 = s.neighbours(&one(), &[Across::Tied])[0].stages[1].iter().map(|p| p.1).sum();
         assert!((total - 1.0).abs() < 1e-15);
-        assert!(sequence(&["+", "+-", "-"]).neighbours(&one()).is_empty(), "no switch is between stages");
+        let chosen: Vec<Vec<String>> = s.neighbours(&one(), &[Across::Nothing]).iter().map(words).collect();
+        assert_eq!(chosen, [["+", "-", "-", "-"], ["+", "+", "+", "-"]]);
+        assert!(
+            sequence(&["+", "+-", "-"]).neighbours(&one(), &[Across::Tied]).is_empty(),
+            "no switch is between stages"
+        );
     }
 
     #[test]
@@ -235,7 +243,7 @@ mod tests {
         let mut s = sequence(&["0+", "+", "+"]);
         s.stages[0][0].1 = 0.3;
         s.stages[0][1].1 = 0.7;
-        let found: Vec<Vec<String>> = s.neighbours(&one()).iter().map(words).collect();
+        let found: Vec<Vec<String>> = s.neighbours(&one(), &[Across::Tied]).iter().map(words).collect();
         assert_eq!(found, [["+", "+", "+"]]);
     }
 }

@@ -6,16 +6,19 @@
 
 use std::ops::Range;
 
+use crate::dcs::Across;
 use crate::mpcc::Side;
 
 /// Sets proposed beside those that occur, up to this number of cells of a simplex: all single ones and pairs.
 const SMALL: usize = 4;
 
-/// Elements of every control stage, and numbers of cells whose weights sum to one: these change together.
+/// Elements of every control stage, numbers of cells whose weights sum to one, which change together, and how these go on from stage
+/// to stage.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Grid {
     pub n_fe: Vec<usize>,
     pub sizes: Vec<usize>,
+    pub across: Vec<Across>,
 }
 
 /// Elements with the same set, one after the other.
@@ -68,15 +71,28 @@ impl Grid {
         self.n_fe[..stage].iter().sum()
     }
 
+    /// Elements of a stage.
+    fn stage(&self, k: usize) -> Range<usize> {
+        self.start(k)..self.start(k) + self.n_fe[k]
+    }
+
     fn stage_of(&self, element: usize) -> usize {
         (1..self.n_fe.len()).take_while(|&k| self.start(k) <= element).count()
     }
 
-    /// May a switch at the start of stage `boundary` go into the stages on both sides?
-    pub fn is_switch(&self, boundary: usize, sides: &[Side]) -> bool {
+    /// Cells whose sets change at the start of stage `boundary`, and might as well in the stages on both sides: their indicators are
+    /// continuous there.
+    pub fn switches(&self, boundary: usize, sides: &[Side]) -> Vec<Range<usize>> {
         let n = self.n_cells();
         let e = self.start(boundary);
-        self.n_fe[boundary - 1].min(self.n_fe[boundary]) > 1 && sides[(e - 1) * n..e * n] != sides[e * n..(e + 1) * n]
+        if self.n_fe[boundary - 1].min(self.n_fe[boundary]) < 2 {
+            return Vec::new();
+        }
+        let (before, after) = (&sides[(e - 1) * n..e * n], &sides[e * n..(e + 1) * n]);
+        self.simplices()
+            .filter(|s| s.1 == Across::Tied && before[s.0.clone()] != after[s.0.clone()])
+            .map(|s| s.0)
+            .collect()
     }
 
     /// Elements a switch at the start of element `at` passes on its way into the stage before.
@@ -92,11 +108,11 @@ impl Grid {
         (next < self.n_fe.len() && self.n_fe[next] > 1).then(|| at..self.start(next) + 1)
     }
 
-    fn simplices(&self) -> impl Iterator<Item = Range<usize>> + '_ {
+    fn simplices(&self) -> impl Iterator<Item = (Range<usize>, Across)> + '_ {
         let mut first = 0;
-        self.sizes.iter().map(move |n| {
+        self.sizes.iter().zip(&self.across).map(move |(n, across)| {
             first += n;
-            first - n..first
+            (first - n..first, *across)
         })
     }
 
@@ -117,20 +133,24 @@ impl Grid {
     pub fn off_boundaries(&self, sides: &[Side]) -> Vec<Vec<Side>> {
         let n = self.n_cells();
         let mut found = Found { from: sides, n_cells: n, list: Vec::new() };
-        let boundaries: Vec<usize> = (1..self.n_fe.len()).filter(|&k| self.is_switch(k, sides)).collect();
-        let all = 0..n;
-        for &k in &boundaries {
-            let e = self.start(k);
-            found.change(e - 1..e, &all, &sides[e * n..(e + 1) * n]);
-            found.change(e..e + 1, &all, &sides[(e - 1) * n..e * n]);
+        let boundaries: Vec<(usize, Vec<Range<usize>>)> = (1..self.n_fe.len())
+            .map(|k| (self.start(k), self.switches(k, sides)))
+            .filter(|(_, switching)| !switching.is_empty())
+            .collect();
+        for (e, switching) in &boundaries {
+            let with = |at: usize, from: usize| -> Vec<(Range<usize>, Range<usize>, &[Side])> {
+                let set = |c: &Range<usize>| &sides[from * n..][c.clone()];
+                switching.iter().map(|c| (at..at + 1, c.clone(), set(c))).collect()
+            };
+            found.change_all(&with(e - 1, *e));
+            found.change_all(&with(*e, e - 1));
         }
-        for &k in &boundaries {
-            for cells in self.simplices() {
-                let phases = self.phases(&cells, sides);
-                let at = self.start(k);
-                if let Some(j) = phases.iter().position(|p| p.elements.start == at) {
+        for (at, switching) in &boundaries {
+            for cells in switching {
+                let phases = self.phases(cells, sides);
+                if let Some(j) = phases.iter().position(|p| p.elements.start == *at) {
                     for phase in [j, j - 1] {
-                        self.shift_phase(&phases, phase, &cells, &mut found);
+                        self.shift_phase(&phases, phase, cells, &mut found);
                     }
                 }
             }
@@ -160,8 +180,18 @@ impl Grid {
     /// All neighbours of `sides`, the likeliest first.
     pub fn neighbours(&self, sides: &[Side]) -> Vec<Vec<Side>> {
         let mut found = Found { from: sides, n_cells: self.n_cells(), list: Vec::new() };
-        let all: Vec<(Range<usize>, Vec<Phase>)> =
-            self.simplices().map(|cells| (cells.clone(), self.phases(&cells, sides))).collect();
+        let of = |at_ends: bool| -> Vec<(Range<usize>, Vec<Phase>)> {
+            let simplices = self.simplices().filter(|s| (s.1 == Across::Nothing) == at_ends);
+            simplices.map(|(cells, _)| (cells.clone(), self.phases(&cells, sides))).collect()
+        };
+        let (all, chosen) = (of(false), of(true));
+        for (cells, phases) in &chosen {
+            for p in phases.windows(2) {
+                let stage = self.stage_of(p[1].elements.start);
+                found.change(self.stage(stage - 1), cells, &p[1].set);
+                found.change(self.stage(stage), cells, &p[0].set);
+            }
+        }
         for (cells, phases) in &all {
             for p in phases.windows(2) {
                 let at = p[1].elements.start;
@@ -206,6 +236,12 @@ impl Grid {
                 }
             }
         }
+        for (cells, phases) in &chosen {
+            let sets = sets(cells.len(), phases);
+            for stage in 0..self.n_fe.len() {
+                sets.iter().for_each(|set| found.change(self.stage(stage), cells, set));
+            }
+        }
         found.list
     }
 }
@@ -237,7 +273,7 @@ mod tests {
     const B: Side = Side::Second;
 
     fn grid(n_fe: &[usize], sizes: &[usize]) -> Grid {
-        Grid { n_fe: n_fe.to_vec(), sizes: sizes.to_vec() }
+        Grid { n_fe: n_fe.to_vec(), sizes: sizes.to_vec(), across: vec![Across::Tied; sizes.len()] }
     }
 
     /// One simplex of two cells: `+` the first, `-` the second, `0` both.
@@ -276,6 +312,20 @@ mod tests {
         assert!(g.off_boundaries(&word("++00-----")).is_empty(), "no switch is between stages");
         // stages of one element have nothing inside
         assert!(grid(&[1, 1], &[2]).off_boundaries(&word("+-")).is_empty());
+    }
+
+    #[test]
+    fn modes_that_controls_choose_change_by_whole_stages() {
+        let g = Grid { across: vec![Across::Nothing], ..grid(&[2, 2, 2], &[2]) };
+        let sides = word("++--++");
+        assert!(g.off_boundaries(&sides).is_empty());
+        let found = g.neighbours(&sides);
+        assert_eq!(found[..3], ["----++", "++++++", "++----"].map(word));
+        assert!(found.contains(&word("++00++")));
+        assert!(
+            found.iter().all(|s| s.chunks(4).all(|stage| stage[..2] == stage[2..])),
+            "no switch is inside of a stage"
+        );
     }
 
     #[test]

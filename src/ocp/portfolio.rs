@@ -205,6 +205,7 @@ impl Ocp {
     pub(super) fn improve(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
         let inside = Request { comparison: None, explain: false, ..*request };
         let form = Dcs::new(&self.system, request.options.form)?.form().clone();
+        let across = form.simplices_across(&self.linear, self.stage_params.is_some());
         let n_fe = self.elements(&request.options);
         let mut tried = Vec::new();
         let mut left = NEIGHBOURS.max(request.search);
@@ -218,7 +219,7 @@ impl Ocp {
             };
             tried.push(now.sets());
             let mut better = false;
-            for s in now.neighbours(&form.simplices) {
+            for s in now.neighbours(&form.simplices, &across) {
                 if stop::requested().is_some() {
                     return Ok(());
                 }

@@ -151,8 +151,11 @@ impl Ocp {
         identifier.linear = self.linear.contains(&true);
         identifier.h_at = problem.lengths();
         identifier.n_sides = problem.n_element_groups();
-        let sizes = problem.spec().dcs.form().simplices.iter().map(|c| c.len()).collect();
-        identifier.grid = Grid { n_fe, sizes };
+        let spec = problem.spec();
+        let form = spec.dcs.form();
+        let sizes = form.simplices.iter().map(|c| c.len()).collect();
+        let across = form.simplices_across(&spec.linear, spec.stage_params);
+        identifier.grid = Grid { n_fe, sizes, across };
         (identifier.x0_at, identifier.u_at) = problem.places();
         self.built =
             Some(Box::new(Built { problem, solver, bounds, identifier, extended, options: *options, last: None }));
