@@ -12,7 +12,7 @@
 //!
 //! `problem` is the interface, `iterate` holds the primal-dual point and its residuals, `augmented` the
 //! Newton system, `filter` the acceptance test, `linesearch` the steps, `restore` the elastic problem,
-//! `tangent` derivatives of solutions, `solver` the main loop.
+//! `saddle` the way out of saddle points, `tangent` derivatives of solutions, `solver` the main loop.
 
 mod augmented;
 mod callback;
@@ -22,6 +22,7 @@ mod linesearch;
 mod problem;
 mod report;
 mod restore;
+mod saddle;
 mod solver;
 mod tangent;
 

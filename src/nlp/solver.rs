@@ -10,6 +10,7 @@ use super::linesearch::{clamp_multiplier, tiny_gap, Search};
 use super::problem::{Bounds, Nlp};
 use super::report::{Control, IterationInfo, Outcome, Residuals, Statistics};
 use super::restore::Restoration;
+use super::saddle::Watch;
 use crate::error::Result;
 use crate::func::EvalError;
 use crate::linalg::csc::Pattern;
@@ -396,13 +397,14 @@ impl Ipm {
         if !self.initialise(nlp, start) {
             return Outcome::Failed;
         }
-        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c), self.settings.theta_room);
+        self.forget_filter();
         self.info = IterationInfo { alpha_pr: 1.0, ..IterationInfo::default() };
         self.left.copy_from(&self.it);
         self.x_start = 1.0 + self.it.x.iter().fold(0f64, |a, v| a.max(v.abs()));
         self.falling = 0;
         (self.f_before, self.fall_before) = (0.0, 0.0);
         let (mut jams, mut tiny_steps, mut standing, mut rooms) = (0, 0, 0, 0);
+        let mut saddle = Watch::default();
         loop {
             let mut m = self.measure(nlp);
             self.fill_info(nlp, &m);
@@ -443,6 +445,8 @@ impl Ipm {
             let tiny = matches!(searched, Search::Accepted) && self.info.alpha_pr < TINY_STEP;
             tiny_steps = if tiny { tiny_steps + 1 } else { 0 };
             standing = if self.stands(&searched, &m) { standing + 1 } else { 0 };
+            let step = matches!(searched, Search::Accepted).then_some(self.info.alpha_pr);
+            let at_saddle = saddle.sees(step, self.system.delta_w, m.dual);
             let lost = tiny_steps > TINY_STEPS
                 && self.settings.restore_tiny
                 && self.settings.restoration
@@ -462,6 +466,11 @@ impl Ipm {
                 Search::Accepted if standing >= STANDING_STEPS && rooms < ROOMS => {
                     (standing, rooms) = (0, rooms + 1);
                     self.make_room(nlp, continuation.relaxed_rows());
+                }
+                Search::Accepted if at_saddle => {
+                    if !self.disturb(nlp, saddle.disturbed) {
+                        return Outcome::Failed;
+                    }
                 }
                 Search::Accepted => {
                     if probe.as_mut().is_some_and(|p| p(&self.it.x)) {
@@ -687,8 +696,13 @@ impl Ipm {
             let dist = level.sigma - self.it.s[i];
             self.it.vu[i] = clamp_multiplier(self.it.vu[i], dist, level.mu);
         }
-        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c), self.settings.theta_room);
+        self.forget_filter();
         true
+    }
+
+    /// What was reached before does not count any more.
+    pub(super) fn forget_filter(&mut self) {
+        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c), self.settings.theta_room);
     }
 
     /// Was the last step cut short to next to nothing, where the rows are satisfied and only the multipliers are not?
@@ -734,7 +748,7 @@ impl Ipm {
             }
         }
         self.estimate_multipliers();
-        self.filter.reset(theta(&self.shape, &self.it.s, &self.v.c), self.settings.theta_room);
+        self.forget_filter();
     }
 
     /// Newton direction of the barrier problem.
