@@ -536,3 +536,53 @@ fn a_switching_function_of_a_stage_parameter_jumps() {
         assert!(r.cost < 1e-9 && r.accuracy.as_ref().unwrap().terminal < 1e-5, "{stages:?}: {:?}", r.accuracy);
     }
 }
+
+/// A point `x' = u` in the plane, `∫ |u|² + |x(2) − (2, 0)|²`, from `(−2, 0)`, that must not enter the unit disc. Straight ahead there
+/// is a saddle: stopping at `(−1, 0)` costs 9.5. Around the disc (tangent, arc, tangent) the way to the goal is `L = 2√3 + π/3` long, and
+/// a way of the length `l` in two time units costs `l²/2 + (L − l)²`, at best `L²/3`; a little less where the disc is out of bounds at the
+/// ends of elements alone.
+#[test]
+fn a_saddle_is_no_answer() {
+    use switchback::expr::Graph;
+    let g = Graph::new();
+    let (x, y, a, b) = (g.x(0), g.x(1), g.u(0), g.u(1));
+    let d = Dims { x: 2, u: 2, p: 0 };
+    let mut s = System::new(2, 2, 0).unwrap();
+    s.set_f0(Arc::new(g.function("f0", d, &[a, b]).unwrap())).unwrap();
+    let mut o = Ocp::new(&s, 2.0, 10, &Settings::default()).unwrap();
+    o.set_x0(&[-2.0, 0.0]).unwrap();
+    o.set_lagrange(Arc::new(g.function("effort", d, &[a * a + b * b]).unwrap())).unwrap();
+    let miss = (x - 2.0) * (x - 2.0) + y * y;
+    o.set_mayer(Arc::new(g.function("miss", d, &[miss]).unwrap())).unwrap();
+    let disc = Arc::new(g.function("disc", d, &[x * x + y * y]).unwrap());
+    o.add_path(disc, &[1.0], &[f64::INFINITY], PathAt::Elements).unwrap();
+    let r = solved(&mut o);
+    let around = (2.0 * 3f64.sqrt() + std::f64::consts::PI / 3.0).powi(2) / 3.0;
+    assert!(r.cost < around && r.cost > around * (1.0 - 3e-3), "{} instead of {around}", r.cost);
+}
+
+/// A mass in the plane from rest at `(−2, 0)` to rest at `(2, 0)` around the unit disc: the guess is on the axis of symmetry, where the
+/// disc keeps any motion from getting closer to the goal, and so does every motion near by.
+#[test]
+fn an_obstacle_in_the_middle_of_the_way_is_passed() {
+    use switchback::expr::Graph;
+    let g = Graph::new();
+    let (x, y, v, w) = (g.x(0), g.x(1), g.x(2), g.x(3));
+    let (a, b) = (g.u(0), g.u(1));
+    let d = Dims { x: 4, u: 2, p: 0 };
+    let mut s = System::new(4, 2, 0).unwrap();
+    s.set_f0(Arc::new(g.function("f0", d, &[v, w, a, b]).unwrap())).unwrap();
+    let mut o = Ocp::new(&s, 4.0, 16, &Settings::default()).unwrap();
+    o.set_x0(&[-2.0, 0.0, 0.0, 0.0]).unwrap();
+    o.set_u_bounds(&[-5.0; 2], &[5.0; 2]).unwrap();
+    o.set_lagrange(Arc::new(g.function("effort", d, &[a * a + b * b]).unwrap())).unwrap();
+    let disc = Arc::new(g.function("disc", d, &[x * x + y * y]).unwrap());
+    o.add_path(disc, &[1.0], &[f64::INFINITY], PathAt::Elements).unwrap();
+    let all = Arc::new(g.function("state", d, &[x, y, v, w]).unwrap());
+    o.add_terminal(all, &[2.0, 0.0, 0.0, 0.0], &[2.0, 0.0, 0.0, 0.0]).unwrap();
+    let r = solved(&mut o);
+    let highest = r.trajectory.elements.iter().map(|e| e.x1[1].abs()).fold(0.0, f64::max);
+    assert!(highest > 0.9, "{highest}");
+    // straight through the disc it would take at least 12 · 4²/4³
+    assert!(r.cost > 3.0 && r.cost < 6.1, "{}", r.cost);
+}

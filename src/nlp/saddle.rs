@@ -25,6 +25,7 @@ const MOST: usize = 5;
 pub(super) struct Watch {
     steps: usize,
     dual: f64,
+    ended: bool,
     pub(super) disturbed: usize,
 }
 
@@ -46,6 +47,15 @@ impl Watch {
         let sees = dual > LEFT * self.dual;
         self.disturbed += usize::from(sees);
         sees
+    }
+
+    /// Is the end of a solve, whose last step needed this correction, a saddle? It is asked once: what comes back to the same point has
+    /// nowhere else to go.
+    pub(super) fn ends(&mut self, delta_w: f64) -> bool {
+        let may_be = delta_w > 0.0 && !self.ended && self.disturbed < MOST;
+        self.ended |= may_be;
+        self.disturbed += usize::from(may_be);
+        may_be
     }
 }
 

@@ -413,6 +413,12 @@ impl Ipm {
             }
             loop {
                 match continuation.advance(&m) {
+                    Advance::Done if self.phase != b'p' && saddle.ends(self.system.delta_w) => {
+                        if !self.disturb(nlp, saddle.disturbed) {
+                            return Outcome::Failed;
+                        }
+                        break;
+                    }
                     Advance::Done => return Outcome::Solved,
                     Advance::GiveUp => return Outcome::Stalled,
                     Advance::Stay => break,

@@ -31,6 +31,7 @@ mod phases;
 mod portfolio;
 mod receding;
 mod request;
+mod retries;
 mod rewire;
 mod scene;
 mod sensitivity;

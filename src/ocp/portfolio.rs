@@ -116,7 +116,7 @@ impl Ocp {
         }
         let smooths = start == Start::Cold && request.start != OcpStart::Homotopy && self.may_smooth(request);
         if !smooths {
-            return self.run(start, request, control);
+            return self.run_from_several(start, request, control);
         }
         let found = Candidates { known: self.sizes()?, ..Candidates::default() };
         self.search_from_all(start, found, request, control)
@@ -472,7 +472,7 @@ impl Ocp {
     }
 
     /// The result is what all of this took.
-    fn spent_in_all(&mut self, found: &Candidates, clock: Instant) -> Result<&OcpResult> {
+    pub(super) fn spent_in_all(&mut self, found: &Candidates, clock: Instant) -> Result<&OcpResult> {
         let r = self.result.as_mut().ok_or_else(|| Error::Internal("a solve without a result".into()))?;
         r.time_build = found.time_build;
         r.stats = Statistics { time_total: clock.elapsed().as_secs_f64() - found.time_build, ..found.spent };
