@@ -63,17 +63,17 @@ impl Ipm {
     /// Moves every variable that is not fixed by a little, `round` by `round` elsewhere, inside of its bounds. Where a function has no value there the point stays.
     /// False where it has none at the point itself any more.
     pub(super) fn disturb(&mut self, nlp: &mut dyn Nlp, round: usize) -> bool {
-        let before = self.it.x.clone();
+        self.trial.x.copy_from_slice(&self.it.x);
         let golden = (5f64.sqrt() - 1.0) / 2.0;
-        for j in (0..before.len()).filter(|j| !self.shape.fixed[*j]) {
-            let x = before[j];
+        for j in (0..self.it.x.len()).filter(|j| !self.shape.fixed[*j]) {
+            let x = self.trial.x[j];
             // equidistributed in [−1, 1]
             let r = 2.0 * (golden * (j * (MOST + 1) + round) as f64).fract() - 1.0;
             let room = if r < 0.0 { x - self.bounds.xl[j] } else { self.bounds.xu[j] - x };
             self.it.x[j] = x + r * (DISTURBANCE * x.abs().max(1.0)).min(INSIDE * room);
         }
         if !self.evaluate(nlp) || !self.differentiate(nlp) {
-            self.it.x.copy_from_slice(&before);
+            self.it.x.copy_from_slice(&self.trial.x);
             if !self.evaluate(nlp) || !self.differentiate(nlp) {
                 return false;
             }
