@@ -15,6 +15,7 @@ mod bundled;
 mod cells;
 mod contacts;
 mod derivatives;
+mod entries;
 mod gradients;
 mod limit;
 mod near;
@@ -27,6 +28,7 @@ use sliding::Sliding;
 
 use self::bundled::Bundled;
 use self::contacts::WATCHED;
+use self::entries::Entries;
 use self::limit::Limit;
 use super::guard::{Guards, Reset};
 use super::step::Stages;
@@ -80,7 +82,7 @@ impl Sub {
 }
 
 /// An algebraic variable: a cell and the cell it is compared with.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) struct Pair {
     sub: usize,
     cell: usize,
@@ -163,6 +165,8 @@ pub(super) struct Field {
     work: Vec<f64>,
     /// Drifts, modes and indicators in one program, where there is one.
     bundle: Option<Bundled>,
+    /// Where the entries of the Jacobian go, where most of them are zero.
+    entries: Option<Entries>,
     /// Contacts; where there are any, nothing else moves the system, and the active sets are their modes.
     contacts: Option<Box<Contacts>>,
     pub(super) counts: Counts,
@@ -214,7 +218,8 @@ impl Field {
         let n_contacts = system.mechanics().map_or(0, |m| m.contacts.len());
         q0 += WATCHED * n_contacts;
         let most = n_cells.saturating_sub(subs.len());
-        let bundle = Bundled::new(dcs.drifts(), &subs);
+        let entries = Entries::new(nx, dcs.drifts(), &subs).filter(|_| contacts.is_none());
+        let bundle = Bundled::new(nx, dcs.drifts(), &subs);
         Field {
             nx,
             n_z,
@@ -255,6 +260,7 @@ impl Field {
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
             bundle,
+            entries,
             contacts,
             counts: Counts::default(),
         }
@@ -263,6 +269,11 @@ impl Field {
     /// Number of algebraic variables: 0 outside of sliding modes.
     pub(super) fn n_alg(&self) -> usize {
         self.pairs.len()
+    }
+
+    /// The algebraic variables of the present active set.
+    pub(super) fn pairs(&self) -> &[Pair] {
+        &self.pairs
     }
 
     /// Column `i` of `D` at the last point: states, and how it moves them.
@@ -314,6 +325,9 @@ impl Field {
     pub(super) fn set_active(&mut self, sets: &[Vec<usize>]) {
         self.limit = None;
         self.rows_known = false;
+        if let Some(b) = &mut self.bundle {
+            b.listed = false;
+        }
         self.pairs.clear();
         self.first_pair.clear();
         if let Some(c) = &mut self.contacts {
@@ -662,6 +676,11 @@ impl Field {
             self.rows_known = true;
         }
         let r = self.pairs.len();
+        match self.sliding.weights_alone(&self.pairs, &self.base, &mut self.alpha[..r]) {
+            Some(true) => return Ok(()),
+            Some(false) => return Err(EvalError::Recoverable),
+            None => {}
+        }
         for i in 0..r {
             self.alpha[i] = -self.sliding.rate(self.pairs[i], i, &self.base);
         }
@@ -722,6 +741,23 @@ impl Field {
     /// Weight of an active cell at the last point.
     pub(super) fn theta(&self, cell: usize) -> f64 {
         self.theta_in(&self.alpha, cell)
+    }
+
+    /// Weights of the second of two active cells of every subsystem among these algebraic variables; NaN elsewhere.
+    pub(super) fn pair_weights(&self, alpha: &[f64], out: &mut [f64]) {
+        for (w, first) in out.iter_mut().zip(self.first_pair.windows(2)) {
+            *w = if first[1] == first[0] + 1 { alpha[first[0]] } else { f64::NAN };
+        }
+    }
+
+    /// Weight of one of two active cells where that of the second is `alpha`.
+    pub(super) fn theta_of_pair(&self, cell: usize, alpha: f64) -> f64 {
+        let set = &self.active[self.owner[cell]];
+        match set[..] {
+            [first, _] if first == cell => 1.0 - alpha,
+            [_, second] if second == cell => alpha,
+            _ => f64::NAN,
+        }
     }
 
     /// Weight of an active cell among these algebraic variables.

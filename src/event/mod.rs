@@ -46,6 +46,7 @@ mod explicit;
 mod field;
 mod from_settings;
 mod guard;
+mod newton;
 pub mod pairs;
 mod path;
 mod radau;

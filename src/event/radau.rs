@@ -10,10 +10,10 @@
 //! Equations II* (1996), section IV.8.
 
 use super::field::Field;
+use super::newton::Newton;
 use super::step::{norm, Step};
 use crate::error::Result;
 use crate::func::EvalError;
-use crate::linalg::lu::Lu;
 use crate::tableau::{Family, Tableau};
 use nalgebra::{Complex, Matrix3, Vector3};
 
@@ -43,18 +43,21 @@ pub(super) struct Radau {
     /// Increments and weights at the stages.
     pub(super) z: [Vec<f64>; 3],
     r: [Vec<f64>; 3],
-    /// Jacobian, `D` and `C` at the start of the step.
-    jac: Vec<f64>,
-    d: Vec<f64>,
-    cx: Vec<f64>,
+    /// The matrices of the iteration.
+    matrix: Newton,
+    /// Weights at the start of the step.
     alpha: Vec<f64>,
     /// Sizes of the unknowns at the start of the step: of the states, and 1 for weights.
     size: Vec<f64>,
     prepared: bool,
-    /// Length of the step the factors belong to.
-    factored: f64,
-    real: Lu<f64>,
-    complex: Lu<Complex<f64>>,
+    /// The iteration converges so fast that the next step may have the same Jacobian; this one is from a step before.
+    keep: bool,
+    stale: bool,
+    /// Coefficients of powers of the relative time of the last step that was accepted, of increments and weights; its length
+    /// and its end.
+    last: [Vec<f64>; 3],
+    last_h: f64,
+    end: f64,
     pair: Vec<Complex<f64>>,
     err: Vec<f64>,
     pub(super) newton: usize,
@@ -64,7 +67,8 @@ pub(super) struct Radau {
 }
 
 impl Radau {
-    pub(super) fn new(nx: usize, n_z: usize, most: usize) -> Result<Radau> {
+    pub(super) fn new(field: &Field, most: usize) -> Result<Radau> {
+        let nx = field.nx;
         let tab = Tableau::new(Family::RadauIia, 3)?;
         let c = [tab.c[0], tab.c[1], tab.c[2]];
         let a = Matrix3::from_row_slice(&tab.a);
@@ -94,15 +98,15 @@ impl Radau {
             to_powers: Matrix3::from_fn(|i, j| c[i].powi(j as i32 + 1)).try_inverse().unwrap_or_else(Matrix3::identity),
             z: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
             r: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
-            jac: vec![0.0; nx * n_z],
-            d: vec![0.0; most * nx],
-            cx: vec![0.0; most * nx],
+            matrix: Newton::new(field, most),
             alpha: vec![0.0; most],
             size: vec![1.0; n],
             prepared: false,
-            factored: 0.0,
-            real: Lu::with_capacity(n),
-            complex: Lu::with_capacity(n),
+            keep: false,
+            stale: false,
+            last: [vec![0.0; n], vec![0.0; n], vec![0.0; n]],
+            last_h: 0.0,
+            end: f64::NAN,
             pair: vec![Complex::default(); n],
             err: vec![0.0; n],
             newton: 0,
@@ -111,19 +115,38 @@ impl Radau {
         })
     }
 
-    /// The step begins somewhere else: the Jacobian has to be evaluated again.
+    /// The step begins somewhere else.
     pub(super) fn invalidate(&mut self) {
         self.prepared = false;
     }
 
-    /// Largest sum of a row of the Jacobian at the start of the step, states in units of their sizes: a bound on how
-    /// fast the mode is.
-    pub(super) fn speed(&self, nx: usize, n_z: usize) -> f64 {
-        let row = |r: &[f64]| r[..nx].iter().zip(&self.size).map(|(v, s)| v.abs() * s).sum::<f64>();
-        self.jac.chunks_exact(n_z).zip(&self.size).map(|(r, s)| row(r) / s).fold(0.0, f64::max)
+    /// The next step has nothing to do with the last one: other modes, other data.
+    pub(super) fn forget(&mut self) {
+        (self.keep, self.end) = (false, f64::NAN);
     }
 
-    /// Matrices at the start of the step.
+    /// May the next step have the Jacobian of this one?
+    pub(super) fn keeps(&self) -> bool {
+        self.keep
+    }
+
+    /// The step is accepted and ends at `t1`.
+    pub(super) fn accept(&mut self, s: &Step, r: usize, t1: f64) {
+        let nx = s.x0.len();
+        for i in 0..nx + r {
+            let from = if i < nx { 0.0 } else { self.alpha[i - nx] };
+            let c = self.to_powers * Vector3::new(self.z[0][i] - from, self.z[1][i] - from, self.z[2][i] - from);
+            (self.last[0][i], self.last[1][i], self.last[2][i]) = (c.x, c.y, c.z);
+        }
+        (self.last_h, self.end) = (s.h, t1);
+    }
+
+    /// A bound on how fast the mode is.
+    pub(super) fn speed(&self) -> f64 {
+        self.matrix.speed(&self.size)
+    }
+
+    /// Matrices for the step: those of the last one where it followed them well and this one follows it.
     fn prepare(&mut self, field: &mut Field, s: &Step) -> std::result::Result<(), EvalError> {
         if self.prepared {
             return Ok(());
@@ -136,55 +159,14 @@ impl Radau {
         self.size[nx..].fill(1.0);
         if r > 0 {
             field.hidden(s.t, &s.x0)?;
-            for i in 0..r {
-                self.alpha[i] = field.alpha[i];
-                let (d, c) = (&mut self.d[i * nx..(i + 1) * nx], &mut self.cx[i * nx..(i + 1) * nx]);
-                d.fill(0.0);
-                c.fill(0.0);
-                field.d(i).for_each(|(j, v)| d[j] = v);
-                field.c(i).filter(|e| e.0 < nx).for_each(|(j, v)| c[j] = v);
-            }
+            self.alpha[..r].copy_from_slice(&field.alpha[..r]);
         }
-        field.jacobian(s.t, &s.x0, &self.alpha, &mut self.jac)?;
+        self.stale = self.keep && self.end == s.t;
+        if !self.stale {
+            self.matrix.evaluate(field, s.t, &s.x0, &self.alpha)?;
+        }
         self.prepared = true;
-        self.factored = 0.0;
         Ok(())
-    }
-
-    fn factorise(&mut self, field: &Field, h: f64) -> bool {
-        if self.factored == h {
-            return true;
-        }
-        let (nx, n_z, r) = (field.nx, field.n_z, field.n_alg());
-        let n = nx + r;
-        let (jac, d, cx) = (&self.jac, &self.d, &self.cx);
-        let real = self.real.clear(n);
-        for i in 0..nx {
-            for j in 0..nx {
-                real[i * n + j] = -jac[i * n_z + j];
-            }
-            for j in 0..r {
-                real[i * n + nx + j] = -d[j * nx + i];
-                real[(nx + j) * n + i] = cx[j * nx + i];
-            }
-        }
-        for (to, from) in self.complex.clear(n).iter_mut().zip(real.iter()) {
-            *to = Complex::new(*from, 0.0);
-        }
-        for i in 0..nx {
-            real[i * n + i] += self.gamma / h;
-        }
-        let size = &self.size;
-        if !self.real.factorise_sized(|j| size[j]) {
-            return false;
-        }
-        let n_c = n;
-        for i in 0..nx {
-            self.complex.add(i * n_c + i, self.complex_gamma / h);
-        }
-        self.factorisations += 1;
-        self.factored = h;
-        self.complex.factorise_sized(|j| size[j])
     }
 
     /// Computes the end of a step from `x0`, `f0`; `weights` are reciprocal tolerances, `shrink` what they are
@@ -197,25 +179,67 @@ impl Radau {
         shrink: f64,
         tol: f64,
     ) -> std::result::Result<Attempt, EvalError> {
-        self.prepare(field, s)?;
-        let (nx, r, h) = (field.nx, field.n_alg(), s.h);
-        let n = nx + r;
         self.last_newton = 0;
-        if !self.factorise(field, h) {
-            return Ok(Attempt::Diverged);
+        loop {
+            self.prepare(field, s)?;
+            let h = s.h;
+            let known = self.matrix.is_factorised(h);
+            let regular = self.matrix.factorise(h, (self.gamma, self.complex_gamma), &self.size);
+            self.factorisations += usize::from(!known);
+            if regular && self.iterate(field, s, weights, (shrink, tol))? {
+                break;
+            }
+            if !self.stale {
+                return Ok(Attempt::Diverged);
+            }
+            // not with this Jacobian
+            (self.keep, self.prepared) = (false, false);
         }
-        for z in &mut self.z {
-            z[..nx].fill(0.0);
-            z[nx..n].copy_from_slice(&self.alpha[..r]);
+        for (x1, (x0, z)) in s.x1.iter_mut().zip(s.x0.iter().zip(&self.z[2])) {
+            *x1 = x0 + z;
         }
-        // the first derivative is known
+        s.n_k = 3;
+        self.error(field, s, weights, shrink)
+    }
+
+    /// Increments and weights to begin with: the last step goes on where this one follows it, else the first derivative is
+    /// all that is known.
+    fn guess(&mut self, s: &Step, r: usize) {
+        let nx = s.x0.len();
+        let follows = self.matrix.is_sparse() && self.end == s.t && self.last_h > 0.0;
         for (z, c) in self.z.iter_mut().zip(&self.c) {
+            if follows {
+                let tau = 1.0 + c * s.h / self.last_h;
+                let powers = [tau - 1.0, tau * tau - 1.0, tau * tau * tau - 1.0];
+                for i in 0..nx + r {
+                    let from = if i < nx { 0.0 } else { self.alpha[i - nx] };
+                    z[i] = from + (0..3).map(|k| powers[k] * self.last[k][i]).sum::<f64>();
+                }
+                continue;
+            }
+            z[nx..nx + r].copy_from_slice(&self.alpha[..r]);
             for (z, f) in z.iter_mut().zip(&s.f0) {
-                *z = c * h * f;
+                *z = c * s.h * f;
             }
         }
+    }
+
+    /// Newton's method with the matrices as they are; says whether it has converged. Where the matrices are sparse, evaluating
+    /// them and finding their factors costs more than the iterations that old ones take more: those that the iteration
+    /// converges fast with serve the next step too (E. Hairer, G. Wanner, section IV.8).
+    fn iterate(
+        &mut self,
+        field: &mut Field,
+        s: &mut Step,
+        weights: &[f64],
+        (shrink, tol): (f64, f64),
+    ) -> std::result::Result<bool, EvalError> {
+        /// A rate that leaves the Jacobian good enough for the next step.
+        const FAST: f64 = 1e-3;
+        let (nx, r) = (field.nx, field.n_alg());
+        let n = nx + r;
+        self.guess(s, r);
         let (mut before, mut rate) = (0.0, 0.0);
-        let mut converged = false;
         for it in 0..MAX_NEWTON {
             let worst = self.residuals(field, s)?;
             self.newton += 1;
@@ -229,31 +253,24 @@ impl Radau {
                 }
             }
             if !size.is_finite() {
-                return Ok(Attempt::Diverged);
+                return Ok(false);
             }
             if it > 0 {
                 rate = if before > 0.0 { size / before } else { 0.0 };
                 if rate >= 0.99 && size > tol {
-                    return Ok(Attempt::Diverged);
+                    return Ok(false);
                 }
+                self.keep = self.matrix.is_sparse() && rate <= FAST;
             }
-            let rest = if it == 0 { size } else { size * rate.min(0.99) / (1.0 - rate.min(0.99)) };
+            let rest = if it > 0 { size * rate.min(0.99) / (1.0 - rate.min(0.99)) } else { size };
             // constraints are relative to the sizes of the states
             let on_surface = r == 0 || it > 0 && worst * rate.max(1e-3) <= 1e-14;
             if size == 0.0 || it > 0 && rest <= tol && (on_surface || size <= 1e-6 * tol) {
-                converged = true;
-                break;
+                return Ok(true);
             }
             before = size;
         }
-        if !converged {
-            return Ok(Attempt::Diverged);
-        }
-        for (x1, (x0, z)) in s.x1.iter_mut().zip(s.x0.iter().zip(&self.z[2])) {
-            *x1 = x0 + z;
-        }
-        s.n_k = 3;
-        self.error(field, s, weights, shrink)
+        Ok(false)
     }
 
     /// Residuals of all stages, the derivatives in the step; returns the largest constraint.
@@ -295,8 +312,8 @@ impl Radau {
             r0[i] = w.x;
             self.pair[i] = Complex::new(w.y, w.z);
         }
-        self.real.solve(r0);
-        self.complex.solve(&mut self.pair);
+        self.matrix.solve_real(&mut r0[..n]);
+        self.matrix.solve_complex(&mut self.pair[..n]);
         for i in 0..n {
             let w = self.t * Vector3::new(r0[i], self.pair[i].re, self.pair[i].im);
             (r0[i], r1[i], r2[i]) = (w.x, w.y, w.z);
@@ -328,7 +345,7 @@ impl Radau {
             for i in 0..nx {
                 self.err[i] = s.f[i] + (0..3).map(|m| e[m] * self.z[m][i]).sum::<f64>() / s.h;
             }
-            self.real.solve(&mut self.err);
+            self.matrix.solve_real(&mut self.err);
             size = norm(&self.err[..nx], weights) * shrink;
             // the estimate is bad for stiff components far from equilibrium: filtered twice it is not
             if size < 1.0 {

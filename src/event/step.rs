@@ -41,6 +41,23 @@ impl Step {
         }
     }
 
+    /// Ends the step at relative time `s` of its dense output. Its stages do not belong to it any more.
+    pub(super) fn end_at(&mut self, s: f64) {
+        self.h *= s;
+        self.n_k = 0;
+        for ((p, x1), f1) in self.poly.iter_mut().zip(&mut self.x1).zip(&mut self.f1) {
+            let mut power = 1.0;
+            (*x1, *f1) = (0.0, 0.0);
+            for (j, c) in p.iter_mut().enumerate() {
+                *c *= power;
+                power *= s;
+                *x1 += *c;
+                *f1 += j as f64 * *c;
+            }
+            *f1 /= self.h;
+        }
+    }
+
     /// State at relative time `s` of the dense output.
     pub(super) fn at(&self, s: f64, out: &mut [f64]) {
         for (o, p) in out.iter_mut().zip(&self.poly) {

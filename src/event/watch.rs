@@ -97,6 +97,16 @@ impl Watch {
         sign * (along(a) - b.map_or(0.0, along))
     }
 
+    /// The same for a velocity that is given by its components.
+    pub(super) fn rate_at(&self, dq: &[f64], field: &Field, velocity: impl Fn(usize) -> f64) -> f64 {
+        let Some((a, b, sign)) = self.difference() else { return 0.0 };
+        let along = |j: usize| {
+            let g = field.gradients.row(dq, j);
+            g.states().map(|(i, g)| g * velocity(i)).sum::<f64>() + g.t
+        };
+        sign * (along(a) - b.map_or(0.0, along))
+    }
+
     /// Change since the start of a step at relative time `s` of its dense output, where the gradient is constant.
     pub(super) fn change(&self, dq: &[f64], field: &Field, step: &Step, s: f64) -> f64 {
         let Some((a, b, sign)) = self.difference() else { return 0.0 };

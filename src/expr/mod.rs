@@ -21,6 +21,7 @@ mod operator;
 mod piecewise;
 mod saved;
 mod saved_node;
+mod snippet;
 mod substitute;
 mod switching;
 mod tape;

@@ -24,7 +24,7 @@ pub const CYCLE_CODE: i32 = i32::MIN + 1;
 const MAX_NESTING: u32 = 32;
 
 /// What an instruction does.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Hash)]
 pub(super) enum Code {
     Add,
     Sub,

@@ -74,6 +74,28 @@ pub trait Bundle: Send {
     fn move_to(&mut self, at: &Point);
     /// Writes a part, by its place in the list that the bundle was made of; false where a value is not finite.
     fn evaluate(&mut self, part: usize, out: &mut [f64]) -> bool;
+    /// Prepares to evaluate parts together: every part with the place of its first output.
+    fn list(&self, parts: &mut dyn Iterator<Item = (usize, usize)>, to: &mut PartList);
+    /// Writes the parts of a list; false where a value is not finite.
+    fn evaluate_list(&mut self, list: &PartList, out: &mut [f64]) -> bool;
+    /// Number of operations of a part, and whether there are so many like it that together they cost less.
+    fn operations(&self, part: usize) -> (usize, bool);
+}
+
+/// Parts of a [`Bundle`] that are evaluated together, by what they have in common.
+#[derive(Debug, Clone, Default)]
+pub struct PartList {
+    pub(crate) groups: Vec<PartGroup>,
+}
+
+/// Parts that do the same with other inputs and constants.
+#[derive(Debug, Clone, Default)]
+pub(crate) struct PartGroup {
+    /// Place among the parts like it, place of the first output, number of the part.
+    pub(crate) parts: Vec<[u32; 3]>,
+    /// Where the inputs are, and the constants, of a few parts at a time: one input of all of these after the other.
+    pub(crate) inputs: Vec<u32>,
+    pub(crate) constants: Vec<f64>,
 }
 
 /// A vector function with first and second derivatives.

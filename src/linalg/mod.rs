@@ -11,3 +11,4 @@ pub mod kkt;
 mod krylov;
 pub mod ldl;
 pub(crate) mod lu;
+pub(crate) mod sparse_lu;

@@ -1,6 +1,7 @@
-"""Many surfaces that slide at once: chains of blocks with friction and rows of rooms with ideal thermostats, beside CVODE.
+"""Many surfaces that slide at once, chains of blocks with friction and rows of rooms with ideal thermostats, and a stiff rod with
+one thermostat, beside CVODE.
 
-CVODE (Adams) has the modes written by hand in C (sliding_scaling.c) and steps short enough to find all switches; the engine has
+CVODE (Adams; for the rod BDF with a banded Jacobian) has the modes written by hand in C (sliding_scaling.c) and steps short enough to find all switches; the engine has
 the model as expressions. Tolerance 1e-6, shortest CPU time of five runs.
 
     python sliding_scaling.py [--sundials PREFIX] [--sizes 3,10,30]
@@ -18,8 +19,8 @@ import switchback as swb
 from switchback.expr import Model, sign, sin
 
 HERE = Path(__file__).resolve().parent
-SIZES = {"chain": [3, 10, 30, 100, 300], "rooms": [5, 20, 100, 300]}
-LONGEST = {"chain": 0.1, "rooms": 0.05}
+SIZES = {"chain": [3, 10, 30, 100, 300], "rooms": [5, 20, 100, 300], "rod": [50, 100, 200, 400]}
+LONGEST = {"chain": 0.1, "rooms": 0.05, "rod": 0.05}
 
 
 def chain(n):
@@ -56,9 +57,25 @@ def rooms(n):
     return m, [18 + 2 * math.sin(2.1 * i) for i in range(n)], 6.0
 
 
+def rod(n):
+    """A rod that is insulated at its beginning and as warm as the air at its end, with a heater and a thermostat at a quarter."""
+    m = Model(n)
+    x, rates, air = m.x, [], 8 + 14 * sin(1.3 * m.t)
+    for i in range(n):
+        before = x[i - 1] if i else x[i]
+        behind = x[i + 1] if i < n - 1 else air
+        rate = 0.2 * n * n * (before - 2 * x[i] + behind) + 0.3 * (air - x[i])
+        rates.append(rate + 2.0 * n * (1 - sign(x[i] - 20)) if i == n // 4 else rate)
+    m.derivatives = rates
+    return m, [15.0] * n, 12.0
+
+
+MODELS = {"chain": chain, "rooms": rooms, "rod": rod}
+
+
 def engine(kind, n):
     """Seconds, switches, sum of the states at the end."""
-    model, start, end = {"chain": chain, "rooms": rooms}[kind](n)
+    model, start, end = MODELS[kind](n)
     integrator = swb.Integrator(model, rtol=1e-6, atol=1e-8)
     best = math.inf
     for _ in range(5):
@@ -72,18 +89,19 @@ def engine(kind, n):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--sundials", type=Path, default=HERE.parents[2] / "build/sundials/usr", help="prefix of SUNDIALS")
+    parser.add_argument("--kinds", default="chain,rooms,rod", help="which models, with commas; all by default")
     parser.add_argument("--sizes", help="numbers of surfaces, with commas; all by default")
     arguments = parser.parse_args()
     prefix = arguments.sundials.resolve()
     library = next(prefix.rglob("libsundials_cvode.so*")).parent
     with tempfile.TemporaryDirectory() as folder:
         peer = os.path.join(folder, "peer")
-        names = ["cvode", "nvecserial", "sunnonlinsolfixedpoint"]
+        names = ["cvode", "nvecserial", "sunnonlinsolfixedpoint", "sunlinsolband", "sunmatrixband"]
         command = ["cc", "-O3", "-o", peer, str(HERE / "sliding_scaling.c"), f"-I{prefix / 'include'}", f"-L{library}"]
         command += [f"-Wl,-rpath,{library}", *(f"-lsundials_{name}" for name in names), "-lm"]
         subprocess.run(command, check=True)
-        for kind, sizes in SIZES.items():
-            sizes = [int(n) for n in arguments.sizes.split(",")] if arguments.sizes else sizes
+        for kind in arguments.kinds.split(","):
+            sizes = [int(n) for n in arguments.sizes.split(",")] if arguments.sizes else SIZES[kind]
             print(f"{kind:6} {'switches':>9} {'CVODE':>7} {'ms':>9} {'CVODE':>9} {'ratio':>6}   difference of the sums")
             times = []
             for n in sizes:

@@ -5,6 +5,7 @@ use crate::error::Result;
 use crate::event::explicit::{self, Pair};
 use crate::event::radau::{self, Attempt};
 use crate::event::step;
+use crate::event::watch::Watch;
 use crate::event::Method;
 use crate::func::EvalError;
 
@@ -15,6 +16,9 @@ const LOOK: usize = 4;
 /// Steps in a row that look mild before an explicit pair takes over again, and the share of its stability they may use.
 const MILD_STEPS: usize = 8;
 const MILD: f64 = 0.25;
+
+/// A move of so much of the tolerance leaves the derivative as it is.
+pub(super) const UNSEEN: f64 = 1e-3;
 
 /// How an attempt at a step ended.
 pub(super) enum Tried {
@@ -60,6 +64,9 @@ impl Engine {
                 }
             })
         };
+        if let Ok(Tried::Error(e)) = &r {
+            self.tried = *e;
+        }
         recover(r, Tried::Undefined)
     }
 
@@ -72,6 +79,10 @@ impl Engine {
         } else {
             Ok(())
         };
+        if !self.implicit && self.looks_for_stiffness(self.stats.steps + 1) {
+            // before the dense output, which has stages of its own
+            self.stiffness = explicit::stiffness(self.pair, &self.step, &self.weights);
+        }
         let r = r.and_then(|()| self.return_to_surfaces());
         recover(r.map(|()| true), false)
     }
@@ -80,8 +91,6 @@ impl Engine {
     /// explicit method drifts off them is part of its local error (E. Hairer, C. Lubich, G. Wanner, *Geometric Numerical
     /// Integration* (2006), section IV.4, on projection methods: the order stays).
     fn return_to_surfaces(&mut self) -> std::result::Result<(), EvalError> {
-        /// A move of so much of the tolerance leaves the derivative as it is.
-        const UNSEEN: f64 = 1e-3;
         if self.implicit || self.field.n_alg() == 0 {
             return Ok(());
         }
@@ -125,6 +134,51 @@ impl Engine {
         true
     }
 
+    /// Is one step after the other cut short by a switch, in a system where evaluations cost more than looking ahead?
+    pub(super) fn is_cut_short(&self) -> bool {
+        self.pair != self.usual_pair
+            && !self.implicit
+            && self.options.method == Method::Auto
+            && self.field.many_functions()
+            && self.sens.is_none()
+            && self.tape.is_none()
+            && !self.field.has_contacts()
+            && !self.field.in_limit_set()
+    }
+
+    /// A time a little behind the next switch, from the values of what is watched and how they changed last: a step beyond it
+    /// would be thrown away.
+    pub(super) fn time_to_switch(&self) -> f64 {
+        /// Beyond the guess.
+        const MARGIN: f64 = 1.05;
+        let last = self.step.h;
+        let known = self.stats.steps > 0 && last > 0.0;
+        let mut least = f64::INFINITY;
+        for (l, w) in self.watches.iter().enumerate().filter(|(l, _)| self.depart[*l] == 0) {
+            let value = self.w0[l];
+            let (rate, bend) = match *w {
+                Watch::Leave { sub, cell } => {
+                    let before = self.last_weights[sub];
+                    let k = value - self.field.theta_of_pair(cell, before);
+                    (if known { k / last } else { 0.0 }, 0.0)
+                }
+                _ => {
+                    let rate = w.rate(&self.dq0, &self.field, &self.f);
+                    let change = match known && w.is_affine(&self.field) {
+                        true => rate - w.rate_at(&self.dq0, &self.field, |i| self.step.k[i][0]),
+                        false => 0.0,
+                    };
+                    (rate, 0.5 * change / last)
+                }
+            };
+            let time = first_zero(value, rate, bend);
+            if time < least {
+                least = time;
+            }
+        }
+        MARGIN * least
+    }
+
     /// Has the method of the present mode to be implicit from its start? In a sliding mode it is where derivatives of the
     /// solution are asked for too: they are those of implicit steps.
     pub(super) fn begins_implicit(&self) -> bool {
@@ -148,7 +202,13 @@ impl Engine {
         let factor = if self.implicit {
             let n = radau::MAX_NEWTON as f64;
             let safe = 0.9 * (2.0 * n + 1.0) / (2.0 * n + self.radau.last_newton as f64);
-            (safe * err.max(1e-8).powf(-0.25)).clamp(0.2, 8.0)
+            let factor = (safe * err.max(1e-8).powf(-0.25)).clamp(0.2, 8.0);
+            // a step that is hardly longer is not worth new factors
+            if self.radau.keeps() && (1.0..=1.2).contains(&factor) {
+                1.0
+            } else {
+                factor
+            }
         } else {
             // proportional-integral control, which the pair of order 8 does without
             // the first step of a scene is a guess, and flights and slides are often polynomials
@@ -271,7 +331,7 @@ impl Engine {
     /// Back to the explicit pair where it is stable with the steps that accuracy allows, by a bound on the Jacobian
     /// that leaves room so that the methods do not take turns.
     fn watch_mildness(&mut self) {
-        if self.radau.speed(self.nx, self.field.n_z) * self.step.h > MILD * self.pair.stability() {
+        if self.radau.speed() * self.step.h > MILD * self.pair.stability() {
             self.mild_steps = 0;
             return;
         }
@@ -304,19 +364,24 @@ impl Engine {
         }
     }
 
+    /// Stiffness lasts: it is enough to look for it now and then, by the number of the step.
+    fn looks_for_stiffness(&self, step: usize) -> bool {
+        self.stiff_steps > 0 || step % LOOK == 0
+    }
+
     pub(super) fn watch_stiffness(&mut self) {
-        if self.options.method != Method::Auto || self.field.in_limit_set() || self.implicit && self.field.n_alg() > 0 {
+        let slides = self.implicit && self.field.n_alg() > 0;
+        if self.options.method != Method::Auto || self.field.in_limit_set() || slides {
             return;
         }
         if self.implicit {
             self.watch_mildness();
             return;
         }
-        // stiffness lasts: it is enough to look for it now and then
-        if self.stiff_steps == 0 && self.stats.steps % LOOK != 0 {
+        if !self.looks_for_stiffness(self.stats.steps) {
             return;
         }
-        if explicit::stiffness(self.pair, &self.step, &self.weights) > self.pair.stability() {
+        if self.stiffness > self.pair.stability() {
             self.mild_steps = 0;
             self.stiff_steps += 1;
             if self.stiff_steps >= STIFF_STEPS {
@@ -371,5 +436,21 @@ impl Engine {
         let own = first.min(second);
         let h1 = if own.is_finite() { own * (0.01 / d0).powf(1.0 / order).min(1.0) } else { BLIND.sqrt() * most };
         Ok((100.0 * h).min(h1).min(most))
+    }
+}
+
+/// First time at which `value + rate t + bend t²` vanishes, which is positive at 0; infinite where it stays positive.
+fn first_zero(value: f64, rate: f64, bend: f64) -> f64 {
+    let discriminant = rate * rate - 4.0 * bend * value;
+    if value.is_nan() || value <= 0.0 || discriminant < 0.0 {
+        return f64::INFINITY;
+    }
+    // the form without cancellation where it falls at first
+    let root = discriminant.sqrt();
+    let time = if rate <= 0.0 { 2.0 * value / (root - rate) } else { -0.5 * (rate + root) / bend };
+    if time > 0.0 {
+        time
+    } else {
+        f64::INFINITY
     }
 }

@@ -13,6 +13,9 @@ impl Engine {
     /// if that does not succeed. No step goes beyond the time asked for: a switch that turns out to lie behind it is left
     /// to the next call.
     pub(super) fn land(&mut self, l: usize, s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
+        if self.ends_inside(l) {
+            return self.land_inside(l, s, slope, grown);
+        }
         let full = self.step.h;
         let mut h = s * full;
         let floor = 4.0 * EPS * self.t.abs().max(full);
@@ -83,6 +86,96 @@ impl Engine {
             }
         }
         self.touch_down(l, slope, grown).map(Some)
+    }
+
+    /// May the step end where its dense output says? That is about as accurate as its error.
+    fn ends_inside(&self, l: usize) -> bool {
+        /// Part of the tolerance: errors of steps that are cut short add up over many of them.
+        const ACCURATE: f64 = 0.02;
+        let kind = matches!(self.watches[l], Watch::Enter { .. } | Watch::Leave { .. });
+        kind && self.is_cut_short() && self.tried <= ACCURATE && self.dense_ready && self.depart[l] == 0
+    }
+
+    /// Ends the step where the watched function vanishes on its dense output, and switches there. `None` if that does not
+    /// succeed.
+    fn land_inside(&mut self, l: usize, mut s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
+        let full = self.step.h;
+        let w = self.watches[l];
+        if !w.is_affine(&self.field) {
+            let Some(found) = self.sharpen(l, s, slope)? else { return Ok(None) };
+            s = found;
+        }
+        if s * full <= 4.0 * EPS * self.t.abs().max(full) {
+            return Ok(None);
+        }
+        self.stats.relocations += 1;
+        self.step.end_at(s);
+        let mut t = (self.t + self.step.h).min(self.t_stop);
+        let Some((mut value, mut rate)) = recover(self.watched(l, t).map(Some), None)? else { return Ok(None) };
+        // the last digits, along the velocity
+        for _ in 0..if w.is_leave() { 0 } else { 3 } {
+            let rounding = w.rounding(&self.field.dq, &self.field, t, &self.step.x1);
+            let rate_now = if rate < 0.0 { rate } else { slope };
+            let most = 0.01 * self.step.h;
+            let delta = (-value / rate_now).clamp(-most, most.min(self.t_stop - t));
+            if value.abs() <= rounding || !delta.is_finite() || delta == 0.0 {
+                break;
+            }
+            self.step.x1.iter_mut().zip(&self.step.f1).for_each(|(x, f)| *x += delta * f);
+            t += delta;
+            match recover(self.watched(l, t).map(Some), None)? {
+                Some(found) => (value, rate) = found,
+                None => return Ok(None),
+            }
+        }
+        // the weights there, and the velocity that the switch begins with
+        let r = self.field.rhs(t, &self.step.x1, &mut self.step.f1);
+        if !recover(r.map(|()| true), false)? || self.overlooked(l) {
+            return Ok(None);
+        }
+        self.w1[..self.watches.len()].fill(f64::NAN);
+        self.accept(t)?;
+        self.known_end = true;
+        let grown = if self.note_end(true) { grown.min(self.step.h) } else { grown };
+        self.switch(l, slope, grown).map(Some)
+    }
+
+    /// Relative time of a zero on the dense output next to `s` of what is no straight function of the state.
+    fn sharpen(&mut self, l: usize, mut s: f64, slope: f64) -> Result<Option<f64>> {
+        /// Part of the step.
+        const SHARP: f64 = 1e-8;
+        let w = self.watches[l];
+        let mut before: Option<(f64, f64)> = None;
+        for _ in 0..6 {
+            let t = self.step.t + s * self.step.h;
+            self.step.at(s, &mut self.node);
+            let alone = match w {
+                Watch::Leave { cell, .. } => self.field.weight_alone(cell, t, &self.node),
+                _ => None,
+            };
+            let r = match w {
+                _ if alone.is_some() => Ok(()),
+                Watch::Leave { .. } => self.field.hidden(t, &self.node),
+                _ => self.field.watched(t, &self.node),
+            };
+            if !recover(r.map(|()| true), false)? {
+                return Ok(None);
+            }
+            let value = alone.unwrap_or_else(|| w.value(&self.field.q, &self.field));
+            let secant = before.map_or(f64::NAN, |(v, at)| (value - v) / (s - at));
+            let per_step = if secant < 0.0 { secant } else { slope * self.step.h };
+            before = Some((value, s));
+            let next = s - value / per_step;
+            // NaN fails too
+            if !(next > 0.0 && next <= 1.0) {
+                return Ok(None);
+            }
+            if (next - s).abs() <= SHARP * s {
+                return Ok(Some(next));
+            }
+            s = next;
+        }
+        Ok(None)
     }
 
     /// The step to the time asked for, which a watched function seemed to vanish in; `end` is its value there.

@@ -81,12 +81,18 @@ pub struct Engine {
     usual_pair: Pair,
     /// See [`Engine::note_end`].
     cut: usize,
+    /// Error of the last attempt relative to the tolerance.
+    tried: f64,
+    /// Weights of the second of two cells of every subsystem at the start of the last step; NaN where it did not slide.
+    last_weights: Vec<f64>,
     implicit: bool,
     /// Modes that turned out to be stiff, by cell; the last entry is for a system without cells.
     stiff: Vec<bool>,
     /// Subsystems that were stiff when they slid.
     stiff_slides: Vec<bool>,
     stiff_steps: usize,
+    /// See [`explicit::stiffness`](super::explicit::stiffness), of the last step that was looked at.
+    stiffness: f64,
     mild_steps: usize,
     sampler: Sampler,
     samples: Vec<Coefficients>,
@@ -116,6 +122,8 @@ pub struct Engine {
     before: Vec<Vec<usize>>,
     /// The velocity is that at the present point under the active set before a switch.
     arrived: bool,
+    /// It has been evaluated there already, with what is watched.
+    known_end: bool,
     weights: Vec<f64>,
     node: Vec<f64>,
     t: f64,
@@ -225,15 +233,18 @@ impl Engine {
             step_sets: field.subs.iter().map(|s| Vec::with_capacity(s.cells.len())).collect(),
             step_implicit: false,
             dense_ready: false,
-            radau: Radau::new(nx, n_z, most)?,
+            radau: Radau::new(&field, most)?,
             pair,
             next_pair: pair,
             usual_pair: pair,
             cut: 0,
+            tried: 0.0,
+            last_weights: vec![f64::NAN; field.subs.len()],
             implicit: false,
             stiff: vec![false; n_cells + 1],
             stiff_slides: vec![false; field.subs.len()],
             stiff_steps: 0,
+            stiffness: 0.0,
             mild_steps: 0,
             sampler: Sampler::new(),
             samples: vec![[0.0; NODES]; n_w],
@@ -256,6 +267,7 @@ impl Engine {
             candidates: Vec::new(),
             before: Vec::new(),
             arrived: false,
+            known_end: false,
             weights: vec![0.0; nx],
             node: vec![0.0; nx],
             t: 0.0,
@@ -325,6 +337,7 @@ impl Engine {
         self.stiff.fill(false);
         self.stiff_slides.fill(false);
         (self.next_pair, self.cut) = (self.usual_pair, 0);
+        self.last_weights.fill(f64::NAN);
         self.recent.n = 0;
         self.recent.jumps = false;
         self.shrinking = Shrinking::default();
@@ -602,8 +615,11 @@ impl Engine {
             self.pair = self.next_pair;
             self.variational = (f64::INFINITY, 0);
         }
-        let longest = self.variational_step()?.min(self.options.h_max);
+        let mut longest = self.variational_step()?.min(self.options.h_max);
         self.prepare_step();
+        if self.is_cut_short() {
+            longest = longest.min(self.time_to_switch().max(self.no_time()));
+        }
         if self.h <= 64.0 * EPS * self.t.abs() {
             // what was left of the way to the last stop says nothing about the way to the next
             self.h = self.no_time();
@@ -729,6 +745,9 @@ impl Engine {
         self.dense_ready = false;
         self.radau.invalidate();
         self.step_implicit = self.implicit;
+        if self.fresh || self.field.has_contacts() {
+            self.radau.forget();
+        }
         if self.fresh {
             for (to, from) in self.step_sets.iter_mut().zip(&self.field.active) {
                 to.clone_from(from);
@@ -759,6 +778,9 @@ impl Engine {
         }
         self.stats.steps += 1;
         self.crowd = 0;
+        if self.step_implicit {
+            self.radau.accept(&self.step, self.field.n_alg(), t1);
+        }
         self.watch_stiffness();
         self.t = t1;
         for i in 0..self.nx {
@@ -772,6 +794,9 @@ impl Engine {
             self.depart[l] = if self.resting[l] { 2 } else { u8::from(below) };
         }
         self.fresh = false;
+        if self.is_cut_short() {
+            self.field.pair_weights(&self.alpha_start, &mut self.last_weights);
+        }
         self.field.accept_near(&self.step, self.step_implicit);
         let moved = self.field.has_contacts() && self.settle_contacts()?;
         std::mem::swap(&mut self.alpha_start, &mut self.alpha_end);

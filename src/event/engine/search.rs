@@ -83,7 +83,7 @@ impl Engine {
                     None => self.field.watched(t, &self.node)?,
                 }
                 if leaves {
-                    self.field.hidden(t, &self.node)?;
+                    self.sample_weights(i, s, !by_lines)?;
                 }
             }
             for &l in &self.looked {
@@ -95,6 +95,7 @@ impl Engine {
                         false if lines && w.is_affine(&self.field) => {
                             self.w0[l] + w.change(&self.dq0, &self.field, &self.step, s)
                         }
+                        false if w.is_leave() => self.samples[l][i],
                         false => w.value(&self.field.q, &self.field),
                     };
                     // a guard that has just been left is zero at the start, up to the rounding of its location, and so is
@@ -159,6 +160,33 @@ impl Engine {
             }
         }
         Ok(best)
+    }
+
+    /// Weights that are sampled at relative time `s`, the `i`-th node; the state there is known, or is written.
+    fn sample_weights(&mut self, i: usize, s: f64, known: bool) -> std::result::Result<(), EvalError> {
+        let t = self.step.t + s * self.step.h;
+        if !known {
+            self.step.at(s, &mut self.node);
+        }
+        let mut evaluated = false;
+        for k in 0..self.looked.len() {
+            let l = self.looked[k];
+            let Watch::Leave { cell, .. } = self.watches[l] else { continue };
+            if !self.suspect[l] {
+                continue;
+            }
+            let alone = if evaluated { None } else { self.field.weight_alone(cell, t, &self.node) };
+            self.samples[l][i] = match alone {
+                Some(v) => v,
+                None => {
+                    if !std::mem::replace(&mut evaluated, true) {
+                        self.field.hidden(t, &self.node)?;
+                    }
+                    self.field.theta(cell)
+                }
+            };
+        }
+        Ok(())
     }
 
     /// Is a watched function zero to rounding at all samples of the step? The state rests on a surface that its velocity

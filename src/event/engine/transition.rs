@@ -1,5 +1,6 @@
 //! From one active set to the next: what vanishes at a point, which sets may follow, the first step under them.
 
+use super::control::UNSEEN;
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
@@ -182,7 +183,8 @@ impl Engine {
             }
             r => r?,
         }
-        if self.field.project(t, &mut self.x)? {
+        self.node.copy_from_slice(&self.x);
+        if self.field.project(t, &mut self.x)? && self.has_moved() {
             self.field.rhs(t, &self.x, &mut self.f)?;
         }
         self.field.watched(t, &self.x)?;
@@ -230,6 +232,13 @@ impl Engine {
         self.implicit = self.begins_implicit();
         self.stiff_steps = 0;
         Ok(())
+    }
+
+    /// Is the state so far from that at the nodes that the velocity has to be evaluated again? Where that is much work, not for
+    /// so little of the tolerances.
+    fn has_moved(&self) -> bool {
+        let moved = |i: usize| (self.x[i] - self.node[i]).abs() > UNSEEN * self.tolerance_of(i);
+        !self.field.many_functions() || (0..self.nx).any(moved)
     }
 
     /// Switches at the present point, where watch `l` vanishes.
@@ -309,6 +318,9 @@ impl Engine {
     pub(super) fn arrive(&mut self) -> std::result::Result<(), EvalError> {
         let t = self.t;
         self.arrived = true;
+        if std::mem::take(&mut self.known_end) {
+            return self.field.watched_gradients(t, &self.x);
+        }
         // a mode that ends here may have no value any more: its velocity just before serves as well
         match self.field.rhs(t, &self.x, &mut self.node) {
             Ok(()) => self.f.copy_from_slice(&self.node),

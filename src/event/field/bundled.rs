@@ -1,33 +1,45 @@
-//! The model functions of many subsystems in one program.
+//! The model functions of many subsystems or states in one program.
 
 use super::{Field, Sub};
 use crate::dcs::Drift;
-use crate::func::{Bundle, Function, Point};
+use crate::func::{Bundle, Function, PartList, Point};
 
 /// Of fewer subsystems every function is called by itself: that costs as much, and nothing beforehand.
 const FEWEST: usize = 4;
+/// With so many states that their drifts are worth to be taken together, that is no longer so.
+const MANY_STATES: usize = 16;
 
 /// The program, and which of its parts is what.
 pub(super) struct Bundled {
     program: Box<dyn Bundle>,
-    /// Number of drifts, which are the first parts.
-    drifts: usize,
+    /// The drifts, and the states that their values belong to.
+    drifts: PartList,
+    drift_rows: Vec<usize>,
+    /// Of every state, the parts that are single outputs of drifts and move it.
+    singles: Vec<Vec<usize>>,
     /// The part of the first mode of every subsystem.
     modes: Vec<usize>,
-    /// The part of the indicators of the first subsystem.
-    indicators: usize,
-    /// Room for the values of a part.
+    /// The active modes, one subsystem after the other; the first of every subsystem comes first.
+    active: PartList,
+    /// They are those of the present active set.
+    pub(super) listed: bool,
+    indicators: PartList,
+    /// Room for the values of parts.
     room: Vec<f64>,
 }
 
 impl Bundled {
     /// None where the functions do not allow for it, or there are few of them.
-    pub(super) fn new(drifts: &[Drift], subs: &[Sub]) -> Option<Bundled> {
-        if subs.len() < FEWEST {
+    pub(super) fn new(nx: usize, drifts: &[Drift], subs: &[Sub]) -> Option<Bundled> {
+        if subs.len() < FEWEST && nx < MANY_STATES {
             return None;
         }
         let mut parts: Vec<(&dyn Function, std::ops::Range<usize>)> =
             drifts.iter().map(|d| (d.f.as_ref(), 0..d.f.n_out())).collect();
+        let singles = parts.len();
+        for d in drifts {
+            parts.extend((0..d.f.n_out()).map(|i| (d.f.as_ref(), i..i + 1)));
+        }
         let mut modes = Vec::with_capacity(subs.len());
         for s in subs {
             modes.push(parts.len());
@@ -37,9 +49,74 @@ impl Bundled {
         }
         let indicators = parts.len();
         parts.extend(subs.iter().map(|s| (s.indicators.as_ref(), 0..s.n_q)));
-        let longest = parts.iter().map(|p| p.1.len()).max().unwrap_or(0);
-        let program = parts[0].0.bundle(&parts)?;
-        Some(Bundled { program, drifts: drifts.len(), modes, indicators, room: vec![0.0; longest] })
+        let program = parts.first()?.0.bundle(&parts)?;
+        let drift_rows: Vec<usize> = drifts.iter().flat_map(|d| d.rows.iter().copied()).collect();
+        let cells: usize = subs.iter().map(|s| s.cells.len() * s.rows.len()).sum();
+        let mut of_states = vec![Vec::new(); nx];
+        drift_rows.iter().zip(singles..).for_each(|(&r, part)| of_states[r].push(part));
+        let mut b = Bundled {
+            drifts: PartList::default(),
+            singles: of_states,
+            room: vec![0.0; drift_rows.len().max(cells)],
+            drift_rows,
+            modes,
+            active: PartList::default(),
+            listed: false,
+            indicators: PartList::default(),
+            program,
+        };
+        b.list_drifts(singles, drifts);
+        let mut all = subs.iter().enumerate().map(|(k, s)| (indicators + k, s.q0));
+        b.program.list(&mut all, &mut b.indicators);
+        Some(b)
+    }
+
+    /// The outputs of the drifts one by one where many of them are alike and have little in common, else as they are.
+    fn list_drifts(&mut self, singles: usize, drifts: &[Drift]) {
+        let whole: usize = (0..singles).map(|k| self.program.operations(k).0).sum();
+        let (mut apart, mut alike) = (0, 0);
+        for k in singles..singles + self.drift_rows.len() {
+            let (n, many) = self.program.operations(k);
+            apart += n;
+            alike += if many { n } else { 0 };
+        }
+        if 2 * apart <= 3 * whole && 2 * alike >= apart {
+            let mut all = (0..self.drift_rows.len()).map(|i| (singles + i, i));
+            self.program.list(&mut all, &mut self.drifts);
+            return;
+        }
+        let mut at = 0;
+        let mut all = drifts.iter().enumerate().map(|(k, d)| {
+            at += d.rows.len();
+            (k, at - d.rows.len())
+        });
+        self.program.list(&mut all, &mut self.drifts);
+    }
+
+    /// The smooth part of the right-hand side; `direct` where the values of the drifts are those of all states in order.
+    fn drift(&mut self, direct: bool, out: &mut [f64]) -> bool {
+        if direct {
+            return self.program.evaluate_list(&self.drifts, out);
+        }
+        let finite = self.program.evaluate_list(&self.drifts, &mut self.room);
+        out.fill(0.0);
+        self.room.iter().zip(&self.drift_rows).for_each(|(v, &r)| out[r] += v);
+        finite
+    }
+
+    /// Evaluates the active modes.
+    fn active(&mut self, subs: &[Sub], active: &[Vec<usize>]) -> bool {
+        if !self.listed {
+            let mut at = 0;
+            let mut all = subs.iter().zip(active).zip(&self.modes).flat_map(|((s, set), first)| {
+                let (from, nr) = (at, s.rows.len());
+                at += set.len() * nr;
+                set.iter().enumerate().map(move |(i, cell)| (first + s.cells[cell - s.first].mode, from + i * nr))
+            });
+            self.program.list(&mut all, &mut self.active);
+            self.listed = true;
+        }
+        self.program.evaluate_list(&self.active, &mut self.room)
     }
 }
 
@@ -51,25 +128,30 @@ impl Field {
         self.bundle.is_some()
     }
 
+    /// The values of the drifts are those of all states in order.
+    fn drifts_directly(&self) -> bool {
+        self.direct && self.drifts.len() == 1
+    }
+
     /// Right-hand side where nothing slides.
     pub(super) fn bundled_rhs(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> bool {
+        let direct = self.drifts_directly();
         let Some(b) = &mut self.bundle else { return false };
         b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
-        let mut finite = drift(b, &self.drifts, self.direct, out);
-        for (k, s) in self.subs.iter().enumerate() {
-            let mode = s.cells[self.active[k][0] - s.first].mode;
-            let own = &mut b.room[..s.rows.len()];
-            finite &= b.program.evaluate(b.modes[k] + mode, own);
-            s.rows.iter().zip(own.iter()).for_each(|(&r, f)| out[r] += f);
+        let finite = b.drift(direct, out) & b.active(&self.subs, &self.active);
+        let mut values = b.room.iter();
+        for s in &self.subs {
+            s.rows.iter().zip(&mut values).for_each(|(&r, f)| out[r] += f);
         }
         finite
     }
 
     /// The smooth part of the right-hand side.
     pub(super) fn bundled_drift(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> bool {
+        let direct = self.drifts_directly();
         let Some(b) = &mut self.bundle else { return false };
         b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
-        drift(b, &self.drifts, self.direct, out)
+        b.drift(direct, out)
     }
 
     /// Adds the cells `sets` of those subsystems that are `decided`, with the weight `theta` of the first one where there are
@@ -90,15 +172,17 @@ impl Field {
                 sets[k].iter().zip(weights).map(move |(cell, w)| (k, w, *cell))
             })
             .collect();
-        let mut values = vec![0.0; own.iter().map(|o| self.subs[o.0].rows.len()).sum()];
         let mut at = 0;
-        for &(k, _, cell) in &own {
+        let mut all = own.iter().map(|&(k, _, cell)| {
             let s = &self.subs[k];
-            let part = b.modes[k] + s.cells[cell - s.first].mode;
-            if !b.program.evaluate(part, &mut values[at..at + s.rows.len()]) {
-                return false;
-            }
             at += s.rows.len();
+            (b.modes[k] + s.cells[cell - s.first].mode, at - s.rows.len())
+        });
+        let mut list = PartList::default();
+        b.program.list(&mut all, &mut list);
+        let mut values = vec![0.0; at];
+        if !b.program.evaluate_list(&list, &mut values) {
+            return false;
         }
         let mut values = values.into_iter();
         for (k, weight, _) in own {
@@ -109,53 +193,63 @@ impl Field {
 
     /// `b` and `D` of a sliding mode.
     pub(super) fn bundled_parts(&mut self, t: f64, x: &[f64]) -> bool {
+        let direct = self.drifts_directly();
         let Some(b) = &mut self.bundle else { return false };
         b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
-        let mut finite = drift(b, &self.drifts, self.direct, &mut self.base);
+        let finite = b.drift(direct, &mut self.base) & b.active(&self.subs, &self.active);
+        let mut at = 0;
         for (k, s) in self.subs.iter().enumerate() {
-            let (set, nr) = (&self.active[k], s.rows.len());
-            let part = |cell: usize| b.modes[k] + s.cells[cell - s.first].mode;
-            if set.len() > 1 {
-                let own = self.sliding.columns_mut(self.first_pair[k]..self.first_pair[k + 1]);
-                for (column, &cell) in own.chunks_exact_mut(nr.max(1)).zip(&set[1..]) {
-                    finite &= b.program.evaluate(part(cell), column);
-                }
-            }
-            let own = &mut b.room[..nr];
-            finite &= b.program.evaluate(part(set[0]), own);
-            if set.len() > 1 {
+            let (n, nr) = (self.active[k].len(), s.rows.len());
+            let (first, others) = b.room[at..at + n * nr].split_at(nr);
+            at += n * nr;
+            s.rows.iter().zip(first).for_each(|(&r, f)| self.base[r] += f);
+            if n > 1 {
                 let columns = self.sliding.columns_mut(self.first_pair[k]..self.first_pair[k + 1]);
-                for column in columns.chunks_exact_mut(nr.max(1)) {
-                    column.iter_mut().zip(own.iter()).for_each(|(d, f)| *d -= f);
+                for (column, values) in columns.chunks_exact_mut(nr.max(1)).zip(others.chunks_exact(nr.max(1))) {
+                    column.iter_mut().zip(values.iter().zip(first)).for_each(|(d, (v, f))| *d = v - f);
                 }
             }
-            s.rows.iter().zip(own.iter()).for_each(|(&r, f)| self.base[r] += f);
         }
         finite
+    }
+
+    /// The weight of a cell of a subsystem that slides on one surface and whose rate depends on the mode of no other that slides,
+    /// by the few functions that it depends on; none where that is not so. Gradients, which are constant, are known.
+    pub(in crate::event) fn weight_alone(&mut self, cell: usize, t: f64, x: &[f64]) -> Option<f64> {
+        let k = self.owner[cell];
+        let i = self.first_pair[k];
+        if self.first_pair[k + 1] != i + 1 || !self.dq_constant || !self.rows_known || !self.sliding.is_alone(i) {
+            return None;
+        }
+        let b = self.bundle.as_mut()?;
+        b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
+        let pair = self.pairs[i];
+        let (mut rate, mut finite) = (self.sliding.rate_by_time(pair, i), true);
+        for (state, g) in self.sliding.row_of_states(pair, i) {
+            for &part in &b.singles[state] {
+                let mut v = [0.0];
+                finite &= b.program.evaluate(part, &mut v);
+                rate += g * v[0];
+            }
+        }
+        let mut along = |b: &mut Bundled, subs: &[Sub], o: usize, cell: usize| {
+            let s = &subs[o];
+            let own = &mut b.room[..s.rows.len()];
+            finite &= b.program.evaluate(b.modes[o] + s.cells[cell - s.first].mode, own);
+            self.sliding.along_modes(pair, i, o, own)
+        };
+        for o in self.sliding.dependencies(k).filter(|o| *o != k) {
+            rate += along(b, &self.subs, o, self.active[o][0]);
+        }
+        let (first, second) = (along(b, &self.subs, k, pair.base), along(b, &self.subs, k, pair.cell));
+        let alpha = -(rate + first) / (second - first);
+        (finite && alpha.is_finite()).then_some(if cell == pair.cell { alpha } else { 1.0 - alpha })
     }
 
     /// All indicator functions.
     pub(super) fn bundled_indicators(&mut self, t: f64, x: &[f64]) -> bool {
         let Some(b) = &mut self.bundle else { return false };
         b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
-        self.subs.iter().enumerate().all(|(k, s)| b.program.evaluate(b.indicators + k, &mut self.q[s.q0..s.q0 + s.n_q]))
+        b.program.evaluate_list(&b.indicators, &mut self.q)
     }
-}
-
-/// The smooth part of the right-hand side.
-fn drift(b: &mut Bundled, drifts: &[Drift], direct: bool, out: &mut [f64]) -> bool {
-    let mut finite = true;
-    if !direct {
-        out.fill(0.0);
-    }
-    for (i, d) in drifts.iter().enumerate().take(b.drifts) {
-        if i == 0 && direct {
-            finite &= b.program.evaluate(0, out);
-            continue;
-        }
-        let own = &mut b.room[..d.rows.len()];
-        finite &= b.program.evaluate(i, own);
-        d.rows.iter().zip(own.iter()).for_each(|(&r, v)| out[r] += v);
-    }
-    finite
 }

@@ -248,6 +248,59 @@ impl Sliding {
         self.begin[b + 1] - self.begin[b] == 1 && self.single[i] > 0.0
     }
 
+    /// Is pair `i` alone in its block?
+    pub(super) fn is_alone(&self, i: usize) -> bool {
+        let b = self.block[i];
+        self.begin[b + 1] - self.begin[b] == 1
+    }
+
+    /// Rate of constraint `i` where nothing moves.
+    pub(super) fn rate_by_time(&self, pair: Pair, i: usize) -> f64 {
+        if self.states[pair.sub].1 {
+            self.c[self.c_begin[i + 1] - 1]
+        } else {
+            0.0
+        }
+    }
+
+    /// Rate of constraint `i` along a mode of subsystem `other`.
+    pub(super) fn along_modes(&self, pair: Pair, i: usize, other: usize, mode: &[f64]) -> f64 {
+        let coupling = self.couplings[pair.sub].iter().find(|c| c.other == other);
+        let c = &self.c[self.c_begin[i]..];
+        coupling.map_or(0.0, |o| o.places.iter().map(|&(a, b)| c[a] * mode[b]).sum())
+    }
+
+    /// Weights of the pairs, and their factors, where every pair is alone in its block: `alpha = −(C b + c_t) / (C D)`. None
+    /// where one is not, false where a factor is singular.
+    pub(super) fn weights_alone(&mut self, pairs: &[Pair], base: &[f64], alpha: &mut [f64]) -> Option<bool> {
+        if self.begin.len() != pairs.len() + 1 {
+            return None;
+        }
+        for (i, (p, alpha)) in pairs.iter().zip(alpha).enumerate() {
+            let (n, timed) = self.states[p.sub];
+            let c = &self.c[self.c_begin[i]..self.c_begin[i + 1]];
+            let mut rate = 0.0;
+            for (c, &state) in c[..n].iter().zip(&self.columns[p.sub]) {
+                rate += c * base[state];
+            }
+            if timed {
+                rate += c[c.len() - 1];
+            }
+            let d = &self.d[self.d_begin[i]..];
+            let own = self.own[p.sub].map(|own| &self.couplings[p.sub][own].places[..]);
+            let mut entry = 0.0;
+            for &(a, b) in own.unwrap_or(&[]) {
+                entry += c[a] * d[b];
+            }
+            if entry == 0.0 || !entry.is_finite() {
+                return Some(false);
+            }
+            self.single[i] = entry;
+            *alpha = -rate / entry;
+        }
+        Some(true)
+    }
+
     /// Solves with `C D`, as it was factorised last.
     pub(super) fn solve(&mut self, b: &mut [f64]) {
         self.solve_with(b, |lu, b| lu.solve(b));
