@@ -17,7 +17,7 @@ use crate::linalg::csc::Pattern;
 use crate::linalg::kkt::LinearStats;
 use crate::memory::{self, sizes};
 use crate::mpcc::diagnostics::{self, Item};
-use crate::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, Solution, Warm};
+use crate::mpcc::{Lifted, Local, Member, Mpcc, MpccSettings, MpccSolver, NoProposals, Solution, Warm};
 use crate::nlp::{Bounds, CallbackNlp, LagrangianFn, Nlp, Outcome, Residuals};
 use crate::settings::{LogLevel, Settings, Value};
 use crate::system::SharedFunction;
@@ -257,7 +257,7 @@ impl Program {
             control.within(seconds, |control| {
                 if let Some(w) = &warm {
                     let warm = Warm { x: &w.x, y: &w.y, z: &w.z };
-                    solver.solve_warm(problem, &bounds, &warm, control, &mut |_, _, _| false);
+                    solver.solve_warm(problem, &bounds, &warm, control, &mut NoProposals);
                 } else {
                     let w0 = problem.start(start);
                     solver.solve(problem, &bounds, &w0, control);

@@ -7,7 +7,7 @@ use super::search::Answer;
 use super::track::Track;
 use super::transcribe::Transcription;
 use crate::error::Result;
-use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, Solution, Warm};
+use crate::mpcc::{Mpcc, MpccSettings, MpccSolver, NoProposals, Solution, Warm};
 use crate::nlp::{Control, IterationInfo, Nlp, Outcome};
 use crate::stop;
 
@@ -105,7 +105,7 @@ fn run(
     let mut s = stop.scope_apart(|| {
         match point.filter(|w| w[0].len() == t.program.n() && w[1].len() == t.program.m()) {
             Some([x, y, z]) => {
-                solver.solve_warm(&mut t.program, bounds, &Warm { x, y, z }, &mut inner, &mut |_, _, _| false)
+                solver.solve_warm(&mut t.program, bounds, &Warm { x, y, z }, &mut inner, &mut NoProposals)
             }
             None => solver.solve(&mut t.program, bounds, start, &mut inner),
         }

@@ -10,8 +10,9 @@ use std::time::Instant;
 
 use super::homotopy::{Branch, Settle};
 use super::problem::{Mpcc, Side};
+use super::proposer::{ActiveSetProposer, ProposalKind};
 use super::relaxed::Relaxed;
-use super::solver::{MpccSolver, Polish, Suggest, Wanted};
+use super::solver::{MpccSolver, Polish};
 use crate::nlp::{Bounds, Control, Iterate, Monotone, Outcome, Start, INFINITE};
 use crate::stop;
 
@@ -206,7 +207,7 @@ impl MpccSolver {
         p: &mut dyn Mpcc,
         bounds: &Bounds,
         control: &mut Control,
-        suggest: Suggest,
+        proposer: &mut dyn ActiveSetProposer,
         early: bool,
     ) -> bool {
         self.close = true;
@@ -221,7 +222,7 @@ impl MpccSolver {
                 }
                 self.identify(p);
                 self.st.scaling.grow(&self.saved.x, &mut self.room);
-                if !suggest(Wanted::Repair(k), &self.room, &mut self.sides) {
+                if !proposer.propose(ProposalKind::Repair(k), &self.room, &mut self.sides) {
                     break;
                 }
                 ok = self.try_branch(p, bounds, control);
@@ -246,7 +247,7 @@ impl MpccSolver {
             }
         }
         if ok {
-            self.improve(p, bounds, control, suggest);
+            self.improve(p, bounds, control, proposer);
             self.judge(p, bounds, control);
         } else if let Some(why) = stop::requested() {
             // whether there is an exact solution remains open
@@ -261,9 +262,15 @@ impl MpccSolver {
 
     /// Looks for an active set again, from the point the relaxation reached in the last solve, after the branch problems
     /// have changed; true when one is solved.
-    pub fn polish_again(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
+    pub fn polish_again(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) -> bool {
         let clock = Instant::now();
-        let ok = self.polish(p, bounds, control, suggest, false);
+        let ok = self.polish(p, bounds, control, proposer, false);
         self.solution.stats.time_total += clock.elapsed().as_secs_f64();
         ok
     }

@@ -5,7 +5,8 @@
 //! solution ends the search. Only then is it asked whether there is a feasible point at all ([`violation`]).
 
 use super::problem::{Mpcc, Side};
-use super::solver::{MpccSettings, MpccSolver, Polish, Solution, Suggest};
+use super::proposer::{ActiveSetProposer, NoProposals};
+use super::solver::{MpccSettings, MpccSolver, Polish, Solution};
 use super::violation::{self, Violation};
 use super::Warm;
 use crate::mpcc::certificate::BStationarity;
@@ -94,7 +95,7 @@ impl MpccSolver {
         x0: &[f64],
         (interior, centred): (bool, bool),
         control: &mut Control,
-        suggest: Suggest,
+        proposer: &mut dyn ActiveSetProposer,
     ) {
         for strategy in ORDER {
             let better = self.settings.portfolio == Portfolio::All && self.may_be_better();
@@ -118,7 +119,7 @@ impl MpccSolver {
             let kept = (KEPT_SHARE * allowed as f64) as usize;
             self.settings.max_iter = used + allowed.saturating_sub(used + kept) / 2;
             if strategy == FoundBy::Elastic {
-                self.try_elastic(p, bounds, x0, control, suggest);
+                self.try_elastic(p, bounds, x0, control, proposer);
             } else {
                 let given = self.settings;
                 match strategy {
@@ -127,7 +128,7 @@ impl MpccSolver {
                     _ => {}
                 }
                 let centre = interior && centred && strategy != FoundBy::AsGiven;
-                self.follow(p, bounds, x0, centre, control, suggest);
+                self.follow(p, bounds, x0, centre, control, proposer);
                 self.settings = given;
             }
             self.settings.max_iter = allowed;
@@ -162,7 +163,14 @@ impl MpccSolver {
     }
 
     /// The elastic mode, by a solver of its own: its programs have a variable more.
-    fn try_elastic(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
+    fn try_elastic(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) {
         let settings = MpccSettings {
             relaxation: Relaxation::LinfPenalty,
             homotopy: Homotopy::Outer,
@@ -178,7 +186,7 @@ impl MpccSolver {
             },
         };
         solver.settings = settings;
-        solver.solve_with(p, bounds, x0, control, suggest);
+        solver.solve_with(p, bounds, x0, control, proposer);
         let mut stats = self.solution.stats;
         stats.add(&solver.solution.stats);
         self.solution.clone_from(&solver.solution);
@@ -194,7 +202,7 @@ impl MpccSolver {
         p: &mut dyn Mpcc,
         bounds: &Bounds,
         control: &mut Control,
-        suggest: Suggest,
+        proposer: &mut dyn ActiveSetProposer,
     ) {
         let asked = self.has_others() || self.solution.outcome == Outcome::Infeasible;
         if !(asked && self.is_open()) {
@@ -220,7 +228,7 @@ impl MpccSolver {
         };
         let mut program = Violation { inner: &mut *p, st: &st };
         let Ok(mut solver) = MpccSolver::new(&mut program, settings) else { return self.retract() };
-        solver.solve_warm(&mut program, &own, &Warm { x: &start, y: &y, z: &z }, control, &mut |_, _, _| false);
+        solver.solve_warm(&mut program, &own, &Warm { x: &start, y: &y, z: &z }, control, &mut NoProposals);
         let found = &solver.solution;
         self.solution.stats.add(&found.stats);
         if found.outcome != Outcome::Solved || found.polish != Polish::Done {
@@ -230,7 +238,7 @@ impl MpccSolver {
         let size = c.iter().zip(&st.weights).fold(1f64, |a, (c, w)| a.max((c * w).abs()));
         if found.objective <= MET * size {
             let sides = found.sides.clone();
-            self.enter_feasible(p, bounds, &sides, x, control, suggest);
+            self.enter_feasible(p, bounds, &sides, x, control, proposer);
         } else if found.certificate.b == BStationarity::Yes {
             self.solution.x.copy_from_slice(x);
             self.solution.y.copy_from_slice(&found.y);
@@ -257,7 +265,7 @@ impl MpccSolver {
         sides: &[Side],
         x: &[f64],
         control: &mut Control,
-        suggest: Suggest,
+        proposer: &mut dyn ActiveSetProposer,
     ) {
         let before = self.solution.clone();
         self.sides.copy_from_slice(sides);
@@ -265,7 +273,7 @@ impl MpccSolver {
         self.close = true;
         if self.try_point(p, bounds, control) {
             self.record_exact(p, control);
-            self.improve(p, bounds, control, suggest);
+            self.improve(p, bounds, control, proposer);
             self.judge(p, bounds, control);
         } else {
             self.retract();

@@ -1,12 +1,13 @@
 //! From one active set to others: to better ones from a solution, to any from a point that belongs to none.
 //!
-//! Which sets are next to one another is for the caller to say ([`Suggest`]); here is decided where to go on.
+//! Which sets are next to one another is for the caller to say ([`ActiveSetProposer`]); here is decided where to go on.
 
 use std::time::Instant;
 
 use super::endgame::NEAR;
 use super::problem::{Mpcc, Side};
-use super::solver::{MpccSolver, Solution, Suggest, Wanted};
+use super::proposer::{ActiveSetProposer, ProposalKind};
+use super::solver::{MpccSolver, Solution};
 use crate::nlp::{Bounds, Control, Outcome, Start, Statistics};
 use crate::stop;
 
@@ -34,7 +35,7 @@ impl MpccSolver {
         sides: &[Side],
         (x0, far): (&[f64], bool),
         control: &mut Control,
-        suggest: Suggest,
+        proposer: &mut dyn ActiveSetProposer,
     ) -> bool {
         let clock = Instant::now();
         self.enter(p, sides, x0);
@@ -43,7 +44,7 @@ impl MpccSolver {
             self.st.start(x0, &mut self.point);
             ok = self.try_far(p, bounds, control);
         }
-        self.leave(p, bounds, ok, control, suggest);
+        self.leave(p, bounds, ok, control, proposer);
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
         ok
     }
@@ -57,11 +58,18 @@ impl MpccSolver {
     }
 
     /// It ends: the solution, where there is one, becomes the result, and better ones are looked for.
-    fn leave(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, ok: bool, control: &mut Control, suggest: Suggest) {
+    fn leave(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        ok: bool,
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) {
         self.close = true;
         if ok {
             self.record_exact(p, control);
-            self.improve(p, bounds, control, suggest);
+            self.improve(p, bounds, control, proposer);
             self.judge(p, bounds, control);
         }
         self.close = false;
@@ -97,21 +105,21 @@ impl MpccSolver {
         near: &Solution,
         x0: &[f64],
         control: &mut Control,
-        suggest: Suggest,
+        proposer: &mut dyn ActiveSetProposer,
     ) -> bool {
         let clock = Instant::now();
         self.enter(p, &near.sides, x0);
         self.close = true;
         self.solution.objective = f64::INFINITY;
-        let ok = self.try_point(p, bounds, control) || self.go_on_from_near(p, bounds, control, suggest);
-        self.leave(p, bounds, ok, control, suggest);
+        let ok = self.try_point(p, bounds, control) || self.go_on_from_near(p, bounds, control, proposer);
+        self.leave(p, bounds, ok, control, proposer);
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
         if ok {
             return true;
         }
         self.st.start(x0, &mut self.saved.x);
         self.solution.objective = near.objective;
-        self.rescue(p, bounds, control, suggest)
+        self.rescue(p, bounds, control, proposer)
     }
 
     /// Adds what was spent before to the cost of the last solve.
@@ -121,7 +129,13 @@ impl MpccSolver {
 
     /// Where no active set like the identified one has a solution: the best among those further away; true when there is
     /// one. Starts at the point the relaxation reached, and goes on from the best of the points where branches get stuck.
-    pub fn rescue(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
+    pub fn rescue(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) -> bool {
         let clock = Instant::now();
         self.close = true;
         self.identify(p);
@@ -141,7 +155,7 @@ impl MpccSolver {
                 }
                 self.sides.copy_from_slice(&sides);
                 self.point.copy_from_slice(&point);
-                if !self.ask_near(Wanted::Rescue(k), p, suggest) {
+                if !self.ask_near(ProposalKind::Rescue(k), p, proposer) {
                     break;
                 }
                 left -= 1;
@@ -163,7 +177,7 @@ impl MpccSolver {
         }
         let ok = best <= above(ACCEPTABLE);
         if ok {
-            self.improve(p, bounds, control, suggest);
+            self.improve(p, bounds, control, proposer);
             self.judge(p, bounds, control);
         } else {
             let stats = self.solution.stats;
@@ -176,17 +190,23 @@ impl MpccSolver {
     }
 
     /// Moves to neighbouring active sets as long as the objective falls. The result stays the best point.
-    pub(super) fn improve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) {
+    pub(super) fn improve(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) {
         for _ in 0..MAX_IMPROVEMENTS {
             let best = self.solution.objective;
             let mut better = false;
             for k in 0.. {
                 self.sides.copy_from_slice(&self.solution.sides);
                 let x = std::mem::take(&mut self.solution.x);
-                let more = suggest(Wanted::Improve(k), &x, &mut self.sides);
+                let more = proposer.propose(ProposalKind::Improve(k), &x, &mut self.sides);
                 let ok = more
                     && (self.try_neighbour(p, bounds, &x, control)
-                        || self.go_on_from_near(p, bounds, control, suggest));
+                        || self.go_on_from_near(p, bounds, control, proposer));
                 self.solution.x = x;
                 if ok && self.is_better(best) {
                     self.record_exact(p, control);
@@ -205,10 +225,16 @@ impl MpccSolver {
 
     /// The neighbour just tried has no solution although its points are better than the best one: what vanishes there is
     /// left out, and switches that end up between control stages are moved off them.
-    fn go_on_from_near(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control, suggest: Suggest) -> bool {
+    fn go_on_from_near(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) -> bool {
         for _ in 0..MAX_COLLAPSES {
             let known = self.near < self.solution.objective;
-            if !known || !self.ask_near(Wanted::Collapse, p, suggest) {
+            if !known || !self.ask_near(ProposalKind::Collapse, p, proposer) {
                 break;
             }
             if self.try_point(p, bounds, control) {
@@ -225,7 +251,7 @@ impl MpccSolver {
         for k in 0.. {
             self.point.copy_from_slice(&point);
             self.sides.copy_from_slice(&sides);
-            if !self.ask_near(Wanted::Repair(k), p, suggest) {
+            if !self.ask_near(ProposalKind::Repair(k), p, proposer) {
                 break;
             }
             if self.try_point(p, bounds, control) {
@@ -239,10 +265,10 @@ impl MpccSolver {
     }
 
     /// Another active set for the point a branch got stuck at, which is made a point of that set; false without one.
-    fn ask_near(&mut self, wanted: Wanted, p: &mut dyn Mpcc, suggest: Suggest) -> bool {
+    fn ask_near(&mut self, kind: ProposalKind, p: &mut dyn Mpcc, proposer: &mut dyn ActiveSetProposer) -> bool {
         self.st.scaling.grow(&self.point, &mut self.room);
         let mut sides = self.sides.clone();
-        let found = suggest(wanted, &self.room, &mut sides);
+        let found = proposer.propose(kind, &self.room, &mut sides);
         if found {
             p.enter_branch(&self.sides, &sides, &mut self.room);
             self.st.scaling.shrink(&self.room, &mut self.point[..self.st.n]);

@@ -9,6 +9,7 @@ use super::judge::Judge;
 use super::path::Path;
 use super::portfolio::FoundBy;
 use super::problem::{Mpcc, Side};
+use super::proposer::{ActiveSetProposer, NoProposals};
 use super::relaxation;
 use super::relaxed::{Relaxed, Structure};
 use crate::error::Result;
@@ -201,23 +202,6 @@ const PLATEAU_DISCRETISED: f64 = 1e-3;
 /// Iterations one branch gets: near a solution it takes a handful.
 const BRANCH_ITERATIONS: usize = 30;
 
-/// What an active set is asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Wanted {
-    /// The set that was identified has no solution: the `k`-th other one.
-    Repair(usize),
-    /// Nor has any of those: the `k`-th neighbour of the sides given.
-    Rescue(usize),
-    /// A set is solved: the `k`-th neighbour that may be better.
-    Improve(usize),
-    /// A neighbour has no solution, but the point given is better than the best: the set without what vanishes there.
-    Collapse,
-}
-
-/// Proposes active sets: given what is wanted, the point reached, and the present sides, changes the sides; false when
-/// it knows no more.
-pub type Suggest<'a> = &'a mut dyn FnMut(Wanted, &[f64], &mut [Side]) -> bool;
-
 /// A point to go on from: a solution of a problem of the same structure, or a guess as good.
 #[derive(Debug, Clone, Copy)]
 pub struct Warm<'a> {
@@ -321,23 +305,30 @@ impl MpccSolver {
 
     /// Solves from `x0[n]`.
     pub fn solve(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control) -> &Solution {
-        self.solve_with(p, bounds, x0, control, &mut |_, _, _| false)
+        self.solve_with(p, bounds, x0, control, &mut NoProposals)
     }
 
-    /// Solves from `x0[n]`; `suggest` is asked for other active sets when the one that was identified has no solution.
+    /// Solves from `x0[n]`; `proposer` is asked for other active sets when the one that was identified has no solution.
     pub fn solve_with(
         &mut self,
         p: &mut dyn Mpcc,
         bounds: &Bounds,
         x0: &[f64],
         control: &mut Control,
-        suggest: Suggest,
+        proposer: &mut dyn ActiveSetProposer,
     ) -> &Solution {
-        control.within(f64::INFINITY, |control| self.solve_within(p, bounds, x0, control, suggest));
+        control.within(f64::INFINITY, |control| self.solve_within(p, bounds, x0, control, proposer));
         &self.solution
     }
 
-    fn solve_within(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control, suggest: Suggest) {
+    fn solve_within(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) {
         let clock = Instant::now();
         self.begin_exact(p);
         let s = self.settings;
@@ -364,14 +355,14 @@ impl MpccSolver {
             if !p.is_discretised() {
                 self.settings.max_iter = self.path_iterations();
             }
-            self.follow(p, bounds, x0, centre, control, suggest);
+            self.follow(p, bounds, x0, centre, control, proposer);
             self.settings.max_iter = allowed;
             self.confirm(p, bounds, control);
             if !p.is_discretised() {
                 if self.has_others() {
-                    self.go_on(p, bounds, x0, (interior, centre), control, suggest);
+                    self.go_on(p, bounds, x0, (interior, centre), control, proposer);
                 }
-                self.find_least_violation(p, bounds, control, suggest);
+                self.find_least_violation(p, bounds, control, proposer);
             }
         }
         self.explain(p, bounds);
@@ -386,7 +377,7 @@ impl MpccSolver {
         bounds: &Bounds,
         warm: &Warm,
         control: &mut Control,
-        suggest: Suggest,
+        proposer: &mut dyn ActiveSetProposer,
     ) -> &Solution {
         let clock = Instant::now();
         self.begin_exact(p);
@@ -395,11 +386,11 @@ impl MpccSolver {
         let ok = if self.st.bilinear.is_empty() {
             self.settle_near(p, bounds, control)
         } else {
-            self.polish(p, bounds, control, suggest, false)
+            self.polish(p, bounds, control, proposer, false)
         };
         if !ok {
             let cost = self.solution.stats;
-            self.solve_with(p, bounds, warm.x, control, suggest);
+            self.solve_with(p, bounds, warm.x, control, proposer);
             self.solution.stats.add(&cost);
         }
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
@@ -484,7 +475,7 @@ impl MpccSolver {
         x0: &[f64],
         centre: bool,
         control: &mut Control,
-        suggest: Suggest,
+        proposer: &mut dyn ActiveSetProposer,
     ) {
         let mut s = self.settings;
         if s.plateau_mu == 0.0 {
@@ -535,7 +526,7 @@ impl MpccSolver {
             self.saved.copy_from(self.ipm.iterate());
             level = Some(self.ipm.level());
             let early = outcome == Outcome::Solved && stops[k] > FIRST_POLISH;
-            if self.polish(p, bounds, control, suggest, early) || last || outcome == Outcome::Stalled {
+            if self.polish(p, bounds, control, proposer, early) || last || outcome == Outcome::Stalled {
                 return;
             }
         }

@@ -8,7 +8,7 @@
 use super::neighbours::Grid;
 use crate::error::Result;
 use crate::fesd::Trajectory;
-use crate::mpcc::{Side, Wanted};
+use crate::mpcc::{ActiveSetProposer, ProposalKind, Side};
 use crate::nlp::{Control, Outcome};
 use crate::sim::{Simulator, SolveOptions};
 use crate::system::System;
@@ -59,6 +59,24 @@ enum Way {
     Simulate,
 }
 
+impl ActiveSetProposer for Identifier {
+    fn propose(&mut self, kind: ProposalKind, w: &[f64], sides: &mut [Side]) -> bool {
+        if !self.detects {
+            return false;
+        }
+        // behind those of the cells are sides that no mode sequence knows of
+        let n = self.grid.n_cells() * self.h_at.len();
+        let sides = if (1..sides.len()).contains(&n) { &mut sides[..n] } else { sides };
+        let sides = &mut sides[..self.n_sides];
+        match kind {
+            ProposalKind::Repair(k) => self.repair(k, w, sides),
+            ProposalKind::Rescue(k) => self.rescue(k, sides),
+            ProposalKind::Improve(k) => self.improves && self.improve(k, sides),
+            ProposalKind::Collapse => self.collapse(w, sides),
+        }
+    }
+}
+
 impl Identifier {
     pub fn new(system: &System, options: &SolveOptions) -> Identifier {
         Identifier {
@@ -101,23 +119,6 @@ impl Identifier {
         self.improves = improves;
         self.budget = budget;
         self.tried.clear();
-    }
-
-    /// The next proposal, see [`crate::mpcc::Suggest`].
-    pub fn suggest(&mut self, wanted: Wanted, w: &[f64], sides: &mut [Side]) -> bool {
-        if !self.detects {
-            return false;
-        }
-        // behind those of the cells are sides that no mode sequence knows of
-        let n = self.grid.n_cells() * self.h_at.len();
-        let sides = if (1..sides.len()).contains(&n) { &mut sides[..n] } else { sides };
-        let sides = &mut sides[..self.n_sides];
-        match wanted {
-            Wanted::Repair(k) => self.repair(k, w, sides),
-            Wanted::Rescue(k) => self.rescue(k, sides),
-            Wanted::Improve(k) => self.improves && self.improve(k, sides),
-            Wanted::Collapse => self.collapse(w, sides),
-        }
     }
 
     fn repair(&mut self, k: usize, w: &[f64], sides: &mut [Side]) -> bool {

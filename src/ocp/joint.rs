@@ -1,10 +1,11 @@
 //! Several discretised problems and the links between them as one program.
 
+use super::identify::Identifier;
 use super::solve::Built;
 use crate::fesd::Fesd;
 use crate::func::{EvalError, EvalResult, Point};
 use crate::linalg::csc::Pattern;
-use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Wanted};
+use crate::mpcc::{ActiveSetProposer, Mpcc, MpccSolver, Polish, ProposalKind, Side};
 use crate::nlp::{Bounds, Control, Nlp, Outcome};
 use crate::system::SharedFunction;
 
@@ -287,29 +288,42 @@ pub(super) fn solve(
     let (mut problems, mut identifiers): (Vec<_>, Vec<_>) =
         built.iter_mut().map(|b| (&mut b.problem, &mut b.identifier)).unzip();
     let (groups, variables) = (plan.groups.clone(), plan.variables.clone());
-    let n_phases = identifiers.len();
-    let mut turn = Turn::default();
-    let mut suggest = |wanted: Wanted, w: &[f64], sides: &mut [Side]| {
-        let mut ask = |k: usize, wanted: Wanted| {
-            let own = &mut sides[groups[k]..groups[k + 1]];
-            identifiers[k].suggest(wanted, &w[variables[k]..variables[k + 1]], own)
-        };
-        match wanted {
-            // the phases change one after the other
-            Wanted::Improve(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Improve(k))),
-            Wanted::Rescue(k) => turn.next(k, n_phases, |phase, k| ask(phase, Wanted::Rescue(k))),
-            // all at once
-            _ => (0..n_phases).filter(|&k| ask(k, wanted)).count() > 0,
-        }
-    };
+    let mut proposer = InTurn { identifiers: &mut identifiers, groups, variables, turn: Turn::default() };
     let mut all = Program { parts: problems.iter_mut().map(|p| &mut **p).collect(), plan };
-    solver.solve_with(&mut all, bounds, start, control, &mut suggest);
+    solver.solve_with(&mut all, bounds, start, control, &mut proposer);
     let found = solver.solution();
     if found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
         all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit().other()));
-        if !solver.polish_again(&mut all, bounds, control, &mut suggest) {
+        if !solver.polish_again(&mut all, bounds, control, &mut proposer) {
             all.parts.iter_mut().for_each(|p| p.set_exit(p.usual_exit()));
-            solver.rescue(&mut all, bounds, control, &mut suggest);
+            solver.rescue(&mut all, bounds, control, &mut proposer);
+        }
+    }
+}
+
+/// The proposals of all phases.
+struct InTurn<'a, 'b> {
+    identifiers: &'a mut [&'b mut Identifier],
+    /// Where sides and variables of the phases begin, and the end of the last one's.
+    groups: Vec<usize>,
+    variables: Vec<usize>,
+    turn: Turn,
+}
+
+impl ActiveSetProposer for InTurn<'_, '_> {
+    fn propose(&mut self, kind: ProposalKind, w: &[f64], sides: &mut [Side]) -> bool {
+        let InTurn { identifiers, groups, variables, turn } = self;
+        let n_phases = identifiers.len();
+        let mut ask = |k: usize, kind: ProposalKind| {
+            let own = &mut sides[groups[k]..groups[k + 1]];
+            identifiers[k].propose(kind, &w[variables[k]..variables[k + 1]], own)
+        };
+        match kind {
+            // the phases change one after the other
+            ProposalKind::Improve(k) => turn.next(k, n_phases, |phase, k| ask(phase, ProposalKind::Improve(k))),
+            ProposalKind::Rescue(k) => turn.next(k, n_phases, |phase, k| ask(phase, ProposalKind::Rescue(k))),
+            // all at once
+            _ => (0..n_phases).filter(|&k| ask(k, kind)).count() > 0,
         }
     }
 }

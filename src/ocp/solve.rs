@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::fesd::{Fesd, Sizes, Spec, Trajectory};
 use crate::func::EvalError;
 use crate::memory;
-use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Solution, Suggest, Wanted, Warm};
+use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Solution, Warm};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
 use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
@@ -308,20 +308,18 @@ impl Ocp {
         if let (Start::Warm, Some(last)) = (start, &b.last) {
             let warm = Warm { x: &last.x, y: &last.y, z: &last.z };
             let Built { problem, solver, bounds, identifier, .. } = b;
-            let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
-            solver.solve_warm(problem, bounds, &warm, control, suggest);
+            solver.solve_warm(problem, bounds, &warm, control, identifier);
         } else if start.is_branch() || !self.solve_by_stand_in(b, given, request, &mut before, control)? {
             self.solve_from_guesses(b, given, start, request, control)?;
         }
         let Built { problem, solver, bounds, identifier, .. } = b;
         let found = solver.solution();
         if !start.is_branch() && found.polish == Polish::Rejected && found.outcome == Outcome::Solved {
-            let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
             let usual = problem.usual_exit();
             problem.set_exit(usual.other());
-            if !solver.polish_again(problem, bounds, control, suggest) {
+            if !solver.polish_again(problem, bounds, control, identifier) {
                 problem.set_exit(usual);
-                solver.rescue(problem, bounds, control, suggest);
+                solver.rescue(problem, bounds, control, identifier);
             }
         }
         Ok(before)
@@ -351,8 +349,7 @@ impl Ocp {
         let usual = problem.usual_exit();
         let near = [usual, usual.other()].into_iter().any(|exit| {
             problem.set_exit(exit);
-            let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
-            let ok = solver.solve_near(problem, bounds, &other, &x, control, suggest);
+            let ok = solver.solve_near(problem, bounds, &other, &x, control, identifier);
             if !ok {
                 spent.add(&solver.solution().stats);
             }
@@ -382,9 +379,8 @@ impl Ocp {
             let (mut w, mut sides) = (w0.clone(), sides.clone());
             problem.guess_active_set(&mut w, self.t0, lengths, &sides, |t, x| guess.state(t, x));
             sides.extend(problem.member_sides(&w0));
-            let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
             let far = start != Start::Near;
-            if solver.solve_sides(problem, bounds, &sides, (&w, far), control, suggest) {
+            if solver.solve_sides(problem, bounds, &sides, (&w, far), control, identifier) {
                 return Ok(());
             }
             if start.is_branch() {
@@ -393,8 +389,7 @@ impl Ocp {
             spent = solver.solution().stats;
             identifier.restart(true, request.search);
         }
-        let suggest: Suggest = &mut |k: Wanted, w: &[f64], s: &mut [Side]| identifier.suggest(k, w, s);
-        solver.solve_with(problem, bounds, &w0, control, suggest);
+        solver.solve_with(problem, bounds, &w0, control, identifier);
         solver.add_cost(&spent);
         Ok(())
     }
