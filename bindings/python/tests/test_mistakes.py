@@ -49,7 +49,7 @@ MISTAKES = {
     "abs in a cost": (
         lambda: (lambda m: m.function(abs(m.q)))(spring()),
         swb.UnsupportedError,
-        r"for abs\(a\), bound s - a and s \+ a below by 0",
+        r"a further state.*for abs\(a\), bound s - a and s \+ a below by 0",
     ),
     "t_eval": (lambda: simulated(t_eval=[0.5]), swb.ArgumentError, r"call the result, run\(t_eval\)"),
     "args": (lambda: simulated(args=(1,)), swb.ArgumentError, r"parameters of the model are p="),

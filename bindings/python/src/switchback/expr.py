@@ -77,8 +77,9 @@ def _packed(ids: numpy.ndarray) -> numpy.ndarray:
 
 
 _SMOOTH = (
-    "A cost or constraint is stated with an additional control s instead: for abs(a), bound s - a and s + a below by 0 (add_path) and "
-    "put s into the cost"
+    "A cost is stated with a further state instead: make it the derivative of that state, and its value at the end the cost (set_mayer). "
+    "A constraint, and a cost too, may have an additional control s in its place: for abs(a), bound s - a and s + a below by 0 (add_path) "
+    "and put s into the cost"
 )
 
 
