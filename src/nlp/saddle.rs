@@ -60,8 +60,8 @@ impl Watch {
 }
 
 impl Ipm {
-    /// Moves every variable that is not fixed by a little, `round` by `round` elsewhere, inside of its bounds. Where a function has no value there the point stays.
-    /// False where it has none at the point itself any more.
+    /// Moves every variable that is not fixed by a little inside of its bounds, in every `round` to another place. Where a function
+    /// has no value there the point stays. False where it has none at the point itself any more.
     pub(super) fn disturb(&mut self, nlp: &mut dyn Nlp, round: usize) -> bool {
         self.trial.x.copy_from_slice(&self.it.x);
         let golden = (5f64.sqrt() - 1.0) / 2.0;

@@ -106,7 +106,7 @@ impl Ocp {
         let shifted = self.shifted.take();
         if let Some(moved) = shifted.filter(|_| start == Start::Warm && self.may_smooth(request)) {
             return match self.solve_shifted(moved, request, control)? {
-                None => self.result.as_ref().ok_or_else(|| Error::Internal("a solve without a result".into())),
+                None => self.last_result(),
                 Some(found) => {
                     // the plan has had its chance
                     (self.x_guess, self.u_guess) = (None, None);
@@ -149,7 +149,7 @@ impl Ocp {
                 Err(Error::OutOfTime) if found.best.is_some() => return self.adopt(found, request, control, clock),
                 Err(e) => return Err(e),
             }
-            let Some(r) = self.result.as_ref() else { return Err(Error::Internal("a solve without a result".into())) };
+            let r = self.last_result()?;
             let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.cost);
             found.add(r);
             if !exact && found.best.is_none() {

@@ -31,7 +31,7 @@ impl Ocp {
         let may = start == Start::Cold && request.start != OcpStart::Homotopy && !given && self.system.dims().u > 0;
         let first = self.run(start, request, control)?;
         if !may || !matches!(first.outcome, Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter) {
-            return self.result.as_ref().ok_or_else(|| Error::Internal("a solve without a result".into()));
+            return self.last_result();
         }
         let mut found = Candidates::default();
         found.add(first);

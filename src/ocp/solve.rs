@@ -232,6 +232,11 @@ impl Ocp {
                 solved.map(|_| ())
             })
         })?;
+        self.last_result()
+    }
+
+    /// The result of a solve that has just ended without an error, which there always is.
+    pub(super) fn last_result(&self) -> Result<&OcpResult> {
         self.result.as_ref().ok_or_else(|| Error::Internal("a solve without a result".into()))
     }
 
