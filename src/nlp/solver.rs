@@ -413,7 +413,12 @@ impl Ipm {
             }
             loop {
                 match continuation.advance(&m) {
-                    Advance::Done if self.phase != b'p' && saddle.ends(self.system.delta_w) => {
+                    // a solution is not given up for want of iterations
+                    Advance::Done
+                        if self.phase != b'p'
+                            && self.stats.iterations < self.settings.max_iter
+                            && saddle.ends(self.system.delta_w) =>
+                    {
                         if !self.disturb(nlp, saddle.disturbed) {
                             return Outcome::Failed;
                         }
