@@ -4,10 +4,10 @@
 # make site      the documentation as web pages, in build/site
 # make check     everything that must hold before a commit; what .ci/run runs
 # make install   library, header, CMake and pkg-config files into PREFIX
-# make header    write include/switchback.h from src/capi, and from it what Python and Julia declare
+# make header    write what is made of src/settings/options.toml, include/switchback.h, and from it what Python and Julia declare
 # make release-wheel  a wheel that needs nothing of the system, and a source distribution, into build/dist
 # make fuzz      try to break the library for FUZZ_SECONDS, from SEED on; see fuzz/README.md
-# make docs      write docs/errors.md and docs/options.md from the tables
+# make docs      write docs/errors.md from the tables
 # make deps      install what is missing (Debian packages, SUNDIALS, Python modules)
 # make fuzz-faults  refuse every single request for memory of every scenario once; part of make fuzz
 # make clean     remove build/, out/ and target/
@@ -147,6 +147,8 @@ check-rust:
 
 check-header:
 	$(HEADER) --check .
+	$(CARGO) test --quiet --locked --manifest-path tools/header/Cargo.toml --target-dir $(TARGET)/header
+	$(PYTHON) bindings/python/tools/gen_ffi.py --check
 
 # Install, then move: nothing may remember where it was installed.
 stage: build

@@ -3,75 +3,12 @@
 
 #include "check.h"
 
-#define FIELD(position, name) AT(swb_settings, position, name)
 #define AT(type, position, name) CHECK(offsetof(type, name) == (size_t)8 * (position))
 
 int main(void)
 {
-    FIELD(0, struct_size);
-    FIELD(1, rk_family);
-    FIELD(2, n_s);
-    FIELD(3, n_fe);
-    FIELD(4, discretisation);
-    FIELD(5, stage_form);
-    FIELD(6, cross);
-    FIELD(7, step_equilibration);
-    FIELD(8, rho_h);
-    FIELD(9, gamma_h);
-    FIELD(10, tol);
-    FIELD(11, max_iter);
-    FIELD(12, max_time);
-    FIELD(13, mu_init);
-    FIELD(14, sigma_init);
-    FIELD(15, sigma_min);
-    FIELD(16, sigma_factor);
-    FIELD(17, sigma_exponent);
-    FIELD(18, mu_over_sigma);
-    FIELD(19, plateau_mu);
-    FIELD(20, plateau_viol);
-    FIELD(21, polish);
-    FIELD(22, polish_tol);
-    FIELD(23, initial_guess);
-    FIELD(24, log_level);
-    FIELD(25, linear_solver);
-    FIELD(26, ordering);
-    FIELD(27, scaling);
-    FIELD(28, centre_pairs);
-    FIELD(29, convexify_pairs);
-    FIELD(30, early_polish);
-    FIELD(31, square_newton);
-    FIELD(32, certify);
-    FIELD(33, sigma_retries);
-    FIELD(34, max_soc);
-    FIELD(35, restore_tiny);
-    FIELD(36, relaxation);
-    FIELD(37, homotopy);
-    FIELD(38, penalty_init);
-    FIELD(39, accuracy);
-    FIELD(40, accuracy_tol);
-    FIELD(41, mode_search);
-    FIELD(42, dcs_form);
-    FIELD(43, lift_depth);
-    FIELD(44, integration);
-    FIELD(45, rtol);
-    FIELD(46, atol);
-    FIELD(47, h_init);
-    FIELD(48, h_max);
-    FIELD(49, max_steps);
-    FIELD(50, max_switches);
-    FIELD(51, zeno);
-    FIELD(52, ambiguity);
-    FIELD(53, dense);
-    FIELD(54, sensitivity);
-    FIELD(55, adjoint);
-    FIELD(56, explain);
-    FIELD(57, adapt_tol);
-    FIELD(58, adapt_rounds);
-    FIELD(59, adapt_elements);
-    FIELD(60, max_memory);
-    FIELD(61, ocp_start);
-    FIELD(62, portfolio);
-    CHECK(sizeof(swb_settings) == (size_t)8 * 63);
+    AT(swb_settings, 0, struct_size);
+#include "settings_layout.h"
 
     CHECK(sizeof(swb_status) == 4);
     CHECK(SWB_OK == 0 && SWB_ERR_NULL == -1 && SWB_ERR_DIMENSION == -2 && SWB_ERR_RANGE == -3);
@@ -79,24 +16,6 @@ int main(void)
     CHECK(SWB_ERR_USER == -20 && SWB_ERR_NONFINITE == -21 && SWB_ERR_INTERRUPTED == -23);
     CHECK(SWB_ERR_NUMERIC == -30 && SWB_ERR_LIBRARY == -50 && SWB_ERR_INTERNAL == -99);
 
-    CHECK(SWB_RK_FAMILY_RADAU_IIA == 0 && SWB_RK_FAMILY_GAUSS_LEGENDRE == 1 && SWB_RK_FAMILY_EXPLICIT == 2);
-    CHECK(SWB_RK_FAMILY_RADAU_IA == 3 && SWB_RK_FAMILY_LOBATTO_IIIC == 6);
-    CHECK(SWB_DCS_FORM_AUTO == 0 && SWB_DCS_FORM_STEWART == 1 && SWB_DCS_FORM_HEAVISIDE == 2);
-    CHECK(SWB_DISCRETISATION_FESD == 0 && SWB_DISCRETISATION_STANDARD == 1);
-    CHECK(SWB_STAGE_FORM_AUTO == 0 && SWB_STAGE_FORM_VALUES == 1 && SWB_STAGE_FORM_DERIVATIVES == 2);
-    CHECK(SWB_CROSS_ELEMENT == 0 && SWB_CROSS_STAGE == 1 && SWB_CROSS_FULL == 2);
-    CHECK(SWB_CROSS_POINT == 3);
-    CHECK(SWB_STEP_EQUILIBRATION_ETA_SQUARED == 4 && SWB_STEP_EQUILIBRATION_ETA_EQUATION == 5);
-    CHECK(SWB_STEP_EQUILIBRATION_NONE == 0 && SWB_STEP_EQUILIBRATION_MEAN == 1);
-    CHECK(SWB_STEP_EQUILIBRATION_DIFFERENCE == 2 && SWB_STEP_EQUILIBRATION_ETA_PRODUCT == 3);
-    CHECK(SWB_POLISH_OFF == 0 && SWB_POLISH_ON == 1);
-    CHECK(SWB_INITIAL_GUESS_CONSTANT == 0 && SWB_INITIAL_GUESS_SIMULATION == 1);
-    CHECK(SWB_OCP_START_PORTFOLIO == 0 && SWB_OCP_START_HOMOTOPY == 1 && SWB_OCP_START_SMOOTHING == 2);
-    CHECK(SWB_LOG_LEVEL_SILENT == 0 && SWB_LOG_LEVEL_ERROR == 1 && SWB_LOG_LEVEL_WARNING == 2);
-    CHECK(SWB_LOG_LEVEL_INFO == 3 && SWB_LOG_LEVEL_DEBUG == 4 && SWB_LOG_LEVEL_TRACE == 5);
-    CHECK(SWB_LINEAR_SOLVER_AUTO == 0 && SWB_LINEAR_SOLVER_SUITESPARSE == 1 && SWB_LINEAR_SOLVER_FAER == 2);
-    CHECK(SWB_ORDERING_AMD == 0 && SWB_ORDERING_NATURAL == 1);
-    CHECK(SWB_TOGGLE_OFF == 0 && SWB_TOGGLE_ON == 1);
     CHECK(SWB_KIND_INT == 0 && SWB_KIND_FLOAT == 1 && SWB_KIND_ENUM == 2);
 
     AT(swb_residuals, 0, struct_size);
@@ -461,10 +380,6 @@ int main(void)
     CHECK(SWB_B_STATIONARITY_YES == 0 && SWB_B_STATIONARITY_NO == 1 && SWB_B_STATIONARITY_UNDECIDED == 2);
     CHECK(SWB_DOUBT_NONE == 0 && SWB_DOUBT_DATA == 1 && SWB_DOUBT_INFEASIBLE == 2);
     CHECK(SWB_DOUBT_NODES == 3 && SWB_DOUBT_ACCURACY == 4 && SWB_DOUBT_STOPPED == 5);
-    CHECK(SWB_INTEGRATION_AUTO == 0 && SWB_INTEGRATION_DP5 == 1 && SWB_INTEGRATION_DOP853 == 2);
-    CHECK(SWB_INTEGRATION_RADAU5 == 3);
-    CHECK(SWB_ZENO_POLICY_CONTINUE == 0 && SWB_ZENO_POLICY_STOP == 1 && SWB_ZENO_POLICY_TIME_STEPPING == 2);
-    CHECK(SWB_AMBIGUITY_POLICY_FIRST == 0 && SWB_AMBIGUITY_POLICY_STOP == 1 && SWB_AMBIGUITY_POLICY_PREFER == 2);
     CHECK(SWB_RUN_OUTCOME_REACHED == 0 && SWB_RUN_OUTCOME_MAX_STEPS == 1 && SWB_RUN_OUTCOME_STEP_TOO_SMALL == 2);
     CHECK(SWB_RUN_OUTCOME_ZENO == 3 && SWB_RUN_OUTCOME_AMBIGUOUS == 4 && SWB_RUN_OUTCOME_NO_CONTINUATION == 5);
     CHECK(SWB_RUN_OUTCOME_STOPPED == 100);

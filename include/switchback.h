@@ -135,7 +135,7 @@ typedef int32_t swb_status;
 #endif // __cplusplus
 
 /**
- * Runge-Kutta family (rk_family).
+ * Runge-Kutta family (option rk_family).
  */
 enum swb_rk_family
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -180,7 +180,7 @@ typedef int64_t swb_rk_family;
 #endif // __cplusplus
 
 /**
- * Complementarity form of what switches (dcs_form).
+ * Complementarity form of what switches (option dcs_form).
  */
 enum swb_dcs_form
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -209,7 +209,7 @@ typedef int64_t swb_dcs_form;
 #endif // __cplusplus
 
 /**
- * Treatment of switches by the discretisation (discretisation).
+ * Treatment of switches by the discretisation (option discretisation).
  */
 enum swb_discretisation
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -234,7 +234,7 @@ typedef int64_t swb_discretisation;
 #endif // __cplusplus
 
 /**
- * Unknowns at the stage points (stage_form).
+ * Unknowns at the stage points (option stage_form).
  */
 enum swb_stage_form
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -263,7 +263,7 @@ typedef int64_t swb_stage_form;
 #endif // __cplusplus
 
 /**
- * Granularity of the cross complementarity (cross).
+ * Granularity of the cross complementarity (option cross).
  */
 enum swb_cross
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -296,7 +296,7 @@ typedef int64_t swb_cross;
 #endif // __cplusplus
 
 /**
- * Step equilibration during the homotopy (step_equilibration).
+ * Step equilibration during the homotopy (option step_equilibration).
  */
 enum swb_step_equilibration
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -341,7 +341,7 @@ typedef int64_t swb_step_equilibration;
 #endif // __cplusplus
 
 /**
- * Polishing after the homotopy (polish).
+ * Polishing after the homotopy (option polish).
  */
 enum swb_polish
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -366,7 +366,7 @@ typedef int64_t swb_polish;
 #endif // __cplusplus
 
 /**
- * Initial guess of the discretised problem (initial_guess).
+ * Initial guess of the discretised problem (option initial_guess).
  */
 enum swb_initial_guess
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -399,7 +399,7 @@ typedef int64_t swb_initial_guess;
 #endif // __cplusplus
 
 /**
- * Where optimal control problems start from (ocp_start).
+ * Where optimal control problems start from (option ocp_start).
  */
 enum swb_ocp_start
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -407,8 +407,7 @@ enum swb_ocp_start
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Smoothed problems lead to mode sequences, several of which are solved; the homotopy from the guess is followed too, as a
-     * second opinion. The cheapest answer is kept.
+     * Smoothed problems lead to mode sequences, several of which are solved; the homotopy from the guess is followed too, as a second opinion. The cheapest answer is kept.
      */
     SWB_OCP_START_PORTFOLIO = 0,
     /**
@@ -429,7 +428,7 @@ typedef int64_t swb_ocp_start;
 #endif // __cplusplus
 
 /**
- * Which strategies solve a program with complementarity constraints (portfolio).
+ * Which strategies solve a program with complementarity constraints (option portfolio).
  */
 enum swb_portfolio
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -458,7 +457,7 @@ typedef int64_t swb_portfolio;
 #endif // __cplusplus
 
 /**
- * Factorisation of the Newton matrices (linear_solver).
+ * Factorisation of the Newton matrices (option linear_solver).
  */
 enum swb_linear_solver
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -474,7 +473,7 @@ enum swb_linear_solver
      */
     SWB_LINEAR_SOLVER_SUITESPARSE = 1,
     /**
-     * faer, with dense blocks of columns; only in a library built with it.
+     * Dense blocks of columns, by faer; only in a library built with it.
      */
     SWB_LINEAR_SOLVER_FAER = 2,
 };
@@ -487,7 +486,7 @@ typedef int64_t swb_linear_solver;
 #endif // __cplusplus
 
 /**
- * Order of elimination in the Newton matrices (ordering).
+ * Order of elimination in the Newton matrices (option ordering).
  */
 enum swb_ordering
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -537,7 +536,212 @@ typedef int64_t swb_toggle;
 #endif // __cplusplus
 
 /**
- * Verbosity of the log sink (log_level); each level contains the ones before it.
+ * What stands for the complementarity constraints until the active set is identified (option relaxation).
+ */
+enum swb_relaxation
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Products at most sigma.
+     */
+    SWB_RELAXATION_SCHOLTES = 0,
+    /**
+     * Products equal to sigma.
+     */
+    SWB_RELAXATION_SCHOLTES_EQ = 1,
+    /**
+     * Sums of products at most sigma: one row per group, or one in all where pairs form no groups.
+     */
+    SWB_RELAXATION_SCHOLTES_LUMPED = 2,
+    /**
+     * Products at most sigma, and products of the members shifted by sqrt(sigma) at least sigma.
+     */
+    SWB_RELAXATION_LIN_FUKUSHIMA = 3,
+    /**
+     * Members at least -sqrt(sigma), products of the members less sqrt(sigma) not positive.
+     */
+    SWB_RELAXATION_KADRANI = 4,
+    /**
+     * The corner of the feasible set rounded by a sine.
+     */
+    SWB_RELAXATION_STEFFENSEN_ULBRICH = 5,
+    /**
+     * The corner of the feasible set rounded by a polynomial.
+     */
+    SWB_RELAXATION_STEFFENSEN_ULBRICH_POLY = 6,
+    /**
+     * One of the members at most sqrt(sigma).
+     */
+    SWB_RELAXATION_KANZOW_SCHWARTZ = 7,
+    /**
+     * Smoothed function of Fischer and Burmeister equal to zero.
+     */
+    SWB_RELAXATION_FISCHER_BURMEISTER = 8,
+    /**
+     * Smoothed minimum of the members equal to zero.
+     */
+    SWB_RELAXATION_NATURAL_RESIDUAL = 9,
+    /**
+     * Smoothed function of Chen, Chen and Kanzow equal to zero.
+     */
+    SWB_RELAXATION_CHEN_CHEN_KANZOW = 10,
+    /**
+     * Bounds and products relaxed pair by pair, tightened by the signs of the multipliers.
+     */
+    SWB_RELAXATION_TWO_SIDED = 11,
+    /**
+     * Products at most the barrier parameter.
+     */
+    SWB_RELAXATION_RAGHUNATHAN_BIEGLER = 12,
+    /**
+     * Sum of the products in the objective.
+     */
+    SWB_RELAXATION_L1_PENALTY = 13,
+    /**
+     * Largest product in the objective.
+     */
+    SWB_RELAXATION_LINF_PENALTY = 14,
+    /**
+     * Products at most an elastic variable each, whose sum is in the objective.
+     */
+    SWB_RELAXATION_L1_ELASTIC = 15,
+    /**
+     * Products in the objective, ordinary rows relaxed by one elastic variable.
+     */
+    SWB_RELAXATION_ELASTIC = 16,
+    /**
+     * Products at most zero.
+     */
+    SWB_RELAXATION_DIRECT = 17,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_relaxation swb_relaxation;
+#else
+typedef int64_t swb_relaxation;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * How relaxation or penalty and barrier parameter change together (option homotopy).
+ */
+enum swb_homotopy
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Together, every problem solved loosely.
+     */
+    SWB_HOMOTOPY_COUPLED = 0,
+    /**
+     * Every problem solved to the tolerance, from a larger barrier parameter again.
+     */
+    SWB_HOMOTOPY_OUTER = 1,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_homotopy swb_homotopy;
+#else
+typedef int64_t swb_homotopy;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Integration method of the modes in event-driven simulation (option integration).
+ */
+enum swb_integration
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * An explicit pair chosen by the tolerance, that of order 5 where switches cut one step after the other short; Radau IIA in modes that turn out to be stiff.
+     */
+    SWB_INTEGRATION_AUTO = 0,
+    /**
+     * Dormand and Prince 5(4).
+     */
+    SWB_INTEGRATION_DP5 = 1,
+    /**
+     * Dormand and Prince 8(5,3).
+     */
+    SWB_INTEGRATION_DOP853 = 2,
+    /**
+     * Radau IIA of order 5.
+     */
+    SWB_INTEGRATION_RADAU5 = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_integration swb_integration;
+#else
+typedef int64_t swb_integration;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What an event-driven simulation does where switches accumulate (option zeno).
+ */
+enum swb_zeno_policy
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else stop. Derivatives do not follow at a mode of order two: they are NaN behind it.
+     */
+    SWB_ZENO_POLICY_CONTINUE = 0,
+    /**
+     * Stop.
+     */
+    SWB_ZENO_POLICY_STOP = 1,
+    /**
+     * Go through it by steps of a method that needs no switches; where a sliding mode begins there, this finds it too. Slower and less accurate than continue, but it needs no limit set. Derivatives do not follow: they are NaN behind it.
+     */
+    SWB_ZENO_POLICY_TIME_STEPPING = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_zeno_policy swb_zeno_policy;
+#else
+typedef int64_t swb_zeno_policy;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * What an event-driven simulation does where the continuation is not unique (option ambiguity).
+ */
+enum swb_ambiguity_policy
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The present active set if it may continue, else the fewest active cells, else the lowest indices.
+     */
+    SWB_AMBIGUITY_POLICY_FIRST = 0,
+    /**
+     * Stop.
+     */
+    SWB_AMBIGUITY_POLICY_STOP = 1,
+    /**
+     * The one whose active modes come first in the list of preferred modes; among equals as first.
+     */
+    SWB_AMBIGUITY_POLICY_PREFER = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_ambiguity_policy swb_ambiguity_policy;
+#else
+typedef int64_t swb_ambiguity_policy;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
+ * Verbosity of the log sink; each level contains the ones before it (option log_level).
  */
 enum swb_log_level
 #if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
@@ -1059,211 +1263,6 @@ enum swb_table
 typedef enum swb_table swb_table;
 #else
 typedef int32_t swb_table;
-#endif // __STDC_VERSION__ >= 202311L
-#endif // __cplusplus
-
-/**
- * What stands for the complementarity constraints until the active set is identified (relaxation).
- */
-enum swb_relaxation
-#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
-  : int64_t
-#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
- {
-    /**
-     * Products at most sigma.
-     */
-    SWB_RELAXATION_SCHOLTES = 0,
-    /**
-     * Products equal to sigma.
-     */
-    SWB_RELAXATION_SCHOLTES_EQ = 1,
-    /**
-     * Sums of products at most sigma: one row per group, or one in all where pairs form no groups.
-     */
-    SWB_RELAXATION_SCHOLTES_LUMPED = 2,
-    /**
-     * Products at most sigma, and products of the members shifted by sqrt(sigma) at least sigma.
-     */
-    SWB_RELAXATION_LIN_FUKUSHIMA = 3,
-    /**
-     * Members at least -sqrt(sigma), products of the members less sqrt(sigma) not positive.
-     */
-    SWB_RELAXATION_KADRANI = 4,
-    /**
-     * The corner of the feasible set rounded by a sine.
-     */
-    SWB_RELAXATION_STEFFENSEN_ULBRICH = 5,
-    /**
-     * The corner of the feasible set rounded by a polynomial.
-     */
-    SWB_RELAXATION_STEFFENSEN_ULBRICH_POLY = 6,
-    /**
-     * One of the members at most sqrt(sigma).
-     */
-    SWB_RELAXATION_KANZOW_SCHWARTZ = 7,
-    /**
-     * Smoothed function of Fischer and Burmeister equal to zero.
-     */
-    SWB_RELAXATION_FISCHER_BURMEISTER = 8,
-    /**
-     * Smoothed minimum of the members equal to zero.
-     */
-    SWB_RELAXATION_NATURAL_RESIDUAL = 9,
-    /**
-     * Smoothed function of Chen, Chen and Kanzow equal to zero.
-     */
-    SWB_RELAXATION_CHEN_CHEN_KANZOW = 10,
-    /**
-     * Bounds and products relaxed pair by pair, tightened by the signs of the multipliers.
-     */
-    SWB_RELAXATION_TWO_SIDED = 11,
-    /**
-     * Products at most the barrier parameter.
-     */
-    SWB_RELAXATION_RAGHUNATHAN_BIEGLER = 12,
-    /**
-     * Sum of the products in the objective.
-     */
-    SWB_RELAXATION_L1_PENALTY = 13,
-    /**
-     * Largest product in the objective.
-     */
-    SWB_RELAXATION_LINF_PENALTY = 14,
-    /**
-     * Products at most an elastic variable each, whose sum is in the objective.
-     */
-    SWB_RELAXATION_L1_ELASTIC = 15,
-    /**
-     * Products in the objective, ordinary rows relaxed by one elastic variable.
-     */
-    SWB_RELAXATION_ELASTIC = 16,
-    /**
-     * Products at most zero.
-     */
-    SWB_RELAXATION_DIRECT = 17,
-};
-#ifndef __cplusplus
-#if __STDC_VERSION__ >= 202311L
-typedef enum swb_relaxation swb_relaxation;
-#else
-typedef int64_t swb_relaxation;
-#endif // __STDC_VERSION__ >= 202311L
-#endif // __cplusplus
-
-/**
- * How relaxation or penalty and barrier parameter change together (homotopy).
- */
-enum swb_homotopy
-#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
-  : int64_t
-#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
- {
-    /**
-     * Together, every problem solved loosely.
-     */
-    SWB_HOMOTOPY_COUPLED = 0,
-    /**
-     * Every problem solved to the tolerance, from a larger barrier parameter again.
-     */
-    SWB_HOMOTOPY_OUTER = 1,
-};
-#ifndef __cplusplus
-#if __STDC_VERSION__ >= 202311L
-typedef enum swb_homotopy swb_homotopy;
-#else
-typedef int64_t swb_homotopy;
-#endif // __STDC_VERSION__ >= 202311L
-#endif // __cplusplus
-
-/**
- * Integration method of the modes in event-driven simulation (integration).
- */
-enum swb_integration
-#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
-  : int64_t
-#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
- {
-    /**
-     * An explicit pair chosen by the tolerance; Radau IIA in modes that turn out to be stiff.
-     */
-    SWB_INTEGRATION_AUTO = 0,
-    /**
-     * Dormand and Prince 5(4).
-     */
-    SWB_INTEGRATION_DP5 = 1,
-    /**
-     * Dormand and Prince 8(5,3).
-     */
-    SWB_INTEGRATION_DOP853 = 2,
-    /**
-     * Radau IIA of order 5.
-     */
-    SWB_INTEGRATION_RADAU5 = 3,
-};
-#ifndef __cplusplus
-#if __STDC_VERSION__ >= 202311L
-typedef enum swb_integration swb_integration;
-#else
-typedef int64_t swb_integration;
-#endif // __STDC_VERSION__ >= 202311L
-#endif // __cplusplus
-
-/**
- * What an event-driven simulation does where switches accumulate (zeno).
- */
-enum swb_zeno_policy
-#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
-  : int64_t
-#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
- {
-    /**
-     * Go on in the sliding mode on the surfaces the switches accumulate at, where there is one; else stop.
-     */
-    SWB_ZENO_POLICY_CONTINUE = 0,
-    /**
-     * Stop.
-     */
-    SWB_ZENO_POLICY_STOP = 1,
-    /**
-     * Go through it by steps of a method that needs no switches.
-     */
-    SWB_ZENO_POLICY_TIME_STEPPING = 2,
-};
-#ifndef __cplusplus
-#if __STDC_VERSION__ >= 202311L
-typedef enum swb_zeno_policy swb_zeno_policy;
-#else
-typedef int64_t swb_zeno_policy;
-#endif // __STDC_VERSION__ >= 202311L
-#endif // __cplusplus
-
-/**
- * What an event-driven simulation does where the continuation is not unique (ambiguity).
- */
-enum swb_ambiguity_policy
-#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
-  : int64_t
-#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
- {
-    /**
-     * The present active set if it may continue, else the fewest active cells, else the lowest indices.
-     */
-    SWB_AMBIGUITY_POLICY_FIRST = 0,
-    /**
-     * Stop.
-     */
-    SWB_AMBIGUITY_POLICY_STOP = 1,
-    /**
-     * The one whose active modes come first in the list of preferred modes; among equals as first.
-     */
-    SWB_AMBIGUITY_POLICY_PREFER = 2,
-};
-#ifndef __cplusplus
-#if __STDC_VERSION__ >= 202311L
-typedef enum swb_ambiguity_policy swb_ambiguity_policy;
-#else
-typedef int64_t swb_ambiguity_policy;
 #endif // __STDC_VERSION__ >= 202311L
 #endif // __cplusplus
 
@@ -2132,11 +2131,11 @@ typedef struct swb_settings {
      */
     int64_t polish;
     /**
-     * Tolerance of the polished solution.
+     * Tolerance of the solution after the option polish.
      */
     double polish_tol;
     /**
-     * Initial guess where none is given (enum initial_guess).
+     * Where a solve starts if no guess is given (enum initial_guess).
      */
     int64_t initial_guess;
     /**
@@ -2180,11 +2179,11 @@ typedef struct swb_settings {
      */
     int64_t sigma_retries;
     /**
-     * Second-order corrections of a step.
+     * Second-order corrections of an interior-point step at most.
      */
     int64_t max_soc;
     /**
-     * Restore feasibility after a row of tiny steps (enum toggle).
+     * Restore feasibility after a row of tiny interior-point steps (enum toggle).
      */
     int64_t restore_tiny;
     /**
@@ -2204,7 +2203,7 @@ typedef struct swb_settings {
      */
     int64_t accuracy;
     /**
-     * Relative and absolute tolerance of that simulation.
+     * Relative and absolute tolerance of the simulation that the option accuracy compares an optimal control problem with.
      */
     double accuracy_tol;
     /**
@@ -2220,7 +2219,7 @@ typedef struct swb_settings {
      */
     int64_t lift_depth;
     /**
-     * Integration method of the modes in event-driven simulation (enum integration).
+     * Integration method of the modes in event-driven simulation; sliding modes have Radau IIA always where derivatives are asked for (enum integration).
      */
     int64_t integration;
     /**
@@ -2272,15 +2271,15 @@ typedef struct swb_settings {
      */
     int64_t explain;
     /**
-     * Error at the ends of the control stages up to which finite elements are added; 0: the grid stays.
+     * Error at the ends of the control stages up to which finite elements are added to an optimal control problem; 0: the grid stays.
      */
     double adapt_tol;
     /**
-     * Solves on further grids at most.
+     * Grids at most that an optimal control problem is solved on, after the first one, when adapt_tol is positive.
      */
     int64_t adapt_rounds;
     /**
-     * Finite elements of such a grid at most, over all stages.
+     * Finite elements at most of a grid that adapt_tol leads to, over all control stages.
      */
     int64_t adapt_elements;
     /**

@@ -6,10 +6,11 @@ mod models;
 #[path = "common/textbook/mod.rs"]
 mod textbook;
 
+use switchback::event;
 use switchback::mpcc::{MpccSettings, MpccSolver};
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::Ocp;
-use switchback::settings::{Bound, Kind, OptionInfo, Relaxation, Settings, Value, OPTIONS};
+use switchback::settings::{Bound, Homotopy, Kind, OptionInfo, Ordering, Relaxation, Settings, Value, OPTIONS};
 use switchback::sim::Simulator;
 
 /// Iterations are enough to get into every phase, and no solve takes long.
@@ -135,17 +136,57 @@ fn programs() {
         for p in &small {
             let (mut lifted, bounds) = p.lifted();
             let w0 = lifted.start(&p.starts[0]);
-            let first = MpccSettings::default();
-            let mut solver =
-                MpccSolver::new(&mut lifted, MpccSettings { relaxation: s.relaxation(), ..first }).unwrap();
             let own = MpccSettings::from(&s);
+            let first = MpccSettings { relaxation: own.relaxation, ..MpccSettings::default() };
+            let mut solver = MpccSolver::new(&mut lifted, first).unwrap();
             solver.settings = own;
             solver.solve(&mut lifted, &bounds, &w0, &mut Control::default());
-            solver.settings = MpccSettings { relaxation: s.relaxation(), ..first };
+            solver.settings = first;
             let again = solver.solve(&mut lifted, &bounds, &w0, &mut Control::default()).objective.to_bits();
             let mut fresh = MpccSolver::new(&mut lifted, solver.settings).unwrap();
             let new = fresh.solve(&mut lifted, &bounds, &w0, &mut Control::default()).objective.to_bits();
             assert_eq!(again, new, "{what}: {} after a solve at the end of the range", p.name);
         }
     }
+}
+
+/// What the layers take is that of the settings, also where the layer has another name for it.
+#[test]
+fn options_arrive_in_the_layers() {
+    let mut s = Settings::default();
+    for (name, value) in [
+        ("integration", "radau5"),
+        ("rtol", "1e-5"),
+        ("atol", "1e-6"),
+        ("h_init", "0.1"),
+        ("h_max", "0.5"),
+        ("max_steps", "7"),
+        ("max_switches", "8"),
+        ("zeno", "time_stepping"),
+        ("ambiguity", "prefer"),
+        ("dense", "on"),
+        ("sensitivity", "on"),
+        ("adjoint", "on"),
+        ("max_iter", "11"),
+        ("max_soc", "2"),
+        ("restore_tiny", "off"),
+        ("polish", "off"),
+        ("homotopy", "outer"),
+        ("ordering", "natural"),
+    ] {
+        s.set_by_name(name, value).unwrap();
+    }
+    let o = event::Options::from(&s);
+    assert_eq!((&o.rtol[..], &o.atol[..], o.h0, o.h_max), (&[1e-5][..], &[1e-6][..], 0.1, 0.5));
+    assert_eq!((o.method, o.max_steps, o.max_log), (event::Method::Radau5, 7, 8));
+    assert_eq!((o.zeno, o.ambiguity), (event::Zeno::TimeStepping, event::Ambiguity::Prefer));
+    assert_eq!((o.dense, o.sensitivity, o.adjoint), (true, true, true));
+    let m = MpccSettings::from(&s);
+    assert_eq!((m.max_iter, m.max_soc, m.restore_tiny, m.polish), (11, 2, false, false));
+    assert_eq!((m.homotopy, m.ordering), (Homotopy::Outer, Ordering::Natural));
+    let ipm = m.ipm();
+    assert_eq!((ipm.max_iter, ipm.max_soc, ipm.restore_tiny, ipm.ordering), (11, 2, false, Ordering::Natural));
+    let mut first = switchback::nlp::IpmSettings::default();
+    m.update_ipm(&mut first);
+    assert_eq!((first.max_iter, first.max_soc, first.restore_tiny, first.ordering), (11, 2, false, Ordering::Amd));
 }

@@ -1,9 +1,7 @@
-//! `docs/errors.md` and `docs/options.md` are written from the tables, and must be those of the tables.
-//! `make docs` writes them.
+//! `docs/errors.md` is written from the tables, and must be that of the tables. `make docs` writes it.
 
 use super::report::OUTCOMES;
 use super::status::{swb_status, STATUS};
-use crate::settings::{Kind, OPTIONS};
 use std::fmt::Write as _;
 use std::path::Path;
 
@@ -65,30 +63,6 @@ fn errors() -> String {
     s
 }
 
-fn options() -> String {
-    let mut s = String::from(
-        "# Options\n\n\
-         Written by `make docs` from the option table.\n\n\
-         Fields of `swb_settings`, and names for `swb_settings_set_int`, `_double`, `_string` and the same calls of\n\
-         objects. Options marked with * shape the problem: when they change, it is built again.\n\n\
-         | name | type | default | range | symbol | meaning |\n|---|---|---|---|---|---|\n",
-    );
-    for o in OPTIONS {
-        let kind = match o.kind {
-            Kind::Int => "int",
-            Kind::Float => "float",
-            Kind::Enum(_) => "enum",
-        };
-        let star = if o.setup_only { " *" } else { "" };
-        let default = o.get_text(&crate::settings::Settings::default());
-        let range = o.range_text().replace(" | ", ", ");
-        let meaning = o.doc.replace('_', "\\_").replace('^', "\\^");
-        let symbol = if o.symbol.is_empty() { String::new() } else { format!("`{}`", o.symbol) };
-        writeln!(s, "| `{}`{star} | {kind} | {default} | {range} | {symbol} | {meaning} |", o.name).unwrap();
-    }
-    s
-}
-
 fn compare(name: &str, text: &str) {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("docs").join(name);
     if std::env::var_os("SWB_WRITE_DOCS").is_some() {
@@ -101,9 +75,4 @@ fn compare(name: &str, text: &str) {
 #[test]
 fn errors_page_is_that_of_the_table() {
     compare("errors.md", &errors());
-}
-
-#[test]
-fn options_page_is_that_of_the_table() {
-    compare("options.md", &options());
 }

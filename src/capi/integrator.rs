@@ -328,7 +328,7 @@ impl Integrator {
     fn run(&mut self, t: f64, one: bool) -> Result<swb_progress_kind> {
         self.prepare()?;
         let clock = Instant::now();
-        let level = if self.log.is_some() { self.settings.log_level() as i64 } else { 0 };
+        let level = if self.log.is_some() { self.settings.verbosity() as i64 } else { 0 };
         let mut stopped = false;
         let mut kind = swb_progress_kind::Done;
         let mut logged = self.stats.switches;
@@ -417,7 +417,7 @@ impl Integrator {
     }
 
     fn tell(&self, importance: LogLevel, line: impl FnOnce() -> String) {
-        if let (Some(log), true) = (&self.log, self.settings.log_level() as i64 >= importance as i64) {
+        if let (Some(log), true) = (&self.log, self.settings.verbosity() as i64 >= importance as i64) {
             log.line(importance, &line());
         }
     }

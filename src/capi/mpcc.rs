@@ -250,7 +250,7 @@ impl Program {
         let bounds = problem.bounds(&self.bounds)?;
         bounds.validate(problem.n(), problem.m())?;
         solver.settings = MpccSettings::from(&self.settings);
-        let level = self.settings.log_level();
+        let level = self.settings.verbosity();
         let (start, rows, seconds, result) = (&self.start, self.m, self.settings.max_time, &mut self.result);
         *result = None;
         let outcome = self.hooks.run("mpcc", level, |control| {

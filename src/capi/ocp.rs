@@ -70,7 +70,7 @@ impl Problem {
     }
 
     pub(super) fn solve(&mut self, warm: bool) -> Result<Outcome> {
-        let level = self.settings.log_level();
+        let level = self.settings.verbosity();
         let (ocp, result) = (self.ocp.get(), &mut self.result);
         ocp.set_settings(&self.settings)?;
         *result = None;
@@ -124,7 +124,7 @@ impl Problem {
 
     /// Solves from several guesses, every solve within `around`, and keeps the best.
     pub(super) fn solve_starts(&mut self, guesses: &[Vec<f64>], threads: i64, around: Around) -> Result<usize> {
-        let level = self.settings.log_level();
+        let level = self.settings.verbosity();
         let (ocp, result, starts) = (self.ocp.get(), &mut self.result, &mut self.starts);
         let threads = threads::number(threads, ocp.statement().is_serial())?;
         ocp.set_settings(&self.settings)?;

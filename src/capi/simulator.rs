@@ -133,7 +133,7 @@ impl Simulation {
             return Err(Error::Range(format!("the number of steps is {n_steps}: it must be at least 1")));
         }
         self.refresh()?;
-        let (t0, level) = (self.t, self.settings.log_level());
+        let (t0, level) = (self.t, self.settings.verbosity());
         let (simulator, result) = (self.simulator.get(), &mut self.result);
         let max_time = self.settings.max_time;
         let outcome = self.hooks.run("simulation", level, |control| {

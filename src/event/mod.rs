@@ -44,124 +44,27 @@ mod contact_forces;
 mod engine;
 mod explicit;
 mod field;
-mod from_settings;
 mod guard;
 mod newton;
 pub mod pairs;
 mod path;
 mod radau;
 mod sens;
+#[rustfmt::skip]
+mod settings;
 mod step;
 mod tape;
 mod watch;
 
+pub use crate::settings::{AmbiguityPolicy as Ambiguity, Integration as Method, ZenoPolicy as Zeno};
 pub use adjoint::{Gradient, Term};
 pub use engine::{Engine, Progress};
 pub use path::Path;
+pub use settings::Options;
 
 use crate::error::{Error, Result};
 use crate::system::{Mechanics, System};
 use std::sync::Arc;
-
-/// Integration method of smooth and sliding modes; sliding modes have Radau IIA always where derivatives are asked for.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(i32)]
-pub enum Method {
-    /// An explicit pair chosen by the tolerance, that of order 5 where switches cut one step after the other short; Radau IIA
-    /// in modes that turn out to be stiff.
-    #[default]
-    Auto = 0,
-    /// Dormand and Prince 5(4).
-    Dp5 = 1,
-    /// Dormand and Prince 8(5,3).
-    Dop853 = 2,
-    /// Radau IIA of order 5.
-    Radau5 = 3,
-}
-
-/// What to do where switches accumulate.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(i32)]
-pub enum Zeno {
-    /// Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose
-    /// indicators have no rate either: derivatives do not follow there, they are NaN behind it. Else stop.
-    #[default]
-    Continue = 0,
-    /// Stop.
-    Stop = 1,
-    /// Go through it by steps of a method that needs no switches, see [`Accumulation`]; where a sliding mode begins
-    /// there, this finds it too. Slower and less accurate than [`Zeno::Continue`], but it needs no limit set. Derivatives
-    /// do not follow: they are NaN behind it.
-    TimeStepping = 2,
-}
-
-/// What to do where the continuation is not unique.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-#[repr(i32)]
-pub enum Ambiguity {
-    /// The present active set if it may continue, else the fewest active cells, else the lowest indices.
-    #[default]
-    First = 0,
-    /// Stop.
-    Stop = 1,
-    /// The one whose active modes come first in [`Options::preferred`]; among equals as [`Ambiguity::First`].
-    Prefer = 2,
-}
-
-/// Settings of a simulation.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Options {
-    /// Relative tolerance of the local error, one value or one per state.
-    pub rtol: Vec<f64>,
-    /// Absolute tolerance, one value or one per state.
-    pub atol: Vec<f64>,
-    /// First step; 0: chosen.
-    pub h0: f64,
-    /// Longest step.
-    pub h_max: f64,
-    /// Integration method of the modes.
-    pub method: Method,
-    /// Steps at most, accepted and rejected, from one [`Engine::reinit`] to the next.
-    pub max_steps: usize,
-    /// Switches kept in the log at most; those beyond are counted only.
-    pub max_log: usize,
-    /// Where switches accumulate.
-    pub zeno: Zeno,
-    /// Where the continuation is not unique; a callback decides before this, see [`Engine::set_decider`].
-    pub ambiguity: Ambiguity,
-    /// Modes of every subsystem, the preferred first, for [`Ambiguity::Prefer`]; those that are not named come last.
-    pub preferred: Vec<Vec<usize>>,
-    /// Keep the dense output of the whole run.
-    pub dense: bool,
-    /// Compute the derivatives of the state and of the switching times with respect to initial state, parameters and
-    /// controls as the run goes.
-    pub sensitivity: bool,
-    /// Record what [`Engine::adjoint`] needs.
-    pub adjoint: bool,
-    /// Bytes of dense output, record and log at most; 0: as many as there are.
-    pub max_memory: usize,
-}
-
-impl Default for Options {
-    fn default() -> Options {
-        Options {
-            rtol: vec![1e-8],
-            atol: vec![1e-10],
-            h0: 0.0,
-            h_max: f64::INFINITY,
-            method: Method::Auto,
-            max_steps: 10_000_000,
-            max_log: 1_000_000,
-            zeno: Zeno::Continue,
-            ambiguity: Ambiguity::First,
-            preferred: Vec::new(),
-            dense: false,
-            sensitivity: false,
-            adjoint: false,
-            max_memory: 0,
-        }
-    }
-}
 
 impl Options {
     /// Both tolerances the same for all states.

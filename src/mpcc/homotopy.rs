@@ -6,7 +6,7 @@
 
 use std::ops::Range;
 
-use super::solver::MpccSettings;
+use super::settings::MpccSettings;
 use crate::nlp::{lower_barrier, Advance, Continuation, Level, Measures, Monotone};
 
 /// The schedule of the Scholtes relaxation.

@@ -28,6 +28,8 @@ pub mod relaxation;
 mod relaxed;
 mod scaling;
 mod search;
+#[rustfmt::skip]
+mod settings;
 mod solver;
 mod tangent;
 mod violation;
@@ -39,5 +41,6 @@ pub use lifted::{Lifted, Member};
 pub use portfolio::FoundBy;
 pub use problem::{Mpcc, Side};
 pub use proposer::{ActiveSetProposer, NoProposals, ProposalKind};
-pub use solver::{MpccSettings, MpccSolver, Polish, Solution, Warm};
+pub use settings::MpccSettings;
+pub use solver::{MpccSolver, Polish, Solution, Warm};
 pub use tangent::{Change, Tangent};

@@ -9,7 +9,7 @@ use std::ops::Range;
 use super::homotopy::Scholtes;
 use super::relaxation::Sequence;
 use super::relaxed::Structure;
-use super::solver::MpccSettings;
+use super::settings::MpccSettings;
 use crate::nlp::{lower_barrier, Advance, Continuation, Level, Measures};
 use crate::settings::Homotopy;
 

@@ -6,7 +6,8 @@
 
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, NoProposals};
-use super::solver::{MpccSettings, MpccSolver, Polish, Solution};
+use super::settings::MpccSettings;
+use super::solver::{MpccSolver, Polish, Solution};
 use super::violation::{self, Violation};
 use super::Warm;
 use crate::mpcc::certificate::BStationarity;

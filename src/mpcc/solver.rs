@@ -12,141 +12,14 @@ use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, NoProposals};
 use super::relaxation;
 use super::relaxed::{Relaxed, Structure};
+use super::settings::MpccSettings;
 use crate::error::Result;
 use crate::linalg::kkt::LinearStats;
 use crate::nlp::{
-    Bounds, Continuation, Control, Ipm, IpmSettings, Iterate, Level, Monotone, Nlp, Outcome, Residuals, Start,
-    Statistics,
+    Bounds, Continuation, Control, Ipm, Iterate, Level, Monotone, Nlp, Outcome, Residuals, Start, Statistics,
 };
-use crate::settings::{Homotopy, LinearSolver, Ordering, Portfolio, Relaxation, Settings};
+use crate::settings::Relaxation;
 use crate::stop;
-
-/// Parameters of the path and the polish.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct MpccSettings {
-    /// Tolerance of the scaled optimality error.
-    pub tol: f64,
-    /// Iterations allowed in all.
-    pub max_iter: usize,
-    /// First barrier parameter.
-    pub mu_init: f64,
-    /// First relaxation `σ_0`.
-    pub sigma_init: f64,
-    /// Last relaxation.
-    pub sigma_min: f64,
-    /// Linear decrease `κ` of the relaxation.
-    pub sigma_factor: f64,
-    /// Superlinear decrease.
-    pub sigma_exponent: f64,
-    /// `ρ = μ/σ` on the ladder.
-    pub mu_over_sigma: f64,
-    /// Barrier parameter, and a tenth of the error, at which the plateau ends; 0 leaves it to the problem.
-    pub plateau_mu: f64,
-    /// Violation at which the plateau ends.
-    pub plateau_viol: f64,
-    /// Identify the active set and solve the branch problem?
-    pub polish: bool,
-    /// Violation allowed after the polish.
-    pub polish_tol: f64,
-    /// Scale objective and rows by their gradients at the starting point?
-    pub scaling: bool,
-    /// Factorisation of the Newton matrices; fixed when the solver is made.
-    pub linear_solver: LinearSolver,
-    /// Order of elimination; fixed when the solver is made.
-    pub ordering: Ordering,
-    /// Certify the exact point, and go on from it where it is not B-stationary?
-    pub certify: bool,
-    /// Try the active set early?
-    pub early_polish: bool,
-    /// Solve the square system of the active set?
-    pub square_newton: bool,
-    /// Rungs that may be taken back.
-    pub sigma_retries: usize,
-    /// Limit product multipliers pair by pair?
-    pub convexify_pairs: bool,
-    /// Second-order corrections of a step.
-    pub max_soc: usize,
-    /// Restore feasibility after a row of tiny steps?
-    pub restore_tiny: bool,
-    /// Start the members of the pairs at `√σ_0 / 2`, wherever the starting point has them?
-    pub centre_pairs: bool,
-    /// What stands for the pairs; later changes have no effect on a solver.
-    pub relaxation: Relaxation,
-    /// How relaxation and barrier parameter change together.
-    pub homotopy: Homotopy,
-    /// First penalty parameter, for penalties.
-    pub penalty_init: f64,
-    /// Which strategies solve a program. Discretised problems have searches of their own.
-    pub portfolio: Portfolio,
-}
-
-impl Default for MpccSettings {
-    fn default() -> Self {
-        MpccSettings {
-            tol: 1e-9,
-            max_iter: 3000,
-            mu_init: 0.1,
-            sigma_init: 1.0,
-            sigma_min: 1e-9,
-            sigma_factor: 0.1,
-            sigma_exponent: 1.5,
-            mu_over_sigma: 0.1,
-            plateau_mu: 0.0,
-            plateau_viol: 1e-4,
-            polish: true,
-            polish_tol: 1e-12,
-            scaling: true,
-            linear_solver: LinearSolver::Auto,
-            ordering: Ordering::Amd,
-            certify: true,
-            early_polish: true,
-            square_newton: true,
-            sigma_retries: 4,
-            convexify_pairs: true,
-            max_soc: 4,
-            restore_tiny: true,
-            centre_pairs: true,
-            relaxation: Relaxation::Scholtes,
-            homotopy: Homotopy::Coupled,
-            penalty_init: 1.0,
-            portfolio: Portfolio::Rescue,
-        }
-    }
-}
-
-impl From<&Settings> for MpccSettings {
-    fn from(s: &Settings) -> MpccSettings {
-        MpccSettings {
-            tol: s.tol,
-            max_iter: s.max_iter as usize,
-            mu_init: s.mu_init,
-            sigma_init: s.sigma_init,
-            sigma_min: s.sigma_min,
-            sigma_factor: s.sigma_factor,
-            sigma_exponent: s.sigma_exponent,
-            mu_over_sigma: s.mu_over_sigma,
-            plateau_mu: s.plateau_mu,
-            plateau_viol: s.plateau_viol,
-            polish: s.polish(),
-            polish_tol: s.polish_tol,
-            scaling: s.scaling != 0,
-            linear_solver: s.linear_solver().unwrap_or(LinearSolver::Auto),
-            ordering: s.ordering().unwrap_or(Ordering::Amd),
-            certify: s.certify != 0,
-            early_polish: s.early_polish != 0,
-            square_newton: s.square_newton != 0,
-            sigma_retries: s.sigma_retries as usize,
-            convexify_pairs: s.convexify_pairs != 0,
-            max_soc: s.max_soc as usize,
-            restore_tiny: s.restore_tiny != 0,
-            centre_pairs: s.centre_pairs != 0,
-            relaxation: s.relaxation(),
-            homotopy: s.homotopy(),
-            penalty_init: s.penalty_init,
-            portfolio: s.portfolio(),
-        }
-    }
-}
 
 /// How the polish ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -249,10 +122,8 @@ impl MpccSolver {
         let (n, m, n_groups) = (p.n(), p.m(), p.n_groups());
         let mut st = Structure::new(p, relaxation::strategy(settings.relaxation));
         let (n_all, all) = st.size();
-        let MpccSettings { linear_solver, ordering, .. } = settings;
-        let ipm_settings = IpmSettings { linear_solver, ordering, ..IpmSettings::default() };
         stop::check_building(n_all)?;
-        let ipm = Ipm::new(&Relaxed { inner: p, st: &mut st }, ipm_settings)?;
+        let ipm = Ipm::new(&Relaxed { inner: p, st: &mut st }, settings.ipm())?;
         Ok(MpccSolver {
             st,
             ipm,
@@ -606,12 +477,10 @@ impl MpccSolver {
     ) -> Outcome {
         let used = self.solution.stats.iterations;
         let settings = self.ipm.settings_mut();
+        self.settings.update_ipm(settings);
         let left = self.settings.max_iter.saturating_sub(used);
         settings.max_iter = if phase == b'p' { left.min(self.branch_iterations) } else { left };
         settings.first_iteration = used;
-        settings.convexify_pairs = self.settings.convexify_pairs;
-        settings.max_soc = self.settings.max_soc;
-        settings.restore_tiny = self.settings.restore_tiny;
         settings.theta_room = if self.close { 10.0 } else { 1e4 };
         self.ipm.set_phase(phase);
         let mut relaxed = Relaxed { inner: p, st: &mut self.st };

@@ -23,6 +23,8 @@ mod problem;
 mod report;
 mod restore;
 mod saddle;
+#[rustfmt::skip]
+mod settings;
 mod solver;
 mod tangent;
 
@@ -31,5 +33,6 @@ pub use iterate::Iterate;
 pub(crate) use problem::within;
 pub use problem::{Bilinear, Bounds, Nlp, INFINITE};
 pub use report::{Control, IterationInfo, Outcome, Residuals, Statistics};
+pub use settings::IpmSettings;
 pub(crate) use solver::lower_barrier;
-pub use solver::{Advance, Continuation, Ipm, IpmSettings, Level, Measures, Monotone, Start};
+pub use solver::{Advance, Continuation, Ipm, Level, Measures, Monotone, Start};

@@ -9,7 +9,8 @@
 use super::iterate::{barrier, primal_error, theta, Iterate, RowKind, Shape};
 use super::problem::{Bilinear, Bounds, Nlp};
 use super::report::{Control, Outcome, Statistics};
-use super::solver::{push_inside, start_multiplier, Ipm, IpmSettings, Measures, Monotone, Start};
+use super::settings::IpmSettings;
+use super::solver::{push_inside, start_multiplier, Ipm, Measures, Monotone, Start};
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::Pattern;

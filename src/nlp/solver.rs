@@ -11,57 +11,12 @@ use super::problem::{Bounds, Nlp};
 use super::report::{Control, IterationInfo, Outcome, Residuals, Statistics};
 use super::restore::Restoration;
 use super::saddle::Watch;
+use super::settings::IpmSettings;
 use crate::error::Result;
 use crate::func::EvalError;
 use crate::linalg::csc::Pattern;
 use crate::linalg::kkt::LinearStats;
-use crate::settings::{LinearSolver, Ordering};
 use crate::stop;
-
-/// Constants of the method; the parameters of the homotopy belong to the [`Continuation`].
-#[derive(Debug, Clone, Copy)]
-pub struct IpmSettings {
-    /// Iterations allowed.
-    pub max_iter: usize,
-    /// Relative distance a cold start keeps from the bounds (`κ_1 = κ_2`).
-    pub bound_push: f64,
-    /// Second-order corrections per iteration.
-    pub max_soc: usize,
-    /// Multipliers of the first least-squares estimate above this are dropped.
-    pub y_init_max: f64,
-    /// May a restoration phase be entered?
-    pub restoration: bool,
-    /// Growth of the violation over that at the start of a level, up to which trial points are accepted.
-    pub theta_room: f64,
-    /// Number of the first iteration in the log.
-    pub first_iteration: usize,
-    /// Limit product multipliers pair by pair before the whole Hessian is perturbed?
-    pub convexify_pairs: bool,
-    /// Restore feasibility after a row of tiny steps?
-    pub restore_tiny: bool,
-    /// Factorisation of the Newton matrix; fixed when the solver is made.
-    pub linear_solver: LinearSolver,
-    /// Order of elimination; fixed when the solver is made.
-    pub ordering: Ordering,
-}
-
-impl Default for IpmSettings {
-    fn default() -> Self {
-        IpmSettings {
-            max_iter: 3000,
-            bound_push: 1e-2,
-            max_soc: 4,
-            y_init_max: 1e3,
-            restoration: true,
-            theta_room: 1e4,
-            first_iteration: 0,
-            convexify_pairs: true,
-            restore_tiny: true,
-            linear_solver: LinearSolver::Auto,
-            ordering: Ordering::Amd,
-        }
-    }
-}
 
 /// A barrier problem: barrier parameter `μ`, relaxation `σ`.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -55,7 +55,7 @@ const SWB_ERR_INTERNAL = swb_status(-99)
 const NAMES_swb_status = [:ok => 0, :null => -1, :dimension => -2, :range => -3, :state => -4, :unsupported => -5, :option => -6, :user => -20, :nonfinite => -21, :interrupted => -23, :numeric => -30, :library => -50, :internal => -99]
 
 """
-Runge-Kutta family (rk_family).
+Runge-Kutta family (option rk_family).
 
 - `SWB_RK_FAMILY_RADAU_IIA`: Radau IIA: stiffly accurate, order 2 n_s - 1.
 - `SWB_RK_FAMILY_GAUSS_LEGENDRE`: Gauss-Legendre: order 2 n_s, no stage at the end of the element.
@@ -76,7 +76,7 @@ const SWB_RK_FAMILY_LOBATTO_IIIC = swb_rk_family(6)
 const NAMES_swb_rk_family = [:radau_iia => 0, :gauss_legendre => 1, :explicit => 2, :radau_ia => 3, :lobatto_iiia => 4, :lobatto_iiib => 5, :lobatto_iiic => 6]
 
 """
-Complementarity form of what switches (dcs_form).
+Complementarity form of what switches (option dcs_form).
 
 - `SWB_DCS_FORM_AUTO`: Subsystem by subsystem: Stewart's, unless the Heaviside form has fewer pairs and no more variables.
 - `SWB_DCS_FORM_STEWART`: One pair for each region.
@@ -89,7 +89,7 @@ const SWB_DCS_FORM_HEAVISIDE = swb_dcs_form(2)
 const NAMES_swb_dcs_form = [:auto => 0, :stewart => 1, :heaviside => 2]
 
 """
-Treatment of switches by the discretisation (discretisation).
+Treatment of switches by the discretisation (option discretisation).
 
 - `SWB_DISCRETISATION_FESD`: Finite elements with switch detection: element boundaries move onto the switches.
 - `SWB_DISCRETISATION_STANDARD`: Fixed step sizes; switches lie inside the elements and the order drops to one.
@@ -100,7 +100,7 @@ const SWB_DISCRETISATION_STANDARD = swb_discretisation(1)
 const NAMES_swb_discretisation = [:fesd => 0, :standard => 1]
 
 """
-Unknowns at the stage points (stage_form).
+Unknowns at the stage points (option stage_form).
 
 - `SWB_STAGE_FORM_AUTO`: The library chooses.
 - `SWB_STAGE_FORM_VALUES`: States at the stage points (integral form).
@@ -113,7 +113,7 @@ const SWB_STAGE_FORM_DERIVATIVES = swb_stage_form(2)
 const NAMES_swb_stage_form = [:auto => 0, :values => 1, :derivatives => 2]
 
 """
-Granularity of the cross complementarity (cross).
+Granularity of the cross complementarity (option cross).
 
 - `SWB_CROSS_ELEMENT`: One pair for each finite element and component, between two sums over the stage points.
 - `SWB_CROSS_STAGE`: One pair for each stage point and component, against the sum over the element.
@@ -128,7 +128,7 @@ const SWB_CROSS_POINT = swb_cross(3)
 const NAMES_swb_cross = [:element => 0, :stage => 1, :full => 2, :point => 3]
 
 """
-Step equilibration during the homotopy (step_equilibration).
+Step equilibration during the homotopy (option step_equilibration).
 
 - `SWB_STEP_EQUILIBRATION_NONE`: No term: step sizes without a switch between them are not determined.
 - `SWB_STEP_EQUILIBRATION_MEAN`: Penalty on the deviation from the mean step size.
@@ -149,7 +149,7 @@ const SWB_STEP_EQUILIBRATION_ETA_SATURATED = swb_step_equilibration(6)
 const NAMES_swb_step_equilibration = [:none => 0, :mean => 1, :difference => 2, :eta_product => 3, :eta_squared => 4, :eta_equation => 5, :eta_saturated => 6]
 
 """
-Polishing after the homotopy (polish).
+Polishing after the homotopy (option polish).
 
 - `SWB_POLISH_OFF`: The interior point solution is final.
 - `SWB_POLISH_ON`: Fix the active set and solve the smooth problem to polish_tol.
@@ -160,7 +160,7 @@ const SWB_POLISH_ON = swb_polish(1)
 const NAMES_swb_polish = [:off => 0, :on => 1]
 
 """
-Initial guess of the discretised problem (initial_guess).
+Initial guess of the discretised problem (option initial_guess).
 
 - `SWB_INITIAL_GUESS_CONSTANT`: The initial value at every node.
 - `SWB_INITIAL_GUESS_SIMULATION`: A simulation with the guessed controls.
@@ -175,7 +175,7 @@ const SWB_INITIAL_GUESS_TIME_STEPPING = swb_initial_guess(3)
 const NAMES_swb_initial_guess = [:constant => 0, :simulation => 1, :smoothed => 2, :time_stepping => 3]
 
 """
-Where optimal control problems start from (ocp_start).
+Where optimal control problems start from (option ocp_start).
 
 - `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved; the homotopy from the guess is followed too, as a second opinion. The cheapest answer is kept.
 - `SWB_OCP_START_HOMOTOPY`: The homotopy from the guess alone.
@@ -188,7 +188,7 @@ const SWB_OCP_START_SMOOTHING = swb_ocp_start(2)
 const NAMES_swb_ocp_start = [:portfolio => 0, :homotopy => 1, :smoothing => 2]
 
 """
-Which strategies solve a program with complementarity constraints (portfolio).
+Which strategies solve a program with complementarity constraints (option portfolio).
 
 - `SWB_PORTFOLIO_OFF`: The path that the other options describe alone.
 - `SWB_PORTFOLIO_RESCUE`: Where that path ends without a solution the other strategies follow, until one has a solution.
@@ -201,11 +201,11 @@ const SWB_PORTFOLIO_ALL = swb_portfolio(2)
 const NAMES_swb_portfolio = [:off => 0, :rescue => 1, :all => 2]
 
 """
-Factorisation of the Newton matrices (linear_solver).
+Factorisation of the Newton matrices (option linear_solver).
 
 - `SWB_LINEAR_SOLVER_AUTO`: By the fill of the factors: columns where they are sparse, dense blocks where they are not.
 - `SWB_LINEAR_SOLVER_SUITESPARSE`: SuiteSparse LDL, column by column.
-- `SWB_LINEAR_SOLVER_FAER`: faer, with dense blocks of columns; only in a library built with it.
+- `SWB_LINEAR_SOLVER_FAER`: Dense blocks of columns, by faer; only in a library built with it.
 """
 const swb_linear_solver = Int64
 const SWB_LINEAR_SOLVER_AUTO = swb_linear_solver(0)
@@ -214,7 +214,7 @@ const SWB_LINEAR_SOLVER_FAER = swb_linear_solver(2)
 const NAMES_swb_linear_solver = [:auto => 0, :suitesparse => 1, :faer => 2]
 
 """
-Order of elimination in the Newton matrices (ordering).
+Order of elimination in the Newton matrices (option ordering).
 
 - `SWB_ORDERING_AMD`: Approximate minimum degree.
 - `SWB_ORDERING_NATURAL`: Variables as they are numbered (for a horizon: along time), every row behind its last variable.
@@ -236,7 +236,102 @@ const SWB_TOGGLE_ON = swb_toggle(1)
 const NAMES_swb_toggle = [:off => 0, :on => 1]
 
 """
-Verbosity of the log sink (log_level); each level contains the ones before it.
+What stands for the complementarity constraints until the active set is identified (option relaxation).
+
+- `SWB_RELAXATION_SCHOLTES`: Products at most sigma.
+- `SWB_RELAXATION_SCHOLTES_EQ`: Products equal to sigma.
+- `SWB_RELAXATION_SCHOLTES_LUMPED`: Sums of products at most sigma: one row per group, or one in all where pairs form no groups.
+- `SWB_RELAXATION_LIN_FUKUSHIMA`: Products at most sigma, and products of the members shifted by sqrt(sigma) at least sigma.
+- `SWB_RELAXATION_KADRANI`: Members at least -sqrt(sigma), products of the members less sqrt(sigma) not positive.
+- `SWB_RELAXATION_STEFFENSEN_ULBRICH`: The corner of the feasible set rounded by a sine.
+- `SWB_RELAXATION_STEFFENSEN_ULBRICH_POLY`: The corner of the feasible set rounded by a polynomial.
+- `SWB_RELAXATION_KANZOW_SCHWARTZ`: One of the members at most sqrt(sigma).
+- `SWB_RELAXATION_FISCHER_BURMEISTER`: Smoothed function of Fischer and Burmeister equal to zero.
+- `SWB_RELAXATION_NATURAL_RESIDUAL`: Smoothed minimum of the members equal to zero.
+- `SWB_RELAXATION_CHEN_CHEN_KANZOW`: Smoothed function of Chen, Chen and Kanzow equal to zero.
+- `SWB_RELAXATION_TWO_SIDED`: Bounds and products relaxed pair by pair, tightened by the signs of the multipliers.
+- `SWB_RELAXATION_RAGHUNATHAN_BIEGLER`: Products at most the barrier parameter.
+- `SWB_RELAXATION_L1_PENALTY`: Sum of the products in the objective.
+- `SWB_RELAXATION_LINF_PENALTY`: Largest product in the objective.
+- `SWB_RELAXATION_L1_ELASTIC`: Products at most an elastic variable each, whose sum is in the objective.
+- `SWB_RELAXATION_ELASTIC`: Products in the objective, ordinary rows relaxed by one elastic variable.
+- `SWB_RELAXATION_DIRECT`: Products at most zero.
+"""
+const swb_relaxation = Int64
+const SWB_RELAXATION_SCHOLTES = swb_relaxation(0)
+const SWB_RELAXATION_SCHOLTES_EQ = swb_relaxation(1)
+const SWB_RELAXATION_SCHOLTES_LUMPED = swb_relaxation(2)
+const SWB_RELAXATION_LIN_FUKUSHIMA = swb_relaxation(3)
+const SWB_RELAXATION_KADRANI = swb_relaxation(4)
+const SWB_RELAXATION_STEFFENSEN_ULBRICH = swb_relaxation(5)
+const SWB_RELAXATION_STEFFENSEN_ULBRICH_POLY = swb_relaxation(6)
+const SWB_RELAXATION_KANZOW_SCHWARTZ = swb_relaxation(7)
+const SWB_RELAXATION_FISCHER_BURMEISTER = swb_relaxation(8)
+const SWB_RELAXATION_NATURAL_RESIDUAL = swb_relaxation(9)
+const SWB_RELAXATION_CHEN_CHEN_KANZOW = swb_relaxation(10)
+const SWB_RELAXATION_TWO_SIDED = swb_relaxation(11)
+const SWB_RELAXATION_RAGHUNATHAN_BIEGLER = swb_relaxation(12)
+const SWB_RELAXATION_L1_PENALTY = swb_relaxation(13)
+const SWB_RELAXATION_LINF_PENALTY = swb_relaxation(14)
+const SWB_RELAXATION_L1_ELASTIC = swb_relaxation(15)
+const SWB_RELAXATION_ELASTIC = swb_relaxation(16)
+const SWB_RELAXATION_DIRECT = swb_relaxation(17)
+const NAMES_swb_relaxation = [:scholtes => 0, :scholtes_eq => 1, :scholtes_lumped => 2, :lin_fukushima => 3, :kadrani => 4, :steffensen_ulbrich => 5, :steffensen_ulbrich_poly => 6, :kanzow_schwartz => 7, :fischer_burmeister => 8, :natural_residual => 9, :chen_chen_kanzow => 10, :two_sided => 11, :raghunathan_biegler => 12, :l1_penalty => 13, :linf_penalty => 14, :l1_elastic => 15, :elastic => 16, :direct => 17]
+
+"""
+How relaxation or penalty and barrier parameter change together (option homotopy).
+
+- `SWB_HOMOTOPY_COUPLED`: Together, every problem solved loosely.
+- `SWB_HOMOTOPY_OUTER`: Every problem solved to the tolerance, from a larger barrier parameter again.
+"""
+const swb_homotopy = Int64
+const SWB_HOMOTOPY_COUPLED = swb_homotopy(0)
+const SWB_HOMOTOPY_OUTER = swb_homotopy(1)
+const NAMES_swb_homotopy = [:coupled => 0, :outer => 1]
+
+"""
+Integration method of the modes in event-driven simulation (option integration).
+
+- `SWB_INTEGRATION_AUTO`: An explicit pair chosen by the tolerance, that of order 5 where switches cut one step after the other short; Radau IIA in modes that turn out to be stiff.
+- `SWB_INTEGRATION_DP5`: Dormand and Prince 5(4).
+- `SWB_INTEGRATION_DOP853`: Dormand and Prince 8(5,3).
+- `SWB_INTEGRATION_RADAU5`: Radau IIA of order 5.
+"""
+const swb_integration = Int64
+const SWB_INTEGRATION_AUTO = swb_integration(0)
+const SWB_INTEGRATION_DP5 = swb_integration(1)
+const SWB_INTEGRATION_DOP853 = swb_integration(2)
+const SWB_INTEGRATION_RADAU5 = swb_integration(3)
+const NAMES_swb_integration = [:auto => 0, :dp5 => 1, :dop853 => 2, :radau5 => 3]
+
+"""
+What an event-driven simulation does where switches accumulate (option zeno).
+
+- `SWB_ZENO_POLICY_CONTINUE`: Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else stop. Derivatives do not follow at a mode of order two: they are NaN behind it.
+- `SWB_ZENO_POLICY_STOP`: Stop.
+- `SWB_ZENO_POLICY_TIME_STEPPING`: Go through it by steps of a method that needs no switches; where a sliding mode begins there, this finds it too. Slower and less accurate than continue, but it needs no limit set. Derivatives do not follow: they are NaN behind it.
+"""
+const swb_zeno_policy = Int64
+const SWB_ZENO_POLICY_CONTINUE = swb_zeno_policy(0)
+const SWB_ZENO_POLICY_STOP = swb_zeno_policy(1)
+const SWB_ZENO_POLICY_TIME_STEPPING = swb_zeno_policy(2)
+const NAMES_swb_zeno_policy = [:continue => 0, :stop => 1, :time_stepping => 2]
+
+"""
+What an event-driven simulation does where the continuation is not unique (option ambiguity).
+
+- `SWB_AMBIGUITY_POLICY_FIRST`: The present active set if it may continue, else the fewest active cells, else the lowest indices.
+- `SWB_AMBIGUITY_POLICY_STOP`: Stop.
+- `SWB_AMBIGUITY_POLICY_PREFER`: The one whose active modes come first in the list of preferred modes; among equals as first.
+"""
+const swb_ambiguity_policy = Int64
+const SWB_AMBIGUITY_POLICY_FIRST = swb_ambiguity_policy(0)
+const SWB_AMBIGUITY_POLICY_STOP = swb_ambiguity_policy(1)
+const SWB_AMBIGUITY_POLICY_PREFER = swb_ambiguity_policy(2)
+const NAMES_swb_ambiguity_policy = [:first => 0, :stop => 1, :prefer => 2]
+
+"""
+Verbosity of the log sink; each level contains the ones before it (option log_level).
 
 - `SWB_LOG_LEVEL_SILENT`: Nothing.
 - `SWB_LOG_LEVEL_ERROR`: Failures.
@@ -476,101 +571,6 @@ const SWB_TABLE_STEPS = swb_table(0)
 const SWB_TABLE_LINES = swb_table(1)
 const SWB_TABLE_SPLINE = swb_table(2)
 const NAMES_swb_table = [:steps => 0, :lines => 1, :spline => 2]
-
-"""
-What stands for the complementarity constraints until the active set is identified (relaxation).
-
-- `SWB_RELAXATION_SCHOLTES`: Products at most sigma.
-- `SWB_RELAXATION_SCHOLTES_EQ`: Products equal to sigma.
-- `SWB_RELAXATION_SCHOLTES_LUMPED`: Sums of products at most sigma: one row per group, or one in all where pairs form no groups.
-- `SWB_RELAXATION_LIN_FUKUSHIMA`: Products at most sigma, and products of the members shifted by sqrt(sigma) at least sigma.
-- `SWB_RELAXATION_KADRANI`: Members at least -sqrt(sigma), products of the members less sqrt(sigma) not positive.
-- `SWB_RELAXATION_STEFFENSEN_ULBRICH`: The corner of the feasible set rounded by a sine.
-- `SWB_RELAXATION_STEFFENSEN_ULBRICH_POLY`: The corner of the feasible set rounded by a polynomial.
-- `SWB_RELAXATION_KANZOW_SCHWARTZ`: One of the members at most sqrt(sigma).
-- `SWB_RELAXATION_FISCHER_BURMEISTER`: Smoothed function of Fischer and Burmeister equal to zero.
-- `SWB_RELAXATION_NATURAL_RESIDUAL`: Smoothed minimum of the members equal to zero.
-- `SWB_RELAXATION_CHEN_CHEN_KANZOW`: Smoothed function of Chen, Chen and Kanzow equal to zero.
-- `SWB_RELAXATION_TWO_SIDED`: Bounds and products relaxed pair by pair, tightened by the signs of the multipliers.
-- `SWB_RELAXATION_RAGHUNATHAN_BIEGLER`: Products at most the barrier parameter.
-- `SWB_RELAXATION_L1_PENALTY`: Sum of the products in the objective.
-- `SWB_RELAXATION_LINF_PENALTY`: Largest product in the objective.
-- `SWB_RELAXATION_L1_ELASTIC`: Products at most an elastic variable each, whose sum is in the objective.
-- `SWB_RELAXATION_ELASTIC`: Products in the objective, ordinary rows relaxed by one elastic variable.
-- `SWB_RELAXATION_DIRECT`: Products at most zero.
-"""
-const swb_relaxation = Int64
-const SWB_RELAXATION_SCHOLTES = swb_relaxation(0)
-const SWB_RELAXATION_SCHOLTES_EQ = swb_relaxation(1)
-const SWB_RELAXATION_SCHOLTES_LUMPED = swb_relaxation(2)
-const SWB_RELAXATION_LIN_FUKUSHIMA = swb_relaxation(3)
-const SWB_RELAXATION_KADRANI = swb_relaxation(4)
-const SWB_RELAXATION_STEFFENSEN_ULBRICH = swb_relaxation(5)
-const SWB_RELAXATION_STEFFENSEN_ULBRICH_POLY = swb_relaxation(6)
-const SWB_RELAXATION_KANZOW_SCHWARTZ = swb_relaxation(7)
-const SWB_RELAXATION_FISCHER_BURMEISTER = swb_relaxation(8)
-const SWB_RELAXATION_NATURAL_RESIDUAL = swb_relaxation(9)
-const SWB_RELAXATION_CHEN_CHEN_KANZOW = swb_relaxation(10)
-const SWB_RELAXATION_TWO_SIDED = swb_relaxation(11)
-const SWB_RELAXATION_RAGHUNATHAN_BIEGLER = swb_relaxation(12)
-const SWB_RELAXATION_L1_PENALTY = swb_relaxation(13)
-const SWB_RELAXATION_LINF_PENALTY = swb_relaxation(14)
-const SWB_RELAXATION_L1_ELASTIC = swb_relaxation(15)
-const SWB_RELAXATION_ELASTIC = swb_relaxation(16)
-const SWB_RELAXATION_DIRECT = swb_relaxation(17)
-const NAMES_swb_relaxation = [:scholtes => 0, :scholtes_eq => 1, :scholtes_lumped => 2, :lin_fukushima => 3, :kadrani => 4, :steffensen_ulbrich => 5, :steffensen_ulbrich_poly => 6, :kanzow_schwartz => 7, :fischer_burmeister => 8, :natural_residual => 9, :chen_chen_kanzow => 10, :two_sided => 11, :raghunathan_biegler => 12, :l1_penalty => 13, :linf_penalty => 14, :l1_elastic => 15, :elastic => 16, :direct => 17]
-
-"""
-How relaxation or penalty and barrier parameter change together (homotopy).
-
-- `SWB_HOMOTOPY_COUPLED`: Together, every problem solved loosely.
-- `SWB_HOMOTOPY_OUTER`: Every problem solved to the tolerance, from a larger barrier parameter again.
-"""
-const swb_homotopy = Int64
-const SWB_HOMOTOPY_COUPLED = swb_homotopy(0)
-const SWB_HOMOTOPY_OUTER = swb_homotopy(1)
-const NAMES_swb_homotopy = [:coupled => 0, :outer => 1]
-
-"""
-Integration method of the modes in event-driven simulation (integration).
-
-- `SWB_INTEGRATION_AUTO`: An explicit pair chosen by the tolerance; Radau IIA in modes that turn out to be stiff.
-- `SWB_INTEGRATION_DP5`: Dormand and Prince 5(4).
-- `SWB_INTEGRATION_DOP853`: Dormand and Prince 8(5,3).
-- `SWB_INTEGRATION_RADAU5`: Radau IIA of order 5.
-"""
-const swb_integration = Int64
-const SWB_INTEGRATION_AUTO = swb_integration(0)
-const SWB_INTEGRATION_DP5 = swb_integration(1)
-const SWB_INTEGRATION_DOP853 = swb_integration(2)
-const SWB_INTEGRATION_RADAU5 = swb_integration(3)
-const NAMES_swb_integration = [:auto => 0, :dp5 => 1, :dop853 => 2, :radau5 => 3]
-
-"""
-What an event-driven simulation does where switches accumulate (zeno).
-
-- `SWB_ZENO_POLICY_CONTINUE`: Go on in the sliding mode on the surfaces the switches accumulate at, where there is one; else stop.
-- `SWB_ZENO_POLICY_STOP`: Stop.
-- `SWB_ZENO_POLICY_TIME_STEPPING`: Go through it by steps of a method that needs no switches.
-"""
-const swb_zeno_policy = Int64
-const SWB_ZENO_POLICY_CONTINUE = swb_zeno_policy(0)
-const SWB_ZENO_POLICY_STOP = swb_zeno_policy(1)
-const SWB_ZENO_POLICY_TIME_STEPPING = swb_zeno_policy(2)
-const NAMES_swb_zeno_policy = [:continue => 0, :stop => 1, :time_stepping => 2]
-
-"""
-What an event-driven simulation does where the continuation is not unique (ambiguity).
-
-- `SWB_AMBIGUITY_POLICY_FIRST`: The present active set if it may continue, else the fewest active cells, else the lowest indices.
-- `SWB_AMBIGUITY_POLICY_STOP`: Stop.
-- `SWB_AMBIGUITY_POLICY_PREFER`: The one whose active modes come first in the list of preferred modes; among equals as first.
-"""
-const swb_ambiguity_policy = Int64
-const SWB_AMBIGUITY_POLICY_FIRST = swb_ambiguity_policy(0)
-const SWB_AMBIGUITY_POLICY_STOP = swb_ambiguity_policy(1)
-const SWB_AMBIGUITY_POLICY_PREFER = swb_ambiguity_policy(2)
-const NAMES_swb_ambiguity_policy = [:first => 0, :stop => 1, :prefer => 2]
 
 """
 How an event-driven simulation stands. Numbers are only ever added.
@@ -999,8 +999,8 @@ table (`swb_option_range`).
 - `plateau_mu`: Barrier parameter at which the first problem, at sigma_init, counts as solved; 0: the library chooses.
 - `plateau_viol`: Constraint violation at which the first problem, at sigma_init, counts as solved.
 - `polish`: Identify the active set and solve the smooth problem that remains (enum polish).
-- `polish_tol`: Tolerance of the polished solution.
-- `initial_guess`: Initial guess where none is given (enum initial_guess).
+- `polish_tol`: Tolerance of the solution after the option polish.
+- `initial_guess`: Where a solve starts if no guess is given (enum initial_guess).
 - `log_level`: Verbosity of the log sink (enum log_level).
 - `linear_solver`: Factorisation of the Newton matrices (enum linear_solver).
 - `ordering`: Order of elimination in the Newton matrices (enum ordering).
@@ -1011,17 +1011,17 @@ table (`swb_option_range`).
 - `square_newton`: Solve the square system of the active set by Newton's method (enum toggle).
 - `certify`: Certify exact points, and follow descents from those that are not B-stationary (enum toggle).
 - `sigma_retries`: Rungs of the relaxation that may be taken back when the next one is too far.
-- `max_soc`: Second-order corrections of a step.
-- `restore_tiny`: Restore feasibility after a row of tiny steps (enum toggle).
+- `max_soc`: Second-order corrections of an interior-point step at most.
+- `restore_tiny`: Restore feasibility after a row of tiny interior-point steps (enum toggle).
 - `relaxation`: What stands for the complementarity constraints until the active set is identified (enum relaxation).
 - `homotopy`: How relaxation or penalty and barrier parameter change together (enum homotopy).
 - `penalty_init`: First penalty parameter of the relaxations that are penalties; their sigma is its inverse.
 - `accuracy`: Simulate the controls of an optimal control problem by the event-driven engine and compare (enum toggle).
-- `accuracy_tol`: Relative and absolute tolerance of that simulation.
+- `accuracy_tol`: Relative and absolute tolerance of the simulation that the option accuracy compares an optimal control problem with.
 - `mode_search`: Neighbouring mode sequences that are tried after the first solution of an optimal control problem; 0: none.
 - `dcs_form`: Complementarity form of what switches (enum dcs_form).
 - `lift_depth`: Factors at most in the products of the Heaviside form before they are lifted.
-- `integration`: Integration method of the modes in event-driven simulation (enum integration).
+- `integration`: Integration method of the modes in event-driven simulation; sliding modes have Radau IIA always where derivatives are asked for (enum integration).
 - `rtol`: Relative tolerance of the local error in event-driven simulation.
 - `atol`: Absolute tolerance of the local error in event-driven simulation.
 - `h_init`: First step of an event-driven simulation; 0: the library chooses.
@@ -1034,9 +1034,9 @@ table (`swb_option_range`).
 - `sensitivity`: Compute the derivatives of an event-driven simulation and of its switching times (enum toggle).
 - `adjoint`: Record an event-driven simulation for adjoint derivatives (enum toggle).
 - `explain`: Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
-- `adapt_tol`: Error at the ends of the control stages up to which finite elements are added; 0: the grid stays.
-- `adapt_rounds`: Solves on further grids at most.
-- `adapt_elements`: Finite elements of such a grid at most, over all stages.
+- `adapt_tol`: Error at the ends of the control stages up to which finite elements are added to an optimal control problem; 0: the grid stays.
+- `adapt_rounds`: Grids at most that an optimal control problem is solved on, after the first one, when adapt_tol is positive.
+- `adapt_elements`: Finite elements at most of a grid that adapt_tol leads to, over all control stages.
 - `max_memory`: Bytes that building, solving or simulating may take at most; 0: as many as there are.
 - `ocp_start`: Where optimal control problems start from (enum ocp_start).
 - `portfolio`: Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).

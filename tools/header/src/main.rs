@@ -1,13 +1,19 @@
-//! Writes `include/switchback.h`, or says that the committed one is out of date.
+//! Writes what is made of the option table and of the C interface, or says which committed file is out of date.
 //!
-//! `switchback-header [--check] [ROOT]`. Only `src/settings.rs` and `src/capi` are read, in the order of
-//! the `pub mod` lines of `src/capi/mod.rs`: the generator resolves types by name alone, so the rest of
-//! the crate could only confuse it. The version macros come from `Cargo.toml`.
+//! `switchback-header [--check] [ROOT]`. From `src/settings/options.toml` come the settings in Rust, what the layers of the
+//! library take of them, a page and a test; from these settings and `src/capi` comes `include/switchback.h`. cbindgen reads
+//! them in the order of the `pub mod` lines of `src/capi/mod.rs` and nothing else: it resolves types by name alone, so the
+//! rest of the crate could only confuse it. The version macros come from `Cargo.toml`.
+
+mod pages;
+mod rust;
+mod table;
 
 use cbindgen::{Builder, Config};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::{env, fs};
+use table::Options;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -21,9 +27,9 @@ fn main() -> ExitCode {
         }
     }
     match run(&root, check) {
-        Ok(true) => ExitCode::SUCCESS,
-        Ok(false) => {
-            eprintln!("include/switchback.h is out of date: run `make header` and commit it");
+        Ok(stale) if stale.is_empty() => ExitCode::SUCCESS,
+        Ok(stale) => {
+            eprintln!("out of date: {}; run `make header` and commit what it writes", stale.join(", "));
             ExitCode::FAILURE
         }
         Err(e) => {
@@ -33,19 +39,49 @@ fn main() -> ExitCode {
     }
 }
 
-fn run(root: &Path, check: bool) -> Result<bool> {
-    let path = root.join("include/switchback.h");
-    let header = generate(root)?;
-    let committed = fs::read_to_string(&path).unwrap_or_default();
-    if !check && header != committed {
-        fs::write(&path, &header)?;
-        return Ok(true);
-    }
-    Ok(header == committed)
+/// Files that are not what they should be; none after writing them.
+fn run(root: &Path, check: bool) -> Result<Vec<String>> {
+    let read = |name: &str| fs::read_to_string(root.join(name)).unwrap_or_default();
+    let all = Options::parse(&fs::read_to_string(root.join("src/settings/options.toml"))?)
+        .map_err(|e| format!("src/settings/options.toml: {e}"))?;
+    let mut files = vec![
+        ("src/settings/options.rs".to_owned(), rust::settings(&all)),
+        ("docs/options.md".to_owned(), pages::options(&all)),
+        ("capi_tests/settings_layout.h".to_owned(), pages::layout(&all)),
+        (MEMORY.to_owned(), pages::memory(&all, &read(MEMORY))?),
+    ];
+    files.extend(all.views.iter().map(|v| (v.file.clone(), rust::view(&all, v))));
+    let mut stale = compare(root, &files, check)?;
+    let header = ("include/switchback.h".to_owned(), header(root, &all)?);
+    stale.extend(compare(root, &[header], check)?);
+    Ok(stale)
 }
 
-fn generate(root: &Path) -> Result<String> {
+const MEMORY: &str = "capi_tests/abi/options.txt";
+
+fn compare(root: &Path, files: &[(String, String)], check: bool) -> Result<Vec<String>> {
+    let mut stale = Vec::new();
+    for (name, text) in files {
+        let path = root.join(name);
+        if fs::read_to_string(&path).is_ok_and(|committed| committed == *text) {
+            continue;
+        }
+        if check {
+            stale.push(name.clone());
+        } else {
+            fs::write(&path, text)?;
+        }
+    }
+    Ok(stale)
+}
+
+fn header(root: &Path, all: &Options) -> Result<String> {
     let mut config = Config::from_file(root.join("cbindgen.toml"))?;
+    let others = std::mem::take(&mut config.export.include);
+    config.export.include = all.enums.iter().map(|e| e.type_name.clone()).chain(others).collect();
+    for e in &all.enums {
+        config.export.rename.insert(e.type_name.clone(), format!("swb_{}", e.name));
+    }
     let version = package_version(&fs::read_to_string(root.join("Cargo.toml"))?)?;
     let macros: String = ["MAJOR", "MINOR", "PATCH"]
         .iter()
@@ -55,7 +91,7 @@ fn generate(root: &Path) -> Result<String> {
     let after = config.after_includes.take().unwrap_or_default();
     config.after_includes = Some(after.replace("@VERSION_MACROS@\n", &macros).replace("@VERSION@", &version));
 
-    let mut builder = Builder::new().with_config(config).with_src(root.join("src/settings.rs"));
+    let mut builder = Builder::new().with_config(config).with_src(root.join("src/settings/options.rs"));
     for module in modules(&fs::read_to_string(root.join("src/capi/mod.rs"))?) {
         builder = builder.with_src(root.join(format!("src/capi/{module}.rs")));
     }

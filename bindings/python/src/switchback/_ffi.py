@@ -145,6 +145,61 @@ class Toggle(Names):
     ON = 1
 
 
+class Relaxation(Names):
+    """enum swb_relaxation"""
+
+    SCHOLTES = 0
+    SCHOLTES_EQ = 1
+    SCHOLTES_LUMPED = 2
+    LIN_FUKUSHIMA = 3
+    KADRANI = 4
+    STEFFENSEN_ULBRICH = 5
+    STEFFENSEN_ULBRICH_POLY = 6
+    KANZOW_SCHWARTZ = 7
+    FISCHER_BURMEISTER = 8
+    NATURAL_RESIDUAL = 9
+    CHEN_CHEN_KANZOW = 10
+    TWO_SIDED = 11
+    RAGHUNATHAN_BIEGLER = 12
+    L1_PENALTY = 13
+    LINF_PENALTY = 14
+    L1_ELASTIC = 15
+    ELASTIC = 16
+    DIRECT = 17
+
+
+class Homotopy(Names):
+    """enum swb_homotopy"""
+
+    COUPLED = 0
+    OUTER = 1
+
+
+class Integration(Names):
+    """enum swb_integration"""
+
+    AUTO = 0
+    DP5 = 1
+    DOP853 = 2
+    RADAU5 = 3
+
+
+class ZenoPolicy(Names):
+    """enum swb_zeno_policy"""
+
+    CONTINUE = 0
+    STOP = 1
+    TIME_STEPPING = 2
+
+
+class AmbiguityPolicy(Names):
+    """enum swb_ambiguity_policy"""
+
+    FIRST = 0
+    STOP = 1
+    PREFER = 2
+
+
 class LogLevel(Names):
     """enum swb_log_level"""
 
@@ -283,61 +338,6 @@ class Table(Names):
     STEPS = 0
     LINES = 1
     SPLINE = 2
-
-
-class Relaxation(Names):
-    """enum swb_relaxation"""
-
-    SCHOLTES = 0
-    SCHOLTES_EQ = 1
-    SCHOLTES_LUMPED = 2
-    LIN_FUKUSHIMA = 3
-    KADRANI = 4
-    STEFFENSEN_ULBRICH = 5
-    STEFFENSEN_ULBRICH_POLY = 6
-    KANZOW_SCHWARTZ = 7
-    FISCHER_BURMEISTER = 8
-    NATURAL_RESIDUAL = 9
-    CHEN_CHEN_KANZOW = 10
-    TWO_SIDED = 11
-    RAGHUNATHAN_BIEGLER = 12
-    L1_PENALTY = 13
-    LINF_PENALTY = 14
-    L1_ELASTIC = 15
-    ELASTIC = 16
-    DIRECT = 17
-
-
-class Homotopy(Names):
-    """enum swb_homotopy"""
-
-    COUPLED = 0
-    OUTER = 1
-
-
-class Integration(Names):
-    """enum swb_integration"""
-
-    AUTO = 0
-    DP5 = 1
-    DOP853 = 2
-    RADAU5 = 3
-
-
-class ZenoPolicy(Names):
-    """enum swb_zeno_policy"""
-
-    CONTINUE = 0
-    STOP = 1
-    TIME_STEPPING = 2
-
-
-class AmbiguityPolicy(Names):
-    """enum swb_ambiguity_policy"""
-
-    FIRST = 0
-    STOP = 1
-    PREFER = 2
 
 
 class RunOutcome(Names):

@@ -1,0 +1,64 @@
+//! What this layer takes of the options: written by `make header` from src/settings/options.toml; do not edit.
+
+use crate::settings::{AmbiguityPolicy, Integration, Settings, ZenoPolicy};
+
+/// Settings of a simulation.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Options {
+    /// Integration method of the modes in event-driven simulation; sliding modes have Radau IIA always where derivatives are asked for.
+    pub method: Integration,
+    /// Relative tolerance of the local error in event-driven simulation.
+    pub rtol: Vec<f64>,
+    /// Absolute tolerance of the local error in event-driven simulation.
+    pub atol: Vec<f64>,
+    /// First step of an event-driven simulation; 0: the library chooses.
+    pub h0: f64,
+    /// Longest step of an event-driven simulation.
+    pub h_max: f64,
+    /// Steps of an event-driven simulation at most, accepted and rejected.
+    pub max_steps: usize,
+    /// Switches an event-driven simulation keeps in its log at most; those beyond are counted only.
+    pub max_log: usize,
+    /// What an event-driven simulation does where switches accumulate.
+    pub zeno: ZenoPolicy,
+    /// What an event-driven simulation does where the continuation is not unique.
+    pub ambiguity: AmbiguityPolicy,
+    /// Keep the dense output of an event-driven simulation.
+    pub dense: bool,
+    /// Compute the derivatives of an event-driven simulation and of its switching times.
+    pub sensitivity: bool,
+    /// Record an event-driven simulation for adjoint derivatives.
+    pub adjoint: bool,
+    /// Bytes that building, solving or simulating may take at most; 0: as many as there are.
+    pub max_memory: usize,
+    /// Modes of every subsystem, the preferred first, for [`AmbiguityPolicy::Prefer`]; those that are not named come last.
+    pub preferred: Vec<Vec<usize>>,
+}
+
+impl Default for Options {
+    fn default() -> Options {
+        Options::from(&Settings::default())
+    }
+}
+
+impl From<&Settings> for Options {
+    /// Numbers that are no value of an enumeration count as its default; [`Settings::validate`] names them.
+    fn from(s: &Settings) -> Options {
+        Options {
+            method: s.integration().unwrap_or(Integration::Auto),
+            rtol: vec![s.rtol],
+            atol: vec![s.atol],
+            h0: s.h_init,
+            h_max: s.h_max,
+            max_steps: usize::try_from(s.max_steps).unwrap_or(0),
+            max_log: usize::try_from(s.max_switches).unwrap_or(0),
+            zeno: s.zeno().unwrap_or(ZenoPolicy::Continue),
+            ambiguity: s.ambiguity().unwrap_or(AmbiguityPolicy::First),
+            dense: s.dense(),
+            sensitivity: s.sensitivity(),
+            adjoint: s.adjoint(),
+            max_memory: usize::try_from(s.max_memory).unwrap_or(0),
+            preferred: Vec::new(),
+        }
+    }
+}
