@@ -39,6 +39,7 @@ pub(super) fn plan(p: &Problem, n_fe: usize) -> Vec<Planned> {
                 modes: None,
                 jump: (i > 0).then_some(Jump::Undecided),
                 span: [t, t + h],
+                from: [t, t + h],
                 length: if n_fe == 1 { [h, h] } else { [STEPS[0] * h, STEPS[1] * h] },
                 tied: false,
             });
@@ -252,7 +253,7 @@ impl Complementary<'_> {
         for (j, &at) in points.iter().enumerate() {
             let t = plan.span[0] + self.t.p.given.tableau.c[j] * (plan.span[1] - plan.span[0]);
             let forces = self.forces(i, self.t.guess.force(t, i));
-            self.t.add_force(n, j, i, forces);
+            self.t.add_force(n, j, i, forces, false);
             lambdas.push(forces.normal);
             let gap =
                 if self.stepping { self.rebounding_gap(n, i, at, plan.stage) } else { self.gap(i, at, plan.stage) };

@@ -8,6 +8,7 @@
 //! All programs are sums of model functions at points ([`assembly`]); [`transcribe`] writes motion, costs and constraints, which
 //! are the same for all of them.
 
+mod align;
 mod assembly;
 mod complementary;
 #[cfg(test)]

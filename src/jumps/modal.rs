@@ -7,11 +7,16 @@
 //! of Differential-Algebraic Systems by Runge-Kutta Methods*, 1989, section 4). Without `μ` gaps drift while they are closed, and a
 //! terminal position that lies on the contact has next to no solution.
 //!
+//! Forces of elements are variables as impulses, `h λ`. A closed contact whose velocity already fits it at the start of an element needs no
+//! more than a force there, and in the limit of a phase without length the rows that hold it say what the rows of the impact before them
+//! have said: with `λ` their coefficients are `h`, and phases that want to vanish leave Newton's method without direction.
+//!
 //! An event inside a control stage adds the equation that decides when it happens: a gap or a sliding speed that is zero at
 //! the end of the phase, or, where a contact opens or begins to slide, a force at that point. Forces at stage points are less
 //! accurate than states, so the forces that decide are those of the accelerations at the point itself, as functions of the
 //! state there.
 
+use super::align::align;
 use super::assembly::{Input, NOWHERE};
 use super::modes::{ContactMode, Phase, Sequence};
 use super::problem::Problem;
@@ -42,6 +47,7 @@ pub(super) fn plan(p: &Problem, s: &Sequence) -> Vec<Planned> {
                     modes: Some(phase.modes.clone()),
                     jump: if i == 0 { phase.jump.clone().map(Jump::Given) } else { None },
                     span: [t, t + h],
+                    from: [t, t + h],
                     length: if alone { [h, h] } else { [least, INF] },
                     tied: i > 0 && !alone,
                 });
@@ -54,7 +60,8 @@ pub(super) fn plan(p: &Problem, s: &Sequence) -> Vec<Planned> {
 
 /// The program of a sequence, started from a guess whose phases are as long as the shares of the sequence say.
 pub(super) fn transcribe(p: &Problem, s: &Sequence, guess: &Track) -> Transcription {
-    let plan = plan(p, s);
+    let mut plan = plan(p, s);
+    align(&mut plan, guess);
     let mut m = Modal { t: Transcriber::new(p, guess), opened: vec![None; p.n_contacts()] };
     for k in 0..plan.len() {
         if k == 0 || plan[k].stage != plan[k - 1].stage {
@@ -160,9 +167,10 @@ impl Modal<'_> {
                     }
                     continue;
                 }
-                let t = plan.span[0] + self.t.p.given.tableau.c[j] * (plan.span[1] - plan.span[0]);
-                let forces = self.forces(i, self.t.guess.force(t, i));
-                self.t.add_force(n, j, i, forces);
+                let t = plan.from[0] + self.t.p.given.tableau.c[j] * (plan.from[1] - plan.from[0]);
+                let h = plan.span[1] - plan.span[0];
+                let forces = self.forces(i, self.t.guess.force(t, i).map(|f| h * f));
+                self.t.add_force(n, j, i, forces, true);
                 let c = self.t.contact(i);
                 self.t.row(&c.rate, &inputs, EQUAL);
                 self.t.hold(n, j, i);
@@ -300,7 +308,7 @@ impl Modal<'_> {
             if !mode.is_closed() {
                 continue;
             }
-            let forces = self.forces(i, self.t.guess.force(before.span[1], i));
+            let forces = self.forces(i, self.t.guess.force(before.from[1], i));
             let inputs = self.t.force_inputs(at, stage, Some(a), forces);
             let c = self.t.contact(i);
             self.t.b.term(&c.push, &inputs, -1.0, None, velocities());
@@ -337,7 +345,7 @@ impl Modal<'_> {
                 }
                 continue;
             }
-            let start = self.guessed_impulse(plan.span[0], i);
+            let start = self.guessed_impulse(plan.from[0], i);
             let forces = self.forces(i, start);
             impact.impulses[i] = Some(forces);
             if !was_closed && x0_is_free {

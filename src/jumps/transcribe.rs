@@ -59,8 +59,10 @@ pub(super) struct Planned {
     /// Modes of the contacts; none where the program finds them.
     pub(super) modes: Option<Vec<ContactMode>>,
     pub(super) jump: Option<Jump>,
-    /// Part of the guess it starts from.
+    /// Its part of the horizon, to start from.
     pub(super) span: [f64; 2],
+    /// The part of the guess it takes states and forces from.
+    pub(super) from: [f64; 2],
     /// Bounds of its length; equal ones fix it.
     pub(super) length: [f64; 2],
     /// As long as the one before.
@@ -89,8 +91,9 @@ pub(super) struct Element {
     pub(super) rates: Vec<usize>,
     /// First row of `M V_v = h (…)` at every stage point.
     pub(super) momentum_rows: Vec<usize>,
-    /// Forces at the stage points, of every contact that may have one.
+    /// Forces at the stage points, of every contact that may have one; impulses of the element, `h` times the force, where it is `impulsive`.
     pub(super) forces: Vec<Vec<Option<Forces>>>,
+    pub(super) impulsive: bool,
     pub(super) impact: Option<Impact>,
     pub(super) modes: Option<Vec<ContactMode>>,
     pub(super) jump: Option<Vec<ContactMode>>,
@@ -324,6 +327,7 @@ impl<'a> Transcriber<'a> {
             rates: Vec::with_capacity(n_s),
             momentum_rows: Vec::with_capacity(n_s),
             forces: Vec::with_capacity(n_s),
+            impulsive: false,
             impact: impact.map(|i| i.1),
             modes: plan.modes.clone(),
             jump: match &plan.jump {
@@ -349,7 +353,7 @@ impl<'a> Transcriber<'a> {
             (self.b.xl[v + i], self.b.xu[v + i]) = (lower[n_q + i], upper[n_q + i]);
         }
         let mut x = std::mem::take(&mut self.room);
-        self.guess.state(plan.span[0], true, &mut x);
+        self.guess.state(plan.from[0], true, &mut x);
         self.b.start[v..v + n_v].copy_from_slice(&x[n_q..]);
         self.room = x;
         let change = self.b.variables(n_v, FREE, 0.0, 1.0);
@@ -389,7 +393,7 @@ impl<'a> Transcriber<'a> {
         for i in 0..n_q + n_v {
             (self.b.xl[q + i], self.b.xu[q + i]) = (lower[i], upper[i]);
         }
-        let t = plan.span[0] + c * (plan.span[1] - plan.span[0]);
+        let t = plan.from[0] + c * (plan.from[1] - plan.from[0]);
         self.write_state(t, false, q, q + n_q);
         let t = if self.p.knows_time {
             let start = plan.span[0] + c * (plan.span[1] - plan.span[0]);
@@ -464,15 +468,17 @@ impl<'a> Transcriber<'a> {
         }
     }
 
-    /// A force of a contact at a stage point, with its part in the rows of the motion.
-    pub(super) fn add_force(&mut self, element: usize, j: usize, i: usize, forces: Forces) {
+    /// A force of a contact at a stage point, with its part in the rows of the motion; `impulsive` where the variables are the force times
+    /// the length of the element.
+    pub(super) fn add_force(&mut self, element: usize, j: usize, i: usize, forces: Forces, impulsive: bool) {
         let e = &mut self.elements[element];
         e.forces[j][i] = Some(forces);
-        let (at, stage, h) = (e.points[j], e.stage, e.h);
+        e.impulsive = impulsive;
+        let (at, stage, h) = (e.points[j], e.stage, (!impulsive).then_some(e.h));
         let rows = e.momentum_rows[j];
         let n_v = self.p.functions.n_v;
         let inputs = self.force_inputs(at, stage, None, forces);
-        self.b.term(&self.p.functions.contacts[i].push, &inputs, -1.0, Some(h), (rows..rows + n_v).map(|r| r as u32));
+        self.b.term(&self.p.functions.contacts[i].push, &inputs, -1.0, h, (rows..rows + n_v).map(|r| r as u32));
     }
 
     /// Holds contact `i` closed at a stage point: its gap is zero there, with a multiplier in the rates of the coordinates. A gap that is
@@ -647,9 +653,10 @@ impl Transcription {
         let mut pieces = Vec::with_capacity(self.elements.len());
         for e in &self.elements {
             let h = w[e.h];
+            let per = if e.impulsive && h > 0.0 { 1.0 / h } else { 1.0 };
             let mut forces = Vec::with_capacity(e.points.len() * n_c * 2);
             for at in &e.forces {
-                at.iter().for_each(|f| forces.extend(pair(*f)));
+                at.iter().for_each(|f| forces.extend(pair(*f).map(|v| per * v)));
             }
             let impulses = e.impact.as_ref().map(|i| i.impulses.iter().flat_map(|f| pair(*f)).collect());
             pieces.push(Piece {
