@@ -133,6 +133,10 @@ const FALL: f64 = 0.25;
 const WHOLE: f64 = 0.5;
 const SAME: f64 = 0.1;
 const STATIONARY: usize = 2;
+/// Trials of the line search from which a step counts as cut, and such steps, beyond those that were not, after which a program whose constraints nearly
+/// hold creeps: a force at its bound in a phase without length leaves rows that say the same twice.
+const CUT: usize = 3;
+const CREEPING: usize = 15;
 
 /// What can still become of a program.
 struct Prospects {
@@ -142,6 +146,8 @@ struct Prospects {
     since: usize,
     costs: [f64; WINDOW],
     seen: usize,
+    /// Steps that were cut, less those that were not.
+    cut: usize,
     begun: bool,
     over: bool,
 }
@@ -156,6 +162,7 @@ impl Prospects {
             since: 0,
             costs,
             seen: 0,
+            cut: 0,
             begun: false,
             over: false,
         }
@@ -180,7 +187,8 @@ impl Prospects {
         self.last = i.inf_pr;
         let far = self.since > self.limits.patience && self.least > CLOSE;
         let near = self.since > CLOSE_PATIENCE * self.limits.patience && self.least > FEASIBLE;
-        self.over = far || near || self.is_too_expensive(i);
+        self.cut = if i.trials >= CUT && i.inf_pr <= FEASIBLE { self.cut + 1 } else { self.cut.saturating_sub(1) };
+        self.over = far || near || self.cut > CREEPING || self.is_too_expensive(i);
         self.over
     }
 

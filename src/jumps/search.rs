@@ -150,6 +150,10 @@ const NEAR_UNSOLVED: usize = 8;
 /// Sequences in a row that are no better after which a start is left that has led to less than another one.
 const BEHIND: usize = 10;
 
+/// Sequences in a row that are tried where phases without length lead, and ways that are tried at each of them.
+const LEADS: usize = 6;
+const WAYS: usize = 3;
+
 /// Share of the cost by which a sequence must be better to count.
 const GAIN: f64 = 1e-9;
 
@@ -174,6 +178,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         dimensions: (0, 0, 0),
         failure: 0.0,
         failed: Vec::new(),
+        lead: None,
     };
     if let Some(last) = &options.warm {
         s.start_at_answer(last, control)?;
@@ -279,7 +284,12 @@ struct Search<'a> {
     failure: f64,
     /// Sequences without a solution while nothing has one: violation, sequence, guess.
     failed: Vec<(f64, Sequence, Track)>,
+    /// The last sequence with phases that want to vanish whose program came close to a better answer, with its motion and those phases.
+    lead: Option<Lead>,
 }
+
+/// A sequence, its motion, and phases that want to vanish.
+type Lead = (Sequence, Track, Vec<(usize, usize)>);
 
 impl Search<'_> {
     /// Solves for the modes of an answer, from its point where the program is the same.
@@ -492,9 +502,30 @@ impl Search<'_> {
         }
     }
 
-    /// Solves for a sequence unless that was done; true where it is the best answer now.
+    /// Solves for a sequence unless that was done, and for those that its phases without length lead to as long as their programs come close to a better
+    /// answer; true where the best answer now is one of them.
     fn attempt(&mut self, sequence: &Sequence, guess: &Track, most: usize, control: &mut Control) -> Result<bool> {
-        self.attempt_from(sequence, guess, None, most, control)
+        self.lead = None;
+        let mut better = self.attempt_from(sequence, guess, None, most, control)?;
+        let failure = self.failure;
+        for _ in 0..LEADS {
+            let Some((sequence, track, vanishing)) = self.lead.take() else { break };
+            let frictional = self.frictional();
+            let near = neighbours(&sequence, &vanishing, &frictional, false);
+            let ways = near.into_iter().filter(|n| n.wanted && self.is_new(&n.sequence)).take(WAYS);
+            for way in ways.collect::<Vec<_>>() {
+                better |= self.attempt_from(&way.sequence, &track, None, NEAR_ITERATIONS, control)?;
+                if self.lead.is_some() || self.failure == 0.0 {
+                    break;
+                }
+            }
+        }
+        self.failure = failure;
+        Ok(better)
+    }
+
+    fn frictional(&self) -> Vec<bool> {
+        self.p.functions.contacts.iter().map(|c| c.n_tangents > 0).collect()
     }
 
     /// The same from variables and multipliers, where the program has as many.
@@ -526,7 +557,7 @@ impl Search<'_> {
         let cheaper =
             self.best.as_ref().is_none_or(|b| !b.0.is_solved() || answer.cost < b.0.cost + PROMISING * b.0.cost.abs());
         let stuck = matches!(answer.outcome, Outcome::MaxIter | Outcome::Stalled);
-        if stuck && cheaper && answer.violation < PROMISING {
+        if stuck && cheaper && answer.violation < PROMISING && answer.vanishing.is_empty() {
             // again from where it got to: steps that the filter of the last solve refuses are often the right ones
             let settings = MpccSettings {
                 max_iter: self.options.solver.max_iter.min(ITERATIONS),
@@ -551,6 +582,9 @@ impl Search<'_> {
             self.tried[place].1 = Tried::Close { bests: self.bests };
         }
         self.failure = if answer.is_solved() { 0.0 } else { answer.violation };
+        if stuck && cheaper && answer.violation < NEARLY && !answer.vanishing.is_empty() {
+            self.lead = Some((answer.sequence.clone(), answer.track.clone(), answer.vanishing.clone()));
+        }
         if self.failure > 0.0 && most < MOST_ITERATIONS && !self.is_solved() {
             self.failed.push((self.failure, sequence.clone(), guess.clone()));
         }
@@ -614,7 +648,7 @@ impl Search<'_> {
     /// say. What has helped is tried on; of the rest of the same prospects those come
     /// first whose last attempt is longest ago, so that every event has its turn before one has its second.
     fn improve(&mut self, only_wanted: bool, most: usize, control: &mut Control) -> Result<()> {
-        let frictional: Vec<bool> = self.p.functions.contacts.iter().map(|c| c.n_tangents > 0).collect();
+        let frictional = self.frictional();
         let mut left = most;
         // events that were where no solution is, and when moves did not help last
         let mut impossible: Vec<Event> = Vec::new();
@@ -674,11 +708,16 @@ impl Search<'_> {
     }
 }
 
-/// Solutions before others; of two the cheaper, where costs as large as `largest` have the rounding of that; of others the one with the smaller violation, or
+/// Solutions before others; of two the cheaper, where costs as large as `largest` have the rounding of that, and at the same cost the one without
+/// phases that want to vanish; of others the one with the smaller violation, or
 /// the cheaper where neither has one that is worth mentioning.
 fn is_better(a: &Answer, b: &Answer, largest: f64) -> bool {
     match (a.is_solved(), b.is_solved()) {
-        (true, true) => a.cost < b.cost - (GAIN * b.cost.abs()).max(f64::EPSILON * largest),
+        (true, true) => {
+            let gain = (GAIN * b.cost.abs()).max(f64::EPSILON * largest);
+            let simpler = a.vanishing.is_empty() && !b.vanishing.is_empty();
+            a.cost < b.cost - gain || (simpler && a.cost <= b.cost + gain)
+        }
         (false, false) if a.violation.max(b.violation) < NEARLY && (a.cost - b.cost).abs() > GAIN * b.cost.abs() => {
             a.cost < b.cost
         }
