@@ -115,3 +115,89 @@ fn pairs_that_make_no_sense_are_refused() {
     assert!(l.bounds(&bounds(&[(0.0, -1.0), (0.0, INF)], &[])).is_err());
     assert!(l.bounds(&bounds(&[(1.0, 2.0), (0.0, INF)], &[])).is_err());
 }
+
+/// Random numbers in `[-1, 1)`, always the same ones of a seed.
+fn numbers(seed: u64) -> impl FnMut() -> f64 {
+    let mut state = seed.wrapping_mul(0x9E37_79B9_7F4A_7C15) | 1;
+    move || {
+        state ^= state << 13;
+        state ^= state >> 7;
+        state ^= state << 17;
+        (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
+    }
+}
+
+/// A program of random coefficients with pairs of functions, its objective and rows multiplied by `2^k[i]`.
+fn in_units(seed: u64, k: &[i32; 11]) -> (Lifted<CallbackNlp>, Bounds) {
+    const N: usize = 6;
+    let mut random = numbers(seed);
+    let a: Vec<f64> = (0..11 * N).map(|_| random()).collect();
+    let b: Vec<f64> = (0..11).map(|_| random()).collect();
+    let unit = k.map(|k| f64::from(k).exp2());
+    let (a, b) = (Arc::new(a), Arc::new(b));
+    let d = Dims { x: N, u: 0, p: 0 };
+    let row = move |i: usize, x: &[f64]| {
+        let a = &a[i * N..(i + 1) * N];
+        let along: f64 = a.iter().zip(x).map(|(a, x)| a * x).sum();
+        let square: f64 = x.iter().enumerate().map(|(j, x)| (1.5 + a[j] + (j == i) as i32 as f64) * x * x).sum();
+        (along, square, b[i])
+    };
+    let of = row.clone();
+    let f = Callback::new("f", d, 1, move |at, o| {
+        let (along, square, _) = of(0, at.x);
+        o[0] = unit[0] * (3.0 * along + square);
+        0
+    });
+    let c = Callback::new("c", d, 10, move |at, o| {
+        for (i, o) in o.iter_mut().enumerate() {
+            let (along, square, b) = row(i + 1, at.x);
+            *o = unit[i + 1] * (2.0 * along + 0.1 * square + b);
+        }
+        0
+    });
+    let inner = CallbackNlp::new(N, 0, Arc::new(f), Some(Arc::new(c))).unwrap();
+    let members: Vec<_> = (0..4).map(|i| (Member::Row(i), Member::Row(4 + i))).collect();
+    let lifted = Lifted::new(inner, &members).unwrap();
+    // rows 8 and 9 are ordinary ones
+    let mut bounds = Bounds::free(N, 10);
+    (bounds.cu[8], bounds.cl[9]) = (2.0 * unit[9], -3.0 * unit[10]);
+    let bounds = lifted.bounds(&bounds).unwrap();
+    (lifted, bounds)
+}
+
+/// Whatever units objective, rows and functions in pairs are in: the same iterates to the last bit, and multipliers in those units.
+#[test]
+fn programs_in_other_units_have_the_same_iterates() {
+    let mut solved = 0;
+    for seed in 1..=12 {
+        let mut random = numbers(100 + seed);
+        let solve = |k: &[i32; 11]| {
+            let (mut p, b) = in_units(seed, k);
+            let mut solver = MpccSolver::new(&mut p, MpccSettings::default()).unwrap();
+            let x0 = p.start(&[0.3; 6]);
+            solver.solve(&mut p, &b, &x0, &mut Control::default()).clone()
+        };
+        let own = solve(&[0; 11]);
+        solved += (own.outcome == Outcome::Solved) as usize;
+        for _ in 0..2 {
+            let k = [(); 11].map(|()| (20.0 * random()) as i32);
+            let other = solve(&k);
+            let unit = k.map(|k| f64::from(k).exp2());
+            assert_eq!(other.outcome, own.outcome, "{seed} {k:?}");
+            assert_eq!(other.stats.iterations, own.stats.iterations, "{seed} {k:?}");
+            assert_eq!(other.found_by, own.found_by, "{seed} {k:?}");
+            assert_eq!(other.x[..6], own.x[..6], "{seed} {k:?}");
+            for (i, v) in (6..14).map(|j| (j, other.x[j] / own.x[j])).filter(|v| own.x[v.0] != 0.0) {
+                // pairs take turns in the lifted variables: first member, second member
+                let row = 4 * ((i - 6) % 2) + (i - 6) / 2;
+                assert_eq!(v, unit[1 + row], "{seed} {k:?}");
+            }
+            // those of the least violation know nothing of the objective
+            let of = if own.outcome == Outcome::Solved { unit[0] } else { 1.0 };
+            let y = other.y.iter().zip(&unit[1..]).map(|(y, u)| y * u / of);
+            assert!(y.eq(own.y.iter().copied()), "{seed} {k:?}: {:?} {:?}", other.y, own.y);
+            assert_eq!(other.certificate.b, own.certificate.b, "{seed} {k:?}");
+        }
+    }
+    assert!(solved >= 10, "{solved}");
+}

@@ -56,7 +56,7 @@ struct Facts {
     grad: Vec<f64>,
     jac_values: Vec<f64>,
     bounds: Bounds,
-    scaling: (f64, Vec<f64>),
+    scaling: diagnostics::Factors,
 }
 
 /// The last solve.
@@ -366,21 +366,19 @@ impl Outcome1 {
             r.c.fill(f64::NAN);
             return r;
         }
-        let (factor, factors) = solver.scaling();
         let mut facts = Facts {
             c: vec![0.0; problem.m()],
             grad: vec![0.0; problem.n()],
             jac_values: vec![0.0; jac.nnz()],
             bounds,
-            scaling: (factor, factors.to_vec()),
+            scaling: solver.scaling(),
         };
         let known = problem.eval(x, &mut facts.c).is_ok()
             && problem.derivatives(x, &mut facts.grad, &mut facts.jac_values).is_ok();
         if known {
             r.facts = Some(facts);
             if let (Some(local), Some(facts)) = (r.local(), &r.facts) {
-                let scaling = (facts.scaling.0, facts.scaling.1.as_slice());
-                (r.residuals, r.scaled) = diagnostics::residuals(&local, scaling);
+                (r.residuals, r.scaled) = diagnostics::residuals(&local, &facts.scaling);
             }
         }
         r

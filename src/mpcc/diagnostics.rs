@@ -69,41 +69,58 @@ fn product(v: f64, lower: f64, upper: f64, y: f64) -> f64 {
     y.abs() * if bound.abs() >= INFINITE { 1.0 } else { distance.abs() }
 }
 
-/// Residuals of a point, and of the same point with objective and rows multiplied by `scaling`: `(factor, [m])`.
-pub fn residuals(at: &Local, scaling: (f64, &[f64])) -> (Residuals, Residuals) {
+/// Factors of the objective and of the rows `[m]`, sizes of the variables `[n]`.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Factors {
+    /// Factor of the objective.
+    pub objective: f64,
+    /// Factors of the rows.
+    pub rows: Vec<f64>,
+    /// Sizes of the variables.
+    pub sizes: Vec<f64>,
+}
+
+/// Residuals of a point, and of the same point in the units of the solver.
+pub fn residuals(at: &Local, scaling: &Factors) -> (Residuals, Residuals) {
     let b = at.bounds;
+    let size = |j: usize| scaling.sizes[j];
     let (mut plain, mut scaled) = (Residuals::default(), Residuals::default());
     for (i, &c) in at.c.iter().enumerate() {
         let v = outside(c, b.cl[i], b.cu[i]);
         plain.primal = plain.primal.max(v);
-        scaled.primal = scaled.primal.max(v * scaling.1[i]);
+        scaled.primal = scaled.primal.max(v * scaling.rows[i]);
         if b.cl[i] < b.cu[i] {
             plain.complementarity = plain.complementarity.max(product(c, b.cl[i], b.cu[i], at.y[i]));
         }
     }
     let mut dual: Vec<f64> = at.grad.iter().zip(at.z).map(|(g, z)| g - z).collect();
     mul_add_transposed(at.jac, at.jac_values, at.y, &mut dual, 1.0);
-    plain.dual = dual.iter().fold(0.0, |a, d| if d.is_nan() { f64::INFINITY } else { a.max(d.abs()) });
+    for (j, d) in dual.iter().enumerate() {
+        let d = if d.is_nan() { f64::INFINITY } else { d.abs() };
+        plain.dual = plain.dual.max(d);
+        scaled.dual = scaled.dual.max(d * scaling.objective * size(j));
+    }
     let mut member = vec![false; at.x.len()];
     for &(a, c) in at.pairs {
         (member[a], member[c]) = (true, true);
         let (g, h) = (at.x[a], at.x[c]);
         plain.pair_product = plain.pair_product.max(g * h);
         plain.pair_min = plain.pair_min.max(g.min(h));
+        let (g, h) = (g / size(a), h / size(c));
+        scaled.pair_product = scaled.pair_product.max(g * h);
+        scaled.pair_min = scaled.pair_min.max(g.min(h));
     }
     for (j, &x) in at.x.iter().enumerate() {
         let v = outside(x, b.xl[j], b.xu[j]);
         plain.primal = plain.primal.max(v);
-        scaled.primal = scaled.primal.max(v);
+        scaled.primal = scaled.primal.max(v / size(j));
         // multipliers of members have any sign while the member is zero
         let held = if member[j] { at.z[j].abs() * x.abs() } else { f64::INFINITY };
         if b.xl[j] < b.xu[j] {
             plain.complementarity = plain.complementarity.max(product(x, b.xl[j], b.xu[j], -at.z[j]).min(held));
         }
     }
-    scaled.dual = plain.dual * scaling.0;
-    scaled.complementarity = plain.complementarity * scaling.0;
-    (scaled.pair_product, scaled.pair_min) = (plain.pair_product, plain.pair_min);
+    scaled.complementarity = plain.complementarity * scaling.objective;
     (plain, scaled)
 }
 
@@ -232,9 +249,10 @@ impl Warning {
 }
 
 impl MpccSolver {
-    /// Factors of the objective and of the rows `[m]` in the last solve.
-    pub fn scaling(&self) -> (f64, &[f64]) {
-        (self.st.scaling.objective, &self.st.scaling.rows)
+    /// Factors in the last solve.
+    pub fn scaling(&self) -> Factors {
+        let s = &self.st.scaling;
+        Factors { objective: s.objective, rows: s.rows.clone(), sizes: s.sizes.clone() }
     }
 }
 
@@ -257,6 +275,9 @@ mod tests {
     }
 
     impl Data {
+        fn factors(&self, objective: f64, rows: &[f64]) -> Factors {
+            Factors { objective, rows: rows.to_vec(), sizes: vec![1.0; self.x.len()] }
+        }
         fn at(&self) -> Local<'_> {
             Local {
                 x: &self.x,
@@ -295,16 +316,20 @@ mod tests {
     #[test]
     fn residuals_by_hand() {
         let d = data();
-        let (plain, scaled) = residuals(&d.at(), (0.5, &[1.0, 0.1]));
+        let (plain, scaled) = residuals(&d.at(), &d.factors(0.5, &[1.0, 0.1]));
         // gradient of the Lagrangian: (−1 + 1, 2 + 1 − 4, 1 − 1)
         assert_eq!((plain.primal, plain.dual, plain.pair_product, plain.pair_min), (2.0, 1.0, 0.125, 0.25));
         // 1 · (1 − 0.75) of the row, 4 · 0.25 of the member
         assert_eq!(plain.complementarity, 1.0);
         assert_eq!((scaled.primal, scaled.dual, scaled.complementarity), (0.2, 0.5, 0.5));
         let free = Data { y: vec![-3.0, 0.0], z: vec![0.0; 3], ..data() };
-        assert_eq!(residuals(&free.at(), (1.0, &[1.0, 1.0])).0.complementarity, 3.0, "there is no lower bound");
+        assert_eq!(
+            residuals(&free.at(), &free.factors(1.0, &[1.0, 1.0])).0.complementarity,
+            3.0,
+            "there is no lower bound"
+        );
         let undefined = Data { c: vec![f64::NAN, 4.0], ..data() };
-        assert_eq!(residuals(&undefined.at(), (1.0, &[1.0, 1.0])).0.primal, f64::INFINITY);
+        assert_eq!(residuals(&undefined.at(), &undefined.factors(1.0, &[1.0, 1.0])).0.primal, f64::INFINITY);
     }
 
     #[test]

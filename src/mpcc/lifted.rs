@@ -223,4 +223,7 @@ impl<P: Nlp> Mpcc for Lifted<P> {
     fn pairs(&self) -> &[(usize, usize)] {
         &self.pairs
     }
+    fn lifts(&self) -> &[(usize, usize)] {
+        &self.lifts
+    }
 }

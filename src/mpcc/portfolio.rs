@@ -32,6 +32,8 @@ pub enum FoundBy {
     Elastic = 4,
     /// From a point that minimises the violation of the constraints.
     Feasible = 5,
+    /// The path with an objective that weighs more beside barrier and relaxation.
+    Heavy = 6,
 }
 
 impl FoundBy {
@@ -44,12 +46,13 @@ impl FoundBy {
             FoundBy::Outer => "outer",
             FoundBy::Elastic => "elastic",
             FoundBy::Feasible => "feasible",
+            FoundBy::Heavy => "heavy",
         }
     }
 }
 
 /// The order in which they are tried.
-const ORDER: [FoundBy; 4] = [FoundBy::Elastic, FoundBy::Unlimited, FoundBy::Outer, FoundBy::AsGiven];
+const ORDER: [FoundBy; 5] = [FoundBy::Elastic, FoundBy::Heavy, FoundBy::Unlimited, FoundBy::Outer, FoundBy::AsGiven];
 /// Share of the iterations that the path gets where others may follow, and that is kept for the search of a feasible point.
 const PATH_SHARE: f64 = 0.5;
 const KEPT_SHARE: f64 = 0.15;
@@ -108,7 +111,8 @@ impl MpccSolver {
                 FoundBy::Unlimited => !self.settings.convexify_pairs,
                 FoundBy::Outer => self.settings.homotopy == Homotopy::Outer,
                 FoundBy::Elastic => self.settings.relaxation == Relaxation::LinfPenalty,
-                _ => true,
+                FoundBy::Heavy => !self.settings.scaling,
+                FoundBy::Path | FoundBy::Feasible => true,
             };
             if useless {
                 continue;
@@ -126,15 +130,25 @@ impl MpccSolver {
                 match strategy {
                     FoundBy::Unlimited => self.settings.convexify_pairs = false,
                     FoundBy::Outer => self.settings.homotopy = Homotopy::Outer,
+                    FoundBy::Heavy => self.set_heavy(p, bounds, x0, true),
                     _ => {}
                 }
                 let centre = interior && centred && strategy != FoundBy::AsGiven;
                 self.follow(p, bounds, x0, centre, control, proposer);
                 self.settings = given;
+                if strategy == FoundBy::Heavy {
+                    self.set_heavy(p, bounds, x0, false);
+                }
             }
             self.settings.max_iter = allowed;
             self.keep(before, strategy);
         }
+    }
+
+    /// Scales anew, with an objective that weighs more or as usual.
+    fn set_heavy(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], heavy: bool) {
+        self.st.scaling.heavy = heavy;
+        self.scale(p, bounds, x0);
     }
 
     /// Keeps the present solution, or the one of before where that says more.

@@ -54,6 +54,12 @@ pub trait Mpcc: Nlp {
     /// the two members of a pair are those its relaxation is measured by.
     fn sizes(&self, _out: &mut [f64]) {}
 
+    /// Rows `G(w) - v = 0` and their variables `v`, which stand for functions: they have the units of their rows. A row may have
+    /// several such variables, a variable one row.
+    fn lifts(&self) -> &[(usize, usize)] {
+        &[]
+    }
+
     /// Is this a discretised problem? Then its starting point knows something of the pairs, its branches are exact where
     /// they have a solution, and what a branch fixes beside the pairs belongs to the statement.
     fn is_discretised(&self) -> bool {

@@ -3,7 +3,7 @@
 
 use super::problem::Mpcc;
 use super::relaxation::{Elastic, Jet, Seen, SigmaIn, Softness, Strategy};
-use super::scaling::Scaling;
+use super::scaling::{AtPoint, Scaling};
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::Pattern;
 use crate::nlp::{Bilinear, Bounds, Nlp, Residuals};
@@ -202,21 +202,22 @@ impl Structure {
         self.relaxes = false;
     }
 
-    /// Scales by the gradients at `x`; not at all where functions or gradients have no value. `rows[m]` is room.
-    pub fn scale(&mut self, p: &mut dyn Mpcc, x: &[f64], rows: &mut [f64], grad: &mut [f64]) {
+    /// Scales by the gradients at `x`; not at all where functions or gradients have no value. `rows[m]`, `grad[n]` are room.
+    pub fn scale(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x: &[f64], rows: &mut [f64], grad: &mut [f64]) {
         self.scaling.reset();
         // what is added outside of the polish is measured by the objective, and not the other way round
         p.set_polishing(true);
         // values first: gradients are those of the point whose values were computed last
         if p.eval(x, rows).is_ok() && p.derivatives(x, grad, &mut self.inner_jac).is_ok() {
             // where the gradient vanishes its change over the size of a variable says how steep the objective is
-            rows.fill(0.0);
-            let curved = self.scaling.sized && p.hessian(x, 1.0, rows, &mut self.inner_hess).is_ok();
+            let none = &self.scaling.none[..];
+            let curved = self.scaling.is_curved() && p.hessian(x, 1.0, none, &mut self.inner_hess).is_ok();
             let hess = if curved { Some((p.hess_pattern(), &self.inner_hess[..])) } else { None };
-            self.scaling.choose(grad, hess, p.jac_pattern(), &self.inner_jac);
+            let at = AtPoint { grad, hess, x, jac: (p.jac_pattern(), &self.inner_jac), c: rows };
+            self.scaling.choose(&at, bounds, p.lifts());
         }
         p.set_polishing(false);
-        if self.scaling.sized {
+        if self.scaling.is_by_sizes() {
             p.set_steepest(self.scaling.steepness() / self.scaling.objective);
         }
     }

@@ -1,9 +1,14 @@
 //! Scaling of variables by their sizes, where the problem knows them, and of objective and rows by their gradients at the
 //! starting point.
 //!
-//! Every function whose gradient has an entry above 100 is scaled down to that (A. Wächter, L. Biegler, Math. Program.
-//! 106, 2006, section 3.8). Without sizes variables, and with them the pairs, stay as they are; with sizes
-//! gradients are those in units of them, and are scaled up as well.
+//! Programs without pairs, and discretised problems without sizes: every function whose gradient has an entry above 100 is scaled down to that
+//! (A. Wächter, L. Biegler, Math. Program. 106, 2006, section 3.8). With sizes gradients are those in units of them, and
+//! are scaled up as well.
+//!
+//! Programs of the user with pairs: the objective is scaled to a largest derivative of 2, every row to 1, so that nothing depends on
+//! the units they are in. A variable that stands for a row, a lifted member of a pair, is measured in the units of that
+//! row. All factors are powers of two, chosen by exponents alone: an objective, a row or a function in a pair that is
+//! multiplied by a power of two leaves the iterates as they are, to the last bit.
 
 use super::problem::Mpcc;
 use crate::linalg::csc::Pattern;
@@ -17,6 +22,41 @@ const OBJECTIVE: f64 = 100.0;
 const ROUNDING: f64 = 1e-12;
 /// Smallest factor.
 const SMALLEST: f64 = 1e-8;
+/// Exponent of two of the largest scaled derivative of the objective of a program of the user. The barrier and the
+/// relaxation begin at 0.1 and 1 whatever the objective is: this is how much it weighs beside them.
+const PLAIN_EXPONENT: i32 = 1;
+/// The same where it is to weigh more.
+const HEAVY_EXPONENT: i32 = 6;
+/// Share of the violation at the start that counts like a gradient: one that vanishes there by chance says nothing.
+const VIOLATION_SHARE: f64 = 1.0 / 1024.0;
+/// Largest exponent of a factor: products of two are still numbers.
+const MAX_EXPONENT: i32 = 200;
+
+/// What the factors are chosen by.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Rule {
+    /// Steep functions are scaled down.
+    Steep,
+    /// The sizes of the variables, which the problem knows.
+    Sizes,
+    /// Powers of two for everything: the program of a user with pairs, in whatever units.
+    Units,
+}
+
+/// Values and derivatives of a program at a point, not scaled.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct AtPoint<'a> {
+    /// Gradient of the objective.
+    pub grad: &'a [f64],
+    /// Its second derivatives, where they are known.
+    pub hess: Option<(&'a Pattern, &'a [f64])>,
+    /// The point.
+    pub x: &'a [f64],
+    /// First derivatives of the rows.
+    pub jac: (&'a Pattern, &'a [f64]),
+    /// Values of the rows.
+    pub c: &'a [f64],
+}
 
 /// Factors of objective and rows.
 #[derive(Debug)]
@@ -29,19 +69,37 @@ pub(super) struct Scaling {
     pub sizes: Vec<f64>,
     /// Are there sizes other than 1?
     pub sized: bool,
+    /// Is the objective to weigh more than usual?
+    pub heavy: bool,
+    rule: Rule,
     weights: Vec<f64>,
+    /// Weights of the rows that are all zero.
+    pub none: Vec<f64>,
 }
 
 impl Scaling {
     /// No scaling, for `n` variables and `m` rows.
     pub fn new(n: usize, m: usize) -> Scaling {
-        Scaling { objective: 1.0, rows: vec![1.0; m], sizes: vec![1.0; n], sized: false, weights: vec![0.0; m] }
+        Scaling {
+            objective: 1.0,
+            rows: vec![1.0; m],
+            sizes: vec![1.0; n],
+            sized: false,
+            heavy: false,
+            rule: Rule::Steep,
+            weights: vec![0.0; m],
+            none: vec![0.0; m],
+        }
     }
 
-    /// Factors 1.
+    /// Factors 1, and sizes 1 where they are not the problem's own.
     pub fn reset(&mut self) {
         self.objective = 1.0;
         self.rows.fill(1.0);
+        if self.rule != Rule::Sizes {
+            self.sizes.fill(1.0);
+            self.sized = false;
+        }
     }
 
     /// Takes over the sizes a problem has for its variables.
@@ -52,6 +110,23 @@ impl Scaling {
             *s = if *s > 0.0 && s.is_finite() { *s } else { 1.0 };
         }
         self.sized = self.sizes.iter().any(|s| *s != 1.0);
+        self.rule = if self.sized {
+            Rule::Sizes
+        } else if p.is_discretised() || p.pairs().is_empty() {
+            Rule::Steep
+        } else {
+            Rule::Units
+        };
+    }
+
+    /// Does the problem know the sizes of its variables?
+    pub fn is_by_sizes(&self) -> bool {
+        self.rule == Rule::Sizes
+    }
+
+    /// Does the choice of factors ask for second derivatives of the objective?
+    pub fn is_curved(&self) -> bool {
+        self.rule != Rule::Steep
     }
 
     /// Sizes that are powers of two: variables and bounds are then what they are in their own units, to the last bit.
@@ -61,23 +136,14 @@ impl Scaling {
 
     /// All sizes and factors 1.
     pub fn forget_sizes(&mut self) {
+        self.rule = Rule::Steep;
         self.reset();
-        self.sizes.fill(1.0);
-        self.sized = false;
     }
 
-    /// Factors from the gradients at a point, with respect to variables of their sizes.
-    pub fn choose(&mut self, grad: &[f64], hess: Option<(&Pattern, &[f64])>, jac: &Pattern, values: &[f64]) {
-        let of = if self.sized { unit } else { factor };
-        let mut steepest = grad.iter().zip(&self.sizes).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
-        if let Some((p, h)) = hess {
-            for (j, s) in self.sizes.iter().enumerate() {
-                let at = p.rows(j).iter().zip(&h[p.range(j)]);
-                steepest = at.fold(steepest, |a, (&i, v)| a.max((v * s * self.sizes[i]).abs()));
-            }
-        }
-        let target = if self.sized { OBJECTIVE } else { 1.0 };
-        self.objective = target * of(steepest);
+    /// Factors from the gradients at a point, with respect to variables of their sizes. `lifts` are the rows that have
+    /// variables of their own.
+    pub fn choose(&mut self, at: &AtPoint, bounds: &Bounds, lifts: &[(usize, usize)]) {
+        let (jac, values) = at.jac;
         self.rows.fill(0.0);
         for j in 0..jac.n_cols() {
             for (&i, v) in jac.rows(j).iter().zip(&values[jac.range(j)]) {
@@ -86,12 +152,75 @@ impl Scaling {
                 }
             }
         }
-        self.rows.iter_mut().for_each(|r| *r = of(*r));
+        match self.rule {
+            Rule::Steep => {
+                self.rows.iter_mut().for_each(|r| *r = factor(*r));
+                self.objective = factor(self.steepest(at));
+            }
+            Rule::Sizes => {
+                self.rows.iter_mut().for_each(|r| *r = unit(*r));
+                self.objective = OBJECTIVE * unit(self.steepest(at));
+            }
+            Rule::Units => {
+                self.lift(at, lifts);
+                for (i, r) in self.rows.iter_mut().enumerate() {
+                    let beyond = (bounds.cl[i] - at.c[i]).max(at.c[i] - bounds.cu[i]);
+                    *r = exponent(r.max(VIOLATION_SHARE * beyond)).map_or(1.0, |e| power(-e));
+                }
+                for &(i, v) in lifts {
+                    self.sizes[v] = 1.0 / self.rows[i];
+                }
+                self.sized = lifts.iter().any(|l| self.rows[l.0] != 1.0);
+                let target = if self.heavy { HEAVY_EXPONENT } else { PLAIN_EXPONENT };
+                self.objective = exponent(self.steepest_near(at)).map_or(1.0, |e| power(target - e));
+            }
+        }
+    }
+
+    /// Makes `rows` of lifted rows the largest derivative with respect to the other variables.
+    fn lift(&mut self, at: &AtPoint, lifts: &[(usize, usize)]) {
+        let (jac, values) = at.jac;
+        lifts.iter().for_each(|l| self.rows[l.0] = 0.0);
+        // 0: the variable of a row, which says nothing about it
+        lifts.iter().for_each(|l| self.sizes[l.1] = 0.0);
+        for j in (0..jac.n_cols()).filter(|&j| self.sizes[j] != 0.0) {
+            for (&i, v) in jac.rows(j).iter().zip(&values[jac.range(j)]) {
+                self.rows[i] = self.rows[i].max(v.abs());
+            }
+        }
+        lifts.iter().for_each(|l| self.sizes[l.1] = 1.0);
+    }
+
+    /// Largest first or second derivative of the objective.
+    fn steepest(&self, at: &AtPoint) -> f64 {
+        let slope = at.grad.iter().zip(&self.sizes).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
+        slope.max(curvature(at, |j| self.sizes[j]))
+    }
+
+    /// The same where variables have sizes of their own: a second derivative counts over the distance of its variables from
+    /// zero, at most one. Large ones beside a small variable tell of its unit. Where that is nothing they count as they are.
+    fn steepest_near(&self, at: &AtPoint) -> f64 {
+        let slope = at.grad.iter().zip(&self.sizes).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
+        let near = slope.max(curvature(at, |j| (at.x[j] / self.sizes[j]).abs().min(1.0) * self.sizes[j]));
+        if near > 0.0 {
+            near
+        } else {
+            self.steepest(at)
+        }
+    }
+
+    /// Objective that a comparison calls one: of a user's program what is one in the units of the solver.
+    pub fn one(&self) -> f64 {
+        if self.rule == Rule::Units {
+            1.0 / self.objective
+        } else {
+            1.0
+        }
     }
 
     /// Size of the scaled gradient of the objective.
     pub fn steepness(&self) -> f64 {
-        if self.sized {
+        if self.is_by_sizes() {
             OBJECTIVE
         } else {
             1.0
@@ -171,6 +300,25 @@ fn factor(largest: f64) -> f64 {
     }
 }
 
+/// The exponent of two of a number, `None` of zero and what is no number.
+fn exponent(v: f64) -> Option<i32> {
+    let biased = (v.to_bits() >> 52 & 0x7ff) as i32;
+    (v.is_normal() && v > 0.0).then_some((biased - 1023).clamp(-MAX_EXPONENT, MAX_EXPONENT))
+}
+
+/// Largest second derivative of the objective over these distances.
+fn curvature(at: &AtPoint, size: impl Fn(usize) -> f64) -> f64 {
+    let Some((p, h)) = at.hess else { return 0.0 };
+    (0..p.n_cols()).fold(0.0, |a, j| {
+        let column = p.rows(j).iter().zip(&h[p.range(j)]);
+        column.fold(a, |a, (&i, v)| a.max((v * size(i) * size(j)).abs()))
+    })
+}
+
+fn power(e: i32) -> f64 {
+    f64::from(e).exp2()
+}
+
 /// Makes the largest entry 1, unless it is rounding.
 fn unit(largest: f64) -> f64 {
     if largest > ROUNDING && largest.is_finite() {
@@ -184,14 +332,19 @@ fn unit(largest: f64) -> f64 {
 mod tests {
     use super::*;
 
+    fn at<'a>(grad: &'a [f64], jac: &'a Pattern, values: &'a [f64], c: &'a [f64]) -> AtPoint<'a> {
+        AtPoint { grad, hess: None, x: &[0.0; 3][..grad.len()], jac: (jac, values), c }
+    }
+
     #[test]
     fn steep_functions_are_scaled_down_and_flat_ones_left_alone() {
         let (jac, _) = Pattern::from_triplets(3, 2, &[0, 1, 1], &[0, 0, 1]);
         let mut s = Scaling::new(2, 3);
-        s.choose(&[1e6, 0.0], None, &jac, &[50.0, 1e30, f64::INFINITY]);
+        let b = Bounds::free(2, 3);
+        s.choose(&at(&[1e6, 0.0], &jac, &[50.0, 1e30, f64::INFINITY], &[0.0; 3]), &b, &[]);
         assert!(s.objective * 1e6 <= 100.0 && s.objective * 1e6 > 49.0 && s.objective.log2().fract() == 0.0);
         assert_eq!((s.rows[0], s.rows[2]), (1.0, 1.0));
-        s.choose(&[0.0, 1.0], None, &jac, &[200.0, 1e30, 1.0]);
+        s.choose(&at(&[0.0, 1.0], &jac, &[200.0, 1e30, 1.0], &[0.0; 3]), &b, &[]);
         assert_eq!((s.objective, s.rows[0]), (1.0, 0.5));
         assert!(s.rows[1] >= 0.5 * SMALLEST);
         let mut c = [4.0, 1.0, 3.0];
@@ -199,5 +352,27 @@ mod tests {
         assert_eq!((c[0], c[2]), (2.0, 3.0));
         s.reset();
         assert_eq!(s.weights(2.0, &[1.0, 2.0, 3.0]), (2.0, &[1.0, 2.0, 3.0][..]));
+    }
+
+    /// Two variables, and a third that stands for row 1, which is as flat as row 0 is steep.
+    #[test]
+    fn programs_of_the_user_are_scaled_to_the_same_whatever_their_units() {
+        let (jac, _) = Pattern::from_triplets(3, 3, &[0, 1, 1, 2], &[0, 1, 2, 1]);
+        let mut b = Bounds::free(3, 3);
+        b.cl[2] = 3.0;
+        let mut s = Scaling::new(3, 3);
+        s.rule = Rule::Units;
+        // the gradient of row 2 vanishes at the start, which violates it by 3
+        s.choose(&at(&[3e6, 0.0, 0.0], &jac, &[5e3, 1e-3, 0.0, -1.0], &[0.0; 3]), &b, &[(1, 2)]);
+        assert!((2.0..4.0).contains(&(s.objective * 3e6)));
+        assert!((1.0..2.0).contains(&(s.rows[0] * 5e3)) && (1.0..2.0).contains(&(s.rows[1] * 1e-3)));
+        assert!((1.0..2.0).contains(&(s.rows[2] * VIOLATION_SHARE * 3.0)));
+        // the derivative of row 1 in its own variable is what it was
+        assert_eq!((&s.sizes[..2], s.sizes[2] * s.rows[1]), (&[1.0, 1.0][..], 1.0));
+        assert!(s.sized && !s.is_by_sizes());
+        s.reset();
+        assert!(!s.sized && s.sizes == [1.0; 3]);
+        s.choose(&at(&[0.0; 3], &jac, &[0.0, f64::NAN, f64::INFINITY, -1.0], &[0.0; 3]), &Bounds::free(3, 3), &[]);
+        assert_eq!((s.objective, &s.rows[..]), (1.0, &[1.0; 3][..]));
     }
 }

@@ -38,7 +38,7 @@ impl MpccSolver {
         proposer: &mut dyn ActiveSetProposer,
     ) -> bool {
         let clock = Instant::now();
-        self.enter(p, sides, x0);
+        self.enter(p, bounds, sides, x0);
         let mut ok = self.try_point(p, bounds, control);
         if !ok && far {
             self.st.start(x0, &mut self.point);
@@ -50,9 +50,9 @@ impl MpccSolver {
     }
 
     /// A solve of the branch `sides` begins at `x0`.
-    fn enter(&mut self, p: &mut dyn Mpcc, sides: &[Side], x0: &[f64]) {
+    fn enter(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, sides: &[Side], x0: &[f64]) {
         self.begin_exact(p);
-        self.scale(p, x0);
+        self.scale(p, bounds, x0);
         self.st.start(x0, &mut self.point);
         self.sides.copy_from_slice(sides);
     }
@@ -108,7 +108,7 @@ impl MpccSolver {
         proposer: &mut dyn ActiveSetProposer,
     ) -> bool {
         let clock = Instant::now();
-        self.enter(p, &near.sides, x0);
+        self.enter(p, bounds, &near.sides, x0);
         self.close = true;
         self.solution.objective = f64::INFINITY;
         let ok = self.try_point(p, bounds, control) || self.go_on_from_near(p, bounds, control, proposer);
@@ -288,6 +288,7 @@ impl MpccSolver {
 
     /// Is the point just reached better than one with this objective?
     pub(super) fn is_better(&self, best: f64) -> bool {
-        self.st.objective(self.ipm.objective(), &self.ipm.iterate().x) < best - 1e-9 * (1.0 + best.abs())
+        self.st.objective(self.ipm.objective(), &self.ipm.iterate().x)
+            < best - 1e-9 * (self.st.scaling.one() + best.abs())
     }
 }

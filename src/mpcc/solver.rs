@@ -203,7 +203,7 @@ impl MpccSolver {
         let clock = Instant::now();
         self.begin_exact(p);
         let s = self.settings;
-        self.scale(p, x0);
+        self.scale(p, bounds, x0);
         if self.st.bilinear.is_empty() {
             // rounding may keep the last digits from the barrier method; the square system has them
             let primal_tol = s.polish_tol.max(if s.polish && s.square_newton { 1e-10 } else { 1e-12 });
@@ -252,7 +252,7 @@ impl MpccSolver {
     ) -> &Solution {
         let clock = Instant::now();
         self.begin_exact(p);
-        self.scale(p, warm.x);
+        self.scale(p, bounds, warm.x);
         self.load(p, warm);
         let ok = if self.st.bilinear.is_empty() {
             self.settle_near(p, bounds, control)
@@ -281,7 +281,7 @@ impl MpccSolver {
     ) -> Outcome {
         let clock = Instant::now();
         self.begin(p);
-        self.scale(p, from.x);
+        self.scale(p, bounds, from.x);
         let mut rule = Monotone { mu_init: mu, tol, primal_tol: tol };
         self.st.bounds(bounds, 0.0, &mut self.bounds);
         let usual = std::mem::replace(&mut self.settings.max_iter, max_iter);
@@ -381,7 +381,7 @@ impl MpccSolver {
                 if centre {
                     for b in &self.st.bilinear {
                         for j in [b.a, b.b] {
-                            start[j] = (0.5 * s.sigma_init.sqrt()).min(bounds.xu[j]);
+                            start[j] = (0.5 * s.sigma_init.sqrt()).min(self.bounds.xu[j]);
                         }
                     }
                 }
@@ -433,10 +433,10 @@ impl MpccSolver {
         outcome
     }
 
-    pub(super) fn scale(&mut self, p: &mut dyn Mpcc, x0: &[f64]) {
+    pub(super) fn scale(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64]) {
         if self.settings.scaling {
             let (rows, grad) = (&mut self.saved.y[..self.st.m], &mut self.point[..x0.len()]);
-            self.st.scale(p, x0, rows, grad);
+            self.st.scale(p, bounds, x0, rows, grad);
         } else {
             self.st.scaling.reset();
         }

@@ -20,6 +20,8 @@ pub(super) struct Structure {
     hess: Pattern,
     /// Weights of the rows `[m]`.
     pub weights: Vec<f64>,
+    /// Those of the program, and the violations.
+    lifts: Vec<(usize, usize)>,
 }
 
 impl Structure {
@@ -32,7 +34,9 @@ impl Structure {
         let mut col_ptr = h.col_ptr().to_vec();
         col_ptr.resize(all + 1, h.nnz());
         let hess = Pattern::new(all, all, col_ptr, h.row_idx().to_vec())?;
-        Ok(Structure { weights: vec![1.0; m], jac, hess })
+        let violations = (0..2 * m).map(|k| (k % m, n + k));
+        let lifts = p.lifts().iter().copied().chain(violations).collect();
+        Ok(Structure { weights: vec![1.0; m], lifts, jac, hess })
     }
 
     /// Its bounds, from those of the program.
@@ -102,6 +106,9 @@ impl Nlp for Violation<'_> {
 impl Mpcc for Violation<'_> {
     fn pairs(&self) -> &[(usize, usize)] {
         self.inner.pairs()
+    }
+    fn lifts(&self) -> &[(usize, usize)] {
+        &self.st.lifts
     }
     fn n_groups(&self) -> usize {
         self.inner.n_groups()
