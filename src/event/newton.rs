@@ -36,6 +36,8 @@ struct Sparse {
     diagonal: Vec<usize>,
     /// Algebraic variables that the pattern belongs to.
     pairs: Vec<Pair>,
+    /// Sums of rows.
+    sums: Vec<f64>,
     real: SparseLu<f64>,
     complex: SparseLu<Complex<f64>>,
 }
@@ -64,14 +66,19 @@ impl Newton {
     pub(super) fn evaluate(&mut self, field: &mut Field, t: f64, x: &[f64], alpha: &[f64]) -> EvalResult {
         self.factored = 0.0;
         self.r = field.n_alg();
-        if let Some(mut s) = self.sparse.take() {
+        let mut relaid = false;
+        if let Some(s) = &mut self.sparse {
+            // where a function is not defined, pattern and factors stay as they are
             field.jacobian_entries(t, x, alpha, &mut s.jacobian)?;
             s.border.clear();
             for i in 0..self.r {
                 s.border.extend(field.d(i).map(|d| -d.1));
                 s.border.extend(field.c(i).filter(|c| c.0 < self.nx).map(|c| c.1));
             }
-            self.sparse = if s.pairs == field.pairs() { Some(s) } else { s.laid_out(field) };
+            relaid = s.pairs != field.pairs();
+        }
+        if relaid {
+            self.sparse = self.sparse.take().and_then(|s| s.laid_out(field));
         }
         if self.sparse.is_some() {
             return Ok(());
@@ -92,9 +99,9 @@ impl Newton {
     }
 
     /// Largest sum of a row of the Jacobian, states in units of their sizes: a bound on how fast the mode is.
-    pub(super) fn speed(&self, size: &[f64]) -> f64 {
+    pub(super) fn speed(&mut self, size: &[f64]) -> f64 {
         let nx = self.nx;
-        let Some(s) = &self.sparse else {
+        let Some(s) = &mut self.sparse else {
             let n_z = self.jac.len() / nx.max(1);
             let row = |r: &[f64]| r[..nx].iter().zip(size).map(|(v, s)| v.abs() * s).sum::<f64>();
             return self.jac.chunks_exact(n_z.max(1)).zip(size).map(|(r, s)| row(r) / s).fold(0.0, f64::max);
@@ -179,6 +186,7 @@ impl Sparse {
             map: (0..pattern.nnz()).collect(),
             diagonal: (0..field.nx).filter_map(|i| pattern.get(i, i)).collect(),
             pairs: Vec::new(),
+            sums: vec![0.0; field.nx],
             real: SparseLu::new(pattern.clone()).ok()?,
             complex: SparseLu::new(pattern.clone()).ok()?,
         })
@@ -220,8 +228,9 @@ impl Sparse {
         self.real.factorise_sized(|j| size[j]) && self.complex.factorise_sized(|j| size[j])
     }
 
-    fn speed(&self, size: &[f64]) -> f64 {
-        let mut sums = vec![0.0; self.diagonal.len()];
+    fn speed(&mut self, size: &[f64]) -> f64 {
+        let sums = &mut self.sums;
+        sums.fill(0.0);
         for (v, &(i, j)) in self.jacobian.iter().zip(&self.places) {
             sums[i] += v.abs() * size[j];
         }

@@ -142,7 +142,7 @@ impl Radau {
     }
 
     /// A bound on how fast the mode is.
-    pub(super) fn speed(&self) -> f64 {
+    pub(super) fn speed(&mut self) -> f64 {
         self.matrix.speed(&self.size)
     }
 
@@ -388,17 +388,19 @@ impl Radau {
         }
     }
 
-    /// Value in the middle of the step of the cubic through `start`, the values of row `i` at the first two stages,
-    /// and `end`.
-    pub(super) fn middle(&self, start: f64, i: usize, end: f64) -> f64 {
+    /// Weights of the values at the start, at the first two stages and at the end in the cubic through them at relative time `s`.
+    pub(super) fn cubic(&self, s: f64) -> [f64; 4] {
         let [a, b, _] = self.c;
         let nodes = [0.0, a, b, 1.0];
-        let values = [start, self.z[0][i], self.z[1][i], end];
-        let weight = |m: usize| -> f64 {
+        std::array::from_fn(|m| {
             let others = nodes.iter().enumerate().filter(|(k, _)| *k != m);
-            others.map(|(_, c)| (0.5 - c) / (nodes[m] - c)).product()
-        };
-        (0..4).map(|m| weight(m) * values[m]).sum()
+            others.map(|(_, c)| (s - c) / (nodes[m] - c)).product()
+        })
+    }
+
+    /// Value of the cubic through `start`, row `i` at the first two stages, and `end`.
+    pub(super) fn between(&self, weights: &[f64; 4], start: f64, i: usize, end: f64) -> f64 {
+        weights[0] * start + weights[1] * self.z[0][i] + weights[2] * self.z[1][i] + weights[3] * end
     }
 
     /// Size of an unknown at the start of the last step: a state, or a weight behind them.

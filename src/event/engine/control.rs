@@ -20,6 +20,16 @@ const MILD: f64 = 0.25;
 /// A move of so much of the tolerance leaves the derivative as it is.
 pub(super) const UNSEEN: f64 = 1e-3;
 
+/// What is known of how fast a mode is compared with what the tolerances ask for.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Pace {
+    Unknown,
+    /// An explicit pair was at the limit of its stability.
+    Stiff,
+    /// Steps of Radau IIA were such that an explicit pair would have been stable.
+    Mild,
+}
+
 /// How an attempt at a step ended.
 pub(super) enum Tried {
     Error(f64),
@@ -46,6 +56,8 @@ impl Engine {
     }
 
     pub(super) fn attempt(&mut self) -> Result<Tried> {
+        // that of an attempt before, which was not accepted, says nothing about this one
+        self.dense_ready = false;
         let r = if self.implicit {
             self.set_weights(false);
             let (shrink, tol) = self.shrink();
@@ -190,11 +202,19 @@ impl Engine {
             Method::Radau5 => true,
             _ if slides && (self.sens.is_some() || self.tape.is_some()) => true,
             Method::Dp5 | Method::Dop853 => false,
-            Method::Auto if slides => {
-                self.field.active.iter().zip(&self.stiff_slides).any(|(set, stiff)| *stiff && set.len() > 1)
-            }
-            Method::Auto => self.field.active_cells().any(|c| self.stiff[c]) || self.stiff[self.stiff.len() - 1],
+            Method::Auto => self.stiff_mode,
         }
+    }
+
+    /// Is the present mode stiff, as far as is known when it begins? One that nothing is known of is as the mode before: what is
+    /// fast beside a surface mostly is fast on it and behind it too, and an explicit pair would find that out at the limit of its
+    /// stability, where its dense output has zeros that the solution has not.
+    pub(super) fn begins_stiff(&self) -> bool {
+        let slid = |(set, stiff): (&Vec<usize>, &bool)| *stiff && set.len() > 1;
+        let fast = |pace: Pace| pace == Pace::Stiff || pace == Pace::Unknown && self.stiff_mode;
+        fast(self.stiff[self.stiff.len() - 1]) && self.field.active.is_empty()
+            || self.field.active_cells().any(|c| fast(self.stiff[c]))
+            || self.field.active.iter().zip(&self.stiff_slides).any(slid)
     }
 
     /// Step length after a success.
@@ -339,28 +359,52 @@ impl Engine {
         if self.mild_steps < MILD_STEPS {
             return;
         }
-        self.implicit = false;
+        (self.implicit, self.stiff_mode) = (false, false);
         (self.stiff_steps, self.mild_steps) = (0, 0);
-        let none = self.stiff.len() - 1;
-        self.stiff[none] = false;
-        for c in self.field.active_cells() {
-            self.stiff[c] = false;
-        }
+        self.set_pace(Pace::Mild);
     }
 
     /// The present mode is stiff from here on.
     fn turn_stiff(&mut self) {
-        self.implicit = true;
+        (self.implicit, self.stiff_mode) = (true, true);
         if self.field.n_alg() > 0 {
             for (stiff, set) in self.stiff_slides.iter_mut().zip(&self.field.active) {
                 *stiff |= set.len() > 1;
             }
             return;
         }
-        let none = self.stiff.len() - 1;
-        self.stiff[none] |= self.field.active.is_empty();
-        for c in 0..self.field.n_cells {
-            self.stiff[c] |= self.field.active_cells().any(|a| a == c);
+        self.set_pace(Pace::Stiff);
+    }
+
+    /// Notes how fast the present mode is.
+    fn set_pace(&mut self, pace: Pace) {
+        if self.field.active.is_empty() {
+            let none = self.stiff.len() - 1;
+            self.stiff[none] = pace;
+        }
+        for c in self.field.active_cells() {
+            self.stiff[c] = pace;
+        }
+    }
+
+    /// No step ends at the zero that the dense output of an explicit pair had. Where the step was near the limit of the
+    /// stability of the pair, that output shows what the pair does and not the solution.
+    pub(super) fn note_failed_landing(&mut self) {
+        /// Part of the stability, and how many steps that look stiff it is worth.
+        const NEAR: f64 = 0.2;
+        const WORTH: usize = 4;
+        if self.implicit
+            || self.options.method != Method::Auto
+            || self.field.in_limit_set()
+            || self.stiffness <= NEAR * self.pair.stability()
+        {
+            return;
+        }
+        self.mild_steps = 0;
+        self.stiff_steps += WORTH;
+        if self.stiff_steps >= STIFF_STEPS {
+            self.turn_stiff();
+            self.step_implicit = true;
         }
     }
 

@@ -41,7 +41,6 @@ impl Engine {
         let tries = if self.watches[l].is_left_by_jumps() { 60 } else { 12 };
         for _ in 0..tries {
             self.step.h = h;
-            self.dense_ready = false;
             self.stats.relocations += 1;
             match self.attempt()? {
                 Tried::Error(e) if e <= 10.0 => {}
@@ -76,6 +75,13 @@ impl Engine {
                 return self.pass(l, slope, grown, end);
             }
             h = (h + delta).max(0.2 * h).min((5.0 * h).min(most));
+        }
+        if let (Some((value, _)), Watch::Leave { .. }) = (before, self.watches[l]) {
+            // weights are between 0 and 1: what is far from zero is not where it vanishes
+            let rtol = self.rtol.iter().fold(0.0f64, |m, v| m.max(*v));
+            if value > rtol.sqrt() {
+                return Ok(None);
+            }
         }
         // grazing: the length hardly matters for the value any more
         if let (Some((value, _)), Watch::Contact { .. }) = (before, self.watches[l]) {

@@ -20,7 +20,7 @@ use std::sync::Arc;
 use self::accumulation::{Recent, MEMORY};
 use self::chatter::Window;
 use self::contact::SceneRoom;
-use self::control::Tried;
+use self::control::{Pace, Tried};
 use self::limit_set::Shrinking;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler, NODES};
@@ -86,8 +86,10 @@ pub struct Engine {
     /// Weights of the second of two cells of every subsystem at the start of the last step; NaN where it did not slide.
     last_weights: Vec<f64>,
     implicit: bool,
-    /// Modes that turned out to be stiff, by cell; the last entry is for a system without cells.
-    stiff: Vec<bool>,
+    /// How fast modes turned out to be, by cell; the last entry is for a system without cells.
+    stiff: Vec<Pace>,
+    /// Is the present mode stiff?
+    stiff_mode: bool,
     /// Subsystems that were stiff when they slid.
     stiff_slides: Vec<bool>,
     stiff_steps: usize,
@@ -241,7 +243,8 @@ impl Engine {
             tried: 0.0,
             last_weights: vec![f64::NAN; field.subs.len()],
             implicit: false,
-            stiff: vec![false; n_cells + 1],
+            stiff: vec![Pace::Unknown; n_cells + 1],
+            stiff_mode: false,
             stiff_slides: vec![false; field.subs.len()],
             stiff_steps: 0,
             stiffness: 0.0,
@@ -334,7 +337,8 @@ impl Engine {
         }
         self.restart = true;
         self.h = 0.0;
-        self.stiff.fill(false);
+        self.stiff.fill(Pace::Unknown);
+        self.stiff_mode = false;
         self.stiff_slides.fill(false);
         (self.next_pair, self.cut) = (self.usual_pair, 0);
         self.last_weights.fill(f64::NAN);
@@ -674,6 +678,7 @@ impl Engine {
                             if let Some(p) = self.land(l, s, slope, grown)? {
                                 return Ok(p);
                             }
+                            self.note_failed_landing();
                             self.reject(&mut rejected, 0.5);
                         }
                         Some(Found::Coarse(e)) => self.reject(&mut rejected, (0.9 * e.powf(-0.25)).clamp(0.1, 0.9)),

@@ -162,9 +162,24 @@ impl Engine {
         Ok(best)
     }
 
-    /// Weights that are sampled at relative time `s`, the `i`-th node; the state there is known, or is written.
+    /// Weights that are sampled at relative time `s`, the `i`-th node; the state there is known, or is written. Those of an
+    /// implicit step are on the cubic through its stages: as functions of a state between the stages they would show the error
+    /// of the interpolation, enlarged by what is stiff.
     fn sample_weights(&mut self, i: usize, s: f64, known: bool) -> std::result::Result<(), EvalError> {
         let t = self.step.t + s * self.step.h;
+        if self.implicit {
+            let (weights, nx) = (self.radau.cubic(s), self.nx);
+            for j in 0..self.alpha_start.len() {
+                self.field.alpha[j] = self.radau.between(&weights, self.alpha_start[j], nx + j, self.alpha_end[j]);
+            }
+            for &l in &self.looked {
+                if let (Watch::Leave { cell, .. }, true) = (self.watches[l], self.suspect[l]) {
+                    self.samples[l][i] = self.field.theta(cell);
+                }
+            }
+            self.field.alpha[..self.alpha_end.len()].copy_from_slice(&self.alpha_end);
+            return Ok(());
+        }
         if !known {
             self.step.at(s, &mut self.node);
         }
@@ -316,8 +331,9 @@ impl Engine {
             self.write_dense()?;
             self.step.at(0.5, &mut self.node);
             self.field.hidden(t + 0.5 * h, &self.node)?;
+            let weights = self.radau.cubic(0.5);
             for i in 0..n_alg {
-                let cubic = self.radau.middle(self.alpha_start[i], nx + i, self.alpha_end[i]);
+                let cubic = self.radau.between(&weights, self.alpha_start[i], nx + i, self.alpha_end[i]);
                 worst = worst.max((self.field.alpha[i] - cubic).abs() / FRACTION);
             }
             self.field.alpha[..n_alg].copy_from_slice(&self.alpha_end);

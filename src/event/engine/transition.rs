@@ -229,6 +229,7 @@ impl Engine {
                 self.depart[l] = if rises { 1 } else { 2 };
             }
         }
+        self.stiff_mode = self.begins_stiff();
         self.implicit = self.begins_implicit();
         self.stiff_steps = 0;
         Ok(())
@@ -395,7 +396,10 @@ impl Engine {
         }
         self.project_sensitivity()?;
         if self.crowd > 0 && self.field.active == before {
-            self.depart[l] = self.depart[l].max(2);
+            // a weight that has not vanished has no zero to be divided out
+            if !self.watches[l].is_leave() || self.w0[l] <= EPS.sqrt() {
+                self.depart[l] = self.depart[l].max(2);
+            }
         }
         if self.crowd > 20 {
             self.fail(Outcome::NoContinuation, "the signs of the active set contradict each other".into());

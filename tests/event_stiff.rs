@@ -1,0 +1,281 @@
+//! Stiff systems large enough for sparse matrices: a rod that conducts heat, with a thermostat, beside its solution by
+//! eigenvectors.
+
+use nalgebra::{DMatrix, DVector, SymmetricEigen};
+use std::sync::Arc;
+use switchback::event::{simulate, Engine, Method, Options, Outcome, Run, Switch};
+use switchback::expr::{Expr, ExprFunction, Graph};
+use switchback::func::Dims;
+use switchback::system::{Regions, Subsystem, System};
+
+/// Angular frequency of the air at the end of the rod, its mean temperature and amplitude; temperature of the thermostat.
+const OMEGA: f64 = 1.3;
+const MEAN: f64 = 8.0;
+const AMPLITUDE: f64 = 14.0;
+const LEVEL: f64 = 20.0;
+
+/// `n` nodes, insulated at the beginning, as warm as the air at the end, with a heater and a thermostat at node `n / 4`.
+struct Rod {
+    n: usize,
+    heated: usize,
+}
+
+impl Rod {
+    fn new(n: usize) -> Rod {
+        Rod { n, heated: n / 4 }
+    }
+
+    fn conduction(&self) -> f64 {
+        0.2 * (self.n * self.n) as f64
+    }
+
+    /// Heat when the heater is on.
+    fn power(&self) -> f64 {
+        4.0 * self.n as f64
+    }
+
+    /// The model; `full` has every state in every row, multiplied by a parameter that is zero.
+    fn system(&self, full: bool) -> System {
+        let (n, g) = (self.n, Graph::new());
+        let d = Dims { x: n, u: 0, p: 1 };
+        let mut s = System::new(n, 0, 1).unwrap();
+        let air = MEAN + AMPLITUDE * (OMEGA * g.t()).sin();
+        let sum = (1..n).fold(g.x(0), |sum, i| sum + g.x(i));
+        let rate = |i: usize| -> Expr {
+            let before = if i > 0 { g.x(i - 1) } else { g.x(0) };
+            let behind = if i + 1 < n { g.x(i + 1) } else { air };
+            let own = self.conduction() * (before - 2.0 * g.x(i) + behind) + 0.3 * (air - g.x(i));
+            if full {
+                own + g.p(0) * sum
+            } else {
+                own
+            }
+        };
+        let rates: Vec<Expr> = (0..n).map(rate).collect();
+        s.set_f0(Arc::new(g.function("f0", d, &rates).unwrap())).unwrap();
+        let psi = Arc::new(g.function("psi", d, &[g.x(self.heated) - LEVEL]).unwrap());
+        let ids = g.ids(&[g.constant(0.0), g.constant(self.power())]);
+        let modes = Arc::new(ExprFunction::with_parts("modes", &mut g.dag(), d, &ids, 1).unwrap());
+        let regions = Regions::Signs { psi, signs: vec![1, -1] };
+        s.add_subsystem(Subsystem { rows: vec![self.heated], modes, n_modes: 2, regions }).unwrap();
+        s
+    }
+
+    fn run(&self, full: bool, options: &Options, end: f64) -> Run {
+        let r = simulate(&self.system(full), options, 0.0, &vec![15.0; self.n], end).unwrap();
+        assert_eq!(r.outcome, Outcome::Reached, "{} nodes: {}", self.n, r.reason);
+        r
+    }
+}
+
+/// `x' = A x + b + c sin ω t` with a symmetric `A`, for the states that move; the others are constant.
+struct Linear {
+    moving: Vec<usize>,
+    values: DVector<f64>,
+    vectors: DMatrix<f64>,
+    /// `b` and `c` in eigenvectors.
+    b: DVector<f64>,
+    c: DVector<f64>,
+}
+
+impl Linear {
+    /// With the heater on or off, or with the heated node held at its temperature.
+    fn new(rod: &Rod, heat: f64, held: bool) -> Linear {
+        let moving: Vec<usize> = (0..rod.n).filter(|i| !(held && *i == rod.heated)).collect();
+        let (k, m) = (rod.conduction(), moving.len());
+        let (mut a, mut b, mut c) = (DMatrix::zeros(m, m), DVector::zeros(m), DVector::zeros(m));
+        for (row, &i) in moving.iter().enumerate() {
+            let flows = if i == 0 { 1.0 } else { 2.0 };
+            a[(row, row)] = -k * flows - 0.3;
+            for j in [i.wrapping_sub(1), i + 1] {
+                match moving.binary_search(&j) {
+                    Ok(column) => a[(row, column)] = k,
+                    Err(_) if held && j == rod.heated => b[row] += k * LEVEL,
+                    Err(_) => {}
+                }
+            }
+            let air = 0.3 + if i + 1 == rod.n { k } else { 0.0 };
+            b[row] += air * MEAN + if i == rod.heated { heat } else { 0.0 };
+            c[row] += air * AMPLITUDE;
+        }
+        let SymmetricEigen { eigenvalues, eigenvectors } = SymmetricEigen::new(a);
+        let (b, c) = (eigenvectors.transpose() * b, eigenvectors.transpose() * c);
+        Linear { moving, values: eigenvalues, vectors: eigenvectors, b, c }
+    }
+
+    /// The particular solution in eigenvectors.
+    fn forced(&self, t: f64) -> DVector<f64> {
+        let (s, c) = (OMEGA * t).sin_cos();
+        DVector::from_fn(self.values.len(), |i, _| {
+            let l = self.values[i];
+            -self.b[i] / l - self.c[i] * (l * s + OMEGA * c) / (l * l + OMEGA * OMEGA)
+        })
+    }
+
+    /// What is left of the start at time `t0`, in eigenvectors.
+    fn free(&self, t0: f64, x: &[f64]) -> DVector<f64> {
+        let own = DVector::from_iterator(self.moving.len(), self.moving.iter().map(|i| x[*i]));
+        self.vectors.transpose() * own - self.forced(t0)
+    }
+
+    fn at(&self, t0: f64, free: &DVector<f64>, t: f64, x: &mut [f64]) {
+        let grown = DVector::from_fn(free.len(), |i, _| free[i] * (self.values[i] * (t - t0)).exp());
+        let own = &self.vectors * (grown + self.forced(t));
+        self.moving.iter().zip(own.iter()).for_each(|(i, v)| x[*i] = *v);
+    }
+}
+
+/// The solution from eigenvectors: switching times and the state at the end.
+fn exact(rod: &Rod, end: f64) -> (Vec<f64>, Vec<f64>) {
+    let modes = [Linear::new(rod, rod.power(), false), Linear::new(rod, 0.0, false), Linear::new(rod, 0.0, true)];
+    let (on, off, slides) = (0, 1, 2);
+    // weight of the mode with the heater on the surface
+    let weight = |x: &[f64], t: f64| {
+        let air = MEAN + AMPLITUDE * (OMEGA * t).sin();
+        let h = rod.heated;
+        -(rod.conduction() * (x[h - 1] - 2.0 * x[h] + x[h + 1]) + 0.3 * (air - x[h])) / rod.power()
+    };
+    // what is positive in every mode
+    let left = |mode: usize, x: &[f64], t: f64| match mode {
+        0 => LEVEL - x[rod.heated],
+        1 => x[rod.heated] - LEVEL,
+        _ => weight(x, t).min(1.0 - weight(x, t)),
+    };
+    let (mut mode, mut t0, mut x) = (on, 0.0, vec![15.0; rod.n]);
+    let mut times = Vec::new();
+    loop {
+        let free = modes[mode].free(t0, &x);
+        let mut y = x.clone();
+        let value = |t: f64, y: &mut Vec<f64>| {
+            modes[mode].at(t0, &free, t, y);
+            left(mode, y, t)
+        };
+        // behind a switch the function is zero to rounding
+        let (mut a, mut b) = (t0 + 1e-9, t0);
+        loop {
+            b += 2e-3;
+            if b >= end || value(b, &mut y) < 0.0 {
+                break;
+            }
+            a = b;
+        }
+        if b >= end && value(end, &mut y) >= 0.0 {
+            return (times, y);
+        }
+        b = b.min(end);
+        for _ in 0..60 {
+            let middle = 0.5 * (a + b);
+            if value(middle, &mut y) < 0.0 {
+                b = middle;
+            } else {
+                a = middle;
+            }
+        }
+        value(a, &mut y);
+        (t0, x) = (a, y);
+        times.push(a);
+        let w = weight(&x, a);
+        mode = match mode {
+            2 if w < 0.5 => off,
+            2 => on,
+            _ if (0.0..=1.0).contains(&w) => slides,
+            0 => off,
+            _ => on,
+        };
+        if mode == slides {
+            x[rod.heated] = LEVEL;
+        }
+    }
+}
+
+fn times(switches: &[Switch]) -> Vec<f64> {
+    switches.iter().map(|s| s.t).collect()
+}
+
+fn error(found: &[f64], exact: &[f64]) -> f64 {
+    assert_eq!(found.len(), exact.len(), "{found:?}\n{exact:?}");
+    found.iter().zip(exact).map(|(a, b)| (a - b).abs() / (1.0 + b.abs())).fold(0.0, f64::max)
+}
+
+#[test]
+fn a_rod_with_a_thermostat_is_followed_at_every_tolerance() {
+    for n in [60, 200] {
+        let rod = Rod::new(n);
+        let (switches, x) = exact(&rod, 3.0);
+        assert!(switches.len() >= 3, "{switches:?}");
+        let mut errors = Vec::new();
+        for e in [4, 6, 8] {
+            let tol = 10f64.powi(-e);
+            let r = rod.run(false, &Options::with_tolerance(tol, 1e-2 * tol), 3.0);
+            let worst = error(&times(&r.switches), &switches).max(error(&r.x, &x));
+            assert!(worst <= 30.0 * tol, "{n} nodes, {tol:e}: {worst:e}");
+            errors.push(worst);
+        }
+        // with the tolerance over four decades, where the loosest one is met by far
+        assert!(errors[2] <= 3e-2 * errors[0], "{errors:?}");
+    }
+}
+
+#[test]
+fn a_rod_of_many_nodes_is_no_more_steps() {
+    let steps = |n: usize| {
+        let r = Rod::new(n).run(false, &Options::with_tolerance(1e-6, 1e-8), 12.0);
+        assert_eq!(r.switches.len(), 11, "{:?}", times(&r.switches));
+        assert!(r.stats.factorisations > 0, "{:?}", r.stats);
+        r.stats.steps
+    };
+    let few = steps(50);
+    for n in [100, 200, 400] {
+        assert!(steps(n) <= 2 * few, "{n} nodes");
+    }
+}
+
+#[test]
+fn sparse_and_dense_matrices_give_the_same_steps() {
+    let (rod, end) = (Rod::new(40), 2.8);
+    let options = Options { method: Method::Radau5, ..Options::with_tolerance(1e-7, 1e-9) };
+    let (sparse, dense) = (rod.run(false, &options, end), rod.run(true, &options, end));
+    assert_eq!(sparse.switches.len(), dense.switches.len());
+    assert!(error(&times(&sparse.switches), &times(&dense.switches)) <= 1e-6);
+    assert!(error(&sparse.x, &dense.x) <= 1e-6);
+    // factors that serve several steps
+    assert!(sparse.stats.jacobians < dense.stats.jacobians, "{:?} {:?}", sparse.stats, dense.stats);
+}
+
+/// The error of Radau IIA falls with the fifth power of the length of the steps, for sparse matrices with slides too.
+#[test]
+fn the_order_of_sparse_radau_is_five() {
+    let rod = Rod::new(40);
+    let (switches, x) = exact(&rod, 1.6);
+    let worst = |e: f64| {
+        let tol = 10f64.powf(-e);
+        let options = Options { method: Method::Radau5, ..Options::with_tolerance(tol, 1e-2 * tol) };
+        let r = rod.run(false, &options, 1.6);
+        (r.stats.steps as f64, error(&times(&r.switches), &switches).max(error(&r.x, &x)))
+    };
+    let ((n1, e1), (n2, e2)) = (worst(5.0), worst(9.0));
+    let order = (e1 / e2).ln() / (n2 / n1).ln();
+    assert!(order >= 4.0, "{order}");
+}
+
+/// A function that is not defined where a step tries leaves matrices as they are: the run goes on with shorter steps.
+#[test]
+fn what_is_not_defined_at_a_stage_does_not_end_sparse_matrices() {
+    let n = 30;
+    let (g, d) = (Graph::new(), Dims { x: n, u: 0, p: 0 });
+    // the first state falls to the border of where its root is defined, sqrt(x)' = −1/2 until it rests
+    let rate = |i: usize| match i {
+        0 => -1.0 * g.x(0).sqrt(),
+        _ => 1e5 * (g.x(i - 1) - g.x(i)),
+    };
+    let rates: Vec<Expr> = (0..n).map(rate).collect();
+    let mut s = System::new(n, 0, 0).unwrap();
+    s.set_f0(Arc::new(g.function("f0", d, &rates).unwrap())).unwrap();
+    let options = Options { method: Method::Radau5, ..Options::with_tolerance(1e-6, 1e-8) };
+    let mut engine = Engine::new(&s, &options).unwrap();
+    engine.reinit(0.0, &vec![1.0; n]).unwrap();
+    assert_eq!(engine.advance(1.9).unwrap(), Outcome::Reached, "{}", engine.reason());
+    // x = (1 − t/2)²
+    assert!((engine.state()[0] - 0.0025).abs() <= 1e-6, "{}", engine.state()[0]);
+    assert!(engine.stats().jacobians < engine.stats().steps, "{:?}", engine.stats());
+}
