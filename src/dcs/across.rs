@@ -1,7 +1,9 @@
 //! What becomes of the indicators at the end of a control stage, where controls, and parameters that the stages have of their
 //! own, jump.
 
-use super::Form;
+use super::{Dcs, Form};
+use crate::linalg::csc::Pattern;
+use crate::system::SharedFunction;
 
 /// How the multipliers of a cell go on from one control stage to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -57,5 +59,108 @@ impl Form {
             _ => Across::Nothing,
         };
         self.simplices.iter().map(of).collect()
+    }
+}
+
+impl Dcs {
+    /// Of every simplex: may its weights in a sliding mode jump at the end of a control stage? They follow from `∇ψ·ẋ = 0`, so they
+    /// jump with the derivatives of the states that the switching functions depend on; without that a mode can be left only where a
+    /// weight has come to zero. What jumps is as in [`Form::across`].
+    pub fn weights_jump(&self, linear: &[bool], stage_params: bool) -> Vec<bool> {
+        let form = self.form();
+        let across = form.across(linear, stage_params);
+        let mut jumps: Vec<bool> =
+            form.simplices.iter().map(|c| across[c.clone()].iter().any(|a| *a != Across::Tied)).collect();
+        if self.n_z > 0 || !form.inclusions.is_empty() {
+            // algebraic states jump with the controls
+            jumps.fill(true);
+        }
+        let mut driven = vec![false; self.nx()];
+        let mut mark = |f: &SharedFunction, rows: &[usize]| {
+            let d = f.dims();
+            let inputs = (0..d.u).filter(|j| !linear.get(*j).copied().unwrap_or(false)).map(|j| d.x + j);
+            let params = if stage_params { d.x + d.u..d.t_col() } else { 0..0 };
+            let pattern: &Pattern = f.jac_pattern();
+            for j in inputs.chain(params) {
+                pattern.rows(j).iter().for_each(|i| driven[rows[i % rows.len()]] = true);
+            }
+        };
+        self.drifts.iter().for_each(|d| mark(&d.f, &d.rows));
+        self.subsystems.iter().for_each(|s| mark(&s.modes, &s.rows));
+        loop {
+            let before = jumps.clone();
+            for (k, cells) in form.simplices.iter().enumerate() {
+                jumps[k] |= form.rows.iter().filter(|r| r.lambda.iter().any(|(c, _)| cells.contains(c))).any(|r| {
+                    let f = &form.sources[r.source];
+                    let on = |j: usize| f.jac_pattern().rows(j).iter().any(|&i| r.weights[i] != 0.0);
+                    (0..f.dims().x).any(|j| driven[j] && on(j))
+                });
+            }
+            if jumps == before {
+                return jumps;
+            }
+            // weights that jump take the derivatives along that they add to: of their own subsystem, or of another one
+            self.subsystems.iter().flat_map(|s| &s.rows).for_each(|i| driven[*i] = true);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::func::{Callback, Dims};
+    use crate::system::{Regions, Subsystem, System};
+
+    const D: Dims = Dims { x: 3, u: 1, p: 0 };
+
+    /// A function whose outputs depend on the columns given, one list for each of them.
+    fn depends(rows: &[&[usize]]) -> SharedFunction {
+        let columns: Vec<Vec<usize>> =
+            (0..=D.t_col()).map(|j| (0..rows.len()).filter(|i| rows[*i].contains(&j)).collect()).collect();
+        let mut starts = vec![0];
+        columns.iter().for_each(|c| starts.push(starts[starts.len() - 1] + c.len()));
+        let pattern = Pattern::new(rows.len(), D.t_col() + 1, starts, columns.concat()).unwrap();
+        let f = Callback::new("f", D, rows.len(), |_, out| {
+            out.fill(1.0);
+            0
+        });
+        let f = f.with_jacobian(pattern, |_, out| {
+            out.fill(1.0);
+            0
+        });
+        Arc::new(f.unwrap())
+    }
+
+    /// States `q1`, `q2` with friction on surfaces of their own, driven by `v`, and `v' = u`.
+    fn weights_of(f0: &[&[usize]; 3], surfaces: [&[usize]; 2]) -> Vec<bool> {
+        let mut s = System::new(D.x, D.u, D.p).unwrap();
+        s.set_f0(depends(f0)).unwrap();
+        for (row, psi) in surfaces.into_iter().enumerate() {
+            let regions = Regions::Signs { psi: depends(&[psi]), signs: vec![1, -1] };
+            s.add_subsystem(Subsystem { rows: vec![row], modes: depends(&[&[], &[]]), n_modes: 2, regions }).unwrap();
+        }
+        Dcs::stewart(&s).unwrap().weights_jump(&[], false)
+    }
+
+    #[test]
+    fn weights_jump_where_controls_reach_their_surfaces_at_once() {
+        let (v, u) = (2, 3);
+        // the control acts through the velocity alone
+        assert_eq!(weights_of(&[&[v], &[v], &[u]], [&[0], &[1]]), [false, false]);
+        // on one of the two states themselves
+        assert_eq!(weights_of(&[&[v, u], &[v], &[u]], [&[0], &[1]]), [true, false]);
+        // and on the other, whose surface depends on that state
+        assert_eq!(weights_of(&[&[v, u], &[v], &[u]], [&[0], &[0, 1]]), [true, true]);
+        // on a surface that depends on the velocity
+        assert_eq!(weights_of(&[&[v], &[v], &[u]], [&[0, v], &[1]]), [true, false]);
+        // controls that are linear in a stage do not jump
+        let mut s = System::new(D.x, D.u, D.p).unwrap();
+        s.set_f0(depends(&[&[u], &[], &[]])).unwrap();
+        let regions = Regions::Signs { psi: depends(&[&[0]]), signs: vec![1, -1] };
+        s.add_subsystem(Subsystem { rows: vec![0], modes: depends(&[&[], &[]]), n_modes: 2, regions }).unwrap();
+        let dcs = Dcs::stewart(&s).unwrap();
+        assert_eq!([dcs.weights_jump(&[], false), dcs.weights_jump(&[true], false)], [[true], [false]]);
     }
 }

@@ -330,6 +330,30 @@ impl Fesd {
     }
 }
 
+impl Fesd {
+    /// The component `c` leaves a sliding mode at the start of the element `i_e`, as [`Exit`] says.
+    fn leave(&self, i_e: usize, c: usize, b: &mut Bounds) {
+        let [before, e] = [&self.l.elements[i_e - 1], &self.l.elements[i_e]];
+        let last = before.theta[self.tableau.n_s - 1] + c;
+        let by_theta = self.exit == Exit::Theta && (self.tableau.stiffly_accurate() || before.row_last.is_some());
+        match e.row_slope {
+            Some(slope) if !by_theta => {
+                b.cu[slope + c] = 0.0;
+                b.xl[last] = f64::NEG_INFINITY;
+            }
+            _ => {
+                match before.row_last {
+                    Some(row) => (b.cl[row + c], b.cu[row + c]) = (0.0, 0.0),
+                    None => (b.xl[last], b.xu[last]) = (0.0, 0.0),
+                }
+                if let Some(row) = e.row_slope {
+                    b.cl[row + c] = f64::NEG_INFINITY;
+                }
+            }
+        }
+    }
+}
+
 impl Mpcc for Fesd {
     fn pairs(&self) -> &[(usize, usize)] {
         &self.l.pairs
@@ -487,34 +511,27 @@ impl Mpcc for Fesd {
                     b.cl[row + c] = 0.0;
                 }
             }
-            let Some(row) = e.row_equal else { continue };
             let enters = (0..n).any(|c| active(c) && !before(c));
+            let Some(row) = e.row_equal else {
+                // at the start of a control stage, too, a weight that does not jump with the controls is zero where its mode ends;
+                // the two inequalities alone would leave nothing between them
+                for (k, cells) in self.spec.dcs.form().simplices.iter().enumerate() {
+                    let mut leaving = cells.clone().filter(|&c| before(c) && !active(c) && l.is_tied(e, c));
+                    if let (Some(c), None) = (leaving.next(), leaving.next()) {
+                        if !enters && !l.weights_jump[k] {
+                            self.leave(i_e, c, b);
+                        }
+                    }
+                }
+                continue;
+            };
             let leaves = (0..n).find(|&c| before(c) && !active(c));
             match (enters, leaves) {
                 (false, None) => {
                     b.cl[row] = 0.0;
                     b.cu[row] = 0.0;
                 }
-                (false, Some(c)) => {
-                    let last = l.elements[i_e - 1].theta[self.tableau.n_s - 1] + c;
-                    let row_last = l.elements[i_e - 1].row_last;
-                    let by_theta = self.exit == Exit::Theta && (self.tableau.stiffly_accurate() || row_last.is_some());
-                    match e.row_slope {
-                        Some(slope) if !by_theta => {
-                            b.cu[slope + c] = 0.0;
-                            b.xl[last] = f64::NEG_INFINITY;
-                        }
-                        _ => {
-                            match row_last {
-                                Some(row) => (b.cl[row + c], b.cu[row + c]) = (0.0, 0.0),
-                                None => fix(b, last),
-                            }
-                            if let Some(row) = e.row_slope {
-                                b.cl[row + c] = f64::NEG_INFINITY;
-                            }
-                        }
-                    }
-                }
+                (false, Some(c)) => self.leave(i_e, c, b),
                 (true, _) => {}
             }
         }

@@ -329,6 +329,8 @@ pub(super) struct Layout {
     pub n_cells: usize,
     /// How the multipliers of every cell go on from one control stage to the next.
     pub across: Vec<Across>,
+    /// Of every simplex: whether its weights may jump there.
+    pub weights_jump: Vec<bool>,
     pub n_weights: usize,
     pub n_mu: usize,
     pub n: usize,
@@ -455,6 +457,7 @@ impl Layout {
             z,
             n_cells,
             across,
+            weights_jump: spec.dcs.weights_jump(&spec.linear, spec.stage_params),
             n_weights,
             n_mu,
             n: 0,

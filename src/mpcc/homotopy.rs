@@ -163,16 +163,24 @@ pub(super) struct Branch {
     rule: Monotone,
     best: f64,
     since: usize,
+    patience: usize,
 }
 
 /// Iterations without a violation half as large that end a branch.
 const PATIENCE: usize = 5;
+/// The same from a point that may be far from a solution.
+const FAR_PATIENCE: usize = 30;
 /// Violation from which more of them are worth it.
 const CLOSE: f64 = 1e-6;
 
 impl Branch {
     pub fn new(rule: Monotone) -> Branch {
-        Branch { rule, best: f64::INFINITY, since: 0 }
+        Branch { rule, best: f64::INFINITY, since: 0, patience: PATIENCE }
+    }
+
+    /// The same from a point that may be far from a solution.
+    pub fn far(rule: Monotone) -> Branch {
+        Branch { patience: FAR_PATIENCE, ..Branch::new(rule) }
     }
 }
 
@@ -187,7 +195,7 @@ impl Continuation for Branch {
         } else {
             self.since += 1;
         }
-        let patience = if m.primal > CLOSE { PATIENCE } else { 3 * PATIENCE };
+        let patience = if m.primal > CLOSE { self.patience } else { self.patience.max(3 * PATIENCE) };
         if self.since > patience && m.primal > m.rounding.max(1e-9) {
             return Advance::GiveUp;
         }

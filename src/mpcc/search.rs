@@ -5,6 +5,7 @@
 use std::time::Instant;
 
 use super::endgame::NEAR;
+use super::homotopy::Branch;
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, ProposalKind};
 use super::solver::{MpccSolver, Solution};
@@ -39,10 +40,15 @@ impl MpccSolver {
     ) -> bool {
         let clock = Instant::now();
         self.enter(p, bounds, sides, x0);
+        self.solution.objective = f64::INFINITY;
         let mut ok = self.try_point(p, bounds, control);
         if !ok && far {
-            self.st.start(x0, &mut self.point);
-            ok = self.try_far(p, bounds, control);
+            ok = self.collapse_from_near(p, bounds, control, proposer);
+            if !ok && stop::requested().is_none() {
+                self.sides.copy_from_slice(sides);
+                self.st.start(x0, &mut self.point);
+                ok = self.try_far(p, bounds, control);
+            }
         }
         self.leave(p, bounds, ok, control, proposer);
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
@@ -82,7 +88,7 @@ impl MpccSolver {
         p.branch(&self.sides, &mut self.branch);
         p.set_polishing(true);
         self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
-        let mut rule = self.branch_rule(self.settings.mu_init);
+        let mut rule = Branch::far(self.branch_rule(self.settings.mu_init));
         let usual = std::mem::replace(&mut self.branch_iterations, MAX_ITERATIONS);
         let point = std::mem::take(&mut self.point);
         let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
@@ -232,17 +238,11 @@ impl MpccSolver {
         control: &mut Control,
         proposer: &mut dyn ActiveSetProposer,
     ) -> bool {
-        for _ in 0..MAX_COLLAPSES {
-            let known = self.near < self.solution.objective;
-            if !known || !self.ask_near(ProposalKind::Collapse, p, proposer) {
-                break;
-            }
-            if self.try_point(p, bounds, control) {
-                return true;
-            }
-            if stop::requested().is_some() {
-                return false;
-            }
+        if self.collapse_from_near(p, bounds, control, proposer) {
+            return true;
+        }
+        if stop::requested().is_some() {
+            return false;
         }
         if self.near >= self.solution.objective {
             return false;
@@ -259,6 +259,27 @@ impl MpccSolver {
             }
             if stop::requested().is_some() {
                 break;
+            }
+        }
+        false
+    }
+
+    /// The branch just tried has no solution although its points are better than the best one: what vanishes there is left out. True
+    /// where that has a solution.
+    fn collapse_from_near(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) -> bool {
+        for _ in 0..MAX_COLLAPSES {
+            let known = self.near < self.solution.objective;
+            if !known || stop::requested().is_some() || !self.ask_near(ProposalKind::Collapse, p, proposer) {
+                break;
+            }
+            if self.try_point(p, bounds, control) {
+                return true;
             }
         }
         false

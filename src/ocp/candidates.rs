@@ -48,6 +48,14 @@ impl Candidates {
         cost_of(&self.best)
     }
 
+    /// Is the best one certified, by its derivatives or by a descent on simulations?
+    pub fn is_certified(&mut self) -> Result<bool> {
+        let Some(best) = self.best.as_mut() else { return Ok(false) };
+        let own = best.judged()?.map(|o| o.verdict);
+        let certified = |v: Option<Verdict>| matches!(v, Some(Verdict::LocalOptimum | Verdict::Kink));
+        Ok(certified(own) || certified(self.still))
+    }
+
     /// A new best; the one before may become the spare one.
     pub fn replace(&mut self, one: Box<Ocp>, request: &Request) -> Result<()> {
         self.still = None;

@@ -1,5 +1,6 @@
 //! Cold solves from several starts: smoothed problems lead to mode sequences, whose mode programs give exact answers; the
-//! homotopy from the guess is a second opinion. The cheapest exact answer is kept.
+//! homotopy from the guess is a second opinion, asked for where several ways did not lead to one certified answer. The cheapest
+//! exact answer is kept.
 
 use std::time::Instant;
 
@@ -134,7 +135,13 @@ impl Ocp {
         let clock = Instant::now();
         part(&mut found, control, |found, control| self.smooth(found, Ladders::All, request, control))?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
-        let enough = found.best.is_some() && request.start == OcpStart::Smoothing;
+        let mut improved = None;
+        let mut enough = found.best.is_some() && request.start == OcpStart::Smoothing;
+        if !enough && found.agreed && !given {
+            part(&mut found, control, |found, control| self.improve(found, request, control))?;
+            improved = Some(found.cost());
+            enough = found.is_certified()?;
+        }
         if !enough && (found.best.is_none() || stop::requested().is_none()) {
             let mut inside = Request { start: OcpStart::Homotopy, ..*request };
             if found.agreed && !given {
@@ -167,7 +174,9 @@ impl Ocp {
                 found.replace(own, request)?;
             }
         }
-        part(&mut found, control, |found, control| self.improve(found, request, control))?;
+        if improved.is_none_or(|cost| found.cost() < cost) {
+            part(&mut found, control, |found, control| self.improve(found, request, control))?;
+        }
         part(&mut found, control, |found, control| self.settle(found, request, control))?;
         self.adopt(found, request, control, clock)
     }
@@ -514,7 +523,12 @@ impl Ocp {
         let mut costs: Vec<f64> = Vec::new();
         for (k, ladder) in ladders.iter().enumerate() {
             let mut best = f64::INFINITY;
-            for smooth in &ladder.answers {
+            // the narrowest problem says most; where its mode program keeps the promise the others have nothing to add
+            let mut kept = false;
+            for smooth in ladder.answers.iter().rev() {
+                if kept {
+                    break;
+                }
                 if stop::requested().is_some() {
                     return Ok(());
                 }
@@ -531,10 +545,10 @@ impl Ocp {
                     continue;
                 }
                 best = best.min(r.cost);
+                let size = r.cost.abs().max(smooth.cost_reached.abs());
+                kept = (r.cost - smooth.cost_reached).abs() <= PROMISED * size;
                 if r.cost < found.cost() {
-                    let size = r.cost.abs().max(smooth.cost_reached.abs());
-                    let promised = (r.cost - smooth.cost_reached).abs() <= PROMISED * size;
-                    found.agreed = k == 0 && ladder.count > 1 && promised;
+                    found.agreed = k == 0 && ladder.count > 1 && kept;
                     found.replace(one, request)?;
                 } else {
                     found.keep(one, request)?;

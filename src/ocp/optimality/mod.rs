@@ -359,10 +359,16 @@ impl Ocp {
         }
     }
 
-    /// Judges the last solution, where there is one.
+    /// Judges the last solution, where there is one, once: the result keeps what was found.
     pub(super) fn judged(&mut self) -> Result<Option<Optimality>> {
-        let (Some(mut b), Some(r)) = (self.built.take(), self.result.take()) else { return Ok(None) };
+        if let Some(o) = self.result.as_ref().and_then(|r| r.optimality.clone()) {
+            return Ok(Some(o));
+        }
+        let (Some(mut b), Some(mut r)) = (self.built.take(), self.result.take()) else { return Ok(None) };
         let found = self.judge(&r, &mut b);
+        if let Ok(o) = &found {
+            r.optimality = Some(o.clone());
+        }
         (self.built, self.result) = (Some(b), Some(r));
         found.map(Some)
     }
