@@ -35,7 +35,7 @@ impl swb_item {
         found.ok_or_else(|| Error::Range(format!("the kind of item is {kind}: it must be an enum swb_item")))
     }
 
-    fn word(self) -> &'static str {
+    pub(super) fn word(self) -> &'static str {
         ITEMS[self as usize].1
     }
 }
@@ -187,7 +187,7 @@ impl Names {
         self.0[kind as usize].resize(len, None);
     }
 
-    fn get(&self, kind: swb_item, i: usize) -> Option<&str> {
+    pub fn get(&self, kind: swb_item, i: usize) -> Option<&str> {
         self.0[kind as usize].get(i)?.as_deref()
     }
 
@@ -221,7 +221,7 @@ impl Program {
     }
 
     /// What is violated, the worst first.
-    fn worst(&self) -> Result<Vec<(swb_item, usize, f64)>> {
+    pub(super) fn worst(&self) -> Result<Vec<(swb_item, usize, f64)>> {
         let r = self.result()?;
         let Some(local) = r.local() else { return Ok(Vec::new()) };
         let mut list = Vec::new();
@@ -237,7 +237,7 @@ impl Program {
     }
 
     /// What conflicts in an infeasible program, with weights, the heaviest first.
-    fn conflict(&self) -> Result<Vec<(swb_item, usize, f64)>> {
+    pub(super) fn conflict(&self) -> Result<Vec<(swb_item, usize, f64)>> {
         let r = self.result()?;
         let Some(conflict) = &r.solution.conflict else { return Ok(Vec::new()) };
         let rows = conflict.rows.iter().map(|&(i, w)| (diagnostics::Item::Row(i), w));
@@ -249,7 +249,7 @@ impl Program {
         Ok(all.into_iter().map(|((kind, i), w)| (kind, i, w)).collect())
     }
 
-    fn warnings(&self, r: &Outcome1) -> Vec<String> {
+    pub(super) fn warnings(&self, r: &Outcome1) -> Vec<String> {
         let Some(local) = r.local() else { return Vec::new() };
         let name = |row: usize| {
             let (kind, i) = self.own(r, diagnostics::Item::Row(row));
@@ -287,82 +287,12 @@ impl Program {
 // --- reports ------------------------------------------------------------------------------------------
 
 /// Name of an end of the polish.
-fn polish_name(p: Polish) -> &'static str {
+pub(super) fn polish_name(p: Polish) -> &'static str {
     match p {
         Polish::None => "none",
         Polish::Done => "done",
         Polish::Rejected => "rejected",
     }
-}
-
-/// One JSON object, written field by field.
-struct Json(String);
-
-impl Json {
-    fn new() -> Json {
-        Json("{".to_owned())
-    }
-
-    fn key(&mut self, key: &str) -> &mut String {
-        let comma = if self.0.ends_with('{') { "" } else { ", " };
-        let _ = write!(self.0, "{comma}\"{key}\": ");
-        &mut self.0
-    }
-
-    /// A value that is JSON already.
-    fn raw(&mut self, key: &str, value: &str) {
-        self.key(key).push_str(value);
-    }
-
-    fn text(&mut self, key: &str, value: &str) {
-        let quoted = quoted(value);
-        self.raw(key, &quoted);
-    }
-
-    /// A number; null where it is not finite.
-    fn number(&mut self, key: &str, value: f64) {
-        let text = if value.is_finite() { format!("{value:e}") } else { "null".to_owned() };
-        self.raw(key, &text);
-    }
-
-    fn count(&mut self, key: &str, value: usize) {
-        let _ = write!(self.key(key), "{value}");
-    }
-
-    fn end(mut self) -> String {
-        self.0.push('}');
-        self.0
-    }
-}
-
-fn quoted(text: &str) -> String {
-    let mut out = String::from("\"");
-    for c in text.chars() {
-        match c {
-            '"' | '\\' => {
-                out.push('\\');
-                out.push(c);
-            }
-            c if (c as u32) < 0x20 => {
-                let _ = write!(out, "\\u{:04x}", c as u32);
-            }
-            c => out.push(c),
-        }
-    }
-    out.push('"');
-    out
-}
-
-fn list(items: impl Iterator<Item = String>) -> String {
-    format!("[{}]", items.collect::<Vec<_>>().join(", "))
-}
-
-fn residuals_json(r: &Residuals) -> String {
-    let mut j = Json::new();
-    for (name, value) in residual_rows(r) {
-        j.number(name, value);
-    }
-    j.end()
 }
 
 fn residual_rows(r: &Residuals) -> [(&'static str, f64); 5] {
@@ -376,104 +306,9 @@ fn residual_rows(r: &Residuals) -> [(&'static str, f64); 5] {
 }
 
 /// Entries in the lists of reports.
-const SHOWN: usize = 10;
+pub(super) const SHOWN: usize = 10;
 
 impl Program {
-    fn item_json(&self, kind: swb_item, i: usize, what: &str, value: f64) -> String {
-        let mut j = Json::new();
-        j.text("kind", kind.word());
-        j.count("index", i);
-        match self.names.get(kind, i) {
-            Some(name) => j.text("name", name),
-            None => j.raw("name", "null"),
-        }
-        j.number(what, value);
-        j.end()
-    }
-
-    fn statistics_json(&self) -> Result<String> {
-        let r = self.result()?;
-        let s = &r.solution;
-        let mut j = Json::new();
-        j.text("schema", "switchback.mpcc/1");
-        j.text("outcome", s.outcome.name());
-        j.text("polish", polish_name(s.polish));
-        j.number("objective", s.objective);
-        let mut sizes = Json::new();
-        sizes.count("variables", self.n);
-        sizes.count("constraints", self.m);
-        sizes.count("pairs", self.members.len());
-        sizes.count("solver_variables", r.dimensions.0);
-        sizes.count("solver_constraints", r.dimensions.1);
-        j.raw("sizes", &sizes.end());
-        let mut residuals = Json::new();
-        residuals.raw("unscaled", &residuals_json(&r.residuals));
-        residuals.raw("scaled", &residuals_json(&r.scaled));
-        j.raw("residuals", &residuals.end());
-        let c = &s.certificate;
-        let mut certificate = Json::new();
-        certificate.text("stationarity", c.stationarity.name());
-        certificate.raw("sharp", if c.sharp { "true" } else { "false" });
-        certificate.text("b_stationary", c.b.name());
-        certificate.text("doubt", c.doubt.name());
-        certificate.count("biactive", c.biactive);
-        certificate.number("min_multiplier", c.min_multiplier);
-        certificate.raw("strict", if c.ulsc { "true" } else { "false" });
-        certificate.count("lps", c.lps);
-        certificate.count("lp_iterations", c.lp_iterations);
-        certificate.count("nodes", c.nodes);
-        j.raw("certificate", &certificate.end());
-        match &s.conflict {
-            None => j.raw("conflict", "null"),
-            Some(found) => {
-                let mut conflict = Json::new();
-                let items = self.conflict()?;
-                let items = items.iter().take(SHOWN).map(|(kind, i, w)| self.item_json(*kind, *i, "weight", *w));
-                conflict.raw("items", &list(items));
-                conflict.number("gap", found.gap);
-                conflict.number("residual", found.residual);
-                j.raw("conflict", &conflict.end());
-            }
-        }
-        let t = &s.stats;
-        let mut stats = Json::new();
-        stats.text("found_by", s.found_by.name());
-        stats.count("iterations", t.iterations);
-        stats.count("restoration_iterations", t.restoration_iterations);
-        stats.count("polish_iterations", t.polish_iterations);
-        stats.count("factorisations", t.factorisations);
-        stats.count("evaluations", t.evaluations);
-        stats.number("max_delta_w", t.max_delta_w);
-        stats.number("time_total", t.time_total);
-        stats.number("time_eval", t.time_eval);
-        stats.number("time_linalg", t.time_linalg);
-        stats.number("time_build", r.time_build);
-        j.raw("stats", &stats.end());
-        let l = &r.linear;
-        let mut linear = Json::new();
-        linear.text("backend", l.backend);
-        linear.count("n", l.n);
-        linear.count("nnz_k", l.nnz_k);
-        linear.count("nnz_l", l.nnz_l);
-        linear.number("flops", l.flops);
-        linear.number("min_abs_pivot", l.min_abs_pivot);
-        linear.number("max_abs_pivot", l.max_abs_pivot);
-        linear.number("shift", l.shift);
-        linear.count("factorisations", l.factorisations);
-        linear.count("solves", l.solves);
-        linear.count("refinement_steps", l.refinement_steps);
-        linear.count("equilibrations", l.equilibrations);
-        j.raw("linear_algebra", &linear.end());
-        let worst = self.worst()?;
-        j.raw(
-            "worst",
-            &list(worst.iter().take(SHOWN).map(|(kind, i, by)| self.item_json(*kind, *i, "violation", *by))),
-        );
-        j.raw("warnings", &list(self.warnings(r).iter().map(|w| quoted(w))));
-        j.raw("settings", &self.settings.to_json());
-        Ok(j.end())
-    }
-
     fn report_text(&self) -> Result<String> {
         let r = self.result()?;
         let (s, t) = (&r.solution, &r.solution.stats);
@@ -775,7 +610,7 @@ pub unsafe extern "C" fn swb_mpcc_statistics_json(
     len: i64,
     needed: *mut i64,
 ) -> swb_status {
-    guard(|| unsafe { handle::with_ref(mpcc, |p| raw::write_text(p.statistics_json()?.as_bytes(), buf, len, needed)) })
+    guard(|| unsafe { handle::with_ref(mpcc, |p| raw::write_text(&p.statistics_json()?, buf, len, needed)) })
 }
 
 /// The same for people: a table with the worst violations and what looks wrong about the program.
@@ -798,16 +633,6 @@ pub unsafe extern "C" fn swb_mpcc_report_text(
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn json_is_escaped() {
-        let mut j = Json::new();
-        j.text("a", "x \"y\"\\\n\u{e9}");
-        j.number("b", f64::NAN);
-        j.number("c", -2.5);
-        j.count("d", 3);
-        assert_eq!(j.end(), "{\"a\": \"x \\\"y\\\"\\\\\\u000a\u{e9}\", \"b\": null, \"c\": -2.5e0, \"d\": 3}");
-    }
 
     #[test]
     fn certificates_are_those_of_the_solver() {

@@ -91,6 +91,8 @@
 
 pub mod guard;
 pub mod handle;
+mod json;
+mod mpcc_json;
 pub mod raw;
 mod slots;
 mod threads;
