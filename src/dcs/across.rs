@@ -1,7 +1,9 @@
 //! What becomes of the indicators at the end of a control stage, where controls, and parameters that the stages have of their
 //! own, jump.
 
-use super::{Dcs, Form};
+use std::ops::Range;
+
+use super::{Dcs, Form, Term};
 use crate::linalg::csc::Pattern;
 use crate::system::SharedFunction;
 
@@ -50,6 +52,14 @@ impl Form {
         out
     }
 
+    /// Is one of the `cells`, or a product with one of them, the weight `w`?
+    fn has_factor(&self, w: usize, cells: &Range<usize>) -> bool {
+        match w.checked_sub(self.n_cells) {
+            None => cells.contains(&w),
+            Some(product) => self.products[product].iter().any(|f| self.has_factor(*f, cells)),
+        }
+    }
+
     /// Of every simplex: whether its sets are free to change at the ends of control stages, and there alone.
     pub fn simplices_across(&self, linear: &[bool], stage_params: bool) -> Vec<Across> {
         let cells = self.across(linear, stage_params);
@@ -87,6 +97,7 @@ impl Dcs {
         };
         self.drifts.iter().for_each(|d| mark(&d.f, &d.rows));
         self.subsystems.iter().for_each(|s| mark(&s.modes, &s.rows));
+        let weighs = |t: &Term, cells: &Range<usize>| t.weights.iter().flatten().any(|w| form.has_factor(*w, cells));
         loop {
             let before = jumps.clone();
             for (k, cells) in form.simplices.iter().enumerate() {
@@ -95,12 +106,17 @@ impl Dcs {
                     let on = |j: usize| f.jac_pattern().rows(j).iter().any(|&i| r.weights[i] != 0.0);
                     (0..f.dims().x).any(|j| driven[j] && on(j))
                 });
+                if jumps[k] {
+                    // weights that jump take the derivatives along that they add to
+                    form.terms
+                        .iter()
+                        .filter(|t| weighs(t, cells))
+                        .for_each(|t| t.rows.iter().for_each(|i| driven[*i] = true));
+                }
             }
             if jumps == before {
                 return jumps;
             }
-            // weights that jump take the derivatives along that they add to: of their own subsystem, or of another one
-            self.subsystems.iter().flat_map(|s| &s.rows).for_each(|i| driven[*i] = true);
         }
     }
 }
