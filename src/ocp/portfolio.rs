@@ -171,7 +171,14 @@ impl Ocp {
             if exact && cost <= found.cost() {
                 let mut own = Box::new(self.blank());
                 (own.built, own.result, own.engine) = (self.built.take(), self.result.take(), self.engine.take());
-                found.replace(own, request)?;
+                // where its own controls lead elsewhere, that is what it is worth
+                let better = match found.best.as_mut() {
+                    Some(best) => own.is_simulated(request)? || worth(&mut own, request)? < worth(best, request)?,
+                    None => true,
+                };
+                if better {
+                    found.replace(own, request)?;
+                }
             }
         }
         if improved.is_none_or(|cost| found.cost() < cost) {
