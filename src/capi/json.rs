@@ -38,7 +38,7 @@ mod tests {
     use super::*;
 
     #[derive(Serialize)]
-    struct Some {
+    struct Value {
         b: &'static str,
         a: [f64; 3],
         c: Option<usize>,
@@ -46,7 +46,7 @@ mod tests {
 
     #[test]
     fn order_escapes_and_numbers() {
-        let value = Some { b: "x \"y\"\\\n\u{e9}", a: [f64::NAN, -2.5, 1e-300], c: None };
+        let value = Value { b: "x \"y\"\\\n\u{e9}", a: [f64::NAN, -2.5, 1e-300], c: None };
         let expected = "{\"b\": \"x \\\"y\\\"\\\\\\n\u{e9}\", \"a\": [null, -2.5, 1e-300], \"c\": null}";
         assert_eq!(String::from_utf8(text(&value).unwrap()).unwrap(), expected);
     }

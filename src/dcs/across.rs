@@ -3,8 +3,8 @@
 
 use std::ops::Range;
 
-use super::{Dcs, Form, Term};
-use crate::linalg::csc::Pattern;
+use super::{Dcs, Form, IndicatorRow, Term};
+use crate::func::Dims;
 use crate::system::SharedFunction;
 
 /// How the multipliers of a cell go on from one control stage to the next.
@@ -18,19 +18,23 @@ pub enum Across {
     Own,
 }
 
+/// Columns of a function that jump at the ends of stages: controls that are not `linear` in a stage, and parameters of stages.
+fn jumping(d: Dims, linear: &dyn Fn(usize) -> bool, stage_params: bool) -> impl Iterator<Item = usize> + '_ {
+    let params = if stage_params { d.x + d.u..d.t_col() } else { 0..0 };
+    (0..d.u).filter(move |j| !linear(*j)).map(move |j| d.x + j).chain(params)
+}
+
 impl Form {
     /// Of every cell. What jumps at the ends of stages are controls that are not `linear` (empty: none is), and parameters where the
     /// stages have their own.
     pub fn across(&self, linear: &[bool], stage_params: bool) -> Vec<Across> {
         let mut depends = vec![[false; 2]; self.n_cells];
         for r in &self.rows {
-            let f = &self.sources[r.source];
-            let (d, pattern) = (f.dims(), f.jac_pattern());
-            let on = |j: usize| pattern.rows(j).iter().any(|&i| r.weights[i] != 0.0);
+            let d = self.sources[r.source].dims();
             let linear = |j: usize| linear.get(j).copied().unwrap_or(false);
+            let on = |j: usize| self.depends(r, j);
             let moves = (0..d.x).chain([d.t_col()]).any(on) || (0..d.u).any(|j| linear(j) && on(d.x + j));
-            let params = if stage_params { d.x + d.u..d.t_col() } else { 0..0 };
-            let jumps = (0..d.u).any(|j| !linear(j) && on(d.x + j)) || params.into_iter().any(on);
+            let jumps = jumping(d, &linear, stage_params).any(on);
             for &(c, _) in &r.lambda {
                 depends[c] = [depends[c][0] || moves, depends[c][1] || jumps];
             }
@@ -52,6 +56,11 @@ impl Form {
         out
     }
 
+    /// Does a row depend on column `j` of its source?
+    fn depends(&self, r: &IndicatorRow, j: usize) -> bool {
+        self.sources[r.source].jac_pattern().rows(j).iter().any(|&i| r.weights[i] != 0.0)
+    }
+
     /// Is one of the `cells`, or a product with one of them, the weight `w`?
     fn has_factor(&self, w: usize, cells: &Range<usize>) -> bool {
         match w.checked_sub(self.n_cells) {
@@ -63,7 +72,7 @@ impl Form {
     /// Of every simplex: whether its sets are free to change at the ends of control stages, and there alone.
     pub fn simplices_across(&self, linear: &[bool], stage_params: bool) -> Vec<Across> {
         let cells = self.across(linear, stage_params);
-        let of = |c: &std::ops::Range<usize>| match &cells[c.clone()] {
+        let of = |c: &Range<usize>| match &cells[c.clone()] {
             all if all.contains(&Across::Own) => Across::Own,
             all if all.contains(&Across::Tied) => Across::Tied,
             _ => Across::Nothing,
@@ -85,14 +94,11 @@ impl Dcs {
             // algebraic states jump with the controls
             jumps.fill(true);
         }
-        let mut driven = vec![false; self.nx()];
+        let mut driven = vec![false; self.dims.x];
+        let linear = |j: usize| linear.get(j).copied().unwrap_or(false);
         let mut mark = |f: &SharedFunction, rows: &[usize]| {
-            let d = f.dims();
-            let inputs = (0..d.u).filter(|j| !linear.get(*j).copied().unwrap_or(false)).map(|j| d.x + j);
-            let params = if stage_params { d.x + d.u..d.t_col() } else { 0..0 };
-            let pattern: &Pattern = f.jac_pattern();
-            for j in inputs.chain(params) {
-                pattern.rows(j).iter().for_each(|i| driven[rows[i % rows.len()]] = true);
+            for j in jumping(f.dims(), &linear, stage_params) {
+                f.jac_pattern().rows(j).iter().for_each(|i| driven[rows[i % rows.len()]] = true);
             }
         };
         self.drifts.iter().for_each(|d| mark(&d.f, &d.rows));
@@ -101,11 +107,8 @@ impl Dcs {
         loop {
             let before = jumps.clone();
             for (k, cells) in form.simplices.iter().enumerate() {
-                jumps[k] |= form.rows.iter().filter(|r| r.lambda.iter().any(|(c, _)| cells.contains(c))).any(|r| {
-                    let f = &form.sources[r.source];
-                    let on = |j: usize| f.jac_pattern().rows(j).iter().any(|&i| r.weights[i] != 0.0);
-                    (0..f.dims().x).any(|j| driven[j] && on(j))
-                });
+                let mut rows = form.rows.iter().filter(|r| r.lambda.iter().any(|(c, _)| cells.contains(c)));
+                jumps[k] |= rows.any(|r| driven.iter().enumerate().any(|(j, driven)| *driven && form.depends(r, j)));
                 if jumps[k] {
                     // weights that jump take the derivatives along that they add to
                     form.terms
@@ -126,7 +129,8 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::func::{Callback, Dims};
+    use crate::func::Callback;
+    use crate::linalg::csc::Pattern;
     use crate::system::{Regions, Subsystem, System};
 
     const D: Dims = Dims { x: 3, u: 1, p: 0 };

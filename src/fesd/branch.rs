@@ -328,9 +328,7 @@ impl Fesd {
             }
         }
     }
-}
 
-impl Fesd {
     /// The component `c` leaves a sliding mode at the start of the element `i_e`, as [`Exit`] says.
     fn leave(&self, i_e: usize, c: usize, b: &mut Bounds) {
         let [before, e] = [&self.l.elements[i_e - 1], &self.l.elements[i_e]];

@@ -191,17 +191,20 @@ impl Scaling {
         lifts.iter().for_each(|l| self.sizes[l.1] = 1.0);
     }
 
+    /// Largest first derivative of the objective.
+    fn slope(&self, at: &AtPoint) -> f64 {
+        at.grad.iter().zip(&self.sizes).fold(0f64, |a, (g, s)| a.max((g * s).abs()))
+    }
+
     /// Largest first or second derivative of the objective.
     fn steepest(&self, at: &AtPoint) -> f64 {
-        let slope = at.grad.iter().zip(&self.sizes).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
-        slope.max(curvature(at, |j| self.sizes[j]))
+        self.slope(at).max(curvature(at, |j| self.sizes[j]))
     }
 
     /// The same where variables have sizes of their own: a second derivative counts over the distance of its variables from
     /// zero, at most one. Large ones beside a small variable tell of its unit. Where that is nothing they count as they are.
     fn steepest_near(&self, at: &AtPoint) -> f64 {
-        let slope = at.grad.iter().zip(&self.sizes).fold(0f64, |a, (g, s)| a.max((g * s).abs()));
-        let near = slope.max(curvature(at, |j| (at.x[j] / self.sizes[j]).abs().min(1.0) * self.sizes[j]));
+        let near = self.slope(at).max(curvature(at, |j| (at.x[j] / self.sizes[j]).abs().min(1.0) * self.sizes[j]));
         if near > 0.0 {
             near
         } else {

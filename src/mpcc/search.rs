@@ -40,7 +40,6 @@ impl MpccSolver {
     ) -> bool {
         let clock = Instant::now();
         self.enter(p, bounds, sides, x0);
-        self.solution.objective = f64::INFINITY;
         let mut ok = self.try_point(p, bounds, control);
         if !ok && far {
             ok = self.collapse_from_near(p, bounds, control, proposer);
@@ -55,12 +54,13 @@ impl MpccSolver {
         ok
     }
 
-    /// A solve of the branch `sides` begins at `x0`.
+    /// A solve of the branch `sides` begins at `x0`; there is no solution yet that another one could be compared with.
     fn enter(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, sides: &[Side], x0: &[f64]) {
         self.begin_exact(p);
         self.scale(p, bounds, x0);
         self.st.start(x0, &mut self.point);
         self.sides.copy_from_slice(sides);
+        self.solution.objective = f64::INFINITY;
     }
 
     /// It ends: the solution, where there is one, becomes the result, and better ones are looked for.
@@ -116,7 +116,6 @@ impl MpccSolver {
         let clock = Instant::now();
         self.enter(p, bounds, &near.sides, x0);
         self.close = true;
-        self.solution.objective = f64::INFINITY;
         let ok = self.try_point(p, bounds, control) || self.go_on_from_near(p, bounds, control, proposer);
         self.leave(p, bounds, ok, control, proposer);
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();

@@ -81,12 +81,6 @@ pub(super) fn agree(simulated: f64, cost: f64) -> bool {
 }
 
 impl Ocp {
-    /// Does a simulation of its controls cost what the last answer says, or is there nothing to compare?
-    pub(super) fn is_simulated(&mut self, request: &Request) -> Result<bool> {
-        let own = self.result.as_ref().map_or(f64::INFINITY, |r| r.cost);
-        Ok(self.simulated_cost(request)?.is_none_or(|s| agree(s, own)))
-    }
-
     /// Cost of the last answer in a simulation of its controls; infinite where that does not get to the end, `None` where it
     /// cannot be compared: constraints at the end may then be missed by a little, and nobody knows what that is worth.
     pub(super) fn simulated_cost(&mut self, request: &Request) -> Result<Option<f64>> {

@@ -138,9 +138,12 @@ impl Ocp {
         let mut improved = None;
         let mut enough = found.best.is_some() && request.start == OcpStart::Smoothing;
         if !enough && found.agreed && !given {
-            part(&mut found, control, |found, control| self.improve(found, request, control))?;
+            part(&mut found, control, |found, control| {
+                self.improve(found, request, control)?;
+                enough = found.is_certified()?;
+                Ok(())
+            })?;
             improved = Some(found.cost());
-            enough = found.is_certified()?;
         }
         if !enough && (found.best.is_none() || stop::requested().is_none()) {
             let mut inside = Request { start: OcpStart::Homotopy, ..*request };
@@ -172,8 +175,9 @@ impl Ocp {
                 let mut own = Box::new(self.blank());
                 (own.built, own.result, own.engine) = (self.built.take(), self.result.take(), self.engine.take());
                 // where its own controls lead elsewhere, that is what it is worth
+                let simulated = worth(&mut own, request)?;
                 let better = match found.best.as_mut() {
-                    Some(best) => own.is_simulated(request)? || worth(&mut own, request)? < worth(best, request)?,
+                    Some(best) => agree(simulated, cost) || simulated < worth(best, request)?,
                     None => true,
                 };
                 if better {
