@@ -149,6 +149,19 @@ def test_refusals(monkeypatch):
     assert swb.casadi.function(oscillator()[2])(x=[3.0, 4.0]) == pytest.approx(24.0)
 
 
+def test_programs_of_casadi_functions():
+    """(x0 - 2)^2 + (x1 - 1)^2 on 0 <= x0 _|_ x1 >= 0 with x0 + x1 <= 3: the projection (2, 0) is the nearer branch."""
+    x = ca.SX.sym("x", 2)
+    cost = ca.Function("cost", [x], [(x[0] - 2) ** 2 + (x[1] - 1) ** 2], ["x"], ["f"])
+    rows = ca.Function("rows", [x], [x[0] + x[1]], ["x"], ["c"])
+    program = swb.Mpcc(2, cost, rows, pairs=[(0, 1)], constraint_bounds=(None, [3.0]), start=[0.5, 0.4])
+    result = program.solve()
+    assert result.success and result.stationarity == "S"
+    assert np.allclose(result.x, [2.0, 0.0], rtol=0, atol=1e-9)
+    with pytest.raises(swb.SwitchbackError, match="no callable of Python"):
+        swb.Mpcc(2, cost, gradient=lambda x: x)
+
+
 def test_the_package_does_not_need_casadi():
     code = "import sys; sys.modules['casadi'] = None; import switchback as swb; swb.Function(lambda x: x, 1)(x=[1.0])"
     subprocess.run([sys.executable, "-c", code], check=True)

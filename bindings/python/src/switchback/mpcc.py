@@ -9,7 +9,7 @@ from typing import Any, Callable, Iterable, Mapping, NamedTuple, Sequence
 
 import numpy
 
-from . import _ffi
+from . import _ffi, casadi
 from ._arrays import Array, address, bounds, index, real, seen, vector
 from ._call import encode, failed, text
 from ._ffi import Item, Member, Outcome, Polished
@@ -306,10 +306,10 @@ class Mpcc(Solver):
     def _function(self, f: Any, n_out: int, name: str, jacobian: Any, pattern: Any, linear: bool) -> Function:
         """Objective or constraints. With a Hessian of the Lagrangian no second derivatives of their own are made."""
         sizes = (self.n, 0, self.np)
-        if not callable(f) or isinstance(f, Function):
+        if not callable(f) or isinstance(f, Function) or casadi.is_function(f):
             if jacobian is not None or pattern is not None:
                 which = "gradient" if name == "objective" else "jacobian"
-                raise ArgumentError(f"{which}: {name} is no callable; give its derivatives to Function")
+                raise ArgumentError(f"{which}: {name} is no callable of Python; give its derivatives to Function")
             return Function._of(f, sizes, n_out, name)
         return Function(f, *sizes, n_out, jacobian=jacobian, jacobian_pattern=pattern, linear=linear, name=name)
 
@@ -319,6 +319,8 @@ class Mpcc(Solver):
             return index(n, "n_constraints")
         if isinstance(constraints, Function):
             return constraints.n_out
+        if casadi.is_function(constraints):
+            return sum(constraints.numel_out(k) for k in range(constraints.n_out()))
         if isinstance(constraints, (list, tuple)) and all(callable(g) for g in constraints):
             return len(constraints)
         sizes = {seen(b, "constraint_bounds").size for b in limits or () if b is not None and numpy.ndim(b) > 0}
