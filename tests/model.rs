@@ -439,3 +439,96 @@ fn reports_name_things() {
     let json = r.json();
     assert!(json.contains("\"states\":[\"v\"],\"switching_functions\":[\"v\"],\"regions\":2"), "{json}");
 }
+
+/// A planar arm of `n` links with unit masses at their ends and friction in every joint.
+fn arm_with_friction(g: &Graph, n: usize) -> Built {
+    let q: Vec<Expr> = (0..n).map(|i| g.x(i)).collect();
+    let w: Vec<Expr> = (0..n).map(|i| g.x(n + i)).collect();
+    let angle: Vec<Expr> = (0..n).map(|i| q[1..=i].iter().fold(q[0], |s, e| s + *e)).collect();
+    let zero = g.constant(0.0);
+    let mut mass = vec![zero; n * n];
+    let mut force: Vec<Expr> = (0..n).map(|i| g.u(i) - 0.1 * w[i] - 0.3 * w[i].sign()).collect();
+    for k in 0..n {
+        let (mut jx, mut jy) = (vec![zero; n], vec![zero; n]);
+        for i in 0..=k {
+            for a in &angle[i..=k] {
+                jx[i] = jx[i] - a.sin();
+                jy[i] = jy[i] + a.cos();
+            }
+        }
+        for i in 0..n {
+            force[i] = force[i] - 9.81 * jy[i];
+            for j in 0..n {
+                mass[i + n * j] = mass[i + n * j] + jx[i] * jx[j] + jy[i] * jy[j];
+            }
+        }
+    }
+    let a = g.solve(&mass, &force).unwrap();
+    build(g, n, 0, &[w, a].concat())
+}
+
+fn value(f: &dyn Function, at: &Point) -> Vec<f64> {
+    let mut out = vec![0.0; f.n_out()];
+    f.value(at, &mut out, &mut vec![0.0; f.work_len()]).unwrap();
+    out
+}
+
+#[test]
+fn what_solves_with_one_matrix_is_one_function_of_states_and_weights() {
+    let n = 3;
+    let g = Graph::new();
+    let b = arm_with_friction(&g, n);
+    let f = b.system.combined().expect("the joints share the inertia");
+    let theta = [0.2, 0.8, 1.0, 0.0, 0.45, 0.55];
+    let x: Vec<f64> = (0..2 * n).map(|i| 0.3 - 0.21 * i as f64).collect();
+    let u = [0.4, -0.2, 1.3];
+    let all = [x.clone(), theta.to_vec()].concat();
+    let (at, wide) = (Point { t: 0.0, x: &x, u: &u, p: &[] }, Point { t: 0.0, x: &all, u: &u, p: &[] });
+    let mut sum = value(b.system.f0().unwrap().as_ref(), &at);
+    for (s, theta) in b.system.subsystems().iter().zip(theta.chunks(2)) {
+        let modes = value(s.modes.as_ref(), &at);
+        for (mode, theta) in modes.chunks(s.rows.len()).zip(theta) {
+            s.rows.iter().zip(mode).for_each(|(&r, v)| sum[r] += theta * v);
+        }
+    }
+    for (a, b) in sum.iter().zip(value(f.as_ref(), &wide)) {
+        assert!((a - b).abs() <= 1e-13 * sum.iter().fold(1.0, |m: f64, v| m.max(v.abs())), "{a} {b}");
+    }
+    let r = check_derivatives(f.as_ref(), &wide, &CheckSettings::default()).unwrap();
+    assert!(r.passed(), "{r}");
+    // one part of the program solves, where each of the four functions did before
+    let apart = b.functions.iter().map(|f| f.hessian_tape().len()).sum::<usize>();
+    let own = f.as_any().and_then(|f| f.downcast_ref::<switchback::expr::ExprFunction>()).unwrap();
+    assert!(2 * own.hessian_tape().len() < apart, "{} {apart}", own.hessian_tape().len());
+    // the smoothed system has the weights inside
+    let (smooth, widths) = b.system.smoothed().unwrap();
+    (0..widths.len()).for_each(|k| widths.set(k, 0.5 + 0.1 * k as f64));
+    assert!(smooth.subsystems().is_empty());
+    let whole = smooth.f0().unwrap();
+    let s = |v: f64, width: f64| 1.0 / (1.0 + (-2.0 * v / width).exp());
+    let mut weights: Vec<f64> = (0..n).map(|k| s(x[n + k], 0.5 + 0.1 * k as f64)).flat_map(|s| [s, 1.0 - s]).collect();
+    let signs = |k: usize| match &b.system.subsystems()[k].regions {
+        Regions::Signs { signs, .. } => signs[0],
+        Regions::Indicators(_) => unreachable!(),
+    };
+    (0..n).filter(|&k| signs(k) < 0).for_each(|k| weights.swap(2 * k, 2 * k + 1));
+    let inside = [x.clone(), weights].concat();
+    let expected = value(f.as_ref(), &Point { x: &inside, ..wide });
+    for (a, b) in expected.iter().zip(value(whole.as_ref(), &at)) {
+        assert!((a - b).abs() <= 1e-13 * a.abs().max(1.0), "{a} {b}");
+    }
+    let r = check_derivatives(whole.as_ref(), &at, &CheckSettings::default()).unwrap();
+    assert!(r.passed(), "{r}");
+}
+
+#[test]
+fn a_combined_right_hand_side_is_forgotten_where_dynamics_change() {
+    let g = Graph::new();
+    let b = arm_with_friction(&g, 2);
+    let mut s = b.system.clone();
+    s.set_f0(b.system.f0().unwrap().clone()).unwrap();
+    assert!(s.combined().is_none());
+    assert!(matches!(s.set_combined(b.system.f0().unwrap().clone()), Err(Error::Dimension(_))));
+    // nothing is combined where no matrix is decomposed twice
+    assert!(expression_models::blocks().system.combined().is_none());
+}

@@ -76,6 +76,7 @@ pub struct Dcs {
     drifts: Vec<Drift>,
     subsystems: Vec<Stewart>,
     form: Form,
+    combined: Option<Included>,
 }
 
 impl Dcs {
@@ -133,7 +134,13 @@ impl Dcs {
             note(&i.psi);
             form.add_inclusion(i);
         }
-        Ok(Dcs { dims, clock, n_z, regions: system.inclusions().is_empty(), drifts, subsystems, form })
+        let combined = system.combined().and_then(|f| combined(f, system, &form));
+        Ok(Dcs { dims, clock, n_z, regions: system.inclusions().is_empty(), drifts, subsystems, form, combined })
+    }
+
+    /// Drifts and terms of the form as one function of states and weights, where there is one ([`System::combined`]).
+    pub fn combined(&self) -> Option<&Included> {
+        self.combined.as_ref()
     }
 
     /// What is discretised.
@@ -218,6 +225,17 @@ impl Dcs {
     pub fn n_cells(&self) -> usize {
         self.subsystems.iter().map(|s| s.cells.len()).sum()
     }
+}
+
+/// The combined right-hand side with the weights of the form; none where a weight that it asks for is a sum of several.
+fn combined(f: &SharedFunction, system: &System, form: &Form) -> Option<Included> {
+    let of = |weights: &Vec<usize>| match weights[..] {
+        [w] => Some(w),
+        _ => None,
+    };
+    let alpha: Vec<usize> = form.terms.iter().flat_map(|t| &t.weights).map(of).collect::<Option<_>>()?;
+    let dims = system.dims();
+    (f.dims().x == dims.x + alpha.len()).then(|| Included { rows: (0..dims.x).collect(), f: f.clone(), alpha })
 }
 
 fn stewart(s: &Subsystem) -> Stewart {

@@ -246,6 +246,11 @@ impl Dag {
         }
     }
 
+    /// A negative number, or written with a minus sign or a negative factor.
+    pub(super) fn is_negative(&self, a: Id) -> bool {
+        self.as_const(a).map_or_else(|| self.scaled(a).0, |c| c) < 0.0
+    }
+
     /// `c · x` of a node: the constant factor and the rest.
     fn scaled(&self, a: Id) -> (f64, Id) {
         match self.node(a) {

@@ -1,6 +1,6 @@
 //! Small linear systems and external functions: several values from one computation.
 
-use super::dag::{Block, CallKind, Dag, External, Group, Id};
+use super::dag::{Block, CallKind, Dag, External, Group, Id, Node};
 use crate::error::{Error, Result};
 use crate::memory::{self, sizes};
 
@@ -57,8 +57,13 @@ impl Dag {
 
     /// Solution with a matrix that is decomposed already; zero right-hand sides cost nothing.
     pub(super) fn solve_factored(&mut self, factor: u32, transposed: bool, rhs: &[Id]) -> Vec<Id> {
-        if rhs.iter().all(|&b| self.as_const(b) == Some(0.0)) {
-            return rhs.to_vec();
+        let zero = |dag: &Dag, b: Id| dag.as_const(b) == Some(0.0);
+        let Some(&first) = rhs.iter().find(|b| !zero(self, **b)) else { return rhs.to_vec() };
+        if self.is_negative(first) {
+            // right-hand sides that differ in their sign have one solution, and its digits
+            let opposite: Vec<Id> = rhs.iter().map(|&b| self.neg(b)).collect();
+            let x = self.solve_factored(factor, transposed, &opposite);
+            return x.into_iter().map(|x| self.neg(x)).collect();
         }
         let g = self.group(Group::Solve { factor, transposed, rhs: rhs.to_vec() }, rhs.len());
         (0..rhs.len()).map(|k| self.pick(g, k)).collect()
@@ -101,6 +106,21 @@ impl Dag {
         };
         let g = self.group(Group::Call { function: index as u32, what, args: args.to_vec() }, n);
         Ok((0..n).map(|k| self.pick(g, k)).collect())
+    }
+
+    /// The decompositions of matrices that the nodes need: numbers that are equal for equal matrices, sorted.
+    pub fn decompositions_of(&self, roots: &[Id]) -> Vec<u32> {
+        let of = |id: Id| match self.node(id) {
+            Node::Pick(g, _) => match self.groups[g as usize].group {
+                Group::Solve { factor, .. } => Some(factor),
+                _ => None,
+            },
+            _ => None,
+        };
+        let mut all: Vec<u32> = self.reachable(roots).into_iter().filter_map(of).collect();
+        all.sort_unstable();
+        all.dedup();
+        all
     }
 
     /// Inner product.

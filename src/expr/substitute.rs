@@ -1,5 +1,7 @@
 //! Rebuilding expressions with switches decided, and switching functions that contain switches themselves.
 
+use std::collections::BTreeMap;
+
 use super::dag::{Block, Dag, Group, Id, Node};
 use super::op::Binary;
 use crate::error::{Error, Result};
@@ -86,31 +88,41 @@ impl Dag {
 
     /// The same expressions of inputs that have other numbers in their block.
     pub fn renumber(&mut self, roots: &[Id], number: &dyn Fn(Block, usize) -> usize) -> Vec<Id> {
-        self.rebuild_with(roots, &mut |_, _| None, &|block, i| (block, number(block, i as usize)))
+        self.rebuild_with(roots, &mut |_, _| None, &|block, i| (block, number(block, i as usize)), &BTreeMap::new())
     }
 
     /// The same expressions of other inputs: `place` says which block an input goes to, and its number there.
     pub fn move_inputs(&mut self, roots: &[Id], place: &dyn Fn(Block, usize) -> (Block, usize)) -> Vec<Id> {
-        self.rebuild_with(roots, &mut |_, _| None, &|block, i| place(block, i as usize))
+        self.rebuild_with(roots, &mut |_, _| None, &|block, i| place(block, i as usize), &BTreeMap::new())
     }
 
     /// Copies the nodes under `roots` with conditions replaced.
     fn rebuild(&mut self, roots: &[Id], replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>) -> Vec<Id> {
-        self.rebuild_with(roots, replace, &|block, i| (block, i as usize))
+        self.rebuild_with(roots, replace, &|block, i| (block, i as usize), &BTreeMap::new())
     }
 
-    /// The same with other inputs.
+    /// The same expressions with nodes replaced.
+    pub fn replace(&mut self, roots: &[Id], by: &BTreeMap<Id, Id>) -> Vec<Id> {
+        self.rebuild_with(roots, &mut |_, _| None, &|block, i| (block, i as usize), by)
+    }
+
+    /// The same with other inputs, and other nodes in the place of some.
     fn rebuild_with(
         &mut self,
         roots: &[Id],
         replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>,
         place: &dyn Fn(Block, u32) -> (Block, usize),
+        by: &BTreeMap<Id, Id>,
     ) -> Vec<Id> {
         let ids = self.reachable(roots);
         let top = ids.last().map_or(0, |id| id.index() + 1);
         let mut new: Vec<Option<Id>> = vec![None; top];
         let mut new_groups: Vec<Option<u32>> = vec![None; self.groups.len()];
         for id in ids {
+            if let Some(&other) = by.get(&id) {
+                new[id.index()] = Some(other);
+                continue;
+            }
             let at = |a: Id| new[a.index()].unwrap_or(a);
             let copy = match self.node(id) {
                 Node::Const(_) | Node::Truth(_) => id,

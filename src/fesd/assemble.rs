@@ -65,8 +65,8 @@ impl Fesd {
     /// `out[r]` = right-hand side at stage point `i` of an element.
     pub(super) fn rhs(&self, e: &ElementIndex, ec: &ElementCalls, i: usize, w: &[f64], out: &mut [f64]) {
         out.fill(0.0);
-        for (d, c) in self.spec.dcs.drifts().iter().zip(&ec.drift[i]) {
-            for (o, &r) in d.rows.iter().enumerate() {
+        for (rows, c) in self.smooth_rows().zip(&ec.drift[i]) {
+            for (o, &r) in rows.iter().enumerate() {
                 out[r] += self.cache.val[c.val + o];
             }
         }
@@ -92,6 +92,13 @@ impl Fesd {
         for (j, r) in self.linear_controls() {
             out[r] = w[e.u + j];
         }
+    }
+
+    /// The states driven by the calls [`ElementCalls::drift`] of a point.
+    pub(super) fn smooth_rows(&self) -> impl Iterator<Item = &Vec<usize>> {
+        let dcs = &self.spec.dcs;
+        let apart = if dcs.combined().is_some() { &[][..] } else { dcs.drifts() };
+        dcs.combined().map(|c| &c.rows).into_iter().chain(apart.iter().map(|d| &d.rows))
     }
 
     /// Controls that are states: their numbers as controls and as states.
@@ -519,7 +526,7 @@ impl Fesd {
     fn rhs_jac<S: Sink>(&self, e: &ElementIndex, ec: &ElementCalls, i: usize, w: &[f64], s: &mut S) {
         let (form, row, theta) = (self.spec.dcs.form(), e.row_dyn[i], e.theta[i]);
         let h = self.h_of(e, w);
-        let smooth = self.spec.dcs.drifts().iter().zip(&ec.drift[i]).map(|(d, c)| (&d.rows, c));
+        let smooth = self.smooth_rows().zip(&ec.drift[i]);
         for (rows, c) in smooth.chain(form.inclusions.iter().zip(&ec.included[i]).map(|(f, c)| (&f.rows, c))) {
             for (p, &(col, o)) in self.jac_cols[c.f].iter().enumerate() {
                 if let Some(v) = self.var(c, col) {

@@ -34,7 +34,7 @@ impl Fesd {
             let h = self.h_of(e, w);
             for i in 0..self.tableau.n_s {
                 let row = e.row_dyn[i];
-                let smooth = self.spec.dcs.drifts().iter().zip(&ec.drift[i]).map(|(d, c)| (&d.rows, c));
+                let smooth = self.smooth_rows().zip(&ec.drift[i]);
                 for (rows, c) in smooth.chain(form.inclusions.iter().zip(&ec.included[i]).map(|(f, c)| (&f.rows, c))) {
                     for (o, &r) in rows.iter().enumerate() {
                         wgt[c.wgt + o] += self.coef(r, h) * y[row + r];
@@ -88,7 +88,7 @@ impl Fesd {
                 let hv = e.h.filter(|_| l.values_form);
                 // the step size is a factor of derivatives only
                 let timed = |r: usize| hv.filter(|_| !l.z.contains(&r));
-                let smooth = self.spec.dcs.drifts().iter().zip(&ec.drift[i]).map(|(d, c)| (&d.rows, c));
+                let smooth = self.smooth_rows().zip(&ec.drift[i]);
                 for (rows, c) in smooth.chain(form.inclusions.iter().zip(&ec.included[i]).map(|(f, c)| (&f.rows, c))) {
                     for (p, &(col, o)) in self.jac_cols[c.f].iter().enumerate() {
                         let r = rows[o as usize];

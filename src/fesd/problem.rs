@@ -22,9 +22,9 @@ use crate::tableau::Tableau;
 /// Calls of one element.
 #[derive(Debug, Clone, Default)]
 pub(super) struct ElementCalls {
-    /// Per stage point, per drift.
+    /// Per stage point, per drift; the combined right-hand side alone where there is one.
     pub(super) drift: Vec<Vec<Call>>,
-    /// Per stage point, per term.
+    /// Per stage point, per term; none with a combined right-hand side.
     pub(super) modes: Vec<Vec<Call>>,
     /// Per stage point, per inclusion.
     pub(super) included: Vec<Vec<Call>>,
@@ -133,8 +133,17 @@ impl Fesd {
             let mut ec = ElementCalls::default();
             for (&x, &theta) in e.x.iter().zip(&e.theta) {
                 let at = b.point(x, e.stage);
-                ec.drift.push(spec.dcs.drifts().iter().map(|d| b.call(&d.f, at)).collect());
-                ec.modes.push(form.terms.iter().map(|t| b.call(&t.modes, at)).collect());
+                match spec.dcs.combined() {
+                    Some(c) => {
+                        let at = b.point_with(x, c.alpha.iter().map(|a| theta + a), e.stage);
+                        ec.drift.push(vec![b.call(&c.f, at)]);
+                        ec.modes.push(Vec::new());
+                    }
+                    None => {
+                        ec.drift.push(spec.dcs.drifts().iter().map(|d| b.call(&d.f, at)).collect());
+                        ec.modes.push(form.terms.iter().map(|t| b.call(&t.modes, at)).collect());
+                    }
+                }
                 ec.ind.push(form.sources.iter().map(|f| b.call(f, at)).collect());
                 if let Some(f) = &spec.lagrange {
                     ec.lagrange.push(b.call(f, at));

@@ -40,7 +40,9 @@ pub(crate) fn bytes(spec: &Spec) -> u128 {
 fn element(spec: &Spec) -> u128 {
     let (form, d, n_s) = (spec.dcs.form(), spec.dcs.dims(), spec.options.n_s as u128);
     let entries = |f: &SharedFunction| (f.jac_pattern().nnz() + f.hess_pattern().nnz()) as u128;
-    let point = spec.dcs.drifts().iter().map(|f| &f.f).chain(form.terms.iter().map(|t| &t.modes)).chain(&form.sources);
+    let apart = spec.dcs.drifts().iter().map(|f| &f.f).chain(form.terms.iter().map(|t| &t.modes));
+    let apart = apart.filter(|_| spec.dcs.combined().is_none());
+    let point = spec.dcs.combined().map(|c| &c.f).into_iter().chain(apart).chain(&form.sources);
     let point = point.chain(form.inclusions.iter().map(|i| &i.f)).chain(&spec.lagrange);
     let model: u128 = point.map(entries).sum();
     // constraints hold at the stage points at most

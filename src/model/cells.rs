@@ -39,12 +39,26 @@ pub(super) struct Cells {
     pub(super) conflicts: Vec<Conflict>,
     /// Conditions of choices that no pattern makes true, or false, with the value they always have.
     pub(super) decided: Vec<(Id, bool)>,
+    /// The parts that switch, as they were written.
+    pub(super) atoms: Vec<Id>,
+    /// Sign patterns before reduction.
+    pub(super) patterns: Vec<Vec<bool>>,
 }
 
 impl Cells {
     /// Cells of full sign patterns, the unit that has multipliers of its own.
     pub(super) fn n_cells(&self) -> usize {
         self.modes.iter().map(|m| 1usize << m.0.iter().filter(|s| **s == 0).count()).sum()
+    }
+
+    /// The atoms in mode `mode`: its values are those of every pattern that it stands for.
+    pub(super) fn atoms_in(&self, dag: &mut Dag, mode: usize) -> Option<Vec<Id>> {
+        let signs = &self.modes[mode].0;
+        let place = |s: usize| self.coupled.iter().position(|c| *c == s);
+        let places: Vec<usize> = self.switches.iter().map(|&s| place(s)).collect::<Option<_>>()?;
+        let fits = |p: &&Vec<bool>| places.iter().zip(signs).all(|(&k, &s)| s == 0 || (s > 0) == p[k]);
+        let pattern = self.patterns.iter().find(fits)?;
+        Some(dag.decide(&self.atoms, &|s| place(s).map(|k| pattern[k])))
     }
 
     /// Different vector fields.
@@ -69,6 +83,10 @@ pub(super) fn cells(dag: &mut Dag, bounds: &Bounds, switches: &[usize], rows: &[
         ))
     })?;
     let n_patterns = (found.all.len(), 2f64.powi(psi.len() as i32));
+    let patterns = found.all.clone();
+    let mut atoms: Vec<Id> = rows.iter().flat_map(|r| r.terms.iter().map(|t| t.1)).collect();
+    atoms.sort_unstable();
+    atoms.dedup();
     if found.all.is_empty() {
         return Err(Error::Internal("switching functions without a sign pattern".into()));
     }
@@ -108,6 +126,8 @@ pub(super) fn cells(dag: &mut Dag, bounds: &Bounds, switches: &[usize], rows: &[
         coupled: switches.to_vec(),
         conflicts: found.conflicts,
         decided: conditions.iter().zip(&seen).filter(|c| c.1[0] != c.1[1]).map(|c| (*c.0, c.1[1])).collect(),
+        atoms,
+        patterns,
     };
     drop_switches(&mut out, &mut all);
     // Rows without difference between modes are smooth.

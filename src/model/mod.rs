@@ -12,6 +12,7 @@
 pub(crate) mod bounds;
 mod cells;
 mod certificate;
+mod combined;
 mod reach;
 mod report;
 mod saved;
@@ -225,18 +226,24 @@ impl Model {
         let bounds = b.bounds(&rhs);
         let rhs = b.settle_constant_signs(&rhs, &bounds);
         let (mut f0, groups) = b.split(&rhs);
-        let mut subsystems = Vec::new();
+        let (mut subsystems, mut settled) = (Vec::new(), Vec::new());
         for (switches, rows) in groups {
             let c = cells(b.dag, &bounds, &switches, &rows)?;
             for &(state, v) in &c.smooth {
                 f0[state] = b.dag.add(f0[state], v);
             }
             b.note_reduction(&c);
-            if !c.rows.is_empty() {
+            if c.rows.is_empty() {
+                settled.push(c);
+            } else {
                 subsystems.push(c);
             }
         }
+        let combined = b.combined(&rhs, &f0, &subsystems, &settled)?;
         let mut built = b.assemble(&f0, &subsystems, saved)?;
+        if let Some(f) = combined {
+            built.system.set_combined(f)?;
+        }
         if !self.discrete.is_empty() {
             built.set_discrete(&self.discrete)?;
         }

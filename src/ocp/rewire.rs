@@ -43,7 +43,7 @@ impl Rewire {
         Stack::gather(f, self.to, self.columns.clone())
     }
 
-    /// The same of a function with `n` more states behind those of the system: the steps of an inclusion.
+    /// The same of a function with `n` more states behind those of the system: the steps of an inclusion, the weights of modes.
     fn with_steps(&self, f: &SharedFunction, n: usize) -> SharedFunction {
         if self.is_plain() {
             return f.clone();
@@ -100,6 +100,10 @@ impl Rewire {
         if self.is_plain() {
             return Ok(s.clone());
         }
-        self.system_with(s, s.f0().map(|f| self.function(f)))
+        let mut out = self.system_with(s, s.f0().map(|f| self.function(f)))?;
+        if let (Some(f), 0) = (s.combined(), self.first) {
+            out.set_combined(self.with_steps(f, f.dims().x - self.from.x))?;
+        }
+        Ok(out)
     }
 }

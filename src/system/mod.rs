@@ -9,6 +9,7 @@
 
 mod contact;
 mod smoothed;
+mod smoothed_whole;
 mod transition;
 
 use std::sync::Arc;
@@ -81,6 +82,7 @@ pub struct System {
     algebraic: Option<SharedFunction>,
     transitions: Vec<Transition>,
     mechanics: Option<Arc<Mechanics>>,
+    combined: Option<SharedFunction>,
 }
 
 impl System {
@@ -99,6 +101,7 @@ impl System {
             algebraic: None,
             transitions: Vec::new(),
             mechanics: None,
+            combined: None,
         })
     }
 
@@ -120,6 +123,7 @@ impl System {
     /// Sets the part of the right-hand side that does not switch.
     pub fn set_f0(&mut self, f0: SharedFunction) -> Result<()> {
         self.check(f0.as_ref(), self.dims.x)?;
+        self.combined = None;
         self.f0 = Some(f0);
         Ok(())
     }
@@ -153,6 +157,41 @@ impl System {
         }
         self.n_z = n_z;
         self.algebraic = g;
+        self.combined = None;
+        Ok(())
+    }
+
+    /// The whole right-hand side as one function, see [`System::set_combined`].
+    pub fn combined(&self) -> Option<&SharedFunction> {
+        self.combined.as_ref()
+    }
+
+    /// The right-hand side `f0 + Σ_k Σ_i θ_i^k f_i^k` once more, as one function of the states and the weights `θ` of all modes,
+    /// those of the first subsystem first, wherever the weights of each subsystem sum to one. Smooth part and modes that have a costly
+    /// part in common, as the inertia of a mechanism that is factored, are evaluated and differentiated together then. It is forgotten
+    /// where dynamics are added or changed.
+    ///
+    /// # Errors
+    /// [`Error::Dimension`] where its sizes are others; [`Error::State`] with inclusions or algebraic states.
+    pub fn set_combined(&mut self, f: SharedFunction) -> Result<()> {
+        if self.n_z > 0 || !self.inclusions.is_empty() {
+            return Err(Error::State(
+                "with inclusions or algebraic states there is no combined right-hand side".into(),
+            ));
+        }
+        let n_weights: usize = self.subsystems.iter().map(|s| s.n_modes).sum();
+        let expected = Dims { x: self.dims.x + n_weights, ..self.dims };
+        if f.dims() != expected || f.n_out() != self.dims.x {
+            return Err(Error::Dimension(format!(
+                "the combined right-hand side '{}' takes {:?} and has {} outputs, expected {expected:?} and {}: the states, \
+                 then a weight for every mode",
+                f.name(),
+                f.dims(),
+                f.n_out(),
+                self.dims.x
+            )));
+        }
+        self.combined = Some(f);
         Ok(())
     }
 
@@ -185,6 +224,7 @@ impl System {
                 i.rows.len()
             )));
         }
+        self.combined = None;
         self.inclusions.push(i);
         Ok(k)
     }
@@ -219,6 +259,7 @@ impl System {
                 check_signs(k, s.n_modes, psi.n_out(), signs)?;
             }
         }
+        self.combined = None;
         self.subsystems.push(s);
         Ok(k)
     }

@@ -10,6 +10,7 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::Arc;
 
+use super::smoothed_whole::Whole;
 use super::{Regions, SharedFunction, Subsystem, System};
 use crate::error::{Error, Result};
 use crate::func::{Dims, EvalResult, Function, Point};
@@ -58,8 +59,14 @@ impl System {
             return Err(Error::Unsupported("systems with inclusions, transitions or contacts are not smoothed".into()));
         }
         let widths = Widths::new(self.switching_functions().iter().map(|f| f.n_out()).sum());
+        if let Some(whole) = self.combined.as_ref().and_then(|f| Whole::new(f, self, &widths)) {
+            let mut out = System::new(self.dims.x, self.dims.u, self.dims.p)?;
+            out.set_f0(Arc::new(whole))?;
+            return Ok((out, widths));
+        }
         let mut first = 0;
         let mut out = self.clone();
+        out.combined = None;
         for s in out.subsystems.iter_mut().filter(|s| s.n_modes > 1) {
             let n = s.regions.function().n_out();
             let blend: SharedFunction = Arc::new(Blend::new(s, widths.clone(), first));
@@ -73,7 +80,7 @@ impl System {
 }
 
 impl Regions {
-    fn function(&self) -> &SharedFunction {
+    pub(super) fn function(&self) -> &SharedFunction {
         match self {
             Regions::Signs { psi, .. } => psi,
             Regions::Indicators(g) => g,
@@ -81,98 +88,18 @@ impl Regions {
     }
 }
 
-/// `Σ_i θ_i(v(x)) F_i(x)` of a subsystem.
-struct Blend {
-    modes: SharedFunction,
-    regions: Regions,
-    widths: Widths,
+/// Smooth weights of the modes of a subsystem as functions of its switching functions.
+pub(super) struct Weights {
+    pub(super) regions: Regions,
+    pub(super) widths: Widths,
     /// Place of its widths.
-    first: usize,
-    n_rows: usize,
-    n_modes: usize,
-    jac: Pattern,
-    hess: Pattern,
-    /// Entry of the Jacobian behind every entry of that of the modes.
-    modes_jac: Vec<usize>,
-    /// Entries of the Jacobian for every row and every column of the switching functions.
-    switch_jac: Vec<usize>,
-    modes_hess: Vec<usize>,
-    psi_hess: Vec<usize>,
-    /// Columns of the modes and of the switching functions.
-    cols_f: Vec<usize>,
-    cols_v: Vec<usize>,
-    /// Entries of the Hessian for every pair of them, and for every pair of columns of the switching functions.
-    cross_hess: Vec<usize>,
-    switch_hess: Vec<usize>,
+    pub(super) first: usize,
 }
 
-/// Columns of a pattern that have entries.
-fn columns(p: &Pattern) -> Vec<usize> {
-    (0..p.n_cols()).filter(|&j| !p.rows(j).is_empty()).collect()
-}
-
-impl Blend {
-    fn new(s: &Subsystem, widths: Widths, first: usize) -> Blend {
-        let (f, v) = (&s.modes, s.regions.function());
-        let (n_rows, n_in) = (s.rows.len(), f.dims().n_in());
-        let (cols_f, cols_v) = (columns(f.jac_pattern()), columns(v.jac_pattern()));
-        let (mut r, mut c) = (Vec::new(), Vec::new());
-        for j in 0..n_in {
-            for &i in f.jac_pattern().rows(j) {
-                r.push(i % n_rows);
-                c.push(j);
-            }
-        }
-        let n_f = r.len();
-        for i in 0..n_rows {
-            for &j in &cols_v {
-                r.push(i);
-                c.push(j);
-            }
-        }
-        let (jac, map) = Pattern::from_triplets(n_rows, n_in, &r, &c);
-        let (modes_jac, switch_jac) = (map[..n_f].to_vec(), map[n_f..].to_vec());
-        let (mut r, mut c) = (Vec::new(), Vec::new());
-        let mut add = |i: usize, j: usize| {
-            r.push(i.min(j));
-            c.push(i.max(j));
-        };
-        for p in [f.hess_pattern(), v.hess_pattern()] {
-            (0..n_in).for_each(|j| p.rows(j).iter().for_each(|&i| add(i, j)));
-        }
-        cols_f.iter().for_each(|&i| cols_v.iter().for_each(|&j| add(i, j)));
-        cols_v.iter().for_each(|&i| cols_v.iter().for_each(|&j| add(i, j)));
-        let (hess, map) = Pattern::from_triplets(n_in, n_in, &r, &c);
-        let (modes_hess, rest) = map.split_at(f.hess_pattern().nnz());
-        let (psi_hess, rest) = rest.split_at(v.hess_pattern().nnz());
-        let (cross_hess, switch_hess) = rest.split_at(cols_f.len() * cols_v.len());
-        Blend {
-            modes: f.clone(),
-            regions: s.regions.clone(),
-            widths,
-            first,
-            n_rows,
-            n_modes: s.n_modes,
-            jac,
-            modes_jac,
-            switch_jac,
-            modes_hess: modes_hess.to_vec(),
-            psi_hess: psi_hess.to_vec(),
-            cross_hess: cross_hess.to_vec(),
-            switch_hess: switch_hess.to_vec(),
-            hess,
-            cols_f,
-            cols_v,
-        }
-    }
-
-    fn switch(&self) -> &SharedFunction {
-        self.regions.function()
-    }
-
+impl Weights {
     /// Weights `θ_i`, their derivatives `d[i, j]` and, where there is room, second derivatives `dd[i, j, k]` with respect to
     /// the switching functions, whose values are `v`.
-    fn weights(&self, v: &[f64], theta: &mut [f64], d: &mut [f64], dd: &mut [f64]) {
+    pub(super) fn weights(&self, v: &[f64], theta: &mut [f64], d: &mut [f64], dd: &mut [f64]) {
         let n = v.len();
         d.fill(0.0);
         dd.fill(0.0);
@@ -226,6 +153,91 @@ impl Blend {
                 }
             }
         }
+    }
+}
+
+/// `Σ_i θ_i(v(x)) F_i(x)` of a subsystem.
+struct Blend {
+    modes: SharedFunction,
+    by: Weights,
+    n_rows: usize,
+    n_modes: usize,
+    jac: Pattern,
+    hess: Pattern,
+    /// Entry of the Jacobian behind every entry of that of the modes.
+    modes_jac: Vec<usize>,
+    /// Entries of the Jacobian for every row and every column of the switching functions.
+    switch_jac: Vec<usize>,
+    modes_hess: Vec<usize>,
+    psi_hess: Vec<usize>,
+    /// Columns of the modes and of the switching functions.
+    cols_f: Vec<usize>,
+    cols_v: Vec<usize>,
+    /// Entries of the Hessian for every pair of them, and for every pair of columns of the switching functions.
+    cross_hess: Vec<usize>,
+    switch_hess: Vec<usize>,
+}
+
+/// Columns of a pattern that have entries.
+pub(super) fn columns(p: &Pattern) -> Vec<usize> {
+    (0..p.n_cols()).filter(|&j| !p.rows(j).is_empty()).collect()
+}
+
+impl Blend {
+    fn new(s: &Subsystem, widths: Widths, first: usize) -> Blend {
+        let (f, v) = (&s.modes, s.regions.function());
+        let (n_rows, n_in) = (s.rows.len(), f.dims().n_in());
+        let (cols_f, cols_v) = (columns(f.jac_pattern()), columns(v.jac_pattern()));
+        let (mut r, mut c) = (Vec::new(), Vec::new());
+        for j in 0..n_in {
+            for &i in f.jac_pattern().rows(j) {
+                r.push(i % n_rows);
+                c.push(j);
+            }
+        }
+        let n_f = r.len();
+        for i in 0..n_rows {
+            for &j in &cols_v {
+                r.push(i);
+                c.push(j);
+            }
+        }
+        let (jac, map) = Pattern::from_triplets(n_rows, n_in, &r, &c);
+        let (modes_jac, switch_jac) = (map[..n_f].to_vec(), map[n_f..].to_vec());
+        let (mut r, mut c) = (Vec::new(), Vec::new());
+        let mut add = |i: usize, j: usize| {
+            r.push(i.min(j));
+            c.push(i.max(j));
+        };
+        for p in [f.hess_pattern(), v.hess_pattern()] {
+            (0..n_in).for_each(|j| p.rows(j).iter().for_each(|&i| add(i, j)));
+        }
+        cols_f.iter().for_each(|&i| cols_v.iter().for_each(|&j| add(i, j)));
+        cols_v.iter().for_each(|&i| cols_v.iter().for_each(|&j| add(i, j)));
+        let (hess, map) = Pattern::from_triplets(n_in, n_in, &r, &c);
+        let (modes_hess, rest) = map.split_at(f.hess_pattern().nnz());
+        let (psi_hess, rest) = rest.split_at(v.hess_pattern().nnz());
+        let (cross_hess, switch_hess) = rest.split_at(cols_f.len() * cols_v.len());
+        Blend {
+            modes: f.clone(),
+            by: Weights { regions: s.regions.clone(), widths, first },
+            n_rows,
+            n_modes: s.n_modes,
+            jac,
+            modes_jac,
+            switch_jac,
+            modes_hess: modes_hess.to_vec(),
+            psi_hess: psi_hess.to_vec(),
+            cross_hess: cross_hess.to_vec(),
+            switch_hess: switch_hess.to_vec(),
+            hess,
+            cols_f,
+            cols_v,
+        }
+    }
+
+    fn switch(&self) -> &SharedFunction {
+        self.by.regions.function()
     }
 
     /// Lengths of the parts of the workspace: values of the modes and the switching functions, weights with first and second
@@ -281,7 +293,7 @@ impl Function for Blend {
         let [f, v, theta, d, .., work] = self.split(work);
         self.switch().value(at, v, work)?;
         self.modes.value(at, f, work)?;
-        self.weights(v, theta, d, &mut []);
+        self.by.weights(v, theta, d, &mut []);
         out.fill(0.0);
         for (column, t) in f.chunks_exact(self.n_rows).zip(&*theta) {
             out.iter_mut().zip(column).for_each(|(o, f)| *o += t * f);
@@ -294,7 +306,7 @@ impl Function for Blend {
         self.modes.value(at, f, work)?;
         self.modes.jacobian(at, jf, work)?;
         self.switch().jacobian(at, jv, work)?;
-        self.weights(v, theta, d, &mut []);
+        self.by.weights(v, theta, d, &mut []);
         out.fill(0.0);
         let p = self.modes.jac_pattern();
         for (&row, (&k, value)) in p.row_idx().iter().zip(self.modes_jac.iter().zip(&*jf)) {
@@ -318,7 +330,7 @@ impl Function for Blend {
         self.modes.value(at, f, work)?;
         self.modes.jacobian(at, jf, work)?;
         self.switch().jacobian(at, jv, work)?;
-        self.weights(v, theta, d, dd);
+        self.by.weights(v, theta, d, dd);
         out.fill(0.0);
         let (n, n_f, n_v) = (v.len(), self.cols_f.len(), self.cols_v.len());
         let (y, b) = y.split_at_mut(y.len() - n * n);
@@ -389,7 +401,7 @@ impl Function for Blend {
 }
 
 /// Dense rows of a Jacobian in the columns that have entries.
-fn gradients(p: &Pattern, values: &[f64], cols: &[usize], out: &mut [f64]) {
+pub(super) fn gradients(p: &Pattern, values: &[f64], cols: &[usize], out: &mut [f64]) {
     out.fill(0.0);
     for (c, &col) in cols.iter().enumerate() {
         for (&row, v) in p.rows(col).iter().zip(&values[p.range(col)]) {
