@@ -248,7 +248,7 @@ impl Dag {
 
     /// A negative number, or written with a minus sign or a negative factor.
     pub(super) fn is_negative(&self, a: Id) -> bool {
-        self.as_const(a).map_or_else(|| self.scaled(a).0, |c| c) < 0.0
+        self.as_const(a).unwrap_or_else(|| self.scaled(a).0) < 0.0
     }
 
     /// `c · x` of a node: the constant factor and the rest.
