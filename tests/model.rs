@@ -452,12 +452,12 @@ fn arm_with_friction(g: &Graph, n: usize) -> Built {
         let (mut jx, mut jy) = (vec![zero; n], vec![zero; n]);
         for i in 0..=k {
             for a in &angle[i..=k] {
-                jx[i] = jx[i] - a.sin();
-                jy[i] = jy[i] + a.cos();
+                jx[i] -= a.sin();
+                jy[i] += a.cos();
             }
         }
         for i in 0..n {
-            force[i] = force[i] - 9.81 * jy[i];
+            force[i] -= 9.81 * jy[i];
             for j in 0..n {
                 mass[i + n * j] = mass[i + n * j] + jx[i] * jx[j] + jy[i] * jy[j];
             }
