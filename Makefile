@@ -4,7 +4,7 @@
 # make site      the documentation as web pages, in build/site
 # make check     everything that must hold before a commit; what .ci/run runs
 # make install   library, header, CMake and pkg-config files into PREFIX
-# make header    write what is made of src/settings/options.toml, include/switchback.h, and from it what Python and Julia declare
+# make header    write what is made of src/settings/options.toml, include/switchback.h, include/api.json, and from that what Python and Julia declare
 # make release-wheel  a wheel that needs nothing of the system, and a source distribution, into build/dist
 # make fuzz      try to break the library for FUZZ_SECONDS, from SEED on; see fuzz/README.md
 # make docs      write docs/errors.md from the tables
@@ -30,7 +30,7 @@ HEADER = $(CARGO) run --quiet --locked --manifest-path tools/header/Cargo.toml -
 .PHONY: all build demo examples benchmarks site check install header docs deps clean fuzz \
 	demo-report demo-c demo-python stage \
 	check-format check-lint check-rust check-header check-stage check-c check-examples check-pkgconfig check-python \
-	check-julia check-hostile
+	check-julia check-hostile check-crate
 
 all: build
 
@@ -81,6 +81,7 @@ site: deps
 	$(VENV)/bin/python -c "import mkdocs" 2> /dev/null || \
 		$(VENV)/bin/pip install --quiet --disable-pip-version-check mkdocs
 	$(VENV)/bin/python scripts/site.py $(BUILD)
+	$(VENV)/bin/python scripts/site_look.py $(BUILD)/site $(BUILD)/site_pictures
 
 # Rust: one program knows every example.
 demo-report:
@@ -126,10 +127,11 @@ check: deps
 	$(MAKE) check-together
 	@echo "all checks passed"
 
-# What runs on one processor beside each other: the bindings, and the sanitised library, whose output follows at its end.
+# What runs on one processor beside each other: the bindings; the packaged crate and the sanitised library, whose output
+# follows at its end.
 .PHONY: check-together
 check-together:
-	$(MAKE) check-hostile > $(BUILD)/hostile.log 2>&1 & hostile=$$!; \
+	$(MAKE) check-crate check-hostile > $(BUILD)/hostile.log 2>&1 & hostile=$$!; \
 	$(MAKE) check-python check-julia; bindings=$$?; \
 	wait $$hostile; result=$$?; \
 	cat $(BUILD)/hostile.log; \
@@ -141,9 +143,14 @@ check-format:
 
 check-lint:
 	$(CARGO) clippy --all-targets -- -D warnings
+	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --quiet --no-deps --lib
 
 check-rust:
 	$(CARGO) test --profile tests
+
+# What crates.io would get, and a crate that depends on it.
+check-crate:
+	sh scripts/try_crate.sh $(BUILD)
 
 check-header:
 	$(HEADER) --check .

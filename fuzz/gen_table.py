@@ -1,6 +1,6 @@
-"""Write the table of all functions of the header that the fuzzer draws calls from.
+"""Write the table of all functions of the interface that the fuzzer draws calls from.
 
-usage: gen_table.py HEADER OUTPUT
+usage: gen_table.py INTERFACE OUTPUT
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tools" / "api"))
 
-from header import Api, Function, Parameter, Type, parse  # noqa: E402
+from api import Api, Function, Parameter, Type, load  # noqa: E402
 
 ELEMENTS = {"double": "E_DOUBLE", "int64_t": "E_INT64", "int32_t": "E_INT32", "int8_t": "E_INT8", "char": "E_CHAR"}
 NUMBERS = {"int64_t": ("A_INT64", "i"), "int32_t": ("A_INT32", "i"), "uint64_t": ("A_UINT64", "i"), "double": ("A_DOUBLE", "d")}
@@ -84,8 +84,8 @@ def number(names, prefix: str, end: str) -> str:
 
 
 def generate(text: str) -> str:
-    api = parse(text)
-    out = ["/* Made from the header by gen_table.py. */"]
+    api = load(text)
+    out = ["/* Made from api.json by gen_table.py. */"]
     out += ["#ifdef API_TABLE_NUMBERS"]
     out += [number(api.objects, "T_", "N_TYPES"), number(api.functions, "F_", "N_FUNCTIONS")]
     out += [number(api.callbacks, "C_", "N_CALLBACKS"), number(api.records, "S_", "N_RECORDS")]
@@ -120,8 +120,8 @@ def generate(text: str) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    header, output = arguments
-    Path(output).write_text(generate(Path(header).read_text(encoding="utf-8")), encoding="utf-8")
+    interface, output = arguments
+    Path(output).write_text(generate(Path(interface).read_text(encoding="utf-8")), encoding="utf-8")
     return 0
 
 

@@ -1,12 +1,10 @@
 """usage: site.py FOLDER    write the documentation as web pages into FOLDER/site, with MkDocs, without a network
 
-Pages are docs/*.md, the READMEs, a gallery of the examples with pictures and code, and references of the interfaces for C and Python, which are
-made from the header and the docstrings. Links to files that are no pages become plain text. Exits with 1 where a link of a page leads nowhere.
+Pages are docs/*.md, the READMEs, a gallery of the examples with pictures and code, and references of the interfaces (site_references.py; that of
+Rust is what `cargo doc` writes). Links to files that are no pages become plain text. Exits with 1 where a link of a page leads nowhere.
 """
 
 import html.parser
-import importlib
-import inspect
 import os
 import re
 import shutil
@@ -16,6 +14,9 @@ from pathlib import Path
 from urllib.parse import unquote, urldefrag
 
 ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT / "scripts"))
+
+from site_references import c_reference, cpp_reference, julia_reference, python_reference  # noqa: E402
 
 # Sources of pages, and where they are in the site.
 PAGES = {
@@ -49,7 +50,10 @@ NAVIGATION = """
       - Python: python.md
       - Reference of Python: api_python.md
       - Reference of C: api_c.md
+      - Reference of C++: api_cpp.md
       - Julia: julia.md
+      - Reference of Julia: api_julia.md
+      - Rust: rust.md
   - Options: options.md
   - Errors: errors.md
   - Benchmarks:
@@ -94,55 +98,6 @@ def rewritten(text: str, source: Path, target: str) -> str:
         return label
 
     return LINK.sub(link, text)
-
-
-def c_reference() -> str:
-    """Functions of the header by the object they belong to, with their comments."""
-    header = (ROOT / "include" / "switchback.h").read_text(encoding="utf-8")
-    pattern = re.compile(r"/\*\*\n((?: \*[^\n]*\n)+?) \*/\n((?:SWB_API\s+)?[^;{}#/]*?\b(swb_\w+)\([^;]*?\));")
-    groups: dict[str, list[str]] = {}
-    kinds = sorted(set(re.findall(r"\bswb_(\w+)_free\(", header)), key=len, reverse=True)
-    for match in pattern.finditer(header):
-        comment, declaration, name = match.groups()
-        text = "\n".join(line[3:] if line.startswith(" * ") else "" for line in comment.splitlines()).strip()
-        group = next((k for k in kinds if name.startswith(f"swb_{k}_")), "others")
-        groups.setdefault(group, []).append(f"### {name}\n\n```c\n{declaration.strip()};\n```\n\n{text}\n")
-    parts = ["# Reference of C\n\nMade from `include/switchback.h`; functions by the object they belong to.\n"]
-    for group in sorted(groups, key=lambda g: (g == "others", g)):
-        parts.append(f"## {'Other functions' if group == 'others' else 'swb_' + group}\n\n" + "\n".join(groups[group]))
-    return "\n".join(parts)
-
-
-def signature(f: object) -> str:
-    try:
-        text = str(inspect.signature(f))
-    except (TypeError, ValueError):
-        return "(...)"
-    return re.sub(r"'([^']*)'", r"\1", text)
-
-
-def python_reference() -> str:
-    """Classes and functions of the package from their docstrings."""
-    swb = importlib.import_module("switchback")
-    parts = ["# Reference of Python\n\nMade from the docstrings of the package.\n"]
-    for name in sorted(swb.__all__, key=str.lower):
-        thing = getattr(swb, name)
-        if inspect.ismodule(thing):
-            continue
-        text = inspect.getdoc(thing) or ""
-        if inspect.isclass(thing):
-            parts.append(f"## {name}\n\n```text\n{text}\n```\n")
-            for method, member in vars(thing).items():
-                function = member.fget if isinstance(member, property) else getattr(member, "__func__", member)
-                if method.startswith("_") or not (inspect.isfunction(function) and inspect.getdoc(function)):
-                    continue
-                call = "" if isinstance(member, property) else signature(function).replace("(self, ", "(").replace("(self)", "()")
-                parts.append(f"**{name}.{method}**`{call or ' '}`\n\n{inspect.getdoc(function)}\n")
-        elif callable(thing):
-            parts.append(f"## {name}\n\n`{name}{signature(thing)}`\n\n```text\n{text}\n```\n")
-        else:
-            parts.append(f"## {name}\n\nA {type(thing).__name__}.\n")
-    return "\n".join(parts)
 
 
 def gallery(target: Path) -> str:
@@ -194,7 +149,8 @@ def broken(site: Path) -> list[str]:
         pages[page].feed(page.read_text(encoding="utf-8"))
     found = []
     for page, links in pages.items():
-        if page.name == "404.html":
+        # cargo doc looks at its own links
+        if page.name == "404.html" or page.is_relative_to(site / "rust_api"):
             continue
         for address in links.addresses:
             path, anchor = urldefrag(address)
@@ -205,6 +161,19 @@ def broken(site: Path) -> list[str]:
             if not place.exists() or (anchor and place in pages and anchor not in pages[place].anchors):
                 found.append(f"{page.relative_to(site)}: {address}")
     return sorted(set(found))
+
+
+def rust_reference(folder: Path, site: Path) -> None:
+    """The pages of cargo doc, where there is a cargo; without them the page about Rust says how to make them."""
+    cargo = shutil.which(os.environ.get("CARGO", "cargo"))
+    if not cargo:
+        print("left out: reference of Rust: there is no cargo here")
+        return
+    target = Path(os.environ.get("CARGO_TARGET_DIR") or ROOT / "target")
+    subprocess.run([cargo, "doc", "--quiet", "--no-deps", "--lib"], cwd=ROOT, check=True)
+    shutil.copytree(target / "doc", site / "rust_api")
+    page = site / "rust.html"
+    page.write_text(page.read_text(encoding="utf-8").replace("RUST_API", "rust_api/switchback/index.html"), encoding="utf-8")
 
 
 def main() -> int:
@@ -221,8 +190,9 @@ def main() -> int:
         place = source / target
         place.parent.mkdir(parents=True, exist_ok=True)
         place.write_text(rewritten((ROOT / name).read_text(encoding="utf-8"), ROOT / name, target), encoding="utf-8")
-    (source / "api_c.md").write_text(c_reference(), encoding="utf-8")
-    (source / "api_python.md").write_text(python_reference(), encoding="utf-8")
+    references = {"c": c_reference, "cpp": cpp_reference, "julia": julia_reference, "python": python_reference}
+    for language, reference in references.items():
+        (source / f"api_{language}.md").write_text(reference(), encoding="utf-8")
     (source / "gallery.md").write_text(gallery(source), encoding="utf-8")
     settings = folder / "mkdocs.yml"
     settings.write_text(
@@ -233,6 +203,7 @@ def main() -> int:
         encoding="utf-8",
     )
     subprocess.run([sys.executable, "-m", "mkdocs", "build", "--quiet", "--config-file", str(settings)], check=True)
+    rust_reference(folder, site)
     lost = broken(site)
     print("\n".join(f"broken link: {b}" for b in lost))
     print(f"{len(list(site.rglob('*.html')))} pages: {site / 'index.html'}")

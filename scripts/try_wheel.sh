@@ -1,13 +1,18 @@
 #!/bin/sh
-# usage: try_wheel.sh WHEEL VENV    install a wheel into a new environment VENV; the first example of the package must run there, with the
-# libraries that the wheel brings, and no path of the machine that built it may be inside
+# usage: try_wheel.sh WHEEL VENV    install a wheel into a new environment VENV; the first example of the package and its tests must run
+# there, with the libraries that the wheel brings, and no path of the machine that built it may be inside
+#
+# SuiteSparse of the system is hidden where namespaces are allowed (root, or user namespaces); where not, what is mapped is looked at.
 set -eu
 wheel=$1
 venv=$2
+here=$(pwd)
 rm -rf "$venv"
 python3 -m venv "$venv"
-"$venv/bin/pip" --disable-pip-version-check install --quiet "$wheel"
+"$venv/bin/pip" --disable-pip-version-check install --quiet "$wheel" pytest hypothesis scipy matplotlib
 unset SWITCHBACK_LIBRARY PYTHONPATH || true
+mkdir "$venv/tests"
+cp "$here"/bindings/python/tests/*.py "$venv/tests/"
 cd "$venv"
 cat > example.py << 'END'
 import re
@@ -34,4 +39,25 @@ if paths:
     sys.exit(f"paths of the machine that built it are inside: {paths[:3]}")
 print(run)
 END
-bin/python example.py
+cat > alone.sh << 'END'
+for lib in ldl amd suitesparseconfig; do
+    for file in /lib/*/lib$lib.so.? /usr/lib/*/lib$lib.so.? /usr/lib64/lib$lib.so.? /usr/local/lib/lib$lib.so.?; do
+        [ ! -e "$file" ] || mount --bind /dev/null "$(readlink -f "$file")"
+    done
+done
+exec "$@"
+END
+alone=""
+for how in "unshare -m" "unshare -rm"; do
+    if $how true 2> /dev/null; then
+        alone="$how sh alone.sh"
+        break
+    fi
+done
+if [ -n "$alone" ] && $alone bin/python -c "import ctypes; ctypes.CDLL('libldl.so.2')" 2> /dev/null; then
+    echo "libldl of the system could not be hidden"
+    exit 1
+fi
+[ -n "$alone" ] || echo "left out: hiding SuiteSparse of the system: no namespaces here"
+$alone bin/python example.py
+MPLBACKEND=Agg $alone bin/python -m pytest -q -p no:cacheprovider ${WHEEL_TESTS:-tests}

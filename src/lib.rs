@@ -6,42 +6,116 @@
 //! ẋ = f0(x,u,p,t) + Σ_k Σ_i θ_i^k f_i^k(x,u,p,t),   mode i of subsystem k valid in its region R_i^k
 //! ```
 //!
-//! becomes a dynamic complementarity system ([`dcs`]), is discretised by finite elements with switch detection
-//! ([`fesd`]), and solved as a mathematical program with complementarity constraints ([`mpcc`]) by an interior-point
-//! method ([`nlp`]) over sparse LDLᵀ factorisations ([`linalg`]). [`system`] states models made of [`func`]tions,
-//! [`event`] and [`sim`] simulate them, [`ocp`] controls them optimally. [`capi`] is the C interface over all of it.
+//! becomes a dynamic complementarity system, is discretised by finite elements with switch detection, and solved as a
+//! mathematical program with complementarity constraints by an interior-point method over sparse LDLᵀ factorisations.
+//!
+//! - State a system: as expressions with operators that switch ([`model`], of [`expr`]essions), or of functions
+//!   ([`system`], [`func`]); mechanical systems with contacts: [`scene`]; time-freezing: [`freezing`].
+//! - Simulate it: event-driven ([`event`]), with fixed steps of finite elements ([`sim`]), or by time stepping
+//!   ([`stepping`]).
+//! - Control it optimally ([`ocp`]), in real time ([`nmpc`]); solve programs with complementarity constraints ([`mpcc`]).
+//! - Options are one type, [`Settings`]; what goes wrong is an [`Error`]; models and problems are written and read as
+//!   JSON by [`document`].
+//!
+//! What most programs need is at the root:
+//!
+//! ```
+//! use switchback::{Graph, Model, Ocp, Outcome, Settings, SolveControl};
+//!
+//! // A mass with dry friction: x' = v, v' = u - 0.3 sign(v).
+//! let g = Graph::new();
+//! let (v, u) = (g.x(1), g.u(0));
+//! let built = Model::from_rhs("friction", 1, 0, &[v, u - 0.3 * v.sign()])?.build(&g)?;
+//!
+//! // With u = 0 it slides until it sticks, at t = 1/0.3.
+//! let run = switchback::simulate(&built.system, &Default::default(), 0.0, &[0.0, 1.0], 5.0)?;
+//! assert!((run.switches[0].t - 1.0 / 0.3).abs() < 1e-9);
+//!
+//! // To x = 1 at rest within two units of time, with the least integral of u^2 / 2.
+//! let mut ocp = Ocp::new(&built.system, 2.0, 8, &Settings::default())?;
+//! ocp.set_x0(&[0.0, 0.0])?;
+//! let cost = g.function("L", built.dims, &[0.5 * u * u])?;
+//! ocp.set_lagrange(std::sync::Arc::new(cost))?;
+//! let end = g.function("e", built.dims, &[g.x(0), v])?;
+//! ocp.add_terminal(std::sync::Arc::new(end), &[1.0, 0.0], &[1.0, 0.0])?;
+//! ocp.set_u_bounds(&[-3.0], &[3.0])?;
+//! let answer = ocp.solve(&mut SolveControl::default())?;
+//! assert_eq!(answer.outcome, Outcome::Solved);
+//! # Ok::<(), switchback::Error>(())
+//! ```
+//!
+//! Structs of options gain fields, and enumerations of outcomes may gain variants, in minor versions: end literals of
+//! options with `..Default::default()` and matches with `_`. Modules that this page does not list are the parts these are
+//! made of; they change without notice.
+//!
+//! The build needs the libraries LDL and AMD of SuiteSparse (Debian: `libsuitesparse-dev`). The C interface is in the
+//! same crate: build scripts of crates that depend on this one find its header in `DEP_SWITCHBACK_INCLUDE`.
 //!
 //! Equation and section numbers in brackets are those of A. Nurkanović, *Numerical Methods for Optimal Control of
 //! Nonsmooth Dynamical Systems* (PhD thesis, Freiburg 2023). ARCHITECTURE.md has the layers and the decisions.
 #![deny(unsafe_code)]
 #![warn(missing_docs)]
 #![allow(clippy::needless_range_loop)]
+// Descriptions name the parts a module is made of, private ones too; in the pages these are plain text.
+#![allow(rustdoc::private_intra_doc_links)]
 
 #[macro_use]
+#[doc(hidden)]
 pub mod memory;
 
-pub mod capi;
-pub(crate) mod contact;
-pub mod dcs;
+// What programs use.
 pub mod document;
 pub mod error;
 pub mod event;
 pub mod expr;
-pub mod fesd;
 pub mod freezing;
 pub mod func;
-pub mod jumps;
-pub mod linalg;
 pub mod model;
 pub mod mpcc;
-pub mod nlp;
 pub mod nmpc;
 pub mod ocp;
-pub mod qp;
 pub mod scene;
 pub mod settings;
 pub mod sim;
 pub mod stepping;
-pub mod stop;
 pub mod system;
+
+// What these are made of: open to the tests and benchmarks of this package, not part of the interface of the crate.
+#[doc(hidden)]
+pub mod capi;
+pub(crate) mod contact;
+#[doc(hidden)]
+pub mod dcs;
+#[doc(hidden)]
+pub mod fesd;
+#[doc(hidden)]
+pub mod jumps;
+#[doc(hidden)]
+pub mod linalg;
+#[doc(hidden)]
+pub mod nlp;
+pub(crate) mod parallel;
+#[doc(hidden)]
+pub mod qp;
+#[doc(hidden)]
+pub mod session;
+#[doc(hidden)]
+pub mod stop;
+#[doc(hidden)]
 pub mod tableau;
+
+pub use dcs::Dcs;
+pub use error::{Error, Result};
+pub use event::{simulate, simulate_batch, Engine, Run};
+pub use expr::{Expr, Graph};
+pub use fesd::{PathAt, Trajectory};
+pub use func::{Callback, Dims, Function, Point};
+pub use model::Model;
+pub use mpcc::{Mpcc, MpccSettings, MpccSolver};
+pub use nlp::{Control as SolveControl, IterationInfo, Outcome, Residuals, Statistics};
+pub use nmpc::Nmpc;
+pub use ocp::{MultiPhase, Ocp, OcpResult};
+pub use scene::Scene;
+pub use settings::Settings;
+pub use sim::Simulator;
+pub use system::{Regions, SharedFunction, Subsystem, System};

@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 const LAYERS: &[(&str, &[&str])] = &[
     ("error", &[]),
     ("memory", &["error"]),
+    ("parallel", &[]),
     ("settings", &["error"]),
     ("stop", &["error"]),
     ("log", &["error", "settings"]),
@@ -51,11 +52,12 @@ const LAYERS: &[(&str, &[&str])] = &[
         "nmpc",
         &["error", "stop", "settings", "tableau", "linalg", "func", "expr", "system", "fesd", "event", "ocp", "qp"],
     ),
+    ("session", &["error", "stop", "settings", "func", "system", "event"]),
     ("document", &["error", "stop", "settings", "func", "expr", "system", "model", "fesd", "ocp"]),
 ];
 const ABOVE_ALL: &str = "capi";
 /// Everybody may use these; they use `error` at most.
-const BELOW_ALL: &[&str] = &["memory"];
+const BELOW_ALL: &[&str] = &["memory", "parallel"];
 
 fn sources(dir: &Path, out: &mut Vec<PathBuf>) {
     let mut entries: Vec<PathBuf> = fs::read_dir(dir).unwrap().map(|e| e.unwrap().path()).collect();
@@ -143,6 +145,27 @@ fn fesd_does_not_know_the_solver() {
             assert!(!code.iter().any(|l| l.contains(name)), "{} names {name}", f.display());
         }
     }
+}
+
+/// Work is shared between threads in one place; `nmpc` has a thread that stays.
+#[test]
+fn threads_are_started_in_one_place() {
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut files = Vec::new();
+    sources(&src, &mut files);
+    let mut wrong = Vec::new();
+    for f in &files {
+        let text = fs::read_to_string(f).unwrap();
+        let code: Vec<&str> =
+            text.split("#[cfg(test)]").next().unwrap().lines().map(|l| l.split("//").next().unwrap_or("")).collect();
+        let starts =
+            ["thread::scope", "thread::spawn", "thread::Builder"].iter().any(|s| code.iter().any(|l| l.contains(s)));
+        let inside = f.strip_prefix(&src).unwrap().display().to_string();
+        if starts && !["parallel.rs", "nmpc/worker.rs"].contains(&inside.as_str()) {
+            wrong.push(inside);
+        }
+    }
+    assert!(wrong.is_empty(), "threads are started in {wrong:?}: use crate::parallel");
 }
 
 #[test]

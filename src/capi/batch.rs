@@ -1,140 +1,22 @@
 //! Many event-driven simulations of one system on several threads.
 
 use super::guard::{caught, guard};
-use super::handle::{self, Interrupt, Object};
-use super::integrator::listening;
+use super::handle::{self, Object};
 use super::raw;
-use super::run::{modes_of, outcome_number, swb_run, swb_run_outcome, Record};
+use super::run::{ending_number, swb_run};
 use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
 use super::threads;
-use crate::error::{Error, Result};
-use crate::event::{Engine, Options, Outcome};
 use crate::memory;
+use crate::session::Batch;
 use crate::settings::Settings;
-use crate::stop::Stop;
-use crate::system::System;
-use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Instant;
 
 /// Event-driven simulations of one system from several initial states, with controls and parameters of their own.
 pub struct swb_batch(());
 impl Object for swb_batch {
     type Value = Batch;
     const NAME: &'static str = "swb_batch";
-}
-
-/// What is behind the handle.
-pub struct Batch {
-    system: System,
-    options: Options,
-    n_modes: Vec<i64>,
-    interrupt: Interrupt,
-    runs: Vec<Result<Record>>,
-}
-
-/// Inputs of the runs: none, one for all, or one for each.
-struct Inputs<'a> {
-    values: &'a [f64],
-    width: usize,
-    shared: bool,
-}
-
-impl<'a> Inputs<'a> {
-    fn new(values: &'a [f64], width: usize, n_runs: usize, what: &str) -> Result<Inputs<'a>> {
-        let shared = values.len() == width;
-        if !values.is_empty() && !shared && values.len() != width * n_runs {
-            return Err(Error::Dimension(format!(
-                "{what} has length {}: give {width} for all runs, or {width} for each of the {n_runs}",
-                values.len()
-            )));
-        }
-        Ok(Inputs { values, width, shared })
-    }
-
-    fn of(&self, run: usize) -> Option<&'a [f64]> {
-        let start = if self.shared { 0 } else { run * self.width };
-        (!self.values.is_empty()).then(|| &self.values[start..start + self.width])
-    }
-}
-
-impl Batch {
-    fn run(&mut self, (t0, t1): (f64, f64), x0: &[f64], u: &[f64], p: &[f64], threads: i64) -> Result<()> {
-        let d = self.system.dims();
-        if x0.len() % d.x != 0 {
-            return Err(Error::Dimension(format!("x0 has length {}, no multiple of the {} states", x0.len(), d.x)));
-        }
-        let n_runs = x0.len() / d.x;
-        let (u, p) = (Inputs::new(u, d.u, n_runs, "u")?, Inputs::new(p, d.p, n_runs, "p")?);
-        let threads = threads::number(threads, self.system.is_serial())?;
-        let (next, interrupt) = (AtomicUsize::new(0), &self.interrupt);
-        let one = |i: usize| -> Result<Record> {
-            let clock = Instant::now();
-            let result = listening(|| {
-                let mut engine = Engine::new(&self.system, &self.options)?;
-                engine.set_interrupt(interrupt.clone());
-                engine.reinit(t0, &x0[i * d.x..(i + 1) * d.x])?;
-                if let Some(u) = u.of(i) {
-                    engine.set_controls(u)?;
-                }
-                if let Some(p) = p.of(i) {
-                    engine.set_params(p)?;
-                }
-                let stopped = match engine.advance(t1) {
-                    Err(Error::Interrupted) => true,
-                    other => other.map(|_| false)?,
-                };
-                Ok((engine.into_run(), stopped))
-            });
-            let (mut run, stopped) = result?;
-            let mut outcome = outcome_number(run.outcome);
-            if stopped && run.outcome == Outcome::Reached {
-                outcome = swb_run_outcome::Stopped as i32;
-                run.reason = format!("t = {}: interrupted", run.t);
-            }
-            let seconds = clock.elapsed().as_secs_f64();
-            Ok(Record { run, outcome, t_start: t0, seconds, n_modes: self.n_modes.clone() })
-        };
-        let stop = Stop::on(interrupt);
-        let work = || -> Vec<(usize, Result<Record>)> {
-            let mut mine = Vec::new();
-            loop {
-                let i = next.fetch_add(1, Ordering::Relaxed);
-                if i >= n_runs {
-                    return mine;
-                }
-                mine.push((i, caught(|| stop.scope(|| memory::call(|| one(i))))));
-            }
-        };
-        let mut runs: Vec<(usize, Result<Record>)> = std::thread::scope(|scope| {
-            // without room for another thread the others do its work
-            let spawn = || {
-                let room = memory::room_for_thread();
-                room.then(|| std::thread::Builder::new().spawn_scoped(scope, work).ok()).flatten()
-            };
-            let others: Vec<_> = (1..threads.min(n_runs)).map_while(|_| spawn()).collect();
-            let mut all = work();
-            for o in others {
-                all.extend(o.join().unwrap_or_default());
-            }
-            all
-        });
-        runs.sort_by_key(|r| r.0);
-        self.interrupt.store(false, Ordering::Relaxed);
-        if runs.len() != n_runs {
-            return Err(Error::Internal("a thread of the batch panicked".into()));
-        }
-        self.runs = runs.into_iter().map(|r| r.1).collect();
-        Ok(())
-    }
-
-    fn get(&self, index: i64) -> Result<&Record> {
-        let n = self.runs.len();
-        let found = usize::try_from(index).ok().and_then(|i| self.runs.get(i));
-        let run = found.ok_or_else(|| Error::Dimension(format!("there is no run {index}, the batch has {n}")))?;
-        run.as_ref().map_err(Clone::clone)
-    }
 }
 
 /// Create a batch.
@@ -155,11 +37,7 @@ pub unsafe extern "C" fn swb_batch_create(
             let settings = settings::read(settings)?;
             settings.validate()?;
             let system = handle::with_ref(system, |s| Ok(s.clone()))?;
-            system.validate()?;
-            let n_modes = modes_of(&system);
-            let options = Options { preferred: vec![Vec::new(); n_modes.len()], ..Options::from(&settings) };
-            Engine::new(&system, &options)?;
-            Ok(Batch { system, options, n_modes, interrupt: interrupt.clone(), runs: Vec::new() })
+            Batch::new(system, &settings, interrupt)
         })
     })
 }
@@ -188,7 +66,8 @@ pub unsafe extern "C" fn swb_batch_run(
 ) -> swb_status {
     guard(|| unsafe {
         let (x0, u, p) = (raw::slice(x0, n_x0, "x0")?, raw::slice(u, n_u, "u")?, raw::slice(p, n_p, "p")?);
-        handle::with_mut(batch, |b| b.run((t0, t1), x0, u, p, n_threads))
+        let threads = threads::number(n_threads)?;
+        handle::with_mut(batch, |b| b.run((t0, t1), x0, u, p, threads, &|run| caught(run)))
     })
 }
 
@@ -197,7 +76,7 @@ pub unsafe extern "C" fn swb_batch_run(
 /// @return SWB_OK
 #[no_mangle]
 pub unsafe extern "C" fn swb_batch_size(batch: *const swb_batch, n_runs: *mut i64) -> swb_status {
-    guard(|| unsafe { handle::with_ref(batch, |b| raw::write(n_runs, b.runs.len() as i64, "n_runs")) })
+    guard(|| unsafe { handle::with_ref(batch, |b| raw::write(n_runs, b.runs().len() as i64, "n_runs")) })
 }
 
 /// Final states of all runs.
@@ -208,9 +87,9 @@ pub unsafe extern "C" fn swb_batch_size(batch: *const swb_batch, n_runs: *mut i6
 pub unsafe extern "C" fn swb_batch_states(batch: *const swb_batch, x: *mut f64, n: i64) -> swb_status {
     guard(|| unsafe {
         handle::with_ref(batch, |b| {
-            let failed = vec![f64::NAN; b.system.dims().x];
-            let mut all = memory::with_capacity(b.runs.len() * failed.len());
-            all.extend(b.runs.iter().flat_map(|r| r.as_ref().map_or(&failed, |r| &r.run.x).iter().copied()));
+            let failed = vec![f64::NAN; b.n_states()];
+            let mut all = memory::with_capacity(b.runs().len() * failed.len());
+            all.extend(b.runs().iter().flat_map(|r| r.as_ref().map_or(&failed, |r| &r.run.x).iter().copied()));
             raw::write_slice(x, n, &all, "x")
         })
     })
@@ -224,8 +103,11 @@ pub unsafe extern "C" fn swb_batch_states(batch: *const swb_batch, x: *mut f64, 
 pub unsafe extern "C" fn swb_batch_outcomes(batch: *const swb_batch, outcome: *mut i32, n: i64) -> swb_status {
     guard(|| unsafe {
         handle::with_ref(batch, |b| {
-            let all: Vec<i32> =
-                b.runs.iter().map(|r| r.as_ref().map_or_else(|e| swb_status::from(e) as i32, |r| r.outcome)).collect();
+            let all: Vec<i32> = b
+                .runs()
+                .iter()
+                .map(|r| r.as_ref().map_or_else(|e| swb_status::from(e) as i32, |r| ending_number(r.ending)))
+                .collect();
             raw::write_slice(outcome, n, &all, "outcome")
         })
     })

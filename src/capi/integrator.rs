@@ -1,26 +1,21 @@
 //! Event-driven simulation, step by step.
 
 use super::guard::guard;
-use super::handle::{self, Interrupt, Object};
+use super::handle::{self, Object};
 use super::log::{swb_log_fn, LogSink};
 use super::raw;
-use super::report::{write_sized, Exclusive};
-use super::run::{modes_of, order, outcome_name, outcome_number, swb_run, swb_run_outcome, swb_run_stats, Record};
+use super::report::write_sized;
+use super::run::{ending_number, order, swb_run, swb_run_stats};
 use super::settings;
 use super::status::swb_status;
 use super::system::swb_system;
 use crate::error::{Error, Result};
-use crate::event::{Branching, Decider, Engine, Options, Outcome, Progress, Run, Statistics, Term};
-use crate::func::trouble;
-use crate::memory;
-use crate::settings::{LogLevel, Settings, Value};
-use crate::stop::Stop;
-use crate::system::System;
+use crate::event::{Branching, Engine, Term};
+use crate::session::{Integrator, StepKind};
+use crate::settings::{Settings, Value};
 use std::ffi::{c_char, c_void};
 use std::mem::size_of;
-use std::ptr;
-use std::sync::atomic::Ordering;
-use std::time::Instant;
+use std::sync::Arc;
 
 /// Event-driven integrator of a system: explicit or implicit steps inside of modes, sliding modes as
 /// differential-algebraic equations, every switch located to rounding. swb_simulator solves the equations of FESD
@@ -106,6 +101,7 @@ struct Decide {
 
 // SAFETY: as for `LogSink`.
 unsafe impl Send for Decide {}
+unsafe impl Sync for Decide {}
 
 impl Decide {
     fn ask(&self, b: &Branching, n_modes: &[i64]) -> Option<usize> {
@@ -134,338 +130,40 @@ impl Decide {
     }
 }
 
-/// What is behind the handle.
-pub struct Integrator {
-    system: System,
-    settings: Settings,
-    /// Tolerances state by state, where they were set so.
-    tolerances: Option<(Vec<f64>, Vec<f64>)>,
-    /// Preferred modes of the subsystems that can switch.
-    preferred: Vec<Vec<usize>>,
-    decide: Option<Decide>,
-    engine: Exclusive<Engine>,
-    /// The settings changed since the engine was built.
-    stale: bool,
-    /// A call failed in the middle of a step.
-    broken: bool,
-    t_start: f64,
-    t: f64,
-    x: Vec<f64>,
-    f: Vec<f64>,
-    u: Vec<f64>,
-    p: Vec<f64>,
-    n_modes: Vec<i64>,
-    active: Vec<Vec<usize>>,
-    stop_times: Vec<f64>,
-    outcome: i32,
-    reason: String,
-    stats: Statistics,
-    seconds: f64,
-    interrupt: Interrupt,
-    progress: swb_progress_fn,
-    progress_data: *mut c_void,
-    log: Option<LogSink>,
+/// A C callback that is told of steps, with its user data.
+#[derive(Clone, Copy)]
+struct Progress {
+    function: unsafe extern "C" fn(*const swb_progress, *mut c_void) -> i32,
+    user_data: *mut c_void,
 }
 
-// SAFETY: as for `LogSink`; the engine is reached by exclusive use only.
-unsafe impl Send for Integrator {}
-unsafe impl Sync for Integrator {}
+// SAFETY: as for `LogSink`.
+unsafe impl Send for Progress {}
 
-/// An engine with these settings.
-fn build(
-    system: &System,
-    settings: &Settings,
-    tolerances: &Option<(Vec<f64>, Vec<f64>)>,
-    preferred: &[Vec<usize>],
-) -> Result<Engine> {
-    let mut o = Options { preferred: preferred.to_vec(), ..Options::from(settings) };
-    if let Some((rtol, atol)) = tolerances {
-        (o.rtol, o.atol) = (rtol.clone(), atol.clone());
-    }
-    Engine::new(system, &o)
-}
-
-/// Run `body`, which may call user functions, and say which one it was that ended it.
-pub(super) fn listening<R>(body: impl FnOnce() -> Result<R>) -> Result<R> {
-    let (result, troubles) = trouble::collect(true, body);
-    match &troubles.fatal {
-        Some(complaint) => Err(complaint.error()),
-        None => result,
-    }
-}
-
-impl Integrator {
-    fn new(system: System, settings: Settings, interrupt: &Interrupt) -> Result<Integrator> {
-        system.validate()?;
-        let d = system.dims();
-        let n_modes = modes_of(&system);
-        let preferred = vec![Vec::new(); n_modes.len()];
-        let engine = build(&system, &settings, &None, &preferred)?;
-        Ok(Integrator {
-            settings,
-            tolerances: None,
-            preferred,
-            decide: None,
-            stale: false,
-            broken: false,
-            t_start: 0.0,
-            t: 0.0,
-            x: vec![0.0; d.x],
-            f: vec![0.0; d.x],
-            u: vec![0.0; d.u],
-            p: vec![0.0; d.p],
-            active: vec![Vec::new(); n_modes.len()],
-            n_modes,
-            stop_times: Vec::new(),
-            outcome: swb_run_outcome::Reached as i32,
-            reason: String::new(),
-            stats: Statistics::default(),
-            seconds: 0.0,
-            engine: Exclusive::new(engine),
-            interrupt: interrupt.clone(),
-            progress: None,
-            progress_data: ptr::null_mut(),
-            log: None,
-            system,
-        })
-    }
-
-    fn set_option(&mut self, name: &str, value: Value) -> Result<()> {
-        let mut settings = self.settings;
-        settings.set_by_name(name, value)?;
-        self.set_settings(settings);
-        Ok(())
-    }
-
-    fn set_settings(&mut self, settings: Settings) {
-        self.stale |= settings != self.settings;
-        self.settings = settings;
-    }
-
-    fn set_tolerances(&mut self, rtol: &[f64], atol: &[f64]) -> Result<()> {
-        let wanted = Some((rtol.to_vec(), atol.to_vec()));
-        build(&self.system, &self.settings, &wanted, &self.preferred)?;
-        self.tolerances = wanted;
-        self.stale = true;
-        Ok(())
-    }
-
-    fn set_preferred(&mut self, subsystem: i64, modes: &[i64]) -> Result<()> {
-        let k = self.subsystem(subsystem)?;
-        let bad = |m: i64| Error::Range(format!("subsystem {k} has no mode {m}, it has {}", self.n_modes[k]));
-        let list = modes.iter().map(|&m| usize::try_from(m).ok().filter(|_| m < self.n_modes[k]).ok_or_else(|| bad(m)));
-        self.preferred[k] = list.collect::<Result<_>>()?;
-        self.stale = true;
-        Ok(())
-    }
-
-    fn set_decider(&mut self, decide: Option<Decide>) {
-        self.decide = decide;
-        let n_modes = self.n_modes.clone();
-        self.engine.get().set_decider(decide.map(|d| Box::new(move |b: &Branching| d.ask(b, &n_modes)) as Decider));
-    }
-
-    fn subsystem(&self, index: i64) -> Result<usize> {
-        let n = self.n_modes.len();
-        usize::try_from(index).ok().filter(|&k| k < n).ok_or_else(|| {
-            Error::Dimension(format!("there is no subsystem {index} that switches, their number is {n}"))
-        })
-    }
-
-    fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
-        if self.stale || self.broken {
-            let mut engine = build(&self.system, &self.settings, &self.tolerances, &self.preferred)?;
-            engine.reinit(t, x)?;
-            engine.set_controls(&self.u)?;
-            engine.set_params(&self.p)?;
-            self.engine = Exclusive::new(engine);
-            self.set_decider(self.decide);
-            (self.stale, self.broken) = (false, false);
-        } else {
-            self.engine.get().reinit(t, x)?;
-        }
-        (self.t_start, self.t, self.seconds) = (t, t, 0.0);
-        self.x.copy_from_slice(x);
-        self.look();
-        Ok(())
-    }
-
-    /// Keep what may be read while others read, too.
-    fn look(&mut self) {
-        let engine = self.engine.get();
-        self.t = engine.time();
-        self.x.copy_from_slice(engine.state());
-        self.f.copy_from_slice(engine.derivative());
-        self.outcome = outcome_number(engine.outcome());
-        self.reason.clear();
-        self.reason.push_str(engine.reason());
-        self.stats = engine.stats();
-        for (k, active) in self.active.iter_mut().enumerate() {
-            *active = engine.active(k);
-        }
-    }
-
-    fn set_inputs(&mut self, what: impl FnOnce(&mut Engine) -> Result<()>) -> Result<()> {
-        let engine = self.engine.get();
-        listening(|| what(engine))
-    }
-
-    /// New options are taken over where nothing is lost by it.
-    fn prepare(&mut self) -> Result<()> {
-        if self.broken {
-            return Err(Error::State(
-                "the last call failed in the middle of a step: call swb_integrator_reinit".into(),
-            ));
-        }
-        if self.stale && self.stats.steps == 0 && self.t == self.t_start {
-            let x = self.x.clone();
-            self.reinit(self.t_start, &x)?;
-        }
-        Ok(())
-    }
-
-    /// Integrates to `t`, or does one step only.
-    fn run(&mut self, t: f64, one: bool) -> Result<swb_progress_kind> {
-        self.prepare()?;
-        let clock = Instant::now();
-        let level = if self.log.is_some() { self.settings.verbosity() as i64 } else { 0 };
-        let mut stopped = false;
-        let mut kind = swb_progress_kind::Done;
-        let mut logged = self.stats.switches;
-        let (engine, stop_times) = (self.engine.get(), &self.stop_times);
-        let (progress, data, log, interrupt) = (self.progress, self.progress_data, self.log, &self.interrupt);
-        let result = listening(|| loop {
-            if interrupt.swap(false, Ordering::Relaxed) {
-                stopped = true;
-                return Ok(());
-            }
-            let now = engine.time();
-            let next = stop_times.iter().copied().find(|&s| s > now && s < t);
-            let done = engine.step(next.unwrap_or(t))?;
-            kind = match done {
-                _ if engine.outcome() == Outcome::Reached && Some(engine.time()) == next => swb_progress_kind::StopTime,
-                Progress::Stepped => swb_progress_kind::Stepped,
-                Progress::Switched => swb_progress_kind::Switched,
-                Progress::Done => swb_progress_kind::Done,
-            };
-            let stats = engine.stats();
-            if let Some(log) = log {
-                if level >= LogLevel::Debug as i64 {
-                    let recent = stats.switches - logged;
-                    let all = engine.switches();
-                    all[all.len().saturating_sub(recent)..]
-                        .iter()
-                        .for_each(|s| log.line(LogLevel::Debug, &switch_line(s)));
-                }
-                if level >= LogLevel::Trace as i64 && done != Progress::Done {
-                    log.line(LogLevel::Trace, &format!("step t = {:.17e}, steps = {}", engine.time(), stats.steps));
-                }
-            }
-            logged = stats.switches;
-            if done == Progress::Done {
-                return Ok(());
-            }
-            if let Some(f) = progress {
-                let info = swb_progress {
-                    struct_size: size_of::<swb_progress>() as u64,
-                    t: engine.time(),
-                    x: engine.state().as_ptr(),
-                    nx: engine.state().len() as i64,
-                    kind: kind as i64,
-                    steps: stats.steps as i64,
-                    switches: stats.switches as i64,
-                };
-                // SAFETY: the contract of `swb_progress_fn`; the struct outlives the call.
-                if unsafe { f(&info, data) } != 0 {
-                    stopped = true;
-                    return Ok(());
-                }
-            }
-            if one {
-                return Ok(());
-            }
-        });
-        self.seconds += clock.elapsed().as_secs_f64();
-        self.look();
-        if let Err(e) = result {
-            // arguments and memory are checked before anything is done
-            let before = matches!(e, Error::Range(_) | Error::Dimension(_));
-            self.broken = !before && !self.engine.get().was_refused();
-            self.tell(LogLevel::Error, || format!("integration error = {e}"));
-            return Err(e);
-        }
-        if stopped {
-            self.outcome = swb_run_outcome::Stopped as i32;
-            self.reason = format!("t = {}: a callback or an interrupt asked to stop", self.t);
-        }
-        if !one || kind == swb_progress_kind::Done {
-            let good = self.outcome == swb_run_outcome::Reached as i32;
-            self.tell(if good { LogLevel::Info } else { LogLevel::Warning }, || self.summary());
-        }
-        Ok(kind)
-    }
-
-    fn summary(&self) -> String {
-        let name = outcome_name(self.outcome).to_string_lossy();
-        let s = &self.stats;
-        let why = if self.reason.is_empty() { String::new() } else { format!(", reason = {}", self.reason) };
-        format!(
-            "integration outcome = {name}, t = {}, steps = {}, rejections = {}, switches = {}, evaluations = {}, time = \
-             {:.3e}{why}",
-            self.t, s.steps, s.rejections, s.switches, s.evaluations, self.seconds
-        )
-    }
-
-    fn tell(&self, importance: LogLevel, line: impl FnOnce() -> String) {
-        if let (Some(log), true) = (&self.log, self.settings.verbosity() as i64 >= importance as i64) {
-            log.line(importance, &line());
-        }
-    }
-
-    /// The result so far.
-    fn record(&mut self) -> Result<Record> {
-        let engine = self.engine.get();
-        let bytes = engine.path().map_or(0, |p| p.bytes()) + size_of_val(engine.switches());
-        memory::need(bytes as u128, || "a copy of the run".into())?;
-        let run = Run {
-            outcome: engine.outcome(),
-            reason: self.reason.clone(),
+impl Progress {
+    fn tell(&self, engine: &Engine, kind: StepKind) -> bool {
+        let stats = engine.stats();
+        let info = swb_progress {
+            struct_size: size_of::<swb_progress>() as u64,
             t: engine.time(),
-            x: engine.state().to_vec(),
-            switches: engine.switches().to_vec(),
-            jumps: engine.jumps().to_vec(),
-            impacts: engine.impacts().to_vec(),
-            phases: engine.phases().to_vec(),
-            mechanics: engine.mechanics(),
-            stats: engine.stats(),
-            path: engine.path().cloned(),
-            sensitivity: engine.sensitivity().map(<[f64]>::to_vec),
-            one_sided: engine.one_sided(),
-            branchings: engine.branchings().to_vec(),
-            contacts: engine.contacts().to_vec(),
-            accumulations: engine.accumulations().to_vec(),
+            x: engine.state().as_ptr(),
+            nx: engine.state().len() as i64,
+            kind: kind_number(kind) as i64,
+            steps: stats.steps as i64,
+            switches: stats.switches as i64,
         };
-        Ok(Record {
-            run,
-            outcome: self.outcome,
-            t_start: self.t_start,
-            seconds: self.seconds,
-            n_modes: self.n_modes.clone(),
-        })
+        // SAFETY: the contract of `swb_progress_fn`; the struct outlives the call.
+        unsafe { (self.function)(&info, self.user_data) == 0 }
     }
 }
 
-fn switch_line(s: &crate::event::Switch) -> String {
-    format!(
-        "switch t = {:.17e}, kind = {}, subsystem = {}, before = {:?}, after = {:?}, rate = {:.3e}, unique = {}",
-        s.t,
-        s.kind.name(),
-        s.subsystem,
-        s.before,
-        s.after,
-        s.rate,
-        s.unique
-    )
+fn kind_number(kind: StepKind) -> swb_progress_kind {
+    match kind {
+        StepKind::Stepped => swb_progress_kind::Stepped,
+        StepKind::Switched => swb_progress_kind::Switched,
+        StepKind::Done => swb_progress_kind::Done,
+        StepKind::StopTime => swb_progress_kind::StopTime,
+    }
 }
 
 /// Create an integrator. Time, state, controls and parameters are zero until they are set.
@@ -520,11 +218,7 @@ pub unsafe extern "C" fn swb_integrator_set_controls(
 ) -> swb_status {
     guard(|| unsafe {
         let u = raw::slice(u, nu, "u")?;
-        handle::with_mut(integrator, |o| {
-            o.set_inputs(|e| e.set_controls(u))?;
-            o.u.copy_from_slice(u);
-            Ok(())
-        })
+        handle::with_mut(integrator, |o| o.set_controls(u))
     })
 }
 
@@ -540,11 +234,7 @@ pub unsafe extern "C" fn swb_integrator_set_params(
 ) -> swb_status {
     guard(|| unsafe {
         let p = raw::slice(p, np, "p")?;
-        handle::with_mut(integrator, |o| {
-            o.set_inputs(|e| e.set_params(p))?;
-            o.p.copy_from_slice(p);
-            Ok(())
-        })
+        handle::with_mut(integrator, |o| o.set_params(p))
     })
 }
 
@@ -580,15 +270,8 @@ pub unsafe extern "C" fn swb_integrator_set_stop_times(
     n: i64,
 ) -> swb_status {
     guard(|| unsafe {
-        let mut times = raw::slice(t, n, "t")?.to_vec();
-        if let Some(bad) = times.iter().find(|t| !t.is_finite()) {
-            return Err(Error::Range(format!("a stop time is {bad}: it must be finite")));
-        }
-        times.sort_by(f64::total_cmp);
-        handle::with_mut(integrator, |o| {
-            o.stop_times = times;
-            Ok(())
-        })
+        let times = raw::slice(t, n, "t")?;
+        handle::with_mut(integrator, |o| o.set_stop_times(times))
     })
 }
 
@@ -623,7 +306,8 @@ pub unsafe extern "C" fn swb_integrator_set_decider(
 ) -> swb_status {
     guard(|| unsafe {
         handle::with_mut(integrator, |o| {
-            o.set_decider(decide.map(|function| Decide { function, user_data }));
+            let decide = decide.map(|function| Decide { function, user_data });
+            o.set_decider(decide.map(|d| Arc::new(move |b: &Branching, n_modes: &[i64]| d.ask(b, n_modes)) as _));
             Ok(())
         })
     })
@@ -642,7 +326,7 @@ pub unsafe extern "C" fn swb_integrator_step(
 ) -> swb_status {
     guard(|| unsafe {
         let did = handle::with_mut(integrator, |o| o.run(t_stop, true))?;
-        raw::write_optional(kind, did as i32);
+        raw::write_optional(kind, kind_number(did) as i32);
         Ok(())
     })
 }
@@ -658,7 +342,7 @@ pub unsafe extern "C" fn swb_integrator_advance(
     outcome: *mut i32,
 ) -> swb_status {
     guard(|| unsafe {
-        let reached = handle::with_mut(integrator, |o| o.run(t, false).map(|_| o.outcome))?;
+        let reached = handle::with_mut(integrator, |o| o.run(t, false).map(|_| ending_number(o.ending().0)))?;
         raw::write_optional(outcome, reached);
         Ok(())
     })
@@ -680,9 +364,7 @@ pub unsafe extern "C" fn swb_integrator_get_dky(
     guard(|| unsafe {
         let k = order(k)?;
         handle::with_mut(integrator, |o| {
-            let mut out = vec![0.0; o.x.len()];
-            let engine = o.engine.get();
-            listening(|| engine.get_dky(t, k, &mut out))?;
+            let out = o.get_dky(t, k)?;
             raw::write_slice(dky, nx, &out, "dky")
         })
     })
@@ -693,7 +375,7 @@ pub unsafe extern "C" fn swb_integrator_get_dky(
 /// @return SWB_OK
 #[no_mangle]
 pub unsafe extern "C" fn swb_integrator_get_time(integrator: *const swb_integrator, t: *mut f64) -> swb_status {
-    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write(t, o.t, "t")) })
+    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write(t, o.time(), "t")) })
 }
 
 /// State reached.
@@ -706,7 +388,7 @@ pub unsafe extern "C" fn swb_integrator_get_state(
     x: *mut f64,
     nx: i64,
 ) -> swb_status {
-    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write_slice(x, nx, &o.x, "x")) })
+    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write_slice(x, nx, o.state(), "x")) })
 }
 
 /// Derivative of the state with respect to time under the present active modes; 0 before the first step.
@@ -719,7 +401,7 @@ pub unsafe extern "C" fn swb_integrator_get_derivative(
     f: *mut f64,
     nx: i64,
 ) -> swb_status {
-    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write_slice(f, nx, &o.f, "f")) })
+    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write_slice(f, nx, o.derivative(), "f")) })
 }
 
 /// Which modes of a subsystem are active: one alone, or several in a sliding mode; none before the first step.
@@ -736,8 +418,7 @@ pub unsafe extern "C" fn swb_integrator_get_active(
 ) -> swb_status {
     guard(|| unsafe {
         handle::with_ref(integrator, |o| {
-            let k = o.subsystem(subsystem)?;
-            let flags: Vec<i32> = (0..o.n_modes[k] as usize).map(|m| o.active[k].contains(&m).into()).collect();
+            let flags: Vec<i32> = o.active(subsystem)?.into_iter().map(i32::from).collect();
             raw::write_slice(active, n, &flags, "active")
         })
     })
@@ -752,7 +433,7 @@ pub unsafe extern "C" fn swb_integrator_get_outcome(
     integrator: *const swb_integrator,
     outcome: *mut i32,
 ) -> swb_status {
-    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write(outcome, o.outcome, "outcome")) })
+    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write(outcome, ending_number(o.ending().0), "outcome")) })
 }
 
 /// Why the simulation ended early, in words; "" if it did not.
@@ -767,7 +448,7 @@ pub unsafe extern "C" fn swb_integrator_get_reason(
     len: i64,
     needed: *mut i64,
 ) -> swb_status {
-    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write_text(o.reason.as_bytes(), buf, len, needed)) })
+    guard(|| unsafe { handle::with_ref(integrator, |o| raw::write_text(o.ending().1.as_bytes(), buf, len, needed)) })
 }
 
 /// Work since the last swb_integrator_reinit.
@@ -783,7 +464,8 @@ pub unsafe extern "C" fn swb_integrator_get_stats(
 ) -> swb_status {
     guard(|| unsafe {
         handle::with_ref(integrator, |o| {
-            write_sized(&swb_run_stats::of(&o.stats, o.seconds), stats, struct_size, "stats")
+            let (work, seconds) = o.stats();
+            write_sized(&swb_run_stats::of(work, seconds), stats, struct_size, "stats")
         })
     })
 }
@@ -836,14 +518,8 @@ pub unsafe extern "C" fn swb_integrator_adjoint(
         let (v, t, v_t) = (raw::slice(v, nx, "v")?, raw::slice(t, n_t, "t")?, raw::slice(v_t, n_v_t, "v_t")?);
         let (events, weight) = (raw::slice(events, n_events, "events")?, raw::slice(weight, n_weight, "weight")?);
         handle::with_mut(integrator, |o| {
-            let terms = terms(o.x.len(), (t, v_t), (events, weight))?;
-            let stop = Stop::on(&o.interrupt);
-            let engine = o.engine.get();
-            let g = stop.scope(|| listening(|| engine.adjoint(v, &terms)));
-            if matches!(g, Err(Error::Interrupted)) {
-                o.interrupt.store(false, Ordering::Relaxed);
-            }
-            let g = g?;
+            let terms = terms(o.state().len(), (t, v_t), (events, weight))?;
+            let g = o.adjoint(v, &terms)?;
             for (p, n, values, what) in [(dx0, nx0, &g.x0, "dx0"), (dp, np, &g.p, "dp"), (du, nu, &g.u, "du")] {
                 raw::check_slice(p, n, values.len(), what)?;
             }
@@ -949,7 +625,7 @@ pub unsafe extern "C" fn swb_integrator_get_settings(
     settings: *mut Settings,
     struct_size: u64,
 ) -> swb_status {
-    guard(|| unsafe { handle::with_ref(integrator, |o| write_sized(&o.settings, settings, struct_size, "settings")) })
+    guard(|| unsafe { handle::with_ref(integrator, |o| write_sized(o.settings(), settings, struct_size, "settings")) })
 }
 
 /// Set who is called once per accepted step; NULL for nobody.
@@ -964,7 +640,8 @@ pub unsafe extern "C" fn swb_integrator_set_progress(
 ) -> swb_status {
     guard(|| unsafe {
         handle::with_mut(integrator, |o| {
-            (o.progress, o.progress_data) = (progress, user_data);
+            let progress = progress.map(|function| Progress { function, user_data });
+            o.set_watch(progress.map(|p| Box::new(move |e: &Engine, kind: StepKind| p.tell(e, kind)) as _));
             Ok(())
         })
     })
@@ -983,7 +660,7 @@ pub unsafe extern "C" fn swb_integrator_set_log(
 ) -> swb_status {
     guard(|| unsafe {
         handle::with_mut(integrator, |o| {
-            o.log = LogSink::new(log, user_data);
+            o.set_lines(LogSink::new(log, user_data).map(LogSink::lines));
             Ok(())
         })
     })

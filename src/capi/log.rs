@@ -8,8 +8,10 @@ use super::raw;
 use super::settings;
 use super::status::swb_status;
 use crate::error::{Error, Result};
+use crate::session::Lines;
 use crate::settings::{LogLevel, Settings, OPTIONS};
 use std::ffi::{c_char, c_void};
+use std::sync::Arc;
 
 /// Receives one log line, without line break. `level` is an enum swb_log_level, `line` is valid during
 /// the call only. May be called by the thread that runs the solver, never after the call that was given
@@ -32,6 +34,11 @@ impl LogSink {
     /// The sink of a callback; `None` without one.
     pub fn new(function: swb_log_fn, user_data: *mut c_void) -> Option<Self> {
         function.map(|function| LogSink { function, user_data })
+    }
+
+    /// The sink as what the library writes lines to.
+    pub fn lines(self) -> Lines {
+        Arc::new(move |level, text| self.line(level, text))
     }
 
     /// Send one line. Names of the user and messages of other libraries may hold line breaks: a space takes their place.

@@ -2,13 +2,13 @@
 
 use super::guard::guard;
 use super::handle::{self, Interrupt, Object};
-use super::integrator::listening;
 use super::ocp::{copied, swb_ocp};
 use super::raw;
 use super::report::{check_sized, write_sized, Sized8};
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::nmpc::{Feedback, Level, Monitor, Nmpc, Options, Preparation, QpMethod, Scheme, Worker};
+use crate::session::listening;
 use crate::stop::Stop;
 use crate::tableau::Family;
 use std::mem::size_of;

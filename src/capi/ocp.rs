@@ -126,7 +126,7 @@ impl Problem {
     pub(super) fn solve_starts(&mut self, guesses: &[Vec<f64>], threads: i64, around: Around) -> Result<usize> {
         let level = self.settings.verbosity();
         let (ocp, result, starts) = (self.ocp.get(), &mut self.result, &mut self.starts);
-        let threads = threads::number(threads, ocp.statement().is_serial())?;
+        let threads = threads::number(threads)?;
         ocp.set_settings(&self.settings)?;
         *result = None;
         starts.clear();

@@ -2,7 +2,6 @@
 
 use super::guard::{caught, guard};
 use super::handle;
-use super::integrator::listening;
 use super::ocp::{change, swb_ocp, Problem};
 use super::raw;
 use super::report::{outcome_number, polished_number};
@@ -10,6 +9,7 @@ use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::memory::{self, sizes};
 use crate::ocp::{ModeSequence, OcpResult, Round};
+use crate::session::listening;
 
 fn flags(values: &[i32]) -> Vec<bool> {
     values.iter().map(|v| *v != 0).collect()

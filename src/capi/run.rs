@@ -7,8 +7,7 @@ use super::report::{write_sized, Sized8};
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::event::{self, Kind, Outcome};
-use crate::memory;
-use crate::system::System;
+use crate::session::{Ending, Record};
 use std::ffi::{c_char, CStr};
 use std::mem::size_of;
 use std::ptr;
@@ -19,25 +18,6 @@ pub struct swb_run(());
 impl Object for swb_run {
     type Value = Record;
     const NAME: &'static str = "swb_run";
-}
-
-/// What is behind the handle.
-#[derive(Clone)]
-pub struct Record {
-    pub(super) run: event::Run,
-    /// [`swb_run_outcome`].
-    pub(super) outcome: i32,
-    pub(super) t_start: f64,
-    pub(super) seconds: f64,
-    pub(super) n_modes: Vec<i64>,
-}
-
-/// Modes of the subsystems that can switch.
-pub(super) fn modes_of(system: &System) -> Vec<i64> {
-    let contacts = system.mechanics().map_or(0, |m| m.contacts.len());
-    // open, closed, sliding either way
-    let contacts = std::iter::repeat_n(4, contacts);
-    system.subsystems().iter().map(|s| s.n_modes as i64).filter(|&n| n > 1).chain(contacts).collect()
 }
 
 /// How an event-driven simulation stands. Numbers are only ever added.
@@ -71,13 +51,10 @@ const OUTCOMES: &[(Option<Outcome>, swb_run_outcome, &CStr)] = &[
     (None, swb_run_outcome::Stopped, c"stopped"),
 ];
 
-/// Number of an outcome in the header.
-pub(super) fn outcome_number(o: Outcome) -> i32 {
-    OUTCOMES.iter().find(|row| row.0 == Some(o)).map_or(swb_run_outcome::Stopped as i32, |row| row.1 as i32)
-}
-
-pub(super) fn outcome_name(number: i32) -> &'static CStr {
-    OUTCOMES.iter().find(|row| row.1 as i32 == number).map_or(c"unknown", |row| row.2)
+/// Number of an ending in the header.
+pub(super) fn ending_number(e: Ending) -> i32 {
+    let found = OUTCOMES.iter().find(|row| !e.stopped && row.0 == Some(e.outcome));
+    found.map_or(swb_run_outcome::Stopped as i32, |row| row.1 as i32)
 }
 
 /// Name of an outcome of an event-driven simulation, such as "reached"; NULL for any other number. Static.
@@ -317,23 +294,14 @@ pub(super) unsafe fn write_structs<S, T: Sized8>(
     Ok(())
 }
 
-impl Record {
-    /// A copy, if there is room for one.
-    pub(super) fn copy(&self) -> Result<Record> {
-        memory::need(self.run.bytes() as u128, || "a copy of the run".into())?;
-        Ok(self.clone())
-    }
+fn columns(r: &Record) -> usize {
+    r.run.sensitivity.as_ref().map_or(0, |s| s.len() / r.run.x.len())
+}
 
-    fn columns(&self) -> usize {
-        let nx = self.run.x.len();
-        self.run.sensitivity.as_ref().map_or(0, |s| s.len() / nx)
-    }
-
-    fn event(&self, index: i64) -> Result<&event::Switch> {
-        let n = self.run.switches.len();
-        let found = usize::try_from(index).ok().and_then(|i| self.run.switches.get(i));
-        found.ok_or_else(|| Error::Dimension(format!("there is no switch {index}, the log has {n}")))
-    }
+fn event(r: &Record, index: i64) -> Result<&event::Switch> {
+    let n = r.run.switches.len();
+    let found = usize::try_from(index).ok().and_then(|i| r.run.switches.get(i));
+    found.ok_or_else(|| Error::Dimension(format!("there is no switch {index}, the log has {n}")))
 }
 
 pub(super) fn need_derivatives<T>(v: Option<T>) -> Result<T> {
@@ -356,13 +324,13 @@ pub unsafe extern "C" fn swb_run_get_info(
             let value = swb_run_info {
                 struct_size: 0,
                 nx: r.run.x.len() as i64,
-                outcome: r.outcome.into(),
+                outcome: ending_number(r.ending).into(),
                 t_start: r.t_start,
                 t_end: r.run.t,
                 n_events: r.run.switches.len() as i64,
                 n_subsystems: r.n_modes.len() as i64,
                 n_pieces: r.run.path.as_ref().map_or(0, |p| p.len()) as i64,
-                n_columns: r.columns() as i64,
+                n_columns: columns(r) as i64,
                 one_sided: r.run.one_sided.into(),
                 n_branch_points: r.run.branchings.len() as i64,
                 n_contacts: r.run.contacts.len() as i64,
@@ -536,7 +504,7 @@ pub unsafe extern "C" fn swb_run_event_modes(
 ) -> swb_status {
     guard(|| unsafe {
         handle::with_ref(run, |r| {
-            let s = r.event(index)?;
+            let s = event(r, index)?;
             let n_modes = r.n_modes.get(s.subsystem).copied().unwrap_or(0);
             let flags = |active: &[usize]| (0..n_modes as usize).map(|m| i32::from(active.contains(&m))).collect();
             let (a, b): (Vec<i32>, Vec<i32>) = (flags(&s.before), flags(&s.after));
@@ -557,7 +525,7 @@ pub unsafe extern "C" fn swb_run_sensitivity(run: *const swb_run, s: *mut f64, n
     guard(|| unsafe {
         handle::with_ref(run, |r| {
             let rows = need_derivatives(r.run.sensitivity.as_ref())?;
-            let (nx, columns) = (r.run.x.len(), r.columns());
+            let (nx, columns) = (r.run.x.len(), columns(r));
             let all: Vec<f64> = (0..columns * nx).map(|k| rows[(k % nx) * columns + k / nx]).collect();
             raw::write_slice(s, n, &all, "s")
         })
@@ -580,7 +548,7 @@ pub unsafe extern "C" fn swb_run_event_sensitivity(
     guard(|| unsafe {
         handle::with_ref(run, |r| {
             need_derivatives(r.run.sensitivity.as_ref())?;
-            raw::write_slice(dt, n, &r.event(index)?.dt, "dt")
+            raw::write_slice(dt, n, &event(r, index)?.dt, "dt")
         })
     })
 }

@@ -2,12 +2,12 @@
 
 use super::guard::guard;
 use super::handle::{self, Interrupt, Object};
-use super::integrator::listening;
 use super::raw;
 use super::report::{write_sized, Sized8};
 use super::status::swb_status;
 use super::system::swb_system;
 use crate::error::{Error, Result};
+use crate::session::listening;
 use crate::stepping::{Options, Statistics, Stepper};
 use crate::stop::Stop;
 use crate::system::ImpactLaw;

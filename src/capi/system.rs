@@ -3,11 +3,11 @@
 use super::function::{point, shared, swb_function, swb_point};
 use super::guard::guard;
 use super::handle::{self, Object};
-use super::integrator::listening;
 use super::raw;
 use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::memory::sizes::size;
+use crate::session::listening;
 use crate::system::{Inclusion, Regions, Subsystem, System};
 
 /// Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.

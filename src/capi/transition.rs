@@ -5,11 +5,12 @@ use super::guard::guard;
 use super::handle;
 use super::raw;
 use super::report::Sized8;
-use super::run::{need_derivatives, swb_run, write_structs, Record};
+use super::run::{need_derivatives, swb_run, write_structs};
 use super::status::swb_status;
 use super::system::swb_system;
 use crate::error::{Error, Result};
 use crate::event::Jump;
+use crate::session::Record;
 use crate::system::{Direction, Transition};
 
 /// The direction in which the guard of a transition passes zero.

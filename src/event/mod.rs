@@ -63,6 +63,7 @@ pub use path::Path;
 pub use settings::Options;
 
 use crate::error::{Error, Result};
+use crate::parallel;
 use crate::system::{Mechanics, System};
 use std::sync::Arc;
 
@@ -430,7 +431,7 @@ pub fn simulate(system: &System, options: &Options, t0: f64, x0: &[f64], t1: f64
 }
 
 /// Simulates from several initial states, with parameters of their own where `params` holds one set for each, on
-/// `threads` threads, or one if a function is [serial](crate::func::Function::is_serial). The results are those of
+/// `threads` threads (0: one for each processor), or one if a function is [serial](crate::func::Function::is_serial). The results are those of
 /// single runs to the last bit, whatever the number of threads.
 pub fn simulate_batch(
     system: &System,
@@ -453,15 +454,8 @@ pub fn simulate_batch(
         e.advance(t1)?;
         Ok(e.into_run())
     };
-    let threads = if system.is_serial() { 1 } else { threads };
-    let n = threads.clamp(1, starts.len().max(1));
-    let share = |k: usize| -> Vec<Result<Run>> { (k..starts.len()).step_by(n).map(one).collect() };
-    let mut parts: Vec<Vec<Result<Run>>> = std::thread::scope(|scope| {
-        let others: Vec<_> = (1..n).map(|k| scope.spawn(move || share(k))).collect();
-        let first = share(0);
-        let failed = || vec![Err(Error::Internal("a thread of the batch panicked".into()))];
-        std::iter::once(first).chain(others.into_iter().map(|h| h.join().unwrap_or_else(|_| failed()))).collect()
-    });
-    parts.iter_mut().for_each(|p| p.reverse());
-    (0..starts.len()).map(|i| parts[i % n].pop().unwrap_or(Err(Error::Interrupted))).collect()
+    let threads = parallel::threads(threads, system.is_serial());
+    let failed = || Err(Error::Internal("a thread of the batch panicked".into()));
+    let runs = parallel::each(starts.len(), threads, &mut |i| one(i), &one);
+    runs.into_iter().map(|run| run.unwrap_or_else(failed)).collect()
 }

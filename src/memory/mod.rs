@@ -4,7 +4,7 @@
 //!
 //! * sizes that nobody can mean are refused before anything is made of them ([`sizes`]);
 //! * what a problem will take is estimated from its counts and asked for first ([`need`]);
-//! * large arrays are asked for in a way that can fail: the crate's own `vec!`, [`room`], [`reserve`]. Where a function
+//! * large arrays are asked for in a way that can fail: the crate's own `vec!`, [`room`], [`reserve`](fn@reserve). Where a function
 //!   cannot return an error the failure unwinds to the call that entered the library, see [`catching`];
 //! * small requests that fail are served from a reserve of a few MB ([`allocator`]), and the call ends with an error at its
 //!   next safe point ([`check`]), where it would end for an interrupt as well.

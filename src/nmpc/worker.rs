@@ -210,8 +210,8 @@ impl Worker {
     }
 
     /// The control `u0[nu]` for a measured state `x[nx]`, as [`Nmpc::feedback`]. A preparation that runs is waited for, for at most half
-    /// of the deadline; then the control is that of the last plan and its feedback law ([`Source::Tangent`], or [`Source::Plan`] and
-    /// [`Source::Hold`] where there is none), and the preparation goes on.
+    /// of the deadline; then the control is that of the last plan and its feedback law ([`super::Source::Tangent`], or
+    /// [`super::Source::Plan`] and [`super::Source::Hold`] where there is none), and the preparation goes on.
     ///
     /// # Errors
     /// [`Error::Dimension`] if a length is wrong.

@@ -1,13 +1,12 @@
 //! Several starting points at once. Every start is a solve of its own, so the results do not depend on the number of threads.
 
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::Mutex;
 
 use super::guess::middle;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
-use crate::memory;
 use crate::nlp::{Control, IterationInfo, Outcome};
+use crate::parallel;
 
 /// What surrounds the solve of one start on its thread, [`Ocp::solve_starts_within`].
 pub type Around<'a> = &'a (dyn Fn(&mut dyn FnMut() -> Result<()>) -> Result<()> + Sync);
@@ -22,7 +21,7 @@ pub struct Starts {
 }
 
 impl Ocp {
-    /// Solves from several guesses of the controls, `[n_stages · nu]` each, on `threads` threads, one of which is that of the
+    /// Solves from several guesses of the controls, `[n_stages · nu]` each, on `threads` threads (0: one for each processor), one of which is that of the
     /// caller, and keeps the best solution. With more than one, functions of the model are called from several threads
     /// at once; if one of them is [serial](crate::func::Function::is_serial), the thread of the caller does it all. A start that fails does not keep the others from being solved; `Err` if all fail.
     ///
@@ -48,47 +47,30 @@ impl Ocp {
             p.set_u_guess(u)?;
             problems.push(Mutex::new(p));
         }
-        let threads = if self.statement().is_serial() { 1 } else { threads };
+        let threads = parallel::threads(threads, self.statement().is_serial());
         let mut stop = control.stop.clone().with_flag();
         stop.limit(self.settings.max_time);
-        let next = AtomicUsize::new(0);
-        let work = |control: &mut Control| -> Vec<(usize, Result<()>)> {
-            let mut done = Vec::new();
-            loop {
-                let k = next.fetch_add(1, Ordering::Relaxed);
-                let Some(problem) = problems.get(k) else { return done };
-                let mut one = || {
-                    let mut p = problem.lock().map_err(|_| Error::Internal("a start is poisoned".into()))?;
-                    let stopped = p.solve(control)?.outcome == Outcome::Stopped;
-                    if stopped {
-                        stop.raise_flag();
-                    }
-                    Ok(())
-                };
-                done.push((k, around(&mut one)));
-            }
+        let one = |k: usize, control: &mut Control| -> Result<()> {
+            around(&mut || {
+                let mut p = problems[k].lock().map_err(|_| Error::Internal("a start is poisoned".into()))?;
+                let stopped = p.solve(control)?.outcome == Outcome::Stopped;
+                if stopped {
+                    stop.raise_flag();
+                }
+                Ok(())
+            })
         };
-        let ends: Vec<(usize, Result<()>)> = std::thread::scope(|scope| {
-            let others: Vec<_> = (1..threads.min(controls.len()))
-                // without room for another thread the others do its work
-                .map_while(|_| {
-                    let builder = std::thread::Builder::new();
-                    let work = || work(&mut Control::of(stop.clone()));
-                    memory::room_for_thread().then(|| builder.spawn_scoped(scope, work).ok()).flatten()
-                })
-                .collect();
-            let watched = control.monitor.is_some();
-            let mut monitor = |i: &IterationInfo| control.monitor.as_mut().is_none_or(|f| f(i));
-            let monitor: Option<&mut dyn FnMut(&IterationInfo) -> bool> =
-                if watched { Some(&mut monitor) } else { None };
-            let mut all = work(&mut Control { stop: stop.clone(), monitor });
-            others.into_iter().for_each(|h| all.extend(h.join().unwrap_or_default()));
-            all
-        });
+        let watched = control.monitor.is_some();
+        let mut monitor = |i: &IterationInfo| control.monitor.as_mut().is_none_or(|f| f(i));
+        let monitor: Option<&mut dyn FnMut(&IterationInfo) -> bool> = if watched { Some(&mut monitor) } else { None };
+        let mut own = Control { stop: stop.clone(), monitor };
+        let other = |k: usize| one(k, &mut Control::of(stop.clone()));
+        let ends = parallel::each(controls.len(), threads, &mut |k| one(k, &mut own), &other);
         let missing = || Err(Error::Internal("a thread of the starts panicked".into()));
         let mut problems: Vec<Option<Ocp>> = problems.into_iter().map(|p| p.into_inner().ok()).collect();
         let mut results: Vec<Result<OcpResult>> = problems.iter().map(|_| missing()).collect();
-        for (k, end) in ends {
+        for (k, end) in ends.into_iter().enumerate() {
+            let Some(end) = end else { continue };
             let found = problems[k].as_ref().and_then(|p| p.result.clone());
             results[k] = end.and_then(|()| found.map_or_else(missing, Ok));
         }

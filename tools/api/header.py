@@ -1,107 +1,15 @@
-"""What include/switchback.h declares: one parser for the bindings and for the tests that are made from the header.
-
-    from header import parse
-    api = parse(Path("include/switchback.h").read_text(encoding="utf-8"))
+"""What include/switchback.h declares, read from its text: the second opinion on include/api.json.
 
 The header has a fixed shape (cbindgen writes it), and every function has a description whose `@param` lines say which
-way an argument goes, the shape of an array in brackets, and whether NULL is allowed. All of that is kept. What cannot
-be understood is an error: nothing is passed over in silence.
+way an argument goes, the shape of an array in brackets, and whether NULL is allowed. What cannot be understood is an
+error: nothing is passed over in silence. Tests compare with api.json, which other code reads from the sources.
 """
 
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, field
 
-
-@dataclass(frozen=True)
-class Type:
-    """A C type: a name with any number of `*`. `const` says whether what the first `*` points to is constant."""
-
-    base: str
-    stars: int = 0
-    const: bool = False
-
-
-@dataclass
-class Parameter:
-    """An argument of a function or of a callback."""
-
-    name: str
-    type: Type
-    #: "in" or "out", as the description says; None if it says nothing (objects, numbers)
-    direction: str | None = None
-    #: between the brackets of the description, such as "n_lower" or "nx + nu + np + 2"; None if it is no array
-    shape: str | None = None
-    #: the rest of the description
-    doc: str = ""
-    #: name of the argument that holds the length of this array; None if there is none
-    length: str | None = None
-
-    @property
-    def nullable(self) -> bool:
-        """Does the description allow NULL?"""
-        return bool(re.search(r"\bNULL\b|not wanted", self.doc))
-
-    @property
-    def enum(self) -> str | None:
-        """The enumeration whose numbers this argument takes or gives, such as "swb_outcome"."""
-        found = re.search(r"\benum (swb_\w+)", self.doc)
-        return found[1] if found else None
-
-
-@dataclass
-class Function:
-    name: str
-    result: Type
-    parameters: list[Parameter]
-    doc: str
-
-
-@dataclass
-class Callback:
-    """A type of functions that the user supplies."""
-
-    name: str
-    result: Type
-    parameters: list[Parameter]
-    doc: str
-
-
-@dataclass
-class Field:
-    name: str
-    type: Type
-    doc: str
-
-
-@dataclass
-class Record:
-    """A struct whose fields are known."""
-
-    name: str
-    fields: list[Field]
-    doc: str
-
-
-@dataclass
-class Enum:
-    name: str
-    #: (name, number, description)
-    values: list[tuple[str, int, str]]
-    doc: str
-
-
-@dataclass
-class Api:
-    version: tuple[int, int, int]
-    enums: dict[str, Enum] = field(default_factory=dict)
-    records: dict[str, Record] = field(default_factory=dict)
-    callbacks: dict[str, Callback] = field(default_factory=dict)
-    #: opaque types, with their descriptions
-    objects: dict[str, str] = field(default_factory=dict)
-    functions: dict[str, Function] = field(default_factory=dict)
-
+from api import Api, Callback, Enum, Field, Function, Parameter, Record, Type
 
 COMMENT = r"(?:/\*\*(?P<doc>(?:(?!\*/).)*)\*/\s*)?"
 DECLARATIONS = [
@@ -203,6 +111,9 @@ def _parameters(body: str, doc: str) -> list[Parameter]:
     for p in parameters:
         if p.name in about:
             p.direction, p.shape, p.doc = about.pop(p.name)
+            p.nullable = bool(re.search(r"\bNULL\b(?! on failure)|not wanted", p.doc))
+            found = re.search(r"\benum (swb_\w+)", p.doc)
+            p.enum = found[1] if found else None
     if about:
         raise ValueError(f"descriptions of what is no argument: {', '.join(about)}")
     _find_lengths(parameters)
@@ -212,7 +123,7 @@ def _parameters(body: str, doc: str) -> list[Parameter]:
 def _descriptions(doc: str) -> dict[str, tuple[str, str | None, str]]:
     """From `@param[in] name [shape] text`, over several lines."""
     found = {}
-    pattern = r"@param\[(in|out)\]\s+(\w+)\s*(.*?)(?=\n\s*@|\n\s*\n|\Z)"
+    pattern = r"@param\[(in|out)\]\s+(\w+)[ \t]*(.*?)(?=\n\s*@|\n\s*\n|\Z)"
     for direction, name, text in re.findall(pattern, doc, flags=re.S):
         shape = re.match(r"\[([^\]]*)\]\s*", text)
         rest = text[shape.end():] if shape else text

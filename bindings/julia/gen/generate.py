@@ -1,6 +1,6 @@
-"""Write src/Lib.jl, the C interface as Julia functions, from include/switchback.h.
+"""Write src/Lib.jl, the C interface as Julia functions, from include/api.json.
 
-usage: generate.py [--check] [HEADER [OUTPUT]]
+usage: generate.py [--check] [INTERFACE [OUTPUT]]
 
 With --check nothing is written; the exit code is 1 if the file is not what would be written.
 """
@@ -15,10 +15,10 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 sys.path.insert(0, str(ROOT / "tools" / "api"))
 
+from api import Api, Function, Type, load  # noqa: E402
 import output  # noqa: E402
-from header import Api, Function, Type, parse  # noqa: E402  (found by the line above)
 
-HEADER = ROOT / "include" / "switchback.h"
+INTERFACE = ROOT / "include" / "api.json"
 OUTPUT = HERE.parent / "src" / "Lib.jl"
 
 # C name: (Julia name, bytes)
@@ -36,7 +36,7 @@ POINTER = 8
 KEYWORDS = {"begin", "end", "function", "module", "struct", "type", "where", "let", "local", "global"}
 
 PREAMBLE = '''\
-# The C interface, generated from include/switchback.h by gen/generate.py; do not edit.
+# The C interface, generated from include/api.json by gen/generate.py; do not edit.
 """
 The functions of the library as they are in C: `Switchback.Lib.swb_version()`.
 
@@ -134,8 +134,8 @@ def function_lines(api: Api, function: Function, number: int) -> list[str]:
 
 
 def generate(text: str) -> str:
-    api = parse(text)
-    out = [PREAMBLE, f"const HEADER_VERSION = v\"{'.'.join(map(str, api.version))}\"", *enum_lines(api)]
+    api = load(text)
+    out = [PREAMBLE, f"const INTERFACE_VERSION = v\"{'.'.join(map(str, api.version))}\"", *enum_lines(api)]
     out += record_lines(api)
     out += ["# --- functions ---", "", "const NAMES = ["]
     out += [f"    :{name}," for name in api.functions]
@@ -147,7 +147,7 @@ def generate(text: str) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    return output.main(generate, HEADER, OUTPUT, arguments)
+    return output.main(generate, INTERFACE, OUTPUT, arguments)
 
 
 if __name__ == "__main__":

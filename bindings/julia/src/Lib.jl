@@ -1,4 +1,4 @@
-# The C interface, generated from include/switchback.h by gen/generate.py; do not edit.
+# The C interface, generated from include/api.json by gen/generate.py; do not edit.
 """
 The functions of the library as they are in C: `Switchback.Lib.swb_version()`.
 
@@ -13,46 +13,9 @@ module Lib
 const ADDRESSES = Ptr{Cvoid}[]
 address(i) = @inbounds ADDRESSES[i]
 
-const HEADER_VERSION = v"0.1.0"
+const INTERFACE_VERSION = v"0.1.0"
 
 # --- enumerations: plain integers, so that numbers of a newer library are no error ---
-
-"""
-Status of a call: 0 or a negative code that says why the call could not do its work.
-
-How an algorithm ended (solved, infeasible, out of iterations, ...) is not a status but an outcome.
-Numbers are only ever added. -1 to -19: arguments; -20 to -29: user functions; -30 to -49: numerics;
--50 to -59: resources.
-
-- `SWB_OK`: The call did its work.
-- `SWB_ERR_NULL`: A required pointer is NULL.
-- `SWB_ERR_DIMENSION`: A size or an index does not fit.
-- `SWB_ERR_RANGE`: A value is outside its range.
-- `SWB_ERR_STATE`: The call does not fit the state of the object.
-- `SWB_ERR_UNSUPPORTED`: The combination is not supported.
-- `SWB_ERR_OPTION`: Unknown option, or a value of the wrong type.
-- `SWB_ERR_USER`: A user function returned a negative code; see swb_last_user_code.
-- `SWB_ERR_NONFINITE`: A user function has no finite value where one is needed.
-- `SWB_ERR_INTERRUPTED`: Interrupted; the object can be used again.
-- `SWB_ERR_NUMERIC`: The numerical method cannot go on and there is no usable result.
-- `SWB_ERR_LIBRARY`: A foreign library failed, or a resource is missing.
-- `SWB_ERR_INTERNAL`: A defect of the library; the object can only be freed.
-"""
-const swb_status = Int32
-const SWB_OK = swb_status(0)
-const SWB_ERR_NULL = swb_status(-1)
-const SWB_ERR_DIMENSION = swb_status(-2)
-const SWB_ERR_RANGE = swb_status(-3)
-const SWB_ERR_STATE = swb_status(-4)
-const SWB_ERR_UNSUPPORTED = swb_status(-5)
-const SWB_ERR_OPTION = swb_status(-6)
-const SWB_ERR_USER = swb_status(-20)
-const SWB_ERR_NONFINITE = swb_status(-21)
-const SWB_ERR_INTERRUPTED = swb_status(-23)
-const SWB_ERR_NUMERIC = swb_status(-30)
-const SWB_ERR_LIBRARY = swb_status(-50)
-const SWB_ERR_INTERNAL = swb_status(-99)
-const NAMES_swb_status = [:ok => 0, :null => -1, :dimension => -2, :range => -3, :state => -4, :unsupported => -5, :option => -6, :user => -20, :nonfinite => -21, :interrupted => -23, :numeric => -30, :library => -50, :internal => -99]
 
 """
 Runge-Kutta family (option rk_family).
@@ -350,6 +313,43 @@ const SWB_LOG_LEVEL_TRACE = swb_log_level(5)
 const NAMES_swb_log_level = [:silent => 0, :error => 1, :warning => 2, :info => 3, :debug => 4, :trace => 5]
 
 """
+Status of a call: 0 or a negative code that says why the call could not do its work.
+
+How an algorithm ended (solved, infeasible, out of iterations, ...) is not a status but an outcome.
+Numbers are only ever added. -1 to -19: arguments; -20 to -29: user functions; -30 to -49: numerics;
+-50 to -59: resources.
+
+- `SWB_OK`: The call did its work.
+- `SWB_ERR_NULL`: A required pointer is NULL.
+- `SWB_ERR_DIMENSION`: A size or an index does not fit.
+- `SWB_ERR_RANGE`: A value is outside its range.
+- `SWB_ERR_STATE`: The call does not fit the state of the object.
+- `SWB_ERR_UNSUPPORTED`: The combination is not supported.
+- `SWB_ERR_OPTION`: Unknown option, or a value of the wrong type.
+- `SWB_ERR_USER`: A user function returned a negative code; see swb_last_user_code.
+- `SWB_ERR_NONFINITE`: A user function has no finite value where one is needed.
+- `SWB_ERR_INTERRUPTED`: Interrupted; the object can be used again.
+- `SWB_ERR_NUMERIC`: The numerical method cannot go on and there is no usable result.
+- `SWB_ERR_LIBRARY`: A foreign library failed, or a resource is missing.
+- `SWB_ERR_INTERNAL`: A defect of the library; the object can only be freed.
+"""
+const swb_status = Int32
+const SWB_OK = swb_status(0)
+const SWB_ERR_NULL = swb_status(-1)
+const SWB_ERR_DIMENSION = swb_status(-2)
+const SWB_ERR_RANGE = swb_status(-3)
+const SWB_ERR_STATE = swb_status(-4)
+const SWB_ERR_UNSUPPORTED = swb_status(-5)
+const SWB_ERR_OPTION = swb_status(-6)
+const SWB_ERR_USER = swb_status(-20)
+const SWB_ERR_NONFINITE = swb_status(-21)
+const SWB_ERR_INTERRUPTED = swb_status(-23)
+const SWB_ERR_NUMERIC = swb_status(-30)
+const SWB_ERR_LIBRARY = swb_status(-50)
+const SWB_ERR_INTERNAL = swb_status(-99)
+const NAMES_swb_status = [:ok => 0, :null => -1, :dimension => -2, :range => -3, :state => -4, :unsupported => -5, :option => -6, :user => -20, :nonfinite => -21, :interrupted => -23, :numeric => -30, :library => -50, :internal => -99]
+
+"""
 Kind of an option.
 
 - `SWB_KIND_INT`: Integer.
@@ -421,71 +421,6 @@ Properties of a function, to be added up; see swb_function_set_flags.
 const swb_function_flag = Int64
 const SWB_SERIAL = swb_function_flag(1)
 const NAMES_swb_function_flag = [:serial => 1]
-
-"""
-What happens at a switch.
-
-- `SWB_SWITCH_KIND_CROSS`: Modes leave the active set and others enter it.
-- `SWB_SWITCH_KIND_ENTER`: Modes enter: a sliding mode begins, or gets another mode.
-- `SWB_SWITCH_KIND_LEAVE`: Modes leave: a sliding mode ends, or loses a mode.
-"""
-const swb_switch_kind = Int64
-const SWB_SWITCH_KIND_CROSS = swb_switch_kind(0)
-const SWB_SWITCH_KIND_ENTER = swb_switch_kind(1)
-const SWB_SWITCH_KIND_LEAVE = swb_switch_kind(2)
-const NAMES_swb_switch_kind = [:cross => 0, :enter => 1, :leave => 2]
-
-"""
-Where a path constraint holds.
-
-- `SWB_PATH_AT_CONTROL_GRID`: At both ends of every control stage, with the control of that stage.
-- `SWB_PATH_AT_ELEMENTS`: At the start of every control stage and the end of every finite element.
-- `SWB_PATH_AT_STAGE_POINTS`: At the start of every control stage and at every stage point.
-"""
-const swb_path_at = Int64
-const SWB_PATH_AT_CONTROL_GRID = swb_path_at(0)
-const SWB_PATH_AT_ELEMENTS = swb_path_at(1)
-const SWB_PATH_AT_STAGE_POINTS = swb_path_at(2)
-const NAMES_swb_path_at = [:control_grid => 0, :elements => 1, :stage_points => 2]
-
-"""
-What the optimiser may choose of the lengths of the control stages.
-
-- `SWB_FREE_TIME_NONE`: Nothing.
-- `SWB_FREE_TIME_HORIZON`: The horizon; the stages keep their shares of it.
-- `SWB_FREE_TIME_STAGES`: Every stage.
-"""
-const swb_free_time = Int64
-const SWB_FREE_TIME_NONE = swb_free_time(0)
-const SWB_FREE_TIME_HORIZON = swb_free_time(1)
-const SWB_FREE_TIME_STAGES = swb_free_time(2)
-const NAMES_swb_free_time = [:none => 0, :horizon => 1, :stages => 2]
-
-"""
-Where a least-squares term counts.
-
-- `SWB_COST_AT_RUNNING`: Integrated along the horizon.
-- `SWB_COST_AT_CONTROL_GRID`: Summed over the ends of the control stages.
-- `SWB_COST_AT_TERMINAL`: At the end of the horizon.
-"""
-const swb_cost_at = Int64
-const SWB_COST_AT_RUNNING = swb_cost_at(0)
-const SWB_COST_AT_CONTROL_GRID = swb_cost_at(1)
-const SWB_COST_AT_TERMINAL = swb_cost_at(2)
-const NAMES_swb_cost_at = [:running => 0, :control_grid => 1, :terminal => 2]
-
-"""
-How the violation of a relaxed constraint is penalised.
-
-- `SWB_NORM_L1`: Sum of the violations, integrated along the horizon.
-- `SWB_NORM_L2`: Sum of their squares, integrated along the horizon.
-- `SWB_NORM_LINF`: The largest violation.
-"""
-const swb_norm = Int64
-const SWB_NORM_L1 = swb_norm(0)
-const SWB_NORM_L2 = swb_norm(1)
-const SWB_NORM_LINF = swb_norm(2)
-const NAMES_swb_norm = [:l1 => 0, :l2 => 1, :linf => 2]
 
 """
 Operators of expressions. Operands are called a, b and c; conditions are operands of Not, And, Or, and the first
@@ -573,6 +508,19 @@ const SWB_TABLE_SPLINE = swb_table(2)
 const NAMES_swb_table = [:steps => 0, :lines => 1, :spline => 2]
 
 """
+What happens at a switch.
+
+- `SWB_SWITCH_KIND_CROSS`: Modes leave the active set and others enter it.
+- `SWB_SWITCH_KIND_ENTER`: Modes enter: a sliding mode begins, or gets another mode.
+- `SWB_SWITCH_KIND_LEAVE`: Modes leave: a sliding mode ends, or loses a mode.
+"""
+const swb_switch_kind = Int64
+const SWB_SWITCH_KIND_CROSS = swb_switch_kind(0)
+const SWB_SWITCH_KIND_ENTER = swb_switch_kind(1)
+const SWB_SWITCH_KIND_LEAVE = swb_switch_kind(2)
+const NAMES_swb_switch_kind = [:cross => 0, :enter => 1, :leave => 2]
+
+"""
 How an event-driven simulation stands. Numbers are only ever added.
 
 - `SWB_RUN_OUTCOME_REACHED`: The time asked for is reached.
@@ -657,21 +605,6 @@ const SWB_CONTACT_MODE_CLOSED = swb_contact_mode(1)
 const SWB_CONTACT_MODE_SLIDES = swb_contact_mode(2)
 const SWB_CONTACT_MODE_SLIDES_BACK = swb_contact_mode(3)
 const NAMES_swb_contact_mode = [:open => 0, :closed => 1, :slides => 2, :slides_back => 3]
-
-"""
-How an optimal control problem of a scene finds contact modes and impacts.
-
-- `SWB_JUMPS_AUTO`: From a simulation of the guess and by time stepping; where neither leads to an answer, by finite elements with jumps.
-- `SWB_JUMPS_MODES`: From a simulation of the guess and the orders of modes next to it.
-- `SWB_JUMPS_FESD_J`: By finite elements with jumps: complementarity between gaps and forces in every element.
-- `SWB_JUMPS_STEPS`: By time stepping: complementarity at the ends of equal steps of implicit Euler.
-"""
-const swb_jumps = Int64
-const SWB_JUMPS_AUTO = swb_jumps(0)
-const SWB_JUMPS_MODES = swb_jumps(1)
-const SWB_JUMPS_FESD_J = swb_jumps(2)
-const SWB_JUMPS_STEPS = swb_jumps(3)
-const NAMES_swb_jumps = [:auto => 0, :modes => 1, :fesd_j => 2, :steps => 3]
 
 """
 What a step did.
@@ -764,6 +697,115 @@ const SWB_NMPC_QP_STATUS_FAILED = swb_nmpc_qp_status(3)
 const NAMES_swb_nmpc_qp_status = [:solved => 0, :infeasible => 1, :out_of_time => 2, :failed => 3]
 
 """
+Where a path constraint holds.
+
+- `SWB_PATH_AT_CONTROL_GRID`: At both ends of every control stage, with the control of that stage.
+- `SWB_PATH_AT_ELEMENTS`: At the start of every control stage and the end of every finite element.
+- `SWB_PATH_AT_STAGE_POINTS`: At the start of every control stage and at every stage point.
+"""
+const swb_path_at = Int64
+const SWB_PATH_AT_CONTROL_GRID = swb_path_at(0)
+const SWB_PATH_AT_ELEMENTS = swb_path_at(1)
+const SWB_PATH_AT_STAGE_POINTS = swb_path_at(2)
+const NAMES_swb_path_at = [:control_grid => 0, :elements => 1, :stage_points => 2]
+
+"""
+What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active and negative where a
+lower one is: raising that bound by d changes the optimal cost by -d times the multiplier, to first order.
+
+- `SWB_MULTIPLIERS_OF_COSTATES`: Costates, nx at the start of every control stage and at the end of the horizon: derivatives of the cost that is still to come, constraints behind that time included, with respect to the state; at the end, of terminal cost and constraints.
+- `SWB_MULTIPLIERS_OF_INITIAL_STATE`: Bounds of the initial state, nx: where it is fixed, the negative derivative of the optimal cost with respect to it.
+- `SWB_MULTIPLIERS_OF_STATES`: Bounds of the states, nx at the stage points and ends of all finite elements.
+- `SWB_MULTIPLIERS_OF_CONTROLS`: Bounds of the controls, nu at the start of every control stage; zero for controls that are linear, whose values are bounded as states are.
+- `SWB_MULTIPLIERS_OF_PARAMS`: Bounds of the parameters, np; zero for those that are given.
+- `SWB_MULTIPLIERS_OF_PATH`: A path constraint, at all points at which it holds; those of all points together are the effect of its bound.
+- `SWB_MULTIPLIERS_OF_TERMINAL`: A terminal constraint.
+- `SWB_MULTIPLIERS_OF_BOUNDARY`: A constraint between both ends of the horizon.
+- `SWB_MULTIPLIERS_OF_RELAXED`: A constraint that may be violated at a price.
+"""
+const swb_multipliers_of = Int64
+const SWB_MULTIPLIERS_OF_COSTATES = swb_multipliers_of(0)
+const SWB_MULTIPLIERS_OF_INITIAL_STATE = swb_multipliers_of(1)
+const SWB_MULTIPLIERS_OF_STATES = swb_multipliers_of(2)
+const SWB_MULTIPLIERS_OF_CONTROLS = swb_multipliers_of(3)
+const SWB_MULTIPLIERS_OF_PARAMS = swb_multipliers_of(4)
+const SWB_MULTIPLIERS_OF_PATH = swb_multipliers_of(5)
+const SWB_MULTIPLIERS_OF_TERMINAL = swb_multipliers_of(6)
+const SWB_MULTIPLIERS_OF_BOUNDARY = swb_multipliers_of(7)
+const SWB_MULTIPLIERS_OF_RELAXED = swb_multipliers_of(8)
+const NAMES_swb_multipliers_of = [:costates => 0, :initial_state => 1, :states => 2, :controls => 3, :params => 4, :path => 5, :terminal => 6, :boundary => 7, :relaxed => 8]
+
+"""
+What an optimal control is as a point of the control problem: is the cost stationary under changes of controls, free
+lengths, free parameters and free initial states, when every change is simulated by events?
+
+- `SWB_VERDICT_UNKNOWN`: Not known; swb_ocp_get_optimality_reason says why.
+- `SWB_VERDICT_LOCAL_OPTIMUM`: No change lowers the cost to first order, or a descent on simulations gains nothing.
+- `SWB_VERDICT_KINK`: The same at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises towards either side.
+- `SWB_VERDICT_NOT_OPTIMAL`: Some change lowers the cost to first order.
+"""
+const swb_verdict = Int64
+const SWB_VERDICT_UNKNOWN = swb_verdict(0)
+const SWB_VERDICT_LOCAL_OPTIMUM = swb_verdict(1)
+const SWB_VERDICT_KINK = swb_verdict(2)
+const SWB_VERDICT_NOT_OPTIMAL = swb_verdict(3)
+const NAMES_swb_verdict = [:unknown => 0, :local_optimum => 1, :kink => 2, :not_optimal => 3]
+
+"""
+How an optimal control problem of a scene finds contact modes and impacts.
+
+- `SWB_JUMPS_AUTO`: From a simulation of the guess and by time stepping; where neither leads to an answer, by finite elements with jumps.
+- `SWB_JUMPS_MODES`: From a simulation of the guess and the orders of modes next to it.
+- `SWB_JUMPS_FESD_J`: By finite elements with jumps: complementarity between gaps and forces in every element.
+- `SWB_JUMPS_STEPS`: By time stepping: complementarity at the ends of equal steps of implicit Euler.
+"""
+const swb_jumps = Int64
+const SWB_JUMPS_AUTO = swb_jumps(0)
+const SWB_JUMPS_MODES = swb_jumps(1)
+const SWB_JUMPS_FESD_J = swb_jumps(2)
+const SWB_JUMPS_STEPS = swb_jumps(3)
+const NAMES_swb_jumps = [:auto => 0, :modes => 1, :fesd_j => 2, :steps => 3]
+
+"""
+What the optimiser may choose of the lengths of the control stages.
+
+- `SWB_FREE_TIME_NONE`: Nothing.
+- `SWB_FREE_TIME_HORIZON`: The horizon; the stages keep their shares of it.
+- `SWB_FREE_TIME_STAGES`: Every stage.
+"""
+const swb_free_time = Int64
+const SWB_FREE_TIME_NONE = swb_free_time(0)
+const SWB_FREE_TIME_HORIZON = swb_free_time(1)
+const SWB_FREE_TIME_STAGES = swb_free_time(2)
+const NAMES_swb_free_time = [:none => 0, :horizon => 1, :stages => 2]
+
+"""
+Where a least-squares term counts.
+
+- `SWB_COST_AT_RUNNING`: Integrated along the horizon.
+- `SWB_COST_AT_CONTROL_GRID`: Summed over the ends of the control stages.
+- `SWB_COST_AT_TERMINAL`: At the end of the horizon.
+"""
+const swb_cost_at = Int64
+const SWB_COST_AT_RUNNING = swb_cost_at(0)
+const SWB_COST_AT_CONTROL_GRID = swb_cost_at(1)
+const SWB_COST_AT_TERMINAL = swb_cost_at(2)
+const NAMES_swb_cost_at = [:running => 0, :control_grid => 1, :terminal => 2]
+
+"""
+How the violation of a relaxed constraint is penalised.
+
+- `SWB_NORM_L1`: Sum of the violations, integrated along the horizon.
+- `SWB_NORM_L2`: Sum of their squares, integrated along the horizon.
+- `SWB_NORM_LINF`: The largest violation.
+"""
+const swb_norm = Int64
+const SWB_NORM_L1 = swb_norm(0)
+const SWB_NORM_L2 = swb_norm(1)
+const SWB_NORM_LINF = swb_norm(2)
+const NAMES_swb_norm = [:l1 => 0, :l2 => 1, :linf => 2]
+
+"""
 What a member of a complementarity pair is.
 
 - `SWB_MEMBER_VARIABLE`: A variable; its lower bound becomes zero.
@@ -841,60 +883,7 @@ const SWB_DOUBT_ACCURACY = swb_doubt(4)
 const SWB_DOUBT_STOPPED = swb_doubt(5)
 const NAMES_swb_doubt = [:none => 0, :data => 1, :infeasible => 2, :nodes => 3, :accuracy => 4, :stopped => 5]
 
-"""
-What an optimal control is as a point of the control problem: is the cost stationary under changes of controls, free
-lengths, free parameters and free initial states, when every change is simulated by events?
-
-- `SWB_VERDICT_UNKNOWN`: Not known; swb_ocp_get_optimality_reason says why.
-- `SWB_VERDICT_LOCAL_OPTIMUM`: No change lowers the cost to first order, or a descent on simulations gains nothing.
-- `SWB_VERDICT_KINK`: The same at a kink: switches lie exactly between control stages, surfaces are touched, or modes change, and the cost rises towards either side.
-- `SWB_VERDICT_NOT_OPTIMAL`: Some change lowers the cost to first order.
-"""
-const swb_verdict = Int64
-const SWB_VERDICT_UNKNOWN = swb_verdict(0)
-const SWB_VERDICT_LOCAL_OPTIMUM = swb_verdict(1)
-const SWB_VERDICT_KINK = swb_verdict(2)
-const SWB_VERDICT_NOT_OPTIMAL = swb_verdict(3)
-const NAMES_swb_verdict = [:unknown => 0, :local_optimum => 1, :kink => 2, :not_optimal => 3]
-
-"""
-What multipliers belong to. Those of constraints and bounds are positive where an upper bound is active and negative where a
-lower one is: raising that bound by d changes the optimal cost by -d times the multiplier, to first order.
-
-- `SWB_MULTIPLIERS_OF_COSTATES`: Costates, nx at the start of every control stage and at the end of the horizon: derivatives of the cost that is still to come, constraints behind that time included, with respect to the state; at the end, of terminal cost and constraints.
-- `SWB_MULTIPLIERS_OF_INITIAL_STATE`: Bounds of the initial state, nx: where it is fixed, the negative derivative of the optimal cost with respect to it.
-- `SWB_MULTIPLIERS_OF_STATES`: Bounds of the states, nx at the stage points and ends of all finite elements.
-- `SWB_MULTIPLIERS_OF_CONTROLS`: Bounds of the controls, nu at the start of every control stage; zero for controls that are linear, whose values are bounded as states are.
-- `SWB_MULTIPLIERS_OF_PARAMS`: Bounds of the parameters, np; zero for those that are given.
-- `SWB_MULTIPLIERS_OF_PATH`: A path constraint, at all points at which it holds; those of all points together are the effect of its bound.
-- `SWB_MULTIPLIERS_OF_TERMINAL`: A terminal constraint.
-- `SWB_MULTIPLIERS_OF_BOUNDARY`: A constraint between both ends of the horizon.
-- `SWB_MULTIPLIERS_OF_RELAXED`: A constraint that may be violated at a price.
-"""
-const swb_multipliers_of = Int64
-const SWB_MULTIPLIERS_OF_COSTATES = swb_multipliers_of(0)
-const SWB_MULTIPLIERS_OF_INITIAL_STATE = swb_multipliers_of(1)
-const SWB_MULTIPLIERS_OF_STATES = swb_multipliers_of(2)
-const SWB_MULTIPLIERS_OF_CONTROLS = swb_multipliers_of(3)
-const SWB_MULTIPLIERS_OF_PARAMS = swb_multipliers_of(4)
-const SWB_MULTIPLIERS_OF_PATH = swb_multipliers_of(5)
-const SWB_MULTIPLIERS_OF_TERMINAL = swb_multipliers_of(6)
-const SWB_MULTIPLIERS_OF_BOUNDARY = swb_multipliers_of(7)
-const SWB_MULTIPLIERS_OF_RELAXED = swb_multipliers_of(8)
-const NAMES_swb_multipliers_of = [:costates => 0, :initial_state => 1, :states => 2, :controls => 3, :params => 4, :path => 5, :terminal => 6, :boundary => 7, :relaxed => 8]
-
 # --- structs ---
-
-"""
-Event-driven simulations of one system from several initial states, with controls and parameters of their own.
-"""
-mutable struct swb_batch end
-
-"""
-Graph of expressions. Every expression is a number in its graph and exists once: equal expressions have equal
-numbers. Expressions live as long as the graph; functions and models made of them are independent of it.
-"""
-mutable struct swb_expr end
 
 """
 Function with first and second derivatives: reference counted inside, so the handle may be freed as
@@ -903,11 +892,15 @@ soon as the function was handed to a model.
 mutable struct swb_function end
 
 """
-Event-driven integrator of a system: explicit or implicit steps inside of modes, sliding modes as
-differential-algebraic equations, every switch located to rounding. swb_simulator solves the equations of FESD
-instead.
+Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.
 """
-mutable struct swb_integrator end
+mutable struct swb_system end
+
+"""
+Graph of expressions. Every expression is a number in its graph and exists once: equal expressions have equal
+numbers. Expressions live as long as the graph; functions and models made of them are independent of it.
+"""
+mutable struct swb_expr end
 
 """
 Model made of expressions: a piecewise smooth system with a report of what it consists of.
@@ -915,26 +908,15 @@ Model made of expressions: a piecewise smooth system with a report of what it co
 mutable struct swb_model end
 
 """
-Nonlinear program with complementarity constraints: minimise f(w,p) subject to bounds on w and c(w,p),
-and 0 <= G _|_ H >= 0 for pairs of variables or rows of c. Without pairs, a nonlinear program.
+Trajectory of a simulation or of an optimal control problem: finite elements, each a polynomial, that
+end where the system switches. Owned by the caller, independent of the object it comes from.
 """
-mutable struct swb_mpcc end
+mutable struct swb_trajectory end
 
 """
-Optimal control problem of phases, each with its own system, horizon, costs and constraints, linked by constraints
-between the end of one and the start of the next.
+Simulator of a system: time, state, and the trajectory since the state was set.
 """
-mutable struct swb_multiphase end
-
-"""
-Controller: feedback for measured states by a few iterations per sample on an optimal control problem.
-"""
-mutable struct swb_nmpc end
-
-"""
-Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
-"""
-mutable struct swb_ocp end
+mutable struct swb_simulator end
 
 """
 Result of an event-driven simulation: state, switches, derivatives, dense output. Owned by the caller, independent
@@ -948,9 +930,11 @@ Scene: coordinates q, velocities v, inertia, forces and contacts, made of expres
 mutable struct swb_scene end
 
 """
-Simulator of a system: time, state, and the trajectory since the state was set.
+Event-driven integrator of a system: explicit or implicit steps inside of modes, sliding modes as
+differential-algebraic equations, every switch located to rounding. swb_simulator solves the equations of FESD
+instead.
 """
-mutable struct swb_simulator end
+mutable struct swb_integrator end
 
 """
 Stepper: makes steps of a scene by the theta-method of Moreau and Jean, in which impacts need not be located. For
@@ -959,15 +943,31 @@ scenes with many contacts; of order 1 in the step.
 mutable struct swb_stepper end
 
 """
-Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.
+Event-driven simulations of one system from several initial states, with controls and parameters of their own.
 """
-mutable struct swb_system end
+mutable struct swb_batch end
 
 """
-Trajectory of a simulation or of an optimal control problem: finite elements, each a polynomial, that
-end where the system switches. Owned by the caller, independent of the object it comes from.
+Controller: feedback for measured states by a few iterations per sample on an optimal control problem.
 """
-mutable struct swb_trajectory end
+mutable struct swb_nmpc end
+
+"""
+Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
+"""
+mutable struct swb_ocp end
+
+"""
+Optimal control problem of phases, each with its own system, horizon, costs and constraints, linked by constraints
+between the end of one and the start of the next.
+"""
+mutable struct swb_multiphase end
+
+"""
+Nonlinear program with complementarity constraints: minimise f(w,p) subject to bounds on w and c(w,p),
+and 0 <= G _|_ H >= 0 for pairs of variables or rows of c. Without pairs, a nonlinear program.
+"""
+mutable struct swb_mpcc end
 
 """
 Settings of discretisation and solver.
@@ -1107,6 +1107,134 @@ struct swb_settings
     portfolio::Int64
 end
 sizeof(swb_settings) == 504 || error("swb_settings has another size than in C")
+
+"""
+Residuals of the optimality conditions, unscaled, maximum norm.
+
+- `struct_size`: Size of this struct in bytes.
+- `primal`: Violation of constraints and bounds.
+- `dual`: Gradient of the Lagrangian; 0 for simulations.
+- `complementarity`: Products of slacks and multipliers of bounds; 0 for simulations.
+- `pair_product`: Largest product G_i H_i of a pair; 0 for simulations.
+- `pair_min`: Largest min(G_i, H_i) of a pair.
+"""
+struct swb_residuals
+    struct_size::UInt64
+    primal::Cdouble
+    dual::Cdouble
+    complementarity::Cdouble
+    pair_product::Cdouble
+    pair_min::Cdouble
+end
+sizeof(swb_residuals) == 48 || error("swb_residuals has another size than in C")
+
+"""
+What a solve cost, or all steps of a simulation.
+
+- `struct_size`: Size of this struct in bytes.
+- `iterations`: Interior-point iterations, restoration included.
+- `factorisations`: Numeric factorisations.
+- `evaluations`: Evaluations of objective and constraints.
+- `restoration_iterations`: Iterations inside the restoration phase.
+- `polish_iterations`: Iterations spent in the polish.
+- `max_delta_w`: Largest perturbation of the Hessian.
+- `time_eval`: Seconds in functions and derivatives.
+- `time_linalg`: Seconds in factorisations and solves.
+- `time_total`: Seconds in all.
+- `time_build`: Seconds to build the problem, not part of time_total; 0 when an earlier structure was used again.
+- `n_variables`: Variables of the solved program; 0 for simulations.
+- `n_constraints`: Constraints of the solved program; 0 for simulations.
+- `n_pairs`: Complementarity pairs of the solved program; 0 for simulations.
+- `n_steps`: Steps of a simulation; else 0.
+- `n_homotopies`: Steps of a simulation that the homotopy had to decide; else 0.
+"""
+struct swb_stats
+    struct_size::UInt64
+    iterations::Int64
+    factorisations::Int64
+    evaluations::Int64
+    restoration_iterations::Int64
+    polish_iterations::Int64
+    max_delta_w::Cdouble
+    time_eval::Cdouble
+    time_linalg::Cdouble
+    time_total::Cdouble
+    time_build::Cdouble
+    n_variables::Int64
+    n_constraints::Int64
+    n_pairs::Int64
+    n_steps::Int64
+    n_homotopies::Int64
+end
+sizeof(swb_stats) == 128 || error("swb_stats has another size than in C")
+
+"""
+The linear systems of a solve: sizes, and work since the program was built.
+
+- `struct_size`: Size of this struct in bytes.
+- `n`: Order of the matrix.
+- `nnz_k`: Entries of its upper triangle.
+- `nnz_l`: Entries of the factor below the diagonal.
+- `flops`: Floating-point operations of one factorisation.
+- `min_abs_pivot`: Smallest modulus of a pivot of the last factorisation, of the equilibrated matrix.
+- `max_abs_pivot`: Largest one.
+- `shift`: Shift of the diagonal in the last factorisation, of the equilibrated matrix.
+- `factorisations`: Numeric factorisations.
+- `solves`: Solutions.
+- `refinement_steps`: Steps of refinement in all solutions.
+- `equilibrations`: Times the scaling was computed.
+"""
+struct swb_linear_stats
+    struct_size::UInt64
+    n::Int64
+    nnz_k::Int64
+    nnz_l::Int64
+    flops::Cdouble
+    min_abs_pivot::Cdouble
+    max_abs_pivot::Cdouble
+    shift::Cdouble
+    factorisations::Int64
+    solves::Int64
+    refinement_steps::Int64
+    equilibrations::Int64
+end
+sizeof(swb_linear_stats) == 96 || error("swb_linear_stats has another size than in C")
+
+"""
+One iteration of a solve.
+
+- `struct_size`: Size of this struct in bytes, as the library knows it.
+- `iter`: Iteration number; starts again with every step of a simulation.
+- `objective`: Objective.
+- `inf_pr`: Primal infeasibility.
+- `inf_du`: Dual infeasibility.
+- `mu`: Barrier parameter.
+- `sigma`: Relaxation of the complementarity, 0 without one.
+- `inf_cc`: Largest product of a pair.
+- `step`: Length of the last primal step.
+- `delta_w`: Perturbation of the Hessian.
+- `alpha_du`: Dual step length.
+- `alpha_pr`: Primal step length.
+- `trials`: Trial points of the line search.
+- `phase`: Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam, 's' step that lowers the error as a whole, 'c' linear program of a certificate, numbered on its own.
+"""
+struct swb_iteration_info
+    struct_size::UInt64
+    iter::Int64
+    objective::Cdouble
+    inf_pr::Cdouble
+    inf_du::Cdouble
+    mu::Cdouble
+    sigma::Cdouble
+    inf_cc::Cdouble
+    step::Cdouble
+    delta_w::Cdouble
+    alpha_du::Cdouble
+    alpha_pr::Cdouble
+    trials::Int64
+    phase::Int64
+end
+sizeof(swb_iteration_info) == 112 || error("swb_iteration_info has another size than in C")
 
 """
 How a scene is made a piecewise smooth system in numerical time; swb_freeze_options_init sets the defaults.
@@ -1254,100 +1382,66 @@ end
 sizeof(swb_switch) == 56 || error("swb_switch has another size than in C")
 
 """
-Residuals of the optimality conditions, unscaled, maximum norm.
+A change of the active set of a subsystem.
 
 - `struct_size`: Size of this struct in bytes.
-- `primal`: Violation of constraints and bounds.
-- `dual`: Gradient of the Lagrangian; 0 for simulations.
-- `complementarity`: Products of slacks and multipliers of bounds; 0 for simulations.
-- `pair_product`: Largest product G_i H_i of a pair; 0 for simulations.
-- `pair_min`: Largest min(G_i, H_i) of a pair.
+- `t`: Time.
+- `kind`: An enum swb_event_kind.
+- `subsystem`: The subsystem, counted among those with more than one mode.
+- `before`: Active modes before, bit i for mode i; modes from 64 on are in swb_run_event_modes only.
+- `after`: Active modes after.
+- `simultaneous`: 1 if another subsystem switches at the same time.
+- `unique`: 1 if the continuation was unique.
+- `rate`: Rate at which the quantity that vanishes (a difference of indicators g, or a weight theta) goes through zero before the switch; NaN where the switch is not caused by one.
+- `transversality`: Cosine between the gradient of the surface and the velocity: near zero the contact is grazing. NaN for a weight.
 """
-struct swb_residuals
+struct swb_event
     struct_size::UInt64
-    primal::Cdouble
-    dual::Cdouble
-    complementarity::Cdouble
-    pair_product::Cdouble
-    pair_min::Cdouble
+    t::Cdouble
+    kind::Int64
+    subsystem::Int64
+    before::UInt64
+    after::UInt64
+    simultaneous::Int64
+    unique::Int64
+    rate::Cdouble
+    transversality::Cdouble
 end
-sizeof(swb_residuals) == 48 || error("swb_residuals has another size than in C")
+sizeof(swb_event) == 80 || error("swb_event has another size than in C")
 
 """
-What a solve cost, or all steps of a simulation.
+Work of an event-driven simulation.
 
 - `struct_size`: Size of this struct in bytes.
-- `iterations`: Interior-point iterations, restoration included.
-- `factorisations`: Numeric factorisations.
-- `evaluations`: Evaluations of objective and constraints.
-- `restoration_iterations`: Iterations inside the restoration phase.
-- `polish_iterations`: Iterations spent in the polish.
-- `max_delta_w`: Largest perturbation of the Hessian.
-- `time_eval`: Seconds in functions and derivatives.
-- `time_linalg`: Seconds in factorisations and solves.
-- `time_total`: Seconds in all.
-- `time_build`: Seconds to build the problem, not part of time_total; 0 when an earlier structure was used again.
-- `n_variables`: Variables of the solved program; 0 for simulations.
-- `n_constraints`: Constraints of the solved program; 0 for simulations.
-- `n_pairs`: Complementarity pairs of the solved program; 0 for simulations.
-- `n_steps`: Steps of a simulation; else 0.
-- `n_homotopies`: Steps of a simulation that the homotopy had to decide; else 0.
+- `steps`: Accepted steps.
+- `rejections`: Rejected steps.
+- `relocations`: Steps repeated to end at a switch.
+- `evaluations`: Evaluations of the right-hand side.
+- `jacobians`: Evaluations of its Jacobian.
+- `newton`: Newton iterations.
+- `factorisations`: Factorisations.
+- `switches`: Switches, all subsystems together, those beyond the option max_switches included.
+- `accumulations`: Points at which switches accumulate.
+- `time_total`: Seconds.
+- `jumps`: Transitions.
+- `impacts`: Impacts, each contact for itself.
 """
-struct swb_stats
+struct swb_run_stats
     struct_size::UInt64
-    iterations::Int64
-    factorisations::Int64
+    steps::Int64
+    rejections::Int64
+    relocations::Int64
     evaluations::Int64
-    restoration_iterations::Int64
-    polish_iterations::Int64
-    max_delta_w::Cdouble
-    time_eval::Cdouble
-    time_linalg::Cdouble
+    jacobians::Int64
+    newton::Int64
+    factorisations::Int64
+    switches::Int64
+    accumulations::Int64
     time_total::Cdouble
-    time_build::Cdouble
-    n_variables::Int64
-    n_constraints::Int64
-    n_pairs::Int64
-    n_steps::Int64
-    n_homotopies::Int64
+    jumps::Int64
+    impacts::Int64
 end
-sizeof(swb_stats) == 128 || error("swb_stats has another size than in C")
-
-"""
-One iteration of a solve.
-
-- `struct_size`: Size of this struct in bytes, as the library knows it.
-- `iter`: Iteration number; starts again with every step of a simulation.
-- `objective`: Objective.
-- `inf_pr`: Primal infeasibility.
-- `inf_du`: Dual infeasibility.
-- `mu`: Barrier parameter.
-- `sigma`: Relaxation of the complementarity, 0 without one.
-- `inf_cc`: Largest product of a pair.
-- `step`: Length of the last primal step.
-- `delta_w`: Perturbation of the Hessian.
-- `alpha_du`: Dual step length.
-- `alpha_pr`: Primal step length.
-- `trials`: Trial points of the line search.
-- `phase`: Character: ' ' main phase, 'r' restoration, 'p' polish, 'j' relaxation raised after a jam, 's' step that lowers the error as a whole, 'c' linear program of a certificate, numbered on its own.
-"""
-struct swb_iteration_info
-    struct_size::UInt64
-    iter::Int64
-    objective::Cdouble
-    inf_pr::Cdouble
-    inf_du::Cdouble
-    mu::Cdouble
-    sigma::Cdouble
-    inf_cc::Cdouble
-    step::Cdouble
-    delta_w::Cdouble
-    alpha_du::Cdouble
-    alpha_pr::Cdouble
-    trials::Int64
-    phase::Int64
-end
-sizeof(swb_iteration_info) == 112 || error("swb_iteration_info has another size than in C")
+sizeof(swb_run_stats) == 104 || error("swb_run_stats has another size than in C")
 
 """
 Numbers of a run, the lengths of its arrays.
@@ -1390,68 +1484,6 @@ struct swb_run_info
     redundant::Int64
 end
 sizeof(swb_run_info) == 136 || error("swb_run_info has another size than in C")
-
-"""
-Work of an event-driven simulation.
-
-- `struct_size`: Size of this struct in bytes.
-- `steps`: Accepted steps.
-- `rejections`: Rejected steps.
-- `relocations`: Steps repeated to end at a switch.
-- `evaluations`: Evaluations of the right-hand side.
-- `jacobians`: Evaluations of its Jacobian.
-- `newton`: Newton iterations.
-- `factorisations`: Factorisations.
-- `switches`: Switches, all subsystems together, those beyond the option max_switches included.
-- `accumulations`: Points at which switches accumulate.
-- `time_total`: Seconds.
-- `jumps`: Transitions.
-- `impacts`: Impacts, each contact for itself.
-"""
-struct swb_run_stats
-    struct_size::UInt64
-    steps::Int64
-    rejections::Int64
-    relocations::Int64
-    evaluations::Int64
-    jacobians::Int64
-    newton::Int64
-    factorisations::Int64
-    switches::Int64
-    accumulations::Int64
-    time_total::Cdouble
-    jumps::Int64
-    impacts::Int64
-end
-sizeof(swb_run_stats) == 104 || error("swb_run_stats has another size than in C")
-
-"""
-A change of the active set of a subsystem.
-
-- `struct_size`: Size of this struct in bytes.
-- `t`: Time.
-- `kind`: An enum swb_event_kind.
-- `subsystem`: The subsystem, counted among those with more than one mode.
-- `before`: Active modes before, bit i for mode i; modes from 64 on are in swb_run_event_modes only.
-- `after`: Active modes after.
-- `simultaneous`: 1 if another subsystem switches at the same time.
-- `unique`: 1 if the continuation was unique.
-- `rate`: Rate at which the quantity that vanishes (a difference of indicators g, or a weight theta) goes through zero before the switch; NaN where the switch is not caused by one.
-- `transversality`: Cosine between the gradient of the surface and the velocity: near zero the contact is grazing. NaN for a weight.
-"""
-struct swb_event
-    struct_size::UInt64
-    t::Cdouble
-    kind::Int64
-    subsystem::Int64
-    before::UInt64
-    after::UInt64
-    simultaneous::Int64
-    unique::Int64
-    rate::Cdouble
-    transversality::Cdouble
-end
-sizeof(swb_event) == 80 || error("swb_event has another size than in C")
 
 """
 A point from which several solutions go on.
@@ -1556,6 +1588,28 @@ end
 sizeof(swb_impact) == 96 || error("swb_impact has another size than in C")
 
 """
+A step of an event-driven simulation.
+
+- `struct_size`: Size of this struct in bytes, as the library knows it.
+- `t`: Time reached.
+- `x`: [nx] state reached; valid during the call only.
+- `nx`: States.
+- `kind`: An enum swb_progress_kind.
+- `steps`: Steps so far, rejected ones not counted.
+- `switches`: Switches so far.
+"""
+struct swb_progress
+    struct_size::UInt64
+    t::Cdouble
+    x::Ptr{Cdouble}
+    nx::Int64
+    kind::Int64
+    steps::Int64
+    switches::Int64
+end
+sizeof(swb_progress) == 56 || error("swb_progress has another size than in C")
+
+"""
 A point from which several solutions go on.
 
 - `struct_size`: Size of this struct in bytes, as the library knows it.
@@ -1580,28 +1634,6 @@ struct swb_branching
     velocity::Ptr{Cdouble}
 end
 sizeof(swb_branching) == 72 || error("swb_branching has another size than in C")
-
-"""
-A step of an event-driven simulation.
-
-- `struct_size`: Size of this struct in bytes, as the library knows it.
-- `t`: Time reached.
-- `x`: [nx] state reached; valid during the call only.
-- `nx`: States.
-- `kind`: An enum swb_progress_kind.
-- `steps`: Steps so far, rejected ones not counted.
-- `switches`: Switches so far.
-"""
-struct swb_progress
-    struct_size::UInt64
-    t::Cdouble
-    x::Ptr{Cdouble}
-    nx::Int64
-    kind::Int64
-    steps::Int64
-    switches::Int64
-end
-sizeof(swb_progress) == 56 || error("swb_progress has another size than in C")
 
 """
 Options of a stepper; swb_step_options_init sets the defaults.
@@ -1814,36 +1846,6 @@ end
 sizeof(swb_accuracy) == 64 || error("swb_accuracy has another size than in C")
 
 """
-What is known of the point of a program with pairs.
-
-- `struct_size`: Size of this struct in bytes.
-- `stationarity`: Type of stationarity (enum swb_stationarity).
-- `sharp`: 1 if it is shown that there are no multipliers of a stronger type.
-- `b_stationarity`: B-stationarity (enum swb_b_stationarity).
-- `doubt`: What the questions left open failed at (enum swb_doubt).
-- `biactive`: Pairs of which both members are zero.
-- `min_multiplier`: Smallest of their multipliers, over the largest modulus there or 1; 0 without such pairs.
-- `strict`: 1 if none of their multipliers is zero.
-- `lps`: Linear programs solved.
-- `lp_iterations`: Iterations in them.
-- `nodes`: Nodes of the searches.
-"""
-struct swb_certificate
-    struct_size::UInt64
-    stationarity::Int64
-    sharp::Int64
-    b_stationarity::Int64
-    doubt::Int64
-    biactive::Int64
-    min_multiplier::Cdouble
-    strict::Int64
-    lps::Int64
-    lp_iterations::Int64
-    nodes::Int64
-end
-sizeof(swb_certificate) == 88 || error("swb_certificate has another size than in C")
-
-"""
 Optimality of an optimal control.
 
 - `struct_size`: Size of this struct in bytes.
@@ -1924,36 +1926,34 @@ end
 sizeof(swb_multiphase_info) == 72 || error("swb_multiphase_info has another size than in C")
 
 """
-The linear systems of a solve: sizes, and work since the program was built.
+What is known of the point of a program with pairs.
 
 - `struct_size`: Size of this struct in bytes.
-- `n`: Order of the matrix.
-- `nnz_k`: Entries of its upper triangle.
-- `nnz_l`: Entries of the factor below the diagonal.
-- `flops`: Floating-point operations of one factorisation.
-- `min_abs_pivot`: Smallest modulus of a pivot of the last factorisation, of the equilibrated matrix.
-- `max_abs_pivot`: Largest one.
-- `shift`: Shift of the diagonal in the last factorisation, of the equilibrated matrix.
-- `factorisations`: Numeric factorisations.
-- `solves`: Solutions.
-- `refinement_steps`: Steps of refinement in all solutions.
-- `equilibrations`: Times the scaling was computed.
+- `stationarity`: Type of stationarity (enum swb_stationarity).
+- `sharp`: 1 if it is shown that there are no multipliers of a stronger type.
+- `b_stationarity`: B-stationarity (enum swb_b_stationarity).
+- `doubt`: What the questions left open failed at (enum swb_doubt).
+- `biactive`: Pairs of which both members are zero.
+- `min_multiplier`: Smallest of their multipliers, over the largest modulus there or 1; 0 without such pairs.
+- `strict`: 1 if none of their multipliers is zero.
+- `lps`: Linear programs solved.
+- `lp_iterations`: Iterations in them.
+- `nodes`: Nodes of the searches.
 """
-struct swb_linear_stats
+struct swb_certificate
     struct_size::UInt64
-    n::Int64
-    nnz_k::Int64
-    nnz_l::Int64
-    flops::Cdouble
-    min_abs_pivot::Cdouble
-    max_abs_pivot::Cdouble
-    shift::Cdouble
-    factorisations::Int64
-    solves::Int64
-    refinement_steps::Int64
-    equilibrations::Int64
+    stationarity::Int64
+    sharp::Int64
+    b_stationarity::Int64
+    doubt::Int64
+    biactive::Int64
+    min_multiplier::Cdouble
+    strict::Int64
+    lps::Int64
+    lp_iterations::Int64
+    nodes::Int64
 end
-sizeof(swb_linear_stats) == 96 || error("swb_linear_stats has another size than in C")
+sizeof(swb_certificate) == 88 || error("swb_certificate has another size than in C")
 
 # --- functions ---
 

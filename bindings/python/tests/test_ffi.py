@@ -1,4 +1,4 @@
-"""The generated declarations: do they match the header, and the layout that a C compiler gives it?"""
+"""The generated declarations: do they match the description of the interface, that the header, and the layout that a C compiler gives it?"""
 
 import ctypes
 import importlib.util
@@ -14,6 +14,7 @@ import switchback as swb
 from switchback import _ffi
 
 ROOT = Path(__file__).resolve().parents[3]
+INTERFACE = ROOT / "include" / "api.json"
 HEADER = ROOT / "include" / "switchback.h"
 GENERATOR = Path(__file__).resolve().parents[1] / "tools" / "gen_ffi.py"
 
@@ -28,22 +29,39 @@ def generator():
 
 
 @needs_header
-def test_generated_from_this_header():
-    text = generator().generate(HEADER.read_text(encoding="utf-8"))
+def test_generated_from_this_interface():
+    text = generator().generate(INTERFACE.read_text(encoding="utf-8"))
     assert Path(_ffi.__file__).read_text(encoding="utf-8") == text, "run tools/gen_ffi.py"
 
 
 @needs_header
-def test_the_header_is_understood():
-    api = generator().parse(HEADER.read_text(encoding="utf-8"))
+def test_the_description_says_what_the_header_says():
+    # the one is read from the sources in Rust, the other from what cbindgen makes of them
+    described = generator().load(INTERFACE.read_text(encoding="utf-8"))
+    sys.path.insert(0, str(ROOT / "tools" / "api"))
+    declared = importlib.import_module("header").parse(HEADER.read_text(encoding="utf-8"))
+    for function in described.functions.values():
+        for p in function.parameters:
+            # whose an object is follows from its type; the header does not say it
+            assert (p.object is not None) == (p.type.base in described.objects), (function.name, p.name)
+            p.object = None
+    assert described == declared
+
+
+@needs_header
+def test_the_interface_is_understood():
+    api = generator().load(INTERFACE.read_text(encoding="utf-8"))
     jacobian = api.functions["swb_function_set_jacobian"]
     assert [p.length for p in jacobian.parameters] == [None, "n_col_ptr", None, "nnz", None, None]
     assert jacobian.parameters[5].nullable and not jacobian.parameters[1].nullable
-    outcome = api.functions["swb_ocp_solve_warm"].parameters[1]
-    assert (outcome.direction, outcome.type.stars) == ("out", 1)
+    solve = api.functions["swb_ocp_solve_warm"].parameters
+    assert (solve[1].direction, solve[1].type.stars) == ("out", 1)
     assert api.functions["swb_mpcc_get_name"].parameters[1].enum == "swb_item"
     assert "swb_ocp" in api.objects and api.records["swb_switch"].fields[0].name == "struct_size"
     assert api.enums["swb_status"].values[0][:2] == ("SWB_OK", 0)
+    assert solve[0].object == "exclusive" and api.functions["swb_ocp_free"].parameters[0].object == "freed"
+    create = {p.name: p.object for p in api.functions["swb_ocp_create"].parameters}
+    assert create["out"] == "new" and create["system"] == "shared"
 
 
 @needs_header

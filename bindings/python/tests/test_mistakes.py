@@ -27,6 +27,18 @@ def no_derivative():
     return swb.simulate(m, [1, 0], 1.0)
 
 
+def swing():
+    m = Model(states="q v", controls="F")
+    m.derivatives = [m.v, m.F - m.q]
+    return swb.Ocp(m, horizon=1.0, n_stages=2, lagrange=m.F**2, initial_state=[1.0, 0.0])
+
+
+def between():
+    m = Model(states="q")
+    m.derivatives = [-m.q]
+    return swb.Ocp(m, 1.0, 1).add_boundary(m.q, 0, 0)
+
+
 def first_order(value):
     m = Model(states="q")
     m.derivatives = [value(m)]
@@ -58,6 +70,21 @@ MISTAKES = {
     "time runs back": (lambda: simulated(t_span=(1.0, 0.0)), swb.RangeError, r"the end must not lie before the start"),
     "a result before a solve": (lambda: swb.Nlp(1, lambda x: x @ x).result, swb.StateError, r"there is no result: call solve first"),
     "a function that returns nothing": (lambda: swb.Function(lambda x: None, 1)([1.0]), TypeError, r"returned None: is a return missing\?"),
+    "states called y": (
+        lambda: swb.System(2, f0=lambda t, y: [y[1], -y[0]]), swb.ArgumentError, r"no input 'y': states are x, as in lambda t, x"
+    ),
+    "order of solve_ivp": (lambda: simulated(x0=(0.0, 6.0), t_span=(1.0, 0.0)), swb.RangeError, r"the order is \(system, x0, t_span\)"),
+    "sol.y": (lambda: simulated().y, AttributeError, r"states are run\['name'\], or run.x"),
+    "a typo in a result": (lambda: simulated().outcom, AttributeError, r"did you mean 'outcome'\?"),
+    "constraints of an Opti stack": (lambda: swing().subject_to(1), AttributeError, r"constraints are add_path\(f, lower, upper\)"),
+    "a comparison as constraint": (lambda: swing().add_terminal(1 == 2), swb.ArgumentError, r"give the expression and its bounds"),
+    "expressions of another model": (lambda: swing().set_mayer(spring().q), swb.ArgumentError, r"mayer: these are not expressions of the model"),
+    "expressions at both ends": (lambda: between(), swb.ArgumentError, r"model.between_ends"),
+    "ipopt": (lambda: swb.Ocp(spring(), T=1.0, N=2, ipopt={}), swb.ArgumentError, r"there is one solver"),
+    "multipliers of a result": (lambda: swing().solve().multipliers, AttributeError, r"ocp.multipliers\(\)"),
+    "a batch without controls": (
+        lambda: swb.simulate_batch(spring(), np.ones((3, 2)), 1.0, p=[1.0]), swb.NullError, r"u is missing: the model has 1 control \(F\)"
+    ),
     "no such argument": (lambda: swb.Function(lambda state: state, 1), swb.ArgumentError, r"there is no input 'state'"),
 }
 
@@ -90,3 +117,29 @@ def test_constants_among_modes():
     system = swb.System(2)
     system.add_subsystem([lambda x: A_IN @ x, [1.0, 0.0]], lambda x: x @ x - 1.0, signs=[-1, 1])
     assert swb.simulate(system, [0.5, 0.0], 0.1).success and oscillator().n_subsystems == 1
+
+
+def test_words_of_other_packages_for_optimal_control():
+    m = Model(states="q v", controls="F")
+    m.derivatives = [m.v, m.F - 0.3 * sign(m.v)]
+    end = dict(lower=[1.0, 0.0], upper=[1.0, 0.0])
+    own = swb.Ocp(m, horizon=2.0, n_stages=4, lagrange=m.function(m.F**2), initial_state=[0.0, 0.0], control_bounds=(-3, 3))
+    own.add_terminal(m.function([m.q, m.v]), **end)
+    other = swb.Ocp(m, T=2.0, N=4, running_cost=m.F**2, x0=[0.0, 0.0], u_bounds={"F": (-3, 3)})
+    other.add_terminal([m.q, m.v], **end)
+    other.set_state_bounds({"v": (None, 100.0)})
+    assert own.solve().cost == pytest.approx(other.solve().cost, rel=1e-9)
+    assert "horizon" in other._repr_html_() and "q, v" in other._repr_html_()
+    with pytest.raises(swb.ArgumentError, match="'N' is 'n_stages' here"):
+        swb.Ocp(m, T=2.0, N=4, n_stages=4)
+
+
+def test_how_far_a_simulation_is():
+    said = []
+    run = simulated(t_span=(1.0, 7.0), h_max=0.1, progress=lambda done, total: said.append((done, total)))
+    assert said[-1] == (100, 100) and said == sorted(said) and len(said) > 20
+    assert repr(run) == f"<Run from 1 to 7, reached, {len(run.switches)} switch{'' if len(run.switches) == 1 else 'es'}>"
+    steps = []
+    assert np.array_equal(simulated(progress=lambda *_: None, on_step=steps.append).x_end, simulated().x_end) and steps
+    html = spring()._repr_html_()
+    assert "2: q, v" in html and "switching function" in html

@@ -1,6 +1,6 @@
-"""Write src/switchback/_ffi.py from include/switchback.h.
+"""Write src/switchback/_ffi.py from include/api.json.
 
-usage: gen_ffi.py [--check] [HEADER [OUTPUT]]
+usage: gen_ffi.py [--check] [INTERFACE [OUTPUT]]
 
 With --check nothing is written; the exit code is 1 if the file is not what would be written.
 """
@@ -14,10 +14,10 @@ HERE = Path(__file__).resolve().parent
 ROOT = HERE.parents[2]
 sys.path.insert(0, str(ROOT / "tools" / "api"))
 
+from api import Api, Parameter, Type, load  # noqa: E402
 import output  # noqa: E402
-from header import Api, Parameter, Type, parse  # noqa: E402
 
-HEADER = ROOT / "include" / "switchback.h"
+INTERFACE = ROOT / "include" / "api.json"
 OUTPUT = HERE.parent / "src" / "switchback" / "_ffi.py"
 
 SCALARS = {
@@ -53,9 +53,9 @@ def python_name(name: str) -> str:
 
 
 def generate(text: str) -> str:
-    api = parse(text)
+    api = load(text)
     out = [
-        '"""The C interface, generated from include/switchback.h by tools/gen_ffi.py; do not edit."""',
+        '"""The C interface, generated from include/api.json by tools/gen_ffi.py; do not edit."""',
         "",
         "# fmt: off",
         "from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint64, c_void_p",
@@ -99,7 +99,7 @@ def generate(text: str) -> str:
 
 
 def main(arguments: list[str]) -> int:
-    return output.main(generate, HEADER, OUTPUT, arguments)
+    return output.main(generate, INTERFACE, OUTPUT, arguments)
 
 
 if __name__ == "__main__":

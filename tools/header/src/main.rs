@@ -1,10 +1,12 @@
 //! Writes what is made of the option table and of the C interface, or says which committed file is out of date.
 //!
 //! `switchback-header [--check] [ROOT]`. From `src/settings/options.toml` come the settings in Rust, what the layers of the
-//! library take of them, a page and a test; from these settings and `src/capi` comes `include/switchback.h`. cbindgen reads
-//! them in the order of the `pub mod` lines of `src/capi/mod.rs` and nothing else: it resolves types by name alone, so the
-//! rest of the crate could only confuse it. The version macros come from `Cargo.toml`.
+//! library take of them, a page and a test; from these settings and `src/capi` come `include/switchback.h`, by cbindgen, and
+//! `include/api.json`, which describes the same for generators of bindings. Both are read in the order of the `pub mod`
+//! lines of `src/capi/mod.rs` and from nothing else: types are resolved by name alone, so the rest of the crate could only
+//! confuse. The version macros come from `Cargo.toml`.
 
+mod api;
 mod pages;
 mod rust;
 mod table;
@@ -52,8 +54,7 @@ fn run(root: &Path, check: bool) -> Result<Vec<String>> {
     ];
     files.extend(all.views.iter().map(|v| (v.file.clone(), rust::view(&all, v))));
     let mut stale = compare(root, &files, check)?;
-    let header = ("include/switchback.h".to_owned(), header(root, &all)?);
-    stale.extend(compare(root, &[header], check)?);
+    stale.extend(compare(root, &interface(root, &all)?, check)?);
     Ok(stale)
 }
 
@@ -75,7 +76,8 @@ fn compare(root: &Path, files: &[(String, String)], check: bool) -> Result<Vec<S
     Ok(stale)
 }
 
-fn header(root: &Path, all: &Options) -> Result<String> {
+/// Header and `api.json`.
+fn interface(root: &Path, all: &Options) -> Result<Vec<(String, String)>> {
     let mut config = Config::from_file(root.join("cbindgen.toml"))?;
     let others = std::mem::take(&mut config.export.include);
     config.export.include = all.enums.iter().map(|e| e.type_name.clone()).chain(others).collect();
@@ -91,13 +93,16 @@ fn header(root: &Path, all: &Options) -> Result<String> {
     let after = config.after_includes.take().unwrap_or_default();
     config.after_includes = Some(after.replace("@VERSION_MACROS@\n", &macros).replace("@VERSION@", &version));
 
-    let mut builder = Builder::new().with_config(config).with_src(root.join("src/settings/options.rs"));
-    for module in modules(&fs::read_to_string(root.join("src/capi/mod.rs"))?) {
-        builder = builder.with_src(root.join(format!("src/capi/{module}.rs")));
-    }
+    let mut files = vec![root.join("src/settings/options.rs")];
+    let modules = modules(&fs::read_to_string(root.join("src/capi/mod.rs"))?).into_iter();
+    files.extend(modules.map(|module| root.join(format!("src/capi/{module}.rs"))));
+    let sources = files.iter().map(fs::read_to_string).collect::<std::io::Result<Vec<_>>>()?;
+    let api = api::read(&version, &config, &sources)?;
+
+    let builder = files.iter().fold(Builder::new().with_config(config), |b, file| b.with_src(file));
     let mut bytes = Vec::new();
     builder.generate()?.write(&mut bytes);
-    Ok(String::from_utf8(bytes)?)
+    Ok(vec![("include/switchback.h".to_owned(), String::from_utf8(bytes)?), ("include/api.json".to_owned(), api)])
 }
 
 /// Version in the `[package]` section.
@@ -108,6 +113,7 @@ fn package_version(manifest: &str) -> Result<String> {
 }
 
 /// Names of the modules declared in a file, in their order.
-fn modules(source: &str) -> Vec<&str> {
-    source.lines().filter_map(|l| l.strip_prefix("pub mod ")?.strip_suffix(';')).collect()
+fn modules(source: &str) -> Vec<String> {
+    let names = source.lines().filter_map(|l| l.strip_prefix("pub mod ")?.strip_suffix(';'));
+    names.map(str::to_owned).collect()
 }

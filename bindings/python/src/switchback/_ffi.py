@@ -1,4 +1,4 @@
-"""The C interface, generated from include/switchback.h by tools/gen_ffi.py; do not edit."""
+"""The C interface, generated from include/api.json by tools/gen_ffi.py; do not edit."""
 
 # fmt: off
 from ctypes import CFUNCTYPE, POINTER, Structure, c_char_p, c_double, c_int32, c_int64, c_uint64, c_void_p
@@ -15,24 +15,6 @@ class Names(IntEnum):
 
     def __format__(self, spec):
         return format(str(self), spec)
-
-
-class Status(Names):
-    """enum swb_status"""
-
-    OK = 0
-    NULL = -1
-    DIMENSION = -2
-    RANGE = -3
-    STATE = -4
-    UNSUPPORTED = -5
-    OPTION = -6
-    USER = -20
-    NONFINITE = -21
-    INTERRUPTED = -23
-    NUMERIC = -30
-    LIBRARY = -50
-    INTERNAL = -99
 
 
 class RkFamily(Names):
@@ -211,6 +193,24 @@ class LogLevel(Names):
     TRACE = 5
 
 
+class Status(Names):
+    """enum swb_status"""
+
+    OK = 0
+    NULL = -1
+    DIMENSION = -2
+    RANGE = -3
+    STATE = -4
+    UNSUPPORTED = -5
+    OPTION = -6
+    USER = -20
+    NONFINITE = -21
+    INTERRUPTED = -23
+    NUMERIC = -30
+    LIBRARY = -50
+    INTERNAL = -99
+
+
 class Kind(Names):
     """enum swb_kind"""
 
@@ -253,46 +253,6 @@ class FunctionFlag(Names):
     """enum swb_function_flag"""
 
     SERIAL = 1
-
-
-class SwitchKind(Names):
-    """enum swb_switch_kind"""
-
-    CROSS = 0
-    ENTER = 1
-    LEAVE = 2
-
-
-class PathAt(Names):
-    """enum swb_path_at"""
-
-    CONTROL_GRID = 0
-    ELEMENTS = 1
-    STAGE_POINTS = 2
-
-
-class FreeTime(Names):
-    """enum swb_free_time"""
-
-    NONE = 0
-    HORIZON = 1
-    STAGES = 2
-
-
-class CostAt(Names):
-    """enum swb_cost_at"""
-
-    RUNNING = 0
-    CONTROL_GRID = 1
-    TERMINAL = 2
-
-
-class Norm(Names):
-    """enum swb_norm"""
-
-    L1 = 0
-    L2 = 1
-    LINF = 2
 
 
 class Operator(Names):
@@ -338,6 +298,14 @@ class Table(Names):
     STEPS = 0
     LINES = 1
     SPLINE = 2
+
+
+class SwitchKind(Names):
+    """enum swb_switch_kind"""
+
+    CROSS = 0
+    ENTER = 1
+    LEAVE = 2
 
 
 class RunOutcome(Names):
@@ -390,15 +358,6 @@ class ContactMode(Names):
     CLOSED = 1
     SLIDES = 2
     SLIDES_BACK = 3
-
-
-class Jumps(Names):
-    """enum swb_jumps"""
-
-    AUTO = 0
-    MODES = 1
-    FESD_J = 2
-    STEPS = 3
 
 
 class ProgressKind(Names):
@@ -455,6 +414,70 @@ class NmpcQpStatus(Names):
     FAILED = 3
 
 
+class PathAt(Names):
+    """enum swb_path_at"""
+
+    CONTROL_GRID = 0
+    ELEMENTS = 1
+    STAGE_POINTS = 2
+
+
+class MultipliersOf(Names):
+    """enum swb_multipliers_of"""
+
+    COSTATES = 0
+    INITIAL_STATE = 1
+    STATES = 2
+    CONTROLS = 3
+    PARAMS = 4
+    PATH = 5
+    TERMINAL = 6
+    BOUNDARY = 7
+    RELAXED = 8
+
+
+class Verdict(Names):
+    """enum swb_verdict"""
+
+    UNKNOWN = 0
+    LOCAL_OPTIMUM = 1
+    KINK = 2
+    NOT_OPTIMAL = 3
+
+
+class Jumps(Names):
+    """enum swb_jumps"""
+
+    AUTO = 0
+    MODES = 1
+    FESD_J = 2
+    STEPS = 3
+
+
+class FreeTime(Names):
+    """enum swb_free_time"""
+
+    NONE = 0
+    HORIZON = 1
+    STAGES = 2
+
+
+class CostAt(Names):
+    """enum swb_cost_at"""
+
+    RUNNING = 0
+    CONTROL_GRID = 1
+    TERMINAL = 2
+
+
+class Norm(Names):
+    """enum swb_norm"""
+
+    L1 = 0
+    L2 = 1
+    LINF = 2
+
+
 class Member(Names):
     """enum swb_member"""
 
@@ -501,38 +524,15 @@ class Doubt(Names):
     STOPPED = 5
 
 
-class Verdict(Names):
-    """enum swb_verdict"""
-
-    UNKNOWN = 0
-    LOCAL_OPTIMUM = 1
-    KINK = 2
-    NOT_OPTIMAL = 3
-
-
-class MultipliersOf(Names):
-    """enum swb_multipliers_of"""
-
-    COSTATES = 0
-    INITIAL_STATE = 1
-    STATES = 2
-    CONTROLS = 3
-    PARAMS = 4
-    PATH = 5
-    TERMINAL = 6
-    BOUNDARY = 7
-    RELAXED = 8
-
-
 swb_log_fn = CFUNCTYPE(None, c_int64, c_char_p, c_void_p)
+swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
 swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
-swb_destroy_fn = CFUNCTYPE(None, c_void_p)
 swb_jacobian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
 swb_hessian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p, c_void_p)
+swb_destroy_fn = CFUNCTYPE(None, c_void_p)
 swb_code = CFUNCTYPE(None)
-swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
-swb_decide_fn = CFUNCTYPE(c_int64, c_void_p, c_void_p)
 swb_progress_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
+swb_decide_fn = CFUNCTYPE(c_int64, c_void_p, c_void_p)
 swb_lagrangian_fn = CFUNCTYPE(c_int32, c_void_p, c_double, c_void_p, c_void_p, c_void_p)
 
 
@@ -601,6 +601,74 @@ class swb_settings(Structure):
         ("max_memory", c_int64),
         ("ocp_start", c_int64),
         ("portfolio", c_int64),
+    ]
+
+
+class swb_residuals(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("primal", c_double),
+        ("dual", c_double),
+        ("complementarity", c_double),
+        ("pair_product", c_double),
+        ("pair_min", c_double),
+    ]
+
+
+class swb_stats(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("iterations", c_int64),
+        ("factorisations", c_int64),
+        ("evaluations", c_int64),
+        ("restoration_iterations", c_int64),
+        ("polish_iterations", c_int64),
+        ("max_delta_w", c_double),
+        ("time_eval", c_double),
+        ("time_linalg", c_double),
+        ("time_total", c_double),
+        ("time_build", c_double),
+        ("n_variables", c_int64),
+        ("n_constraints", c_int64),
+        ("n_pairs", c_int64),
+        ("n_steps", c_int64),
+        ("n_homotopies", c_int64),
+    ]
+
+
+class swb_linear_stats(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("n", c_int64),
+        ("nnz_k", c_int64),
+        ("nnz_l", c_int64),
+        ("flops", c_double),
+        ("min_abs_pivot", c_double),
+        ("max_abs_pivot", c_double),
+        ("shift", c_double),
+        ("factorisations", c_int64),
+        ("solves", c_int64),
+        ("refinement_steps", c_int64),
+        ("equilibrations", c_int64),
+    ]
+
+
+class swb_iteration_info(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("iter", c_int64),
+        ("objective", c_double),
+        ("inf_pr", c_double),
+        ("inf_du", c_double),
+        ("mu", c_double),
+        ("sigma", c_double),
+        ("inf_cc", c_double),
+        ("step", c_double),
+        ("delta_w", c_double),
+        ("alpha_du", c_double),
+        ("alpha_pr", c_double),
+        ("trials", c_int64),
+        ("phase", c_int64),
     ]
 
 
@@ -682,54 +750,36 @@ class swb_switch(Structure):
     ]
 
 
-class swb_residuals(Structure):
+class swb_event(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
-        ("primal", c_double),
-        ("dual", c_double),
-        ("complementarity", c_double),
-        ("pair_product", c_double),
-        ("pair_min", c_double),
+        ("t", c_double),
+        ("kind", c_int64),
+        ("subsystem", c_int64),
+        ("before", c_uint64),
+        ("after", c_uint64),
+        ("simultaneous", c_int64),
+        ("unique", c_int64),
+        ("rate", c_double),
+        ("transversality", c_double),
     ]
 
 
-class swb_stats(Structure):
+class swb_run_stats(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
-        ("iterations", c_int64),
-        ("factorisations", c_int64),
+        ("steps", c_int64),
+        ("rejections", c_int64),
+        ("relocations", c_int64),
         ("evaluations", c_int64),
-        ("restoration_iterations", c_int64),
-        ("polish_iterations", c_int64),
-        ("max_delta_w", c_double),
-        ("time_eval", c_double),
-        ("time_linalg", c_double),
+        ("jacobians", c_int64),
+        ("newton", c_int64),
+        ("factorisations", c_int64),
+        ("switches", c_int64),
+        ("accumulations", c_int64),
         ("time_total", c_double),
-        ("time_build", c_double),
-        ("n_variables", c_int64),
-        ("n_constraints", c_int64),
-        ("n_pairs", c_int64),
-        ("n_steps", c_int64),
-        ("n_homotopies", c_int64),
-    ]
-
-
-class swb_iteration_info(Structure):
-    _fields_ = [
-        ("struct_size", c_uint64),
-        ("iter", c_int64),
-        ("objective", c_double),
-        ("inf_pr", c_double),
-        ("inf_du", c_double),
-        ("mu", c_double),
-        ("sigma", c_double),
-        ("inf_cc", c_double),
-        ("step", c_double),
-        ("delta_w", c_double),
-        ("alpha_du", c_double),
-        ("alpha_pr", c_double),
-        ("trials", c_int64),
-        ("phase", c_int64),
+        ("jumps", c_int64),
+        ("impacts", c_int64),
     ]
 
 
@@ -752,39 +802,6 @@ class swb_run_info(Structure):
         ("n_impacts", c_int64),
         ("n_scene_contacts", c_int64),
         ("redundant", c_int64),
-    ]
-
-
-class swb_run_stats(Structure):
-    _fields_ = [
-        ("struct_size", c_uint64),
-        ("steps", c_int64),
-        ("rejections", c_int64),
-        ("relocations", c_int64),
-        ("evaluations", c_int64),
-        ("jacobians", c_int64),
-        ("newton", c_int64),
-        ("factorisations", c_int64),
-        ("switches", c_int64),
-        ("accumulations", c_int64),
-        ("time_total", c_double),
-        ("jumps", c_int64),
-        ("impacts", c_int64),
-    ]
-
-
-class swb_event(Structure):
-    _fields_ = [
-        ("struct_size", c_uint64),
-        ("t", c_double),
-        ("kind", c_int64),
-        ("subsystem", c_int64),
-        ("before", c_uint64),
-        ("after", c_uint64),
-        ("simultaneous", c_int64),
-        ("unique", c_int64),
-        ("rate", c_double),
-        ("transversality", c_double),
     ]
 
 
@@ -844,6 +861,18 @@ class swb_impact(Structure):
     ]
 
 
+class swb_progress(Structure):
+    _fields_ = [
+        ("struct_size", c_uint64),
+        ("t", c_double),
+        ("x", c_void_p),
+        ("nx", c_int64),
+        ("kind", c_int64),
+        ("steps", c_int64),
+        ("switches", c_int64),
+    ]
+
+
 class swb_branching(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -855,18 +884,6 @@ class swb_branching(Structure):
         ("before", c_void_p),
         ("active", c_void_p),
         ("velocity", c_void_p),
-    ]
-
-
-class swb_progress(Structure):
-    _fields_ = [
-        ("struct_size", c_uint64),
-        ("t", c_double),
-        ("x", c_void_p),
-        ("nx", c_int64),
-        ("kind", c_int64),
-        ("steps", c_int64),
-        ("switches", c_int64),
     ]
 
 
@@ -980,22 +997,6 @@ class swb_accuracy(Structure):
     ]
 
 
-class swb_certificate(Structure):
-    _fields_ = [
-        ("struct_size", c_uint64),
-        ("stationarity", c_int64),
-        ("sharp", c_int64),
-        ("b_stationarity", c_int64),
-        ("doubt", c_int64),
-        ("biactive", c_int64),
-        ("min_multiplier", c_double),
-        ("strict", c_int64),
-        ("lps", c_int64),
-        ("lp_iterations", c_int64),
-        ("nodes", c_int64),
-    ]
-
-
 class swb_optimality(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
@@ -1040,20 +1041,19 @@ class swb_multiphase_info(Structure):
     ]
 
 
-class swb_linear_stats(Structure):
+class swb_certificate(Structure):
     _fields_ = [
         ("struct_size", c_uint64),
-        ("n", c_int64),
-        ("nnz_k", c_int64),
-        ("nnz_l", c_int64),
-        ("flops", c_double),
-        ("min_abs_pivot", c_double),
-        ("max_abs_pivot", c_double),
-        ("shift", c_double),
-        ("factorisations", c_int64),
-        ("solves", c_int64),
-        ("refinement_steps", c_int64),
-        ("equilibrations", c_int64),
+        ("stationarity", c_int64),
+        ("sharp", c_int64),
+        ("b_stationarity", c_int64),
+        ("doubt", c_int64),
+        ("biactive", c_int64),
+        ("min_multiplier", c_double),
+        ("strict", c_int64),
+        ("lps", c_int64),
+        ("lp_iterations", c_int64),
+        ("nodes", c_int64),
     ]
 
 

@@ -2,15 +2,36 @@
 
 from __future__ import annotations
 
+import difflib
+import functools
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, Callable, ClassVar
 
 from .errors import ArgumentError
 
-__all__ = ["method", "translated"]
+__all__ = ["Hints", "method", "of_ocp", "translated"]
 
-#: Keywords that mean an option of this library.
+#: Keywords that mean one of this library, in simulations and in optimal control problems.
 _SAME = {"max_step": "h_max", "first_step": "h_init"}
+_SAME_OCP = {
+    "T": "horizon",
+    "tf": "horizon",
+    "t_f": "horizon",
+    "N": "n_stages",
+    "N_stages": "n_stages",
+    "N_finite_elements": "n_fe",
+    "x0": "initial_state",
+    "t0": "initial_time",
+    "p": "params",
+    "u_bounds": "control_bounds",
+    "x_bounds": "state_bounds",
+    "x0_bounds": "initial_bounds",
+    "f_q": "lagrange",
+    "running_cost": "lagrange",
+    "stage_cost": "lagrange",
+    "f_q_T": "mayer",
+    "terminal_cost": "mayer",
+}
 
 #: Keywords that have no counterpart of their own, and what to do instead.
 _INSTEAD = {
@@ -29,6 +50,21 @@ _INSTEAD = {
     "controls": "controls are u",
 }
 
+_INSTEAD_OCP = {
+    "constraints": "add_path(f, lower, upper) holds along the horizon, add_terminal at its end, add_boundary at both ends",
+    "terminal": "add_terminal(f, lower, upper) adds constraints at the end; the terminal cost is mayer",
+    "terminal_state": "add_terminal([m.q, m.v], [1, 0], [1, 0]) sets states at the end",
+    "u0": "set_control_guess gives the controls to start from",
+    "guess": "set_state_guess and set_control_guess give the point to start from",
+    "dt": "give horizon and n_stages, or set_durations",
+    "time_steps": "give horizon and n_stages, or set_durations",
+    "solver": "there is one solver; options are keywords, swb.options() lists them",
+    "ipopt": "there is one solver; options are keywords, swb.options() lists them",
+    "method": "the Runge-Kutta method is rk_family and n_s, such as rk_family='gauss_legendre', n_s=3",
+    "dcs_mode": "the form is dcs_form: 'auto', 'stewart' or 'heaviside'",
+    "progress": "verbose=True shows the iterations, on_iteration takes a function that hears of each",
+}
+
 
 #: Methods of SciPy.
 _METHODS = {"RK45": "dp5", "DOP853": "dop853", "Radau": "radau5", "RK23": "dp5", "BDF": "radau5", "LSODA": "auto"}
@@ -39,14 +75,44 @@ def method(name: Any) -> Any:
     return _METHODS.get(name, name) if isinstance(name, str) else name
 
 
-def translated(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options of a simulation under the names they have here; raises ArgumentError for those that have none."""
+def translated(options: Mapping[str, Any], ocp: bool = False) -> dict[str, Any]:
+    """Keywords of a simulation, or of an optimal control problem, under the names they have here; raises ArgumentError for those
+    that have none."""
     found = {}
+    same, instead = (_SAME_OCP, _INSTEAD_OCP) if ocp else (_SAME, _INSTEAD)
     for name, value in options.items():
-        if name in _INSTEAD:
-            raise ArgumentError(f"there is no keyword '{name}': {_INSTEAD[name]}")
-        own = _SAME.get(name, name)
+        if name in instead:
+            raise ArgumentError(f"there is no keyword '{name}': {instead[name]}")
+        own = same.get(name, name)
         if own in found or (own != name and own in options):
             raise ArgumentError(f"'{name}' is '{own}' here, which is given too")
         found[own] = value
     return found
+
+
+def of_ocp(init: Callable[..., None]) -> Callable[..., None]:
+    """A constructor of optimal control problems that understands the keywords of other packages."""
+
+    @functools.wraps(init)
+    def understood(self: Any, *arguments: Any, **keywords: Any) -> None:
+        init(self, *arguments, **translated(keywords, ocp=True))
+
+    return understood
+
+
+class Hints:
+    """Says what to use in the place of attributes that other packages have."""
+
+    #: Attribute and what to do instead.
+    _instead: ClassVar[Mapping[str, str]] = {}
+
+    def __getattr__(self, name: str) -> Any:
+        kind = type(self)
+        if name.startswith("_"):
+            raise AttributeError(f"{kind.__name__} has no '{name}'")
+        if hasattr(kind, name):  # a property that failed: its own words
+            return object.__getattribute__(self, name)
+        if name in self._instead:
+            raise AttributeError(f"{kind.__name__} has no '{name}': {self._instead[name]}")
+        close = difflib.get_close_matches(name, [n for n in dir(self) if not n.startswith("_")], 1, 0.7)
+        raise AttributeError(f"{kind.__name__} has no '{name}'" + (f": did you mean '{close[0]}'?" if close else ""))

@@ -11,7 +11,7 @@ import numpy
 from ._arrays import Array, index, vector
 from .errors import ArgumentError, DimensionError, NullError
 
-__all__ = ["Named", "filled", "named_vector", "nearest", "rows", "split"]
+__all__ = ["Named", "filled", "named_vector", "nearest", "pairs_by_name", "rows", "split"]
 
 _BLOCKS = {"x": "state", "u": "control", "p": "parameter"}
 
@@ -81,6 +81,16 @@ def named_vector(value: Any, names: Sequence[str], n: int, block: str, missing: 
         plural = "s" if n > 1 else ""
         raise NullError(f"{block} is missing: the model has {n} {_BLOCKS.get(block[0], 'value')}{plural}{known}, give {block}=[...]")
     return vector(filled(value, names, block, missing), n, block)
+
+
+def pairs_by_name(lower: Any, upper: Any) -> tuple[Any, Any]:
+    """Bounds given as one dictionary from names to (lower, upper) as two; others as they are."""
+    if upper is not None or not isinstance(lower, Mapping) or not any(isinstance(v, (tuple, list)) for v in lower.values()):
+        return lower, upper
+    for name, pair in lower.items():
+        if not isinstance(pair, (tuple, list)) or len(pair) != 2:
+            raise ArgumentError(f"bounds of '{name}' must be (lower, upper), as those of the others, not {pair!r:.60}")
+    return tuple({n: (free if v[k] is None else v[k]) for n, v in lower.items()} for k, free in ((0, -numpy.inf), (1, numpy.inf)))
 
 
 class Named:

@@ -10,7 +10,8 @@ import numpy
 from ._arrays import address, bounds, choice, index, number, real, seen, table, vector
 from ._ffi import CostAt, FreeTime, Norm, PathAt, swb_certificate
 from ._solver import Solver
-from .errors import DimensionError
+from .errors import ArgumentError, DimensionError
+from .expr import _graph_among
 from .function import Function
 from .mpcc import Certificate
 
@@ -22,9 +23,20 @@ class OcpTerms(Solver):
     np: int
     n_stages: int
     _functions: list[Function]
+    _system: Any
 
     def _function(self, f: Any, n_out: int, name: str) -> Function:
-        return Function._of(f, (self.nx, self.nu, self.np), n_out, name)
+        return Function._of(self._expressions(f, name), (self.nx, self.nu, self.np), n_out, name)
+
+    def _expressions(self, f: Any, name: str) -> Any:
+        """Expressions of the model as a function; anything else as it is."""
+        graph = _graph_among((f,))
+        if graph is None:
+            return f
+        origin = self._system._origin if self._system is not None else None
+        if origin is None or origin[0] is not graph:
+            raise ArgumentError(f"{name}: these are not expressions of the model of this problem")
+        return graph.function(f, self.nx, self.nu, self.np, name)
 
     @staticmethod
     def _rows(f: Any, lower: Any, upper: Any, name: str) -> int:
@@ -38,6 +50,8 @@ class OcpTerms(Solver):
     def add_boundary(self, f: Any, lower: Any = None, upper: Any = None) -> None:
         """Add the constraint lower <= f(x, u, p, t) <= upper between both ends of the horizon: x holds the initial state, then
         the final one."""
+        if _graph_among((f,)) is not None:
+            raise ArgumentError("a boundary constraint knows two states: give model.between_ends(lambda start, end: ...)")
         n = self._rows(f, lower, upper, "boundary constraint")
         function = Function._of(f, (2 * self.nx, self.nu, self.np), n, "boundary")
         low, high = bounds(lower, upper, n, "bounds of a boundary constraint")
@@ -55,6 +69,7 @@ class OcpTerms(Solver):
         ("control_grid") or at the end ("terminal"). `weights` is the diagonal of W or all of it, `references` is y or has a
         row for every stage."""
         shape = seen(weights, "weights").shape or (1,)
+        f = self._expressions(f, "least_squares")
         n = f.n_out if isinstance(f, Function) else shape[0]
         if shape not in ((n,), (n, n)) and not (n == 1 and seen(weights, "weights").size == 1):
             raise DimensionError(f"weights has shape {shape}, expected ({n},) or ({n}, {n})")
@@ -91,6 +106,7 @@ class OcpTerms(Solver):
     ) -> None:
         """Add a constraint that may be violated at the price `weight` times the norm ("l1", "l2", "linf") of the violation,
         at "terminal" or as in `add_path`. `result.violation` tells what is left; the cost is reported without the price."""
+        f = self._expressions(f, "relaxed")
         n = self._rows(f, lower, upper, "relaxed constraint")
         function = self._function(f, n, "relaxed")
         low, high = bounds(lower, upper, n, "bounds of a relaxed constraint")
@@ -104,6 +120,7 @@ class OcpTerms(Solver):
         """Add 0 <= a(x, u, p, t) and b(x, u, p, t) >= 0, one of which is zero, for each of their `n` outputs (callables only;
         functions know their number): at the ends of stages ("control_grid"), of "elements", or at "stage_points". Pairs
         of controls alone belong to the control grid."""
+        a, b = self._expressions(a, "a"), self._expressions(b, "b")
         n = next((f.n_out for f in (a, b) if isinstance(f, Function)), index(n, "n"))
         first, second = self._function(a, n, "a"), self._function(b, n, "b")
         self._do("add_complementarity", first, second, choice(PathAt, at, "at"))

@@ -11,6 +11,7 @@ run = swb.simulate(m, x0=[-0.5], t_span=2.0)
 from __future__ import annotations
 
 import ctypes
+import html
 import json
 import math
 import operator
@@ -27,7 +28,7 @@ from ._ffi import Direction
 from ._library import lib
 from ._names import Named, nearest, split
 from ._trace import check_captured
-from .errors import ArgumentError, DimensionError, RangeError, UnsupportedError
+from .errors import ArgumentError, DimensionError, RangeError, SwitchbackError, UnsupportedError
 from .function import Function
 from .system import System
 
@@ -928,6 +929,17 @@ class Model(Named):
 
     def __repr__(self) -> str:
         return f"<Model '{self.name}': {self.nx} states, {self.nu} controls, {self.np} parameters>"
+
+    def _repr_html_(self) -> str:
+        from .recorded import facts_html
+
+        sizes = (("states", self.nx), ("controls", self.nu), ("parameters", self.np))
+        facts = {what: f"{n}: {', '.join(own)}" if any(own) else n for (what, n), own in zip(sizes, self.names)}
+        try:
+            report = str(self.report())
+        except SwitchbackError:  # not finished yet
+            report = ""
+        return facts_html(f"Model {self.name}", facts) + (f"<pre>{html.escape(report)}</pre>" if report else "")
 
 
 def system_of(system: Any) -> System:

@@ -66,7 +66,8 @@ def _arguments(f: Callable[..., Any], allowed: Sequence[str], what: str) -> list
         if name in allowed and name not in names:
             names.append(name)
         elif p.default is p.empty:
-            raise ArgumentError(f"{hint}; there is no input '{p.name}'")
+            states = ": states are x, as in lambda t, x: ..." if p.name in ("y", "z", "q", "state", "states") else ""
+            raise ArgumentError(f"{hint}; there is no input '{p.name}'{states}")
         else:
             break  # a default, and what follows has one too
     return names
@@ -549,6 +550,8 @@ class Function(Handle):
             return f
         if f is None:
             raise NullError(f"{name} must be a function, not None")
+        if isinstance(f, (bool, numpy.bool_)):
+            raise ArgumentError(f"{name} is {f}: comparisons are no functions; give the expression and its bounds, as in add_terminal(m.q, 1, 1)")
         from . import casadi
 
         several = isinstance(f, (list, tuple)) and len(f) > 0 and all(map(casadi.is_function, f))

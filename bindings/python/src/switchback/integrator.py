@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import threading
 from dataclasses import dataclass, field, fields
@@ -13,11 +14,12 @@ from . import _ffi
 from ._arrays import Array, address, index, number, one_or, real, seen, table, vector
 from ._call import Handle, aside, frame, text
 from ._ffi import EventKind, ProgressKind, RunOutcome
+from ._foreign import Hints, translated
 from ._foreign import method as method_of
-from ._foreign import translated
 from ._library import lib
 from ._logs import monitors, take_verbose
-from ._names import rows
+from ._names import named_vector, rows
+from ._progress import Progress
 from ._solver import OnLog, _log_callback
 from .errors import ArgumentError, DimensionError, RangeError
 from .expr import Model, system_of
@@ -222,7 +224,7 @@ def _span(t_span: Any) -> tuple[float, float]:
     return float(values[0]), float(values[1])
 
 
-class Run(Recorded, Handle):
+class Run(Hints, Recorded, Handle):
     """Result of a simulation. Call it for the states at any times, if it was made with `dense`; `run["q"]` are the values of a
     state at the times `t`. It can be copied, pickled, and written by `save` (see `switchback.load`).
 
@@ -248,6 +250,18 @@ class Run(Recorded, Handle):
     """
 
     _kind = "run"
+    _instead = {
+        "y": "states are run['name'], or run.x with a row for each of the times run.t; run(times) are those in between",
+        "sol": "the run itself is the dense output: run(times)",
+        "message": "run.reason says why it ended early",
+        "status": "run.outcome says how it ended, run.success whether it reached its time",
+        "nfev": "run.stats.evaluations",
+        "njev": "run.stats.jacobians",
+        "t_events": "run.switch_times, and run.switches with what happened",
+        "y_events": "run(run.switch_times)",
+        "sensitivity": "run.dx_dx0, run.dx_dp, run.dx_du, with the option sensitivity=True",
+        "u": "controls are inputs of a simulation; those of an optimal control problem are result.controls",
+    }
     outcome: RunOutcome
     t: Array
     x: Array
@@ -543,7 +557,8 @@ class Run(Recorded, Handle):
     def __repr__(self) -> str:
         if self.closed:
             return "<Run, closed>"
-        return f"<Run from {self.t_start:g} to {self.t_end:g}, {self.outcome.name}, {len(self.switches)} switches>"
+        n = len(self.switches)
+        return f"<Run from {self.t_start:g} to {self.t_end:g}, {self.outcome}, {n} switch{'' if n == 1 else 'es'}>"
 
 
 def _words(names: Sequence[str], modes: Sequence[int]) -> str:
@@ -571,7 +586,7 @@ def _chosen(settings: Any, named: Mapping[str, Any], options: Mapping[str, Any])
     return chosen, (get("rtol"), get("atol"))
 
 
-class Integrator(Handle, HasSettings):
+class Integrator(Hints, Handle, HasSettings):
     """Event-driven integrator of a system or model, step by step, in the vocabulary of SUNDIALS.
 
     `rtol` and `atol` are one number, or one for each state; `method` is "auto", "dp5", "dop853" or "radau5". Options
@@ -579,6 +594,14 @@ class Integrator(Handle, HasSettings):
     """
 
     _kind = "integrator"
+
+    _instead = {
+        "t": "the time reached is integrator.time, the state integrator.state",
+        "x": "the state reached is integrator.state, the time integrator.time",
+        "y": "the state reached is integrator.state, the time integrator.time",
+        "solve": "advance(t) integrates to a time, step(t) does one step",
+        "integrate": "advance(t) integrates to a time, step(t) does one step",
+    }
 
     def __init__(
         self,
@@ -777,6 +800,33 @@ class Integrator(Handle, HasSettings):
         return "<Integrator, closed>" if self.closed else f"<Integrator at t={self.time:g}>"
 
 
+@contextlib.contextmanager
+def _closing(bar: Progress | None) -> Iterator[None]:
+    try:
+        yield
+    finally:
+        if bar is not None:
+            bar.close()
+
+
+def _with_progress(wanted: Any, on_step: OnStep | None, start: float, end: float) -> tuple[OnStep | None, Any]:
+    """What hears of steps where progress is to be shown too, and what ends that."""
+    if not wanted or not end > start:
+        return on_step, _closing(None)
+    bar = Progress(wanted, 0, 100, "%")
+    said = 0
+
+    def both(step: Step) -> Any:
+        nonlocal said
+        now = int(100 * (step.t - start) / (end - start))
+        if now > said:
+            bar.add(now - said)
+            said = now
+        return on_step(step) if on_step is not None else None
+
+    return both, _closing(bar)
+
+
 def simulate(
     system: System | Model | Scene,
     x0: Any,
@@ -795,6 +845,7 @@ def simulate(
     on_step: OnStep | None = None,
     on_branching: OnBranching | None = None,
     on_log: OnLog | None = None,
+    progress: Any = None,
     **options: Any,
 ) -> Run:
     """Simulate a system, model or scene from x0 over `t_span`: the end, or (start, end).
@@ -802,13 +853,15 @@ def simulate(
     `u` are constant controls, or with several rows those of equal pieces of the time span; `p` are parameters. `rtol`
     and `atol` are one number, or one for each state (1e-8 and 1e-10), `method` is "auto", "dp5", "dop853" or "radau5".
     Where the continuation is not unique `on_branching` decides, or the lists of modes in `preferred`, by subsystem, or the
-    option `ambiguity`. Look at `run.success`: a simulation may end early, `run.reason` says why. For stepping use an `Integrator`, for the
+    option `ambiguity`. Look at `run.success`: a simulation may end early, `run.reason` says why. `progress=True` shows a bar
+    (of tqdm, where it is installed), a function is called with the percentage done and 100. For stepping use an `Integrator`, for the
     discretisation with complementarity constraints `simulate_fesd`.
     """
     options = translated(options)
     options |= {"dense": int(bool(dense)), "sensitivity": int(bool(sensitivity))}
     start, end = _span(t_span)
-    with Integrator(
+    on_step, done = _with_progress(progress, on_step, start, end)
+    with done, Integrator(
         system,
         settings,
         rtol=rtol,
@@ -831,7 +884,7 @@ def simulate(
             i.set_stop_times(stop_times)
         i.reinit(i.system._start(x0, "x0"), start)
         if not end >= start:
-            raise RangeError(f"t_span is {start:g} to {end:g}: the end must not lie before the start")
+            raise RangeError(f"t_span is {start:g} to {end:g}: the end must not lie before the start; the order is (system, x0, t_span)")
         for k, row in enumerate(pieces):
             if row.size:
                 i.set_controls(row)
@@ -919,7 +972,7 @@ def simulate_batch(
     def inputs(value: Any, width: int, name: str) -> Array:
         if value is None:
             if width:
-                vector(value, width, name)
+                named_vector(None, s._names["xup".index(name)], width, name)
             return numpy.empty(0)
         one = numpy.ndim(value) < 2 and not (width == 1 and numpy.ndim(value) == 1 and numpy.size(value) == len(starts))
         return vector(value, width, name) if one else table(value, len(starts), width, name)

@@ -18,6 +18,7 @@ from ._logs import monitors, take_verbose
 from ._solver import Solver
 from .errors import ArgumentError, DimensionError, UnsupportedError
 from .function import Function, _arguments, _Entries, _numbers, _pointer, _reader, _view, sparse_entries
+from .recorded import facts_html
 from .results import HasOutcome, LinearStats, OnIteration, OnLog, Residuals, Stats, polished_of
 from .settings import Settings
 
@@ -138,6 +139,17 @@ class MpccResult(HasOutcome):
     violations: tuple[ProgramItem, ...] = field(repr=False)
     report: str = field(repr=False)
     _json: str = field(repr=False)
+
+    def _repr_html_(self) -> str:
+        facts = {
+            "outcome": self.message,
+            "success": self.success,
+            "objective": self.objective,
+            "variables, constraints, pairs": f"{len(self.x)}, {len(self.constraints)}, {len(self.g)}",
+            "stationarity": self.stationarity,
+            "iterations": self.stats.iterations,
+        }
+        return facts_html(type(self).__name__, facts)
 
     def __repr__(self) -> str:
         n = f"{len(self.x)} variables, {len(self.constraints)} constraints, {len(self.g)} pairs"

@@ -12,16 +12,17 @@ from ._arrays import Array, address, bounds, choice, index, number, real, table,
 from ._call import text
 from ._document import Reader
 from ._ffi import Jumps, MultipliersOf, Outcome, PathAt, Polished, swb_accuracy, swb_kink, swb_ocp_jump, swb_optimality
+from ._foreign import Hints, of_ocp
 from ._library import lib
 from ._logs import monitors, take_verbose
-from ._names import filled, named_vector
+from ._names import filled, named_vector, pairs_by_name
 from ._ocp_contacts import OcpContacts
 from ._ocp_search import Adaptation, OcpSearch
 from ._ocp_terms import OcpTerms
 from .errors import ArgumentError, DimensionError, StateError
 from .expr import Model, system_of
 from .function import Function
-from .recorded import OverElements
+from .recorded import OverElements, facts_html
 from .results import Accuracy, HasOutcome, OnIteration, OnLog, Residuals, Stats, outcome_name, polished_of
 from .settings import Settings
 from .system import System
@@ -76,10 +77,23 @@ class Optimality:
 
 
 @dataclass(frozen=True, repr=False)
-class OcpResult(OverElements, HasOutcome):
+class OcpResult(Hints, OverElements, HasOutcome):
     """What a solve found; `controls` has a row for each control stage, which last from `control_times` on. `result["q"]` are the
     values of a state or a control, by its name, at the boundaries of the finite elements. It can be copied, pickled, and written by
     `save` (see `switchback.load`)."""
+
+    _instead = {
+        "objective": "it is result.cost",
+        "f": "it is result.cost",
+        "x": "states are result['name'], or result.trajectory.states; result.trajectory(times) are those in between",
+        "u": "controls are result['name'], or result.controls with a row for each stage",
+        "t": "times are result.trajectory.times, those of the control stages result.control_times",
+        "y": "multipliers are ocp.multipliers()",
+        "multipliers": "they are a method of the problem, ocp.multipliers()",
+        "costates": "they are ocp.multipliers().costates",
+        "status": "result.outcome says how it ended, result.success whether it is a solution",
+        "switches": "they are result.trajectory.switches",
+    }
 
     outcome: Outcome
     polished: Polished
@@ -217,11 +231,12 @@ class OcpMultipliers:
     relaxed: list[Multipliers]
 
 
-class Ocp(OcpTerms, OcpSearch):
+class Ocp(Hints, OcpTerms, OcpSearch):
     """Optimal control problem of a system: piecewise constant controls on an equidistant grid of stages.
 
     Bounds are infinite, the initial state is free, initial time and parameters are zero, and there is no cost,
-    until they are set, by keyword or by the methods. Options by `settings` or by keyword.
+    until they are set, by keyword or by the methods. Options by `settings` or by keyword. Costs and constraints are functions, or,
+    for the system of a `Model`, its expressions: `lagrange=m.F**2`.
 
     A `Scene` stands where a system does: its contacts close, slide, stick and bounce in physical time, and the answer says
     when (`OcpResult.contacts`). `jumps` says how that is found: "modes" from a simulation of the guess and the orders of
@@ -235,6 +250,18 @@ class Ocp(OcpTerms, OcpSearch):
     _p: Array | None = None
     _contacts: tuple[Any, ...] | None = None
 
+    _instead = {
+        "subject_to": "constraints are add_path(f, lower, upper), add_terminal and add_boundary",
+        "minimize": "the cost is lagrange= (a rate) and mayer= (at the end), or set_lagrange and set_mayer",
+        "set_initial": "guesses are set_state_guess and set_control_guess",
+        "set_value": "parameters are set_params",
+        "add_constraint": "constraints are add_path(f, lower, upper), add_terminal and add_boundary",
+        "set_cost": "the cost is set_lagrange (a rate) and set_mayer (at the end)",
+        "save": "ocp.to_json() is the problem as a document, Ocp.from_json reads it; results have save",
+        "set_horizon": "the horizon is given where the problem is made; set_free_time makes it a variable",
+    }
+
+    @of_ocp
     def __init__(
         self,
         system: System | Model,
@@ -285,9 +312,15 @@ class Ocp(OcpTerms, OcpSearch):
             (control_bounds, "control_bounds", self.set_control_bounds),
         ):
             if pair is not None:
-                if not isinstance(pair, (tuple, list)) or len(pair) != 2:
-                    raise DimensionError(f"{name} must be (lower, upper)")
+                pair = (pair,) if isinstance(pair, Mapping) else pair
+                if not isinstance(pair, tuple) and not (isinstance(pair, list) and len(pair) == 2) or len(pair) > 2:
+                    raise DimensionError(f"{name} must be (lower, upper), or a dictionary from names to such pairs")
                 set_bounds(*pair)
+
+    def _repr_html_(self) -> str:
+        names = zip(("states", "controls", "parameters"), (self.nx, self.nu, self.np), self._system._names if self._system else ((),) * 3)
+        facts = {what: f"{n}: {', '.join(own)}" if any(own) else n for what, n, own in names}
+        return facts_html("Ocp", {**facts, "horizon": self.horizon, "stages": self.n_stages})
 
     def to_json(self) -> str:
         """The problem as a document in JSON: for bug reports and replay. Callbacks are named only."""
@@ -323,6 +356,7 @@ class Ocp(OcpTerms, OcpSearch):
     def add_path(self, f: Any, lower: Any = None, upper: Any = None, at: PathAt | str = PathAt.CONTROL_GRID) -> None:
         """Add the constraint lower <= f(x, u, p, t) <= upper along the horizon: at "control_grid", "elements" or
         "stage_points". The bounds tell the number of outputs."""
+        f = self._expressions(f, "path")
         n = self._rows(f, lower, upper, "path constraint")
         function = self._function(f, n, "path")
         low, high = bounds(lower, upper, n, "bounds of a path constraint")
@@ -331,6 +365,7 @@ class Ocp(OcpTerms, OcpSearch):
 
     def add_terminal(self, f: Any, lower: Any = None, upper: Any = None) -> None:
         """Add the constraint lower <= f(x, u, p, t) <= upper at the end of the horizon."""
+        f = self._expressions(f, "terminal")
         n = self._rows(f, lower, upper, "terminal constraint")
         function = self._function(f, n, "terminal")
         low, high = bounds(lower, upper, n, "bounds of a terminal constraint")
@@ -352,8 +387,9 @@ class Ocp(OcpTerms, OcpSearch):
 
     def set_state_bounds(self, lower: Any = None, upper: Any = None) -> None:
         """Set bounds of the states after the initial time; None is no bound, one number is for all, and a dictionary from names
-        to numbers bounds these. The discrete states of a
+        to numbers, or one from names to pairs in the place of both, bounds these. The discrete states of a
         model may be left out; bounds of theirs are bounds of the values they may take."""
+        lower, upper = pairs_by_name(lower, upper)
         n = len(self._system._discrete) if self._system is not None else 0
         low, high = (
             value if not n or isinstance(value, Mapping) or numpy.ndim(value) != 1 or numpy.size(value) != self.nx - n else numpy.append(value, n * [free])
@@ -363,10 +399,12 @@ class Ocp(OcpTerms, OcpSearch):
 
     def set_initial_bounds(self, lower: Any = None, upper: Any = None) -> None:
         """Set bounds of the initial state; equal bounds fix it."""
+        lower, upper = pairs_by_name(lower, upper)
         self._bounds("set_initial_bounds", lower, upper, self.nx, "bounds of the initial state")
 
     def set_control_bounds(self, lower: Any = None, upper: Any = None) -> None:
         """Set bounds of the controls."""
+        lower, upper = pairs_by_name(lower, upper)
         self._bounds("set_control_bounds", lower, upper, self.nu, "bounds of the controls")
 
     def set_nominal(self, sizes: Mapping[str, Any]) -> None:

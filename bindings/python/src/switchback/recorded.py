@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -66,6 +66,15 @@ def labels(names: Iterable[str], letter: str, n: int) -> list[str]:
     return [(known[i] if i < len(known) else "") or f"{letter}{i}" for i in range(n)]
 
 
+def facts_html(title: str, facts: Mapping[str, Any]) -> str:
+    """What is known of an object as a table for notebooks."""
+    rows = "".join(
+        f"<tr><th style='text-align:left'>{html.escape(str(k))}</th><td style='text-align:left'>{html.escape(_short(v))}</td></tr>"
+        for k, v in facts.items()
+    )
+    return f"<table><caption>{html.escape(title)}</caption>{rows}</table>"
+
+
 class Recorded:
     """A result over time: columns by name, `to_dict`, `to_pandas`, `save`."""
 
@@ -110,11 +119,7 @@ class Recorded:
         save(self, path)
 
     def _repr_html_(self) -> str:
-        rows = "".join(
-            f"<tr><th style='text-align:left'>{html.escape(str(k))}</th><td>{html.escape(_short(v))}</td></tr>"
-            for k, v in self._facts().items()
-        )
-        return f"<table><caption>{html.escape(type(self).__name__)}</caption>{rows}</table>"
+        return facts_html(type(self).__name__, self._facts())
 
 
 class OverElements(Recorded):
