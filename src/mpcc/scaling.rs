@@ -177,7 +177,8 @@ impl Scaling {
         }
     }
 
-    /// Makes `rows` of lifted rows the largest derivative with respect to the other variables.
+    /// Makes `rows` of lifted rows the largest derivative with respect to the other variables; where the function has none
+    /// at the start, its value there.
     fn lift(&mut self, at: &AtPoint, lifts: &[(usize, usize)]) {
         let (jac, values) = at.jac;
         lifts.iter().for_each(|l| self.rows[l.0] = 0.0);
@@ -189,6 +190,11 @@ impl Scaling {
             }
         }
         lifts.iter().for_each(|l| self.sizes[l.1] = 1.0);
+        for &(i, v) in lifts {
+            if self.rows[i] == 0.0 {
+                self.rows[i] = (at.c[i] + at.x[v]).abs();
+            }
+        }
     }
 
     /// Largest first derivative of the objective.
@@ -373,6 +379,11 @@ mod tests {
         // the derivative of row 1 in its own variable is what it was
         assert_eq!((&s.sizes[..2], s.sizes[2] * s.rows[1]), (&[1.0, 1.0][..], 1.0));
         assert!(s.sized && !s.is_by_sizes());
+        // neither has the function of row 1 a gradient there: its value is 2^19, and its variable is 2^18 above it
+        let flat =
+            AtPoint { x: &[0.0, 0.0, 786_432.0], ..at(&[1.0, 0.0, 0.0], &jac, &[1.0, 0.0, 0.0, -1.0], &[0.0; 3]) };
+        s.choose(&AtPoint { c: &[0.0, -262_144.0, 0.0], ..flat }, &b, &[(1, 2)]);
+        assert_eq!((s.rows[1], s.sizes[2]), (524_288f64.recip(), 524_288.0));
         s.reset();
         assert!(!s.sized && s.sizes == [1.0; 3]);
         s.choose(&at(&[0.0; 3], &jac, &[0.0, f64::NAN, f64::INFINITY, -1.0], &[0.0; 3]), &Bounds::free(3, 3), &[]);
