@@ -58,6 +58,8 @@ const PATH_SHARE: f64 = 0.5;
 const KEPT_SHARE: f64 = 0.15;
 /// Violation of the least violated point that counts as none, relative to scaled rows above 1.
 const MET: f64 = 1e-8;
+/// Share by which one violation has to be below another to be lower.
+const LOWER: f64 = 1e-6;
 
 impl MpccSolver {
     /// Is there no answer yet, and a reason to go on?
@@ -211,11 +213,14 @@ impl MpccSolver {
 
     /// Where nothing has a solution: a point that violates the constraints least. If it violates nothing its branch is
     /// solved from there; if its certificate says that no step lowers the violation the program is infeasible, as far as
-    /// this can be said from near the point; otherwise that stays open.
+    /// this can be said from near the point; otherwise that stays open. As the violation of a program that has a solution
+    /// may have such points, too, the claim needs a second one: the whole path to the least violation from the start `x0`
+    /// must not come lower.
     pub(super) fn find_least_violation(
         &mut self,
         p: &mut dyn Mpcc,
         bounds: &Bounds,
+        x0: &[f64],
         control: &mut Control,
         proposer: &mut dyn ActiveSetProposer,
     ) {
@@ -225,13 +230,54 @@ impl MpccSolver {
         }
         let Ok(mut st) = violation::Structure::new(p) else { return self.retract() };
         st.weights.copy_from_slice(&self.st.scaling.rows);
-        let mut c = vec![0.0; p.m()];
-        if p.eval(&self.solution.x, &mut c).is_err() {
-            return self.retract();
+        let mut least: Option<Solution> = None;
+        for from_start in [false, true] {
+            let from = if from_start { x0.to_vec() } else { self.solution.x.clone() };
+            let Some((found, met)) = self.minimise_violation(p, &st, bounds, &from, from_start, control) else { break };
+            let solved = found.outcome == Outcome::Solved && found.polish == Polish::Done;
+            if solved && found.objective <= met {
+                let n = p.n();
+                self.enter_feasible(p, bounds, &found.sides, &found.x[..n], control, proposer);
+                if self.solution.outcome == Outcome::Solved {
+                    return;
+                }
+                least = None;
+                break;
+            }
+            let lower = least.as_ref().is_none_or(|l| found.objective < (1.0 - LOWER) * l.objective);
+            if solved && found.certificate.b == BStationarity::Yes {
+                if lower {
+                    least = Some(found);
+                }
+            } else if least.is_none() || (lower && found.residuals.primal <= met) {
+                least = None;
+                break;
+            }
         }
-        let start = st.point(&self.solution.x, &c, bounds);
+        let Some(least) = least else { return self.retract() };
+        self.solution.x.copy_from_slice(&least.x[..p.n()]);
+        self.solution.y.copy_from_slice(&least.y);
+        self.solution.sides.copy_from_slice(&least.sides);
+        self.solution.outcome = Outcome::Infeasible;
+        self.solution.found_by = FoundBy::Feasible;
+    }
+
+    /// The program of the least violation solved near `from[n]`, or by the whole path from there; and the violation that
+    /// counts as none. `None` where its functions have no value.
+    fn minimise_violation(
+        &mut self,
+        p: &mut dyn Mpcc,
+        st: &violation::Structure,
+        bounds: &Bounds,
+        from: &[f64],
+        whole_path: bool,
+        control: &mut Control,
+    ) -> Option<(Solution, f64)> {
+        let mut c = vec![0.0; p.m()];
+        p.eval(from, &mut c).ok()?;
+        let met = MET * c.iter().zip(&st.weights).fold(1f64, |a, (c, w)| a.max((c * w).abs()));
+        let start = st.point(from, &c, bounds);
         let own = st.bounds(bounds);
-        let (y, z) = (vec![0.0; p.m()], vec![0.0; start.len()]);
         let settings = MpccSettings {
             relaxation: Relaxation::Scholtes,
             polish: true,
@@ -241,28 +287,16 @@ impl MpccSolver {
             portfolio: Portfolio::Off,
             ..self.settings
         };
-        let mut program = Violation { inner: &mut *p, st: &st };
-        let Ok(mut solver) = MpccSolver::new(&mut program, settings) else { return self.retract() };
-        solver.solve_warm(&mut program, &own, &Warm { x: &start, y: &y, z: &z }, control, &mut NoProposals);
-        let found = &solver.solution;
-        self.solution.stats.add(&found.stats);
-        if found.outcome != Outcome::Solved || found.polish != Polish::Done {
-            return self.retract();
-        }
-        let x = &found.x[..p.n()];
-        let size = c.iter().zip(&st.weights).fold(1f64, |a, (c, w)| a.max((c * w).abs()));
-        if found.objective <= MET * size {
-            let sides = found.sides.clone();
-            self.enter_feasible(p, bounds, &sides, x, control, proposer);
-        } else if found.certificate.b == BStationarity::Yes {
-            self.solution.x.copy_from_slice(x);
-            self.solution.y.copy_from_slice(&found.y);
-            self.solution.sides.copy_from_slice(&found.sides);
-            self.solution.outcome = Outcome::Infeasible;
-            self.solution.found_by = FoundBy::Feasible;
+        let (y, z) = (vec![0.0; p.m()], vec![0.0; start.len()]);
+        let mut program = Violation { inner: p, st };
+        let mut solver = MpccSolver::new(&mut program, settings).ok()?;
+        if whole_path {
+            solver.solve_with(&mut program, &own, &start, control, &mut NoProposals);
         } else {
-            self.retract();
+            solver.solve_warm(&mut program, &own, &Warm { x: &start, y: &y, z: &z }, control, &mut NoProposals);
         }
+        self.solution.stats.add(&solver.solution.stats);
+        Some((solver.solution, met))
     }
 
     /// There is no proof that the program is infeasible.

@@ -20,6 +20,9 @@ const LARGEST: f64 = 100.0;
 const OBJECTIVE: f64 = 100.0;
 /// A gradient in variables of their sizes that is as good as zero.
 const ROUNDING: f64 = 1e-12;
+/// Value of a function in a pair that is as good as zero: data from outside are rarely better. A function without a gradient
+/// has no other scale this could be relative to.
+const NO_VALUE: f64 = 1e-8;
 /// Smallest factor.
 const SMALLEST: f64 = 1e-8;
 /// Exponent of two of the largest scaled derivative of the objective of a program of the user. The barrier and the
@@ -177,8 +180,8 @@ impl Scaling {
         }
     }
 
-    /// Makes `rows` of lifted rows the largest derivative with respect to the other variables; where the function has none
-    /// at the start, its value there.
+    /// Makes `rows` of lifted rows the largest derivative with respect to the other variables; where the function has none,
+    /// its value.
     fn lift(&mut self, at: &AtPoint, lifts: &[(usize, usize)]) {
         let (jac, values) = at.jac;
         lifts.iter().for_each(|l| self.rows[l.0] = 0.0);
@@ -191,8 +194,9 @@ impl Scaling {
         }
         lifts.iter().for_each(|l| self.sizes[l.1] = 1.0);
         for &(i, v) in lifts {
-            if self.rows[i] == 0.0 {
-                self.rows[i] = (at.c[i] + at.x[v]).abs();
+            let value = (at.c[i] + at.x[v]).abs();
+            if self.rows[i] == 0.0 && value > NO_VALUE {
+                self.rows[i] = value;
             }
         }
     }

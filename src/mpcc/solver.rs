@@ -233,7 +233,7 @@ impl MpccSolver {
                 if self.has_others() {
                     self.go_on(p, bounds, x0, (interior, centre), control, proposer);
                 }
-                self.find_least_violation(p, bounds, control, proposer);
+                self.find_least_violation(p, bounds, x0, control, proposer);
             }
         }
         self.explain(p, bounds);
