@@ -32,6 +32,7 @@ PAGES = {
 
 NAVIGATION = """
   - Start: index.md
+  - First hour: tutorial.md
   - Ideas:
       - Which model class is my system: model_classes.md
       - Finite elements with switch detection: fesd.md
@@ -66,11 +67,20 @@ NAVIGATION = """
       - Quadratic programs of control: benchmarks/nmpc_qp.md
       - Linear algebra: benchmarks/linalg.md
       - Evaluation of models: benchmarks/model-eval.md
+      - What Python adds: benchmarks/python.md
   - Project:
       - Architecture: architecture.md
       - Contributing: contributing.md
       - Changes: changelog.md
       - Fuzzing: fuzz.md
+"""
+
+#: Nothing is cut off at the right.
+STYLE = """
+.wy-nav-content { max-width: 1100px; }
+.rst-content pre code, .rst-content pre { white-space: pre-wrap; }
+.wy-table-responsive table td, .wy-table-responsive table th, .rst-content table td { white-space: normal !important; }
+.rst-content img { max-height: 640px; width: auto; }
 """
 
 LINK = re.compile(r"(!?)\[([^\]]*)\]\(([^)\s]+)\)")
@@ -194,10 +204,12 @@ def main() -> int:
     for language, reference in references.items():
         (source / f"api_{language}.md").write_text(reference(), encoding="utf-8")
     (source / "gallery.md").write_text(gallery(source), encoding="utf-8")
+    (source / "wide.css").write_text(STYLE, encoding="utf-8")
     settings = folder / "mkdocs.yml"
     settings.write_text(
         f"site_name: switchback\ndocs_dir: {source}\nsite_dir: {site}\nuse_directory_urls: false\n"
         "theme:\n  name: readthedocs\n  highlightjs: false\n  include_homepage_in_sidebar: false\n"
+        "extra_css: [wide.css]\n"
         "markdown_extensions: [md_in_html, tables, fenced_code, toc]\nplugins: [search]\n"
         f"nav:{NAVIGATION}",
         encoding="utf-8",

@@ -64,7 +64,10 @@ def c_function(api: Api, f: Function, callback: bool = False) -> str:
     about, _, early = about.partition("@return")
     returns = " ".join((rest or early).split("@thread")[0].split())
     rows = []
+    lengths = {p.length for p in f.parameters}
     for p in f.parameters:
+        if p.name in lengths and not p.doc:
+            continue  # the shape of its array says it
         notes = [p.direction or "", f"`[{p.shape}]`" if p.shape else "", WHOSE.get(p.object or "", ""), "NULL allowed" if p.nullable else ""]
         rows.append(f"| `{p.name}` | {', '.join(n for n in notes if n)} | {cell(linked(api, p.doc))} |")
     table = "| argument | | |\n|---|---|---|\n" + "\n".join(rows) + "\n" if any(p.doc or p.shape or p.object for p in f.parameters) else ""

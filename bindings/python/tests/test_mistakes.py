@@ -85,6 +85,7 @@ MISTAKES = {
     "a batch without controls": (
         lambda: swb.simulate_batch(spring(), np.ones((3, 2)), 1.0, p=[1.0]), swb.NullError, r"u is missing: the model has 1 control \(F\)"
     ),
+    "time before state": (lambda: swb.Integrator(spring()).reinit(0.0, [1.0, 0.0]), swb.ArgumentError, r"the state comes first: reinit\(x, t\)"),
     "no such argument": (lambda: swb.Function(lambda state: state, 1), swb.ArgumentError, r"there is no input 'state'"),
 }
 

@@ -1,4 +1,4 @@
-"""The code of the package's README runs, block after block, as a reader would type it."""
+"""The code of the package's README and of the tutorials runs, block after block, as a reader would type it."""
 
 import re
 from pathlib import Path
@@ -22,3 +22,23 @@ def test_blocks_run(tmp_path, monkeypatch, capsys):
     assert "[-1.59746038 -0.76149362]" in out and "1.52377277" in out
     assert {"oscillator.svg", "phase.svg", "run.npz", "sweep.sqlite"} <= {p.name for p in tmp_path.iterdir()}
     assert len(names["found"]) == 200 and np.isfinite(names["found"]["q_end"]).all()
+
+
+DOCS = Path(__file__).resolve().parents[3] / "docs"
+
+
+@pytest.mark.parametrize("page", ["tutorial", "models", "mpcc"])
+def test_tutorials_run(page, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("matplotlib")
+    file = DOCS / f"{page}.md"
+    if not file.is_file():
+        pytest.skip("no pages here")
+    monkeypatch.chdir(tmp_path)
+    names = {"__name__": page}
+    blocks = re.findall(r"```python\n(.*?)```", file.read_text(encoding="utf-8"), re.S)
+    assert blocks
+    for block in blocks:
+        exec(compile(block, str(file), "exec"), names)
+    if page == "tutorial":
+        assert {"belt.svg", "best.svg", "belt.sqlite"} <= {p.name for p in tmp_path.iterdir()}
+        assert "sliding (1 - v > 0, 1 - v < 0) -> 1 - v > 0" in capsys.readouterr().out

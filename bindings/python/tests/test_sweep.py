@@ -66,6 +66,25 @@ def test_workers_that_die(tmp_path):
     assert np.isfinite(found["sum"]).tolist() == [True, False, True]
 
 
+def test_a_cluster_that_loses_a_worker(tmp_path):
+    """Of two workers of Dask one is killed half way: the sweep is complete, and equal to the serial one."""
+    distributed = pytest.importorskip("distributed")
+    grid = {"k": np.linspace(1.0, 2.0, 40), "mu": [0.1, 0.3]}
+    killed = []
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster, distributed.Client(cluster) as client:
+        pids = list(client.run(os.getpid).values())
+
+        def progress(done, total):
+            if 2 * done >= total and not killed:
+                killed.append(pids[0])
+                os.kill(pids[0], signal.SIGKILL)
+
+        found = swb.sweep(job(), grid, executor=client, chunk=2, progress=progress, store=tmp_path / "dask.sqlite")
+    assert killed and not found.errors
+    same(found, swb.sweep(job(), grid))
+    same(found, swb.sweep(job(), grid, store=tmp_path / "dask.sqlite", progress=lambda *_: pytest.fail("nothing is missing")))
+
+
 def test_a_sweep_that_was_cut_off_goes_on(tmp_path, serial):
     class Cut(Exception):
         pass

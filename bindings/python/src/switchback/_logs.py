@@ -38,6 +38,8 @@ def monitors(chosen: Any, verbose: bool, on_log: OnLog | None, on_iteration: OnI
     else the logger "switchback", whose level counts where the option log_level was not set."""
     if verbose:
         return on_log or _print, on_iteration or print_iteration
-    if on_log is None and chosen.log_level == "silent" and logger.level != logging.NOTSET:
+    silent = chosen._c.log_level == 0
+    if on_log is None and silent and logger.level != logging.NOTSET:
         chosen.log_level = next((name for name, level in reversed(_LEVELS.items()) if logger.isEnabledFor(level)), "silent")
-    return on_log or (log_to_python if chosen.log_level != "silent" else None), on_iteration
+        silent = chosen._c.log_level == 0
+    return on_log or (None if silent else log_to_python), on_iteration

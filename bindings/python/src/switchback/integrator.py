@@ -285,15 +285,24 @@ class Run(Hints, Recorded, Handle):
         raise TypeError("runs come from a simulation")
 
     @classmethod
-    def _take(cls, source: Handle, sizes: tuple[int, int, int], system: System, *arguments: Any) -> Run:
+    def _of(cls, source: Handle, *arguments: Any) -> Run:
+        """The run of an object, of which nothing is read yet."""
         self = cls.__new__(cls)
         self._lock, self._uses = threading.RLock(), 0
         handle = ctypes.c_void_p()
         source._do("get_run", *arguments, ctypes.byref(handle))
         self._own(handle.value)
+        return self
+
+    @classmethod
+    def _take(cls, source: Handle, sizes: tuple[int, int, int], system: System, *arguments: Any) -> Run:
+        self = cls._of(source, *arguments)
         self.system, self._steady = system, {}
         self._read(sizes)
         return self
+
+    def _sizes_of_subsystems(self, n: int) -> tuple[int, ...]:
+        return tuple(int(k) for k in self._array("modes", (n,), kind=numpy.int64))
 
     def _array(self, name: str, shape: tuple[int, ...], *first: Any, kind: Any = numpy.float64) -> Array:
         out = numpy.empty(shape, dtype=kind)
@@ -308,7 +317,7 @@ class Run(Hints, Recorded, Handle):
         self.t_start, self.t_end = info.t_start, info.t_end
         self.reason = text(lib.swb_run_reason, self)
         self.stats = RunStats._of(self._struct("get_stats", _ffi.swb_run_stats))
-        self.n_modes = tuple(int(k) for k in self._array("modes", (info.n_subsystems,), kind=numpy.int64))
+        self.n_modes = self._sizes_of_subsystems(info.n_subsystems)
         self.x_end = self._array("state", (self.nx,))
         self.switches = [self._event(i, e) for i, e in enumerate(self._structs("events", _ffi.swb_event, n))]
         made = self._structs("jumps", _ffi.swb_jump, info.n_jumps)
@@ -342,9 +351,11 @@ class Run(Hints, Recorded, Handle):
             self.impact_derivatives = numpy.array(rows).reshape(len(rows), info.n_columns)
 
     def _structs(self, name: str, kind: Any, n: int) -> list[Any]:
-        found = (kind * max(n, 1))()
-        self._do(name, found if n else None, n, ctypes.sizeof(kind))
-        return list(found[:n])
+        if n == 0:
+            return []
+        found = (kind * n)()
+        self._do(name, found, n, ctypes.sizeof(kind))
+        return list(found)
 
     def _jump(self, i: int, j: Any) -> Jump:
         before, after = numpy.empty(self.nx), numpy.empty(self.nx)
@@ -627,8 +638,9 @@ class Integrator(Hints, Handle, HasSettings):
         self._functions = list(self.system._functions)
         if tolerances is not None:
             self.set_tolerances(*tolerances)
-        self._n_modes: tuple[int, ...] = ()
-        self._n_modes = self.run.n_modes
+        with Run._of(self) as nothing:
+            n_subsystems = nothing._struct("get_info", _ffi.swb_run_info).n_subsystems
+            self._n_modes: tuple[int, ...] = nothing._sizes_of_subsystems(n_subsystems)
         for subsystem, modes in (preferred or {}).items():
             self.set_preferred(subsystem, modes)
         if preferred is not None:
@@ -675,6 +687,8 @@ class Integrator(Hints, Handle, HasSettings):
 
     def reinit(self, x: Any, t: float = 0.0) -> None:
         """Set state and time, and begin anew: log, statistics, derivatives and dense output are cleared."""
+        if numpy.ndim(x) == 0 and not isinstance(x, Mapping) and numpy.ndim(t) == 1:
+            raise ArgumentError("the state comes first: reinit(x, t)")
         array = self.system._start(x, "x")
         self._do("reinit", number(t, "t"), address(array), array.size)
 

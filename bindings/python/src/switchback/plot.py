@@ -162,7 +162,7 @@ def _steps(ax: Any, times: numpy.ndarray, controls: numpy.ndarray, names: Sequen
     """Controls that are constant between times."""
     for column, label in zip(controls.T, names):
         ax.stairs(column, times, baseline=None, label=label, linewidth=1.5)
-    ax.set_ylabel("controls")
+    ax.set_ylabel("controls" if len(names) != 1 else f"control {names[0]}")
     _legend(ax, len(names))
 
 
