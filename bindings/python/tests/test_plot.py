@@ -32,7 +32,7 @@ def test_what_is_in_it(result, tmp_path):
     tutorial().solve().trajectory.plot(str(tmp_path / "tutorial.svg"))
     smooth = swb.simulate_fesd(swb.System(1, 1, f0=lambda x, u: u - x), [0.0], 2.0, 4, u=np.ones((4, 1)))
     figure = smooth.plot(tmp_path / "smooth.svg")
-    assert [a.get_ylabel() for a in figure.axes] == ["states", "control u[0]", "step sizes"]
+    assert [a.get_ylabel() for a in figure.axes] == ["states", "control $u_{1}$", "step sizes"]
 
 
 def test_refusals(result):
