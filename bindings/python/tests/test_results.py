@@ -160,7 +160,7 @@ def test_plots_have_the_names_of_the_model(optimal):
     assert [t.get_text() for t in optimal.plot().axes[0].get_legend().get_texts()] == ["q", "v"]
     m = oscillator()
     run = swb.simulate(m, [1, 0], 6.0, u=[[0.0], [1.0], [2.0]], p=[1])
-    assert run.plot().axes[1].get_ylabel() == "controls" and run["F"][-1] == 2.0
+    assert run.plot().axes[1].get_ylabel() == "control F" and run["F"][-1] == 2.0
     copy.copy(run).plot()
     matplotlib.pyplot.close("all")
 
