@@ -135,7 +135,7 @@ def function_lines(api: Api, function: Function, number: int) -> list[str]:
 
 def generate(text: str) -> str:
     api = load(text)
-    out = [PREAMBLE, f"const INTERFACE_VERSION = v\"{'.'.join(map(str, api.version))}\"", *enum_lines(api)]
+    out = [PREAMBLE, f"const HEADER_VERSION = v\"{'.'.join(map(str, api.version))}\"", *enum_lines(api)]
     out += record_lines(api)
     out += ["# --- functions ---", "", "const NAMES = ["]
     out += [f"    :{name}," for name in api.functions]

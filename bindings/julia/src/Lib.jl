@@ -13,7 +13,7 @@ module Lib
 const ADDRESSES = Ptr{Cvoid}[]
 address(i) = @inbounds ADDRESSES[i]
 
-const INTERFACE_VERSION = v"0.1.0"
+const HEADER_VERSION = v"0.1.0"
 
 # --- enumerations: plain integers, so that numbers of a newer library are no error ---
 
