@@ -34,7 +34,7 @@ def test_oscillator(make):
     assert np.allclose(r([[0.3], [0.4]], 1).shape, (2, 1, 2))
     assert r.active() == [(0.0, s.t, s.before), (s.t, OSCILLATOR_T, s.after)]
     assert r.stats.steps == len(r.t) - 1 and r.stats.switches == 1
-    assert r.table().count("\n") == 1 and "cross" in r.table() and "1 switches" in repr(r)
+    assert r.table().count("\n") == 1 and "cross" in r.table() and "1 switch" in repr(r)
 
 
 def test_sliding_and_one_sided_numbers():
