@@ -145,8 +145,10 @@ check-lint:
 	$(CARGO) clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --quiet --no-deps --lib
 
+# The backend on faer, which the library is built without, is tested by itself and by whole solves.
 check-rust:
 	$(CARGO) test --profile tests
+	$(CARGO) test --features faer --lib faer
 
 # What crates.io would get, and a crate that depends on it.
 check-crate:

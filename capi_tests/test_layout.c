@@ -60,7 +60,8 @@ int main(void)
     AT(swb_stats, 13, n_pairs);
     AT(swb_stats, 14, n_steps);
     AT(swb_stats, 15, n_homotopies);
-    CHECK(sizeof(swb_stats) == (size_t)8 * 16);
+    AT(swb_stats, 16, moved_bounds);
+    CHECK(sizeof(swb_stats) == (size_t)8 * 17);
     AT(swb_linear_stats, 0, struct_size);
     AT(swb_linear_stats, 1, n);
     AT(swb_linear_stats, 2, nnz_k);
@@ -97,7 +98,9 @@ int main(void)
     AT(swb_certificate, 8, lps);
     AT(swb_certificate, 9, lp_iterations);
     AT(swb_certificate, 10, nodes);
-    CHECK(sizeof(swb_certificate) == (size_t)8 * 11);
+    AT(swb_certificate, 11, second_order);
+    AT(swb_certificate, 12, dependent);
+    CHECK(sizeof(swb_certificate) == (size_t)8 * 13);
     AT(swb_iteration_info, 0, struct_size);
     AT(swb_iteration_info, 1, iter);
     AT(swb_iteration_info, 2, objective);

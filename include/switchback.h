@@ -2665,6 +2665,11 @@ typedef struct swb_stats {
      * Steps of a simulation that the homotopy had to decide; else 0.
      */
     int64_t n_homotopies;
+    /**
+     * Bounds that were moved outwards by 1e-9, relative to them or to the unit of the scaled problem, because constraints left no room
+     * between them; the polish is under those given.
+     */
+    int64_t moved_bounds;
 } swb_stats;
 
 /**
@@ -3521,7 +3526,7 @@ typedef struct swb_accuracy {
 } swb_accuracy;
 
 /**
- * What is known of the point of a program with pairs.
+ * What is known of the point of a program. Without pairs type S says that it satisfies the conditions of Karush, Kuhn and Tucker.
  */
 typedef struct swb_certificate {
     /**
@@ -3568,6 +3573,15 @@ typedef struct swb_certificate {
      * Nodes of the searches.
      */
     int64_t nodes;
+    /**
+     * What the conditions of second order say (enum swb_second_order). Discretised problems with modes are not asked.
+     */
+    int64_t second_order;
+    /**
+     * Active constraints and bounds whose gradients depend on those of others; 0 where the conditions of second order were not
+     * looked at.
+     */
+    int64_t dependent;
 } swb_certificate;
 
 /**
@@ -8207,6 +8221,11 @@ SWB_API const char *swb_stationarity_name(int32_t stationarity);
  * Name of an enum swb_doubt, such as "nodes"; NULL for any other number. Static.
  */
 SWB_API const char *swb_doubt_name(int32_t doubt);
+
+/**
+ * Name of an enum swb_second_order, such as "saddle"; NULL for any other number. Static.
+ */
+SWB_API const char *swb_second_order_name(int32_t second_order);
 
 /**
  * Name a variable, a constraint or a pair: reports and messages of the log use it.

@@ -13,33 +13,6 @@ fn no_allocation_after_new() {
     no_allocation(solver(LinearSolver::Suitesparse, Ordering::Amd).unwrap());
 }
 
-#[test]
-#[cfg(feature = "faer")]
-fn no_allocation_in_blocks() {
-    use switchback::linalg::ldl::{Faer, Form};
-    for form in [Form::Simplicial, Form::Supernodal, Form::Pivoted] {
-        no_allocation(Box::new(Faer::new(form, Ordering::Amd)));
-    }
-    // Dense blocks large enough for every routine behind the matrix products.
-    let n = 300;
-    let p = Pattern::dense_upper(n);
-    let mut v = vec![0.1; p.nnz()];
-    for j in 0..n {
-        v[p.range(j).end - 1] = 100.0;
-    }
-    for form in [Form::Simplicial, Form::Supernodal, Form::Pivoted] {
-        let mut s = Faer::new(form, Ordering::Amd);
-        s.analyse(&p).unwrap();
-        let mut x = vec![1.0; n];
-        let before = count();
-        for _ in 0..2 {
-            s.factor(&v);
-            s.solve(&mut x);
-        }
-        assert_eq!(count(), before, "{form:?}");
-    }
-}
-
 fn no_allocation(backend: Box<dyn SymmetricSolver>) {
     let (n, m) = (40, 25);
     let (mut rows, mut cols): (Vec<usize>, Vec<usize>) = ((0..n + m).collect(), (0..n + m).collect());

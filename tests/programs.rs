@@ -3,8 +3,10 @@
 use std::sync::Arc;
 
 use switchback::func::{Callback, Dims, Function};
-use switchback::mpcc::{Lifted, Member, MpccSettings, MpccSolver, Polish};
-use switchback::nlp::{Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Outcome, Start};
+use switchback::mpcc::{
+    BStationarity, Certificate, Lifted, Member, MpccSettings, MpccSolver, NoProposals, Polish, Stationarity, Warm,
+};
+use switchback::nlp::{Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Outcome, SecondOrder, Start};
 
 const INF: f64 = f64::INFINITY;
 
@@ -76,6 +78,83 @@ fn as_many_equations_as_variables_and_more() {
     };
     let b = bounds(&[(-INF, INF); 2], &[(0.0, 0.0); 3]);
     expect(problem(2, |_, o| o[0] = 0.0, 3, rows), &b, &[3.0, 0.5], &[2.0, 1.0], 0.0);
+}
+
+/// Solves a program without pairs, or certifies the point `x0` with the multipliers `y`, `z` where these are given.
+fn certified(p: CallbackNlp, b: &Bounds, x0: &[f64], multipliers: Option<(&[f64], &[f64])>) -> Certificate {
+    let mut lifted = Lifted::new(p, &[]).unwrap();
+    let b = lifted.bounds(b).unwrap();
+    let w0 = lifted.start(x0);
+    let mut solver = MpccSolver::new(&mut lifted, MpccSettings { tol: 1e-7, ..MpccSettings::default() }).unwrap();
+    let s = match multipliers {
+        None => solver.solve(&mut lifted, &b, &w0, &mut Control::default()),
+        Some((y, z)) => {
+            let warm = Warm { x: &w0, y, z };
+            solver.solve_warm(&mut lifted, &b, &warm, &mut Control::default(), &mut NoProposals)
+        }
+    };
+    assert_eq!(s.outcome, Outcome::Solved);
+    s.certificate
+}
+
+#[test]
+fn answers_are_strict_minima_saddles_or_neither() {
+    let free = [(-INF, INF); 2];
+    let second = |f: Vector, x: &[(f64, f64)], x0: &[f64]| {
+        let c = certified(problem(2, f, 0, |_, _| {}), &bounds(x, &[]), x0, None);
+        assert_eq!((c.stationarity, c.b, c.sharp, c.dependent), (Stationarity::S, BStationarity::Yes, true, 0));
+        c.second
+    };
+    assert_eq!(
+        second(|x, o| o[0] = x[0] * x[0] + (x[1] - 1.0).powi(2), &free, &[3.0, 2.0]),
+        SecondOrder::StrictMinimum
+    );
+    // a line of minima
+    assert_eq!(second(|x, o| o[0] = x[0] * x[0], &free, &[3.0, 2.0]), SecondOrder::Undecided);
+    // negative curvature where a bound with a multiplier holds the variable: a strict minimum
+    let cut = [(-INF, INF), (-1.0, 1.0)];
+    assert_eq!(second(|x, o| o[0] = x[0] * x[0] - x[1] * x[1] - x[1], &cut, &[0.5, 0.5]), SecondOrder::StrictMinimum);
+    // a bound without a multiplier is no help: the curvature is that of the whole line
+    let half = [(-INF, INF), (0.0, INF)];
+    assert_eq!(second(|x, o| o[0] = x[0] * x[0] + x[1] * x[1], &half, &[0.5, 0.5]), SecondOrder::StrictMinimum);
+
+    let at = |p: CallbackNlp, b: &Bounds, x: &[f64], y: &[f64]| certified(p, b, x, Some((y, &[0.0; 2])));
+    let hill: Vector = |x, o| o[0] = x[0] * x[0] - 0.5 * x[1] * x[1];
+    let c = at(problem(2, hill, 0, |_, _| {}), &bounds(&free, &[]), &[0.0, 0.0], &[]);
+    assert_eq!(c.second, SecondOrder::Saddle);
+    // on a circle the same function has its minima at (0, ±1), and maxima at (±1, 0)
+    let circle: Vector = |x, o| o[0] = x[0] * x[0] + x[1] * x[1];
+    let one = bounds(&free, &[(1.0, 1.0)]);
+    let c = at(problem(2, hill, 1, circle), &one, &[0.0, 1.0], &[0.5]);
+    assert_eq!((c.second, c.dependent), (SecondOrder::StrictMinimum, 0));
+    let c = at(problem(2, hill, 1, circle), &one, &[1.0, 0.0], &[-1.0]);
+    assert_eq!((c.second, c.dependent), (SecondOrder::Saddle, 0));
+    // the same row twice: a minimum is one all the same, but no saddle is claimed without independent gradients
+    let twice: Vector = |x, o| (o[0], o[1]) = (x[0] * x[0] + x[1] * x[1], 2.0 * (x[0] * x[0] + x[1] * x[1]));
+    let both = bounds(&free, &[(1.0, 1.0), (2.0, 2.0)]);
+    let c = at(problem(2, hill, 2, twice), &both, &[0.0, 1.0], &[0.5, 0.0]);
+    assert_eq!((c.second, c.dependent), (SecondOrder::StrictMinimum, 1));
+    let c = at(problem(2, hill, 2, twice), &both, &[1.0, 0.0], &[-1.0, 0.0]);
+    assert_eq!((c.second, c.dependent), (SecondOrder::Undecided, 1));
+}
+
+/// `min (x0 − a)² + (x1 − b)²`, `0 ≤ x0 ⊥ x1 ≥ 0`: with `a, b < 0` both multipliers are positive, at `a = b = 0` none is.
+#[test]
+fn strongly_stationary_points_have_conditions_of_second_order() {
+    let second = |f: Vector| {
+        let mut lifted =
+            Lifted::new(problem(2, f, 0, |_, _| {}), &[(Member::Variable(0), Member::Variable(1))]).unwrap();
+        let b = lifted.bounds(&bounds(&[(0.0, INF); 2], &[])).unwrap();
+        let w0 = lifted.start(&[1.0, 0.5]);
+        let mut solver = MpccSolver::new(&mut lifted, MpccSettings { tol: 1e-8, ..MpccSettings::default() }).unwrap();
+        let s = solver.solve(&mut lifted, &b, &w0, &mut Control::default());
+        assert_eq!((s.outcome, s.certificate.stationarity), (Outcome::Solved, Stationarity::S));
+        s.certificate.second
+    };
+    assert_eq!(second(|x, o| o[0] = (x[0] + 1.0).powi(2) + (x[1] + 2.0).powi(2)), SecondOrder::StrictMinimum);
+    assert_eq!(second(|x, o| o[0] = (x[0] - 1.0).powi(2) + (x[1] + 2.0).powi(2)), SecondOrder::StrictMinimum);
+    // flat along the member that may be positive
+    assert_eq!(second(|x, o| o[0] = 1.0 + x[1] + 0.0 * x[0]), SecondOrder::Undecided);
 }
 
 /// A bilevel problem after Bard with a complementarity of functions: the lower level is `min (y − x)²`, `0 ≤ y ≤ 1`.

@@ -10,6 +10,7 @@ use crate::error::{Error, Result};
 use crate::mpcc::diagnostics::{self, Warning};
 use crate::mpcc::{BStationarity, Certificate, Doubt, FoundBy, Polish, Stationarity};
 use crate::nlp::Residuals;
+use crate::nlp::SecondOrder;
 use std::ffi::{c_char, CStr};
 use std::fmt::Write as _;
 use std::ptr;
@@ -91,6 +92,27 @@ pub enum swb_doubt {
     Stopped = 5,
 }
 
+/// What the conditions of second order say of a point with multipliers of type S.
+#[repr(i32)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum swb_second_order {
+    /// Sufficient conditions hold: a local minimum, and the only one near by.
+    StrictMinimum = 0,
+    /// The objective falls along the active constraints, whose gradients are independent: no local minimum.
+    Saddle = 1,
+    /// Neither could be shown.
+    Undecided = 2,
+    /// Not asked, or no point with multipliers of type S.
+    Unknown = 3,
+}
+
+const SECOND_ORDERS: &[(SecondOrder, swb_second_order, &CStr)] = &[
+    (SecondOrder::StrictMinimum, swb_second_order::StrictMinimum, c"strict_minimum"),
+    (SecondOrder::Saddle, swb_second_order::Saddle, c"saddle"),
+    (SecondOrder::Undecided, swb_second_order::Undecided, c"undecided"),
+    (SecondOrder::Unknown, swb_second_order::Unknown, c"unknown"),
+];
+
 const STATIONARITIES: &[(Stationarity, swb_stationarity, &CStr)] = &[
     (Stationarity::S, swb_stationarity::S, c"S"),
     (Stationarity::M, swb_stationarity::M, c"M"),
@@ -130,7 +152,15 @@ pub extern "C" fn swb_doubt_name(doubt: i32) -> *const c_char {
     query(ptr::null(), || DOUBTS.iter().find(|row| row.1 as i32 == doubt).map_or(ptr::null(), |row| row.2.as_ptr()))
 }
 
-/// What is known of the point of a program with pairs.
+/// Name of an enum swb_second_order, such as "saddle"; NULL for any other number. Static.
+#[no_mangle]
+pub extern "C" fn swb_second_order_name(second_order: i32) -> *const c_char {
+    query(ptr::null(), || {
+        SECOND_ORDERS.iter().find(|row| row.1 as i32 == second_order).map_or(ptr::null(), |row| row.2.as_ptr())
+    })
+}
+
+/// What is known of the point of a program. Without pairs type S says that it satisfies the conditions of Karush, Kuhn and Tucker.
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Default)]
 pub struct swb_certificate {
@@ -156,6 +186,11 @@ pub struct swb_certificate {
     pub lp_iterations: i64,
     /// Nodes of the searches.
     pub nodes: i64,
+    /// What the conditions of second order say (enum swb_second_order). Discretised problems with modes are not asked.
+    pub second_order: i64,
+    /// Active constraints and bounds whose gradients depend on those of others; 0 where the conditions of second order were not
+    /// looked at.
+    pub dependent: i64,
 }
 
 impl swb_certificate {
@@ -173,6 +208,8 @@ impl swb_certificate {
             lps: c.lps as i64,
             lp_iterations: c.lp_iterations as i64,
             nodes: c.nodes as i64,
+            second_order: number(SECOND_ORDERS.iter().find(|r| r.0 == c.second).map(|r| r.1 as i32)),
+            dependent: c.dependent as i64,
         }
     }
 }
@@ -332,6 +369,10 @@ impl Program {
                 format!("{}{sharp}, B-stationary: {}, {biactive}{doubt}", c.stationarity.name(), c.b.name()),
             );
         }
+        if s.certificate.second != SecondOrder::Unknown {
+            let c = &s.certificate;
+            line("second order", format!("{}, {} dependent active constraints", c.second.name(), c.dependent));
+        }
         line("program", format!("{} variables, {} constraints, {} pairs", self.n, self.m, self.members.len()));
         line(
             "iterations",
@@ -340,6 +381,12 @@ impl Program {
                 t.iterations, t.restoration_iterations, t.polish_iterations, t.evaluations, t.factorisations
             ),
         );
+        if t.moved_bounds > 0 {
+            line(
+                "no interior",
+                format!("{} bounds were moved outwards by 1e-9; the polish takes that back", t.moved_bounds),
+            );
+        }
         line(
             "time",
             format!("{:.3e} s (functions {:.3e}, linear algebra {:.3e})", t.time_total, t.time_eval, t.time_linalg),
@@ -639,13 +686,18 @@ mod tests {
         for (s, number, name) in STATIONARITIES {
             assert_eq!((*s as i32, s.name()), (*number as i32, name.to_str().unwrap()));
         }
+        for (s, number, name) in SECOND_ORDERS {
+            assert_eq!((*s as i32, s.name()), (*number as i32, name.to_str().unwrap()));
+        }
         for (d, number, name) in DOUBTS {
             assert_eq!((*d as i32, d.name()), (*number as i32, name.to_str().unwrap()));
         }
         for (b, number) in B_STATIONARITIES {
             assert_eq!(*b as i32, *number as i32);
         }
-        assert!(swb_stationarity_name(7).is_null() && swb_doubt_name(-1).is_null());
+        assert!(
+            swb_stationarity_name(7).is_null() && swb_second_order_name(4).is_null() && swb_doubt_name(-1).is_null()
+        );
         let c = swb_certificate::of(&Certificate { stationarity: Stationarity::M, biactive: 3, ..Default::default() });
         assert_eq!((c.stationarity, c.b_stationarity, c.biactive), (1, 2, 3));
     }

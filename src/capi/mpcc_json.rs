@@ -75,6 +75,8 @@ struct Certificate {
     lps: usize,
     lp_iterations: usize,
     nodes: usize,
+    second_order: &'static str,
+    dependent: usize,
 }
 
 #[derive(Serialize)]
@@ -105,6 +107,7 @@ struct Stats {
     factorisations: usize,
     evaluations: usize,
     max_delta_w: f64,
+    moved_bounds: usize,
     time_total: f64,
     time_eval: f64,
     time_linalg: f64,
@@ -182,6 +185,8 @@ impl Program {
                 lps: c.lps,
                 lp_iterations: c.lp_iterations,
                 nodes: c.nodes,
+                second_order: c.second.name(),
+                dependent: c.dependent,
             },
             conflict,
             stats: Stats {
@@ -192,6 +197,7 @@ impl Program {
                 factorisations: t.factorisations,
                 evaluations: t.evaluations,
                 max_delta_w: t.max_delta_w,
+                moved_bounds: t.moved_bounds,
                 time_total: t.time_total,
                 time_eval: t.time_eval,
                 time_linalg: t.time_linalg,

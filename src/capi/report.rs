@@ -148,6 +148,9 @@ pub struct swb_stats {
     pub n_steps: i64,
     /// Steps of a simulation that the homotopy had to decide; else 0.
     pub n_homotopies: i64,
+    /// Bounds that were moved outwards by 1e-9, relative to them or to the unit of the scaled problem, because constraints left no room
+    /// between them; the polish is under those given.
+    pub moved_bounds: i64,
 }
 
 /// The linear systems of a solve: sizes, and work since the program was built.
@@ -208,6 +211,7 @@ impl swb_stats {
             restoration_iterations: s.restoration_iterations as i64,
             polish_iterations: s.polish_iterations as i64,
             max_delta_w: s.max_delta_w,
+            moved_bounds: s.moved_bounds as i64,
             time_eval: s.time_eval,
             time_linalg: s.time_linalg,
             time_total: s.time_total,

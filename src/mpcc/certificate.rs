@@ -12,7 +12,7 @@ use super::problem::Side;
 use crate::error::{Error, Result};
 use crate::linalg::csc::{mul_add_transposed, Pattern};
 use crate::linalg::kkt::LinearStats;
-use crate::nlp::{within, Bounds, Control, INFINITE};
+use crate::nlp::{within, Bounds, Control, SecondOrder, INFINITE};
 
 /// An MPCC in vertical form at a point, to first order.
 #[derive(Debug, Clone, Copy)]
@@ -153,6 +153,10 @@ pub struct Certificate {
     pub lp_iterations: usize,
     /// Nodes of the searches.
     pub nodes: usize,
+    /// Conditions of second order, of programs without pairs and of strongly stationary points.
+    pub second: SecondOrder,
+    /// Active constraints whose gradients depend on those of others; 0 where the conditions of second order were not looked at.
+    pub dependent: usize,
 }
 
 /// Tolerances and limits.

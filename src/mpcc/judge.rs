@@ -153,6 +153,7 @@ impl MpccSolver {
             break;
         }
         self.solution.certificate = self.refine(cert, spent, control);
+        self.certify_curvature(p, bounds);
     }
 
     /// Certifies the recorded solution as far as B-stationarity goes; `spent` are the factorisations in certificates so far.
@@ -188,6 +189,11 @@ impl MpccSolver {
     /// Factorisations of all certificates of this solve.
     fn certificate_allowance(&self) -> usize {
         self.judge.as_ref().map_or(0, |j| allowance(&j.certifier, self.work()))
+    }
+
+    /// Are so many factorisations of the solver a small part of the work of this solve?
+    pub(super) fn affords(&self, factorisations: f64) -> bool {
+        factorisations * self.ipm.linear_statistics().work() <= (SHARE * self.work()).max(LITTLE_WORK)
     }
 
     /// Work of this solve so far.

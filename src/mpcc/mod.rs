@@ -13,6 +13,7 @@ mod certificate;
 #[cfg(test)]
 mod certificate_tests;
 mod conflict;
+mod curvature;
 pub mod diagnostics;
 mod endgame;
 mod homotopy;

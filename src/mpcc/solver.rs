@@ -218,6 +218,7 @@ impl MpccSolver {
                 self.settle_near(p, bounds, control);
             }
             p.set_polishing(false);
+            self.certify_curvature(p, bounds);
         } else {
             // relaxations that cut the corner have a saddle on the diagonal
             let interior = matches!(s.relaxation, Relaxation::Scholtes | Relaxation::RaghunathanBiegler);
@@ -255,7 +256,11 @@ impl MpccSolver {
         self.scale(p, bounds, warm.x);
         self.load(p, warm);
         let ok = if self.st.bilinear.is_empty() {
-            self.settle_near(p, bounds, control)
+            let settled = self.settle_near(p, bounds, control);
+            if settled {
+                self.certify_curvature(p, bounds);
+            }
+            settled
         } else {
             self.polish(p, bounds, control, proposer, false)
         };

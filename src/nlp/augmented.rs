@@ -233,6 +233,46 @@ impl Augmented {
         self.kkt.factor(&self.values, 0.0, 0.0) == KktStatus::Ok
     }
 
+    /// Factors with `lift` added to the curvature of every variable that is not fixed, in units of the equilibrated matrix.
+    pub fn factor_lifted(&mut self, shape: &Shape, lift: f64) -> KktStatus {
+        self.kkt.equilibrate(&self.values);
+        self.equilibrated_at = f64::NAN;
+        for (j, scale) in self.kkt.scaling()[..self.n].iter().enumerate().filter(|(j, _)| !shape.fixed[*j]) {
+            self.values[self.diag[j] as usize] += lift / (scale * scale);
+        }
+        self.kkt.factor(&self.values, 0.0, 0.0)
+    }
+
+    /// Number of equations whose gradients depend on those of others: eigenvalues of `J Jᵀ` up to `least`, in units of the equilibrated
+    /// matrix, which was assembled without the Hessian. By inertia: `[I Jᵀ; J least]` has as many more positive eigenvalues.
+    pub fn dependent_rows(&mut self, shape: &Shape, least: f64) -> usize {
+        self.kkt.equilibrate(&self.values);
+        self.equilibrated_at = f64::NAN;
+        let equations = self.kkt.scaling()[self.n..].iter().zip(&shape.row).enumerate();
+        for (i, (scale, _)) in equations.filter(|(_, (_, kind))| **kind == RowKind::Equality) {
+            self.values[self.diag[self.n + i] as usize] += least / (scale * scale);
+        }
+        self.kkt.factor(&self.values, 0.0, 0.0);
+        self.kkt.inertia().positive.saturating_sub(self.n)
+    }
+
+    /// The right-hand side whose primal part is `r`, in units of the equilibrated matrix, and whose rows are zero.
+    pub fn load_right_hand_side(&mut self, r: &[f64]) {
+        for (out, (r, scale)) in self.rhs.iter_mut().zip(r.iter().zip(self.kkt.scaling())) {
+            *out = r / scale;
+        }
+        self.rhs[self.n..].fill(0.0);
+    }
+
+    /// The primal part of the solution, in units of the equilibrated matrix, as a vector of length 1: a step of inverse iteration.
+    pub fn scaled_solution(&self, out: &mut [f64]) {
+        for (out, (x, scale)) in out.iter_mut().zip(self.sol.iter().zip(self.kkt.scaling())) {
+            *out = x / scale;
+        }
+        let length = out.iter().map(|v| v * v).sum::<f64>().sqrt();
+        out.iter_mut().for_each(|v| *v /= length);
+    }
+
     /// Solves for `sol` from `rhs`; false when the solution is no use.
     pub fn solve(&mut self) -> bool {
         let Augmented { kkt, rhs, sol, .. } = self;
@@ -302,4 +342,44 @@ pub(super) fn sigma_s(shape: &Shape, b: &Bounds, it: &Iterate, i: usize) -> f64 
         s += it.vu[i] / (b.cu[i] - it.s[i]);
     }
     s.max(1e-14)
+}
+
+#[cfg(all(test, feature = "faer"))]
+mod on_faer {
+    use std::sync::Arc;
+
+    use crate::func::{Callback, Dims};
+    use crate::nlp::{Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Outcome, Start};
+    use crate::settings::LinearSolver;
+
+    /// `min Σ (x_i − sin i)⁴ + (Σ x_i)²/n` with `Σ x_i² ≤ 2` and `x_i ≥ −0.4`, on every backend.
+    #[test]
+    fn whole_solves_agree() {
+        const N: usize = 40;
+        let dims = Dims { x: N, u: 0, p: 0 };
+        let solve = |linear_solver| {
+            let f = Callback::new("f", dims, 1, |at, out| {
+                let sum: f64 = at.x.iter().sum();
+                let far = |(i, x): (usize, &f64)| (x - (i as f64).sin()).powi(4);
+                out[0] = at.x.iter().enumerate().map(far).sum::<f64>() + sum * sum / N as f64;
+                0
+            });
+            let c = Callback::new("c", dims, 1, |at, out| {
+                out[0] = at.x.iter().map(|v| v * v).sum();
+                0
+            });
+            let mut p = CallbackNlp::new(N, 0, Arc::new(f), Some(Arc::new(c))).unwrap();
+            let bounds =
+                Bounds { xl: vec![-0.4; N], xu: vec![f64::INFINITY; N], cl: vec![f64::NEG_INFINITY], cu: vec![2.0] };
+            let mut ipm = Ipm::new(&p, IpmSettings { linear_solver, ..IpmSettings::default() }).unwrap();
+            let mut rule = Monotone { mu_init: 0.1, tol: 1e-6, primal_tol: 1e-8 };
+            let outcome = ipm.solve(&mut p, &bounds, Start::Cold(&[0.1; N]), &mut rule, &mut Control::default());
+            assert_eq!(outcome, Outcome::Solved);
+            (ipm.linear_statistics().backend, ipm.objective(), ipm.iterate().x.clone())
+        };
+        let (columns, blocks) = (solve(LinearSolver::Suitesparse), solve(LinearSolver::Faer));
+        assert_eq!((columns.0, blocks.0), ("suitesparse", "faer"));
+        assert!((columns.1 - blocks.1).abs() < 1e-8 * columns.1.abs(), "{} {}", columns.1, blocks.1);
+        assert!(columns.2.iter().zip(&blocks.2).all(|(a, b)| (a - b).abs() < 1e-5));
+    }
 }

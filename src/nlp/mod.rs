@@ -12,10 +12,11 @@
 //!
 //! `problem` is the interface, `iterate` holds the primal-dual point and its residuals, `augmented` the
 //! Newton system, `filter` the acceptance test, `linesearch` the steps, `restore` the elastic problem,
-//! `saddle` the way out of saddle points, `tangent` derivatives of solutions, `solver` the main loop.
+//! `saddle` the way out of saddle points, `curvature` the conditions of second order, `tangent` derivatives of solutions, `solver` the main loop.
 
 mod augmented;
 mod callback;
+mod curvature;
 mod filter;
 mod iterate;
 mod linesearch;
@@ -29,6 +30,7 @@ mod solver;
 mod tangent;
 
 pub use callback::{CallbackNlp, LagrangianFn};
+pub use curvature::SecondOrder;
 pub use iterate::Iterate;
 pub(crate) use problem::within;
 pub use problem::{Bilinear, Bounds, Nlp, INFINITE};

@@ -81,6 +81,8 @@ pub struct Statistics {
     pub polish_iterations: usize,
     /// Largest perturbation of the Hessian.
     pub max_delta_w: f64,
+    /// Bounds that were moved outwards because constraints left no room between them; the polish is under those given.
+    pub moved_bounds: usize,
     /// Seconds in functions and derivatives.
     pub time_eval: f64,
     /// Seconds in factorisations and solves.
@@ -98,6 +100,7 @@ impl Statistics {
         self.restoration_iterations += part.restoration_iterations;
         self.polish_iterations += part.polish_iterations;
         self.max_delta_w = self.max_delta_w.max(part.max_delta_w);
+        self.moved_bounds += part.moved_bounds;
         self.time_eval += part.time_eval;
         self.time_linalg += part.time_linalg;
     }

@@ -684,15 +684,16 @@ impl Ipm {
     /// rounding, and multipliers grow without limit. Bounds of pairs and of relaxed rows stay: they have their own
     /// relaxation.
     fn make_room(&mut self, nlp: &dyn Nlp, relaxed: Range<usize>) {
-        let Ipm { it, bounds: b, shape: sh, level, .. } = self;
+        let Ipm { it, bounds: b, shape: sh, level, stats, .. } = self;
         let mut paired = vec![false; it.x.len()];
         for p in nlp.bilinear() {
             (paired[p.a], paired[p.b]) = (true, true);
         }
         // the bound `b`, on the side `out` of the value `v`, with its multiplier `z`
-        let move_out = |v: f64, b: &mut f64, z: &mut f64, out: f64| {
+        let mut move_out = |v: f64, b: &mut f64, z: &mut f64, out: f64| {
             let room = ROOM * b.abs().max(1.0);
             if out * (*b - v) < room {
+                stats.moved_bounds += 1;
                 *b += out * room;
                 *z = level.mu / (out * (*b - v));
             }

@@ -16,6 +16,11 @@ const SHARE: f64 = 0.2;
 const SLIVER: f64 = 1e-3;
 /// Share of a stage below which a phase is no phase.
 pub(super) const NOTHING: f64 = 1e-6;
+/// How many times as far as the last one a step along a direction goes, and the share of a phase that it leaves at least.
+const LONGER: f64 = 2.0;
+const LEFT: f64 = 0.5;
+/// Steps of switches below this share of a stage are left to the mode program, which moves switches within their stages.
+const STEP: f64 = 0.5;
 
 /// Phases of every stage: active cells and length.
 #[derive(Debug, Clone, PartialEq, Default)]
@@ -58,6 +63,58 @@ impl Sequence {
             t += length;
         }
         s
+    }
+
+    /// Phases over all stages: active cells, and when they begin.
+    fn phases(&self) -> Vec<(&[bool], f64)> {
+        let (mut out, mut t) = (Vec::<(&[bool], f64)>::new(), 0.0);
+        for (set, length) in self.stages.iter().flatten() {
+            if out.last().is_none_or(|p| p.0 != set) {
+                out.push((set, t));
+            }
+            t += length;
+        }
+        out
+    }
+
+    /// From a sequence `before` with the same phases to this one, which is better, and twice as far again: moves from stage to stage
+    /// then take a number of programs that grows with the logarithm of the number of stages. None where phases differ, or would
+    /// vanish, or where no switch leaves its stage.
+    pub fn beyond(&self, before: &Sequence) -> Option<Sequence> {
+        let (from, now) = (before.phases(), self.phases());
+        if from.len() != now.len() || from.iter().zip(&now).any(|(a, b)| a.0 != b.0) {
+            return None;
+        }
+        let stage: Vec<f64> = self.stages.iter().map(|s| s.iter().map(|p| p.1).sum()).collect();
+        let end: f64 = stage.iter().sum();
+        let moved: Vec<f64> = from.iter().zip(&now).map(|(a, b)| b.1 - a.1).chain([0.0]).collect();
+        let times: Vec<f64> = now.iter().map(|p| p.1).chain([end]).collect();
+        let mut factor = LONGER;
+        for (t, d) in times.windows(2).zip(moved.windows(2)) {
+            let (length, shrinks) = (t[1] - t[0], d[0] - d[1]);
+            if shrinks * factor > (1.0 - LEFT) * length {
+                factor = (1.0 - LEFT) * length / shrinks;
+            }
+        }
+        let usual = end / stage.len() as f64;
+        if moved.iter().all(|d| (factor * d).abs() < STEP * usual) {
+            return None;
+        }
+        let times: Vec<f64> = times.iter().zip(&moved).map(|(t, d)| t + factor * d).collect();
+        let mut out = Sequence { stages: Vec::with_capacity(stage.len()) };
+        let (mut t, mut first) = (0.0, 0);
+        for length in stage {
+            let (sliver, next) = (SLIVER * length, t + length);
+            while first + 1 < now.len() && times[first + 1] <= t + sliver {
+                first += 1;
+            }
+            let inside = (first..now.len()).take_while(|&k| k == first || times[k] < next - sliver);
+            let starts: Vec<(usize, f64)> = inside.map(|k| (k, if k == first { t } else { times[k] })).collect();
+            let ends = starts.iter().skip(1).map(|s| s.1).chain([next]);
+            out.stages.push(starts.iter().zip(ends).map(|(s, e)| (now[s.0].0.to_vec(), e - s.1)).collect());
+            t = next;
+        }
+        Some(out)
     }
 
     /// Sequences next to this one, the likeliest first; cells of one of `simplices` change at a time. Those that go on as the
@@ -236,6 +293,32 @@ mod tests {
             sequence(&["+", "+-", "-"]).neighbours(&one(), &[Across::Tied]).is_empty(),
             "no switch is between stages"
         );
+    }
+
+    #[test]
+    fn steps_that_were_better_are_followed_by_longer_ones() {
+        let at = |k: usize| -> Sequence {
+            let all: Vec<&str> = (0..20).map(|i| if i < k { "+" } else { "0" }).collect();
+            sequence(&all)
+        };
+        assert_eq!(words(&at(9).beyond(&at(8)).unwrap()), words(&at(11)));
+        assert_eq!(words(&at(7).beyond(&at(9)).unwrap()), words(&at(3)));
+        // a phase keeps half of its length
+        assert_eq!(words(&at(4).beyond(&at(12)).unwrap()), words(&at(2)));
+        assert!(at(1).beyond(&at(2)).is_some_and(|s| words(&s)[0] == "+0"));
+        // switches inside of stages stay inside
+        let inside = |first: f64| {
+            let mut s = sequence(&["+", "+", "+", "+", "+", "+0", "0", "0", "0", "0"]);
+            (s.stages[5][0].1, s.stages[5][1].1) = (first, 1.0 - first);
+            s
+        };
+        assert!(inside(0.5).beyond(&inside(0.4)).is_none(), "the program moves it by itself");
+        assert!(at(9).beyond(&at(9)).is_none());
+        let next = inside(0.75).beyond(&sequence(&["+", "+", "+", "+", "+", "0", "0", "0", "0", "0"])).unwrap();
+        assert_eq!((words(&next)[7].as_str(), next.stages[7][0].1), ("+0", 0.25));
+        assert!((next.stages.iter().flatten().map(|p| p.1).sum::<f64>() - 10.0).abs() < 1e-12);
+        let other = sequence(&["+", "-", "0"]);
+        assert!(sequence(&["+", "0", "0"]).beyond(&other).is_none());
     }
 
     #[test]

@@ -228,6 +228,7 @@ impl Ocp {
         let across = form.simplices_across(&self.linear, self.stage_params.is_some());
         let n_fe = self.elements(&request.options);
         let mut tried = Vec::new();
+        let mut before: Option<Sequence> = None;
         let mut left = NEIGHBOURS.max(request.search);
         let (mut followed, mut descended) = (0, 0);
         self.use_idle(found, &form, &n_fe, request, control)?;
@@ -239,7 +240,8 @@ impl Ocp {
             };
             tried.push(now.sets());
             let mut better = false;
-            for s in now.neighbours(&form.simplices, &across) {
+            let beyond = before.replace(now.clone()).and_then(|before| now.beyond(&before));
+            for s in beyond.into_iter().chain(now.neighbours(&form.simplices, &across)) {
                 if stop::requested().is_some() {
                     return Ok(());
                 }

@@ -883,6 +883,21 @@ const SWB_DOUBT_ACCURACY = swb_doubt(4)
 const SWB_DOUBT_STOPPED = swb_doubt(5)
 const NAMES_swb_doubt = [:none => 0, :data => 1, :infeasible => 2, :nodes => 3, :accuracy => 4, :stopped => 5]
 
+"""
+What the conditions of second order say of a point with multipliers of type S.
+
+- `SWB_SECOND_ORDER_STRICT_MINIMUM`: Sufficient conditions hold: a local minimum, and the only one near by.
+- `SWB_SECOND_ORDER_SADDLE`: The objective falls along the active constraints, whose gradients are independent: no local minimum.
+- `SWB_SECOND_ORDER_UNDECIDED`: Neither could be shown.
+- `SWB_SECOND_ORDER_UNKNOWN`: Not asked, or no point with multipliers of type S.
+"""
+const swb_second_order = Int64
+const SWB_SECOND_ORDER_STRICT_MINIMUM = swb_second_order(0)
+const SWB_SECOND_ORDER_SADDLE = swb_second_order(1)
+const SWB_SECOND_ORDER_UNDECIDED = swb_second_order(2)
+const SWB_SECOND_ORDER_UNKNOWN = swb_second_order(3)
+const NAMES_swb_second_order = [:strict_minimum => 0, :saddle => 1, :undecided => 2, :unknown => 3]
+
 # --- structs ---
 
 """
@@ -1147,6 +1162,7 @@ What a solve cost, or all steps of a simulation.
 - `n_pairs`: Complementarity pairs of the solved program; 0 for simulations.
 - `n_steps`: Steps of a simulation; else 0.
 - `n_homotopies`: Steps of a simulation that the homotopy had to decide; else 0.
+- `moved_bounds`: Bounds that were moved outwards by 1e-9, relative to them or to the unit of the scaled problem, because constraints left no room between them; the polish is under those given.
 """
 struct swb_stats
     struct_size::UInt64
@@ -1165,8 +1181,9 @@ struct swb_stats
     n_pairs::Int64
     n_steps::Int64
     n_homotopies::Int64
+    moved_bounds::Int64
 end
-sizeof(swb_stats) == 128 || error("swb_stats has another size than in C")
+sizeof(swb_stats) == 136 || error("swb_stats has another size than in C")
 
 """
 The linear systems of a solve: sizes, and work since the program was built.
@@ -1926,7 +1943,7 @@ end
 sizeof(swb_multiphase_info) == 72 || error("swb_multiphase_info has another size than in C")
 
 """
-What is known of the point of a program with pairs.
+What is known of the point of a program. Without pairs type S says that it satisfies the conditions of Karush, Kuhn and Tucker.
 
 - `struct_size`: Size of this struct in bytes.
 - `stationarity`: Type of stationarity (enum swb_stationarity).
@@ -1939,6 +1956,8 @@ What is known of the point of a program with pairs.
 - `lps`: Linear programs solved.
 - `lp_iterations`: Iterations in them.
 - `nodes`: Nodes of the searches.
+- `second_order`: What the conditions of second order say (enum swb_second_order). Discretised problems with modes are not asked.
+- `dependent`: Active constraints and bounds whose gradients depend on those of others; 0 where the conditions of second order were not looked at.
 """
 struct swb_certificate
     struct_size::UInt64
@@ -1952,8 +1971,10 @@ struct swb_certificate
     lps::Int64
     lp_iterations::Int64
     nodes::Int64
+    second_order::Int64
+    dependent::Int64
 end
-sizeof(swb_certificate) == 88 || error("swb_certificate has another size than in C")
+sizeof(swb_certificate) == 104 || error("swb_certificate has another size than in C")
 
 # --- functions ---
 
@@ -2318,6 +2339,7 @@ const NAMES = [
     :swb_mpcc_free,
     :swb_stationarity_name,
     :swb_doubt_name,
+    :swb_second_order_name,
     :swb_mpcc_set_name,
     :swb_mpcc_set_names,
     :swb_mpcc_get_name,
@@ -6745,6 +6767,13 @@ Name of an enum swb_doubt, such as \"nodes\"; NULL for any other number. Static.
 swb_doubt_name(doubt) = ccall(address(360), Cstring, (Int32,), doubt)
 
 """
+    swb_second_order_name(second_order) -> Cstring
+
+Name of an enum swb_second_order, such as \"saddle\"; NULL for any other number. Static.
+"""
+swb_second_order_name(second_order) = ccall(address(361), Cstring, (Int32,), second_order)
+
+"""
     swb_mpcc_set_name(mpcc, kind, index, name) -> swb_status
 
 Name a variable, a constraint or a pair: reports and messages of the log use it.
@@ -6755,7 +6784,7 @@ Name a variable, a constraint or a pair: reports and messages of the log use it.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if there is no such index
 """
 swb_mpcc_set_name(mpcc, kind, index, name) =
-    ccall(address(361), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
+    ccall(address(362), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Cstring), mpcc, kind, index, name)
 
 """
     swb_mpcc_set_names(mpcc, kind, names, n) -> swb_status
@@ -6768,7 +6797,7 @@ Name all variables, constraints or pairs.
 @return SWB_OK; SWB_ERR_RANGE if there is no such kind; SWB_ERR_DIMENSION if n is not their number
 """
 swb_mpcc_set_names(mpcc, kind, names, n) =
-    ccall(address(362), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
+    ccall(address(363), swb_status, (Ptr{swb_mpcc}, Int32, Ptr{Cstring}, Int64), mpcc, kind, names, n)
 
 """
     swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) -> swb_status
@@ -6782,7 +6811,7 @@ Name of a variable, constraint or pair, such as \"T_out\"; \"variable 3\" withou
         buffer is too short
 """
 swb_mpcc_get_name(mpcc, kind, index, buf, len, needed) =
-    ccall(address(363), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
+    ccall(address(364), swb_status, (Ptr{swb_mpcc}, Int32, Int64, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, kind, index,
         buf, len, needed)
 
 """
@@ -6799,7 +6828,7 @@ min(G, H).
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_worst(mpcc, kinds, indices, violations, k, found) =
-    ccall(address(364), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
+    ccall(address(365), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64}), mpcc,
         kinds, indices, violations, k, found)
 
 """
@@ -6823,7 +6852,7 @@ order.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_conflict(mpcc, kinds, indices, weights, k, found, gap, residual) =
-    ccall(address(365), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
+    ccall(address(366), swb_status, (Ptr{swb_mpcc}, Ptr{Int32}, Ptr{Int64}, Ptr{Cdouble}, Int64, Ptr{Int64},
         Ptr{Cdouble}, Ptr{Cdouble}), mpcc, kinds, indices, weights, k, found, gap, residual)
 
 """
@@ -6836,7 +6865,7 @@ What is known of the point of the last solve: type of stationarity, B-stationari
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_certificate(mpcc, certificate, struct_size) =
-    ccall(address(366), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
+    ccall(address(367), swb_status, (Ptr{swb_mpcc}, Ptr{swb_certificate}, UInt64), mpcc, certificate, struct_size)
 
 """
     swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) -> swb_status
@@ -6849,7 +6878,7 @@ that the option tol is compared with.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_scaled_residuals(mpcc, residuals, struct_size) =
-    ccall(address(367), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
+    ccall(address(368), swb_status, (Ptr{swb_mpcc}, Ptr{swb_residuals}, UInt64), mpcc, residuals, struct_size)
 
 """
     swb_mpcc_get_linear_stats(mpcc, stats, struct_size) -> swb_status
@@ -6861,7 +6890,7 @@ Sizes, pivots and work of the linear systems, since the program was built.
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_get_linear_stats(mpcc, stats, struct_size) =
-    ccall(address(368), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
+    ccall(address(369), swb_status, (Ptr{swb_mpcc}, Ptr{swb_linear_stats}, UInt64), mpcc, stats, struct_size)
 
 """
     swb_mpcc_statistics_json(mpcc, buf, len, needed) -> swb_status
@@ -6873,7 +6902,7 @@ Everything about the last solve but the point, as one JSON object: see docs/mpcc
 @return SWB_OK; SWB_ERR_DIMENSION if the buffer is too short; SWB_ERR_STATE before the first solve
 """
 swb_mpcc_statistics_json(mpcc, buf, len, needed) =
-    ccall(address(369), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(370), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 """
     swb_mpcc_report_text(mpcc, buf, len, needed) -> swb_status
@@ -6885,6 +6914,6 @@ The same for people: a table with the worst violations and what looks wrong abou
 @return as swb_mpcc_statistics_json
 """
 swb_mpcc_report_text(mpcc, buf, len, needed) =
-    ccall(address(370), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
+    ccall(address(371), swb_status, (Ptr{swb_mpcc}, Ptr{UInt8}, Int64, Ptr{Int64}), mpcc, buf, len, needed)
 
 end # module

@@ -109,6 +109,20 @@ impl Faer {
     }
 }
 
+impl Faer {
+    /// Factors a unit matrix of the structure `upper`: the matrix products below keep memory for every thread, which they take when
+    /// they are first called on it. A solver that moves to another thread takes it there once more.
+    fn rehearse(&mut self, upper: &Pattern) {
+        let mut unit = vec![0.0; self.nnz_a];
+        for k in (0..self.n).filter_map(|j| upper.get(j, j)) {
+            unit[k] = 1.0;
+        }
+        self.factor(&unit);
+        self.factored = false;
+        (self.min_abs, self.max_abs) = (0.0, 0.0);
+    }
+}
+
 fn failed(e: FaerError, n: usize) -> Error {
     Error::Library(format!("faer: {e:?} in the analysis of a matrix with {n} rows"))
 }
@@ -198,6 +212,7 @@ impl SymmetricSolver for Faer {
             self.forward = vec![0; n];
             self.inverse = vec![0; n];
         }
+        self.rehearse(upper);
         Ok(())
     }
 
@@ -494,4 +509,40 @@ fn transposed(p: &Pattern) -> (Pattern, Vec<usize>) {
         src[pos] = k;
     }
     (t, src)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::memory::allocations;
+
+    /// Blocks of all sizes: dense ones large enough for every routine behind the matrix products, and those of a sparse matrix.
+    #[test]
+    fn nothing_is_allocated_after_the_analysis() {
+        let n = 300;
+        let dense = Pattern::dense_upper(n);
+        let band: Vec<(usize, usize)> = (0..n).flat_map(|j| (j.saturating_sub(3)..=j).map(move |i| (i, j))).collect();
+        let (rows, cols): (Vec<usize>, Vec<usize>) = band.into_iter().unzip();
+        let band = Pattern::from_triplets(n, n, &rows, &cols).0;
+        for p in [&band, &dense] {
+            let mut v = vec![0.1; p.nnz()];
+            for j in 0..n {
+                v[p.range(j).end - 1] = if j % 3 == 0 { -100.0 } else { 100.0 };
+            }
+            let nan = vec![f64::NAN; p.nnz()];
+            for form in [Form::Simplicial, Form::Supernodal, Form::Pivoted] {
+                let mut s = Faer::new(form, Ordering::Amd);
+                s.analyse(p).unwrap();
+                let mut x = vec![1.0; n];
+                let before = allocations();
+                assert!(before > 0, "the counter must count");
+                for _ in 0..2 {
+                    assert!(matches!(s.factor(&nan), Factorisation::Singular { .. }));
+                    assert_eq!(s.factor(&v), Factorisation::Ok(Inertia { positive: 200, negative: 100, zero: 0 }));
+                    s.solve(&mut x);
+                }
+                assert_eq!(allocations(), before, "{form:?}");
+            }
+        }
+    }
 }

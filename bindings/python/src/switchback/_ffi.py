@@ -524,6 +524,15 @@ class Doubt(Names):
     STOPPED = 5
 
 
+class SecondOrder(Names):
+    """enum swb_second_order"""
+
+    STRICT_MINIMUM = 0
+    SADDLE = 1
+    UNDECIDED = 2
+    UNKNOWN = 3
+
+
 swb_log_fn = CFUNCTYPE(None, c_int64, c_char_p, c_void_p)
 swb_iteration_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
 swb_value_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p)
@@ -633,6 +642,7 @@ class swb_stats(Structure):
         ("n_pairs", c_int64),
         ("n_steps", c_int64),
         ("n_homotopies", c_int64),
+        ("moved_bounds", c_int64),
     ]
 
 
@@ -1054,6 +1064,8 @@ class swb_certificate(Structure):
         ("lps", c_int64),
         ("lp_iterations", c_int64),
         ("nodes", c_int64),
+        ("second_order", c_int64),
+        ("dependent", c_int64),
     ]
 
 
@@ -1419,6 +1431,7 @@ FUNCTIONS = {
     "swb_mpcc_free": (None, [c_void_p]),
     "swb_stationarity_name": (c_char_p, [c_int32]),
     "swb_doubt_name": (c_char_p, [c_int32]),
+    "swb_second_order_name": (c_char_p, [c_int32]),
     "swb_mpcc_set_name": (c_int32, [c_void_p, c_int32, c_int64, c_char_p]),
     "swb_mpcc_set_names": (c_int32, [c_void_p, c_int32, c_void_p, c_int64]),
     "swb_mpcc_get_name": (c_int32, [c_void_p, c_int32, c_int64, c_void_p, c_int64, c_void_p]),

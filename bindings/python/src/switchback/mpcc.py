@@ -77,7 +77,7 @@ class Conflict(NamedTuple):
 class Certificate:
     """What is known of a point: the strongest type of stationarity ("S", "M", "C", "A", "W", "none", "unknown") for
     which multipliers are known, `sharp` if there are none of a stronger type; `b_stationary` None if undecided, and
-    `doubt` what that failed at. `biactive` pairs have both members zero; `strict` if none of their multipliers is."""
+    `doubt` what that failed at. Without pairs "S" is a point of Karush, Kuhn and Tucker. `biactive` pairs have both members zero; `strict` if none of their multipliers is."""
 
     stationarity: str
     sharp: bool
@@ -89,6 +89,10 @@ class Certificate:
     lps: int
     lp_iterations: int
     nodes: int
+    #: "strict_minimum", "saddle", "undecided", or "unknown" where the type of stationarity is not S or was not asked for.
+    second_order: str
+    #: Active constraints and bounds whose gradients depend on those of others.
+    dependent: int
 
     @classmethod
     def _of(cls, c: Any) -> Certificate:
@@ -103,6 +107,8 @@ class Certificate:
             c.lps,
             c.lp_iterations,
             c.nodes,
+            (lib.swb_second_order_name(c.second_order) or b"unknown").decode(),
+            c.dependent,
         )
 
 

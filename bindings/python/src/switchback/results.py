@@ -48,6 +48,7 @@ class Stats(_FromStruct):
     n_pairs: int
     n_steps: int
     n_homotopies: int
+    moved_bounds: int
 
 
 @dataclass(frozen=True)
