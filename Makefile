@@ -148,7 +148,7 @@ check-lint:
 # The backend on faer, which the library is built without, is tested by itself and by whole solves.
 check-rust:
 	$(CARGO) test --profile tests
-	$(CARGO) test --features faer --lib faer
+	$(CARGO) test --profile tests --features faer --lib faer
 
 # What crates.io would get, and a crate that depends on it.
 check-crate:

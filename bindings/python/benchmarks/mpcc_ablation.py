@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 import mpcc_compare
+import mpcc_growth
 import mpcc_ipopt
 import mpcc_profile
 import mpcc_train
@@ -152,6 +153,20 @@ IPOPT's.
 ```
 
 ![iterations of the variants](mpcc-ablation.svg)
+
+## Growth along time
+
+Processor milliseconds of an iteration of programs that are banded along time, written by `mpcc_growth.py --json
+docs/benchmarks/data/mpcc-growth.json`: all, in functions, in linear algebra, elsewhere; factorisations and solutions of
+an iteration, steps of refinement of a solution, entries of the factor for each variable. `pendulum` has no pairs. A solve
+of it is seven iterations, so that what a call does once weighs most. All are processor time; how it is split is told by the
+clock on the wall, and this run shared its two cores with much other work, so that splits of totals below a millisecond mean little.
+
+```
+{growth}
+```
+
+{exponents}
 """
 
 MODE_WORDS = {
@@ -226,6 +241,18 @@ def variant_table(rows: dict[str, dict], default: dict) -> str:
     return "\n".join(lines)
 
 
+def growth(out: Path) -> tuple[str, str]:
+    """The table of mpcc_growth.py, and its exponents in a sentence."""
+    rows = json.loads((out / "data" / "mpcc-growth.json").read_text())
+    words = []
+    for name in dict.fromkeys(r["problem"] for r in rows):
+        own = [r for r in rows if r["problem"] == name]
+        keys = {"all": "ms", "functions": "ms_functions", "linear algebra": "ms_linear_algebra", "elsewhere": "ms_other"}
+        words.append(f"{name} " + ", ".join(f"{k} {mpcc_growth.exponent(own, v):.2f}" for k, v in keys.items()))
+    sentence = "Exponents of the number of variables, by least squares in logarithms: " + "; ".join(words) + "."
+    return mpcc_growth.table(rows), sentence
+
+
 def write_page(out: Path) -> None:
     """Page and plots from the data."""
     record = json.loads((out / "data" / "mpcc-train.json").read_text())
@@ -249,7 +276,7 @@ def write_page(out: Path) -> None:
             runs=RUNS[run["ipopt_cached"]], count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"],
             repeat=run["repeat"], note=f" {run['note']}" if run.get("note") else "", mode=MODE_WORDS[run["ipopt_mode"]], limit=run["limit"], hard_count=len(hard["problems"]),
             hard_families=family_table(hard), hard_lists=lists(hard), certificates=certificates(rows + hard["problems"]),
-            families=family_table(record), lists=lists(record),
+            families=family_table(record), lists=lists(record), growth=growth(out)[0], exponents=growth(out)[1],
             variants=variant_table({k: v["figures"] for k, v in ablation.items()}, record["summary"]),
         )
     )  # fmt: skip

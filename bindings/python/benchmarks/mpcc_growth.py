@@ -123,6 +123,24 @@ def measure(name: str, size: int, limit: float) -> dict[str, Any]:
     }
 
 
+HEAD = (
+    f"{'program':<9} {'n':>6} {'its':>5} {'all':>8} {'func':>7} {'linalg':>7} {'other':>7} {'fact':>5} {'solve':>5} "
+    f"{'refine':>6} {'nnz(L)/n':>8}  outcome"
+)
+
+
+def line(r: dict[str, Any]) -> str:
+    return (
+        f"{r['problem']:<9} {r['n']:6} {r['iterations']:5} {r['ms']:8.3f} {r['ms_functions']:7.3f} "
+        f"{r['ms_linear_algebra']:7.3f} {r['ms_other']:7.3f} {r['factorisations']:5.2f} {r['solves']:5.2f} "
+        f"{r['refinement']:6.2f} {r['nnz_l'] / r['n']:8.1f}  {r['outcome']}"
+    )
+
+
+def table(rows: list[dict[str, Any]]) -> str:
+    return "\n".join([HEAD, *map(line, rows)])
+
+
 def exponent(rows: list[dict[str, Any]], key: str) -> float:
     n, t = (np.log([max(r[k], 1e-9) for r in rows]) for k in ("n", key))
     return float(np.polyfit(n, t, 1)[0])
@@ -136,16 +154,13 @@ def main() -> None:
     parser.add_argument("--json", type=Path)
     args = parser.parse_args()
     everything = []
+    print(HEAD)
     for name in args.problems:
-        print(f"{name}: milliseconds of an iteration\n{'n':>6} {'its':>5} {'all':>8} {'func':>7} {'linalg':>7} {'other':>7} "
-              f"{'fact':>5} {'solve':>5} {'refine':>6} {'nnz(L)/n':>8}  outcome")  # fmt: skip
         rows = []
         for size in args.sizes:
             r = measure(name, size, args.limit)
             rows.append(r)
-            print(f"{r['n']:6} {r['iterations']:5} {r['ms']:8.3f} {r['ms_functions']:7.3f} {r['ms_linear_algebra']:7.3f} "
-                  f"{r['ms_other']:7.3f} {r['factorisations']:5.2f} {r['solves']:5.2f} {r['refinement']:6.2f} "
-                  f"{r['nnz_l'] / r['n']:8.1f}  {r['outcome']}, polish {r['polished']}", flush=True)  # fmt: skip
+            print(line(r), flush=True)
         if len(rows) > 1:
             keys = ("ms", "ms_functions", "ms_linear_algebra", "ms_other")
             print("exponents: " + ", ".join(f"{k} {exponent(rows, k):.2f}" for k in keys))
