@@ -1859,6 +1859,39 @@ typedef int32_t swb_doubt;
 #endif // __cplusplus
 
 /**
+ * What the conditions of second order say of a point with multipliers of type S.
+ */
+enum swb_second_order
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int32_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Sufficient conditions hold: a local minimum, and the only one near by.
+     */
+    SWB_SECOND_ORDER_STRICT_MINIMUM = 0,
+    /**
+     * The objective falls along the active constraints, whose gradients are independent: no local minimum.
+     */
+    SWB_SECOND_ORDER_SADDLE = 1,
+    /**
+     * Neither could be shown.
+     */
+    SWB_SECOND_ORDER_UNDECIDED = 2,
+    /**
+     * Not asked, or no point with multipliers of type S.
+     */
+    SWB_SECOND_ORDER_UNKNOWN = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_second_order swb_second_order;
+#else
+typedef int32_t swb_second_order;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * What an optimal control is as a point of the control problem: is the cost stationary under changes of controls, free
  * lengths, free parameters and free initial states, when every change is simulated by events?
  */
