@@ -3,7 +3,9 @@
 use std::sync::Arc;
 
 use super::assembly::Program;
+use super::modal::Held;
 use super::modes::{ContactMode, Phase, Sequence};
+use super::overlap::Witness;
 use super::problem::{Problem, Statement};
 use super::track::{Piece, Track};
 use super::transcribe::Transcription;
@@ -128,7 +130,9 @@ fn mode_programs_have_the_derivatives_of_their_values() {
             vec![phase(Slides, None), phase(SlidesBack, None), phase(Open, None)],
         ],
     };
-    check(&mut modal::transcribe(&p, &s, &track(&p)));
+    // and a gap between stage points
+    let held = Held { witnesses: vec![Witness { element: 0, contact: 0, share: 0.4 }], ..Held::default() };
+    check(&mut modal::transcribe(&p, &s, &track(&p), &held));
 }
 
 #[test]

@@ -1,7 +1,9 @@
 //! The answer of one mode sequence: its contact mode program is solved, or given up early.
 
-use super::modal;
+use super::guards::{self, Touched};
+use super::modal::{self, Held};
 use super::modes::Sequence;
+use super::overlap::overlaps;
 use super::problem::Problem;
 use super::search::Answer;
 use super::track::Track;
@@ -27,17 +29,51 @@ pub(super) struct Limits {
     pub(super) cost: f64,
 }
 
+/// How often a motion with bodies that overlap between the points of its program is solved for again, with their gaps held there.
+const WITNESSED: usize = 3;
+
+/// Solves for the sequence of an answer with gaps held where bodies overlap in it, as long as there is a solution; the answer, or nothing
+/// where it is none any more or bodies still overlap.
+pub(super) fn without_overlap(
+    p: &Problem,
+    first: &Answer,
+    settings: MpccSettings,
+    limits: Limits,
+    control: &mut Control,
+) -> Result<Option<(Answer, Solved)>> {
+    let mut held = Held::default();
+    let mut found: Option<(Answer, Solved)> = None;
+    for _ in 0..WITNESSED {
+        let last = found.as_ref().map_or(first, |f| &f.0);
+        let more = overlaps(p, &last.track);
+        if more.is_empty() {
+            break;
+        }
+        held.witnesses.extend(more);
+        let (sequence, guess) = (last.sequence.clone(), last.track.clone());
+        let next = solve_sequence(p, &sequence, &guess, &held, None, settings, limits, control)?;
+        let solved = next.0.is_solved();
+        found = Some(next);
+        if !solved {
+            break;
+        }
+    }
+    Ok(found)
+}
+
 /// Solves the contact mode program of a sequence, or gives it up at `limits`.
+#[allow(clippy::too_many_arguments)]
 pub(super) fn solve_sequence(
     p: &Problem,
     sequence: &Sequence,
     guess: &Track,
+    held: &Held,
     point: Option<&[Vec<f64>; 3]>,
     settings: MpccSettings,
     limits: Limits,
     control: &mut Control,
 ) -> Result<(Answer, Solved)> {
-    let mut t = modal::transcribe(p, sequence, guess);
+    let mut t = modal::transcribe(p, sequence, guess, held);
     t.bounds.validate(t.program.n(), t.program.m())?;
     stop::check_building(t.program.n())?;
     let mut solver = MpccSolver::new(&mut t.program, settings)?;
@@ -52,9 +88,18 @@ pub(super) fn solve_sequence(
         Outcome::Solved => (s.residuals.primal, None),
         _ => t.violation(&s.x),
     };
+    let known = std::mem::take(&mut t.guards);
+    let touched = match s.outcome {
+        Outcome::Solved => guards::touched(&known, &mut t, &s.x),
+        _ => Vec::new(),
+    };
+    t.guards = known;
     let params = (0..t.params.len()).filter_map(|j| t.params[j].map(|v| (j, s.x[v]))).collect();
     let lengths = modal::phase_lengths(p, sequence, &track);
     let vanishing = modal::vanishing(&lengths);
+    let gradient = t.controls.iter().flat_map(|&u| s.z[u..u + p.given.dims.u].to_vec()).collect();
+    let kinks = kinks(p, sequence, &track, &touched);
+    let overlap = s.outcome == Outcome::Solved && !overlaps(p, &track).is_empty();
     let planned = sequence.clone();
     let mut sequence = sequence.clone();
     for (stage, lengths) in sequence.stages.iter_mut().zip(&lengths) {
@@ -70,6 +115,11 @@ pub(super) fn solve_sequence(
         track,
         cost,
         vanishing,
+        touched,
+        settled: false,
+        overlap,
+        kinks,
+        gradient,
         residuals: s.residuals,
         certificate: s.certificate,
         stats: s.stats,
@@ -77,12 +127,28 @@ pub(super) fn solve_sequence(
         tried: 1,
         violation,
         broken,
+        blame: None,
         point: [s.x, s.y, s.z],
         planned,
         params,
         trouble,
     };
     Ok((answer, Solved { transcription: t, solver }))
+}
+
+/// Events between control stages, and conditions of modes that are reached: the control stage, the time, and whether it is the latter.
+fn kinks(p: &Problem, s: &Sequence, track: &Track, touched: &[Touched]) -> Vec<(usize, f64, bool)> {
+    let phases = modal::phases_of_plan(p, s);
+    let start = |phase: (usize, usize)| {
+        let first = phases.iter().position(|at| *at == phase);
+        first.and_then(|k| track.pieces.get(k)).map_or(f64::NAN, |piece| piece.t)
+    };
+    let between = s.events().into_iter().filter(|e| e.5 && e.4 > 0).map(|e| (e.4, start((e.4, 0)), false));
+    let reached = touched.iter().map(|t| (t.phase.0, start(t.phase), true));
+    let mut out: Vec<(usize, f64, bool)> = between.chain(reached).collect();
+    out.sort_by(|a, b| (a.0, a.2).cmp(&(b.0, b.2)).then(a.1.total_cmp(&b.1)));
+    out.dedup();
+    out
 }
 
 fn run(

@@ -10,14 +10,17 @@
 
 mod align;
 mod assembly;
+mod blame;
 mod complementary;
 #[cfg(test)]
 mod derivative_tests;
 mod exact;
 mod functions;
+mod guards;
 mod modal;
 mod modes;
 mod neighbours;
+mod overlap;
 mod problem;
 mod result;
 mod search;
@@ -27,6 +30,7 @@ mod stepping;
 mod track;
 mod transcribe;
 
+pub use blame::Blame;
 pub use exact::Solved;
 pub use modes::{ContactMode, Key, Phase, Sequence};
 pub use problem::{Problem, Statement};

@@ -18,13 +18,16 @@
 
 use super::align::align;
 use super::assembly::{Input, NOWHERE};
+use super::guards::{Condition, Guard, Limit};
 use super::modes::{ContactMode, Phase, Sequence};
+use super::overlap::Witness;
 use super::problem::Problem;
 use super::track::Track;
 use super::transcribe::{Forces, Jump, Place, Planned, Transcriber, Transcription, EQUAL, FREE, INF, POSITIVE};
 use crate::fesd::Durations;
 use crate::func::Point;
 use crate::system::SharedFunction;
+use crate::tableau::Tableau;
 
 /// Shortest phase, as a share of its control stage. One that gets there wants to vanish: another sequence is to be tried.
 pub(super) const SHORTEST: f64 = 1e-4;
@@ -58,12 +61,26 @@ pub(super) fn plan(p: &Problem, s: &Sequence) -> Vec<Planned> {
     plan
 }
 
+/// What is held besides the conditions of the modes at stage points, and what is not held.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Held {
+    /// Gaps between stage points.
+    pub(super) witnesses: Vec<Witness>,
+    /// A contact whose gap may be negative.
+    pub(super) without_gap: Option<usize>,
+    /// A contact whose friction has no cone.
+    pub(super) without_cone: Option<usize>,
+}
+
 /// The program of a sequence, started from a guess whose phases are as long as the shares of the sequence say.
-pub(super) fn transcribe(p: &Problem, s: &Sequence, guess: &Track) -> Transcription {
+pub(super) fn transcribe<'a>(p: &'a Problem, s: &Sequence, guess: &'a Track, held: &'a Held) -> Transcription {
     let mut plan = plan(p, s);
     align(&mut plan, guess);
-    let mut m = Modal { t: Transcriber::new(p, guess), opened: vec![None; p.n_contacts()] };
+    let opened = vec![None; p.n_contacts()];
+    let mut m = Modal { t: Transcriber::new(p, guess), held, opened, guards: Vec::new(), phase: (0, 0) };
+    let phases = phases_of_plan(p, s);
     for k in 0..plan.len() {
+        m.phase = phases[k];
         if k == 0 || plan[k].stage != plan[k - 1].stage {
             m.t.stage();
         }
@@ -78,8 +95,19 @@ pub(super) fn transcribe(p: &Problem, s: &Sequence, guess: &Track) -> Transcript
         }
         m.note_openings(k.checked_sub(1).map(|k| &plan[k]), &plan[k], n);
         m.contacts(n, &plan[k], plan.get(k + 1));
+        held.witnesses.iter().filter(|w| w.element == n).for_each(|w| m.hold_at(w, &plan[k]));
     }
-    m.t.finish()
+    let guards = m.guards;
+    Transcription { guards, ..m.t.finish() }
+}
+
+/// The phase of every element of a plan: its control stage and place in that.
+pub(super) fn phases_of_plan(p: &Problem, s: &Sequence) -> Vec<(usize, usize)> {
+    let of_stage = |(k, stage): (usize, &Vec<Phase>)| {
+        let of = |(j, phase): (usize, &Phase)| vec![(k, j); n_elements(p, k, phase)];
+        stage.iter().enumerate().flat_map(of).collect::<Vec<_>>()
+    };
+    s.stages.iter().enumerate().flat_map(of_stage).collect()
 }
 
 /// Largest gap, and rate of a gap, of a contact that is closed at a given initial state, as a share of the size of the state: what
@@ -117,13 +145,22 @@ fn modes(plan: &Planned) -> &[ContactMode] {
 /// Adds the contacts.
 struct Modal<'a> {
     t: Transcriber<'a>,
+    held: &'a Held,
     /// Where open contacts have opened: what the gap has drifted off zero while it was closed is no violation.
     opened: Vec<Option<Place>>,
+    guards: Vec<Guard>,
+    /// The phase that is written.
+    phase: (usize, usize),
 }
 
 impl Modal<'_> {
     fn n_contacts(&self) -> usize {
         self.t.p.n_contacts()
+    }
+
+    /// Notes a condition of a mode.
+    fn guard(&mut self, contact: usize, condition: Condition, limit: Limit) {
+        self.guards.push(Guard { contact, phase: self.phase, condition, limit });
     }
 
     /// Variables of the force of a contact, or of an impulse, that start from these values.
@@ -136,13 +173,19 @@ impl Modal<'_> {
     /// Friction of a contact that is closed in this mode: inside of the cone, or on its border.
     fn friction(&mut self, i: usize, mode: ContactMode, inputs: &[Input]) {
         let Some(cone) = &self.t.contact(i).cone else { return };
+        if self.held.without_cone == Some(i) {
+            return;
+        }
         // outputs μλ − τ, μλ + τ; where one is zero the other is implied
         let rows = match mode {
             ContactMode::Slides => [NOWHERE, self.t.b.rows(1, EQUAL) as u32],
             ContactMode::SlidesBack => [self.t.b.rows(1, EQUAL) as u32, NOWHERE],
             _ => {
-                let both = self.t.b.rows(2, POSITIVE) as u32;
-                [both, both + 1]
+                let both = self.t.b.rows(2, POSITIVE);
+                [both, both + 1].map(|row| {
+                    self.guard(i, Condition::Cone, Limit::Row(row));
+                    row as u32
+                })
             }
         };
         self.t.b.term(cone, inputs, 1.0, None, rows);
@@ -170,6 +213,7 @@ impl Modal<'_> {
                 let t = plan.from[0] + self.t.p.given.tableau.c[j] * (plan.from[1] - plan.from[0]);
                 let h = plan.span[1] - plan.span[0];
                 let forces = self.forces(i, self.t.guess.force(t, i).map(|f| h * f));
+                self.guard(i, Condition::Force, Limit::LowerBound(forces.normal));
                 self.t.add_force(n, j, i, forces, true);
                 let c = self.t.contact(i);
                 self.t.row(&c.rate, &inputs, EQUAL);
@@ -182,11 +226,9 @@ impl Modal<'_> {
                         }
                         // where it stops the speed is zero: a row of the event
                         _ if stops => {}
-                        ContactMode::Slides => {
-                            self.t.row(slide, &inputs, POSITIVE);
-                        }
                         _ => {
-                            self.t.row(slide, &inputs, [-INF, 0.0]);
+                            let row = self.t.row(slide, &inputs, speeds(mode));
+                            self.guard(i, Condition::Speed, Limit::Row(row));
                         }
                     }
                 }
@@ -202,13 +244,43 @@ impl Modal<'_> {
     }
 
     fn gap_not_negative(&mut self, i: usize, at: Place, stage: usize) {
+        if self.held.without_gap == Some(i) {
+            return;
+        }
         let gap = &self.t.contact(i).gap;
         let inputs = self.t.inputs(at, stage, &[]);
         let row = self.t.row(gap, &inputs, POSITIVE);
+        self.guard(i, Condition::Gap, Limit::Row(row));
         if let Some(opened) = self.opened[i] {
             let inputs = self.t.inputs(opened, stage, &[]);
             self.t.b.term(gap, &inputs, -1.0, None, [row as u32]);
         }
+    }
+
+    /// Holds the gap of an open contact at a share of an element, at the coordinates of the polynomial there.
+    fn hold_at(&mut self, w: &Witness, plan: &Planned) {
+        let n_q = self.t.p.functions.n_q;
+        let (start, points) = (self.t.elements[w.element].start, self.t.elements[w.element].points.clone());
+        let mut weights = [0.0; Tableau::MAX_STAGES];
+        let weights = &mut weights[..points.len()];
+        if self.t.p.given.tableau.state_weights(w.share, weights).is_err() {
+            return;
+        }
+        let first = 1.0 - weights.iter().sum::<f64>();
+        let q = self.t.b.variables(n_q, FREE, 0.0, 1.0);
+        let rows = self.t.b.rows(n_q, EQUAL);
+        for i in 0..n_q {
+            self.t.b.linear(rows + i, q + i, 1.0);
+            self.t.b.linear(rows + i, start.q + i, -first);
+            let mut value = first * self.t.b.start[start.q + i];
+            for (at, weight) in points.iter().zip(weights.iter()) {
+                self.t.b.linear(rows + i, at.q + i, -weight);
+                value += weight * self.t.b.start[at.q + i];
+            }
+            self.t.b.start[q + i] = value;
+        }
+        let end = self.t.elements[w.element].end();
+        self.gap_not_negative(w.contact, Place { q, ..end }, plan.stage);
     }
 
     /// Remembers where contacts open, and forgets it where they close.
@@ -348,6 +420,7 @@ impl Modal<'_> {
             let start = self.guessed_impulse(plan.from[0], i);
             let forces = self.forces(i, start);
             impact.impulses[i] = Some(forces);
+            self.guard(i, Condition::Force, Limit::LowerBound(forces.normal));
             if !was_closed && x0_is_free {
                 let inputs = self.t.inputs(impact.before, control, &[]);
                 self.t.row(&c.gap, &inputs, EQUAL);
@@ -355,12 +428,10 @@ impl Modal<'_> {
             let both = self.both_velocities(impact.before, at, control);
             self.t.row(&c.rebound, &both, EQUAL);
             if let Some(slide) = &c.slide {
-                let bounds = match parts[i] {
-                    ContactMode::Closed => EQUAL,
-                    ContactMode::Slides => POSITIVE,
-                    _ => [-INF, 0.0],
-                };
-                self.t.row(slide, &inputs, bounds);
+                let row = self.t.row(slide, &inputs, speeds(parts[i]));
+                if parts[i].sign() != 0.0 {
+                    self.guard(i, Condition::Speed, Limit::Row(row));
+                }
             }
             let inputs = self.t.force_inputs(at, control, None, forces);
             self.friction(i, parts[i], &inputs);
@@ -382,6 +453,15 @@ impl Modal<'_> {
         let later = (after.v..after.v + n_v).map(Input::Variable);
         inputs.splice(n_q + n_v..n_q + n_v, later);
         inputs
+    }
+}
+
+/// Bounds of the sliding speed of a closed contact.
+fn speeds(mode: ContactMode) -> [f64; 2] {
+    match mode {
+        ContactMode::Slides => POSITIVE,
+        ContactMode::SlidesBack => [-INF, 0.0],
+        _ => EQUAL,
     }
 }
 

@@ -1,6 +1,7 @@
 //! Mode sequences next to one: events in other control stages or between two, phases left out, other friction, contacts and impacts
 //! left out, impacts put in.
 
+use super::guards::{Condition, Touched};
 use super::modes::{ContactMode, Phase, Sequence};
 
 /// Share of a stage that a phase begins with where an event moves into the stage.
@@ -156,21 +157,55 @@ pub(super) fn with_impact(s: &Sequence, k: usize, j: usize, c: usize) -> Option<
     Some(out)
 }
 
-/// Without item `i`: the phases on both sides meet, with the impacts of both ends.
-fn without(items: &[Item], i: usize) -> Option<Vec<Item>> {
+/// Without item `i`: the phases on both sides meet, and where both begin with an impact it is one of all contacts in either of them, or
+/// one of them alone.
+fn without(items: &[Item], i: usize) -> Vec<Vec<Item>> {
     let alone = !items.iter().enumerate().any(|(k, o)| k != i && o.stage == items[i].stage);
     if alone {
-        return None;
+        return Vec::new();
     }
-    let mut out = items.to_vec();
-    let gone = out.remove(i).phase;
-    if let Some(next) = out.get_mut(i) {
-        if let (Some(parts), None) = (&gone.jump, &next.phase.jump) {
-            // who is not closed any more has no part in the impact, unless it bounces off
-            next.phase.jump = Some(parts.clone());
+    let mut rest = items.to_vec();
+    let gone = rest.remove(i).phase.jump;
+    let own = rest.get(i).and_then(|next| next.phase.jump.clone());
+    let jumps = match (gone, own) {
+        // who is not closed any more has no part in the impact, unless it bounces off
+        (Some(parts), None) => vec![Some(parts)],
+        (Some(first), Some(second)) if first != second => {
+            let part = |(a, b): (&ContactMode, &ContactMode)| if b.is_closed() { *b } else { *a };
+            let both = first.iter().zip(&second).map(part).collect();
+            vec![Some(both), Some(first), Some(second)]
         }
+        (_, own) => vec![own],
+    };
+    let with = |jump: Option<Vec<ContactMode>>| {
+        let mut out = rest.clone();
+        if let Some(next) = out.get_mut(i) {
+            next.phase.jump = jump;
+        }
+        out
+    };
+    jumps.into_iter().map(with).collect()
+}
+
+/// Contact `c`, which is closed, open in item `i`: it lands again behind it, or is open as long as it was closed.
+fn opening(items: &[Item], i: usize, c: usize) -> Vec<Vec<Item>> {
+    let run = (i..items.len())
+        .take_while(|&k| items[k].phase.modes[c].is_closed() && (k == i || !takes_part(&items[k].phase, c)));
+    let run: Vec<usize> = run.collect();
+    let Some(&last) = run.last() else { return Vec::new() };
+    let mut out = Vec::new();
+    if last > i {
+        let mut lands = items.to_vec();
+        lands[i].phase.modes[c] = ContactMode::Open;
+        let next = &mut lands[i + 1].phase;
+        let parts = next.jump.get_or_insert_with(|| next.modes.clone());
+        parts[c] = next.modes[c];
+        out.push(lands);
     }
-    Some(out)
+    let mut open = items.to_vec();
+    run.iter().for_each(|&k| open[k].phase.modes[c] = ContactMode::Open);
+    out.push(open);
+    out
 }
 
 /// Other friction of contact `c`, from item `i` as long as it stays in one mode.
@@ -224,6 +259,26 @@ pub(super) enum Move {
     Untouched(usize, usize),
     /// An impact of a contact is put in.
     Impact(usize),
+    /// A contact whose force is zero is open.
+    Opens(usize, usize),
+}
+
+impl Move {
+    /// Kinds of moves.
+    pub(super) const KINDS: usize = 7;
+
+    /// The number of its kind.
+    pub(super) fn kind(self) -> usize {
+        match self {
+            Move::Vanish => 0,
+            Move::Shift { .. } => 1,
+            Move::Without(_) => 2,
+            Move::Friction(..) => 3,
+            Move::Untouched(..) => 4,
+            Move::Impact(_) => 5,
+            Move::Opens(..) => 6,
+        }
+    }
 }
 
 /// A sequence next to another one.
@@ -234,6 +289,8 @@ pub(super) struct Neighbour {
     pub(super) moved: Move,
     /// Does a phase that is as short as it may be lead to it?
     pub(super) wanted: bool,
+    /// Is its motion next to the present one: has that reached a condition of its modes, or an end of a stage, behind which this one lies?
+    pub(super) local: bool,
     /// How many candidates of better prospects there are: the lower the sooner it is tried.
     pub(super) class: u8,
 }
@@ -282,28 +339,31 @@ fn stage_away(items: &[Item], i: usize, forward: bool) -> Option<Vec<Item>> {
     twice.into_iter().next()
 }
 
-/// Sequences next to one; `frictional` says which contacts have friction, `friction_first` that other friction is likelier than events
+/// Sequences next to one, whose motion has reached the conditions `touched`; `frictional` says which contacts have friction, `friction_first` that other friction is likelier than events
 /// elsewhere.
 pub(super) fn neighbours(
     s: &Sequence,
     vanishing: &[(usize, usize)],
+    touched: &[Touched],
     frictional: &[bool],
     friction_first: bool,
 ) -> Vec<Neighbour> {
     let items = flat(s);
     let n = s.stages.len();
-    let mut wants = Vec::with_capacity(items.len());
-    for (k, stage) in s.stages.iter().enumerate() {
-        wants.extend((0..stage.len()).map(|j| vanishing.contains(&(k, j))));
-    }
+    let places: Vec<(usize, usize)> =
+        s.stages.iter().enumerate().flat_map(|(k, stage)| (0..stage.len()).map(move |j| (k, j))).collect();
+    let wants: Vec<bool> = places.iter().map(|place| vanishing.contains(place)).collect();
+    let reached = |i: usize, c: usize, condition: Condition| {
+        touched.contains(&Touched { contact: c, phase: places[i], condition })
+    };
     let mut out: Vec<Neighbour> = Vec::new();
-    let mut add = |items: Vec<Item>, moved: Move, wanted: bool, class: u8| {
+    let mut add = |items: Vec<Item>, moved: Move, wanted: bool, local: bool, class: u8| {
         if let Some(sequence) = grouped(items, n) {
-            out.push(Neighbour { sequence, moved, wanted, class });
+            out.push(Neighbour { sequence, moved, wanted, local: wanted || local, class });
         }
     };
     if let Some(all) = without_vanishing(&items, &wants) {
-        add(all, Move::Vanish, true, 0);
+        add(all, Move::Vanish, true, true, 0);
     }
     let mut event = 0;
     for i in 0..items.len() {
@@ -315,46 +375,52 @@ pub(super) fn neighbours(
                 let moved = Move::Shift { event, later: forward };
                 let wanted = inside && if forward { wants[i] } else { wants[i - 1] };
                 let class = if wanted { 0 } else { class };
-                stage_away(&items, i, forward).into_iter().for_each(|m| add(m, moved, false, class));
+                stage_away(&items, i, forward).into_iter().for_each(|m| add(m, moved, false, true, class));
                 let moves = if forward { later(&items, i) } else { earlier(&items, i) };
-                moves.into_iter().for_each(|m| add(m, moved, wanted, class));
+                moves.into_iter().for_each(|m| add(m, moved, wanted, !inside, class));
             }
             event += 1;
         }
         if wants[i] {
-            without(&items, i).into_iter().for_each(|m| add(m, Move::Without(i), true, 0));
+            without(&items, i).into_iter().for_each(|m| add(m, Move::Without(i), true, true, 0));
         }
     }
     for i in 0..items.len() {
         if !wants[i] && (is_event(&items, i) || is_event(&items, i + 1)) {
-            without(&items, i).into_iter().for_each(|m| add(m, Move::Without(i), false, OTHER));
+            without(&items, i).into_iter().for_each(|m| add(m, Move::Without(i), false, false, OTHER));
+        }
+        for c in (0..frictional.len()).filter(|&c| reached(i, c, Condition::Force)) {
+            opening(&items, i, c).into_iter().for_each(|m| add(m, Move::Opens(i, c), false, true, BETWEEN));
         }
         for (c, _) in frictional.iter().enumerate().filter(|f| *f.1) {
             let mode = items[i].phase.modes[c];
             let moved = Move::Friction(i, c);
-            let class = if friction_first { BETWEEN } else { OTHER };
+            let slows = reached(i, c, Condition::Speed);
+            let local = slows || reached(i, c, Condition::Cone);
+            let class = if friction_first || local { BETWEEN } else { OTHER };
             let begins = i == 0 || items[i - 1].phase.modes[c] != mode || takes_part(&items[i].phase, c);
             let ends = items.get(i + 1).is_none_or(|n| !n.phase.modes[c].is_closed() || takes_part(&n.phase, c));
             if mode.sign() != 0.0 && ends {
-                add(sticking(&items, i, c), moved, false, class);
+                add(sticking(&items, i, c), moved, false, slows, class);
             }
             if mode.is_closed() && begins {
                 let others = [ContactMode::Closed, ContactMode::Slides, ContactMode::SlidesBack];
                 for other in others.into_iter().filter(|o| *o != mode) {
-                    add(other_friction(&items, i, c, other), moved, false, class);
+                    add(other_friction(&items, i, c, other), moved, false, local, class);
                 }
             }
         }
     }
     for i in 1..items.len() {
         for c in 0..frictional.len() {
-            untouched(&items, i, c).into_iter().for_each(|m| add(m, Move::Untouched(i, c), false, OTHER));
+            let local = reached(i, c, Condition::Force);
+            untouched(&items, i, c).into_iter().for_each(|m| add(m, Move::Untouched(i, c), false, local, OTHER));
         }
     }
     for (event, i) in (1..items.len()).filter(|&i| is_event(&items, i)).enumerate() {
         for forward in [true, false] {
             let moved = Move::Shift { event, later: forward };
-            far(&items, i, forward).into_iter().for_each(|m| add(m, moved, false, AWAY));
+            far(&items, i, forward).into_iter().for_each(|m| add(m, moved, false, false, AWAY));
         }
     }
     out.sort_by_key(|n| n.class);
@@ -387,7 +453,7 @@ mod tests {
 
     #[test]
     fn an_event_moves_to_the_next_stages_and_between_them() {
-        let shapes: Vec<Vec<usize>> = neighbours(&landing(), &[], &[false], false)
+        let shapes: Vec<Vec<usize>> = neighbours(&landing(), &[], &[], &[false], false)
             .iter()
             .map(|s| s.sequence.stages.iter().map(Vec::len).collect())
             .collect();
@@ -395,7 +461,7 @@ mod tests {
         for wanted in [vec![1, 1, 1], vec![1, 1, 2], vec![2, 1, 1]] {
             assert!(shapes.contains(&wanted), "{shapes:?}");
         }
-        for Neighbour { sequence: s, .. } in neighbours(&landing(), &[], &[false], false) {
+        for Neighbour { sequence: s, .. } in neighbours(&landing(), &[], &[], &[false], false) {
             // it moves with its impact, or is left out
             let jumps = s.stages.iter().flatten().filter(|p| p.jump.is_some()).count();
             let closed = s.stages.iter().flatten().any(|p| p.modes[0].is_closed());
@@ -407,7 +473,7 @@ mod tests {
     fn an_event_moves_far() {
         let mut s = Sequence::constant(9, vec![OPEN]);
         s.stages[1] = vec![phase(OPEN, false), phase(OPEN, true)];
-        let places: Vec<usize> = neighbours(&s, &[], &[false], false)
+        let places: Vec<usize> = neighbours(&s, &[], &[], &[false], false)
             .iter()
             .filter_map(|s| s.sequence.stages.iter().position(|k| k.iter().any(|p| p.jump.is_some())))
             .collect();
@@ -415,7 +481,7 @@ mod tests {
             assert!(places.contains(&wanted), "{places:?}");
         }
         // and without it
-        assert!(neighbours(&s, &[], &[false], false).iter().any(|s| s.sequence.events().is_empty()));
+        assert!(neighbours(&s, &[], &[], &[false], false).iter().any(|s| s.sequence.events().is_empty()));
         let s = with_impact(&Sequence::constant(3, vec![OPEN]), 1, 0, 0).unwrap();
         assert_eq!(s.stages.iter().map(Vec::len).collect::<Vec<_>>(), [1, 2, 1]);
         assert!(s.stages[1][1].jump == Some(vec![CLOSED]) && s.stages[1][1].modes == [OPEN]);
@@ -423,9 +489,32 @@ mod tests {
 
     #[test]
     fn a_phase_that_wants_to_vanish_comes_first() {
-        let s = neighbours(&landing(), &[(1, 0)], &[false], false);
+        let s = neighbours(&landing(), &[(1, 0)], &[], &[false], false);
         // an event that wants to be earlier: between stages 0 and 1
         assert_eq!(s[0].sequence.stages[1].len(), 1);
         assert!(s[0].wanted && s[0].sequence.stages[1][0].jump.is_some());
+    }
+
+    #[test]
+    fn impacts_that_meet_are_one_of_both_contacts() {
+        let hit = |parts: [ContactMode; 2]| Phase { modes: vec![OPEN, OPEN], jump: Some(parts.to_vec()), share: 0.5 };
+        let s = Sequence { stages: vec![vec![hit([CLOSED, OPEN]), hit([OPEN, CLOSED])]] };
+        let jumps: Vec<_> =
+            without(&flat(&s), 0).into_iter().map(|items| items[0].phase.jump.clone().unwrap()).collect();
+        assert_eq!(jumps, [vec![CLOSED, CLOSED], vec![CLOSED, OPEN], vec![OPEN, CLOSED]]);
+    }
+
+    #[test]
+    fn a_contact_that_wants_to_pull_opens_and_lands_again() {
+        let s = Sequence::constant(3, vec![CLOSED]);
+        let touched = [Touched { contact: 0, phase: (1, 0), condition: Condition::Force }];
+        let near = neighbours(&s, &[], &touched, &[false], false);
+        let opens: Vec<&Sequence> =
+            near.iter().filter(|n| n.local && n.moved == Move::Opens(1, 0)).map(|n| &n.sequence).collect();
+        let modes = |s: &Sequence| s.stages.iter().map(|k| k[0].modes[0]).collect::<Vec<_>>();
+        assert_eq!(opens.iter().map(|s| modes(s)).collect::<Vec<_>>(), [[CLOSED, OPEN, CLOSED], [CLOSED, OPEN, OPEN]]);
+        assert_eq!(opens[0].stages[2][0].jump, Some(vec![CLOSED]));
+        // nothing is next to a motion whose conditions are all away from their limits
+        assert!(neighbours(&s, &[], &[], &[false], false).iter().all(|n| !n.local));
     }
 }

@@ -2,9 +2,11 @@
 
 use std::time::Instant;
 
+use super::blame::{blame, Blame};
 use super::complementary;
-use super::exact::{solve_sequence, Limits, Solved};
-use super::modal;
+use super::exact::{solve_sequence, without_overlap, Limits, Solved};
+use super::guards::{Condition, Touched};
+use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence};
 use super::neighbours::{neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
@@ -75,6 +77,16 @@ pub struct Answer {
     pub cost: f64,
     /// Phases that are as short as they may be: another sequence would be better.
     pub vanishing: Vec<(usize, usize)>,
+    /// Conditions of the modes that are reached: other sequences have the same motion.
+    pub touched: Vec<Touched>,
+    /// Were all sequences next to it tried, and is none better?
+    pub settled: bool,
+    /// Do bodies overlap between the points at which their gaps are held?
+    pub overlap: bool,
+    /// Events between control stages, and conditions of modes that are reached: the control stage, the time, and whether it is the latter.
+    pub kinks: Vec<(usize, f64, bool)>,
+    /// Derivatives of the cost by the controls of the scene `[n_stages · nu]`, with the multipliers of the constraints.
+    pub gradient: Vec<f64>,
     /// What is left of every residual.
     pub residuals: Residuals,
     /// Type of the solution.
@@ -96,6 +108,8 @@ pub struct Answer {
     pub violation: f64,
     /// The row with it, of a point that is no solution.
     pub broken: Option<Broken>,
+    /// What of a contact keeps it from a solution, where that is known.
+    pub blame: Option<Blame>,
 }
 
 impl Answer {
@@ -140,6 +154,8 @@ const COMPLEMENTARY_ITERATIONS: usize = 200;
 const STEPS: usize = 2;
 const STEPPING_STOPS: [f64; 2] = [1e-2, 1e-4];
 const STEPPING_ITERATIONS: usize = 500;
+/// How often the steps are halved where their sequences have no solution.
+const REFINED: usize = 2;
 
 /// Places in which an impact of a contact is put in.
 const PUT_IN: usize = 3;
@@ -153,6 +169,11 @@ const BEHIND: usize = 10;
 /// Sequences in a row that are tried where phases without length lead, and ways that are tried at each of them.
 const LEADS: usize = 6;
 const WAYS: usize = 3;
+
+/// Sequences in a row, away from the motion of an answer that all next to it were compared with, after which the search ends; and where two
+/// starts have led there.
+const FEW: usize = 8;
+const FEW_AGREED: usize = 4;
 
 /// Share of the cost by which a sequence must be better to count.
 const GAIN: f64 = 1e-9;
@@ -179,13 +200,17 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         failure: 0.0,
         failed: Vec::new(),
         lead: None,
+        agreed: false,
+        met: false,
+        coarse: None,
+        again: false,
     };
     if let Some(last) = &options.warm {
         s.start_at_answer(last, control)?;
     }
     if s.is_solved() {
         // a warm start goes where phases that vanish lead, and no further
-        s.improve(true, options.search, control)?;
+        s.improve(Reach::Wanted, options.search, control)?;
     } else {
         for start in starts(options) {
             if stop::requested().is_none() && !(start.is_for_want() && s.is_solved()) {
@@ -194,7 +219,10 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         }
         if !s.is_solved() && stop::requested().is_none() {
             s.insist(control)?;
-            s.improve(false, options.search, control)?;
+        }
+        if stop::requested().is_none() {
+            s.again = s.is_solved();
+            s.improve(Reach::All, options.search, control)?;
         }
     }
     if s.best.is_none() {
@@ -207,11 +235,18 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     if s.best.is_none() {
         stop::check()?;
     }
+    let settled = s.is_settled();
+    let blame = match &s.best {
+        Some((best, _)) if !best.is_solved() && stop::requested().is_none() => blame(p, best, options.solver, control)?,
+        _ => None,
+    };
     let (mut best, solved) = s.best.ok_or_else(|| Error::Internal("a search without an answer".into()))?;
     best.stats = s.spent;
     best.stats.time_total = clock.elapsed().as_secs_f64();
     best.dimensions = s.dimensions;
     best.tried = s.attempts;
+    best.settled = settled;
+    best.blame = blame;
     Ok((best, solved))
 }
 
@@ -224,25 +259,39 @@ enum Start {
     Steps,
     /// Time stepping from a straight line to the target.
     StepsOnLine,
+    /// Time stepping with shorter steps, from what it has found with longer ones.
+    FineSteps,
+    /// FESD with jumps, from the motion of time stepping.
+    ComplementaritySteps,
     /// FESD with jumps, from the initial state and from that line.
     Complementarity,
+}
+
+/// Which sequences next to the best are tried.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Reach {
+    /// Those that phases without length lead to.
+    Wanted,
+    /// Those whose motions are next to the present one.
+    Local,
+    All,
 }
 
 impl Start {
     /// Is it only for want of a solution?
     fn is_for_want(self) -> bool {
-        matches!(self, Start::StepsOnLine | Start::Complementarity)
+        !matches!(self, Start::Guess | Start::Steps)
     }
 }
 
 /// Starts of a search, in the order they are tried.
 fn starts(o: &Options) -> Vec<Start> {
-    use Start::{Complementarity, Guess, Steps, StepsOnLine};
+    use Start::{Complementarity, ComplementaritySteps, FineSteps, Guess, Steps, StepsOnLine};
     match o.method {
         Method::Auto if o.sequence.is_some() => vec![Guess],
-        Method::Auto => vec![Guess, Steps, StepsOnLine, Complementarity],
+        Method::Auto => vec![Guess, Steps, FineSteps, StepsOnLine, ComplementaritySteps, Complementarity],
         Method::Modes => vec![Guess],
-        Method::Steps => vec![Steps, StepsOnLine],
+        Method::Steps => vec![Steps, FineSteps, StepsOnLine],
         Method::FesdJ if o.sequence.is_some() => vec![Guess, Complementarity],
         Method::FesdJ => vec![Complementarity],
     }
@@ -251,15 +300,12 @@ fn starts(o: &Options) -> Vec<Start> {
 /// What became of a sequence.
 #[derive(Debug, Clone, Copy)]
 enum Tried {
-    Solved,
+    /// It has a solution of this cost, near the answer that was the best then.
+    Solved { cost: f64, bests: usize },
     /// It has no solution near a guess of this round.
-    Failed {
-        round: usize,
-    },
+    Failed { round: usize },
     /// It nearly has one near the answer that was the best then.
-    Close {
-        bests: usize,
-    },
+    Close { bests: usize },
 }
 
 struct Search<'a> {
@@ -286,6 +332,14 @@ struct Search<'a> {
     failed: Vec<(f64, Sequence, Track)>,
     /// The last sequence with phases that want to vanish whose program came close to a better answer, with its motion and those phases.
     lead: Option<Lead>,
+    /// Two starts have led to the same answer.
+    agreed: bool,
+    /// This start has come to a better sequence that another one has been at.
+    met: bool,
+    /// The motion that time stepping has found last, and the steps of a stage it had.
+    coarse: Option<(Track, usize)>,
+    /// Sequences that were solved for from other motions than the best are solved for again: they may have other solutions.
+    again: bool,
 }
 
 /// A sequence, its motion, and phases that want to vanish.
@@ -347,9 +401,12 @@ impl Search<'_> {
     fn explore(&mut self, start: Start, control: &mut Control) -> Result<()> {
         let before = self.best.take();
         self.round += 1;
+        self.met = false;
         match start {
             Start::Guess => self.start_at_guess(control)?,
             Start::Steps => self.start_with_steps(&self.options.states, control)?,
+            Start::FineSteps => self.refine_steps(control)?,
+            Start::ComplementaritySteps => self.start_with_complementarity_at_steps(control)?,
             Start::StepsOnLine => {
                 if let Some(line) = self.line() {
                     self.start_with_steps(&Some(line), control)?;
@@ -359,9 +416,12 @@ impl Search<'_> {
         }
         let most = if self.is_solved() { self.options.search } else { NEAR_UNSOLVED };
         self.rival = before.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
-        self.improve(false, most, control)?;
+        self.improve(Reach::Local, most, control)?;
         self.rival = None;
         if let Some(old) = before {
+            let same = |new: &Answer| (new.cost - old.0.cost).abs() <= GAIN * old.0.cost.abs();
+            let as_good = self.best.as_ref().is_some_and(|new| new.0.is_solved() && same(&new.0));
+            self.agreed |= old.0.is_solved() && (self.met || as_good);
             if self.best.as_ref().is_none_or(|new| !is_better(&new.0, &old.0, self.largest)) {
                 self.best = Some(old);
             }
@@ -379,16 +439,35 @@ impl Search<'_> {
     /// Time stepping. At several stops of its relaxation sequences are read from its motion: with all its contacts, and without those
     /// that hardly count.
     fn start_with_steps(&mut self, states: &Option<(Vec<f64>, Vec<f64>)>, control: &mut Control) -> Result<()> {
-        let coarse = self.p.with_one_stage_point()?;
         let guess = self.plain_track(states.as_ref());
-        let mut t = stepping::transcribe(&coarse, STEPS, &guess);
-        self.along_relaxation(&mut t, STEPPING_ITERATIONS, &STEPPING_STOPS, control, |search, t, from, control| {
+        self.follow_steps(STEPS, &guess, self.options.solver.sigma_init, control)
+    }
+
+    /// Time stepping again, with steps that are shorter and shorter, each from the motion of the last: coarse steps find where contacts are
+    /// worth it, but a motion with them need not have one without their error beside it.
+    fn refine_steps(&mut self, control: &mut Control) -> Result<()> {
+        for _ in 0..REFINED {
+            let Some((guess, n)) = self.coarse.clone() else { break };
+            if self.is_solved() || stop::requested().is_some() {
+                break;
+            }
+            self.follow_steps(2 * n, &guess, STEPPING_STOPS[0], control)?;
+        }
+        Ok(())
+    }
+
+    fn follow_steps(&mut self, n: usize, guess: &Track, sigma: f64, control: &mut Control) -> Result<()> {
+        let coarse = self.p.with_one_stage_point()?;
+        let mut t = stepping::transcribe(&coarse, n, guess);
+        let relaxed = (sigma, &STEPPING_STOPS[..], STEPPING_ITERATIONS);
+        self.along_relaxation(&mut t, relaxed, control, |search, t, from, control| {
             for level in stepping::LEVELS {
                 let found = stepping::motion(&coarse, t, from, level);
                 // what costs more than the motion with more contacts is not followed for long
                 let most = if search.is_solved() { NEAR_ITERATIONS } else { ITERATIONS };
                 search.attempt(&found.sequence(search.p.n_stages()), &found, most, control)?;
             }
+            search.coarse = Some((complementary::read(&coarse, t, from), n));
             let found = stepping::motion(&coarse, t, from, stepping::LEVELS[0]);
             search.try_simulation_of(&found, &t.state(&coarse, t.x0, from), control)
         })?;
@@ -396,6 +475,14 @@ impl Search<'_> {
             self.insist(control)?;
         }
         Ok(())
+    }
+
+    /// FESD with jumps from the motion of time stepping, which is nearly one of its own: its relaxation begins where that of steps ends.
+    fn start_with_complementarity_at_steps(&mut self, control: &mut Control) -> Result<()> {
+        match self.coarse.clone() {
+            Some((guess, _)) => self.follow_homotopy(&guess, STEPPING_STOPS[0], control),
+            None => Ok(()),
+        }
     }
 
     /// FESD with jumps from the initial state, and, where that leads to no solution, from a straight line to the target.
@@ -409,7 +496,7 @@ impl Search<'_> {
                 break;
             }
             let guess = self.plain_track(states.as_ref());
-            self.follow_homotopy(&guess, control)?;
+            self.follow_homotopy(&guess, o.solver.sigma_init, control)?;
             if line.is_none() {
                 break;
             }
@@ -419,20 +506,21 @@ impl Search<'_> {
 
     /// FESD with jumps. At several stops of its relaxation its modes are read, and those of the simulation of its controls: far
     /// from the end it has seen more of the other motions, near the end it knows better when contacts close.
-    fn follow_homotopy(&mut self, guess: &Track, control: &mut Control) -> Result<()> {
+    fn follow_homotopy(&mut self, guess: &Track, sigma: f64, control: &mut Control) -> Result<()> {
         let o = self.options;
         let mut t = complementary::transcribe(self.p, o.n_fe, o.rho_h, guess);
-        self.along_relaxation(&mut t, COMPLEMENTARY_ITERATIONS, &STOPS, control, |search, t, from, control| {
+        let stops: Vec<f64> = STOPS.into_iter().filter(|s| *s <= sigma).collect();
+        self.along_relaxation(&mut t, (sigma, &stops, COMPLEMENTARY_ITERATIONS), control, |search, t, from, control| {
             search.try_modes_of(t, from, control)
         })
     }
 
-    /// Solves a relaxed program from stop to stop of its relaxation, each from the point before; `each` reads sequences from the point.
+    /// Solves a relaxed program from stop to stop of its relaxation, each from the point before; `each` reads sequences from the point. Given are the
+    /// first relaxation, the stops, and the iterations to each of them.
     fn along_relaxation(
         &mut self,
         t: &mut Transcription,
-        most: usize,
-        stops: &[f64],
+        (mut sigma, stops, most): (f64, &[f64], usize),
         control: &mut Control,
         mut each: impl FnMut(&mut Self, &Transcription, &[f64], &mut Control) -> Result<()>,
     ) -> Result<()> {
@@ -441,7 +529,6 @@ impl Search<'_> {
         let settings = MpccSettings { polish: false, certify: false, early_polish: false, max_iter, ..o.solver };
         let mut solver = MpccSolver::new(&mut t.program, settings)?;
         let mut from = t.start.clone();
-        let mut sigma = o.solver.sigma_init;
         for &end in stops {
             if stop::requested().is_some() {
                 break;
@@ -472,7 +559,7 @@ impl Search<'_> {
         let key = sequence.key();
         match self.tried.iter().find(|t| t.0 == key).map(|t| t.1) {
             None => true,
-            Some(Tried::Solved) => false,
+            Some(Tried::Solved { bests, .. }) => self.again && bests != self.bests,
             Some(Tried::Failed { round }) => round != self.round,
             Some(Tried::Close { bests }) => bests != self.bests,
         }
@@ -511,7 +598,7 @@ impl Search<'_> {
         for _ in 0..LEADS {
             let Some((sequence, track, vanishing)) = self.lead.take() else { break };
             let frictional = self.frictional();
-            let near = neighbours(&sequence, &vanishing, &frictional, false);
+            let near = neighbours(&sequence, &vanishing, &[], &frictional, false);
             let ways = near.into_iter().filter(|n| n.wanted && self.is_new(&n.sequence)).take(WAYS);
             for way in ways.collect::<Vec<_>>() {
                 better |= self.attempt_from(&way.sequence, &track, None, NEAR_ITERATIONS, control)?;
@@ -538,6 +625,11 @@ impl Search<'_> {
         control: &mut Control,
     ) -> Result<bool> {
         let key = sequence.key();
+        let known = self.tried.iter().find(|t| t.0 == key).map(|t| t.1);
+        if let Some(Tried::Solved { cost, .. }) = known.filter(|_| !self.again) {
+            let own = self.best.as_ref().filter(|b| b.0.is_solved()).map_or(f64::INFINITY, |b| b.0.cost);
+            self.met |= cost < own - GAIN * own.abs() || own.is_infinite();
+        }
         if !self.is_new(sequence) || !modal::can_begin(self.p, sequence) || stop::requested().is_some() {
             return Ok(false);
         }
@@ -552,7 +644,8 @@ impl Search<'_> {
         };
         let best = self.best.as_ref().filter(|b| b.0.is_solved());
         let limits = Limits { patience, cost: best.map_or(f64::INFINITY, |b| b.0.cost) };
-        let (mut answer, mut solved) = solve_sequence(self.p, sequence, guess, point, settings, limits, control)?;
+        let (mut answer, mut solved) =
+            solve_sequence(self.p, sequence, guess, &Held::default(), point, settings, limits, control)?;
         self.note(&solved.transcription, &answer.stats);
         let cheaper =
             self.best.as_ref().is_none_or(|b| !b.0.is_solved() || answer.cost < b.0.cost + PROMISING * b.0.cost.abs());
@@ -566,10 +659,20 @@ impl Search<'_> {
             };
             let last = answer.point.clone();
             let limits = Limits { patience: ITERATIONS, ..limits };
-            let again = solve_sequence(self.p, sequence, guess, Some(&last), settings, limits, control)?;
+            let again =
+                solve_sequence(self.p, sequence, guess, &Held::default(), Some(&last), settings, limits, control)?;
             self.note(&again.1.transcription, &again.0.stats);
             if is_better(&again.0, &answer, self.largest) {
                 (answer, solved) = again;
+            }
+        }
+        if answer.overlap && self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0, self.largest)) {
+            // the cost of a motion that cannot be is none to compare with
+            if let Some(apart) = without_overlap(self.p, &answer, settings, limits, control)? {
+                self.note(&apart.1.transcription, &apart.0.stats);
+                if apart.0.is_solved() || self.is_solved() {
+                    (answer, solved) = apart;
+                }
             }
         }
         self.attempts += 1;
@@ -577,7 +680,7 @@ impl Search<'_> {
             self.largest = self.largest.max(answer.cost.abs());
         }
         if answer.is_solved() {
-            self.tried[place].1 = Tried::Solved;
+            self.tried[place].1 = Tried::Solved { cost: answer.cost, bests: self.bests };
         } else if answer.violation < PROMISING {
             self.tried[place].1 = Tried::Close { bests: self.bests };
         }
@@ -637,19 +740,39 @@ impl Search<'_> {
             for k in low.into_iter().take(PUT_IN) {
                 let open = places.iter().rev().find(|(i, j)| *i == k && !planned.stages[k][*j].modes[c].is_closed());
                 let sequence = open.and_then(|&(k, j)| with_impact(planned, k, j, c));
-                let with = |sequence| Neighbour { sequence, moved: Move::Impact(c), wanted: false, class: u8::MAX };
+                let local = best.touched.iter().any(|t| (t.contact, t.condition, t.phase.0) == (c, Condition::Gap, k));
+                let with =
+                    |sequence| Neighbour { sequence, moved: Move::Impact(c), wanted: false, local, class: u8::MAX };
                 out.extend(sequence.map(with));
             }
         }
         out
     }
 
+    /// Sequences next to an answer.
+    fn next_to(&self, best: &Answer) -> Vec<Neighbour> {
+        let friction_first = !best.is_solved();
+        let mut near = neighbours(&best.sequence, &best.vanishing, &best.touched, &self.frictional(), friction_first);
+        near.extend(self.with_impacts(best));
+        near
+    }
+
+    /// Is the best a solution that all sequences next to it were compared with?
+    fn is_settled(&self) -> bool {
+        let Some((best, _)) = self.best.as_ref().filter(|b| b.0.is_solved() && b.0.vanishing.is_empty()) else {
+            return false;
+        };
+        let was_tried = |s: &Sequence| !modal::can_begin(self.p, s) || self.tried.iter().any(|t| t.0 == s.key());
+        self.next_to(best).iter().all(|n| !n.local || was_tried(&n.sequence))
+    }
+
     /// Goes to sequences next to the best as long as the cost falls, to `most` of them, and from the first solution on to as many as the options
     /// say. What has helped is tried on; of the rest of the same prospects those come
     /// first whose last attempt is longest ago, so that every event has its turn before one has its second.
-    fn improve(&mut self, only_wanted: bool, most: usize, control: &mut Control) -> Result<()> {
-        let frictional = self.frictional();
+    fn improve(&mut self, reach: Reach, most: usize, control: &mut Control) -> Result<()> {
         let mut left = most;
+        let few = if self.agreed { FEW_AGREED } else { FEW };
+        let mut apart_in_vain = 0;
         // events that were where no solution is, and when moves did not help last
         let mut impossible: Vec<Event> = Vec::new();
         let mut failed: Vec<(Move, usize)> = Vec::new();
@@ -666,22 +789,30 @@ impl Search<'_> {
                 left = self.options.search;
             }
             let own = best.sequence.events();
-            let mut near = neighbours(&best.sequence, &best.vanishing, &frictional, !best.is_solved());
-            near.extend(self.with_impacts(&best));
+            let mut near = self.next_to(&best);
             let last = |m: &Move| failed.iter().find(|f| f.0 == *m).map_or(0, |f| f.1);
             near.sort_by_key(|n| (!n.wanted, helped != Some(n.moved), n.class, last(&n.moved)));
+            if best.is_solved() && reach == Reach::All {
+                in_turn(&mut near, helped);
+            }
             let mut better = false;
-            for Neighbour { sequence: s, moved, wanted, .. } in near {
-                if only_wanted && !wanted {
+            for Neighbour { sequence: s, moved, wanted, local, .. } in near {
+                let apart = match reach {
+                    Reach::Wanted => !wanted,
+                    Reach::Local => !local && best.is_solved(),
+                    Reach::All => false,
+                };
+                if apart {
                     continue;
                 }
                 let behind = in_vain >= BEHIND && best.is_solved() && self.rival.is_some_and(|r| r < best.cost);
-                if left == 0 || behind || stop::requested().is_some() {
+                let enough = !local && best.is_solved() && apart_in_vain >= few;
+                if left == 0 || behind || enough || self.met || stop::requested().is_some() {
                     return Ok(());
                 }
                 // an event that was clearly impossible in another sequence will be again
                 let new: Vec<Event> = s.events().into_iter().filter(|e| !own.contains(e)).collect();
-                if !wanted && best.is_solved() && new.iter().any(|e| impossible.contains(e)) {
+                if !local && best.is_solved() && new.iter().any(|e| impossible.contains(e)) {
                     continue;
                 }
                 let known = self.attempts;
@@ -692,10 +823,11 @@ impl Search<'_> {
                     impossible.extend(new);
                 }
                 if better {
-                    (helped, in_vain) = (Some(moved), 0);
+                    (helped, in_vain, apart_in_vain) = (Some(moved), 0, 0);
                     break;
                 }
                 in_vain += 1;
+                apart_in_vain += usize::from(!local);
                 turn += 1;
                 failed.retain(|f| f.0 != moved);
                 failed.push((moved, turn));
@@ -706,6 +838,21 @@ impl Search<'_> {
         }
         Ok(())
     }
+}
+
+/// Sequences next to the present motion before others, and of those one of every kind in turn: which kind helps says the problem.
+fn in_turn(near: &mut [Neighbour], helped: Option<Move>) {
+    let mut seen = [0usize; Move::KINDS];
+    let mut rank: Vec<usize> = Vec::with_capacity(near.len());
+    for n in near.iter() {
+        let first = n.local || helped == Some(n.moved);
+        rank.push(if first { 0 } else { 1 + seen[n.moved.kind()] });
+        seen[n.moved.kind()] += usize::from(!first);
+    }
+    let mut order: Vec<usize> = (0..near.len()).collect();
+    order.sort_by_key(|&k| rank[k]);
+    let sorted: Vec<Neighbour> = order.into_iter().map(|k| near[k].clone()).collect();
+    near.clone_from_slice(&sorted);
 }
 
 /// Solutions before others; of two the cheaper, where costs as large as `largest` have the rounding of that, and at the same cost the one without

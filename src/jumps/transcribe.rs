@@ -12,6 +12,7 @@
 
 use super::assembly::{Builder, Input, Program, COST};
 use super::functions::ContactFunctions;
+use super::guards::Guard;
 use super::modes::ContactMode;
 use super::problem::Problem;
 use super::track::{Piece, Track};
@@ -131,6 +132,8 @@ pub(super) struct Transcription {
     pub(super) params: Vec<Option<usize>>,
     /// Constants that are parameters, of every stage.
     pub(super) constants: Vec<Option<usize>>,
+    /// Conditions of given modes.
+    pub(super) guards: Vec<Guard>,
 }
 
 /// Collects a program, element by element.
@@ -518,6 +521,7 @@ impl<'a> Transcriber<'a> {
             controls: self.controls,
             params: self.free,
             constants,
+            guards: Vec::new(),
         }
     }
 

@@ -3,12 +3,13 @@
 use super::accuracy::Accuracy;
 use super::extend::Extended;
 use super::guess::middle;
+use super::optimality::{Kink, Optimality, Verdict, OTHER};
 use super::request::Request;
 use super::solve::Start;
 use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
 use crate::error::{Error, Result};
 use crate::func::Point;
-use crate::jumps::{self, Answer, Contacts, Options, Problem, Sequence, Solved};
+use crate::jumps::{self, Answer, Blame, Contacts, Options, Problem, Sequence, Solved};
 use crate::memory;
 use crate::mpcc::Polish;
 use crate::nlp::{Control, Outcome};
@@ -76,6 +77,13 @@ impl Ocp {
             result.accuracy = Some(self.replay(&problem, &answer, &result, c.tol)?);
         }
         result.message = self.scene_message(&problem, &answer);
+        if answer.is_solved() {
+            let followed = result.accuracy.as_ref().is_none_or(|s| is_its_motion(&problem, &answer, s));
+            if !followed && result.message.is_empty() {
+                result.message = NOT_FOLLOWED.into();
+            }
+            result.optimality = Some(self.scene_optimality(&problem, &answer, result.accuracy.as_ref()));
+        }
         if answer.is_solved() {
             self.scene.last = Some(Last { answer, problem, solved });
         }
@@ -270,12 +278,51 @@ impl Ocp {
         Ok(found)
     }
 
+    /// What is known of a solution as a point of the control problem: that of its contact mode program is the optimum among the motions
+    /// with its order of contacts, and where the motion leaves that order to no side it is one of the control problem. Elsewhere the
+    /// orders on the other sides were solved for.
+    fn scene_optimality(&self, p: &Problem, a: &Answer, simulated: Option<&Accuracy>) -> Optimality {
+        let kink =
+            |&(stage, t, touch): &(usize, f64, bool)| Kink { stage, t, before: f64::NAN, after: f64::NAN, touch };
+        let (verdict, reason) = if simulated.is_some_and(|s| !is_its_motion(p, a, s)) {
+            (Verdict::Unknown, OTHER)
+        } else if a.overlap {
+            (Verdict::Unknown, "bodies overlap between the points at which their gaps are held")
+        } else if !a.vanishing.is_empty() {
+            (Verdict::Unknown, "a phase is as short as it may be")
+        } else if !a.settled {
+            (Verdict::Unknown, "not every order of contacts next to it was tried")
+        } else if a.kinks.is_empty() {
+            (Verdict::LocalOptimum, "")
+        } else {
+            (Verdict::Kink, "the orders of contacts next to it were tried, and none is better")
+        };
+        Optimality {
+            verdict,
+            reason,
+            residual: a.residuals.dual,
+            gradient: a.gradient.clone(),
+            kinks: a.kinks.iter().map(kink).collect(),
+            direction: Vec::new(),
+            beyond: Vec::new(),
+        }
+    }
+
     /// Why there is no exact answer.
     fn scene_message(&self, p: &Problem, a: &Answer) -> String {
         let names = p.contact_names();
         if let Some(f) = &a.trouble {
             return format!("function '{f}' has no value where one is needed");
         }
+        let why = match a.blame {
+            Some(Blame::InTheWay(c)) => {
+                format!("contact {} is in the way: without it there would be a motion. ", names[c])
+            }
+            Some(Blame::Slippery(c)) => {
+                format!("the friction of contact {} is too small: if it held there would be a motion. ", names[c])
+            }
+            None => String::new(),
+        };
         match a.outcome {
             Outcome::Solved if a.vanishing.is_empty() => String::new(),
             Outcome::Solved => {
@@ -286,7 +333,7 @@ impl Ocp {
                 )
             }
             Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter => format!(
-                "no motion was found that meets all constraints, after {} orders of contacts; the one closest to it violates \
+                "{why}no motion was found that meets all constraints, after {} orders of contacts; the one closest to it violates \
                  them by {:.3e}{}. Its contacts: {}",
                 a.tried,
                 a.violation,
@@ -298,4 +345,23 @@ impl Ocp {
             _ => String::new(),
         }
     }
+}
+
+/// Share of the largest state of a motion by which its simulation may be off.
+const OFF: f64 = 1e-2;
+/// What is said of an answer that its simulation leaves.
+const NOT_FOLLOWED: &str =
+    "a simulation of the controls leaves the motion of the answer: more elements of a control stage, or more \
+                            stages, follow its contacts more accurately (see accuracy)";
+
+/// Is a simulation of the controls of an answer its motion, but for the error of the method? At the end of a stage at which an event is,
+/// one of them may be before it and the other behind.
+fn is_its_motion(p: &Problem, a: &Answer, simulated: &Accuracy) -> bool {
+    let nx = p.given().dims.x;
+    let elements = jumps::trajectory(a).elements;
+    let sizes = elements.iter().flat_map(|e| &e.x1[..nx]).chain(&a.x0);
+    let largest = sizes.fold(0f64, |m, v| m.max(v.abs()));
+    let is_event = |k: usize| a.kinks.iter().any(|&(stage, _, touch)| stage == k && !touch);
+    let stages = simulated.stages.iter().enumerate();
+    simulated.reached() && stages.filter(|(k, _)| !is_event(k + 1)).all(|(_, d)| *d <= OFF * largest)
 }
