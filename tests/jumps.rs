@@ -163,11 +163,15 @@ fn too_little_friction_is_named() {
     let g = Graph::new();
     let mut scene = Scene::new("tray", 3, 3, 1, 0).unwrap();
     scene.set_force(0, g.u(0).id()).unwrap();
-    scene.set_force(2, g.constant(-G).id()).unwrap();
+    scene.set_force(1, g.constant(0.0).id()).unwrap();
+    scene.set_force(2, g.constant(-0.3 * G).id()).unwrap();
+    let mass = |i: usize, j: usize| g.constant(if i != j { 0.0 } else { [1.0, 0.3, 0.3][i] }).id();
+    let inertia: Vec<_> = (0..9).map(|k| mass(k / 3, k % 3)).collect();
+    scene.set_inertia(&inertia).unwrap();
     let (friction, tangents) = (g.constant(0.02).id(), vec![(g.x(1) - g.x(0)).id()]);
     scene.add_contact(Contact { friction, tangents, ..Contact::new(&g, "tray", g.x(2)) }).unwrap();
     let built = scene.build(&g).unwrap();
-    let mut ocp = Ocp::new(&built.system, 1.0, 6, &Settings { n_s: 2, n_fe: 1, ..Settings::default() }).unwrap();
+    let mut ocp = Ocp::new(&built.system, 1.0, 10, &Settings { n_s: 2, n_fe: 1, ..Settings::default() }).unwrap();
     ocp.set_x0(&[0.0; 6]).unwrap();
     ocp.set_u_bounds(&[-20.0], &[20.0]).unwrap();
     ocp.set_lagrange(Arc::new(g.function("cost", built.dims, &[g.u(0) * g.u(0)]).unwrap())).unwrap();
