@@ -302,7 +302,7 @@ mod tests {
             sequence(&all)
         };
         assert_eq!(words(&at(9).beyond(&at(8)).unwrap()), words(&at(11)));
-        assert_eq!(words(&at(7).beyond(&at(9)).unwrap()), words(&at(3)));
+        assert_eq!(words(&at(7).beyond(&at(8)).unwrap()), words(&at(5)));
         // a phase keeps half of its length
         assert_eq!(words(&at(4).beyond(&at(12)).unwrap()), words(&at(2)));
         assert!(at(1).beyond(&at(2)).is_some_and(|s| words(&s)[0] == "+0"));
