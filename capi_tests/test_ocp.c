@@ -529,6 +529,9 @@ static void phases(void)
     CHECK_STATUS(SWB_ERR_RANGE, swb_multiphase_link(m, -1, gap, one, 1, one, 1));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_multiphase_link(m, 0, end, one, 1, one, 1));
     CHECK_STATUS(SWB_ERR_RANGE, swb_multiphase_link_continuous(m, 1));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_multiphase_link_reset(m, 1, end));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_multiphase_link_reset(m, 0, gap));
+    CHECK_STATUS(SWB_ERR_NULL, swb_multiphase_link_reset(m, 0, NULL));
     /* the second phase begins 1 above the end of the first: from 2 to -1/2 at 2.5 by u = (0, 1.25) */
     CHECK_OK(swb_multiphase_link(m, 0, gap, one, 1, one, 1));
     CHECK_OK(swb_multiphase_solve(m, &outcome));

@@ -7747,6 +7747,19 @@ swb_status swb_multiphase_link(struct swb_multiphase *m,
 SWB_API swb_status swb_multiphase_link_continuous(struct swb_multiphase *m, int64_t phase);
 
 /**
+ * Require that the next phase begins at r(x(T)): what a stage that drops off, a docking or a planned impact does to the states.
+ *
+ * @param[in] phase counted from 0
+ * @param[in] r     the states at the end of the phase as they are at the start of the next: as many states as the phase, no controls
+ *                  and no parameters, one output for each state of the next phase
+ * @return as swb_multiphase_link
+ */
+SWB_API
+swb_status swb_multiphase_link_reset(struct swb_multiphase *m,
+                                     int64_t phase,
+                                     const struct swb_function *r);
+
+/**
  * Solve.
  *
  * @param[out] outcome an enum swb_outcome; may be NULL

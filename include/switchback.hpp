@@ -1498,6 +1498,8 @@ public:
         detail::check(swb_multiphase_link(get(), phase, f.get(), lower.data(), lower.length(), upper.data(), upper.length()));
     }
     void link_continuous(int64_t phase) { detail::check(swb_multiphase_link_continuous(get(), phase)); }
+    /// The next phase begins at r(x(T)), a function of the states of this phase alone.
+    void link_reset(int64_t phase, const Function &r) { detail::check(swb_multiphase_link_reset(get(), phase, r.get())); }
     swb_outcome solve() {
         int32_t o = 0;
         detail::check(swb_multiphase_solve(get(), &o));

@@ -12,7 +12,7 @@ use switchback::linalg::csc::Pattern;
 use switchback::mpcc::Mpcc;
 use switchback::nlp::Nlp;
 use switchback::settings::{Cross, DcsForm, RkFamily, Settings, StageForm, StepEquilibration};
-use switchback::system::{Inclusion, Regions, SharedFunction, Subsystem, System};
+use switchback::system::{Inclusion, Regions, SetValued, SharedFunction, Subsystem, System};
 
 const DIMS: Dims = Dims { x: 2, u: 1, p: 2 };
 
@@ -237,7 +237,7 @@ fn deep(driven: usize) -> System {
     let regions = Regions::Signs { psi: general(3, 3, true), signs };
     s.add_subsystem(Subsystem { rows: vec![driven], modes: general(2, 8, true), n_modes: 8, regions }).unwrap();
     let f = general_of(Dims { x: DIMS.x + 2, ..DIMS }, 4, 1, true);
-    s.add_inclusion(Inclusion { rows: vec![driven], f, psi: general(5, 2, true) }).unwrap();
+    s.add_inclusion(Inclusion { rows: vec![driven], f, psi: general(5, 2, true), set: SetValued::Step }).unwrap();
     add_sides(&mut s, &[driven], general(6, 2, true), general(7, 1, true));
     s
 }

@@ -13,7 +13,7 @@ use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{CostAt, Durations, Norm, Ocp};
 use switchback::settings::{InitialGuess, Settings};
 use switchback::sim::Simulator;
-use switchback::system::{Direction, ImpactLaw, Inclusion, Inertia, Mechanics, Order, System};
+use switchback::system::{Direction, ImpactLaw, Inclusion, Inertia, Mechanics, Order, SetValued, System};
 
 #[path = "../examples/report/expression_models.rs"]
 mod expression_models;
@@ -237,7 +237,9 @@ fn inclusions_and_algebraic_equations_return() {
     let psi = g.function("psi", own, &[x]).unwrap();
     let residual = g.function("g", own, &[z + 0.5 * x]).unwrap();
     let mut system = System::new(2, 0, 0).unwrap();
-    system.add_inclusion(Inclusion { rows: vec![0], f: Arc::new(f), psi: Arc::new(psi) }).unwrap();
+    system
+        .add_inclusion(Inclusion { rows: vec![0], f: Arc::new(f), psi: Arc::new(psi), set: SetValued::Step })
+        .unwrap();
     system.set_algebraic(1, Some(Arc::new(residual))).unwrap();
     let s = Simulation {
         system,
@@ -411,7 +413,7 @@ fn contacts_are_no_part_of_documents_yet() {
     let smooth = Arc::new(g.function("fall", Dims { x: 2, u: 0, p: 0 }, &[g.x(1), g.constant(-9.81)]).unwrap());
     let (inertia, law) = (Inertia::Identity, ImpactLaw::Newton);
     let (order, contacts, bounds) = (Order::Second, vec![], vec![]);
-    let mechanics = Mechanics { order, n_q: 1, n_v: 1, smooth, inertia, contacts, law, bounds };
+    let mechanics = Mechanics { order, n_q: 1, n_v: 1, smooth, inertia, contacts, law, bounds, projection: None };
     let s = Simulation {
         system: System::of_mechanics(mechanics, 0, 0).unwrap(),
         settings: Settings::default(),

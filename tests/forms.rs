@@ -9,7 +9,7 @@ use switchback::nlp::{Control, Outcome};
 use switchback::ocp::Ocp;
 use switchback::settings::{DcsForm, Settings};
 use switchback::sim::{SimResult, Simulator};
-use switchback::system::{Inclusion, Regions, Subsystem, System};
+use switchback::system::{Inclusion, Regions, SetValued, Subsystem, System};
 
 fn with(form: DcsForm, set: Settings) -> Settings {
     Settings { dcs_form: form as i64, ..set }
@@ -98,7 +98,7 @@ fn an_inclusion_is_the_system_of_its_modes() {
         |_, w, o| o[0] = w[1],
     );
     let mut s = System::new(2, 0, 0).unwrap();
-    s.add_inclusion(Inclusion { rows: vec![0, 1], f, psi: psi.clone() }).unwrap();
+    s.add_inclusion(Inclusion { rows: vec![0, 1], f, psi: psi.clone(), set: SetValued::Step }).unwrap();
     let modes = models::affine("F", d, &[-0.5, 0.5, -0.5, -0.5, 1.0, -0.5, 1.0, -0.5], &[]);
     let mut m = System::new(2, 0, 0).unwrap();
     let regions = Regions::Signs { psi, signs: vec![1, 1, 1, -1, -1, 1, -1, -1] };
@@ -125,10 +125,13 @@ fn what_inclusions_cannot_do_is_said() {
         0
     }));
     let mut s = System::new(1, 0, 0).unwrap();
-    let e = s.add_inclusion(Inclusion { rows: vec![0], f: wrong, psi: psi.clone() }).unwrap_err().to_string();
+    let e = s
+        .add_inclusion(Inclusion { rows: vec![0], f: wrong, psi: psi.clone(), set: SetValued::Step })
+        .unwrap_err()
+        .to_string();
     assert!(e.contains("expected (2, 0, 0): the states, then one step for each of the 1 switching functions"), "{e}");
     let right = models::affine("f", Dims { x: 2, ..d }, &[1.0], &[(0, 1, -2.0)]);
-    s.add_inclusion(Inclusion { rows: vec![0], f: right, psi }).unwrap();
+    s.add_inclusion(Inclusion { rows: vec![0], f: right, psi, set: SetValued::Step }).unwrap();
     let e = switchback::dcs::Dcs::stewart(&s).err().unwrap().to_string();
     assert!(e.contains("have no modes"), "{e}");
     assert!(Simulator::new(&s, &Settings::default()).is_ok());

@@ -10,7 +10,7 @@ use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{Ocp, OcpResult};
 use switchback::settings::Settings;
-use switchback::system::{Inclusion, Regions, Subsystem, System};
+use switchback::system::{Inclusion, Regions, SetValued, Subsystem, System};
 
 const D: Dims = Dims { x: 2, u: 1, p: 0 };
 
@@ -24,7 +24,7 @@ fn friction(inclusion: bool) -> System {
     if inclusion {
         let step = g.x(2);
         let f = Arc::new(g.function("friction", Dims { x: 3, ..D }, &[0.3 - 0.6 * step]).unwrap());
-        s.add_inclusion(Inclusion { rows: vec![1], f, psi }).unwrap();
+        s.add_inclusion(Inclusion { rows: vec![1], f, psi, set: SetValued::Step }).unwrap();
     } else {
         let modes = affine("friction", D, &[-0.3, 0.3], &[]);
         let regions = Regions::Signs { psi, signs: vec![1, -1] };

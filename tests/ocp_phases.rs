@@ -182,3 +182,32 @@ fn time_goes_on_from_phase_to_phase() {
     assert_ne!(r.outcome, Outcome::Solved);
     assert!(r.message.contains("link 0 ('continuity') behind phase 0, row 0, is violated by"), "{}", r.message);
 }
+
+/// A reset map between two phases: a ball is let fall, hits a plate that doubles as a scale and is turned by it, and the second phase has
+/// one state less. The link is that of the function written by hand.
+#[test]
+fn a_reset_map_ties_the_phases() {
+    let set = settings(RadauIia, 3, 1, FESD);
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let mut fall = System::new(2, 0, 0).unwrap();
+    fall.set_f0(affine("fall", d, &[0.0, -9.81], &[(0, 1, 1.0)])).unwrap();
+    let mut first = Ocp::new(&fall, 1.0, 1, &set).unwrap();
+    first.set_x0(&[2.0, 0.0]).unwrap();
+    first.set_free_time(Durations::Stages, 0.1, 5.0).unwrap();
+    first.add_terminal(row("down", d, &[(0, 0, 1.0)]), &[0.0], &[0.0]).unwrap();
+    // the second phase knows the height above the plate only through the energy
+    let one = Dims { x: 1, u: 0, p: 0 };
+    let mut rise = System::new(1, 0, 0).unwrap();
+    rise.set_f0(affine("rise", one, &[-9.81], &[])).unwrap();
+    let mut second = Ocp::new(&rise, 0.2, 2, &set).unwrap();
+    second.set_x0_bounds(&[f64::NEG_INFINITY], &[f64::INFINITY]).unwrap();
+    let mut m = MultiPhase::new(vec![first, second]).unwrap();
+    let wrong = row("wrong", one, &[(0, 0, 1.0)]);
+    assert!(matches!(m.link_reset(0, wrong), Err(Error::Dimension(_))));
+    assert!(matches!(m.link_reset(1, row("r", one, &[(0, 0, 1.0)])), Err(Error::Range(_))));
+    m.link_reset(0, row("bounce", d, &[(0, 1, -0.5)])).unwrap();
+    let r = solved(&mut m);
+    let v = (2.0f64 * 9.81 * 2.0).sqrt();
+    assert_near(&r.phases[1].trajectory.elements[0].x0, &[0.5 * v], 1e-8, "behind the impact");
+    assert_near(&r.phases[1].trajectory.elements.last().unwrap().x1, &[0.5 * v - 9.81 * 0.2], 1e-8, "end");
+}

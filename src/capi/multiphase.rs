@@ -149,6 +149,25 @@ pub unsafe extern "C" fn swb_multiphase_link_continuous(m: *mut swb_multiphase, 
     })
 }
 
+/// Require that the next phase begins at r(x(T)): what a stage that drops off, a docking or a planned impact does to the states.
+///
+/// @param[in] phase counted from 0
+/// @param[in] r     the states at the end of the phase as they are at the start of the next: as many states as the phase, no controls
+///                  and no parameters, one output for each state of the next phase
+/// @return as swb_multiphase_link
+#[no_mangle]
+pub unsafe extern "C" fn swb_multiphase_link_reset(
+    m: *mut swb_multiphase,
+    phase: i64,
+    r: *const swb_function,
+) -> swb_status {
+    guard(|| unsafe {
+        let phase = index(phase, "phase")?;
+        let r = shared(r, "r")?;
+        change(m, |m| m.link_reset(phase, r))
+    })
+}
+
 /// Solve.
 ///
 /// @param[out] outcome an enum swb_outcome; may be NULL

@@ -8,7 +8,7 @@ use super::status::swb_status;
 use crate::error::{Error, Result};
 use crate::memory::sizes::size;
 use crate::session::listening;
-use crate::system::{Inclusion, Regions, Subsystem, System};
+use crate::system::{Inclusion, Regions, SetValued, Subsystem, System};
 
 /// Piecewise smooth system: x' = f0(x,u,p,t) plus, for each subsystem, a convex combination of its modes.
 pub struct swb_system(());
@@ -144,7 +144,8 @@ pub unsafe extern "C" fn swb_system_add_inclusion(
     index: *mut i64,
 ) -> swb_status {
     guard(|| unsafe {
-        let inclusion = Inclusion { rows: rows_of(rows, n_rows)?, f: shared(f, "f")?, psi: shared(psi, "psi")? };
+        let (f, psi) = (shared(f, "f")?, shared(psi, "psi")?);
+        let inclusion = Inclusion { rows: rows_of(rows, n_rows)?, f, psi, set: SetValued::Step };
         let k = handle::with_mut(system, |s| s.add_inclusion(inclusion))?;
         raw::write_optional(index, k as i64);
         Ok(())

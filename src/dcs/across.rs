@@ -69,15 +69,15 @@ impl Form {
         }
     }
 
-    /// Of every simplex: whether its sets are free to change at the ends of control stages, and there alone.
-    pub fn simplices_across(&self, linear: &[bool], stage_params: bool) -> Vec<Across> {
+    /// Of every group of [`Form::groups`]: whether its sets are free to change at the ends of control stages, and there alone.
+    pub fn groups_across(&self, linear: &[bool], stage_params: bool) -> Vec<Across> {
         let cells = self.across(linear, stage_params);
         let of = |c: &Range<usize>| match &cells[c.clone()] {
             all if all.contains(&Across::Own) => Across::Own,
             all if all.contains(&Across::Tied) => Across::Tied,
             _ => Across::Nothing,
         };
-        self.simplices.iter().map(of).collect()
+        self.groups().iter().map(of).collect()
     }
 }
 

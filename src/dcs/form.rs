@@ -11,7 +11,7 @@ use std::ops::Range;
 use super::Stewart;
 use crate::error::Result;
 use crate::settings::{DcsForm, Settings};
-use crate::system::{heaviside_is_smaller, Inclusion, Regions, SharedFunction, Subsystem};
+use crate::system::{heaviside_is_smaller, Inclusion, Regions, SetValued, SharedFunction, Subsystem};
 
 /// How a system is brought into a form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -80,6 +80,8 @@ pub struct Form {
     pub rows: Vec<IndicatorRow>,
     /// Cells whose weights sum to one.
     pub simplices: Vec<Range<usize>>,
+    /// Cells whose weights are multipliers of constraints, and whose multipliers are these constraints.
+    pub multipliers: Vec<Range<usize>>,
     /// Cells.
     pub n_cells: usize,
     /// Multipliers `μ`.
@@ -90,7 +92,8 @@ pub struct Form {
     pub terms: Vec<Term>,
     /// Functions of weights.
     pub inclusions: Vec<Included>,
-    /// Per subsystem, then per switching function of inclusions: the weights of the modes in the sense of [`Term`].
+    /// Per subsystem, then per switching function of inclusions: the weights of the modes in the sense of [`Term`]. Constraints have one
+    /// mode, whose weight is their multiplier.
     pub reported: Vec<Vec<Vec<usize>>>,
     /// For every region the cells it needs.
     pub region_cells: Vec<Vec<usize>>,
@@ -122,6 +125,14 @@ impl Form {
             }
             first += n;
         }
+    }
+
+    /// Cells that change together: those whose weights sum to one, and every multiplier for itself, in the order of their cells.
+    pub fn groups(&self) -> Vec<Range<usize>> {
+        let single = self.multipliers.iter().cloned().flatten().map(|c| c..c + 1);
+        let mut all: Vec<Range<usize>> = self.simplices.iter().cloned().chain(single).collect();
+        all.sort_by_key(|g| g.start);
+        all
     }
 
     /// Weights of a point: cells, then products.
@@ -156,15 +167,21 @@ impl Form {
         self.term(Term { rows: st.rows.clone(), modes: st.modes.clone(), weights });
     }
 
-    /// Appends cells whose weights sum to one. Products move behind them.
+    /// Appends cells whose weights sum to one.
     fn simplex(&mut self, n: usize) {
+        let cells = self.append(n);
+        self.simplices.push(cells);
+    }
+
+    /// Appends cells. Products move behind them.
+    fn append(&mut self, n: usize) -> Range<usize> {
         let first = self.n_cells;
         let shift = |v: &mut usize| *v += if *v >= first { n } else { 0 };
         self.products.iter_mut().flatten().for_each(shift);
         self.terms.iter_mut().flat_map(|t| &mut t.weights).flatten().for_each(shift);
         self.reported.iter_mut().flatten().flatten().for_each(shift);
-        self.simplices.push(first..first + n);
         self.n_cells += n;
+        first..first + n
     }
 
     fn term(&mut self, t: Term) {
@@ -223,11 +240,29 @@ impl Form {
     }
 
     pub(super) fn add_inclusion(&mut self, i: &Inclusion) {
+        if i.set == SetValued::Multiplier {
+            return self.add_multipliers(i);
+        }
         let first = self.steps(&i.psi);
         let n = i.psi.n_out();
         let alpha = (0..n).map(|j| first + 2 * j).collect();
         self.inclusions.push(Included { rows: i.rows.clone(), f: i.f.clone(), alpha });
         self.reported.extend((0..n).map(|j| vec![vec![first + 2 * j], vec![first + 2 * j + 1]]));
+    }
+
+    /// A cell for every constraint: its multiplier is the constraint, its weight what pushes. As with contacts without velocities, one of
+    /// both is zero in every element.
+    fn add_multipliers(&mut self, i: &Inclusion) {
+        let (n, source) = (i.psi.n_out(), self.sources.len());
+        self.sources.push(i.psi.clone());
+        let cells = self.append(n);
+        for (j, cell) in cells.clone().enumerate() {
+            let weights = (0..n).map(|i| f64::from(u8::from(i == j))).collect();
+            self.rows.push(IndicatorRow { source, weights, lambda: vec![(cell, -1.0)], mu: None });
+            self.reported.push(vec![vec![cell]]);
+        }
+        self.inclusions.push(Included { rows: i.rows.clone(), f: i.f.clone(), alpha: cells.clone().collect() });
+        self.multipliers.push(cells);
     }
 
     /// Calls `f` with every cell that a weight, a cell or a product, is made of.

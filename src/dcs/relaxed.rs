@@ -7,7 +7,8 @@ impl Form {
     /// cell instead of zero, all else being met: `rows` are the combinations `Σ_j weights[j] f_j` of [`Form::rows`].
     ///
     /// Within cells whose weights sum to one `λ = g − ν`, and `Σ σ/(g − ν) = 1` determines `ν`. Where there is no `μ`, in
-    /// the Heaviside form, `g` is the switching function for the cell below and zero for the one above.
+    /// the Heaviside form, `g` is the switching function for the cell below and zero for the one above. Constraints that are violated
+    /// have a multiplier besides their weight: their rows are not met.
     pub fn relaxed(&self, rows: &[f64], sigma: f64, theta: &mut [f64], lambda: &mut [f64], mu: &mut [f64]) {
         lambda.fill(0.0);
         for (row, g) in self.rows.iter().zip(rows) {
@@ -23,6 +24,12 @@ impl Form {
                 lambda[c] = (lambda[c] - lowest) + shift;
                 theta[c] = sigma / lambda[c];
             }
+        }
+        for c in self.multipliers.iter().cloned().flatten() {
+            // `λ − σ/λ = g`: where the constraint is violated the push grows with the violation
+            let (g, root) = (lambda[c], lambda[c].hypot(2.0 * sigma.sqrt()));
+            lambda[c] = if g > 0.0 { 0.5 * (root + g) } else { 2.0 * sigma / (root - g) };
+            theta[c] = sigma / lambda[c];
         }
         for (row, g) in self.rows.iter().zip(rows) {
             if let (Some(m), Some(&(cell, _))) = (row.mu, row.lambda.first()) {

@@ -12,7 +12,7 @@ use crate::memory::sizes::check as sizes;
 use crate::model::{SavedDirection, SavedValue};
 use crate::ocp::Linear;
 use crate::settings::{Settings, Value, OPTIONS};
-use crate::system::{Inclusion, Regions, SharedFunction, Subsystem, System, Transition};
+use crate::system::{Inclusion, Regions, SetValued, SharedFunction, Subsystem, System, Transition};
 
 /// Numbers of which some may be infinite, which JSON writes as text.
 #[derive(Clone, Copy, Serialize, Deserialize)]
@@ -218,6 +218,9 @@ impl SavedSystem {
             })
         };
         let inclusion = |i: &Inclusion| -> Result<SavedInclusion> {
+            if i.set == SetValued::Multiplier {
+                return Err(Error::Unsupported("projected systems have no form as a document".into()));
+            }
             let (f, psi) = (SavedFunction::new(&i.f)?, SavedFunction::new(&i.psi)?);
             Ok(SavedInclusion { rows: i.rows.clone(), f, psi })
         };
@@ -262,7 +265,7 @@ impl SavedSystem {
         }
         for i in &self.inclusions {
             let (f, psi) = (i.f.restore(supplied)?, i.psi.restore(supplied)?);
-            system.add_inclusion(Inclusion { rows: i.rows.clone(), f, psi })?;
+            system.add_inclusion(Inclusion { rows: i.rows.clone(), f, psi, set: SetValued::Step })?;
         }
         let equations = self.algebraic_equations.as_ref().map(|g| g.restore(supplied)).transpose()?;
         system.set_algebraic(self.algebraic, equations)?;

@@ -1,6 +1,7 @@
 //! Bounds of the discretised problem: relaxed, with an active set for every element, and with free signs.
 
 use super::problem::Fesd;
+use crate::func::Point;
 use crate::mpcc::{Mpcc, Side};
 use crate::nlp::Bounds;
 
@@ -38,6 +39,9 @@ impl Exit {
         }
     }
 }
+
+/// Value of a constraint at an initial state, relative to what the state is of it, that counts as zero: the tolerance of a solve.
+const SETTLED: f64 = 1e-8;
 
 impl Fesd {
     /// Chooses what ends a sliding mode.
@@ -134,6 +138,10 @@ impl Fesd {
                     b.xl[j] = f64::NEG_INFINITY;
                     b.xu[j] = f64::INFINITY;
                 }
+            }
+            for c in self.spec.dcs.form().multipliers.iter().cloned().flatten() {
+                b.xl[first.lambda + c] = f64::NEG_INFINITY;
+                b.xu[first.lambda + c] = f64::INFINITY;
             }
             if l.elements[0].row_sum_lambda.is_some() {
                 let j = l.elements[0].sum_lambda;
@@ -310,6 +318,33 @@ impl Fesd {
             b.xl[x + c] = t0;
             b.xu[x + c] = t0;
         }
+        if lower == upper && !self.spec.dcs.form().multipliers.is_empty() {
+            self.settle_constraints(b, lower, t0);
+        }
+    }
+
+    /// Constraints that hold with equality at a given initial state, but for what a solve leaves over, hold exactly: the state is a
+    /// number, and the multiplier there could not be zero otherwise.
+    fn settle_constraints(&self, b: &mut Bounds, x: &[f64], t0: f64) {
+        let (form, Some(s)) = (self.spec.dcs.form(), self.l.starts.first()) else { return };
+        let is_constraint = |c: usize| form.multipliers.iter().any(|m| m.contains(&c));
+        for (i, &k) in s.rows.iter().enumerate() {
+            let r = &form.rows[k];
+            let (f, true) = (&form.sources[r.source], r.lambda.iter().all(|l| is_constraint(l.0))) else { continue };
+            let d = f.dims();
+            let (u, p) = (vec![0.0; d.u], f.jac_pattern());
+            let at = Point { t: t0, x, u: &u, p: &self.constants[..d.p] };
+            let (mut values, mut slopes) = (vec![0.0; f.n_out()], vec![0.0; p.nnz()]);
+            let mut work = vec![0.0; f.work_len()];
+            let known = f.value(&at, &mut values, &mut work).and_then(|()| f.jacobian(&at, &mut slopes, &mut work));
+            let value: f64 = r.weights.iter().zip(&values).map(|(w, v)| w * v).sum();
+            let slope = |c: usize| {
+                p.rows(c).iter().zip(&slopes[p.range(c)]).map(|(&o, v)| (r.weights[o] * v).abs()).sum::<f64>()
+            };
+            let size = x.iter().fold(0.0, |m: f64, v| m.max(v.abs())) * (0..d.x).map(slope).sum::<f64>();
+            let rest = if known.is_ok() && value.abs() <= SETTLED * size { value } else { 0.0 };
+            (b.cl[s.row + i], b.cu[s.row + i]) = (rest, rest);
+        }
     }
 
     /// Sets bounds of the control of stage `k`; at both of its ends where the control is linear.
@@ -404,6 +439,14 @@ impl Mpcc for Fesd {
                     }
                 }
             }
+            for c in self.spec.dcs.form().multipliers.iter().cloned().flatten() {
+                let active = to[i_e * n + c] == Side::First;
+                for (&theta, &lambda) in e.theta.iter().zip(&e.lambda) {
+                    let least = |j: usize| w[j].max(0.1 * self.size(j));
+                    let (a, b) = if active { (least(theta + c), 0.0) } else { (0.0, least(lambda + c)) };
+                    (w[theta + c], w[lambda + c]) = (a, b);
+                }
+            }
             e.theta.iter().for_each(|&theta| self.write_products(w, theta));
             self.write_sums(w, e);
         }
@@ -435,6 +478,8 @@ impl Mpcc for Fesd {
         };
         let n = l.n_cells;
         let drifts = self.drifts();
+        let multipliers = || self.spec.dcs.form().multipliers.iter().cloned().flatten();
+        let given = (l.x0..l.x0 + self.spec.dcs.dims().x).all(|j| b.xl[j] == b.xu[j]);
         for (i_e, e) in l.elements.iter().enumerate() {
             // equal steps need no bound, and one would stop a switch on its way to the optimum
             if let Some(h) = e.h.filter(|_| self.spec.options.gamma_h >= 1.0) {
@@ -455,7 +500,12 @@ impl Mpcc for Fesd {
                 if let (false, Some(row)) = (says_mu, e.row_first) {
                     (b.cl[row + c], b.cu[row + c]) = (0.0, 0.0);
                 }
-                if e.row_sum_lambda.is_some() && (drifts || !first) {
+                // at a given state the constraint has a value, which its multiplier follows
+                let follows = i_e == 0 && given && multipliers().any(|m| m == c);
+                if let (true, Some(start)) = (follows, l.start_of(e, c)) {
+                    free(b, start + c);
+                }
+                if e.row_sum_lambda.is_some() && (drifts || !first || follows) {
                     free(b, e.sum_lambda + c);
                 } else if e.row_sum_lambda.is_some() {
                     fix(b, e.sum_lambda + c);
@@ -465,6 +515,7 @@ impl Mpcc for Fesd {
                 let says_mu = cells.clone().find(|&c| active(c));
                 cells.clone().filter(|&c| active(c)).for_each(|c| fix_active(c, Some(c) == says_mu));
             }
+            multipliers().filter(|&c| active(c)).for_each(|c| fix_active(c, false));
             for c in (0..n).filter(|&c| !active(c)) {
                 for &j in &e.theta {
                     fix(b, j + c);
@@ -494,6 +545,19 @@ impl Mpcc for Fesd {
                         } else if active(c) {
                             free(b, end + c);
                         }
+                    }
+                }
+            }
+            if let (true, Some(end)) = (drifts, e.lambda_end) {
+                let entered = |c: usize| match (l.elements.get(i_e + 1), sides.get((i_e + 1) * n + c)) {
+                    (Some(b), Some(s)) => l.is_tied(b, c) && *s == Side::First,
+                    _ => false,
+                };
+                for c in multipliers() {
+                    if active(c) {
+                        free(b, end + c);
+                    } else if entered(c) {
+                        fix(b, end + c);
                     }
                 }
             }

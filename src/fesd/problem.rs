@@ -502,6 +502,9 @@ impl Fesd {
         for cells in &self.spec.dcs.form().simplices {
             w[theta + cells.start..theta + cells.end].fill(1.0 / cells.len() as f64);
         }
+        for c in self.spec.dcs.form().multipliers.iter().cloned().flatten() {
+            w[theta + c] = LAMBDA_GUESS * self.size(theta + c);
+        }
         self.guess_multipliers(w, lambda);
         self.write_products(w, theta);
     }

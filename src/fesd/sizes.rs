@@ -17,8 +17,8 @@ pub struct Sizes {
 }
 
 impl Fesd {
-    /// Sets the sizes the solver measures the variables by; without them all are 1. Weights have the size 1, multipliers
-    /// that of their indicators, lengths that of the steps of an equidistant grid.
+    /// Sets the sizes the solver measures the variables by; without them all are 1. Weights have the size 1, those that
+    /// push the size that moves states by theirs over the horizon, multipliers that of their indicators, lengths that of the steps of an equidistant grid.
     pub fn set_sizes(&mut self, sizes: &Sizes) {
         self.spec.dcs.measure(&sizes.psi);
         let l = &self.l;
@@ -41,6 +41,7 @@ impl Fesd {
             }
         };
         let (lambda, mu) = self.multiplier_sizes(&sizes.psi);
+        let pushes = self.push_sizes(sizes, horizon);
         let put = |w: &mut [f64], at: usize, values: &[f64]| w[at..at + values.len()].copy_from_slice(values);
         put_x(&mut w, l.x0, 1.0);
         for s in &l.starts {
@@ -67,6 +68,10 @@ impl Fesd {
                 }
                 put(&mut w, e.lambda[i], &lambda);
                 put(&mut w, e.mu[i], &mu);
+                pushes.iter().for_each(|&(c, size)| w[e.theta[i] + c] = size);
+            }
+            if l.sums {
+                pushes.iter().for_each(|&(c, size)| w[e.sum_theta + c] = size);
             }
             if e.row_end.is_some() {
                 put_x(&mut w, e.x_end, 1.0);
@@ -97,6 +102,23 @@ impl Fesd {
         if n > 0.0 && !self.sizes.is_empty() {
             self.guidance_unit = steepest * (n / sum).powi(2);
         }
+    }
+
+    /// Cells whose weights push, and the sizes of these: `ẋ = ∇c λ` moves a state of size `s` by that over the horizon `T` with
+    /// `λ = s²/(c T)`.
+    fn push_sizes(&self, sizes: &Sizes, horizon: f64) -> Vec<(usize, f64)> {
+        let form = self.spec.dcs.form();
+        let mut out = Vec::new();
+        let (nx, lambda) = (sizes.x.len(), self.multiplier_sizes(&sizes.psi).0);
+        for cells in &form.multipliers {
+            let Some(i) = form.inclusions.iter().find(|i| i.alpha.first() == Some(&cells.start)) else { continue };
+            for (k, c) in cells.clone().enumerate() {
+                let pushed = i.f.jac_pattern().rows(nx + k).iter().filter_map(|&o| sizes.x.get(i.rows[o]));
+                let most = pushed.fold(0.0, |m: f64, s| m.max(*s));
+                out.push((c, if most > 0.0 { most * most / (lambda[c] * horizon) } else { 1.0 }));
+            }
+        }
+        out
     }
 
     /// Sizes of `λ` and `μ` at a point.

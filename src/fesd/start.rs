@@ -61,6 +61,9 @@ impl Fesd {
                 w[theta + c] = if sides[c] == Side::First { 1.0 / n_active as f64 } else { 0.0 };
             }
         }
+        for c in self.spec.dcs.form().multipliers.iter().cloned().flatten() {
+            w[theta + c] = if sides[c] == Side::First { self.size(theta + c) } else { 0.0 };
+        }
         self.write_products(w, theta);
     }
 

@@ -83,7 +83,8 @@ pub struct Trajectory {
     nx: usize,
     n_z: usize,
     /// Number of modes per subsystem; subsystems with one mode are part of the smooth dynamics and not listed. Switching
-    /// functions of inclusions follow, with the two modes `ψ > 0` and `ψ < 0`.
+    /// functions of inclusions follow, with the two modes `ψ > 0` and `ψ < 0`, and constraints of projected systems with one, whose weight
+    /// is the multiplier.
     pub modes: Vec<usize>,
     /// The elements in the order of time.
     pub elements: Vec<Element>,

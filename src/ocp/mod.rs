@@ -60,9 +60,12 @@ pub use statement::Statement;
 pub(crate) use terms::Linear;
 pub use transitions::JumpMade;
 
+use std::borrow::Cow;
+
 use self::accuracy::Replay;
 use self::extend::{Complementarity, LeastSquares, Soft};
 use self::solve::Built;
+
 use crate::error::{finite, Error, Result};
 use crate::fesd::{Boundary, PathAt, PathConstraint, Sizes, Terminal, Trajectory};
 use crate::linalg::kkt::LinearStats;
@@ -158,6 +161,8 @@ pub struct OcpResult {
 /// An optimal control problem.
 pub struct Ocp {
     system: System,
+    /// A projected system as events follow it; `system` is its form for finite elements then.
+    projected: Option<System>,
     settings: Settings,
     horizon: f64,
     n_stages: usize,
@@ -224,8 +229,11 @@ impl Ocp {
         sizes::check("control stages", &[n_stages])?;
         let d = system.dims();
         let free = |n: usize| [vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]];
+        let (given, system) = (system, system.with_multipliers()?);
+        let projected = matches!(system, Cow::Owned(_)).then(|| given.clone());
         Ok(Ocp {
-            system: system.clone(),
+            system: system.into_owned(),
+            projected,
             settings: *settings,
             horizon,
             n_stages,

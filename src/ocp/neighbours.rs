@@ -12,8 +12,7 @@ use crate::mpcc::Side;
 /// Sets proposed beside those that occur, up to this number of cells of a simplex: all single ones and pairs.
 const SMALL: usize = 4;
 
-/// Elements of every control stage, numbers of cells whose weights sum to one, which change together, and how these go on from stage
-/// to stage.
+/// Elements of every control stage, numbers of cells that change together, and how these go on from stage to stage.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Grid {
     pub n_fe: Vec<usize>,

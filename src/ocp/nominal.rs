@@ -10,7 +10,7 @@ use crate::event::{self, Engine};
 use crate::fesd::Sizes;
 use crate::func::Point;
 use crate::nlp::INFINITE;
-use crate::system::SharedFunction;
+use crate::system::{SetValued, SharedFunction};
 
 /// Share of the values of a quantity that are not larger than what counts as its size.
 const QUANTILE: f64 = 0.75;
@@ -81,12 +81,30 @@ impl Ocp {
             let free = self.p_bounds.as_ref().and_then(|b| bounded(b, j));
             told(&self.nominal.p, j).or(magnitude(self.params[j])).or(free).unwrap_or(1.0)
         };
-        Ok(Sizes {
-            x: x.into_iter().enumerate().map(state).collect(),
-            u: (0..d.u).map(control).collect(),
-            p: (0..d.p).map(param).collect(),
-            psi: psi.into_iter().map(|v| quantile(v).unwrap_or(1.0)).collect(),
-        })
+        let x: Vec<f64> = x.into_iter().enumerate().map(state).collect();
+        let mut psi: Vec<f64> = psi.into_iter().map(|v| quantile(v).unwrap_or(1.0)).collect();
+        psi.extend(self.constraint_sizes(&x));
+        Ok(Sizes { u: (0..d.u).map(control).collect(), p: (0..d.p).map(param).collect(), x, psi })
+    }
+
+    /// Sizes of the constraints of projected systems: what states of their sizes make of them, at the initial state. Those of inclusions of
+    /// another kind are 1.
+    fn constraint_sizes(&self, sizes: &[f64]) -> Vec<f64> {
+        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let u = vec![0.0; self.system.dims().u];
+        let at = Point { t: self.t0, x: &x0, u: &u, p: self.params_of(0) };
+        let mut out = Vec::new();
+        for i in self.system.inclusions() {
+            let (n, p) = (i.psi.n_out(), i.psi.jac_pattern());
+            let (mut slopes, mut work) = (vec![0.0; p.nnz()], vec![0.0; i.psi.work_len()]);
+            let known = i.set == SetValued::Multiplier && i.psi.jacobian(&at, &mut slopes, &mut work).is_ok();
+            let mut own = vec![0f64; n];
+            for (j, size) in sizes.iter().enumerate().filter(|_| known) {
+                p.rows(j).iter().zip(&slopes[p.range(j)]).for_each(|(&o, v)| own[o] += v.abs() * size);
+            }
+            out.extend(own.into_iter().map(|s| magnitude(s).unwrap_or(1.0)));
+        }
+        out
     }
 
     /// Sizes of the states before anything was simulated, as far as the problem says something: two bounds say most, then the
@@ -154,7 +172,8 @@ impl Ocp {
     fn simulate_sizes(&self, sizes: &[f64], x: &mut [Vec<f64>], psi: &mut [Vec<f64>]) -> Result<()> {
         let options = event::Options { max_steps: MAX_STEPS, ..tolerances(TOLERANCE, sizes) };
         let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
-        let Ok(mut engine) = Engine::new(&self.system, &options) else { return Ok(()) };
+        let system = self.projected.as_ref().unwrap_or(&self.system);
+        let Ok(mut engine) = Engine::new(system, &options) else { return Ok(()) };
         let nu = self.system.dims().u;
         let functions = self.system.switching_functions();
         for controls in self.random_starts(RUNS, 0) {

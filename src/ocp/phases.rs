@@ -7,7 +7,7 @@ use super::diagnosis::Case;
 use super::joint::{self, Link, Plan, Program};
 use super::request::{Comparison, Request};
 use super::solve::{Built, Start};
-use super::terms::combination;
+use super::terms::{combination, Stack};
 use super::{check_bounds, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::func::Dims;
@@ -130,6 +130,25 @@ impl MultiPhase {
         let f = combination("continuity", d, (0..nx).map(|i| vec![(i, -1.0), (nx + i, 1.0)]).collect());
         let zeros = vec![0.0; nx];
         self.link(k, f, &zeros, &zeros)
+    }
+
+    /// The next phase begins at `r(x_k(T))`: a reset map of the states at the end of phase `k`, with as many outputs as the next phase has
+    /// states, without controls, parameters and time. What a stage that drops off, a docking or a planned impact does to the states.
+    pub fn link_reset(&mut self, k: usize, r: SharedFunction) -> Result<()> {
+        let d = self.link_dims(k)?;
+        let nx = self.phases[k].system.dims().x;
+        let next = d.x - nx;
+        if r.dims() != (Dims { x: nx, u: 0, p: 0 }) || r.n_out() != next {
+            let (name, given, n) = (r.name(), r.dims(), r.n_out());
+            return Err(Error::Dimension(format!(
+                "the reset map '{name}' behind phase {k} has {n} outputs of inputs {given:?}, expected {next} of the {nx} states of the \
+                 phase alone"
+            )));
+        }
+        let behind = Stack::gather(&r, d, (0..nx).chain([d.t_col()]).collect());
+        let start = combination("start", d, (0..next).map(|i| vec![(nx + i, -1.0)]).collect());
+        let zeros = vec![0.0; next];
+        self.link(k, Stack::sum("reset", d, vec![behind, start]), &zeros, &zeros)
     }
 
     /// The result of the last solve.

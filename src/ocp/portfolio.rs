@@ -225,7 +225,8 @@ impl Ocp {
     pub(super) fn improve(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
         let inside = Request { comparison: None, explain: false, ..*request };
         let form = Dcs::new(&self.system, request.options.form)?.form().clone();
-        let across = form.simplices_across(&self.linear, self.stage_params.is_some());
+        let groups = form.groups();
+        let across = form.groups_across(&self.linear, self.stage_params.is_some());
         let n_fe = self.elements(&request.options);
         let mut tried = Vec::new();
         let mut before: Option<Sequence> = None;
@@ -241,7 +242,7 @@ impl Ocp {
             tried.push(now.sets());
             let mut better = false;
             let beyond = before.replace(now.clone()).and_then(|before| now.beyond(&before));
-            for s in beyond.into_iter().chain(now.neighbours(&form.simplices, &across)) {
+            for s in beyond.into_iter().chain(now.neighbours(&groups, &across)) {
                 if stop::requested().is_some() {
                     return Ok(());
                 }

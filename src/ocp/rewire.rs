@@ -72,7 +72,7 @@ impl Rewire {
         }
         for i in s.inclusions() {
             let (f, psi) = (self.with_steps(&i.f, i.psi.n_out()), self.function(&i.psi));
-            out.add_inclusion(Inclusion { rows: rows(&i.rows), f, psi })?;
+            out.add_inclusion(Inclusion { rows: rows(&i.rows), f, psi, set: i.set })?;
         }
         if s.n_algebraic() > 0 {
             out.set_algebraic(s.n_algebraic(), s.algebraic().map(|g| self.function(g)))?;

@@ -153,8 +153,8 @@ impl Ocp {
         identifier.n_sides = problem.n_element_groups();
         let spec = problem.spec();
         let form = spec.dcs.form();
-        let sizes = form.simplices.iter().map(|c| c.len()).collect();
-        let across = form.simplices_across(&spec.linear, spec.stage_params);
+        let sizes = form.groups().iter().map(|c| c.len()).collect();
+        let across = form.groups_across(&spec.linear, spec.stage_params);
         identifier.grid = Grid { n_fe, sizes, across };
         (identifier.x0_at, identifier.u_at) = problem.places();
         self.built =

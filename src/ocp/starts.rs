@@ -130,6 +130,7 @@ impl Ocp {
             settings: self.settings,
             horizon: self.horizon,
             n_stages: self.n_stages,
+            projected: self.projected.clone(),
             t0: self.t0,
             durations: self.durations.clone(),
             time: self.time,

@@ -44,6 +44,7 @@ use crate::func::Dims;
 use crate::memory::sizes;
 use crate::model::bounds::{Bounds, Interval, ALL};
 use crate::model::Names;
+use crate::system::Projection;
 use crate::system::{self, ImpactLaw, Inertia, Mechanics, Order, SharedFunction, System};
 
 /// A contact as the user states it.
@@ -278,9 +279,19 @@ impl Builder<'_> {
         smooth.extend_from_slice(&force);
         let smooth = self.function("smooth", dims, &smooth)?;
         let inertia = self.inertia()?;
+        let projection = self.projection(&force)?;
         let bounds = if dropped.is_empty() { Vec::new() } else { s.bounds.clone() };
-        let mechanics =
-            Mechanics { order: s.order, n_q: s.n_q, n_v: s.n_v, smooth, inertia, contacts, law: s.law, bounds };
+        let mechanics = Mechanics {
+            order: s.order,
+            n_q: s.n_q,
+            n_v: s.n_v,
+            smooth,
+            inertia,
+            contacts,
+            law: s.law,
+            bounds,
+            projection,
+        };
         let report = Report::new(s, &mechanics, &kept, dropped);
         let system = System::of_mechanics(mechanics, dims.u, dims.p)?;
         Ok(Built { system, report, dims, names: s.names.clone() })
@@ -500,6 +511,37 @@ impl Builder<'_> {
             }
         };
         Ok(shape.contact(&c.name, &excerpt.places, dims))
+    }
+
+    /// What finite elements need of a projected system. Constraints that bounds of the states exclude are there too: elements do not know
+    /// these bounds.
+    fn projection(&mut self, force: &[Id]) -> Result<Option<Projection>> {
+        let (s, dims) = (self.scene, self.scene.dims());
+        if s.order != Order::First {
+            return Ok(None);
+        }
+        let moving = |c: &&Contact| self.dag.as_const(c.gap).is_none();
+        let gaps: Vec<Id> = s.contacts.iter().filter(moving).map(|c| c.gap).collect();
+        let x = self.dag.inputs(Block::X, s.n_v);
+        let multipliers: Vec<Id> = (0..gaps.len()).map(|i| self.dag.input(Block::X, s.n_v + i)).collect();
+        let mut push = vec![self.dag.constant(0.0); s.n_v];
+        for (i, slope) in self.dag.gradient(&gaps, &multipliers, &x)? {
+            push[i] = slope;
+        }
+        let mut smooth = force.to_vec();
+        if let Some(inertia) = &s.inertia {
+            smooth = self.dag.solve(inertia, &smooth)?;
+            push = self.dag.solve(inertia, &push)?;
+        }
+        let wide = Dims { x: dims.x + gaps.len(), ..dims };
+        let mut make = |name: &str, dims: Dims, outputs: &[Id]| -> Result<SharedFunction> {
+            Ok(Arc::new(ExprFunction::new(name, self.dag, dims, outputs)?))
+        };
+        Ok(Some(Projection {
+            smooth: make("f", dims, &smooth)?,
+            push: make("push of the constraints", wide, &push)?,
+            constraints: make("constraints", dims, &gaps)?,
+        }))
     }
 
     fn inertia(&mut self) -> Result<Inertia> {

@@ -113,9 +113,10 @@ impl Simulator {
     /// As [`Simulator::new`].
     pub fn with_options(system: &System, options: &SolveOptions) -> Result<Simulator> {
         let d = system.dims();
+        let system = system.with_multipliers()?;
         system.check_without_transitions("a simulation by finite elements")?;
         system.check_without_contacts("a simulation by finite elements")?;
-        let dcs = Dcs::new(system, options.form)?;
+        let dcs = Dcs::new(&system, options.form)?;
         let detects = options.discretisation.discretisation == Discretisation::Fesd;
         if options.n_fe < 2 && dcs.form().n_cells > 0 && detects {
             return Err(Error::Range(

@@ -12,9 +12,10 @@
 //! `λ_i` works on `ġ_i` and `τ_i` on `s_i`: where there is friction, gap and tangents are lengths, or `μ` means something
 //! else.
 
+use std::borrow::Cow;
 use std::sync::Arc;
 
-use super::{SharedFunction, System};
+use super::{Inclusion, SetValued, SharedFunction, System};
 use crate::error::{Error, Result};
 use crate::func::Dims;
 use crate::memory::sizes;
@@ -108,6 +109,17 @@ impl Contact {
     }
 }
 
+/// A projected system in the form that finite elements take: `ẋ = smooth + push`, with second derivatives.
+#[derive(Clone)]
+pub struct Projection {
+    /// The derivatives of all states without constraints.
+    pub smooth: SharedFunction,
+    /// What the multipliers `λ` add, `M⁻¹ Σ ∇c_i λ_i`; its states are those of the system, then one multiplier for each constraint.
+    pub push: SharedFunction,
+    /// The constraints `c ≥ 0`.
+    pub constraints: SharedFunction,
+}
+
 /// Equations of motion with contacts.
 #[derive(Clone)]
 pub struct Mechanics {
@@ -128,6 +140,8 @@ pub struct Mechanics {
     /// Bounds of the coordinates that contacts were left out for: nothing is known where they are left. Empty, or one for
     /// every coordinate.
     pub bounds: Vec<Option<(f64, f64)>>,
+    /// The same for finite elements, of a projected system that is made of expressions.
+    pub projection: Option<Projection>,
 }
 
 impl Mechanics {
@@ -222,6 +236,30 @@ impl System {
     /// Its equations of motion with contacts, if it has any.
     pub fn mechanics(&self) -> Option<&Arc<Mechanics>> {
         self.mechanics.as_ref()
+    }
+
+    /// The system as finite elements take it: a projected system is an inclusion in the multipliers of its constraints, others stay as
+    /// they are.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for projected systems that are not made of expressions.
+    pub fn with_multipliers(&self) -> Result<Cow<'_, System>> {
+        let Some(m) = self.mechanics.as_ref().filter(|m| m.order == Order::First) else {
+            return Ok(Cow::Borrowed(self));
+        };
+        let Some(p) = &m.projection else {
+            return Err(Error::Unsupported(
+                "finite elements need second derivatives of a projected system: make it of expressions".into(),
+            ));
+        };
+        let mut out = System::new(self.dims.x, self.dims.u, self.dims.p)?;
+        out.set_f0(p.smooth.clone())?;
+        if p.constraints.n_out() > 0 {
+            let rows = (0..self.dims.x).collect();
+            let (f, psi) = (p.push.clone(), p.constraints.clone());
+            out.add_inclusion(Inclusion { rows, f, psi, set: SetValued::Multiplier })?;
+        }
+        Ok(Cow::Owned(out))
     }
 
     /// Contacts stand alone: what else moves the velocities is part of `f_v`.

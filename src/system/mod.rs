@@ -18,7 +18,7 @@ use crate::error::{Error, Result};
 use crate::func::{Dims, Function};
 use crate::memory::sizes;
 
-pub use contact::{Contact, ImpactLaw, Inertia, Local, Mechanics, Order};
+pub use contact::{Contact, ImpactLaw, Inertia, Local, Mechanics, Order, Projection};
 pub use smoothed::Widths;
 pub use transition::{Direction, Transition};
 
@@ -53,16 +53,28 @@ pub struct Subsystem {
     pub regions: Regions,
 }
 
+/// What the variables `α` of an inclusion are.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum SetValued {
+    /// Steps of switching functions: `α_j ∈ γ(ψ_j)`.
+    #[default]
+    Step,
+    /// Multipliers of constraints: `0 ≤ α_j ⊥ ψ_j ≥ 0`.
+    Multiplier,
+}
+
 /// `f(x, α, u, p, t)` with `α_j ∈ γ(ψ_j(x))`, the set-valued step of a switching function (6.38): an inclusion of
-/// Aizerman and Pyatnitskii's kind.
+/// Aizerman and Pyatnitskii's kind; or with multipliers of constraints `ψ ≥ 0`: a projected system (section 4.3.6).
 #[derive(Clone)]
 pub struct Inclusion {
     /// States driven, one per output of `f`.
     pub rows: Vec<usize>,
     /// The function; its states are those of the system, then one `α` for every switching function.
     pub f: SharedFunction,
-    /// Switching functions.
+    /// Switching functions, or constraints.
     pub psi: SharedFunction,
+    /// Which of them.
+    pub set: SetValued,
 }
 
 /// Is the Heaviside form of a subsystem smaller than Stewart's? It has fewer pairs, and its variables (two weights and two

@@ -50,6 +50,18 @@ function link_continuous!(o::MultiPhase, k)
 end
 
 """
+    link_reset!(phases, k, f)
+
+The next phase begins at f(x), a function of the states at the end of phase k with a value for each state of the next.
+"""
+function link_reset!(o::MultiPhase, k, f)
+    i = phase_number(o, k)
+    r = function_of(f, (o.phases[i+1].nx, 0, 0), o.phases[i+2].nx, "reset")
+    using_object(() -> Lib.swb_multiphase_link_reset(o, i, r), o)
+    return o
+end
+
+"""
 What a solve of several phases found: outcome, polished, cost, the results of the `phases`, the largest `link_violation`, the
 `error` of a state at the end of a phase against a simulation, iterations, time_total, message.
 """

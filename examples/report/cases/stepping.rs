@@ -130,6 +130,7 @@ fn table(n: usize, o: &Options) -> Stepper {
         law: system::ImpactLaw::Newton,
         order: system::Order::Second,
         bounds: Vec::new(),
+        projection: None,
     };
     let system = System::of_mechanics(mechanics, 0, 0).unwrap();
     // balls on a grid with unequal velocities

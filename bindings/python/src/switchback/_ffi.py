@@ -1387,6 +1387,7 @@ FUNCTIONS = {
     "swb_multiphase_create": (c_int32, [c_void_p, c_int64, POINTER(swb_settings), c_void_p]),
     "swb_multiphase_link": (c_int32, [c_void_p, c_int64, c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_multiphase_link_continuous": (c_int32, [c_void_p, c_int64]),
+    "swb_multiphase_link_reset": (c_int32, [c_void_p, c_int64, c_void_p]),
     "swb_multiphase_solve": (c_int32, [c_void_p, c_void_p]),
     "swb_multiphase_get_info": (c_int32, [c_void_p, POINTER(swb_multiphase_info), c_uint64]),
     "swb_multiphase_get_message": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),

@@ -76,6 +76,16 @@ class MultiPhase(Handle):
         self._do("link", k, function, address(low), n, address(high), n)
         self._functions.append(function)
 
+    def link_reset(self, phase: int, f: Any) -> None:
+        """The next phase begins at f(x), a function of the states at the end of this phase, counted from 0, with a value for each state
+        of the next: what a stage that drops off, a docking or a planned impact does to the states."""
+        k = index(phase, "phase")
+        if not 0 <= k < len(self._phases) - 1:
+            raise ArgumentError(f"phase must be one of 0 to {len(self._phases) - 2}, not {k}")
+        function = Function._of(f, (self._phases[k].nx, 0, 0), self._phases[k + 1].nx, "reset")
+        self._do("link_reset", k, function)
+        self._functions.append(function)
+
     def link_continuous(self, phase: int) -> None:
         """The next phase begins where this one, counted from 0, ends, in all states."""
         self._do("link_continuous", index(phase, "phase"))

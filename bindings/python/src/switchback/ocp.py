@@ -293,7 +293,8 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         self._create(system, self.horizon, self.n_stages, ctypes.byref(chosen._c))
         self._functions = list(system._functions)
         self._system = system
-        self._contacts = system._contacts if system._scene is not None else None
+        # a projected system has constraints, and nothing that jumps
+        self._contacts = system._contacts if getattr(system._scene, "n_q", 0) else None
         self._do("set_jumps", choice(Jumps, jumps, "jumps"))
         self._monitors(on_iteration, on_log)
         for value, method in (

@@ -332,6 +332,8 @@ class Projected(_ContactSystem):
         m.constraint("upper", input - y + 0.2)
         m.constraint("lower", y - input + 0.2)
         run = swb.simulate(m, [0.0], 10.0)
+
+    `swb.simulate_fesd` and `swb.Ocp` take it too; there every constraint is a subsystem with one mode, whose weight is the multiplier.
     """
 
     def __init__(
