@@ -691,7 +691,7 @@ enum swb_zeno_policy
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else stop. Derivatives do not follow at a mode of order two: they are NaN behind it.
+     * Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else by steps with a stated error. Derivatives do not follow at a mode of order two: they are NaN behind it.
      */
     SWB_ZENO_POLICY_CONTINUE = 0,
     /**

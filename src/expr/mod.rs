@@ -12,6 +12,7 @@ mod c_code;
 mod dag;
 mod diff;
 pub(crate) mod exact;
+mod extend;
 mod function;
 mod graph;
 mod interval;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::dag::{Block, Dag, Group, Id, Node};
-use super::op::Binary;
+use super::op::{Binary, Unary};
 use crate::error::{Error, Result};
 use crate::stop;
 
@@ -28,7 +28,8 @@ impl Dag {
 
     /// The same expressions where switches with a known sign (`Some(true)`: positive) are decided.
     pub fn decide(&mut self, roots: &[Id], sign: &dyn Fn(usize) -> Option<bool>) -> Vec<Id> {
-        self.rebuild(roots, &mut |dag, s| sign(s as usize).map(|holds| dag.truth(holds)))
+        let mut replace = |dag: &mut Dag, s: u32| sign(s as usize).map(|holds| dag.truth(holds));
+        self.rebuild_with(roots, &mut replace, &|block, i| (block, i as usize), &BTreeMap::new(), true)
     }
 
     /// The same expressions with conditions whose switching functions are smooth: `ψ > 0` with a `ψ` that switches
@@ -88,31 +89,39 @@ impl Dag {
 
     /// The same expressions of inputs that have other numbers in their block.
     pub fn renumber(&mut self, roots: &[Id], number: &dyn Fn(Block, usize) -> usize) -> Vec<Id> {
-        self.rebuild_with(roots, &mut |_, _| None, &|block, i| (block, number(block, i as usize)), &BTreeMap::new())
+        self.rebuild_with(
+            roots,
+            &mut |_, _| None,
+            &|block, i| (block, number(block, i as usize)),
+            &BTreeMap::new(),
+            false,
+        )
     }
 
     /// The same expressions of other inputs: `place` says which block an input goes to, and its number there.
     pub fn move_inputs(&mut self, roots: &[Id], place: &dyn Fn(Block, usize) -> (Block, usize)) -> Vec<Id> {
-        self.rebuild_with(roots, &mut |_, _| None, &|block, i| place(block, i as usize), &BTreeMap::new())
+        self.rebuild_with(roots, &mut |_, _| None, &|block, i| place(block, i as usize), &BTreeMap::new(), false)
     }
 
     /// Copies the nodes under `roots` with conditions replaced.
     fn rebuild(&mut self, roots: &[Id], replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>) -> Vec<Id> {
-        self.rebuild_with(roots, replace, &|block, i| (block, i as usize), &BTreeMap::new())
+        self.rebuild_with(roots, replace, &|block, i| (block, i as usize), &BTreeMap::new(), false)
     }
 
     /// The same expressions with nodes replaced.
     pub fn replace(&mut self, roots: &[Id], by: &BTreeMap<Id, Id>) -> Vec<Id> {
-        self.rebuild_with(roots, &mut |_, _| None, &|block, i| (block, i as usize), by)
+        self.rebuild_with(roots, &mut |_, _| None, &|block, i| (block, i as usize), by, false)
     }
 
-    /// The same with other inputs, and other nodes in the place of some.
+    /// The same with other inputs, and other nodes in the place of some; `decides` says that functions are continued beyond the branches
+    /// that are left of them, see [`extend`](super::extend).
     fn rebuild_with(
         &mut self,
         roots: &[Id],
         replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>,
         place: &dyn Fn(Block, u32) -> (Block, usize),
         by: &BTreeMap<Id, Id>,
+        decides: bool,
     ) -> Vec<Id> {
         let ids = self.reachable(roots);
         let top = ids.last().map_or(0, |id| id.index() + 1);
@@ -142,12 +151,14 @@ impl Dag {
                         }
                     }
                 },
-                Node::Unary(op, a) => {
-                    let a = at(a);
+                Node::Unary(op, old) => {
+                    let positive = decides && matches!(op, Unary::Sqrt | Unary::Log);
+                    let a = if positive { self.within_domain(old, at(old)) } else { at(old) };
                     self.unary(op, a)
                 }
-                Node::Binary(op, a, b) => {
-                    let (a, b) = (at(a), at(b));
+                Node::Binary(op, old, b) => {
+                    let (a, b) = (at(old), at(b));
+                    let a = if decides && op == Binary::Pow { self.within_domain(old, a) } else { a };
                     self.binary(op, a, b)
                 }
                 Node::PowI(a, n) => {
@@ -223,7 +234,7 @@ impl Dag {
             match self.node(id) {
                 Node::Binary(Binary::Add, a, b) => stack.extend([(b, factor), (a, factor)]),
                 Node::Binary(Binary::Sub, a, b) => stack.extend([(b, self.neg(factor)), (a, factor)]),
-                Node::Unary(super::op::Unary::Neg, a) => stack.push((a, self.neg(factor))),
+                Node::Unary(Unary::Neg, a) => stack.push((a, self.neg(factor))),
                 Node::Binary(Binary::Mul, a, b) if is_smooth(a) => stack.push((b, self.mul(factor, a))),
                 Node::Binary(Binary::Mul, a, b) if is_smooth(b) => stack.push((a, self.mul(factor, b))),
                 Node::Binary(Binary::Div, a, b) if is_smooth(b) => stack.push((a, self.div(factor, b))),

@@ -9,6 +9,8 @@
 //! proposes is checked in rational arithmetic on the coefficients of the model, and where the check fails the linear
 //! program is solved in rational arithmetic. A pattern is left out with a [`Conflict`] that was verified, never else.
 
+use std::collections::BTreeMap;
+
 use num_bigint::BigInt;
 use num_rational::BigRational;
 use num_traits::{One, Signed, Zero};
@@ -24,6 +26,11 @@ use crate::stop;
 /// Entries of a linear program that is solved in rational arithmetic where floating point leaves a doubt: a second of
 /// work at most. Patterns of larger ones stay, which costs cells and is never wrong.
 const MAX_EXACT: usize = 4000;
+
+/// From so many switching functions on those of one quantity are ordered by where they vanish before any linear program is asked.
+const ORDERED: usize = 24;
+/// Proofs that are kept of what that order excludes: as many as anyone reads.
+const PROOFS: usize = 32;
 
 /// What is known of a sign pattern.
 pub(super) enum Decision {
@@ -41,6 +48,9 @@ pub(super) struct Patterns {
     pub(super) all: Vec<Vec<bool>>,
     pub(super) conflicts: Vec<Conflict>,
 }
+
+/// Signs of two switching functions that exclude each other, by the sign of the one and of the other.
+type Exclusion = [[bool; 2]; 2];
 
 /// The relaxation of some switching functions.
 pub(super) struct Reach {
@@ -155,6 +165,13 @@ impl Reach {
         Conflict::verified(&self.forms, &self.terms, signs, &factors)
     }
 
+    /// The proof that the signs of two multiples of one form exclude each other: the combination without that form.
+    fn prove_order(&self, j: usize, k: usize, signs: &[bool]) -> Option<Conflict> {
+        let lead = |f: usize| self.forms[f].terms.first().map(|t| t.1.abs());
+        let factors = [(j, lead(k)?), (k, lead(j)?)];
+        Conflict::verified(&self.forms, &self.terms, signs, &factors)
+    }
+
     /// The linear program in rational arithmetic.
     fn decide_exactly(&self, signs: &[bool]) -> Decision {
         let n = self.terms.len();
@@ -195,9 +212,43 @@ impl Reach {
         }
     }
 
+    /// For every switching function the earlier ones that are multiples of it but for a constant, and which signs of the two exclude
+    /// each other: `[sign of the earlier][sign of this]`.
+    fn parallels(&self) -> Vec<Vec<(usize, Exclusion)>> {
+        let lead = |f: &Affine| f.terms.first().map(|t| t.1.clone()).filter(|c| !c.is_zero());
+        // multiples of one form, with what is left of them
+        let mut groups: BTreeMap<Vec<(usize, BigRational)>, Vec<(usize, bool, BigRational)>> = BTreeMap::new();
+        let mut out = vec![Vec::new(); self.forms.len()];
+        for (k, form) in self.forms.iter().enumerate() {
+            let Some(lead) = lead(form) else { continue };
+            let key = form.terms.iter().map(|(j, c)| (*j, c / &lead)).collect();
+            let (rises, shift) = (lead.is_positive(), &form.constant / &lead);
+            let group = groups.entry(key).or_default();
+            for (j, other_rises, other) in group.iter() {
+                // with L the common form: this one vanishes at L = −shift, the other one at L = −other
+                let mut excluded = [[false; 2]; 2];
+                for a in [false, true] {
+                    for b in [false, true] {
+                        let (above, here) = (a == *other_rises, b == rises);
+                        excluded[usize::from(a)][usize::from(b)] = match (above, here) {
+                            // L above the one and below the other
+                            (true, false) => *other <= shift,
+                            (false, true) => shift <= *other,
+                            _ => false,
+                        };
+                    }
+                }
+                out[k].push((*j, excluded));
+            }
+            group.push((k, rises, shift));
+        }
+        out
+    }
+
     /// All patterns that can occur; `None` if there are more than `limit`.
     pub(super) fn patterns(&self, limit: usize) -> Result<Option<Patterns>> {
         let mut out = Patterns { all: Vec::new(), conflicts: Vec::new() };
+        let parallels = if self.forms.len() < ORDERED { vec![Vec::new(); self.forms.len()] } else { self.parallels() };
         let mut stack: Vec<(Vec<bool>, Option<Vec<BigRational>>)> = vec![(Vec::new(), None)];
         while let Some((signs, point)) = stack.pop() {
             stop::check()?;
@@ -213,6 +264,13 @@ impl Reach {
                 next.push(s);
                 if here.as_ref().is_some_and(|v| if s { v.is_positive() } else { v.is_negative() }) {
                     stack.push((next, point.clone()));
+                    continue;
+                }
+                let excluded = |p: &&(usize, Exclusion)| p.1[usize::from(signs[p.0])][usize::from(s)];
+                if let Some((j, _)) = parallels[k].iter().find(excluded) {
+                    if out.conflicts.len() < PROOFS {
+                        out.conflicts.extend(self.prove_order(*j, k, &next));
+                    }
                     continue;
                 }
                 if out.conflicts.iter().any(|c| c.excludes(&next)) {

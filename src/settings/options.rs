@@ -498,7 +498,7 @@ impl Integration {
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ZenoPolicy {
-    /// Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else stop. Derivatives do not follow at a mode of order two: they are NaN behind it.
+    /// Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else by steps with a stated error. Derivatives do not follow at a mode of order two: they are NaN behind it.
     Continue = 0,
     /// Stop.
     Stop = 1,

@@ -1,5 +1,6 @@
 //! Accumulating switches.
 
+use super::limit_set::FAILED;
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
@@ -15,6 +16,8 @@ pub(super) struct Recent {
     pub(super) last: f64,
     /// Indicators that vanished, `MEMORY × n_q`.
     pub(super) zero: Vec<bool>,
+    /// Nothing slid behind them.
+    pub(super) free: [bool; MEMORY],
     /// There were transitions among them.
     pub(super) jumps: bool,
 }
@@ -39,6 +42,7 @@ impl Engine {
         self.recent.last = self.t;
         let n = self.zero.len();
         self.recent.zero[i * n..(i + 1) * n].copy_from_slice(&self.zero);
+        self.recent.free[i] = self.field.n_alg() == 0;
         self.recent.n += 1;
     }
 
@@ -58,9 +62,15 @@ impl Engine {
 
     /// Marks what vanished at the last switches, and what the present sliding modes tie.
     pub(super) fn mark_recent(&mut self) {
+        self.mark_last(MEMORY);
+    }
+
+    /// The same for so many of them.
+    pub(super) fn mark_last(&mut self, switches: usize) {
         let n = self.zero.len();
         self.zero.fill(false);
-        for m in 0..MEMORY {
+        for back in 1..=switches {
+            let m = (self.recent.n + MEMORY - back) % MEMORY;
             for j in 0..n {
                 self.zero[j] |= self.recent.zero[m * n + j];
             }
@@ -80,13 +90,13 @@ impl Engine {
 
     /// Do switches accumulate here? Then the policy decides.
     pub(super) fn accumulate(&mut self) -> Result<Option<Progress>> {
-        if self.recent.n <= MEMORY {
-            return Ok(None);
-        }
-        if !self.recent.jumps && !self.field.in_limit_set() {
+        if !self.recent.jumps {
             if let Some(p) = self.approach_limit_set()? {
                 return Ok(Some(p));
             }
+        }
+        if self.recent.n <= MEMORY {
+            return Ok(None);
         }
         let half = MEMORY / 2;
         let gap = |i: usize| self.recent.gap(i);
@@ -121,7 +131,7 @@ impl Engine {
                 return Ok(None);
             }
             self.mark_recent();
-            if let Some(p) = self.enter_limit_set(f64::INFINITY, limit, false)? {
+            if let Some(p) = self.enter_limit_set(FAILED, limit, false)? {
                 return Ok(Some(p));
             }
         }
@@ -142,13 +152,15 @@ impl Engine {
         }
         let tied: usize = self.field.active.iter().map(Vec::len).sum();
         if tied <= before.iter().map(Vec::len).sum() {
-            return Ok(Some(self.fail(Outcome::Zeno, text + ", and no sliding mode begins there")));
+            let failed = self.fail(Outcome::Zeno, text + ", and no sliding mode begins there");
+            return Ok(Some(self.go_through(&before, true)?.unwrap_or(failed)));
         }
         self.mark_time(Time::Unknown);
         let r = self.enter().and_then(|()| self.project_sensitivity());
         self.one_sided = true;
         if !recover(r.map(|()| true), false)? {
-            return Ok(Some(self.fail(Outcome::Zeno, text + ", where the sliding mode is not defined")));
+            let failed = self.fail(Outcome::Zeno, text + ", where the sliding mode is not defined");
+            return Ok(Some(self.go_through(&before, true)?.unwrap_or(failed)));
         }
         self.log(&before, f64::NAN, None, unique);
         Ok(Some(Progress::Switched))

@@ -14,6 +14,10 @@ use crate::event::Outcome;
 const WINDOW: usize = 2000;
 /// Slow: this many windows more would not reach the time asked for.
 const PATIENCE: f64 = 500.0;
+/// Windows in a row that are too slow for the steps allowed, and switches in one of them: then the motion goes on by steps with
+/// a stated error, for it would end without having arrived.
+const SLOW: usize = 4;
+const SWITCHES: usize = 20;
 /// Points at which the right-hand side is looked at, and how many mean steps of the window they reach to either side.
 const POINTS: usize = 65;
 const RADIUS: f64 = 16.0;
@@ -27,6 +31,8 @@ pub(super) struct Window {
     pub(super) attempts: usize,
     pub(super) steps: usize,
     pub(super) t: f64,
+    pub(super) switches: usize,
+    pub(super) slow: usize,
 }
 
 impl Engine {
@@ -44,7 +50,8 @@ impl Engine {
     fn look_for_jump(&mut self) -> Result<Option<Progress>> {
         let (attempts, steps) = (self.stats.steps + self.stats.rejections, self.stats.steps);
         let (from, t) = (self.window, self.t);
-        self.window = Window { attempts, steps, t };
+        let switches = self.stats.switches;
+        self.window = Window { attempts, steps, t, switches, slow: 0 };
         let advanced = t - from.t;
         if advanced * PATIENCE >= self.t_stop - t {
             return Ok(None);
@@ -52,12 +59,34 @@ impl Engine {
         let mean = advanced / (steps - from.steps).max(1) as f64;
         let mean = if mean > 0.0 { mean } else { self.h };
         let r = self.discontinuity(mean);
-        let Some(at) = recover(r, None)? else { return Ok(None) };
+        let Some(at) = recover(r, None)? else { return self.pass_slow_switches(from, advanced) };
+        let switching = self.window.switches >= from.switches + SWITCHES;
+        if switching {
+            let before = self.field.active.clone();
+            if let Some(p) = self.go_through(&before, false)? {
+                return Ok(Some(p));
+            }
+        }
         let text = format!(
             "the right-hand side looks discontinuous near t = {at}: it jumps between points that differ by rounding, and \
              steps of about {mean:.1e} are all it allows; state it as modes (switching functions)"
         );
         Ok(Some(self.fail(Outcome::StepTooSmall, text)))
+    }
+
+    /// Where switches follow each other so closely that all steps allowed will not be enough, goes through by steps.
+    fn pass_slow_switches(&mut self, from: Window, advanced: f64) -> Result<Option<Progress>> {
+        let left = self.options.max_steps.saturating_sub(self.window.attempts) as f64;
+        let enough = advanced * left >= WINDOW as f64 * (self.t_stop - self.t);
+        if enough || self.window.switches < from.switches + SWITCHES {
+            return Ok(None);
+        }
+        self.window.slow = from.slow + 1;
+        if self.window.slow < SLOW {
+            return Ok(None);
+        }
+        let before = self.field.active.clone();
+        self.go_through(&before, false)
     }
 
     /// The time of a jump of the right-hand side within some steps of length `mean` along the velocity.

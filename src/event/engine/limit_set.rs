@@ -4,13 +4,14 @@ use super::accumulation::MEMORY;
 use super::{recover, Engine, Pair, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
+use crate::event::watch::Watch;
 use crate::event::{Accumulation, Outcome, Zeno};
 use crate::func::EvalError;
 
 /// Distance to the limit set relative to the tolerances from which on the solution is in it.
 const NEAR: f64 = 0.1;
 /// The same where nothing else continues it.
-const FAILED: f64 = 1e3;
+pub(super) const FAILED: f64 = 1e3;
 /// Switches in a row between which the time has only become shorter, and by which factor: a solution that comes ever closer
 /// without an end is followed no further, and how far it was then is noted.
 const MANY: usize = 4096;
@@ -45,6 +46,12 @@ impl Engine {
     /// Is the solution in the limit set of the last switches, or will it come there through more of them than anyone wants?
     /// Then it goes on in it.
     pub(super) fn approach_limit_set(&mut self) -> Result<Option<Progress>> {
+        /// Switches from which on the last two intervals may say that they become shorter, and by which factor at least.
+        const FEW: usize = 3;
+        const FAST: f64 = 0.25;
+        if self.recent.n < FEW {
+            return Ok(None);
+        }
         if self.recent.n % MEMORY == 0 {
             let sum = self.recent.gaps.iter().sum();
             self.shrinking.note(sum);
@@ -55,8 +62,10 @@ impl Engine {
         let endless = self.shrinking.endless();
         // an unstable set is left by ever longer ways
         let later: f64 = (MEMORY / 2..MEMORY).map(|i| self.recent.gap(i)).sum();
-        let shrinks = later < 0.5 * self.recent.gaps.iter().sum::<f64>();
-        if !(close && shrinks && self.recent.n % 4 == 0 || endless && self.recent.n % MEMORY == 0) {
+        let many = self.recent.n > MEMORY;
+        let shrinks = later < 0.5 * self.recent.gaps.iter().sum::<f64>() && self.recent.n % 4 == 0;
+        let falls = gap < FAST * self.recent.gap(MEMORY - 2) && self.crosses_one_surface(FEW);
+        if !(close && (many && shrinks || falls) || endless && self.recent.n % MEMORY == 0) {
             return Ok(None);
         }
         if self.options.zeno == Zeno::Stop {
@@ -64,10 +73,18 @@ impl Engine {
                 format!("switches come ever closer: the last {MANY} of them have an end within reach or none at all");
             return Ok(endless.then(|| self.fail(Outcome::Zeno, text)));
         }
-        self.mark_recent();
+        self.mark_last(if many { MEMORY } else { FEW });
         let p = self.enter_limit_set(if endless { f64::INFINITY } else { NEAR }, self.t, false)?;
         self.stats.accumulations += usize::from(p.is_some());
         Ok(p)
+    }
+
+    /// Were the last switches crossings of the same surfaces, without sliding?
+    fn crosses_one_surface(&self, switches: usize) -> bool {
+        let n = self.zero.len();
+        let place = |back: usize| (self.recent.n + MEMORY - 1 - back) % MEMORY;
+        let zero = |back: usize| &self.recent.zero[place(back) * n..(place(back) + 1) * n];
+        (0..switches).all(|back| self.recent.free[place(back)] && zero(back) == zero(0))
     }
 
     /// Next to a limit set rounding, or functions that are not defined on the other side of a surface, may make it look as if
@@ -90,7 +107,7 @@ impl Engine {
     }
 
     /// Marks the surfaces that are no farther than the tolerances, those of the last switches, and those that slide.
-    fn mark_near_surfaces(&mut self) -> std::result::Result<(), EvalError> {
+    pub(super) fn mark_near_surfaces(&mut self) -> std::result::Result<(), EvalError> {
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
         if self.recent.n > MEMORY && !self.recent.jumps {
@@ -139,9 +156,9 @@ impl Engine {
             return Ok(None);
         };
         self.limits = (self.t, if at_once { self.limits.1 + 1 } else { 0 });
-        self.recent.n = 0;
-        self.shrinking = Shrinking::default();
         if !within {
+            self.recent.n = 0;
+            self.shrinking = Shrinking::default();
             self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error });
         }
         self.mark_time(Time::Unknown);
@@ -152,18 +169,44 @@ impl Engine {
         self.blur_sensitivity();
         if !recover(r.map(|()| true), false)? {
             let text = format!("switches accumulate at t = {limit}, where the motion is not defined");
-            return Ok(Some(self.fail(Outcome::Zeno, text)));
+            let failed = self.fail(Outcome::Zeno, text);
+            return Ok(Some(self.go_through(&before, true)?.unwrap_or(failed)));
         }
         self.log(&before, f64::NAN, None, true);
         Ok(Some(Progress::Switched))
     }
 
+    /// At a switch of subsystems that have no part in the limit set the motion in it goes on; false where it does not.
+    pub(super) fn stay_in_limit_set(&mut self, l: usize) -> Result<bool> {
+        let sub = match self.watches[l] {
+            Watch::Enter { sub, .. } | Watch::Leave { sub, .. } => sub,
+            _ => return Ok(false),
+        };
+        if self.field.in_limit(sub) || !recover(self.arrive().map(|()| true), false)? {
+            return Ok(false);
+        }
+        self.zero.fill(false);
+        if let Watch::Enter { a, b, .. } = self.watches[l] {
+            self.zero[a] = true;
+            if let Some(b) = b {
+                self.zero[b] = true;
+            }
+        }
+        self.keep_surfaces();
+        let stays = self.enter_limit_set(FAILED, self.t, true)?.is_some() && self.outcome == Outcome::Reached;
+        if stays {
+            self.remember();
+        }
+        Ok(stays)
+    }
+
     /// In a limit set the rates of what it ties are zero: those subsystems that other rates decide cross, or slide by themselves.
     fn decide_others(&mut self, sets: &mut [Vec<usize>]) -> Result<()> {
+        let within: Vec<bool> = (0..sets.len()).map(|k| self.field.in_limit(k)).collect();
         let mut apart = std::mem::take(&mut self.apart);
         let decided = self.field.decide_apart((self.t, &self.x), sets, &mut apart);
         if recover(decided.map(|()| true), false)? {
-            for (k, set) in sets.iter_mut().enumerate().filter(|(k, _)| !apart.open.contains(k)) {
+            for (k, set) in sets.iter_mut().enumerate().filter(|(k, _)| !apart.open.contains(k) && !within[*k]) {
                 set.clone_from(&apart.sets[k]);
             }
         }

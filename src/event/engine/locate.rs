@@ -8,6 +8,36 @@ use crate::func::EvalError;
 /// A step so much shorter than the time since the last jump shows nothing but rounding of a guard.
 const ROUNDING: f64 = 1e-3;
 
+/// Attempts at a location whose lengths Newton's method chooses alone, and attempts at all where the sign of what vanishes
+/// changes: functions like `sqrt |x|` have a zero that the polynomials of a method do not follow.
+const PATIENT: usize = 6;
+const MOST: usize = 48;
+
+/// Lengths of a step between which what is watched changes its sign.
+#[derive(Debug, Clone, Copy, Default)]
+struct Bracket {
+    before: Option<f64>,
+    behind: Option<f64>,
+}
+
+impl Bracket {
+    fn note(&mut self, h: f64, value: f64) {
+        let side = if value > 0.0 { &mut self.before } else { &mut self.behind };
+        *side = Some(h);
+    }
+
+    fn width(&self) -> f64 {
+        self.before.zip(self.behind).map_or(f64::INFINITY, |(low, high)| high - low)
+    }
+
+    /// A length inside, by bisection where `next` is not well inside; none where the signs say nothing.
+    fn middle(&self, next: f64) -> Option<f64> {
+        let (Some(low), Some(high)) = (self.before, self.behind) else { return None };
+        let margin = 0.1 * (high - low);
+        Some(if next > low + margin && next < high - margin { next } else { 0.5 * (low + high) }).filter(|_| low < high)
+    }
+}
+
 impl Engine {
     /// Repeats the step with the length that makes the watched function vanish at its end, and switches there. `None`
     /// if that does not succeed. No step goes beyond the time asked for: a switch that turns out to lie behind it is left
@@ -39,7 +69,9 @@ impl Engine {
         let end = self.w1[l];
         // between two zeros that nearly are one (a short flight in a long step) the way is halved until it is between them
         let tries = if self.watches[l].is_left_by_jumps() { 60 } else { 12 };
-        for _ in 0..tries {
+        let bracketed = matches!(self.watches[l], Watch::Enter { .. });
+        let mut bracket = Bracket::default();
+        for k in 0..if bracketed { MOST } else { tries } {
             self.step.h = h;
             self.stats.relocations += 1;
             match self.attempt()? {
@@ -74,7 +106,16 @@ impl Engine {
             if h >= most && delta > 0.0 && most < 1.1 * full {
                 return self.pass(l, slope, grown, end);
             }
-            h = (h + delta).max(0.2 * h).min((5.0 * h).min(most));
+            let next = (h + delta).max(0.2 * h).min((5.0 * h).min(most));
+            bracket.note(h, value);
+            h = match (k < PATIENT, bracket.middle(next)) {
+                (true, _) => next,
+                (false, Some(_)) if bracket.width() <= floor => break,
+                (false, Some(h)) => h,
+                (false, None) if k < tries => next,
+                // there is no change of sign
+                (false, None) => break,
+            };
         }
         if let (Some((value, _)), Watch::Leave { .. }) = (before, self.watches[l]) {
             // weights are between 0 and 1: what is far from zero is not where it vanishes

@@ -152,6 +152,10 @@ pub struct Engine {
     behind: bool,
     /// Passages of [`Zeno::TimeStepping`](super::Zeno) one soon after the other.
     passages: i32,
+    /// Passages that were necessary because nothing else continued the motion.
+    rescues: i32,
+    /// From where to where the last of them went.
+    passage: (f64, f64),
     /// Where the run began, and where the present call ends.
     t_start: f64,
     t_stop: f64,
@@ -286,9 +290,18 @@ impl Engine {
             restart: true,
             shrinking: Shrinking::default(),
             limits: (f64::NEG_INFINITY, 0),
-            recent: Recent { gaps: [0.0; MEMORY], n: 0, last: 0.0, zero: vec![false; MEMORY * n_q], jumps: false },
+            recent: Recent {
+                gaps: [0.0; MEMORY],
+                n: 0,
+                last: 0.0,
+                zero: vec![false; MEMORY * n_q],
+                free: [false; MEMORY],
+                jumps: false,
+            },
             behind: false,
             passages: 0,
+            rescues: 0,
+            passage: (f64::NEG_INFINITY, f64::NEG_INFINITY),
             t_start: 0.0,
             t_stop: 0.0,
             window: Window::default(),
@@ -355,6 +368,8 @@ impl Engine {
         self.held_back = 0;
         self.behind = false;
         self.passages = 0;
+        self.rescues = 0;
+        self.passage = (f64::NEG_INFINITY, f64::NEG_INFINITY);
         self.touched = None;
         self.outcome = Outcome::Reached;
         self.reason.clear();
@@ -611,6 +626,10 @@ impl Engine {
             if self.outcome != Outcome::Reached {
                 return Ok(Progress::Done);
             }
+            if self.restart {
+                // gone through by steps
+                return Ok(Progress::Switched);
+            }
         }
         if t_stop - self.t <= 8.0 * EPS * t_stop.abs() {
             return Ok(self.coast(t_stop));
@@ -651,6 +670,9 @@ impl Engine {
                 let before = self.field.active.clone();
                 if let Some(p) = self.rescue(&before, false)? {
                     self.h = self.no_time();
+                    return Ok(p);
+                }
+                if let Some(p) = self.go_through(&before, false)? {
                     return Ok(p);
                 }
                 let text = "the step became shorter than rounding: the solution grows without bound, a function is \

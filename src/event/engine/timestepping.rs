@@ -4,18 +4,28 @@
 //! (6.19) for the indicators that `x + h ẋ` has to first order, `0 ≤ θ_i ⊥ g_i + h ġ_i(θ) − μ_k ≥ 0`. It is consistent
 //! of order 1, holds sliding modes exactly, and does not chatter. The number of steps is doubled until the end point
 //! changes by less than the tolerance.
+//!
+//! Where these conditions have no solution, or functions have no gradients, Euler's polygon with the mode of the present point is
+//! left: it needs nothing but velocities, and what its polygons tend to are solutions of the differential inclusion
+//! (A. F. Filippov, *Differential Equations with Discontinuous Righthand Sides* (1988), section 7, theorem 1).
 
 use super::{recover, Engine, Progress, EPS};
 use crate::dcs::filippov::implicit_step;
 use crate::error::Result;
 use crate::event::tape::Time;
-use crate::event::{step, Accumulation, Outcome};
+use crate::event::{step, Accumulation, Outcome, Zeno};
 use crate::func::EvalError;
+use crate::stop;
 
 /// Steps of the first pass, and of the last one.
 const STEPS: (usize, usize) = (8, 2048);
+/// The same for polygons, whose steps cost one velocity each.
+const POLYGON: (usize, usize) = (64, 16384);
 /// Factor of the length where one passage is not enough.
 const GROWTH: f64 = 8.0;
+
+/// Passages after which one that is needed because nothing else continues the motion goes to the end.
+const RESCUES: i32 = 40;
 
 impl Engine {
     /// Goes from the present point to a time behind `t_limit`, the estimated point of accumulation.
@@ -23,22 +33,27 @@ impl Engine {
         let (t0, end) = (self.t, self.t_stop);
         let least = (2.0 * (t_limit - t0)).max(1e3 * EPS * t0.abs()).max(f64::MIN_POSITIVE);
         // where the last passage was not long enough this one is longer, so there are few of them
-        let last = self.accumulations.last().filter(|a| t0 - a.until <= GROWTH * (a.until - a.t));
-        let longer = last.map_or(0.0, |a| GROWTH * (a.until - a.t));
-        self.passages = if last.is_some() { self.passages + 1 } else { 0 };
+        let (from, until) = self.passage;
+        let follows = t0 - until <= GROWTH * (until - from);
+        // what makes them necessary again and again is gone through at last
+        let share = if self.rescues > 0 { (end - t0) * 2f64.powi(self.rescues - RESCUES) } else { 0.0 };
+        let longer = share.max(if follows { GROWTH * (until - from) } else { 0.0 });
+        self.passages = if follows { self.passages + 1 } else { 0 };
         // a solution that chatters on and on is followed all the same: less accurately, which is noted
         let allowed = 4f64.powi(self.passages);
         let mut span = least.max(longer).min(end - t0);
         let x0 = self.x.clone();
         let before = self.field.active.clone();
         self.set_march_weights();
+        let (wanted, mut polygon) = (span, false);
         let (steps, error, x) = loop {
-            let passed = self.refine(span, allowed, &x0, &before)?;
+            let passed = self.refine(span, allowed, &x0, &before, polygon)?;
             match passed {
                 // shorter where that helps
                 Some((_, error, _)) if error > allowed && span > least => span = (span / GROWTH).max(least),
                 None if span > least => span = (span / GROWTH).max(least),
                 Some(p) => break p,
+                None if !polygon => (span, polygon) = (wanted, true),
                 None => {
                     self.field.set_active(&before);
                     let text = format!("switches accumulate at t = {t_limit}, and no step leads beyond");
@@ -48,6 +63,7 @@ impl Engine {
         };
         self.field.set_active(&before);
         let t1 = if span >= end - t0 { end } else { t0 + span };
+        self.passage = (t_limit.max(t0), t1);
         self.accumulations_push(Accumulation { t: t_limit, until: t1, steps, error });
         self.straight_line(t1, &x);
         self.stats.steps += steps;
@@ -72,16 +88,18 @@ impl Engine {
         allowed: f64,
         x0: &[f64],
         sets: &[Vec<usize>],
+        polygon: bool,
     ) -> Result<Option<(usize, f64, Vec<f64>)>> {
-        let mut n = STEPS.0;
+        let (mut n, most) = if polygon { POLYGON } else { STEPS };
         let mut coarse: Option<Vec<f64>> = None;
         loop {
-            let r = self.march(span, n, x0, sets);
+            stop::check()?;
+            let r = if polygon { self.polygon(span, n, x0) } else { self.march(span, n, x0, sets) };
             let Some(x) = recover(r, None)? else { return Ok(None) };
             if let Some(c) = &coarse {
                 let change: Vec<f64> = x.iter().zip(c).map(|(a, b)| a - b).collect();
                 let error = step::norm(&change, &self.weights);
-                if error <= allowed || n >= STEPS.1 {
+                if error <= allowed || n >= most {
                     return Ok(Some((n, error, x)));
                 }
             }
@@ -114,6 +132,66 @@ impl Engine {
             v = s.velocity;
         }
         Ok(x.iter().all(|v| v.is_finite()).then_some(x))
+    }
+
+    /// Euler's polygon of `n` sides from `x0`: each has the velocity of the mode that its start lies in. None where a velocity is
+    /// not defined.
+    fn polygon(&mut self, span: f64, n: usize, x0: &[f64]) -> std::result::Result<Option<Vec<f64>>, EvalError> {
+        let (t0, h) = (self.t, span / n as f64);
+        let mut x = x0.to_vec();
+        let mut sets: Vec<Vec<usize>> = vec![vec![usize::MAX]; self.field.subs.len()];
+        for i in 0..n {
+            let t = t0 + i as f64 * h;
+            self.field.watched(t, &x)?;
+            let mut same = true;
+            for (k, set) in sets.iter_mut().enumerate() {
+                let cell = self.cell_at(k);
+                same &= set[0] == cell;
+                set[0] = cell;
+            }
+            if !same {
+                self.field.set_active(&sets);
+            }
+            self.field.rhs(t, &x, &mut self.node)?;
+            x.iter_mut().zip(&self.node).for_each(|(x, v)| *x += h * v);
+        }
+        Ok(x.iter().all(|v| v.is_finite()).then_some(x))
+    }
+
+    /// The cell of subsystem `k` where the indicators were evaluated last.
+    fn cell_at(&self, k: usize) -> usize {
+        let s = &self.field.subs[k];
+        if s.signs {
+            return s.first + self.region(k);
+        }
+        let q = &self.field.q[s.q0..s.q0 + s.n_q];
+        s.first + (0..s.n_q).min_by(|a, b| q[*a].total_cmp(&q[*b])).unwrap_or(0)
+    }
+
+    /// Goes on by steps where no active set continues the motion, which the run would end with otherwise: only next to surfaces,
+    /// and only where velocities are defined there; `at_switch` says that the state has come to one. The failure stays where that leads nowhere.
+    pub(super) fn go_through(&mut self, before: &[Vec<usize>], at_switch: bool) -> Result<Option<Progress>> {
+        if self.options.zeno == Zeno::Stop || self.field.has_contacts() || before.iter().any(Vec::is_empty) {
+            return Ok(None);
+        }
+        let failure = (self.outcome, std::mem::take(&mut self.reason));
+        self.outcome = Outcome::Reached;
+        self.field.set_active(before);
+        // gradients may have no value there, but where a switch was made the state is at its surface
+        let near = recover(self.mark_near_surfaces().map(|()| true), false)?;
+        let meet = if near { self.candidates().iter().any(|c| c.len() > 1) } else { at_switch };
+        if meet {
+            let limit = self.t;
+            self.rescues += 1;
+            let p = self.step_through(limit)?;
+            if self.outcome == Outcome::Reached {
+                self.stats.accumulations += 1;
+                return Ok(Some(p));
+            }
+        }
+        (self.outcome, self.reason) = failure;
+        self.field.set_active(before);
+        Ok(None)
     }
 
     /// Marks the indicators a step may bring to zero.

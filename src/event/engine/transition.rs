@@ -17,13 +17,16 @@ impl Engine {
         let before: Vec<Vec<usize>> = self.field.active.clone();
         let first = before.iter().any(Vec::is_empty) || before.is_empty();
         let found = self.begin_inner(first);
-        let Some(unique) = recover(found.map(Some), None)? else {
+        let found = recover(found.map(Some), None)?;
+        if found.is_none() {
             self.fail(Outcome::NoContinuation, "the system is not defined at this point".into());
-            return Ok(());
-        };
-        if self.outcome != Outcome::Reached {
+        }
+        if self.outcome == Outcome::NoContinuation {
+            let sets = self.field.active.clone();
+            self.go_through(&sets, false)?;
             return Ok(());
         }
+        let Some(unique) = found.filter(|_| self.outcome == Outcome::Reached) else { return Ok(()) };
         if !first {
             self.log(&before, f64::NAN, None, unique);
         }
@@ -252,6 +255,11 @@ impl Engine {
         let mut before = std::mem::take(&mut self.before);
         before.clone_from(&self.field.active);
         let within = self.field.in_limit_set();
+        if within && self.stay_in_limit_set(l)? {
+            self.before = before;
+            self.h = grown;
+            return Ok(self.accumulate()?.unwrap_or(Progress::Switched));
+        }
         let r = self.switch_inner(l, slope, &before);
         let mut known = recover(r.map(|()| true), false)?;
         if !known && !within && recover(self.settle_on_marked(), false)? {
@@ -265,10 +273,15 @@ impl Engine {
                 return Ok(p);
             }
         }
-        self.before = before;
-        if !known {
-            return Ok(self.fail(Outcome::NoContinuation, "the modes around the switch are not defined there".into()));
+        if !known || self.outcome == Outcome::NoContinuation {
+            if !known && self.outcome == Outcome::Reached {
+                self.fail(Outcome::NoContinuation, "the modes around the switch are not defined there".into());
+            }
+            let p = self.go_through(&before, true)?.unwrap_or(Progress::Done);
+            self.before = before;
+            return Ok(p);
         }
+        self.before = before;
         self.h = grown;
         self.err_before = 1e-4;
         if self.outcome != Outcome::Reached {

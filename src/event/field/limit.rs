@@ -22,8 +22,9 @@ use crate::func::{EvalError, EvalResult};
 const DEPENDENT: f64 = 1e-6;
 /// The right-hand side of such a row may differ from that combination by this part of the size of its terms.
 const CONSISTENT: f64 = 1e-4;
-/// Change of a constraint by modes, relative to the change of the states by them, that is no change.
-const NO_CHANGE: f64 = 1e-9;
+/// Change of a constraint by modes, relative to the change of the states by them, that is no change: where it vanishes like the root
+/// of the distance to the surface, rounding of the state leaves its square root.
+const NO_CHANGE: f64 = 1e-6;
 /// Steps of the central differences: the part of its size that the fastest state moves by.
 const DIFFERENCE: f64 = 1e-5;
 
@@ -35,6 +36,8 @@ pub(in crate::event) struct Limit {
     /// The place of the weight of every pair among all weights, and the weights of every subsystem that slides.
     place: Vec<usize>,
     groups: Vec<std::ops::Range<usize>>,
+    /// Equal weights of the cells of a subsystem, by pair.
+    equal: Vec<f64>,
     /// Conditions for the weights, orthonormal, and their right-hand sides.
     rows: Vec<Vec<f64>>,
     rhs: Vec<f64>,
@@ -57,11 +60,13 @@ impl Limit {
     fn lay_out(&mut self, pairs: &[Pair], first: &[usize]) {
         self.place.clear();
         self.groups.clear();
+        self.equal.clear();
         let mut n = 0;
         for w in first.windows(2).filter(|w| w[1] > w[0]) {
             // the base has the first place
             self.groups.push(n..n + 1 + w[1] - w[0]);
             self.place.extend(n + 1..n + 1 + w[1] - w[0]);
+            self.equal.resize(w[1], 1.0 / (1 + w[1] - w[0]) as f64);
             n += 1 + w[1] - w[0];
         }
         let r = pairs.len();
@@ -130,12 +135,21 @@ impl Field {
         self.limit.is_some()
     }
 
+    /// Has a subsystem a part in the limit set: does it slide together with a constraint of order two?
+    pub(in crate::event) fn in_limit(&self, sub: usize) -> bool {
+        let Some(limit) = &self.limit else { return false };
+        let second = |i: &usize| limit.second.get(*i).copied().unwrap_or(false);
+        let own = self.first_pair[sub]..self.first_pair[sub + 1];
+        own.into_iter().any(|i| (0..self.pairs.len()).filter(second).any(|j| self.sliding.touch(i, j)))
+    }
+
     /// Makes the present mode the motion in its limit set, if the rates of some of its constraints do not depend on the
     /// modes at this point; says whether that is so. Constraints are scaled there.
     pub(in crate::event) fn begin_limit_set(&mut self, t: f64, x: &[f64]) -> Result<bool, EvalError> {
         let mut limit = Box::<Limit>::default();
         limit.lay_out(&self.pairs, &self.first_pair);
         limit.y.extend_from_slice(x);
+        limit.second.clear();
         self.gradients(t, x)?;
         self.constraint_rows();
         self.settle(t, &mut limit.y)?;
@@ -207,14 +221,18 @@ impl Field {
         Ok(())
     }
 
-    /// Rates of the constraints of order two under `b`, at the point of the surfaces next to `x`.
-    fn rates_beside(&mut self, t: f64, x: &mut [f64], out: &mut [f64]) -> EvalResult {
+    /// Rates of the constraints at the point of the surfaces next to `x`: under `b`, those of order two under equal weights, which
+    /// is the same on the surfaces, and better where modes differ by the root of what rounding leaves of the distance to them.
+    fn rates_beside(&mut self, t: f64, x: &mut [f64], l: &Limit, out: &mut [f64]) -> EvalResult {
         self.settle(t, x)?;
         self.parts(t, x)?;
         self.gradients(t, x)?;
         self.constraint_rows();
         for (i, o) in out.iter_mut().enumerate() {
             *o = self.sliding.rate(self.pairs[i], i, &self.base);
+            if l.second[i] {
+                *o += self.raw_row(i).iter().zip(&l.equal).map(|(v, w)| v * w).sum::<f64>();
+            }
         }
         Ok(())
     }
@@ -229,13 +247,15 @@ impl Field {
 
     fn hidden_limit_inner(&mut self, t: f64, x: &[f64], l: &mut Limit) -> EvalResult {
         let r = self.pairs.len();
-        l.y.clear();
-        l.y.extend_from_slice(x);
-        let mut phi = std::mem::take(&mut l.phi);
-        self.rates_beside(t, &mut l.y, &mut phi)?;
+        let (mut y, mut phi) = (std::mem::take(&mut l.y), std::mem::take(&mut l.phi));
+        y.clear();
+        y.extend_from_slice(x);
+        let known = self.rates_beside(t, &mut y, l, &mut phi);
+        (l.y, l.phi) = (y, phi);
+        known?;
         for i in 0..r {
             l.raw[i] = self.raw_row(i);
-            l.raw_rhs[i] = -phi[i];
+            l.raw_rhs[i] = -l.phi[i];
         }
         l.base.clone_from(&self.base);
         l.d.clone_from(&self.sliding.d);
@@ -249,14 +269,17 @@ impl Field {
             let h = DIFFERENCE / pace;
             let mut ends = [vec![0.0; r], vec![0.0; r]];
             for (sign, end) in [1.0, -1.0].into_iter().zip(&mut ends) {
-                l.beside.clone_from(&l.y);
-                if j < r {
-                    self.d(j).for_each(|(i, d)| l.beside[i] += sign * h * d);
-                    self.rates_beside(t, &mut l.beside, end)?;
+                let mut beside = std::mem::take(&mut l.beside);
+                beside.clone_from(&l.y);
+                let known = if j < r {
+                    self.d(j).for_each(|(i, d)| beside[i] += sign * h * d);
+                    self.rates_beside(t, &mut beside, l, end)
                 } else {
-                    l.beside.iter_mut().zip(&self.base).for_each(|(y, b)| *y += sign * h * b);
-                    self.rates_beside(t + sign * h, &mut l.beside, end)?;
-                }
+                    beside.iter_mut().zip(&self.base).for_each(|(y, b)| *y += sign * h * b);
+                    self.rates_beside(t + sign * h, &mut beside, l, end)
+                };
+                l.beside = beside;
+                known?;
                 self.base.clone_from(&l.base);
                 self.sliding.d.clone_from(&l.d);
                 self.sliding.c.clone_from(&l.c);
@@ -270,7 +293,6 @@ impl Field {
                 }
             }
         }
-        l.phi = phi;
         if !l.solve(|n| 1.0 / n as f64, 1.0) {
             return Err(EvalError::Recoverable);
         }

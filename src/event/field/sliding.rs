@@ -158,6 +158,11 @@ impl Sliding {
         self.begin.push(self.order.len());
     }
 
+    /// Are two pairs in one block?
+    pub(super) fn touch(&self, i: usize, j: usize) -> bool {
+        self.block[i] == self.block[j]
+    }
+
     /// Column of `D` of pair `i`: the states it moves, and by how much.
     pub(in crate::event) fn column(&self, pair: Pair, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let values = &self.d[self.d_begin[i]..self.d_begin[i + 1]];

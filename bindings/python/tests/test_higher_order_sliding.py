@@ -1,0 +1,114 @@
+"""Sliding modes of higher order as control engineers write them: what the theory says of where they end, at every tolerance.
+
+Every run has to reach its end: through the accumulation of its switches, or by steps whose error is stated.
+"""
+
+import math
+
+import numpy as np
+import pytest
+import switchback as swb
+from switchback.expr import Model, cos, sign, sin, sqrt
+
+TOLERANCES = [1e-4, 1e-6, 1e-8, 1e-10]
+
+
+def root(a):
+    return sqrt(abs(a)) * sign(a)
+
+
+def run(model, x0, t_end, rtol):
+    r = swb.simulate(model, x0, t_end, rtol=rtol, atol=1e-2 * rtol, dense=False)
+    assert r.success, (rtol, r.outcome, r.t_end, r.reason)
+    return r
+
+
+def allowed(r, rtol):
+    """A hundred times the tolerance, and what passages and limit sets say they have added."""
+    return 1e2 * rtol * (1 + max((a.error for a in r.accumulations), default=0.0) / 10)
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_a_differentiator_follows_the_derivative_of_its_signal(rtol):
+    """Levant's differentiator of f(t) = sin 2t + 0.3 t with L > 4: from its convergence on x1 = f, x2 = f'."""
+    for gain in (5.0, 8.0):
+        m = Model(2)
+        x = m.x
+        e = x[0] - sin(2 * m.t) - 0.3 * m.t
+        m.derivatives = [-1.5 * math.sqrt(gain) * root(e) + x[1], -1.1 * gain * sign(e)]
+        r = run(m, [0.3, -0.4], 6.0, rtol)
+        exact = [math.sin(12.0) + 1.8, 2 * math.cos(12.0) + 0.3]
+        assert np.abs(np.subtract(r.x_end, exact)).max() <= allowed(r, rtol), (r.x_end, exact)
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_an_observer_has_the_states_of_its_plant(rtol):
+    """A super-twisting observer of a pendulum: position and velocity are those of the plant after finite time."""
+    m = Model(4)
+    x = m.x
+    e = x[0] - x[2]
+    m.derivatives = [x[1], -sin(x[0]) - 0.2 * x[1] + 0.5 * cos(m.t), x[3] + 2.6 * root(e), 3 * sign(e) - sin(x[0])]
+    r = run(m, [0.5, -0.8, 0.0, 0.0], 6.0, rtol)
+    assert abs(r.x_end[0] - r.x_end[2]) + abs(r.x_end[1] - r.x_end[3]) <= allowed(r, rtol), r.x_end
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_coupled_channels_arrive_one_after_the_other(rtol):
+    """Two super-twisting channels, and two twisting ones, that disturb each other: all states end at zero, and the second channel
+    goes on switching while the first one slides already."""
+    m = Model(4)
+    x = m.x
+    s, q = sign(x[0]), sign(x[2])
+    first = -1.5 * root(x[0]) + x[1] + 0.2 * x[2]
+    m.derivatives = [first, -1.3 * s + 0.4 * cos(2 * m.t), -2 * root(x[2]) + x[3] - 0.1 * x[0], -2 * q + 0.5 * sin(m.t)]
+    r = run(m, [0.4, -0.3, 0.7, 0.5], 6.0, rtol)
+    assert abs(r.x_end[0]) + abs(r.x_end[2]) <= allowed(r, rtol)
+    m = Model(4)
+    x = m.x
+    m.derivatives = [
+        x[1],
+        -3 * sign(x[0]) - 1.2 * sign(x[1]) + 0.2 * x[2],
+        x[3],
+        -4 * sign(x[2]) - 1.5 * sign(x[3]) + 0.3 * sin(x[0]),
+    ]
+    r = run(m, [0.3, -0.5, -0.9, 0.2], 9.0, rtol)
+    assert np.abs(r.x_end).max() <= allowed(r, rtol), r.x_end
+    assert len(r.accumulations) <= 6 and len(r.switches) < 1000
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_surfaces_with_roots_are_reached(rtol):
+    """Terminal sliding modes, whose switching functions contain roots of states that change their sign: x = 0 in finite time."""
+    for surface, gain in ((lambda x: x[1] + 0.9 * root(x[0]), 3.5), (lambda x: x[1] + 1.0 * root(x[0]), 4.0)):
+        m = Model(2)
+        x = m.x
+        m.derivatives = [x[1], -gain * sign(surface(x)) + 0.3 * sin(3 * m.t)]
+        r = run(m, [0.7, -0.4], 5.0, rtol)
+        # the time of arrival is known to the root of what is known of the state
+        assert abs(r.x_end[0]) <= allowed(r, rtol) + 1e-6 and abs(r.x_end[1]) <= 1e-2
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_fullers_problem_ends_at_the_origin(rtol):
+    m = Model(2)
+    x = m.x
+    m.derivatives = [x[1], -sign(x[0] + 0.4446 * x[1] * abs(x[1]))]
+    r = run(m, [0.8, -0.3], 6.0, rtol)
+    assert np.abs(r.x_end).max() <= allowed(r, rtol), r.x_end
+
+
+def test_a_function_with_a_branch_that_ends_at_the_surface_keeps_its_values():
+    """sqrt |x| has the same value on both sides as ever, and a mode that ends at the surface is not left without one."""
+    m = Model(1)
+    m.derivatives = [-root(m.x[0])]
+    r = run(m, [0.25], 0.5, 1e-10)
+    # sqrt x = 1/2 - t/2
+    assert abs(r.x_end[0] - 0.0625) < 1e-9
+
+
+def test_the_policy_to_stop_still_stops():
+    m = Model(2)
+    x = m.x
+    m.derivatives = [x[1], -3 * sign(x[0]) - 1.2 * sign(x[1])]
+    r = swb.simulate(m, [1, 0], 8.0, zeno="stop", dense=False)
+    assert not r.success and "zeno" in str(r.outcome)
