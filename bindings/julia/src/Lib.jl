@@ -270,7 +270,7 @@ const NAMES_swb_integration = [:auto => 0, :dp5 => 1, :dop853 => 2, :radau5 => 3
 """
 What an event-driven simulation does where switches accumulate (option zeno).
 
-- `SWB_ZENO_POLICY_CONTINUE`: Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else stop. Derivatives do not follow at a mode of order two: they are NaN behind it.
+- `SWB_ZENO_POLICY_CONTINUE`: Go on in the sliding mode on the surfaces the switches accumulate at, where there is one, also one of order two, whose indicators have no rate either; else by steps with a stated error. Derivatives do not follow at a mode of order two: they are NaN behind it.
 - `SWB_ZENO_POLICY_STOP`: Stop.
 - `SWB_ZENO_POLICY_TIME_STEPPING`: Go through it by steps of a method that needs no switches; where a sliding mode begins there, this finds it too. Slower and less accurate than continue, but it needs no limit set. Derivatives do not follow: they are NaN behind it.
 """
