@@ -216,8 +216,9 @@ impl Reach {
     /// each other: `[sign of the earlier][sign of this]`.
     fn parallels(&self) -> Vec<Vec<(usize, Exclusion)>> {
         let lead = |f: &Affine| f.terms.first().map(|t| t.1.clone()).filter(|c| !c.is_zero());
-        // multiples of one form, with what is left of them
-        let mut groups: BTreeMap<Vec<(usize, BigRational)>, Vec<(usize, bool, BigRational)>> = BTreeMap::new();
+        // a function that is a multiple of a form but for a constant: which one, does it rise with the form, the constant
+        type Multiple = (usize, bool, BigRational);
+        let mut groups: BTreeMap<Vec<(usize, BigRational)>, Vec<Multiple>> = BTreeMap::new();
         let mut out = vec![Vec::new(); self.forms.len()];
         for (k, form) in self.forms.iter().enumerate() {
             let Some(lead) = lead(form) else { continue };
