@@ -14,8 +14,9 @@ use crate::event::Outcome;
 const WINDOW: usize = 2000;
 /// Slow: this many windows more would not reach the time asked for.
 const PATIENCE: f64 = 500.0;
-/// Windows in a row that are too slow for the steps allowed, and switches in one of them: then the motion goes on by steps with
-/// a stated error, for it would end without having arrived.
+/// Windows in a row that are too slow for the steps allowed, and switches made or looked for in one of them: then the motion goes
+/// on by steps with a stated error, for it would end without having arrived. Surfaces that are touched again and again make no
+/// switch, but have to be located like one.
 const SLOW: usize = 4;
 const SWITCHES: usize = 20;
 /// Points at which the right-hand side is looked at, and how many mean steps of the window they reach to either side.
@@ -50,7 +51,7 @@ impl Engine {
     fn look_for_jump(&mut self) -> Result<Option<Progress>> {
         let (attempts, steps) = (self.stats.steps + self.stats.rejections, self.stats.steps);
         let (from, t) = (self.window, self.t);
-        let switches = self.stats.switches;
+        let switches = self.stats.switches + self.stats.relocations;
         self.window = Window { attempts, steps, t, switches, slow: 0 };
         let advanced = t - from.t;
         if advanced * PATIENCE >= self.t_stop - t {
