@@ -230,7 +230,10 @@ fn described(
         // what a constructor leaves behind is no permission
         let allowed = rest.replace("NULL on failure", "");
         p.nullable = words(&allowed).any(|w| w == "NULL") || rest.contains("not wanted");
-        p.numbers = words(&rest).zip(words(&rest).skip(1)).find(|(a, b)| *a == "enum" && b.starts_with("swb_")).map(|p| p.1.to_owned());
+        p.numbers = words(&rest)
+            .zip(words(&rest).skip(1))
+            .find(|(a, b)| *a == "enum" && b.starts_with("swb_"))
+            .map(|p| p.1.to_owned());
         (p.direction, p.shape, p.doc) = (Some(direction), shape, rest);
     }
     lengths(&mut parameters);
