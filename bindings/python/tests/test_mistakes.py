@@ -81,6 +81,8 @@ MISTAKES = {
     "expressions of another model": (lambda: swing().set_mayer(spring().q), swb.ArgumentError, r"mayer: these are not expressions of the model"),
     "expressions at both ends": (lambda: between(), swb.ArgumentError, r"model.between_ends"),
     "ipopt": (lambda: swb.Ocp(spring(), T=1.0, N=2, ipopt={}), swb.ArgumentError, r"there is one solver"),
+    "verbose in a solve": (lambda: swing().solve(verbose=True), swb.ArgumentError, r"Ocp\(..., verbose=True\) shows the iterations"),
+    "an option in a solve": (lambda: swing().solve(tol=1e-6), swb.ArgumentError, r"as in ocp.set\(tol=...\)"),
     "multipliers of a result": (lambda: swing().solve().multipliers, AttributeError, r"ocp.multipliers\(\)"),
     "a batch without controls": (
         lambda: swb.simulate_batch(spring(), np.ones((3, 2)), 1.0, p=[1.0]), swb.NullError, r"u is missing: the model has 1 control \(F\)"

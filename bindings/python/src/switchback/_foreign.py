@@ -9,7 +9,7 @@ from typing import Any, Callable, ClassVar
 
 from .errors import ArgumentError
 
-__all__ = ["Hints", "method", "of_ocp", "translated"]
+__all__ = ["Hints", "method", "of_ocp", "refuse_of_solve", "translated"]
 
 #: Keywords that mean one of this library, in simulations and in optimal control problems.
 _SAME = {"max_step": "h_max", "first_step": "h_init"}
@@ -65,6 +65,16 @@ _INSTEAD_OCP = {
     "progress": "verbose=True shows the iterations, on_iteration takes a function that hears of each",
 }
 
+#: What belongs to the problem and not to its solve.
+_INSTEAD_SOLVE = {
+    "verbose": "Ocp(..., verbose=True) shows the iterations",
+    "x0": "set_initial_state, or initial_state= of Ocp; a solve starts from set_state_guess and set_control_guess",
+    "p": "set_params, or params= of Ocp",
+    "u0": _INSTEAD_OCP["u0"],
+    "guess": _INSTEAD_OCP["guess"],
+    "warm_start": "solve(warm=True) starts from the last solution",
+}
+
 
 #: Methods of SciPy.
 _METHODS = {"RK45": "dp5", "DOP853": "dop853", "Radau": "radau5", "RK23": "dp5", "BDF": "radau5", "LSODA": "auto"}
@@ -88,6 +98,13 @@ def translated(options: Mapping[str, Any], ocp: bool = False) -> dict[str, Any]:
             raise ArgumentError(f"'{name}' is '{own}' here, which is given too")
         found[own] = value
     return found
+
+
+def refuse_of_solve(keywords: Mapping[str, Any]) -> None:
+    """Raises ArgumentError for the first keyword of a solve that does not belong there, with what to do instead."""
+    for name in keywords:
+        instead = _INSTEAD_SOLVE.get(name, f"options are set before, as in ocp.set({name}=...)")
+        raise ArgumentError(f"solve has no keyword '{name}': {instead}")
 
 
 def of_ocp(init: Callable[..., None]) -> Callable[..., None]:

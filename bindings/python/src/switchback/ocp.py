@@ -12,7 +12,7 @@ from ._arrays import Array, address, bounds, choice, index, number, real, table,
 from ._call import text
 from ._document import Reader
 from ._ffi import Jumps, MultipliersOf, Outcome, PathAt, Polished, swb_accuracy, swb_kink, swb_ocp_jump, swb_optimality
-from ._foreign import Hints, of_ocp
+from ._foreign import Hints, of_ocp, refuse_of_solve
 from ._library import lib
 from ._logs import monitors, take_verbose
 from ._names import filled, named_vector, pairs_by_name
@@ -463,9 +463,10 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         array = table(u, self.n_stages, self.nu, "u")
         self._do("set_control_guess", address(array), array.size)
 
-    def solve(self, warm: bool = False) -> OcpResult:
+    def solve(self, warm: bool = False, **unknown: Any) -> OcpResult:
         """Solve; `warm`: from the last solution, whose active set is tried first. Look at `result.success`: the outcome may be
-        another one than solved."""
+        another one than solved. Other keywords are refused, with what to use instead."""
+        refuse_of_solve(unknown)
         self._solve("solve_warm" if warm else "solve")
         return self.result
 
