@@ -177,7 +177,8 @@ static void terms_of_optimal_control() {
     CHECK(std::abs(fastest.durations()[1] - 1.0 / 3) < 1e-6 && fastest.accuracy().terminal < 1e-9);
     CHECK(fastest.optimality().verdict == SWB_VERDICT_LOCAL_OPTIMUM && fastest.kinks().empty());
     CHECK(fastest.reduced_gradient().size() == fastest.descent().size() && fastest.descent()[0] == 0.0);
-    CHECK(fastest.certificate().stationarity == SWB_STATIONARITY_UNKNOWN);  // there are no pairs
+    CHECK(fastest.certificate().stationarity == SWB_STATIONARITY_S);  // there are no pairs: an ordinary optimum
+    CHECK(fastest.certificate().second_order == SWB_SECOND_ORDER_STRICT_MINIMUM);
     const auto costates = fastest.multipliers(SWB_MULTIPLIERS_OF_COSTATES);  // 1 + u^2 + lambda u = 0 at u = 1
     CHECK(costates.times.size() == 4 && costates.values.size() == 4 && std::abs(costates.values[1] + 2.0) < 1e-6);
     CHECK(std::abs(fastest.multipliers(SWB_MULTIPLIERS_OF_TERMINAL, 0).values[0] + 2.0) < 1e-6);
