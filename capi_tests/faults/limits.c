@@ -248,7 +248,12 @@ static void objects_without_end(void)
         swb_status status = swb_ocp_create(s, 1, 1000, NULL, &o);
         if (status != SWB_OK) {
             expect("objects", status);
-            expect("another object", swb_ocp_create(s, 1, 1000, NULL, &o));
+            /* what the refused one gave back may be enough for one more, which needs its blocks in another order, but not for many */
+            k = 0;
+            do
+                status = swb_ocp_create(s, 1, 1000, NULL, &o);
+            while (status == SWB_OK && ++k < 100);
+            expect("another object", status);
             return;
         }
     }
