@@ -431,7 +431,10 @@ void call_draw(struct call *call, struct random *r)
     for (int i = 0; i < call->function->n_arguments; i++) {
         draw_argument(call, r, i);
         const struct argument *a = &call->function->arguments[i];
-        int pointer = a->kind != A_LENGTH && a->kind != A_STRUCT_SIZE && !(a->kind >= A_INT64 && a->kind <= A_DOUBLE);
+        int by_value = a->kind >= A_INT64 && a->kind <= A_DOUBLE;
+        if (call->repeats && (a->kind == A_HANDLE || by_value))
+            call->values[i] = call->repeats[i];
+        int pointer = a->kind != A_LENGTH && a->kind != A_STRUCT_SIZE && !by_value;
         if (pointer && a->kind != A_USER_DATA && (call->null == i || random_once_in(r, a->nullable ? 8 : 60)))
             call->values[i].p = NULL;
         if (call->memory[i] && call->bytes[i] && (call->before[i] = malloc(call->bytes[i])))

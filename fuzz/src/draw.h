@@ -21,6 +21,8 @@ struct call {
     int null;          /* the number of an argument that is to be NULL, or -1 */
     /* Lengths that are given, by number of the argument; -1: drawn. */
     int64_t lengths[MAX_ARGUMENTS];
+    /* The call that this one repeats with other lengths, on the same objects with the same numbers; NULL for a new one. */
+    const union value *repeats;
 };
 
 /* A call without arguments; every length is to be drawn. */

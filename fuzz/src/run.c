@@ -310,10 +310,14 @@ void run_function(struct random *r, int function)
             break;
         call_end(&call);
         int64_t lengths[MAX_ARGUMENTS];
+        union value values[MAX_ARGUMENTS];
         memcpy(lengths, call.lengths, sizeof lengths);
+        memcpy(values, call.values, sizeof values);
         call_begin(&call, function);
         memcpy(call.lengths, lengths, sizeof lengths);
+        call.repeats = values;
         result = draw_and_invoke(&call, r);
+        call.repeats = NULL;
     }
     if (result == SWB_OK && call.function->result == R_STATUS && depth == 0 && random_once_in(r, 10))
         sweep_nulls(&call);

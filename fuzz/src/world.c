@@ -95,6 +95,8 @@ static void simulate(struct random *r, const struct friction *f, const swb_setti
         DO(swb_integrator_adjoint, it, v, FRICTION_NX, NULL, 0, NULL, 0, NULL, 0, NULL, 0, dx, FRICTION_NX, dp, FRICTION_NP, du, FRICTION_NU);
     if (it && DO(swb_integrator_get_run, it, &run)) {
         double by[FRICTION_NX + FRICTION_NP + FRICTION_NU];
+        int32_t before[2], after[2];
+        DO(swb_run_event_modes, run, 0, before, after, 2);
         DO(swb_run_event_sensitivity, run, 0, by, FRICTION_NX + FRICTION_NP + FRICTION_NU);
         pool_add(T_swb_run, run);
     }
@@ -414,8 +416,10 @@ static void solve_ocp(struct random *r, const struct friction *f, swb_settings s
         return;
     if (random_once_in(r, 2))
         DO(swb_ocp_solve_warm, ocp, &outcome);
-    double derivatives[FRICTION_NX + FRICTION_NP], cost;
-    int64_t rounds, round_of;
+    double derivatives[FRICTION_NX + FRICTION_NP], cost, times[8], costates[16];
+    int64_t rounds, round_of, n_times, width;
+    if (DO(swb_ocp_multiplier_sizes, ocp, SWB_MULTIPLIERS_OF_COSTATES, 0, &n_times, &width) && n_times <= 8 && width <= 2)
+        DO(swb_ocp_get_multipliers, ocp, SWB_MULTIPLIERS_OF_COSTATES, 0, times, n_times, costates, n_times * width);
     DO(swb_ocp_get_sensitivity, ocp, derivatives, FRICTION_NX + FRICTION_NP, NULL, 0, NULL);
     DO(swb_ocp_get_adaptation, ocp, &rounds, NULL, NULL);
     DO(swb_ocp_get_round, ocp, 0, NULL, 0, &round_of, NULL, NULL, &cost);
