@@ -112,3 +112,57 @@ def test_the_policy_to_stop_still_stops():
     m.derivatives = [x[1], -3 * sign(x[0]) - 1.2 * sign(x[1])]
     r = swb.simulate(m, [1, 0], 8.0, zeno="stop", dense=False)
     assert not r.success and "zeno" in str(r.outcome)
+
+
+def nonsingular_terminal(b, k):
+    model = Model(2)
+    x = model.x
+    surface = x[0] + abs(x[1]) * sqrt(abs(x[1])) * sign(x[1]) / b
+    model.derivatives = [x[1], 0.4 * sin(3 * model.t) - k * sign(surface)]
+    return model
+
+
+def nested():
+    """A. Levant, Int. J. Control 76 (2003) 924-941, the nested controller of order three."""
+    model = Model(3)
+    x = model.x
+    first = x[1] + abs(x[0]) ** (2 / 3) * sign(x[0])
+    inner = (abs(x[1]) ** 3 + abs(x[0]) ** 2) ** (1 / 6)
+    model.derivatives = [x[1], x[2], 0.2 * sin(model.t) - 5 * sign(x[2] + 2 * inner * sign(first))]
+    return model
+
+
+def coupled_super_twisting():
+    model = Model(4)
+    x = model.x
+    s, r = sign(x[0]), sign(x[2])
+    model.derivatives = [
+        -1.5 * sqrt(abs(x[0])) * s + x[1] + 0.2 * x[2],
+        -1.3 * s + 0.4 * cos(2 * model.t),
+        -2 * sqrt(abs(x[2])) * r + x[3] - 0.1 * x[0],
+        -2 * r + 0.5 * sin(model.t),
+    ]
+    return model
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-10, 1e-11])
+@pytest.mark.parametrize("b, k, start", [(0.8, 2.5, [0.4, 0.3]), (1.2, 3.0, [-0.9, 0.5]), (1.9, 3.5, [0.2, -0.8])])
+def test_terminal_sliding_comes_to_rest_in_bounded_work(b, k, start, rtol):
+    r = run(nonsingular_terminal(b, k), start, 5.0, rtol)
+    # the exact motion rests in zero; errors are relative to the tolerances
+    stated = max((a.error for a in r.accumulations), default=0.0)
+    assert max(abs(v) for v in r.x_end) <= 1e-2 * rtol * max(10.0, 3.0 * stated)
+    assert r.stats.evaluations < 400_000
+
+
+@pytest.mark.parametrize("rtol", [1e-4, 1e-7, 1e-11])
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("make, states, end", [(nested, 3, 6.0), (coupled_super_twisting, 4, 6.0)])
+def test_what_arrives_in_sets_of_higher_order_takes_bounded_work(make, states, end, seed, rtol):
+    start = [math.sin(1.7 + 3.1 * seed + 2.3 * i) for i in range(states)]
+    r = run(make(), start, end, rtol)
+    assert r.stats.evaluations < 400_000
+    # all of them come to rest in zero before, but for the integrators of the channels
+    stated = sum(a.error for a in r.accumulations)
+    surfaces = [r.x_end[0]] if states == 3 else [r.x_end[0], r.x_end[2]]
+    assert max(abs(v) for v in surfaces) <= 1e-2 * rtol * max(100.0, 3.0 * stated)

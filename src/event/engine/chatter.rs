@@ -14,11 +14,18 @@ use crate::event::Outcome;
 const WINDOW: usize = 2000;
 /// Slow: this many windows more would not reach the time asked for.
 const PATIENCE: f64 = 500.0;
-/// Windows in a row that are too slow for the steps allowed, and switches made or looked for in one of them: then the motion goes
-/// on by steps with a stated error, for it would end without having arrived. Surfaces that are touched again and again make no
-/// switch, but have to be located like one.
+/// Windows in a row that are too slow: then the motion goes on in a limit set or by steps with a stated error, for it would end
+/// without having arrived, or much later than it has come where it is.
 const SLOW: usize = 4;
-const SWITCHES: usize = 20;
+/// Too slow for the steps allowed is what locates so many zeros in a window: surfaces that are touched again and again make no
+/// switch, but have to be located like one.
+const LOCATIONS: usize = 20;
+/// Too slow next to surfaces is what gets on by so little compared with before: a motion that switches ever faster.
+const STALLED: f64 = 1e-3;
+/// The same where nothing switches, with so many windows left: a field like `-sqrt |x|` that has come to its end, whose steps are as
+/// short as the tolerances are small. It may be in a limit set, but nothing else is as good as its steps.
+const CRAWLING: f64 = 1e-2;
+const LEFT: f64 = 50.0;
 /// Points at which the right-hand side is looked at, and how many mean steps of the window they reach to either side.
 const POINTS: usize = 65;
 const RADIUS: f64 = 16.0;
@@ -32,8 +39,12 @@ pub(super) struct Window {
     pub(super) attempts: usize,
     pub(super) steps: usize,
     pub(super) t: f64,
-    pub(super) switches: usize,
+    /// Switches made and zeros looked for.
+    pub(super) locations: usize,
+    /// Slow windows before this one, in a row.
     pub(super) slow: usize,
+    /// The longest time that a window took so far.
+    pub(super) longest: f64,
 }
 
 impl Engine {
@@ -41,27 +52,39 @@ impl Engine {
     /// two thousand, and nothing but that while the run gets on.
     #[inline]
     pub(super) fn chatters(&mut self) -> Result<Option<Progress>> {
-        if self.stats.steps + self.stats.rejections < self.window.attempts + WINDOW {
+        if self.attempts() < self.window.attempts + WINDOW {
             return Ok(None);
         }
         self.look_for_jump()
     }
 
+    /// Attempts at steps so far.
+    fn attempts(&self) -> usize {
+        self.stats.steps + self.stats.rejections + self.stats.relocations
+    }
+
     #[cold]
     fn look_for_jump(&mut self) -> Result<Option<Progress>> {
-        let (attempts, steps) = (self.stats.steps + self.stats.rejections, self.stats.steps);
+        let (attempts, steps) = (self.attempts(), self.stats.steps);
         let (from, t) = (self.window, self.t);
-        let switches = self.stats.switches + self.stats.relocations;
-        self.window = Window { attempts, steps, t, switches, slow: 0 };
+        let locations = self.stats.switches + self.stats.relocations;
         let advanced = t - from.t;
-        if advanced * PATIENCE >= self.t_stop - t {
-            return Ok(None);
+        self.window = Window { attempts, steps, t, locations, slow: 0, longest: from.longest.max(advanced) };
+        let rest = self.t_stop - t;
+        let switching = self.window.locations >= from.locations + LOCATIONS;
+        let crawls = !switching && advanced * LEFT < rest && advanced < CRAWLING * self.window.longest;
+        if advanced * PATIENCE >= rest {
+            return if crawls { self.pass_slowness(from, false) } else { Ok(None) };
         }
         let mean = advanced / (steps - from.steps).max(1) as f64;
         let mean = if mean > 0.0 { mean } else { self.h };
         let r = self.discontinuity(mean);
-        let Some(at) = recover(r, None)? else { return self.pass_slow_switches(from, advanced) };
-        let switching = self.window.switches >= from.switches + SWITCHES;
+        let Some(at) = recover(r, None)? else {
+            let left = self.options.max_steps.saturating_sub(attempts) as f64;
+            let too_slow =
+                advanced < STALLED * self.window.longest || switching && advanced * left < WINDOW as f64 * rest;
+            return if too_slow || crawls { self.pass_slowness(from, too_slow) } else { Ok(None) };
+        };
         if switching {
             let before = self.field.active.clone();
             if let Some(p) = self.go_through(&before, false)? {
@@ -75,19 +98,26 @@ impl Engine {
         Ok(Some(self.fail(Outcome::StepTooSmall, text)))
     }
 
-    /// Where switches follow each other so closely that all steps allowed will not be enough, goes through by steps.
-    fn pass_slow_switches(&mut self, from: Window, advanced: f64) -> Result<Option<Progress>> {
-        let left = self.options.max_steps.saturating_sub(self.window.attempts) as f64;
-        let enough = advanced * left >= WINDOW as f64 * (self.t_stop - self.t);
-        if enough || self.window.switches < from.switches + SWITCHES {
-            return Ok(None);
-        }
+    /// After so many slow windows next to surfaces the motion goes on in a limit set or, if it may, is gone through by steps.
+    fn pass_slowness(&mut self, from: Window, by_steps: bool) -> Result<Option<Progress>> {
         self.window.slow = from.slow + 1;
         if self.window.slow < SLOW {
             return Ok(None);
         }
+        self.window.slow = 0;
         let before = self.field.active.clone();
-        self.go_through(&before, false)
+        // there may be a limit set that was not seen
+        if self.is_on_time(SLOW * WINDOW) {
+            if let Some(p) = self.rescue(&before, false)? {
+                self.h = self.no_time();
+                return Ok(Some(p));
+            }
+        }
+        if by_steps {
+            self.go_through(&before, false)
+        } else {
+            Ok(None)
+        }
     }
 
     /// The time of a jump of the right-hand side within some steps of length `mean` along the velocity.

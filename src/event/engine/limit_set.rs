@@ -97,7 +97,7 @@ impl Engine {
         let failure = (self.outcome, std::mem::take(&mut self.reason));
         self.outcome = Outcome::Reached;
         self.field.set_active(before);
-        let near = within || recover(self.mark_near_surfaces().map(|()| true), false)?;
+        let near = within || recover(self.mark_near_surfaces(1.0).map(|()| true), false)?;
         let p = if near { self.enter_limit_set(FAILED, self.t, within)? } else { None };
         match p {
             Some(_) => self.stats.accumulations += usize::from(!within),
@@ -106,8 +106,31 @@ impl Engine {
         Ok(p)
     }
 
-    /// Marks the surfaces that are no farther than the tolerances, those of the last switches, and those that slide.
-    pub(super) fn mark_near_surfaces(&mut self) -> std::result::Result<(), EvalError> {
+    /// Where a sliding mode has lost its influence on the rate of its surface, it may have come to its end in finite time, as in
+    /// `v' = -sqrt |v|`: its steps then go to and fro, and the limit set next to it is where it rests. Looks for that now and then.
+    pub(super) fn come_to_rest(&mut self) -> Result<Option<Progress>> {
+        /// Steps of one mode from one look to the next, and how far the set may be, in tolerances.
+        const LOOK: usize = 64;
+        const REST: f64 = 10.0;
+        self.slid += 1;
+        if self.slid % LOOK != 0 || self.field.n_alg() == 0 || self.field.in_limit_set() {
+            return Ok(None);
+        }
+        if self.options.zeno == Zeno::Stop || self.field.has_contacts() {
+            return Ok(None);
+        }
+        let r = self.field.rhs(self.t, &self.x, &mut self.node);
+        let lost = recover(r.and_then(|()| self.field.has_lost_influence(self.t, &self.x)), false)?;
+        if !lost || !recover(self.mark_near_surfaces(REST).map(|()| true), false)? {
+            return Ok(None);
+        }
+        let p = self.enter_limit_set(REST, self.t, false)?;
+        self.stats.accumulations += usize::from(p.is_some());
+        Ok(p)
+    }
+
+    /// Marks the surfaces that are no farther than so many tolerances, those of the last switches, and those that slide.
+    pub(super) fn mark_near_surfaces(&mut self, most: f64) -> std::result::Result<(), EvalError> {
         self.field.watched(self.t, &self.x)?;
         self.field.watched_gradients(self.t, &self.x)?;
         if self.recent.n > MEMORY && !self.recent.jumps {
@@ -121,7 +144,7 @@ impl Engine {
             for j in s.q0..s.q0 + s.n_q {
                 let reach: f64 = self.field.gradient_row(j).states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum();
                 let value = self.field.q[j] - if s.signs { 0.0 } else { least };
-                self.zero[j] |= value.abs() <= reach;
+                self.zero[j] |= value.abs() <= most * reach;
             }
         }
         Ok(())
@@ -137,10 +160,13 @@ impl Engine {
     pub(super) fn enter_limit_set(&mut self, most: f64, limit: f64, within: bool) -> Result<Option<Progress>> {
         /// Times in a row without time between them.
         const TRIES: usize = 4;
+        /// Cells of a subsystem that meet: those of five surfaces. Among more of them weights are a matter of choice, and the work
+        /// grows with their square.
+        const MEET: usize = 32;
         let at_once = self.t - self.limits.0 <= self.no_time();
         let before = self.field.active.clone();
         let mut sets = self.candidates();
-        if at_once && self.limits.1 > TRIES || sets.iter().all(|c| c.len() < 2) {
+        if at_once && self.limits.1 > TRIES || sets.iter().all(|c| c.len() < 2) || sets.iter().any(|c| c.len() > MEET) {
             return Ok(None);
         }
         if within {

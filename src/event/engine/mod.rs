@@ -142,6 +142,8 @@ pub struct Engine {
     alpha_end: Vec<f64>,
     /// The step is the first one under its active set.
     fresh: bool,
+    /// Steps under it without a switch, see [`Engine::come_to_rest`].
+    slid: usize,
     /// The active set has to be found before the next step.
     restart: bool,
     recent: Recent,
@@ -152,8 +154,8 @@ pub struct Engine {
     behind: bool,
     /// Passages of [`Zeno::TimeStepping`](super::Zeno) one soon after the other.
     passages: i32,
-    /// Passages that were necessary because nothing else continued the motion.
-    rescues: i32,
+    /// Work of all passages, see [`Engine::step_through`].
+    passage_work: f64,
     /// From where to where the last of them went.
     passage: (f64, f64),
     /// Where the run began, and where the present call ends.
@@ -287,6 +289,7 @@ impl Engine {
             alpha_start: Vec::with_capacity(most),
             alpha_end: Vec::with_capacity(most),
             fresh: true,
+            slid: 0,
             restart: true,
             shrinking: Shrinking::default(),
             limits: (f64::NEG_INFINITY, 0),
@@ -300,7 +303,7 @@ impl Engine {
             },
             behind: false,
             passages: 0,
-            rescues: 0,
+            passage_work: 0.0,
             passage: (f64::NEG_INFINITY, f64::NEG_INFINITY),
             t_start: 0.0,
             t_stop: 0.0,
@@ -368,7 +371,7 @@ impl Engine {
         self.held_back = 0;
         self.behind = false;
         self.passages = 0;
-        self.rescues = 0;
+        self.passage_work = 0.0;
         self.passage = (f64::NEG_INFINITY, f64::NEG_INFINITY);
         self.touched = None;
         self.outcome = Outcome::Reached;
@@ -694,7 +697,7 @@ impl Engine {
                             self.accept(t1)?;
                             self.note_end(false);
                             self.h = grown;
-                            return Ok(Progress::Stepped);
+                            return Ok(self.come_to_rest()?.unwrap_or(Progress::Stepped));
                         }
                         Some(Found::Zero(l, s, slope)) => {
                             if let Some(p) = self.land(l, s, slope, grown)? {

@@ -24,30 +24,33 @@ const POLYGON: (usize, usize) = (64, 16384);
 /// Factor of the length where one passage is not enough.
 const GROWTH: f64 = 8.0;
 
-/// Passages after which one that is needed because nothing else continues the motion goes to the end.
-const RESCUES: i32 = 40;
+/// Work of the passages of a whole run in steps, and how much of it may be done ahead of time; sides of a polygon that are as much
+/// work as one step, and what a passage costs beside its steps.
+const WORK: f64 = 16384.0;
+const AHEAD: f64 = 4096.0;
+const SIDES: f64 = 8.0;
+const PASSAGE: f64 = 128.0;
 
 impl Engine {
     /// Goes from the present point to a time behind `t_limit`, the estimated point of accumulation.
     pub(super) fn step_through(&mut self, t_limit: f64) -> Result<Progress> {
         let (t0, end) = (self.t, self.t_stop);
-        let least = (2.0 * (t_limit - t0)).max(1e3 * EPS * t0.abs()).max(f64::MIN_POSITIVE);
+        let least = (2.0 * (t_limit - t0)).max(1e3 * EPS * t0.abs()).max(f64::MIN_POSITIVE).max(self.length_on_time());
         // where the last passage was not long enough this one is longer, so there are few of them
         let (from, until) = self.passage;
         let follows = t0 - until <= GROWTH * (until - from);
-        // what makes them necessary again and again is gone through at last
-        let share = if self.rescues > 0 { (end - t0) * 2f64.powi(self.rescues - RESCUES) } else { 0.0 };
-        let longer = share.max(if follows { GROWTH * (until - from) } else { 0.0 });
+        let longer = if follows { GROWTH * (until - from) } else { 0.0 };
         self.passages = if follows { self.passages + 1 } else { 0 };
         // a solution that chatters on and on is followed all the same: less accurately, which is noted
         let allowed = 4f64.powi(self.passages);
-        let mut span = least.max(longer).min(end - t0);
+        let (least, mut span) = (least.min(end - t0), least.max(longer).min(end - t0));
         let x0 = self.x.clone();
         let before = self.field.active.clone();
         self.set_march_weights();
         let (wanted, mut polygon) = (span, false);
         let (steps, error, x) = loop {
-            let passed = self.refine(span, allowed, &x0, &before, polygon)?;
+            let patient = span > least;
+            let passed = self.refine((span, allowed, patient), &x0, &before, polygon)?;
             match passed {
                 // shorter where that helps
                 Some((_, error, _)) if error > allowed && span > least => span = (span / GROWTH).max(least),
@@ -79,27 +82,45 @@ impl Engine {
         Ok(Progress::Switched)
     }
 
+    /// Length of a passage behind which the work of all of them is no more than the share of the run that is done: what makes them
+    /// necessary again and again, or goes on and on, is gone through in time by fewer of them, with the error that they state.
+    fn length_on_time(&self) -> f64 {
+        let whole = self.t_stop - self.t_start;
+        (self.passage_work - AHEAD) / WORK * whole - (self.t - self.t_start)
+    }
+
+    /// Counts work that a passage would have saved; is there time for more of it?
+    pub(super) fn is_on_time(&mut self, steps: usize) -> bool {
+        let on_time = self.length_on_time() <= 0.0;
+        self.passage_work += steps as f64;
+        on_time
+    }
+
     /// Twice as many steps until that changes nothing any more: their number, the change relative to the tolerance,
     /// the end.
     #[allow(clippy::type_complexity)]
     fn refine(
         &mut self,
-        span: f64,
-        allowed: f64,
+        (span, allowed, may_be_shorter): (f64, f64, bool),
         x0: &[f64],
         sets: &[Vec<usize>],
         polygon: bool,
     ) -> Result<Option<(usize, f64, Vec<f64>)>> {
         let (mut n, most) = if polygon { POLYGON } else { STEPS };
+        let enough = 8 * n;
         let mut coarse: Option<Vec<f64>> = None;
+        self.passage_work += PASSAGE;
         loop {
             stop::check()?;
+            self.passage_work += n as f64 / if polygon { SIDES } else { 1.0 };
             let r = if polygon { self.polygon(span, n, x0) } else { self.march(span, n, x0, sets) };
             let Some(x) = recover(r, None)? else { return Ok(None) };
             if let Some(c) = &coarse {
                 let change: Vec<f64> = x.iter().zip(c).map(|(a, b)| a - b).collect();
                 let error = step::norm(&change, &self.weights);
-                if error <= allowed || n >= most {
+                // errors of order one: more steps than are allowed would be necessary
+                let hopeless = may_be_shorter && n >= enough && error * n as f64 > 2.0 * allowed * most as f64;
+                if error <= allowed || n >= most || hopeless {
                     return Ok(Some((n, error, x)));
                 }
             }
@@ -177,12 +198,11 @@ impl Engine {
         let failure = (self.outcome, std::mem::take(&mut self.reason));
         self.outcome = Outcome::Reached;
         self.field.set_active(before);
-        // gradients may have no value there, but where a switch was made the state is at its surface
-        let near = recover(self.mark_near_surfaces().map(|()| true), false)?;
-        let meet = if near { self.candidates().iter().any(|c| c.len() > 1) } else { at_switch };
+        // gradients may have no value there, and where a switch was made the state is at its surface
+        let near = recover(self.mark_near_surfaces(1.0).map(|()| true), false)?;
+        let meet = at_switch || near && self.candidates().iter().any(|c| c.len() > 1);
         if meet {
             let limit = self.t;
-            self.rescues += 1;
             let p = self.step_through(limit)?;
             if self.outcome == Outcome::Reached {
                 self.stats.accumulations += 1;

@@ -195,6 +195,7 @@ impl Engine {
         self.q0.copy_from_slice(&self.field.q);
         self.dq0.copy_from_slice(&self.field.dq);
         self.fresh = true;
+        self.slid = 0;
         self.alpha_start.clear();
         self.alpha_start.extend_from_slice(&self.field.alpha[..self.field.n_alg()]);
         self.field.find_carried(&self.x);

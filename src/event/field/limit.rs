@@ -44,6 +44,10 @@ pub(in crate::event) struct Limit {
     /// The conditions as they are: one row of coefficients of the weights of the pairs for every pair, and right-hand sides.
     raw: Vec<Vec<f64>>,
     raw_rhs: Vec<f64>,
+    /// What the right-hand side of a condition without coefficients may be, and reciprocal of the shortest time in which modes move
+    /// a state by its size.
+    slack: Vec<f64>,
+    pace: f64,
     /// Derivatives `φ` at the last point.
     phi: Vec<f64>,
     weights: Vec<f64>,
@@ -74,10 +78,18 @@ impl Limit {
         self.raw.resize(r, Vec::new());
         self.raw.iter_mut().for_each(|row| row.resize(r, 0.0));
         self.raw_rhs.resize(r, 0.0);
+        self.slack.resize(r, 0.0);
         self.phi.resize(r, 0.0);
         self.rows.resize(r + self.groups.len(), Vec::new());
         self.rows.iter_mut().for_each(|row| row.resize(n, 0.0));
         self.rhs.resize(r + self.groups.len(), 0.0);
+    }
+
+    /// Conditions of order two may be off by what is no change in rates of the size `rate`.
+    fn set_slack(&mut self, rate: f64) {
+        for (slack, second) in self.slack.iter_mut().zip(&self.second) {
+            *slack = if *second { NO_CHANGE * rate } else { 0.0 };
+        }
     }
 
     /// Solves the conditions with the right-hand sides `raw_rhs` for weights next to `around` with the sum `sum` in every
@@ -113,7 +125,8 @@ impl Limit {
             }
             let after = norm(row);
             if after <= DEPENDENT * before || after == 0.0 {
-                consistent &= self.rhs[i].abs() <= CONSISTENT * terms.max(before);
+                let slack = if i < g { 0.0 } else { self.slack[i - g] };
+                consistent &= self.rhs[i].abs() <= slack.max(CONSISTENT * terms.max(before));
                 row.fill(0.0);
                 self.rhs[i] = 0.0;
                 continue;
@@ -165,9 +178,21 @@ impl Field {
         }
         let any = limit.second.contains(&true);
         if any {
+            limit.pace = paces.iter().fold(0.0, |m, p| m.max(*p));
             self.limit = Some(limit);
         }
         Ok(any)
+    }
+
+    /// Have the modes nearly no influence on the rate of one of the surfaces they slide on? The right-hand side is that of this point.
+    pub(in crate::event) fn has_lost_influence(&mut self, t: f64, x: &[f64]) -> Result<bool, EvalError> {
+        /// Change of a constraint by modes relative to the change of the states by them.
+        const LITTLE: f64 = 1e-3;
+        self.gradients(t, x)?;
+        self.constraint_rows();
+        let r = self.pairs.len();
+        let little = |i: usize| (0..r).all(|j| self.raw_rate(i, j).abs() <= LITTLE * self.column_pace(j, x));
+        Ok((0..r).any(little))
     }
 
     /// Reciprocal of the time in which the modes of pair `j` move a state by its size.
@@ -176,16 +201,18 @@ impl Field {
         each.filter(|e| e.1 > 0.0).fold(0.0, |m, (d, size)| m.max(d / size))
     }
 
+    /// Rate of constraint `i` by column `j` of `D`.
+    fn raw_rate(&self, i: usize, j: usize) -> f64 {
+        let mut sum = 0.0;
+        for (row, d) in self.d(j) {
+            sum += self.sliding.row_of_states(self.pairs[i], i).find(|c| c.0 == row).map_or(0.0, |c| c.1 * d);
+        }
+        sum
+    }
+
     /// Rates of constraint `i` by the columns of `D`.
     fn raw_row(&self, i: usize) -> Vec<f64> {
-        let along = |j: usize| {
-            let mut sum = 0.0;
-            for (row, d) in self.d(j) {
-                sum += self.sliding.row_of_states(self.pairs[i], i).find(|c| c.0 == row).map_or(0.0, |c| c.1 * d);
-            }
-            sum
-        };
-        (0..self.pairs.len()).map(along).collect()
+        (0..self.pairs.len()).map(|j| self.raw_rate(i, j)).collect()
     }
 
     /// Moves a point onto all surfaces, every state in proportion to its size.
@@ -196,6 +223,10 @@ impl Field {
             for i in 0..self.pairs.len() {
                 let value = self.constraint(i);
                 worst = worst.max(value.abs());
+                if value.abs() <= f64::EPSILON {
+                    // constraints that are combinations of others hold with them
+                    continue;
+                }
                 let row = || self.sliding.row_of_states(self.pairs[i], i);
                 let square = |i: usize| Some(self.size(i, y[i])).filter(|s| *s > 0.0).map_or(1.0, |s| s * s);
                 let total: f64 = row().map(|(i, g)| g * g * square(i)).sum();
@@ -293,6 +324,8 @@ impl Field {
                 }
             }
         }
+        // where other constraints hold what a constraint of order two depends on, its second derivative is the rest of what is no change
+        l.set_slack(l.pace * l.pace);
         if !l.solve(|n| 1.0 / n as f64, 1.0) {
             return Err(EvalError::Recoverable);
         }
@@ -310,6 +343,7 @@ impl Field {
             for i in 0..self.pairs.len() {
                 l.raw_rhs[i] = if l.second[i] { -l.phi[i] } else { 0.0 };
             }
+            l.set_slack(l.pace);
             let solved = l.solve(|_| 0.0, 0.0);
             if solved {
                 for j in 0..self.pairs.len() {
