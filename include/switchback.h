@@ -1466,7 +1466,8 @@ enum swb_jumps
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * From a simulation of the guess and by time stepping; where neither leads to an answer, by finite elements with jumps.
+     * From a simulation of the guess and by time stepping; where neither leads to an answer, by shots, and then by finite elements with
+     * jumps.
      */
     SWB_JUMPS_AUTO = 0,
     /**
@@ -1481,6 +1482,10 @@ enum swb_jumps
      * By time stepping: complementarity at the ends of equal steps of implicit Euler.
      */
     SWB_JUMPS_STEPS = 3,
+    /**
+     * From shots: simulations of controls drawn at random, always the same ones, and aimed at the constraints.
+     */
+    SWB_JUMPS_SHOTS = 4,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -97,6 +97,7 @@ pub mod nlp;
 pub(crate) mod parallel;
 #[doc(hidden)]
 pub mod qp;
+pub(crate) mod random;
 #[doc(hidden)]
 pub mod session;
 #[doc(hidden)]

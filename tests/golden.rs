@@ -4,6 +4,9 @@
 //! `SWB_WRITE_GOLDEN=1 cargo test --test golden` writes the file anew; the difference belongs into the same commit as
 //! what causes it.
 
+#[path = "common/contacts.rs"]
+#[allow(dead_code)]
+mod contacts;
 #[path = "../examples/report/models.rs"]
 mod models;
 #[path = "common/optimal/mod.rs"]
@@ -15,6 +18,7 @@ use std::collections::BTreeMap;
 use switchback::event::{self, Options};
 use switchback::mpcc::MpccSettings;
 use switchback::nlp::{Control, Statistics};
+use switchback::ocp::Jumps;
 use switchback::settings::{DcsForm, OcpStart, Settings};
 use switchback::sim::Simulator;
 use switchback::system::System;
@@ -47,6 +51,18 @@ fn measure() -> Counts {
         c.extend([("variables", r.dimensions.0), ("rows", r.dimensions.1), ("pairs", r.dimensions.2)]);
         c.push(("switches", r.trajectory.switches.len()));
         all.insert(format!("gallery {}", p.name), counts(&c));
+    }
+    let scenes = [
+        ("example 8.19", contacts::example_819(Jumps::Auto)),
+        ("three carts", contacts::three_carts()),
+        ("ball in cup", contacts::ball_in_cup()),
+    ];
+    for (name, mut ocp) in scenes {
+        let r = ocp.solve(&mut Control::default()).unwrap();
+        let mut c = of(&r.stats);
+        c.extend([("variables", r.dimensions.0), ("rows", r.dimensions.1), ("pairs", r.dimensions.2)]);
+        c.push(("impacts", r.contacts.as_ref().map_or(0, |c| c.impacts.len())));
+        all.insert(format!("contacts {name}"), counts(&c));
     }
     for (name, sys, x0, t_end, n) in simulated() {
         for form in [DcsForm::Stewart, DcsForm::Heaviside] {

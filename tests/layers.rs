@@ -8,6 +8,7 @@ const LAYERS: &[(&str, &[&str])] = &[
     ("error", &[]),
     ("memory", &["error"]),
     ("parallel", &[]),
+    ("random", &[]),
     ("settings", &["error"]),
     ("stop", &["error"]),
     ("log", &["error", "settings"]),
@@ -57,7 +58,7 @@ const LAYERS: &[(&str, &[&str])] = &[
 ];
 const ABOVE_ALL: &str = "capi";
 /// Everybody may use these; they use `error` at most.
-const BELOW_ALL: &[&str] = &["memory", "parallel"];
+const BELOW_ALL: &[&str] = &["memory", "parallel", "random"];
 
 fn sources(dir: &Path, out: &mut Vec<PathBuf>) {
     let mut entries: Vec<PathBuf> = fs::read_dir(dir).unwrap().map(|e| e.unwrap().path()).collect();

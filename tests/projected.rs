@@ -97,6 +97,8 @@ fn a_body_that_pushes_another_has_the_exact_cost() {
         println!("unit {unit}: {} iterations", r.stats.iterations);
         let found = r.accuracy.as_ref().unwrap();
         assert!(found.terminal < 1e-8 * unit, "{}", found.terminal);
+        // by events: as many changes as the block is met, and the cost by quadrature along the simulation
+        assert!(found.reached() && (found.cost - exact).abs() < 1e-7 * exact, "{found:?}");
     }
 }
 

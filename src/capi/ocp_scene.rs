@@ -17,7 +17,8 @@ use crate::settings::Settings;
 #[repr(i32)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum swb_jumps {
-    /// From a simulation of the guess and by time stepping; where neither leads to an answer, by finite elements with jumps.
+    /// From a simulation of the guess and by time stepping; where neither leads to an answer, by shots, and then by finite elements with
+    /// jumps.
     Auto = 0,
     /// From a simulation of the guess and the orders of modes next to it.
     Modes = 1,
@@ -25,6 +26,8 @@ pub enum swb_jumps {
     FesdJ = 2,
     /// By time stepping: complementarity at the ends of equal steps of implicit Euler.
     Steps = 3,
+    /// From shots: simulations of controls drawn at random, always the same ones, and aimed at the constraints.
+    Shots = 4,
 }
 
 /// Create an optimal control problem of a scene that is built; as swb_ocp_create with the system of the scene. Its states are
@@ -65,6 +68,7 @@ pub unsafe extern "C" fn swb_ocp_set_jumps(ocp: *mut swb_ocp, jumps: i32) -> swb
             1 => Jumps::Modes,
             2 => Jumps::FesdJ,
             3 => Jumps::Steps,
+            4 => Jumps::Shots,
             _ => return Err(Error::Range(format!("jumps is {jumps}: give an enum swb_jumps"))),
         };
         change(ocp, |o| {

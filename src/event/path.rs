@@ -3,9 +3,12 @@
 use super::step::{derivative, horner, Poly};
 use crate::error::{Error, Result};
 use crate::memory;
+use crate::tableau::{Family, Tableau};
 
 /// Pieces of one step at most: one, but for steps of a method that needs no switches.
 const ROOM: usize = 64;
+/// Points of a step at which a function is integrated.
+const QUADRATURE: usize = 5;
 
 /// A piecewise polynomial solution.
 #[derive(Debug, Clone, Default)]
@@ -55,6 +58,22 @@ impl Path {
     /// Ends of the steps, the start first.
     pub fn times(&self) -> Vec<f64> {
         self.pieces.first().map(|p| p.0).into_iter().chain(self.pieces.iter().map(|p| p.1)).collect()
+    }
+
+    /// Integral of a function of time and state over the steps from `from` on, by Gauss's rule of five points in every step, exact for the
+    /// polynomials of the output up to degree 9.
+    pub fn integrate(&self, from: f64, f: &mut dyn FnMut(f64, &[f64]) -> f64) -> Result<f64> {
+        let rule = Tableau::new(Family::GaussLegendre, QUADRATURE)?;
+        let (mut x, mut sum) = (vec![0.0; self.nx], 0.0);
+        let first = self.pieces.partition_point(|p| p.0 < from);
+        for (i, &(t0, end, h)) in self.pieces.iter().enumerate().skip(first) {
+            for (c, b) in rule.c.iter().zip(&rule.b) {
+                let t = t0 + c * (end - t0);
+                eval(&self.poly[i * self.nx..(i + 1) * self.nx], (t - t0) / h, h, 0, &mut x);
+                sum += b * (end - t0) * f(t, &x);
+            }
+        }
+        Ok(sum)
     }
 
     /// State at time `t`, or its `k`-th derivative. At a switch the piece before it counts.

@@ -44,7 +44,7 @@ pub(super) fn blame(
             return Ok(Some(Blame::InTheWay(c)));
         }
     }
-    for c in (0..p.n_contacts()).filter(|&c| p.functions.contacts[c].n_tangents > 0) {
+    for c in (0..p.n_contacts()).filter(|&c| p.has_friction(c)) {
         let held = Held { without_cone: Some(c), ..Held::default() };
         let sticks = |m: ContactMode| if m.is_closed() { ContactMode::Closed } else { m };
         if is_solved(&with_modes(&closest.sequence, c, sticks), &held)? {

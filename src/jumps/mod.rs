@@ -25,6 +25,7 @@ mod problem;
 mod result;
 mod search;
 mod sensitivity;
+mod shots;
 mod simulate;
 mod stepping;
 mod track;

@@ -116,6 +116,11 @@ impl Problem {
         self.functions.contacts.iter().map(|c| c.name.clone()).collect()
     }
 
+    /// Has a contact friction?
+    pub fn has_friction(&self, contact: usize) -> bool {
+        self.functions.contacts[contact].n_tangents > 0
+    }
+
     /// Coefficients of restitution of all contacts at an initial state; zero where they have no value.
     pub(super) fn restitutions(&self, x0: &[f64]) -> Vec<f64> {
         let g = &self.given;

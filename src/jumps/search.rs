@@ -8,8 +8,9 @@ use super::exact::{solve_sequence, without_overlap, Limits, Solved};
 use super::guards::{Condition, Touched};
 use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence};
-use super::neighbours::{neighbours, with_impact, Move, Neighbour};
+use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
+use super::shots::shots;
 use super::simulate::simulate;
 use super::stepping;
 use super::track::Track;
@@ -24,8 +25,8 @@ use crate::stop;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 #[repr(i32)]
 pub enum Method {
-    /// From the simulated guess and the sequences next to it, and from time stepping; where none of them has a solution, from FESD
-    /// with jumps.
+    /// From the simulated guess and the sequences next to it, and from time stepping; where none of them has a solution, from simulated
+    /// shots, and then from FESD with jumps.
     #[default]
     Auto = 0,
     /// From the simulated guess and the sequences next to it.
@@ -34,6 +35,8 @@ pub enum Method {
     FesdJ = 2,
     /// From time stepping.
     Steps = 3,
+    /// From simulations of controls drawn at random and aimed at the constraints.
+    Shots = 4,
 }
 
 /// What a search is given besides the problem.
@@ -157,6 +160,9 @@ const STEPPING_ITERATIONS: usize = 500;
 /// How often the steps are halved where their sequences have no solution.
 const REFINED: usize = 2;
 
+/// Shots whose modes are tried.
+const SHOTS: usize = 10;
+
 /// Places in which an impact of a contact is put in.
 const PUT_IN: usize = 3;
 
@@ -164,7 +170,7 @@ const PUT_IN: usize = 3;
 const NEAR_UNSOLVED: usize = 8;
 
 /// Sequences in a row that are no better after which a start is left that has led to less than another one.
-const BEHIND: usize = 10;
+const BEHIND: usize = 6;
 
 /// Sequences in a row that are tried where phases without length lead, and ways that are tried at each of them.
 const LEADS: usize = 6;
@@ -257,6 +263,8 @@ enum Start {
     Guess,
     /// Time stepping from the initial state.
     Steps,
+    /// Simulated shots that nearly meet the constraints.
+    Shots,
     /// Time stepping from a straight line to the target.
     StepsOnLine,
     /// Time stepping with shorter steps, from what it has found with longer ones.
@@ -286,12 +294,13 @@ impl Start {
 
 /// Starts of a search, in the order they are tried.
 fn starts(o: &Options) -> Vec<Start> {
-    use Start::{Complementarity, ComplementaritySteps, FineSteps, Guess, Steps, StepsOnLine};
+    use Start::{Complementarity, ComplementaritySteps, FineSteps, Guess, Shots, Steps, StepsOnLine};
     match o.method {
         Method::Auto if o.sequence.is_some() => vec![Guess],
-        Method::Auto => vec![Guess, Steps, FineSteps, StepsOnLine, ComplementaritySteps, Complementarity],
+        Method::Auto => vec![Guess, Steps, Shots, FineSteps, StepsOnLine, ComplementaritySteps, Complementarity],
         Method::Modes => vec![Guess],
         Method::Steps => vec![Steps, FineSteps, StepsOnLine],
+        Method::Shots => vec![Shots],
         Method::FesdJ if o.sequence.is_some() => vec![Guess, Complementarity],
         Method::FesdJ => vec![Complementarity],
     }
@@ -405,6 +414,7 @@ impl Search<'_> {
         match start {
             Start::Guess => self.start_at_guess(control)?,
             Start::Steps => self.start_with_steps(&self.options.states, control)?,
+            Start::Shots => self.start_with_shots(control)?,
             Start::FineSteps => self.refine_steps(control)?,
             Start::ComplementaritySteps => self.start_with_complementarity_at_steps(control)?,
             Start::StepsOnLine => {
@@ -434,6 +444,22 @@ impl Search<'_> {
         let o = self.options;
         let target = o.target.as_ref().filter(|_| o.states.is_none())?;
         Some((vec![0.0, self.p.given.durations.iter().sum()], [&o.x0[..], &target[..]].concat()))
+    }
+
+    /// Modes of simulations that nearly meet the constraints.
+    fn start_with_shots(&mut self, control: &mut Control) -> Result<()> {
+        let mut left = SHOTS;
+        for shot in shots(self.p, self.options)? {
+            let sequence = shot.track.sequence(self.p.n_stages());
+            if left == 0 || stop::requested().is_some() {
+                break;
+            }
+            if self.is_new(&sequence) {
+                left -= 1;
+                self.attempt(&sequence, &shot.track, NEAR_ITERATIONS, control)?;
+            }
+        }
+        Ok(())
     }
 
     /// Time stepping. At several stops of its relaxation sequences are read from its motion: with all its contacts, and without those
@@ -838,21 +864,6 @@ impl Search<'_> {
         }
         Ok(())
     }
-}
-
-/// Sequences next to the present motion before others, and of those one of every kind in turn: which kind helps says the problem.
-fn in_turn(near: &mut [Neighbour], helped: Option<Move>) {
-    let mut seen = [0usize; Move::KINDS];
-    let mut rank: Vec<usize> = Vec::with_capacity(near.len());
-    for n in near.iter() {
-        let first = n.local || helped == Some(n.moved);
-        rank.push(if first { 0 } else { 1 + seen[n.moved.kind()] });
-        seen[n.moved.kind()] += usize::from(!first);
-    }
-    let mut order: Vec<usize> = (0..near.len()).collect();
-    order.sort_by_key(|&k| rank[k]);
-    let sorted: Vec<Neighbour> = order.into_iter().map(|k| near[k].clone()).collect();
-    near.clone_from_slice(&sorted);
 }
 
 /// Solutions before others; of two the cheaper, where costs as large as `largest` have the rounding of that, and at the same cost the one without

@@ -7,7 +7,6 @@ use crate::error::{Error, Result};
 use crate::event::{Engine, Impact, Options, Outcome, Run};
 use crate::func::Point;
 use crate::system::SharedFunction;
-use crate::tableau::{Family, Tableau};
 
 /// Tolerance of simulations that are guesses, and their steps at most.
 const TOLERANCE: f64 = 1e-6;
@@ -20,38 +19,67 @@ pub(super) struct Simulated {
     pub(super) run: Run,
     /// Ends of the control stages that were reached, the start first.
     pub(super) times: Vec<f64>,
+    /// States there `[nx]` each.
+    pub(super) states: Vec<f64>,
+}
+
+/// What is simulated.
+#[derive(Clone, Copy)]
+pub(super) struct Inputs<'a> {
+    pub(super) x0: &'a [f64],
+    /// Controls `[n_stages · wide.u]`.
+    pub(super) controls: &'a [f64],
+    /// Lengths of the stages.
+    pub(super) durations: &'a [f64],
+    /// Parameters of every stage `[n_stages · wide.p]`.
+    pub(super) params: &'a [f64],
+}
+
+/// How accurately, with how many steps at most, and whether the motion between the ends of stages is kept.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Effort {
+    pub(super) tolerance: f64,
+    pub(super) max_steps: usize,
+    pub(super) dense: bool,
 }
 
 /// Simulates controls `[n_stages · wide.u]` over stages of lengths `durations`.
 pub(super) fn simulate(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Simulated> {
-    simulate_with(p, x0, controls, durations, None, &p.given.params)
+    simulate_with(p, Inputs { x0, controls, durations, params: &p.given.params }, GUESS)
 }
 
-/// The same with a tolerance and parameters of every stage.
-fn simulate_with(
-    p: &Problem,
-    x0: &[f64],
-    controls: &[f64],
-    durations: &[f64],
-    tolerance: Option<f64>,
-    params: &[f64],
-) -> Result<Simulated> {
+/// The effort of a guess.
+const GUESS: Effort = Effort { tolerance: TOLERANCE, max_steps: MAX_STEPS, dense: true };
+
+/// The same with other parameters and another effort.
+pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Result<Simulated> {
     let g = &p.given;
-    let tol = tolerance.unwrap_or(TOLERANCE);
-    let options = Options { max_steps: MAX_STEPS, dense: true, ..Options::with_tolerance(tol, tol) };
+    let Effort { tolerance, max_steps, dense } = effort;
+    let options = Options { max_steps, dense, ..Options::with_tolerance(tolerance, tolerance) };
     let mut engine = Engine::new(&g.system, &options)?;
-    engine.reinit(g.t0, x0)?;
+    engine.reinit(g.t0, inputs.x0)?;
     let mut times = vec![g.t0];
-    for (k, d) in durations.iter().enumerate() {
-        engine.set_params(&params[k * g.wide.p..k * g.wide.p + g.dims.p])?;
-        engine.set_controls(&controls[k * g.wide.u..k * g.wide.u + g.dims.u])?;
+    let mut states = inputs.x0.to_vec();
+    let (mut u, mut params): (&[f64], &[f64]) = (&[], &[]);
+    for (k, d) in inputs.durations.iter().enumerate() {
+        let of_stage = &inputs.params[k * g.wide.p..k * g.wide.p + g.dims.p];
+        let control = &inputs.controls[k * g.wide.u..k * g.wide.u + g.dims.u];
+        // the engine finds its modes anew behind new data
+        if k == 0 || of_stage != params {
+            engine.set_params(of_stage)?;
+        }
+        if k == 0 || control != u {
+            engine.set_controls(control)?;
+        }
+        (u, params) = (control, of_stage);
         let end = times[k] + d;
         if engine.advance(end.max(engine.time()))? != Outcome::Reached {
             break;
         }
         times.push(end);
+        states.extend_from_slice(engine.state());
     }
-    Ok(Simulated { run: engine.into_run(), times })
+    Ok(Simulated { run: engine.into_run(), times, states })
 }
 
 impl Simulated {
@@ -143,6 +171,41 @@ impl Simulated {
         }
     }
 
+    /// Costs along a simulation that reached its end; NaN for others.
+    pub(super) fn cost(&self, p: &Problem, inputs: Inputs) -> Result<f64> {
+        let g = &p.given;
+        let n = self.times.len() - 1;
+        if n < g.durations.len() {
+            return Ok(f64::NAN);
+        }
+        let path = self.run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
+        let mut x = vec![0.0; g.dims.x];
+        let value = |f: &SharedFunction, t: f64, x: &[f64], k: usize| {
+            let (u, q) =
+                (&inputs.controls[k * g.wide.u..(k + 1) * g.wide.u], &inputs.params[k * g.wide.p..(k + 1) * g.wide.p]);
+            let mut out = [f64::NAN];
+            match f.value(&Point { t, x, u, p: q }, &mut out, &mut vec![0.0; f.work_len()]) {
+                Ok(()) => out[0],
+                Err(_) => f64::NAN,
+            }
+        };
+        let mut sum = 0.0;
+        if let Some(l) = &g.lagrange {
+            let stage = |t: f64| self.times.partition_point(|s| *s <= t).saturating_sub(1).min(n - 1);
+            sum += path.integrate(self.times[0], &mut |t, x| value(l, t, x, stage(t)))?;
+        }
+        if let Some(f) = &g.grid_cost {
+            for k in 0..n {
+                path.eval(self.times[k + 1].min(self.run.t), 0, &mut x)?;
+                sum += value(f, self.times[k + 1], &x, k);
+            }
+        }
+        if let Some(f) = &g.mayer {
+            sum += value(f, self.run.t, &self.run.x, n - 1);
+        }
+        Ok(sum)
+    }
+
     /// Fills stages that were not reached.
     fn rest(&self, p: &Problem, pieces: &mut Vec<Piece>, durations: &[f64]) {
         let reached = self.times.len() - 1;
@@ -182,13 +245,11 @@ pub struct Replay {
     pub cost: f64,
 }
 
-/// Stage points of the quadrature of costs along simulations.
-const QUADRATURE: usize = 5;
-
 /// Simulates the controls of an answer with the tolerance `tol`.
 pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Result<Replay> {
     let given = with_free_parameters(p, a);
-    let s = simulate_with(p, &a.x0, a.controls(), durations, Some(tol), &given)?;
+    let inputs = Inputs { x0: &a.x0, controls: a.controls(), durations, params: &given };
+    let s = simulate_with(p, inputs, Effort { tolerance: tol, ..GUESS })?;
     let n = s.times.len() - 1;
     let mut differences = Vec::with_capacity(n);
     let (nx, mut x) = (p.given.dims.x, vec![0.0; p.given.dims.x]);
@@ -205,8 +266,9 @@ pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Re
         let end = &q.xs[q.xs.len() - nx..];
         differences.push(x.iter().zip(end).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs())));
     }
-    let cost = cost(p, a, &s, &given)?;
-    let events = s.run.phases.len().saturating_sub(n) + s.run.impacts.len();
+    let cost = s.cost(p, inputs)?;
+    let changes = s.run.phases.windows(2).filter(|w| w[0].modes != w[1].modes).count();
+    let events = changes + s.run.impacts.len();
     Ok(Replay {
         outcome: s.run.outcome,
         reason: s.run.reason.clone(),
@@ -225,45 +287,4 @@ fn with_free_parameters(p: &Problem, a: &super::Answer) -> Vec<f64> {
         (0..g.durations.len()).for_each(|k| params[k * g.wide.p + j] = v);
     }
     params
-}
-
-/// Costs along a simulation that reached its end; NaN for others.
-fn cost(p: &Problem, a: &super::Answer, s: &Simulated, params: &[f64]) -> Result<f64> {
-    let g = &p.given;
-    let n = s.times.len() - 1;
-    if n < g.durations.len() {
-        return Ok(f64::NAN);
-    }
-    let path = s.run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
-    let rule = Tableau::new(Family::GaussLegendre, QUADRATURE)?;
-    let mut x = vec![0.0; g.dims.x];
-    let value = |f: &SharedFunction, t: f64, x: &[f64], k: usize| {
-        let (u, q) = (&a.controls()[k * g.wide.u..(k + 1) * g.wide.u], &params[k * g.wide.p..(k + 1) * g.wide.p]);
-        let mut out = [f64::NAN];
-        match f.value(&Point { t, x, u, p: q }, &mut out, &mut vec![0.0; f.work_len()]) {
-            Ok(()) => out[0],
-            Err(_) => f64::NAN,
-        }
-    };
-    let mut sum = 0.0;
-    if let Some(l) = &g.lagrange {
-        for w in path.times().windows(2).filter(|w| w[1] > w[0]) {
-            let k = s.times.partition_point(|t| *t <= 0.5 * (w[0] + w[1])).saturating_sub(1).min(n - 1);
-            for (c, b) in rule.c.iter().zip(&rule.b) {
-                let t = w[0] + c * (w[1] - w[0]);
-                path.eval(t, 0, &mut x)?;
-                sum += b * (w[1] - w[0]) * value(l, t, &x, k);
-            }
-        }
-    }
-    if let Some(f) = &g.grid_cost {
-        for k in 0..n {
-            path.eval(s.times[k + 1].min(s.run.t), 0, &mut x)?;
-            sum += value(f, s.times[k + 1], &x, k);
-        }
-    }
-    if let Some(f) = &g.mayer {
-        sum += value(f, s.run.t, &s.run.x, n - 1);
-    }
-    Ok(sum)
 }

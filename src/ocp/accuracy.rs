@@ -178,8 +178,34 @@ pub(super) struct Replay {
 enum Method {
     /// The event-driven engine.
     Events(Box<Engine>),
+    /// The same for projected systems, which take no states beside them.
+    Projected(Box<Projected>),
     /// For systems that it does not know: more accurate finite elements on a grid of their own.
     Elements(Box<Elements>),
+}
+
+/// A projected system as events follow it, with its cost by quadrature along the motion.
+pub(super) struct Projected {
+    engine: Engine,
+    lagrange: Option<SharedFunction>,
+    /// Controls and parameters of the system; what is behind them belongs to costs and constraints.
+    dims: Dims,
+    /// The cost so far, and the state.
+    reached: Vec<f64>,
+}
+
+impl Projected {
+    fn advance(&mut self, t: f64, u: &[f64], p: &[f64]) -> Result<Outcome> {
+        let start = self.engine.time();
+        self.engine.set_params(&p[..self.dims.p])?;
+        self.engine.set_controls(&u[..self.dims.u])?;
+        let outcome = self.engine.advance(t.max(start))?;
+        self.reached[1..].copy_from_slice(self.engine.state());
+        if let (Some(l), Some(path)) = (&self.lagrange, self.engine.path()) {
+            self.reached[0] += path.integrate(start, &mut |t, x| values(l, &Point { t, x, u, p })[0])?;
+        }
+        Ok(outcome)
+    }
 }
 
 /// Stage points and steps per control stage of simulations by finite elements: of another order than the answer's.
@@ -224,14 +250,27 @@ const ALIKE: f64 = 10.0;
 
 impl Replay {
     /// Of the system behind its cost and its linear controls, all of them states; the place of these among the controls is
-    /// that of their slopes. What is simulated says how large they are.
+    /// that of their slopes. What is simulated says how large they are. `projected` is the system as events follow it where the other is
+    /// its form for finite elements.
     pub fn new(
         system: &System,
+        projected: Option<&System>,
         lagrange: Option<&SharedFunction>,
         answer: &Answer,
         options: &SolveOptions,
     ) -> Result<Replay> {
         let tol = answer.tol;
+        if let Some(projected) = projected.filter(|_| !answer.linear.contains(&true)) {
+            let sizes = sizes_of(answer);
+            let loose = Options { max_steps: MAX_STEPS, dense: true, ..tolerances(tol, &sizes[1..]) };
+            let projected = Projected {
+                engine: Engine::new(projected, &loose)?,
+                lagrange: lagrange.cloned(),
+                dims: projected.dims(),
+                reached: vec![0.0; sizes.len()],
+            };
+            return Ok(Replay { method: Method::Projected(Box::new(projected)), tol, sizes, options: *options });
+        }
         let extended = with_cost(system, lagrange, answer.linear)?;
         let sizes = sizes_of(answer);
         if system.n_algebraic() == 0 && system.inclusions().is_empty() {
@@ -255,7 +294,9 @@ impl Replay {
     pub fn fits(&self, answer: &Answer, options: &SolveOptions) -> bool {
         let alike = |(a, b): (&f64, f64)| *a <= ALIKE * b && b <= ALIKE * a;
         match self.method {
-            Method::Events(_) => self.tol == answer.tol && self.sizes.iter().zip(sizes_of(answer)).all(alike),
+            Method::Events(_) | Method::Projected(_) => {
+                self.tol == answer.tol && self.sizes.iter().zip(sizes_of(answer)).all(alike)
+            }
             Method::Elements(_) => self.tol == answer.tol && self.options == *options,
         }
     }
@@ -263,6 +304,10 @@ impl Replay {
     fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
         match &mut self.method {
             Method::Events(e) => e.reinit(t, x),
+            Method::Projected(e) => {
+                e.reached.copy_from_slice(x);
+                e.engine.reinit(t, &x[1..])
+            }
             Method::Elements(e) => {
                 e.switches.clear();
                 e.simulator.set_state(t, x)
@@ -278,6 +323,7 @@ impl Replay {
                 e.set_controls(u)?;
                 e.advance(t.max(e.time()))
             }
+            Method::Projected(e) => e.advance(t, u, p),
             Method::Elements(e) => {
                 e.simulator.set_params(p)?;
                 e.simulator.set_controls(u)?;
@@ -365,6 +411,7 @@ impl Replay {
     fn state(&self) -> &[f64] {
         match &self.method {
             Method::Events(e) => e.state(),
+            Method::Projected(e) => &e.reached,
             Method::Elements(e) => e.simulator.state(),
         }
     }
@@ -372,6 +419,7 @@ impl Replay {
     fn n_switches(&self) -> usize {
         match &self.method {
             Method::Events(e) => e.stats().switches,
+            Method::Projected(e) => e.engine.stats().switches,
             Method::Elements(e) => e.switches.len(),
         }
     }
@@ -380,6 +428,7 @@ impl Replay {
     pub fn switch_times(&self) -> Vec<f64> {
         match &self.method {
             Method::Events(e) => e.switches().iter().map(|s| s.t).collect(),
+            Method::Projected(e) => e.engine.switches().iter().map(|s| s.t).collect(),
             Method::Elements(e) => e.switches.clone(),
         }
     }
@@ -387,6 +436,7 @@ impl Replay {
     fn reason(&self) -> &str {
         match &self.method {
             Method::Events(e) => e.reason(),
+            Method::Projected(e) => e.engine.reason(),
             Method::Elements(e) => &e.reason,
         }
     }

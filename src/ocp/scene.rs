@@ -316,7 +316,9 @@ impl Ocp {
         }
         let why = match a.blame {
             Some(Blame::InTheWay(c)) => {
-                format!("contact {} is in the way: without it there would be a motion. ", names[c])
+                // without a contact its friction is gone as well
+                let what = if p.has_friction(c) { " or its friction" } else { "" };
+                format!("contact {}{what} is in the way: without it there would be a motion. ", names[c])
             }
             Some(Blame::Slippery(c)) => {
                 format!("the friction of contact {} is too small: if it held there would be a motion. ", names[c])

@@ -87,7 +87,7 @@ impl Ocp {
             tol: TOLERANCE,
             terminal: Vec::new(),
         };
-        let mut engine = Replay::new(&self.system, None, &answer, options)?;
+        let mut engine = Replay::new(&self.system, None, None, &answer, options)?;
         let range: Vec<f64> = (0..d.x)
             .map(|i| {
                 let values = ends.chunks_exact(d.x).map(|x| x[i]).chain([x0[i]]);

@@ -625,7 +625,7 @@ impl Ocp {
         };
         let mut engine = match self.engine.take().filter(|e| e.fits(&answer, options)) {
             Some(e) => e,
-            None => Replay::new(&e.system, e.lagrange.as_ref(), &answer, options)?,
+            None => Replay::new(&e.system, self.projected.as_ref(), e.lagrange.as_ref(), &answer, options)?,
         };
         let mut found = accuracy::measure(&mut engine, &answer)?;
         found.cost -= total - r.cost_reached;

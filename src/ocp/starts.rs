@@ -7,6 +7,7 @@ use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::nlp::{Control, IterationInfo, Outcome};
 use crate::parallel;
+use crate::random::SplitMix64;
 
 /// What surrounds the solve of one start on its thread, [`Ocp::solve_starts_within`].
 pub type Around<'a> = &'a (dyn Fn(&mut dyn FnMut() -> Result<()>) -> Result<()> + Sync);
@@ -99,15 +100,8 @@ impl Ocp {
     /// bounds of the controls, which take the place of infinity at a distance of 1 (or the size of the other bound). The
     /// same `seed` gives the same guesses.
     pub fn random_starts(&self, n: usize, seed: u64) -> Vec<Vec<f64>> {
-        let mut state = seed;
-        let mut share = || {
-            // SplitMix64: G. L. Steele, D. Lea, C. H. Flood, OOPSLA 2014
-            state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-            let mut z = state;
-            z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-            ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
-        };
+        let mut numbers = SplitMix64::new(seed);
+        let mut share = || numbers.share();
         let range = |(l, u): (&f64, &f64)| {
             let size = |v: f64| if v.is_finite() { v.abs().max(1.0) } else { 1.0 };
             let at = middle(*l, *u);

@@ -754,17 +754,19 @@ const NAMES_swb_verdict = [:unknown => 0, :local_optimum => 1, :kink => 2, :not_
 """
 How an optimal control problem of a scene finds contact modes and impacts.
 
-- `SWB_JUMPS_AUTO`: From a simulation of the guess and by time stepping; where neither leads to an answer, by finite elements with jumps.
+- `SWB_JUMPS_AUTO`: From a simulation of the guess and by time stepping; where neither leads to an answer, by shots, and then by finite elements with jumps.
 - `SWB_JUMPS_MODES`: From a simulation of the guess and the orders of modes next to it.
 - `SWB_JUMPS_FESD_J`: By finite elements with jumps: complementarity between gaps and forces in every element.
 - `SWB_JUMPS_STEPS`: By time stepping: complementarity at the ends of equal steps of implicit Euler.
+- `SWB_JUMPS_SHOTS`: From shots: simulations of controls drawn at random, always the same ones, and aimed at the constraints.
 """
 const swb_jumps = Int64
 const SWB_JUMPS_AUTO = swb_jumps(0)
 const SWB_JUMPS_MODES = swb_jumps(1)
 const SWB_JUMPS_FESD_J = swb_jumps(2)
 const SWB_JUMPS_STEPS = swb_jumps(3)
-const NAMES_swb_jumps = [:auto => 0, :modes => 1, :fesd_j => 2, :steps => 3]
+const SWB_JUMPS_SHOTS = swb_jumps(4)
+const NAMES_swb_jumps = [:auto => 0, :modes => 1, :fesd_j => 2, :steps => 3, :shots => 4]
 
 """
 What the optimiser may choose of the lengths of the control stages.

@@ -235,8 +235,13 @@ const PROBLEMS: [Entry; 8] = [
     Entry { name: "ball in a box, 3", build: || ball_in_box(3.0), stages: 40, most: &[50.0; 2], exact: f64::NAN },
 ];
 
-const SEARCHES: [(&str, Jumps); 4] =
-    [("auto", Jumps::Auto), ("modes", Jumps::Modes), ("steps", Jumps::Steps), ("fesd_j", Jumps::FesdJ)];
+const SEARCHES: [(&str, Jumps); 4] = [
+    ("auto", Jumps::Auto),
+    ("modes", Jumps::Modes),
+    ("steps", Jumps::Steps),
+    ("shots", Jumps::Shots),
+    ("fesd_j", Jumps::FesdJ),
+];
 
 /// Controls at random, the same for the same number.
 fn guess(e: &Entry, number: usize) -> Vec<f64> {

@@ -211,7 +211,7 @@ impl Ocp {
             tol: c.tol,
             terminal: e.terminal.iter().map(|t| (&t.f, &t.lower[..], &t.upper[..])).collect(),
         };
-        let mut engine = Replay::new(&e.system, e.lagrange.as_ref(), &answer, options)?;
+        let mut engine = Replay::new(&e.system, None, e.lagrange.as_ref(), &answer, options)?;
         match accuracy::measure(&mut engine, &answer) {
             Err(Error::Interrupted) => Ok(Accuracy::stopped(self.n_stages, nx, stop::Why::Interrupted)),
             Err(Error::OutOfTime) => Ok(Accuracy::stopped(self.n_stages, nx, stop::Why::OutOfTime)),

@@ -452,6 +452,7 @@ class Jumps(Names):
     MODES = 1
     FESD_J = 2
     STEPS = 3
+    SHOTS = 4
 
 
 class FreeTime(Names):

@@ -1,0 +1,510 @@
+//! Shots: motions under controls drawn at random, simulated, and aimed at the constraints.
+//!
+//! Time stepping and finite elements with jumps begin with forces at a distance, which pull bodies to where they are to be: what only gets
+//! there by bouncing off something that lies in another direction they do not find. A simulation bounces off whatever is there, and it costs
+//! no more than a few iterations of a program. So controls that are constant on a few stretches of the horizon are drawn within their bounds
+//! and simulated, the best shots of every order of impacts are aimed at the constraints by damped steps of Gauss and Newton (K. Levenberg,
+//! 1944; D. W. Marquardt, 1963) with derivatives by differences through their impacts, and those that nearly hit are motions that contact
+//! mode programs start from.
+
+use super::problem::Problem;
+use super::search::Options;
+use super::simulate::{simulate_with, Effort, Inputs, Simulated};
+use super::track::Track;
+use crate::error::Result;
+use crate::event::Run;
+use crate::fesd::Durations;
+use crate::func::Point;
+use crate::linalg::cholesky;
+use crate::random::SplitMix64;
+use crate::stop;
+use crate::system::SharedFunction;
+
+/// Shots that are drawn, and those that are aimed.
+const DRAWN: usize = 600;
+const AIMED: usize = 40;
+/// Steps of simulations, beyond which no more shots are drawn or aimed.
+const MOST_STEPS: usize = 300_000;
+/// Stretches of the horizon on which controls are constant, and how many of them there are at least for every condition at the end.
+const STRETCHES: usize = 6;
+const PER_CONDITION: usize = 2;
+/// How coarse the controls that are drawn are, in turn; 0 for as many pieces as stretches.
+const PIECES: [usize; 4] = [1, 2, 3, 0];
+/// Parts of the shots in which a control is at its lower bound, at its upper one, or as it was given.
+const AT_LOWER: f64 = 0.25;
+const AT_UPPER: f64 = 0.5;
+const AS_GIVEN: f64 = 0.6;
+const SEED: u64 = 0x5eed;
+
+/// Tolerance and steps of a simulation.
+const EFFORT: Effort = Effort { tolerance: 1e-7, max_steps: 4000, dense: false };
+/// Share of a range by which a variable moves for a difference.
+const DIFFERENCE: f64 = 1e-4;
+/// Steps of an aimed shot, damping they begin with, and how often a step is tried again with more of it.
+const STEPS: usize = 12;
+const DAMPING: f64 = 1e-3;
+const MORE: f64 = 10.0;
+const TRIALS: usize = 5;
+/// Impacts of one contact in a row that are counted.
+const ALIKE: usize = 3;
+/// Largest violation, as a share of how far the shots are spread, at which a shot is not aimed any more, of one that hits, and of
+/// one that nearly does.
+const HIT: f64 = 1e-4;
+const HITS: f64 = 0.02;
+const NEARLY: f64 = 0.25;
+/// Range of a control without bounds, as a multiple of the constant control that would take the end as far as the target is away.
+const REACH: f64 = 4.0;
+
+/// A motion that nearly meets all constraints.
+pub(super) struct Shot {
+    pub(super) track: Track,
+    pub(super) miss: f64,
+    pub(super) cost: f64,
+}
+
+#[derive(Debug, Clone, Copy)]
+enum Kind {
+    /// A control, on one of the stretches.
+    Control(usize, usize),
+    /// The length of the horizon, as a multiple of that of the guess.
+    Length,
+    /// A state at the start.
+    Start(usize),
+    Parameter(usize),
+}
+
+/// What may be chosen, within a finite range.
+#[derive(Debug, Clone, Copy)]
+struct Variable {
+    kind: Kind,
+    lower: f64,
+    upper: f64,
+    given: f64,
+}
+
+/// Everything a simulation needs.
+struct Filled {
+    x0: Vec<f64>,
+    controls: Vec<f64>,
+    durations: Vec<f64>,
+    params: Vec<f64>,
+}
+
+impl Filled {
+    fn inputs(&self) -> Inputs<'_> {
+        Inputs { x0: &self.x0, controls: &self.controls, durations: &self.durations, params: &self.params }
+    }
+}
+
+/// Values of all constraints with their bounds, and the order of contacts.
+#[derive(Clone)]
+struct Flight {
+    values: Vec<(f64, [f64; 2])>,
+    word: Vec<(usize, bool)>,
+}
+
+/// A flight with its variables, as shares of their ranges.
+struct Drawn {
+    at: Vec<f64>,
+    flight: Flight,
+}
+
+struct Range<'a> {
+    p: &'a Problem,
+    o: &'a Options,
+    variables: Vec<Variable>,
+    stretches: usize,
+    steps: usize,
+}
+
+/// Shots that nearly meet all constraints: those that hit, the cheapest first, then others as they come close; none where none does.
+pub(super) fn shots(p: &Problem, o: &Options) -> Result<Vec<Shot>> {
+    let mut range = Range::new(p, o);
+    let drawn = range.draw();
+    if drawn.is_empty() {
+        return Ok(Vec::new());
+    }
+    let scales = spread(&drawn);
+    let mut out = Vec::new();
+    for first in best_of_every_word(&drawn, &scales) {
+        if range.is_over() {
+            break;
+        }
+        let (at, miss) = range.aim(&drawn[first], &scales);
+        if miss <= NEARLY {
+            out.extend(range.shot(&at, miss)?);
+        }
+    }
+    let of = |s: &Shot| if s.miss <= HITS { (0.0, s.cost) } else { (s.miss, s.cost) };
+    out.sort_by(|a, b| of(a).0.total_cmp(&of(b).0).then(of(a).1.total_cmp(&of(b).1)));
+    Ok(out)
+}
+
+impl<'a> Range<'a> {
+    fn new(p: &'a Problem, o: &'a Options) -> Range<'a> {
+        let g = &p.given;
+        let ends: usize = g.terminal.iter().map(|c| c.f.n_out()).chain(g.boundary.iter().map(|c| c.f.n_out())).sum();
+        let least = (PER_CONDITION * ends).div_ceil(g.dims.u.max(1));
+        let stretches = STRETCHES.max(least).min(p.n_stages());
+        let mut range = Range { p, o, variables: Vec::new(), stretches, steps: 0 };
+        let reaches = range.reaches();
+        let mut variables = Vec::new();
+        for s in 0..stretches {
+            for (j, reach) in reaches.iter().enumerate() {
+                let given = o.controls[range.first_stage(s) * g.wide.u + j];
+                let bounds = [g.u_bounds[0][j], g.u_bounds[1][j]];
+                variables.push(Variable::new(Kind::Control(j, s), bounds, given, *reach));
+            }
+        }
+        if g.time != Durations::Fixed {
+            let whole: f64 = g.durations.iter().sum();
+            let stages = if g.time == Durations::Stages { p.n_stages() as f64 } else { 1.0 };
+            let bounds = g.time_bounds.map(|b| b * stages / whole);
+            let [lower, upper] = [bounds[0].max(0.5), bounds[1].min(2.0)];
+            if lower < upper {
+                variables.push(Variable { kind: Kind::Length, lower, upper, given: 1f64.clamp(lower, upper) });
+            }
+        }
+        for i in 0..g.dims.x {
+            let bounds = [g.x0_bounds[0][i], g.x0_bounds[1][i]];
+            if bounds[0] < bounds[1] {
+                variables.push(Variable::new(Kind::Start(i), bounds, o.x0[i], o.x0[i].abs().max(1.0)));
+            }
+        }
+        for j in 0..g.dims.p {
+            if let Some(bounds) = g.free[j] {
+                let given = g.params[j];
+                variables.push(Variable::new(Kind::Parameter(j), bounds, given, given.abs().max(1.0)));
+            }
+        }
+        range.variables = variables;
+        range
+    }
+
+    /// Half the range of every control that has no bounds: what takes the end as far as it is from the target.
+    fn reaches(&mut self) -> Vec<f64> {
+        let (g, o) = (&self.p.given, self.o);
+        let n_q = self.p.functions.n_q;
+        let size = |j: usize| (0..self.p.n_stages()).fold(1f64, |m, k| m.max(o.controls[k * g.wide.u + j].abs()));
+        let mut out: Vec<f64> = (0..g.dims.u).map(size).collect();
+        let Some(target) = &o.target else { return out };
+        let mut at = self.filled(&[]);
+        let Some(first) = self.simulate(&at) else { return out };
+        let from = first.run.x[..n_q].to_vec();
+        let distance = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        let wanted = distance(&target[..n_q], &from);
+        for (j, reach) in out.iter_mut().enumerate() {
+            let controls = at.controls.clone();
+            (0..self.p.n_stages()).for_each(|k| at.controls[k * g.wide.u + j] += *reach);
+            if let Some(moved) = self.simulate(&at) {
+                let moves = distance(&moved.run.x[..n_q], &from);
+                if moves > 0.0 && wanted > 0.0 {
+                    *reach *= REACH * wanted / moves;
+                }
+            }
+            at.controls = controls;
+        }
+        out
+    }
+
+    fn first_stage(&self, stretch: usize) -> usize {
+        (stretch * self.p.n_stages()).div_ceil(self.stretches)
+    }
+
+    fn is_over(&self) -> bool {
+        self.steps > MOST_STEPS || stop::requested().is_some()
+    }
+
+    /// What was given, with these shares of the ranges.
+    fn filled(&self, at: &[f64]) -> Filled {
+        let (g, o, n) = (&self.p.given, self.o, self.p.n_stages());
+        let mut out = Filled {
+            x0: o.x0.clone(),
+            controls: o.controls.clone(),
+            durations: g.durations.clone(),
+            params: g.params.clone(),
+        };
+        for (v, share) in self.variables.iter().zip(at) {
+            let value = v.lower + share * (v.upper - v.lower);
+            match v.kind {
+                Kind::Control(j, s) => {
+                    (self.first_stage(s)..self.first_stage(s + 1)).for_each(|k| out.controls[k * g.wide.u + j] = value);
+                }
+                Kind::Length => out.durations.iter_mut().for_each(|d| *d *= value),
+                Kind::Start(i) => out.x0[i] = value,
+                Kind::Parameter(j) => (0..n).for_each(|k| out.params[k * g.wide.p + j] = value),
+            }
+        }
+        out
+    }
+
+    /// A simulation that reaches the end.
+    fn simulate(&mut self, f: &Filled) -> Option<Simulated> {
+        let s = simulate_with(self.p, f.inputs(), EFFORT).ok()?;
+        self.steps += s.run.stats.steps;
+        (s.times.len() == self.p.n_stages() + 1).then_some(s)
+    }
+
+    fn fly(&mut self, at: &[f64]) -> Option<Flight> {
+        let f = self.filled(at);
+        let s = self.simulate(&f)?;
+        let values = values(self.p, &f, &s)?;
+        Some(Flight { values, word: word(&s.run) })
+    }
+
+    /// The shot of what was given, and others drawn at random.
+    fn draw(&mut self) -> Vec<Drawn> {
+        let mut numbers = SplitMix64::new(SEED);
+        let mut out = Vec::new();
+        for k in 0..DRAWN {
+            if self.is_over() {
+                break;
+            }
+            let at = self.drawn(k, &mut numbers);
+            if let Some(flight) = self.fly(&at) {
+                out.push(Drawn { at, flight });
+            }
+        }
+        out
+    }
+
+    fn drawn(&self, k: usize, numbers: &mut SplitMix64) -> Vec<f64> {
+        let n_u = self.p.given.dims.u;
+        let pieces = match PIECES[k % PIECES.len()] {
+            0 => self.stretches,
+            n => n.min(self.stretches),
+        };
+        let mut of_piece = vec![0.0; pieces * n_u];
+        for (i, share) in of_piece.iter_mut().enumerate() {
+            let (which, anywhere) = (numbers.share(), numbers.share());
+            *share = match which {
+                w if w < AT_LOWER => 0.0,
+                w if w < AT_UPPER => 1.0,
+                w if w < AS_GIVEN => self.variables[i % n_u].share_of_given(),
+                _ => anywhere,
+            };
+        }
+        let of = |v: &Variable| match v.kind {
+            _ if k == 0 => v.share_of_given(),
+            Kind::Control(j, s) => of_piece[s * pieces / self.stretches * n_u + j],
+            _ => numbers.share(),
+        };
+        self.variables.iter().map(of).collect()
+    }
+
+    /// Steps towards the constraints: the variables reached, and the largest violation there.
+    fn aim(&mut self, from: &Drawn, scales: &[f64]) -> (Vec<f64>, f64) {
+        let (mut at, mut flight) = (from.at.clone(), from.flight.clone());
+        let mut damping = DAMPING;
+        for _ in 0..STEPS {
+            let off = flight.off(scales);
+            if largest(&off) <= HIT || self.is_over() {
+                break;
+            }
+            let columns = self.columns(&at, &flight, scales);
+            let mut better = false;
+            for _ in 0..TRIALS {
+                let next = step(&at, &columns, &off, damping);
+                if let Some(found) = self.fly(&next) {
+                    if found.touches_all_of(&from.flight) && squares(&found.off(scales)) < squares(&off) {
+                        (at, flight, better) = (next, found, true);
+                        damping /= MORE;
+                        break;
+                    }
+                }
+                damping *= MORE;
+            }
+            if !better {
+                break;
+            }
+        }
+        let miss = largest(&flight.off(scales));
+        (at, miss)
+    }
+
+    /// Derivatives of the violated constraints, one column for every variable.
+    fn columns(&mut self, at: &[f64], flight: &Flight, scales: &[f64]) -> Vec<Vec<f64>> {
+        let mut out = Vec::with_capacity(at.len());
+        for j in 0..at.len() {
+            let mut beside = at.to_vec();
+            let d = if at[j] > 0.5 { -DIFFERENCE } else { DIFFERENCE };
+            beside[j] += d;
+            let column = match self.fly(&beside) {
+                Some(moved) => flight.difference(&moved, scales).map(|v| v / d).collect(),
+                None => vec![0.0; scales.len()],
+            };
+            out.push(column);
+        }
+        out
+    }
+
+    /// The motion of a shot.
+    fn shot(&self, at: &[f64], miss: f64) -> Result<Option<Shot>> {
+        let f = self.filled(at);
+        let Ok(s) = simulate_with(self.p, f.inputs(), Effort { dense: true, ..EFFORT }) else { return Ok(None) };
+        let mut track = s.track(self.p, &f.controls, &f.durations)?;
+        let g = &self.p.given;
+        track.free = (0..g.wide.p).filter(|&j| g.free[j].is_some()).map(|j| f.params[j]).collect();
+        let cost = s.cost(self.p, f.inputs())?;
+        Ok(Some(Shot { track, miss, cost }))
+    }
+}
+
+impl Variable {
+    fn new(kind: Kind, [lower, upper]: [f64; 2], given: f64, reach: f64) -> Variable {
+        let given = given.max(lower).min(upper);
+        let lower = if lower.is_finite() { lower } else { given - reach };
+        let upper = if upper.is_finite() { upper } else { given + reach };
+        Variable { kind, lower, upper, given }
+    }
+
+    fn share_of_given(&self) -> f64 {
+        if self.upper > self.lower {
+            (self.given - self.lower) / (self.upper - self.lower)
+        } else {
+            0.0
+        }
+    }
+}
+
+impl Flight {
+    /// How far every constraint is from being met, as a share of its scale.
+    fn off<'b>(&self, scales: &'b [f64]) -> Vec<f64> {
+        let of = |((v, [lower, upper]), scale): (&(f64, [f64; 2]), &'b f64)| {
+            if *scale > 0.0 {
+                (v - v.max(*lower).min(*upper)) / scale
+            } else {
+                0.0
+            }
+        };
+        self.values.iter().zip(scales).map(of).collect()
+    }
+
+    /// Has it a part for every contact that another one has a part for? What nothing touches any more has no derivative that leads back.
+    fn touches_all_of(&self, other: &Flight) -> bool {
+        other.word.iter().all(|e| self.word.iter().any(|own| own.0 == e.0))
+    }
+
+    /// Changes of the constraints that are violated.
+    fn difference<'b>(&'b self, moved: &'b Flight, scales: &'b [f64]) -> impl Iterator<Item = f64> + 'b {
+        let off = self.off(scales);
+        let values = self.values.iter().zip(&moved.values).zip(scales);
+        values.zip(off).map(|(((a, b), scale), off)| if off == 0.0 { 0.0 } else { (b.0 - a.0) / scale })
+    }
+}
+
+/// Values of path constraints and of bounded states at the ends of stages, and of the conditions at the end.
+fn values(p: &Problem, f: &Filled, s: &Simulated) -> Option<Vec<(f64, [f64; 2])>> {
+    let (g, n) = (&p.given, p.n_stages());
+    let nx = g.dims.x;
+    let mut out = Vec::new();
+    let mut add = |function: &SharedFunction, k: usize, x: &[f64], lower: &[f64], upper: &[f64]| {
+        let (u, q) = (&f.controls[k * g.wide.u..(k + 1) * g.wide.u], &f.params[k * g.wide.p..(k + 1) * g.wide.p]);
+        let mut values = vec![0.0; function.n_out()];
+        let at = Point { t: s.times[k + 1], x, u, p: q };
+        function.value(&at, &mut values, &mut vec![0.0; function.work_len()]).ok()?;
+        out.extend(values.iter().zip(lower.iter().zip(upper)).map(|(v, (l, u))| (*v, [*l, *u])));
+        Some(())
+    };
+    for k in 0..n {
+        let x = &s.states[(k + 1) * nx..(k + 2) * nx];
+        for c in &g.path {
+            add(&c.f, k, x, &c.lower, &c.upper)?;
+        }
+    }
+    let (first, last) = (&s.states[..nx], &s.states[n * nx..]);
+    for c in &g.terminal {
+        add(&c.f, n - 1, last, &c.lower, &c.upper)?;
+    }
+    for c in &g.boundary {
+        add(&c.f, n - 1, &[first, last].concat(), &c.lower, &c.upper)?;
+    }
+    for k in 0..n {
+        for i in 0..nx {
+            let bounds = [g.x_bounds[0][i], g.x_bounds[1][i]];
+            if bounds.iter().any(|b| b.is_finite()) {
+                out.push((s.states[(k + 1) * nx + i], bounds));
+            }
+        }
+    }
+    out.iter().all(|v| v.0.is_finite()).then_some(out)
+}
+
+/// Contacts in the order in which they are hit, open or close.
+fn word(run: &Run) -> Vec<(usize, bool)> {
+    let mut events: Vec<(f64, usize, bool)> = run.impacts.iter().map(|i| (i.t, i.contact, true)).collect();
+    for pair in run.phases.windows(2) {
+        for (i, (a, b)) in pair[0].modes.iter().zip(&pair[1].modes).enumerate() {
+            if (*a == 0) != (*b == 0) {
+                events.push((pair[1].t, i, false));
+            }
+        }
+    }
+    events.sort_by(|a, b| a.0.total_cmp(&b.0));
+    let mut out: Vec<(usize, bool)> = Vec::new();
+    for (_, contact, hit) in events {
+        // impacts that accumulate are one order of contacts, however many of them there are
+        let alike = out.iter().rev().take_while(|e| **e == (contact, hit)).count();
+        if alike < ALIKE {
+            out.push((contact, hit));
+        }
+    }
+    out
+}
+
+/// How far the values of every constraint are spread: their standard deviation.
+fn spread(drawn: &[Drawn]) -> Vec<f64> {
+    let n = drawn.len() as f64;
+    let of = |i: usize| {
+        let values = || drawn.iter().map(move |d| d.flight.values[i].0);
+        let mean = values().sum::<f64>() / n;
+        (values().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
+    };
+    (0..drawn[0].flight.values.len()).map(of).collect()
+}
+
+/// Shots that come closest. The second best of an order of contacts counts as if it were twice as far off, the third as if it were three times
+/// as far: other orders have their turn, those that are hopeless do not.
+fn best_of_every_word(drawn: &[Drawn], scales: &[f64]) -> Vec<usize> {
+    let misses: Vec<f64> = drawn.iter().map(|d| squares(&d.flight.off(scales))).collect();
+    let mut order: Vec<usize> = (0..drawn.len()).collect();
+    order.sort_by(|a, b| misses[*a].total_cmp(&misses[*b]));
+    let before = |k: usize| order[..k].iter().filter(|&&o| drawn[o].flight.word == drawn[order[k]].flight.word).count();
+    let mut ranked: Vec<(f64, usize)> =
+        (0..order.len()).map(|k| (misses[order[k]].sqrt() * (1 + before(k)) as f64, order[k])).collect();
+    ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
+    ranked.truncate(AIMED);
+    ranked.into_iter().map(|r| r.1).collect()
+}
+
+/// A damped step of Gauss and Newton within the ranges; variables at their ends stay there where the step would leave them.
+fn step(at: &[f64], columns: &[Vec<f64>], off: &[f64], damping: f64) -> Vec<f64> {
+    let dot = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| a * b).sum::<f64>();
+    let slopes: Vec<f64> = columns.iter().map(|c| dot(c, off)).collect();
+    let is_free = |j: &usize| !(at[*j] <= 0.0 && slopes[*j] >= 0.0 || at[*j] >= 1.0 && slopes[*j] <= 0.0);
+    let free: Vec<usize> = (0..at.len()).filter(is_free).collect();
+    let n = free.len();
+    let mut matrix = vec![0.0; n * n];
+    for (a, &i) in free.iter().enumerate() {
+        for (b, &j) in free.iter().enumerate().take(a + 1) {
+            matrix[a * n + b] = dot(&columns[i], &columns[j]);
+        }
+    }
+    let largest = (0..n).map(|a| matrix[a * n + a]).fold(f64::MIN_POSITIVE, f64::max);
+    (0..n).for_each(|a| matrix[a * n + a] += damping * largest);
+    let mut d: Vec<f64> = free.iter().map(|&j| -slopes[j]).collect();
+    let mut out = at.to_vec();
+    if cholesky::factorise(n, &mut matrix) {
+        cholesky::solve(&matrix, &mut d);
+        free.iter().zip(d).for_each(|(&j, d)| out[j] = (out[j] + d).clamp(0.0, 1.0));
+    }
+    out
+}
+
+fn squares(off: &[f64]) -> f64 {
+    off.iter().map(|v| v * v).sum()
+}
+
+fn largest(off: &[f64]) -> f64 {
+    off.iter().fold(0.0, |m, v| m.max(v.abs()))
+}

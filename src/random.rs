@@ -1,0 +1,32 @@
+//! Random numbers that are the same everywhere: starts drawn from a seed are starts that can be drawn again.
+
+/// SplitMix64: G. L. Steele, D. Lea, C. H. Flood, *Fast splittable pseudorandom number generators*, OOPSLA 2014.
+#[derive(Debug, Clone)]
+pub(crate) struct SplitMix64(u64);
+
+impl SplitMix64 {
+    pub(crate) fn new(seed: u64) -> SplitMix64 {
+        SplitMix64(seed)
+    }
+
+    /// The next number in [0, 1).
+    pub(crate) fn share(&mut self) -> f64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut z = self.0;
+        z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn numbers_are_those_of_the_publication() {
+        // the first output of the reference implementation for the seed 0 is 0xe220a8397b1dcdaf
+        let share = SplitMix64::new(0).share();
+        assert_eq!(share, (0xe220_a839_7b1d_cdafu64 >> 11) as f64 / (1u64 << 53) as f64);
+    }
+}
