@@ -65,7 +65,7 @@ pub use settings::Options;
 use crate::error::{Error, Result};
 use crate::parallel;
 use crate::system::{Mechanics, System};
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 impl Options {
     /// Both tolerances the same for all states.
@@ -430,6 +430,36 @@ pub fn simulate(system: &System, options: &Options, t0: f64, x0: &[f64], t1: f64
     Ok(e.into_run())
 }
 
+/// Engines of one system for many runs: as many as there are threads in the end, each with its memory and its functions prepared
+/// once. What a run gives does not depend on those before it.
+pub(crate) struct Engines<'a> {
+    system: &'a System,
+    options: &'a Options,
+    idle: Mutex<Vec<Engine>>,
+}
+
+impl<'a> Engines<'a> {
+    /// None so far.
+    pub(crate) fn new(system: &'a System, options: &'a Options) -> Engines<'a> {
+        Engines { system, options, idle: Mutex::new(Vec::new()) }
+    }
+
+    /// One that nobody uses: to be set to a start, and given back after a run that did not fail.
+    pub(crate) fn take(&self) -> Result<Engine> {
+        let idle = self.idle().pop();
+        idle.map_or_else(|| Engine::new(self.system, self.options), Ok)
+    }
+
+    /// For the next run.
+    pub(crate) fn give_back(&self, engine: Engine) {
+        self.idle().push(engine);
+    }
+
+    fn idle(&self) -> MutexGuard<'_, Vec<Engine>> {
+        self.idle.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
 /// Simulates from several initial states, with parameters of their own where `params` holds one set for each, on
 /// `threads` threads (0: one for each processor), or one if a function is [serial](crate::func::Function::is_serial). The results are those of
 /// single runs to the last bit, whatever the number of threads.
@@ -445,14 +475,17 @@ pub fn simulate_batch(
     if !params.is_empty() && params.len() != starts.len() {
         return Err(Error::Dimension(format!("{} sets of parameters for {} starts", params.len(), starts.len())));
     }
+    let engines = Engines::new(system, options);
     let one = |i: usize| -> Result<Run> {
-        let mut e = Engine::new(system, options)?;
+        let mut e = engines.take()?;
         e.reinit(t0, &starts[i])?;
         if let Some(p) = params.get(i) {
             e.set_params(p)?;
         }
         e.advance(t1)?;
-        Ok(e.into_run())
+        let run = e.take_run();
+        engines.give_back(e);
+        Ok(run)
     };
     let threads = parallel::threads(threads, system.is_serial());
     let failed = || Err(Error::Internal("a thread of the batch panicked".into()));

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use super::{listening, modes_of, Ending, Record};
 use crate::error::{Error, Result};
-use crate::event::{Engine, Options, Outcome};
+use crate::event::{Engine, Engines, Options, Outcome};
 use crate::memory;
 use crate::parallel;
 use crate::settings::Settings;
@@ -94,9 +94,10 @@ impl Batch {
         let (u, p) = (Inputs::new(u, d.u, n_runs, "u")?, Inputs::new(p, d.p, n_runs, "p")?);
         let threads = parallel::threads(threads, self.system.is_serial());
         let stop = Stop::on(&self.interrupt);
+        let engines = Engines::new(&self.system, &self.options);
         let one = |i: usize| -> Result<Record> {
             let from = Start { t0, x0: &x0[i * d.x..(i + 1) * d.x], u: u.of(i), p: p.of(i) };
-            around(&mut || stop.scope(|| memory::call(|| self.one(&from, t1))))
+            around(&mut || stop.scope(|| memory::call(|| self.one(&engines, &from, t1))))
         };
         let runs = parallel::each(n_runs, threads, &mut |i| one(i), &one);
         self.interrupt.store(false, Ordering::Relaxed);
@@ -105,10 +106,11 @@ impl Batch {
         Ok(())
     }
 
-    fn one(&self, from: &Start, t1: f64) -> Result<Record> {
+    /// One run, by an engine that has done others before if there is one; one whose run fails is not used again.
+    fn one(&self, engines: &Engines, from: &Start, t1: f64) -> Result<Record> {
         let clock = Instant::now();
         let (mut run, stopped) = listening(|| {
-            let mut engine = Engine::new(&self.system, &self.options)?;
+            let mut engine = engines.take()?;
             engine.set_interrupt(self.interrupt.clone());
             engine.reinit(from.t0, from.x0)?;
             if let Some(u) = from.u {
@@ -121,7 +123,9 @@ impl Batch {
                 Err(Error::Interrupted) => true,
                 other => other.map(|_| false)?,
             };
-            Ok((engine.into_run(), stopped))
+            let run = engine.take_run();
+            engines.give_back(engine);
+            Ok((run, stopped))
         })?;
         let ending = Ending { outcome: run.outcome, stopped: stopped && run.outcome == Outcome::Reached };
         if ending.stopped {

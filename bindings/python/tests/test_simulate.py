@@ -1,5 +1,6 @@
 """Event-driven simulation: known solutions, stepping, derivatives, batches, plots, refusals."""
 
+import math
 import threading
 
 import numpy as np
@@ -7,7 +8,7 @@ import pytest
 
 import switchback as swb
 from models import OMEGA, OSCILLATOR_T, OSCILLATOR_X0, OSCILLATOR_XT, oscillator, sides
-from switchback.expr import Model, sign
+from switchback.expr import Model, sign, sin
 
 
 def oscillator_model():
@@ -212,6 +213,29 @@ def test_batch():
     late.derivatives = [late.x[0] ** 2]
     b = swb.simulate_batch(late, [[0.1], [1.0]], 2.0)
     assert b.success.tolist() == [True, False] and b[1].outcome == swb.RunOutcome.STEP_TOO_SMALL
+
+
+def test_runs_of_a_batch_do_not_depend_on_those_before():
+    """Runs that turn stiff, slide with order two, and end early, one engine after the other: the bits of single runs."""
+    stiff = Model(states=3, parameters=1)
+    x, p = stiff.x, stiff.p
+    stiff.derivatives = [x[1], -sign(x[0]) - 2 * p[0] * sign(x[1]) + 0.1 * x[2], 1e4 * (sin(x[0]) - x[2])]
+    late = Model(states=2, parameters=1)
+    late.derivatives = [late.x[0] ** 2 * late.p[0], -3 * sign(late.x[1])]
+    for m, dims, end in ((stiff, 3, 6.0), (late, 2, 2.0)):
+        system = m.system()
+        starts = [[math.cos(1.3 * i + 2.1 * j) for j in range(dims)] for i in range(12)]
+        params = [[0.05 + 0.03 * (i % 5)] for i in range(12)]
+        for options in ({"dense": False}, {"dense": False, "sensitivity": True}, {"dense": True}):
+            given = {"rtol": 1e-7, **options}
+            batches = [swb.simulate_batch(system, starts, end, p=params, threads=n, **given) for n in (1, 2)]
+            for i, (start, p) in enumerate(zip(starts, params)):
+                one = swb.simulate(system, start, end, p=p, **given)
+                for batch in batches:
+                    assert np.array_equal(batch.x[i], one.x_end) and batch[i].switches == one.switches
+                    assert batch[i].stats.evaluations == one.stats.evaluations
+                    if "sensitivity" in options:
+                        assert np.array_equal(batch[i].dx_dp, one.dx_dp, equal_nan=True)
 
 
 def test_surfaces():

@@ -369,6 +369,8 @@ impl Engine {
         self.scene.forget();
         self.variational = (f64::INFINITY, 0);
         self.held_back = 0;
+        (self.stiffness, self.stiff_steps, self.mild_steps) = (0.0, 0, 0);
+        (self.tried, self.coarse) = (0.0, 0.0);
         self.behind = false;
         self.passages = 0;
         self.passage_work = 0.0;
@@ -541,24 +543,30 @@ impl Engine {
     }
 
     /// The result so far.
-    pub fn into_run(self) -> Run {
+    pub fn into_run(mut self) -> Run {
+        self.take_run()
+    }
+
+    /// The result so far, taken out: [`Engine::reinit`] begins the next run with the memory of this one.
+    pub fn take_run(&mut self) -> Run {
+        let fresh = self.path.is_some().then(|| Path::new(self.nx));
         Run {
             outcome: self.outcome,
             stats: self.stats(),
             one_sided: self.one_sided(),
-            sensitivity: self.sens.map(|s| s.s),
-            reason: self.reason,
+            sensitivity: self.sens.as_ref().map(|s| s.s.clone()),
+            reason: std::mem::take(&mut self.reason),
             t: self.t,
-            x: self.x,
-            switches: self.switches,
-            jumps: self.jumps,
-            impacts: self.impacts,
-            phases: self.phases,
-            mechanics: self.field.scene().map(|c| c.dynamics.mechanics.clone()),
-            branchings: self.branchings,
-            contacts: self.contacts,
-            accumulations: self.accumulations,
-            path: self.path,
+            x: self.x.clone(),
+            switches: std::mem::take(&mut self.switches),
+            jumps: std::mem::take(&mut self.jumps),
+            impacts: std::mem::take(&mut self.impacts),
+            phases: std::mem::take(&mut self.phases),
+            mechanics: self.mechanics(),
+            branchings: std::mem::take(&mut self.branchings),
+            contacts: std::mem::take(&mut self.contacts),
+            accumulations: std::mem::take(&mut self.accumulations),
+            path: std::mem::replace(&mut self.path, fresh),
         }
     }
 
