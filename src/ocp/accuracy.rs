@@ -111,6 +111,8 @@ pub(super) struct Answer<'a> {
     /// States at the ends of the stages `[n_stages · nx]`.
     pub states: &'a [f64],
     pub cost: f64,
+    /// Size of the cost for tolerances.
+    pub cost_size: f64,
     pub mayer: Option<&'a SharedFunction>,
     /// Cost at the end of every stage.
     pub grid_cost: Option<&'a SharedFunction>,
@@ -156,6 +158,7 @@ impl Answer<'_> {
                 params: &self.params[k * np..(k + 1) * np],
                 states: &self.states[k * nx..(k + 1) * nx],
                 cost: 0.0,
+                cost_size: self.cost_size,
                 mayer: None,
                 grid_cost: None,
                 tol: self.tol,
@@ -223,8 +226,8 @@ pub(super) struct Elements {
 /// Share of its usual size below which what a state is on the way says nothing of its size: it may be rounding.
 pub(super) const LITTLE: f64 = 1e-3;
 
-/// Sizes of cost, linear controls and states of an answer, in the order of [`with_cost`]: their largest moduli; 1 for what is zero
-/// throughout.
+/// Sizes of cost, linear controls and states of an answer, in the order of [`with_cost`]: their largest moduli; 1 for states
+/// and controls that are zero throughout.
 fn sizes_of(a: &Answer) -> Vec<f64> {
     let nx = a.x0.len();
     let nu = a.linear.len();
@@ -232,12 +235,11 @@ fn sizes_of(a: &Answer) -> Vec<f64> {
         m if m > 0.0 && m.is_finite() => m,
         _ => 1.0,
     };
-    let cost = largest(&mut [a.cost].into_iter());
     let ramp = |j: usize| largest(&mut a.controls.iter().chain(a.control_ends).skip(j).step_by(nu).copied());
     let state =
         |i: usize| largest(&mut a.states.iter().skip(i).step_by(nx).copied().chain([a.x0[i], LITTLE * a.usual[i]]));
     let ramps = (0..nu).filter(|&j| a.linear[j]).map(ramp);
-    std::iter::once(cost).chain(ramps).chain((0..nx).map(state)).collect()
+    std::iter::once(a.cost_size).chain(ramps).chain((0..nx).map(state)).collect()
 }
 
 /// Tolerances of a simulation of quantities of these sizes.

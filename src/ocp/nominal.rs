@@ -18,6 +18,8 @@ const QUANTILE: f64 = 0.75;
 const SAMPLES: usize = 4;
 /// Simulations: the controls of the guess, then others within their bounds.
 const RUNS: usize = 5;
+/// Share of what a problem usually costs below which a cost is as good as none: it has no size of its own.
+const FREE: f64 = 1e-6;
 /// Values of a state, relative to the size it is simulated with, that are rounding.
 const ROUNDING: f64 = 1e-10;
 /// Tolerance and steps of a simulation.
@@ -123,6 +125,40 @@ impl Ocp {
     /// The same, 1 where nothing is known.
     pub(super) fn prior_sizes(&self) -> Vec<f64> {
         or_one(&self.known_sizes())
+    }
+
+    /// What the problem usually costs: moduli of the running cost over the horizon and of the terminal cost, where states and controls
+    /// are off the initial state by their sizes, whichever way costs more; 0 where that is not known.
+    fn usual_cost(&self) -> f64 {
+        let d = self.system.dims();
+        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let (x, u) = match &self.sizes {
+            Some(s) => (s.x.clone(), s.u.clone()),
+            None => (self.prior_sizes(), vec![1.0; d.u]),
+        };
+        let horizon: f64 = self.durations.iter().sum();
+        let at = |f: &Option<SharedFunction>, x_sign: f64, u_sign: f64| {
+            let Some(f) = f else { return 0.0 };
+            let x: Vec<f64> = x0.iter().zip(&x).map(|(x0, s)| x0 + x_sign * s).collect();
+            let u: Vec<f64> = u.iter().map(|s| u_sign * s).collect();
+            let mut out = vec![0.0; f.n_out()];
+            let point = Point { t: self.t0, x: &x, u: &u, p: self.params_of(0) };
+            let known = f.value(&point, &mut out, &mut vec![0.0; f.work_len()]).is_ok();
+            out.first().filter(|v| known && v.is_finite()).map_or(0.0, |v| v.abs())
+        };
+        let sides = [-1.0, 0.0, 1.0].into_iter().flat_map(|x| [(x, -1.0), (x, 1.0)]);
+        sides.map(|(x, u)| horizon * at(&self.lagrange, x, u) + at(&self.mayer, x, u)).fold(0.0, f64::max)
+    }
+
+    /// The smallest size a cost may have: an optimum that costs nothing, as the tracking of what can be reached exactly, has none of
+    /// its own, and what is relative to it would be relative to rounding.
+    pub(super) fn least_cost(&self) -> f64 {
+        FREE * self.usual_cost()
+    }
+
+    /// Size of a cost for tolerances; 1 where nothing is known.
+    pub(super) fn cost_size(&self, cost: f64) -> f64 {
+        magnitude(cost.abs().max(self.least_cost())).filter(|s| s.is_finite()).unwrap_or(1.0)
     }
 
     /// Does anything switch? Programs of smooth systems are scaled by their gradients alone.

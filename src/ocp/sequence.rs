@@ -82,6 +82,7 @@ impl Ocp {
             params: &params,
             states: &ends,
             cost: 0.0,
+            cost_size: 1.0,
             mayer: None,
             grid_cost: None,
             tol: TOLERANCE,

@@ -618,6 +618,7 @@ impl Ocp {
             params: &params,
             states: &states,
             cost: total,
+            cost_size: self.cost_size(total),
             tol: comparison.tol,
             mayer: e.mayer.as_ref(),
             grid_cost: e.grid_cost.as_ref(),

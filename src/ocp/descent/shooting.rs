@@ -86,7 +86,7 @@ impl<'a> Shooting<'a> {
         let system = with_cost(&e.system, e.lagrange.as_ref(), &ocp.linear)?;
         let ramps: Vec<usize> = (0..ocp.linear.len()).filter(|&j| ocp.linear[j]).collect();
         let control_size = |j: usize| usual.u.get(j).copied().unwrap_or(1.0);
-        let cost = if r.cost_reached != 0.0 { r.cost_reached.abs() } else { 1.0 };
+        let cost = ocp.cost_size(r.cost_reached);
         let of_states = std::iter::once(cost).chain(ramps.iter().map(|&j| control_size(j))).chain(usual.x.clone());
         let tight = tolerances(TOLERANCE, &of_states.collect::<Vec<f64>>());
         let engine = Engine::new(&system, &event::Options { sensitivity: true, max_steps: MAX_STEPS, ..tight })?;

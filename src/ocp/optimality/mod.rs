@@ -294,7 +294,7 @@ impl Ocp {
         let points = b.problem.state_points(&w);
         let controls = b.problem.places().1;
         let usual = b.problem.state_sizes();
-        let cost = Extent { range: 0.0, size: if r.cost != 0.0 { r.cost.abs() } else { 1.0 } };
+        let cost = Extent { range: 0.0, size: self.cost_size(r.cost) };
         let extent = |p: &Option<usize>| {
             p.map_or(cost, |i| Extent::of(points.iter().map(|p| w[p.at + i]), accuracy::LITTLE * usual[i]))
         };
@@ -425,7 +425,7 @@ impl Ocp {
             params: (0..judge.n_p).map(param).collect(),
             lengths,
             shares,
-            states: 0.0,
+            states: self.least_cost(),
             lasting: r.durations.clone(),
         }
     }

@@ -63,7 +63,7 @@ pub(super) struct Quantities {
     pub(super) lengths: Vec<Free>,
     /// Share of every stage in its length.
     pub(super) shares: Vec<f64>,
-    /// Largest change of the cost by one state that changes by its range.
+    /// Largest change of the cost by one state that changes by its range, or else the smallest change that counts.
     pub(super) states: f64,
     /// Lengths of the stages.
     pub(super) lasting: Vec<f64>,

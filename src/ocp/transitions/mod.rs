@@ -206,6 +206,7 @@ impl Ocp {
             params: &params,
             states: &states,
             cost: r.cost_reached,
+            cost_size: self.cost_size(r.cost_reached),
             mayer: e.mayer.as_ref(),
             grid_cost: None,
             tol: c.tol,
