@@ -143,3 +143,17 @@ fn a_kink_at_the_end_of_the_horizon_is_found_by_descent() {
         assert!(o.residual > 0.1 && o.reason.contains("descent") && o.direction.is_empty(), "{o:?}");
     }
 }
+
+/// An optimum that costs nothing is one: what is left of its cost is rounding, which nothing is measured by.
+#[test]
+fn an_optimum_that_costs_nothing_is_certified() {
+    let g = Graph::new();
+    let rhs = [g.x(1), g.u(0) - 0.5 * g.x(1).sign()];
+    let system = Model::from_rhs("block", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let mut ocp = Ocp::new(&system, 2.0, 5, &Settings::default()).unwrap();
+    ocp.set_lagrange(function(&g, Dims { x: 2, u: 1, p: 0 }, &[g.u(0) * g.u(0)])).unwrap();
+    ocp.set_x0(&[0.0, 0.0]).unwrap();
+    let (r, o) = solve(&mut ocp);
+    assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
+    assert!(r.cost.abs() < 1e-12, "{}", r.cost);
+}
