@@ -10,6 +10,13 @@ use crate::stop;
 /// Branches of a switching function that switches.
 const MAX_BRANCHES: usize = 1024;
 
+/// Expressions, and the nodes they consist of: see [`Dag::undecided`].
+#[derive(Debug, Clone)]
+pub struct Undecided {
+    roots: Vec<Id>,
+    ids: Vec<Id>,
+}
+
 impl Dag {
     /// Switching functions the nodes depend on, sorted; those inside other switching functions too.
     pub fn switches_of(&self, roots: &[Id]) -> Vec<usize> {
@@ -28,8 +35,75 @@ impl Dag {
 
     /// The same expressions where switches with a known sign (`Some(true)`: positive) are decided.
     pub fn decide(&mut self, roots: &[Id], sign: &dyn Fn(usize) -> Option<bool>) -> Vec<Id> {
+        let all = self.undecided(roots);
+        self.decide_all(&all, sign)
+    }
+
+    /// Expressions to be decided, for many sign patterns one after the other.
+    pub fn undecided(&self, roots: &[Id]) -> Undecided {
+        Undecided { roots: roots.to_vec(), ids: self.reachable(roots) }
+    }
+
+    /// What [`Dag::decide`] makes of these expressions. Only what a pattern leaves of them is built.
+    pub fn decide_all(&mut self, all: &Undecided, sign: &dyn Fn(usize) -> Option<bool>) -> Vec<Id> {
+        let ids = self.left_of(all, sign);
         let mut replace = |dag: &mut Dag, s: u32| sign(s as usize).map(|holds| dag.truth(holds));
-        self.rebuild_with(roots, &mut replace, &|block, i| (block, i as usize), &BTreeMap::new(), true)
+        let place = |block: Block, i: u32| (block, i as usize);
+        self.rebuild_nodes(&all.roots, ids, &mut replace, &place, &BTreeMap::new(), true)
+    }
+
+    /// What of the conditions among some expressions is known under a pattern, in the order of their nodes.
+    pub fn truths(&self, all: &Undecided, sign: &dyn Fn(usize) -> Option<bool>) -> BTreeMap<Id, bool> {
+        let mut known: BTreeMap<Id, bool> = BTreeMap::new();
+        for &id in all.ids.iter().filter(|id| self.is_condition(**id)) {
+            let of = |a: Id| known.get(&a).copied();
+            let truth = match self.node(id) {
+                Node::Truth(holds) => Some(holds),
+                Node::Positive(s) => sign(s as usize),
+                Node::Not(a) => of(a).map(|v| !v),
+                Node::And(a, b) => match (of(a), of(b)) {
+                    (Some(false), _) | (_, Some(false)) => Some(false),
+                    (Some(true), v) | (v, Some(true)) => v,
+                    _ => None,
+                },
+                Node::Or(a, b) => match (of(a), of(b)) {
+                    (Some(true), _) | (_, Some(true)) => Some(true),
+                    (Some(false), v) | (v, Some(false)) => v,
+                    _ => None,
+                },
+                _ => None,
+            };
+            known.extend(truth.map(|v| (id, v)));
+        }
+        known
+    }
+
+    /// The nodes that are needed under a pattern, ascending.
+    fn left_of(&self, all: &Undecided, sign: &dyn Fn(usize) -> Option<bool>) -> Vec<Id> {
+        let truths = self.truths(all, sign);
+        let top = all.ids.last().map_or(0, |id| id.index() + 1);
+        let mut needed = vec![false; top];
+        all.roots.iter().for_each(|r| needed[r.index()] = true);
+        // parents are younger than their children
+        for &id in all.ids.iter().rev().filter(|id| **id < Id(top as u32)) {
+            if !needed[id.index()] {
+                continue;
+            }
+            match self.node(id) {
+                Node::Select(c, a, b) => {
+                    needed[c.index()] = true;
+                    let sides: &[Id] = match truths.get(&c) {
+                        Some(true) => &[a],
+                        Some(false) => &[b],
+                        None => &[a, b],
+                    };
+                    sides.iter().for_each(|k| needed[k.index()] = true);
+                }
+                Node::Positive(s) if sign(s as usize).is_some() => {}
+                _ => self.for_children(id, |k| needed[k.index()] = true),
+            }
+        }
+        all.ids.iter().copied().filter(|id| needed[id.index()]).collect()
     }
 
     /// The same expressions with conditions whose switching functions are smooth: `ψ > 0` with a `ψ` that switches
@@ -124,6 +198,19 @@ impl Dag {
         decides: bool,
     ) -> Vec<Id> {
         let ids = self.reachable(roots);
+        self.rebuild_nodes(roots, ids, replace, place, by, decides)
+    }
+
+    /// The same where the nodes that are copied, children first, are known.
+    fn rebuild_nodes(
+        &mut self,
+        roots: &[Id],
+        ids: Vec<Id>,
+        replace: &mut dyn FnMut(&mut Dag, u32) -> Option<Id>,
+        place: &dyn Fn(Block, u32) -> (Block, usize),
+        by: &BTreeMap<Id, Id>,
+        decides: bool,
+    ) -> Vec<Id> {
         let top = ids.last().map_or(0, |id| id.index() + 1);
         let mut new: Vec<Option<Id>> = vec![None; top];
         let mut new_groups: Vec<Option<u32>> = vec![None; self.groups.len()];
@@ -132,7 +219,7 @@ impl Dag {
                 new[id.index()] = Some(other);
                 continue;
             }
-            let at = |a: Id| new[a.index()].unwrap_or(a);
+            let at = |a: Id| new.get(a.index()).copied().flatten().unwrap_or(a);
             let copy = match self.node(id) {
                 Node::Const(_) | Node::Truth(_) => id,
                 Node::Input(block, i) => {
@@ -199,7 +286,7 @@ impl Dag {
             };
             new[id.index()] = Some(copy);
         }
-        roots.iter().map(|r| new[r.index()].unwrap_or(*r)).collect()
+        roots.iter().map(|r| new.get(r.index()).copied().flatten().unwrap_or(*r)).collect()
     }
 
     fn copy_group(&mut self, g: u32, new: &[Option<Id>]) -> u32 {

@@ -1,10 +1,9 @@
 //! From a sum of switching terms to modes and regions of one subsystem.
 
-use std::collections::BTreeMap;
-
 use super::bounds::Bounds;
 use super::certificate::Conflict;
 use super::reach::Reach;
+use super::signs::{Numbers, Signs};
 use crate::error::{Error, Result};
 use crate::expr::{Dag, Id, Node};
 use crate::stop;
@@ -90,31 +89,35 @@ pub(super) fn cells(dag: &mut Dag, bounds: &Bounds, switches: &[usize], rows: &[
     if found.all.is_empty() {
         return Err(Error::Internal("switching functions without a sign pattern".into()));
     }
-    let mut all: Vec<(Vec<bool>, Vec<Id>)> = Vec::with_capacity(found.all.len());
+    let mut all: Vec<(Signs, Vec<Id>)> = Vec::with_capacity(found.all.len());
     let conditions = conditions(dag, rows);
     // Did a pattern make the condition false, did one make it true?
     let mut seen = vec![[false; 2]; conditions.len()];
+    let roots: Vec<Id> = rows.iter().flat_map(|r| r.terms.iter().map(|t| t.1)).collect();
+    let (values, choices) = (dag.undecided(&roots), dag.undecided(&conditions));
+    let mut place = vec![None; switches.last().map_or(0, |s| s + 1)];
+    switches.iter().enumerate().for_each(|(k, &s)| place[s] = Some(k));
     for p in found.all {
         stop::check()?;
-        let sign = |s: usize| switches.iter().position(|t| *t == s).map(|k| p[k]);
-        let mut values = Vec::with_capacity(rows.len());
+        let sign = |s: usize| place.get(s).copied().flatten().map(|k| p[k]);
+        let mut decided = dag.decide_all(&values, &sign).into_iter();
+        let mut sums = Vec::with_capacity(rows.len());
         for row in rows {
-            let atoms: Vec<Id> = row.terms.iter().map(|t| t.1).collect();
-            let decided = dag.decide(&atoms, &sign);
             let mut sum = dag.constant(0.0);
-            for (&(factor, _), v) in row.terms.iter().zip(decided) {
+            for (&(factor, _), v) in row.terms.iter().zip(decided.by_ref()) {
                 let term = dag.mul(factor, v);
                 sum = dag.add(sum, term);
             }
-            values.push(sum);
+            sums.push(sum);
         }
-        for (seen, c) in seen.iter_mut().zip(dag.decide(&conditions, &sign)) {
-            match dag.node(c) {
-                Node::Truth(holds) => seen[usize::from(holds)] = true,
-                _ => *seen = [true; 2],
+        let truths = dag.truths(&choices, &sign);
+        for (seen, c) in seen.iter_mut().zip(&conditions) {
+            match truths.get(c) {
+                Some(holds) => seen[usize::from(*holds)] = true,
+                None => *seen = [true; 2],
             }
         }
-        all.push((p, values));
+        all.push((p.iter().map(|&s| if s { 1 } else { -1 }).collect(), sums));
     }
     let mut out = Cells {
         switches: switches.to_vec(),
@@ -140,8 +143,7 @@ pub(super) fn cells(dag: &mut Dag, bounds: &Bounds, switches: &[usize], rows: &[
         }
     }
     let keep = |v: &[Id]| v.iter().zip(&differs).filter(|d| *d.1).map(|d| *d.0).collect::<Vec<Id>>();
-    out.modes =
-        merge(all.into_iter().map(|(p, v)| (p.iter().map(|&s| if s { 1 } else { -1 }).collect(), keep(&v))).collect());
+    out.modes = merge(all.into_iter().map(|(p, v)| (p, keep(&v))).collect());
     Ok(out)
 }
 
@@ -159,58 +161,49 @@ fn conditions(dag: &Dag, rows: &[Row]) -> Vec<Id> {
 }
 
 /// Forgets switching functions that separate only cells with equal modes.
-fn drop_switches(out: &mut Cells, all: &mut Vec<(Vec<bool>, Vec<Id>)>) {
+fn drop_switches(out: &mut Cells, all: &mut Vec<(Signs, Vec<Id>)>) {
+    let mut numbers = Numbers::new(all.iter().map(|m| &m.0));
     let mut k = 0;
     while k < out.switches.len() {
-        let mut seen: BTreeMap<Vec<bool>, Vec<Id>> = BTreeMap::new();
-        let without = |p: &[bool]| {
-            let mut q = p.to_vec();
-            q.remove(k);
-            q
-        };
-        let useless = all.iter().all(|(p, v)| seen.entry(without(p)).or_insert_with(|| v.clone()) == v);
-        if !useless {
+        let groups = numbers.equal_without(k, |i| &all[i].0, |_| false);
+        if !groups.iter().all(|g| g.iter().all(|&i| all[i].1 == all[g[0]].1)) {
             k += 1;
             continue;
         }
         out.without_effect.push(out.switches.remove(k));
-        let mut kept: Vec<(Vec<bool>, Vec<Id>)> = Vec::new();
-        for (p, v) in all.drain(..) {
-            let q = without(&p);
-            if kept.iter().all(|c| c.0 != q) {
-                kept.push((q, v));
-            }
-        }
-        *all = kept;
+        let mut kept = vec![false; all.len()];
+        groups.iter().for_each(|g| kept[g[0]] = true);
+        let mut keep = kept.into_iter();
+        all.retain(|_| keep.next().unwrap_or(true));
+        all.iter_mut().for_each(|m| {
+            m.0.remove(k);
+        });
+        numbers = Numbers::new(all.iter().map(|m| &m.0));
         // What was needed only together with the dropped one may be useless now.
         k = 0;
     }
 }
 
 /// Joins neighbouring cells with equal modes to rows with zeros.
-fn merge(mut modes: Vec<(Vec<i8>, Vec<Id>)>) -> Vec<(Vec<i8>, Vec<Id>)> {
+fn merge(mut modes: Vec<(Signs, Vec<Id>)>) -> Vec<(Signs, Vec<Id>)> {
     let n = modes.first().map_or(0, |m| m.0.len());
+    let mut numbers = Numbers::new(modes.iter().map(|m| &m.0));
+    let mut used = vec![false; modes.len()];
     // A row of zeros alone would be valid everywhere.
     for j in 0..n {
-        let mut out: Vec<(Vec<i8>, Vec<Id>)> = Vec::with_capacity(modes.len());
-        let mut used = vec![false; modes.len()];
-        for a in 0..modes.len() {
-            if used[a] {
-                continue;
+        for group in numbers.equal_without(j, |i| &modes[i].0, |i| used[i]) {
+            let side = |s: i8| group.iter().copied().find(|&i| modes[i].0[j] == s);
+            if let (Some(a), Some(b)) = (side(1), side(-1)) {
+                if modes[a].1 == modes[b].1 {
+                    let (first, second) = (a.min(b), a.max(b));
+                    used[second] = true;
+                    numbers.change(first, j, modes[first].0[j], 0);
+                    modes[first].0[j] = 0;
+                }
             }
-            let partner = (a + 1..modes.len()).find(|&b| {
-                let (p, q) = (&modes[a].0, &modes[b].0);
-                let opposite = p[j] * q[j] == -1 && (0..n).all(|i| i == j || p[i] == q[i]);
-                !used[b] && opposite && modes[a].1 == modes[b].1
-            });
-            let mut m = modes[a].clone();
-            if let Some(b) = partner {
-                used[b] = true;
-                m.0[j] = 0;
-            }
-            out.push(m);
         }
-        modes = out;
     }
+    let mut used = used.into_iter();
+    modes.retain(|_| !used.next().unwrap_or(false));
     modes
 }

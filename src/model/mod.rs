@@ -16,6 +16,7 @@ mod combined;
 mod reach;
 mod report;
 mod saved;
+mod signs;
 mod simplex;
 mod transition;
 
@@ -37,6 +38,7 @@ use bounds::Bounds;
 use cells::{cells, Cells, Row};
 use certificate::Conflict;
 use reach::{Decision, Reach};
+use signs::Numbers;
 
 /// Names of the inputs, for reports; missing ones are `x[0]`, `u[0]`, ...
 #[derive(Debug, Clone, Default)]
@@ -570,16 +572,14 @@ impl Builder<'_> {
     /// Speeds across each switching surface: modes with equal ones on both sides have no sliding mode between them, and
     /// the matrix `∇gᵀF` of the active modes is singular where the difference vanishes.
     fn lint_sliding(&mut self, c: &Cells, psi: &[Id]) -> Result<()> {
+        let numbers = Numbers::new(c.modes.iter().map(|m| &m.0));
         for (j, &p) in psi.iter().enumerate() {
             let name = self.text(p);
             let gradient = self.gradient(p)?;
             let mut across = Vec::new();
-            for (k, a) in c.modes.iter().enumerate() {
-                for b in &c.modes[k + 1..] {
-                    let apart = (0..psi.len()).all(|i| if i == j { a.0[i] * b.0[i] == -1 } else { a.0[i] == b.0[i] });
-                    if apart {
-                        across.push(terms_across(c, &gradient, &a.1, &b.1));
-                    }
+            for group in numbers.equal_without(j, |i| &c.modes[i].0, |i| c.modes[i].0[j] == 0) {
+                if let [a, b] = group[..] {
+                    across.push(terms_across(c, &gradient, &c.modes[a].1, &c.modes[b].1));
                 }
             }
             if across.is_empty() {

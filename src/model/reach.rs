@@ -9,11 +9,12 @@
 //! proposes is checked in rational arithmetic on the coefficients of the model, and where the check fails the linear
 //! program is solved in rational arithmetic. A pattern is left out with a [`Conflict`] that was verified, never else.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
 use num_bigint::BigInt;
 use num_rational::BigRational;
-use num_traits::{One, Signed, Zero};
+use num_traits::{One, Signed, ToPrimitive, Zero};
 
 use super::bounds::Bounds;
 use super::certificate::{Affine, Conflict, Term};
@@ -49,13 +50,70 @@ pub(super) struct Patterns {
     pub(super) conflicts: Vec<Conflict>,
 }
 
-/// Signs of two switching functions that exclude each other, by the sign of the one and of the other.
-type Exclusion = [[bool; 2]; 2];
+/// A switching function as a multiple of a form `L`, but for a constant.
+#[derive(Debug, Clone, Copy)]
+struct Parallel {
+    /// Which form.
+    form: usize,
+    /// Positive where the form is large?
+    rises: bool,
+    /// Place of its zero among the zeros of all multiples of the form, in the order of the values of the form.
+    place: usize,
+}
+
+/// Between which zeros a form lies: places of the zeros, and the switching functions that say so.
+#[derive(Debug, Clone, Copy, Default)]
+struct Between {
+    above: Option<(usize, usize)>,
+    below: Option<(usize, usize)>,
+}
+
+impl Between {
+    /// The sign that a multiple of the form has for certain, and the function from which that follows.
+    fn implied(&self, p: Parallel) -> Option<(bool, usize)> {
+        match (self.above, self.below) {
+            (Some((place, j)), _) if place >= p.place => Some((p.rises, j)),
+            (_, Some((place, j))) if place <= p.place => Some((!p.rises, j)),
+            _ => None,
+        }
+    }
+
+    /// Takes note of the sign `s` of function `k`.
+    fn note(&mut self, s: bool, k: usize, p: Parallel) {
+        if s == p.rises {
+            self.above = self.above.filter(|a| a.0 >= p.place).or(Some((p.place, k)));
+        } else {
+            self.below = self.below.filter(|b| b.0 <= p.place).or(Some((p.place, k)));
+        }
+    }
+}
+
+/// Signs of the first switching functions.
+#[derive(Clone)]
+struct Begun {
+    signs: Vec<bool>,
+    /// Values of the terms with these signs, where they are known.
+    point: Option<Vec<BigRational>>,
+    between: Vec<Between>,
+}
+
+impl Begun {
+    /// With the sign `s` of function `k` behind the others.
+    fn with(mut self, s: bool, k: usize, p: Option<Parallel>) -> Begun {
+        self.signs.push(s);
+        if let Some(p) = p {
+            self.between[p.form].note(s, k, p);
+        }
+        self
+    }
+}
 
 /// The relaxation of some switching functions.
 pub(super) struct Reach {
     terms: Vec<Term>,
     forms: Vec<Affine>,
+    /// Constants and coefficients of the forms but for rounding.
+    near: Vec<(f64, Vec<f64>)>,
     scaled: Scaled,
 }
 
@@ -92,7 +150,9 @@ impl Reach {
         };
         let terms: Vec<Term> = ids.iter().map(term).collect();
         let scaled = Scaled::new(&forms, &terms);
-        Reach { terms, forms, scaled }
+        let near = |f: &Affine| (near(&f.constant), f.terms.iter().map(|t| self::near(&t.1)).collect());
+        let near = forms.iter().map(near).collect();
+        Reach { terms, forms, near, scaled }
     }
 
     /// Can the first switching functions have these signs (`true`: positive) on an open set?
@@ -116,14 +176,30 @@ impl Reach {
                 _ => {}
             }
         }
-        let holds = |(k, &s): (usize, &bool)| {
-            if s {
-                self.value(k, &at).is_positive()
-            } else {
-                self.value(k, &at).is_negative()
-            }
-        };
+        let near = rounded(&at);
+        let holds =
+            |(k, &s): (usize, &bool)| self.sign(k, &at, &near) == if s { Ordering::Greater } else { Ordering::Less };
         signs.iter().enumerate().all(holds).then_some(at)
+    }
+
+    /// Sign of switching function `k` where its terms have the values `at`, which are `near` but for rounding. Floating point decides
+    /// where rounding cannot change the sign, rational arithmetic elsewhere.
+    fn sign(&self, k: usize, at: &[BigRational], near: &[f64]) -> Ordering {
+        /// Far more than the rounding of coefficients, values and the sum of a few thousand terms.
+        const DOUBT: f64 = 1e-11;
+        let (constant, coefficients) = &self.near[k];
+        let (mut sum, mut size) = (*constant, constant.abs());
+        for ((j, _), c) in self.forms[k].terms.iter().zip(coefficients) {
+            // what is not as precise as its exponent allows has the sum of a NaN
+            let v = c * near[*j];
+            sum += if v == 0.0 || v.is_normal() { v } else { f64::NAN };
+            size += v.abs();
+        }
+        if sum.abs() > DOUBT * size && coefficients.len() < 4000 {
+            return if sum > 0.0 { Ordering::Greater } else { Ordering::Less };
+        }
+        let zero = BigRational::zero();
+        self.value(k, at).cmp(&zero)
     }
 
     /// Switching function `k` where its terms have these values.
@@ -212,36 +288,25 @@ impl Reach {
         }
     }
 
-    /// For every switching function the earlier ones that are multiples of it but for a constant, and which signs of the two exclude
-    /// each other: `[sign of the earlier][sign of this]`.
-    fn parallels(&self) -> Vec<Vec<(usize, Exclusion)>> {
-        let lead = |f: &Affine| f.terms.first().map(|t| t.1.clone()).filter(|c| !c.is_zero());
-        // a function that is a multiple of a form but for a constant: which one, does it rise with the form, the constant
+    /// The switching functions that are multiples of one form `L` but for a constant, where there are several: which form, whether the
+    /// function rises with it, and the place of its zero among the zeros of these functions.
+    fn parallels(&self) -> Vec<Option<Parallel>> {
+        // the function, whether it rises with the form, the value of the form at its zero
         type Multiple = (usize, bool, BigRational);
         let mut groups: BTreeMap<Vec<(usize, BigRational)>, Vec<Multiple>> = BTreeMap::new();
-        let mut out = vec![Vec::new(); self.forms.len()];
         for (k, form) in self.forms.iter().enumerate() {
-            let Some(lead) = lead(form) else { continue };
+            let Some(lead) = form.terms.first().map(|t| t.1.clone()).filter(|c| !c.is_zero()) else { continue };
             let key = form.terms.iter().map(|(j, c)| (*j, c / &lead)).collect();
-            let (rises, shift) = (lead.is_positive(), &form.constant / &lead);
-            let group = groups.entry(key).or_default();
-            for (j, other_rises, other) in group.iter() {
-                // with L the common form: this one vanishes at L = −shift, the other one at L = −other
-                let mut excluded = [[false; 2]; 2];
-                for a in [false, true] {
-                    for b in [false, true] {
-                        let (above, here) = (a == *other_rises, b == rises);
-                        excluded[usize::from(a)][usize::from(b)] = match (above, here) {
-                            // L above the one and below the other
-                            (true, false) => *other <= shift,
-                            (false, true) => shift <= *other,
-                            _ => false,
-                        };
-                    }
-                }
-                out[k].push((*j, excluded));
+            groups.entry(key).or_default().push((k, lead.is_positive(), -&form.constant / &lead));
+        }
+        let mut out = vec![None; self.forms.len()];
+        for (form, mut group) in groups.into_values().filter(|g| g.len() > 1).enumerate() {
+            group.sort_by(|a, b| a.2.cmp(&b.2));
+            let mut place = 0;
+            for i in 0..group.len() {
+                place += usize::from(i > 0 && group[i].2 != group[i - 1].2);
+                out[group[i].0] = Some(Parallel { form, rises: group[i].1, place });
             }
-            group.push((k, rises, shift));
         }
         out
     }
@@ -249,37 +314,39 @@ impl Reach {
     /// All patterns that can occur; `None` if there are more than `limit`.
     pub(super) fn patterns(&self, limit: usize) -> Result<Option<Patterns>> {
         let mut out = Patterns { all: Vec::new(), conflicts: Vec::new() };
-        let parallels = if self.forms.len() < ORDERED { vec![Vec::new(); self.forms.len()] } else { self.parallels() };
-        let mut stack: Vec<(Vec<bool>, Option<Vec<BigRational>>)> = vec![(Vec::new(), None)];
-        while let Some((signs, point)) = stack.pop() {
+        let parallels = if self.forms.len() < ORDERED { vec![None; self.forms.len()] } else { self.parallels() };
+        let n_forms = parallels.iter().flatten().map(|p| p.form + 1).max().unwrap_or(0);
+        let mut stack = vec![Begun { signs: Vec::new(), point: None, between: vec![Between::default(); n_forms] }];
+        while let Some(begun) = stack.pop() {
             stop::check()?;
-            let k = signs.len();
+            let k = begun.signs.len();
             if k == self.forms.len() {
-                out.all.push(signs);
+                out.all.push(begun.signs);
+                continue;
+            }
+            if let Some((s, j)) = parallels[k].and_then(|p| begun.between[p.form].implied(p)) {
+                if out.conflicts.len() < PROOFS {
+                    let mut excluded = begun.signs.clone();
+                    excluded.push(!s);
+                    out.conflicts.extend(self.prove_order(j, k, &excluded));
+                }
+                stack.push(begun.with(s, k, parallels[k]));
                 continue;
             }
             // the sign that the next one has at a point where those before have theirs needs no search
-            let here = point.as_ref().map(|p| self.value(k, p));
+            let here = begun.point.as_ref().map(|p| self.sign(k, p, &rounded(p)));
             for s in [false, true] {
-                let mut next = signs.clone();
-                next.push(s);
-                if here.as_ref().is_some_and(|v| if s { v.is_positive() } else { v.is_negative() }) {
-                    stack.push((next, point.clone()));
+                let next = begun.clone().with(s, k, parallels[k]);
+                if here == Some(if s { Ordering::Greater } else { Ordering::Less }) {
+                    stack.push(next);
                     continue;
                 }
-                let excluded = |p: &&(usize, Exclusion)| p.1[usize::from(signs[p.0])][usize::from(s)];
-                if let Some((j, _)) = parallels[k].iter().find(excluded) {
-                    if out.conflicts.len() < PROOFS {
-                        out.conflicts.extend(self.prove_order(*j, k, &next));
-                    }
+                if out.conflicts.iter().any(|c| c.excludes(&next.signs)) {
                     continue;
                 }
-                if out.conflicts.iter().any(|c| c.excludes(&next)) {
-                    continue;
-                }
-                match self.decide(&next) {
-                    Decision::Point(p) => stack.push((next, Some(p))),
-                    Decision::Open => stack.push((next, None)),
+                match self.decide(&next.signs) {
+                    Decision::Point(p) => stack.push(Begun { point: Some(p), ..next }),
+                    Decision::Open => stack.push(Begun { point: None, ..next }),
                     Decision::Never(c) => out.conflicts.push(c),
                 }
             }
@@ -290,6 +357,15 @@ impl Reach {
         }
         Ok(Some(out))
     }
+}
+
+/// A number but for rounding; NaN where it is too large or too small for that.
+fn near(v: &BigRational) -> f64 {
+    v.to_f64().filter(|f| f.is_normal() || v.is_zero()).unwrap_or(f64::NAN)
+}
+
+fn rounded(at: &[BigRational]) -> Vec<f64> {
+    at.iter().map(near).collect()
 }
 
 /// The vector with `A y = 0`, if there is one direction only and no entry has another sign than the others.

@@ -104,20 +104,23 @@ impl Group {
 /// Variables Algorithm 1 adds so that no product has more than `n_d` factors: the different prefixes of `n_d` and more
 /// nonzero signs that some row continues.
 pub(super) fn n_lifted(signs: &[i8], n_psi: usize, n_d: usize) -> usize {
-    let mut prefixes: Vec<&[i8]> = Vec::new();
-    for row in signs.chunks_exact(n_psi.max(1)) {
+    let mut rows: Vec<&[i8]> = signs.chunks_exact(n_psi.max(1)).collect();
+    rows.sort_unstable();
+    // rows with a common prefix are neighbours: of each the prefixes count that none before it has had
+    let (mut n, mut before, mut counted) = (0, None, 0);
+    for row in rows {
+        let common = |other: &[i8]| row.iter().zip(other).take_while(|(a, b)| a == b).count();
+        counted = before.map_or(0, common).min(counted);
         let last = row.iter().rposition(|s| *s != 0).unwrap_or(0);
         let mut factors = 0;
-        for j in 0..last {
-            factors += usize::from(row[j] != 0);
-            if row[j] != 0 && factors >= n_d {
-                prefixes.push(&row[..=j]);
-            }
+        for (j, _) in row[..last].iter().enumerate().filter(|s| *s.1 != 0) {
+            factors += 1;
+            n += usize::from(factors >= n_d && j >= counted);
         }
+        counted = counted.max(last);
+        before = Some(row);
     }
-    prefixes.sort_unstable();
-    prefixes.dedup();
-    prefixes.len()
+    n
 }
 
 /// What a model consists of, what it costs, and what it did not need.

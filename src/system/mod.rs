@@ -341,15 +341,22 @@ fn check_signs(k: usize, n_modes: usize, n_psi: usize, signs: &[i8]) -> Result<(
             i % n_psi
         )));
     }
-    let row = |i: usize| &signs[i * n_psi..(i + 1) * n_psi];
+    // positive and negative signs of a row, 64 to a word
+    let words = n_psi.div_ceil(64);
+    let mut marks = vec![[0u64; 2]; n_modes * words];
     for i in 0..n_modes {
-        if n_modes > 1 && row(i).iter().all(|&s| s == 0) {
+        let row = &signs[i * n_psi..(i + 1) * n_psi];
+        if n_modes > 1 && row.iter().all(|&s| s == 0) {
             return Err(Error::Range(format!(
                 "row {i} of the sign matrix of subsystem {k} is zero: the mode would be valid everywhere"
             )));
         }
+        for (j, s) in row.iter().enumerate().filter(|s| *s.1 != 0) {
+            marks[i * words + j / 64][usize::from(*s < 0)] |= 1 << (j % 64);
+        }
+        let marked = |i: usize| &marks[i * words..(i + 1) * words];
         for j in 0..i {
-            let apart = row(i).iter().zip(row(j)).any(|(a, b)| a * b == -1);
+            let apart = marked(i).iter().zip(marked(j)).any(|(a, b)| a[0] & b[1] | a[1] & b[0] != 0);
             if !apart {
                 return Err(Error::Range(format!(
                     "rows {j} and {i} of the sign matrix of subsystem {k} overlap: \
