@@ -357,15 +357,17 @@ fn malformed_models_are_refused() {
     // Switches inside switches inside switches.
     let g = Graph::new();
     let nested = (0..30).fold(g.x(0), |a, k| (a - 0.3 - f64::from(k)).abs());
-    let e = Model::from_rhs("m", 0, 0, &[nested.sign()]).unwrap().build(&g).map(|_| ()).unwrap_err();
-    assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("branches"), "{e}");
+    let built = Model::from_rhs("m", 0, 0, &[nested.sign()]).unwrap().build(&g).unwrap();
+    let e = built.system.check_modes_known().unwrap_err();
+    assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("31 coupled switching functions"), "{e}");
     // Twenty coupled conditions.
     let g = Graph::new();
     let product = (0..20).map(|i| g.x(i).sign()).reduce(|a, b| a * b).unwrap();
     let mut rhs = vec![product];
     rhs.extend((1..20).map(|i| g.x(i)));
-    let e = Model::from_rhs("m", 0, 0, &rhs).unwrap().build(&g).map(|_| ()).unwrap_err();
-    assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("20 switching functions"), "{e}");
+    let built = Model::from_rhs("m", 0, 0, &rhs).unwrap().build(&g).unwrap();
+    let e = built.system.check_modes_known().unwrap_err();
+    assert!(matches!(e, Error::Unsupported(_)) && e.to_string().contains("20 coupled switching functions"), "{e}");
 }
 
 /// The report and the complementarity system agree on the form and its size.

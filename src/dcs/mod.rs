@@ -100,9 +100,29 @@ impl Dcs {
         Dcs::new(system, FormOptions { form: DcsForm::Stewart, ..FormOptions::default() })
     }
 
+    /// Brings `system` into Stewart's form, for those who can form modes on demand: a right-hand side of that kind
+    /// ([`System::on_demand`]) is left to them.
+    pub fn with_modes_on_demand(system: &System) -> Result<Dcs> {
+        if system.on_demand().is_none() {
+            return Dcs::stewart(system);
+        }
+        system.validate()?;
+        Ok(Dcs {
+            dims: system.dims(),
+            clock: false,
+            n_z: 0,
+            regions: false,
+            drifts: Vec::new(),
+            subsystems: Vec::new(),
+            form: Form::default(),
+            combined: None,
+        })
+    }
+
     /// Brings `system` into the form that `options` ask for.
     pub fn new(system: &System, options: FormOptions) -> Result<Dcs> {
         system.validate()?;
+        system.check_modes_known()?;
         let dims = system.dims();
         let mut drifts = Vec::new();
         let mut clock = false;

@@ -19,17 +19,21 @@ mod entries;
 mod gradients;
 mod limit;
 mod near;
+mod on_demand;
 mod sliding;
 
 pub(super) use apart::{Apart, Known, Open};
 pub(super) use contacts::{Contacts, TO_RATE};
 pub(super) use gradients::{Gradients, Row};
+pub(super) use on_demand::Formed;
+pub use on_demand::SLOTS as MODES_ON_DEMAND;
 use sliding::Sliding;
 
 use self::bundled::Bundled;
 use self::contacts::WATCHED;
 use self::entries::Entries;
 use self::limit::Limit;
+use self::on_demand::{Demand, TOGETHER};
 use super::guard::{Guards, Reset};
 use super::step::Stages;
 use crate::dcs::{filippov, Cell, Dcs, Drift};
@@ -169,6 +173,8 @@ pub(super) struct Field {
     entries: Option<Entries>,
     /// Contacts; where there are any, nothing else moves the system, and the active sets are their modes.
     contacts: Option<Box<Contacts>>,
+    /// Modes that are formed on demand; where there are any, they are those of the only subsystem.
+    demand: Option<Box<Demand>>,
     pub(super) counts: Counts,
 }
 
@@ -207,6 +213,29 @@ impl Field {
             });
             owner.resize(owner.len() + s.cells.len(), k);
             q0 += n_q;
+        }
+        let demand = system.on_demand().map(|d| Box::new(Demand::new(d)));
+        if let Some(d) = &demand {
+            let (modes, indicators) = (d.modes(), d.indicators());
+            note(modes.as_ref());
+            note(indicators.as_ref());
+            q0 = TOGETHER * d.n_functions();
+            subs.push(Sub {
+                rows: (0..nx).collect(),
+                cells: d.cells(),
+                first: 0,
+                q0: 0,
+                n_q: q0,
+                signs: true,
+                affine: d.is_affine(),
+                n_out: modes.n_out(),
+                identity: true,
+                to_dq: gradients.push(indicators.jac_pattern(), &dims),
+                c_places: Vec::new(),
+                modes,
+                indicators,
+            });
+            owner.resize(subs[0].cells.len(), 0);
         }
         transitions.iter().flat_map(|t| t.reset.iter().chain([&t.guard])).for_each(|f| note(f.as_ref()));
         let guards = Guards::new(transitions, q0, &dims, &mut gradients);
@@ -262,6 +291,7 @@ impl Field {
             bundle,
             entries,
             contacts,
+            demand,
             counts: Counts::default(),
         }
     }

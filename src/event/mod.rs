@@ -59,6 +59,7 @@ mod watch;
 pub use crate::settings::{AmbiguityPolicy as Ambiguity, Integration as Method, ZenoPolicy as Zeno};
 pub use adjoint::{Gradient, Term};
 pub use engine::{Engine, Progress};
+pub use field::MODES_ON_DEMAND;
 pub use path::Path;
 pub use settings::Options;
 

@@ -216,7 +216,7 @@ pub(super) fn list(field: &Field, out: &mut Vec<Watch>) {
             for j in 0..s.n_q {
                 let w = s.cells[first].weights[j];
                 let fixed = set.iter().all(|c| s.cells[c - s.first].weights[j] == w);
-                if fixed && set.iter().any(|c| s.cares(c - s.first, j)) {
+                if w != 0.0 && fixed && set.iter().any(|c| s.cares(c - s.first, j)) {
                     out.push(Watch::Enter { sub: k, a: s.q0 + j, b: None, sign: -w });
                 }
             }
@@ -229,6 +229,7 @@ pub(super) fn list(field: &Field, out: &mut Vec<Watch>) {
             out.extend(set.iter().map(|&cell| Watch::Leave { sub: k, cell }));
         }
     }
+    field.own_watches(out);
     field.contact_watches(out);
     for &guard in &field.guards.armed {
         let g = &field.guards.all[guard];

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::dag::{Block, Dag, Group, Id, Node};
 use super::op::{Binary, Unary};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::stop;
 
 /// Branches of a switching function that switches.
@@ -37,6 +37,56 @@ impl Dag {
     pub fn decide(&mut self, roots: &[Id], sign: &dyn Fn(usize) -> Option<bool>) -> Vec<Id> {
         let all = self.undecided(roots);
         self.decide_all(&all, sign)
+    }
+
+    /// The same expressions with an input in the place of every condition `ψ_s > 0`: weight `k` for the switching function
+    /// `switches[k]`, which is 1 where it is positive and 0 where it is not, and arithmetic in the place of choices.
+    pub fn with_signs(&mut self, roots: &[Id], switches: &[usize]) -> Vec<Id> {
+        let mut place = vec![None; self.n_switches()];
+        switches.iter().enumerate().for_each(|(k, &s)| place[s] = Some(k));
+        let mut replace = |dag: &mut Dag, s: u32| place[s as usize].map(|k| dag.input(Block::Weight, k));
+        self.rebuild_with(roots, &mut replace, &|block, i| (block, i as usize), &BTreeMap::new(), true)
+    }
+
+    /// Is the node an input of a block of which this holds?
+    pub fn is_input_of(&self, id: Id, holds: impl Fn(Block) -> bool) -> bool {
+        matches!(self.node(id), Node::Input(block, _) if holds(block))
+    }
+
+    /// The opposite of a condition, or of the number that stands for one.
+    fn opposite(&mut self, c: Id) -> Id {
+        if self.is_condition(c) {
+            return self.not(c);
+        }
+        let one = self.constant(1.0);
+        self.sub(one, c)
+    }
+
+    /// Both conditions, or numbers that stand for them.
+    fn conjunction(&mut self, a: Id, b: Id) -> Id {
+        match self.is_condition(a) || self.is_condition(b) {
+            true => self.and(a, b),
+            false => self.mul(a, b),
+        }
+    }
+
+    /// At least one condition, or number that stands for one.
+    fn disjunction(&mut self, a: Id, b: Id) -> Id {
+        if self.is_condition(a) || self.is_condition(b) {
+            return self.or(a, b);
+        }
+        let (sum, product) = (self.add(a, b), self.mul(a, b));
+        self.sub(sum, product)
+    }
+
+    /// A choice under a condition, or under the number that stands for one.
+    fn choice(&mut self, c: Id, a: Id, b: Id) -> Id {
+        if self.is_condition(c) {
+            return self.select(c, a, b);
+        }
+        let opposite = self.opposite(c);
+        let (a, b) = (self.mul(c, a), self.mul(opposite, b));
+        self.add(a, b)
     }
 
     /// Expressions to be decided, for many sign patterns one after the other.
@@ -109,9 +159,11 @@ impl Dag {
     /// The same expressions with conditions whose switching functions are smooth: `ψ > 0` with a `ψ` that switches
     /// with `χ` becomes `(χ > 0 and ψ⁺ > 0) or (χ < 0 and ψ⁻ > 0)`.
     ///
+    /// None if there are too many branches.
+    ///
     /// # Errors
-    /// [`Error::Unsupported`] if there are too many branches.
-    pub fn smooth_switches(&mut self, roots: &[Id]) -> Result<Vec<Id>> {
+    /// What [`crate::stop`] ends it with.
+    pub fn smooth_switches(&mut self, roots: &[Id]) -> Result<Option<Vec<Id>>> {
         let mut known: Vec<Option<Id>> = Vec::new();
         // Inner switching functions are older than those they are part of.
         for s in self.switches_of(roots) {
@@ -120,14 +172,17 @@ impl Dag {
             }
             let psi = self.switches[s].psi;
             if !self.switches_of(&[psi]).is_empty() {
-                known[s] = Some(self.smooth_condition(psi)?);
+                match self.smooth_condition(psi)? {
+                    Some(c) => known[s] = Some(c),
+                    None => return Ok(None),
+                }
             }
         }
-        Ok(self.rebuild(roots, &mut |_, s| known.get(s as usize).copied().flatten()))
+        Ok(Some(self.rebuild(roots, &mut |_, s| known.get(s as usize).copied().flatten())))
     }
 
-    /// Condition `ψ > 0` over smooth switching functions.
-    fn smooth_condition(&mut self, whole: Id) -> Result<Id> {
+    /// Condition `ψ > 0` over smooth switching functions; none if it has too many branches.
+    fn smooth_condition(&mut self, whole: Id) -> Result<Option<Id>> {
         // Branches still to be looked at, with the conditions that lead to them.
         let yes = self.truth(true);
         let mut branches = vec![(yes, whole)];
@@ -138,10 +193,7 @@ impl Dag {
             let Some(&first) = self.switches_of(&[psi]).first() else {
                 n_leaves += 1;
                 if n_leaves > MAX_BRANCHES {
-                    return Err(Error::Unsupported(format!(
-                        "the switching function {} contains switches itself, and has more than {MAX_BRANCHES} branches",
-                        self.text(whole)
-                    )));
+                    return Ok(None);
                 }
                 let here = self.positive(psi);
                 let both = self.and(path, here);
@@ -158,7 +210,7 @@ impl Dag {
                 }
             }
         }
-        Ok(result)
+        Ok(Some(result))
     }
 
     /// The same expressions of inputs that have other numbers in their block.
@@ -258,19 +310,19 @@ impl Dag {
                 }
                 Node::Not(a) => {
                     let a = at(a);
-                    self.not(a)
+                    self.opposite(a)
                 }
                 Node::And(a, b) => {
                     let (a, b) = (at(a), at(b));
-                    self.and(a, b)
+                    self.conjunction(a, b)
                 }
                 Node::Or(a, b) => {
                     let (a, b) = (at(a), at(b));
-                    self.or(a, b)
+                    self.disjunction(a, b)
                 }
                 Node::Select(c, a, b) => {
                     let (c, a, b) = (at(c), at(a), at(b));
-                    self.select(c, a, b)
+                    self.choice(c, a, b)
                 }
                 Node::Pick(g, k) => {
                     let h = match new_groups[g as usize] {
@@ -431,7 +483,7 @@ mod tests {
         let a = d.abs(x);
         let inner = d.sub(a, one);
         let e = d.sign(inner);
-        let smooth = d.smooth_switches(&[e]).unwrap()[0];
+        let smooth = d.smooth_switches(&[e]).unwrap().unwrap()[0];
         for s in d.switches_of(&[smooth]) {
             let psi = d.switching_function(s).unwrap();
             assert!(d.switches_of(&[psi]).is_empty());

@@ -69,18 +69,16 @@ impl Cells {
     }
 }
 
-/// Enumerates and reduces.
-pub(super) fn cells(dag: &mut Dag, bounds: &Bounds, switches: &[usize], rows: &[Row]) -> Result<Cells> {
+/// Enumerates and reduces; none where there are too many patterns. `nested` says that choices stood inside of choices.
+pub(super) fn cells(
+    dag: &mut Dag,
+    bounds: &Bounds,
+    switches: &[usize],
+    rows: &[Row],
+    nested: bool,
+) -> Result<Option<Cells>> {
     let psi: Vec<Id> = switches.iter().filter_map(|&s| dag.switching_function(s)).collect();
-    let found = Reach::new(dag, bounds, &psi).patterns(MAX_CELLS)?.ok_or_else(|| {
-        let names: Vec<String> = psi.iter().take(4).map(|&p| dag.text(p)).collect();
-        Error::Unsupported(format!(
-            "{} switching functions ({}, ...) are coupled in one term and have more than {MAX_CELLS} sign patterns: \
-             write the model as a sum of terms that switch separately",
-            psi.len(),
-            names.join(", ")
-        ))
-    })?;
+    let Some(found) = Reach::new(dag, bounds, &psi).patterns(MAX_CELLS, nested)? else { return Ok(None) };
     let n_patterns = (found.all.len(), 2f64.powi(psi.len() as i32));
     let patterns = found.all.clone();
     let mut atoms: Vec<Id> = rows.iter().flat_map(|r| r.terms.iter().map(|t| t.1)).collect();
@@ -144,7 +142,7 @@ pub(super) fn cells(dag: &mut Dag, bounds: &Bounds, switches: &[usize], rows: &[
     }
     let keep = |v: &[Id]| v.iter().zip(&differs).filter(|d| *d.1).map(|d| *d.0).collect::<Vec<Id>>();
     out.modes = merge(all.into_iter().map(|(p, v)| (p, keep(&v))).collect());
-    Ok(out)
+    Ok(Some(out))
 }
 
 /// Conditions of the choices in the terms.

@@ -13,6 +13,7 @@ pub(crate) mod bounds;
 mod cells;
 mod certificate;
 mod combined;
+mod on_demand;
 mod reach;
 mod report;
 mod saved;
@@ -26,6 +27,7 @@ pub use transition::Transition;
 
 pub(crate) use saved::{SavedDirection, SavedValue};
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use num_traits::{ToPrimitive, Zero};
@@ -217,35 +219,21 @@ impl Model {
 
     /// Builds the system. The time it takes grows with the number of nodes; [`crate::stop`] ends it.
     ///
+    /// Where so many switching functions are coupled that their sign patterns cannot be enumerated, the modes of the system are formed
+    /// on demand ([`System::on_demand`]): event-driven simulation takes it, and nothing else does.
+    ///
     /// # Errors
-    /// [`Error::State`] if a state has no derivative, [`Error::Unsupported`] if too many switching functions are
-    /// coupled in one term or there are more than [`MAX_NODES`] nodes, and those of [`ExprFunction::new`].
+    /// [`Error::State`] if a state has no derivative, [`Error::Unsupported`] if there are more than [`MAX_NODES`] nodes, and those of
+    /// [`ExprFunction::new`].
     pub fn build_in(&self, dag: &mut Dag) -> Result<Built> {
         self.check_size(dag)?;
         let saved = Arc::new(SavedModel::new(self, dag));
         let mut b = Builder { model: self, dag, notes: Vec::new() };
         let rhs = b.derivatives()?;
-        let bounds = b.bounds(&rhs);
-        let rhs = b.settle_constant_signs(&rhs, &bounds);
-        let (mut f0, groups) = b.split(&rhs);
-        let (mut subsystems, mut settled) = (Vec::new(), Vec::new());
-        for (switches, rows) in groups {
-            let c = cells(b.dag, &bounds, &switches, &rows)?;
-            for &(state, v) in &c.smooth {
-                f0[state] = b.dag.add(f0[state], v);
-            }
-            b.note_reduction(&c);
-            if c.rows.is_empty() {
-                settled.push(c);
-            } else {
-                subsystems.push(c);
-            }
-        }
-        let combined = b.combined(&rhs, &f0, &subsystems, &settled)?;
-        let mut built = b.assemble(&f0, &subsystems, saved)?;
-        if let Some(f) = combined {
-            built.system.set_combined(f)?;
-        }
+        let mut built = match b.enumerate(&rhs)? {
+            Some(all) => b.assemble_all(&all, saved)?,
+            None => b.on_demand(&rhs, saved)?,
+        };
         if !self.discrete.is_empty() {
             built.set_discrete(&self.discrete)?;
         }
@@ -299,6 +287,15 @@ struct Builder<'a> {
     notes: Vec<Note>,
 }
 
+/// Derivatives over smooth switching functions, taken apart.
+struct Enumerated {
+    rhs: Vec<Id>,
+    f0: Vec<Id>,
+    subsystems: Vec<Cells>,
+    /// Groups in which nothing switches.
+    settled: Vec<Cells>,
+}
+
 type Groups = Vec<(Vec<usize>, Vec<Row>)>;
 
 impl Builder<'_> {
@@ -331,7 +328,44 @@ impl Builder<'_> {
             }
             rhs.push(r);
         }
-        self.dag.smooth_switches(&rhs)
+        Ok(rhs)
+    }
+
+    /// Smooth parts and modes of the derivatives `rhs`; none where there are too many sign patterns.
+    fn enumerate(&mut self, rhs: &[Id]) -> Result<Option<Enumerated>> {
+        let given = self.dag.switches_of(rhs);
+        let Some(rhs) = self.dag.smooth_switches(rhs)? else { return Ok(None) };
+        let nested = self.dag.switches_of(&rhs) != given;
+        let n_notes = self.notes.len();
+        let bounds = self.bounds(&rhs);
+        let rhs = self.settle_constant_signs(&rhs, &bounds);
+        let (mut f0, groups) = self.split(&rhs);
+        let (mut subsystems, mut settled) = (Vec::new(), Vec::new());
+        for (switches, rows) in groups {
+            let Some(c) = cells(self.dag, &bounds, &switches, &rows, nested)? else {
+                self.notes.truncate(n_notes);
+                return Ok(None);
+            };
+            for &(state, v) in &c.smooth {
+                f0[state] = self.dag.add(f0[state], v);
+            }
+            self.note_reduction(&c);
+            if c.rows.is_empty() {
+                settled.push(c);
+            } else {
+                subsystems.push(c);
+            }
+        }
+        Ok(Some(Enumerated { rhs, f0, subsystems, settled }))
+    }
+
+    fn assemble_all(mut self, all: &Enumerated, saved: Arc<Result<SavedModel>>) -> Result<Built> {
+        let combined = self.combined(&all.rhs, &all.f0, &all.subsystems, &all.settled)?;
+        let mut built = self.assemble(&all.f0, &all.subsystems, saved)?;
+        if let Some(f) = combined {
+            built.system.set_combined(f)?;
+        }
+        Ok(built)
     }
 
     /// Bounds of all switching functions and what they consist of.
@@ -487,6 +521,7 @@ impl Builder<'_> {
             self.note_nearly_equal(&c.switches);
             self.lint_switches(&psi)?;
             self.lint_sliding(c, &psi)?;
+            self.lint_corners(c, &psi);
             let shared: [SharedFunction; 2] = [modes.clone(), psi_function.clone()];
             functions.extend([modes, psi_function]);
             let [modes, psi_shared] = shared;
@@ -598,6 +633,58 @@ impl Builder<'_> {
             }
         }
         Ok(())
+    }
+
+    /// Where two switching functions vanish together the velocity is `f + s̄ f_s + r̄ f_r + m f_sr` with the means `s̄`, `r̄` of the two
+    /// signs, which the surfaces determine, and the mean `m` of their product, which nothing does: a continuum unless `f_sr = 0`
+    /// (L. Dieci, L. Lopez, *Sliding motion on discontinuity surfaces of high co-dimension*, Numer. Math. 117 (2011) 779-811).
+    fn lint_corners(&mut self, c: &Cells, psi: &[Id]) {
+        /// Of more switching functions, or more modes, the pairs are not looked at.
+        const MOST: usize = 8;
+        if psi.len() > MOST || c.modes.len() > 1 << MOST {
+            return;
+        }
+        let n = c.rows.len();
+        for (j, k) in (0..psi.len()).flat_map(|j| (j + 1..psi.len()).map(move |k| (j, k))) {
+            let at = |a: &[i8], sj: i8, sk: i8| {
+                let fits = |m: &&(Vec<i8>, Vec<Id>)| {
+                    m.0[j] == sj && m.0[k] == sk && (0..psi.len()).all(|i| i == j || i == k || m.0[i] == a[i])
+                };
+                c.modes.iter().find(fits)
+            };
+            let corner = |a: &(Vec<i8>, Vec<Id>)| {
+                let [b, d, e] = [(-1, 1), (1, -1), (-1, -1)].map(|(sj, sk)| at(&a.0, sj, sk));
+                let (b, d, e) = (b?.1.clone(), d?.1.clone(), e?.1.clone());
+                Some([a.1.clone(), b, d, e])
+            };
+            let corners: Vec<[Vec<Id>; 4]> =
+                c.modes.iter().filter(|a| a.0[j] == 1 && a.0[k] == 1).filter_map(corner).collect();
+            let multiplied = corners
+                .iter()
+                .any(|[a, b, d, e]| (0..n).any(|r| !self.cancels(&[(a[r], 1), (b[r], -1), (d[r], -1), (e[r], 1)])));
+            if multiplied {
+                let text = format!(
+                    "the effects of {} and {} do not add: where both vanish and a sliding mode holds them, the modes allow a continuum                      of velocities, and the simulation takes an extreme one of them (option ambiguity)",
+                    self.text(psi[j]),
+                    self.text(psi[k])
+                );
+                self.note(NoteKind::Info, text);
+            }
+        }
+    }
+
+    /// Is the sum of these expressions with these signs zero, but for the rounding of their coefficients?
+    fn cancels(&self, terms: &[(Id, i8)]) -> bool {
+        const ROUNDING: f64 = 1e-12;
+        let mut sums: BTreeMap<Option<Id>, (f64, f64)> = BTreeMap::new();
+        for &(id, sign) in terms {
+            let (constant, parts) = self.dag.affine_terms(id);
+            for (term, c) in parts.iter().map(|(t, c)| (Some(*t), c)).chain([(None, &constant)]) {
+                let (c, sum) = (c.to_f64().unwrap_or(f64::NAN), sums.entry(term).or_default());
+                *sum = (sum.0 + f64::from(sign) * c, sum.1 + c.abs());
+            }
+        }
+        sums.values().all(|(sum, size)| sum.abs() <= ROUNDING * size)
     }
 
     /// `∇ψᵀ (f_a − f_b)`

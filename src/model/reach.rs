@@ -9,6 +9,7 @@
 //! proposes is checked in rational arithmetic on the coefficients of the model, and where the check fails the linear
 //! program is solved in rational arithmetic. A pattern is left out with a [`Conflict`] that was verified, never else.
 
+use std::cell::Cell;
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
 
@@ -27,6 +28,12 @@ use crate::stop;
 /// Entries of a linear program that is solved in rational arithmetic where floating point leaves a doubt: a second of
 /// work at most. Patterns of larger ones stay, which costs cells and is never wrong.
 const MAX_EXACT: usize = 4000;
+
+/// Maximum number of linear programs in rational arithmetic for the forms of choices inside of choices, and up to how many forms there
+/// is none. Such forms meet in more than general position, which leaves a doubt in thousands of linear programs, and their coefficients
+/// are long.
+const MOST_EXACT: usize = 24;
+const FEW_FORMS: usize = 16;
 
 /// From so many switching functions on those of one quantity are ordered by where they vanish before any linear program is asked.
 const ORDERED: usize = 24;
@@ -115,6 +122,8 @@ pub(super) struct Reach {
     /// Constants and coefficients of the forms but for rounding.
     near: Vec<(f64, Vec<f64>)>,
     scaled: Scaled,
+    /// Linear programs that may still be solved in rational arithmetic.
+    exact_left: Cell<usize>,
 }
 
 /// The columns of the linear program in floating point, with entries up to one: rows and columns are multiplied by
@@ -152,7 +161,7 @@ impl Reach {
         let scaled = Scaled::new(&forms, &terms);
         let near = |f: &Affine| (near(&f.constant), f.terms.iter().map(|t| self::near(&t.1)).collect());
         let near = forms.iter().map(near).collect();
-        Reach { terms, forms, near, scaled }
+        Reach { terms, forms, near, scaled, exact_left: Cell::new(usize::MAX) }
     }
 
     /// Can the first switching functions have these signs (`true`: positive) on an open set?
@@ -271,9 +280,10 @@ impl Reach {
             columns.extend(term.high.as_ref().map(|high| (unit(j, -BigRational::one(), high.clone()), false)));
         }
         columns.push((unit(n, BigRational::zero(), BigRational::one()), true));
-        if (columns.len() + n) * n > MAX_EXACT {
+        if (columns.len() + n) * n > MAX_EXACT || self.exact_left.get() == 0 {
             return Decision::Open;
         }
+        self.exact_left.set(self.exact_left.get() - 1);
         match alternative(&columns, n + 1, 1000) {
             Some(Alternative::Combination(y)) => {
                 let factors: Vec<(usize, BigRational)> = y.into_iter().take(signs.len()).enumerate().collect();
@@ -311,8 +321,27 @@ impl Reach {
         out
     }
 
-    /// All patterns that can occur; `None` if there are more than `limit`.
-    pub(super) fn patterns(&self, limit: usize) -> Result<Option<Patterns>> {
+    /// Linear programs that are worth solving in search of at most `limit` patterns. Where planes in general position have far more
+    /// patterns than that, as a rule these have too, and it does not take long to see.
+    fn patience(&self, limit: usize) -> usize {
+        let (n, d) = (self.forms.len(), self.terms.len());
+        let (mut expected, mut binomial) = (1.0f64, 1.0f64);
+        for k in 1..=d.min(n) {
+            binomial *= (n + 1 - k) as f64 / k as f64;
+            expected += binomial;
+        }
+        if expected > 16.0 * limit as f64 {
+            limit / 4
+        } else {
+            4 * limit
+        }
+    }
+
+    /// All patterns that can occur; `None` if there are more than `limit`, or it takes too long to find them. `nested` says that the
+    /// functions come from choices inside of choices.
+    pub(super) fn patterns(&self, limit: usize, nested: bool) -> Result<Option<Patterns>> {
+        let mut patience = self.patience(limit);
+        self.exact_left.set(if nested && self.forms.len() > FEW_FORMS { MOST_EXACT } else { usize::MAX });
         let mut out = Patterns { all: Vec::new(), conflicts: Vec::new() };
         let parallels = if self.forms.len() < ORDERED { vec![None; self.forms.len()] } else { self.parallels() };
         let n_forms = parallels.iter().flatten().map(|p| p.form + 1).max().unwrap_or(0);
@@ -344,6 +373,10 @@ impl Reach {
                 if out.conflicts.iter().any(|c| c.excludes(&next.signs)) {
                     continue;
                 }
+                if patience == 0 || self.exact_left.get() == 0 {
+                    return Ok(None);
+                }
+                patience -= 1;
                 match self.decide(&next.signs) {
                     Decision::Point(p) => stack.push(Begun { point: Some(p), ..next }),
                     Decision::Open => stack.push(Begun { point: None, ..next }),
@@ -498,7 +531,7 @@ mod tests {
     }
 
     fn patterns(g: &Graph, psi: &[Expr]) -> Vec<String> {
-        let all = reach(g, psi).patterns(1000).unwrap().unwrap().all;
+        let all = reach(g, psi).patterns(1000, false).unwrap().unwrap().all;
         all.iter().map(|p| p.iter().map(|&s| if s { '+' } else { '-' }).collect()).collect()
     }
 
@@ -573,7 +606,7 @@ mod tests {
         let g = Graph::new();
         let (x, y) = (g.x(0), g.x(1));
         let psi = [x - 1.0, x * 2.0 + 2.0, -(y * y) - 0.5];
-        let found = reach(&g, &psi).patterns(100).unwrap().unwrap();
+        let found = reach(&g, &psi).patterns(100, false).unwrap().unwrap();
         let dag = g.dag();
         let text = |c: &Conflict| c.text(&|s| dag.text(psi[s].id()), &|id| dag.text(id));
         let texts: Vec<String> = found.conflicts.iter().map(text).collect();
@@ -590,6 +623,6 @@ mod tests {
     fn too_many_are_refused() {
         let g = Graph::new();
         let many: Vec<Expr> = (0..40).map(|k| g.x(k)).collect();
-        assert!(reach(&g, &many).patterns(100).unwrap().is_none());
+        assert!(reach(&g, &many).patterns(100, false).unwrap().is_none());
     }
 }

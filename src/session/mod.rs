@@ -12,7 +12,7 @@ pub use batch::{Around, Batch};
 pub use integrator::{Decide, Integrator, Lines, StepKind, Watch};
 
 use crate::error::{Error, Result};
-use crate::event::{Outcome, Run};
+use crate::event::{Outcome, Run, MODES_ON_DEMAND};
 use crate::func::trouble;
 use crate::memory;
 use crate::system::System;
@@ -71,7 +71,8 @@ impl Record {
 /// Modes of the subsystems that can switch, those of contacts behind them: open, closed, sliding either way.
 pub fn modes_of(system: &System) -> Vec<i64> {
     let contacts = system.mechanics().map_or(0, |m| m.contacts.len());
-    let contacts = std::iter::repeat_n(4, contacts);
+    let on_demand = system.on_demand().map(|_| MODES_ON_DEMAND as i64);
+    let contacts = std::iter::repeat_n(4, contacts).chain(on_demand);
     system.subsystems().iter().map(|s| s.n_modes as i64).filter(|&n| n > 1).chain(contacts).collect()
 }
 

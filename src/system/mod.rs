@@ -8,6 +8,7 @@
 //! indicator functions. Subsystems add: `n` of them with two modes cost `2n` modes, not `2^n`.
 
 mod contact;
+mod on_demand;
 mod smoothed;
 mod smoothed_whole;
 mod transition;
@@ -19,6 +20,7 @@ use crate::func::{Dims, Function};
 use crate::memory::sizes;
 
 pub use contact::{Contact, ImpactLaw, Inertia, Local, Mechanics, Order, Projection};
+pub use on_demand::{OnDemand, Signed};
 pub use smoothed::Widths;
 pub use transition::{Direction, Transition};
 
@@ -95,6 +97,7 @@ pub struct System {
     transitions: Vec<Transition>,
     mechanics: Option<Arc<Mechanics>>,
     combined: Option<SharedFunction>,
+    on_demand: Option<Arc<OnDemand>>,
 }
 
 impl System {
@@ -114,6 +117,7 @@ impl System {
             transitions: Vec::new(),
             mechanics: None,
             combined: None,
+            on_demand: None,
         })
     }
 
@@ -135,6 +139,7 @@ impl System {
     /// Sets the part of the right-hand side that does not switch.
     pub fn set_f0(&mut self, f0: SharedFunction) -> Result<()> {
         self.check(f0.as_ref(), self.dims.x)?;
+        self.check_modes_known()?;
         self.combined = None;
         self.f0 = Some(f0);
         Ok(())
@@ -210,6 +215,7 @@ impl System {
     /// Adds an inclusion and returns its index.
     pub fn add_inclusion(&mut self, i: Inclusion) -> Result<usize> {
         let k = self.inclusions.len();
+        self.check_modes_known()?;
         self.check_rows(&format!("inclusion {k}"), &i.rows)?;
         self.check(i.psi.as_ref(), i.psi.n_out())?;
         let (given, own) = (i.f.dims(), self.dims);
@@ -259,6 +265,7 @@ impl System {
     /// Adds a subsystem and checks everything that can be checked without evaluating it. Returns its index.
     pub fn add_subsystem(&mut self, s: Subsystem) -> Result<usize> {
         let k = self.subsystems.len();
+        self.check_modes_known()?;
         if s.n_modes == 0 {
             return Err(Error::Dimension(format!("subsystem {k} has no modes")));
         }
@@ -281,7 +288,8 @@ impl System {
         if self.mechanics.is_some() {
             return self.check_alone();
         }
-        if self.f0.is_none() && self.subsystems.is_empty() && self.inclusions.is_empty() {
+        let driven = self.f0.is_some() || !self.subsystems.is_empty() || !self.inclusions.is_empty();
+        if !driven && self.on_demand.is_none() {
             return Err(Error::State("the system has no dynamics: set f0 or add a subsystem".into()));
         }
         self.check_discrete()
@@ -295,6 +303,7 @@ impl System {
         };
         let transition = |t: &Transition| t.guard.is_serial() || t.reset.as_ref().is_some_and(|r| r.is_serial());
         self.transitions.iter().any(transition)
+            || self.on_demand.as_ref().is_some_and(|d| d.rhs.is_serial() || d.psi.is_serial())
             || self.mechanics.as_ref().is_some_and(|m| m.is_serial())
             || self.f0.iter().chain(&self.algebraic).any(|f| f.is_serial())
             || self.subsystems.iter().any(subsystem)

@@ -144,6 +144,11 @@ impl Engine {
         }
         let before = self.field.active.clone();
         self.mark_recent();
+        let kept = self.kept_modes();
+        let formed = self.form_modes(&kept);
+        if !recover(formed, false)? {
+            return Ok(Some(self.fail(Outcome::Zeno, text)));
+        }
         let candidates = self.candidates();
         let r = self.choose(&candidates, self.h.max(1e3 * EPS * self.t.abs()));
         let unique = recover(r, false)?;

@@ -163,6 +163,9 @@ impl Engine {
         /// Cells of a subsystem that meet: those of five surfaces. Among more of them weights are a matter of choice, and the work
         /// grows with their square.
         const MEET: usize = 32;
+        if self.field.is_on_demand() {
+            return Ok(None);
+        }
         let at_once = self.t - self.limits.0 <= self.no_time();
         let before = self.field.active.clone();
         let mut sets = self.candidates();

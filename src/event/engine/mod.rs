@@ -214,9 +214,16 @@ const LONG_LOG: usize = 1024;
 impl Engine {
     /// Prepares the simulation of a system. State, controls and parameters are zero until they are set.
     pub fn new(system: &System, options: &Options) -> Result<Engine> {
-        let dcs = Dcs::stewart(system)?;
+        let dcs = Dcs::with_modes_on_demand(system)?;
         let nx = dcs.dims().x;
         options.validate(nx)?;
+        if system.on_demand().is_some() && (options.sensitivity || options.adjoint) {
+            return Err(Error::Unsupported(
+                "derivatives of simulations whose modes are formed on demand: the model has too many coupled switching functions for \
+                 a list of its modes"
+                    .into(),
+            ));
+        }
         let mut field = Field::new(&dcs, system);
         check_preferred(options, &field)?;
         let spread = |v: &[f64]| (0..nx).map(|i| v[i % v.len()]).collect::<Vec<f64>>();

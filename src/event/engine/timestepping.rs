@@ -192,7 +192,8 @@ impl Engine {
     /// Goes on by steps where no active set continues the motion, which the run would end with otherwise: only next to surfaces,
     /// and only where velocities are defined there; `at_switch` says that the state has come to one. The failure stays where that leads nowhere.
     pub(super) fn go_through(&mut self, before: &[Vec<usize>], at_switch: bool) -> Result<Option<Progress>> {
-        if self.options.zeno == Zeno::Stop || self.field.has_contacts() || before.iter().any(Vec::is_empty) {
+        let elsewhere = self.field.has_contacts() || self.field.is_on_demand();
+        if self.options.zeno == Zeno::Stop || elsewhere || before.iter().any(Vec::is_empty) {
             return Ok(None);
         }
         let failure = (self.outcome, std::mem::take(&mut self.reason));

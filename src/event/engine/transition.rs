@@ -3,6 +3,7 @@
 use super::control::UNSEEN;
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
+use crate::event::field::Formed;
 use crate::event::tape::Time;
 use crate::event::watch::{self, Watch};
 use crate::event::{Contact, Outcome, Zeno};
@@ -77,6 +78,10 @@ impl Engine {
     /// one. Says whether it is unique.
     pub(super) fn locate(&mut self, first: bool, length: f64) -> std::result::Result<bool, EvalError> {
         let t = self.t;
+        let kept = self.kept_modes();
+        // modes on demand are formed from the signs at the point, whatever the present ones are
+        let first = first || self.field.is_on_demand();
+        self.field.begin_modes(t, &self.x, &kept)?;
         self.field.watched(t, &self.x)?;
         self.field.watched_gradients(t, &self.x)?;
         self.zero.fill(false);
@@ -104,7 +109,7 @@ impl Engine {
                     active = active.min(j);
                 }
             }
-            if first {
+            if first && !self.field.is_on_demand() {
                 // any valid cell: what follows is decided below
                 let cell = if s.signs { self.region(k) } else { active.min(s.n_q - 1) };
                 let cell = s.first + cell;
@@ -115,8 +120,33 @@ impl Engine {
         }
         let sets = self.field.active.clone();
         self.field.set_active(&sets);
+        if !self.form_modes(&kept)? {
+            return Ok(true);
+        }
         let candidates = self.candidates();
         self.choose(&candidates, length)
+    }
+
+    /// Modes on demand that must not be forgotten: the present ones and those of the last step.
+    pub(super) fn kept_modes(&self) -> Vec<usize> {
+        match self.field.is_on_demand() {
+            true => self.field.active.iter().chain(&self.step_sets).flatten().copied().collect(),
+            false => Vec::new(),
+        }
+    }
+
+    /// Forms the modes around the present point, where they are formed on demand; says whether the simulation goes on.
+    pub(super) fn form_modes(&mut self, kept: &[usize]) -> std::result::Result<bool, EvalError> {
+        if !self.field.is_on_demand() {
+            return Ok(true);
+        }
+        match self.field.form_modes((self.t, &self.x, &self.f), &mut self.zero, kept)? {
+            Formed::Yes => Ok(true),
+            Formed::No(why) => {
+                self.fail(Outcome::NoContinuation, why);
+                Ok(false)
+            }
+        }
     }
 
     /// The cell of the signs at the present point.
@@ -136,7 +166,8 @@ impl Engine {
             }
             for j in 0..s.n_q {
                 let w = |c: usize| s.cells[c - s.first].weights[j];
-                let tied = if s.signs { set.iter().any(|c| w(*c) != w(set[0])) } else { set.contains(&(s.first + j)) };
+                let tied =
+                    if s.signs { set.iter().any(|c| w(*c) * w(set[0]) < 0.0) } else { set.contains(&(s.first + j)) };
                 self.zero[s.q0 + j] |= tied;
             }
         }
@@ -148,7 +179,9 @@ impl Engine {
         all.resize(self.field.active.len(), Vec::new());
         for ((s, set), c) in self.field.subs.iter().zip(&self.field.active).zip(&mut all) {
             c.clear();
-            if s.signs {
+            if let Some(near) = self.field.near_cells() {
+                c.extend(near);
+            } else if s.signs {
                 let fits = |cell: &usize| {
                     let w = &s.cells[*cell].weights;
                     (0..s.n_q).all(|j| self.zero[s.q0 + j] || w[j] * self.field.q[s.q0 + j] <= 0.0)
@@ -174,6 +207,7 @@ impl Engine {
     /// Prepares the first step under a new active set.
     pub(super) fn enter(&mut self) -> std::result::Result<(), EvalError> {
         let t = self.t;
+        self.field.forget_neighbours();
         self.field.scale_constraints(t, &self.x)?;
         match self.field.rhs(t, &self.x, &mut self.f) {
             Err(EvalError::Recoverable) => {
@@ -383,6 +417,10 @@ impl Engine {
         self.keep_surfaces();
         self.f_before.copy_from_slice(&self.f);
         self.differentiate_time(l)?;
+        let kept = self.kept_modes();
+        if !self.form_modes(&kept)? {
+            return Ok(());
+        }
         let candidates = self.candidates();
         let length = self.usual_step();
         let unique = self.choose_behind(&candidates, length)?;
