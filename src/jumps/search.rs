@@ -13,7 +13,7 @@ use super::problem::Problem;
 use super::shots::shots;
 use super::simulate::simulate;
 use super::stepping;
-use super::track::Track;
+use super::track::{interpolate, Track};
 use super::transcribe::{Broken, Transcription};
 use crate::error::{Error, Result};
 use crate::func::Point;
@@ -170,7 +170,7 @@ const PUT_IN: usize = 3;
 const NEAR_UNSOLVED: usize = 8;
 
 /// Sequences in a row that are no better after which a start is left that has led to less than another one.
-const BEHIND: usize = 6;
+const BEHIND: usize = 10;
 
 /// Sequences in a row that are tried where phases without length lead, and ways that are tried at each of them.
 const LEADS: usize = 6;
@@ -402,6 +402,12 @@ impl Search<'_> {
         Track { tableau: g.tableau.clone(), nx, pieces, controls: o.controls.clone(), free: Vec::new() }
     }
 
+    /// Has this start led to a solution, and another start to a better one?
+    fn is_behind(&self) -> bool {
+        let own = self.best.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
+        own.zip(self.rival).is_some_and(|(own, rival)| rival < own)
+    }
+
     fn is_solved(&self) -> bool {
         self.best.as_ref().is_some_and(|b| b.0.is_solved())
     }
@@ -409,6 +415,7 @@ impl Search<'_> {
     /// The best answer that a start leads to, if it is better than those before.
     fn explore(&mut self, start: Start, control: &mut Control) -> Result<()> {
         let before = self.best.take();
+        self.rival = before.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
         self.round += 1;
         self.met = false;
         match start {
@@ -425,7 +432,6 @@ impl Search<'_> {
             Start::Complementarity => self.start_with_complementarity(control)?,
         }
         let most = if self.is_solved() { self.options.search } else { NEAR_UNSOLVED };
-        self.rival = before.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
         self.improve(Reach::Local, most, control)?;
         self.rival = None;
         if let Some(old) = before {
@@ -495,7 +501,8 @@ impl Search<'_> {
             }
             search.coarse = Some((complementary::read(&coarse, t, from), n));
             let found = stepping::motion(&coarse, t, from, stepping::LEVELS[0]);
-            search.try_simulation_of(&found, &t.state(&coarse, t.x0, from), control)
+            search.try_simulation_of(&found, &t.state(&coarse, t.x0, from), control)?;
+            Ok(!search.is_behind())
         })?;
         if !self.is_solved() {
             self.insist(control)?;
@@ -537,18 +544,20 @@ impl Search<'_> {
         let mut t = complementary::transcribe(self.p, o.n_fe, o.rho_h, guess);
         let stops: Vec<f64> = STOPS.into_iter().filter(|s| *s <= sigma).collect();
         self.along_relaxation(&mut t, (sigma, &stops, COMPLEMENTARY_ITERATIONS), control, |search, t, from, control| {
-            search.try_modes_of(t, from, control)
+            search.try_modes_of(t, from, control)?;
+            Ok(true)
         })
     }
 
-    /// Solves a relaxed program from stop to stop of its relaxation, each from the point before; `each` reads sequences from the point. Given are the
+    /// Solves a relaxed program from stop to stop of its relaxation, each from the point before; `each` reads sequences from the point, and says
+    /// whether to go on. Given are the
     /// first relaxation, the stops, and the iterations to each of them.
     fn along_relaxation(
         &mut self,
         t: &mut Transcription,
         (mut sigma, stops, most): (f64, &[f64], usize),
         control: &mut Control,
-        mut each: impl FnMut(&mut Self, &Transcription, &[f64], &mut Control) -> Result<()>,
+        mut each: impl FnMut(&mut Self, &Transcription, &[f64], &mut Control) -> Result<bool>,
     ) -> Result<()> {
         let o = self.options;
         let max_iter = o.solver.max_iter.min(most);
@@ -568,7 +577,9 @@ impl Search<'_> {
                 break;
             }
             from.copy_from_slice(&solution.x);
-            each(self, t, &from, control)?;
+            if !each(self, t, &from, control)? {
+                break;
+            }
         }
         Ok(())
     }
@@ -882,15 +893,4 @@ fn is_better(a: &Answer, b: &Answer, largest: f64) -> bool {
         (false, false) => a.violation < b.violation,
         (now, _) => now,
     }
-}
-
-/// Linear interpolation of states at rising times.
-fn interpolate(times: &[f64], x: &[f64], t: f64, nx: usize) -> Vec<f64> {
-    let k = times.partition_point(|s| *s <= t);
-    if k == 0 || k == times.len() {
-        let k = k.saturating_sub(1);
-        return x[k * nx..(k + 1) * nx].to_vec();
-    }
-    let w = (t - times[k - 1]) / (times[k] - times[k - 1]);
-    (0..nx).map(|i| (1.0 - w) * x[(k - 1) * nx + i] + w * x[k * nx + i]).collect()
 }

@@ -23,6 +23,13 @@ use crate::system::SharedFunction;
 /// Shots that are drawn, and those that are aimed.
 const DRAWN: usize = 600;
 const AIMED: usize = 40;
+/// Rounds of shots beside the best ones that are drawn while none nearly hits, how many beside each of them, and of how many; share of their
+/// variables that are drawn anew, and how far they move at most, as a share of their range.
+const ROUNDS: usize = 2;
+const BESIDE: usize = 15;
+const PARENTS: usize = 20;
+const MUTATED: f64 = 0.35;
+const MOVED: f64 = 0.25;
 /// Steps of simulations, beyond which no more shots are drawn or aimed.
 const MOST_STEPS: usize = 300_000;
 /// Stretches of the horizon on which controls are constant, and how many of them there are at least for every condition at the end.
@@ -107,6 +114,8 @@ struct Flight {
 struct Drawn {
     at: Vec<f64>,
     flight: Flight,
+    /// Was it aimed, or is it what became of one that was?
+    aimed: bool,
 }
 
 struct Range<'a> {
@@ -120,20 +129,14 @@ struct Range<'a> {
 /// Shots that nearly meet all constraints: those that hit, the cheapest first, then others as they come close; none where none does.
 pub(super) fn shots(p: &Problem, o: &Options) -> Result<Vec<Shot>> {
     let mut range = Range::new(p, o);
-    let drawn = range.draw();
-    if drawn.is_empty() {
-        return Ok(Vec::new());
-    }
-    let scales = spread(&drawn);
-    let mut out = Vec::new();
-    for first in best_of_every_word(&drawn, &scales) {
-        if range.is_over() {
+    let mut drawn = range.draw();
+    let mut out = range.aimed(&mut drawn)?;
+    for _ in 0..ROUNDS {
+        if !out.is_empty() || range.is_over() {
             break;
         }
-        let (at, miss) = range.aim(&drawn[first], &scales);
-        if miss <= NEARLY {
-            out.extend(range.shot(&at, miss)?);
-        }
+        range.draw_beside(&mut drawn);
+        out = range.aimed(&mut drawn)?;
     }
     let of = |s: &Shot| if s.miss <= HITS { (0.0, s.cost) } else { (s.miss, s.cost) };
     out.sort_by(|a, b| of(a).0.total_cmp(&of(b).0).then(of(a).1.total_cmp(&of(b).1)));
@@ -262,10 +265,53 @@ impl<'a> Range<'a> {
             }
             let at = self.drawn(k, &mut numbers);
             if let Some(flight) = self.fly(&at) {
-                out.push(Drawn { at, flight });
+                out.push(Drawn { at, flight, aimed: false });
             }
         }
         out
+    }
+
+    /// More shots, each beside one of the best.
+    fn draw_beside(&mut self, drawn: &mut Vec<Drawn>) {
+        let parents = best_of_every_word(drawn, &spread(drawn), PARENTS, false);
+        let mut numbers = SplitMix64::new(SEED + drawn.len() as u64);
+        for k in (0..BESIDE).flat_map(|_| parents.iter().copied()) {
+            if self.is_over() {
+                break;
+            }
+            let mut at = drawn[k].at.clone();
+            for share in &mut at {
+                let (which, to) = (numbers.share(), numbers.share());
+                if which < MUTATED {
+                    *share = (*share + MOVED * (2.0 * to - 1.0)).clamp(0.0, 1.0);
+                }
+            }
+            if let Some(flight) = self.fly(&at) {
+                drawn.push(Drawn { at, flight, aimed: false });
+            }
+        }
+    }
+
+    /// Aims the best shots, which join the others as what became of them; those that nearly hit.
+    fn aimed(&mut self, drawn: &mut Vec<Drawn>) -> Result<Vec<Shot>> {
+        let mut out = Vec::new();
+        if drawn.is_empty() {
+            return Ok(out);
+        }
+        let scales = spread(drawn);
+        for k in best_of_every_word(drawn, &scales, AIMED, true) {
+            if self.is_over() {
+                break;
+            }
+            drawn[k].aimed = true;
+            let found = self.aim(&drawn[k], &scales);
+            let miss = largest(&found.flight.off(&scales));
+            if miss <= NEARLY {
+                out.extend(self.shot(&found.at, miss)?);
+            }
+            drawn.push(found);
+        }
+        Ok(out)
     }
 
     fn drawn(&self, k: usize, numbers: &mut SplitMix64) -> Vec<f64> {
@@ -292,8 +338,8 @@ impl<'a> Range<'a> {
         self.variables.iter().map(of).collect()
     }
 
-    /// Steps towards the constraints: the variables reached, and the largest violation there.
-    fn aim(&mut self, from: &Drawn, scales: &[f64]) -> (Vec<f64>, f64) {
+    /// Steps towards the constraints, and where they get to.
+    fn aim(&mut self, from: &Drawn, scales: &[f64]) -> Drawn {
         let (mut at, mut flight) = (from.at.clone(), from.flight.clone());
         let mut damping = DAMPING;
         for _ in 0..STEPS {
@@ -318,8 +364,7 @@ impl<'a> Range<'a> {
                 break;
             }
         }
-        let miss = largest(&flight.off(scales));
-        (at, miss)
+        Drawn { at, flight, aimed: true }
     }
 
     /// Derivatives of the violated constraints, one column for every variable.
@@ -464,8 +509,8 @@ fn spread(drawn: &[Drawn]) -> Vec<f64> {
 }
 
 /// Shots that come closest. The second best of an order of contacts counts as if it were twice as far off, the third as if it were three times
-/// as far: other orders have their turn, those that are hopeless do not.
-fn best_of_every_word(drawn: &[Drawn], scales: &[f64]) -> Vec<usize> {
+/// as far: other orders have their turn, those that are hopeless do not. With `fresh` only those that were not aimed yet.
+fn best_of_every_word(drawn: &[Drawn], scales: &[f64], most: usize, fresh: bool) -> Vec<usize> {
     let misses: Vec<f64> = drawn.iter().map(|d| squares(&d.flight.off(scales))).collect();
     let mut order: Vec<usize> = (0..drawn.len()).collect();
     order.sort_by(|a, b| misses[*a].total_cmp(&misses[*b]));
@@ -473,8 +518,8 @@ fn best_of_every_word(drawn: &[Drawn], scales: &[f64]) -> Vec<usize> {
     let mut ranked: Vec<(f64, usize)> =
         (0..order.len()).map(|k| (misses[order[k]].sqrt() * (1 + before(k)) as f64, order[k])).collect();
     ranked.sort_by(|a, b| a.0.total_cmp(&b.0));
-    ranked.truncate(AIMED);
-    ranked.into_iter().map(|r| r.1).collect()
+    let wanted = ranked.into_iter().map(|r| r.1).filter(|&k| !(fresh && drawn[k].aimed));
+    wanted.take(most).collect()
 }
 
 /// A damped step of Gauss and Newton within the ranges; variables at their ends stay there where the step would leave them.

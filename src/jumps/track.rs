@@ -102,3 +102,14 @@ impl Track {
         s
     }
 }
+
+/// Linear interpolation of states at rising times.
+pub(super) fn interpolate(times: &[f64], x: &[f64], t: f64, nx: usize) -> Vec<f64> {
+    let k = times.partition_point(|s| *s <= t);
+    if k == 0 || k == times.len() {
+        let k = k.saturating_sub(1);
+        return x[k * nx..(k + 1) * nx].to_vec();
+    }
+    let w = (t - times[k - 1]) / (times[k] - times[k - 1]);
+    (0..nx).map(|i| (1.0 - w) * x[(k - 1) * nx + i] + w * x[k * nx + i]).collect()
+}
