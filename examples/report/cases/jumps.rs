@@ -235,7 +235,7 @@ const PROBLEMS: [Entry; 8] = [
     Entry { name: "ball in a box, 3", build: || ball_in_box(3.0), stages: 40, most: &[50.0; 2], exact: f64::NAN },
 ];
 
-const SEARCHES: [(&str, Jumps); 4] = [
+const SEARCHES: [(&str, Jumps); 5] = [
     ("auto", Jumps::Auto),
     ("modes", Jumps::Modes),
     ("steps", Jumps::Steps),
