@@ -121,10 +121,13 @@ fuzz-faults: stage
 
 # --- the checks -----------------------------------------------------------------------------------
 
+# Each says at its end how long it took.
 check: deps
-	$(MAKE) check-format check-lint check-rust check-header
-	$(MAKE) check-stage check-c check-examples check-pkgconfig
-	$(MAKE) check-together
+	@set -e; for step in format lint rust header stage c examples pkgconfig together; do \
+		began=$$(date +%s); \
+		$(MAKE) check-$$step; \
+		echo "check-$$step: $$(( $$(date +%s) - began )) s"; \
+	done
 	@echo "all checks passed"
 
 # What runs on one processor beside each other: the bindings; the packaged crate and the sanitised library, whose output
