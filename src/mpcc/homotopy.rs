@@ -2,7 +2,13 @@
 //!
 //! First the problem with `σ = σ_0` is solved (the plateau: this one decides which local optimum is found); then a
 //! ladder `σ ← max(σ_end, min(κ σ, σ^1.5))`, `μ ≤ ρ σ`, every rung only to `E ≤ 10 ρ σ` with all multipliers passed on.
-//! A rung whose steps stay short, or that jams, is taken back to where the last one was left, and one between is tried.
+//! A rung whose steps stay short first gets the barrier back that belongs to its relaxation, as after a long plateau iterates
+//! hug their bounds; where that does not help, or the path jams, it is taken back to where the last one was left, and one
+//! between is tried.
+//!
+//! `σ_0` is a guess. At the end of the plateau the multipliers of the relaxed rows tell what it costs: `σ Σ y` is the
+//! derivative of the optimal objective with respect to `ln σ`. Where that weighs in the scaled objective the first
+//! problem was not a relaxation that lets the objective choose, and one with a larger `σ` is solved from there.
 
 use std::ops::Range;
 
@@ -26,6 +32,14 @@ pub struct Scholtes {
     solved: f64,
     /// Smallest reduction, after a rung that was too far.
     gentle: f64,
+    /// The relaxation of the rung that was taken back last, until the next one; 0: none.
+    failed: f64,
+    /// Is this the program of a user? Of what knows its start, a discretisation, the ladder is as steep as it is.
+    given: bool,
+    /// Has its objective a scale that the price of the first relaxation can be compared with?
+    priced: bool,
+    /// How often the first relaxation was enlarged.
+    enlarged: usize,
 }
 
 /// Iterations after which an almost feasible rung counts as done: where the multipliers have no limit the error
@@ -37,6 +51,18 @@ const PLATEAU_ERROR: f64 = 10.0;
 const SHORT: f64 = 0.1;
 /// Short steps in a row that say a level is too far away.
 const PATIENT_STEPS: usize = 8;
+/// Short steps in a row that say the barrier is too weak for the relaxation.
+const HUGGING_STEPS: usize = 3;
+/// Share of the barrier parameter that belongs to a relaxation below which it is weak.
+const HUGGED: f64 = 0.9;
+/// Iterations at the end of the plateau after which a feasible point counts as its solution, as on a rung.
+const PLATEAU_ITERATIONS: usize = 20;
+/// Share of one unit of the scaled objective from which the price of the first relaxation counts, the factor by which that is
+/// then enlarged, with the barrier parameter it begins at, relative to the first one, and how often.
+const PRICE: f64 = 0.7;
+const ENLARGEMENT: f64 = 100.0;
+const ENLARGED_MU: f64 = 0.2;
+const MAX_ENLARGEMENTS: usize = 1;
 
 impl Scholtes {
     /// A path from the initial relaxation to `sigma_end`.
@@ -57,18 +83,74 @@ impl Scholtes {
             short: 0,
             solved: level.sigma,
             gentle: 0.0,
+            failed: 0.0,
+            given: false,
+            priced: false,
+            enlarged: 0,
             settings,
         }
     }
 
+    /// The same for the program of a user (`given`), whose objective may be `scaled`.
+    pub fn of(self, given: bool, scaled: bool) -> Scholtes {
+        Scholtes { given, priced: given && scaled, ..self }
+    }
+
     fn rung(&mut self, sigma: f64, mu: f64) -> Level {
         let s = &self.settings;
+        let mut next = (s.sigma_factor * sigma).min(sigma.powf(s.sigma_exponent)).max(self.gentle * sigma);
+        if self.given && self.stays <= 1 && next <= self.failed {
+            // the rung between was solved where it began: what failed from there would fail again
+            next = (sigma * self.failed).sqrt();
+        }
+        self.failed = 0.0;
         self.stays = 0;
         self.short = 0;
         self.solved = sigma;
-        let next = (s.sigma_factor * sigma).min(sigma.powf(s.sigma_exponent)).max(self.gentle * sigma);
         let sigma = next.max(self.end);
         Level { sigma, mu: (s.mu_over_sigma * sigma).min(mu) }
+    }
+
+    /// The relaxation that was made use of: with the largest product for `σ` this point solves the same problem.
+    fn reached(&self, m: &Measures) -> f64 {
+        if self.rows.is_empty() || !self.given {
+            m.level.sigma
+        } else {
+            m.level.sigma.min(m.pair_product).max(self.end)
+        }
+    }
+
+    /// The next level while the first relaxed problem is solved.
+    fn advance_plateau(&mut self, m: &Measures) -> Advance {
+        let Level { mu, sigma } = m.level;
+        let s = self.settings;
+        if mu > s.plateau_mu {
+            if m.error <= 10.0 * mu {
+                self.short = 0;
+                return Advance::To(Level { mu: lower_barrier(mu, s.plateau_mu), sigma });
+            }
+        } else {
+            self.stays += 1;
+            let solved = m.error <= PLATEAU_ERROR * s.plateau_mu || (self.given && self.stays > PLATEAU_ITERATIONS);
+            if solved && m.primal <= s.plateau_viol {
+                // what the barrier adds to the multipliers of rows that do not bind is no price
+                let price = m.pull - mu * self.rows.len() as f64;
+                if self.priced && price > PRICE && self.enlarged < MAX_ENLARGEMENTS {
+                    self.enlarged += 1;
+                    (self.stays, self.short) = (0, 0);
+                    return Advance::To(Level { mu: ENLARGED_MU * s.mu_init, sigma: ENLARGEMENT * sigma });
+                }
+                self.on_plateau = false;
+                return Advance::To(self.rung(self.reached(m), mu));
+            }
+        }
+        if self.short > PATIENT_STEPS && self.raises < s.sigma_retries {
+            // the iterates hug their bounds: a stronger barrier moves them away
+            self.raises += 1;
+            (self.stays, self.short) = (0, 0);
+            return Advance::To(Level { mu: 10.0 * mu, sigma });
+        }
+        Advance::Stay
     }
 
     /// A rung between the last one that was solved and `sigma`, unless they are close.
@@ -80,6 +162,7 @@ impl Scholtes {
         self.stays = 0;
         self.short = 0;
         self.gentle = (sigma / self.solved).sqrt();
+        self.failed = sigma;
         let sigma = (sigma * self.solved).sqrt();
         Some(Level { sigma, mu: self.settings.mu_over_sigma * sigma })
     }
@@ -95,27 +178,16 @@ impl Continuation for Scholtes {
         let s = self.settings;
         self.short = if m.alpha < SHORT { self.short + 1 } else { 0 };
         if self.on_plateau {
-            if mu > s.plateau_mu {
-                if m.error <= 10.0 * mu {
-                    self.short = 0;
-                    return Advance::To(Level { mu: lower_barrier(mu, s.plateau_mu), sigma });
-                }
-            } else if m.error <= PLATEAU_ERROR * s.plateau_mu && m.primal <= s.plateau_viol {
-                self.on_plateau = false;
-                return Advance::To(self.rung(sigma, mu));
-            }
-            if self.short > PATIENT_STEPS && self.raises < s.sigma_retries {
-                // the iterates hug their bounds: a stronger barrier moves them away
-                self.raises += 1;
-                self.short = 0;
-                return Advance::To(Level { mu: 10.0 * mu, sigma });
-            }
-            return Advance::Stay;
+            return self.advance_plateau(m);
         }
         self.stays += 1;
         let stuck = self.stays > RUNG_ITERATIONS && m.primal <= (10.0 * sigma).max(1e-4);
         // as loose as if the barrier parameter followed the relaxation, which after a long plateau it is below
         if m.error > 10.0 * mu.max(s.mu_over_sigma * sigma) && !stuck {
+            if self.given && self.short >= HUGGING_STEPS && mu < HUGGED * s.mu_over_sigma * sigma {
+                self.short = 0;
+                return Advance::To(Level { mu: s.mu_over_sigma * sigma, sigma });
+            }
             if self.short > PATIENT_STEPS {
                 if let Some(level) = self.between(sigma) {
                     return Advance::Back(level);
@@ -124,7 +196,7 @@ impl Continuation for Scholtes {
             return Advance::Stay;
         }
         if sigma > self.end {
-            return Advance::To(self.rung(sigma, mu));
+            return Advance::To(self.rung(self.reached(m), mu));
         }
         // the last rung: the barrier goes below the relaxation
         if m.error0 <= s.tol.max(self.end) && m.primal <= s.tol.max(self.end) {

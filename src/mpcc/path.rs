@@ -30,7 +30,10 @@ impl Path {
             Sequence::Barrier(chi) => chi * s.mu_init,
         };
         match (sequence, s.homotopy) {
-            (Sequence::Relaxation, Homotopy::Coupled) => Path::Coupled(Scholtes::new(s, st.sigma_rows(), end)),
+            (Sequence::Relaxation, Homotopy::Coupled) => {
+                let path = Scholtes::new(s, st.sigma_rows(), end);
+                Path::Coupled(path.of(st.scaling.is_by_units(), s.scaling))
+            }
             _ => Path::Rule(Rule::new(s, st, Level { mu: s.mu_init, sigma }, end)),
         }
     }
@@ -39,7 +42,8 @@ impl Path {
     pub fn resume(s: MpccSettings, st: &Structure, level: Level, end: f64) -> Path {
         match (st.strategy().sequence(), s.homotopy) {
             (Sequence::Relaxation, Homotopy::Coupled) => {
-                Path::Coupled(Scholtes::resume(s, st.sigma_rows(), level, end))
+                let path = Scholtes::resume(s, st.sigma_rows(), level, end);
+                Path::Coupled(path.of(st.scaling.is_by_units(), s.scaling))
             }
             _ => Path::Rule(Rule::new(s, st, level, end)),
         }

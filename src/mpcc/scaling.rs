@@ -127,6 +127,11 @@ impl Scaling {
         self.rule == Rule::Sizes
     }
 
+    /// Are objective, rows and pairs scaled so that nothing depends on the units they are in?
+    pub fn is_by_units(&self) -> bool {
+        self.rule == Rule::Units
+    }
+
     /// Does the choice of factors ask for second derivatives of the objective?
     pub fn is_curved(&self) -> bool {
         self.rule != Rule::Steep

@@ -64,13 +64,15 @@ pub struct Solution {
     pub stats: Statistics,
 }
 
-/// Relaxation at which an active set that leaves no doubt is tried.
-const EARLY_POLISH: f64 = 1e-3;
+/// Relaxations at which an active set that leaves no doubt is tried, those of the rungs from a first relaxation of one; and the
+/// one of problems from discretisations, whose active sets are not tried before the first polish: it is left more exactly.
+const EARLY_POLISH: [f64; 4] = [0.1, 1e-2, 1e-3, 3.2e-5];
+const EARLY_DISCRETISED: f64 = 1e-3;
 /// Relaxation at which the polish is tried in any case; later only when that one is rejected.
 const FIRST_POLISH: f64 = 1e-6;
 /// Barrier parameter at the end of the plateau. The first relaxed problem decides which local optimum is found: the
 /// better it is solved the better that is, and a start that knows nothing leaves it more to do.
-const PLATEAU: f64 = 3e-5;
+const PLATEAU: f64 = 1e-4;
 const PLATEAU_DISCRETISED: f64 = 1e-3;
 /// Iterations one branch gets: near a solution it takes a handful.
 const BRANCH_ITERATIONS: usize = 30;
@@ -359,9 +361,11 @@ impl MpccSolver {
         }
         // where the last stop was left
         let mut level: Option<Level> = None;
-        let mut stops = [EARLY_POLISH, FIRST_POLISH, s.sigma_min];
-        if !s.early_polish {
-            stops[0] = FIRST_POLISH;
+        let mut stops = [FIRST_POLISH; EARLY_POLISH.len() + 2];
+        stops[EARLY_POLISH.len() + 1] = s.sigma_min;
+        if s.early_polish {
+            let early = if p.is_discretised() { [EARLY_DISCRETISED; EARLY_POLISH.len()] } else { EARLY_POLISH };
+            stops[..EARLY_POLISH.len()].copy_from_slice(&early);
         }
         for stop in &mut stops {
             *stop = if s.polish { stop.max(s.sigma_min) } else { s.sigma_min }.min(s.sigma_init);

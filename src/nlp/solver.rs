@@ -50,6 +50,9 @@ pub struct Measures {
     pub pair_min: f64,
     /// [`Nlp::elastic`].
     pub elastic: f64,
+    /// Derivative of the optimal objective with respect to `ln σ`, as the multipliers of the relaxed rows tell it: `σ` times their
+    /// sum.
+    pub pull: f64,
 }
 
 /// What a [`Continuation`] answers.
@@ -170,6 +173,8 @@ pub struct Ipm {
     pub(super) trial: Iterate,
     /// Where the last level was left.
     left: Iterate,
+    /// Rows whose upper bound is `σ`.
+    relaxed: Range<usize>,
     pub(super) v: Values,
     pub(super) c_trial: Vec<f64>,
     pub(super) f_trial: f64,
@@ -220,6 +225,7 @@ impl Ipm {
             it: Iterate::zeros(n, m),
             trial: Iterate::zeros(n, m),
             left: Iterate::zeros(n, m),
+            relaxed: 0..0,
             v: Values {
                 f: 0.0,
                 c: vec![0.0; m],
@@ -346,7 +352,8 @@ impl Ipm {
         self.bounds.copy_from(bounds);
         self.level = continuation.start();
         nlp.set_level(self.level.sigma, self.level.mu);
-        self.relax(continuation.relaxed_rows());
+        self.relaxed = continuation.relaxed_rows();
+        self.relax(self.relaxed.clone());
         self.shape.classify(&self.bounds);
         self.system.restart();
         if !self.initialise(nlp, start) {
@@ -600,6 +607,7 @@ impl Ipm {
             alpha: self.info.alpha_pr,
             pair_min: self.pair_min(nlp),
             elastic: nlp.elastic(&self.it.x),
+            pull: self.level.sigma * self.relaxed.clone().map(|i| self.it.vu[i]).sum::<f64>(),
         }
     }
 
