@@ -188,6 +188,19 @@ fn all_surfaces_through_the_origin() {
     assert!(moves.x.iter().all(|v| v.abs() < 1.0) && moves.switches.len() > 10, "{:?}", moves.x);
 }
 
+/// A hundred relays on one sum of rectifiers: every relay has few branches, all of them together have too many.
+#[test]
+fn branches_are_counted_together() {
+    let g = Graph::new();
+    let x: Vec<Expr> = (0..2).map(|i| g.x(i)).collect();
+    let zero = g.constant(0.0);
+    let rectified = |i: usize| (x[0] * weight(1, i, 0) + x[1] * weight(1, i, 1) + 0.1 * i as f64).max(zero);
+    let sum = (0..8).fold(zero, |s, i| s + rectified(i) * weight(2, i, 0));
+    let stairs = (0..100).fold(zero, |s, k| s + (sum - 0.02 * k as f64).sign());
+    let s = system(&g, &[x[1], stairs * -0.01 - x[1]]);
+    run(&s, &[1.0, 0.0], 1.0, 1e-8);
+}
+
 /// What cannot do without all modes refuses, and says what to do.
 #[test]
 fn refusals_say_what_to_do() {

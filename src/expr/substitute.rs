@@ -7,7 +7,7 @@ use super::op::{Binary, Unary};
 use crate::error::Result;
 use crate::stop;
 
-/// Branches of a switching function that switches.
+/// Branches of all switching functions that switch.
 const MAX_BRANCHES: usize = 1024;
 
 /// Expressions, and the nodes they consist of: see [`Dag::undecided`].
@@ -165,6 +165,8 @@ impl Dag {
     /// What [`crate::stop`] ends it with.
     pub fn smooth_switches(&mut self, roots: &[Id]) -> Result<Option<Vec<Id>>> {
         let mut known: Vec<Option<Id>> = Vec::new();
+        // branches that all of them together may still have
+        let mut left = MAX_BRANCHES;
         // Inner switching functions are older than those they are part of.
         for s in self.switches_of(roots) {
             if known.len() <= s {
@@ -172,7 +174,7 @@ impl Dag {
             }
             let psi = self.switches[s].psi;
             if !self.switches_of(&[psi]).is_empty() {
-                match self.smooth_condition(psi)? {
+                match self.smooth_condition(psi, &mut left)? {
                     Some(c) => known[s] = Some(c),
                     None => return Ok(None),
                 }
@@ -181,20 +183,19 @@ impl Dag {
         Ok(Some(self.rebuild(roots, &mut |_, s| known.get(s as usize).copied().flatten())))
     }
 
-    /// Condition `ψ > 0` over smooth switching functions; none if it has too many branches.
-    fn smooth_condition(&mut self, whole: Id) -> Result<Option<Id>> {
+    /// Condition `ψ > 0` over smooth switching functions; none if it has more branches than are `left`.
+    fn smooth_condition(&mut self, whole: Id, left: &mut usize) -> Result<Option<Id>> {
         // Branches still to be looked at, with the conditions that lead to them.
         let yes = self.truth(true);
         let mut branches = vec![(yes, whole)];
         let mut result = self.truth(false);
-        let mut n_leaves = 0;
         while let Some((path, psi)) = branches.pop() {
             stop::check()?;
             let Some(&first) = self.switches_of(&[psi]).first() else {
-                n_leaves += 1;
-                if n_leaves > MAX_BRANCHES {
+                if *left == 0 {
                     return Ok(None);
                 }
+                *left -= 1;
                 let here = self.positive(psi);
                 let both = self.and(path, here);
                 result = self.or(result, both);
