@@ -27,13 +27,11 @@ fn weight(k: usize, i: usize, j: usize) -> f64 {
     (12.9898 * (i + 1) as f64 + 78.233 * (j + 1) as f64 + 37.719 * k as f64).sin()
 }
 
+/// A constant and a sum of products with weights.
+type Affine<'a, T> = dyn Fn(f64, &[(f64, T)]) -> T + 'a;
+
 /// Two hidden layers of `h` rectifiers over `n` inputs, weights of the output `k`; `max` is the rectifier.
-fn network<T: Clone>(
-    (h, n): (usize, usize),
-    x: &[T],
-    affine: &dyn Fn(f64, &[(f64, T)]) -> T,
-    max: &dyn Fn(T) -> T,
-) -> Vec<T> {
+fn network<T: Clone>((h, n): (usize, usize), x: &[T], affine: &Affine<T>, max: &dyn Fn(T) -> T) -> Vec<T> {
     let layer = |k: usize, from: &[T], scale: f64| -> Vec<T> {
         let row = |i| from.iter().enumerate().map(|(j, v)| (scale * weight(k, i, j), v.clone())).collect::<Vec<_>>();
         (0..h).map(|i| max(affine(0.3 * weight(k + 10, i, 99), &row(i)))).collect()
