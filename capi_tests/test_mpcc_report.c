@@ -258,14 +258,25 @@ static int32_t tracking(const swb_point *at, double *out, void *user_data)
     return 0;
 }
 
+/* Differences would leave more or less to be done, as they happen to round. */
+static int32_t tracking_gradient(const swb_point *at, double *out, void *user_data)
+{
+    (void)user_data;
+    out[0] = 2 * (at->x[0] - at->p[0]);
+    out[1] = 2 * (at->x[1] - at->p[1]);
+    return 0;
+}
+
 static void re_solve(void)
 {
+    static const int64_t columns[] = {0, 1, 2, 2, 2, 2}, rows_of[] = {0, 0};
     swb_function *f = make_function("f", 2, 0, 2, 1, tracking, NULL);
     swb_mpcc *mpcc = NULL;
     swb_stats stats;
     double p[] = {3.0, 1.0}, x[2];
     int32_t outcome = -1;
 
+    CHECK_OK(swb_function_set_jacobian(f, columns, 6, rows_of, 2, tracking_gradient));
     CHECK_OK(swb_mpcc_create(2, 2, f, NULL, NULL, &mpcc));
     swb_function_free(f);
     CHECK_OK(swb_mpcc_add_pair(mpcc, V, 0, V, 1));
@@ -273,7 +284,7 @@ static void re_solve(void)
     CHECK(solve(mpcc) == SWB_OUTCOME_SOLVED);
     CHECK_OK(swb_mpcc_resolve(mpcc, &outcome));
     CHECK_OK(swb_mpcc_get_stats(mpcc, &stats, sizeof stats));
-    CHECK(outcome == SWB_OUTCOME_SOLVED && stats.iterations <= 3);
+    CHECK(outcome == SWB_OUTCOME_SOLVED && stats.iterations <= 1);
     p[0] = 3.2;
     CHECK_OK(swb_mpcc_set_params(mpcc, p, 2));
     CHECK_OK(swb_mpcc_resolve(mpcc, &outcome));
