@@ -633,52 +633,6 @@ impl Field {
         Ok(())
     }
 
-    fn gradients_at(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        for s in &self.subs {
-            scatter(&s.indicators, &at, &s.to_dq, &mut self.dq, (&mut self.buffer, &mut self.work))?;
-        }
-        Ok(())
-    }
-
-    /// Gradients where states are zero and a formula has no value there, as that of `|x| sqrt |x|`: what it tends to from one of
-    /// the sides, if it does not grow on the way.
-    #[cold]
-    fn gradients_beside(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        /// Distances from zero relative to the sizes of the states.
-        const DISTANCES: [f64; 2] = [16.0 * f64::EPSILON, f64::EPSILON];
-        let beside = |part: f64| -> Vec<f64> {
-            let each = x.iter().zip(&self.floor);
-            each.map(|(x, s)| if *x == 0.0 { part.signum() * (part.abs() * s).max(f64::MIN_POSITIVE) } else { *x })
-                .collect()
-        };
-        if !x.contains(&0.0) {
-            return Err(EvalError::Recoverable);
-        }
-        let points = [1.0, -1.0].map(|side| DISTANCES.map(|d| beside(side * d)));
-        for s in &self.subs {
-            let pattern = s.indicators.jac_pattern();
-            let entries: Vec<usize> = (0..pattern.n_cols()).flat_map(|c| pattern.range(c)).collect();
-            let mut ends = [vec![0.0; entries.len()], vec![0.0; entries.len()]];
-            for row in 0..s.n_q {
-                let own = || entries.iter().filter(|k| pattern.row_idx()[**k] == row);
-                let found = points.iter().any(|sides| {
-                    let known = sides.iter().zip(&mut ends).all(|(x, end)| {
-                        let at = Point { t, x, u: &self.u, p: &self.p };
-                        s.indicators.jacobian_rows(&at, row..row + 1, end, &mut self.work).is_ok()
-                    });
-                    let tends = |k: &usize| ends[1][*k].abs() <= (1.0 + f64::EPSILON.sqrt()) * ends[0][*k].abs();
-                    known && own().all(tends)
-                });
-                if !found {
-                    return Err(EvalError::Recoverable);
-                }
-                own().for_each(|k| self.dq[s.to_dq[*k]] = ends[1][*k]);
-            }
-        }
-        Ok(())
-    }
-
     /// Everything that is watched: indicator functions, and the guards of the present discrete states.
     pub(super) fn watched(&mut self, t: f64, x: &[f64]) -> EvalResult {
         if self.contacts.is_some() {

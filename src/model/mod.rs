@@ -545,32 +545,49 @@ impl Builder<'_> {
         self.lint_trial(&functions, subsystems);
         let t_col = d.t_col();
         let clock = functions.iter().any(|f| !f.jac_pattern().rows(t_col).is_empty());
-        let report = Report {
+        let report = Report { n_smooth: smooth.len(), groups, ..self.report(clock) };
+        Ok(self.built(system, report, functions, saved, still))
+    }
+
+    /// The report of a model without groups, with the notes so far.
+    fn report(&mut self, clock: bool) -> Report {
+        let d = self.model.dims;
+        Report {
             name: self.model.name.clone(),
             n_states: d.x,
             n_controls: d.u,
             n_parameters: d.p,
             clock,
-            n_smooth: smooth.len(),
-            groups,
+            n_smooth: 0,
+            groups: Vec::new(),
             discrete: Vec::new(),
             value_names: Vec::new(),
             transitions: Vec::new(),
-            notes: self.notes,
-        };
-        let names = self.model.names.clone();
-        Ok(Built {
+            notes: std::mem::take(&mut self.notes),
+        }
+    }
+
+    /// What the model became, without discrete states and transitions.
+    fn built(
+        &self,
+        system: System,
+        report: Report,
+        functions: Vec<Arc<ExprFunction>>,
+        saved: Arc<Result<SavedModel>>,
+        still: Vec<bool>,
+    ) -> Built {
+        Built {
             system,
             report,
             functions,
-            dims: d,
+            dims: self.model.dims,
             saved,
-            names,
+            names: self.model.names.clone(),
             still,
             discrete: Vec::new(),
             value_names: Vec::new(),
             transitions: Vec::new(),
-        })
+        }
     }
 
     /// Gradient of an expression with respect to states and time: indices (`nx` is the time) and entries.

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Builder, Built, Names, NoteKind, Report, SavedModel};
+use super::{Builder, Built, NoteKind, SavedModel};
 use crate::error::Result;
 use crate::expr::{Id, SignedFunction};
 use crate::func::{Dims, EvalResult, Point};
@@ -63,31 +63,7 @@ impl Builder<'_> {
         let still = self.lint_states(rhs, &[]);
         let mut system = System::new(d.x, d.u, d.p)?;
         system.set_on_demand(OnDemand { rhs: Arc::new(rhs_function), psi: Arc::new(psi_function), upstream })?;
-        let report = Report {
-            name: self.model.name.clone(),
-            n_states: d.x,
-            n_controls: d.u,
-            n_parameters: d.p,
-            clock,
-            n_smooth: 0,
-            groups: Vec::new(),
-            discrete: Vec::new(),
-            value_names: Vec::new(),
-            transitions: Vec::new(),
-            notes: self.notes,
-        };
-        let names: Names = self.model.names.clone();
-        Ok(Built {
-            system,
-            report,
-            functions: Vec::new(),
-            dims: d,
-            saved,
-            names,
-            still,
-            discrete: Vec::new(),
-            value_names: Vec::new(),
-            transitions: Vec::new(),
-        })
+        let report = self.report(clock);
+        Ok(self.built(system, report, Vec::new(), saved, still))
     }
 }
