@@ -1486,6 +1486,10 @@ enum swb_jumps
      * From shots: simulations of controls drawn at random, always the same ones, and aimed at the constraints.
      */
     SWB_JUMPS_SHOTS = 4,
+    /**
+     * By time-freezing: finite elements in a numerical time in which nothing jumps; without friction where there is restitution.
+     */
+    SWB_JUMPS_FREEZING = 5,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 use switchback::event::{simulate, Options};
 use switchback::expr::Graph;
+use switchback::fesd::Durations;
 use switchback::func::Dims;
 use switchback::jumps::ContactMode;
 use switchback::nlp::{Control, Outcome};
@@ -21,7 +22,7 @@ const STOP_819: f64 = 1.610_106_786_589_409;
 
 #[test]
 fn example_819_from_the_default_start() {
-    for method in [Jumps::Auto, Jumps::FesdJ, Jumps::Modes] {
+    for method in [Jumps::Auto, Jumps::FesdJ, Jumps::Modes, Jumps::Freezing] {
         let mut ocp = example_819(method);
         let r = ocp.solve(&mut Control::default()).unwrap();
         assert_eq!(r.outcome, Outcome::Solved, "{method:?}: {}", r.message);
@@ -194,6 +195,55 @@ fn an_answer_says_what_it_is_for_the_order_of_contacts() {
     // controls inside of their bounds have no derivative left
     let cost = |k: usize| o.gradient[k].abs();
     assert!((0..20).all(|k| r.controls[k].abs() > 9.99 || cost(k) < 1e-6), "{:?}", o.gradient);
+}
+
+/// Two carts with restitution by time-freezing: a horizon that is a variable, and a parameter in the inertia, have their places in numerical
+/// time too.
+#[test]
+fn time_freezing_knows_free_horizons_and_parameters() {
+    let cost = |jumps: Jumps| {
+        let g = Graph::new();
+        let (a, b, u) = (g.x(0), g.x(1), g.u(0));
+        let mut scene = Scene::new("two carts", 2, 2, 1, 1).unwrap();
+        let zero = g.constant(0.0).id();
+        scene.set_inertia(&[g.constant(1.0).id(), zero, zero, g.p(0).id()]).unwrap();
+        scene.set_force(0, (u - g.x(2) * 0.1).id()).unwrap();
+        scene.set_force(1, (g.x(3) * -0.5).id()).unwrap();
+        let restitution = g.constant(0.5).id();
+        scene.add_contact(Contact { restitution, ..Contact::new(&g, "carts", b - a - 0.2) }).unwrap();
+        let built = scene.build(&g).unwrap();
+        let settings = Settings { n_s: 2, n_fe: 2, ..Settings::default() };
+        let mut ocp = Ocp::new(&built.system, 2.0, 10, &settings).unwrap();
+        ocp.set_params(&[2.0]).unwrap();
+        ocp.set_x0(&[0.0, 1.0, 0.0, 0.0]).unwrap();
+        ocp.set_u_bounds(&[-20.0], &[20.0]).unwrap();
+        ocp.set_free_time(Durations::Horizon, 1.0, 4.0).unwrap();
+        ocp.set_lagrange(Arc::new(g.function("cost", built.dims, &[u * u + 1.0]).unwrap())).unwrap();
+        let end = g.function("end", built.dims, &[a, b]).unwrap();
+        ocp.add_terminal(Arc::new(end), &[0.0, 2.0], &[0.0, 2.0]).unwrap();
+        ocp.set_jumps(jumps);
+        let r = ocp.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved, "{jumps:?}: {}", r.message);
+        r.cost
+    };
+    let (frozen, auto) = (cost(Jumps::Freezing), cost(Jumps::Auto));
+    assert!((frozen - auto).abs() < 1e-8 * auto, "{frozen} {auto}");
+}
+
+#[test]
+fn time_freezing_refuses_friction_beside_restitution() {
+    let g = Graph::new();
+    let mut scene = Scene::new("ball", 2, 2, 1, 0).unwrap();
+    scene.set_force(0, g.u(0).id()).unwrap();
+    scene.set_force(1, g.constant(-G).id()).unwrap();
+    let (friction, restitution) = (g.constant(0.3).id(), g.constant(0.5).id());
+    let rough = Contact { friction, restitution, tangents: vec![g.x(0).id()], ..Contact::new(&g, "court", g.x(1)) };
+    scene.add_contact(rough).unwrap();
+    let mut ocp = Ocp::new(&scene.build(&g).unwrap().system, 1.0, 5, &Settings::default()).unwrap();
+    ocp.set_x0(&[0.0, 1.0, 0.0, 0.0]).unwrap();
+    ocp.set_jumps(Jumps::Freezing);
+    let e = ocp.solve(&mut Control::default()).err().unwrap().to_string();
+    assert!(e.contains("contact court has friction and restitution"), "{e}");
 }
 
 #[test]

@@ -32,7 +32,7 @@ const LAYERS: &[(&str, &[&str])] = &[
         "jumps",
         &[
             "error", "stop", "settings", "log", "tableau", "linalg", "func", "expr", "nlp", "mpcc", "system", "scene",
-            "event", "fesd",
+            "freezing", "dcs", "event", "fesd",
         ],
     ),
     (

@@ -28,6 +28,8 @@ pub enum swb_jumps {
     Steps = 3,
     /// From shots: simulations of controls drawn at random, always the same ones, and aimed at the constraints.
     Shots = 4,
+    /// By time-freezing: finite elements in a numerical time in which nothing jumps; without friction where there is restitution.
+    Freezing = 5,
 }
 
 /// Create an optimal control problem of a scene that is built; as swb_ocp_create with the system of the scene. Its states are
@@ -69,6 +71,7 @@ pub unsafe extern "C" fn swb_ocp_set_jumps(ocp: *mut swb_ocp, jumps: i32) -> swb
             2 => Jumps::FesdJ,
             3 => Jumps::Steps,
             4 => Jumps::Shots,
+            5 => Jumps::Freezing,
             _ => return Err(Error::Range(format!("jumps is {jumps}: give an enum swb_jumps"))),
         };
         change(ocp, |o| {

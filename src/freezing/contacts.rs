@@ -5,10 +5,12 @@ use super::{values, Layout, Options};
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, Id, Unary};
 use crate::func::Dims;
-use crate::scene::{ContactEquations, Equations, Scene};
+use crate::scene::{ContactEquations, Equations};
 
 /// Share of the typical speed below which a contact in space creeps.
 const CREEP: f64 = 1e-3;
+/// `a_n` in multiples of the largest normal force, at least: the clock runs in contact with `γ = 1/(1 + λ/a_n)`.
+const PRESSED: f64 = 2.0;
 
 /// One contact in numerical time.
 struct Frozen {
@@ -31,17 +33,19 @@ pub(super) struct Contacts {
 }
 
 impl Contacts {
-    /// `first`: the number of the first depth among the states.
-    pub fn new(scene: &Scene, dag: &mut Dag, parts: &Equations, options: &Options, first: usize) -> Result<Contacts> {
+    /// Of a scene with these sizes, whose depths stand behind its states.
+    pub fn new(dims: Dims, dag: &mut Dag, parts: &Equations, options: &Options) -> Result<Contacts> {
         let (mut all, mut reports) = (Vec::new(), Vec::new());
-        let mut depth = first;
+        let mut depth = dims.x;
+        // the clock is behind the states of the scene, and zero where D is taken
+        let wide = Dims { x: dims.x + options.costs.len() + parts.contacts.len() + 1, ..dims };
         for c in &parts.contacts {
             let restitution = dag.as_const(c.restitution).ok_or_else(|| {
                 Error::Unsupported(format!("time-freezing: the restitution of contact {} must be a number", c.name))
             })?;
             let along = apply_inverse(dag, parts, &c.normal)?;
             let d = dag.dot(&c.normal, &along)?;
-            let scale = inverse_mass(scene, dag, d, options, &c.name)?;
+            let scale = inverse_mass(wide, dag, d, options, &c.name)?;
             let (frozen, report) = if restitution == 0.0 {
                 inelastic(dag, parts, c, options, (along, d), scale)?
             } else {
@@ -106,13 +110,10 @@ fn apply_inverse(dag: &mut Dag, parts: &Equations, b: &[Id]) -> Result<Vec<Id>> 
 }
 
 /// The value of `D` at the point of the options.
-fn inverse_mass(scene: &Scene, dag: &mut Dag, d: Id, options: &Options, name: &str) -> Result<f64> {
-    let s = scene.dims();
-    // the clock is behind the states of the scene, and zero there
-    let dims = Dims { x: s.x + options.costs.len() + scene.n_contacts() + 1, ..s };
+fn inverse_mass(dims: Dims, dag: &mut Dag, d: Id, options: &Options, name: &str) -> Result<f64> {
     let f = ExprFunction::new("D", dag, dims, &[d])?;
-    let at = if options.at.is_empty() { vec![0.0; s.x] } else { options.at.clone() };
-    let v = values(&f, &at, &format!("n M^-1 n of contact {name}"))?[0];
+    let at = if options.at.is_empty() { vec![0.0; dims.x] } else { options.at.clone() };
+    let v = values(&f, &at, &options.params, &format!("n M^-1 n of contact {name}"))?[0];
     if v > 0.0 {
         return Ok(v);
     }
@@ -130,7 +131,7 @@ fn inelastic(
     (along, inverse): (Vec<Id>, Id),
     d: f64,
 ) -> Result<(Frozen, ContactReport)> {
-    let recommended = options.speed / (d * options.step);
+    let recommended = (options.speed / (d * options.step)).max(PRESSED * options.force);
     let a_n = if options.a_n > 0.0 { options.a_n } else { recommended };
     let strength = dag.constant(a_n);
     let mut push: Vec<Id> = along.iter().map(|n| dag.mul(*n, strength)).collect();

@@ -27,13 +27,15 @@
 
 mod contacts;
 mod hysteresis;
+mod mechanics;
 mod report;
 
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, Graph, Id};
-use crate::func::{Function, Point};
+use crate::func::{Dims, Function, Point};
 use crate::model::{self, Model, Names};
 use crate::scene::{Equations, Scene};
+use crate::system::Mechanics;
 pub use hysteresis::{freeze_relay, Relay};
 pub use report::{ContactReport, Kind, Report};
 
@@ -45,6 +47,9 @@ pub struct Options {
     pub step: f64,
     /// Rate at which gaps usually close: `a_n = speed/(D step)`.
     pub speed: f64,
+    /// Largest normal force that usually holds a contact closed: `a_n` that is not given is twice that at least, so that the clock
+    /// runs in contact at two thirds of its speed or faster; 0: not known.
+    pub force: f64,
     /// `a_n` of all contacts with `e = 0`; 0: as recommended.
     pub a_n: f64,
     /// `k` of all contacts with `e > 0`; 0: as recommended, so that a jump takes `step`.
@@ -58,6 +63,8 @@ pub struct Options {
     pub costs: Vec<Id>,
     /// State of the scene where `D` is taken; empty: zeros.
     pub at: Vec<f64>,
+    /// Parameters there; empty: zeros.
+    pub params: Vec<f64>,
 }
 
 impl Default for Options {
@@ -65,12 +72,14 @@ impl Default for Options {
         Options {
             step: 0.1,
             speed: 1.0,
+            force: 0.0,
             a_n: 0.0,
             stiffness: 0.0,
             creep: 0.0,
             speed_of_time: false,
             costs: Vec::new(),
             at: Vec::new(),
+            params: Vec::new(),
         }
     }
 }
@@ -113,9 +122,31 @@ pub fn freeze(scene: &Scene, graph: &Graph, options: &Options) -> Result<Frozen>
 /// Those of [`Scene::build_in`]; [`Error::Range`] for options that are not positive or not finite; [`Error::Unsupported`] for
 /// restitution that is no number, and for friction beside restitution; [`Error::Range`] where `D` has no positive value.
 pub fn freeze_in(scene: &Scene, dag: &mut Dag, options: &Options) -> Result<Frozen> {
-    options.check(scene.dims().x)?;
+    options.check(scene.dims())?;
     let parts = scene.equations(dag)?;
-    let d = scene.dims();
+    freeze_equations(&Source { name: scene.name(), names: scene.names(), dims: scene.dims() }, parts, dag, options)
+}
+
+/// Makes the equations of motion of a scene that is built a piecewise smooth system in numerical time; `dims` has the sizes of the scene, or
+/// more controls and parameters behind those of the scene, which only costs know.
+///
+/// # Errors
+/// As [`freeze_in`], and [`Error::Unsupported`] for functions that are no expressions.
+pub fn freeze_mechanics(m: &Mechanics, dims: Dims, dag: &mut Dag, options: &Options) -> Result<Frozen> {
+    options.check(dims)?;
+    let parts = mechanics::equations(dag, m)?;
+    freeze_equations(&Source { name: "scene", names: &Names::default(), dims }, parts, dag, options)
+}
+
+/// What is frozen.
+struct Source<'a> {
+    name: &'a str,
+    names: &'a Names,
+    dims: Dims,
+}
+
+fn freeze_equations(source: &Source, parts: Equations, dag: &mut Dag, options: &Options) -> Result<Frozen> {
+    let d = source.dims;
     let elastic = parts.contacts.iter().filter(|c| dag.as_const(c.restitution) != Some(0.0)).count();
     let clock = d.x + elastic;
     let layout = Layout {
@@ -125,11 +156,11 @@ pub fn freeze_in(scene: &Scene, dag: &mut Dag, options: &Options) -> Result<Froz
         speed: options.speed_of_time.then_some(d.u),
     };
     let (parts, costs) = on_the_clock(dag, parts, &options.costs, clock);
-    let made = contacts::Contacts::new(scene, dag, &parts, options, d.x)?;
+    let made = contacts::Contacts::new(d, dag, &parts, options)?;
     let rhs = made.rhs(dag, &parts, &costs, &layout)?;
     let nu = d.u + usize::from(options.speed_of_time);
-    let mut model = Model::new(&format!("{}, time frozen", scene.name()), rhs.len(), nu, d.p)?;
-    model.set_names(names(scene, &parts, dag, &layout, nu));
+    let mut model = Model::new(&format!("{}, time frozen", source.name), rhs.len(), nu, d.p)?;
+    model.set_names(names(source, &parts, dag, &layout, nu));
     for (i, id) in rhs.into_iter().enumerate() {
         model.set_derivative(i, id)?;
     }
@@ -137,22 +168,26 @@ pub fn freeze_in(scene: &Scene, dag: &mut Dag, options: &Options) -> Result<Froz
 }
 
 impl Options {
-    fn check(&self, nx: usize) -> Result<()> {
+    fn check(&self, d: Dims) -> Result<()> {
         for (name, v, least) in [
             ("step", self.step, f64::MIN_POSITIVE),
             ("speed", self.speed, f64::MIN_POSITIVE),
+            ("force", self.force, 0.0),
             ("a_n", self.a_n, 0.0),
             ("stiffness", self.stiffness, 0.0),
             ("creep", self.creep, 0.0),
         ] {
             if !(v >= least && v.is_finite()) {
-                let word = if least > 0.0 { "positive" } else { "positive, or 0 for the one that is recommended" };
+                let word = if least > 0.0 { "positive" } else { "positive, or 0 where it is not given" };
                 return Err(Error::Range(format!("{name} is {v}: it must be {word}")));
             }
         }
-        if !self.at.is_empty() && self.at.len() != nx {
-            let n = self.at.len();
-            return Err(Error::Dimension(format!("{n} states of the point where D is taken, the scene has {nx}")));
+        for (what, given, n) in [("states", self.at.len(), d.x), ("parameters", self.params.len(), d.p)] {
+            if given != 0 && given != n {
+                return Err(Error::Dimension(format!(
+                    "{given} {what} of the point where D is taken, the scene has {n}"
+                )));
+            }
         }
         Ok(())
     }
@@ -177,9 +212,8 @@ fn on_the_clock(dag: &mut Dag, parts: Equations, costs: &[Id], clock: usize) -> 
     (out, costs)
 }
 
-fn names(scene: &Scene, parts: &Equations, dag: &Dag, layout: &Layout, nu: usize) -> Names {
-    let own = scene.names();
-    let d = scene.dims();
+fn names(source: &Source, parts: &Equations, dag: &Dag, layout: &Layout, nu: usize) -> Names {
+    let (own, d) = (source.names, source.dims);
     let mut x: Vec<String> = (0..d.x).map(|i| own.x.get(i).cloned().unwrap_or_default()).collect();
     let elastic = parts.contacts.iter().filter(|c| dag.as_const(c.restitution) != Some(0.0));
     x.extend(elastic.map(|c| format!("depth of {}", c.name)));
@@ -193,13 +227,15 @@ fn names(scene: &Scene, parts: &Equations, dag: &Dag, layout: &Layout, nu: usize
 }
 
 /// Values of a function of the scene's states and parameters at a point; an error where there is none.
-fn values(f: &dyn Function, x: &[f64], what: &str) -> Result<Vec<f64>> {
+fn values(f: &dyn Function, x: &[f64], p: &[f64], what: &str) -> Result<Vec<f64>> {
     let d = f.dims();
-    let (u, p) = (vec![0.0; d.u], vec![0.0; d.p]);
+    let u = vec![0.0; d.u];
+    let mut params = p.to_vec();
+    params.resize(d.p, 0.0);
     let mut wide = x.to_vec();
     wide.resize(d.x, 0.0);
     let mut out = vec![f64::NAN; f.n_out()];
-    let at = Point { t: 0.0, x: &wide, u: &u, p: &p };
+    let at = Point { t: 0.0, x: &wide, u: &u, p: &params };
     let found = f.value(&at, &mut out, &mut vec![0.0; f.work_len()]);
     if found.is_err() || out.iter().any(|v| !v.is_finite()) {
         return Err(Error::Range(format!("{what} has no value at {x:?}: give a state of the scene where it has one")));

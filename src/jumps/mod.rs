@@ -2,7 +2,8 @@
 //!
 //! - [`modal`]: the *contact mode program*, smooth, for given contact modes and jumps. Every answer is one of its solutions.
 //! - [`complementary`]: *FESD with jumps*, an MPCC that finds modes and jumps.
-//! - [`search`]: from a simulated guess, or from FESD with jumps, to modes; from modes to those next to them as long as the cost
+//! - [`frozen`]: the problem in the numerical time of time-freezing, by finite elements with switch detection.
+//! - [`search`]: from a simulated guess, or from one of these programs, to modes; from modes to those next to them as long as the cost
 //!   falls.
 //!
 //! All programs are sums of model functions at points ([`assembly`]); [`transcribe`] writes motion, costs and constraints, which
@@ -15,6 +16,7 @@ mod complementary;
 #[cfg(test)]
 mod derivative_tests;
 mod exact;
+mod frozen;
 mod functions;
 mod guards;
 mod modal;

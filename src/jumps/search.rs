@@ -1,24 +1,22 @@
 //! From guesses to modes, from modes to exact answers, from these to better ones.
 
+mod starts;
+
 use std::time::Instant;
 
 use super::blame::{blame, Blame};
-use super::complementary;
 use super::exact::{solve_sequence, without_overlap, Limits, Solved};
 use super::guards::{Condition, Touched};
 use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
-use super::shots::shots;
-use super::simulate::simulate;
-use super::stepping;
-use super::track::{interpolate, Track};
-use super::transcribe::{Broken, Transcription};
+use super::track::Track;
+use super::transcribe::Broken;
 use crate::error::{Error, Result};
 use crate::func::Point;
-use crate::mpcc::{Certificate, Mpcc, MpccSettings, MpccSolver};
-use crate::nlp::{Control, Nlp, Outcome, Residuals, Statistics};
+use crate::mpcc::{Certificate, MpccSettings};
+use crate::nlp::{Control, Outcome, Residuals, Statistics};
 use crate::stop;
 
 /// How contact modes are found.
@@ -37,6 +35,8 @@ pub enum Method {
     Steps = 3,
     /// From simulations of controls drawn at random and aimed at the constraints.
     Shots = 4,
+    /// From time-freezing: finite elements in a numerical time in which nothing jumps.
+    Freezing = 5,
 }
 
 /// What a search is given besides the problem.
@@ -149,20 +149,6 @@ const NEAR_BARRIER: f64 = 1e-2;
 const PROMISING: f64 = 1e-2;
 /// Violation below which two answers that are no solutions are compared by their costs.
 const NEARLY: f64 = 1e-4;
-/// Relaxations at which FESD with jumps is asked for modes, and iterations it gets to each of them.
-const STOPS: [f64; 3] = [1e-1, 1e-2, 1e-4];
-const COMPLEMENTARY_ITERATIONS: usize = 200;
-
-/// Steps of a control stage in time stepping, the relaxations at which it is asked for modes, and its iterations to each of them.
-const STEPS: usize = 2;
-const STEPPING_STOPS: [f64; 2] = [1e-2, 1e-4];
-const STEPPING_ITERATIONS: usize = 500;
-/// How often the steps are halved where their sequences have no solution.
-const REFINED: usize = 2;
-
-/// Shots whose modes are tried.
-const SHOTS: usize = 10;
-
 /// Places in which an impact of a contact is put in.
 const PUT_IN: usize = 3;
 
@@ -273,6 +259,8 @@ enum Start {
     ComplementaritySteps,
     /// FESD with jumps, from the initial state and from that line.
     Complementarity,
+    /// Time-freezing, from both.
+    Freezing,
 }
 
 /// Which sequences next to the best are tried.
@@ -294,13 +282,14 @@ impl Start {
 
 /// Starts of a search, in the order they are tried.
 fn starts(o: &Options) -> Vec<Start> {
-    use Start::{Complementarity, ComplementaritySteps, FineSteps, Guess, Shots, Steps, StepsOnLine};
+    use Start::{Complementarity, ComplementaritySteps, FineSteps, Freezing, Guess, Shots, Steps, StepsOnLine};
     match o.method {
         Method::Auto if o.sequence.is_some() => vec![Guess],
         Method::Auto => vec![Guess, Steps, Shots, FineSteps, StepsOnLine, ComplementaritySteps, Complementarity],
         Method::Modes => vec![Guess],
         Method::Steps => vec![Steps, FineSteps, StepsOnLine],
         Method::Shots => vec![Shots],
+        Method::Freezing => vec![Freezing],
         Method::FesdJ if o.sequence.is_some() => vec![Guess, Complementarity],
         Method::FesdJ => vec![Complementarity],
     }
@@ -355,53 +344,6 @@ struct Search<'a> {
 type Lead = (Sequence, Track, Vec<(usize, usize)>);
 
 impl Search<'_> {
-    /// Solves for the modes of an answer, from its point where the program is the same.
-    fn start_at_answer(&mut self, last: &Answer, control: &mut Control) -> Result<()> {
-        self.attempt_from(&last.planned, &last.track, Some(&last.point), ITERATIONS, control).map(|_| ())
-    }
-
-    /// Simulates the guess and solves for its modes.
-    fn start_at_guess(&mut self, control: &mut Control) -> Result<()> {
-        let o = self.options;
-        let durations = &self.p.given.durations;
-        if let Some(sequence) = &o.sequence {
-            let guess = self.plain_track(o.states.as_ref());
-            return self.attempt(sequence, &guess, ITERATIONS, control).map(|_| ());
-        }
-        if o.method == Method::FesdJ {
-            return Ok(());
-        }
-        let run = simulate(self.p, &o.x0, &o.controls, durations)?;
-        let track = run.track(self.p, &o.controls, durations)?;
-        self.attempt(&track.sequence(self.p.n_stages()), &track, NEAR_ITERATIONS, control).map(|_| ())
-    }
-
-    /// The initial state all the time, or states at times.
-    fn plain_track(&self, states: Option<&(Vec<f64>, Vec<f64>)>) -> Track {
-        let (g, o) = (&self.p.given, self.options);
-        let (nx, n_c, n_s) = (g.dims.x, self.p.n_contacts(), g.tableau.n_s);
-        let at = |t: f64| match states {
-            Some((times, x)) => interpolate(times, x, t - g.t0, nx),
-            None => o.x0.clone(),
-        };
-        let mut pieces = Vec::new();
-        let mut t = g.t0;
-        for (k, &h) in g.durations.iter().enumerate() {
-            pieces.push(super::track::Piece {
-                t,
-                h,
-                stage: k,
-                modes: vec![ContactMode::Open; n_c],
-                x0: at(t),
-                xs: g.tableau.c.iter().flat_map(|c| at(t + c * h)).collect(),
-                forces: vec![0.0; n_s * n_c * 2],
-                ..Default::default()
-            });
-            t += h;
-        }
-        Track { tableau: g.tableau.clone(), nx, pieces, controls: o.controls.clone(), free: Vec::new() }
-    }
-
     /// Has this start led to a solution, and another start to a better one?
     fn is_behind(&self) -> bool {
         let own = self.best.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
@@ -430,6 +372,7 @@ impl Search<'_> {
                 }
             }
             Start::Complementarity => self.start_with_complementarity(control)?,
+            Start::Freezing => self.start_with_freezing(control)?,
         }
         let most = if self.is_solved() { self.options.search } else { NEAR_UNSOLVED };
         self.improve(Reach::Local, most, control)?;
@@ -445,152 +388,6 @@ impl Search<'_> {
         Ok(())
     }
 
-    /// A straight line from the initial state to the target, where that is known and nothing else was given.
-    fn line(&self) -> Option<(Vec<f64>, Vec<f64>)> {
-        let o = self.options;
-        let target = o.target.as_ref().filter(|_| o.states.is_none())?;
-        Some((vec![0.0, self.p.given.durations.iter().sum()], [&o.x0[..], &target[..]].concat()))
-    }
-
-    /// Modes of simulations that nearly meet the constraints.
-    fn start_with_shots(&mut self, control: &mut Control) -> Result<()> {
-        let mut left = SHOTS;
-        for shot in shots(self.p, self.options)? {
-            let sequence = shot.track.sequence(self.p.n_stages());
-            if left == 0 || stop::requested().is_some() {
-                break;
-            }
-            if self.is_new(&sequence) {
-                left -= 1;
-                self.attempt(&sequence, &shot.track, NEAR_ITERATIONS, control)?;
-            }
-        }
-        Ok(())
-    }
-
-    /// Time stepping. At several stops of its relaxation sequences are read from its motion: with all its contacts, and without those
-    /// that hardly count.
-    fn start_with_steps(&mut self, states: &Option<(Vec<f64>, Vec<f64>)>, control: &mut Control) -> Result<()> {
-        let guess = self.plain_track(states.as_ref());
-        self.follow_steps(STEPS, &guess, self.options.solver.sigma_init, control)
-    }
-
-    /// Time stepping again, with steps that are shorter and shorter, each from the motion of the last: coarse steps find where contacts are
-    /// worth it, but a motion with them need not have one without their error beside it.
-    fn refine_steps(&mut self, control: &mut Control) -> Result<()> {
-        for _ in 0..REFINED {
-            let Some((guess, n)) = self.coarse.clone() else { break };
-            if self.is_solved() || stop::requested().is_some() {
-                break;
-            }
-            self.follow_steps(2 * n, &guess, STEPPING_STOPS[0], control)?;
-        }
-        Ok(())
-    }
-
-    fn follow_steps(&mut self, n: usize, guess: &Track, sigma: f64, control: &mut Control) -> Result<()> {
-        let coarse = self.p.with_one_stage_point()?;
-        let mut t = stepping::transcribe(&coarse, n, guess);
-        let relaxed = (sigma, &STEPPING_STOPS[..], STEPPING_ITERATIONS);
-        self.along_relaxation(&mut t, relaxed, control, |search, t, from, control| {
-            for level in stepping::LEVELS {
-                let found = stepping::motion(&coarse, t, from, level);
-                // what costs more than the motion with more contacts is not followed for long
-                let most = if search.is_solved() { NEAR_ITERATIONS } else { ITERATIONS };
-                search.attempt(&found.sequence(search.p.n_stages()), &found, most, control)?;
-            }
-            search.coarse = Some((complementary::read(&coarse, t, from), n));
-            let found = stepping::motion(&coarse, t, from, stepping::LEVELS[0]);
-            search.try_simulation_of(&found, &t.state(&coarse, t.x0, from), control)?;
-            Ok(!search.is_behind())
-        })?;
-        if !self.is_solved() {
-            self.insist(control)?;
-        }
-        Ok(())
-    }
-
-    /// FESD with jumps from the motion of time stepping, which is nearly one of its own: its relaxation begins where that of steps ends.
-    fn start_with_complementarity_at_steps(&mut self, control: &mut Control) -> Result<()> {
-        match self.coarse.clone() {
-            Some((guess, _)) => self.follow_homotopy(&guess, STEPPING_STOPS[0], control),
-            None => Ok(()),
-        }
-    }
-
-    /// FESD with jumps from the initial state, and, where that leads to no solution, from a straight line to the target.
-    fn start_with_complementarity(&mut self, control: &mut Control) -> Result<()> {
-        let o = self.options;
-        let line = self.line();
-        for states in [o.states.clone(), line.clone()] {
-            let again = states.is_some() && states == line;
-            let solved = self.best.as_ref().is_some_and(|b| b.0.is_solved());
-            if again && (solved || stop::requested().is_some()) {
-                break;
-            }
-            let guess = self.plain_track(states.as_ref());
-            self.follow_homotopy(&guess, o.solver.sigma_init, control)?;
-            if line.is_none() {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    /// FESD with jumps. At several stops of its relaxation its modes are read, and those of the simulation of its controls: far
-    /// from the end it has seen more of the other motions, near the end it knows better when contacts close.
-    fn follow_homotopy(&mut self, guess: &Track, sigma: f64, control: &mut Control) -> Result<()> {
-        let o = self.options;
-        let mut t = complementary::transcribe(self.p, o.n_fe, o.rho_h, guess);
-        let stops: Vec<f64> = STOPS.into_iter().filter(|s| *s <= sigma).collect();
-        self.along_relaxation(&mut t, (sigma, &stops, COMPLEMENTARY_ITERATIONS), control, |search, t, from, control| {
-            search.try_modes_of(t, from, control)?;
-            Ok(true)
-        })
-    }
-
-    /// Solves a relaxed program from stop to stop of its relaxation, each from the point before; `each` reads sequences from the point, and says
-    /// whether to go on. Given are the
-    /// first relaxation, the stops, and the iterations to each of them.
-    fn along_relaxation(
-        &mut self,
-        t: &mut Transcription,
-        (mut sigma, stops, most): (f64, &[f64], usize),
-        control: &mut Control,
-        mut each: impl FnMut(&mut Self, &Transcription, &[f64], &mut Control) -> Result<bool>,
-    ) -> Result<()> {
-        let o = self.options;
-        let max_iter = o.solver.max_iter.min(most);
-        let settings = MpccSettings { polish: false, certify: false, early_polish: false, max_iter, ..o.solver };
-        let mut solver = MpccSolver::new(&mut t.program, settings)?;
-        let mut from = t.start.clone();
-        for &end in stops {
-            if stop::requested().is_some() {
-                break;
-            }
-            solver.settings.sigma_init = sigma;
-            solver.settings.sigma_min = end;
-            sigma = end;
-            let solution = solver.solve(&mut t.program, &t.bounds, &from, control).clone();
-            self.note(t, &solution.stats);
-            if !solution.residuals.primal.is_finite() {
-                break;
-            }
-            from.copy_from_slice(&solution.x);
-            if !each(self, t, &from, control)? {
-                break;
-            }
-        }
-        Ok(())
-    }
-
-    /// The modes at a point of FESD with jumps, and those of the simulation of its controls.
-    fn try_modes_of(&mut self, t: &Transcription, w: &[f64], control: &mut Control) -> Result<()> {
-        let found = complementary::read(self.p, t, w);
-        self.attempt(&found.sequence(self.p.n_stages()), &found, NEAR_ITERATIONS, control)?;
-        self.try_simulation_of(&found, &t.state(self.p, t.x0, w), control)
-    }
-
     /// May the sequence have a solution that is not known yet?
     fn is_new(&self, sequence: &Sequence) -> bool {
         let key = sequence.key();
@@ -602,27 +399,11 @@ impl Search<'_> {
         }
     }
 
-    /// The modes of the simulation of the controls of a motion.
-    fn try_simulation_of(&mut self, found: &Track, x0: &[f64], control: &mut Control) -> Result<()> {
-        let lengths = self.stage_lengths(found);
-        if let Ok(run) = simulate(self.p, x0, &found.controls, &lengths) {
-            let track = run.track(self.p, &found.controls, &lengths)?;
-            self.attempt(&track.sequence(self.p.n_stages()), &track, NEAR_ITERATIONS, control)?;
-        }
-        Ok(())
-    }
-
-    fn stage_lengths(&self, track: &Track) -> Vec<f64> {
-        let mut lengths = vec![0.0; self.p.n_stages()];
-        track.pieces.iter().for_each(|p| lengths[p.stage] += p.h);
-        lengths
-    }
-
-    fn note(&mut self, t: &Transcription, stats: &Statistics) {
+    /// What a solve took, and how large its program was.
+    fn note(&mut self, dimensions: (usize, usize, usize), stats: &Statistics) {
         self.spent.add(stats);
-        let now = (t.program.n(), t.program.m(), t.program.pairs().len());
-        if now.0 > self.dimensions.0 {
-            self.dimensions = now;
+        if dimensions.0 > self.dimensions.0 {
+            self.dimensions = dimensions;
         }
     }
 
@@ -683,7 +464,7 @@ impl Search<'_> {
         let limits = Limits { patience, cost: best.map_or(f64::INFINITY, |b| b.0.cost) };
         let (mut answer, mut solved) =
             solve_sequence(self.p, sequence, guess, &Held::default(), point, settings, limits, control)?;
-        self.note(&solved.transcription, &answer.stats);
+        self.note(answer.dimensions, &answer.stats);
         let cheaper =
             self.best.as_ref().is_none_or(|b| !b.0.is_solved() || answer.cost < b.0.cost + PROMISING * b.0.cost.abs());
         let stuck = matches!(answer.outcome, Outcome::MaxIter | Outcome::Stalled);
@@ -698,7 +479,7 @@ impl Search<'_> {
             let limits = Limits { patience: ITERATIONS, ..limits };
             let again =
                 solve_sequence(self.p, sequence, guess, &Held::default(), Some(&last), settings, limits, control)?;
-            self.note(&again.1.transcription, &again.0.stats);
+            self.note(again.0.dimensions, &again.0.stats);
             if is_better(&again.0, &answer, self.largest) {
                 (answer, solved) = again;
             }
@@ -706,7 +487,7 @@ impl Search<'_> {
         if answer.overlap && self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0, self.largest)) {
             // the cost of a motion that cannot be is none to compare with
             if let Some(apart) = without_overlap(self.p, &answer, settings, limits, control)? {
-                self.note(&apart.1.transcription, &apart.0.stats);
+                self.note(apart.0.dimensions, &apart.0.stats);
                 if apart.0.is_solved() || self.is_solved() {
                     (answer, solved) = apart;
                 }

@@ -759,6 +759,7 @@ How an optimal control problem of a scene finds contact modes and impacts.
 - `SWB_JUMPS_FESD_J`: By finite elements with jumps: complementarity between gaps and forces in every element.
 - `SWB_JUMPS_STEPS`: By time stepping: complementarity at the ends of equal steps of implicit Euler.
 - `SWB_JUMPS_SHOTS`: From shots: simulations of controls drawn at random, always the same ones, and aimed at the constraints.
+- `SWB_JUMPS_FREEZING`: By time-freezing: finite elements in a numerical time in which nothing jumps; without friction where there is restitution.
 """
 const swb_jumps = Int64
 const SWB_JUMPS_AUTO = swb_jumps(0)
@@ -766,7 +767,8 @@ const SWB_JUMPS_MODES = swb_jumps(1)
 const SWB_JUMPS_FESD_J = swb_jumps(2)
 const SWB_JUMPS_STEPS = swb_jumps(3)
 const SWB_JUMPS_SHOTS = swb_jumps(4)
-const NAMES_swb_jumps = [:auto => 0, :modes => 1, :fesd_j => 2, :steps => 3, :shots => 4]
+const SWB_JUMPS_FREEZING = swb_jumps(5)
+const NAMES_swb_jumps = [:auto => 0, :modes => 1, :fesd_j => 2, :steps => 3, :shots => 4, :freezing => 5]
 
 """
 What the optimiser may choose of the lengths of the control stages.

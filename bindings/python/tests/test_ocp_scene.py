@@ -49,6 +49,12 @@ def test_a_puck_lands_slides_and_sticks():
     assert before[3] == pytest.approx(-math.sqrt(2 * G)) and abs(behind[3]) < 1e-9 and behind[2] < before[2]
 
 
+def test_time_freezing_leads_to_the_same_answer():
+    r = puck("freezing").solve()
+    assert r.success and r.cost == pytest.approx(72.639278346280518, abs=1e-9)
+    assert r.accuracy.terminal < 1e-9
+
+
 def test_two_carts_and_a_target_that_only_a_hit_reaches():
     s = swb.Scene("a b", u="F", name="carts")
     a, b = s.q

@@ -453,6 +453,7 @@ class Jumps(Names):
     FESD_J = 2
     STEPS = 3
     SHOTS = 4
+    FREEZING = 5
 
 
 class FreeTime(Names):
