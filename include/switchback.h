@@ -741,6 +741,39 @@ typedef int64_t swb_ambiguity_policy;
 #endif // __cplusplus
 
 /**
+ * Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply (option selection).
+ */
+enum swb_selection
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * The one in which every surface has a weight and those of modes are their products: what independent smoothings of the surfaces lead to.
+     */
+    SWB_SELECTION_BILINEAR = 0,
+    /**
+     * The one of the moments method, of two surfaces: modes are balanced by the norms of their rates. Where more surfaces meet the simulation stops.
+     */
+    SWB_SELECTION_MOMENTS = 1,
+    /**
+     * The one whose weights have the least Euclidean norm, as long as none of them vanishes.
+     */
+    SWB_SELECTION_NORM = 2,
+    /**
+     * One with the fewest active cells that keep the surfaces, an extreme one.
+     */
+    SWB_SELECTION_FEWEST = 3,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_selection swb_selection;
+#else
+typedef int64_t swb_selection;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * Verbosity of the log sink; each level contains the ones before it (option log_level).
  */
 enum swb_log_level
@@ -2336,6 +2369,10 @@ typedef struct swb_settings {
      * Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).
      */
     int64_t portfolio;
+    /**
+     * Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one (enum selection).
+     */
+    int64_t selection;
 } swb_settings;
 
 /**

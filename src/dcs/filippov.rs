@@ -486,8 +486,7 @@ impl FilippovProblem {
         s: &FilippovSolution,
         length: f64,
     ) -> Result<bool, EvalError> {
-        let pace = pace(system, &self.x, &s.velocity);
-        let ahead = AHEAD * if pace * length > 1.0 { 1.0 / pace } else { length };
+        let ahead = time_ahead(system, &self.x, &s.velocity, length);
         let y: Vec<f64> = self.x.iter().zip(&s.velocity).map(|(x, v)| x + ahead * v).collect();
         let lists: Vec<Vec<usize>> =
             (0..self.kept.len()).map(|k| self.cells[self.own_candidates(k)].to_vec()).collect();
@@ -498,7 +497,7 @@ impl FilippovProblem {
         let (Some(before), Some(after)) = (self.all_slacks(&s.sets), there.all_slacks(&s.sets)) else {
             return Ok(false);
         };
-        Ok(before.iter().zip(&after).all(|(b, a)| *b > ZERO || a - b >= -FALL))
+        Ok(before.iter().zip(&after).all(|(b, a)| holds_ahead(*b, *a)))
     }
 
     /// The slacks of all subsystems with the active cells `sets`; none where the weights are not determined.
@@ -510,6 +509,17 @@ impl FilippovProblem {
         let theta = self.weights(&sets, &mut Lu::with_capacity(self.cells.len()))?;
         Some(sets.iter().enumerate().flat_map(|(k, s)| self.slacks(k, s, &theta)).collect())
     }
+}
+
+/// How far ahead second-order conditions look from `x`, for a velocity; `length` is a time over which the solution hardly changes.
+pub fn time_ahead<S: CellFields>(system: &S, x: &[f64], velocity: &[f64], length: f64) -> f64 {
+    let pace = pace(system, x, velocity);
+    AHEAD * if pace * length > 1.0 { 1.0 / pace } else { length }
+}
+
+/// Is a weight positive, or zero and does not fall on the way ahead?
+pub fn holds_ahead(here: f64, ahead: f64) -> bool {
+    here > ZERO || here >= -ZERO && ahead - here >= -FALL
 }
 
 /// Of solutions with the same velocity the first: sets that differ only by cells of weight zero are one continuation.

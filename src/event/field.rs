@@ -20,11 +20,12 @@ mod gradients;
 mod limit;
 mod near;
 mod on_demand;
+mod selection;
 mod sliding;
 
 pub(super) use apart::{Apart, Known, Open};
 pub(super) use contacts::{Contacts, TO_RATE};
-pub(super) use gradients::{Gradients, Row};
+pub(super) use gradients::{scatter, Gradients, Row};
 pub(super) use on_demand::Formed;
 pub use on_demand::SLOTS as MODES_ON_DEMAND;
 use sliding::Sliding;
@@ -34,8 +35,10 @@ use self::contacts::WATCHED;
 use self::entries::Entries;
 use self::limit::Limit;
 use self::on_demand::{Demand, TOGETHER};
+use self::selection::Selected;
 use super::guard::{Guards, Reset};
 use super::step::Stages;
+use super::Selection;
 use crate::dcs::{filippov, Cell, Dcs, Drift};
 use crate::func::{Dims, EvalError, EvalResult, Function, Point};
 use crate::system::{SharedFunction, System};
@@ -158,6 +161,9 @@ pub(super) struct Field {
     rows_known: bool,
     /// The motion in a limit set, where the present mode is one.
     pub(super) limit: Option<Box<Limit>>,
+    /// How weights are selected where surfaces meet and do not determine them, and the intersections of the present active set.
+    pub(super) selection: Selection,
+    selected: Option<Box<Selected>>,
     /// Weights at the last point.
     pub(super) alpha: Vec<f64>,
     /// Weights at the stages of the present step of an explicit pair.
@@ -282,6 +288,8 @@ impl Field {
             sliding: Sliding::new(rows, columns, (nx, n_z)),
             rows_known: false,
             limit: None,
+            selection: Selection::Bilinear,
+            selected: None,
             alpha: vec![0.0; most],
             traces: vec![[0.0; 16]; most],
             room: vec![0.0; most],
@@ -376,6 +384,7 @@ impl Field {
             return;
         }
         self.sliding.lay_out(&self.pairs, &self.first_pair);
+        self.find_intersections();
         if let ([s], true, true) = (&self.subs[..], self.drifts.is_empty(), self.pairs.is_empty()) {
             if s.identity {
                 let mode = s.cells[self.active[0][0] - s.first].mode;
@@ -718,7 +727,7 @@ impl Field {
             return Err(EvalError::Recoverable);
         }
         self.sliding.solve(&mut self.alpha[..r]);
-        Ok(())
+        self.select_weights()
     }
 
     /// Solves with the transpose of `C D` of the last [`Field::hidden`].
@@ -754,6 +763,7 @@ impl Field {
             before = worst;
             moved = true;
             self.sliding.solve(&mut self.room[..r]);
+            self.return_to_intersections();
             for i in 0..r {
                 for (row, d) in self.d(i) {
                     x[row] += self.room[i] * d;
@@ -838,22 +848,6 @@ impl Field {
     pub(super) fn constant_gradients(&self) -> bool {
         self.dq_constant
     }
-}
-
-/// Writes the Jacobian of a function to the places of `map` in `out`; entries outside of its pattern stay as they are.
-pub(super) fn scatter(
-    f: &SharedFunction,
-    at: &Point,
-    map: &[usize],
-    out: &mut [f64],
-    (buffer, work): (&mut [f64], &mut [f64]),
-) -> EvalResult {
-    if map.is_empty() {
-        return Ok(());
-    }
-    f.jacobian(at, &mut buffer[..map.len()], work)?;
-    map.iter().zip(buffer).for_each(|(to, v)| out[*to] = *v);
-    Ok(())
 }
 
 /// Where the entries of the Jacobian of a function go: rows from `q0` on, with the columns `x`, `p`, `u`, `t`.

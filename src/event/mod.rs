@@ -56,7 +56,7 @@ mod step;
 mod tape;
 mod watch;
 
-pub use crate::settings::{AmbiguityPolicy as Ambiguity, Integration as Method, ZenoPolicy as Zeno};
+pub use crate::settings::{AmbiguityPolicy as Ambiguity, Integration as Method, Selection, ZenoPolicy as Zeno};
 pub use adjoint::{Gradient, Term};
 pub use engine::{Engine, Progress};
 pub use field::MODES_ON_DEMAND;

@@ -1,6 +1,6 @@
 //! What this layer takes of the options: written by `make header` from src/settings/options.toml; do not edit.
 
-use crate::settings::{AmbiguityPolicy, Integration, Settings, ZenoPolicy};
+use crate::settings::{AmbiguityPolicy, Integration, Selection, Settings, ZenoPolicy};
 
 /// Settings of a simulation.
 #[derive(Debug, Clone, PartialEq)]
@@ -31,6 +31,8 @@ pub struct Options {
     pub adjoint: bool,
     /// Bytes that building, solving or simulating may take at most; 0: as many as there are.
     pub max_memory: usize,
+    /// Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one.
+    pub selection: Selection,
     /// Modes of every subsystem, the preferred first, for [`AmbiguityPolicy::Prefer`]; those that are not named come last.
     pub preferred: Vec<Vec<usize>>,
 }
@@ -58,6 +60,7 @@ impl From<&Settings> for Options {
             sensitivity: s.sensitivity(),
             adjoint: s.adjoint(),
             max_memory: usize::try_from(s.max_memory).unwrap_or(0),
+            selection: s.selection().unwrap_or(Selection::Bilinear),
             preferred: Vec::new(),
         }
     }

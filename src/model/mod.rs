@@ -681,7 +681,8 @@ impl Builder<'_> {
                 .any(|[a, b, d, e]| (0..n).any(|r| !self.cancels(&[(a[r], 1), (b[r], -1), (d[r], -1), (e[r], 1)])));
             if multiplied {
                 let text = format!(
-                    "the effects of {} and {} do not add: where both vanish and a sliding mode holds them, the modes allow a continuum                      of velocities, and the simulation takes an extreme one of them (option ambiguity)",
+                    "the effects of {} and {} do not add: where both vanish and a sliding mode holds them, the modes allow a continuum of \
+                     velocities, of which a simulation takes the one that the option selection asks for",
                     self.text(psi[j]),
                     self.text(psi[k])
                 );

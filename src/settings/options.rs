@@ -550,6 +550,36 @@ impl AmbiguityPolicy {
     }
 }
 
+/// Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply (option selection).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Selection {
+    /// The one in which every surface has a weight and those of modes are their products: what independent smoothings of the surfaces lead to.
+    Bilinear = 0,
+    /// The one of the moments method, of two surfaces: modes are balanced by the norms of their rates. Where more surfaces meet the simulation stops.
+    Moments = 1,
+    /// The one whose weights have the least Euclidean norm, as long as none of them vanishes.
+    Norm = 2,
+    /// One with the fewest active cells that keep the surfaces, an extreme one.
+    Fewest = 3,
+}
+
+impl Selection {
+    /// Value names, by value.
+    pub const NAMES: &'static [&'static str] = &["bilinear", "moments", "norm", "fewest"];
+    const ALL: [Selection; 4] = [Selection::Bilinear, Selection::Moments, Selection::Norm, Selection::Fewest];
+
+    /// Value of this number; `None` outside the enumeration.
+    pub fn from_i64(value: i64) -> Option<Self> {
+        Self::ALL.get(usize::try_from(value).ok()?).copied()
+    }
+
+    /// Name of the value.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
 /// Verbosity of the log sink; each level contains the ones before it (option log_level).
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -719,6 +749,8 @@ pub struct Settings {
     pub ocp_start: i64,
     /// Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).
     pub portfolio: i64,
+    /// Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one (enum selection).
+    pub selection: i64,
 }
 
 impl Default for Settings {
@@ -787,6 +819,7 @@ impl Default for Settings {
             max_memory: 0,
             ocp_start: 0,
             portfolio: 1,
+            selection: 0,
         }
     }
 }
@@ -1661,6 +1694,20 @@ pub static OPTIONS: &[OptionInfo] = &[
         get: |s| s.portfolio as f64,
         set: |s, v| s.portfolio = v as i64,
     },
+    OptionInfo {
+        name: "selection",
+        group: "events",
+        kind: Kind::Enum(Selection::NAMES),
+        default: 0.0,
+        min: Closed(0.0),
+        max: Closed(3.0),
+        symbol: "",
+        doc: "Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one (enum selection).",
+        setup_only: false,
+        offset: offset_of!(Settings, selection),
+        get: |s| s.selection as f64,
+        set: |s, v| s.selection = v as i64,
+    },
 ];
 
 impl Settings {
@@ -1812,5 +1859,10 @@ impl Settings {
     /// [`Portfolio`] of these settings.
     pub fn portfolio(&self) -> Result<Portfolio> {
         Portfolio::from_i64(self.portfolio).ok_or_else(|| bad("portfolio", self.portfolio))
+    }
+
+    /// [`Selection`] of these settings.
+    pub fn selection(&self) -> Result<Selection> {
+        Selection::from_i64(self.selection).ok_or_else(|| bad("selection", self.selection))
     }
 }

@@ -294,6 +294,21 @@ const SWB_AMBIGUITY_POLICY_PREFER = swb_ambiguity_policy(2)
 const NAMES_swb_ambiguity_policy = [:first => 0, :stop => 1, :prefer => 2]
 
 """
+Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply (option selection).
+
+- `SWB_SELECTION_BILINEAR`: The one in which every surface has a weight and those of modes are their products: what independent smoothings of the surfaces lead to.
+- `SWB_SELECTION_MOMENTS`: The one of the moments method, of two surfaces: modes are balanced by the norms of their rates. Where more surfaces meet the simulation stops.
+- `SWB_SELECTION_NORM`: The one whose weights have the least Euclidean norm, as long as none of them vanishes.
+- `SWB_SELECTION_FEWEST`: One with the fewest active cells that keep the surfaces, an extreme one.
+"""
+const swb_selection = Int64
+const SWB_SELECTION_BILINEAR = swb_selection(0)
+const SWB_SELECTION_MOMENTS = swb_selection(1)
+const SWB_SELECTION_NORM = swb_selection(2)
+const SWB_SELECTION_FEWEST = swb_selection(3)
+const NAMES_swb_selection = [:bilinear => 0, :moments => 1, :norm => 2, :fewest => 3]
+
+"""
 Verbosity of the log sink; each level contains the ones before it (option log_level).
 
 - `SWB_LOG_LEVEL_SILENT`: Nothing.
@@ -1059,6 +1074,7 @@ table (`swb_option_range`).
 - `max_memory`: Bytes that building, solving or simulating may take at most; 0: as many as there are.
 - `ocp_start`: Where optimal control problems start from (enum ocp_start).
 - `portfolio`: Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).
+- `selection`: Which of many velocities an event-driven simulation takes in a sliding mode where surfaces meet and their effects multiply. Where a rule has no weights between 0 and 1, an extreme one (enum selection).
 """
 struct swb_settings
     struct_size::UInt64
@@ -1124,8 +1140,9 @@ struct swb_settings
     max_memory::Int64
     ocp_start::Int64
     portfolio::Int64
+    selection::Int64
 end
-sizeof(swb_settings) == 504 || error("swb_settings has another size than in C")
+sizeof(swb_settings) == 512 || error("swb_settings has another size than in C")
 
 """
 Residuals of the optimality conditions, unscaled, maximum norm.

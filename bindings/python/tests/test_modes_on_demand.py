@@ -116,5 +116,12 @@ def test_a_continuum_is_named():
     s, r = sign(m.x[0]), sign(m.x[1])
     m.derivatives = [-2 * r - 0.7 * s, 2 * s - 0.7 * r, 1 + 0.3 * s * r]
     assert str(m.report()).count("continuum") == 1
+    for rtol in (1e-4, 1e-8):
+        # both means are zero, so is their product; the extreme velocities are far from that
+        run = swb.simulate(m, [1, 0.2, 0], 3.0, rtol=rtol, atol=1e-2 * rtol)
+        behind = run.x_end[2] - 3.0
+        extreme = swb.simulate(m, [1, 0.2, 0], 3.0, rtol=rtol, atol=1e-2 * rtol, selection="fewest")
+        assert abs(behind - 0.06) < 10 * rtol and abs(extreme.x_end[2] - 3.06) > 0.5
+        assert not run.switches[-1].unique and len(run.switches[-1].after) == 4
     m.derivatives = [-2 * r - 0.7 * s, 2 * s - 0.7 * r, 1 + 0.3 * s]
     assert "continuum" not in str(m.report())

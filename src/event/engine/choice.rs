@@ -71,12 +71,17 @@ impl Engine {
             return Ok(true);
         }
         let found = self.continuations(candidates, length, apart)?;
+        if self.outcome != Outcome::Reached {
+            return Ok(false);
+        }
         if found.is_empty() {
             return Ok(self.arbitrate(candidates));
         }
         if let [only] = &found[..] {
+            let goes_on = only.sets == self.field.active;
             self.field.set_active(&only.sets);
-            return Ok(true);
+            // a velocity that a rule has selected is one of many
+            return Ok(goes_on || !self.field.is_selected());
         }
         let name = |s: &FilippovSolution| Continuation {
             modes: s.sets.iter().enumerate().map(|(k, set)| self.field.modes_of(k, set)).collect(),
@@ -122,6 +127,7 @@ impl Engine {
             }
             s.sets = sets;
         }
+        self.select(&mut found, candidates, apart, length)?;
         Ok(distinct(&self.field, &self.x, found))
     }
 

@@ -195,7 +195,7 @@ impl Engine {
     /// solution are asked for too: they are those of implicit steps.
     pub(super) fn begins_implicit(&self) -> bool {
         let slides = self.field.n_alg() > 0;
-        if self.field.in_limit_set() {
+        if self.field.is_explicit_only() {
             return false;
         }
         match self.options.method {
@@ -395,7 +395,7 @@ impl Engine {
         const WORTH: usize = 4;
         if self.implicit
             || self.options.method != Method::Auto
-            || self.field.in_limit_set()
+            || self.field.is_explicit_only()
             || self.stiffness <= NEAR * self.pair.stability()
         {
             return;
@@ -415,7 +415,7 @@ impl Engine {
 
     pub(super) fn watch_stiffness(&mut self) {
         let slides = self.implicit && self.field.n_alg() > 0;
-        if self.options.method != Method::Auto || self.field.in_limit_set() || slides {
+        if self.options.method != Method::Auto || self.field.is_explicit_only() || slides {
             return;
         }
         if self.implicit {

@@ -159,7 +159,7 @@ impl Engine {
 
     /// A sliding mode that begins ties the derivatives to its surfaces.
     pub(super) fn project_sensitivity(&mut self) -> std::result::Result<(), EvalError> {
-        if self.field.n_alg() == 0 || self.field.in_limit_set() {
+        if self.field.n_alg() == 0 || self.field.is_explicit_only() {
             return Ok(());
         }
         if let Some(s) = &mut self.sens {

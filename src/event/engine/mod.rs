@@ -11,6 +11,7 @@ mod limit_set;
 mod locate;
 mod record;
 mod search;
+mod selection;
 mod timestepping;
 mod transition;
 
@@ -225,6 +226,7 @@ impl Engine {
             ));
         }
         let mut field = Field::new(&dcs, system);
+        field.selection = options.selection;
         check_preferred(options, &field)?;
         let spread = |v: &[f64]| (0..nx).map(|i| v[i % v.len()]).collect::<Vec<f64>>();
         let (n_q, n_z, n_cells) = (field.q.len(), field.n_z, field.n_cells);
@@ -771,7 +773,10 @@ impl Engine {
 
     /// Slides an explicit pair that an implicit method may take over from?
     fn may_turn_implicit(&self) -> bool {
-        !self.implicit && self.options.method == Method::Auto && self.field.n_alg() > 0 && !self.field.in_limit_set()
+        !self.implicit
+            && self.options.method == Method::Auto
+            && self.field.n_alg() > 0
+            && !self.field.is_explicit_only()
     }
 
     fn reject(&mut self, rejected: &mut bool, factor: f64) {

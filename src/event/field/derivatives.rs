@@ -4,8 +4,17 @@ use super::{Columns, Field};
 use crate::func::{EvalResult, Point};
 
 impl Field {
-    /// Jacobian of `b + D α` for fixed `α`, row-major `nx × n_z` with the columns `x`, `p`, `u`, `t`.
+    /// Jacobian of `b + D α` for fixed `α`, row-major `nx × n_z` with the columns `x`, `p`, `u`, `t`; where a rule selects the weights,
+    /// that of the right-hand side with them.
     pub(in crate::event) fn jacobian(&mut self, t: f64, x: &[f64], alpha: &[f64], out: &mut [f64]) -> EvalResult {
+        match self.is_selected() {
+            true => self.selected_jacobian(t, x, out),
+            false => self.jacobian_of_weights(t, x, alpha, out),
+        }
+    }
+
+    /// The same for the weights that are given.
+    pub(super) fn jacobian_of_weights(&mut self, t: f64, x: &[f64], alpha: &[f64], out: &mut [f64]) -> EvalResult {
         self.counts.jacobians += 1;
         if self.has_contacts() {
             return self.scene_jacobian(t, x, out);
@@ -58,6 +67,9 @@ impl Field {
         jac: &mut [f64],
         out: &mut [f64],
     ) -> EvalResult {
+        if self.is_selected() {
+            return self.selected_theta_gradient(cell, t, x, out);
+        }
         self.hidden(t, x)?;
         let (r, n_z) = (self.pairs.len(), self.n_z);
         let alpha = std::mem::take(&mut self.alpha);

@@ -1,8 +1,9 @@
 //! Gradients of all that is watched, as compressed rows: what a function does not depend on costs nothing.
 
-use super::{scatter, Field};
+use super::Field;
 use crate::func::{Dims, EvalError, EvalResult, Point};
 use crate::linalg::csc::Pattern;
+use crate::system::SharedFunction;
 
 /// Which inputs the watched functions depend on. Inputs are numbered `x`, `p`, `u`, `t`; those of a row ascend.
 #[derive(Debug, Default)]
@@ -142,6 +143,22 @@ impl Field {
         }
         Ok(())
     }
+}
+
+/// Writes the Jacobian of a function to the places of `map` in `out`; entries outside of its pattern stay as they are.
+pub(in crate::event) fn scatter(
+    f: &SharedFunction,
+    at: &Point,
+    map: &[usize],
+    out: &mut [f64],
+    (buffer, work): (&mut [f64], &mut [f64]),
+) -> EvalResult {
+    if map.is_empty() {
+        return Ok(());
+    }
+    f.jacobian(at, &mut buffer[..map.len()], work)?;
+    map.iter().zip(buffer).for_each(|(to, v)| out[*to] = *v);
+    Ok(())
 }
 
 #[cfg(test)]

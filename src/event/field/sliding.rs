@@ -43,6 +43,8 @@ pub(in crate::event) struct Sliding {
     place: Vec<usize>,
     /// Block of every pair.
     block: Vec<usize>,
+    /// Blocks whose weights a rule selects: they have no factors.
+    left_out: Vec<bool>,
     /// Factors of the blocks with more than one pair, and the entry of those with one.
     lu: Vec<Lu<f64>>,
     single: Vec<f64>,
@@ -156,6 +158,23 @@ impl Sliding {
             }
         }
         self.begin.push(self.order.len());
+        self.left_out.clear();
+        self.left_out.resize(self.begin.len() - 1, false);
+    }
+
+    /// Number of blocks.
+    pub(super) fn n_blocks(&self) -> usize {
+        self.left_out.len()
+    }
+
+    /// The pairs of a block, ascending.
+    pub(super) fn pairs_of(&self, block: usize) -> &[usize] {
+        &self.order[self.begin[block]..self.begin[block + 1]]
+    }
+
+    /// The weights of a block are somebody else's matter: nothing is factorised or solved for it.
+    pub(super) fn leave_out(&mut self, block: usize) {
+        self.left_out[block] = true;
     }
 
     /// Are two pairs in one block?
@@ -201,7 +220,7 @@ impl Sliding {
     }
 
     /// Entry of `C D`.
-    fn entry(&self, pairs: &[Pair], i: usize, j: usize) -> f64 {
+    pub(super) fn entry(&self, pairs: &[Pair], i: usize, j: usize) -> f64 {
         let (k, other) = (pairs[i].sub, pairs[j].sub);
         let list = &self.couplings[k];
         let coupling = match self.own[k] {
@@ -225,6 +244,10 @@ impl Sliding {
                     return false;
                 }
                 self.single[i] = v;
+                continue;
+            }
+            if self.left_out[b] {
+                large += 1;
                 continue;
             }
             let mut lu = std::mem::take(&mut self.lu[large]);
@@ -318,10 +341,14 @@ impl Sliding {
 
     fn solve_with(&mut self, b: &mut [f64], solve: impl Fn(&mut Lu<f64>, &mut [f64])) {
         let mut large = 0;
-        for w in self.begin.windows(2) {
+        for (w, left_out) in self.begin.windows(2).zip(&self.left_out) {
             let own = &self.order[w[0]..w[1]];
             if let &[i] = own {
                 b[i] /= self.single[i];
+                continue;
+            }
+            if *left_out {
+                large += 1;
                 continue;
             }
             let room = &mut self.room[..own.len()];

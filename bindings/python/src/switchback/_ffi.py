@@ -182,6 +182,15 @@ class AmbiguityPolicy(Names):
     PREFER = 2
 
 
+class Selection(Names):
+    """enum swb_selection"""
+
+    BILINEAR = 0
+    MOMENTS = 1
+    NORM = 2
+    FEWEST = 3
+
+
 class LogLevel(Names):
     """enum swb_log_level"""
 
@@ -612,6 +621,7 @@ class swb_settings(Structure):
         ("max_memory", c_int64),
         ("ocp_start", c_int64),
         ("portfolio", c_int64),
+        ("selection", c_int64),
     ]
 
 
