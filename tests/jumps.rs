@@ -13,7 +13,7 @@ use switchback::settings::Settings;
 
 #[path = "common/contacts.rs"]
 mod contacts;
-use contacts::{ball_in_cup, example_819, puck, three_carts, thrown_crate, G};
+use contacts::{ball_in_cup, example_819, puck, three_carts, thrown_crate, thrown_crate_in, G};
 
 /// Exact optimum over controls that are constant on 20 equal intervals: the block stops in interval 16 and sticks.
 /// Multiprecision, from the equations of sliding alone.
@@ -366,6 +366,22 @@ fn what_only_a_bounce_brings_there_is_found() {
     // and what it gets to the wall with costs at least the work against friction and the kinetic energy before the impact
     let least = 2.0 * (0.2 * G - 1.5) * 1.5;
     assert!(hits[0].rates[1].powi(2) >= least - 1e-9, "{:?}", hits[0]);
+}
+
+/// Shots are drawn and aimed alike in other units: their tolerances and ranges are relative to the sizes of the states.
+#[test]
+fn shots_do_not_depend_on_the_unit_of_length() {
+    let cost = |unit: f64| {
+        let mut ocp = thrown_crate_in(unit);
+        ocp.set_jumps(Jumps::Shots);
+        let r = ocp.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved, "{unit}: {}", r.message);
+        r.cost / unit.powi(2)
+    };
+    let metres = cost(1.0);
+    for unit in [1e-3, 1e3] {
+        assert!((cost(unit) - metres).abs() < 1e-8 * metres, "{unit}");
+    }
 }
 
 #[test]

@@ -25,6 +25,7 @@ mod neighbours;
 mod overlap;
 mod problem;
 mod result;
+mod scales;
 mod search;
 mod sensitivity;
 mod shots;

@@ -8,6 +8,7 @@
 //! mode programs start from.
 
 use super::problem::Problem;
+use super::scales;
 use super::search::Options;
 use super::simulate::{simulate_with, Effort, Inputs, Simulated};
 use super::track::Track;
@@ -43,8 +44,8 @@ const AT_UPPER: f64 = 0.5;
 const AS_GIVEN: f64 = 0.6;
 const SEED: u64 = 0x5eed;
 
-/// Tolerance and steps of a simulation.
-const EFFORT: Effort = Effort { tolerance: 1e-7, max_steps: 4000, dense: false };
+/// Tolerance, relative to the sizes of the states, and steps of a simulation.
+const EFFORT: Effort = Effort { tolerance: 1e-7, sizes: &[], max_steps: 4000, dense: false };
 /// Share of a range by which a variable moves for a difference.
 const DIFFERENCE: f64 = 1e-4;
 /// Steps of an aimed shot, damping they begin with, and how often a step is tried again with more of it.
@@ -59,8 +60,11 @@ const ALIKE: usize = 3;
 const HIT: f64 = 1e-4;
 const HITS: f64 = 0.02;
 const NEARLY: f64 = 0.25;
-/// Range of a control without bounds, as a multiple of the constant control that would take the end as far as the target is away.
+/// Range of a control without bounds, as a multiple of the constant control that would take the end as far as the target is away. The multiple
+/// of a trial that it is read off is right where the trial goes about as far: others are tried again, so many times.
 const REACH: f64 = 4.0;
+const ABOUT: f64 = 10.0;
+const TRIED: usize = 4;
 
 /// A motion that nearly meets all constraints.
 pub(super) struct Shot {
@@ -122,6 +126,8 @@ struct Range<'a> {
     p: &'a Problem,
     o: &'a Options,
     variables: Vec<Variable>,
+    /// Sizes of the states.
+    sizes: Vec<f64>,
     stretches: usize,
     steps: usize,
 }
@@ -149,7 +155,8 @@ impl<'a> Range<'a> {
         let ends: usize = g.terminal.iter().map(|c| c.f.n_out()).chain(g.boundary.iter().map(|c| c.f.n_out())).sum();
         let least = (PER_CONDITION * ends).div_ceil(g.dims.u.max(1));
         let stretches = STRETCHES.max(least).min(p.n_stages());
-        let mut range = Range { p, o, variables: Vec::new(), stretches, steps: 0 };
+        let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
+        let mut range = Range { p, o, variables: Vec::new(), sizes, stretches, steps: 0 };
         let reaches = range.reaches();
         let mut variables = Vec::new();
         for s in 0..stretches {
@@ -171,13 +178,13 @@ impl<'a> Range<'a> {
         for i in 0..g.dims.x {
             let bounds = [g.x0_bounds[0][i], g.x0_bounds[1][i]];
             if bounds[0] < bounds[1] {
-                variables.push(Variable::new(Kind::Start(i), bounds, o.x0[i], o.x0[i].abs().max(1.0)));
+                variables.push(Variable::new(Kind::Start(i), bounds, o.x0[i], range.sizes[i]));
             }
         }
         for j in 0..g.dims.p {
             if let Some(bounds) = g.free[j] {
                 let given = g.params[j];
-                variables.push(Variable::new(Kind::Parameter(j), bounds, given, given.abs().max(1.0)));
+                variables.push(Variable::new(Kind::Parameter(j), bounds, given, size_of_one(given, bounds)));
             }
         }
         range.variables = variables;
@@ -188,24 +195,34 @@ impl<'a> Range<'a> {
     fn reaches(&mut self) -> Vec<f64> {
         let (g, o) = (&self.p.given, self.o);
         let n_q = self.p.functions.n_q;
-        let size = |j: usize| (0..self.p.n_stages()).fold(1f64, |m, k| m.max(o.controls[k * g.wide.u + j].abs()));
-        let mut out: Vec<f64> = (0..g.dims.u).map(size).collect();
+        let given = |j: usize| (0..self.p.n_stages()).fold(0f64, |m, k| m.max(o.controls[k * g.wide.u + j].abs()));
+        let bounds = |j: usize| [g.u_bounds[0][j], g.u_bounds[1][j]];
+        let mut out: Vec<f64> = (0..g.dims.u).map(|j| size_of_one(given(j), bounds(j))).collect();
         let Some(target) = &o.target else { return out };
         let mut at = self.filled(&[]);
         let Some(first) = self.simulate(&at) else { return out };
         let from = first.run.x[..n_q].to_vec();
-        let distance = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(a, b)| (a - b).powi(2)).sum::<f64>().sqrt();
+        // coordinates need not have one unit
+        let sizes = self.sizes.clone();
+        let share = |(k, (a, b)): (usize, (&f64, &f64))| ((a - b) / sizes[k]).powi(2);
+        let distance = |a: &[f64], b: &[f64]| a.iter().zip(b).enumerate().map(share).sum::<f64>().sqrt();
         let wanted = distance(&target[..n_q], &from);
-        for (j, reach) in out.iter_mut().enumerate() {
-            let controls = at.controls.clone();
-            (0..self.p.n_stages()).for_each(|k| at.controls[k * g.wide.u + j] += *reach);
-            if let Some(moved) = self.simulate(&at) {
-                let moves = distance(&moved.run.x[..n_q], &from);
-                if moves > 0.0 && wanted > 0.0 {
-                    *reach *= REACH * wanted / moves;
+        for (j, reach) in out.iter_mut().enumerate().filter(|(j, _)| bounds(*j).iter().any(|b| b.is_infinite())) {
+            for _ in 0..if wanted > 0.0 { TRIED } else { 0 } {
+                let controls = at.controls.clone();
+                (0..self.p.n_stages()).for_each(|k| at.controls[k * g.wide.u + j] += *reach);
+                let moves = self.simulate(&at).map_or(f64::INFINITY, |moved| distance(&moved.run.x[..n_q], &from));
+                at.controls = controls;
+                if moves == 0.0 {
+                    break;
                 }
+                if (1.0 / ABOUT..=ABOUT).contains(&(moves / wanted)) {
+                    *reach *= REACH * wanted / moves;
+                    break;
+                }
+                // what has no end was far too much
+                *reach *= if moves.is_finite() { wanted / moves } else { 1.0 / (ABOUT * ABOUT) };
             }
-            at.controls = controls;
         }
         out
     }
@@ -243,7 +260,7 @@ impl<'a> Range<'a> {
 
     /// A simulation that reaches the end.
     fn simulate(&mut self, f: &Filled) -> Option<Simulated> {
-        let s = simulate_with(self.p, f.inputs(), EFFORT).ok()?;
+        let s = simulate_with(self.p, f.inputs(), Effort { sizes: &self.sizes, ..EFFORT }).ok()?;
         self.steps += s.run.stats.steps;
         (s.times.len() == self.p.n_stages() + 1).then_some(s)
     }
@@ -386,12 +403,25 @@ impl<'a> Range<'a> {
     /// The motion of a shot.
     fn shot(&self, at: &[f64], miss: f64) -> Result<Option<Shot>> {
         let f = self.filled(at);
-        let Ok(s) = simulate_with(self.p, f.inputs(), Effort { dense: true, ..EFFORT }) else { return Ok(None) };
+        let Ok(s) = simulate_with(self.p, f.inputs(), Effort { dense: true, sizes: &self.sizes, ..EFFORT }) else {
+            return Ok(None);
+        };
         let mut track = s.track(self.p, &f.controls, &f.durations)?;
         let g = &self.p.given;
         track.free = (0..g.wide.p).filter(|&j| g.free[j].is_some()).map(|j| f.params[j]).collect();
         let cost = s.cost(self.p, f.inputs())?;
         Ok(Some(Shot { track, miss, cost }))
+    }
+}
+
+/// Size of a number without a unit to compare it with: its value, else the finite bounds it has; 1 where it has none.
+fn size_of_one(given: f64, bounds: [f64; 2]) -> f64 {
+    let known = bounds.into_iter().filter(|b| b.is_finite()).map(f64::abs);
+    let size = if given != 0.0 { given.abs() } else { known.fold(0.0, f64::max) };
+    if size > 0.0 {
+        size
+    } else {
+        1.0
     }
 }
 

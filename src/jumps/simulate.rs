@@ -37,8 +37,10 @@ pub(super) struct Inputs<'a> {
 
 /// How accurately, with how many steps at most, and whether the motion between the ends of stages is kept.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Effort {
+pub(super) struct Effort<'a> {
     pub(super) tolerance: f64,
+    /// Sizes of the states that the tolerance is relative to where they pass through zero; none: 1.
+    pub(super) sizes: &'a [f64],
     pub(super) max_steps: usize,
     pub(super) dense: bool,
 }
@@ -49,13 +51,16 @@ pub(super) fn simulate(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f
 }
 
 /// The effort of a guess.
-const GUESS: Effort = Effort { tolerance: TOLERANCE, max_steps: MAX_STEPS, dense: true };
+const GUESS: Effort = Effort { tolerance: TOLERANCE, sizes: &[], max_steps: MAX_STEPS, dense: true };
 
 /// The same with other parameters and another effort.
 pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Result<Simulated> {
     let g = &p.given;
-    let Effort { tolerance, max_steps, dense } = effort;
-    let options = Options { max_steps, dense, ..Options::with_tolerance(tolerance, tolerance) };
+    let Effort { tolerance, sizes, max_steps, dense } = effort;
+    let mut options = Options { max_steps, dense, ..Options::with_tolerance(tolerance, tolerance) };
+    if !sizes.is_empty() {
+        options.atol = sizes.iter().map(|s| tolerance * s).collect();
+    }
     let mut engine = Engine::new(&g.system, &options)?;
     engine.reinit(g.t0, inputs.x0)?;
     let mut times = vec![g.t0];

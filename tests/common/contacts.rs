@@ -88,20 +88,25 @@ pub fn ball_in_cup() -> Ocp {
 /// A crate on a floor with friction is to be half a unit behind its start, at rest. It is held by more than what may push it back, so that
 /// only a wall in front, from which it bounces off, brings it there.
 pub fn thrown_crate() -> Ocp {
+    thrown_crate_in(1.0)
+}
+
+/// The same where one metre is `unit` units of length.
+pub fn thrown_crate_in(unit: f64) -> Ocp {
     let g = Graph::new();
     let (x, y, u) = (g.x(0), g.x(1), g.u(0));
     let mut scene = Scene::new("crate", 2, 2, 1, 0).unwrap();
     scene.set_force(0, u.id()).unwrap();
-    scene.set_force(1, g.constant(-G).id()).unwrap();
+    scene.set_force(1, g.constant(-G * unit).id()).unwrap();
     let (friction, tangents) = (g.constant(0.2).id(), vec![x.id()]);
     scene.add_contact(Contact { friction, tangents, ..Contact::new(&g, "floor", y) }).unwrap();
-    scene.add_contact(Contact { restitution: g.constant(0.6).id(), ..Contact::new(&g, "wall", -x + 1.0) }).unwrap();
+    scene.add_contact(Contact { restitution: g.constant(0.6).id(), ..Contact::new(&g, "wall", -x + unit) }).unwrap();
     let built = scene.build(&g).unwrap();
     let mut ocp = Ocp::new(&built.system, 2.0, 20, &Settings { n_s: 2, n_fe: 2, ..Settings::default() }).unwrap();
     ocp.set_x0(&[0.0; 4]).unwrap();
-    ocp.set_u_bounds(&[-1.5], &[8.0]).unwrap();
+    ocp.set_u_bounds(&[-1.5 * unit], &[8.0 * unit]).unwrap();
     ocp.set_lagrange(Arc::new(g.function("cost", built.dims, &[u * u]).unwrap())).unwrap();
     let end = g.function("end", built.dims, &[x, g.x(2)]).unwrap();
-    ocp.add_terminal(Arc::new(end), &[-0.5, 0.0], &[-0.5, 0.0]).unwrap();
+    ocp.add_terminal(Arc::new(end), &[-0.5 * unit, 0.0], &[-0.5 * unit, 0.0]).unwrap();
     ocp
 }

@@ -235,12 +235,13 @@ const PROBLEMS: [Entry; 8] = [
     Entry { name: "ball in a box, 3", build: || ball_in_box(3.0), stages: 40, most: &[50.0; 2], exact: f64::NAN },
 ];
 
-const SEARCHES: [(&str, Jumps); 5] = [
+const SEARCHES: [(&str, Jumps); 6] = [
     ("auto", Jumps::Auto),
     ("modes", Jumps::Modes),
     ("steps", Jumps::Steps),
     ("shots", Jumps::Shots),
     ("fesd_j", Jumps::FesdJ),
+    ("freezing", Jumps::Freezing),
 ];
 
 /// Controls at random, the same for the same number.
