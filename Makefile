@@ -148,10 +148,16 @@ check-lint:
 	$(CARGO) clippy --all-targets -- -D warnings
 	RUSTDOCFLAGS="-D warnings" $(CARGO) doc --quiet --no-deps --lib
 
-# The backend on faer, which the library is built without, is tested by itself and by whole solves.
+# Unit tests with the backend on faer in the library, which it is shipped without, as all other tests have it; what is in
+# examples/ is compiled by check-lint. The release build, most of which keeps one processor busy, is made beside them.
 check-rust:
-	$(CARGO) test --profile tests
-	$(CARGO) test --profile tests --features faer --lib faer
+	mkdir -p $(BUILD)
+	$(CARGO) build --release > $(BUILD)/release.log 2>&1 & release=$$!; \
+	$(CARGO) test --profile tests --features faer --lib && \
+	$(CARGO) test --profile tests --test '*' && \
+	$(CARGO) test --profile tests --doc; tests=$$?; \
+	wait $$release || { cat $(BUILD)/release.log; exit 1; }; \
+	exit $$tests
 
 # What crates.io would get, and a crate that depends on it.
 check-crate:

@@ -9,7 +9,7 @@ use switchback::func::Dims;
 use switchback::model::Model;
 use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
-use switchback::ocp::{Ocp, OcpResult, Optimality, Verdict};
+use switchback::ocp::{CostAt, Ocp, OcpResult, Optimality, Verdict};
 use switchback::settings::{OcpStart, Settings};
 use switchback::system::{SharedFunction, System};
 
@@ -156,4 +156,20 @@ fn an_optimum_that_costs_nothing_is_certified() {
     let (r, o) = solve(&mut ocp);
     assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
     assert!(r.cost.abs() < 1e-12, "{}", r.cost);
+}
+
+/// A ramp that linear controls track exactly: what a sum of squares usually costs says how small a cost is nothing.
+#[test]
+fn squares_that_vanish_are_certified() {
+    let g = Graph::new();
+    let system = Model::from_rhs("cart", 1, 0, &[g.u(0)]).and_then(|m| m.build(&g)).unwrap().system;
+    let mut ocp = Ocp::new(&system, 2.0, 4, &Settings::default()).unwrap();
+    ocp.set_x0(&[0.0]).unwrap();
+    ocp.set_linear_controls(&[true]).unwrap();
+    let of = |e| function(&g, Dims { x: 1, u: 1, p: 0 }, &[e]);
+    ocp.add_least_squares(of(g.x(0)), &[1.0], &[0.25, 0.5, 0.75, 1.0], CostAt::ControlGrid).unwrap();
+    ocp.add_least_squares(of(g.u(0) * g.u(0)), &[1e-4], &[0.25], CostAt::Running).unwrap();
+    let (r, o) = solve(&mut ocp);
+    assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
+    assert!(r.cost.abs() < 1e-12 && r.controls.iter().all(|u| (u - 0.5).abs() < 1e-4), "{} {:?}", r.cost, r.controls);
 }

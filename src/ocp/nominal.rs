@@ -4,7 +4,7 @@
 
 use super::accuracy::tolerances;
 use super::guess::middle;
-use super::Ocp;
+use super::{CostAt, LeastSquares, Ocp};
 use crate::error::Result;
 use crate::event::{self, Engine};
 use crate::fesd::Sizes;
@@ -35,6 +35,40 @@ pub struct Nominal {
     pub u: Vec<Option<f64>>,
     /// Parameters `[np]`.
     pub p: Vec<Option<f64>>,
+}
+
+impl LeastSquares {
+    /// What the term costs over stages of these lengths if its function has the values `r` all along.
+    fn size(&self, r: &[f64], durations: &[f64]) -> f64 {
+        let n = r.len();
+        let of_stage = |k: usize| {
+            let y = &self.references[if self.references.len() > n { k * n } else { 0 }..][..n];
+            let weight = |i: usize, j: usize| match self.weights.len() {
+                diagonal if diagonal == n => {
+                    if i == j {
+                        self.weights[i]
+                    } else {
+                        0.0
+                    }
+                }
+                _ => self.weights[i * n + j],
+            };
+            let product = |i: usize| (0..n).map(|j| weight(i, j) * (r[j] - y[j])).sum::<f64>() * (r[i] - y[i]);
+            (0..n).map(product).sum::<f64>().abs()
+        };
+        match self.place {
+            CostAt::Running => durations.iter().enumerate().map(|(k, h)| h * of_stage(k)).sum(),
+            CostAt::ControlGrid => (0..durations.len()).map(of_stage).sum(),
+            CostAt::Terminal => of_stage(durations.len() - 1),
+        }
+    }
+}
+
+/// The values of a function at a point; `None` where it has none or one is not finite.
+fn known_value(f: &SharedFunction, at: &Point) -> Option<Vec<f64>> {
+    let mut out = vec![0.0; f.n_out()];
+    f.value(at, &mut out, &mut vec![0.0; f.work_len()]).ok()?;
+    (!out.is_empty() && out.iter().all(|v| v.is_finite())).then_some(out)
 }
 
 impl Nominal {
@@ -127,8 +161,8 @@ impl Ocp {
         or_one(&self.known_sizes())
     }
 
-    /// What the problem usually costs: moduli of the running cost over the horizon and of the terminal cost, where states and controls
-    /// are off the initial state by their sizes, whichever way costs more; 0 where that is not known.
+    /// What the problem usually costs: moduli of the running cost over the horizon, of the terminal cost and of the sums of squares,
+    /// where states and controls are off the initial state by their sizes, whichever way costs more; 0 where that is not known.
     fn usual_cost(&self) -> f64 {
         let d = self.system.dims();
         let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
@@ -137,17 +171,20 @@ impl Ocp {
             None => (self.prior_sizes(), vec![1.0; d.u]),
         };
         let horizon: f64 = self.durations.iter().sum();
-        let at = |f: &Option<SharedFunction>, x_sign: f64, u_sign: f64| {
-            let Some(f) = f else { return 0.0 };
+        let costs = |x_sign: f64, u_sign: f64| {
             let x: Vec<f64> = x0.iter().zip(&x).map(|(x0, s)| x0 + x_sign * s).collect();
             let u: Vec<f64> = u.iter().map(|s| u_sign * s).collect();
-            let mut out = vec![0.0; f.n_out()];
             let point = Point { t: self.t0, x: &x, u: &u, p: self.params_of(0) };
-            let known = f.value(&point, &mut out, &mut vec![0.0; f.work_len()]).is_ok();
-            out.first().filter(|v| known && v.is_finite()).map_or(0.0, |v| v.abs())
+            let at = |f: &Option<SharedFunction>| {
+                let v = f.as_ref().and_then(|f| known_value(f, &point));
+                v.map_or(0.0, |v| v[0].abs())
+            };
+            let squares =
+                self.squares.iter().filter_map(|q| Some(q.size(&known_value(&q.f, &point)?, &self.durations)));
+            horizon * at(&self.lagrange) + at(&self.mayer) + squares.sum::<f64>()
         };
         let sides = [-1.0, 0.0, 1.0].into_iter().flat_map(|x| [(x, -1.0), (x, 1.0)]);
-        sides.map(|(x, u)| horizon * at(&self.lagrange, x, u) + at(&self.mayer, x, u)).fold(0.0, f64::max)
+        sides.map(|(x, u)| costs(x, u)).fold(0.0, f64::max)
     }
 
     /// The smallest size a cost may have: an optimum that costs nothing, as the tracking of what can be reached exactly, has none of
