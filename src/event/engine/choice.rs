@@ -3,6 +3,7 @@
 use super::Engine;
 use crate::dcs::filippov::{decide_pair, distinct, FilippovProblem, FilippovSolution};
 use crate::event::field::{Apart, Known, Open};
+use crate::event::watch::Watch;
 use crate::event::{Ambiguity, Branching, Continuation, Doubt, Outcome};
 use crate::func::EvalError;
 
@@ -38,25 +39,58 @@ impl Engine {
         self.choose_open(candidates, length, apart)
     }
 
-    /// The same behind a switch: the velocity is that before it, at this point.
+    /// The same behind a switch, where watch `l` vanishes with this slope: the velocity is that before it, at this point.
     pub(super) fn choose_behind(
         &mut self,
         candidates: &[Vec<usize>],
         length: f64,
+        (l, slope): (usize, f64),
     ) -> std::result::Result<bool, EvalError> {
         let many = candidates.iter().filter(|c| c.len() > 1).nth(1).is_some();
-        if !self.arrived || !many || self.field.in_limit_set() {
+        if !self.arrived || self.field.in_limit_set() {
             return self.choose(candidates, length);
         }
         let mut apart = std::mem::take(&mut self.apart);
+        if !many {
+            apart.sets.clone_from(&self.field.active);
+            apart.open.clear();
+            apart.open.extend((0..candidates.len()).filter(|k| candidates[*k].len() == 2));
+            let mut all = candidates.iter().zip(&self.field.active);
+            let alone = all.all(|(c, set)| c.len() == 2 || c == set);
+            let ends = alone && self.lets_go(l, slope * length, &mut apart);
+            if ends {
+                self.field.set_active(&apart.sets);
+            }
+            self.apart = apart;
+            return if ends { Ok(true) } else { self.choose(candidates, length) };
+        }
         let known = self.field.decide_changed((self.t, &self.x, &self.f), candidates, &mut apart);
         let r = match known {
             Ok(Known::Little) => self.choose_apart(candidates, length, &mut apart),
+            Ok(Known::ButOpen) if self.lets_go(l, slope * length, &mut apart) => {
+                self.field.set_active(&apart.sets);
+                Ok(true)
+            }
             Ok(_) => self.choose_open(candidates, length, &mut apart),
             Err(e) => Err(e),
         };
         self.apart = apart;
         r
+    }
+
+    /// Does the sliding mode whose weight vanishes end here, the weight falling by `fall` in the time over which the solution hardly
+    /// changes? On a surface that attracts, `θ_a = r_b / (r_b − r_a)` with `r_b − r_a > 0`: where `θ_a` passes zero, so does the rate
+    /// `r_b` of the surface under the other mode, in the direction that leads away from it, which is the condition of second order. The
+    /// other mode is then the active set.
+    fn lets_go(&self, l: usize, fall: f64, apart: &mut Apart) -> bool {
+        /// A fall that leaves no doubt.
+        const CLEAR: f64 = -1e-6;
+        let Watch::Leave { sub, cell } = self.watches[l] else { return false };
+        if apart.open[..] != [sub] || fall.is_nan() || fall > CLEAR || !self.field.slides_alone(sub) {
+            return false;
+        }
+        apart.sets[sub].retain(|c| *c != cell);
+        true
     }
 
     /// Makes the best continuation of what is open the active set.

@@ -423,7 +423,7 @@ impl Engine {
         }
         let candidates = self.candidates();
         let length = self.usual_step();
-        let unique = self.choose_behind(&candidates, length)?;
+        let unique = self.choose_behind(&candidates, length, (l, slope))?;
         self.candidates = candidates;
         if self.outcome != Outcome::Reached {
             return Ok(());

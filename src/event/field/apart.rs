@@ -94,6 +94,12 @@ impl Field {
         Ok(if known { Known::All } else { Known::ButOpen })
     }
 
+    /// Does a subsystem slide on one surface that attracts, with a rate that depends on the modes of no other that slides?
+    pub(in crate::event) fn slides_alone(&self, k: usize) -> bool {
+        let i = self.first_pair[k];
+        self.first_pair[k + 1] == i + 1 && self.sliding.attracts_alone(i)
+    }
+
     /// Decides what the signs of the rates decide among `candidates`, cells by subsystem; the rest is left open.
     pub(in crate::event) fn decide_apart(
         &mut self,
