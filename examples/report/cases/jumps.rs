@@ -279,9 +279,13 @@ fn starts(c: &Context, e: &Entry, search: &str, jumps: Jumps) -> Vec<String> {
         let clock = Instant::now();
         let solved = ocp.solve(&mut Control::default());
         seconds.push(clock.elapsed().as_secs_f64());
+        let o = Object::new().text("case", "jumps").text("problem", e.name).text("search", search).int("start", start);
         // a start whose time is over without anything found counts as unsolved
         let r = match solved {
-            Err(Error::OutOfTime) => continue,
+            Err(Error::OutOfTime) => {
+                c.record(&o.text("outcome", "out_of_time").num("wall_s", seconds[start]));
+                continue;
+            }
             r => r.expect("solve"),
         };
         iterations.push(r.stats.iterations as f64);
@@ -291,7 +295,6 @@ fn starts(c: &Context, e: &Entry, search: &str, jumps: Jumps) -> Vec<String> {
             costs.push(r.cost);
             worst = worst.max(replay);
         }
-        let o = Object::new().text("case", "jumps").text("problem", e.name).text("search", search).int("start", start);
         c.record(
             &o.text("outcome", r.outcome.name())
                 .num("cost", r.cost)
@@ -308,7 +311,7 @@ fn starts(c: &Context, e: &Entry, search: &str, jumps: Jumps) -> Vec<String> {
     let first = seconds[0];
     let median = |v: &mut Vec<f64>| {
         v.sort_by(f64::total_cmp);
-        v[v.len() / 2]
+        v.get(v.len() / 2).copied().unwrap_or(f64::NAN)
     };
     let least = costs.iter().copied().fold(f64::NAN, f64::min);
     let most = costs.iter().copied().fold(f64::NAN, f64::max);
