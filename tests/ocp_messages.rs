@@ -4,11 +4,13 @@ mod common;
 use common::models::*;
 use common::*;
 use std::sync::Arc;
+use switchback::expr::Graph;
 use switchback::func::{Callback, Dims};
+use switchback::model::Model;
 use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{Ocp, OcpResult};
-use switchback::settings::Settings;
+use switchback::settings::{OcpStart, Settings};
 use switchback::system::{SharedFunction, System};
 
 const DI: Dims = Dims { x: 2, u: 1, p: 0 };
@@ -152,4 +154,26 @@ fn limits_are_named() {
     let r = run(&mut sliding_ocp(&set));
     assert!(r.message.contains("max_iter = 5 iterations are not enough"), "{}", r.message);
     assert!(r.message.contains("stage ") && r.message.contains("violation"), "{}", r.message);
+}
+
+/// The end lies on a switching surface, where the mode behind it is open: whatever becomes of the search, controls that can be simulated
+/// are not called controls for which the dynamics have no solution.
+#[test]
+fn dynamics_that_can_be_simulated_are_not_blamed() {
+    let g = Graph::new();
+    let (a, b, c, zero) = (g.x(0), g.x(1), g.x(2), g.constant(0.0));
+    let rhs =
+        [c.lt(0.4).select(1.0, zero) + g.u(0) - a, a.gt(0.5).select(1.2, zero) - b, b.gt(0.6).select(1.0, zero) - c];
+    let system = Model::from_rhs("relays", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let set = Settings { ocp_start: OcpStart::Homotopy as i64, ..settings(RadauIia, 2, 3, FESD) };
+    let mut o = Ocp::new(&system, 8.0, 16, &set).unwrap();
+    o.set_x0(&[0.0, 0.2, 0.7]).unwrap();
+    o.set_u_bounds(&[-0.4], &[0.4]).unwrap();
+    let d = Dims { x: 3, u: 1, p: 0 };
+    o.add_terminal(affine("goal", d, &[0.0; 2], &[(0, 0, 1.0), (1, 1, 1.0)]), &[0.5, 0.3], &[0.5, 0.3]).unwrap();
+    let r = run(&mut o);
+    assert!(!r.message.contains("not even for the dynamics"), "{}", r.message);
+    if r.outcome != Outcome::Solved {
+        assert!(r.message.contains("the dynamics have solutions"), "{}", r.message);
+    }
 }

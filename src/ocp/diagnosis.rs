@@ -212,10 +212,7 @@ impl Ocp {
             return (text.into(), Shown::Nothing);
         }
         if !solved {
-            let text =
-                "no feasible point was found, not even for the dynamics alone with the bounds of controls and initial \
-                    state: look at the model, or add elements";
-            return (text.into(), Shown::Nothing);
+            return (nothing_found(r), Shown::Nothing);
         }
         let found = soft.slack_values();
         let mut all: Vec<(f64, String)> = Vec::new();
@@ -340,6 +337,23 @@ trait Clear {
 impl<T> Clear for Vec<T> {
     fn empty(&mut self) {
         self.clear();
+    }
+}
+
+/// What is said where the problem with all constraints relaxed has no answer either. Controls that are simulated to the end show that the
+/// dynamics are not what stands in the way.
+fn nothing_found(r: &OcpResult) -> String {
+    let simulated = r.accuracy.as_ref().filter(|a| a.reached() && a.terminal_violation.is_finite());
+    match simulated {
+        Some(a) => format!(
+            "no point that meets all constraints was found; the dynamics have solutions: the controls at hand are simulated to the \
+             end of the horizon, where terminal constraints are off by {} at most: start from other controls, add elements, or \
+             move an end that lies on a switching surface off it",
+            short(a.terminal_violation)
+        ),
+        None => "no feasible point was found, not even for the dynamics alone with the bounds of controls and initial state: \
+                 look at the model, or add elements"
+            .into(),
     }
 }
 
