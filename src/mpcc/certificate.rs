@@ -7,7 +7,7 @@
 //! with signs that shrink from those of the relaxed problem (2.24) to those of its branches (2.26) it looks for a
 //! descent, with signs that grow from those of the tight problem (2.25) for multipliers.
 
-use super::lpcc::{Lpcc, Piece, Signs, Verdict};
+use super::lpcc::{rounding, Lpcc, Piece, Signs, Verdict};
 use super::problem::Side;
 use crate::error::{Error, Result};
 use crate::linalg::csc::{mul_add_transposed, Pattern};
@@ -200,8 +200,10 @@ impl Default for CertSettings {
 const ACTIVE_MAX: f64 = 1e-4;
 /// Error of a point whose multipliers are not known.
 const UNKNOWN: f64 = 1e-6;
-/// Residual of multipliers, relative to their size, above which they prove nothing.
+/// Residual of multipliers, relative to the gradient, above which they prove nothing.
 const GIVEN_TOL: f64 = 1e-6;
+/// Share of what a step in the trust region can gain that multipliers times distances which count as none may hide.
+pub(super) const HIDDEN: f64 = 1e-5;
 
 /// A pair whose two members are zero.
 #[derive(Debug, Clone, Copy)]
@@ -325,8 +327,8 @@ impl Certifier {
         })
     }
 
-    /// After [`BStationarity::No`], or where a pair that may be biactive has to be: a step `d[n]`, feasible to first order, along which the objective falls, and the
-    /// side of every pair that stays zero.
+    /// After [`BStationarity::No`], or where a pair that may be biactive has to be: a step `d[n]`, feasible to first order,
+    /// along which the objective falls, and the side of every pair that stays zero.
     pub fn descent(&self) -> Option<(&[f64], &[Side])> {
         self.descent.then_some((&self.d, &self.sides))
     }
@@ -389,8 +391,9 @@ impl Certifier {
             return Certificate { doubt: Doubt::Data, ..cert };
         }
         let size = p.grad.iter().fold(0f64, |a, g| a.max(g.abs()));
-        let given = self.take_multipliers(p, size.max(settings.rounding));
-        let tol = (settings.tol * size).max(settings.rounding).max(given.map_or(0.0, |g| 10.0 * g.0));
+        let tol = (settings.tol * size).max(settings.rounding);
+        let given = self.take_multipliers(p, size.max(settings.rounding), tol, settings.radius);
+        let tol = tol.max(given.map_or(0.0, |g| 10.0 * g.0));
         self.sign_tol = tol;
         let zero = Zero::new(p, settings, given);
         if !feasible(p, settings.feasibility_tol, zero.perhaps) {
@@ -439,11 +442,13 @@ impl Certifier {
     }
 
     /// Copies the multipliers of the point and measures what they leave over: stationarity, and complementarity of
-    /// rows and bounds. `None` when that is too much for a proof.
-    fn take_multipliers(&mut self, p: &Local, size: f64) -> Option<(f64, f64)> {
+    /// rows and bounds. `None` when that is too much for a proof: a share of the gradient, or what rounding or distances hide.
+    fn take_multipliers(&mut self, p: &Local, size: f64, tol: f64, radius: f64) -> Option<(f64, f64)> {
         if p.y.len() != self.m || p.z.len() != self.n || p.y.iter().chain(p.z).any(|v| !v.is_finite()) {
             return None;
         }
+        // what distances that count as none are worth
+        let (rounding, mut hidden) = (rounding(p), 0.0);
         self.y.copy_from_slice(p.y);
         self.z.copy_from_slice(p.z);
         self.work.copy_from_slice(p.grad);
@@ -462,16 +467,19 @@ impl Certifier {
                 let cost = unused(p.z[j], p.x[j] - lo, hi - p.x[j]);
                 let member = if self.pinned[j] { p.z[j].abs() * p.x[j].abs() } else { f64::INFINITY };
                 slack = slack.max(cost.min(member));
+                hidden += cost.min(member).min(p.z[j].abs() * radius);
             }
         }
         for i in 0..self.m {
             let (lo, hi) = (p.bounds.cl[i], p.bounds.cu[i]);
+            let cost = unused(-p.y[i], p.c[i] - lo, hi - p.c[i]);
             if lo != hi {
-                slack = slack.max(unused(-p.y[i], p.c[i] - lo, hi - p.c[i]));
+                slack = slack.max(cost);
             }
+            hidden += cost.min(p.y[i].abs() * radius);
         }
-        let size = self.z.iter().fold(size, |a, z| a.max(z.abs()));
-        (dual.max(slack) <= GIVEN_TOL * size).then_some((dual, slack))
+        let small = dual.max(slack) <= GIVEN_TOL * size && rounding <= tol && hidden <= HIDDEN * size * radius;
+        small.then_some((dual, slack))
     }
 
     /// Pairs with two zero members, and variables that are zero whatever their own pair does.
@@ -582,6 +590,7 @@ impl Certifier {
     /// Multipliers of any type, by the tight problem (2.25); false where there are none, or none were found.
     fn find_multipliers(&mut self, cert: &mut Certificate, control: &mut Control) -> bool {
         self.nodes += 1;
+        self.lpcc.exact = false;
         match self.lpcc.solve(&self.members, |_| (Signs::ZERO, Signs::ZERO), None, control) {
             Verdict::Stationary => {
                 self.y.copy_from_slice(&self.lpcc.y);
@@ -629,6 +638,7 @@ impl Certifier {
     /// Depth-first search over the pieces of the biactive pairs.
     fn search(&mut self, aim: Aim, max_nodes: usize, control: &mut Control) -> End {
         self.stack.clear();
+        self.lpcc.exact = aim == Aim::Descent;
         for (a, &(member, _)) in self.assigned.iter_mut().zip(&self.members) {
             let outside = self.part.is_some_and(|part| self.lpcc.part(member) != part);
             *a = outside.then_some((Signs::ZERO, Signs::ZERO));

@@ -701,3 +701,34 @@ fn long_chains_with_five_biactive_pairs() {
     let (_, b, lps) = certify([0.2, -0.5, -0.5], true);
     assert!(b == B::No && lps <= 20, "{lps}");
 }
+
+/// Two rows that are all but the same turn the rounding of their derivatives into slopes as large as the gradient: multipliers
+/// of 3e9 prove nothing of a gradient of 4e-2, whatever they leave over.
+#[test]
+fn multipliers_that_dwarf_the_gradient_prove_nothing() {
+    let apart = (-36f64).exp2();
+    let point = |apart: f64| {
+        let y = 0.04 / apart;
+        Point::origin(&[0.0, 0.04, 0.0, 0.0], &[(2, 3)])
+            .row(&[1.0, 1.0, 0.0, 0.0], 0.0, 0.0)
+            .row(&[1.0, 1.0 + apart, 0.0, 0.0], 0.0, 0.0)
+            .multipliers(&[y, -y], &[0.0; 4])
+    };
+    let (cert, _) = point(apart).certify(&CertSettings::default());
+    assert!(cert.b != B::Yes && cert.stationarity != T::S, "{cert:?}");
+    // rows that are apart do
+    assert_eq!(point(0.5).certify(&CertSettings::default()).0.stationarity, T::S);
+}
+
+/// A row that is met to an absolute tolerance only, which is a third of the way that its gradient takes a step of one.
+#[test]
+fn a_row_that_is_nearly_met_proves_nothing_where_its_multiplier_is_large() {
+    let point = |off: f64| {
+        let mut p =
+            Point::origin(&[1.0, 0.0, 0.0], &[(1, 2)]).row(&[1e-8, 0.0, 0.0], 0.0, 0.0).multipliers(&[-1e8], &[0.0; 3]);
+        p.c[0] = off;
+        p.certify(&CertSettings::default()).0
+    };
+    assert_eq!(point(3e-9).b, B::Undecided);
+    assert_eq!(point(0.0).stationarity, T::S);
+}

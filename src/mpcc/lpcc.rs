@@ -8,7 +8,7 @@
 //! because the method says so: every variable has two bounds, hence any multipliers of the rows give a lower bound of
 //! the optimum (weak duality), and a step counts as a descent only if it is one after its own violation is paid for.
 
-use super::certificate::Local;
+use super::certificate::{Local, HIDDEN};
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::{mul_add, mul_add_transposed, Pattern};
@@ -66,10 +66,11 @@ const LP_TOL: f64 = 1e-10;
 const ROUGH: f64 = 1e-4;
 /// Distance from the bounds, relative, that the point found with [`ROUGH`] is kept at.
 const WARM_PUSH: f64 = 1e-12;
-/// Multipliers above this, in units of order one, prove nothing: they turn the rounding of the rows into slopes.
-const Y_MAX: f64 = 1e8;
 /// Rows whose gradient is below this are none to first order.
 const NO_ROW: f64 = 1e-12;
+
+/// Share of a multiplier that is known well enough.
+const DIGITS: f64 = 1e-3;
 
 /// Linear program in the units of the trust region; objective and rows have gradients of maximum norm 1.
 struct Linear {
@@ -120,6 +121,10 @@ pub(super) struct Lpcc {
     floor: Vec<f64>,
     rough: Iterate,
     row_scale: Vec<f64>,
+    /// Distances that count as none, of the bounds of the variables and of the rows, in units of the trust region.
+    none: (Vec<f64>, Vec<f64>),
+    /// Is what they may hide to be counted? Where multipliers of a type are looked for, the type is that of the point without them.
+    pub exact: bool,
     grad_scale: f64,
     tol: f64,
     rho: f64,
@@ -161,6 +166,8 @@ impl Lpcc {
             floor: vec![0.0; n],
             rough: Iterate::zeros(n, m),
             row_scale: vec![1.0; m],
+            none: (vec![0.0; n], vec![0.0; m]),
+            exact: true,
             grad_scale: 1.0,
             tol: 0.0,
             rho: 1.0,
@@ -217,8 +224,10 @@ impl Lpcc {
             *s = if scale > NO_ROW { v / scale } else { 0.0 };
         }
         let room = |distance: f64| if distance <= active { 0.0 } else { distance / rho };
+        let none = |distance: f64| if distance <= active { distance.abs() / rho } else { 0.0 };
         for j in 0..p.x.len() {
             let b = p.bounds;
+            self.none.0[j] = none(p.x[j] - b.xl[j]).max(none(b.xu[j] - p.x[j]));
             let fixed = b.xl[j] == b.xu[j];
             self.widest.xl[j] = if fixed { 0.0 } else { -room(p.x[j] - b.xl[j]).min(1.0) };
             self.widest.xu[j] = if fixed { 0.0 } else { room(b.xu[j] - p.x[j]).min(1.0) };
@@ -231,8 +240,13 @@ impl Lpcc {
         }
         for i in 0..p.c.len() {
             let (lo, hi, scale) = (p.bounds.cl[i], p.bounds.cu[i], self.row_scale[i]);
-            let room = |distance: f64, none: bool| match room(distance / scale) {
-                r if none || scale <= NO_ROW || r > self.activity[i] => f64::INFINITY,
+            self.none.1[i] = match (p.c[i] - lo, hi - p.c[i]) {
+                _ if scale <= NO_ROW => 0.0,
+                (below, _) if lo == hi => below.abs() / scale / rho,
+                (below, above) => none(below / scale).max(none(above / scale)),
+            };
+            let room = |distance: f64, absent: bool| match room(distance / scale) {
+                r if absent || scale <= NO_ROW || r > self.activity[i] => f64::INFINITY,
                 r => r,
             };
             self.widest.cl[i] = -room(p.c[i] - lo, lo <= -INFINITE);
@@ -405,7 +419,7 @@ impl Lpcc {
         let paid: f64 = (0..self.y.len())
             .map(|i| (1.0 + it.y[i].abs()) * (b.cl[i] - self.activity[i]).max(self.activity[i] - b.cu[i]).max(0.0))
             .sum();
-        if residual.max(loss) <= self.tol && self.y.iter().all(|y| y.abs() <= Y_MAX) {
+        if residual.max(loss) <= self.tol && self.is_trusted() {
             for (y, s) in self.y.iter_mut().zip(&self.row_scale) {
                 *y *= if *s > NO_ROW { self.grad_scale / s } else { 0.0 };
             }
@@ -420,12 +434,43 @@ impl Lpcc {
         }
     }
 
+    /// Is what rounding and distances that count as none may hide, multiplied by the multipliers, small beside the gradient?
+    fn is_trusted(&self) -> bool {
+        let (lp, y) = (&self.lp, &self.y);
+        let terms = |j: usize| -> f64 {
+            let rows: f64 = lp.jac.range(j).map(|k| (lp.values[k] * y[lp.jac.row_idx()[k]]).abs()).sum();
+            rows + lp.grad[j].abs() + self.z[j].abs()
+        };
+        let worth = |none: &[f64], v: &[f64]| -> f64 { none.iter().zip(v).map(|(d, v)| d * v.abs()).sum() };
+        let hidden = worth(&self.none.0, &self.z) + worth(&self.none.1, y);
+        (hidden <= HIDDEN || !self.exact) && (0..lp.n()).all(|j| rounding_of(terms(j), self.z[j]) <= self.tol)
+    }
+
     /// Writes the step of the last program in the units of the MPCC into `d[n]`.
     pub fn unscaled_step(&self, d: &mut [f64]) {
         for (d, e) in d.iter_mut().zip(&self.step) {
             *d = self.rho * e;
         }
     }
+}
+
+/// What rounding may leave of a component of the gradient of the Lagrangian: nothing where the multiplier `z` of its bound is
+/// known to some digits, and so its sign.
+fn rounding_of(terms: f64, z: f64) -> f64 {
+    let rounding = f64::EPSILON * terms;
+    if rounding <= DIGITS * z.abs() {
+        0.0
+    } else {
+        rounding
+    }
+}
+
+/// The largest of these at a point with multipliers.
+pub(super) fn rounding(p: &Local) -> f64 {
+    (0..p.x.len()).fold(0f64, |largest, j| {
+        let rows: f64 = p.jac.range(j).map(|k| (p.jac_values[k] * p.y[p.jac.row_idx()[k]]).abs()).sum();
+        largest.max(rounding_of(p.grad[j].abs() + p.z[j].abs() + rows, p.z[j]))
+    })
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

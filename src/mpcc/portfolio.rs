@@ -61,6 +61,41 @@ const MET: f64 = 1e-8;
 /// Share by which one violation has to be below another to be lower.
 const LOWER: f64 = 1e-6;
 
+/// Where the violation is minimised from.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Opinion {
+    /// The point that the solve ended at.
+    Near,
+    /// By the whole path, the start of the solve.
+    WholePath,
+    /// The point that this path ended at, with the smaller member of every pair at zero.
+    NearItsEnd,
+}
+
+/// What one more point says about the least violation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Weighed {
+    /// It is a minimiser, and the lowest so far.
+    Lowest,
+    /// It is above the lowest so far.
+    Higher,
+    /// It is lower and no minimiser: one near it has to be found.
+    Doubtful,
+    /// Nothing is shown any more.
+    Nothing,
+}
+
+/// `least` is the violation of the lowest minimiser so far, `found` that of another point, which is a minimiser if `certified`.
+fn weigh(opinion: Opinion, least: Option<f64>, found: f64, certified: bool) -> Weighed {
+    let lower = least.is_none_or(|least| found < (1.0 - LOWER) * least);
+    match (lower, certified) {
+        (true, true) => Weighed::Lowest,
+        (false, _) => Weighed::Higher,
+        (true, false) if opinion == Opinion::WholePath => Weighed::Doubtful,
+        (true, false) => Weighed::Nothing,
+    }
+}
+
 impl MpccSolver {
     /// Is there no answer yet, and a reason to go on?
     fn is_open(&self) -> bool {
@@ -214,8 +249,9 @@ impl MpccSolver {
     /// Where nothing has a solution: a point that violates the constraints least. If it violates nothing its branch is
     /// solved from there; if its certificate says that no step lowers the violation the program is infeasible, as far as
     /// this can be said from near the point; otherwise that stays open. As the violation of a program that has a solution
-    /// may have such points, too, the claim needs a second one: the whole path to the least violation from the start `x0`
-    /// must not come lower.
+    /// may have such points, too, the claim needs a second opinion: the whole path to the least violation from the start `x0`
+    /// must not come lower. Where it ends lower at a point that is not shown to be a minimiser, the branch in which the
+    /// smaller member of every pair is zero decides: if that shows nothing either, nothing is claimed.
     pub(super) fn find_least_violation(
         &mut self,
         p: &mut dyn Mpcc,
@@ -231,9 +267,17 @@ impl MpccSolver {
         let Ok(mut st) = violation::Structure::new(p) else { return self.retract() };
         st.weights.copy_from_slice(&self.st.scaling.rows);
         let mut least: Option<Solution> = None;
-        for from_start in [false, true] {
-            let from = if from_start { x0.to_vec() } else { self.solution.x.clone() };
-            let Some((found, met)) = self.minimise_violation(p, &st, bounds, &from, from_start, control) else { break };
+        let mut from = self.solution.x.clone();
+        let mut end: Option<Solution> = None;
+        for opinion in [Opinion::Near, Opinion::WholePath, Opinion::NearItsEnd] {
+            if opinion == Opinion::WholePath {
+                from.copy_from_slice(x0);
+            }
+            let attempt = self.minimise_violation(p, &st, bounds, (&from, end.as_ref()), opinion, control);
+            let Some((found, met)) = attempt else {
+                least = None;
+                break;
+            };
             let solved = found.outcome == Outcome::Solved && found.polish == Polish::Done;
             if solved && found.objective <= met {
                 let n = p.n();
@@ -244,13 +288,23 @@ impl MpccSolver {
                 least = None;
                 break;
             }
-            let lower = least.as_ref().is_none_or(|l| found.objective < (1.0 - LOWER) * l.objective);
-            if solved && found.certificate.b == BStationarity::Yes {
-                if lower {
-                    least = Some(found);
+            let certified = solved && found.certificate.b == BStationarity::Yes;
+            match weigh(opinion, least.as_ref().map(|l| l.objective), found.objective, certified) {
+                Weighed::Lowest => least = Some(found),
+                Weighed::Higher => {}
+                Weighed::Doubtful => {
+                    // it may have come lower only because it had not arrived
+                    from.copy_from_slice(&found.x[..p.n()]);
+                    for &(a, b) in p.pairs() {
+                        let smaller = if from[a] <= from[b] { a } else { b };
+                        from[smaller] = 0.0;
+                    }
+                    end = Some(found);
+                    continue;
                 }
-            } else if least.is_none() || (lower && found.residuals.primal <= met) {
-                least = None;
+                Weighed::Nothing => least = None,
+            }
+            if least.is_none() || opinion != Opinion::Near {
                 break;
             }
         }
@@ -262,15 +316,15 @@ impl MpccSolver {
         self.solution.found_by = FoundBy::Feasible;
     }
 
-    /// The program of the least violation solved near `from[n]`, or by the whole path from there; and the violation that
-    /// counts as none. `None` where its functions have no value.
+    /// The program of the least violation solved from the first of `from`, whose multipliers are those of the second where they
+    /// are known; and the violation that counts as none. `None` where its functions have no value.
     fn minimise_violation(
         &mut self,
         p: &mut dyn Mpcc,
         st: &violation::Structure,
         bounds: &Bounds,
-        from: &[f64],
-        whole_path: bool,
+        (from, known): (&[f64], Option<&Solution>),
+        opinion: Opinion,
         control: &mut Control,
     ) -> Option<(Solution, f64)> {
         let mut c = vec![0.0; p.m()];
@@ -288,12 +342,13 @@ impl MpccSolver {
             ..self.settings
         };
         let (y, z) = (vec![0.0; p.m()], vec![0.0; start.len()]);
+        let (y, z) = known.map_or((&y, &z), |s| (&s.y, &s.z));
         let mut program = Violation { inner: p, st };
         let mut solver = MpccSolver::new(&mut program, settings).ok()?;
-        if whole_path {
+        if opinion == Opinion::WholePath {
             solver.solve_with(&mut program, &own, &start, control, &mut NoProposals);
         } else {
-            solver.solve_warm(&mut program, &own, &Warm { x: &start, y: &y, z: &z }, control, &mut NoProposals);
+            solver.solve_warm(&mut program, &own, &Warm { x: &start, y, z }, control, &mut NoProposals);
         }
         self.solution.stats.add(&solver.solution.stats);
         Some((solver.solution, met))
@@ -330,5 +385,26 @@ impl MpccSolver {
         self.close = false;
         p.set_polishing(false);
         self.keep(before, FoundBy::Feasible);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A claim is taken back by a point that lies lower and is not shown to be a minimiser, and by nothing else.
+    #[test]
+    fn the_second_opinion_can_take_back_a_claim() {
+        use Opinion::{Near, NearItsEnd, WholePath};
+        assert_eq!(weigh(Near, None, 0.6, true), Weighed::Lowest);
+        assert_eq!(weigh(Near, None, 0.6, false), Weighed::Nothing);
+        assert_eq!(weigh(WholePath, Some(0.6), 0.6, true), Weighed::Higher);
+        assert_eq!(weigh(WholePath, Some(0.6), 0.7, false), Weighed::Higher);
+        assert_eq!(weigh(WholePath, Some(0.6), 0.03, true), Weighed::Lowest);
+        // first the branch next to it is asked
+        assert_eq!(weigh(WholePath, Some(0.6), 0.03, false), Weighed::Doubtful);
+        assert_eq!(weigh(NearItsEnd, Some(0.6), 0.03, false), Weighed::Nothing);
+        assert_eq!(weigh(NearItsEnd, Some(0.6), 0.03, true), Weighed::Lowest);
+        assert_eq!(weigh(NearItsEnd, Some(0.6), f64::NAN, false), Weighed::Higher);
     }
 }

@@ -141,12 +141,19 @@ max min(G, H) <= 1e-10.
 
 {certificates}
 
+What is said of the points was judged by `mpcc_judge.py --set-of train --json docs/benchmarks/data/mpcc-judge-train.json` and the same for
+`hard`: functions evaluated anew, and linear programs over all branches by HiGHS.
+
+```
+{judged}
+```
+
 ## Each part switched off
 
 The {count} problems with one option changed. Ratios are geometric means over what both this variant and the defaults
 solve: above 1, the variant needs more. `lost` and `gained` count problems solved by one of the two; `worse` and
 `better` objectives that differ by more than 1e-5 max(1, |f|); `IPOPT` is the share of objectives no worse than
-IPOPT's.
+IPOPT's. This table and the growth along time were measured on an earlier version of the solver and not again.
 
 ```
 {variants}
@@ -167,6 +174,13 @@ clock on the wall, and this run shared its two cores with much other work, so th
 ```
 
 {exponents}
+
+A mass with dry friction moved by ever more control stages, `friction_stages.py --json docs/benchmarks/data/mpcc-friction.json`: the homotopy from
+the guess alone, and the default search, which tries neighbouring mode sequences and grows faster, by the iterations that those take (2000 stages with a limit of 400 seconds, and with a certificate only).
+
+```
+{friction}
+```
 """
 
 MODE_WORDS = {
@@ -225,6 +239,29 @@ def certificates(rows: list[dict]) -> str:
     return f"Of {len(answers)} answers of both sets, by their type of stationarity: {listed}."
 
 
+def judged(out: Path) -> str:
+    """How many claims of each kind are true, false, or not decided."""
+    lines = [f"{'set':<6} {'claim':<11} {'true':>5} {'false':>6} {'not decided':>12}"]
+    for name in ("train", "hard"):
+        record = json.loads((out / "data" / f"mpcc-judge-{name}.json").read_text())
+        for kind in ("solved", "B", "S", "infeasible"):
+            verdicts = [r["verdicts"][kind].split()[0] for r in record.values() if kind in r["verdicts"]]
+            true, false, unknown = (verdicts.count(v) for v in ("true", "FALSE", "unknown"))
+            lines.append(f"{name:<6} {kind:<11} {true:>5} {false:>6} {unknown:>12}")
+    return "\n".join(lines)
+
+
+def friction(out: Path) -> str:
+    """The rows of friction_stages.py."""
+    lines = [f"{'way':<9} {'stages':>6} {'cost':>9} {'its':>5} {'CPU s':>7} {'without certificate':>19}"]
+    for r in json.loads((out / "data" / "mpcc-friction.json").read_text()):
+        without = mpcc_compare.number(r["cpu_without_certificate"], "19.2f")
+        lines.append(
+            f"{r['way']:<9} {r['stages']:>6} {r['cost']:>9.6f} {r['iterations']:>5} {r['cpu']:>7.2f} {without:>19}"
+        )
+    return "\n".join(lines)
+
+
 def variant_table(rows: dict[str, dict], default: dict) -> str:
     number = mpcc_compare.number
     exact, peer = number(default["exact"], "6.1%"), number(default["no_worse"], "6.1%")
@@ -276,7 +313,7 @@ def write_page(out: Path) -> None:
             runs=RUNS[run["ipopt_cached"]], count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"],
             repeat=run["repeat"], note=f" {run['note']}" if run.get("note") else "", mode=MODE_WORDS[run["ipopt_mode"]], limit=run["limit"], hard_count=len(hard["problems"]),
             hard_families=family_table(hard), hard_lists=lists(hard), certificates=certificates(rows + hard["problems"]),
-            families=family_table(record), lists=lists(record), growth=growth(out)[0], exponents=growth(out)[1],
+            judged=judged(out), friction=friction(out), families=family_table(record), lists=lists(record), growth=growth(out)[0], exponents=growth(out)[1],
             variants=variant_table({k: v["figures"] for k, v in ablation.items()}, record["summary"]),
         )
     )  # fmt: skip

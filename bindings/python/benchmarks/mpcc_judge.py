@@ -111,20 +111,26 @@ def best_step(at: Point, strong: bool) -> float | None:
 
 
 def weights(problem: Problem) -> np.ndarray:
-    """Those of the rows in the violation: gradients above 100 at the start are scaled down, by a power of two."""
+    """Those of the rows in the violation, as docs/mpcc.md says: powers of two that make the largest derivative at the start 1 to
+    2, where a violation there counts by its 1024th part, and a function in a pair that has no derivatives by its value."""
     start = Point(problem, problem.x0)
     steepest = np.asarray(np.abs(start.jac).max(axis=1).todense()).ravel() if problem.rows else np.empty(0)
-    member = np.concatenate([np.zeros(problem.m, bool), ~problem.variable_members()])
-    steepest[member] = np.maximum(steepest[member], 1.0)
-    steep = steepest > 100.0
+    low = np.concatenate([problem.lbg, np.zeros(2 * problem.c)])
+    high = np.concatenate([problem.ubg, np.full(2 * problem.c, np.inf)])
+    member = np.arange(problem.rows) >= problem.m
+    flat = member & (steepest == 0.0)
+    steepest[flat] = np.abs(start.con[flat]) * (np.abs(start.con[flat]) > 1e-8)
+    beyond = np.maximum(low - start.con, start.con - high)
+    steepest = np.maximum(steepest, np.where(member, 0.0, beyond / 1024.0))
     out = np.ones(problem.rows)
-    out[steep] = np.exp2(np.floor(np.log2(np.maximum(100.0 / steepest[steep], 1e-8))))
+    some = steepest > 0.0
+    out[some] = np.exp2(-np.floor(np.log2(steepest[some])))
     return out
 
 
 def less_violated(at: Point) -> float | None:
     """By how much a step can lower the violation to first order, relative to what it is and can become: the sum over rows, and
-    over pairs of functions the distance from the axes in the 1-norm. Variables in pairs stay on the axes."""
+    over pairs of functions the distance from the axes in the 1-norm. Variables in one pair stay on the axes."""
     p = at.problem
     w = weights(p)
     member = p.variable_members()
@@ -146,8 +152,9 @@ def less_violated(at: Point) -> float | None:
     cost[columns["over"]] = cost[columns["under"]] = w
     lo, hi = np.zeros(total), np.full(total, np.inf)
     lo[columns["d"]], hi[columns["d"]] = lower, upper
-    # members that are variables are met exactly
-    exact = np.concatenate([np.zeros(p.m, bool), member])
+    # members that are variables of one pair are met exactly; of several, every pair has a copy, which is a function
+    used = np.bincount(v[member], minlength=p.n)
+    exact = np.concatenate([np.zeros(p.m, bool), member & (np.where(member, used[v], 0) == 1)])
     hi[columns["over"]][exact] = hi[columns["under"]][exact] = 0.0
     most = np.maximum(at.con[p.m :], 0.0) + np.abs(at.jac[p.m :]) @ at.radius + 1.0 if c else np.empty(0)
     hi[columns["value"]] = most
@@ -165,11 +172,21 @@ def less_violated(at: Point) -> float | None:
     integrality[columns["side"]] = 1.0
 
     def least(radius: float) -> float | None:
+        """A side that is an integer to within a tolerance lets both members grow a little: sides are fixed, and members
+        that have to be zero are."""
         lo[columns["d"]], hi[columns["d"]] = radius * lower, radius * upper
         result = scipy.optimize.milp(
             cost, constraints=constraints, bounds=scipy.optimize.Bounds(lo, hi), integrality=integrality,
             options={"time_limit": SECONDS},
         )  # fmt: skip
+        if result.x is None:
+            return None
+        second = result.x[columns["side"]] > 0.5
+        fixed = hi.copy()
+        fixed[columns["value"]] = np.where(np.concatenate([second, ~second]), 0.0, most)
+        fixed[columns["side"]] = 1.0
+        # the binaries take no part any more
+        result = scipy.optimize.milp(cost, constraints=constraints[:1], bounds=scipy.optimize.Bounds(lo, fixed))
         return None if result.x is None else float(result.fun)
 
     here, there = least(0.0), least(1.0)
