@@ -1,6 +1,7 @@
 /* Expressions and models made of them. */
 #include "check.h"
 
+#include <math.h>
 #include <stdlib.h>
 
 enum { N_STATES = 2 };
@@ -154,10 +155,68 @@ static void refusals(void)
     swb_model_free(NULL);
 }
 
+/* Moduli inside of moduli: more branches than can be listed, so that modes are formed on demand. */
+enum { N_FOLDS = 12 };
+
+static double folded(double x)
+{
+    for (int k = 0; k < N_FOLDS; k++)
+        x = fabs(x) - ldexp(1.0, -k - 1);
+    return x;
+}
+
+/* x' = 1, q' = folded(x): the integral of a function that is linear between the points of a fine grid. */
+static void modes_on_demand(void)
+{
+    enum { N_PIECES = 1 << (N_FOLDS + 1) };
+    const double x0[] = {-0.7, 0.0};
+    swb_expr *g = NULL;
+    swb_model *model = NULL;
+    swb_system *system = NULL;
+    const double tolerance = 1e-9;
+    swb_integrator *integrator = NULL;
+    swb_simulator *simulator = NULL;
+    swb_ocp *ocp = NULL;
+    int64_t x, rhs[2], half;
+    int32_t outcome = -1;
+    double expected = 0.0, state[2];
+    CHECK_OK(swb_expr_create(&g));
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_X, 0, &x, 1));
+    rhs[1] = x;
+    for (int k = 0; k < N_FOLDS; k++) {
+        const double offset = ldexp(1.0, -k - 1);
+        CHECK_OK(swb_expr_constants(g, &offset, 1, &half, 1));
+        CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ABS, &rhs[1], NULL, NULL, &rhs[1], 1));
+        CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SUB, &rhs[1], &half, NULL, &rhs[1], 1));
+    }
+    CHECK_OK(swb_expr_constants(g, (const double[]){1.0}, 1, &rhs[0], 1));
+    CHECK_OK(swb_model_create(g, "folds", 2, 0, 0, rhs, NULL, NULL, &model));
+    CHECK_OK(swb_model_system(model, &system));
+    /* one eighth of a unit is passed, over some five hundred of the points of the grid */
+    for (int k = 0; k < N_PIECES; k++)
+        expected += 0.125 / N_PIECES * folded(x0[0] + 0.125 * (k + 0.5) / N_PIECES);
+    CHECK_OK(swb_integrator_create(system, NULL, &integrator));
+    CHECK_OK(swb_integrator_set_tolerances(integrator, &tolerance, 1, &tolerance, 1));
+    CHECK_OK(swb_integrator_reinit(integrator, 0.0, x0, 2));
+    CHECK_OK(swb_integrator_advance(integrator, 0.125, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK_OK(swb_integrator_get_state(integrator, state, 2));
+    CHECK_NEAR(state[1], expected, 1e-7);
+    /* what needs all modes says so when it is made */
+    CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_simulator_create(system, NULL, &simulator));
+    CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_ocp_create(system, 1.0, 5, NULL, &ocp));
+    CHECK(simulator == NULL && ocp == NULL && strstr(swb_last_error(), "on demand") != NULL);
+    swb_integrator_free(integrator);
+    swb_system_free(system);
+    swb_model_free(model);
+    swb_expr_free(g);
+}
+
 int main(void)
 {
     models();
     functions();
+    modes_on_demand();
     refusals();
     return CHECK_DONE();
 }

@@ -219,6 +219,7 @@ impl Ocp {
     pub fn new(system: &System, horizon: f64, n_stages: usize, settings: &Settings) -> Result<Ocp> {
         system.validate()?;
         system.check_transitions_are_followed()?;
+        system.check_modes_known()?;
         settings.validate()?;
         if !(horizon > 0.0 && horizon.is_finite()) {
             return Err(Error::Range(format!("the horizon is {horizon}: it must be positive and finite")));

@@ -69,6 +69,8 @@ def test_what_needs_all_modes_refuses_at_once():
         swb.simulate_fesd(m.system(), x0=[0.4, 0.0], duration=1.0, n_steps=5)
     with pytest.raises(swb.UnsupportedError, match="derivatives"):
         swb.simulate(m, [0.4, 0.0], 1.0, sensitivity=True)
+    with pytest.raises(swb.UnsupportedError, match="terms that switch separately"):
+        swb.Ocp(m, 1.0, 5)
 
 
 def test_saturations_in_a_cascade():
