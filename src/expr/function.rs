@@ -203,7 +203,7 @@ impl ExprFunction {
 }
 
 /// All inputs in the order of the columns of derivative patterns: `x`, `u`, `p`, `t`.
-pub(super) fn all_inputs(dag: &mut Dag, dims: Dims) -> Vec<Id> {
+pub(crate) fn all_inputs(dag: &mut Dag, dims: Dims) -> Vec<Id> {
     let mut all = dag.inputs(Block::X, dims.x);
     all.extend(dag.inputs(Block::U, dims.u));
     all.extend(dag.inputs(Block::P, dims.p));

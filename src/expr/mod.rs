@@ -32,6 +32,7 @@ mod text;
 pub use c_code::write_c;
 pub use dag::{Block, Dag, Id, Node};
 pub use diff::Entry;
+pub(crate) use function::all_inputs;
 pub use function::ExprFunction;
 pub use graph::{Cond, Expr, Graph, Operand};
 pub use op::{Binary, Unary};

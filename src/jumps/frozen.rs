@@ -14,11 +14,11 @@ use super::problem::Problem;
 use super::track::{Piece, Track};
 use crate::dcs::{Dcs, FormOptions};
 use crate::error::{Error, Result};
-use crate::expr::{Block, Dag, ExprFunction, Id};
+use crate::expr::{all_inputs, Block, Dag, ExprFunction, Id};
 use crate::fesd::{self, Boundary, Element, Fesd, PathAt, PathConstraint, Sizes, Spec, Terminal, Trajectory};
 use crate::freezing::{freeze_mechanics, Frozen, Layout};
 use crate::func::{Dims, Point};
-use crate::nlp::Bounds;
+use crate::nlp::{middles, Bounds};
 use crate::settings::{DcsForm, Settings};
 use crate::system::SharedFunction;
 
@@ -96,7 +96,7 @@ fn freeze(p: &Problem, dag: &mut Dag, scales: &Scales) -> Result<Frozen> {
     let g = &p.given;
     let mechanics =
         g.system.mechanics().ok_or_else(|| Error::Internal("a scene without equations of motion".into()))?;
-    let inputs = inputs_of(dag, g.wide);
+    let inputs = all_inputs(dag, g.wide);
     let costs = match &g.lagrange {
         Some(f) => dag.call(f, &inputs)?,
         None => Vec::new(),
@@ -108,31 +108,11 @@ fn freeze(p: &Problem, dag: &mut Dag, scales: &Scales) -> Result<Frozen> {
         force: scales.force,
         speed_of_time: true,
         costs,
-        at: middle(&g.x0_bounds),
+        at: middles(&g.x0_bounds),
         params: g.params[..g.wide.p].to_vec(),
         ..Default::default()
     };
     freeze_mechanics(mechanics, g.wide, dag, &options)
-}
-
-/// All inputs of functions of these sizes.
-fn inputs_of(dag: &mut Dag, d: Dims) -> Vec<Id> {
-    let mut all = dag.inputs(Block::X, d.x);
-    all.extend(dag.inputs(Block::U, d.u));
-    all.extend(dag.inputs(Block::P, d.p));
-    all.push(dag.input(Block::T, 0));
-    all
-}
-
-/// A state within bounds, zero where there are none.
-fn middle(bounds: &[Vec<f64>; 2]) -> Vec<f64> {
-    let of = |(l, u): (&f64, &f64)| match (l.is_finite(), u.is_finite()) {
-        (true, true) => 0.5 * (l + u),
-        (true, false) => l.max(0.0),
-        (false, true) => u.min(0.0),
-        (false, false) => 0.0,
-    };
-    bounds[0].iter().zip(&bounds[1]).map(of).collect()
 }
 
 /// Functions of costs and constraints in numerical time.

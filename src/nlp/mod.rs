@@ -33,6 +33,7 @@ pub use callback::{CallbackNlp, LagrangianFn};
 pub use curvature::SecondOrder;
 pub use iterate::Iterate;
 pub(crate) use problem::within;
+pub(crate) use problem::{middle, middles};
 pub use problem::{Bilinear, Bounds, Nlp, INFINITE};
 pub use report::{Control, IterationInfo, Outcome, Residuals, Statistics};
 pub use settings::IpmSettings;

@@ -68,6 +68,21 @@ pub trait Nlp {
     }
 }
 
+/// A point well inside an interval.
+pub(crate) fn middle(lo: f64, hi: f64) -> f64 {
+    match (lo.is_finite(), hi.is_finite()) {
+        (true, true) => 0.5 * (lo + hi),
+        (true, false) => lo.max(0.0),
+        (false, true) => hi.min(0.0),
+        (false, false) => 0.0,
+    }
+}
+
+/// A point well inside of lower and upper bounds.
+pub(crate) fn middles([lower, upper]: &[Vec<f64>; 2]) -> Vec<f64> {
+    lower.iter().zip(upper).map(|(l, u)| middle(*l, *u)).collect()
+}
+
 /// Bounds of variables and rows. Equal bounds fix a variable or make a row an equality; a row without
 /// finite bounds takes no part.
 #[derive(Debug, Clone, PartialEq)]

@@ -10,7 +10,7 @@ use crate::func::{Callback, EvalError, Point};
 use crate::linalg::cholesky;
 use crate::linalg::csc::Pattern;
 use crate::mpcc::{MpccSettings, MpccSolver};
-use crate::nlp::{Control, Nlp, Outcome};
+use crate::nlp::{middles, Control, Nlp, Outcome};
 use crate::settings::{Discretisation, InitialGuess};
 use crate::sim::{Simulator, SolveOptions};
 use crate::system::{SharedFunction, System};
@@ -90,7 +90,7 @@ impl Ocp {
         if let Some((times, states)) = &self.x_guess {
             return Ok(Guess { times: times.clone(), states: states.clone(), controls, pairs: false });
         }
-        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let x0: Vec<f64> = middles(&self.x0_bounds);
         let constant = Guess { times: vec![0.0], states: x0.clone(), controls, pairs: false };
         let mut kind = options.initial_guess;
         if self.modes.is_some() && kind == InitialGuess::Constant {
@@ -119,7 +119,7 @@ impl Ocp {
     /// steps of Gauss and Newton. `None` where there is nothing to reach, or it is not reached.
     pub(super) fn target(&self) -> Option<Vec<f64>> {
         let d = self.system.dims();
-        let mut x: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let mut x: Vec<f64> = middles(&self.x0_bounds);
         let start = x.clone();
         let u = self.control_guess();
         let t = self.t0 + self.durations.iter().sum::<f64>();
@@ -184,7 +184,7 @@ impl Ocp {
         if let Some(u) = &self.u_guess {
             return u.clone();
         }
-        let one: Vec<f64> = self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let one: Vec<f64> = middles(&self.u_bounds);
         one.repeat(self.n_stages)
     }
 
@@ -357,16 +357,6 @@ fn smoothed_field(dcs: &Dcs, sigma: f64, at: &Point, out: &mut [f64]) -> std::re
 fn value(f: &SharedFunction, at: &Point) -> std::result::Result<Vec<f64>, EvalError> {
     let mut out = vec![0.0; f.n_out()];
     f.value(at, &mut out, &mut vec![0.0; f.work_len()]).map(|()| out)
-}
-
-/// A point well inside an interval.
-pub(super) fn middle(lo: f64, hi: f64) -> f64 {
-    match (lo.is_finite(), hi.is_finite()) {
-        (true, true) => 0.5 * (lo + hi),
-        (true, false) => lo.max(0.0),
-        (false, true) => hi.min(0.0),
-        (false, false) => 0.0,
-    }
 }
 
 fn interpolate(times: &[f64], states: &[f64], t: f64, x: &mut [f64]) {

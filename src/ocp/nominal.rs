@@ -3,13 +3,12 @@
 //! The solver measures variables by them, so that units of states, controls, time and switching functions do not matter.
 
 use super::accuracy::tolerances;
-use super::guess::middle;
 use super::{CostAt, LeastSquares, Ocp};
 use crate::error::Result;
 use crate::event::{self, Engine};
 use crate::fesd::Sizes;
 use crate::func::Point;
-use crate::nlp::INFINITE;
+use crate::nlp::{middle, middles, INFINITE};
 use crate::system::{SetValued, SharedFunction};
 
 /// Share of the values of a quantity that are not larger than what counts as its size.
@@ -126,7 +125,7 @@ impl Ocp {
     /// Sizes of the constraints of projected systems: what states of their sizes make of them, at the initial state. Those of inclusions of
     /// another kind are 1.
     fn constraint_sizes(&self, sizes: &[f64]) -> Vec<f64> {
-        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let x0: Vec<f64> = middles(&self.x0_bounds);
         let u = vec![0.0; self.system.dims().u];
         let at = Point { t: self.t0, x: &x0, u: &u, p: self.params_of(0) };
         let mut out = Vec::new();
@@ -165,7 +164,7 @@ impl Ocp {
     /// where states and controls are off the initial state by their sizes, whichever way costs more; 0 where that is not known.
     fn usual_cost(&self) -> f64 {
         let d = self.system.dims();
-        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let x0: Vec<f64> = middles(&self.x0_bounds);
         let (x, u) = match &self.sizes {
             Some(s) => (s.x.clone(), s.u.clone()),
             None => (self.prior_sizes(), vec![1.0; d.u]),
@@ -244,7 +243,7 @@ impl Ocp {
     /// that are not simulated by events show none.
     fn simulate_sizes(&self, sizes: &[f64], x: &mut [Vec<f64>], psi: &mut [Vec<f64>]) -> Result<()> {
         let options = event::Options { max_steps: MAX_STEPS, ..tolerances(TOLERANCE, sizes) };
-        let x0: Vec<f64> = self.x0_bounds[0].iter().zip(&self.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+        let x0: Vec<f64> = middles(&self.x0_bounds);
         let system = self.projected.as_ref().unwrap_or(&self.system);
         let Ok(mut engine) = Engine::new(system, &options) else { return Ok(()) };
         let nu = self.system.dims().u;

@@ -4,7 +4,6 @@
 use std::time::Instant;
 
 use super::candidates::Candidates;
-use super::guess::middle;
 use super::optimality::Verdict;
 use super::portfolio::{part, Ladders};
 use super::request::Request;
@@ -12,6 +11,7 @@ use super::sequence::NEAR;
 use super::{Durations, Ocp, OcpResult};
 use crate::dcs::Dcs;
 use crate::error::{Error, Result};
+use crate::nlp::middle;
 use crate::nlp::Control;
 
 /// Share of the largest cost of a plan so far by which the cost may rise from one sample to the next, and below which nothing

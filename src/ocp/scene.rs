@@ -2,7 +2,6 @@
 
 use super::accuracy::Accuracy;
 use super::extend::Extended;
-use super::guess::middle;
 use super::optimality::{Kink, Optimality, Verdict, OTHER};
 use super::request::Request;
 use super::solve::Start;
@@ -12,6 +11,7 @@ use crate::func::Point;
 use crate::jumps::{self, Answer, Blame, Contacts, Options, Problem, Sequence, Solved};
 use crate::memory;
 use crate::mpcc::Polish;
+use crate::nlp::middle;
 use crate::nlp::{Control, Outcome};
 use crate::tableau::Tableau;
 

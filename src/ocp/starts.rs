@@ -2,9 +2,9 @@
 
 use std::sync::Mutex;
 
-use super::guess::middle;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
+use crate::nlp::middle;
 use crate::nlp::{Control, IterationInfo, Outcome};
 use crate::parallel;
 use crate::random::SplitMix64;

@@ -4,7 +4,7 @@ use super::automaton::{Automaton, Passage, Sequence};
 use crate::error::{Error, Result};
 use crate::event::{self, Engine};
 use crate::func::Point;
-use crate::ocp::guess::middle;
+use crate::nlp::middles;
 use crate::ocp::{Ocp, OcpResult};
 use crate::system::Transition;
 
@@ -157,7 +157,7 @@ pub(super) fn simulate(ocp: &Ocp, automaton: &Automaton, controls: &[f64]) -> Re
     let d = ocp.system.dims();
     let loose = event::Options { max_steps: MAX_STEPS, ..event::Options::with_tolerance(TOLERANCE, TOLERANCE) };
     let mut engine = Engine::new(&ocp.system, &loose)?;
-    let x0: Vec<f64> = ocp.x0_bounds[0].iter().zip(&ocp.x0_bounds[1]).map(|(l, u)| middle(*l, *u)).collect();
+    let x0: Vec<f64> = middles(&ocp.x0_bounds);
     engine.reinit(ocp.t0, &x0)?;
     let mut g = Guess {
         times: vec![0.0],
