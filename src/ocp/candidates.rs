@@ -29,6 +29,8 @@ pub(super) struct Candidates {
     /// What all took, and the seconds to build their problems.
     pub spent: Statistics,
     pub time_build: f64,
+    /// Iterations times variables.
+    pub work: usize,
 }
 
 /// Cost of an answer, infinite where there is none.
@@ -40,6 +42,7 @@ impl Candidates {
     /// Counts what a solve took.
     pub fn add(&mut self, r: &OcpResult) {
         self.spent.add(&r.stats);
+        self.work += r.stats.iterations * r.dimensions.0;
         self.time_build += r.time_build;
     }
 

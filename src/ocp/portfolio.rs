@@ -10,6 +10,7 @@ use super::moves::{Sequence, NOTHING};
 use super::optimality::{Verdict, OTHER};
 use super::request::Request;
 use super::sequence::{Room, BRIEF, NEAR, ROUGH};
+use super::smoothing::Smoothed;
 use super::solve::Start;
 use super::{Ocp, OcpResult};
 use crate::dcs::{Dcs, Form};
@@ -40,6 +41,10 @@ const FINER: [usize; 2] = [2, 4];
 const SIMULATED: usize = 5;
 /// How often it is followed at most.
 const FOLLOWED: usize = 4;
+/// Share of the time that is left that the homotopy may take before mode programs.
+const HALF: f64 = 0.5;
+/// Work, iterations times variables, that neighbours may take at least; where more was done before, as much as that.
+const EFFORT: usize = 5_000_000;
 /// Share of the time that is left that a part of a search may take.
 const SEARCH: f64 = 0.9;
 /// Share of the cost by which one must be lower to count as better.
@@ -57,6 +62,24 @@ pub(super) enum Ladders {
     All,
     /// One from the guess, which is a plan with these phases.
     FromPlan(Vec<Vec<Vec<bool>>>),
+}
+
+/// What smoothed problems led to.
+#[derive(Default)]
+struct Race {
+    ladders: Vec<Smoothed>,
+    /// Phases that are known already.
+    tried: Vec<Vec<Vec<Vec<bool>>>>,
+    /// Did they take so much that further ones are not worth it?
+    large: bool,
+}
+
+impl Race {
+    /// What the cheapest one costs, where several ladders led to it.
+    fn agreed_cost(&self) -> Option<f64> {
+        let first = self.ladders.first().filter(|l| l.count > 1)?;
+        first.answers.last().map(|r| r.cost_reached)
+    }
 }
 
 /// Is an answer better than one that costs this much, by itself and when it is simulated? Simulations decide where both can be compared.
@@ -133,56 +156,46 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<&OcpResult> {
         let clock = Instant::now();
-        part(&mut found, control, |found, control| self.smooth(found, Ladders::All, request, control))?;
+        let mut race = Race::default();
+        part(&mut found, control, |found, control| {
+            race = self.race(found, Ladders::All, request, control)?;
+            Ok(())
+        })?;
         let given = self.x_guess.is_some() || self.u_guess.is_some();
-        let mut improved = None;
-        let mut enough = found.best.is_some() && request.start == OcpStart::Smoothing;
-        if !enough && found.agreed && !given {
-            part(&mut found, control, |found, control| {
-                self.improve(found, request, control)?;
-                enough = found.is_certified()?;
-                Ok(())
-            })?;
-            improved = Some(found.cost());
+        let only_smooth = request.start == OcpStart::Smoothing;
+        let (mut asked, mut enough) = (false, false);
+        if race.large && !given && !only_smooth {
+            (asked, enough) = self.keeps_promise(&mut found, &race, start, request, control)?;
         }
-        if !enough && (found.best.is_none() || stop::requested().is_none()) {
-            let mut inside = Request { start: OcpStart::Homotopy, ..*request };
-            if found.agreed && !given {
-                // a second opinion may take as long as the first
-                let most = found.spent.iterations.max(OPINION);
-                inside.options.solver.max_iter = inside.options.solver.max_iter.min(most);
+        let mut improved = None;
+        if !enough {
+            part(&mut found, control, |found, control| self.solve_raced(found, race, request, control))?;
+            enough = found.best.is_some() && only_smooth;
+            if !enough && found.agreed && !given {
+                part(&mut found, control, |found, control| {
+                    self.improve(found, request, control)?;
+                    enough = found.is_certified()?;
+                    Ok(())
+                })?;
+                improved = Some(found.cost());
             }
+        }
+        if !enough && !asked && (found.best.is_none() || stop::requested().is_none()) {
+            // a second opinion may take as long as the first
+            let most = (found.agreed && !given).then_some(found.spent.iterations.max(OPINION));
             let share = if found.best.is_some() { SEARCH } else { 1.0 };
-            match control.sooner(share, |control| self.run(start, &inside, control).map(|_| ())) {
-                Ok(()) => (),
+            match self.ask_homotopy(&mut found, start, (most, share), request, control) {
+                Ok(_) => (),
                 // what the other starts found stays an answer where this one is asked to end
                 Err(Error::OutOfTime) if found.best.is_some() => return self.adopt(found, request, control, clock),
                 Err(e) => return Err(e),
             }
-            let r = self.last_result()?;
-            let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.cost);
-            found.add(r);
-            if !exact && found.best.is_none() {
-                let failed = r.clone();
-                part(&mut found, control, |found, control| {
-                    self.solve_from_simulations(found, &failed, request, control)
-                })?;
-                if found.best.is_none() {
-                    return self.spent_in_all(&found, clock);
-                }
-            }
-            if exact && cost <= found.cost() {
-                let mut own = Box::new(self.blank());
-                (own.built, own.result, own.engine) = (self.built.take(), self.result.take(), self.engine.take());
-                // where its own controls lead elsewhere, that is what it is worth
-                let simulated = worth(&mut own, request)?;
-                let better = match found.best.as_mut() {
-                    Some(best) => agree(simulated, cost) || simulated < worth(best, request)?,
-                    None => true,
-                };
-                if better {
-                    found.replace(own, request)?;
-                }
+        }
+        if found.best.is_none() {
+            let failed = self.last_result()?.clone();
+            part(&mut found, control, |found, control| self.solve_from_simulations(found, &failed, request, control))?;
+            if found.best.is_none() {
+                return self.spent_in_all(&found, clock);
             }
         }
         if improved.is_none_or(|cost| found.cost() < cost) {
@@ -190,6 +203,64 @@ impl Ocp {
         }
         part(&mut found, control, |found, control| self.settle(found, request, control))?;
         self.adopt(found, request, control, clock)
+    }
+
+    /// The homotopy from the guess, within iterations and a share of the time that is left; its answer becomes the best one where it
+    /// is cheaper. Is it exact?
+    fn ask_homotopy(
+        &mut self,
+        found: &mut Candidates,
+        start: Start,
+        (most, share): (Option<usize>, f64),
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<bool> {
+        let mut inside = Request { start: OcpStart::Homotopy, ..*request };
+        let limit = &mut inside.options.solver.max_iter;
+        *limit = most.map_or(*limit, |most| most.min(*limit));
+        control.sooner(share, |control| self.run(start, &inside, control).map(|_| ()))?;
+        let r = self.last_result()?;
+        let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.cost);
+        found.add(r);
+        if exact && cost <= found.cost() {
+            let mut own = Box::new(self.blank());
+            (own.built, own.result, own.engine) = (self.built.take(), self.result.take(), self.engine.take());
+            // where its own controls lead elsewhere, that is what it is worth
+            let simulated = worth(&mut own, request)?;
+            let better = match found.best.as_mut() {
+                Some(best) => agree(simulated, cost) || simulated < worth(best, request)?,
+                None => true,
+            };
+            if better {
+                found.replace(own, request)?;
+            }
+        }
+        Ok(exact)
+    }
+
+    /// Of large problems: does the homotopy keep the promise of smoothed problems that several ladders led to, with a certified
+    /// answer? Mode programs of their controls have nothing to add then, and their switches, which may be many control stages
+    /// off, need not be moved from stage to stage, which takes the longer the more stages there are. First whether the
+    /// homotopy came to an end.
+    fn keeps_promise(
+        &mut self,
+        found: &mut Candidates,
+        race: &Race,
+        start: Start,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<(bool, bool)> {
+        let Some(promised) = race.agreed_cost().filter(|_| stop::requested().is_none()) else {
+            return Ok((false, false));
+        };
+        let most = found.spent.iterations.max(OPINION);
+        match self.ask_homotopy(found, start, (Some(most), HALF), request, control) {
+            Ok(_) => (),
+            Err(Error::OutOfTime) => return Ok((false, false)),
+            Err(e) => return Err(e),
+        }
+        let kept = (found.cost() - promised).abs() <= PROMISED * promised.abs().max(found.cost().abs());
+        Ok((true, kept && found.is_certified()?))
     }
 
     /// Where nothing else leads to an exact answer: mode programs along simulations of the guessed controls and of others within
@@ -231,6 +302,7 @@ impl Ocp {
         let mut tried = Vec::new();
         let mut before: Option<Sequence> = None;
         let mut left = NEIGHBOURS.max(request.search);
+        let most = found.work + found.work.max(EFFORT);
         let (mut followed, mut descended) = (0, 0);
         self.use_idle(found, &form, &n_fe, request, control)?;
         while let Some((r, sizes)) = found.best.as_ref().and_then(|b| Some((b.result.clone()?, b.sizes.clone()))) {
@@ -246,7 +318,7 @@ impl Ocp {
                 if stop::requested().is_some() {
                     return Ok(());
                 }
-                if left == 0 {
+                if left == 0 || (request.search == 0 && found.work > most) {
                     break;
                 }
                 if tried.contains(&s.sets()) {
@@ -526,13 +598,26 @@ impl Ocp {
         request: &Request,
         control: &mut Control,
     ) -> Result<()> {
-        let known = found.known.clone();
-        let Some(mut smoother) = self.smoother(&known, request, control)? else { return Ok(()) };
-        let (ladders, mut tried) = match ladders {
+        let race = self.race(found, ladders, request, control)?;
+        self.solve_raced(found, race, request, control)
+    }
+
+    /// The smoothed problems.
+    fn race(&self, found: &mut Candidates, ladders: Ladders, request: &Request, control: &mut Control) -> Result<Race> {
+        let Some(mut smoother) = self.smoother(&found.known, request, control)? else { return Ok(Race::default()) };
+        let (ladders, tried) = match ladders {
             Ladders::All => (smoother.race(control), Vec::new()),
             Ladders::FromPlan(phases) => (smoother.follow(control), vec![phases]),
         };
         found.spent.add(&smoother.spent);
+        found.work += smoother.work();
+        Ok(Race { ladders, tried, large: smoother.is_large() })
+    }
+
+    /// The mode programs of the controls of smoothed problems.
+    fn solve_raced(&self, found: &mut Candidates, race: Race, request: &Request, control: &mut Control) -> Result<()> {
+        let Race { ladders, mut tried, .. } = race;
+        let known = found.known.clone();
         let inside = Request { comparison: None, explain: false, ..*request };
         let mut costs: Vec<f64> = Vec::new();
         for (k, ladder) in ladders.iter().enumerate() {

@@ -52,8 +52,9 @@ const DIFFERENT: f64 = 1e-3;
 /// Finite elements of the whole horizon at least, and stages of the method.
 const ELEMENTS: usize = 40;
 const STAGES: usize = 2;
-/// Iterations of one program.
+/// Iterations of one program, and what is left of them at least where they are many for the number of variables.
 const ITERATIONS: usize = 150;
+const AT_LEAST: usize = 40;
 
 /// The smoothed problem, built once for all ladders.
 pub(super) struct Smoother {
@@ -140,7 +141,7 @@ impl Smoother {
     pub fn race(&mut self, control: &mut Control) -> Vec<Smoothed> {
         let mut field: Vec<Climber> = Vec::new();
         for (first, from) in FIRST.into_iter().chain(MORE) {
-            if matches!(from, From::Random(_)) && self.spent.iterations * self.built.problem.n() > SMALL {
+            if matches!(from, From::Random(_)) && self.is_large() {
                 break;
             }
             let Some(w0) = self.beginning(from, control) else { continue };
@@ -183,6 +184,16 @@ impl Smoother {
         let first = self.read(&c);
         let last = self.climb(c, &[last], control);
         vec![Smoothed { answers: std::iter::once(first).chain(last.map(|c| self.read(&c))).collect(), count: 1 }]
+    }
+
+    /// Iterations times variables of all so far.
+    pub fn work(&self) -> usize {
+        self.spent.iterations * self.built.problem.n()
+    }
+
+    /// Did they take so much that further ones are not worth it?
+    pub fn is_large(&self) -> bool {
+        self.work() > SMALL
     }
 
     fn read(&mut self, c: &Climber) -> OcpResult {
@@ -233,7 +244,9 @@ impl Smoother {
     ) -> Option<Solution> {
         sizes.iter().enumerate().for_each(|(k, s)| self.widths.set(k, width * s));
         let Built { problem, solver, bounds, .. } = &mut *self.built;
-        let outcome = solver.solve_loosely(problem, bounds, from, accuracy, ITERATIONS.min(self.left), control);
+        // a large problem that takes long is one that another ladder may come to sooner
+        let allowed = ITERATIONS.min((SMALL / problem.n().max(1)).max(AT_LEAST));
+        let outcome = solver.solve_loosely(problem, bounds, from, accuracy, allowed.min(self.left), control);
         let s = solver.solution();
         self.spent.add(&s.stats);
         self.left -= s.stats.iterations.min(self.left);

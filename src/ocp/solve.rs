@@ -70,7 +70,8 @@ pub(super) enum Start {
     Cold,
     /// From guesses and modes that are an earlier solution on another grid.
     Carried,
-    /// From the branch problem of the modes that were given, and nothing else.
+    /// From the branch problem of the modes that were given, and nothing else: whether others next to them are better is asked of the
+    /// best of several such answers.
     Branch,
     /// The same, of a sequence next to one with a solution: given up where it is not solved soon.
     Near,
@@ -291,8 +292,7 @@ impl Ocp {
             };
             b.set_sizes(&sizes);
         }
-        let improves =
-            matches!(start, Start::Carried | Start::Branch | Start::Near) || (start == Start::Cold && modes.is_none());
+        let improves = matches!(start, Start::Carried | Start::Near) || (start == Start::Cold && modes.is_none());
         b.identifier.restart(improves || request.search > 0, request.search);
         b.problem.forget_trouble();
         let usual = b.problem.usual_exit();

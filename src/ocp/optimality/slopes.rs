@@ -99,6 +99,9 @@ impl Quantities {
             let a = DMatrix::from_fn(rows.len(), open.len(), |i, j| slope(rows[i], open[j]) / units[j]);
             let held = |f: &Free| (0..n).filter(|&j| fixed[j]).map(|j| c[j] * slope(f, j)).sum::<f64>();
             let b = DVector::from_fn(rows.len(), |i, _| -rows[i].size * rows[i].slopes[0] - held(rows[i]));
+            if !a.iter().chain(b.iter()).all(|v| v.is_finite()) {
+                break;
+            }
             let Ok(found) = a.svd(true, true).solve(&b, RANK) else { break };
             open.iter().zip(found.iter().zip(&units)).for_each(|(&j, (v, u))| c[j] = v / u);
             let outside = |j: usize| (range[j][0] - c[j]).max(c[j] - range[j][1]);
@@ -196,6 +199,10 @@ impl Quantities {
     /// What the slopes say; `ends` is what may be added to the multipliers of constraints at the ends, `own` controls of
     /// every stage are the user's.
     pub(super) fn verdict(&self, kinks: &[Corner], sides: &[Sides], ends: &[[f64; 2]], own: usize) -> Optimality {
+        let finite = |v: &[f64]| v.iter().all(|v| v.is_finite());
+        if !self.all().all(|f| finite(&f.slopes)) || !sides.iter().flatten().flatten().all(|s| finite(s)) {
+            return Optimality::unknown("derivatives along the simulation are not finite");
+        }
         let scale = self.all().fold(self.states, |m, f| m.max(f.size * f.terms)).max(f64::MIN_POSITIVE);
         let left = |c: &[f64]| self.all().fold(0f64, |m, f| m.max(f.left(c).abs())) / scale;
         let any = [f64::NEG_INFINITY, f64::INFINITY];
