@@ -173,3 +173,29 @@ fn squares_that_vanish_are_certified() {
     assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
     assert!(r.cost.abs() < 1e-12 && r.controls.iter().all(|u| (u - 0.5).abs() < 1e-4), "{} {:?}", r.cost, r.controls);
 }
+
+/// A mass with dry friction moved by many control stages, to its exact optimum: the velocity is a parabola, so the cost is `0.3² · 4` and
+/// that of a double integrator with constant controls. The search takes a few times what the homotopy takes, however many stages a
+/// switch of its first answer is off by.
+#[test]
+fn a_search_with_many_stages_takes_a_few_times_what_the_homotopy_takes() {
+    let move_mass = |start: OcpStart, stages: usize| {
+        let g = Graph::new();
+        let rhs = [g.x(1), g.u(0) - 0.3 * g.x(1).sign()];
+        let system = Model::from_rhs("mass", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+        let set = Settings { ocp_start: start as i64, ..Settings::default() };
+        let mut ocp = Ocp::new(&system, 4.0, stages, &set).unwrap();
+        let dims = Dims { x: 2, u: 1, p: 0 };
+        ocp.set_lagrange(function(&g, dims, &[g.u(0) * g.u(0)])).unwrap();
+        ocp.add_terminal(function(&g, dims, &[g.x(0), g.x(1)]), &[1.0, 0.0], &[1.0, 0.0]).unwrap();
+        ocp.set_u_bounds(&[-2.0], &[2.0]).unwrap();
+        ocp.set_x0(&[0.0, 0.0]).unwrap();
+        let (r, o) = solve(&mut ocp);
+        let exact = 0.36 + 0.1875 / (1.0 - (stages as f64).powi(-2));
+        assert!((r.cost - exact).abs() < 1e-9, "{} instead of {exact}", r.cost);
+        assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
+        r.stats.iterations
+    };
+    let (search, homotopy) = (move_mass(OcpStart::Portfolio, 500), move_mass(OcpStart::Homotopy, 500));
+    assert!(search <= 4 * homotopy, "{search} iterations, {homotopy} of the homotopy");
+}
