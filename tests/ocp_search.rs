@@ -3,6 +3,10 @@
 mod common;
 use common::models::*;
 use common::*;
+use std::sync::Arc;
+use switchback::expr::Graph;
+use switchback::func::Dims;
+use switchback::model::Model;
 use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
 use switchback::ocp::{ModeSequence, Ocp, OcpResult};
@@ -133,4 +137,27 @@ fn a_sequence_without_a_solution_is_left() {
     assert!(e.contains("stage 0 has 4 phases and 3 elements"), "{e}");
     o.set_modes(Some(ModeSequence { times: vec![0.0], modes: vec![true], cells: vec![] })).unwrap();
     assert!(o.solve(&mut Control::default()).is_err());
+}
+
+/// Relays of three lags switch each other, and the first lag is to end exactly where its relay switches. Smoothed problems stay on that surface,
+/// and their mode programs have no solution; controls that are aimed at the end lead to phases that have one.
+#[test]
+fn an_end_on_a_switching_surface_is_reached() {
+    let g = Graph::new();
+    let (a, b, c, u) = (g.x(0), g.x(1), g.x(2), g.u(0));
+    let rhs = [c.lt(0.4).select(1.0, 0.0) - a + u, a.gt(0.5).select(1.2, 0.0) - b, b.gt(0.6).select(1.0, 0.0) - c];
+    let system = Model::from_rhs("relays", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let mut o = Ocp::new(&system, 8.0, 12, &Settings { n_s: 3, n_fe: 2, ..Settings::default() }).unwrap();
+    let d = Dims { x: 3, u: 1, p: 0 };
+    let of = |outputs: &[switchback::expr::Expr]| Arc::new(g.function("of", d, outputs).unwrap());
+    o.set_x0(&[0.0, 0.2, 0.7]).unwrap();
+    o.set_u_bounds(&[-0.4], &[0.4]).unwrap();
+    o.set_lagrange(of(&[u * u])).unwrap();
+    o.add_terminal(of(&[a, b]), &[0.5, 0.3], &[0.5, 0.3]).unwrap();
+    let r = solve(&mut o);
+    assert_eq!(r.polish, Polish::Done);
+    // bounds and the length of the horizon allow 1.28; the answer costs 0.3014
+    assert!(r.cost < 0.302, "{}", r.cost);
+    let end = r.accuracy.unwrap().terminal_violation;
+    assert!(end < 5e-3, "{end}");
 }

@@ -24,6 +24,8 @@ pub(super) struct Candidates {
     pub still: Option<Verdict>,
     /// Several ways led to the best one, and it costs what the smoothed problem promised.
     pub agreed: bool,
+    /// Answers of smoothed problems whose mode programs have none.
+    pub missed: Vec<OcpResult>,
     /// Sizes of the quantities of the problem.
     pub known: Sizes,
     /// What all took, and the seconds to build their problems.

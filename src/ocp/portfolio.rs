@@ -39,6 +39,9 @@ const SIDES: usize = 3;
 const FINER: [usize; 2] = [2, 4];
 /// Simulations that are started from where nothing else leads to an answer.
 const SIMULATED: usize = 5;
+/// Coarse controls that are drawn where that does not help either, and how many of them are aimed at the constraints.
+const DRAWN: usize = 100;
+const AIMED: usize = 8;
 /// How often it is followed at most.
 const FOLLOWED: usize = 4;
 /// Share of the time that is left that the homotopy may take before mode programs.
@@ -198,6 +201,7 @@ impl Ocp {
                 return self.spent_in_all(&found, clock);
             }
         }
+        part(&mut found, control, |found, control| self.aim_missed(found, request, control))?;
         if improved.is_none_or(|cost| found.cost() < cost) {
             part(&mut found, control, |found, control| self.improve(found, request, control))?;
         }
@@ -263,8 +267,8 @@ impl Ocp {
         Ok((true, kept && found.is_certified()?))
     }
 
-    /// Where nothing else leads to an exact answer: mode programs along simulations of the guessed controls and of others within
-    /// their bounds.
+    /// Where nothing else leads to an exact answer: mode programs along simulations of the controls of smoothed problems, aimed at the
+    /// constraints, then of the guessed controls and of others within their bounds, as they are and aimed.
     fn solve_from_simulations(
         &self,
         found: &mut Candidates,
@@ -272,24 +276,85 @@ impl Ocp {
         request: &Request,
         control: &mut Control,
     ) -> Result<()> {
+        for missed in std::mem::take(&mut found.missed) {
+            self.aim_from(found, &missed, request, control)?;
+        }
+        if found.best.is_some() {
+            return Ok(());
+        }
         let known = found.known.clone();
         let inside = Request { comparison: None, explain: false, ..*request };
+        let with = |controls: Vec<f64>| {
+            let (durations, control_ends) = (self.durations.clone(), controls.clone());
+            OcpResult { durations, control_ends, controls, ..failed.clone() }
+        };
         for controls in self.random_starts(SIMULATED, 0) {
             if stop::requested().is_some() {
                 break;
             }
-            let mut moved = failed.clone();
-            (moved.durations, moved.control_ends) = (self.durations.clone(), controls.clone());
-            moved.controls = controls;
-            let Some(traced) = self.trace_through(&moved, &request.options)? else { continue };
-            let one = self.solve_traced(&moved, (&traced, ROUGH), &known, &inside, control)?;
-            let Some(r) = one.result.as_ref() else { continue };
-            found.add(r);
-            if r.is_exact() && r.cost < found.cost() {
-                found.replace(one, request)?;
+            self.solve_along(found, &with(controls), ROUGH, &known, &inside, control)?;
+        }
+        let Some(b) = self.built.as_ref().filter(|_| found.best.is_none()) else { return Ok(()) };
+        let drawn = self.closest(b, failed, self.coarse_starts(DRAWN, 0), &known)?;
+        for controls in drawn.into_iter().take(AIMED) {
+            if found.best.is_some() {
+                break;
+            }
+            self.aim_from(found, &with(controls), request, control)?;
+        }
+        Ok(())
+    }
+
+    /// The mode program along a simulation of the controls of `moved`, whose answer is kept where it is the best.
+    fn solve_along(
+        &self,
+        found: &mut Candidates,
+        moved: &OcpResult,
+        room: Room,
+        known: &Sizes,
+        inside: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
+        let Some(traced) = self.trace_through(moved, &inside.options)? else { return Ok(()) };
+        let one = self.solve_traced(moved, (&traced, room), known, inside, control)?;
+        let Some(r) = one.result.as_ref() else { return Ok(()) };
+        found.add(r);
+        if r.is_exact() && r.cost < found.cost() {
+            found.replace(one, inside)?;
+        }
+        Ok(())
+    }
+
+    /// Smoothed problems that promised less than the best answer costs, but whose mode programs had no answer: they may have
+    /// had the wrong phases, where the smooth motion stays close to a surface. Their controls are aimed at the constraints.
+    fn aim_missed(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
+        for missed in std::mem::take(&mut found.missed) {
+            let cost = found.cost();
+            if missed.cost_reached < cost - PROMISED * cost.abs() {
+                self.aim_from(found, &missed, request, control)?;
             }
         }
         Ok(())
+    }
+
+    /// Aims the simulation of controls at the constraints, and solves the mode program of the phases that are met on the way.
+    fn aim_from(
+        &self,
+        found: &mut Candidates,
+        from: &OcpResult,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<()> {
+        let known = found.known.clone();
+        let inside = Request { comparison: None, explain: false, ..*request };
+        let Some(b) = found.best.as_ref().map_or(self.built.as_ref(), |best| best.built.as_ref()) else {
+            return Ok(());
+        };
+        if stop::requested().is_some() {
+            return Ok(());
+        }
+        let Some(aimed) = self.aim(b, from, &known)? else { return Ok(()) };
+        self.solve_along(found, &aimed, NEAR, &known, &inside, control)
     }
 
     /// Goes from the best answer to sequences next to its own as long as the cost falls.
@@ -641,6 +706,7 @@ impl Ocp {
                 let Some(r) = one.result.as_ref() else { continue };
                 found.add(r);
                 if !r.is_exact() {
+                    found.missed.push(smooth.clone());
                     continue;
                 }
                 best = best.min(r.cost);

@@ -9,6 +9,10 @@ use crate::nlp::{Control, IterationInfo, Outcome};
 use crate::parallel;
 use crate::random::SplitMix64;
 
+/// Pieces of the horizon on which coarse guesses are constant, in turn, and the share of them that is at either bound.
+const COARSE: [usize; 4] = [1, 2, 4, 8];
+const AT_BOUND: f64 = 0.25;
+
 /// What surrounds the solve of one start on its thread, [`Ocp::solve_starts_within`].
 pub type Around<'a> = &'a (dyn Fn(&mut dyn FnMut() -> Result<()>) -> Result<()> + Sync);
 
@@ -101,20 +105,47 @@ impl Ocp {
     /// same `seed` gives the same guesses.
     pub fn random_starts(&self, n: usize, seed: u64) -> Vec<Vec<f64>> {
         let mut numbers = SplitMix64::new(seed);
-        let mut share = || numbers.share();
-        let range = |(l, u): (&f64, &f64)| {
-            let size = |v: f64| if v.is_finite() { v.abs().max(1.0) } else { 1.0 };
-            let at = middle(*l, *u);
-            (if l.is_finite() { *l } else { at - size(*u) }, if u.is_finite() { *u } else { at + size(*l) })
-        };
-        let ranges: Vec<(f64, f64)> = self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(range).collect();
-        let one = |k: usize, share: &mut dyn FnMut() -> f64| -> Vec<f64> {
+        let ranges = self.control_ranges();
+        let one = |k: usize, numbers: &mut SplitMix64| -> Vec<f64> {
             if k == 0 {
                 return self.control_guess();
             }
-            (0..self.n_stages).flat_map(|_| ranges.clone()).map(|(l, u)| l + (u - l) * share()).collect()
+            (0..self.n_stages).flat_map(|_| &ranges).map(|[l, u]| l + (u - l) * numbers.share()).collect()
         };
-        (0..n).map(|k| one(k, &mut share)).collect()
+        (0..n).map(|k| one(k, &mut numbers)).collect()
+    }
+
+    /// `n` guesses of the controls, each constant on pieces of the horizon, where a control is at one of its bounds or between them: what they
+    /// lead to is spread further than what controls do that are drawn anew for every stage, which cancel each other. The
+    /// same `seed` gives the same guesses.
+    pub(super) fn coarse_starts(&self, n: usize, seed: u64) -> Vec<Vec<f64>> {
+        let mut numbers = SplitMix64::new(seed);
+        let ranges = self.control_ranges();
+        let mut one = |k: usize| -> Vec<f64> {
+            let pieces = COARSE[k % COARSE.len()].min(self.n_stages);
+            let mut drawn = Vec::with_capacity(pieces * ranges.len());
+            for [l, u] in (0..pieces).flat_map(|_| &ranges) {
+                let (which, between) = (numbers.share(), numbers.share());
+                drawn.push(match which {
+                    w if w < AT_BOUND => *l,
+                    w if w < 2.0 * AT_BOUND => *u,
+                    _ => l + (u - l) * between,
+                });
+            }
+            let of = |k: usize| &drawn[k * pieces / self.n_stages * ranges.len()..][..ranges.len()];
+            (0..self.n_stages).flat_map(of).copied().collect()
+        };
+        (0..n).map(&mut one).collect()
+    }
+
+    /// Ranges in which controls are drawn: their bounds, which take the place of infinity at a distance of 1, or the size of the other bound.
+    fn control_ranges(&self) -> Vec<[f64; 2]> {
+        let range = |(l, u): (&f64, &f64)| {
+            let size = |v: f64| if v.is_finite() { v.abs().max(1.0) } else { 1.0 };
+            let at = middle(*l, *u);
+            [if l.is_finite() { *l } else { at - size(*u) }, if u.is_finite() { *u } else { at + size(*l) }]
+        };
+        self.u_bounds[0].iter().zip(&self.u_bounds[1]).map(range).collect()
     }
 
     /// The problem as stated, nothing built and nothing solved.

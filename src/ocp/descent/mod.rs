@@ -5,10 +5,13 @@ mod shooting;
 mod sqp;
 
 use super::optimality::Verdict;
+use super::solve::Built;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
+use crate::stop;
 use shooting::Shooting;
+use sqp::{Lowest, Program, Values};
 
 /// Simulations of the horizon of a descent at most.
 const EVALUATIONS: usize = 80;
@@ -16,6 +19,8 @@ const EVALUATIONS: usize = 80;
 const VARIABLES: usize = 400;
 /// Violation of a constraint, relative to what the variables change it by, with which a descent may end.
 const MET: f64 = 1e-4;
+/// The same for the start of a mode program, which meets its constraints by itself.
+const NEARLY: f64 = 0.1;
 /// Gain, relative to the cost, that counts as none.
 const NONE: f64 = 1e-6;
 
@@ -35,29 +40,15 @@ impl Ocp {
     /// nothing to vary.
     pub(super) fn descend(&self, best: &Ocp, known: &Sizes, controls: &[f64]) -> Result<Option<Descent>> {
         let (Some(b), Some(r)) = (best.built.as_ref(), best.result.as_ref()) else { return Ok(None) };
-        let mut shooting = Shooting::new(self, b, r, known)?;
-        if !(1..=VARIABLES).contains(&shooting.n()) {
+        let Some((shooting, found)) = self.descended(b, r, (controls, &r.control_ends), known)? else {
             return Ok(None);
-        }
-        let w = &b.solver.solution().x;
-        let mut all = b.problem.controls(w);
-        let (own, wide) = (self.system.dims().u.max(1), b.extended.system.dims().u.max(1));
-        for (all, moved) in all.chunks_mut(wide).zip(controls.chunks(own)) {
-            all[..moved.len()].copy_from_slice(moved);
-        }
-        let z = shooting.start(&all, &b.problem.control_ends(w));
-        let found = match sqp::minimise(&mut shooting, &z, EVALUATIONS) {
-            Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => return Err(e),
-            // a simulation that fails says nothing of the answer
-            Err(_) | Ok(None) => return Ok(None),
-            Ok(Some(found)) => found,
         };
         if found.violation > MET {
             return Ok(None);
         }
         if found.stationary && found.gain <= NONE {
             // a cost that simulations do not confirm is certified by nothing
-            let own = r.cost_reached + best.penalty(&b.problem, w, &b.extended, &r.durations);
+            let own = r.cost_reached + best.penalty(&b.problem, &b.solver.solution().x, &b.extended, &r.durations);
             if (found.before - own).abs() > SAME * found.before.abs().max(own.abs()) {
                 return Ok(None);
             }
@@ -66,5 +57,80 @@ impl Ocp {
         let mut moved = Box::new(r.clone());
         shooting.tell(&found.z, &mut moved);
         Ok(Some(Descent::Lower(moved)))
+    }
+
+    /// Descends from what a simulation makes of the controls of `from`, which need not meet the constraints, to controls that nearly
+    /// do. `b` is the problem as it was built for any point. `None` where that is not reached.
+    pub(super) fn aim(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<Box<OcpResult>>> {
+        let Some((shooting, found)) = self.descended(b, from, (&from.controls, &from.control_ends), known)? else {
+            return Ok(None);
+        };
+        if found.violation > NEARLY {
+            return Ok(None);
+        }
+        let mut moved = Box::new(from.clone());
+        shooting.tell(&found.z, &mut moved);
+        Ok(Some(moved))
+    }
+
+    /// Which of these controls lead closest to the constraints in a simulation, the closest first; violations count as shares of how far
+    /// the values of a constraint are spread among them. Those without a simulation are left out.
+    pub(super) fn closest(
+        &self,
+        b: &Built,
+        r: &OcpResult,
+        controls: Vec<Vec<f64>>,
+        known: &Sizes,
+    ) -> Result<Vec<Vec<f64>>> {
+        let mut shooting = Shooting::new(self, b, r, known)?;
+        let mut tried: Vec<(Vec<f64>, Vec<f64>)> = Vec::with_capacity(controls.len());
+        for u in controls {
+            if stop::requested().is_some() {
+                break;
+            }
+            let z = shooting.place(b, (&u, &u));
+            let mut values = Values::default();
+            match shooting.evaluate(&z, &mut values) {
+                Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => return Err(e),
+                Ok(true) => tried.push((values.rows, u)),
+                Ok(false) | Err(_) => (),
+            }
+        }
+        let (lower, upper) = shooting.row_bounds();
+        let n = tried.len() as f64;
+        let spread = |i: usize| {
+            let mean = tried.iter().map(|t| t.0[i]).sum::<f64>() / n;
+            (tried.iter().map(|t| (t.0[i] - mean).powi(2)).sum::<f64>() / n).sqrt()
+        };
+        let spreads: Vec<f64> = (0..lower.len()).map(|i| if tried.is_empty() { 0.0 } else { spread(i) }).collect();
+        let off = |rows: &[f64]| -> f64 {
+            let of = |(i, v): (usize, &f64)| (v - v.max(lower[i]).min(upper[i])) / spreads[i];
+            rows.iter().enumerate().filter(|(i, _)| spreads[*i] > 0.0).map(of).map(|d| d * d).sum()
+        };
+        let mut order: Vec<(f64, Vec<f64>)> = tried.iter().map(|(rows, u)| (off(rows), u.clone())).collect();
+        order.sort_by(|a, b| a.0.total_cmp(&b.0));
+        Ok(order.into_iter().map(|o| o.1).collect())
+    }
+
+    /// The end of a descent from lengths, parameters and initial states of `r`, with these controls and their ends; `None` where nothing is
+    /// simulated, or there is nothing to vary.
+    fn descended<'a>(
+        &'a self,
+        b: &'a Built,
+        r: &OcpResult,
+        controls: (&[f64], &[f64]),
+        known: &Sizes,
+    ) -> Result<Option<(Shooting<'a>, Lowest)>> {
+        let mut shooting = Shooting::new(self, b, r, known)?;
+        if !(1..=VARIABLES).contains(&shooting.n()) {
+            return Ok(None);
+        }
+        let z = shooting.place(b, controls);
+        match sqp::minimise(&mut shooting, &z, EVALUATIONS) {
+            Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => Err(e),
+            // a simulation that fails says nothing of the answer
+            Err(_) | Ok(None) => Ok(None),
+            Ok(Some(found)) => Ok(Some((shooting, found))),
+        }
     }
 }

@@ -187,7 +187,7 @@ impl<'a> Shooting<'a> {
     }
 
     /// Variables of an answer: its controls and, where they are linear, their ends `[n_stages · nu]`, lengths, parameters, initial states.
-    pub fn start(&self, controls: &[f64], ends: &[f64]) -> Vec<f64> {
+    fn start(&self, controls: &[f64], ends: &[f64]) -> Vec<f64> {
         let (nu, n) = (self.e.system.dims().u, self.ocp.n_stages);
         let mut z = vec![0.0; self.at.n];
         z[..n * nu].copy_from_slice(controls);
@@ -202,6 +202,19 @@ impl<'a> Shooting<'a> {
         let given = self.at.params.iter().zip(&self.params).chain(self.at.initial.iter().zip(&self.x0));
         given.for_each(|(at, v)| at.iter().for_each(|&at| z[at] = *v));
         z
+    }
+
+    /// Variables with controls of the user and their ends, `[n_stages · nu]` each; slacks are as in the solution that the problem `b` has.
+    pub fn place(&self, b: &Built, (controls, ends): (&[f64], &[f64])) -> Vec<f64> {
+        let w = &b.solver.solution().x;
+        let mut all = [b.problem.controls(w), b.problem.control_ends(w)];
+        let (own, wide) = (self.ocp.system.dims().u.max(1), self.e.system.dims().u.max(1));
+        for (all, moved) in all.iter_mut().zip([controls, ends]) {
+            for (all, moved) in all.chunks_mut(wide).zip(moved.chunks(own)) {
+                all[..moved.len()].copy_from_slice(moved);
+            }
+        }
+        self.start(&all[0], &all[1])
     }
 
     /// Takes the variables over into an answer: user's controls, lengths, parameters, initial state.
