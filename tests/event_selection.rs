@@ -78,12 +78,17 @@ fn the_rules_select_what_their_definitions_say_in_all_units() {
 
 /// Curved surfaces, effects that depend on the state, parameters.
 fn curved() -> Built {
+    curved_in(1.0)
+}
+
+/// The same with a parameter in another unit.
+fn curved_in(unit: f64) -> Built {
     let g = Graph::new();
     let [x1, x2, x3, x4] = [0, 1, 2, 3].map(|i| g.x(i));
     let (s, r) = ((x1 + x3 * x3 * 0.1).sign(), (x2 + x4.sin() * 0.2).sign());
     let rhs = [
         s * -2.0 + x4 * 0.3 + s * r * 0.2,
-        r * -2.0 + x3.sin() * 0.4 + s * r * g.p(0),
+        r * -2.0 + x3.sin() * 0.4 + s * r * (g.p(0) * unit),
         s * r * 0.3 + s * x4 * 0.2 + 1.0,
         s * r * 0.5 - x3,
     ];
@@ -233,6 +238,31 @@ fn derivatives_follow_the_rules() {
             let forward = (0..4).map(|i| v[i] * s[i * 5 + c]).sum::<f64>() + 0.6 * dt[c];
             // weights are differentiated by differences, whose rounding is about 1e-9 where a state passes zero
             assert!((g - forward).abs() < 1e-7 * (1.0 + forward.abs()), "{rule:?} {c}: {g} {forward}");
+        }
+    }
+}
+
+/// Weights under a rule are differentiated by differences, whose steps are relative to the size of a parameter, or, where it is
+/// zero, to what it does: one in units of 1e-12 or 1e12 has the same derivatives. With steps of 6e-6 at least the first was
+/// changed by millions of its values, the second by less than the rounding of what it does.
+#[test]
+fn derivatives_do_not_depend_on_the_unit_of_a_parameter() {
+    for (rule, p) in RULES.into_iter().flat_map(|r| [(r, 0.3), (r, 0.0)]) {
+        let by_parameter = |unit: f64| {
+            let m = curved_in(unit);
+            let o = Options { sensitivity: true, ..options(rule, 1e-11) };
+            let mut e = Engine::new(&m.system, &o).unwrap();
+            e.reinit(0.0, &FROM).unwrap();
+            e.set_params(&[p / unit]).unwrap();
+            e.advance(2.0).unwrap();
+            let s = e.sensitivity().unwrap();
+            (0..4).map(|i| s[i * 5 + 4] / unit).collect::<Vec<f64>>()
+        };
+        let usual = by_parameter(1.0);
+        for unit in [1e12, 1e-12] {
+            for (d, usual) in by_parameter(unit).iter().zip(&usual) {
+                assert!((d - usual).abs() < 1e-7 * (1.0 + usual.abs()), "{rule:?} p = {p}, unit {unit}: {d} {usual}");
+            }
         }
     }
 }

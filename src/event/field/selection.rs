@@ -51,6 +51,8 @@ struct Intersection {
     /// Weights of the surfaces, and of the pairs.
     z: Vec<f64>,
     alpha: Vec<f64>,
+    /// Those of the iteration before.
+    last: Vec<f64>,
     /// Derivatives of the weights of the pairs by those of the surfaces, as rows.
     slopes: Vec<f64>,
     rhs: Vec<f64>,
@@ -214,7 +216,8 @@ impl Intersection {
         let (n, m) = (self.pairs.len(), self.rows.len());
         let mut before = f64::INFINITY;
         for _ in 0..ITERATIONS {
-            let last = self.alpha.clone();
+            self.last.copy_from_slice(&self.alpha);
+            let last = &self.last;
             let matrix = self.lu.clear(n);
             matrix[..m * n].copy_from_slice(&self.by);
             self.rhs[..m].iter_mut().zip(&self.own).for_each(|(r, o)| *r = -o);
@@ -242,7 +245,7 @@ impl Intersection {
             }
             self.lu.solve(&mut self.rhs[..n]);
             self.alpha.copy_from_slice(&self.rhs[..n]);
-            let change = self.alpha.iter().zip(&last).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
+            let change = self.alpha.iter().zip(&self.last).fold(0.0f64, |m, (a, b)| m.max((a - b).abs()));
             if self.groups.len() == 1 || change <= CONVERGED || change <= 1e-13 && change >= 0.5 * before {
                 return true;
             }
@@ -386,6 +389,7 @@ impl Field {
         it.by = vec![0.0; n * m];
         it.z = vec![0.5; m];
         it.alpha = vec![0.0; n];
+        it.last = vec![0.0; n];
         it.slopes = vec![0.0; n * m];
         it.rhs = vec![0.0; n + m];
         it
@@ -421,11 +425,14 @@ impl Field {
         let mut out = vec![0.0; r * n_z];
         let mut y = x.to_vec();
         let pace = self.pace(x, velocity);
+        let mut jac = vec![0.0; nx * n_z];
+        let alpha = self.alpha.clone();
+        self.jacobian_of_weights(t, x, &alpha, &mut jac)?;
         for c in 0..n_z {
             let size = match c {
                 c if c < nx => Some(self.size(c, x[c])).filter(|s| *s > 0.0).unwrap_or(1.0),
-                c if c < nx + np => self.p[c - nx].abs().max(1.0),
-                c if c < n_z - 1 => self.u[c - nx - np].abs().max(1.0),
+                c if c < nx + np => self.size_of_input(self.p[c - nx], pace, x, |i| jac[i * n_z + c]),
+                c if c < n_z - 1 => self.size_of_input(self.u[c - nx - np], pace, x, |i| jac[i * n_z + c]),
                 _ if pace > 0.0 => 1.0 / pace,
                 _ => continue,
             };
@@ -458,6 +465,20 @@ impl Field {
             }
         }
         Ok(out)
+    }
+
+    /// Size of a parameter or control for differences: its value, or, where that is zero or next to it, the change that changes
+    /// the velocity of some state by as much as moves the state by its size in the time of `pace`; `column` has the derivatives
+    /// of the velocities. What neither has a value nor moves anything has no size of its own.
+    fn size_of_input(&self, value: f64, pace: f64, x: &[f64], column: impl Fn(usize) -> f64) -> f64 {
+        let share = |i: usize| column(i).abs() / (pace * self.size(i, x[i]));
+        let most = (0..self.nx).map(share).filter(|s| s.is_finite()).fold(0.0f64, f64::max);
+        let natural = if most > 0.0 { 1.0 / most } else { 0.0 };
+        match value.abs() {
+            own if own > DIFFERENCE * natural => own,
+            _ if natural > 0.0 => natural,
+            _ => 1.0,
+        }
     }
 
     /// Jacobian of the right-hand side under a rule, row-major `nx × n_z`.
