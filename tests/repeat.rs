@@ -82,7 +82,17 @@ fn check(name: &str, mut o: Ocp, small: bool) {
 
 #[test]
 fn optimal_control_problems_of_the_gallery() {
-    for p in optimal::all() {
+    problems_of_the_gallery(0);
+}
+
+#[test]
+fn the_other_optimal_control_problems_of_the_gallery() {
+    problems_of_the_gallery(1);
+}
+
+/// Every second problem from this one on: two tests run beside each other.
+fn problems_of_the_gallery(first: usize) {
+    for p in optimal::all().skip(first).step_by(2) {
         let mut settings = *p.ocp.settings();
         // one form as the problem has it, the other one too where that is quick
         let small = ["turbo-car", "tanks", "friction"].contains(&p.name);
