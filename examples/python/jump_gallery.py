@@ -192,6 +192,55 @@ def jumper(**options):
     return s, ocp
 
 
+def hopper(reach=1.0, horizon=1.0, stages=10, holes=(0.5,), **options):
+    """Section 8.6.2: the one-legged robot Capler hops over holes in the ground. The figures are those of nosnoc's model of it (a point mass at
+    the hip, two links with their inertias); a hole is an ellipse half a unit wide that the foot keeps out of. One hop of one unit here; the
+    thesis has three, `hopper(3.0, 2.5, 20, (0.5, 1.5, 2.5))`."""
+    hip, thigh, shank, length = 3.975, 1.782, 0.548, 0.2
+    s_thigh, s_shank, i_thigh, i_shank = 0.016, 0.1, 0.001, 0.0032
+    s = swb.Scene("x z hip knee", u="u_hip u_knee", name="hopper")
+    (x, z, a, b), v = s.q, s.v
+    c = a + b
+    mass, first, second = hip + thigh + shank, thigh * s_thigh + shank * length, shank * s_shank
+    own = [thigh * s_thigh**2 + shank * length**2 + i_thigh, shank * s_shank**2 + i_shank]
+    both = shank * length * s_shank * cos(b)
+    xa, xc, za, zc = -first * cos(a), -second * cos(c), first * sin(a), second * sin(c)
+    s.inertia(
+        [
+            [mass, 0, xa + xc, xc],
+            [0, mass, za + zc, zc],
+            [xa + xc, za + zc, own[0] + own[1] + 2 * both, both + own[1]],
+            [xc, zc, both + own[1], own[1]],
+        ]
+    )
+    wa, wc = v[2], v[2] + v[3]
+    turn = shank * length * s_shank * sin(b)
+    qa, qc = -turn * wc**2 + first * G * sin(a), turn * wa**2 + second * G * sin(c)
+    push = [
+        first * sin(a) * wa**2 + second * sin(c) * wc**2,
+        first * cos(a) * wa**2 + second * cos(c) * wc**2 + mass * G,
+        qa + qc - s.u[0],
+        qc - s.u[1],
+    ]
+    s.force([-f for f in push])
+    knee = x - length * sin(a), z - length * cos(a)
+    foot = knee[0] - length * sin(c), knee[1] - length * cos(c)
+    s.contact("foot", gap=foot[1], tangents=[foot[0]], mu=0.8)
+    options = {"n_s": 3, "n_fe": 3, **options}
+    start = [0, 0.4, 0, 0, 0, 0, 0, 0]
+    ocp = swb.Ocp(s, horizon, stages, initial_state=start, control_bounds=(-60, 60), **options)
+    ocp.set_lagrange(s.function(s.u[0] ** 2 + s.u[1] ** 2))
+    kinematic = s.function([x, foot[0], knee[0], z, a, b, knee[1], foot[1]])
+    hip_most, knee_most = 3 * math.pi / 8, math.pi / 2
+    lower = [-0.05, -0.05, -0.05, 0.2, -hip_most, -knee_most, 0.05, -0.005]
+    upper = [math.inf] * 3 + [0.55, hip_most, knee_most, math.inf, 0.2]
+    ocp.add_path(kinematic, lower, upper)
+    outside = [((foot[0] - at) / 0.25) ** 2 + (foot[1] / 0.1) ** 2 for at in holes]
+    ocp.add_path(s.function(outside), [1.0] * len(holes))
+    ocp.add_terminal(s.function(s.q), [reach, 0.4, 0, 0], [reach, 0.4, 0, 0])
+    return s, ocp
+
+
 PROBLEMS = [
     puck,
     slow_box,
@@ -205,6 +254,7 @@ PROBLEMS = [
     billiard,
     jumper,
     two_discs,
+    hopper,
 ]
 
 

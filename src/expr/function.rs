@@ -223,6 +223,15 @@ pub(super) fn in_function(name: &str, e: Error) -> Error {
     }
 }
 
+/// The outputs of a function in another graph, if it is made of expressions.
+///
+/// # Errors
+/// Those of expressions that cannot be saved, or restored.
+pub fn expressions_of(dag: &mut Dag, f: &dyn Function) -> Option<Result<Vec<Id>>> {
+    let known = f.as_any().and_then(|any| any.downcast_ref::<ExprFunction>())?;
+    Some(known.source().and_then(|source| source.restore(dag, &[])))
+}
+
 impl Function for ExprFunction {
     fn name(&self) -> &str {
         &self.name

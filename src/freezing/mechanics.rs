@@ -1,7 +1,7 @@
 //! The equations of a scene that is built already, read back from the functions of its system.
 
 use crate::error::{Error, Result};
-use crate::expr::{Dag, ExprFunction, Id};
+use crate::expr::{expressions_of, Dag, Id};
 use crate::scene::{ContactEquations, Equations, Sliding};
 use crate::system::{Inertia, Mechanics, Order, SharedFunction};
 
@@ -43,10 +43,8 @@ pub(super) fn equations(dag: &mut Dag, m: &Mechanics) -> Result<Equations> {
 }
 
 fn load(dag: &mut Dag, f: &SharedFunction) -> Result<Vec<Id>> {
-    let known = f.as_any().and_then(|any| any.downcast_ref::<ExprFunction>());
-    let known = known.ok_or_else(|| {
+    expressions_of(dag, f.as_ref()).unwrap_or_else(|| {
         let name = f.name();
-        Error::Unsupported(format!("time-freezing: function '{name}' of the scene is not made of expressions"))
-    })?;
-    known.source()?.restore(dag, &[])
+        Err(Error::Unsupported(format!("time-freezing: function '{name}' of the scene is not made of expressions")))
+    })
 }

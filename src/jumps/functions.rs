@@ -6,7 +6,7 @@
 use std::sync::Arc;
 
 use crate::error::{Error, Result};
-use crate::expr::{Block, Dag, ExprFunction, Id};
+use crate::expr::{expressions_of, Block, Dag, ExprFunction, Id};
 use crate::func::Dims;
 use crate::system::{Inertia, Mechanics, Order, SharedFunction};
 
@@ -101,14 +101,12 @@ struct Maker<'a> {
 
 impl Maker<'_> {
     fn load(&mut self, f: &SharedFunction) -> Result<Vec<Id>> {
-        let known = f.as_any().and_then(|any| any.downcast_ref::<ExprFunction>());
-        let known = known.ok_or_else(|| {
-            Error::Unsupported(format!(
+        expressions_of(self.dag, f.as_ref()).unwrap_or_else(|| {
+            Err(Error::Unsupported(format!(
                 "function '{}' of the scene is not made of expressions: optimal control needs its second derivatives",
                 f.name()
-            ))
-        })?;
-        known.source()?.restore(self.dag, &[])
+            )))
+        })
     }
 
     fn function(&mut self, name: &str, dims: Dims, outputs: &[Id]) -> Result<SharedFunction> {

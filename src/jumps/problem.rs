@@ -53,6 +53,10 @@ pub struct Statement {
     pub free: Vec<Option<[f64; 2]>>,
 }
 
+/// Stage points of an element on grids that are refined, at most, and how many more each of them has.
+const MOST_POINTS: usize = 5;
+const MORE_POINTS: usize = 2;
+
 /// A statement with the functions that programs are made of.
 pub struct Problem {
     pub(super) given: Statement,
@@ -88,6 +92,17 @@ impl Problem {
     /// The same with implicit Euler, the method of one stage point.
     pub(super) fn with_one_stage_point(&self) -> Result<Problem> {
         let given = Statement { tableau: Tableau::new(Family::RadauIia, 1)?, ..self.given.clone() };
+        Ok(Problem { given, functions: self.functions.clone(), knows_time: self.knows_time })
+    }
+
+    /// The same on a finer grid: with more stage points up to [`MOST_POINTS`], then with twice the elements.
+    pub(super) fn finer(&self) -> Result<Problem> {
+        let mut given = self.given.clone();
+        if given.tableau.n_s < MOST_POINTS {
+            given.tableau = Tableau::new(Family::RadauIia, (given.tableau.n_s + MORE_POINTS).min(MOST_POINTS))?;
+        } else {
+            given.n_fe.iter_mut().for_each(|n| *n *= 2);
+        }
         Ok(Problem { given, functions: self.functions.clone(), knows_time: self.knows_time })
     }
 

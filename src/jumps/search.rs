@@ -177,26 +177,7 @@ const GAIN: f64 = 1e-9;
 /// answer.
 pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(Answer, Solved)> {
     let clock = Instant::now();
-    let mut s = Search {
-        p,
-        options,
-        spent: Statistics::default(),
-        tried: Vec::new(),
-        bests: 0,
-        round: 1,
-        attempts: 0,
-        largest: 0.0,
-        best: None,
-        rival: None,
-        dimensions: (0, 0, 0),
-        failure: 0.0,
-        failed: Vec::new(),
-        lead: None,
-        agreed: false,
-        met: false,
-        coarse: None,
-        again: false,
-    };
+    let mut s = Search::new(p, options);
     if let Some(last) = &options.warm {
         s.start_at_answer(last, control)?;
     }
@@ -210,7 +191,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
             }
         }
         if !s.is_solved() && stop::requested().is_none() {
-            s.insist(control)?;
+            s.insist(None, control)?;
         }
         if stop::requested().is_none() {
             s.again = s.is_solved();
@@ -227,19 +208,32 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     if s.best.is_none() {
         stop::check()?;
     }
-    let settled = s.is_settled();
     let blame = match &s.best {
         Some((best, _)) if !best.is_solved() && stop::requested().is_none() => blame(p, best, options.solver, control)?,
         _ => None,
     };
-    let (mut best, solved) = s.best.ok_or_else(|| Error::Internal("a search without an answer".into()))?;
-    best.stats = s.spent;
-    best.stats.time_total = clock.elapsed().as_secs_f64();
-    best.dimensions = s.dimensions;
-    best.tried = s.attempts;
-    best.settled = settled;
+    let (mut best, solved) =
+        s.into_answer(clock).ok_or_else(|| Error::Internal("a search without an answer".into()))?;
     best.blame = blame;
     Ok((best, solved))
+}
+
+/// Solves for the order of contacts of an answer on another grid of the same control stages, from its motion; no answer where that has no solution
+/// there.
+///
+/// # Errors
+/// Those of building programs.
+pub(super) fn solve_again(
+    p: &Problem,
+    last: &Answer,
+    options: &Options,
+    control: &mut Control,
+) -> Result<Option<(Answer, Solved)>> {
+    let clock = Instant::now();
+    let mut s = Search::new(p, options);
+    s.attempt(&last.sequence, &last.track, MOST_ITERATIONS, control)?;
+    s.improve(Reach::Local, options.search, control)?;
+    Ok(if s.is_solved() { s.into_answer(clock) } else { None })
 }
 
 /// Where a search begins.
@@ -285,7 +279,7 @@ fn starts(o: &Options) -> Vec<Start> {
     use Start::{Complementarity, ComplementaritySteps, FineSteps, Freezing, Guess, Shots, Steps, StepsOnLine};
     match o.method {
         Method::Auto if o.sequence.is_some() => vec![Guess],
-        Method::Auto => vec![Guess, Steps, Shots, FineSteps, StepsOnLine, ComplementaritySteps, Complementarity],
+        Method::Auto => vec![Guess, Steps, StepsOnLine, Shots, FineSteps, ComplementaritySteps, Complementarity],
         Method::Modes => vec![Guess],
         Method::Steps => vec![Steps, FineSteps, StepsOnLine],
         Method::Shots => vec![Shots],
@@ -304,6 +298,14 @@ enum Tried {
     Failed { round: usize },
     /// It nearly has one near the answer that was the best then.
     Close { bests: usize },
+}
+
+/// A sequence without a solution: how far its point is off, the start it belongs to, and the motion that was guessed.
+struct Failed {
+    violation: f64,
+    round: usize,
+    sequence: Sequence,
+    guess: Track,
 }
 
 struct Search<'a> {
@@ -326,8 +328,8 @@ struct Search<'a> {
     dimensions: (usize, usize, usize),
     /// Violation of the last sequence that was tried; 0 where it has a solution.
     failure: f64,
-    /// Sequences without a solution while nothing has one: violation, sequence, guess.
-    failed: Vec<(f64, Sequence, Track)>,
+    /// Sequences without a solution while nothing has one.
+    failed: Vec<Failed>,
     /// The last sequence with phases that want to vanish whose program came close to a better answer, with its motion and those phases.
     lead: Option<Lead>,
     /// Two starts have led to the same answer.
@@ -343,7 +345,42 @@ struct Search<'a> {
 /// A sequence, its motion, and phases that want to vanish.
 type Lead = (Sequence, Track, Vec<(usize, usize)>);
 
-impl Search<'_> {
+impl<'a> Search<'a> {
+    fn new(p: &'a Problem, options: &'a Options) -> Search<'a> {
+        Search {
+            p,
+            options,
+            spent: Statistics::default(),
+            tried: Vec::new(),
+            bests: 0,
+            round: 1,
+            attempts: 0,
+            largest: 0.0,
+            best: None,
+            rival: None,
+            dimensions: (0, 0, 0),
+            failure: 0.0,
+            failed: Vec::new(),
+            lead: None,
+            agreed: false,
+            met: false,
+            coarse: None,
+            again: false,
+        }
+    }
+
+    /// The best answer with what the search has spent; nothing without one.
+    fn into_answer(self, clock: Instant) -> Option<(Answer, Solved)> {
+        let settled = self.is_settled();
+        let (mut best, solved) = self.best?;
+        best.stats = self.spent;
+        best.stats.time_total = clock.elapsed().as_secs_f64();
+        best.dimensions = self.dimensions;
+        best.tried = self.attempts;
+        best.settled = settled;
+        Some((best, solved))
+    }
+
     /// Has this start led to a solution, and another start to a better one?
     fn is_behind(&self) -> bool {
         let own = self.best.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
@@ -507,7 +544,8 @@ impl Search<'_> {
             self.lead = Some((answer.sequence.clone(), answer.track.clone(), answer.vanishing.clone()));
         }
         if self.failure > 0.0 && most < MOST_ITERATIONS && !self.is_solved() {
-            self.failed.push((self.failure, sequence.clone(), guess.clone()));
+            let (violation, round) = (self.failure, self.round);
+            self.failed.push(Failed { violation, round, sequence: sequence.clone(), guess: guess.clone() });
         }
         let better = self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0, self.largest));
         if better {
@@ -517,15 +555,19 @@ impl Search<'_> {
         Ok(better)
     }
 
-    /// Where nothing has a solution: the sequences that came closest get the iterations of a problem of its own.
-    fn insist(&mut self, control: &mut Control) -> Result<()> {
-        let mut failed = std::mem::take(&mut self.failed);
-        failed.sort_by(|a, b| a.0.total_cmp(&b.0));
-        for (_, sequence, guess) in failed.into_iter().take(INSISTED) {
+    /// Where nothing has a solution: the sequences that came closest get the iterations of a problem of its own, of all starts or of one. A start that
+    /// a short way leads away from need not be the one from which there is a way to the end, so each has its own turn.
+    fn insist(&mut self, round: Option<usize>, control: &mut Control) -> Result<()> {
+        let (mut failed, others): (Vec<Failed>, Vec<Failed>) =
+            std::mem::take(&mut self.failed).into_iter().partition(|f| round.is_none_or(|r| r == f.round));
+        failed.sort_by(|a, b| a.violation.total_cmp(&b.violation));
+        failed.truncate(INSISTED);
+        for Failed { sequence, guess, .. } in failed {
             let key = sequence.key();
             self.tried.retain(|t| t.0 != key);
             self.attempt(&sequence, &guess, MOST_ITERATIONS, control)?;
         }
+        self.failed.extend(others);
         Ok(())
     }
 

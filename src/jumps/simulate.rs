@@ -4,7 +4,7 @@ use super::modes::ContactMode;
 use super::problem::Problem;
 use super::track::{Piece, Track};
 use crate::error::{Error, Result};
-use crate::event::{Engine, Impact, Options, Outcome, Run};
+use crate::event::{Engine, Impact, ImpactKind, Options, Outcome, Run};
 use crate::func::Point;
 use crate::system::SharedFunction;
 
@@ -282,6 +282,44 @@ pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Re
         events,
         cost,
     })
+}
+
+/// Largest difference of a state at the end of each control stage where its simulation begins at the state of the answer there; infinite where
+/// it does not reach the end. Differences of a whole replay grow with the motion, and where that is unstable they say nothing of the answer.
+pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Result<Vec<f64>> {
+    let (g, nx) = (&p.given, p.given.dims.x);
+    let given = with_free_parameters(p, a);
+    let mut engine = Engine::new(&g.system, &Options::with_tolerance(tol, tol))?;
+    let (mut t, mut out) = (g.t0, Vec::with_capacity(durations.len()));
+    for (k, d) in durations.iter().enumerate() {
+        let mut of_stage = a.track.pieces.iter().filter(|q| q.stage == k);
+        let Some(first) = of_stage.next() else { break };
+        let last = of_stage.next_back().unwrap_or(first);
+        let (params, controls) = (&given[k * g.wide.p..][..g.dims.p], &a.controls()[k * g.wide.u..][..g.dims.u]);
+        let start = t;
+        t += d;
+        let mut simulate = || {
+            engine.reinit(start, &first.x0)?;
+            engine.set_params(params)?;
+            engine.set_controls(controls)?;
+            engine.advance(t.max(engine.time()))
+        };
+        let reached = match simulate() {
+            Err(e @ (Error::Interrupted | Error::OutOfTime)) => return Err(e),
+            outcome => matches!(outcome, Ok(Outcome::Reached)),
+        };
+        let end = &last.xs[last.xs.len() - nx..];
+        let differences = engine.state().iter().zip(end).map(|(x, y)| (x - y).abs());
+        out.push(if reached { differences.fold(0.0, f64::max) } else { f64::INFINITY });
+    }
+    Ok(out)
+}
+
+/// The first contact, and the time, at which no forces continue the motion under given controls (Painlevé): friction and normal force contradict
+/// each other, and sliding stops by an impact without collision. Programs of contact modes do not have that.
+pub fn paradox(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Option<(usize, f64)>> {
+    let run = simulate(p, x0, controls, durations)?.run;
+    Ok(run.impacts.iter().find(|i| i.kind == ImpactKind::Painleve).map(|i| (i.contact, i.t)))
 }
 
 /// Parameters of all stages, those that are variables as the answer has them.

@@ -70,24 +70,60 @@ impl Ocp {
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, start, request);
         let time_build = clock.elapsed().as_secs_f64();
-        let (answer, solved) = jumps::solve(&problem, &options, control)?;
-        let mut result = self.scene_result(&problem, &extended, &answer);
+        let found = jumps::solve(&problem, &options, control)?;
+        let (mut result, mut answer, mut solved, mut problem) = self.replayed(problem, found, &extended, request)?;
         result.time_build = time_build;
-        if let (Some(c), true) = (request.comparison, answer.is_solved()) {
-            result.accuracy = Some(self.replay(&problem, &answer, &result, c.tol)?);
-        }
-        result.message = self.scene_message(&problem, &answer);
         if answer.is_solved() {
-            let followed = result.accuracy.as_ref().is_none_or(|s| is_its_motion(&problem, &answer, s));
-            if !followed && result.message.is_empty() {
-                result.message = NOT_FOLLOWED.into();
+            let simulated = result.accuracy.as_ref();
+            let mut followed = simulated.is_none_or(|s| is_its_motion(&problem, &answer, s));
+            let mut message = self.scene_message(&problem, &answer);
+            if let (false, Some(c)) = (followed, request.comparison) {
+                let size = largest_state(&problem, &answer);
+                let finer = jumps::refine(problem, (answer, solved), &options, (AIM * size, c.tol), control)?;
+                let off = finer.off;
+                (result, answer, solved, problem) =
+                    self.replayed(finer.problem, (finer.answer, finer.solved), &extended, request)?;
+                result.time_build = time_build;
+                message = self.scene_message(&problem, &answer);
+                followed = result.accuracy.as_ref().is_none_or(|s| is_its_motion(&problem, &answer, s));
+                if !followed && message.is_empty() {
+                    message = if off <= OFF_IN_A_STAGE * size {
+                        unstable(off)
+                    } else {
+                        let found = paradox(&problem, &answer.x0, answer.controls(), &result.durations);
+                        found.map_or_else(|| NOT_FOLLOWED.into(), |what| format!("under its controls {what}"))
+                    };
+                }
+                followed |= off <= OFF_IN_A_STAGE * size;
             }
-            result.optimality = Some(self.scene_optimality(&problem, &answer, result.accuracy.as_ref()));
+            result.message = message;
+            result.optimality = Some(self.scene_optimality(&answer, followed));
+        } else {
+            result.message = self.scene_message(&problem, &answer);
+            let lengths = &problem.given().durations;
+            if let Some(what) = paradox(&problem, &options.x0, &options.controls, lengths) {
+                result.message = format!("under the guessed controls {what}; {}", result.message);
+            }
         }
         if answer.is_solved() {
             self.scene.last = Some(Last { answer, problem, solved });
         }
         Ok(result)
+    }
+
+    /// The result of an answer, with a simulation of its controls.
+    fn replayed(
+        &self,
+        problem: Problem,
+        (answer, solved): (Answer, Solved),
+        extended: &Extended,
+        request: &Request,
+    ) -> Result<(OcpResult, Answer, Solved, Problem)> {
+        let mut result = self.scene_result(&problem, extended, &answer);
+        if let (Some(c), true) = (request.comparison, answer.is_solved()) {
+            result.accuracy = Some(self.replay(&problem, &answer, &result, c.tol)?);
+        }
+        Ok((result, answer, solved, problem))
     }
 
     /// Derivatives of the last answer of a problem with contacts.
@@ -281,10 +317,10 @@ impl Ocp {
     /// What is known of a solution as a point of the control problem: that of its contact mode program is the optimum among the motions
     /// with its order of contacts, and where the motion leaves that order to no side it is one of the control problem. Elsewhere the
     /// orders on the other sides were solved for.
-    fn scene_optimality(&self, p: &Problem, a: &Answer, simulated: Option<&Accuracy>) -> Optimality {
+    fn scene_optimality(&self, a: &Answer, followed: bool) -> Optimality {
         let kink =
             |&(stage, t, touch): &(usize, f64, bool)| Kink { stage, t, before: f64::NAN, after: f64::NAN, touch };
-        let (verdict, reason) = if simulated.is_some_and(|s| !is_its_motion(p, a, s)) {
+        let (verdict, reason) = if !followed {
             (Verdict::Unknown, OTHER)
         } else if a.overlap {
             (Verdict::Unknown, "bodies overlap between the points at which their gaps are held")
@@ -356,13 +392,41 @@ const NOT_FOLLOWED: &str =
     "a simulation of the controls leaves the motion of the answer: more elements of a control stage, or more \
                             stages, follow its contacts more accurately (see accuracy)";
 
+/// Share of the largest state of a motion by which the simulation of a single control stage may be off, where that of all of them is further off.
+const OFF_IN_A_STAGE: f64 = 1e-4;
+/// Share that grids are refined for.
+const AIM: f64 = 1e-6;
+
+/// What is said of an answer whose stages are followed one by one, but not in a row.
+fn unstable(off: f64) -> String {
+    format!(
+        "the motion is unstable: a simulation of the controls from the initial state leaves it, while every control stage simulated \
+         from the state of the answer at its start ends within {off:.1e} of the state of the answer at its end; to be followed, it \
+         needs feedback"
+    )
+}
+
+/// Where no forces continue the motion under given controls, in words; nothing where there is no such place, or no simulation.
+fn paradox(p: &Problem, x0: &[f64], controls: &[f64], lengths: &[f64]) -> Option<String> {
+    let (contact, t) = jumps::paradox(p, x0, controls, lengths).ok().flatten()?;
+    Some(format!(
+        "no forces continue the motion at t = {t:.6}: friction and normal force of contact {} contradict each other there (Painlevé), and \
+         sliding stops by an impact without collision, which no order of contacts of an answer has",
+        p.contact_names()[contact]
+    ))
+}
+
+/// Largest modulus of a state of an answer.
+fn largest_state(p: &Problem, a: &Answer) -> f64 {
+    let nx = p.given().dims.x;
+    let elements = jumps::trajectory(a).elements;
+    elements.iter().flat_map(|e| &e.x1[..nx]).chain(&a.x0).fold(0f64, |m, v| m.max(v.abs()))
+}
+
 /// Is a simulation of the controls of an answer its motion, but for the error of the method? At the end of a stage at which an event is,
 /// one of them may be before it and the other behind.
 fn is_its_motion(p: &Problem, a: &Answer, simulated: &Accuracy) -> bool {
-    let nx = p.given().dims.x;
-    let elements = jumps::trajectory(a).elements;
-    let sizes = elements.iter().flat_map(|e| &e.x1[..nx]).chain(&a.x0);
-    let largest = sizes.fold(0f64, |m, v| m.max(v.abs()));
+    let largest = largest_state(p, a);
     let is_event = |k: usize| a.kinks.iter().any(|&(stage, _, touch)| stage == k && !touch);
     let stages = simulated.stages.iter().enumerate();
     simulated.reached() && stages.filter(|(k, _)| !is_event(k + 1)).all(|(_, d)| *d <= OFF * largest)

@@ -20,12 +20,13 @@ use self::guess::Guess;
 use self::program::Program;
 use super::accuracy::{self, Accuracy, Answer, Replay};
 use super::extend::{Extended, Statement};
+use super::optimality::{Kink, Optimality, Verdict, OTHER};
 use super::request::{Comparison, Request};
 use super::solve::Start;
 use super::{Durations, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
-use crate::nlp::{Control, Outcome, Statistics};
+use crate::nlp::{Control, Outcome, SecondOrder, Statistics};
 use crate::sim::SolveOptions;
 use crate::stop;
 
@@ -43,6 +44,11 @@ const LESS: f64 = 0.5;
 const PATIENCE: usize = 3;
 /// A guard that stays further away from zero than this share of its range is not made to pass it.
 const NEAR: f64 = 0.1;
+
+/// Distance of a transition from the end of a stage, as a share of the stage, at which it is there, and share of the range of a guard at which it
+/// touches zero.
+const AT_END: f64 = 1e-6;
+const TOUCHES: f64 = 1e-6;
 
 /// A transition of an answer.
 #[derive(Debug, Clone, PartialEq)]
@@ -122,7 +128,8 @@ impl Ocp {
         };
         let ended = search.left == 0;
         let (spent, text) = (search.spent, found.as_ref().map(|f| search.automaton.text(&f.sequence)));
-        let Some(Found { mut result, .. }) = found else {
+        let automaton = search.automaton;
+        let Some(Found { mut result, expanded, .. }) = found else {
             return Err(stop::requested().map_or_else(
                 || Error::Internal("no sequence of transitions could be tried".into()),
                 |why| why.error(),
@@ -151,6 +158,9 @@ impl Ocp {
             }
             result.accuracy = Some(found);
         }
+        if result.is_exact() {
+            result.optimality = Some(self.certify_transitions(&result, &automaton, expanded));
+        }
         result.stats.time_total = clock.elapsed().as_secs_f64();
         Ok(self.result.insert(result))
     }
@@ -163,6 +173,51 @@ impl Ocp {
              made at the end of a stage, or a guard comes to zero and turns back there",
             large.state, large.stage
         ))
+    }
+
+    /// What is known of an answer as a point of the control problem: the program of its sequence is smooth, so that its conditions of second order
+    /// say that it is an optimum among motions with these transitions. Where none of them is at the end of a stage and no guard that is watched
+    /// touches zero, small changes of the controls keep the sequence; elsewhere the sequences next to it were solved for.
+    fn certify_transitions(&self, r: &OcpResult, automaton: &Automaton, settled: bool) -> Optimality {
+        let other = r.accuracy.as_ref().is_some_and(|a| !a.reached() || a.large.is_some());
+        let mut kinks = Vec::new();
+        let kink = |stage, t, touch| Kink { stage, t, before: f64::NAN, after: f64::NAN, touch };
+        let lengths = r.durations.iter();
+        let ends: Vec<f64> = lengths
+            .scan(self.t0, |t, d| {
+                *t += d;
+                Some(*t)
+            })
+            .collect();
+        for j in &r.jumps {
+            let stage =
+                ends.iter().take(self.n_stages - 1).position(|t| (j.t - t).abs() <= AT_END * r.durations[j.stage]);
+            kinks.extend(stage.map(|k| kink(k + 1, j.t, false)));
+        }
+        for near in guess::distances(r, self, automaton) {
+            let touched = near.iter().enumerate().filter(|(_, share)| **share <= TOUCHES);
+            kinks.extend(touched.map(|(k, _)| kink(k, ends[k] - 0.5 * r.durations[k], true)));
+        }
+        let (verdict, reason) = if other {
+            (Verdict::Unknown, OTHER)
+        } else if r.certificate.second != SecondOrder::StrictMinimum {
+            (Verdict::Unknown, "the conditions of second order of the sequence of transitions are not shown to hold")
+        } else if !settled {
+            (Verdict::Unknown, "not every sequence of transitions next to it was tried")
+        } else if kinks.is_empty() {
+            (Verdict::LocalOptimum, "")
+        } else {
+            (Verdict::Kink, "the sequences of transitions next to it were tried, and none is better")
+        };
+        Optimality {
+            verdict,
+            reason,
+            residual: r.residuals.dual,
+            gradient: Vec::new(),
+            kinks,
+            direction: Vec::new(),
+            beyond: Vec::new(),
+        }
     }
 
     /// Compares an answer with the simulation of its controls, transitions included.
