@@ -70,6 +70,10 @@ impl Ocp {
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, start, request);
         let time_build = clock.elapsed().as_secs_f64();
+        // before the search, which may use up the time
+        let frictional = (0..problem.n_contacts()).any(|c| problem.has_friction(c));
+        let at = &problem.given().durations;
+        let contradiction = if frictional { paradox(&problem, &options.x0, &options.controls, at) } else { None };
         let found = jumps::solve(&problem, &options, control)?;
         let (mut result, mut answer, mut solved, mut problem) = self.replayed(problem, found, &extended, request)?;
         result.time_build = time_build;
@@ -100,8 +104,7 @@ impl Ocp {
             result.optimality = Some(self.scene_optimality(&answer, followed));
         } else {
             result.message = self.scene_message(&problem, &answer);
-            let lengths = &problem.given().durations;
-            if let Some(what) = paradox(&problem, &options.x0, &options.controls, lengths) {
+            if let Some(what) = contradiction {
                 result.message = format!("under the guessed controls {what}; {}", result.message);
             }
         }

@@ -15,7 +15,8 @@ COSTS = {
     "two_carts": (2.16703411, 1),
     "three_carts": (3.35156843, 2),
     "push_box": (12.4541196, 1),
-    "cart_pole": (8.80204197, None),
+    # 8.80204 on the grid as it is given, whose controls lead elsewhere: refined
+    "cart_pole": (8.80364232, None),
     "ball_in_cup": (31.05258, None),
     "drone": (12.3467596, None),
     "billiard": (4.81841301, 1),

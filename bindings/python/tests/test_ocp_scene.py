@@ -85,3 +85,32 @@ def test_other_systems_have_no_contacts():
     m.derivatives = [m.u[0]]
     r = swb.Ocp(m, 1.0, 4, lagrange=m.function([m.u[0] ** 2]), initial_state=[1.0]).solve()
     assert r.contacts is None
+
+
+def test_an_unstable_motion_is_called_so():
+    """A coordinate that falls away with rate 30: three seconds let rounding grow by e^90, single stages follow the answer."""
+    s = swb.Scene("x y", u="f")
+    x, y = s.q
+    s.force([900 * x + s.u[0], -G])
+    s.contact("floor", gap=y)
+    start = [0.1, 0.3, 0, 0]
+    ocp = swb.Ocp(s, 3.0, 15, n_s=2, n_fe=2, initial_state=start, control_bounds=(-500, 500))
+    ocp.set_lagrange(s.function(s.u[0] ** 2))
+    ocp.add_terminal(s.function([x, s.v[0]]), [0, 0], [0, 0])
+    r = ocp.solve()
+    assert r.success and "the motion is unstable" in r.message
+    assert r.accuracy.terminal > 1e3 and r.optimality.verdict == "local_optimum"
+
+
+def test_friction_that_contradicts_the_normal_force_is_named():
+    s = swb.Scene("x y th", u="f", name="rod")
+    x, y, th = s.q
+    s.inertia([1.0, 1.0, 1.0 / 12.0])
+    s.force([s.u[0], -G, 0.0])
+    s.contact("end", y - 0.5 * swb.cos(th), [x - 0.5 * swb.sin(th)], mu=2.0)
+    start = [0, 0.5 * math.cos(0.6), 0.6, -3.0, 0, 0]
+    ocp = swb.Ocp(s, 0.05, 5, n_s=2, n_fe=2, initial_state=start, control_bounds=(-2, 2), max_time=2.0)
+    ocp.set_lagrange(s.function(s.u[0] ** 2))
+    ocp.add_terminal(s.function([x]), [0.02], [0.02])
+    r = ocp.solve()
+    assert not r.success and "contact end contradict each other" in r.message

@@ -84,3 +84,33 @@ def test_wrong_input():
         ocp.solve()
     with pytest.raises(swb.UnsupportedError, match="phases"):
         swb.MultiPhase([ocp]).solve()
+
+
+def heating(cost_as_state):
+    """A heater in a room whose cooler has a thermostat of its own."""
+    m = swb.Model(states="T R c" if cost_as_state else "T R", controls="u")
+    t, r, u = m.x[0], m.x[1], m.u[0]
+    cooler = m.hysteresis(t, on=22, off=18)
+    cost = 0.1 * u * u + (r - 19) ** 2
+    m.derivatives = [-0.2 * (t - 15) + u - 2.0 * cooler, 0.3 * (t - r), *([cost] if cost_as_state else [])]
+    return m, cost
+
+
+def test_an_answer_with_hysteresis_is_certified():
+    """What is called a local optimum is one: simulations of controls close to it cost more."""
+    m, cost = heating(cost_as_state=False)
+    ocp = swb.Ocp(m, 15.0, 15, n_fe=4, n_s=3, initial_state=[15, 15], control_bounds=(0, 3))
+    ocp.set_lagrange(m.function(cost))
+    r = ocp.solve()
+    assert r.success and r.optimality.verdict == "local_optimum" and not r.optimality.kinks
+    with_cost, _ = heating(cost_as_state=True)
+
+    def simulated(u):
+        return swb.simulate(with_cost, [15, 15, 0], 15.0, u=u, rtol=1e-10, atol=1e-10).x_end[2]
+
+    best, rng = simulated(r.controls), np.random.default_rng(3)
+    assert best == pytest.approx(r.cost, rel=1e-7)
+    for size in (1e-3, 1e-2, 1e-1):
+        for _ in range(5):
+            moved = np.clip(r.controls + size * rng.standard_normal(r.controls.shape), 0, 3)
+            assert simulated(moved) > best
