@@ -232,7 +232,8 @@ pub(super) fn solve_again(
     let clock = Instant::now();
     let mut s = Search::new(p, options);
     s.attempt(&last.sequence, &last.track, MOST_ITERATIONS, control)?;
-    s.improve(Reach::Local, options.search, control)?;
+    let most = if s.is_solved() { options.search } else { NEAR_UNSOLVED };
+    s.improve(Reach::Local, most, control)?;
     Ok(if s.is_solved() { s.into_answer(clock) } else { None })
 }
 
