@@ -138,6 +138,21 @@ fn answers_are_strict_minima_saddles_or_neither() {
     assert_eq!((c.second, c.dependent), (SecondOrder::Undecided, 1));
 }
 
+/// `x² = 0` has the one feasible point 0, where `x + y²` has no multipliers. Next to it they exist, the larger the closer, and so small a
+/// violation times them is what a step could gain: nothing is claimed.
+#[test]
+fn multipliers_that_dwarf_the_gradient_show_nothing() {
+    let line: Vector = |x, o| o[0] = x[0] + x[1] * x[1];
+    let square: Vector = |x, o| o[0] = x[0] * x[0];
+    let free = [(-INF, INF); 2];
+    for x in [1e-4, 1e-5, 1e-6] {
+        let y = -0.5 / x;
+        let p = problem(2, line, 1, square);
+        let c = certified(p, &bounds(&free, &[(0.0, 0.0)]), &[x, 0.0], Some((&[y], &[0.0; 2])));
+        assert_eq!(c.stationarity, Stationarity::Unknown, "{x}: {c:?}");
+    }
+}
+
 /// `min (x0 − a)² + (x1 − b)²`, `0 ≤ x0 ⊥ x1 ≥ 0`: with `a, b < 0` both multipliers are positive, at `a = b = 0` none is.
 #[test]
 fn strongly_stationary_points_have_conditions_of_second_order() {

@@ -4,11 +4,11 @@
 //! include all near by: a strict local minimum of it is one of the program. At pairs with one positive member the other one is
 //! zero near by, and counts as an equation; where both are zero, they are equations with positive multipliers.
 
-use super::certificate::{BStationarity, Stationarity};
+use super::certificate::{BStationarity, Stationarity, HIDDEN};
 use super::problem::{Mpcc, Side};
 use super::relaxed::Relaxed;
 use super::solver::{MpccSolver, Warm};
-use crate::nlp::{Bounds, Outcome, SecondOrder, INFINITE};
+use crate::nlp::{Bounds, FirstOrder, Outcome, SecondOrder, INFINITE};
 use crate::stop;
 
 /// Distance from a bound, relative to it and to the unit of the solver, at which it is active; the answer is exact, or that of a
@@ -20,8 +20,10 @@ const SIGN: f64 = 1e-7;
 /// larger than the distance where the bound is active.
 const PRODUCT: f64 = 1e-8;
 const CLEAR: f64 = 100.0;
-/// What multipliers may leave over of the gradient, relative to the largest of its entries, of them, and its usual size.
+/// What multipliers may leave over of the gradient, relative to the largest of its entries and to its usual size.
 const STATIONARY: f64 = 1e-6;
+/// Distance, in units of the solver, whose gain to first order is compared with what violations hide.
+const NEARBY: f64 = 1e-2;
 /// Factorisations a verdict may take: along two sets of equations, for dependent ones, for a direction of negative curvature.
 const FACTORISATIONS: f64 = 7.0;
 
@@ -43,6 +45,13 @@ impl Scale {
     /// Multipliers up to here are none.
     fn sign(&self) -> f64 {
         SIGN * self.size
+    }
+
+    /// Do the multipliers show that the point is stationary? Where they are so large that rounding, or violations of rows that count as
+    /// none, times them come near the gradient they show nothing.
+    fn holds(&self, first: &FirstOrder) -> bool {
+        let tol = STATIONARY * self.size;
+        first.left <= tol && first.rounding <= tol && first.hidden <= HIDDEN * self.size * NEARBY
     }
 
     /// How the bounds hold `v`, with the multiplier `z`, lower minus upper. `None` where that multiplier has no bound.
@@ -106,13 +115,12 @@ impl MpccSolver {
     }
 
     fn judge_curvature(&mut self, p: &dyn Mpcc, pure: bool) {
-        let (gradient, left) = self.ipm.stationarity(&self.bounds);
+        let first = self.ipm.first_order(&self.bounds);
         // where the gradient vanishes it is compared with what it usually is
-        let size = gradient.max(self.st.scaling.steepness());
-        let largest = self.saved.zl.iter().chain(&self.saved.zu).chain(&self.saved.y).fold(size, |a, v| a.max(v.abs()));
+        let size = first.gradient.max(self.st.scaling.steepness());
         let scale = Scale { size };
         let Some(weak) = self.count_weak(&scale) else { return };
-        if left > STATIONARY * largest {
+        if !scale.holds(&first) {
             return;
         }
         let both = p.pairs().iter().enumerate().filter(|(k, pair)| self.is_weak_pair(p, *k, **pair, &scale)).count();

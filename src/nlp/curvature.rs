@@ -41,6 +41,19 @@ impl SecondOrder {
     }
 }
 
+/// Conditions of first order at a point with multipliers.
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct FirstOrder {
+    /// The largest entry of the gradient of the objective.
+    pub gradient: f64,
+    /// What the multipliers leave over of it.
+    pub left: f64,
+    /// What rounding may have left over of the terms of the gradient of the Lagrangian.
+    pub rounding: f64,
+    /// What violations of rows are worth: multipliers times violations.
+    pub hidden: f64,
+}
+
 /// Least curvature that counts, and largest eigenvalue of `J Jᵀ` that is that of dependent rows, of an equilibrated matrix: more than
 /// its static shift of 3e-8 makes.
 const LEAST: f64 = 1e-6;
@@ -59,15 +72,22 @@ impl Ipm {
             && nlp.hessian(&self.it.x, 1.0, &self.it.y, &mut self.v.hess).is_ok()
     }
 
-    /// The largest entry of the gradient at the point of [`Ipm::look_at`], and what its multipliers leave over of the gradient in
-    /// variables that `bounds` do not fix.
-    pub fn stationarity(&mut self, bounds: &Bounds) -> (f64, f64) {
+    /// The conditions of first order at the point of [`Ipm::look_at`] with its multipliers, in variables that `bounds` do not fix.
+    pub fn first_order(&mut self, bounds: &Bounds) -> FirstOrder {
         self.shape.classify(bounds);
         lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
-        let free = (0..self.n).filter(|j| !self.shape.fixed[*j]);
-        let left = free.fold(0f64, |a, j| a.max((self.lag[j] - self.it.zl[j] + self.it.zu[j]).abs()));
-        let size = self.v.grad.iter().fold(0f64, |a, g| a.max(g.abs()));
-        (size, left)
+        let Ipm { shape, jac, v, it, lag, n, .. } = self;
+        let mut found = FirstOrder::default();
+        for j in (0..*n).filter(|j| !shape.fixed[*j]) {
+            let z = it.zl[j] - it.zu[j];
+            let rows: f64 = jac.range(j).map(|k| (v.jac[k] * it.y[jac.row_idx()[k]]).abs()).sum();
+            found.left = found.left.max((lag[j] - z).abs());
+            found.rounding = found.rounding.max(f64::EPSILON * (v.grad[j].abs() + z.abs() + rows));
+        }
+        found.gradient = v.grad.iter().fold(0f64, |a, g| a.max(g.abs()));
+        let violation = |i: usize| (bounds.cl[i] - v.c[i]).max(v.c[i] - bounds.cu[i]).max(0.0);
+        found.hidden = it.y.iter().enumerate().map(|(i, y)| y.abs() * violation(i)).sum();
+        found
     }
 
     /// Is the Hessian at the point of [`Ipm::look_at`] positive definite along the equations of `bounds`, in which active constraints

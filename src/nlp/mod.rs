@@ -30,7 +30,7 @@ mod solver;
 mod tangent;
 
 pub use callback::{CallbackNlp, LagrangianFn};
-pub use curvature::SecondOrder;
+pub use curvature::{FirstOrder, SecondOrder};
 pub use iterate::Iterate;
 pub(crate) use problem::within;
 pub(crate) use problem::{middle, middles};
