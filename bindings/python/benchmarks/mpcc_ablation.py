@@ -153,7 +153,7 @@ What is said of the points was judged by `mpcc_judge.py --set-of train --json do
 The {count} problems with one option changed. Ratios are geometric means over what both this variant and the defaults
 solve: above 1, the variant needs more. `lost` and `gained` count problems solved by one of the two; `worse` and
 `better` objectives that differ by more than 1e-5 max(1, |f|); `IPOPT` is the share of objectives no worse than
-IPOPT's. This table and the growth along time were measured on an earlier version of the solver and not again.
+IPOPT's.
 
 ```
 {variants}
@@ -166,7 +166,7 @@ IPOPT's. This table and the growth along time were measured on an earlier versio
 Processor milliseconds of an iteration of programs that are banded along time, written by `mpcc_growth.py --json
 docs/benchmarks/data/mpcc-growth.json`: all, in functions, in linear algebra, elsewhere; factorisations and solutions of
 an iteration, steps of refinement of a solution, entries of the factor for each variable. `pendulum` has no pairs. A solve
-of it is seven iterations, so that what a call does once weighs most. All are processor time; how it is split is told by the
+of it is seven iterations, so that what a call does once weighs most. Measured on an earlier version of the solver and not again. All are processor time; how it is split is told by the
 clock on the wall, and this run shared its two cores with much other work, so that splits of totals below a millisecond mean little.
 
 ```
@@ -176,7 +176,8 @@ clock on the wall, and this run shared its two cores with much other work, so th
 {exponents}
 
 A mass with dry friction moved by ever more control stages, `friction_stages.py --json docs/benchmarks/data/mpcc-friction.json`: the homotopy from
-the guess alone, and the default search, which tries neighbouring mode sequences and grows faster, by the iterations that those take (2000 stages with a limit of 400 seconds, and with a certificate only).
+the guess alone, and the default search, which solves smoothed problems first, and the homotopy where several of them agree. A build with
+little optimisation, on a busy machine: iterations say more than seconds. The last row is of a run with a certificate only.
 
 ```
 {friction}
