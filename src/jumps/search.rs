@@ -191,7 +191,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
             }
         }
         if !s.is_solved() && stop::requested().is_none() {
-            s.insist(None, control)?;
+            s.insist(control)?;
         }
         if stop::requested().is_none() {
             s.again = s.is_solved();
@@ -280,7 +280,7 @@ fn starts(o: &Options) -> Vec<Start> {
     use Start::{Complementarity, ComplementaritySteps, FineSteps, Freezing, Guess, Shots, Steps, StepsOnLine};
     match o.method {
         Method::Auto if o.sequence.is_some() => vec![Guess],
-        Method::Auto => vec![Guess, Steps, StepsOnLine, Shots, FineSteps, ComplementaritySteps, Complementarity],
+        Method::Auto => vec![Guess, Steps, Shots, FineSteps, StepsOnLine, ComplementaritySteps, Complementarity],
         Method::Modes => vec![Guess],
         Method::Steps => vec![Steps, FineSteps, StepsOnLine],
         Method::Shots => vec![Shots],
@@ -299,14 +299,6 @@ enum Tried {
     Failed { round: usize },
     /// It nearly has one near the answer that was the best then.
     Close { bests: usize },
-}
-
-/// A sequence without a solution: how far its point is off, the start it belongs to, and the motion that was guessed.
-struct Failed {
-    violation: f64,
-    round: usize,
-    sequence: Sequence,
-    guess: Track,
 }
 
 struct Search<'a> {
@@ -329,8 +321,8 @@ struct Search<'a> {
     dimensions: (usize, usize, usize),
     /// Violation of the last sequence that was tried; 0 where it has a solution.
     failure: f64,
-    /// Sequences without a solution while nothing has one.
-    failed: Vec<Failed>,
+    /// Sequences without a solution while nothing has one: violation, sequence, guess.
+    failed: Vec<(f64, Sequence, Track)>,
     /// The last sequence with phases that want to vanish whose program came close to a better answer, with its motion and those phases.
     lead: Option<Lead>,
     /// Two starts have led to the same answer.
@@ -545,8 +537,7 @@ impl<'a> Search<'a> {
             self.lead = Some((answer.sequence.clone(), answer.track.clone(), answer.vanishing.clone()));
         }
         if self.failure > 0.0 && most < MOST_ITERATIONS && !self.is_solved() {
-            let (violation, round) = (self.failure, self.round);
-            self.failed.push(Failed { violation, round, sequence: sequence.clone(), guess: guess.clone() });
+            self.failed.push((self.failure, sequence.clone(), guess.clone()));
         }
         let better = self.best.as_ref().is_none_or(|b| is_better(&answer, &b.0, self.largest));
         if better {
@@ -556,19 +547,15 @@ impl<'a> Search<'a> {
         Ok(better)
     }
 
-    /// Where nothing has a solution: the sequences that came closest get the iterations of a problem of its own, of all starts or of one. A start that
-    /// a short way leads away from need not be the one from which there is a way to the end, so each has its own turn.
-    fn insist(&mut self, round: Option<usize>, control: &mut Control) -> Result<()> {
-        let (mut failed, others): (Vec<Failed>, Vec<Failed>) =
-            std::mem::take(&mut self.failed).into_iter().partition(|f| round.is_none_or(|r| r == f.round));
-        failed.sort_by(|a, b| a.violation.total_cmp(&b.violation));
-        failed.truncate(INSISTED);
-        for Failed { sequence, guess, .. } in failed {
+    /// Where nothing has a solution: the sequences that came closest get the iterations of a problem of its own.
+    fn insist(&mut self, control: &mut Control) -> Result<()> {
+        let mut failed = std::mem::take(&mut self.failed);
+        failed.sort_by(|a, b| a.0.total_cmp(&b.0));
+        for (_, sequence, guess) in failed.into_iter().take(INSISTED) {
             let key = sequence.key();
             self.tried.retain(|t| t.0 != key);
             self.attempt(&sequence, &guess, MOST_ITERATIONS, control)?;
         }
-        self.failed.extend(others);
         Ok(())
     }
 

@@ -162,7 +162,7 @@ impl Search<'_> {
             Ok(!search.is_behind())
         })?;
         if !self.is_solved() {
-            self.insist(Some(self.round), control)?;
+            self.insist(control)?;
         }
         Ok(())
     }
