@@ -213,7 +213,7 @@ release-wheel: deps
 check-python:
 ifneq ($(wildcard bindings/python/pyproject.toml),)
 	$(MAKE) wheel
-	cd $(BUILD) && MPLBACKEND=Agg $(VENV)/bin/python -m pytest -q -rs -p no:cacheprovider $(CURDIR)/bindings/python/tests
+	cd $(BUILD) && MPLBACKEND=Agg $(VENV)/bin/python -m pytest -q -rs --durations=12 -p no:cacheprovider $(CURDIR)/bindings/python/tests
 endif
 
 check-hostile:
