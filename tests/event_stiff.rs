@@ -6,6 +6,7 @@ use std::sync::Arc;
 use switchback::event::{simulate, Engine, Method, Options, Outcome, Run, Switch};
 use switchback::expr::{Expr, ExprFunction, Graph};
 use switchback::func::Dims;
+use switchback::model::Model;
 use switchback::system::{Regions, Subsystem, System};
 
 /// Angular frequency of the air at the end of the rod, its mean temperature and amplitude; temperature of the thermostat.
@@ -278,4 +279,25 @@ fn what_is_not_defined_at_a_stage_does_not_end_sparse_matrices() {
     // x = (1 − t/2)²
     assert!((engine.state()[0] - 0.0025).abs() <= 1e-6, "{}", engine.state()[0]);
     assert!(engine.stats().jacobians < engine.stats().steps, "{:?}", engine.stats());
+}
+
+/// Van der Pol's oscillator with a relay, whose jumps last a thousandth of its slow parts: the error of a step is weighed by the state, also where
+/// the velocity at its start is that of a transient and times the step as much as many states. The reference is of SciPy's Radau and LSODA at 1e-12.
+#[test]
+fn transients_do_not_loosen_the_tolerance() {
+    let g = Graph::new();
+    let (x, v) = (g.x(0), g.x(1));
+    let rhs = [v, 1000.0 * (1.0 - x * x) * v - x + 0.1 * x.sign()];
+    let system = Model::from_rhs("van der Pol", 0, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let (end, switch) = ([-1.480_972_166, 0.001_157_290_39], 860.497_792);
+    for tol in [1e-3, 1e-4, 1e-5, 1e-6] {
+        let options = Options::with_tolerance(tol, 1e-3 * tol);
+        let run = simulate(&system, &options, 0.0, &[2.0, 0.0], 1500.0).unwrap();
+        assert_eq!(run.switches.len(), 1, "{tol}");
+        for (x, exact) in run.x.iter().zip(end) {
+            assert!((x - exact).abs() <= tol * exact.abs(), "{tol}: {x}");
+        }
+        let t = run.switches[0].t;
+        assert!((t - switch).abs() <= tol * switch, "{tol}: {t}");
+    }
 }

@@ -60,6 +60,8 @@ pub(super) struct Radau {
     end: f64,
     pair: Vec<Complex<f64>>,
     err: Vec<f64>,
+    /// Reciprocal tolerances of the states, by their values at both ends of the step.
+    weights: Vec<f64>,
     pub(super) newton: usize,
     pub(super) factorisations: usize,
     /// Iterations of the last attempt.
@@ -109,6 +111,7 @@ impl Radau {
             end: f64::NAN,
             pair: vec![Complex::default(); n],
             err: vec![0.0; n],
+            weights: vec![0.0; nx],
             newton: 0,
             factorisations: 0,
             last_newton: 0,
@@ -169,13 +172,13 @@ impl Radau {
         Ok(())
     }
 
-    /// Computes the end of a step from `x0`, `f0`; `weights` are reciprocal tolerances, `shrink` what they are
-    /// multiplied with for the estimate of lower order, `tol` what the iteration error may be.
+    /// Computes the end of a step from `x0`, `f0`; `tolerances` are the absolute and relative ones of the states, `shrink` what their
+    /// reciprocals are multiplied with for the estimate of lower order, `tol` what the iteration error may be.
     pub(super) fn attempt(
         &mut self,
         field: &mut Field,
         s: &mut Step,
-        weights: &[f64],
+        tolerances: (&[f64], &[f64]),
         shrink: f64,
         tol: f64,
     ) -> std::result::Result<Attempt, EvalError> {
@@ -186,7 +189,7 @@ impl Radau {
             let known = self.matrix.is_factorised(h);
             let regular = self.matrix.factorise(h, (self.gamma, self.complex_gamma), &self.size);
             self.factorisations += usize::from(!known);
-            if regular && self.iterate(field, s, weights, (shrink, tol))? {
+            if regular && self.iterate(field, s, tolerances, (shrink, tol))? {
                 break;
             }
             if !self.stale {
@@ -199,7 +202,17 @@ impl Radau {
             *x1 = x0 + z;
         }
         s.n_k = 3;
-        self.error(field, s, weights, shrink)
+        self.weigh(s, tolerances);
+        self.error(field, s, shrink)
+    }
+
+    /// Weights by the states at both ends of the step. The velocity at its start times its length is no size of a state here: in a
+    /// stiff transient it is as many times the way to its end as the step is longer than the transient.
+    fn weigh(&mut self, s: &Step, (atol, rtol): (&[f64], &[f64])) {
+        for (i, w) in self.weights.iter_mut().enumerate() {
+            let size = s.x0[i].abs().max((s.x0[i] + self.z[2][i]).abs());
+            *w = 1.0 / (atol[i] + rtol[i] * size).max(f64::MIN_POSITIVE);
+        }
     }
 
     /// Increments and weights to begin with: the last step goes on where this one follows it, else the first derivative is
@@ -231,7 +244,7 @@ impl Radau {
         &mut self,
         field: &mut Field,
         s: &mut Step,
-        weights: &[f64],
+        tolerances: (&[f64], &[f64]),
         (shrink, tol): (f64, f64),
     ) -> std::result::Result<bool, EvalError> {
         /// A rate that leaves the Jacobian good enough for the next step.
@@ -245,13 +258,14 @@ impl Radau {
             self.newton += 1;
             self.last_newton += 1;
             self.direction(n);
-            let mut size = 0.0f64;
             for (z, w) in self.z.iter_mut().zip(&self.r) {
-                size = size.max(norm(&w[..nx], weights) * shrink);
                 for (z, w) in z.iter_mut().zip(w).take(n) {
                     *z += w;
                 }
             }
+            self.weigh(s, tolerances);
+            let sizes = self.r.iter().map(|w| norm(&w[..nx], &self.weights) * shrink);
+            let size = sizes.fold(0.0f64, f64::max);
             if !size.is_finite() {
                 return Ok(false);
             }
@@ -321,13 +335,7 @@ impl Radau {
     }
 
     /// Estimate of the error from an embedded formula of order 3; it is tangential to the constraints.
-    fn error(
-        &mut self,
-        field: &mut Field,
-        s: &mut Step,
-        weights: &[f64],
-        shrink: f64,
-    ) -> std::result::Result<Attempt, EvalError> {
+    fn error(&mut self, field: &mut Field, s: &mut Step, shrink: f64) -> std::result::Result<Attempt, EvalError> {
         let nx = field.nx;
         let root = 6f64.sqrt();
         let e = [-(13.0 + 7.0 * root) / 3.0, (-13.0 + 7.0 * root) / 3.0, -1.0 / 3.0];
@@ -346,7 +354,7 @@ impl Radau {
                 self.err[i] = s.f[i] + (0..3).map(|m| e[m] * self.z[m][i]).sum::<f64>() / s.h;
             }
             self.matrix.solve_real(&mut self.err);
-            size = norm(&self.err[..nx], weights) * shrink;
+            size = norm(&self.err[..nx], &self.weights) * shrink;
             // the estimate is bad for stiff components far from equilibrium: filtered twice it is not
             if size < 1.0 {
                 break;

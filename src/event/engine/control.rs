@@ -61,7 +61,8 @@ impl Engine {
         let r = if self.implicit {
             self.set_weights(false);
             let (shrink, tol) = self.shrink();
-            self.radau.attempt(&mut self.field, &mut self.step, &self.weights, shrink, tol).map(|a| match a {
+            let tolerances = (self.atol.as_slice(), self.rtol.as_slice());
+            self.radau.attempt(&mut self.field, &mut self.step, tolerances, shrink, tol).map(|a| match a {
                 Attempt::Error(e) => Tried::Error(e),
                 Attempt::Diverged => Tried::Diverged,
             })
