@@ -681,9 +681,10 @@ impl Ocp {
 
     /// The mode programs of the controls of smoothed problems.
     fn solve_raced(&self, found: &mut Candidates, race: Race, request: &Request, control: &mut Control) -> Result<()> {
-        let Race { ladders, mut tried, .. } = race;
+        let Race { ladders, mut tried, large } = race;
         let known = found.known.clone();
-        let inside = Request { comparison: None, explain: false, ..*request };
+        // of a large problem one step to a neighbour moves a switch by a control stage, and there are many on the way
+        let inside = Request { comparison: None, explain: false, plain_branches: large, ..*request };
         let mut costs: Vec<f64> = Vec::new();
         for (k, ladder) in ladders.iter().enumerate() {
             let mut best = f64::INFINITY;

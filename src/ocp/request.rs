@@ -28,6 +28,8 @@ pub(super) struct Request {
     pub start: OcpStart,
     /// Where constraints cannot be met: find out by how much at best?
     pub explain: bool,
+    /// Answers of branch problems stay as they are: whether sequences next to them are better is asked of the best of several only.
+    pub plain_branches: bool,
 }
 
 impl Request {
@@ -39,12 +41,20 @@ impl Request {
             comparison: (s.accuracy != 0).then_some(Comparison { tol: s.accuracy_tol, by_stage: false }),
             start: s.ocp_start()?,
             explain: s.explain != 0,
+            plain_branches: false,
         })
     }
 
     /// One solve of one discretised problem and nothing else.
     pub fn inside(options: &SolveOptions) -> Request {
-        Request { options: *options, search: 0, comparison: None, start: OcpStart::Homotopy, explain: false }
+        Request {
+            options: *options,
+            search: 0,
+            comparison: None,
+            start: OcpStart::Homotopy,
+            explain: false,
+            plain_branches: false,
+        }
     }
 }
 

@@ -70,8 +70,7 @@ pub(super) enum Start {
     Cold,
     /// From guesses and modes that are an earlier solution on another grid.
     Carried,
-    /// From the branch problem of the modes that were given, and nothing else: whether others next to them are better is asked of the
-    /// best of several such answers.
+    /// From the branch problem of the modes that were given, and nothing else.
     Branch,
     /// The same, of a sequence next to one with a solution: given up where it is not solved soon.
     Near,
@@ -292,7 +291,12 @@ impl Ocp {
             };
             b.set_sizes(&sizes);
         }
-        let improves = matches!(start, Start::Carried | Start::Near) || (start == Start::Cold && modes.is_none());
+        let improves = match start {
+            Start::Carried | Start::Near => true,
+            Start::Branch => !request.plain_branches,
+            Start::Cold => modes.is_none(),
+            Start::Warm => false,
+        };
         b.identifier.restart(improves || request.search > 0, request.search);
         b.problem.forget_trouble();
         let usual = b.problem.usual_exit();
