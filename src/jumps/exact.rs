@@ -128,6 +128,8 @@ pub(super) fn solve_sequence(
         violation,
         broken,
         blame: None,
+        paradox: None,
+        effort: 0,
         point: [s.x, s.y, s.z],
         planned,
         params,

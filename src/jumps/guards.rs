@@ -16,6 +16,8 @@ pub(super) enum Condition {
     Cone,
     /// What slides keeps its direction.
     Speed,
+    /// What is hit comes closer before it.
+    Closing,
 }
 
 /// Where a program has it.

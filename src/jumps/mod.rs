@@ -10,6 +10,8 @@
 //! are the same for all of them.
 
 mod align;
+#[cfg(test)]
+mod arrival_tests;
 mod assembly;
 mod blame;
 mod complementary;
@@ -31,6 +33,7 @@ mod search;
 mod sensitivity;
 mod shots;
 mod simulate;
+pub(crate) mod spread;
 mod stepping;
 mod track;
 mod transcribe;

@@ -11,6 +11,11 @@
 //! more than a force there, and in the limit of a phase without length the rows that hold it say what the rows of the impact before them
 //! have said: with `λ` their coefficients are `h`, and phases that want to vanish leave Newton's method without direction.
 //!
+//! What is hit comes closer before it: `ġ⁻ ≤ 0`. Newton's law of restitution, `ġ⁺ = −e ġ⁻` with an impulse `Λ ≥ 0`, says nothing of the sign of the rate
+//! it is given where `ġ⁺ − ġ⁻ = (W Λ)_i` may be negative with impulses that push: of several contacts with normals at an acute angle, and of one with
+//! friction whose tangent and normal are coupled by the inertia. Of one contact without friction `−(1 + e) ġ⁻ = W Λ` with `W > 0` is all there is, and
+//! the rate has its sign by that of `Λ`. A contact that was closed has the rate zero by the rows that held it.
+//!
 //! An event inside a control stage adds the equation that decides when it happens: a gap or a sliding speed that is zero at
 //! the end of the phase, or, where a contact opens or begins to slide, a force at that point. Forces at stage points are less
 //! accurate than states, so the forces that decide are those of the accelerations at the point itself, as functions of the
@@ -23,7 +28,9 @@ use super::modes::{ContactMode, Phase, Sequence};
 use super::overlap::Witness;
 use super::problem::Problem;
 use super::track::Track;
-use super::transcribe::{Forces, Jump, Place, Planned, Transcriber, Transcription, EQUAL, FREE, INF, POSITIVE};
+use super::transcribe::{
+    Forces, Jump, Place, Planned, Transcriber, Transcription, EQUAL, FREE, INF, NEGATIVE, POSITIVE,
+};
 use crate::fesd::Durations;
 use crate::func::Point;
 use crate::system::SharedFunction;
@@ -114,7 +121,8 @@ pub(super) fn phases_of_plan(p: &Problem, s: &Sequence) -> Vec<(usize, usize)> {
 /// keeps it apart is more than rounding from there on.
 const TOUCHES: f64 = 1e-7;
 
-/// Can a sequence begin at the initial state, where that is given: are closed contacts closed there?
+/// Can a sequence begin at the initial state, where that is given: are closed contacts closed there, and what is hit does
+/// not move away?
 pub(super) fn can_begin(p: &Problem, s: &Sequence) -> bool {
     let g = &p.given;
     let x0 = &g.x0_bounds[0];
@@ -125,16 +133,19 @@ pub(super) fn can_begin(p: &Problem, s: &Sequence) -> bool {
     let u = vec![0.0; g.dims.u];
     let at = Point { t: g.t0, x: x0, u: &u, p: &g.params[..g.dims.p] };
     let size = x0.iter().fold(1.0f64, |m, v| m.max(v.abs()));
-    let is_zero = |f: &SharedFunction| {
+    let value = |f: &SharedFunction| {
         let mut out = [f64::NAN];
-        f.value(&at, &mut out, &mut vec![0.0; f.work_len()]).is_ok() && out[0].abs() <= TOUCHES * size
+        f.value(&at, &mut out, &mut vec![0.0; f.work_len()]).map_or(f64::NAN, |()| out[0])
     };
+    let is_zero = |f: &SharedFunction| value(f).abs() <= TOUCHES * size;
     (0..p.n_contacts()).all(|i| {
         let c = &p.functions.contacts[i];
         let hit = first.jump.as_ref().is_some_and(|parts| parts[i].is_closed());
         let slides = first.modes[i] == ContactMode::Closed && c.slide.as_ref().is_some_and(|f| !is_zero(f));
         let closed = first.modes[i].is_closed() || hit;
-        !closed || (is_zero(&c.gap) && (first.jump.is_some() || (is_zero(&c.rate) && !slides)))
+        let moves_on =
+            if first.jump.is_some() { !hit || value(&c.rate) <= TOUCHES * size } else { is_zero(&c.rate) && !slides };
+        !closed || (is_zero(&c.gap) && moves_on)
     })
 }
 
@@ -295,29 +306,30 @@ impl Modal<'_> {
         }
     }
 
+    /// Does a function of the state depend on what of the initial state is free?
+    fn is_free(&self, f: &SharedFunction) -> bool {
+        let g = &self.t.p.given;
+        let p = f.jac_pattern();
+        (0..g.dims.x).any(|k| !p.rows(k).is_empty() && g.x0_bounds[0][k] < g.x0_bounds[1][k])
+    }
+
     /// Contacts closed at the initial time: a condition on the initial state as far as that is free.
     fn beginning(&mut self, plan: &Planned) {
         let x0 = self.t.last_end();
-        let n_x = self.t.p.given.dims.x;
-        let is_free = |m: &Self, f: &SharedFunction| {
-            let p = f.jac_pattern();
-            (0..n_x).any(|k| !p.rows(k).is_empty() && m.t.b.xl[x0.q + k] < m.t.b.xu[x0.q + k])
-        };
         for i in 0..self.n_contacts() {
             let c = self.t.contact(i);
             let inputs = self.t.inputs(x0, 0, &[]);
             let closed = modes(plan)[i].is_closed();
-            if is_free(self, &c.gap) && !takes_part(plan, i) {
+            if self.is_free(&c.gap) && !takes_part(plan, i) {
                 self.t.row(&c.gap, &inputs, if closed { EQUAL } else { POSITIVE });
             }
             if !closed || plan.jump.is_some() {
                 continue;
             }
-            if is_free(self, &c.rate) {
+            if self.is_free(&c.rate) {
                 self.t.row(&c.rate, &inputs, EQUAL);
             }
-            if let Some(slide) = c.slide.as_ref().filter(|f| modes(plan)[i] == ContactMode::Closed && is_free(self, f))
-            {
+            if let Some(slide) = c.slide.as_ref().filter(|f| modes(plan)[i] == ContactMode::Closed && self.is_free(f)) {
                 self.t.row(slide, &inputs, EQUAL);
             }
         }
@@ -406,7 +418,7 @@ impl Modal<'_> {
         let Some(mut impact) = self.t.elements[n].impact.clone() else { return };
         let (at, stage) = (self.t.elements[n].start, plan.stage);
         let control = last.map_or(stage, |l| l.stage);
-        let x0_is_free = n > 0 || (0..self.t.p.functions.n_q).any(|k| self.t.b.xl[at.q + k] < self.t.b.xu[at.q + k]);
+        let several = parts.iter().filter(|part| part.is_closed()).count() > 1;
         for i in 0..self.n_contacts() {
             let c = self.t.contact(i);
             let inputs = self.t.inputs(at, control, &[]);
@@ -421,9 +433,14 @@ impl Modal<'_> {
             let forces = self.forces(i, start);
             impact.impulses[i] = Some(forces);
             self.guard(i, Condition::Force, Limit::LowerBound(forces.normal));
-            if !was_closed && x0_is_free {
-                let inputs = self.t.inputs(impact.before, control, &[]);
-                self.t.row(&c.gap, &inputs, EQUAL);
+            let arrival = self.t.inputs(impact.before, control, &[]);
+            if !was_closed && (n > 0 || self.is_free(&c.gap)) {
+                self.t.row(&c.gap, &arrival, EQUAL);
+            }
+            // of a single contact without friction the sign of its impulse says the same
+            if !was_closed && (several || c.cone.is_some()) && (n > 0 || self.is_free(&c.rate)) {
+                let row = self.t.row(&c.rate, &arrival, NEGATIVE);
+                self.guard(i, Condition::Closing, Limit::Row(row));
             }
             let both = self.both_velocities(impact.before, at, control);
             self.t.row(&c.rebound, &both, EQUAL);
@@ -460,7 +477,7 @@ impl Modal<'_> {
 fn speeds(mode: ContactMode) -> [f64; 2] {
     match mode {
         ContactMode::Slides => POSITIVE,
-        ContactMode::SlidesBack => [-INF, 0.0],
+        ContactMode::SlidesBack => NEGATIVE,
         _ => EQUAL,
     }
 }

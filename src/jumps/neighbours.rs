@@ -413,7 +413,7 @@ pub(super) fn neighbours(
     }
     for i in 1..items.len() {
         for c in 0..frictional.len() {
-            let local = reached(i, c, Condition::Force);
+            let local = reached(i, c, Condition::Force) || reached(i, c, Condition::Closing);
             untouched(&items, i, c).into_iter().for_each(|m| add(m, Move::Untouched(i, c), false, local, OTHER));
         }
     }

@@ -11,6 +11,7 @@ use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
+use super::simulate::paradox;
 use super::track::Track;
 use super::transcribe::Broken;
 use crate::error::{Error, Result};
@@ -113,6 +114,10 @@ pub struct Answer {
     pub broken: Option<Broken>,
     /// What of a contact keeps it from a solution, where that is known.
     pub blame: Option<Blame>,
+    /// The contact at which no forces continue the simulation of the guess (Painlevé), and the time; looked for where there is no solution.
+    pub paradox: Option<(usize, f64)>,
+    /// Iterations times variables of all programs.
+    pub(super) effort: usize,
 }
 
 impl Answer {
@@ -212,14 +217,21 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         Some((best, _)) if !best.is_solved() && stop::requested().is_none() => blame(p, best, options.solver, control)?,
         _ => None,
     };
+    let seen = s.seen;
     let (mut best, solved) =
         s.into_answer(clock).ok_or_else(|| Error::Internal("a search without an answer".into()))?;
     best.blame = blame;
+    if !best.is_solved() && (0..p.n_contacts()).any(|c| p.has_friction(c)) {
+        best.paradox = match seen {
+            Seen::Simulated(paradox) => paradox,
+            Seen::Nothing => paradox(p, &options.x0, &options.controls, &p.given.durations).ok().flatten(),
+        };
+    }
     Ok((best, solved))
 }
 
-/// Solves for the order of contacts of an answer on another grid of the same control stages, from its motion; no answer where that has no solution
-/// there.
+/// Solves for the order of contacts of an answer on another grid of the same control stages, from its motion, and for those next to it as long as
+/// the effort (iterations times variables) is less than `most`; no answer where the order has no solution there.
 ///
 /// # Errors
 /// Those of building programs.
@@ -227,13 +239,15 @@ pub(super) fn solve_again(
     p: &Problem,
     last: &Answer,
     options: &Options,
+    most: usize,
     control: &mut Control,
 ) -> Result<Option<(Answer, Solved)>> {
     let clock = Instant::now();
-    let mut s = Search::new(p, options);
-    s.attempt(&last.sequence, &last.track, MOST_ITERATIONS, control)?;
-    let most = if s.is_solved() { options.search } else { NEAR_UNSOLVED };
-    s.improve(Reach::Local, most, control)?;
+    let mut s = Search { most_effort: most, ..Search::new(p, options) };
+    s.attempt(&last.sequence, &last.track, ITERATIONS, control)?;
+    if s.is_solved() {
+        s.improve(Reach::Local, options.search, control)?;
+    }
     Ok(if s.is_solved() { s.into_answer(clock) } else { None })
 }
 
@@ -333,6 +347,20 @@ struct Search<'a> {
     coarse: Option<(Track, usize)>,
     /// Sequences that were solved for from other motions than the best are solved for again: they may have other solutions.
     again: bool,
+    /// Iterations times variables so far, and with how many of them no more sequences are tried.
+    effort: usize,
+    most_effort: usize,
+    /// What is known of the simulation of the guess.
+    seen: Seen,
+}
+
+/// The simulation of the guess.
+#[derive(Debug, Clone, Copy)]
+enum Seen {
+    /// There was none.
+    Nothing,
+    /// Where its friction contradicts the normal force, if it does.
+    Simulated(Option<(usize, f64)>),
 }
 
 /// A sequence, its motion, and phases that want to vanish.
@@ -359,7 +387,15 @@ impl<'a> Search<'a> {
             met: false,
             coarse: None,
             again: false,
+            effort: 0,
+            most_effort: usize::MAX,
+            seen: Seen::Nothing,
         }
+    }
+
+    /// Is no more to be spent?
+    fn is_over(&self) -> bool {
+        self.effort >= self.most_effort || stop::requested().is_some()
     }
 
     /// The best answer with what the search has spent; nothing without one.
@@ -371,6 +407,7 @@ impl<'a> Search<'a> {
         best.dimensions = self.dimensions;
         best.tried = self.attempts;
         best.settled = settled;
+        best.effort = self.effort;
         Some((best, solved))
     }
 
@@ -432,6 +469,7 @@ impl<'a> Search<'a> {
     /// What a solve took, and how large its program was.
     fn note(&mut self, dimensions: (usize, usize, usize), stats: &Statistics) {
         self.spent.add(stats);
+        self.effort += stats.iterations * dimensions.0;
         if dimensions.0 > self.dimensions.0 {
             self.dimensions = dimensions;
         }
@@ -444,6 +482,9 @@ impl<'a> Search<'a> {
         let mut better = self.attempt_from(sequence, guess, None, most, control)?;
         let failure = self.failure;
         for _ in 0..LEADS {
+            if self.is_over() {
+                break;
+            }
             let Some((sequence, track, vanishing)) = self.lead.take() else { break };
             let frictional = self.frictional();
             let near = neighbours(&sequence, &vanishing, &[], &frictional, false);
@@ -655,7 +696,7 @@ impl<'a> Search<'a> {
                 }
                 let behind = in_vain >= BEHIND && best.is_solved() && self.rival.is_some_and(|r| r < best.cost);
                 let enough = !local && best.is_solved() && apart_in_vain >= few;
-                if left == 0 || behind || enough || self.met || stop::requested().is_some() {
+                if left == 0 || behind || enough || self.met || self.is_over() {
                     return Ok(());
                 }
                 // an event that was clearly impossible in another sequence will be again

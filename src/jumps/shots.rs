@@ -11,6 +11,7 @@ use super::problem::Problem;
 use super::scales;
 use super::search::Options;
 use super::simulate::{simulate_with, Effort, Inputs, Simulated};
+use super::spread::{off, spreads};
 use super::track::Track;
 use crate::error::Result;
 use crate::event::Run;
@@ -107,10 +108,11 @@ impl Filled {
     }
 }
 
-/// Values of all constraints with their bounds, and the order of contacts.
+/// Values of all constraints, their bounds, and the order of contacts.
 #[derive(Clone)]
 struct Flight {
-    values: Vec<(f64, [f64; 2])>,
+    values: Vec<f64>,
+    bounds: Vec<[f64; 2]>,
     word: Vec<(usize, bool)>,
 }
 
@@ -268,8 +270,8 @@ impl<'a> Range<'a> {
     fn fly(&mut self, at: &[f64]) -> Option<Flight> {
         let f = self.filled(at);
         let s = self.simulate(&f)?;
-        let values = values(self.p, &f, &s)?;
-        Some(Flight { values, word: word(&s.run) })
+        let (values, bounds) = values(self.p, &f, &s)?.into_iter().unzip();
+        Some(Flight { values, bounds, word: word(&s.run) })
     }
 
     /// The shot of what was given, and others drawn at random.
@@ -444,15 +446,9 @@ impl Variable {
 
 impl Flight {
     /// How far every constraint is from being met, as a share of its scale.
-    fn off<'b>(&self, scales: &'b [f64]) -> Vec<f64> {
-        let of = |((v, [lower, upper]), scale): (&(f64, [f64; 2]), &'b f64)| {
-            if *scale > 0.0 {
-                (v - v.max(*lower).min(*upper)) / scale
-            } else {
-                0.0
-            }
-        };
-        self.values.iter().zip(scales).map(of).collect()
+    fn off(&self, scales: &[f64]) -> Vec<f64> {
+        let all = self.values.iter().zip(&self.bounds).zip(scales);
+        all.map(|((v, bounds), scale)| off(*v, *bounds, *scale)).collect()
     }
 
     /// Has it a part for every contact that another one has a part for? What nothing touches any more has no derivative that leads back.
@@ -464,7 +460,7 @@ impl Flight {
     fn difference<'b>(&'b self, moved: &'b Flight, scales: &'b [f64]) -> impl Iterator<Item = f64> + 'b {
         let off = self.off(scales);
         let values = self.values.iter().zip(&moved.values).zip(scales);
-        values.zip(off).map(|(((a, b), scale), off)| if off == 0.0 { 0.0 } else { (b.0 - a.0) / scale })
+        values.zip(off).map(|(((a, b), scale), off)| if off == 0.0 { 0.0 } else { (b - a) / scale })
     }
 }
 
@@ -527,15 +523,9 @@ fn word(run: &Run) -> Vec<(usize, bool)> {
     out
 }
 
-/// How far the values of every constraint are spread: their standard deviation.
+/// How far the values of every constraint are spread.
 fn spread(drawn: &[Drawn]) -> Vec<f64> {
-    let n = drawn.len() as f64;
-    let of = |i: usize| {
-        let values = || drawn.iter().map(move |d| d.flight.values[i].0);
-        let mean = values().sum::<f64>() / n;
-        (values().map(|v| (v - mean).powi(2)).sum::<f64>() / n).sqrt()
-    };
-    (0..drawn[0].flight.values.len()).map(of).collect()
+    spreads(drawn.iter().map(|d| &d.flight.values[..]))
 }
 
 /// Shots that come closest. The second best of an order of contacts counts as if it were twice as far off, the third as if it were three times

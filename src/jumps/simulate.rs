@@ -88,6 +88,11 @@ pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Resu
 }
 
 impl Simulated {
+    /// The first contact whose friction and normal force contradict each other, and the time.
+    pub(super) fn paradox(&self) -> Option<(usize, f64)> {
+        self.run.impacts.iter().find(|i| i.kind == ImpactKind::Painleve).map(|i| (i.contact, i.t))
+    }
+
     /// The motion piece by piece; what was not reached is the last state at rest.
     pub(super) fn track(&self, p: &Problem, controls: &[f64], durations: &[f64]) -> Result<Track> {
         let n_stages = durations.len();
@@ -309,8 +314,11 @@ pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], t
             outcome => matches!(outcome, Ok(Outcome::Reached)),
         };
         let end = &last.xs[last.xs.len() - nx..];
-        let differences = engine.state().iter().zip(end).map(|(x, y)| (x - y).abs());
-        out.push(if reached { differences.fold(0.0, f64::max) } else { f64::INFINITY });
+        let from = |end: &[f64]| engine.state().iter().zip(end).fold(0.0, |m: f64, (x, y)| m.max((x - y).abs()));
+        // an impact at the end of the stage may be before the end of the simulation or behind it
+        let behind = a.track.pieces.iter().find(|q| q.stage == k + 1 && q.jump.is_some() && q.t <= last.t + last.h);
+        let differs = behind.map_or(f64::INFINITY, |q| from(&q.x0)).min(from(end));
+        out.push(if reached { differs } else { f64::INFINITY });
     }
     Ok(out)
 }
@@ -318,8 +326,7 @@ pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], t
 /// The first contact, and the time, at which no forces continue the motion under given controls (Painlevé): friction and normal force contradict
 /// each other, and sliding stops by an impact without collision. Programs of contact modes do not have that.
 pub fn paradox(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Option<(usize, f64)>> {
-    let run = simulate(p, x0, controls, durations)?.run;
-    Ok(run.impacts.iter().find(|i| i.kind == ImpactKind::Painleve).map(|i| (i.contact, i.t)))
+    Ok(simulate(p, x0, controls, durations)?.paradox())
 }
 
 /// Parameters of all stages, those that are variables as the answer has them.

@@ -26,6 +26,8 @@ pub(super) const INF: f64 = f64::INFINITY;
 pub(super) const FREE: [f64; 2] = [-INF, INF];
 /// Not negative.
 pub(super) const POSITIVE: [f64; 2] = [0.0, INF];
+/// Not positive.
+pub(super) const NEGATIVE: [f64; 2] = [-INF, 0.0];
 /// Equations.
 pub(super) const EQUAL: [f64; 2] = [0.0, 0.0];
 

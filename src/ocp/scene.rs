@@ -2,7 +2,7 @@
 
 use super::accuracy::Accuracy;
 use super::extend::Extended;
-use super::optimality::{Kink, Optimality, Verdict, OTHER};
+use super::optimality::{Kink, Optimality, OTHER};
 use super::request::Request;
 use super::solve::Start;
 use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
@@ -70,63 +70,58 @@ impl Ocp {
         self.check_start(&problem)?;
         let options = self.scene_options(&problem, &extended, start, request);
         let time_build = clock.elapsed().as_secs_f64();
-        // before the search, which may use up the time
-        let frictional = (0..problem.n_contacts()).any(|c| problem.has_friction(c));
-        let at = &problem.given().durations;
-        let contradiction = if frictional { paradox(&problem, &options.x0, &options.controls, at) } else { None };
-        let found = jumps::solve(&problem, &options, control)?;
-        let (mut result, mut answer, mut solved, mut problem) = self.replayed(problem, found, &extended, request)?;
-        result.time_build = time_build;
-        if answer.is_solved() {
-            let simulated = result.accuracy.as_ref();
-            let mut followed = simulated.is_none_or(|s| is_its_motion(&problem, &answer, s));
-            let mut message = self.scene_message(&problem, &answer);
-            if let (false, Some(c)) = (followed, request.comparison) {
-                let size = largest_state(&problem, &answer);
-                let finer = jumps::refine(problem, (answer, solved), &options, (AIM * size, c.tol), control)?;
-                let off = finer.off;
-                (result, answer, solved, problem) =
-                    self.replayed(finer.problem, (finer.answer, finer.solved), &extended, request)?;
-                result.time_build = time_build;
-                message = self.scene_message(&problem, &answer);
-                followed = result.accuracy.as_ref().is_none_or(|s| is_its_motion(&problem, &answer, s));
-                if !followed && message.is_empty() {
-                    message = if off <= OFF_IN_A_STAGE * size {
-                        unstable(off)
-                    } else {
-                        let found = paradox(&problem, &answer.x0, answer.controls(), &result.durations);
-                        found.map_or_else(|| NOT_FOLLOWED.into(), |what| format!("under its controls {what}"))
-                    };
+        let (answer, solved) = jumps::solve(&problem, &options, control)?;
+        let mut last = Last { answer, problem, solved };
+        let mut result = self.replayed(&last, &extended, request)?;
+        result.message = self.scene_message(&last.problem, &last.answer);
+        if last.answer.is_solved() {
+            let mut followed = true;
+            if let Some(c) = request.comparison.filter(|_| !is_its_motion(&last, &result)) {
+                let within = AIM * largest_state(&last.problem, &last.answer);
+                let finer =
+                    jumps::refine(last.problem, (last.answer, last.solved), &options, (within, c.tol), control)?;
+                last = Last { answer: finer.answer, problem: finer.problem, solved: finer.solved };
+                result = self.replayed(&last, &extended, request)?;
+                let left = self.departure(&last, &result, finer.off);
+                result.message = self.scene_message(&last.problem, &last.answer);
+                if result.message.is_empty() {
+                    result.message = left.as_ref().map_or_else(String::new, |l| l.0.clone());
                 }
-                followed |= off <= OFF_IN_A_STAGE * size;
+                followed = left.is_none_or(|l| l.1);
             }
-            result.message = message;
-            result.optimality = Some(self.scene_optimality(&answer, followed));
-        } else {
-            result.message = self.scene_message(&problem, &answer);
-            if let Some(what) = contradiction {
-                result.message = format!("under the guessed controls {what}; {}", result.message);
-            }
+            result.optimality = Some(self.scene_optimality(&last.answer, followed));
+            self.scene.last = Some(last);
+        } else if let Some((contact, t)) = last.answer.paradox {
+            let what = no_forces(&last.problem, contact, t);
+            result.message = format!("under the guessed controls {what}; {}", result.message);
         }
-        if answer.is_solved() {
-            self.scene.last = Some(Last { answer, problem, solved });
-        }
+        result.time_build = time_build;
         Ok(result)
     }
 
-    /// The result of an answer, with a simulation of its controls.
-    fn replayed(
-        &self,
-        problem: Problem,
-        (answer, solved): (Answer, Solved),
-        extended: &Extended,
-        request: &Request,
-    ) -> Result<(OcpResult, Answer, Solved, Problem)> {
-        let mut result = self.scene_result(&problem, extended, &answer);
-        if let (Some(c), true) = (request.comparison, answer.is_solved()) {
-            result.accuracy = Some(self.replay(&problem, &answer, &result, c.tol)?);
+    /// How a simulation of the controls leaves a motion whose stages, simulated one by one, are off by as much as `off`: in words, and whether the
+    /// answer is one of the control problem all the same; nothing where it does not leave it.
+    fn departure(&self, last: &Last, result: &OcpResult, off: f64) -> Option<(String, bool)> {
+        if is_its_motion(last, result) {
+            return None;
         }
-        Ok((result, answer, solved, problem))
+        let (p, a) = (&last.problem, &last.answer);
+        if off <= OFF_IN_A_STAGE * largest_state(p, a) {
+            return Some((unstable(off), true));
+        }
+        let found = jumps::paradox(p, &a.x0, a.controls(), &result.durations).ok().flatten();
+        let contradiction = |(contact, t)| format!("under its controls {}", no_forces(p, contact, t));
+        Some((found.map_or_else(|| NOT_FOLLOWED.into(), contradiction), false))
+    }
+
+    /// The result of an answer, with a simulation of its controls.
+    fn replayed(&self, last: &Last, extended: &Extended, request: &Request) -> Result<OcpResult> {
+        let Last { answer, problem, .. } = last;
+        let mut result = self.scene_result(problem, extended, answer);
+        if let (Some(c), true) = (request.comparison, answer.is_solved()) {
+            result.accuracy = Some(self.replay(problem, answer, &result, c.tol)?);
+        }
+        Ok(result)
     }
 
     /// Derivatives of the last answer of a problem with contacts.
@@ -321,30 +316,20 @@ impl Ocp {
     /// with its order of contacts, and where the motion leaves that order to no side it is one of the control problem. Elsewhere the
     /// orders on the other sides were solved for.
     fn scene_optimality(&self, a: &Answer, followed: bool) -> Optimality {
-        let kink =
-            |&(stage, t, touch): &(usize, f64, bool)| Kink { stage, t, before: f64::NAN, after: f64::NAN, touch };
-        let (verdict, reason) = if !followed {
-            (Verdict::Unknown, OTHER)
+        let doubt = if !followed {
+            Some(OTHER)
         } else if a.overlap {
-            (Verdict::Unknown, "bodies overlap between the points at which their gaps are held")
+            Some("bodies overlap between the points at which their gaps are held")
         } else if !a.vanishing.is_empty() {
-            (Verdict::Unknown, "a phase is as short as it may be")
+            Some("a phase is as short as it may be")
         } else if !a.settled {
-            (Verdict::Unknown, "not every order of contacts next to it was tried")
-        } else if a.kinks.is_empty() {
-            (Verdict::LocalOptimum, "")
+            Some("not every order of contacts next to it was tried")
         } else {
-            (Verdict::Kink, "the orders of contacts next to it were tried, and none is better")
+            None
         };
-        Optimality {
-            verdict,
-            reason,
-            residual: a.residuals.dual,
-            gradient: a.gradient.clone(),
-            kinks: a.kinks.iter().map(kink).collect(),
-            direction: Vec::new(),
-            beyond: Vec::new(),
-        }
+        let kinks = a.kinks.iter().map(|&(stage, t, touch)| Kink::without_derivatives(stage, t, touch)).collect();
+        let compared = "the orders of contacts next to it were tried, and none is better";
+        Optimality::of_one_order(doubt, compared, a.residuals.dual, a.gradient.clone(), kinks)
     }
 
     /// Why there is no exact answer.
@@ -409,14 +394,13 @@ fn unstable(off: f64) -> String {
     )
 }
 
-/// Where no forces continue the motion under given controls, in words; nothing where there is no such place, or no simulation.
-fn paradox(p: &Problem, x0: &[f64], controls: &[f64], lengths: &[f64]) -> Option<String> {
-    let (contact, t) = jumps::paradox(p, x0, controls, lengths).ok().flatten()?;
-    Some(format!(
+/// That no forces continue a motion at a time, in words.
+fn no_forces(p: &Problem, contact: usize, t: f64) -> String {
+    format!(
         "no forces continue the motion at t = {t:.6}: friction and normal force of contact {} contradict each other there (Painlevé), and \
          sliding stops by an impact without collision, which no order of contacts of an answer has",
         p.contact_names()[contact]
-    ))
+    )
 }
 
 /// Largest modulus of a state of an answer.
@@ -426,11 +410,12 @@ fn largest_state(p: &Problem, a: &Answer) -> f64 {
     elements.iter().flat_map(|e| &e.x1[..nx]).chain(&a.x0).fold(0f64, |m, v| m.max(v.abs()))
 }
 
-/// Is a simulation of the controls of an answer its motion, but for the error of the method? At the end of a stage at which an event is,
-/// one of them may be before it and the other behind.
-fn is_its_motion(p: &Problem, a: &Answer, simulated: &Accuracy) -> bool {
-    let largest = largest_state(p, a);
-    let is_event = |k: usize| a.kinks.iter().any(|&(stage, _, touch)| stage == k && !touch);
+/// Is a simulation of the controls of an answer, where there is one, its motion, but for the error of the method? At the end of a stage at which
+/// an event is, one of them may be before it and the other behind.
+fn is_its_motion(last: &Last, result: &OcpResult) -> bool {
+    let Some(simulated) = &result.accuracy else { return true };
+    let largest = largest_state(&last.problem, &last.answer);
+    let is_event = |k: usize| last.answer.kinks.iter().any(|&(stage, _, touch)| stage == k && !touch);
     let stages = simulated.stages.iter().enumerate();
     simulated.reached() && stages.filter(|(k, _)| !is_event(k + 1)).all(|(_, d)| *d <= OFF * largest)
 }

@@ -8,7 +8,7 @@ use super::super::simulate::simulate;
 use super::super::stepping;
 use super::super::track::{interpolate, Piece, Track};
 use super::super::transcribe::Transcription;
-use super::{Answer, Method, Search, ITERATIONS, NEAR_ITERATIONS};
+use super::{Answer, Method, Search, Seen, ITERATIONS, NEAR_ITERATIONS};
 use crate::error::Result;
 use crate::mpcc::{Mpcc, MpccSettings, MpccSolver};
 use crate::nlp::{Bounds, Control};
@@ -68,6 +68,7 @@ impl Search<'_> {
             return Ok(());
         }
         let run = simulate(self.p, &o.x0, &o.controls, durations)?;
+        self.seen = Seen::Simulated(run.paradox());
         let track = run.track(self.p, &o.controls, durations)?;
         self.attempt(&track.sequence(self.p.n_stages()), &track, NEAR_ITERATIONS, control).map(|_| ())
     }

@@ -9,6 +9,7 @@ use super::solve::Built;
 use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
+use crate::jumps::spread::{off, spreads};
 use crate::stop;
 use shooting::Shooting;
 use sqp::{Lowest, Program, Values};
@@ -97,15 +98,9 @@ impl Ocp {
             }
         }
         let (lower, upper) = shooting.row_bounds();
-        let n = tried.len() as f64;
-        let spread = |i: usize| {
-            let mean = tried.iter().map(|t| t.0[i]).sum::<f64>() / n;
-            (tried.iter().map(|t| (t.0[i] - mean).powi(2)).sum::<f64>() / n).sqrt()
-        };
-        let spreads: Vec<f64> = (0..lower.len()).map(|i| if tried.is_empty() { 0.0 } else { spread(i) }).collect();
+        let spreads = spreads(tried.iter().map(|t| &t.0[..]));
         let off = |rows: &[f64]| -> f64 {
-            let of = |(i, v): (usize, &f64)| (v - v.max(lower[i]).min(upper[i])) / spreads[i];
-            rows.iter().enumerate().filter(|(i, _)| spreads[*i] > 0.0).map(of).map(|d| d * d).sum()
+            rows.iter().enumerate().map(|(i, v)| off(*v, [lower[i], upper[i]], spreads[i]).powi(2)).sum()
         };
         let mut order: Vec<(f64, Vec<f64>)> = tried.iter().map(|(rows, u)| (off(rows), u.clone())).collect();
         order.sort_by(|a, b| a.0.total_cmp(&b.0));

@@ -131,7 +131,31 @@ pub struct Optimality {
     pub(super) beyond: Vec<Vec<f64>>,
 }
 
+impl Kink {
+    /// One of which derivatives towards its sides are not known.
+    pub(super) fn without_derivatives(stage: usize, t: f64, touch: bool) -> Kink {
+        Kink { stage, t, before: f64::NAN, after: f64::NAN, touch }
+    }
+}
+
 impl Optimality {
+    /// Of an answer that is the optimum of one order of events. Where `doubt` says why nothing is known of it, it is that; where no small change of
+    /// the controls changes the order it is a local optimum, and else a kink, for `compared` says that the orders beside it were solved for.
+    pub(super) fn of_one_order(
+        doubt: Option<&'static str>,
+        compared: &'static str,
+        residual: f64,
+        gradient: Vec<f64>,
+        kinks: Vec<Kink>,
+    ) -> Optimality {
+        let (verdict, reason) = match doubt {
+            Some(why) => (Verdict::Unknown, why),
+            None if kinks.is_empty() => (Verdict::LocalOptimum, ""),
+            None => (Verdict::Kink, compared),
+        };
+        Optimality { verdict, reason, residual, gradient, kinks, direction: Vec::new(), beyond: Vec::new() }
+    }
+
     /// A descent on simulations from the answer led nowhere: it is what that says, and there is no direction.
     pub(super) fn certify_by_descent(&mut self, verdict: Verdict) {
         self.verdict = verdict;

@@ -20,7 +20,7 @@ use self::guess::Guess;
 use self::program::Program;
 use super::accuracy::{self, Accuracy, Answer, Replay};
 use super::extend::{Extended, Statement};
-use super::optimality::{Kink, Optimality, Verdict, OTHER};
+use super::optimality::{Kink, Optimality, OTHER};
 use super::request::{Comparison, Request};
 use super::solve::Start;
 use super::{Durations, Ocp, OcpResult};
@@ -181,7 +181,7 @@ impl Ocp {
     fn certify_transitions(&self, r: &OcpResult, automaton: &Automaton, settled: bool) -> Optimality {
         let other = r.accuracy.as_ref().is_some_and(|a| !a.reached() || a.large.is_some());
         let mut kinks = Vec::new();
-        let kink = |stage, t, touch| Kink { stage, t, before: f64::NAN, after: f64::NAN, touch };
+        let kink = Kink::without_derivatives;
         let lengths = r.durations.iter();
         let ends: Vec<f64> = lengths
             .scan(self.t0, |t, d| {
@@ -198,26 +198,17 @@ impl Ocp {
             let touched = near.iter().enumerate().filter(|(_, share)| **share <= TOUCHES);
             kinks.extend(touched.map(|(k, _)| kink(k, ends[k] - 0.5 * r.durations[k], true)));
         }
-        let (verdict, reason) = if other {
-            (Verdict::Unknown, OTHER)
+        let doubt = if other {
+            Some(OTHER)
         } else if r.certificate.second != SecondOrder::StrictMinimum {
-            (Verdict::Unknown, "the conditions of second order of the sequence of transitions are not shown to hold")
+            Some("the conditions of second order of the sequence of transitions are not shown to hold")
         } else if !settled {
-            (Verdict::Unknown, "not every sequence of transitions next to it was tried")
-        } else if kinks.is_empty() {
-            (Verdict::LocalOptimum, "")
+            Some("not every sequence of transitions next to it was tried")
         } else {
-            (Verdict::Kink, "the sequences of transitions next to it were tried, and none is better")
+            None
         };
-        Optimality {
-            verdict,
-            reason,
-            residual: r.residuals.dual,
-            gradient: Vec::new(),
-            kinks,
-            direction: Vec::new(),
-            beyond: Vec::new(),
-        }
+        let compared = "the sequences of transitions next to it were tried, and none is better";
+        Optimality::of_one_order(doubt, compared, r.residuals.dual, Vec::new(), kinks)
     }
 
     /// Compares an answer with the simulation of its controls, transitions included.
