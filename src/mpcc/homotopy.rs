@@ -226,6 +226,11 @@ impl Continuation for Scholtes {
     fn relaxed_rows(&self) -> Range<usize> {
         self.rows.clone()
     }
+
+    /// On the way down; the first problem decides which local optimum is found, and is left to plain steps.
+    fn corrects(&self) -> bool {
+        self.given && !self.on_plateau
+    }
 }
 
 /// The monotone barrier rule for a branch problem, which may have no solution: it gives up when the violation has

@@ -73,6 +73,9 @@ impl Continuation for Path {
             Path::Rule(p) => p.rows.clone(),
         }
     }
+    fn corrects(&self) -> bool {
+        matches!(self, Path::Coupled(p) if p.corrects())
+    }
 }
 
 /// Share of the barrier parameter's exponent the pairs may stay open by (Leyffer et al., section 4).

@@ -404,8 +404,13 @@ impl MpccSolver {
                 return;
             }
             self.saved.copy_from(self.ipm.iterate());
+            let tried = level.is_some();
             level = Some(self.ipm.level());
             let early = outcome == Outcome::Solved && stops[k] > FIRST_POLISH;
+            if early && tried && self.ipm.statistics().iterations == 0 {
+                // the same point was tried at the last stop
+                continue;
+            }
             if self.polish(p, bounds, control, proposer, early) || last || outcome == Outcome::Stalled {
                 return;
             }

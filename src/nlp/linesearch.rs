@@ -107,9 +107,20 @@ impl Ipm {
         }
     }
 
+    /// Share of the distance to a bound that a step may take.
+    pub(super) fn fraction_to_boundary(&self) -> f64 {
+        (1.0 - self.level.mu).max(0.99)
+    }
+
     pub(super) fn line_search(&mut self, nlp: &mut dyn Nlp) -> Search {
+        if std::mem::take(&mut self.corrected) {
+            if let Some(search) = self.take_corrected(nlp) {
+                return search;
+            }
+            self.undo_corrections();
+        }
         let mu = self.level.mu;
-        let tau = (1.0 - mu).max(0.99);
+        let tau = self.fraction_to_boundary();
         let (alpha_max, alpha_du) = (self.alpha_primal(tau, false), self.alpha_dual(tau));
         let th0 = theta(&self.shape, &self.it.s, &self.v.c);
         let phi0 = barrier(&self.shape, &self.bounds, &self.it.x, &self.it.s, self.v.f, mu);
@@ -143,6 +154,24 @@ impl Ipm {
             if alpha < a_min || trials > 40 {
                 return Search::Jammed;
             }
+        }
+    }
+
+    /// The full step along a corrected direction, where the filter takes it.
+    fn take_corrected(&mut self, nlp: &mut dyn Nlp) -> Option<Search> {
+        let tau = self.fraction_to_boundary();
+        let (alpha, alpha_du) = (self.alpha_primal(tau, false), self.alpha_dual(tau));
+        let th0 = theta(&self.shape, &self.it.s, &self.v.c);
+        let phi0 = barrier(&self.shape, &self.bounds, &self.it.x, &self.it.s, self.v.f, self.level.mu);
+        let slope = self.slope();
+        match self.try_point(nlp, alpha, false) {
+            Ok((phi, th)) if self.acceptable(alpha, phi0, th0, slope, phi, th) => {
+                self.augment_filter(alpha, phi0, th0, slope, phi);
+                self.info.alpha_du = alpha_du;
+                Some(self.accept(nlp, alpha, alpha_du, 1))
+            }
+            Err(EvalError::Fatal(_) | EvalError::Stopped) => Some(Search::Fatal),
+            _ => None,
         }
     }
 
@@ -262,7 +291,7 @@ impl Ipm {
     /// paper on Ipopt); this is what brings the last digits when the filter only sees rounding.
     pub(super) fn soft_step(&mut self, nlp: &mut dyn Nlp) -> bool {
         let mu = self.level.mu;
-        let tau = (1.0 - mu).max(0.99);
+        let tau = self.fraction_to_boundary();
         let before = self.errors(mu).scaled();
         let alpha = self.alpha_primal(tau, false).min(self.alpha_dual(tau));
         if !alpha.is_finite() || self.dx.iter().any(|d| !d.is_finite()) {

@@ -16,6 +16,7 @@
 
 mod augmented;
 mod callback;
+mod centrality;
 mod curvature;
 mod filter;
 mod iterate;

@@ -4,6 +4,7 @@ use std::ops::Range;
 use std::time::Instant;
 
 use super::augmented::{sigma_s, Augmented};
+use super::centrality::{Direction, Offsets};
 use super::filter::Filter;
 use super::iterate::{kkt_error, lagrangian_gradient, theta, Iterate, KktError, RowKind, Shape, Values};
 use super::linesearch::{clamp_multiplier, tiny_gap, Search};
@@ -83,6 +84,10 @@ pub trait Continuation {
     /// Rows whose upper bound is `σ`.
     fn relaxed_rows(&self) -> Range<usize> {
         0..0
+    }
+    /// Are short directions of the present level corrected towards the central path?
+    fn corrects(&self) -> bool {
+        false
     }
 }
 
@@ -191,6 +196,11 @@ pub struct Ipm {
     pub(super) dx_soc: Vec<f64>,
     pub(super) ds_soc: Vec<f64>,
     pub(super) residual: Vec<f64>,
+    pub(super) offsets: Offsets,
+    // the direction before its last correction, and before all of them, where it was corrected
+    pub(super) before: Direction,
+    pub(super) plain: Direction,
+    pub(super) corrected: bool,
     pub(super) level: Level,
     pub(super) stats: Statistics,
     pub(super) info: IterationInfo,
@@ -247,6 +257,10 @@ impl Ipm {
             dx_soc: vec![0.0; n],
             ds_soc: vec![0.0; m],
             residual: vec![0.0; m],
+            offsets: Offsets::new(n, m),
+            before: Direction::new(n, m),
+            plain: Direction::new(n, m),
+            corrected: false,
             level: Level { mu: 0.1, sigma: 0.0 },
             stats: Statistics::default(),
             info: IterationInfo::default(),
@@ -411,7 +425,8 @@ impl Ipm {
                 return Outcome::Diverging;
             }
             self.info.phase = self.phase;
-            let searched = if self.direction(nlp) { self.line_search(nlp) } else { Search::Jammed };
+            let searched =
+                if self.direction(nlp, continuation.corrects()) { self.line_search(nlp) } else { Search::Jammed };
             if let Some(why) = stop::requested().filter(|_| !matches!(searched, Search::Accepted)) {
                 return why.into();
             }
@@ -726,8 +741,8 @@ impl Ipm {
         self.forget_filter();
     }
 
-    /// Newton direction of the barrier problem.
-    fn direction(&mut self, nlp: &mut dyn Nlp) -> bool {
+    /// Newton direction of the barrier problem; `centre`: corrected where it is cut short.
+    fn direction(&mut self, nlp: &mut dyn Nlp, centre: bool) -> bool {
         let clock = Instant::now();
         let hessian = nlp.hessian(&self.it.x, 1.0, &self.it.y, &mut self.v.hess);
         self.fatal = matches!(hessian, Err(EvalError::Fatal(_) | EvalError::Stopped));
@@ -747,6 +762,7 @@ impl Ipm {
             // dependent rows: only with a perturbed dual block does the step stay with the problem
             ok = self.system.factor_dependent(self.level.mu) && self.solve_direction(false);
         }
+        self.corrected = ok && centre && self.correct_centrality();
         self.stats.time_linalg += clock.elapsed().as_secs_f64() - evaluated;
         ok
     }
@@ -765,7 +781,7 @@ impl Ipm {
     }
 
     /// Is the step out of all proportion to the point?
-    fn step_is_absurd(&self) -> bool {
+    pub(super) fn step_is_absurd(&self) -> bool {
         let largest = |v: &[f64]| v.iter().fold(0f64, |a, v| a.max(v.abs()));
         largest(&self.dx) > ABSURD * (1.0 + largest(&self.it.x))
     }
@@ -773,14 +789,14 @@ impl Ipm {
     /// Solves with the present factor for the violation in `residual`; `soc` writes only the primal part.
     pub(super) fn solve_direction(&mut self, soc: bool) -> bool {
         let mu = self.level.mu;
-        let Ipm { system, shape, bounds: b, it, lag, residual, n, .. } = self;
+        let Ipm { system, shape, bounds: b, it, lag, residual, n, offsets: o, .. } = self;
         for j in 0..*n {
             let mut r = -lag[j];
             if shape.has_xl[j] {
-                r += mu / (it.x[j] - b.xl[j]);
+                r += (mu + o.xl[j]) / (it.x[j] - b.xl[j]);
             }
             if shape.has_xu[j] {
-                r -= mu / (b.xu[j] - it.x[j]);
+                r -= (mu + o.xu[j]) / (b.xu[j] - it.x[j]);
             }
             system.rhs[j] = if shape.fixed[j] { 0.0 } else { r };
         }
@@ -788,7 +804,7 @@ impl Ipm {
             system.rhs[*n + i] = match shape.row[i] {
                 RowKind::Free => 0.0,
                 RowKind::Equality => -residual[i],
-                RowKind::Inequality => -residual[i] - slack_gradient(shape, b, it, i, mu) / sigma_s(shape, b, it, i),
+                RowKind::Inequality => -residual[i] - slack_gradient(shape, b, it, i, mu, o) / sigma_s(shape, b, it, i),
             };
         }
         if !system.solve() {
@@ -799,7 +815,7 @@ impl Ipm {
         let dy = &system.sol[*n..];
         for i in 0..residual.len() {
             ds[i] = if shape.row[i] == RowKind::Inequality {
-                (dy[i] - slack_gradient(shape, b, it, i, mu)) / sigma_s(shape, b, it, i)
+                (dy[i] - slack_gradient(shape, b, it, i, mu, o)) / sigma_s(shape, b, it, i)
             } else {
                 0.0
             };
@@ -809,12 +825,12 @@ impl Ipm {
         }
         self.trial.y.copy_from_slice(dy);
         for j in 0..*n {
-            self.dzl[j] = multiplier_step(shape.has_xl[j], it.zl[j], it.x[j] - b.xl[j], dx[j], mu);
-            self.dzu[j] = multiplier_step(shape.has_xu[j], it.zu[j], b.xu[j] - it.x[j], -dx[j], mu);
+            self.dzl[j] = multiplier_step(shape.has_xl[j], it.zl[j], it.x[j] - b.xl[j], dx[j], mu + o.xl[j]);
+            self.dzu[j] = multiplier_step(shape.has_xu[j], it.zu[j], b.xu[j] - it.x[j], -dx[j], mu + o.xu[j]);
         }
         for i in 0..residual.len() {
-            self.dvl[i] = multiplier_step(shape.has_cl[i], it.vl[i], it.s[i] - b.cl[i], ds[i], mu);
-            self.dvu[i] = multiplier_step(shape.has_cu[i], it.vu[i], b.cu[i] - it.s[i], -ds[i], mu);
+            self.dvl[i] = multiplier_step(shape.has_cl[i], it.vl[i], it.s[i] - b.cl[i], ds[i], mu + o.cl[i]);
+            self.dvu[i] = multiplier_step(shape.has_cu[i], it.vu[i], b.cu[i] - it.s[i], -ds[i], mu + o.cu[i]);
         }
         true
     }
@@ -840,15 +856,15 @@ fn rounding(jac: &Pattern, values: &[f64], x: &[f64], work: &mut [f64]) -> f64 {
     4.0 * f64::EPSILON * work.iter().fold(0f64, |a, v| a.max(*v))
 }
 
-/// Gradient of the barrier Lagrangian in the slack of row `i`.
+/// Gradient of the barrier Lagrangian in the slack of row `i`, whose bounds have parameters of their own.
 #[inline]
-fn slack_gradient(shape: &Shape, b: &Bounds, it: &Iterate, i: usize, mu: f64) -> f64 {
+fn slack_gradient(shape: &Shape, b: &Bounds, it: &Iterate, i: usize, mu: f64, o: &Offsets) -> f64 {
     let mut g = -it.y[i];
     if shape.has_cl[i] {
-        g -= mu / (it.s[i] - b.cl[i]);
+        g -= (mu + o.cl[i]) / (it.s[i] - b.cl[i]);
     }
     if shape.has_cu[i] {
-        g += mu / (b.cu[i] - it.s[i]);
+        g += (mu + o.cu[i]) / (b.cu[i] - it.s[i]);
     }
     g
 }
