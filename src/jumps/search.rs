@@ -244,7 +244,7 @@ pub(super) fn solve_again(
 ) -> Result<Option<(Answer, Solved)>> {
     let clock = Instant::now();
     let mut s = Search { most_effort: most, ..Search::new(p, options) };
-    s.attempt(&last.sequence, &last.track, ITERATIONS, control)?;
+    s.attempt(&last.sequence, &last.track, NEAR_ITERATIONS, control)?;
     if s.is_solved() {
         s.improve(Reach::Local, options.search, control)?;
     }

@@ -161,11 +161,7 @@ impl Search<'_> {
             let found = stepping::motion(&coarse, t, from, stepping::LEVELS[0]);
             search.try_simulation_of(&found, &t.state(&coarse, t.x0, from), control)?;
             Ok(!search.is_behind())
-        })?;
-        if !self.is_solved() {
-            self.insist(control)?;
-        }
-        Ok(())
+        })
     }
 
     /// FESD with jumps from the motion of time stepping, which is nearly one of its own: its relaxation begins where that of steps ends.
