@@ -445,3 +445,29 @@ fn a_throw_that_hits_is_found_from_any_start() {
     let slope = ocp.sensitivity().unwrap().cost[3];
     assert!((slope - 0.239_091_476).abs() < 1e-9, "{slope}");
 }
+
+/// A mass on a spring that bounces off a stop, in a unit of length: everything scales with that. Only the simulation of the guess says when it bounces.
+#[test]
+fn guesses_do_not_depend_on_the_unit_of_length() {
+    let tried = |unit: f64| {
+        let g = Graph::new();
+        let mut scene = Scene::new("spring and stop", 1, 1, 1, 0).unwrap();
+        scene.set_force(0, (g.u(0) * unit - g.x(0) * 25.0).id()).unwrap();
+        let restitution = g.constant(0.8).id();
+        scene.add_contact(Contact { restitution, ..Contact::new(&g, "stop", g.x(0) + 0.5 * unit) }).unwrap();
+        let built = scene.build(&g).unwrap();
+        let mut ocp = Ocp::new(&built.system, 3.0, 12, &Settings { n_s: 3, n_fe: 2, ..Settings::default() }).unwrap();
+        ocp.set_x0(&[unit, 0.0]).unwrap();
+        ocp.set_lagrange(Arc::new(g.function("cost", built.dims, &[g.u(0) * g.u(0)]).unwrap())).unwrap();
+        ocp.set_jumps(Jumps::Modes);
+        let r = ocp.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved, "{unit}: {}", r.message);
+        // doing nothing costs nothing
+        assert!(r.cost.abs() < 1e-6, "{unit}: {}", r.cost);
+        let contacts = r.contacts.as_ref().unwrap();
+        (contacts.tried, contacts.impacts.len())
+    };
+    let usual = tried(1.0);
+    assert!(usual.1 > 1, "{usual:?}");
+    assert_eq!([1e-6, 1e-3].map(tried), [usual; 2]);
+}

@@ -416,15 +416,9 @@ impl<'a> Range<'a> {
     }
 }
 
-/// Size of a number without a unit to compare it with: its value, else the finite bounds it has; 1 where it has none.
+/// Half the range of a variable without bounds, to begin with: its size; 1 where it has none.
 fn size_of_one(given: f64, bounds: [f64; 2]) -> f64 {
-    let known = bounds.into_iter().filter(|b| b.is_finite()).map(f64::abs);
-    let size = if given != 0.0 { given.abs() } else { known.fold(0.0, f64::max) };
-    if size > 0.0 {
-        size
-    } else {
-        1.0
-    }
+    scales::of_one(given, bounds).unwrap_or(1.0)
 }
 
 impl Variable {

@@ -2,13 +2,14 @@
 
 use super::modes::ContactMode;
 use super::problem::Problem;
+use super::scales;
 use super::track::{Piece, Track};
 use crate::error::{Error, Result};
 use crate::event::{Engine, Impact, ImpactKind, Options, Outcome, Run};
 use crate::func::Point;
 use crate::system::SharedFunction;
 
-/// Tolerance of simulations that are guesses, and their steps at most.
+/// Tolerance of simulations that are guesses, relative to the sizes of the states, and their steps at most.
 const TOLERANCE: f64 = 1e-6;
 const MAX_STEPS: usize = 100_000;
 /// Parts of a control stage that last less, as a share of it, are left out.
@@ -47,7 +48,9 @@ pub(super) struct Effort<'a> {
 
 /// Simulates controls `[n_stages · wide.u]` over stages of lengths `durations`.
 pub(super) fn simulate(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Simulated> {
-    simulate_with(p, Inputs { x0, controls, durations, params: &p.given.params }, GUESS)
+    let sizes = scales::of_states(p, x0, None);
+    let effort = Effort { sizes: &sizes, ..GUESS };
+    simulate_with(p, Inputs { x0, controls, durations, params: &p.given.params }, effort)
 }
 
 /// The effort of a guess.
