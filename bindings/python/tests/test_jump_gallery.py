@@ -40,6 +40,15 @@ def test_contacts(name, tmp_path):
     assert (tmp_path / "picture.svg").stat().st_size > 1000
 
 
+def test_finer_grids_cost_a_share_of_the_search():
+    # the simulation of its answer on the given grid goes elsewhere
+    coarse, refined = (jumps.cart_pole(**options)[1].solve() for options in ({"accuracy": "off"}, {}))
+    assert refined.stats.n_variables > coarse.stats.n_variables
+    assert refined.accuracy.terminal < 1e-8
+    iterations = coarse.stats.iterations, refined.stats.iterations
+    assert iterations[0] < iterations[1] < 1.5 * iterations[0], iterations
+
+
 def test_a_reference_that_can_be_followed_needs_no_wall():
     _, ocp = jumps.slow_box()
     r = ocp.solve()
