@@ -31,6 +31,17 @@ const TELLING: f64 = 1e-2;
 /// Newton solves with changing active sets.
 const ROUNDS: usize = 5;
 
+/// How much is tried for an exact point.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Effort {
+    /// The square system of a set that leaves no doubt.
+    Early,
+    /// The identified set and those that are suggested; a point that solves a later relaxation may leave less doubt.
+    Identified,
+    /// Doubtful decisions turned round as well.
+    All,
+}
+
 /// Which bound of a variable or row holds with equality.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Active {
@@ -198,7 +209,7 @@ impl MpccSolver {
         *side = if *side == Side::First { Side::Second } else { Side::First };
     }
 
-    /// An exact point from the relaxed one in `saved`; true when there is one. `early` tries only what leaves no doubt.
+    /// An exact point from the relaxed one in `saved`; true when there is one. `effort` says what is tried.
     ///
     /// First the square system of the identified active set, then its branch problem, then those of the suggested
     /// sets, of the set with all doubtful pairs zero on both sides, and of the neighbours of the first.
@@ -208,8 +219,9 @@ impl MpccSolver {
         bounds: &Bounds,
         control: &mut Control,
         proposer: &mut dyn ActiveSetProposer,
-        early: bool,
+        effort: Effort,
     ) -> bool {
+        let early = effort == Effort::Early;
         self.close = true;
         self.identify(p);
         let clear = self.doubt(0) <= CLEAR;
@@ -227,11 +239,11 @@ impl MpccSolver {
                 }
                 ok = self.try_branch(p, bounds, control);
             }
-            if !ok && !clear {
+            if !ok && !clear && effort == Effort::All {
                 self.identify(p);
                 ok = self.try_corner(p, bounds, control);
             }
-            if !ok {
+            if !ok && effort == Effort::All {
                 self.identify(p);
                 for k in 0..MAX_FLIPS.min(self.sides.len()) {
                     if self.doubt(k) < DOUBTFUL {
@@ -270,7 +282,7 @@ impl MpccSolver {
         proposer: &mut dyn ActiveSetProposer,
     ) -> bool {
         let clock = Instant::now();
-        let ok = self.polish(p, bounds, control, proposer, false);
+        let ok = self.polish(p, bounds, control, proposer, Effort::All);
         self.solution.stats.time_total += clock.elapsed().as_secs_f64();
         ok
     }

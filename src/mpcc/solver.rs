@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::certificate::Certificate;
 use super::conflict::Conflict;
-use super::endgame::ActiveSet;
+use super::endgame::{ActiveSet, Effort};
 use super::judge::Judge;
 use super::path::Path;
 use super::portfolio::FoundBy;
@@ -264,7 +264,7 @@ impl MpccSolver {
             }
             settled
         } else {
-            self.polish(p, bounds, control, proposer, false)
+            self.polish(p, bounds, control, proposer, Effort::All)
         };
         if !ok {
             let cost = self.solution.stats;
@@ -411,7 +411,13 @@ impl MpccSolver {
                 // the same point was tried at the last stop
                 continue;
             }
-            if self.polish(p, bounds, control, proposer, early) || last || outcome == Outcome::Stalled {
+            let end = last || outcome == Outcome::Stalled;
+            let effort = match early {
+                true => Effort::Early,
+                false if end || p.is_discretised() => Effort::All,
+                false => Effort::Identified,
+            };
+            if self.polish(p, bounds, control, proposer, effort) || end {
                 return;
             }
         }
