@@ -19,8 +19,10 @@ pub struct IpmSettings {
     pub restore_tiny: bool,
     /// Relative distance a cold start keeps from the bounds (`κ_1 = κ_2`).
     pub bound_push: f64,
-    /// Multipliers of the first least-squares estimate above this are dropped.
+    /// Multipliers of the first least-squares estimate above this and above `y_init_share` are dropped.
     pub y_init_max: f64,
+    /// The same, relative to the largest entry of the gradient that they balance.
+    pub y_init_share: f64,
     /// May a restoration phase be entered?
     pub restoration: bool,
     /// Growth of the violation over that at the start of a level, up to which trial points are accepted.
@@ -47,6 +49,7 @@ impl From<&Settings> for IpmSettings {
             restore_tiny: s.restore_tiny(),
             bound_push: 1e-2,
             y_init_max: 1e3,
+            y_init_share: 0.0,
             restoration: true,
             theta_room: 1e4,
             first_iteration: 0,

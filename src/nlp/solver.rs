@@ -550,7 +550,7 @@ impl Ipm {
         true
     }
 
-    /// Least-squares multipliers of the rows, (36) of Wächter and Biegler; zero where they are too large.
+    /// Least-squares multipliers of the rows, (36) of Wächter and Biegler; zero where they are too large for the gradient they balance.
     pub(super) fn estimate_multipliers(&mut self) {
         let Ipm { system, shape, bounds, it, v, n, .. } = self;
         it.y.fill(0.0);
@@ -563,8 +563,9 @@ impl Ipm {
         }
         if system.factor_plain() && system.solve() {
             let y = &system.sol[*n..];
-            let largest = y.iter().fold(0f64, |a, v| a.max(v.abs()));
-            if largest <= self.settings.y_init_max {
+            let largest = |v: &[f64]| v.iter().fold(0f64, |a, v| a.max(v.abs()));
+            let most = self.settings.y_init_max.max(self.settings.y_init_share * largest(&v.grad));
+            if largest(y) <= most {
                 it.y.copy_from_slice(y);
             }
         }
