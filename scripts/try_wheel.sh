@@ -9,10 +9,8 @@ venv=$2
 here=$(pwd)
 rm -rf "$venv"
 python3 -m venv "$venv"
-"$venv/bin/pip" --disable-pip-version-check install --quiet "$wheel" pytest hypothesis scipy matplotlib
+"$venv/bin/pip" --disable-pip-version-check install --quiet "$wheel" pytest hypothesis scipy matplotlib casadi
 unset SWITCHBACK_LIBRARY PYTHONPATH || true
-mkdir "$venv/tests"
-cp "$here"/bindings/python/tests/*.py "$venv/tests/"
 cd "$venv"
 cat > example.py << 'END'
 import re
@@ -60,4 +58,4 @@ if [ -n "$alone" ] && $alone bin/python -c "import ctypes; ctypes.CDLL('libldl.s
 fi
 [ -n "$alone" ] || echo "left out: hiding SuiteSparse of the system: no namespaces here"
 $alone bin/python example.py
-MPLBACKEND=Agg $alone bin/python -m pytest -q -p no:cacheprovider ${WHEEL_TESTS:-tests}
+MPLBACKEND=Agg $alone bin/python -m pytest -q -p no:cacheprovider ${WHEEL_TESTS:-"$here/bindings/python/tests"}
