@@ -8,12 +8,10 @@ use super::modes::{ContactMode, Phase, Sequence};
 use super::problem::{Problem, Statement};
 use super::track::{Piece, Track};
 use crate::expr::Graph;
-use crate::fesd::Durations;
 use crate::func::Dims;
 use crate::mpcc::MpccSettings;
 use crate::nlp::Control;
 use crate::scene::{Contact, Scene};
-use crate::tableau::{Family, Tableau};
 
 const START: [f64; 4] = [1.0, 0.3, 0.0, 0.0];
 const OPEN: [ContactMode; 2] = [ContactMode::Open; 2];
@@ -34,28 +32,11 @@ fn corner(e: f64, x0: [f64; 4]) -> Problem {
     let dims = Dims { x: 4, u: 2, p: 0 };
     let effort = g.function("effort", dims, &[(ux * ux + uy * uy) * 1e-3]).unwrap();
     let speed = g.function("speed", dims, &[g.x(3) * -1.0]).unwrap();
-    let free = |n: usize| [vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]];
     Problem::new(Statement {
-        system,
-        dims,
-        wide: dims,
-        tableau: Tableau::new(Family::RadauIia, 2).unwrap(),
-        n_fe: vec![1; 3],
-        durations: vec![0.5; 3],
-        time: Durations::Fixed,
-        time_bounds: [0.0, f64::INFINITY],
-        t0: 0.0,
         lagrange: Some(Arc::new(effort)),
-        mayer: None,
         grid_cost: Some(Arc::new(speed)),
-        path: Vec::new(),
-        terminal: Vec::new(),
-        boundary: Vec::new(),
-        x_bounds: free(4),
         x0_bounds: [x0.to_vec(), x0.to_vec()],
-        u_bounds: free(2),
-        params: Vec::new(),
-        free: Vec::new(),
+        ..Statement::bare(system, dims, vec![0.5; 3])
     })
     .unwrap()
 }

@@ -15,7 +15,6 @@ use crate::fesd::Durations;
 use crate::func::Dims;
 use crate::nlp::Nlp;
 use crate::scene::{Contact, Scene};
-use crate::tableau::{Family, Tableau};
 
 /// A driven point above a moving curve with friction and restitution, whose mass depends on where it is; cost and time couple.
 fn problem() -> Problem {
@@ -37,28 +36,16 @@ fn problem() -> Problem {
     let system = scene.build(&g).unwrap().system;
     let dims = Dims { x: 4, u: 1, p: 1 };
     let cost = g.function("cost", dims, &[u * u * x + vy * t + x * vx]).unwrap();
-    let free = |n: usize| [vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]];
     Problem::new(Statement {
-        system,
-        dims,
-        wide: dims,
-        tableau: Tableau::new(Family::RadauIia, 2).unwrap(),
         n_fe: vec![1, 2],
-        durations: vec![0.5, 0.7],
         time: Durations::Horizon,
         time_bounds: [0.5, 2.0],
         t0: 0.3,
         lagrange: Some(Arc::new(cost)),
         mayer: Some(Arc::new(g.function("end", dims, &[x * y * p]).unwrap())),
-        grid_cost: None,
-        path: Vec::new(),
-        terminal: Vec::new(),
-        boundary: Vec::new(),
-        x_bounds: free(4),
-        x0_bounds: free(4),
-        u_bounds: free(1),
         params: vec![1.0, 1.1],
         free: vec![None],
+        ..Statement::bare(system, dims, vec![0.5, 0.7])
     })
     .unwrap()
 }

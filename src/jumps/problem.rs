@@ -53,6 +53,36 @@ pub struct Statement {
     pub free: Vec<Option<[f64; 2]>>,
 }
 
+#[cfg(test)]
+impl Statement {
+    /// A scene over control stages of these lengths, with one element each, without costs, constraints, bounds and parameters.
+    pub(super) fn bare(system: System, dims: Dims, durations: Vec<f64>) -> Statement {
+        let free = |n: usize| [vec![f64::NEG_INFINITY; n], vec![f64::INFINITY; n]];
+        Statement {
+            system,
+            dims,
+            wide: dims,
+            tableau: Tableau::new(Family::RadauIia, 2).unwrap(),
+            n_fe: vec![1; durations.len()],
+            durations,
+            time: Durations::Fixed,
+            time_bounds: [0.0, f64::INFINITY],
+            t0: 0.0,
+            lagrange: None,
+            mayer: None,
+            grid_cost: None,
+            path: Vec::new(),
+            terminal: Vec::new(),
+            boundary: Vec::new(),
+            x_bounds: free(dims.x),
+            x0_bounds: free(dims.x),
+            u_bounds: free(dims.u),
+            params: Vec::new(),
+            free: Vec::new(),
+        }
+    }
+}
+
 /// Stage points of an element on grids that are refined, at most, and how many more each of them has.
 const MOST_POINTS: usize = 5;
 const MORE_POINTS: usize = 2;

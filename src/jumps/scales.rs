@@ -29,10 +29,3 @@ pub(super) fn of_states(p: &Problem, x0: &[f64], target: Option<&[f64]>) -> Vec<
     }
     x
 }
-
-/// Size of a control or a parameter: its value, else the larger of the finite bounds it has; nothing where neither has one.
-pub(super) fn of_one(given: f64, bounds: [f64; 2]) -> Option<f64> {
-    let known = bounds.into_iter().filter(|b| b.is_finite()).map(f64::abs);
-    let size = if given != 0.0 { given.abs() } else { known.fold(0.0, f64::max) };
-    (size > 0.0).then_some(size)
-}

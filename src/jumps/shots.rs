@@ -416,9 +416,15 @@ impl<'a> Range<'a> {
     }
 }
 
-/// Half the range of a variable without bounds, to begin with: its size; 1 where it has none.
+/// Half the range of a variable without bounds, to begin with: its value, else the larger of the finite bounds it has; 1 where it has neither.
 fn size_of_one(given: f64, bounds: [f64; 2]) -> f64 {
-    scales::of_one(given, bounds).unwrap_or(1.0)
+    let known = bounds.into_iter().filter(|b| b.is_finite()).map(f64::abs);
+    let size = if given != 0.0 { given.abs() } else { known.fold(0.0, f64::max) };
+    if size > 0.0 {
+        size
+    } else {
+        1.0
+    }
 }
 
 impl Variable {

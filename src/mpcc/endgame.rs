@@ -28,9 +28,6 @@ const WEAK: f64 = 1e-9;
 pub(super) const NEAR: f64 = 1e-4;
 /// Violation from which its objective says something of the branches next to it.
 const TELLING: f64 = 1e-2;
-/// First multipliers of a branch problem, relative to the gradient they balance, that count: its point nearly solves it, and the curvature of its
-/// Lagrange function is that of its multipliers. From points that do not, multipliers as large lead astray.
-pub(super) const MULTIPLIERS: f64 = 1e2;
 /// Newton solves with changing active sets.
 const ROUNDS: usize = 5;
 
@@ -415,13 +412,11 @@ impl MpccSolver {
         self.near = f64::INFINITY;
         let settings = self.ipm.settings_mut();
         settings.restoration = false;
-        settings.y_init_share = MULTIPLIERS;
         let point = std::mem::take(&mut self.point);
         let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
         self.point = point;
         let settings = self.ipm.settings_mut();
         settings.restoration = true;
-        settings.y_init_share = 0.0;
         if outcome == Outcome::Solved {
             return true;
         }

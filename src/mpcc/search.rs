@@ -4,7 +4,7 @@
 
 use std::time::Instant;
 
-use super::endgame::{MULTIPLIERS, NEAR};
+use super::endgame::NEAR;
 use super::homotopy::Branch;
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, ProposalKind};
@@ -91,9 +91,7 @@ impl MpccSolver {
         let mut rule = Branch::far(self.branch_rule(self.settings.mu_init));
         let usual = std::mem::replace(&mut self.branch_iterations, MAX_ITERATIONS);
         let point = std::mem::take(&mut self.point);
-        self.ipm.settings_mut().y_init_share = MULTIPLIERS;
         let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
-        self.ipm.settings_mut().y_init_share = 0.0;
         self.point = point;
         self.branch_iterations = usual;
         if outcome == Outcome::Solved || self.violation(p) > NEAR {

@@ -76,6 +76,9 @@ const PLATEAU: f64 = 1e-4;
 const PLATEAU_DISCRETISED: f64 = 1e-3;
 /// Iterations one branch gets: near a solution it takes a handful.
 const BRANCH_ITERATIONS: usize = 30;
+/// Estimated multipliers of a branch problem up to this multiple of the gradient they balance are kept. Its start nearly solves it, and where the cost is not
+/// curved, the Lagrange function is by its multipliers alone. Elsewhere, from points that are far from a solution, multipliers as large lead astray.
+const BRANCH_MULTIPLIERS: f64 = 1e2;
 
 /// A point to go on from: a solution of a problem of the same structure, or a guess as good.
 #[derive(Debug, Clone, Copy)]
@@ -501,6 +504,8 @@ impl MpccSolver {
         let left = self.settings.max_iter.saturating_sub(used);
         settings.max_iter = if phase == b'p' { left.min(self.branch_iterations) } else { left };
         settings.first_iteration = used;
+        let estimates = phase == b'p' && matches!(start, Start::Cold(_));
+        settings.y_init_share = if estimates { BRANCH_MULTIPLIERS } else { 0.0 };
         settings.theta_room = if self.close { 10.0 } else { 1e4 };
         self.ipm.set_phase(phase);
         let mut relaxed = Relaxed { inner: p, st: &mut self.st };

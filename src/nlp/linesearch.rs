@@ -113,17 +113,16 @@ impl Ipm {
     }
 
     pub(super) fn line_search(&mut self, nlp: &mut dyn Nlp) -> Search {
+        let tau = self.fraction_to_boundary();
+        let th0 = theta(&self.shape, &self.it.s, &self.v.c);
+        let phi0 = barrier(&self.shape, &self.bounds, &self.it.x, &self.it.s, self.v.f, self.level.mu);
         if std::mem::take(&mut self.corrected) {
-            if let Some(search) = self.take_corrected(nlp) {
+            if let Some(search) = self.take_corrected(nlp, tau, phi0, th0) {
                 return search;
             }
             self.undo_corrections();
         }
-        let mu = self.level.mu;
-        let tau = self.fraction_to_boundary();
         let (alpha_max, alpha_du) = (self.alpha_primal(tau, false), self.alpha_dual(tau));
-        let th0 = theta(&self.shape, &self.it.s, &self.v.c);
-        let phi0 = barrier(&self.shape, &self.bounds, &self.it.x, &self.it.s, self.v.f, mu);
         let slope = self.slope();
         let a_min = alpha_min(th0, slope, self.filter.theta_min());
         let tiny = (0..self.n).all(|j| self.dx[j].abs() <= 10.0 * f64::EPSILON * (1.0 + self.it.x[j].abs()));
@@ -158,11 +157,8 @@ impl Ipm {
     }
 
     /// The full step along a corrected direction, where the filter takes it.
-    fn take_corrected(&mut self, nlp: &mut dyn Nlp) -> Option<Search> {
-        let tau = self.fraction_to_boundary();
+    fn take_corrected(&mut self, nlp: &mut dyn Nlp, tau: f64, phi0: f64, th0: f64) -> Option<Search> {
         let (alpha, alpha_du) = (self.alpha_primal(tau, false), self.alpha_dual(tau));
-        let th0 = theta(&self.shape, &self.it.s, &self.v.c);
-        let phi0 = barrier(&self.shape, &self.bounds, &self.it.x, &self.it.s, self.v.f, self.level.mu);
         let slope = self.slope();
         match self.try_point(nlp, alpha, false) {
             Ok((phi, th)) if self.acceptable(alpha, phi0, th0, slope, phi, th) => {
