@@ -7355,6 +7355,20 @@ swb_status swb_ocp_contact_forces(const struct swb_ocp *ocp,
                                   int64_t n);
 
 /**
+ * What stood for the contacts in numerical time when the search was by time-freezing: the strength a_n of the push or the stiffness k of
+ * every contact, the recommended one, how long a jump takes, warnings.
+ *
+ * @param[out] buf    [len] the text with its final NUL, empty for other searches; NULL with len 0 to ask for the length
+ * @param[out] needed length with the final NUL; may be NULL
+ * @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if the buffer is too short
+ */
+SWB_API
+swb_status swb_ocp_freezing_report(const struct swb_ocp *ocp,
+                                   char *buf,
+                                   int64_t len,
+                                   int64_t *needed);
+
+/**
  * Sizes of the mode sequence of the last solution: a phase for every finite element that has a length.
  *
  * @param[out] n_phases phases

@@ -1211,6 +1211,11 @@ public:
     std::string message() const {
         return detail::text([&](char *b, int64_t n, int64_t *needed) { return swb_ocp_get_message(get(), b, n, needed); });
     }
+
+    /// What stood for the contacts of a scene in numerical time, with strengths and warnings; empty unless the search was by time-freezing.
+    std::string freezing_report() const {
+        return detail::text([&](char *b, int64_t n, int64_t *needed) { return swb_ocp_freezing_report(get(), b, n, needed); });
+    }
     /// Cost of the solution; NaN unless the problem is solved.
     double cost() const {
         double c = 0;

@@ -12,6 +12,7 @@ use crate::error::{Error, Result};
 use crate::memory::sizes;
 use crate::ocp::{Contacts, Jumps, Ocp};
 use crate::settings::Settings;
+use std::ffi::c_char;
 
 /// How an optimal control problem of a scene finds contact modes and impacts.
 #[repr(i32)]
@@ -178,5 +179,24 @@ pub unsafe extern "C" fn swb_ocp_contact_forces(
             Ok(all)
         })?;
         raw::write_slice(forces, n, &all, "forces")
+    })
+}
+
+/// What stood for the contacts in numerical time when the search was by time-freezing: the strength a_n of the push or the stiffness k of
+/// every contact, the recommended one, how long a jump takes, warnings.
+///
+/// @param[out] buf    [len] the text with its final NUL, empty for other searches; NULL with len 0 to ask for the length
+/// @param[out] needed length with the final NUL; may be NULL
+/// @return SWB_OK; SWB_ERR_STATE without a result or if the system is no scene; SWB_ERR_DIMENSION if the buffer is too short
+#[no_mangle]
+pub unsafe extern "C" fn swb_ocp_freezing_report(
+    ocp: *const swb_ocp,
+    buf: *mut c_char,
+    len: i64,
+    needed: *mut i64,
+) -> swb_status {
+    guard(|| unsafe {
+        let text = with_contacts(ocp, |c| Ok(c.freezing.as_ref().map_or_else(String::new, ToString::to_string)))?;
+        raw::write_text(text.as_bytes(), buf, len, needed)
     })
 }

@@ -130,6 +130,7 @@ pub(super) fn solve_sequence(
         blame: None,
         paradox: None,
         effort: 0,
+        freezing: None,
         point: [s.x, s.y, s.z],
         planned,
         params,

@@ -16,7 +16,7 @@ use crate::dcs::{Dcs, FormOptions};
 use crate::error::{Error, Result};
 use crate::expr::{all_inputs, Block, Dag, ExprFunction, Id};
 use crate::fesd::{self, Boundary, Element, Fesd, PathAt, PathConstraint, Sizes, Spec, Terminal, Trajectory};
-use crate::freezing::{freeze_mechanics, Frozen, Layout};
+use crate::freezing::{freeze_mechanics, Frozen, Layout, Report};
 use crate::func::{Dims, Point};
 use crate::nlp::{middles, Bounds};
 use crate::settings::{DcsForm, Settings};
@@ -42,6 +42,8 @@ pub(super) struct Program {
     layout: Layout,
     /// Rate at which gaps usually close.
     speed: f64,
+    /// What stands for the contacts, and how strong it is.
+    pub(super) report: Report,
 }
 
 /// What is known of the motion in advance.
@@ -88,7 +90,7 @@ pub(super) fn transcribe(p: &Problem, guess: &Track, seen: &Track, target: Optio
             u[g.wide.u] = 1.0;
         },
     );
-    Ok(Program { fesd, bounds, start, layout: frozen.layout, speed: scales.speed })
+    Ok(Program { fesd, bounds, start, layout: frozen.layout, speed: scales.speed, report: frozen.report })
 }
 
 /// The scene in numerical time, with a speed of time and the running cost as a state.

@@ -114,6 +114,54 @@ fn far(items: &[Item], i: usize, forward: bool) -> Vec<Vec<Item>> {
     out
 }
 
+/// Control stages of events that follow each other with no stage without one between them: the first and the last stage of every such
+/// group. The many small bounces of a blow are one.
+fn groups(s: &Sequence) -> Vec<(usize, usize)> {
+    let mut out: Vec<(usize, usize)> = Vec::new();
+    for (.., k, _) in s.events() {
+        match out.last_mut() {
+            Some((_, last)) if k <= *last + 1 => *last = k,
+            _ => out.push((k, k)),
+        }
+    }
+    out
+}
+
+/// The events of the stages `first` to `last` by `by` stages later or earlier, all of them: one by one they cannot move, as each has the
+/// next one in its way. Stages that they leave and stages that they come to have no other events.
+fn group_moved(s: &Sequence, (first, last): (usize, usize), by: usize, forward: bool) -> Option<Sequence> {
+    let n = s.stages.len();
+    let (from, to) = if forward { (first, last + by) } else { (first.checked_sub(by)?, last) };
+    let empty = if forward { last + 1..to + 1 } else { from..first };
+    let is_empty = |k: usize| {
+        let before = k.checked_sub(1).and_then(|k| s.stages[k].last());
+        let [phase] = &s.stages[k][..] else { return false };
+        before.map_or(phase.jump.is_none(), |b| !Sequence::is_event(b, phase))
+    };
+    if to >= n || !empty.clone().all(is_empty) {
+        return None;
+    }
+    // what there is before the first of them, and behind the last
+    let modes = match (forward, first.checked_sub(1)) {
+        (false, _) => &s.stages[last].last()?.modes,
+        (true, Some(k)) => &s.stages[k].last()?.modes,
+        (true, None) => &s.stages[0].first().filter(|p| p.jump.is_none())?.modes,
+    };
+    let rest = vec![Phase { modes: modes.clone(), jump: None, share: 1.0 }];
+    let mut out = s.clone();
+    if forward {
+        out.stages[from..=to].rotate_right(by);
+        out.stages[from..from + by].fill(rest);
+    } else {
+        out.stages[from..=to].rotate_left(by);
+        out.stages[to + 1 - by..=to].fill(rest);
+    }
+    Some(out)
+}
+
+/// Stages by which groups of events are moved.
+const GROUPS_BY: [usize; 5] = [1, 2, 3, 5, 8];
+
 /// Without the contact `i` begins with: an impact that contact `c` leaves at once, or a time in which it is closed.
 fn untouched(items: &[Item], i: usize, c: usize) -> Option<Vec<Item>> {
     let lands = items[i].phase.modes[c].is_closed() && i > 0 && !items[i - 1].phase.modes[c].is_closed();
@@ -261,11 +309,18 @@ pub(super) enum Move {
     Impact(usize),
     /// A contact whose force is zero is open.
     Opens(usize, usize),
+    /// Events that follow each other closely are later, or earlier, all of them.
+    Group {
+        /// The number of the group in the order of time.
+        group: usize,
+        /// Later?
+        later: bool,
+    },
 }
 
 impl Move {
     /// Kinds of moves.
-    pub(super) const KINDS: usize = 7;
+    pub(super) const KINDS: usize = 8;
 
     /// The number of its kind.
     pub(super) fn kind(self) -> usize {
@@ -277,6 +332,7 @@ impl Move {
             Move::Untouched(..) => 4,
             Move::Impact(_) => 5,
             Move::Opens(..) => 6,
+            Move::Group { .. } => 7,
         }
     }
 }
@@ -423,6 +479,18 @@ pub(super) fn neighbours(
             far(&items, i, forward).into_iter().for_each(|m| add(m, moved, false, false, AWAY));
         }
     }
+    for by in GROUPS_BY {
+        for (group, stages) in groups(s).into_iter().enumerate() {
+            // of a single event this is known already
+            let several = s.events().iter().filter(|e| (stages.0..=stages.1).contains(&e.4)).count() > 1;
+            for later in [true, false].into_iter().filter(|_| several) {
+                let moved = Move::Group { group, later };
+                let sequence = group_moved(s, stages, by, later);
+                let near = |sequence| Neighbour { sequence, moved, wanted: false, local: false, class: AWAY };
+                out.extend(sequence.map(near));
+            }
+        }
+    }
     out.sort_by_key(|n| n.class);
     out
 }
@@ -500,6 +568,26 @@ mod tests {
         let s = with_impact(&Sequence::constant(3, vec![OPEN]), 1, 0, 0).unwrap();
         assert_eq!(s.stages.iter().map(Vec::len).collect::<Vec<_>>(), [1, 2, 1]);
         assert!(s.stages[1][1].jump == Some(vec![CLOSED]) && s.stages[1][1].modes == [OPEN]);
+    }
+
+    #[test]
+    fn bounces_that_follow_each_other_move_together() {
+        let mut s = Sequence::constant(6, vec![OPEN]);
+        s.stages[1] = vec![phase(OPEN, false), phase(OPEN, true), phase(OPEN, true), phase(CLOSED, true)];
+        s.stages[2..].fill(vec![phase(CLOSED, false)]);
+        let bounces = |s: &Sequence| s.stages.iter().position(|k| k.len() == 4);
+        let moved = |n: &Neighbour| match n.moved {
+            Move::Group { later, .. } => bounces(&n.sequence).map(|k| (later, k)),
+            _ => None,
+        };
+        let near = neighbours(&s, &[], &[], &[false], false);
+        assert_eq!(near.iter().filter_map(moved).collect::<Vec<_>>(), [(true, 2), (false, 0), (true, 3), (true, 4)]);
+        for n in near.iter().filter(|n| moved(n).is_some()) {
+            // free before, closed behind
+            let k = bounces(&n.sequence).unwrap();
+            assert!(n.sequence.stages[..k].iter().all(|p| p.len() == 1 && p[0].modes == [OPEN]));
+            assert!(n.sequence.stages[k + 1..].iter().all(|p| p.len() == 1 && p[0].modes == [CLOSED]));
+        }
     }
 
     #[test]

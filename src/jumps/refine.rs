@@ -50,6 +50,7 @@ pub fn refine(
     };
     let most = (SHARE * answer.effort as f64) as usize;
     let mut best = Refined { off: off(&problem, &answer), problem, answer, solved };
+    let freezing = best.answer.freezing.clone();
     let (mut spent, mut stats, mut tried) = (0, best.answer.stats, best.answer.tried);
     for _ in 0..ROUNDS {
         if best.off <= within || stop::requested().is_some() {
@@ -71,6 +72,6 @@ pub fn refine(
         }
         best = Refined { problem: finer, answer, solved, off };
     }
-    (best.answer.stats, best.answer.tried) = (stats, tried);
+    (best.answer.stats, best.answer.tried, best.answer.freezing) = (stats, tried, freezing);
     Ok(best)
 }

@@ -7,6 +7,7 @@ use super::track::{Piece, Track};
 use crate::error::{Error, Result};
 use crate::event::{Impact, ImpactKind};
 use crate::fesd::{Element, Trajectory};
+use crate::freezing::Report;
 use crate::func::Point;
 
 /// What the contacts do in an answer.
@@ -20,6 +21,8 @@ pub struct Contacts {
     pub sequence: Sequence,
     /// Sequences that were solved for.
     pub tried: usize,
+    /// What stood for the contacts in numerical time, with strengths and warnings, where the search was by time-freezing.
+    pub freezing: Option<Report>,
     track: Track,
 }
 
@@ -52,7 +55,8 @@ impl Contacts {
                 });
             }
         }
-        Contacts { names: p.contact_names(), impacts, sequence: answer.sequence.clone(), tried: answer.tried, track }
+        let (sequence, freezing) = (answer.sequence.clone(), answer.freezing.clone());
+        Contacts { names: p.contact_names(), impacts, sequence, tried: answer.tried, freezing, track }
     }
 
     fn piece(&self, t: f64) -> Result<&Piece> {

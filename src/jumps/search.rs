@@ -11,10 +11,12 @@ use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
+use super::shots::cheaper;
 use super::simulate::paradox;
 use super::track::Track;
 use super::transcribe::Broken;
 use crate::error::{Error, Result};
+use crate::freezing::Report;
 use crate::func::Point;
 use crate::mpcc::{Certificate, MpccSettings};
 use crate::nlp::{Control, Outcome, Residuals, Statistics};
@@ -118,6 +120,8 @@ pub struct Answer {
     pub paradox: Option<(usize, f64)>,
     /// Iterations times variables of all programs.
     pub(super) effort: usize,
+    /// What stood for the contacts in numerical time, if time-freezing was asked.
+    pub freezing: Option<Report>,
 }
 
 impl Answer {
@@ -172,6 +176,14 @@ const WAYS: usize = 3;
 const FEW: usize = 8;
 const FEW_AGREED: usize = 4;
 
+/// What a search spends to find an answer that has nothing to do with the one it has, as shares of the effort until then: on simulations, whose steps
+/// times states count like iterations times variables, and on programs.
+struct Second {
+    simulations: f64,
+    programs: f64,
+}
+const SECOND: Second = Second { simulations: 0.5, programs: 0.5 };
+
 /// Share of the cost by which a sequence must be better to count.
 const GAIN: f64 = 1e-9;
 
@@ -197,6 +209,9 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
         }
         if !s.is_solved() && stop::requested().is_none() {
             s.insist(control)?;
+        }
+        if options.method == Method::Auto && options.sequence.is_none() && stop::requested().is_none() {
+            s.look_elsewhere(control)?;
         }
         if stop::requested().is_none() {
             s.again = s.is_solved();
@@ -352,6 +367,8 @@ struct Search<'a> {
     most_effort: usize,
     /// What is known of the simulation of the guess.
     seen: Seen,
+    /// What stood for the contacts when time-freezing was asked last.
+    freezing: Option<Report>,
 }
 
 /// The simulation of the guess.
@@ -390,6 +407,7 @@ impl<'a> Search<'a> {
             effort: 0,
             most_effort: usize::MAX,
             seen: Seen::Nothing,
+            freezing: None,
         }
     }
 
@@ -408,6 +426,7 @@ impl<'a> Search<'a> {
         best.tried = self.attempts;
         best.settled = settled;
         best.effort = self.effort;
+        best.freezing = self.freezing;
         Some((best, solved))
     }
 
@@ -423,26 +442,78 @@ impl<'a> Search<'a> {
 
     /// The best answer that a start leads to, if it is better than those before.
     fn explore(&mut self, start: Start, control: &mut Control) -> Result<()> {
+        self.compete(control, |s, control| s.begin(start, control).map(|()| true))
+    }
+
+    fn begin(&mut self, start: Start, control: &mut Control) -> Result<()> {
+        match start {
+            Start::Guess => self.start_at_guess(control),
+            Start::Steps => self.start_with_steps(&self.options.states, control),
+            Start::Shots => self.start_with_shots(control),
+            Start::FineSteps => self.refine_steps(control),
+            Start::ComplementaritySteps => self.start_with_complementarity_at_steps(control),
+            Start::StepsOnLine => match self.line() {
+                Some(line) => self.start_with_steps(&Some(line), control),
+                None => Ok(()),
+            },
+            Start::Complementarity => self.start_with_complementarity(control),
+            Start::Freezing => self.start_with_freezing(control),
+        }
+    }
+
+    /// Asks whether another start would have bettered the best answer: shots that may cost less, each a start of its own, for as much of the effort
+    /// so far as [`SECOND`] says. Nothing else notices that an answer is dear: all sequences next to it may cost more where the motion that costs a
+    /// tenth of it has its impacts elsewhere, all of them.
+    fn look_elsewhere(&mut self, control: &mut Control) -> Result<()> {
+        let Some((best, _)) = self.best.as_ref().filter(|b| b.0.is_solved()) else { return Ok(()) };
+        if !self.has_costs() {
+            return Ok(());
+        }
+        let known = best.cost;
+        let steps = SECOND.simulations * self.effort as f64 / self.p.given.dims.x as f64;
+        let shots = cheaper(self.p, self.options, best, steps as usize)?;
+        self.most_effort = (self.effort as f64 * (1.0 + SECOND.programs)) as usize;
+        let mut asked: Vec<Key> = Vec::new();
+        for shot in shots {
+            let sequence = shot.track.sequence(self.p.n_stages());
+            let key = sequence.key();
+            if self.is_over() {
+                break;
+            }
+            if asked.contains(&key) || !self.is_new(&sequence) {
+                continue;
+            }
+            asked.push(key);
+            self.compete(control, |s, control| {
+                s.attempt(&sequence, &shot.track, NEAR_ITERATIONS, control)?;
+                let promises = |a: &Answer| a.is_solved() || a.violation < NEARLY && a.cost < known;
+                Ok(s.best.as_ref().is_some_and(|b| promises(&b.0)))
+            })?;
+        }
+        self.most_effort = usize::MAX;
+        Ok(())
+    }
+
+    fn has_costs(&self) -> bool {
+        let g = &self.p.given;
+        g.lagrange.is_some() || g.mayer.is_some() || g.grid_cost.is_some()
+    }
+
+    /// What a start leads to, with the sequences next to it where it says so, if it is better than the best before.
+    fn compete(
+        &mut self,
+        control: &mut Control,
+        begin: impl FnOnce(&mut Self, &mut Control) -> Result<bool>,
+    ) -> Result<()> {
         let before = self.best.take();
         self.rival = before.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
         self.round += 1;
         self.met = false;
-        match start {
-            Start::Guess => self.start_at_guess(control)?,
-            Start::Steps => self.start_with_steps(&self.options.states, control)?,
-            Start::Shots => self.start_with_shots(control)?,
-            Start::FineSteps => self.refine_steps(control)?,
-            Start::ComplementaritySteps => self.start_with_complementarity_at_steps(control)?,
-            Start::StepsOnLine => {
-                if let Some(line) = self.line() {
-                    self.start_with_steps(&Some(line), control)?;
-                }
-            }
-            Start::Complementarity => self.start_with_complementarity(control)?,
-            Start::Freezing => self.start_with_freezing(control)?,
+        let goes_on = begin(self, control)?;
+        if goes_on {
+            let most = if self.is_solved() { self.options.search } else { NEAR_UNSOLVED };
+            self.improve(Reach::Local, most, control)?;
         }
-        let most = if self.is_solved() { self.options.search } else { NEAR_UNSOLVED };
-        self.improve(Reach::Local, most, control)?;
         self.rival = None;
         if let Some(old) = before {
             let same = |new: &Answer| (new.cost - old.0.cost).abs() <= GAIN * old.0.cost.abs();
@@ -667,8 +738,7 @@ impl<'a> Search<'a> {
         let mut failed: Vec<(Move, usize)> = Vec::new();
         let (mut turn, mut helped, mut in_vain) = (0, None, 0);
         let mut solved = self.is_solved();
-        let g = &self.p.given;
-        let costs = g.lagrange.is_some() || g.mayer.is_some() || g.grid_cost.is_some();
+        let costs = self.has_costs();
         while let Some(best) = self.best.as_ref().map(|b| b.0.clone()) {
             if best.is_solved() && !costs {
                 // all solutions are as good

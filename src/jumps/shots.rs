@@ -9,7 +9,7 @@
 
 use super::problem::Problem;
 use super::scales;
-use super::search::Options;
+use super::search::{Answer, Options};
 use super::simulate::{simulate_with, Effort, Inputs, Simulated};
 use super::spread::{off, spreads};
 use super::track::Track;
@@ -32,7 +32,7 @@ const BESIDE: usize = 15;
 const PARENTS: usize = 20;
 const MUTATED: f64 = 0.35;
 const MOVED: f64 = 0.25;
-/// Steps of simulations, beyond which no more shots are drawn or aimed.
+/// Steps of simulations where nothing has a solution.
 const MOST_STEPS: usize = 300_000;
 /// Stretches of the horizon on which controls are constant, and how many of them there are at least for every condition at the end.
 const STRETCHES: usize = 6;
@@ -66,6 +66,11 @@ const NEARLY: f64 = 0.25;
 const REACH: f64 = 4.0;
 const ABOUT: f64 = 10.0;
 const TRIED: usize = 4;
+
+/// Shots that are looked at for a cheaper answer, and the multiple of the controls of the known one that they are drawn from.
+const MOST_CHEAPER: usize = 20;
+const DRAWN_SHARE: f64 = 0.3;
+const WIDER: f64 = 2.0;
 
 /// A motion that nearly meets all constraints.
 pub(super) struct Shot {
@@ -127,6 +132,10 @@ struct Drawn {
 struct Range<'a> {
     p: &'a Problem,
     o: &'a Options,
+    /// A cost that is to be met as a constraint is.
+    below: Option<f64>,
+    /// Steps of simulations, beyond which no more shots are drawn or aimed.
+    most_steps: usize,
     variables: Vec<Variable>,
     /// Sizes of the states.
     sizes: Vec<f64>,
@@ -136,7 +145,7 @@ struct Range<'a> {
 
 /// Shots that nearly meet all constraints: those that hit, the cheapest first, then others as they come close; none where none does.
 pub(super) fn shots(p: &Problem, o: &Options) -> Result<Vec<Shot>> {
-    let mut range = Range::new(p, o);
+    let mut range = Range::new(p, o, MOST_STEPS);
     let mut drawn = range.draw();
     let mut out = range.aimed(&mut drawn)?;
     for _ in 0..ROUNDS {
@@ -146,19 +155,50 @@ pub(super) fn shots(p: &Problem, o: &Options) -> Result<Vec<Shot>> {
         range.draw_beside(&mut drawn);
         out = range.aimed(&mut drawn)?;
     }
-    let of = |s: &Shot| if s.miss <= HITS { (0.0, s.cost) } else { (s.miss, s.cost) };
-    out.sort_by(|a, b| of(a).0.total_cmp(&of(b).0).then(of(a).1.total_cmp(&of(b).1)));
+    sort(&mut out);
     Ok(out)
 }
 
+/// Shots that a cheaper answer may lie beside, with no more than so many steps of simulations: the cost of the known one is a
+/// constraint like the others, and no control is drawn from much further than its own. Those that were aimed and hit come first, then those
+/// that were only drawn, one of every order of contacts.
+pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usize) -> Result<Vec<Shot>> {
+    let mut range = Range::new(p, o, (DRAWN_SHARE * most_steps as f64) as usize);
+    range.below = Some(known.cost);
+    range.narrow(known.controls());
+    let mut drawn = range.draw();
+    range.most_steps = most_steps;
+    let mut out = range.aimed(&mut drawn)?;
+    sort(&mut out);
+    let scales = spread(&drawn);
+    let mut words: Vec<&[(usize, bool)]> = Vec::new();
+    for k in best_of_every_word(&drawn, &scales, drawn.len(), true) {
+        let d = &drawn[k];
+        if out.len() >= MOST_CHEAPER {
+            break;
+        }
+        if !words.contains(&&d.flight.word[..]) {
+            words.push(&d.flight.word);
+            out.extend(range.shot(&d.at, largest(&d.flight.off(&scales)))?);
+        }
+    }
+    Ok(out)
+}
+
+/// Those that hit first, the cheapest of them before others, then by how far they miss.
+fn sort(shots: &mut [Shot]) {
+    let of = |s: &Shot| if s.miss <= HITS { (0.0, s.cost) } else { (s.miss, s.cost) };
+    shots.sort_by(|a, b| of(a).0.total_cmp(&of(b).0).then(of(a).1.total_cmp(&of(b).1)));
+}
+
 impl<'a> Range<'a> {
-    fn new(p: &'a Problem, o: &'a Options) -> Range<'a> {
+    fn new(p: &'a Problem, o: &'a Options, most_steps: usize) -> Range<'a> {
         let g = &p.given;
         let ends: usize = g.terminal.iter().map(|c| c.f.n_out()).chain(g.boundary.iter().map(|c| c.f.n_out())).sum();
         let least = (PER_CONDITION * ends).div_ceil(g.dims.u.max(1));
         let stretches = STRETCHES.max(least).min(p.n_stages());
         let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
-        let mut range = Range { p, o, variables: Vec::new(), sizes, stretches, steps: 0 };
+        let mut range = Range { p, o, below: None, most_steps, variables: Vec::new(), sizes, stretches, steps: 0 };
         let reaches = range.reaches();
         let mut variables = Vec::new();
         for s in 0..stretches {
@@ -229,12 +269,25 @@ impl<'a> Range<'a> {
         out
     }
 
+    /// Ranges of the controls no larger than [`WIDER`] times those of an answer.
+    fn narrow(&mut self, controls: &[f64]) {
+        let n_u = self.p.given.wide.u;
+        for v in &mut self.variables {
+            let Kind::Control(j, _) = v.kind else { continue };
+            let own = controls.iter().skip(j).step_by(n_u).fold(0f64, |m, u| m.max(u.abs()));
+            let [lower, upper] = [v.lower.max(-WIDER * own), v.upper.min(WIDER * own)];
+            if lower < upper {
+                (v.lower, v.upper, v.given) = (lower, upper, v.given.clamp(lower, upper));
+            }
+        }
+    }
+
     fn first_stage(&self, stretch: usize) -> usize {
         (stretch * self.p.n_stages()).div_ceil(self.stretches)
     }
 
     fn is_over(&self) -> bool {
-        self.steps > MOST_STEPS || stop::requested().is_some()
+        self.steps > self.most_steps || stop::requested().is_some()
     }
 
     /// What was given, with these shares of the ranges.
@@ -270,7 +323,11 @@ impl<'a> Range<'a> {
     fn fly(&mut self, at: &[f64]) -> Option<Flight> {
         let f = self.filled(at);
         let s = self.simulate(&f)?;
-        let (values, bounds) = values(self.p, &f, &s)?.into_iter().unzip();
+        let mut all = values(self.p, &f, &s)?;
+        if let Some(most) = self.below {
+            all.push((cost_of_stages(self.p, &f, &s)?, [f64::NEG_INFINITY, most]));
+        }
+        let (values, bounds) = all.into_iter().unzip();
         Some(Flight { values, bounds, word: word(&s.run) })
     }
 
@@ -499,6 +556,32 @@ fn values(p: &Problem, f: &Filled, s: &Simulated) -> Option<Vec<(f64, [f64; 2])>
         }
     }
     out.iter().all(|v| v.0.is_finite()).then_some(out)
+}
+
+/// The cost, with a running cost by the trapezoidal rule over the stages.
+fn cost_of_stages(p: &Problem, f: &Filled, s: &Simulated) -> Option<f64> {
+    let (g, n) = (&p.given, p.n_stages());
+    let nx = g.dims.x;
+    let value = |function: &SharedFunction, k: usize, end: usize| {
+        let (u, q) = (&f.controls[k * g.wide.u..(k + 1) * g.wide.u], &f.params[k * g.wide.p..(k + 1) * g.wide.p]);
+        let x = &s.states[end * nx..(end + 1) * nx];
+        let mut out = [f64::NAN];
+        function.value(&Point { t: s.times[end], x, u, p: q }, &mut out, &mut vec![0.0; function.work_len()]).ok()?;
+        out[0].is_finite().then_some(out[0])
+    };
+    let mut sum = 0.0;
+    for k in 0..n {
+        if let Some(l) = &g.lagrange {
+            sum += 0.5 * f.durations[k] * (value(l, k, k)? + value(l, k, k + 1)?);
+        }
+        if let Some(c) = &g.grid_cost {
+            sum += value(c, k, k + 1)?;
+        }
+    }
+    if let Some(m) = &g.mayer {
+        sum += value(m, n - 1, n)?;
+    }
+    Some(sum)
 }
 
 /// Contacts in the order in which they are hit, open or close.

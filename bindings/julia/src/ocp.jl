@@ -464,6 +464,14 @@ function optimality_of(o::Ocp)
 end
 
 """
+    freezing_report(ocp)
+
+What stood for the contacts of a scene in numerical time: the strength a_n of the push or the stiffness k of every contact, the recommended one,
+how long a jump takes, warnings. Empty unless the search was by time-freezing.
+"""
+freezing_report(o::Ocp) = text(Lib.swb_ocp_freezing_report, o)
+
+"""
     certificate(object)
 
 What is known of the point of the last solve: `stationarity` (`:S`, `:M`, `:C`, `:A`, `:W`, `:none`, `:unknown`), `sharp` if

@@ -217,6 +217,7 @@ impl Search<'_> {
             }
             let guess = self.plain_track(states.as_ref());
             let mut t = frozen::transcribe(&coarse, &guess, &seen, o.target.as_deref())?;
+            self.freezing = Some(t.report.clone());
             let relaxed = (o.solver.sigma_init, &FROZEN_STOPS[..], FROZEN_ITERATIONS);
             self.along_relaxation(&mut t, relaxed, control, |search, t, from, control| {
                 search.try_motion(&t.read(&coarse, from), control)?;

@@ -1366,6 +1366,7 @@ FUNCTIONS = {
     "swb_ocp_impacts": (c_int32, [c_void_p, POINTER(swb_impact), c_int64, c_uint64]),
     "swb_ocp_contact_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_contact_forces": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64]),
+    "swb_ocp_freezing_report": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p]),
     "swb_ocp_mode_sizes": (c_int32, [c_void_p, c_void_p, c_void_p, c_void_p]),
     "swb_ocp_get_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),
     "swb_ocp_set_modes": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p, c_int64]),

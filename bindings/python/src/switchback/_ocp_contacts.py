@@ -8,7 +8,9 @@ from typing import Any
 import numpy
 
 from ._arrays import Array, address, index, real
+from ._call import text
 from ._ffi import ContactMode, ImpactKind, swb_impact
+from ._library import lib
 from .errors import ArgumentError, DimensionError, RangeError
 from .scene import Impact, SceneContact
 from .trajectory import Trajectory
@@ -24,6 +26,8 @@ class OcpContacts:
     names    of the contacts, those that were left out not counted
     impacts  in the order of time, a list of `Impact`, one for every contact with an impulse; their depth is NaN
     phases   parts of the horizon in which no contact changes: a list of (start, end, modes), integers of `ContactMode`
+    freezing what stood for the contacts in numerical time, as text: strengths a_n and k, the recommended ones, how long a jump takes, warnings;
+             empty unless the search was by time-freezing
     """
 
     def __init__(self, ocp: Any, trajectory: Trajectory):
@@ -43,6 +47,7 @@ class OcpContacts:
         self._forces = numpy.empty((*self._stage_times.shape, n, 3))
         ocp._do("contact_forces", address(flat), flat.size, address(self._forces), self._forces.size)
         self.phases = self._make_phases()
+        self.freezing = text(lib.swb_ocp_freezing_report, ocp)
 
     def _impact(self, i: Any) -> Impact:
         tangential = (i.tangential, i.tangential2)[: self._n_tangents[i.contact]]
