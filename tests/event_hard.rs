@@ -576,3 +576,24 @@ fn a_sliding_mode_that_begins_at_the_end() {
         assert!(e.state()[1].abs() < 1e-10 && e.stats().switches == 1, "{k}: {:?}", e.stats());
     }
 }
+
+/// A clutch that slips while the torque of its engine has a ripple, in closed form: the slip, and what the car gains. At loose
+/// tolerances a step covers a large part of a period, or several.
+#[test]
+fn a_ripple_is_not_taken_for_nothing() {
+    const END: f64 = 0.8;
+    for rtol in [1e-4, 3e-5] {
+        for k in 2..40 {
+            let omega = 15.0 * f64::from(k);
+            let rates = move |t: f64, _: &[f64], o: &mut [f64]| {
+                let torque = 60.0 + 30.0 * (omega * t).sin();
+                o.copy_from_slice(&[(torque - 80.0) / 0.2, 120.0, (torque + 80.0) / 0.2, -200.0]);
+            };
+            let s = two_sides(2, rates, |_, x, o| o[0] = x[0] - x[1]);
+            let r = simulate(&s, &Options::with_tolerance(rtol, 1e-2 * rtol), 0.0, &[200.0, 0.0], END);
+            let exact = 200.0 - 100.0 * END + 150.0 / omega * (1.0 - (omega * END).cos());
+            let error = (r.unwrap().x[0] - exact).abs() / (rtol * exact);
+            assert!(error < 10.0, "{omega} at {rtol}: {error} tolerances");
+        }
+    }
+}

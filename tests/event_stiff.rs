@@ -301,3 +301,113 @@ fn transients_do_not_loosen_the_tolerance() {
         assert!((t - switch).abs() <= tol * switch, "{tol}: {t}");
     }
 }
+
+/// A rectifier: a source of 10 V and 50 Hz behind a diode with the resistances `on` and `off`, a coil and a resistor, and with a capacitor
+/// beside the resistor if there is one.
+struct Rectifier {
+    on: f64,
+    off: f64,
+    coil: f64,
+    load: f64,
+    capacitor: Option<f64>,
+}
+
+impl Rectifier {
+    const VOLTAGE: f64 = 10.0;
+    const OMEGA: f64 = 100.0 * std::f64::consts::PI;
+    const END: f64 = 0.06;
+
+    fn system(&self) -> System {
+        let g = Graph::new();
+        let i = g.x(0);
+        let diode = i.gt(0.0).select(self.on * i, self.off * i);
+        let source = Self::VOLTAGE * (Self::OMEGA * g.t()).sin();
+        let rates = match self.capacitor {
+            None => vec![(source - self.load * i - diode) / self.coil],
+            Some(c) => vec![(source - g.x(1) - diode) / self.coil, (i - g.x(1) / self.load) / c],
+        };
+        Model::from_rhs("rectifier", 0, 0, &rates).and_then(|m| m.build(&g)).unwrap().system
+    }
+
+    /// Current and voltage at the end and the times of the switches, piece by piece by steps of a microsecond: the matrix exponential of
+    /// the circuit together with the two states of the source.
+    fn reference(&self) -> (Vec<f64>, Vec<f64>) {
+        let n = if self.capacitor.is_some() { 2 } else { 1 };
+        let matrix = |on: bool| {
+            let r = if on { self.on } else { self.off };
+            let mut a = DMatrix::zeros(n + 2, n + 2);
+            a[(0, n)] = Self::VOLTAGE / self.coil;
+            (a[(n, n + 1)], a[(n + 1, n)]) = (Self::OMEGA, -Self::OMEGA);
+            a[(0, 0)] = -r / self.coil;
+            match self.capacitor {
+                None => a[(0, 0)] -= self.load / self.coil,
+                Some(c) => {
+                    a[(0, 1)] = -1.0 / self.coil;
+                    (a[(1, 0)], a[(1, 1)]) = (1.0 / c, -1.0 / (c * self.load));
+                }
+            }
+            a
+        };
+        let steps = 60_000;
+        let h = Self::END / f64::from(steps);
+        let (modes, over) = ([matrix(false), matrix(true)], |a: &DMatrix<f64>, h: f64| (a * h).exp());
+        let whole = [over(&modes[0], h), over(&modes[1], h)];
+        let (mut x, mut on, mut switches) = (DVector::zeros(n + 2), true, Vec::new());
+        x[n + 1] = 1.0;
+        for k in 0..steps {
+            let mut next = &whole[usize::from(on)] * &x;
+            let crosses = |x: &DVector<f64>, on: bool| if on { x[0] < 0.0 } else { x[0] > 0.0 };
+            if crosses(&next, on) {
+                let (mut low, mut high) = (0.0, h);
+                for _ in 0..50 {
+                    let middle = 0.5 * (low + high);
+                    let there = over(&modes[usize::from(on)], middle) * &x;
+                    (low, high) = if crosses(&there, on) { (low, middle) } else { (middle, high) };
+                }
+                let mut there = over(&modes[usize::from(on)], high) * &x;
+                there[0] = 0.0;
+                on = !on;
+                next = over(&modes[usize::from(on)], h - high) * there;
+                switches.push(f64::from(k) * h + high);
+            }
+            x = next;
+        }
+        (x.rows(0, n).iter().copied().collect(), switches)
+    }
+}
+
+/// Blocking currents next to the tolerances, and modes that are far faster than the steps they begin with: every switch of a diode is
+/// found, and no other, at any tolerance.
+#[test]
+fn diodes_switch_when_they_do() {
+    let rectifiers = [
+        Rectifier { on: 1e-2, off: 1e5, coil: 1e-2, load: 10.0, capacitor: None },
+        Rectifier { on: 1e-2, off: 1e5, coil: 1e-3, load: 5.0, capacitor: None },
+        Rectifier { on: 1e-2, off: 1e5, coil: 1e-3, load: 50.0, capacitor: Some(1e-4) },
+        Rectifier { on: 1e-2, off: 1e6, coil: 1e-3, load: 50.0, capacitor: Some(1e-4) },
+        Rectifier { on: 1e-3, off: 1e4, coil: 1e-2, load: 20.0, capacitor: Some(1e-3) },
+    ];
+    for (k, r) in rectifiers.iter().enumerate() {
+        let (system, (end, switches)) = (r.system(), r.reference());
+        let n = end.len();
+        for e in 2..=7 {
+            let rtol = 10f64.powi(-e);
+            for atol in [rtol, 1e-2 * rtol, 1e-4 * rtol] {
+                for method in [Method::Auto, Method::Radau5] {
+                    let opt = Options { method, ..Options::with_tolerance(rtol, atol) };
+                    let s = simulate(&system, &opt, 0.0, &vec![0.0; n], Rectifier::END).unwrap();
+                    let what = format!("rectifier {k}, {method:?}, {rtol:e}, {atol:e}");
+                    assert_eq!(s.outcome, Outcome::Reached, "{what}: {}", s.reason);
+                    assert_eq!(s.switches.len(), switches.len(), "{what}: {:?}", s.switches);
+                    for (s, t) in s.switches.iter().zip(&switches) {
+                        assert!((s.t - t).abs() <= 30.0 * rtol * Rectifier::END, "{what}: {} and not {t}", s.t);
+                    }
+                    for (x, e) in s.x.iter().zip(&end) {
+                        assert!((x - e).abs() <= 10.0 * (atol + rtol * e.abs()) + 1e-10, "{what}: {x} and not {e}");
+                    }
+                    assert!(s.stats.steps < 1000, "{what}: {} steps", s.stats.steps);
+                }
+            }
+        }
+    }
+}

@@ -566,12 +566,7 @@ impl Field {
     /// `b + D α` of the last point with the weights it has.
     pub(super) fn combine(&self, out: &mut [f64]) {
         out.copy_from_slice(&self.base);
-        for i in 0..self.pairs.len() {
-            let a = self.alpha[i];
-            for (row, d) in self.d(i) {
-                out[row] += a * d;
-            }
-        }
+        self.sliding.add_columns(&self.pairs, &self.alpha, out);
     }
 
     /// Evaluates `b` and `D`.

@@ -249,6 +249,28 @@ pub mod dp5 {
         (5, 22.0 / 525.0),
         (6, -1.0 / 40.0),
     ];
+    /// What `h` times the fifth derivative of a quadrature is multiplied by in this error.
+    pub const ERROR: f64 = 71.0 / 6480000.0;
+    /// Derivatives of order 3 and 4 times `h²` and `h³`, by the least squares of the coefficients: the second one is orthogonal to
+    /// [`E`], the moments of the first one are those of a difference around 0.6. With a component of an oscillation in phase with
+    /// [`E`], and a quarter of its period from it.
+    pub const THIRD: Row<6> = [
+        (0, 2.6121642406564565),
+        (2, -0.38698174673925617),
+        (3, -9.135072780306311),
+        (4, -4.628362156899432),
+        (5, 5.769126221644272),
+        (6, 5.769126221644272),
+    ];
+    /// See [`THIRD`].
+    pub const FOURTH: Row<6> = [
+        (0, -24.554416187614166),
+        (2, 55.60553293839928),
+        (3, -61.632485628425),
+        (4, -18.38663769222297),
+        (5, 42.37139656754736),
+        (6, 6.5966100023154945),
+    ];
     /// Dense output, last coefficient of the nested form.
     pub const D: Row<6> = [
         (0, -12715105075.0 / 11282082432.0),

@@ -11,7 +11,7 @@
 
 use super::field::Field;
 use super::newton::Newton;
-use super::step::{norm, Step};
+use super::step::{derivative, horner, norm, Step};
 use crate::error::Result;
 use crate::func::EvalError;
 use crate::tableau::{Family, Tableau};
@@ -60,6 +60,7 @@ pub(super) struct Radau {
     end: f64,
     pair: Vec<Complex<f64>>,
     err: Vec<f64>,
+    layer: Vec<f64>,
     /// Reciprocal tolerances of the states, by their values at both ends of the step.
     weights: Vec<f64>,
     pub(super) newton: usize,
@@ -111,6 +112,7 @@ impl Radau {
             end: f64::NAN,
             pair: vec![Complex::default(); n],
             err: vec![0.0; n],
+            layer: vec![0.0; n],
             weights: vec![0.0; nx],
             newton: 0,
             factorisations: 0,
@@ -370,6 +372,30 @@ impl Radau {
             field.rhs(s.t + s.h, &s.x1, &mut s.f1)?;
         }
         Ok(())
+    }
+
+    /// How far the dense output is from the solution at relative time `tau`, by one Newton step of the implicit Euler method from there,
+    /// and what of that comes from the distance at the start, as in a layer that the step has passed over: the polynomial goes
+    /// through the start, and is carried away from the stages by it. See [`Radau::off`].
+    pub(super) fn defect(&mut self, field: &mut Field, s: &mut Step, tau: f64) -> std::result::Result<(), EvalError> {
+        for (y, p) in s.y.iter_mut().zip(&s.poly) {
+            *y = horner(p, tau);
+        }
+        field.rhs(s.t + tau * s.h, &s.y, &mut s.f)?;
+        let share: f64 = self.c.iter().map(|c| 1.0 - tau / c).product();
+        for (off, f, tau, share) in [(&mut self.err, &s.f, tau, 1.0), (&mut self.layer, &s.f0, 0.0, share)] {
+            off.fill(0.0);
+            for (o, (f, p)) in off.iter_mut().zip(f.iter().zip(&s.poly)) {
+                *o = share * (f - derivative(p, 1, tau) / s.h);
+            }
+            self.matrix.solve_real(off);
+        }
+        Ok(())
+    }
+
+    /// State `i` of what [`Radau::defect`] has found, with or without what comes from the start.
+    pub(super) fn off(&self, i: usize, with_start: bool) -> f64 {
+        self.err[i] - if with_start { 0.0 } else { self.layer[i] }
     }
 
     /// Writes the dense output: the collocation polynomial. At the first step of a mode (`fresh`) it also has the

@@ -182,17 +182,22 @@ impl Watch {
         if let Watch::Contact { contact, what, .. } = *self {
             return field.contact_scale(contact, what);
         }
-        let Some((a, b, _)) = self.difference() else { return Scale { value: 1.0, reach: 1.0, gradient: 1.0 } };
-        let mut s = Scale { value: 0.0, reach: 0.0, gradient: 0.0 };
+        let Some((a, b, _)) = self.difference() else { return Scale { value: 1.0, reach: 1.0 } };
+        let mut s = Scale { value: 0.0, reach: 0.0 };
         for j in std::iter::once(a).chain(b) {
             let g = field.gradients.row(dq, j);
             s.reach += field.sum_of_sizes(g.states(), x);
             s.value += (g.t * t).abs();
-            s.gradient += g.values.iter().map(|g| g * g).sum::<f64>();
         }
         s.value += s.reach;
-        s.gradient = s.gradient.sqrt();
         s
+    }
+
+    /// Euclidean norm of the gradient with respect to the state, for cosines that are reported; 1 for what has none.
+    pub(super) fn steepness(&self, dq: &[f64], field: &Field) -> f64 {
+        let Some((a, b, _)) = self.difference() else { return 1.0 };
+        let square = |j: usize| field.gradients.row(dq, j).values.iter().map(|g| g * g).sum::<f64>();
+        std::iter::once(a).chain(b).map(square).sum::<f64>().sqrt()
     }
 }
 
@@ -203,8 +208,6 @@ pub(super) struct Scale {
     pub(super) value: f64,
     /// What it changes by when all states change by their size.
     pub(super) reach: f64,
-    /// Euclidean norm of the gradient with respect to the state, for cosines that are reported.
-    pub(super) gradient: f64,
 }
 
 /// All that is to be watched under the active set of the field.

@@ -243,14 +243,30 @@ impl Class {
         let n = g.parts.len().next_multiple_of(LANES);
         g.inputs.resize(n * n_inputs, 0);
         g.constants.resize(n * n_constants, 0.0);
-        for l in 0..n {
-            let member = g.parts[l.min(g.parts.len() - 1)][0] as usize;
-            let (chunk, lane) = (l / LANES * LANES, l % LANES);
-            let own = &self.inputs[member * n_inputs..(member + 1) * n_inputs];
-            own.iter().enumerate().for_each(|(k, i)| g.inputs[chunk * n_inputs + k * LANES + lane] = *i);
-            let own = &self.constants[member * n_constants..(member + 1) * n_constants];
-            own.iter().enumerate().for_each(|(k, v)| g.constants[chunk * n_constants + k * LANES + lane] = *v);
+        (0..n).for_each(|l| self.gather_lane(g, l));
+    }
+
+    /// The same for the part in one place.
+    fn gather_lane(&self, g: &mut PartGroup, l: usize) {
+        let (n_inputs, n_constants) = (self.shape.n_inputs as usize, self.shape.n_constants as usize);
+        let member = g.parts[l.min(g.parts.len() - 1)][0] as usize;
+        let (chunk, lane) = (l / LANES * LANES, l % LANES);
+        let own = &self.inputs[member * n_inputs..(member + 1) * n_inputs];
+        own.iter().enumerate().for_each(|(k, i)| g.inputs[chunk * n_inputs + k * LANES + lane] = *i);
+        let own = &self.constants[member * n_constants..(member + 1) * n_constants];
+        own.iter().enumerate().for_each(|(k, v)| g.constants[chunk * n_constants + k * LANES + lane] = *v);
+    }
+
+    /// Brings a group up to date whose parts have changed at place `l`, or at its end.
+    fn gather_again(&self, g: &mut PartGroup, l: usize) {
+        let n = g.parts.len().next_multiple_of(LANES);
+        if g.parts.len() < FEWEST || g.inputs.len() != n * self.shape.n_inputs as usize {
+            if g.parts.len() >= FEWEST {
+                self.gather(g);
+            }
+            return;
         }
+        std::iter::once(l).chain(n - LANES..n).for_each(|l| self.gather_lane(g, l));
     }
 
     /// Lanes that it needs.
@@ -294,6 +310,22 @@ impl Bundle for Program {
         }
         for (c, g) in self.classes.iter().zip(&mut to.groups).filter(|(_, g)| g.parts.len() >= FEWEST) {
             c.gather(g);
+        }
+    }
+
+    fn exchange(&self, gone: &[(usize, usize)], new: &[(usize, usize)], list: &mut PartList) {
+        for &(part, at) in gone {
+            let p = &self.parts[part];
+            let g = &mut list.groups[p.class as usize];
+            let Some(l) = g.parts.iter().position(|q| *q == [p.member, at as u32, part as u32]) else { continue };
+            g.parts.swap_remove(l);
+            self.classes[p.class as usize].gather_again(g, l);
+        }
+        for &(part, at) in new {
+            let p = &self.parts[part];
+            let g = &mut list.groups[p.class as usize];
+            g.parts.push([p.member, at as u32, part as u32]);
+            self.classes[p.class as usize].gather_again(g, g.parts.len() - 1);
         }
     }
 
@@ -374,6 +406,21 @@ mod tests {
             assert!(program.evaluate_list(&list, &mut out));
             for i in 0..N {
                 assert_eq!(out[2 * i], if i == skipped { 7.0 } else { own[i] });
+            }
+        }
+        // parts that come and go one by one leave the list as if it had been made of those that are there
+        let mut list = PartList::default();
+        program.list(&mut (0..N).map(|i| (i, 2 * i)), &mut list);
+        let mut there = [true; N];
+        for i in (0..N).chain([3, 17, 4, 20, 9, 0]).chain((0..N).rev()).chain(2..N) {
+            there[i] = !there[i];
+            let one = [(i, 2 * i)];
+            let (gone, new): (&[_], &[_]) = if there[i] { (&[], &one) } else { (&one, &[]) };
+            program.exchange(gone, new, &mut list);
+            out.fill(7.0);
+            assert!(program.evaluate_list(&list, &mut out));
+            for k in 0..N {
+                assert_eq!(out[2 * k], if there[k] { own[k] } else { 7.0 });
             }
         }
         let bad = vec![f64::INFINITY; N + 1];

@@ -76,6 +76,8 @@ pub trait Bundle: Send {
     fn evaluate(&mut self, part: usize, out: &mut [f64]) -> bool;
     /// Prepares to evaluate parts together: every part with the place of its first output.
     fn list(&self, parts: &mut dyn Iterator<Item = (usize, usize)>, to: &mut PartList);
+    /// Takes parts out of a list, and others into it.
+    fn exchange(&self, gone: &[(usize, usize)], new: &[(usize, usize)], list: &mut PartList);
     /// Writes the parts of a list; false where a value is not finite.
     fn evaluate_list(&mut self, list: &PartList, out: &mut [f64]) -> bool;
     /// Number of operations of a part, and whether there are so many like it that together they cost less.

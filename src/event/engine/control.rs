@@ -30,6 +30,14 @@ pub(super) enum Pace {
     Mild,
 }
 
+/// Failed attempts at one step.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Beyond {
+    attempts: usize,
+    /// Length of the first of them.
+    pub(super) longest: f64,
+}
+
 /// How an attempt at a step ended.
 pub(super) enum Tried {
     Error(f64),
@@ -366,7 +374,7 @@ impl Engine {
     }
 
     /// The present mode is stiff from here on.
-    fn turn_stiff(&mut self) {
+    pub(super) fn turn_stiff(&mut self) {
         (self.implicit, self.stiff_mode) = (true, true);
         if self.field.n_alg() > 0 {
             for (stiff, set) in self.stiff_slides.iter_mut().zip(&self.field.active) {
@@ -407,6 +415,41 @@ impl Engine {
             self.turn_stiff();
             self.step_implicit = true;
         }
+    }
+
+    /// The last attempt has failed, and others before it: was it beyond the stability of the explicit pair all the same? Where the length comes down
+    /// to what is stable by failures alone, a mode has begun that is faster than the solution was, and as long as nothing else is
+    /// known of it an implicit method follows it: through a fast transient it goes as well, and where steps turn out to be those
+    /// that an explicit pair would be stable with, that comes back. At the border of stability, where the usual test would find it
+    /// out, the state is noise of the size of the tolerances, and surfaces that are closer than that are crossed at random.
+    pub(super) fn is_beyond_stability(&mut self, beyond: &mut Beyond) -> Result<bool> {
+        /// Failed attempts that are enough, and how far beyond at least.
+        const ATTEMPTS: usize = 3;
+        const FAR: f64 = 2.0;
+        let mild = |c: usize| self.stiff[c] == Pace::Mild;
+        let known = self.field.active.is_empty() && mild(self.stiff.len() - 1) || self.field.active_cells().any(mild);
+        if self.implicit
+            || known
+            || self.options.method != Method::Auto
+            || self.field.is_explicit_only()
+            || self.field.has_contacts()
+        {
+            return Ok(false);
+        }
+        beyond.attempts += 1;
+        if beyond.attempts == 1 {
+            beyond.longest = self.step.h;
+        }
+        // a few failures are nothing special, and a look costs an evaluation
+        if beyond.attempts < ATTEMPTS {
+            return Ok(false);
+        }
+        let r = match self.pair {
+            Pair::Dp5 => Ok(()),
+            Pair::Dop853 => explicit::finish(self.pair, &mut self.field, &mut self.step),
+        };
+        let known = recover(r.map(|()| true), false)?;
+        Ok(known && explicit::stiffness(self.pair, &self.step, &self.weights) > FAR * self.pair.stability())
     }
 
     /// Stiffness lasts: it is enough to look for it now and then, by the number of the step.

@@ -240,8 +240,12 @@ impl Engine {
     pub(super) fn overlooked(&self, l: usize) -> bool {
         self.looked.iter().any(|&m| {
             let w = &self.watches[m];
+            let value = w.value(&self.field.q, &self.field);
+            if m == l || self.depart[m] != 0 || value >= 0.0 {
+                return false;
+            }
             let near = 1e4 * EPS * w.scale(&self.field.dq, &self.field, self.t, &self.step.x1).value;
-            m != l && self.depart[m] == 0 && w.value(&self.field.q, &self.field) < -near.max(1e-2 * self.w0[m])
+            value < -near.max(1e-2 * self.w0[m])
         })
     }
 

@@ -21,7 +21,7 @@ use std::sync::Arc;
 use self::accumulation::{Recent, MEMORY};
 use self::chatter::Window;
 use self::contact::SceneRoom;
-use self::control::{Pace, Tried};
+use self::control::{Beyond, Pace, Tried};
 use self::limit_set::Shrinking;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler, NODES};
@@ -138,6 +138,9 @@ pub struct Engine {
     err_before: f64,
     /// How coarse the last step was, see [`Engine::resolution`].
     coarse: f64,
+    /// Length of the implicit step whose dense output was looked at last, and whether that of the present one was.
+    clear: f64,
+    clears: bool,
     /// Algebraic variables at the start and at the end of a step.
     alpha_start: Vec<f64>,
     alpha_end: Vec<f64>,
@@ -209,6 +212,8 @@ pub struct Engine {
 
 /// Switches of one step at most, usually.
 const SWITCHES: usize = 8;
+/// An implicit step so much longer than another is looked at on its own.
+const SHORTER: f64 = 8.0;
 /// Shorter logs grow as they will.
 const LONG_LOG: usize = 1024;
 
@@ -295,6 +300,8 @@ impl Engine {
             h: 0.0,
             err_before: 1e-4,
             coarse: 0.0,
+            clear: 0.0,
+            clears: false,
             alpha_start: Vec::with_capacity(most),
             alpha_end: Vec::with_capacity(most),
             fresh: true,
@@ -379,7 +386,7 @@ impl Engine {
         self.variational = (f64::INFINITY, 0);
         self.held_back = 0;
         (self.stiffness, self.stiff_steps, self.mild_steps) = (0.0, 0, 0);
-        (self.tried, self.coarse) = (0.0, 0.0);
+        (self.tried, self.coarse, self.clear) = (0.0, 0.0, 0.0);
         self.behind = false;
         self.passages = 0;
         self.passage_work = 0.0;
@@ -668,6 +675,7 @@ impl Engine {
             self.h = self.no_time();
         }
         let mut rejected = false;
+        let mut beyond = Beyond::default();
         loop {
             if self.stats.steps + self.stats.rejections >= self.options.max_steps {
                 let text = format!("{} steps were not enough to reach {t_stop}", self.options.max_steps);
@@ -726,6 +734,13 @@ impl Engine {
                         Some(Found::Coarse(e)) => self.reject(&mut rejected, (0.9 * e.powf(-0.25)).clamp(0.1, 0.9)),
                         None => self.reject(&mut rejected, 0.5),
                     }
+                }
+                Tried::Error(_) if self.is_beyond_stability(&mut beyond)? => {
+                    self.turn_stiff();
+                    self.step_implicit = true;
+                    rejected = true;
+                    self.stats.rejections += 1;
+                    self.h = beyond.longest;
                 }
                 Tried::Error(err) => {
                     let factor = self.shrunk(err);
@@ -829,6 +844,7 @@ impl Engine {
         self.stats.steps += 1;
         self.crowd = 0;
         if self.step_implicit {
+            self.clear = if self.clears { self.step.h } else { self.clear.min(SHORTER * self.step.h) };
             self.radau.accept(&self.step, self.field.n_alg(), t1);
         }
         self.watch_stiffness();

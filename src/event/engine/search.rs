@@ -13,6 +13,13 @@ use crate::stop;
 /// Weights, which are between 0 and 1, that are zero to the rounding of the linear system they solve.
 const WEIGHT_ROUNDING: f64 = 4096.0 * EPS;
 
+/// What interpolations of watched functions may be off by, relative to their size in the step.
+const FRACTION: f64 = 0.1;
+/// A relative time in the longest gap between the stages of an implicit step, and by how much longer a step has to be than one that
+/// was looked at there.
+const BETWEEN: f64 = 0.4;
+const LONGER: f64 = 1.3;
+
 /// How the search for a switch in a step ended.
 pub(super) enum Found {
     Nothing,
@@ -62,18 +69,29 @@ impl Engine {
         let n = self.watches.len();
         let any = self.suspect[..n].contains(&true);
         let leaves = self.watches.iter().zip(&self.suspect).any(|(w, s)| *s && w.is_leave());
+        self.clears = self.implicit && (any || self.step.h > LONGER * self.clear);
+        if self.clears {
+            let e = self.error_between()?;
+            if e > 1.0 {
+                return Ok(Found::Coarse(e));
+            }
+        }
         if !any {
             return Ok(Found::Nothing);
         }
         self.write_dense()?;
         let forces = self.wanted_contacts();
         let lines = self.field.many_functions() && forces.is_none();
+        // weights have functions of their own
+        let bent = |l: &usize| {
+            let w = &self.watches[*l];
+            self.suspect[*l] && !w.is_leave() && !w.is_affine(&self.field)
+        };
+        let by_lines = lines && !self.looked.iter().any(bent);
         for i in 1..NODES {
             let s = self.sampler.nodes[i];
             if i < NODES - 1 {
                 let t = self.step.t + s * self.step.h;
-                let bent = |l: &usize| self.suspect[*l] && !self.watches[*l].is_affine(&self.field);
-                let by_lines = lines && !self.looked.iter().any(bent);
                 if !by_lines {
                     self.step.at(s, &mut self.node);
                 }
@@ -153,6 +171,13 @@ impl Engine {
             };
             best = Found::Zero(l, s, slope / self.step.h);
         }
+        if let (Found::Zero(l, ..), true) = (&best, self.clears) {
+            // a layer that the step has passed over may have zeros on its dense output that it has not
+            let e = if self.watches[*l].is_affine(&self.field) { self.off_between(*l, true) } else { 0.0 };
+            if e > 1.0 {
+                return Ok(Found::Coarse(e));
+            }
+        }
         if let (Some(c), true) = (&self.touched, first < f64::INFINITY) {
             // what comes behind a switch does not happen
             if c.t >= self.step.t + first * self.step.h {
@@ -160,6 +185,37 @@ impl Engine {
             }
         }
         Ok(best)
+    }
+
+    /// How well does the dense output of an implicit step resolve what is watched, where its gradient is constant? In a stiff component
+    /// the error of a step says nothing about that: whatever its forcing does between the stages, the end is right, and it follows
+    /// through events that nothing shows. At a point between the stages the distance to the solution is that which one Newton step of
+    /// the implicit Euler method takes away, `(γ I / h − J)⁻¹ (f − ẋ)`. Returns the largest one of a watched function relative to a
+    /// tenth of its size in the step; for the functions that may vanish only, unless the step is long.
+    fn error_between(&mut self) -> std::result::Result<f64, EvalError> {
+        let all = self.step.h > LONGER * self.clear;
+        let concerned = |e: &Engine, l: usize| (all || e.suspect[l]) && e.watches[l].is_affine(&e.field);
+        if !self.looked.iter().any(|l| concerned(self, *l)) {
+            return Ok(0.0);
+        }
+        self.write_dense()?;
+        self.radau.defect(&mut self.field, &mut self.step, BETWEEN)?;
+        // what has been evaluated is not what stands at the end of the step any more
+        let n_alg = self.alpha_end.len();
+        self.field.alpha[..n_alg].copy_from_slice(&self.alpha_end);
+        let each = self.looked.iter().filter(|l| concerned(self, **l)).map(|l| self.off_between(*l, false));
+        let worst = each.fold(0.0f64, f64::max);
+        Ok(if worst.is_finite() { worst } else { 2.0 })
+    }
+
+    /// The distance that [`Engine::error_between`] has found, of watched function `l`.
+    fn off_between(&self, l: usize, with_start: bool) -> f64 {
+        let w = self.watches[l];
+        let off = |scale: f64| w.rate_at(&self.dq0, &self.field, |i| scale * self.radau.off(i, with_start));
+        let off = (off(1.0) - off(0.0)).abs();
+        let between = self.w0[l] + w.change(&self.dq0, &self.field, &self.step, BETWEEN);
+        let near = 1e3 * EPS * w.scale(&self.dq0, &self.field, self.step.t, &self.step.x1).value;
+        off / (FRACTION * self.w0[l].abs().max(self.w1[l].abs()).max(between.abs()) + near)
     }
 
     /// Weights that are sampled at relative time `s`, the `i`-th node; the state there is known, or is written. Those of an
@@ -253,7 +309,7 @@ impl Engine {
         };
         let rate = slope / self.step.h;
         let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
-        let gradient = self.watches[l].scale(dq, &self.field, self.step.t, &self.step.x1).gradient;
+        let gradient = self.watches[l].steepness(dq, &self.field);
         let speed = self.step.f1.iter().map(|v| v * v).sum::<f64>().sqrt();
         let t = self.step.t + s * self.step.h;
         if self.touched.is_none_or(|c| t < c.t) {
@@ -266,7 +322,6 @@ impl Engine {
     /// `x` is a straight line, and the weights of a sliding mode may oscillate while the state rests. Returns the
     /// error of a cubic interpolation in the middle of the step, relative to a tenth of the size.
     pub(super) fn screen(&mut self) -> std::result::Result<f64, EvalError> {
-        const FRACTION: f64 = 0.1;
         let (h, t, nx) = (self.step.h, self.step.t, self.nx);
         self.resting[..self.watches.len()].fill(false);
         self.suspect[..self.watches.len()].fill(false);

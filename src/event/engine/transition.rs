@@ -179,6 +179,15 @@ impl Engine {
         all.resize(self.field.active.len(), Vec::new());
         for ((s, set), c) in self.field.subs.iter().zip(&self.field.active).zip(&mut all) {
             c.clear();
+            let marked = self.zero[s.q0..s.q0 + s.n_q].contains(&true);
+            if let (&[cell], true, false) = (&set[..], s.signs && !self.field.is_on_demand(), marked) {
+                // away from its surfaces it goes on as it is
+                let w = &s.cells[cell - s.first].weights;
+                if w.iter().zip(&self.field.q[s.q0..]).all(|(w, q)| w * q < 0.0) {
+                    c.push(cell);
+                    continue;
+                }
+            }
             if let Some(near) = self.field.near_cells() {
                 c.extend(near);
             } else if s.signs {
@@ -400,7 +409,7 @@ impl Engine {
                     if m == l {
                         let size = self.f.iter().map(|v| v * v).sum::<f64>().sqrt();
                         rate = r;
-                        cosine = r / (scale.gradient * size);
+                        cosine = r / (w.steepness(&self.field.dq, &self.field) * size);
                         grazing = r.abs() < 1e-6 * scale.reach * self.field.pace(&self.x, &self.f);
                     }
                     let near = 64.0 * EPS * scale.value + 8.0 * EPS * r.abs() * t.abs().max(self.step.h);

@@ -1,6 +1,6 @@
 //! The model functions of many subsystems or states in one program.
 
-use super::{Field, Sub};
+use super::{Field, Sliding, Sub};
 use crate::dcs::Drift;
 use crate::func::{Bundle, Function, PartList, Point};
 
@@ -19,10 +19,16 @@ pub(super) struct Bundled {
     singles: Vec<Vec<usize>>,
     /// The part of the first mode of every subsystem.
     modes: Vec<usize>,
-    /// The active modes, one subsystem after the other; the first of every subsystem comes first.
+    /// The values of the active modes: those of every subsystem have places of their own, which hold all of its modes.
     active: PartList,
-    /// They are those of the present active set.
+    places: Vec<usize>,
+    /// The active cells that are listed, and whether they are the present ones.
+    cells: Vec<Vec<usize>>,
     pub(super) listed: bool,
+    /// Of the first active mode of every subsystem: its values, and the states they move. Of the others: their places among the
+    /// columns of `D`, their values, and those of the first one.
+    firsts: Vec<(u32, u32)>,
+    others: Vec<(u32, u32, u32)>,
     indicators: PartList,
     /// Room for the values of parts.
     room: Vec<f64>,
@@ -51,7 +57,12 @@ impl Bundled {
         parts.extend(subs.iter().map(|s| (s.indicators.as_ref(), 0..s.n_q)));
         let program = parts.first()?.0.bundle(&parts)?;
         let drift_rows: Vec<usize> = drifts.iter().flat_map(|d| d.rows.iter().copied()).collect();
-        let cells: usize = subs.iter().map(|s| s.cells.len() * s.rows.len()).sum();
+        let mut cells = 0;
+        let mut place = |s: &Sub| {
+            cells += s.cells.len() * s.rows.len();
+            cells - s.cells.len() * s.rows.len()
+        };
+        let places = subs.iter().map(&mut place).collect();
         let mut of_states = vec![Vec::new(); nx];
         drift_rows.iter().zip(singles..).for_each(|(&r, part)| of_states[r].push(part));
         let mut b = Bundled {
@@ -61,7 +72,11 @@ impl Bundled {
             drift_rows,
             modes,
             active: PartList::default(),
+            places,
+            cells: Vec::new(),
             listed: false,
+            firsts: Vec::new(),
+            others: Vec::new(),
             indicators: PartList::default(),
             program,
         };
@@ -104,19 +119,50 @@ impl Bundled {
         finite
     }
 
-    /// Evaluates the active modes.
-    fn active(&mut self, subs: &[Sub], active: &[Vec<usize>]) -> bool {
-        if !self.listed {
-            let mut at = 0;
-            let mut all = subs.iter().zip(active).zip(&self.modes).flat_map(|((s, set), first)| {
-                let (from, nr) = (at, s.rows.len());
-                at += set.len() * nr;
-                set.iter().enumerate().map(move |(i, cell)| (first + s.cells[cell - s.first].mode, from + i * nr))
-            });
-            self.program.list(&mut all, &mut self.active);
-            self.listed = true;
+    /// The parts of the cells `set` of subsystem `k`, with the places of their values.
+    fn parts<'a>(&self, s: &'a Sub, k: usize, set: &'a [usize]) -> impl Iterator<Item = (usize, usize)> + 'a {
+        let (mode, at) = (self.modes[k], self.places[k]);
+        set.iter().enumerate().map(move |(i, cell)| (mode + s.cells[cell - s.first].mode, at + i * s.rows.len()))
+    }
+
+    /// Lists the active modes; where some are listed already, only what has changed.
+    fn list(&mut self, subs: &[Sub], active: &[Vec<usize>], sliding: &Sliding) {
+        let mut list = std::mem::take(&mut self.active);
+        if self.cells.is_empty() {
+            let mut all = subs.iter().enumerate().flat_map(|(k, s)| self.parts(s, k, &active[k]));
+            self.program.list(&mut all, &mut list);
         }
-        self.program.evaluate_list(&self.active, &mut self.room)
+        for (k, s) in subs.iter().enumerate().filter(|(k, _)| self.cells.get(*k).is_some_and(|c| *c != active[*k])) {
+            let gone: Vec<_> = self.parts(s, k, &self.cells[k]).collect();
+            let new: Vec<_> = self.parts(s, k, &active[k]).collect();
+            self.program.exchange(&gone, &new, &mut list);
+        }
+        self.active = list;
+        self.cells.resize(subs.len(), Vec::new());
+        self.cells.iter_mut().zip(active).filter(|(to, from)| to != from).for_each(|(to, from)| to.clone_from(from));
+        self.firsts.clear();
+        self.others.clear();
+        let mut pair = 0;
+        for (s, (set, &at)) in subs.iter().zip(active.iter().zip(&self.places)) {
+            let (at, nr) = (at as u32, s.rows.len() as u32);
+            self.firsts.extend(s.rows.iter().zip(at..).map(|(&r, v)| (v, r as u32)));
+            for i in 1..set.len() as u32 {
+                let d = sliding.place_of_column(pair) as u32;
+                self.others.extend((0..nr).map(|r| (d + r, at + i * nr + r, at + r)));
+                pair += 1;
+            }
+        }
+        self.listed = true;
+    }
+
+    /// Evaluates the active modes, and adds the first ones to the states they move.
+    fn active(&mut self, subs: &[Sub], active: &[Vec<usize>], sliding: &Sliding, out: &mut [f64]) -> bool {
+        if !self.listed {
+            self.list(subs, active, sliding);
+        }
+        let finite = self.program.evaluate_list(&self.active, &mut self.room);
+        self.firsts.iter().for_each(|&(v, r)| out[r as usize] += self.room[v as usize]);
+        finite
     }
 }
 
@@ -138,12 +184,7 @@ impl Field {
         let direct = self.drifts_directly();
         let Some(b) = &mut self.bundle else { return false };
         b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
-        let finite = b.drift(direct, out) & b.active(&self.subs, &self.active);
-        let mut values = b.room.iter();
-        for s in &self.subs {
-            s.rows.iter().zip(&mut values).for_each(|(&r, f)| out[r] += f);
-        }
-        finite
+        b.drift(direct, out) & b.active(&self.subs, &self.active, &self.sliding, out)
     }
 
     /// The smooth part of the right-hand side.
@@ -196,19 +237,10 @@ impl Field {
         let direct = self.drifts_directly();
         let Some(b) = &mut self.bundle else { return false };
         b.program.move_to(&Point { t, x, u: &self.u, p: &self.p });
-        let finite = b.drift(direct, &mut self.base) & b.active(&self.subs, &self.active);
-        let mut at = 0;
-        for (k, s) in self.subs.iter().enumerate() {
-            let (n, nr) = (self.active[k].len(), s.rows.len());
-            let (first, others) = b.room[at..at + n * nr].split_at(nr);
-            at += n * nr;
-            s.rows.iter().zip(first).for_each(|(&r, f)| self.base[r] += f);
-            if n > 1 {
-                let columns = self.sliding.columns_mut(self.first_pair[k]..self.first_pair[k + 1]);
-                for (column, values) in columns.chunks_exact_mut(nr.max(1)).zip(others.chunks_exact(nr.max(1))) {
-                    column.iter_mut().zip(values.iter().zip(first)).for_each(|(d, (v, f))| *d = v - f);
-                }
-            }
+        let base = &mut self.base[..];
+        let finite = b.drift(direct, base) & b.active(&self.subs, &self.active, &self.sliding, base);
+        for &(d, v, first) in &b.others {
+            self.sliding.d[d as usize] = b.room[v as usize] - b.room[first as usize];
         }
         finite
     }

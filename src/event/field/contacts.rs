@@ -372,7 +372,7 @@ impl Field {
                 ContactWatch::Speed => s[2],
             }
         });
-        Scale { value: size, reach: size, gradient: 1.0 }
+        Scale { value: size, reach: size }
     }
 
     /// Adds what is watched under the present modes.

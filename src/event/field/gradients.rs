@@ -14,6 +14,8 @@ pub(in crate::event) struct Gradients {
     /// Where the rows begin; one place more than there are rows.
     begin: Vec<usize>,
     columns: Vec<usize>,
+    /// How many inputs of a row are states, and whether its last one is time.
+    states: Vec<(usize, bool)>,
 }
 
 /// The gradient of one function.
@@ -47,7 +49,7 @@ impl Row<'_> {
 
 impl Gradients {
     pub(super) fn new(dims: &Dims) -> Gradients {
-        Gradients { nx: dims.x, n_z: dims.x + dims.p + dims.u + 1, begin: vec![0], columns: Vec::new() }
+        Gradients { nx: dims.x, n_z: dims.x + dims.p + dims.u + 1, begin: vec![0], ..Gradients::default() }
     }
 
     /// Adds the rows of a function with the Jacobian pattern `p`; returns where the entries of its Jacobian go.
@@ -68,6 +70,10 @@ impl Gradients {
             self.columns.push(c);
         }
         self.begin.resize(self.begin.len() + p.n_rows() - row, self.columns.len());
+        for w in self.begin.windows(2).skip(self.states.len()) {
+            let own = &self.columns[w[0]..w[1]];
+            self.states.push((own.partition_point(|c| *c < self.nx), own.last() == Some(&(self.n_z - 1))));
+        }
         map
     }
 
@@ -87,11 +93,8 @@ impl Gradients {
     pub(in crate::event) fn row<'a>(&'a self, values: &'a [f64], j: usize) -> Row<'a> {
         let (from, to) = (self.begin[j], self.begin[j + 1]);
         let (columns, values) = (&self.columns[from..to], &values[from..to]);
-        let t = match columns.last() {
-            Some(&c) if c + 1 == self.n_z => values[values.len() - 1],
-            _ => 0.0,
-        };
-        let n = columns.iter().rposition(|c| *c < self.nx).map_or(0, |i| i + 1);
+        let (n, timed) = self.states[j];
+        let t = if timed { values[values.len() - 1] } else { 0.0 };
         Row { columns: &columns[..n], values: &values[..n], all: (columns, values), t }
     }
 }

@@ -204,6 +204,9 @@ impl Field {
     /// Rate of constraint `i` by column `j` of `D`.
     fn raw_rate(&self, i: usize, j: usize) -> f64 {
         let mut sum = 0.0;
+        if !self.sliding.dependencies(self.pairs[i].sub).any(|k| k == self.pairs[j].sub) {
+            return sum;
+        }
         for (row, d) in self.d(j) {
             sum += self.sliding.row_of_states(self.pairs[i], i).find(|c| c.0 == row).map_or(0.0, |c| c.1 * d);
         }

@@ -336,7 +336,7 @@ impl Field {
     /// Finds the intersections of the present active set where a rule has to select weights; its pairs are laid out.
     pub(super) fn find_intersections(&mut self) {
         self.selected = None;
-        if self.pairs.len() < 3 || self.selection == Selection::Fewest {
+        if self.selection == Selection::Fewest || self.active.iter().all(|set| set.len() < 4) {
             return;
         }
         let surfaces: Vec<Option<usize>> =

@@ -31,6 +31,8 @@ pub(in crate::event) struct Sliding {
     own: Vec<Option<usize>>,
     /// Subsystems whose indicators depend on what this one drives, and itself.
     influences: Vec<Vec<usize>>,
+    /// Those that touch no other one.
+    untouched: Vec<bool>,
     /// Rows of `C`, and where that of every pair begins.
     pub(super) c: Vec<f64>,
     c_begin: Vec<usize>,
@@ -80,7 +82,10 @@ impl Sliding {
         }
         let states = columns.iter().map(|c| (c.partition_point(|c| *c < nx), c.last() == Some(&(n_z - 1)))).collect();
         let own = couplings.iter().enumerate().map(|(k, list)| list.iter().position(|c| c.other == k)).collect();
-        Sliding { columns, states, rows, couplings, own, influences, ..Sliding::default() }
+        let alone =
+            |k: usize| couplings[k].iter().map(|c| c.other).chain(influences[k].iter().copied()).all(|o| o == k);
+        let untouched = (0..n_sub).map(alone).collect();
+        Sliding { columns, states, rows, couplings, own, influences, untouched, ..Sliding::default() }
     }
 
     /// Do the rates of the indicators of a subsystem depend on the modes of another?
@@ -135,6 +140,13 @@ impl Sliding {
                 continue;
             }
             let (number, from) = (self.begin.len(), self.order.len());
+            let own = pairs[start].sub;
+            if self.untouched[own] && first[own + 1] == first[own] + 1 {
+                self.begin.push(from);
+                self.block[start] = number;
+                self.order.push(start);
+                continue;
+            }
             self.begin.push(from);
             self.block[start] = number;
             self.order.push(start);
@@ -186,6 +198,20 @@ impl Sliding {
     pub(in crate::event) fn column(&self, pair: Pair, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         let values = &self.d[self.d_begin[i]..self.d_begin[i + 1]];
         self.rows[pair.sub].iter().copied().zip(values.iter().copied())
+    }
+
+    /// Where column `i` of `D` begins.
+    pub(super) fn place_of_column(&self, i: usize) -> usize {
+        self.d_begin[i]
+    }
+
+    /// Adds `D α`.
+    pub(super) fn add_columns(&self, pairs: &[Pair], alpha: &[f64], out: &mut [f64]) {
+        for ((p, a), w) in pairs.iter().zip(alpha).zip(self.d_begin.windows(2)) {
+            for (&row, d) in self.rows[p.sub].iter().zip(&self.d[w[0]..w[1]]) {
+                out[row] += a * d;
+            }
+        }
     }
 
     /// Row of `C` of pair `i`: inputs, and the derivatives by them.
