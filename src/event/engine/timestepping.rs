@@ -21,8 +21,6 @@ use crate::stop;
 const STEPS: (usize, usize) = (8, 2048);
 /// The same for polygons, whose steps cost one velocity each.
 const POLYGON: (usize, usize) = (64, 16384);
-/// A passage whose end is changed by twice as many steps by this part of the way has no end that steps tend to.
-const DIVERGED: f64 = 0.5;
 /// Factor of the length where one passage is not enough.
 const GROWTH: f64 = 8.0;
 
@@ -120,15 +118,12 @@ impl Engine {
             if let Some(c) = &coarse {
                 let change: Vec<f64> = x.iter().zip(c).map(|(a, b)| a - b).collect();
                 let error = step::norm(&change, &self.weights);
-                // halving the steps changes as much as the steps did: no error can be stated
-                let moved: Vec<f64> = x.iter().zip(x0).map(|(a, b)| a - b).collect();
-                if n >= enough && error > allowed && error > DIVERGED * step::norm(&moved, &self.weights) {
-                    return Ok(None);
-                }
                 // errors of order one: more steps than are allowed would be necessary
                 let hopeless = may_be_shorter && n >= enough && error * n as f64 > 2.0 * allowed * most as f64;
                 if error <= allowed || n >= most || hopeless {
-                    return Ok(Some((n, error, x)));
+                    // halving the steps moves the end by more than the state is large and may have gone: they grow without bound
+                    let far = |i: usize| change[i].abs() > self.field.size(i, x0[i]) + span * self.f[i].abs();
+                    return Ok((error <= allowed || !(0..self.nx).any(far)).then_some((n, error, x)));
                 }
             }
             coarse = Some(x);
