@@ -5,6 +5,7 @@ use std::sync::Arc;
 use switchback::event::{simulate, Method, Options, Outcome, Run};
 use switchback::expr::{Expr, ExprFunction, Graph};
 use switchback::func::Dims;
+use switchback::model::Model;
 use switchback::system::{Regions, Subsystem, System};
 
 /// Adds `f_±` in the rows of a subsystem with the surface `psi`, every mode with a program of its own.
@@ -297,5 +298,39 @@ fn a_spiral_into_two_surfaces_goes_on_at_every_tolerance() {
         let r = simulate(&s, &tolerance(rtol, Method::Auto), 0.0, &[1.0, 0.2, 0.0], 3.0).unwrap();
         assert_eq!(r.outcome, Outcome::Reached, "rtol {rtol:e}: {}", r.reason);
         assert!(largest(r.x[..2].iter().copied()) <= 1e-2 * rtol, "rtol {rtol:e}: {:?}", r.x);
+    }
+}
+
+/// Rooms with ideal thermostats that cool down or warm up to their temperatures, in closed form. What the heaters add are constants.
+#[test]
+fn rooms_reach_their_temperatures() {
+    const N: usize = 25;
+    const OUTSIDE: f64 = 8.0;
+    let g = Graph::new();
+    let (loss, level, heat) = (
+        |i: usize| 1.0 + 0.05 * (i % 5) as f64,
+        |i: usize| 20.0 + 0.1 * i as f64,
+        |i: usize| 18.0 + 0.3 * (i % 3) as f64,
+    );
+    let rates: Vec<_> =
+        (0..N).map(|i| loss(i) * (OUTSIDE - g.x(i)) + 0.5 * heat(i) * (1.0 - (g.x(i) - level(i)).sign())).collect();
+    let system = Model::from_rhs("rooms", 0, 0, &rates).and_then(|m| m.build(&g)).unwrap().system;
+    let start: Vec<f64> = (0..N).map(|i| 20.0 + 5.0 * (2.1 * i as f64 + 0.4).sin() + 0.1 * i as f64).collect();
+    for rtol in [1e-4, 1e-6, 1e-9] {
+        let s = simulate(&system, &Options::with_tolerance(rtol, rtol), 0.0, &start, 3.0).unwrap();
+        let mut times: Vec<f64> = (0..N)
+            .map(|i| {
+                let limit = OUTSIDE + if start[i] < level(i) { heat(i) / loss(i) } else { 0.0 };
+                ((start[i] - limit) / (level(i) - limit)).ln() / loss(i)
+            })
+            .collect();
+        times.sort_by(f64::total_cmp);
+        assert_eq!(s.switches.len(), N, "{rtol}");
+        for (s, t) in s.switches.iter().zip(times) {
+            assert!((s.t - t).abs() < 10.0 * rtol, "{rtol}: {} and not {t}", s.t);
+        }
+        for (i, x) in s.x.iter().enumerate() {
+            assert!((x - level(i)).abs() < 1e-12 * level(i), "{rtol}, room {i}: {x}");
+        }
     }
 }

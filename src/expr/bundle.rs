@@ -259,12 +259,14 @@ impl Class {
 
     /// Brings a group up to date whose parts have changed at place `l`, or at its end.
     fn gather_again(&self, g: &mut PartGroup, l: usize) {
-        let n = g.parts.len().next_multiple_of(LANES);
-        if g.parts.len() < FEWEST || g.inputs.len() != n * self.shape.n_inputs as usize {
-            if g.parts.len() >= FEWEST {
-                self.gather(g);
-            }
+        if g.parts.len() < FEWEST {
             return;
+        }
+        let n = g.parts.len().next_multiple_of(LANES);
+        // a shape may have no inputs, or no constants
+        let needed = [n * self.shape.n_inputs as usize, n * self.shape.n_constants as usize];
+        if [g.inputs.len(), g.constants.len()] != needed {
+            return self.gather(g);
         }
         std::iter::once(l).chain(n - LANES..n).for_each(|l| self.gather_lane(g, l));
     }
@@ -408,25 +410,50 @@ mod tests {
                 assert_eq!(out[2 * i], if i == skipped { 7.0 } else { own[i] });
             }
         }
-        // parts that come and go one by one leave the list as if it had been made of those that are there
-        let mut list = PartList::default();
-        program.list(&mut (0..N).map(|i| (i, 2 * i)), &mut list);
-        let mut there = [true; N];
-        for i in (0..N).chain([3, 17, 4, 20, 9, 0]).chain((0..N).rev()).chain(2..N) {
-            there[i] = !there[i];
-            let one = [(i, 2 * i)];
-            let (gone, new): (&[_], &[_]) = if there[i] { (&[], &one) } else { (&one, &[]) };
-            program.exchange(gone, new, &mut list);
-            out.fill(7.0);
-            assert!(program.evaluate_list(&list, &mut out));
-            for k in 0..N {
-                assert_eq!(out[2 * k], if there[k] { own[k] } else { 7.0 });
-            }
-        }
         let bad = vec![f64::INFINITY; N + 1];
         program.move_to(&Point { x: &bad, ..at });
         let mut list = PartList::default();
         program.list(&mut (0..N).map(|i| (i, i)), &mut list);
         assert!(!program.evaluate_list(&list, &mut out));
+    }
+
+    /// Parts that come and go one by one leave the list as if it had been made of those that are there: parts with inputs and constants,
+    /// with constants alone, and with inputs alone.
+    #[test]
+    fn lists_are_changed_part_by_part() {
+        const N: usize = 21;
+        let d = Dims { x: N + 1, u: 0, p: 0 };
+        let g = Graph::new();
+        let x = |i: usize| g.x(i);
+        let all = 0..N;
+        let shapes = [
+            all.clone().map(|i| (0.3 + i as f64) / (1.0 + 2.5 * x(i) * x(i)) - 0.7).collect::<Vec<_>>(),
+            all.clone().map(|i| g.constant(1.5 * i as f64)).collect(),
+            all.map(|i| x(i) * x(i + 1) + x(i)).collect(),
+        ];
+        for shape in shapes {
+            let f = g.function("f", d, &shape).unwrap();
+            let parts: Vec<(&dyn Function, Range<usize>)> = (0..N).map(|i| (&f as &dyn Function, i..i + 1)).collect();
+            let mut program = Program::new(&parts).unwrap();
+            let xs: Vec<f64> = (0..=N).map(|i| (1.3 * i as f64).cos()).collect();
+            let at = Point { t: 0.0, x: &xs, u: &[], p: &[] };
+            let (mut own, mut out) = (vec![0.0; N], vec![0.0; 2 * N]);
+            f.value(&at, &mut own, &mut vec![0.0; f.work_len()]).unwrap();
+            program.move_to(&at);
+            let mut list = PartList::default();
+            program.list(&mut (0..N).map(|i| (i, 2 * i)), &mut list);
+            let mut there = [true; N];
+            for i in (0..N).chain([3, 17, 4, 20, 9, 0]).chain((0..N).rev()).chain(2..N) {
+                there[i] = !there[i];
+                let one = [(i, 2 * i)];
+                let (gone, new): (&[_], &[_]) = if there[i] { (&[], &one) } else { (&one, &[]) };
+                program.exchange(gone, new, &mut list);
+                out.fill(7.0);
+                assert!(program.evaluate_list(&list, &mut out));
+                for k in 0..N {
+                    assert_eq!(out[2 * k], if there[k] { own[k] } else { 7.0 });
+                }
+            }
+        }
     }
 }
