@@ -471,3 +471,51 @@ fn guesses_do_not_depend_on_the_unit_of_length() {
     assert!(usual.1 > 1, "{usual:?}");
     assert_eq!([1e-6, 1e-3].map(tried), [usual; 2]);
 }
+
+/// Two carts, of which only the first is driven, in units of length, mass and time.
+fn carts_in(length: f64, mass: f64, time: f64, bounded: bool) -> Ocp {
+    let g = Graph::new();
+    let mut scene = Scene::new("carts", 2, 2, 1, 0).unwrap();
+    let damping = mass / time;
+    scene.set_force(0, (g.u(0) - g.x(2) * (0.1 * damping)).id()).unwrap();
+    scene.set_force(1, (g.x(3) * (-0.5 * damping)).id()).unwrap();
+    let inertia: Vec<_> = [mass, 0.0, 0.0, 2.0 * mass].map(|m| g.constant(m).id()).to_vec();
+    scene.set_inertia(&inertia).unwrap();
+    let gap = g.x(1) - g.x(0) - 0.2 * length;
+    scene.add_contact(Contact { restitution: g.constant(0.5).id(), ..Contact::new(&g, "carts", gap) }).unwrap();
+    let built = scene.build(&g).unwrap();
+    let settings = Settings { n_s: 2, n_fe: 2, ..Settings::default() };
+    let mut ocp = Ocp::new(&built.system, 3.0 * time, 15, &settings).unwrap();
+    ocp.set_x0(&[0.0, length, 0.0, 0.0]).unwrap();
+    let force = mass * length / (time * time);
+    if bounded {
+        ocp.set_u_bounds(&[-20.0 * force], &[20.0 * force]).unwrap();
+    }
+    let cost = g.u(0) * g.u(0) * (1.0 / (force * force * time));
+    ocp.set_lagrange(Arc::new(g.function("cost", built.dims, &[cost]).unwrap())).unwrap();
+    let end = g.function("end", built.dims, &[g.x(0), g.x(1)]).unwrap();
+    ocp.add_terminal(Arc::new(end), &[0.0, 2.0 * length], &[0.0, 2.0 * length]).unwrap();
+    ocp
+}
+
+#[test]
+fn answers_do_not_depend_on_units() {
+    let units = [
+        (1.0, 1.0, 1.0),
+        (1e-6, 1.0, 1.0),
+        (1e6, 1.0, 1.0),
+        (1.0, 1e-6, 1.0),
+        (1.0, 1e6, 1.0),
+        (1.0, 1.0, 1e-3),
+        (1.0, 1.0, 1e3),
+    ];
+    for bounded in [true, false] {
+        let costs = units.map(|(length, mass, time)| {
+            let mut ocp = carts_in(length, mass, time, bounded);
+            let r = ocp.solve(&mut Control::default()).unwrap();
+            assert_eq!(r.outcome, Outcome::Solved, "{length} {mass} {time} {bounded}: {}", r.message);
+            r.cost
+        });
+        assert!(costs.iter().all(|c| (c - costs[0]).abs() < 1e-9 * costs[0]), "{bounded}: {costs:?}");
+    }
+}

@@ -86,6 +86,13 @@ impl Builder {
         first
     }
 
+    /// The same with a size for each of them.
+    pub(super) fn sized(&mut self, sizes: &[f64], bounds: [f64; 2]) -> usize {
+        let first = self.variables(sizes.len(), bounds, 0.0, 1.0);
+        self.size[first..].copy_from_slice(sizes);
+        first
+    }
+
     /// One constant; returns its number.
     pub(super) fn constant(&mut self, value: f64) -> usize {
         self.constants.push(value);

@@ -23,6 +23,7 @@ use super::modes::ContactMode;
 use super::problem::Problem;
 use super::track::Track;
 use super::transcribe::{Element, Forces, Jump, Place, Planned, Transcriber, Transcription, EQUAL, FREE, POSITIVE};
+use crate::mpcc::Mpcc;
 
 /// Steps lie between these shares of their mean.
 const STEPS: [f64; 2] = [0.02, 1.98];
@@ -113,11 +114,13 @@ fn disturb(t: &mut Transcription, p: &Problem) {
         state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
         (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
     };
+    let mut sizes = vec![1.0; t.start.len()];
+    t.program.sizes(&mut sizes);
     let (nx, nu) = (p.given.dims.x, p.given.dims.u);
     let blocks = t.elements.iter().flat_map(|e| e.points.iter().map(|at| (at.q, nx)));
     for (first, n) in blocks.chain(t.controls.iter().map(|&u| (u, nu))) {
         for j in first..first + n {
-            let moved = t.start[j] + DISTURBANCE * next() * t.start[j].abs().max(1.0);
+            let moved = t.start[j] + DISTURBANCE * next() * t.start[j].abs().max(sizes[j]);
             t.start[j] = moved.max(t.bounds.xl[j]).min(t.bounds.xu[j]);
         }
     }
@@ -139,7 +142,7 @@ impl Complementary<'_> {
             return *one;
         }
         let start = of.iter().map(|&j| self.t.b.start[j]).sum();
-        let size = of.len() as f64;
+        let size = of.len() as f64 * self.t.b.size[of[0]];
         let sum = self.t.b.variables(1, POSITIVE, start, size);
         let row = self.t.b.rows(1, EQUAL);
         self.t.b.linear(row, sum, 1.0);
@@ -153,7 +156,7 @@ impl Complementary<'_> {
     fn gap(&mut self, i: usize, at: Place, stage: usize) -> usize {
         let inputs = self.t.inputs(at, stage, &[]);
         let start = self.t.value(&self.t.contact(i).gap, &inputs)[0];
-        let gap = self.t.b.variables(1, POSITIVE, start.max(0.0), 1.0);
+        let gap = self.t.b.variables(1, POSITIVE, start.max(0.0), self.t.units.contacts[i].gap);
         let row = self.t.row(&self.t.contact(i).gap, &inputs, EQUAL);
         self.t.b.linear(row, gap, -1.0);
         gap
@@ -179,9 +182,10 @@ impl Complementary<'_> {
         let slide = self.t.contact(i).slide.as_ref()?;
         let inputs = self.t.inputs(at, stage, &[]);
         let s = self.t.value(slide, &inputs)[0];
-        let gamma = self.t.b.variables(1, POSITIVE, s.abs(), 1.0);
-        let ahead = self.t.b.variables(1, POSITIVE, s.abs() + s, 1.0);
-        let back = self.t.b.variables(1, POSITIVE, s.abs() - s, 1.0);
+        let size = self.t.units.contacts[i].slide;
+        let gamma = self.t.b.variables(1, POSITIVE, s.abs(), size);
+        let ahead = self.t.b.variables(1, POSITIVE, s.abs() + s, size);
+        let back = self.t.b.variables(1, POSITIVE, s.abs() - s, size);
         for (d, sign) in [(ahead, 1.0), (back, -1.0)] {
             let row = self.t.b.rows(1, EQUAL);
             self.t.b.term(slide, &inputs, sign, None, [row as u32]);
@@ -210,9 +214,10 @@ impl Complementary<'_> {
         let cone = self.t.contact(i).cone.as_ref()?;
         let tau = forces.tangential?;
         let start = self.t.b.start[tau];
-        let ahead = self.t.b.variables(1, POSITIVE, start.max(0.0), 1.0);
-        let back = self.t.b.variables(1, POSITIVE, (-start).max(0.0), 1.0);
-        let left = self.t.b.variables(1, POSITIVE, 0.0, 1.0);
+        let size = self.t.b.size[tau];
+        let ahead = self.t.b.variables(1, POSITIVE, start.max(0.0), size);
+        let back = self.t.b.variables(1, POSITIVE, (-start).max(0.0), size);
+        let left = self.t.b.variables(1, POSITIVE, 0.0, size);
         let row = self.t.b.rows(1, EQUAL);
         self.t.b.linear(row, tau, 1.0);
         self.t.b.linear(row, ahead, -1.0);
@@ -228,9 +233,9 @@ impl Complementary<'_> {
         Some([ahead, back, left])
     }
 
-    fn forces(&mut self, i: usize, start: [f64; 2]) -> Forces {
-        let normal = self.t.b.variables(1, POSITIVE, start[0].max(0.0), 1.0);
-        let tangential = (self.t.contact(i).n_tangents > 0).then(|| self.t.b.variables(1, FREE, start[1], 1.0));
+    fn forces(&mut self, i: usize, start: [f64; 2], size: f64) -> Forces {
+        let normal = self.t.b.variables(1, POSITIVE, start[0].max(0.0), size);
+        let tangential = (self.t.contact(i).n_tangents > 0).then(|| self.t.b.variables(1, FREE, start[1], size));
         Forces { normal, tangential }
     }
 
@@ -252,7 +257,7 @@ impl Complementary<'_> {
         note(&mut against, start.and_then(|s| s.sliding));
         for (j, &at) in points.iter().enumerate() {
             let t = plan.span[0] + self.t.p.given.tableau.c[j] * (plan.span[1] - plan.span[0]);
-            let forces = self.forces(i, self.t.guess.force(t, i));
+            let forces = self.forces(i, self.t.guess.force(t, i), self.t.units.contacts[i].force);
             self.t.add_force(n, j, i, forces, false);
             lambdas.push(forces.normal);
             let gap =
@@ -286,9 +291,9 @@ impl Complementary<'_> {
         let (at, stage, before) = (self.t.elements[n].start, plan.stage, impact.before);
         let (n_q, n_v) = (self.t.p.functions.n_q, self.t.p.functions.n_v);
         for i in 0..self.t.p.n_contacts() {
-            let forces = self.forces(i, [0.0; 2]);
+            let forces = self.forces(i, [0.0; 2], self.t.units.contacts[i].impulse);
             impact.impulses[i] = Some(forces);
-            let off = self.t.b.variables(1, POSITIVE, 0.0, 1.0);
+            let off = self.t.b.variables(1, POSITIVE, 0.0, self.t.units.contacts[i].rate);
             let mut both = self.t.inputs(before, stage, &[]);
             both.splice(n_q + n_v..n_q + n_v, (at.v..at.v + n_v).map(Input::Variable));
             let rebound = &self.t.contact(i).rebound;

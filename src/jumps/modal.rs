@@ -27,6 +27,7 @@ use super::guards::{Condition, Guard, Limit};
 use super::modes::{ContactMode, Phase, Sequence};
 use super::overlap::Witness;
 use super::problem::Problem;
+use super::scales;
 use super::track::Track;
 use super::transcribe::{
     Forces, Jump, Place, Planned, Transcriber, Transcription, EQUAL, FREE, INF, NEGATIVE, POSITIVE,
@@ -117,7 +118,7 @@ pub(super) fn phases_of_plan(p: &Problem, s: &Sequence) -> Vec<(usize, usize)> {
     s.stages.iter().enumerate().flat_map(of_stage).collect()
 }
 
-/// Largest gap, and rate of a gap, of a contact that is closed at a given initial state, as a share of the size of the state: what
+/// Largest gap, and rate of a gap, of a contact that is closed at a given initial state, as a share of what states of their sizes make of it: what
 /// keeps it apart is more than rounding from there on.
 const TOUCHES: f64 = 1e-7;
 
@@ -132,19 +133,23 @@ pub(super) fn can_begin(p: &Problem, s: &Sequence) -> bool {
     let Some(first) = s.stages.first().and_then(|stage| stage.first()) else { return false };
     let u = vec![0.0; g.dims.u];
     let at = Point { t: g.t0, x: x0, u: &u, p: &g.params[..g.dims.p] };
-    let size = x0.iter().fold(1.0f64, |m, v| m.max(v.abs()));
+    let sizes = scales::of_states(p, x0, None);
     let value = |f: &SharedFunction| {
         let mut out = [f64::NAN];
         f.value(&at, &mut out, &mut vec![0.0; f.work_len()]).map_or(f64::NAN, |()| out[0])
     };
-    let is_zero = |f: &SharedFunction| value(f).abs() <= TOUCHES * size;
+    let size = |f: &SharedFunction| scales::of_value(f, &at, &sizes);
+    let is_zero = |f: &SharedFunction| value(f).abs() <= TOUCHES * size(f);
     (0..p.n_contacts()).all(|i| {
         let c = &p.functions.contacts[i];
         let hit = first.jump.as_ref().is_some_and(|parts| parts[i].is_closed());
         let slides = first.modes[i] == ContactMode::Closed && c.slide.as_ref().is_some_and(|f| !is_zero(f));
         let closed = first.modes[i].is_closed() || hit;
-        let moves_on =
-            if first.jump.is_some() { !hit || value(&c.rate) <= TOUCHES * size } else { is_zero(&c.rate) && !slides };
+        let moves_on = if first.jump.is_some() {
+            !hit || value(&c.rate) <= TOUCHES * size(&c.rate)
+        } else {
+            is_zero(&c.rate) && !slides
+        };
         !closed || (is_zero(&c.gap) && moves_on)
     })
 }
@@ -175,9 +180,9 @@ impl Modal<'_> {
     }
 
     /// Variables of the force of a contact, or of an impulse, that start from these values.
-    fn forces(&mut self, i: usize, start: [f64; 2]) -> Forces {
-        let normal = self.t.b.variables(1, POSITIVE, start[0].max(0.0), 1.0);
-        let tangential = (self.t.contact(i).n_tangents > 0).then(|| self.t.b.variables(1, FREE, start[1], 1.0));
+    fn forces(&mut self, i: usize, start: [f64; 2], size: f64) -> Forces {
+        let normal = self.t.b.variables(1, POSITIVE, start[0].max(0.0), size);
+        let tangential = (self.t.contact(i).n_tangents > 0).then(|| self.t.b.variables(1, FREE, start[1], size));
         Forces { normal, tangential }
     }
 
@@ -223,7 +228,7 @@ impl Modal<'_> {
                 }
                 let t = plan.from[0] + self.t.p.given.tableau.c[j] * (plan.from[1] - plan.from[0]);
                 let h = plan.span[1] - plan.span[0];
-                let forces = self.forces(i, self.t.guess.force(t, i).map(|f| h * f));
+                let forces = self.forces(i, self.t.guess.force(t, i).map(|f| h * f), self.t.units.contacts[i].impulse);
                 self.guard(i, Condition::Force, Limit::LowerBound(forces.normal));
                 self.t.add_force(n, j, i, forces, true);
                 let c = self.t.contact(i);
@@ -278,7 +283,7 @@ impl Modal<'_> {
             return;
         }
         let first = 1.0 - weights.iter().sum::<f64>();
-        let q = self.t.b.variables(n_q, FREE, 0.0, 1.0);
+        let q = self.t.b.sized(&self.t.units.x[..n_q], FREE);
         let rows = self.t.b.rows(n_q, EQUAL);
         for i in 0..n_q {
             self.t.b.linear(rows + i, q + i, 1.0);
@@ -371,7 +376,9 @@ impl Modal<'_> {
     fn decisive_forces(&mut self, at: Place, before: &Planned, next: &Planned, decides: &[usize]) {
         let (stage, n_v) = (before.stage, self.t.p.functions.n_v);
         let h = (before.span[1] - before.span[0]).max(f64::MIN_POSITIVE);
-        let a = self.t.b.variables(n_v, FREE, 0.0, 1.0);
+        let n_q = self.t.p.functions.n_q;
+        let of_rates: Vec<f64> = self.t.units.x[n_q..].iter().map(|v| v / self.t.units.time).collect();
+        let a = self.t.b.sized(&of_rates, FREE);
         if let Some(last) = self.t.elements.last() {
             let rate = last.rates[last.rates.len() - 1] + self.t.p.functions.n_q;
             for i in 0..n_v {
@@ -392,7 +399,7 @@ impl Modal<'_> {
             if !mode.is_closed() {
                 continue;
             }
-            let forces = self.forces(i, self.t.guess.force(before.from[1], i));
+            let forces = self.forces(i, self.t.guess.force(before.from[1], i), self.t.units.contacts[i].force);
             let inputs = self.t.force_inputs(at, stage, Some(a), forces);
             let c = self.t.contact(i);
             self.t.b.term(&c.push, &inputs, -1.0, None, velocities());
@@ -430,7 +437,7 @@ impl Modal<'_> {
                 continue;
             }
             let start = self.guessed_impulse(plan.from[0], i);
-            let forces = self.forces(i, start);
+            let forces = self.forces(i, start, self.t.units.contacts[i].impulse);
             impact.impulses[i] = Some(forces);
             self.guard(i, Condition::Force, Limit::LowerBound(forces.normal));
             let arrival = self.t.inputs(impact.before, control, &[]);

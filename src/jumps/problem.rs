@@ -1,6 +1,7 @@
 //! What is discretised: a scene with costs and constraints on a grid of control stages.
 
 use super::functions::SceneFunctions;
+use super::scales;
 use crate::error::{Error, Result};
 use crate::fesd::{Boundary, Durations, PathConstraint, Terminal};
 use crate::func::{Dims, Point};
@@ -176,6 +177,12 @@ impl Problem {
             f.value(&at, &mut e, &mut vec![0.0; f.work_len()]).map_or(0.0, |()| e[0])
         };
         self.functions.contacts.iter().map(|c| of(&c.restitution)).collect()
+    }
+
+    /// Sizes of the gaps of all contacts at a point, an initial state: what states of their sizes make of them.
+    pub fn sizes_of_gaps(&self, at: &Point) -> Vec<f64> {
+        let sizes = scales::of_states(self, at.x, None);
+        self.functions.contacts.iter().map(|c| scales::of_value(&c.gap, at, &sizes)).collect()
     }
 
     /// Gaps of all contacts at a point, with their names; NaN where a gap has no value.

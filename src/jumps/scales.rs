@@ -1,7 +1,10 @@
 //! Usual sizes of the states of a scene, from what a problem says of them.
 
 use super::problem::Problem;
+use super::track::Piece;
 use crate::func::Point;
+use crate::nlp::middles;
+use crate::system::SharedFunction;
 
 /// Sizes of the states: the larger of their values at the start, at the target and at their finite bounds. A state of which these say nothing
 /// has the size of the largest of its kind; coordinates of which nothing is known have that of the largest gap at the start, velocities cross the
@@ -28,4 +31,139 @@ pub(super) fn of_states(p: &Problem, x0: &[f64], target: Option<&[f64]>) -> Vec<
         *size = if i < n_q { way } else { speed };
     }
     x
+}
+
+/// Size of the value of a function of one output: what states of their sizes make of it to first order, at a point. Gaps need not be lengths, nor
+/// have a unit in common with any state.
+pub(super) fn of_value(f: &SharedFunction, at: &Point, sizes: &[f64]) -> f64 {
+    let pattern = f.jac_pattern();
+    let mut jac = vec![0.0; pattern.nnz()];
+    if f.jacobian(at, &mut jac, &mut vec![0.0; f.work_len()]).is_err() {
+        return 0.0;
+    }
+    sizes.iter().enumerate().map(|(j, size)| pattern.range(j).map(|k| jac[k].abs()).sum::<f64>() * size).sum()
+}
+
+/// Sizes of the states of a motion: their largest moduli, and of those that are zero all the time the sizes that are known without it.
+pub(super) fn of_motion(p: &Problem, x0: &[f64], pieces: &[Piece]) -> Vec<f64> {
+    let mut sizes = vec![0f64; x0.len()];
+    let states = pieces.iter().flat_map(|q| q.x0.chunks(x0.len()).chain(q.xs.chunks(x0.len())));
+    for x in states.chain([x0]) {
+        sizes.iter_mut().zip(x).for_each(|(size, v)| *size = size.max(v.abs()));
+    }
+    let known = of_states(p, x0, None);
+    sizes.iter_mut().zip(known).filter(|(size, _)| **size == 0.0).for_each(|(size, known)| *size = known);
+    sizes
+}
+
+/// Units in which the variables of programs are numbers of the usual sizes: thousands of the units of the problem, or thousandths, or these themselves,
+/// as engineers write. Programs in micrometers and in kilometers are then the same up to rounding, and one whose numbers are
+/// between 0.03 and 30 is taken as it is.
+#[derive(Debug, Clone)]
+pub(super) struct Units {
+    /// Of coordinates, then velocities.
+    pub(super) x: Vec<f64>,
+    /// Of controls.
+    pub(super) u: Vec<f64>,
+    pub(super) time: f64,
+    /// Of what holds coordinates on a gap that is not linear, per contact.
+    pub(super) shifts: Vec<f64>,
+    pub(super) contacts: Vec<ContactUnits>,
+}
+
+/// Units of a contact.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct ContactUnits {
+    pub(super) gap: f64,
+    /// Of rates of the gap.
+    pub(super) rate: f64,
+    /// Of sliding velocities.
+    pub(super) slide: f64,
+    /// Of forces, and of impulses.
+    pub(super) force: f64,
+    pub(super) impulse: f64,
+}
+
+/// The power of a thousand that is next to a size; 1 for what has none.
+pub(super) fn unit(size: f64) -> f64 {
+    if size > 0.0 && size.is_finite() {
+        1e3f64.powi((size.log10() / 3.0).round() as i32)
+    } else {
+        1.0
+    }
+}
+
+impl Units {
+    /// Of a problem, and the controls of a guess. Velocities cross the sizes of the coordinates in the horizon, or are larger where the
+    /// problem says so; with the energy `vᵀ M v` of these a force does over a gap of its size what an impulse does at a rate of its size, and
+    /// a control without bounds is large enough to do it on the way of a coordinate.
+    pub(super) fn new(p: &Problem, controls: &[f64]) -> Units {
+        let g = &p.given;
+        let f = &p.functions;
+        let (n_q, n_v) = (f.n_q, f.n_v);
+        let x0 = &middles(&g.x0_bounds)[..];
+        let mut sizes = of_states(p, x0, None);
+        let horizon: f64 = g.durations.iter().sum();
+        if n_q == n_v {
+            (0..n_q).for_each(|i| sizes[n_q + i] = sizes[n_q + i].max(sizes[i] / horizon));
+        }
+        let zeros = vec![0.0; g.wide.u + n_v];
+        let params = &g.params[..g.dims.p];
+        let at = Point { t: g.t0, x: x0, u: &zeros[..g.dims.u], p: params };
+        let speeds = &sizes[n_q..];
+        let momentum = {
+            let with_speeds = [params, speeds].concat();
+            let mut out = vec![0.0; n_v];
+            let at = Point { p: &with_speeds, ..at };
+            f.momentum.value(&at, &mut out, &mut vec![0.0; f.momentum.work_len()]).map_or_else(|_| Vec::new(), |()| out)
+        };
+        let energy: f64 = momentum.iter().zip(speeds).map(|(m, v)| (m * v).abs()).sum();
+        let contacts = f.contacts.iter().map(|c| {
+            let (gap, rate) = (of_value(&c.gap, &at, &sizes), of_value(&c.rate, &at, &sizes));
+            let slide = c.slide.as_ref().map_or(rate, |s| of_value(s, &at, &sizes));
+            let over = |way: f64| if way > 0.0 { unit(energy / way) } else { 1.0 };
+            ContactUnits { gap: unit(gap), rate: unit(rate), slide: unit(slide), force: over(gap), impulse: over(rate) }
+        });
+        let shift = |c: &ContactUnits| sizes[..n_q].iter().fold(0f64, |m, s| m.max(*s)).powi(2) / c.gap;
+        let contacts: Vec<ContactUnits> = contacts.collect();
+        let bounds = |j: usize| g.u_bounds.iter().map(move |b| b[j].abs()).filter(|b| b.is_finite());
+        let given = |j: usize| controls.iter().skip(j).step_by(g.wide.u.max(1)).map(|u| u.abs());
+        let of_control = |j: usize| {
+            let known = bounds(j).chain(given(j)).fold(0.0, f64::max);
+            if known > 0.0 || j >= g.dims.u {
+                return known;
+            }
+            // what it does is a force for every velocity: its power at their sizes, for one unit of it
+            let pattern = f.smooth.jac_pattern();
+            let mut jac = vec![0.0; pattern.nnz()];
+            if f.smooth.jacobian(&at, &mut jac, &mut vec![0.0; f.smooth.work_len()]).is_err() {
+                return 0.0;
+            }
+            let column = f.smooth.dims().x + j;
+            let rows = pattern.rows(column).iter().zip(&jac[pattern.range(column)]);
+            let power: f64 = rows.filter(|(i, _)| **i >= n_q).map(|(&i, v)| (v * speeds[i - n_q]).abs()).sum();
+            if power > 0.0 {
+                energy / (horizon * power)
+            } else {
+                0.0
+            }
+        };
+        Units {
+            u: (0..g.wide.u).map(|j| unit(of_control(j))).collect(),
+            time: unit(horizon),
+            shifts: contacts.iter().map(|c| unit(shift(c))).collect(),
+            contacts,
+            x: sizes.into_iter().map(unit).collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::unit;
+
+    #[test]
+    fn units_are_powers_of_a_thousand() {
+        assert_eq!([0.05, 1.0, 20.0, 100.0, 2e-6, 3e7, 0.0].map(unit), [1.0, 1.0, 1.0, 1e3, 1e-6, 1e6, 1.0]);
+    }
 }

@@ -84,7 +84,9 @@ fn parameter(
     let wide = p.given.wide.p;
     let places: Vec<usize> = (0..p.n_stages()).filter_map(|s| t.constants[s * wide + k]).collect();
     let before: Vec<f64> = places.iter().map(|&j| t.program.constants_mut()[j]).collect();
-    let h = STEP * before.first().map_or(1.0, |v| v.abs().max(1.0));
+    // of a parameter that is zero nothing says how large it usually is
+    let size = before.first().map_or(0.0, |v| v.abs());
+    let h = STEP * if size > 0.0 { size } else { 1.0 };
     let mut at = |h: f64| {
         for (&j, v) in places.iter().zip(&before) {
             t.program.constants_mut()[j] = v + h;

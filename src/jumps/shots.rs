@@ -65,7 +65,8 @@ const NEARLY: f64 = 0.25;
 /// of a trial that it is read off is right where the trial goes about as far: others are tried again, so many times.
 const REACH: f64 = 4.0;
 const ABOUT: f64 = 10.0;
-const TRIED: usize = 4;
+const TRIED: usize = 6;
+const FIRST_TRIAL: f64 = 1.0;
 
 /// Shots that are looked at for a cheaper answer, and the multiple of the controls of the known one that they are drawn from.
 const MOST_CHEAPER: usize = 20;
@@ -233,14 +234,14 @@ impl<'a> Range<'a> {
         range
     }
 
-    /// Half the range of every control that has no bounds: what takes the end as far as it is from the target.
+    /// Half the range of every control that has no bounds: what takes the end as far as it is from the target, or, where no target is known, from
+    /// where it would be by the size of a coordinate. The first trial has a size that nothing but the trial itself says to be right.
     fn reaches(&mut self) -> Vec<f64> {
         let (g, o) = (&self.p.given, self.o);
         let n_q = self.p.functions.n_q;
         let given = |j: usize| (0..self.p.n_stages()).fold(0f64, |m, k| m.max(o.controls[k * g.wide.u + j].abs()));
         let bounds = |j: usize| [g.u_bounds[0][j], g.u_bounds[1][j]];
         let mut out: Vec<f64> = (0..g.dims.u).map(|j| size_of_one(given(j), bounds(j))).collect();
-        let Some(target) = &o.target else { return out };
         let mut at = self.filled(&[]);
         let Some(first) = self.simulate(&at) else { return out };
         let from = first.run.x[..n_q].to_vec();
@@ -248,15 +249,23 @@ impl<'a> Range<'a> {
         let sizes = self.sizes.clone();
         let share = |(k, (a, b)): (usize, (&f64, &f64))| ((a - b) / sizes[k]).powi(2);
         let distance = |a: &[f64], b: &[f64]| a.iter().zip(b).enumerate().map(share).sum::<f64>().sqrt();
-        let wanted = distance(&target[..n_q], &from);
+        let wanted = o.target.as_ref().map_or(1.0, |target| distance(&target[..n_q], &from));
         for (j, reach) in out.iter_mut().enumerate().filter(|(j, _)| bounds(*j).iter().any(|b| b.is_infinite())) {
+            if *reach == 0.0 {
+                *reach = FIRST_TRIAL;
+            }
+            let first = *reach;
+            let mut moved_at_all = false;
             for _ in 0..if wanted > 0.0 { TRIED } else { 0 } {
                 let controls = at.controls.clone();
                 (0..self.p.n_stages()).for_each(|k| at.controls[k * g.wide.u + j] += *reach);
                 let moves = self.simulate(&at).map_or(f64::INFINITY, |moved| distance(&moved.run.x[..n_q], &from));
                 at.controls = controls;
+                moved_at_all |= moves > 0.0;
                 if moves == 0.0 {
-                    break;
+                    // less than what friction holds, or a control that moves nothing
+                    *reach *= ABOUT * ABOUT;
+                    continue;
                 }
                 if (1.0 / ABOUT..=ABOUT).contains(&(moves / wanted)) {
                     *reach *= REACH * wanted / moves;
@@ -264,6 +273,9 @@ impl<'a> Range<'a> {
                 }
                 // what has no end was far too much
                 *reach *= if moves.is_finite() { wanted / moves } else { 1.0 / (ABOUT * ABOUT) };
+            }
+            if !moved_at_all {
+                *reach = first;
             }
         }
         out
@@ -473,14 +485,13 @@ impl<'a> Range<'a> {
     }
 }
 
-/// Half the range of a variable without bounds, to begin with: its value, else the larger of the finite bounds it has; 1 where it has neither.
+/// Half the range of a variable without bounds, to begin with: its value, else the larger of the finite bounds it has; 0 where it has neither.
 fn size_of_one(given: f64, bounds: [f64; 2]) -> f64 {
     let known = bounds.into_iter().filter(|b| b.is_finite()).map(f64::abs);
-    let size = if given != 0.0 { given.abs() } else { known.fold(0.0, f64::max) };
-    if size > 0.0 {
-        size
+    if given != 0.0 {
+        given.abs()
     } else {
-        1.0
+        known.fold(0.0, f64::max)
     }
 }
 

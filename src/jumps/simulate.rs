@@ -258,11 +258,12 @@ pub struct Replay {
     pub cost: f64,
 }
 
-/// Simulates the controls of an answer with the tolerance `tol`.
+/// Simulates the controls of an answer with the tolerance `tol`, relative to the sizes of its states.
 pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Result<Replay> {
     let given = with_free_parameters(p, a);
     let inputs = Inputs { x0: &a.x0, controls: a.controls(), durations, params: &given };
-    let s = simulate_with(p, inputs, Effort { tolerance: tol, ..GUESS })?;
+    let sizes = scales::of_motion(p, &a.x0, &a.track.pieces);
+    let s = simulate_with(p, inputs, Effort { tolerance: tol, sizes: &sizes, ..GUESS })?;
     let n = s.times.len() - 1;
     let mut differences = Vec::with_capacity(n);
     let (nx, mut x) = (p.given.dims.x, vec![0.0; p.given.dims.x]);
@@ -297,7 +298,8 @@ pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Re
 pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Result<Vec<f64>> {
     let (g, nx) = (&p.given, p.given.dims.x);
     let given = with_free_parameters(p, a);
-    let mut engine = Engine::new(&g.system, &Options::with_tolerance(tol, tol))?;
+    let atol = scales::of_motion(p, &a.x0, &a.track.pieces).iter().map(|s| tol * s).collect();
+    let mut engine = Engine::new(&g.system, &Options { atol, ..Options::with_tolerance(tol, tol) })?;
     let (mut t, mut out) = (g.t0, Vec::with_capacity(durations.len()));
     for (k, d) in durations.iter().enumerate() {
         let mut of_stage = a.track.pieces.iter().filter(|q| q.stage == k);

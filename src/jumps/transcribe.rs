@@ -15,9 +15,11 @@ use super::functions::ContactFunctions;
 use super::guards::Guard;
 use super::modes::ContactMode;
 use super::problem::Problem;
+use super::scales::{self, Units};
 use super::track::{Piece, Track};
 use crate::fesd::{Durations, PathAt};
 use crate::func::{EvalError, Point};
+use crate::mpcc::Mpcc;
 use crate::nlp::{Bounds, Nlp};
 use crate::system::SharedFunction;
 
@@ -143,6 +145,7 @@ pub(super) struct Transcriber<'a> {
     pub(super) p: &'a Problem,
     pub(super) guess: &'a Track,
     pub(super) b: Builder,
+    pub(super) units: Units,
     pub(super) elements: Vec<Element>,
     x0: Place,
     controls: Vec<usize>,
@@ -171,19 +174,21 @@ impl<'a> Transcriber<'a> {
         for (j, bounds) in g.free.iter().enumerate() {
             let Some(bounds) = bounds else { continue };
             let start = guess.free.get(free.iter().flatten().count()).copied().unwrap_or(g.params[j]);
-            let variable = b.variables(1, *bounds, start.clamp(bounds[0], bounds[1]), 1.0);
+            let variable = b.variables(1, *bounds, start.clamp(bounds[0], bounds[1]), scales::unit(start.abs()));
             free[j] = Some(variable);
             for k in 0..g.durations.len() {
                 params[k * g.wide.p + j] = Input::Variable(variable);
             }
         }
         let n_q = p.functions.n_q;
-        let q = b.variables(g.dims.x, FREE, 0.0, 1.0);
+        let units = Units::new(p, &guess.controls);
+        let q = b.sized(&units.x, FREE);
         let x0 = Place { q, v: q + n_q, t: t0 };
         let mut t = Transcriber {
             p,
             guess,
             b,
+            units,
             elements: Vec::new(),
             x0,
             controls: Vec::new(),
@@ -223,7 +228,7 @@ impl<'a> Transcriber<'a> {
     pub(super) fn stage(&mut self) {
         let g = &self.p.given;
         let k = self.controls.len();
-        let u = self.b.variables(g.wide.u, FREE, 0.0, 1.0);
+        let u = self.b.sized(&self.units.u, FREE);
         for j in 0..g.wide.u {
             let [lo, hi] = [g.u_bounds[0][j], g.u_bounds[1][j]];
             (self.b.xl[u + j], self.b.xu[u + j]) = (lo, hi);
@@ -353,7 +358,7 @@ impl<'a> Transcriber<'a> {
         let n_v = self.p.functions.n_v;
         let [lower, upper] = &self.p.given.x_bounds;
         let n_q = self.p.functions.n_q;
-        let v = self.b.variables(n_v, FREE, 0.0, 1.0);
+        let v = self.b.sized(&self.units.x[n_q..], FREE);
         for i in 0..n_v {
             (self.b.xl[v + i], self.b.xu[v + i]) = (lower[n_q + i], upper[n_q + i]);
         }
@@ -361,7 +366,7 @@ impl<'a> Transcriber<'a> {
         self.guess.state(plan.from[0], true, &mut x);
         self.b.start[v..v + n_v].copy_from_slice(&x[n_q..]);
         self.room = x;
-        let change = self.b.variables(n_v, FREE, 0.0, 1.0);
+        let change = self.b.sized(&self.units.x[n_q..], FREE);
         let rows = self.b.rows(n_v, EQUAL);
         for i in 0..n_v {
             self.b.linear(rows + i, change + i, 1.0);
@@ -394,7 +399,7 @@ impl<'a> Transcriber<'a> {
         let (n_q, n_v) = (self.p.functions.n_q, self.p.functions.n_v);
         let c = self.p.given.tableau.c[j];
         let [lower, upper] = &self.p.given.x_bounds;
-        let q = self.b.variables(n_q + n_v, FREE, 0.0, 1.0);
+        let q = self.b.sized(&self.units.x, FREE);
         for i in 0..n_q + n_v {
             (self.b.xl[q + i], self.b.xu[q + i]) = (lower[i], upper[i]);
         }
@@ -402,7 +407,7 @@ impl<'a> Transcriber<'a> {
         self.write_state(t, false, q, q + n_q);
         let t = if self.p.knows_time {
             let start = plan.span[0] + c * (plan.span[1] - plan.span[0]);
-            let t = self.b.variables(1, FREE, start, 1.0);
+            let t = self.b.variables(1, FREE, start, self.units.time);
             let bound = match e.start.t {
                 Input::Constant(_) => self.p.given.t0,
                 Input::Variable(_) => 0.0,
@@ -418,7 +423,7 @@ impl<'a> Transcriber<'a> {
             self.zero
         };
         e.points.push(Place { q, v: q + n_q, t });
-        e.rates.push(self.b.variables(n_q + n_v, FREE, 0.0, 1.0));
+        e.rates.push(self.b.sized(&self.units.x, FREE));
         e.forces.push(vec![None; self.p.n_contacts()]);
     }
 
@@ -495,7 +500,7 @@ impl<'a> Transcriber<'a> {
         let e = &self.elements[element];
         let (at, stage, n_q) = (e.points[j], e.stage, self.p.functions.n_q);
         let rows = e.momentum_rows[j] - n_q;
-        let mu = self.b.variables(1, FREE, 0.0, 1.0);
+        let mu = self.b.variables(1, FREE, 0.0, self.units.shifts[i]);
         let c = self.contact(i);
         let inputs = self.inputs(at, stage, &[Input::Variable(mu)]);
         self.b.term(&c.shift, &inputs, -1.0, None, (rows..rows + n_q).map(|r| r as u32));
@@ -695,10 +700,11 @@ impl Transcription {
         if self.program.cost(w, &mut rows).is_err() {
             return (f64::INFINITY, None);
         }
+        let (sizes, units) = self.units_of_rows();
         let b = &self.bounds;
         let outside = |v: f64, lower: f64, upper: f64| (lower - v).max(v - upper).max(0.0);
-        let of_row = |i: usize| outside(rows[i], b.cl[i], b.cu[i]);
-        let of_bounds = (0..w.len()).map(|j| outside(w[j], b.xl[j], b.xu[j])).fold(0.0, f64::max);
+        let of_row = |i: usize| outside(rows[i], b.cl[i], b.cu[i]) / units[i];
+        let of_bounds = (0..w.len()).map(|j| outside(w[j], b.xl[j], b.xu[j]) / sizes[j]).fold(0.0, f64::max);
         let most = (0..rows.len()).map(of_row).fold(of_bounds, f64::max);
         // sums of variables alone say nothing about the scene
         let told = (0..rows.len()).filter(|&i| of_row(i) > TOLD * most && !self.program.behind(i).0.is_empty());
@@ -710,6 +716,24 @@ impl Transcription {
             Broken { functions, stage }
         });
         (most, broken)
+    }
+
+    /// Sizes of the variables, and units of the rows: what variables of their sizes change them by at the start, which is a motion.
+    fn units_of_rows(&mut self) -> (Vec<f64>, Vec<f64>) {
+        let p = &mut self.program;
+        let mut sizes = vec![1.0; p.n()];
+        p.sizes(&mut sizes);
+        let (mut grad, mut jac) = (vec![0.0; p.n()], vec![0.0; p.jac_pattern().nnz()]);
+        let mut largest = vec![0f64; p.m()];
+        if p.derivatives(&self.start, &mut grad, &mut jac).is_ok() {
+            let pattern = p.jac_pattern();
+            for (j, size) in sizes.iter().enumerate() {
+                for (&i, v) in pattern.rows(j).iter().zip(&jac[pattern.range(j)]) {
+                    largest[i] = largest[i].max((v * size).abs());
+                }
+            }
+        }
+        (sizes, largest.into_iter().map(scales::unit).collect())
     }
 
     /// The cost at a point.

@@ -229,9 +229,9 @@ impl Ocp {
         }
         let x0 = &self.x0_bounds[0];
         let u = vec![0.0; self.system.dims().u];
-        let size = x0.iter().fold(1.0f64, |m, v| m.max(v.abs()));
-        for (name, gap) in p.gaps(&Point { t: self.t0, x: x0, u: &u, p: self.params_of(0) }) {
-            if gap < -1e-9 * size {
+        let at = Point { t: self.t0, x: x0, u: &u, p: self.params_of(0) };
+        for ((name, gap), size) in p.gaps(&at).into_iter().zip(p.sizes_of_gaps(&at)) {
+            if gap < -OVERLAP * size {
                 return Err(Error::Range(format!(
                     "the gap of contact {name} is {gap} at the initial state: bodies may touch there, but not overlap"
                 )));
@@ -373,6 +373,8 @@ impl Ocp {
     }
 }
 
+/// Share of the size of a gap by which it may be negative at the initial state: rounding.
+const OVERLAP: f64 = 1e-9;
 /// Share of the largest state of a motion by which its simulation may be off.
 const OFF: f64 = 1e-2;
 /// What is said of an answer that its simulation leaves.
