@@ -36,6 +36,8 @@ pub(super) struct Beyond {
     attempts: usize,
     /// Length of the first of them.
     pub(super) longest: f64,
+    /// Length of one that was beyond the stability of the explicit pair, and the speed that it showed.
+    seen: Option<(f64, f64)>,
 }
 
 /// How an attempt at a step ended.
@@ -417,15 +419,18 @@ impl Engine {
         }
     }
 
-    /// The last attempt has failed, and others before it: was it beyond the stability of the explicit pair all the same? Where the length comes down
+    /// The last attempt has failed: was it beyond the stability of the explicit pair, by a speed that one before it has shown too? (Next to
+    /// where a function like `sqrt |x|` has no slope speeds have no limit, and every attempt shows another one.) Where the length comes down
     /// to what is stable by failures alone, a mode has begun that is faster than the solution was, and as long as nothing else is
     /// known of it an implicit method follows it: through a fast transient it goes as well, and where steps turn out to be those
     /// that an explicit pair would be stable with, that comes back. At the border of stability, where the usual test would find it
     /// out, the state is noise of the size of the tolerances, and surfaces that are closer than that are crossed at random.
     pub(super) fn is_beyond_stability(&mut self, beyond: &mut Beyond) -> Result<bool> {
-        /// Failed attempts that are enough, and how far beyond at least.
-        const ATTEMPTS: usize = 3;
+        /// How far beyond at least.
         const FAR: f64 = 2.0;
+        /// Speeds that are the same, seen by attempts one of which is so much shorter.
+        const SAME: f64 = 2.0;
+        const SHORTER: f64 = 0.25;
         let mild = |c: usize| self.stiff[c] == Pace::Mild;
         let known = self.field.active.is_empty() && mild(self.stiff.len() - 1) || self.field.active_cells().any(mild);
         if self.implicit
@@ -437,19 +442,30 @@ impl Engine {
             return Ok(false);
         }
         beyond.attempts += 1;
+        let high = self.pair == Pair::Dop853;
         if beyond.attempts == 1 {
             beyond.longest = self.step.h;
+            // one failure is nothing special, and for this pair a look costs an evaluation
+            if high {
+                return Ok(false);
+            }
         }
-        // a few failures are nothing special, and a look costs an evaluation
-        if beyond.attempts < ATTEMPTS {
+        let r = if high { explicit::finish(self.pair, &mut self.field, &mut self.step) } else { Ok(()) };
+        let known = recover(r.map(|()| true), false)?;
+        let reach = explicit::stiffness(self.pair, &self.step, &self.weights);
+        if !known || reach <= FAR * self.pair.stability() {
+            beyond.seen = None;
             return Ok(false);
         }
-        let r = match self.pair {
-            Pair::Dp5 => Ok(()),
-            Pair::Dop853 => explicit::finish(self.pair, &mut self.field, &mut self.step),
-        };
-        let known = recover(r.map(|()| true), false)?;
-        Ok(known && explicit::stiffness(self.pair, &self.step, &self.weights) > FAR * self.pair.stability())
+        let (h, speed) = (self.step.h, reach / self.step.h);
+        match beyond.seen {
+            Some((length, _)) if h > SHORTER * length => Ok(false),
+            Some((_, before)) if speed <= SAME * before && before <= SAME * speed => Ok(true),
+            _ => {
+                beyond.seen = Some((h, speed));
+                Ok(false)
+            }
+        }
     }
 
     /// Stiffness lasts: it is enough to look for it now and then, by the number of the step.

@@ -108,7 +108,7 @@ impl Engine {
     ) -> Result<Option<(usize, f64, Vec<f64>)>> {
         let (mut n, most) = if polygon { POLYGON } else { STEPS };
         let enough = 8 * n;
-        let mut coarse: Option<Vec<f64>> = None;
+        let (mut coarse, mut before): (Option<Vec<f64>>, f64) = (None, 0.0);
         self.passage_work += PASSAGE;
         loop {
             stop::check()?;
@@ -121,10 +121,14 @@ impl Engine {
                 // errors of order one: more steps than are allowed would be necessary
                 let hopeless = may_be_shorter && n >= enough && error * n as f64 > 2.0 * allowed * most as f64;
                 if error <= allowed || n >= most || hopeless {
-                    // halving the steps moves the end by more than the state is large and may have gone: they grow without bound
-                    let far = |i: usize| change[i].abs() > self.field.size(i, x0[i]) + span * self.f[i].abs();
-                    return Ok((error <= allowed || !(0..self.nx).any(far)).then_some((n, error, x)));
+                    // how much more halving the steps moves the end than the state is large and may have gone: where that is much, or
+                    // halving them before has moved it less, they grow without bound
+                    let far = |i: usize| change[i].abs() / (self.field.size(i, x0[i]) + span * self.f[i].abs());
+                    let far = (0..self.nx).map(far).fold(0.0f64, f64::max);
+                    let grows = error > allowed && (far > 1.0 && error >= before || far > EPS.sqrt().recip());
+                    return Ok((!grows).then_some((n, error, x)));
                 }
+                before = error;
             }
             coarse = Some(x);
             n *= 2;
