@@ -129,7 +129,8 @@ impl Units {
         let bounds = |j: usize| g.u_bounds.iter().map(move |b| b[j].abs()).filter(|b| b.is_finite());
         let given = |j: usize| controls.iter().skip(j).step_by(g.wide.u.max(1)).map(|u| u.abs());
         let of_control = |j: usize| {
-            let known = bounds(j).chain(given(j)).fold(0.0, f64::max);
+            // spread over its range a control is half of its bound on average
+            let known = bounds(j).map(|b| 0.5 * b).chain(given(j)).fold(0.0, f64::max);
             if known > 0.0 || j >= g.dims.u {
                 return known;
             }
