@@ -54,7 +54,7 @@ const SEARCH: f64 = 0.9;
 const GAIN: f64 = 1e-7;
 
 /// What the answer of a problem costs when it is simulated, or what it says itself where that cannot be compared.
-fn worth(one: &mut Ocp, request: &Request) -> Result<f64> {
+pub(super) fn worth(one: &mut Ocp, request: &Request) -> Result<f64> {
     let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.cost);
     Ok(one.simulated_cost(request)?.unwrap_or(own))
 }
@@ -86,7 +86,7 @@ impl Race {
 }
 
 /// Is an answer better than one that costs this much, by itself and when it is simulated? Simulations decide where both can be compared.
-fn lower(one: &mut Ocp, (cost, simulated): (f64, f64), request: &Request) -> Result<bool> {
+pub(super) fn lower(one: &mut Ocp, (cost, simulated): (f64, f64), request: &Request) -> Result<bool> {
     let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.cost);
     // those that are far from better by themselves are not simulated
     if own > cost + SAME * cost.abs() {
@@ -204,6 +204,14 @@ impl Ocp {
         part(&mut found, control, |found, control| self.aim_missed(found, request, control))?;
         if improved.is_none_or(|cost| found.cost() < cost) {
             part(&mut found, control, |found, control| self.improve(found, request, control))?;
+        }
+        if !given && !only_smooth {
+            part(&mut found, control, |found, control| {
+                if self.look_again(found, request, control)? {
+                    self.improve(found, request, control)?;
+                }
+                Ok(())
+            })?;
         }
         part(&mut found, control, |found, control| self.settle(found, request, control))?;
         self.adopt(found, request, control, clock)
@@ -724,7 +732,8 @@ impl Ocp {
         }
         costs.sort_by(f64::total_cmp);
         if let [a, b, ..] = costs[..] {
-            found.agreed |= (a - b).abs() <= SAME * a.abs().max(b.abs());
+            // a ladder that led nowhere agrees with nothing
+            found.agreed |= b.is_finite() && (a - b).abs() <= SAME * a.abs().max(b.abs());
         }
         Ok(())
     }

@@ -36,6 +36,14 @@ pub(super) enum Descent {
     Lower(Box<OcpResult>),
 }
 
+/// The end of a descent that nearly meets the constraints.
+pub(super) struct Shot {
+    /// Controls, lengths, parameters and initial states there.
+    pub moved: Box<OcpResult>,
+    /// The cost.
+    pub cost: f64,
+}
+
 impl Ocp {
     /// Descends on simulations from the answer that `best` has, with the given controls. `None` where nothing is simulated, or there is
     /// nothing to vary.
@@ -63,15 +71,21 @@ impl Ocp {
     /// Descends from what a simulation makes of the controls of `from`, which need not meet the constraints, to controls that nearly
     /// do. `b` is the problem as it was built for any point. `None` where that is not reached.
     pub(super) fn aim(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<Box<OcpResult>>> {
+        Ok(self.shoot(b, from, known)?.and_then(|(_, shot)| shot).map(|shot| shot.moved))
+    }
+
+    /// The same, with the cost that it ends at, and the number of simulations of the horizon; `None` where nothing is simulated, and no end
+    /// where the constraints are not nearly met.
+    pub(super) fn shoot(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<(usize, Option<Shot>)>> {
         let Some((shooting, found)) = self.descended(b, from, (&from.controls, &from.control_ends), known)? else {
             return Ok(None);
         };
         if found.violation > NEARLY {
-            return Ok(None);
+            return Ok(Some((found.evaluations, None)));
         }
         let mut moved = Box::new(from.clone());
         shooting.tell(&found.z, &mut moved);
-        Ok(Some(moved))
+        Ok(Some((found.evaluations, Some(Shot { moved, cost: found.cost }))))
     }
 
     /// Which of these controls lead closest to the constraints in a simulation, the closest first; violations count as shares of how far

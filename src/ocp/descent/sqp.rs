@@ -71,8 +71,11 @@ pub(super) trait Program {
 #[derive(Debug, Clone)]
 pub(super) struct Lowest {
     pub z: Vec<f64>,
-    /// Cost at the start.
+    /// Costs at the start and at the end.
     pub before: f64,
+    pub cost: f64,
+    /// How often the program was evaluated.
+    pub evaluations: usize,
     /// Decrease of the cost, relative to what it is or one variable changes it by, whichever is more. What it costs to meet
     /// constraints that the start violates is counted with their multipliers.
     pub gain: f64,
@@ -322,6 +325,8 @@ impl<'a> Descent<'a> {
         Ok(Lowest {
             z: y.iter().zip(&self.size).map(|(y, s)| y * s).collect(),
             before: f64::NAN,
+            cost: here.cost / self.unit,
+            evaluations: spent,
             gain: -here.cost,
             violation: self.violation(here.rows.iter().copied()).1,
             stationary: flattest <= STILL,
