@@ -10,6 +10,7 @@ use super::homotopy::Scholtes;
 use super::relaxation::Sequence;
 use super::relaxed::Structure;
 use super::settings::MpccSettings;
+use super::solver::KEPT_RELAXATION;
 use crate::nlp::{lower_barrier, Advance, Continuation, Level, Measures};
 use crate::settings::Homotopy;
 
@@ -73,6 +74,9 @@ impl Continuation for Path {
             Path::Rule(p) => p.rows.clone(),
         }
     }
+    fn recentres(&self) -> bool {
+        matches!(self, Path::Rule(p) if p.settings.homotopy == Homotopy::Outer && p.sequence == Sequence::Relaxation)
+    }
     fn corrects(&self) -> bool {
         matches!(self, Path::Coupled(p) if p.corrects())
     }
@@ -88,6 +92,9 @@ const HISTORY: usize = 10;
 /// Factor of the penalty parameter, and the inverse of its largest value.
 const RHO_FACTOR: f64 = 10.0;
 const SIGMA_OF_RHO_MAX: f64 = 1e-8;
+/// Barrier parameter at which a relaxed problem on the way counts as solved, as a share of its relaxation: what the barrier adds to
+/// the products is lost beside that.
+const SOLVED_SHARE: f64 = 1e-4;
 /// Iterations after which an almost feasible problem counts as solved.
 const PROBLEM_ITERATIONS: usize = 100;
 
@@ -111,15 +118,18 @@ impl Rule {
         Rule { settings, sequence, rows: st.sigma_rows(), start, end, stays: 0, history: [f64::INFINITY; HISTORY] }
     }
 
-    fn floor(&self) -> f64 {
+    /// The last barrier parameter of a problem with this relaxation or penalty.
+    fn floor(&self, sigma: f64) -> f64 {
         let s = &self.settings;
-        0.1 * if s.homotopy == Homotopy::Coupled { s.tol.max(self.end) } else { s.tol }
+        let least = 0.1 * if s.homotopy == Homotopy::Coupled { s.tol.max(self.end) } else { s.tol };
+        let loose = self.sequence == Sequence::Relaxation && sigma > KEPT_RELAXATION;
+        least.max(if loose { SOLVED_SHARE * sigma } else { 0.0 })
     }
 
     /// The next barrier problem of the same relaxation.
     fn lower(&mut self, level: Level) -> Advance {
         self.stays = 0;
-        let mu = lower_barrier(level.mu, self.floor());
+        let mu = lower_barrier(level.mu, self.floor(level.sigma));
         let sigma = match self.sequence {
             Sequence::Barrier(chi) => chi * mu,
             _ => level.sigma,
@@ -164,8 +174,8 @@ impl Continuation for Rule {
     }
 
     fn advance(&mut self, m: &Measures) -> Advance {
-        let Level { mu, .. } = m.level;
-        let floor = self.floor();
+        let Level { mu, sigma } = m.level;
+        let floor = self.floor(sigma);
         let mut open = m.pair_min.max(m.elastic) > mu.powf(GAMMA);
         let coupled = self.settings.homotopy == Homotopy::Coupled;
         self.stays += 1;
@@ -190,7 +200,8 @@ impl Continuation for Rule {
         open |= m.pair_product.max(m.elastic) > 10.0 * self.settings.tol.max(self.end);
         match self.tighten(m.level, open) {
             Some(level) => Advance::To(level),
-            None if stuck || (open && penalty) => Advance::GiveUp,
+            // what is stuck at a stop on the way is near enough to go on from
+            None if (stuck && self.end <= self.settings.sigma_min) || (open && penalty) => Advance::GiveUp,
             None => Advance::Done,
         }
     }

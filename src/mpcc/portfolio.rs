@@ -2,7 +2,7 @@
 //!
 //! The first path is the fastest on most programs, and no strategy is the best on all: where it ends at a point that is
 //! no solution, the others follow one after the other, each with a share of the iterations that are left, and the first
-//! solution ends the search. Only then is it asked whether there is a feasible point at all ([`violation`]).
+//! solution ends the search. The solution of a relaxation, where that is all there is, comes after them. Only then is it asked whether there is a feasible point at all ([`violation`]).
 
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, NoProposals};
@@ -52,10 +52,12 @@ impl FoundBy {
 }
 
 /// The order in which they are tried.
-const ORDER: [FoundBy; 5] = [FoundBy::Elastic, FoundBy::Heavy, FoundBy::Unlimited, FoundBy::Outer, FoundBy::AsGiven];
+const ORDER: [FoundBy; 5] = [FoundBy::Elastic, FoundBy::Heavy, FoundBy::Outer, FoundBy::Unlimited, FoundBy::AsGiven];
 /// Share of the iterations that the path gets where others may follow, and that is kept for the search of a feasible point.
 const PATH_SHARE: f64 = 0.5;
 const KEPT_SHARE: f64 = 0.15;
+/// Share of the objective by which the solution of a relaxation has to be better than an exact one to be the answer instead.
+const RELAXED_SHARE: f64 = 1e-3;
 /// Violation of the least violated point that counts as none, relative to scaled rows above 1.
 const MET: f64 = 1e-8;
 /// Share by which one violation has to be below another to be lower.
@@ -155,7 +157,7 @@ impl MpccSolver {
                 continue;
             }
             let before = self.solution.clone();
-            self.solution.polish = Polish::None;
+            (self.solution.polish, self.solution.found_by) = (Polish::None, strategy);
             let allowed = self.settings.max_iter;
             let used = self.solution.stats.iterations;
             let kept = (KEPT_SHARE * allowed as f64) as usize;
@@ -172,6 +174,7 @@ impl MpccSolver {
                 }
                 let centre = interior && centred && strategy != FoundBy::AsGiven;
                 self.follow(p, bounds, x0, centre, control, proposer);
+                self.doubt_relaxed();
                 self.settings = given;
                 if strategy == FoundBy::Heavy {
                     self.set_heavy(p, bounds, x0, false);
@@ -179,6 +182,35 @@ impl MpccSolver {
             }
             self.settings.max_iter = allowed;
             self.keep(before, strategy);
+        }
+    }
+
+    /// The solution of a small relaxation is an answer where there is no exact one, or no exact one that is as good: its products are as
+    /// small as tolerances, its objective is no better than an exact one could be by more than that.
+    pub(super) fn settle_for_relaxed(&mut self) {
+        let Some(relaxed) = self.relaxed_answer.take() else { return };
+        let s = &self.solution;
+        let stopped = matches!(s.outcome, Outcome::MaxTime | Outcome::Stopped);
+        let solved = s.outcome == Outcome::Solved;
+        let share = RELAXED_SHARE * (self.st.scaling.one() + s.objective.abs());
+        if !stopped && (!solved || relaxed.objective < s.objective - share) {
+            let stats = s.stats;
+            self.solution = Solution { stats, ..relaxed };
+        }
+    }
+
+    /// Where the last relaxed problem is solved and no exact point was found, others are tried before it is the answer.
+    pub(super) fn doubt_relaxed(&mut self) {
+        if self.solution.outcome == Outcome::Solved && self.solution.polish == Polish::Rejected {
+            self.keep_relaxed(self.solution.clone());
+            self.solution.outcome = Outcome::Stalled;
+        }
+    }
+
+    /// Keeps the better one of two solutions of small relaxations.
+    pub(super) fn keep_relaxed(&mut self, new: Solution) {
+        if self.relaxed_answer.as_ref().is_none_or(|old| new.objective < old.objective) {
+            self.relaxed_answer = Some(new);
         }
     }
 

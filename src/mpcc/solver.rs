@@ -10,7 +10,7 @@ use super::path::Path;
 use super::portfolio::FoundBy;
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, NoProposals};
-use super::relaxation;
+use super::relaxation::{self, Sequence};
 use super::relaxed::{Relaxed, Structure};
 use super::settings::MpccSettings;
 use crate::error::Result;
@@ -70,6 +70,8 @@ const EARLY_POLISH: [f64; 4] = [0.1, 1e-2, 1e-3, 3.2e-5];
 const EARLY_DISCRETISED: f64 = 1e-3;
 /// Relaxation at which the polish is tried in any case; later only when that one is rejected.
 const FIRST_POLISH: f64 = 1e-6;
+/// Relaxation whose solution is kept: where no exact point is found and no smaller relaxation is solved, it is the answer.
+pub(super) const KEPT_RELAXATION: f64 = 3e-8;
 /// Barrier parameter at the end of the plateau. The first relaxed problem decides which local optimum is found: the
 /// better it is solved the better that is, and a start that knows nothing leaves it more to do.
 const PLATEAU: f64 = 1e-4;
@@ -119,6 +121,8 @@ pub struct MpccSolver {
     pub(super) elastic: Option<Box<MpccSolver>>,
     /// Iterations one branch gets.
     pub(super) branch_iterations: usize,
+    /// The solution of a small relaxation, where no exact point was found from it.
+    pub(super) relaxed_answer: Option<Solution>,
 }
 
 impl MpccSolver {
@@ -153,6 +157,7 @@ impl MpccSolver {
                 stats: Statistics::default(),
             },
             elastic: None,
+            relaxed_answer: None,
             sides: vec![Side::First; n_groups],
             votes: vec![(0.0, 0.0); n_groups],
             order: (0..n_groups).collect(),
@@ -234,11 +239,15 @@ impl MpccSolver {
             }
             self.follow(p, bounds, x0, centre, control, proposer);
             self.settings.max_iter = allowed;
+            if self.has_others() && !p.is_discretised() {
+                self.doubt_relaxed();
+            }
             self.confirm(p, bounds, control);
             if !p.is_discretised() {
                 if self.has_others() {
                     self.go_on(p, bounds, x0, (interior, centre), control, proposer);
                 }
+                self.settle_for_relaxed();
                 self.find_least_violation(p, bounds, x0, control, proposer);
             }
         }
@@ -364,8 +373,11 @@ impl MpccSolver {
         }
         // where the last stop was left
         let mut level: Option<Level> = None;
-        let mut stops = [FIRST_POLISH; EARLY_POLISH.len() + 2];
-        stops[EARLY_POLISH.len() + 1] = s.sigma_min;
+        let mut stops = [FIRST_POLISH; EARLY_POLISH.len() + 3];
+        // the last problems of penalties say nothing of how open the pairs are
+        let keeps = !p.is_discretised() && self.st.strategy().sequence() == Sequence::Relaxation;
+        stops[EARLY_POLISH.len() + 1] = if keeps { KEPT_RELAXATION } else { s.sigma_min };
+        stops[EARLY_POLISH.len() + 2] = s.sigma_min;
         if s.early_polish {
             let early = if p.is_discretised() { [EARLY_DISCRETISED; EARLY_POLISH.len()] } else { EARLY_POLISH };
             stops[..EARLY_POLISH.len()].copy_from_slice(&early);
@@ -402,6 +414,10 @@ impl MpccSolver {
                 self.point = start;
                 outcome
             };
+            let error = self.ipm.error();
+            // a line search that ends at rounding, at a point that solves this problem as far as its relaxation is exact, ends nothing
+            let arrived = outcome == Outcome::Stalled && !last && keeps && error <= stops[k];
+            let outcome = if arrived { Outcome::Solved } else { outcome };
             self.record(p, outcome, self.solution.polish);
             if !s.polish || !matches!(outcome, Outcome::Solved | Outcome::Stalled) {
                 return;
@@ -420,6 +436,12 @@ impl MpccSolver {
                 false if end || p.is_discretised() => Effort::All,
                 false => Effort::Identified,
             };
+            let exact = error.max(self.solution.residuals.pair_product) <= 2.0 * KEPT_RELAXATION;
+            if keeps && outcome == Outcome::Solved && stops[k] == KEPT_RELAXATION && exact {
+                // a smaller relaxation may leave less doubt about the active set
+                self.keep_relaxed(Solution { polish: Polish::Rejected, ..self.solution.clone() });
+                continue;
+            }
             if self.polish(p, bounds, control, proposer, effort) || end {
                 return;
             }
@@ -473,6 +495,7 @@ impl MpccSolver {
         (s.certificate, s.conflict, s.found_by) = (Certificate::default(), None, FoundBy::Path);
         (s.residuals, s.stats) = (Residuals::default(), Statistics::default());
         s.sides.fill(Side::First);
+        self.relaxed_answer = None;
         self.st.reset();
         self.st.scaling.set_sizes(p);
         self.active.reset();

@@ -85,6 +85,10 @@ pub trait Continuation {
     fn relaxed_rows(&self) -> Range<usize> {
         0..0
     }
+    /// Does a level with a larger barrier parameter begin near its central path, instead of where the last one was left?
+    fn recentres(&self) -> bool {
+        false
+    }
     /// Are short directions of the present level corrected towards the central path?
     fn corrects(&self) -> bool {
         false
@@ -150,6 +154,9 @@ const STANDING_STEPS: usize = 5;
 const ROOM: f64 = 1e-9;
 /// How often bounds move in one solve.
 const ROOMS: usize = 2;
+
+/// Share of the barrier parameter from which the product of a distance and its multiplier is as good as on the central path.
+const NEAR_PATH: f64 = 0.1;
 
 /// A step this much longer than the point comes from a singular matrix.
 const ABSURD: f64 = 1e4;
@@ -411,6 +418,10 @@ impl Ipm {
                     }
                     Advance::To(level) => {
                         self.left.copy_from(&self.it);
+                        let raised = level.mu > self.level.mu && continuation.recentres();
+                        if raised && !self.recentre(nlp, level.mu) {
+                            return Outcome::Failed;
+                        }
                         if !self.change_level(nlp, level, continuation.relaxed_rows()) {
                             return Outcome::Failed;
                         }
@@ -641,6 +652,12 @@ impl Ipm {
         nlp.bilinear().iter().map(|p| self.it.x[p.a].min(self.it.x[p.b])).fold(0.0, f64::max)
     }
 
+    /// Scaled error of the optimality conditions at `μ = 0`, at the point reached.
+    pub fn error(&mut self) -> f64 {
+        lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
+        self.errors(0.0).scaled()
+    }
+
     /// Unscaled residuals at the point reached; NaN where the solve was asked to end before they were known.
     pub fn residuals(&mut self, nlp: &dyn Nlp) -> Residuals {
         lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
@@ -688,6 +705,38 @@ impl Ipm {
         }
         self.forget_filter();
         true
+    }
+
+    /// Moves what is too close to its bound for the barrier parameter `mu` onto the central path: the larger one of distance and
+    /// multiplier stays, the smaller one grows. A problem that was solved leaves both tiny in turn, and steps of the next one would be
+    /// cut short at once. False where functions have no value there.
+    fn recentre(&mut self, nlp: &mut dyn Nlp, mu: f64) -> bool {
+        let Ipm { it, bounds: b, shape: sh, .. } = self;
+        let centre = |v: &mut f64, z: &mut f64, bound: f64, out: f64, room: f64| {
+            if let Some((dist, multiplier)) = centred(out * (*v - bound), *z, room, mu) {
+                *v = bound + out * dist;
+                *z = multiplier;
+            }
+        };
+        for j in (0..it.x.len()).filter(|j| !sh.fixed[*j]) {
+            let room = b.xu[j] - b.xl[j];
+            if sh.has_xl[j] {
+                centre(&mut it.x[j], &mut it.zl[j], b.xl[j], 1.0, room);
+            }
+            if sh.has_xu[j] {
+                centre(&mut it.x[j], &mut it.zu[j], b.xu[j], -1.0, room);
+            }
+        }
+        for i in (0..it.s.len()).filter(|i| sh.row[*i] == RowKind::Inequality) {
+            let room = b.cu[i] - b.cl[i];
+            if sh.has_cl[i] {
+                centre(&mut it.s[i], &mut it.vl[i], b.cl[i], 1.0, room);
+            }
+            if sh.has_cu[i] {
+                centre(&mut it.s[i], &mut it.vu[i], b.cu[i], -1.0, room);
+            }
+        }
+        self.evaluate(nlp) && self.differentiate(nlp)
     }
 
     /// What was reached before does not count any more.
@@ -846,6 +895,16 @@ impl Ipm {
     }
 }
 
+/// A distance and its multiplier on the central path of `mu`, where they are far below it: the larger one stays, and no distance grows
+/// beyond half of the `room` between two bounds.
+fn centred(dist: f64, z: f64, room: f64, mu: f64) -> Option<(f64, f64)> {
+    if dist * z >= NEAR_PATH * mu {
+        return None;
+    }
+    let dist = dist.max((mu / z).min(mu.sqrt()).min(0.5 * room));
+    Some((dist, mu / dist))
+}
+
 /// Rounding error of the rows: the largest sum `ε Σ |J_ij x_j|`; `work[m]` is overwritten.
 fn rounding(jac: &Pattern, values: &[f64], x: &[f64], work: &mut [f64]) -> f64 {
     work.fill(0.0);
@@ -900,5 +959,26 @@ pub(super) fn push_inside(v: f64, lo: f64, hi: f64, push: f64) -> f64 {
         (true, false) => v.max(lo + push * lo.abs().max(1.0)),
         (false, true) => v.min(hi - push * hi.abs().max(1.0)),
         (false, false) => v,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The larger one of the two stays; what is on the path, or above it, is left alone.
+    #[test]
+    fn what_hugs_its_bound_is_put_on_the_central_path() {
+        let (inf, mu) = (f64::INFINITY, 1.0 / 64.0);
+        // held by a multiplier of 2: the distance follows it
+        assert_eq!(centred(1e-9, 2.0, inf, mu), Some((mu / 2.0, 2.0)));
+        // free at a distance of 2: the multiplier follows it
+        assert_eq!(centred(2.0, 1e-9, inf, mu), Some((2.0, mu / 2.0)));
+        // neither says anything
+        assert_eq!(centred(1e-9, 1e-9, inf, mu), Some((0.125, 0.125)));
+        // not beyond the middle of two bounds
+        assert_eq!(centred(1e-9, 1e-9, 0.125, mu), Some((0.0625, 0.25)));
+        assert_eq!(centred(mu, 1.0, inf, mu), None);
+        assert_eq!(centred(1.0, 1.0, inf, mu), None);
     }
 }
