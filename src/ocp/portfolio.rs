@@ -732,8 +732,8 @@ impl Ocp {
         }
         costs.sort_by(f64::total_cmp);
         if let [a, b, ..] = costs[..] {
-            // a ladder that led nowhere agrees with nothing
-            found.agreed |= b.is_finite() && (a - b).abs() <= SAME * a.abs().max(b.abs());
+            // where the second one led nowhere the second look is asked, which is cheaper than the homotopy
+            found.agreed |= b.is_infinite() || (a - b).abs() <= SAME * a.abs().max(b.abs());
         }
         Ok(())
     }
