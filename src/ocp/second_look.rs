@@ -13,10 +13,10 @@ use crate::nlp::Control;
 use crate::stop;
 
 /// Simulations of all descents together, over the iterations of the search before them: a simulation of the horizon with its
-/// derivatives takes less time than an iteration.
-const SHARE: f64 = 0.5;
+/// derivatives takes a fraction of the time of an iteration.
+const SHARE: f64 = 1.0;
 /// Random controls at most.
-const DRAWN: usize = 40;
+const DRAWN: usize = 80;
 /// Mode programs at most, of the descents that end lowest.
 const PROGRAMS: usize = 3;
 /// Costs of descents, relative, that differ by less are those of the same motion.

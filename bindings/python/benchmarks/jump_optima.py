@@ -1,7 +1,7 @@
 """How often the default search of a scene ends at a cost that is more than one percent above the best known one.
 
-Seven scenes whose contacts the guess (bodies at rest) says nothing of, each with eight sets of masses, distances, restitutions, horizons,
-elements and units drawn from a seed. `--best` looks for better optima by every search and from random guesses, and writes what it finds to
+Seven scenes whose contacts the guess (bodies at rest) says nothing of, each with eight sets of masses, distances, restitutions and
+horizons drawn from a seed. `--best` looks for better optima by every search and from random guesses, and writes what it finds to
 `jump_optima.tsv` beside this file where it is better than what stands there; without it every problem is solved once as a user would, and
 compared.
 
