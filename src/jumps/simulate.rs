@@ -266,7 +266,7 @@ pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Re
     let s = simulate_with(p, inputs, Effort { tolerance: tol, sizes: &sizes, ..GUESS })?;
     let n = s.times.len() - 1;
     let mut differences = Vec::with_capacity(n);
-    let (nx, mut x) = (p.given.dims.x, vec![0.0; p.given.dims.x]);
+    let mut x = vec![0.0; p.given.dims.x];
     let path = s.run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
     for k in 0..n {
         if s.times[k + 1] == s.run.t {
@@ -275,10 +275,7 @@ pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Re
             // an impact at the end of the stage: the answer has the state before it there
             path.eval(s.times[k + 1], 0, &mut x)?;
         }
-        let last = a.track.pieces.iter().rev().find(|q| q.stage == k);
-        let Some(q) = last else { continue };
-        let end = &q.xs[q.xs.len() - nx..];
-        differences.push(x.iter().zip(end).fold(0.0, |m: f64, (a, b)| m.max((a - b).abs())));
+        differences.extend(off_at_end(a, k, &x));
     }
     let cost = s.cost(p, inputs)?;
     let changes = s.run.phases.windows(2).filter(|w| w[0].modes != w[1].modes).count();
@@ -293,10 +290,19 @@ pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Re
     })
 }
 
+/// Largest difference of a simulated state at the end of control stage `k` from that of an answer; `None` where that has no such stage. An
+/// impact at the end of the stage may be before the end in the simulation or behind it.
+fn off_at_end(a: &super::Answer, k: usize, x: &[f64]) -> Option<f64> {
+    let last = a.track.pieces.iter().rev().find(|q| q.stage == k)?;
+    let from = |end: &[f64]| x.iter().zip(end).fold(0.0, |m: f64, (x, y)| m.max((x - y).abs()));
+    let behind = a.track.pieces.iter().find(|q| q.stage == k + 1 && q.jump.is_some() && q.t <= last.t + last.h);
+    Some(behind.map_or(f64::INFINITY, |q| from(&q.x0)).min(from(&last.xs[last.xs.len() - x.len()..])))
+}
+
 /// Largest difference of a state at the end of each control stage where its simulation begins at the state of the answer there; infinite where
 /// it does not reach the end. Differences of a whole replay grow with the motion, and where that is unstable they say nothing of the answer.
 pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Result<Vec<f64>> {
-    let (g, nx) = (&p.given, p.given.dims.x);
+    let g = &p.given;
     let given = with_free_parameters(p, a);
     let atol = scales::of_motion(p, &a.x0, &a.track.pieces).iter().map(|s| tol * s).collect();
     let mut engine = Engine::new(&g.system, &Options { atol, ..Options::with_tolerance(tol, tol) })?;
@@ -304,7 +310,6 @@ pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], t
     for (k, d) in durations.iter().enumerate() {
         let mut of_stage = a.track.pieces.iter().filter(|q| q.stage == k);
         let Some(first) = of_stage.next() else { break };
-        let last = of_stage.next_back().unwrap_or(first);
         let (params, controls) = (&given[k * g.wide.p..][..g.dims.p], &a.controls()[k * g.wide.u..][..g.dims.u]);
         let start = t;
         t += d;
@@ -318,12 +323,7 @@ pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], t
             Err(e @ (Error::Interrupted | Error::OutOfTime)) => return Err(e),
             outcome => matches!(outcome, Ok(Outcome::Reached)),
         };
-        let end = &last.xs[last.xs.len() - nx..];
-        let from = |end: &[f64]| engine.state().iter().zip(end).fold(0.0, |m: f64, (x, y)| m.max((x - y).abs()));
-        // an impact at the end of the stage may be before the end of the simulation or behind it
-        let behind = a.track.pieces.iter().find(|q| q.stage == k + 1 && q.jump.is_some() && q.t <= last.t + last.h);
-        let differs = behind.map_or(f64::INFINITY, |q| from(&q.x0)).min(from(end));
-        out.push(if reached { differs } else { f64::INFINITY });
+        out.push(off_at_end(a, k, engine.state()).filter(|_| reached).unwrap_or(f64::INFINITY));
     }
     Ok(out)
 }
