@@ -129,6 +129,24 @@ def test_friction_that_contradicts_the_normal_force_is_named():
     assert not r.success and "contact end contradict each other" in r.message
 
 
+def test_the_replay_knows_the_side_of_an_impact_at_the_end_of_a_stage():
+    s = swb.Scene("a b c", u="F", name="three carts before a wall")
+    (a, b, c), v = s.q, s.v
+    s.inertia([1, 1, 1])
+    s.force([s.u[0] - 0.1 * v[0], -0.1 * v[1], -0.1 * v[2]])
+    s.contact("ab", gap=b - a - 0.2, e=0.5)
+    s.contact("bc", gap=c - b - 0.2, e=0.5)
+    s.contact("wall", gap=2.0 - c, e=0.8)
+    ocp = swb.Ocp(s, 4.0, 16, n_s=2, n_fe=2, initial_state=[0, 0.6, 1.2, 0, 0, 0], control_bounds=(-5, 5))
+    ocp.set_lagrange(s.function(s.u[0] ** 2))
+    ocp.add_terminal(s.function([b]), [1.0], [1.0])
+    r = ocp.solve()
+    # pushing ends with the impact, which is at the end of a stage
+    impacts = [k.t for k in r.optimality.kinks if not k.touch]
+    assert len(impacts) == 1 and abs(4 * impacts[0] - round(4 * impacts[0])) < 1e-6
+    assert r.success and r.accuracy.worst < 1e-6
+
+
 @pytest.mark.parametrize(("name", "number"), [("stacked_blocks", 1), ("stacked_blocks", 2), ("paddle", 1), ("paddle", 3)])
 def test_dear_answers_are_noticed(name, number):
     """The sequences next to the first answer cost more, and one elsewhere costs 20 to 45 % less: other searches found it, or random guesses."""
