@@ -22,7 +22,7 @@ use super::assembly::{Input, NOWHERE};
 use super::modes::ContactMode;
 use super::problem::Problem;
 use super::track::Track;
-use super::transcribe::{Element, Forces, Jump, Place, Planned, Transcriber, Transcription, EQUAL, FREE, POSITIVE};
+use super::transcribe::{Element, Forces, Jump, Place, Planned, Transcriber, Transcription, EQUAL, POSITIVE};
 use crate::mpcc::Mpcc;
 
 /// Steps lie between these shares of their mean.
@@ -233,12 +233,6 @@ impl Complementary<'_> {
         Some([ahead, back, left])
     }
 
-    fn forces(&mut self, i: usize, start: [f64; 2], size: f64) -> Forces {
-        let normal = self.t.b.variables(1, POSITIVE, start[0].max(0.0), size);
-        let tangential = (self.t.contact(i).n_tangents > 0).then(|| self.t.b.variables(1, FREE, start[1], size));
-        Forces { normal, tangential }
-    }
-
     /// A contact in an element.
     fn contact(&mut self, n: usize, i: usize, plan: &Planned) {
         let start = self.ends.get(i).copied();
@@ -257,7 +251,7 @@ impl Complementary<'_> {
         note(&mut against, start.and_then(|s| s.sliding));
         for (j, &at) in points.iter().enumerate() {
             let t = plan.span[0] + self.t.p.given.tableau.c[j] * (plan.span[1] - plan.span[0]);
-            let forces = self.forces(i, self.t.guess.force(t, i), self.t.units.contacts[i].force);
+            let forces = self.t.forces(i, self.t.guess.force(t, i), self.t.units.contacts[i].force);
             self.t.add_force(n, j, i, forces, false);
             lambdas.push(forces.normal);
             let gap =
@@ -291,7 +285,7 @@ impl Complementary<'_> {
         let (at, stage, before) = (self.t.elements[n].start, plan.stage, impact.before);
         let (n_q, n_v) = (self.t.p.functions.n_q, self.t.p.functions.n_v);
         for i in 0..self.t.p.n_contacts() {
-            let forces = self.forces(i, [0.0; 2], self.t.units.contacts[i].impulse);
+            let forces = self.t.forces(i, [0.0; 2], self.t.units.contacts[i].impulse);
             impact.impulses[i] = Some(forces);
             let off = self.t.b.variables(1, POSITIVE, 0.0, self.t.units.contacts[i].rate);
             let mut both = self.t.inputs(before, stage, &[]);

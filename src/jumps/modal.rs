@@ -29,9 +29,7 @@ use super::overlap::Witness;
 use super::problem::Problem;
 use super::scales;
 use super::track::Track;
-use super::transcribe::{
-    Forces, Jump, Place, Planned, Transcriber, Transcription, EQUAL, FREE, INF, NEGATIVE, POSITIVE,
-};
+use super::transcribe::{Jump, Place, Planned, Transcriber, Transcription, EQUAL, FREE, INF, NEGATIVE, POSITIVE};
 use crate::fesd::Durations;
 use crate::func::Point;
 use crate::system::SharedFunction;
@@ -179,13 +177,6 @@ impl Modal<'_> {
         self.guards.push(Guard { contact, phase: self.phase, condition, limit });
     }
 
-    /// Variables of the force of a contact, or of an impulse, that start from these values.
-    fn forces(&mut self, i: usize, start: [f64; 2], size: f64) -> Forces {
-        let normal = self.t.b.variables(1, POSITIVE, start[0].max(0.0), size);
-        let tangential = (self.t.contact(i).n_tangents > 0).then(|| self.t.b.variables(1, FREE, start[1], size));
-        Forces { normal, tangential }
-    }
-
     /// Friction of a contact that is closed in this mode: inside of the cone, or on its border.
     fn friction(&mut self, i: usize, mode: ContactMode, inputs: &[Input]) {
         let Some(cone) = &self.t.contact(i).cone else { return };
@@ -228,7 +219,8 @@ impl Modal<'_> {
                 }
                 let t = plan.from[0] + self.t.p.given.tableau.c[j] * (plan.from[1] - plan.from[0]);
                 let h = plan.span[1] - plan.span[0];
-                let forces = self.forces(i, self.t.guess.force(t, i).map(|f| h * f), self.t.units.contacts[i].impulse);
+                let forces =
+                    self.t.forces(i, self.t.guess.force(t, i).map(|f| h * f), self.t.units.contacts[i].impulse);
                 self.guard(i, Condition::Force, Limit::LowerBound(forces.normal));
                 self.t.add_force(n, j, i, forces, true);
                 let c = self.t.contact(i);
@@ -399,7 +391,7 @@ impl Modal<'_> {
             if !mode.is_closed() {
                 continue;
             }
-            let forces = self.forces(i, self.t.guess.force(before.from[1], i), self.t.units.contacts[i].force);
+            let forces = self.t.forces(i, self.t.guess.force(before.from[1], i), self.t.units.contacts[i].force);
             let inputs = self.t.force_inputs(at, stage, Some(a), forces);
             let c = self.t.contact(i);
             self.t.b.term(&c.push, &inputs, -1.0, None, velocities());
@@ -437,7 +429,7 @@ impl Modal<'_> {
                 continue;
             }
             let start = self.guessed_impulse(plan.from[0], i);
-            let forces = self.forces(i, start, self.t.units.contacts[i].impulse);
+            let forces = self.t.forces(i, start, self.t.units.contacts[i].impulse);
             impact.impulses[i] = Some(forces);
             self.guard(i, Condition::Force, Limit::LowerBound(forces.normal));
             let arrival = self.t.inputs(impact.before, control, &[]);

@@ -479,11 +479,12 @@ pub(super) fn neighbours(
             far(&items, i, forward).into_iter().for_each(|m| add(m, moved, false, false, AWAY));
         }
     }
+    let (groups, events) = (groups(s), s.events());
+    // of a single event this is known already
+    let several = |g: &(usize, usize)| events.iter().filter(|e| (g.0..=g.1).contains(&e.4)).count() > 1;
     for by in GROUPS_BY {
-        for (group, stages) in groups(s).into_iter().enumerate() {
-            // of a single event this is known already
-            let several = s.events().iter().filter(|e| (stages.0..=stages.1).contains(&e.4)).count() > 1;
-            for later in [true, false].into_iter().filter(|_| several) {
+        for (group, &stages) in groups.iter().enumerate().filter(|(_, g)| several(g)) {
+            for later in [true, false] {
                 let moved = Move::Group { group, later };
                 let sequence = group_moved(s, stages, by, later);
                 let near = |sequence| Neighbour { sequence, moved, wanted: false, local: false, class: AWAY };

@@ -224,6 +224,13 @@ impl<'a> Transcriber<'a> {
         }
     }
 
+    /// Variables of the force of a contact, or of an impulse, that start from these values and have this size.
+    pub(super) fn forces(&mut self, i: usize, start: [f64; 2], size: f64) -> Forces {
+        let normal = self.b.variables(1, POSITIVE, start[0].max(0.0), size);
+        let tangential = (self.contact(i).n_tangents > 0).then(|| self.b.variables(1, FREE, start[1], size));
+        Forces { normal, tangential }
+    }
+
     /// Controls of the next stage.
     pub(super) fn stage(&mut self) {
         let g = &self.p.given;

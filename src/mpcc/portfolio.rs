@@ -2,7 +2,8 @@
 //!
 //! The first path is the fastest on most programs, and no strategy is the best on all: where it ends at a point that is
 //! no solution, the others follow one after the other, each with a share of the iterations that are left, and the first
-//! solution ends the search. The solution of a relaxation, where that is all there is, comes after them. Only then is it asked whether there is a feasible point at all ([`violation`]).
+//! solution ends the search. The solution of a relaxation, where that is all there is, comes after them. Only then is it asked
+//! whether there is a feasible point at all ([`violation`]).
 
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, NoProposals};

@@ -414,9 +414,10 @@ impl MpccSolver {
                 self.point = start;
                 outcome
             };
-            let error = self.ipm.error();
+            // how exactly the relaxation is solved, where its solution may be kept
+            let error = if keeps { self.ipm.error() } else { f64::INFINITY };
             // a line search that ends at rounding, at a point that solves this problem as far as its relaxation is exact, ends nothing
-            let arrived = outcome == Outcome::Stalled && !last && keeps && error <= stops[k];
+            let arrived = outcome == Outcome::Stalled && !last && error <= stops[k];
             let outcome = if arrived { Outcome::Solved } else { outcome };
             self.record(p, outcome, self.solution.polish);
             if !s.polish || !matches!(outcome, Outcome::Solved | Outcome::Stalled) {
@@ -437,7 +438,7 @@ impl MpccSolver {
                 false => Effort::Identified,
             };
             let exact = error.max(self.solution.residuals.pair_product) <= 2.0 * KEPT_RELAXATION;
-            if keeps && outcome == Outcome::Solved && stops[k] == KEPT_RELAXATION && exact {
+            if outcome == Outcome::Solved && stops[k] == KEPT_RELAXATION && exact {
                 // a smaller relaxation may leave less doubt about the active set
                 self.keep_relaxed(Solution { polish: Polish::Rejected, ..self.solution.clone() });
                 continue;

@@ -22,7 +22,7 @@ use crate::settings::OcpStart;
 use crate::stop;
 
 /// Costs that differ by less, relative, are the same.
-const SAME: f64 = 1e-4;
+pub(super) const SAME: f64 = 1e-4;
 /// Difference, relative, up to which the cost of a mode program is what the smoothed problem promised.
 const PROMISED: f64 = 0.03;
 
@@ -291,7 +291,7 @@ impl Ocp {
             return Ok(());
         }
         let known = found.known.clone();
-        let inside = Request { comparison: None, explain: false, ..*request };
+        let inside = request.of_a_part();
         let with = |controls: Vec<f64>| {
             let (durations, control_ends) = (self.durations.clone(), controls.clone());
             OcpResult { durations, control_ends, controls, ..failed.clone() }
@@ -354,7 +354,7 @@ impl Ocp {
         control: &mut Control,
     ) -> Result<()> {
         let known = found.known.clone();
-        let inside = Request { comparison: None, explain: false, ..*request };
+        let inside = request.of_a_part();
         let Some(b) = found.best.as_ref().map_or(self.built.as_ref(), |best| best.built.as_ref()) else {
             return Ok(());
         };
@@ -367,7 +367,7 @@ impl Ocp {
 
     /// Goes from the best answer to sequences next to its own as long as the cost falls.
     pub(super) fn improve(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
-        let inside = Request { comparison: None, explain: false, ..*request };
+        let inside = request.of_a_part();
         let form = Dcs::new(&self.system, request.options.form)?.form().clone();
         let groups = form.groups();
         let across = form.groups_across(&self.linear, self.stage_params.is_some());
@@ -436,7 +436,7 @@ impl Ocp {
         request: &Request,
         control: &mut Control,
     ) -> Result<()> {
-        let inside = Request { comparison: None, explain: false, ..*request };
+        let inside = request.of_a_part();
         let Some((r, sizes)) = found.best.as_ref().and_then(|b| Some((b.result.clone()?, b.sizes.clone()))) else {
             return Ok(());
         };
@@ -467,7 +467,7 @@ impl Ocp {
         let Some(judged) = best.judged()? else { return Ok(false) };
         let Some(r) = best.result.clone() else { return Ok(false) };
         let known = best.sizes.clone().unwrap_or_else(|| found.known.clone());
-        let inside = Request { comparison: None, explain: false, ..*request };
+        let inside = request.of_a_part();
         if judged.reason == OTHER {
             return self.refine(found, &r, &known, &inside, control);
         }
@@ -514,7 +514,7 @@ impl Ocp {
             return Ok(false);
         }
         let known = best.sizes.clone().unwrap_or_else(|| found.known.clone());
-        let inside = Request { comparison: None, explain: false, ..*request };
+        let inside = request.of_a_part();
         let now = worth(best, request)?;
         let Some(r) = best.result.clone() else { return Ok(false) };
         // where a step of any size costs at first, from the other side too
@@ -592,7 +592,7 @@ impl Ocp {
         if agree(simulated, cost) {
             return Ok(());
         }
-        let inside = Request { comparison: None, explain: false, ..*request };
+        let inside = request.of_a_part();
         let mut from = best.result.clone();
         let known = best.sizes.clone().unwrap_or_else(|| found.known.clone());
         // descents of the programs end where the simulation is what they say, or lead away from it again
@@ -692,7 +692,7 @@ impl Ocp {
         let Race { ladders, mut tried, large } = race;
         let known = found.known.clone();
         // of a large problem one step to a neighbour moves a switch by a control stage, and there are many on the way
-        let inside = Request { comparison: None, explain: false, plain_branches: large, ..*request };
+        let inside = Request { plain_branches: large, ..request.of_a_part() };
         let mut costs: Vec<f64> = Vec::new();
         for (k, ladder) in ladders.iter().enumerate() {
             let mut best = f64::INFINITY;

@@ -85,7 +85,7 @@ impl Ocp {
             None => self.sizes()?,
         };
         let mut found = Candidates { known: known.clone(), ..Candidates::default() };
-        let inside = Request { comparison: None, explain: false, ..*request };
+        let inside = request.of_a_part();
         let (mut phases, mut slides) = (Vec::new(), false);
         if let Some(traced) = self.trace_through(&moved, &request.options)? {
             phases = traced.phases.sets();

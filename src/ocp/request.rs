@@ -45,6 +45,11 @@ impl Request {
         })
     }
 
+    /// The same for one of several solves: what is found is neither compared with a simulation nor explained.
+    pub fn of_a_part(&self) -> Request {
+        Request { comparison: None, explain: false, ..*self }
+    }
+
     /// One solve of one discretised problem and nothing else.
     pub fn inside(options: &SolveOptions) -> Request {
         Request {

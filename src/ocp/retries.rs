@@ -36,7 +36,7 @@ impl Ocp {
         let mut found = Candidates::default();
         found.add(first);
         found.known = self.sizes()?;
-        let mut inside = Request { comparison: None, explain: false, ..*request };
+        let mut inside = request.of_a_part();
         for (k, controls) in self.random_starts(OTHERS + 1, 0).iter().enumerate().skip(1) {
             if stop::requested().is_some() {
                 break;

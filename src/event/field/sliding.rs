@@ -140,16 +140,13 @@ impl Sliding {
                 continue;
             }
             let (number, from) = (self.begin.len(), self.order.len());
-            let own = pairs[start].sub;
-            if self.untouched[own] && first[own + 1] == first[own] + 1 {
-                self.begin.push(from);
-                self.block[start] = number;
-                self.order.push(start);
-                continue;
-            }
             self.begin.push(from);
             self.block[start] = number;
             self.order.push(start);
+            let own = pairs[start].sub;
+            if self.untouched[own] && first[own + 1] == first[own] + 1 {
+                continue;
+            }
             let mut at = from;
             while at < self.order.len() {
                 let k = pairs[self.order[at]].sub;

@@ -71,21 +71,33 @@ impl Ocp {
     /// Descends from what a simulation makes of the controls of `from`, which need not meet the constraints, to controls that nearly
     /// do. `b` is the problem as it was built for any point. `None` where that is not reached.
     pub(super) fn aim(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<Box<OcpResult>>> {
-        Ok(self.shoot(b, from, known)?.and_then(|(_, shot)| shot).map(|shot| shot.moved))
-    }
-
-    /// The same, with the cost that it ends at, and the number of simulations of the horizon; `None` where nothing is simulated, and no end
-    /// where the constraints are not nearly met.
-    pub(super) fn shoot(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<(usize, Option<Shot>)>> {
         let Some((shooting, found)) = self.descended(b, from, (&from.controls, &from.control_ends), known)? else {
             return Ok(None);
         };
-        if found.violation > NEARLY {
-            return Ok(Some((found.evaluations, None)));
+        Ok(shot(&shooting, &found, from).map(|shot| shot.moved))
+    }
+
+    /// Where descents from each of these controls end, with lengths, parameters and initial states of `from`: those that nearly meet the
+    /// constraints. No more of them begin once there have been `most` simulations of the horizon.
+    pub(super) fn shots(
+        &self,
+        b: &Built,
+        from: &OcpResult,
+        controls: Vec<Vec<f64>>,
+        known: &Sizes,
+        most: usize,
+    ) -> Result<Vec<Shot>> {
+        let mut shooting = Shooting::new(self, b, from, known)?;
+        let (mut spent, mut out) = (0, Vec::new());
+        for u in controls {
+            if stop::requested().is_some() || spent >= most {
+                break;
+            }
+            let Some(found) = lowest(&mut shooting, b, (&u, &u))? else { continue };
+            spent += found.evaluations;
+            out.extend(shot(&shooting, &found, from));
         }
-        let mut moved = Box::new(from.clone());
-        shooting.tell(&found.z, &mut moved);
-        Ok(Some((found.evaluations, Some(Shot { moved, cost: found.cost }))))
+        Ok(out)
     }
 
     /// Which of these controls lead closest to the constraints in a simulation, the closest first; violations count as shares of how far
@@ -131,15 +143,29 @@ impl Ocp {
         known: &Sizes,
     ) -> Result<Option<(Shooting<'a>, Lowest)>> {
         let mut shooting = Shooting::new(self, b, r, known)?;
-        if !(1..=VARIABLES).contains(&shooting.n()) {
-            return Ok(None);
-        }
-        let z = shooting.place(b, controls);
-        match sqp::minimise(&mut shooting, &z, EVALUATIONS) {
-            Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => Err(e),
-            // a simulation that fails says nothing of the answer
-            Err(_) | Ok(None) => Ok(None),
-            Ok(Some(found)) => Ok(Some((shooting, found))),
-        }
+        Ok(lowest(&mut shooting, b, controls)?.map(|found| (shooting, found)))
     }
+}
+
+/// The end of a descent from these controls and their ends; `None` where nothing is simulated, there is nothing to vary, or too much.
+fn lowest(shooting: &mut Shooting, b: &Built, controls: (&[f64], &[f64])) -> Result<Option<Lowest>> {
+    if !(1..=VARIABLES).contains(&shooting.n()) {
+        return Ok(None);
+    }
+    let z = shooting.place(b, controls);
+    match sqp::minimise(shooting, &z, EVALUATIONS) {
+        Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => Err(e),
+        // a simulation that fails says nothing of the answer
+        Err(_) | Ok(None) => Ok(None),
+        Ok(found) => Ok(found),
+    }
+}
+
+/// The end of a descent as an answer, where it nearly meets the constraints.
+fn shot(shooting: &Shooting, found: &Lowest, from: &OcpResult) -> Option<Shot> {
+    (found.violation <= NEARLY).then(|| {
+        let mut moved = Box::new(from.clone());
+        shooting.tell(&found.z, &mut moved);
+        Shot { moved, cost: found.cost }
+    })
 }

@@ -273,7 +273,7 @@ impl<'a> Search<'a> {
             ocp,
             automaton: Automaton::new(&ocp.system, &ocp.x0_bounds[0], &ocp.x_bounds),
             sizes: ocp.sizes()?,
-            request: Request { comparison: None, explain: false, ..*request },
+            request: request.of_a_part(),
             tried: BTreeSet::new(),
             found: Vec::new(),
             spent: Statistics::default(),
