@@ -28,6 +28,7 @@ mod saddle;
 #[rustfmt::skip]
 mod settings;
 mod solver;
+mod start;
 mod tangent;
 
 pub use callback::{CallbackNlp, LagrangianFn};
