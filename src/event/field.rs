@@ -569,6 +569,14 @@ impl Field {
         self.sliding.add_columns(&self.pairs, &self.alpha, out);
     }
 
+    /// Sizes of the terms of `b + D α` of the last point.
+    pub(super) fn combine_sizes(&self, out: &mut [f64]) {
+        out.iter_mut().zip(&self.base).for_each(|(o, b)| *o = b.abs());
+        for (i, alpha) in self.alpha.iter().enumerate().take(self.pairs.len()) {
+            self.d(i).for_each(|(row, d)| out[row] += (alpha * d).abs());
+        }
+    }
+
     /// Evaluates `b` and `D`.
     pub(super) fn parts(&mut self, t: f64, x: &[f64]) -> EvalResult {
         if self.contacts.is_some() {

@@ -166,3 +166,35 @@ def test_what_arrives_in_sets_of_higher_order_takes_bounded_work(make, states, e
     stated = sum(a.error for a in r.accumulations)
     surfaces = [r.x_end[0]] if states == 3 else [r.x_end[0], r.x_end[2]]
     assert max(abs(v) for v in surfaces) <= 1e-2 * rtol * max(100.0, 3.0 * stated)
+
+
+def seen_by_a_differentiator(acceleration):
+    """A plant `x'' = acceleration(estimates, t)` whose control sees what a super-twisting differentiator estimates of it."""
+    m = Model(4)
+    x = m.x
+    e = x[2] - x[0]
+    m.derivatives = [x[1], acceleration(x, m.t), x[3] - 3.5 * root(e), -5 * sign(e)]
+    return m
+
+
+@pytest.mark.parametrize("rtol", [*TOLERANCES, 1e-11])
+@pytest.mark.parametrize("a, b, start", [(2.6, 0.9, [-0.6, 0.7, 0.2, -0.4]), (2.2, 0.75, [0.8, -0.3, -0.5, 0.6])])
+def test_relays_on_an_estimate_switch_while_its_differentiator_slides(a, b, start, rtol):
+    """Twisting on an estimated velocity: the weights that keep the differentiator on its signal jump with the relays and decide the
+    rate of the estimate. As twisting with the velocity itself, it brings everything to zero."""
+    m = seen_by_a_differentiator(lambda x, t: -a * sign(x[0]) - b * sign(x[3]) + 0.2 * sin(t))
+    r = run(m, start, 9.0, rtol)
+    assert np.abs(r.x_end).max() <= 1e-2 * rtol * max(100.0, 3.0 * sum(v.error for v in r.accumulations)), r.x_end
+    # passages by steps may be necessary before the differentiator slides, with errors that do not matter then
+    assert all(v.error <= 1e3 for v in r.accumulations), r.accumulations
+    assert len(r.switches) < 3000 and r.stats.evaluations < 200_000
+
+
+@pytest.mark.parametrize("rtol", TOLERANCES)
+def test_a_relay_on_an_estimate_slides_within_the_limit_set_of_its_differentiator(rtol):
+    """v + 2 x = 0 of the estimates, and so of the plant: x halves in every log(2) / 2."""
+    m = seen_by_a_differentiator(lambda x, t: -2.5 * sign(x[3] + 2 * x[2]) + 0.3 * cos(2 * t))
+    one, two = (run(m, [0.5, -0.2, 0.1, 0.3], end, rtol) for end in (5.0, 6.0))
+    assert abs(two.x_end[1] + 2 * two.x_end[0]) <= allowed(two, rtol)
+    assert abs(two.x_end[0] - one.x_end[0] * math.exp(-2)) <= allowed(two, rtol)
+    assert all(a.error <= 1e3 for a in two.accumulations)

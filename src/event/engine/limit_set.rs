@@ -160,6 +160,8 @@ impl Engine {
     pub(super) fn enter_limit_set(&mut self, most: f64, limit: f64, within: bool) -> Result<Option<Progress>> {
         /// Times in a row without time between them.
         const TRIES: usize = 4;
+        /// How much farther than it may be the set may turn out to be when its mode begins.
+        const AGAIN: f64 = 10.0;
         /// Cells of a subsystem that meet: those of five surfaces. Among more of them weights are a matter of choice, and the work
         /// grows with their square.
         const MEET: usize = 32;
@@ -168,6 +170,9 @@ impl Engine {
         }
         let at_once = self.t - self.limits.0 <= self.no_time();
         let before = self.field.active.clone();
+        if !within {
+            self.unmark_distant(most);
+        }
         let mut sets = self.candidates();
         if at_once && self.limits.1 > TRIES || sets.iter().all(|c| c.len() < 2) || sets.iter().any(|c| c.len() > MEET) {
             return Ok(None);
@@ -176,10 +181,15 @@ impl Engine {
             self.decide_others(&mut sets)?;
         }
         let held = self.field.hold();
-        self.field.set_active(&sets);
-        let found = recover(self.limit_point(), None)?.filter(|error| *error <= most);
-        let Some(error) = found else {
+        let loose = if self.field.in_limit_set() { self.loose_functions(&sets, within) } else { Vec::new() };
+        let tied = |sets: &[Vec<usize>]| sets.iter().map(Vec::len).sum::<usize>();
+        // the same set again is no way to go on
+        let least = if within || !self.field.in_limit_set() { 0 } else { tied(&before) + 1 };
+        let present = self.field.limit.take();
+        let found = self.find_limit_set(&sets, &loose)?.filter(|error| *error <= most);
+        let Some(error) = found.filter(|_| tied(&self.field.active) >= least) else {
             self.field.release(held);
+            self.field.limit = present;
             let r = self.field.rhs(self.t, &self.x, &mut self.node).and_then(|()| self.field.watched(self.t, &self.x));
             recover(r.map(|()| true), false)?;
             return Ok(None);
@@ -191,12 +201,17 @@ impl Engine {
             self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error });
         }
         self.mark_time(Time::Unknown);
+        let start = self.x.clone();
         self.x.copy_from_slice(&self.node);
         (self.next_pair, self.cut) = (Pair::Dp5, 0);
         let r = self.enter();
         self.one_sided = true;
         self.blur_sensitivity();
-        if !recover(r.map(|()| true), false)? {
+        let entered = recover(r.map(|()| true), false)?;
+        let moved = |e: &Engine, i: usize| (e.x[i] - start[i]).abs() / e.tolerance_of(i);
+        // where conditions are nearly singular a projection may lead anywhere
+        if !entered || (0..self.nx).any(|i| moved(self, i) > AGAIN * most.max(1.0)) {
+            self.x.copy_from_slice(&start);
             let text = format!("switches accumulate at t = {limit}, where the motion is not defined");
             let failed = self.fail(Outcome::Zeno, text);
             return Ok(Some(self.go_through(&before, true)?.unwrap_or(failed)));
@@ -205,13 +220,15 @@ impl Engine {
         Ok(Some(Progress::Switched))
     }
 
-    /// At a switch of subsystems that have no part in the limit set the motion in it goes on; false where it does not.
-    pub(super) fn stay_in_limit_set(&mut self, l: usize) -> Result<bool> {
-        let sub = match self.watches[l] {
-            Watch::Enter { sub, .. } | Watch::Leave { sub, .. } => sub,
+    /// At a switch of functions that the limit set does not tie by order two the motion in it goes on; false where it does not.
+    pub(super) fn stay_in_limit_set(&mut self, l: usize, before: &[Vec<usize>]) -> Result<bool> {
+        let (sub, mut functions) = match self.watches[l] {
+            Watch::Enter { sub, a, .. } => (sub, a..a + 1),
+            Watch::Leave { sub, .. } => (sub, self.field.surfaces(sub)),
             _ => return Ok(false),
         };
-        if self.field.in_limit(sub) || !recover(self.arrive().map(|()| true), false)? {
+        let beside = self.field.subs[sub].signs && !functions.any(|j| self.field.is_of_order_two(j));
+        if self.field.in_limit(sub) && !beside || !recover(self.arrive().map(|()| true), false)? {
             return Ok(false);
         }
         self.zero.fill(false);
@@ -225,8 +242,90 @@ impl Engine {
         let stays = self.enter_limit_set(FAILED, self.t, true)?.is_some() && self.outcome == Outcome::Reached;
         if stays {
             self.remember();
+            let rate = self.watches.get(l).map_or(0.0, |w| w.rate(&self.dq0, &self.field, &self.f));
+            if self.field.active == before && rate > 0.0 {
+                // next to where switches accumulate the slowest rate may be that of a zero of order one
+                self.depart[l] = 1;
+            }
         }
         Ok(stays)
+    }
+
+    /// What lies so many tolerances away is not tied: its sign decides.
+    fn unmark_distant(&mut self, most: f64) {
+        let tied = std::mem::take(&mut self.zero);
+        self.zero = vec![false; tied.len()];
+        self.keep_surfaces();
+        for j in (0..self.field.subs.len()).flat_map(|k| self.field.surfaces(k)).filter(|j| tied[*j]) {
+            let g = self.field.gradient_row(j);
+            let reach: f64 = g.states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum();
+            self.zero[j] |= self.field.q[j].abs() <= most * reach;
+        }
+        for s in self.field.subs.iter().filter(|s| !s.signs) {
+            (s.q0..s.q0 + s.n_q).for_each(|j| self.zero[j] = tied[j]);
+        }
+    }
+
+    /// Marked functions that a limit set may leave: those that are not tied by order two already, and whose subsystems are not
+    /// decided.
+    fn loose_functions(&self, sets: &[Vec<usize>], within: bool) -> Vec<usize> {
+        /// So many at most: their signs are tried.
+        const LOOSE: usize = 4;
+        let open =
+            |k: &usize| sets[*k].len() > 1 && (!within || self.apart.open.contains(k) || self.field.in_limit(*k));
+        let functions = (0..self.field.subs.len()).filter(open).flat_map(|k| self.field.surfaces(k));
+        functions.filter(|j| self.zero[*j] && !self.field.is_of_order_two(*j)).take(LOOSE).collect()
+    }
+
+    /// Makes the motion in the limit set of `sets` the active mode, or, where its conditions contradict each other, that in one
+    /// which leaves some of the functions `loose`, in the direction of their rates in it; the point of the set is left in
+    /// `node`. Returns its distance.
+    ///
+    /// Where a surface is tied by order two, the weights that keep the motion on it also decide rates that do not vanish with it, as
+    /// in a sliding observer whose estimates are switched on: the problem (6.19) of those functions, with weights that the limit
+    /// set decides, is solved by trying its sign patterns.
+    fn find_limit_set(&mut self, sets: &[Vec<usize>], loose: &[usize]) -> Result<Option<f64>> {
+        self.field.set_active(sets);
+        if let Some(error) = recover(self.limit_point(), None)? {
+            return Ok(Some(error));
+        }
+        let patterns = 3usize.pow(loose.len() as u32);
+        let digit = |pattern: usize, place: usize| [0.0, 1.0, -1.0][pattern / 3usize.pow(place as u32) % 3];
+        let left = |pattern: &usize| (0..loose.len()).filter(|place| digit(*pattern, *place) != 0.0).count();
+        let mut order: Vec<usize> = (1..patterns).collect();
+        order.sort_by_key(left);
+        for pattern in order {
+            let signs: Vec<(usize, f64)> = loose.iter().enumerate().map(|(p, j)| (*j, digit(pattern, p))).collect();
+            let some = self.field.restrict(sets, &signs);
+            if some.iter().any(Vec::is_empty) || some.iter().all(|c| c.len() == 1) {
+                continue;
+            }
+            self.field.set_active(&some);
+            let Some(error) = recover(self.limit_point(), None)? else { continue };
+            if recover(self.leaves_by(&signs), false)? {
+                return Ok(Some(error));
+            }
+        }
+        Ok(None)
+    }
+
+    /// Do the functions go where their signs (zero for those that are tied) say, from the point of the limit set in `node`?
+    fn leaves_by(&mut self, signs: &[(usize, f64)]) -> std::result::Result<bool, EvalError> {
+        /// A rate of at most this part of the size of its terms leaves a doubt about its sign.
+        const DOUBT: f64 = 1e-6;
+        self.field.watched(self.t, &self.node)?;
+        self.field.watched_gradients(self.t, &self.node)?;
+        let (mut velocity, mut terms) = (vec![0.0; self.nx], vec![0.0; self.nx]);
+        self.field.combine(&mut velocity);
+        self.field.combine_sizes(&mut terms);
+        Ok(signs.iter().filter(|s| s.1 != 0.0).all(|(j, sign)| {
+            let g = self.field.gradient_row(*j);
+            let reach: f64 = g.states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum();
+            let value = sign * self.field.q[*j];
+            let rate = sign * (g.t + g.states().map(|(i, g)| g * velocity[i]).sum::<f64>());
+            let size = g.t.abs() + g.states().map(|(i, g)| g.abs() * terms[i]).sum::<f64>();
+            value > reach || value >= -reach && rate > DOUBT * size
+        }))
     }
 
     /// In a limit set the rates of what it ties are zero: those subsystems that other rates decide cross, or slide by themselves.

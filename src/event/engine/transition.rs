@@ -299,7 +299,7 @@ impl Engine {
         let mut before = std::mem::take(&mut self.before);
         before.clone_from(&self.field.active);
         let within = self.field.in_limit_set();
-        if within && self.stay_in_limit_set(l)? {
+        if within && self.stay_in_limit_set(l, &before)? {
             self.before = before;
             self.h = grown;
             return Ok(self.accumulate()?.unwrap_or(Progress::Switched));

@@ -156,6 +156,32 @@ impl Field {
         own.into_iter().any(|i| (0..self.pairs.len()).filter(second).any(|j| self.sliding.touch(i, j)))
     }
 
+    /// Is function `j` among those that a constraint of order two of the limit set ties?
+    pub(in crate::event) fn is_of_order_two(&self, j: usize) -> bool {
+        let Some(limit) = &self.limit else { return false };
+        let ties = |p: &Pair| {
+            let s = &self.subs[p.sub];
+            let w = |cell: usize| s.cells[cell - s.first].weights.get(j.wrapping_sub(s.q0)).copied();
+            w(p.cell) != w(p.base)
+        };
+        self.pairs.iter().zip(&limit.second).any(|(p, second)| *second && ties(p))
+    }
+
+    /// Those cells of `sets` where functions have these signs, 0 for any; one of those with the same mode.
+    pub(in crate::event) fn restrict(&self, sets: &[Vec<usize>], signs: &[(usize, f64)]) -> Vec<Vec<usize>> {
+        let each = self.subs.iter().zip(sets).map(|(s, set)| {
+            let own = |e: &&(usize, f64)| s.signs && (s.q0..s.q0 + s.n_q).contains(&e.0);
+            let cell = |c: usize| &s.cells[c - s.first];
+            let fits = |c: &usize| signs.iter().filter(own).all(|(j, sign)| cell(*c).weights[j - s.q0] * sign <= 0.0);
+            let mut some: Vec<usize> = set.iter().copied().filter(fits).collect();
+            if some.iter().all(|c| cell(*c).mode == cell(some[0]).mode) {
+                some.truncate(1);
+            }
+            some
+        });
+        each.collect()
+    }
+
     /// Makes the present mode the motion in its limit set, if the rates of some of its constraints do not depend on the
     /// modes at this point; says whether that is so. Constraints are scaled there.
     pub(in crate::event) fn begin_limit_set(&mut self, t: f64, x: &[f64]) -> Result<bool, EvalError> {
