@@ -15,7 +15,9 @@
 //! two makes the derivatives vanish: `c_b − c` and `c − c_a` are then the derivatives of the cost towards either side. Where the
 //! state comes to a surface exactly at the end of a stage, and the next control turns it back, `c ≥ 0` is the derivative of moving
 //! away from the surface, and that of passing it is `Λᵀ b − c` with `b` the change of the state by what happens beyond.
+//! Controls that stay on a surface have a file of their own.
 
+mod controls;
 mod simulate;
 mod slopes;
 
@@ -28,6 +30,7 @@ use crate::event::{self, Engine};
 use crate::fesd::{Fesd, StatePoint};
 use crate::func::EvalError;
 use crate::stop::{self, Why};
+use controls::Movable;
 use slopes::{Free, Quantities};
 
 /// Tolerance of the simulations.
@@ -104,7 +107,7 @@ pub struct Kink {
     pub after: f64,
     /// No switch: the surface is touched and left again. The first derivative is then that away from it, the second that of a
     /// moment behind it, as long as the stage; where the control turns the state back at the end of a stage, on both sides, that of
-    /// passing it.
+    /// passing it. Where the controls of the stage stay on the surface, as on `u = 0` of `|u|`, they are those towards either side.
     pub touch: bool,
 }
 
@@ -201,7 +204,7 @@ struct Leg {
 struct Corner {
     stage: usize,
     t: f64,
-    /// Gradient of the surface, in states of the simulation.
+    /// Gradient of the surface, in states of the simulation; of one that controls stay on, in controls.
     normal: Vec<f64>,
     kind: Kind,
 }
@@ -215,15 +218,19 @@ enum Kind {
     /// The same at the end of a stage, where the control turns the state back, on the other side too: by how much the state differs behind
     /// that for every unit that the surface would be passed by. Where it would not come back there is nothing to first order.
     Peak { beyond: Vec<f64> },
+    /// A surface that the controls of a stage stay on: for every piece of the stage, by how much more the state at its end changes on the
+    /// side beyond for every unit that the surface is passed by.
+    Control { beyond: Vec<Vec<f64>> },
 }
 
 impl Corner {
-    /// What the multiple of the gradient is compared with.
+    /// What the multiple of the gradient is compared with, in terms of the costate at a point.
     fn sides(&self) -> [Option<&[f64]>; 2] {
         match &self.kind {
             Kind::Switch { before, after } => [before.as_deref(), after.as_deref()],
             Kind::Touch { beyond, .. } => [None, Some(beyond)],
             Kind::Peak { beyond } => [Some(beyond), None],
+            Kind::Control { .. } => [None, None],
         }
     }
 
@@ -269,6 +276,13 @@ struct Judge<'a> {
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
+}
+
+impl Judge<'_> {
+    /// The largest modulus of a control over all stages.
+    fn largest_control(&self, j: usize) -> f64 {
+        self.controls.iter().skip(j).step_by(self.n_u).fold(0f64, |m, v| m.max(v.abs()))
+    }
 }
 
 /// What every column of the costate says of a corner; then its gradient joins its own column.
@@ -355,12 +369,16 @@ impl Ocp {
             controls: controls.iter().flat_map(|&u| w[u..u + d.u].to_vec()).collect(),
         };
         let first = points.first().map_or(0, |p| p.at);
+        let all = points.clone();
         let touches = judge.touches(self.t0, &r.durations, &points)?;
         let points = acting(points, &outer.gradient, d.x, &touches);
-        let Some((legs, mut kinks)) = judge.simulate(self.t0, &r.durations, &points)? else {
+        let Some((mut legs, mut kinks)) = judge.simulate(self.t0, &r.durations, &points)? else {
             return Ok(Optimality::unknown(OTHER));
         };
         kinks.extend(touches);
+        let movable = self.movable(&judge);
+        let stages = (self.t0, &r.durations[..]);
+        kinks.extend(judge.held_on_surfaces(&system, &movable, stages, (&all, &points), &mut legs)?);
         if judge.departs(self.t0, &r.durations, first, &legs, &kinks)? {
             return Ok(Optimality::unknown(OTHER));
         }
@@ -397,6 +415,19 @@ impl Ocp {
         found.map(Some)
     }
 
+    /// Bounds of the controls, in which slacks are behind those of the user.
+    fn bounds_of_controls(&self, n_u: usize) -> [Vec<f64>; 2] {
+        let wide = |own: &[f64], other: f64| own.iter().copied().chain(std::iter::repeat(other)).take(n_u).collect();
+        [wide(&self.u_bounds[0], 0.0), wide(&self.u_bounds[1], f64::INFINITY)]
+    }
+
+    /// Sizes and bounds of the controls.
+    fn movable(&self, judge: &Judge) -> Movable {
+        let bounds = self.bounds_of_controls(judge.n_u);
+        let size = |j: usize| Free::new(0.0, [bounds[0][j], bounds[1][j]], judge.largest_control(j), 0).size;
+        Movable { sizes: (0..judge.n_u).map(size).collect(), bounds }
+    }
+
     /// Everything that may change, with its bounds and what acts on it directly.
     fn quantities(&self, judge: &Judge, b: &Built, r: &OcpResult, outer: &Outer, n_kinks: usize) -> Quantities {
         let n = 1 + n_kinks + outer.ends.len();
@@ -409,14 +440,11 @@ impl Ocp {
             f
         };
         let linear = |j: usize| problem.ramp_places().get(j).copied().flatten();
-        let control_bounds = |j: usize| match j < own {
-            true => [self.u_bounds[0][j], self.u_bounds[1][j]],
-            false => [0.0, f64::INFINITY],
-        };
-        let largest = |j: usize| judge.controls.iter().skip(j).step_by(n_u).fold(0f64, |m, v| m.max(v.abs()));
+        let [lower, upper] = self.bounds_of_controls(n_u);
+        let control_bounds = |j: usize| [lower[j], upper[j]];
         let control = |k: usize, j: usize| {
             let bounds = if linear(j).is_some() { [f64::NEG_INFINITY, f64::INFINITY] } else { control_bounds(j) };
-            direct(Free::new(w[u_at[k] + j], bounds, largest(j), n), u_at[k] + j)
+            direct(Free::new(w[u_at[k] + j], bounds, judge.largest_control(j), n), u_at[k] + j)
         };
         let initial = |i: usize| {
             let ramp = (0..own).find(|&j| linear(j) == Some(i));

@@ -154,6 +154,15 @@ impl Judge<'_> {
                     length.add(0, share * if end { clock + late } else { piece.at.share * late });
                 }
                 clock += late;
+                for (i, b) in kinks.iter().enumerate().filter(|(_, b)| b.stage == k) {
+                    let Kind::Control { beyond } = &b.kind else { continue };
+                    let side = sides[i][0].get_or_insert_with(|| vec![0.0; columns.len()]);
+                    side.iter_mut().zip(&columns).for_each(|(s, l)| *s += dot(&beyond[m], l));
+                    if end {
+                        let own = &mut q.controls[k * self.n_u..(k + 1) * self.n_u];
+                        own.iter_mut().zip(&b.normal).for_each(|(u, n)| u.add(1 + i, *n));
+                    }
+                }
                 for (c, column) in columns.iter_mut().enumerate() {
                     let mut back = vec![0.0; n];
                     for (row, l) in piece.s.chunks_exact(n_z).zip(column.iter()).filter(|r| *r.1 != 0.0) {
@@ -167,9 +176,8 @@ impl Judge<'_> {
                 let change = |(l, r): (&f64, &f64)| (l * r).abs();
                 q.states = columns[0].iter().zip(&self.ranges).map(change).fold(q.states, f64::max);
             }
-            for (i, b) in
-                kinks.iter().enumerate().filter(|(_, b)| b.stage == k && !matches!(b.kind, Kind::Touch { .. }))
-            {
+            let at_start = |b: &Corner| b.stage == k && matches!(b.kind, Kind::Switch { .. } | Kind::Peak { .. });
+            for (i, b) in kinks.iter().enumerate().filter(|(_, b)| at_start(b)) {
                 pass(&mut columns, i, b, &mut sides[i]);
             }
         }
@@ -238,7 +246,7 @@ impl Quantities {
                 let [low, high] = [jump(&side[1], &c), jump(&side[0], &c)];
                 let [before, after] = match b.kind {
                     Kind::Touch { .. } => [c[i] * reach, low.map_or(f64::NAN, |s| s * self.lasting[b.stage] / scale)],
-                    Kind::Peak { .. } => [c[i] * reach, towards(high, 1.0)],
+                    Kind::Peak { .. } | Kind::Control { .. } => [c[i] * reach, towards(high, 1.0)],
                     Kind::Switch { .. } => [towards(high, 1.0), towards(low, -1.0)],
                 };
                 Kink { stage: b.stage, t: b.t, before, after, touch: b.touches() }
