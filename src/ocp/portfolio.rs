@@ -5,7 +5,6 @@
 use std::time::Instant;
 
 use super::candidates::{agree, cost_of, Candidates};
-use super::descent::Descent;
 use super::moves::{Sequence, NOTHING};
 use super::optimality::{Verdict, OTHER};
 use super::request::Request;
@@ -520,17 +519,25 @@ impl Ocp {
         // where a step of any size costs at first, from the other side too
         let sides = std::iter::once(judged.direction).chain(judged.beyond).filter(|d| !d.is_empty()).take(SIDES);
         let starts = std::iter::once(r.controls.clone()).chain(sides.map(|d| self.moved(&r.controls, &d, LONG)));
+        // what the answer costs in a simulation, where that is one of the answer
+        let mut own = None;
         for (i, controls) in starts.enumerate() {
             let Some(best) = found.best.as_mut().filter(|_| stop::requested().is_none()) else { break };
-            let moved = match self.descend(best, &known, &controls)? {
-                Some(Descent::Lower(moved)) => moved,
-                Some(Descent::Still(verdict)) if i == 0 => {
-                    found.still = (!elsewhere).then_some(verdict);
-                    return Ok(false);
-                }
+            let descent = match self.descend(best, &known, &controls)? {
+                Some(descent) => descent,
                 None if i == 0 => return Ok(false),
-                _ => continue,
+                None => continue,
             };
+            if i == 0 && !elsewhere {
+                (own, found.still) = (Some(descent.before), descent.still);
+            }
+            if i == 0 && descent.still.is_some_and(|v| v != Verdict::Unknown) {
+                return Ok(false);
+            }
+            if own.is_some_and(|own| !descent.betters(own)) {
+                continue;
+            }
+            let moved = descent.moved;
             let Some(traced) = self.trace_through(&moved, &request.options)? else { continue };
             for elements in [1, FINER[0], FINER[1]] {
                 if stop::requested().is_some() {

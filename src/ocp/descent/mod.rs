@@ -28,12 +28,23 @@ const NONE: f64 = 1e-6;
 /// Difference of the cost of an answer from that of its simulation, relative, above which a descent says nothing of it.
 const SAME: f64 = 1e-3;
 
-/// The end of a descent from an answer.
-pub(super) enum Descent {
-    /// Nothing is to be gained, that is what the answer is.
-    Still(Verdict),
-    /// The answer with other controls, lengths, parameters, initial states, that lead to less.
-    Lower(Box<OcpResult>),
+/// A descent from an answer.
+pub(super) struct Descent {
+    /// The answer with other controls, lengths, parameters, initial states.
+    pub moved: Box<OcpResult>,
+    /// Costs of simulations: at the start, with the constraints met where that takes a small change, and at the end.
+    pub before: f64,
+    pub cost: f64,
+    /// Where the descent gains nothing: what the answer is then. It is not known where the descent ended somewhere else than at a point from
+    /// which no direction leads down.
+    pub still: Option<Verdict>,
+}
+
+impl Descent {
+    /// Does it end at less than `cost`?
+    pub(super) fn betters(&self, cost: f64) -> bool {
+        self.cost < cost - NONE * cost.abs()
+    }
 }
 
 /// The end of a descent that nearly meets the constraints.
@@ -49,31 +60,35 @@ impl Ocp {
     /// nothing to vary.
     pub(super) fn descend(&self, best: &Ocp, known: &Sizes, controls: &[f64]) -> Result<Option<Descent>> {
         let (Some(b), Some(r)) = (best.built.as_ref(), best.result.as_ref()) else { return Ok(None) };
-        let Some((shooting, found)) = self.descended(b, r, (controls, &r.control_ends), known)? else {
-            return Ok(None);
-        };
+        let mut shooting = Shooting::new(self, b, r, known)?;
+        let Some(found) = lowest(&mut shooting, b, (controls, &r.control_ends), true)? else { return Ok(None) };
         if found.violation > MET {
             return Ok(None);
         }
-        if found.stationary && found.gain <= NONE {
+        let mut still = None;
+        if found.gain <= NONE {
             // a cost that simulations do not confirm is certified by nothing
             let own = r.cost_reached + best.penalty(&b.problem, &b.solver.solution().x, &b.extended, &r.durations);
             if (found.before - own).abs() > SAME * found.before.abs().max(own.abs()) {
                 return Ok(None);
             }
-            return Ok(Some(Descent::Still(if found.kink { Verdict::Kink } else { Verdict::LocalOptimum })));
+            still = Some(match (found.stationary, found.kink) {
+                (false, _) => Verdict::Unknown,
+                (true, true) => Verdict::Kink,
+                (true, false) => Verdict::LocalOptimum,
+            });
         }
         let mut moved = Box::new(r.clone());
         shooting.tell(&found.z, &mut moved);
-        Ok(Some(Descent::Lower(moved)))
+        Ok(Some(Descent { moved, before: found.before, cost: found.cost, still }))
     }
 
     /// Descends from what a simulation makes of the controls of `from`, which need not meet the constraints, to controls that nearly
     /// do. `b` is the problem as it was built for any point. `None` where that is not reached.
     pub(super) fn aim(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<Box<OcpResult>>> {
-        let Some((shooting, found)) = self.descended(b, from, (&from.controls, &from.control_ends), known)? else {
-            return Ok(None);
-        };
+        let mut shooting = Shooting::new(self, b, from, known)?;
+        let controls = (&from.controls[..], &from.control_ends[..]);
+        let Some(found) = lowest(&mut shooting, b, controls, false)? else { return Ok(None) };
         Ok(shot(&shooting, &found, from).map(|shot| shot.moved))
     }
 
@@ -93,7 +108,7 @@ impl Ocp {
             if stop::requested().is_some() || spent >= most {
                 break;
             }
-            let Some(found) = lowest(&mut shooting, b, (&u, &u))? else { continue };
+            let Some(found) = lowest(&mut shooting, b, (&u, &u), false)? else { continue };
             spent += found.evaluations;
             out.extend(shot(&shooting, &found, from));
         }
@@ -132,28 +147,23 @@ impl Ocp {
         order.sort_by(|a, b| a.0.total_cmp(&b.0));
         Ok(order.into_iter().map(|o| o.1).collect())
     }
-
-    /// The end of a descent from lengths, parameters and initial states of `r`, with these controls and their ends; `None` where nothing is
-    /// simulated, or there is nothing to vary.
-    fn descended<'a>(
-        &'a self,
-        b: &'a Built,
-        r: &OcpResult,
-        controls: (&[f64], &[f64]),
-        known: &Sizes,
-    ) -> Result<Option<(Shooting<'a>, Lowest)>> {
-        let mut shooting = Shooting::new(self, b, r, known)?;
-        Ok(lowest(&mut shooting, b, controls)?.map(|found| (shooting, found)))
-    }
 }
 
-/// The end of a descent from these controls and their ends; `None` where nothing is simulated, there is nothing to vary, or too much.
-fn lowest(shooting: &mut Shooting, b: &Built, controls: (&[f64], &[f64])) -> Result<Option<Lowest>> {
+/// The end of a descent from these controls and their ends, or from the nearest ones that meet the constraints where that is asked for;
+/// `None` where nothing is simulated, there is nothing to vary, or too much.
+fn lowest(shooting: &mut Shooting, b: &Built, controls: (&[f64], &[f64]), restore: bool) -> Result<Option<Lowest>> {
     if !(1..=VARIABLES).contains(&shooting.n()) {
         return Ok(None);
     }
-    let z = shooting.place(b, controls);
-    match sqp::minimise(shooting, &z, EVALUATIONS) {
+    let mut z = shooting.place(b, controls);
+    let found = match if restore { sqp::restore(shooting, &z) } else { Ok(None) } {
+        Ok(restored) => {
+            z = restored.unwrap_or(z);
+            sqp::minimise(shooting, &z, EVALUATIONS)
+        }
+        Err(e) => Err(e),
+    };
+    match found {
         Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => Err(e),
         // a simulation that fails says nothing of the answer
         Err(_) | Ok(None) => Ok(None),

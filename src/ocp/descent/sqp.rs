@@ -30,6 +30,9 @@ const PROGRESS: f64 = 1e-7;
 const STILL: f64 = 1e-2;
 /// Violation of a constraint, relative to what the variables change it by, that counts as none.
 const MET: f64 = 1e-7;
+/// The same for a point that was moved until it meets them, and the steps of that.
+const WELL_MET: f64 = 1e-9;
+const RESTORED: usize = 8;
 /// Price of a violation in units of the steepest change of the cost, its growth and its limit.
 const PRICE: f64 = 10.0;
 const DEARER: f64 = 4.0;
@@ -77,7 +80,7 @@ pub(super) struct Lowest {
     /// How often the program was evaluated.
     pub evaluations: usize,
     /// Decrease of the cost, relative to what it is or one variable changes it by, whichever is more. What it costs to meet
-    /// constraints that the start violates is counted with their multipliers.
+    /// constraints that the start violates is counted with their multipliers; see [`restore`] for a start that violates none.
     pub gain: f64,
     /// Largest violation of a constraint, relative to what the variables change it by.
     pub violation: f64,
@@ -127,9 +130,43 @@ pub(super) fn minimise(program: &mut dyn Program, z: &[f64], evaluations: usize)
     descent.scale(&mut here);
     let before = here.clone();
     let mut lowest = descent.run(&z, here, evaluations)?;
-    lowest.gain += descent.lagrangian(&before);
+    // multipliers of constraints whose slopes vanish, as that of a speed which friction has brought to rest, are without bound: what
+    // they make of a violation that counts as none is no gain
+    let meets = descent.violation(before.rows.iter().copied()).1 <= MET;
+    lowest.gain += if meets { before.cost } else { descent.lagrangian(&before) };
     lowest.before = before.cost / descent.unit;
     Ok(Some(lowest))
+}
+
+/// The nearest point to `z` that meets the constraints, by steps that are as short as they can be. `None` where none is found.
+pub(super) fn restore(program: &mut dyn Program, z: &[f64]) -> Result<Option<Vec<f64>>> {
+    let mut here = Values::default();
+    if !program.evaluate(z, &mut here)? {
+        return Ok(None);
+    }
+    let Some(mut descent) = Descent::new(program, &here)? else { return Ok(None) };
+    descent.scale(&mut here);
+    let mut y: Vec<f64> = z.iter().zip(&descent.size).map(|(z, s)| z / s).collect();
+    let (mut found, mut there) = (QpSolution::new(&descent.qp), Values::default());
+    let mut left = descent.violation(here.rows.iter().copied()).1;
+    descent.restart();
+    for _ in 0..RESTORED {
+        here.gradient.fill(0.0);
+        if left <= WELL_MET || !descent.step(&y, &here, &here.rows, FIRST_BOX, &mut found) {
+            break;
+        }
+        let next = descent.moved(&y, &found.u);
+        if !descent.evaluate(&next, &mut there)? {
+            break;
+        }
+        let now = descent.violation(there.rows.iter().copied()).1;
+        if now > PROMISE * left {
+            break;
+        }
+        (left, y) = (now, next);
+        std::mem::swap(&mut here, &mut there);
+    }
+    Ok((left <= MET).then(|| y.iter().zip(&descent.size).map(|(y, s)| y * s).collect()))
 }
 
 impl<'a> Descent<'a> {

@@ -162,7 +162,10 @@ impl Optimality {
     /// A descent on simulations from the answer led nowhere: it is what that says, and there is no direction.
     pub(super) fn certify_by_descent(&mut self, verdict: Verdict) {
         self.verdict = verdict;
-        self.reason = "a descent on simulations gains nothing";
+        self.reason = match verdict {
+            Verdict::Unknown => "its derivatives lead down, and a descent on simulations gains nothing",
+            _ => "a descent on simulations gains nothing",
+        };
         self.direction.clear();
     }
 
