@@ -508,7 +508,7 @@ impl Ocp {
         let Some(best) = found.best.as_mut() else { return Ok(false) };
         let Some(judged) = best.judged()? else { return Ok(false) };
         let elsewhere = judged.reason == OTHER;
-        let doubtful = elsewhere || judged.verdict == Verdict::NotOptimal || !judged.beyond.is_empty();
+        let doubtful = elsewhere || judged.asks_for_descent();
         if stop::requested().is_some() || !doubtful {
             return Ok(false);
         }
@@ -639,7 +639,7 @@ impl Ocp {
         let reported = self.report(&mut b, &stage_params, Statistics::default(), request, control);
         self.built = Some(b);
         let mut r = reported?;
-        if let (Some(o), Some(verdict)) = (r.optimality.as_mut().filter(|o| o.verdict == Verdict::NotOptimal), still) {
+        if let (Some(o), Some(verdict)) = (r.optimality.as_mut().filter(|o| o.is_open()), still) {
             o.certify_by_descent(verdict);
         }
         self.result = Some(r);

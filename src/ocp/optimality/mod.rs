@@ -55,6 +55,8 @@ const AT_BOUND: f64 = 1e-6;
 const AWAY: f64 = 10.0;
 /// Why nothing is known of an answer whose controls lead elsewhere.
 pub(super) const OTHER: &str = "the simulation of the controls is not that of the answer";
+/// Why the derivatives say nothing of an answer.
+const WITHOUT_DERIVATIVES: &str = "derivatives along the simulation are not finite";
 /// Share of the largest distance from a surface, in terms of indicators, at which it is touched.
 const TOUCH: f64 = 1e-7;
 /// Share of its terms, and of what the ranges of the states make of it, above which the speed towards a surface is one.
@@ -167,6 +169,16 @@ impl Optimality {
             _ => "a descent on simulations gains nothing",
         };
         self.direction.clear();
+    }
+
+    /// Can a descent on simulations say more than the derivatives do?
+    pub(super) fn asks_for_descent(&self) -> bool {
+        self.is_open() || !self.beyond.is_empty()
+    }
+
+    /// Is it neither an optimum nor a kink, although the controls lead to the answer?
+    pub(super) fn is_open(&self) -> bool {
+        self.verdict == Verdict::NotOptimal || self.reason == WITHOUT_DERIVATIVES
     }
 
     fn unknown(reason: &'static str) -> Optimality {

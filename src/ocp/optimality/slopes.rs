@@ -1,6 +1,6 @@
 //! Derivatives of the cost along the simulation by everything that may change, and what they say.
 
-use super::{dot, Corner, Judge, Kind, Kink, Leg, Optimality, Outer, Piece, Sides, Verdict, AT_BOUND, NONE, RANK};
+use super::{dot, Corner, Judge, Kind, Kink, Leg, Optimality, Outer, Piece, Sides, Verdict, AT_BOUND, NONE, RANK, WITHOUT_DERIVATIVES};
 use nalgebra::{DMatrix, DVector};
 
 /// A quantity that may change, with the derivatives of the Lagrange function: the first column is that with the multipliers
@@ -209,7 +209,7 @@ impl Quantities {
     pub(super) fn verdict(&self, kinks: &[Corner], sides: &[Sides], ends: &[[f64; 2]], own: usize) -> Optimality {
         let finite = |v: &[f64]| v.iter().all(|v| v.is_finite());
         if !self.all().all(|f| finite(&f.slopes)) || !sides.iter().flatten().flatten().all(|s| finite(s)) {
-            return Optimality::unknown("derivatives along the simulation are not finite");
+            return Optimality::unknown(WITHOUT_DERIVATIVES);
         }
         let scale = self.all().fold(self.states, |m, f| m.max(f.size * f.terms)).max(f64::MIN_POSITIVE);
         let left = |c: &[f64]| self.all().fold(0f64, |m, f| m.max(f.left(c).abs())) / scale;
@@ -254,7 +254,7 @@ impl Quantities {
             .collect();
         let falls = |k: &Kink| k.before < -NONE || k.after < -NONE;
         let (verdict, reason) = if !residual.is_finite() {
-            (Verdict::Unknown, "the derivatives are not finite")
+            (Verdict::Unknown, WITHOUT_DERIVATIVES)
         } else if residual > NONE || found.iter().any(falls) {
             (Verdict::NotOptimal, "")
         } else if found.is_empty() {
