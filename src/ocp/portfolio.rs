@@ -233,7 +233,9 @@ impl Ocp {
         let r = self.last_result()?;
         let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.cost);
         found.add(r);
-        if exact && cost <= found.cost() {
+        // what a descent said of the best answer is not given up for one that costs the same
+        let lead = if found.still.is_some() { GAIN * cost.abs() } else { 0.0 };
+        if exact && cost <= found.cost() - lead {
             let mut own = Box::new(self.blank());
             (own.built, own.result, own.engine) = (self.built.take(), self.result.take(), self.engine.take());
             // where its own controls lead elsewhere, that is what it is worth

@@ -168,8 +168,8 @@ impl Judge<'_> {
                 rows.map(|(a, b)| change(a, b)).collect()
             };
             let beyond = here.pieces.iter().zip(&there.pieces).map(jump).collect();
-            let normal = (0..self.n_u).map(|j| rows[(i, j)] / movable.sizes[j]).collect();
-            out.push(Corner { stage: k, t, normal, kind: Kind::Control { beyond } });
+            let controls = (0..self.n_u).map(|j| rows[(i, j)] / movable.sizes[j]).collect();
+            out.push(Corner { stage: k, t, normal: Vec::new(), controls, own: k, kind: Kind::Control { beyond } });
         }
         *leg = here;
         Ok(out)

@@ -165,7 +165,7 @@ impl Optimality {
     pub(super) fn certify_by_descent(&mut self, verdict: Verdict) {
         self.verdict = verdict;
         self.reason = match verdict {
-            Verdict::Unknown => "its derivatives lead down, and a descent on simulations gains nothing",
+            Verdict::Unknown => "derivatives do not say that it is optimal, but a descent on simulations gains nothing",
             _ => "a descent on simulations gains nothing",
         };
         self.direction.clear();
@@ -219,8 +219,11 @@ struct Leg {
 struct Corner {
     stage: usize,
     t: f64,
-    /// Gradient of the surface, in states of the simulation; of one that controls stay on, in controls.
+    /// Gradient of the surface in states of the simulation; none of one that controls stay on.
     normal: Vec<f64>,
+    /// Its gradient in the controls, and the stage of these.
+    controls: Vec<f64>,
+    own: usize,
     kind: Kind,
 }
 

@@ -25,6 +25,13 @@ fn peak([here, there, back, on]: [&[f64]; 4], speed: impl Fn(&[f64]) -> f64) -> 
     })
 }
 
+/// The gradient of what is positive behind a surface, in states and controls, and its derivative with respect to time.
+pub(super) struct Surface {
+    normal: Vec<f64>,
+    controls: Vec<f64>,
+    moves: f64,
+}
+
 impl Judge<'_> {
     /// Number of states of the simulation.
     pub(super) fn n(&self) -> usize {
@@ -61,9 +68,8 @@ impl Judge<'_> {
         Ok(self.advance(t + little)?.then(|| self.engine.derivative().to_vec()))
     }
 
-    /// Gradient of the surface between two regions and its derivative with respect to time: what is positive where the
-    /// second one is active.
-    pub(super) fn surface(&self, from: usize, to: usize, t: f64, x: &[f64], stage: usize) -> Option<(Vec<f64>, f64)> {
+    /// The surface between two regions in a stage.
+    pub(super) fn surface(&self, from: usize, to: usize, t: f64, x: &[f64], stage: usize) -> Option<Surface> {
         let form = self.dcs.form();
         let row = |c: usize| form.rows.iter().find(|r| r.lambda.iter().any(|l| l.0 == c));
         let (a, b) = (row(from)?, row(to)?);
@@ -78,7 +84,7 @@ impl Judge<'_> {
         let weights: Vec<f64> = a.weights.iter().zip(&b.weights).map(|(a, b)| a - b).collect();
         let column = |j: usize| pattern.rows(j).iter().zip(&jac[pattern.range(j)]).map(|(&i, v)| weights[i] * v).sum();
         let normal = (0..self.n()).map(|i| i.checked_sub(first).map_or(0.0, column)).collect();
-        Some((normal, column(d.t_col())))
+        Some(Surface { normal, controls: (d.x..d.x + self.n_u).map(column).collect(), moves: column(d.t_col()) })
     }
 }
 
@@ -208,7 +214,9 @@ impl Judge<'_> {
         lengths: &[f64],
     ) -> Result<Option<Corner>> {
         let x = self.state(p.at);
-        let Some((normal, moves)) = self.surface(of.0, of.1, t, &x, p.stage) else { return Ok(None) };
+        let Some(Surface { normal, controls, moves }) = self.surface(of.0, of.1, t, &x, p.stage) else {
+            return Ok(None);
+        };
         let step = TOUCH * scale / dot(&normal, &normal);
         let little = MARGIN[0] * lengths[p.stage];
         let mut beside = |sign: f64, stage: usize| {
@@ -226,15 +234,31 @@ impl Judge<'_> {
         if !beyond.iter().enumerate().any(|(i, f)| f.abs() > SAME * usual(i)) {
             return Ok(None);
         }
-        if let Some((on, back)) = next {
-            let towards = |f: &[f64]| self.speed_towards(&normal, moves, f);
+        let towards = |f: &[f64]| self.speed_towards(&normal, moves, f);
+        if ends && controls.iter().any(|c| *c != 0.0) {
+            // the surface is another one under the next control: it is reached a little before the end of the stage, or not at all
+            let arrives = |v: &f64| *v > 0.0;
+            if let Some(v) = Some(towards(&here)).filter(arrives) {
+                let speed = v - towards(&there).min(0.0);
+                let beyond = beyond.iter().map(|b| b / speed).collect();
+                return Ok(Some(Corner {
+                    stage: behind,
+                    t,
+                    normal,
+                    controls,
+                    own: p.stage,
+                    kind: Kind::Peak { beyond },
+                }));
+            }
+        } else if let Some((on, back)) = next {
             // it comes to the surface with the control before, and leaves it with the one behind
             let turns = towards(&here) > 0.0 && towards(&back) < 0.0;
             if let Some(beyond) = if turns { peak([&here, &there, &back, &on], towards) } else { None } {
-                return Ok(Some(Corner { stage: behind, t, normal, kind: Kind::Peak { beyond } }));
+                let kind = Kind::Peak { beyond };
+                return Ok(Some(Corner { stage: behind, t, normal, controls, own: p.stage, kind }));
             }
         }
-        Ok(Some(Corner { stage: p.stage, t, normal, kind: Kind::Touch { at: p.at, beyond } }))
+        Ok(Some(Corner { stage: p.stage, t, normal, controls, own: p.stage, kind: Kind::Touch { at: p.at, beyond } }))
     }
 
     /// Speed towards a surface with the gradient `normal` that moves by itself by `moves`; zero where it is that of rounding errors.
@@ -268,7 +292,8 @@ impl Judge<'_> {
             let Some(from) = cells.clone().find(|&c| a[c] && !b[c]).or_else(|| cells.clone().find(|&c| a[c])) else {
                 continue;
             };
-            let Some((normal, moves)) = self.surface(from, to, before.end.t, &before.end.x, k - 1) else { continue };
+            let surface = self.surface(from, to, before.end.t, &before.end.x, k - 1);
+            let Some(Surface { normal, controls, moves }) = surface else { continue };
             if normal.iter().all(|n| *n == 0.0) && moves == 0.0 || self.controls_choose(k, (from, to), &before.end) {
                 continue;
             }
@@ -280,11 +305,14 @@ impl Judge<'_> {
             let (end, start) = (&before.end, &behind.start);
             let new_before = self.velocity((start.t, &start.x), k, k - 1, little)?;
             let old_behind = self.velocity((end.t, &end.x), k - 1, k, little)?;
-            let kind = Kind::Switch {
-                before: new_before.and_then(|fb| over(self, &before.end.rate, &fb)),
-                after: old_behind.and_then(|fa| over(self, &fa, &behind.start.rate)),
+            // where the surface is another one under the control behind, that alone says what is active there
+            let after = match controls.iter().any(|c| *c != 0.0) {
+                true => Some(vec![0.0; self.n()]),
+                false => old_behind.and_then(|fa| over(self, &fa, &behind.start.rate)),
             };
-            out.push(Corner { stage: k, t: 0.5 * (before.end.t + behind.start.t), normal, kind });
+            let kind = Kind::Switch { before: new_before.and_then(|fb| over(self, &before.end.rate, &fb)), after };
+            let t = 0.5 * (before.end.t + behind.start.t);
+            out.push(Corner { stage: k, t, normal, controls, own: k - 1, kind });
         }
         Ok(out)
     }

@@ -134,6 +134,10 @@ impl Judge<'_> {
         // what shifts everything behind by a unit of time
         let mut clock = 0.0;
         let mut sides = vec![[None, None]; kinks.len()];
+        for (i, b) in kinks.iter().enumerate() {
+            let own = &mut q.controls[b.own * self.n_u..(b.own + 1) * self.n_u];
+            own.iter_mut().zip(&b.controls).for_each(|(u, n)| u.add(1 + i, *n));
+        }
         for (k, leg) in legs.iter().enumerate().rev() {
             for (m, piece) in leg.pieces.iter().enumerate().rev() {
                 let force: Vec<Vec<f64>> =
@@ -158,10 +162,6 @@ impl Judge<'_> {
                     let Kind::Control { beyond } = &b.kind else { continue };
                     let side = sides[i][0].get_or_insert_with(|| vec![0.0; columns.len()]);
                     side.iter_mut().zip(&columns).for_each(|(s, l)| *s += dot(&beyond[m], l));
-                    if end {
-                        let own = &mut q.controls[k * self.n_u..(k + 1) * self.n_u];
-                        own.iter_mut().zip(&b.normal).for_each(|(u, n)| u.add(1 + i, *n));
-                    }
                 }
                 for (c, column) in columns.iter_mut().enumerate() {
                     let mut back = vec![0.0; n];
