@@ -128,19 +128,17 @@ impl Judge<'_> {
             let moved = |j: usize| own[j] + TOUCH * movable.sizes[j] * d[j];
             (0..own.len()).any(|j| d[j].abs() > RANK && (moved(j) < lower[j] || moved(j) > upper[j]))
         };
-        // where bounds leave one side only there is no other
+        // where bounds leave one side only there is no other; where several controls at bounds are on a surface, some of them may leave it
+        // to one side and some to the other
         let side = |i: usize| {
             let d = towards.column(i).into_owned();
             match (leaves(&-&d), leaves(&d)) {
-                (false, false) => Some([-1.0, 1.0]),
-                (false, true) => Some([-1.0, -1.0]),
-                (true, false) => Some([1.0, 1.0]),
-                (true, true) => None,
+                (false, true) => [-1.0, -1.0],
+                (true, false) => [1.0, 1.0],
+                _ => [-1.0, 1.0],
             }
         };
-        let Some(sides) = (0..surfaces.len()).map(side).collect::<Option<Vec<[f64; 2]>>>() else {
-            return Ok(Vec::new());
-        };
+        let sides: Vec<[f64; 2]> = (0..surfaces.len()).map(side).collect();
         let at = |signs: &[f64]| -> DVector<f64> { &towards * DVector::from_column_slice(signs) * TOUCH };
         let base: Vec<f64> = sides.iter().map(|s| s[0]).collect();
         let Some(here) = self.moved_leg(k, (&own, &at(&base), movable), (t, length, points))? else {
