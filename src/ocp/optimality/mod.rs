@@ -234,8 +234,9 @@ enum Kind {
     /// A surface that is touched from one side at a point: the first of its variables, and `f_B − f_A`.
     Touch { at: usize, beyond: Vec<f64> },
     /// The same at the end of a stage, where the control turns the state back, on the other side too: by how much the state differs behind
-    /// that for every unit that the surface would be passed by. Where it would not come back there is nothing to first order.
-    Peak { beyond: Vec<f64> },
+    /// that for every unit that the surface would be passed by; none where it would not come back. Or a surface that the state is on at the
+    /// start of a stage because of the control there.
+    Peak { beyond: Option<Vec<f64>> },
     /// A surface that the controls of a stage stay on: for every piece of the stage, by how much more the state at its end changes on the
     /// side beyond for every unit that the surface is passed by.
     Control { beyond: Vec<Vec<f64>> },
@@ -247,7 +248,7 @@ impl Corner {
         match &self.kind {
             Kind::Switch { before, after } => [before.as_deref(), after.as_deref()],
             Kind::Touch { beyond, .. } => [None, Some(beyond)],
-            Kind::Peak { beyond } => [Some(beyond), None],
+            Kind::Peak { beyond } => [beyond.as_deref(), None],
             Kind::Control { .. } => [None, None],
         }
     }

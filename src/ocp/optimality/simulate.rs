@@ -8,6 +8,9 @@ use crate::func::Point;
 use crate::stop;
 use crate::system::SharedFunction;
 
+/// How often the time behind which a velocity is taken is shortened, each time to a tenth.
+const SHORTER: usize = 4;
+
 /// By how much the state behind the end of a stage differs, for every unit that a surface which is touched there would be passed by: with
 /// the velocities on this side and beyond under the control before, then under the one behind. None where the state, once
 /// beyond, does not come back.
@@ -66,6 +69,25 @@ impl Judge<'_> {
     ) -> Result<Option<Vec<f64>>> {
         self.start(t, x, stage, control)?;
         Ok(self.advance(t + little)?.then(|| self.engine.derivative().to_vec()))
+    }
+
+    /// Velocity in a region next to another one, whose surface is near: behind a shorter and shorter time, until the state has not left it by then.
+    fn velocity_in(
+        &mut self,
+        (region, other): (usize, usize),
+        at: (f64, &[f64]),
+        stage: usize,
+        mut little: f64,
+    ) -> Result<Option<Vec<f64>>> {
+        for _ in 0..SHORTER {
+            let found = self.velocity(at, stage, stage, little)?;
+            let active = |c: usize| self.engine.cells_of_step().any(|a| a == c);
+            if active(region) && !active(other) {
+                return Ok(found);
+            }
+            little *= 0.1;
+        }
+        self.velocity(at, stage, stage, little)
     }
 
     /// The surface between two regions in a stage.
@@ -201,7 +223,86 @@ impl Judge<'_> {
                 }
             }
         }
+        out.extend(self.left_at_start(&starts, lengths, points, &scale)?);
         Ok(out)
+    }
+
+    /// Surfaces that the state is on at the start of a stage because of the controls there, and leaves at once: had it been beyond, it
+    /// would have come across a little later.
+    fn left_at_start(
+        &mut self,
+        starts: &[f64],
+        lengths: &[f64],
+        points: &[StatePoint],
+        scale: &[f64],
+    ) -> Result<Vec<Corner>> {
+        let mut out = Vec::new();
+        for (k, &t) in starts.iter().enumerate() {
+            let first = points.iter().position(|p| p.share > MARGIN[1] && p.stage == k);
+            let Some(next) = first.filter(|&i| i > 0) else { continue };
+            let at_start = |p: &&StatePoint| p.stage < k || p.share <= MARGIN[0];
+            let Some(from) = points[..next].iter().rev().find(at_start) else { continue };
+            let x = self.state(from.at);
+            let ahead = (t + points[next].share * lengths[k], self.state(points[next].at));
+            let (Some(on), Some(off)) = (self.distances(t, &x, k), self.distances(ahead.0, &ahead.1, k)) else {
+                continue;
+            };
+            for cells in self.dcs.form().simplices.clone() {
+                let near = |d: &[f64], c: usize| d[c] <= TOUCH * scale[c];
+                let Some(a) = cells.clone().find(|&c| off[c] == 0.0 && near(&on, c)) else { continue };
+                for c in cells.filter(|&c| c != a && near(&on, c) && !near(&off, c)) {
+                    let at = StatePoint { stage: k, share: 0.0, at: from.at };
+                    out.extend(self.start_on(at, t, (a, c), scale[c], lengths)?);
+                }
+            }
+        }
+        Ok(out)
+    }
+
+    /// The surface between the regions `of` that a stage begins on, where the controls move it.
+    fn start_on(
+        &mut self,
+        p: StatePoint,
+        t: f64,
+        of: (usize, usize),
+        scale: f64,
+        lengths: &[f64],
+    ) -> Result<Option<Corner>> {
+        let x = self.state(p.at);
+        let Some(surface) = self.surface(of.0, of.1, t, &x, p.stage) else { return Ok(None) };
+        if surface.controls.iter().all(|c| *c == 0.0) {
+            return Ok(None);
+        }
+        let Some([here, there]) = self.beside(&surface, (t, &x), of, scale, p.stage, lengths)? else {
+            return Ok(None);
+        };
+        let [away, back] = [&here, &there].map(|f| self.speed_towards(&surface.normal, surface.moves, f));
+        if away >= 0.0 {
+            return Ok(None);
+        }
+        // where the state would stay beyond it that is no small change
+        let beyond = (back < 0.0).then(|| here.iter().zip(&there).map(|(a, b)| (b - a) / -back).collect());
+        let Surface { normal, controls, .. } = surface;
+        Ok(Some(Corner { stage: p.stage, t, normal, controls, own: p.stage, kind: Kind::Peak { beyond } }))
+    }
+
+    /// Velocities on this side of a surface between the regions `of`, and beyond, under the controls of a stage.
+    fn beside(
+        &mut self,
+        surface: &Surface,
+        (t, x): (f64, &[f64]),
+        of: (usize, usize),
+        scale: f64,
+        stage: usize,
+        lengths: &[f64],
+    ) -> Result<Option<[Vec<f64>; 2]>> {
+        let step = TOUCH * scale / dot(&surface.normal, &surface.normal);
+        let mut at = |sign: f64, side: (usize, usize)| {
+            let moved: Vec<f64> = x.iter().zip(&surface.normal).map(|(x, n)| x + sign * step * n).collect();
+            self.velocity_in(side, (t, &moved), stage, MARGIN[0] * lengths[stage])
+        };
+        let here = at(-1.0, of)?;
+        Ok(here.zip(at(1.0, (of.1, of.0))?).map(|(here, there)| [here, there]))
     }
 
     /// A touched surface between the regions `of`; none where the velocity is the same on both sides.
@@ -214,19 +315,12 @@ impl Judge<'_> {
         lengths: &[f64],
     ) -> Result<Option<Corner>> {
         let x = self.state(p.at);
-        let Some(Surface { normal, controls, moves }) = self.surface(of.0, of.1, t, &x, p.stage) else {
-            return Ok(None);
-        };
-        let step = TOUCH * scale / dot(&normal, &normal);
-        let little = MARGIN[0] * lengths[p.stage];
-        let mut beside = |sign: f64, stage: usize| {
-            let moved: Vec<f64> = x.iter().zip(&normal).map(|(x, n)| x + sign * step * n).collect();
-            self.velocity((t, &moved), stage, stage, little)
-        };
-        let (Some(there), Some(here)) = (beside(1.0, p.stage)?, beside(-1.0, p.stage)?) else { return Ok(None) };
+        let Some(surface) = self.surface(of.0, of.1, t, &x, p.stage) else { return Ok(None) };
+        let at = (t, &x[..]);
+        let Some([here, there]) = self.beside(&surface, at, of, scale, p.stage, lengths)? else { return Ok(None) };
         let behind = p.stage + 1;
         let ends = p.share >= 1.0 && behind < lengths.len();
-        let next = if ends { beside(1.0, behind)?.zip(beside(-1.0, behind)?) } else { None };
+        let next = if ends { self.beside(&surface, at, of, scale, behind, lengths)? } else { None };
         let beyond: Vec<f64> = there.iter().zip(&here).map(|(b, a)| b - a).collect();
         let horizon: f64 = lengths.iter().sum();
         // the cost has no range: its rate is compared with itself
@@ -234,13 +328,14 @@ impl Judge<'_> {
         if !beyond.iter().enumerate().any(|(i, f)| f.abs() > SAME * usual(i)) {
             return Ok(None);
         }
+        let Surface { normal, controls, moves } = surface;
         let towards = |f: &[f64]| self.speed_towards(&normal, moves, f);
         if ends && controls.iter().any(|c| *c != 0.0) {
             // the surface is another one under the next control: it is reached a little before the end of the stage, or not at all
             let arrives = |v: &f64| *v > 0.0;
             if let Some(v) = Some(towards(&here)).filter(arrives) {
                 let speed = v - towards(&there).min(0.0);
-                let beyond = beyond.iter().map(|b| b / speed).collect();
+                let beyond = Some(beyond.iter().map(|b| b / speed).collect());
                 return Ok(Some(Corner {
                     stage: behind,
                     t,
@@ -250,10 +345,11 @@ impl Judge<'_> {
                     kind: Kind::Peak { beyond },
                 }));
             }
-        } else if let Some((on, back)) = next {
+        } else if let Some([back, on]) = next {
             // it comes to the surface with the control before, and leaves it with the one behind
             let turns = towards(&here) > 0.0 && towards(&back) < 0.0;
-            if let Some(beyond) = if turns { peak([&here, &there, &back, &on], towards) } else { None } {
+            let beyond = if turns { peak([&here, &there, &back, &on], towards) } else { None };
+            if beyond.is_some() {
                 let kind = Kind::Peak { beyond };
                 return Ok(Some(Corner { stage: behind, t, normal, controls, own: p.stage, kind }));
             }
