@@ -248,11 +248,12 @@ impl Judge<'_> {
                 continue;
             };
             for cells in self.dcs.form().simplices.clone() {
-                let near = |d: &[f64], c: usize| d[c] <= TOUCH * scale[c];
+                let scale = scale[cells.clone()].iter().fold(0f64, |m, s| m.max(*s));
+                let near = |d: &[f64], c: usize| d[c] <= TOUCH * scale;
                 let Some(a) = cells.clone().find(|&c| off[c] == 0.0 && near(&on, c)) else { continue };
                 for c in cells.filter(|&c| c != a && near(&on, c) && !near(&off, c)) {
                     let at = StatePoint { stage: k, share: 0.0, at: from.at };
-                    out.extend(self.start_on(at, t, (a, c), scale[c], lengths)?);
+                    out.extend(self.start_on(at, t, (a, c), scale, lengths)?);
                 }
             }
         }
