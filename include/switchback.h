@@ -3714,7 +3714,8 @@ typedef struct swb_kink {
     /**
      * 1 where nothing switches, but a surface is touched and left to the side the state came from: `before` is then the
      * derivative away from it, `after` that of a moment behind it; where the control turns the state back at the end of a stage,
-     * on both sides, that of passing it. 0 otherwise.
+     * on both sides, that of passing it; where the controls of the stage stay on the surface, as on u = 0 of |u|, they are those towards
+     * either side. 0 otherwise.
      */
     int64_t touch;
 } swb_kink;

@@ -199,3 +199,115 @@ fn a_search_with_many_stages_takes_a_few_times_what_the_homotopy_takes() {
     let (search, homotopy) = (move_mass(OcpStart::Portfolio, 500), move_mass(OcpStart::Homotopy, 500));
     assert!(search <= 4 * homotopy, "{search} iterations, {homotopy} of the homotopy");
 }
+
+/// The cost of controls in a simulation of a system whose last state is the running cost.
+fn simulated(system: &System, r: &OcpResult, x0: &[f64], u: &[f64], end: impl Fn(&[f64]) -> f64) -> f64 {
+    let mut engine = Engine::new(system, &Options::with_tolerance(1e-12, 1e-12)).unwrap();
+    engine.reinit(0.0, x0).unwrap();
+    let nu = u.len() / r.durations.len();
+    let mut t = 0.0;
+    for (u, h) in u.chunks(nu).zip(&r.durations) {
+        engine.set_controls(u).unwrap();
+        t += h;
+        assert_eq!(engine.advance(t).unwrap(), switchback::event::Outcome::Reached);
+    }
+    engine.state()[x0.len() - 1] + end(engine.state())
+}
+
+/// The derivatives towards the sides of all kinks, each of which one control makes, are in the ratio of the differences of simulated
+/// costs; `up` says on which side of a kink that control is larger.
+fn check_sides(
+    r: &OcpResult,
+    o: &Optimality,
+    up: [f64; 2],
+    own: impl Fn(usize) -> usize,
+    cost: impl Fn(&[f64]) -> f64,
+) {
+    assert_eq!((o.verdict, o.reason), (Verdict::Kink, ""), "{o:?}");
+    let base = cost(&r.controls);
+    let mut scale = None;
+    for k in &o.kinks {
+        let side = |sign: f64| {
+            let mut moved = r.controls.clone();
+            moved[own(k.stage)] += 1e-6 * sign;
+            (cost(&moved) - base) / 1e-6
+        };
+        let [before, after] = up.map(side);
+        assert!(before > 1e-3 && after > 1e-3, "no kink at {k:?}: {before} and {after}");
+        let scale = scale.get_or_insert(after / k.after);
+        assert!((k.before * *scale - before).abs() < 1e-3 * (before + after), "{k:?}: {before} and {after}");
+        assert!((k.after * *scale - after).abs() < 1e-3 * (before + after), "{k:?}: {before} and {after}");
+    }
+}
+
+/// Fuel is `∫ |u|`: controls stay at zero for whole stages, which is a kink of the cost in each of them.
+#[test]
+fn controls_that_stay_on_a_surface_are_kinks() {
+    let g = Graph::new();
+    let (q, v, u) = (g.x(0), g.x(1), g.u(0));
+    let rhs = [v, u - 0.3 * v, u.abs() + 0.2 * (q - 1.0) * (q - 1.0) + 0.1 * u * u];
+    let system = Model::from_rhs("fuel", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let mut ocp = Ocp::new(&system, 4.0, 8, &Settings::default()).unwrap();
+    ocp.set_x0(&[0.0; 3]).unwrap();
+    ocp.set_u_bounds(&[-1.0], &[1.0]).unwrap();
+    let end = g.x(2) + 5.0 * (q - 2.0) * (q - 2.0) + 5.0 * v * v;
+    ocp.set_mayer(function(&g, Dims { x: 3, u: 1, p: 0 }, &[end])).unwrap();
+    let (r, o) = solve(&mut ocp);
+    let zero = r.controls.iter().filter(|u| u.abs() < 1e-9).count();
+    assert!(zero >= 2 && o.kinks.len() == zero && o.kinks.iter().all(|k| k.touch), "{:?} {o:?}", r.controls);
+    let cost = |u: &[f64]| simulated(&system, &r, &[0.0; 3], u, |x| 5.0 * (x[0] - 2.0).powi(2) + 5.0 * x[1] * x[1]);
+    check_sides(&r, &o, [-1.0, 1.0], |k| k, cost);
+}
+
+/// Several controls on surfaces that share them, one of them at its bound: `|u|`, `|w|` and a price of `u + w` above zero.
+#[test]
+fn controls_at_bounds_on_a_surface_of_several_are_certified() {
+    let g = Graph::new();
+    let (x, y, u, w) = (g.x(0), g.x(1), g.u(0), g.u(1));
+    let price = u.gt(0.3).select(2.0 * u - 0.3, u) + 0.355 * w.abs() + (u + w).max(0.0) * 0.5;
+    let rhs = [y - 0.2 * x + w, u - 0.5 * y, 0.3 * price + (x - 0.5) * (x - 0.5) + 0.05 * (u * u + w * w)];
+    let system = Model::from_rhs("tariff", 2, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let mut ocp = Ocp::new(&system, 2.8, 5, &Settings::default()).unwrap();
+    ocp.set_x0(&[0.13, -0.13, 0.0]).unwrap();
+    ocp.set_u_bounds(&[-1.0; 2], &[1.0; 2]).unwrap();
+    ocp.set_mayer(function(&g, Dims { x: 3, u: 2, p: 0 }, &[g.x(2)])).unwrap();
+    let (r, o) = solve(&mut ocp);
+    assert_eq!((o.verdict, o.reason), (Verdict::Kink, ""), "{:?} {o:?}", r.controls);
+    assert!(o.residual < 1e-5 && r.controls.chunks(2).any(|c| (c[0] + c[1]).abs() < 1e-9), "{:?} {o:?}", r.controls);
+}
+
+/// A relay whose surface the control moves: the best control puts the start on the surface, from where the state leaves it, and a larger
+/// one would leave it beyond for a moment.
+#[test]
+fn a_start_on_a_surface_that_the_control_moves_is_a_kink() {
+    let g = Graph::new();
+    let (x, y, u) = (g.x(0), g.x(1), g.u(0));
+    let rhs = [y - 0.3 * x, (x + u).gt(0.3).select(-1.0, 0.5) - 0.5 * y + 0.5 * u, x * x + 0.1 * y * y + 0.05 * u * u];
+    let system = Model::from_rhs("relay", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let x0 = [-0.413, -2.44, 0.0];
+    let mut ocp = Ocp::new(&system, 2.8, 4, &Settings::default()).unwrap();
+    ocp.set_x0(&x0).unwrap();
+    ocp.set_u_bounds(&[-1.0], &[1.0]).unwrap();
+    ocp.set_mayer(function(&g, Dims { x: 3, u: 1, p: 0 }, &[g.x(2)])).unwrap();
+    let (r, o) = solve(&mut ocp);
+    assert!(o.kinks.len() == 1 && (r.controls[0] - 0.713).abs() < 1e-9, "{:?} {o:?}", r.controls);
+    check_sides(&r, &o, [-1.0, 1.0], |k| k, |u| simulated(&system, &r, &x0, u, |_| 0.0));
+}
+
+/// A mass on a belt whose speed is the control: it reaches the speed of the belt exactly at the end of a stage.
+#[test]
+fn an_end_on_a_surface_that_the_control_moves_is_a_kink() {
+    let g = Graph::new();
+    let (x, v, u) = (g.x(0), g.x(1), g.u(0));
+    let off = x - 0.374 * g.x(2).sin();
+    let rhs = [v, v.gt(u).select(-0.308, 0.308) - 1.455 * x - 0.1 * v, g.constant(1.0), off * off + 0.02 * u * u];
+    let system = Model::from_rhs("belt", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let x0 = [-0.161, 0.0, 0.0, 0.0];
+    let mut ocp = Ocp::new(&system, 2.123, 4, &Settings::default()).unwrap();
+    ocp.set_x0(&x0).unwrap();
+    ocp.set_u_bounds(&[-1.0], &[1.0]).unwrap();
+    ocp.set_mayer(function(&g, Dims { x: 4, u: 1, p: 0 }, &[g.x(3)])).unwrap();
+    let (r, o) = solve(&mut ocp);
+    assert!(!o.kinks.is_empty(), "{:?} {o:?}", r.controls);
+    check_sides(&r, &o, [1.0, -1.0], |k| k - 1, |u| simulated(&system, &r, &x0, u, |_| 0.0));
+}

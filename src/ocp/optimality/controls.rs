@@ -75,7 +75,8 @@ impl Judge<'_> {
             for at in along {
                 let x = self.state(at.at);
                 let point = Point { t: t + at.share * length, x: &x, u, p };
-                if f.value(&point, &mut values, &mut work).is_err() || f.jacobian(&point, &mut jac, &mut work).is_err() {
+                if f.value(&point, &mut values, &mut work).is_err() || f.jacobian(&point, &mut jac, &mut work).is_err()
+                {
                     return Surfaces::new();
                 }
                 let mut of_states = vec![0.0; f.n_out()];

@@ -1,6 +1,9 @@
 //! Derivatives of the cost along the simulation by everything that may change, and what they say.
 
-use super::{dot, Corner, Judge, Kind, Kink, Leg, Optimality, Outer, Piece, Sides, Verdict, AT_BOUND, NONE, RANK, WITHOUT_DERIVATIVES};
+use super::{
+    dot, Corner, Judge, Kind, Kink, Leg, Optimality, Outer, Piece, Sides, Verdict, AT_BOUND, NONE, RANK,
+    WITHOUT_DERIVATIVES,
+};
 use nalgebra::{DMatrix, DVector};
 
 /// A quantity that may change, with the derivatives of the Lagrange function: the first column is that with the multipliers
