@@ -303,7 +303,7 @@ fn an_end_on_a_surface_that_the_control_moves_is_a_kink() {
     let rhs = [v, v.gt(u).select(-0.308, 0.308) - 1.455 * x - 0.1 * v, g.constant(1.0), off * off + 0.02 * u * u];
     let system = Model::from_rhs("belt", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
     let x0 = [-0.161, 0.0, 0.0, 0.0];
-    let mut ocp = Ocp::new(&system, 2.123, 4, &Settings::default()).unwrap();
+    let mut ocp = Ocp::new(&system, 2.123, 4, &Settings { n_s: 4, ..Settings::default() }).unwrap();
     ocp.set_x0(&x0).unwrap();
     ocp.set_u_bounds(&[-1.0], &[1.0]).unwrap();
     ocp.set_mayer(function(&g, Dims { x: 4, u: 1, p: 0 }, &[g.x(3)])).unwrap();
