@@ -1907,7 +1907,7 @@ A switch that lies between two control stages, or a surface that is touched: the
 - `t`: Time of the switch.
 - `before`: Derivative of the cost towards a switch in the stage before, relative as the residual of swb_optimality: negative where that lowers the cost, NaN where there is no such switch.
 - `after`: The same towards a switch in the stage behind.
-- `touch`: 1 where nothing switches, but a surface is touched and left to the side the state came from: `before` is then the derivative away from it, `after` that of a moment behind it; where the control turns the state back at the end of a stage, on both sides, that of passing it. 0 otherwise.
+- `touch`: 1 where nothing switches, but a surface is touched and left to the side the state came from: `before` is then the derivative away from it, `after` that of a moment behind it; where the control turns the state back at the end of a stage, on both sides, that of passing it; where the controls of the stage stay on the surface, as on u = 0 of |u|, they are those towards either side. 0 otherwise.
 """
 struct swb_kink
     struct_size::UInt64
