@@ -411,3 +411,27 @@ fn diodes_switch_when_they_do() {
         }
     }
 }
+
+/// A damped mode 1e3 times as fast as what drives it, and one that is driven by it. At tight tolerances error control keeps explicit steps
+/// a little below the limit of their stability, where they go on for ever: the implicit method has to take over all the same.
+#[test]
+fn what_is_stiff_is_seen_at_tight_tolerances() {
+    const FAST: f64 = 1e3;
+    const END: f64 = 10.0;
+    let g = Graph::new();
+    let rates = [FAST * (g.t().sin() - g.x(0)), g.x(0) - g.x(1)];
+    let system = Model::from_rhs("follower", 0, 0, &rates).and_then(|m| m.build(&g)).unwrap().system;
+    // x' = L (sin t − x), x(0) = 0, and y' = x − y by variation of constants
+    let scale = FAST / (FAST * FAST + 1.0);
+    let x = scale * (FAST * END.sin() - END.cos() + (-FAST * END).exp());
+    let wave = 0.5 * (FAST * (END.sin() - END.cos()) - (END.cos() + END.sin()));
+    let rest = 0.5 * (FAST + 1.0) - 1.0 / (1.0 - FAST);
+    let y = scale * (wave + rest * (-END).exp() + (-FAST * END).exp() / (1.0 - FAST));
+    for e in 3..=9 {
+        let rtol = 10f64.powi(-e);
+        let r = simulate(&system, &Options::with_tolerance(rtol, 1e-2 * rtol), 0.0, &[0.0, 0.0], END).unwrap();
+        assert!((r.x[0] - x).abs() <= 10.0 * rtol, "{rtol:e}: {} and not {x}", r.x[0]);
+        assert!((r.x[1] - y).abs() <= 10.0 * rtol, "{rtol:e}: {} and not {y}", r.x[1]);
+        assert!(r.stats.evaluations < 4000, "{rtol:e}: {:?}", r.stats);
+    }
+}

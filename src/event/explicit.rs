@@ -222,21 +222,26 @@ pub(super) fn error(pair: Pair, s: &Step, weights: &[f64]) -> f64 {
     }
 }
 
-/// An estimate of `|h λ|` for the fastest part of the system, after [`finish`]; `weights` are reciprocal tolerances.
-pub(super) fn stiffness(pair: Pair, s: &Step, weights: &[f64]) -> f64 {
+/// An estimate of `|h λ|` for the fastest part of the system, after [`finish`], and whether that part is damped: two points at
+/// the end of the step go straight towards each other. `weights` are reciprocal tolerances.
+pub(super) fn stiffness(pair: Pair, s: &Step, weights: &[f64]) -> (f64, bool) {
+    /// Cosine of the angle between the difference of two points and that of their velocities.
+    const STRAIGHT: f64 = -0.9;
     let last = match pair {
         Pair::Dp5 => 5,
         Pair::Dop853 => 11,
     };
-    let (mut num, mut den) = (0.0, 0.0);
+    let (mut num, mut den, mut dot) = (0.0, 0.0, 0.0);
     for i in 0..s.x1.len() {
-        num += ((s.f1[i] - s.k[i][last]) * weights[i]).powi(2);
-        den += ((s.x1[i] - s.y[i]) * weights[i]).powi(2);
+        let (rate, apart) = ((s.f1[i] - s.k[i][last]) * weights[i], (s.x1[i] - s.y[i]) * weights[i]);
+        num += rate * rate;
+        den += apart * apart;
+        dot += rate * apart;
     }
     if den > 0.0 {
-        s.h.abs() * (num / den).sqrt()
+        (s.h.abs() * (num / den).sqrt(), dot <= STRAIGHT * (num * den).sqrt())
     } else {
-        0.0
+        (0.0, false)
     }
 }
 

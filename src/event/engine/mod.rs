@@ -96,6 +96,7 @@ pub struct Engine {
     stiff_steps: usize,
     /// See [`explicit::stiffness`](super::explicit::stiffness), of the last step that was looked at.
     stiffness: f64,
+    damped: bool,
     mild_steps: usize,
     sampler: Sampler,
     samples: Vec<Coefficients>,
@@ -268,6 +269,7 @@ impl Engine {
             stiff_slides: vec![false; field.subs.len()],
             stiff_steps: 0,
             stiffness: 0.0,
+            damped: false,
             mild_steps: 0,
             sampler: Sampler::new(),
             samples: vec![[0.0; NODES]; n_w],
@@ -385,7 +387,7 @@ impl Engine {
         self.scene.forget();
         self.variational = (f64::INFINITY, 0);
         self.held_back = 0;
-        (self.stiffness, self.stiff_steps, self.mild_steps) = (0.0, 0, 0);
+        (self.stiffness, self.damped, self.stiff_steps, self.mild_steps) = (0.0, false, 0, 0);
         (self.tried, self.coarse, self.clear) = (0.0, 0.0, 0.0);
         self.behind = false;
         self.passages = 0;
