@@ -311,3 +311,25 @@ fn an_end_on_a_surface_that_the_control_moves_is_a_kink() {
     assert!(!o.kinks.is_empty(), "{:?} {o:?}", r.controls);
     check_sides(&r, &o, [1.0, -1.0], |k| k - 1, |u| simulated(&system, &r, &x0, u, |_| 0.0));
 }
+
+/// A mass with dry friction that must not move back: where it comes to rest the bound of its speed acts beside the friction, and has no
+/// force of its own. Its exact cost is that of the same problem without the bound, which does not matter to the optimum.
+#[test]
+fn a_bound_that_friction_keeps_does_not_spoil_the_derivatives() {
+    let g = Graph::new();
+    let rhs = [g.x(1), g.u(0) - 0.3 * g.x(1).sign()];
+    let system = Model::from_rhs("mass", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 2, u: 1, p: 0 };
+    let [free, bounded] = [f64::NEG_INFINITY, 0.0].map(|least| {
+        let mut ocp = Ocp::new(&system, 12.0, 12, &Settings::default()).unwrap();
+        ocp.set_lagrange(function(&g, d, &[g.u(0) * g.u(0)])).unwrap();
+        ocp.add_terminal(function(&g, d, &[g.x(0), g.x(1)]), &[1.0, 0.0], &[1.0, 0.0]).unwrap();
+        ocp.set_u_bounds(&[-2.0], &[2.0]).unwrap();
+        ocp.set_x_bounds(&[f64::NEG_INFINITY, least], &[f64::INFINITY; 2]).unwrap();
+        ocp.set_x0(&[0.0, 0.0]).unwrap();
+        let (r, o) = solve(&mut ocp);
+        assert!(matches!(o.verdict, Verdict::LocalOptimum | Verdict::Kink) && o.reason.is_empty(), "{least}: {o:?}");
+        r.cost
+    });
+    assert!((free - bounded).abs() < 1e-6 * free, "{free} and {bounded}");
+}

@@ -17,6 +17,7 @@
 //! away from the surface, and that of passing it is `Λᵀ b − c` with `b` the change of the state by what happens beyond.
 //! Controls that stay on a surface have a file of their own.
 
+mod bounds;
 mod controls;
 mod simulate;
 mod slopes;
@@ -338,7 +339,7 @@ impl Ocp {
         let d = e.system.dims();
         let solution = b.solver.solution();
         let (w, y, z) = (solution.x.clone(), solution.y.clone(), solution.z.clone());
-        let gradient = match b.problem.outer_gradient(&w, &y, &z) {
+        let mut gradient = match b.problem.outer_gradient(&w, &y, &z) {
             Ok(g) => g,
             Err(EvalError::Stopped) => return Err(stop::error()),
             Err(_) => return Ok(Optimality::unknown("a function of the model has no value at the answer")),
@@ -351,6 +352,15 @@ impl Ocp {
         let points = b.problem.state_points(&w);
         let controls = b.problem.places().1;
         let usual = b.problem.state_sizes();
+        let stages = bounds::Stages {
+            starts: &starts(self.t0, &r.durations),
+            lengths: &r.durations,
+            params: &all_params(&b.problem, &b.extended.params, d.p, &w),
+            controls: &controls.iter().flat_map(|&u| w[u..u + d.u].to_vec()).collect::<Vec<f64>>(),
+        };
+        for j in bounds::on_own_surfaces(&e.system, &points, (&w, &z), &usual, &stages) {
+            gradient[j] += z[j];
+        }
         let cost = Extent { range: 0.0, size: self.cost_size(r.cost) };
         let extent = |p: &Option<usize>| {
             p.map_or(cost, |i| Extent::of(points.iter().map(|p| w[p.at + i]), accuracy::LITTLE * usual[i]))
@@ -384,8 +394,8 @@ impl Ocp {
             places,
             n_p: d.p,
             n_u: d.u,
-            params: all_params(&b.problem, &b.extended.params, d.p, &w),
-            controls: controls.iter().flat_map(|&u| w[u..u + d.u].to_vec()).collect(),
+            params: stages.params.to_vec(),
+            controls: stages.controls.to_vec(),
         };
         let first = points.first().map_or(0, |p| p.at);
         let all = points.clone();
@@ -514,6 +524,11 @@ fn acting(all: Vec<StatePoint>, outer: &[f64], n: usize, touches: &[Corner]) -> 
     let kept =
         all.iter().enumerate().filter(|(i, p)| ends[*i] || touched(p) || first(*i) || force(p) > NOTHING * largest);
     kept.map(|(_, p)| *p).collect()
+}
+
+/// Times at which the stages start.
+fn starts(t0: f64, lengths: &[f64]) -> Vec<f64> {
+    lengths.iter().scan(t0, |t, h| Some(std::mem::replace(t, *t + h))).collect()
 }
 
 /// Parameters of every stage, those that are variables as they are at `w`.

@@ -1,6 +1,6 @@
 //! The simulation by which an answer is judged, stage by stage, and the kinks it meets.
 
-use super::{dot, Corner, Edge, Judge, Kind, Leg, Piece, AWAY, DOUBT, MARGIN, OFF, SAME, SLOW, TOUCH};
+use super::{dot, starts, Corner, Edge, Judge, Kind, Leg, Piece, AWAY, DOUBT, MARGIN, OFF, SAME, SLOW, TOUCH};
 use crate::error::Result;
 use crate::event;
 use crate::fesd::StatePoint;
@@ -195,7 +195,7 @@ impl Judge<'_> {
     /// Surfaces that the states touch at one of the points and leave to the side they came from, where the velocity on the
     /// other side is another one.
     pub(super) fn touches(&mut self, t0: f64, lengths: &[f64], points: &[StatePoint]) -> Result<Vec<Corner>> {
-        let starts: Vec<f64> = lengths.iter().scan(t0, |t, h| Some(std::mem::replace(t, *t + h))).collect();
+        let starts = starts(t0, lengths);
         let time = |p: &StatePoint| starts[p.stage] + p.share * lengths[p.stage];
         let mut all: Vec<(StatePoint, Vec<f64>)> = Vec::with_capacity(points.len());
         for p in points {
