@@ -5,7 +5,7 @@ use switchback::expr::{Expr, Graph};
 use switchback::func::Dims;
 use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
-use switchback::ocp::Ocp;
+use switchback::ocp::{Ocp, Verdict};
 use switchback::scene::{Contact, Scene};
 use switchback::settings::Settings;
 use switchback::sim::Simulator;
@@ -95,6 +95,8 @@ fn a_body_that_pushes_another_has_the_exact_cost() {
         let exact = (0.5f64 + 2.0).powi(2) / 3.0 * unit * unit;
         assert!((r.cost - exact).abs() < 1e-9 * exact, "{} {exact}", r.cost);
         println!("unit {unit}: {} iterations", r.stats.iterations);
+        let judged = r.optimality.as_ref().unwrap();
+        assert_eq!(judged.verdict, Verdict::LocalOptimum, "{}", judged.reason);
         let found = r.accuracy.as_ref().unwrap();
         assert!(found.terminal < 1e-8 * unit, "{}", found.terminal);
         // by events: as many changes as the block is met, and the cost by quadrature along the simulation

@@ -571,7 +571,7 @@ impl Dynamics {
             self.held.solve(&mut self.lambda);
             if self.is_first_order() {
                 for (l, y) in self.lambda.iter().zip(self.y.chunks_exact(n_v)) {
-                    x.iter_mut().zip(y).for_each(|(x, y)| *x += l * y);
+                    x[n_q..].iter_mut().zip(y).for_each(|(x, y)| *x += l * y);
                 }
                 continue;
             }

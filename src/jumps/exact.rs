@@ -127,6 +127,7 @@ pub(super) fn solve_sequence(
         tried: 1,
         violation,
         broken,
+        missed: None,
         blame: None,
         paradox: None,
         effort: 0,

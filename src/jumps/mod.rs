@@ -47,5 +47,6 @@ pub(crate) use result::trajectory;
 pub use result::Contacts;
 pub use search::{solve, Answer, Method, Options};
 pub use sensitivity::Derivatives;
+pub use shots::{Missed, Of};
 pub use simulate::{paradox, replay, Replay};
 pub use transcribe::Broken;

@@ -36,12 +36,20 @@ pub(super) fn of_states(p: &Problem, x0: &[f64], target: Option<&[f64]>) -> Vec<
 /// Size of the value of a function of one output: what states of their sizes make of it to first order, at a point. Gaps need not be lengths, nor
 /// have a unit in common with any state.
 pub(super) fn of_value(f: &SharedFunction, at: &Point, sizes: &[f64]) -> f64 {
+    of_values(f, at, sizes).into_iter().sum()
+}
+
+/// The same of every output, the boundary's, whose states are those of the start and of the end, included; zeros where it has no derivatives.
+pub(super) fn of_values(f: &SharedFunction, at: &Point, sizes: &[f64]) -> Vec<f64> {
     let pattern = f.jac_pattern();
-    let mut jac = vec![0.0; pattern.nnz()];
-    if f.jacobian(at, &mut jac, &mut vec![0.0; f.work_len()]).is_err() {
-        return 0.0;
+    let (mut jac, mut out) = (vec![0.0; pattern.nnz()], vec![0.0; f.n_out()]);
+    if f.jacobian(at, &mut jac, &mut vec![0.0; f.work_len()]).is_ok() {
+        for j in 0..at.x.len() {
+            let size = sizes[j % sizes.len()];
+            pattern.rows(j).iter().zip(&jac[pattern.range(j)]).for_each(|(&i, v)| out[i] += v.abs() * size);
+        }
     }
-    sizes.iter().enumerate().map(|(j, size)| pattern.range(j).map(|k| jac[k].abs()).sum::<f64>() * size).sum()
+    out
 }
 
 /// Sizes of the states of a motion: their largest moduli, and of those that are zero all the time the sizes that are known without it.

@@ -11,7 +11,7 @@ use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
-use super::shots::cheaper;
+use super::shots::{cheaper, missed, Missed};
 use super::simulate::paradox;
 use super::track::Track;
 use super::transcribe::Broken;
@@ -114,6 +114,8 @@ pub struct Answer {
     pub violation: f64,
     /// The row with it, of a point that is no solution.
     pub broken: Option<Broken>,
+    /// What its controls miss in a simulation, of a point that is no solution.
+    pub missed: Option<Missed>,
     /// What of a contact keeps it from a solution, where that is known.
     pub blame: Option<Blame>,
     /// The contact at which no forces continue the simulation of the guess (Painlevé), and the time; looked for where there is no solution.
@@ -176,13 +178,25 @@ const WAYS: usize = 3;
 const FEW: usize = 8;
 const FEW_AGREED: usize = 4;
 
-/// What a search spends to find an answer that has nothing to do with the one it has, as shares of the effort until then: on simulations, whose steps
-/// times states count like iterations times variables, and on programs.
+/// What a search spends to find an answer that has nothing to do with the one it has: on simulations, whose steps times states count like
+/// iterations times variables, and on programs.
 struct Second {
-    simulations: f64,
+    simulations: Share,
+    programs: Share,
+}
+
+/// A share of the effort so far, and what so many programs of the search have taken on average, whichever is more: a search that was over soon has
+/// seen little of what else there is, and shares of it would be a handful of simulations.
+#[derive(Clone, Copy)]
+struct Share {
+    of_effort: f64,
     programs: f64,
 }
-const SECOND: Second = Second { simulations: 0.5, programs: 0.5 };
+
+const SECOND: Second = Second {
+    simulations: Share { of_effort: 0.5, programs: 60.0 },
+    programs: Share { of_effort: 0.5, programs: 30.0 },
+};
 
 /// Share of the cost by which a sequence must be better to count.
 const GAIN: f64 = 1e-9;
@@ -236,6 +250,7 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     let (mut best, solved) =
         s.into_answer(clock).ok_or_else(|| Error::Internal("a search without an answer".into()))?;
     best.blame = blame;
+    best.missed = if best.is_solved() || stop::requested().is_some() { None } else { missed(p, options, &best) };
     if !best.is_solved() && (0..p.n_contacts()).any(|c| p.has_friction(c)) {
         best.paradox = match seen {
             Seen::Simulated(paradox) => paradox,
@@ -430,12 +445,6 @@ impl<'a> Search<'a> {
         Some((best, solved))
     }
 
-    /// Has this start led to a solution, and another start to a better one?
-    fn is_behind(&self) -> bool {
-        let own = self.best.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
-        own.zip(self.rival).is_some_and(|(own, rival)| rival < own)
-    }
-
     fn is_solved(&self) -> bool {
         self.best.as_ref().is_some_and(|b| b.0.is_solved())
     }
@@ -461,8 +470,8 @@ impl<'a> Search<'a> {
         }
     }
 
-    /// Asks whether another start would have bettered the best answer: shots that may cost less, each a start of its own, for as much of the effort
-    /// so far as [`SECOND`] says. Nothing else notices that an answer is dear: all sequences next to it may cost more where the motion that costs a
+    /// Asks whether another start would have bettered the best answer: shots that may cost less, each a start of its own, for as much as
+    /// [`SECOND`] says. Nothing else notices that an answer is dear: all sequences next to it may cost more where the motion that costs a
     /// tenth of it has its impacts elsewhere, all of them.
     fn look_elsewhere(&mut self, control: &mut Control) -> Result<()> {
         let Some((best, _)) = self.best.as_ref().filter(|b| b.0.is_solved()) else { return Ok(()) };
@@ -470,9 +479,11 @@ impl<'a> Search<'a> {
             return Ok(());
         }
         let known = best.cost;
-        let steps = SECOND.simulations * self.effort as f64 / self.p.given.dims.x as f64;
+        let program = self.effort as f64 / self.attempts.max(1) as f64;
+        let share = |s: Share| (s.of_effort * self.effort as f64).max(s.programs * program);
+        let steps = share(SECOND.simulations) / self.p.given.dims.x as f64;
         let shots = cheaper(self.p, self.options, best, steps as usize)?;
-        self.most_effort = (self.effort as f64 * (1.0 + SECOND.programs)) as usize;
+        self.most_effort = self.effort + share(SECOND.programs) as usize;
         let mut asked: Vec<Key> = Vec::new();
         for shot in shots {
             let sequence = shot.track.sequence(self.p.n_stages());

@@ -61,6 +61,8 @@ const ALIKE: usize = 3;
 const HIT: f64 = 1e-4;
 const HITS: f64 = 0.02;
 const NEARLY: f64 = 0.25;
+/// Share of its size by which a constraint is missed that counts as met.
+const MET: f64 = 1e-6;
 /// Range of a control without bounds, as a multiple of the constant control that would take the end as far as the target is away. The multiple
 /// of a trial that it is read off is right where the trial goes about as far: others are tried again, so many times.
 const REACH: f64 = 4.0;
@@ -100,6 +102,12 @@ struct Variable {
     given: f64,
 }
 
+/// Ends of the stages of a motion, the start first.
+struct Ends {
+    times: Vec<f64>,
+    states: Vec<f64>,
+}
+
 /// Everything a simulation needs.
 struct Filled {
     x0: Vec<f64>,
@@ -135,6 +143,8 @@ struct Range<'a> {
     o: &'a Options,
     /// A cost that is to be met as a constraint is.
     below: Option<f64>,
+    /// Sizes of the values of all constraints, where an answer says what they are: none is spread by more.
+    most_spread: Vec<f64>,
     /// Steps of simulations, beyond which no more shots are drawn or aimed.
     most_steps: usize,
     variables: Vec<Variable>,
@@ -167,11 +177,12 @@ pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usiz
     let mut range = Range::new(p, o, (DRAWN_SHARE * most_steps as f64) as usize);
     range.below = Some(known.cost);
     range.narrow(known.controls());
+    range.size_up(known);
     let mut drawn = range.draw();
     range.most_steps = most_steps;
     let mut out = range.aimed(&mut drawn)?;
     sort(&mut out);
-    let scales = spread(&drawn);
+    let scales = range.spread(&drawn);
     let mut words: Vec<&[(usize, bool)]> = Vec::new();
     for k in best_of_every_word(&drawn, &scales, drawn.len(), true) {
         let d = &drawn[k];
@@ -199,7 +210,17 @@ impl<'a> Range<'a> {
         let least = (PER_CONDITION * ends).div_ceil(g.dims.u.max(1));
         let stretches = STRETCHES.max(least).min(p.n_stages());
         let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
-        let mut range = Range { p, o, below: None, most_steps, variables: Vec::new(), sizes, stretches, steps: 0 };
+        let mut range = Range {
+            p,
+            o,
+            below: None,
+            most_spread: Vec::new(),
+            most_steps,
+            variables: Vec::new(),
+            sizes,
+            stretches,
+            steps: 0,
+        };
         let reaches = range.reaches();
         let mut variables = Vec::new();
         for s in 0..stretches {
@@ -294,6 +315,44 @@ impl<'a> Range<'a> {
         }
     }
 
+    /// Sizes of the constraints as the motion of an answer says them. Shots under the same controls may go twenty times as far as it does, and
+    /// shares of how far they are spread are then no distances that count.
+    fn size_up(&mut self, known: &Answer) {
+        let (p, g, nx) = (self.p, &self.p.given, self.p.given.dims.x);
+        let f = Filled {
+            x0: known.x0.clone(),
+            controls: known.controls().to_vec(),
+            durations: known.durations(p.n_stages()),
+            params: g.params.clone(),
+        };
+        let mut ends = Ends { times: vec![g.t0], states: known.x0.clone() };
+        for (k, d) in f.durations.iter().enumerate() {
+            let x = ends.states.len();
+            ends.times.push(ends.times[k] + d);
+            ends.states.resize(x + nx, 0.0);
+            known.track.state(ends.times[k + 1], false, &mut ends.states[x..]);
+        }
+        let sizes = scales::of_motion(p, &known.x0, &known.track.pieces);
+        let mut out = Vec::new();
+        for_every_constraint(p, &f, (&ends.times, &ends.states), |c| {
+            match c {
+                Constraint::Function { f, at, .. } => out.extend(scales::of_values(f, &at, &sizes)),
+                Constraint::State { i, .. } => out.push(sizes[i]),
+            }
+            Some(())
+        });
+        out.push(known.cost.abs());
+        self.most_spread = out;
+    }
+
+    /// How far the values of every constraint are spread.
+    fn spread(&self, drawn: &[Drawn]) -> Vec<f64> {
+        let mut out = spreads(drawn.iter().map(|d| &d.flight.values[..]));
+        let most = self.most_spread.iter().map(|s| if *s > 0.0 { *s } else { f64::INFINITY });
+        out.iter_mut().zip(most).for_each(|(s, most)| *s = s.min(most));
+        out
+    }
+
     fn first_stage(&self, stretch: usize) -> usize {
         (stretch * self.p.n_stages()).div_ceil(self.stretches)
     }
@@ -361,7 +420,7 @@ impl<'a> Range<'a> {
 
     /// More shots, each beside one of the best.
     fn draw_beside(&mut self, drawn: &mut Vec<Drawn>) {
-        let parents = best_of_every_word(drawn, &spread(drawn), PARENTS, false);
+        let parents = best_of_every_word(drawn, &self.spread(drawn), PARENTS, false);
         let mut numbers = SplitMix64::new(SEED + drawn.len() as u64);
         for k in (0..BESIDE).flat_map(|_| parents.iter().copied()) {
             if self.is_over() {
@@ -386,13 +445,21 @@ impl<'a> Range<'a> {
         if drawn.is_empty() {
             return Ok(out);
         }
-        let scales = spread(drawn);
-        for k in best_of_every_word(drawn, &scales, AIMED, true) {
-            if self.is_over() {
-                break;
-            }
+        let scales = self.spread(drawn);
+        // orders of contacts that were aimed from, or at which what was aimed ended
+        let mut asked: Vec<Vec<(usize, bool)>> = Vec::new();
+        for _ in 0..AIMED {
+            let times = |d: &Drawn| 1 + asked.iter().filter(|w| **w == d.flight.word).count();
+            let off = |d: &Drawn| squares(&d.flight.off(&scales)).sqrt() * times(d) as f64;
+            let fresh = (0..drawn.len()).filter(|&k| !drawn[k].aimed);
+            let next = fresh.min_by(|a, b| off(&drawn[*a]).total_cmp(&off(&drawn[*b])));
+            let Some(k) = next.filter(|_| !self.is_over()) else { break };
             drawn[k].aimed = true;
             let found = self.aim(&drawn[k], &scales);
+            asked.push(drawn[k].flight.word.clone());
+            if found.flight.word != drawn[k].flight.word {
+                asked.push(found.flight.word.clone());
+            }
             let miss = largest(&found.flight.off(&scales));
             if miss <= NEARLY {
                 out.extend(self.shot(&found.at, miss)?);
@@ -532,40 +599,124 @@ impl Flight {
     }
 }
 
-/// Values of path constraints and of bounded states at the ends of stages, and of the conditions at the end.
-fn values(p: &Problem, f: &Filled, s: &Simulated) -> Option<Vec<(f64, [f64; 2])>> {
+/// A constraint with its bounds.
+enum Constraint<'a> {
+    Function { f: &'a SharedFunction, at: Point<'a>, bounds: [&'a [f64]; 2] },
+    State { i: usize, value: f64, bounds: [f64; 2] },
+}
+
+/// Path constraints at the ends of stages, the conditions at the end, and bounded states at the ends of stages, given the times and states there.
+fn for_every_constraint(
+    p: &Problem,
+    f: &Filled,
+    (times, states): (&[f64], &[f64]),
+    mut each: impl FnMut(Constraint) -> Option<()>,
+) -> Option<()> {
     let (g, n) = (&p.given, p.n_stages());
     let nx = g.dims.x;
-    let mut out = Vec::new();
-    let mut add = |function: &SharedFunction, k: usize, x: &[f64], lower: &[f64], upper: &[f64]| {
+    let state = |end: usize| &states[end * nx..(end + 1) * nx];
+    let at = |k: usize, x| {
         let (u, q) = (&f.controls[k * g.wide.u..(k + 1) * g.wide.u], &f.params[k * g.wide.p..(k + 1) * g.wide.p]);
-        let mut values = vec![0.0; function.n_out()];
-        let at = Point { t: s.times[k + 1], x, u, p: q };
-        function.value(&at, &mut values, &mut vec![0.0; function.work_len()]).ok()?;
-        out.extend(values.iter().zip(lower.iter().zip(upper)).map(|(v, (l, u))| (*v, [*l, *u])));
-        Some(())
+        Point { t: times[k + 1], x, u, p: q }
     };
     for k in 0..n {
-        let x = &s.states[(k + 1) * nx..(k + 2) * nx];
         for c in &g.path {
-            add(&c.f, k, x, &c.lower, &c.upper)?;
+            each(Constraint::Function { f: &c.f, at: at(k, state(k + 1)), bounds: [&c.lower, &c.upper] })?;
         }
     }
-    let (first, last) = (&s.states[..nx], &s.states[n * nx..]);
     for c in &g.terminal {
-        add(&c.f, n - 1, last, &c.lower, &c.upper)?;
+        each(Constraint::Function { f: &c.f, at: at(n - 1, state(n)), bounds: [&c.lower, &c.upper] })?;
     }
+    let both = [state(0), state(n)].concat();
     for c in &g.boundary {
-        add(&c.f, n - 1, &[first, last].concat(), &c.lower, &c.upper)?;
+        each(Constraint::Function { f: &c.f, at: at(n - 1, &both), bounds: [&c.lower, &c.upper] })?;
     }
     for k in 0..n {
         for i in 0..nx {
             let bounds = [g.x_bounds[0][i], g.x_bounds[1][i]];
             if bounds.iter().any(|b| b.is_finite()) {
-                out.push((s.states[(k + 1) * nx + i], bounds));
+                each(Constraint::State { i, value: state(k + 1)[i], bounds })?;
             }
         }
     }
+    Some(())
+}
+
+/// What a motion misses, in the unit of the problem.
+#[derive(Debug, Clone)]
+pub struct Missed {
+    /// The constraint.
+    pub of: Of,
+    /// How far its value is outside of its bounds.
+    pub by: f64,
+    /// The value.
+    pub value: f64,
+}
+
+/// A constraint in words of the problem.
+#[derive(Debug, Clone)]
+pub enum Of {
+    /// An output of a function.
+    Function(String, usize),
+    /// A state.
+    State(usize),
+}
+
+/// What the controls of an answer miss most in a simulation, as a share of the size that states of their sizes give a constraint; nothing
+/// where a simulation meets all constraints or does not reach the end.
+pub(super) fn missed(p: &Problem, o: &Options, a: &Answer) -> Option<Missed> {
+    let (g, wide) = (&p.given, p.given.wide.u.max(1));
+    let bounded = |(k, u): (usize, &f64)| u.max(g.u_bounds[0][k % wide]).min(g.u_bounds[1][k % wide]);
+    let mut f = Filled {
+        x0: a.x0.clone(),
+        controls: a.controls().iter().enumerate().map(bounded).collect(),
+        durations: a.durations(p.n_stages()),
+        params: g.params.clone(),
+    };
+    for &(j, value) in &a.params {
+        (0..p.n_stages()).for_each(|k| f.params[k * g.wide.p + j] = value);
+    }
+    let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
+    let s = simulate_with(p, f.inputs(), Effort { sizes: &sizes, ..EFFORT }).ok()?;
+    (s.times.len() == p.n_stages() + 1).then_some(())?;
+    let mut worst: Option<(f64, Missed)> = None;
+    let mut note = |of: Of, value: f64, [l, u]: [f64; 2], size: f64| {
+        let by = (l - value).max(value - u);
+        let share = by / if size > 0.0 { size } else { 1.0 };
+        if share > MET && worst.as_ref().is_none_or(|w| share > w.0) {
+            worst = Some((share, Missed { of, by, value }));
+        }
+    };
+    for_every_constraint(p, &f, (&s.times, &s.states), |c| {
+        match c {
+            Constraint::Function { f, at, bounds: [lower, upper] } => {
+                let mut values = vec![0.0; f.n_out()];
+                f.value(&at, &mut values, &mut vec![0.0; f.work_len()]).ok()?;
+                for (i, (v, size)) in values.iter().zip(scales::of_values(f, &at, &sizes)).enumerate() {
+                    note(Of::Function(f.name().to_owned(), i), *v, [lower[i], upper[i]], size);
+                }
+            }
+            Constraint::State { i, value, bounds } => note(Of::State(i), value, bounds, sizes[i]),
+        }
+        Some(())
+    })?;
+    worst.map(|w| w.1)
+}
+
+/// Values of all constraints, with their bounds.
+fn values(p: &Problem, f: &Filled, s: &Simulated) -> Option<Vec<(f64, [f64; 2])>> {
+    let mut out = Vec::new();
+    for_every_constraint(p, f, (&s.times, &s.states), |c| {
+        match c {
+            Constraint::Function { f, at, bounds: [lower, upper] } => {
+                let mut values = vec![0.0; f.n_out()];
+                f.value(&at, &mut values, &mut vec![0.0; f.work_len()]).ok()?;
+                out.extend(values.iter().zip(lower.iter().zip(upper)).map(|(v, (l, u))| (*v, [*l, *u])));
+            }
+            Constraint::State { value, bounds, .. } => out.push((value, bounds)),
+        }
+        Some(())
+    })?;
     out.iter().all(|v| v.0.is_finite()).then_some(out)
 }
 
@@ -615,11 +766,6 @@ fn word(run: &Run) -> Vec<(usize, bool)> {
         }
     }
     out
-}
-
-/// How far the values of every constraint are spread.
-fn spread(drawn: &[Drawn]) -> Vec<f64> {
-    spreads(drawn.iter().map(|d| &d.flight.values[..]))
 }
 
 /// Shots that come closest. The second best of an order of contacts counts as if it were twice as far off, the third as if it were three times

@@ -29,6 +29,7 @@ mod nominal;
 mod optimality;
 mod phases;
 mod portfolio;
+mod projected;
 mod receding;
 mod request;
 mod retries;

@@ -8,7 +8,7 @@ use super::solve::Start;
 use super::{Jumps, Ocp, OcpResult, OcpSensitivity, SLACK};
 use crate::error::{Error, Result};
 use crate::func::Point;
-use crate::jumps::{self, Answer, Blame, Contacts, Options, Problem, Sequence, Solved};
+use crate::jumps::{self, Answer, Blame, Contacts, Missed, Of, Options, Problem, Sequence, Solved};
 use crate::memory;
 use crate::mpcc::Polish;
 use crate::nlp::middle;
@@ -360,12 +360,13 @@ impl Ocp {
             }
             Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter => format!(
                 "{why}no motion was found that meets all constraints, after {} orders of contacts; the one closest to it violates \
-                 them by {:.3e}{}. Its contacts: {}",
+                 them by {:.3e} of their sizes{}{}. Its contacts: {}",
                 a.tried,
                 a.violation,
                 a.broken.as_ref().map_or_else(String::new, |b| {
                     format!(", most in control stage {}, where it is a matter of the {}", b.stage, b.functions.join(", the "))
                 }),
+                a.missed.as_ref().map_or_else(String::new, missed_text),
                 a.sequence.text(&names)
             ),
             _ => String::new(),
@@ -394,6 +395,15 @@ fn unstable(off: f64) -> String {
          from the state of the answer at its start ends within {off:.1e} of the state of the answer at its end; to be followed, it \
          needs feedback"
     )
+}
+
+/// What a simulation misses, in the unit of the user.
+fn missed_text(m: &Missed) -> String {
+    let what = match &m.of {
+        Of::Function(name, i) => format!("output {i} of {name}"),
+        Of::State(i) => format!("state {i}"),
+    };
+    format!("; in a simulation its controls miss the bounds of {what} by {:.4e}: it is {:.4e}", m.by, m.value)
 }
 
 /// That no forces continue a motion at a time, in words.

@@ -54,7 +54,8 @@ pub enum Order {
     #[default]
     Second,
     /// States directly: projected systems and sweeping processes, `ẋ = f + Σ ∇c_i λ_i` with `0 ≤ λ_i ⊥ c_i(x, t) ≥ 0`
-    /// (sections 4.3.6, 4.3.7). The states take the place of the velocities, there are no coordinates, and nothing jumps.
+    /// (sections 4.3.6, 4.3.7). The states take the place of the velocities, and nothing jumps. There are no
+    /// coordinates but integrals along the motion, which nothing depends on.
     First,
 }
 

@@ -147,10 +147,14 @@ def test_the_replay_knows_the_side_of_an_impact_at_the_end_of_a_stage():
     assert r.success and r.accuracy.worst < 1e-6
 
 
-@pytest.mark.parametrize(("name", "number"), [("stacked_blocks", 1), ("stacked_blocks", 2), ("paddle", 1), ("paddle", 3)])
+# of those of the paddle number 0 takes time stepping to its end, number 7 shots whose misses are measured by the motion that is known
+DEAR = [("stacked_blocks", 1), ("stacked_blocks", 2), ("paddle", 0), ("paddle", 1), ("paddle", 3), ("paddle", 7)]
+
+
+@pytest.mark.parametrize(("name", "number"), DEAR)
 def test_dear_answers_are_noticed(name, number):
-    """The sequences next to the first answer cost more, and one elsewhere costs 20 to 45 % less: other searches found it, or random guesses."""
-    _, ocp = jump_optima.variant(getattr(jump_optima, name), number)
+    """The sequences next to the first answer cost more, and one elsewhere costs 20 to 60 % less: other searches found it, or random guesses."""
+    _, ocp = jump_optima.PROBLEMS.variant(getattr(jump_optima, name), number)
     r = ocp.solve()
     assert jump_optima.believable(r)
-    assert r.cost <= 1.01 * jump_optima.known()[name, number][0]
+    assert r.cost <= 1.01 * jump_optima.PROBLEMS.known()[name, number][0]

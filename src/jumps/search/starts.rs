@@ -159,8 +159,7 @@ impl Search<'_> {
             }
             search.coarse = Some((complementary::read(&coarse, t, from), n));
             let found = stepping::motion(&coarse, t, from, stepping::LEVELS[0]);
-            search.try_simulation_of(&found, &t.state(&coarse, t.x0, from), control)?;
-            Ok(!search.is_behind())
+            search.try_simulation_of(&found, &t.state(&coarse, t.x0, from), control)
         })
     }
 
@@ -198,8 +197,7 @@ impl Search<'_> {
         let mut t = complementary::transcribe(self.p, o.n_fe, o.rho_h, guess);
         let stops: Vec<f64> = STOPS.into_iter().filter(|s| *s <= sigma).collect();
         self.along_relaxation(&mut t, (sigma, &stops, COMPLEMENTARY_ITERATIONS), control, |search, t, from, control| {
-            search.try_motion(&complementary::read(search.p, t, from), control)?;
-            Ok(true)
+            search.try_motion(&complementary::read(search.p, t, from), control)
         })
     }
 
@@ -220,22 +218,20 @@ impl Search<'_> {
             self.freezing = Some(t.report.clone());
             let relaxed = (o.solver.sigma_init, &FROZEN_STOPS[..], FROZEN_ITERATIONS);
             self.along_relaxation(&mut t, relaxed, control, |search, t, from, control| {
-                search.try_motion(&t.read(&coarse, from), control)?;
-                Ok(true)
+                search.try_motion(&t.read(&coarse, from), control)
             })?;
         }
         Ok(())
     }
 
-    /// Solves a relaxed program from stop to stop of its relaxation, each from the point before; `each` reads sequences from the point, and says
-    /// whether to go on. Given are the
-    /// first relaxation, the stops, and the iterations to each of them.
+    /// Solves a relaxed program from stop to stop of its relaxation, each from the point before; `each` reads sequences from the
+    /// point. Given are the first relaxation, the stops, and the iterations to each of them.
     fn along_relaxation<R: Relaxed>(
         &mut self,
         t: &mut R,
         (mut sigma, stops, most): (f64, &[f64], usize),
         control: &mut Control,
-        mut each: impl FnMut(&mut Self, &R, &[f64], &mut Control) -> Result<bool>,
+        mut each: impl FnMut(&mut Self, &R, &[f64], &mut Control) -> Result<()>,
     ) -> Result<()> {
         let o = self.options;
         let max_iter = o.solver.max_iter.min(most);
@@ -258,9 +254,7 @@ impl Search<'_> {
                 break;
             }
             from.copy_from_slice(&solution.x);
-            if !each(self, t, &from, control)? {
-                break;
-            }
+            each(self, t, &from, control)?;
         }
         Ok(())
     }

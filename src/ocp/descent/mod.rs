@@ -12,7 +12,8 @@ use crate::fesd::Sizes;
 use crate::jumps::spread::{off, spreads};
 use crate::stop;
 use shooting::Shooting;
-use sqp::{Lowest, Program, Values};
+pub(in crate::ocp) use sqp::Lowest;
+use sqp::{Program, Values};
 
 /// Simulations of the horizon of a descent at most.
 const EVALUATIONS: usize = 80;
@@ -81,6 +82,19 @@ impl Ocp {
         let mut moved = Box::new(r.clone());
         shooting.tell(&found.z, &mut moved);
         Ok(Some(Descent { moved, before: found.before, cost: found.cost, still }))
+    }
+
+    /// The end of a descent from an answer, and the answer with the controls there; `None` where nothing is simulated, there is nothing to vary, or
+    /// the constraints are not met.
+    pub(super) fn lowest_from(&self, b: &Built, r: &OcpResult, known: &Sizes) -> Result<Option<(Lowest, OcpResult)>> {
+        let mut shooting = Shooting::new(self, b, r, known)?;
+        let Some(found) = lowest(&mut shooting, b, (&r.controls, &r.control_ends), true)? else { return Ok(None) };
+        if found.violation > MET {
+            return Ok(None);
+        }
+        let mut moved = r.clone();
+        shooting.tell(&found.z, &mut moved);
+        Ok(Some((found, moved)))
     }
 
     /// Descends from what a simulation makes of the controls of `from`, which need not meet the constraints, to controls that nearly

@@ -6,7 +6,7 @@ use crate::error::Result;
 use crate::event::{self, Engine};
 use crate::fesd::{PathAt, Sizes};
 use crate::func::Point;
-use crate::ocp::accuracy::{tolerances, with_cost};
+use crate::ocp::accuracy::tolerances;
 use crate::ocp::extend::Extended;
 use crate::ocp::solve::Built;
 use crate::ocp::{Durations, Ocp, OcpResult};
@@ -83,7 +83,7 @@ impl<'a> Shooting<'a> {
     pub fn new(ocp: &'a Ocp, b: &'a Built, r: &OcpResult, usual: &Sizes) -> Result<Shooting<'a>> {
         let e = &b.extended;
         let (d, n) = (e.system.dims(), ocp.n_stages);
-        let system = with_cost(&e.system, e.lagrange.as_ref(), &ocp.linear)?;
+        let system = ocp.system_with_cost(e)?;
         let ramps: Vec<usize> = (0..ocp.linear.len()).filter(|&j| ocp.linear[j]).collect();
         let control_size = |j: usize| usual.u.get(j).copied().unwrap_or(1.0);
         let cost = ocp.cost_size(r.cost_reached);

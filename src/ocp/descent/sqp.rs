@@ -72,11 +72,15 @@ pub(super) trait Program {
 
 /// The end of a descent.
 #[derive(Debug, Clone)]
-pub(super) struct Lowest {
+pub(in crate::ocp) struct Lowest {
     pub z: Vec<f64>,
     /// Costs at the start and at the end.
     pub before: f64,
     pub cost: f64,
+    /// Violation of the constraints at the start, relative to what the variables change them by.
+    pub violated: f64,
+    /// What gains are relative to.
+    pub unit: f64,
     /// How often the program was evaluated.
     pub evaluations: usize,
     /// Decrease of the cost, relative to what it is or one variable changes it by, whichever is more. What it costs to meet
@@ -135,6 +139,8 @@ pub(super) fn minimise(program: &mut dyn Program, z: &[f64], evaluations: usize)
     let meets = descent.violation(before.rows.iter().copied()).1 <= MET;
     lowest.gain += if meets { before.cost } else { descent.lagrangian(&before) };
     lowest.before = before.cost / descent.unit;
+    lowest.violated = descent.violation(before.rows.iter().copied()).1;
+    lowest.unit = 1.0 / descent.unit;
     Ok(Some(lowest))
 }
 
@@ -362,6 +368,8 @@ impl<'a> Descent<'a> {
         Ok(Lowest {
             z: y.iter().zip(&self.size).map(|(y, s)| y * s).collect(),
             before: f64::NAN,
+            violated: f64::NAN,
+            unit: f64::NAN,
             cost: here.cost / self.unit,
             evaluations: spent,
             gain: -here.cost,

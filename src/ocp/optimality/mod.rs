@@ -49,7 +49,7 @@ const NOISE: f64 = 1e3;
 const OFF: f64 = 1e-2;
 /// First-order changes, relative to those that single terms of the cost and the constraints make, that count as none: what is
 /// left to gain is of the order of their square, 1e-8. Answers to programs have 1e-5 or less; what has more is looked at by descent.
-const NONE: f64 = 1e-4;
+pub(super) const NONE: f64 = 1e-4;
 /// Distance from a bound, in units of the size of a quantity, at which it is reached.
 const AT_BOUND: f64 = 1e-6;
 /// Multiples of what derivatives make of the difference between a simulation and an answer that count as another motion.
@@ -182,7 +182,7 @@ impl Optimality {
         self.verdict == Verdict::NotOptimal || self.reason == WITHOUT_DERIVATIVES
     }
 
-    fn unknown(reason: &'static str) -> Optimality {
+    pub(super) fn unknown(reason: &'static str) -> Optimality {
         let (gradient, kinks, direction, beyond) = Default::default();
         Optimality { verdict: Verdict::Unknown, reason, residual: f64::NAN, gradient, kinks, direction, beyond }
     }
@@ -329,6 +329,9 @@ impl Ocp {
     pub(super) fn judge(&self, r: &OcpResult, b: &mut Built) -> Result<Optimality> {
         if !r.has_exact_modes() {
             return Ok(Optimality::unknown("the modes of the answer are not exact"));
+        }
+        if self.projected.is_some() {
+            return self.judge_by_descent(r, b);
         }
         let e = &b.extended;
         if e.system.n_algebraic() > 0 || !e.system.inclusions().is_empty() || !e.complementarity.is_empty() {
