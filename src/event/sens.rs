@@ -11,6 +11,17 @@ use super::field::Field;
 use super::radau::Radau;
 use super::step::Step;
 use crate::func::EvalResult;
+use crate::linalg::lu::block_work;
+
+/// A row `[n_c]` of a Jacobian times `(S; I)`, with a sign. Most of a large one is zero.
+fn along(row: &[f64], sign: f64, nx: usize, s: &[f64], out: &mut [f64]) {
+    let (states, others) = out.split_at_mut(nx);
+    states.fill(0.0);
+    others.iter_mut().zip(&row[nx..]).for_each(|(out, v)| *out = sign * v);
+    for (s, a) in s.chunks_exact(row.len()).zip(&row[..nx]).filter(|(_, a)| **a != 0.0) {
+        out.iter_mut().zip(s).for_each(|(out, s)| *out += sign * a * s);
+    }
+}
 
 /// Sensitivities with all memory they need.
 pub(super) struct Sens {
@@ -23,6 +34,7 @@ pub(super) struct Sens {
     jac: Vec<f64>,
     x: Vec<f64>,
     rhs: Vec<f64>,
+    work: Vec<f64>,
     step: Collocation,
     /// Derivative of the time of the last switch.
     pub(super) dt: Vec<f64>,
@@ -40,6 +52,7 @@ impl Sens {
             jac: vec![0.0; nx * n_z],
             x: vec![0.0; nx],
             rhs: vec![0.0; n * n_c.max(1)],
+            work: vec![0.0; block_work(n, n_c)],
             step: Collocation::new(nx, n_z, most),
             dt: vec![0.0; n_c],
         }
@@ -56,19 +69,9 @@ impl Sens {
 
     /// `out = J_x y + J_p`.
     fn product(&self, nx: usize, y: &[f64], jac: &[f64], out: &mut [f64]) {
-        let (n_c, n_z) = (self.n_c, self.n_c + 1);
-        for i in 0..nx {
-            let row = &mut out[i * n_c..(i + 1) * n_c];
-            let j = &jac[i * n_z..(i + 1) * n_z];
-            row[..nx].fill(0.0);
-            row[nx..].copy_from_slice(&j[nx..n_c]);
-            for (m, a) in j[..nx].iter().enumerate() {
-                if *a != 0.0 {
-                    for (r, y) in row.iter_mut().zip(&y[m * n_c..(m + 1) * n_c]) {
-                        *r += a * y;
-                    }
-                }
-            }
+        let n_c = self.n_c;
+        for (j, out) in jac.chunks_exact(n_c + 1).zip(out.chunks_exact_mut(n_c)).take(nx) {
+            along(&j[..n_c], 1.0, nx, y, out);
         }
     }
 
@@ -118,28 +121,18 @@ impl Sens {
         self.step.assemble(radau, field, (s.t, s.h), &s.x0, z)?;
         let own = self.step.own();
         let n = 3 * own;
-        // a row of ∂F or ∂c times (S; I)
-        let along = |row: &[f64], s: &[f64], c: usize| {
-            let fixed = if c < nx { 0.0 } else { row[c] };
-            row[..nx].iter().enumerate().fold(fixed, |v, (b, j)| v + j * s[b * n_c + c])
-        };
-        for c in 0..n_c {
-            let b = &mut self.rhs[c * n..(c + 1) * n];
-            for i in 0..3 {
-                for (a, row) in self.step.jac(i).chunks_exact(n_z).enumerate() {
-                    b[i * own + a] = along(row, &self.s, c);
-                }
-                for (a, row) in self.step.g(i).chunks_exact(n_z).enumerate().take(r) {
-                    b[i * own + nx + a] = -along(row, &self.s, c);
-                }
-            }
+        let rhs = &mut self.rhs[..n * n_c];
+        for i in 0..3 {
+            let own_rows = &mut rhs[i * own * n_c..(i + 1) * own * n_c];
+            let (of_f, of_g) = own_rows.split_at_mut(nx * n_c);
+            let f = self.step.jac(i).chunks_exact(n_z).map(|row| (row, 1.0));
+            let g = self.step.g(i).chunks_exact(n_z).take(r).map(|row| (row, -1.0));
+            let rows = of_f.chunks_exact_mut(n_c).zip(f).chain(of_g.chunks_exact_mut(n_c).zip(g));
+            rows.for_each(|(out, (row, sign))| along(&row[..n_c], sign, nx, &self.s, out));
         }
-        for c in 0..n_c {
-            let b = &mut self.rhs[c * n..(c + 1) * n];
-            self.step.lu.solve(b);
-            for a in 0..nx {
-                self.s[a * n_c + c] += b[2 * own + a];
-            }
+        self.step.lu.solve_block(n_c, rhs, &mut self.work);
+        for (s, b) in self.s.iter_mut().zip(&rhs[2 * own * n_c..]) {
+            *s += b;
         }
         Ok(())
     }
