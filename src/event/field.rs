@@ -32,6 +32,7 @@ use sliding::Sliding;
 
 use self::bundled::Bundled;
 use self::contacts::WATCHED;
+use self::derivatives::Changes;
 use self::entries::Entries;
 use self::limit::Limit;
 use self::on_demand::{Demand, TOGETHER};
@@ -169,6 +170,8 @@ pub(super) struct Field {
     /// Weights at the stages of the present step of an explicit pair.
     traces: Vec<Stages>,
     room: Vec<f64>,
+    /// Room for the derivatives of weights.
+    changes: Changes,
     /// Weights of the indicators of one subsystem.
     q_weights: Vec<f64>,
     buffer: Vec<f64>,
@@ -293,6 +296,7 @@ impl Field {
             alpha: vec![0.0; most],
             traces: vec![[0.0; 16]; most],
             room: vec![0.0; most],
+            changes: Changes::default(),
             q_weights: vec![0.0; q0],
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],

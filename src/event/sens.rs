@@ -95,7 +95,7 @@ impl Sens {
                     }
                 }
                 if i < last || rest != 0.0 {
-                    field.jacobian(s.t + c[i] * h, &self.x, &[], &mut jac)?;
+                    field.velocity_jacobian(s.t + c[i] * h, &self.x, &mut jac)?;
                     self.product(nx, &y, &jac, &mut k[i * nx * n_c..(i + 1) * nx * n_c]);
                 }
                 if i == last {
@@ -111,7 +111,13 @@ impl Sens {
         self.jac = jac;
         self.k = k;
         self.y = y;
-        r
+        r?;
+        // the state is moved onto the surfaces behind the step, and with it the derivatives
+        if field.n_alg() > 0 && !field.is_explicit_only() {
+            field.hidden(s.t + h, &self.x)?;
+            self.project(field);
+        }
+        Ok(())
     }
 
     /// Over an implicit step.

@@ -206,8 +206,8 @@ impl Engine {
         MARGIN * least
     }
 
-    /// Has the method of the present mode to be implicit from its start? In a sliding mode it is where derivatives of the
-    /// solution are asked for too: they are those of implicit steps.
+    /// Has the method of the present mode to be implicit from its start? In a sliding mode it is where the run is recorded for the adjoint
+    /// too: the reverse order knows those steps only.
     pub(super) fn begins_implicit(&self) -> bool {
         let slides = self.field.n_alg() > 0;
         if self.field.is_explicit_only() {
@@ -215,7 +215,7 @@ impl Engine {
         }
         match self.options.method {
             Method::Radau5 => true,
-            _ if slides && (self.sens.is_some() || self.tape.is_some()) => true,
+            _ if slides && self.tape.is_some() => true,
             Method::Dp5 | Method::Dop853 => false,
             Method::Auto => self.stiff_mode,
         }
@@ -288,7 +288,7 @@ impl Engine {
         if far && !self.fresh && last <= self.stats.steps {
             return Ok(limit);
         }
-        let r = self.field.jacobian(self.t, &self.x, &[], &mut self.jac);
+        let r = self.field.velocity_jacobian(self.t, &self.x, &mut self.jac);
         if !recover(r.map(|()| true), false)? {
             return Ok(f64::INFINITY);
         }

@@ -3,6 +3,13 @@
 use super::{Columns, Field};
 use crate::func::{EvalResult, Point};
 
+/// Room for the derivatives of the weights of a sliding mode: the velocity, and what changes the constraints, `r × n_z`.
+#[derive(Debug, Default)]
+pub(super) struct Changes {
+    velocity: Vec<f64>,
+    rows: Vec<f64>,
+}
+
 impl Field {
     /// Jacobian of `b + D α` for fixed `α`, row-major `nx × n_z` with the columns `x`, `p`, `u`, `t`; where a rule selects the weights,
     /// that of the right-hand side with them.
@@ -53,6 +60,63 @@ impl Field {
                         }
                     }
                 }
+            }
+        }
+        Ok(())
+    }
+
+    /// Jacobian of the velocity as explicit methods follow it, row-major `nx × n_z`: in a sliding mode the weights change with the
+    /// point, such that the velocity stays tangential,
+    ///
+    /// ```text
+    /// ∂v = J + D ∂α,   C D ∂α = −(C J + ∂(∇c v + c_t)),
+    /// ```
+    ///
+    /// with `J` the Jacobian for fixed weights.
+    pub(in crate::event) fn velocity_jacobian(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
+        let (r, n_z) = (self.pairs.len(), self.n_z);
+        if r == 0 || self.is_selected() {
+            return self.jacobian(t, x, &[], out);
+        }
+        self.hidden(t, x)?;
+        let mut changes = std::mem::take(&mut self.changes);
+        changes.velocity.resize(self.nx, 0.0);
+        changes.rows.resize(r * n_z, 0.0);
+        self.combine(&mut changes.velocity);
+        let alpha = std::mem::take(&mut self.alpha);
+        let jacobian = self.jacobian_of_weights(t, x, &alpha, out);
+        self.alpha = alpha;
+        let changed = jacobian.and_then(|()| self.add_changes_of_weights(t, x, &mut changes, out));
+        self.changes = changes;
+        changed
+    }
+
+    /// Adds `D ∂α` to the Jacobian `out` for fixed weights.
+    fn add_changes_of_weights(&mut self, t: f64, x: &[f64], changes: &mut Changes, out: &mut [f64]) -> EvalResult {
+        let (r, n_z) = (self.pairs.len(), self.n_z);
+        let Changes { velocity, rows } = changes;
+        for (i, row) in rows.chunks_exact_mut(n_z).enumerate().take(r) {
+            row.fill(0.0);
+            self.room[..r].fill(0.0);
+            self.room[i] = 1.0;
+            self.curvature(t, x, velocity, row)?;
+            for (a, c) in self.sliding.row_of_states(self.pairs[i], i) {
+                row.iter_mut().zip(&out[a * n_z..(a + 1) * n_z]).for_each(|(o, j)| *o -= c * j);
+            }
+        }
+        for c in 0..n_z {
+            let column = rows.chunks_exact(n_z).take(r).map(|row| row[c]);
+            let mut any = false;
+            self.room.iter_mut().zip(column).for_each(|(v, row)| {
+                *v = row;
+                any |= row != 0.0;
+            });
+            if !any {
+                continue;
+            }
+            self.sliding.solve(&mut self.room[..r]);
+            for b in (0..r).filter(|&b| self.room[b] != 0.0) {
+                self.sliding.column(self.pairs[b], b).for_each(|(a, d)| out[a * n_z + c] += self.room[b] * d);
             }
         }
         Ok(())
@@ -109,7 +173,8 @@ impl Field {
         let t_col = self.n_z - 1;
         for (k, s) in self.subs.iter().enumerate() {
             let p = s.indicators.hess_pattern();
-            if p.nnz() == 0 || self.active[k].len() < 2 {
+            let own = self.first_pair[k]..self.first_pair[k + 1];
+            if p.nnz() == 0 || self.room[own].iter().all(|y| *y == 0.0) {
                 continue;
             }
             self.q_weights[..s.n_q].fill(0.0);
