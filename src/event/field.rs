@@ -68,6 +68,21 @@ pub(super) struct Sub {
     to_dq: Vec<usize>,
     /// Where the entries of the gradients of its indicators stand in a row of `C`, from the first of them on.
     c_places: Vec<usize>,
+    /// Of every mode the entries of its part of the Jacobian of all modes: place, state that it drives, input.
+    mode_entries: Vec<Vec<[usize; 3]>>,
+}
+
+/// Entries of the Jacobian of modes that stand below each other, mode by mode: place, state that is driven, input.
+fn entries_of_modes(modes: &SharedFunction, rows: &[usize]) -> Vec<Vec<[usize; 3]>> {
+    let (p, n) = (modes.jac_pattern(), rows.len().max(1));
+    let mut out = vec![Vec::new(); modes.n_out() / n];
+    for column in 0..p.n_cols() {
+        for e in p.range(column) {
+            let row = p.row_idx()[e];
+            out[row / n].push([e, rows[row % n], column]);
+        }
+    }
+    out
 }
 
 impl Sub {
@@ -219,6 +234,7 @@ impl Field {
                 identity: is_identity(&s.rows, nx),
                 to_dq: gradients.push(s.indicators.jac_pattern(), &dims),
                 c_places: Vec::new(),
+                mode_entries: entries_of_modes(&s.modes, &s.rows),
             });
             owner.resize(owner.len() + s.cells.len(), k);
             q0 += n_q;
@@ -241,6 +257,7 @@ impl Field {
                 identity: true,
                 to_dq: gradients.push(indicators.jac_pattern(), &dims),
                 c_places: Vec::new(),
+                mode_entries: entries_of_modes(&modes, &(0..nx).collect::<Vec<usize>>()),
                 modes,
                 indicators,
             });
@@ -742,9 +759,9 @@ impl Field {
         self.sliding.solve_transposed(b);
     }
 
-    /// Solves with `C D` of the last [`Field::hidden`].
-    pub(super) fn solve_constraints(&mut self, b: &mut [f64]) {
-        self.sliding.solve(b);
+    /// Solves with `C D` of the last [`Field::hidden`] for `n` right-hand sides, `b [r × n]`.
+    pub(super) fn solve_constraints(&mut self, n: usize, b: &mut [f64]) {
+        self.sliding.solve_rows(n, b);
     }
 
     /// Moves `x` along `D` until all constraints hold to rounding; `C D` is that of the last [`Field::hidden`]. Says

@@ -189,17 +189,23 @@ impl Sens {
     /// [`Field::hidden`].
     pub(super) fn project(&mut self, field: &mut Field) {
         let (nx, r, n_c) = (field.nx, field.n_alg(), self.n_c);
-        for c in 0..if r == 0 { 0 } else { n_c } {
-            for b in 0..r {
-                let own = field.c(b).find(|g| g.0 == c && c >= nx).map_or(0.0, |g| g.1);
-                let moved = field.c(b).filter(|g| g.0 < nx).map(|(a, g)| g * self.s[a * n_c + c]).sum::<f64>();
-                self.rhs[b] = -own - moved;
-            }
-            field.solve_constraints(&mut self.rhs[..r]);
-            for b in 0..r {
-                for (a, d) in field.d(b) {
-                    self.s[a * n_c + c] += self.rhs[b] * d;
+        if n_c == 0 {
+            return;
+        }
+        let rhs = &mut self.rhs[..r * n_c];
+        rhs.fill(0.0);
+        for (b, row) in rhs.chunks_exact_mut(n_c).enumerate() {
+            for (a, g) in field.c(b).filter(|(a, g)| *a < n_c && *g != 0.0) {
+                match a < nx {
+                    true => row.iter_mut().zip(&self.s[a * n_c..]).for_each(|(v, s)| *v -= g * s),
+                    false => row[a] -= g,
                 }
+            }
+        }
+        field.solve_constraints(n_c, rhs);
+        for (b, row) in rhs.chunks_exact(n_c).enumerate() {
+            for (a, d) in field.d(b).filter(|(_, d)| *d != 0.0) {
+                self.s[a * n_c..(a + 1) * n_c].iter_mut().zip(row).for_each(|(s, v)| *s += d * v);
             }
         }
     }

@@ -41,24 +41,16 @@ impl Field {
             }
         }
         for (k, s) in self.subs.iter().enumerate() {
-            let nr = s.rows.len();
-            let p = s.modes.jac_pattern();
-            if p.nnz() == 0 {
-                continue;
-            }
+            let (nr, nnz) = (s.rows.len(), s.modes.jac_pattern().nnz());
             for &cell in &self.active[k] {
                 let weight = self.theta_in(alpha, cell);
                 let mode = s.cells[cell - s.first].mode;
-                let rows = mode * nr..(mode + 1) * nr;
-                s.modes.jacobian_rows(&at, rows.clone(), &mut self.buffer[..p.nnz()], &mut self.work)?;
-                for col in 0..p.n_cols() {
-                    let to = column.of(col);
-                    for e in p.range(col) {
-                        let row = p.row_idx()[e];
-                        if rows.contains(&row) {
-                            out[s.rows[row - rows.start] * n_z + to] += weight * self.buffer[e];
-                        }
-                    }
+                if s.mode_entries[mode].is_empty() {
+                    continue;
+                }
+                s.modes.jacobian_rows(&at, mode * nr..(mode + 1) * nr, &mut self.buffer[..nnz], &mut self.work)?;
+                for &[e, row, col] in &s.mode_entries[mode] {
+                    out[row * n_z + column.of(col)] += weight * self.buffer[e];
                 }
             }
         }
@@ -104,19 +96,10 @@ impl Field {
                 row.iter_mut().zip(&out[a * n_z..(a + 1) * n_z]).for_each(|(o, j)| *o -= c * j);
             }
         }
-        for c in 0..n_z {
-            let column = rows.chunks_exact(n_z).take(r).map(|row| row[c]);
-            let mut any = false;
-            self.room.iter_mut().zip(column).for_each(|(v, row)| {
-                *v = row;
-                any |= row != 0.0;
-            });
-            if !any {
-                continue;
-            }
-            self.sliding.solve(&mut self.room[..r]);
-            for b in (0..r).filter(|&b| self.room[b] != 0.0) {
-                self.sliding.column(self.pairs[b], b).for_each(|(a, d)| out[a * n_z + c] += self.room[b] * d);
+        self.sliding.solve_rows(n_z, &mut rows[..r * n_z]);
+        for (i, row) in rows.chunks_exact(n_z).enumerate().take(r) {
+            for (a, d) in self.sliding.column(self.pairs[i], i).filter(|(_, d)| *d != 0.0) {
+                out[a * n_z..(a + 1) * n_z].iter_mut().zip(row).for_each(|(o, w)| *o += d * w);
             }
         }
         Ok(())

@@ -362,6 +362,30 @@ impl Sliding {
         self.solve_with(b, |lu, b| lu.solve_transposed(b));
     }
 
+    /// Solves with `C D` for `n` right-hand sides, `b [r × n]`.
+    pub(super) fn solve_rows(&mut self, n: usize, b: &mut [f64]) {
+        let mut large = 0;
+        for (w, left_out) in self.begin.windows(2).zip(&self.left_out) {
+            let own = &self.order[w[0]..w[1]];
+            if let &[i] = own {
+                b[i * n..(i + 1) * n].iter_mut().for_each(|v| *v /= self.single[i]);
+                continue;
+            }
+            large += 1;
+            if *left_out {
+                continue;
+            }
+            let room = &mut self.room[..own.len()];
+            for c in 0..n {
+                room.iter_mut().zip(own).for_each(|(r, &i)| *r = b[i * n + c]);
+                if room.iter().any(|v| *v != 0.0) {
+                    self.lu[large - 1].solve(room);
+                    room.iter().zip(own).for_each(|(r, &i)| b[i * n + c] = *r);
+                }
+            }
+        }
+    }
+
     fn solve_with(&mut self, b: &mut [f64], solve: impl Fn(&mut Lu<f64>, &mut [f64])) {
         let mut large = 0;
         for (w, left_out) in self.begin.windows(2).zip(&self.left_out) {
