@@ -2,7 +2,7 @@
 //! slides.
 
 use std::sync::Arc;
-use switchback::event::{simulate, Method, Options, Outcome, Run};
+use switchback::event::{simulate, Engine, Method, Options, Outcome, Run};
 use switchback::expr::{Expr, ExprFunction, Graph};
 use switchback::func::Dims;
 use switchback::model::Model;
@@ -147,6 +147,48 @@ fn explicit_steps_stay_on_a_curved_surface() {
             let error = largest([r.x[0] - t.cos(), r.x[1] - t.sin(), r.x[2] - 0.5 * t.sin()].into_iter());
             assert!(error <= 20.0 * rtol, "{method:?}, rtol {rtol:e}: {error:e}");
         }
+    }
+}
+
+/// Derivatives along a sliding mode on two curved surfaces that time, a parameter and a control move, by explicit steps: those of
+/// finite differences of the run.
+#[test]
+fn derivatives_along_curved_surfaces_are_those_of_explicit_steps() {
+    let (d, nx) = (Dims { x: 4, u: 1, p: 1 }, 4);
+    let (g, mut s) = (Graph::new(), System::new(4, 1, 1).unwrap());
+    let (x, u, p) = ([0, 1, 2, 3].map(|i| g.x(i)), g.u(0), g.p(0));
+    let smooth =
+        [-x[0] + 0.4 * x[2] * p, 0.5 * x[3] - x[1], 0.3 * x[0] - x[2] + 0.5 * u, 0.2 * x[1] * x[2] - x[3] + 0.4];
+    s.set_f0(Arc::new(g.function("f0", d, &smooth).unwrap())).unwrap();
+    let first = x[0] + 0.3 * x[1] * x[1] + 0.2 * (p * x[2]).sin() - 0.1 * g.t().sin() - 0.1 * u;
+    let push = 3.0 * (1.0 + 0.1 * p * x[3]);
+    add_relay(&mut s, &g, &[0, 1], &[-push, g.constant(0.3)], &[push, g.constant(-0.3)], first);
+    let second = x[1] - 0.4 * x[3] * x[0] + 0.2 * p;
+    add_relay(&mut s, &g, &[1], &[g.constant(-2.5)], &[g.constant(2.5)], second);
+    let run = |z: &[f64], sensitivity: bool| {
+        let options = Options { sensitivity, ..tolerance(1e-10, Method::Auto) };
+        let mut engine = Engine::new(&s, &options).unwrap();
+        engine.reinit(0.0, &z[..nx]).unwrap();
+        engine.set_params(&z[nx..=nx]).unwrap();
+        engine.set_controls(&z[nx + 1..]).unwrap();
+        assert_eq!(engine.advance(3.0).unwrap(), Outcome::Reached);
+        assert_eq!(engine.stats().factorisations, 0);
+        let (x, p, u) = (engine.state(), z[nx], z[nx + 1]);
+        let first = x[0] + 0.3 * x[1] * x[1] + 0.2 * (p * x[2]).sin() - 0.1 * 3f64.sin() - 0.1 * u;
+        assert!(largest([first, x[1] - 0.4 * x[3] * x[0] + 0.2 * p].into_iter()) < 1e-14, "it slides on both surfaces");
+        (engine.state().to_vec(), engine.sensitivity().map(<[f64]>::to_vec))
+    };
+    let z = [0.9, -0.7, 0.4, 0.3, 0.8, 0.4];
+    let own = run(&z, true).1.unwrap();
+    for c in 0..z.len() {
+        let at = |h: f64| {
+            let mut z = z;
+            z[c] += h;
+            run(&z, false).0
+        };
+        let (up, down, h) = (at(1e-5), at(-1e-5), 1e-5);
+        let error = largest((0..nx).map(|i| own[i * z.len() + c] - (up[i] - down[i]) / (2.0 * h)));
+        assert!(error < 1e-8, "{c}: {error:e}");
     }
 }
 
