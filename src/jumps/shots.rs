@@ -117,6 +117,18 @@ struct Filled {
 }
 
 impl Filled {
+    /// What an answer has, with its controls within their bounds: the point of a program that failed need not be.
+    fn of_answer(p: &Problem, a: &Answer) -> Filled {
+        let (g, wide) = (&p.given, p.given.wide.u.max(1));
+        let bounded = |(k, u): (usize, &f64)| u.max(g.u_bounds[0][k % wide]).min(g.u_bounds[1][k % wide]);
+        let mut params = g.params.clone();
+        for &(j, value) in &a.params {
+            (0..p.n_stages()).for_each(|k| params[k * g.wide.p + j] = value);
+        }
+        let controls = a.controls().iter().enumerate().map(bounded).collect();
+        Filled { x0: a.x0.clone(), controls, durations: a.durations(p.n_stages()), params }
+    }
+
     fn inputs(&self) -> Inputs<'_> {
         Inputs { x0: &self.x0, controls: &self.controls, durations: &self.durations, params: &self.params }
     }
@@ -319,12 +331,7 @@ impl<'a> Range<'a> {
     /// shares of how far they are spread are then no distances that count.
     fn size_up(&mut self, known: &Answer) {
         let (p, g, nx) = (self.p, &self.p.given, self.p.given.dims.x);
-        let f = Filled {
-            x0: known.x0.clone(),
-            controls: known.controls().to_vec(),
-            durations: known.durations(p.n_stages()),
-            params: g.params.clone(),
-        };
+        let f = Filled::of_answer(p, known);
         let mut ends = Ends { times: vec![g.t0], states: known.x0.clone() };
         for (k, d) in f.durations.iter().enumerate() {
             let x = ends.states.len();
@@ -665,17 +672,7 @@ pub enum Of {
 /// What the controls of an answer miss most in a simulation, as a share of the size that states of their sizes give a constraint; nothing
 /// where a simulation meets all constraints or does not reach the end.
 pub(super) fn missed(p: &Problem, o: &Options, a: &Answer) -> Option<Missed> {
-    let (g, wide) = (&p.given, p.given.wide.u.max(1));
-    let bounded = |(k, u): (usize, &f64)| u.max(g.u_bounds[0][k % wide]).min(g.u_bounds[1][k % wide]);
-    let mut f = Filled {
-        x0: a.x0.clone(),
-        controls: a.controls().iter().enumerate().map(bounded).collect(),
-        durations: a.durations(p.n_stages()),
-        params: g.params.clone(),
-    };
-    for &(j, value) in &a.params {
-        (0..p.n_stages()).for_each(|k| f.params[k * g.wide.p + j] = value);
-    }
+    let f = Filled::of_answer(p, a);
     let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
     let s = simulate_with(p, f.inputs(), Effort { sizes: &sizes, ..EFFORT }).ok()?;
     (s.times.len() == p.n_stages() + 1).then_some(())?;
