@@ -92,7 +92,9 @@ enum Weighed {
 fn weigh(opinion: Opinion, least: Option<f64>, found: f64, certified: bool) -> Weighed {
     let lower = least.is_none_or(|least| found < (1.0 - LOWER) * least);
     match (lower, certified) {
-        (true, true) => Weighed::Lowest,
+        (true, true) if opinion == Opinion::Near => Weighed::Lowest,
+        // least violations that differ are those of different places: there may be a lower one yet
+        (true, true) => Weighed::Nothing,
         (false, _) => Weighed::Higher,
         (true, false) if opinion == Opinion::WholePath => Weighed::Doubtful,
         (true, false) => Weighed::Nothing,
@@ -284,7 +286,7 @@ impl MpccSolver {
     /// this can be said from near the point; otherwise that stays open. As the violation of a program that has a solution
     /// may have such points, too, the claim needs a second opinion: the whole path to the least violation from the start `x0`
     /// must not come lower. Where it ends lower at a point that is not shown to be a minimiser, the branch in which the
-    /// smaller member of every pair is zero decides: if that shows nothing either, nothing is claimed.
+    /// smaller member of every pair is zero is asked; where that comes lower, too, nothing is claimed.
     pub(super) fn find_least_violation(
         &mut self,
         p: &mut dyn Mpcc,
@@ -433,11 +435,11 @@ mod tests {
         assert_eq!(weigh(Near, None, 0.6, false), Weighed::Nothing);
         assert_eq!(weigh(WholePath, Some(0.6), 0.6, true), Weighed::Higher);
         assert_eq!(weigh(WholePath, Some(0.6), 0.7, false), Weighed::Higher);
-        assert_eq!(weigh(WholePath, Some(0.6), 0.03, true), Weighed::Lowest);
+        assert_eq!(weigh(WholePath, Some(0.6), 0.03, true), Weighed::Nothing);
         // first the branch next to it is asked
         assert_eq!(weigh(WholePath, Some(0.6), 0.03, false), Weighed::Doubtful);
         assert_eq!(weigh(NearItsEnd, Some(0.6), 0.03, false), Weighed::Nothing);
-        assert_eq!(weigh(NearItsEnd, Some(0.6), 0.03, true), Weighed::Lowest);
+        assert_eq!(weigh(NearItsEnd, Some(0.6), 0.03, true), Weighed::Nothing);
         assert_eq!(weigh(NearItsEnd, Some(0.6), f64::NAN, false), Weighed::Higher);
     }
 }
