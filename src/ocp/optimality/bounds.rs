@@ -52,10 +52,11 @@ pub(super) fn on_own_surfaces(
             // the largest derivative of every output by a state in its size, which state that is, and the sum of all others
             let mut own = vec![(0.0, 0, 0.0); f.n_out()];
             for j in 0..f.dims().n_in() {
-                let size = sizes.get(j).copied().unwrap_or(1.0);
+                // a surface that anything but states moves is none of a state alone
+                let size = sizes.get(j).copied().unwrap_or(f64::INFINITY);
                 for (&i, v) in pattern.rows(j).iter().zip(&jac[pattern.range(j)]) {
                     let (largest, which, others) = own[i];
-                    let change = (v * size).abs();
+                    let change = if *v == 0.0 { 0.0 } else { (v * size).abs() };
                     own[i] = match j < d.x && change > largest {
                         true => (change, j, others + largest),
                         false => (largest, which, others + change),

@@ -333,18 +333,11 @@ impl Judge<'_> {
         let towards = |f: &[f64]| self.speed_towards(&normal, moves, f);
         if ends && controls.iter().any(|c| *c != 0.0) {
             // the surface is another one under the next control: it is reached a little before the end of the stage, or not at all
-            let arrives = |v: &f64| *v > 0.0;
-            if let Some(v) = Some(towards(&here)).filter(arrives) {
+            let v = towards(&here);
+            if v > 0.0 {
                 let speed = v - towards(&there).min(0.0);
-                let beyond = Some(beyond.iter().map(|b| b / speed).collect());
-                return Ok(Some(Corner {
-                    stage: behind,
-                    t,
-                    normal,
-                    controls,
-                    own: p.stage,
-                    kind: Kind::Peak { beyond },
-                }));
+                let kind = Kind::Peak { beyond: Some(beyond.iter().map(|b| b / speed).collect()) };
+                return Ok(Some(Corner { stage: behind, t, normal, controls, own: p.stage, kind }));
             }
         } else if let Some([back, on]) = next {
             // it comes to the surface with the control before, and leaves it with the one behind
