@@ -53,7 +53,9 @@ fn mismatch_noise_and_delay() {
         println!("{what}: {:.2}, {turns} turns, {:?}, {last:.1?}", done.cost, done.x[done.x.len() - 1]);
         let end = done.x[done.x.len() - 1];
         assert!((end[0] + 1.0).abs() < 0.1 && (end[1] - std::f64::consts::PI).abs() < 0.1, "{what}: {end:?}");
-        assert!(turns <= 4, "{what}: {last:?}");
+        // with more friction than the model has the loop hunts, with a period of about seven samples: how many turns the last twenty have is a
+        // matter of rounding, at every sample they would be nineteen
+        assert!(turns <= 6, "{what}: {last:?}");
         // after states that were not predicted plans that begin at a bound are tried, and improved for longer: without the former some of
         // these loops cost 440, without the latter that with the delay 410
         assert!(done.cost < 380.0, "{what}: {}", done.cost);
