@@ -40,7 +40,10 @@ impl Ocp {
             Some(known) => known.clone(),
             None => self.sizes()?,
         };
-        let Some((found, moved)) = self.lowest_from(b, r, &known)? else { return Ok(Optimality::unknown(NO_DESCENT)) };
+        let controls = (&r.controls[..], &r.control_ends[..]);
+        let Some((found, moved)) = self.lowest_from(b, r, controls, &known)? else {
+            return Ok(Optimality::unknown(NO_DESCENT));
+        };
         let own = r.cost_reached + self.penalty(&b.problem, &b.solver.solution().x, &b.extended, &r.durations);
         // what the discretisation makes of the cost, in the unit of the gain
         let error = (found.before - own).abs() / found.unit;

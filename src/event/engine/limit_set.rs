@@ -142,7 +142,7 @@ impl Engine {
         for s in &self.field.subs {
             let least = self.field.q[s.q0..s.q0 + s.n_q].iter().fold(f64::INFINITY, |m, q| m.min(*q));
             for j in s.q0..s.q0 + s.n_q {
-                let reach: f64 = self.field.gradient_row(j).states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum();
+                let reach = self.reach_of(j);
                 let value = self.field.q[j] - if s.signs { 0.0 } else { least };
                 self.zero[j] |= value.abs() <= most * reach;
             }
@@ -152,6 +152,11 @@ impl Engine {
 
     pub(super) fn tolerance_of(&self, i: usize) -> f64 {
         (self.atol[i] + self.rtol[i] * self.x[i].abs()).max(4.0 * EPS * self.x[i].abs()).max(f64::MIN_POSITIVE)
+    }
+
+    /// What the tolerances of the states make of the value of function `j`, by its gradient at the last point.
+    pub(super) fn reach_of(&self, j: usize) -> f64 {
+        self.field.gradient_row(j).states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum()
     }
 
     /// Goes on in the limit set of the surfaces that are marked as zero, if there is one no farther than `most` tolerances;
@@ -257,9 +262,7 @@ impl Engine {
         self.zero = vec![false; tied.len()];
         self.keep_surfaces();
         for j in (0..self.field.subs.len()).flat_map(|k| self.field.surfaces(k)).filter(|j| tied[*j]) {
-            let g = self.field.gradient_row(j);
-            let reach: f64 = g.states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum();
-            self.zero[j] |= self.field.q[j].abs() <= most * reach;
+            self.zero[j] |= self.field.q[j].abs() <= most * self.reach_of(j);
         }
         for s in self.field.subs.iter().filter(|s| !s.signs) {
             (s.q0..s.q0 + s.n_q).for_each(|j| self.zero[j] = tied[j]);
@@ -320,7 +323,7 @@ impl Engine {
         self.field.combine_sizes(&mut terms);
         Ok(signs.iter().filter(|s| s.1 != 0.0).all(|(j, sign)| {
             let g = self.field.gradient_row(*j);
-            let reach: f64 = g.states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum();
+            let reach = self.reach_of(*j);
             let value = sign * self.field.q[*j];
             let rate = sign * (g.t + g.states().map(|(i, g)| g * velocity[i]).sum::<f64>());
             let size = g.t.abs() + g.states().map(|(i, g)| g.abs() * terms[i]).sum::<f64>();

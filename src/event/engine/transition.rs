@@ -353,7 +353,7 @@ impl Engine {
             self.field.watched_gradients(self.t, &self.x)?;
             for j in (0..self.field.subs.len()).flat_map(|k| self.field.surfaces(k)) {
                 let (q, g) = (self.field.q[j], self.field.gradient_row(j));
-                let reach: f64 = g.states().map(|(i, g)| g.abs() * self.tolerance_of(i)).sum();
+                let reach = self.reach_of(j);
                 if !self.zero[j] || q == 0.0 || q.abs() > NEAR * reach {
                     continue;
                 }

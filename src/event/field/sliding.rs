@@ -354,16 +354,20 @@ impl Sliding {
 
     /// Solves with `C D`, as it was factorised last.
     pub(super) fn solve(&mut self, b: &mut [f64]) {
-        self.solve_with(b, |lu, b| lu.solve(b));
+        self.solve_rows(1, b);
+    }
+
+    /// The same for `n` right-hand sides, `b [r × n]`.
+    pub(super) fn solve_rows(&mut self, n: usize, b: &mut [f64]) {
+        self.solve_with(n, b, |lu, b| lu.solve(b));
     }
 
     /// Solves with the transpose of `C D`.
     pub(super) fn solve_transposed(&mut self, b: &mut [f64]) {
-        self.solve_with(b, |lu, b| lu.solve_transposed(b));
+        self.solve_with(1, b, |lu, b| lu.solve_transposed(b));
     }
 
-    /// Solves with `C D` for `n` right-hand sides, `b [r × n]`.
-    pub(super) fn solve_rows(&mut self, n: usize, b: &mut [f64]) {
+    fn solve_with(&mut self, n: usize, b: &mut [f64], solve: impl Fn(&mut Lu<f64>, &mut [f64])) {
         let mut large = 0;
         for (w, left_out) in self.begin.windows(2).zip(&self.left_out) {
             let own = &self.order[w[0]..w[1]];
@@ -378,31 +382,12 @@ impl Sliding {
             let room = &mut self.room[..own.len()];
             for c in 0..n {
                 room.iter_mut().zip(own).for_each(|(r, &i)| *r = b[i * n + c]);
+                // most of many right-hand sides have nothing here
                 if room.iter().any(|v| *v != 0.0) {
-                    self.lu[large - 1].solve(room);
+                    solve(&mut self.lu[large - 1], room);
                     room.iter().zip(own).for_each(|(r, &i)| b[i * n + c] = *r);
                 }
             }
-        }
-    }
-
-    fn solve_with(&mut self, b: &mut [f64], solve: impl Fn(&mut Lu<f64>, &mut [f64])) {
-        let mut large = 0;
-        for (w, left_out) in self.begin.windows(2).zip(&self.left_out) {
-            let own = &self.order[w[0]..w[1]];
-            if let &[i] = own {
-                b[i] /= self.single[i];
-                continue;
-            }
-            if *left_out {
-                large += 1;
-                continue;
-            }
-            let room = &mut self.room[..own.len()];
-            room.iter_mut().zip(own).for_each(|(r, &i)| *r = b[i]);
-            solve(&mut self.lu[large], room);
-            room.iter().zip(own).for_each(|(r, &i)| b[i] = *r);
-            large += 1;
         }
     }
 }

@@ -61,11 +61,7 @@ impl Ocp {
     /// nothing to vary.
     pub(super) fn descend(&self, best: &Ocp, known: &Sizes, controls: &[f64]) -> Result<Option<Descent>> {
         let (Some(b), Some(r)) = (best.built.as_ref(), best.result.as_ref()) else { return Ok(None) };
-        let mut shooting = Shooting::new(self, b, r, known)?;
-        let Some(found) = lowest(&mut shooting, b, (controls, &r.control_ends), true)? else { return Ok(None) };
-        if found.violation > MET {
-            return Ok(None);
-        }
+        let Some((found, moved)) = self.lowest_from(b, r, (controls, &r.control_ends), known)? else { return Ok(None) };
         let mut still = None;
         if found.gain <= NONE {
             // a cost that simulations do not confirm is certified by nothing
@@ -79,20 +75,23 @@ impl Ocp {
                 (true, false) => Verdict::LocalOptimum,
             });
         }
-        let mut moved = Box::new(r.clone());
-        shooting.tell(&found.z, &mut moved);
         Ok(Some(Descent { moved, before: found.before, cost: found.cost, still }))
     }
 
-    /// The end of a descent from an answer, and the answer with the controls there; `None` where nothing is simulated, there is nothing to vary, or
-    /// the constraints are not met.
-    pub(super) fn lowest_from(&self, b: &Built, r: &OcpResult, known: &Sizes) -> Result<Option<(Lowest, OcpResult)>> {
+    /// The end of a descent from an answer with these controls and their ends, and the answer with what it ends at; `None` where nothing is
+    /// simulated, there is nothing to vary, or the constraints are not met.
+    pub(super) fn lowest_from(
+        &self,
+        b: &Built,
+        r: &OcpResult,
+        controls: (&[f64], &[f64]),
+        known: &Sizes,
+    ) -> Result<Option<(Lowest, Box<OcpResult>)>> {
         let mut shooting = Shooting::new(self, b, r, known)?;
-        let Some(found) = lowest(&mut shooting, b, (&r.controls, &r.control_ends), true)? else { return Ok(None) };
-        if found.violation > MET {
+        let Some(found) = lowest(&mut shooting, b, controls, true)?.filter(|found| found.violation <= MET) else {
             return Ok(None);
-        }
-        let mut moved = r.clone();
+        };
+        let mut moved = Box::new(r.clone());
         shooting.tell(&found.z, &mut moved);
         Ok(Some((found, moved)))
     }

@@ -136,10 +136,9 @@ pub(super) fn minimise(program: &mut dyn Program, z: &[f64], evaluations: usize)
     let mut lowest = descent.run(&z, here, evaluations)?;
     // multipliers of constraints whose slopes vanish, as that of a speed which friction has brought to rest, are without bound: what
     // they make of a violation that counts as none is no gain
-    let meets = descent.violation(before.rows.iter().copied()).1 <= MET;
-    lowest.gain += if meets { before.cost } else { descent.lagrangian(&before) };
-    lowest.before = before.cost / descent.unit;
     lowest.violated = descent.violation(before.rows.iter().copied()).1;
+    lowest.gain += if lowest.violated <= MET { before.cost } else { descent.lagrangian(&before) };
+    lowest.before = before.cost / descent.unit;
     lowest.unit = 1.0 / descent.unit;
     Ok(Some(lowest))
 }

@@ -28,6 +28,15 @@ fn peak([here, there, back, on]: [&[f64]; 4], speed: impl Fn(&[f64]) -> f64) -> 
     })
 }
 
+/// A state on the surface between two regions: its point and time, the region it is in and the one beyond, and the size of distances from the
+/// surface.
+struct Meeting {
+    p: StatePoint,
+    t: f64,
+    of: (usize, usize),
+    scale: f64,
+}
+
 /// The gradient of what is positive behind a surface, in states and controls, and its derivative with respect to time.
 pub(super) struct Surface {
     normal: Vec<f64>,
@@ -217,7 +226,7 @@ impl Judge<'_> {
                         continue;
                     };
                     let (p, t) = (all[i].0, time(&all[i].0));
-                    if let Some(corner) = self.touch(p, t, (a, c), scale[c], lengths)? {
+                    if let Some(corner) = self.touch(&Meeting { p, t, of: (a, c), scale: scale[c] }, lengths)? {
                         out.push(corner);
                     }
                 }
@@ -252,31 +261,21 @@ impl Judge<'_> {
                 let near = |d: &[f64], c: usize| d[c] <= TOUCH * scale;
                 let Some(a) = cells.clone().find(|&c| off[c] == 0.0 && near(&on, c)) else { continue };
                 for c in cells.filter(|&c| c != a && near(&on, c) && !near(&off, c)) {
-                    let at = StatePoint { stage: k, share: 0.0, at: from.at };
-                    out.extend(self.start_on(at, t, (a, c), scale, lengths)?);
+                    let p = StatePoint { stage: k, share: 0.0, at: from.at };
+                    out.extend(self.start_on(&Meeting { p, t, of: (a, c), scale }, lengths)?);
                 }
             }
         }
         Ok(out)
     }
 
-    /// The surface between the regions `of` that a stage begins on, where the controls move it.
-    fn start_on(
-        &mut self,
-        p: StatePoint,
-        t: f64,
-        of: (usize, usize),
-        scale: f64,
-        lengths: &[f64],
-    ) -> Result<Option<Corner>> {
-        let x = self.state(p.at);
-        let Some(surface) = self.surface(of.0, of.1, t, &x, p.stage) else { return Ok(None) };
+    /// The surface that a stage begins on, where the controls move it.
+    fn start_on(&mut self, at: &Meeting, lengths: &[f64]) -> Result<Option<Corner>> {
+        let Some(surface) = self.surface_at(at) else { return Ok(None) };
         if surface.controls.iter().all(|c| *c == 0.0) {
             return Ok(None);
         }
-        let Some([here, there]) = self.beside(&surface, (t, &x), of, scale, p.stage, lengths)? else {
-            return Ok(None);
-        };
+        let Some([here, there]) = self.beside(&surface, at, at.p.stage, lengths)? else { return Ok(None) };
         let [away, back] = [&here, &there].map(|f| self.speed_towards(&surface.normal, surface.moves, f));
         if away >= 0.0 {
             return Ok(None);
@@ -284,19 +283,24 @@ impl Judge<'_> {
         // where the state would stay beyond it that is no small change
         let beyond = (back < 0.0).then(|| here.iter().zip(&there).map(|(a, b)| (b - a) / -back).collect());
         let Surface { normal, controls, .. } = surface;
-        Ok(Some(Corner { stage: p.stage, t, normal, controls, own: p.stage, kind: Kind::Peak { beyond } }))
+        let stage = at.p.stage;
+        Ok(Some(Corner { stage, t: at.t, normal, controls, own: stage, kind: Kind::Peak { beyond } }))
     }
 
-    /// Velocities on this side of a surface between the regions `of`, and beyond, under the controls of a stage.
+    /// The surface that a state meets.
+    fn surface_at(&self, at: &Meeting) -> Option<Surface> {
+        self.surface(at.of.0, at.of.1, at.t, &self.state(at.p.at), at.p.stage)
+    }
+
+    /// Velocities on this side of a surface that a state meets, and beyond, under the controls of a stage.
     fn beside(
         &mut self,
         surface: &Surface,
-        (t, x): (f64, &[f64]),
-        of: (usize, usize),
-        scale: f64,
+        &Meeting { p, t, of, scale }: &Meeting,
         stage: usize,
         lengths: &[f64],
     ) -> Result<Option<[Vec<f64>; 2]>> {
+        let x = self.state(p.at);
         let step = TOUCH * scale / dot(&surface.normal, &surface.normal);
         let mut at = |sign: f64, side: (usize, usize)| {
             let moved: Vec<f64> = x.iter().zip(&surface.normal).map(|(x, n)| x + sign * step * n).collect();
@@ -306,22 +310,14 @@ impl Judge<'_> {
         Ok(here.zip(at(1.0, (of.1, of.0))?).map(|(here, there)| [here, there]))
     }
 
-    /// A touched surface between the regions `of`; none where the velocity is the same on both sides.
-    pub(super) fn touch(
-        &mut self,
-        p: StatePoint,
-        t: f64,
-        of: (usize, usize),
-        scale: f64,
-        lengths: &[f64],
-    ) -> Result<Option<Corner>> {
-        let x = self.state(p.at);
-        let Some(surface) = self.surface(of.0, of.1, t, &x, p.stage) else { return Ok(None) };
-        let at = (t, &x[..]);
-        let Some([here, there]) = self.beside(&surface, at, of, scale, p.stage, lengths)? else { return Ok(None) };
+    /// A touched surface; none where the velocity is the same on both sides.
+    fn touch(&mut self, at: &Meeting, lengths: &[f64]) -> Result<Option<Corner>> {
+        let Some(surface) = self.surface_at(at) else { return Ok(None) };
+        let &Meeting { p, t, .. } = at;
+        let Some([here, there]) = self.beside(&surface, at, p.stage, lengths)? else { return Ok(None) };
         let behind = p.stage + 1;
         let ends = p.share >= 1.0 && behind < lengths.len();
-        let next = if ends { self.beside(&surface, at, of, scale, behind, lengths)? } else { None };
+        let next = if ends { self.beside(&surface, at, behind, lengths)? } else { None };
         let beyond: Vec<f64> = there.iter().zip(&here).map(|(b, a)| b - a).collect();
         let horizon: f64 = lengths.iter().sum();
         // the cost has no range: its rate is compared with itself
