@@ -50,6 +50,8 @@ pub(super) struct Sub {
     modes: SharedFunction,
     indicators: SharedFunction,
     pub(super) cells: Vec<Cell>,
+    /// Cells (of the subsystem) of every mode.
+    cells_of: Vec<Vec<usize>>,
     /// First cell among those of all subsystems.
     pub(super) first: usize,
     /// First of its indicator functions among those of all subsystems.
@@ -70,6 +72,13 @@ pub(super) struct Sub {
     c_places: Vec<usize>,
     /// Of every mode the entries of its part of the Jacobian of all modes: place, state that it drives, input.
     mode_entries: Vec<Vec<[usize; 3]>>,
+}
+
+/// Which cells have every mode.
+fn cells_of_modes(cells: &[Cell]) -> Vec<Vec<usize>> {
+    let mut out = vec![Vec::new(); cells.iter().map(|c| c.mode + 1).max().unwrap_or(0)];
+    cells.iter().enumerate().for_each(|(k, c)| out[c.mode].push(k));
+    out
 }
 
 /// Entries of the Jacobian of modes that stand below each other, mode by mode: place, state that is driven, input.
@@ -99,8 +108,8 @@ impl Sub {
 
     /// Does the mode of this cell (of the subsystem) depend on the sign of function `j`?
     pub(super) fn cares(&self, cell: usize, j: usize) -> bool {
-        let mode = self.cells[cell].mode;
-        self.cells.iter().filter(|c| c.mode == mode).all(|c| c.weights[j] == self.cells[cell].weights[j])
+        let Cell { mode, weights } = &self.cells[cell];
+        self.cells_of[*mode].iter().all(|&c| self.cells[c].weights[j] == weights[j])
     }
 }
 
@@ -225,6 +234,7 @@ impl Field {
                 modes: s.modes.clone(),
                 indicators: s.indicators.clone(),
                 cells: s.cells.clone(),
+                cells_of: cells_of_modes(&s.cells),
                 first: owner.len(),
                 q0,
                 n_q,
@@ -247,6 +257,7 @@ impl Field {
             q0 = TOGETHER * d.n_functions();
             subs.push(Sub {
                 rows: (0..nx).collect(),
+                cells_of: cells_of_modes(&d.cells()),
                 cells: d.cells(),
                 first: 0,
                 q0: 0,

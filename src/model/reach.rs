@@ -113,6 +113,17 @@ impl Begun {
         }
         self
     }
+
+    /// The functions whose signs imply those of all others: of the multiples of a form the two between whose zeros it lies.
+    fn binding(&self, parallels: &[Option<Parallel>]) -> Vec<usize> {
+        let binds = |&k: &usize| {
+            parallels[k].is_none_or(|p| {
+                let Between { above, below } = self.between[p.form];
+                above.is_some_and(|a| a.1 == k) || below.is_some_and(|b| b.1 == k)
+            })
+        };
+        (0..self.signs.len()).filter(binds).collect()
+    }
 }
 
 /// The relaxation of some switching functions.
@@ -166,10 +177,20 @@ impl Reach {
 
     /// Can the first switching functions have these signs (`true`: positive) on an open set?
     pub(super) fn decide(&self, signs: &[bool]) -> Decision {
+        self.decide_by(signs, &(0..signs.len()).collect::<Vec<usize>>())
+    }
+
+    /// The same where the signs of the functions `binding`, ascending, imply all others.
+    fn decide_by(&self, signs: &[bool], binding: &[usize]) -> Decision {
         let m = self.terms.len() + 1;
-        let columns = self.scaled.columns(signs);
+        let columns = self.scaled.columns(signs, binding);
         let proposed = match alternative(&columns, m, 20 * (m + columns.len())) {
-            Some(Alternative::Combination(y)) => self.prove(signs, &y).map(Decision::Never),
+            Some(Alternative::Combination(y)) => {
+                let mut all = vec![0.0; signs.len()];
+                binding.iter().zip(&y).for_each(|(&k, v)| all[k] = *v);
+                all.extend_from_slice(&y[binding.len()..]);
+                self.prove(signs, &all).map(Decision::Never)
+            }
             Some(Alternative::Separation(v)) => self.point(signs, self.scaled.point(&v)).map(Decision::Point),
             None => None,
         };
@@ -377,7 +398,7 @@ impl Reach {
                     return Ok(None);
                 }
                 patience -= 1;
-                match self.decide(&next.signs) {
+                match self.decide_by(&next.signs, &next.binding(&parallels)) {
                     Decision::Point(p) => stack.push(Begun { point: Some(p), ..next }),
                     Decision::Open => stack.push(Begun { point: None, ..next }),
                     Decision::Never(c) => out.conflicts.push(c),
@@ -476,9 +497,9 @@ impl Scaled {
         Scaled { switches: all, rest, bounded, powers }
     }
 
-    fn columns(&self, signs: &[bool]) -> Vec<(Vec<f64>, bool)> {
-        let signed = |(row, &s): (&Vec<f64>, &bool)| (row.iter().map(|v| if s { *v } else { -v }).collect(), true);
-        self.switches.iter().zip(signs).map(signed).chain(self.rest.iter().cloned()).collect()
+    fn columns(&self, signs: &[bool], binding: &[usize]) -> Vec<(Vec<f64>, bool)> {
+        let signed = |&k: &usize| (self.switches[k].iter().map(|v| if signs[k] { *v } else { -v }).collect(), true);
+        binding.iter().map(signed).chain(self.rest.iter().cloned()).collect()
     }
 
     /// Values of the terms of a direction.
