@@ -1,5 +1,6 @@
 //! What an answer is as a point of the control problem: verdicts, derivatives, kinks, directions.
 
+use std::f64::consts::PI;
 use std::path::Path;
 use std::sync::Arc;
 use switchback::document::{read, Document};
@@ -332,4 +333,20 @@ fn a_bound_that_friction_keeps_does_not_spoil_the_derivatives() {
         r.cost
     });
     assert!((free - bounded).abs() < 1e-6 * free, "{free} and {bounded}");
+}
+
+/// A surface that time and the control move, and no state: it is touched at the end of an element, and has no side that a state could be on.
+#[test]
+fn a_surface_without_states_is_touched() {
+    let g = Graph::new();
+    let rhs = [(g.u(0) + g.t().cos()).gt(0.0).select(1.0, 3.0) + 0.0 * g.x(0)];
+    let system = Model::from_rhs("tide", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let set = Settings { ocp_start: OcpStart::Homotopy as i64, n_fe: 2, n_s: 2, ..Settings::default() };
+    let mut ocp = Ocp::new(&system, 2.0 * PI, 1, &set).unwrap();
+    ocp.set_x0(&[0.0]).unwrap();
+    ocp.set_u_bounds(&[1.0], &[2.0]).unwrap();
+    ocp.set_lagrange(function(&g, Dims { x: 1, u: 1, p: 0 }, &[g.u(0) * g.u(0) + g.x(0)])).unwrap();
+    let (r, o) = solve(&mut ocp);
+    assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
+    assert!((r.cost - 2.0 * PI * (1.0 + PI)).abs() < 1e-9, "{}", r.cost);
 }

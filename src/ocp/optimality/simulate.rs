@@ -302,6 +302,10 @@ impl Judge<'_> {
     ) -> Result<Option<[Vec<f64>; 2]>> {
         let x = self.state(p.at);
         let step = TOUCH * scale / dot(&surface.normal, &surface.normal);
+        if !step.is_finite() {
+            // no state is beside a surface that controls and time alone move
+            return Ok(None);
+        }
         let mut at = |sign: f64, side: (usize, usize)| {
             let moved: Vec<f64> = x.iter().zip(&surface.normal).map(|(x, n)| x + sign * step * n).collect();
             self.velocity_in(side, (t, &moved), stage, MARGIN[0] * lengths[stage])
