@@ -163,7 +163,7 @@ fn run(
     control: &mut Control,
 ) -> Solution {
     let mut ended = false;
-    let mut prospects = Prospects::new(limits);
+    let mut prospects = Prospects::new(limits, solver.settings.tol);
     let stop = control.stop.clone();
     let user = &mut control.monitor;
     let mut monitor = |i: &IterationInfo| {
@@ -203,6 +203,12 @@ const FALL: f64 = 0.25;
 const WHOLE: f64 = 0.5;
 const SAME: f64 = 0.1;
 const STATIONARY: usize = 2;
+/// Length from which linear rows hold after a step, and share of its last value by which a violation has to fall in it; steps in a row
+/// without that after which the rows of a program with a small barrier contradict each other. What is left of them is then what the
+/// regularisation leaves of rows that cannot hold, and their multipliers grow without end.
+const WHOLE_STEP: f64 = 0.95;
+const FALLS: f64 = 0.02;
+const CONTRADICTED: usize = 5;
 /// Trials of the line search from which a step counts as cut, and such steps, beyond those that were not, after which a program whose constraints nearly
 /// hold creeps: a force at its bound in a phase without length leaves rows that say the same twice.
 const CUT: usize = 3;
@@ -211,6 +217,8 @@ const CREEPING: usize = 15;
 /// What can still become of a program.
 struct Prospects {
     limits: Limits,
+    /// Violation of a solution.
+    tolerance: f64,
     least: f64,
     last: f64,
     since: usize,
@@ -218,21 +226,25 @@ struct Prospects {
     seen: usize,
     /// Steps that were cut, less those that were not.
     cut: usize,
+    /// Whole steps in a row that have left the violation as it was.
+    stationary: usize,
     begun: bool,
     over: bool,
 }
 
 impl Prospects {
-    fn new(limits: Limits) -> Prospects {
+    fn new(limits: Limits, tolerance: f64) -> Prospects {
         let costs = [f64::INFINITY; WINDOW];
         Prospects {
             limits,
+            tolerance,
             least: f64::INFINITY,
             last: f64::INFINITY,
             since: 0,
             costs,
             seen: 0,
             cut: 0,
+            stationary: 0,
             begun: false,
             over: false,
         }
@@ -254,11 +266,14 @@ impl Prospects {
             let stationary = i.alpha_pr > WHOLE && (i.inf_pr - self.last).abs() <= SAME * self.last;
             self.since += if stationary { STATIONARY } else { 1 };
         }
+        let idle = i.alpha_pr > WHOLE_STEP && i.inf_pr > self.tolerance && i.mu <= SMALL_BARRIER;
+        let idle = idle && (i.inf_pr - self.last).abs() <= FALLS * self.last;
+        self.stationary = if idle { self.stationary + 1 } else { 0 };
         self.last = i.inf_pr;
         let far = self.since > self.limits.patience && self.least > CLOSE;
         let near = self.since > CLOSE_PATIENCE * self.limits.patience && self.least > FEASIBLE;
         self.cut = if i.trials >= CUT && i.inf_pr <= FEASIBLE { self.cut + 1 } else { self.cut.saturating_sub(1) };
-        self.over = far || near || self.cut > CREEPING || self.is_too_expensive(i);
+        self.over = far || near || self.cut > CREEPING || self.stationary >= CONTRADICTED || self.is_too_expensive(i);
         self.over
     }
 

@@ -14,6 +14,8 @@ mod align;
 mod arrival_tests;
 mod assembly;
 mod blame;
+#[cfg(test)]
+mod chain_tests;
 mod complementary;
 #[cfg(test)]
 mod derivative_tests;

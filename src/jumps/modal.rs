@@ -16,6 +16,11 @@
 //! friction whose tangent and normal are coupled by the inertia. Of one contact without friction `−(1 + e) ġ⁻ = W Λ` with `W > 0` is all there is, and
 //! the rate has its sign by that of `Λ`. A contact that was closed has the rate zero by the rows that held it.
 //!
+//! The gap of a body that bounces from a contact and lands on it again is `h (ġ⁺ + …)`: zero, to the second order, for a bounce without length, too.
+//! Bounces in a chain are shorter by the restitution each; the singular values of the rows of their landings fall with its square, and Newton's
+//! method goes to the roots without length, of which there are as many as bounces. So where a gap begins with zero and is linear, rows take it
+//! divided by `h`, the mean of its rates: `Σ a_jk ġ_k` at stage point `j`, which collocation makes the same without error.
+//!
 //! An event inside a control stage adds the equation that decides when it happens: a gap or a sliding speed that is zero at
 //! the end of the phase, or, where a contact opens or begins to slide, a force at that point. Forces at stage points are less
 //! accurate than states, so the forces that decide are those of the accelerations at the point itself, as functions of the
@@ -83,7 +88,8 @@ pub(super) fn transcribe<'a>(p: &'a Problem, s: &Sequence, guess: &'a Track, hel
     let mut plan = plan(p, s);
     align(&mut plan, guess);
     let opened = vec![None; p.n_contacts()];
-    let mut m = Modal { t: Transcriber::new(p, guess), held, opened, guards: Vec::new(), phase: (0, 0) };
+    let left = vec![None; p.n_contacts()];
+    let mut m = Modal { t: Transcriber::new(p, guess), held, opened, left, guards: Vec::new(), phase: (0, 0) };
     let phases = phases_of_plan(p, s);
     for k in 0..plan.len() {
         m.phase = phases[k];
@@ -162,6 +168,8 @@ struct Modal<'a> {
     held: &'a Held,
     /// Where open contacts have opened: what the gap has drifted off zero while it was closed is no violation.
     opened: Vec<Option<Place>>,
+    /// The element at whose start a contact was left last, of those that are open in the same phase since then.
+    left: Vec<Option<usize>>,
     guards: Vec<Guard>,
     /// The phase that is written.
     phase: (usize, usize),
@@ -213,7 +221,13 @@ impl Modal<'_> {
                     let unsure = !ends && self.opens(n, i);
                     let closes = ends && next.is_some_and(|next| takes_part(next, i));
                     if !(unsure || closes) {
-                        self.gap_not_negative(i, at, stage);
+                        match self.flight(i, n) {
+                            Some(first) if self.held.without_gap != Some(i) => {
+                                let row = self.mean_rate(i, first, (n, j), POSITIVE);
+                                self.guard(i, Condition::Gap, Limit::Row(row));
+                            }
+                            _ => self.gap_not_negative(i, at, stage),
+                        }
                     }
                     continue;
                 }
@@ -249,6 +263,33 @@ impl Modal<'_> {
     /// Does contact `i` open at the start of element `n`?
     fn opens(&self, n: usize, i: usize) -> bool {
         self.opened[i].is_some_and(|o| o.q == self.t.elements[n].start.q)
+    }
+
+    /// The element at whose start contact `i`, which is open in element `n`, was left in the same phase, where its gap is the sum of the
+    /// rates since then: where it is linear, and no contact that is held closed moves coordinates besides.
+    fn flight(&self, i: usize, n: usize) -> Option<usize> {
+        let linear = |c: usize| self.t.contact(c).gap.hess_pattern().nnz() == 0;
+        let modes = self.t.elements[n].modes.as_deref()?;
+        let first = self.left[i].filter(|_| linear(i))?;
+        (0..self.n_contacts()).all(|c| !modes[c].is_closed() || linear(c)).then_some(first)
+    }
+
+    /// A row that holds the gap of contact `i` at stage point `j` of element `n`, divided by the lengths of the elements since `first`, at whose
+    /// start it is zero, and times that of the control stage, which makes it a gap again.
+    fn mean_rate(&mut self, i: usize, first: usize, (n, j): (usize, usize), bounds: [f64; 2]) -> usize {
+        let row = self.t.b.rows(1, bounds);
+        let rate = &self.t.contact(i).rate;
+        let tableau = &self.t.p.given.tableau;
+        for e in first..=n {
+            let (stage, points) = (self.t.elements[e].stage, self.t.elements[e].points.clone());
+            let length = self.t.p.given.durations[stage];
+            for (k, at) in points.into_iter().enumerate() {
+                let weight = if e == n { tableau.a(j, k) } else { tableau.b[k] };
+                let inputs = self.t.inputs(at, stage, &[]);
+                self.t.b.term(rate, &inputs, length * weight, None, [row as u32]);
+            }
+        }
+        row
     }
 
     fn gap_not_negative(&mut self, i: usize, at: Place, stage: usize) {
@@ -291,9 +332,18 @@ impl Modal<'_> {
         self.gap_not_negative(w.contact, Place { q, ..end }, plan.stage);
     }
 
-    /// Remembers where contacts open, and forgets it where they close.
+    /// Remembers where contacts open, and forgets it where they close; and where they were left in the present phase.
     fn note_openings(&mut self, before: Option<&Planned>, plan: &Planned, n: usize) {
+        let same = before.is_some_and(|b| plan.jump.is_none() && b.stage == plan.stage && b.modes == plan.modes);
         for i in 0..self.n_contacts() {
+            let touches = before.is_some_and(|b| modes(b)[i].is_closed()) || takes_part(plan, i);
+            if modes(plan)[i].is_closed() {
+                self.left[i] = None;
+            } else if touches {
+                self.left[i] = Some(n);
+            } else if !same {
+                self.left[i] = None;
+            }
             let was = before.is_some_and(|b| modes(b)[i].is_closed());
             if was && modes(plan)[i] == ContactMode::Open {
                 self.opened[i] = Some(self.t.elements[n].start);
@@ -434,7 +484,15 @@ impl Modal<'_> {
             self.guard(i, Condition::Force, Limit::LowerBound(forces.normal));
             let arrival = self.t.inputs(impact.before, control, &[]);
             if !was_closed && (n > 0 || self.is_free(&c.gap)) {
-                self.t.row(&c.gap, &arrival, EQUAL);
+                match n.checked_sub(1).and_then(|before| self.flight(i, before)) {
+                    Some(first) => {
+                        let ends = self.t.elements[n - 1].points.len() - 1;
+                        self.mean_rate(i, first, (n - 1, ends), EQUAL);
+                    }
+                    None => {
+                        self.t.row(&c.gap, &arrival, EQUAL);
+                    }
+                }
             }
             // of a single contact without friction the sign of its impulse says the same
             if !was_closed && (several || c.cone.is_some()) && (n > 0 || self.is_free(&c.rate)) {

@@ -64,7 +64,23 @@ pub(super) type Event = (usize, ContactMode, ContactMode, ContactMode, usize, bo
 /// Shares of a stage below which a phase starts with this length: one of no length has no equations that say something.
 const LEAST: f64 = 0.02;
 
+/// Share of a stage below which a bounce is left out: what a gap and its rate still have to go there is less by its square, and by itself.
+const SHORT_BOUNCE: f64 = 1e-3;
+
 impl Sequence {
+    /// Leaves the short bounces at the end of chains out: there is no end of them, and the motion without them lands a little earlier.
+    pub(super) fn end_chains(&mut self) {
+        for stage in &mut self.stages {
+            for k in (1..stage.len()).rev() {
+                let bounces = stage[k - 1].jump.is_some() && stage[k - 1].jump == stage[k].jump;
+                if bounces && stage[k - 1].share < SHORT_BOUNCE {
+                    stage[k].share += stage[k - 1].share;
+                    stage.remove(k - 1);
+                }
+            }
+        }
+    }
+
     /// One phase with these modes in every stage.
     pub fn constant(n_stages: usize, modes: Vec<ContactMode>) -> Sequence {
         Sequence { stages: vec![vec![Phase { modes, jump: None, share: 1.0 }]; n_stages] }

@@ -159,6 +159,29 @@ fn group_moved(s: &Sequence, (first, last): (usize, usize), by: usize, forward: 
     Some(out)
 }
 
+/// The events of two stages that follow each other, all of them in the first, or in the second: of a chain of bounces with the end of a stage in
+/// it every bounce has a place of its own there, and one by one they pass it with two programs each.
+fn gathered(s: &Sequence, (first, last): (usize, usize), forward: bool) -> Option<Sequence> {
+    if last != first + 1 || s.stages[first].first()?.jump.is_some() {
+        return None;
+    }
+    let modes = |p: &Phase| Phase { modes: p.modes.clone(), jump: None, share: 1.0 };
+    let mut all = [&s.stages[first][..], &s.stages[last][..]].concat();
+    let mut out = s.clone();
+    if forward {
+        // what there was before the first event takes the stage
+        all[0].share = ENTERS;
+        out.stages[first] = vec![modes(all.first()?)];
+        out.stages[last] = all;
+    } else {
+        all.last_mut()?.share = ENTERS;
+        out.stages[last] = vec![modes(all.last()?)];
+        out.stages[first] = all;
+    }
+    out.tidy();
+    (out.key() != s.key()).then_some(out)
+}
+
 /// Stages by which groups of events are moved.
 const GROUPS_BY: [usize; 5] = [1, 2, 3, 5, 8];
 
@@ -384,6 +407,20 @@ fn without_vanishing(items: &[Item], wants: &[bool]) -> Option<Vec<Item>> {
     (moved > 1).then_some(now)
 }
 
+/// Without all phases that want to vanish, from the last to the first, where there are several: the bounces at the end of a chain, of which
+/// each is a share of the one before, vanish together, and the program of each that is left out alone is as degenerate as the one before.
+fn without_all(items: &[Item], wants: &[bool]) -> Option<Vec<Item>> {
+    let mut now = items.to_vec();
+    let mut gone = 0;
+    for i in (0..items.len()).rev().filter(|&i| wants[i]) {
+        if let Some(next) = without(&now, i).into_iter().next() {
+            now = next;
+            gone += 1;
+        }
+    }
+    (gone > 1).then_some(now)
+}
+
 /// The event at the start of item `i`, which is between two stages, between the next two, or the last two.
 fn stage_away(items: &[Item], i: usize, forward: bool) -> Option<Vec<Item>> {
     if items[i - 1].stage == items[i].stage {
@@ -418,6 +455,9 @@ pub(super) fn neighbours(
             out.push(Neighbour { sequence, moved, wanted, local: wanted || local, class });
         }
     };
+    if let Some(all) = without_all(&items, &wants) {
+        add(all, Move::Vanish, true, true, 0);
+    }
     if let Some(all) = without_vanishing(&items, &wants) {
         add(all, Move::Vanish, true, true, 0);
     }
@@ -482,6 +522,19 @@ pub(super) fn neighbours(
     let (groups, events) = (groups(s), s.events());
     // of a single event this is known already
     let several = |g: &(usize, usize)| events.iter().filter(|e| (g.0..=g.1).contains(&e.4)).count() > 1;
+    for (group, &stages) in groups.iter().enumerate().filter(|(_, g)| several(g)) {
+        for later in [true, false] {
+            let moved = Move::Group { group, later };
+            let sequence = gathered(s, stages, later);
+            out.extend(sequence.map(|sequence| Neighbour {
+                sequence,
+                moved,
+                wanted: false,
+                local: true,
+                class: BETWEEN,
+            }));
+        }
+    }
     for by in GROUPS_BY {
         for (group, &stages) in groups.iter().enumerate().filter(|(_, g)| several(g)) {
             for later in [true, false] {
@@ -589,6 +642,34 @@ mod tests {
             assert!(n.sequence.stages[..k].iter().all(|p| p.len() == 1 && p[0].modes == [OPEN]));
             assert!(n.sequence.stages[k + 1..].iter().all(|p| p.len() == 1 && p[0].modes == [CLOSED]));
         }
+    }
+
+    #[test]
+    fn bounces_on_both_sides_of_an_end_of_a_stage_come_together() {
+        let mut s = Sequence::constant(4, vec![OPEN]);
+        s.stages[1] = vec![phase(OPEN, false), phase(OPEN, true), phase(OPEN, true)];
+        s.stages[2] = vec![phase(OPEN, true), phase(CLOSED, true)];
+        s.stages[3] = vec![phase(CLOSED, false)];
+        let shapes: Vec<Vec<usize>> = [true, false]
+            .iter()
+            .map(|&later| gathered(&s, (1, 2), later).unwrap().stages.iter().map(Vec::len).collect())
+            .collect();
+        assert_eq!(shapes, [[1, 1, 5, 1], [1, 5, 1, 1]]);
+        for later in [true, false] {
+            let events = |s: &Sequence| s.events().into_iter().map(|e| (e.0, e.1, e.2, e.3)).collect::<Vec<_>>();
+            assert_eq!(events(&gathered(&s, (1, 2), later).unwrap()), events(&s));
+        }
+        assert!(gathered(&landing(), (1, 1), true).is_none());
+    }
+
+    #[test]
+    fn bounces_that_want_to_vanish_do_so_together() {
+        let bounce = || phase(OPEN, true);
+        let s = Sequence { stages: vec![vec![phase(OPEN, false), bounce(), bounce(), bounce(), phase(CLOSED, true)]] };
+        let first = &neighbours(&s, &[(0, 2), (0, 3)], &[], &[false], false)[0];
+        assert!(first.wanted && first.moved == Move::Vanish);
+        assert_eq!(first.sequence.stages[0].len(), 3);
+        assert!(first.sequence.stages[0][2].modes[0].is_closed() && first.sequence.stages[0][2].jump.is_some());
     }
 
     #[test]

@@ -81,7 +81,7 @@ impl Track {
         [0, 1].map(|k| (0..n_s).map(|j| w[j] * p.forces[(j * n_c + contact) * 2 + k]).sum())
     }
 
-    /// Its mode sequence on `n_stages` control stages.
+    /// Its mode sequence on `n_stages` control stages, with chains of bounces that end where the bounces are too short to count.
     pub(super) fn sequence(&self, n_stages: usize) -> Sequence {
         let mut stages: Vec<Vec<Phase>> = vec![Vec::new(); n_stages];
         for p in &self.pieces {
@@ -98,6 +98,7 @@ impl Track {
             }
         }
         let mut s = Sequence { stages };
+        s.end_chains();
         s.tidy();
         s
     }

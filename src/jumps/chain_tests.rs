@@ -1,0 +1,110 @@
+//! Chains of bounces.
+
+use std::sync::Arc;
+
+use super::exact::{solve_sequence, Limits};
+use super::modal::Held;
+use super::modes::{ContactMode, Phase, Sequence};
+use super::problem::{Problem, Statement};
+use super::track::{Piece, Track};
+use crate::expr::Graph;
+use crate::func::Dims;
+use crate::mpcc::MpccSettings;
+use crate::nlp::Control;
+use crate::scene::{Contact, Scene};
+
+const GRAVITY: f64 = 9.81;
+const RESTITUTION: f64 = 0.35;
+const BOUNCES: usize = 7;
+
+/// A ball that falls from 1 m in 2 s, with a push sideways that costs its square.
+fn ball() -> Problem {
+    let g = Graph::new();
+    let (y, u) = (g.x(1), g.u(0));
+    let mut scene = Scene::new("ball", 2, 2, 1, 0).unwrap();
+    scene.set_force(0, u.id()).unwrap();
+    scene.set_force(1, g.constant(-GRAVITY).id()).unwrap();
+    let restitution = g.constant(RESTITUTION).id();
+    scene.add_contact(Contact { restitution, ..Contact::new(&g, "floor", y) }).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    let dims = Dims { x: 4, u: 1, p: 0 };
+    let effort = g.function("effort", dims, &[u * u]).unwrap();
+    let x0 = vec![0.0, 1.0, 0.0, 0.0];
+    Problem::new(Statement {
+        lagrange: Some(Arc::new(effort)),
+        x0_bounds: [x0.clone(), x0],
+        ..Statement::bare(system, dims, vec![2.0])
+    })
+    .unwrap()
+}
+
+fn phase(mode: ContactMode, jump: bool, share: f64) -> Phase {
+    Phase { modes: vec![mode], jump: jump.then(|| vec![ContactMode::Closed]), share }
+}
+
+/// Every bounce takes as long as the one before times the restitution, the last one 1/550 of the first, and none of them vanishes, whatever their
+/// lengths are in the guess.
+#[test]
+fn bounces_of_a_chain_have_their_lengths() {
+    for share in [0.02, 1e-3, 2e-4] {
+        bounces_that_begin_with(share);
+    }
+}
+
+fn bounces_that_begin_with(share: f64) {
+    let p = ball();
+    let mut s = Sequence { stages: vec![vec![phase(ContactMode::Open, false, 0.2)]] };
+    (0..BOUNCES).for_each(|_| s.stages[0].push(phase(ContactMode::Open, true, share)));
+    s.stages[0].push(phase(ContactMode::Closed, true, 0.5));
+    let start = [0.0, 1.0, 0.0, 0.0];
+    let rest = Piece {
+        h: 2.0,
+        modes: vec![ContactMode::Open],
+        x0: start.to_vec(),
+        xs: start.repeat(2),
+        forces: vec![0.0; 4],
+        ..Piece::default()
+    };
+    let guess =
+        Track { tableau: p.given().tableau.clone(), nx: 4, pieces: vec![rest], controls: vec![0.0], free: Vec::new() };
+    let limits = Limits { patience: 200, cost: f64::INFINITY };
+    let (held, settings) = (Held::default(), MpccSettings::default());
+    let (a, _) = solve_sequence(&p, &s, &guess, &held, None, settings, limits, &mut Control::default()).unwrap();
+    assert!(
+        a.is_solved() && a.stats.iterations < 20,
+        "{share}: {:?}, {}, {}",
+        a.outcome,
+        a.violation,
+        a.stats.iterations
+    );
+    let fall = (2.0 / GRAVITY).sqrt();
+    assert!((a.track.pieces[0].h - fall).abs() < 1e-9 * fall);
+    for k in 1..=BOUNCES {
+        let exact = 2.0 * fall * RESTITUTION.powi(k as i32);
+        let h = a.track.pieces[k].h;
+        assert!((h - exact).abs() < 1e-7 * exact, "bounce {k}: {h} instead of {exact}");
+    }
+}
+
+/// What a simulation has of a chain ends where its bounces are a thousandth of the control stage.
+#[test]
+fn chains_end_where_bounces_are_short() {
+    let mut stage = vec![phase(ContactMode::Open, false, 0.4)];
+    let share = |k: i32| 0.3 * RESTITUTION.powi(k);
+    (0..12).for_each(|k| stage.push(phase(ContactMode::Open, true, share(k))));
+    stage.push(phase(ContactMode::Closed, true, 0.1));
+    let mut s = Sequence { stages: vec![stage] };
+    let whole: f64 = s.stages[0].iter().map(|p| p.share).sum();
+    s.end_chains();
+    let stage = &s.stages[0];
+    let counted = (0..12).filter(|&k| share(k) >= 1e-3).count();
+    assert_eq!(stage.len(), counted + 2);
+    assert!(stage[counted + 1].modes[0].is_closed() && stage[counted + 1].jump.is_some());
+    assert!((stage.iter().map(|p| p.share).sum::<f64>() - whole).abs() < 1e-15);
+    // an event of another contact is no bounce of the chain
+    let mut other = vec![phase(ContactMode::Open, true, 1e-4), phase(ContactMode::Open, false, 1.0)];
+    other[1].modes = vec![ContactMode::Closed];
+    let mut s = Sequence { stages: vec![other] };
+    s.end_chains();
+    assert_eq!(s.stages[0].len(), 2);
+}
