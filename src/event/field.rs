@@ -38,6 +38,7 @@ use self::limit::Limit;
 use self::on_demand::{Demand, TOGETHER};
 use self::selection::Selected;
 use super::guard::{Guards, Reset};
+use super::sets;
 use super::step::Stages;
 use super::Selection;
 use crate::dcs::{filippov, Cell, Dcs, Drift};
@@ -346,6 +347,11 @@ impl Field {
         &self.pairs
     }
 
+    /// The algebraic variables of subsystem `k`.
+    fn pairs_of(&self, k: usize) -> std::ops::Range<usize> {
+        self.first_pair[k]..self.first_pair[k + 1]
+    }
+
     /// Column `i` of `D` at the last point: states, and how it moves them.
     pub(super) fn d(&self, i: usize) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.sliding.column(self.pairs[i], i)
@@ -403,8 +409,8 @@ impl Field {
         if let Some(c) = &mut self.contacts {
             c.forget();
         }
-        for (k, (to, from)) in self.active.iter_mut().zip(sets).enumerate() {
-            to.clone_from(from);
+        sets::copy(&mut self.active, sets);
+        for (k, from) in sets.iter().enumerate() {
             self.first_pair.push(self.pairs.len());
             for &cell in from.iter().skip(1) {
                 self.pairs.push(Pair { sub: k, cell, base: from[0] });
@@ -827,10 +833,10 @@ impl Field {
 
     /// Weight of one of two active cells where that of the second is `alpha`.
     pub(super) fn theta_of_pair(&self, cell: usize, alpha: f64) -> f64 {
-        let set = &self.active[self.owner[cell]];
-        match set[..] {
-            [first, _] if first == cell => 1.0 - alpha,
-            [_, second] if second == cell => alpha,
+        let pairs = self.pairs_of(self.owner[cell]);
+        match pairs.len() {
+            1 if self.pairs[pairs.start].cell == cell => alpha,
+            1 => 1.0 - alpha,
             _ => f64::NAN,
         }
     }
@@ -838,8 +844,7 @@ impl Field {
     /// Weight of an active cell among these algebraic variables.
     pub(super) fn theta_in(&self, alpha: &[f64], cell: usize) -> f64 {
         let mut base = 1.0;
-        let k = self.owner[cell];
-        for i in self.first_pair[k]..self.first_pair[k + 1] {
+        for i in self.pairs_of(self.owner[cell]) {
             if self.pairs[i].cell == cell {
                 return alpha[i];
             }
@@ -861,17 +866,15 @@ impl Field {
         &self.traces[..self.pairs.len()]
     }
 
-    /// Weight of an active cell at stage `i` of an explicit pair.
-    pub(super) fn theta_at_stage(&self, cell: usize, i: usize) -> f64 {
-        let mut base = 1.0;
-        let k = self.owner[cell];
-        for j in self.first_pair[k]..self.first_pair[k + 1] {
-            if self.pairs[j].cell == cell {
-                return self.traces[j][i];
-            }
-            base -= self.traces[j][i];
-        }
-        base
+    /// Least and largest weight of an active cell at these stages of an explicit pair.
+    pub(super) fn theta_at_stages(&self, cell: usize, stages: std::ops::Range<usize>) -> (f64, f64) {
+        let pairs = self.pairs_of(self.owner[cell]);
+        let own = pairs.clone().find(|j| self.pairs[*j].cell == cell);
+        let theta = |i: usize| match own {
+            Some(j) => self.traces[j][i],
+            None => pairs.clone().fold(1.0, |base, j| base - self.traces[j][i]),
+        };
+        stages.map(theta).fold((f64::INFINITY, f64::NEG_INFINITY), |(lo, hi), v| (lo.min(v), hi.max(v)))
     }
 
     /// Active cells, which contacts have none of.

@@ -50,6 +50,7 @@ pub mod pairs;
 mod path;
 mod radau;
 mod sens;
+mod sets;
 #[rustfmt::skip]
 mod settings;
 mod step;

@@ -304,6 +304,7 @@ impl Bundle for Program {
     }
 
     fn list(&self, parts: &mut dyn Iterator<Item = (usize, usize)>, to: &mut PartList) {
+        to.constants_known = false;
         to.groups.resize(self.classes.len(), PartGroup::default());
         to.groups.iter_mut().for_each(|g| g.parts.clear());
         for (part, at) in parts {
@@ -316,6 +317,7 @@ impl Bundle for Program {
     }
 
     fn exchange(&self, gone: &[(usize, usize)], new: &[(usize, usize)], list: &mut PartList) {
+        list.constants_known = false;
         for &(part, at) in gone {
             let p = &self.parts[part];
             let g = &mut list.groups[p.class as usize];
@@ -335,6 +337,9 @@ impl Bundle for Program {
         self.know_common();
         let mut finite = true;
         for (class, group) in list.groups.iter().enumerate() {
+            if list.constants_known && self.classes[class].shape.n_inputs == 0 {
+                continue;
+            }
             let mut at = 0;
             while group.parts.len() - at >= FEWEST {
                 finite &= self.evaluate_lanes(class, group, at, out);

@@ -88,6 +88,8 @@ pub trait Bundle: Send {
 #[derive(Debug, Clone, Default)]
 pub struct PartList {
     pub(crate) groups: Vec<PartGroup>,
+    /// The values of parts without inputs stand where they go since the list was evaluated last.
+    pub(crate) constants_known: bool,
 }
 
 /// Parts that do the same with other inputs and constants.

@@ -3,6 +3,7 @@
 use super::Engine;
 use crate::dcs::filippov::{decide_pair, distinct, FilippovProblem, FilippovSolution};
 use crate::event::field::{Apart, Known, Open};
+use crate::event::sets;
 use crate::event::watch::Watch;
 use crate::event::{Ambiguity, Branching, Continuation, Doubt, Outcome};
 use crate::func::EvalError;
@@ -52,11 +53,11 @@ impl Engine {
         }
         let mut apart = std::mem::take(&mut self.apart);
         if !many {
-            apart.sets.clone_from(&self.field.active);
+            sets::assign(&mut apart.sets, &self.field.active);
             apart.open.clear();
             apart.open.extend((0..candidates.len()).filter(|k| candidates[*k].len() == 2));
             let mut all = candidates.iter().zip(&self.field.active);
-            let alone = all.all(|(c, set)| c.len() == 2 || c == set);
+            let alone = all.all(|(c, set)| c.len() == 2 || sets::same_set(c, set));
             let ends = alone && self.lets_go(l, slope * length, &mut apart);
             if ends {
                 self.field.set_active(&apart.sets);

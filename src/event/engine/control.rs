@@ -198,9 +198,10 @@ impl Engine {
                     (rate, 0.5 * change / last)
                 }
             };
-            let time = first_zero(value, rate, bend);
-            if time < least {
-                least = time;
+            // it falls along a line, and not before another one: most do
+            let late = bend == 0.0 && (rate >= 0.0 || value >= -rate * least);
+            if !late {
+                least = least.min(first_zero(value, rate, bend));
             }
         }
         MARGIN * least

@@ -31,6 +31,7 @@ use super::guard::Reset;
 use super::path::Path;
 use super::radau::Radau;
 use super::sens::Sens;
+use super::sets;
 use super::step::Step;
 use super::tape::Tape;
 use super::watch::Watch;
@@ -112,6 +113,8 @@ pub struct Engine {
     w0: Vec<f64>,
     w1: Vec<f64>,
     suspect: Vec<bool>,
+    /// Those among [`Engine::looked`].
+    suspects: Vec<usize>,
     /// Zero to rounding over the whole of the last step.
     resting: Vec<bool>,
     q0: Vec<f64>,
@@ -281,6 +284,7 @@ impl Engine {
             w0: vec![0.0; n_w],
             w1: vec![0.0; n_w],
             suspect: vec![false; n_w],
+            suspects: Vec::with_capacity(n_w),
             resting: vec![false; n_w],
             q0: vec![0.0; n_q],
             q1: vec![0.0; n_q],
@@ -816,9 +820,7 @@ impl Engine {
             self.radau.forget();
         }
         if self.fresh {
-            for (to, from) in self.step_sets.iter_mut().zip(&self.field.active) {
-                to.clone_from(from);
-            }
+            sets::copy(&mut self.step_sets, &self.field.active);
         }
     }
 

@@ -4,6 +4,7 @@ use super::{recover, Engine, EPS};
 use crate::error::{Error, Result};
 use crate::event::explicit;
 use crate::event::path;
+use crate::event::sets;
 use crate::event::{Contact, Kind, Switch};
 use crate::func::EvalError;
 
@@ -43,7 +44,7 @@ impl Engine {
         if self.step_implicit {
             self.radau.dense(&mut self.step, self.fresh);
         } else {
-            let foreign = self.step_sets != self.field.active;
+            let foreign = !sets::same(&self.step_sets, &self.field.active);
             let present = foreign.then(|| (self.field.active.clone(), self.field.limit.take()));
             if foreign {
                 self.field.set_active(&self.step_sets);
@@ -72,7 +73,7 @@ impl Engine {
         let start = self.switches.len();
         let mut n = 0;
         for (k, set) in before.iter().enumerate() {
-            if *set == self.field.active[k] {
+            if sets::same_set(set, &self.field.active[k]) {
                 continue;
             }
             let (a, b) = (self.field.modes_of(k, set), self.field.modes(k));

@@ -66,9 +66,10 @@ impl Engine {
             Pair::Dp5 => e * e.sqrt().sqrt(),
             Pair::Dop853 => e * e,
         };
-        let n = self.watches.len();
-        let any = self.suspect[..n].contains(&true);
-        let leaves = self.watches.iter().zip(&self.suspect).any(|(w, s)| *s && w.is_leave());
+        self.suspects.clear();
+        self.suspects.extend(self.looked.iter().filter(|l| self.suspect[**l]));
+        let any = !self.suspects.is_empty();
+        let leaves = self.suspects.iter().any(|l| self.watches[*l].is_leave());
         self.clears = self.implicit && (any || self.step.h > LONGER * self.clear);
         if self.clears {
             let e = self.error_between()?;
@@ -85,9 +86,9 @@ impl Engine {
         // weights have functions of their own
         let bent = |l: &usize| {
             let w = &self.watches[*l];
-            self.suspect[*l] && !w.is_leave() && !w.is_affine(&self.field)
+            !w.is_leave() && !w.is_affine(&self.field)
         };
-        let by_lines = lines && !self.looked.iter().any(bent);
+        let by_lines = lines && !self.suspects.iter().any(bent);
         for i in 1..NODES {
             let s = self.sampler.nodes[i];
             if i < NODES - 1 {
@@ -104,34 +105,29 @@ impl Engine {
                     self.sample_weights(i, s, !by_lines)?;
                 }
             }
-            for &l in &self.looked {
-                if self.suspect[l] {
-                    let end = i == NODES - 1;
-                    let w = self.watches[l];
-                    let value = match end {
-                        true => self.w1[l],
-                        false if lines && w.is_affine(&self.field) => {
-                            self.w0[l] + w.change(&self.dq0, &self.field, &self.step, s)
-                        }
-                        false if w.is_leave() => self.samples[l][i],
-                        false => w.value(&self.field.q, &self.field),
-                    };
-                    // a guard that has just been left is zero at the start, up to the rounding of its location, and so is
-                    // what begins a little below zero
-                    let below = self.watches[l].may_begin_below() && self.depart[l] > 1 && self.w0[l] < 0.0;
-                    let left = below || self.watches[l].is_left_by_jumps() && self.depart[l] == 1;
-                    self.samples[l][i] = if left { value - self.w0[l] } else { value };
-                }
+            for &l in &self.suspects {
+                let end = i == NODES - 1;
+                let w = self.watches[l];
+                let value = match end {
+                    true => self.w1[l],
+                    false if lines && w.is_affine(&self.field) => {
+                        self.w0[l] + w.change(&self.dq0, &self.field, &self.step, s)
+                    }
+                    false if w.is_leave() => self.samples[l][i],
+                    false => w.value(&self.field.q, &self.field),
+                };
+                // a guard that has just been left is zero at the start, up to the rounding of its location, and so is
+                // what begins a little below zero
+                let below = self.watches[l].may_begin_below() && self.depart[l] > 1 && self.w0[l] < 0.0;
+                let left = below || self.watches[l].is_left_by_jumps() && self.depart[l] == 1;
+                self.samples[l][i] = if left { value - self.w0[l] } else { value };
             }
         }
         self.touched = None;
         let mut best = Found::Nothing;
         let mut first = f64::INFINITY;
-        for k in 0..self.looked.len() {
-            let l = self.looked[k];
-            if !self.suspect[l] {
-                continue;
-            }
+        for k in 0..self.suspects.len() {
+            let l = self.suspects[k];
             self.samples[l][0] = self.w0[l];
             if self.rests(l) {
                 self.resting[l] = true;
@@ -228,8 +224,8 @@ impl Engine {
             for j in 0..self.alpha_start.len() {
                 self.field.alpha[j] = self.radau.between(&weights, self.alpha_start[j], nx + j, self.alpha_end[j]);
             }
-            for &l in &self.looked {
-                if let (Watch::Leave { cell, .. }, true) = (self.watches[l], self.suspect[l]) {
+            for &l in &self.suspects {
+                if let Watch::Leave { cell, .. } = self.watches[l] {
                     self.samples[l][i] = self.field.theta(cell);
                 }
             }
@@ -240,12 +236,9 @@ impl Engine {
             self.step.at(s, &mut self.node);
         }
         let mut evaluated = false;
-        for k in 0..self.looked.len() {
-            let l = self.looked[k];
+        for k in 0..self.suspects.len() {
+            let l = self.suspects[k];
             let Watch::Leave { cell, .. } = self.watches[l] else { continue };
-            if !self.suspect[l] {
-                continue;
-            }
             let alone = if evaluated { None } else { self.field.weight_alone(cell, t, &self.node) };
             self.samples[l][i] = match alone {
                 Some(v) => v,
@@ -403,7 +396,9 @@ impl Engine {
         if self.implicit {
             self.radau.z.iter().for_each(|z| note(self.field.theta_in(&z[self.nx..], cell)));
         } else {
-            (1..self.step.n_k - 1).for_each(|i| note(self.field.theta_at_stage(cell, i)));
+            let (least, largest) = self.field.theta_at_stages(cell, 1..self.step.n_k - 1);
+            note(least);
+            note(largest);
         }
         lo <= 0.5 * (hi - lo) + 1e-3 * hi
     }

@@ -4,6 +4,7 @@ use super::control::UNSEEN;
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::field::Formed;
+use crate::event::sets;
 use crate::event::tape::Time;
 use crate::event::watch::{self, Watch};
 use crate::event::{Contact, Outcome, Zeno};
@@ -248,20 +249,21 @@ impl Engine {
         if self.field.has_contacts() {
             self.field.contact_sizes(t, &self.x)?;
         }
-        let pace = self.field.pace(&self.x, &self.f);
+        // what few of many functions ask for
+        let mut pace = None;
         for l in 0..self.watches.len() {
             let w = self.watches[l];
             let value = w.value(&self.q0, &self.field);
             self.w0[l] = value;
             self.depart[l] = 0;
-            if !self.field.looks_at(&w) {
-                continue;
-            }
-            let scale = w.scale(&self.dq0, &self.field, t, &self.x);
             if w.is_leave() {
                 self.depart[l] = u8::from(value <= 1e-9);
                 continue;
             }
+            if !self.field.looks_at(&w) {
+                continue;
+            }
+            let scale = w.scale(&self.dq0, &self.field, t, &self.x);
             if let Watch::Contact { .. } = w {
                 self.depart[l] = self.contact_departs(w, value);
                 continue;
@@ -271,7 +273,7 @@ impl Engine {
                 // fast enough for a zero of order one: compared with the states moving by their sizes
                 let rises = match w {
                     Watch::Guard { .. } => w.rises(&self.dq0, &self.field, &self.f),
-                    _ => rate > 1e-9 * scale.reach * pace,
+                    _ => rate > 1e-9 * scale.reach * *pace.get_or_insert_with(|| self.field.pace(&self.x, &self.f)),
                 };
                 self.depart[l] = if rises { 1 } else { 2 };
             }
@@ -297,7 +299,7 @@ impl Engine {
             _ => {}
         }
         let mut before = std::mem::take(&mut self.before);
-        before.clone_from(&self.field.active);
+        sets::assign(&mut before, &self.field.active);
         let within = self.field.in_limit_set();
         if within && self.stay_in_limit_set(l, &before)? {
             self.before = before;
@@ -401,9 +403,9 @@ impl Engine {
         let (mut rate, mut cosine, mut grazing) = (slope, f64::NAN, false);
         for m in 0..self.watches.len() {
             let w = self.watches[m];
-            let v = w.value(&self.field.q, &self.field);
             match w {
                 Watch::Enter { a, b, .. } => {
+                    let v = w.value(&self.field.q, &self.field);
                     let r = w.rate(&self.field.dq, &self.field, &self.f);
                     let scale = w.scale(&self.field.dq, &self.field, t, &self.x);
                     if m == l {
@@ -437,7 +439,8 @@ impl Engine {
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
-        if self.field.active == before {
+        let same = sets::same(&self.field.active, before);
+        if same {
             // nothing changes: a grazing contact, or a first step too long for its signs
             self.crowd += 1;
             if let (Watch::Enter { sub, .. }, true) = (self.watches[l], self.crowd == 1) {
@@ -448,7 +451,7 @@ impl Engine {
         }
         self.enter()?;
         self.one_sided |= grazing;
-        if self.field.active != before {
+        if !same {
             let f = std::mem::take(&mut self.f_before);
             self.differentiate_jump(&f);
             self.f_before = f;
@@ -456,7 +459,7 @@ impl Engine {
             self.ambiguous |= !unique;
         }
         self.project_sensitivity()?;
-        if self.crowd > 0 && self.field.active == before {
+        if self.crowd > 0 && same {
             // a weight that has not vanished has no zero to be divided out
             if !self.watches[l].is_leave() || self.w0[l] <= EPS.sqrt() {
                 self.depart[l] = self.depart[l].max(2);

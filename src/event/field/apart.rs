@@ -8,6 +8,7 @@
 
 use super::Field;
 use crate::dcs::filippov::{CellFields, Gradient, SubsystemCells};
+use crate::event::sets;
 use crate::func::{EvalError, EvalResult, Point};
 
 /// A rate of at most this part of the size of its terms leaves a doubt about its sign.
@@ -74,7 +75,7 @@ impl Field {
         if touches || self.sliding.dependencies(k).any(|o| o != k && candidates[o].len() > 1) {
             return Ok(Known::Little);
         }
-        a.sets.clone_from(&self.active);
+        sets::assign(&mut a.sets, &self.active);
         a.theta.clear();
         let first = |k: usize| if self.active[k].len() == 2 { 1.0 - self.alpha[self.first_pair[k]] } else { 1.0 };
         a.theta.extend((0..candidates.len()).map(first));

@@ -2,6 +2,7 @@
 
 use super::{Field, Sliding, Sub};
 use crate::dcs::Drift;
+use crate::event::sets;
 use crate::func::{Bundle, Function, PartList, Point};
 
 /// Of fewer subsystems every function is called by itself: that costs as much, and nothing beforehand.
@@ -22,6 +23,7 @@ pub(super) struct Bundled {
     /// The values of the active modes: those of every subsystem have places of their own, which hold all of its modes.
     active: PartList,
     places: Vec<usize>,
+    values: Vec<f64>,
     /// The active cells that are listed, and whether they are the present ones.
     cells: Vec<Vec<usize>>,
     pub(super) listed: bool,
@@ -68,7 +70,8 @@ impl Bundled {
         let mut b = Bundled {
             drifts: PartList::default(),
             singles: of_states,
-            room: vec![0.0; drift_rows.len().max(cells)],
+            room: vec![0.0; drift_rows.len().max(subs.iter().map(|s| s.rows.len()).max().unwrap_or(0))],
+            values: vec![0.0; cells],
             drift_rows,
             modes,
             active: PartList::default(),
@@ -132,14 +135,13 @@ impl Bundled {
             let mut all = subs.iter().enumerate().flat_map(|(k, s)| self.parts(s, k, &active[k]));
             self.program.list(&mut all, &mut list);
         }
-        for (k, s) in subs.iter().enumerate().filter(|(k, _)| self.cells.get(*k).is_some_and(|c| *c != active[*k])) {
+        for (k, s) in subs.iter().enumerate().filter(|(k, _)| self.cells.get(*k).is_some_and(|c| !sets::same_set(c, &active[*k]))) {
             let gone: Vec<_> = self.parts(s, k, &self.cells[k]).collect();
             let new: Vec<_> = self.parts(s, k, &active[k]).collect();
             self.program.exchange(&gone, &new, &mut list);
         }
         self.active = list;
-        self.cells.resize(subs.len(), Vec::new());
-        self.cells.iter_mut().zip(active).filter(|(to, from)| to != from).for_each(|(to, from)| to.clone_from(from));
+        sets::assign(&mut self.cells, &active[..subs.len()]);
         self.firsts.clear();
         self.others.clear();
         let mut pair = 0;
@@ -160,8 +162,9 @@ impl Bundled {
         if !self.listed {
             self.list(subs, active, sliding);
         }
-        let finite = self.program.evaluate_list(&self.active, &mut self.room);
-        self.firsts.iter().for_each(|&(v, r)| out[r as usize] += self.room[v as usize]);
+        let finite = self.program.evaluate_list(&self.active, &mut self.values);
+        self.active.constants_known = finite;
+        self.firsts.iter().for_each(|&(v, r)| out[r as usize] += self.values[v as usize]);
         finite
     }
 }
@@ -240,7 +243,7 @@ impl Field {
         let base = &mut self.base[..];
         let finite = b.drift(direct, base) & b.active(&self.subs, &self.active, &self.sliding, base);
         for &(d, v, first) in &b.others {
-            self.sliding.d[d as usize] = b.room[v as usize] - b.room[first as usize];
+            self.sliding.d[d as usize] = b.values[v as usize] - b.values[first as usize];
         }
         finite
     }

@@ -186,9 +186,7 @@ impl Field {
     /// modes at this point; says whether that is so. Constraints are scaled there.
     pub(in crate::event) fn begin_limit_set(&mut self, t: f64, x: &[f64]) -> Result<bool, EvalError> {
         let mut limit = Box::<Limit>::default();
-        limit.lay_out(&self.pairs, &self.first_pair);
         limit.y.extend_from_slice(x);
-        limit.second.clear();
         self.gradients(t, x)?;
         self.constraint_rows();
         self.settle(t, &mut limit.y)?;
@@ -198,12 +196,13 @@ impl Field {
         let r = self.pairs.len();
         // changes relative to sizes, by the modes of every pair
         let paces: Vec<f64> = (0..r).map(|j| self.column_pace(j, x)).collect();
-        for i in 0..r {
-            let row = self.raw_row(i);
-            limit.second.push(row.iter().zip(&paces).all(|(v, pace)| v.abs() <= NO_CHANGE * pace));
-        }
+        // other modes do not move what a constraint depends on
+        let coupled = |i: usize| self.sliding.dependencies(self.pairs[i].sub).flat_map(|k| self.pairs_of(k));
+        let second = |i: usize| coupled(i).all(|j| self.raw_rate(i, j).abs() <= NO_CHANGE * paces[j]);
+        limit.second.extend((0..r).map(second));
         let any = limit.second.contains(&true);
         if any {
+            limit.lay_out(&self.pairs, &self.first_pair);
             limit.pace = paces.iter().fold(0.0, |m, p| m.max(*p));
             self.limit = Some(limit);
         }
