@@ -435,3 +435,28 @@ fn what_is_stiff_is_seen_at_tight_tolerances() {
         assert!(r.stats.evaluations < 4000, "{rtol:e}: {:?}", r.stats);
     }
 }
+
+/// A rectifier blocks fifty times, each time with a transient that is over in a tenth of a microsecond: the first step there is as long as the
+/// first ones before turned out to be, and not cut down to it from one of milliseconds every time. Half the attempts failed so.
+#[test]
+fn transients_that_come_again_are_known() {
+    let r = Rectifier { on: 1e-2, off: 1e5, coil: 1e-2, load: 10.0, capacitor: None };
+    let s = simulate(&r.system(), &Options::with_tolerance(1e-3, 1e-5), 0.0, &[0.0], 1.0).unwrap();
+    assert_eq!(s.switches.len(), 99);
+    assert!(s.stats.rejections < 200, "{:?}", s.stats);
+}
+
+/// In modes that are affine Newton's method has arrived after one iteration, and how fast it converges is known from the steps before: mostly
+/// no second one is needed to see it.
+#[test]
+fn affine_modes_take_one_iteration() {
+    let r = Rectifier { on: 1e-3, off: 1e4, coil: 1e-2, load: 20.0, capacitor: Some(1e-3) };
+    for e in [3, 6, 9] {
+        let rtol = 10f64.powi(-e);
+        let opt = Options { method: Method::Radau5, ..Options::with_tolerance(rtol, 1e-2 * rtol) };
+        let s = simulate(&r.system(), &opt, 0.0, &[0.0, 0.0], 1.0).unwrap();
+        let attempts = s.stats.steps + s.stats.rejections + s.stats.relocations;
+        assert_eq!(s.switches.len(), 99, "{rtol:e}");
+        assert!(2 * s.stats.newton < 3 * attempts, "{rtol:e}: {:?}", s.stats);
+    }
+}

@@ -67,6 +67,8 @@ pub(super) struct Radau {
     pub(super) factorisations: usize,
     /// Iterations of the last attempt.
     pub(super) last_newton: usize,
+    /// What is left of the last increment, as a part of it, by the iterations before; infinite where there were none.
+    rest: f64,
 }
 
 impl Radau {
@@ -117,6 +119,7 @@ impl Radau {
             newton: 0,
             factorisations: 0,
             last_newton: 0,
+            rest: f64::INFINITY,
         })
     }
 
@@ -127,7 +130,7 @@ impl Radau {
 
     /// The next step has nothing to do with the last one: other modes, other data.
     pub(super) fn forget(&mut self) {
-        (self.keep, self.end) = (false, f64::NAN);
+        (self.keep, self.end, self.rest) = (false, f64::NAN, f64::INFINITY);
     }
 
     /// May the next step have the Jacobian of this one?
@@ -239,7 +242,8 @@ impl Radau {
         }
     }
 
-    /// Newton's method with the matrices as they are; says whether it has converged. Where the matrices are sparse, evaluating
+    /// Newton's method with the matrices as they are; says whether it has converged. How fast it does is known from the steps before, which
+    /// are trusted less from step to step (E. Hairer, G. Wanner, section IV.8): one iteration is enough where modes are affine. Where the matrices are sparse, evaluating
     /// them and finding their factors costs more than the iterations that old ones take more: those that the iteration
     /// converges fast with serve the next step too (E. Hairer, G. Wanner, section IV.8).
     fn iterate(
@@ -251,6 +255,8 @@ impl Radau {
     ) -> std::result::Result<bool, EvalError> {
         /// A rate that leaves the Jacobian good enough for the next step.
         const FAST: f64 = 1e-3;
+        /// Power of what is known from the step before.
+        const TRUST: f64 = 0.8;
         let (nx, r) = (field.nx, field.n_alg());
         let n = nx + r;
         self.guess(s, r);
@@ -278,7 +284,16 @@ impl Radau {
                 }
                 self.keep = self.matrix.is_sparse() && rate <= FAST;
             }
-            let rest = if it > 0 { size * rate.min(0.99) / (1.0 - rate.min(0.99)) } else { size };
+            if it == 0 {
+                self.rest = self.rest.max(f64::EPSILON).powf(TRUST);
+                if r == 0 && size * self.rest <= tol {
+                    self.write_stages(s);
+                    return Ok(true);
+                }
+            } else {
+                self.rest = rate.min(0.99) / (1.0 - rate.min(0.99));
+            }
+            let rest = if it > 0 { size * self.rest } else { size };
             // constraints are relative to the sizes of the states
             let on_surface = r == 0 || it > 0 && worst * rate.max(1e-3) <= 1e-14;
             if size == 0.0 || it > 0 && rest <= tol && (on_surface || size <= 1e-6 * tol) {
@@ -287,6 +302,15 @@ impl Radau {
             before = size;
         }
         Ok(false)
+    }
+
+    /// The derivatives at the stages that belong to the increments.
+    fn write_stages(&self, s: &mut Step) {
+        for (j, k) in s.k.iter_mut().enumerate() {
+            for (i, k) in k.iter_mut().enumerate().take(3) {
+                *k = (0..3).map(|m| self.a_inv[(i, m)] * self.z[m][j]).sum::<f64>() / s.h;
+            }
+        }
     }
 
     /// Residuals of all stages, the derivatives in the step; returns the largest constraint.

@@ -192,10 +192,14 @@ impl Program {
         let c = &self.classes[class];
         let (n_inputs, n_constants) = (c.shape.n_inputs as usize, c.shape.n_constants as usize);
         let own = &group.parts[at..group.parts.len().min(at + LANES)];
+        let runs = &group.runs[at / LANES * (n_inputs + 1)..][..n_inputs + 1];
         let (work, lanes) = (&self.work[..], &mut self.lanes[..]);
         let inputs = group.inputs[at * n_inputs..].chunks_exact(LANES);
-        for (to, from) in lanes[..n_inputs].iter_mut().zip(inputs) {
-            to.iter_mut().zip(from).for_each(|(to, &i)| *to = work[i as usize]);
+        for ((to, from), run) in lanes[..n_inputs].iter_mut().zip(inputs).zip(runs) {
+            match run {
+                Some(first) => to.copy_from_slice(&work[*first as usize..*first as usize + LANES]),
+                None => to.iter_mut().zip(from).for_each(|(to, &i)| *to = work[i as usize]),
+            }
         }
         let constants = group.constants[at * n_constants..].chunks_exact(LANES);
         for (to, from) in lanes[n_inputs..n_inputs + n_constants].iter_mut().zip(constants) {
@@ -209,7 +213,10 @@ impl Program {
         for (o, &from) in c.shape.outputs.iter().enumerate() {
             let v = &lanes[from as usize];
             zero.iter_mut().zip(v).for_each(|(z, v)| *z += v * 0.0);
-            v.iter().zip(own).for_each(|(v, m)| out[m[1] as usize + o] = *v);
+            match runs[n_inputs] {
+                Some(first) => out[first as usize..first as usize + LANES].copy_from_slice(v),
+                None => v.iter().zip(own).for_each(|(v, m)| out[m[1] as usize + o] = *v),
+            }
         }
         zero.iter().sum::<f64>() == 0.0
     }
@@ -236,6 +243,12 @@ fn operate(code: Code, (a, b): (&Lanes, &Lanes), n: u32, tables: &[Piecewise], t
     }
 }
 
+/// The first of some places, where each follows the one before.
+fn follow(mut places: impl Iterator<Item = u32>) -> Option<u32> {
+    let first = places.next()?;
+    places.zip(first + 1..).all(|(p, expected)| p == expected).then_some(first)
+}
+
 impl Class {
     /// Where the inputs of the parts of a group are, and their constants; idle lanes repeat the last part.
     fn gather(&self, g: &mut PartGroup) {
@@ -243,7 +256,9 @@ impl Class {
         let n = g.parts.len().next_multiple_of(LANES);
         g.inputs.resize(n * n_inputs, 0);
         g.constants.resize(n * n_constants, 0.0);
+        g.runs.resize(n / LANES * (n_inputs + 1), None);
         (0..n).for_each(|l| self.gather_lane(g, l));
+        (0..n / LANES).for_each(|chunk| self.find_runs(g, chunk));
     }
 
     /// The same for the part in one place.
@@ -257,6 +272,18 @@ impl Class {
         own.iter().enumerate().for_each(|(k, v)| g.constants[chunk * n_constants + k * LANES + lane] = *v);
     }
 
+    /// Finds the inputs and results of a few parts that follow each other: they are read and written at once.
+    fn find_runs(&self, g: &mut PartGroup, chunk: usize) {
+        let n_inputs = self.shape.n_inputs as usize;
+        let own = &g.parts[chunk * LANES..g.parts.len().min((chunk + 1) * LANES)];
+        for k in 0..n_inputs {
+            let places = &g.inputs[(chunk * n_inputs + k) * LANES..][..LANES];
+            g.runs[chunk * (n_inputs + 1) + k] = follow(places.iter().copied());
+        }
+        let single = own.len() == LANES && self.shape.outputs.len() == 1;
+        g.runs[chunk * (n_inputs + 1) + n_inputs] = if single { follow(own.iter().map(|m| m[1])) } else { None };
+    }
+
     /// Brings a group up to date whose parts have changed at place `l`, or at its end.
     fn gather_again(&self, g: &mut PartGroup, l: usize) {
         if g.parts.len() < FEWEST {
@@ -268,7 +295,9 @@ impl Class {
         if [g.inputs.len(), g.constants.len()] != needed {
             return self.gather(g);
         }
+        g.runs.resize(n / LANES * (self.shape.n_inputs as usize + 1), None);
         std::iter::once(l).chain(n - LANES..n).for_each(|l| self.gather_lane(g, l));
+        [l.min(n - 1) / LANES, n / LANES - 1].into_iter().for_each(|chunk| self.find_runs(g, chunk));
     }
 
     /// Lanes that it needs.

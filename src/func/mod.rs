@@ -100,6 +100,8 @@ pub(crate) struct PartGroup {
     /// Where the inputs are, and the constants, of a few parts at a time: one input of all of these after the other.
     pub(crate) inputs: Vec<u32>,
     pub(crate) constants: Vec<f64>,
+    /// Of every input, and of the results, of as many parts: the first place, where the others follow it.
+    pub(crate) runs: Vec<Option<u32>>,
 }
 
 /// A vector function with first and second derivatives.

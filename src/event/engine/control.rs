@@ -4,6 +4,7 @@ use super::{recover, Engine, EPS};
 use crate::error::Result;
 use crate::event::explicit::{self, Pair};
 use crate::event::radau::{self, Attempt};
+use crate::event::sets;
 use crate::event::step;
 use crate::event::watch::Watch;
 use crate::event::Method;
@@ -32,6 +33,39 @@ pub(super) enum Pace {
     Stiff,
     /// Steps of Radau IIA were such that an explicit pair would have been stable.
     Mild,
+}
+
+/// First steps behind switches to a cell.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct FirstStep {
+    /// What the last one asked for, and how often in a row it had to be cut down or began as short as that.
+    length: f64,
+    short: usize,
+}
+
+impl FirstStep {
+    /// Once is chance.
+    const OFTEN: usize = 2;
+    /// Now and then one begins as if nothing were known: it may pass over a transient that shorter ones have to follow.
+    const AGAIN: usize = 8;
+
+    /// The longest first step, as far as it is known.
+    fn longest(&self) -> f64 {
+        match self.short {
+            n if n >= Self::OFTEN && n % Self::AGAIN != 0 => self.length,
+            _ => f64::INFINITY,
+        }
+    }
+
+    fn note(&mut self, next: f64, rejected: bool) {
+        let short = rejected || self.longest().is_finite();
+        (self.length, self.short) = (next, if short { self.short + 1 } else { 0 });
+    }
+
+    /// It ended at a switch and may be as long as this.
+    pub(super) fn allow(&mut self, length: f64) {
+        self.length = self.length.max(length);
+    }
 }
 
 /// Failed attempts at one step.
@@ -264,6 +298,28 @@ impl Engine {
             h.max(wanted)
         } else {
             h
+        }
+    }
+
+    /// The first step behind a switch of one subsystem is as long as it was the last times at the same cell, where steps had to be cut down
+    /// to that: what was slow before the switch says nothing about a transient that begins there, and circuits and controllers come
+    /// back to the same modes again and again. For implicit steps only: those of an explicit pair are as short as its stability anyway, and
+    /// where switches accumulate no first step is like the one before.
+    pub(super) fn begin_as_before(&mut self) {
+        let mut changed = (0..self.before.len()).filter(|k| !sets::same_set(&self.before[*k], &self.field.active[*k]));
+        self.entered = match (changed.next(), changed.next()) {
+            (Some(k), None) if self.implicit && self.field.active[k].len() == 1 => Some(self.field.active[k][0]),
+            _ => None,
+        };
+        if let Some(cell) = self.entered {
+            self.h = self.h.min(self.first_steps[cell].longest());
+        }
+    }
+
+    /// The first step behind a switch is accepted, and `next` is what its error asks for.
+    pub(super) fn note_first_step(&mut self, next: f64, rejected: bool) {
+        if let Some(cell) = self.entered.take() {
+            self.first_steps[cell].note(next, rejected);
         }
     }
 

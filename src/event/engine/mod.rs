@@ -21,7 +21,7 @@ use std::sync::Arc;
 use self::accumulation::{Recent, MEMORY};
 use self::chatter::Window;
 use self::contact::SceneRoom;
-use self::control::{Beyond, Pace, Tried};
+use self::control::{Beyond, FirstStep, Pace, Tried};
 use self::limit_set::Shrinking;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler, NODES};
@@ -139,6 +139,9 @@ pub struct Engine {
     /// The velocity before the last switch.
     f_before: Vec<f64>,
     h: f64,
+    /// First steps behind switches, by the cell that follows, and that of the last switch.
+    first_steps: Vec<FirstStep>,
+    entered: Option<usize>,
     err_before: f64,
     /// How coarse the last step was, see [`Engine::resolution`].
     coarse: f64,
@@ -304,6 +307,8 @@ impl Engine {
             f: vec![0.0; nx],
             f_before: vec![0.0; nx],
             h: 0.0,
+            first_steps: vec![FirstStep::default(); n_cells],
+            entered: None,
             err_before: 1e-4,
             coarse: 0.0,
             clear: 0.0,
@@ -375,6 +380,8 @@ impl Engine {
         }
         self.restart = true;
         self.h = 0.0;
+        self.first_steps.fill(FirstStep::default());
+        self.entered = None;
         self.stiff.fill(Pace::Unknown);
         self.stiff_mode = false;
         self.stiff_slides.fill(false);
@@ -725,15 +732,21 @@ impl Engine {
                     match found {
                         Some(Found::Nothing) => {
                             self.err_before = err.max(1e-4);
+                            self.note_first_step(grown, rejected);
                             self.accept(t1)?;
                             self.note_end(false);
                             self.h = grown;
                             return Ok(self.come_to_rest()?.unwrap_or(Progress::Stepped));
                         }
                         Some(Found::Zero(l, s, slope)) => {
+                            let entered = self.entered.take();
+                            if let Some(cell) = entered {
+                                self.first_steps[cell].allow(self.step.h);
+                            }
                             if let Some(p) = self.land(l, s, slope, grown)? {
                                 return Ok(p);
                             }
+                            self.entered = entered;
                             self.note_failed_landing();
                             self.reject(&mut rejected, 0.5);
                         }

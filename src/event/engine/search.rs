@@ -82,7 +82,7 @@ impl Engine {
         }
         self.write_dense()?;
         let forces = self.wanted_contacts();
-        let lines = self.field.many_functions() && forces.is_none();
+        let lines = forces.is_none();
         // weights have functions of their own
         let bent = |l: &usize| {
             let w = &self.watches[*l];

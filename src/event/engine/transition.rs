@@ -337,6 +337,7 @@ impl Engine {
             // a sliding mode says nothing about how fast the mode behind it is
             self.h = self.initial_step(grown)?;
         }
+        self.begin_as_before();
         if let Some(p) = self.accumulate()? {
             return Ok(p);
         }

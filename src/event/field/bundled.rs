@@ -135,7 +135,9 @@ impl Bundled {
             let mut all = subs.iter().enumerate().flat_map(|(k, s)| self.parts(s, k, &active[k]));
             self.program.list(&mut all, &mut list);
         }
-        for (k, s) in subs.iter().enumerate().filter(|(k, _)| self.cells.get(*k).is_some_and(|c| !sets::same_set(c, &active[*k]))) {
+        for (k, s) in
+            subs.iter().enumerate().filter(|(k, _)| self.cells.get(*k).is_some_and(|c| !sets::same_set(c, &active[*k])))
+        {
             let gone: Vec<_> = self.parts(s, k, &self.cells[k]).collect();
             let new: Vec<_> = self.parts(s, k, &active[k]).collect();
             self.program.exchange(&gone, &new, &mut list);

@@ -47,6 +47,8 @@ pub(in crate::event) struct Sliding {
     block: Vec<usize>,
     /// Blocks whose weights a rule selects: they have no factors.
     left_out: Vec<bool>,
+    /// The state of every pair where each of them is tied by one state, and moves that one only; else empty.
+    lone: Vec<u32>,
     /// Factors of the blocks with more than one pair, and the entry of those with one.
     lu: Vec<Lu<f64>>,
     single: Vec<f64>,
@@ -115,6 +117,15 @@ impl Sliding {
         }
         self.c_begin.push(nc);
         self.d_begin.push(nd);
+        let lone = |p: &Pair| match (&self.columns[p.sub][..], &self.rows[p.sub][..]) {
+            (&[c], &[r]) if c == r => Some(c as u32),
+            _ => None,
+        };
+        self.lone.clear();
+        self.lone.extend(pairs.iter().map_while(lone));
+        if self.lone.len() < r {
+            self.lone.clear();
+        }
         self.c.resize(nc.max(self.c.len()), 0.0);
         self.d.resize(nd.max(self.d.len()), 0.0);
         self.find_blocks(pairs, first);
@@ -204,6 +215,10 @@ impl Sliding {
 
     /// Adds `D α`.
     pub(super) fn add_columns(&self, pairs: &[Pair], alpha: &[f64], out: &mut [f64]) {
+        if !self.lone.is_empty() {
+            self.lone.iter().zip(self.d.iter().zip(alpha)).for_each(|(&i, (d, a))| out[i as usize] += a * d);
+            return;
+        }
         for ((p, a), w) in pairs.iter().zip(alpha).zip(self.d_begin.windows(2)) {
             for (&row, d) in self.rows[p.sub].iter().zip(&self.d[w[0]..w[1]]) {
                 out[row] += a * d;
@@ -326,6 +341,17 @@ impl Sliding {
     pub(super) fn weights_alone(&mut self, pairs: &[Pair], base: &[f64], alpha: &mut [f64]) -> Option<bool> {
         if self.begin.len() != pairs.len() + 1 {
             return None;
+        }
+        if !self.lone.is_empty() {
+            let mut regular = true;
+            let own = self.lone.iter().zip(self.c.iter().zip(&self.d)).zip(self.single.iter_mut().zip(alpha));
+            for ((&state, (c, d)), (single, alpha)) in own {
+                let entry = c * d;
+                regular &= entry != 0.0 && entry.is_finite();
+                *single = entry;
+                *alpha = -(c * base[state as usize]) / entry;
+            }
+            return Some(regular);
         }
         for (i, (p, alpha)) in pairs.iter().zip(alpha).enumerate() {
             let (n, timed) = self.states[p.sub];
