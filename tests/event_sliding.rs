@@ -376,3 +376,51 @@ fn rooms_reach_their_temperatures() {
         }
     }
 }
+
+/// Blocks on a belt that do not touch, each with a spring and friction of its own: the derivatives of each are those of the block by itself, all others
+/// are zero, and the adjoint, along the same explicit steps, is the transpose.
+#[test]
+fn derivatives_of_blocks_are_those_of_each() {
+    const N: usize = 6;
+    let system = |first: usize, n: usize| {
+        let (d, g, mut s) = (Dims { x: 2 * n, u: 0, p: n }, Graph::new(), System::new(2 * n, 0, n).unwrap());
+        let smooth: Vec<Expr> = (0..n).flat_map(|i| [g.x(2 * i + 1), -g.p(i) * g.x(2 * i)]).collect();
+        s.set_f0(Arc::new(g.function("f0", d, &smooth).unwrap())).unwrap();
+        for i in 0..n {
+            let slip = 0.1 - g.x(2 * i + 1);
+            let size = 1.0 + 0.02 * (first + i) as f64;
+            let (plus, minus) = (size / (1.0 + 2.5 * slip), -size / (1.0 - 2.5 * slip));
+            add_relay(&mut s, &g, &[2 * i + 1], &[plus], &[minus], slip);
+        }
+        s
+    };
+    let run = |first: usize, n: usize| {
+        let options = Options { sensitivity: true, adjoint: true, ..tolerance(1e-9, Method::Auto) };
+        let mut e = Engine::new(&system(first, n), &options).unwrap();
+        let x0: Vec<f64> = (first..first + n).flat_map(|i| [0.3 * (1.7 * i as f64 + 0.3).sin(), 0.0]).collect();
+        e.reinit(0.0, &x0).unwrap();
+        e.set_params(&(first..first + n).map(|i| 1.0 + 0.01 * i as f64).collect::<Vec<f64>>()).unwrap();
+        assert_eq!(e.advance(14.0).unwrap(), Outcome::Reached);
+        assert!(e.stats().switches > n && e.stats().factorisations == 0, "{:?}", e.stats());
+        e
+    };
+    let mut all = run(0, N);
+    let s = all.sensitivity().unwrap().to_vec();
+    let width = 3 * N;
+    for k in 0..N {
+        let one = run(k, 1).sensitivity().unwrap().to_vec();
+        for (i, row) in s.chunks_exact(width).enumerate().skip(2 * k).take(2) {
+            for (c, v) in row.iter().enumerate() {
+                let own = [2 * k, 2 * k + 1, 2 * N + k].iter().position(|o| *o == c);
+                let expected = own.map_or(0.0, |o| one[3 * (i - 2 * k) + o]);
+                assert!((v - expected).abs() < 1e-7, "block {k}, row {i}, column {c}: {v} and not {expected}");
+            }
+        }
+    }
+    let v: Vec<f64> = (0..2 * N).map(|i| 1.0 + 0.3 * i as f64).collect();
+    let gradient = all.adjoint(&v, &[]).unwrap();
+    for (c, g) in gradient.x0.iter().chain(&gradient.p).enumerate() {
+        let forward: f64 = v.iter().enumerate().map(|(i, v)| v * s[i * width + c]).sum();
+        assert!((g - forward).abs() < 1e-9 * (1.0 + forward.abs()), "column {c}: {g} and {forward}");
+    }
+}

@@ -125,7 +125,8 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
             }
             Entry::Project { at, set, t } => {
                 s.enter(set);
-                s.project(at, t)
+                let known = s.field.hidden(t, &tape.data[at..at + nx]);
+                known.map(|()| s.project())
             }
         };
         r.map_err(|e| match e {
@@ -228,12 +229,24 @@ impl Sweep<'_> {
         }
     }
 
-    /// The transpose of `K_i = J_i (S + h Σ_j a_ij K_j)`, `S⁺ = S + h Σ_j b_j K_j`, and of the rest behind the end.
+    /// The transpose of `K_i = J_i (S + h Σ_j a_ij K_j)`, `S⁺ = S + h Σ_j b_j K_j`, of the rest behind the end, and in a sliding mode of
+    /// the projection onto the surfaces there.
     fn explicit(&mut self, at: usize, (t, h, rest): (f64, f64, f64), pair: Pair) -> EvalResult {
         let (nx, n_z) = (self.field.nx, self.field.n_z);
         let (rows, c) = pair.rows();
         let last = rows.len() - 1;
         let (x0, k) = self.tape.data[at..at + (last + 1) * nx].split_at(nx);
+        // to the last digit the points of the forward derivatives: differences of functions are noisy
+        let point = |i: usize, x: &mut [f64]| {
+            for (m, (x, x0)) in x.iter_mut().zip(x0).enumerate() {
+                *x = x0 + h * rows[i].iter().map(|&(j, a)| a * k[j * nx + m]).sum::<f64>();
+            }
+        };
+        if self.field.n_alg() > 0 && !self.field.is_explicit_only() {
+            point(last, &mut self.x);
+            self.field.hidden(t + h, &self.x)?;
+            self.project();
+        }
         for i in (0..=last).rev() {
             let w = &mut self.w[..nx];
             w.fill(0.0);
@@ -251,12 +264,9 @@ impl Sweep<'_> {
                     }
                 }
             }
-            // to the last digit the points of the forward derivatives: differences of functions are noisy
-            for (m, (x, x0)) in self.x.iter_mut().zip(x0).enumerate() {
-                *x = x0 + h * rows[i].iter().map(|&(j, a)| a * k[j * nx + m]).sum::<f64>();
-            }
-            self.field.jacobian(t + c[i] * h, &self.x, &[], &mut self.jac)?;
-            for (w, row) in self.w[..nx].iter().zip(self.jac.chunks_exact(n_z)) {
+            point(i, &mut self.x);
+            self.field.velocity_jacobian(t + c[i] * h, &self.x, &mut self.jac)?;
+            for (w, row) in self.w[..nx].iter().zip(self.jac.chunks_exact(n_z)).filter(|(w, _)| **w != 0.0) {
                 add_row(*w, row, &mut self.y[i * nx..(i + 1) * nx], &mut self.g);
             }
         }
@@ -315,11 +325,9 @@ impl Sweep<'_> {
         add_row(w, row, &mut self.v, &mut self.g);
     }
 
-    /// The transpose of `S⁺ = S − D (C D)⁻¹ C S`.
-    fn project(&mut self, at: usize, t: f64) -> EvalResult {
+    /// The transpose of `S⁺ = S − D (C D)⁻¹ C S` where the field stands.
+    fn project(&mut self) {
         let (nx, n_z, r) = (self.field.nx, self.field.n_z, self.field.n_alg());
-        let x = &self.tape.data[at..at + nx];
-        self.field.hidden(t, x)?;
         for b in 0..r {
             self.w[b] = self.field.d(b).map(|(a, d)| d * self.v[a]).sum();
         }
@@ -330,7 +338,6 @@ impl Sweep<'_> {
                 *to -= w * c;
             }
         }
-        Ok(())
     }
 }
 

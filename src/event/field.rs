@@ -22,6 +22,7 @@ mod near;
 mod on_demand;
 mod selection;
 mod sliding;
+mod supports;
 
 pub(super) use apart::{Apart, Known, Open};
 pub(super) use contacts::{Contacts, TO_RATE};
@@ -29,6 +30,7 @@ pub(super) use gradients::{scatter, Gradients, Row};
 pub(super) use on_demand::Formed;
 pub use on_demand::SLOTS as MODES_ON_DEMAND;
 use sliding::Sliding;
+pub(super) use supports::{reachable, Supports};
 
 use self::bundled::Bundled;
 use self::contacts::WATCHED;

@@ -7,7 +7,7 @@
 
 use super::collocation::Collocation;
 use super::explicit::Pair;
-use super::field::Field;
+use super::field::{reachable, Field, Supports};
 use super::radau::Radau;
 use super::step::Step;
 use crate::func::EvalResult;
@@ -20,6 +20,63 @@ fn along(row: &[f64], sign: f64, nx: usize, s: &[f64], out: &mut [f64]) {
     others.iter_mut().zip(&row[nx..]).for_each(|(out, v)| *out = sign * v);
     for (s, a) in s.chunks_exact(row.len()).zip(&row[..nx]).filter(|(_, a)| **a != 0.0) {
         out.iter_mut().zip(s).for_each(|(out, s)| *out += sign * a * s);
+    }
+}
+
+/// Entries of `S` that can be other than zero, row by row.
+struct Sparse {
+    /// Where the rows begin, and the columns of the entries.
+    begin: Vec<usize>,
+    columns: Vec<usize>,
+    /// Of every row the states that its velocity depends on, and where the entries of their rows go among those of this one.
+    terms: Vec<Vec<(usize, Vec<usize>)>>,
+    /// The other inputs that it depends on, and where they go.
+    others: Vec<Vec<(usize, usize)>>,
+}
+
+impl Sparse {
+    fn new(supports: &Supports, n_c: usize) -> Sparse {
+        let nx = supports.velocity.len();
+        let of_row = |i: usize| -> Vec<usize> {
+            let others = supports.velocity[i].iter().filter(|z| (nx..n_c).contains(*z));
+            std::iter::once(i).chain(others.copied()).collect()
+        };
+        let states = |i: usize| supports.velocity[i].iter().copied().filter(|z| *z < nx);
+        let own: Vec<Vec<usize>> = (0..nx).map(of_row).collect();
+        let next: Vec<Vec<usize>> = (0..nx).map(|i| states(i).collect()).collect();
+        let rows = reachable(&own, &next);
+        // ascending
+        let place = |i: usize, column: usize| rows[i].partition_point(|c| *c < column);
+        let term = |i: usize, a: usize| (a, rows[a].iter().map(|c| place(i, *c)).collect());
+        let mut begin = vec![0];
+        rows.iter().for_each(|r| begin.push(begin[begin.len() - 1] + r.len()));
+        Sparse {
+            begin,
+            terms: (0..nx).map(|i| next[i].iter().map(|&a| term(i, a)).collect()).collect(),
+            others: (0..nx).map(|i| own[i][1..].iter().map(|&z| (z, place(i, z))).collect()).collect(),
+            columns: rows.into_iter().flatten().collect(),
+        }
+    }
+
+    /// Places of the entries in the whole matrix.
+    fn places(&self, n_c: usize) -> impl Iterator<Item = usize> + '_ {
+        let rows = self.begin.windows(2).enumerate();
+        rows.flat_map(move |(i, w)| self.columns[w[0]..w[1]].iter().map(move |c| i * n_c + c))
+    }
+
+    /// `out = J_x y + J_p`.
+    fn product(&self, jac: &[f64], y: &[f64], out: &mut [f64]) {
+        let n_z = jac.len() / self.terms.len().max(1);
+        out.fill(0.0);
+        for (i, (terms, others)) in self.terms.iter().zip(&self.others).enumerate() {
+            let row = &jac[i * n_z..(i + 1) * n_z];
+            let out = &mut out[self.begin[i]..self.begin[i + 1]];
+            others.iter().for_each(|&(z, place)| out[place] += row[z]);
+            for (a, places) in terms {
+                let y = &y[self.begin[*a]..self.begin[*a + 1]];
+                places.iter().zip(y).for_each(|(place, y)| out[*place] += row[*a] * y);
+            }
+        }
     }
 }
 
@@ -36,6 +93,11 @@ pub(super) struct Sens {
     rhs: Vec<f64>,
     work: Vec<f64>,
     step: Collocation,
+    /// Entries of `s` that can be other than zero, if most cannot, and their values at the start of a step.
+    sparse: Option<Sparse>,
+    start: Vec<f64>,
+    /// A rule has selected weights: the entries are all that can be other than zero no more.
+    filled: bool,
     /// Derivative of the time of the last switch.
     pub(super) dt: Vec<f64>,
 }
@@ -54,12 +116,16 @@ impl Sens {
             rhs: vec![0.0; n * n_c.max(1)],
             work: vec![0.0; block_work(n, n_c)],
             step: Collocation::new(nx, n_z, most),
+            sparse: None,
+            start: Vec::new(),
+            filled: false,
             dt: vec![0.0; n_c],
         }
     }
 
     /// Derivatives with respect to a starting state are those of the identity.
     pub(super) fn reset(&mut self) {
+        self.filled = false;
         self.s.fill(0.0);
         let nx = self.x.len();
         for i in 0..nx {
@@ -67,55 +133,78 @@ impl Sens {
         }
     }
 
-    /// `out = J_x y + J_p`.
-    fn product(&self, nx: usize, y: &[f64], jac: &[f64], out: &mut [f64]) {
-        let n_c = self.n_c;
-        for (j, out) in jac.chunks_exact(n_c + 1).zip(out.chunks_exact_mut(n_c)).take(nx) {
-            along(&j[..n_c], 1.0, nx, y, out);
+    /// Most derivatives of parts that do not touch are zero: explicit steps leave them out.
+    pub(super) fn use_supports(&mut self, supports: &Supports) {
+        /// More entries than this part of the matrix are as dear as all of them.
+        const SHARE: usize = 3;
+        let sparse = Sparse::new(supports, self.n_c);
+        if SHARE * sparse.columns.len() <= self.s.len() {
+            self.start = vec![0.0; sparse.columns.len()];
+            self.sparse = Some(sparse);
         }
     }
 
     /// Over an explicit step, and `rest` behind its end along the velocity.
     pub(super) fn explicit(&mut self, pair: Pair, field: &mut Field, s: &Step, rest: f64) -> EvalResult {
-        let (nx, n_c, h) = (field.nx, self.n_c, s.h);
-        let (rows, c) = pair.rows();
-        let last = rows.len() - 1;
-        let mut jac = std::mem::take(&mut self.jac);
-        let mut k = std::mem::take(&mut self.k);
-        let mut y = std::mem::take(&mut self.y);
-        let mut all = || -> EvalResult {
-            for (i, row) in rows.iter().enumerate() {
-                for ((x, x0), k) in self.x.iter_mut().zip(&s.x0).zip(&s.k) {
-                    *x = x0 + h * row.iter().map(|&(j, a)| a * k[j]).sum::<f64>();
-                }
-                y.copy_from_slice(&self.s);
-                for &(j, a) in row.iter() {
-                    for (y, k) in y.iter_mut().zip(&k[j * nx * n_c..]) {
-                        *y += h * a * k;
-                    }
-                }
-                if i < last || rest != 0.0 {
-                    field.velocity_jacobian(s.t + c[i] * h, &self.x, &mut jac)?;
-                    self.product(nx, &y, &jac, &mut k[i * nx * n_c..(i + 1) * nx * n_c]);
-                }
-                if i == last {
-                    self.s.copy_from_slice(&y);
-                    if rest != 0.0 {
-                        self.s.iter_mut().zip(&k[i * nx * n_c..]).for_each(|(s, k)| *s += rest * k);
-                    }
-                }
-            }
-            Ok(())
-        };
-        let r = all();
-        self.jac = jac;
-        self.k = k;
-        self.y = y;
+        let h = s.h;
+        self.filled |= field.is_selected();
+        let sparse = self.sparse.take();
+        let own = sparse.as_ref().filter(|_| !self.filled);
+        if let Some(p) = own {
+            p.places(self.n_c).zip(&mut self.start).for_each(|(i, v)| *v = self.s[i]);
+            std::mem::swap(&mut self.s, &mut self.start);
+        }
+        let r = self.stages(pair, field, s, rest, own);
+        if let Some(p) = own {
+            std::mem::swap(&mut self.s, &mut self.start);
+            p.places(self.n_c).zip(&self.start).for_each(|(i, v)| self.s[i] = *v);
+        }
+        self.sparse = sparse;
         r?;
         // the state is moved onto the surfaces behind the step, and with it the derivatives
         if field.n_alg() > 0 && !field.is_explicit_only() {
             field.hidden(s.t + h, &self.x)?;
             self.project(field);
+        }
+        Ok(())
+    }
+
+    /// The stages of an explicit step, of all derivatives or of those that are not zero.
+    fn stages(&mut self, pair: Pair, field: &mut Field, s: &Step, rest: f64, own: Option<&Sparse>) -> EvalResult {
+        let (nx, n_c, h) = (field.nx, self.n_c, s.h);
+        let (rows, c) = pair.rows();
+        let last = rows.len() - 1;
+        let n = self.s.len();
+        let (y, k) = (&mut self.y[..n], &mut self.k[..]);
+        for (i, row) in rows.iter().enumerate() {
+            for ((x, x0), k) in self.x.iter_mut().zip(&s.x0).zip(&s.k) {
+                *x = x0 + h * row.iter().map(|&(j, a)| a * k[j]).sum::<f64>();
+            }
+            y.copy_from_slice(&self.s);
+            for &(j, a) in row.iter() {
+                for (y, k) in y.iter_mut().zip(&k[j * n..(j + 1) * n]) {
+                    *y += h * a * k;
+                }
+            }
+            if i < last || rest != 0.0 {
+                field.velocity_jacobian(s.t + c[i] * h, &self.x, &mut self.jac)?;
+                // K = J_x y + J_p
+                let out = &mut k[i * n..(i + 1) * n];
+                match own {
+                    Some(p) => p.product(&self.jac, y, out),
+                    None => {
+                        for (j, out) in self.jac.chunks_exact(n_c + 1).zip(out.chunks_exact_mut(n_c)) {
+                            along(&j[..n_c], 1.0, nx, y, out);
+                        }
+                    }
+                }
+            }
+            if i == last {
+                self.s.copy_from_slice(y);
+                if rest != 0.0 {
+                    self.s.iter_mut().zip(&k[i * n..]).for_each(|(s, k)| *s += rest * k);
+                }
+            }
         }
         Ok(())
     }

@@ -241,16 +241,13 @@ impl Engine {
         MARGIN * least
     }
 
-    /// Has the method of the present mode to be implicit from its start? In a sliding mode it is where the run is recorded for the adjoint
-    /// too: the reverse order knows those steps only.
+    /// Has the method of the present mode to be implicit from its start?
     pub(super) fn begins_implicit(&self) -> bool {
-        let slides = self.field.n_alg() > 0;
         if self.field.is_explicit_only() {
             return false;
         }
         match self.options.method {
             Method::Radau5 => true,
-            _ if slides && self.tape.is_some() => true,
             Method::Dp5 | Method::Dop853 => false,
             Method::Auto => self.stiff_mode,
         }
@@ -378,11 +375,16 @@ impl Engine {
         let (jac, field, x) = (&self.jac, &self.field, &self.x);
         // all states measured by their size, or as they are where they have none
         let size = |i: usize| Some(field.size(i, x[i])).filter(|s| *s > 0.0).unwrap_or(1.0);
+        // most of a large one is zero
+        let entries = &mut self.nonzero;
+        entries.clear();
+        for (i, row) in jac.chunks_exact(n_z).enumerate().take(nx) {
+            entries.extend(row[..nx].iter().enumerate().filter(|e| *e.1 != 0.0).map(|(j, a)| (i, j, a * size(j))));
+        }
         let product = |v: &[f64], out: &mut [f64]| {
-            for (i, o) in out.iter_mut().enumerate() {
-                let row = jac[i * n_z..i * n_z + nx].iter().zip(v).enumerate();
-                *o = row.map(|(j, (a, v))| if *a == 0.0 { 0.0 } else { a * size(j) * v }).sum::<f64>() / size(i);
-            }
+            out.fill(0.0);
+            entries.iter().for_each(|&(i, j, a)| out[i] += a * v[j]);
+            out.iter_mut().enumerate().for_each(|(i, o)| *o /= size(i));
         };
         let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         // no direction in particular

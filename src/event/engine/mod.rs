@@ -206,6 +206,7 @@ pub struct Engine {
     jac: Vec<f64>,
     /// Room for products with a Jacobian, and what they said last of the longest step for derivatives, at which step.
     powers: [Vec<f64>; 3],
+    nonzero: Vec<(usize, usize, f64)>,
     variational: (f64, usize),
     /// Looks in a row at which stability allowed much less than the state wanted.
     held_back: usize,
@@ -253,6 +254,14 @@ impl Engine {
             _ => Pair::Dop853,
         };
         let (n_w, n_dq) = (n_q + n_cells, field.dq.len());
+        let mut sens = options.sensitivity.then(|| Sens::new(nx, n_z, most));
+        if options.sensitivity || options.adjoint {
+            let supports = field.supports();
+            if let Some(s) = sens.as_mut().filter(|_| field.guards.all.is_empty() && !field.has_contacts()) {
+                s.use_supports(&supports);
+            }
+            field.note_supports(supports.weights);
+        }
         Ok(Engine {
             options: options.clone(),
             nx,
@@ -352,13 +361,14 @@ impl Engine {
             arbiter: None,
             stats: Statistics::default(),
             path: options.dense.then(|| Path::new(nx)),
-            sens: options.sensitivity.then(|| Sens::new(nx, n_z, most)),
+            sens,
             tape: options.adjoint.then(Tape::default),
             discrete: system.discrete_states(),
             reset: Reset::new(nx, n_z),
             time_row: vec![0.0; n_z],
             jac: vec![0.0; nx * n_z],
             powers: std::array::from_fn(|_| vec![0.0; nx]),
+            nonzero: Vec::new(),
             variational: (f64::INFINITY, 0),
             held_back: 0,
             one_sided: false,

@@ -8,6 +8,8 @@ use crate::func::{EvalResult, Point};
 pub(super) struct Changes {
     velocity: Vec<f64>,
     rows: Vec<f64>,
+    /// Of every subsystem the inputs that its weights can depend on; empty where that is not asked for.
+    pub(super) of_weights: Vec<Vec<usize>>,
 }
 
 impl Field {
@@ -86,7 +88,11 @@ impl Field {
     /// Adds `D ∂α` to the Jacobian `out` for fixed weights.
     fn add_changes_of_weights(&mut self, t: f64, x: &[f64], changes: &mut Changes, out: &mut [f64]) -> EvalResult {
         let (r, n_z) = (self.pairs.len(), self.n_z);
-        let Changes { velocity, rows } = changes;
+        let Changes { velocity, rows, of_weights } = changes;
+        let alone = !of_weights.is_empty() && (0..r).all(|i| self.sliding.is_alone(i));
+        if alone {
+            return self.add_changes_alone(t, x, (velocity, rows, of_weights), out);
+        }
         for (i, row) in rows.chunks_exact_mut(n_z).enumerate().take(r) {
             row.fill(0.0);
             self.room[..r].fill(0.0);
@@ -100,6 +106,37 @@ impl Field {
         for (i, row) in rows.chunks_exact(n_z).enumerate().take(r) {
             for (a, d) in self.sliding.column(self.pairs[i], i).filter(|(_, d)| *d != 0.0) {
                 out[a * n_z..(a + 1) * n_z].iter_mut().zip(row).for_each(|(o, w)| *o += d * w);
+            }
+        }
+        Ok(())
+    }
+
+    /// The same where every weight is alone in its block, by the entries that can be other than zero.
+    fn add_changes_alone(
+        &mut self,
+        t: f64,
+        x: &[f64],
+        (velocity, rows, of_weights): (&[f64], &mut [f64], &[Vec<usize>]),
+        out: &mut [f64],
+    ) -> EvalResult {
+        let (r, n_z) = (self.pairs.len(), self.n_z);
+        for (i, row) in rows.chunks_exact_mut(n_z).enumerate().take(r) {
+            let inputs = &of_weights[self.pairs[i].sub];
+            inputs.iter().for_each(|&z| row[z] = 0.0);
+            if !self.dq_constant {
+                self.room[..r].fill(0.0);
+                self.room[i] = 1.0;
+                self.curvature(t, x, velocity, row)?;
+            }
+            for (a, c) in self.sliding.row_of_states(self.pairs[i], i) {
+                inputs.iter().for_each(|&z| row[z] -= c * out[a * n_z + z]);
+            }
+        }
+        for (i, row) in rows.chunks_exact(n_z).enumerate().take(r) {
+            let inputs = &of_weights[self.pairs[i].sub];
+            for (a, d) in self.sliding.column(self.pairs[i], i).filter(|(_, d)| *d != 0.0) {
+                let d = d / self.sliding.alone(i);
+                inputs.iter().for_each(|&z| out[a * n_z + z] += d * row[z]);
             }
         }
         Ok(())

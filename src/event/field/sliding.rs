@@ -320,6 +320,11 @@ impl Sliding {
         self.begin[b + 1] - self.begin[b] == 1
     }
 
+    /// The entry of `C D` of pair `i`, which is alone in its block, as it was factorised last.
+    pub(super) fn alone(&self, i: usize) -> f64 {
+        self.single[i]
+    }
+
     /// Rate of constraint `i` where nothing moves.
     pub(super) fn rate_by_time(&self, pair: Pair, i: usize) -> f64 {
         if self.states[pair.sub].1 {
