@@ -103,7 +103,8 @@ fn what_cannot_be_reached_says_so() {
     let d = Dims { x: 4, u: 1, p: 0 };
     ocp.add_terminal(Arc::new(g.function("far", d, &[g.x(0)]).unwrap()), &[9.0], &[9.0]).unwrap();
     let r = ocp.solve(&mut Control::default()).unwrap();
-    assert_ne!(r.outcome, Outcome::Solved);
+    // more iterations would not help
+    assert_eq!(r.outcome, Outcome::Stalled);
     assert!(
         r.cost.is_nan() && r.message.contains("no motion was found") && r.message.contains("floor"),
         "{}",

@@ -77,7 +77,7 @@ pub(super) fn solve_sequence(
     t.bounds.validate(t.program.n(), t.program.m())?;
     stop::check_building(t.program.n())?;
     let mut solver = MpccSolver::new(&mut t.program, settings)?;
-    let s = run(&mut solver, &mut t, point, limits, control);
+    let (s, largest) = run(&mut solver, &mut t, point, limits, control);
     let track = t.read(p, &s.x, &|_| Vec::new());
     let cost = t.cost(&s.x).unwrap_or(f64::NAN);
     let trouble = match (s.outcome, t.program.trouble()) {
@@ -114,6 +114,7 @@ pub(super) fn solve_sequence(
         sequence,
         track,
         cost,
+        largest,
         vanishing,
         touched,
         settled: false,
@@ -161,7 +162,7 @@ fn run(
     point: Option<&[Vec<f64>; 3]>,
     limits: Limits,
     control: &mut Control,
-) -> Solution {
+) -> (Solution, f64) {
     let mut ended = false;
     let mut prospects = Prospects::new(limits, solver.settings.tol);
     let stop = control.stop.clone();
@@ -186,7 +187,7 @@ fn run(
     } else if prospects.over && s.outcome == Outcome::Stopped {
         s.outcome = Outcome::MaxIter;
     }
-    s
+    (s, prospects.largest)
 }
 
 /// Violation below which patience is this many times as long; below which a program is not given up for it, and its cost says something.
@@ -230,6 +231,8 @@ struct Prospects {
     stationary: usize,
     begun: bool,
     over: bool,
+    /// Largest modulus of the cost.
+    largest: f64,
 }
 
 impl Prospects {
@@ -247,6 +250,7 @@ impl Prospects {
             stationary: 0,
             begun: false,
             over: false,
+            largest: 0.0,
         }
     }
 
@@ -254,6 +258,9 @@ impl Prospects {
         if i.phase == b'c' {
             // a linear program of the certificate says nothing of the sequence
             return false;
+        }
+        if i.phase == b' ' && i.objective.is_finite() {
+            self.largest = self.largest.max(i.objective.abs());
         }
         if i.iter == 0 && std::mem::replace(&mut self.begun, true) {
             // the first point of a restoration has no violation, in a program of its own

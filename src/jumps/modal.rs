@@ -29,7 +29,7 @@
 use super::align::align;
 use super::assembly::{Input, NOWHERE};
 use super::guards::{Condition, Guard, Limit};
-use super::modes::{ContactMode, Phase, Sequence};
+use super::modes::{ContactMode, Phase, Sequence, SHORTEST};
 use super::overlap::Witness;
 use super::problem::Problem;
 use super::scales;
@@ -39,9 +39,6 @@ use crate::fesd::Durations;
 use crate::func::Point;
 use crate::system::SharedFunction;
 use crate::tableau::Tableau;
-
-/// Shortest phase, as a share of its control stage. One that gets there wants to vanish: another sequence is to be tried.
-pub(super) const SHORTEST: f64 = 1e-4;
 
 /// The elements of a sequence.
 pub(super) fn plan(p: &Problem, s: &Sequence) -> Vec<Planned> {

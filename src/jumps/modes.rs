@@ -64,16 +64,19 @@ pub(super) type Event = (usize, ContactMode, ContactMode, ContactMode, usize, bo
 /// Shares of a stage below which a phase starts with this length: one of no length has no equations that say something.
 const LEAST: f64 = 0.02;
 
-/// Share of a stage below which a bounce is left out: what a gap and its rate still have to go there is less by its square, and by itself.
-const SHORT_BOUNCE: f64 = 1e-3;
+/// Shortest phase, as a share of its control stage. One that gets there wants to vanish: another sequence is to be tried.
+pub(super) const SHORTEST: f64 = 1e-4;
 
 impl Sequence {
-    /// Leaves the short bounces at the end of chains out: there is no end of them, and the motion without them lands a little earlier.
+    /// Leaves bounces out that are shorter than a phase may be, at the end of chains that end at rest: there is no end of them, and the motion
+    /// without them lands a little earlier. Of two impacts after which the bodies part, each counts.
     pub(super) fn end_chains(&mut self) {
         for stage in &mut self.stages {
             for k in (1..stage.len()).rev() {
-                let bounces = stage[k - 1].jump.is_some() && stage[k - 1].jump == stage[k].jump;
-                if bounces && stage[k - 1].share < SHORT_BOUNCE {
+                let rests = |(part, mode): (&ContactMode, &ContactMode)| !part.is_closed() || mode.is_closed();
+                let at_rest = stage[k].jump.as_ref().is_some_and(|parts| parts.iter().zip(&stage[k].modes).all(rests));
+                let bounces = stage[k - 1].jump == stage[k].jump;
+                if at_rest && bounces && stage[k - 1].share < SHORTEST {
                     stage[k].share += stage[k - 1].share;
                     stage.remove(k - 1);
                 }

@@ -81,6 +81,8 @@ pub struct Answer {
     pub(super) track: Track,
     /// The cost, whether the point is a solution or not.
     pub cost: f64,
+    /// Largest modulus of the cost on the way to it.
+    pub(super) largest: f64,
     /// Phases that are as short as they may be: another sequence would be better.
     pub vanishing: Vec<(usize, usize)>,
     /// Conditions of the modes that are reached: other sequences have the same motion.
@@ -355,7 +357,7 @@ struct Search<'a> {
     bests: usize,
     /// Programs solved.
     attempts: usize,
-    /// Largest cost of one of them.
+    /// Largest cost on the way to one of them: costs have the rounding of that, also where they end at zero.
     largest: f64,
     /// Starts so far: what failed from another start is tried again.
     round: usize,
@@ -435,6 +437,10 @@ impl<'a> Search<'a> {
     fn into_answer(self, clock: Instant) -> Option<(Answer, Solved)> {
         let settled = self.is_settled();
         let (mut best, solved) = self.best?;
+        if best.outcome == Outcome::MaxIter && best.stats.iterations < self.options.solver.max_iter {
+            // the search is at its end, and no limit of the caller's has ended it
+            best.outcome = Outcome::Stalled;
+        }
         best.stats = self.spent;
         best.stats.time_total = clock.elapsed().as_secs_f64();
         best.dimensions = self.dimensions;
@@ -647,9 +653,7 @@ impl<'a> Search<'a> {
             }
         }
         self.attempts += 1;
-        if answer.cost.is_finite() {
-            self.largest = self.largest.max(answer.cost.abs());
-        }
+        self.largest = self.largest.max(answer.largest);
         if answer.is_solved() {
             self.tried[place].1 = Tried::Solved { cost: answer.cost, bests: self.bests };
         } else if answer.violation < PROMISING {

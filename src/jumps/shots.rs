@@ -403,7 +403,8 @@ impl<'a> Range<'a> {
         let s = self.simulate(&f)?;
         let mut all = values(self.p, &f, &s)?;
         if let Some(most) = self.below {
-            all.push((cost_of_stages(self.p, &f, &s)?, [f64::NEG_INFINITY, most]));
+            let cost = s.cost(self.p, f.inputs()).ok().filter(|c| c.is_finite())?;
+            all.push((cost, [f64::NEG_INFINITY, most]));
         }
         let (values, bounds) = all.into_iter().unzip();
         Some(Flight { values, bounds, word: word(&s.run) })
@@ -715,32 +716,6 @@ fn values(p: &Problem, f: &Filled, s: &Simulated) -> Option<Vec<(f64, [f64; 2])>
         Some(())
     })?;
     out.iter().all(|v| v.0.is_finite()).then_some(out)
-}
-
-/// The cost, with a running cost by the trapezoidal rule over the stages.
-fn cost_of_stages(p: &Problem, f: &Filled, s: &Simulated) -> Option<f64> {
-    let (g, n) = (&p.given, p.n_stages());
-    let nx = g.dims.x;
-    let value = |function: &SharedFunction, k: usize, end: usize| {
-        let (u, q) = (&f.controls[k * g.wide.u..(k + 1) * g.wide.u], &f.params[k * g.wide.p..(k + 1) * g.wide.p]);
-        let x = &s.states[end * nx..(end + 1) * nx];
-        let mut out = [f64::NAN];
-        function.value(&Point { t: s.times[end], x, u, p: q }, &mut out, &mut vec![0.0; function.work_len()]).ok()?;
-        out[0].is_finite().then_some(out[0])
-    };
-    let mut sum = 0.0;
-    for k in 0..n {
-        if let Some(l) = &g.lagrange {
-            sum += 0.5 * f.durations[k] * (value(l, k, k)? + value(l, k, k + 1)?);
-        }
-        if let Some(c) = &g.grid_cost {
-            sum += value(c, k, k + 1)?;
-        }
-    }
-    if let Some(m) = &g.mayer {
-        sum += value(m, n - 1, n)?;
-    }
-    Some(sum)
 }
 
 /// Contacts in the order in which they are hit, open or close.

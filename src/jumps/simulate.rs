@@ -184,15 +184,14 @@ impl Simulated {
         }
     }
 
-    /// Costs along a simulation that reached its end; NaN for others.
+    /// Costs of a simulation that reached its end; NaN for others. A running cost is an integral along the output, or, without one, by the
+    /// trapezoidal rule over the stages.
     pub(super) fn cost(&self, p: &Problem, inputs: Inputs) -> Result<f64> {
         let g = &p.given;
-        let n = self.times.len() - 1;
+        let (n, nx) = (self.times.len() - 1, g.dims.x);
         if n < g.durations.len() {
             return Ok(f64::NAN);
         }
-        let path = self.run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
-        let mut x = vec![0.0; g.dims.x];
         let value = |f: &SharedFunction, t: f64, x: &[f64], k: usize| {
             let (u, q) =
                 (&inputs.controls[k * g.wide.u..(k + 1) * g.wide.u], &inputs.params[k * g.wide.p..(k + 1) * g.wide.p]);
@@ -202,16 +201,20 @@ impl Simulated {
                 Err(_) => f64::NAN,
             }
         };
+        let at = |f: &SharedFunction, end: usize, k: usize| {
+            value(f, self.times[end], &self.states[end * nx..(end + 1) * nx], k)
+        };
         let mut sum = 0.0;
         if let Some(l) = &g.lagrange {
             let stage = |t: f64| self.times.partition_point(|s| *s <= t).saturating_sub(1).min(n - 1);
-            sum += path.integrate(self.times[0], &mut |t, x| value(l, t, x, stage(t)))?;
+            let by_stages = |k: usize| 0.5 * (self.times[k + 1] - self.times[k]) * (at(l, k, k) + at(l, k + 1, k));
+            sum += match &self.run.path {
+                Some(path) => path.integrate(self.times[0], &mut |t, x| value(l, t, x, stage(t)))?,
+                None => (0..n).map(by_stages).sum(),
+            };
         }
         if let Some(f) = &g.grid_cost {
-            for k in 0..n {
-                path.eval(self.times[k + 1].min(self.run.t), 0, &mut x)?;
-                sum += value(f, self.times[k + 1], &x, k);
-            }
+            sum += (0..n).map(|k| at(f, k + 1, k)).sum::<f64>();
         }
         if let Some(f) = &g.mayer {
             sum += value(f, self.run.t, &self.run.x, n - 1);
