@@ -16,6 +16,7 @@ mod cells;
 mod contacts;
 mod derivatives;
 mod entries;
+mod evaluate;
 mod gradients;
 mod limit;
 mod near;
@@ -39,12 +40,12 @@ use self::entries::Entries;
 use self::limit::Limit;
 use self::on_demand::{Demand, TOGETHER};
 use self::selection::Selected;
-use super::guard::{Guards, Reset};
+use super::guard::Guards;
 use super::sets;
 use super::step::Stages;
 use super::Selection;
 use crate::dcs::{filippov, Cell, Dcs, Drift};
-use crate::func::{Dims, EvalError, EvalResult, Function, Point};
+use crate::func::{Dims, EvalError, EvalResult, Function};
 use crate::system::{SharedFunction, System};
 
 /// One subsystem.
@@ -476,48 +477,6 @@ impl Field {
         m
     }
 
-    /// The smooth part of the right-hand side.
-    pub(super) fn drift(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
-        if self.bundled_drift(t, x, out) {
-            return Ok(());
-        }
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        let mut rest = &self.drifts[..];
-        if self.direct {
-            rest = &self.drifts[1..];
-            self.drifts[0].f.value(&at, out, &mut self.work)?;
-        } else {
-            out.fill(0.0);
-        }
-        for d in rest {
-            d.f.value(&at, &mut self.buffer[..d.rows.len()], &mut self.work)?;
-            for (v, &r) in self.buffer.iter().zip(&d.rows) {
-                out[r] += v;
-            }
-        }
-        Ok(())
-    }
-
-    /// Adds `weight` times the field of a cell.
-    pub(super) fn add_mode(&mut self, t: f64, x: &[f64], cell: usize, weight: f64, out: &mut [f64]) -> EvalResult {
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        let s = &self.subs[self.owner[cell]];
-        let mode = s.cells[cell - s.first].mode;
-        let nr = s.rows.len();
-        let rows = mode * nr..(mode + 1) * nr;
-        s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..s.n_out], &mut self.work)?;
-        if s.identity {
-            for (o, v) in out.iter_mut().zip(&self.buffer[rows]) {
-                *o += weight * v;
-            }
-            return Ok(());
-        }
-        for (v, &r) in self.buffer[rows].iter().zip(&s.rows) {
-            out[r] += weight * v;
-        }
-        Ok(())
-    }
-
     /// Size of a state, for comparisons with it and with others: its value, and what its tolerances take for zero. All
     /// that is "small" in the engine is small compared with this, so that no answer depends on units.
     #[inline]
@@ -548,175 +507,6 @@ impl Field {
                 x[i] -= w * g.signum() * (8.0 * f64::EPSILON * self.size(i, x[i])).max(f64::MIN_POSITIVE);
             }
         }
-    }
-
-    /// Right-hand side; in a sliding mode with the weights that follow from time and state.
-    #[inline]
-    pub(super) fn rhs(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
-        if self.lone.is_some() {
-            let f = self.rhs_view(t, x, &mut [])?;
-            // a loop: a call to copy memory costs more than a few numbers
-            for (o, v) in out.iter_mut().zip(f) {
-                *o = v + 0.0;
-            }
-            return Ok(());
-        }
-        self.rhs_of_parts(t, x, out)
-    }
-
-    /// The same without a copy where one mode is the whole right-hand side; `room` is for the other cases.
-    #[inline]
-    pub(super) fn rhs_view<'a>(
-        &'a mut self,
-        t: f64,
-        x: &[f64],
-        room: &'a mut [f64],
-    ) -> std::result::Result<&'a [f64], EvalError> {
-        if let Some((from, to)) = self.lone {
-            self.counts.values += 1;
-            let at = Point { t, x, u: &self.u, p: &self.p };
-            let modes = &self.subs[0].modes;
-            modes.value_rows(&at, from..to, &mut self.buffer[..self.lone_out], &mut self.work)?;
-            return Ok(&self.buffer[from..to]);
-        }
-        self.rhs_of_parts(t, x, room)?;
-        Ok(room)
-    }
-
-    fn rhs_of_parts(&mut self, t: f64, x: &[f64], out: &mut [f64]) -> EvalResult {
-        if self.contacts.is_some() {
-            return self.scene_rhs(t, x, out);
-        }
-        if self.pairs.is_empty() {
-            self.counts.values += 1;
-            if self.bundled_rhs(t, x, out) {
-                return Ok(());
-            }
-            self.drift(t, x, out)?;
-            for k in 0..self.subs.len() {
-                self.add_mode(t, x, self.active[k][0], 1.0, out)?;
-            }
-            return Ok(());
-        }
-        self.hidden(t, x)?;
-        self.combine(out);
-        Ok(())
-    }
-
-    /// `b + D α` of the last point with the weights it has.
-    pub(super) fn combine(&self, out: &mut [f64]) {
-        out.copy_from_slice(&self.base);
-        self.sliding.add_columns(&self.pairs, &self.alpha, out);
-    }
-
-    /// Sizes of the terms of `b + D α` of the last point.
-    pub(super) fn combine_sizes(&self, out: &mut [f64]) {
-        out.iter_mut().zip(&self.base).for_each(|(o, b)| *o = b.abs());
-        for (i, alpha) in self.alpha.iter().enumerate().take(self.pairs.len()) {
-            self.d(i).for_each(|(row, d)| out[row] += (alpha * d).abs());
-        }
-    }
-
-    /// Evaluates `b` and `D`.
-    pub(super) fn parts(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        if self.contacts.is_some() {
-            let mut base = std::mem::take(&mut self.base);
-            let r = self.scene_rhs(t, x, &mut base);
-            self.base = base;
-            return r;
-        }
-        self.counts.values += 1;
-        if self.bundled_parts(t, x) {
-            return Ok(());
-        }
-        let mut base = std::mem::take(&mut self.base);
-        let r = self.parts_into(t, x, &mut base);
-        self.base = base;
-        r
-    }
-
-    fn parts_into(&mut self, t: f64, x: &[f64], base: &mut [f64]) -> EvalResult {
-        self.drift(t, x, base)?;
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        for (k, s) in self.subs.iter().enumerate() {
-            let (set, nr) = (&self.active[k], s.rows.len());
-            let pairs = self.first_pair[k]..self.first_pair[k + 1];
-            let own = self.sliding.columns_mut(pairs);
-            for (i, &cell) in set.iter().enumerate().rev() {
-                let mode = s.cells[cell - s.first].mode;
-                let rows = mode * nr..(mode + 1) * nr;
-                s.modes.value_rows(&at, rows.clone(), &mut self.buffer[..s.n_out], &mut self.work)?;
-                let f = &self.buffer[rows];
-                if i > 0 {
-                    own[(i - 1) * nr..i * nr].copy_from_slice(f);
-                    continue;
-                }
-                for column in own.chunks_exact_mut(nr.max(1)) {
-                    column.iter_mut().zip(f).for_each(|(d, f)| *d -= f);
-                }
-                s.rows.iter().zip(f).for_each(|(&r, f)| base[r] += f);
-            }
-        }
-        Ok(())
-    }
-
-    /// Indicator functions.
-    pub(super) fn indicators(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        if self.bundled_indicators(t, x) {
-            return Ok(());
-        }
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        for s in &self.subs {
-            s.indicators.value(&at, &mut self.q[s.q0..s.q0 + s.n_q], &mut self.work)?;
-        }
-        Ok(())
-    }
-
-    /// Gradients of the indicator functions.
-    pub(super) fn gradients(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        if self.dq_known && self.dq_constant {
-            return Ok(());
-        }
-        match self.gradients_at(t, x) {
-            Err(EvalError::Recoverable) => self.gradients_beside(t, x)?,
-            r => r?,
-        }
-        self.dq_known = true;
-        Ok(())
-    }
-
-    /// Everything that is watched: indicator functions, and the guards of the present discrete states.
-    pub(super) fn watched(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        if self.contacts.is_some() {
-            return self.scene_watched(t, x);
-        }
-        self.indicators(t, x)?;
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        self.guards.values(&at, &mut self.q, &mut self.work)
-    }
-
-    /// Gradients of everything that is watched.
-    pub(super) fn watched_gradients(&mut self, t: f64, x: &[f64]) -> EvalResult {
-        self.gradients(t, x)?;
-        if self.guards_known && self.dq_constant {
-            return Ok(());
-        }
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        self.guards.gradients(&at, &mut self.dq, (&mut self.buffer, &mut self.work))?;
-        self.guards_known = true;
-        Ok(())
-    }
-
-    /// Guards of the discrete states of `x` are watched from here on.
-    pub(super) fn arm(&mut self, x: &[f64]) {
-        self.guards.arm(x);
-        self.guards_known = false;
-    }
-
-    /// What transition `i` makes of the state.
-    pub(super) fn reset(&mut self, i: usize, (t, x): (f64, &[f64]), derivatives: bool, out: &mut Reset) -> EvalResult {
-        let at = Point { t, x, u: &self.u, p: &self.p };
-        out.evaluate(&self.guards.all[i], &at, derivatives, (&mut self.buffer, &mut self.work))
     }
 
     /// Rows of `C` from the gradients of the last point.
