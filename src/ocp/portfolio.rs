@@ -182,6 +182,8 @@ impl Ocp {
                 improved = Some(found.cost());
             }
         }
+        // around what bends there are several ways, and all smoothed problems may have taken the same
+        let enough = enough && (only_smooth || !self.bends());
         if !enough && !asked && (found.best.is_none() || stop::requested().is_none()) {
             // a second opinion may take as long as the first
             let most = (found.agreed && !given).then_some(found.spent.iterations.max(OPINION));
@@ -654,6 +656,11 @@ impl Ocp {
         r.time_build = found.time_build;
         r.stats = Statistics { time_total: clock.elapsed().as_secs_f64() - found.time_build, ..found.spent };
         Ok(r)
+    }
+
+    /// Are there constraints on the way that are not linear, as obstacles are?
+    fn bends(&self) -> bool {
+        self.path.iter().any(|c| c.f.hess_pattern().nnz() > 0)
     }
 
     /// Is there a smoothed problem, and are its answers of use: is there a cost to compare, is the exact active set wanted, and

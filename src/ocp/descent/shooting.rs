@@ -52,6 +52,8 @@ pub(super) struct Shooting<'a> {
     sizes: Vec<f64>,
     row_lower: Vec<f64>,
     row_upper: Vec<f64>,
+    /// Sizes of the states and of the controls.
+    usual: Sizes,
     pieces: usize,
 }
 
@@ -112,6 +114,7 @@ impl<'a> Shooting<'a> {
             sizes: Vec::new(),
             row_lower: Vec::new(),
             row_upper: Vec::new(),
+            usual: usual.clone(),
             pieces: 1,
         };
         let along =
@@ -341,6 +344,7 @@ impl<'a> Shooting<'a> {
             for s in self.bounded() {
                 let at = 1 + self.ramps.len() + s;
                 out.rows.push(here.x[at]);
+                out.usual.push(self.usual.x[s]);
                 out.jacobian.extend(here.dx.row(at).iter());
             }
             for c in self.e.path.iter().filter(|c| last || c.at != PathAt::ControlGrid) {
@@ -386,9 +390,9 @@ impl<'a> Shooting<'a> {
         Ok(true)
     }
 
-    /// Values of a function and their derivatives by the variables; NaN where it has none. With `before`, states at the start of the
-    /// horizon come first.
-    fn values(&self, f: &SharedFunction, here: &Here, before: Option<&Here>) -> (Vec<f64>, DMatrix<f64>) {
+    /// Values of a function, their derivatives by the variables and what they are changed by when states and controls change by their
+    /// sizes; NaN where it has none. With `before`, states at the start of the horizon come first.
+    fn values(&self, f: &SharedFunction, here: &Here, before: Option<&Here>) -> Rows {
         let first = 1 + self.ramps.len();
         let mut x: Vec<f64> = before.map_or_else(Vec::new, |b| b.x[first..].to_vec());
         x.extend_from_slice(&here.x[first..]);
@@ -396,11 +400,15 @@ impl<'a> Shooting<'a> {
         let at = Point { t: here.t, x: &x, u: &here.u, p: &here.p };
         let pattern = f.jac_pattern();
         let (mut value, mut entries, mut work) = (vec![f64::NAN; m], vec![0.0; pattern.nnz()], vec![0.0; f.work_len()]);
-        let mut slopes = DMatrix::zeros(m, self.at.n);
+        let (mut slopes, mut usual) = (DMatrix::zeros(m, self.at.n), vec![0.0; m]);
         if f.value(&at, &mut value, &mut work).is_err() || f.jacobian(&at, &mut entries, &mut work).is_err() {
             value.fill(f64::NAN);
-            return (value, slopes);
+            return Rows { value, slopes, usual };
         }
+        let size = |j: usize| match j {
+            j if j < x.len() => self.usual.x.get(j % (here.x.len() - first)),
+            j => self.usual.u.get(j - x.len()),
+        };
         for j in 0..d.n_in() {
             let change = match j {
                 j if j < x.len() => match before {
@@ -415,27 +423,37 @@ impl<'a> Shooting<'a> {
             for (&i, v) in pattern.rows(j).iter().zip(&entries[pattern.range(j)]) {
                 let mut row = slopes.row_mut(i);
                 row += &change * *v;
+                usual[i] += v.abs() * size(j).unwrap_or(&0.0);
             }
         }
-        (value, slopes)
+        Rows { value, slopes, usual }
     }
 
     fn add_rows(&self, f: &SharedFunction, here: &Here, out: &mut Values) {
-        let (value, slopes) = self.values(f, here, None);
-        push(&value, &slopes, out);
+        self.values(f, here, None).add_to(out);
     }
 
     fn add_cost(&self, f: Option<&SharedFunction>, here: &Here, out: &mut Values) {
         let Some(f) = f else { return };
-        let (value, slopes) = self.values(f, here, None);
+        let Rows { value, slopes, .. } = self.values(f, here, None);
         out.cost += value[0];
         out.gradient.iter_mut().zip(slopes.row(0).iter()).for_each(|(g, s)| *g += s);
     }
 }
 
-fn push(value: &[f64], slopes: &DMatrix<f64>, out: &mut Values) {
-    out.rows.extend_from_slice(value);
-    (0..value.len()).for_each(|i| out.jacobian.extend(slopes.row(i).iter()));
+/// Values of a function at a point of the simulation, see [`Shooting::values`].
+struct Rows {
+    value: Vec<f64>,
+    slopes: DMatrix<f64>,
+    usual: Vec<f64>,
+}
+
+impl Rows {
+    fn add_to(&self, out: &mut Values) {
+        out.rows.extend_from_slice(&self.value);
+        out.usual.extend_from_slice(&self.usual);
+        (0..self.value.len()).for_each(|i| out.jacobian.extend(self.slopes.row(i).iter()));
+    }
 }
 
 impl Program for Shooting<'_> {
@@ -450,6 +468,7 @@ impl Program for Shooting<'_> {
     fn evaluate(&mut self, z: &[f64], out: &mut Values) -> Result<bool> {
         (out.cost, out.gradient) = (0.0, vec![0.0; self.at.n]);
         out.rows.clear();
+        out.usual.clear();
         out.jacobian.clear();
         let (mut here, start) = (self.begin(z), self.begin(z));
         for k in 0..self.ocp.n_stages {
@@ -465,8 +484,7 @@ impl Program for Shooting<'_> {
             self.add_rows(&c.f, &here, out);
         }
         for c in &self.e.boundary {
-            let (value, slopes) = self.values(&c.f, &here, Some(&start));
-            push(&value, &slopes, out);
+            self.values(&c.f, &here, Some(&start)).add_to(out);
         }
         Ok(out.cost.is_finite() && out.rows.iter().all(|v| v.is_finite()))
     }

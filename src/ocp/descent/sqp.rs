@@ -37,6 +37,10 @@ const RESTORED: usize = 8;
 const PRICE: f64 = 10.0;
 const DEARER: f64 = 4.0;
 const DEAREST: f64 = 1e6;
+/// Share of what a constraint is usually changed by below which slopes are no measure of it.
+const FLAT: f64 = 1e-4;
+/// Growth of the slopes of a constraint from which it is scaled anew.
+const STEEPER: f64 = 4.0;
 /// Share of the violation that a step must promise to take away, or else violations become dearer.
 const PROMISE: f64 = 0.5;
 const HELPED: f64 = 0.9;
@@ -56,6 +60,8 @@ pub(super) struct Values {
     pub gradient: Vec<f64>,
     /// `[m]`
     pub rows: Vec<f64>,
+    /// What the constraints are usually changed by, zero where that is not known: `[m]`.
+    pub usual: Vec<f64>,
     /// Row by row, `[m · n]`.
     pub jacobian: Vec<f64>,
 }
@@ -187,9 +193,14 @@ impl<'a> Descent<'a> {
         if !(all > 0.0 && all.is_finite()) {
             return Ok(None);
         }
-        // a constraint that nothing changes has no size of its own: it takes that of its value
-        let whole = |(s, v): (&f64, &f64)| if *s > 0.0 { 1.0 / s } else { 1.0 / v.abs().max(f64::MIN_POSITIVE) };
-        let row_unit: Vec<f64> = of_rows.iter().zip(&at.rows).map(whole).map(|f| f.min(f64::MAX)).collect();
+        // A constraint that the variables do not change, as the speed of what friction holds, has no size of its own: rounding is no slope.
+        // It takes that of what changes it elsewhere, or of its value.
+        let whole = |i: usize| {
+            let size = of_rows[i].max(FLAT * at.usual[i]);
+            let size = if size > 0.0 { size } else { at.rows[i].abs() };
+            (1.0 / size.max(f64::MIN_POSITIVE)).min(f64::MAX)
+        };
+        let row_unit: Vec<f64> = (0..m).map(whole).collect();
         let rows = vec![Row { node: 0, price: Some(Price { linear: 1.0, quadratic: 0.0 }) }; m + PIECES];
         let qp = StageQp::new(1, 1, n, rows)?;
         let over = |b: &[f64], s: &[f64]| b.iter().zip(s).map(|(b, s)| b / s).collect::<Vec<f64>>();
@@ -226,6 +237,27 @@ impl<'a> Descent<'a> {
         v.rows.iter_mut().zip(&self.row_unit).for_each(|(c, f)| *c *= f);
         for (row, f) in v.jacobian.chunks_exact_mut(self.n).zip(&self.row_unit) {
             row.iter_mut().zip(&self.size).for_each(|(g, s)| *g *= f * s);
+        }
+    }
+
+    /// Constraints whose slopes have grown are divided by them: where a descent begins they may be flat, as the distance from the middle
+    /// of an obstacle is, and what is measured by that would outweigh everything else.
+    fn rescale(&mut self, here: &mut Values) {
+        let n = self.n;
+        for i in 0..self.m {
+            let slope = row(here, n, i).iter().fold(0f64, |a, v| a.max(v.abs()));
+            if slope <= STEEPER {
+                continue;
+            }
+            let pieces = self.pieces.iter_mut().map(|p| &mut p.values);
+            for v in std::iter::once(&mut *here).chain(pieces) {
+                v.rows[i] /= slope;
+                v.jacobian[i * n..(i + 1) * n].iter_mut().for_each(|g| *g /= slope);
+            }
+            self.row_unit[i] /= slope;
+            self.row_lower[i] /= slope;
+            self.row_upper[i] /= slope;
+            self.multipliers[i] *= slope;
         }
     }
 
@@ -319,7 +351,7 @@ impl<'a> Descent<'a> {
                 fresh = true;
                 continue;
             }
-            let (gain, left) = self.promised(&here, &found.u);
+            let (mut gain, left) = self.promised(&here, &found.u);
             let now = self.violation(here.rows.iter().copied());
             if now.1 > MET && left > PROMISE * now.0 && self.price < DEAREST && left < HELPED * promised {
                 // as long as that makes the step meet the constraints better
@@ -329,6 +361,9 @@ impl<'a> Descent<'a> {
             }
             promised = f64::INFINITY;
             self.multipliers.copy_from_slice(&found.row_mu[..self.m]);
+            if left <= MET && self.lower_price() {
+                gain = self.promised(&here, &found.u).0;
+            }
             flattest = flattest.min(gain / (radius * self.slope.max(NOTHING)));
             if gain <= NOTHING {
                 break;
@@ -358,6 +393,7 @@ impl<'a> Descent<'a> {
                 }
                 y = next;
                 std::mem::swap(&mut here, &mut there);
+                self.rescale(&mut here);
             } else if reached {
                 // twice the distance at which the other piece begins, if it does within the step
                 radius = if self.remember(&y, &here, next, &there) { 0.5 * longest } else { radius };
@@ -376,6 +412,18 @@ impl<'a> Descent<'a> {
             stationary: flattest <= STILL,
             kink,
         })
+    }
+
+    /// A price that only a start far from the constraints needed would make every step along curved constraints fail: where a step meets
+    /// them, it falls to what their multipliers ask for (R. H. Byrd, J. Nocedal, R. A. Waltz, *Steering exact penalty methods*, 2008).
+    /// Does it? The step stays the same.
+    fn lower_price(&mut self) -> bool {
+        let needed = self.multipliers.iter().fold(PRICE, |m, mu| m.max(DEARER * mu.abs()));
+        let falls = self.price > DEARER * needed;
+        if falls {
+            self.price = needed;
+        }
+        falls
     }
 
     /// Where a step makes violations larger the curvature of the constraints is what is wrong: once more with their values at its end.
@@ -535,7 +583,7 @@ mod tests {
             out.cost = a * d * (a + b + c) + c;
             let g = [d * (2.0 * a + b + c), a * d, a * d + 1.0, a * (a + b + c)];
             let product = a * b * c * d;
-            out.rows = vec![product, a * a + b * b + c * c + d * d];
+            (out.rows, out.usual) = (vec![product, a * a + b * b + c * c + d * d], vec![0.0; 2]);
             let j = [product / a, product / b, product / c, product / d, 2.0 * a, 2.0 * b, 2.0 * c, 2.0 * d];
             out.gradient = g.iter().zip(&size).map(|(g, s)| g / s).collect();
             out.jacobian = j.iter().zip(size.iter().cycle()).map(|(j, s)| j / s).collect();
@@ -568,5 +616,36 @@ mod tests {
         let r = minimise(&mut program, &[3.0, -2.0], 100).unwrap().unwrap();
         let left = r.z[0].abs() + (r.z[1] - r.z[0]).powi(2);
         assert!(left < 1e-7 && r.stationary && r.kink, "{left} {r:?}");
+    }
+
+    /// The nearest point outside of a disc to one beyond it, from next to its middle, where the distance has hardly a slope.
+    #[test]
+    fn a_constraint_that_is_flat_at_the_start() {
+        let f = |z: &[f64], out: &mut Values| {
+            let (x, y) = (z[0], z[1]);
+            out.cost = (x + 0.5).powi(2) + (y - 0.1).powi(2);
+            out.gradient = vec![2.0 * (x + 0.5), 2.0 * (y - 0.1)];
+            (out.rows, out.usual) = (vec![x * x + y * y], vec![1.0]);
+            out.jacobian = vec![2.0 * x, 2.0 * y];
+        };
+        let free = |v: f64| vec![v; 2];
+        let rows = [vec![1.0], vec![f64::INFINITY]];
+        let mut program = Given { lower: free(-10.0), upper: free(10.0), size: free(1.0), rows, f };
+        let r = minimise(&mut program, &[1e-3, -1e-4], 30).unwrap().unwrap();
+        let (x, y) = (-0.5 / 0.26f64.sqrt(), 0.1 / 0.26f64.sqrt());
+        assert!((r.z[0] - x).abs() + (r.z[1] - y).abs() < 1e-6 && r.violation < MET && r.stationary, "{r:?}");
+    }
+
+    /// A row that only rounding changes, as the speed of a mass that friction holds, is met.
+    #[test]
+    fn a_constraint_that_is_only_rounding() {
+        let f = |z: &[f64], out: &mut Values| {
+            (out.cost, out.gradient) = ((z[0] - 1.0).powi(2), vec![2.0 * (z[0] - 1.0)]);
+            (out.rows, out.usual, out.jacobian) = (vec![3e-17 * z[0] + 2e-17], vec![1.0], vec![3e-17]);
+        };
+        let rows = [vec![0.0], vec![0.0]];
+        let mut program = Given { lower: vec![0.0], upper: vec![2.0], size: vec![1.0], rows, f };
+        let r = minimise(&mut program, &[0.2], 30).unwrap().unwrap();
+        assert!((r.z[0] - 1.0).abs() < 1e-6 && r.violation < MET, "{r:?}");
     }
 }
