@@ -2,12 +2,13 @@
 
 Best costs, which stand in `jump_untuned.tsv`, are those of every search and of the default one from eight random guesses.
 
-usage: jump_untuned.py [--best] [--max-time SECONDS] [--only WORD]
+usage: jump_untuned.py [--best | --keep] [--max-time SECONDS] [--only WORD]
 """
 
 from pathlib import Path
 
-import jump_optima
+from jump_problems import Problems, main
+
 import switchback as swb
 from switchback import sin, sqrt
 
@@ -211,4 +212,4 @@ def hop(vary, **options):
 SCENES = [row_of_blocks, throw, two_balls, two_boxes, catch, pucks, corridor, relay_press, tether, ball_screw, kick, hop]
 
 if __name__ == "__main__":
-    jump_optima.main(jump_optima.Problems(SCENES, variants=3, table=Path(__file__).with_name("jump_untuned.tsv"), guesses=8))
+    main(Problems(SCENES, variants=3, table=Path(__file__).with_name("jump_untuned.tsv"), guesses=8))
