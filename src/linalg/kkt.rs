@@ -35,6 +35,9 @@ pub struct KktSettings {
     pub refine_max: usize,
     /// Relative residual at which refinement stops; 1e-12.
     pub refine_tol: f64,
+    /// Residual of the dual rows, relative to their own right-hand side, at which refinement stops as well where
+    /// [`Kkt::demand_rows`] was asked for; 1e-3.
+    pub rows_tol: f64,
     /// Relative residual above which a solution is not [`KktSolve::ok`]; 1e-5.
     pub singular_residual: f64,
     /// A pivot of smaller magnitude is a breakdown; 1e-14.
@@ -52,6 +55,7 @@ impl Default for KktSettings {
             ruiz_sweeps: 3,
             refine_max: 10,
             refine_tol: 1e-12,
+            rows_tol: 1e-3,
             singular_residual: 1e-5,
             min_pivot: 1e-14,
             ambiguous_pivot: 10.0,
@@ -157,14 +161,18 @@ pub struct Kkt {
     best: Vec<f64>,
     r: Vec<f64>,
     gmres: Gmres,
+    demands_rows: bool,
 }
 
 /// Steps of GMRES where refinement stalls.
 const KRYLOV_STEPS: usize = 10;
-/// A correction this much larger than the solution comes from a matrix without inverse; the shifted one's solution is
-/// the better step then.
+/// A correction this much larger than the solution may come from a matrix without inverse, and the shifted one's solution is the
+/// better step then. Where the rows have to be solved it counts if it leaves less than this share of the residual: of an eigenvalue `λ`
+/// below the shift `ε` the correction is `ε/|λ|` times as large as the solution; beyond the limit `λ` is next to rounding.
 const KRYLOV_GROWTH: f64 = 10.0;
-/// Relative residual that is worth them.
+const KRYLOV_GAIN: f64 = 0.1;
+const KRYLOV_GROWTH_MAX: f64 = 1e4;
+/// Quality that is worth them, as a relative residual.
 const KRYLOV_FROM: f64 = 1e-11;
 
 /// Bounds of the scaling factors: the powers of two inside [1e-8, 1e8].
@@ -200,6 +208,7 @@ impl Kkt {
         }
         for (name, v) in [
             ("refine_tol", settings.refine_tol),
+            ("rows_tol", settings.rows_tol),
             ("singular_residual", settings.singular_residual),
             ("min_pivot", settings.min_pivot),
             ("ambiguous_pivot", settings.ambiguous_pivot),
@@ -240,7 +249,16 @@ impl Kkt {
             best: vec![0.0; n],
             r: vec![0.0; n],
             gmres: Gmres::new(n, KRYLOV_STEPS),
+            demands_rows: false,
         })
+    }
+
+    /// From now on solutions solve the dual rows by themselves, too. Beside a large gradient, or large multipliers, the violation of the
+    /// constraints is no part of the whole residual that counts: the step then leaves all of it, and a Newton method that is told so
+    /// by nobody goes on with full steps that do not lower the violation. It is no gain where rows depend on each other and contradict:
+    /// there the shift, which bounds the step, is the better answer.
+    pub fn demand_rows(&mut self, on: bool) {
+        self.demands_rows = on;
     }
 
     /// Computes the scaling from the matrix `values` (order of the pattern), for the factorisations that
@@ -359,7 +377,7 @@ impl Kkt {
     }
 
     /// Solves with the last factors and refines: `(K + deltas) sol = rhs`, without the static shift. The
-    /// iterate with the smallest residual is returned; where a step gains less than a factor of 2, eigenvalues are
+    /// iterate with the smallest residual, that of the dual rows by themselves included, is returned; where a step gains less than a factor of 2, eigenvalues are
     /// next to the shift, and GMRES goes on. Without factors, or if no iterate is finite, `sol` is zero and not `ok`.
     ///
     /// # Panics
@@ -386,21 +404,25 @@ impl Kkt {
                 *self.norm.insert(v)
             }
         };
+        let rows_norm = max_abs(&self.b[self.n_primal..]);
         self.r.copy_from_slice(&self.b);
         self.x.fill(0.0);
-        let mut best = f64::INFINITY;
+        // the quality of the best solution so far in units of what is asked of it, and its residual
+        let (mut best, mut best_residual) = (f64::INFINITY, f64::INFINITY);
+        let mut last = f64::INFINITY;
         let mut steps = 0;
         let mut krylov = false;
         loop {
+            let mut growth = 0.0;
             if krylov {
                 let Kkt { gmres, backend, upper, matrix, r, .. } = self;
                 let multiply = |z: &[f64], w: &mut [f64]| {
                     w.fill(0.0);
                     mul_add_symmetric_upper(upper, matrix, z, w, 1.0);
                 };
-                let reduction = self.settings.refine_tol / best;
-                steps += gmres.solve(r, reduction, |z| backend.solve(z), multiply);
-                if max_abs(r) > KRYLOV_GROWTH * max_abs(&self.best) {
+                steps += gmres.solve(r, 1.0 / best, self.demands_rows, |z| backend.solve(z), multiply);
+                growth = max_abs(r) / max_abs(&self.best);
+                if growth > if self.demands_rows { KRYLOV_GROWTH_MAX } else { KRYLOV_GROWTH } {
                     break;
                 }
             } else {
@@ -411,17 +433,29 @@ impl Kkt {
             }
             self.r.copy_from_slice(&self.b);
             mul_add_symmetric_upper(&self.upper, &self.matrix, &self.x, &mut self.r, -1.0);
-            let residual = max_abs(&self.r) / (k_norm * max_abs(&self.x) + b_norm);
+            let size = max_abs(&self.r);
+            if growth > KRYLOV_GROWTH && size > KRYLOV_GAIN * last {
+                break;
+            }
+            last = size;
+            let residual = size / (k_norm * max_abs(&self.x) + b_norm);
+            let rows = if rows_norm > 0.0 { max_abs(&self.r[self.n_primal..]) / rows_norm } else { 0.0 };
+            let asked = residual / self.settings.refine_tol.max(f64::MIN_POSITIVE);
+            let asked_of_rows =
+                if self.demands_rows { rows / self.settings.rows_tol.max(f64::MIN_POSITIVE) } else { 0.0 };
+            // NaN where the whole residual is
+            let quality = if asked_of_rows > asked { asked_of_rows } else { asked };
             let previous = best;
             // False for NaN.
-            let better = residual < best;
+            let better = quality < best;
             if better {
-                best = residual;
+                (best, best_residual) = (quality, residual);
                 std::mem::swap(&mut self.best, &mut self.x);
             }
-            let done = best <= self.settings.refine_tol || steps >= self.settings.refine_max;
-            let stalled = !better || 2.0 * residual > previous;
-            if done || !best.is_finite() || (stalled && (krylov || best < KRYLOV_FROM)) {
+            let done = best <= 1.0 || steps >= self.settings.refine_max;
+            let stalled = !better || 2.0 * quality > previous;
+            let worth = best * self.settings.refine_tol >= KRYLOV_FROM;
+            if done || !best.is_finite() || (stalled && (krylov || !worth)) {
                 break;
             }
             krylov |= stalled;
@@ -432,6 +466,7 @@ impl Kkt {
             self.x.copy_from_slice(&self.best);
             steps += 1;
         }
+        let best = best_residual;
         self.solves += 1;
         self.refinement_steps += steps;
         if !best.is_finite() {
@@ -680,6 +715,38 @@ mod tests {
         let mut s = [7.0; 2];
         let r = k.solve(&[1.0, 1.0], &mut s);
         assert!(!r.ok && r.residual.is_infinite() && s == [0.0; 2]);
+    }
+
+    /// `x` is what the constraint asks for, whatever the gradient beside it is: `s x = 1e-11`, with `|b|` and `|y|` next to which that is
+    /// rounding.
+    #[test]
+    fn small_violations_beside_large_gradients_are_solved_for() {
+        let s = 1e-2;
+        let (p, v) = upper(&[&[1.0, s], &[s, 0.0]]);
+        let mut k = sparse(&p, 1);
+        assert_eq!(k.factor(&v, 0.0, 0.0), KktStatus::Ok);
+        let mut left = |demands: bool| {
+            let mut x = [0.0; 2];
+            k.demand_rows(demands);
+            assert!(k.solve(&[100.0, 1e-11], &mut x).ok);
+            (s * x[0] * 1e11 - 1.0).abs()
+        };
+        let (without, with) = (left(false), left(true));
+        assert!(without > 0.1 && with <= 1e-3, "{without} {with}");
+    }
+
+    /// An eigenvalue a hundredth of the shift: the solution is a hundred times that of the shifted matrix.
+    #[test]
+    fn eigenvalues_far_below_the_shift_have_their_inverse() {
+        let s: f64 = 3e-10_f64.sqrt();
+        let (p, v) = upper(&[&[1.0, s], &[s, 0.0]]);
+        let mut k = sparse(&p, 1);
+        assert_eq!(k.factor(&v, 0.0, 0.0), KktStatus::Ok);
+        let mut x = [0.0; 2];
+        k.demand_rows(true);
+        assert!(k.solve(&[0.0, 1e-7], &mut x).ok);
+        close(&[s * x[0] * 1e7, x[0] + s * x[1]], &[1.0, 0.0], 1e-6);
+        close(&[-x[1] * 3e-10 * 1e7], &[1.0], 1e-6);
     }
 
     #[test]

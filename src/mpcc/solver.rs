@@ -121,6 +121,8 @@ pub struct MpccSolver {
     pub(super) elastic: Option<Box<MpccSolver>>,
     /// Iterations one branch gets.
     pub(super) branch_iterations: usize,
+    /// Do directions have to solve for the rows? Those of small relaxations are next to dependent, and their multipliers large.
+    pub(super) exact_rows: bool,
     /// The solution of a small relaxation, where no exact point was found from it.
     pub(super) relaxed_answer: Option<Solution>,
 }
@@ -158,6 +160,7 @@ impl MpccSolver {
             },
             elastic: None,
             relaxed_answer: None,
+            exact_rows: false,
             sides: vec![Side::First; n_groups],
             votes: vec![(0.0, 0.0); n_groups],
             order: (0..n_groups).collect(),
@@ -531,6 +534,7 @@ impl MpccSolver {
         let estimates = phase == b'p' && matches!(start, Start::Cold(_));
         settings.y_init_share = if estimates { BRANCH_MULTIPLIERS } else { 0.0 };
         settings.theta_room = if self.close { 10.0 } else { 1e4 };
+        settings.exact_rows = self.exact_rows;
         self.ipm.set_phase(phase);
         let mut relaxed = Relaxed { inner: p, st: &mut self.st };
         let outcome = self.ipm.solve(&mut relaxed, &self.bounds, start, path, control);

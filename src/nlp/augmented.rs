@@ -123,6 +123,11 @@ impl Augmented {
         })
     }
 
+    /// Does every direction have to solve for the rows, however small their violation is beside the gradient?
+    pub fn demand_rows(&mut self, on: bool) {
+        self.kkt.demand_rows(on);
+    }
+
     pub fn factorisations(&self) -> usize {
         self.kkt.factorisations()
     }

@@ -27,6 +27,8 @@ pub struct IpmSettings {
     pub restoration: bool,
     /// Growth of the violation over that at the start of a level, up to which trial points are accepted.
     pub theta_room: f64,
+    /// Must every direction solve for the rows, however small their violation is beside the gradient?
+    pub exact_rows: bool,
     /// Number of the first iteration in the log.
     pub first_iteration: usize,
 }
@@ -52,6 +54,7 @@ impl From<&Settings> for IpmSettings {
             y_init_share: 0.0,
             restoration: true,
             theta_room: 1e4,
+            exact_rows: false,
             first_iteration: 0,
         }
     }

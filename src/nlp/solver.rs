@@ -374,6 +374,7 @@ impl Ipm {
         self.relax(self.relaxed.clone());
         self.shape.classify(&self.bounds);
         self.system.restart();
+        self.system.demand_rows(self.settings.exact_rows);
         if !self.initialise(nlp, start) {
             return Outcome::Failed;
         }
