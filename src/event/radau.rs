@@ -243,7 +243,8 @@ impl Radau {
     }
 
     /// Newton's method with the matrices as they are; says whether it has converged. How fast it does is known from the steps before, which
-    /// are trusted less from step to step (E. Hairer, G. Wanner, section IV.8): one iteration is enough where modes are affine. Where the matrices are sparse, evaluating
+    /// are trusted less from step to step (E. Hairer, G. Wanner, section IV.8): one iteration is enough where modes are affine. Where the
+    /// matrices are sparse, evaluating
     /// them and finding their factors costs more than the iterations that old ones take more: those that the iteration
     /// converges fast with serve the next step too (E. Hairer, G. Wanner, section IV.8).
     fn iterate(

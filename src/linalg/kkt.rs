@@ -377,8 +377,8 @@ impl Kkt {
     }
 
     /// Solves with the last factors and refines: `(K + deltas) sol = rhs`, without the static shift. The
-    /// iterate with the smallest residual, that of the dual rows by themselves included, is returned; where a step gains less than a factor of 2, eigenvalues are
-    /// next to the shift, and GMRES goes on. Without factors, or if no iterate is finite, `sol` is zero and not `ok`.
+    /// iterate with the smallest residual, that of the dual rows by themselves included where they are demanded, is returned; where a
+    /// step gains less than a factor of 2, eigenvalues are next to the shift, and GMRES goes on. Without factors, or if no iterate is finite, `sol` is zero and not `ok`.
     ///
     /// # Panics
     /// If `rhs` or `sol` has not length `n`.

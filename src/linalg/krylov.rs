@@ -38,7 +38,8 @@ impl Gmres {
     }
 
     /// Improves the solution of `A d = r`: `r[n]` is replaced by the correction, `Z y` with `Z = M⁻¹ V` where it is `flexible`, else
-    /// `M⁻¹ (V y)`; `y` minimises the residual over the Krylov space `V` of `A M⁻¹`. Ends early when the residual has fallen by `reduction`. Returns the steps taken.
+    /// `M⁻¹ (V y)`; `y` minimises the residual over the Krylov space `V` of `A M⁻¹`. Ends early when the residual has fallen by
+    /// `reduction`. Returns the steps taken.
     ///
     /// `apply(z, w)` writes `A z` into `w`; `precondition(z)` replaces `z` by `M⁻¹ z`.
     pub fn solve(
