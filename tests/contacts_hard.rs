@@ -557,3 +557,27 @@ fn far_contacts_are_not_looked_at() {
     assert!(a.len() == 1 && b.len() == 1 && (a[0] - b[0]).abs() < 1e-9, "{a:?} {b:?}");
     assert!(alone.state().iter().zip(among.state()).all(|(a, b)| (a - b).abs() < 1e-7));
 }
+
+/// A stone and what pushes it slide on and come to rest together; what is left of the push draws away, from rounding to what can be seen.
+#[test]
+fn forces_that_are_next_to_nothing_where_bodies_come_to_rest() {
+    let g = Graph::new();
+    let (p, x, y) = (g.x(0), g.x(1), g.x(2));
+    let (mu, m, v0, gap) = (0.08, [0.5, 1.0], 0.3, 0.1);
+    let mut s = scene(&g, "stone", &[m[0], m[1], 1.0], &[g.u(0), 0.0 * x, g.constant(-GRAVITY)], 1, 0);
+    s.add_contact(contact(&g, "push", x - p - gap, &[], 0.0, 0.0)).unwrap();
+    s.add_contact(contact(&g, "ice", y, &[x], mu, 0.0)).unwrap();
+    let system = s.build(&g).unwrap().system;
+    let end = 2.0;
+    for exponent in [3, 6, 9, 12, 15, 16, 17, 18, 19, 20, 21, 30, 300] {
+        let force = -(10f64.powi(-exponent));
+        let mut e = Engine::new(&system, &Options::with_tolerance(1e-9, 1e-9)).unwrap();
+        e.set_controls(&[force]).unwrap();
+        e.reinit(0.0, &[-gap, 0.0, 0.0, v0, v0, 0.0]).unwrap();
+        assert_eq!(e.advance(end).unwrap(), Outcome::Reached, "{force}: {}", e.reason());
+        // they slow down together until they rest
+        let time = v0 * (m[0] + m[1]) / (mu * GRAVITY * m[1] - force);
+        let way = 0.5 * v0 * time - gap + 0.5 * force / m[0] * (end - time).powi(2);
+        assert!((e.state()[0] - way).abs() < 1e-8, "{force}: {} {way}", e.state()[0]);
+    }
+}

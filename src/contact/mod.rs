@@ -22,7 +22,7 @@ mod share;
 
 pub(crate) use dynamics::{Block, Dynamics, Forces, STOP};
 pub(crate) use impact::Impulse;
-pub(crate) use modes::{Closed, Follow};
+pub(crate) use modes::{Closed, Follow, ZERO};
 
 /// Modes of a contact, as results number them.
 pub(crate) mod mode {

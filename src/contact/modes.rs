@@ -34,7 +34,7 @@ pub(crate) struct Closed {
 }
 
 /// Share of its size that is zero for a quantity at a located event.
-const ZERO: f64 = 1e-9;
+pub(crate) const ZERO: f64 = 1e-9;
 
 impl Dynamics {
     /// The modes that may follow where these contacts are closed and the others open. Over a time `length` the solution

@@ -2,6 +2,7 @@
 //! dense output where that does not exclude a zero.
 
 use super::{fatal, Engine, EPS};
+use crate::contact;
 use crate::error::Result;
 use crate::event::bernstein::{self, First, NODES};
 use crate::event::explicit::{self, Pair};
@@ -268,6 +269,10 @@ impl Engine {
         let dq = if self.field.constant_gradients() { &self.dq0 } else { &self.dq1 };
         let noise = match w {
             Watch::Guard { .. } => 128.0 * w.rounding(dq, &self.field, self.step.t, &self.step.x1),
+            // a force that has vanished without another mode that follows: what the choice of modes takes for zero is zero here, too
+            Watch::Contact { what, .. } if what.is_force() && self.depart[l] > 1 => {
+                contact::ZERO * w.scale(dq, &self.field, self.step.t, &self.step.x1).value
+            }
             _ => 64.0 * EPS * w.scale(dq, &self.field, self.step.t, &self.step.x1).value,
         };
         let samples = &mut self.samples[l];
