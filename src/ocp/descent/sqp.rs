@@ -618,22 +618,24 @@ mod tests {
         assert!(left < 1e-7 && r.stationary && r.kink, "{left} {r:?}");
     }
 
-    /// The nearest point outside of a disc to one beyond it, from next to its middle, where the distance has hardly a slope.
+    /// The point of a circle where a cost that is nearly constant on it is least: from far away, where violations become so dear that steps
+    /// along the circle would fail, and from next to its middle, where the constraint has hardly a slope.
     #[test]
-    fn a_constraint_that_is_flat_at_the_start() {
+    fn a_circle_from_afar_and_from_its_middle() {
         let f = |z: &[f64], out: &mut Values| {
             let (x, y) = (z[0], z[1]);
-            out.cost = (x + 0.5).powi(2) + (y - 0.1).powi(2);
-            out.gradient = vec![2.0 * (x + 0.5), 2.0 * (y - 0.1)];
+            out.cost = 2.0 * (x * x + y * y - 1.0) - x;
+            out.gradient = vec![4.0 * x - 1.0, 4.0 * y];
             (out.rows, out.usual) = (vec![x * x + y * y], vec![1.0]);
             out.jacobian = vec![2.0 * x, 2.0 * y];
         };
-        let free = |v: f64| vec![v; 2];
-        let rows = [vec![1.0], vec![f64::INFINITY]];
-        let mut program = Given { lower: free(-10.0), upper: free(10.0), size: free(1.0), rows, f };
-        let r = minimise(&mut program, &[1e-3, -1e-4], 30).unwrap().unwrap();
-        let (x, y) = (-0.5 / 0.26f64.sqrt(), 0.1 / 0.26f64.sqrt());
-        assert!((r.z[0] - x).abs() + (r.z[1] - y).abs() < 1e-6 && r.violation < MET && r.stationary, "{r:?}");
+        for (start, most) in [([-5.0, 3.0], 100), ([9.0, 9.0], 100), ([-1e-2, 1e-3], 50)] {
+            let free = |v: f64| vec![v; 2];
+            let rows = [vec![1.0], vec![1.0]];
+            let mut program = Given { lower: free(-10.0), upper: free(10.0), size: free(1.0), rows, f };
+            let r = minimise(&mut program, &start, most).unwrap().unwrap();
+            assert!((r.cost + 1.0).abs() < 1e-8 && r.violation < MET && r.stationary, "{start:?}: {r:?}");
+        }
     }
 
     /// A row that only rounding changes, as the speed of a mass that friction holds, is met.
