@@ -407,7 +407,7 @@ enum swb_ocp_start
 #endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
  {
     /**
-     * Smoothed problems lead to mode sequences, several of which are solved; where these do not agree on an answer that is certified, the homotopy from the guess is followed too. The cheapest answer is kept.
+     * Smoothed problems lead to mode sequences, several of which are solved; where these do not agree on an answer that is certified, or constraints on the way are not linear, the homotopy from the guess is followed too. The cheapest answer is kept.
      */
     SWB_OCP_START_PORTFOLIO = 0,
     /**

@@ -143,21 +143,6 @@ impl MpccSolver {
         control: &mut Control,
         proposer: &mut dyn ActiveSetProposer,
     ) {
-        // where the usual path ended without an answer its directions may have left the violations as they were
-        self.exact_rows = true;
-        self.try_others(p, bounds, x0, (interior, centred), control, proposer);
-        self.exact_rows = false;
-    }
-
-    fn try_others(
-        &mut self,
-        p: &mut dyn Mpcc,
-        bounds: &Bounds,
-        x0: &[f64],
-        (interior, centred): (bool, bool),
-        control: &mut Control,
-        proposer: &mut dyn ActiveSetProposer,
-    ) {
         for strategy in ORDER {
             let better = self.settings.portfolio == Portfolio::All && self.may_be_better();
             if !better && !self.is_open() {

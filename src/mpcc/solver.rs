@@ -248,7 +248,10 @@ impl MpccSolver {
             self.confirm(p, bounds, control);
             if !p.is_discretised() {
                 if self.has_others() {
+                    // where the usual path ended without an answer its directions may have left the violations as they were
+                    self.exact_rows = true;
                     self.go_on(p, bounds, x0, (interior, centre), control, proposer);
+                    self.exact_rows = false;
                 }
                 self.settle_for_relaxed();
                 self.find_least_violation(p, bounds, x0, control, proposer);

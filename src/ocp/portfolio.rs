@@ -1,6 +1,6 @@
 //! Cold solves from several starts: smoothed problems lead to mode sequences, whose mode programs give exact answers; the
-//! homotopy from the guess is a second opinion, asked for where several ways did not lead to one certified answer. The cheapest
-//! exact answer is kept.
+//! homotopy from the guess is a second opinion, asked for where several ways did not lead to one certified answer, or constraints
+//! on the way bend. The cheapest exact answer is kept.
 
 use std::time::Instant;
 

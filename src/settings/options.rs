@@ -248,7 +248,7 @@ impl InitialGuess {
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum OcpStart {
-    /// Smoothed problems lead to mode sequences, several of which are solved; where these do not agree on an answer that is certified, the homotopy from the guess is followed too. The cheapest answer is kept.
+    /// Smoothed problems lead to mode sequences, several of which are solved; where these do not agree on an answer that is certified, or constraints on the way are not linear, the homotopy from the guess is followed too. The cheapest answer is kept.
     Portfolio = 0,
     /// The homotopy from the guess alone.
     Homotopy = 1,

@@ -140,7 +140,7 @@ const NAMES_swb_initial_guess = [:constant => 0, :simulation => 1, :smoothed => 
 """
 Where optimal control problems start from (option ocp_start).
 
-- `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved; where these do not agree on an answer that is certified, the homotopy from the guess is followed too. The cheapest answer is kept.
+- `SWB_OCP_START_PORTFOLIO`: Smoothed problems lead to mode sequences, several of which are solved; where these do not agree on an answer that is certified, or constraints on the way are not linear, the homotopy from the guess is followed too. The cheapest answer is kept.
 - `SWB_OCP_START_HOMOTOPY`: The homotopy from the guess alone.
 - `SWB_OCP_START_SMOOTHING`: Smoothed problems alone; the homotopy only where they lead to no answer.
 """
