@@ -419,6 +419,9 @@ fn derivatives_of_blocks_are_those_of_each() {
     }
     let v: Vec<f64> = (0..2 * N).map(|i| 1.0 + 0.3 * i as f64).collect();
     let gradient = all.adjoint(&v, &[]).unwrap();
+    // forward and in the sweep: a block has a velocity, and a force that depends on its own states and parameter
+    let stats = all.stats();
+    assert!(stats.entries > 0 && stats.entries <= stats.jacobians * 4 * N, "{stats:?}");
     for (c, g) in gradient.x0.iter().chain(&gradient.p).enumerate() {
         let forward: f64 = v.iter().enumerate().map(|(i, v)| v * s[i * width + c]).sum();
         assert!((g - forward).abs() < 1e-9 * (1.0 + forward.abs()), "column {c}: {g} and {forward}");

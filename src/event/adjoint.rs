@@ -59,7 +59,6 @@ struct Sweep<'a> {
     /// With respect to parameters and controls.
     g: Vec<f64>,
     collocation: Collocation,
-    jac: Vec<f64>,
     x: Vec<f64>,
     /// Derivatives with respect to the derivatives at a stage, to the arguments of all stages, or to all unknowns.
     w: Vec<f64>,
@@ -76,7 +75,6 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
         v: v.to_vec(),
         g: vec![0.0; n_z - 1 - nx],
         collocation: Collocation::new(nx, n_z, most),
-        jac: vec![0.0; nx * n_z],
         x: vec![0.0; nx],
         w: vec![0.0; 3 * (nx + most)],
         y: vec![0.0; 13 * nx],
@@ -232,7 +230,7 @@ impl Sweep<'_> {
     /// The transpose of `K_i = J_i (S + h Σ_j a_ij K_j)`, `S⁺ = S + h Σ_j b_j K_j`, of the rest behind the end, and in a sliding mode of
     /// the projection onto the surfaces there.
     fn explicit(&mut self, at: usize, (t, h, rest): (f64, f64, f64), pair: Pair) -> EvalResult {
-        let (nx, n_z) = (self.field.nx, self.field.n_z);
+        let (nx, last_column) = (self.field.nx, self.field.n_z - 1);
         let (rows, c) = pair.rows();
         let last = rows.len() - 1;
         let (x0, k) = self.tape.data[at..at + (last + 1) * nx].split_at(nx);
@@ -265,9 +263,13 @@ impl Sweep<'_> {
                 }
             }
             point(i, &mut self.x);
-            self.field.velocity_jacobian(t + c[i] * h, &self.x, &mut self.jac)?;
-            for (w, row) in self.w[..nx].iter().zip(self.jac.chunks_exact(n_z)).filter(|(w, _)| **w != 0.0) {
-                add_row(*w, row, &mut self.y[i * nx..(i + 1) * nx], &mut self.g);
+            self.field.linearise(t + c[i] * h, &self.x)?;
+            let (rows, y) = (self.field.velocity_rows(), &mut self.y[i * nx..(i + 1) * nx]);
+            for (m, w) in self.w[..nx].iter().enumerate().filter(|(_, w)| **w != 0.0) {
+                for (z, v) in rows.entries(m).filter(|e| e.0 < last_column) {
+                    let to = if z < nx { &mut y[z] } else { &mut self.g[z - nx] };
+                    *to += w * v;
+                }
             }
         }
         self.v.fill(0.0);

@@ -21,6 +21,7 @@ mod gradients;
 mod limit;
 mod near;
 mod on_demand;
+mod rows;
 mod selection;
 mod sliding;
 mod supports;
@@ -30,15 +31,16 @@ pub(super) use contacts::{Contacts, TO_RATE};
 pub(super) use gradients::{scatter, Gradients, Row};
 pub(super) use on_demand::Formed;
 pub use on_demand::SLOTS as MODES_ON_DEMAND;
+pub(super) use rows::Rows;
 use sliding::Sliding;
 pub(super) use supports::{reachable, Supports};
 
 use self::bundled::Bundled;
 use self::contacts::WATCHED;
-use self::derivatives::Changes;
 use self::entries::Entries;
 use self::limit::Limit;
 use self::on_demand::{Demand, TOGETHER};
+use self::rows::{Filled, Fixed};
 use self::selection::Selected;
 use super::guard::Guards;
 use super::sets;
@@ -74,27 +76,12 @@ pub(super) struct Sub {
     to_dq: Vec<usize>,
     /// Where the entries of the gradients of its indicators stand in a row of `C`, from the first of them on.
     c_places: Vec<usize>,
-    /// Of every mode the entries of its part of the Jacobian of all modes: place, state that it drives, input.
-    mode_entries: Vec<Vec<[usize; 3]>>,
 }
 
 /// Which cells have every mode.
 fn cells_of_modes(cells: &[Cell]) -> Vec<Vec<usize>> {
     let mut out = vec![Vec::new(); cells.iter().map(|c| c.mode + 1).max().unwrap_or(0)];
     cells.iter().enumerate().for_each(|(k, c)| out[c.mode].push(k));
-    out
-}
-
-/// Entries of the Jacobian of modes that stand below each other, mode by mode: place, state that is driven, input.
-fn entries_of_modes(modes: &SharedFunction, rows: &[usize]) -> Vec<Vec<[usize; 3]>> {
-    let (p, n) = (modes.jac_pattern(), rows.len().max(1));
-    let mut out = vec![Vec::new(); modes.n_out() / n];
-    for column in 0..p.n_cols() {
-        for e in p.range(column) {
-            let row = p.row_idx()[e];
-            out[row / n].push([e, rows[row % n], column]);
-        }
-    }
     out
 }
 
@@ -130,6 +117,8 @@ pub(super) struct Pair {
 pub(super) struct Counts {
     pub(super) values: usize,
     pub(super) jacobians: usize,
+    /// Of Jacobians of the velocity.
+    pub(super) entries: usize,
 }
 
 /// What an evaluator stands at.
@@ -198,8 +187,11 @@ pub(super) struct Field {
     /// Weights at the stages of the present step of an explicit pair.
     traces: Vec<Stages>,
     room: Vec<f64>,
-    /// Room for the derivatives of weights.
-    changes: Changes,
+    /// The Jacobian of the velocity: for fixed weights, and with what the weights of sliding modes add.
+    fixed: Fixed,
+    filled: Option<Box<Filled>>,
+    /// Are the last rows those with what the weights add?
+    weights_add: bool,
     /// Weights of the indicators of one subsystem.
     q_weights: Vec<f64>,
     buffer: Vec<f64>,
@@ -248,7 +240,6 @@ impl Field {
                 identity: is_identity(&s.rows, nx),
                 to_dq: gradients.push(s.indicators.jac_pattern(), &dims),
                 c_places: Vec::new(),
-                mode_entries: entries_of_modes(&s.modes, &s.rows),
             });
             owner.resize(owner.len() + s.cells.len(), k);
             q0 += n_q;
@@ -272,7 +263,6 @@ impl Field {
                 identity: true,
                 to_dq: gradients.push(indicators.jac_pattern(), &dims),
                 c_places: Vec::new(),
-                mode_entries: entries_of_modes(&modes, &(0..nx).collect::<Vec<usize>>()),
                 modes,
                 indicators,
             });
@@ -290,6 +280,7 @@ impl Field {
         let most = n_cells.saturating_sub(subs.len());
         let entries = Entries::new(nx, dcs.drifts(), &subs).filter(|_| contacts.is_none());
         let bundle = Bundled::new(nx, dcs.drifts(), &subs);
+        let fixed = Fixed::new(nx, dims.p, dims.u, dcs.drifts(), &subs);
         Field {
             nx,
             n_z,
@@ -328,7 +319,9 @@ impl Field {
             alpha: vec![0.0; most],
             traces: vec![[0.0; 16]; most],
             room: vec![0.0; most],
-            changes: Changes::default(),
+            fixed,
+            filled: None,
+            weights_add: false,
             q_weights: vec![0.0; q0],
             buffer: vec![0.0; buffer],
             work: vec![0.0; work],
@@ -404,6 +397,9 @@ impl Field {
     pub(super) fn set_active(&mut self, sets: &[Vec<usize>]) {
         self.limit = None;
         self.rows_known = false;
+        if let Some(f) = &mut self.filled {
+            f.listed = false;
+        }
         if let Some(b) = &mut self.bundle {
             b.listed = false;
         }

@@ -47,6 +47,7 @@ mod field;
 mod guard;
 mod newton;
 pub mod pairs;
+mod panels;
 mod path;
 mod radau;
 mod sens;
@@ -353,6 +354,9 @@ pub struct Statistics {
     pub evaluations: usize,
     /// Evaluations of its Jacobian.
     pub jacobians: usize,
+    /// Entries of the Jacobians by which derivatives with respect to initial states and inputs were moved over explicit steps, forward and
+    /// in sweeps.
+    pub entries: usize,
     /// Newton iterations.
     pub newton: usize,
     /// Factorisations.

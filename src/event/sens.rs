@@ -7,7 +7,8 @@
 
 use super::collocation::Collocation;
 use super::explicit::Pair;
-use super::field::{reachable, Field, Supports};
+use super::field::{reachable, Field, Rows, Supports};
+use super::panels::{Linearised, Panels};
 use super::radau::Radau;
 use super::step::Step;
 use crate::func::EvalResult;
@@ -23,63 +24,6 @@ fn along(row: &[f64], sign: f64, nx: usize, s: &[f64], out: &mut [f64]) {
     }
 }
 
-/// Entries of `S` that can be other than zero, row by row.
-struct Sparse {
-    /// Where the rows begin, and the columns of the entries.
-    begin: Vec<usize>,
-    columns: Vec<usize>,
-    /// Of every row the states that its velocity depends on, and where the entries of their rows go among those of this one.
-    terms: Vec<Vec<(usize, Vec<usize>)>>,
-    /// The other inputs that it depends on, and where they go.
-    others: Vec<Vec<(usize, usize)>>,
-}
-
-impl Sparse {
-    fn new(supports: &Supports, n_c: usize) -> Sparse {
-        let nx = supports.velocity.len();
-        let of_row = |i: usize| -> Vec<usize> {
-            let others = supports.velocity[i].iter().filter(|z| (nx..n_c).contains(*z));
-            std::iter::once(i).chain(others.copied()).collect()
-        };
-        let states = |i: usize| supports.velocity[i].iter().copied().filter(|z| *z < nx);
-        let own: Vec<Vec<usize>> = (0..nx).map(of_row).collect();
-        let next: Vec<Vec<usize>> = (0..nx).map(|i| states(i).collect()).collect();
-        let rows = reachable(&own, &next);
-        // ascending
-        let place = |i: usize, column: usize| rows[i].partition_point(|c| *c < column);
-        let term = |i: usize, a: usize| (a, rows[a].iter().map(|c| place(i, *c)).collect());
-        let mut begin = vec![0];
-        rows.iter().for_each(|r| begin.push(begin[begin.len() - 1] + r.len()));
-        Sparse {
-            begin,
-            terms: (0..nx).map(|i| next[i].iter().map(|&a| term(i, a)).collect()).collect(),
-            others: (0..nx).map(|i| own[i][1..].iter().map(|&z| (z, place(i, z))).collect()).collect(),
-            columns: rows.into_iter().flatten().collect(),
-        }
-    }
-
-    /// Places of the entries in the whole matrix.
-    fn places(&self, n_c: usize) -> impl Iterator<Item = usize> + '_ {
-        let rows = self.begin.windows(2).enumerate();
-        rows.flat_map(move |(i, w)| self.columns[w[0]..w[1]].iter().map(move |c| i * n_c + c))
-    }
-
-    /// `out = J_x y + J_p`.
-    fn product(&self, jac: &[f64], y: &[f64], out: &mut [f64]) {
-        let n_z = jac.len() / self.terms.len().max(1);
-        out.fill(0.0);
-        for (i, (terms, others)) in self.terms.iter().zip(&self.others).enumerate() {
-            let row = &jac[i * n_z..(i + 1) * n_z];
-            let out = &mut out[self.begin[i]..self.begin[i + 1]];
-            others.iter().for_each(|&(z, place)| out[place] += row[z]);
-            for (a, places) in terms {
-                let y = &y[self.begin[*a]..self.begin[*a + 1]];
-                places.iter().zip(y).for_each(|(place, y)| out[*place] += row[*a] * y);
-            }
-        }
-    }
-}
-
 /// Sensitivities with all memory they need.
 pub(super) struct Sens {
     /// Columns: initial states, parameters, controls.
@@ -87,15 +31,15 @@ pub(super) struct Sens {
     /// `nx × n_c`, row-major.
     pub(super) s: Vec<f64>,
     y: Vec<f64>,
-    k: Vec<f64>,
-    jac: Vec<f64>,
+    /// Jacobians at the stages of an explicit step.
+    stages: Vec<Rows>,
     x: Vec<f64>,
     rhs: Vec<f64>,
     work: Vec<f64>,
     step: Collocation,
-    /// Entries of `s` that can be other than zero, if most cannot, and their values at the start of a step.
-    sparse: Option<Sparse>,
-    start: Vec<f64>,
+    /// The columns, with all rows, and with those that can be other than zero if most cannot.
+    whole: Panels,
+    apart: Option<Panels>,
     /// A rule has selected weights: the entries are all that can be other than zero no more.
     filled: bool,
     /// Derivative of the time of the last switch.
@@ -110,14 +54,13 @@ impl Sens {
             n_c,
             s: vec![0.0; nx * n_c],
             y: vec![0.0; nx * n_c],
-            k: vec![0.0; 13 * nx * n_c],
-            jac: vec![0.0; nx * n_z],
+            stages: Vec::new(),
             x: vec![0.0; nx],
             rhs: vec![0.0; n * n_c.max(1)],
             work: vec![0.0; block_work(n, n_c)],
             step: Collocation::new(nx, n_z, most),
-            sparse: None,
-            start: Vec::new(),
+            whole: Panels::new(nx, n_c, None),
+            apart: None,
             filled: false,
             dt: vec![0.0; n_c],
         }
@@ -135,76 +78,41 @@ impl Sens {
 
     /// Most derivatives of parts that do not touch are zero: explicit steps leave them out.
     pub(super) fn use_supports(&mut self, supports: &Supports) {
-        /// More entries than this part of the matrix are as dear as all of them.
-        const SHARE: usize = 3;
-        let sparse = Sparse::new(supports, self.n_c);
-        if SHARE * sparse.columns.len() <= self.s.len() {
-            self.start = vec![0.0; sparse.columns.len()];
-            self.sparse = Some(sparse);
-        }
+        let apart = Panels::new(self.x.len(), self.n_c, Some(&Sens::inputs(supports, self.x.len())));
+        self.apart = Some(apart).filter(Panels::is_sparse);
+    }
+
+    /// Of every state the columns that it can depend on: its start, and what the starts and velocities behind that depend on.
+    fn inputs(supports: &Supports, nx: usize) -> Vec<Vec<usize>> {
+        let own = |i: usize| std::iter::once(i).chain(supports.velocity[i].iter().copied().filter(|z| *z >= nx));
+        let next = |i: usize| supports.velocity[i].iter().copied().filter(|z| *z < nx);
+        let own: Vec<Vec<usize>> = (0..nx).map(|i| own(i).collect()).collect();
+        let next: Vec<Vec<usize>> = (0..nx).map(|i| next(i).collect()).collect();
+        reachable(&own, &next)
     }
 
     /// Over an explicit step, and `rest` behind its end along the velocity.
     pub(super) fn explicit(&mut self, pair: Pair, field: &mut Field, s: &Step, rest: f64) -> EvalResult {
         let h = s.h;
         self.filled |= field.is_selected();
-        let sparse = self.sparse.take();
-        let own = sparse.as_ref().filter(|_| !self.filled);
-        if let Some(p) = own {
-            p.places(self.n_c).zip(&mut self.start).for_each(|(i, v)| *v = self.s[i]);
-            std::mem::swap(&mut self.s, &mut self.start);
-        }
-        let r = self.stages(pair, field, s, rest, own);
-        if let Some(p) = own {
-            std::mem::swap(&mut self.s, &mut self.start);
-            p.places(self.n_c).zip(&self.start).for_each(|(i, v)| self.s[i] = *v);
-        }
-        self.sparse = sparse;
-        r?;
-        // the state is moved onto the surfaces behind the step, and with it the derivatives
-        if field.n_alg() > 0 && !field.is_explicit_only() {
-            field.hidden(s.t + h, &self.x)?;
-            self.project(field);
-        }
-        Ok(())
-    }
-
-    /// The stages of an explicit step, of all derivatives or of those that are not zero.
-    fn stages(&mut self, pair: Pair, field: &mut Field, s: &Step, rest: f64, own: Option<&Sparse>) -> EvalResult {
-        let (nx, n_c, h) = (field.nx, self.n_c, s.h);
         let (rows, c) = pair.rows();
         let last = rows.len() - 1;
-        let n = self.s.len();
-        let (y, k) = (&mut self.y[..n], &mut self.k[..]);
+        self.stages.resize(rows.len(), Rows::default());
         for (i, row) in rows.iter().enumerate() {
             for ((x, x0), k) in self.x.iter_mut().zip(&s.x0).zip(&s.k) {
                 *x = x0 + h * row.iter().map(|&(j, a)| a * k[j]).sum::<f64>();
             }
-            y.copy_from_slice(&self.s);
-            for &(j, a) in row.iter() {
-                for (y, k) in y.iter_mut().zip(&k[j * n..(j + 1) * n]) {
-                    *y += h * a * k;
-                }
-            }
             if i < last || rest != 0.0 {
-                field.velocity_jacobian(s.t + c[i] * h, &self.x, &mut self.jac)?;
-                // K = J_x y + J_p
-                let out = &mut k[i * n..(i + 1) * n];
-                match own {
-                    Some(p) => p.product(&self.jac, y, out),
-                    None => {
-                        for (j, out) in self.jac.chunks_exact(n_c + 1).zip(out.chunks_exact_mut(n_c)) {
-                            along(&j[..n_c], 1.0, nx, y, out);
-                        }
-                    }
-                }
+                field.linearise(s.t + c[i] * h, &self.x)?;
+                self.stages[i].copy(field.velocity_rows());
             }
-            if i == last {
-                self.s.copy_from_slice(y);
-                if rest != 0.0 {
-                    self.s.iter_mut().zip(&k[i * n..]).for_each(|(s, k)| *s += rest * k);
-                }
-            }
+        }
+        let panels = self.apart.as_mut().filter(|_| !self.filled).unwrap_or(&mut self.whole);
+        panels.explicit(&Linearised { pair, h, rest, stages: &self.stages }, &mut self.s);
+        // the state is moved onto the surfaces behind the step, and with it the derivatives
+        if field.n_alg() > 0 && !field.is_explicit_only() {
+            field.hidden(s.t + h, &self.x)?;
+            self.project(field);
         }
         Ok(())
     }
@@ -236,17 +144,18 @@ impl Sens {
     /// before (`n_c` values, see [`Watch::time_gradient`](super::watch::Watch::time_gradient)).
     pub(super) fn time(&mut self, row: &[f64]) {
         let (nx, n_c) = (self.x.len(), self.n_c);
-        for (c, dt) in self.dt.iter_mut().enumerate() {
-            *dt = if c < nx { 0.0 } else { row[c] };
-            for (a, r) in row[..nx].iter().enumerate() {
-                *dt += r * self.s[a * n_c + c];
-            }
+        self.dt[..nx].fill(0.0);
+        self.dt[nx..].copy_from_slice(&row[nx..n_c]);
+        for (s, r) in self.s.chunks_exact(n_c.max(1)).zip(&row[..nx]).filter(|(_, r)| **r != 0.0) {
+            self.dt.iter_mut().zip(s).for_each(|(dt, s)| *dt += r * s);
         }
     }
 
     /// The jump between two velocities.
     pub(super) fn jump(&mut self, before: &[f64], after: &[f64]) {
-        for (row, (a, b)) in self.s.chunks_exact_mut(self.n_c).zip(before.iter().zip(after)) {
+        let rows = self.s.chunks_exact_mut(self.n_c.max(1)).zip(before.iter().zip(after));
+        // most velocities of many do not change
+        for (row, (a, b)) in rows.filter(|(_, (a, b))| a != b) {
             for (s, dt) in row.iter_mut().zip(&self.dt) {
                 *s += (a - b) * dt;
             }

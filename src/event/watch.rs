@@ -133,18 +133,17 @@ impl Watch {
 
     /// Derivatives of the time at which this vanishes with respect to state, parameters and controls, written to the
     /// first `n_z − 1` places of `out`; `velocity` is that before, gradients and active set of the field are those at
-    /// the point, `jac` has room for `nx × n_z` values.
+    /// the point.
     pub(super) fn time_gradient(
         &self,
         field: &mut Field,
         (t, x, velocity): (f64, &[f64], &[f64]),
-        jac: &mut [f64],
         out: &mut [f64],
     ) -> EvalResult {
         let n_z = field.n_z;
         match (*self, self.difference()) {
             (Watch::Contact { contact, what, .. }, _) => field.contact_gradient((contact, what), (t, x), out)?,
-            (Watch::Leave { cell, .. }, _) => field.theta_gradient(cell, (t, x, velocity), jac, out)?,
+            (Watch::Leave { cell, .. }, _) => field.theta_gradient(cell, (t, x, velocity), out)?,
             (_, None) => {}
             (_, Some((a, b, sign))) => {
                 out.fill(0.0);

@@ -342,7 +342,7 @@ impl Engine {
         if far && !self.fresh && last <= self.stats.steps {
             return Ok(limit);
         }
-        let r = self.field.velocity_jacobian(self.t, &self.x, &mut self.jac);
+        let r = self.field.linearise(self.t, &self.x);
         if !recover(r.map(|()| true), false)? {
             return Ok(f64::INFINITY);
         }
@@ -370,16 +370,16 @@ impl Engine {
     /// with `v` in the plane of the fastest mode, where `λ² = c₁ λ + c₀`.
     fn fastest_mode(&mut self) -> (f64, bool) {
         const POWERS: usize = 8;
-        let (nx, n_z) = (self.nx, self.field.n_z);
+        let nx = self.nx;
         let [v, w, z] = &mut self.powers;
-        let (jac, field, x) = (&self.jac, &self.field, &self.x);
+        let (field, x) = (&self.field, &self.x);
         // all states measured by their size, or as they are where they have none
         let size = |i: usize| Some(field.size(i, x[i])).filter(|s| *s > 0.0).unwrap_or(1.0);
-        // most of a large one is zero
         let entries = &mut self.nonzero;
         entries.clear();
-        for (i, row) in jac.chunks_exact(n_z).enumerate().take(nx) {
-            entries.extend(row[..nx].iter().enumerate().filter(|e| *e.1 != 0.0).map(|(j, a)| (i, j, a * size(j))));
+        for i in 0..nx {
+            let own = field.velocity_rows().entries(i).filter(|e| e.0 < nx && e.1 != 0.0);
+            entries.extend(own.map(|(j, a)| (i, j, a * size(j))));
         }
         let product = |v: &[f64], out: &mut [f64]| {
             out.fill(0.0);

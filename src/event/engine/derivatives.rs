@@ -20,7 +20,7 @@ impl Engine {
             for i in 0..if self.field.active[k].len() < 2 { 0 } else { self.field.active[k].len() } {
                 let cell = self.field.active[k][i];
                 let at = (self.t, &self.x[..], &self.f[..]);
-                let r = self.field.theta_gradient(cell, at, &mut self.jac, &mut self.time_row);
+                let r = self.field.theta_gradient(cell, at, &mut self.time_row);
                 if recover(r.map(|()| true), false)? {
                     let apart = self.field.largest_difference();
                     each(self.field.theta(cell), &self.time_row[controls.clone()], apart);
@@ -118,7 +118,7 @@ impl Engine {
         }
         if self.sens.is_some() || self.tape.is_some() {
             let at = (self.t, &self.x[..], &self.f[..]);
-            self.watches[l].time_gradient(&mut self.field, at, &mut self.jac, &mut self.time_row)?;
+            self.watches[l].time_gradient(&mut self.field, at, &mut self.time_row)?;
         }
         if let Some(s) = &mut self.sens {
             s.time(&self.time_row);

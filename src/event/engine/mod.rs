@@ -201,9 +201,8 @@ pub struct Engine {
     discrete: Vec<usize>,
     /// The last transition made.
     reset: Reset,
-    /// Derivatives of the time of a switch, and room for a Jacobian.
+    /// Derivatives of the time of a switch.
     time_row: Vec<f64>,
-    jac: Vec<f64>,
     /// Room for products with a Jacobian, and what they said last of the longest step for derivatives, at which step.
     powers: [Vec<f64>; 3],
     nonzero: Vec<(usize, usize, f64)>,
@@ -255,12 +254,8 @@ impl Engine {
         };
         let (n_w, n_dq) = (n_q + n_cells, field.dq.len());
         let mut sens = options.sensitivity.then(|| Sens::new(nx, n_z, most));
-        if options.sensitivity || options.adjoint {
-            let supports = field.supports();
-            if let Some(s) = sens.as_mut().filter(|_| field.guards.all.is_empty() && !field.has_contacts()) {
-                s.use_supports(&supports);
-            }
-            field.note_supports(supports.weights);
+        if let Some(s) = sens.as_mut().filter(|_| field.guards.all.is_empty() && !field.has_contacts()) {
+            s.use_supports(&field.supports());
         }
         Ok(Engine {
             options: options.clone(),
@@ -366,7 +361,6 @@ impl Engine {
             discrete: system.discrete_states(),
             reset: Reset::new(nx, n_z),
             time_row: vec![0.0; n_z],
-            jac: vec![0.0; nx * n_z],
             powers: std::array::from_fn(|_| vec![0.0; nx]),
             nonzero: Vec::new(),
             variational: (f64::INFINITY, 0),
@@ -575,6 +569,7 @@ impl Engine {
         Statistics {
             evaluations: self.field.counts.values,
             jacobians: self.field.counts.jacobians,
+            entries: self.field.counts.entries,
             newton: self.radau.newton,
             factorisations: self.radau.factorisations,
             ..self.stats

@@ -398,6 +398,19 @@ impl Sliding {
         self.solve_with(1, b, |lu, b| lu.solve_transposed(b));
     }
 
+    /// Solves with block `large` among those of several pairs, as it was factorised last, for `n` right-hand sides, `b [m × n]`.
+    pub(super) fn solve_block(&mut self, large: usize, n: usize, b: &mut [f64]) {
+        let m = b.len() / n.max(1);
+        let room = &mut self.room[..m];
+        for c in 0..n {
+            room.iter_mut().zip(b[c..].iter().step_by(n)).for_each(|(r, v)| *r = *v);
+            if room.iter().any(|v| *v != 0.0) {
+                self.lu[large].solve(room);
+                room.iter().zip(b[c..].iter_mut().step_by(n)).for_each(|(r, v)| *v = *r);
+            }
+        }
+    }
+
     fn solve_with(&mut self, n: usize, b: &mut [f64], solve: impl Fn(&mut Lu<f64>, &mut [f64])) {
         let mut large = 0;
         for (w, left_out) in self.begin.windows(2).zip(&self.left_out) {

@@ -1,13 +1,11 @@
 //! What can depend on what, whatever the active set is: in systems of parts that do not touch most derivatives are zero.
 
-use super::{Columns, Field};
+use super::Field;
 
-/// Inputs are numbered `x`, `p`, `u`, `t`; all lists ascend.
+/// Inputs are numbered `x`, `p`, `u`, `t`; lists ascend.
 pub(in crate::event) struct Supports {
     /// Of every state the inputs that its velocity depends on.
     pub(in crate::event) velocity: Vec<Vec<usize>>,
-    /// Of every subsystem the inputs that its weights in sliding modes depend on.
-    pub(in crate::event) weights: Vec<Vec<usize>>,
 }
 
 impl Field {
@@ -15,33 +13,19 @@ impl Field {
     /// a state on the weights of all subsystems that drive it.
     pub(in crate::event) fn supports(&self) -> Supports {
         let (nx, n_sub) = (self.nx, self.subs.len());
-        let column = Columns { nx, nu: self.u.len(), np: self.p.len() };
         // velocities, then weights: inputs that they depend on by themselves, and what else they depend on
         let mut own: Vec<Vec<usize>> = vec![Vec::new(); nx + n_sub];
         let mut others: Vec<Vec<usize>> = vec![Vec::new(); nx + n_sub];
-        for d in &self.drifts {
-            let p = d.f.jac_pattern();
-            for col in 0..p.n_cols() {
-                p.rows(col).iter().for_each(|&row| own[d.rows[row]].push(column.of(col)));
-            }
-        }
+        own.iter_mut().enumerate().take(nx).for_each(|(i, own)| own.extend(self.fixed.inputs(i)));
         for (k, s) in self.subs.iter().enumerate() {
-            for &[_, row, col] in s.mode_entries.iter().flatten() {
-                own[row].push(column.of(col));
-            }
             s.rows.iter().for_each(|&row| others[row].push(nx + k));
             let inputs: Vec<usize> = (s.q0..s.q0 + s.n_q).flat_map(|j| self.gradients.entries(j).1).copied().collect();
             others[nx + k].extend(inputs.iter().filter(|i| **i < nx));
             own[nx + k].extend(inputs);
         }
         let mut all = reachable(&own, &others);
-        let weights = all.split_off(nx);
-        Supports { velocity: all, weights }
-    }
-
-    /// The weights of a subsystem depend on these inputs only.
-    pub(in crate::event) fn note_supports(&mut self, weights: Vec<Vec<usize>>) {
-        self.changes.of_weights = weights;
+        all.truncate(nx);
+        Supports { velocity: all }
     }
 }
 

@@ -53,3 +53,26 @@ pub(crate) fn wide<R>(body: impl FnOnce() -> R) -> R {
     }
     body()
 }
+
+/// What [`widest`] runs. What it calls must be `#[inline(always)]` to profit.
+pub(crate) trait Kernel {
+    /// With sums that are rounded once together with a product, if `FUSED`.
+    fn run<const FUSED: bool>(self);
+}
+
+/// Runs a kernel compiled for wide registers.
+#[inline(always)]
+pub(crate) fn widest(kernel: impl Kernel) {
+    #[cfg(target_arch = "x86_64")]
+    {
+        #[target_feature(enable = "avx2,fma")]
+        fn inner(kernel: impl Kernel) {
+            kernel.run::<true>();
+        }
+        if has_avx2() {
+            // SAFETY: the processor has the features `inner` is compiled for
+            return unsafe { inner(kernel) };
+        }
+    }
+    kernel.run::<false>();
+}

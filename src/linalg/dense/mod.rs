@@ -7,7 +7,7 @@
 #[allow(unsafe_code)]
 mod dispatch;
 
-pub(crate) use dispatch::wide;
+pub(crate) use dispatch::{wide, widest, Kernel};
 
 /// Rows of a tile that is kept in registers.
 const TILE_ROWS: usize = 8;

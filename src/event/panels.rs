@@ -1,0 +1,261 @@
+//! Derivatives over an explicit step, a few columns at a time: all stages of so few stay in the fast memory, and one instruction
+//! does the same to all columns of a panel.
+
+use super::explicit::Pair;
+use super::field::Rows;
+use crate::linalg::dense::{widest, Kernel};
+
+/// Columns of a panel.
+const WIDE: usize = 8;
+const NARROW: usize = 4;
+/// Stages of a step at most, its end included.
+const STAGES: usize = 13;
+/// What is kept of a row: its start, and its derivatives at the stages.
+const KEPT: usize = STAGES + 1;
+
+/// A row of a panel; a narrow one uses the first of them.
+type Lanes = [f64; WIDE];
+
+/// Some columns of the derivatives, and the rows where these can be other than zero.
+#[derive(Debug, Default)]
+struct Panel {
+    rows: Vec<u32>,
+    columns: Vec<u32>,
+}
+
+/// All columns, and the memory to move them over a step.
+#[derive(Debug)]
+pub(super) struct Panels {
+    nx: usize,
+    n_c: usize,
+    panels: Vec<Panel>,
+    y: Vec<Lanes>,
+    k: Vec<Lanes>,
+}
+
+/// One step: the pair, its length, what is gone along the velocity behind its end, and the Jacobians at the stages.
+pub(super) struct Linearised<'a> {
+    pub(super) pair: Pair,
+    pub(super) h: f64,
+    pub(super) rest: f64,
+    pub(super) stages: &'a [Rows],
+}
+
+impl Panels {
+    /// Of all columns, with `inputs[i]` those that row `i` can depend on; none where nothing is known of that.
+    pub(super) fn new(nx: usize, n_c: usize, inputs: Option<&[Vec<usize>]>) -> Panels {
+        let mut rows: Vec<Vec<u32>> = vec![Vec::new(); n_c];
+        match inputs {
+            Some(inputs) => {
+                for (i, inputs) in inputs.iter().enumerate() {
+                    inputs.iter().filter(|c| **c < n_c).for_each(|c| rows[*c].push(i as u32));
+                }
+            }
+            None => rows.iter_mut().for_each(|r| r.extend(0..nx as u32)),
+        }
+        let mut order: Vec<usize> = (0..n_c).filter(|c| !rows[*c].is_empty()).collect();
+        order.sort_by(|a, b| rows[*a].cmp(&rows[*b]));
+        let mut panels: Vec<Panel> = Vec::new();
+        for c in order {
+            let own = std::mem::take(&mut rows[c]);
+            if let Some(last) = panels.last_mut().filter(|p| p.columns.len() < WIDE) {
+                let both = union(&last.rows, &own);
+                // rows without entries are less work than a panel more
+                if 4 * both.len() <= 5 * own.len().max(last.rows.len()) {
+                    last.rows = both;
+                    last.columns.push(c as u32);
+                    continue;
+                }
+            }
+            panels.push(Panel { rows: own, columns: vec![c as u32] });
+        }
+        let most = panels.iter().map(|p| p.rows.len()).max().unwrap_or(0);
+        Panels { nx, n_c, panels, y: vec![[0.0; WIDE]; n_c + 1], k: vec![[0.0; WIDE]; most * KEPT] }
+    }
+
+    /// Do these have fewer entries than the whole matrix?
+    pub(super) fn is_sparse(&self) -> bool {
+        self.panels.iter().any(|p| p.rows.len() < self.nx)
+    }
+
+    /// `K_i = J_i (S + h Σ_j a_ij K_j)`, `S⁺ = S + h Σ_j b_j K_j` and the rest behind the end, with `S` row-major.
+    pub(super) fn explicit(&mut self, step: &Linearised, s: &mut [f64]) {
+        widest(Sweep { step, s, to: self });
+    }
+}
+
+/// Of two ascending lists.
+fn union(a: &[u32], b: &[u32]) -> Vec<u32> {
+    let mut out: Vec<u32> = a.iter().chain(b).copied().collect();
+    out.sort_unstable();
+    out.dedup();
+    out
+}
+
+struct Sweep<'a, 'b> {
+    step: &'a Linearised<'b>,
+    s: &'a mut [f64],
+    to: &'a mut Panels,
+}
+
+impl Kernel for Sweep<'_, '_> {
+    #[inline(always)]
+    fn run<const FUSED: bool>(self) {
+        let Panels { nx, n_c, panels, y, k } = self.to;
+        for p in panels.iter() {
+            match p.columns.len() <= NARROW {
+                true => panel::<NARROW, FUSED>((*nx, *n_c), p, self.step, self.s, y, k),
+                false => panel::<WIDE, FUSED>((*nx, *n_c), p, self.step, self.s, y, k),
+            }
+        }
+    }
+}
+
+/// `sum + a v`, for all columns.
+#[inline(always)]
+fn add<const W: usize, const FUSED: bool>(a: f64, v: &Lanes, sum: &mut Lanes) {
+    for l in 0..W {
+        sum[l] = if FUSED { a.mul_add(v[l], sum[l]) } else { a * v[l] + sum[l] };
+    }
+}
+
+#[inline(always)]
+fn panel<const W: usize, const FUSED: bool>(
+    (nx, n_c): (usize, usize),
+    p: &Panel,
+    step: &Linearised,
+    s: &mut [f64],
+    y: &mut [Lanes],
+    k: &mut [Lanes],
+) {
+    let (tableau, _) = step.pair.rows();
+    let last = tableau.len() - 1;
+    // parameters, controls and time do not move: their rows are those of the identity
+    let (y, k) = (&mut y[..=n_c], &mut k[..p.rows.len() * KEPT]);
+    for (l, c) in p.columns.iter().enumerate().filter(|(_, c)| **c as usize >= nx) {
+        y[*c as usize][l] = 1.0;
+    }
+    for (own, &a) in k.chunks_exact_mut(KEPT).zip(&p.rows) {
+        let start = &s[a as usize * n_c..(a as usize + 1) * n_c];
+        own[0] = [0.0; WIDE];
+        own[0].iter_mut().zip(&p.columns).for_each(|(own, c)| *own = start[*c as usize]);
+    }
+    for (i, row) in tableau.iter().enumerate() {
+        let mut scaled = [(0, 0.0); STAGES];
+        scaled.iter_mut().zip(row.iter()).for_each(|(to, &(j, a))| *to = (1 + j, step.h * a));
+        let scaled = &scaled[..row.len()];
+        for (own, &a) in k.chunks_exact(KEPT).zip(&p.rows) {
+            let own: &[Lanes; KEPT] = own.try_into().expect("a chunk");
+            let mut sum = own[0];
+            scaled.iter().for_each(|&(j, a)| add::<W, FUSED>(a, &own[j], &mut sum));
+            y[a as usize] = sum;
+        }
+        if i == last && step.rest == 0.0 {
+            break;
+        }
+        for (own, &a) in k.chunks_exact_mut(KEPT).zip(&p.rows) {
+            let mut sum = [0.0; WIDE];
+            let (columns, values) = step.stages[i].row(a as usize);
+            columns.iter().zip(values).for_each(|(z, v)| add::<W, FUSED>(*v, &y[*z as usize], &mut sum));
+            own[1 + i] = sum;
+        }
+    }
+    for (own, &a) in k.chunks_exact(KEPT).zip(&p.rows) {
+        let end = &mut s[a as usize * n_c..(a as usize + 1) * n_c];
+        let y = &mut y[a as usize];
+        if step.rest != 0.0 {
+            add::<W, FUSED>(step.rest, &own[1 + last], y);
+        }
+        p.columns.iter().zip(y.iter()).for_each(|(c, y)| end[*c as usize] = *y);
+        // nothing outside of the rows of the next one
+        *y = [0.0; WIDE];
+    }
+    for (l, c) in p.columns.iter().enumerate().filter(|(_, c)| **c as usize >= nx) {
+        y[*c as usize][l] = 0.0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Numbers that have nothing to do with each other.
+    fn number(i: usize) -> f64 {
+        (1.0 + 7.3 * i as f64).sin()
+    }
+
+    /// Chains of the states `2i`, `2i + 1` and one parameter each: a column may go with the others of its chain only.
+    fn chains(n: usize) -> Vec<Vec<usize>> {
+        (0..2 * n).map(|i| vec![i - i % 2, i - i % 2 + 1, 2 * n + i / 2]).collect()
+    }
+
+    #[test]
+    fn columns_that_do_not_meet_cost_their_own_rows_only() {
+        let size = |n: usize| {
+            let all = Panels::new(2 * n, 3 * n, Some(&chains(n)));
+            assert_eq!(all.panels.iter().map(|p| p.columns.len()).sum::<usize>(), 3 * n);
+            all.panels.iter().map(|p| p.rows.len() * p.columns.len()).sum::<usize>()
+        };
+        assert_eq!((size(1), size(7), size(50)), (6, 42, 300));
+        assert!(!Panels::new(2, 3, Some(&chains(1))).is_sparse() && Panels::new(4, 6, Some(&chains(2))).is_sparse());
+    }
+
+    /// The stages with full matrices, column by column.
+    fn by_hand(step: &Linearised, full: &[Vec<f64>], (nx, n_c): (usize, usize), s: &mut [f64]) {
+        let (tableau, _) = step.pair.rows();
+        for c in 0..n_c {
+            let mut k: Vec<Vec<f64>> = Vec::new();
+            for (i, row) in tableau.iter().enumerate() {
+                let y = |a: usize| s[a * n_c + c] + step.h * row.iter().map(|&(j, v)| v * k[j][a]).sum::<f64>();
+                let y: Vec<f64> = (0..nx).map(y).collect();
+                let rate = |a: usize| -> f64 {
+                    let own = &full[i][a * (n_c + 1)..(a + 1) * (n_c + 1)];
+                    let by_input = if c < nx { 0.0 } else { own[c] };
+                    by_input + own.iter().zip(&y).map(|(j, y)| j * y).sum::<f64>()
+                };
+                let rates: Vec<f64> = (0..nx).map(rate).collect();
+                if i + 1 == tableau.len() {
+                    (0..nx).for_each(|a| s[a * n_c + c] = y[a] + step.rest * rates[a]);
+                }
+                k.push(rates);
+            }
+        }
+    }
+
+    #[test]
+    fn panels_move_every_column_like_full_matrices() {
+        for (pair, n, rest) in [(Pair::Dp5, 1, 0.0), (Pair::Dop853, 3, 0.01), (Pair::Dop853, 9, 0.0)] {
+            let (nx, n_c) = (2 * n, 3 * n);
+            let inputs = chains(n);
+            let full: Vec<Vec<f64>> = (0..STAGES)
+                .map(|i| {
+                    let mut m = vec![0.0; nx * (n_c + 1)];
+                    for (a, inputs) in inputs.iter().enumerate() {
+                        inputs.iter().for_each(|c| m[a * (n_c + 1) + c] = number(i * 100 + a * 10 + c));
+                        m[a * (n_c + 1) + n_c] = 1e3;
+                    }
+                    m
+                })
+                .collect();
+            let stages: Vec<Rows> = full.iter().map(|m| Rows::of_full(m, n_c + 1)).collect();
+            let step = Linearised { pair, h: 0.3, rest, stages: &stages };
+            let mut start = vec![0.0; nx * n_c];
+            for (a, inputs) in inputs.iter().enumerate() {
+                inputs.iter().for_each(|c| start[a * n_c + c] = number(7 * a + c));
+            }
+            let mut expected = start.clone();
+            by_hand(&step, &full, (nx, n_c), &mut expected);
+            for own in [None, Some(&inputs[..])] {
+                let mut s = start.clone();
+                let mut panels = Panels::new(nx, n_c, own);
+                // twice: nothing of the first time is left
+                panels.explicit(&step, &mut s);
+                s.copy_from_slice(&start);
+                panels.explicit(&step, &mut s);
+                for (v, e) in s.iter().zip(&expected) {
+                    assert!((v - e).abs() <= 1e-13 * (1.0 + e.abs()), "{n} chains: {v} and not {e}");
+                }
+            }
+        }
+    }
+}
