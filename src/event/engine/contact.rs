@@ -6,17 +6,13 @@
 //! `S⁺ = r_x (S⁻ + f⁻ dt) + … − f⁺ dt`, where `r` is the impact, or the identity.
 
 use super::{recover, Engine, Progress, EPS};
-use crate::contact::{self, mode, Closed, Dynamics, Impulse};
+use crate::contact::{self, mode, Closed};
 use crate::error::{Error, Result};
-use crate::event::explicit::Pair;
-use crate::event::field::{Contacts, TO_RATE};
+use crate::event::field::Contacts;
 use crate::event::watch::{ContactWatch, Watch};
-use crate::event::{Accumulation, Continuation, Impact, ImpactKind, Outcome, Phase, Zeno};
+use crate::event::{Continuation, ImpactKind, Outcome, Phase};
 use crate::func::{EvalError, Point};
-use crate::system::ImpactLaw;
 
-/// Impacts at one time at most, one after the other.
-const MOST: usize = 1000;
 /// Impacts in no time at most.
 const BURST: usize = 5000;
 /// So many closed contacts are a heap.
@@ -25,74 +21,44 @@ const MANY: usize = 8;
 pub(super) const BY_STEPS: &str =
     "; scenes in which many bodies touch each other are for time stepping (simulate_steps)";
 /// A sliding velocity below this share of its size is zero behind an event: what equations solved there leave.
-const AT_REST: f64 = 1e-11;
+pub(super) const AT_REST: f64 = 1e-11;
 /// A gap at the start below so many roundings of its size is closed: the user computed the state in as many operations.
 const TOUCHES: f64 = 1e3;
 /// Velocities that agree so well are the same.
 const SAME: f64 = 1e-9;
 /// So many flights in a row double the speed that counts as none.
 const PATIENCE: f64 = 10.0;
+
 /// Accumulating impacts are summed where what they still do to the gap is this share of the tolerance.
-const LAST: f64 = 0.1;
-
-/// The stages that a cubic is laid through, with the ends, and where it is compared.
-struct StagesOfForce {
-    /// The last stage before the end.
-    last: usize,
-    through: [usize; 2],
-    /// Of the start, the two stages and the end, in the value of the cubic where it is compared.
-    weights: [f64; 4],
-    /// It is compared in the middle of the step, which has no stage near it.
-    middle: bool,
-    /// Else at this stage.
-    at: usize,
-}
-
-/// Nodes 0, 0.3, 0.8, 1, compared at 0.5.
-const DP5: StagesOfForce = StagesOfForce {
-    last: 5,
-    through: [2, 3],
-    weights: [-1.0 / 8.0, 5.0 / 7.0, 5.0 / 8.0, -3.0 / 14.0],
-    middle: true,
-    at: 0,
-};
-
-/// Nodes 0, 1/3, 6/7, 1, compared at 3/5.
-const DOP853: StagesOfForce = StagesOfForce {
-    last: 11,
-    through: [5, 10],
-    weights: [-12.0 / 125.0, 729.0 / 1375.0, 1372.0 / 1375.0, -54.0 / 125.0],
-    middle: false,
-    at: 9,
-};
+pub(super) const LAST: f64 = 0.1;
 
 /// Memory for events.
 #[derive(Default)]
 pub(super) struct SceneRoom {
     /// When every contact was closed last.
-    left: Vec<f64>,
+    pub(super) left: Vec<f64>,
     /// Contacts that hardly open are closed at the present event, see [`Engine::flight_is_short`].
-    merges: bool,
+    pub(super) merges: bool,
     /// Flights one after the other that were too short to be seen and too fast to be nothing.
-    flights: usize,
+    pub(super) flights: usize,
     /// How many times what the tolerances see of a velocity counts as none after so many.
-    patience: f64,
+    pub(super) patience: f64,
     /// The contact of the present event opened for less than the rounding of its gap, see [`Engine::flight_is_unseen`].
-    unseen: Option<usize>,
+    pub(super) unseen: Option<usize>,
     /// A contact that counts as at rest has a sliding velocity: what is left of it where others have put the bodies back.
-    creeps: bool,
+    pub(super) creeps: bool,
     /// Contacts without a gap.
-    touching: Vec<usize>,
-    closed: Vec<Closed>,
+    pub(super) touching: Vec<usize>,
+    pub(super) closed: Vec<Closed>,
     /// Contacts of an impact, with another restitution than that of the model.
-    list: Vec<(usize, Option<f64>)>,
+    pub(super) list: Vec<(usize, Option<f64>)>,
     /// Contacts whose impacts accumulate, and the time until they end.
-    last: Vec<(usize, f64)>,
-    after: Vec<f64>,
-    before: Vec<Vec<usize>>,
-    row: Vec<f64>,
+    pub(super) last: Vec<(usize, f64)>,
+    pub(super) after: Vec<f64>,
+    pub(super) before: Vec<Vec<usize>>,
+    pub(super) row: Vec<f64>,
     /// Jacobians of the resets of an event.
-    resets: Vec<f64>,
+    pub(super) resets: Vec<f64>,
 }
 
 impl SceneRoom {
@@ -104,172 +70,6 @@ impl SceneRoom {
 }
 
 impl Engine {
-    /// Decides which contacts are looked at in the step that was tried, and evaluates those that were not until now where it
-    /// begins.
-    pub(super) fn look_near(&mut self) -> std::result::Result<(), EvalError> {
-        if !self.field.look_near(&self.step, self.step_implicit) {
-            return Ok(());
-        }
-        self.looked.clear();
-        for (l, w) in self.watches.iter().enumerate() {
-            if !self.field.looks_at(w) {
-                continue;
-            }
-            self.looked.push(l);
-            if let Watch::Contact { contact, what: ContactWatch::Gap, a } = *w {
-                if let Some([gap, rate]) = self.field.approach(contact, &self.step)? {
-                    (self.q0[a], self.q0[a + TO_RATE]) = (gap, rate);
-                    (self.w0[l], self.depart[l]) = (gap, 0);
-                }
-            }
-        }
-        Ok(())
-    }
-
-    /// Notes the contacts whose functions may vanish in the step; says whether there are forces among these, none if there
-    /// are no contacts at all.
-    pub(super) fn wanted_contacts(&mut self) -> Option<bool> {
-        if !self.field.has_contacts() {
-            return None;
-        }
-        self.wanted.fill(false);
-        let mut forces = false;
-        for &l in self.looked.iter().filter(|l| self.suspect[**l]) {
-            if let Watch::Contact { contact, what, .. } = self.watches[l] {
-                self.wanted[contact] = true;
-                forces |= what.is_force();
-            }
-        }
-        Some(forces)
-    }
-
-    /// Values of what is watched inside of a step, where the state is interpolated from its ends: in the middle, and at the
-    /// quarters where forces are not known at the stages.
-    pub(super) fn look_inside(&mut self) -> std::result::Result<(), EvalError> {
-        let closed = self.field.active.iter().any(|set| set[0] != mode::OPEN);
-        let (quarters, forces) = (closed && self.step_implicit, closed && self.stages().is_none_or(|s| s.middle));
-        for (w, set) in self.wanted.iter_mut().zip(&self.field.active) {
-            *w = set[0] != mode::OPEN;
-        }
-        let (h, t) = (self.step.h, self.step.t);
-        for (k, s) in [(0, 0.25), (2, 0.75), (1, 0.5)] {
-            if k != 1 && !quarters {
-                continue;
-            }
-            if let (1, Some(c)) = (k, self.field.scene()) {
-                // of open contacts the middle is enough
-                self.wanted.iter_mut().enumerate().for_each(|(i, w)| *w = c.is_near(i));
-            }
-            let (a, b) = ((1.0 + 2.0 * s) * (1.0 - s) * (1.0 - s), s * s * (3.0 - 2.0 * s));
-            let (da, db) = (h * s * (1.0 - s) * (1.0 - s), h * s * s * (s - 1.0));
-            let step = &self.step;
-            for (i, m) in self.node.iter_mut().enumerate() {
-                *m = a * step.x0[i] + b * step.x1[i] + da * step.f0[i] + db * step.f1[i];
-            }
-            self.field.scene_values((t + s * h, &self.node), forces, |c| self.wanted[c])?;
-            for &l in &self.looked {
-                self.samples[l][k] = self.watches[l].value(&self.field.q, &self.field);
-            }
-        }
-        Ok(())
-    }
-
-    /// Which stages of an explicit step tell how a contact force goes; none in implicit steps.
-    fn stages(&self) -> Option<&'static StagesOfForce> {
-        match self.pair {
-            _ if self.step_implicit => None,
-            Pair::Dp5 => Some(&DP5),
-            Pair::Dop853 => Some(&DOP853),
-        }
-    }
-
-    /// Might a contact force vanish in the step, and how well does the step resolve it: the error of a cubic through some of
-    /// its values, relative to a tenth of its size?
-    pub(super) fn screen_force(&self, l: usize, contact: usize, what: ContactWatch) -> (bool, f64) {
-        const FRACTION: f64 = 0.1;
-        let (w0, w1) = (self.w0[l], self.w1[l]);
-        let samples = &self.samples[l];
-        let (mut low, mut high) = (w0.min(w1), w0.max(w1));
-        let mut note = |v: f64| (low, high) = (low.min(v), high.max(v));
-        let error = match self.stages().zip(self.field.force_at_stages(contact, what)) {
-            Some((s, at)) => {
-                at[1..=s.last].iter().for_each(|v| note(*v));
-                let value = if s.middle { samples[1] } else { at[s.at] };
-                note(value);
-                let [a, b] = s.through.map(|i| at[i]);
-                (value - (s.weights[0] * w0 + s.weights[1] * a + s.weights[2] * b + s.weights[3] * w1)).abs()
-            }
-            None => {
-                let [a, b, c] = [samples[0], samples[1], samples[2]];
-                [a, b, c].into_iter().for_each(&mut note);
-                (b - (4.0 * (a + c) - w0 - w1) / 6.0).abs()
-            }
-        };
-        let rounding = 1e3 * EPS * self.watches[l].scale(&self.dq0, &self.field, self.t, &self.x).value;
-        (low <= 4.0 * error + 0.25 * (high - low), error / (FRACTION * high.abs().max(low.abs()) + rounding))
-    }
-
-    /// Order of the zero a function of a contact has at the start of a phase.
-    pub(super) fn contact_departs(&mut self, w: Watch, value: f64) -> u8 {
-        let Watch::Contact { contact, what, a } = w else { return 0 };
-        let scale = w.scale(&self.dq0, &self.field, self.t, &self.x).value;
-        let Some(c) = self.field.scene() else { return 0 };
-        let rate_size = c.sizes[contact][3];
-        let rate = self.q0[a + TO_RATE];
-        let near = (64.0 * EPS * scale).max(8.0 * EPS * rate.abs() * self.t.abs());
-        match what {
-            _ if what.is_force() => u8::from(value <= 1e-9 * scale),
-            _ if value > near => 0,
-            ContactWatch::Gap if rate > 64.0 * EPS * rate_size => 1,
-            // a contact that has just opened without velocity: by its acceleration, or by what follows
-            ContactWatch::Gap => 3,
-            _ if rate > 1e-9 * scale * self.field.pace(&self.x, &self.f) => 1,
-            _ => 2,
-        }
-    }
-
-    /// Puts the gaps of closed contacts, and the velocities that are held, back to zero at the end of a step. Says whether
-    /// the state has moved; the velocities belong to the new state then.
-    pub(super) fn settle_contacts(&mut self) -> Result<bool> {
-        if let Some(i) = self.outside() {
-            return Err(Error::State(format!(
-                "t = {}: coordinate {i} is {}, outside of the bounds that contacts of the scene were left out for: widen them",
-                self.t, self.x[i]
-            )));
-        }
-        if self.field.active.iter().all(|s| s[0] == mode::OPEN) {
-            return Ok(false);
-        }
-        let (t, mut x) = (self.t, std::mem::take(&mut self.x));
-        // the projection takes the state by itself, for it changes it
-        let moved = self.field.with_contacts(t, &[], |c, at, modes| {
-            for (i, set) in modes.iter().enumerate().filter(|(_, s)| Dynamics::slides(s[0])) {
-                c.dynamics.keep_direction(i, set[0]);
-            }
-            for (size, f) in c.sizes.iter_mut().zip(&c.dynamics.forces) {
-                size[1] = size[1].max(f[0].abs());
-            }
-            let sizes = &c.sizes;
-            // as soon as it is more than the rounding of a few operations
-            c.dynamics.project(at, modes, &mut x, &|i, _| [16.0 * EPS * sizes[i][0], 16.0 * EPS * sizes[i][3]])
-        });
-        self.x = x;
-        let Some(moved) = recover(moved.unwrap_or(Ok(false)).map(Some), None)? else { return Ok(false) };
-        if moved {
-            self.field.forget();
-            let r = self.field.rhs(t, &self.x, &mut self.f).and_then(|()| self.field.watched(t, &self.x));
-            recover(r.map(|()| true), false)?;
-        }
-        Ok(moved)
-    }
-
-    /// A coordinate beyond the bounds that the reduction relies on.
-    fn outside(&self) -> Option<usize> {
-        let bounds = &self.field.scene()?.dynamics.mechanics.bounds;
-        let mut all = bounds.iter().zip(&self.x).enumerate();
-        all.find(|(_, (b, x))| b.is_some_and(|(low, high)| !(**x >= low && **x <= high))).map(|(i, _)| i)
-    }
-
     /// Checks a scene at its start, makes the impacts there and finds the first modes.
     pub(super) fn begin_scene(&mut self, t_stop: f64) -> Result<()> {
         let first = self.field.active.iter().any(Vec::is_empty) || self.field.active.is_empty();
@@ -718,7 +518,7 @@ impl Engine {
     }
 
     /// Lists the contacts without a gap at the present point that are closed or do not open.
-    fn touching(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
+    pub(super) fn touching(&mut self, event: Option<(usize, ContactWatch)>) -> std::result::Result<(), EvalError> {
         let first = event.is_none();
         let (rtol, atol, n_z) = (&self.rtol, &self.atol, self.field.n_z);
         let SceneRoom { touching: out, row, merges, .. } = &mut self.scene;
@@ -751,248 +551,6 @@ impl Engine {
             Ok(())
         });
         r.unwrap_or(Ok(()))
-    }
-
-    /// Makes the impacts at the present point, if there are any. Says whether they are unique.
-    fn collide(
-        &mut self,
-        event: Option<(usize, ContactWatch)>,
-        recorded: bool,
-    ) -> std::result::Result<bool, EvalError> {
-        self.touching(event)?;
-        if self.field.scene().is_some_and(|c| c.dynamics.is_first_order()) {
-            return Ok(true);
-        }
-        let mut list = std::mem::take(&mut self.scene.list);
-        let mut unique = true;
-        for made in 0.. {
-            let Some((worst, law)) = self.closing(event.filter(|_| made == 0))? else { break };
-            if made == MOST {
-                let text = format!("{MOST} impacts at one time: with this law the bodies do not come apart");
-                self.fail(Outcome::NoContinuation, text);
-                return Ok(false);
-            }
-            list.clear();
-            if law == ImpactLaw::Sequential {
-                list.push((worst, None));
-                // the next contact closes because of the first: another order may have another end
-                unique &= !(made == 1 && self.scene.touching.len() > 1);
-            } else {
-                list.extend(self.scene.touching.iter().map(|i| (*i, None)));
-            }
-            self.last_of(&list)?;
-            if let (Some((_, rest)), Zeno::Stop) = (self.scene.last.first(), self.options.zeno) {
-                let limit = self.t + rest;
-                self.end_at_accumulation(limit);
-                return Ok(false);
-            }
-            let merges = self.scene.merges;
-            for c in list.iter_mut().filter(|c| merges || self.scene.last.iter().any(|l| l.0 == c.0)) {
-                c.1 = Some(0.0);
-            }
-            let last = merges || !self.scene.last.is_empty();
-            let kind = if last { ImpactKind::Last } else { ImpactKind::Collision };
-            let struck = self.strike(&list, kind, recorded)?;
-            self.check_laws(&list);
-            if self.outcome != Outcome::Reached {
-                return Ok(false);
-            }
-            let Some(one) = struck else {
-                self.fail(Outcome::NoContinuation, "no impulses satisfy the conditions of the impact".into());
-                return Ok(false);
-            };
-            unique &= one;
-            for k in 0..self.scene.last.len() {
-                let (t, rest) = (self.t, self.scene.last[k].1);
-                self.stats.accumulations += 1;
-                self.accumulations_push(Accumulation { t: t + rest, until: t, steps: 0, error: 0.0 });
-                self.one_sided = true;
-            }
-            if self.outcome != Outcome::Reached {
-                return Ok(false);
-            }
-        }
-        self.scene.list = list;
-        Ok(unique)
-    }
-
-    /// The contact that closes fastest, relative to the size of its rate, if one closes.
-    fn closing(
-        &mut self,
-        event: Option<(usize, ContactWatch)>,
-    ) -> std::result::Result<Option<(usize, ImpactLaw)>, EvalError> {
-        let all = &self.scene.touching;
-        let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
-            let mut worst = (0.0, None);
-            for &i in all {
-                c.dynamics.load_gap(at, i)?;
-                let rate = c.dynamics.block(i).gap[1];
-                let size = c.sizes[i][3];
-                // rounding of what is held is no collision, a collision however slow is one
-                let open = modes[i][0] == mode::OPEN;
-                let noise = if event == Some((i, ContactWatch::Gap)) { 0.0 } else { AT_REST };
-                let noise = if open { noise.min(64.0 * EPS) } else { AT_REST };
-                if rate < -noise * size && rate / size < worst.0 {
-                    worst = (rate / size, Some(i));
-                }
-            }
-            Ok(worst.1.map(|i| (i, c.dynamics.mechanics.law)))
-        });
-        r.unwrap_or(Ok(None))
-    }
-
-    /// Ends the run where friction or restitution of one of these contacts, which are loaded, is none: they may be expressions
-    /// that are fine at the start and not later.
-    fn check_laws(&mut self, list: &[(usize, Option<f64>)]) {
-        let bad = self.field.scene().and_then(|c| {
-            list.iter().find_map(|&(i, e)| {
-                let (b, name) = (c.dynamics.block(i), &c.dynamics.mechanics.contacts[i].name);
-                let fine = b.friction >= 0.0 && (e.is_some() || (0.0..=1.0).contains(&b.restitution));
-                (!fine).then(|| {
-                    format!(
-                        "contact {name} has friction {} and restitution {} there: friction must not be negative, restitution \
-                         must lie between 0 and 1",
-                        b.friction, b.restitution
-                    )
-                })
-            })
-        });
-        if let Some(text) = bad {
-            self.fail(Outcome::NoContinuation, text);
-        }
-    }
-
-    /// Those of closing contacts whose impacts would go on in ever shorter time, but for nothing that the tolerances see,
-    /// with the time until they end. With the closing speed `w = −e ġ⁻` behind this impact and the acceleration `−a`, the
-    /// flights take `2w/a, 2ew/a, …`: their sum is `2w/(a (1−e))`.
-    fn last_of(&mut self, list: &[(usize, Option<f64>)]) -> std::result::Result<(), EvalError> {
-        let (length, n_z) = (self.usual_step(), self.field.n_z);
-        let (rtol, atol) = (&self.rtol, &self.atol);
-        let SceneRoom { last: out, closed, row, .. } = &mut self.scene;
-        out.clear();
-        let r = self.field.with_contacts(self.t, &self.x, |c, at, modes| {
-            for &(i, _) in list {
-                c.dynamics.load_gap(at, i)?;
-                c.dynamics.load_contact(at, i)?;
-                let (e, rate) = (c.dynamics.block(i).restitution, c.dynamics.block(i).gap[1]);
-                if !(e > 0.0 && e < 1.0 && rate < 0.0) {
-                    continue;
-                }
-                // as it flies: the other contacts as they are
-                closed.clear();
-                for k in (0..modes.len()).filter(|k| *k != i && modes[*k][0] != mode::OPEN) {
-                    closed.push(Closed { contact: k, rests: modes[k][0] == mode::CLOSED });
-                }
-                let sizes = &c.sizes;
-                let loaded = c.is_at(at);
-                let follow = c.dynamics.follow(at, closed, &|k| sizes[k][1], (length, loaded));
-                c.forget();
-                let follow = follow?;
-                let Some(choice) = follow.all.first() else { continue };
-                c.dynamics.begin(choice);
-                c.dynamics.accelerate(at, &choice.modes)?;
-                c.dynamics.load_contact(at, i)?;
-                let a = -c.dynamics.gap_acceleration(i);
-                if a <= 0.0 {
-                    continue;
-                }
-                let w = -e * rate;
-                let rest = 2.0 * w / (a * (1.0 - e));
-                row.clear();
-                row.resize(n_z, 0.0);
-                c.dynamics.gap_gradient(at, i, row)?;
-                let n_q = c.dynamics.mechanics.n_q;
-                let states = at.x[..n_q].iter().enumerate();
-                let tolerance: f64 = states.map(|(k, x)| row[k].abs() * (rtol[k] * x.abs() + atol[k])).sum();
-                if a * rest * rest <= LAST * tolerance.max(EPS * c.sizes[i][0]) {
-                    out.push((i, rest));
-                }
-            }
-            Ok(())
-        });
-        r.unwrap_or(Ok(()))
-    }
-
-    /// One impact of these contacts, without a collision where `kind` says so. Says whether it is unique; none where there is
-    /// no impact.
-    fn strike(
-        &mut self,
-        list: &[(usize, Option<f64>)],
-        kind: ImpactKind,
-        recorded: bool,
-    ) -> std::result::Result<Option<bool>, EvalError> {
-        let mut after = std::mem::take(&mut self.scene.after);
-        after.clone_from(&self.x);
-        let jac = &mut self.reset.jac;
-        let r = self.field.with_contacts(self.t, &self.x, |c, at, _| {
-            let sizes = &c.sizes;
-            let collision = kind != ImpactKind::Painleve;
-            let found = c.dynamics.impact(at, list, collision, &|i, _| sizes[i][3], &mut after)?;
-            if let (Some(impact), true) = (&found, recorded) {
-                c.dynamics.impact_jacobian(at, &after, impact, jac)?;
-            }
-            Ok(found)
-        });
-        let Some(impact) = r.unwrap_or(Ok(None))? else { return Ok(None) };
-        let unique = impact.unique && kind != ImpactKind::Painleve;
-        self.record(&impact.parts, kind, unique && !impact.redundant);
-        self.jump_to(&after, recorded);
-        self.scene.after = after;
-        Ok(Some(unique))
-    }
-
-    /// The state becomes `after` by a reset with the last Jacobian.
-    fn jump_to(&mut self, after: &[f64], recorded: bool) {
-        self.x.copy_from_slice(after);
-        if !recorded {
-            return;
-        }
-        if let Some(s) = &mut self.sens {
-            s.reset_by(&self.reset.jac);
-        }
-        if self.tape.is_some() {
-            self.scene.resets.extend_from_slice(&self.reset.jac);
-        }
-    }
-
-    fn record(&mut self, parts: &[Impulse], kind: ImpactKind, unique: bool) {
-        let largest = |p: &Impulse| p.impulse.iter().fold(0.0f64, |m, v| m.max(v.abs()));
-        let noise = 64.0 * EPS * parts.iter().map(largest).fold(0.0, f64::max);
-        for p in parts.iter().filter(|p| largest(p) > noise.max(p.noise)) {
-            self.stats.impacts += 1;
-            let (depth, tolerance) = self.depth(p.contact, p.rates[0]);
-            // whether there is an impact at all is a matter of the tolerances
-            self.one_sided |= depth < tolerance && kind == ImpactKind::Collision;
-            if self.impacts.len() < self.options.max_log {
-                let dt = self.sens.as_ref().map_or_else(Vec::new, |s| s.dt.clone());
-                let Impulse { contact, rates, impulse, .. } = *p;
-                self.impacts.push(Impact {
-                    t: self.t,
-                    contact,
-                    kind,
-                    rates,
-                    impulse,
-                    depth,
-                    simultaneous: false,
-                    unique,
-                    dt,
-                });
-            }
-        }
-    }
-
-    /// How far the bodies would overlap without an impact of contact `i` that closes at this rate, and what of it the
-    /// tolerances do not see. The velocity is that before.
-    fn depth(&mut self, i: usize, rate: f64) -> (f64, f64) {
-        let rtol = self.rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v));
-        let f = &self.f_before;
-        let found = self.field.with_contacts(self.t, &self.x, |c, at, _| {
-            let known = c.dynamics.load_contact(at, i).is_ok();
-            let a = if known { c.dynamics.gap_acceleration_of(i, f) } else { f64::NAN };
-            (a, rtol * c.sizes[i][0])
-        });
-        let (a, tolerance) = found.unwrap_or((f64::NAN, 0.0));
-        (0.5 * rate * rate / a.abs(), tolerance)
     }
 
     /// Finds the next modes; where no forces continue the motion, by an impact without collision. Says whether they are

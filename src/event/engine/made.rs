@@ -1,0 +1,252 @@
+//! How an engine is made, and how it begins anew.
+
+use super::accumulation::{Recent, MEMORY};
+use super::chatter::Window;
+use super::contact::SceneRoom;
+use super::control::{FirstStep, Pace};
+use super::limit_set::Shrinking;
+use super::{Engine, EPS};
+use crate::dcs::Dcs;
+use crate::error::{finite, Error, Result};
+use crate::event::bernstein::{Sampler, NODES};
+use crate::event::explicit::Pair;
+use crate::event::field::{Apart, Field};
+use crate::event::guard::Reset;
+use crate::event::path::Path;
+use crate::event::radau::Radau;
+use crate::event::sens::Sens;
+use crate::event::step::Step;
+use crate::event::tape::Tape;
+use crate::event::{Ambiguity, Method, Options, Outcome, Statistics};
+use crate::system::System;
+
+impl Engine {
+    /// Prepares the simulation of a system. State, controls and parameters are zero until they are set.
+    pub fn new(system: &System, options: &Options) -> Result<Engine> {
+        let dcs = Dcs::with_modes_on_demand(system)?;
+        let nx = dcs.dims().x;
+        options.validate(nx)?;
+        if system.on_demand().is_some() && (options.sensitivity || options.adjoint) {
+            return Err(Error::Unsupported(
+                "derivatives of simulations whose modes are formed on demand: the model has too many coupled switching functions for \
+                 a list of its modes"
+                    .into(),
+            ));
+        }
+        let mut field = Field::new(&dcs, system);
+        field.selection = options.selection;
+        check_preferred(options, &field)?;
+        let spread = |v: &[f64]| (0..nx).map(|i| v[i % v.len()]).collect::<Vec<f64>>();
+        let (n_q, n_z, n_cells) = (field.q.len(), field.n_z, field.n_cells);
+        let most = n_cells.saturating_sub(field.subs.len());
+        let (rtol, atol) = (spread(&options.rtol), spread(&options.atol));
+        // a relative tolerance near rounding makes nothing of a state count as large
+        field.floor = rtol.iter().zip(&atol).map(|(r, a)| a / r.max(EPS.sqrt())).collect();
+        let finest = rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v));
+        let pair = match options.method {
+            Method::Dp5 => Pair::Dp5,
+            Method::Auto if finest > 1e-5 => Pair::Dp5,
+            _ => Pair::Dop853,
+        };
+        let (n_w, n_dq) = (n_q + n_cells, field.dq.len());
+        let mut sens = options.sensitivity.then(|| Sens::new(nx, n_z, most));
+        if let Some(s) = sens.as_mut().filter(|_| field.guards.all.is_empty() && !field.has_contacts()) {
+            s.use_supports(&field.supports());
+        }
+        Ok(Engine {
+            options: options.clone(),
+            nx,
+            rtol,
+            atol,
+            step: Step::new(nx),
+            step_sets: field.subs.iter().map(|s| Vec::with_capacity(s.cells.len())).collect(),
+            step_implicit: false,
+            dense_ready: false,
+            radau: Radau::new(&field, most)?,
+            pair,
+            next_pair: pair,
+            usual_pair: pair,
+            cut: 0,
+            tried: 0.0,
+            last_weights: vec![f64::NAN; field.subs.len()],
+            implicit: false,
+            stiff: vec![Pace::Unknown; n_cells + 1],
+            stiff_mode: false,
+            stiff_slides: vec![false; field.subs.len()],
+            stiff_steps: 0,
+            stiffness: 0.0,
+            damped: false,
+            mild_steps: 0,
+            sampler: Sampler::new(),
+            samples: vec![[0.0; NODES]; n_w],
+            watches: Vec::with_capacity(n_w),
+            looked: Vec::with_capacity(n_w),
+            wanted: vec![false; field.active.len()],
+            scene: SceneRoom::default(),
+            depart: vec![0; n_w],
+            w0: vec![0.0; n_w],
+            w1: vec![0.0; n_w],
+            suspect: vec![false; n_w],
+            suspects: Vec::with_capacity(n_w),
+            resting: vec![false; n_w],
+            q0: vec![0.0; n_q],
+            q1: vec![0.0; n_q],
+            dq0: vec![0.0; n_dq],
+            dq1: vec![0.0; n_dq],
+            zero: vec![false; n_q],
+            set: Vec::with_capacity(2),
+            apart: Apart::default(),
+            candidates: Vec::new(),
+            before: Vec::new(),
+            arrived: false,
+            known_end: false,
+            weights: vec![0.0; nx],
+            node: vec![0.0; nx],
+            t: 0.0,
+            x: vec![0.0; nx],
+            f: vec![0.0; nx],
+            f_before: vec![0.0; nx],
+            h: 0.0,
+            first_steps: vec![FirstStep::default(); n_cells],
+            entered: None,
+            err_before: 1e-4,
+            coarse: 0.0,
+            clear: 0.0,
+            clears: false,
+            alpha_start: Vec::with_capacity(most),
+            alpha_end: Vec::with_capacity(most),
+            fresh: true,
+            slid: 0,
+            restart: true,
+            shrinking: Shrinking::default(),
+            limits: (f64::NEG_INFINITY, 0),
+            recent: Recent {
+                gaps: [0.0; MEMORY],
+                n: 0,
+                last: 0.0,
+                zero: vec![false; MEMORY * n_q],
+                free: [false; MEMORY],
+                jumps: false,
+            },
+            behind: false,
+            passages: 0,
+            passage_work: 0.0,
+            passage: (f64::NEG_INFINITY, f64::NEG_INFINITY),
+            t_start: 0.0,
+            t_stop: 0.0,
+            window: Window::default(),
+            crowd: 0,
+            burst: (f64::NEG_INFINITY, 0),
+            touched: None,
+            heard: 0,
+            outcome: Outcome::Reached,
+            reason: String::new(),
+            switches: Vec::new(),
+            jumps: Vec::new(),
+            impacts: Vec::new(),
+            phases: Vec::new(),
+            branchings: Vec::new(),
+            contacts: Vec::new(),
+            accumulations: Vec::new(),
+            decider: None,
+            arbiter: None,
+            stats: Statistics::default(),
+            path: options.dense.then(|| Path::new(nx)),
+            sens,
+            tape: options.adjoint.then(Tape::default),
+            discrete: system.discrete_states(),
+            reset: Reset::new(nx, n_z),
+            time_row: vec![0.0; n_z],
+            powers: std::array::from_fn(|_| vec![0.0; nx]),
+            nonzero: Vec::new(),
+            variational: (f64::INFINITY, 0),
+            held_back: 0,
+            one_sided: false,
+            ambiguous: false,
+            interrupt: None,
+            refused: false,
+            field,
+        })
+    }
+
+    /// Sets time and state and clears log, statistics and dense output.
+    pub fn reinit(&mut self, t: f64, x: &[f64]) -> Result<()> {
+        finite("time", &[t], 1)?;
+        finite("state", x, self.nx)?;
+        (self.t, self.t_start) = (t, t);
+        self.x.copy_from_slice(x);
+        for a in &mut self.field.active {
+            a.clear();
+        }
+        self.restart = true;
+        self.h = 0.0;
+        self.first_steps.fill(FirstStep::default());
+        self.entered = None;
+        self.stiff.fill(Pace::Unknown);
+        self.stiff_mode = false;
+        self.stiff_slides.fill(false);
+        (self.next_pair, self.cut) = (self.usual_pair, 0);
+        self.last_weights.fill(f64::NAN);
+        self.recent.n = 0;
+        self.recent.jumps = false;
+        self.shrinking = Shrinking::default();
+        self.limits = (f64::NEG_INFINITY, 0);
+        self.recent.last = t;
+        self.field.guards.reset(x);
+        self.crowd = 0;
+        self.burst = (f64::NEG_INFINITY, 0);
+        self.scene.forget();
+        self.variational = (f64::INFINITY, 0);
+        self.held_back = 0;
+        (self.stiffness, self.damped, self.stiff_steps, self.mild_steps) = (0.0, false, 0, 0);
+        (self.tried, self.coarse, self.clear) = (0.0, 0.0, 0.0);
+        self.behind = false;
+        self.passages = 0;
+        self.passage_work = 0.0;
+        self.passage = (f64::NEG_INFINITY, f64::NEG_INFINITY);
+        self.touched = None;
+        self.outcome = Outcome::Reached;
+        self.reason.clear();
+        self.switches.clear();
+        self.jumps.clear();
+        self.impacts.clear();
+        self.phases.clear();
+        self.branchings.clear();
+        self.contacts.clear();
+        self.accumulations.clear();
+        self.stats = Statistics::default();
+        self.window = Window { t, ..Window::default() };
+        self.field.counts = Default::default();
+        self.radau.newton = 0;
+        self.radau.factorisations = 0;
+        self.dense_ready = false;
+        self.step.h = 0.0;
+        if let Some(p) = &mut self.path {
+            p.clear();
+        }
+        if let Some(s) = &mut self.sens {
+            s.reset();
+        }
+        if let Some(tape) = &mut self.tape {
+            tape.reset(t, &self.field);
+        }
+        self.one_sided = false;
+        self.ambiguous = false;
+        Ok(())
+    }
+}
+
+fn check_preferred(options: &Options, field: &Field) -> Result<()> {
+    let (n, n_sub) = (options.preferred.len(), field.active.len());
+    if n != n_sub && (n > 0 || options.ambiguity == Ambiguity::Prefer) {
+        return Err(Error::Dimension(format!(
+            "preferred has {n} lists of modes: give one for each of the {n_sub} subsystems with more than one mode"
+        )));
+    }
+    for (k, (list, s)) in options.preferred.iter().zip(&field.subs).enumerate() {
+        if let Some(m) = list.iter().find(|m| !s.cells.iter().any(|c| c.mode == **m)) {
+            return Err(Error::Range(format!("preferred holds {m} for subsystem {k}, which has no such mode")));
+        }
+    }
+    Ok(())
+}
