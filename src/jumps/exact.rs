@@ -19,14 +19,17 @@ pub struct Solved {
     pub(super) solver: MpccSolver,
 }
 
-/// When the program of a sequence is given up: most sequences next to a good one have no solution or a worse one, and only saying so
-/// exactly is expensive.
+/// When the program of a sequence is given up, and how much its directions are asked for: most sequences next to a good one have no solution or a
+/// worse one, and only saying so exactly is expensive.
 #[derive(Debug, Clone, Copy)]
 pub(super) struct Limits {
     /// Iterations without half the violation.
     pub(super) patience: usize,
     /// A cost that has to be met, infinite where none has.
     pub(super) cost: f64,
+    /// Do directions solve for the rows by themselves? On fine grids, and where a path constraint holds a contact in its place, rows are next to
+    /// dependent, and of the last of their violation the usual directions leave all.
+    pub(super) exact_rows: bool,
 }
 
 /// How often a motion with bodies that overlap between the points of its program is solved for again, with their gaps held there.
@@ -77,6 +80,9 @@ pub(super) fn solve_sequence(
     t.bounds.validate(t.program.n(), t.program.m())?;
     stop::check_building(t.program.n())?;
     let mut solver = MpccSolver::new(&mut t.program, settings)?;
+    if limits.exact_rows {
+        solver.demand_rows();
+    }
     let (s, largest) = run(&mut solver, &mut t, point, limits, control);
     let track = t.read(p, &s.x, &|_| Vec::new());
     let cost = t.cost(&s.x).unwrap_or(f64::NAN);

@@ -2,20 +2,24 @@
 //!
 //! Controls that are constant on a stage let small errors grow where the motion is unstable: a leg that stands straight up falls by a factor of
 //! thirty in an eighth of a second, and with it the error of the method. An answer whose stages end elsewhere than simulations of them is none of
-//! the control problem. On a finer grid its order of contacts is solved for from its motion, and those next to it, all grids together for no more
-//! than [`SHARE`] of the effort of the search, and never less than one program each. What is found replaces the answer where
-//! simulations of its stages are closer to it; of two that they are as far from the cheaper one is kept.
+//! the control problem. Either the simulations meet contacts that the order of the answer does not have, between two points of its grid: then the
+//! order they have is solved for, from their motion. Or the grid is too coarse: on a finer one, in the stages that are off, the order of the answer
+//! is solved for from its motion, and those next to it, all grids together for no more than [`SHARE`] of the effort of the search, and never
+//! less than one program each. What is found replaces the answer where simulations of its stages are closer to it; of two that they are as far from
+//! the cheaper one is kept.
 
 use super::exact::Solved;
+use super::modes::{Key, Sequence};
 use super::problem::Problem;
 use super::search::{solve_again, Answer, Options};
 use super::simulate::replay_stages;
+use super::track::Track;
 use crate::error::Result;
-use crate::nlp::Control;
+use crate::nlp::{Control, Statistics};
 use crate::stop;
 
-/// How often a grid is refined.
-const ROUNDS: usize = 3;
+/// How often an order or a grid is replaced.
+const ROUNDS: usize = 6;
 /// Effort of all grids, as a share of that of the search before, after which no more orders of contacts are tried.
 const SHARE: f64 = 0.5;
 /// Differences of which one is at most this multiple of the other count as the same: both are of another motion.
@@ -31,47 +35,92 @@ pub struct Refined {
     pub solved: Solved,
     /// Largest difference of a state at the end of a stage that is simulated from the state of the answer at its start.
     pub off: f64,
+    /// The same of every stage.
+    stages: Vec<f64>,
+    /// The motion of these simulations.
+    motion: Track,
 }
 
-/// Refines the grid of an answer until simulations of its stages are within `within` of it, or as far as that has solutions.
+impl Refined {
+    fn new(problem: Problem, (answer, solved): (Answer, Solved), tol: f64) -> Refined {
+        let (stages, motion) = match replay_stages(&problem, &answer, &answer.durations(problem.n_stages()), tol) {
+            Ok(s) => (s.off, s.track),
+            Err(_) => (vec![f64::INFINITY; problem.n_stages()], answer.track.clone()),
+        };
+        let off = stages.iter().fold(0.0, |m: f64, d| m.max(*d));
+        Refined { problem, answer, solved, off, stages, motion }
+    }
+
+    /// Is it to be had rather than another one?
+    fn replaces(&self, other: &Refined, within: f64) -> bool {
+        let closer = self.off <= within || self.off * AS_FAR < other.off;
+        let as_far = self.off <= other.off * AS_FAR;
+        closer || as_far && self.answer.cost < other.answer.cost
+    }
+}
+
+/// What all grids have taken.
+struct Spent {
+    most: usize,
+    effort: usize,
+    stats: Statistics,
+    tried: usize,
+}
+
+/// Refines an answer until simulations of its stages are within `within` of it, or as far as that has solutions.
 ///
 /// # Errors
 /// Those of building programs.
 pub fn refine(
     problem: Problem,
-    (answer, solved): (Answer, Solved),
+    found: (Answer, Solved),
     options: &Options,
     (within, tol): (f64, f64),
     control: &mut Control,
 ) -> Result<Refined> {
-    let off = |p: &Problem, a: &Answer| {
-        let stages = replay_stages(p, a, &a.durations(p.n_stages()), tol);
-        stages.map_or(f64::INFINITY, |d| d.into_iter().fold(0.0, f64::max))
-    };
-    let most = (SHARE * answer.effort as f64) as usize;
-    let mut best = Refined { off: off(&problem, &answer), problem, answer, solved };
+    let mut best = Refined::new(problem, found, tol);
     let freezing = best.answer.freezing.clone();
-    let (mut spent, mut stats, mut tried) = (0, best.answer.stats, best.answer.tried);
+    let most = (SHARE * best.answer.effort as f64) as usize;
+    let mut spent = Spent { most, effort: 0, stats: best.answer.stats, tried: best.answer.tried };
+    let mut asked: Vec<Key> = vec![best.answer.sequence.key()];
     for _ in 0..ROUNDS {
         if best.off <= within || stop::requested().is_some() {
             break;
         }
-        let finer = best.problem.finer()?;
-        let Some((answer, solved)) = solve_again(&finer, &best.answer, options, most.saturating_sub(spent), control)?
-        else {
-            break;
-        };
-        spent += answer.effort;
-        stats.add(&answer.stats);
-        tried += answer.tried;
-        let off = off(&finer, &answer);
-        let closer = off <= within || off * AS_FAR < best.off;
-        let as_far = off <= best.off * AS_FAR;
-        if !(closer || as_far && answer.cost < best.answer.cost) {
-            break;
+        let mut next = None;
+        let simulated = best.motion.sequence(best.problem.n_stages());
+        if !asked.contains(&simulated.key()) {
+            asked.push(simulated.key());
+            let from = (&simulated, &best.motion);
+            next = again(best.problem.clone(), from, options, tol, &mut spent, control)?;
+            next = next.filter(|n| n.replaces(&best, within));
         }
-        best = Refined { problem: finer, answer, solved, off };
+        if next.is_none() {
+            let finer = best.problem.finer(|k| best.stages[k] > within)?;
+            let from = (&best.answer.sequence, &best.answer.track);
+            next = again(finer, from, options, tol, &mut spent, control)?;
+        }
+        let Some(next) = next.filter(|n| n.replaces(&best, within)) else { break };
+        asked.push(next.answer.sequence.key());
+        best = next;
     }
-    (best.answer.stats, best.answer.tried, best.answer.freezing) = (stats, tried, freezing);
+    (best.answer.stats, best.answer.tried, best.answer.freezing) = (spent.stats, spent.tried, freezing);
     Ok(best)
+}
+
+/// Solves for an order on a grid.
+fn again(
+    grid: Problem,
+    from: (&Sequence, &Track),
+    options: &Options,
+    tol: f64,
+    spent: &mut Spent,
+    control: &mut Control,
+) -> Result<Option<Refined>> {
+    let left = spent.most.saturating_sub(spent.effort);
+    let Some((answer, solved)) = solve_again(&grid, from, options, left, control)? else { return Ok(None) };
+    spent.effort += answer.effort;
+    spent.stats.add(&answer.stats);
+    spent.tried += answer.tried;
+    Ok(Some(Refined::new(grid, (answer, solved), tol)))
 }

@@ -52,6 +52,9 @@ pub(super) fn of_values(f: &SharedFunction, at: &Point, sizes: &[f64]) -> Vec<f6
     out
 }
 
+/// Share of the size that is known of a state below which it is zero but for the rounding of a program.
+const ROUNDING: f64 = 1e-12;
+
 /// Sizes of the states of a motion: their largest moduli, and of those that are zero all the time the sizes that are known without it.
 pub(super) fn of_motion(p: &Problem, x0: &[f64], pieces: &[Piece]) -> Vec<f64> {
     let mut sizes = vec![0f64; x0.len()];
@@ -60,7 +63,8 @@ pub(super) fn of_motion(p: &Problem, x0: &[f64], pieces: &[Piece]) -> Vec<f64> {
         sizes.iter_mut().zip(x).for_each(|(size, v)| *size = size.max(v.abs()));
     }
     let known = of_states(p, x0, None);
-    sizes.iter_mut().zip(known).filter(|(size, _)| **size == 0.0).for_each(|(size, known)| *size = known);
+    let is_zero = |(size, known): &(&mut f64, f64)| **size <= ROUNDING * known;
+    sizes.iter_mut().zip(known).filter(is_zero).for_each(|(size, known)| *size = known);
     sizes
 }
 

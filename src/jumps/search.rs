@@ -262,21 +262,21 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     Ok((best, solved))
 }
 
-/// Solves for the order of contacts of an answer on another grid of the same control stages, from its motion, and for those next to it as long as
+/// Solves for an order of contacts on another grid of the same control stages, from a motion that has it, and for those next to it as long as
 /// the effort (iterations times variables) is less than `most`; no answer where the order has no solution there.
 ///
 /// # Errors
 /// Those of building programs.
 pub(super) fn solve_again(
     p: &Problem,
-    last: &Answer,
+    (sequence, motion): (&Sequence, &Track),
     options: &Options,
     most: usize,
     control: &mut Control,
 ) -> Result<Option<(Answer, Solved)>> {
     let clock = Instant::now();
-    let mut s = Search { most_effort: most, ..Search::new(p, options) };
-    s.attempt(&last.sequence, &last.track, NEAR_ITERATIONS, control)?;
+    let mut s = Search { most_effort: most, refines: true, ..Search::new(p, options) };
+    s.attempt(sequence, motion, NEAR_ITERATIONS, control)?;
     if s.is_solved() {
         s.improve(Reach::Local, options.search, control)?;
     }
@@ -382,6 +382,8 @@ struct Search<'a> {
     /// Iterations times variables so far, and with how many of them no more sequences are tried.
     effort: usize,
     most_effort: usize,
+    /// Is an answer that is known solved for on another grid?
+    refines: bool,
     /// What is known of the simulation of the guess.
     seen: Seen,
     /// What stood for the contacts when time-freezing was asked last.
@@ -423,6 +425,7 @@ impl<'a> Search<'a> {
             again: false,
             effort: 0,
             most_effort: usize::MAX,
+            refines: false,
             seen: Seen::Nothing,
             freezing: None,
         }
@@ -620,7 +623,8 @@ impl<'a> Search<'a> {
             ..self.options.solver
         };
         let best = self.best.as_ref().filter(|b| b.0.is_solved());
-        let limits = Limits { patience, cost: best.map_or(f64::INFINITY, |b| b.0.cost) };
+        let cost = best.map_or(f64::INFINITY, |b| b.0.cost);
+        let limits = Limits { patience, cost, exact_rows: false };
         let (mut answer, mut solved) =
             solve_sequence(self.p, sequence, guess, &Held::default(), point, settings, limits, control)?;
         self.note(answer.dimensions, &answer.stats);
@@ -635,7 +639,7 @@ impl<'a> Search<'a> {
                 ..self.options.solver
             };
             let last = answer.point.clone();
-            let limits = Limits { patience: ITERATIONS, ..limits };
+            let limits = Limits { patience: ITERATIONS, exact_rows: self.refines, ..limits };
             let again =
                 solve_sequence(self.p, sequence, guess, &Held::default(), Some(&last), settings, limits, control)?;
             self.note(again.0.dimensions, &again.0.stats);

@@ -102,16 +102,7 @@ impl Simulated {
         let mut pieces = Vec::new();
         for k in 0..n_stages {
             let Some((&a, &b)) = self.times.get(k).zip(self.times.get(k + 1)) else { break };
-            let mut cuts = vec![a];
-            let inside = |t: f64| t > a + SHORT * (b - a) && t < b - SHORT * (b - a);
-            cuts.extend(self.run.phases.iter().map(|p| p.t).filter(|&t| inside(t)));
-            cuts.extend(self.run.impacts.iter().map(|i| i.t).filter(|&t| inside(t)));
-            cuts.push(b);
-            cuts.sort_by(f64::total_cmp);
-            cuts.dedup_by(|a, b| (*a - *b).abs() <= SHORT * durations[k]);
-            for w in cuts.windows(2) {
-                pieces.push(self.piece(p, controls, k, w[0], w[1])?);
-            }
+            pieces.extend(self.stage(p, controls, k, [a, b])?);
         }
         self.rest(p, &mut pieces, durations);
         Ok(Track {
@@ -121,6 +112,18 @@ impl Simulated {
             controls: controls.to_vec(),
             free: Vec::new(),
         })
+    }
+
+    /// The motion from `a` to `b`, which are the ends of control stage `k`, piece by piece.
+    fn stage(&self, p: &Problem, controls: &[f64], k: usize, [a, b]: [f64; 2]) -> Result<Vec<Piece>> {
+        let mut cuts = vec![a];
+        let inside = |t: f64| t > a + SHORT * (b - a) && t < b - SHORT * (b - a);
+        cuts.extend(self.run.phases.iter().map(|p| p.t).filter(|&t| inside(t)));
+        cuts.extend(self.run.impacts.iter().map(|i| i.t).filter(|&t| inside(t)));
+        cuts.push(b);
+        cuts.sort_by(f64::total_cmp);
+        cuts.dedup_by(|s, t| (*s - *t).abs() <= SHORT * (b - a));
+        cuts.windows(2).map(|w| self.piece(p, controls, k, w[0], w[1])).collect()
     }
 
     fn piece(&self, p: &Problem, controls: &[f64], stage: usize, a: f64, b: f64) -> Result<Piece> {
@@ -302,33 +305,53 @@ fn off_at_end(a: &super::Answer, k: usize, x: &[f64]) -> Option<f64> {
     Some(behind.map_or(f64::INFINITY, |q| from(&q.x0)).min(from(&last.xs[last.xs.len() - x.len()..])))
 }
 
-/// Largest difference of a state at the end of each control stage where its simulation begins at the state of the answer there; infinite where
-/// it does not reach the end. Differences of a whole replay grow with the motion, and where that is unstable they say nothing of the answer.
-pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Result<Vec<f64>> {
+/// What becomes of an answer whose control stages are simulated one by one, each from the state of the answer at its start. Differences of a whole
+/// replay grow with the motion, and where that is unstable they say nothing of the answer.
+pub(super) struct Stages {
+    /// Largest difference of a state at the end of every stage; infinite where a simulation does not reach it.
+    pub(super) off: Vec<f64>,
+    /// The motion: that of the simulations, and of the answer where they do not reach the end of a stage.
+    pub(super) track: Track,
+}
+
+/// Simulates the control stages of an answer one by one.
+pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Result<Stages> {
     let g = &p.given;
     let given = with_free_parameters(p, a);
-    let atol = scales::of_motion(p, &a.x0, &a.track.pieces).iter().map(|s| tol * s).collect();
-    let mut engine = Engine::new(&g.system, &Options { atol, ..Options::with_tolerance(tol, tol) })?;
-    let (mut t, mut out) = (g.t0, Vec::with_capacity(durations.len()));
+    let atol: Vec<f64> = scales::of_motion(p, &a.x0, &a.track.pieces).iter().map(|s| tol * s).collect();
+    let options = Options { atol, dense: true, ..Options::with_tolerance(tol, tol) };
+    let (mut t, mut off, mut pieces) = (g.t0, Vec::with_capacity(durations.len()), Vec::new());
     for (k, d) in durations.iter().enumerate() {
-        let mut of_stage = a.track.pieces.iter().filter(|q| q.stage == k);
-        let Some(first) = of_stage.next() else { break };
+        let own: Vec<Piece> = a.track.pieces.iter().filter(|q| q.stage == k).cloned().collect();
+        let Some(first) = own.first() else { break };
         let (params, controls) = (&given[k * g.wide.p..][..g.dims.p], &a.controls()[k * g.wide.u..][..g.dims.u]);
         let start = t;
         t += d;
-        let mut simulate = || {
+        let simulate = || -> Result<Option<Simulated>> {
+            let mut engine = Engine::new(&g.system, &options)?;
             engine.reinit(start, &first.x0)?;
             engine.set_params(params)?;
             engine.set_controls(controls)?;
-            engine.advance(t.max(engine.time()))
+            let reached = engine.advance(t.max(engine.time()))? == Outcome::Reached;
+            let run = engine.into_run();
+            Ok(reached.then(|| Simulated { times: vec![start, t], states: Vec::new(), run }))
         };
-        let reached = match simulate() {
+        let run = match simulate() {
             Err(e @ (Error::Interrupted | Error::OutOfTime)) => return Err(e),
-            outcome => matches!(outcome, Ok(Outcome::Reached)),
+            run => run.unwrap_or(None),
         };
-        out.push(off_at_end(a, k, engine.state()).filter(|_| reached).unwrap_or(f64::INFINITY));
+        off.push(run.as_ref().and_then(|r| off_at_end(a, k, &r.run.x)).unwrap_or(f64::INFINITY));
+        match run.and_then(|r| r.stage(p, a.controls(), k, [start, t]).ok()) {
+            Some(mut simulated) => {
+                // the simulation begins behind the impact
+                simulated[0].jump.clone_from(&first.jump);
+                simulated[0].impulses.clone_from(&first.impulses);
+                pieces.extend(simulated);
+            }
+            None => pieces.extend(own),
+        }
     }
-    Ok(out)
+    Ok(Stages { off, track: Track { pieces, ..a.track.clone() } })
 }
 
 /// The first contact, and the time, at which no forces continue the motion under given controls (Painlevé): friction and normal force contradict

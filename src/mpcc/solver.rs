@@ -172,6 +172,12 @@ impl MpccSolver {
         })
     }
 
+    /// From now on directions solve for the rows by themselves, however small their violation is beside the gradient: for points of rows next to
+    /// dependent, whose violation the usual directions have left as it was.
+    pub fn demand_rows(&mut self) {
+        self.exact_rows = true;
+    }
+
     /// Structure and work of the factorisations since the solver was made.
     pub fn linear_statistics(&self) -> LinearStats {
         self.ipm.linear_statistics()
@@ -249,9 +255,9 @@ impl MpccSolver {
             if !p.is_discretised() {
                 if self.has_others() {
                     // where the usual path ended without an answer its directions may have left the violations as they were
-                    self.exact_rows = true;
+                    let demanded = std::mem::replace(&mut self.exact_rows, true);
                     self.go_on(p, bounds, x0, (interior, centre), control, proposer);
-                    self.exact_rows = false;
+                    self.exact_rows = demanded;
                 }
                 self.settle_for_relaxed();
                 self.find_least_violation(p, bounds, x0, control, proposer);

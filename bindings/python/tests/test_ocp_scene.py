@@ -116,6 +116,22 @@ def test_an_unstable_motion_is_called_so():
     assert r.accuracy.terminal > 1e3 and r.optimality.verdict == "local_optimum"
 
 
+def test_grids_are_refined_in_the_stages_that_ask_for_it():
+    """A drag that is steep where the sledge is at rest: at its start and at its end. The floor holds it to rounding, which is no overlap."""
+    s = swb.Scene("x y", u="f", name="sledge")
+    (x, y), v = s.q, s.v
+    s.force([s.u[0] - 2 * v[0] / swb.sqrt(v[0] ** 2 + 1e-3), -G])
+    s.contact("floor", gap=y)
+    ocp = swb.Ocp(s, 2.0, 10, n_s=2, n_fe=1, initial_state=[0, 0, 0, 0], control_bounds=(-30, 30))
+    ocp.set_lagrange(s.function(s.u[0] ** 2))
+    ocp.add_terminal(s.function([x, v[0]]), [1, 0], [1, 0])
+    r = ocp.solve()
+    assert r.success and r.message == ""
+    assert r.accuracy.terminal < 1e-5
+    elements = np.histogram(r.trajectory.times[:-1], np.linspace(0, 2, 11) - 1e-9)[0]
+    assert elements.max() >= 4 and elements.min() == 1, elements
+
+
 def test_friction_that_contradicts_the_normal_force_is_named():
     s = swb.Scene("x y th", u="f", name="rod")
     x, y, th = s.q
