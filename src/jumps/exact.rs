@@ -137,6 +137,7 @@ pub(super) fn solve_sequence(
         missed: None,
         blame: None,
         paradox: None,
+        changes: Vec::new(),
         effort: 0,
         freezing: None,
         point: [s.x, s.y, s.z],

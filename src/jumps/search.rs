@@ -11,8 +11,8 @@ use super::modal::{self, Held};
 use super::modes::{ContactMode, Event, Key, Sequence};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
-use super::shots::{cheaper, missed, Missed};
-use super::simulate::paradox;
+use super::shots::{cheaper, missed, simulation, Missed};
+use super::simulate::met;
 use super::track::Track;
 use super::transcribe::Broken;
 use crate::error::{Error, Result};
@@ -69,6 +69,17 @@ pub struct Options {
     pub warm: Option<Answer>,
 }
 
+/// A contact whose friction and normal force contradict each other in a simulation (Painlevé).
+#[derive(Debug, Clone, Copy)]
+pub struct Paradox {
+    /// The contact.
+    pub contact: usize,
+    /// The time.
+    pub t: f64,
+    /// Is it met under the guessed controls, or under those of the closest try?
+    pub of_guess: bool,
+}
+
 /// What a search found.
 #[derive(Debug, Clone)]
 pub struct Answer {
@@ -120,8 +131,10 @@ pub struct Answer {
     pub missed: Option<Missed>,
     /// What of a contact keeps it from a solution, where that is known.
     pub blame: Option<Blame>,
-    /// The contact at which no forces continue the simulation of the guess (Painlevé), and the time; looked for where there is no solution.
-    pub paradox: Option<(usize, f64)>,
+    /// Where no forces continue a simulation; looked for where there is no solution.
+    pub paradox: Option<Paradox>,
+    /// Impacts and changes of modes that a simulation of its controls has in every control stage, of a point that is no solution.
+    pub changes: Vec<usize>,
     /// Iterations times variables of all programs.
     pub(super) effort: usize,
     /// What stood for the contacts in numerical time, if time-freezing was asked.
@@ -252,12 +265,17 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     let (mut best, solved) =
         s.into_answer(clock).ok_or_else(|| Error::Internal("a search without an answer".into()))?;
     best.blame = blame;
-    best.missed = if best.is_solved() || stop::requested().is_some() { None } else { missed(p, options, &best) };
-    if !best.is_solved() && (0..p.n_contacts()).any(|c| p.has_friction(c)) {
-        best.paradox = match seen {
+    if !best.is_solved() {
+        let closest = if stop::requested().is_none() { simulation(p, options, &best) } else { None };
+        best.missed = closest.as_ref().and_then(|s| missed(p, options, &best, s));
+        best.changes = closest.as_ref().map_or_else(Vec::new, |s| s.met().changes);
+        let guess = match seen {
             Seen::Simulated(paradox) => paradox,
-            Seen::Nothing => paradox(p, &options.x0, &options.controls, &p.given.durations).ok().flatten(),
+            Seen::Nothing => met(p, &options.x0, &options.controls, &p.given.durations).ok().and_then(|m| m.paradox),
         };
+        let guessed = guess.map(|(contact, t)| Paradox { contact, t, of_guess: true });
+        let of_closest = |(contact, t)| Paradox { contact, t, of_guess: false };
+        best.paradox = guessed.or_else(|| closest.and_then(|s| s.paradox()).map(of_closest));
     }
     Ok((best, solved))
 }

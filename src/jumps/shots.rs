@@ -670,12 +670,17 @@ pub enum Of {
     State(usize),
 }
 
+/// A simulation of the controls of an answer that is no solution.
+pub(super) fn simulation(p: &Problem, o: &Options, a: &Answer) -> Option<Simulated> {
+    let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
+    simulate_with(p, Filled::of_answer(p, a).inputs(), Effort { sizes: &sizes, ..EFFORT }).ok()
+}
+
 /// What the controls of an answer miss most in a simulation, as a share of the size that states of their sizes give a constraint; nothing
 /// where a simulation meets all constraints or does not reach the end.
-pub(super) fn missed(p: &Problem, o: &Options, a: &Answer) -> Option<Missed> {
+pub(super) fn missed(p: &Problem, o: &Options, a: &Answer, s: &Simulated) -> Option<Missed> {
     let f = Filled::of_answer(p, a);
     let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
-    let s = simulate_with(p, f.inputs(), Effort { sizes: &sizes, ..EFFORT }).ok()?;
     (s.times.len() == p.n_stages() + 1).then_some(())?;
     let mut worst: Option<(f64, Missed)> = None;
     let mut note = |of: Of, value: f64, [l, u]: [f64; 2], size: f64| {

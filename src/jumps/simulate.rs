@@ -96,6 +96,16 @@ impl Simulated {
         self.run.impacts.iter().find(|i| i.kind == ImpactKind::Painleve).map(|i| (i.contact, i.t))
     }
 
+    /// What it meets; an impact with the change of modes behind it is one change.
+    pub(super) fn met(&self) -> Met {
+        let changed = self.run.phases.windows(2).filter(|w| w[0].modes != w[1].modes).map(|w| w[1].t);
+        let mut times: Vec<f64> = changed.chain(self.run.impacts.iter().map(|i| i.t)).collect();
+        times.sort_by(f64::total_cmp);
+        times.dedup();
+        let within = |w: &[f64]| times.iter().filter(|&&t| w[0] < t && t <= w[1]).count();
+        Met { paradox: self.paradox(), changes: self.times.windows(2).map(within).collect() }
+    }
+
     /// The motion piece by piece; what was not reached is the last state at rest.
     pub(super) fn track(&self, p: &Problem, controls: &[f64], durations: &[f64]) -> Result<Track> {
         let n_stages = durations.len();
@@ -354,10 +364,18 @@ pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], t
     Ok(Stages { off, track: Track { pieces, ..a.track.clone() } })
 }
 
-/// The first contact, and the time, at which no forces continue the motion under given controls (Painlevé): friction and normal force contradict
-/// each other, and sliding stops by an impact without collision. Programs of contact modes do not have that.
-pub fn paradox(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Option<(usize, f64)>> {
-    Ok(simulate(p, x0, controls, durations)?.paradox())
+/// What a simulation of given controls meets.
+pub struct Met {
+    /// The first contact, and the time, at which no forces continue the motion (Painlevé): friction and normal force contradict each other, and
+    /// sliding stops by an impact without collision. Programs of contact modes do not have that.
+    pub paradox: Option<(usize, f64)>,
+    /// Impacts and changes of contact modes in every control stage that was reached.
+    pub changes: Vec<usize>,
+}
+
+/// Simulates controls from an initial state.
+pub fn met(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Met> {
+    Ok(simulate(p, x0, controls, durations)?.met())
 }
 
 /// Parameters of all stages, those that are variables as the answer has them.

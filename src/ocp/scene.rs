@@ -91,9 +91,15 @@ impl Ocp {
             }
             result.optimality = Some(self.scene_optimality(&last.answer, followed));
             self.scene.last = Some(last);
-        } else if let Some((contact, t)) = last.answer.paradox {
-            let what = no_forces(&last.problem, contact, t);
-            result.message = format!("under the guessed controls {what}; {}", result.message);
+        } else {
+            if let Some(paradox) = last.answer.paradox {
+                let what = no_forces(&last.problem, paradox.contact, paradox.t);
+                let whose = if paradox.of_guess { "guessed controls" } else { "controls of the closest try" };
+                result.message = format!("under the {whose} {what}; {}", result.message);
+            }
+            if let (Jumps::FesdJ, Some(more)) = (self.scene.method, too_few(&last.answer.changes)) {
+                result.message.push_str(&more);
+            }
         }
         result.time_build = time_build;
         Ok(result)
@@ -109,9 +115,15 @@ impl Ocp {
         if off <= OFF_IN_A_STAGE * largest_state(p, a) {
             return Some((unstable(off), true));
         }
-        let found = jumps::paradox(p, &a.x0, a.controls(), &result.durations).ok().flatten();
-        let contradiction = |(contact, t)| format!("under its controls {}", no_forces(p, contact, t));
-        Some((found.map_or_else(|| NOT_FOLLOWED.into(), contradiction), false))
+        let met = jumps::met(p, &a.x0, a.controls(), &result.durations).ok();
+        let text = match met.as_ref().and_then(|m| m.paradox) {
+            Some((contact, t)) => format!("under its controls {}", no_forces(p, contact, t)),
+            None => {
+                let changes = met.map_or_else(Vec::new, |m| m.changes);
+                not_followed(last, result, &changes)
+            }
+        };
+        Some((text, false))
     }
 
     /// The result of an answer, with a simulation of its controls.
@@ -378,10 +390,36 @@ impl Ocp {
 const OVERLAP: f64 = 1e-9;
 /// Share of the largest state of a motion by which its simulation may be off.
 const OFF: f64 = 1e-2;
-/// What is said of an answer that its simulation leaves.
-const NOT_FOLLOWED: &str =
-    "a simulation of the controls leaves the motion of the answer: more elements of a control stage, or more \
-                            stages, follow its contacts more accurately (see accuracy)";
+/// What is said of an answer that its simulation leaves, which has as many changes of contacts in every control stage: where that is, and what there is
+/// of both.
+fn not_followed(last: &Last, result: &OcpResult, changes: &[usize]) -> String {
+    let largest = largest_state(&last.problem, &last.answer);
+    let stages = result.accuracy.iter().flat_map(|a| &a.stages);
+    let first = stages.enumerate().find(|(_, d)| d.is_nan() || **d > OFF * largest).map(|(k, _)| k);
+    let place = first.and_then(|k| Some((k, *changes.get(k)?))).map_or_else(String::new, |(k, met)| {
+        let own = last.answer.sequence.stages[k].len() - 1;
+        let elements = last.problem.given().n_fe[k];
+        format!(
+            " in control stage {k}, where it has {met} contact changes and the answer {own} inside of the stage, on {elements} elements"
+        )
+    });
+    format!(
+        "a simulation of the controls leaves the motion of the answer{place}: more elements of a control stage, or more stages, follow its \
+         contacts more accurately (see accuracy)"
+    )
+}
+
+/// What is said where finite elements with a given number in a control stage have no room for the contact changes that a simulation has.
+fn too_few(changes: &[usize]) -> Option<String> {
+    let (stage, most) = changes.iter().enumerate().max_by_key(|c| (c.1, std::cmp::Reverse(c.0)))?;
+    (*most >= ELEMENTS).then(|| {
+        format!(
+            "; a simulation of its controls has {most} contact changes in control stage {stage}, and this search has {ELEMENTS} elements in a \
+             stage, with room for {}: more stages have more, and so has the default search",
+            ELEMENTS - 1
+        )
+    })
+}
 
 /// Share of the largest state of a motion by which the simulation of a single control stage may be off, where that of all of them is further off.
 const OFF_IN_A_STAGE: f64 = 1e-4;
