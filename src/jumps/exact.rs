@@ -281,7 +281,7 @@ impl Prospects {
             self.since += if stationary { STATIONARY } else { 1 };
         }
         let idle = i.alpha_pr > WHOLE_STEP && i.inf_pr > self.tolerance && i.mu <= SMALL_BARRIER;
-        let idle = idle && (i.inf_pr - self.last).abs() <= FALLS * self.last;
+        let idle = idle && self.last.is_finite() && (i.inf_pr - self.last).abs() <= FALLS * self.last;
         self.stationary = if idle { self.stationary + 1 } else { 0 };
         self.last = i.inf_pr;
         let far = self.since > self.limits.patience && self.least > CLOSE;
@@ -301,5 +301,40 @@ impl Prospects {
         self.seen += 1;
         let missing = i.objective - self.limits.cost;
         self.seen > WINDOW && missing > 0.0 && before - i.objective < FALL * missing
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{Limits, Prospects, CONTRADICTED};
+    use crate::nlp::IterationInfo;
+
+    /// The iterations after which a program is given up whose violation is `of(k)` at iteration `k`, all of them behind steps of length
+    /// `alpha` and at the barrier parameter `mu`; at most `most`.
+    fn given_up_after(of: impl Fn(usize) -> f64, (alpha, mu): (f64, f64), most: usize) -> usize {
+        let mut p = Prospects::new(Limits { patience: 1000, cost: f64::INFINITY, exact_rows: false }, 1e-9);
+        let info = |k: usize| IterationInfo {
+            iter: k,
+            inf_pr: of(k),
+            alpha_pr: alpha,
+            mu,
+            trials: 1,
+            phase: b' ',
+            ..Default::default()
+        };
+        (0..most).find(|&k| p.are_over(&info(k))).unwrap_or(most)
+    }
+
+    #[test]
+    fn rows_that_whole_steps_leave_as_they_are_contradict_each_other() {
+        let stays = |_: usize| 1e-7;
+        // the first iteration has no step that could have left it
+        assert_eq!(given_up_after(stays, (1.0, 1e-8), 40), CONTRADICTED);
+        // steps that are cut say nothing, nor do those at a large barrier
+        assert_eq!(given_up_after(stays, (0.9, 1e-8), 40), 40);
+        assert_eq!(given_up_after(stays, (1.0, 1e-2), 40), 40);
+        // a fall by a tenth in every fourth step is a fall, and what is below the tolerance is a solution
+        assert_eq!(given_up_after(|k| 1e-7 * 0.9f64.powi((k / 4) as i32), (1.0, 1e-8), 40), 40);
+        assert_eq!(given_up_after(|_| 1e-10, (1.0, 1e-8), 40), 40);
     }
 }

@@ -842,14 +842,34 @@ impl<'a> Search<'a> {
 fn is_better(a: &Answer, b: &Answer, largest: f64) -> bool {
     match (a.is_solved(), b.is_solved()) {
         (true, true) => {
-            let gain = (GAIN * b.cost.abs()).max(f64::EPSILON * largest);
             let simpler = a.vanishing.is_empty() && !b.vanishing.is_empty();
-            a.cost < b.cost - gain || (simpler && a.cost <= b.cost + gain)
+            is_cheaper(a.cost, b.cost, largest) || (simpler && !is_cheaper(b.cost, a.cost, largest))
         }
         (false, false) if a.violation.max(b.violation) < NEARLY && (a.cost - b.cost).abs() > GAIN * b.cost.abs() => {
             a.cost < b.cost
         }
         (false, false) => a.violation < b.violation,
         (now, _) => now,
+    }
+}
+
+/// Is a cost lower than another one by more than counts? Costs have the rounding of the largest on the way to them: those of motions that end at
+/// zero are differences of that.
+fn is_cheaper(a: f64, b: f64, largest: f64) -> bool {
+    a < b - (GAIN * b.abs()).max(f64::EPSILON * largest)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_cheaper;
+
+    #[test]
+    fn costs_at_zero_have_the_rounding_of_those_on_the_way() {
+        // 1e-17 is none the worse than 1e-20 where costs of 3 were seen, and is where none above 1e-12 was
+        assert!(!is_cheaper(1e-20, 1e-17, 3.0) && !is_cheaper(-1e-17, 1e-17, 3.0));
+        assert!(is_cheaper(1e-20, 1e-17, 1e-12) && !is_cheaper(1e-17, 1e-20, 1e-12));
+        // costs away from zero by a share of their own
+        assert!(is_cheaper(1.0 - 1e-8, 1.0, 3.0) && !is_cheaper(1.0 - 1e-10, 1.0, 3.0));
+        assert!(is_cheaper(-1.0 - 1e-8, -1.0, 3.0) && !is_cheaper(f64::NAN, 1.0, 3.0));
     }
 }
