@@ -283,21 +283,16 @@ fn stewart(s: &Subsystem) -> Stewart {
 fn expand(row: &[i8]) -> Vec<Vec<f64>> {
     let mut out = vec![Vec::with_capacity(row.len())];
     for &s in row {
-        let choices: &[f64] = match s {
-            0 => &[1.0, -1.0],
-            1 => &[1.0],
-            _ => &[-1.0],
+        if s != 0 {
+            out.iter_mut().for_each(|v| v.push(f64::from(s.signum())));
+            continue;
+        }
+        let with = |mut v: Vec<f64>, sign: f64| {
+            v.reserve_exact(row.len() - v.len());
+            v.push(sign);
+            v
         };
-        out = out
-            .into_iter()
-            .flat_map(|prefix| {
-                choices.iter().map(move |&c| {
-                    let mut v = prefix.clone();
-                    v.push(c);
-                    v
-                })
-            })
-            .collect();
+        out = out.into_iter().flat_map(|v| [with(v.clone(), 1.0), with(v, -1.0)]).collect();
     }
     out
 }

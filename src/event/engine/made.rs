@@ -97,6 +97,7 @@ impl Engine {
             set: Vec::with_capacity(2),
             apart: Apart::default(),
             candidates: Vec::new(),
+            ruled_out: vec![0; n_cells],
             before: Vec::new(),
             arrived: false,
             known_end: false,

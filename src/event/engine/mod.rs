@@ -128,6 +128,8 @@ pub struct Engine {
     /// Memory for decisions, for candidates, for active sets.
     apart: Apart,
     candidates: Vec<Vec<usize>>,
+    /// Of every cell the function whose sign excluded it last.
+    ruled_out: Vec<usize>,
     before: Vec<Vec<usize>>,
     /// The velocity is that at the present point under the active set before a switch.
     arrived: bool,

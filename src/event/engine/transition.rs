@@ -177,6 +177,7 @@ impl Engine {
     /// Cells that may be active next to the present point, by the signs of the indicators that are not zero.
     pub(super) fn candidates(&mut self) -> Vec<Vec<usize>> {
         let mut all = std::mem::take(&mut self.candidates);
+        let mut ruled_out = std::mem::take(&mut self.ruled_out);
         all.resize(self.field.active.len(), Vec::new());
         for ((s, set), c) in self.field.subs.iter().zip(&self.field.active).zip(&mut all) {
             c.clear();
@@ -194,7 +195,17 @@ impl Engine {
             } else if s.signs {
                 let fits = |cell: &usize| {
                     let w = &s.cells[*cell].weights;
-                    (0..s.n_q).all(|j| self.zero[s.q0 + j] || w[j] * self.field.q[s.q0 + j] <= 0.0)
+                    let agrees = |j: &usize| self.zero[s.q0 + j] || w[*j] * self.field.q[s.q0 + j] <= 0.0;
+                    // what excluded a cell the last time mostly does so again
+                    let last = &mut ruled_out[s.first + cell];
+                    if *last < s.n_q && !agrees(last) {
+                        return false;
+                    }
+                    match (0..s.n_q).find(|j| !agrees(j)) {
+                        Some(j) => *last = j,
+                        None => return true,
+                    }
+                    false
                 };
                 c.extend((0..s.cells.len()).filter(fits).map(|c| s.first + c));
             } else {
@@ -211,6 +222,7 @@ impl Engine {
                 c.truncate(1);
             }
         }
+        self.ruled_out = ruled_out;
         all
     }
 
