@@ -525,6 +525,8 @@ impl Ocp {
         let starts = std::iter::once(r.controls.clone()).chain(sides.map(|d| self.moved(&r.controls, &d, LONG)));
         // what the answer costs in a simulation, where that is one of the answer
         let mut own = None;
+        // the least that a descent ended at whose mode program has no answer
+        let mut without = f64::INFINITY;
         for (i, controls) in starts.enumerate() {
             let Some(best) = found.best.as_mut().filter(|_| stop::requested().is_none()) else { break };
             let descent = match self.descend(best, &known, &controls)? {
@@ -541,6 +543,10 @@ impl Ocp {
             if own.is_some_and(|own| !descent.betters(own)) {
                 continue;
             }
+            // from several sides descents end at the same place
+            if descent.cost > without - SAME * without.abs() {
+                continue;
+            }
             let moved = descent.moved;
             let Some(traced) = self.trace_through(&moved, &request.options)? else { continue };
             for elements in [1, FINER[0], FINER[1]] {
@@ -551,7 +557,12 @@ impl Ocp {
                 let mut one = self.solve_traced(&moved, (&traced, room), &known, &inside, control)?;
                 let Some(next) = one.result.as_ref() else { continue };
                 found.add(next);
-                if next.is_exact() && worth(&mut one, request)? < now - GAIN * now.abs() {
+                if !next.is_exact() {
+                    // a finer grid is for answers that simulations do not confirm
+                    without = without.min(descent.cost);
+                    break;
+                }
+                if worth(&mut one, request)? < now - GAIN * now.abs() {
                     found.replace(one, request)?;
                     return Ok(true);
                 }
