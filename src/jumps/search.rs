@@ -20,7 +20,7 @@ use crate::freezing::Report;
 use crate::func::Point;
 use crate::mpcc::{Certificate, MpccSettings};
 use crate::nlp::{Control, Outcome, Residuals, Statistics};
-use crate::stop;
+use crate::stop::{self, Why};
 
 /// How contact modes are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -458,9 +458,14 @@ impl<'a> Search<'a> {
     fn into_answer(self, clock: Instant) -> Option<(Answer, Solved)> {
         let settled = self.is_settled();
         let (mut best, solved) = self.best?;
-        if best.outcome == Outcome::MaxIter && best.stats.iterations < self.options.solver.max_iter {
-            // the search is at its end, and no limit of the caller's has ended it
-            best.outcome = Outcome::Stalled;
+        if !best.is_solved() {
+            best.outcome = match (stop::requested(), best.outcome) {
+                (Some(Why::OutOfTime), _) => Outcome::MaxTime,
+                (Some(Why::Interrupted), _) => Outcome::Stopped,
+                // the search is at its end, and no limit of the caller's has ended it
+                (_, Outcome::MaxIter) if best.stats.iterations < self.options.solver.max_iter => Outcome::Stalled,
+                (_, outcome) => outcome,
+            };
         }
         best.stats = self.spent;
         best.stats.time_total = clock.elapsed().as_secs_f64();

@@ -361,6 +361,7 @@ impl Ocp {
             }
             None => String::new(),
         };
+        let time = if a.outcome == Outcome::MaxTime { "the time (max_time) is over: " } else { "" };
         match a.outcome {
             Outcome::Solved if a.vanishing.is_empty() => String::new(),
             Outcome::Solved => {
@@ -370,8 +371,8 @@ impl Ocp {
                      stage, or one less"
                 )
             }
-            Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter => format!(
-                "{why}no motion was found that meets all constraints, after {} orders of contacts; the one closest to it violates \
+            Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter | Outcome::MaxTime => format!(
+                "{time}{why}no motion was found that meets all constraints, after {} orders of contacts; the one closest to it violates \
                  them by {:.3e} of their sizes{}{}. Its contacts: {}",
                 a.tried,
                 a.violation,

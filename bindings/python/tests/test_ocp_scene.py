@@ -152,6 +152,13 @@ def test_too_few_elements_are_named():
     assert re.search(r"has \d+ contact changes in control stage [01], and this search has 2 elements", r.message), r.message
 
 
+def test_a_search_that_is_out_of_time_says_so():
+    ocp = bounces(5.0)
+    ocp.set(max_time=0.02)
+    r = ocp.solve()
+    assert r.outcome.name == "MAX_TIME" and r.message.startswith("the time (max_time) is over: no motion was found")
+
+
 def test_friction_that_contradicts_the_normal_force_is_named():
     s = swb.Scene("x y th", u="f", name="rod")
     x, y, th = s.q
