@@ -1,11 +1,12 @@
 """What the parts of the solver for programs with complementarity pairs are worth: each switched off in turn.
 
 usage: mpcc_ablation.py [--list] [--variants REGEX] [--out DIR] [options of mpcc_train.py]
-       mpcc_ablation.py --page [--out DIR]
+       mpcc_ablation.py --page [--random FILE ...] [--out DIR]
 
 Runs the problems of mpcc_train.py with the defaults beside IPOPT's homotopy, then once for each variant, and writes
 mpcc.md, its plots and its data to the folder (by default docs/benchmarks). `--page` writes page and plots again from
-the data that is there.
+the data that is there; `--random` first takes over what `mpcc_train.py --json FILE` wrote about random problems, once for
+each mode of IPOPT.
 
 Variants are made from the table of options: every value of an enumeration, or of an integer between 0 and 1, that is
 not the default; and those of NUMBERS. Options of discretisations, which these problems do not have, are left out, and
@@ -137,6 +138,20 @@ max min(G, H) <= 1e-10.
 
 {hard_lists}
 
+## Random problems
+
+`mpcc_contacts.py FOLDER` and `mpcc_kinds.py FOLDER` write programs of contact, of hysteresis, of driving in the least time and of
+equilibria with parameters from a seed; `mpcc_train.py --problems FOLDER --set-of NAME --ipopt-mode linf --limit 30` (or `scholtes`)
+compares. These are of seed 3000, which nothing was chosen on; of `mpcc_kinds.py` nothing was chosen on any seed. For each mode of IPOPT:
+problems it solves and that both solve, those of the latter where ours is worse by more than 1e-3 max(1, |f|), and better by more; ratios
+are geometric means of IPOPT over ours where both solve.
+
+```
+{random}
+```
+
+{random_words}
+
 ## Certificates
 
 {certificates}
@@ -177,7 +192,7 @@ clock on the wall, and this run shared its two cores with much other work, so th
 
 A mass with dry friction moved by ever more control stages, `friction_stages.py --json docs/benchmarks/data/mpcc-friction.json`: the homotopy from
 the guess alone, and the default search, which solves smoothed problems first, and the homotopy where several of them agree. A build with
-little optimisation, on a busy machine: iterations say more than seconds. The last row is of a run with a certificate only.
+little optimisation, on a busy machine: iterations say more than seconds.
 
 ```
 {friction}
@@ -238,6 +253,59 @@ def certificates(rows: list[dict]) -> str:
         types[label] = types.get(label, 0) + 1
     listed = ", ".join(f"{label}: {n}" for label, n in sorted(types.items()))
     return f"Of {len(answers)} answers of both sets, by their type of stationarity: {listed}."
+
+
+def kind(name: str) -> str:
+    """`disc` of `pushers:disc_3`."""
+    return name.rpartition(":")[2].rpartition("_")[0]
+
+
+def take_random(out: Path, files: list[Path]) -> None:
+    """Keeps what is needed of some records: for each problem ours, and IPOPT's by its mode."""
+    problems: dict[str, dict] = {}
+    for record in (json.loads(f.read_text()) for f in files):
+        for row in record["problems"]:
+            mine = problems.setdefault(f"{kind(row['name'])}:{row['name']}", {"ours": {k: row["ours"][k] for k in KEPT}})
+            peer = row["peer"]
+            mine[record["run"]["ipopt_mode"]] = {k: peer[k] for k in KEPT} | {"branch": peer.get("branch")}
+    keep(out, "mpcc-random", problems)
+
+
+def random_table(out: Path) -> tuple[str, str]:
+    """A row for each kind and for all, and what the solver claimed that IPOPT refutes."""
+    number = mpcc_compare.number
+    problems = json.loads((out / "data" / "mpcc-random.json").read_text())
+    kinds: dict[str, list[dict]] = {}
+    for name, row in problems.items():
+        kinds.setdefault(name.partition(":")[0], []).append(row)
+    head = f"{'kind':<12} {'problems':>8} {'ours':>5}"
+    lines = [head + "".join(f" | {mode:>8} both worse better  CPU   it." for mode in mpcc_ipopt.MODES)]
+    for name, rows in [*kinds.items(), ("all", list(problems.values()))]:
+        line = f"{name:<12} {len(rows):>8} {sum(r['ours']['solved'] for r in rows):>5}"
+        for mode in mpcc_ipopt.MODES:
+            both = [(r["ours"], r[mode]) for r in rows if r["ours"]["solved"] and r[mode]["solved"]]
+            by = [
+                mpcc_compare.distance(o["objective"], p["objective"] if p["branch"] is None else p["branch"]) for o, p in both
+            ]
+            ratios = [
+                mpcc_compare.geometric_mean(max(p[of], 1e-9) / max(o[of], 1e-9) for o, p in both) for of in ("cpu", "iterations")
+            ]
+            line += (
+                f" | {sum(r[mode]['solved'] for r in rows):>8} {len(both):>4} {sum(d > 1e-3 for d in by):>5} "
+                f"{sum(d < -1e-3 for d in by):>6} {number(ratios[0], '4.1f'):>4} {number(ratios[1], '5.2f'):>5}"
+            )
+        lines.append(line)
+    refuted = [
+        name.rpartition(":")[2] for name, r in problems.items()
+        if r["ours"]["outcome"] == "infeasible" and any(r[mode]["solved"] for mode in mpcc_ipopt.MODES)
+    ]  # fmt: skip
+    anybody = sum(any(r[by]["solved"] for by in ("ours", *mpcc_ipopt.MODES)) for r in problems.values())
+    words = (
+        f"Of {anybody} that anybody solves ours solves {sum(r['ours']['solved'] for r in problems.values())}. Said to be "
+        f"infeasible, which in these programs means as far as can be told from two starts, and solved by IPOPT: "
+        f"{', '.join(f'`{name}`' for name in refuted) or 'none'}."
+    )
+    return "\n".join(lines), words
 
 
 def judged(out: Path) -> str:
@@ -314,7 +382,7 @@ def write_page(out: Path) -> None:
             runs=RUNS[run["ipopt_cached"]], count=len(rows), ipopt=run["ipopt"], variant=run["ipopt_variant"],
             repeat=run["repeat"], note=f" {run['note']}" if run.get("note") else "", mode=MODE_WORDS[run["ipopt_mode"]], limit=run["limit"], hard_count=len(hard["problems"]),
             hard_families=family_table(hard), hard_lists=lists(hard), certificates=certificates(rows + hard["problems"]),
-            judged=judged(out), friction=friction(out), families=family_table(record), lists=lists(record), growth=growth(out)[0], exponents=growth(out)[1],
+            random=random_table(out)[0], random_words=random_table(out)[1], judged=judged(out), friction=friction(out), families=family_table(record), lists=lists(record), growth=growth(out)[0], exponents=growth(out)[1],
             variants=variant_table({k: v["figures"] for k, v in ablation.items()}, record["summary"]),
         )
     )  # fmt: skip
@@ -336,10 +404,13 @@ def main() -> int:
     parser.add_argument("--variants", default="", metavar="REGEX", help="variants whose label matches")
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "benchmarks", metavar="DIR")
     parser.add_argument("--page", action="store_true", help="write the page again from the data")
+    parser.add_argument("--random", type=Path, nargs="+", default=[], metavar="FILE", help="records of random problems, for the page")
     parser.add_argument("--note", default="", metavar="TEXT", help="a sentence about the run, for the page")
     parser.add_argument("--hard", default="hard", metavar="NAME", help="a second set, for the defaults alone")
     parser.set_defaults(ipopt_mode="linf", limit=20.0)
     arguments = parser.parse_args()
+    if arguments.random:
+        take_random(arguments.out, arguments.random)
     if arguments.page:
         write_page(arguments.out)
         return 0

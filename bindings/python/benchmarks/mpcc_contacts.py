@@ -323,20 +323,37 @@ def impulses(p: Program, rng: np.random.Generator) -> None:
         p.cost += 100.0 * ca.sumsqr(q - goal) + ca.sumsqr(v)
 
 
-def switched(p: Program, rng: np.random.Generator, sizes: tuple[int, int, float], start, model) -> tuple:
-    """A system with modes by the signs of its switching functions, discretised by FESD with implicit Euler or Radau IIA in
-    Heaviside's or Stewart's form; physical time is a state of it (`model.clock`) and its speed a control of each stage. The last
-    state, and the integral of `model.running`."""
+class Switched:
+    """A system with modes by the signs of its switching functions `functions(x)`, or, where it has `indicators(x)`, the one whose
+    indicator is least (Stewart's form)."""
+
+    indicators = None
+    clock: int | None = None  # the state that is physical time; without one the speed of time is one unknown
+    ends = True  # is the end of physical time given?
+    pace = (0.5, 20.0, 1.0)  # bounds and start of the speed of time
+    reach = 20.0  # bound of all states
+
+
+def switched(p: Program, rng: np.random.Generator, sizes: tuple[int, int, float], start, model: Switched) -> tuple:
+    """A system discretised by FESD with implicit Euler or Radau IIA in Heaviside's or Stewart's form; the speed of time is a
+    control of each stage where physical time is a state. The last state, and the integral of `model.running`."""
     ca = p.ca
     n, elements, horizon = sizes
     stages = int(rng.integers(1, 3))
     tableau = RADAU if stages == 2 else np.array([[1.0]])
     heaviside, each = rng.random() < 0.5, rng.random() < 0.5  # a pair for each stage and function, or one for the element
     mean = horizon / (n * elements)
-    count = model.functions(ca.SX(start)).numel()
-    patterns = list(itertools.product((True, False), repeat=count))
-    signs = np.where(patterns, 1.0, -1.0)
+    if model.indicators:
+        heaviside, count = False, 0
+        patterns = range(model.indicators(ca.SX(start)).numel())
+    else:
+        count = model.functions(ca.SX(start)).numel()
+        patterns = list(itertools.product((True, False), repeat=count))
+        signs = np.where(patterns, 1.0, -1.0)
     weights = count if heaviside else len(patterns)
+
+    def indicators(x):
+        return model.indicators(x) if model.indicators else -signs @ model.functions(x)
 
     def field(x, u, w):
         """All modes with their weights: products of steps, or Stewart's multipliers."""
@@ -350,34 +367,35 @@ def switched(p: Program, rng: np.random.Generator, sizes: tuple[int, int, float]
 
     def split(x):
         """Parts of the switching functions that are positive and negative, or how far the modes are from active."""
-        c = model.functions(x)
         if heaviside:
+            c = model.functions(x)
             return [ca.fmax(-c, 0.0), ca.fmax(c, 0.0)]
-        g = -signs @ c
+        g = indicators(x)
         return [g - ca.mmin(g)]
 
     x, total = ca.DM(start), 0
     last = [ca.DM(ca.evalf(v)) for v in split(ca.SX(start))]
     for k in range(n):
         u = p.variables(model.controls, -model.force, model.force)
-        pace = p.variables(1, 0.5, 20.0, 1.0)
+        if k == 0 or model.clock is not None:
+            pace = p.variables(1, *model.pace)
         length = 0
         for _ in range(elements):
             step = p.variables(1, 0.0, 2.0 * mean, mean)
             length += step
             p.cost += 1e-2 * (step / mean - 1.0) ** 2
-            xs = [p.variables(len(start), -20.0, 20.0, start) for _ in range(stages)]
+            xs = [p.variables(len(start), -model.reach, model.reach, start) for _ in range(stages)]
             ws, multipliers = [], [last]
             for at in xs:
                 ws.append(p.variables(weights, 0.0, 1.0, 0.5 if heaviside else 1.0 / weights))
-                c = model.functions(at)
                 if heaviside:
+                    c = model.functions(at)
                     below, above = (p.variables(count, 0.0, np.inf, 0.5) for _ in range(2))
                     p.rows(c - above + below)
                     multipliers.append([below, above])
                 else:
                     away, level = p.variables(weights, 0.0, np.inf, 0.5), p.variables(1)
-                    p.rows(-signs @ c - away - level)
+                    p.rows(indicators(at) - away - level)
                     p.rows(ca.sum1(ws[-1]) - 1.0)
                     multipliers.append([away])
             rates = [pace * field(at, u, w) for at, w in zip(xs, ws)]
@@ -392,11 +410,12 @@ def switched(p: Program, rng: np.random.Generator, sizes: tuple[int, int, float]
                     p.pair((1.0 if each else stages) - w, sums[1])
             x, last = xs[-1], multipliers[-1]
         p.rows(length - horizon / n)
-        p.rows(x[model.clock] - (k + 1) * horizon / n)
+        if model.clock is not None and model.ends:
+            p.rows(x[model.clock] - (k + 1) * horizon / n)
     return x, total
 
 
-class Carts:
+class Carts(Switched):
     """Carts in a row before a wall at zero, which bounce off it and off each other: behind a contact a spring and a damper act
     while physical time stands still."""
 
@@ -429,7 +448,7 @@ class Carts:
         return 0.1 * u**2 + sum1((x[: self.count] - self.goal) ** 2)
 
 
-class Discs:
+class Discs(Switched):
     """A driven disc pushes another one, without restitution: between discs that overlap and approach each other an auxiliary
     force acts while physical time stands still."""
 
@@ -481,33 +500,33 @@ def discs(p: Program, rng: np.random.Generator) -> None:
 FAMILIES = {"pushers": (disc, slider, blocks, discs), "carts": (frozen, impulses)}
 
 
-def write(folder: Path, counts: dict[str, int], seed: int) -> None:
-    """The collection: for each family a list of problems, whose kinds take turns."""
+def write(folder: Path, families: dict[str, tuple], counts: dict[str, int], seed: int) -> None:
+    """A collection: for each family a list of problems, whose kinds take turns."""
     import casadi
 
     folder.mkdir(parents=True, exist_ok=True)
     shutil.copy(HERE.parent / "tests" / "collection" / "mpcc_problem.h", folder)
     (folder / "mpcc_vm.c").write_text(LOADER)
-    for family, kinds in FAMILIES.items():
+    for number, (family, kinds) in enumerate(families.items()):
         entries = {}
         for i in range(counts[family]):
             kind = kinds[i % len(kinds)]
             name = f"{kind.__name__}_{seed + i}"
             program = Program(casadi)
-            kind(program, np.random.default_rng([seed + i, list(FAMILIES).index(family)]))
+            kind(program, np.random.default_rng([seed + i, number]))
             entries[f"{family}:{name}"] = {"file": program.compile(name, folder).name}
             print(f"{name}: {len(program.x0)} variables, {len(program.pairs)} pairs", file=sys.stderr)
         (folder / f"{family}.json").write_text(json.dumps(entries, indent=1) + "\n")
 
 
-def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+def main(families: dict[str, tuple] = FAMILIES, about: str = __doc__) -> int:
+    parser = argparse.ArgumentParser(description=about.splitlines()[0])
     parser.add_argument("folder", type=Path)
-    for family in FAMILIES:
+    for family in families:
         parser.add_argument(f"--{family}", type=int, default=24, metavar="N", help="how many of them")
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
-    write(arguments.folder, {f: getattr(arguments, f) for f in FAMILIES}, arguments.seed)
+    write(arguments.folder, families, {f: getattr(arguments, f) for f in families}, arguments.seed)
     return 0
 
 
