@@ -88,16 +88,28 @@ enum Weighed {
     Nothing,
 }
 
-/// `least` is the violation of the lowest minimiser so far, `found` that of another point, which is a minimiser if `certified`.
-fn weigh(opinion: Opinion, least: Option<f64>, found: f64, certified: bool) -> Weighed {
+/// What the point is that an opinion ended at.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum End {
+    Minimiser,
+    Elsewhere,
+    /// A limit ended it on the way.
+    Cut,
+}
+
+/// `least` is the violation of the lowest minimiser so far, `found` that of another point.
+fn weigh(opinion: Opinion, least: Option<f64>, found: f64, end: End) -> Weighed {
     let lower = least.is_none_or(|least| found < (1.0 - LOWER) * least);
-    match (lower, certified) {
-        (true, true) if opinion == Opinion::Near => Weighed::Lowest,
+    let higher = least.is_some_and(|least| found > (1.0 + LOWER) * least);
+    match end {
+        End::Minimiser if lower && opinion == Opinion::Near => Weighed::Lowest,
         // least violations that differ are those of different places: there may be a lower one yet
-        (true, true) => Weighed::Nothing,
-        (false, _) => Weighed::Higher,
-        (true, false) if opinion == Opinion::WholePath => Weighed::Doubtful,
-        (true, false) => Weighed::Nothing,
+        End::Minimiser if lower || higher => Weighed::Nothing,
+        // where it was going to is not known
+        End::Cut => Weighed::Nothing,
+        _ if !lower => Weighed::Higher,
+        _ if opinion == Opinion::WholePath => Weighed::Doubtful,
+        _ => Weighed::Nothing,
     }
 }
 
@@ -286,7 +298,7 @@ impl MpccSolver {
     /// solved from there; if its certificate says that no step lowers the violation the program is infeasible, as far as
     /// this can be said from near the point; otherwise that stays open. As the violation of a program that has a solution
     /// may have such points, too, the claim needs a second opinion: the whole path to the least violation from the start `x0`
-    /// must not come lower. Where it ends lower at a point that is not shown to be a minimiser, the branch in which the
+    /// must not come to another one. Where it ends lower at a point that is not shown to be a minimiser, the branch in which the
     /// smaller member of every pair is zero is asked; where that comes lower, too, nothing is claimed.
     pub(super) fn find_least_violation(
         &mut self,
@@ -325,7 +337,12 @@ impl MpccSolver {
                 break;
             }
             let certified = solved && found.certificate.b == BStationarity::Yes;
-            match weigh(opinion, least.as_ref().map(|l| l.objective), found.objective, certified) {
+            let point = match found.outcome {
+                _ if certified => End::Minimiser,
+                Outcome::MaxIter | Outcome::MaxTime | Outcome::Stopped => End::Cut,
+                _ => End::Elsewhere,
+            };
+            match weigh(opinion, least.as_ref().map(|l| l.objective), found.objective, point) {
                 Weighed::Lowest => least = Some(found),
                 Weighed::Higher => {}
                 Weighed::Doubtful => {
@@ -428,19 +445,24 @@ impl MpccSolver {
 mod tests {
     use super::*;
 
-    /// A claim is taken back by a point that lies lower and is not shown to be a minimiser, and by nothing else.
+    /// A claim is taken back by another minimiser, by a point that lies lower, and where a limit cut the second opinion short.
     #[test]
     fn the_second_opinion_can_take_back_a_claim() {
+        use End::{Cut, Elsewhere, Minimiser};
         use Opinion::{Near, NearItsEnd, WholePath};
-        assert_eq!(weigh(Near, None, 0.6, true), Weighed::Lowest);
-        assert_eq!(weigh(Near, None, 0.6, false), Weighed::Nothing);
-        assert_eq!(weigh(WholePath, Some(0.6), 0.6, true), Weighed::Higher);
-        assert_eq!(weigh(WholePath, Some(0.6), 0.7, false), Weighed::Higher);
-        assert_eq!(weigh(WholePath, Some(0.6), 0.03, true), Weighed::Nothing);
+        assert_eq!(weigh(Near, None, 0.6, Minimiser), Weighed::Lowest);
+        assert_eq!(weigh(Near, None, 0.6, Elsewhere), Weighed::Nothing);
+        assert_eq!(weigh(WholePath, Some(0.6), 0.6, Minimiser), Weighed::Higher);
+        assert_eq!(weigh(WholePath, Some(0.6), 0.7, Elsewhere), Weighed::Higher);
+        for found in [0.03, 0.7] {
+            assert_eq!(weigh(WholePath, Some(0.6), found, Minimiser), Weighed::Nothing);
+            assert_eq!(weigh(WholePath, Some(0.6), found, Cut), Weighed::Nothing);
+        }
         // first the branch next to it is asked
-        assert_eq!(weigh(WholePath, Some(0.6), 0.03, false), Weighed::Doubtful);
-        assert_eq!(weigh(NearItsEnd, Some(0.6), 0.03, false), Weighed::Nothing);
-        assert_eq!(weigh(NearItsEnd, Some(0.6), 0.03, true), Weighed::Nothing);
-        assert_eq!(weigh(NearItsEnd, Some(0.6), f64::NAN, false), Weighed::Higher);
+        assert_eq!(weigh(WholePath, Some(0.6), 0.03, Elsewhere), Weighed::Doubtful);
+        assert_eq!(weigh(NearItsEnd, Some(0.6), 0.03, Elsewhere), Weighed::Nothing);
+        assert_eq!(weigh(NearItsEnd, Some(0.6), 0.03, Minimiser), Weighed::Nothing);
+        assert_eq!(weigh(NearItsEnd, Some(0.6), 19.0, Cut), Weighed::Nothing);
+        assert_eq!(weigh(NearItsEnd, Some(0.6), f64::NAN, Elsewhere), Weighed::Higher);
     }
 }
