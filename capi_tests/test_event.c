@@ -203,7 +203,7 @@ static void undeclared(void)
 {
     static const double x0 = -1.0, u = 0.25, p = 0.5, one = 1.0, step = 1e-5;
     swb_system *system = make_scalar(decay, NULL);
-    double s[3], g[3], end[2], x, q;
+    double s[3], by_inputs[3], g[3], end[2], x, q;
     int k, side;
 
     for (k = 0; k < 3; k++) {
@@ -228,6 +228,16 @@ static void undeclared(void)
                 CHECK_OK(swb_integrator_adjoint(i, &one, 1, NULL, 0, NULL, 0, NULL, 0, NULL, 0, &g[0], 1, &g[1], 1, &g[2], 1));
                 CHECK_OK(swb_integrator_get_run(i, &run));
                 CHECK_OK(swb_run_sensitivity(run, s, 3));
+                swb_run_free(run);
+                /* without the column of the initial state */
+                CHECK_OK(swb_integrator_set_int(i, "sensitivity", SWB_SENSITIVITY_INPUTS));
+                x = x0 + by;
+                CHECK_OK(swb_integrator_reinit(i, 0.0, &x, 1));
+                CHECK_OK(swb_integrator_advance(i, 1.0, NULL));
+                CHECK_OK(swb_integrator_get_run(i, &run));
+                CHECK_STATUS(SWB_ERR_DIMENSION, swb_run_sensitivity(run, by_inputs, 3));
+                CHECK_OK(swb_run_sensitivity(run, by_inputs, 2));
+                CHECK(by_inputs[0] == s[1] && by_inputs[1] == s[2]);
                 swb_run_free(run);
             }
             swb_integrator_free(i);

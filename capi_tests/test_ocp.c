@@ -283,6 +283,7 @@ static int32_t ends(const swb_point *at, double *out, void *user_data)
 /* The fastest way from rest to rest over a distance of 1 with -2 <= u <= 1 takes sqrt(3), the switch at 2/sqrt(3). */
 static void free_lengths(void)
 {
+    char text[1000];
     static const double x0[] = {0.0, 0.0}, goal[] = {1.0, 0.0}, lower[] = {-2.0}, upper[] = {1.0}, one[] = {1.0};
     static const double weights[] = {1.0, 1.0}, lengths[] = {0.4, 0.6}, zero[] = {0.0, 0.0}, seven[] = {7.0, 7.0};
     static const int64_t elements[] = {1, 2}, first[] = {0};
@@ -393,6 +394,8 @@ static void free_lengths(void)
     CHECK_OK(swb_ocp_set_param_bounds(ocp, lower, 1, upper, 1));
     CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_ocp_solve(ocp, NULL));
     CHECK(strstr(swb_last_error(), "parameter 0 is free") != NULL);
+    CHECK_OK(swb_ocp_get_message(ocp, text, sizeof text, NULL));
+    CHECK(strstr(text, "parameter 0 is free") != NULL);
     swb_ocp_free(ocp);
     swb_system_free(system);
     swb_function_free(f0);

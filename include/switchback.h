@@ -511,6 +511,35 @@ typedef int64_t swb_ordering;
 #endif // __cplusplus
 
 /**
+ * What a simulation is differentiated by (option sensitivity).
+ */
+enum swb_sensitivity
+#if defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+  : int64_t
+#endif // defined(__cplusplus) || __STDC_VERSION__ >= 202311L
+ {
+    /**
+     * Nothing.
+     */
+    SWB_SENSITIVITY_OFF = 0,
+    /**
+     * Initial states, parameters and controls.
+     */
+    SWB_SENSITIVITY_ON = 1,
+    /**
+     * Parameters and controls: of many states most columns are those of initial states.
+     */
+    SWB_SENSITIVITY_INPUTS = 2,
+};
+#ifndef __cplusplus
+#if __STDC_VERSION__ >= 202311L
+typedef enum swb_sensitivity swb_sensitivity;
+#else
+typedef int64_t swb_sensitivity;
+#endif // __STDC_VERSION__ >= 202311L
+#endif // __cplusplus
+
+/**
  * An ingredient of a method that can be left out.
  */
 enum swb_toggle
@@ -2334,7 +2363,7 @@ typedef struct swb_settings {
      */
     int64_t dense;
     /**
-     * Compute the derivatives of an event-driven simulation and of its switching times (enum toggle).
+     * Compute the derivatives of an event-driven simulation and of its switching times (enum sensitivity).
      */
     int64_t sensitivity;
     /**
@@ -2857,7 +2886,7 @@ typedef struct swb_run_info {
      */
     int64_t n_pieces;
     /**
-     * Columns of the derivatives: initial states, parameters, controls; 0 without the option sensitivity.
+     * Columns of the derivatives: initial states (none where the option sensitivity is "inputs"), parameters, controls; 0 without the option.
      */
     int64_t n_columns;
     /**

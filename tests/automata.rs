@@ -94,7 +94,8 @@ fn derivatives_three_ways_and_the_closed_forms() {
         let (by_x, by_p) = (r.rows("dxT_dx0"), r.rows("dxT_dp"));
         let (t_by_x, t_by_p) = (r.rows("dt_dx0"), r.rows("dt_dp"));
         for method in [Method::Dop853, Method::Radau5] {
-            let opt = Options { method, sensitivity: true, adjoint: true, ..Options::with_tolerance(1e-12, 1e-12) };
+            let opt =
+                Options { method, sensitivity: true.into(), adjoint: true, ..Options::with_tolerance(1e-12, 1e-12) };
             let mut e = run(&b, &opt, &x0, &p, t);
             let s = e.sensitivity().unwrap().to_vec();
             let width = nx + np;

@@ -4,7 +4,7 @@
 mod scenes;
 
 use scenes::*;
-use switchback::event::{Engine, Method, Options, Outcome};
+use switchback::event::{Engine, Method, Options, Outcome, Sensitivity};
 use switchback::expr::Graph;
 use switchback::scene::{Contact, Scene};
 use switchback::system::System;
@@ -17,7 +17,7 @@ fn off(a: &[f64], b: &[f64]) -> f64 {
 
 fn run(s: &System, rtol: f64, x0: &[f64], p: &[f64], t: f64) -> Engine {
     let mut o = Options::with_tolerance(rtol, rtol);
-    (o.sensitivity, o.adjoint) = (true, true);
+    (o.sensitivity, o.adjoint) = (true.into(), true);
     let mut e = Engine::new(s, &o).unwrap();
     e.reinit(0.0, x0).unwrap();
     e.set_params(p).unwrap();
@@ -78,9 +78,9 @@ fn derivatives_are_those_of_differences() {
     };
     s.add_contact(c).unwrap();
     let system = s.build(&g).unwrap().system;
-    let solve = |z: &[f64]| {
+    let solve_by = |by: Sensitivity, z: &[f64]| {
         let mut o = Options::with_tolerance(1e-13, 1e-13);
-        o.sensitivity = true;
+        o.sensitivity = by;
         let mut e = Engine::new(&system, &o).unwrap();
         e.reinit(0.0, &z[..6]).unwrap();
         e.set_params(&z[6..8]).unwrap();
@@ -89,8 +89,14 @@ fn derivatives_are_those_of_differences() {
         assert_eq!(e.outcome(), Outcome::Reached, "{}", e.reason());
         e
     };
+    let solve = |z: &[f64]| solve_by(Sensitivity::On, z);
     let z = [0.0, 0.8, 0.2, 1.0, 0.0, -2.0, 0.25, 0.3, 0.4];
     let e = solve(&z);
+    // by parameters and controls only: the same columns
+    let by_inputs = solve_by(Sensitivity::Inputs, &z);
+    let own: Vec<f64> = e.sensitivity().unwrap().chunks_exact(9).flat_map(|row| row[6..].to_vec()).collect();
+    assert_eq!(by_inputs.sensitivity().unwrap(), own);
+    assert!(by_inputs.impacts().iter().zip(e.impacts()).all(|(a, b)| a.dt == b.dt[6..]));
     assert!(e.impacts().len() > 3 && !e.switches().is_empty(), "{} {}", e.impacts().len(), e.switches().len());
     let h = 1e-5;
     for c in 0..z.len() {
@@ -235,7 +241,7 @@ fn play_follows_its_input() {
     for k in [4, 8, 12] {
         let rtol = 10f64.powi(-k);
         let mut o = Options::with_tolerance(rtol, rtol);
-        (o.dense, o.sensitivity) = (true, true);
+        (o.dense, o.sensitivity) = (true, true.into());
         let mut e = Engine::new(&system, &o).unwrap();
         e.reinit(0.0, &[0.0]).unwrap();
         e.advance(6.0).unwrap();

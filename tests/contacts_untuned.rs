@@ -152,7 +152,7 @@ fn table_with_two_feet() -> System {
 }
 
 fn run(s: &System, rtol: f64, x0: &[f64], t: f64) -> Engine {
-    let options = Options { sensitivity: true, adjoint: true, ..Options::with_tolerance(rtol, rtol) };
+    let options = Options { sensitivity: true.into(), adjoint: true, ..Options::with_tolerance(rtol, rtol) };
     let mut e = Engine::new(s, &options).unwrap();
     e.reinit(0.0, x0).unwrap();
     e.advance(t).unwrap();

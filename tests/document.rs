@@ -288,7 +288,8 @@ fn cart() -> Built {
 
 /// Everything a run says, to the last bit.
 fn run_of(system: &System) -> (Vec<u64>, usize) {
-    let mut e = Engine::new(system, &Options { sensitivity: true, ..Options::with_tolerance(1e-10, 1e-10) }).unwrap();
+    let mut e =
+        Engine::new(system, &Options { sensitivity: true.into(), ..Options::with_tolerance(1e-10, 1e-10) }).unwrap();
     e.reinit(0.0, &[0.0, 0.4, 1.0, 0.0]).unwrap();
     e.set_params(&[0.2]).unwrap();
     e.advance(12.0).unwrap();

@@ -87,7 +87,7 @@ fn sensitivities_of_the_references() {
         let r = reference::load(name);
         for method in [Method::Dop853, Method::Radau5] {
             let rtol = if method == Method::Radau5 { 1e-9 } else { 1e-11 };
-            let opt = Options { method, sensitivity: true, ..tolerance(rtol) };
+            let opt = Options { method, sensitivity: true.into(), ..tolerance(rtol) };
             let s = run(&sys, &opt, &r.x0, &u, r.t_end);
             // the references know no controls
             let (nx, n_c) = (r.x0.len(), r.x0.len() + u.len());
@@ -108,7 +108,8 @@ fn sensitivities_of_the_references() {
 #[test]
 fn slopes_on_both_sides_of_a_kink() {
     let slope = |x0: f64| {
-        let s = simulate(&switching('a'), &Options { sensitivity: true, ..tolerance(1e-9) }, 0.0, &[x0], 1.0).unwrap();
+        let s = simulate(&switching('a'), &Options { sensitivity: true.into(), ..tolerance(1e-9) }, 0.0, &[x0], 1.0)
+            .unwrap();
         assert!(!s.one_sided);
         s.sensitivity.unwrap()[0]
     };
@@ -147,7 +148,8 @@ fn sensitivities_against_differences_of_the_solver() {
     let sys = with_parameters();
     let (p, x0, t) = ([1.3, 0.45, 0.1], [1.0, 0.3], 15.0);
     let solve = |x0: &[f64], p: &[f64], sensitivity: bool, method: Method| {
-        let mut e = Engine::new(&sys, &Options { sensitivity, method, ..tolerance(1e-11) }).unwrap();
+        let mut e =
+            Engine::new(&sys, &Options { sensitivity: sensitivity.into(), method, ..tolerance(1e-11) }).unwrap();
         e.reinit(0.0, x0).unwrap();
         e.set_params(p).unwrap();
         e.advance(t).unwrap();
@@ -190,7 +192,7 @@ fn sensitivities_against_differences_of_the_solver() {
 
 /// Gradients of a function of final state, of the state half way and of all switching times, forward and adjoint.
 fn both_ways(what: &str, sys: &System, opt: &Options, x0: &[f64], u: &[f64], p: &[f64], t: f64) -> usize {
-    let opt = Options { sensitivity: true, adjoint: true, ..opt.clone() };
+    let opt = Options { sensitivity: true.into(), adjoint: true, ..opt.clone() };
     let mut e = Engine::new(sys, &opt).unwrap();
     e.reinit(0.0, x0).unwrap();
     e.set_controls(u).unwrap();
@@ -297,7 +299,7 @@ fn curved() -> System {
 fn gradients_with_respect_to_controls_and_curved_surfaces() {
     let sys = curved();
     let solve = |z: [f64; 5], sensitivity: bool| {
-        let mut e = Engine::new(&sys, &Options { sensitivity, ..tolerance(1e-11) }).unwrap();
+        let mut e = Engine::new(&sys, &Options { sensitivity: sensitivity.into(), ..tolerance(1e-11) }).unwrap();
         e.reinit(0.0, &z[..2]).unwrap();
         e.set_params(&z[2..4]).unwrap();
         e.set_controls(&z[4..]).unwrap();
@@ -344,7 +346,7 @@ fn gradients_that_cannot_be_had_are_refused_in_words() {
     let g = e.adjoint(&[1.0], &[at(0.0), at(1.0)]).unwrap();
     assert!((g.x0[0] - 5.0 / 3.0).abs() < 1e-13, "{g:?}");
     // behind an accumulation the time of the switch that ends it has no derivative
-    let mut e = Engine::new(&zeno(), &Options { adjoint: true, sensitivity: true, ..tolerance(1e-8) }).unwrap();
+    let mut e = Engine::new(&zeno(), &Options { adjoint: true, sensitivity: true.into(), ..tolerance(1e-8) }).unwrap();
     let r = reference::load("zeno_post");
     e.reinit(0.0, &r.x0).unwrap();
     e.advance(r.t_end).unwrap();
@@ -370,7 +372,7 @@ fn jumps_of_the_derivatives_in_closed_form() {
         let f = affine("F", d, &[above[0], above[1], below[0], below[1]], &[]);
         add_sides(&mut s, &[0, 1], f, affine("psi", d, &[0.0], &[(0, 1, 1.0)]));
         let x0 = [0.3, -above[1]];
-        let opt = Options { sensitivity: true, adjoint: true, ..tolerance(1e-8) };
+        let opt = Options { sensitivity: true.into(), adjoint: true, ..tolerance(1e-8) };
         let mut e = Engine::new(&s, &opt).unwrap();
         e.reinit(0.0, &x0).unwrap();
         e.advance(2.0).unwrap();

@@ -98,7 +98,7 @@ fn zeno_and_off() -> System {
 #[test]
 fn time_stepping_through_accumulating_switches() {
     for rtol in [1e-4, 1e-7, 1e-10] {
-        let o = Options { zeno: Zeno::TimeStepping, dense: true, sensitivity: true, adjoint: true, ..tol(rtol) };
+        let o = Options { zeno: Zeno::TimeStepping, dense: true, sensitivity: true.into(), adjoint: true, ..tol(rtol) };
         let r = simulate(&zeno(), &o, 0.0, &[1.0, 1.0], 2.0).unwrap();
         assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
         assert!(r.x.iter().all(|v| v.abs() <= rtol), "{rtol}: {:?}", r.x);
@@ -136,7 +136,7 @@ fn touching_a_surface_is_noted() {
     // ẍ = 2 above; x = (1 − t)²
     let f = affine("F", d, &[0.0, 2.0, 0.0, 2.0], &[(0, 1, 1.0), (2, 1, 1.0)]);
     add_sides(&mut s, &[0, 1], f, affine("psi", d, &[0.0], &[(0, 0, 1.0)]));
-    let o = Options { sensitivity: true, ..tol(1e-10) };
+    let o = Options { sensitivity: true.into(), ..tol(1e-10) };
     let r = simulate(&s, &o, 0.0, &[1.0, -2.0], 3.0).unwrap();
     assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
     let noted = r.contacts.first().map(|c| (c.t, c.rate, c.transversality));

@@ -206,7 +206,7 @@ fn derivatives_by_parameters_need_no_declaration() {
     s.set_f0(by_values("f0", 1, |x, u, p, o| o[0] = -p[0] * x[0] * x[0] + u[0])).unwrap();
     let modes = by_values("F", 2, |_, _, p, o| o.copy_from_slice(&[-p[1], p[1]]));
     add_sides(&mut s, &[0], modes, by_values("psi", 1, |x, _, p, o| o[0] = p[2] - x[0]));
-    let opt = Options { sensitivity: true, adjoint: true, ..Options::with_tolerance(1e-10, 1e-12) };
+    let opt = Options { sensitivity: true.into(), adjoint: true, ..Options::with_tolerance(1e-10, 1e-12) };
     let run = |x: f64, p: &[f64], u: f64| {
         let mut e = Engine::new(&s, &opt).unwrap();
         e.reinit(0.0, &[x]).unwrap();

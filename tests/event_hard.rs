@@ -562,7 +562,7 @@ fn a_sliding_mode_that_begins_at_the_end() {
     let modes = affine("friction", d, &[-0.7, 0.7], &[]);
     let regions = Regions::Signs { psi: affine("v", d, &[0.0], &[(0, 1, 1.0)]), signs: vec![1, -1] };
     s.add_subsystem(Subsystem { rows: vec![1], modes, n_modes: 2, regions }).unwrap();
-    let options = Options { adjoint: true, sensitivity: true, ..Options::with_tolerance(1e-11, 1e-11) };
+    let options = Options { adjoint: true, sensitivity: true.into(), ..Options::with_tolerance(1e-11, 1e-11) };
     // (q − 2.8)'' = (q − 2.8)/4 while v > 0
     let (q, v) = (1.0, 0.4f64);
     let rest = (v / (0.5 * (2.8 - q))).atanh() * 2.0;

@@ -207,7 +207,7 @@ fn refusals_say_what_to_do() {
     let s = system(&g, &network_of_expressions(&g, (16, 3), &x));
     let e = switchback::dcs::Dcs::stewart(&s).map(|_| ()).unwrap_err().to_string();
     assert!(e.contains("32 coupled switching functions") && e.contains("terms that switch separately"), "{e}");
-    let o = Options { sensitivity: true, ..options(1e-6) };
+    let o = Options { sensitivity: true.into(), ..options(1e-6) };
     let e = simulate(&s, &o, 0.0, &[0.0; 3], 1.0).map(|_| ()).unwrap_err().to_string();
     assert!(e.contains("derivatives"), "{e}");
 }

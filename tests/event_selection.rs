@@ -207,7 +207,11 @@ fn an_intersection_is_left_where_the_selected_weights_say_so() {
 fn derivatives_follow_the_rules() {
     let m = curved();
     for rule in RULES {
-        let o = |sensitivity| Options { sensitivity, adjoint: sensitivity, ..options(rule, 1e-11) };
+        let o = |sensitivity: bool| Options {
+            sensitivity: sensitivity.into(),
+            adjoint: sensitivity,
+            ..options(rule, 1e-11)
+        };
         let start = |sensitivity: bool, z: &[f64]| {
             let mut e = Engine::new(&m.system, &o(sensitivity)).unwrap();
             e.reinit(0.0, &z[..4]).unwrap();
@@ -250,7 +254,7 @@ fn derivatives_do_not_depend_on_the_unit_of_a_parameter() {
     for (rule, p) in RULES.into_iter().flat_map(|r| [(r, 0.3), (r, 0.0)]) {
         let by_parameter = |unit: f64| {
             let m = curved_in(unit);
-            let o = Options { sensitivity: true, ..options(rule, 1e-11) };
+            let o = Options { sensitivity: true.into(), ..options(rule, 1e-11) };
             let mut e = Engine::new(&m.system, &o).unwrap();
             e.reinit(0.0, &FROM).unwrap();
             e.set_params(&[p / unit]).unwrap();

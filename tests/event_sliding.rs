@@ -2,7 +2,7 @@
 //! slides.
 
 use std::sync::Arc;
-use switchback::event::{simulate, Engine, Method, Options, Outcome, Run};
+use switchback::event::{simulate, Engine, Method, Options, Outcome, Run, Sensitivity};
 use switchback::expr::{Expr, ExprFunction, Graph};
 use switchback::func::Dims;
 use switchback::model::Model;
@@ -166,7 +166,7 @@ fn derivatives_along_curved_surfaces_are_those_of_explicit_steps() {
     let second = x[1] - 0.4 * x[3] * x[0] + 0.2 * p;
     add_relay(&mut s, &g, &[1], &[g.constant(-2.5)], &[g.constant(2.5)], second);
     let run = |z: &[f64], sensitivity: bool| {
-        let options = Options { sensitivity, ..tolerance(1e-10, Method::Auto) };
+        let options = Options { sensitivity: sensitivity.into(), ..tolerance(1e-10, Method::Auto) };
         let mut engine = Engine::new(&s, &options).unwrap();
         engine.reinit(0.0, &z[..nx]).unwrap();
         engine.set_params(&z[nx..=nx]).unwrap();
@@ -394,8 +394,8 @@ fn derivatives_of_blocks_are_those_of_each() {
         }
         s
     };
-    let run = |first: usize, n: usize| {
-        let options = Options { sensitivity: true, adjoint: true, ..tolerance(1e-9, Method::Auto) };
+    let run_by = |by: Sensitivity, first: usize, n: usize| {
+        let options = Options { sensitivity: by, adjoint: true, ..tolerance(1e-9, Method::Auto) };
         let mut e = Engine::new(&system(first, n), &options).unwrap();
         let x0: Vec<f64> = (first..first + n).flat_map(|i| [0.3 * (1.7 * i as f64 + 0.3).sin(), 0.0]).collect();
         e.reinit(0.0, &x0).unwrap();
@@ -404,9 +404,15 @@ fn derivatives_of_blocks_are_those_of_each() {
         assert!(e.stats().switches > n && e.stats().factorisations == 0, "{:?}", e.stats());
         e
     };
+    let run = |first: usize, n: usize| run_by(Sensitivity::On, first, n);
     let mut all = run(0, N);
     let s = all.sensitivity().unwrap().to_vec();
     let width = 3 * N;
+    // by parameters only: the same columns
+    let by_inputs = run_by(Sensitivity::Inputs, 0, N);
+    let own: Vec<f64> = s.chunks_exact(width).flat_map(|row| row[2 * N..].to_vec()).collect();
+    assert_eq!(by_inputs.sensitivity().unwrap(), own);
+    assert!(by_inputs.switches().iter().zip(all.switches()).all(|(a, b)| a.dt == b.dt[2 * N..]));
     for k in 0..N {
         let one = run(k, 1).sensitivity().unwrap().to_vec();
         for (i, row) in s.chunks_exact(width).enumerate().skip(2 * k).take(2) {

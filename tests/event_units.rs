@@ -217,7 +217,7 @@ fn two_signs() -> Case {
 }
 
 fn options(method: Method) -> Options {
-    Options { method, sensitivity: true, adjoint: true, ..Options::with_tolerance(1e-8, 1e-10) }
+    Options { method, sensitivity: true.into(), adjoint: true, ..Options::with_tolerance(1e-8, 1e-10) }
 }
 
 /// The run in other units, and what it says in the old ones.

@@ -191,7 +191,8 @@ fn options_arrive_in_the_layers() {
     assert_eq!((&o.rtol[..], &o.atol[..], o.h0, o.h_max), (&[1e-5][..], &[1e-6][..], 0.1, 0.5));
     assert_eq!((o.method, o.max_steps, o.max_log), (event::Method::Radau5, 7, 8));
     assert_eq!((o.zeno, o.ambiguity), (event::Zeno::TimeStepping, event::Ambiguity::Prefer));
-    assert_eq!((o.dense, o.sensitivity, o.adjoint, o.selection), (true, true, true, event::Selection::Norm));
+    assert_eq!((o.dense, o.adjoint, o.selection), (true, true, event::Selection::Norm));
+    assert_eq!(o.sensitivity, event::Sensitivity::On);
     let m = MpccSettings::from(&s);
     assert_eq!((m.max_iter, m.max_soc, m.restore_tiny, m.polish), (11, 2, false, false));
     assert_eq!((m.homotopy, m.ordering), (Homotopy::Outer, Ordering::Natural));

@@ -2,7 +2,7 @@
 
 use std::path::Path;
 use std::sync::Arc;
-use switchback::event::{Engine, Jump, Kind, Method, Options, Outcome, Term};
+use switchback::event::{Engine, Jump, Kind, Method, Options, Outcome, Sensitivity, Term};
 use switchback::expr::{Expr, Graph};
 use switchback::func::Dims;
 use switchback::settings::Settings;
@@ -66,7 +66,7 @@ fn a_ball_that_bounces() {
         let r = reference(&format!("{name}.json"));
         let e = if name.ends_with("e1") { 1.0 } else { 0.9 };
         for method in METHODS {
-            let opt = Options { method, sensitivity: true, ..Options::with_tolerance(1e-11, 1e-11) };
+            let opt = Options { method, sensitivity: true.into(), ..Options::with_tolerance(1e-11, 1e-11) };
             let run = run(&ball(), &opt, &[1.0, 0.0], &[e, 9.81], 3.0);
             let what = format!("{name} {method:?}: {}", run.reason());
             assert_eq!(run.outcome(), Outcome::Reached, "{what}");
@@ -81,6 +81,11 @@ fn a_ball_that_bounces() {
             let dt: Vec<f64> = run.jumps().iter().flat_map(|j| j.dt[..2].to_vec()).collect();
             assert!(off(&dt, &numbers(&r["sens_switch_times"])) < 1e-10, "{what}");
             assert!(!run.one_sided(), "{what}");
+            // by parameters only: the same columns
+            let opt = Options { sensitivity: Sensitivity::Inputs, ..opt };
+            let inputs = self::run(&ball(), &opt, &[1.0, 0.0], &[e, 9.81], 3.0);
+            assert_eq!(inputs.sensitivity().unwrap(), [&s[2..4], &s[6..8]].concat(), "{what}");
+            assert!(inputs.jumps().iter().zip(run.jumps()).all(|(a, b)| a.dt == b.dt[2..]), "{what}");
         }
     }
 }
@@ -162,7 +167,7 @@ fn a_thermostat_that_begins_beyond_its_threshold() {
     let r = reference("scenes/thermostat.json");
     let p = [0.2, 5.0, 18.0, 20.0];
     for method in METHODS {
-        let opt = Options { method, sensitivity: true, ..Options::with_tolerance(1e-11, 1e-11) };
+        let opt = Options { method, sensitivity: true.into(), ..Options::with_tolerance(1e-11, 1e-11) };
         let run = run(&thermostat(), &opt, &[15.0, 0.0], &p, 12.0);
         let what = format!("{method:?}: {}", run.reason());
         assert_eq!(run.outcome(), Outcome::Reached, "{what}");
@@ -221,7 +226,7 @@ fn differentiate(p: [f64; 2], t_end: f64, worse: f64, is_meant: impl Fn(&Engine)
     let (x0, u) = ([0.1, 0.4, 0.0], [1.3]);
     for (method, agree) in [(Method::Dp5, 2e-8), (Method::Dop853, 2e-8), (Method::Radau5, 2e-6)] {
         let agree = agree * worse;
-        let opt = Options { method, sensitivity: true, adjoint: true, ..Options::with_tolerance(1e-11, 1e-11) };
+        let opt = Options { method, sensitivity: true.into(), adjoint: true, ..Options::with_tolerance(1e-11, 1e-11) };
         let run = |x0: &[f64], p: &[f64], u: &[f64]| {
             let mut e = Engine::new(&everything(), &opt).unwrap();
             e.reinit(0.0, x0).unwrap();
@@ -365,7 +370,7 @@ fn chains_end_or_are_refused() {
         })
         .unwrap();
     }
-    let opt = Options { sensitivity: true, ..Options::default() };
+    let opt = Options { sensitivity: true.into(), ..Options::default() };
     let e = run(&s, &opt, &[0.0; 4], &[], 3.0);
     assert_eq!(e.outcome(), Outcome::Reached, "{}", e.reason());
     let made: Vec<usize> = e.jumps().iter().map(|j| j.transition).collect();

@@ -46,6 +46,8 @@ pub struct Problem {
     ocp: Exclusive<Ocp>,
     pub(super) settings: Settings,
     result: Option<OcpResult>,
+    /// What the last solve returned as an error.
+    refused: Option<String>,
     /// What several starts found.
     pub(super) starts: Vec<Result<OcpResult>>,
     pub(super) hooks: Hooks,
@@ -70,6 +72,12 @@ impl Problem {
     }
 
     pub(super) fn solve(&mut self, warm: bool) -> Result<Outcome> {
+        let solved = self.run(warm);
+        self.refused = solved.as_ref().err().map(ToString::to_string);
+        solved
+    }
+
+    fn run(&mut self, warm: bool) -> Result<Outcome> {
         let level = self.settings.verbosity();
         let (ocp, result) = (self.ocp.get(), &mut self.result);
         ocp.set_settings(&self.settings)?;
@@ -124,6 +132,12 @@ impl Problem {
 
     /// Solves from several guesses, every solve within `around`, and keeps the best.
     pub(super) fn solve_starts(&mut self, guesses: &[Vec<f64>], threads: i64, around: Around) -> Result<usize> {
+        let solved = self.run_starts(guesses, threads, around);
+        self.refused = solved.as_ref().err().map(ToString::to_string);
+        solved
+    }
+
+    fn run_starts(&mut self, guesses: &[Vec<f64>], threads: i64, around: Around) -> Result<usize> {
         let level = self.settings.verbosity();
         let (ocp, result, starts) = (self.ocp.get(), &mut self.result, &mut self.starts);
         let threads = threads::number(threads)?;
@@ -175,6 +189,14 @@ impl Problem {
         found.ok_or_else(|| Error::Internal("nothing was computed".into()))
     }
 
+    /// What there is to say of the last solve: of its result, or what it returned as an error instead of one.
+    pub(super) fn message(&self) -> Result<&str> {
+        match (&self.result, &self.refused) {
+            (None, Some(refused)) => Ok(refused),
+            _ => Ok(&self.result()?.message),
+        }
+    }
+
     pub(super) fn result(&self) -> Result<&OcpResult> {
         self.result.as_ref().ok_or_else(|| Error::State("there is no result: call swb_ocp_solve first".into()))
     }
@@ -207,6 +229,7 @@ pub(super) fn new(ocp: Ocp, interrupt: &Interrupt) -> Problem {
         settings: *ocp.settings(),
         ocp: Exclusive::new(ocp),
         result: None,
+        refused: None,
         starts: Vec::new(),
         hooks: Hooks::new(interrupt),
     }

@@ -148,7 +148,7 @@ pub unsafe extern "C" fn swb_ocp_get_message(
     needed: *mut i64,
 ) -> swb_status {
     guard(|| unsafe {
-        let text = handle::with_ref(ocp, |o| Ok(o.result()?.message.clone()))?;
+        let text = handle::with_ref(ocp, |o| Ok(o.message()?.to_owned()))?;
         raw::write_text(text.as_bytes(), buf, len, needed)
     })
 }

@@ -203,7 +203,7 @@ pub struct swb_run_info {
     pub n_subsystems: i64,
     /// Steps with dense output; 0 without the option dense.
     pub n_pieces: i64,
-    /// Columns of the derivatives: initial states, parameters, controls; 0 without the option sensitivity.
+    /// Columns of the derivatives: initial states (none where the option sensitivity is "inputs"), parameters, controls; 0 without the option.
     pub n_columns: i64,
     /// 1 if the derivatives hold for one side only: simultaneous switches, a continuation that is not unique, a surface
     /// that is only touched, accumulating switches.

@@ -58,7 +58,9 @@ mod step;
 mod tape;
 mod watch;
 
-pub use crate::settings::{AmbiguityPolicy as Ambiguity, Integration as Method, Selection, ZenoPolicy as Zeno};
+pub use crate::settings::{
+    AmbiguityPolicy as Ambiguity, Integration as Method, Selection, Sensitivity, ZenoPolicy as Zeno,
+};
 pub use adjoint::{Gradient, Term};
 pub use engine::{Engine, Progress};
 pub use field::MODES_ON_DEMAND;
@@ -402,7 +404,7 @@ pub struct Run {
     pub accumulations: Vec<Accumulation>,
     /// Dense output, if it was asked for.
     pub path: Option<Path>,
-    /// `∂x/∂(x0, p, u)`, row-major, one row per state, if it was asked for.
+    /// `∂x/∂(x0, p, u)`, row-major, one row per state, if it was asked for; `∂x/∂(p, u)` where that is all that was.
     pub sensitivity: Option<Vec<f64>>,
     /// The derivatives are those of one side only: switches at the same time, a continuation that is not unique, a
     /// surface that is only touched, or accumulating switches.

@@ -27,7 +27,9 @@ struct Panel {
 #[derive(Debug)]
 pub(super) struct Panels {
     nx: usize,
-    n_c: usize,
+    n_z: usize,
+    /// The input that the first column is of.
+    first: usize,
     panels: Vec<Panel>,
     y: Vec<Lanes>,
     k: Vec<Lanes>,
@@ -42,18 +44,20 @@ pub(super) struct Linearised<'a> {
 }
 
 impl Panels {
-    /// Of all columns, with `inputs[i]` those that row `i` can depend on; none where nothing is known of that.
-    pub(super) fn new(nx: usize, n_c: usize, inputs: Option<&[Vec<usize>]>) -> Panels {
-        let mut rows: Vec<Vec<u32>> = vec![Vec::new(); n_c];
+    /// Of the inputs from `first` on, the last of `n_z` left out, which is the time; with `inputs[i]` those that row `i` can depend on, none where
+    /// nothing is known of that.
+    pub(super) fn new(nx: usize, n_z: usize, first: usize, inputs: Option<&[Vec<usize>]>) -> Panels {
+        let asked = first..n_z - 1;
+        let mut rows: Vec<Vec<u32>> = vec![Vec::new(); n_z];
         match inputs {
             Some(inputs) => {
                 for (i, inputs) in inputs.iter().enumerate() {
-                    inputs.iter().filter(|c| **c < n_c).for_each(|c| rows[*c].push(i as u32));
+                    inputs.iter().filter(|c| asked.contains(c)).for_each(|c| rows[*c].push(i as u32));
                 }
             }
-            None => rows.iter_mut().for_each(|r| r.extend(0..nx as u32)),
+            None => rows[asked.clone()].iter_mut().for_each(|r| r.extend(0..nx as u32)),
         }
-        let mut order: Vec<usize> = (0..n_c).filter(|c| !rows[*c].is_empty()).collect();
+        let mut order: Vec<usize> = asked.filter(|c| !rows[*c].is_empty()).collect();
         order.sort_by(|a, b| rows[*a].cmp(&rows[*b]));
         let mut panels: Vec<Panel> = Vec::new();
         for c in order {
@@ -70,7 +74,7 @@ impl Panels {
             panels.push(Panel { rows: own, columns: vec![c as u32] });
         }
         let most = panels.iter().map(|p| p.rows.len()).max().unwrap_or(0);
-        Panels { nx, n_c, panels, y: vec![[0.0; WIDE]; n_c + 1], k: vec![[0.0; WIDE]; most * KEPT] }
+        Panels { nx, n_z, first, panels, y: vec![[0.0; WIDE]; n_z], k: vec![[0.0; WIDE]; most * KEPT] }
     }
 
     /// Do these have fewer entries than the whole matrix?
@@ -101,11 +105,11 @@ struct Sweep<'a, 'b> {
 impl Kernel for Sweep<'_, '_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Panels { nx, n_c, panels, y, k } = self.to;
+        let Panels { nx, n_z, first, panels, y, k } = self.to;
         for p in panels.iter() {
             match p.columns.len() <= NARROW {
-                true => panel::<NARROW, FUSED>((*nx, *n_c), p, self.step, self.s, y, k),
-                false => panel::<WIDE, FUSED>((*nx, *n_c), p, self.step, self.s, y, k),
+                true => panel::<NARROW, FUSED>((*nx, *n_z, *first), p, self.step, self.s, y, k),
+                false => panel::<WIDE, FUSED>((*nx, *n_z, *first), p, self.step, self.s, y, k),
             }
         }
     }
@@ -121,7 +125,7 @@ fn add<const W: usize, const FUSED: bool>(a: f64, v: &Lanes, sum: &mut Lanes) {
 
 #[inline(always)]
 fn panel<const W: usize, const FUSED: bool>(
-    (nx, n_c): (usize, usize),
+    (nx, n_z, first): (usize, usize, usize),
     p: &Panel,
     step: &Linearised,
     s: &mut [f64],
@@ -131,14 +135,15 @@ fn panel<const W: usize, const FUSED: bool>(
     let (tableau, _) = step.pair.rows();
     let last = tableau.len() - 1;
     // parameters, controls and time do not move: their rows are those of the identity
-    let (y, k) = (&mut y[..=n_c], &mut k[..p.rows.len() * KEPT]);
+    let n_c = n_z - 1 - first;
+    let (y, k) = (&mut y[..n_z], &mut k[..p.rows.len() * KEPT]);
     for (l, c) in p.columns.iter().enumerate().filter(|(_, c)| **c as usize >= nx) {
         y[*c as usize][l] = 1.0;
     }
     for (own, &a) in k.chunks_exact_mut(KEPT).zip(&p.rows) {
         let start = &s[a as usize * n_c..(a as usize + 1) * n_c];
         own[0] = [0.0; WIDE];
-        own[0].iter_mut().zip(&p.columns).for_each(|(own, c)| *own = start[*c as usize]);
+        own[0].iter_mut().zip(&p.columns).for_each(|(own, c)| *own = start[*c as usize - first]);
     }
     for (i, row) in tableau.iter().enumerate() {
         let mut scaled = [(0, 0.0); STAGES];
@@ -166,7 +171,7 @@ fn panel<const W: usize, const FUSED: bool>(
         if step.rest != 0.0 {
             add::<W, FUSED>(step.rest, &own[1 + last], y);
         }
-        p.columns.iter().zip(y.iter()).for_each(|(c, y)| end[*c as usize] = *y);
+        p.columns.iter().zip(y.iter()).for_each(|(c, y)| end[*c as usize - first] = *y);
         // nothing outside of the rows of the next one
         *y = [0.0; WIDE];
     }
@@ -192,12 +197,14 @@ mod tests {
     #[test]
     fn columns_that_do_not_meet_cost_their_own_rows_only() {
         let size = |n: usize| {
-            let all = Panels::new(2 * n, 3 * n, Some(&chains(n)));
+            let all = Panels::new(2 * n, 3 * n + 1, 0, Some(&chains(n)));
             assert_eq!(all.panels.iter().map(|p| p.columns.len()).sum::<usize>(), 3 * n);
             all.panels.iter().map(|p| p.rows.len() * p.columns.len()).sum::<usize>()
         };
         assert_eq!((size(1), size(7), size(50)), (6, 42, 300));
-        assert!(!Panels::new(2, 3, Some(&chains(1))).is_sparse() && Panels::new(4, 6, Some(&chains(2))).is_sparse());
+        assert!(
+            !Panels::new(2, 4, 0, Some(&chains(1))).is_sparse() && Panels::new(4, 7, 0, Some(&chains(2))).is_sparse()
+        );
     }
 
     /// The stages with full matrices, column by column.
@@ -247,7 +254,7 @@ mod tests {
             by_hand(&step, &full, (nx, n_c), &mut expected);
             for own in [None, Some(&inputs[..])] {
                 let mut s = start.clone();
-                let mut panels = Panels::new(nx, n_c, own);
+                let mut panels = Panels::new(nx, n_c + 1, 0, own);
                 // twice: nothing of the first time is left
                 panels.explicit(&step, &mut s);
                 s.copy_from_slice(&start);

@@ -14,20 +14,22 @@ use super::step::Step;
 use crate::func::EvalResult;
 use crate::linalg::lu::block_work;
 
-/// A row `[n_c]` of a Jacobian times `(S; I)`, with a sign. Most of a large one is zero.
+/// A row of a Jacobian, without the time, times `(S; I)`, with a sign. Most of a large one is zero.
 fn along(row: &[f64], sign: f64, nx: usize, s: &[f64], out: &mut [f64]) {
-    let (states, others) = out.split_at_mut(nx);
+    let n_c = out.len();
+    let (states, others) = out.split_at_mut(n_c - (row.len() - nx));
     states.fill(0.0);
     others.iter_mut().zip(&row[nx..]).for_each(|(out, v)| *out = sign * v);
-    for (s, a) in s.chunks_exact(row.len()).zip(&row[..nx]).filter(|(_, a)| **a != 0.0) {
+    for (s, a) in s.chunks_exact(n_c.max(1)).zip(&row[..nx]).filter(|(_, a)| **a != 0.0) {
         out.iter_mut().zip(s).for_each(|(out, s)| *out += sign * a * s);
     }
 }
 
 /// Sensitivities with all memory they need.
 pub(super) struct Sens {
-    /// Columns: initial states, parameters, controls.
+    /// Columns: initial states, parameters, controls, from the input `first` on, which is none of the initial states or all of them.
     n_c: usize,
+    first: usize,
     /// `nx × n_c`, row-major.
     pub(super) s: Vec<f64>,
     y: Vec<f64>,
@@ -47,11 +49,12 @@ pub(super) struct Sens {
 }
 
 impl Sens {
-    pub(super) fn new(nx: usize, n_z: usize, most: usize) -> Sens {
-        let n_c = n_z - 1;
+    pub(super) fn new(nx: usize, n_z: usize, most: usize, first: usize) -> Sens {
+        let n_c = n_z - 1 - first;
         let n = 3 * (nx + most);
         Sens {
             n_c,
+            first,
             s: vec![0.0; nx * n_c],
             y: vec![0.0; nx * n_c],
             stages: Vec::new(),
@@ -59,7 +62,7 @@ impl Sens {
             rhs: vec![0.0; n * n_c.max(1)],
             work: vec![0.0; block_work(n, n_c)],
             step: Collocation::new(nx, n_z, most),
-            whole: Panels::new(nx, n_c, None),
+            whole: Panels::new(nx, n_z, first, None),
             apart: None,
             filled: false,
             dt: vec![0.0; n_c],
@@ -70,15 +73,15 @@ impl Sens {
     pub(super) fn reset(&mut self) {
         self.filled = false;
         self.s.fill(0.0);
-        let nx = self.x.len();
-        for i in 0..nx {
+        for i in self.first..self.x.len() {
             self.s[i * self.n_c + i] = 1.0;
         }
     }
 
     /// Most derivatives of parts that do not touch are zero: explicit steps leave them out.
     pub(super) fn use_supports(&mut self, supports: &Supports) {
-        let apart = Panels::new(self.x.len(), self.n_c, Some(&Sens::inputs(supports, self.x.len())));
+        let (nx, n_z) = (self.x.len(), self.first + self.n_c + 1);
+        let apart = Panels::new(nx, n_z, self.first, Some(&Sens::inputs(supports, nx)));
         self.apart = Some(apart).filter(Panels::is_sparse);
     }
 
@@ -131,7 +134,7 @@ impl Sens {
             let f = self.step.jac(i).chunks_exact(n_z).map(|row| (row, 1.0));
             let g = self.step.g(i).chunks_exact(n_z).take(r).map(|row| (row, -1.0));
             let rows = of_f.chunks_exact_mut(n_c).zip(f).chain(of_g.chunks_exact_mut(n_c).zip(g));
-            rows.for_each(|(out, (row, sign))| along(&row[..n_c], sign, nx, &self.s, out));
+            rows.for_each(|(out, (row, sign))| along(&row[..n_z - 1], sign, nx, &self.s, out));
         }
         self.step.lu.solve_block(n_c, rhs, &mut self.work);
         for (s, b) in self.s.iter_mut().zip(&rhs[2 * own * n_c..]) {
@@ -141,11 +144,11 @@ impl Sens {
     }
 
     /// Derivative of the time of a switch, from its derivatives with respect to state, parameters and controls just
-    /// before (`n_c` values, see [`Watch::time_gradient`](super::watch::Watch::time_gradient)).
+    /// before (see [`Watch::time_gradient`](super::watch::Watch::time_gradient)).
     pub(super) fn time(&mut self, row: &[f64]) {
-        let (nx, n_c) = (self.x.len(), self.n_c);
-        self.dt[..nx].fill(0.0);
-        self.dt[nx..].copy_from_slice(&row[nx..n_c]);
+        let (nx, n_c, n_states) = (self.x.len(), self.n_c, self.x.len() - self.first);
+        self.dt[..n_states].fill(0.0);
+        self.dt[n_states..].copy_from_slice(&row[nx..nx + n_c - n_states]);
         for (s, r) in self.s.chunks_exact(n_c.max(1)).zip(&row[..nx]).filter(|(_, r)| **r != 0.0) {
             self.dt.iter_mut().zip(s).for_each(|(dt, s)| *dt += r * s);
         }
@@ -164,7 +167,7 @@ impl Sens {
 
     /// From derivatives at fixed time to those along the moving time of a jump (`sign` 1), or back (−1).
     pub(super) fn advance(&mut self, velocity: &[f64], sign: f64) {
-        for (row, f) in self.s.chunks_exact_mut(self.n_c).zip(velocity) {
+        for (row, f) in self.s.chunks_exact_mut(self.n_c.max(1)).zip(velocity) {
             for (s, dt) in row.iter_mut().zip(&self.dt) {
                 *s += sign * f * dt;
             }
@@ -173,12 +176,13 @@ impl Sens {
 
     /// Behind a reset with the Jacobian `jac` (`nx × n_z`), along the moving time of the jump.
     pub(super) fn reset_by(&mut self, jac: &[f64]) {
-        let (nx, n_c) = (self.x.len(), self.n_c);
+        let (nx, n_c, first) = (self.x.len(), self.n_c, self.first);
+        let time = first + n_c;
         self.y.copy_from_slice(&self.s);
-        for (row, r) in self.s.chunks_exact_mut(n_c).zip(jac.chunks_exact(n_c + 1)) {
+        for (row, r) in self.s.chunks_exact_mut(n_c.max(1)).zip(jac.chunks_exact(time + 1)) {
             for (c, s) in row.iter_mut().enumerate() {
-                let own = if c < nx { 0.0 } else { r[c] };
-                *s = (0..nx).fold(own + r[n_c] * self.dt[c], |v, b| v + r[b] * self.y[b * n_c + c]);
+                let own = if first + c < nx { 0.0 } else { r[first + c] };
+                *s = (0..nx).fold(own + r[time] * self.dt[c], |v, b| v + r[b] * self.y[b * n_c + c]);
             }
         }
     }
@@ -186,17 +190,17 @@ impl Sens {
     /// Makes the derivatives tangential to the surfaces of a sliding mode, along `D`; `C D` is that of the last
     /// [`Field::hidden`].
     pub(super) fn project(&mut self, field: &mut Field) {
-        let (nx, r, n_c) = (field.nx, field.n_alg(), self.n_c);
+        let (nx, r, n_c, first) = (field.nx, field.n_alg(), self.n_c, self.first);
         if n_c == 0 {
             return;
         }
         let rhs = &mut self.rhs[..r * n_c];
         rhs.fill(0.0);
         for (b, row) in rhs.chunks_exact_mut(n_c).enumerate() {
-            for (a, g) in field.c(b).filter(|(a, g)| *a < n_c && *g != 0.0) {
+            for (a, g) in field.c(b).filter(|(a, g)| *a < first + n_c && *g != 0.0) {
                 match a < nx {
                     true => row.iter_mut().zip(&self.s[a * n_c..]).for_each(|(v, s)| *v -= g * s),
-                    false => row[a] -= g,
+                    false => row[a - first] -= g,
                 }
             }
         }

@@ -1,6 +1,6 @@
 //! What this layer takes of the options: written by `make header` from src/settings/options.toml; do not edit.
 
-use crate::settings::{AmbiguityPolicy, Integration, Selection, Settings, ZenoPolicy};
+use crate::settings::{AmbiguityPolicy, Integration, Selection, Sensitivity, Settings, ZenoPolicy};
 
 /// Settings of a simulation.
 #[derive(Debug, Clone, PartialEq)]
@@ -26,7 +26,7 @@ pub struct Options {
     /// Keep the dense output of an event-driven simulation.
     pub dense: bool,
     /// Compute the derivatives of an event-driven simulation and of its switching times.
-    pub sensitivity: bool,
+    pub sensitivity: Sensitivity,
     /// Record an event-driven simulation for adjoint derivatives.
     pub adjoint: bool,
     /// Bytes that building, solving or simulating may take at most; 0: as many as there are.
@@ -57,7 +57,7 @@ impl From<&Settings> for Options {
             zeno: s.zeno().unwrap_or(ZenoPolicy::Continue),
             ambiguity: s.ambiguity().unwrap_or(AmbiguityPolicy::First),
             dense: s.dense(),
-            sensitivity: s.sensitivity(),
+            sensitivity: s.sensitivity().unwrap_or(Sensitivity::Off),
             adjoint: s.adjoint(),
             max_memory: usize::try_from(s.max_memory).unwrap_or(0),
             selection: s.selection().unwrap_or(Selection::Bilinear),

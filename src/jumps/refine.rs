@@ -99,8 +99,9 @@ pub fn refine(
             let finer = best.problem.finer(|k| best.stages[k] > within)?;
             let from = (&best.answer.sequence, &best.answer.track);
             next = again(finer, from, options, tol, &mut spent, control)?;
+            next = next.filter(|n| n.replaces(&best, within));
         }
-        let Some(next) = next.filter(|n| n.replaces(&best, within)) else { break };
+        let Some(next) = next else { break };
         asked.push(next.answer.sequence.key());
         best = next;
     }

@@ -391,6 +391,11 @@ impl Ocp {
 const OVERLAP: f64 = 1e-9;
 /// Share of the largest state of a motion by which its simulation may be off.
 const OFF: f64 = 1e-2;
+/// Share of the largest state of a motion by which the simulation of a single control stage may be off, where that of all of them is further off.
+const OFF_IN_A_STAGE: f64 = 1e-4;
+/// Share that grids are refined for.
+const AIM: f64 = 1e-6;
+
 /// What is said of an answer that its simulation leaves, which has as many changes of contacts in every control stage: where that is, and what there is
 /// of both.
 fn not_followed(last: &Last, result: &OcpResult, changes: &[usize]) -> String {
@@ -421,11 +426,6 @@ fn too_few(changes: &[usize]) -> Option<String> {
         )
     })
 }
-
-/// Share of the largest state of a motion by which the simulation of a single control stage may be off, where that of all of them is further off.
-const OFF_IN_A_STAGE: f64 = 1e-4;
-/// Share that grids are refined for.
-const AIM: f64 = 1e-6;
 
 /// What is said of an answer whose stages are followed one by one, but not in a row.
 fn unstable(off: f64) -> String {

@@ -44,6 +44,17 @@ impl From<&str> for Value {
     }
 }
 
+/// On or off, all or none.
+impl From<bool> for Sensitivity {
+    fn from(on: bool) -> Self {
+        if on {
+            Sensitivity::On
+        } else {
+            Sensitivity::Off
+        }
+    }
+}
+
 /// Kind of an option.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {

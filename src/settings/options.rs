@@ -354,6 +354,34 @@ impl Ordering {
     }
 }
 
+/// What a simulation is differentiated by (option sensitivity).
+#[repr(i64)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sensitivity {
+    /// Nothing.
+    Off = 0,
+    /// Initial states, parameters and controls.
+    On = 1,
+    /// Parameters and controls: of many states most columns are those of initial states.
+    Inputs = 2,
+}
+
+impl Sensitivity {
+    /// Value names, by value.
+    pub const NAMES: &'static [&'static str] = &["off", "on", "inputs"];
+    const ALL: [Sensitivity; 3] = [Sensitivity::Off, Sensitivity::On, Sensitivity::Inputs];
+
+    /// Value of this number; `None` outside the enumeration.
+    pub fn from_i64(value: i64) -> Option<Self> {
+        Self::ALL.get(usize::try_from(value).ok()?).copied()
+    }
+
+    /// Name of the value.
+    pub fn name(self) -> &'static str {
+        Self::NAMES[self as usize]
+    }
+}
+
 /// An ingredient of a method that can be left out.
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -731,7 +759,7 @@ pub struct Settings {
     pub ambiguity: i64,
     /// Keep the dense output of an event-driven simulation (enum toggle).
     pub dense: i64,
-    /// Compute the derivatives of an event-driven simulation and of its switching times (enum toggle).
+    /// Compute the derivatives of an event-driven simulation and of its switching times (enum sensitivity).
     pub sensitivity: i64,
     /// Record an event-driven simulation for adjoint derivatives (enum toggle).
     pub adjoint: i64,
@@ -1571,12 +1599,12 @@ pub static OPTIONS: &[OptionInfo] = &[
     OptionInfo {
         name: "sensitivity",
         group: "events",
-        kind: Kind::Enum(Switch::NAMES),
+        kind: Kind::Enum(Sensitivity::NAMES),
         default: 0.0,
         min: Closed(0.0),
-        max: Closed(1.0),
+        max: Closed(2.0),
         symbol: "",
-        doc: "Compute the derivatives of an event-driven simulation and of its switching times (enum toggle).",
+        doc: "Compute the derivatives of an event-driven simulation and of its switching times (enum sensitivity).",
         setup_only: false,
         offset: offset_of!(Settings, sensitivity),
         get: |s| s.sensitivity as f64,
@@ -1836,9 +1864,9 @@ impl Settings {
         self.dense != 0
     }
 
-    /// Is the option sensitivity on?
-    pub fn sensitivity(&self) -> bool {
-        self.sensitivity != 0
+    /// [`Sensitivity`] of these settings.
+    pub fn sensitivity(&self) -> Result<Sensitivity> {
+        Sensitivity::from_i64(self.sensitivity).ok_or_else(|| bad("sensitivity", self.sensitivity))
     }
 
     /// Is the option adjoint on?

@@ -188,6 +188,19 @@ const SWB_ORDERING_NATURAL = swb_ordering(1)
 const NAMES_swb_ordering = [:amd => 0, :natural => 1]
 
 """
+What a simulation is differentiated by (option sensitivity).
+
+- `SWB_SENSITIVITY_OFF`: Nothing.
+- `SWB_SENSITIVITY_ON`: Initial states, parameters and controls.
+- `SWB_SENSITIVITY_INPUTS`: Parameters and controls: of many states most columns are those of initial states.
+"""
+const swb_sensitivity = Int64
+const SWB_SENSITIVITY_OFF = swb_sensitivity(0)
+const SWB_SENSITIVITY_ON = swb_sensitivity(1)
+const SWB_SENSITIVITY_INPUTS = swb_sensitivity(2)
+const NAMES_swb_sensitivity = [:off => 0, :on => 1, :inputs => 2]
+
+"""
 An ingredient of a method that can be left out.
 
 - `SWB_TOGGLE_OFF`: Without it.
@@ -1065,7 +1078,7 @@ table (`swb_option_range`).
 - `zeno`: What an event-driven simulation does where switches accumulate (enum zeno_policy).
 - `ambiguity`: What an event-driven simulation does where the continuation is not unique (enum ambiguity_policy).
 - `dense`: Keep the dense output of an event-driven simulation (enum toggle).
-- `sensitivity`: Compute the derivatives of an event-driven simulation and of its switching times (enum toggle).
+- `sensitivity`: Compute the derivatives of an event-driven simulation and of its switching times (enum sensitivity).
 - `adjoint`: Record an event-driven simulation for adjoint derivatives (enum toggle).
 - `explain`: Find out by another solve by how much constraints that cannot be met are violated at best (enum toggle).
 - `adapt_tol`: Error at the ends of the control stages up to which finite elements are added to an optimal control problem; 0: the grid stays.
@@ -1492,7 +1505,7 @@ Numbers of a run, the lengths of its arrays.
 - `n_events`: Switches in the log.
 - `n_subsystems`: Subsystems that can switch: those with more than one mode, in the order they were added.
 - `n_pieces`: Steps with dense output; 0 without the option dense.
-- `n_columns`: Columns of the derivatives: initial states, parameters, controls; 0 without the option sensitivity.
+- `n_columns`: Columns of the derivatives: initial states (none where the option sensitivity is \"inputs\"), parameters, controls; 0 without the option.
 - `one_sided`: 1 if the derivatives hold for one side only: simultaneous switches, a continuation that is not unique, a surface that is only touched, accumulating switches.
 - `n_branch_points`: Points with several continuations.
 - `n_contacts`: Surfaces only touched.

@@ -20,7 +20,7 @@ time, `sol(t; order = 1)` derivatives with respect to time.
 - `retcode`: `:Success`, `:MaxIters`, `:DtLessThanMin`, `:Terminated` or `:Failure`; `outcome` is the library's own word for
   it, `reason` says it in words
 - `dx_dx0`, `dx_dp`, `dx_du`: derivatives of the state reached, and `switch_derivatives`, `jump_derivatives` and `impact_derivatives`, a
-  row of derivatives with respect to all of these for the time of each switch, each transition and each impact; nothing without `sensitivity`. `one_sided` if they hold for one side only
+  row of derivatives with respect to all of these for the time of each switch, each transition and each impact; nothing without `sensitivity`, and no `dx_dx0` nor its columns with `:inputs`. `one_sided` if they hold for one side only
 - `branch_points`, `contacts`, `accumulations`: points with several continuations, surfaces only touched, points at which
   switches accumulate
 - `n_modes`: numbers of modes of the subsystems that can switch; `stats`: the work
@@ -122,9 +122,11 @@ end
 
 function read_derivatives!(s, info)
     nx, np, n = s.system.nx, s.system.np, info.n_columns
+    n0 = n - np - s.system.nu
     all_ = Matrix{Float64}(undef, nx, n)
     check(Lib.swb_run_sensitivity(s, all_, length(all_)))
-    s.dx_dx0, s.dx_dp, s.dx_du = all_[:, 1:nx], all_[:, nx+1:nx+np], all_[:, nx+np+1:end]
+    s.dx_dx0 = n0 == 0 ? nothing : all_[:, 1:n0]
+    s.dx_dp, s.dx_du = all_[:, n0+1:n0+np], all_[:, n0+np+1:end]
     rows(get, count_) = permutedims(reshape(reduce(vcat, (numbers(Float64, n, get, s, k - 1) for k in 1:count_); init = Float64[]), Int(n), :))
     s.switch_derivatives = rows(Lib.swb_run_event_sensitivity, info.n_events)
     s.jump_derivatives = rows(Lib.swb_run_jump_sensitivity, info.n_jumps)
@@ -494,7 +496,7 @@ models with names may be given by name: `p = (k = 2.0,)`.
 
 - `u`: constant controls, or a matrix with a column for each of several equal pieces of the time span; `p`: parameters
 - `reltol`, `abstol`: one number, or one for each state; `method`: `:auto`, `:dp5`, `:dop853`, `:radau5`
-- `sensitivity = true`: derivatives with respect to initial state, parameters and controls
+- `sensitivity = true`: derivatives with respect to initial state, parameters and controls; `:inputs`: to parameters and controls only
 - `dense = false`: no states in between; `stop_times`: times at which steps end
 - `on_branching`, `preferred`, `ambiguity`: what to do where the continuation is not unique (see `on_branching!`,
   `set_preferred!`)

@@ -80,6 +80,9 @@ end
         @test abs(sol.u[end][1] - 3.5) < 1e-11 && abs(sol.dx_dx0[1] - 0.5) < 1e-8
         @test sol.switch_derivatives ≈ [-0.25 -1 / 16 -1 / 16] rtol = 1e-7
         @test abs(sol.dx_dp[1] - slope) < 1e-7 && abs(sol.dx_du[1] - slope) < 1e-7
+        inputs = simulate(system, [-1.0], 2.0; u = [1.0], p = [2.0], reltol = 1e-12, abstol = 1e-12, sensitivity = :inputs)
+        @test inputs.dx_dx0 === nothing && inputs.dx_dp == sol.dx_dp && inputs.dx_du == sol.dx_du
+        @test inputs.switch_derivatives == sol.switch_derivatives[:, 2:end]
         i = Integrator(system; reltol = 1e-12, abstol = 1e-12, adjoint = :on)
         set_controls!(i, 1.0)
         set_params!(i, 2.0)

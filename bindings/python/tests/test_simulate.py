@@ -58,6 +58,11 @@ def test_derivatives():
     assert np.allclose(r.switch_derivatives, [[-0.25, -1 / 16, -1 / 16]], atol=1e-11)
     slope = 2.0 - 0.25 + 2.0 / 16
     assert r.dx_dp[0, 0] == pytest.approx(slope, abs=1e-10) and r.dx_du[0, 0] == pytest.approx(slope, abs=1e-10)
+    inputs = swb.simulate(m, [-1.0], 2.0, u=[1.0], p=[2.0], rtol=1e-12, atol=1e-12, sensitivity="inputs")
+    assert inputs.dx_dx0 is None and inputs.dx_dp == r.dx_dp and inputs.dx_du == r.dx_du
+    assert (inputs.switch_derivatives == r.switch_derivatives[:, 1:]).all()
+    with pytest.raises(swb.ArgumentError, match="off, on, inputs"):
+        swb.simulate(m, [-1.0], 2.0, u=[1.0], p=[2.0], sensitivity="parameters")
     with swb.Integrator(m, rtol=1e-12, atol=1e-12, adjoint="on") as i:
         i.set_controls([1.0])
         i.set_params(2.0)

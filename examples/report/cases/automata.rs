@@ -55,7 +55,7 @@ fn accuracy(c: &Context) {
         let exact = numbers(&r["switches"]);
         for e in 4..=12 {
             let rtol = 10f64.powi(-e);
-            let opt = Options { sensitivity: true, ..Options::with_tolerance(rtol, rtol) };
+            let opt = Options { sensitivity: true.into(), ..Options::with_tolerance(rtol, rtol) };
             let s = engine(&b, &opt, &x0, &p, t).0.into_run();
             let error = off(&s.x[..x0.len()], &numbers(&r["x_T"]));
             let times: Vec<f64> = s.jumps.iter().map(|j| j.t).collect();

@@ -93,7 +93,7 @@ struct Run {
 
 fn one(case: &Case, rtol: f64) -> Run {
     let go = |sensitivity: bool| {
-        let options = Options { sensitivity, ..Options::with_tolerance(rtol, rtol) };
+        let options = Options { sensitivity: sensitivity.into(), ..Options::with_tolerance(rtol, rtol) };
         let mut e = Engine::new(&case.system, &options).expect("the options fit");
         let mut best = f64::INFINITY;
         for _ in 0..if sensitivity { 1 } else { RUNS } {

@@ -71,7 +71,7 @@ fn accuracy(c: &Context) {
             let rtol = 10f64.powi(-e);
             let opt = Options::with_tolerance(rtol, rtol);
             let (s, seconds) = simulate(&sys, &u, &r.x0, r.t_end, &opt);
-            let with = Options { sensitivity: true, ..opt };
+            let with = Options { sensitivity: true.into(), ..opt };
             let (d, _) = simulate(&sys, &u, &r.x0, r.t_end, &with);
             let error = off(&s.x, &r.x_end);
             let times: Vec<f64> = s.switches.iter().map(|s| s.t).collect();

@@ -30,7 +30,7 @@ impl Engine {
         Ok(())
     }
 
-    /// `∂x/∂(x0, p, u)` at the time reached, row-major with one row per state, if the options ask for it. After
+    /// `∂x/∂(x0, p, u)` at the time reached, row-major with one row per state, if the options ask for it, or `∂x/∂(p, u)`. After
     /// [`Engine::set_params`] or [`Engine::set_controls`] the derivatives are those with respect to changes of the
     /// parameters and controls over the whole run.
     pub fn sensitivity(&self) -> Option<&[f64]> {

@@ -17,7 +17,7 @@ use crate::event::radau::Radau;
 use crate::event::sens::Sens;
 use crate::event::step::Step;
 use crate::event::tape::Tape;
-use crate::event::{Ambiguity, Method, Options, Outcome, Statistics};
+use crate::event::{Ambiguity, Method, Options, Outcome, Sensitivity, Statistics};
 use crate::system::System;
 
 impl Engine {
@@ -26,7 +26,7 @@ impl Engine {
         let dcs = Dcs::with_modes_on_demand(system)?;
         let nx = dcs.dims().x;
         options.validate(nx)?;
-        if system.on_demand().is_some() && (options.sensitivity || options.adjoint) {
+        if system.on_demand().is_some() && (options.sensitivity != Sensitivity::Off || options.adjoint) {
             return Err(Error::Unsupported(
                 "derivatives of simulations whose modes are formed on demand: the model has too many coupled switching functions for \
                  a list of its modes"
@@ -49,7 +49,9 @@ impl Engine {
             _ => Pair::Dop853,
         };
         let (n_w, n_dq) = (n_q + n_cells, field.dq.len());
-        let mut sens = options.sensitivity.then(|| Sens::new(nx, n_z, most));
+        let first = if options.sensitivity == Sensitivity::Inputs { nx } else { 0 };
+        let mut sens =
+            (options.sensitivity != Sensitivity::Off && n_z > 1 + first).then(|| Sens::new(nx, n_z, most, first));
         if let Some(s) = sens.as_mut().filter(|_| field.guards.all.is_empty() && !field.has_contacts()) {
             s.use_supports(&field.supports());
         }

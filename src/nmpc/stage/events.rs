@@ -58,7 +58,12 @@ fn simulate(engine: &mut Engine, at: &Starts, k: usize, [nx, nu, np]: [usize; 3]
 impl EventStage {
     /// `options` are those of the simulations; derivatives are added where they are needed.
     pub fn new(system: &System, options: &Options) -> Result<EventStage> {
-        let with = |sensitivity: bool| Options { sensitivity, dense: false, adjoint: false, ..options.clone() };
+        let with = |sensitivity: bool| Options {
+            sensitivity: sensitivity.into(),
+            dense: false,
+            adjoint: false,
+            ..options.clone()
+        };
         let d = system.dims();
         Ok(EventStage {
             engine: Engine::new(system, &with(true))?,

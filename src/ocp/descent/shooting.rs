@@ -91,7 +91,7 @@ impl<'a> Shooting<'a> {
         let cost = ocp.cost_size(r.cost_reached);
         let of_states = std::iter::once(cost).chain(ramps.iter().map(|&j| control_size(j))).chain(usual.x.clone());
         let tight = tolerances(TOLERANCE, &of_states.collect::<Vec<f64>>());
-        let engine = Engine::new(&system, &event::Options { sensitivity: true, max_steps: MAX_STEPS, ..tight })?;
+        let engine = Engine::new(&system, &event::Options { sensitivity: true.into(), max_steps: MAX_STEPS, ..tight })?;
         let mut s = Shooting {
             ocp,
             e,

@@ -372,7 +372,7 @@ impl Ocp {
         let of_states = &extents[extents.len() - d.x..];
         let sizes: Vec<f64> = extents.iter().map(|e| e.size).collect();
         let tight = accuracy::tolerances(TOLERANCE, &sizes);
-        let options = event::Options { sensitivity: true, max_steps: MAX_STEPS, ..tight };
+        let options = event::Options { sensitivity: true.into(), max_steps: MAX_STEPS, ..tight };
         let ends = b.problem.end_gradients().into_iter().filter_map(|(row, value, gradient)| {
             let (l, u) = (b.bounds.cl[row], b.bounds.cu[row]);
             // what the state can change a constraint by is its size, or else its bound

@@ -157,7 +157,7 @@ impl Orbit<'_> {
     /// Newton's method for `x(T) = ± x(0)` with the derivatives of the simulation.
     fn shoot(&self, sys: &System, mut x: Vec<f64>, phase: Vec<f64>, mut length: f64) -> Result<f64> {
         let n = x.len();
-        let tight = Options { sensitivity: true, ..Options::with_tolerance(1e-13, 1e-14) };
+        let tight = Options { sensitivity: true.into(), ..Options::with_tolerance(1e-13, 1e-14) };
         let mut engine = Engine::new(sys, &tight)?;
         let start = x.clone();
         for _ in 0..8 {

@@ -120,6 +120,14 @@ class Ordering(Names):
     NATURAL = 1
 
 
+class Sensitivity(Names):
+    """enum swb_sensitivity"""
+
+    OFF = 0
+    ON = 1
+    INPUTS = 2
+
+
 class Toggle(Names):
     """enum swb_toggle"""
 

@@ -11,9 +11,9 @@ from typing import Any, Callable, Iterator, Mapping, NamedTuple, Sequence
 import numpy
 
 from . import _ffi
-from ._arrays import Array, address, index, number, one_or, real, seen, table, vector
+from ._arrays import Array, address, choice, index, number, one_or, real, seen, table, vector
 from ._call import Handle, aside, frame, text
-from ._ffi import EventKind, ProgressKind, RunOutcome
+from ._ffi import EventKind, ProgressKind, RunOutcome, Sensitivity
 from ._foreign import Hints, translated
 from ._foreign import method as method_of
 from ._library import lib
@@ -213,6 +213,13 @@ def _decide_callback(f: OnBranching | None, n_modes: Sequence[int]) -> Any:
     return _ffi.swb_decide_fn(decide)
 
 
+def _differentiated(sensitivity: Any) -> int:
+    """The option `sensitivity`: a truth value, or what derivatives are by."""
+    if isinstance(sensitivity, (str, Sensitivity)):
+        return int(choice(Sensitivity, sensitivity, "sensitivity"))
+    return int(bool(sensitivity))
+
+
 def _span(t_span: Any) -> tuple[float, float]:
     """A duration from 0 on, or start and end."""
     shape = seen(t_span, "t_span").shape
@@ -237,7 +244,8 @@ class Run(Hints, Recorded, Handle):
     reason             why it ended early, in words
     stats              work
     n_modes            numbers of modes of the subsystems that can switch
-    dx_dx0, dx_dp, dx_du   derivatives of the state reached, [nx, nx], [nx, np], [nx, nu], or None
+    dx_dx0, dx_dp, dx_du   derivatives of the state reached, [nx, nx], [nx, np], [nx, nu], or None; with
+                           sensitivity="inputs" without dx_dx0, and below without the first nx columns
     switch_derivatives     those of the switching times, [n_switches, nx + np + nu], or None
     jump_derivatives       those of the times of the transitions, [n_jumps, nx + np + nu], or None
     impacts            of a scene in the order of time, a list of `Impact`, one for every contact with an impulse
@@ -340,9 +348,11 @@ class Run(Hints, Recorded, Handle):
         self.dx_dx0 = self.dx_dp = self.dx_du = None
         self.switch_derivatives = self.jump_derivatives = self.impact_derivatives = None
         if info.n_columns:
-            nx, np, _ = sizes
+            nx, np, nu = sizes
+            starts = info.n_columns - np - nu
             s = self._array("sensitivity", (info.n_columns, nx)).T
-            self.dx_dx0, self.dx_dp, self.dx_du = s[:, :nx], s[:, nx : nx + np], s[:, nx + np :]
+            self.dx_dx0 = s[:, :starts] if starts else None
+            self.dx_dp, self.dx_du = s[:, starts : starts + np], s[:, starts + np :]
             rows = [self._array("event_sensitivity", (info.n_columns,), i) for i in range(n)]
             self.switch_derivatives = numpy.array(rows).reshape(n, info.n_columns)
             rows = [self._array("jump_sensitivity", (info.n_columns,), i) for i in range(len(self.jumps))]
@@ -852,7 +862,7 @@ def simulate(
     atol: Any = None,
     method: str | None = None,
     dense: bool = True,
-    sensitivity: bool = False,
+    sensitivity: bool | str = False,
     stop_times: Any = None,
     preferred: Mapping[int, Sequence[int]] | None = None,
     settings: Settings | Mapping[str, Any] | None = None,
@@ -867,12 +877,13 @@ def simulate(
     `u` are constant controls, or with several rows those of equal pieces of the time span; `p` are parameters. `rtol`
     and `atol` are one number, or one for each state (1e-8 and 1e-10), `method` is "auto", "dp5", "dop853" or "radau5".
     Where the continuation is not unique `on_branching` decides, or the lists of modes in `preferred`, by subsystem, or the
-    option `ambiguity`. Look at `run.success`: a simulation may end early, `run.reason` says why. `progress=True` shows a bar
+    option `ambiguity`. `sensitivity=True` asks for derivatives by initial state, parameters and controls, "inputs" for those by parameters and
+    controls only. Look at `run.success`: a simulation may end early, `run.reason` says why. `progress=True` shows a bar
     (of tqdm, where it is installed), a function is called with the percentage done and 100. For stepping use an `Integrator`, for the
     discretisation with complementarity constraints `simulate_fesd`.
     """
     options = translated(options)
-    options |= {"dense": int(bool(dense)), "sensitivity": int(bool(sensitivity))}
+    options |= {"dense": int(bool(dense)), "sensitivity": _differentiated(sensitivity)}
     start, end = _span(t_span)
     on_step, done = _with_progress(progress, on_step, start, end)
     with done, Integrator(
@@ -961,7 +972,7 @@ def simulate_batch(
     atol: float | None = None,
     method: str | None = None,
     dense: bool = False,
-    sensitivity: bool = False,
+    sensitivity: bool | str = False,
     settings: Settings | Mapping[str, Any] | None = None,
     **options: Any,
 ) -> Batch:
@@ -992,7 +1003,7 @@ def simulate_batch(
         return vector(value, width, name) if one else table(value, len(starts), width, name)
 
     controls, params = inputs(u, s.nu, "u"), inputs(p, s.np, "p")
-    options |= {"dense": int(bool(dense)), "sensitivity": int(bool(sensitivity))}
+    options |= {"dense": int(bool(dense)), "sensitivity": _differentiated(sensitivity)}
     chosen, each = _chosen(settings, {"rtol": rtol, "atol": atol, "method": method}, options)
     if each is not None:
         raise ArgumentError("a batch takes one rtol and one atol for all states")
