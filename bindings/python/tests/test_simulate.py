@@ -63,6 +63,9 @@ def test_derivatives():
     assert (inputs.switch_derivatives == r.switch_derivatives[:, 1:]).all()
     with pytest.raises(swb.ArgumentError, match="off, on, inputs"):
         swb.simulate(m, [-1.0], 2.0, u=[1.0], p=[2.0], sensitivity="parameters")
+    for nonsense in (3, -1, 0.5, [1]):
+        with pytest.raises(swb.ArgumentError):
+            swb.simulate(m, [-1.0], 2.0, u=[1.0], p=[2.0], sensitivity=nonsense)
     with swb.Integrator(m, rtol=1e-12, atol=1e-12, adjoint="on") as i:
         i.set_controls([1.0])
         i.set_params(2.0)

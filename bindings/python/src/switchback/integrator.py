@@ -215,9 +215,9 @@ def _decide_callback(f: OnBranching | None, n_modes: Sequence[int]) -> Any:
 
 def _differentiated(sensitivity: Any) -> int:
     """The option `sensitivity`: a truth value, or what derivatives are by."""
-    if isinstance(sensitivity, (str, Sensitivity)):
-        return int(choice(Sensitivity, sensitivity, "sensitivity"))
-    return int(bool(sensitivity))
+    if sensitivity is None or isinstance(sensitivity, (bool, numpy.bool_)):
+        return int(bool(sensitivity))
+    return int(choice(Sensitivity, sensitivity, "sensitivity"))
 
 
 def _span(t_span: Any) -> tuple[float, float]:
