@@ -293,10 +293,38 @@ pub(super) fn refuses(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>) {
     assert!(StageQp::new(2, 1, 1, vec![Row { node: 1, price: Some(Price { linear: 0.0, quadratic: 0.0 }) }]).is_err());
 }
 
+/// Sums of controls at zero, each stated four times: what seems left of them is the rounding of terms that cancel, and there is no bound that it could
+/// be measured by.
+pub(super) fn sums_at_zero(make: &dyn Fn(&StageQp) -> Box<dyn QpSolver>, tol: f64) {
+    const N: usize = 12;
+    for seed in 0..100 {
+        let mut r = numbers(seed);
+        let price = (seed % 2 == 0).then_some(Price { linear: 160.0, quadratic: 0.0 });
+        let mut qp = StageQp::new(1, 1, N, vec![Row { node: 0, price }; N]).unwrap();
+        for j in 0..N {
+            qp.hess_u[j * (N + 1)] = 0.1 + 0.05 * r().abs();
+            qp.grad_u[j] = r();
+            (qp.u_lower[j], qp.u_upper[j]) = (-0.3 - r().abs(), 0.3 + r().abs());
+            // the sum of the controls 3 (j / 4), and the two behind it
+            (0..3).for_each(|k| qp.row_u[j * N + 3 * (j / 4) + k] = 0.7);
+        }
+        qp.row_lower.fill(f64::NEG_INFINITY);
+        qp.row_upper.fill(0.0);
+        let mut solver = make(&qp);
+        assert!(solver.prepare(&qp));
+        assert_eq!(solver.solve(&qp, &[0.0], &Terms::default()), QpStatus::Solved, "seed {seed}");
+        let mut s = QpSolution::new(&qp);
+        solver.expand(&qp, &mut s);
+        let off = residual(&qp, &[0.0], &s);
+        assert!(off < tol, "seed {seed}: {off:e}");
+    }
+}
+
 #[test]
 fn condensing_conforms() {
     let make = |qp: &StageQp| Box::new(Condensing::new(qp).unwrap()) as Box<dyn QpSolver>;
     conforms(&make, 1e-9);
+    sums_at_zero(&make, 1e-9);
     hard_rows(&make, 1e-9);
     equations(&make, 1e-9);
     refuses(&make);

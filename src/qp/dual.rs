@@ -106,6 +106,8 @@ pub(super) struct DualActiveSet {
     guess: Vec<(usize, f64)>,
     /// Rows whose value follows from the active ones, which meet them: what they seem violated by is rounding.
     implied: Vec<bool>,
+    /// Rows that the present controls violate by the rounding of terms that cancel.
+    cancelled: Vec<bool>,
     /// The factor is not that of the states.
     stale: bool,
     /// Share of its size by which a row must be violated to be taken in.
@@ -149,6 +151,7 @@ impl DualActiveSet {
             offset: vec![0.0; n_rows],
             guess: Vec::with_capacity(m),
             implied: vec![false; m],
+            cancelled: vec![false; n_rows],
             stale: false,
             tolerance: FEASIBLE,
             iterations: 0,
@@ -383,8 +386,7 @@ impl DualActiveSet {
             }
             self.walk(1.0);
             self.update(q);
-            let Some((i, up)) = self.most_violated(q, rows) else { break };
-            self.form(i, rows);
+            let Some((i, up)) = self.next_violated(q, rows) else { break };
             if !self.enter(i, up, q) {
                 self.cut_off(q);
                 return QpStatus::Infeasible;
@@ -578,7 +580,24 @@ impl DualActiveSet {
         self.u = u;
     }
 
-    /// The constraint to change next, and at which side: the bound that is violated most in the norm of the dual, without
+    /// The constraint to change next, formed, and at which side. Of a row whose bound and value are next to zero only its terms say
+    /// what rounding is.
+    fn next_violated(&mut self, q: &Program, rows: &mut dyn Rows) -> Option<(usize, bool)> {
+        self.cancelled.fill(false);
+        loop {
+            let (i, up) = self.most_violated(q, rows)?;
+            self.form(i, rows);
+            let Some(r) = i.checked_sub(self.n) else { return Some((i, up)) };
+            let (value, bound) = (self.values[r], if up { q.row_upper[r] } else { q.row_lower[r] });
+            let terms = self.a[r * self.n..(r + 1) * self.n].iter().zip(&self.u).map(|(a, u)| (a * u).abs());
+            if (value - bound).abs() > self.tolerance * terms.sum::<f64>() {
+                return Some((i, up));
+            }
+            self.cancelled[r] = true;
+        }
+    }
+
+    /// The most violated constraint, and at which side: the bound that is violated most in the norm of the dual, without
     /// one the row that is violated most in its own size.
     fn most_violated(&mut self, q: &Program, rows: &mut dyn Rows) -> Option<(usize, bool)> {
         let largest = self.u.iter().fold(0.0f64, |m, v| m.max(v.abs()));
@@ -603,7 +622,7 @@ impl DualActiveSet {
                 let size = |bound: f64| v.abs().max(self.offset[r].abs()) + bound.abs();
                 match self.state[i] {
                     State::In | State::Shifted => {}
-                    _ if self.implied[i] => {}
+                    _ if self.implied[i] || self.cancelled[r] => {}
                     State::Out if v - u > self.tolerance * size(u) => keep(&mut worst, (v - u) / size(u), i, true),
                     State::Out if l - v > self.tolerance * size(l) => keep(&mut worst, (l - v) / size(l), i, false),
                     State::Out => {}
