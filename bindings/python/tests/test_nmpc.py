@@ -185,7 +185,10 @@ def test_the_page_runs(monkeypatch):
     assert len(blocks) >= 3
     for block in blocks:
         exec(compile(block, str(page), "exec"), names)
-    assert abs(names["x"][0]) < 0.02 and names["info"].source is swb.NmpcSource.QP
+    # the controller of the page has a deadline of a millisecond, which a busy machine may take away
+    info = names["info"]
+    in_time = info.status is not swb.NmpcQpStatus.OUT_OF_TIME
+    assert abs(names["x"][0]) < 0.02 and (info.source is swb.NmpcSource.QP or not in_time)
 
 
 def test_preparations_on_a_thread_change_nothing():
