@@ -73,6 +73,11 @@ impl Problem {
 
     pub(super) fn solve(&mut self, warm: bool) -> Result<Outcome> {
         let solved = self.run(warm);
+        self.remember(solved)
+    }
+
+    /// Keeps the text of a solve that is refused.
+    fn remember<T>(&mut self, solved: Result<T>) -> Result<T> {
         self.refused = solved.as_ref().err().map(ToString::to_string);
         solved
     }
@@ -133,8 +138,7 @@ impl Problem {
     /// Solves from several guesses, every solve within `around`, and keeps the best.
     pub(super) fn solve_starts(&mut self, guesses: &[Vec<f64>], threads: i64, around: Around) -> Result<usize> {
         let solved = self.run_starts(guesses, threads, around);
-        self.refused = solved.as_ref().err().map(ToString::to_string);
-        solved
+        self.remember(solved)
     }
 
     fn run_starts(&mut self, guesses: &[Vec<f64>], threads: i64, around: Around) -> Result<usize> {
