@@ -4,7 +4,8 @@
 use std::sync::Arc;
 use switchback::event::{simulate, Engine, Method, Options, Outcome, Run, Sensitivity};
 use switchback::expr::{Expr, ExprFunction, Graph};
-use switchback::func::Dims;
+use switchback::func::{Dims, EvalResult, Function, Point};
+use switchback::linalg::csc::Pattern;
 use switchback::model::Model;
 use switchback::system::{Regions, Subsystem, System};
 
@@ -431,5 +432,122 @@ fn derivatives_of_blocks_are_those_of_each() {
     for (c, g) in gradient.x0.iter().chain(&gradient.p).enumerate() {
         let forward: f64 = v.iter().enumerate().map(|(i, v)| v * s[i * width + c]).sum();
         assert!((g - forward).abs() < 1e-9 * (1.0 + forward.abs()), "column {c}: {g} and {forward}");
+    }
+}
+
+/// A function that can do nothing but what every function can.
+struct Plain(Arc<dyn Function>);
+
+impl Function for Plain {
+    fn name(&self) -> &str {
+        self.0.name()
+    }
+    fn dims(&self) -> Dims {
+        self.0.dims()
+    }
+    fn n_out(&self) -> usize {
+        self.0.n_out()
+    }
+    fn jac_pattern(&self) -> &Pattern {
+        self.0.jac_pattern()
+    }
+    fn hess_pattern(&self) -> &Pattern {
+        self.0.hess_pattern()
+    }
+    fn work_len(&self) -> usize {
+        self.0.work_len()
+    }
+    fn value(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        self.0.value(at, out, work)
+    }
+    fn jacobian(&self, at: &Point, out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        self.0.jacobian(at, out, work)
+    }
+    fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
+        self.0.hessian(at, weights, out, work)
+    }
+}
+
+/// `y_k' = cos(t + 0.3 k) + 0.1 z_{k−1} − (2 + p + 0.3 sin z_k) σ_k + (0.5 + 0.1 z_{k−1}²) σ_{k−1}`, `z_k' = σ_k`: relays that slide
+/// together, with weights that depend on everything, as expressions and as functions of which only values at one point are known.
+fn bent_relays(n: usize, plain: bool) -> System {
+    let d = Dims { x: 2 * n, u: 0, p: 1 };
+    let (g, mut s) = (Graph::new(), System::new(2 * n, 0, 1).unwrap());
+    let known = |f: Arc<dyn Function>| -> Arc<dyn Function> {
+        if plain {
+            Arc::new(Plain(f))
+        } else {
+            f
+        }
+    };
+    let z = |k: usize| g.x(2 * k + 1);
+    let push = |k: usize| (g.t() + 0.3 * k as f64).cos() + if k > 0 { 0.1 * z(k - 1) } else { g.constant(0.0) };
+    let smooth: Vec<Expr> = (0..n).flat_map(|k| [push(k), g.constant(0.0)]).collect();
+    s.set_f0(known(Arc::new(g.function("f0", d, &smooth).unwrap()))).unwrap();
+    for k in 0..n {
+        let plus = [-(2.0 + g.p(0) + 0.3 * z(k).sin()), g.constant(1.0), 0.5 + 0.1 * z(k) * z(k)];
+        let minus = [2.0 + g.p(0) + 0.3 * z(k).sin(), g.constant(-1.0), -(0.5 + 0.1 * z(k) * z(k))];
+        let (rows, m) = ([2 * k, 2 * k + 1, 2 * k + 2], if k + 1 < n { 3 } else { 2 });
+        let ids = g.ids(&[&plus[..m], &minus[..m]].concat());
+        let modes = Arc::new(ExprFunction::with_parts("modes", &mut g.dag(), d, &ids, m).unwrap());
+        let psi = known(Arc::new(g.function("psi", d, &[g.x(2 * k)]).unwrap()));
+        let regions = Regions::Signs { psi, signs: vec![1, -1] };
+        s.add_subsystem(Subsystem { rows: rows[..m].to_vec(), modes: known(modes), n_modes: 2, regions }).unwrap();
+    }
+    s
+}
+
+/// A run of [`bent_relays`] from where one relay has to reach its surface first.
+fn bent_run(plain: bool, sensitivity: Sensitivity, adjoint: bool, method: Method) -> Engine {
+    let n = 4;
+    let mut engine =
+        Engine::new(&bent_relays(n, plain), &Options { sensitivity, adjoint, h_max: 0.1, ..tolerance(1e-7, method) })
+            .unwrap();
+    let mut start = vec![0.0; 2 * n];
+    start[2] = 0.4;
+    engine.set_params(&[0.2]).unwrap();
+    engine.reinit(0.0, &start).unwrap();
+    assert_eq!(engine.advance(2.0).unwrap(), Outcome::Reached);
+    engine
+}
+
+#[test]
+fn stages_side_by_side_have_the_derivatives_of_one_after_the_other() {
+    for method in [Method::Dp5, Method::Dop853] {
+        let mut runs = [false, true].map(|plain| bent_run(plain, Sensitivity::On, true, method));
+        let s = [0, 1].map(|i| runs[i].sensitivity().unwrap().to_vec());
+        let size = largest(s[1].iter().copied());
+        assert!(largest(s[0].iter().zip(&s[1]).map(|(a, b)| a - b)) < 1e-11 * size, "{method:?}");
+        // they are no trivial ones
+        assert!(s[1]
+            .chunks(9)
+            .skip(1)
+            .step_by(2)
+            .all(|row| row.iter().any(|v| v.abs() > 1e-3 && (v - 1.0).abs() > 1e-3)));
+        let v: Vec<f64> = (0..8).map(|i| (1.0 + f64::from(i)).cos()).collect();
+        let expected: Vec<f64> = (0..9).map(|c| (0..8).map(|i| v[i] * s[1][9 * i + c]).sum()).collect();
+        for engine in &mut runs {
+            let g = engine.adjoint(&v, &[]).unwrap();
+            let off = g.x0.iter().chain(&g.p).zip(&expected).map(|(a, b)| a - b);
+            assert!(largest(off) < 1e-10 * size, "{method:?}");
+        }
+    }
+}
+
+/// Velocities, weights and modes at the stages are those the step was made with: what derivatives evaluate beside are the ends of steps.
+#[test]
+fn derivatives_evaluate_no_stage_a_second_time() {
+    for method in [Method::Dp5, Method::Dop853] {
+        let plain = bent_run(false, Sensitivity::Off, false, method).stats();
+        for (sensitivity, adjoint) in [(Sensitivity::On, false), (Sensitivity::Off, true)] {
+            let mut engine = bent_run(false, sensitivity, adjoint, method);
+            if adjoint {
+                engine.adjoint(&[1.0; 8], &[]).unwrap();
+            }
+            let stats = engine.stats();
+            assert_eq!(stats.steps, plain.steps);
+            let more = stats.evaluations - plain.evaluations;
+            assert!(more <= 4 * stats.steps, "{method:?}, {sensitivity:?}: {more} more in {} steps", stats.steps);
+        }
     }
 }

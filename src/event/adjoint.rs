@@ -2,8 +2,9 @@
 
 use super::collocation::Collocation;
 use super::explicit::Pair;
-use super::field::Field;
+use super::field::{Field, Rows, StagesOf};
 use super::radau::Radau;
+use super::step::Stages;
 use super::tape::{Entry, Tape, Time};
 use crate::error::{finite, Error, Result};
 use crate::func::{EvalError, EvalResult};
@@ -63,6 +64,9 @@ struct Sweep<'a> {
     /// Derivatives with respect to the derivatives at a stage, to the arguments of all stages, or to all unknowns.
     w: Vec<f64>,
     y: Vec<f64>,
+    /// Derivatives at the stages of a step by component, and the Jacobians there.
+    k: Vec<Stages>,
+    jacobians: Vec<Rows>,
 }
 
 /// Goes back over the tape from the derivative `v` with respect to the final state. Leaves active set, parameters and
@@ -78,6 +82,8 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
         x: vec![0.0; nx],
         w: vec![0.0; 3 * (nx + most)],
         y: vec![0.0; 13 * nx],
+        k: vec![[0.0; 16]; nx],
+        jacobians: Vec::new(),
         tape,
         radau,
         field,
@@ -231,17 +237,19 @@ impl Sweep<'_> {
     /// the projection onto the surfaces there.
     fn explicit(&mut self, at: usize, (t, h, rest): (f64, f64, f64), pair: Pair) -> EvalResult {
         let (nx, last_column) = (self.field.nx, self.field.n_z - 1);
-        let (rows, c) = pair.rows();
+        let rows = pair.rows().0;
         let last = rows.len() - 1;
-        let (x0, k) = self.tape.data[at..at + (last + 1) * nx].split_at(nx);
-        // to the last digit the points of the forward derivatives: differences of functions are noisy
-        let point = |i: usize, x: &mut [f64]| {
-            for (m, (x, x0)) in x.iter_mut().zip(x0).enumerate() {
-                *x = x0 + h * rows[i].iter().map(|&(j, a)| a * k[j * nx + m]).sum::<f64>();
-            }
-        };
+        let (x0, rest_of) = self.tape.data[at..].split_at(nx);
+        let (derivatives, traces) = rest_of.split_at(last * nx);
+        for (j, own) in derivatives.chunks_exact(nx).enumerate() {
+            self.k.iter_mut().zip(own).for_each(|(k, v)| k[j] = *v);
+        }
+        self.field.read_traces(last, traces);
+        let n = last + usize::from(rest != 0.0);
+        let stages = StagesOf { pair, t, h, x0, k: &self.k, n };
+        self.field.linearise_stages(&stages, &mut self.jacobians)?;
         if self.field.n_alg() > 0 && !self.field.is_explicit_only() {
-            point(last, &mut self.x);
+            stages.point(last, &mut self.x);
             self.field.hidden(t + h, &self.x)?;
             self.project();
         }
@@ -262,9 +270,7 @@ impl Sweep<'_> {
                     }
                 }
             }
-            point(i, &mut self.x);
-            self.field.linearise(t + c[i] * h, &self.x)?;
-            let (rows, y) = (self.field.velocity_rows(), &mut self.y[i * nx..(i + 1) * nx]);
+            let (rows, y) = (&self.jacobians[i], &mut self.y[i * nx..(i + 1) * nx]);
             for (m, w) in self.w[..nx].iter().enumerate().filter(|(_, w)| **w != 0.0) {
                 for (z, v) in rows.entries(m).filter(|e| e.0 < last_column) {
                     let to = if z < nx { &mut y[z] } else { &mut self.g[z - nx] };

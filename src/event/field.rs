@@ -24,6 +24,7 @@ mod on_demand;
 mod rows;
 mod selection;
 mod sliding;
+mod stages;
 mod supports;
 
 pub(super) use apart::{Apart, Known, Open};
@@ -33,6 +34,7 @@ pub(super) use on_demand::Formed;
 pub use on_demand::SLOTS as MODES_ON_DEMAND;
 pub(super) use rows::Rows;
 use sliding::Sliding;
+pub(super) use stages::StagesOf;
 pub(super) use supports::{reachable, Supports};
 
 use self::bundled::Bundled;
@@ -42,6 +44,7 @@ use self::limit::Limit;
 use self::on_demand::{Demand, TOGETHER};
 use self::rows::{Filled, Fixed};
 use self::selection::Selected;
+use self::stages::Side;
 use super::guard::Guards;
 use super::sets;
 use super::step::Stages;
@@ -186,6 +189,10 @@ pub(super) struct Field {
     pub(super) alpha: Vec<f64>,
     /// Weights at the stages of the present step of an explicit pair.
     traces: Vec<Stages>,
+    /// The columns of `D` there, one after the other, where they are kept: for derivatives.
+    column_traces: Vec<Stages>,
+    pub(super) keeps_columns: bool,
+    side: Option<Box<Side>>,
     room: Vec<f64>,
     /// The Jacobian of the velocity: for fixed weights, and with what the weights of sliding modes add.
     fixed: Fixed,
@@ -318,6 +325,9 @@ impl Field {
             selected: None,
             alpha: vec![0.0; most],
             traces: vec![[0.0; 16]; most],
+            column_traces: Vec::new(),
+            keeps_columns: false,
+            side: None,
             room: vec![0.0; most],
             fixed,
             filled: None,
@@ -639,19 +649,6 @@ impl Field {
             base -= alpha[i];
         }
         base
-    }
-
-    /// The last right-hand side was that of stage `i` of an explicit pair.
-    #[inline]
-    pub(super) fn trace_weights(&mut self, i: usize) {
-        for (trace, alpha) in self.traces.iter_mut().zip(&self.alpha).take(self.pairs.len()) {
-            trace[i] = *alpha;
-        }
-    }
-
-    /// The algebraic variables at the stages of the present step of an explicit pair.
-    pub(super) fn traces(&self) -> &[Stages] {
-        &self.traces[..self.pairs.len()]
     }
 
     /// Least and largest weight of an active cell at these stages of an explicit pair.

@@ -3,6 +3,7 @@
 
 use super::explicit::Pair;
 use super::field::Rows;
+use super::pairs::{dop853, dp5, Row};
 use crate::linalg::dense::{widest, Kernel};
 
 /// Columns of a panel.
@@ -123,6 +124,66 @@ fn add<const W: usize, const FUSED: bool>(a: f64, v: &Lanes, sum: &mut Lanes) {
     }
 }
 
+/// A panel while it is moved over a step: its rows, the step, room for the arguments of the stages, and what is kept of the rows.
+struct Moved<'a, 'b> {
+    rows: &'a [u32],
+    step: &'a Linearised<'b>,
+    y: &'a mut [Lanes],
+    k: &'a mut [Lanes],
+}
+
+impl Moved<'_, '_> {
+    /// The arguments of a stage. The length of its row of the tableau is known when this is compiled: the weights stay in registers.
+    #[inline(always)]
+    fn argument<const W: usize, const FUSED: bool, const M: usize>(&mut self, row: &Row<M>) {
+        let scaled = row.map(|(_, a)| self.step.h * a);
+        for (own, &a) in self.k.chunks_exact(KEPT).zip(self.rows) {
+            let own: &[Lanes; KEPT] = own.try_into().expect("a chunk");
+            let mut sum = own[0];
+            for m in 0..M {
+                add::<W, FUSED>(scaled[m], &own[1 + row[m].0], &mut sum);
+            }
+            self.y[a as usize] = sum;
+        }
+    }
+
+    /// The derivatives at stage `i`.
+    #[inline(always)]
+    fn derivatives<const W: usize, const FUSED: bool>(&mut self, i: usize) {
+        let jacobian = &self.step.stages[i];
+        for (own, &a) in self.k.chunks_exact_mut(KEPT).zip(self.rows) {
+            let mut sum = [0.0; WIDE];
+            let (columns, values) = jacobian.row(a as usize);
+            columns.iter().zip(values).for_each(|(z, v)| add::<W, FUSED>(*v, &self.y[*z as usize], &mut sum));
+            own[1 + i] = sum;
+        }
+    }
+
+    #[inline(always)]
+    fn stage<const W: usize, const FUSED: bool, const M: usize>(&mut self, i: usize, row: &Row<M>) {
+        self.argument::<W, FUSED, M>(row);
+        self.derivatives::<W, FUSED>(i);
+    }
+
+    /// Everything up to the argument at the end.
+    #[inline(always)]
+    fn stages<const W: usize, const FUSED: bool>(&mut self) {
+        macro_rules! stages {
+            ($pair:ident: $($i:literal $row:ident)*, $end:ident) => {{
+                self.stage::<W, FUSED, 0>(0, &[]);
+                $(self.stage::<W, FUSED, _>($i, &$pair::$row);)*
+                self.argument::<W, FUSED, _>(&$pair::$end);
+            }};
+        }
+        match self.step.pair {
+            Pair::Dp5 => stages!(dp5: 1 A1 2 A2 3 A3 4 A4 5 A5, A6),
+            Pair::Dop853 => {
+                stages!(dop853: 1 A1 2 A2 3 A3 4 A4 5 A5 6 A6 7 A7 8 A8 9 A9 10 A10 11 A11, A12);
+            }
+        }
+    }
+}
+
 #[inline(always)]
 fn panel<const W: usize, const FUSED: bool>(
     (nx, n_z, first): (usize, usize, usize),
@@ -132,8 +193,6 @@ fn panel<const W: usize, const FUSED: bool>(
     y: &mut [Lanes],
     k: &mut [Lanes],
 ) {
-    let (tableau, _) = step.pair.rows();
-    let last = tableau.len() - 1;
     // parameters, controls and time do not move: their rows are those of the identity
     let n_c = n_z - 1 - first;
     let (y, k) = (&mut y[..n_z], &mut k[..p.rows.len() * KEPT]);
@@ -145,25 +204,11 @@ fn panel<const W: usize, const FUSED: bool>(
         own[0] = [0.0; WIDE];
         own[0].iter_mut().zip(&p.columns).for_each(|(own, c)| *own = start[*c as usize - first]);
     }
-    for (i, row) in tableau.iter().enumerate() {
-        let mut scaled = [(0, 0.0); STAGES];
-        scaled.iter_mut().zip(row.iter()).for_each(|(to, &(j, a))| *to = (1 + j, step.h * a));
-        let scaled = &scaled[..row.len()];
-        for (own, &a) in k.chunks_exact(KEPT).zip(&p.rows) {
-            let own: &[Lanes; KEPT] = own.try_into().expect("a chunk");
-            let mut sum = own[0];
-            scaled.iter().for_each(|&(j, a)| add::<W, FUSED>(a, &own[j], &mut sum));
-            y[a as usize] = sum;
-        }
-        if i == last && step.rest == 0.0 {
-            break;
-        }
-        for (own, &a) in k.chunks_exact_mut(KEPT).zip(&p.rows) {
-            let mut sum = [0.0; WIDE];
-            let (columns, values) = step.stages[i].row(a as usize);
-            columns.iter().zip(values).for_each(|(z, v)| add::<W, FUSED>(*v, &y[*z as usize], &mut sum));
-            own[1 + i] = sum;
-        }
+    let mut moved = Moved { rows: &p.rows, step, y, k };
+    moved.stages::<W, FUSED>();
+    let last = step.pair.rows().0.len() - 1;
+    if step.rest != 0.0 {
+        moved.derivatives::<W, FUSED>(last);
     }
     for (own, &a) in k.chunks_exact(KEPT).zip(&p.rows) {
         let end = &mut s[a as usize * n_c..(a as usize + 1) * n_c];

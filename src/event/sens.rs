@@ -7,7 +7,7 @@
 
 use super::collocation::Collocation;
 use super::explicit::Pair;
-use super::field::{reachable, Field, Rows, Supports};
+use super::field::{reachable, Field, Rows, StagesOf, Supports};
 use super::panels::{Linearised, Panels};
 use super::radau::Radau;
 use super::step::Step;
@@ -98,18 +98,11 @@ impl Sens {
     pub(super) fn explicit(&mut self, pair: Pair, field: &mut Field, s: &Step, rest: f64) -> EvalResult {
         let h = s.h;
         self.filled |= field.is_selected();
-        let (rows, c) = pair.rows();
-        let last = rows.len() - 1;
-        self.stages.resize(rows.len(), Rows::default());
-        for (i, row) in rows.iter().enumerate() {
-            for ((x, x0), k) in self.x.iter_mut().zip(&s.x0).zip(&s.k) {
-                *x = x0 + h * row.iter().map(|&(j, a)| a * k[j]).sum::<f64>();
-            }
-            if i < last || rest != 0.0 {
-                field.linearise(s.t + c[i] * h, &self.x)?;
-                self.stages[i].copy(field.velocity_rows());
-            }
-        }
+        let last = pair.rows().0.len() - 1;
+        let n = last + usize::from(rest != 0.0);
+        let at = StagesOf { pair, t: s.t, h, x0: &s.x0, k: &s.k, n };
+        field.linearise_stages(&at, &mut self.stages)?;
+        at.point(last, &mut self.x);
         let panels = self.apart.as_mut().filter(|_| !self.filled).unwrap_or(&mut self.whole);
         panels.explicit(&Linearised { pair, h, rest, stages: &self.stages }, &mut self.s);
         // the state is moved onto the surfaces behind the step, and with it the derivatives

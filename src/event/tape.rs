@@ -23,7 +23,7 @@ pub(super) enum Time {
 pub(super) enum Entry {
     /// Parameters, then controls, from here on.
     Data { at: usize },
-    /// A step that ends at `end`: start, derivatives at the stages; `rest` is gone along the velocity at the end.
+    /// A step that ends at `end`: start, derivatives at the stages, what else is kept of the stages of a sliding mode; `rest` is gone along the velocity at the end.
     Explicit { at: usize, set: usize, t: f64, h: f64, end: f64, rest: f64, pair: Pair },
     /// A step: start, increments and weights at the stages.
     Implicit { at: usize, set: usize, t: f64, h: f64, end: f64 },
@@ -94,6 +94,7 @@ impl Tape {
         for j in 0..pair.rows().0.len() - 1 {
             self.data.extend(s.k.iter().map(|k| k[j]));
         }
+        field.write_traces(pair.rows().0.len() - 1, &mut self.data);
         let rest = end - (s.t + s.h);
         self.entries.push(Entry::Explicit { at, set, t: s.t, h: s.h, end, rest, pair });
     }

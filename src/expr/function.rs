@@ -9,7 +9,7 @@ use super::saved::SavedGraph;
 use super::tape::{Tape, LANES};
 use crate::error::{Error, Result};
 use crate::func::trouble::{self, Complaint};
-use crate::func::{Bundle, Dims, EvalError, EvalResult, Function, Point};
+use crate::func::{Bundle, Dims, EvalError, EvalResult, Function, Lanes, Point};
 use crate::linalg::csc::Pattern;
 
 /// Expressions with exact derivatives, usable wherever a [`Function`] is.
@@ -270,6 +270,21 @@ impl Function for ExprFunction {
         let Some(p) = self.part(&rows) else { return self.jacobian(at, out, work) };
         let r = p.jacobian.run_to(at, out, &p.places, work);
         self.checked("Jacobian", at, r, &[], 0)
+    }
+    fn jacobian_lanes(
+        &self,
+        rows: Range<usize>,
+        inputs: &[Lanes],
+        out: &mut [Lanes],
+        work: &mut [Lanes],
+    ) -> Option<EvalResult> {
+        let (tape, places) = match self.part(&rows) {
+            Some(p) => (&p.jacobian, Some(&p.places[..])),
+            None => (&self.jacobian, None),
+        };
+        // calls of other functions are points one after the other anyway, and what they complain about has to be noted
+        let alone = tape.functions().next().is_some();
+        (!alone).then(|| tape.run_points(inputs, out, places, work))
     }
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult {
         if self.first_order {

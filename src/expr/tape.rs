@@ -11,11 +11,10 @@ use super::linear;
 use super::op::{powi, Binary, Unary};
 use super::piecewise::Piecewise;
 use crate::error::{Error, Result};
-use crate::func::{Dims, EvalError, EvalResult, Point};
+pub use crate::func::LANES;
+use crate::func::{Dims, EvalError, EvalResult, Lanes, Point};
+use crate::linalg::dense::wide;
 use crate::memory;
-
-/// Points evaluated at once in a batch.
-pub const LANES: usize = 8;
 
 /// Code of [`EvalError::Fatal`] for external functions nested without end: one that calls itself through a callback.
 pub const CYCLE_CODE: i32 = i32::MIN + 1;
@@ -272,7 +271,33 @@ impl Tape {
         Ok(())
     }
 
+    /// Evaluates at [`LANES`] points: `inputs` are numbered as for [`Tape::run_batch`], result `i` is written to
+    /// `out[places[i]]`, or to `out[i]` without `places`; `work[work_len]`. Values that are not finite are written as they are.
+    pub(super) fn run_points(
+        &self,
+        inputs: &[Lanes],
+        out: &mut [Lanes],
+        places: Option<&[u32]>,
+        work: &mut [Lanes],
+    ) -> EvalResult {
+        let k = self.loads.len();
+        let w = &mut work[..self.n_slots];
+        w[k..].iter_mut().zip(&self.constants).for_each(|(r, c)| *r = [*c; LANES]);
+        w.iter_mut().zip(&self.loads).for_each(|(r, l)| *r = inputs[l.flat as usize]);
+        self.run_lanes(w)?;
+        match places {
+            Some(places) => places.iter().zip(&self.outputs).for_each(|(p, o)| out[*p as usize] = w[*o as usize]),
+            None => out.iter_mut().zip(&self.outputs).for_each(|(to, o)| *to = w[*o as usize]),
+        }
+        Ok(())
+    }
+
     fn run_lanes(&self, w: &mut [[f64; LANES]]) -> EvalResult {
+        wide(|| self.run_wide(w))
+    }
+
+    #[inline(always)]
+    fn run_wide(&self, w: &mut [[f64; LANES]]) -> EvalResult {
         for i in &self.code {
             if i.code == Code::Block {
                 self.compounds[i.a as usize].run_lanes(i.dst as usize, w)?;
@@ -309,12 +334,12 @@ impl Tape {
     }
 }
 
-#[inline]
+#[inline(always)]
 fn map2(a: [f64; LANES], b: [f64; LANES], f: impl Fn(f64, f64) -> f64) -> [f64; LANES] {
     std::array::from_fn(|l| f(a[l], b[l]))
 }
 
-#[inline]
+#[inline(always)]
 fn map1(a: [f64; LANES], c: f64, f: impl Fn(f64, f64) -> f64) -> [f64; LANES] {
     a.map(|a| f(a, c))
 }

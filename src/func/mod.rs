@@ -84,6 +84,12 @@ pub trait Bundle: Send {
     fn operations(&self, part: usize) -> (usize, bool);
 }
 
+/// Points that an instruction does the same for at once.
+pub const LANES: usize = 8;
+
+/// One number at [`LANES`] points.
+pub type Lanes = [f64; LANES];
+
 /// Parts of a [`Bundle`] that are evaluated together, by what they have in common.
 #[derive(Debug, Clone, Default)]
 pub struct PartList {
@@ -138,6 +144,19 @@ pub trait Function: Send + Sync {
     fn jacobian_rows(&self, at: &Point, rows: Range<usize>, out: &mut [f64], work: &mut [f64]) -> EvalResult {
         let _ = rows;
         self.jacobian(at, out, work)
+    }
+    /// [`Function::jacobian_rows`] at [`LANES`] points at once: input `j`, in the order `x`, `u`, `p`, `t`, of point `k` is
+    /// `inputs[j][k]`, and entry `e` is written to `out[e][k]`, finite or not; `work` has the length of the workspace. None
+    /// where one point after the other costs no more.
+    fn jacobian_lanes(
+        &self,
+        rows: Range<usize>,
+        inputs: &[Lanes],
+        out: &mut [Lanes],
+        work: &mut [Lanes],
+    ) -> Option<EvalResult> {
+        let _ = (rows, inputs, out, work);
+        None
     }
     /// `Σ_i weights[i] ∇² f_i`, `out[hess_pattern().nnz()]` in CSC order, upper triangle.
     fn hessian(&self, at: &Point, weights: &[f64], out: &mut [f64], work: &mut [f64]) -> EvalResult;

@@ -3889,6 +3889,9 @@ swb_run_event_modes(run, index, before, after, n) =
 Derivatives of the state reached with respect to initial states, parameters and controls, the latter changed by the
 same amount over the whole run.
 
+With the option sensitivity at inputs those of the initial states are left out; of a model that has neither parameters nor
+controls no columns remain.
+
 @param[out] s [n] nx * n_columns, by columns: those of the initial states, then of the parameters, then of the controls
 @return SWB_OK; SWB_ERR_DIMENSION; SWB_ERR_STATE without the option sensitivity
 """

@@ -63,6 +63,14 @@ def test_derivatives():
     assert (inputs.switch_derivatives == r.switch_derivatives[:, 1:]).all()
     with pytest.raises(swb.ArgumentError, match="off, on, inputs"):
         swb.simulate(m, [-1.0], 2.0, u=[1.0], p=[2.0], sensitivity="parameters")
+    # a model without inputs has derivatives by them too: those without columns
+    alone = swb.Model("x")
+    alone.derivatives = [-1.0 * alone.x[0]]
+    none = swb.simulate(alone, [1.0], 1.0, sensitivity="inputs")
+    assert none.dx_dx0 is None and none.dx_dp is None and none.dx_du is None
+    none._do("sensitivity", None, 0)
+    with pytest.raises(swb.DimensionError):
+        none._do("sensitivity", np.empty(1).ctypes.data, 1)
     for nonsense in (3, -1, 0.5, [1]):
         with pytest.raises(swb.ArgumentError):
             swb.simulate(m, [-1.0], 2.0, u=[1.0], p=[2.0], sensitivity=nonsense)

@@ -4,6 +4,7 @@ use super::{recover, Engine};
 use crate::error::{finite, Error, Result};
 use crate::event::adjoint::{self, Gradient, Term};
 use crate::event::tape::Time;
+use crate::event::Sensitivity;
 use crate::func::EvalError;
 
 impl Engine {
@@ -34,7 +35,9 @@ impl Engine {
     /// [`Engine::set_params`] or [`Engine::set_controls`] the derivatives are those with respect to changes of the
     /// parameters and controls over the whole run.
     pub fn sensitivity(&self) -> Option<&[f64]> {
-        self.sens.as_ref().map(|s| &s.s[..])
+        // derivatives by inputs that a model does not have are there, and have no columns
+        let asked = self.options.sensitivity != Sensitivity::Off;
+        self.sens.as_ref().map(|s| &s.s[..]).or(asked.then_some(&[]))
     }
 
     /// Had the motion since the start several continuations somewhere, one of which was chosen?
@@ -49,7 +52,8 @@ impl Engine {
 
     /// Gradient of a function of the final state, whose derivative with respect to it is `v`, plus `terms`, by the
     /// transpose of the forward derivatives in reverse order. The options have to ask for it: the run is recorded with
-    /// `nx (n_s + 1)` numbers for an explicit step of `n_s` stages (6 or 12), `4 nx` and three for every algebraic
+    /// `nx (n_s + 1)` numbers for an explicit step of `n_s` stages (6 or 12), in a sliding mode also `n_s` for every algebraic
+    /// variable and for every state that its subsystem drives, `4 nx` and three for every algebraic
     /// variable for an implicit one, and `2 nx + np + nu` for a switch. A sweep costs about as much as the run,
     /// whatever the number of parameters.
     pub fn adjoint(&mut self, v: &[f64], terms: &[Term]) -> Result<Gradient> {

@@ -378,7 +378,7 @@ impl Engine {
             outcome: self.outcome,
             stats: self.stats(),
             one_sided: self.one_sided(),
-            sensitivity: self.sens.as_ref().map(|s| s.s.clone()),
+            sensitivity: self.sensitivity().map(<[f64]>::to_vec),
             reason: std::mem::take(&mut self.reason),
             t: self.t,
             x: self.x.clone(),
@@ -423,7 +423,7 @@ impl Engine {
             bytes += p.bytes();
         }
         if let Some(t) = &mut self.tape {
-            t.room(self.nx + self.field.n_alg() + self.field.n_z)?;
+            t.room(self.nx + self.field.n_alg().max(self.field.n_traced()) + self.field.n_z)?;
             bytes += t.bytes();
         }
         match self.options.max_memory {

@@ -9,9 +9,9 @@ use crate::func::{EvalResult, Function, Point};
 #[derive(Debug, Clone, Default)]
 pub(in crate::event) struct Rows {
     /// Where the rows begin; one place more than there are rows.
-    begin: Vec<usize>,
-    columns: Vec<u32>,
-    values: Vec<f64>,
+    pub(super) begin: Vec<usize>,
+    pub(super) columns: Vec<u32>,
+    pub(super) values: Vec<f64>,
     /// Rows with the same number have the same columns.
     pattern: u64,
 }
@@ -27,14 +27,19 @@ impl Rows {
     }
 
     /// Makes this a copy of `other` without new memory, where there is enough.
-    pub(in crate::event) fn copy(&mut self, other: &Rows) {
+    pub(super) fn copy(&mut self, other: &Rows) {
+        self.take_pattern(other);
+        self.values.iter_mut().zip(&other.values).for_each(|(to, v)| *to = *v);
+    }
+
+    /// The same entries as in `other`, of which the values are still to come.
+    pub(super) fn take_pattern(&mut self, other: &Rows) {
         if self.pattern != other.pattern {
             self.pattern = other.pattern;
             self.begin.clone_from(&other.begin);
             self.columns.clone_from(&other.columns);
             self.values.resize(other.values.len(), 0.0);
         }
-        self.values.iter_mut().zip(&other.values).for_each(|(to, v)| *to = *v);
     }
 
     /// The nonzero entries of a full matrix with rows of the length `n`.
@@ -74,11 +79,11 @@ impl Rows {
 /// The Jacobian for fixed weights, and where the functions write its entries: the same rows under every active set.
 #[derive(Debug, Default)]
 pub(super) struct Fixed {
-    rows: Rows,
+    pub(super) rows: Rows,
     /// Of every drift: entry of its Jacobian, place.
-    drifts: Vec<Vec<(usize, usize)>>,
+    pub(super) drifts: Vec<Vec<(usize, usize)>>,
     /// The same of every mode of every subsystem.
-    modes: Vec<Vec<Vec<(usize, usize)>>>,
+    pub(super) modes: Vec<Vec<Vec<(usize, usize)>>>,
 }
 
 impl Fixed {
@@ -146,16 +151,16 @@ impl Fixed {
 /// of the surfaces depend on.
 #[derive(Debug, Default)]
 pub(super) struct Filled {
-    rows: Rows,
+    pub(super) rows: Rows,
     /// The rows are those of the present active set.
     pub(super) listed: bool,
     /// Places of the entries for fixed weights.
-    own: Vec<u32>,
+    pub(super) own: Vec<u32>,
     /// Of every block the inputs that its weights depend on, and where they begin.
-    inputs: Vec<u32>,
-    begin: Vec<usize>,
+    pub(super) inputs: Vec<u32>,
+    pub(super) begin: Vec<usize>,
     /// Where these are in the rows of the states that its pairs drive, pair by pair.
-    places: Vec<u32>,
+    pub(super) places: Vec<u32>,
     /// Where an input stands in a row, and for whom that was noted.
     at: Vec<u32>,
     seen: Vec<usize>,
@@ -247,7 +252,7 @@ impl Field {
     }
 
     /// Lists the rows under the present active set.
-    fn list_rows(&self, to: &mut Filled) {
+    pub(super) fn list_rows(&self, to: &mut Filled) {
         let (sliding, fixed) = (&self.sliding, &self.fixed);
         to.seen.clear();
         to.seen.resize(self.n_z, usize::MAX);

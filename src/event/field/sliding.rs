@@ -7,6 +7,7 @@
 //! divisions, not a matrix of order a hundred.
 
 use super::Pair;
+use crate::event::step::Stages;
 use crate::linalg::lu::Lu;
 
 /// The rows of `C` of one subsystem meet the columns of `D` of another: places in the row, places in the column.
@@ -284,28 +285,54 @@ impl Sliding {
                 self.single[i] = v;
                 continue;
             }
-            if self.left_out[b] {
-                large += 1;
-                continue;
-            }
-            let mut lu = std::mem::take(&mut self.lu[large]);
-            let n = to - from;
-            let m = lu.clear(n);
-            for (a, &i) in self.order[from..to].iter().enumerate() {
-                for coupling in &self.couplings[pairs[i].sub] {
-                    for j in first[coupling.other]..first[coupling.other + 1] {
-                        m[a * n + self.place[j]] = self.entry(pairs, i, j);
-                    }
-                }
-            }
-            let regular = lu.factorise();
-            self.lu[large] = lu;
             large += 1;
-            if !regular {
+            if !self.left_out[b] && !self.factorise_block((b, large - 1), pairs, first) {
                 return false;
             }
         }
         true
+    }
+
+    /// Factorises block `b`, which is number `large` among those of several pairs.
+    pub(super) fn factorise_block(&mut self, (b, large): (usize, usize), pairs: &[Pair], first: &[usize]) -> bool {
+        let (from, to) = (self.begin[b], self.begin[b + 1]);
+        let mut lu = std::mem::take(&mut self.lu[large]);
+        let n = to - from;
+        let m = lu.clear(n);
+        for (a, &i) in self.order[from..to].iter().enumerate() {
+            for coupling in &self.couplings[pairs[i].sub] {
+                for j in first[coupling.other]..first[coupling.other + 1] {
+                    m[a * n + self.place[j]] = self.entry(pairs, i, j);
+                }
+            }
+        }
+        let regular = lu.factorise();
+        self.lu[large] = lu;
+        regular
+    }
+
+    /// The terms of the entry of `C D` of pair `i`: a factor, and the place of the other among the columns of `D`.
+    pub(super) fn own_entry(&self, pair: Pair, i: usize) -> impl Iterator<Item = (f64, usize)> + '_ {
+        let own = self.own[pair.sub].map_or(&[][..], |own| &self.couplings[pair.sub][own].places[..]);
+        own.iter().map(move |&(a, b)| (self.c[self.c_begin[i] + a], self.d_begin[i] + b))
+    }
+
+    /// All columns of `D`, one after the other.
+    pub(super) fn columns(&self) -> &[f64] {
+        &self.d[..self.d_begin.last().copied().unwrap_or(0)]
+    }
+
+    /// Where the column of pair `i` is among them.
+    pub(super) fn places_of_column(&self, i: usize) -> std::ops::Range<usize> {
+        self.d_begin[i]..self.d_begin[i + 1]
+    }
+
+    /// Takes the columns of block `b` from what was kept of them at stage `i`.
+    pub(super) fn recall(&mut self, b: usize, traces: &[Stages], i: usize) {
+        for &pair in &self.order[self.begin[b]..self.begin[b + 1]] {
+            let own = self.d_begin[pair]..self.d_begin[pair + 1];
+            self.d[own.clone()].iter_mut().zip(&traces[own]).for_each(|(d, trace)| *d = trace[i]);
+        }
     }
 
     /// Is the weight of pair `i` alone in its block, and does its surface attract: `C D > 0`, as it was factorised last?

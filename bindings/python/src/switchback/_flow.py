@@ -10,9 +10,11 @@ from typing import Any
 import numpy
 
 from ._arrays import Array, real
+from ._run_options import _span
 from .errors import NumericError, RangeError
 from .expr import system_of
-from .integrator import Gradient, Integrator, _span
+from .integrator import Integrator
+from .runs import Gradient
 
 __all__ = ["Flow"]
 

@@ -36,7 +36,7 @@ def _classes() -> dict[str, Any]:
 
 def _pack(value: Any, arrays: list[numpy.ndarray]) -> Any:
     """A value as a tree for JSON; its arrays go into the list."""
-    from .integrator import Run
+    from .runs import Run
     from .recorded import OverElements
     from .saved import SavedRun, SavedTrajectory
     from .trajectory import Trajectory

@@ -12,8 +12,8 @@ import numpy
 from ._arrays import Array, number, vector
 from .bodies import Body, Fixed, Motion, States, _layout, _Touch
 from .errors import ArgumentError, RangeError, StateError, UnsupportedError
-from .integrator import Run
 from .plot import _pyplot
+from .runs import Run
 
 __all__ = ["animate"]
 

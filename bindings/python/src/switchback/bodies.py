@@ -16,7 +16,7 @@ from .expr import Expr
 from .scene import Scene
 
 if TYPE_CHECKING:
-    from .integrator import Run
+    from .runs import Run
 
 __all__ = ["Body", "BodyState", "Fixed", "Motion", "States", "World"]
 

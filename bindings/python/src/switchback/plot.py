@@ -11,7 +11,7 @@ from ._ffi import ContactMode, EventKind
 from ._regions import mode_names
 from .automaton import place_of
 from .errors import ArgumentError, DimensionError, StateError
-from .integrator import Run
+from .runs import Run
 from .trajectory import Trajectory
 
 __all__ = ["plot", "plot_contacts", "plot_phase", "plot_run"]

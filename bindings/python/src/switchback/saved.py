@@ -9,8 +9,8 @@ import numpy
 from ._arrays import Array, real
 from ._pieces import Pieces
 from .errors import StateError
-from .integrator import Run
 from .recorded import SystemInfo
+from .runs import Run
 from .scene import SceneContact
 from .trajectory import Trajectory
 

@@ -22,7 +22,7 @@ from .system import System
 
 if TYPE_CHECKING:
     from .freezing import FrozenModel
-    from .integrator import Run
+    from .runs import Run
     from .stepper import Steps
 
 __all__ = ["ContactMode", "Impact", "ImpactKind", "ImpactLaw", "Projected", "Scene", "SceneContact"]

@@ -224,7 +224,7 @@ def simulate_steps(
     further options see `Stepper`. The error is of order 1 in `h`; look at `stats.penetration` and compare two steps. For
     accurate simulation of a few contacts use `Scene.simulate`.
     """
-    from .integrator import _span
+    from ._run_options import _span
     from .scene import Scene
 
     if not isinstance(scene, Scene):

@@ -26,9 +26,10 @@ from ._progress import Progress
 from ._sweep_store import Point, SweepStore, key_of
 from .errors import ArgumentError, StateError
 from .expr import Model, system_of
-from .integrator import Run, simulate
+from .integrator import simulate
 from .ocp import Ocp, OcpResult
 from .recorded import labels
+from .runs import Run
 
 __all__ = ["Simulation", "Sweep", "sweep"]
 
