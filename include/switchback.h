@@ -447,6 +447,10 @@ enum swb_portfolio
      * All strategies; the best solution is kept.
      */
     SWB_PORTFOLIO_ALL = 2,
+    /**
+     * As rescue; and paths on which the objective weighs less, and more, follow a solution until two have the same objective. The best one is kept.
+     */
+    SWB_PORTFOLIO_AGREE = 3,
 };
 #ifndef __cplusplus
 #if __STDC_VERSION__ >= 202311L

@@ -9,6 +9,7 @@ use std::ops::Range;
 use super::homotopy::Scholtes;
 use super::relaxation::Sequence;
 use super::relaxed::Structure;
+use super::scaling::Weight;
 use super::settings::MpccSettings;
 use super::solver::KEPT_RELAXATION;
 use crate::nlp::{lower_barrier, Advance, Continuation, Level, Measures};
@@ -33,7 +34,7 @@ impl Path {
         match (sequence, s.homotopy) {
             (Sequence::Relaxation, Homotopy::Coupled) => {
                 let path = Scholtes::new(s, st.sigma_rows(), end);
-                Path::Coupled(path.of(st.scaling.is_by_units(), s.scaling))
+                Path::Coupled(path.of(st.scaling.is_by_units(), st.scaling.weight == Weight::Light))
             }
             _ => Path::Rule(Rule::new(s, st, Level { mu: s.mu_init, sigma }, end)),
         }
@@ -44,7 +45,7 @@ impl Path {
         match (st.strategy().sequence(), s.homotopy) {
             (Sequence::Relaxation, Homotopy::Coupled) => {
                 let path = Scholtes::resume(s, st.sigma_rows(), level, end);
-                Path::Coupled(path.of(st.scaling.is_by_units(), s.scaling))
+                Path::Coupled(path.of(st.scaling.is_by_units(), st.scaling.weight == Weight::Light))
             }
             _ => Path::Rule(Rule::new(s, st, level, end)),
         }

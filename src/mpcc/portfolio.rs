@@ -4,15 +4,21 @@
 //! no solution, the others follow one after the other, each with a share of the iterations that are left, and the first
 //! solution ends the search. The solution of a relaxation, where that is all there is, comes after them. Only then is it asked
 //! whether there is a feasible point at all ([`violation`]).
+//!
+//! Which local optimum a path leads to is chance where there are several. With [`Portfolio::Agree`] paths on which the objective
+//! weighs differently follow a solution until two have the same objective, which is a sign that there are no others; the best one is
+//! kept. Such a path ends where the solution of its relaxed problem is no better than the best answer: feasible sets shrink with
+//! the relaxation, so that what follows on it is no better either.
 
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, NoProposals};
+use super::scaling::Weight;
 use super::settings::MpccSettings;
 use super::solver::{MpccSolver, Polish, Solution};
 use super::violation::{self, Violation};
 use super::Warm;
 use crate::mpcc::certificate::BStationarity;
-use crate::nlp::{Bounds, Control, Outcome};
+use crate::nlp::{Bounds, Control, Outcome, INFINITE};
 use crate::settings::{Homotopy, Portfolio, Relaxation};
 use crate::stop;
 
@@ -35,6 +41,8 @@ pub enum FoundBy {
     Feasible = 5,
     /// The path with an objective that weighs more beside barrier and relaxation.
     Heavy = 6,
+    /// The same with one that weighs less.
+    Light = 7,
 }
 
 impl FoundBy {
@@ -48,12 +56,19 @@ impl FoundBy {
             FoundBy::Elastic => "elastic",
             FoundBy::Feasible => "feasible",
             FoundBy::Heavy => "heavy",
+            FoundBy::Light => "light",
         }
     }
 }
 
 /// The order in which they are tried.
 const ORDER: [FoundBy; 5] = [FoundBy::Elastic, FoundBy::Heavy, FoundBy::Outer, FoundBy::Unlimited, FoundBy::AsGiven];
+/// Those that follow a solution until two agree.
+const OPINIONS: [FoundBy; 2] = [FoundBy::Light, FoundBy::Heavy];
+/// Iterations of one of them, as a multiple of those of the solution they follow.
+const OPINION_SHARE: f64 = 3.0;
+/// Share of the objective up to which two answers have the same one.
+const SAME: f64 = 1e-5;
 /// Share of the iterations that the path gets where others may follow, and that is kept for the search of a feasible point.
 const PATH_SHARE: f64 = 0.5;
 const KEPT_SHARE: f64 = 0.15;
@@ -166,7 +181,7 @@ impl MpccSolver {
                 FoundBy::Outer => self.settings.homotopy == Homotopy::Outer,
                 FoundBy::Elastic => self.settings.relaxation == Relaxation::LinfPenalty,
                 FoundBy::Heavy => !self.settings.scaling,
-                FoundBy::Path | FoundBy::Feasible => true,
+                FoundBy::Path | FoundBy::Feasible | FoundBy::Light => true,
             };
             if useless {
                 continue;
@@ -184,7 +199,7 @@ impl MpccSolver {
                 match strategy {
                     FoundBy::Unlimited => self.settings.convexify_pairs = false,
                     FoundBy::Outer => self.settings.homotopy = Homotopy::Outer,
-                    FoundBy::Heavy => self.set_heavy(p, bounds, x0, true),
+                    FoundBy::Heavy => self.weigh_objective(p, bounds, x0, Weight::Heavy),
                     _ => {}
                 }
                 let centre = interior && centred && strategy != FoundBy::AsGiven;
@@ -192,12 +207,66 @@ impl MpccSolver {
                 self.doubt_relaxed();
                 self.settings = given;
                 if strategy == FoundBy::Heavy {
-                    self.set_heavy(p, bounds, x0, false);
+                    self.weigh_objective(p, bounds, x0, Weight::Plain);
                 }
             }
             self.settings.max_iter = allowed;
             self.keep(before, strategy);
         }
+    }
+
+    /// Follows other paths than that of the solution, until two have answers of the same objective. The best one is kept.
+    pub(super) fn compare(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        centre: bool,
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) {
+        let exact = self.solution.polish == Polish::Done;
+        if self.settings.portfolio != Portfolio::Agree || !self.settings.scaling || !exact {
+            return;
+        }
+        let allowed = self.settings.max_iter;
+        let each = (OPINION_SHARE * self.solution.stats.iterations as f64).ceil() as usize;
+        for strategy in OPINIONS {
+            if !self.may_be_better() {
+                break;
+            }
+            let before = self.solution.clone();
+            let best = before.objective;
+            self.settings.max_iter = allowed.min(before.stats.iterations + each);
+            let weight = if strategy == FoundBy::Light { Weight::Light } else { Weight::Heavy };
+            self.weigh_objective(p, bounds, x0, weight);
+            (self.solution.polish, self.rival) = (Polish::None, Some(best));
+            self.follow(p, bounds, x0, centre, control, proposer);
+            self.doubt_relaxed();
+            self.rival = None;
+            self.weigh_objective(p, bounds, x0, Weight::Plain);
+            self.settings.max_iter = allowed;
+            let s = &self.solution;
+            let close = (s.objective - best).abs() <= SAME * (self.st.scaling.one() + best.abs());
+            let agrees = s.outcome == Outcome::Solved && close;
+            self.keep(before, strategy);
+            if agrees {
+                break;
+            }
+        }
+    }
+
+    /// Is the relaxed problem just recorded no better than the answer that this path competes with? The barrier keeps its objective
+    /// above the optimal one by its parameter for each bound, as long as the problem is like a convex one.
+    pub(super) fn is_beaten(&self) -> bool {
+        let Some(best) = self.rival else { return false };
+        let (b, scaling) = (&self.bounds, &self.st.scaling);
+        let finite = |lower: &[f64], upper: &[f64]| -> usize {
+            let sides = lower.iter().zip(upper).filter(|(l, u)| l < u);
+            sides.map(|(l, u)| usize::from(*l > -INFINITE) + usize::from(*u < INFINITE)).sum()
+        };
+        let gap = self.ipm.level().mu * (finite(&b.xl, &b.xu) + finite(&b.cl, &b.cu)) as f64 / scaling.objective;
+        self.solution.objective - gap >= best + SAME * (scaling.one() + best.abs())
     }
 
     /// The solution of a small relaxation is an answer where there is no exact one, or no exact one that is as good: its products are as
@@ -229,9 +298,9 @@ impl MpccSolver {
         }
     }
 
-    /// Scales anew, with an objective that weighs more or as usual.
-    fn set_heavy(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], heavy: bool) {
-        self.st.scaling.heavy = heavy;
+    /// Scales anew, with an objective of another weight.
+    fn weigh_objective(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], weight: Weight) {
+        self.st.scaling.weight = weight;
         self.scale(p, bounds, x0);
     }
 

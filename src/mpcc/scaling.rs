@@ -5,7 +5,7 @@
 //! (A. Wächter, L. Biegler, Math. Program. 106, 2006, section 3.8). With sizes gradients are those in units of them, and
 //! are scaled up as well.
 //!
-//! Programs of the user with pairs: the objective is scaled to a largest derivative of 2, every row to 1, so that nothing depends on
+//! Programs of the user with pairs: the objective is scaled to a largest derivative of 16, every row to 1, so that nothing depends on
 //! the units they are in. A variable that stands for a row, a lifted member of a pair, is measured in the units of that
 //! row. All factors are powers of two, chosen by exponents alone: an objective, a row or a function in a pair that is
 //! multiplied by a power of two leaves the iterates as they are, to the last bit.
@@ -26,14 +26,37 @@ const NO_VALUE: f64 = 1e-8;
 /// Smallest factor.
 const SMALLEST: f64 = 1e-8;
 /// Exponent of two of the largest scaled derivative of the objective of a program of the user. The barrier and the
-/// relaxation begin at 0.1 and 1 whatever the objective is: this is how much it weighs beside them.
-const PLAIN_EXPONENT: i32 = 1;
-/// The same where it is to weigh more.
+/// relaxation begin at 0.1 and 1 whatever the objective is: this is how much it weighs beside them. Relaxed problems are solved to
+/// tolerances relative to their relaxation, so that derivatives far below the largest count only where that weighs enough.
+const PLAIN_EXPONENT: i32 = 4;
+/// The same where it is to weigh less, and more.
+const LIGHT_EXPONENT: i32 = 1;
 const HEAVY_EXPONENT: i32 = 6;
 /// Share of the violation at the start that counts like a gradient: one that vanishes there by chance says nothing.
 const VIOLATION_SHARE: f64 = 1.0 / 1024.0;
 /// Largest exponent of a factor: products of two are still numbers.
 const MAX_EXPONENT: i32 = 200;
+
+/// How much the objective weighs beside barrier and relaxation.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub(super) enum Weight {
+    /// As usual.
+    #[default]
+    Plain,
+    Light,
+    Heavy,
+}
+
+impl Weight {
+    /// Exponent of two of the largest scaled derivative.
+    fn exponent(self) -> i32 {
+        match self {
+            Weight::Plain => PLAIN_EXPONENT,
+            Weight::Light => LIGHT_EXPONENT,
+            Weight::Heavy => HEAVY_EXPONENT,
+        }
+    }
+}
 
 /// What the factors are chosen by.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -72,8 +95,8 @@ pub(super) struct Scaling {
     pub sizes: Vec<f64>,
     /// Are there sizes other than 1?
     pub sized: bool,
-    /// Is the objective to weigh more than usual?
-    pub heavy: bool,
+    /// Weight of the objective of a program of the user.
+    pub weight: Weight,
     rule: Rule,
     weights: Vec<f64>,
     /// Weights of the rows that are all zero.
@@ -88,7 +111,7 @@ impl Scaling {
             rows: vec![1.0; m],
             sizes: vec![1.0; n],
             sized: false,
-            heavy: false,
+            weight: Weight::Plain,
             rule: Rule::Steep,
             weights: vec![0.0; m],
             none: vec![0.0; m],
@@ -179,7 +202,7 @@ impl Scaling {
                     self.sizes[v] = 1.0 / self.rows[i];
                 }
                 self.sized = lifts.iter().any(|l| self.rows[l.0] != 1.0);
-                let target = if self.heavy { HEAVY_EXPONENT } else { PLAIN_EXPONENT };
+                let target = self.weight.exponent();
                 self.objective = exponent(self.steepest_near(at)).map_or(1.0, |e| power(target - e));
             }
         }
@@ -382,7 +405,7 @@ mod tests {
         s.rule = Rule::Units;
         // the gradient of row 2 vanishes at the start, which violates it by 3
         s.choose(&at(&[3e6, 0.0, 0.0], &jac, &[5e3, 1e-3, 0.0, -1.0], &[0.0; 3]), &b, &[(1, 2)]);
-        assert!((2.0..4.0).contains(&(s.objective * 3e6)));
+        assert!((16.0..32.0).contains(&(s.objective * 3e6)));
         assert!((1.0..2.0).contains(&(s.rows[0] * 5e3)) && (1.0..2.0).contains(&(s.rows[1] * 1e-3)));
         assert!((1.0..2.0).contains(&(s.rows[2] * VIOLATION_SHARE * 3.0)));
         // the derivative of row 1 in its own variable is what it was

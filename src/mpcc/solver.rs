@@ -125,6 +125,8 @@ pub struct MpccSolver {
     pub(super) exact_rows: bool,
     /// The solution of a small relaxation, where no exact point was found from it.
     pub(super) relaxed_answer: Option<Solution>,
+    /// The objective of the answer that a path competes with, where one was found before.
+    pub(super) rival: Option<f64>,
 }
 
 impl MpccSolver {
@@ -160,6 +162,7 @@ impl MpccSolver {
             },
             elastic: None,
             relaxed_answer: None,
+            rival: None,
             exact_rows: false,
             sides: vec![Side::First; n_groups],
             votes: vec![(0.0, 0.0); n_groups],
@@ -258,6 +261,7 @@ impl MpccSolver {
                     let demanded = std::mem::replace(&mut self.exact_rows, true);
                     self.go_on(p, bounds, x0, (interior, centre), control, proposer);
                     self.exact_rows = demanded;
+                    self.compare(p, bounds, x0, centre, control, proposer);
                 }
                 self.settle_for_relaxed();
                 self.find_least_violation(p, bounds, x0, control, proposer);
@@ -435,6 +439,10 @@ impl MpccSolver {
             if !s.polish || !matches!(outcome, Outcome::Solved | Outcome::Stalled) {
                 return;
             }
+            if self.is_beaten() {
+                self.solution.outcome = Outcome::Stalled;
+                return;
+            }
             self.saved.copy_from(self.ipm.iterate());
             let tried = level.is_some();
             level = Some(self.ipm.level());
@@ -508,7 +516,7 @@ impl MpccSolver {
         (s.certificate, s.conflict, s.found_by) = (Certificate::default(), None, FoundBy::Path);
         (s.residuals, s.stats) = (Residuals::default(), Statistics::default());
         s.sides.fill(Side::First);
-        self.relaxed_answer = None;
+        (self.relaxed_answer, self.rival) = (None, None);
         self.st.reset();
         self.st.scaling.set_sizes(p);
         self.active.reset();

@@ -282,12 +282,14 @@ pub enum Portfolio {
     Rescue = 1,
     /// All strategies; the best solution is kept.
     All = 2,
+    /// As rescue; and paths on which the objective weighs less, and more, follow a solution until two have the same objective. The best one is kept.
+    Agree = 3,
 }
 
 impl Portfolio {
     /// Value names, by value.
-    pub const NAMES: &'static [&'static str] = &["off", "rescue", "all"];
-    const ALL: [Portfolio; 3] = [Portfolio::Off, Portfolio::Rescue, Portfolio::All];
+    pub const NAMES: &'static [&'static str] = &["off", "rescue", "all", "agree"];
+    const ALL: [Portfolio; 4] = [Portfolio::Off, Portfolio::Rescue, Portfolio::All, Portfolio::Agree];
 
     /// Value of this number; `None` outside the enumeration.
     pub fn from_i64(value: i64) -> Option<Self> {
@@ -846,7 +848,7 @@ impl Default for Settings {
             adapt_elements: 1000,
             max_memory: 0,
             ocp_start: 0,
-            portfolio: 1,
+            portfolio: 3,
             selection: 0,
         }
     }
@@ -1712,9 +1714,9 @@ pub static OPTIONS: &[OptionInfo] = &[
         name: "portfolio",
         group: "relaxation",
         kind: Kind::Enum(Portfolio::NAMES),
-        default: 1.0,
+        default: 3.0,
         min: Closed(0.0),
-        max: Closed(2.0),
+        max: Closed(3.0),
         symbol: "",
         doc: "Which strategies solve a program with complementarity constraints within its iterations (enum portfolio).",
         setup_only: false,

@@ -103,6 +103,7 @@ class Portfolio(Names):
     OFF = 0
     RESCUE = 1
     ALL = 2
+    AGREE = 3
 
 
 class LinearSolver(Names):
