@@ -14,7 +14,6 @@ use super::snippet::{Place, Shape, Snippet};
 use super::tape::{Code, Instruction, LANES};
 use super::Piecewise;
 use crate::func::{Bundle, Function, PartGroup, PartList, Point};
-use crate::linalg::dense::wide;
 
 /// Fewer parts than these are evaluated one by one.
 const FEWEST: usize = LANES / 2;
@@ -190,11 +189,6 @@ impl Program {
 
     /// Evaluates at most `LANES` parts of a class: those of a group from number `at` on.
     fn evaluate_lanes(&mut self, class: usize, group: &PartGroup, at: usize, out: &mut [f64]) -> bool {
-        wide(|| self.evaluate_wide(class, group, at, out))
-    }
-
-    #[inline(always)]
-    fn evaluate_wide(&mut self, class: usize, group: &PartGroup, at: usize, out: &mut [f64]) -> bool {
         let c = &self.classes[class];
         let (n_inputs, n_constants) = (c.shape.n_inputs as usize, c.shape.n_constants as usize);
         let own = &group.parts[at..group.parts.len().min(at + LANES)];

@@ -13,7 +13,6 @@ use super::piecewise::Piecewise;
 use crate::error::{Error, Result};
 pub use crate::func::LANES;
 use crate::func::{Dims, EvalError, EvalResult, Lanes, Point};
-use crate::linalg::dense::wide;
 use crate::memory;
 
 /// Code of [`EvalError::Fatal`] for external functions nested without end: one that calls itself through a callback.
@@ -293,11 +292,6 @@ impl Tape {
     }
 
     fn run_lanes(&self, w: &mut [[f64; LANES]]) -> EvalResult {
-        wide(|| self.run_wide(w))
-    }
-
-    #[inline(always)]
-    fn run_wide(&self, w: &mut [[f64; LANES]]) -> EvalResult {
         for i in &self.code {
             if i.code == Code::Block {
                 self.compounds[i.a as usize].run_lanes(i.dst as usize, w)?;
@@ -334,12 +328,12 @@ impl Tape {
     }
 }
 
-#[inline(always)]
+#[inline]
 fn map2(a: [f64; LANES], b: [f64; LANES], f: impl Fn(f64, f64) -> f64) -> [f64; LANES] {
     std::array::from_fn(|l| f(a[l], b[l]))
 }
 
-#[inline(always)]
+#[inline]
 fn map1(a: [f64; LANES], c: f64, f: impl Fn(f64, f64) -> f64) -> [f64; LANES] {
     a.map(|a| f(a, c))
 }
