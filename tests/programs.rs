@@ -4,7 +4,8 @@ use std::sync::Arc;
 
 use switchback::func::{Callback, Dims, Function};
 use switchback::mpcc::{
-    BStationarity, Certificate, Lifted, Member, MpccSettings, MpccSolver, NoProposals, Polish, Stationarity, Warm,
+    BStationarity, Certificate, Distance, Lifted, Member, MpccSettings, MpccSolver, NoProposals, Polish, Stationarity,
+    Warm,
 };
 use switchback::nlp::{Bounds, CallbackNlp, Control, Ipm, IpmSettings, Monotone, Outcome, SecondOrder, Start};
 
@@ -294,4 +295,24 @@ fn programs_in_other_units_have_the_same_iterates() {
         }
     }
     assert!(solved >= 10, "{solved}");
+}
+
+/// Two minima, at 1e-3 next to the bound and at 1, with a hill at 5e-3 between them. From the first one a solve that is told so stays;
+/// one that is not begins beyond the hill, well inside of the bounds.
+#[test]
+fn a_branch_solved_from_its_solution_stays_there() {
+    let f: Vector = |x, o| {
+        let x = x[0];
+        o[0] = 1e4 * (x.powi(4) / 4.0 - 1.006 * x.powi(3) / 3.0 + 6.005e-3 * x * x / 2.0 - 5e-6 * x);
+    };
+    for (distance, at) in [(Distance::Close, 1e-3), (Distance::Far, 1.0)] {
+        let mut p = Lifted::new(problem(1, f, 0, |_, _| {}), &[]).unwrap();
+        let b = p.bounds(&bounds(&[(0.0, INF)], &[])).unwrap();
+        let settings = MpccSettings { tol: 1e-7, polish_tol: 1e-8, ..MpccSettings::default() };
+        let mut solver = MpccSolver::new(&mut p, settings).unwrap();
+        let control = &mut Control::default();
+        assert!(solver.solve_sides(&mut p, &b, &[], (&[1e-3], distance), control, &mut NoProposals), "{distance:?}");
+        let x = solver.solution().x[0];
+        assert!((x - at).abs() < 1e-4 * at, "{distance:?}: {x}");
+    }
 }

@@ -523,7 +523,7 @@ impl Fesd {
     }
 
     /// Derivatives of the right-hand side in the rows of stage point `i` with respect to its inputs and `θ`.
-    fn rhs_jac<S: Sink>(&self, e: &ElementIndex, ec: &ElementCalls, i: usize, w: &[f64], s: &mut S) {
+    pub(super) fn rhs_jac<S: Sink>(&self, e: &ElementIndex, ec: &ElementCalls, i: usize, w: &[f64], s: &mut S) {
         let (form, row, theta) = (self.spec.dcs.form(), e.row_dyn[i], e.theta[i]);
         let h = self.h_of(e, w);
         let smooth = self.smooth_rows().zip(&ec.drift[i]);

@@ -42,6 +42,7 @@ pub use lifted::{Lifted, Member};
 pub use portfolio::FoundBy;
 pub use problem::{Mpcc, Side};
 pub use proposer::{ActiveSetProposer, NoProposals, ProposalKind};
+pub use search::Distance;
 pub use settings::MpccSettings;
 pub use solver::{MpccSolver, Polish, Solution, Warm};
 pub use tangent::{Change, Tangent};

@@ -23,25 +23,39 @@ const ACCEPTABLE: f64 = 0.25;
 /// Sets with parts that vanish, one after the other.
 const MAX_COLLAPSES: usize = 3;
 
+/// Barrier parameter, and distance from bounds, where a branch starts at all but its solution.
+const CLOSE: f64 = 1e-6;
 /// Iterations of a branch that is given, from a point that may be far from its solution.
 const MAX_ITERATIONS: usize = 150;
 
+/// How far a point is from the solution of its branch.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Distance {
+    /// The rows hold nearly, and no direction leads down: only the multipliers are missing.
+    Close,
+    /// A few iterations away, or not worth more.
+    Near,
+    /// Not known.
+    Far,
+}
+
 impl MpccSolver {
-    /// Solves the branch `sides` from `x0[n]`, which may be `far` from its solution, and goes on to better ones; true when
+    /// Solves the branch `sides` from `x0[n]`, at this distance from its solution, and goes on to better ones; true when
     /// it has a solution, which is then the result.
     pub fn solve_sides(
         &mut self,
         p: &mut dyn Mpcc,
         bounds: &Bounds,
         sides: &[Side],
-        (x0, far): (&[f64], bool),
+        (x0, distance): (&[f64], Distance),
         control: &mut Control,
         proposer: &mut dyn ActiveSetProposer,
     ) -> bool {
         let clock = Instant::now();
         self.enter(p, bounds, sides, x0);
-        let mut ok = self.try_point(p, bounds, control);
-        if !ok && far {
+        let mut ok = distance == Distance::Close && self.try_close(p, bounds, control);
+        ok = ok || self.try_point(p, bounds, control);
+        if !ok && distance != Distance::Near {
             ok = self.collapse_from_near(p, bounds, control, proposer);
             if !ok && stop::requested().is_none() {
                 self.sides.copy_from_slice(sides);
@@ -80,6 +94,26 @@ impl MpccSolver {
         }
         self.close = false;
         p.set_polishing(false);
+    }
+
+    /// Tries the branch `sides` from the point in `point`, which is all but its solution: a barrier that is not small, and a start well
+    /// inside of the bounds, would lead away to another one.
+    fn try_close(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        p.set_polishing(true);
+        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
+        let mut rule = Branch::new(self.branch_rule(CLOSE));
+        let settings = self.ipm.settings_mut();
+        settings.restoration = false;
+        let push = std::mem::replace(&mut settings.bound_push, CLOSE);
+        let point = std::mem::take(&mut self.point);
+        let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
+        self.point = point;
+        let settings = self.ipm.settings_mut();
+        settings.restoration = true;
+        settings.bound_push = push;
+        outcome == Outcome::Solved
     }
 
     /// Tries the branch `sides` from the point in `point`, which may be far from its solution.

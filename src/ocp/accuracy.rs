@@ -18,6 +18,9 @@ use crate::tableau::Family;
 
 /// Steps the simulation may take: an answer that needs more is not worth the wait.
 const MAX_STEPS: usize = 200_000;
+/// Points of every step of a simulation at which its states are taken down: between them they are straight lines, and the slopes of the
+/// guess are those.
+const SAMPLES: usize = 16;
 
 /// Comparison of an answer with the simulation of its controls.
 #[derive(Debug, Clone, PartialEq)]
@@ -355,6 +358,7 @@ impl Replay {
         let nx = answer.x0.len();
         let mut t = answer.t0;
         let mut fresh = true;
+        let mut inside = vec![0.0; e.state().len()];
         for (k, one) in answer.by_stage().iter().enumerate() {
             let (start, first, u) = one.start();
             if k > 0 {
@@ -389,6 +393,14 @@ impl Replay {
                 match phases.last_mut() {
                     Some((last, sum)) if *last == set => *sum += h,
                     _ => phases.push((set, h)),
+                }
+                for j in 1..SAMPLES {
+                    let t = before + h * j as f64 / SAMPLES as f64;
+                    if t > answer.t0 + found.times[found.times.len() - 1] && t < e.time() {
+                        e.get_dky(t, 0, &mut inside)?;
+                        found.times.push(t - answer.t0);
+                        found.states.extend_from_slice(&inside[first..first + nx]);
+                    }
                 }
                 if e.time() > answer.t0 + found.times[found.times.len() - 1] {
                     found.times.push(e.time() - answer.t0);

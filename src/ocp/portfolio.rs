@@ -8,7 +8,7 @@ use super::candidates::{agree, cost_of, Candidates};
 use super::moves::{Sequence, NOTHING};
 use super::optimality::{Verdict, OTHER};
 use super::request::Request;
-use super::sequence::{Room, BRIEF, NEAR, ROUGH};
+use super::sequence::{Room, LOWEST, NEAR, ROUGH};
 use super::smoothing::Smoothed;
 use super::solve::Start;
 use super::{Ocp, OcpResult};
@@ -365,7 +365,7 @@ impl Ocp {
             return Ok(());
         }
         let Some(aimed) = self.aim(b, from, &known)? else { return Ok(()) };
-        self.solve_along(found, &aimed, NEAR, &known, &inside, control)
+        self.solve_along(found, &aimed, LOWEST, &known, &inside, control)
     }
 
     /// Goes from the best answer to sequences next to its own as long as the cost falls.
@@ -553,7 +553,7 @@ impl Ocp {
                 if stop::requested().is_some() {
                     break;
                 }
-                let room = Room { short: BRIEF, elements };
+                let room = Room { elements, ..LOWEST };
                 let mut one = self.solve_traced(&moved, (&traced, room), &known, &inside, control)?;
                 let Some(next) = one.result.as_ref() else { continue };
                 found.add(next);
@@ -593,7 +593,7 @@ impl Ocp {
             if stop::requested().is_some() {
                 break;
             }
-            let room = Room { short: BRIEF, elements };
+            let room = Room { elements, ..NEAR };
             let mut one = self.solve_traced(r, (&traced, room), known, inside, control)?;
             let Some(next) = one.result.as_ref() else { continue };
             found.add(next);

@@ -5,7 +5,7 @@
 use super::candidates::Candidates;
 use super::portfolio::{lower, worth, SAME};
 use super::request::Request;
-use super::sequence::NEAR;
+use super::sequence::LOWEST;
 use super::Ocp;
 use crate::error::Result;
 use crate::nlp::Control;
@@ -40,7 +40,7 @@ impl Ocp {
         let mut cheaper = false;
         for end in ends.into_iter().take(PROGRAMS).filter(|_| stop::requested().is_none()) {
             let Some(traced) = self.trace_through(&end.moved, &inside.options)? else { continue };
-            let mut one = self.solve_traced(&end.moved, (&traced, NEAR), &known, &inside, control)?;
+            let mut one = self.solve_traced(&end.moved, (&traced, LOWEST), &known, &inside, control)?;
             let Some(next) = one.result.as_ref() else { continue };
             found.add(next);
             let cost = next.cost;

@@ -28,11 +28,15 @@ pub(super) struct Room {
     pub short: f64,
     /// Multiples of the elements that the options ask for.
     pub elements: usize,
+    /// Do the controls come from where a descent ended? The mode program is solved there but for its multipliers.
+    pub lowest: bool,
 }
 
 /// With controls that are a first guess, and with those next to an answer.
-pub(super) const ROUGH: Room = Room { short: SHORT, elements: 1 };
-pub(super) const NEAR: Room = Room { short: BRIEF, elements: 1 };
+pub(super) const ROUGH: Room = Room { short: SHORT, elements: 1, lowest: false };
+pub(super) const NEAR: Room = Room { short: BRIEF, elements: 1, lowest: false };
+/// With those at the end of a descent.
+pub(super) const LOWEST: Room = Room { lowest: true, ..NEAR };
 
 /// States and phases of a simulation.
 #[derive(Debug, Clone, Default)]
@@ -142,7 +146,7 @@ impl Ocp {
         let along = (&traced.times[..], &traced.states[..]);
         work.sizes = Some(self.sizes_along(along, &r.controls, &r.durations, known));
         work.modes = Some(s.modes(dcs.form()));
-        work.run(Start::Branch, request, control)?;
+        work.run(if room.lowest { Start::Lowest } else { Start::Branch }, request, control)?;
         Ok(work)
     }
 }

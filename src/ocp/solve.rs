@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::fesd::{Fesd, Sizes, Spec, Trajectory};
 use crate::func::EvalError;
 use crate::memory;
-use crate::mpcc::{Mpcc, MpccSolver, Polish, Side, Solution, Warm};
+use crate::mpcc::{Distance, Mpcc, MpccSolver, Polish, Side, Solution, Warm};
 use crate::nlp::{Bounds, Control, Nlp, Outcome, Statistics};
 use crate::settings::OcpStart;
 use crate::sim::SolveOptions;
@@ -72,6 +72,8 @@ pub(super) enum Start {
     Carried,
     /// From the branch problem of the modes that were given, and nothing else.
     Branch,
+    /// The same, where a descent on simulations ended.
+    Lowest,
     /// The same, of a sequence next to one with a solution: given up where it is not solved soon.
     Near,
     /// From the last solution.
@@ -81,7 +83,7 @@ pub(super) enum Start {
 impl Start {
     /// Is a branch problem all that is to be solved?
     fn is_branch(self) -> bool {
-        matches!(self, Start::Branch | Start::Near)
+        matches!(self, Start::Branch | Start::Lowest | Start::Near)
     }
 }
 
@@ -293,7 +295,7 @@ impl Ocp {
         }
         let improves = match start {
             Start::Carried | Start::Near => true,
-            Start::Branch => !request.plain_branches,
+            Start::Branch | Start::Lowest => !request.plain_branches,
             Start::Cold => modes.is_none(),
             Start::Warm => false,
         };
@@ -387,9 +389,16 @@ impl Ocp {
         if let Some((sides, lengths)) = &given.modes {
             let (mut w, mut sides) = (w0.clone(), sides.clone());
             problem.guess_active_set(&mut w, self.t0, lengths, &sides, |t, x| guess.state(t, x));
+            if start.is_branch() {
+                problem.fit_weights(&mut w, lengths, &sides);
+            }
             sides.extend(problem.member_sides(&w0));
-            let far = start != Start::Near;
-            if solver.solve_sides(problem, bounds, &sides, (&w, far), control, identifier) {
+            let distance = match start {
+                Start::Near => Distance::Near,
+                Start::Lowest => Distance::Close,
+                _ => Distance::Far,
+            };
+            if solver.solve_sides(problem, bounds, &sides, (&w, distance), control, identifier) {
                 return Ok(());
             }
             if start.is_branch() {
