@@ -104,6 +104,31 @@ fn a_body_that_pushes_another_has_the_exact_cost() {
     }
 }
 
+/// The same with a control that is linear on every stage: its optimum is the constant, its simulation has the control as a state, and a
+/// descent judges it.
+#[test]
+fn linear_controls_of_projected_systems_are_simulated_and_judged() {
+    let g = Graph::new();
+    let (a, b, u) = (g.x(0), g.x(1), g.u(0));
+    let system = projected(&g, 1, &[u, g.constant(0.0)], &[b - a - 0.5]);
+    let d = Dims { x: 2, u: 1, p: 0 };
+    let mut o = Ocp::new(&system, 3.0, 5, &Settings { n_s: 2, ..Settings::default() }).unwrap();
+    o.set_x0(&[0.0, 1.0]).unwrap();
+    o.set_u_bounds(&[-10.0], &[10.0]).unwrap();
+    o.set_linear_controls(&[true]).unwrap();
+    o.set_lagrange(std::sync::Arc::new(g.function("cost", d, &[u * u]).unwrap())).unwrap();
+    let goal = std::sync::Arc::new(g.function("goal", d, &[b]).unwrap());
+    o.add_terminal(goal, &[2.0], &[2.0]).unwrap();
+    let r = o.solve(&mut Control::default()).unwrap();
+    let exact = 2.5f64.powi(2) / 3.0;
+    assert!(r.outcome == Outcome::Solved && (r.cost - exact).abs() < 1e-8 * exact, "{} {exact}", r.cost);
+    let judged = r.optimality.as_ref().unwrap();
+    assert_eq!(judged.verdict, Verdict::LocalOptimum, "{}", judged.reason);
+    let found = r.accuracy.as_ref().unwrap();
+    assert!(found.reached() && found.terminal < 1e-8, "{found:?}");
+    assert!((found.cost - exact).abs() < 1e-7 * exact, "{found:?}");
+}
+
 #[test]
 fn what_is_not_there_is_said() {
     let system = around_a_disc();

@@ -3,6 +3,7 @@
 //! engine does not know, with inclusions or algebraic equations, are simulated by finite elements of another order on a
 //! finer grid.
 
+use super::projected::projected_with_cost;
 use super::rewire::Rewire;
 use super::terms::{combination, Stack};
 use crate::error::{Error, Result};
@@ -184,7 +185,7 @@ pub(super) struct Replay {
 enum Method {
     /// The event-driven engine.
     Events(Box<Engine>),
-    /// The same for projected systems, which take no states beside them.
+    /// The same for projected systems with constant controls, which need no states beside them.
     Projected(Box<Projected>),
     /// For systems that it does not know: more accurate finite elements on a grid of their own.
     Elements(Box<Elements>),
@@ -276,9 +277,12 @@ impl Replay {
             };
             return Ok(Replay { method: Method::Projected(Box::new(projected)), tol, sizes, options: *options });
         }
-        let extended = with_cost(system, lagrange, answer.linear)?;
+        let extended = match projected {
+            Some(projected) => projected_with_cost(projected, system.dims(), lagrange, answer.linear)?,
+            None => with_cost(system, lagrange, answer.linear)?,
+        };
         let sizes = sizes_of(answer);
-        if system.n_algebraic() == 0 && system.inclusions().is_empty() {
+        if projected.is_some() || system.n_algebraic() == 0 && system.inclusions().is_empty() {
             let loose = Options { max_steps: MAX_STEPS, ..tolerances(tol, &sizes) };
             let method = Method::Events(Box::new(Engine::new(&extended, &loose)?));
             return Ok(Replay { method, tol, sizes, options: *options });

@@ -24,18 +24,13 @@ impl Ocp {
     /// The system that answers are simulated with for derivatives: the cost, then linear controls, then the states.
     pub(super) fn system_with_cost(&self, e: &Extended) -> Result<System> {
         match &self.projected {
-            Some(projected) => projected_with_cost(projected, e.system.dims(), e.lagrange.as_ref()),
+            Some(projected) => projected_with_cost(projected, e.system.dims(), e.lagrange.as_ref(), &self.linear),
             None => with_cost(&e.system, e.lagrange.as_ref(), &self.linear),
         }
     }
 
     /// Judges an answer of a projected system by a descent from it.
     pub(super) fn judge_by_descent(&self, r: &OcpResult, b: &Built) -> Result<Optimality> {
-        if self.linear.contains(&true) {
-            return Ok(Optimality::unknown(
-                "projected systems with linear controls are not simulated with derivatives",
-            ));
-        }
         let known = match &self.sizes {
             Some(known) => known.clone(),
             None => self.sizes()?,
@@ -67,29 +62,38 @@ impl Ocp {
     }
 }
 
-/// A projected system with more parameters and controls and with the integral of `lagrange`, which is a coordinate: contacts act on the states
-/// behind it alone.
-fn projected_with_cost(system: &System, wide: Dims, lagrange: Option<&SharedFunction>) -> Result<System> {
+/// A projected system with more parameters and controls, behind the integral of `lagrange` and its linear controls, whose rates are controls then.
+/// These are coordinates: contacts act on the states behind them alone.
+pub(super) fn projected_with_cost(
+    system: &System,
+    wide: Dims,
+    lagrange: Option<&SharedFunction>,
+    linear: &[bool],
+) -> Result<System> {
     let from = system.dims();
-    let to = Dims { x: from.x + 1, ..wide };
+    let ramps: Vec<(usize, usize)> = (0..linear.len()).filter(|&j| linear[j]).zip(1..).collect();
+    let first = 1 + ramps.len();
+    let to = Dims { x: from.x + first, ..wide };
     let Some(m) = system.mechanics() else { return Ok(system.clone()) };
     // what is behind the parameters of the system stays behind those of the wider one
     let gather = |f: &SharedFunction| {
         let more = f.dims().p - from.p;
         let places = Dims { p: to.p + more, ..to };
-        let states = (0..from.x).map(|i| 1 + i);
-        let controls = (0..from.u).map(|j| to.x + j);
+        let states = (0..from.x).map(|i| first + i);
+        let ramp = |j: usize| ramps.iter().find(|r| r.0 == j).map(|r| r.1);
+        let controls = (0..from.u).map(|j| ramp(j).unwrap_or(to.x + j));
         let own = (0..from.p).map(|k| to.x + to.u + k);
         let behind = (0..more).map(|k| to.t_col() + k);
         let columns = states.chain(controls).chain(own).chain(behind).chain([places.t_col()]).collect();
         Stack::gather(f, places, columns)
     };
     let cost = match lagrange {
-        Some(l) => Rewire::behind(wide, to, &[]).function(l),
+        Some(l) => Rewire::behind(wide, to, &ramps).function(l),
         None => combination("0", to, vec![Vec::new()]),
     };
+    let slopes = combination("slopes", to, ramps.iter().map(|&(j, _)| vec![(to.x + j, 1.0)]).collect());
     let all = || (0..to.n_in()).collect::<Vec<usize>>();
-    let smooth = Stack::of("f0", to, vec![(cost, all()), (gather(&m.smooth), all())]);
+    let smooth = Stack::of("f0", to, vec![(cost, all()), (slopes, all()), (gather(&m.smooth), all())]);
     let contact = |c: &Contact| Contact {
         name: c.name.clone(),
         n_tangents: c.n_tangents,
@@ -103,7 +107,14 @@ fn projected_with_cost(system: &System, wide: Dims, lagrange: Option<&SharedFunc
         other => other.clone(),
     };
     let contacts = m.contacts.iter().map(contact).collect();
-    let wider =
-        Mechanics { n_q: 1, smooth, inertia, contacts, bounds: Vec::new(), projection: None, ..Mechanics::clone(m) };
+    let wider = Mechanics {
+        n_q: first,
+        smooth,
+        inertia,
+        contacts,
+        bounds: Vec::new(),
+        projection: None,
+        ..Mechanics::clone(m)
+    };
     System::of_mechanics(wider, to.u, to.p)
 }
