@@ -127,13 +127,13 @@ impl Problem {
         Ok(Problem { given, functions: self.functions.clone(), knows_time: self.knows_time })
     }
 
-    /// The same on a finer grid: with more stage points up to [`MOST_POINTS`], then with twice the elements in the control stages that ask for it.
-    pub(super) fn finer(&self, asks: impl Fn(usize) -> bool) -> Result<Problem> {
+    /// The same on a finer grid: with more stage points up to [`MOST_POINTS`], then with so many times the elements of every control stage.
+    pub(super) fn finer(&self, times: impl Fn(usize) -> usize) -> Result<Problem> {
         let mut given = self.given.clone();
         if given.tableau.n_s < MOST_POINTS {
             given.tableau = Tableau::new(Family::RadauIia, (given.tableau.n_s + MORE_POINTS).min(MOST_POINTS))?;
         } else {
-            given.n_fe.iter_mut().enumerate().filter(|(k, _)| asks(*k)).for_each(|(_, n)| *n *= 2);
+            given.n_fe.iter_mut().enumerate().for_each(|(k, n)| *n *= times(k));
         }
         Ok(Problem { given, functions: self.functions.clone(), knows_time: self.knows_time })
     }

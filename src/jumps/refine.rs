@@ -4,14 +4,14 @@
 //! thirty in an eighth of a second, and with it the error of the method. An answer whose stages end elsewhere than simulations of them is none of
 //! the control problem. Either the simulations meet contacts that the order of the answer does not have, between two points of its grid: then the
 //! order they have is solved for, from their motion. Or the grid is too coarse: on a finer one, in the stages that are off, the order of the answer
-//! is solved for from its motion, and those next to it, all grids together for no more than [`SHARE`] of the effort of the search, and never
-//! less than one program each. What is found replaces the answer where simulations of its stages are closer to it; of two that they are as far from
-//! the cheaper one is kept.
+//! is solved for from its motion. Those next to it are compared on the first finer grid: what they cost changes there, and next to nothing on the
+//! grids behind. All grids together take no more than [`SHARE`] of the effort of the search, and never less than one program each. What is found
+//! replaces the answer where simulations of its stages are closer to it; of two that they are as far from the cheaper one is kept.
 
 use super::exact::Solved;
 use super::modes::{Key, Sequence};
 use super::problem::Problem;
-use super::search::{solve_again, Answer, Options};
+use super::search::{solve_again, Answer, Options, Reach};
 use super::simulate::replay_stages;
 use super::track::Track;
 use crate::error::Result;
@@ -22,6 +22,9 @@ use crate::stop;
 const ROUNDS: usize = 6;
 /// Effort of all grids, as a share of that of the search before, after which no more orders of contacts are tried.
 const SHARE: f64 = 0.5;
+/// Multiple of what is aimed at above which a stage gets four times the elements instead of twice as many: where a motion is faster than its
+/// elements an error falls with a low power of their length, whatever the order of the method.
+const FAR_OFF: f64 = 10.0;
 /// Differences of which one is at most this multiple of the other count as the same: both are of another motion.
 const AS_FAR: f64 = 2.0;
 
@@ -83,22 +86,27 @@ pub fn refine(
     let most = (SHARE * best.answer.effort as f64) as usize;
     let mut spent = Spent { most, effort: 0, stats: best.answer.stats, tried: best.answer.tried };
     let mut asked: Vec<Key> = vec![best.answer.sequence.key()];
+    let mut compared = false;
     for _ in 0..ROUNDS {
         if best.off <= within || stop::requested().is_some() {
             break;
         }
         let mut next = None;
         let simulated = best.motion.sequence(best.problem.n_stages());
-        if !asked.contains(&simulated.key()) {
+        // where most stages are off it is the method that is, and simulations are of another motion
+        let is_close = 2 * best.stages.iter().filter(|off| **off > within).count() <= best.stages.len();
+        if is_close && !asked.contains(&simulated.key()) {
             asked.push(simulated.key());
             let from = (&simulated, &best.motion);
-            next = again(best.problem.clone(), from, options, tol, &mut spent, control)?;
+            next = again(best.problem.clone(), from, (options, Reach::Wanted), tol, &mut spent, control)?;
             next = next.filter(|n| n.replaces(&best, within));
         }
         if next.is_none() {
-            let finer = best.problem.finer(|k| best.stages[k] > within)?;
+            let more = |off: f64| if off > FAR_OFF * within { 4 } else { 2 };
+            let finer = best.problem.finer(|k| if best.stages[k] > within { more(best.stages[k]) } else { 1 })?;
             let from = (&best.answer.sequence, &best.answer.track);
-            next = again(finer, from, options, tol, &mut spent, control)?;
+            let reach = if std::mem::replace(&mut compared, true) { Reach::Wanted } else { Reach::Local };
+            next = again(finer, from, (options, reach), tol, &mut spent, control)?;
             next = next.filter(|n| n.replaces(&best, within));
         }
         let Some(next) = next else { break };
@@ -113,13 +121,13 @@ pub fn refine(
 fn again(
     grid: Problem,
     from: (&Sequence, &Track),
-    options: &Options,
+    (options, reach): (&Options, Reach),
     tol: f64,
     spent: &mut Spent,
     control: &mut Control,
 ) -> Result<Option<Refined>> {
     let left = spent.most.saturating_sub(spent.effort);
-    let Some((answer, solved)) = solve_again(&grid, from, options, left, control)? else { return Ok(None) };
+    let Some((answer, solved)) = solve_again(&grid, from, (options, reach), left, control)? else { return Ok(None) };
     spent.effort += answer.effort;
     spent.stats.add(&answer.stats);
     spent.tried += answer.tried;

@@ -280,15 +280,15 @@ pub fn solve(p: &Problem, options: &Options, control: &mut Control) -> Result<(A
     Ok((best, solved))
 }
 
-/// Solves for an order of contacts on another grid of the same control stages, from a motion that has it, and for those next to it as long as
-/// the effort (iterations times variables) is less than `most`; no answer where the order has no solution there.
+/// Solves for an order of contacts on another grid of the same control stages, from a motion that has it, and for those next to it within
+/// reach as long as the effort (iterations times variables) is less than `most`; no answer where the order has no solution there.
 ///
 /// # Errors
 /// Those of building programs.
 pub(super) fn solve_again(
     p: &Problem,
     (sequence, motion): (&Sequence, &Track),
-    options: &Options,
+    (options, reach): (&Options, Reach),
     most: usize,
     control: &mut Control,
 ) -> Result<Option<(Answer, Solved)>> {
@@ -296,7 +296,7 @@ pub(super) fn solve_again(
     let mut s = Search { most_effort: most, refines: true, ..Search::new(p, options) };
     s.attempt(sequence, motion, NEAR_ITERATIONS, control)?;
     if s.is_solved() {
-        s.improve(Reach::Local, options.search, control)?;
+        s.improve(reach, options.search, control)?;
     }
     Ok(if s.is_solved() { s.into_answer(clock) } else { None })
 }
@@ -324,7 +324,7 @@ enum Start {
 
 /// Which sequences next to the best are tried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Reach {
+pub(super) enum Reach {
     /// Those that phases without length lead to.
     Wanted,
     /// Those whose motions are next to the present one.
@@ -647,7 +647,7 @@ impl<'a> Search<'a> {
         };
         let best = self.best.as_ref().filter(|b| b.0.is_solved());
         let cost = best.map_or(f64::INFINITY, |b| b.0.cost);
-        let limits = Limits { patience, cost, exact_rows: false };
+        let limits = Limits { patience, cost, exact_rows: self.refines };
         let (mut answer, mut solved) =
             solve_sequence(self.p, sequence, guess, &Held::default(), point, settings, limits, control)?;
         self.note(answer.dimensions, &answer.stats);
@@ -662,7 +662,7 @@ impl<'a> Search<'a> {
                 ..self.options.solver
             };
             let last = answer.point.clone();
-            let limits = Limits { patience: ITERATIONS, exact_rows: self.refines, ..limits };
+            let limits = Limits { patience: ITERATIONS, ..limits };
             let again =
                 solve_sequence(self.p, sequence, guess, &Held::default(), Some(&last), settings, limits, control)?;
             self.note(again.0.dimensions, &again.0.stats);

@@ -132,21 +132,28 @@ def test_grids_are_refined_in_the_stages_that_ask_for_it():
     assert elements.max() >= 4 and elements.min() == 1, elements
 
 
-def bounces(target):
+def bounces(target, e=0.6, height=0.2):
     """A ball that bounces several times in each of two control stages."""
     s = swb.Scene("x y", u="f", name="ball")
     x, y = s.q
     s.force([s.u[0], -G])
-    s.contact("floor", gap=y, e=0.6)
-    ocp = swb.Ocp(s, 1.0, 2, n_s=2, n_fe=1, initial_state=[0, 0.2, 0, 0], control_bounds=(-1, 1), jumps="fesd_j")
+    s.contact("floor", gap=y, e=e)
+    ocp = swb.Ocp(s, 1.0, 2, n_s=2, n_fe=1, initial_state=[0, height, 0, 0], control_bounds=(-1, 1), jumps="fesd_j")
     ocp.set_lagrange(s.function(s.u[0] ** 2))
     ocp.add_terminal(s.function([x, y]), [target, 0.0], [target, 0.001])
     return ocp
 
 
-def test_too_few_elements_are_named():
+def test_bounces_that_a_grid_has_no_points_for_are_found_on_finer_ones():
     r = bounces(0.3).solve()
-    assert "in control stage 0, where it has 2 contact changes and the answer 1 inside of the stage, on 1 elements" in r.message
+    # nothing pushes along x: the controls of least cost whose motion ends at 0.3
+    assert r.success and r.cost == pytest.approx(0.3**2 * 0.5 / ((3 / 8) ** 2 + (1 / 8) ** 2), rel=1e-8)
+    assert r.message == "" and r.accuracy.terminal < 1e-10
+
+
+def test_too_few_elements_are_named():
+    r = bounces(0.2, e=0.7, height=0.4).solve()
+    assert "in control stage 1, where it has 2 contact changes and the answer 1 inside of the stage, on 1 elements" in r.message
     r = bounces(5.0).solve()
     assert not r.success
     assert re.search(r"has \d+ contact changes in control stage [01], and this search has 2 elements", r.message), r.message
