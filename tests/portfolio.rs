@@ -21,7 +21,8 @@ fn where_a_strategy_fails_others_follow() {
                     p.solve(settings, start)
                 };
                 let (alone, together) = (of(Portfolio::Off), of(Portfolio::Rescue));
-                let path = alone.solution.outcome == Outcome::Solved;
+                // the search for a point that violates nothing, which a claim needs, may solve it as well
+                let path = alone.solution.outcome == Outcome::Solved && alone.solution.found_by == FoundBy::Path;
                 let found_by = together.solution.found_by;
                 assert_eq!(together.solution.outcome, Outcome::Solved, "{relaxation:?} {}", p.name);
                 assert!(path || found_by != FoundBy::Path, "{relaxation:?} {}", p.name);

@@ -76,6 +76,8 @@ const KEPT_SHARE: f64 = 0.15;
 const RELAXED_SHARE: f64 = 1e-3;
 /// Violation of the least violated point that counts as none, relative to scaled rows above 1.
 const MET: f64 = 1e-8;
+/// First relaxation of a path to the least violation beside the usual one.
+const WIDE: f64 = 100.0;
 /// Share by which one violation has to be below another to be lower.
 const LOWER: f64 = 1e-6;
 
@@ -84,6 +86,10 @@ const LOWER: f64 = 1e-6;
 enum Opinion {
     /// The point that the solve ended at.
     Near,
+    /// By the whole path, the start of the solve with the larger member of every pair at zero, and the smaller one in its place.
+    OtherSides,
+    /// By the whole path, the start of the solve, with a first relaxation that lets the violation fall through products that are large.
+    WidePath,
     /// By the whole path, the start of the solve.
     WholePath,
     /// The point that this path ended at, with the smaller member of every pair at zero.
@@ -366,9 +372,10 @@ impl MpccSolver {
     /// Where nothing has a solution: a point that violates the constraints least. If it violates nothing its branch is
     /// solved from there; if its certificate says that no step lowers the violation the program is infeasible, as far as
     /// this can be said from near the point; otherwise that stays open. As the violation of a program that has a solution
-    /// may have such points, too, the claim needs a second opinion: the whole path to the least violation from the start `x0`
-    /// must not come to another one. Where it ends lower at a point that is not shown to be a minimiser, the branch in which the
-    /// smaller member of every pair is zero is asked; where that comes lower, too, nothing is claimed.
+    /// may have such points, too, the claim needs further opinions: whole paths to the least violation from the start `x0`, one
+    /// from the other sides of its pairs, one with a wide first relaxation and one with the usual one, must not come to another one. Where the usual one ends lower at a point that
+    /// is not shown to be a minimiser, the branch in which the smaller member of every pair is zero is asked; where that comes lower, too,
+    /// nothing is claimed.
     pub(super) fn find_least_violation(
         &mut self,
         p: &mut dyn Mpcc,
@@ -384,15 +391,25 @@ impl MpccSolver {
         let Ok(mut st) = violation::Structure::new(p) else { return self.retract() };
         st.weights.copy_from_slice(&self.st.scaling.rows);
         let mut least: Option<Solution> = None;
+        let mut claimable = true;
         let mut from = self.solution.x.clone();
         let mut end: Option<Solution> = None;
-        for opinion in [Opinion::Near, Opinion::WholePath, Opinion::NearItsEnd] {
-            if opinion == Opinion::WholePath {
-                from.copy_from_slice(x0);
+        let opinions = [Opinion::Near, Opinion::WidePath, Opinion::OtherSides, Opinion::WholePath, Opinion::NearItsEnd];
+        for opinion in opinions {
+            match opinion {
+                Opinion::Near => {}
+                Opinion::WidePath | Opinion::OtherSides | Opinion::WholePath => from.copy_from_slice(x0),
+                Opinion::NearItsEnd if claimable && end.is_some() => {}
+                Opinion::NearItsEnd => break,
+            }
+            // where nothing can be claimed any more there may still be a point that violates nothing
+            if opinion != Opinion::Near && (stop::requested().is_some() || self.iterations_left() == 0) {
+                claimable = false;
+                break;
             }
             let attempt = self.minimise_violation(p, &st, bounds, (&from, end.as_ref()), opinion, control);
             let Some((found, met)) = attempt else {
-                least = None;
+                claimable = false;
                 break;
             };
             let solved = found.outcome == Outcome::Solved && found.polish == Polish::Done;
@@ -402,8 +419,8 @@ impl MpccSolver {
                 if self.solution.outcome == Outcome::Solved {
                     return;
                 }
-                least = None;
-                break;
+                claimable = false;
+                continue;
             }
             let certified = solved && found.certificate.b == BStationarity::Yes;
             let point = match found.outcome {
@@ -422,14 +439,11 @@ impl MpccSolver {
                         from[smaller] = 0.0;
                     }
                     end = Some(found);
-                    continue;
                 }
-                Weighed::Nothing => least = None,
-            }
-            if least.is_none() || opinion != Opinion::Near {
-                break;
+                Weighed::Nothing => claimable = false,
             }
         }
+        let least = least.filter(|_| claimable);
         let Some(least) = least else { return self.retract() };
         self.solution.x.copy_from_slice(&least.x[..p.n()]);
         self.solution.y.copy_from_slice(&least.y);
@@ -452,7 +466,13 @@ impl MpccSolver {
         let mut c = vec![0.0; p.m()];
         p.eval(from, &mut c).ok()?;
         let met = MET * c.iter().zip(&st.weights).fold(1f64, |a, (c, w)| a.max((c * w).abs()));
-        let start = st.point(from, &c, bounds);
+        let mut start = st.point(from, &c, bounds);
+        if opinion == Opinion::OtherSides {
+            for &(a, b) in p.pairs() {
+                let (small, large) = if start[a] <= start[b] { (a, b) } else { (b, a) };
+                (start[small], start[large]) = (start[large], 0.0);
+            }
+        }
         let own = st.bounds(bounds);
         let settings = MpccSettings {
             relaxation: Relaxation::Scholtes,
@@ -461,16 +481,18 @@ impl MpccSolver {
             certify: true,
             max_iter: self.iterations_left(),
             portfolio: Portfolio::Off,
+            centre_pairs: self.settings.centre_pairs && opinion != Opinion::OtherSides,
+            sigma_init: if opinion == Opinion::WidePath { WIDE } else { 1.0 } * self.settings.sigma_init,
             ..self.settings
         };
         let (y, z) = (vec![0.0; p.m()], vec![0.0; start.len()]);
         let (y, z) = known.map_or((&y, &z), |s| (&s.y, &s.z));
         let mut program = Violation { inner: p, st };
         let mut solver = MpccSolver::new(&mut program, settings).ok()?;
-        if opinion == Opinion::WholePath {
-            solver.solve_with(&mut program, &own, &start, control, &mut NoProposals);
-        } else {
+        if matches!(opinion, Opinion::Near | Opinion::NearItsEnd) {
             solver.solve_warm(&mut program, &own, &Warm { x: &start, y, z }, control, &mut NoProposals);
+        } else {
+            solver.solve_with(&mut program, &own, &start, control, &mut NoProposals);
         }
         self.solution.stats.add(&solver.solution.stats);
         Some((solver.solution, met))
@@ -497,7 +519,14 @@ impl MpccSolver {
         self.sides.copy_from_slice(sides);
         self.st.start(x, &mut self.point);
         self.close = true;
-        if self.try_point(p, bounds, control) {
+        let mut ok = self.try_point(p, bounds, control);
+        if !ok && stop::requested().is_none() {
+            // what violates nothing may be far from what is best in its branch
+            self.sides.copy_from_slice(sides);
+            self.st.start(x, &mut self.point);
+            ok = self.try_far(p, bounds, control);
+        }
+        if ok {
             self.record_exact(p, control);
             self.improve(p, bounds, control, proposer);
             self.judge(p, bounds, control);
@@ -518,12 +547,16 @@ mod tests {
     #[test]
     fn the_second_opinion_can_take_back_a_claim() {
         use End::{Cut, Elsewhere, Minimiser};
-        use Opinion::{Near, NearItsEnd, WholePath};
+        use Opinion::{Near, NearItsEnd, WholePath, WidePath};
         assert_eq!(weigh(Near, None, 0.6, Minimiser), Weighed::Lowest);
         assert_eq!(weigh(Near, None, 0.6, Elsewhere), Weighed::Nothing);
         assert_eq!(weigh(WholePath, Some(0.6), 0.6, Minimiser), Weighed::Higher);
         assert_eq!(weigh(WholePath, Some(0.6), 0.7, Elsewhere), Weighed::Higher);
+        // a point below that is no minimiser says that the lowest one was not
+        assert_eq!(weigh(WidePath, Some(0.6), 0.6, Minimiser), Weighed::Higher);
+        assert_eq!(weigh(WidePath, Some(0.6), 0.03, Elsewhere), Weighed::Nothing);
         for found in [0.03, 0.7] {
+            assert_eq!(weigh(WidePath, Some(0.6), found, Minimiser), Weighed::Nothing);
             assert_eq!(weigh(WholePath, Some(0.6), found, Minimiser), Weighed::Nothing);
             assert_eq!(weigh(WholePath, Some(0.6), found, Cut), Weighed::Nothing);
         }

@@ -117,7 +117,7 @@ impl MpccSolver {
     }
 
     /// Tries the branch `sides` from the point in `point`, which may be far from its solution.
-    fn try_far(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+    pub(super) fn try_far(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
         self.branch.copy_from(bounds);
         p.branch(&self.sides, &mut self.branch);
         p.set_polishing(true);
