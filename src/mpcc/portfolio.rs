@@ -373,9 +373,9 @@ impl MpccSolver {
     /// solved from there; if its certificate says that no step lowers the violation the program is infeasible, as far as
     /// this can be said from near the point; otherwise that stays open. As the violation of a program that has a solution
     /// may have such points, too, the claim needs further opinions: whole paths to the least violation from the start `x0`, one
-    /// from the other sides of its pairs, one with a wide first relaxation and one with the usual one, must not come to another one. Where the usual one ends lower at a point that
-    /// is not shown to be a minimiser, the branch in which the smaller member of every pair is zero is asked; where that comes lower, too,
-    /// nothing is claimed.
+    /// from the other sides of its pairs, one with a wide first relaxation and one with the usual one, must not come to another
+    /// one. Where the usual one ends lower at a point that is not shown to be a minimiser, the branch in which the smaller
+    /// member of every pair is zero is asked; where that comes lower, too, nothing is claimed.
     pub(super) fn find_least_violation(
         &mut self,
         p: &mut dyn Mpcc,
@@ -435,7 +435,7 @@ impl MpccSolver {
                     // it may have come lower only because it had not arrived
                     from.copy_from_slice(&found.x[..p.n()]);
                     for &(a, b) in p.pairs() {
-                        let smaller = if from[a] <= from[b] { a } else { b };
+                        let smaller = self.in_order((a, b), &from).0;
                         from[smaller] = 0.0;
                     }
                     end = Some(found);
@@ -469,8 +469,9 @@ impl MpccSolver {
         let mut start = st.point(from, &c, bounds);
         if opinion == Opinion::OtherSides {
             for &(a, b) in p.pairs() {
-                let (small, large) = if start[a] <= start[b] { (a, b) } else { (b, a) };
-                (start[small], start[large]) = (start[large], 0.0);
+                let (small, large) = self.in_order((a, b), &start);
+                let sizes = &self.st.scaling.sizes;
+                (start[small], start[large]) = (start[large] / sizes[large] * sizes[small], 0.0);
             }
         }
         let own = st.bounds(bounds);
@@ -496,6 +497,16 @@ impl MpccSolver {
         }
         self.solution.stats.add(&solver.solution.stats);
         Some((solver.solution, met))
+    }
+
+    /// The members of a pair, the smaller one first: in the units of the solver, their own may differ.
+    fn in_order(&self, (a, b): (usize, usize), x: &[f64]) -> (usize, usize) {
+        let sizes = &self.st.scaling.sizes;
+        if x[a] / sizes[a] <= x[b] / sizes[b] {
+            (a, b)
+        } else {
+            (b, a)
+        }
     }
 
     /// There is no proof that the program is infeasible.
