@@ -80,7 +80,7 @@ impl Fesd {
     /// value or derivative, and where stage values are not the unknowns.
     pub fn fit_weights(&mut self, w: &mut [f64], lengths: &[f64], sides: &[Side]) {
         let Some(a_inv) = self.tableau.a_inv.clone().filter(|_| self.l.values_form) else { return };
-        // products and modes are linear in weights, other functions of them need their Jacobians
+        // modes are linear in weights and their products, other functions of them need Jacobians
         let included = !self.spec.dcs.form().inclusions.is_empty();
         if self.evaluate_values(w).is_err() || included && self.evaluate_jacobians(w).is_err() {
             return;

@@ -404,20 +404,8 @@ impl MpccSolver {
 
     /// Tries the branch `sides` from the point in `point`, multipliers afresh.
     pub(super) fn try_point(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
-        self.branch.copy_from(bounds);
-        p.branch(&self.sides, &mut self.branch);
-        p.set_polishing(true);
-        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
-        let mut rule = Branch::new(self.branch_rule(1e-3));
         self.near = f64::INFINITY;
-        let settings = self.ipm.settings_mut();
-        settings.restoration = false;
-        let point = std::mem::take(&mut self.point);
-        let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
-        self.point = point;
-        let settings = self.ipm.settings_mut();
-        settings.restoration = true;
-        if outcome == Outcome::Solved {
+        if self.run_from_point(p, bounds, 1e-3, control) == Outcome::Solved {
             return true;
         }
         let violation = self.violation(p);
@@ -440,6 +428,27 @@ impl MpccSolver {
         self.saved = saved;
         self.active.at.copy_from(self.ipm.iterate());
         outcome == Outcome::Solved || (self.violation(p) <= NEAR && self.settle(p, control))
+    }
+
+    /// Solves the branch `sides` from the point in `point` and the barrier parameter `mu`, multipliers afresh.
+    pub(super) fn run_from_point(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        mu: f64,
+        control: &mut Control,
+    ) -> Outcome {
+        self.branch.copy_from(bounds);
+        p.branch(&self.sides, &mut self.branch);
+        p.set_polishing(true);
+        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
+        let mut rule = Branch::new(self.branch_rule(mu));
+        self.ipm.settings_mut().restoration = false;
+        let point = std::mem::take(&mut self.point);
+        let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
+        self.point = point;
+        self.ipm.settings_mut().restoration = true;
+        outcome
     }
 
     pub(super) fn violation(&mut self, p: &mut dyn Mpcc) -> f64 {

@@ -99,20 +99,9 @@ impl MpccSolver {
     /// Tries the branch `sides` from the point in `point`, which is all but its solution: a barrier that is not small, and a start well
     /// inside of the bounds, would lead away to another one.
     fn try_close(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
-        self.branch.copy_from(bounds);
-        p.branch(&self.sides, &mut self.branch);
-        p.set_polishing(true);
-        self.st.bounds(&self.branch, f64::INFINITY, &mut self.bounds);
-        let mut rule = Branch::new(self.branch_rule(CLOSE));
-        let settings = self.ipm.settings_mut();
-        settings.restoration = false;
-        let push = std::mem::replace(&mut settings.bound_push, CLOSE);
-        let point = std::mem::take(&mut self.point);
-        let outcome = self.run(p, Start::Cold(&point), &mut rule, control, b'p');
-        self.point = point;
-        let settings = self.ipm.settings_mut();
-        settings.restoration = true;
-        settings.bound_push = push;
+        let push = std::mem::replace(&mut self.ipm.settings_mut().bound_push, CLOSE);
+        let outcome = self.run_from_point(p, bounds, CLOSE, control);
+        self.ipm.settings_mut().bound_push = push;
         outcome == Outcome::Solved
     }
 
