@@ -9,7 +9,7 @@
 //! `σ_0` is a guess. At the end of the plateau the multipliers of the relaxed rows tell what it costs: `σ Σ y` is the
 //! derivative of the optimal objective with respect to `ln σ`. Where that weighs in the scaled objective the first
 //! problem was not a relaxation that lets the objective choose, and one with a larger `σ` is solved from there. As this doubles the
-//! iterations of many programs that it does not change the answer of, only the path with a light objective does so.
+//! iterations of many programs that it does not change the answer of, only paths with an objective of the usual weight do so.
 
 use std::ops::Range;
 

@@ -34,7 +34,7 @@ impl Path {
         match (sequence, s.homotopy) {
             (Sequence::Relaxation, Homotopy::Coupled) => {
                 let path = Scholtes::new(s, st.sigma_rows(), end);
-                Path::Coupled(path.of(st.scaling.is_by_units(), st.scaling.weight == Weight::Light))
+                Path::Coupled(path.of(st.scaling.is_by_units(), st.scaling.weight == Weight::Plain))
             }
             _ => Path::Rule(Rule::new(s, st, Level { mu: s.mu_init, sigma }, end)),
         }
@@ -45,7 +45,7 @@ impl Path {
         match (st.strategy().sequence(), s.homotopy) {
             (Sequence::Relaxation, Homotopy::Coupled) => {
                 let path = Scholtes::resume(s, st.sigma_rows(), level, end);
-                Path::Coupled(path.of(st.scaling.is_by_units(), st.scaling.weight == Weight::Light))
+                Path::Coupled(path.of(st.scaling.is_by_units(), st.scaling.weight == Weight::Plain))
             }
             _ => Path::Rule(Rule::new(s, st, level, end)),
         }

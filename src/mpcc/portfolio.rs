@@ -39,10 +39,10 @@ pub enum FoundBy {
     Elastic = 4,
     /// From a point that minimises the violation of the constraints.
     Feasible = 5,
-    /// The path with an objective that weighs more beside barrier and relaxation.
+    /// The path with an objective that weighs much more beside barrier and relaxation.
     Heavy = 6,
-    /// The same with one that weighs less.
-    Light = 7,
+    /// The same with one between that and the usual one.
+    Middle = 7,
 }
 
 impl FoundBy {
@@ -56,7 +56,7 @@ impl FoundBy {
             FoundBy::Elastic => "elastic",
             FoundBy::Feasible => "feasible",
             FoundBy::Heavy => "heavy",
-            FoundBy::Light => "light",
+            FoundBy::Middle => "middle",
         }
     }
 }
@@ -64,7 +64,7 @@ impl FoundBy {
 /// The order in which they are tried.
 const ORDER: [FoundBy; 5] = [FoundBy::Elastic, FoundBy::Heavy, FoundBy::Outer, FoundBy::Unlimited, FoundBy::AsGiven];
 /// Those that follow a solution until two agree.
-const OPINIONS: [FoundBy; 2] = [FoundBy::Light, FoundBy::Heavy];
+const OPINIONS: [FoundBy; 2] = [FoundBy::Middle, FoundBy::Heavy];
 /// Iterations of one of them, as a multiple of those of the solution they follow.
 const OPINION_SHARE: f64 = 3.0;
 /// Share of the objective up to which two answers have the same one.
@@ -187,7 +187,7 @@ impl MpccSolver {
                 FoundBy::Outer => self.settings.homotopy == Homotopy::Outer,
                 FoundBy::Elastic => self.settings.relaxation == Relaxation::LinfPenalty,
                 FoundBy::Heavy => !self.settings.scaling,
-                FoundBy::Path | FoundBy::Feasible | FoundBy::Light => true,
+                FoundBy::Path | FoundBy::Feasible | FoundBy::Middle => true,
             };
             if useless {
                 continue;
@@ -244,7 +244,7 @@ impl MpccSolver {
             let before = self.solution.clone();
             let best = before.objective;
             self.settings.max_iter = allowed.min(before.stats.iterations + each);
-            let weight = if strategy == FoundBy::Light { Weight::Light } else { Weight::Heavy };
+            let weight = if strategy == FoundBy::Middle { Weight::More } else { Weight::Heavy };
             self.weigh_objective(p, bounds, x0, weight);
             (self.solution.polish, self.rival) = (Polish::None, Some(best));
             self.follow(p, bounds, x0, centre, control, proposer);

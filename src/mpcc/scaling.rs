@@ -5,7 +5,7 @@
 //! (A. Wächter, L. Biegler, Math. Program. 106, 2006, section 3.8). With sizes gradients are those in units of them, and
 //! are scaled up as well.
 //!
-//! Programs of the user with pairs: the objective is scaled to a largest derivative of 16, every row to 1, so that nothing depends on
+//! Programs of the user with pairs: the objective is scaled to a largest derivative of 2, every row to 1, so that nothing depends on
 //! the units they are in. A variable that stands for a row, a lifted member of a pair, is measured in the units of that
 //! row. All factors are powers of two, chosen by exponents alone: an objective, a row or a function in a pair that is
 //! multiplied by a power of two leaves the iterates as they are, to the last bit.
@@ -26,11 +26,11 @@ const NO_VALUE: f64 = 1e-8;
 /// Smallest factor.
 const SMALLEST: f64 = 1e-8;
 /// Exponent of two of the largest scaled derivative of the objective of a program of the user. The barrier and the
-/// relaxation begin at 0.1 and 1 whatever the objective is: this is how much it weighs beside them. Relaxed problems are solved to
-/// tolerances relative to their relaxation, so that derivatives far below the largest count only where that weighs enough.
-const PLAIN_EXPONENT: i32 = 4;
-/// The same where it is to weigh less, and more.
-const LIGHT_EXPONENT: i32 = 1;
+/// relaxation begin at 0.1 and 1 whatever the objective is: this is how much it weighs beside them.
+const PLAIN_EXPONENT: i32 = 1;
+/// The same where it is to weigh more, and most. Relaxed problems are solved to tolerances relative to their relaxation, so that derivatives
+/// far below the largest count only where that weighs enough; those by differences are too noisy for it.
+const MORE_EXPONENT: i32 = 4;
 const HEAVY_EXPONENT: i32 = 6;
 /// Share of the violation at the start that counts like a gradient: one that vanishes there by chance says nothing.
 const VIOLATION_SHARE: f64 = 1.0 / 1024.0;
@@ -43,7 +43,7 @@ pub(super) enum Weight {
     /// As usual.
     #[default]
     Plain,
-    Light,
+    More,
     Heavy,
 }
 
@@ -52,7 +52,7 @@ impl Weight {
     fn exponent(self) -> i32 {
         match self {
             Weight::Plain => PLAIN_EXPONENT,
-            Weight::Light => LIGHT_EXPONENT,
+            Weight::More => MORE_EXPONENT,
             Weight::Heavy => HEAVY_EXPONENT,
         }
     }
@@ -405,7 +405,7 @@ mod tests {
         s.rule = Rule::Units;
         // the gradient of row 2 vanishes at the start, which violates it by 3
         s.choose(&at(&[3e6, 0.0, 0.0], &jac, &[5e3, 1e-3, 0.0, -1.0], &[0.0; 3]), &b, &[(1, 2)]);
-        assert!((16.0..32.0).contains(&(s.objective * 3e6)));
+        assert!((2.0..4.0).contains(&(s.objective * 3e6)));
         assert!((1.0..2.0).contains(&(s.rows[0] * 5e3)) && (1.0..2.0).contains(&(s.rows[1] * 1e-3)));
         assert!((1.0..2.0).contains(&(s.rows[2] * VIOLATION_SHARE * 3.0)));
         // the derivative of row 1 in its own variable is what it was
