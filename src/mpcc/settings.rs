@@ -98,7 +98,7 @@ impl From<&Settings> for MpccSettings {
             relaxation: s.relaxation().unwrap_or(Relaxation::Scholtes),
             homotopy: s.homotopy().unwrap_or(Homotopy::Coupled),
             penalty_init: s.penalty_init,
-            portfolio: s.portfolio().unwrap_or(Portfolio::Agree),
+            portfolio: s.portfolio().unwrap_or(Portfolio::Rescue),
         }
     }
 }

@@ -848,7 +848,7 @@ impl Default for Settings {
             adapt_elements: 1000,
             max_memory: 0,
             ocp_start: 0,
-            portfolio: 3,
+            portfolio: 1,
             selection: 0,
         }
     }
@@ -1714,7 +1714,7 @@ pub static OPTIONS: &[OptionInfo] = &[
         name: "portfolio",
         group: "relaxation",
         kind: Kind::Enum(Portfolio::NAMES),
-        default: 3.0,
+        default: 1.0,
         min: Closed(0.0),
         max: Closed(3.0),
         symbol: "",

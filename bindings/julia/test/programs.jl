@@ -79,8 +79,7 @@ end
     end
     hess(x, weight, y) = spdiagm(0 => [weight * (2 + 1.2x[i]^2) + (i > 1 ? 2y[i-1] : 0.0) for i in 1:n])
     calls = Ref(0)
-    common = (constraints = rows, n_constraints = n - 1, constraint_bounds = (nothing, 1.0), start = zeros(n), pairs = [(i, i + 1) for i in 1:2:n],
-              portfolio = :rescue) # which of many optima a second opinion ends at depends on the derivatives
+    common = (constraints = rows, n_constraints = n - 1, constraint_bounds = (nothing, 1.0), start = zeros(n), pairs = [(i, i + 1) for i in 1:2:n])
     exact = solve!(Mpcc(n, f; common..., gradient = gradient, jac = jac, jac_prototype = prototype, hess = (x, weight, y) -> (calls[] += 1; hess(x, weight, y)),
                         hess_prototype = spdiagm(0 => ones(n))))
     simple = solve!(Mpcc(n, f; common...))
