@@ -53,7 +53,7 @@ fn weights_of_a_sliding_mode_fit_its_motion() {
         p.guess(&mut w, 0.0, motion, |_, _| ());
         let sides = sides.repeat(2);
         p.guess_active_set(&mut w, 0.0, &[length; 2], &sides, motion);
-        p.fit_weights(&mut w, &[length; 2], &sides);
+        p.fit_weights(&mut w, &sides);
         p.eval(&w, &mut c).unwrap();
         let off = violation(&c, &bounds.cl, &bounds.cu).max(violation(&w, &bounds.xl, &bounds.xu));
         // a share of 1e-10 of the equal weights stays

@@ -5,6 +5,7 @@ use super::calls::Call;
 use super::problem::Fesd;
 use crate::linalg::{cholesky, dense};
 use crate::mpcc::Side;
+use crate::nlp::Nlp;
 
 /// Share of the largest diagonal entry of normal equations that is added to all of them: weights that nothing determines stay as they are.
 const UNIQUE: f64 = 1e-10;
@@ -78,25 +79,26 @@ impl Fesd {
     /// Gives the active cells of a guess whose states are those of a motion the weights of that motion: the equations of the stage points
     /// hold with them, in the sense of least squares with every equation in the unit of its state. Weights stay where functions have no
     /// value or derivative, and where stage values are not the unknowns.
-    pub fn fit_weights(&mut self, w: &mut [f64], lengths: &[f64], sides: &[Side]) {
-        let Some(a_inv) = self.tableau.a_inv.clone().filter(|_| self.l.values_form) else { return };
-        // modes are linear in weights and their products, other functions of them need Jacobians
-        let included = !self.spec.dcs.form().inclusions.is_empty();
-        if self.evaluate_values(w).is_err() || included && self.evaluate_jacobians(w).is_err() {
+    pub fn fit_weights(&mut self, w: &mut [f64], sides: &[Side]) {
+        if !self.l.values_form {
             return;
         }
-        let (l, n_s) = (&self.l, self.tableau.n_s);
+        let mut rows = vec![0.0; self.l.m];
+        // modes are linear in weights and their products, other functions of them need Jacobians
+        let included = !self.spec.dcs.form().inclusions.is_empty();
+        if self.eval(w, &mut rows).is_err() || included && self.evaluate_jacobians(w).is_err() {
+            return;
+        }
+        let l = &self.l;
         let (n, nx) = (l.n_cells, l.nx);
-        let (mut rates, mut residual) = (vec![0.0; nx], vec![0.0; nx]);
+        let mut residual = vec![0.0; nx];
         let mut by_weight = vec![0.0; l.n_weights * nx];
         for (k, (e, calls)) in l.elements.iter().zip(&self.ecalls).enumerate() {
             let free = self.free_weights(&sides[k * n..(k + 1) * n]);
             if free.is_empty() {
                 continue;
             }
-            for i in 0..n_s {
-                let theta = e.theta[i];
-                self.rhs(e, calls, i, w, &mut rates);
+            for (i, &theta) in e.theta.iter().enumerate() {
                 by_weight.fill(0.0);
                 let mut into = WeightColumns { row: e.row_dyn[i], theta, n_rows: nx, values: &mut by_weight };
                 self.rhs_jac(e, calls, i, w, &mut into);
@@ -109,9 +111,7 @@ impl Fesd {
                     column[l.z.clone()].fill(0.0);
                 }
                 for r in self.differential() {
-                    let start = w[e.x_start + r];
-                    let slope: f64 = (0..n_s).map(|j| a_inv[i * n_s + j] * (w[e.x[j] + r] - start)).sum();
-                    residual[r] = (slope - lengths[k] * rates[r]) / self.size(e.x[i] + r);
+                    residual[r] = rows[e.row_dyn[i] + r] / self.size(e.x[i] + r);
                 }
                 if let Some(step) = least_squares(&columns, &residual, free.len()) {
                     for (&(c, rest), d) in free.iter().zip(&step) {

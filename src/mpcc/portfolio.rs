@@ -63,8 +63,8 @@ impl FoundBy {
 
 /// The order in which they are tried.
 const ORDER: [FoundBy; 5] = [FoundBy::Elastic, FoundBy::Heavy, FoundBy::Outer, FoundBy::Unlimited, FoundBy::AsGiven];
-/// Those that follow a solution until two agree.
-const OPINIONS: [FoundBy; 2] = [FoundBy::Middle, FoundBy::Heavy];
+/// Those that follow a solution until two agree, and the weights of the objective on them.
+const OPINIONS: [(FoundBy, Weight); 2] = [(FoundBy::Middle, Weight::More), (FoundBy::Heavy, Weight::Heavy)];
 /// Iterations of one of them, as a multiple of those of the solution they follow.
 const OPINION_SHARE: f64 = 3.0;
 /// Share of the objective up to which two answers have the same one.
@@ -237,14 +237,13 @@ impl MpccSolver {
         }
         let allowed = self.settings.max_iter;
         let each = (OPINION_SHARE * self.solution.stats.iterations as f64).ceil() as usize;
-        for strategy in OPINIONS {
+        for (strategy, weight) in OPINIONS {
             if !self.may_be_better() {
                 break;
             }
             let before = self.solution.clone();
             let best = before.objective;
             self.settings.max_iter = allowed.min(before.stats.iterations + each);
-            let weight = if strategy == FoundBy::Middle { Weight::More } else { Weight::Heavy };
             self.weigh_objective(p, bounds, x0, weight);
             (self.solution.polish, self.rival) = (Polish::None, Some(best));
             self.follow(p, bounds, x0, centre, control, proposer);

@@ -390,7 +390,7 @@ impl Ocp {
             let (mut w, mut sides) = (w0.clone(), sides.clone());
             problem.guess_active_set(&mut w, self.t0, lengths, &sides, |t, x| guess.state(t, x));
             if start.is_branch() {
-                problem.fit_weights(&mut w, lengths, &sides);
+                problem.fit_weights(&mut w, &sides);
             }
             sides.extend(problem.member_sides(&w0));
             let distance = match start {
