@@ -121,6 +121,22 @@ fn steps_resolve_what_is_watched() {
     assert!((0.05 * s.t * (30.0 * s.t).sin().abs() - 1.0).abs() < 1e-10, "{s:?}");
 }
 
+/// A first step of a number of periods, at whose ends and in the middle of which the switching function is the same: a switched
+/// circuit that starts at rest is simulated over a number of periods, and a guess is a part of that.
+#[test]
+fn a_first_step_of_a_number_of_periods_shows_them() {
+    const PERIODS: f64 = 16.0;
+    let level: f64 = 0.2;
+    let on = move |t: f64| (std::f64::consts::TAU * t).sin() - level;
+    let system = two_sides(1, |_, _, o| (o[0], o[1]) = (1.0, 0.0), move |t, _, o| o[0] = on(t));
+    let share = 0.5 - level.asin() / std::f64::consts::PI;
+    for h0 in [1.0, 2.0, 3.0, 4.0, 5.0, 8.0, 13.0, 16.0, 1.0 / 3.0] {
+        let s = simulate(&system, &Options { h0, ..tol(1e-6) }, 0.0, &[0.0], PERIODS).unwrap();
+        assert_eq!(s.switches.len(), 32, "a first step of {h0}");
+        assert!((s.x[0] - share * PERIODS).abs() < 1e-5, "a first step of {h0}: {:?}", s.x);
+    }
+}
+
 #[test]
 fn two_surfaces_hit_at_once_at_any_angle() {
     for angle in [0.1, 0.7, 1.3, PI / 2.0, 2.0, 3.0] {

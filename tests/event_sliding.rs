@@ -435,6 +435,67 @@ fn derivatives_of_blocks_are_those_of_each() {
     }
 }
 
+/// Blocks on a belt with the speed `p0`, the first two of which rub on each other. Where one slides with the belt its speed is `p0`
+/// whatever else happens: the derivative of that is one, and nothing is differentiated for it. The surface between two blocks
+/// depends on two states and has all its derivatives. Beside Radau IIA, whose derivatives know nothing of this.
+#[test]
+fn what_a_surface_holds_still_is_not_differentiated() {
+    const N: usize = 4;
+    let system = |rub: bool| {
+        let (d, g, mut s) = (Dims { x: 2 * N, u: 0, p: 2 }, Graph::new(), System::new(2 * N, 0, 2).unwrap());
+        let pull =
+            |i: usize| -g.p(1) * (1.0 + 0.1 * i as f64) * g.x(2 * i) + 0.3 * (g.x((2 * i + 2) % (2 * N)) - g.x(2 * i));
+        let smooth: Vec<Expr> = (0..N).flat_map(|i| [g.x(2 * i + 1), pull(i)]).collect();
+        s.set_f0(Arc::new(g.function("f0", d, &smooth).unwrap())).unwrap();
+        for i in 0..N {
+            let slip = g.p(0) - g.x(2 * i + 1);
+            let (plus, minus) = (1.0 / (1.0 + 2.5 * slip), -1.0 / (1.0 - 2.5 * slip));
+            add_relay(&mut s, &g, &[2 * i + 1], &[plus], &[minus], slip);
+        }
+        if rub {
+            let c = g.constant(0.05);
+            add_relay(&mut s, &g, &[1, 3], &[-c, c], &[c, -c], g.x(1) - g.x(3));
+        }
+        s
+    };
+    let run = |rub: bool, method: Method, end: f64| {
+        let options = Options { sensitivity: Sensitivity::On, adjoint: true, ..tolerance(1e-9, method) };
+        let mut e = Engine::new(&system(rub), &options).unwrap();
+        let x0: Vec<f64> = (0..N).flat_map(|i| [0.1 * (1.7 * i as f64 + 0.3).sin(), 0.2]).collect();
+        e.reinit(0.0, &x0).unwrap();
+        e.set_params(&[0.2, 1.1]).unwrap();
+        assert_eq!(e.advance(end).unwrap(), Outcome::Reached);
+        e
+    };
+    let width = 2 * N + 2;
+    // all of them slide, and the place is the start and the way of the belt
+    let e = run(false, Method::Auto, 0.5);
+    for (i, row) in e.sensitivity().unwrap().chunks_exact(2 * width).enumerate() {
+        for c in 0..width {
+            let (place, speed) = (f64::from(c == 2 * i) + 0.5 * f64::from(c == 2 * N), f64::from(c == 2 * N));
+            assert!((row[c] - place).abs() < 1e-14, "{i}, {c}: {} and not {place}", row[c]);
+            assert_eq!(row[width + c], speed, "{i}, {c}");
+        }
+    }
+    let stats = e.stats();
+    assert!(stats.jacobians > 0 && stats.entries == stats.jacobians * N, "more than the rows of the places: {stats:?}");
+    for rub in [false, true] {
+        let mut e = run(rub, Method::Auto, 9.0);
+        assert!(e.stats().switches > N && e.stats().factorisations == 0, "{:?}", e.stats());
+        let s = e.sensitivity().unwrap().to_vec();
+        let implicit = run(rub, Method::Radau5, 9.0);
+        let size = largest(s.iter().copied());
+        let apart = largest(s.iter().zip(implicit.sensitivity().unwrap()).map(|(a, b)| a - b));
+        assert!(size > 0.5 && apart < 1e-6 * size, "{apart} of {size}");
+        let v: Vec<f64> = (0..2 * N).map(|i| 1.0 + 0.3 * i as f64).collect();
+        let gradient = e.adjoint(&v, &[]).unwrap();
+        for (c, g) in gradient.x0.iter().chain(&gradient.p).enumerate() {
+            let forward: f64 = v.iter().enumerate().map(|(i, v)| v * s[i * width + c]).sum();
+            assert!((g - forward).abs() < 1e-10 * (1.0 + size), "column {c}: {g} and {forward}");
+        }
+    }
+}
+
 /// A function that can do nothing but what every function can.
 struct Plain(Arc<dyn Function>);
 

@@ -248,7 +248,7 @@ impl Sweep<'_> {
         let n = last + usize::from(rest != 0.0);
         let stages = StagesOf { pair, t, h, x0, k: &self.k, n };
         self.field.linearise_stages(&stages, &mut self.jacobians)?;
-        if self.field.n_alg() > 0 && !self.field.is_explicit_only() {
+        if self.field.asks_for_weights() && !self.field.is_explicit_only() {
             stages.point(last, &mut self.x);
             self.field.hidden(t + h, &self.x)?;
             self.project();

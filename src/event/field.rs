@@ -25,6 +25,7 @@ mod rows;
 mod selection;
 mod sliding;
 mod stages;
+mod still;
 mod supports;
 
 pub(super) use apart::{Apart, Known, Open};
@@ -45,6 +46,7 @@ use self::on_demand::{Demand, TOGETHER};
 use self::rows::{Filled, Fixed};
 use self::selection::Selected;
 use self::stages::Side;
+use self::still::Still;
 use super::guard::Guards;
 use super::sets;
 use super::step::Stages;
@@ -193,6 +195,7 @@ pub(super) struct Field {
     column_traces: Vec<Stages>,
     pub(super) keeps_columns: bool,
     side: Option<Box<Side>>,
+    still: Still,
     room: Vec<f64>,
     /// The Jacobian of the velocity: for fixed weights, and with what the weights of sliding modes add.
     fixed: Fixed,
@@ -328,6 +331,7 @@ impl Field {
             column_traces: Vec::new(),
             keeps_columns: false,
             side: None,
+            still: Still::default(),
             room: vec![0.0; most],
             fixed,
             filled: None,
@@ -410,6 +414,7 @@ impl Field {
         if let Some(f) = &mut self.filled {
             f.listed = false;
         }
+        self.still.known = false;
         if let Some(b) = &mut self.bundle {
             b.listed = false;
         }

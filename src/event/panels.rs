@@ -34,6 +34,9 @@ pub(super) struct Panels {
     panels: Vec<Panel>,
     y: Vec<Lanes>,
     k: Vec<Lanes>,
+    /// Rows that change in the present step, and those of a panel among them.
+    changes: Vec<bool>,
+    moving: Vec<u32>,
 }
 
 /// One step: the pair, its length, what is gone along the velocity behind its end, and the Jacobians at the stages.
@@ -75,7 +78,16 @@ impl Panels {
             panels.push(Panel { rows: own, columns: vec![c as u32] });
         }
         let most = panels.iter().map(|p| p.rows.len()).max().unwrap_or(0);
-        Panels { nx, n_z, first, panels, y: vec![[0.0; WIDE]; n_z], k: vec![[0.0; WIDE]; most * KEPT] }
+        Panels {
+            nx,
+            n_z,
+            first,
+            panels,
+            y: vec![[0.0; WIDE]; n_z],
+            k: vec![[0.0; WIDE]; most * KEPT],
+            changes: Vec::new(),
+            moving: Vec::new(),
+        }
     }
 
     /// Do these have fewer entries than the whole matrix?
@@ -85,7 +97,31 @@ impl Panels {
 
     /// `K_i = J_i (S + h Σ_j a_ij K_j)`, `S⁺ = S + h Σ_j b_j K_j` and the rest behind the end, with `S` row-major.
     pub(super) fn explicit(&mut self, step: &Linearised, s: &mut [f64]) {
+        self.find_changes(step.stages, s);
         widest(Sweep { step, s, to: self });
+    }
+
+    /// Finds the rows that change: those of states that a sliding mode holds still do not, and neither do those that depend on such
+    /// rows only, where these are zero.
+    fn find_changes(&mut self, stages: &[Rows], s: &[f64]) {
+        let (nx, n_c) = (self.nx, self.n_z - 1 - self.first);
+        self.changes.clear();
+        let alike = stages.iter().all(|j| j.is_like(&stages[0]));
+        if !alike || stages.is_empty() {
+            self.changes.resize(nx, true);
+            return;
+        }
+        self.changes.extend((0..nx).map(|a| !stages[0].row(a).0.is_empty()));
+        if !self.changes.contains(&false) {
+            return;
+        }
+        for a in (0..nx).filter(|a| !stages[0].row(*a).0.is_empty()) {
+            let quiet = |z: &u32| {
+                let z = *z as usize;
+                z < nx && stages[0].row(z).0.is_empty() && s[z * n_c..(z + 1) * n_c].iter().all(|v| *v == 0.0)
+            };
+            self.changes[a] = !stages[0].row(a).0.iter().all(quiet);
+        }
     }
 }
 
@@ -106,11 +142,13 @@ struct Sweep<'a, 'b> {
 impl Kernel for Sweep<'_, '_> {
     #[inline(always)]
     fn run<const FUSED: bool>(self) {
-        let Panels { nx, n_z, first, panels, y, k } = self.to;
+        let Panels { nx, n_z, first, panels, y, k, changes, moving } = self.to;
         for p in panels.iter() {
+            moving.clear();
+            moving.extend(p.rows.iter().copied().filter(|a| changes[*a as usize]));
             match p.columns.len() <= NARROW {
-                true => panel::<NARROW, FUSED>((*nx, *n_z, *first), p, self.step, self.s, y, k),
-                false => panel::<WIDE, FUSED>((*nx, *n_z, *first), p, self.step, self.s, y, k),
+                true => panel::<NARROW, FUSED>((*nx, *n_z, *first), (p, moving), self.step, self.s, y, k),
+                false => panel::<WIDE, FUSED>((*nx, *n_z, *first), (p, moving), self.step, self.s, y, k),
             }
         }
     }
@@ -187,7 +225,7 @@ impl Moved<'_, '_> {
 #[inline(always)]
 fn panel<const W: usize, const FUSED: bool>(
     (nx, n_z, first): (usize, usize, usize),
-    p: &Panel,
+    (p, moving): (&Panel, &[u32]),
     step: &Linearised,
     s: &mut [f64],
     y: &mut [Lanes],
@@ -195,31 +233,37 @@ fn panel<const W: usize, const FUSED: bool>(
 ) {
     // parameters, controls and time do not move: their rows are those of the identity
     let n_c = n_z - 1 - first;
-    let (y, k) = (&mut y[..n_z], &mut k[..p.rows.len() * KEPT]);
+    let (y, k) = (&mut y[..n_z], &mut k[..moving.len() * KEPT]);
     for (l, c) in p.columns.iter().enumerate().filter(|(_, c)| **c as usize >= nx) {
         y[*c as usize][l] = 1.0;
     }
-    for (own, &a) in k.chunks_exact_mut(KEPT).zip(&p.rows) {
+    if moving.len() < p.rows.len() {
+        for &a in &p.rows {
+            let start = &s[a as usize * n_c..(a as usize + 1) * n_c];
+            y[a as usize].iter_mut().zip(&p.columns).for_each(|(own, c)| *own = start[*c as usize - first]);
+        }
+    }
+    for (own, &a) in k.chunks_exact_mut(KEPT).zip(moving) {
         let start = &s[a as usize * n_c..(a as usize + 1) * n_c];
         own[0] = [0.0; WIDE];
         own[0].iter_mut().zip(&p.columns).for_each(|(own, c)| *own = start[*c as usize - first]);
     }
-    let mut moved = Moved { rows: &p.rows, step, y, k };
+    let mut moved = Moved { rows: moving, step, y, k };
     moved.stages::<W, FUSED>();
     let last = step.pair.rows().0.len() - 1;
     if step.rest != 0.0 {
         moved.derivatives::<W, FUSED>(last);
     }
-    for (own, &a) in k.chunks_exact(KEPT).zip(&p.rows) {
+    for (own, &a) in k.chunks_exact(KEPT).zip(moving) {
         let end = &mut s[a as usize * n_c..(a as usize + 1) * n_c];
         let y = &mut y[a as usize];
         if step.rest != 0.0 {
             add::<W, FUSED>(step.rest, &own[1 + last], y);
         }
         p.columns.iter().zip(y.iter()).for_each(|(c, y)| end[*c as usize - first] = *y);
-        // nothing outside of the rows of the next one
-        *y = [0.0; WIDE];
     }
+    // nothing outside of the rows of the next one
+    p.rows.iter().for_each(|a| y[*a as usize] = [0.0; WIDE]);
     for (l, c) in p.columns.iter().enumerate().filter(|(_, c)| **c as usize >= nx) {
         y[*c as usize][l] = 0.0;
     }

@@ -104,9 +104,10 @@ impl Sens {
         field.linearise_stages(&at, &mut self.stages)?;
         at.point(last, &mut self.x);
         let panels = self.apart.as_mut().filter(|_| !self.filled).unwrap_or(&mut self.whole);
-        panels.explicit(&Linearised { pair, h, rest, stages: &self.stages }, &mut self.s);
-        // the state is moved onto the surfaces behind the step, and with it the derivatives
-        if field.n_alg() > 0 && !field.is_explicit_only() {
+        panels.explicit(&Linearised { pair, h, rest, stages: &self.stages[..n] }, &mut self.s);
+        // the state is moved onto the surfaces behind the step, and with it the derivatives; those of states that move at a given speed are
+        // there already
+        if field.asks_for_weights() && !field.is_explicit_only() {
             field.hidden(s.t + h, &self.x)?;
             self.project(field);
         }
@@ -202,6 +203,15 @@ impl Sens {
             for (a, d) in field.d(b).filter(|(_, d)| *d != 0.0) {
                 self.s[a * n_c..(a + 1) * n_c].iter_mut().zip(row).for_each(|(s, v)| *s += d * v);
             }
+        }
+        // zeros without rounding, which are no work in the steps that follow
+        for b in 0..r {
+            let Some(a) = field.tied_state(b) else { continue };
+            let own = &mut self.s[a * n_c..(a + 1) * n_c];
+            own.fill(0.0);
+            let by_state: f64 = field.c(b).filter(|c| c.0 == a).map(|c| c.1).sum();
+            let others = field.c(b).filter(|c| c.0 >= nx && c.0 < first + n_c);
+            others.for_each(|(z, g)| own[z - first] = -g / by_state);
         }
     }
 }

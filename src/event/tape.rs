@@ -88,7 +88,7 @@ impl Tape {
         self.sets.len() - 1
     }
 
-    pub(super) fn explicit(&mut self, pair: Pair, field: &Field, s: &Step, end: f64) {
+    pub(super) fn explicit(&mut self, pair: Pair, field: &mut Field, s: &Step, end: f64) {
         let (at, set) = (self.data.len(), self.set(field));
         self.data.extend_from_slice(&s.x0);
         for j in 0..pair.rows().0.len() - 1 {

@@ -379,12 +379,12 @@ impl Engine {
         entries.clear();
         for i in 0..nx {
             let own = field.velocity_rows().entries(i).filter(|e| e.0 < nx && e.1 != 0.0);
-            entries.extend(own.map(|(j, a)| (i, j, a * size(j))));
+            let unit = 1.0 / size(i);
+            entries.extend(own.map(|(j, a)| (i, j, a * size(j) * unit)));
         }
         let product = |v: &[f64], out: &mut [f64]| {
             out.fill(0.0);
             entries.iter().for_each(|&(i, j, a)| out[i] += a * v[j]);
-            out.iter_mut().enumerate().for_each(|(i, o)| *o /= size(i));
         };
         let norm = |v: &[f64]| v.iter().map(|v| v * v).sum::<f64>().sqrt();
         // no direction in particular

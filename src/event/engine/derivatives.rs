@@ -52,9 +52,9 @@ impl Engine {
 
     /// Gradient of a function of the final state, whose derivative with respect to it is `v`, plus `terms`, by the
     /// transpose of the forward derivatives in reverse order. The options have to ask for it: the run is recorded with
-    /// `nx (n_s + 1)` numbers for an explicit step of `n_s` stages (6 or 12), in a sliding mode also `n_s` for every algebraic
-    /// variable and for every state that its subsystem drives, `4 nx` and three for every algebraic
-    /// variable for an implicit one, and `2 nx + np + nu` for a switch. A sweep costs about as much as the run,
+    /// `nx (n_s + 1)` numbers for an explicit step of `n_s` stages (6 or 12), in a sliding mode that moves other states than those
+    /// its surfaces depend on alone also `n_s` for every algebraic variable and for every state that its subsystem drives, `4 nx` and three
+    /// for every algebraic variable for an implicit one, and `2 nx + np + nu` for a switch. A sweep costs about as much as the run,
     /// whatever the number of parameters.
     pub fn adjoint(&mut self, v: &[f64], terms: &[Term]) -> Result<Gradient> {
         finite("derivative with respect to the state", v, self.nx)?;
@@ -108,7 +108,7 @@ impl Engine {
             if self.step_implicit {
                 tape.implicit(&self.radau, &self.field, &self.step, t1);
             } else {
-                tape.explicit(self.pair, &self.field, &self.step, t1);
+                tape.explicit(self.pair, &mut self.field, &self.step, t1);
             }
         }
         Ok(())

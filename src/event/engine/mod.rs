@@ -423,7 +423,8 @@ impl Engine {
             bytes += p.bytes();
         }
         if let Some(t) = &mut self.tape {
-            t.room(self.nx + self.field.n_alg().max(self.field.n_traced()) + self.field.n_z)?;
+            let traced = self.field.n_traced();
+            t.room(self.nx + self.field.n_alg().max(traced) + self.field.n_z)?;
             bytes += t.bytes();
         }
         match self.options.max_memory {

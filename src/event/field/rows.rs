@@ -42,6 +42,11 @@ impl Rows {
         }
     }
 
+    /// Has it the same entries as `other`, whatever their values are?
+    pub(in crate::event) fn is_like(&self, other: &Rows) -> bool {
+        self.pattern == other.pattern
+    }
+
     /// The nonzero entries of a full matrix with rows of the length `n`.
     fn compress(&mut self, full: &[f64], n: usize) {
         self.restart();
@@ -154,8 +159,8 @@ pub(super) struct Filled {
     pub(super) rows: Rows,
     /// The rows are those of the present active set.
     pub(super) listed: bool,
-    /// Places of the entries for fixed weights.
-    pub(super) own: Vec<u32>,
+    /// Places of the entries for fixed weights, and where these are.
+    pub(super) own: Vec<(u32, u32)>,
     /// Of every block the inputs that its weights depend on, and where they begin.
     pub(super) inputs: Vec<u32>,
     pub(super) begin: Vec<usize>,
@@ -176,6 +181,11 @@ pub(super) struct Filled {
 impl Field {
     /// Entries of the Jacobian of `b + D α` for fixed `α`.
     pub(super) fn linearise_fixed(&mut self, t: f64, x: &[f64], alpha: &[f64]) -> EvalResult {
+        self.linearise_modes(t, x, alpha, |_| true)
+    }
+
+    /// The same without the modes of those subsystems that are not `asked` for.
+    fn linearise_modes(&mut self, t: f64, x: &[f64], alpha: &[f64], asked: impl Fn(usize) -> bool) -> EvalResult {
         self.counts.jacobians += 1;
         self.fixed.rows.values.fill(0.0);
         let at = Point { t, x, u: &self.u, p: &self.p };
@@ -184,7 +194,7 @@ impl Field {
             d.f.jacobian(&at, &mut self.buffer[..n], &mut self.work)?;
             own.iter().for_each(|&(k, place)| self.fixed.rows.values[place] += self.buffer[k]);
         }
-        for (k, s) in self.subs.iter().enumerate() {
+        for (k, s) in self.subs.iter().enumerate().filter(|(k, _)| asked(*k)) {
             let (nr, nnz) = (s.rows.len(), s.modes.jac_pattern().nnz());
             for &cell in &self.active[k] {
                 let mode = s.cells[cell - s.first].mode;
@@ -238,12 +248,15 @@ impl Field {
             filled.rows.compress(&filled.full, self.n_z);
             return Ok(());
         }
-        self.hidden(t, x)?;
-        filled.velocity.resize(self.nx, 0.0);
-        self.combine(&mut filled.velocity);
-        let alpha = std::mem::take(&mut self.alpha);
-        let r = self.linearise_fixed(t, x, &alpha);
-        self.alpha = alpha;
+        self.find_still();
+        if self.asks_for_weights() {
+            self.hidden(t, x)?;
+            filled.velocity.resize(self.nx, 0.0);
+            self.combine(&mut filled.velocity);
+        }
+        let (alpha, still) = (std::mem::take(&mut self.alpha), std::mem::take(&mut self.still));
+        let r = self.linearise_modes(t, x, &alpha, |k| !still.unasked[k]);
+        (self.alpha, self.still) = (alpha, still);
         r?;
         if !filled.listed {
             self.list_rows(filled);
@@ -262,6 +275,9 @@ impl Field {
         to.driven.clear();
         for b in 0..sliding.n_blocks() {
             to.begin.push(to.inputs.len());
+            if self.still.blocks[b] {
+                continue;
+            }
             for &i in sliding.pairs_of(b) {
                 let states = sliding.row_of_states(self.pairs[i], i).flat_map(|(a, _)| fixed.inputs(a));
                 let bent = if self.dq_constant { 0 } else { usize::MAX };
@@ -271,7 +287,8 @@ impl Field {
                         to.inputs.push(z as u32);
                     }
                 }
-                to.driven.extend(sliding.column(self.pairs[i], i).map(|(a, _)| (a, b)));
+                to.driven
+                    .extend(sliding.column(self.pairs[i], i).map(|(a, _)| (a, b)).filter(|d| !self.still.states[d.0]));
             }
         }
         to.begin.push(to.inputs.len());
@@ -282,9 +299,13 @@ impl Field {
         to.seen.fill(usize::MAX);
         let mut next = 0;
         for a in 0..self.nx {
-            for z in fixed.inputs(a) {
+            if self.still.states[a] {
+                to.rows.begin.push(to.rows.columns.len());
+                continue;
+            }
+            for (z, from) in fixed.inputs(a).zip(fixed.rows.begin[a]..) {
                 to.seen[z] = a;
-                to.own.push(to.rows.columns.len() as u32);
+                to.own.push((to.rows.columns.len() as u32, from as u32));
                 to.rows.columns.push(z as u32);
             }
             while let Some(&(_, b)) = to.driven.get(next).filter(|d| d.0 == a) {
@@ -300,9 +321,9 @@ impl Field {
         }
         to.rows.values.resize(to.rows.columns.len(), 0.0);
         to.places.clear();
-        for b in 0..sliding.n_blocks() {
+        for b in (0..sliding.n_blocks()).filter(|b| !self.still.blocks[*b]) {
             for &i in sliding.pairs_of(b) {
-                for (a, _) in sliding.column(self.pairs[i], i) {
+                for (a, _) in sliding.column(self.pairs[i], i).filter(|(a, _)| !self.still.states[*a]) {
                     for e in to.rows.begin[a]..to.rows.begin[a + 1] {
                         to.at[to.rows.columns[e] as usize] = e as u32;
                     }
@@ -316,13 +337,17 @@ impl Field {
     /// Adds `D ∂α` to the Jacobian for fixed weights.
     fn add_weights(&mut self, t: f64, x: &[f64], to: &mut Filled) -> EvalResult {
         to.rows.values.fill(0.0);
-        to.own.iter().zip(&self.fixed.rows.values).for_each(|(p, v)| to.rows.values[*p as usize] = *v);
+        to.own.iter().for_each(|&(p, from)| to.rows.values[p as usize] = self.fixed.rows.values[from as usize]);
         to.line.resize(self.n_z, 0.0);
         let mut places = &to.places[..];
         let mut large = 0;
         for b in 0..self.sliding.n_blocks() {
             let inputs = &to.inputs[to.begin[b]..to.begin[b + 1]];
             let (n, m) = (inputs.len(), self.sliding.pairs_of(b).len());
+            if self.still.blocks[b] {
+                large += usize::from(m > 1);
+                continue;
+            }
             to.rates.resize(to.rates.len().max(n * m), 0.0);
             let rates = &mut to.rates[..n * m];
             for (k, row) in rates.chunks_exact_mut(n.max(1)).enumerate() {
@@ -348,7 +373,7 @@ impl Field {
                 large += 1;
             }
             for (row, &i) in to.rates.chunks_exact(n.max(1)).zip(self.sliding.pairs_of(b)) {
-                for (_, d) in self.sliding.column(self.pairs[i], i) {
+                for (_, d) in self.sliding.column(self.pairs[i], i).filter(|(a, _)| !self.still.states[*a]) {
                     let (own, rest) = places.split_at(n);
                     places = rest;
                     own.iter().zip(row).for_each(|(p, r)| to.rows.values[*p as usize] += d * r);

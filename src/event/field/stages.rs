@@ -148,9 +148,12 @@ impl Field {
     fn linearise_at_once(&mut self, s: &StagesOf, side: &mut Side, to: &mut [Rows]) -> Result<bool, EvalError> {
         self.weights_add = !self.pairs.is_empty();
         let mut filled = self.filled.take().unwrap_or_default();
+        self.find_still();
         if self.weights_add {
-            self.hidden(s.t, s.x0)?;
-            self.trace_weights(0);
+            if self.asks_for_weights() {
+                self.hidden(s.t, s.x0)?;
+                self.trace_weights(0);
+            }
             if !filled.listed {
                 self.list_rows(&mut filled);
             }
@@ -246,7 +249,7 @@ impl Field {
             for &cell in &self.active[k] {
                 let mode = s.cells[cell - s.first].mode;
                 let own = &self.fixed.modes[k][mode];
-                if own.is_empty() {
+                if own.is_empty() || self.still.unasked[k] {
                     continue;
                 }
                 if !recovered(evaluate(s.modes.as_ref(), mode * nr..(mode + 1) * nr, side))? {
@@ -271,12 +274,16 @@ impl Field {
     fn weights_side_by_side(&mut self, (first, n): (usize, usize), side: &mut Side, filled: &Filled) -> bool {
         side.values.resize(filled.rows.values.len(), [0.0; LANES]);
         side.values.fill([0.0; LANES]);
-        filled.own.iter().zip(&side.fixed).for_each(|(p, v)| side.values[*p as usize] = *v);
+        filled.own.iter().for_each(|&(p, from)| side.values[p as usize] = side.fixed[from as usize]);
         let mut places = &filled.places[..];
         let mut large = 0;
         for b in 0..self.sliding.n_blocks() {
             let inputs = &filled.inputs[filled.begin[b]..filled.begin[b + 1]];
             let (n_in, m) = (inputs.len(), self.sliding.pairs_of(b).len());
+            if self.still.blocks[b] {
+                large += usize::from(m > 1);
+                continue;
+            }
             side.rates.resize(side.rates.len().max(n_in * m), [0.0; LANES]);
             for (&i, row) in self.sliding.pairs_of(b).iter().zip(side.rates.chunks_exact_mut(n_in.max(1))) {
                 inputs.iter().for_each(|z| side.line[*z as usize] = [0.0; LANES]);
@@ -313,7 +320,8 @@ impl Field {
                 large += 1;
             }
             for (row, &i) in side.rates.chunks_exact(n_in.max(1)).zip(self.sliding.pairs_of(b)) {
-                for d in self.sliding.places_of_column(i) {
+                let states = self.sliding.column(self.pairs[i], i).map(|(a, _)| a);
+                for (d, _) in self.sliding.places_of_column(i).zip(states).filter(|(_, a)| !self.still.states[*a]) {
                     let (own, rest) = places.split_at(n_in);
                     places = rest;
                     let d = lanes(&self.column_traces[d], first);
@@ -347,15 +355,15 @@ impl Field {
     }
 
     /// Numbers that are kept of every stage but the first.
-    pub(in crate::event) fn n_traced(&self) -> usize {
-        match !self.pairs.is_empty() && self.linearises_at_once() {
+    pub(in crate::event) fn n_traced(&mut self) -> usize {
+        match !self.pairs.is_empty() && self.linearises_at_once() && self.asks_for_weights() {
             true => self.pairs.len() + self.sliding.columns().len(),
             false => 0,
         }
     }
 
     /// Appends them, for the stages up to `last`.
-    pub(in crate::event) fn write_traces(&self, last: usize, to: &mut Vec<f64>) {
+    pub(in crate::event) fn write_traces(&mut self, last: usize, to: &mut Vec<f64>) {
         let n = self.n_traced();
         let traces = self.traces().iter().chain(&self.column_traces).take(n);
         traces.for_each(|trace| to.extend_from_slice(&trace[1..=last]));
