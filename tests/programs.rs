@@ -315,4 +315,12 @@ fn a_branch_solved_from_its_solution_stays_there() {
         let x = solver.solution().x[0];
         assert!((x - at).abs() < 1e-4 * at, "{distance:?}: {x}");
     }
+    // the same of a program of which no branch is given
+    let mut p = Lifted::new(problem(1, f, 0, |_, _| {}), &[]).unwrap();
+    let b = p.bounds(&bounds(&[(0.0, INF)], &[])).unwrap();
+    let mut solver = MpccSolver::new(&mut p, MpccSettings::default()).unwrap();
+    let control = &mut Control::default();
+    let close = solver.solve_close(&mut p, &b, &[1e-3], control).x[0];
+    let usual = solver.solve(&mut p, &b, &[1e-3], control).x[0];
+    assert!((close - 1e-3).abs() < 1e-7 && (usual - 1.0).abs() < 1e-4, "{close}, {usual}");
 }

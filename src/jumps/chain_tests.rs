@@ -6,6 +6,7 @@ use super::exact::{solve_sequence, Limits};
 use super::modal::Held;
 use super::modes::{ContactMode, Phase, Sequence, SHORTEST};
 use super::problem::{Problem, Statement};
+use super::simulate::{simulate, simulate_with, Effort, Inputs, Simulated};
 use super::track::{Piece, Track};
 use crate::expr::Graph;
 use crate::func::Dims;
@@ -18,7 +19,7 @@ const RESTITUTION: f64 = 0.35;
 const BOUNCES: usize = 7;
 
 /// A ball that falls from 1 m in 2 s, with a push sideways that costs its square.
-fn ball() -> Problem {
+fn ball(elements: usize) -> Problem {
     let g = Graph::new();
     let (y, u) = (g.x(1), g.u(0));
     let mut scene = Scene::new("ball", 2, 2, 1, 0).unwrap();
@@ -33,6 +34,7 @@ fn ball() -> Problem {
     Problem::new(Statement {
         lagrange: Some(Arc::new(effort)),
         x0_bounds: [x0.clone(), x0],
+        n_fe: vec![elements],
         ..Statement::bare(system, dims, vec![2.0])
     })
     .unwrap()
@@ -52,7 +54,7 @@ fn bounces_of_a_chain_have_their_lengths() {
 }
 
 fn bounces_that_begin_with(share: f64) {
-    let p = ball();
+    let p = ball(1);
     let mut s = Sequence { stages: vec![vec![phase(ContactMode::Open, false, 0.2)]] };
     (0..BOUNCES).for_each(|_| s.stages[0].push(phase(ContactMode::Open, true, share)));
     s.stages[0].push(phase(ContactMode::Closed, true, 0.5));
@@ -67,7 +69,7 @@ fn bounces_that_begin_with(share: f64) {
     };
     let guess =
         Track { tableau: p.given().tableau.clone(), nx: 4, pieces: vec![rest], controls: vec![0.0], free: Vec::new() };
-    let limits = Limits { patience: 200, cost: f64::INFINITY, exact_rows: false };
+    let limits = Limits { patience: 200, cost: f64::INFINITY, exact_rows: false, close: false };
     let (held, settings) = (Held::default(), MpccSettings::default());
     let (a, _) = solve_sequence(&p, &s, &guess, &held, None, settings, limits, &mut Control::default()).unwrap();
     assert!(
@@ -84,6 +86,38 @@ fn bounces_that_begin_with(share: f64) {
         let h = a.track.pieces[k].h;
         assert!((h - exact).abs() < 1e-7 * exact, "bounce {k}: {h} instead of {exact}");
     }
+}
+
+/// A simulation that may have few events ends at the one that is too many.
+#[test]
+fn events_of_a_simulation_are_limited() {
+    let p = ball(1);
+    let given = p.given();
+    let inputs =
+        Inputs { x0: &given.x0_bounds[0], controls: &[0.0], durations: &given.durations, params: &given.params };
+    let effort = Effort { tolerance: 1e-8, sizes: &[], max_steps: 10_000, max_events: usize::MAX, dense: false };
+    let whole = simulate_with(&p, inputs, effort).unwrap();
+    let events = |s: &Simulated| s.run.stats.switches + s.run.stats.impacts;
+    assert!(whole.times.len() == 2 && events(&whole) > 3);
+    let cut = simulate_with(&p, inputs, Effort { max_events: 2, ..effort }).unwrap();
+    assert!(cut.times.len() == 1 && events(&cut) == 3, "{} events", events(&cut));
+}
+
+/// The motion of a simulation has a piece for every element of its phases: one for a whole stage would be a parabola.
+#[test]
+fn simulated_motions_are_as_fine_as_their_elements() {
+    let p = ball(8);
+    let given = p.given();
+    let run = simulate(&p, &given.x0_bounds[0], &[0.0], &given.durations).unwrap();
+    let track = run.track(&p, &[0.0], &given.durations).unwrap();
+    // the fall takes 0.226 of the stage, or two of eight elements
+    let fall = (2.0 / GRAVITY).sqrt();
+    let falling: Vec<f64> = track.pieces.iter().filter(|q| q.t < 0.999 * fall).map(|q| q.h).collect();
+    assert!(falling.len() == 2 && falling.iter().all(|h| (h - 0.5 * fall).abs() < 1e-6), "{falling:?}");
+    assert!(track.pieces[0].jump.is_none() && track.pieces[1].jump.is_none() && track.pieces[2].jump.is_some());
+    // and is one of the same modes
+    assert_eq!(track.sequence(1).stages[0][0].modes, [ContactMode::Open]);
+    assert!(track.sequence(1).stages[0][1].jump.is_some());
 }
 
 /// What a simulation has of a chain ends where its bounces are shorter than phases may be.

@@ -30,6 +30,8 @@ pub(super) struct Limits {
     /// Do directions solve for the rows by themselves? On fine grids, and where a path constraint holds a contact in its place, rows are next to
     /// dependent, and of the last of their violation the usual directions leave all.
     pub(super) exact_rows: bool,
+    /// Is the guess next to the solution?
+    pub(super) close: bool,
 }
 
 /// How often a motion with bodies that overlap between the points of its program is solved for again, with their gaps held there.
@@ -185,6 +187,7 @@ fn run(
             Some([x, y, z]) => {
                 solver.solve_warm(&mut t.program, bounds, &Warm { x, y, z }, &mut inner, &mut NoProposals)
             }
+            None if limits.close => solver.solve_close(&mut t.program, bounds, start, &mut inner),
             None => solver.solve(&mut t.program, bounds, start, &mut inner),
         }
         .clone()
@@ -312,7 +315,8 @@ mod tests {
     /// The iterations after which a program is given up whose violation is `of(k)` at iteration `k`, all of them behind steps of length
     /// `alpha` and at the barrier parameter `mu`; at most `most`.
     fn given_up_after(of: impl Fn(usize) -> f64, (alpha, mu): (f64, f64), most: usize) -> usize {
-        let mut p = Prospects::new(Limits { patience: 1000, cost: f64::INFINITY, exact_rows: false }, 1e-9);
+        let mut p =
+            Prospects::new(Limits { patience: 1000, cost: f64::INFINITY, exact_rows: false, close: false }, 1e-9);
         let info = |k: usize| IterationInfo {
             iter: k,
             inf_pr: of(k),

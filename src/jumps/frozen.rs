@@ -62,7 +62,12 @@ struct Scales {
 /// # Errors
 /// [`Error::Unsupported`] for what time-freezing cannot express, in the words of the scene, and where nothing is known of the speed at which
 /// contacts close; those of building the system.
-pub(super) fn transcribe(p: &Problem, guess: &Track, seen: &Track, target: Option<&[f64]>) -> Result<Program> {
+pub(super) fn transcribe(
+    p: &Problem,
+    (guess, seen): (&Track, &Track),
+    target: Option<&[f64]>,
+    sigma: f64,
+) -> Result<Program> {
     let g = &p.given;
     let scales = Scales::new(p, &[guess, seen], target)?;
     let mut dag = Dag::new();
@@ -90,6 +95,10 @@ pub(super) fn transcribe(p: &Problem, guess: &Track, seen: &Track, target: Optio
             u[g.wide.u] = 1.0;
         },
     );
+    if fesd.relax_pairs(&mut start, sigma).is_err() {
+        // without values the multipliers stay as they were written
+        fesd.forget_trouble();
+    }
     Ok(Program { fesd, bounds, start, layout: frozen.layout, speed: scales.speed, report: frozen.report })
 }
 

@@ -9,11 +9,11 @@
 //! replaces the answer where simulations of its stages are closer to it; of two that they are as far from the cheaper one is kept.
 
 use super::exact::Solved;
-use super::modes::{Key, Sequence};
+use super::modes::{ContactMode, Key, Sequence};
 use super::problem::Problem;
 use super::search::{solve_again, Answer, Options, Reach};
 use super::simulate::replay_stages;
-use super::track::Track;
+use super::track::{Piece, Track};
 use crate::error::Result;
 use crate::nlp::{Control, Statistics};
 use crate::stop;
@@ -54,12 +54,33 @@ impl Refined {
         Refined { problem, answer, solved, off, stages, motion }
     }
 
+    /// The motion of the simulations of single stages where that has the contacts of the answer, and of the answer elsewhere: on a finer grid it
+    /// is next to the solution, where the answer has the errors of its own.
+    fn nearest_motion(&self) -> Track {
+        let own = &self.answer.track;
+        let of =
+            |track: &Track, k: usize| track.pieces.iter().filter(|q| q.stage == k).cloned().collect::<Vec<Piece>>();
+        let mut pieces = Vec::new();
+        for k in 0..self.problem.n_stages() {
+            let (ours, simulated) = (of(own, k), of(&self.motion, k));
+            pieces.extend(if changes(&ours) == changes(&simulated) { simulated } else { ours });
+        }
+        Track { pieces, ..own.clone() }
+    }
+
     /// Is it to be had rather than another one?
     fn replaces(&self, other: &Refined, within: f64) -> bool {
         let closer = self.off <= within || self.off * AS_FAR < other.off;
         let as_far = self.off <= other.off * AS_FAR;
         closer || as_far && self.answer.cost < other.answer.cost
     }
+}
+
+/// Modes and jumps in the order of time, each of them once.
+fn changes(pieces: &[Piece]) -> Vec<(&[ContactMode], Option<&[ContactMode]>)> {
+    let mut all: Vec<_> = pieces.iter().map(|q| (&q.modes[..], q.jump.as_deref())).collect();
+    all.dedup_by(|next, last| next.1.is_none() && next.0 == last.0);
+    all
 }
 
 /// What all grids have taken.
@@ -104,7 +125,8 @@ pub fn refine(
         if next.is_none() {
             let more = |off: f64| if off > FAR_OFF * within { 4 } else { 2 };
             let finer = best.problem.finer(|k| if best.stages[k] > within { more(best.stages[k]) } else { 1 })?;
-            let from = (&best.answer.sequence, &best.answer.track);
+            let motion = best.nearest_motion();
+            let from = (&best.answer.sequence, &motion);
             let reach = if std::mem::replace(&mut compared, true) { Reach::Wanted } else { Reach::Local };
             next = again(finer, from, (options, reach), tol, &mut spent, control)?;
             next = next.filter(|n| n.replaces(&best, within));

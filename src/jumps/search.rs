@@ -163,6 +163,8 @@ impl Answer {
 /// Iterations of the program of a sequence, which take a dozen where it has a solution, and of one that gets close to one.
 const ITERATIONS: usize = 150;
 const NEAR_ITERATIONS: usize = 80;
+/// Iterations from where the program of a sequence got stuck where another one has a solution: those that go on from there do so in a few.
+const AGAIN_ITERATIONS: usize = 30;
 /// Iterations without half the violation after which the program of a sequence next to a solution is given up.
 const NEAR_PATIENCE: usize = 10;
 /// Sequences that are tried again where nothing has a solution, and their iterations.
@@ -293,8 +295,13 @@ pub(super) fn solve_again(
     control: &mut Control,
 ) -> Result<Option<(Answer, Solved)>> {
     let clock = Instant::now();
-    let mut s = Search { most_effort: most, refines: true, ..Search::new(p, options) };
+    let mut s = Search { most_effort: most, refines: true, close: true, ..Search::new(p, options) };
     s.attempt(sequence, motion, NEAR_ITERATIONS, control)?;
+    s.close = false;
+    if !s.is_solved() {
+        s.round += 1;
+        s.attempt(sequence, motion, NEAR_ITERATIONS, control)?;
+    }
     if s.is_solved() {
         s.improve(reach, options.search, control)?;
     }
@@ -402,6 +409,8 @@ struct Search<'a> {
     most_effort: usize,
     /// Is an answer that is known solved for on another grid?
     refines: bool,
+    /// Are guesses next to solutions?
+    close: bool,
     /// What is known of the simulation of the guess.
     seen: Seen,
     /// What stood for the contacts when time-freezing was asked last.
@@ -444,6 +453,7 @@ impl<'a> Search<'a> {
             effort: 0,
             most_effort: usize::MAX,
             refines: false,
+            close: false,
             seen: Seen::Nothing,
             freezing: None,
         }
@@ -647,7 +657,7 @@ impl<'a> Search<'a> {
         };
         let best = self.best.as_ref().filter(|b| b.0.is_solved());
         let cost = best.map_or(f64::INFINITY, |b| b.0.cost);
-        let limits = Limits { patience, cost, exact_rows: self.refines };
+        let limits = Limits { patience, cost, exact_rows: self.refines, close: self.close };
         let (mut answer, mut solved) =
             solve_sequence(self.p, sequence, guess, &Held::default(), point, settings, limits, control)?;
         self.note(answer.dimensions, &answer.stats);
@@ -656,13 +666,14 @@ impl<'a> Search<'a> {
         let stuck = matches!(answer.outcome, Outcome::MaxIter | Outcome::Stalled);
         if stuck && cheaper && answer.violation < PROMISING && answer.vanishing.is_empty() {
             // again from where it got to: steps that the filter of the last solve refuses are often the right ones
+            let most = if self.is_solved() { AGAIN_ITERATIONS } else { ITERATIONS };
             let settings = MpccSettings {
-                max_iter: self.options.solver.max_iter.min(ITERATIONS),
+                max_iter: self.options.solver.max_iter.min(most),
                 mu_init: NEAR_BARRIER,
                 ..self.options.solver
             };
             let last = answer.point.clone();
-            let limits = Limits { patience: ITERATIONS, ..limits };
+            let limits = Limits { patience: most, close: false, ..limits };
             let again =
                 solve_sequence(self.p, sequence, guess, &Held::default(), Some(&last), settings, limits, control)?;
             self.note(again.0.dimensions, &again.0.stats);

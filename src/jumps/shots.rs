@@ -46,7 +46,7 @@ const AS_GIVEN: f64 = 0.6;
 const SEED: u64 = 0x5eed;
 
 /// Tolerance, relative to the sizes of the states, and steps of a simulation.
-const EFFORT: Effort = Effort { tolerance: 1e-7, sizes: &[], max_steps: 4000, dense: false };
+const EFFORT: Effort = Effort { tolerance: 1e-7, sizes: &[], max_steps: 4000, max_events: 400, dense: false };
 /// Share of a range by which a variable moves for a difference.
 const DIFFERENCE: f64 = 1e-4;
 /// Steps of an aimed shot, damping they begin with, and how often a step is tried again with more of it.
@@ -396,7 +396,9 @@ impl<'a> Range<'a> {
     /// A simulation that reaches the end.
     fn simulate(&mut self, f: &Filled) -> Option<Simulated> {
         let s = simulate_with(self.p, f.inputs(), Effort { sizes: &self.sizes, ..EFFORT }).ok()?;
-        self.steps += s.run.stats.steps;
+        let took = s.run.stats;
+        // one with too many events has taken as much as one with too many steps
+        self.steps += if took.switches + took.impacts > EFFORT.max_events { EFFORT.max_steps } else { took.steps };
         (s.times.len() == self.p.n_stages() + 1).then_some(s)
     }
 
@@ -675,7 +677,7 @@ pub enum Of {
 /// A simulation of the controls of an answer that is no solution.
 pub(super) fn simulation(p: &Problem, o: &Options, a: &Answer) -> Option<Simulated> {
     let sizes = scales::of_states(p, &o.x0, o.target.as_deref());
-    simulate_with(p, Filled::of_answer(p, a).inputs(), Effort { sizes: &sizes, ..EFFORT }).ok()
+    simulate_with(p, Filled::of_answer(p, a).inputs(), Effort { sizes: &sizes, max_events: usize::MAX, ..EFFORT }).ok()
 }
 
 /// What the controls of an answer miss most in a simulation, as a share of the size that states of their sizes give a constraint; nothing

@@ -5,7 +5,7 @@ use super::problem::Problem;
 use super::scales;
 use super::track::{Piece, Track};
 use crate::error::{Error, Result};
-use crate::event::{Engine, Impact, ImpactKind, Options, Outcome, Run};
+use crate::event::{Engine, Impact, ImpactKind, Options, Outcome, Progress, Run, Statistics};
 use crate::func::Point;
 use crate::system::SharedFunction;
 
@@ -43,6 +43,8 @@ pub(super) struct Effort<'a> {
     /// Sizes of the states that the tolerance is relative to where they pass through zero; none: 1.
     pub(super) sizes: &'a [f64],
     pub(super) max_steps: usize,
+    /// Impacts and changes of modes at most: each may cost as much as hundreds of steps.
+    pub(super) max_events: usize,
     pub(super) dense: bool,
 }
 
@@ -54,12 +56,13 @@ pub(super) fn simulate(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f
 }
 
 /// The effort of a guess.
-const GUESS: Effort = Effort { tolerance: TOLERANCE, sizes: &[], max_steps: MAX_STEPS, dense: true };
+const GUESS: Effort =
+    Effort { tolerance: TOLERANCE, sizes: &[], max_steps: MAX_STEPS, max_events: usize::MAX, dense: true };
 
 /// The same with other parameters and another effort.
 pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Result<Simulated> {
     let g = &p.given;
-    let Effort { tolerance, sizes, max_steps, dense } = effort;
+    let Effort { tolerance, sizes, max_steps, max_events, dense } = effort;
     let mut options = Options { max_steps, dense, ..Options::with_tolerance(tolerance, tolerance) };
     if !sizes.is_empty() {
         options.atol = sizes.iter().map(|s| tolerance * s).collect();
@@ -81,7 +84,10 @@ pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Resu
         }
         (u, params) = (control, of_stage);
         let end = times[k] + d;
-        if engine.advance(end.max(engine.time()))? != Outcome::Reached {
+        let stop = end.max(engine.time());
+        let few = |s: Statistics| s.switches + s.impacts <= max_events;
+        while few(engine.stats()) && engine.step(stop)? != Progress::Done {}
+        if !few(engine.stats()) || engine.outcome() != Outcome::Reached {
             break;
         }
         times.push(end);
@@ -112,7 +118,7 @@ impl Simulated {
         let mut pieces = Vec::new();
         for k in 0..n_stages {
             let Some((&a, &b)) = self.times.get(k).zip(self.times.get(k + 1)) else { break };
-            pieces.extend(self.stage(p, controls, k, [a, b])?);
+            pieces.extend(self.stage(p, controls, (k, 1), [a, b])?);
         }
         self.rest(p, &mut pieces, durations);
         Ok(Track {
@@ -124,8 +130,9 @@ impl Simulated {
         })
     }
 
-    /// The motion from `a` to `b`, which are the ends of control stage `k`, piece by piece.
-    fn stage(&self, p: &Problem, controls: &[f64], k: usize, [a, b]: [f64; 2]) -> Result<Vec<Piece>> {
+    /// The motion from `a` to `b`, which are the ends of control stage `k`, piece by piece: `finer` times as many pieces of a phase as its program
+    /// has elements.
+    fn stage(&self, p: &Problem, controls: &[f64], (k, finer): (usize, usize), [a, b]: [f64; 2]) -> Result<Vec<Piece>> {
         let mut cuts = vec![a];
         let inside = |t: f64| t > a + SHORT * (b - a) && t < b - SHORT * (b - a);
         cuts.extend(self.run.phases.iter().map(|p| p.t).filter(|&t| inside(t)));
@@ -133,19 +140,35 @@ impl Simulated {
         cuts.push(b);
         cuts.sort_by(f64::total_cmp);
         cuts.dedup_by(|s, t| (*s - *t).abs() <= SHORT * (b - a));
-        cuts.windows(2).map(|w| self.piece(p, controls, k, w[0], w[1])).collect()
+        let mut pieces = Vec::new();
+        for w in cuts.windows(2) {
+            let n = ((finer * p.given.n_fe[k]) as f64 * (w[1] - w[0]) / (b - a)).ceil().max(1.0);
+            let cut = |i: f64| if i < n { w[0] + i / n * (w[1] - w[0]) } else { w[1] };
+            for i in 0..n as usize {
+                pieces.push(self.piece(p, controls, k, [w[0], w[1]], [cut(i as f64), cut((i + 1) as f64)])?);
+            }
+        }
+        Ok(pieces)
     }
 
-    fn piece(&self, p: &Problem, controls: &[f64], stage: usize, a: f64, b: f64) -> Result<Piece> {
+    /// The part from `a` to `b` of a phase.
+    fn piece(
+        &self,
+        p: &Problem,
+        controls: &[f64],
+        stage: usize,
+        [start, end]: [f64; 2],
+        [a, b]: [f64; 2],
+    ) -> Result<Piece> {
         let g = &p.given;
         let path = self.run.path.as_ref().ok_or_else(|| Error::Internal("a simulation without output".into()))?;
         let (nx, n_c, h) = (g.dims.x, p.n_contacts(), b - a);
-        let numbers = self.run.contact_modes(a + 0.5 * h)?;
+        let numbers = self.run.contact_modes(0.5 * (start + end))?;
         let modes: Vec<ContactMode> =
             numbers.iter().map(|&m| ContactMode::from_number(m).unwrap_or(ContactMode::Open)).collect();
         let mut piece = Piece { t: a, h, stage, modes, ..Piece::default() };
         piece.x0 = vec![0.0; nx];
-        path.eval(a + SHORT * h, 0, &mut piece.x0)?;
+        path.eval(if a > start { a } else { a + SHORT * h }, 0, &mut piece.x0)?;
         for c in &g.tableau.c {
             let (t, mut x) = ((a + c * h).min(b), vec![0.0; nx]);
             path.eval(t, 0, &mut x)?;
@@ -153,7 +176,10 @@ impl Simulated {
             let forces = self.run.contact_forces(a + (c * h).min((1.0 - SHORT) * h))?;
             piece.forces.extend(forces.iter().flat_map(|f| [f[0], f[1]]));
         }
-        let hits: Vec<&Impact> = self.run.impacts.iter().filter(|i| (i.t - a).abs() <= SHORT * h.max(b - a)).collect();
+        if a > start {
+            return Ok(piece);
+        }
+        let hits: Vec<&Impact> = self.run.impacts.iter().filter(|i| (i.t - a).abs() <= SHORT * (end - start)).collect();
         if hits.iter().any(|i| i.impulse[0] > 0.0) {
             let mut parts = vec![ContactMode::Open; n_c];
             piece.impulses = vec![0.0; 2 * n_c];
@@ -324,6 +350,9 @@ pub(super) struct Stages {
     pub(super) track: Track,
 }
 
+/// Pieces of a phase of these simulations, as a multiple of its elements: grids that are finer by that have their points there.
+const FINER: usize = 4;
+
 /// Simulates the control stages of an answer one by one.
 pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Result<Stages> {
     let g = &p.given;
@@ -351,7 +380,7 @@ pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], t
             run => run.unwrap_or(None),
         };
         off.push(run.as_ref().and_then(|r| off_at_end(a, k, &r.run.x)).unwrap_or(f64::INFINITY));
-        match run.and_then(|r| r.stage(p, a.controls(), k, [start, t]).ok()) {
+        match run.and_then(|r| r.stage(p, a.controls(), (k, FINER), [start, t]).ok()) {
             Some(mut simulated) => {
                 // the simulation begins behind the impact
                 simulated[0].jump.clone_from(&first.jump);

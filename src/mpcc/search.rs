@@ -24,7 +24,7 @@ const ACCEPTABLE: f64 = 0.25;
 const MAX_COLLAPSES: usize = 3;
 
 /// Barrier parameter, and distance from bounds, where a branch starts at all but its solution.
-const CLOSE: f64 = 1e-6;
+pub(super) const CLOSE: f64 = 1e-6;
 /// Iterations of a branch that is given, from a point that may be far from its solution.
 const MAX_ITERATIONS: usize = 150;
 

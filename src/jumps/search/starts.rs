@@ -28,6 +28,9 @@ const REFINED: usize = 2;
 /// Shots whose modes are tried.
 const SHOTS: usize = 10;
 
+/// First relaxation of time-freezing, as a multiple of that of other programs: its multipliers are made those of the relaxed conditions at the states
+/// of the guess, and with a wider one they say less of which contact is next.
+const FROZEN_SIGMA: f64 = 0.1;
 /// Relaxations at which time-freezing is asked for modes, and its iterations to each of them.
 const FROZEN_STOPS: [f64; 2] = [1e-2, 1e-3];
 const FROZEN_ITERATIONS: usize = 250;
@@ -209,14 +212,15 @@ impl Search<'_> {
         let seen = simulate(p, &o.x0, &o.controls, durations)?.track(p, &o.controls, durations)?;
         let coarse = p.with_one_stage_point()?;
         let line = self.line();
+        let sigma = FROZEN_SIGMA * o.solver.sigma_init;
         for states in std::iter::once(o.states.clone()).chain(line.map(Some)) {
             if self.is_solved() || stop::requested().is_some() {
                 break;
             }
             let guess = self.plain_track(states.as_ref());
-            let mut t = frozen::transcribe(&coarse, &guess, &seen, o.target.as_deref())?;
+            let mut t = frozen::transcribe(&coarse, (&guess, &seen), o.target.as_deref(), sigma)?;
             self.freezing = Some(t.report.clone());
-            let relaxed = (o.solver.sigma_init, &FROZEN_STOPS[..], FROZEN_ITERATIONS);
+            let relaxed = (sigma, &FROZEN_STOPS[..], FROZEN_ITERATIONS);
             self.along_relaxation(&mut t, relaxed, control, |search, t, from, control| {
                 search.try_motion(&t.read(&coarse, from), control)
             })?;
