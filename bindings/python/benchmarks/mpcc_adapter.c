@@ -42,13 +42,22 @@ typedef struct {
     int n_hess;                     /* entries of the Hessian of the Lagrangian; the problem's own come first */
     int *hess_row, *hess_col;
     int iterations;
-    double deadline; /* of the thread's CPU clock */
+    double functions; /* seconds of the thread's CPU clock in the functions of the problem */
+    double deadline;  /* of the same clock */
 } adapter;
 
 static double cpu(void) {
     struct timespec t;
     clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
+/* A function of the problem, its time counted. */
+static int call(adapter *a, mpcc_fn fn, const double *x, const double *y, double *out) {
+    double begin = cpu();
+    int status = fn(x, y, out, a->p->user);
+    a->functions += cpu() - begin;
+    return status;
 }
 
 static int *ints(size_t n) { return (int *)calloc(n + 1, sizeof(int)); }
@@ -173,6 +182,13 @@ const int *adapter_jac_col(const adapter *a) { return a->jac_col; }
 /* Forget what was evaluated, so that the next solve pays for its own. */
 void adapter_reset(adapter *a) { a->has_con = a->has_jac = a->iterations = 0; }
 
+/* CPU seconds in the functions of the problem since this was asked last. */
+double adapter_functions(adapter *a) {
+    double seconds = a->functions;
+    a->functions = 0.;
+    return seconds;
+}
+
 /* Multiply objective and rows of con by units [1 + rows] in what switchback.h sees. */
 void adapter_set_units(adapter *a, const double *units) {
     size_t n = 1 + (size_t)a->rows;
@@ -187,7 +203,7 @@ void adapter_set_deadline(adapter *a, double seconds) { a->deadline = cpu() + se
 static const double *con_at(adapter *a, const double *x) {
     size_t bytes = sizeof(double) * (size_t)a->p->n;
     if (!a->has_con || memcmp(x, a->x_con, bytes)) {
-        a->has_con = !a->p->con(x, NULL, a->con, a->p->user);
+        a->has_con = !call(a, a->p->con, x, NULL, a->con);
         memcpy(a->x_con, x, bytes);
     }
     return a->has_con ? a->con : NULL;
@@ -196,7 +212,7 @@ static const double *con_at(adapter *a, const double *x) {
 static const double *jac_at(adapter *a, const double *x) {
     size_t bytes = sizeof(double) * (size_t)a->p->n;
     if (!a->has_jac || memcmp(x, a->x_jac, bytes)) {
-        a->has_jac = !a->p->jac(x, NULL, a->jac, a->p->user);
+        a->has_jac = !call(a, a->p->jac, x, NULL, a->jac);
         memcpy(a->x_jac, x, bytes);
     }
     return a->has_jac ? a->jac : NULL;
@@ -205,23 +221,23 @@ static const double *jac_at(adapter *a, const double *x) {
 /* --- switchback.h ----------------------------------------------------------------------------------- */
 
 int32_t adapter_f(const swb_point *at, double *out, void *data) {
-    const adapter *a = (adapter *)data;
-    if (a->p->f(at->x, NULL, out, a->p->user)) return 1;
+    adapter *a = (adapter *)data;
+    if (call(a, a->p->f, at->x, NULL, out)) return 1;
     if (a->units) *out *= a->units[0];
     return 0;
 }
 
 int32_t adapter_f_jac(const swb_point *at, double *out, void *data) {
-    const adapter *a = (adapter *)data;
-    if (a->p->grad(at->x, NULL, out, a->p->user)) return 1;
+    adapter *a = (adapter *)data;
+    if (call(a, a->p->grad, at->x, NULL, out)) return 1;
     for (int j = 0; a->units && j < a->p->n; ++j) out[j] *= a->units[0];
     return 0;
 }
 
 int32_t adapter_c(const swb_point *at, double *out, void *data) {
     adapter *a = (adapter *)data;
-    if (a->n_kept == a->rows && !a->units) return a->p->con(at->x, NULL, out, a->p->user);
-    if (a->p->con(at->x, NULL, a->con, a->p->user)) return 1;
+    if (a->n_kept == a->rows && !a->units) return call(a, a->p->con, at->x, NULL, out);
+    if (call(a, a->p->con, at->x, NULL, a->con)) return 1;
     for (int i = 0; i < a->n_kept; ++i) out[i] = a->con[a->kept[i]];
     for (int i = 0; a->units && i < a->n_kept; ++i) out[i] *= a->units[1 + a->kept[i]];
     return 0;
@@ -229,8 +245,8 @@ int32_t adapter_c(const swb_point *at, double *out, void *data) {
 
 int32_t adapter_c_jac(const swb_point *at, double *out, void *data) {
     adapter *a = (adapter *)data;
-    if (a->n_jac == a->p->jac_nnz && !a->units) return a->p->jac(at->x, NULL, out, a->p->user);
-    if (a->p->jac(at->x, NULL, a->jac, a->p->user)) return 1;
+    if (a->n_jac == a->p->jac_nnz && !a->units) return call(a, a->p->jac, at->x, NULL, out);
+    if (call(a, a->p->jac, at->x, NULL, a->jac)) return 1;
     for (int k = 0; k < a->n_jac; ++k) out[k] = a->jac[a->jac_from[k]];
     for (int k = 0; a->units && k < a->n_jac; ++k) out[k] *= a->units[1 + a->kept[a->jac_row[k]]];
     return 0;
@@ -242,7 +258,7 @@ int32_t adapter_hess(const swb_point *at, double weight, const double *y, double
     a->weights[0] = weight;
     for (int i = 0; i < a->n_kept; ++i) a->weights[1 + a->kept[i]] = y[i];
     for (int i = 0; a->units && i <= a->rows; ++i) a->weights[i] *= a->units[i];
-    return a->p->hess(at->x, a->weights, out, a->p->user);
+    return call(a, a->p->hess, at->x, a->weights, out);
 }
 
 int32_t adapter_iteration(const swb_iteration_info *info, void *data) {
@@ -259,18 +275,18 @@ void adapter_set_sigma(adapter *a, double sigma) { a->sigma = sigma; }
 int adapter_iterations(const adapter *a) { return a->iterations; }
 
 int scholtes_f(int n, double *x, int new_x, double *out, void *data) {
-    const adapter *a = (adapter *)data;
+    adapter *a = (adapter *)data;
     (void)n, (void)new_x;
-    if (a->p->f(x, NULL, out, a->p->user)) return 0;
+    if (call(a, a->p->f, x, NULL, out)) return 0;
     if (a->elastic) *out += x[a->p->n] / a->sigma;
     return 1;
 }
 
 int scholtes_grad(int n, double *x, int new_x, double *out, void *data) {
-    const adapter *a = (adapter *)data;
+    adapter *a = (adapter *)data;
     (void)n, (void)new_x;
     if (a->elastic) out[a->p->n] = 1. / a->sigma;
-    return !a->p->grad(x, NULL, out, a->p->user);
+    return !call(a, a->p->grad, x, NULL, out);
 }
 
 int scholtes_g(int n, double *x, int new_x, int m, double *out, void *data) {
@@ -332,7 +348,7 @@ int scholtes_hess(int n, double *x, int new_x, double weight, int m, double *y, 
         a->weights[1 + p->m + p->c + i] += yp[i] * g[i];
     }
     memset(out, 0, sizeof(double) * (size_t)a->n_hess);
-    if (p->hess(x, a->weights, out, p->user)) return 0;
+    if (call(a, p->hess, x, a->weights, out)) return 0;
     for (int k = 0; k < a->n_outer; ++k)
         out[a->outer_to[k]] += a->outer_factor[k] * yp[a->outer_pair[k]] * jac[a->outer_g[k]] * jac[a->outer_h[k]];
     return 1;

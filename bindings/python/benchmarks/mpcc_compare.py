@@ -44,6 +44,9 @@ def row(name: str, entry: dict, ours: dict, peer: dict | None) -> dict:
     if peer and ours["solved"] and peer["solved"]:
         out["both"] = True
         out["cpu_ratio"] = peer["cpu"] / max(ours["cpu"], 1e-9)
+        without = [r["cpu"] - r["functions"] for r in (peer, ours) if r.get("functions") is not None]
+        if len(without) == 2:
+            out["solver_ratio"] = max(without[0], 1e-9) / max(without[1], 1e-9)
         out["iteration_ratio"] = max(peer["iterations"], 1) / max(ours["iterations"], 1)
         if out["expect"] == "optimal":
             worth = peer["objective"] if peer.get("branch") is None else peer["branch"]
@@ -76,6 +79,12 @@ def share(flags: Iterable[bool]) -> float | None:
     return sum(flags) / len(flags) if flags else None
 
 
+def share_of(rows: list[dict], whose: str) -> float | None:
+    """Share of CPU seconds that are spent in the functions of the problems."""
+    timed = [r[whose] for r in rows if r[whose].get("functions") is not None]
+    return sum(r["functions"] for r in timed) / max(sum(r["cpu"] for r in timed), 1e-9) if timed else None
+
+
 def summary(rows: list[dict]) -> dict:
     """Figures of some rows; None where there is nothing to count."""
     solved = [r["ours"] for r in rows if r["ours"]["solved"]]
@@ -96,6 +105,9 @@ def summary(rows: list[dict]) -> dict:
         "better": [r["name"] for r in both if r.get("worse_by", 0.0) < -RELATIVE],
         "worse": [r["name"] for r in both if not r.get("no_worse", True)],
         "cpu_ratio": geometric_mean(r["cpu_ratio"] for r in both),
+        "solver_ratio": geometric_mean(r.get("solver_ratio", 0.0) for r in both),
+        "functions_share": share_of(both, "ours"),
+        "functions_share_peer": share_of(both, "peer"),
         "iteration_ratio": geometric_mean(r["iteration_ratio"] for r in both),
         "cpu_ours": sum(r["ours"]["cpu"] for r in both),
         "cpu_peer": sum(r["peer"]["cpu"] for r in both),
@@ -156,16 +168,17 @@ def table(record: dict) -> str:
         "",
         "ours: ! not solved, * active set identified, - branch rejected",
         "worse by: objective against what the peer's point is worth, relative",
+        "solver: CPU ratio without the time in functions, whose share of all seconds is func",
         "",
-        "family     problems  ours  peer CPU ratio it. ratio no worse  relaxed identified  exact  CPU ours      peer",
+        "family     problems  ours  peer CPU ratio   solver it. ratio no worse  relaxed identified  exact  CPU ours      peer   func  peer",
     ]
     for name, s in [*record["families"].items(), ("all", record["summary"])]:
         lines.append(
             f"{name:<10} {s['problems']:>8} {s['solved']:>5} {s['peer_solved']:>5} {number(s['cpu_ratio'], '9.2f'):>9} "
-            f"{number(s['iteration_ratio'], '9.2f'):>9} {number(s['no_worse'], '8.1%'):>8} "
+            f"{number(s['solver_ratio'], '8.2f'):>8} {number(s['iteration_ratio'], '9.2f'):>9} {number(s['no_worse'], '8.1%'):>8} "
             f"{number(s['no_worse_than_relaxed'], '8.1%'):>8} "
             f"{number(s['identified'], '10.1%'):>10} {number(s['exact'], '6.1%'):>6} {s['cpu_ours']:>9.3f} "
-            f"{s['cpu_peer']:>9.3f}"
+            f"{s['cpu_peer']:>9.3f} {number(s['functions_share'], '6.1%'):>6} {number(s['functions_share_peer'], '5.1%'):>5}"
         )
     s = record["summary"]
     lines.append("")

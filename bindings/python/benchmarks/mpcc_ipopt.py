@@ -113,6 +113,7 @@ class Ipopt:
         adapter = program.adapter
         made = self._create(problem, adapter, *program.bounds(), variant)
         code.adapter_set_deadline(adapter, limit)
+        code.adapter_functions(adapter)
         x = program.start()
         iterations, cpu, solves, solved, status = 0, 0.0, 0, False, "none"
         try:
@@ -132,7 +133,7 @@ class Ipopt:
             self.library.FreeIpoptProblem(made)
         return {
             "solved": solved, "outcome": status, "x": x[: problem.n], "iterations": iterations, "cpu": cpu, "solves": solves,
-            "sigma": sigma,
+            "sigma": sigma, "functions": code.adapter_functions(adapter),
         }  # fmt: skip
 
     def branch_objective(self, problem: Problem, x: np.ndarray, variant: str, limit: float) -> float | None:

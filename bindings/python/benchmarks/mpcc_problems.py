@@ -63,6 +63,7 @@ class Code:
             f.restype, f.argtypes = None, [c_void_p, c_double]
         library.adapter_set_units.restype, library.adapter_set_units.argtypes = None, [c_void_p, POINTER(c_double)]
         library.adapter_set_elastic.restype, library.adapter_set_elastic.argtypes = None, [c_void_p, c_int]
+        library.adapter_functions.restype, library.adapter_functions.argtypes = c_double, [c_void_p]
         library.adapter_reset.restype, library.adapter_reset.argtypes = None, [c_void_p]
 
 

@@ -79,7 +79,8 @@ def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]
 
 def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], limit: float) -> dict:
     """Solve once; after `limit` CPU seconds an iteration is the last one. CPU time is that of the one call that solves,
-    which builds and orders the program as well; `setup` is that of describing it to the library, with what the Python
+    which builds and orders the program as well, and `functions` its share in the functions of
+    the problem; `setup` is that of describing it to the library, with what the Python
     package adds."""
     from switchback._library import lib
 
@@ -89,15 +90,17 @@ def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], 
     watch = ctypes.cast(problem.library.adapter_iteration, swb._ffi.swb_iteration_fn)
     lib.swb_mpcc_set_iteration(mpcc._handle, watch, adapter)
     problem.library.adapter_set_deadline(adapter, limit)
+    problem.library.adapter_functions(adapter)
     outcome = ctypes.c_int32()
     clock = time.thread_time()
     status = lib.swb_mpcc_solve(mpcc._handle, ctypes.byref(outcome))
     cpu = time.thread_time() - clock
+    in_functions = problem.library.adapter_functions(adapter)
     if status != 0:
         message = lib.swb_last_error().decode("utf-8", "replace")
         return {
             "solved": False, "outcome": f"error {status}", "message": message, "x": problem.x0, "iterations": 0,
-            "cpu": cpu,
+            "cpu": cpu, "functions": in_functions,
         }  # fmt: skip
     r = mpcc.result
     stats = r.stats
@@ -105,7 +108,7 @@ def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], 
         "solved": r.success, "outcome": str(r.outcome), "polished": str(r.polished), "x": r.x,
         "iterations": stats.iterations, "polish_iterations": stats.polish_iterations,
         "restoration_iterations": stats.restoration_iterations, "factorisations": stats.factorisations,
-        "evaluations": stats.evaluations, "max_delta_w": stats.max_delta_w, "cpu": cpu, "eval": stats.time_eval,
+        "evaluations": stats.evaluations, "max_delta_w": stats.max_delta_w, "cpu": cpu, "functions": in_functions, "eval": stats.time_eval,
         "linalg": stats.time_linalg, "build": stats.time_build, "n": stats.n_variables, "m": stats.n_constraints,
         "pairs": stats.n_pairs, "setup": setup, "dual": r.residuals.dual, "stationarity": r.stationarity,
         "b_stationary": r.b_stationary, "found_by": json.loads(r.to_json())["stats"].get("found_by", "path"),
