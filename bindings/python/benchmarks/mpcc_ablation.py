@@ -153,7 +153,8 @@ max min(G, H) <= 1e-10.
 equilibria with parameters from a seed; `mpcc_train.py --problems FOLDER --set-of NAME --ipopt-mode linf --limit 30` (or `scholtes`)
 compares. These are of seed 3000, which nothing was chosen on; of `mpcc_kinds.py` nothing was chosen on any seed. For each mode of IPOPT:
 problems it solves and that both solve, those of the latter where ours is worse by more than 1e-3 max(1, |f|), and better by more; ratios
-are geometric means of IPOPT over ours where both solve.
+are geometric means of IPOPT over ours where both solve. The table is of an earlier version, and of a build with little optimisation, which
+takes a sixth more CPU.
 
 ```
 {random}
