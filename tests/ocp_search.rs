@@ -213,3 +213,26 @@ fn a_start_next_to_the_answer_is_not_left() {
         assert!((0.0..0.02).contains(&(r.cost - 4.664675)), "{n_s}, {n_fe}: {}", r.cost);
     }
 }
+
+/// The start is free on either side of a line from which motions lead away on both: those on one side end far from the goal whatever the controls
+/// are, and a guess there is left.
+#[test]
+fn a_free_start_is_found_on_the_other_side_of_a_line_that_repels() {
+    let g = Graph::new();
+    let (x, y, u) = (g.x(0), g.x(1), g.u(0));
+    let rhs = [y.gt(0.5 * x).select(-1.0, 1.0) + 0.2 * y, u - 0.3 * y];
+    let system = Model::from_rhs("side", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let mut o = Ocp::new(&system, 3.0, 10, &Settings::default()).unwrap();
+    let d = Dims { x: 2, u: 1, p: 0 };
+    let of = |output: switchback::expr::Expr| Arc::new(g.function("of", d, &[output]).unwrap());
+    o.set_x0_bounds(&[-2.0, -1.0], &[2.0, 1.0]).unwrap();
+    o.set_u_bounds(&[-1.0], &[1.0]).unwrap();
+    o.set_lagrange(of(0.1 * u * u + 0.05 * x * x)).unwrap();
+    let (right, up) = (x - 1.0, y - 0.7);
+    o.set_mayer(of(right * right + up * up)).unwrap();
+    o.set_x_guess(&[0.0], &[1.8, 1.0]).unwrap();
+    let r = solve(&mut o);
+    // a control of 0.25 from (-1.6, -1) leads away from the line all the time, and its closed form costs 0.5315; on the side of the guess the best is 1.607
+    assert!(r.cost < 0.5315, "{}", r.cost);
+    assert!(r.trajectory.elements[0].x0[0] < 0.0);
+}

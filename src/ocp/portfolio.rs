@@ -206,7 +206,7 @@ impl Ocp {
         if improved.is_none_or(|cost| found.cost() < cost) {
             part(&mut found, control, |found, control| self.improve(found, request, control))?;
         }
-        if !given && !only_smooth {
+        if !only_smooth {
             part(&mut found, control, |found, control| {
                 if self.look_again(found, request, control)? {
                     self.improve(found, request, control)?;

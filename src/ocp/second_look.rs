@@ -1,6 +1,6 @@
 //! A second look for cheaper answers, from where neither smoothed problems nor sequences next to that of the answer lead: descents on
-//! simulations from random controls. One takes as long as a few iterations of a discretised problem, and where it ends a mode
-//! program of its phases begins.
+//! simulations from random controls, lengths, parameters and initial states, as far as these are free. One takes as long as a few
+//! iterations of a discretised problem, and where it ends a mode program of its phases begins.
 
 use super::candidates::Candidates;
 use super::portfolio::{lower, worth, SAME};

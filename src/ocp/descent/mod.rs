@@ -10,6 +10,7 @@ use super::{Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::jumps::spread::{off, spreads};
+use crate::random::SplitMix64;
 use crate::stop;
 use shooting::Shooting;
 pub(in crate::ocp) use sqp::Lowest;
@@ -88,7 +89,8 @@ impl Ocp {
         known: &Sizes,
     ) -> Result<Option<(Lowest, Box<OcpResult>)>> {
         let mut shooting = Shooting::new(self, b, r, known)?;
-        let Some(found) = lowest(&mut shooting, b, controls, true)?.filter(|found| found.violation <= MET) else {
+        let start = shooting.place(b, controls);
+        let Some(found) = lowest(&mut shooting, start, true)?.filter(|found| found.violation <= MET) else {
             return Ok(None);
         };
         let mut moved = Box::new(r.clone());
@@ -100,13 +102,14 @@ impl Ocp {
     /// do. `b` is the problem as it was built for any point. `None` where that is not reached.
     pub(super) fn aim(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<Box<OcpResult>>> {
         let mut shooting = Shooting::new(self, b, from, known)?;
-        let controls = (&from.controls[..], &from.control_ends[..]);
-        let Some(found) = lowest(&mut shooting, b, controls, false)? else { return Ok(None) };
+        let start = shooting.place(b, (&from.controls, &from.control_ends));
+        let Some(found) = lowest(&mut shooting, start, false)? else { return Ok(None) };
         Ok(shot(&shooting, &found, from).map(|shot| shot.moved))
     }
 
-    /// Where descents from each of these controls end, with lengths, parameters and initial states of `from`: those that nearly meet the
-    /// constraints. No more of them begin once there have been `most` simulations of the horizon.
+    /// Where descents from each of these controls end: those that nearly meet the constraints. Lengths, parameters and initial states that are
+    /// free are those of `from` at first in every second one, and drawn within their bounds in the others. No more of them begin once there
+    /// have been `most` simulations of the horizon.
     pub(super) fn shots(
         &self,
         b: &Built,
@@ -117,11 +120,16 @@ impl Ocp {
     ) -> Result<Vec<Shot>> {
         let mut shooting = Shooting::new(self, b, from, known)?;
         let (mut spent, mut out) = (0, Vec::new());
-        for u in controls {
+        let mut numbers = SplitMix64::new(0);
+        for (k, u) in controls.iter().enumerate() {
             if stop::requested().is_some() || spent >= most {
                 break;
             }
-            let Some(found) = lowest(&mut shooting, b, (&u, &u), false)? else { continue };
+            let mut z = shooting.place(b, (u, u));
+            if k % 2 == 0 {
+                shooting.draw(&mut z, &mut numbers);
+            }
+            let Some(found) = lowest(&mut shooting, z, false)? else { continue };
             spent += found.evaluations;
             out.extend(shot(&shooting, &found, from));
         }
@@ -162,13 +170,13 @@ impl Ocp {
     }
 }
 
-/// The end of a descent from these controls and their ends, or from the nearest ones that meet the constraints where that is asked for;
-/// `None` where nothing is simulated, there is nothing to vary, or too much.
-fn lowest(shooting: &mut Shooting, b: &Built, controls: (&[f64], &[f64]), restore: bool) -> Result<Option<Lowest>> {
+/// The end of a descent from `z`, or from the nearest point that meets the constraints where that is asked for; `None` where nothing is
+/// simulated, there is nothing to vary, or too much.
+fn lowest(shooting: &mut Shooting, z: Vec<f64>, restore: bool) -> Result<Option<Lowest>> {
     if !(1..=VARIABLES).contains(&shooting.n()) {
         return Ok(None);
     }
-    let mut z = shooting.place(b, controls);
+    let mut z = z;
     let found = match if restore { sqp::restore(shooting, &z) } else { Ok(None) } {
         Ok(restored) => {
             z = restored.unwrap_or(z);

@@ -10,6 +10,7 @@ use crate::ocp::accuracy::tolerances;
 use crate::ocp::extend::Extended;
 use crate::ocp::solve::Built;
 use crate::ocp::{Durations, Ocp, OcpResult};
+use crate::random::SplitMix64;
 use crate::stop;
 use crate::system::SharedFunction;
 use nalgebra::{DMatrix, DVector};
@@ -218,6 +219,16 @@ impl<'a> Shooting<'a> {
             }
         }
         self.start(&all[0], &all[1])
+    }
+
+    /// Draws lengths, parameters and initial states that are free within their bounds; those without two bounds stay, and so do slacks.
+    pub fn draw(&self, z: &mut [f64], numbers: &mut SplitMix64) {
+        for at in self.at.lengths..self.at.n {
+            let (l, u) = (self.lower[at], self.upper[at]);
+            if (u - l).is_finite() {
+                z[at] = l + (u - l) * numbers.share();
+            }
+        }
     }
 
     /// Takes the variables over into an answer: user's controls, lengths, parameters, initial state.
