@@ -44,6 +44,39 @@ impl Fesd {
         out
     }
 
+    /// Shares of every stage before the points inside of it at which a constraint along the path or a bound of a state acts, in the order of
+    /// time, by the multipliers `y` of the rows and `z` of the bounds: those above a share `least` of the largest one.
+    pub fn acting_shares(&self, w: &[f64], y: &[f64], z: &[f64], least: f64) -> Vec<Vec<f64>> {
+        let (l, nx) = (self.layout(), self.spec.dcs.dims().x);
+        let points = self.state_points(w);
+        let share_of = |at: Place| -> Option<f64> {
+            let e = l.elements.iter().find(|e| e.stage == at.stage && Some(e.n) == at.element)?;
+            let x = at.point.map_or(e.x_end, |i| e.x[i]);
+            points.iter().find(|p| p.at == x).map(|p| p.share)
+        };
+        let along = self.path_points().zip(&self.path_rows).filter_map(|((k, at), &row)| {
+            let force = y[row..row + self.spec.path[k].f.n_out()].iter().fold(0f64, |m, v| m.max(v.abs()));
+            Some((at.stage, share_of(at)?, force))
+        });
+        let bounds = points.iter().skip(1).map(|p| {
+            let force = z[p.at..p.at + nx].iter().fold(0f64, |m, v| m.max(v.abs()));
+            (p.stage, p.share, force)
+        });
+        let all: Vec<(usize, f64, f64)> = along.chain(bounds).collect();
+        let largest = all.iter().fold(0f64, |m, a| m.max(a.2));
+        let mut out = vec![Vec::new(); self.spec.n_stages()];
+        for (stage, share, force) in all {
+            if force > least * largest && share < 1.0 {
+                out[stage].push(share);
+            }
+        }
+        out.iter_mut().for_each(|shares| {
+            shares.sort_by(f64::total_cmp);
+            shares.dedup();
+        });
+        out
+    }
+
     /// The states that linear controls are, among the states of a point.
     pub fn ramp_places(&self) -> &[Option<usize>] {
         &self.layout().linear

@@ -20,6 +20,11 @@ const TOLERANCE: f64 = 1e-8;
 const MAX_STEPS: usize = 50_000;
 /// Pieces of a stage at whose ends constraints are looked at that hold along it.
 const PIECES: usize = 3;
+/// Share of the largest multiplier above which a constraint acts at a point.
+const ACTS: f64 = 1e-6;
+/// Share of a stage below which two points are one, and from a point where a constraint acts to an end of those pieces that is none.
+const SAME_POINT: f64 = 1e-6;
+const NEXT: f64 = 0.05;
 
 /// Where the variables are.
 struct Places {
@@ -55,7 +60,8 @@ pub(super) struct Shooting<'a> {
     row_upper: Vec<f64>,
     /// Sizes of the states and of the controls.
     usual: Sizes,
-    pieces: usize,
+    /// Ends of the pieces of every stage as shares of it, the last of which is 1.
+    cuts: Vec<Vec<f64>>,
 }
 
 /// A point of the simulation with the derivatives of what it depends on by the variables.
@@ -116,11 +122,9 @@ impl<'a> Shooting<'a> {
             row_lower: Vec::new(),
             row_upper: Vec::new(),
             usual: usual.clone(),
-            pieces: 1,
+            cuts: Vec::new(),
         };
-        let along =
-            ocp.x_bounds.iter().flatten().any(|b| b.is_finite()) || e.path.iter().any(|c| c.at != PathAt::ControlGrid);
-        s.pieces = if along { PIECES } else { 1 };
+        s.cuts = s.cuts_of(b);
         for _ in 0..n {
             (0..d.u).for_each(|j| s.control(j, &control_size));
         }
@@ -160,6 +164,26 @@ impl<'a> Shooting<'a> {
         s.at.n = s.lower.len();
         s.count_rows();
         Ok(s)
+    }
+
+    /// Ends of the pieces of every stage: where some constraint holds along it, equal pieces, and the points at which one acts in the
+    /// answer, which a descent would violate between those.
+    fn cuts_of(&self, b: &Built) -> Vec<Vec<f64>> {
+        if self.bounded().is_empty() && self.e.path.iter().all(|c| c.at == PathAt::ControlGrid) {
+            return vec![vec![1.0]; self.ocp.n_stages];
+        }
+        let s = b.solver.solution();
+        let mut cuts = b.problem.acting_shares(&s.x, &s.y, &s.z, ACTS);
+        for cuts in &mut cuts {
+            cuts.retain(|c| (SAME_POINT..1.0 - SAME_POINT).contains(c));
+            cuts.dedup_by(|b, a| *b - *a < SAME_POINT);
+            let equal = (1..PIECES).map(|i| i as f64 / PIECES as f64);
+            let apart: Vec<f64> = equal.filter(|e| cuts.iter().all(|c| (c - e).abs() > NEXT)).collect();
+            cuts.extend(apart);
+            cuts.push(1.0);
+            cuts.sort_by(f64::total_cmp);
+        }
+        cuts
     }
 
     /// Number of variables.
@@ -270,13 +294,13 @@ impl<'a> Shooting<'a> {
             bounds[0].extend_from_slice(l);
             bounds[1].extend_from_slice(u);
         };
-        for _ in 0..self.ocp.n_stages {
+        for k in 0..self.ocp.n_stages {
             self.e.path.iter().for_each(|c| add(&c.lower, &c.upper));
-            for i in 0..self.pieces {
+            for cut in &self.cuts[k] {
                 for s in self.bounded() {
                     add(&self.ocp.x_bounds[0][s..=s], &self.ocp.x_bounds[1][s..=s]);
                 }
-                let last = i + 1 == self.pieces;
+                let last = *cut == 1.0;
                 let here = self.e.path.iter().filter(|c| last || c.at != PathAt::ControlGrid);
                 here.for_each(|c| add(&c.lower, &c.upper));
             }
@@ -346,12 +370,14 @@ impl<'a> Shooting<'a> {
         for c in &self.e.path {
             self.add_rows(&c.f, here, out);
         }
-        let part = 1.0 / self.pieces as f64;
-        for i in 0..self.pieces {
+        let mut before = 0.0;
+        for i in 0..self.cuts[k].len() {
+            let cut = self.cuts[k][i];
+            let part = cut - std::mem::replace(&mut before, cut);
             if !self.piece(here, (&slope, &dslope), part * length, by.map(|(at, share)| (at, part * share)))? {
                 return Ok(false);
             }
-            let last = i + 1 == self.pieces;
+            let last = cut == 1.0;
             for s in self.bounded() {
                 let at = 1 + self.ramps.len() + s;
                 out.rows.push(here.x[at]);
@@ -498,5 +524,43 @@ impl Program for Shooting<'_> {
             self.values(&c.f, &here, Some(&start)).add_to(out);
         }
         Ok(out.cost.is_finite() && out.rows.iter().all(|v| v.is_finite()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::expr::Graph;
+    use crate::fesd::StatePoint;
+    use crate::func::Dims;
+    use crate::model::Model;
+    use crate::nlp::Control;
+    use crate::settings::Settings;
+    use std::sync::Arc;
+
+    /// A mass with dry friction turns round at a wall inside of a stage, where no third of it ends.
+    #[test]
+    fn constraints_are_looked_at_where_they_act_in_the_answer() {
+        let g = Graph::new();
+        let (q, v, u) = (g.x(0), g.x(1), g.u(0));
+        let system = Model::from_rhs("mass", 1, 0, &[v, u - 0.3 * v.sign()]).and_then(|m| m.build(&g)).unwrap().system;
+        let mut o = Ocp::new(&system, 2.0, 4, &Settings { n_s: 3, n_fe: 3, ..Settings::default() }).unwrap();
+        let of = |f| Arc::new(g.function("of", Dims { x: 2, u: 1, p: 0 }, &[f]).unwrap());
+        o.set_x0(&[0.0, 1.0]).unwrap();
+        o.set_u_bounds(&[-5.0], &[5.0]).unwrap();
+        o.set_x_bounds(&[f64::NEG_INFINITY; 2], &[0.35, f64::INFINITY]).unwrap();
+        o.set_lagrange(of(u * u)).unwrap();
+        o.add_terminal(of(q), &[0.0], &[0.0]).unwrap();
+        o.solve(&mut Control::default()).unwrap();
+        let (b, r) = (o.built.as_ref().unwrap(), o.result.clone().unwrap());
+        let w = &b.solver.solution().x;
+        let at_wall = |p: &StatePoint| (w[p.at] - 0.35).abs() < 1e-9 && p.share < 1.0 - SAME_POINT;
+        let wall: Vec<StatePoint> = b.problem.state_points(w).into_iter().filter(at_wall).collect();
+        assert!(!wall.is_empty());
+        let shooting = Shooting::new(&o, b, &r, &o.sizes().unwrap()).unwrap();
+        assert!(wall.iter().any(|p| shooting.cuts[p.stage].contains(&p.share)), "{wall:?}, {:?}", shooting.cuts);
+        for cuts in &shooting.cuts {
+            assert!(cuts.len() >= PIECES && cuts.windows(2).all(|c| c[0] < c[1]) && cuts.last() == Some(&1.0));
+        }
     }
 }
