@@ -530,27 +530,33 @@ impl Program for Shooting<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::expr::Graph;
     use crate::fesd::StatePoint;
-    use crate::func::Dims;
-    use crate::model::Model;
+    use crate::func::{Callback, Dims};
+    use crate::linalg::csc::Pattern;
     use crate::nlp::Control;
     use crate::settings::Settings;
+    use crate::system::System;
     use std::sync::Arc;
 
-    /// A mass with dry friction turns round at a wall inside of a stage, where no third of it ends.
+    /// A mass turns round at a wall inside of a stage, where no third of it ends.
     #[test]
     fn constraints_are_looked_at_where_they_act_in_the_answer() {
-        let g = Graph::new();
-        let (q, v, u) = (g.x(0), g.x(1), g.u(0));
-        let system = Model::from_rhs("mass", 1, 0, &[v, u - 0.3 * v.sign()]).and_then(|m| m.build(&g)).unwrap().system;
+        let d = Dims { x: 2, u: 1, p: 0 };
+        let of = |n: usize, f: fn(&Point, &mut [f64])| -> SharedFunction {
+            let f = Callback::new("of", d, n, move |at, o| {
+                f(at, o);
+                0
+            });
+            Arc::new(f.with_jacobian_pattern(Pattern::dense(n, d.n_in())).unwrap())
+        };
+        let mut system = System::new(2, 1, 0).unwrap();
+        system.set_f0(of(2, |at, o| (o[0], o[1]) = (at.x[1], at.u[0]))).unwrap();
         let mut o = Ocp::new(&system, 2.0, 4, &Settings { n_s: 3, n_fe: 3, ..Settings::default() }).unwrap();
-        let of = |f| Arc::new(g.function("of", Dims { x: 2, u: 1, p: 0 }, &[f]).unwrap());
         o.set_x0(&[0.0, 1.0]).unwrap();
         o.set_u_bounds(&[-5.0], &[5.0]).unwrap();
         o.set_x_bounds(&[f64::NEG_INFINITY; 2], &[0.35, f64::INFINITY]).unwrap();
-        o.set_lagrange(of(u * u)).unwrap();
-        o.add_terminal(of(q), &[0.0], &[0.0]).unwrap();
+        o.set_lagrange(of(1, |at, o| o[0] = at.u[0] * at.u[0])).unwrap();
+        o.add_terminal(of(1, |at, o| o[0] = at.x[0]), &[0.0], &[0.0]).unwrap();
         o.solve(&mut Control::default()).unwrap();
         let (b, r) = (o.built.as_ref().unwrap(), o.result.clone().unwrap());
         let w = &b.solver.solution().x;
