@@ -2,9 +2,7 @@
 //! (T. Davis, "Algorithm 849: a concise sparse Cholesky factorization package", ACM TOMS 31, 2005).
 //!
 //! The matrix is permuted here, once per analysis, into the upper triangle of `P A P'` with a map of
-//! values, so that LDL runs without its own permutation. The numeric factorisation is that of LDL as well, in the same
-//! order of operations, but written here: LDL finds the pattern of every row of L anew each time, and as the structure
-//! stays while values change, it is kept instead. This file holds the foreign calls, and they rely
+//! values, so that LDL runs without its own permutation. This file holds the foreign calls, and they rely
 //! on three facts only: the index arrays are built from a checked [`Pattern`] and fit `c_int`; the arrays
 //! for L have the length that the symbolic analysis asked for; nothing is called before the analysis.
 
@@ -46,6 +44,23 @@ extern "C" {
         p: *const c_int,
         pinv: *mut c_int,
     );
+    fn ldl_numeric(
+        n: c_int,
+        ap: *const c_int,
+        ai: *const c_int,
+        ax: *const f64,
+        lp: *const c_int,
+        parent: *const c_int,
+        lnz: *mut c_int,
+        li: *mut c_int,
+        lx: *mut f64,
+        d: *mut f64,
+        y: *mut f64,
+        pattern: *mut c_int,
+        flag: *mut c_int,
+        p: *const c_int,
+        pinv: *const c_int,
+    ) -> c_int;
     fn ldl_lsolve(n: c_int, x: *mut f64, lp: *const c_int, li: *const c_int, lx: *const f64);
     fn ldl_dsolve(n: c_int, x: *mut f64, d: *const f64);
     fn ldl_ltsolve(n: c_int, x: *mut f64, lp: *const c_int, li: *const c_int, lx: *const f64);
@@ -72,12 +87,10 @@ pub struct SuiteSparse {
     lp: Vec<c_int>,
     li: Vec<c_int>,
     lx: Vec<f64>,
-    /// Row `k` of L has its entries in the columns `row_idx[row_ptr[k]..row_ptr[k + 1]]`, in an order in which they can be
-    /// computed.
-    row_ptr: Vec<usize>,
-    row_idx: Vec<c_int>,
-    /// Where the next entry of every column goes.
-    next: Vec<usize>,
+    parent: Vec<c_int>,
+    lnz: Vec<c_int>,
+    flag: Vec<c_int>,
+    pattern: Vec<c_int>,
     d: Vec<f64>,
     work: Vec<f64>,
 }
@@ -91,77 +104,6 @@ impl SuiteSparse {
     /// A solver that eliminates in this order.
     pub fn with_ordering(ordering: Ordering) -> SuiteSparse {
         SuiteSparse { ordering, ..SuiteSparse::default() }
-    }
-}
-
-impl SuiteSparse {
-    /// The patterns of L by rows and by columns, from the elimination tree: in row `k` the nodes on the paths from the entries of
-    /// row `k` of the matrix to `k`, children before parents.
-    fn rows_of_factor(&mut self, parent: &[c_int]) {
-        let n = parent.len();
-        let mut seen = vec![usize::MAX; n];
-        let (mut path, mut row) = (Vec::with_capacity(n), Vec::with_capacity(n));
-        for (next, &first) in self.next.iter_mut().zip(&self.lp) {
-            *next = first as usize;
-        }
-        self.row_ptr = vec![0; n + 1];
-        self.row_idx = Vec::with_capacity(self.li.len());
-        for k in 0..n {
-            seen[k] = k;
-            row.clear();
-            for &i in &self.ai[self.ap[k] as usize..self.ap[k + 1] as usize] {
-                let mut i = i as usize;
-                path.clear();
-                while seen[i] != k {
-                    seen[i] = k;
-                    path.push(i as c_int);
-                    i = parent[i] as usize;
-                }
-                // what is found later comes first: its path ends where one found before goes on
-                row.extend(path.iter().rev());
-            }
-            self.row_idx.extend(row.iter().rev());
-            self.row_ptr[k + 1] = self.row_idx.len();
-            for &i in &self.row_idx[self.row_ptr[k]..] {
-                let next = &mut self.next[i as usize];
-                self.li[*next] = k as c_int;
-                *next += 1;
-            }
-        }
-    }
-
-    /// The numeric factorisation, row by row; the row whose pivot is zero ends it.
-    fn eliminate(&mut self) -> Option<usize> {
-        let SuiteSparse { n, ap, ai, ax, lp, li, lx, row_ptr, row_idx, next, d, work: y, .. } = self;
-        y.fill(0.0);
-        for (next, &first) in next.iter_mut().zip(&*lp) {
-            *next = first as usize;
-        }
-        for k in 0..*n {
-            let entries = ap[k] as usize..ap[k + 1] as usize;
-            for (&i, &a) in ai[entries.clone()].iter().zip(&ax[entries]) {
-                y[i as usize] += a;
-            }
-            let mut pivot = std::mem::take(&mut y[k]);
-            for &i in &row_idx[row_ptr[k]..row_ptr[k + 1]] {
-                let i = i as usize;
-                let yi = std::mem::take(&mut y[i]);
-                let (first, end) = (lp[i] as usize, next[i]);
-                for (&j, &l) in li[first..end].iter().zip(&lx[first..end]) {
-                    // SAFETY: entries of `li` are rows, which `y` has one place for each of; `rows_of_factor` wrote them all
-                    unsafe { *y.get_unchecked_mut(j as usize) -= l * yi };
-                }
-                let l = yi / d[i];
-                pivot -= l * yi;
-                lx[end] = l;
-                next[i] = end + 1;
-            }
-            d[k] = pivot;
-            if pivot == 0.0 {
-                return Some(k);
-            }
-        }
-        None
     }
 }
 
@@ -220,7 +162,9 @@ impl SymmetricSolver for SuiteSparse {
         self.ax = vec![0.0; nnz];
 
         self.lp = vec![0; n + 1];
-        let (mut parent, mut lnz, mut flag) = (vec![0 as c_int; n], vec![0 as c_int; n], vec![0 as c_int; n]);
+        self.parent = vec![0; n];
+        self.lnz = vec![0; n];
+        self.flag = vec![0; n];
         // SAFETY: `ap`/`ai` as above; the outputs have the lengths that ldl.h asks for; P null means no
         // permutation, and then Pinv is not read.
         unsafe {
@@ -229,23 +173,22 @@ impl SymmetricSolver for SuiteSparse {
                 self.ap.as_ptr(),
                 self.ai.as_ptr(),
                 self.lp.as_mut_ptr(),
-                parent.as_mut_ptr(),
-                lnz.as_mut_ptr(),
-                flag.as_mut_ptr(),
+                self.parent.as_mut_ptr(),
+                self.lnz.as_mut_ptr(),
+                self.flag.as_mut_ptr(),
                 ptr::null(),
                 ptr::null_mut(),
             );
         }
         // `lp` is a running sum in c_int and may have wrapped: sum the column counts again.
-        let nnz_l: usize = lnz.iter().map(|&v| v.max(0) as usize).sum();
+        let nnz_l: usize = self.lnz.iter().map(|&v| v.max(0) as usize).sum();
         to_int(nnz_l, "entries of L")?;
-        memory::need(16 * nnz_l as u128, || format!("the factorisation of {n} rows with {nnz_l} entries of L"))?;
+        memory::need(12 * nnz_l as u128, || format!("the factorisation of {n} rows with {nnz_l} entries of L"))?;
         // One division for each entry of a column, a multiplication and an addition for each pair below.
-        self.flops = lnz.iter().map(|&c| f64::from(c)).map(|c| c * (c + 2.0)).sum();
+        self.flops = self.lnz.iter().map(|&c| f64::from(c)).map(|c| c * (c + 2.0)).sum();
         self.li = vec![0; nnz_l];
         self.lx = vec![0.0; nnz_l];
-        self.next = vec![0; n];
-        self.rows_of_factor(&parent);
+        self.pattern = vec![0; n];
         self.d = vec![0.0; n];
         self.work = vec![0.0; n];
         self.n = n;
@@ -270,8 +213,32 @@ impl SymmetricSolver for SuiteSparse {
             let col = self.ap.partition_point(|&p| p as usize <= bad) - 1;
             return Factorisation::Singular { pivot: self.perm[col] };
         }
-        if let Some(k) = self.eliminate() {
-            return Factorisation::Singular { pivot: self.perm[k] };
+        if self.n > 0 {
+            // SAFETY: all arrays were sized in `analyse` for this structure and are not resized after it;
+            // `li` and `lx` have lp[n] entries; `y`, `pattern`, `flag` are work space of length n. LDL clears
+            // the entries of `y` and `lnz` that it uses.
+            let done = unsafe {
+                ldl_numeric(
+                    self.n as c_int,
+                    self.ap.as_ptr(),
+                    self.ai.as_ptr(),
+                    self.ax.as_ptr(),
+                    self.lp.as_ptr(),
+                    self.parent.as_ptr(),
+                    self.lnz.as_mut_ptr(),
+                    self.li.as_mut_ptr(),
+                    self.lx.as_mut_ptr(),
+                    self.d.as_mut_ptr(),
+                    self.work.as_mut_ptr(),
+                    self.pattern.as_mut_ptr(),
+                    self.flag.as_mut_ptr(),
+                    ptr::null(),
+                    ptr::null(),
+                )
+            };
+            if done as usize != self.n {
+                return Factorisation::Singular { pivot: self.perm[done as usize] };
+            }
         }
         let mut inertia = Inertia::default();
         // Without the sign, the bits of floats order like the floats, NaN last.
