@@ -234,8 +234,8 @@ fn main() {
             let points = good.map(|s| (s.seconds * 1e6, s.error)).collect();
             plot.add_coloured(name, svg::Mark::LineDots, k, points);
         }
-        let dir = std::path::PathBuf::from(dir);
-        if let Err(e) = plot.save(&dir, "simulation-peers.svg") {
+        let file = std::path::Path::new(&dir).join("simulation-peers.svg");
+        if let Err(e) = std::fs::create_dir_all(&dir).and_then(|()| std::fs::write(file, plot.svg())) {
             eprintln!("cannot write the plot: {e}");
         }
     }
