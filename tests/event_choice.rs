@@ -106,8 +106,8 @@ fn time_stepping_through_accumulating_switches() {
         assert!((a.t - 1.0).abs() <= rtol && a.until > a.t && a.steps > 0, "{a:?}");
         assert!(r.accumulations.iter().all(|a| a.error <= 1.0), "{:?}", r.accumulations);
         assert!(r.accumulations.len() < 30 && r.switches.len() < 400 && r.stats.steps < 100_000, "{:?}", r.stats);
-        // no derivatives behind it, and that is said
-        assert!(r.one_sided && r.sensitivity.unwrap().iter().all(|s| s.is_nan()));
+        // what led there has no derivatives, and that is said; that of a state which both surfaces hold at zero is none of these
+        assert!(r.one_sided && r.sensitivity.unwrap().iter().all(|s| *s == 0.0));
         let mut x = [0.0; 2];
         let p = r.path.unwrap();
         p.eval(0.5 * (a.t + a.until), 0, &mut x).unwrap();
@@ -117,6 +117,8 @@ fn time_stepping_through_accumulating_switches() {
         let steps = simulate(&zeno_and_off(), &o, 0.0, &[1.0, 1.0, -1.0], 6.0).unwrap();
         assert_eq!((goes_on.outcome, steps.outcome), (Outcome::Reached, Outcome::Reached), "{}", steps.reason);
         assert_eq!(goes_on.accumulations.len(), 1);
+        // behind that the derivatives are those of the time at which it is left, which nothing is known of
+        assert!(steps.one_sided && steps.sensitivity.unwrap().iter().all(|s| s.is_nan()));
         for (a, b) in goes_on.x.iter().zip(&steps.x) {
             assert!((a - b).abs() <= 100.0 * rtol * (1.0 + a.abs()), "{rtol}: {:?} {:?}", goes_on.x, steps.x);
         }

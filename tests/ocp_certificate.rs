@@ -359,3 +359,24 @@ fn a_surface_without_states_is_touched() {
     assert_eq!(o.verdict, Verdict::LocalOptimum, "{o:?}");
     assert!((r.cost - 2.0 * PI * (1.0 + PI)).abs() < 1e-9, "{}", r.cost);
 }
+
+/// A cart is fastest where the road turns upwards: the bound on its speed acts at a switch, whose time the controls change.
+#[test]
+fn a_bound_that_acts_at_a_switch_does_not_spoil_the_derivatives() {
+    let g = Graph::new();
+    let (s, v, u) = (g.x(0), g.x(1), g.u(0));
+    let slope = s.gt(2.0).select(0.3, s.gt(1.0).select(-0.2, 0.0));
+    let rhs = [v, u - 0.1 * v.sign() - slope];
+    let system = Model::from_rhs("cart", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let mut o = Ocp::new(&system, 5.0, 10, &Settings { n_s: 3, n_fe: 3, ..Settings::default() }).unwrap();
+    let d = Dims { x: 2, u: 1, p: 0 };
+    o.set_x0(&[0.0; 2]).unwrap();
+    o.set_u_bounds(&[-1.0], &[1.0]).unwrap();
+    o.set_x_bounds(&[f64::NEG_INFINITY, -0.2], &[f64::INFINITY, 0.9]).unwrap();
+    o.set_lagrange(function(&g, d, &[u * u])).unwrap();
+    o.add_terminal(function(&g, d, &[s, v]), &[3.0, 0.0], &[3.0, 0.0]).unwrap();
+    let (r, o) = solve(&mut o);
+    let fastest = r.trajectory.elements.iter().max_by(|a, b| a.x1[1].total_cmp(&b.x1[1])).unwrap();
+    assert!((fastest.x1[0] - 2.0).abs() < 1e-8 && (fastest.x1[1] - 0.9).abs() < 1e-8, "{:?}", fastest.x1);
+    assert!(o.verdict == Verdict::LocalOptimum && o.residual < 1e-6, "{o:?}");
+}

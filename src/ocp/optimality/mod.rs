@@ -196,6 +196,25 @@ struct Piece {
     rate: Vec<f64>,
     /// State variables at its end, and the share of the stage before it.
     at: StatePoint,
+    /// What moves its end with the states.
+    moves: Option<Moves>,
+}
+
+/// A piece that ends at a switch: where a bound acts there, it acts at the switch and not at a time, as that on a level which rises until a valve
+/// opens. `nᵀ δx + n_uᵀ δu + speed · δt = 0` gives the change of the time.
+struct Moves {
+    /// Gradient of the surface in states and in controls.
+    normal: Vec<f64>,
+    controls: Vec<f64>,
+    /// Speed towards the surface before the switch.
+    speed: f64,
+}
+
+impl Moves {
+    /// By how much less a force at the switch feels the distance from the surface, for its power along the motion before the switch.
+    fn share(&self, force: &[f64], rate: &[f64]) -> f64 {
+        dot(force, rate) / self.speed
+    }
 }
 
 /// An end of a stage without its margin.

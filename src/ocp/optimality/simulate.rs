@@ -1,6 +1,6 @@
 //! The simulation by which an answer is judged, stage by stage, and the kinks it meets.
 
-use super::{dot, starts, Corner, Edge, Judge, Kind, Leg, Piece, AWAY, DOUBT, MARGIN, OFF, SAME, SLOW, TOUCH};
+use super::{dot, starts, Corner, Edge, Judge, Kind, Leg, Moves, Piece, AWAY, DOUBT, MARGIN, OFF, SAME, SLOW, TOUCH};
 use crate::error::Result;
 use crate::event;
 use crate::fesd::StatePoint;
@@ -150,18 +150,52 @@ impl Judge<'_> {
         }
         let start = self.edge();
         let mut pieces: Vec<Piece> = Vec::with_capacity(inner.len());
-        for p in inner {
+        for (i, p) in inner.iter().enumerate() {
             let (x, here) = (self.engine.state().to_vec(), self.engine.time());
+            let (mut to, margin) = (t0 + length * p.share.clamp(share, 1.0 - share), length * share);
+            let ends = i + 1 == inner.len();
+            let switch = if ends { None } else { self.switch_near(k, (here, &x), [to - margin, to + margin])? };
+            if switch.is_some() {
+                to -= margin;
+            }
             self.start(here, &x, k, k)?;
-            let to = t0 + length * p.share.clamp(share, 1.0 - share);
             if to > here && !self.advance(to)? {
                 return Ok(None);
             }
             let Some(s) = self.engine.sensitivity() else { return Ok(None) };
             let rate = if to > here { self.engine.derivative() } else { &start.rate };
-            pieces.push(Piece { s: s.to_vec(), rate: rate.to_vec(), at: *p });
+            let moves = switch.and_then(|s: Surface| {
+                let speed = self.speed_towards(&s.normal, s.moves, rate);
+                (speed > 0.0).then_some(Moves { normal: s.normal, controls: s.controls, speed })
+            });
+            pieces.push(Piece { s: s.to_vec(), rate: rate.to_vec(), at: *p, moves });
         }
         Ok(Some(Leg { off, margin: length * share, start, end: self.edge(), pieces }))
+    }
+
+    /// The surface that the motion of a stage from a point on crosses or enters between two times, if there is one.
+    fn switch_near(&mut self, k: usize, (here, x): (f64, &[f64]), ends: [f64; 2]) -> Result<Option<Surface>> {
+        if ends[0] <= here {
+            return Ok(None);
+        }
+        self.start(here, x, k, k)?;
+        let mut regions = [(); 2].map(|()| vec![false; self.dcs.n_cells()]);
+        for (end, regions) in ends.into_iter().zip(&mut regions) {
+            if !self.advance(end)? {
+                return Ok(None);
+            }
+            self.engine.cells_of_step().for_each(|c| regions[c] = true);
+        }
+        let [a, b] = &regions;
+        let Some(cells) =
+            self.dcs.form().simplices.iter().find(|cells| (*cells).clone().any(|c| b[c] && !a[c])).cloned()
+        else {
+            return Ok(None);
+        };
+        let to = cells.clone().find(|&c| b[c] && !a[c]);
+        let from = cells.clone().find(|&c| a[c] && !b[c]).or_else(|| cells.clone().find(|&c| a[c]));
+        let (t, x) = (self.engine.time(), self.engine.state());
+        Ok(from.zip(to).and_then(|(from, to)| self.surface(from, to, t, x, k)))
     }
 
     pub(super) fn edge(&self) -> Edge {

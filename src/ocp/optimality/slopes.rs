@@ -143,8 +143,15 @@ impl Judge<'_> {
         }
         for (k, leg) in legs.iter().enumerate().rev() {
             for (m, piece) in leg.pieces.iter().enumerate().rev() {
-                let force: Vec<Vec<f64>> =
+                let mut force: Vec<Vec<f64>> =
                     (0..columns.len()).map(|c| self.force(outer, c, kinks.len(), piece)).collect();
+                for (c, force) in force.iter_mut().enumerate() {
+                    let Some(moves) = &piece.moves else { continue };
+                    let share = moves.share(force, &piece.rate);
+                    force.iter_mut().zip(&moves.normal).for_each(|(f, n)| *f -= share * n);
+                    let own = &mut q.controls[k * self.n_u..(k + 1) * self.n_u];
+                    own.iter_mut().zip(&moves.controls).for_each(|(u, n)| u.add(c, -share * n));
+                }
                 for (i, b) in kinks.iter().enumerate() {
                     if matches!(b.kind, Kind::Touch { at, .. } if at == piece.at.at) {
                         pass(&mut columns, i, b, &mut sides[i]);
