@@ -380,3 +380,28 @@ fn a_bound_that_acts_at_a_switch_does_not_spoil_the_derivatives() {
     assert!((fastest.x1[0] - 2.0).abs() < 1e-8 && (fastest.x1[1] - 0.9).abs() < 1e-8, "{:?}", fastest.x1);
     assert!(o.verdict == Verdict::LocalOptimum && o.residual < 1e-6, "{o:?}");
 }
+
+/// The same where a slope that moves begins at the end of a control stage: on either side of the kink the bound goes with the switch, and both
+/// sides cost.
+#[test]
+fn a_bound_that_acts_at_a_kink_goes_with_it() {
+    let g = Graph::new();
+    let (s, v, u) = (g.x(0), g.x(1), g.u(0));
+    let rhs = [v, u - s.gt(0.4 * g.t() + 0.6).select(0.4, -0.1)];
+    let system = Model::from_rhs("cart", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    for n_stages in [6, 9, 12] {
+        let mut o = Ocp::new(&system, 5.0, n_stages, &Settings { n_s: 3, n_fe: 3, ..Settings::default() }).unwrap();
+        let d = Dims { x: 2, u: 1, p: 0 };
+        o.set_x0(&[0.0; 2]).unwrap();
+        o.set_u_bounds(&[-1.0], &[1.0]).unwrap();
+        o.set_x_bounds(&[f64::NEG_INFINITY; 2], &[f64::INFINITY, 0.85]).unwrap();
+        o.set_lagrange(function(&g, d, &[u * u])).unwrap();
+        o.add_terminal(function(&g, d, &[s, v]), &[3.0, 0.2], &[3.0, 0.2]).unwrap();
+        let (r, o) = solve(&mut o);
+        let fastest = r.trajectory.elements.iter().fold(0f64, |m, e| m.max(e.x1[1]));
+        assert!((fastest - 0.85).abs() < 1e-8, "{fastest}");
+        let [k] = o.kinks[..] else { panic!("{o:?}") };
+        assert!(o.verdict == Verdict::Kink && o.reason.is_empty() && o.residual < 1e-6, "{o:?}");
+        assert!(k.before > 0.0 && k.after > 0.0, "{k:?}");
+    }
+}

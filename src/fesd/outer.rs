@@ -2,7 +2,7 @@
 //! path and at the ends weighted with their multipliers, and the multipliers of the bounds of states. With these the
 //! costates of the control problem can be computed by any method that knows the dynamics.
 
-use super::layout::PathConstraint;
+use super::layout::{PathAt, PathConstraint};
 use super::places::{Place, RowMeaning};
 use super::problem::{Call, Fesd};
 use crate::func::EvalError;
@@ -93,10 +93,28 @@ impl Fesd {
             self.add_gradient(c, &y[row..], &mut out);
         }
         self.mayer.iter().for_each(|c| self.add_gradient(c, &[1.0], &mut out));
+        self.add_bounds(w, z, &mut out);
+        Ok(out)
+    }
+
+    /// The part of [`Fesd::outer_gradient`], at the point of its last call, that holds all the time: constraints along the path and bounds of
+    /// states.
+    pub fn along_gradient(&self, w: &[f64], y: &[f64], z: &[f64]) -> Vec<f64> {
+        let mut out = vec![0.0; self.layout().n];
+        for ((k, _), (c, &row)) in self.path_points().zip(self.path.iter().zip(&self.path_rows)) {
+            if self.spec.path[k].at != PathAt::ControlGrid {
+                self.add_gradient(c, &y[row..], &mut out);
+            }
+        }
+        self.add_bounds(w, z, &mut out);
+        out
+    }
+
+    /// Takes away the multipliers of the bounds of states.
+    fn add_bounds(&self, w: &[f64], z: &[f64], out: &mut [f64]) {
         for p in self.state_points(w).iter().skip(1) {
             (p.at..p.at + self.layout().nx).for_each(|j| out[j] -= z[j]);
         }
-        Ok(out)
     }
 
     /// Derivatives `[(n_stages + 1) · nx]` of the Lagrange function with the multipliers `y [m]` with respect to the user's states

@@ -11,10 +11,12 @@
 //! c = Λᵀ (f_B − f_A) / (nᵀ f_A + W_t)            (the transposed jump of (6.25))
 //! ```
 //!
-//! with the velocities under the control before (`c_b`) or behind (`c_a`). The answer is stationary if some `c` between the
-//! two makes the derivatives vanish: `c_b − c` and `c − c_a` are then the derivatives of the cost towards either side. Where the
-//! state comes to a surface exactly at the end of a stage, and the next control turns it back, `c ≥ 0` is the derivative of moving
-//! away from the surface, and that of passing it is `Λᵀ b − c` with `b` the change of the state by what happens beyond.
+//! with the velocities under the control before (`c_b`) or behind (`c_a`). A constraint that holds all the time and acts at the
+//! switch with the force `φ` goes with it: it takes `φᵀ f_A / (nᵀ f_A + W_t)` from both, and as much in the direction of `n` from the
+//! costate where it acts at a switch inside of a stage. The answer is stationary if some `c` between the two makes the derivatives
+//! vanish: `c_b − c` and `c − c_a` are then the derivatives of the cost towards either side. Where the state comes to a surface
+//! exactly at the end of a stage, and the next control turns it back, `c ≥ 0` is the derivative of moving away from the surface, and
+//! that of passing it is `Λᵀ b − c` with `b` the change of the state by what happens beyond.
 //! Controls that stay on a surface have a file of their own.
 
 mod bounds;
@@ -248,9 +250,8 @@ struct Corner {
 }
 
 enum Kind {
-    /// A switch between two stages: `(f_B − f_A) / (nᵀ f_A + W_t)` with the control before, and with the one behind; none
-    /// where the surface is not reached.
-    Switch { before: Option<Vec<f64>>, after: Option<Vec<f64>> },
+    /// A switch between two stages: with the control before, and with the one behind; none where the surface is not reached.
+    Switch { before: Option<Crossing>, after: Option<Crossing> },
     /// A surface that is touched from one side at a point: the first of its variables, and `f_B − f_A`.
     Touch { at: usize, beyond: Vec<f64> },
     /// The same at the end of a stage, where the control turns the state back, on the other side too: by how much the state differs behind
@@ -262,14 +263,30 @@ enum Kind {
     Control { beyond: Vec<Vec<f64>> },
 }
 
+/// A surface that is crossed.
+struct Crossing {
+    /// `(f_B − f_A) / (nᵀ f_A + W_t)`.
+    jump: Vec<f64>,
+    /// `f_A / (nᵀ f_A + W_t)`: what acts on the state at the switch and goes with it acts along this as well.
+    arrival: Vec<f64>,
+}
+
 impl Corner {
     /// What the multiple of the gradient is compared with, in terms of the costate at a point.
     fn sides(&self) -> [Option<&[f64]>; 2] {
         match &self.kind {
-            Kind::Switch { before, after } => [before.as_deref(), after.as_deref()],
+            Kind::Switch { before, after } => [before, after].map(|c| c.as_ref().map(|c| &c.jump[..])),
             Kind::Touch { beyond, .. } => [None, Some(beyond)],
             Kind::Peak { beyond } => [beyond.as_deref(), None],
             Kind::Control { .. } => [None, None],
+        }
+    }
+
+    /// What constraints that go with the switch act along as well, on both sides.
+    fn arrivals(&self) -> [Option<&[f64]>; 2] {
+        match &self.kind {
+            Kind::Switch { before, after } => [before, after].map(|c| c.as_ref().map(|c| &c.arrival[..])),
+            _ => [None, None],
         }
     }
 
@@ -338,6 +355,8 @@ struct End {
 /// What acts from outside the dynamics, see [`Fesd::outer_gradient`].
 struct Outer {
     gradient: Vec<f64>,
+    /// The part of constraints that hold all the time, see [`Fesd::along_gradient`]: where they act at a switch they go with it.
+    along: Vec<f64>,
     ends: Vec<End>,
     /// The state that is the time.
     clock: Option<usize>,
@@ -366,6 +385,7 @@ impl Ocp {
             Err(EvalError::Stopped) => return Err(stop::error()),
             Err(_) => return Ok(Optimality::unknown("a function of the model has no value at the answer")),
         };
+        let mut along = b.problem.along_gradient(&w, &y, &z);
         let system = with_cost(&e.system, e.lagrange.as_ref(), &self.linear)?;
         let Ok(dcs) = Dcs::stewart(&system) else { return Ok(Optimality::unknown("the system has no indicators")) };
         let ramps = b.problem.ramp_places().iter().flatten();
@@ -382,6 +402,7 @@ impl Ocp {
         };
         for j in bounds::on_own_surfaces(&e.system, &points, (&w, &z), &usual, &stages) {
             gradient[j] += z[j];
+            along[j] += z[j];
         }
         let cost = Extent { range: 0.0, size: self.cost_size(r.cost) };
         let extent = |p: &Option<usize>| {
@@ -405,7 +426,7 @@ impl Ocp {
             let high = if at(u) { f64::INFINITY } else { -y[row].min(0.0) };
             (low < high).then_some(End { gradient, range: [low, high] })
         });
-        let outer = Outer { gradient, ends: ends.collect(), clock: b.problem.spec().dcs.clock() };
+        let outer = Outer { gradient, along, ends: ends.collect(), clock: b.problem.spec().dcs.clock() };
         let mut judge = Judge {
             engine: Engine::new(&system, &options)?,
             dcs,

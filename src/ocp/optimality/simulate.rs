@@ -1,6 +1,8 @@
 //! The simulation by which an answer is judged, stage by stage, and the kinks it meets.
 
-use super::{dot, starts, Corner, Edge, Judge, Kind, Leg, Moves, Piece, AWAY, DOUBT, MARGIN, OFF, SAME, SLOW, TOUCH};
+use super::{
+    dot, starts, Corner, Crossing, Edge, Judge, Kind, Leg, Moves, Piece, AWAY, DOUBT, MARGIN, OFF, SAME, SLOW, TOUCH,
+};
 use crate::error::Result;
 use crate::event;
 use crate::fesd::StatePoint;
@@ -421,9 +423,10 @@ impl Judge<'_> {
             if normal.iter().all(|n| *n == 0.0) && moves == 0.0 || self.controls_choose(k, (from, to), &before.end) {
                 continue;
             }
-            let over = |at: &Self, fa: &[f64], fb: &[f64]| -> Option<Vec<f64>> {
+            let over = |at: &Self, fa: &[f64], fb: &[f64]| -> Option<Crossing> {
                 let v = at.speed_towards(&normal, moves, fa);
-                (v > 0.0).then(|| fa.iter().zip(fb).map(|(a, b)| (b - a) / v).collect())
+                let jump = || fa.iter().zip(fb).map(|(a, b)| (b - a) / v).collect();
+                (v > 0.0).then(|| Crossing { jump: jump(), arrival: fa.iter().map(|a| a / v).collect() })
             };
             let little = 0.1 * before.margin.min(behind.margin);
             let (end, start) = (&before.end, &behind.start);
@@ -431,7 +434,7 @@ impl Judge<'_> {
             let old_behind = self.velocity((end.t, &end.x), k - 1, k, little)?;
             // where the surface is another one under the control behind, that alone says what is active there
             let after = match controls.iter().any(|c| *c != 0.0) {
-                true => Some(vec![0.0; self.n()]),
+                true => Some(Crossing { jump: vec![0.0; self.n()], arrival: vec![0.0; self.n()] }),
                 false => old_behind.and_then(|fa| over(self, &fa, &behind.start.rate)),
             };
             let kind = Kind::Switch { before: new_before.and_then(|fb| over(self, &before.end.rate, &fb)), after };

@@ -157,6 +157,15 @@ impl Judge<'_> {
                         pass(&mut columns, i, b, &mut sides[i]);
                     }
                 }
+                if m + 1 == leg.pieces.len() {
+                    let along: Vec<f64> =
+                        self.places.iter().map(|p| p.map_or(0.0, |i| outer.along[piece.at.at + i])).collect();
+                    for (b, sides) in kinks.iter().zip(&mut sides).filter(|(b, _)| b.stage == k + 1) {
+                        for (side, arrival) in sides.iter_mut().zip(b.arrivals()) {
+                            side.iter_mut().zip(arrival).for_each(|(s, a)| s[0] -= dot(a, &along));
+                        }
+                    }
+                }
                 columns.iter_mut().zip(&force).for_each(|(l, f)| l.iter_mut().zip(f).for_each(|(l, f)| *l += f));
                 let late = outer.clock.map_or(0.0, |c| outer.gradient[piece.at.at + c]);
                 let end = m + 1 == leg.pieces.len();
