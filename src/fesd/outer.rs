@@ -47,33 +47,22 @@ impl Fesd {
     /// Shares of every stage before the points inside of it at which a constraint along the path or a bound of a state acts, in the order of
     /// time, by the multipliers `y` of the rows and `z` of the bounds: those above a share `least` of the largest one.
     pub fn acting_shares(&self, w: &[f64], y: &[f64], z: &[f64], least: f64) -> Vec<Vec<f64>> {
-        let (l, nx) = (self.layout(), self.spec.dcs.dims().x);
-        let points = self.state_points(w);
-        let share_of = |at: Place| -> Option<f64> {
-            let e = l.elements.iter().find(|e| e.stage == at.stage && Some(e.n) == at.element)?;
-            let x = at.point.map_or(e.x_end, |i| e.x[i]);
-            points.iter().find(|p| p.at == x).map(|p| p.share)
-        };
-        let along = self.path_points().zip(&self.path_rows).filter_map(|((k, at), &row)| {
-            let force = y[row..row + self.spec.path[k].f.n_out()].iter().fold(0f64, |m, v| m.max(v.abs()));
-            Some((at.stage, share_of(at)?, force))
-        });
-        let bounds = points.iter().skip(1).map(|p| {
-            let force = z[p.at..p.at + nx].iter().fold(0f64, |m, v| m.max(v.abs()));
-            (p.stage, p.share, force)
-        });
-        let all: Vec<(usize, f64, f64)> = along.chain(bounds).collect();
-        let largest = all.iter().fold(0f64, |m, a| m.max(a.2));
-        let mut out = vec![Vec::new(); self.spec.n_stages()];
-        for (stage, share, force) in all {
-            if force > least * largest && share < 1.0 {
-                out[stage].push(share);
+        let largest = |v: &[f64]| v.iter().fold(0f64, |m, v| m.max(v.abs()));
+        let (points, nx) = (self.state_points(w), self.spec.dcs.dims().x);
+        // by the first of the variables of a point
+        let mut force = vec![0.0; self.layout().n];
+        points.iter().skip(1).for_each(|p| force[p.at] = largest(&z[p.at..p.at + nx]));
+        let path = self.path_points().zip(self.path.iter().zip(&self.path_rows));
+        for ((k, _), (c, &row)) in path.filter(|((_, at), _)| at.element.is_some()) {
+            if let Some(at) = self.var(c, 0) {
+                force[at] = force[at].max(largest(&y[row..row + self.spec.path[k].f.n_out()]));
             }
         }
-        out.iter_mut().for_each(|shares| {
-            shares.sort_by(f64::total_cmp);
-            shares.dedup();
-        });
+        let least = least * largest(&force);
+        let mut out = vec![Vec::new(); self.spec.n_stages()];
+        for p in points.iter().skip(1).filter(|p| force[p.at] > least && p.share < 1.0) {
+            out[p.stage].push(p.share);
+        }
         out
     }
 

@@ -24,7 +24,7 @@ const ACCEPTABLE: f64 = 0.25;
 const MAX_COLLAPSES: usize = 3;
 
 /// Barrier parameter, and distance from bounds, where a branch starts at all but its solution.
-pub(super) const CLOSE: f64 = 1e-6;
+const CLOSE: f64 = 1e-6;
 /// Iterations of a branch that is given, from a point that may be far from its solution.
 const MAX_ITERATIONS: usize = 150;
 
@@ -99,10 +99,15 @@ impl MpccSolver {
     /// Tries the branch `sides` from the point in `point`, which is all but its solution: a barrier that is not small, and a start well
     /// inside of the bounds, would lead away to another one.
     fn try_close(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, control: &mut Control) -> bool {
+        self.close(|s, mu| s.run_from_point(p, bounds, mu, control)) == Outcome::Solved
+    }
+
+    /// Does what begins next to its solution: with this barrier parameter, and as close to bounds as its start is.
+    pub(super) fn close<R>(&mut self, body: impl FnOnce(&mut Self, f64) -> R) -> R {
         let push = std::mem::replace(&mut self.ipm.settings_mut().bound_push, CLOSE);
-        let outcome = self.run_from_point(p, bounds, CLOSE, control);
+        let found = body(self, CLOSE);
         self.ipm.settings_mut().bound_push = push;
-        outcome == Outcome::Solved
+        found
     }
 
     /// Tries the branch `sides` from the point in `point`, which may be far from its solution.

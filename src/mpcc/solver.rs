@@ -203,11 +203,11 @@ impl MpccSolver {
 
     /// Solves from `x0[n]`, next to the solution: the barrier parameter begins small, and the start stays as close to its bounds as it is.
     pub fn solve_close(&mut self, p: &mut dyn Mpcc, bounds: &Bounds, x0: &[f64], control: &mut Control) -> &Solution {
-        let mu = std::mem::replace(&mut self.settings.mu_init, super::search::CLOSE);
-        let push = std::mem::replace(&mut self.ipm.settings_mut().bound_push, super::search::CLOSE);
-        self.solve_with(p, bounds, x0, control, &mut NoProposals);
-        self.settings.mu_init = mu;
-        self.ipm.settings_mut().bound_push = push;
+        self.close(|s, mu| {
+            let usual = std::mem::replace(&mut s.settings.mu_init, mu);
+            s.solve_with(p, bounds, x0, control, &mut NoProposals);
+            s.settings.mu_init = usual;
+        });
         &self.solution
     }
 

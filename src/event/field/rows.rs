@@ -248,7 +248,6 @@ impl Field {
             filled.rows.compress(&filled.full, self.n_z);
             return Ok(());
         }
-        self.find_still();
         if self.asks_for_weights() {
             self.hidden(t, x)?;
             filled.velocity.resize(self.nx, 0.0);

@@ -172,11 +172,10 @@ impl Ocp {
 
 /// The end of a descent from `z`, or from the nearest point that meets the constraints where that is asked for; `None` where nothing is
 /// simulated, there is nothing to vary, or too much.
-fn lowest(shooting: &mut Shooting, z: Vec<f64>, restore: bool) -> Result<Option<Lowest>> {
+fn lowest(shooting: &mut Shooting, mut z: Vec<f64>, restore: bool) -> Result<Option<Lowest>> {
     if !(1..=VARIABLES).contains(&shooting.n()) {
         return Ok(None);
     }
-    let mut z = z;
     let found = match if restore { sqp::restore(shooting, &z) } else { Ok(None) } {
         Ok(restored) => {
             z = restored.unwrap_or(z);

@@ -208,15 +208,8 @@ struct Moves {
     /// Gradient of the surface in states and in controls.
     normal: Vec<f64>,
     controls: Vec<f64>,
-    /// Speed towards the surface before the switch.
-    speed: f64,
-}
-
-impl Moves {
-    /// By how much less a force at the switch feels the distance from the surface, for its power along the motion before the switch.
-    fn share(&self, force: &[f64], rate: &[f64]) -> f64 {
-        dot(force, rate) / self.speed
-    }
+    /// As that of a [`Crossing`]: the speed is that before the switch.
+    arrival: Vec<f64>,
 }
 
 /// An end of a stage without its margin.
@@ -317,6 +310,9 @@ struct Judge<'a> {
     engine: Engine,
     dcs: Dcs,
     w: &'a [f64],
+    /// What constraints that hold all the time add to the derivatives by these, see [`Fesd::along_gradient`]: where they act at a switch they
+    /// go with it.
+    along: &'a [f64],
     /// The state of an answer that every state of the simulation is; the cost is none.
     places: Vec<Option<usize>>,
     /// Ranges of the states of the simulation.
@@ -355,8 +351,6 @@ struct End {
 /// What acts from outside the dynamics, see [`Fesd::outer_gradient`].
 struct Outer {
     gradient: Vec<f64>,
-    /// The part of constraints that hold all the time, see [`Fesd::along_gradient`]: where they act at a switch they go with it.
-    along: Vec<f64>,
     ends: Vec<End>,
     /// The state that is the time.
     clock: Option<usize>,
@@ -426,11 +420,12 @@ impl Ocp {
             let high = if at(u) { f64::INFINITY } else { -y[row].min(0.0) };
             (low < high).then_some(End { gradient, range: [low, high] })
         });
-        let outer = Outer { gradient, along, ends: ends.collect(), clock: b.problem.spec().dcs.clock() };
+        let outer = Outer { gradient, ends: ends.collect(), clock: b.problem.spec().dcs.clock() };
         let mut judge = Judge {
             engine: Engine::new(&system, &options)?,
             dcs,
             w: &w,
+            along: &along,
             // the simulation itself is no better than its tolerance
             ranges: extents.iter().map(|e| e.range).collect(),
             horizon: r.durations.iter().sum(),

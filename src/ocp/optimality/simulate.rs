@@ -9,6 +9,7 @@ use crate::fesd::StatePoint;
 use crate::func::Point;
 use crate::stop;
 use crate::system::SharedFunction;
+use std::ops::Range;
 
 /// How often the time behind which a velocity is taken is shortened, each time to a tenth.
 const SHORTER: usize = 4;
@@ -28,6 +29,14 @@ fn peak([here, there, back, on]: [&[f64]; 4], speed: impl Fn(&[f64]) -> f64) -> 
         let second = change(back, on, beyond / (v * -returns));
         first.iter().zip(&second).map(|(a, b)| a + b).collect()
     })
+}
+
+/// The region of a simplex that is left, or one that stays, and one that is entered between the active regions `a` and `b`; none where none is
+/// entered.
+fn change(cells: &Range<usize>, a: &[bool], b: &[bool]) -> Option<(usize, usize)> {
+    let to = cells.clone().find(|&c| b[c] && !a[c])?;
+    let from = cells.clone().find(|&c| a[c] && !b[c]).or_else(|| cells.clone().find(|&c| a[c]))?;
+    Some((from, to))
 }
 
 /// A state on the surface between two regions: its point and time, the region it is in and the one beyond, and the size of distances from the
@@ -155,8 +164,8 @@ impl Judge<'_> {
         for (i, p) in inner.iter().enumerate() {
             let (x, here) = (self.engine.state().to_vec(), self.engine.time());
             let (mut to, margin) = (t0 + length * p.share.clamp(share, 1.0 - share), length * share);
-            let ends = i + 1 == inner.len();
-            let switch = if ends { None } else { self.switch_near(k, (here, &x), [to - margin, to + margin])? };
+            let acts = i + 1 < inner.len() && self.places.iter().flatten().any(|i| self.along[p.at + i] != 0.0);
+            let switch = if acts { self.switch_near(k, (here, &x), [to - margin, to + margin])? } else { None };
             if switch.is_some() {
                 to -= margin;
             }
@@ -168,7 +177,8 @@ impl Judge<'_> {
             let rate = if to > here { self.engine.derivative() } else { &start.rate };
             let moves = switch.and_then(|s: Surface| {
                 let speed = self.speed_towards(&s.normal, s.moves, rate);
-                (speed > 0.0).then_some(Moves { normal: s.normal, controls: s.controls, speed })
+                let arrival = || rate.iter().map(|f| f / speed).collect();
+                (speed > 0.0).then(|| Moves { normal: s.normal, controls: s.controls, arrival: arrival() })
             });
             pieces.push(Piece { s: s.to_vec(), rate: rate.to_vec(), at: *p, moves });
         }
@@ -181,28 +191,28 @@ impl Judge<'_> {
             return Ok(None);
         }
         self.start(here, x, k, k)?;
-        let mut regions = [(); 2].map(|()| vec![false; self.dcs.n_cells()]);
+        let mut regions = [Vec::new(), Vec::new()];
         for (end, regions) in ends.into_iter().zip(&mut regions) {
             if !self.advance(end)? {
                 return Ok(None);
             }
-            self.engine.cells_of_step().for_each(|c| regions[c] = true);
+            *regions = self.regions();
         }
         let [a, b] = &regions;
-        let Some(cells) =
-            self.dcs.form().simplices.iter().find(|cells| (*cells).clone().any(|c| b[c] && !a[c])).cloned()
-        else {
-            return Ok(None);
-        };
-        let to = cells.clone().find(|&c| b[c] && !a[c]);
-        let from = cells.clone().find(|&c| a[c] && !b[c]).or_else(|| cells.clone().find(|&c| a[c]));
+        let changed = self.dcs.form().simplices.iter().find_map(|cells| change(cells, a, b));
         let (t, x) = (self.engine.time(), self.engine.state());
-        Ok(from.zip(to).and_then(|(from, to)| self.surface(from, to, t, x, k)))
+        Ok(changed.and_then(|(from, to)| self.surface(from, to, t, x, k)))
+    }
+
+    /// The regions of the last step.
+    fn regions(&self) -> Vec<bool> {
+        let mut regions = vec![false; self.dcs.n_cells()];
+        self.engine.cells_of_step().for_each(|c| regions[c] = true);
+        regions
     }
 
     pub(super) fn edge(&self) -> Edge {
-        let mut regions = vec![false; self.dcs.n_cells()];
-        self.engine.cells_of_step().for_each(|c| regions[c] = true);
+        let regions = self.regions();
         let (x, rate) = (self.engine.state().to_vec(), self.engine.derivative().to_vec());
         Edge { t: self.engine.time(), x, rate, regions }
     }
@@ -414,10 +424,7 @@ impl Judge<'_> {
         let mut out = Vec::new();
         for cells in simplices {
             let (a, b) = (&before.end.regions, &behind.start.regions);
-            let Some(to) = cells.clone().find(|&c| b[c] && !a[c]) else { continue };
-            let Some(from) = cells.clone().find(|&c| a[c] && !b[c]).or_else(|| cells.clone().find(|&c| a[c])) else {
-                continue;
-            };
+            let Some((from, to)) = change(&cells, a, b) else { continue };
             let surface = self.surface(from, to, before.end.t, &before.end.x, k - 1);
             let Some(Surface { normal, controls, moves }) = surface else { continue };
             if normal.iter().all(|n| *n == 0.0) && moves == 0.0 || self.controls_choose(k, (from, to), &before.end) {

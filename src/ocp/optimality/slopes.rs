@@ -145,21 +145,22 @@ impl Judge<'_> {
             for (m, piece) in leg.pieces.iter().enumerate().rev() {
                 let mut force: Vec<Vec<f64>> =
                     (0..columns.len()).map(|c| self.force(outer, c, kinks.len(), piece)).collect();
-                for (c, force) in force.iter_mut().enumerate() {
-                    let Some(moves) = &piece.moves else { continue };
-                    let share = moves.share(force, &piece.rate);
-                    force.iter_mut().zip(&moves.normal).for_each(|(f, n)| *f -= share * n);
+                if let Some(moves) = &piece.moves {
                     let own = &mut q.controls[k * self.n_u..(k + 1) * self.n_u];
-                    own.iter_mut().zip(&moves.controls).for_each(|(u, n)| u.add(c, -share * n));
+                    for (c, force) in force.iter_mut().enumerate() {
+                        let share = dot(&moves.arrival, force);
+                        force.iter_mut().zip(&moves.normal).for_each(|(f, n)| *f -= share * n);
+                        own.iter_mut().zip(&moves.controls).for_each(|(u, n)| u.add(c, -share * n));
+                    }
                 }
                 for (i, b) in kinks.iter().enumerate() {
                     if matches!(b.kind, Kind::Touch { at, .. } if at == piece.at.at) {
                         pass(&mut columns, i, b, &mut sides[i]);
                     }
                 }
-                if m + 1 == leg.pieces.len() {
-                    let along: Vec<f64> =
-                        self.places.iter().map(|p| p.map_or(0.0, |i| outer.along[piece.at.at + i])).collect();
+                let end = m + 1 == leg.pieces.len();
+                if end {
+                    let along = self.at_point(self.along, piece);
                     for (b, sides) in kinks.iter().zip(&mut sides).filter(|(b, _)| b.stage == k + 1) {
                         for (side, arrival) in sides.iter_mut().zip(b.arrivals()) {
                             side.iter_mut().zip(arrival).for_each(|(s, a)| s[0] -= dot(a, &along));
@@ -168,7 +169,6 @@ impl Judge<'_> {
                 }
                 columns.iter_mut().zip(&force).for_each(|(l, f)| l.iter_mut().zip(f).for_each(|(l, f)| *l += f));
                 let late = outer.clock.map_or(0.0, |c| outer.gradient[piece.at.at + c]);
-                let end = m + 1 == leg.pieces.len();
                 if let Some((length, share)) = q.length(k) {
                     for (c, (column, force)) in columns.iter().zip(&force).enumerate() {
                         let (moved, part) = if end { (column, 1.0) } else { (force, piece.at.share) };
@@ -213,6 +213,11 @@ impl Judge<'_> {
             None if column == 0 => &outer.gradient,
             None => return vec![0.0; self.n()],
         };
+        self.at_point(gradient, piece)
+    }
+
+    /// What of a gradient in the variables of the answer belongs to the states of the simulation at the end of a piece.
+    fn at_point(&self, gradient: &[f64], piece: &Piece) -> Vec<f64> {
         self.places.iter().map(|p| p.map_or(0.0, |i| gradient[piece.at.at + i])).collect()
     }
 }
