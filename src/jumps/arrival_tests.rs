@@ -70,7 +70,7 @@ fn guess(p: &Problem) -> Track {
 fn contacts_that_are_hit_close_before_it() {
     for (e, behind) in [(0.0, CLOSED), (0.5, OPEN)] {
         let p = corner(e, START);
-        let limits = Limits { patience: 200, cost: f64::INFINITY, exact_rows: false, close: false };
+        let limits = Limits::of_patience(200);
         let (held, settings) = (Held::default(), MpccSettings::default());
         let s = sequence(behind);
         let (a, _) =

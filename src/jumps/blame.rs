@@ -31,7 +31,7 @@ pub(super) fn blame(
     control: &mut Control,
 ) -> Result<Option<Blame>> {
     let settings = MpccSettings { max_iter: settings.max_iter.min(ITERATIONS), certify: false, ..settings };
-    let limits = Limits { patience: PATIENCE, cost: f64::INFINITY, exact_rows: false, close: false };
+    let limits = Limits::of_patience(PATIENCE);
     let mut is_solved = |s: &Sequence, held: &Held| -> Result<bool> {
         if stop::requested().is_some() {
             return Ok(false);

@@ -69,7 +69,7 @@ fn bounces_that_begin_with(share: f64) {
     };
     let guess =
         Track { tableau: p.given().tableau.clone(), nx: 4, pieces: vec![rest], controls: vec![0.0], free: Vec::new() };
-    let limits = Limits { patience: 200, cost: f64::INFINITY, exact_rows: false, close: false };
+    let limits = Limits::of_patience(200);
     let (held, settings) = (Held::default(), MpccSettings::default());
     let (a, _) = solve_sequence(&p, &s, &guess, &held, None, settings, limits, &mut Control::default()).unwrap();
     assert!(

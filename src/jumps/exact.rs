@@ -34,6 +34,13 @@ pub(super) struct Limits {
     pub(super) close: bool,
 }
 
+impl Limits {
+    /// Of a program that nothing is known of but this patience.
+    pub(super) fn of_patience(patience: usize) -> Limits {
+        Limits { patience, cost: f64::INFINITY, exact_rows: false, close: false }
+    }
+}
+
 /// How often a motion with bodies that overlap between the points of its program is solved for again, with their gaps held there.
 const WITNESSED: usize = 3;
 
@@ -315,8 +322,7 @@ mod tests {
     /// The iterations after which a program is given up whose violation is `of(k)` at iteration `k`, all of them behind steps of length
     /// `alpha` and at the barrier parameter `mu`; at most `most`.
     fn given_up_after(of: impl Fn(usize) -> f64, (alpha, mu): (f64, f64), most: usize) -> usize {
-        let mut p =
-            Prospects::new(Limits { patience: 1000, cost: f64::INFINITY, exact_rows: false, close: false }, 1e-9);
+        let mut p = Prospects::new(Limits::of_patience(1000), 1e-9);
         let info = |k: usize| IterationInfo {
             iter: k,
             inf_pr: of(k),
