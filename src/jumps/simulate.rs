@@ -317,7 +317,7 @@ pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Re
             // an impact at the end of the stage: the answer has the state before it there
             path.eval(s.times[k + 1], 0, &mut x)?;
         }
-        differences.extend(off_at_end(a, k, &x));
+        differences.extend(off_at_end(a, k, &s, s.times[k + 1], &x)?);
     }
     let cost = s.cost(p, inputs)?;
     let changes = s.run.phases.windows(2).filter(|w| w[0].modes != w[1].modes).count();
@@ -332,13 +332,27 @@ pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Re
     })
 }
 
-/// Largest difference of a simulated state at the end of control stage `k` from that of an answer; `None` where that has no such stage. An
-/// impact at the end of the stage may be before the end in the simulation or behind it.
-fn off_at_end(a: &super::Answer, k: usize, x: &[f64]) -> Option<f64> {
-    let last = a.track.pieces.iter().rev().find(|q| q.stage == k)?;
-    let from = |end: &[f64]| x.iter().zip(end).fold(0.0, |m: f64, (x, y)| m.max((x - y).abs()));
+/// Share of a control stage that an impact at its end may be before it in a simulation, which has the time of the impact to its own tolerance.
+const ASIDE: f64 = 1e-3;
+
+/// Largest difference of a simulation, with the state `x` at `end`, from an answer at the end of its control stage `k`; `None` where that has no such
+/// stage. An impact at the end of the stage may be before the end in the simulation or behind it, and so may one that the answer does not have, as
+/// its horizon ends where bodies meet.
+fn off_at_end(a: &super::Answer, k: usize, s: &Simulated, end: f64, x: &[f64]) -> Result<Option<f64>> {
+    let Some(last) = a.track.pieces.iter().rev().find(|q| q.stage == k) else { return Ok(None) };
+    let own = &last.xs[last.xs.len() - x.len()..];
+    let from = |x: &[f64], end: &[f64]| x.iter().zip(end).fold(0.0, |m: f64, (x, y)| m.max((x - y).abs()));
     let behind = a.track.pieces.iter().find(|q| q.stage == k + 1 && q.jump.is_some() && q.t <= last.t + last.h);
-    Some(behind.map_or(f64::INFINITY, |q| from(&q.x0)).min(from(&last.xs[last.xs.len() - x.len()..])))
+    let mut off = behind.map_or(f64::INFINITY, |q| from(x, &q.x0)).min(from(x, own));
+    let length: f64 = a.track.pieces.iter().filter(|q| q.stage == k).map(|q| q.h).sum();
+    let mut before = vec![0.0; x.len()];
+    for impact in s.run.impacts.iter().filter(|i| (0.0..=ASIDE * length).contains(&(end - i.t))) {
+        if let Some(path) = &s.run.path {
+            path.eval(impact.t, 0, &mut before)?;
+            off = off.min(from(&before, own));
+        }
+    }
+    Ok(Some(off))
 }
 
 /// What becomes of an answer whose control stages are simulated one by one, each from the state of the answer at its start. Differences of a whole
@@ -379,7 +393,11 @@ pub(super) fn replay_stages(p: &Problem, a: &super::Answer, durations: &[f64], t
             Err(e @ (Error::Interrupted | Error::OutOfTime)) => return Err(e),
             run => run.unwrap_or(None),
         };
-        off.push(run.as_ref().and_then(|r| off_at_end(a, k, &r.run.x)).unwrap_or(f64::INFINITY));
+        let difference = match &run {
+            Some(r) => off_at_end(a, k, r, t, &r.run.x)?,
+            None => None,
+        };
+        off.push(difference.unwrap_or(f64::INFINITY));
         match run.and_then(|r| r.stage(p, a.controls(), (k, FINER), [start, t]).ok()) {
             Some(mut simulated) => {
                 // the simulation begins behind the impact

@@ -204,6 +204,20 @@ def test_the_replay_knows_the_side_of_an_impact_at_the_end_of_a_stage():
     assert r.success and r.accuracy.worst < 1e-6
 
 
+@pytest.mark.parametrize(("e", "drag", "stages"), [(0.0, 0.7, 6), (0.5, 0.7, 11)])
+def test_a_motion_may_end_where_bodies_meet(e, drag, stages):
+    # the simulation is at the wall a little before the end, or not yet there: its velocity behind the impact is none to compare with
+    s = swb.Scene("x", u="f", name="wall")
+    x, v = s.q[0], s.v[0]
+    s.force([s.u[0] - drag * v**3 + swb.sin(3 * x)])
+    s.contact("wall", gap=1 - x, e=e)
+    ocp = swb.Ocp(s, 1.0, stages, n_s=2, n_fe=1, initial_state=[0, 0], control_bounds=(-10, 10))
+    ocp.set_lagrange(s.function(s.u[0] ** 2))
+    ocp.add_terminal(s.function([x]), [1], [1])
+    r = ocp.solve()
+    assert r.success and r.accuracy.worst < 2e-3 and not r.message
+
+
 # of those of the paddle number 0 takes time stepping to its end, number 7 shots whose misses are measured by the motion that is known
 DEAR = [("stacked_blocks", 1), ("stacked_blocks", 2), ("paddle", 0), ("paddle", 1), ("paddle", 3), ("paddle", 7)]
 
