@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::exact::{solve_sequence, Limits};
 use super::modal::Held;
-use super::modes::{ContactMode, Phase, Sequence, SHORTEST};
+use super::modes::{ContactMode, Phase, Sequence, LEAST, SHORTEST};
 use super::problem::{Problem, Statement};
 use super::simulate::{simulate, simulate_with, Effort, Inputs, Simulated};
 use super::track::{Piece, Track};
@@ -86,6 +86,11 @@ fn bounces_that_begin_with(share: f64) {
         let h = a.track.pieces[k].h;
         assert!((h - exact).abs() < 1e-7 * exact, "bounce {k}: {h} instead of {exact}");
     }
+    // sequences next to it begin with its lengths as shares of the stage, which takes two seconds, and with no less than the least
+    let shares = |k: usize| a.sequence.stages[0][k].share / a.sequence.stages[0][0].share;
+    let last = RESTITUTION.powi(BOUNCES as i32);
+    assert!(last * fall < LEAST && (shares(BOUNCES) - LEAST * 2.0 / fall).abs() < 1e-9, "{}", shares(BOUNCES));
+    assert!((shares(1) - 2.0 * RESTITUTION).abs() < 1e-7, "{}", shares(1));
 }
 
 /// A simulation that may have few events ends at the one that is too many.

@@ -118,8 +118,9 @@ pub(super) fn solve_sequence(
     let planned = sequence.clone();
     let mut sequence = sequence.clone();
     for (stage, lengths) in sequence.stages.iter_mut().zip(&lengths) {
+        let whole: f64 = lengths.iter().sum();
         for (phase, length) in stage.iter_mut().zip(lengths) {
-            phase.share = *length;
+            phase.share = if whole > 0.0 { length / whole } else { 1.0 };
         }
     }
     sequence.tidy();

@@ -561,10 +561,15 @@ pub(super) fn phase_lengths(p: &Problem, s: &Sequence, found: &Track) -> Vec<Vec
 
 /// Phases that are as short as they may be at a solution: those that want to vanish. In pairs of stage and place in it.
 pub(super) fn vanishing(lengths: &[Vec<f64>]) -> Vec<(usize, usize)> {
+    shorter(lengths, 2.0 * SHORTEST)
+}
+
+/// Phases shorter than a share of their stage that are not all of it.
+pub(super) fn shorter(lengths: &[Vec<f64>], share: f64) -> Vec<(usize, usize)> {
     let mut out = Vec::new();
     for (k, stage) in lengths.iter().enumerate() {
         let whole: f64 = stage.iter().sum();
-        let short = |i: &usize| stage.len() > 1 && stage[*i] < 2.0 * SHORTEST * whole;
+        let short = |i: &usize| stage.len() > 1 && stage[*i] < share * whole;
         out.extend((0..stage.len()).filter(short).map(|i| (k, i)));
     }
     out

@@ -62,7 +62,7 @@ pub type Key = Vec<Vec<(Vec<ContactMode>, Option<Vec<ContactMode>>)>>;
 pub(super) type Event = (usize, ContactMode, ContactMode, ContactMode, usize, bool);
 
 /// Shares of a stage below which a phase starts with this length: one of no length has no equations that say something.
-const LEAST: f64 = 0.02;
+pub(super) const LEAST: f64 = 0.02;
 
 /// Shortest phase, as a share of its control stage. One that gets there wants to vanish: another sequence is to be tried.
 pub(super) const SHORTEST: f64 = 1e-4;
@@ -100,8 +100,24 @@ impl Sequence {
         self.stages.iter().map(Vec::len).sum()
     }
 
-    /// Unites neighbours inside a stage that are one phase, and makes shares add up to one, none of them tiny.
+    /// Leaves impacts out in which only contacts take part that were closed before: their velocities have nothing to jump from, and with nothing
+    /// that happens in it the time of such an impact is any.
+    fn leave_idle_impacts_out(&mut self) {
+        let mut before: Option<Vec<ContactMode>> = None;
+        for phase in self.stages.iter_mut().flatten() {
+            if let (Some(before), Some(parts)) = (&before, &phase.jump) {
+                if parts.iter().zip(before).all(|(part, mode)| !part.is_closed() || mode.is_closed()) {
+                    phase.jump = None;
+                }
+            }
+            before = Some(phase.modes.clone());
+        }
+    }
+
+    /// Leaves impacts out in which nothing happens, unites neighbours inside a stage that are one phase, and makes shares add up to one, none of
+    /// them tiny.
     pub fn tidy(&mut self) {
+        self.leave_idle_impacts_out();
         for stage in &mut self.stages {
             let mut k = 1;
             while k < stage.len() {
@@ -192,5 +208,31 @@ mod tests {
         assert!((s.stages[0][0].share - 0.8).abs() < 1e-15);
         assert!(Sequence::is_event(&s.stages[0][0], &s.stages[0][1]));
         assert_eq!(s.text(&["floor".into()]), "stage 0: free; stage 0: impact (floor closed), then floor closed");
+    }
+
+    #[test]
+    fn impacts_of_what_is_closed_before_are_left_out() {
+        use ContactMode::{Closed, Open, Slides};
+        let phase = |modes: [ContactMode; 2], jump: Option<[ContactMode; 2]>| Phase {
+            modes: modes.to_vec(),
+            jump: jump.map(|j| j.to_vec()),
+            share: 0.5,
+        };
+        let slides = phase([Slides, Open], None);
+        // inside of a stage the phases on both sides are one then, and between two there is no event
+        let idle = phase([Slides, Open], Some([Slides, Open]));
+        let mut s = Sequence { stages: vec![vec![slides.clone(), idle.clone()], vec![idle]] };
+        s.tidy();
+        let whole = Phase { share: 1.0, ..slides.clone() };
+        assert_eq!(s.stages, vec![vec![whole.clone()], vec![whole]]);
+        // a contact that lands takes those along that hold against it, and what is hit at the start was not closed by anything
+        let lands = phase([Slides, Closed], Some([Slides, Closed]));
+        let bounces = phase([Slides, Open], Some([Slides, Closed]));
+        for start in [lands.clone(), bounces, slides] {
+            let kept = Sequence { stages: vec![vec![start], vec![phase([Open, Open], None), lands.clone()]] };
+            let mut s = kept.clone();
+            s.tidy();
+            assert_eq!(s.key(), kept.key());
+        }
     }
 }

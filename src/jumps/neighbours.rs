@@ -2,7 +2,7 @@
 //! left out, impacts put in.
 
 use super::guards::{Condition, Touched};
-use super::modes::{ContactMode, Phase, Sequence};
+use super::modes::{ContactMode, Phase, Sequence, LEAST};
 
 /// Share of a stage that a phase begins with where an event moves into the stage.
 const ENTERS: f64 = 0.1;
@@ -483,7 +483,10 @@ pub(super) fn neighbours(
     }
     for i in 0..items.len() {
         if !wants[i] && (is_event(&items, i) || is_event(&items, i + 1)) {
-            without(&items, i).into_iter().for_each(|m| add(m, Move::Without(i), false, false, OTHER));
+            // a motion without a phase that is next to nothing of its stage is next to the present one
+            let short = items[i].phase.share <= LEAST;
+            let class = if short { BETWEEN } else { OTHER };
+            without(&items, i).into_iter().for_each(|m| add(m, Move::Without(i), false, short, class));
         }
         for c in (0..frictional.len()).filter(|&c| reached(i, c, Condition::Force)) {
             opening(&items, i, c).into_iter().for_each(|m| add(m, Move::Opens(i, c), false, true, BETWEEN));
@@ -687,6 +690,21 @@ mod tests {
         let jumps: Vec<_> =
             without(&flat(&s), 0).into_iter().map(|items| items[0].phase.jump.clone().unwrap()).collect();
         assert_eq!(jumps, [vec![CLOSED, CLOSED], vec![CLOSED, OPEN], vec![OPEN, CLOSED]]);
+    }
+
+    #[test]
+    fn motions_without_a_phase_that_is_next_to_nothing_are_next_to_the_present_one() {
+        let with = |share: f64| {
+            let hop = Phase { share, ..phase(OPEN, false) };
+            let mut s = Sequence { stages: vec![vec![phase(CLOSED, false), hop, phase(CLOSED, true)]] };
+            s.tidy();
+            let near = neighbours(&s, &[], &[], &[false], false);
+            let found: Vec<Neighbour> = near.into_iter().filter(|n| n.moved == Move::Without(1)).collect();
+            assert!(found.iter().all(|n| n.sequence.n_phases() == 1 && n.sequence.events().is_empty()));
+            found.iter().map(|n| n.local).collect::<Vec<_>>()
+        };
+        assert_eq!(with(0.1 * LEAST), [true]);
+        assert_eq!(with(5.0 * LEAST), [false]);
     }
 
     #[test]

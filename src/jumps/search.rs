@@ -8,7 +8,7 @@ use super::blame::{blame, Blame};
 use super::exact::{solve_sequence, without_overlap, Limits, Solved};
 use super::guards::{Condition, Touched};
 use super::modal::{self, Held};
-use super::modes::{ContactMode, Event, Key, Sequence};
+use super::modes::{ContactMode, Event, Key, Sequence, LEAST};
 use super::neighbours::{in_turn, neighbours, with_impact, Move, Neighbour};
 use super::problem::Problem;
 use super::shots::{cheaper, missed, simulation, Missed};
@@ -298,6 +298,9 @@ pub(super) fn solve_again(
     let mut s = Search { most_effort: most, refines: true, close: true, ..Search::new(p, options) };
     s.attempt(sequence, motion, NEAR_ITERATIONS, control)?;
     s.close = false;
+    if !s.is_solved() {
+        s.attempt_without_short_phases(control)?;
+    }
     if !s.is_solved() {
         s.round += 1;
         s.attempt(sequence, motion, NEAR_ITERATIONS, control)?;
@@ -622,6 +625,22 @@ impl<'a> Search<'a> {
         }
         self.failure = failure;
         Ok(better)
+    }
+
+    /// Solves for the sequences without the short phases of the best motion, which is none of a solution: a contact that opens where its force is
+    /// nearly zero and lands at once has a cost that next to nothing says when, and on a fine grid its program has no end.
+    fn attempt_without_short_phases(&mut self, control: &mut Control) -> Result<()> {
+        let Some((best, _)) = &self.best else { return Ok(()) };
+        let (planned, track) = (best.planned.clone(), best.track.clone());
+        let short = modal::shorter(&modal::phase_lengths(self.p, &planned, &track), LEAST);
+        let near = neighbours(&planned, &short, &[], &self.frictional(), false);
+        for way in near.into_iter().filter(|n| n.wanted).take(WAYS) {
+            if self.is_solved() || self.is_over() {
+                break;
+            }
+            self.attempt_from(&way.sequence, &track, None, NEAR_ITERATIONS, control)?;
+        }
+        Ok(())
     }
 
     fn frictional(&self) -> Vec<bool> {
