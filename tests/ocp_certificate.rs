@@ -405,3 +405,52 @@ fn a_bound_that_acts_at_a_kink_goes_with_it() {
         assert!(k.before > 0.0 && k.after > 0.0, "{k:?}");
     }
 }
+
+/// A vehicle that passes a swamp as close as it can: the controls lead past it, with a distance that is stated, and it is known that neither
+/// further away nor closer costs less. Without the distance their simulation enters, and ends elsewhere.
+#[test]
+fn what_touches_a_surface_keeps_a_distance_that_its_controls_lead_past() {
+    let g = Graph::new();
+    let (x, y, vx, vy, a, b) = (g.x(0), g.x(1), g.x(2), g.x(3), g.u(0), g.u(1));
+    let from = (x - 1.0) * (x - 1.0) + (y + 0.1) * (y + 0.1);
+    let drag = (0.16 - from).gt(0.0).select(3.0, 0.1);
+    let system = Model::from_rhs("vehicle", 2, 0, &[vx, vy, a - drag * vx, b - drag * vy]);
+    let system = system.and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 4, u: 2, p: 0 };
+    for n_stages in [8, 10] {
+        let mut o = Ocp::new(&system, 4.0, n_stages, &Settings { n_s: 2, n_fe: 3, ..Settings::default() }).unwrap();
+        o.set_x0(&[0.0; 4]).unwrap();
+        o.set_u_bounds(&[-2.0; 2], &[2.0; 2]).unwrap();
+        o.set_lagrange(function(&g, d, &[a * a + b * b])).unwrap();
+        o.add_terminal(function(&g, d, &[x, y, vx, vy]), &[2.0, 0.0, 0.0, 0.0], &[2.0, 0.0, 0.0, 0.0]).unwrap();
+        let (r, o) = solve(&mut o);
+        let simulated = r.accuracy.as_ref().unwrap();
+        assert!(simulated.n_switches == 0 && simulated.terminal < 1e-6, "{simulated:?}");
+        assert!(matches!(o.verdict, Verdict::Kink) && o.residual < 1e-6, "{o:?}");
+        assert!(o.kinks.iter().all(|k| k.touch), "{o:?}");
+        let closest = r.trajectory.elements.iter().map(|e| (e.x1[0] - 1.0).hypot(e.x1[1] + 0.1) - 0.4);
+        let closest = closest.fold(f64::INFINITY, f64::min);
+        assert!(closest > 0.0 && closest < 1e-4, "{closest}");
+    }
+}
+
+/// The same where the state is held just off a surface for several stages, by controls that leave it there.
+#[test]
+fn what_is_held_at_a_threshold_is_held_before_it() {
+    let g = Graph::new();
+    let (t, e, u) = (g.x(0), g.x(1), g.u(0));
+    let rhs = [u - 0.4 * t, u - 0.3 * e, (e - 0.6).gt(0.0).select(1.0, 0.0)];
+    let system = Model::from_rhs("demand charge", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 3, u: 1, p: 0 };
+    let mut o = Ocp::new(&system, 6.0, 12, &Settings { n_s: 2, n_fe: 3, ..Settings::default() }).unwrap();
+    o.set_x0(&[0.2, 0.0, 0.0]).unwrap();
+    o.set_u_bounds(&[0.0], &[1.0]).unwrap();
+    o.set_lagrange(function(&g, d, &[(t - 1.0) * (t - 1.0) + 0.05 * u * u])).unwrap();
+    o.set_mayer(function(&g, d, &[g.x(2)])).unwrap();
+    let (r, o) = solve(&mut o);
+    // of 2.475 where the threshold is passed at once
+    assert!((r.cost - 1.267_48).abs() < 5e-5, "{}", r.cost);
+    assert!(r.accuracy.as_ref().unwrap().terminal < 1e-6 && o.verdict == Verdict::Kink, "{o:?}");
+    let held = r.trajectory.elements.iter().filter(|e| (0.0..1e-4).contains(&(0.6 - e.x1[1]))).count();
+    assert!(held > 12, "{held}");
+}

@@ -233,13 +233,13 @@ impl Fesd {
                 c[row] = w[hv] - factor * share * w[v];
             }
         }
-        for p in l.elements.windows(2) {
+        for (i, p) in l.elements.windows(2).enumerate() {
             if let (Some(row), Some(shape)) = (p[1].row_eta, l.eta) {
                 self.load_eta(&p[0], &p[1], w, local);
                 c[row] = eta::value(shape, l.n_cells, local);
             }
             if let Some(row) = p[1].row_equal {
-                c[row] = self.h_of(&p[1], w) - self.h_of(&p[0], w);
+                c[row] = self.h_of(&p[1], w) - self.ratio(i + 1) * self.h_of(&p[0], w);
             }
         }
         for (call, row) in self.constraint_calls() {
@@ -498,7 +498,7 @@ impl Fesd {
                 }
             }
         }
-        for p in l.elements.windows(2) {
+        for (i, p) in l.elements.windows(2).enumerate() {
             if let (Some(row), Some(shape)) = (p[1].row_eta, l.eta) {
                 self.load_eta(&p[0], &p[1], w, local);
                 for k in 0..local.len() {
@@ -507,7 +507,7 @@ impl Fesd {
             }
             if let (Some(row), Some(a), Some(b)) = (p[1].row_equal, p[0].h, p[1].h) {
                 s.add(row, b, 1.0);
-                s.add(row, a, -1.0);
+                s.add(row, a, -self.ratio(i + 1));
             }
         }
         for (call, row) in self.constraint_calls() {

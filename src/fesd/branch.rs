@@ -597,5 +597,6 @@ impl Mpcc for Fesd {
                 (true, _) => {}
             }
         }
+        self.keep_clear(sides, b);
     }
 }

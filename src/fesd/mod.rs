@@ -23,6 +23,7 @@ mod adopt;
 mod assemble;
 mod branch;
 mod calls;
+mod clearance;
 mod consistent;
 mod eta;
 mod hessian;
@@ -37,6 +38,7 @@ mod start;
 mod trajectory;
 
 pub use branch::{Exit, Violation};
+pub use clearance::{Clearance, Piece};
 pub use layout::{Boundary, Durations, Options, PathAt, PathConstraint, PathPairs, Spec, Terminal};
 pub use outer::StatePoint;
 pub use places::{Part, Place, Role, RowMeaning, Trouble, VariableMeaning};

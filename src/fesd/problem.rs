@@ -6,6 +6,7 @@ use super::assemble::{first_weights, slope_weights, Recorder, Writer};
 use super::branch::Exit;
 use super::calls::Builder;
 pub(super) use super::calls::Call;
+use super::clearance::Clearance;
 use super::eta;
 use super::layout::{Durations, ElementIndex, Layout, PathAt, Spec, StartIndex};
 use super::places::{Note, Part};
@@ -99,6 +100,8 @@ pub struct Fesd {
     pub(super) durations: Vec<f64>,
     pub(super) polishing: bool,
     pub(super) exit: Exit,
+    /// What branch problems keep clear of.
+    pub(super) clearance: Option<Clearance>,
     /// Weights of the stage values in the value at the end of an element.
     pub(super) end_weights: Vec<f64>,
     pub(super) scratch: Scratch,
@@ -250,6 +253,7 @@ impl Fesd {
             durations: vec![duration; spec.n_stages()],
             polishing: false,
             exit: Exit::Slope,
+            clearance: None,
             end_weights: tableau.boundary_weights().unwrap_or_default(),
             scratch: Scratch { f: vec![0.0; l.nx], local: vec![0.0; eta::n_local(l.n_cells)] },
             evaluations: 0,

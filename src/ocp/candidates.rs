@@ -1,6 +1,7 @@
 //! Exact answers of a search. The cheapest one counts, unless its own controls lead elsewhere: where a solution is not unique, on a
 //! surface that both sides lead away from, a program picks the continuation that costs least, and nothing else does.
 
+use super::accuracy::Accuracy;
 use super::optimality::Verdict;
 use super::request::{Comparison, Request};
 use super::{Ocp, OcpResult};
@@ -22,6 +23,8 @@ pub(super) struct Candidates {
     pub spare: Option<Box<Ocp>>,
     /// What a descent on simulations says of the best one, where its derivatives alone do not.
     pub still: Option<Verdict>,
+    /// What a best answer costs that no distance from surfaces leads away from: it is not tried again.
+    pub astray: Option<f64>,
     /// Several ways led to the best one, and it costs what the smoothed problem promised.
     pub agreed: bool,
     /// Answers of smoothed problems whose mode programs have none.
@@ -37,7 +40,7 @@ pub(super) struct Candidates {
 
 /// Cost of an answer, infinite where there is none.
 pub(super) fn cost_of(one: &Option<Box<Ocp>>) -> f64 {
-    one.as_ref().and_then(|b| b.result.as_ref()).map_or(f64::INFINITY, |r| r.cost)
+    one.as_ref().and_then(|b| b.result.as_ref()).map_or(f64::INFINITY, |r| r.priced)
 }
 
 impl Candidates {
@@ -72,7 +75,7 @@ impl Candidates {
 
     /// Keeps an exact answer as the spare one, where it is cheaper than that and its simulation agrees.
     pub fn keep(&mut self, mut one: Box<Ocp>, request: &Request) -> Result<()> {
-        let cost = one.result.as_ref().map_or(f64::INFINITY, |r| r.cost);
+        let cost = one.result.as_ref().map_or(f64::INFINITY, |r| r.priced);
         if cost < cost_of(&self.spare) && one.simulated_cost(request)?.is_some_and(|s| agree(s, cost)) {
             self.spare = Some(one);
         }
@@ -92,6 +95,13 @@ impl Ocp {
         if !self.terminal.is_empty() || !self.boundary.is_empty() {
             return Ok(None);
         }
+        let price = self.result.as_ref().map_or(0.0, |r| r.priced - r.cost);
+        let cost = |a: Accuracy| if a.reached() { a.cost + price } else { f64::INFINITY };
+        Ok(self.simulated(request)?.map(cost))
+    }
+
+    /// The simulation of the controls of the last answer from the start to the end; `None` without an answer, or without the time.
+    pub(super) fn simulated(&mut self, request: &Request) -> Result<Option<Accuracy>> {
         let (Some(b), Some(r)) = (self.built.take(), self.result.take()) else { return Ok(None) };
         let comparison = Comparison { tol: TOLERANCE, by_stage: false };
         let w = b.solver.solution().x.clone();
@@ -99,7 +109,7 @@ impl Ocp {
         let found = self.compare(&r, &b.problem, &w, &b.extended, &params, comparison, &request.options);
         (self.built, self.result) = (Some(b), Some(r));
         match found {
-            Ok(a) => Ok(Some(if a.reached() { a.cost } else { f64::INFINITY })),
+            Ok(a) => Ok(Some(a)),
             Err(Error::Interrupted | Error::OutOfTime) => Ok(None),
             Err(e) => Err(e),
         }

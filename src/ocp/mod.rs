@@ -15,6 +15,7 @@
 mod accuracy;
 mod adapt;
 mod candidates;
+mod clear;
 mod descent;
 mod diagnosis;
 mod extend;
@@ -124,6 +125,8 @@ pub struct OcpResult {
     /// What the point costs that is given here, solution or not. One that is none need not satisfy dynamics and
     /// constraints, and its cost may lie on either side of that of a solution.
     pub cost_reached: f64,
+    /// The cost of a solution with what the violation of relaxed constraints costs, which a search lowers.
+    pub(super) priced: f64,
     /// Controls `[n_stages · nu]`; where they are linear, at the start of every stage.
     pub controls: Vec<f64>,
     /// Controls at the end of every stage `[n_stages · nu]`: others than at its start where they are linear.
@@ -197,6 +200,8 @@ pub struct Ocp {
     x_guess: Option<(Vec<f64>, Vec<f64>)>,
     u_guess: Option<Vec<f64>>,
     modes: Option<ModeSequence>,
+    /// What the mode program of `modes` keeps clear of.
+    clearance: Option<crate::fesd::Clearance>,
     built: Option<Box<Built>>,
     /// How often the problem was discretised.
     builds: usize,
@@ -264,6 +269,7 @@ impl Ocp {
             x_guess: None,
             u_guess: None,
             modes: None,
+            clearance: None,
             built: None,
             builds: 0,
             engine: None,

@@ -54,7 +54,7 @@ const GAIN: f64 = 1e-7;
 
 /// What the answer of a problem costs when it is simulated, or what it says itself where that cannot be compared.
 pub(super) fn worth(one: &mut Ocp, request: &Request) -> Result<f64> {
-    let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.cost);
+    let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.priced);
     Ok(one.simulated_cost(request)?.unwrap_or(own))
 }
 
@@ -86,7 +86,7 @@ impl Race {
 
 /// Is an answer better than one that costs this much, by itself and when it is simulated? Simulations decide where both can be compared.
 pub(super) fn lower(one: &mut Ocp, (cost, simulated): (f64, f64), request: &Request) -> Result<bool> {
-    let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.cost);
+    let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.priced);
     // those that are far from better by themselves are not simulated
     if own > cost + SAME * cost.abs() {
         return Ok(false);
@@ -233,7 +233,7 @@ impl Ocp {
         *limit = most.map_or(*limit, |most| most.min(*limit));
         control.sooner(share, |control| self.run(start, &inside, control).map(|_| ()))?;
         let r = self.last_result()?;
-        let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.cost);
+        let (exact, cost) = (r.is_exact() && r.polish == Polish::Done, r.priced);
         found.add(r);
         // what a descent said of the best answer is not given up for one that costs the same
         let lead = if found.still.is_some() { GAIN * cost.abs() } else { 0.0 };
@@ -330,7 +330,7 @@ impl Ocp {
         let one = self.solve_traced(moved, (&traced, room), known, inside, control)?;
         let Some(r) = one.result.as_ref() else { return Ok(()) };
         found.add(r);
-        if r.is_exact() && r.cost < found.cost() {
+        if r.is_exact() && r.priced < found.cost() {
             found.replace(one, inside)?;
         }
         Ok(())
@@ -381,11 +381,12 @@ impl Ocp {
         let most = found.work + found.work.max(EFFORT);
         let (mut followed, mut descended) = (0, 0);
         self.use_idle(found, &form, &n_fe, request, control)?;
+        self.clear_best(found, request, control)?;
         while let Some((r, sizes)) = found.best.as_ref().and_then(|b| Some((b.result.clone()?, b.sizes.clone()))) {
             let now = Sequence::of(&r);
             let own = match found.best.as_mut() {
                 Some(best) => worth(best, request)?,
-                None => r.cost,
+                None => r.priced,
             };
             tried.push(now.sets());
             let mut better = false;
@@ -406,8 +407,7 @@ impl Ocp {
                 work.sizes.clone_from(&sizes);
                 let next = work.run(Start::Near, &inside, control)?;
                 found.add(next);
-                if next.is_exact() && lower(&mut work, (r.cost, own), request)? {
-                    found.replace(work, request)?;
+                if next.is_exact() && self.take_better(found, work, (r.priced, own), request, control)? {
                     better = true;
                     break;
                 }
@@ -450,7 +450,7 @@ impl Ocp {
         work.sizes = sizes;
         let next = work.run(Start::Near, &inside, control)?;
         found.add(next);
-        if next.is_exact() && !next.has_idle() && next.cost <= r.cost + SAME * r.cost.abs() {
+        if next.is_exact() && !next.has_idle() && next.priced <= r.priced + SAME * r.priced.abs() {
             found.replace(work, request)?;
         }
         Ok(())
@@ -472,7 +472,7 @@ impl Ocp {
         let known = best.sizes.clone().unwrap_or_else(|| found.known.clone());
         let inside = request.of_a_part();
         if judged.reason == OTHER {
-            return self.refine(found, &r, &known, &inside, control);
+            return Ok(self.clear_best(found, request, control)? || self.refine(found, &r, &known, &inside, control)?);
         }
         // behind a kink that is a jump of the cost the motion may be another one altogether
         let jumps = judged.direction.is_empty();
@@ -494,12 +494,11 @@ impl Ocp {
             let o = &request.options;
             let simulated = if through { self.trace_through(&moved, o) } else { self.trace(&moved, o) };
             let Some(traced) = simulated? else { continue };
-            let mut one = self.solve_traced(&moved, (&traced, NEAR), &known, &inside, control)?;
+            let one = self.solve_traced(&moved, (&traced, NEAR), &known, &inside, control)?;
             let Some(next) = one.result.as_ref() else { continue };
             found.add(next);
             tried.push(Sequence::of(next).sets());
-            if next.is_exact() && lower(&mut one, (r.cost, own), request)? {
-                found.replace(one, request)?;
+            if next.is_exact() && self.take_better(found, one, (r.priced, own), request, control)? {
                 return Ok(true);
             }
         }
@@ -562,8 +561,8 @@ impl Ocp {
                     without = without.min(descent.cost);
                     break;
                 }
-                let back = (next.cost - r.cost).abs() <= GAIN * r.cost.abs();
-                let little = descent.cost >= r.cost && descent.before - descent.cost <= SAME * r.cost.abs();
+                let back = (next.priced - r.priced).abs() <= GAIN * r.priced.abs();
+                let little = descent.cost >= r.priced && descent.before - descent.cost <= SAME * r.priced.abs();
                 if i == 0 && !elsewhere && back && little {
                     // it gained no more than what the simulation is off by, and its program is solved by the answer
                     found.still = Some(Verdict::Unknown);
@@ -582,6 +581,52 @@ impl Ocp {
         let bounds = self.u_bounds[0].iter().zip(&self.u_bounds[1]).cycle();
         let moved = controls.iter().zip(direction).zip(bounds);
         moved.map(|((u, d), (l, h))| (u + step * d).clamp(*l, *h)).collect()
+    }
+
+    /// Puts an exact answer in the place of the best one, of which the costs by itself and simulated are given, where it is better. One that
+    /// leads elsewhere because of what it touches is kept clear of that first; where the best one leads elsewhere, one as cheap that does not is
+    /// better. Is it?
+    pub(super) fn take_better(
+        &self,
+        found: &mut Candidates,
+        mut one: Box<Ocp>,
+        now: (f64, f64),
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<bool> {
+        let mut better = lower(&mut one, now, request)?;
+        if better && one.leads_elsewhere()? {
+            if let Some(clear) = one.keep_clear(request, &mut |r| found.add(r), control)? {
+                one = clear;
+                better = lower(&mut one, now, request)?;
+            }
+        } else if !better && one.costs().is_some_and(|cost| cost <= now.0 + SAME * now.0.abs()) {
+            let astray = found.best.as_mut().map_or(Ok(false), |best| best.leads_elsewhere())?;
+            better = astray && one.leads_to_it(request)?;
+        }
+        if better {
+            found.replace(one, request)?;
+        }
+        Ok(better)
+    }
+
+    /// Where the controls of the best answer lead elsewhere because it touches what it does not cross: the same with a distance. Is there one?
+    fn clear_best(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<bool> {
+        let cost = found.cost();
+        let Some(mut best) = found.best.take() else { return Ok(false) };
+        let clear = match best.leads_elsewhere() {
+            Ok(true) if found.astray != Some(cost) => best.keep_clear(request, &mut |r| found.add(r), control),
+            other => other.map(|_| None),
+        };
+        if matches!(clear, Ok(None)) {
+            found.astray = Some(cost);
+        }
+        let (one, is_clear) = match clear {
+            Ok(Some(clear)) => (clear, Ok(true)),
+            other => (best, other.map(|_| false)),
+        };
+        found.best = Some(one);
+        is_clear
     }
 
     /// An answer that its own controls do not lead to is none: the phases of their simulation on a finer grid replace it,
@@ -751,10 +796,10 @@ impl Ocp {
                     found.missed.push(smooth.clone());
                     continue;
                 }
-                best = best.min(r.cost);
-                let size = r.cost.abs().max(smooth.cost_reached.abs());
-                kept = (r.cost - smooth.cost_reached).abs() <= PROMISED * size;
-                if r.cost < found.cost() {
+                best = best.min(r.priced);
+                let size = r.priced.abs().max(smooth.cost_reached.abs());
+                kept = (r.priced - smooth.cost_reached).abs() <= PROMISED * size;
+                if r.priced < found.cost() {
                     found.agreed = k == 0 && ladder.count > 1 && kept;
                     found.replace(one, request)?;
                 } else {

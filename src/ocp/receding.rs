@@ -98,7 +98,7 @@ impl Ocp {
             }
         }
         let noise = SURPRISE * self.largest;
-        let (expected, cheap) = (moved.cost + noise, found.cost().abs() <= noise);
+        let (expected, cheap) = (moved.priced + noise, found.cost().abs() <= noise);
         if found.cost() > expected || slides && !cheap {
             // what sticks sees no control that would set it free: a smoothed problem does
             part(&mut found, control, |found, control| {

@@ -28,7 +28,7 @@ impl Ocp {
         // the first of them is the guess
         let drawn = self.random_starts(1 + DRAWN, 0).split_off(1);
         let mut ends = self.shots(b, &from, drawn, &found.known, most)?;
-        ends.retain(|e| e.cost < from.cost - SAME * from.cost.abs());
+        ends.retain(|e| e.cost < from.priced - SAME * from.priced.abs());
         ends.sort_by(|a, b| a.cost.total_cmp(&b.cost));
         ends.dedup_by(|b, a| b.cost - a.cost <= SAME * a.cost.abs());
         if ends.is_empty() {
@@ -36,14 +36,14 @@ impl Ocp {
         }
         let known = found.known.clone();
         let inside = request.of_a_part();
-        let mut now = (from.cost, worth(best, request)?);
+        let mut now = (from.priced, worth(best, request)?);
         let mut cheaper = false;
         for end in ends.into_iter().take(PROGRAMS).filter(|_| stop::requested().is_none()) {
             let Some(traced) = self.trace_through(&end.moved, &inside.options)? else { continue };
             let mut one = self.solve_traced(&end.moved, (&traced, LOWEST), &known, &inside, control)?;
             let Some(next) = one.result.as_ref() else { continue };
             found.add(next);
-            let cost = next.cost;
+            let cost = next.priced;
             if next.is_exact() && lower(&mut one, now, request)? {
                 now = (cost, worth(&mut one, request)?);
                 found.replace(one, &inside)?;

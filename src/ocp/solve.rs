@@ -300,6 +300,9 @@ impl Ocp {
             Start::Warm => false,
         };
         b.identifier.restart(improves || request.search > 0, request.search);
+        if start != Start::Warm {
+            b.problem.set_clearance(self.clearance.clone());
+        }
         b.problem.forget_trouble();
         let usual = b.problem.usual_exit();
         b.problem.set_exit(usual);
@@ -550,6 +553,7 @@ impl Ocp {
             message: String::new(),
             cost: if s.outcome == Outcome::Solved { cost } else { f64::NAN },
             cost_reached: cost,
+            priced: if s.outcome == Outcome::Solved { cost + penalty } else { f64::NAN },
             undefined: false,
             control_ends: if self.linear.contains(&true) { own(&ends) } else { own(&controls) },
             controls: own(&controls),

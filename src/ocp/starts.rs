@@ -80,7 +80,7 @@ impl Ocp {
             results[k] = end.and_then(|()| found.map_or_else(missing, Ok));
         }
         let value = |k: &usize| match &results[*k] {
-            Ok(r) if r.outcome == Outcome::Solved && !r.cost.is_nan() => (0, r.cost),
+            Ok(r) if r.outcome == Outcome::Solved && !r.priced.is_nan() => (0, r.priced),
             Ok(r) => (1, r.residuals.primal),
             Err(_) => (2, 0.0),
         };
@@ -180,6 +180,7 @@ impl Ocp {
             x_guess: self.x_guess.clone(),
             u_guess: self.u_guess.clone(),
             modes: self.modes.clone(),
+            clearance: None,
             built: None,
             builds: 0,
             engine: None,

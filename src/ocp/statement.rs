@@ -98,6 +98,7 @@ impl Ocp {
             largest: _,
             shifted: _,
             scene: _,
+            clearance: _,
             projected: _,
         } = self;
         Statement {

@@ -62,6 +62,8 @@ pub(super) const OTHER: &str = "the simulation of the controls is not that of th
 const WITHOUT_DERIVATIVES: &str = "derivatives along the simulation are not finite";
 /// Share of the largest distance from a surface, in terms of indicators, at which it is touched.
 const TOUCH: f64 = 1e-7;
+/// Multiples of the distance that an answer keeps from surfaces at which they are touched: multipliers measure it in other units.
+const KEPT: f64 = 4.0;
 /// Share of its terms, and of what the ranges of the states make of it, above which the speed towards a surface is one.
 const SLOW: f64 = 1e-6;
 /// Differences of velocities, relative to the velocities and to ranges of the states over the horizon, that count as none.
@@ -319,6 +321,10 @@ struct Judge<'a> {
     ranges: Vec<f64>,
     /// Length of the horizon.
     horizon: f64,
+    /// Share of the largest distance from a surface at which it is touched.
+    touch: f64,
+    /// Does the answer keep a distance from surfaces?
+    keeps_clear: bool,
     n_p: usize,
     n_u: usize,
     /// Of every stage.
@@ -430,6 +436,8 @@ impl Ocp {
             ranges: extents.iter().map(|e| e.range).collect(),
             horizon: r.durations.iter().sum(),
             places,
+            keeps_clear: b.problem.clearance().is_some(),
+            touch: TOUCH + b.problem.clearance().map_or(0.0, |c| KEPT * c.share),
             n_p: d.p,
             n_u: d.u,
             params: stages.params.to_vec(),

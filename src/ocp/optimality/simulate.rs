@@ -261,16 +261,16 @@ impl Judge<'_> {
         }
         let n = self.dcs.n_cells();
         let scale: Vec<f64> = (0..n).map(|c| all.iter().fold(0.0, |m, (_, d)| d[c].max(m))).collect();
-        let mut out = Vec::new();
+        let (mut out, touch) = (Vec::new(), self.touch);
         for cells in self.dcs.form().simplices.clone() {
             for c in cells.clone() {
-                let near = |i: usize| all[i].1[c] <= TOUCH * scale[c];
+                let near = |i: usize| all[i].1[c] <= touch * scale[c];
                 let active = |i: usize| cells.clone().find(|&a| all[i].1[a] == 0.0);
                 for i in 1..all.len().saturating_sub(1) {
-                    let alone = near(i) && !near(i - 1) && !near(i + 1);
-                    let Some(a) = active(i - 1).filter(|a| alone && *a != c && active(i + 1) == Some(*a)) else {
-                        continue;
-                    };
+                    let alone = near(i) && !near(i - 1) && !near(i + 1) && active(i - 1) == active(i + 1);
+                    // what an answer keeps a distance from acts on all points at that distance
+                    let kept = self.keeps_clear && near(i) && active(i - 1) == active(i);
+                    let Some(a) = active(i - 1).filter(|a| (alone || kept) && *a != c) else { continue };
                     let (p, t) = (all[i].0, time(&all[i].0));
                     if let Some(corner) = self.touch(&Meeting { p, t, of: (a, c), scale: scale[c] }, lengths)? {
                         out.push(corner);
@@ -347,7 +347,7 @@ impl Judge<'_> {
         lengths: &[f64],
     ) -> Result<Option<[Vec<f64>; 2]>> {
         let x = self.state(p.at);
-        let step = TOUCH * scale / dot(&surface.normal, &surface.normal);
+        let step = self.touch * scale / dot(&surface.normal, &surface.normal);
         if !step.is_finite() {
             // no state is beside a surface that controls and time alone move
             return Ok(None);

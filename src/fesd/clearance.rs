@@ -1,0 +1,213 @@
+//! Distance that a trajectory keeps from surfaces which it does not cross. At a surface that is touched the solution may not be unique: a program
+//! goes on with what costs least, and a simulation that is off by the least bit goes on beyond. Between the points of a method
+//! the state may be beyond besides. In a branch problem with a clearance multipliers `λ` of cells that are not active have a lower bound, and
+//! elements begin where one of them is smallest.
+
+use super::problem::Fesd;
+use crate::mpcc::Side;
+use crate::nlp::Bounds;
+
+/// Equal parts of an element at whose ends `λ` is looked at for the smallest value inside.
+const PARTS: usize = 16;
+/// Share of an element within which the smallest value is at its end.
+const AT_END: f64 = 1e-3;
+
+/// Share of a control stage below which an element has no length.
+const NOTHING: f64 = 1e-6;
+/// Share of what is to be kept that is enough between the points of the method.
+const ENOUGH: f64 = 0.5;
+/// Weight below which a cell of a sliding mode has none.
+const WEIGHTLESS: f64 = 1e-6;
+
+/// What a branch problem keeps clear of.
+#[derive(Debug, Clone, Default, PartialEq)]
+pub struct Clearance {
+    /// Share of the largest `λ` of a cell that is kept.
+    pub share: f64,
+    /// Element, cell that is not active in it, and the least that its `λ` may be.
+    pub least: Vec<(usize, usize, f64)>,
+    /// Elements that begin where `λ` of a cell is smallest, and that cell.
+    pub lowest: Vec<(usize, usize)>,
+    /// Lengths of all elements: those of one mode in one stage keep their ratios.
+    pub lengths: Vec<f64>,
+}
+
+/// An element of a solution.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Piece {
+    /// Control stage.
+    pub stage: usize,
+    /// Length.
+    pub h: f64,
+    /// Active cells, without those whose weights are zero.
+    pub active: Vec<bool>,
+    /// Cells whose surface it comes near, and what is kept of their `λ`.
+    pub near: Vec<(usize, f64)>,
+    /// A cell whose `λ` is smallest where this element begins.
+    pub lowest: Option<usize>,
+    /// Is the state on the surface of a cell all the time, which is active in the stage before, and in the one behind?
+    pub held: [bool; 2],
+    /// A cell whose `λ` falls below what is kept inside, and the share of the element at which it is smallest.
+    pub dip: Option<(usize, f64)>,
+}
+
+impl Fesd {
+    /// Keeps clear in branch problems from now on; `None`: no longer.
+    pub fn set_clearance(&mut self, clearance: Option<Clearance>) {
+        self.clearance = clearance;
+    }
+
+    /// Length of an element as a multiple of that of the one before, where they are of one mode.
+    pub(super) fn ratio(&self, element: usize) -> f64 {
+        match &self.clearance {
+            Some(k) if element > 0 && element < k.lengths.len() => k.lengths[element] / k.lengths[element - 1],
+            _ => 1.0,
+        }
+    }
+
+    /// What branch problems keep clear of.
+    pub fn clearance(&self) -> Option<&Clearance> {
+        self.clearance.as_ref()
+    }
+
+    /// The elements of a solution with these active cells, those without length left out, and where they come nearer to a surface than a share
+    /// of the largest distance from it.
+    pub fn pieces(&self, w: &[f64], active: &[&[bool]], share: f64) -> Vec<Piece> {
+        let l = &self.l;
+        let n = l.n_cells;
+        let lengths = self.stage_lengths(w);
+        let long = |i: &usize| self.h_of(&l.elements[*i], w) > NOTHING * lengths[l.elements[*i].stage];
+        let kept: Vec<usize> = (0..l.elements.len()).filter(long).collect();
+        let sets: Vec<Vec<bool>> = kept.iter().map(|&i| self.weighty(i, w, active[i])).collect();
+        let largest = |c: usize| {
+            let of = |e| l.lambdas(e, c).fold(0f64, |m, j| m.max(w[j + c]));
+            l.elements.iter().fold(0.0, |m: f64, e| m.max(of(e)))
+        };
+        let least: Vec<f64> = (0..n).map(|c| share * largest(c)).collect();
+        let lowest = |i: usize| {
+            let of = self.clearance.iter().flat_map(|k| &k.lowest);
+            of.filter(|(e, _)| *e == i).map(|(_, c)| *c).next()
+        };
+        let mut pieces = Vec::with_capacity(kept.len());
+        for (k, &i) in kept.iter().enumerate() {
+            let e = &l.elements[i];
+            let mut piece = Piece {
+                stage: e.stage,
+                h: self.h_of(e, w),
+                active: sets[k].clone(),
+                near: Vec::new(),
+                lowest: lowest(i),
+                held: [false; 2],
+                dip: None,
+            };
+            let beside = [k.checked_sub(1), (k + 1 < kept.len()).then_some(k + 1)];
+            let mut depth = 0.0;
+            for c in (0..n).filter(|&c| !piece.active[c]) {
+                let crossed = beside.map(|j| j.filter(|&j| sets[j][c]));
+                let [lo, hi] = self.extremes(i, c, w);
+                let flat = |hi: f64| hi <= (1.0 + AT_END) * least[c];
+                if let Some(j) = crossed[0].or(crossed[1]) {
+                    // a control that holds the state on a surface cannot take it across
+                    let held = flat(hi) && l.elements[kept[j]].stage != e.stage;
+                    if held && crossed[0].is_none() != crossed[1].is_none() {
+                        piece.held[usize::from(crossed[1].is_some())] = true;
+                        piece.near.push((c, least[c]));
+                    }
+                    continue;
+                }
+                let (value, at) = self.smallest(i, c, w);
+                let ends = k + 1 == kept.len() && at >= 1.0 - AT_END;
+                // what the end of the horizon must be is said by its constraints
+                if value > least[c] * (1.0 + AT_END) || ends {
+                    continue;
+                }
+                // the last element of a stage that stays on a surface stands for all of them: more would say the same again
+                let same = beside[1].filter(|&j| l.elements[kept[j]].stage == e.stage && !sets[j][c]);
+                if flat(hi) && same.is_some_and(|j| flat(self.extremes(kept[j], c, w)[1])) {
+                    continue;
+                }
+                piece.near.push((c, least[c]));
+                let inside = at > AT_END && at < 1.0 - AT_END;
+                let below = value - lo.min(least[c]);
+                if inside && below < -ENOUGH * least[c] && below < depth {
+                    (piece.dip, depth) = (Some((c, at)), below);
+                }
+            }
+            pieces.push(piece);
+        }
+        pieces
+    }
+
+    /// The smallest and the largest `λ` of a cell at the points of an element.
+    fn extremes(&self, element: usize, c: usize, w: &[f64]) -> [f64; 2] {
+        let of = self.l.lambdas(&self.l.elements[element], c).map(|j| w[j + c]);
+        of.fold([f64::INFINITY, f64::NEG_INFINITY], |[lo, hi], v| [lo.min(v), hi.max(v)])
+    }
+
+    /// Active cells of an element without those of a sliding mode that have no weight.
+    fn weighty(&self, element: usize, w: &[f64], active: &[bool]) -> Vec<bool> {
+        let e = &self.l.elements[element];
+        let mut set = active.to_vec();
+        for cells in &self.spec.dcs.form().simplices {
+            let weight = |c: usize| e.theta.iter().fold(0f64, |m, &j| m.max(w[j + c].abs()));
+            let with: Vec<usize> = cells.clone().filter(|&c| active[c] && weight(c) > WEIGHTLESS).collect();
+            if !with.is_empty() {
+                cells.clone().for_each(|c| set[c] = with.contains(&c));
+            }
+        }
+        set
+    }
+
+    /// The smallest value of the polynomial through the `λ` of a cell in an element, and the share of the element at which it is.
+    fn smallest(&self, element: usize, c: usize, w: &[f64]) -> (f64, f64) {
+        let (l, e) = (&self.l, &self.l.elements[element]);
+        let nodes = &self.tableau.c;
+        let start = l.start_of(e, c).filter(|_| nodes[0] > 0.0).map(|j| (0.0, w[j + c]));
+        let inner = nodes.iter().zip(&e.lambda).map(|(&t, &j)| (t, w[j + c]));
+        let end = e.lambda_end.filter(|_| nodes.last().is_some_and(|t| *t < 1.0)).map(|j| (1.0, w[j + c]));
+        let mut points: Vec<(f64, f64)> = start.into_iter().chain(inner).chain(end).collect();
+        // methods with two stage points at one place have one value there
+        points.sort_by(|a, b| a.0.total_cmp(&b.0));
+        points.dedup_by(|b, a| b.0 == a.0);
+        let value = |t: f64| interpolate(&points, t);
+        let at = |k: usize| k as f64 / PARTS as f64;
+        let best = (0..=PARTS).min_by(|a, b| value(at(*a)).total_cmp(&value(at(*b)))).unwrap_or(0);
+        // between its neighbours, by thirds
+        let (mut a, mut b) = (at(best.saturating_sub(1)), at((best + 1).min(PARTS)));
+        while b - a > AT_END * AT_END {
+            let (s, t) = (a + (b - a) / 3.0, b - (b - a) / 3.0);
+            if value(s) < value(t) {
+                b = t;
+            } else {
+                a = s;
+            }
+        }
+        let t = 0.5 * (a + b);
+        (value(t), t)
+    }
+
+    /// Writes the clearance into the bounds of a branch problem.
+    pub(super) fn keep_clear(&self, sides: &[Side], b: &mut Bounds) {
+        let Some(clearance) = &self.clearance else { return };
+        let l = &self.l;
+        let active = |e: usize, c: usize| sides[e * l.n_cells + c] == Side::First;
+        let last = l.elements.len() - 1;
+        for &(i, c, least) in clearance.least.iter().filter(|(i, c, _)| *i <= last && !active(*i, *c)) {
+            let e = &l.elements[i];
+            let mut at: Vec<usize> = e.lambda.iter().copied().chain(e.lambda_end).collect();
+            if i == last {
+                at.pop();
+            }
+            at.iter().for_each(|&j| b.xl[j + c] = least);
+        }
+    }
+}
+
+/// The polynomial through points, at `t`.
+fn interpolate(points: &[(f64, f64)], t: f64) -> f64 {
+    let basis = |j: usize| {
+        let others = points.iter().enumerate().filter(move |(k, _)| *k != j);
+        others.map(move |(_, p)| (t - p.0) / (points[j].0 - p.0)).product::<f64>()
+    };
+    points.iter().enumerate().map(|(j, p)| p.1 * basis(j)).sum()
+}
