@@ -4,7 +4,8 @@
 //! ladder `σ ← max(σ_end, min(κ σ, σ^1.5))`, `μ ≤ ρ σ`, every rung only to `E ≤ 10 ρ σ` with all multipliers passed on.
 //! A rung whose steps stay short first gets the barrier back that belongs to its relaxation, as after a long plateau iterates
 //! hug their bounds; where that does not help, or the path jams, it is taken back to where the last one was left, and one
-//! between is tried.
+//! between is tried. The barrier of a user's program is far below its relaxation ([`LIGHT`]): which member of a pair goes to zero
+//! is then decided by the objective, not by the barrier.
 //!
 //! `σ_0` is a guess. At the end of the plateau the multipliers of the relaxed rows tell what it costs: `σ Σ y` is the
 //! derivative of the optimal objective with respect to `ln σ`. Where that weighs in the scaled objective the first
@@ -58,6 +59,13 @@ const HUGGING_STEPS: usize = 3;
 const HUGGED: f64 = 0.9;
 /// Iterations at the end of the plateau after which a feasible point counts as its solution, as on a rung.
 const PLATEAU_ITERATIONS: usize = 20;
+/// Barrier parameter of a rung of a user's program, over the one that belongs to its relaxation. The barrier moves a variable of reduced
+/// gradient `g` by `μ/g`, the relaxation moves the other member of its pair by the order of `σ`: with `μ = ρ σ` parts of the objective
+/// below `ρ` times its largest derivative do not decide which one it is that goes to zero. Rungs are left as loosely as with the whole
+/// one: it is the barrier that counts, errors of that size do not.
+const LIGHT: f64 = 0.01;
+/// The same that a rung gets whose steps stay short.
+const CENTRING: f64 = 0.3;
 /// Share of one unit of the scaled objective from which the price of the first relaxation counts, the factor by which that is
 /// then enlarged, with the barrier parameter it begins at, relative to the first one, and how often.
 const PRICE: f64 = 0.7;
@@ -97,6 +105,12 @@ impl Scholtes {
         Scholtes { given, priced: given && priced, ..self }
     }
 
+    /// The barrier parameter that a rung begins with.
+    fn barrier(&self, sigma: f64) -> f64 {
+        let share = if self.given { LIGHT } else { 1.0 };
+        share * self.settings.mu_over_sigma * sigma
+    }
+
     fn rung(&mut self, sigma: f64, mu: f64) -> Level {
         let s = &self.settings;
         let mut next = (s.sigma_factor * sigma).min(sigma.powf(s.sigma_exponent)).max(self.gentle * sigma);
@@ -109,7 +123,7 @@ impl Scholtes {
         self.short = 0;
         self.solved = sigma;
         let sigma = next.max(self.end);
-        Level { sigma, mu: (s.mu_over_sigma * sigma).min(mu) }
+        Level { sigma, mu: self.barrier(sigma).min(mu) }
     }
 
     /// The relaxation that was made use of: with the largest product for `σ` this point solves the same problem.
@@ -183,11 +197,12 @@ impl Continuation for Scholtes {
         }
         self.stays += 1;
         let stuck = self.stays > RUNG_ITERATIONS && m.primal <= (10.0 * sigma).max(1e-4);
-        // as loose as if the barrier parameter followed the relaxation, which after a long plateau it is below
+        // as loose as if the barrier parameter were the whole one
         if m.error > 10.0 * mu.max(s.mu_over_sigma * sigma) && !stuck {
-            if self.given && self.short >= HUGGING_STEPS && mu < HUGGED * s.mu_over_sigma * sigma {
+            let centring = CENTRING * s.mu_over_sigma * sigma;
+            if self.given && self.short >= HUGGING_STEPS && mu < HUGGED * centring {
                 self.short = 0;
-                return Advance::To(Level { mu: s.mu_over_sigma * sigma, sigma });
+                return Advance::To(Level { mu: centring, sigma });
             }
             if self.short > PATIENT_STEPS {
                 if let Some(level) = self.between(sigma) {
@@ -327,5 +342,25 @@ impl Continuation for Settle {
             };
         }
         Advance::Stay
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The barrier of a user's program stays far below the relaxation, that of a discretisation, whose start is near, as near as the option
+    /// says. It never rises on the way down.
+    #[test]
+    fn the_barrier_leaves_the_choice_to_the_objective() {
+        let settings = MpccSettings::default();
+        let ratio = |given: bool, mu: f64| {
+            let level = Level { mu: 1.0, sigma: 0.1 };
+            let next = Scholtes::resume(settings, 0..1, level, 1e-8).of(given, false).rung(level.sigma, mu);
+            next.mu / next.sigma
+        };
+        assert!((ratio(false, 1.0) - settings.mu_over_sigma).abs() < 1e-15);
+        assert!(ratio(true, 1.0) <= 0.1 * settings.mu_over_sigma);
+        assert!(ratio(true, 1e-9) < ratio(true, 1.0));
     }
 }

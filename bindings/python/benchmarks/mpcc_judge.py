@@ -1,7 +1,7 @@
 """Are the claims of our MPCC solver true? A judge that shares nothing with it but the functions of the problems.
 
 usage: mpcc_judge.py [--problems DIR] [--set-of NAME] [--only REGEX] [--limit SECONDS] [--lib FILE] [--set NAME=VALUE ...]
-                     [--json FILE]
+                     [--ipopt-cache FILE] [--json FILE]
 
 Every problem is solved, and what the solver says of its point is checked with functions and derivatives evaluated anew
 and programs of scipy's HiGHS:
@@ -12,7 +12,7 @@ B           no step that is feasible to first order lowers the objective. Steps 
             all branches. A fall of more than 1e-4 of the largest one that the gradient allows refutes the claim.
 S           the same for the program in which both members may grow.
 infeasible  no such step lowers the violation of the rows, where it is measured as docs/mpcc.md says; and no solution is
-            known.
+            known, nor found by IPOPT where `--ipopt-cache` has its answers, in whatever mode (`mpcc_train.py` writes it).
 
 A gradient counts from 1e-8 of its terms, the second derivatives of the objective times the variables (or 1): what is left
 of it at the minimum of a sum of squares is rounding. So the objective may have any unit.
@@ -203,6 +203,11 @@ def known_feasible(entry: dict) -> bool:
     return "f" in entry.get("known", {}) or any(isinstance(v, dict) and v.get("solved") for v in entry.values())
 
 
+def with_peers(entry: dict, name: str, cache: dict[str, dict]) -> dict:
+    """The problem with IPOPT's answers to it."""
+    return entry | {f"ipopt {key}": result for key, result in cache.items() if key.endswith(f"/{name}")}
+
+
 def verdicts(problem: Problem, entry: dict, claim: dict) -> dict[str, str]:
     """For every claim: true, FALSE, or unknown, with the figure that decided."""
     out: dict[str, str] = {}
@@ -255,12 +260,14 @@ def main() -> int:
     problems = mpcc_train.chosen(arguments)
     if problems is None:
         return 0
+    cache = json.loads(arguments.ipopt_cache.read_text()) if arguments.ipopt_cache else {}
     record = {}
     with tempfile.TemporaryDirectory() as folder:
         bench = mpcc_train.Bench(arguments, Path(folder))
         for name, entry in problems.items():
             here, there = multiprocessing.Pipe(duplex=False)
             options = mpcc_train.options_of(arguments.set)
+            entry = with_peers(entry, name, cache)
             process = multiprocessing.get_context("fork").Process(
                 target=judged, args=(bench, entry, options, arguments.limit, there)
             )

@@ -19,6 +19,7 @@ COLLECTION = Path(__file__).resolve().parent / "collection"
 sys.path.insert(0, str(FOLDER))
 
 import mpcc_compare  # noqa: E402
+import mpcc_judge  # noqa: E402
 import mpcc_profile  # noqa: E402
 import mpcc_train  # noqa: E402
 import optima  # noqa: E402
@@ -69,6 +70,12 @@ def test_figures_of_two_solvers():
 
 def test_numbers_that_json_does_not_have():
     assert mpcc_compare.finite({"a": [float("nan"), 1.0], "b": float("inf")}) == {"a": [None, 1.0], "b": None}
+
+
+def test_what_ipopt_solved_is_not_infeasible():
+    cache = {"linf/adaptive/a:one": {"solved": True}, "adaptive/a:two": {"solved": False}, "adaptive/b:a:two": {"solved": True}}
+    of = {n: mpcc_judge.with_peers({"file": "f", "known": {}}, n, cache) for n in ("a:one", "a:two", "three")}
+    assert {n: mpcc_judge.known_feasible(entry) for n, entry in of.items()} == {"a:one": True, "a:two": False, "three": False}
 
 
 def test_profile_counts_steps():
