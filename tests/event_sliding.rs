@@ -283,6 +283,36 @@ fn super_twisting_ends_in_sliding_of_order_two() {
     }
 }
 
+/// Without a disturbance `z = sqrt |x|` and the other state follow a linear system in the time `∫ dt / z`: turns are similar, `v` is
+/// `-ρ v` after each of them, which takes `(1 + ρ) |v| / k2`. Switches end where `x` is below its tolerance, and what is left of the time goes
+/// with the root of that; their series knows it.
+#[test]
+fn the_time_of_super_twisting_is_that_of_the_series_of_its_turns() {
+    let d = Dims { x: 2, u: 0, p: 0 };
+    let cases: [(f64, f64, [f64; 2]); 3] = [(1.5, 1.1, [0.7, -0.4]), (3.0, 2.0, [0.4, 1.1]), (1.5, 4.0, [-1.3, 0.6])];
+    for (k1, k2, start) in cases {
+        let (g, mut s) = (Graph::new(), System::new(2, 0, 0).unwrap());
+        s.set_f0(Arc::new(g.function("f0", d, &[g.x(1), g.constant(0.0)]).unwrap())).unwrap();
+        let (x, gain) = (g.x(0), g.constant(k2));
+        add_relay(&mut s, &g, &[0, 1], &[-k1 * x.sqrt(), -gain], &[k1 * (-x).sqrt(), gain], x);
+        let side = start[0].signum();
+        let (z, v) = ((side * start[0]).sqrt(), side * start[1]);
+        let (damping, w) = (0.25 * k1, (0.5 * k2 - 0.0625 * k1 * k1).sqrt());
+        let c = (0.5 * (v - k1 * z) + damping * z) / w;
+        let first = (c.atan2(z) + 0.5 * std::f64::consts::PI) / w;
+        let at_zero = -2.0 * z.hypot(c) * w * (-damping * first).exp();
+        let rho = (-damping * std::f64::consts::PI / w).exp();
+        let exact = (v - at_zero - at_zero * (1.0 + rho) / (1.0 - rho)) / k2;
+        for e in [4, 6, 8, 10, 11] {
+            let rtol = 10f64.powi(-e);
+            let r = simulate(&s, &tolerance(rtol, Method::Auto), 0.0, &start, 1.5 * exact).unwrap();
+            assert_eq!(r.outcome, Outcome::Reached, "rtol {rtol:e}: {}", r.reason);
+            let off = (r.accumulations[0].t - exact).abs();
+            assert!(off <= 100.0 * rtol, "{k1} {k2} rtol {rtol:e}: {}", off / rtol);
+        }
+    }
+}
+
 /// Gains and disturbances with few switches before the end, or none: the state comes to rest in the set by itself.
 #[test]
 fn super_twisting_ends_in_sliding_of_order_two_without_switches_too() {
@@ -344,37 +374,38 @@ fn a_spiral_into_two_surfaces_goes_on_at_every_tolerance() {
     }
 }
 
-/// Rooms with ideal thermostats that cool down or warm up to their temperatures, in closed form. What the heaters add are constants.
+/// Rooms with ideal thermostats that cool down or warm up to their temperatures, in closed form. What the heaters add are constants. With
+/// many of them steps are so short that order three is enough, which has three evaluations in a step and one or two at a switch.
 #[test]
 fn rooms_reach_their_temperatures() {
-    const N: usize = 25;
     const OUTSIDE: f64 = 8.0;
-    let g = Graph::new();
     let (loss, level, heat) = (
         |i: usize| 1.0 + 0.05 * (i % 5) as f64,
-        |i: usize| 20.0 + 0.1 * i as f64,
+        |i: usize| 20.0 + 0.1 * (i % 25) as f64,
         |i: usize| 18.0 + 0.3 * (i % 3) as f64,
     );
-    let rates: Vec<_> =
-        (0..N).map(|i| loss(i) * (OUTSIDE - g.x(i)) + 0.5 * heat(i) * (1.0 - (g.x(i) - level(i)).sign())).collect();
-    let system = Model::from_rhs("rooms", 0, 0, &rates).and_then(|m| m.build(&g)).unwrap().system;
-    let start: Vec<f64> = (0..N).map(|i| 20.0 + 5.0 * (2.1 * i as f64 + 0.4).sin() + 0.1 * i as f64).collect();
-    for rtol in [1e-4, 1e-6, 1e-9] {
+    for (n, rtol) in [(25, 1e-4), (25, 1e-6), (25, 1e-9), (400, 1e-3), (400, 1e-6)] {
+        let g = Graph::new();
+        let rates: Vec<_> =
+            (0..n).map(|i| loss(i) * (OUTSIDE - g.x(i)) + 0.5 * heat(i) * (1.0 - (g.x(i) - level(i)).sign())).collect();
+        let system = Model::from_rhs("rooms", 0, 0, &rates).and_then(|m| m.build(&g)).unwrap().system;
+        let start: Vec<f64> = (0..n).map(|i| level(i) + 5.0 * (2.1 * i as f64 + 0.4).sin()).collect();
         let s = simulate(&system, &Options::with_tolerance(rtol, rtol), 0.0, &start, 3.0).unwrap();
-        let mut times: Vec<f64> = (0..N)
+        let mut times: Vec<f64> = (0..n)
             .map(|i| {
                 let limit = OUTSIDE + if start[i] < level(i) { heat(i) / loss(i) } else { 0.0 };
                 ((start[i] - limit) / (level(i) - limit)).ln() / loss(i)
             })
             .collect();
         times.sort_by(f64::total_cmp);
-        assert_eq!(s.switches.len(), N, "{rtol}");
+        assert_eq!(s.switches.len(), n, "{rtol}");
         for (s, t) in s.switches.iter().zip(times) {
             assert!((s.t - t).abs() < 10.0 * rtol, "{rtol}: {} and not {t}", s.t);
         }
         for (i, x) in s.x.iter().enumerate() {
             assert!((x - level(i)).abs() < 1e-12 * level(i), "{rtol}, room {i}: {x}");
         }
+        assert!(n < 400 || 2 * s.stats.evaluations < 13 * n, "{n} rooms, {rtol}: {:?}", s.stats);
     }
 }
 

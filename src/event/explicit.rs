@@ -1,13 +1,15 @@
 //! Steps of the explicit pairs, with dense output.
 
 use super::field::Field;
-use super::pairs::{dop853, dp5, Row, Rows};
+use super::pairs::{bs3, dop853, dp5, Row, Rows};
 use super::step::{Stages, Step};
 use crate::func::EvalResult;
 
 /// An explicit pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pair {
+    /// Order 3, dense output of order 3: for steps that are far shorter than tolerances ask for.
+    Bs3,
     /// Order 5, dense output of order 4.
     Dp5,
     /// Order 8, dense output of order 7.
@@ -18,6 +20,7 @@ impl Pair {
     /// Order of the error estimate plus one: what the step size is chosen by.
     pub(super) fn order(self) -> f64 {
         match self {
+            Pair::Bs3 => 3.0,
             Pair::Dp5 => 5.0,
             Pair::Dop853 => 8.0,
         }
@@ -26,6 +29,7 @@ impl Pair {
     /// Rows and nodes of the step itself; the last row is the end point.
     pub(super) fn rows(self) -> (&'static Rows, &'static [f64]) {
         match self {
+            Pair::Bs3 => (&bs3::ROWS, &bs3::C),
             Pair::Dp5 => (&dp5::ROWS, &dp5::C),
             Pair::Dop853 => (&dop853::ROWS[..13], &dop853::C[..13]),
         }
@@ -34,6 +38,7 @@ impl Pair {
     /// `|h λ|` at the border of the region of stability, on the real axis.
     pub(super) fn stability(self) -> f64 {
         match self {
+            Pair::Bs3 => 2.5,
             Pair::Dp5 => 3.25,
             Pair::Dop853 => 6.1,
         }
@@ -78,6 +83,7 @@ fn end<const M: usize>(n: usize, s: &mut Step, row: &Row<M>) {
 pub(super) fn attempt(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
     field.begin_stages();
     let r = match (pair, s.x0.len()) {
+        (Pair::Bs3, n) => bs3_stages(n, field, s),
         (Pair::Dp5, 1) => dp5_stages(1, field, s),
         (Pair::Dp5, 2) => dp5_stages(2, field, s),
         (Pair::Dp5, 4) => dp5_stages(4, field, s),
@@ -89,6 +95,17 @@ pub(super) fn attempt(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult
     };
     field.end_stages();
     r
+}
+
+#[inline(always)]
+fn bs3_stages(n: usize, field: &mut Field, s: &mut Step) -> EvalResult {
+    use bs3::*;
+    begin(n, s);
+    stage(n, field, s, 1, C[1], &A1)?;
+    stage(n, field, s, 2, C[2], &A2)?;
+    s.n_k = 3;
+    end(n, s, &A3);
+    finish(Pair::Bs3, field, s)
 }
 
 #[inline(always)]
@@ -136,6 +153,7 @@ fn begin(n: usize, s: &mut Step) {
 pub(super) fn finish(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
     field.rhs(s.t + s.h, &s.x1, &mut s.f1)?;
     let last = match pair {
+        Pair::Bs3 => 3,
         Pair::Dp5 => 6,
         Pair::Dop853 => 12,
     };
@@ -154,6 +172,7 @@ pub(super) fn finish(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult 
 pub(super) fn weights_error(pair: Pair, field: &Field, start: &[f64]) -> f64 {
     // stages of high order where there are some
     let (inner, others): ([usize; 2], &[usize]) = match pair {
+        Pair::Bs3 => return weights_error_of_three(field, start),
         Pair::Dp5 => ([2, 3], &[1, 4]),
         Pair::Dop853 => ([5, 9], &[6, 8, 10]),
     };
@@ -172,6 +191,16 @@ pub(super) fn weights_error(pair: Pair, field: &Field, start: &[f64]) -> f64 {
         }
     }
     worst
+}
+
+/// The same for the pair of order 3: the difference to the parabola through three of its four values.
+fn weights_error_of_three(field: &Field, start: &[f64]) -> f64 {
+    /// Weights of the values at 0, 3/4 and 1 in that at 1/2.
+    const MIDDLE: [f64; 3] = [1.0 / 6.0, 4.0 / 3.0, -0.5];
+    field.traces().iter().zip(start).fold(0.0, |worst, (trace, start)| {
+        let parabola = MIDDLE[0] * start + MIDDLE[1] * trace[2] + MIDDLE[2] * trace[3];
+        f64::max(worst, (trace[1] - parabola).abs())
+    })
 }
 
 /// What the pair of order 5 leaves, by the terms before it, without the step length. The estimate by [`dp5::E`] is a derivative of
@@ -193,10 +222,18 @@ fn order_six(k: &Stages) -> f64 {
     SHARE * dp5::ERROR * if fourth.abs() < MOST * before { fourth * fourth / before } else { MOST * fourth.abs() }
 }
 
-/// Size of the local error relative to the tolerance; `weights` are reciprocal.
+/// The part of the tolerance that steps of the pair of order 3 may use: others are far more accurate than asked for where switches cut
+/// them short, and what they leave does not add up over many of them.
+const SHARE_OF_BS3: f64 = 0.2;
+
+/// Size of the local error relative to what it may be; `weights` are reciprocal tolerances.
 pub(super) fn error(pair: Pair, s: &Step, weights: &[f64]) -> f64 {
     let n = s.x0.len() as f64;
     match pair {
+        Pair::Bs3 => {
+            let sum: f64 = s.k.iter().zip(weights).map(|(k, w)| (dot(k, &bs3::E) * w).powi(2)).sum();
+            s.h.abs() * (sum / n).sqrt() / SHARE_OF_BS3
+        }
         Pair::Dp5 => {
             let (mut sum, mut behind) = (0.0, 0.0);
             for (k, w) in s.k.iter().zip(weights) {
@@ -222,12 +259,20 @@ pub(super) fn error(pair: Pair, s: &Step, weights: &[f64]) -> f64 {
     }
 }
 
+/// What [`error`] would be for the pair of order 3, by the stages of the one of order 5: of a step that was not shortened since.
+pub(super) fn error_of_order_three(s: &Step, weights: &[f64]) -> f64 {
+    let sum: f64 = s.k.iter().zip(weights).map(|(k, w)| (dot(k, &dp5::THIRD) * w).powi(2)).sum();
+    bs3::ERROR * s.h.abs() * (sum / s.x0.len() as f64).sqrt() / SHARE_OF_BS3
+}
+
 /// An estimate of `|h λ|` for the fastest part of the system, after [`finish`], and whether that part is damped: two points at
 /// the end of the step go straight towards each other. `weights` are reciprocal tolerances.
 pub(super) fn stiffness(pair: Pair, s: &Step, weights: &[f64]) -> (f64, bool) {
     /// Cosine of the angle between the difference of two points and that of their velocities.
     const STRAIGHT: f64 = -0.9;
     let last = match pair {
+        // no two stages at one time: its steps are short, and where they are not it is given up
+        Pair::Bs3 => return (0.0, false),
         Pair::Dp5 => 5,
         Pair::Dop853 => 11,
     };
@@ -256,12 +301,18 @@ pub(super) fn dense(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
         stage(n, field, s, 15, C[15], &A15)?;
         s.n_k = n_k;
     }
+    s.degree = match pair {
+        Pair::Bs3 => 3,
+        Pair::Dp5 => 4,
+        Pair::Dop853 => 7,
+    };
     for (i, p) in s.poly.iter_mut().enumerate() {
         let k = &s.k[i];
         let d = s.x1[i] - s.x0[i];
         let (a, b) = (h * s.f0[i] - d, 2.0 * d - h * (s.f0[i] + s.f1[i]));
         // nested form, innermost coefficient first: factors alternate between τ and 1 − τ
         match pair {
+            Pair::Bs3 => *p = [0.0, d + a, b - a, -b, 0.0, 0.0, 0.0, 0.0],
             Pair::Dp5 => {
                 let e = h * dot(k, &dp5::D);
                 *p = [0.0, d + a, b + e - a, -(b + 2.0 * e), e, 0.0, 0.0, 0.0];
@@ -294,7 +345,7 @@ fn nested(c: &[f64], p: &mut [f64; 8]) {
 
 #[cfg(test)]
 mod tests {
-    use super::super::pairs::{dop853, dp5};
+    use super::super::pairs::{bs3, dop853, dp5};
 
     /// Of every tree of an order below, `Σ e_i Φ_i = 0`; of those of the order itself `Σ e_i Φ_i = p! / γ` without the last
     /// factor of the density, so that the sum is the derivative.
@@ -339,11 +390,17 @@ mod tests {
                 assert!((row.iter().map(|e| e.1).sum::<f64>() - c).abs() < 1e-13, "{order}: {row:?}");
             }
         };
+        check(&bs3::ROWS, &bs3::C, 3, 3);
         check(&dp5::ROWS, &dp5::C, 6, 5);
         check(&dop853::ROWS, &dop853::C, 12, 8);
-        for e in [&dp5::E[..], &dop853::E5, &dop853::E3] {
+        for e in [&bs3::E[..], &dp5::E, &dop853::E5, &dop853::E3] {
             assert!(e.iter().map(|e| e.1).sum::<f64>().abs() < 1e-14);
         }
+        // both trees of order 3 in the error of order 2: half of Σ e_i c_i², and Σ e_i a_ij c_j
+        let square: f64 = bs3::E.iter().map(|&(i, e)| 0.5 * e * bs3::C[i].powi(2)).sum();
+        let nested = |i: usize| bs3::ROWS[i].iter().map(|(j, a)| a * bs3::C[*j]).sum::<f64>();
+        let chain: f64 = bs3::E.iter().map(|&(i, e)| e * nested(i)).sum();
+        assert!([square, chain].iter().all(|s| (s.abs() - bs3::ERROR).abs() < 1e-15), "{square} {chain}");
         for i in [13, 14, 15] {
             for q in 0..5 {
                 let s: f64 = dop853::ROWS[i].iter().map(|(j, a)| a * dop853::C[*j].powi(q)).sum();

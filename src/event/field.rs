@@ -455,7 +455,8 @@ impl Field {
         self.rows_known = false;
         self.unit.fill(1.0);
         let reciprocal = |size: f64| if size > 0.0 { 1.0 / size } else { 1.0 };
-        for s in self.subs.iter().filter(|s| s.signs) {
+        let sliding = |k: &usize| self.first_pair[*k + 1] > self.first_pair[*k];
+        for s in (0..self.subs.len()).filter(sliding).map(|k| &self.subs[k]).filter(|s| s.signs) {
             for j in s.q0..s.q0 + s.n_q {
                 self.q_unit[j] = reciprocal(self.sum_of_sizes(self.gradient_row(j).states(), x));
             }
@@ -464,7 +465,10 @@ impl Field {
         for i in 0..self.pairs.len() {
             let size = self.sum_of_sizes(self.sliding.row_of_states(self.pairs[i], i), x);
             self.unit[i] = reciprocal(size);
+            let unit = self.unit[i];
+            self.sliding.row_mut(i).iter_mut().for_each(|c| *c *= unit);
         }
+        self.rows_known = true;
         Ok(())
     }
 
@@ -585,7 +589,7 @@ impl Field {
     }
 
     /// Moves `x` along `D` until all constraints hold to rounding; `C D` is that of the last [`Field::hidden`]. Says
-    /// whether `x` has changed.
+    /// whether `x` has changed. Where it has not, in a sliding mode, the indicators are those at `x`.
     pub(super) fn project(&mut self, t: f64, x: &mut [f64]) -> Result<bool, EvalError> {
         if self.limit.is_some() {
             return self.project_limit(t, x);

@@ -332,7 +332,7 @@ pub struct Contact {
 /// Accumulating switches.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Accumulation {
-    /// Where they accumulate, by the geometric series of the last intervals.
+    /// Where they accumulate, by the geometric series of the last intervals: it may lie behind the time at which the motion goes on.
     pub t: f64,
     /// Where ordinary integration begins again.
     pub until: f64,

@@ -1,4 +1,5 @@
-//! Coefficients of the explicit pairs: J. R. Dormand, P. J. Prince, *A family of embedded Runge-Kutta formulae* (1980),
+//! Coefficients of the explicit pairs: P. Bogacki, L. F. Shampine, *A 3(2) pair of Runge-Kutta formulas* (1989),
+//! J. R. Dormand, P. J. Prince, *A family of embedded Runge-Kutta formulae* (1980),
 //! and DOP853 with its dense output, E. Hairer, S. P. Nørsett, G. Wanner, *Solving Ordinary Differential Equations I*
 //! (1993), sections II.5, II.6 and II.10. Sparse rows: pairs of a stage and its weight.
 
@@ -220,6 +221,24 @@ pub mod dop853 {
     /// All rows in the order of the stages.
     pub const ROWS: [&[(usize, f64)]; 16] =
         [&[], &A1, &A2, &A3, &A4, &A5, &A6, &A7, &A8, &A9, &A10, &A11, &A12, &A13, &A14, &A15];
+}
+/// Bogacki and Shampine 3(2): stages, the last of which is the end point.
+pub mod bs3 {
+    use super::Row;
+    /// Nodes.
+    pub const C: [f64; 4] = [0.0, 1.0 / 2.0, 3.0 / 4.0, 1.0];
+    /// Stage 1.
+    pub const A1: Row<1> = [(0, 1.0 / 2.0)];
+    /// Stage 2.
+    pub const A2: Row<1> = [(1, 3.0 / 4.0)];
+    /// Weights of the step.
+    pub const A3: Row<3> = [(0, 2.0 / 9.0), (1, 1.0 / 3.0), (2, 4.0 / 9.0)];
+    /// Error of order 2.
+    pub const E: Row<4> = [(0, -5.0 / 72.0), (1, 1.0 / 12.0), (2, 1.0 / 9.0), (3, -1.0 / 8.0)];
+    /// What `h²` times the third derivative of the solution is multiplied by in this error, for both trees of order 3.
+    pub const ERROR: f64 = 1.0 / 48.0;
+    /// All rows in the order of the stages.
+    pub const ROWS: [&[(usize, f64)]; 4] = [&[], &A1, &A2, &A3];
 }
 /// Dormand and Prince 5(4): stages, the last of which is the end point.
 pub mod dp5 {

@@ -3,7 +3,7 @@
 
 use super::explicit::Pair;
 use super::field::Rows;
-use super::pairs::{dop853, dp5, Row};
+use super::pairs::{bs3, dop853, dp5, Row};
 use crate::linalg::dense::{widest, Kernel};
 
 /// Columns of a panel.
@@ -214,6 +214,7 @@ impl Moved<'_, '_> {
             }};
         }
         match self.step.pair {
+            Pair::Bs3 => stages!(bs3: 1 A1 2 A2, A3),
             Pair::Dp5 => stages!(dp5: 1 A1 2 A2 3 A3 4 A4 5 A5, A6),
             Pair::Dop853 => {
                 stages!(dop853: 1 A1 2 A2 3 A3 4 A4 5 A5 6 A6 7 A7 8 A8 9 A9 10 A10 11 A11, A12);
@@ -320,7 +321,8 @@ mod tests {
 
     #[test]
     fn panels_move_every_column_like_full_matrices() {
-        for (pair, n, rest) in [(Pair::Dp5, 1, 0.0), (Pair::Dop853, 3, 0.01), (Pair::Dop853, 9, 0.0)] {
+        let all = [(Pair::Bs3, 2, 0.01), (Pair::Dp5, 1, 0.0), (Pair::Dop853, 3, 0.01), (Pair::Dop853, 9, 0.0)];
+        for (pair, n, rest) in all {
             let (nx, n_c) = (2 * n, 3 * n);
             let inputs = chains(n);
             let full: Vec<Vec<f64>> = (0..STAGES)

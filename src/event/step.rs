@@ -20,8 +20,9 @@ pub(super) struct Step {
     /// Argument of the last stage, and room.
     pub(super) y: Vec<f64>,
     pub(super) f: Vec<f64>,
-    /// Dense output, valid after the method has written it.
+    /// Dense output, valid after the method has written it, and its degree.
     pub(super) poly: Vec<Poly>,
+    pub(super) degree: usize,
 }
 
 impl Step {
@@ -38,6 +39,7 @@ impl Step {
             y: vec![0.0; nx],
             f: vec![0.0; nx],
             poly: vec![[0.0; 8]; nx],
+            degree: 7,
         }
     }
 
@@ -48,7 +50,7 @@ impl Step {
         for ((p, x1), f1) in self.poly.iter_mut().zip(&mut self.x1).zip(&mut self.f1) {
             let mut power = 1.0;
             (*x1, *f1) = (0.0, 0.0);
-            for (j, c) in p.iter_mut().enumerate() {
+            for (j, c) in p[..=self.degree].iter_mut().enumerate() {
                 *c *= power;
                 power *= s;
                 *x1 += *c;

@@ -117,10 +117,19 @@ impl Watch {
         sign * (along(a) - b.map_or(0.0, along))
     }
 
-    /// Rates for the velocities at all stages of a step.
-    pub(super) fn rates(&self, dq: &[f64], field: &Field, k: &[Stages]) -> Stages {
-        let mut out = [0.0; 16];
-        let Some((a, b, sign)) = self.difference() else { return out };
+    /// Least and largest rate for the velocities at the first `n` stages of a step.
+    pub(super) fn rates(&self, dq: &[f64], field: &Field, k: &[Stages], n: usize) -> (f64, f64) {
+        // of few stages few are looked at
+        match n {
+            0..=4 => self.rates_at_most::<4>(dq, field, k, n),
+            5..=8 => self.rates_at_most::<8>(dq, field, k, n),
+            _ => self.rates_at_most::<16>(dq, field, k, n),
+        }
+    }
+
+    fn rates_at_most<const N: usize>(&self, dq: &[f64], field: &Field, k: &[Stages], n: usize) -> (f64, f64) {
+        let mut out = [0.0; N];
+        let Some((a, b, sign)) = self.difference() else { return (0.0, 0.0) };
         for (j, sign) in std::iter::once((a, sign)).chain(b.map(|b| (b, -sign))) {
             let g = field.gradients.row(dq, j);
             out.iter_mut().for_each(|o| *o += sign * g.t);
@@ -128,7 +137,8 @@ impl Watch {
                 out.iter_mut().zip(&k[i]).for_each(|(o, k)| *o += sign * g * k);
             }
         }
-        out
+        let range = (f64::INFINITY, f64::NEG_INFINITY);
+        out[..n].iter().fold(range, |(lo, hi), r| (lo.min(*r), hi.max(*r)))
     }
 
     /// Derivatives of the time at which this vanishes with respect to state, parameters and controls, written to the
@@ -174,6 +184,26 @@ impl Watch {
         let g = field.gradients.row(dq, a);
         let terms = g.states().map(|(i, g)| (g * x[i]).abs()).sum::<f64>() + (g.t * t).abs();
         0.5 * f64::EPSILON * terms
+    }
+
+    /// [`Watch::scale`] and [`Watch::rate`] at once, where there are many of these.
+    pub(super) fn scale_and_rate(
+        &self,
+        dq: &[f64],
+        field: &Field,
+        (t, x): (f64, &[f64]),
+        velocity: &[f64],
+    ) -> (Scale, f64) {
+        let Watch::Enter { a, b: None, sign, .. } = *self else {
+            return (self.scale(dq, field, t, x), self.rate(dq, field, velocity));
+        };
+        let g = field.gradients.row(dq, a);
+        let (mut reach, mut rate) = (0.0, 0.0);
+        for (i, g) in g.states() {
+            reach += g.abs() * field.size(i, x[i]);
+            rate += g * velocity[i];
+        }
+        (Scale { value: (g.t * t).abs() + reach, reach }, sign * (rate + g.t))
     }
 
     /// Sizes to compare value and rate with; `dq` are the gradients of the indicators.

@@ -20,12 +20,105 @@ pub(super) struct Recent {
     pub(super) free: [bool; MEMORY],
     /// There were transitions among them.
     pub(super) jumps: bool,
+    /// Where the intervals lead to, taken one by one, two by two, and by the rates of what vanishes.
+    pub(super) series: [Series; 3],
+    /// Of every indicator when it vanished last, and its rate there.
+    pub(super) rates: Vec<(f64, f64)>,
+}
+
+/// The limit of a geometric series of intervals. Early ones may not be of the series yet, and next to the limit, where what is left of
+/// the state is below its tolerance, intervals are noise: the limits that differ least are taken.
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Series {
+    last: Option<f64>,
+    best: Option<Limit>,
+    /// The best one is the last one.
+    latest: bool,
+}
+
+#[derive(Debug, Clone, Copy)]
+struct Limit {
+    t: f64,
+    /// The one before it, and the difference.
+    earlier: f64,
+    spread: f64,
+    /// The time it was found from.
+    from: f64,
+}
+
+impl Series {
+    /// At time `t` the last three members are these, the oldest first.
+    fn note(&mut self, t: f64, [a, b, c]: [f64; 3]) {
+        self.note_limit((c < b && b < a).then(|| t + c * c / (b - c)), a + b + c, None);
+    }
+
+    /// A limit, from the time `from`, and what the first one may be off by; none where it says nothing without another one.
+    fn note_limit(&mut self, limit: Option<f64>, from: f64, first: Option<f64>) {
+        let found = match (limit, self.last, first) {
+            (Some(t), Some(earlier), _) => Some(Limit { t, earlier, spread: (t - earlier).abs(), from }),
+            (Some(t), None, Some(spread)) => Some(Limit { t, earlier: t, spread, from }),
+            _ => None,
+        };
+        self.last = limit;
+        match (found, &mut self.best) {
+            (Some(f), Some(best)) if f.spread < best.spread => (*best, self.latest) = (f, true),
+            (Some(f), None) => (self.best, self.latest) = (Some(f), true),
+            (_, Some(best)) if self.latest => {
+                // it has become worse: so it may have before
+                best.t = best.earlier;
+                self.latest = false;
+            }
+            _ => {}
+        }
+    }
 }
 
 impl Recent {
     /// Time between two switches, the `i`-th of those that are remembered.
     pub(super) fn gap(&self, i: usize) -> f64 {
         self.gaps[(self.n + i) % MEMORY]
+    }
+
+    /// Follows the series of the intervals behind a crossing of function `j` with this rate, if it is resolved.
+    fn follow(&mut self, resolved: Option<(usize, f64)>) {
+        /// What the first limit by rates may be off by, relative to the time that it says is left.
+        const FIRST: f64 = 1e-3;
+        if self.n <= 1 {
+            self.series = Default::default();
+            self.rates.fill((f64::NAN, f64::NAN));
+        }
+        let Some((j, rate)) = resolved else {
+            self.series.iter_mut().for_each(|s| (s.last, s.latest) = (None, false));
+            return;
+        };
+        // where its second derivative is bounded and does not vanish, the time between two zeros goes with the rate there
+        let (before, fast) = std::mem::replace(&mut self.rates[j], (self.last, rate.abs()));
+        let (gap, ratio) = (self.last - before, rate.abs() / fast);
+        let left = if ratio < 1.0 { gap * ratio / (1.0 - ratio) } else { f64::NAN };
+        let limit = (left > 0.0).then_some(self.last + left);
+        self.series[2].note_limit(limit, gap, Some(FIRST * left));
+        let back = |i: usize| self.gaps[(self.n + MEMORY - 1 - i) % MEMORY];
+        let [single, double] = [0, 1].map(|wide| {
+            let member = |m: usize| (0..=wide).map(|i| back(m * (wide + 1) + i)).sum::<f64>();
+            (self.n >= 3 * (wide + 1)).then(|| [member(2), member(1), member(0)])
+        });
+        for (series, members) in self.series.iter_mut().zip([single, double]) {
+            members.into_iter().for_each(|m| series.note(self.last, m));
+        }
+    }
+
+    /// Where switches accumulate that have come to `t`: what their series says if it says more.
+    pub(super) fn limit(&self, t: f64) -> f64 {
+        /// What is left, relative to the time the series was followed for.
+        const LEFT: f64 = 1e-2;
+        /// How well it is known, relative to what is left.
+        const KNOWN: f64 = 0.1;
+        let says = |l: &Limit| {
+            let left = (l.t - t).abs();
+            left <= LEFT * l.from && l.spread <= KNOWN * left
+        };
+        let best = self.series.iter().filter_map(|s| s.best).filter(says);
+        best.min_by(|a, b| a.spread.total_cmp(&b.spread)).map_or(t, |l| l.t)
     }
 
     /// Time between the last two switches or jumps.
@@ -35,8 +128,12 @@ impl Recent {
 }
 
 impl Engine {
-    /// Notes the time of a switch and what vanished there.
-    pub(super) fn remember(&mut self) {
+    /// Notes the time of a switch, and what vanished there: `j` among it, with this rate, if it is known.
+    pub(super) fn remember(&mut self, crossed: Option<(usize, f64)>) {
+        /// What a function reaches between two switches, relative to its tolerance, for the time between them to mean anything.
+        const RESOLVED: f64 = 1e3;
+        let resolved =
+            crossed.filter(|(j, rate)| (rate * (self.t - self.recent.last)).abs() >= RESOLVED * self.reach_of(*j));
         let i = self.recent.n % MEMORY;
         self.recent.gaps[i] = self.t - self.recent.last;
         self.recent.last = self.t;
@@ -44,6 +141,7 @@ impl Engine {
         self.recent.zero[i * n..(i + 1) * n].copy_from_slice(&self.zero);
         self.recent.free[i] = self.field.n_alg() == 0;
         self.recent.n += 1;
+        self.recent.follow(resolved);
     }
 
     /// Ends the run where transitions accumulate.
@@ -127,7 +225,8 @@ impl Engine {
         let text = format!("switches accumulate at t = {limit}");
         if self.options.zeno != Zeno::Stop {
             if self.is_past_accumulation() {
-                self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error: 0.0 });
+                let t = self.recent.limit(limit);
+                self.accumulations_push(Accumulation { t, until: self.t, steps: 0, error: 0.0 });
                 return Ok(None);
             }
             self.mark_recent();
@@ -138,7 +237,8 @@ impl Engine {
         if self.options.zeno == Zeno::TimeStepping {
             return self.step_through(limit).map(Some);
         }
-        self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error: 0.0 });
+        let t = self.recent.limit(limit);
+        self.accumulations_push(Accumulation { t, until: self.t, steps: 0, error: 0.0 });
         if self.options.zeno == Zeno::Stop {
             return Ok(Some(self.fail(Outcome::Zeno, text)));
         }

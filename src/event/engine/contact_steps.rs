@@ -114,6 +114,8 @@ impl Engine {
     fn stages(&self) -> Option<&'static StagesOfForce> {
         match self.pair {
             _ if self.step_implicit => None,
+            // which scenes are not integrated by
+            Pair::Bs3 => None,
             Pair::Dp5 => Some(&DP5),
             Pair::Dop853 => Some(&DOP853),
         }

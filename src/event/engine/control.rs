@@ -25,6 +25,19 @@ const MILD: f64 = 0.25;
 /// A move of so much of the tolerance leaves the derivative as it is.
 pub(super) const UNSEEN: f64 = 1e-3;
 
+/// Part of the tolerance that the error of a step that ends where its dense output says may be: errors of steps that are cut
+/// short add up over many of them.
+pub(super) const ACCURATE: f64 = 0.02;
+
+/// How steps ended lately, see [`Engine::note_end`].
+#[derive(Debug, Clone, Copy, Default)]
+pub(super) struct Cut {
+    /// Steps in a row that ended at a switch.
+    short: usize,
+    /// Steps that did not, less those that two for a switch are.
+    long: usize,
+}
+
 /// What is known of how fast a mode is compared with what the tolerances ask for.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Pace {
@@ -168,37 +181,53 @@ impl Engine {
 
     /// A step has ended, at a switch or where the error let it. Where one step after the other is cut short by a switch, the
     /// pair of high order has nothing to do with the accuracy that it pays for: the pair of order 5 takes over, whose steps
-    /// cost half as much and whose dense output costs nothing, until it makes more than two steps for one switch. Says
-    /// whether the next step has another pair than the last one.
+    /// cost half as much and whose dense output costs nothing, until it makes more than two steps for one switch. Where
+    /// evaluations cost much and steps are so short that order 3 is accurate enough too, that pair takes over in the same way,
+    /// which costs half as much again. Says whether the next step has another pair than the last one.
     pub(super) fn note_end(&mut self, at_switch: bool) -> bool {
         /// Steps in a row, or more than there should be.
         const PATIENCE: usize = 8;
         if self.implicit
             || self.field.in_limit_set()
-            || self.usual_pair == Pair::Dp5
             || self.options.method != Method::Auto
             || self.field.has_contacts()
         {
             return false;
         }
-        let high = self.pair == Pair::Dop853;
-        self.cut = match (high, at_switch) {
-            (true, true) | (false, false) => self.cut + 1,
-            (true, false) => 0,
-            (false, true) => self.cut.saturating_sub(2),
+        let Cut { short, long } = &mut self.cut;
+        (*short, *long) = if at_switch { (*short + 1, long.saturating_sub(2)) } else { (0, *long + 1) };
+        let (often, seldom) = (*short >= PATIENCE, *long >= PATIENCE);
+        let next = match self.pair {
+            Pair::Dop853 if often => Pair::Dp5,
+            Pair::Dp5 if seldom && self.usual_pair == Pair::Dop853 => Pair::Dop853,
+            Pair::Dp5 if often => {
+                // not asked again at every switch
+                *short = 0;
+                match self.lets_order_three() {
+                    true => Pair::Bs3,
+                    false => return false,
+                }
+            }
+            Pair::Bs3 if seldom || self.tried > ACCURATE => Pair::Dp5,
+            _ => return false,
         };
-        if self.cut < PATIENCE {
-            return false;
-        }
-        self.cut = 0;
-        self.next_pair = if high { Pair::Dp5 } else { Pair::Dop853 };
+        self.cut = Cut::default();
+        self.next_pair = next;
         true
+    }
+
+    /// Would the last step of the pair of order 5 have been far more accurate than asked for with that of order 3, too?
+    fn lets_order_three(&self) -> bool {
+        self.is_worth_foresight() && explicit::error_of_order_three(&self.step, &self.weights) <= 0.5 * ACCURATE
     }
 
     /// Is one step after the other cut short by a switch, in a system where evaluations cost more than looking ahead?
     pub(super) fn is_cut_short(&self) -> bool {
-        self.pair != self.usual_pair
-            && !self.implicit
+        self.pair != self.usual_pair && self.is_worth_foresight()
+    }
+
+    fn is_worth_foresight(&self) -> bool {
+        !self.implicit
             && self.options.method == Method::Auto
             && self.field.many_functions()
             && self.sens.is_none()
@@ -207,15 +236,32 @@ impl Engine {
             && !self.field.in_limit_set()
     }
 
-    /// A time a little behind the next switch, from the values of what is watched and how they changed last: a step beyond it
-    /// would be thrown away.
-    pub(super) fn time_to_switch(&self) -> f64 {
+    /// A time a little behind the next switch, from the values of what is watched and how they changed in the last step: a step beyond
+    /// it would be thrown away. What is far from vanishing is not asked anew at every step: a guess that is wrong costs time and nothing
+    /// else.
+    pub(super) fn time_to_switch(&mut self) -> f64 {
         /// Beyond the guess.
         const MARGIN: f64 = 1.05;
+        /// Guesses that are farther than so many of the last steps are asked again after so many steps.
+        const FAR: f64 = 32.0;
+        const AGAIN: usize = 8;
         let last = self.step.h;
         let known = self.stats.steps > 0 && last > 0.0;
+        let n_q = self.q0.len();
+        let soon = self.t + FAR * last;
+        let round = self.guesses % AGAIN;
+        self.guesses += 1;
         let mut least = f64::INFINITY;
-        for (l, w) in self.watches.iter().enumerate().filter(|(l, _)| self.depart[*l] == 0) {
+        for l in 0..self.watches.len() {
+            let w = &self.watches[l];
+            let place = match *w {
+                Watch::Enter { a, .. } | Watch::Guard { a, .. } | Watch::Contact { a, .. } => a,
+                Watch::Leave { cell, .. } => n_q + cell,
+            };
+            // NaN is asked
+            if place % AGAIN != round && self.due[place] > soon || self.depart[l] != 0 {
+                continue;
+            }
             let value = self.w0[l];
             let (rate, bend) = match *w {
                 Watch::Leave { sub, cell } => {
@@ -226,17 +272,15 @@ impl Engine {
                 _ => {
                     let rate = w.rate(&self.dq0, &self.field, &self.f);
                     let change = match known && w.is_affine(&self.field) {
-                        true => rate - w.rate_at(&self.dq0, &self.field, |i| self.step.k[i][0]),
+                        true => rate - w.rate_at(&self.dq0, &self.field, |i| self.step.f0[i]),
                         false => 0.0,
                     };
                     (rate, 0.5 * change / last)
                 }
             };
-            // it falls along a line, and not before another one: most do
-            let late = bend == 0.0 && (rate >= 0.0 || value >= -rate * least);
-            if !late {
-                least = least.min(first_zero(value, rate, bend));
-            }
+            let left = first_zero(value, rate, bend);
+            self.due[place] = self.t + left;
+            least = least.min(left);
         }
         MARGIN * least
     }
@@ -282,6 +326,7 @@ impl Engine {
             let guessed = self.stats.steps == 0 && self.field.has_contacts();
             let least = if guessed { 1e-18 } else { 1e-10 };
             let (factor, most) = match self.pair {
+                Pair::Bs3 => (err.max(least).powf(-1.0 / 3.0), 5.0),
                 Pair::Dp5 => (err.max(least).powf(-0.17) * self.err_before.powf(0.04), 10.0),
                 Pair::Dop853 => (1.0 / err.max(least).sqrt().sqrt().sqrt(), 6.0),
             };
@@ -348,6 +393,7 @@ impl Engine {
         }
         let rtol = self.rtol.iter().fold(f64::INFINITY, |m, v| m.min(*v)).clamp(1e-14, 0.1);
         let (p, factorial) = match self.pair {
+            Pair::Bs3 => (4.0, 24.0),
             Pair::Dp5 => (6.0, 720.0),
             Pair::Dop853 => (9.0, 362_880.0),
         };

@@ -61,7 +61,7 @@ impl Engine {
         self.differentiate_time(l)?;
         self.zero.fill(false);
         self.zero[self.field.guards.all[guard].q] = true;
-        self.remember();
+        self.remember(None);
         self.recent.jumps = true;
         self.make(guard, -rate)
     }

@@ -1,7 +1,7 @@
 //! From accumulating switches into the set they lead to, the motion in which the right-hand side knows.
 
 use super::accumulation::MEMORY;
-use super::{recover, Engine, Pair, Progress, EPS};
+use super::{recover, Cut, Engine, Pair, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
 use crate::event::watch::Watch;
@@ -203,12 +203,13 @@ impl Engine {
         if !within {
             self.recent.n = 0;
             self.shrinking = Shrinking::default();
-            self.accumulations_push(Accumulation { t: limit, until: self.t, steps: 0, error });
+            let t = self.recent.limit(limit);
+            self.accumulations_push(Accumulation { t, until: self.t, steps: 0, error });
         }
         self.mark_time(Time::Unknown);
         let start = self.x.clone();
         self.x.copy_from_slice(&self.node);
-        (self.next_pair, self.cut) = (Pair::Dp5, 0);
+        (self.next_pair, self.cut) = (Pair::Dp5, Cut::default());
         let r = self.enter();
         self.one_sided = true;
         self.blur_sensitivity();
@@ -246,7 +247,7 @@ impl Engine {
         self.keep_surfaces();
         let stays = self.enter_limit_set(FAILED, self.t, true)?.is_some() && self.outcome == Outcome::Reached;
         if stays {
-            self.remember();
+            self.remember(None);
             let rate = self.watches.get(l).map_or(0.0, |w| w.rate(&self.dq0, &self.field, &self.f));
             if self.field.active == before && rate > 0.0 {
                 // next to where switches accumulate the slowest rate may be that of a zero of order one

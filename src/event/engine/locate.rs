@@ -1,5 +1,6 @@
 //! The location of a switch: the step repeated with the length that puts the switch at its end.
 
+use super::control::ACCURATE;
 use super::{recover, Engine, Progress, Tried, EPS};
 use crate::error::Result;
 use crate::event::watch::Watch;
@@ -137,8 +138,6 @@ impl Engine {
 
     /// May the step end where its dense output says? That is about as accurate as its error.
     fn ends_inside(&self, l: usize) -> bool {
-        /// Part of the tolerance: errors of steps that are cut short add up over many of them.
-        const ACCURATE: f64 = 0.02;
         let kind = matches!(self.watches[l], Watch::Enter { .. } | Watch::Leave { .. });
         kind && self.is_cut_short() && self.tried <= ACCURATE && self.dense_ready && self.depart[l] == 0
     }
@@ -157,6 +156,8 @@ impl Engine {
         }
         self.stats.relocations += 1;
         self.step.end_at(s);
+        // so much of the error of the end has been made
+        self.tried *= s * s * (3.0 - 2.0 * s);
         let mut t = (self.t + self.step.h).min(self.t_stop);
         let Some((mut value, mut rate)) = recover(self.watched(l, t).map(Some), None)? else { return Ok(None) };
         // the last digits, along the velocity

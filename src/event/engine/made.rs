@@ -3,7 +3,7 @@
 use super::accumulation::{Recent, MEMORY};
 use super::chatter::Window;
 use super::contact::SceneRoom;
-use super::control::{FirstStep, Pace};
+use super::control::{Cut, FirstStep, Pace};
 use super::limit_set::Shrinking;
 use super::{Engine, EPS};
 use crate::dcs::Dcs;
@@ -69,7 +69,7 @@ impl Engine {
             pair,
             next_pair: pair,
             usual_pair: pair,
-            cut: 0,
+            cut: Cut::default(),
             tried: 0.0,
             last_weights: vec![f64::NAN; field.subs.len()],
             implicit: false,
@@ -100,6 +100,10 @@ impl Engine {
             set: Vec::with_capacity(2),
             apart: Apart::default(),
             candidates: Vec::new(),
+            kept: vec![false; field.subs.len()],
+            keeps: false,
+            due: vec![f64::NAN; n_w],
+            guesses: 0,
             ruled_out: vec![0; n_cells],
             before: Vec::new(),
             arrived: false,
@@ -131,6 +135,8 @@ impl Engine {
                 zero: vec![false; MEMORY * n_q],
                 free: [false; MEMORY],
                 jumps: false,
+                series: Default::default(),
+                rates: vec![(f64::NAN, f64::NAN); n_q],
             },
             behind: false,
             passages: 0,
@@ -189,10 +195,12 @@ impl Engine {
         self.stiff.fill(Pace::Unknown);
         self.stiff_mode = false;
         self.stiff_slides.fill(false);
-        (self.next_pair, self.cut) = (self.usual_pair, 0);
+        (self.next_pair, self.cut) = (self.usual_pair, Cut::default());
         self.last_weights.fill(f64::NAN);
+        self.keeps = false;
         self.recent.n = 0;
         self.recent.jumps = false;
+        self.recent.series = Default::default();
         self.shrinking = Shrinking::default();
         self.limits = (f64::NEG_INFINITY, 0);
         self.recent.last = t;

@@ -24,7 +24,7 @@ use std::sync::Arc;
 use self::accumulation::Recent;
 use self::chatter::Window;
 use self::contact::SceneRoom;
-use self::control::{Beyond, FirstStep, Pace, Tried};
+use self::control::{Beyond, Cut, FirstStep, Pace, Tried};
 use self::limit_set::Shrinking;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler};
@@ -84,7 +84,7 @@ pub struct Engine {
     next_pair: Pair,
     usual_pair: Pair,
     /// See [`Engine::note_end`].
-    cut: usize,
+    cut: Cut,
     /// Error of the last attempt relative to the tolerance.
     tried: f64,
     /// Weights of the second of two cells of every subsystem at the start of the last step; NaN where it did not slide.
@@ -128,6 +128,12 @@ pub struct Engine {
     /// Memory for decisions, for candidates, for active sets.
     apart: Apart,
     candidates: Vec<Vec<usize>>,
+    /// Subsystems that the present switch does not touch, where that is known.
+    kept: Vec<bool>,
+    keeps: bool,
+    /// When what is watched vanishes next, as far as is known, see [`Engine::time_to_switch`]: by indicator, then by cell.
+    due: Vec<f64>,
+    guesses: usize,
     /// Of every cell the function whose sign excluded it last.
     ruled_out: Vec<usize>,
     before: Vec<Vec<usize>>,
@@ -475,10 +481,10 @@ impl Engine {
             self.variational = (f64::INFINITY, 0);
         }
         let mut longest = self.variational_step()?.min(self.options.h_max);
-        self.prepare_step();
         if self.is_cut_short() {
             longest = longest.min(self.time_to_switch().max(self.no_time()));
         }
+        self.prepare_step();
         if self.h <= 64.0 * EPS * self.t.abs() {
             // what was left of the way to the last stop says nothing about the way to the next
             self.h = self.no_time();

@@ -64,6 +64,8 @@ impl Engine {
         // the growth of the step is chosen by an error of order four
         self.coarse = match self.pair {
             _ if self.implicit => e,
+            // and of order three
+            Pair::Bs3 => e,
             Pair::Dp5 => e * e.sqrt().sqrt(),
             Pair::Dop853 => e * e,
         };
@@ -446,12 +448,7 @@ impl Engine {
     /// Might a function with a constant gradient vanish in the step, to judge by its rates at the stages, with a
     /// margin for what lies between them?
     pub(super) fn nears(&self, w: &Watch, w0: f64, w1: f64, depart: u8) -> bool {
-        let rates = w.rates(&self.dq0, &self.field, &self.step.k);
-        let (mut lo, mut hi) = (f64::INFINITY, f64::NEG_INFINITY);
-        for r in &rates[..self.step.n_k] {
-            lo = lo.min(*r);
-            hi = hi.max(*r);
-        }
+        let (lo, hi) = w.rates(&self.dq0, &self.field, &self.step.k, self.step.n_k);
         let spread = 0.25 * (hi - lo);
         if lo > spread {
             // it grows throughout

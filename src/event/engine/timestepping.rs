@@ -67,7 +67,8 @@ impl Engine {
         self.field.set_active(&before);
         let t1 = if span >= end - t0 { end } else { t0 + span };
         self.passage = (t_limit.max(t0), t1);
-        self.accumulations_push(Accumulation { t: t_limit, until: t1, steps, error });
+        let t = self.recent.limit(t_limit);
+        self.accumulations_push(Accumulation { t, until: t1, steps, error });
         self.straight_line(t1, &x);
         self.stats.steps += steps;
         self.behind = true;

@@ -192,6 +192,11 @@ impl Engine {
             }
             if let Some(near) = self.field.near_cells() {
                 c.extend(near);
+            } else if s.signs && s.n_q == 1 && marked {
+                c.extend((0..s.cells.len()).map(|c| s.first + c));
+                if s.cells.len() == 2 && s.cells[0].mode != s.cells[1].mode {
+                    continue;
+                }
             } else if s.signs {
                 let fits = |cell: &usize| {
                     let w = &s.cells[*cell].weights;
@@ -226,6 +231,20 @@ impl Engine {
         all
     }
 
+    /// Notes what a switch does not touch: subsystems that go on as before, none of whose functions vanishes.
+    fn note_kept(&mut self, before: &[Vec<usize>]) {
+        let n_q = self.q0.len();
+        self.keeps = true;
+        for (k, s) in self.field.subs.iter().enumerate() {
+            let goes_on = sets::same_set(&before[k], &self.field.active[k]);
+            self.kept[k] = goes_on && before[k].len() == 1 && !self.zero[s.q0..s.q0 + s.n_q].contains(&true);
+            if !goes_on {
+                self.due[s.q0..s.q0 + s.n_q].fill(f64::NAN);
+                self.due[n_q + s.first..n_q + s.first + s.cells.len()].fill(f64::NAN);
+            }
+        }
+    }
+
     /// Prepares the first step under a new active set.
     pub(super) fn enter(&mut self) -> std::result::Result<(), EvalError> {
         let t = self.t;
@@ -243,10 +262,17 @@ impl Engine {
             r => r?,
         }
         self.node.copy_from_slice(&self.x);
-        if self.field.project(t, &mut self.x)? && self.has_moved() {
-            self.field.rhs(t, &self.x, &mut self.f)?;
+        let slides = self.field.n_alg() > 0 && !self.field.has_contacts() && !self.field.in_limit_set();
+        if self.field.project(t, &mut self.x)? {
+            if self.has_moved() {
+                self.field.rhs(t, &self.x, &mut self.f)?;
+            }
+            self.field.watched(t, &self.x)?;
+        } else if slides {
+            self.field.watched_beside(t, &self.x)?;
+        } else {
+            self.field.watched(t, &self.x)?;
         }
-        self.field.watched(t, &self.x)?;
         self.field.watched_gradients(t, &self.x)?;
         self.q0.copy_from_slice(&self.field.q);
         self.dq0.copy_from_slice(&self.field.dq);
@@ -261,6 +287,9 @@ impl Engine {
         if self.field.has_contacts() {
             self.field.contact_sizes(t, &self.x)?;
         }
+        if !self.keeps {
+            self.due.fill(f64::NAN);
+        }
         // what few of many functions ask for
         let mut pace = None;
         for l in 0..self.watches.len() {
@@ -272,15 +301,15 @@ impl Engine {
                 self.depart[l] = u8::from(value <= 1e-9);
                 continue;
             }
-            if !self.field.looks_at(&w) {
+            let kept = self.keeps && matches!(w, Watch::Enter { sub, .. } if self.kept[sub]);
+            if kept || !self.field.looks_at(&w) {
                 continue;
             }
-            let scale = w.scale(&self.dq0, &self.field, t, &self.x);
             if let Watch::Contact { .. } = w {
                 self.depart[l] = self.contact_departs(w, value);
                 continue;
             }
-            let rate = w.rate(&self.dq0, &self.field, &self.f);
+            let (scale, rate) = w.scale_and_rate(&self.dq0, &self.field, (t, &self.x), &self.f);
             if value <= 64.0 * EPS * scale.value || value <= 8.0 * EPS * rate.abs() * t.abs() {
                 // fast enough for a zero of order one: compared with the states moving by their sizes
                 let rises = match w {
@@ -411,16 +440,20 @@ impl Engine {
         before: &[Vec<usize>],
     ) -> std::result::Result<(), EvalError> {
         let t = self.t;
+        // the search in the step has shown which functions stay away from zero
+        let searched = self.known_end;
         self.arrive()?;
         self.zero.fill(false);
         let (mut rate, mut cosine, mut grazing) = (slope, f64::NAN, false);
         for m in 0..self.watches.len() {
+            if searched && m != l && !self.suspect[m] {
+                continue;
+            }
             let w = self.watches[m];
             match w {
                 Watch::Enter { a, b, .. } => {
                     let v = w.value(&self.field.q, &self.field);
-                    let r = w.rate(&self.field.dq, &self.field, &self.f);
-                    let scale = w.scale(&self.field.dq, &self.field, t, &self.x);
+                    let (scale, r) = w.scale_and_rate(&self.field.dq, &self.field, (t, &self.x), &self.f);
                     if m == l {
                         let size = self.f.iter().map(|v| v * v).sum::<f64>().sqrt();
                         rate = r;
@@ -460,9 +493,18 @@ impl Engine {
                 self.touch(Contact { t, subsystem: sub, rate, transversality: cosine });
             }
         } else {
-            self.remember();
+            let crossed = match self.watches[l] {
+                Watch::Enter { a, b: None, .. } => Some((a, rate)),
+                _ => None,
+            };
+            self.remember(crossed);
         }
-        self.enter()?;
+        if searched && !same {
+            self.note_kept(before);
+        }
+        let entered = self.enter();
+        self.keeps = false;
+        entered?;
         self.one_sided |= grazing;
         if !same {
             let f = std::mem::take(&mut self.f_before);

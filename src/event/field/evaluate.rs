@@ -195,6 +195,11 @@ impl Field {
             return self.scene_watched(t, x);
         }
         self.indicators(t, x)?;
+        self.watched_beside(t, x)
+    }
+
+    /// The same where the indicator functions are known at this point.
+    pub(in crate::event) fn watched_beside(&mut self, t: f64, x: &[f64]) -> EvalResult {
         let at = Point { t, x, u: &self.u, p: &self.p };
         self.guards.values(&at, &mut self.q, &mut self.work)
     }
