@@ -30,6 +30,8 @@ pub struct Clearance {
     pub lowest: Vec<(usize, usize)>,
     /// Lengths of all elements: those of one mode in one stage keep their ratios.
     pub lengths: Vec<f64>,
+    /// Active cells of all elements: with others, as those of a later solve from here, nothing is kept clear of.
+    pub active: Vec<bool>,
 }
 
 /// An element of a solution.
@@ -188,11 +190,11 @@ impl Fesd {
 
     /// Writes the clearance into the bounds of a branch problem.
     pub(super) fn keep_clear(&self, sides: &[Side], b: &mut Bounds) {
-        let Some(clearance) = &self.clearance else { return };
         let l = &self.l;
-        let active = |e: usize, c: usize| sides[e * l.n_cells + c] == Side::First;
+        let of = |k: &&Clearance| k.active.iter().copied().eq(sides.iter().map(|s| *s == Side::First));
+        let Some(clearance) = self.clearance.as_ref().filter(of) else { return };
         let last = l.elements.len() - 1;
-        for &(i, c, least) in clearance.least.iter().filter(|(i, c, _)| *i <= last && !active(*i, *c)) {
+        for &(i, c, least) in &clearance.least {
             let e = &l.elements[i];
             let mut at: Vec<usize> = e.lambda.iter().copied().chain(e.lambda_end).collect();
             if i == last {

@@ -157,6 +157,7 @@ impl Ocp {
             let near = p.near.iter().filter(|_| part.keeps);
             clearance.least.extend(near.map(|&(c, least)| (element, c, least)));
             clearance.lengths.push(part.h);
+            clearance.active.extend_from_slice(&p.active);
             s.stages[part.stage].push((p.active.clone(), part.h));
         }
         let mut work = Box::new(self.blank());

@@ -62,8 +62,8 @@ pub(super) const OTHER: &str = "the simulation of the controls is not that of th
 const WITHOUT_DERIVATIVES: &str = "derivatives along the simulation are not finite";
 /// Share of the largest distance from a surface, in terms of indicators, at which it is touched.
 const TOUCH: f64 = 1e-7;
-/// Multiples of the distance that an answer keeps from surfaces at which they are touched: multipliers measure it in other units.
-const KEPT: f64 = 4.0;
+/// Multiples of the distance that an answer keeps from surfaces at which they are touched: it is kept up to the error of the method.
+const KEPT: f64 = 1.5;
 /// Share of its terms, and of what the ranges of the states make of it, above which the speed towards a surface is one.
 const SLOW: f64 = 1e-6;
 /// Differences of velocities, relative to the velocities and to ranges of the states over the horizon, that count as none.
