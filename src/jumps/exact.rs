@@ -148,6 +148,7 @@ pub(super) fn solve_sequence(
         blame: None,
         paradox: None,
         changes: Vec::new(),
+        agreeing: [0; 2],
         effort: 0,
         freezing: None,
         point: [s.x, s.y, s.z],

@@ -135,6 +135,8 @@ pub struct Answer {
     pub paradox: Option<Paradox>,
     /// Impacts and changes of modes that a simulation of its controls has in every control stage, of a point that is no solution.
     pub changes: Vec<usize>,
+    /// Of a point that is no solution: starts of the search that came nearly as close to one, and starts that came to any point.
+    pub agreeing: [usize; 2],
     /// Iterations times variables of all programs.
     pub(super) effort: usize,
     /// What stood for the contacts in numerical time, if time-freezing was asked.
@@ -214,6 +216,9 @@ const SECOND: Second = Second {
     simulations: Share { of_effort: 0.5, programs: 60.0 },
     programs: Share { of_effort: 0.5, programs: 30.0 },
 };
+
+/// Share by which the least violations of two starts may differ that agree: neither is a stationary point but for that.
+const AGREES: f64 = 0.1;
 
 /// Share of the cost by which a sequence must be better to count.
 const GAIN: f64 = 1e-9;
@@ -397,6 +402,8 @@ struct Search<'a> {
     failure: f64,
     /// Sequences without a solution while nothing has one: violation, sequence, guess.
     failed: Vec<(f64, Sequence, Track)>,
+    /// Least violation of every start that has come to no solution.
+    least: Vec<f64>,
     /// The last sequence with phases that want to vanish whose program came close to a better answer, with its motion and those phases.
     lead: Option<Lead>,
     /// Two starts have led to the same answer.
@@ -448,6 +455,7 @@ impl<'a> Search<'a> {
             dimensions: (0, 0, 0),
             failure: 0.0,
             failed: Vec::new(),
+            least: Vec::new(),
             lead: None,
             agreed: false,
             met: false,
@@ -486,6 +494,10 @@ impl<'a> Search<'a> {
         best.tried = self.attempts;
         best.settled = settled;
         best.effort = self.effort;
+        if !best.is_solved() {
+            let agrees = |v: &&f64| **v <= (1.0 + AGREES) * best.violation;
+            best.agreeing = [self.least.iter().filter(agrees).count(), self.least.len()];
+        }
         best.freezing = self.freezing;
         Some((best, solved))
     }
@@ -571,6 +583,7 @@ impl<'a> Search<'a> {
             self.improve(Reach::Local, most, control)?;
         }
         self.rival = None;
+        self.least.extend(self.best.as_ref().filter(|b| !b.0.is_solved()).map(|b| b.0.violation));
         if let Some(old) = before {
             let same = |new: &Answer| (new.cost - old.0.cost).abs() <= GAIN * old.0.cost.abs();
             let as_good = self.best.as_ref().is_some_and(|new| new.0.is_solved() && same(&new.0));

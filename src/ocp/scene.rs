@@ -374,9 +374,10 @@ impl Ocp {
             }
             Outcome::Infeasible | Outcome::Stalled | Outcome::MaxIter | Outcome::MaxTime => format!(
                 "{time}{why}no motion was found that meets all constraints, after {} orders of contacts; the one closest to it violates \
-                 them by {:.3e} of their sizes{}{}. Its contacts: {}",
+                 them by {:.3e} of their sizes{}{}{}. Its contacts: {}",
                 a.tried,
                 a.violation,
+                agreement(a.agreeing),
                 a.broken.as_ref().map_or_else(String::new, |b| {
                     format!(", most in control stage {}, where it is a matter of the {}", b.stage, b.functions.join(", the "))
                 }),
@@ -435,6 +436,15 @@ fn unstable(off: f64) -> String {
          from the state of the answer at its start ends within {off:.1e} of the state of the answer at its end; to be followed, it \
          needs feedback"
     )
+}
+
+/// Whether starts of the search agree on the least violation there is.
+fn agreement([close, all]: [usize; 2]) -> String {
+    match (close, all) {
+        (2.., _) => format!(" ({close} of {all} starts of the search come within a tenth of that)"),
+        (_, 2..) => format!(" (of {all} starts of the search no two come within a tenth of that)"),
+        _ => String::new(),
+    }
 }
 
 /// What a simulation misses, in the unit of the user.
