@@ -301,6 +301,7 @@ pub(super) fn solve_again(
 ) -> Result<Option<(Answer, Solved)>> {
     let clock = Instant::now();
     let mut s = Search { most_effort: most, refines: true, close: true, ..Search::new(p, options) };
+    let sequence = &sequence.without_idle_impacts();
     s.attempt(sequence, motion, NEAR_ITERATIONS, control)?;
     s.close = false;
     if !s.is_solved() {
@@ -651,7 +652,7 @@ impl<'a> Search<'a> {
             if self.is_solved() || self.is_over() {
                 break;
             }
-            self.attempt_from(&way.sequence, &track, None, NEAR_ITERATIONS, control)?;
+            self.attempt_from(&way.sequence.without_idle_impacts(), &track, None, NEAR_ITERATIONS, control)?;
         }
         Ok(())
     }
