@@ -95,7 +95,7 @@ impl Ocp {
         if !self.terminal.is_empty() || !self.boundary.is_empty() {
             return Ok(None);
         }
-        let price = self.result.as_ref().map_or(0.0, |r| r.priced - r.cost);
+        let price = self.result.as_ref().map_or(0.0, |r| r.priced - r.cost_reached);
         let cost = |a: Accuracy| if a.reached() { a.cost + price } else { f64::INFINITY };
         Ok(self.simulated(request)?.map(cost))
     }

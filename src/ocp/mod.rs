@@ -125,7 +125,7 @@ pub struct OcpResult {
     /// What the point costs that is given here, solution or not. One that is none need not satisfy dynamics and
     /// constraints, and its cost may lie on either side of that of a solution.
     pub cost_reached: f64,
-    /// The cost of a solution with what the violation of relaxed constraints costs, which a search lowers.
+    /// The same with what the violation of relaxed constraints costs, which a search lowers.
     pub(super) priced: f64,
     /// Controls `[n_stages · nu]`; where they are linear, at the start of every stage.
     pub controls: Vec<f64>,

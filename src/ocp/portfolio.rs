@@ -80,7 +80,7 @@ impl Race {
     /// What the cheapest one costs, where several ladders led to it.
     fn agreed_cost(&self) -> Option<f64> {
         let first = self.ladders.first().filter(|l| l.count > 1)?;
-        first.answers.last().map(|r| r.cost_reached)
+        first.answers.last().map(|r| r.priced)
     }
 }
 
@@ -341,7 +341,7 @@ impl Ocp {
     fn aim_missed(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<()> {
         for missed in std::mem::take(&mut found.missed) {
             let cost = found.cost();
-            if missed.cost_reached < cost - PROMISED * cost.abs() {
+            if missed.priced < cost - PROMISED * cost.abs() {
                 self.aim_from(found, &missed, request, control)?;
             }
         }
@@ -613,20 +613,21 @@ impl Ocp {
     /// Where the controls of the best answer lead elsewhere because it touches what it does not cross: the same with a distance. Is there one?
     fn clear_best(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<bool> {
         let cost = found.cost();
-        let Some(mut best) = found.best.take() else { return Ok(false) };
-        let clear = match best.leads_elsewhere() {
-            Ok(true) if found.astray != Some(cost) => best.keep_clear(request, &mut |r| found.add(r), control),
-            other => other.map(|_| None),
-        };
-        if matches!(clear, Ok(None)) {
-            found.astray = Some(cost);
+        let Some(best) = found.best.as_mut() else { return Ok(false) };
+        if found.astray == Some(cost) || !best.leads_elsewhere()? {
+            return Ok(false);
         }
-        let (one, is_clear) = match clear {
-            Ok(Some(clear)) => (clear, Ok(true)),
-            other => (best, other.map(|_| false)),
-        };
-        found.best = Some(one);
-        is_clear
+        let Some(best) = found.best.take() else { return Ok(false) };
+        match best.keep_clear(request, &mut |r| found.add(r), control) {
+            Ok(Some(clear)) => {
+                found.best = Some(clear);
+                Ok(true)
+            }
+            other => {
+                (found.best, found.astray) = (Some(best), Some(cost));
+                other.map(|_| false)
+            }
+        }
     }
 
     /// An answer that its own controls do not lead to is none: the phases of their simulation on a finer grid replace it,
@@ -797,8 +798,8 @@ impl Ocp {
                     continue;
                 }
                 best = best.min(r.priced);
-                let size = r.priced.abs().max(smooth.cost_reached.abs());
-                kept = (r.priced - smooth.cost_reached).abs() <= PROMISED * size;
+                let size = r.priced.abs().max(smooth.priced.abs());
+                kept = (r.priced - smooth.priced).abs() <= PROMISED * size;
                 if r.priced < found.cost() {
                     found.agreed = k == 0 && ladder.count > 1 && kept;
                     found.replace(one, request)?;

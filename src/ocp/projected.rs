@@ -39,7 +39,7 @@ impl Ocp {
         let Some((found, moved)) = self.lowest_from(b, r, controls, &known)? else {
             return Ok(Optimality::unknown(NO_DESCENT));
         };
-        let own = r.cost_reached + self.penalty(&b.problem, &b.solver.solution().x, &b.extended, &r.durations);
+        let own = r.priced;
         // what the discretisation makes of the cost, in the unit of the gain
         let error = (found.before - own).abs() / found.unit;
         if error > NO_SLOPE.sqrt() {

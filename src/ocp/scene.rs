@@ -280,7 +280,7 @@ impl Ocp {
             message: String::new(),
             cost: if a.is_solved() { cost } else { f64::NAN },
             cost_reached: cost,
-            priced: if a.is_solved() { a.cost } else { f64::NAN },
+            priced: a.cost,
             controls: controls.clone(),
             control_ends: controls,
             durations,

@@ -553,7 +553,7 @@ impl Ocp {
             message: String::new(),
             cost: if s.outcome == Outcome::Solved { cost } else { f64::NAN },
             cost_reached: cost,
-            priced: if s.outcome == Outcome::Solved { cost + penalty } else { f64::NAN },
+            priced: cost + penalty,
             undefined: false,
             control_ends: if self.linear.contains(&true) { own(&ends) } else { own(&controls) },
             controls: own(&controls),
@@ -622,7 +622,7 @@ impl Ocp {
                 (0..self.n_stages).for_each(|k| params[k * np + j] = w[v]);
             }
         }
-        let total = r.cost_reached + self.penalty(problem, w, e, &r.durations);
+        let total = r.priced;
         let usual = problem.state_sizes();
         let answer = Answer {
             usual: &usual,
@@ -656,20 +656,5 @@ impl Ocp {
         }
         self.engine = Some(engine);
         Ok(found)
-    }
-
-    /// What the violation of relaxed constraints costs at a point.
-    pub(super) fn penalty(&self, problem: &Fesd, w: &[f64], e: &Extended, durations: &[f64]) -> f64 {
-        let (controls, params) = (problem.controls(w), problem.params_at(w));
-        let wide = e.system.dims().u.max(1);
-        let of = |(soft, at): (&super::extend::Soft, &Slacks)| -> f64 {
-            match at {
-                Slacks::Params(r) => soft.penalty(&params[r.clone()], 1.0),
-                Slacks::Controls(r) => {
-                    controls.chunks_exact(wide).zip(durations).map(|(u, h)| soft.penalty(&u[r.clone()], *h)).sum()
-                }
-            }
-        };
-        self.soft.iter().zip(&e.slacks).map(of).sum()
     }
 }

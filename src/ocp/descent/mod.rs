@@ -66,7 +66,7 @@ impl Ocp {
         let mut still = None;
         if found.gain <= NONE {
             // a cost that simulations do not confirm is certified by nothing
-            let own = r.cost_reached + best.penalty(&b.problem, &b.solver.solution().x, &b.extended, &r.durations);
+            let own = r.priced;
             if (found.before - own).abs() > SAME * found.before.abs().max(own.abs()) {
                 return Ok(None);
             }
