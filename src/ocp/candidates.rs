@@ -40,7 +40,7 @@ pub(super) struct Candidates {
 
 /// Cost of an answer, infinite where there is none.
 pub(super) fn cost_of(one: &Option<Box<Ocp>>) -> f64 {
-    one.as_ref().and_then(|b| b.result.as_ref()).map_or(f64::INFINITY, |r| r.priced)
+    one.as_ref().map_or(f64::INFINITY, |b| b.priced())
 }
 
 impl Candidates {
@@ -75,7 +75,7 @@ impl Candidates {
 
     /// Keeps an exact answer as the spare one, where it is cheaper than that and its simulation agrees.
     pub fn keep(&mut self, mut one: Box<Ocp>, request: &Request) -> Result<()> {
-        let cost = one.result.as_ref().map_or(f64::INFINITY, |r| r.priced);
+        let cost = one.priced();
         if cost < cost_of(&self.spare) && one.simulated_cost(request)?.is_some_and(|s| agree(s, cost)) {
             self.spare = Some(one);
         }
@@ -89,6 +89,11 @@ pub(super) fn agree(simulated: f64, cost: f64) -> bool {
 }
 
 impl Ocp {
+    /// What the last answer costs by itself, infinite where there is none.
+    pub(super) fn priced(&self) -> f64 {
+        self.result.as_ref().map_or(f64::INFINITY, |r| r.priced)
+    }
+
     /// Cost of the last answer in a simulation of its controls; infinite where that does not get to the end, `None` where it
     /// cannot be compared: constraints at the end may then be missed by a little, and nobody knows what that is worth.
     pub(super) fn simulated_cost(&mut self, request: &Request) -> Result<Option<f64>> {

@@ -85,11 +85,6 @@ impl Ocp {
         Ok(self.judged()?.is_some_and(|o| o.reason == OTHER))
     }
 
-    /// What the last answer costs.
-    pub(super) fn costs(&self) -> Option<f64> {
-        self.result.as_ref().map(|r| r.priced)
-    }
-
     /// Do the controls of the last answer lead to it, stage by stage and from the start to the end?
     pub(super) fn leads_to_it(&mut self, request: &Request) -> Result<bool> {
         if self.leads_elsewhere()? {

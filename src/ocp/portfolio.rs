@@ -54,7 +54,7 @@ const GAIN: f64 = 1e-7;
 
 /// What the answer of a problem costs when it is simulated, or what it says itself where that cannot be compared.
 pub(super) fn worth(one: &mut Ocp, request: &Request) -> Result<f64> {
-    let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.priced);
+    let own = one.priced();
     Ok(one.simulated_cost(request)?.unwrap_or(own))
 }
 
@@ -86,7 +86,7 @@ impl Race {
 
 /// Is an answer better than one that costs this much, by itself and when it is simulated? Simulations decide where both can be compared.
 pub(super) fn lower(one: &mut Ocp, (cost, simulated): (f64, f64), request: &Request) -> Result<bool> {
-    let own = one.result.as_ref().map_or(f64::INFINITY, |r| r.priced);
+    let own = one.priced();
     // those that are far from better by themselves are not simulated
     if own > cost + SAME * cost.abs() {
         return Ok(false);
@@ -600,7 +600,7 @@ impl Ocp {
                 one = clear;
                 better = lower(&mut one, now, request)?;
             }
-        } else if !better && one.costs().is_some_and(|cost| cost <= now.0 + SAME * now.0.abs()) {
+        } else if !better && one.priced() <= now.0 + SAME * now.0.abs() {
             let astray = found.best.as_mut().map_or(Ok(false), |best| best.leads_elsewhere())?;
             better = astray && one.leads_to_it(request)?;
         }

@@ -11,25 +11,18 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
 from pathlib import Path
 
 import mpcc_compare
-import mpcc_ipopt
-import mpcc_switchback
 import mpcc_train
 from mpcc_problems import Problem
 
 
-class Bench(mpcc_train.Bench):
-    """Our solver alone; options name the seed of the start."""
+class Starts(mpcc_train.Changed):
+    """Problems from other starts."""
 
-    def run(self, solver: str, entry: dict, options: dict) -> dict:
-        problem = Problem(self.code, self.problems / entry["file"], options["start"])
-        expect = entry.get("known", {}).get("expect", "optimal")
-        return mpcc_train.measured(
-            problem, lambda: mpcc_switchback.solve(self.swb, problem, self.members, {}, self.limit), 1, expect
-        )
+    def changed(self, path: Path, change: int) -> Problem:
+        return Problem(self.code, path, change)
 
 
 def main() -> int:
@@ -45,16 +38,7 @@ def main() -> int:
     every = list(problems)
     count = min(arguments.count, len(every))
     names = [every[k * len(every) // count] for k in range(count)]
-    mpcc_ipopt.single_thread()
-    with tempfile.TemporaryDirectory() as folder:
-        bench = Bench(arguments, Path(folder))
-        tasks = [
-            ("switchback", n, problems[n], {"start": k}) for n in names for k in range(arguments.starts + 1)
-        ]  # fmt: skip
-        results = mpcc_train.run_all(bench, tasks, arguments.jobs, arguments.limit)
-    found: dict[str, list[dict]] = {}
-    for (_, name, _, _), result in zip(tasks, results):
-        found.setdefault(name, []).append(result)
+    found = mpcc_train.run_changed(Starts, arguments, {n: problems[n] for n in names}, arguments.starts)
     solved = total = 0
     for name, (own, *others) in found.items():
         total += len(others)

@@ -107,6 +107,19 @@ class Bench:
         )  # fmt: skip
 
 
+class Changed(Bench):
+    """Our solver alone, on problems that are changed as options say."""
+
+    def changed(self, path: Path, change: int) -> Problem:
+        """The problem of a file after change number `change`; 0 is none."""
+        raise NotImplementedError
+
+    def run(self, solver: str, entry: dict, options: dict) -> dict:
+        problem = self.changed(self.problems / entry["file"], options["change"])
+        expect = entry.get("known", {}).get("expect", "optimal")
+        return measured(problem, lambda: mpcc_switchback.solve(self.swb, problem, self.members, {}, self.limit), 1, expect)
+
+
 def _child(bench: Bench, solver: str, entry: dict, options: dict, limit: float, pipe) -> None:
     try:
         resource.setrlimit(resource.RLIMIT_CPU, (math.ceil(2 * limit + GRACE), resource.RLIM_INFINITY))
@@ -174,6 +187,21 @@ def run_all(bench: Bench, tasks: list[tuple[str, str, dict, dict]], jobs: int, l
                 if done is not None:
                     done(i, result)
     return results
+
+
+def run_changed(
+    kind: type[Changed], arguments: argparse.Namespace, problems: dict[str, dict], changes: int
+) -> dict[str, list[dict]]:
+    """Results of every problem: as it is, then after every change."""
+    mpcc_ipopt.single_thread()
+    with tempfile.TemporaryDirectory() as folder:
+        bench = kind(arguments, Path(folder))
+        tasks = [("switchback", n, p, {"change": k}) for n, p in problems.items() for k in range(changes + 1)]
+        results = run_all(bench, tasks, arguments.jobs, arguments.limit)
+    found: dict[str, list[dict]] = {}
+    for (_, name, _, _), result in zip(tasks, results):
+        found.setdefault(name, []).append(result)
+    return found
 
 
 def progress(result: dict) -> str:

@@ -13,14 +13,11 @@ from __future__ import annotations
 
 import argparse
 import sys
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
 import mpcc_compare
-import mpcc_ipopt
-import mpcc_switchback
 import mpcc_train
 from mpcc_problems import Problem
 
@@ -34,20 +31,17 @@ def units(problem: Problem, seed: int, exponent: int, what: tuple[str, ...]) -> 
     return np.where(changed, 2.0**k, 1.0)
 
 
-class Bench(mpcc_train.Bench):
-    """Our solver alone; options name the seed of the units."""
+class Units(mpcc_train.Changed):
+    """Problems in other units."""
 
     def __init__(self, arguments: argparse.Namespace, folder: Path):
         super().__init__(arguments, folder)
         self.exponent, self.what = arguments.exponent, tuple(arguments.only_what or WHAT)
 
-    def run(self, solver: str, entry: dict, options: dict) -> dict:
-        problem = Problem(self.code, self.problems / entry["file"])
-        problem.units = units(problem, int(options["units"]), self.exponent, self.what)
-        expect = entry.get("known", {}).get("expect", "optimal")
-        return mpcc_train.measured(
-            problem, lambda: mpcc_switchback.solve(self.swb, problem, self.members, {}, self.limit), 1, expect
-        )
+    def changed(self, path: Path, change: int) -> Problem:
+        problem = Problem(self.code, path)
+        problem.units = units(problem, change, self.exponent, self.what)
+        return problem
 
 
 def same(a: dict, b: dict) -> bool:
@@ -70,16 +64,7 @@ def main() -> int:
     problems = mpcc_train.chosen(arguments)
     if problems is None:
         return 0
-    mpcc_ipopt.single_thread()
-    with tempfile.TemporaryDirectory() as folder:
-        bench = Bench(arguments, Path(folder))
-        tasks = [
-            ("switchback", n, problems[n], {"units": k}) for n in problems for k in range(arguments.changes + 1)
-        ]  # fmt: skip
-        results = mpcc_train.run_all(bench, tasks, arguments.jobs, arguments.limit)
-    found: dict[str, list[dict]] = {}
-    for (_, name, _, _), result in zip(tasks, results):
-        found.setdefault(name, []).append(result)
+    found = mpcc_train.run_changed(Units, arguments, problems, arguments.changes)
     agree, ratios, total = 0, [], 0
     for name, (own, *others) in found.items():
         for other in others:
