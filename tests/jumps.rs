@@ -452,6 +452,38 @@ fn a_throw_that_hits_is_found_from_any_start() {
     assert!((slope - 0.239_091_476).abs() < 1e-9, "{slope}");
 }
 
+/// A block falls on a rough floor and is to be at rest further on; its states have bounds that it comes nowhere near.
+#[test]
+fn generous_bounds_of_states_change_no_answer() {
+    let cost = |bound: Option<f64>| {
+        let g = Graph::new();
+        let mut scene = Scene::new("block", 2, 2, 2, 0).unwrap();
+        scene.set_force(0, g.u(0).id()).unwrap();
+        scene.set_force(1, (g.u(1) - G).id()).unwrap();
+        let (friction, tangents) = (g.constant(0.3).id(), vec![g.x(0).id()]);
+        scene.add_contact(Contact { friction, tangents, ..Contact::new(&g, "floor", g.x(1)) }).unwrap();
+        let built = scene.build(&g).unwrap();
+        let mut ocp = Ocp::new(&built.system, 1.0, 4, &Settings { n_s: 2, n_fe: 1, ..Settings::default() }).unwrap();
+        ocp.set_x0(&[0.0, 0.3, 0.0, 0.0]).unwrap();
+        ocp.set_u_bounds(&[-20.0; 2], &[20.0; 2]).unwrap();
+        if let Some(most) = bound {
+            ocp.set_x_bounds(&[-most; 4], &[most; 4]).unwrap();
+        }
+        let effort = g.u(0) * g.u(0) + g.u(1) * g.u(1);
+        ocp.set_lagrange(Arc::new(g.function("effort", built.dims, &[effort]).unwrap())).unwrap();
+        let end = [g.x(0), g.x(2), g.x(3)];
+        ocp.add_terminal(Arc::new(g.function("end", built.dims, &end).unwrap()), &[0.5, 0.0, 0.0], &[0.5, 0.0, 0.0])
+            .unwrap();
+        let r = ocp.solve(&mut Control::default()).unwrap();
+        assert_eq!(r.outcome, Outcome::Solved, "{bound:?}: {}", r.message);
+        r.cost
+    };
+    let free = cost(None);
+    for bound in [1e2, 1e3, 1e6] {
+        assert!((cost(Some(bound)) - free).abs() < 1e-6 * free, "{bound}");
+    }
+}
+
 /// A mass on a spring that bounces off a stop, in a unit of length: everything scales with that. Only the simulation of the guess says when it bounces.
 #[test]
 fn guesses_do_not_depend_on_the_unit_of_length() {

@@ -20,6 +20,11 @@ const BOUNCES: usize = 7;
 
 /// A ball that falls from 1 m in 2 s, with a push sideways that costs its square.
 fn ball(elements: usize) -> Problem {
+    Problem::new(Statement { n_fe: vec![elements], ..ball_from(1.0) }).unwrap()
+}
+
+/// The same from a height, on one element.
+pub(super) fn ball_from(height: f64) -> Statement {
     let g = Graph::new();
     let (y, u) = (g.x(1), g.u(0));
     let mut scene = Scene::new("ball", 2, 2, 1, 0).unwrap();
@@ -30,14 +35,12 @@ fn ball(elements: usize) -> Problem {
     let system = scene.build(&g).unwrap().system;
     let dims = Dims { x: 4, u: 1, p: 0 };
     let effort = g.function("effort", dims, &[u * u]).unwrap();
-    let x0 = vec![0.0, 1.0, 0.0, 0.0];
-    Problem::new(Statement {
+    let x0 = vec![0.0, height, 0.0, 0.0];
+    Statement {
         lagrange: Some(Arc::new(effort)),
         x0_bounds: [x0.clone(), x0],
-        n_fe: vec![elements],
         ..Statement::bare(system, dims, vec![2.0])
-    })
-    .unwrap()
+    }
 }
 
 fn phase(mode: ContactMode, jump: bool, share: f64) -> Phase {

@@ -6,31 +6,38 @@ use crate::func::Point;
 use crate::nlp::middles;
 use crate::system::SharedFunction;
 
-/// Sizes of the states: the larger of their values at the start, at the target and at their finite bounds. A state of which these say nothing
+/// Bounds count up to this multiple of what states have as their size without them.
+const BOUNDED: f64 = 10.0;
+
+/// Sizes of the states: the largest of their values at the start, at the target and at their finite bounds. A state of which these say nothing
 /// has the size of the largest of its kind; coordinates of which nothing is known have that of the largest gap at the start, velocities cross the
-/// largest coordinate in the horizon. Where nothing at all has a size, there is no unit to be independent of, and they are 1.
+/// largest coordinate in the horizon. Bounds say how large a state may be, not how large it is, and are often generous: they count up to ten times
+/// what its kind has without them. Where nothing at all has a size, there is no unit to be independent of, and they are 1.
 pub(super) fn of_states(p: &Problem, x0: &[f64], target: Option<&[f64]>) -> Vec<f64> {
     let g = &p.given;
     let n_q = p.functions.n_q;
-    let bounds = [&g.x_bounds[0], &g.x_bounds[1], &g.x0_bounds[0], &g.x0_bounds[1]];
-    let known = |i: usize| {
-        let more = bounds.iter().map(|b| b[i]).filter(|b| b.is_finite());
-        more.chain(target.map(|t| t[i])).fold(x0[i].abs(), |m, v| m.max(v.abs()))
-    };
-    let mut x: Vec<f64> = (0..g.dims.x).map(known).collect();
     let largest = |x: &[f64]| x.iter().copied().fold(0.0, f64::max);
+    let known: Vec<f64> = (0..g.dims.x).map(|i| target.map_or(x0[i].abs(), |t| x0[i].abs().max(t[i].abs()))).collect();
+    let sides = [&g.x_bounds[0], &g.x_bounds[1], &g.x0_bounds[0], &g.x0_bounds[1]];
+    let bound = |i: usize| sides.iter().map(|b| b[i].abs()).filter(|b| b.is_finite()).fold(0.0, f64::max);
+    let bounds: Vec<f64> = (0..g.dims.x).map(bound).collect();
     let horizon: f64 = g.durations.iter().sum();
     let u = vec![0.0; g.dims.u];
     let gaps = p.gaps(&Point { t: g.t0, x: x0, u: &u, p: &g.params[..g.dims.p] });
     let gap = gaps.iter().map(|gap| gap.1.abs()).filter(|gap| gap.is_finite()).fold(0.0, f64::max);
-    let ways = [largest(&x[..n_q]), gap, largest(&x[n_q..]) * horizon];
+    let (q, v) = (largest(&known[..n_q]), largest(&known[n_q..]));
+    let of_bounds = [largest(&bounds[..n_q]), largest(&bounds[n_q..]) * horizon];
+    let ways = [q, gap, v * horizon].into_iter().chain(of_bounds);
     let way = ways.into_iter().find(|w| *w > 0.0).unwrap_or(1.0);
-    let speeds = [largest(&x[n_q..]), way / horizon];
-    let speed = speeds.into_iter().find(|w| *w > 0.0).unwrap_or(1.0);
-    for (i, size) in x.iter_mut().enumerate().filter(|(_, size)| **size == 0.0) {
-        *size = if i < n_q { way } else { speed };
-    }
-    x
+    let speed = if v > 0.0 { v } else { way / horizon };
+    let size = |i: usize| {
+        let usual = if i < n_q { way } else { speed };
+        match (known[i], bounds[i].min(BOUNDED * usual)) {
+            (0.0, 0.0) => usual,
+            (known, bound) => known.max(bound),
+        }
+    };
+    (0..g.dims.x).map(size).collect()
 }
 
 /// Size of the value of a function of one output: what states of their sizes make of it to first order, at a point. Gaps need not be lengths, nor
@@ -173,7 +180,27 @@ impl Units {
 
 #[cfg(test)]
 mod tests {
-    use super::unit;
+    use super::super::chain_tests::ball_from;
+    use super::super::problem::{Problem, Statement};
+    use super::{of_states, unit};
+
+    #[test]
+    fn generous_bounds_say_little_of_sizes() {
+        const FREE: [f64; 4] = [f64::INFINITY; 4];
+        let sizes = |height: f64, most: [f64; 4]| {
+            let x_bounds = [most.map(|v| -v).to_vec(), most.to_vec()];
+            let p = Problem::new(Statement { x_bounds, ..ball_from(height) }).unwrap();
+            of_states(&p, &p.given().x0_bounds[0], None)
+        };
+        // it falls from 1 in 2 s
+        assert_eq!(sizes(1.0, FREE), [1.0, 1.0, 0.5, 0.5]);
+        assert_eq!(sizes(1.0, [1e3; 4]), [10.0, 10.0, 5.0, 5.0]);
+        assert_eq!(sizes(1.0, [1e6; 4]), sizes(1.0, [1e3; 4]));
+        // others say how far it gets
+        assert_eq!(sizes(1.0, [0.2, 3.0, 2.0, 0.1]), [0.2, 3.0, 2.0, 0.1]);
+        // at rest on the floor, nothing else has a unit
+        assert_eq!(sizes(0.0, [3.0, f64::INFINITY, 1.0, 1e3]), [3.0, 3.0, 1.0, 15.0]);
+    }
 
     #[test]
     fn units_are_powers_of_a_thousand() {
