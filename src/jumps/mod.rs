@@ -33,6 +33,8 @@ mod result;
 mod scales;
 mod search;
 mod sensitivity;
+#[cfg(test)]
+mod short_phase_tests;
 mod shots;
 mod simulate;
 pub(crate) mod spread;

@@ -21,6 +21,7 @@ use crate::func::Point;
 use crate::mpcc::{Certificate, MpccSettings};
 use crate::nlp::{Control, Outcome, Residuals, Statistics};
 use crate::stop::{self, Why};
+use starts::starts;
 
 /// How contact modes are found.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -185,7 +186,8 @@ const PUT_IN: usize = 3;
 /// Sequences that are tried next to one without a solution before the next start.
 const NEAR_UNSOLVED: usize = 8;
 
-/// Sequences in a row that are no better after which a start is left that has led to less than another one.
+/// Sequences in a row that are no better after which a start is left that has led to less than another one. It is left, too, when it has taken
+/// as much as all starts before it: events that walk from stage to stage gain a little each.
 const BEHIND: usize = 10;
 
 /// Sequences in a row that are tried where phases without length lead, and ways that are tried at each of them.
@@ -317,27 +319,6 @@ pub(super) fn solve_again(
     Ok(if s.is_solved() { s.into_answer(clock) } else { None })
 }
 
-/// Where a search begins.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-enum Start {
-    /// The simulation of the guessed controls, or modes that are given.
-    Guess,
-    /// Time stepping from the initial state.
-    Steps,
-    /// Simulated shots that nearly meet the constraints.
-    Shots,
-    /// Time stepping from a straight line to the target.
-    StepsOnLine,
-    /// Time stepping with shorter steps, from what it has found with longer ones.
-    FineSteps,
-    /// FESD with jumps, from the motion of time stepping.
-    ComplementaritySteps,
-    /// FESD with jumps, from the initial state and from that line.
-    Complementarity,
-    /// Time-freezing, from both.
-    Freezing,
-}
-
 /// Which sequences next to the best are tried.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Reach {
@@ -346,28 +327,6 @@ pub(super) enum Reach {
     /// Those whose motions are next to the present one.
     Local,
     All,
-}
-
-impl Start {
-    /// Is it only for want of a solution?
-    fn is_for_want(self) -> bool {
-        !matches!(self, Start::Guess | Start::Steps)
-    }
-}
-
-/// Starts of a search, in the order they are tried.
-fn starts(o: &Options) -> Vec<Start> {
-    use Start::{Complementarity, ComplementaritySteps, FineSteps, Freezing, Guess, Shots, Steps, StepsOnLine};
-    match o.method {
-        Method::Auto if o.sequence.is_some() => vec![Guess],
-        Method::Auto => vec![Guess, Steps, Shots, FineSteps, StepsOnLine, ComplementaritySteps, Complementarity],
-        Method::Modes => vec![Guess],
-        Method::Steps => vec![Steps, FineSteps, StepsOnLine],
-        Method::Shots => vec![Shots],
-        Method::Freezing => vec![Freezing],
-        Method::FesdJ if o.sequence.is_some() => vec![Guess, Complementarity],
-        Method::FesdJ => vec![Complementarity],
-    }
 }
 
 /// What became of a sequence.
@@ -396,8 +355,9 @@ struct Search<'a> {
     /// Starts so far: what failed from another start is tried again.
     round: usize,
     best: Option<(Answer, Solved)>,
-    /// Cost of the best answer of other starts.
+    /// Cost of the best answer of other starts, and the effort with which a start is left that has led to a dearer one.
     rival: Option<f64>,
+    most_behind: usize,
     dimensions: (usize, usize, usize),
     /// Violation of the last sequence that was tried; 0 where it has a solution.
     failure: f64,
@@ -453,6 +413,7 @@ impl<'a> Search<'a> {
             largest: 0.0,
             best: None,
             rival: None,
+            most_behind: usize::MAX,
             dimensions: (0, 0, 0),
             failure: 0.0,
             failed: Vec::new(),
@@ -507,27 +468,6 @@ impl<'a> Search<'a> {
         self.best.as_ref().is_some_and(|b| b.0.is_solved())
     }
 
-    /// The best answer that a start leads to, if it is better than those before.
-    fn explore(&mut self, start: Start, control: &mut Control) -> Result<()> {
-        self.compete(control, |s, control| s.begin(start, control).map(|()| true))
-    }
-
-    fn begin(&mut self, start: Start, control: &mut Control) -> Result<()> {
-        match start {
-            Start::Guess => self.start_at_guess(control),
-            Start::Steps => self.start_with_steps(&self.options.states, control),
-            Start::Shots => self.start_with_shots(control),
-            Start::FineSteps => self.refine_steps(control),
-            Start::ComplementaritySteps => self.start_with_complementarity_at_steps(control),
-            Start::StepsOnLine => match self.line() {
-                Some(line) => self.start_with_steps(&Some(line), control),
-                None => Ok(()),
-            },
-            Start::Complementarity => self.start_with_complementarity(control),
-            Start::Freezing => self.start_with_freezing(control),
-        }
-    }
-
     /// Asks whether another start would have bettered the best answer: shots that may cost less, each a start of its own, for as much as
     /// [`SECOND`] says. Nothing else notices that an answer is dear: all sequences next to it may cost more where the motion that costs a
     /// tenth of it has its impacts elsewhere, all of them.
@@ -578,6 +518,7 @@ impl<'a> Search<'a> {
         self.rival = before.as_ref().filter(|b| b.0.is_solved()).map(|b| b.0.cost);
         self.round += 1;
         self.met = false;
+        self.most_behind = 2 * self.effort;
         let goes_on = begin(self, control)?;
         if goes_on {
             let most = if self.is_solved() { self.options.search } else { NEAR_UNSOLVED };
@@ -850,7 +791,8 @@ impl<'a> Search<'a> {
                 if apart {
                     continue;
                 }
-                let behind = in_vain >= BEHIND && best.is_solved() && self.rival.is_some_and(|r| r < best.cost);
+                let behind = best.is_solved() && self.rival.is_some_and(|r| r < best.cost);
+                let behind = behind && (in_vain >= BEHIND || self.effort >= self.most_behind);
                 let enough = !local && best.is_solved() && apart_in_vain >= few;
                 if left == 0 || behind || enough || self.met || self.is_over() {
                     return Ok(());

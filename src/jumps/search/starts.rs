@@ -8,7 +8,7 @@ use super::super::simulate::simulate;
 use super::super::stepping;
 use super::super::track::{interpolate, Piece, Track};
 use super::super::transcribe::Transcription;
-use super::{Answer, Method, Search, Seen, ITERATIONS, NEAR_ITERATIONS};
+use super::{Answer, Method, Options, Search, Seen, ITERATIONS, NEAR_ITERATIONS};
 use crate::error::Result;
 use crate::mpcc::{Mpcc, MpccSettings, MpccSolver};
 use crate::nlp::{Bounds, Control};
@@ -35,6 +35,49 @@ const FROZEN_SIGMA: f64 = 0.1;
 const FROZEN_STOPS: [f64; 2] = [1e-2, 1e-3];
 const FROZEN_ITERATIONS: usize = 250;
 
+/// Where a search begins.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Start {
+    /// The simulation of the guessed controls, or modes that are given.
+    Guess,
+    /// Time stepping from the initial state.
+    Steps,
+    /// Simulated shots that nearly meet the constraints.
+    Shots,
+    /// Time stepping from a straight line to the target.
+    StepsOnLine,
+    /// Time stepping with shorter steps, from what it has found with longer ones.
+    FineSteps,
+    /// FESD with jumps, from the motion of time stepping.
+    ComplementaritySteps,
+    /// FESD with jumps, from the initial state and from that line.
+    Complementarity,
+    /// Time-freezing, from both.
+    Freezing,
+}
+
+impl Start {
+    /// Is it only for want of a solution?
+    pub(super) fn is_for_want(self) -> bool {
+        !matches!(self, Start::Guess | Start::Steps)
+    }
+}
+
+/// Starts of a search, in the order they are tried.
+pub(super) fn starts(o: &Options) -> Vec<Start> {
+    use Start::{Complementarity, ComplementaritySteps, FineSteps, Freezing, Guess, Shots, Steps, StepsOnLine};
+    match o.method {
+        Method::Auto if o.sequence.is_some() => vec![Guess],
+        Method::Auto => vec![Guess, Steps, Shots, FineSteps, StepsOnLine, ComplementaritySteps, Complementarity],
+        Method::Modes => vec![Guess],
+        Method::Steps => vec![Steps, FineSteps, StepsOnLine],
+        Method::Shots => vec![Shots],
+        Method::Freezing => vec![Freezing],
+        Method::FesdJ if o.sequence.is_some() => vec![Guess, Complementarity],
+        Method::FesdJ => vec![Complementarity],
+    }
+}
+
 /// A relaxed program that is solved from stop to stop of its relaxation.
 trait Relaxed {
     /// The program, its bounds, and where it starts.
@@ -54,6 +97,27 @@ impl Relaxed for frozen::Program {
 }
 
 impl Search<'_> {
+    /// The best answer that a start leads to, if it is better than those before.
+    pub(super) fn explore(&mut self, start: Start, control: &mut Control) -> Result<()> {
+        self.compete(control, |s, control| s.begin(start, control).map(|()| true))
+    }
+
+    fn begin(&mut self, start: Start, control: &mut Control) -> Result<()> {
+        match start {
+            Start::Guess => self.start_at_guess(control),
+            Start::Steps => self.start_with_steps(&self.options.states, control),
+            Start::Shots => self.start_with_shots(control),
+            Start::FineSteps => self.refine_steps(control),
+            Start::ComplementaritySteps => self.start_with_complementarity_at_steps(control),
+            Start::StepsOnLine => match self.line() {
+                Some(line) => self.start_with_steps(&Some(line), control),
+                None => Ok(()),
+            },
+            Start::Complementarity => self.start_with_complementarity(control),
+            Start::Freezing => self.start_with_freezing(control),
+        }
+    }
+
     /// Solves for the modes of an answer, from its point where the program is the same.
     pub(super) fn start_at_answer(&mut self, last: &Answer, control: &mut Control) -> Result<()> {
         self.attempt_from(&last.planned, &last.track, Some(&last.point), ITERATIONS, control).map(|_| ())
