@@ -20,10 +20,62 @@ pub(super) struct Recent {
     pub(super) free: [bool; MEMORY],
     /// There were transitions among them.
     pub(super) jumps: bool,
+    /// How fast the rates of the last crossings fall, see [`Engine::sharpness`].
+    pub(super) falling: Falling,
     /// Where the intervals lead to, taken one by one, two by two, and by the rates of what vanishes.
     pub(super) series: [Series; 3],
     /// Of every indicator when it vanished last, and its rate there.
     pub(super) rates: Vec<(f64, f64)>,
+}
+
+/// Crossings of one surface at rates that fall quickly: the intervals behind them fall as quickly.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Falling {
+    /// The function that vanished last, and its rate there.
+    last: Option<(usize, f64)>,
+    n: usize,
+    /// The last rate relative to the first.
+    share: f64,
+    /// How long that says something.
+    lasts: f64,
+}
+
+impl Default for Falling {
+    fn default() -> Falling {
+        Falling { last: None, n: 0, share: 1.0, lasts: 0.0 }
+    }
+}
+
+impl Falling {
+    /// Another crossing, after an interval of length `gap`; `same` if it is of the same surface as the last one.
+    fn note(&mut self, crossed: Option<(usize, f64)>, gap: f64, same: bool) {
+        /// So much slower than the last one: once, or twice in a row.
+        const ONCE: f64 = 0.1;
+        const TWICE: f64 = 0.25;
+        /// How much longer than this says the next interval may be.
+        const LONGER: f64 = 4.0;
+        let ratio = match (self.last, crossed) {
+            (Some((i, before)), Some((j, rate))) if same && i == j => (rate / before).abs(),
+            _ => f64::NAN,
+        };
+        self.last = crossed;
+        if ratio < TWICE {
+            self.n += 1;
+            self.share *= ratio;
+            self.lasts = if self.n > 1 || ratio < ONCE { LONGER * ratio * gap } else { 0.0 };
+        } else {
+            (self.n, self.share, self.lasts) = (0, 1.0, 0.0);
+        }
+    }
+
+    /// The share a time `since` the last crossing.
+    fn share(&self, since: f64) -> f64 {
+        if since <= self.lasts {
+            self.share
+        } else {
+            1.0
+        }
+    }
 }
 
 /// The limit of a geometric series of intervals. Early ones may not be of the series yet, and next to the limit, where what is left of
@@ -44,23 +96,36 @@ struct Limit {
     spread: f64,
     /// The time it was found from.
     from: f64,
+    /// What the tolerances make of the time of the last switch behind it.
+    noise: f64,
 }
 
 impl Series {
-    /// At time `t` the last three members are these, the oldest first.
-    fn note(&mut self, t: f64, [a, b, c]: [f64; 3]) {
-        self.note_limit((c < b && b < a).then(|| t + c * c / (b - c)), a + b + c, None);
+    /// At time `t`, known to `noise`, the last three members are these, the oldest first.
+    fn note(&mut self, (t, noise): (f64, f64), [a, b, c]: [f64; 3]) {
+        self.note_limit((c < b && b < a).then(|| t + c * c / (b - c)), (a + b + c, noise), None);
     }
 
     /// A limit, from the time `from`, and what the first one may be off by; none where it says nothing without another one.
-    fn note_limit(&mut self, limit: Option<f64>, from: f64, first: Option<f64>) {
+    ///
+    /// Later ones are nearer to the limit and know less of it, as its switches are closer together. Where one does not contradict one
+    /// that is known better, that stays (the balancing principle of O. V. Lepskii, Theory Probab. Appl. 35 (1990) 454-466).
+    fn note_limit(&mut self, limit: Option<f64>, (from, noise): (f64, f64), first: Option<f64>) {
+        /// An error of a state in local tolerances.
+        const ERRORS: f64 = 10.0;
         let found = match (limit, self.last, first) {
-            (Some(t), Some(earlier), _) => Some(Limit { t, earlier, spread: (t - earlier).abs(), from }),
-            (Some(t), None, Some(spread)) => Some(Limit { t, earlier: t, spread, from }),
+            (Some(t), Some(earlier), _) => Some(Limit { t, earlier, spread: (t - earlier).abs(), from, noise }),
+            (Some(t), None, Some(spread)) => Some(Limit { t, earlier: t, spread, from, noise }),
             _ => None,
         };
         self.last = limit;
         match (found, &mut self.best) {
+            (Some(f), Some(best))
+                if best.noise <= f.noise && (f.t - best.t).abs() <= ERRORS * (f.noise + best.noise) =>
+            {
+                best.spread = best.spread.min(ERRORS * best.noise);
+                self.latest = false;
+            }
             (Some(f), Some(best)) if f.spread < best.spread => (*best, self.latest) = (f, true),
             (Some(f), None) => (self.best, self.latest) = (Some(f), true),
             (_, Some(best)) if self.latest => {
@@ -80,7 +145,7 @@ impl Recent {
     }
 
     /// Follows the series of the intervals behind a crossing of function `j` with this rate, if it is resolved.
-    fn follow(&mut self, resolved: Option<(usize, f64)>) {
+    fn follow(&mut self, resolved: Option<(usize, f64)>, noise: f64) {
         /// What the first limit by rates may be off by, relative to the time that it says is left.
         const FIRST: f64 = 1e-3;
         if self.n <= 1 {
@@ -96,14 +161,14 @@ impl Recent {
         let (gap, ratio) = (self.last - before, rate.abs() / fast);
         let left = if ratio < 1.0 { gap * ratio / (1.0 - ratio) } else { f64::NAN };
         let limit = (left > 0.0).then_some(self.last + left);
-        self.series[2].note_limit(limit, gap, Some(FIRST * left));
+        self.series[2].note_limit(limit, (gap, noise), Some(FIRST * left));
         let back = |i: usize| self.gaps[(self.n + MEMORY - 1 - i) % MEMORY];
         let [single, double] = [0, 1].map(|wide| {
             let member = |m: usize| (0..=wide).map(|i| back(m * (wide + 1) + i)).sum::<f64>();
             (self.n >= 3 * (wide + 1)).then(|| [member(2), member(1), member(0)])
         });
         for (series, members) in self.series.iter_mut().zip([single, double]) {
-            members.into_iter().for_each(|m| series.note(self.last, m));
+            members.into_iter().for_each(|m| series.note((self.last, noise), m));
         }
     }
 
@@ -132,16 +197,28 @@ impl Engine {
     pub(super) fn remember(&mut self, crossed: Option<(usize, f64)>) {
         /// What a function reaches between two switches, relative to its tolerance, for the time between them to mean anything.
         const RESOLVED: f64 = 1e3;
-        let resolved =
-            crossed.filter(|(j, rate)| (rate * (self.t - self.recent.last)).abs() >= RESOLVED * self.reach_of(*j));
+        let (gap, sharpness) = (self.t - self.recent.last, self.sharpness());
+        let noise = crossed.map_or(f64::INFINITY, |(j, rate)| sharpness * self.reach_of(j) / rate.abs());
+        let resolved = crossed.filter(|_| gap >= RESOLVED * noise);
         let i = self.recent.n % MEMORY;
-        self.recent.gaps[i] = self.t - self.recent.last;
+        self.recent.gaps[i] = gap;
         self.recent.last = self.t;
         let n = self.zero.len();
         self.recent.zero[i * n..(i + 1) * n].copy_from_slice(&self.zero);
         self.recent.free[i] = self.field.n_alg() == 0;
         self.recent.n += 1;
-        self.recent.follow(resolved);
+        self.recent.follow(resolved, noise);
+        let same = self.recent.n > 1 && self.crosses_one_surface(2);
+        self.recent.falling.note(crossed, gap, same);
+    }
+
+    /// Part of the absolute tolerances that the state is followed to.
+    ///
+    /// An error `δ` of a switching function makes an error `δ / ġ` of the time at which it vanishes. Where switches accumulate
+    /// the rate `ġ` goes to zero with the time between them, so a fixed `δ` loses the switches when they are `√δ` apart, and with them
+    /// the time of the accumulation. With a `δ` in proportion to the rate all of them are known as well as the first.
+    pub(super) fn sharpness(&self) -> f64 {
+        self.recent.falling.share(self.t - self.recent.last)
     }
 
     /// Ends the run where transitions accumulate.

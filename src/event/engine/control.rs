@@ -100,10 +100,11 @@ pub(super) enum Tried {
 
 impl Engine {
     pub(super) fn set_weights(&mut self, with_end: bool) {
+        let sharpness = self.sharpness();
         for (i, w) in self.weights.iter_mut().enumerate() {
             let other = if with_end { self.step.x1[i] } else { self.step.h * self.step.f0[i] };
             let size = self.step.x0[i].abs().max(other.abs());
-            *w = 1.0 / (self.atol[i] + self.rtol[i] * size).max(f64::MIN_POSITIVE);
+            *w = 1.0 / (sharpness * self.atol[i] + self.rtol[i] * size).max(f64::MIN_POSITIVE);
         }
     }
 
@@ -144,7 +145,7 @@ impl Engine {
         recover(r, Tried::Undefined)
     }
 
-    /// Derivative at the end; false where it is not defined.
+    /// Derivative at the end; false where it is not defined, or says that the estimate of the error means nothing.
     pub(super) fn finish(&mut self) -> Result<bool> {
         let r = if self.implicit {
             self.radau.finish(&mut self.field, &mut self.step)
@@ -156,6 +157,9 @@ impl Engine {
         if !self.implicit && self.looks_for_stiffness(self.stats.steps + 1) {
             // before the dense output, which has stages of its own
             (self.stiffness, self.damped) = explicit::stiffness(self.pair, &self.step, &self.weights);
+        }
+        if r.is_ok() && !self.implicit && explicit::is_misjudged(self.pair, &self.step, &self.weights) {
+            return Ok(false);
         }
         let r = r.and_then(|()| self.return_to_surfaces());
         recover(r.map(|()| true), false)
@@ -285,7 +289,8 @@ impl Engine {
         MARGIN * least
     }
 
-    /// Has the method of the present mode to be implicit from its start?
+    /// Has the method of the present mode to be implicit from its start? Not next to an accumulation: a root that vanishes at
+    /// its switches is infinitely steep there, for an instant, and an implicit method with that Jacobian estimates no error.
     pub(super) fn begins_implicit(&self) -> bool {
         if self.field.is_explicit_only() {
             return false;
@@ -293,7 +298,7 @@ impl Engine {
         match self.options.method {
             Method::Radau5 => true,
             Method::Dp5 | Method::Dop853 => false,
-            Method::Auto => self.stiff_mode,
+            Method::Auto => self.stiff_mode && self.sharpness() == 1.0,
         }
     }
 

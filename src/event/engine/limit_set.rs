@@ -80,7 +80,7 @@ impl Engine {
     }
 
     /// Were the last switches crossings of the same surfaces, without sliding?
-    fn crosses_one_surface(&self, switches: usize) -> bool {
+    pub(super) fn crosses_one_surface(&self, switches: usize) -> bool {
         let n = self.zero.len();
         let place = |back: usize| (self.recent.n + MEMORY - 1 - back) % MEMORY;
         let zero = |back: usize| &self.recent.zero[place(back) * n..(place(back) + 1) * n];

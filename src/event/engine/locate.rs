@@ -91,12 +91,14 @@ impl Engine {
                 }
             }
             before = Some((value, h));
+            // next to an accumulation a zero with a rate of the other sign is not found yet: roots are steep there
+            let steep = rate >= 0.0 && self.sharpness() < 1.0;
             let rate = if rate < 0.0 { rate } else { slope };
             let delta = -value / rate;
             if !delta.is_finite() {
                 return Ok(None);
             }
-            if delta.abs() <= 1e-8 * h || delta.abs() <= floor || self.is_short(delta, l) {
+            if delta.abs() <= 1e-8 * h || delta.abs() <= floor || !steep && self.is_short(delta, l) {
                 // forces of bodies that carry each other vanish together, and no step lies between them
                 let at_once = self.field.has_contacts() && h <= self.no_time();
                 if self.overlooked(l) && !at_once {

@@ -135,6 +135,7 @@ impl Engine {
                 zero: vec![false; MEMORY * n_q],
                 free: [false; MEMORY],
                 jumps: false,
+                falling: Default::default(),
                 series: Default::default(),
                 rates: vec![(f64::NAN, f64::NAN); n_q],
             },
@@ -201,6 +202,7 @@ impl Engine {
         self.recent.n = 0;
         self.recent.jumps = false;
         self.recent.series = Default::default();
+        self.recent.falling = Default::default();
         self.shrinking = Shrinking::default();
         self.limits = (f64::NEG_INFINITY, 0);
         self.recent.last = t;

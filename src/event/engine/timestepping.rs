@@ -79,6 +79,7 @@ impl Engine {
         self.x.copy_from_slice(&x);
         self.recent.n = 0;
         self.recent.last = t1;
+        self.recent.falling = Default::default();
         self.restart = true;
         Ok(Progress::Switched)
     }
