@@ -24,6 +24,8 @@ typedef struct {
     int *jac_col;  /* [n_jac] and their column */
 
     double *units;    /* [1 + rows] what objective and rows of con are multiplied by for switchback.h; NULL: nothing */
+    double *sizes;    /* [n] what variables are multiplied by there; NULL: nothing */
+    double *own;      /* [n] the variables of the problem */
     double *weights;  /* [1 + rows] */
     double *con;      /* [rows] at x_con */
     double *jac;      /* [jac_nnz] at x_jac */
@@ -42,23 +44,33 @@ typedef struct {
     int n_hess;                     /* entries of the Hessian of the Lagrangian; the problem's own come first */
     int *hess_row, *hess_col;
     int iterations;
-    double functions; /* seconds of the thread's CPU clock in the functions of the problem */
-    double deadline;  /* of the same clock */
+    int count;             /* is the time in the functions of the problem counted? */
+    double reading;        /* seconds that two readings of the clock take */
+    double functions;      /* seconds of the thread's CPU clock in those functions */
+    double deadline, wall; /* of the same clock; of the wall's, which comes no later */
 } adapter;
 
-static double cpu(void) {
+static double now(clockid_t clock) {
     struct timespec t;
-    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &t);
+    clock_gettime(clock, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
-/* A function of the problem, its time counted. */
+static double cpu(void) { return now(CLOCK_THREAD_CPUTIME_ID); }
+
+/* A function of the problem. To read the thread's clock is a call of the system, which takes as long as an iteration of a
+ * small program: it is read where time is counted only. */
 static int call(adapter *a, mpcc_fn fn, const double *x, const double *y, double *out) {
+    if (!a->count) return fn(x, y, out, a->p->user);
     double begin = cpu();
     int status = fn(x, y, out, a->p->user);
-    a->functions += cpu() - begin;
+    double spent = cpu() - begin - a->reading;
+    if (spent > 0.) a->functions += spent;
     return status;
 }
+
+/* Are the CPU seconds up that a solve may take? The thread's clock is not ahead of the wall's, which is cheap to read. */
+static int late(const adapter *a) { return now(CLOCK_MONOTONIC) > a->wall && cpu() > a->deadline; }
 
 static int *ints(size_t n) { return (int *)calloc(n + 1, sizeof(int)); }
 static double *doubles(size_t n) { return (double *)calloc(n + 1, sizeof(double)); }
@@ -182,12 +194,17 @@ const int *adapter_jac_col(const adapter *a) { return a->jac_col; }
 /* Forget what was evaluated, so that the next solve pays for its own. */
 void adapter_reset(adapter *a) { a->has_con = a->has_jac = a->iterations = 0; }
 
-/* CPU seconds in the functions of the problem since this was asked last. */
-double adapter_functions(adapter *a) {
-    double seconds = a->functions;
-    a->functions = 0.;
-    return seconds;
+/* Begin to count, or not, the CPU seconds in the functions of the problem. */
+void adapter_count(adapter *a, int on) {
+    a->count = on, a->functions = 0., a->reading = 1.;
+    for (int k = 0; on && k < 100; ++k) {
+        double begin = cpu(), spent = cpu() - begin;
+        if (spent < a->reading) a->reading = spent;
+    }
 }
+
+/* Those seconds so far. */
+double adapter_functions(const adapter *a) { return a->functions; }
 
 /* Multiply objective and rows of con by units [1 + rows] in what switchback.h sees. */
 void adapter_set_units(adapter *a, const double *units) {
@@ -196,7 +213,17 @@ void adapter_set_units(adapter *a, const double *units) {
     if (a->units) memcpy(a->units, units, sizeof(double) * n);
 }
 
-void adapter_set_deadline(adapter *a, double seconds) { a->deadline = cpu() + seconds; }
+/* Multiply variables by sizes [n] in what switchback.h sees. */
+void adapter_set_sizes(adapter *a, const double *sizes) {
+    size_t n = (size_t)a->p->n;
+    if (!a->sizes) a->sizes = doubles(n), a->own = doubles(n);
+    if (a->sizes && a->own) memcpy(a->sizes, sizes, sizeof(double) * n);
+}
+
+void adapter_set_deadline(adapter *a, double seconds) {
+    a->deadline = cpu() + seconds;
+    a->wall = now(CLOCK_MONOTONIC) + seconds;
+}
 
 /* --- evaluation ------------------------------------------------------------------------------------- */
 
@@ -220,24 +247,32 @@ static const double *jac_at(adapter *a, const double *x) {
 
 /* --- switchback.h ----------------------------------------------------------------------------------- */
 
+/* The point of the problem at that of switchback.h. */
+static const double *own(adapter *a, const double *x) {
+    if (!a->sizes) return x;
+    for (int j = 0; j < a->p->n; ++j) a->own[j] = x[j] / a->sizes[j];
+    return a->own;
+}
+
 int32_t adapter_f(const swb_point *at, double *out, void *data) {
     adapter *a = (adapter *)data;
-    if (call(a, a->p->f, at->x, NULL, out)) return 1;
+    if (call(a, a->p->f, own(a, at->x), NULL, out)) return 1;
     if (a->units) *out *= a->units[0];
     return 0;
 }
 
 int32_t adapter_f_jac(const swb_point *at, double *out, void *data) {
     adapter *a = (adapter *)data;
-    if (call(a, a->p->grad, at->x, NULL, out)) return 1;
+    if (call(a, a->p->grad, own(a, at->x), NULL, out)) return 1;
     for (int j = 0; a->units && j < a->p->n; ++j) out[j] *= a->units[0];
+    for (int j = 0; a->sizes && j < a->p->n; ++j) out[j] /= a->sizes[j];
     return 0;
 }
 
 int32_t adapter_c(const swb_point *at, double *out, void *data) {
     adapter *a = (adapter *)data;
-    if (a->n_kept == a->rows && !a->units) return call(a, a->p->con, at->x, NULL, out);
-    if (call(a, a->p->con, at->x, NULL, a->con)) return 1;
+    if (a->n_kept == a->rows && !a->units) return call(a, a->p->con, own(a, at->x), NULL, out);
+    if (call(a, a->p->con, own(a, at->x), NULL, a->con)) return 1;
     for (int i = 0; i < a->n_kept; ++i) out[i] = a->con[a->kept[i]];
     for (int i = 0; a->units && i < a->n_kept; ++i) out[i] *= a->units[1 + a->kept[i]];
     return 0;
@@ -245,10 +280,11 @@ int32_t adapter_c(const swb_point *at, double *out, void *data) {
 
 int32_t adapter_c_jac(const swb_point *at, double *out, void *data) {
     adapter *a = (adapter *)data;
-    if (a->n_jac == a->p->jac_nnz && !a->units) return call(a, a->p->jac, at->x, NULL, out);
-    if (call(a, a->p->jac, at->x, NULL, a->jac)) return 1;
+    if (a->n_jac == a->p->jac_nnz && !a->units && !a->sizes) return call(a, a->p->jac, own(a, at->x), NULL, out);
+    if (call(a, a->p->jac, own(a, at->x), NULL, a->jac)) return 1;
     for (int k = 0; k < a->n_jac; ++k) out[k] = a->jac[a->jac_from[k]];
     for (int k = 0; a->units && k < a->n_jac; ++k) out[k] *= a->units[1 + a->kept[a->jac_row[k]]];
+    for (int k = 0; a->sizes && k < a->n_jac; ++k) out[k] /= a->sizes[a->jac_col[k]];
     return 0;
 }
 
@@ -258,12 +294,16 @@ int32_t adapter_hess(const swb_point *at, double weight, const double *y, double
     a->weights[0] = weight;
     for (int i = 0; i < a->n_kept; ++i) a->weights[1 + a->kept[i]] = y[i];
     for (int i = 0; a->units && i <= a->rows; ++i) a->weights[i] *= a->units[i];
-    return call(a, a->p->hess, at->x, a->weights, out);
+    if (call(a, a->p->hess, own(a, at->x), a->weights, out)) return 1;
+    for (int j = 0; a->sizes && j < a->p->n; ++j)
+        for (int k = a->p->hess_colptr[j]; k < a->p->hess_colptr[j + 1]; ++k)
+            out[k] /= a->sizes[j] * a->sizes[a->p->hess_row[k]];
+    return 0;
 }
 
 int32_t adapter_iteration(const swb_iteration_info *info, void *data) {
     (void)info;
-    return cpu() > ((adapter *)data)->deadline;
+    return late((const adapter *)data);
 }
 
 /* --- IPOPT, C interface of 3.14 ------------------------------------------------------------------------
@@ -360,5 +400,5 @@ int scholtes_iteration(int mode, int iteration, double f, double inf_pr, double 
     (void)mode, (void)f, (void)inf_pr, (void)inf_du, (void)mu, (void)step, (void)delta, (void)alpha_du, (void)alpha_pr;
     (void)trials;
     a->iterations = iteration;
-    return cpu() < a->deadline;
+    return !late(a);
 }

@@ -105,15 +105,17 @@ class Ipopt:
         at = x.ctypes.data_as(POINTER(c_double))
         return self.library.IpoptSolve(made, at, None, byref(c_double()), None, None, None, adapter)
 
-    def homotopy(self, problem: Problem, variant: str, limit: float, mode: str = "scholtes") -> dict:
+    def homotopy(
+        self, problem: Problem, variant: str, limit: float, mode: str = "scholtes", count: bool = False
+    ) -> dict:
         """Solve for falling sigma, each program from the point before, until one is solved and all products are small.
-        CPU time is that inside IPOPT; making the problem is not part of it."""
+        CPU time is that inside IPOPT; making the problem is not part of it. Seconds in the functions are counted on demand."""
         code = problem.library
         program = Relaxed(problem, mode == "linf")
         adapter = program.adapter
         made = self._create(problem, adapter, *program.bounds(), variant)
         code.adapter_set_deadline(adapter, limit)
-        code.adapter_functions(adapter)
+        code.adapter_count(adapter, count)
         x = program.start()
         iterations, cpu, solves, solved, status = 0, 0.0, 0, False, "none"
         try:
@@ -133,7 +135,7 @@ class Ipopt:
             self.library.FreeIpoptProblem(made)
         return {
             "solved": solved, "outcome": status, "x": x[: problem.n], "iterations": iterations, "cpu": cpu, "solves": solves,
-            "sigma": sigma, "functions": code.adapter_functions(adapter),
+            "sigma": sigma, "functions": code.adapter_functions(adapter) if count else None,
         }  # fmt: skip
 
     def branch_objective(self, problem: Problem, x: np.ndarray, variant: str, limit: float) -> float | None:

@@ -61,8 +61,12 @@ class Code:
         for name in ("set_sigma", "set_deadline"):
             f = getattr(library, f"adapter_{name}")
             f.restype, f.argtypes = None, [c_void_p, c_double]
-        library.adapter_set_units.restype, library.adapter_set_units.argtypes = None, [c_void_p, POINTER(c_double)]
-        library.adapter_set_elastic.restype, library.adapter_set_elastic.argtypes = None, [c_void_p, c_int]
+        for name in ("set_units", "set_sizes"):
+            f = getattr(library, f"adapter_{name}")
+            f.restype, f.argtypes = None, [c_void_p, POINTER(c_double)]
+        for name in ("set_elastic", "count"):
+            f = getattr(library, f"adapter_{name}")
+            f.restype, f.argtypes = None, [c_void_p, c_int]
         library.adapter_functions.restype, library.adapter_functions.argtypes = c_double, [c_void_p]
         library.adapter_reset.restype, library.adapter_reset.argtypes = None, [c_void_p]
 
@@ -99,6 +103,7 @@ class Problem:
         if seed:
             self.x0 = self._moved(seed)
         self.units: np.ndarray | None = None  # [1 + rows] what our solver sees objective and rows multiplied by
+        self.sizes: np.ndarray | None = None  # [n] what it sees variables multiplied by
         self.hess_row, self.hess_col = (numbers(v, raw.hess_nnz) for v in (raw.hess_row, raw.hess_col))
 
     def _moved(self, seed: int) -> np.ndarray:

@@ -62,14 +62,17 @@ def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]
         units = np.ascontiguousarray(problem.units)
         problem.library.adapter_set_units(adapter, units.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
         lower, upper = lower * units[1:][rows], upper * units[1:][rows]
+    sizes = np.ones(problem.n) if problem.sizes is None else np.ascontiguousarray(problem.sizes)
+    if problem.sizes is not None:
+        problem.library.adapter_set_sizes(adapter, sizes.ctypes.data_as(ctypes.POINTER(ctypes.c_double)))
 
     def of(i: int) -> Any:
         return swb.variable(problem.pair_variables[i]) if member[i] else swb.constraint(position[problem.m + i])
 
     mpcc = swb.Mpcc(
         problem.n, objective, constraints, pairs=[(of(i), of(problem.c + i)) for i in range(problem.c)],
-        bounds=(problem.lbx, problem.ubx), constraint_bounds=(lower, upper) if rows.any() else None, start=problem.x0,
-        settings=options,
+        bounds=(problem.lbx * sizes, problem.ubx * sizes), constraint_bounds=(lower, upper) if rows.any() else None,
+        start=problem.x0 * sizes, settings=options,
     )  # fmt: skip
     if not (problem.is_linear(objective=True) and problem.is_linear(objective=False)):
         pattern = (problem.hess_row, problem.hess_col)
@@ -77,11 +80,13 @@ def program(swb: Any, problem: Problem, members: str, options: Mapping[str, str]
     return mpcc, adapter
 
 
-def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], limit: float) -> dict:
+def solve(
+    swb: Any, problem: Problem, members: str, options: Mapping[str, str], limit: float, count: bool = False
+) -> dict:
     """Solve once; after `limit` CPU seconds an iteration is the last one. CPU time is that of the one call that solves,
-    which builds and orders the program as well, and `functions` its share in the functions of
-    the problem; `setup` is that of describing it to the library, with what the Python
-    package adds."""
+    which builds and orders the program as well; `functions` are the seconds in the functions of the problem, where they are
+    counted (`count`), which takes time itself; `setup` is that of describing the program to the library, with what the
+    Python package adds."""
     from switchback._library import lib
 
     clock = time.thread_time()
@@ -90,12 +95,12 @@ def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], 
     watch = ctypes.cast(problem.library.adapter_iteration, swb._ffi.swb_iteration_fn)
     lib.swb_mpcc_set_iteration(mpcc._handle, watch, adapter)
     problem.library.adapter_set_deadline(adapter, limit)
-    problem.library.adapter_functions(adapter)
+    problem.library.adapter_count(adapter, count)
     outcome = ctypes.c_int32()
     clock = time.thread_time()
     status = lib.swb_mpcc_solve(mpcc._handle, ctypes.byref(outcome))
     cpu = time.thread_time() - clock
-    in_functions = problem.library.adapter_functions(adapter)
+    in_functions = problem.library.adapter_functions(adapter) if count else None
     if status != 0:
         message = lib.swb_last_error().decode("utf-8", "replace")
         return {
@@ -104,8 +109,9 @@ def solve(swb: Any, problem: Problem, members: str, options: Mapping[str, str], 
         }  # fmt: skip
     r = mpcc.result
     stats = r.stats
+    x = r.x if problem.sizes is None else r.x / problem.sizes
     return {
-        "solved": r.success, "outcome": str(r.outcome), "polished": str(r.polished), "x": r.x,
+        "solved": r.success, "outcome": str(r.outcome), "polished": str(r.polished), "x": x,
         "iterations": stats.iterations, "polish_iterations": stats.polish_iterations,
         "restoration_iterations": stats.restoration_iterations, "factorisations": stats.factorisations,
         "evaluations": stats.evaluations, "max_delta_w": stats.max_delta_w, "cpu": cpu, "functions": in_functions, "eval": stats.time_eval,

@@ -1,9 +1,10 @@
-"""Programs with complementarity pairs in other units: objective, rows and members of pairs multiplied by powers of two.
+"""Programs with complementarity pairs in other units: objective, rows, members of pairs and variables multiplied by numbers.
 
-usage: mpcc_units.py [--changes N] [--exponent K] [--only-what objective|rows|members] [options of mpcc_train.py]
+usage: mpcc_units.py [--changes N] [--exponent K] [--only-what objective|rows|members|variables] [options of mpcc_train.py]
 
 Every problem is solved as it is and N times with its objective, every row and every member of a pair multiplied by
-2^k, each with a k of its own between -K and K. Nothing about the problem has changed, so the optimum is to be the same,
+2^k, each with a k of its own between -K and K; with `--only-what variables` every variable is multiplied by 10^k, K being 3
+by default, which is not done beside the others. Nothing about the problem has changed, so the optimum is to be the same,
 and the iterations as many. Members that are variables are given as rows (`--members rows`), so that they can be
 multiplied. Asked: the same optimum (within 1e-5 max(1, |f|)) in at least 99 % of the changes, iterations within 10 %
 in geometric mean.
@@ -22,6 +23,8 @@ import mpcc_train
 from mpcc_problems import Problem
 
 WHAT = ("objective", "rows", "members")
+VARIABLES = "variables"
+EXPONENT = {2.0: 20, 10.0: 3}  # the largest by default
 
 
 def units(problem: Problem, seed: int, exponent: int, what: tuple[str, ...]) -> np.ndarray:
@@ -36,11 +39,16 @@ class Units(mpcc_train.Changed):
 
     def __init__(self, arguments: argparse.Namespace, folder: Path):
         super().__init__(arguments, folder)
-        self.exponent, self.what = arguments.exponent, tuple(arguments.only_what or WHAT)
+        self.what = tuple(arguments.only_what or WHAT)
+        base = 10.0 if VARIABLES in self.what else 2.0
+        self.exponent = EXPONENT[base] if arguments.exponent is None else arguments.exponent
 
     def changed(self, path: Path, change: int) -> Problem:
         problem = Problem(self.code, path)
         problem.units = units(problem, change, self.exponent, self.what)
+        if VARIABLES in self.what:
+            k = np.random.default_rng(change).integers(-self.exponent, self.exponent + 1, problem.n) if change else 0
+            problem.sizes = np.full(problem.n, 10.0) ** k
         return problem
 
 
@@ -57,13 +65,16 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     mpcc_train.add_arguments(parser)
     parser.add_argument("--changes", type=int, default=2, metavar="N", help="of every problem")
-    parser.add_argument("--exponent", type=int, default=20, metavar="K", help="largest power of two")
-    parser.add_argument("--only-what", action="append", choices=WHAT, help="multiply only these")
+    parser.add_argument("--exponent", type=int, metavar="K", help="largest power of two (20), or of ten for variables (3)")
+    parser.add_argument("--only-what", action="append", choices=(*WHAT, VARIABLES), help="multiply only these")
     parser.set_defaults(members="rows", ipopt=False)
     arguments = parser.parse_args()
     problems = mpcc_train.chosen(arguments)
     if problems is None:
         return 0
+    if not problems or arguments.changes < 1:
+        print(f"nothing to compare: {len(problems)} problems of {arguments.set_of} match '{arguments.only}', {arguments.changes} changes each")
+        return 1
     found = mpcc_train.run_changed(Units, arguments, problems, arguments.changes)
     agree, ratios, total = 0, [], 0
     for name, (own, *others) in found.items():
