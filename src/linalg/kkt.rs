@@ -283,12 +283,11 @@ impl Kkt {
                 for (&i, &v) in idx[w[0]..w[1]].iter().zip(&values[w[0]..w[1]]) {
                     let a = v.abs() * sj * self.scale[i];
                     // False for NaN; infinity is filtered too.
-                    if a <= f64::MAX {
-                        column = column.max(a);
-                        norms[i] = norms[i].max(a);
-                    }
+                    let a = if a <= f64::MAX { a } else { 0.0 };
+                    column = larger(a, column);
+                    norms[i] = larger(a, norms[i]);
                 }
-                norms[j] = norms[j].max(column);
+                norms[j] = larger(column, norms[j]);
             }
             for (s, &a) in self.scale.iter_mut().zip(norms.iter()) {
                 if a > 0.0 {
@@ -540,6 +539,16 @@ impl Kkt {
 fn nearest_power_of_two(v: f64) -> f64 {
     // The exponent alone is the next power of two below; sqrt(2) moves the border between two of them.
     f64::from_bits((v * std::f64::consts::SQRT_2).to_bits() & 0x7ff0_0000_0000_0000)
+}
+
+/// The larger of two numbers that are not NaN, in one instruction.
+#[inline]
+fn larger(a: f64, b: f64) -> f64 {
+    if a > b {
+        a
+    } else {
+        b
+    }
 }
 
 /// Maximum norm; NaN if an entry is. Without the sign, the bits of floats order like the floats, NaN last.

@@ -181,7 +181,8 @@ impl Augmented {
     ///
     /// `pairwise` convexifies products first. `mu` decides when the equilibration is due again, and scales `δ_c`.
     pub fn factor(&mut self, shape: &Shape, b: &Bounds, it: &Iterate, mu: f64, pairwise: bool) -> bool {
-        if self.equilibrated_at != mu {
+        let due = self.equilibrated_at != mu;
+        if due {
             self.kkt.equilibrate(&self.values);
             self.equilibrated_at = mu;
         }
@@ -194,8 +195,10 @@ impl Augmented {
         if stop::requested().is_some() {
             return false;
         }
-        // a scaling chosen for other values may be what is wrong
-        self.kkt.equilibrate(&self.values);
+        if !due {
+            // a scaling chosen for other values may be what is wrong
+            self.kkt.equilibrate(&self.values);
+        }
         if pairwise && self.clip_pairs(shape, b, it) {
             status = self.kkt.factor(&self.values, 0.0, 0.0);
             if status == KktStatus::Ok {

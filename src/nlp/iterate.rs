@@ -215,20 +215,32 @@ pub(super) fn lagrangian_gradient(shape: &Shape, jac: &Pattern, v: &Values, y: &
     }
 }
 
-/// Residuals of the barrier problem with parameter `mu`; `lag` is [`lagrangian_gradient`].
-pub(super) fn kkt_error(shape: &Shape, b: &Bounds, it: &Iterate, c: &[f64], lag: &[f64], mu: f64) -> KktError {
+/// Residuals of the barrier problems with the parameters `mu`; `lag` is [`lagrangian_gradient`].
+pub(super) fn kkt_error<const N: usize>(
+    shape: &Shape,
+    b: &Bounds,
+    it: &Iterate,
+    c: &[f64],
+    lag: &[f64],
+    mu: [f64; N],
+) -> [KktError; N] {
     const S_MAX: f64 = 100.0;
     let mut e = KktError { primal: primal_error(shape, it, c), ..KktError::default() };
     let (mut sum_z, mut sum_y) = (0.0, 0.0);
+    let mut compl = [0f64; N];
+    let mut product = |distance: f64, z: f64| {
+        for (compl, mu) in compl.iter_mut().zip(mu) {
+            *compl = compl.max((distance * z - mu).abs());
+        }
+        sum_z += z;
+    };
     for j in 0..it.x.len() {
         e.dual = e.dual.max((lag[j] - it.zl[j] + it.zu[j]).abs());
         if shape.has_xl[j] {
-            e.compl = e.compl.max(((it.x[j] - b.xl[j]) * it.zl[j] - mu).abs());
-            sum_z += it.zl[j];
+            product(it.x[j] - b.xl[j], it.zl[j]);
         }
         if shape.has_xu[j] {
-            e.compl = e.compl.max(((b.xu[j] - it.x[j]) * it.zu[j] - mu).abs());
-            sum_z += it.zu[j];
+            product(b.xu[j] - it.x[j], it.zu[j]);
         }
     }
     for i in 0..it.s.len() {
@@ -236,12 +248,10 @@ pub(super) fn kkt_error(shape: &Shape, b: &Bounds, it: &Iterate, c: &[f64], lag:
         if shape.row[i] == RowKind::Inequality {
             e.dual = e.dual.max((-it.y[i] - it.vl[i] + it.vu[i]).abs());
             if shape.has_cl[i] {
-                e.compl = e.compl.max(((it.s[i] - b.cl[i]) * it.vl[i] - mu).abs());
-                sum_z += it.vl[i];
+                product(it.s[i] - b.cl[i], it.vl[i]);
             }
             if shape.has_cu[i] {
-                e.compl = e.compl.max(((b.cu[i] - it.s[i]) * it.vu[i] - mu).abs());
-                sum_z += it.vu[i];
+                product(b.cu[i] - it.s[i], it.vu[i]);
             }
         }
     }
@@ -249,5 +259,5 @@ pub(super) fn kkt_error(shape: &Shape, b: &Bounds, it: &Iterate, c: &[f64], lag:
     let n_all = (shape.n_bounds + shape.n_rows).max(1) as f64;
     e.s_c = S_MAX.max(sum_z / n_z) / S_MAX;
     e.s_d = S_MAX.max((sum_z + sum_y) / n_all) / S_MAX;
-    e
+    compl.map(|compl| KktError { compl, ..e })
 }

@@ -288,7 +288,7 @@ impl Ipm {
     pub(super) fn soft_step(&mut self, nlp: &mut dyn Nlp) -> bool {
         let mu = self.level.mu;
         let tau = self.fraction_to_boundary();
-        let before = self.errors(mu).scaled();
+        let before = self.errors([mu])[0].scaled();
         let alpha = self.alpha_primal(tau, false).min(self.alpha_dual(tau));
         if !alpha.is_finite() || self.dx.iter().any(|d| !d.is_finite()) {
             return false;
@@ -306,7 +306,7 @@ impl Ipm {
         self.add_duals(&saved.y, alpha);
         let ok = self.differentiate(nlp);
         lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
-        let better = ok && self.errors(mu).scaled() <= (1.0 - 1e-4) * before;
+        let better = ok && self.errors([mu])[0].scaled() <= (1.0 - 1e-4) * before;
         if !better {
             self.add_duals(&saved.y, -alpha);
             std::mem::swap(&mut self.it.x, &mut saved.x);

@@ -533,14 +533,13 @@ impl Ipm {
         r.is_ok()
     }
 
-    pub(super) fn errors(&mut self, mu: f64) -> KktError {
+    pub(super) fn errors<const N: usize>(&self, mu: [f64; N]) -> [KktError; N] {
         kkt_error(&self.shape, &self.bounds, &self.it, &self.v.c, &self.lag, mu)
     }
 
     pub(super) fn measure(&mut self, nlp: &dyn Nlp) -> Measures {
         lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
-        let e = self.errors(self.level.mu);
-        let e0 = self.errors(0.0);
+        let [e, e0] = self.errors([self.level.mu, 0.0]);
         Measures {
             level: self.level,
             error: e.scaled(),
@@ -573,13 +572,13 @@ impl Ipm {
     /// Scaled error of the optimality conditions at `μ = 0`, at the point reached.
     pub fn error(&mut self) -> f64 {
         lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
-        self.errors(0.0).scaled()
+        self.errors([0.0])[0].scaled()
     }
 
     /// Unscaled residuals at the point reached; NaN where the solve was asked to end before they were known.
     pub fn residuals(&mut self, nlp: &dyn Nlp) -> Residuals {
         lagrangian_gradient(&self.shape, &self.jac, &self.v, &self.it.y, &mut self.lag);
-        let e = self.errors(0.0);
+        let [e] = self.errors([0.0]);
         let known = |torn: bool, v: f64| if torn { f64::NAN } else { v };
         Residuals {
             primal: known(self.torn[0], e.primal),
