@@ -448,7 +448,7 @@ enum swb_portfolio
      */
     SWB_PORTFOLIO_ALL = 2,
     /**
-     * As rescue; and paths on which the objective weighs more and more follow a solution until two have the same objective. The best one is kept.
+     * As rescue; and paths on which the objective weighs more and more follow a solution until two have the same objective, and branches next to the best one are tried. The best answer is kept.
      */
     SWB_PORTFOLIO_AGREE = 3,
 };

@@ -6,7 +6,7 @@ mod textbook;
 use std::sync::Arc;
 use switchback::expr::{Expr, Graph};
 use switchback::func::Dims;
-use switchback::mpcc::{FoundBy, Lifted, Member, MpccSettings, MpccSolver, Solution};
+use switchback::mpcc::{BStationarity, FoundBy, Lifted, Member, MpccSettings, MpccSolver, Polish, Solution};
 use switchback::nlp::{Bounds, CallbackNlp, Control, Outcome};
 use switchback::settings::{Portfolio, Relaxation};
 use textbook::{all, Expect, Verdict, ACCURACY};
@@ -66,6 +66,50 @@ fn paths_that_do_not_agree_find_better_answers() {
     let (first, best) = (neighbours(40, 1.0, 0.0, Portfolio::Rescue), neighbours(40, 1.0, 0.0, Portfolio::Agree));
     assert!(best.objective < 0.995 * first.objective, "{} {}", best.objective, first.objective);
     assert_ne!(best.found_by, FoundBy::Path);
+}
+
+/// Where paths come to a local optimum beside which a branch is better, that branch is the answer, with a certificate of its own.
+#[test]
+fn branches_next_to_an_answer_are_tried() {
+    let mut found = 0;
+    for n in [14, 20, 26] {
+        for wanted in [0.9, 1.0, 1.1] {
+            let first = neighbours(n, wanted, 10.0, Portfolio::Rescue);
+            let best = neighbours(n, wanted, 10.0, Portfolio::Agree);
+            assert!(best.objective <= first.objective + 1e-9 * n as f64, "{n} {wanted}");
+            if best.found_by == FoundBy::Neighbours {
+                assert!(best.objective < 0.995 * first.objective, "{} {}", best.objective, first.objective);
+                assert_eq!(best.certificate.b, BStationarity::Yes);
+                found += 1;
+            }
+        }
+    }
+    assert!(found > 0);
+}
+
+/// `a b >= least` for a pair has no point where the pair is complementary, but by less than what products may be: the solution of a small
+/// relaxation is the answer, and its polish says that no exact point was found. Where `least` is above that there is none.
+#[test]
+fn a_relaxation_is_the_answer_where_no_exact_point_is() {
+    let solve = |least: f64| {
+        let d = Dims { x: 2, u: 0, p: 0 };
+        let g = Graph::new();
+        let (a, b) = (g.x(0), g.x(1));
+        let objective = g.function("f", d, &[(a - 1.0).powi(2) + (b - 2.0).powi(2)]).unwrap();
+        let rows = g.function("c", d, &[a * b]).unwrap();
+        let program = CallbackNlp::new(2, 0, Arc::new(objective), Some(Arc::new(rows))).unwrap();
+        let mut program = Lifted::new(program, &[(Member::Variable(0), Member::Variable(1))]).unwrap();
+        let mut bounds = Bounds::free(2, 1);
+        bounds.cl[0] = least;
+        let bounds = program.bounds(&bounds).unwrap();
+        let mut solver = MpccSolver::new(&mut program, MpccSettings::default()).unwrap();
+        let start = program.start(&[1.0; 2]);
+        solver.solve(&mut program, &bounds, &start, &mut Control::default()).clone()
+    };
+    let relaxed = solve(2.5e-8);
+    assert_eq!((relaxed.outcome, relaxed.polish), (Outcome::Solved, Polish::Rejected));
+    assert!(relaxed.residuals.pair_product >= 2.5e-8 && relaxed.residuals.pair_product <= 1e-7);
+    assert_eq!(solve(1e-6).outcome, Outcome::Infeasible);
 }
 
 /// The answer for `n` variables near `wanted`, of which neighbours share a row and one of every second pair of them is zero, which is a

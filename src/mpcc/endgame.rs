@@ -206,7 +206,7 @@ impl MpccSolver {
     /// Turns the `k`-th least certain decision round.
     fn flip(&mut self, k: usize) {
         let side = &mut self.sides[self.order[k]];
-        *side = if *side == Side::First { Side::Second } else { Side::First };
+        *side = side.other();
     }
 
     /// An exact point from the relaxed one in `saved`; true when there is one. `effort` says what is tried.

@@ -7,7 +7,7 @@
 //!
 //! Which local optimum a path leads to is chance where there are several. With [`Portfolio::Agree`] paths on which the objective
 //! weighs differently follow a solution until two have the same objective, which is a sign that there are no others; the best one is
-//! kept. Such a path ends where the solution of its relaxed problem is no better than the best answer: feasible sets shrink with
+//! kept, or what branches next to it lead to. Such a path ends where the solution of its relaxed problem is no better than the best answer: feasible sets shrink with
 //! the relaxation, so that what follows on it is no better either.
 
 use super::problem::{Mpcc, Side};
@@ -43,6 +43,8 @@ pub enum FoundBy {
     Heavy = 6,
     /// The same with one between that and the usual one.
     Middle = 7,
+    /// A branch next to that of another answer, or next to one of those.
+    Neighbours = 8,
 }
 
 impl FoundBy {
@@ -57,6 +59,7 @@ impl FoundBy {
             FoundBy::Feasible => "feasible",
             FoundBy::Heavy => "heavy",
             FoundBy::Middle => "middle",
+            FoundBy::Neighbours => "neighbours",
         }
     }
 }
@@ -148,7 +151,7 @@ impl MpccSolver {
         self.solution.outcome == Outcome::Solved && stop::requested().is_none() && self.iterations_left() > 0
     }
 
-    fn iterations_left(&self) -> usize {
+    pub(super) fn iterations_left(&self) -> usize {
         self.settings.max_iter.saturating_sub(self.solution.stats.iterations)
     }
 
@@ -187,41 +190,67 @@ impl MpccSolver {
                 FoundBy::Outer => self.settings.homotopy == Homotopy::Outer,
                 FoundBy::Elastic => self.settings.relaxation == Relaxation::LinfPenalty,
                 FoundBy::Heavy => !self.settings.scaling,
-                FoundBy::Path | FoundBy::Feasible | FoundBy::Middle => true,
+                FoundBy::Path | FoundBy::Feasible | FoundBy::Middle | FoundBy::Neighbours => true,
             };
             if useless {
                 continue;
             }
-            let before = self.solution.clone();
-            (self.solution.polish, self.solution.found_by) = (Polish::None, strategy);
             let allowed = self.settings.max_iter;
             let used = self.solution.stats.iterations;
             let kept = (KEPT_SHARE * allowed as f64) as usize;
-            self.settings.max_iter = used + allowed.saturating_sub(used + kept) / 2;
-            if strategy == FoundBy::Elastic {
-                self.try_elastic(p, bounds, x0, control, proposer);
-            } else {
-                let given = self.settings;
+            let limit = used + allowed.saturating_sub(used + kept) / 2;
+            self.attempt(strategy, limit, |s| {
+                if strategy == FoundBy::Elastic {
+                    return s.try_elastic(p, bounds, x0, control, proposer);
+                }
+                let given = s.settings;
                 match strategy {
-                    FoundBy::Unlimited => self.settings.convexify_pairs = false,
-                    FoundBy::Outer => self.settings.homotopy = Homotopy::Outer,
-                    FoundBy::Heavy => self.weigh_objective(p, bounds, x0, Weight::Heavy),
+                    FoundBy::Unlimited => s.settings.convexify_pairs = false,
+                    FoundBy::Outer => s.settings.homotopy = Homotopy::Outer,
                     _ => {}
                 }
+                let weight = if strategy == FoundBy::Heavy { Weight::Heavy } else { Weight::Plain };
                 let centre = interior && centred && strategy != FoundBy::AsGiven;
-                self.follow(p, bounds, x0, centre, control, proposer);
-                self.doubt_relaxed();
-                self.settings = given;
-                if strategy == FoundBy::Heavy {
-                    self.weigh_objective(p, bounds, x0, Weight::Plain);
-                }
-            }
-            self.settings.max_iter = allowed;
-            self.keep(before, strategy);
+                s.follow_weighed(p, bounds, x0, (weight, centre), control, proposer);
+                s.settings = given;
+            });
         }
     }
 
-    /// Follows other paths than that of the solution, until two have answers of the same objective. The best one is kept.
+    /// Looks for another answer with iterations up to the `limit`. What was found before stays where it says more.
+    fn attempt<R>(&mut self, strategy: FoundBy, limit: usize, body: impl FnOnce(&mut Self) -> R) -> R {
+        let before = self.solution.clone();
+        (self.solution.polish, self.solution.found_by) = (Polish::None, strategy);
+        let allowed = std::mem::replace(&mut self.settings.max_iter, limit);
+        let said = body(self);
+        self.settings.max_iter = allowed;
+        self.keep(before, strategy);
+        said
+    }
+
+    /// The path on which the objective has another weight.
+    fn follow_weighed(
+        &mut self,
+        p: &mut dyn Mpcc,
+        bounds: &Bounds,
+        x0: &[f64],
+        (weight, centre): (Weight, bool),
+        control: &mut Control,
+        proposer: &mut dyn ActiveSetProposer,
+    ) {
+        let other = weight != Weight::Plain;
+        if other {
+            self.weigh_objective(p, bounds, x0, weight);
+        }
+        self.follow(p, bounds, x0, centre, control, proposer);
+        self.doubt_relaxed();
+        if other {
+            self.weigh_objective(p, bounds, x0, Weight::Plain);
+        }
+    }
+
+    /// Follows other paths than that of the solution, until two have answers of the same objective, and goes on from the best one to
+    /// branches next to it. The best answer is kept.
     pub(super) fn compare(
         &mut self,
         p: &mut dyn Mpcc,
@@ -239,25 +268,29 @@ impl MpccSolver {
         let each = (OPINION_SHARE * self.solution.stats.iterations as f64).ceil() as usize;
         for (strategy, weight) in OPINIONS {
             if !self.may_be_better() {
-                break;
+                return;
             }
-            let before = self.solution.clone();
-            let best = before.objective;
-            self.settings.max_iter = allowed.min(before.stats.iterations + each);
-            self.weigh_objective(p, bounds, x0, weight);
-            (self.solution.polish, self.rival) = (Polish::None, Some(best));
-            self.follow(p, bounds, x0, centre, control, proposer);
-            self.doubt_relaxed();
-            self.rival = None;
-            self.weigh_objective(p, bounds, x0, Weight::Plain);
-            self.settings.max_iter = allowed;
-            let s = &self.solution;
-            let close = (s.objective - best).abs() <= SAME * (self.st.scaling.one() + best.abs());
-            let agrees = s.outcome == Outcome::Solved && close;
-            self.keep(before, strategy);
+            let best = self.solution.objective;
+            let limit = allowed.min(self.solution.stats.iterations + each);
+            let agrees = self.attempt(strategy, limit, |s| {
+                s.rival = Some(best);
+                s.follow_weighed(p, bounds, x0, (weight, centre), control, proposer);
+                s.rival = None;
+                let found = &s.solution;
+                let close = (found.objective - best).abs() <= SAME * (s.st.scaling.one() + best.abs());
+                found.outcome == Outcome::Solved && close
+            });
             if agrees {
                 break;
             }
+        }
+        if self.may_be_better() {
+            self.settings.max_iter = allowed.min(self.solution.stats.iterations + each);
+            if self.descend_over_branches(p, bounds, control) {
+                self.solution.found_by = FoundBy::Neighbours;
+                self.judge(p, bounds, control);
+            }
+            self.settings.max_iter = allowed;
         }
     }
 

@@ -11,6 +11,16 @@ pub enum Side {
     Second,
 }
 
+impl Side {
+    /// The other one.
+    pub fn other(self) -> Side {
+        match self {
+            Side::First => Side::Second,
+            Side::Second => Side::First,
+        }
+    }
+}
+
 /// A nonlinear program with complementarity pairs `0 ≤ w_a ⊥ w_b ≥ 0`. The rows of the [`Nlp`] are the
 /// ordinary ones; the solver adds the products.
 pub trait Mpcc: Nlp {

@@ -282,7 +282,7 @@ pub enum Portfolio {
     Rescue = 1,
     /// All strategies; the best solution is kept.
     All = 2,
-    /// As rescue; and paths on which the objective weighs more and more follow a solution until two have the same objective. The best one is kept.
+    /// As rescue; and paths on which the objective weighs more and more follow a solution until two have the same objective, and branches next to the best one are tried. The best answer is kept.
     Agree = 3,
 }
 

@@ -156,7 +156,7 @@ Which strategies solve a program with complementarity constraints (option portfo
 - `SWB_PORTFOLIO_OFF`: The path that the other options describe alone.
 - `SWB_PORTFOLIO_RESCUE`: Where that path ends without a solution the other strategies follow, until one has a solution.
 - `SWB_PORTFOLIO_ALL`: All strategies; the best solution is kept.
-- `SWB_PORTFOLIO_AGREE`: As rescue; and paths on which the objective weighs more and more follow a solution until two have the same objective. The best one is kept.
+- `SWB_PORTFOLIO_AGREE`: As rescue; and paths on which the objective weighs more and more follow a solution until two have the same objective, and branches next to the best one are tried. The best answer is kept.
 """
 const swb_portfolio = Int64
 const SWB_PORTFOLIO_OFF = swb_portfolio(0)
