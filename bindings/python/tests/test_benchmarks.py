@@ -123,6 +123,23 @@ def test_without_problems_it_says_so(tmp_path):
         assert len(run.stdout.splitlines()) == 1
 
 
+def changed_units(*options):
+    command = [sys.executable, FOLDER / "mpcc_units.py", "--problems", COLLECTION, "--changes", "1", *options]
+    return subprocess.run(command, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize("what", ["rows", "variables"])
+def test_a_collection_in_other_units(what):
+    """Small numbers, so that the local optimum stays the one it is."""
+    run = changed_units("--only-what", what, "--exponent", "1")
+    assert "3 of 3 the same (100.0%)" in run.stdout, run.stdout + run.stderr
+
+
+def test_no_problem_in_other_units():
+    run = changed_units("--only", "no such name")
+    assert run.returncode == 1 and run.stdout.startswith("nothing to compare: 0 problems")
+
+
 @pytest.mark.parametrize("members", ["auto", "rows"])
 def test_a_collection_through_its_callbacks(members):
     options = ["--no-ipopt", "--repeat", "1", "--members", members, "--json", "-"]
