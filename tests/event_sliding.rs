@@ -324,6 +324,33 @@ fn the_time_of_super_twisting_is_that_of_the_series_of_its_turns() {
     }
 }
 
+/// Super-twisting in the coordinates `p = x + v`, `q = x - v`, with a disturbance: the surface is no state, so rounding leaves the
+/// state beside it, and the weights that keep it there come from differences of what is no larger than rounding.
+#[test]
+fn sliding_of_order_two_on_an_oblique_surface_has_no_noise() {
+    for (k1, k2, start) in [(2.4, 1.0, [0.4, 0.9]), (1.5, 1.1, [-0.6, 0.5])] {
+        let d = Dims { x: 2, u: 0, p: 0 };
+        let (g, mut s) = (Graph::new(), System::new(2, 0, 0).unwrap());
+        let (x, v) = (0.5 * (g.x(0) + g.x(1)), 0.5 * (g.x(0) - g.x(1)));
+        let push = 0.4 * (2.0 * g.t()).sin();
+        s.set_f0(Arc::new(g.function("f0", d, &[v + push, v - push]).unwrap())).unwrap();
+        let root = (x * x).sqrt().sqrt();
+        let (above, below) = (-k1 * root, k1 * root);
+        add_relay(&mut s, &g, &[0, 1], &[above - k2, above + k2], &[below + k2, below - k2], x);
+        for rtol in [1e-8, 1e-10] {
+            let r = simulate(&s, &tolerance(rtol, Method::Auto), 0.0, &start, 6.0).unwrap();
+            assert_eq!(r.outcome, Outcome::Reached, "{k1} {k2} rtol {rtol:e}: {}", r.reason);
+            assert!(
+                r.x.iter().all(|x| x.abs() <= rtol),
+                "{k1} {k2} rtol {rtol:e}: ends at {:?} {:?}",
+                r.x,
+                r.accumulations
+            );
+            assert!(r.stats.steps < 10_000, "{k1} {k2} rtol {rtol:e}: {} steps", r.stats.steps);
+        }
+    }
+}
+
 /// Gains and disturbances with few switches before the end, or none: the state comes to rest in the set by itself.
 #[test]
 fn super_twisting_ends_in_sliding_of_order_two_without_switches_too() {

@@ -25,8 +25,11 @@ const CONSISTENT: f64 = 1e-4;
 /// Change of a constraint by modes, relative to the change of the states by them, that is no change: where it vanishes like the root
 /// of the distance to the surface, rounding of the state leaves its square root.
 const NO_CHANGE: f64 = 1e-6;
-/// Steps of the central differences: the part of its size that the fastest state moves by.
-const DIFFERENCE: f64 = 1e-5;
+/// Steps of the central differences of order four: the part of its size that the fastest state moves by. What is left of order four is
+/// then of the size of what rounding leaves, where states are as large as what functions change with; those at rest in the set are
+/// smaller by far, and rounding decides.
+const DIFFERENCE: f64 = 1e-3;
+const BESIDE: [f64; 4] = [1.0, -1.0, 2.0, -2.0];
 
 /// What is known of a limit set, with its memory.
 #[derive(Default)]
@@ -326,16 +329,18 @@ impl Field {
                 continue;
             }
             let h = DIFFERENCE / pace;
-            let mut ends = [vec![0.0; r], vec![0.0; r]];
-            for (sign, end) in [1.0, -1.0].into_iter().zip(&mut ends) {
+            let mut ends = [const { Vec::new() }; 4];
+            for (by, end) in BESIDE.into_iter().zip(&mut ends) {
+                end.resize(r, 0.0);
+                let by = by * h;
                 let mut beside = std::mem::take(&mut l.beside);
                 beside.clone_from(&l.y);
                 let known = if j < r {
-                    self.d(j).for_each(|(i, d)| beside[i] += sign * h * d);
+                    self.d(j).for_each(|(i, d)| beside[i] += by * d);
                     self.rates_beside(t, &mut beside, l, end)
                 } else {
-                    beside.iter_mut().zip(&self.base).for_each(|(y, b)| *y += sign * h * b);
-                    self.rates_beside(t + sign * h, &mut beside, l, end)
+                    beside.iter_mut().zip(&self.base).for_each(|(y, b)| *y += by * b);
+                    self.rates_beside(t + by, &mut beside, l, end)
                 };
                 l.beside = beside;
                 known?;
@@ -344,7 +349,7 @@ impl Field {
                 self.sliding.c.clone_from(&l.c);
             }
             for i in (0..r).filter(|i| l.second[*i]) {
-                let rate = (ends[0][i] - ends[1][i]) / (2.0 * h);
+                let rate = (8.0 * (ends[0][i] - ends[1][i]) - (ends[2][i] - ends[3][i])) / (12.0 * h);
                 if j < r {
                     l.raw[i][j] = rate;
                 } else {
