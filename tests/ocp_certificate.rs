@@ -454,3 +454,46 @@ fn what_is_held_at_a_threshold_is_held_before_it() {
     let held = r.trajectory.elements.iter().filter(|e| (0.0..1e-4).contains(&(0.6 - e.x1[1]))).count();
     assert!(held > 12, "{held}");
 }
+
+/// A zone whose corners the path goes round on its edges, where two surfaces are crossed at once: a simulation crosses one after the other, and
+/// the answer does so too, on the way that does not lead through the zone.
+#[test]
+fn two_surfaces_at_a_corner_are_crossed_one_after_the_other() {
+    let g = Graph::new();
+    let (x, y, a, b) = (g.x(0), g.x(1), g.u(0), g.u(1));
+    let below = (y + 1.0).gt(0.0).select((y - 0.3).gt(0.0).select(0.0, 5.5), 0.0);
+    let toll = (x - 0.3).gt(0.0).select((x - 1.2).gt(0.0).select(0.0, below), 0.0);
+    let system = Model::from_rhs("toll", 2, 0, &[a, b, toll]).and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 3, u: 2, p: 0 };
+    let mut o = Ocp::new(&system, 1.0, 5, &Settings { n_s: 2, n_fe: 2, ..Settings::default() }).unwrap();
+    o.set_x0(&[0.0; 3]).unwrap();
+    o.set_u_bounds(&[-8.0; 2], &[8.0; 2]).unwrap();
+    o.set_lagrange(function(&g, d, &[a * a + b * b])).unwrap();
+    o.set_mayer(function(&g, d, &[g.x(2)])).unwrap();
+    o.add_terminal(function(&g, d, &[x, y]), &[2.0, 0.0], &[2.0, 0.0]).unwrap();
+    let (r, _) = solve(&mut o);
+    // the corners at 0.2 and 0.6 in straight lines: 4.75, and nothing for the zone
+    assert!((r.cost - 4.75).abs() < 1e-3, "{}", r.cost);
+    let simulated = r.accuracy.as_ref().unwrap();
+    assert!(simulated.stages.iter().all(|s| *s < 1e-6), "{simulated:?}");
+}
+
+/// A dose above a threshold, which depends on the control alone, makes resistant: the best is to stay just below for some stages, and to pass it
+/// in others. What is just below is an answer that its controls lead to.
+#[test]
+fn controls_stay_just_below_a_threshold_of_their_own() {
+    let g = Graph::new();
+    let (m, r, u) = (g.x(0), g.x(1), g.u(0));
+    let rhs = [m * (1.0 - m) - 1.5 * u * m * (1.0 - r), (u - 0.8).gt(0.0).select(0.2, -0.1 * r)];
+    let system = Model::from_rhs("resistance", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 2, u: 1, p: 0 };
+    let mut o = Ocp::new(&system, 3.0, 6, &Settings { n_s: 3, n_fe: 3, ..Settings::default() }).unwrap();
+    o.set_x0(&[0.8, 0.1]).unwrap();
+    o.set_u_bounds(&[0.0], &[1.5]).unwrap();
+    o.set_lagrange(function(&g, d, &[m + 0.3 * u])).unwrap();
+    let (r, _) = solve(&mut o);
+    // without doses just below the threshold 1.6616
+    assert!(r.cost < 1.6573, "{}", r.cost);
+    let near = r.controls.iter().filter(|u| (0.0..1e-3).contains(&(0.8 - **u))).count();
+    assert!(near > 0 && r.accuracy.as_ref().unwrap().terminal < 1e-6, "{:?}", r.controls);
+}

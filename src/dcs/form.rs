@@ -135,6 +135,17 @@ impl Form {
         all
     }
 
+    /// Cells of a simplex between two of it that lie on different sides of two surfaces: on the one's side of the one and on the other's
+    /// side of the other.
+    pub fn between(&self, simplex: Range<usize>, a: usize, b: usize) -> impl Iterator<Item = usize> + '_ {
+        let row = |c: usize| self.rows.iter().find(|r| r.mu.is_some() && r.lambda.iter().any(|l| l.0 == c));
+        let sides = move |c: usize, d: usize| {
+            let (c, d) = (row(c)?, row(d)?);
+            Some(c.weights.iter().zip(&d.weights).filter(|(x, y)| x != y).count())
+        };
+        simplex.filter(move |&c| sides(a, b) == Some(2) && [a, b].iter().all(|&d| sides(c, d) == Some(1)))
+    }
+
     /// Weights of a point: cells, then products.
     pub fn n_weights(&self) -> usize {
         self.n_cells + self.products.len()

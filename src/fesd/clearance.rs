@@ -3,7 +3,10 @@
 //! the state may be beyond besides. In a branch problem with a clearance multipliers `λ` of cells that are not active have a lower bound, and
 //! elements begin where one of them is smallest.
 
+use std::ops::Range;
+
 use super::problem::Fesd;
+use crate::dcs::Across;
 use crate::mpcc::Side;
 use crate::nlp::Bounds;
 
@@ -12,7 +15,7 @@ const PARTS: usize = 16;
 /// Share of an element within which the smallest value is at its end.
 const AT_END: f64 = 1e-3;
 
-/// Share of a control stage below which an element has no length.
+/// Share of a control stage below which an element has no length, and of its usual size below which a distance from a surface is none.
 const NOTHING: f64 = 1e-6;
 /// Share of what is to be kept that is enough between the points of the method.
 const ENOUGH: f64 = 0.5;
@@ -22,7 +25,7 @@ const WEIGHTLESS: f64 = 1e-6;
 /// What a branch problem keeps clear of.
 #[derive(Debug, Clone, Default, PartialEq)]
 pub struct Clearance {
-    /// Share of the largest `λ` of a cell that is kept.
+    /// Share of the largest `λ` of a cell that is kept; of its usual size where it is zero all along.
     pub share: f64,
     /// Element, cell that is not active in it, and the least that its `λ` may be.
     pub least: Vec<(usize, usize, f64)>,
@@ -51,6 +54,8 @@ pub struct Piece {
     pub held: [bool; 2],
     /// A cell whose `λ` falls below what is kept inside, and the share of the element at which it is smallest.
     pub dip: Option<(usize, f64)>,
+    /// Active cells of the region between, where two surfaces are crossed at once at the end.
+    pub corner: Option<Vec<bool>>,
 }
 
 impl Fesd {
@@ -85,11 +90,17 @@ impl Fesd {
             let of = |e| l.lambdas(e, c).fold(0f64, |m, j| m.max(w[j + c]));
             l.elements.iter().fold(0.0, |m: f64, e| m.max(of(e)))
         };
-        let least: Vec<f64> = (0..n).map(|c| share * largest(c)).collect();
+        // of a surface that is never left only the usual size is known
+        let usual = |c: usize| l.elements.iter().find_map(|e| l.lambdas(e, c).next()).map_or(0.0, |j| self.size(j + c));
+        let scale = |c: usize| Some(largest(c)).filter(|m| *m > NOTHING * usual(c)).unwrap_or(usual(c));
+        let least: Vec<f64> = (0..n).map(|c| share * scale(c)).collect();
         let lowest = |i: usize| {
             let of = self.clearance.iter().flat_map(|k| &k.lowest);
             of.filter(|(e, _)| *e == i).map(|(_, c)| *c).next()
         };
+        let ends = |k: usize| self.corner([kept[k], kept[k + 1]], [&sets[k], &sets[k + 1]], w);
+        let mut corners: Vec<Option<Vec<bool>>> = (1..kept.len()).map(|k| ends(k - 1)).collect();
+        corners.push(None);
         let mut pieces = Vec::with_capacity(kept.len());
         for (k, &i) in kept.iter().enumerate() {
             let e = &l.elements[i];
@@ -101,16 +112,22 @@ impl Fesd {
                 lowest: lowest(i),
                 held: [false; 2],
                 dip: None,
+                corner: corners[k].clone(),
             };
             let beside = [k.checked_sub(1), (k + 1 < kept.len()).then_some(k + 1)];
+            let between = [beside[0].and_then(|j| corners[j].as_ref()), corners[k].as_ref()];
             let mut depth = 0.0;
             for c in (0..n).filter(|&c| !piece.active[c]) {
-                let crossed = beside.map(|j| j.filter(|&j| sets[j][c]));
+                let crossed = |side: usize| {
+                    let with = |&j: &usize| self.passes([kept[j], i], c) && between[side].unwrap_or(&sets[j])[c];
+                    beside[side].filter(with)
+                };
+                let crossed = [crossed(0), crossed(1)];
                 let [lo, hi] = self.extremes(i, c, w);
                 let flat = |hi: f64| hi <= (1.0 + AT_END) * least[c];
                 if let Some(j) = crossed[0].or(crossed[1]) {
                     // a control that holds the state on a surface cannot take it across
-                    let held = flat(hi) && l.elements[kept[j]].stage != e.stage;
+                    let held = flat(hi) && l.elements[kept[j]].stage != e.stage && between == [None; 2];
                     if held && crossed[0].is_none() != crossed[1].is_none() {
                         piece.held[usize::from(crossed[1].is_some())] = true;
                         piece.near.push((c, least[c]));
@@ -138,6 +155,40 @@ impl Fesd {
             pieces.push(piece);
         }
         pieces
+    }
+
+    /// Does the state take the surfaces of a cell from one element to the next? At the end of a stage those of controls jump.
+    fn passes(&self, elements: [usize; 2], c: usize) -> bool {
+        let [a, b] = elements.map(|i| self.l.elements[i].stage);
+        a == b || self.l.across[c] == Across::Tied
+    }
+
+    /// The active cells between those of two elements, one behind the other, where the state crosses two surfaces at once, which a simulation
+    /// does one after the other. Of the two ways round it is the one that the state is not close to all along an element.
+    fn corner(&self, elements: [usize; 2], sets: [&[bool]; 2], w: &[f64]) -> Option<Vec<bool>> {
+        let form = self.spec.dcs.form();
+        let single = |set: &[bool], cells: &Range<usize>| {
+            let mut of = cells.clone().filter(|&c| set[c]);
+            of.next().filter(|_| of.next().is_none())
+        };
+        let passes = |cells: &Range<usize>| cells.clone().all(|c| self.passes(elements, c));
+        let differs = |cells: &Range<usize>| sets[0][cells.clone()] != sets[1][cells.clone()];
+        let changed = form.simplices.iter().filter(|cells| differs(cells) && passes(cells));
+        let changes = changed.map(|cells| Some((cells, single(sets[0], cells)?, single(sets[1], cells)?)));
+        let changes: Vec<(&Range<usize>, usize, usize)> = changes.collect::<Option<_>>()?;
+        // cells that become active at the first surface, and those that become so at the second
+        let ways: Vec<[(usize, usize); 2]> = match changes[..] {
+            [(cells, a, b)] => form.between(cells.clone(), a, b).map(|c| [(a, c), (c, b)]).collect(),
+            [(_, a, b), (_, c, d)] => vec![[(a, b), (c, d)], [(c, d), (a, b)]],
+            _ => return None,
+        };
+        let far = |[(_, first), (second, _)]: &[(usize, usize); 2]| {
+            self.extremes(elements[0], *first, w)[1].min(self.extremes(elements[1], *second, w)[1])
+        };
+        let [(from, to), _] = ways.into_iter().max_by(|a, b| far(a).total_cmp(&far(b)))?;
+        let mut set = sets[0].to_vec();
+        (set[from], set[to]) = (false, true);
+        Some(set)
     }
 
     /// The smallest and the largest `λ` of a cell at the points of an element.

@@ -3,6 +3,7 @@
 //! solved with a distance from what is touched, and an element begins where the state is closest to it; the distance is the smallest
 //! with which the controls lead to the answer.
 
+use super::candidates::Candidates;
 use super::moves::Sequence;
 use super::optimality::OTHER;
 use super::request::Request;
@@ -35,6 +36,8 @@ struct Part {
     lowest: Option<usize>,
     /// Does it keep clear of what the element comes near, or is it the way across?
     keeps: bool,
+    /// Is it in the region between, where two surfaces are crossed at once behind the element?
+    between: bool,
 }
 
 impl Ocp {
@@ -56,7 +59,7 @@ impl Ocp {
             for round in 0..ROUNDS {
                 let from = last.as_deref().unwrap_or(self);
                 let Some(pieces) = from.pieces(share).filter(|_| stop::requested().is_none()) else { return Ok(None) };
-                let across = pieces.iter().any(|p| p.held.contains(&true));
+                let across = pieces.iter().any(|p| p.held.contains(&true) || p.corner.is_some());
                 if across && share < WAY {
                     break;
                 }
@@ -78,6 +81,20 @@ impl Ocp {
             }
         }
         Ok(None)
+    }
+
+    /// The problem with its last answer; where that leads elsewhere because of what it touches, the one with a distance, if there is one.
+    pub(super) fn or_clear(
+        mut self: Box<Ocp>,
+        found: &mut Candidates,
+        request: &Request,
+        control: &mut Control,
+    ) -> Result<Box<Ocp>> {
+        if !self.leads_elsewhere()? {
+            return Ok(self);
+        }
+        let clear = self.keep_clear(request, &mut |r| found.add(r), control)?;
+        Ok(clear.unwrap_or(self))
     }
 
     /// Do the controls of the last answer lead elsewhere, in one of the stages?
@@ -107,8 +124,16 @@ impl Ocp {
         let form = Dcs::new(&self.system, request.options.form)?.form().clone();
         let (mut parts, mut carried): (Vec<Part>, f64) = (Vec::new(), 0.0);
         for (k, p) in pieces.iter().enumerate() {
+            if let (Some(before), Some(_)) =
+                (parts.last_mut(), k.checked_sub(1).and_then(|j| pieces[j].corner.as_ref()))
+            {
+                let h = ACROSS * before.h;
+                before.h -= h;
+                let way = Part { h, lowest: None, keeps: false, between: true, ..*before };
+                parts.push(way);
+            }
             let h = p.h + std::mem::take(&mut carried);
-            let begins = Part { piece: k, stage: p.stage, h, lowest: p.lowest, keeps: true };
+            let begins = Part { piece: k, stage: p.stage, h, lowest: p.lowest, keeps: true, between: false };
             if let (true, Some(before)) = (p.held[0], parts.last_mut()) {
                 let h = ACROSS * before.h;
                 before.h -= h;
@@ -152,8 +177,9 @@ impl Ocp {
             let near = p.near.iter().filter(|_| part.keeps);
             clearance.least.extend(near.map(|&(c, least)| (element, c, least)));
             clearance.lengths.push(part.h);
-            clearance.active.extend_from_slice(&p.active);
-            s.stages[part.stage].push((p.active.clone(), part.h));
+            let active = p.corner.as_ref().filter(|_| part.between).unwrap_or(&p.active);
+            clearance.active.extend_from_slice(active);
+            s.stages[part.stage].push((active.clone(), part.h));
         }
         let mut work = Box::new(self.blank());
         work.carry_over(r)?;

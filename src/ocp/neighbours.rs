@@ -186,8 +186,11 @@ impl Grid {
         let (all, chosen) = (of(false), of(true));
         for (cells, phases) in &chosen {
             for p in phases.windows(2) {
-                let stage = self.stage_of(p[1].elements.start);
-                found.change(self.stage(stage - 1), cells, &p[1].set);
+                let at = p[1].elements.start;
+                let stage = self.stage_of(at);
+                // what is exactly on the surface may be on both sides in one stage
+                let before = if self.start(stage) == at { stage - 1 } else { stage };
+                found.change(self.stage(before), cells, &p[1].set);
                 found.change(self.stage(stage), cells, &p[0].set);
             }
         }
@@ -325,6 +328,15 @@ mod tests {
             found.iter().all(|s| s.chunks(4).all(|stage| stage[..2] == stage[2..])),
             "no switch is inside of a stage"
         );
+    }
+
+    #[test]
+    fn modes_that_controls_choose_exactly_on_a_surface_become_those_of_whole_stages() {
+        let g = Grid { across: vec![Across::Nothing], ..grid(&[3, 2], &[2]) };
+        let found = g.neighbours(&word("++0--"));
+        for w in ["000--", "+++--"] {
+            assert!(found.contains(&word(w)), "{w}");
+        }
     }
 
     #[test]

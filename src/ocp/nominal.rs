@@ -231,10 +231,11 @@ impl Ocp {
             sample(&functions, &Point { t: self.t0 + t, x: state, u, p: self.params_of(stage) }, &mut psi);
         }
         let given = |i: usize| told(&self.nominal.x, i).or(bounded(&self.x_bounds, i)).is_some();
-        let state = |(i, v): (usize, Vec<f64>)| quantile(v).filter(|_| !given(i)).unwrap_or(known.x[i]);
+        let seen = |v: Vec<f64>, known: f64| quantile(v).filter(|s| *s > ROUNDING * known);
+        let state = |(i, v): (usize, Vec<f64>)| seen(v, known.x[i]).filter(|_| !given(i)).unwrap_or(known.x[i]);
         Sizes {
             x: x.into_iter().enumerate().map(state).collect(),
-            psi: psi.into_iter().zip(&known.psi).map(|(v, k)| quantile(v).unwrap_or(*k)).collect(),
+            psi: psi.into_iter().zip(&known.psi).map(|(v, k)| seen(v, *k).unwrap_or(*k)).collect(),
             ..known.clone()
         }
     }

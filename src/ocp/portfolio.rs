@@ -567,7 +567,12 @@ impl Ocp {
                     // it gained no more than what the simulation is off by, and its program is solved by the answer
                     found.still = Some(Verdict::Unknown);
                 }
-                if worth(&mut one, request)? < now - GAIN * now.abs() {
+                let better = |one: &mut Ocp| Ok(worth(one, request)? < now - GAIN * now.abs());
+                if better(&mut one)? {
+                    one = one.or_clear(found, request, control)?;
+                    if !better(&mut one)? {
+                        break;
+                    }
                     found.replace(one, request)?;
                     return Ok(true);
                 }
@@ -594,13 +599,11 @@ impl Ocp {
         request: &Request,
         control: &mut Control,
     ) -> Result<bool> {
+        if one.priced() < now.0 - GAIN * now.0.abs() {
+            one = one.or_clear(found, request, control)?;
+        }
         let mut better = lower(&mut one, now, request)?;
-        if better && one.leads_elsewhere()? {
-            if let Some(clear) = one.keep_clear(request, &mut |r| found.add(r), control)? {
-                one = clear;
-                better = lower(&mut one, now, request)?;
-            }
-        } else if !better && one.priced() <= now.0 + SAME * now.0.abs() {
+        if !better && one.priced() <= now.0 + SAME * now.0.abs() {
             let astray = found.best.as_mut().map_or(Ok(false), |best| best.leads_elsewhere())?;
             better = astray && one.leads_to_it(request)?;
         }

@@ -3,7 +3,7 @@
 //! iterations of a discretised problem, and where it ends a mode program of its phases begins.
 
 use super::candidates::Candidates;
-use super::portfolio::{lower, worth, SAME};
+use super::portfolio::{worth, SAME};
 use super::request::Request;
 use super::sequence::LOWEST;
 use super::Ocp;
@@ -40,13 +40,12 @@ impl Ocp {
         let mut cheaper = false;
         for end in ends.into_iter().take(PROGRAMS).filter(|_| stop::requested().is_none()) {
             let Some(traced) = self.trace_through(&end.moved, &inside.options)? else { continue };
-            let mut one = self.solve_traced(&end.moved, (&traced, LOWEST), &known, &inside, control)?;
+            let one = self.solve_traced(&end.moved, (&traced, LOWEST), &known, &inside, control)?;
             let Some(next) = one.result.as_ref() else { continue };
             found.add(next);
-            let cost = next.priced;
-            if next.is_exact() && lower(&mut one, now, request)? {
-                now = (cost, worth(&mut one, request)?);
-                found.replace(one, &inside)?;
+            if next.is_exact() && self.take_better(found, one, now, &inside, control)? {
+                let Some(best) = found.best.as_mut() else { break };
+                now = (best.priced(), worth(best, request)?);
                 cheaper = true;
             }
         }
