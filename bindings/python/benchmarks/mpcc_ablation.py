@@ -105,9 +105,10 @@ in [data/mpcc-train.json](data/mpcc-train.json) and [data/mpcc-hard.json](data/m
 [data/mpcc-ablation.json](data/mpcc-ablation.json) (each variant).
 
 All tables are with the default of `portfolio`, `rescue`. With `agree` paths on which the objective weighs 8 and 32 times as much follow
-an answer until two agree, and branches next to the best one are tried. On 48 random problems of contact and equilibria of seed 4000 (kinds disc, slider, blocks, impulses, gears, nested), beside IPOPT in
-the elastic mode, 40 of 42 objectives that both have are no worse by 1e-3 with it, at an iteration ratio of 0.26 (branches next to answers:
-1.27 times the iterations, three better objectives, none worse).
+an answer until two agree, and branches next to the best one are tried. On 48 random problems of contact and equilibria of seed
+4000 (kinds disc, slider, blocks, impulses, gears, nested), beside IPOPT in the elastic mode, 40 of 42 objectives that both have
+are no worse by 1e-3 with it, at an iteration ratio of 0.26 (branches next to answers: 1.27 times the iterations, three better
+objectives, none worse).
 
 {count} problems `min f(x)` subject to bounds, rows and `0 <= G(x) _|_ H(x) >= 0`: discretised control and simulation
 problems of nonsmooth systems from NOSBENCH, problems of MacMPEC, of textbooks, and synthetic ones with planted
