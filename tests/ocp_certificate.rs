@@ -497,3 +497,23 @@ fn controls_stay_just_below_a_threshold_of_their_own() {
     let near = r.controls.iter().filter(|u| (0.0..1e-3).contains(&(0.8 - **u))).count();
     assert!(near > 0 && r.accuracy.as_ref().unwrap().terminal < 1e-6, "{:?}", r.controls);
 }
+
+/// A lever above 0.5 is the second gear, and the first one is weaker above a speed. A lever exactly at 0.5 takes the better gear at every moment of
+/// a program, and no simulation does: the answer has one gear in every stage.
+#[test]
+fn a_control_exactly_on_a_surface_is_on_one_side_of_it_for_a_stage() {
+    let g = Graph::new();
+    let (v, force, lever) = (g.x(1), g.u(0), g.u(1));
+    let first = (v - 1.0).gt(0.0).select(0.4, 1.0) * force;
+    let rhs = [v, (lever - 0.5).gt(0.0).select(0.6 * force, first) - 0.1 * v];
+    let system = Model::from_rhs("gears", 2, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let d = Dims { x: 2, u: 2, p: 0 };
+    let mut o = Ocp::new(&system, 3.0, 3, &Settings { n_s: 2, n_fe: 2, ..Settings::default() }).unwrap();
+    o.set_x0(&[0.0; 2]).unwrap();
+    o.set_u_bounds(&[0.0; 2], &[1.0; 2]).unwrap();
+    o.set_lagrange(function(&g, d, &[0.05 * lever * lever + 0.02 * force * force])).unwrap();
+    o.set_mayer(function(&g, d, &[-g.x(0)])).unwrap();
+    let (r, _) = solve(&mut o);
+    // of all eight choices the best one, by a simulation with fixed steps: first gear, then second; with both in one stage -3.2859
+    assert!((r.cost + 3.247_592).abs() < 1e-4, "{}", r.cost);
+}

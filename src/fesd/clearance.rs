@@ -58,6 +58,16 @@ pub struct Piece {
     pub corner: Option<Vec<bool>>,
 }
 
+/// A way to cross two surfaces one after the other.
+struct Meeting {
+    /// Active cells in between.
+    between: Vec<bool>,
+    /// Cells whose `λ` is the distance of the element before from the first surface, and of the one behind from the second.
+    cells: [usize; 2],
+    /// The largest of these `λ`.
+    far: [f64; 2],
+}
+
 impl Fesd {
     /// Keeps clear in branch problems from now on; `None`: no longer.
     pub fn set_clearance(&mut self, clearance: Option<Clearance>) {
@@ -85,7 +95,7 @@ impl Fesd {
         let lengths = self.stage_lengths(w);
         let long = |i: &usize| self.h_of(&l.elements[*i], w) > NOTHING * lengths[l.elements[*i].stage];
         let kept: Vec<usize> = (0..l.elements.len()).filter(long).collect();
-        let sets: Vec<Vec<bool>> = kept.iter().map(|&i| self.weighty(i, w, active[i])).collect();
+        let mut sets: Vec<Vec<bool>> = kept.iter().map(|&i| self.weighty(i, w, active[i])).collect();
         let largest = |c: usize| {
             let of = |e| l.lambdas(e, c).fold(0f64, |m, j| m.max(w[j + c]));
             l.elements.iter().fold(0.0, |m: f64, e| m.max(of(e)))
@@ -94,6 +104,7 @@ impl Fesd {
         let usual = |c: usize| l.elements.iter().find_map(|e| l.lambdas(e, c).next()).map_or(0.0, |j| self.size(j + c));
         let scale = |c: usize| Some(largest(c)).filter(|m| *m > NOTHING * usual(c)).unwrap_or(usual(c));
         let least: Vec<f64> = (0..n).map(|c| share * scale(c)).collect();
+        self.stay_on_one_side(&kept, &mut sets, &least, w);
         let lowest = |i: usize| {
             let of = self.clearance.iter().flat_map(|k| &k.lowest);
             of.filter(|(e, _)| *e == i).map(|(_, c)| *c).next()
@@ -166,6 +177,13 @@ impl Fesd {
     /// The active cells between those of two elements, one behind the other, where the state crosses two surfaces at once, which a simulation
     /// does one after the other. Of the two ways round it is the one that the state is not close to all along an element.
     fn corner(&self, elements: [usize; 2], sets: [&[bool]; 2], w: &[f64]) -> Option<Vec<bool>> {
+        let far = |m: &Meeting| m.far[0].min(m.far[1]);
+        let ways = self.meeting(elements, sets, w)?;
+        ways.into_iter().max_by(|a, b| far(a).total_cmp(&far(b))).map(|m| m.between)
+    }
+
+    /// The two ways in which the state may cross two surfaces one after the other, where it crosses them at once between two elements.
+    fn meeting(&self, elements: [usize; 2], sets: [&[bool]; 2], w: &[f64]) -> Option<[Meeting; 2]> {
         let form = self.spec.dcs.form();
         let single = |set: &[bool], cells: &Range<usize>| {
             let mut of = cells.clone().filter(|&c| set[c]);
@@ -176,19 +194,49 @@ impl Fesd {
         let changed = form.simplices.iter().filter(|cells| differs(cells) && passes(cells));
         let changes = changed.map(|cells| Some((cells, single(sets[0], cells)?, single(sets[1], cells)?)));
         let changes: Vec<(&Range<usize>, usize, usize)> = changes.collect::<Option<_>>()?;
-        // cells that become active at the first surface, and those that become so at the second
-        let ways: Vec<[(usize, usize); 2]> = match changes[..] {
-            [(cells, a, b)] => form.between(cells.clone(), a, b).map(|c| [(a, c), (c, b)]).collect(),
-            [(_, a, b), (_, c, d)] => vec![[(a, b), (c, d)], [(c, d), (a, b)]],
+        // cells that become active at the first surface, and those that do so at the second
+        let ways: [[(usize, usize); 2]; 2] = match changes[..] {
+            [(cells, a, b)] => {
+                let ways: Vec<_> = form.between(cells.clone(), a, b).map(|c| [(a, c), (c, b)]).collect();
+                ways.try_into().ok()?
+            }
+            [(_, a, b), (_, c, d)] => [[(a, b), (c, d)], [(c, d), (a, b)]],
             _ => return None,
         };
-        let far = |[(_, first), (second, _)]: &[(usize, usize); 2]| {
-            self.extremes(elements[0], *first, w)[1].min(self.extremes(elements[1], *second, w)[1])
-        };
-        let [(from, to), _] = ways.into_iter().max_by(|a, b| far(a).total_cmp(&far(b)))?;
-        let mut set = sets[0].to_vec();
-        (set[from], set[to]) = (false, true);
-        Some(set)
+        Some(ways.map(|[(from, to), (second, _)]| {
+            let mut between = sets[0].to_vec();
+            (between[from], between[to]) = (false, true);
+            let far = [self.extremes(elements[0], to, w)[1], self.extremes(elements[1], second, w)[1]];
+            Meeting { between, cells: [to, second], far }
+        }))
+    }
+
+    /// What is exactly on a surface within a stage, as a control that does not change in it, stays on one side: where a program takes the other
+    /// side as soon as the state crosses another surface, the shorter part of the stage is given the side of the longer one.
+    fn stay_on_one_side(&self, kept: &[usize], sets: &mut [Vec<bool>], least: &[f64], w: &[f64]) {
+        let stage = |k: usize| self.l.elements[kept[k]].stage;
+        for k in 1..kept.len() {
+            if stage(k) != stage(k - 1) {
+                continue;
+            }
+            let Some(ways) = self.meeting([kept[k - 1], kept[k]], [&sets[k - 1], &sets[k]], w) else { continue };
+            // is the second surface of a way one that both elements are on?
+            let on = |m: &Meeting, side: usize| m.far[side] <= least[m.cells[side]];
+            let Some(of_state) = ways.iter().position(|m| on(m, 1) && !on(m, 0)) else { continue };
+            let of_control = &ways[1 - of_state];
+            if !on(of_control, 0) || on(of_control, 1) {
+                continue;
+            }
+            let [from, to] = [k - 1, k].map(|i| sets[i].clone());
+            let before = (0..k).rev().take_while(|&i| stage(i) == stage(k) && sets[i] == from).count();
+            let behind = (k..kept.len()).take_while(|&i| stage(i) == stage(k) && sets[i] == to).count();
+            let long = |range: Range<usize>| range.map(|i| self.h_of(&self.l.elements[kept[i]], w)).sum::<f64>();
+            let (set, range) = match long(k - before..k) < long(k..k + behind) {
+                true => (&of_control.between, k - before..k),
+                false => (&ways[of_state].between, k..k + behind),
+            };
+            sets[range].iter_mut().for_each(|s| s.clone_from(set));
+        }
     }
 
     /// The smallest and the largest `λ` of a cell at the points of an element.
