@@ -40,6 +40,14 @@ struct Part {
     between: bool,
 }
 
+/// The end of the last part is in the cells of another one: the way across, which keeps clear of nothing.
+fn end_with(parts: &mut Vec<Part>, cells: Part) {
+    let Some(last) = parts.last_mut() else { return };
+    let (stage, h) = (last.stage, ACROSS * last.h);
+    last.h -= h;
+    parts.push(Part { stage, h, lowest: None, keeps: false, ..cells });
+}
+
 impl Ocp {
     /// The last answer with a distance from the surfaces that it touches; `None` where it touches none, or no distance leads to an answer that
     /// its controls lead to. Every solve on the way is told.
@@ -124,21 +132,13 @@ impl Ocp {
         let form = Dcs::new(&self.system, request.options.form)?.form().clone();
         let (mut parts, mut carried): (Vec<Part>, f64) = (Vec::new(), 0.0);
         for (k, p) in pieces.iter().enumerate() {
-            if let (Some(before), Some(_)) =
-                (parts.last_mut(), k.checked_sub(1).and_then(|j| pieces[j].corner.as_ref()))
-            {
-                let h = ACROSS * before.h;
-                before.h -= h;
-                let way = Part { h, lowest: None, keeps: false, between: true, ..*before };
-                parts.push(way);
+            if let (true, Some(&before)) = (k > 0 && pieces[k - 1].corner.is_some(), parts.last()) {
+                end_with(&mut parts, Part { between: true, ..before });
             }
             let h = p.h + std::mem::take(&mut carried);
             let begins = Part { piece: k, stage: p.stage, h, lowest: p.lowest, keeps: true, between: false };
-            if let (true, Some(before)) = (p.held[0], parts.last_mut()) {
-                let h = ACROSS * before.h;
-                before.h -= h;
-                let stage = before.stage;
-                parts.push(Part { stage, h, lowest: None, keeps: false, ..begins });
+            if p.held[0] {
+                end_with(&mut parts, begins);
             }
             if let (true, Some(next)) = (p.held[1], pieces.get(k + 1)) {
                 let h = ACROSS * next.h;

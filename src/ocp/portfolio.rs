@@ -569,9 +569,11 @@ impl Ocp {
                 }
                 let better = |one: &mut Ocp| Ok(worth(one, request)? < now - GAIN * now.abs());
                 if better(&mut one)? {
-                    one = one.or_clear(found, request, control)?;
-                    if !better(&mut one)? {
-                        break;
+                    if one.leads_elsewhere()? {
+                        one = one.or_clear(found, request, control)?;
+                        if !better(&mut one)? {
+                            break;
+                        }
                     }
                     found.replace(one, request)?;
                     return Ok(true);

@@ -57,11 +57,10 @@ PATIENCE = 10  # times as many seconds it may wait for its turn
 
 
 def measured(problem: Problem, run, repeat: int, expect: str) -> dict:
-    """The fastest of some runs, with the point measured by the problem's own functions. `run(count)`: the time in those is counted
-    in a run more, as that takes time itself, where the problem is solved."""
+    """The fastest of some runs, with the point measured by the problem's own functions."""
     best, spent = None, 0.0
     for _ in range(repeat):
-        result = run(False)
+        result = run()
         spent += result["cpu"]
         if best is None or result["cpu"] < best["cpu"]:
             best = result
@@ -75,8 +74,6 @@ def measured(problem: Problem, run, repeat: int, expect: str) -> dict:
         solved = best["outcome"] == "diverging"
     else:
         solved = claimed and point.violation <= VIOLATION and point.product <= PRODUCT
-    if solved:
-        best["functions"] = run(True)["functions"]
     return {"solved": bool(solved), "claimed": bool(claimed), **asdict(point), **best, "x": best["x"].tolist()}
 
 
@@ -95,19 +92,24 @@ class Bench:
         problem = Problem(self.code, self.problems / entry["file"], self.seed)
         expect = entry.get("known", {}).get("expect", "optimal")
         if solver == "ipopt":
-            result = measured(
-                problem, lambda count: self.ipopt.homotopy(problem, self.variant, self.limit, self.mode, count),
-                self.repeat, expect,
-            )
+
+            def run(count: bool = False) -> dict:
+                return self.ipopt.homotopy(problem, self.variant, self.limit, self.mode, count)
+        else:
+
+            def run(count: bool = False) -> dict:
+                return mpcc_switchback.solve(self.swb, problem, self.members, options, self.limit, count)
+
+        result = measured(problem, run, self.repeat, expect)
+        if result["solved"]:
+            # in a run of its own, as to count takes time itself
+            result["functions"] = run(True)["functions"]
+        if solver == "ipopt":
             result["version"] = f"{self.ipopt.version} ({self.ipopt.origin})"
             if result["claimed"]:
                 x = np.array(result["x"])
                 result["branch"] = self.ipopt.branch_objective(problem, x, self.variant, self.limit)
-            return result
-        return measured(
-            problem, lambda count: mpcc_switchback.solve(self.swb, problem, self.members, options, self.limit, count),
-            self.repeat, expect,
-        )  # fmt: skip
+        return result
 
 
 class Changed(Bench):
@@ -120,7 +122,7 @@ class Changed(Bench):
     def run(self, solver: str, entry: dict, options: dict) -> dict:
         problem = self.changed(self.problems / entry["file"], options["change"])
         expect = entry.get("known", {}).get("expect", "optimal")
-        return measured(problem, lambda _: mpcc_switchback.solve(self.swb, problem, self.members, {}, self.limit), 1, expect)
+        return measured(problem, lambda: mpcc_switchback.solve(self.swb, problem, self.members, {}, self.limit), 1, expect)
 
 
 def _child(bench: Bench, solver: str, entry: dict, options: dict, limit: float, pipe) -> None:
