@@ -10,7 +10,7 @@ use switchback::func::Dims;
 use switchback::model::Model;
 use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
-use switchback::ocp::{CostAt, Ocp, OcpResult, Optimality, Verdict};
+use switchback::ocp::{CostAt, Kink, Ocp, OcpResult, Optimality, Verdict};
 use switchback::settings::{OcpStart, Settings};
 use switchback::system::{SharedFunction, System};
 
@@ -508,12 +508,19 @@ fn a_control_exactly_on_a_surface_is_on_one_side_of_it_for_a_stage() {
     let rhs = [v, (lever - 0.5).gt(0.0).select(0.6 * force, first) - 0.1 * v];
     let system = Model::from_rhs("gears", 2, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
     let d = Dims { x: 2, u: 2, p: 0 };
-    let mut o = Ocp::new(&system, 3.0, 3, &Settings { n_s: 2, n_fe: 2, ..Settings::default() }).unwrap();
-    o.set_x0(&[0.0; 2]).unwrap();
-    o.set_u_bounds(&[0.0; 2], &[1.0; 2]).unwrap();
-    o.set_lagrange(function(&g, d, &[0.05 * lever * lever + 0.02 * force * force])).unwrap();
-    o.set_mayer(function(&g, d, &[-g.x(0)])).unwrap();
-    let (r, _) = solve(&mut o);
-    // of all eight choices the best one, by a simulation with fixed steps: first gear, then second; with both in one stage -3.2859
-    assert!((r.cost + 3.247_592).abs() < 1e-4, "{}", r.cost);
+    // of all choices the best one, by simulations with fixed steps; with both gears in one stage the last would cost -3.2859
+    for (n_stages, horizon, best) in [(2, 2.0, -1.627_079), (4, 3.0, -3.151_135), (3, 3.0, -3.247_592)] {
+        let settings = Settings { n_s: 2, n_fe: 2, ..Settings::default() };
+        let mut o = Ocp::new(&system, horizon, n_stages, &settings).unwrap();
+        o.set_x0(&[0.0; 2]).unwrap();
+        o.set_u_bounds(&[0.0; 2], &[1.0; 2]).unwrap();
+        o.set_lagrange(function(&g, d, &[0.05 * lever * lever + 0.02 * force * force])).unwrap();
+        o.set_mayer(function(&g, d, &[-g.x(0)])).unwrap();
+        let (r, optimality) = solve(&mut o);
+        assert!((r.cost - best).abs() < 2e-4, "{n_stages} stages: {}", r.cost);
+        // a little less of the lever and the other gear is in
+        assert_eq!(optimality.verdict, Verdict::Kink, "{optimality:?}");
+        let jumps = |k: &Kink| k.touch && k.before > 0.0 && k.after.is_nan();
+        assert!(optimality.kinks.iter().any(jumps), "{:?}", optimality.kinks);
+    }
 }

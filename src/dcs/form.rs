@@ -11,7 +11,7 @@ use std::ops::Range;
 use super::Stewart;
 use crate::error::Result;
 use crate::settings::{DcsForm, Settings};
-use crate::system::{heaviside_is_smaller, Inclusion, Regions, SetValued, SharedFunction, Subsystem};
+use crate::system::{heaviside_is_better, moving, Inclusion, Regions, SetValued, SharedFunction, Subsystem};
 
 /// How a system is brought into a form.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -154,7 +154,7 @@ impl Form {
     /// Adds a subsystem in the form asked for; indicators given as such have Stewart's form only.
     pub(super) fn add(&mut self, s: &Subsystem, st: &Stewart, options: FormOptions) {
         match &s.regions {
-            Regions::Signs { psi, signs } if wants_heaviside(s, st, signs, options) => {
+            Regions::Signs { psi, signs } if wants_heaviside(s, st, psi, signs, options) => {
                 self.add_heaviside(s, st, psi, signs, options.depth)
             }
             _ => self.add_stewart(st),
@@ -293,18 +293,15 @@ impl Form {
     }
 }
 
-/// Stewart's form unless the other one is smaller (Table 6.4) in pairs and not larger in variables.
-fn wants_heaviside(s: &Subsystem, st: &Stewart, signs: &[i8], options: FormOptions) -> bool {
+/// Stewart's form unless the other one is better ([`heaviside_is_better`]).
+fn wants_heaviside(s: &Subsystem, st: &Stewart, psi: &SharedFunction, signs: &[i8], options: FormOptions) -> bool {
     match options.form {
         DcsForm::Stewart => false,
         DcsForm::Heaviside => true,
         DcsForm::Auto => {
-            let n_psi = signs.len() / s.n_modes;
             let mut trial = Form::default();
-            if let Regions::Signs { psi, .. } = &s.regions {
-                trial.add_heaviside(s, st, psi, signs, options.depth);
-            }
-            heaviside_is_smaller(n_psi, st.cells.len(), trial.products.len())
+            trial.add_heaviside(s, st, psi, signs, options.depth);
+            heaviside_is_better(&moving(&**psi), st.cells.len(), trial.products.len())
         }
     }
 }

@@ -35,7 +35,7 @@ use num_traits::{ToPrimitive, Zero};
 use crate::error::{Error, Result};
 use crate::expr::{Block, Dag, Expr, ExprFunction, Graph, Id, Node, Tape};
 use crate::func::{Dims, Function, Point};
-use crate::system::{Regions, SharedFunction, Subsystem, System};
+use crate::system::{moving, Regions, SharedFunction, Subsystem, System};
 use bounds::Bounds;
 use cells::{cells, Cells, Row};
 use certificate::Conflict;
@@ -517,6 +517,7 @@ impl Builder<'_> {
             let modes = Arc::new(ExprFunction::with_parts(&name, self.dag, d, &values, c.rows.len())?);
             let psi: Vec<Id> = c.switches.iter().filter_map(|&s| self.dag.switching_function(s)).collect();
             let psi_function = self.function(&format!("psi{k}"), &psi)?;
+            let moves = moving(&*psi_function);
             let signs: Vec<i8> = c.modes.iter().flat_map(|m| m.0.iter().copied()).collect();
             self.note_nearly_equal(&c.switches);
             self.lint_switches(&psi)?;
@@ -534,6 +535,7 @@ impl Builder<'_> {
             groups.push(Group {
                 states: c.rows.iter().map(|&r| self.model.names.of(Block::X, r)).collect(),
                 switching_functions: psi.iter().map(|&p| self.text(p)).collect(),
+                moves,
                 n_regions: c.modes.len(),
                 n_modes: c.n_distinct(),
                 n_cells: c.n_cells(),

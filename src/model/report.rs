@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::system::heaviside_is_smaller;
+use crate::system::heaviside_is_better;
 
 /// Weight of a remark.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -45,6 +45,8 @@ pub struct Group {
     pub states: Vec<String>,
     /// Switching functions.
     pub switching_functions: Vec<String>,
+    /// Of each of them: does it depend on the states or the time?
+    pub moves: Vec<bool>,
     /// Rows of the sign matrix.
     pub n_regions: usize,
     /// Different vector fields.
@@ -82,13 +84,13 @@ impl Group {
         Counts { modes: n_f, algebraic: n_f + 3 * n_psi + n_beta, pairs: 2 * n_psi, equations: n_psi + n_beta + n_f }
     }
 
-    /// Is the Heaviside form the smaller one, which is taken unless told otherwise?
+    /// Is the Heaviside form the better one, which is taken unless told otherwise?
     pub fn prefers_heaviside(&self) -> bool {
         let n_psi = self.switching_functions.len();
         let factors = |row: &[i8]| row.iter().filter(|s| **s != 0).count();
         let of_modes = self.signs.chunks_exact(n_psi.max(1)).filter(|row| factors(row) > 1).count();
         let products = of_modes + n_lifted(&self.signs, n_psi, 2);
-        heaviside_is_smaller(n_psi, self.n_cells, products)
+        heaviside_is_better(&self.moves, self.n_cells, products)
     }
 
     /// Sizes in the form that is taken unless told otherwise.
@@ -334,6 +336,7 @@ mod tests {
             let g = Group {
                 states: vec!["v".into()],
                 switching_functions: vec![String::new(); n],
+                moves: vec![true; n],
                 n_regions: m,
                 n_modes: m,
                 n_cells: m,
@@ -355,6 +358,7 @@ mod tests {
             Group {
                 states: vec!["v".into()],
                 switching_functions: vec![String::new(); n],
+                moves: vec![true; n],
                 n_regions,
                 n_modes: n_regions,
                 n_cells,

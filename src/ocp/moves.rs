@@ -171,7 +171,25 @@ impl Sequence {
             self.without_short(cells, &mut add);
         }
         self.without_slivers(&mut add);
+        for (cells, _) in simplices.iter().zip(across).filter(|s| *s.1 == Across::Nothing) {
+            self.other_choices(cells, &mut add);
+        }
         out
+    }
+
+    /// With another choice in one stage, where controls alone choose: on another side of a surface that no motion leads across, so that
+    /// it need not be next to where the choice changes.
+    fn other_choices(&self, cells: &Range<usize>, add: &mut dyn FnMut(Sequence)) {
+        for (k, stage) in self.stages.iter().enumerate() {
+            for c in cells.clone().filter(|&c| stage.iter().any(|p| !p.0[c])) {
+                let mut s = self.clone();
+                for p in &mut s.stages[k] {
+                    p.0[cells.clone()].fill(false);
+                    p.0[c] = true;
+                }
+                add(s);
+            }
+        }
     }
 
     /// Without the first or the last phase of a stage where that is a sliver: the switch would rather be between the stages.
@@ -288,7 +306,9 @@ mod tests {
         let total: f64 = s.neighbours(&one(), &[Across::Tied])[0].stages[1].iter().map(|p| p.1).sum();
         assert!((total - 1.0).abs() < 1e-15);
         let chosen: Vec<Vec<String>> = s.neighbours(&one(), &[Across::Nothing]).iter().map(words).collect();
-        assert_eq!(chosen, [["+", "-", "-", "-"], ["+", "+", "+", "-"]]);
+        // where the choice changes first, then every other stage
+        let [first, last] = [["-", "+", "-", "-"], ["+", "+", "-", "+"]];
+        assert_eq!(chosen, [["+", "-", "-", "-"], ["+", "+", "+", "-"], first, last]);
         assert!(
             sequence(&["+", "+-", "-"]).neighbours(&one(), &[Across::Tied]).is_empty(),
             "no switch is between stages"

@@ -83,6 +83,14 @@ fn told(list: &[Option<f64>], i: usize) -> Option<f64> {
 }
 
 impl Ocp {
+    /// Sizes that are known already, or else [`Ocp::sizes`].
+    pub(super) fn known_or_own_sizes(&self) -> Result<Sizes> {
+        match &self.sizes {
+            Some(known) => Ok(known.clone()),
+            None => self.sizes(),
+        }
+    }
+
     /// Sizes of states, controls, parameters and switching functions.
     pub(super) fn sizes(&self) -> Result<Sizes> {
         let d = self.system.dims();

@@ -31,10 +31,7 @@ impl Ocp {
 
     /// Judges an answer of a projected system by a descent from it.
     pub(super) fn judge_by_descent(&self, r: &OcpResult, b: &Built) -> Result<Optimality> {
-        let known = match &self.sizes {
-            Some(known) => known.clone(),
-            None => self.sizes()?,
-        };
+        let known = self.known_or_own_sizes()?;
         let controls = (&r.controls[..], &r.control_ends[..]);
         let Some((found, moved)) = self.lowest_from(b, r, controls, &known)? else {
             return Ok(Optimality::unknown(NO_DESCENT));

@@ -44,7 +44,7 @@ impl RkFamily {
 #[repr(i64)]
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum DcsForm {
-    /// Subsystem by subsystem: Stewart's, unless the Heaviside form has fewer pairs and no more variables.
+    /// Subsystem by subsystem: Stewart's, unless the Heaviside form has fewer pairs and no more variables, or controls alone decide some of its switching functions and not the others.
     Auto = 0,
     /// One pair for each region.
     Stewart = 1,

@@ -79,10 +79,27 @@ pub struct Inclusion {
     pub set: SetValued,
 }
 
-/// Is the Heaviside form of a subsystem smaller than Stewart's? It has fewer pairs, and its variables (two weights and two
-/// multipliers per switching function, and the products of weights) are not more than `θ`, `λ` and `μ`.
-pub(crate) fn heaviside_is_smaller(n_psi: usize, n_cells: usize, n_products: usize) -> bool {
-    2 * n_psi < n_cells && 4 * n_psi + n_products <= 2 * n_cells + 1
+/// Is the Heaviside form of a subsystem the better one? `moves` tells of each switching function whether it depends on the states or
+/// the time.
+///
+/// It is where it is smaller: it has fewer pairs, and its variables (two weights and two multipliers per switching function, and the
+/// products of weights) are not more than `θ`, `λ` and `μ`. And it is where some switching functions move and others do not: those are
+/// chosen for a whole control stage, so their weights are tied to nothing but themselves there, while in Stewart's form each weight
+/// belongs to all surfaces and the choice is tied to the switches of the others.
+pub(crate) fn heaviside_is_better(moves: &[bool], n_cells: usize, n_products: usize) -> bool {
+    let n_psi = moves.len();
+    let smaller = 2 * n_psi < n_cells && 4 * n_psi + n_products <= 2 * n_cells + 1;
+    smaller || moves.contains(&true) && moves.contains(&false)
+}
+
+/// Of every output of a function: does it depend on the states or the time?
+pub(crate) fn moving(psi: &dyn Function) -> Vec<bool> {
+    let (d, pattern) = (psi.dims(), psi.jac_pattern());
+    let mut moves = vec![false; psi.n_out()];
+    for j in (0..d.x).chain([d.t_col()]) {
+        pattern.rows(j).iter().for_each(|&i| moves[i] = true);
+    }
+    moves
 }
 
 /// A piecewise smooth system.

@@ -98,6 +98,28 @@ impl Ocp {
         Ok(Some((found, moved)))
     }
 
+    /// The first of these controls, of which linear ones are those of the answer, that cost less in a simulation and meet the constraints as well.
+    pub(super) fn first_lower(&self, b: &Built, r: &OcpResult, controls: Vec<Vec<f64>>) -> Result<Option<Vec<f64>>> {
+        let mut shooting = Shooting::new(self, b, r, &self.known_or_own_sizes()?)?;
+        let Some(own) = shooting.simulated(b, (&r.controls, &r.control_ends))? else { return Ok(None) };
+        let linear = |j: usize| self.linear.get(j % self.system.dims().u).copied().unwrap_or(false);
+        for u in controls {
+            if stop::requested().is_some() {
+                break;
+            }
+            let end = |(j, (u, end)): (usize, (&f64, &f64))| if linear(j) { *end } else { *u };
+            let ends: Vec<f64> = u.iter().zip(&r.control_ends).enumerate().map(end).collect();
+            let Some(other) = shooting.simulated(b, (&u, &ends))? else { continue };
+            let (lower, upper) = shooting.row_bounds();
+            let off = |v: &Values, i: usize| (lower[i] - v.rows[i]).max(v.rows[i] - upper[i]).max(0.0);
+            let meets = |i: usize| off(&other, i) <= off(&own, i) + MET * other.usual[i];
+            if other.cost < own.cost - NONE * own.cost.abs() && (0..other.rows.len()).all(meets) {
+                return Ok(Some(u));
+            }
+        }
+        Ok(None)
+    }
+
     /// Descends from what a simulation makes of the controls of `from`, which need not meet the constraints, to controls that nearly
     /// do. `b` is the problem as it was built for any point. `None` where that is not reached.
     pub(super) fn aim(&self, b: &Built, from: &OcpResult, known: &Sizes) -> Result<Option<Box<OcpResult>>> {
@@ -151,12 +173,8 @@ impl Ocp {
             if stop::requested().is_some() {
                 break;
             }
-            let z = shooting.place(b, (&u, &u));
-            let mut values = Values::default();
-            match shooting.evaluate(&z, &mut values) {
-                Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => return Err(e),
-                Ok(true) => tried.push((values.rows, u)),
-                Ok(false) | Err(_) => (),
+            if let Some(values) = shooting.simulated(b, (&u, &u))? {
+                tried.push((values.rows, u));
             }
         }
         let (lower, upper) = shooting.row_bounds();

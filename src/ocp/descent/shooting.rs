@@ -2,7 +2,7 @@
 //! all derivatives come from event-driven simulations, stage by stage (6.25).
 
 use super::sqp::{Program, Values};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::event::{self, Engine};
 use crate::fesd::{PathAt, Sizes};
 use crate::func::Point;
@@ -243,6 +243,18 @@ impl<'a> Shooting<'a> {
             }
         }
         self.start(&all[0], &all[1])
+    }
+
+    /// What a simulation makes of controls of the user and their ends, see [`Shooting::place`]; `None` where it fails.
+    pub fn simulated(&mut self, b: &Built, controls: (&[f64], &[f64])) -> Result<Option<Values>> {
+        let z = self.place(b, controls);
+        let mut values = Values::default();
+        match self.evaluate(&z, &mut values) {
+            Err(e @ (Error::Interrupted | Error::OutOfTime | Error::Internal(_))) => Err(e),
+            Ok(true) => Ok(Some(values)),
+            // a simulation that fails says nothing
+            Ok(false) | Err(_) => Ok(None),
+        }
     }
 
     /// Draws lengths, parameters and initial states that are free within their bounds; those without two bounds stay, and so do slacks.

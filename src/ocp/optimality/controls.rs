@@ -8,8 +8,12 @@
 //!
 //! and the answer is stationary if `Λᵀ S_A + c n` vanishes for some `0 ≤ c ≤ β`: `c` and `β − c` are the derivatives towards
 //! either side. The derivatives are those of simulations with controls that are moved off the surface by a little.
+//!
+//! Where the motion is another one beyond, as with a lever that is exactly between two gears, the cost jumps. Of the two sides that of the
+//! answer is the one whose simulation leads to it; there the answer is stationary if `Λᵀ S + c n` vanishes for some `c ≥ 0`, with `n` the
+//! gradient of what is positive beyond: the derivative of moving away from the surface is `c`.
 
-use super::{dot, Corner, Judge, Kind, Leg, AWAY, NOISE, RANK, TOLERANCE, TOUCH};
+use super::{dot, Corner, Judge, Kind, Leg, Piece, AWAY, NOISE, RANK, TOLERANCE, TOUCH};
 use crate::error::Result;
 use crate::fesd::StatePoint;
 use crate::func::Point;
@@ -25,8 +29,13 @@ pub(super) struct Movable {
     pub(super) bounds: [Vec<f64>; 2],
 }
 
-/// Surfaces that the controls of a stage stay on: gradients in units of the controls.
-type Surfaces = Vec<DVector<f64>>;
+/// A surface that the controls of a stage stay on.
+struct Surface {
+    /// Gradient in units of the controls.
+    normal: DVector<f64>,
+    /// How far the controls are from it, on the side where its function is positive, in the same units.
+    offset: f64,
+}
 
 impl Judge<'_> {
     /// The corners of controls that stay on surfaces in stages, whose legs then are those of the sides where the functions are
@@ -40,12 +49,14 @@ impl Judge<'_> {
         legs: &mut [Leg],
     ) -> Result<Vec<Corner>> {
         let functions = system.switching_functions();
+        // functions are as far from zero as they are large, at most, on the way of the answer: twice what half of a range changes them by
+        let near = if self.keeps_clear { ON.max(2.0 * self.touch) } else { ON };
         let mut out = Vec::new();
         let (mut t, mut first) = (t0, 0);
         for (k, &length) in lengths.iter().enumerate() {
             let last = kept.iter().rposition(|p| p.stage == k).unwrap_or(first);
             let along: Vec<StatePoint> = all.iter().filter(|p| p.stage == k).copied().collect();
-            let surfaces = self.surfaces_of_stage(&functions, movable, (t, length), &along);
+            let surfaces = self.surfaces_of_stage(&functions, movable, (t, length), (&along, near));
             if !surfaces.is_empty() {
                 let points = (t, length, &kept[first..=last]);
                 out.extend(self.sides_of_stage(k, &surfaces, movable, points, &mut legs[k])?);
@@ -55,21 +66,23 @@ impl Judge<'_> {
         Ok(out)
     }
 
-    /// Switching functions that are zero along a stage whatever the state is, and that the controls change everywhere to the same side.
+    /// Switching functions that are zero, or no further from it than `near` of what the controls change them by, along a stage whatever the
+    /// state is, and that the controls change everywhere to the same side.
     fn surfaces_of_stage(
         &self,
         functions: &[SharedFunction],
         movable: &Movable,
         (t, length): (f64, f64),
-        along: &[StatePoint],
-    ) -> Surfaces {
-        let mut out = Surfaces::new();
+        (along, near): (&[StatePoint], f64),
+    ) -> Vec<Surface> {
+        let mut out = Vec::new();
         let Some(stage) = along.first().map(|p| p.stage) else { return out };
         let p = &self.params[stage * self.n_p..(stage + 1) * self.n_p];
         let u = &self.controls[stage * self.n_u..(stage + 1) * self.n_u];
         for f in functions {
             let (d, pattern) = (f.dims(), f.jac_pattern());
-            let mut normals: Vec<Option<DVector<f64>>> = vec![Some(DVector::zeros(self.n_u)); f.n_out()];
+            let zero = || Some(Surface { normal: DVector::zeros(self.n_u), offset: 0.0 });
+            let mut found: Vec<Option<Surface>> = (0..f.n_out()).map(|_| zero()).collect();
             let (mut values, mut jac) = (vec![0.0; f.n_out()], vec![0.0; pattern.nnz()]);
             let mut work = vec![0.0; f.work_len()];
             for at in along {
@@ -77,7 +90,7 @@ impl Judge<'_> {
                 let point = Point { t: t + at.share * length, x: &x, u, p };
                 if f.value(&point, &mut values, &mut work).is_err() || f.jacobian(&point, &mut jac, &mut work).is_err()
                 {
-                    return Surfaces::new();
+                    return Vec::new();
                 }
                 let mut of_states = vec![0.0; f.n_out()];
                 let mut of_controls = vec![DVector::zeros(self.n_u); f.n_out()];
@@ -90,18 +103,20 @@ impl Judge<'_> {
                         }
                     }
                 }
-                for (i, normal) in normals.iter_mut().enumerate() {
-                    let (own, before) = (&of_controls[i], normal.as_ref().map_or(0.0, |n| n.norm()));
-                    let on = values[i].abs().max(of_states[i]) <= ON * own.norm();
-                    let along = normal.as_ref().is_some_and(|n| n.dot(own) >= (1.0 - ON) * before * own.norm());
+                for (i, surface) in found.iter_mut().enumerate() {
+                    let (own, before) = (&of_controls[i], surface.as_ref().map_or(0.0, |s| s.normal.norm()));
+                    let on = values[i].abs() <= near * own.norm() && of_states[i] <= ON * own.norm();
+                    let along = surface.as_ref().is_some_and(|s| s.normal.dot(own) >= (1.0 - ON) * before * own.norm());
                     match on && along {
-                        true if own.norm() > before => *normal = Some(own.clone()),
+                        true if own.norm() > before => {
+                            *surface = Some(Surface { normal: own.clone(), offset: values[i] / own.norm() });
+                        }
                         true => (),
-                        false => *normal = None,
+                        false => *surface = None,
                     }
                 }
             }
-            out.extend(normals.into_iter().flatten().filter(|n| n.norm() > 0.0));
+            out.extend(found.into_iter().flatten().filter(|s| s.normal.norm() > 0.0));
         }
         out
     }
@@ -110,12 +125,12 @@ impl Judge<'_> {
     fn sides_of_stage(
         &mut self,
         k: usize,
-        surfaces: &Surfaces,
+        surfaces: &[Surface],
         movable: &Movable,
         (t, length, points): (f64, f64, &[StatePoint]),
         leg: &mut Leg,
     ) -> Result<Vec<Corner>> {
-        let rows = DMatrix::from_fn(surfaces.len(), self.n_u, |i, j| surfaces[i][j] / surfaces[i].norm());
+        let rows = DMatrix::from_fn(surfaces.len(), self.n_u, |i, j| surfaces[i].normal[j] / surfaces[i].normal.norm());
         let svd = rows.clone().svd(true, true);
         // which side of one is which side of another where they depend on each other
         if svd.rank(RANK) < surfaces.len() {
@@ -140,38 +155,62 @@ impl Judge<'_> {
             }
         };
         let sides: Vec<[f64; 2]> = (0..surfaces.len()).map(side).collect();
-        let at = |signs: &[f64]| -> DVector<f64> { &towards * DVector::from_column_slice(signs) * TOUCH };
-        let base: Vec<f64> = sides.iter().map(|s| s[0]).collect();
-        let Some(here) = self.moved_leg(k, (&own, &at(&base), movable), (t, length, points))? else {
-            return Ok(Vec::new());
+        // as far from the surface as the answer is, at least a little
+        let place = |(surface, sign): (&Surface, &f64)| sign * TOUCH.max(surface.offset.abs()) - surface.offset;
+        let at = |signs: &[f64]| -> DVector<f64> {
+            &towards * DVector::from_iterator(signs.len(), surfaces.iter().zip(signs).map(place))
         };
-        let mut out = Vec::new();
-        for i in (0..surfaces.len()).filter(|&i| sides[i][0] != sides[i][1]) {
-            let mut signs = base.clone();
-            signs[i] = sides[i][1];
-            let Some(there) = self.moved_leg(k, (&own, &at(&signs), movable), (t, length, points))? else {
-                return Ok(Vec::new());
-            };
-            if !self.continuous(&here, &there, &(at(&signs) - at(&base)), movable) {
-                return Ok(Vec::new());
+        let beyond = |signs: &[f64], i: usize| {
+            let mut signs = signs.to_vec();
+            signs[i] = -signs[i];
+            signs
+        };
+        let mut signs: Vec<f64> = sides.iter().map(|s| s[0]).collect();
+        let mut jumps = vec![false; surfaces.len()];
+        // in units of the controls the gradient has length 1, and so has the unit towards it in the direction of the gradient
+        let gradient = |i: usize, sign: f64| (0..own.len()).map(|j| sign * rows[(i, j)] / movable.sizes[j]).collect();
+        'sides: loop {
+            let here = self.moved_leg(k, (&own, &at(&signs), movable), (t, length, points))?;
+            let mut out = Vec::new();
+            for i in (0..surfaces.len()).filter(|&i| sides[i][0] != sides[i][1]) {
+                let other = at(&beyond(&signs, i));
+                let corner = |controls, kind| Corner { stage: k, t, normal: Vec::new(), controls, own: k, kind };
+                if !jumps[i] {
+                    let there = self.moved_leg(k, (&own, &other, movable), (t, length, points))?;
+                    match (&here, &there) {
+                        (Some(here), Some(there)) if self.continuous(here, there, &(&other - at(&signs)), movable) => {
+                            let beyond = self.changes(here, there, movable, &towards.column(i).into_owned());
+                            out.push(corner(gradient(i, 1.0), Kind::Control { beyond }));
+                            continue;
+                        }
+                        (None, None) => return Ok(Vec::new()),
+                        _ => jumps[i] = true,
+                    }
+                    let off = |leg: &Option<Leg>| leg.as_ref().map_or(f64::INFINITY, |leg| leg.off);
+                    if off(&there) < off(&here) {
+                        signs = beyond(&signs, i);
+                        continue 'sides;
+                    }
+                }
+                let across = own.iter().zip(other.iter().zip(&movable.sizes)).map(|(u, (d, s))| u + d * s).collect();
+                out.push(corner(gradient(i, -signs[i]), Kind::Jump { across }));
             }
-            // in units of the controls the gradient has length 1, and so has the unit towards it in the direction of the gradient
-            let unit = towards.column(i);
-            let jump = |(a, b): (&super::Piece, &super::Piece)| -> Vec<f64> {
-                let n_z = self.n() + self.n_p + self.n_u;
-                let rows = a.s.chunks_exact(n_z).zip(b.s.chunks_exact(n_z));
-                let first = self.n() + self.n_p;
-                let change = |a: &[f64], b: &[f64]| {
-                    (0..self.n_u).map(|j| (b[first + j] - a[first + j]) * movable.sizes[j] * unit[j]).sum()
-                };
-                rows.map(|(a, b)| change(a, b)).collect()
-            };
-            let beyond = here.pieces.iter().zip(&there.pieces).map(jump).collect();
-            let controls = (0..self.n_u).map(|j| rows[(i, j)] / movable.sizes[j]).collect();
-            out.push(Corner { stage: k, t, normal: Vec::new(), controls, own: k, kind: Kind::Control { beyond } });
+            let Some(here) = here else { return Ok(Vec::new()) };
+            *leg = here;
+            return Ok(out);
         }
-        *leg = here;
-        Ok(out)
+    }
+
+    /// For every piece of a stage by how much more its end changes `there` than `here` with a step `unit` of the controls, in their units.
+    fn changes(&self, here: &Leg, there: &Leg, movable: &Movable, unit: &DVector<f64>) -> Vec<Vec<f64>> {
+        let (n_z, first) = (self.n() + self.n_p + self.n_u, self.n() + self.n_p);
+        let change = |a: &[f64], b: &[f64]| {
+            (0..self.n_u).map(|j| (b[first + j] - a[first + j]) * movable.sizes[j] * unit[j]).sum()
+        };
+        let of_piece = |(a, b): (&Piece, &Piece)| -> Vec<f64> {
+            a.s.chunks_exact(n_z).zip(b.s.chunks_exact(n_z)).map(|(a, b)| change(a, b)).collect()
+        };
+        here.pieces.iter().zip(&there.pieces).map(of_piece).collect()
     }
 
     /// A stage with controls that are moved by `by`, in their units.

@@ -108,13 +108,14 @@ pub struct Kink {
     pub t: f64,
     /// Derivatives of the cost towards a switch in the stage before and in the stage behind, relative to what all controls
     /// together can do; negative where that lowers the cost, NaN where the surface is not reached under the control of that
-    /// stage: then no small change leads there.
+    /// stage, and no small change leads there, or where the motion jumps to another one, which costs more or misses constraints.
     pub before: f64,
     /// The same, behind.
     pub after: f64,
     /// No switch: the surface is touched and left again. The first derivative is then that away from it, the second that of a
     /// moment behind it, as long as the stage; where the control turns the state back at the end of a stage, on both sides, that of
-    /// passing it. Where the controls of the stage stay on the surface, as on `u = 0` of `|u|`, they are those towards either side.
+    /// passing it. Where the controls of the stage stay on the surface, as on `u = 0` of `|u|`, they are those towards either side; where
+    /// the motion jumps there, as at a lever between two gears, the first is that away from the surface and the second NaN.
     pub touch: bool,
 }
 
@@ -256,6 +257,8 @@ enum Kind {
     /// A surface that the controls of a stage stay on: for every piece of the stage, by how much more the state at its end changes on the
     /// side beyond for every unit that the surface is passed by.
     Control { beyond: Vec<Vec<f64>> },
+    /// A surface that the controls of a stage stay beside, and on whose other side the motion is another one: controls there, next to it.
+    Jump { across: Vec<f64> },
 }
 
 /// A surface that is crossed.
@@ -273,7 +276,7 @@ impl Corner {
             Kind::Switch { before, after } => [before, after].map(|c| c.as_ref().map(|c| &c.jump[..])),
             Kind::Touch { beyond, .. } => [None, Some(beyond)],
             Kind::Peak { beyond } => [beyond.as_deref(), None],
-            Kind::Control { .. } => [None, None],
+            Kind::Control { .. } | Kind::Jump { .. } => [None, None],
         }
     }
 
@@ -460,7 +463,37 @@ impl Ocp {
         let mut q = self.quantities(&judge, b, r, &outer, kinks.len());
         let sides = judge.sweep(&legs, &kinks, &outer, &mut q);
         let ranges: Vec<[f64; 2]> = outer.ends.iter().map(|e| e.range).collect();
-        Ok(q.verdict(&kinks, &sides, &ranges, self.system.dims().u))
+        let mut found = q.verdict(&kinks, &sides, &ranges, self.system.dims().u);
+        if found.verdict == Verdict::Kink {
+            if let Some(direction) = self.lower_across(r, b, &kinks, &movable)? {
+                (found.verdict, found.direction) = (Verdict::NotOptimal, direction);
+            }
+        }
+        Ok(found)
+    }
+
+    /// The direction across one of the surfaces at which the cost jumps, where a simulation of the controls there costs less.
+    fn lower_across(&self, r: &OcpResult, b: &Built, kinks: &[Corner], movable: &Movable) -> Result<Option<Vec<f64>>> {
+        let own = self.system.dims().u;
+        let across = |k: &Corner| match &k.kind {
+            Kind::Jump { across } => {
+                let mut u = r.controls.clone();
+                // those that are linear move along no surface of controls
+                let constant = |j: &usize| !self.linear.get(*j).copied().unwrap_or(false);
+                (0..own).filter(constant).for_each(|j| u[k.own * own + j] = across[j]);
+                Some(u)
+            }
+            _ => None,
+        };
+        let all: Vec<Vec<f64>> = kinks.iter().filter_map(across).collect();
+        let lower = if all.is_empty() { None } else { self.first_lower(b, r, all)? };
+        Ok(lower.map(|u| {
+            let mut direction: Vec<f64> = u.iter().zip(&r.controls).map(|(a, b)| a - b).collect();
+            let shares = direction.iter().zip(movable.sizes[..own].iter().cycle()).map(|(d, size)| d.abs() / size);
+            let largest = shares.fold(0.0, f64::max);
+            direction.iter_mut().for_each(|d| *d /= largest);
+            direction
+        }))
     }
 
     /// The same, as far as there is time.

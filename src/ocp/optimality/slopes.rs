@@ -270,7 +270,7 @@ impl Quantities {
                 let [low, high] = [jump(&side[1], &c), jump(&side[0], &c)];
                 let [before, after] = match b.kind {
                     Kind::Touch { .. } => [c[i] * reach, low.map_or(f64::NAN, |s| s * self.lasting[b.stage] / scale)],
-                    Kind::Peak { .. } | Kind::Control { .. } => [c[i] * reach, towards(high, 1.0)],
+                    Kind::Peak { .. } | Kind::Control { .. } | Kind::Jump { .. } => [c[i] * reach, towards(high, 1.0)],
                     Kind::Switch { .. } => [towards(high, 1.0), towards(low, -1.0)],
                 };
                 Kink { stage: b.stage, t: b.t, before, after, touch: b.touches() }
@@ -310,7 +310,10 @@ impl Quantities {
             Some((i, low)) => scaled(across(i, found[i].before == low)),
             None => scaled(users().map(|f| -f.size * f.left(&c)).collect()),
         };
-        let unreached = (0..found.len()).filter(|&i| found[i].before.is_nan() || found[i].after.is_nan());
+        // what is behind a jump is another choice of the controls, and looked at as such
+        let unreached = (0..found.len()).filter(|&i| {
+            (found[i].before.is_nan() || found[i].after.is_nan()) && !matches!(kinks[i].kind, Kind::Jump { .. })
+        });
         let beyond = unreached.map(|i| scaled(across(i, found[i].before.is_nan()))).filter(|d| !d.is_empty()).collect();
         let gradient = users().map(|f| f.slopes[0] + dot(&c, &f.slopes[1..])).collect();
         Optimality { verdict, reason, residual, gradient, kinks: found, direction, beyond }
