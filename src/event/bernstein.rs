@@ -2,6 +2,8 @@
 
 use nalgebra::DMatrix;
 
+use super::step::Poly;
+
 /// Samples per step.
 pub(super) const NODES: usize = 9;
 /// Bernstein coefficients of a polynomial of degree `NODES − 1`, or one less with the last entry unused.
@@ -58,6 +60,23 @@ impl Sampler {
     }
 }
 
+/// Bernstein coefficients of a polynomial that is given by those of its powers, up to `degree`: `b_j = Σ_k C(j, k) / C(n, k) c_k`.
+pub(super) fn of_powers(c: &Poly, degree: usize) -> Coefficients {
+    let mut out = [0.0; NODES];
+    // divided by C(n, k), the coefficients are the differences at 0, which are summed up order by order
+    let mut binomial = 1.0;
+    for (k, o) in out[..=degree].iter_mut().enumerate() {
+        *o = c[k] / binomial;
+        binomial *= (degree - k) as f64 / (k + 1) as f64;
+    }
+    for m in 1..=degree {
+        for j in (m..=degree).rev() {
+            out[j] += out[j - 1];
+        }
+    }
+    out
+}
+
 /// Inverse of the matrix of Bernstein polynomials at the nodes, row-major.
 fn inverse(nodes: &[f64]) -> Vec<f64> {
     let d = nodes.len() - 1;
@@ -75,16 +94,12 @@ fn inverse(nodes: &[f64]) -> Vec<f64> {
 #[inline]
 pub(super) fn value(b: &[f64], s: f64) -> f64 {
     let mut c = [0.0; NODES];
+    c[..b.len()].copy_from_slice(b);
     // lengths that are known when this is compiled
     match b.len() {
-        NODES => {
-            c.copy_from_slice(b);
-            reduce(&mut c, s)
-        }
-        n => {
-            c[..n].copy_from_slice(b);
-            reduce(&mut c[..n], s)
-        }
+        NODES => reduce(&mut c, s),
+        5 => reduce(&mut c[..5], s),
+        n => reduce(&mut c[..n], s),
     }
 }
 
@@ -111,15 +126,11 @@ fn value_and_slope(b: &[f64], s: f64) -> (f64, f64) {
     if n < 2 {
         return (b[0], 0.0);
     }
+    c[..n].copy_from_slice(b);
     match n {
-        NODES => {
-            c.copy_from_slice(b);
-            reduce_to(&mut c, s, 2);
-        }
-        n => {
-            c[..n].copy_from_slice(b);
-            reduce_to(&mut c[..n], s, 2);
-        }
+        NODES => reduce_to(&mut c, s, 2),
+        5 => reduce_to(&mut c[..5], s, 2),
+        n => reduce_to(&mut c[..n], s, 2),
     }
     let d = c[1] - c[0];
     (c[0] + s * d, (n - 1) as f64 * d)
@@ -290,6 +301,18 @@ mod tests {
             assert!((v - value(&c[..=d], s)).abs() < 1e-14 && (dv - slope(&c[..=d], s)).abs() < 1e-13, "{s}");
         }
         assert_eq!(value_and_slope(&[2.0], 0.3), (2.0, 0.0));
+    }
+
+    #[test]
+    fn powers_in_bernstein_form() {
+        let c = [0.7, -1.3, 0.4, 2.1, -0.6, 0.9, -1.7, 0.35];
+        for degree in 1..c.len() {
+            let b = of_powers(&c, degree);
+            for s in [0.0, 0.2, 0.55, 1.0] {
+                let exact = c[..=degree].iter().rev().fold(0.0, |v, c| v * s + c);
+                assert!((value(&b[..=degree], s) - exact).abs() < 1e-14, "{degree} {s}");
+            }
+        }
     }
 
     #[test]

@@ -426,6 +426,7 @@ impl Radau {
     /// Writes the dense output: the collocation polynomial. At the first step of a mode (`fresh`) it also has the
     /// derivative of the start, where that changes little, so that a surface is left to the right side.
     pub(super) fn dense(&self, s: &mut Step, fresh: bool) {
+        s.degree = 4;
         for (i, p) in s.poly.iter_mut().enumerate() {
             let c = self.to_powers * Vector3::new(self.z[0][i], self.z[1][i], s.x1[i] - s.x0[i]);
             *p = [s.x0[i], c.x, c.y, c.z, 0.0, 0.0, 0.0, 0.0];

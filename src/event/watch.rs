@@ -1,7 +1,7 @@
 //! What must stay positive under an active set: distances to the surfaces around, weights of the active cells.
 
 use super::field::{Field, TO_RATE};
-use super::step::{horner, Stages, Step};
+use super::step::{horner, Poly, Stages, Step};
 use crate::func::EvalResult;
 
 /// A function of time and state that is positive as long as the active set holds.
@@ -115,6 +115,20 @@ impl Watch {
             g.states().map(|(i, g)| g * (horner(&step.poly[i], s) - step.x0[i])).sum::<f64>() + g.t * s * step.h
         };
         sign * (along(a) - b.map_or(0.0, along))
+    }
+
+    /// The same as a polynomial in the relative time.
+    pub(super) fn change_in_powers(&self, dq: &[f64], field: &Field, step: &Step) -> Poly {
+        let mut out = [0.0; 8];
+        let Some((a, b, sign)) = self.difference() else { return out };
+        for (j, sign) in std::iter::once((a, sign)).chain(b.map(|b| (b, -sign))) {
+            let g = field.gradients.row(dq, j);
+            for (i, g) in g.states() {
+                out.iter_mut().zip(&step.poly[i]).skip(1).for_each(|(o, c)| *o += sign * g * c);
+            }
+            out[1] += sign * g.t * step.h;
+        }
+        out
     }
 
     /// Least and largest rate for the velocities at the first `n` stages of a step.

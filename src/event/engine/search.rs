@@ -4,7 +4,7 @@
 use super::{fatal, Engine, EPS};
 use crate::contact;
 use crate::error::Result;
-use crate::event::bernstein::{self, First, NODES};
+use crate::event::bernstein::{self, Coefficients, First, NODES};
 use crate::event::explicit::{self, Pair};
 use crate::event::watch::{ContactWatch, Watch};
 use crate::event::Contact;
@@ -92,7 +92,10 @@ impl Engine {
             !w.is_leave() && !w.is_affine(&self.field)
         };
         let by_lines = lines && !self.suspects.iter().any(bent);
-        for i in 1..NODES {
+        // what is a polynomial on the dense output needs no samples, unless it has a zero at the start
+        let exact = |e: &Engine, l: usize| lines && e.depart[l] == 0 && e.watches[l].is_affine(&e.field);
+        let sampled = self.suspects.iter().any(|l| !exact(self, *l));
+        for i in if sampled { 1..NODES } else { 0..0 } {
             let s = self.sampler.nodes[i];
             if i < NODES - 1 {
                 let t = self.step.t + s * self.step.h;
@@ -111,6 +114,9 @@ impl Engine {
             for &l in &self.suspects {
                 let end = i == NODES - 1;
                 let w = self.watches[l];
+                if exact(self, l) {
+                    continue;
+                }
                 let value = match end {
                     true => self.w1[l],
                     false if lines && w.is_affine(&self.field) => {
@@ -137,7 +143,10 @@ impl Engine {
                 continue;
             }
             let power = usize::from(self.depart[l]);
-            let (c, d) = self.sampler.coefficients(&self.samples[l], power);
+            let (c, d) = match exact(self, l) {
+                true => self.on_dense_output(l),
+                false => self.sampler.coefficients(&self.samples[l], power),
+            };
             let c = &c[..=d];
             // what is zero to rounding, or below, and does not fall, stays
             let falls = self.w1[l] < if self.watches[l].may_begin_below() { self.w0[l].min(0.0) } else { 0.0 };
@@ -184,6 +193,17 @@ impl Engine {
             }
         }
         Ok(best)
+    }
+
+    /// Bernstein coefficients of a watched function with constant gradient on the dense output, and its degree.
+    fn on_dense_output(&self, l: usize) -> (Coefficients, usize) {
+        let mut powers = self.watches[l].change_in_powers(&self.dq0, &self.field, &self.step);
+        powers[0] = self.w0[l];
+        let degree = self.step.degree;
+        let mut c = bernstein::of_powers(&powers, degree);
+        // the end is known exactly
+        c[degree] = self.w1[l];
+        (c, degree)
     }
 
     /// How well does the dense output of an implicit step resolve what is watched, where its gradient is constant? In a stiff component
