@@ -11,6 +11,7 @@ use std::ops::Range;
 use super::function::ExprFunction;
 use super::op::powi;
 use super::snippet::{Place, Shape, Snippet};
+use super::sums::Sums;
 use super::tape::{Code, Instruction, LANES};
 use super::Piecewise;
 use crate::func::{Bundle, Function, PartGroup, PartList, Point};
@@ -50,11 +51,11 @@ struct Draft {
 }
 
 /// The program. Its workspace holds all inputs in the order `x`, `u`, `p`, `t`, what is common to outputs, all constants, then
-/// the results of the operations of one part after the other.
+/// the results of the operations of one part after the other, and 1.
 pub(super) struct Program {
     work: Vec<f64>,
     piecewise: Vec<Piecewise>,
-    code: Vec<Instruction>,
+    code: Sums,
     outputs: Vec<u32>,
     parts: Vec<Part>,
     classes: Vec<Class>,
@@ -70,7 +71,7 @@ impl Program {
         let mut p = Program {
             work: Vec::new(),
             piecewise: Vec::new(),
-            code: Vec::new(),
+            code: Sums::default(),
             outputs: Vec::new(),
             parts: Vec::new(),
             classes: Vec::new(),
@@ -93,8 +94,10 @@ impl Program {
         let n_constants: usize = snippets.iter().map(Snippet::constants).sum();
         let longest = snippets.iter().map(|s| s.operations.len()).max().unwrap_or(0);
         let registers = dims.n_in() + n_common as usize + n_constants;
-        u32::try_from(registers + longest).ok()?;
+        u32::try_from(registers + longest + 1).ok()?;
+        // the last one is for sums
         p.work = vec![0.0; registers + longest];
+        p.work.push(1.0);
         let mut constants = dims.n_in() + n_common as usize;
         let mut known = HashMap::new();
         for s in &snippets {
@@ -148,7 +151,7 @@ impl Program {
 
     /// Adds a part whose constants begin at `constants` and whose results begin at `registers`.
     fn append(&mut self, s: &Snippet, constants: &mut usize, registers: usize, (class, member): (u32, u32)) {
-        let from = (self.code.len(), self.outputs.len());
+        let from = (self.code.steps.len(), self.outputs.len());
         let work = &mut self.work;
         let mut place = |p: Place| -> u32 {
             match p {
@@ -161,13 +164,21 @@ impl Program {
                 }
             }
         };
+        let mut code = Vec::with_capacity(s.operations.len());
         for (k, o) in s.operations.iter().enumerate() {
             let a = place(o.a);
             let b = if o.code.has_two_operands() { place(o.b) } else { o.n };
-            self.code.push(Instruction { code: o.code, dst: (registers + k) as u32, a, b });
+            code.push(Instruction { code: o.code, dst: (registers + k) as u32, a, b });
         }
         self.outputs.extend(s.outputs.iter().map(|o| place(*o)));
-        self.parts.push(Part { code: from.0..self.code.len(), outputs: from.1..self.outputs.len(), class, member });
+        let one = self.work.len() as u32 - 1;
+        self.code.push(&code, &[], &self.outputs[from.1..], one);
+        self.parts.push(Part {
+            code: from.0..self.code.steps.len(),
+            outputs: from.1..self.outputs.len(),
+            class,
+            member,
+        });
     }
 
     /// Computes what is common to outputs at the present point.
@@ -178,9 +189,7 @@ impl Program {
         for (part, to) in &self.common {
             let Part { code, outputs, .. } = &self.parts[*part];
             let w = &mut self.work[..];
-            for i in &self.code[code.clone()] {
-                w[i.dst as usize] = i.compute(w, &[], &self.piecewise);
-            }
+            self.code.run(&self.code.steps[code.clone()], w, &[], &self.piecewise);
             for (to, &from) in to.clone().zip(&self.outputs[outputs.clone()]) {
                 w[to] = w[from as usize];
             }
@@ -321,9 +330,7 @@ impl Bundle for Program {
         self.know_common();
         let Part { code, outputs, .. } = &self.parts[part];
         let w = &mut self.work[..];
-        for i in &self.code[code.clone()] {
-            w[i.dst as usize] = i.compute(w, &[], &self.piecewise);
-        }
+        self.code.run(&self.code.steps[code.clone()], w, &[], &self.piecewise);
         let mut finite = true;
         for (v, &o) in out.iter_mut().zip(&self.outputs[outputs.clone()]) {
             *v = w[o as usize];

@@ -25,6 +25,7 @@ mod saved_node;
 mod signed;
 mod snippet;
 mod substitute;
+mod sums;
 mod switching;
 mod tape;
 mod text;

@@ -10,6 +10,7 @@ use super::dag::{Block, CallKind, Dag, External, Group, Id, Node};
 use super::linear;
 use super::op::{powi, Binary, Unary};
 use super::piecewise::Piecewise;
+use super::sums::Sums;
 use crate::error::{Error, Result};
 pub use crate::func::LANES;
 use crate::func::{Dims, EvalError, EvalResult, Lanes, Point};
@@ -112,6 +113,8 @@ pub struct Tape {
     /// Constant operands of instructions.
     pub(super) immediates: Vec<f64>,
     pub(super) code: Vec<Instruction>,
+    /// The same for one point with sums as one instruction each, where there are any.
+    sums: Option<Sums>,
     pub(super) compounds: Vec<Compound>,
     pub(super) piecewise: Vec<Piecewise>,
     pub(super) outputs: Vec<u32>,
@@ -227,6 +230,11 @@ impl Tape {
         }
         for (v, c) in w[self.loads.len()..].iter_mut().zip(&self.constants) {
             *v = *c;
+        }
+        if let Some(sums) = &self.sums {
+            w[self.n_slots - 1] = 1.0;
+            sums.run(&sums.steps, w, &self.immediates, &self.piecewise);
+            return Ok(w);
         }
         for i in &self.code {
             if i.code == Code::Block {
@@ -465,6 +473,7 @@ impl Compiler<'_> {
             constants: Vec::new(),
             immediates: Vec::new(),
             code: Vec::new(),
+            sums: None,
             compounds: Vec::new(),
             piecewise: Vec::new(),
             outputs: Vec::new(),
@@ -534,6 +543,11 @@ impl Compiler<'_> {
             self.emit(place as u32, id);
         }
         self.tape.outputs = outputs.iter().map(|o| self.slot[o.index()]).collect();
+        let mut sums = Sums::default();
+        if sums.push(&self.tape.code, &self.tape.immediates, &self.tape.outputs, self.tape.n_slots as u32) {
+            self.fresh(1);
+            self.tape.sums = Some(sums);
+        }
         self.tape.fixed = outputs.iter().map(|&o| dag.as_const(o)).collect();
         Ok(self.tape)
     }
