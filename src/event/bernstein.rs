@@ -159,14 +159,16 @@ pub(super) fn first(b: &[f64]) -> First {
     }
 }
 
-/// Where a polynomial that stays positive comes so near to zero that only rounding tells it from one that touches.
-pub(super) fn nearly_touches(b: &[f64]) -> Option<f64> {
-    /// What rounding of the samples may lift it by.
-    const ROUNDING: f64 = 1e-13;
+/// What rounding of samples may lift a polynomial by, relative to its largest coefficient, and that of coefficients which are known.
+pub(super) const ROUNDING_OF_SAMPLES: f64 = 1e-13;
+pub(super) const ROUNDING: f64 = 16.0 * f64::EPSILON;
+
+/// Where a polynomial that stays positive comes so near to zero that only `rounding` tells it from one that touches.
+pub(super) fn nearly_touches(b: &[f64], rounding: f64) -> Option<f64> {
     let largest = b.iter().fold(0.0f64, |m, v| m.max(v.abs()));
     let mut lowered = [0.0; NODES];
     let lowered = &mut lowered[..b.len()];
-    lowered.iter_mut().zip(b).for_each(|(l, v)| *l = v - ROUNDING * largest);
+    lowered.iter_mut().zip(b).for_each(|(l, v)| *l = v - rounding * largest);
     match first(lowered) {
         First::None => None,
         First::Zero(s) | First::Touch(s) => Some(s),
@@ -284,13 +286,13 @@ mod tests {
         for at in [0.2, 0.3 + 1e-3, 0.77] {
             let (c, d) = of(|t| (t - at) * (t - at) * (1.0 + t) + 1e-16, 0);
             let near = match first(&c[..=d]) {
-                First::None => nearly_touches(&c[..=d]),
+                First::None => nearly_touches(&c[..=d], ROUNDING_OF_SAMPLES),
                 First::Zero(s) | First::Touch(s) => Some(s),
             };
             assert!(near.is_some_and(|s| (s - at).abs() < 1e-6), "{at}: {near:?}");
         }
         let (c, d) = of(|t| (t - 0.4) * (t - 0.4) + 1e-11, 0);
-        assert_eq!(nearly_touches(&c[..=d]), None);
+        assert_eq!(nearly_touches(&c[..=d], ROUNDING_OF_SAMPLES), None);
     }
 
     #[test]

@@ -155,8 +155,13 @@ impl Engine {
                 // at rest at zero when the step began, and beyond it at the end
                 First::None if passed => 0.0,
                 First::None => {
-                    if let (Watch::Contact { what: ContactWatch::Gap, .. }, 0) = (self.watches[l], power) {
-                        if let Some(s) = bernstein::nearly_touches(c) {
+                    let gap = matches!(self.watches[l], Watch::Contact { what: ContactWatch::Gap, .. });
+                    let rounding = match exact(self, l) {
+                        true => Some(bernstein::ROUNDING),
+                        false => Some(bernstein::ROUNDING_OF_SAMPLES).filter(|_| gap && power == 0),
+                    };
+                    if let Some(rounding) = rounding {
+                        if let Some(s) = bernstein::nearly_touches(c, rounding) {
                             self.notice(l, s, bernstein::slope(c, s));
                         }
                     }
