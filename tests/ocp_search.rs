@@ -233,8 +233,10 @@ fn a_free_start_is_found_on_the_other_side_of_a_line_that_repels() {
     o.set_mayer(of(right * right + up * up)).unwrap();
     o.set_x_guess(&[0.0], &[1.8, 1.0]).unwrap();
     let r = solve(&mut o);
-    // a control of 0.25 from (-1.6, -1) leads away from the line all the time, and its closed form costs 0.5315; on the side of the guess the best is 1.607
-    assert!(r.cost < 0.5315, "{}", r.cost);
+    // a control of 0.25 from (-1.6, -1) leads away from the line all the time, and its closed form costs 0.5315; on the side of the guess the best is
+    // 1.607. Less costs a start next to the line, from which the motion leads away to the side of the goal: simulations of controls say 0.172
+    assert!(r.cost < 0.173, "{}", r.cost);
+    assert!(r.accuracy.as_ref().unwrap().terminal < 1e-6, "the controls lead to the answer");
     assert!(r.trajectory.elements[0].x0[0] < 0.0);
 }
 
@@ -258,4 +260,25 @@ fn what_relaxed_constraints_cost_counts_in_a_search() {
     assert!(costs[0].0 < 0.3 && costs[0].1 > 0.8, "{costs:?}");
     assert!((costs[1].0 - 1.0).abs() < 1e-6 && costs[1].1 < 1e-6, "{costs:?}");
     assert_eq!(starts.best, 1, "{costs:?}");
+}
+
+/// A tank may stay below the level from which on it costs, and does so most of the time; how long it is beyond has several local optima, and a first
+/// answer that is found soon is no reason to look for others less.
+#[test]
+fn other_ways_are_looked_for_where_the_first_one_was_found_soon() {
+    let g = Graph::new();
+    let (h, q, u) = (g.x(0), g.x(1), g.u(0));
+    let inflow = 0.4 * (1.0 + 0.5 * g.t().sin() - q);
+    let rhs = [q - 0.5 * u - 0.1 * h, inflow, (h - 1.0).gt(0.0).select(1.0, 0.0)];
+    let system = Model::from_rhs("tank", 1, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let mut o = Ocp::new(&system, 8.0, 16, &Settings::default()).unwrap();
+    let d = Dims { x: 3, u: 1, p: 0 };
+    let of = |output: switchback::expr::Expr| Arc::new(g.function("of", d, &[output]).unwrap());
+    o.set_x0(&[0.5, 0.8, 0.0]).unwrap();
+    o.set_u_bounds(&[0.0], &[3.0]).unwrap();
+    o.set_lagrange(of(u * u)).unwrap();
+    o.set_mayer(of(3.0 * g.x(2) - h)).unwrap();
+    let r = solve(&mut o);
+    // the first answer costs 15.87
+    assert!(r.cost < 15.79, "{}", r.cost);
 }

@@ -61,6 +61,16 @@ impl Form {
         self.sources[r.source].jac_pattern().rows(j).iter().any(|&i| r.weights[i] != 0.0)
     }
 
+    /// Does the multiplier of a cell depend on a state?
+    pub fn moves_with(&self, cell: usize, state: usize) -> bool {
+        let own = self.rows.iter().find(|r| r.lambda.iter().any(|l| l.0 == cell));
+        own.is_some_and(|own| match own.mu {
+            // that of a simplex is the distance from the smallest of all indicators
+            Some(_) => self.rows.iter().any(|r| r.mu == own.mu && self.depends(r, state)),
+            None => self.depends(own, state),
+        })
+    }
+
     /// Is one of the `cells`, or a product with one of them, the weight `w`?
     fn has_factor(&self, w: usize, cells: &Range<usize>) -> bool {
         match w.checked_sub(self.n_cells) {

@@ -299,6 +299,12 @@ impl Fesd {
             if i == last {
                 at.pop();
             }
+            // a start that is free may be off the surface
+            let start = self.l.start_of(e, c).filter(|_| i == 0);
+            at.extend(start.filter(|_| {
+                (0..self.spec.dcs.dims().x)
+                    .any(|j| b.xl[l.x0 + j] < b.xu[l.x0 + j] && self.spec.dcs.form().moves_with(c, j))
+            }));
             at.iter().for_each(|&j| b.xl[j + c] = least);
         }
     }
