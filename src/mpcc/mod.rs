@@ -31,6 +31,7 @@ mod scaling;
 mod search;
 #[rustfmt::skip]
 mod settings;
+mod sizes;
 mod solver;
 mod tangent;
 mod violation;

@@ -522,6 +522,7 @@ impl MpccSolver {
         let (y, z) = known.map_or((&y, &z), |s| (&s.y, &s.z));
         let mut program = Violation { inner: p, st };
         let mut solver = MpccSolver::new(&mut program, settings).ok()?;
+        solver.st.scaling.as_given = true;
         if matches!(opinion, Opinion::Near | Opinion::NearItsEnd) {
             solver.solve_warm(&mut program, &own, &Warm { x: &start, y, z }, control, &mut NoProposals);
         } else {

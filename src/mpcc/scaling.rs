@@ -7,10 +7,11 @@
 //!
 //! Programs of the user with pairs: the objective is scaled to a largest derivative of 2, every row to 1, so that nothing depends on
 //! the units they are in. A variable that stands for a row, a lifted member of a pair, is measured in the units of that
-//! row. All factors are powers of two, chosen by exponents alone: an objective, a row or a function in a pair that is
+//! row, and the others in units of their own where those given are far apart ([`sizes`]). All factors are powers of two, chosen by exponents alone: an objective, a row or a function in a pair that is
 //! multiplied by a power of two leaves the iterates as they are, to the last bit.
 
 use super::problem::Mpcc;
+use super::sizes::{self, Terms};
 use crate::linalg::csc::Pattern;
 use crate::nlp::Bounds;
 
@@ -97,6 +98,8 @@ pub(super) struct Scaling {
     pub sized: bool,
     /// Weight of the objective of a program of the user.
     pub weight: Weight,
+    /// Are variables in the units they are given in, whatever their derivatives say? Those at an answer of before may vanish by chance.
+    pub as_given: bool,
     rule: Rule,
     weights: Vec<f64>,
     /// Weights of the rows that are all zero.
@@ -112,6 +115,7 @@ impl Scaling {
             sizes: vec![1.0; n],
             sized: false,
             weight: Weight::Plain,
+            as_given: false,
             rule: Rule::Steep,
             weights: vec![0.0; m],
             none: vec![0.0; m],
@@ -175,6 +179,12 @@ impl Scaling {
     /// variables of their own.
     pub fn choose(&mut self, at: &AtPoint, bounds: &Bounds, lifts: &[(usize, usize)]) {
         let (jac, values) = at.jac;
+        if self.rule == Rule::Units && !self.as_given {
+            let mut lifted = vec![false; self.sizes.len()];
+            lifts.iter().for_each(|l| lifted[l.1] = true);
+            let terms = Terms { jac: at.jac, grad: at.grad, c: at.c, x: at.x, bounds };
+            sizes::choose(&terms, &lifted, &mut self.sizes);
+        }
         self.rows.fill(0.0);
         for j in 0..jac.n_cols() {
             for (&i, v) in jac.rows(j).iter().zip(&values[jac.range(j)]) {
@@ -201,7 +211,7 @@ impl Scaling {
                 for &(i, v) in lifts {
                     self.sizes[v] = 1.0 / self.rows[i];
                 }
-                self.sized = lifts.iter().any(|l| self.rows[l.0] != 1.0);
+                self.sized = self.sizes.iter().any(|s| *s != 1.0);
                 let target = self.weight.exponent();
                 self.objective = exponent(self.steepest_near(at)).map_or(1.0, |e| power(target - e));
             }
@@ -217,7 +227,7 @@ impl Scaling {
         lifts.iter().for_each(|l| self.sizes[l.1] = 0.0);
         for j in (0..jac.n_cols()).filter(|&j| self.sizes[j] != 0.0) {
             for (&i, v) in jac.rows(j).iter().zip(&values[jac.range(j)]) {
-                self.rows[i] = self.rows[i].max(v.abs());
+                self.rows[i] = self.rows[i].max((v * self.sizes[j]).abs());
             }
         }
         lifts.iter().for_each(|l| self.sizes[l.1] = 1.0);

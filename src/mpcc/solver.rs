@@ -293,6 +293,7 @@ impl MpccSolver {
     ) -> &Solution {
         let clock = Instant::now();
         self.begin_exact(p);
+        let as_given = std::mem::replace(&mut self.st.scaling.as_given, true);
         self.scale(p, bounds, warm.x);
         self.load(p, warm);
         let ok = if self.st.bilinear.is_empty() {
@@ -309,6 +310,7 @@ impl MpccSolver {
             self.solve_with(p, bounds, warm.x, control, proposer);
             self.solution.stats.add(&cost);
         }
+        self.st.scaling.as_given = as_given;
         self.solution.stats.time_total = clock.elapsed().as_secs_f64();
         &self.solution
     }
