@@ -271,6 +271,13 @@ static int32_t follow(const swb_progress *info, void *user_data)
     return s->n == s->stop_at;
 }
 
+static int32_t stop_at_second(void *user_data)
+{
+    int64_t *polls = user_data;
+    ++*polls;
+    return *polls == 2;
+}
+
 static void note(int64_t level, const char *line, void *user_data)
 {
     int *lines = user_data;
@@ -350,6 +357,29 @@ static void stepping(void)
     CHECK_OK(swb_integrator_get_state(i, &x, 1));
     CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
     CHECK_NEAR(x, 1.5, 1e-12);
+
+    /* asked now and then: not at every step, nor in a short call; the next call goes on */
+    {
+        int64_t polls = 0;
+        CHECK_OK(swb_integrator_set_progress(i, NULL, NULL));
+        CHECK_OK(swb_integrator_set_log(i, NULL, NULL));
+        CHECK_OK(swb_integrator_set_poll(i, stop_at_second, &polls));
+        CHECK_OK(swb_integrator_set_double(i, "h_max", 1e-6));
+        CHECK_OK(swb_integrator_set_int(i, "max_steps", 1000000000));
+        CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+        CHECK_OK(swb_integrator_step(i, 1000.0, &kind));
+        CHECK(polls == 0 && kind == SWB_PROGRESS_KIND_STEPPED);
+        CHECK_OK(swb_integrator_advance(i, 1000.0, &outcome));
+        CHECK_OK(swb_integrator_get_stats(i, &stats, sizeof stats));
+        CHECK(outcome == SWB_RUN_OUTCOME_STOPPED && polls == 2 && stats.steps > 20);
+        CHECK_OK(swb_integrator_get_time(i, &t));
+        CHECK_OK(swb_integrator_advance(i, t + 1e-5, &outcome));
+        CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+        CHECK_OK(swb_integrator_set_poll(i, NULL, NULL));
+        CHECK_OK(swb_integrator_set_double(i, "h_max", 0.1));
+        CHECK_OK(swb_integrator_set_progress(i, follow, &steps));
+        CHECK_OK(swb_integrator_set_log(i, note, lines));
+    }
 
     /* too few steps; options come with the next start */
     CHECK_OK(swb_integrator_set_int(i, "max_steps", 3));

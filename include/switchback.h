@@ -3277,6 +3277,12 @@ typedef struct swb_progress {
 typedef int32_t (*swb_progress_fn)(const struct swb_progress *info, void *user_data);
 
 /**
+ * Called about every hundredth of a second, between steps, by the thread that simulates, in calls that take so long; a return
+ * other than 0 stops with the outcome SWB_RUN_OUTCOME_STOPPED. Must not unwind.
+ */
+typedef int32_t (*swb_poll_fn)(void *user_data);
+
+/**
  * Options of a stepper; swb_step_options_init sets the defaults.
  */
 typedef struct swb_step_options {
@@ -6229,6 +6235,18 @@ SWB_API
 swb_status swb_integrator_set_progress(struct swb_integrator *integrator,
                                        swb_progress_fn progress,
                                        void *user_data);
+
+/**
+ * Set who is asked now and then whether to go on; NULL for nobody. For interpreters that look for signals only where their own
+ * code runs: swb_integrator_set_progress calls at every step, which for a small system may cost as much as the step.
+ *
+ * @param[in] user_data passed on unchanged
+ * @return SWB_OK
+ */
+SWB_API
+swb_status swb_integrator_set_poll(struct swb_integrator *integrator,
+                                   swb_poll_fn poll,
+                                   void *user_data);
 
 /**
  * Set who gets the log, as much as the option log_level says; NULL for nobody. A line for each call at level info, one

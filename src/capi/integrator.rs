@@ -64,6 +64,10 @@ pub struct swb_progress {
 /// SWB_RUN_OUTCOME_STOPPED. `info` is valid during the call only. Must not unwind.
 pub type swb_progress_fn = Option<unsafe extern "C" fn(info: *const swb_progress, user_data: *mut c_void) -> i32>;
 
+/// Called about every hundredth of a second, between steps, by the thread that simulates, in calls that take so long; a return
+/// other than 0 stops with the outcome SWB_RUN_OUTCOME_STOPPED. Must not unwind.
+pub type swb_poll_fn = Option<unsafe extern "C" fn(user_data: *mut c_void) -> i32>;
+
 /// A point from which several solutions go on.
 #[repr(C)]
 #[derive(Clone, Copy, Debug)]
@@ -154,6 +158,23 @@ impl Progress {
         };
         // SAFETY: the contract of `swb_progress_fn`; the struct outlives the call.
         unsafe { (self.function)(&info, self.user_data) == 0 }
+    }
+}
+
+/// A C callback that is asked whether to go on, with its user data.
+#[derive(Clone, Copy)]
+struct Poll {
+    function: unsafe extern "C" fn(*mut c_void) -> i32,
+    user_data: *mut c_void,
+}
+
+// SAFETY: as for `LogSink`.
+unsafe impl Send for Poll {}
+
+impl Poll {
+    fn ask(&self) -> bool {
+        // SAFETY: the contract of `swb_poll_fn`.
+        unsafe { (self.function)(self.user_data) == 0 }
     }
 }
 
@@ -642,6 +663,26 @@ pub unsafe extern "C" fn swb_integrator_set_progress(
         handle::with_mut(integrator, |o| {
             let progress = progress.map(|function| Progress { function, user_data });
             o.set_watch(progress.map(|p| Box::new(move |e: &Engine, kind: StepKind| p.tell(e, kind)) as _));
+            Ok(())
+        })
+    })
+}
+
+/// Set who is asked now and then whether to go on; NULL for nobody. For interpreters that look for signals only where their own
+/// code runs: swb_integrator_set_progress calls at every step, which for a small system may cost as much as the step.
+///
+/// @param[in] user_data passed on unchanged
+/// @return SWB_OK
+#[no_mangle]
+pub unsafe extern "C" fn swb_integrator_set_poll(
+    integrator: *mut swb_integrator,
+    poll: swb_poll_fn,
+    user_data: *mut c_void,
+) -> swb_status {
+    guard(|| unsafe {
+        handle::with_mut(integrator, |o| {
+            let poll = poll.map(|function| Poll { function, user_data });
+            o.set_poll(poll.map(|p| Box::new(move || p.ask()) as _));
             Ok(())
         })
     })

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use super::{listening, modes_of, subsystem, Ending, Record};
 use crate::error::{Error, Result};
@@ -27,10 +27,15 @@ pub enum StepKind {
 
 /// Told of every accepted step; `false` stops.
 pub type Watch = Box<dyn FnMut(&Engine, StepKind) -> bool + Send>;
+/// Asked now and then while a call runs; `false` stops.
+pub type Poll = Box<dyn FnMut() -> bool + Send>;
 /// Chooses a continuation where there are several: its place, or none to leave it to the options.
 pub type Decide = Arc<dyn Fn(&Branching, &[i64]) -> Option<usize> + Send + Sync>;
 /// Takes a line of the log.
 pub type Lines = Arc<dyn Fn(LogLevel, &str) + Send + Sync>;
+
+/// From one poll to the next: at once for a person, and long compared with what a callback costs.
+const POLL: Duration = Duration::from_millis(10);
 
 /// A value that one thread at a time uses, inside an object that several may read.
 struct Own<T>(Mutex<T>);
@@ -74,6 +79,7 @@ pub struct Integrator {
     seconds: f64,
     interrupt: Arc<AtomicBool>,
     watch: Own<Option<Watch>>,
+    poll: Own<Option<Poll>>,
     lines: Option<Lines>,
 }
 
@@ -125,6 +131,7 @@ impl Integrator {
             engine: Own::new(engine),
             interrupt: interrupt.clone(),
             watch: Own::new(None),
+            poll: Own::new(None),
             lines: None,
             system,
         })
@@ -188,6 +195,11 @@ impl Integrator {
     /// Who is told of steps.
     pub fn set_watch(&mut self, watch: Option<Watch>) {
         *self.watch.get() = watch;
+    }
+
+    /// Who is asked about every hundredth of a second whether a call is to go on.
+    pub fn set_poll(&mut self, poll: Option<Poll>) {
+        *self.poll.get() = poll;
     }
 
     /// Who takes lines of the log.
@@ -291,7 +303,9 @@ impl Integrator {
         let (mut stopped, mut kind) = (false, StepKind::Done);
         let mut logged = self.stats.switches;
         let level = self.settings.verbosity();
-        let (engine, watch, stop_times) = (self.engine.get(), self.watch.get(), &self.stop_times);
+        let (engine, watch, poll) = (self.engine.get(), self.watch.get(), self.poll.get());
+        let stop_times = &self.stop_times;
+        let mut next_poll = clock + POLL;
         let (lines, interrupt) = (&self.lines, &self.interrupt);
         let result = listening(|| loop {
             if interrupt.swap(false, Ordering::Relaxed) {
@@ -320,6 +334,13 @@ impl Integrator {
             }
             if one {
                 return Ok(());
+            }
+            if let Some(p) = poll.as_mut().filter(|_| Instant::now() >= next_poll) {
+                if !p() {
+                    stopped = true;
+                    return Ok(());
+                }
+                next_poll = Instant::now() + POLL;
             }
         });
         self.seconds += clock.elapsed().as_secs_f64();

@@ -15,6 +15,12 @@ from . import _ffi
 from ._library import lib
 from .errors import StateError, Undefined, from_status
 
+try:
+    # those of `signal` make members of enumerations of whatever they give back, which takes ten times as long as a short call
+    from _signal import getsignal, signal as set_signal
+except ImportError:  # not CPython
+    from signal import getsignal, signal as set_signal
+
 _PACKAGE = os.path.dirname(__file__) + os.sep
 
 live: Counter[str] = Counter()  # objects of the library by kind, for tests
@@ -57,6 +63,9 @@ def failed(error: BaseException) -> int:
     return -1
 
 
+_SIGINT = int(signal.SIGINT)
+
+
 class Interrupts:
     """While a call runs, the first Ctrl-C asks it to stop; the handler of before hears of it at the end.
 
@@ -78,15 +87,15 @@ class Interrupts:
 
     def __enter__(self) -> Interrupts:
         if threading.current_thread() is threading.main_thread():
-            handler = signal.getsignal(signal.SIGINT)
+            handler = getsignal(_SIGINT)
             if callable(handler):
                 self.previous = handler
-                signal.signal(signal.SIGINT, self._handle)
+                set_signal(_SIGINT, self._handle)
         return self
 
     def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
         if self.previous is not None:
-            signal.signal(signal.SIGINT, self.previous)
+            set_signal(_SIGINT, self.previous)
             if self.pending is not None and error is None:
                 self.previous(*self.pending)
 

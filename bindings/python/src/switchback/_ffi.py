@@ -561,6 +561,7 @@ swb_hessian_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p, c_void_p, c_void_p)
 swb_destroy_fn = CFUNCTYPE(None, c_void_p)
 swb_code = CFUNCTYPE(None)
 swb_progress_fn = CFUNCTYPE(c_int32, c_void_p, c_void_p)
+swb_poll_fn = CFUNCTYPE(c_int32, c_void_p)
 swb_decide_fn = CFUNCTYPE(c_int64, c_void_p, c_void_p)
 swb_lagrangian_fn = CFUNCTYPE(c_int32, c_void_p, c_double, c_void_p, c_void_p, c_void_p)
 
@@ -1276,6 +1277,7 @@ FUNCTIONS = {
     "swb_integrator_set_settings": (c_int32, [c_void_p, POINTER(swb_settings)]),
     "swb_integrator_get_settings": (c_int32, [c_void_p, POINTER(swb_settings), c_uint64]),
     "swb_integrator_set_progress": (c_int32, [c_void_p, swb_progress_fn, c_void_p]),
+    "swb_integrator_set_poll": (c_int32, [c_void_p, swb_poll_fn, c_void_p]),
     "swb_integrator_set_log": (c_int32, [c_void_p, swb_log_fn, c_void_p]),
     "swb_integrator_interrupt": (c_int32, [c_void_p]),
     "swb_integrator_free": (None, [c_void_p]),

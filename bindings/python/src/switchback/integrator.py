@@ -59,17 +59,30 @@ OnStep = Callable[[Step], Any]
 OnBranching = Callable[[Branching], Any]
 
 
+def _poll(_: Any) -> int:
+    """Stops after Ctrl-C: Python looks for signals only where it runs."""
+    current = frame()
+    try:
+        return 1 if current.stop or current.error is not None else 0
+    except BaseException as error:
+        if current.error is None:
+            current.error = error
+        return 1
+
+
+_POLL = _ffi.swb_poll_fn(_poll)
+
+
 def _step_callback(f: OnStep | None) -> Any:
-    """Asks every step whether to go on: after Ctrl-C, or by the wish of the user. It is there in any case, because
-    Python looks for signals only where it runs."""
+    """Asks every step whether to go on, by the wish of the user."""
+    if f is None:
+        return _ffi.swb_progress_fn(0)
 
     def progress(info: int, _: Any) -> int:
         current = frame()
         try:
             if current.stop or current.error is not None:
                 return 1
-            if f is None:
-                return 0
             c = _ffi.swb_progress.from_address(info)
             x = _numbers(c.x, (c.nx,), ctypes.c_double)
             return 1 if f(Step(c.t, x, ProgressKind(c.kind), c.steps, c.switches)) else 0
@@ -158,6 +171,7 @@ class Integrator(Hints, Handle, HasSettings):
             self.set_preferred(subsystem, modes)
         if preferred is not None:
             self.set(ambiguity="prefer")
+        self._do("set_poll", _POLL, None)
         self.on_step(on_step)
         self.on_branching(on_branching)
         self.on_log(on_log)
