@@ -8,7 +8,7 @@ use super::modes::{ContactMode, Phase, Sequence, LEAST, SHORTEST};
 use super::problem::{Problem, Statement};
 use super::simulate::{simulate, simulate_with, Effort, Inputs, Simulated};
 use super::track::{Piece, Track};
-use crate::expr::Graph;
+use crate::expr::{Expr, Graph};
 use crate::func::Dims;
 use crate::mpcc::MpccSettings;
 use crate::nlp::Control;
@@ -25,8 +25,13 @@ fn ball(elements: usize) -> Problem {
 
 /// The same from a height, on one element.
 pub(super) fn ball_from(height: f64) -> Statement {
+    ball_with(height, |y| y)
+}
+
+/// The same with a gap that is a function of the height with the slope one at zero: the motion is the same.
+fn ball_with(height: f64, gap: impl for<'g> Fn(Expr<'g>) -> Expr<'g>) -> Statement {
     let g = Graph::new();
-    let (y, u) = (g.x(1), g.u(0));
+    let (y, u) = (gap(g.x(1)), g.u(0));
     let mut scene = Scene::new("ball", 2, 2, 1, 0).unwrap();
     scene.set_force(0, u.id()).unwrap();
     scene.set_force(1, g.constant(-GRAVITY).id()).unwrap();
@@ -52,12 +57,20 @@ fn phase(mode: ContactMode, jump: bool, share: f64) -> Phase {
 #[test]
 fn bounces_of_a_chain_have_their_lengths() {
     for share in [0.02, 1e-3, 2e-4] {
-        bounces_that_begin_with(share);
+        bounces_that_begin_with(&ball(1), share);
     }
 }
 
-fn bounces_that_begin_with(share: f64) {
-    let p = ball(1);
+/// The same of a gap that is not linear in the coordinates.
+#[test]
+fn bounces_on_a_curved_gap_have_their_lengths() {
+    let p = Problem::new(ball_with(1.0, |y| y.exp() - 1.0)).unwrap();
+    for share in [0.02, 1e-3, 2e-4] {
+        bounces_that_begin_with(&p, share);
+    }
+}
+
+fn bounces_that_begin_with(p: &Problem, share: f64) {
     let mut s = Sequence { stages: vec![vec![phase(ContactMode::Open, false, 0.2)]] };
     (0..BOUNCES).for_each(|_| s.stages[0].push(phase(ContactMode::Open, true, share)));
     s.stages[0].push(phase(ContactMode::Closed, true, 0.5));
@@ -74,7 +87,7 @@ fn bounces_that_begin_with(share: f64) {
         Track { tableau: p.given().tableau.clone(), nx: 4, pieces: vec![rest], controls: vec![0.0], free: Vec::new() };
     let limits = Limits::of_patience(200);
     let (held, settings) = (Held::default(), MpccSettings::default());
-    let (a, _) = solve_sequence(&p, &s, &guess, &held, None, settings, limits, &mut Control::default()).unwrap();
+    let (a, _) = solve_sequence(p, &s, &guess, &held, None, settings, limits, &mut Control::default()).unwrap();
     assert!(
         a.is_solved() && a.stats.iterations < 20,
         "{share}: {:?}, {}, {}",
@@ -94,6 +107,45 @@ fn bounces_that_begin_with(share: f64) {
     let last = RESTITUTION.powi(BOUNCES as i32);
     assert!(last * fall < LEAST && (shares(BOUNCES) - LEAST * 2.0 / fall).abs() < 1e-9, "{}", shares(BOUNCES));
     assert!((shares(1) - 2.0 * RESTITUTION).abs() < 1e-7, "{}", shares(1));
+}
+
+/// What has no rebound and a force that grows from zero at the impact leaves like t³, of which the inner point of a method of two stages is negative:
+/// it is no overlap.
+#[test]
+fn what_leaves_behind_an_impact_opens_from_rest() {
+    let (height, hit, pull) = (0.3, 0.4_f64, 5.0);
+    let g = Graph::new();
+    let (x, y) = (g.x(0), g.x(1));
+    let mut scene = Scene::new("crane", 2, 2, 0, 0).unwrap();
+    scene.set_force(0, g.constant(0.0).id()).unwrap();
+    scene.set_force(1, (x * pull).id()).unwrap();
+    scene.add_contact(Contact::new(&g, "floor", y)).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    // y'' = pull (t - hit) with y(hit) = 0
+    let start = [-hit, height, 1.0, -(height - pull * hit.powi(3) / 3.0) / hit];
+    let x0 = start.to_vec();
+    let dims = Dims { x: 4, u: 0, p: 0 };
+    let p =
+        Problem::new(Statement { x0_bounds: [x0.clone(), x0], ..Statement::bare(system, dims, vec![1.0]) }).unwrap();
+    let s = Sequence { stages: vec![vec![phase(ContactMode::Open, false, 0.5), phase(ContactMode::Open, true, 0.5)]] };
+    let rest = Piece {
+        h: 1.0,
+        modes: vec![ContactMode::Open],
+        x0: start.to_vec(),
+        xs: start.repeat(2),
+        forces: vec![0.0; 4],
+        ..Piece::default()
+    };
+    let guess =
+        Track { tableau: p.given().tableau.clone(), nx: 4, pieces: vec![rest], controls: Vec::new(), free: Vec::new() };
+    let (held, settings) = (Held::default(), MpccSettings::default());
+    let limits = Limits::of_patience(200);
+    let (a, _) = solve_sequence(&p, &s, &guess, &held, None, settings, limits, &mut Control::default()).unwrap();
+    assert!(a.is_solved() && !a.overlap, "{:?}, {}", a.outcome, a.violation);
+    let pieces = &a.track.pieces;
+    assert!((pieces[0].h - hit).abs() < 1e-9);
+    let end = pieces[1].xs[5];
+    assert!((end - pull * (1.0 - hit).powi(3) / 6.0).abs() < 1e-9 && pieces[1].xs[1] < 0.0, "{end}");
 }
 
 /// A simulation that may have few events ends at the one that is too many.

@@ -49,6 +49,8 @@ pub(super) struct SceneFunctions {
     pub(super) contacts: Vec<ContactFunctions>,
     /// Does anything depend on time?
     pub(super) knows_time: bool,
+    /// Are velocities the rates of the coordinates, `N = I`?
+    pub(super) plain: bool,
 }
 
 impl SceneFunctions {
@@ -73,10 +75,11 @@ impl SceneFunctions {
         let mut dag = Dag::new();
         let mut make = Maker { dag: &mut dag, n_q: m.n_q, n_v: m.n_v, dims };
         let roots = make.load(&m.smooth)?;
+        let plain = m.n_q == m.n_v && (0..m.n_q).all(|i| roots[i] == make.dag.input(Block::X, m.n_q + i));
         let smooth = make.function("equations of motion", dims, &roots)?;
         let momentum = make.momentum(&m.inertia)?;
         let contacts: Vec<ContactFunctions> = m.contacts.iter().map(|c| make.contact(c)).collect::<Result<_>>()?;
-        let mut all = SceneFunctions { n_q: m.n_q, n_v: m.n_v, smooth, momentum, contacts, knows_time: false };
+        let mut all = SceneFunctions { n_q: m.n_q, n_v: m.n_v, smooth, momentum, contacts, knows_time: false, plain };
         let knows_time = all.iter().any(|f| !f.jac_pattern().rows(f.dims().t_col()).is_empty());
         all.knows_time = knows_time;
         Ok(all)

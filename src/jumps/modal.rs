@@ -19,7 +19,9 @@
 //! The gap of a body that bounces from a contact and lands on it again is `h (ġ⁺ + …)`: zero, to the second order, for a bounce without length, too.
 //! Bounces in a chain are shorter by the restitution each; the singular values of the rows of their landings fall with its square, and Newton's
 //! method goes to the roots without length, of which there are as many as bounces. So where a gap begins with zero and is linear, rows take it
-//! divided by `h`, the mean of its rates: `Σ a_jk ġ_k` at stage point `j`, which collocation makes the same without error.
+//! divided by `h`, the mean of its rates: `Σ a_jk ġ_k` at stage point `j`, which collocation makes the same without error. One that is not linear is
+//! `g(q) − g(q_0) = h ∫ ∇g(q_0 + σ (q − q_0)) dσ · w` with the mean velocity `w`, of which Gauss quadrature along the chord leaves rounding. A contact
+//! without rebound that opens behind its impact opens from rest, as one that was closed does.
 //!
 //! An event inside a control stage adds the equation that decides when it happens: a gap or a sliding speed that is zero at
 //! the end of the phase, or, where a contact opens or begins to slide, a force at that point. Forces at stage points are less
@@ -86,7 +88,8 @@ pub(super) fn transcribe<'a>(p: &'a Problem, s: &Sequence, guess: &'a Track, hel
     align(&mut plan, guess);
     let opened = vec![None; p.n_contacts()];
     let left = vec![None; p.n_contacts()];
-    let mut m = Modal { t: Transcriber::new(p, guess), held, opened, left, guards: Vec::new(), phase: (0, 0) };
+    let rests = rests(p, guess);
+    let mut m = Modal { t: Transcriber::new(p, guess), held, opened, left, guards: Vec::new(), phase: (0, 0), rests };
     let phases = phases_of_plan(p, s);
     for k in 0..plan.len() {
         m.phase = phases[k];
@@ -155,6 +158,15 @@ pub(super) fn can_begin(p: &Problem, s: &Sequence) -> bool {
     })
 }
 
+/// Shares and weights of Gauss quadrature on three points.
+const CHORD: [(f64, f64); 3] =
+    [(0.112_701_665_379_258_31, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
+
+/// Contacts that do not rebound, judged at the start of a motion.
+pub(super) fn rests(p: &Problem, motion: &Track) -> Vec<bool> {
+    p.restitutions(motion.pieces.first().map_or(&[], |q| &q.x0)).iter().map(|e| *e == 0.0).collect()
+}
+
 fn modes(plan: &Planned) -> &[ContactMode] {
     plan.modes.as_deref().unwrap_or(&[])
 }
@@ -170,6 +182,8 @@ struct Modal<'a> {
     guards: Vec<Guard>,
     /// The phase that is written.
     phase: (usize, usize),
+    /// Contacts that do not rebound.
+    rests: Vec<bool>,
 }
 
 impl Modal<'_> {
@@ -262,18 +276,26 @@ impl Modal<'_> {
         self.opened[i].is_some_and(|o| o.q == self.t.elements[n].start.q)
     }
 
-    /// The element at whose start contact `i`, which is open in element `n`, was left in the same phase, where its gap is the sum of the
-    /// rates since then: where it is linear, and no contact that is held closed moves coordinates besides.
+    fn is_linear(&self, i: usize) -> bool {
+        self.t.contact(i).gap.hess_pattern().nnz() == 0
+    }
+
+    /// The element at whose start contact `i`, which is open in element `n`, was left in the same phase, where its gap is known from the rates since
+    /// then: where it is linear, or velocities are the rates of the coordinates, and no contact that is held closed moves coordinates besides. Without a
+    /// rebound a flight begins at rest, and its gap falls with the square of its length: it gains nothing by the gradients along a chord.
     fn flight(&self, i: usize, n: usize) -> Option<usize> {
-        let linear = |c: usize| self.t.contact(c).gap.hess_pattern().nnz() == 0;
+        let f = &self.t.p.functions;
         let modes = self.t.elements[n].modes.as_deref()?;
-        let first = self.left[i].filter(|_| linear(i))?;
-        (0..self.n_contacts()).all(|c| !modes[c].is_closed() || linear(c)).then_some(first)
+        let first = self.left[i].filter(|_| self.is_linear(i) || f.plain && !f.knows_time && !self.rests[i])?;
+        (0..self.n_contacts()).all(|c| !modes[c].is_closed() || self.is_linear(c)).then_some(first)
     }
 
     /// A row that holds the gap of contact `i` at stage point `j` of element `n`, divided by the lengths of the elements since `first`, at whose
     /// start it is zero, and times that of the control stage, which makes it a gap again.
     fn mean_rate(&mut self, i: usize, first: usize, (n, j): (usize, usize), bounds: [f64; 2]) -> usize {
+        if !self.is_linear(i) {
+            return self.mean_rate_of_chord(i, first, (n, j), bounds);
+        }
         let row = self.t.b.rows(1, bounds);
         let rate = &self.t.contact(i).rate;
         let tableau = &self.t.p.given.tableau;
@@ -285,6 +307,43 @@ impl Modal<'_> {
                 let inputs = self.t.inputs(at, stage, &[]);
                 self.t.b.term(rate, &inputs, length * weight, None, [row as u32]);
             }
+        }
+        row
+    }
+
+    /// The same of a gap that is not linear, from its gradients along the chord between the coordinates at both places.
+    fn mean_rate_of_chord(&mut self, i: usize, first: usize, (n, j): (usize, usize), bounds: [f64; 2]) -> usize {
+        let (n_q, stage) = (self.t.p.functions.n_q, self.t.elements[n].stage);
+        let (from, to) = (self.t.elements[first].start, self.t.elements[n].points[j]);
+        let tableau = &self.t.p.given.tableau;
+        let mean = self.t.b.sized(&self.t.units.x[n_q..], FREE);
+        let rows = self.t.b.rows(n_q, EQUAL);
+        for k in 0..n_q {
+            self.t.b.linear(rows + k, mean + k, 1.0);
+            let mut value = 0.0;
+            for e in first..=n {
+                for (at, l) in self.t.elements[e].points.iter().zip(0..) {
+                    let weight = if e == n { tableau.a(j, l) } else { tableau.b[l] };
+                    self.t.b.linear(rows + k, at.v + k, -weight);
+                    value += weight * self.t.b.start[at.v + k];
+                }
+            }
+            self.t.b.start[mean + k] = value;
+        }
+        let row = self.t.b.rows(1, bounds);
+        let rate = &self.t.contact(i).rate;
+        let length = self.t.p.given.durations[stage];
+        for (share, weight) in CHORD {
+            let q = self.t.b.sized(&self.t.units.x[..n_q], FREE);
+            let rows = self.t.b.rows(n_q, EQUAL);
+            for k in 0..n_q {
+                self.t.b.linear(rows + k, q + k, 1.0);
+                self.t.b.linear(rows + k, from.q + k, share - 1.0);
+                self.t.b.linear(rows + k, to.q + k, -share);
+                self.t.b.start[q + k] = (1.0 - share) * self.t.b.start[from.q + k] + share * self.t.b.start[to.q + k];
+            }
+            let inputs = self.t.inputs(Place { q, v: mean, ..to }, stage, &[]);
+            self.t.b.term(rate, &inputs, length * weight, None, [row as u32]);
         }
         row
     }
@@ -341,7 +400,7 @@ impl Modal<'_> {
             } else if !same {
                 self.left[i] = None;
             }
-            let was = before.is_some_and(|b| modes(b)[i].is_closed());
+            let was = before.is_some_and(|b| modes(b)[i].is_closed()) || takes_part(plan, i) && self.rests[i];
             if was && modes(plan)[i] == ContactMode::Open {
                 self.opened[i] = Some(self.t.elements[n].start);
             } else if takes_part(plan, i) {

@@ -1,6 +1,7 @@
 //! Bodies that overlap between the points of a program: gaps are held at stage points, and a gap that comes close to zero between two of them
 //! may be negative there, up to the whole of a body where elements are long. Such a motion has an impact that its modes do not know.
 
+use super::modal;
 use super::problem::Problem;
 use super::track::{Piece, Track};
 use crate::func::Point;
@@ -19,20 +20,23 @@ const PARTS: usize = 16;
 /// Share of the largest gap of a contact in the motion from which a negative one is an overlap.
 const OVERLAP: f64 = 1e-6;
 
-/// Where open contacts overlap most, in every element in which they do. Elements in which a contact has just opened are left out: what
-/// grows like t³ is negative there by the error of the method. So are gaps that know the time.
+/// Where open contacts overlap most, in every element in which they do. Elements in which a contact has just opened are left out, from being closed or
+/// behind an impact without a rebound: what grows like t³ is negative there by the error of the method. So are gaps that know the time.
 pub(super) fn overlaps(p: &Problem, track: &Track) -> Vec<Witness> {
     if p.knows_time {
         return Vec::new();
     }
     let n_c = p.n_contacts();
+    let rests = modal::rests(p, track);
     let gaps: Vec<Vec<Vec<f64>>> = track.pieces.iter().map(|piece| along(p, track, piece)).collect();
     let mut out = Vec::new();
     for contact in 0..n_c {
         let largest = gaps.iter().flatten().map(|g| g[contact].abs()).fold(0.0, f64::max);
         for (element, of_piece) in gaps.iter().enumerate() {
             let was_closed = element > 0 && track.pieces[element - 1].modes[contact].is_closed();
-            if was_closed || track.pieces[element].modes[contact].is_closed() {
+            let was_hit = track.pieces[element].jump.as_ref().is_some_and(|parts| parts[contact].is_closed());
+            let opens = was_closed || was_hit && rests[contact];
+            if opens || track.pieces[element].modes[contact].is_closed() {
                 continue;
             }
             let inside = (1..PARTS).map(|k| (k, of_piece[k][contact]));
