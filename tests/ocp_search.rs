@@ -10,7 +10,7 @@ use switchback::func::Dims;
 use switchback::model::Model;
 use switchback::mpcc::Polish;
 use switchback::nlp::{Control, Outcome};
-use switchback::ocp::{ModeSequence, Norm, Ocp, OcpResult};
+use switchback::ocp::{ModeSequence, Norm, Ocp, OcpResult, Verdict};
 use switchback::settings::{DcsForm, OcpStart, Settings};
 
 /// Best cost known of (7.51) by its authors; the converged optimum is 9.14960187.
@@ -281,4 +281,25 @@ fn other_ways_are_looked_for_where_the_first_one_was_found_soon() {
     let r = solve(&mut o);
     // the first answer costs 15.87
     assert!(r.cost < 15.79, "{}", r.cost);
+}
+
+/// Controls that stand exactly on their thresholds: a program mixes both sides within a stage, and no simulation does. The answer has one side in
+/// every stage, and keeps a distance from the others.
+#[test]
+fn controls_on_their_thresholds_choose_for_whole_stages() {
+    let g = Graph::new();
+    let (x, a, b) = (g.x(0), g.u(0), g.u(1));
+    let rhs = [(a - 0.5).gt(0.0).select(1.0, 0.0) - b.gt(a).select(0.7, 0.1) * x];
+    let system = Model::from_rhs("switches", 2, 0, &rhs).and_then(|m| m.build(&g)).unwrap().system;
+    let mut o = Ocp::new(&system, 2.0, 5, &Settings::default()).unwrap();
+    let d = Dims { x: 1, u: 2, p: 0 };
+    let of = |output: switchback::expr::Expr| Arc::new(g.function("of", d, &[output]).unwrap());
+    o.set_x0(&[0.0]).unwrap();
+    o.set_u_bounds(&[0.0; 2], &[1.0; 2]).unwrap();
+    o.set_lagrange(of((x - 0.6) * (x - 0.6) + 0.05 * a + 0.02 * b * b)).unwrap();
+    let r = solve(&mut o);
+    // with the sides of the first stage 0.1142, with any mixture of both 0.0936
+    assert!(r.cost < 0.097, "{}", r.cost);
+    assert!(r.accuracy.as_ref().unwrap().terminal < 1e-6, "the controls lead to the answer");
+    assert_eq!(r.optimality.as_ref().map(|o| o.verdict), Some(Verdict::Kink));
 }

@@ -104,6 +104,7 @@ impl Fesd {
         let usual = |c: usize| l.elements.iter().find_map(|e| l.lambdas(e, c).next()).map_or(0.0, |j| self.size(j + c));
         let scale = |c: usize| Some(largest(c)).filter(|m| *m > NOTHING * usual(c)).unwrap_or(usual(c));
         let least: Vec<f64> = (0..n).map(|c| share * scale(c)).collect();
+        self.choose_for_stages(&kept, &mut sets, w);
         self.stay_on_one_side(&kept, &mut sets, &least, w);
         let lowest = |i: usize| {
             let of = self.clearance.iter().flat_map(|k| &k.lowest);
@@ -209,6 +210,35 @@ impl Fesd {
             let far = [self.extremes(elements[0], to, w)[1], self.extremes(elements[1], second, w)[1]];
             Meeting { between, cells: [to, second], far }
         }))
+    }
+
+    /// Controls choose for whole stages: where one is exactly on a surface a program may take both sides, or what is between, and change that at any
+    /// time, which no simulation does. The stage has the side with the most weight.
+    fn choose_for_stages(&self, kept: &[usize], sets: &mut [Vec<bool>], w: &[f64]) {
+        let l = &self.l;
+        let chosen = |cells: &&Range<usize>| (*cells).clone().all(|c| l.across[c] == Across::Nothing);
+        for cells in self.spec.dcs.form().simplices.iter().filter(chosen) {
+            for stage in 0..self.spec.n_fe.len() {
+                let own: Vec<usize> = (0..kept.len()).filter(|&k| l.elements[kept[k]].stage == stage).collect();
+                let [first, rest @ ..] = &own[..] else { continue };
+                let of = |k: usize| &sets[k][cells.clone()];
+                let sides = of(*first).iter().filter(|a| **a).count();
+                if sides == 1 && rest.iter().all(|&k| of(k) == of(*first)) {
+                    continue;
+                }
+                let weight = |c: usize| -> f64 {
+                    let of = |k: &usize| {
+                        let e = &l.elements[kept[*k]];
+                        self.h_of(e, w) * e.theta.iter().map(|&j| w[j + c]).sum::<f64>()
+                    };
+                    own.iter().map(of).sum()
+                };
+                let Some(most) = cells.clone().max_by(|&a, &b| weight(a).total_cmp(&weight(b))) else { continue };
+                for &k in &own {
+                    cells.clone().for_each(|c| sets[k][c] = c == most);
+                }
+            }
+        }
     }
 
     /// What is exactly on a surface within a stage, as a control that does not change in it, stays on one side: where a program takes the other

@@ -139,24 +139,23 @@ impl Judge<'_> {
         // a unit towards every surface, along all others
         let Ok(towards) = svd.pseudo_inverse(RANK) else { return Ok(Vec::new()) };
         let own = self.controls[k * self.n_u..(k + 1) * self.n_u].to_vec();
-        let leaves = |d: &DVector<f64>| {
-            let [lower, upper] = &movable.bounds;
-            let moved = |j: usize| own[j] + TOUCH * movable.sizes[j] * d[j];
-            (0..own.len()).any(|j| d[j].abs() > RANK && (moved(j) < lower[j] || moved(j) > upper[j]))
-        };
+        // as far from the surface as the answer is, at least a little
+        let place = |(surface, sign): (&Surface, &f64)| sign * TOUCH.max(surface.offset.abs()) - surface.offset;
         // where bounds leave one side only there is no other; where several controls at bounds are on a surface, some of them may leave it
         // to one side and some to the other
-        let side = |i: usize| {
-            let d = towards.column(i).into_owned();
-            match (leaves(&-&d), leaves(&d)) {
+        let side = |(i, surface): (usize, &Surface)| {
+            let leaves = |sign: f64| {
+                let ([lower, upper], far) = (&movable.bounds, place((surface, &sign)));
+                let moved = |j: usize| own[j] + far * movable.sizes[j] * towards[(j, i)];
+                (0..own.len()).any(|j| towards[(j, i)].abs() > RANK && (moved(j) < lower[j] || moved(j) > upper[j]))
+            };
+            match (leaves(-1.0), leaves(1.0)) {
                 (false, true) => [-1.0, -1.0],
                 (true, false) => [1.0, 1.0],
                 _ => [-1.0, 1.0],
             }
         };
-        let sides: Vec<[f64; 2]> = (0..surfaces.len()).map(side).collect();
-        // as far from the surface as the answer is, at least a little
-        let place = |(surface, sign): (&Surface, &f64)| sign * TOUCH.max(surface.offset.abs()) - surface.offset;
+        let sides: Vec<[f64; 2]> = surfaces.iter().enumerate().map(side).collect();
         let at = |signs: &[f64]| -> DVector<f64> {
             &towards * DVector::from_iterator(signs.len(), surfaces.iter().zip(signs).map(place))
         };
@@ -165,7 +164,12 @@ impl Judge<'_> {
             signs[i] = -signs[i];
             signs
         };
-        let mut signs: Vec<f64> = sides.iter().map(|s| s[0]).collect();
+        // an answer that keeps a distance tells its side
+        let first = |(s, surface): (&[f64; 2], &Surface)| match surface.offset {
+            o if o.abs() > ON && s.contains(&o.signum()) => o.signum(),
+            _ => s[0],
+        };
+        let mut signs: Vec<f64> = sides.iter().zip(surfaces).map(first).collect();
         let mut jumps = vec![false; surfaces.len()];
         // in units of the controls the gradient has length 1, and so has the unit towards it in the direction of the gradient
         let gradient = |i: usize, sign: f64| (0..own.len()).map(|j| sign * rows[(i, j)] / movable.sizes[j]).collect();
@@ -179,6 +183,11 @@ impl Judge<'_> {
                     let there = self.moved_leg(k, (&own, &other, movable), (t, length, points))?;
                     match (&here, &there) {
                         (Some(here), Some(there)) if self.continuous(here, there, &(&other - at(&signs)), movable) => {
+                            // the derivatives are those of the side where the function is negative
+                            if signs[i] > 0.0 {
+                                signs = beyond(&signs, i);
+                                continue 'sides;
+                            }
                             let beyond = self.changes(here, there, movable, &towards.column(i).into_owned());
                             out.push(corner(gradient(i, 1.0), Kind::Control { beyond }));
                             continue;
