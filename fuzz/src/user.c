@@ -209,6 +209,11 @@ int32_t user_progress(const swb_progress *info, void *user_data)
     return watch(user_data, info->struct_size, sizeof *info);
 }
 
+int32_t user_poll(void *user_data)
+{
+    return watch(user_data, 0, 0);
+}
+
 void user_log(int64_t level, const char *line, void *user_data)
 {
     if (level < SWB_LOG_LEVEL_ERROR || level > SWB_LOG_LEVEL_TRACE || strchr(line, '\n'))
@@ -249,6 +254,8 @@ swb_code user_callback(int callback)
         return (swb_code)user_decide;
     case C_swb_progress_fn:
         return (swb_code)user_progress;
+    case C_swb_poll_fn:
+        return (swb_code)user_poll;
     default:
         fprintf(stderr, "user.c: write a callback for type number %d of the header\n", callback);
         abort();

@@ -54,6 +54,7 @@ int32_t user_iteration(const swb_iteration_info *info, void *user_data);
 void user_log(int64_t level, const char *line, void *user_data);
 int64_t user_decide(const swb_branching *branching, void *user_data);
 int32_t user_progress(const swb_progress *info, void *user_data);
+int32_t user_poll(void *user_data);
 
 /* The callback of a type of callbacks. */
 swb_code user_callback(int callback);
