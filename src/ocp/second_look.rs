@@ -14,8 +14,8 @@ use crate::stop;
 /// Simulations of all descents together, over the iterations of the search before them: a simulation of the horizon with its
 /// derivatives takes a fraction of the time of an iteration.
 const SHARE: f64 = 1.0;
-/// Simulations at least: how many descents it takes to come upon another way does not depend on how soon the first one was found. Together with
-/// the variables of the problem, for which a simulation stands, no more work than this.
+/// Simulations at least, where evaluations are cheap: how many descents it takes to come upon another way does not depend on how soon the first one
+/// was found. Together with the variables of the problem, for which a simulation stands, no more work than this.
 const LEAST: usize = 1000;
 const WORK: usize = 1_000_000;
 /// Random controls at most.
@@ -28,7 +28,7 @@ impl Ocp {
     pub(super) fn look_again(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<bool> {
         let Some(best) = found.best.as_mut() else { return Ok(false) };
         let (Some(b), Some(from)) = (best.built.as_ref(), best.result.clone()) else { return Ok(false) };
-        let least = LEAST.min(WORK / from.dimensions.0.max(1));
+        let least = if self.system.is_cheap() { LEAST.min(WORK / from.dimensions.0.max(1)) } else { 0 };
         let most = ((SHARE * found.spent.iterations as f64) as usize).max(least);
         // the first of them is the guess
         let drawn = self.random_starts(1 + DRAWN, 0).split_off(1);

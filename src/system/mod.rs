@@ -314,17 +314,28 @@ impl System {
 
     /// Must functions of the system be called by one thread only ([`Function::is_serial`])?
     pub fn is_serial(&self) -> bool {
+        self.mechanics.as_ref().is_some_and(|m| m.is_serial())
+            || self.on_demand.as_ref().is_some_and(|d| d.rhs.is_serial() || d.psi.is_serial())
+            || self.any_function(&|f| f.is_serial())
+    }
+
+    /// Are evaluations cheap: are functions no foreign code that one thread alone may call, and their first derivatives no differences of values?
+    pub fn is_cheap(&self) -> bool {
+        !self.is_serial() && !self.any_function(&|f| f.jacobian_is_approximate())
+    }
+
+    /// Is something true of one of the functions, those of mechanics and of modes on demand left out?
+    fn any_function(&self, is: &dyn Fn(&dyn Function) -> bool) -> bool {
+        let is = |f: &SharedFunction| is(f.as_ref());
         let subsystem = |s: &Subsystem| {
             let (Regions::Signs { psi: regions, .. } | Regions::Indicators(regions)) = &s.regions;
-            s.modes.is_serial() || regions.is_serial()
+            is(&s.modes) || is(regions)
         };
-        let transition = |t: &Transition| t.guard.is_serial() || t.reset.as_ref().is_some_and(|r| r.is_serial());
+        let transition = |t: &Transition| is(&t.guard) || t.reset.as_ref().is_some_and(is);
         self.transitions.iter().any(transition)
-            || self.on_demand.as_ref().is_some_and(|d| d.rhs.is_serial() || d.psi.is_serial())
-            || self.mechanics.as_ref().is_some_and(|m| m.is_serial())
-            || self.f0.iter().chain(&self.algebraic).any(|f| f.is_serial())
+            || self.f0.iter().chain(&self.algebraic).any(is)
             || self.subsystems.iter().any(subsystem)
-            || self.inclusions.iter().any(|i| i.f.is_serial() || i.psi.is_serial())
+            || self.inclusions.iter().any(|i| is(&i.f) || is(&i.psi))
     }
 
     fn check(&self, f: &dyn Function, n_out: usize) -> Result<()> {
