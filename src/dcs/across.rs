@@ -63,8 +63,7 @@ impl Form {
 
     /// Does the multiplier of a cell depend on a state?
     pub fn moves_with(&self, cell: usize, state: usize) -> bool {
-        let own = self.rows.iter().find(|r| r.lambda.iter().any(|l| l.0 == cell));
-        own.is_some_and(|own| match own.mu {
+        self.row_of(cell).is_some_and(|own| match own.mu {
             // that of a simplex is the distance from the smallest of all indicators
             Some(_) => self.rows.iter().any(|r| r.mu == own.mu && self.depends(r, state)),
             None => self.depends(own, state),

@@ -135,10 +135,15 @@ impl Form {
         all
     }
 
+    /// The row that the multiplier of a cell belongs to.
+    pub fn row_of(&self, cell: usize) -> Option<&IndicatorRow> {
+        self.rows.iter().find(|r| r.lambda.iter().any(|l| l.0 == cell))
+    }
+
     /// Cells of a simplex between two of it that lie on different sides of two surfaces: on the one's side of the one and on the other's
     /// side of the other.
     pub fn between(&self, simplex: Range<usize>, a: usize, b: usize) -> impl Iterator<Item = usize> + '_ {
-        let row = |c: usize| self.rows.iter().find(|r| r.mu.is_some() && r.lambda.iter().any(|l| l.0 == c));
+        let row = |c: usize| self.row_of(c).filter(|r| r.mu.is_some());
         let sides = move |c: usize, d: usize| {
             let (c, d) = (row(c)?, row(d)?);
             Some(c.weights.iter().zip(&d.weights).filter(|(x, y)| x != y).count())

@@ -5,6 +5,7 @@
 
 use std::ops::Range;
 
+use super::layout::ElementIndex;
 use super::problem::Fesd;
 use crate::dcs::Across;
 use crate::mpcc::Side;
@@ -217,26 +218,21 @@ impl Fesd {
     fn choose_for_stages(&self, kept: &[usize], sets: &mut [Vec<bool>], w: &[f64]) {
         let l = &self.l;
         let chosen = |cells: &&Range<usize>| (*cells).clone().all(|c| l.across[c] == Across::Nothing);
-        for cells in self.spec.dcs.form().simplices.iter().filter(chosen) {
-            for stage in 0..self.spec.n_fe.len() {
-                let own: Vec<usize> = (0..kept.len()).filter(|&k| l.elements[kept[k]].stage == stage).collect();
-                let [first, rest @ ..] = &own[..] else { continue };
-                let of = |k: usize| &sets[k][cells.clone()];
-                let sides = of(*first).iter().filter(|a| **a).count();
-                if sides == 1 && rest.iter().all(|&k| of(k) == of(*first)) {
+        let mut rest = sets;
+        for own in kept.chunk_by(|&a, &b| l.elements[a].stage == l.elements[b].stage) {
+            let sets;
+            (sets, rest) = rest.split_at_mut(own.len());
+            for cells in self.spec.dcs.form().simplices.iter().filter(chosen) {
+                let first = &sets[0][cells.clone()];
+                if first.iter().filter(|a| **a).count() == 1 && sets.iter().all(|s| s[cells.clone()] == *first) {
                     continue;
                 }
                 let weight = |c: usize| -> f64 {
-                    let of = |k: &usize| {
-                        let e = &l.elements[kept[*k]];
-                        self.h_of(e, w) * e.theta.iter().map(|&j| w[j + c]).sum::<f64>()
-                    };
-                    own.iter().map(of).sum()
+                    let of = |e: &ElementIndex| self.h_of(e, w) * e.theta.iter().map(|&j| w[j + c]).sum::<f64>();
+                    own.iter().map(|&i| of(&l.elements[i])).sum()
                 };
                 let Some(most) = cells.clone().max_by(|&a, &b| weight(a).total_cmp(&weight(b))) else { continue };
-                for &k in &own {
-                    cells.clone().for_each(|c| sets[k][c] = c == most);
-                }
+                sets.iter_mut().for_each(|s| cells.clone().for_each(|c| s[c] = c == most));
             }
         }
     }

@@ -70,21 +70,25 @@ fn bounces_on_a_curved_gap_have_their_lengths() {
     }
 }
 
-fn bounces_that_begin_with(p: &Problem, share: f64) {
-    let mut s = Sequence { stages: vec![vec![phase(ContactMode::Open, false, 0.2)]] };
-    (0..BOUNCES).for_each(|_| s.stages[0].push(phase(ContactMode::Open, true, share)));
-    s.stages[0].push(phase(ContactMode::Closed, true, 0.5));
-    let start = [0.0, 1.0, 0.0, 0.0];
+/// A guess that stays at its start.
+fn at_rest(p: &Problem, h: f64, start: &[f64; 4], controls: Vec<f64>) -> Track {
     let rest = Piece {
-        h: 2.0,
+        h,
         modes: vec![ContactMode::Open],
         x0: start.to_vec(),
         xs: start.repeat(2),
         forces: vec![0.0; 4],
         ..Piece::default()
     };
-    let guess =
-        Track { tableau: p.given().tableau.clone(), nx: 4, pieces: vec![rest], controls: vec![0.0], free: Vec::new() };
+    Track { tableau: p.given().tableau.clone(), nx: 4, pieces: vec![rest], controls, free: Vec::new() }
+}
+
+fn bounces_that_begin_with(p: &Problem, share: f64) {
+    let mut s = Sequence { stages: vec![vec![phase(ContactMode::Open, false, 0.2)]] };
+    (0..BOUNCES).for_each(|_| s.stages[0].push(phase(ContactMode::Open, true, share)));
+    s.stages[0].push(phase(ContactMode::Closed, true, 0.5));
+    let start = [0.0, 1.0, 0.0, 0.0];
+    let guess = at_rest(p, 2.0, &start, vec![0.0]);
     let limits = Limits::of_patience(200);
     let (held, settings) = (Held::default(), MpccSettings::default());
     let (a, _) = solve_sequence(p, &s, &guess, &held, None, settings, limits, &mut Control::default()).unwrap();
@@ -128,16 +132,7 @@ fn what_leaves_behind_an_impact_opens_from_rest() {
     let p =
         Problem::new(Statement { x0_bounds: [x0.clone(), x0], ..Statement::bare(system, dims, vec![1.0]) }).unwrap();
     let s = Sequence { stages: vec![vec![phase(ContactMode::Open, false, 0.5), phase(ContactMode::Open, true, 0.5)]] };
-    let rest = Piece {
-        h: 1.0,
-        modes: vec![ContactMode::Open],
-        x0: start.to_vec(),
-        xs: start.repeat(2),
-        forces: vec![0.0; 4],
-        ..Piece::default()
-    };
-    let guess =
-        Track { tableau: p.given().tableau.clone(), nx: 4, pieces: vec![rest], controls: Vec::new(), free: Vec::new() };
+    let guess = at_rest(&p, 1.0, &start, Vec::new());
     let (held, settings) = (Held::default(), MpccSettings::default());
     let limits = Limits::of_patience(200);
     let (a, _) = solve_sequence(&p, &s, &guess, &held, None, settings, limits, &mut Control::default()).unwrap();

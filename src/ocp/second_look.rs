@@ -28,7 +28,7 @@ impl Ocp {
     pub(super) fn look_again(&self, found: &mut Candidates, request: &Request, control: &mut Control) -> Result<bool> {
         let Some(best) = found.best.as_mut() else { return Ok(false) };
         let (Some(b), Some(from)) = (best.built.as_ref(), best.result.clone()) else { return Ok(false) };
-        let least = if self.system.is_cheap() { LEAST.min(WORK / from.dimensions.0.max(1)) } else { 0 };
+        let least = if self.statement().is_cheap() { LEAST.min(WORK / from.dimensions.0.max(1)) } else { 0 };
         let most = ((SHARE * found.spent.iterations as f64) as usize).max(least);
         // the first of them is the guess
         let drawn = self.random_starts(1 + DRAWN, 0).split_off(1);

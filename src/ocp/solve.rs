@@ -287,11 +287,7 @@ impl Ocp {
             // a trajectory that is given says more than sizes: the homotopy stays near it in the units it is given in
             b.problem.forget_sizes();
         } else if start != Start::Warm && self.switches() {
-            let sizes = match &self.sizes {
-                Some(s) => s.clone(),
-                None => self.sizes()?,
-            };
-            b.set_sizes(&sizes);
+            b.set_sizes(&self.known_or_own_sizes()?);
         }
         let improves = match start {
             Start::Carried | Start::Near => true,

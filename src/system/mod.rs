@@ -319,13 +319,8 @@ impl System {
             || self.any_function(&|f| f.is_serial())
     }
 
-    /// Are evaluations cheap: are functions no foreign code that one thread alone may call, and their first derivatives no differences of values?
-    pub fn is_cheap(&self) -> bool {
-        !self.is_serial() && !self.any_function(&|f| f.jacobian_is_approximate())
-    }
-
     /// Is something true of one of the functions, those of mechanics and of modes on demand left out?
-    fn any_function(&self, is: &dyn Fn(&dyn Function) -> bool) -> bool {
+    pub(crate) fn any_function(&self, is: &dyn Fn(&dyn Function) -> bool) -> bool {
         let is = |f: &SharedFunction| is(f.as_ref());
         let subsystem = |s: &Subsystem| {
             let (Regions::Signs { psi: regions, .. } | Regions::Indicators(regions)) = &s.regions;

@@ -160,10 +160,8 @@ impl Engine {
                         true => Some(bernstein::ROUNDING),
                         false => Some(bernstein::ROUNDING_OF_SAMPLES).filter(|_| gap && power == 0),
                     };
-                    if let Some(rounding) = rounding {
-                        if let Some(s) = bernstein::nearly_touches(c, rounding) {
-                            self.notice(l, s, bernstein::slope(c, s));
-                        }
+                    if let Some(s) = rounding.and_then(|rounding| bernstein::nearly_touches(c, rounding)) {
+                        self.notice(l, s, bernstein::slope(c, s));
                     }
                     continue;
                 }

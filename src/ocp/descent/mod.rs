@@ -98,17 +98,20 @@ impl Ocp {
         Ok(Some((found, moved)))
     }
 
-    /// The first of these controls, of which linear ones are those of the answer, that cost less in a simulation and meet the constraints as well.
-    pub(super) fn first_lower(&self, b: &Built, r: &OcpResult, controls: Vec<Vec<f64>>) -> Result<Option<Vec<f64>>> {
+    /// The first of these controls and their ends with which a simulation costs less than with those of the answer, and meets the constraints as
+    /// well: the controls.
+    pub(super) fn first_lower(
+        &self,
+        b: &Built,
+        r: &OcpResult,
+        controls: Vec<[Vec<f64>; 2]>,
+    ) -> Result<Option<Vec<f64>>> {
         let mut shooting = Shooting::new(self, b, r, &self.known_or_own_sizes()?)?;
         let Some(own) = shooting.simulated(b, (&r.controls, &r.control_ends))? else { return Ok(None) };
-        let linear = |j: usize| self.linear.get(j % self.system.dims().u).copied().unwrap_or(false);
-        for u in controls {
+        for [u, ends] in controls {
             if stop::requested().is_some() {
                 break;
             }
-            let end = |(j, (u, end)): (usize, (&f64, &f64))| if linear(j) { *end } else { *u };
-            let ends: Vec<f64> = u.iter().zip(&r.control_ends).enumerate().map(end).collect();
             let Some(other) = shooting.simulated(b, (&u, &ends))? else { continue };
             let (lower, upper) = shooting.row_bounds();
             let off = |v: &Values, i: usize| (lower[i] - v.rows[i]).max(v.rows[i] - upper[i]).max(0.0);

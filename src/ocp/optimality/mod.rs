@@ -477,15 +477,16 @@ impl Ocp {
         let own = self.system.dims().u;
         let across = |k: &Corner| match &k.kind {
             Kind::Jump { across } => {
-                let mut u = r.controls.clone();
+                let mut moved = [r.controls.clone(), r.control_ends.clone()];
                 // those that are linear move along no surface of controls
-                let constant = |j: &usize| !self.linear.get(*j).copied().unwrap_or(false);
-                (0..own).filter(constant).for_each(|j| u[k.own * own + j] = across[j]);
-                Some(u)
+                for j in (0..own).filter(|&j| !self.linear.get(j).copied().unwrap_or(false)) {
+                    moved.iter_mut().for_each(|u| u[k.own * own + j] = across[j]);
+                }
+                Some(moved)
             }
             _ => None,
         };
-        let all: Vec<Vec<f64>> = kinks.iter().filter_map(across).collect();
+        let all: Vec<[Vec<f64>; 2]> = kinks.iter().filter_map(across).collect();
         let lower = if all.is_empty() { None } else { self.first_lower(b, r, all)? };
         Ok(lower.map(|u| {
             let mut direction: Vec<f64> = u.iter().zip(&r.controls).map(|(a, b)| a - b).collect();

@@ -113,8 +113,7 @@ impl Judge<'_> {
     /// The surface between two regions in a stage.
     pub(super) fn surface(&self, from: usize, to: usize, t: f64, x: &[f64], stage: usize) -> Option<Surface> {
         let form = self.dcs.form();
-        let row = |c: usize| form.rows.iter().find(|r| r.lambda.iter().any(|l| l.0 == c));
-        let (a, b) = (row(from)?, row(to)?);
+        let (a, b) = (form.row_of(from)?, form.row_of(to)?);
         let f = form.sources.get(a.source).filter(|_| a.source == b.source)?;
         let first = self.n() - self.dcs.dims().x;
         let d = f.dims();
