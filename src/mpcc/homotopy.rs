@@ -7,6 +7,11 @@
 //! between is tried. The barrier of a user's program is far below its relaxation ([`LIGHT`]): which member of a pair goes to zero
 //! is then decided by the objective, not by the barrier.
 //!
+//! Far from feasible points steps are cut to a hundredth, while multipliers of bounds go most of their way at each of them: they
+//! inflate, and with them the Hessian of the Lagrangian gets so indefinite that the shift that mends it leaves nothing of the
+//! objective. A barrier that gets stronger adds to that. So where all of a row of short steps had to be shifted, the multipliers are
+//! estimated anew first.
+//!
 //! `σ_0` is a guess. At the end of the plateau the multipliers of the relaxed rows tell what it costs: `σ Σ y` is the
 //! derivative of the optimal objective with respect to `ln σ`. Where that weighs in the scaled objective the first
 //! problem was not a relaxation that lets the objective choose, and one with a larger `σ` is solved from there. As this doubles the
@@ -42,6 +47,10 @@ pub struct Scholtes {
     priced: bool,
     /// How often the first relaxation was enlarged.
     enlarged: usize,
+    /// Short steps in a row whose Hessian was shifted.
+    shifted: usize,
+    /// Were multipliers of the first relaxed problem estimated anew?
+    renewed: bool,
 }
 
 /// Iterations after which an almost feasible rung counts as done: where the multipliers have no limit the error
@@ -96,6 +105,8 @@ impl Scholtes {
             given: false,
             priced: false,
             enlarged: 0,
+            shifted: 0,
+            renewed: false,
             settings,
         }
     }
@@ -158,6 +169,13 @@ impl Scholtes {
                 self.on_plateau = false;
                 return Advance::To(self.rung(self.reached(m), mu));
             }
+        }
+        self.shifted = if m.alpha < SHORT && m.shift > 0.0 { self.shifted + 1 } else { 0 };
+        let inflated = self.short > PATIENT_STEPS && self.shifted >= PATIENT_STEPS;
+        if self.given && inflated && !self.renewed {
+            self.renewed = true;
+            (self.stays, self.short) = (0, 0);
+            return Advance::Renew;
         }
         if self.short > PATIENT_STEPS && self.raises < s.sigma_retries {
             // the iterates hug their bounds: a stronger barrier moves them away
@@ -348,6 +366,36 @@ impl Continuation for Settle {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Multipliers that inflated along short steps are estimated anew, once; the barrier is what is raised where curvature is no matter.
+    #[test]
+    fn inflated_multipliers_are_renewed_before_the_barrier_rises() {
+        let settings = MpccSettings::default();
+        let level = Level { mu: settings.mu_init, sigma: settings.sigma_init };
+        let after_short_steps = |path: &mut Scholtes, shift: f64| {
+            let m = Measures {
+                level,
+                error: 1e3,
+                error0: 1e3,
+                primal: 1.0,
+                dual: 1e3,
+                pair_product: 1.0,
+                rounding: 1e-16,
+                alpha: 1e-2,
+                shift,
+                pair_min: 1.0,
+                elastic: 0.0,
+                pull: 0.0,
+            };
+            (0..=PATIENT_STEPS).map(|_| path.advance(&m)).last()
+        };
+        let raised = Some(Advance::To(Level { mu: 10.0 * level.mu, ..level }));
+        let path = || Scholtes::new(MpccSettings { plateau_mu: 1e-4, ..settings }, 0..1, 1e-8).of(true, false);
+        let mut shifted = path();
+        assert_eq!(after_short_steps(&mut shifted, 1.0), Some(Advance::Renew));
+        assert_eq!(after_short_steps(&mut shifted, 1.0), raised);
+        assert_eq!(after_short_steps(&mut path(), 0.0), raised);
+    }
 
     /// The barrier of a user's program stays far below the relaxation, that of a discretisation, whose start is near, as near as the option
     /// says. It never rises on the way down.

@@ -47,6 +47,8 @@ pub struct Measures {
     pub rounding: f64,
     /// Length of the last primal step; 1 before the first.
     pub alpha: f64,
+    /// What was added to the diagonal of the Hessian for that step; 0 where nothing had to be.
+    pub shift: f64,
     /// Largest smaller member of a pair.
     pub pair_min: f64,
     /// [`Nlp::elastic`].
@@ -65,6 +67,8 @@ pub enum Advance {
     To(Level),
     /// This level is too far from the last one: back to the point where that was left, and on with another one.
     Back(Level),
+    /// On with this level from this point, with multipliers as at a start.
+    Renew,
     /// The problem is solved.
     Done,
     /// Further iterations do not help.
@@ -414,6 +418,14 @@ impl Ipm {
                         }
                         m = self.measure(nlp);
                     }
+                    Advance::Renew => {
+                        if !self.change_level(nlp, self.level, continuation.relaxed_rows()) {
+                            return Outcome::Failed;
+                        }
+                        self.renew_multipliers();
+                        self.left.copy_from(&self.it);
+                        m = self.measure(nlp);
+                    }
                     Advance::To(level) => {
                         self.left.copy_from(&self.it);
                         let raised = level.mu > self.level.mu && continuation.recentres();
@@ -549,6 +561,7 @@ impl Ipm {
             pair_product: self.pair_product(nlp),
             rounding: rounding(&self.jac, &self.v.jac, &self.it.x, &mut self.residual),
             alpha: self.info.alpha_pr,
+            shift: self.system.delta_w,
             pair_min: self.pair_min(nlp),
             elastic: nlp.elastic(&self.it.x),
             pull: self.level.sigma * self.relaxed.clone().map(|i| self.it.vu[i]).sum::<f64>(),

@@ -62,6 +62,22 @@ impl Ipm {
         true
     }
 
+    /// Multipliers as at a start: those of bounds on the central path, those of rows by least squares. What was learnt about the
+    /// perturbation of the Hessian with the old ones is forgotten.
+    pub(super) fn renew_multipliers(&mut self) {
+        let Ipm { it, bounds: b, shape, level, .. } = self;
+        for j in 0..it.x.len() {
+            it.zl[j] = start_multiplier(shape.has_xl[j], false, 0.0, it.x[j] - b.xl[j], level.mu);
+            it.zu[j] = start_multiplier(shape.has_xu[j], false, 0.0, b.xu[j] - it.x[j], level.mu);
+        }
+        for i in 0..it.s.len() {
+            it.vl[i] = start_multiplier(shape.has_cl[i], false, 0.0, it.s[i] - b.cl[i], level.mu);
+            it.vu[i] = start_multiplier(shape.has_cu[i], false, 0.0, b.cu[i] - it.s[i], level.mu);
+        }
+        self.system.restart();
+        self.estimate_multipliers();
+    }
+
     /// Least-squares multipliers of the rows, (36) of Wächter and Biegler; zero where they are too large for the gradient they balance.
     pub(super) fn estimate_multipliers(&mut self) {
         let Ipm { system, shape, bounds, it, v, n, .. } = self;
