@@ -358,7 +358,7 @@ fn newton(mut x: f64, f: impl Fn(f64) -> (f64, f64)) -> f64 {
 }
 
 /// Gauss-Legendre nodes (ascending) and weights on `[0, 1]`.
-fn gauss_rule(n: usize) -> Vec<(f64, f64)> {
+pub(crate) fn gauss_rule(n: usize) -> Vec<(f64, f64)> {
     let mut rule = vec![(0.5, 0.0); n];
     for i in 0..n.div_ceil(2) {
         // Roots come in pairs ±x; the one in the middle of an odd rule is exactly zero.

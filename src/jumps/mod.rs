@@ -30,6 +30,8 @@ mod overlap;
 mod problem;
 mod refine;
 mod result;
+#[cfg(test)]
+mod resume_tests;
 mod scales;
 mod search;
 mod sensitivity;

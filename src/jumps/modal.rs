@@ -40,7 +40,7 @@ use super::transcribe::{Jump, Place, Planned, Transcriber, Transcription, EQUAL,
 use crate::fesd::Durations;
 use crate::func::Point;
 use crate::system::SharedFunction;
-use crate::tableau::Tableau;
+use crate::tableau::{gauss_rule, Tableau};
 
 /// The elements of a sequence.
 pub(super) fn plan(p: &Problem, s: &Sequence) -> Vec<Planned> {
@@ -158,9 +158,8 @@ pub(super) fn can_begin(p: &Problem, s: &Sequence) -> bool {
     })
 }
 
-/// Shares and weights of Gauss quadrature on three points.
-const CHORD: [(f64, f64); 3] =
-    [(0.112_701_665_379_258_31, 5.0 / 18.0), (0.5, 8.0 / 18.0), (0.887_298_334_620_741_7, 5.0 / 18.0)];
+/// Points of Gauss quadrature along a chord.
+const CHORD: usize = 3;
 
 /// Contacts that do not rebound, judged at the start of a motion.
 pub(super) fn rests(p: &Problem, motion: &Track) -> Vec<bool> {
@@ -333,7 +332,7 @@ impl Modal<'_> {
         let row = self.t.b.rows(1, bounds);
         let rate = &self.t.contact(i).rate;
         let length = self.t.p.given.durations[stage];
-        for (share, weight) in CHORD {
+        for (share, weight) in gauss_rule(CHORD) {
             let q = self.t.b.sized(&self.t.units.x[..n_q], FREE);
             let rows = self.t.b.rows(n_q, EQUAL);
             for k in 0..n_q {

@@ -215,7 +215,7 @@ struct Share {
 }
 
 const SECOND: Second = Second {
-    simulations: Share { of_effort: 0.5, programs: 60.0 },
+    simulations: Share { of_effort: 0.36, programs: 44.0 },
     programs: Share { of_effort: 0.5, programs: 30.0 },
 };
 

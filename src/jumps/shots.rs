@@ -10,7 +10,7 @@
 use super::problem::Problem;
 use super::scales;
 use super::search::{Answer, Options};
-use super::simulate::{simulate_with, Effort, Inputs, Simulated};
+use super::simulate::{run, simulate_with, Effort, Ends, Inputs, Simulated};
 use super::spread::{off, spreads};
 use super::track::Track;
 use crate::error::Result;
@@ -73,7 +73,7 @@ const FIRST_TRIAL: f64 = 1.0;
 /// Shots that are looked at for a cheaper answer: of 56 problems all that were bettered were bettered from the first four.
 const MOST_CHEAPER: usize = 6;
 /// Share of the simulations that draws take, and the multiple of the controls of the known answer that they are drawn from.
-const DRAWN_SHARE: f64 = 0.3;
+const DRAWN_SHARE: f64 = 0.4;
 const WIDER: f64 = 2.0;
 
 /// A motion that nearly meets all constraints.
@@ -103,12 +103,6 @@ struct Variable {
     given: f64,
 }
 
-/// Ends of the stages of a motion, the start first.
-struct Ends {
-    times: Vec<f64>,
-    states: Vec<f64>,
-}
-
 /// Everything a simulation needs.
 struct Filled {
     x0: Vec<f64>,
@@ -135,12 +129,13 @@ impl Filled {
     }
 }
 
-/// Values of all constraints, their bounds, and the order of contacts.
+/// Values of all constraints, their bounds, the order of contacts, and the ends of the control stages.
 #[derive(Clone)]
 struct Flight {
     values: Vec<f64>,
     bounds: Vec<[f64; 2]>,
     word: Vec<(usize, bool)>,
+    ends: Ends,
 }
 
 /// A flight with its variables, as shares of their ranges.
@@ -278,7 +273,7 @@ impl<'a> Range<'a> {
         let bounds = |j: usize| [g.u_bounds[0][j], g.u_bounds[1][j]];
         let mut out: Vec<f64> = (0..g.dims.u).map(|j| size_of_one(given(j), bounds(j))).collect();
         let mut at = self.filled(&[]);
-        let Some(first) = self.simulate(&at) else { return out };
+        let Some(first) = self.simulate(&at, (0, &Ends::default())) else { return out };
         let from = first.run.x[..n_q].to_vec();
         // coordinates need not have one unit
         let sizes = self.sizes.clone();
@@ -294,7 +289,8 @@ impl<'a> Range<'a> {
             for _ in 0..if wanted > 0.0 { TRIED } else { 0 } {
                 let controls = at.controls.clone();
                 (0..self.p.n_stages()).for_each(|k| at.controls[k * g.wide.u + j] += *reach);
-                let moves = self.simulate(&at).map_or(f64::INFINITY, |moved| distance(&moved.run.x[..n_q], &from));
+                let moved = self.simulate(&at, (0, &Ends::default()));
+                let moves = moved.map_or(f64::INFINITY, |moved| distance(&moved.run.x[..n_q], &from));
                 at.controls = controls;
                 moved_at_all |= moves > 0.0;
                 if moves == 0.0 {
@@ -393,9 +389,10 @@ impl<'a> Range<'a> {
         out
     }
 
-    /// A simulation that reaches the end.
-    fn simulate(&mut self, f: &Filled) -> Option<Simulated> {
-        let s = simulate_with(self.p, f.inputs(), Effort { sizes: &self.sizes, ..EFFORT }).ok()?;
+    /// A simulation that reaches the end, from a control stage on until which the motion is known.
+    fn simulate(&mut self, f: &Filled, from: (usize, &Ends)) -> Option<Simulated> {
+        let effort = Effort { sizes: &self.sizes, ..EFFORT };
+        let s = run(self.p, f.inputs(), effort, from).ok()?;
         let took = s.run.stats;
         // one with too many events has taken as much as one with too many steps
         self.steps += if took.switches + took.impacts > EFFORT.max_events { EFFORT.max_steps } else { took.steps };
@@ -403,15 +400,20 @@ impl<'a> Range<'a> {
     }
 
     fn fly(&mut self, at: &[f64]) -> Option<Flight> {
+        self.fly_from(at, (0, &Ends::default()))
+    }
+
+    /// A flight that is another one until a control stage; the order of contacts is that behind it.
+    fn fly_from(&mut self, at: &[f64], from: (usize, &Ends)) -> Option<Flight> {
         let f = self.filled(at);
-        let s = self.simulate(&f)?;
+        let s = self.simulate(&f, from)?;
         let mut all = values(self.p, &f, &s)?;
         if let Some(most) = self.below {
             let cost = s.cost(self.p, f.inputs()).ok().filter(|c| c.is_finite())?;
             all.push((cost, [f64::NEG_INFINITY, most]));
         }
         let (values, bounds) = all.into_iter().unzip();
-        Some(Flight { values, bounds, word: word(&s.run) })
+        Some(Flight { values, bounds, word: word(&s.run), ends: Ends { times: s.times, states: s.states } })
     }
 
     /// The shot of what was given, and others drawn at random.
@@ -541,7 +543,12 @@ impl<'a> Range<'a> {
             let mut beside = at.to_vec();
             let d = if at[j] > 0.5 { -DIFFERENCE } else { DIFFERENCE };
             beside[j] += d;
-            let column = match self.fly(&beside) {
+            // a control changes nothing before its stretch
+            let first = match self.variables[j].kind {
+                Kind::Control(_, s) => self.first_stage(s),
+                _ => 0,
+            };
+            let column = match self.fly_from(&beside, (first, &flight.ends)) {
                 Some(moved) => flight.difference(&moved, scales).map(|v| v / d).collect(),
                 None => vec![0.0; scales.len()],
             };

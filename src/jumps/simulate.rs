@@ -48,6 +48,13 @@ pub(super) struct Effort<'a> {
     pub(super) dense: bool,
 }
 
+/// Times and states `[nx]` at the ends of control stages, the start first.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Ends {
+    pub(super) times: Vec<f64>,
+    pub(super) states: Vec<f64>,
+}
+
 /// Simulates controls `[n_stages · wide.u]` over stages of lengths `durations`.
 pub(super) fn simulate(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f64]) -> Result<Simulated> {
     let sizes = scales::of_states(p, x0, None);
@@ -61,25 +68,33 @@ const GUESS: Effort =
 
 /// The same with other parameters and another effort.
 pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Result<Simulated> {
-    let g = &p.given;
+    run(p, inputs, effort, (0, &Ends::default()))
+}
+
+/// The same from the start of control stage `first` on: until there the motion is known, and its steps, impacts and phases are not among those of
+/// the result.
+pub(super) fn run(p: &Problem, inputs: Inputs, effort: Effort, (first, known): (usize, &Ends)) -> Result<Simulated> {
     let Effort { tolerance, sizes, max_steps, max_events, dense } = effort;
     let mut options = Options { max_steps, dense, ..Options::with_tolerance(tolerance, tolerance) };
     if !sizes.is_empty() {
         options.atol = sizes.iter().map(|s| tolerance * s).collect();
     }
+    let (g, nx) = (&p.given, p.given.dims.x);
+    let (mut times, mut states) = match first {
+        0 => (vec![g.t0], inputs.x0.to_vec()),
+        _ => (known.times[..=first].to_vec(), known.states[..(first + 1) * nx].to_vec()),
+    };
     let mut engine = Engine::new(&g.system, &options)?;
-    engine.reinit(g.t0, inputs.x0)?;
-    let mut times = vec![g.t0];
-    let mut states = inputs.x0.to_vec();
+    engine.reinit(times[first], &states[first * nx..])?;
     let (mut u, mut params): (&[f64], &[f64]) = (&[], &[]);
-    for (k, d) in inputs.durations.iter().enumerate() {
+    for (k, d) in inputs.durations.iter().enumerate().skip(first) {
         let of_stage = &inputs.params[k * g.wide.p..k * g.wide.p + g.dims.p];
         let control = &inputs.controls[k * g.wide.u..k * g.wide.u + g.dims.u];
         // the engine finds its modes anew behind new data
-        if k == 0 || of_stage != params {
+        if k == first || of_stage != params {
             engine.set_params(of_stage)?;
         }
-        if k == 0 || control != u {
+        if k == first || control != u {
             engine.set_controls(control)?;
         }
         (u, params) = (control, of_stage);
