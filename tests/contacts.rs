@@ -56,6 +56,31 @@ fn every_reference_over_tolerances() {
     assert!(bad.is_empty(), "{bad:?}");
 }
 
+/// A block that is pushed along a rough floor to a wall, which then holds it back; the next run begins away from it, sliding.
+#[test]
+fn a_new_run_knows_nothing_of_what_was_held_back_in_the_last_one() {
+    let g = Graph::new();
+    let (x, y) = (g.x(0), g.x(1));
+    let mut scene = Scene::new("block", 2, 2, 1, 0).unwrap();
+    scene.set_force(0, g.u(0).id()).unwrap();
+    scene.set_force(1, g.constant(-9.81).id()).unwrap();
+    let friction = g.constant(0.4).id();
+    scene.add_contact(Contact { friction, tangents: vec![x.id()], ..Contact::new(&g, "floor", y) }).unwrap();
+    scene.add_contact(Contact::new(&g, "wall", -x + 0.6)).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    let mut e = Engine::new(&system, &Options::with_tolerance(1e-10, 1e-10)).unwrap();
+    e.reinit(0.0, &[0.0; 4]).unwrap();
+    e.set_controls(&[9.0]).unwrap();
+    e.advance(2.0).unwrap();
+    assert!(off(e.state(), &[0.6, 0.0, 0.0, 0.0]) < 1e-9, "{:?}", e.state());
+    let (x0, v0, t) = (0.38, 1.0, 0.1);
+    e.reinit(0.0, &[x0, 0.0, v0, 0.0]).unwrap();
+    e.set_controls(&[-1.0]).unwrap();
+    e.advance(t).unwrap();
+    let a = -1.0 - 0.4 * 9.81;
+    assert!(off(e.state(), &[x0 + v0 * t + 0.5 * a * t * t, 0.0, v0 + a * t, 0.0]) < 1e-9, "{:?}", e.state());
+}
+
 /// Derivatives with respect to parameters, controls and times of impacts, by differences.
 #[test]
 fn derivatives_are_those_of_differences() {

@@ -78,6 +78,7 @@ impl Engine {
                 set.clear();
                 set.push(mode::OPEN);
             }
+            self.field.carry_none();
             self.check_scene()?;
         }
         self.field.look_at_all();

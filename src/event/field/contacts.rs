@@ -294,6 +294,13 @@ impl Field {
         }
     }
 
+    /// A motion begins: no contact is held back by others yet, whatever was so at the end of the last one.
+    pub(in crate::event) fn carry_none(&mut self) {
+        if let Some(c) = &mut self.contacts {
+            c.dynamics.carried.fill(false);
+        }
+    }
+
     /// The gap of an open contact and its rate where a step begins, if they are not known there.
     pub(in crate::event) fn approach(&mut self, i: usize, s: &Step) -> Result<Option<[f64; 2]>, EvalError> {
         let floor = std::mem::take(&mut self.floor);
