@@ -3734,7 +3734,7 @@ typedef struct swb_kink {
      */
     uint64_t struct_size;
     /**
-     * The control stage behind the switch.
+     * The control stage behind the switch, the number of stages at the end of the horizon; or the one in which a surface is touched.
      */
     int64_t stage;
     /**

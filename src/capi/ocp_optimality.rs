@@ -62,7 +62,7 @@ unsafe impl Sized8 for swb_optimality {}
 pub struct swb_kink {
     /// Size of this struct in bytes.
     pub struct_size: u64,
-    /// The control stage behind the switch.
+    /// The control stage behind the switch, the number of stages at the end of the horizon; or the one in which a surface is touched.
     pub stage: i64,
     /// Time of the switch.
     pub t: f64,

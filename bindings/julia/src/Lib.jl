@@ -1918,7 +1918,7 @@ sizeof(swb_optimality) == 32 || error("swb_optimality has another size than in C
 A switch that lies between two control stages, or a surface that is touched: there the cost has a kink.
 
 - `struct_size`: Size of this struct in bytes.
-- `stage`: The control stage behind the switch.
+- `stage`: The control stage behind the switch, the number of stages at the end of the horizon; or the one in which a surface is touched.
 - `t`: Time of the switch.
 - `before`: Derivative of the cost towards a switch in the stage before, relative as the residual of swb_optimality: negative where that lowers the cost, NaN where there is no such switch.
 - `after`: The same towards a switch in the stage behind.

@@ -13,6 +13,7 @@
 //! answer is the one whose simulation leads to it; there the answer is stationary if `Λᵀ S + c n` vanishes for some `c ≥ 0`, with `n` the
 //! gradient of what is positive beyond: the derivative of moving away from the surface is `c`.
 
+use super::simulate::Stage;
 use super::{dot, Corner, Judge, Kind, Leg, Piece, AWAY, NOISE, RANK, TOLERANCE, TOUCH};
 use crate::error::Result;
 use crate::fesd::StatePoint;
@@ -45,7 +46,7 @@ impl Judge<'_> {
         system: &System,
         movable: &Movable,
         (t0, lengths): (f64, &[f64]),
-        (all, kept): (&[StatePoint], &[StatePoint]),
+        (all, kept, touched): (&[StatePoint], &[StatePoint], &[Corner]),
         legs: &mut [Leg],
     ) -> Result<Vec<Corner>> {
         let functions = system.switching_functions();
@@ -58,8 +59,8 @@ impl Judge<'_> {
             let along: Vec<StatePoint> = all.iter().filter(|p| p.stage == k).copied().collect();
             let surfaces = self.surfaces_of_stage(&functions, movable, (t, length), (&along, near));
             if !surfaces.is_empty() {
-                let points = (t, length, &kept[first..=last]);
-                out.extend(self.sides_of_stage(k, &surfaces, movable, points, &mut legs[k])?);
+                let stage = Stage { k, t, length, points: &kept[first..=last], touched };
+                out.extend(self.sides_of_stage(stage, &surfaces, movable, &mut legs[k])?);
             }
             (t, first) = (t + length, last);
         }
@@ -124,12 +125,12 @@ impl Judge<'_> {
     /// Simulates a stage on the sides of its surfaces.
     fn sides_of_stage(
         &mut self,
-        k: usize,
+        stage: Stage,
         surfaces: &[Surface],
         movable: &Movable,
-        (t, length, points): (f64, f64, &[StatePoint]),
         leg: &mut Leg,
     ) -> Result<Vec<Corner>> {
+        let Stage { k, t, .. } = stage;
         let rows = DMatrix::from_fn(surfaces.len(), self.n_u, |i, j| surfaces[i].normal[j] / surfaces[i].normal.norm());
         let svd = rows.clone().svd(true, true);
         // which side of one is which side of another where they depend on each other
@@ -174,13 +175,13 @@ impl Judge<'_> {
         // in units of the controls the gradient has length 1, and so has the unit towards it in the direction of the gradient
         let gradient = |i: usize, sign: f64| (0..own.len()).map(|j| sign * rows[(i, j)] / movable.sizes[j]).collect();
         'sides: loop {
-            let here = self.moved_leg(k, (&own, &at(&signs), movable), (t, length, points))?;
+            let here = self.moved_leg(stage, (&own, &at(&signs), movable))?;
             let mut out = Vec::new();
             for i in (0..surfaces.len()).filter(|&i| sides[i][0] != sides[i][1]) {
                 let other = at(&beyond(&signs, i));
                 let corner = |controls, kind| Corner { stage: k, t, normal: Vec::new(), controls, own: k, kind };
                 if !jumps[i] {
-                    let there = self.moved_leg(k, (&own, &other, movable), (t, length, points))?;
+                    let there = self.moved_leg(stage, (&own, &other, movable))?;
                     match (&here, &there) {
                         (Some(here), Some(there)) if self.continuous(here, there, &(&other - at(&signs)), movable) => {
                             // the derivatives are those of the side where the function is negative
@@ -225,14 +226,13 @@ impl Judge<'_> {
     /// A stage with controls that are moved by `by`, in their units.
     fn moved_leg(
         &mut self,
-        k: usize,
+        stage: Stage,
         (own, by, movable): (&[f64], &DVector<f64>, &Movable),
-        (t, length, points): (f64, f64, &[StatePoint]),
     ) -> Result<Option<Leg>> {
-        let place = k * self.n_u..(k + 1) * self.n_u;
+        let place = stage.k * self.n_u..(stage.k + 1) * self.n_u;
         let moved = own.iter().zip(by.iter().zip(&movable.sizes)).map(|(u, (d, s))| u + d * s);
         self.controls.splice(place.clone(), moved);
-        let leg = self.leg(k, t, length, points);
+        let leg = self.leg(stage);
         self.controls[place].copy_from_slice(own);
         leg
     }

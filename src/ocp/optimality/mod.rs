@@ -17,6 +17,12 @@
 //! vanish: `c_b − c` and `c − c_a` are then the derivatives of the cost towards either side. Where the state comes to a surface
 //! exactly at the end of a stage, and the next control turns it back, `c ≥ 0` is the derivative of moving away from the surface, and
 //! that of passing it is `Λᵀ b − c` with `b` the change of the state by what happens beyond.
+//! At the end of the horizon the same holds, with the costate that the cost at the end makes.
+//!
+//! Where a surface is touched on the way, without speed towards it (`nᵀ f_A = 0`), and the velocity beyond leads back to it (`nᵀ f_B < 0`), as
+//! where a mass that friction would hold comes to rest for a moment, a state that comes further slides until the motion leads away. What
+//! it is then differs from what it would have been without the surface by `−(f_B − f_A) nᵀ δx / (nᵀ (f_B − f_A))`, which is the limit of the jump
+//! of derivatives where sliding begins, so that `0 ≤ c ≤ −Λᵀ (f_B − f_A) / (nᵀ (f_B − f_A))`.
 //! Controls that stay on a surface have a file of their own.
 
 mod bounds;
@@ -34,6 +40,7 @@ use crate::fesd::{Fesd, StatePoint};
 use crate::func::EvalError;
 use crate::stop::{self, Why};
 use controls::Movable;
+use nalgebra::{DMatrix, DVector};
 use slopes::{Free, Quantities};
 
 /// Tolerance of the simulations.
@@ -102,7 +109,7 @@ impl Verdict {
 /// A switch between two control stages, or a surface that is touched without being crossed.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Kink {
-    /// The stage behind it, or in which a surface is touched.
+    /// The stage behind it, the number of stages at the end of the horizon; or the one in which a surface is touched.
     pub stage: usize,
     /// Time.
     pub t: f64,
@@ -114,7 +121,7 @@ pub struct Kink {
     pub after: f64,
     /// No switch: the surface is touched and left again. The first derivative is then that away from it, the second that of a
     /// moment behind it, as long as the stage; where the control turns the state back at the end of a stage, on both sides, that of
-    /// passing it. Where the controls of the stage stay on the surface, as on `u = 0` of `|u|`, they are those towards either side; where
+    /// passing it, and where the surface would hold a state that comes further, that of being held. Where the controls of the stage stay on the surface, as on `u = 0` of `|u|`, they are those towards either side; where
     /// the motion jumps there, as at a lever between two gears, the first is that away from the surface and the second NaN.
     pub touch: bool,
 }
@@ -250,10 +257,11 @@ enum Kind {
     Switch { before: Option<Crossing>, after: Option<Crossing> },
     /// A surface that is touched from one side at a point: the first of its variables, and `f_B − f_A`.
     Touch { at: usize, beyond: Vec<f64> },
-    /// The same at the end of a stage, where the control turns the state back, on the other side too: by how much the state differs behind
+    /// The same at the end of the horizon, or at that of a stage, where the control turns the state back, on the other side too: by how much the state differs behind
     /// that for every unit that the surface would be passed by; none where it would not come back. Or a surface that the state is on at the
-    /// start of a stage because of the control there.
-    Peak { beyond: Option<Vec<f64>> },
+    /// start of a stage because of the control there. Or, at a point (the first of its variables), one that would hold the state for a while
+    /// had it come further: it slides up to about there then.
+    Peak { at: Option<usize>, beyond: Option<Vec<f64>> },
     /// A surface that the controls of a stage stay on: for every piece of the stage, by how much more the state at its end changes on the
     /// side beyond for every unit that the surface is passed by.
     Control { beyond: Vec<Vec<f64>> },
@@ -275,7 +283,7 @@ impl Corner {
         match &self.kind {
             Kind::Switch { before, after } => [before, after].map(|c| c.as_ref().map(|c| &c.jump[..])),
             Kind::Touch { beyond, .. } => [None, Some(beyond)],
-            Kind::Peak { beyond } => [beyond.as_deref(), None],
+            Kind::Peak { beyond, .. } => [beyond.as_deref(), None],
             Kind::Control { .. } | Kind::Jump { .. } => [None, None],
         }
     }
@@ -285,6 +293,15 @@ impl Corner {
         match &self.kind {
             Kind::Switch { before, after } => [before, after].map(|c| c.as_ref().map(|c| &c.arrival[..])),
             _ => [None, None],
+        }
+    }
+
+    /// The point at which the surface is touched, if that is neither the start nor the end of a stage.
+    fn at(&self) -> Option<usize> {
+        match self.kind {
+            Kind::Touch { at, .. } => Some(at),
+            Kind::Peak { at, .. } => at,
+            _ => None,
         }
     }
 
@@ -363,6 +380,24 @@ struct Outer {
     ends: Vec<End>,
     /// The state that is the time.
     clock: Option<usize>,
+}
+
+impl Outer {
+    /// Do constraints hold the state, whose variables begin at `at`, on a surface with the gradient `normal`? Then no change that they allow
+    /// passes it.
+    fn holds(&self, judge: &Judge, at: usize, normal: &[f64]) -> bool {
+        let of = |e: &End, p: &Option<usize>| p.map_or(0.0, |i| e.gradient[at + i]);
+        let a = DMatrix::from_fn(normal.len(), self.ends.len(), |i, j| {
+            judge.ranges[i] * of(&self.ends[j], &judge.places[i])
+        });
+        let b = DVector::from_fn(normal.len(), |i, _| judge.ranges[i] * normal[i]);
+        if self.ends.is_empty() || !a.iter().chain(b.iter()).all(|v| v.is_finite()) {
+            return false;
+        }
+        let norms: Vec<f64> = a.column_iter().map(|c| c.norm()).map(|n| if n > 0.0 { n } else { 1.0 }).collect();
+        let units = DMatrix::from_fn(a.nrows(), a.ncols(), |i, j| a[(i, j)] / norms[j]);
+        units.clone().svd(true, true).solve(&b, RANK).is_ok_and(|c| (&units * c - &b).norm() <= SAME * b.norm())
+    }
 }
 
 impl Ocp {
@@ -448,15 +483,18 @@ impl Ocp {
         };
         let first = points.first().map_or(0, |p| p.at);
         let all = points.clone();
-        let touches = judge.touches(self.t0, &r.durations, &points)?;
+        let mut touches = judge.touches(self.t0, &r.durations, &points)?;
+        if let Some(end) = points.last() {
+            touches.retain(|c| c.stage < r.durations.len() || !outer.holds(&judge, end.at, &c.normal));
+        }
         let points = acting(points, &outer.gradient, d.x, &touches);
-        let Some((mut legs, mut kinks)) = judge.simulate(self.t0, &r.durations, &points)? else {
+        let Some((mut legs, mut kinks)) = judge.simulate(self.t0, &r.durations, &points, &touches)? else {
             return Ok(Optimality::unknown(OTHER));
         };
-        kinks.extend(touches);
         let movable = self.movable(&judge);
         let stages = (self.t0, &r.durations[..]);
-        kinks.extend(judge.held_on_surfaces(&system, &movable, stages, (&all, &points), &mut legs)?);
+        let held = judge.held_on_surfaces(&system, &movable, stages, (&all, &points, &touches), &mut legs)?;
+        kinks.extend(touches.into_iter().chain(held));
         if judge.departs(self.t0, &r.durations, first, &legs, &kinks)? {
             return Ok(Optimality::unknown(OTHER));
         }
@@ -600,7 +638,7 @@ fn acting(all: Vec<StatePoint>, outer: &[f64], n: usize, touches: &[Corner]) -> 
     let ends: Vec<bool> =
         (0..all.len()).map(|i| i == 0 || all.get(i + 1).is_none_or(|next| next.stage != all[i].stage)).collect();
     let first = |i: usize| i <= 1 || ends[i - 1];
-    let touched = |p: &StatePoint| touches.iter().any(|c| matches!(c.kind, Kind::Touch { at, .. } if at == p.at));
+    let touched = |p: &StatePoint| touches.iter().any(|c| c.at() == Some(p.at));
     let kept =
         all.iter().enumerate().filter(|(i, p)| ends[*i] || touched(p) || first(*i) || force(p) > NOTHING * largest);
     kept.map(|(_, p)| *p).collect()

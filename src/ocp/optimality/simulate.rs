@@ -11,6 +11,10 @@ use crate::stop;
 use crate::system::SharedFunction;
 use std::ops::Range;
 
+/// Share of a piece at whose end a surface is touched, up to which its derivatives are those before.
+const SHORT: f64 = 0.9;
+/// Share of its distance from a surface that a state must have kept for its velocity to be one on its side.
+const STILL: f64 = 0.1;
 /// How often the time behind which a velocity is taken is shortened, each time to a tenth.
 const SHORTER: usize = 4;
 
@@ -55,6 +59,17 @@ pub(super) struct Surface {
     moves: f64,
 }
 
+/// A stage of the answer: which one, when it begins, how long it is, its points, the first of which is its start, and the surfaces that it or
+/// other stages touch.
+#[derive(Clone, Copy)]
+pub(super) struct Stage<'a> {
+    pub(super) k: usize,
+    pub(super) t: f64,
+    pub(super) length: f64,
+    pub(super) points: &'a [StatePoint],
+    pub(super) touched: &'a [Corner],
+}
+
 impl Judge<'_> {
     /// Number of states of the simulation.
     pub(super) fn n(&self) -> usize {
@@ -91,7 +106,8 @@ impl Judge<'_> {
         Ok(self.advance(t + little)?.then(|| self.engine.derivative().to_vec()))
     }
 
-    /// Velocity in a region next to another one, whose surface is near: behind a shorter and shorter time, until the state has not left it by then.
+    /// Velocity in a region next to another one, whose surface is near: behind a shorter and shorter time, until the state has not come to it by
+    /// then.
     fn velocity_in(
         &mut self,
         (region, other): (usize, usize),
@@ -99,10 +115,17 @@ impl Judge<'_> {
         stage: usize,
         mut little: f64,
     ) -> Result<Option<Vec<f64>>> {
+        let first = self.n() - self.dcs.dims().x;
+        let gap = |judge: &Self, t: f64, x: &[f64]| {
+            judge.distances(t, &x[first..], stage).map_or(0.0, |d| d[other] - d[region])
+        };
+        let far = gap(self, at.0, at.1);
         for _ in 0..SHORTER {
             let found = self.velocity(at, stage, stage, little)?;
             let active = |c: usize| self.engine.cells_of_step().any(|a| a == c);
-            if active(region) && !active(other) {
+            let inside = active(region) && !active(other);
+            // what ends its time on the surface has the velocity behind it
+            if inside && gap(self, self.engine.time(), self.engine.state()) > STILL * far {
                 return Ok(found);
             }
             little *= 0.1;
@@ -130,9 +153,9 @@ impl Judge<'_> {
 }
 
 impl Judge<'_> {
-    /// Simulates a stage between the points `points` of the answer, the first of which is its start. `None` where the
-    /// simulation is not that of the answer.
-    pub(super) fn leg(&mut self, k: usize, t0: f64, length: f64, points: &[StatePoint]) -> Result<Option<Leg>> {
+    /// Simulates a stage of the answer, on this side of the surfaces that it touches. `None` where the simulation is not that of the answer.
+    pub(super) fn leg(&mut self, stage: Stage) -> Result<Option<Leg>> {
+        let Stage { k, t: t0, length, points, touched } = stage;
         let [first, inner @ ..] = points else { return Ok(None) };
         let (Some(next), Some(last)) = (inner.first(), inner.last()) else { return Ok(None) };
         let (x0, x1) = (self.state(first.at), self.state(last.at));
@@ -168,6 +191,11 @@ impl Judge<'_> {
             if switch.is_some() {
                 to -= margin;
             }
+            let touched = touched.iter().find(|c| matches!(c.kind, Kind::Peak { at, .. } if at == Some(p.at)));
+            let x = match touched {
+                Some(c) => self.short_of(&c.normal, k, (here, &x), to, off)?,
+                None => x,
+            };
             self.start(here, &x, k, k)?;
             if to > here && !self.advance(to)? {
                 return Ok(None);
@@ -182,6 +210,26 @@ impl Judge<'_> {
             pieces.push(Piece { s: s.to_vec(), rate: rate.to_vec(), at: *p, moves });
         }
         Ok(Some(Leg { off, margin: length * share, start, end: self.edge(), pieces }))
+    }
+
+    /// A state next to `x` from which the motion does not come to a surface that it touches at the end of a piece: as near as the simulation,
+    /// off by `off`, and the tolerance of touching tell them apart. The derivatives are those of this side then.
+    fn short_of(&mut self, normal: &[f64], k: usize, (here, x): (f64, &[f64]), to: f64, off: f64) -> Result<Vec<f64>> {
+        self.start(here, x, k, k)?;
+        let (n, n_z) = (self.n(), self.n() + self.n_p + self.n_u);
+        let mut back = vec![0.0; n];
+        if to > here && self.advance(here + SHORT * (to - here))? {
+            let rows = self.engine.sensitivity().map_or(&[][..], |s| s);
+            for (row, w) in rows.chunks_exact(n_z).zip(normal) {
+                back.iter_mut().zip(&row[..n]).for_each(|(b, s)| *b += w * s);
+            }
+        }
+        let usual: f64 = normal.iter().zip(&self.ranges).map(|(n, r)| (n * r).abs()).sum();
+        let step = (self.touch + DOUBT * off) * usual / dot(&back, &back);
+        Ok(match step.is_finite() {
+            true => x.iter().zip(&back).map(|(x, b)| x - step * b).collect(),
+            false => x.to_vec(),
+        })
     }
 
     /// The surface that the motion of a stage from a point on crosses or enters between two times, if there is one.
@@ -265,8 +313,9 @@ impl Judge<'_> {
             for c in cells.clone() {
                 let near = |i: usize| all[i].1[c] <= touch * scale[c];
                 let active = |i: usize| cells.clone().find(|&a| all[i].1[a] == 0.0);
-                for i in 1..all.len().saturating_sub(1) {
-                    let alone = near(i) && !near(i - 1) && !near(i + 1) && active(i - 1) == active(i + 1);
+                for i in 1..all.len() {
+                    let comes = near(i) && !near(i - 1);
+                    let alone = comes && (i + 1 == all.len() || !near(i + 1) && active(i - 1) == active(i + 1));
                     // what an answer keeps a distance from acts on all points at that distance
                     let kept = self.keeps_clear && near(i) && active(i - 1) == active(i);
                     let Some(a) = active(i - 1).filter(|a| (alone || kept) && *a != c) else { continue };
@@ -329,7 +378,7 @@ impl Judge<'_> {
         let beyond = (back < 0.0).then(|| here.iter().zip(&there).map(|(a, b)| (b - a) / -back).collect());
         let Surface { normal, controls, .. } = surface;
         let stage = at.p.stage;
-        Ok(Some(Corner { stage, t: at.t, normal, controls, own: stage, kind: Kind::Peak { beyond } }))
+        Ok(Some(Corner { stage, t: at.t, normal, controls, own: stage, kind: Kind::Peak { at: None, beyond } }))
     }
 
     /// The surface that a state meets.
@@ -346,14 +395,25 @@ impl Judge<'_> {
         lengths: &[f64],
     ) -> Result<Option<[Vec<f64>; 2]>> {
         let x = self.state(p.at);
-        let step = self.touch * scale / dot(&surface.normal, &surface.normal);
+        let own = stage * self.n_u..(stage + 1) * self.n_u;
+        let held = self.controls[own.clone()].to_vec();
+        let by_states = surface.normal.iter().any(|n| *n != 0.0);
+        // no state is beside a surface that controls and time alone move: other controls are
+        let (from, along) = if by_states { (&x, &surface.normal) } else { (&held, &surface.controls) };
+        let step = self.touch * scale / dot(along, along);
         if !step.is_finite() {
-            // no state is beside a surface that controls and time alone move
             return Ok(None);
         }
         let mut at = |sign: f64, side: (usize, usize)| {
-            let moved: Vec<f64> = x.iter().zip(&surface.normal).map(|(x, n)| x + sign * step * n).collect();
-            self.velocity_in(side, (t, &moved), stage, MARGIN[0] * lengths[stage])
+            let moved: Vec<f64> = from.iter().zip(along).map(|(a, d)| a + sign * step * d).collect();
+            let little = MARGIN[0] * lengths[stage];
+            if by_states {
+                return self.velocity_in(side, (t, &moved), stage, little);
+            }
+            self.controls[own.clone()].copy_from_slice(&moved);
+            let found = self.velocity_in(side, (t, &x), stage, little);
+            self.controls[own.clone()].copy_from_slice(&held);
+            found
         };
         let here = at(-1.0, of)?;
         Ok(here.zip(at(1.0, (of.1, of.0))?).map(|(here, there)| [here, there]))
@@ -363,10 +423,15 @@ impl Judge<'_> {
     fn touch(&mut self, at: &Meeting, lengths: &[f64]) -> Result<Option<Corner>> {
         let Some(surface) = self.surface_at(at) else { return Ok(None) };
         let &Meeting { p, t, .. } = at;
+        let ends = p.share >= 1.0 - MARGIN[0];
+        if !ends && surface.normal.iter().all(|n| *n == 0.0) {
+            // inside of a stage controls and time alone touch it tangentially
+            return Ok(None);
+        }
         let Some([here, there]) = self.beside(&surface, at, p.stage, lengths)? else { return Ok(None) };
         let behind = p.stage + 1;
-        let ends = p.share >= 1.0 && behind < lengths.len();
-        let next = if ends { self.beside(&surface, at, behind, lengths)? } else { None };
+        let last = ends && behind == lengths.len();
+        let next = if ends && !last { self.beside(&surface, at, behind, lengths)? } else { None };
         let beyond: Vec<f64> = there.iter().zip(&here).map(|(b, a)| b - a).collect();
         let horizon: f64 = lengths.iter().sum();
         // the cost has no range: its rate is compared with itself
@@ -376,24 +441,35 @@ impl Judge<'_> {
         }
         let Surface { normal, controls, moves } = surface;
         let towards = |f: &[f64]| self.speed_towards(&normal, moves, f);
-        if ends && controls.iter().any(|c| *c != 0.0) {
-            // the surface is another one under the next control: it is reached a little before the end of the stage, or not at all
+        if last || ends && controls.iter().any(|c| *c != 0.0) {
+            // nothing comes behind, or the surface is another one under the next control: it is reached a little before the end of the stage, or
+            // not at all
             let v = towards(&here);
-            if v > 0.0 {
-                let speed = v - towards(&there).min(0.0);
-                let kind = Kind::Peak { beyond: Some(beyond.iter().map(|b| b / speed).collect()) };
+            let speed = v - towards(&there).min(0.0);
+            if v > 0.0 || last && v == 0.0 && speed > 0.0 {
+                let kind = Kind::Peak { at: None, beyond: Some(beyond.iter().map(|b| b / speed).collect()) };
                 return Ok(Some(Corner { stage: behind, t, normal, controls, own: p.stage, kind }));
+            }
+            if last {
+                return Ok(None);
             }
         } else if let Some([back, on]) = next {
             // it comes to the surface with the control before, and leaves it with the one behind
             let turns = towards(&here) > 0.0 && towards(&back) < 0.0;
             let beyond = if turns { peak([&here, &there, &back, &on], towards) } else { None };
             if beyond.is_some() {
-                let kind = Kind::Peak { beyond };
+                let kind = Kind::Peak { at: None, beyond };
                 return Ok(Some(Corner { stage: behind, t, normal, controls, own: p.stage, kind }));
             }
         }
-        Ok(Some(Corner { stage: p.stage, t, normal, controls, own: p.stage, kind: Kind::Touch { at: p.at, beyond } }))
+        // touched from this side along the surface, and led back to it from beyond: it would slide until the motion leads away
+        let back = towards(&here) - towards(&there);
+        let kind = if back > 0.0 && towards(&there) < 0.0 {
+            Kind::Peak { at: Some(p.at), beyond: Some(beyond.iter().map(|b| b / back).collect()) }
+        } else {
+            Kind::Touch { at: p.at, beyond }
+        };
+        Ok(Some(Corner { stage: p.stage, t, normal, controls, own: p.stage, kind }))
     }
 
     /// Speed towards a surface with the gradient `normal` that moves by itself by `moves`; zero where it is that of rounding errors.
@@ -458,12 +534,14 @@ impl Judge<'_> {
         t0: f64,
         lengths: &[f64],
         points: &[StatePoint],
+        touched: &[Corner],
     ) -> Result<Option<(Vec<Leg>, Vec<Corner>)>> {
         let (mut legs, mut kinks): (Vec<Leg>, Vec<Corner>) = (Vec::new(), Vec::new());
         let (mut t, mut first) = (t0, 0);
         for (k, &length) in lengths.iter().enumerate() {
             let last = points.iter().rposition(|p| p.stage == k).unwrap_or(first);
-            let Some(leg) = self.leg(k, t, length, &points[first..=last])? else { return Ok(None) };
+            let stage = Stage { k, t, length, points: &points[first..=last], touched };
+            let Some(leg) = self.leg(stage)? else { return Ok(None) };
             if let Some(before) = legs.last() {
                 kinks.extend(self.between(k, before, &leg)?);
             }

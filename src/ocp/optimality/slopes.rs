@@ -154,7 +154,7 @@ impl Judge<'_> {
                     }
                 }
                 for (i, b) in kinks.iter().enumerate() {
-                    if matches!(b.kind, Kind::Touch { at, .. } if at == piece.at.at) {
+                    if b.at() == Some(piece.at.at) {
                         pass(&mut columns, i, b, &mut sides[i]);
                     }
                 }
@@ -168,6 +168,12 @@ impl Judge<'_> {
                     }
                 }
                 columns.iter_mut().zip(&force).for_each(|(l, f)| l.iter_mut().zip(f).for_each(|(l, f)| *l += f));
+                // a surface that is touched at the end of the horizon: what the state there costs is behind it
+                if end && k + 1 == legs.len() {
+                    for (i, b) in kinks.iter().enumerate().filter(|(_, b)| b.stage == legs.len()) {
+                        pass(&mut columns, i, b, &mut sides[i]);
+                    }
+                }
                 let late = outer.clock.map_or(0.0, |c| outer.gradient[piece.at.at + c]);
                 if let Some((length, share)) = q.length(k) {
                     for (c, (column, force)) in columns.iter().zip(&force).enumerate() {
@@ -195,7 +201,8 @@ impl Judge<'_> {
                 let change = |(l, r): (&f64, &f64)| (l * r).abs();
                 q.states = columns[0].iter().zip(&self.ranges).map(change).fold(q.states, f64::max);
             }
-            let at_start = |b: &Corner| b.stage == k && matches!(b.kind, Kind::Switch { .. } | Kind::Peak { .. });
+            let at_start =
+                |b: &Corner| b.stage == k && matches!(b.kind, Kind::Switch { .. } | Kind::Peak { at: None, .. });
             for (i, b) in kinks.iter().enumerate().filter(|(_, b)| at_start(b)) {
                 pass(&mut columns, i, b, &mut sides[i]);
             }
@@ -304,7 +311,8 @@ impl Quantities {
             d.iter_mut().for_each(|d| *d /= largest);
             d
         };
-        let direction: Vec<f64> = match worst.filter(|w| residual <= NONE && w.1 < -NONE) {
+        // of what the derivatives leave and what kinks do, the steeper
+        let direction: Vec<f64> = match worst.filter(|w| w.1 < -NONE.max(residual)) {
             _ if verdict != Verdict::NotOptimal => Vec::new(),
             // towards the side of the kink that is lower
             Some((i, low)) => scaled(across(i, found[i].before == low)),

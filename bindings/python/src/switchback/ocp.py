@@ -46,7 +46,7 @@ class OcpJump(NamedTuple):
 class Kink(NamedTuple):
     """A switch that lies exactly between two control stages, where the cost has a kink."""
 
-    #: The control stage behind it.
+    #: The control stage behind it, the number of stages at the end of the horizon; or the one in which a surface is touched.
     stage: int
     t: float
     #: Derivatives of the cost towards a switch in the stage before and in the stage behind, relative: negative where that
