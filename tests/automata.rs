@@ -83,6 +83,22 @@ fn errors_follow_the_tolerance() {
     }
 }
 
+/// `x' = w - x` between 0.35 and 0.65: a step is never as long as tolerances allow, as a switch comes before. A step of order five
+/// has six evaluations, and one that is thrown away and made again twelve, beside those at the switch.
+#[test]
+fn switches_that_end_every_step_are_foreseen() {
+    let (b, gap, n) = (automata_models::thermostat(), (0.65f64 / 0.35).ln(), 100);
+    let p = [1.0, 1.0, 0.35, 0.65];
+    for tol in [1e-2, 1e-3] {
+        let e = run(&b, &Options::with_tolerance(tol, tol), &[0.35], &p, (n as f64 + 0.5) * gap);
+        assert_eq!(e.jumps().len(), n, "{tol:e}");
+        assert!(e.stats().evaluations < 11 * n, "{tol:e}: {:?}", e.stats());
+        let off = e.jumps().iter().enumerate().map(|(k, j)| (j.t - (k + 1) as f64 * gap).abs()).fold(0.0, f64::max);
+        // a tenth of the tolerance at every switch
+        assert!(off < 0.1 * tol * n as f64, "{tol:e}: {off:e}");
+    }
+}
+
 #[test]
 fn derivatives_three_ways_and_the_closed_forms() {
     for (name, build) in AUTOMATA {

@@ -58,6 +58,14 @@ impl Watch {
         }
     }
 
+    /// The place of its value among those of all that is watched; none for a weight.
+    pub(super) fn place(&self) -> Option<usize> {
+        match *self {
+            Watch::Enter { a, .. } | Watch::Guard { a, .. } | Watch::Contact { a, .. } => Some(a),
+            Watch::Leave { .. } => None,
+        }
+    }
+
     /// Is it something that a state jump, a reset or an impact, may put to zero and push away from it?
     pub(super) fn is_left_by_jumps(&self) -> bool {
         matches!(self, Watch::Guard { .. } | Watch::Contact { .. })

@@ -44,7 +44,7 @@ impl Engine {
     /// if that does not succeed. No step goes beyond the time asked for: a switch that turns out to lie behind it is left
     /// to the next call.
     pub(super) fn land(&mut self, l: usize, s: f64, slope: f64, grown: f64) -> Result<Option<Progress>> {
-        if self.ends_inside(l) {
+        if self.ends_inside(l, s) {
             return self.land_inside(l, s, slope, grown);
         }
         let full = self.step.h;
@@ -138,10 +138,21 @@ impl Engine {
         self.touch_down(l, slope, grown).map(Some)
     }
 
-    /// May the step end where its dense output says? That is about as accurate as its error.
-    fn ends_inside(&self, l: usize) -> bool {
-        let kind = matches!(self.watches[l], Watch::Enter { .. } | Watch::Leave { .. });
-        kind && self.is_cut_short() && self.tried <= ACCURATE && self.dense_ready && self.depart[l] == 0
+    /// May the step end where its dense output says, at relative time `s`? That is about as accurate as its error. It has the values and
+    /// the velocities of both ends, so what it is off by in between has the factor `s² (1 − s)²`: a step that was to end at this switch
+    /// has to end next to it, where that hardly costs accuracy.
+    fn ends_inside(&self, l: usize, s: f64) -> bool {
+        /// Part of what it is off by in the middle.
+        const NEAR: f64 = 0.05;
+        if !self.may_end_inside() || !self.dense_ready || self.depart[l] != 0 {
+            return false;
+        }
+        let w = self.watches[l];
+        let of_cell = matches!(w, Watch::Enter { .. } | Watch::Leave { .. });
+        let straight = matches!(w, Watch::Guard { .. }) && w.is_affine(&self.field);
+        let off = (4.0 * s * (1.0 - s)).powi(2);
+        let near = self.foreseen && s > 0.5 && off <= NEAR && off * self.tried <= ACCURATE;
+        near && (of_cell || straight) || of_cell && self.is_cut_short() && self.tried <= ACCURATE
     }
 
     /// Ends the step where the watched function vanishes on its dense output, and switches there. `None` if that does not

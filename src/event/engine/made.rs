@@ -104,6 +104,9 @@ impl Engine {
             keeps: false,
             due: vec![f64::NAN; n_w],
             guesses: 0,
+            foreseen: false,
+            expected: None,
+            late: vec![1.0; n_q],
             ruled_out: vec![0; n_cells],
             before: Vec::new(),
             arrived: false,
@@ -193,6 +196,8 @@ impl Engine {
         self.h = 0.0;
         self.first_steps.fill(FirstStep::default());
         self.entered = None;
+        self.expected = None;
+        self.late.fill(1.0);
         self.stiff.fill(Pace::Unknown);
         self.stiff_mode = false;
         self.stiff_slides.fill(false);

@@ -134,6 +134,12 @@ pub struct Engine {
     /// When what is watched vanishes next, as far as is known, see [`Engine::time_to_switch`]: by indicator, then by cell.
     due: Vec<f64>,
     guesses: usize,
+    /// Ends the present step a little behind where a switch is expected, see [`Engine::time_to_first_switch`]?
+    foreseen: bool,
+    /// What vanishes there, by the place of its indicator, from when on that was expected, and after which time; and of every indicator the
+    /// part of that time after which it came the last time.
+    expected: Option<(usize, f64, f64)>,
+    late: Vec<f64>,
     /// Of every cell the function whose sign excluded it last.
     ruled_out: Vec<usize>,
     before: Vec<Vec<usize>>,
@@ -484,6 +490,12 @@ impl Engine {
         if self.is_cut_short() {
             longest = longest.min(self.time_to_switch().max(self.no_time()));
         }
+        self.foreseen = false;
+        if self.may_look_ahead() {
+            let time = self.time_to_first_switch()?.max(self.no_time());
+            self.foreseen = time < longest.min(self.h);
+            longest = longest.min(time);
+        }
         self.prepare_step();
         if self.h <= 64.0 * EPS * self.t.abs() {
             // what was left of the way to the last stop says nothing about the way to the next
@@ -536,7 +548,9 @@ impl Engine {
                             self.err_before = err.max(1e-4);
                             self.note_first_step(grown, rejected);
                             self.accept(t1)?;
-                            self.note_end(false);
+                            if t1 < t_stop {
+                                self.note_end(false);
+                            }
                             self.h = grown;
                             return Ok(self.come_to_rest()?.unwrap_or(Progress::Stepped));
                         }

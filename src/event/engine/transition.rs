@@ -334,6 +334,7 @@ impl Engine {
 
     /// Switches at the present point, where watch `l` vanishes.
     pub(super) fn switch(&mut self, l: usize, slope: f64, grown: f64) -> Result<Progress> {
+        self.note_late(l);
         match self.watches[l] {
             Watch::Guard { .. } => return self.jump(l, slope, grown),
             Watch::Contact { .. } => return self.contact_event(l, slope, grown),
