@@ -1,7 +1,8 @@
-//! Simulations from the start of a control stage on.
+//! Simulations from the start of a control stage on, and one after the other by the same engine.
 
 use super::problem::{Problem, Statement};
-use super::simulate::{run, Effort, Ends, Inputs, Simulated};
+use super::simulate::{engine, run, Effort, Ends, Inputs, Simulated};
+use crate::event::Engine;
 use crate::expr::Graph;
 use crate::func::Dims;
 use crate::scene::{Contact, Scene};
@@ -26,11 +27,16 @@ fn problem() -> Problem {
     Problem::new(Statement::bare(system, Dims { x: 6, u: 1, p: 0 }, vec![0.25; STAGES])).unwrap()
 }
 
+const START: [f64; 6] = [0.0, 0.3, 0.8, 0.0, 0.0, 0.0];
+
 fn simulate(p: &Problem, controls: &[f64], from: (usize, &Ends)) -> Simulated {
+    simulate_by(&mut engine(p, EFFORT).unwrap(), p, &START, controls, from)
+}
+
+fn simulate_by(e: &mut Engine, p: &Problem, x0: &[f64], controls: &[f64], from: (usize, &Ends)) -> Simulated {
     let given = p.given();
-    let inputs =
-        Inputs { x0: &[0.0, 0.3, 0.8, 0.0, 0.0, 0.0], controls, durations: &given.durations, params: &given.params };
-    run(p, inputs, EFFORT, from).unwrap()
+    let inputs = Inputs { x0, controls, durations: &given.durations, params: &given.params };
+    run(p, e, inputs, EFFORT.max_events, from).unwrap()
 }
 
 #[test]
@@ -50,5 +56,36 @@ fn motions_go_on_from_the_start_of_any_stage() {
         assert!(off < 100.0 * TOLERANCE, "from stage {first}: {off:e}");
         let moved = all.states.iter().zip(&whole.states).fold(0.0, |m, (a, b)| f64::max(m, (a - b).abs()));
         assert!(moved > 1e-2, "the controls say nothing from stage {first} on: {moved:e}");
+    }
+}
+
+/// The first run ends with the block held at the wall by its control, which holds it on the floor back, too; others begin away from the wall,
+/// sliding, and in the middle of a known one.
+#[test]
+fn an_engine_that_is_used_again_makes_the_same_runs_to_the_last_bit() {
+    let p = problem();
+    let mut used = engine(&p, EFFORT).unwrap();
+    let held = simulate_by(&mut used, &p, &START, &[9.0; STAGES], (0, &Ends::default()));
+    let last = held.run.phases.last().unwrap();
+    assert!(last.modes[0] != 0 && last.modes[1] != 0, "{:?}", last.modes);
+    assert!((held.run.x[0] - 0.6).abs() < TOLERANCE && held.run.x[3].abs() < TOLERANCE, "{:?}", held.run.x);
+    let known = Ends { times: held.times.clone(), states: held.states.clone() };
+    let sliding = [0.38, 0.0, 0.2, 1.0, 0.0, 0.0];
+    let nowhere = Ends::default();
+    let there_and_back = [-1.0, -1.0, 6.0, 9.0, 9.0, 9.0, 9.0, 9.0];
+    let runs: [(&[f64], &[f64], (usize, &Ends)); 4] = [
+        (&sliding, &there_and_back, (0, &nowhere)),
+        (&START, &[9.0, 9.0, 9.0, 9.0, -8.0, 1.0, 9.0, 9.0], (4, &known)),
+        (&sliding, &[0.0; STAGES], (0, &nowhere)),
+        (&START, &[9.0; STAGES], (0, &nowhere)),
+    ];
+    for (k, (x0, controls, from)) in runs.into_iter().enumerate() {
+        let again = simulate_by(&mut used, &p, x0, controls, from);
+        let fresh = simulate_by(&mut engine(&p, EFFORT).unwrap(), &p, x0, controls, from);
+        assert_eq!(again.times, fresh.times, "run {k}");
+        assert_eq!(again.states, fresh.states, "run {k}");
+        assert_eq!(again.run.impacts, fresh.run.impacts, "run {k}");
+        assert_eq!(again.run.phases, fresh.run.phases, "run {k}");
+        assert_eq!(again.run.stats, fresh.run.stats, "run {k}");
     }
 }

@@ -10,11 +10,11 @@
 use super::problem::Problem;
 use super::scales;
 use super::search::{Answer, Options};
-use super::simulate::{run, simulate_with, Effort, Ends, Inputs, Simulated};
+use super::simulate::{engine, run, simulate_with, Effort, Ends, Inputs, Simulated};
 use super::spread::{off, spreads};
 use super::track::Track;
 use crate::error::Result;
-use crate::event::Run;
+use crate::event::{Engine, Run};
 use crate::fesd::Durations;
 use crate::func::Point;
 use crate::linalg::cholesky;
@@ -158,13 +158,15 @@ struct Range<'a> {
     variables: Vec<Variable>,
     /// Sizes of the states.
     sizes: Vec<f64>,
+    /// Simulates all shots: a search makes thousands of short ones, and to make an engine takes as long as many of their steps.
+    engine: Engine,
     stretches: usize,
     steps: usize,
 }
 
 /// Shots that nearly meet all constraints: those that hit, the cheapest first, then others as they come close; none where none does.
 pub(super) fn shots(p: &Problem, o: &Options) -> Result<Vec<Shot>> {
-    let mut range = Range::new(p, o, MOST_STEPS);
+    let mut range = Range::new(p, o, MOST_STEPS)?;
     let mut drawn = range.draw();
     let mut out = range.aimed(&mut drawn)?;
     for _ in 0..ROUNDS {
@@ -182,7 +184,7 @@ pub(super) fn shots(p: &Problem, o: &Options) -> Result<Vec<Shot>> {
 /// constraint like the others, and no control is drawn from much further than its own. Those that were aimed and hit come first, then those
 /// that were only drawn, one of every order of contacts.
 pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usize) -> Result<Vec<Shot>> {
-    let mut range = Range::new(p, o, (DRAWN_SHARE * most_steps as f64) as usize);
+    let mut range = Range::new(p, o, (DRAWN_SHARE * most_steps as f64) as usize)?;
     range.below = Some(known.cost);
     range.narrow(known.controls());
     range.size_up(known);
@@ -213,7 +215,7 @@ fn sort(shots: &mut [Shot]) {
 }
 
 impl<'a> Range<'a> {
-    fn new(p: &'a Problem, o: &'a Options, most_steps: usize) -> Range<'a> {
+    fn new(p: &'a Problem, o: &'a Options, most_steps: usize) -> Result<Range<'a>> {
         let g = &p.given;
         let ends: usize = g.terminal.iter().map(|c| c.f.n_out()).chain(g.boundary.iter().map(|c| c.f.n_out())).sum();
         let least = (PER_CONDITION * ends).div_ceil(g.dims.u.max(1));
@@ -226,6 +228,7 @@ impl<'a> Range<'a> {
             most_spread: Vec::new(),
             most_steps,
             variables: Vec::new(),
+            engine: engine(p, Effort { sizes: &sizes, ..EFFORT })?,
             sizes,
             stretches,
             steps: 0,
@@ -261,7 +264,7 @@ impl<'a> Range<'a> {
             }
         }
         range.variables = variables;
-        range
+        Ok(range)
     }
 
     /// Half the range of every control that has no bounds: what takes the end as far as it is from the target, or, where no target is known, from
@@ -391,8 +394,7 @@ impl<'a> Range<'a> {
 
     /// A simulation that reaches the end, from a control stage on until which the motion is known.
     fn simulate(&mut self, f: &Filled, from: (usize, &Ends)) -> Option<Simulated> {
-        let effort = Effort { sizes: &self.sizes, ..EFFORT };
-        let s = run(self.p, f.inputs(), effort, from).ok()?;
+        let s = run(self.p, &mut self.engine, f.inputs(), EFFORT.max_events, from).ok()?;
         let took = s.run.stats;
         // one with too many events has taken as much as one with too many steps
         self.steps += if took.switches + took.impacts > EFFORT.max_events { EFFORT.max_steps } else { took.steps };

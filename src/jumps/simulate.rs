@@ -68,23 +68,33 @@ const GUESS: Effort =
 
 /// The same with other parameters and another effort.
 pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Result<Simulated> {
-    run(p, inputs, effort, (0, &Ends::default()))
+    run(p, &mut engine(p, effort)?, inputs, effort.max_events, (0, &Ends::default()))
 }
 
-/// The same from the start of control stage `first` on: until there the motion is known, and its steps, impacts and phases are not among those of
-/// the result.
-pub(super) fn run(p: &Problem, inputs: Inputs, effort: Effort, (first, known): (usize, &Ends)) -> Result<Simulated> {
-    let Effort { tolerance, sizes, max_steps, max_events, dense } = effort;
+/// An engine for simulations with one effort, as many as are wanted one after the other: what comes before one leaves no trace in it.
+pub(super) fn engine(p: &Problem, effort: Effort) -> Result<Engine> {
+    let Effort { tolerance, sizes, max_steps, dense, .. } = effort;
     let mut options = Options { max_steps, dense, ..Options::with_tolerance(tolerance, tolerance) };
     if !sizes.is_empty() {
         options.atol = sizes.iter().map(|s| tolerance * s).collect();
     }
+    Engine::new(&p.given.system, &options)
+}
+
+/// A simulation with so many events at most from the start of control stage `first` on: until there the motion is known, and its steps, impacts
+/// and phases are not among those of the result.
+pub(super) fn run(
+    p: &Problem,
+    engine: &mut Engine,
+    inputs: Inputs,
+    max_events: usize,
+    (first, known): (usize, &Ends),
+) -> Result<Simulated> {
     let (g, nx) = (&p.given, p.given.dims.x);
     let (mut times, mut states) = match first {
         0 => (vec![g.t0], inputs.x0.to_vec()),
         _ => (known.times[..=first].to_vec(), known.states[..(first + 1) * nx].to_vec()),
     };
-    let mut engine = Engine::new(&g.system, &options)?;
     engine.reinit(times[first], &states[first * nx..])?;
     let (mut u, mut params): (&[f64], &[f64]) = (&[], &[]);
     for (k, d) in inputs.durations.iter().enumerate().skip(first) {
@@ -108,7 +118,7 @@ pub(super) fn run(p: &Problem, inputs: Inputs, effort: Effort, (first, known): (
         times.push(end);
         states.extend_from_slice(engine.state());
     }
-    Ok(Simulated { run: engine.into_run(), times, states })
+    Ok(Simulated { run: engine.take_run(), times, states })
 }
 
 impl Simulated {
