@@ -73,15 +73,16 @@ fn an_engine_that_is_used_again_makes_the_same_runs_to_the_last_bit() {
     let sliding = [0.38, 0.0, 0.2, 1.0, 0.0, 0.0];
     let nowhere = Ends::default();
     let there_and_back = [-1.0, -1.0, 6.0, 9.0, 9.0, 9.0, 9.0, 9.0];
-    let runs: [(&[f64], &[f64], (usize, &Ends)); 4] = [
-        (&sliding, &there_and_back, (0, &nowhere)),
-        (&START, &[9.0, 9.0, 9.0, 9.0, -8.0, 1.0, 9.0, 9.0], (4, &known)),
-        (&sliding, &[0.0; STAGES], (0, &nowhere)),
-        (&START, &[9.0; STAGES], (0, &nowhere)),
+    let returns = [9.0, 9.0, 9.0, 9.0, -8.0, 1.0, 9.0, 9.0];
+    let runs = [
+        (sliding, there_and_back, (0, &nowhere)),
+        (START, returns, (4, &known)),
+        (sliding, [0.0; STAGES], (0, &nowhere)),
+        (START, [9.0; STAGES], (0, &nowhere)),
     ];
-    for (k, (x0, controls, from)) in runs.into_iter().enumerate() {
-        let again = simulate_by(&mut used, &p, x0, controls, from);
-        let fresh = simulate_by(&mut engine(&p, EFFORT).unwrap(), &p, x0, controls, from);
+    for (k, (x0, controls, from)) in runs.iter().enumerate() {
+        let again = simulate_by(&mut used, &p, x0, controls, *from);
+        let fresh = simulate_by(&mut engine(&p, EFFORT).unwrap(), &p, x0, controls, *from);
         assert_eq!(again.times, fresh.times, "run {k}");
         assert_eq!(again.states, fresh.states, "run {k}");
         assert_eq!(again.run.impacts, fresh.run.impacts, "run {k}");
