@@ -11,7 +11,7 @@ use super::problem::{Bilinear, Bounds, Nlp};
 use super::report::{Control, Outcome, Statistics};
 use super::settings::IpmSettings;
 use super::solver::{Ipm, Measures, Monotone, Start};
-use super::start::{push_inside, start_multiplier};
+use super::start::push_inside;
 use crate::error::Result;
 use crate::func::{EvalError, EvalResult};
 use crate::linalg::csc::Pattern;
@@ -317,21 +317,21 @@ impl Ipm {
         if !self.evaluate(nlp) || !self.differentiate(nlp) {
             return Some(Outcome::Failed);
         }
-        let mu = self.level.mu;
         let Ipm { it, bounds: b, shape, v, .. } = self;
         for j in 0..it.x.len() {
             if !shape.fixed[j] {
                 it.x[j] = push_inside(it.x[j], b.xl[j], b.xu[j], 1e-10);
             }
-            it.zl[j] = start_multiplier(shape.has_xl[j], false, 0.0, it.x[j] - b.xl[j], mu).min(1e3);
-            it.zu[j] = start_multiplier(shape.has_xu[j], false, 0.0, b.xu[j] - it.x[j], mu).min(1e3);
         }
         for i in 0..it.s.len() {
             if shape.row[i] == RowKind::Inequality {
                 it.s[i] = push_inside(v.c[i], b.cl[i], b.cu[i], 1e-8);
             }
-            it.vl[i] = start_multiplier(shape.has_cl[i], false, 0.0, it.s[i] - b.cl[i], mu).min(1e3);
-            it.vu[i] = start_multiplier(shape.has_cu[i], false, 0.0, b.cu[i] - it.s[i], mu).min(1e3);
+        }
+        self.start_bound_multipliers(false);
+        let Ipm { it, .. } = self;
+        for z in [&mut it.zl, &mut it.zu, &mut it.vl, &mut it.vu] {
+            z.iter_mut().for_each(|z| *z = z.min(1e3));
         }
         self.estimate_multipliers();
         if found {

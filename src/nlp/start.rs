@@ -36,7 +36,6 @@ impl Ipm {
             }
             return false;
         }
-        let mu = self.level.mu;
         let Ipm { it, bounds: b, shape, v, .. } = self;
         for i in 0..it.s.len() {
             it.s[i] = match shape.row[i] {
@@ -44,36 +43,34 @@ impl Ipm {
                 RowKind::Free => v.c[i],
                 RowKind::Inequality => push_inside(v.c[i], b.cl[i], b.cu[i], push),
             };
-        }
-        for j in 0..it.x.len() {
-            it.zl[j] = start_multiplier(shape.has_xl[j], warm, it.zl[j], it.x[j] - b.xl[j], mu);
-            it.zu[j] = start_multiplier(shape.has_xu[j], warm, it.zu[j], b.xu[j] - it.x[j], mu);
-        }
-        for i in 0..it.s.len() {
-            it.vl[i] = start_multiplier(shape.has_cl[i], warm, it.vl[i], it.s[i] - b.cl[i], mu);
-            it.vu[i] = start_multiplier(shape.has_cu[i], warm, it.vu[i], b.cu[i] - it.s[i], mu);
             if shape.row[i] == RowKind::Free {
                 it.y[i] = 0.0;
             }
         }
+        self.start_bound_multipliers(warm);
         if !warm {
             self.estimate_multipliers();
         }
         true
     }
 
+    /// Multipliers of bounds on the central path; where `warm`, those that are there are kept.
+    pub(super) fn start_bound_multipliers(&mut self, warm: bool) {
+        let Ipm { it, bounds: b, shape, level, .. } = self;
+        for j in 0..it.x.len() {
+            it.zl[j] = start_multiplier(shape.has_xl[j], warm, it.zl[j], it.x[j] - b.xl[j], level.mu);
+            it.zu[j] = start_multiplier(shape.has_xu[j], warm, it.zu[j], b.xu[j] - it.x[j], level.mu);
+        }
+        for i in 0..it.s.len() {
+            it.vl[i] = start_multiplier(shape.has_cl[i], warm, it.vl[i], it.s[i] - b.cl[i], level.mu);
+            it.vu[i] = start_multiplier(shape.has_cu[i], warm, it.vu[i], b.cu[i] - it.s[i], level.mu);
+        }
+    }
+
     /// Multipliers as at a start: those of bounds on the central path, those of rows by least squares. What was learnt about the
     /// perturbation of the Hessian with the old ones is forgotten.
     pub(super) fn renew_multipliers(&mut self) {
-        let Ipm { it, bounds: b, shape, level, .. } = self;
-        for j in 0..it.x.len() {
-            it.zl[j] = start_multiplier(shape.has_xl[j], false, 0.0, it.x[j] - b.xl[j], level.mu);
-            it.zu[j] = start_multiplier(shape.has_xu[j], false, 0.0, b.xu[j] - it.x[j], level.mu);
-        }
-        for i in 0..it.s.len() {
-            it.vl[i] = start_multiplier(shape.has_cl[i], false, 0.0, it.s[i] - b.cl[i], level.mu);
-            it.vu[i] = start_multiplier(shape.has_cu[i], false, 0.0, b.cu[i] - it.s[i], level.mu);
-        }
+        self.start_bound_multipliers(false);
         self.system.restart();
         self.estimate_multipliers();
     }
@@ -147,7 +144,7 @@ fn centred(dist: f64, z: f64, room: f64, mu: f64) -> Option<(f64, f64)> {
     Some((dist, mu / dist))
 }
 
-pub(super) fn start_multiplier(has: bool, warm: bool, z: f64, dist: f64, mu: f64) -> f64 {
+fn start_multiplier(has: bool, warm: bool, z: f64, dist: f64, mu: f64) -> f64 {
     match (has, warm) {
         (false, _) => 0.0,
         (true, true) if z > 0.0 => z,

@@ -45,24 +45,21 @@ impl Judge<'_> {
         &mut self,
         system: &System,
         movable: &Movable,
-        (t0, lengths): (f64, &[f64]),
-        (all, kept, touched): (&[StatePoint], &[StatePoint], &[Corner]),
+        stages: &[Stage],
+        all: &[StatePoint],
         legs: &mut [Leg],
     ) -> Result<Vec<Corner>> {
         let functions = system.switching_functions();
         // functions are as far from zero as they are large, at most, on the way of the answer: twice what half of a range changes them by
         let near = if self.keeps_clear { ON.max(2.0 * self.touch) } else { ON };
         let mut out = Vec::new();
-        let (mut t, mut first) = (t0, 0);
-        for (k, &length) in lengths.iter().enumerate() {
-            let last = kept.iter().rposition(|p| p.stage == k).unwrap_or(first);
+        for &stage in stages {
+            let Stage { k, t, length, .. } = stage;
             let along: Vec<StatePoint> = all.iter().filter(|p| p.stage == k).copied().collect();
             let surfaces = self.surfaces_of_stage(&functions, movable, (t, length), (&along, near));
             if !surfaces.is_empty() {
-                let stage = Stage { k, t, length, points: &kept[first..=last], touched };
                 out.extend(self.sides_of_stage(stage, &surfaces, movable, &mut legs[k])?);
             }
-            (t, first) = (t + length, last);
         }
         Ok(out)
     }

@@ -41,6 +41,7 @@ use crate::func::EvalError;
 use crate::stop::{self, Why};
 use controls::Movable;
 use nalgebra::{DMatrix, DVector};
+use simulate::Stage;
 use slopes::{Free, Quantities};
 
 /// Tolerance of the simulations.
@@ -488,12 +489,12 @@ impl Ocp {
             touches.retain(|c| c.stage < r.durations.len() || !outer.holds(&judge, end.at, &c.normal));
         }
         let points = acting(points, &outer.gradient, d.x, &touches);
-        let Some((mut legs, mut kinks)) = judge.simulate(self.t0, &r.durations, &points, &touches)? else {
+        let stages = Stage::all(self.t0, &r.durations, &points, &touches);
+        let Some((mut legs, mut kinks)) = judge.simulate(&stages)? else {
             return Ok(Optimality::unknown(OTHER));
         };
         let movable = self.movable(&judge);
-        let stages = (self.t0, &r.durations[..]);
-        let held = judge.held_on_surfaces(&system, &movable, stages, (&all, &points, &touches), &mut legs)?;
+        let held = judge.held_on_surfaces(&system, &movable, &stages, &all, &mut legs)?;
         kinks.extend(touches.into_iter().chain(held));
         if judge.departs(self.t0, &r.durations, first, &legs, &kinks)? {
             return Ok(Optimality::unknown(OTHER));

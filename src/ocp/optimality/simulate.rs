@@ -70,6 +70,19 @@ pub(super) struct Stage<'a> {
     pub(super) touched: &'a [Corner],
 }
 
+impl<'a> Stage<'a> {
+    /// Those of an answer from `t0` on; the start of a stage is the last point of the one before.
+    pub(super) fn all(t0: f64, lengths: &[f64], points: &'a [StatePoint], touched: &'a [Corner]) -> Vec<Stage<'a>> {
+        let mut first = 0;
+        let of = |(k, (t, &length)): (usize, (f64, &f64))| {
+            let last = points.iter().rposition(|p| p.stage == k).unwrap_or(first);
+            let start = std::mem::replace(&mut first, last);
+            Stage { k, t, length, points: &points[start..=last], touched }
+        };
+        starts(t0, lengths).into_iter().zip(lengths).enumerate().map(of).collect()
+    }
+}
+
 impl Judge<'_> {
     /// Number of states of the simulation.
     pub(super) fn n(&self) -> usize {
@@ -529,24 +542,15 @@ impl Judge<'_> {
 
 impl Judge<'_> {
     /// Simulates all stages. `None` where that does not lead to the states of the answer.
-    pub(super) fn simulate(
-        &mut self,
-        t0: f64,
-        lengths: &[f64],
-        points: &[StatePoint],
-        touched: &[Corner],
-    ) -> Result<Option<(Vec<Leg>, Vec<Corner>)>> {
+    pub(super) fn simulate(&mut self, stages: &[Stage]) -> Result<Option<(Vec<Leg>, Vec<Corner>)>> {
         let (mut legs, mut kinks): (Vec<Leg>, Vec<Corner>) = (Vec::new(), Vec::new());
-        let (mut t, mut first) = (t0, 0);
-        for (k, &length) in lengths.iter().enumerate() {
-            let last = points.iter().rposition(|p| p.stage == k).unwrap_or(first);
-            let stage = Stage { k, t, length, points: &points[first..=last], touched };
+        for &stage in stages {
+            let k = stage.k;
             let Some(leg) = self.leg(stage)? else { return Ok(None) };
             if let Some(before) = legs.last() {
                 kinks.extend(self.between(k, before, &leg)?);
             }
             legs.push(leg);
-            (t, first) = (t + length, last);
         }
         Ok(Some((legs, kinks)))
     }
