@@ -4,7 +4,9 @@ mod common;
 use common::models::*;
 use std::sync::{Arc, Mutex};
 use switchback::event::{simulate, Ambiguity, Doubt, Engine, Kind, Method, Options, Outcome, Zeno};
+use switchback::expr::Graph;
 use switchback::func::Dims;
+use switchback::model::Model;
 use switchback::settings::Settings;
 use switchback::sim::arbiter;
 use switchback::system::System;
@@ -51,6 +53,30 @@ fn all_continuations_are_found_and_somebody_decides() {
         e.reinit(0.0, &[0.0]).unwrap();
         assert_eq!(e.advance(1.0).unwrap(), Outcome::Ambiguous);
         assert!(e.reason().contains("not unique") && e.branchings()[0].taken.is_none());
+    }
+}
+
+/// A motion along a moving surface, at which the field has a kink only, crosses it so slowly that its rate is 1e-9 of the velocity, and
+/// is back after a while: both crossings are at the roots of its parabola, and cost what crossings cost.
+#[test]
+fn slow_crossings_happen_once() {
+    const SPEED: f64 = 0.6;
+    let (q0, rate, bend) = (2.7e-11, -8.8e-10, 8e-9);
+    let g = Graph::new();
+    let rates = [g.x(1), g.constant(bend), (g.x(0) - SPEED * g.t()).abs()];
+    let system = Model::from_rhs("slow", 0, 0, &rates).and_then(|m| m.build(&g)).unwrap().system;
+    let root = |sign: f64| (-rate + sign * (rate * rate - 2.0 * bend * q0).sqrt()) / bend;
+    for t0 in [0.0, 3.6] {
+        let start = [SPEED * t0 + q0, SPEED + rate, 0.0];
+        let r = simulate(&system, &tol(1e-8), t0, &start, t0 + 0.2).unwrap();
+        assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
+        let times: Vec<f64> = r.switches.iter().map(|s| s.t - t0).collect();
+        assert_eq!(times.len(), 2, "from {t0}: {times:?}");
+        // the position is known to 4e-16, and changes by 5.8e-10 in a unit of time
+        for (found, exact) in times.iter().zip([root(-1.0), root(1.0)]) {
+            assert!((found - exact).abs() < 1e-5, "from {t0}: {found} instead of {exact}");
+        }
+        assert!(r.stats.steps < 10, "from {t0}: {} steps", r.stats.steps);
     }
 }
 

@@ -34,6 +34,8 @@ const ZERO: f64 = 1e-9;
 const NEARLY_ZERO: f64 = 1e-4;
 /// Rates that are sums of terms that cancel to this part of their scale are zero: rounding of the terms.
 const ROUNDING: f64 = 1e-13;
+/// Values of indicators are known to this part of the sizes of their terms: the rounding of the location of a switch.
+const VALUE_ROUNDING: f64 = 64.0 * f64::EPSILON;
 /// Maximum number of combinations of active sets that are tried. Where there are more, groups of subsystems that do not
 /// influence each other are solved one after the other; where a group alone has more, [`FilippovProblem::keep`] says
 /// which subsystems have one set only, and of the rest so many are tried.
@@ -497,7 +499,31 @@ impl FilippovProblem {
         let (Some(before), Some(after)) = (self.all_slacks(&s.sets), there.all_slacks(&s.sets)) else {
             return Ok(false);
         };
-        Ok(before.iter().zip(&after).all(|(b, a)| holds_ahead(*b, *a)))
+        let mut all = before.iter().zip(&after);
+        Ok((0..self.kept.len()).all(|k| {
+            let rounding = there.rounding_of_values(system, k);
+            // positions among the candidates are those of the slacks
+            self.own_candidates(k).zip(all.by_ref()).all(|(i, (b, a))| {
+                let excursion = Excursion { rate: *b, growth: (a - b) / ahead, rounding };
+                match s.sets[k].contains(&self.cells[i]) || b.abs() <= ROUNDING {
+                    true => holds_ahead(*b, *a),
+                    false if *b < 0.0 => holds_ahead(*b, *a) && !excursion.is_seen(),
+                    false => holds_ahead(*b, *a) || excursion.is_seen(),
+                }
+            })
+        }))
+    }
+
+    /// What rounding makes of the differences of the indicators of subsystem `k`, in units of their rates: a time.
+    fn rounding_of_values<S: CellFields>(&self, system: &S, k: usize) -> f64 {
+        let s = system.subsystem(k);
+        let size = |j: usize| {
+            let g = system.gradient(j);
+            let states = g.columns.iter().zip(g.values).map(|(&i, g)| g.abs() * system.size(i, self.x[i]));
+            self.unit[j] * (states.sum::<f64>() + (g.t * self.t).abs())
+        };
+        let most = s.functions.map(size).fold(0.0f64, f64::max);
+        VALUE_ROUNDING * most / self.scale[self.begin[k]]
     }
 
     /// The slacks of all subsystems with the active cells `sets`; none where the weights are not determined.
@@ -515,6 +541,26 @@ impl FilippovProblem {
 pub fn time_ahead<S: CellFields>(system: &S, x: &[f64], velocity: &[f64], length: f64) -> f64 {
     let pace = pace(system, x, velocity);
     AHEAD * if pace * length > 1.0 { 1.0 / pace } else { length }
+}
+
+/// A function that is zero and begins to change at `rate`, which itself changes by `growth` in a unit of time.
+#[derive(Debug, Clone, Copy)]
+pub struct Excursion {
+    /// Rate of change.
+    pub rate: f64,
+    /// Rate of change of the rate.
+    pub growth: f64,
+    /// What the value of the function is known to.
+    pub rounding: f64,
+}
+
+impl Excursion {
+    /// Does the function leave zero to the side of its rate by more than rounding, before it turns back? It turns at
+    /// `rate²/(2 |growth|)` if its growth leads back, and never otherwise. However small a rate is, its sign then counts.
+    pub fn is_seen(&self) -> bool {
+        let back = (-self.growth * self.rate.signum()).max(0.0);
+        self.rate.powi(2) > 2.0 * back * self.rounding
+    }
 }
 
 /// Is a weight positive, or zero and does not fall on the way ahead?

@@ -2,11 +2,12 @@
 
 use super::control::UNSEEN;
 use super::{recover, Engine, Progress, EPS};
+use crate::dcs::filippov::{time_ahead, Excursion};
 use crate::error::Result;
 use crate::event::field::Formed;
 use crate::event::sets;
 use crate::event::tape::Time;
-use crate::event::watch::{self, Watch};
+use crate::event::watch::{self, Scale, Watch};
 use crate::event::{Contact, Outcome, Zeno};
 use crate::func::EvalError;
 
@@ -314,7 +315,10 @@ impl Engine {
                 // fast enough for a zero of order one: compared with the states moving by their sizes
                 let rises = match w {
                     Watch::Guard { .. } => w.rises(&self.dq0, &self.field, &self.f),
-                    _ => rate > 1e-9 * scale.reach * *pace.get_or_insert_with(|| self.field.pace(&self.x, &self.f)),
+                    _ => {
+                        let pace = *pace.get_or_insert_with(|| self.field.pace(&self.x, &self.f));
+                        rate > 1e-9 * scale.reach * pace || self.rises_slowly(&w, rate, &scale, pace)?
+                    }
                 };
                 self.depart[l] = if rises { 1 } else { 2 };
             }
@@ -323,6 +327,31 @@ impl Engine {
         self.implicit = self.begins_implicit();
         self.stiff_steps = 0;
         Ok(())
+    }
+
+    /// Does a watched function that is zero rise by more than its rounding, however slowly it begins to?
+    fn rises_slowly(&mut self, w: &Watch, rate: f64, scale: &Scale, pace: f64) -> std::result::Result<bool, EvalError> {
+        let rounding = 64.0 * EPS * scale.value;
+        if !matches!(w, Watch::Enter { .. }) || rate <= 64.0 * EPS * scale.reach * pace {
+            return Ok(false);
+        }
+        let ahead = time_ahead(&self.field, &self.x, &self.f, self.usual_step());
+        let mut there = std::mem::take(&mut self.node);
+        let mut velocity = std::mem::take(&mut self.step.f);
+        let alpha = self.field.alpha.clone();
+        there.iter_mut().zip(self.x.iter().zip(&self.f)).for_each(|(y, (x, f))| *y = x + ahead * f);
+        let r = self.field.rhs(self.t + ahead, &there, &mut velocity);
+        let r = r.and_then(|()| self.field.watched_gradients(self.t + ahead, &there));
+        let growth = (w.rate(&self.field.dq, &self.field, &velocity) - rate) / ahead;
+        self.step.f = velocity;
+        self.node = there;
+        self.field.alpha = alpha;
+        match r {
+            Err(EvalError::Recoverable) => return Ok(false),
+            r => r?,
+        }
+        self.field.watched_gradients(self.t, &self.x)?;
+        Ok(Excursion { rate, growth, rounding }.is_seen())
     }
 
     /// Is the state so far from that at the nodes that the velocity has to be evaluated again? Where that is much work, not for
