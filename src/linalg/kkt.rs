@@ -18,7 +18,7 @@
 //! that replaces the step by something else without a word.
 
 use super::csc::{mul_add_symmetric_upper, Pattern};
-use super::krylov::Gmres;
+use super::krylov::{Asked, Gmres};
 use super::ldl::{Factorisation, Inertia, SymmetricSolver};
 use crate::error::{Error, Result};
 
@@ -414,14 +414,17 @@ impl Kkt {
         loop {
             let mut growth = 0.0;
             if krylov {
+                let most = if self.demands_rows { KRYLOV_GROWTH_MAX } else { KRYLOV_GROWTH };
+                let largest = max_abs(&self.best);
+                let asked = Asked { reduction: 1.0 / best, largest: most * largest, flexible: self.demands_rows };
                 let Kkt { gmres, backend, upper, matrix, r, .. } = self;
                 let multiply = |z: &[f64], w: &mut [f64]| {
                     w.fill(0.0);
                     mul_add_symmetric_upper(upper, matrix, z, w, 1.0);
                 };
-                steps += gmres.solve(r, 1.0 / best, self.demands_rows, |z| backend.solve(z), multiply);
-                growth = max_abs(r) / max_abs(&self.best);
-                if growth > if self.demands_rows { KRYLOV_GROWTH_MAX } else { KRYLOV_GROWTH } {
+                steps += gmres.solve(r, asked, |z| backend.solve(z), multiply);
+                growth = max_abs(r) / largest;
+                if growth > most {
                     break;
                 }
             } else {
@@ -552,7 +555,7 @@ fn larger(a: f64, b: f64) -> f64 {
 }
 
 /// Maximum norm; NaN if an entry is. Without the sign, the bits of floats order like the floats, NaN last.
-fn max_abs(v: &[f64]) -> f64 {
+pub(super) fn max_abs(v: &[f64]) -> f64 {
     f64::from_bits(v.iter().fold(0, |m: u64, a| m.max(a.abs().to_bits())))
 }
 

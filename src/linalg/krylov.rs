@@ -10,6 +10,8 @@
 //! Y. Saad, SIAM J. Sci. Comput. 14, 1993). The former falls short along eigenvalues far below the shift, which bounds the step where
 //! rows depend on each other.
 
+use super::kkt::max_abs;
+
 /// Workspace for systems of one order.
 pub(super) struct Gmres {
     /// Orthonormal basis, `(steps + 1) × n`.
@@ -20,9 +22,24 @@ pub(super) struct Gmres {
     hess: Vec<f64>,
     rotations: Vec<(f64, f64)>,
     g: Vec<f64>,
+    y: Vec<f64>,
     n: usize,
     steps: usize,
 }
+
+/// What a correction is to be.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Asked {
+    /// Where the residual has fallen by this factor it is good enough.
+    pub reduction: f64,
+    /// A correction with a larger entry is of no use, and more steps make it larger.
+    pub largest: f64,
+    /// A combination of preconditioned vectors, not the preconditioned combination.
+    pub flexible: bool,
+}
+
+/// The size of the correction is looked at after every so many steps.
+const LOOK_EVERY: usize = 3;
 
 impl Gmres {
     pub fn new(n: usize, steps: usize) -> Gmres {
@@ -32,21 +49,21 @@ impl Gmres {
             hess: vec![0.0; (steps + 1) * steps],
             rotations: vec![(1.0, 0.0); steps],
             g: vec![0.0; steps + 1],
+            y: vec![0.0; steps],
             n,
             steps,
         }
     }
 
     /// Improves the solution of `A d = r`: `r[n]` is replaced by the correction, `Z y` with `Z = M⁻¹ V` where it is `flexible`, else
-    /// `M⁻¹ (V y)`; `y` minimises the residual over the Krylov space `V` of `A M⁻¹`. Ends early when the residual has fallen by
-    /// `reduction`. Returns the steps taken.
+    /// `M⁻¹ (V y)`; `y` minimises the residual over the Krylov space `V` of `A M⁻¹`. Ends early when the residual has fallen by what is
+    /// asked for, or the correction is larger than it may be. Returns the steps taken.
     ///
     /// `apply(z, w)` writes `A z` into `w`; `precondition(z)` replaces `z` by `M⁻¹ z`.
     pub fn solve(
         &mut self,
         r: &mut [f64],
-        reduction: f64,
-        flexible: bool,
+        asked: Asked,
         mut precondition: impl FnMut(&mut [f64]),
         mut apply: impl FnMut(&[f64], &mut [f64]),
     ) -> usize {
@@ -98,24 +115,37 @@ impl Gmres {
             self.g[k + 1] = -s * self.g[k];
             self.g[k] *= c;
             k += 1;
-            if length == 0.0 || self.g[k].abs() <= reduction * beta {
+            if length == 0.0 || self.g[k].abs() <= asked.reduction * beta {
                 break;
             }
             w.iter_mut().for_each(|w| *w /= length);
+            if k < self.steps && k % LOOK_EVERY == 0 {
+                self.combine(k, true, r);
+                if max_abs(r) > asked.largest {
+                    return k;
+                }
+            }
         }
-        for i in (0..k).rev() {
-            let known: f64 = (i + 1..k).map(|j| self.hess[j * ld + i] * self.g[j]).sum();
-            self.g[i] = (self.g[i] - known) / self.hess[i * ld + i];
-        }
-        r.fill(0.0);
-        let vectors = if flexible { &self.preconditioned } else { &self.basis };
-        for (v, &y) in vectors.chunks_exact(n).zip(&self.g[..k]) {
-            r.iter_mut().zip(v).for_each(|(r, v)| *r += y * v);
-        }
-        if !flexible {
+        self.combine(k, asked.flexible, r);
+        if !asked.flexible {
             precondition(r);
         }
         k
+    }
+
+    /// Writes the combination of `k` vectors that minimises the residual, after the preconditioner or before it.
+    fn combine(&mut self, k: usize, preconditioned: bool, out: &mut [f64]) {
+        let ld = self.steps + 1;
+        self.y[..k].copy_from_slice(&self.g[..k]);
+        for i in (0..k).rev() {
+            let known: f64 = (i + 1..k).map(|j| self.hess[j * ld + i] * self.y[j]).sum();
+            self.y[i] = (self.y[i] - known) / self.hess[i * ld + i];
+        }
+        out.fill(0.0);
+        let vectors = if preconditioned { &self.preconditioned } else { &self.basis };
+        for (v, &y) in vectors.chunks_exact(self.n).zip(&self.y[..k]) {
+            out.iter_mut().zip(v).for_each(|(r, v)| *r += y * v);
+        }
     }
 }
 
@@ -131,6 +161,30 @@ fn norm(a: &[f64]) -> f64 {
 mod tests {
     use super::*;
 
+    fn ask(reduction: f64, flexible: bool) -> Asked {
+        Asked { reduction, largest: f64::INFINITY, flexible }
+    }
+
+    /// Along an eigenvalue of 1e-14 the correction is beyond what is allowed after a few steps, and no more are made.
+    #[test]
+    fn a_correction_that_grows_too_large_ends_it() {
+        let n: usize = 40;
+        let d: Vec<f64> = (0..n).map(|i| if i < 8 { 10f64.powi(-7 - i as i32) } else { 1.0 + i as f64 }).collect();
+        let taken = |largest: f64| {
+            let mut r = vec![1.0; n];
+            let steps = Gmres::new(n, 12).solve(
+                &mut r,
+                Asked { reduction: 1e-15, largest, flexible: false },
+                |z| z.iter_mut().zip(&d).for_each(|(z, d)| *z /= d + 3e-8),
+                |z, w| w.iter_mut().zip(z).zip(&d).for_each(|((w, z), d)| *w = d * z),
+            );
+            (steps, max_abs(&r))
+        };
+        let (free, bounded) = (taken(f64::INFINITY), taken(1e5));
+        assert!(free.0 > 6 && free.1 > 1e5, "{free:?}");
+        assert!(bounded.0 < free.0 && bounded.1 > 1e5, "{bounded:?}");
+    }
+
     /// A diagonal matrix with a few eigenvalues far below the shift of the preconditioner.
     #[test]
     fn as_many_steps_as_eigenvalues_below_the_shift() {
@@ -141,8 +195,7 @@ mod tests {
         let b = r.clone();
         let steps = Gmres::new(n, 12).solve(
             &mut r,
-            1e-15,
-            false,
+            ask(1e-15, false),
             |z| z.iter_mut().zip(&d).for_each(|(z, d)| *z /= d + 3e-8),
             |z, w| w.iter_mut().zip(z).zip(&d).for_each(|((w, z), d)| *w = d * z),
         );
@@ -167,7 +220,7 @@ mod tests {
                     *z = *z / (d + 3e-8) + size * off(i);
                 }
             };
-            Gmres::new(n, 20).solve(&mut r, 1e-12, flexible, precondition, |z, w| {
+            Gmres::new(n, 20).solve(&mut r, ask(1e-12, flexible), precondition, |z, w| {
                 w.iter_mut().zip(z).zip(&d).for_each(|((w, z), d)| *w = d * z);
             });
             r.iter().zip(&d).zip(&b).map(|((r, d), b)| (d * r - b).abs()).fold(0.0, f64::max)
@@ -180,12 +233,12 @@ mod tests {
     fn nothing_to_do_and_nonsense() {
         let mut g = Gmres::new(2, 4);
         let mut zero = [0.0, 0.0];
-        assert_eq!(g.solve(&mut zero, 1e-10, false, |_| {}, |z, w| w.copy_from_slice(z)), 0);
+        assert_eq!(g.solve(&mut zero, ask(1e-10, false), |_| {}, |z, w| w.copy_from_slice(z)), 0);
         let mut nan = [f64::NAN, 1.0];
-        assert_eq!(g.solve(&mut nan, 1e-10, true, |_| {}, |z, w| w.copy_from_slice(z)), 0);
+        assert_eq!(g.solve(&mut nan, ask(1e-10, true), |_| {}, |z, w| w.copy_from_slice(z)), 0);
         assert_eq!(nan, [0.0, 0.0]);
         let mut r = [1.0, 2.0];
-        assert_eq!(g.solve(&mut r, 1e-10, true, |_| {}, |_, w| w.fill(f64::INFINITY)), 0);
+        assert_eq!(g.solve(&mut r, ask(1e-10, true), |_| {}, |_, w| w.fill(f64::INFINITY)), 0);
         assert_eq!(r, [0.0, 0.0]);
     }
 }
