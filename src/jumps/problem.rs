@@ -186,6 +186,11 @@ impl Problem {
         self.functions.contacts.iter().map(|c| scales::of_value(&c.gap, at, &sizes)).collect()
     }
 
+    /// The largest size of a state, with an initial state.
+    pub fn largest_size(&self, x0: &[f64]) -> f64 {
+        scales::of_states(self, x0, None).into_iter().fold(0.0, f64::max)
+    }
+
     /// Gaps of all contacts at a point, with their names; NaN where a gap has no value.
     pub fn gaps(&self, at: &Point) -> Vec<(&str, f64)> {
         let of = |c: &'_ super::functions::ContactFunctions| {

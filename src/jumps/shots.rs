@@ -75,6 +75,8 @@ const MOST_CHEAPER: usize = 6;
 /// Share of the simulations that draws take, and the multiple of the controls of the known answer that they are drawn from.
 const DRAWN_SHARE: f64 = 0.4;
 const WIDER: f64 = 2.0;
+/// Share of the range of a control below which an answer does nothing with it.
+const IDLE: f64 = 1e-3;
 
 /// A motion that nearly meets all constraints.
 pub(super) struct Shot {
@@ -315,14 +317,15 @@ impl<'a> Range<'a> {
         out
     }
 
-    /// Ranges of the controls no larger than [`WIDER`] times those of an answer.
+    /// Ranges of the controls no larger than [`WIDER`] times those of an answer. One that does nothing with a control says nothing of how much of
+    /// it there is to be.
     fn narrow(&mut self, controls: &[f64]) {
         let n_u = self.p.given.wide.u;
         for v in &mut self.variables {
             let Kind::Control(j, _) = v.kind else { continue };
             let own = controls.iter().skip(j).step_by(n_u).fold(0f64, |m, u| m.max(u.abs()));
             let [lower, upper] = [v.lower.max(-WIDER * own), v.upper.min(WIDER * own)];
-            if lower < upper {
+            if lower < upper && own > IDLE * (v.upper - v.lower) {
                 (v.lower, v.upper, v.given) = (lower, upper, v.given.clamp(lower, upper));
             }
         }

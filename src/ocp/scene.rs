@@ -395,6 +395,8 @@ const OVERLAP: f64 = 1e-9;
 const OFF: f64 = 1e-2;
 /// Share of the largest state of a motion by which the simulation of a single control stage may be off, where that of all of them is further off.
 const OFF_IN_A_STAGE: f64 = 1e-4;
+/// Share of the usual size of states below which the largest of a motion says nothing of their size.
+const AT_REST: f64 = 1e-6;
 /// Share that grids are refined for.
 const AIM: f64 = 1e-6;
 
@@ -465,11 +467,13 @@ fn no_forces(p: &Problem, contact: usize, t: f64) -> String {
     )
 }
 
-/// Largest modulus of a state of an answer.
+/// Largest modulus of a state of an answer, or [`AT_REST`] of what states of the problem usually have: the states of bodies that stay where
+/// they are are rounding, and so is by how much a simulation differs from them.
 fn largest_state(p: &Problem, a: &Answer) -> f64 {
     let nx = p.given().dims.x;
     let elements = jumps::trajectory(a).elements;
-    elements.iter().flat_map(|e| &e.x1[..nx]).chain(&a.x0).fold(0f64, |m, v| m.max(v.abs()))
+    let least = AT_REST * p.largest_size(&a.x0);
+    elements.iter().flat_map(|e| &e.x1[..nx]).chain(&a.x0).fold(least, |m, v| m.max(v.abs()))
 }
 
 /// Is a simulation of the controls of an answer, where there is one, its motion, but for the error of the method? At the end of a stage at which

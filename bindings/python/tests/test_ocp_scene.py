@@ -229,3 +229,29 @@ def test_dear_answers_are_noticed(name, number):
     r = ocp.solve()
     assert jump_problems.believable(r)
     assert r.cost <= 1.01 * jump_optima.PROBLEMS.known()[name, number][0]
+
+
+def test_bodies_that_stay_where_they_are_are_followed():
+    """States of zero, and simulations that differ from them by rounding: nothing to compare that with but the usual sizes of states."""
+    s = swb.Scene("y", u="f", name="block")
+    s.force([s.u[0] - G])
+    s.contact("floor", gap=s.q[0])
+    ocp = swb.Ocp(s, 1.0, 6, n_s=2, n_fe=1, initial_state=[0, 0], control_bounds=(-5, 5), lagrange=s.function(s.u[0] ** 2))
+    ocp.add_terminal(s.function([s.q[0]]), [0], [0])
+    r = ocp.solve()
+    assert r.success and r.cost < 1e-12
+    assert r.message == "" and r.optimality.verdict == "local_optimum"
+
+
+def test_a_valve_is_opened_though_nothing_moves_under_small_forces():
+    """Until the rod is at the poppet and lifts it against its spring every force is in vain: to do nothing is a local optimum, and costs 19.2."""
+    s = swb.Scene("a p", u="f", name="valve")
+    (a, p), (va, vp) = s.q, s.v
+    s.inertia([0.4, 0.15])
+    s.force([s.u[0] - 12 * a - 0.8 * va, -30 * p - 3 - 0.3 * vp])
+    s.contact("rod", gap=p - a + 0.02)
+    s.contact("seat", gap=p)
+    ocp = swb.Ocp(s, 1.2, 10, n_s=2, n_fe=1, initial_state=[0] * 4, control_bounds=(-20, 20))
+    ocp.set_lagrange(s.function(0.05 * s.u[0] ** 2 + 400 * (p - 0.2) ** 2))
+    r = ocp.solve()
+    assert r.success and r.cost < 7.33 and r.accuracy.terminal < 1e-6
