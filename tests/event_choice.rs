@@ -80,6 +80,32 @@ fn slow_crossings_happen_once() {
     }
 }
 
+/// A loop that follows a reference and integrates the size of its error: the error swings through zero until it is rounding, where each
+/// zero is as good as its neighbours. The position is in closed form, and the integral hardly changes any more.
+#[test]
+fn an_error_that_dies_out_is_followed_to_the_end() {
+    const END: f64 = 20.0;
+    let g = Graph::new();
+    let t = g.t();
+    let (r, speed) = (0.5 * t + 0.1 * t.sin(), 0.5 + 0.1 * t.cos());
+    let off = g.x(0) - r;
+    let rates = [g.x(1), -4.0 * off - 3.0 * (g.x(1) - speed) - 0.1 * t.sin(), off.abs()];
+    let system = Model::from_rhs("loop", 0, 0, &rates).and_then(|m| m.build(&g)).unwrap().system;
+    // e'' + 3 e' + 4 e = 0 from e = 1, e' = -0.6
+    let w = 1.75f64.sqrt();
+    let off = (-1.5 * END).exp() * ((w * END).cos() + 0.9 / w * (w * END).sin());
+    let exact = 0.5 * END + 0.1 * END.sin() + off;
+    let fine = simulate(&system, &tol(1e-12), 0.0, &[1.0, 0.0, 0.0], END).unwrap().x[2];
+    for e in 3..=12 {
+        let rtol = 10f64.powi(-e);
+        let r = simulate(&system, &tol(rtol), 0.0, &[1.0, 0.0, 0.0], END).unwrap();
+        assert_eq!(r.outcome, Outcome::Reached, "{}", r.reason);
+        assert!((r.x[0] - exact).abs() <= rtol, "rtol {rtol:e}: off by {:e}", r.x[0] - exact);
+        assert!((r.x[2] - fine).abs() <= 20.0 * rtol, "rtol {rtol:e}: the integral is off by {:e}", r.x[2] - fine);
+        assert!(r.stats.steps < 2000, "rtol {rtol:e}: {} steps", r.stats.steps);
+    }
+}
+
 #[test]
 fn preferences_must_fit() {
     let o = |preferred| Options { ambiguity: Ambiguity::Prefer, preferred, ..tol(1e-8) };

@@ -179,8 +179,12 @@ impl Engine {
             let rate_now = if rate < 0.0 { rate } else { slope };
             let most = 0.01 * self.step.h;
             let delta = (-value / rate_now).clamp(-most, most.min(self.t_stop - t));
-            if value.abs() <= rounding || !delta.is_finite() || delta == 0.0 {
+            if value.abs() <= rounding || delta == 0.0 {
                 break;
+            }
+            if !self.may_be_straight(delta, l) {
+                // a zero of the dense output alone, which is off by more than the function changes: a shorter step has none
+                return Ok(None);
             }
             self.step.x1.iter_mut().zip(&self.step.f1).for_each(|(x, f)| *x += delta * f);
             t += delta;
@@ -273,6 +277,14 @@ impl Engine {
         !self.step_implicit && delta.abs() <= 0.01 * s.h && straight
     }
 
+    /// May the last digits be a straight line over this time? Where a function hardly changes, rounding of its value is a long time.
+    fn may_be_straight(&self, delta: f64, l: usize) -> bool {
+        let floor = 4.0 * EPS * self.t.abs().max(self.step.h);
+        self.step_implicit && delta.is_finite()
+            || delta.abs() <= (1e-8 * self.step.h).max(floor)
+            || self.is_short(delta, l)
+    }
+
     /// What a watched function that begins a little below zero comes back to, see [`Watch::may_begin_below`]; else zero.
     pub(super) fn begins_at(&self, l: usize) -> f64 {
         let below = self.depart[l] > 0 && self.watches[l].may_begin_below();
@@ -318,7 +330,7 @@ impl Engine {
             let rounding = self.watches[l].rounding(&self.field.dq, &self.field, t, &self.step.x1);
             let most = if self.step_implicit { 1e-6 } else { 0.01 } * self.step.h;
             let delta = (-value / rate).max(-most).min(most.min(self.t_stop - t));
-            if value.abs() <= rounding || !delta.is_finite() || delta == 0.0 {
+            if value.abs() <= rounding || !self.may_be_straight(delta, l) || delta == 0.0 {
                 break;
             }
             for (x, f) in self.step.x1.iter_mut().zip(&self.step.f1) {

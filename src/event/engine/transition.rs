@@ -446,6 +446,36 @@ impl Engine {
         Ok(moved)
     }
 
+    /// Where the field has a kink and no jump, both sides continue the motion. If it has come to such a surface again and again without
+    /// leaving its side, as where values and rates are rounding, the other side is the active set now, which the state is on by as much as
+    /// rounding; says whether it is.
+    fn goes_over_kink(&mut self, l: usize, candidates: &[Vec<usize>]) -> std::result::Result<bool, EvalError> {
+        /// Attempts to stay.
+        const AGAIN: usize = 4;
+        /// Fields that differ by this part are one: a kink at a distance of rounding.
+        const KINK: f64 = 1e-9;
+        let Watch::Enter { sub, .. } = self.watches[l] else { return Ok(false) };
+        let (&[here], &[a, b]) = (&self.field.active[sub][..], &candidates[sub][..]) else { return Ok(false) };
+        if self.crowd < AGAIN || self.field.in_limit_set() {
+            return Ok(false);
+        }
+        let present = self.field.active.clone();
+        let mut other = present.clone();
+        other[sub] = vec![if here == a { b } else { a }];
+        self.field.rhs(self.t, &self.x, &mut self.node)?;
+        self.field.set_active(&other);
+        let known = self.field.rhs(self.t, &self.x, &mut self.step.f);
+        let differs: Vec<f64> = self.node.iter().zip(&self.step.f).map(|(a, b)| a - b).collect();
+        let one = known.is_ok() && self.field.pace(&self.x, &differs) <= KINK * self.field.pace(&self.x, &self.node);
+        if !one {
+            self.field.set_active(&present);
+        }
+        match known {
+            Ok(()) | Err(EvalError::Recoverable) => Ok(one),
+            Err(e) => Err(e),
+        }
+    }
+
     /// Velocity before a switch at the present point, and what is watched there with its gradients.
     pub(super) fn arrive(&mut self) -> std::result::Result<(), EvalError> {
         let t = self.t;
@@ -511,11 +541,11 @@ impl Engine {
         let candidates = self.candidates();
         let length = self.usual_step();
         let unique = self.choose_behind(&candidates, length, (l, slope))?;
-        self.candidates = candidates;
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
-        let same = sets::same(&self.field.active, before);
+        let same = sets::same(&self.field.active, before) && !self.goes_over_kink(l, &candidates)?;
+        self.candidates = candidates;
         if same {
             // nothing changes: a grazing contact, or a first step too long for its signs
             self.crowd += 1;
