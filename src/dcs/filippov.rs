@@ -504,11 +504,12 @@ impl FilippovProblem {
             let rounding = there.rounding_of_values(system, k);
             // positions among the candidates are those of the slacks
             self.own_candidates(k).zip(all.by_ref()).all(|(i, (b, a))| {
+                let is_rate = !s.sets[k].contains(&self.cells[i]) && b.abs() > ROUNDING;
                 let excursion = Excursion { rate: *b, growth: (a - b) / ahead, rounding };
-                match s.sets[k].contains(&self.cells[i]) || b.abs() <= ROUNDING {
-                    true => holds_ahead(*b, *a),
-                    false if *b < 0.0 => holds_ahead(*b, *a) && !excursion.is_seen(),
-                    false => holds_ahead(*b, *a) || excursion.is_seen(),
+                if is_rate && excursion.is_seen() {
+                    *b > 0.0
+                } else {
+                    holds_ahead(*b, *a)
                 }
             })
         }))
@@ -568,12 +569,15 @@ pub fn holds_ahead(here: f64, ahead: f64) -> bool {
     here > ZERO || here >= -ZERO && ahead - here >= -FALL
 }
 
+/// Do two velocities at `x` differ by more than this part of the faster one, with states in units of their sizes?
+pub fn differ<S: CellFields>(system: &S, x: &[f64], [a, b]: [&[f64]; 2], part: f64) -> bool {
+    let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
+    pace(system, x, &difference) > part * pace(system, x, a).max(pace(system, x, b))
+}
+
 /// Of solutions with the same velocity the first: sets that differ only by cells of weight zero are one continuation.
 pub fn distinct<S: CellFields>(system: &S, x: &[f64], solutions: Vec<FilippovSolution>) -> Vec<FilippovSolution> {
-    let differ = |a: &[f64], b: &[f64]| {
-        let difference: Vec<f64> = a.iter().zip(b).map(|(a, b)| a - b).collect();
-        pace(system, x, &difference) > SAME_VELOCITY * pace(system, x, a).max(pace(system, x, b))
-    };
+    let differ = |a: &[f64], b: &[f64]| differ(system, x, [a, b], SAME_VELOCITY);
     let mut out: Vec<FilippovSolution> = Vec::new();
     for s in solutions {
         if out.iter().all(|o| differ(&s.velocity, &o.velocity)) {

@@ -2,7 +2,7 @@
 
 use super::control::UNSEEN;
 use super::{recover, Engine, Progress, EPS};
-use crate::dcs::filippov::{time_ahead, Excursion};
+use crate::dcs::filippov::{differ, time_ahead, Excursion};
 use crate::error::Result;
 use crate::event::field::Formed;
 use crate::event::sets;
@@ -449,13 +449,13 @@ impl Engine {
     /// Where the field has a kink and no jump, both sides continue the motion. If it has come to such a surface again and again without
     /// leaving its side, as where values and rates are rounding, the other side is the active set now, which the state is on by as much as
     /// rounding; says whether it is.
-    fn goes_over_kink(&mut self, l: usize, candidates: &[Vec<usize>]) -> std::result::Result<bool, EvalError> {
+    fn goes_over_kink(&mut self, l: usize) -> std::result::Result<bool, EvalError> {
         /// Attempts to stay.
         const AGAIN: usize = 4;
         /// Fields that differ by this part are one: a kink at a distance of rounding.
         const KINK: f64 = 1e-9;
         let Watch::Enter { sub, .. } = self.watches[l] else { return Ok(false) };
-        let (&[here], &[a, b]) = (&self.field.active[sub][..], &candidates[sub][..]) else { return Ok(false) };
+        let (&[here], &[a, b]) = (&self.field.active[sub][..], &self.candidates[sub][..]) else { return Ok(false) };
         if self.crowd < AGAIN || self.field.in_limit_set() {
             return Ok(false);
         }
@@ -465,8 +465,7 @@ impl Engine {
         self.field.rhs(self.t, &self.x, &mut self.node)?;
         self.field.set_active(&other);
         let known = self.field.rhs(self.t, &self.x, &mut self.step.f);
-        let differs: Vec<f64> = self.node.iter().zip(&self.step.f).map(|(a, b)| a - b).collect();
-        let one = known.is_ok() && self.field.pace(&self.x, &differs) <= KINK * self.field.pace(&self.x, &self.node);
+        let one = known.is_ok() && !differ(&self.field, &self.x, [&self.node, &self.step.f], KINK);
         if !one {
             self.field.set_active(&present);
         }
@@ -541,11 +540,11 @@ impl Engine {
         let candidates = self.candidates();
         let length = self.usual_step();
         let unique = self.choose_behind(&candidates, length, (l, slope))?;
+        self.candidates = candidates;
         if self.outcome != Outcome::Reached {
             return Ok(());
         }
-        let same = sets::same(&self.field.active, before) && !self.goes_over_kink(l, &candidates)?;
-        self.candidates = candidates;
+        let same = sets::same(&self.field.active, before) && !self.goes_over_kink(l)?;
         if same {
             // nothing changes: a grazing contact, or a first step too long for its signs
             self.crowd += 1;
