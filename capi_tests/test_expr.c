@@ -102,6 +102,53 @@ static void functions(void)
     swb_expr_free(g);
 }
 
+/* A cost with a kink, |u| + q^2 / 2: its values and one-sided derivatives, where it belongs, and where it does not. */
+static void kinks(void)
+{
+    swb_expr *g = NULL;
+    swb_function *f = NULL, *other = NULL;
+    swb_model *model = NULL;
+    swb_system *system = NULL;
+    swb_ocp *ocp = NULL;
+    int64_t z[2], modulus, square, half, cost, m = 0, nnz = 0;
+    const double q[] = {3.0}, u[] = {-2.0}, number = 0.5, up = 1.0;
+    const swb_point at = {0.0, q, u, NULL};
+    double out[2];
+    CHECK_OK(swb_expr_create(&g));
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_X, 0, &z[0], 1));
+    CHECK_OK(swb_expr_inputs(g, SWB_INPUT_U, 0, &z[1], 1));
+    CHECK_OK(swb_expr_constants(g, &number, 1, &half, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ABS, &z[1], NULL, NULL, &modulus, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &z[0], &z[0], NULL, &square, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_MUL, &square, &half, NULL, &square, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ADD, &modulus, &square, NULL, &cost, 1));
+    CHECK_OK(swb_expr_function(g, "cost", 1, 1, 0, &cost, 1, &f));
+    CHECK_OK(swb_function_sizes(f, NULL, NULL, NULL, &m, &nnz, NULL));
+    CHECK(m == 1 && nnz == 2);
+    CHECK_OK(swb_function_eval(f, &at, out, 1));
+    CHECK_NEAR(out[0], 6.5, 1e-15);
+    CHECK_OK(swb_function_eval_jacobian(f, &at, out, 2));
+    CHECK(out[0] == 3.0 && out[1] == -1.0);
+    CHECK_OK(swb_model_create(g, "integrator", 1, 1, 0, &z[1], NULL, NULL, &model));
+    CHECK_OK(swb_model_system(model, &system));
+    CHECK_OK(swb_ocp_create(system, 1.0, 4, NULL, &ocp));
+    CHECK_OK(swb_ocp_set_lagrange(ocp, f));
+    CHECK_OK(swb_ocp_set_mayer(ocp, f));
+    CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_ocp_add_path(ocp, f, NULL, 0, &up, 1, SWB_PATH_AT_CONTROL_GRID));
+    CHECK(strstr(swb_last_error(), "-b <= a <= b") != NULL);
+    /* a kink in a state is between the stages */
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ABS, &z[0], NULL, NULL, &modulus, 1));
+    CHECK_OK(swb_expr_function(g, "far", 1, 1, 0, &modulus, 1, &other));
+    CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_ocp_set_lagrange(ocp, other));
+    CHECK_OK(swb_ocp_set_mayer(ocp, other));
+    swb_ocp_free(ocp);
+    swb_system_free(system);
+    swb_model_free(model);
+    swb_function_free(other);
+    swb_function_free(f);
+    swb_expr_free(g);
+}
+
 static void refusals(void)
 {
     swb_expr *g = NULL;
@@ -137,7 +184,7 @@ static void refusals(void)
     CHECK_STATUS(SWB_ERR_RANGE, swb_expr_function(g, "f", 2, 0, 0, &c, 1, &f));
     CHECK_STATUS(SWB_ERR_DIMENSION, swb_expr_function(g, "f", 1, 0, 0, x, 2, &f));
     CHECK_STATUS(SWB_ERR_NULL, swb_expr_function(g, NULL, 2, 0, 0, x, 2, &f));
-    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_ABS, x, NULL, NULL, &y, 1));
+    CHECK_OK(swb_expr_apply(g, SWB_OPERATOR_SIGN, x, NULL, NULL, &y, 1));
     CHECK_STATUS(SWB_ERR_UNSUPPORTED, swb_expr_function(g, "f", 2, 0, 0, &y, 1, &f));
     CHECK_OK(swb_expr_constants(g, &nan_value, 1, &y, 1));
     CHECK_STATUS(SWB_ERR_NONFINITE, swb_expr_function(g, "f", 2, 0, 0, &y, 1, &f));
@@ -217,6 +264,7 @@ int main(void)
     models();
     functions();
     modes_on_demand();
+    kinks();
     refusals();
     return CHECK_DONE();
 }

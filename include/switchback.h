@@ -4783,13 +4783,14 @@ swb_status swb_expr_text(struct swb_expr *graph,
                          int64_t *needed);
 
 /**
- * A function with exact derivatives. It does not need the graph any more.
+ * A function with exact derivatives. It does not need the graph any more. With one output it may have abs, min and max in it as
+ * swb_ocp_set_lagrange says; others than the costs of optimal control problems refuse it then.
  *
  * @param[in]  name    used in messages, such as "f0"
  * @param[in]  outputs [n_outputs]
  * @param[out] out     the new object, NULL on failure; free with swb_function_free
  * @return SWB_OK; SWB_ERR_DIMENSION if an input is outside its block; SWB_ERR_NONFINITE for constants that are not
- *         finite; SWB_ERR_UNSUPPORTED for operators that switch
+ *         finite; SWB_ERR_UNSUPPORTED for other operators that switch
  */
 SWB_API
 swb_status swb_expr_function(struct swb_expr *graph,
@@ -6793,18 +6794,26 @@ swb_status swb_ocp_create(const struct swb_system *system,
                           struct swb_ocp **out);
 
 /**
- * Set the cost rate, one output: its integral over the horizon is minimised.
+ * Set the cost rate, one output: its integral over the horizon is minimised. Expressions (swb_expr_function) may have abs, min and max in
+ * them where these point down, as a sum of smooth terms and of maxima with positive factors does: their arguments may be
+ * controls that are constant by stage, and parameters. A program has a variable in every stage for each.
  *
- * @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
+ * @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit; SWB_ERR_UNSUPPORTED for abs, min and max of what moves within a
+ *         stage: make such a cost the derivative of a further state of the model, and its value at the end the terminal cost
  */
-SWB_API swb_status swb_ocp_set_lagrange(struct swb_ocp *ocp, const struct swb_function *f);
+SWB_API
+swb_status swb_ocp_set_lagrange(struct swb_ocp *ocp,
+                                const struct swb_function *f);
 
 /**
- * Set the terminal cost, one output; its control is that of the last stage.
+ * Set the terminal cost, one output; its control is that of the last stage. It may have abs, min and max in it as the cost rate, of
+ * states, too.
  *
  * @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
  */
-SWB_API swb_status swb_ocp_set_mayer(struct swb_ocp *ocp, const struct swb_function *f);
+SWB_API
+swb_status swb_ocp_set_mayer(struct swb_ocp *ocp,
+                             const struct swb_function *f);
 
 /**
  * Add the constraint lower <= f(x,u,p,t) <= upper along the horizon.

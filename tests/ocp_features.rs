@@ -586,3 +586,51 @@ fn an_obstacle_in_the_middle_of_the_way_is_passed() {
     // straight through the disc it would take at least 12 · 4²/4³
     assert!(r.cost > 3.0 && r.cost < 6.1, "{}", r.cost);
 }
+
+/// Least `∫|u|` from rest to rest at a distance of 1 in time 1: full thrust `U` for `t1`, nothing, full thrust back, with `U t1 (1 − t1) = 1`; the cost is
+/// `2 U t1`. The stages are `t1/2` long, so constant controls by stage do that exactly.
+#[test]
+fn kinks_of_costs_are_variables_of_the_program() {
+    use switchback::expr::Graph;
+    let g = Graph::new();
+    let (u, q) = (g.u(0), g.x(0));
+    let with = |cost| {
+        let mut o = rest_to_rest(10, &Settings::default());
+        o.set_u_bounds(&[-6.25], &[6.25]).unwrap();
+        o.set_lagrange(g.cost("fuel", DI, cost).unwrap()).unwrap();
+        o
+    };
+    let zero = g.constant(0.0);
+    for (cost, expected) in [(u.abs(), 2.5), (u.max(zero) * 3.0, 3.75), (u.max(-u * 0.5), 1.875)] {
+        let mut o = with(cost);
+        let r = solved(&mut o);
+        assert!((r.cost - expected).abs() < 1e-9, "{} {expected}", r.cost);
+        assert!(r.violation == 0.0 && r.accuracy.as_ref().is_some_and(|a| a.cost_error.abs() < 1e-9));
+        // nothing is nothing more than a program with a variable and a row by stage
+        assert_eq!(r.dimensions.2, 0);
+        assert_eq!(o.count_multipliers(switchback::ocp::MultipliersOf::Relaxed(0)), 0);
+        // another cost takes the kinks away
+        o.set_lagrange(effort()).unwrap();
+        assert!((solved(&mut o).cost - 12.0).abs() < 0.3);
+    }
+    // at the end the kinks may be in states: the position that is left of 1, at a price above that of fuel, or below it
+    for (price, expected) in [(100.0, 2.5), (0.1, 0.1)] {
+        let mut o = Ocp::new(&double_integrator(), 1.0, 10, &Settings::default()).unwrap();
+        o.set_x0(&[0.0; 2]).unwrap();
+        o.set_u_bounds(&[-6.25], &[6.25]).unwrap();
+        let velocity = affine("v", DI, &[0.0], &[(0, 1, 1.0)]);
+        o.add_terminal(velocity, &[0.0], &[0.0]).unwrap();
+        o.set_lagrange(g.cost("fuel", DI, u.abs()).unwrap()).unwrap();
+        o.set_mayer(g.cost("left", DI, (q - 1.0).abs() * price).unwrap()).unwrap();
+        assert!((solved(&mut o).cost - expected).abs() < 1e-8, "{}", o.solve(&mut Control::default()).unwrap().cost);
+    }
+    // what moves within a stage has its kinks there
+    let mut o = with(u.abs());
+    assert!(matches!(o.set_lagrange(g.cost("far", DI, q.abs()).unwrap()), Err(Error::Unsupported(_))));
+    assert!(matches!(o.set_linear_controls(&[true]), Err(Error::Unsupported(_))));
+    assert!(matches!(
+        o.add_path(g.cost("fuel", DI, u.abs()).unwrap(), &[0.0], &[1.0], PathAt::ControlGrid),
+        Err(Error::Unsupported(_))
+    ));
+    assert!((solved(&mut o).cost - 2.5).abs() < 1e-9);
+}

@@ -393,13 +393,14 @@ pub unsafe extern "C" fn swb_expr_text(
     })
 }
 
-/// A function with exact derivatives. It does not need the graph any more.
+/// A function with exact derivatives. It does not need the graph any more. With one output it may have abs, min and max in it as
+/// swb_ocp_set_lagrange says; others than the costs of optimal control problems refuse it then.
 ///
 /// @param[in]  name    used in messages, such as "f0"
 /// @param[in]  outputs [n_outputs]
 /// @param[out] out     the new object, NULL on failure; free with swb_function_free
 /// @return SWB_OK; SWB_ERR_DIMENSION if an input is outside its block; SWB_ERR_NONFINITE for constants that are not
-///         finite; SWB_ERR_UNSUPPORTED for operators that switch
+///         finite; SWB_ERR_UNSUPPORTED for other operators that switch
 #[no_mangle]
 pub unsafe extern "C" fn swb_expr_function(
     graph: *mut swb_expr,
@@ -416,7 +417,10 @@ pub unsafe extern "C" fn swb_expr_function(
             let (name, dims) = (raw::text(name, "name")?, dims(nx, nu, np)?);
             handle::with_mut(graph, |d| {
                 let outputs = ids(d, outputs, n_outputs, "outputs")?;
-                Ok(UserFunction::ready(Arc::new(ExprFunction::new(name, d, dims, &outputs)?)))
+                Ok(UserFunction::ready(match outputs[..] {
+                    [cost] => d.cost(name, dims, cost)?,
+                    _ => Arc::new(ExprFunction::new(name, d, dims, &outputs)?),
+                }))
             })
         })
     })

@@ -304,6 +304,20 @@ pub(super) unsafe fn point<'a>(at: *const swb_point, dims: Dims) -> Result<Point
 
 /// The function behind a handle, shared with a model.
 pub unsafe fn shared(f: *const swb_function, what: &str) -> Result<SharedFunction> {
+    let f = unsafe { shared_cost(f, what) }?;
+    if f.kinked().is_some() {
+        return Err(Error::Unsupported(format!(
+            "{what}: function '{}' has abs, min or max in it, which only the costs of an optimal control problem may have. A constraint is stated \
+             without: abs(a) <= b as -b <= a <= b, max(a, b) <= c as a <= c and b <= c; a model of the dynamics turns them into switching \
+             functions",
+            f.name()
+        )));
+    }
+    Ok(f)
+}
+
+/// [`shared`] where the function may have kinks.
+pub unsafe fn shared_cost(f: *const swb_function, what: &str) -> Result<SharedFunction> {
     raw::check(f, what)?;
     unsafe {
         handle::with_ref(f, |f| {

@@ -1,6 +1,6 @@
 //! Optimal control.
 
-use super::function::{shared, swb_function};
+use super::function::{shared, shared_cost, swb_function};
 use super::guard::guard;
 use super::handle::{self, Interrupt, Object};
 use super::log::swb_log_fn;
@@ -270,24 +270,28 @@ pub unsafe extern "C" fn swb_ocp_create(
     })
 }
 
-/// Set the cost rate, one output: its integral over the horizon is minimised.
+/// Set the cost rate, one output: its integral over the horizon is minimised. Expressions (swb_expr_function) may have abs, min and max in
+/// them where these point down, as a sum of smooth terms and of maxima with positive factors does: their arguments may be
+/// controls that are constant by stage, and parameters. A program has a variable in every stage for each.
 ///
-/// @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
+/// @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit; SWB_ERR_UNSUPPORTED for abs, min and max of what moves within a
+///         stage: make such a cost the derivative of a further state of the model, and its value at the end the terminal cost
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_lagrange(ocp: *mut swb_ocp, f: *const swb_function) -> swb_status {
     guard(|| unsafe {
-        let f = shared(f, "f")?;
+        let f = shared_cost(f, "f")?;
         change(ocp, |o| o.set_lagrange(f))
     })
 }
 
-/// Set the terminal cost, one output; its control is that of the last stage.
+/// Set the terminal cost, one output; its control is that of the last stage. It may have abs, min and max in it as the cost rate, of
+/// states, too.
 ///
 /// @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 #[no_mangle]
 pub unsafe extern "C" fn swb_ocp_set_mayer(ocp: *mut swb_ocp, f: *const swb_function) -> swb_status {
     guard(|| unsafe {
-        let f = shared(f, "f")?;
+        let f = shared_cost(f, "f")?;
         change(ocp, |o| o.set_mayer(f))
     })
 }

@@ -7,9 +7,9 @@ use serde::{Deserialize, Serialize};
 use super::parts::{Interval, SavedFunction, SavedSettings, SavedSystem};
 use crate::error::{finite, Error, Result};
 use crate::fesd::PathAt;
-use crate::func::Function;
+use crate::func::{Function, Maximum};
 use crate::memory::sizes::check as sizes;
-use crate::ocp::{CostAt, Durations, ModeSequence, Nominal, Norm, Ocp, Statement};
+use crate::ocp::{CostAt, CostOf, Durations, ModeSequence, Nominal, Norm, Ocp, Statement};
 use crate::settings::Settings;
 use crate::system::System;
 
@@ -136,6 +136,33 @@ enum SavedPlace {
 struct SavedPrice {
     norm: SavedNorm,
     weight: f64,
+    /// No constraint of the user: a maximum in a cost.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    kink_of: Option<SavedCost>,
+}
+
+/// A cost that has kinks.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+enum SavedCost {
+    Running,
+    Terminal,
+}
+
+impl SavedCost {
+    fn of(cost: CostOf) -> SavedCost {
+        match cost {
+            CostOf::Running => SavedCost::Running,
+            CostOf::Terminal => SavedCost::Terminal,
+        }
+    }
+
+    fn cost(self) -> CostOf {
+        match self {
+            SavedCost::Running => CostOf::Running,
+            SavedCost::Terminal => CostOf::Terminal,
+        }
+    }
 }
 
 /// A least-squares term.
@@ -279,7 +306,8 @@ impl SavedOcp {
                 Norm::L2 => SavedNorm::L2,
                 Norm::Linf => SavedNorm::Linf,
             };
-            let price = SavedPrice { norm, weight: c.weight };
+            let kink_of = c.cost.map(SavedCost::of);
+            let price = SavedPrice { norm, weight: c.weight, kink_of };
             let at = c.at.map_or(SavedAt::Terminal, SavedAt::of);
             constraints.push(constraint(at, &c.f, &c.lower, &c.upper, Some(price))?);
         }
@@ -363,7 +391,13 @@ impl SavedOcp {
                         SavedNorm::L2 => Norm::L2,
                         SavedNorm::Linf => Norm::Linf,
                     };
-                    ocp.add_relaxed(f, &lower, &upper, at.path(), norm, price.weight)?;
+                    match price.kink_of {
+                        None => ocp.add_relaxed(f, &lower, &upper, at.path(), norm, price.weight)?,
+                        Some(of) => {
+                            let kink = Maximum { weight: price.weight, of: f, squared: norm == Norm::L2 };
+                            ocp.add_kink(of.cost(), kink)?;
+                        }
+                    }
                 }
                 (None, SavedAt::BothEnds) => ocp.add_boundary(f, &lower, &upper)?,
                 (None, at) => match at.path() {

@@ -6,13 +6,11 @@
 //! of it: the same on its own side to the last bit, and defined on both. The modulus is a piecewise polynomial here, which
 //! does not switch.
 
-use num_rational::BigRational;
 use num_traits::Signed;
 
 use super::dag::{Dag, Id, Node};
 use super::op::{Binary, Unary};
 use super::piecewise::Piecewise;
-use super::switching::LinearForm;
 
 /// Nodes that are looked at for the sign of one argument.
 const MOST: usize = 256;
@@ -44,14 +42,8 @@ impl Dag {
     fn is_modulus(&self, condition: Id, a: Id, b: Id) -> bool {
         let Node::Positive(s) = self.node(condition) else { return false };
         let (psi, form) = (self.linear_form(self.switches[s as usize].psi), self.linear_form(a));
-        let lead = |f: &LinearForm| f.terms.first().map(|t| t.1.clone());
-        let (Some(p), Some(q)) = (lead(&psi), lead(&form)) else { return false };
-        let ratio = q / p;
-        let multiple = |factor: &BigRational| LinearForm {
-            constant: &psi.constant * factor,
-            terms: psi.terms.iter().map(|(id, c)| (*id, c * factor)).collect(),
-        };
-        ratio.is_positive() && multiple(&ratio) == form && self.linear_form(b) == multiple(&-ratio)
+        let Some(ratio) = form.ratio_to(&psi) else { return false };
+        ratio.is_positive() && self.linear_form(b) == psi.times(&-ratio)
     }
 
     /// Is there anything to continue in a function of `new`, which is made of `old` by deciding switches?

@@ -3,13 +3,14 @@
 use std::cell::{RefCell, RefMut};
 use std::fmt;
 use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, DivAssign, Mul, MulAssign, Neg, Not, Sub, SubAssign};
+use std::sync::Arc;
 
 use super::dag::{Block, Dag, External, Id};
 use super::function::ExprFunction;
 use super::op::{Binary, Unary};
 use super::piecewise::Piecewise;
 use crate::error::Result;
-use crate::func::Dims;
+use crate::func::{Dims, Function};
 
 /// A [`Dag`] that expressions can share while it grows.
 #[derive(Default)]
@@ -111,6 +112,12 @@ impl Graph {
     pub fn function(&self, name: &str, dims: Dims, outputs: &[Expr]) -> Result<ExprFunction> {
         let ids = self.ids(outputs);
         ExprFunction::new(name, &mut self.dag(), dims, &ids)
+    }
+
+    /// A cost of inputs of these sizes that may have kinks; see [`Dag::cost`].
+    pub fn cost(&self, name: &str, dims: Dims, output: Expr) -> Result<Arc<dyn Function>> {
+        let ids = self.ids(&[output]);
+        self.dag().cost(name, dims, ids[0])
     }
 
     /// Numbers of the nodes.

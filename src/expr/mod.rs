@@ -5,7 +5,7 @@
 //! at many, [`ExprFunction`] makes a [`crate::func::Function`] of it, [`write_c`] writes it out in C.
 //!
 //! Operators that switch (`sign`, `abs`, `min`, `max`, `where`) are not evaluated: [`crate::model`] turns them into
-//! switching functions and modes.
+//! switching functions and modes, and [`Graph::cost`] those of a cost into maxima that a program has variables for.
 
 mod bundle;
 mod c_code;
@@ -16,6 +16,7 @@ mod extend;
 mod function;
 mod graph;
 mod interval;
+mod kinks;
 mod linear;
 mod op;
 mod operator;

@@ -47,6 +47,13 @@ impl LinearForm {
         LinearForm { constant: -&self.constant, terms: self.terms.iter().map(|(id, c)| (*id, -c)).collect() }
     }
 
+    pub(super) fn times(&self, factor: &BigRational) -> LinearForm {
+        LinearForm {
+            constant: &self.constant * factor,
+            terms: self.terms.iter().map(|(id, c)| (*id, c * factor)).collect(),
+        }
+    }
+
     fn key(&self) -> SwitchKey {
         let entry = |id: Id, c: &BigRational| {
             let (digits, power) = rounded(c);

@@ -10,10 +10,12 @@ mod callback;
 pub mod casadi;
 mod check;
 mod fdiff;
+mod kinked;
 pub(crate) mod trouble;
 
 pub use callback::Callback;
 pub use check::{check_derivatives, CheckReport, CheckSettings, Mismatch, MismatchKind};
+pub use kinked::{Kinked, Maximum};
 
 use std::ops::Range;
 
@@ -169,6 +171,10 @@ pub trait Function: Send + Sync {
     }
     /// The function itself, for who knows its type: documents look for expressions in it.
     fn as_any(&self) -> Option<&dyn std::any::Any> {
+        None
+    }
+    /// The parts of a function with kinks, which only costs may have; none of a smooth one.
+    fn kinked(&self) -> Option<&Kinked> {
         None
     }
     /// A program for outputs of several functions, those in a range of each, that costs less than to call one function after

@@ -75,6 +75,11 @@ fn constraints(s: &Statement) -> Result<Vec<Stated>> {
             Norm::L2 => Price { linear: 0.0, quadratic: c.weight },
             Norm::Linf => return refuse("penalties of the largest violation: take the sum or the sum of squares"),
         };
+        if c.cost.is_some() && c.f.n_out() > 1 {
+            return refuse(
+                "costs with maxima of several values: take an additional control, which is no less than each of them",
+            );
+        }
         // one constraint with two prices is one row
         let same = |o: &&mut Stated| {
             std::sync::Arc::ptr_eq(&o.f, &c.f) && o.place == place && o.lower == c.lower && o.upper == c.upper

@@ -7,7 +7,7 @@ use super::terms::{combination, sum_of_squares, Stack};
 use super::{CostAt, Norm};
 use crate::error::Result;
 use crate::fesd::{Boundary, PathAt, PathConstraint, PathPairs, Terminal};
-use crate::func::Dims;
+use crate::func::{Dims, Maximum};
 use crate::system::{SharedFunction, System};
 
 const INF: f64 = f64::INFINITY;
@@ -40,11 +40,48 @@ pub(crate) struct Soft {
     pub at: Option<PathAt>,
     pub norm: Norm,
     pub weight: f64,
+    /// A kink of this cost rather than a constraint of the user: one slack is the maximum of 0 and of all outputs, and its price is a part
+    /// of the cost.
+    pub cost: Option<CostOf>,
+}
+
+/// Which cost a kink belongs to.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(crate) enum CostOf {
+    /// The cost rate.
+    Running,
+    /// The cost at the end.
+    Terminal,
 }
 
 impl Soft {
+    /// The kinks of a cost.
+    pub fn kinks(of: CostOf, kinks: &[Maximum]) -> impl Iterator<Item = Soft> + '_ {
+        kinks.iter().map(move |k| Soft {
+            f: k.of.clone(),
+            lower: vec![-INF; k.of.n_out()],
+            upper: vec![0.0; k.of.n_out()],
+            at: (of == CostOf::Running).then_some(PathAt::ControlGrid),
+            norm: if k.squared { Norm::L2 } else { Norm::L1 },
+            weight: k.weight,
+            cost: Some(of),
+        })
+    }
+
+    /// What [`Soft::kinks`] made this of.
+    pub fn maximum(&self) -> Maximum {
+        Maximum { weight: self.weight, of: self.f.clone(), squared: self.norm == Norm::L2 }
+    }
+
+    /// Is the slack of a stage what the cost has there at every moment: does a kink along the horizon see nothing that moves within a stage?
+    pub fn holds_within_stages(&self, linear: &[bool]) -> bool {
+        let (d, pattern) = (self.f.dims(), self.f.jac_pattern());
+        let moves = |c: usize| c < d.x || c == d.t_col() || linear.get(c - d.x).is_some_and(|l| *l);
+        self.cost != Some(CostOf::Running) || !(0..d.n_in()).any(|c| moves(c) && !pattern.rows(c).is_empty())
+    }
+
     fn n_slacks(&self) -> usize {
-        if self.norm == Norm::Linf {
+        if self.norm == Norm::Linf || self.cost.is_some() {
             1
         } else {
             self.f.n_out()
@@ -218,12 +255,16 @@ impl Extended {
     }
 }
 
-/// `c + s ≥ lower`, `c − s ≤ upper`.
+/// `c + s ≥ lower`, `c − s ≤ upper`; of a kink the latter alone.
 fn relaxed(c: &Soft, w: &Rewire, to: Dims, slacks: &[usize]) -> (SharedFunction, Vec<f64>, Vec<f64>) {
     let n = c.f.n_out();
     let slack = |i: usize| slacks[if slacks.len() == 1 { 0 } else { i }];
     let all: Vec<usize> = (0..to.n_in()).collect();
     let f = w.function(&c.f);
+    if c.cost.is_some() {
+        let shift = combination("slack", to, (0..n).map(|_| vec![(slack(0), -1.0)]).collect());
+        return (Stack::sum(c.f.name(), to, vec![f, shift]), c.lower.clone(), c.upper.clone());
+    }
     let twice = Stack::of(c.f.name(), to, vec![(f.clone(), all.clone()), (f, all)]);
     let shifts = (0..2 * n).map(|i| vec![(slack(i % n), if i < n { 1.0 } else { -1.0 })]).collect();
     let f = Stack::sum(c.f.name(), to, vec![twice, combination("slack", to, shifts)]);

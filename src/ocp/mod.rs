@@ -64,13 +64,16 @@ pub(crate) use terms::Linear;
 pub use transitions::JumpMade;
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use self::accuracy::Replay;
+pub(crate) use self::extend::CostOf;
 use self::extend::{Complementarity, LeastSquares, Soft};
 use self::solve::Built;
 
 use crate::error::{finite, Error, Result};
 use crate::fesd::{Boundary, PathAt, PathConstraint, Sizes, Terminal, Trajectory};
+use crate::func::{Kinked, Maximum};
 use crate::linalg::kkt::LinearStats;
 use crate::memory::sizes;
 use crate::mpcc::{Certificate, Polish};
@@ -292,20 +295,56 @@ impl Ocp {
         self.n_stages
     }
 
-    /// Sets the cost rate, one output.
+    /// Sets the cost rate, one output. Kinks ([`crate::expr::Graph::cost`]), as those of `|u|`, get a variable for every stage; they may see controls that
+    /// are constant by stage, and parameters.
+    ///
+    /// # Errors
+    /// [`Error::Unsupported`] for kinks in what moves within a stage: states, time, controls that are linear.
     pub fn set_lagrange(&mut self, f: SharedFunction) -> Result<()> {
-        self.check(&f, Some(1))?;
-        self.lagrange = Some(f);
+        self.lagrange = Some(self.take_kinks(f, CostOf::Running)?);
         self.changed();
         Ok(())
     }
 
-    /// Sets the terminal cost, one output.
+    /// Sets the terminal cost, one output; it may have kinks ([`crate::expr::Graph::cost`]).
     pub fn set_mayer(&mut self, f: SharedFunction) -> Result<()> {
-        self.check(&f, Some(1))?;
-        self.mayer = Some(f);
+        self.mayer = Some(self.take_kinks(f, CostOf::Terminal)?);
         self.changed();
         Ok(())
+    }
+
+    /// The smooth part of a cost; its kinks take the place of those that this cost had.
+    fn take_kinks(&mut self, f: SharedFunction, of: CostOf) -> Result<SharedFunction> {
+        self.check_sizes(&f, Some(1))?;
+        let (smooth, kinks) = f.kinked().map_or((f.clone(), &[][..]), |k| (k.smooth().clone(), k.kinks()));
+        let kinks: Vec<Soft> = Soft::kinks(of, kinks).collect();
+        for k in &kinks {
+            self.check_kink(k)?;
+        }
+        self.soft.retain(|s| s.cost != Some(of));
+        self.soft.extend(kinks);
+        Ok(smooth)
+    }
+
+    /// A cost with the kinks that were taken from it.
+    fn with_kinks(&self, smooth: Option<&SharedFunction>, of: CostOf) -> Result<Option<SharedFunction>> {
+        let own = self.soft.iter().filter(|s| s.cost == Some(of));
+        let kinks: Vec<Maximum> = own.map(Soft::maximum).collect();
+        Ok(match smooth {
+            Some(f) if !kinks.is_empty() => Some(Arc::new(Kinked::new(f.name(), f.clone(), kinks)?)),
+            f => f.cloned(),
+        })
+    }
+
+    fn check_kink(&self, kink: &Soft) -> Result<()> {
+        if kink.holds_within_stages(&self.linear) {
+            return Ok(());
+        }
+        Err(Error::Unsupported(format!(
+            "cost rate '{}': abs, min and max of states, of time or of controls that are linear within a stage switch between the control \
+             stages: make the cost the derivative of a further state of the model, and its value at the end the cost (set_mayer)",
+            kink.f.name()
+        )))
     }
 
     /// Adds a constraint along the horizon.
@@ -407,6 +446,17 @@ impl Ocp {
         Ok(())
     }
 
+    /// Constraints of the user come before the kinks of costs: their numbers are the user's.
+    fn push_soft(&mut self, soft: Soft) {
+        let at = self.n_relaxed();
+        self.soft.insert(at, soft);
+    }
+
+    /// Relaxed constraints of the user.
+    fn n_relaxed(&self) -> usize {
+        self.soft.iter().filter(|s| s.cost.is_none()).count()
+    }
+
     /// Adds a constraint that may be violated at a price: along the horizon, or with `at = None` at its end.
     pub fn add_relaxed(
         &mut self,
@@ -422,7 +472,7 @@ impl Ocp {
         if !(weight > 0.0 && weight.is_finite()) {
             return Err(Error::Range(format!("the weight of the violation is {weight}: it must be positive")));
         }
-        self.soft.push(Soft { f, lower: lower.to_vec(), upper: upper.to_vec(), at, norm, weight });
+        self.push_soft(Soft { f, lower: lower.to_vec(), upper: upper.to_vec(), at, norm, weight, cost: None });
         self.changed();
         Ok(())
     }
@@ -495,7 +545,27 @@ impl Ocp {
                 self.system.dims().u
             )));
         }
-        self.linear = linear.to_vec();
+        let before = std::mem::replace(&mut self.linear, linear.to_vec());
+        if let Some(e) = self.soft.iter().find_map(|s| self.check_kink(s).err()) {
+            self.linear = before;
+            return Err(e);
+        }
+        self.changed();
+        Ok(())
+    }
+
+    /// Adds a kink of a cost whose smooth part is set, as documents have them.
+    pub(crate) fn add_kink(&mut self, of: CostOf, kink: Maximum) -> Result<()> {
+        self.check(&kink.of, None)?;
+        if !(kink.weight > 0.0 && kink.weight.is_finite()) {
+            return Err(Error::Range(format!(
+                "the factor of a kink in the cost is {}: it must be positive",
+                kink.weight
+            )));
+        }
+        let kinks: Vec<Soft> = Soft::kinks(of, &[kink]).collect();
+        kinks.iter().try_for_each(|k| self.check_kink(k))?;
+        self.soft.extend(kinks);
         self.changed();
         Ok(())
     }
@@ -644,6 +714,13 @@ impl Ocp {
     }
 
     fn check(&self, f: &SharedFunction, n_out: Option<usize>) -> Result<()> {
+        if f.kinked().is_some() {
+            return Err(Error::Unsupported(format!("function '{}' has kinks, which only costs may have", f.name())));
+        }
+        self.check_sizes(f, n_out)
+    }
+
+    fn check_sizes(&self, f: &SharedFunction, n_out: Option<usize>) -> Result<()> {
         if f.dims() != self.system.dims() {
             return Err(Error::Dimension(format!(
                 "function '{}' takes other numbers of states, controls or parameters than the system",

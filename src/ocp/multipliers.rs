@@ -116,7 +116,7 @@ impl Ocp {
             MultipliersOf::Path(_) => self.path.len(),
             MultipliersOf::Terminal(_) => self.terminal.len(),
             MultipliersOf::Boundary(_) => self.boundary.len(),
-            MultipliersOf::Relaxed(_) => self.soft.len(),
+            MultipliersOf::Relaxed(_) => self.n_relaxed(),
             _ => 1,
         }
     }

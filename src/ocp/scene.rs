@@ -267,7 +267,7 @@ impl Ocp {
             }
         }
         let (mut violation, mut penalty) = (0f64, 0.0);
-        for (soft, at) in self.soft.iter().zip(&e.slacks) {
+        for (soft, at) in self.soft.iter().zip(&e.slacks).filter(|(s, _)| s.cost.is_none()) {
             soft.account(at, &slack_params, all, wide, &durations, &mut |most, cost| {
                 violation = violation.max(most);
                 penalty += cost;

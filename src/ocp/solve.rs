@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use super::accuracy::{self, Accuracy, Answer, Replay};
 use super::diagnosis::Case;
-use super::extend::{Extended, Slacks, Statement};
+use super::extend::{Extended, Statement};
 use super::identify::Identifier;
 use super::neighbours::Grid;
 use super::request::{Comparison, Request};
@@ -521,19 +521,11 @@ impl Ocp {
         let durations = problem.stage_lengths(&s.x);
         let params = problem.params_at(&s.x);
         let (mut violation, mut penalty) = (0f64, 0.0);
-        for (soft, at) in self.soft.iter().zip(&e.slacks) {
-            let mut take = |slacks: &[f64], duration: f64| {
-                violation = slacks.iter().fold(violation, |m, v| m.max(*v));
-                penalty += soft.penalty(slacks, duration);
-            };
-            match at {
-                Slacks::Params(r) => take(&params[r.clone()], 1.0),
-                Slacks::Controls(r) => {
-                    for (u, h) in controls.chunks_exact(wide).zip(&durations) {
-                        take(&u[r.clone()], *h);
-                    }
-                }
-            }
+        for (soft, at) in self.soft.iter().zip(&e.slacks).filter(|(s, _)| s.cost.is_none()) {
+            soft.account(at, &params, &controls, wide, &durations, &mut |most, cost| {
+                violation = violation.max(most);
+                penalty += cost;
+            });
         }
         let cost = match problem.cost(&s.x) {
             Ok(c) => c - penalty,

@@ -3251,13 +3251,14 @@ swb_expr_text(graph, expression, buf, len, needed) =
 """
     swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) -> swb_status
 
-A function with exact derivatives. It does not need the graph any more.
+A function with exact derivatives. It does not need the graph any more. With one output it may have abs, min and max in it as
+swb_ocp_set_lagrange says; others than the costs of optimal control problems refuse it then.
 
 @param[in]  name    used in messages, such as \"f0\"
 @param[in]  outputs [n_outputs]
 @param[out] out     the new object, NULL on failure; free with swb_function_free
 @return SWB_OK; SWB_ERR_DIMENSION if an input is outside its block; SWB_ERR_NONFINITE for constants that are not
-        finite; SWB_ERR_UNSUPPORTED for operators that switch
+        finite; SWB_ERR_UNSUPPORTED for other operators that switch
 """
 swb_expr_function(graph, name, nx, nu, np, outputs, n_outputs, out) =
     ccall(address(71), swb_status, (Ptr{swb_expr}, Cstring, Int64, Int64, Int64, Ptr{Int64}, Int64,
@@ -5244,16 +5245,20 @@ swb_ocp_create(system, horizon, n_stages, settings, out) =
 """
     swb_ocp_set_lagrange(ocp, f) -> swb_status
 
-Set the cost rate, one output: its integral over the horizon is minimised.
+Set the cost rate, one output: its integral over the horizon is minimised. Expressions (swb_expr_function) may have abs, min and max in
+them where these point down, as a sum of smooth terms and of maxima with positive factors does: their arguments may be
+controls that are constant by stage, and parameters. A program has a variable in every stage for each.
 
-@return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
+@return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit; SWB_ERR_UNSUPPORTED for abs, min and max of what moves within a
+        stage: make such a cost the derivative of a further state of the model, and its value at the end the terminal cost
 """
 swb_ocp_set_lagrange(ocp, f) = ccall(address(233), swb_status, (Ptr{swb_ocp}, Ptr{swb_function}), ocp, f)
 
 """
     swb_ocp_set_mayer(ocp, f) -> swb_status
 
-Set the terminal cost, one output; its control is that of the last stage.
+Set the terminal cost, one output; its control is that of the last stage. It may have abs, min and max in it as the cost rate, of
+states, too.
 
 @return SWB_OK; SWB_ERR_DIMENSION if the sizes of the function do not fit
 """

@@ -226,8 +226,10 @@ def test_refusals():
         m.derivative(m.t, q)
     with pytest.raises(swb.DimensionError):
         m.derivatives = [q]
+    with pytest.raises(swb.UnsupportedError, match="nowhere else"):
+        m.function(swb.sign(q))
     with pytest.raises(swb.UnsupportedError, match="not evaluated"):
-        m.function(abs(q))
+        m.function([abs(q), q])
     with pytest.raises(swb.NonfiniteError):
         m.function(q * float("nan"))
     with pytest.raises(swb.RangeError, match="no table"):

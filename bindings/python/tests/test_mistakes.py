@@ -33,6 +33,13 @@ def swing():
     return swb.Ocp(m, horizon=1.0, n_stages=2, lagrange=m.F**2, initial_state=[1.0, 0.0])
 
 
+def swing_of(of, constraint=False):
+    m = Model(states="q v", controls="F")
+    m.derivatives = [m.v, m.F - m.q]
+    ocp = swb.Ocp(m, horizon=1.0, n_stages=2, initial_state=[1.0, 0.0])
+    return ocp.add_path(of(m.F), None, [1.0]) if constraint else ocp.set_lagrange(of(m.q))
+
+
 def between():
     m = Model(states="q")
     m.derivatives = [-m.q]
@@ -58,11 +65,9 @@ MISTAKES = {
     "a derivative forgotten": (no_derivative, swb.ArgumentError, r"no derivative is given for v"),
     "math.sin": (lambda: first_order(lambda m: math.sin(m.q)), TypeError, r"use swb.sin or numpy.sin instead of math.sin"),
     "if in a model": (lambda: first_order(lambda m: 1 if m.q > 0 else 2), TypeError, r"use where, &, \| and ~, not if"),
-    "abs in a cost": (
-        lambda: (lambda m: m.function(abs(m.q)))(spring()),
-        swb.UnsupportedError,
-        r"a further state.*for abs\(a\), bound s - a and s \+ a below by 0",
-    ),
+    "sign in a cost": (lambda: (lambda m: m.function(swb.sign(m.q)))(spring()), swb.UnsupportedError, r"sums of smooth terms.*a further state"),
+    "abs of a state in a cost": (lambda: swing_of(abs), swb.UnsupportedError, r"the derivative of a further state"),
+    "abs in a constraint": (lambda: swing_of(abs, constraint=True), swb.UnsupportedError, r"abs\(a\) <= b as -b <= a <= b"),
     "t_eval": (lambda: simulated(t_eval=[0.5]), swb.ArgumentError, r"call the result, run\(t_eval\)"),
     "args": (lambda: simulated(args=(1,)), swb.ArgumentError, r"parameters of the model are p="),
     "typo in an option": (lambda: simulated(rtoll=1e-6), swb.OptionError, r"unknown option 'rtoll'; did you mean 'rtol'\?"),

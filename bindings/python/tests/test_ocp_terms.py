@@ -155,3 +155,66 @@ def test_a_ball_bounces_between_two_phases():
         swb.MultiPhase([fall])
     with pytest.raises(swb.DimensionError):
         swb.MultiPhase([])
+
+
+def least_by_lp(price, n, horizon, limit):
+    """Least sum of `h max(a)` over prices `a(u) = k u`, by a linear program: from rest to rest at a distance of 1 with forces constant by stage."""
+    linprog = pytest.importorskip("scipy.optimize").linprog
+    h = horizon / n
+    later = h * np.arange(n - 1, -1, -1)
+    reach = np.stack([h * (h / 2 + later), np.full(n, h)])  # what a force adds to position and velocity
+    rows = [np.hstack([k * np.eye(n), -np.eye(n)]) for k in (*price, 0.0)]
+    r = linprog(
+        np.hstack([np.zeros(n), np.full(n, h)]), np.vstack(rows), np.zeros(n * len(rows)), np.hstack([reach, 0 * reach]), [1.0, 0.0],
+        bounds=[(-limit, limit)] * n + [(0, None)] * n,
+    )  # fmt: skip
+    assert r.success
+    return r.fun
+
+
+@pytest.mark.parametrize("price", [(1.0, -1.0), (2.0,), (1.0, -0.25)])
+def test_costs_with_kinks(price):
+    """`abs`, `maximum` and sums of them in costs are what a linear program says, without modes, and from a document again."""
+    m = swb.Model(states="q v", controls="u")
+    u = m.u[0]
+    m.derivatives = [m.v, u]
+    cost = swb.maximum(*(k * u for k in price), 0) if len(price) == 1 else swb.maximum(*(k * u for k in price))
+    ocp = swb.Ocp(m, 3.0, 15, initial_state=[0, 0], control_bounds=(-1, 1), lagrange=cost)
+    ocp.add_terminal(m.x, [1, 0], [1, 0])
+    r = ocp.solve()
+    expected = least_by_lp(price, 15, 3.0, 1.0)
+    assert r.cost == pytest.approx(expected, abs=1e-9) and r.optimality.verdict == "local_optimum"
+    assert r.stats.n_pairs == 0 and abs(r.accuracy.cost_error) < 1e-9
+    assert swb.Ocp.from_json(ocp.to_json()).solve().cost == pytest.approx(expected, abs=1e-9)
+
+
+def test_costs_with_kinks_beside_transitions_phases_and_feedback():
+    m = swb.Model(states="room", controls="u")
+    u = m.u[0]
+    hot = m.hysteresis(m.room, on=22.0, off=18.0)
+    m.derivatives = [-0.2 * (m.room - 15) + u - 2.0 * hot]
+    ocp = swb.Ocp(m, 6.0, 12, n_fe=3, initial_state=[17], control_bounds=(0, 3))
+    ocp.set_lagrange(swb.maximum(u - 1, 0) + 0.1 * u)
+    ocp.set_mayer(2 * abs(m.room - 21))
+    r = ocp.solve()
+    by_stage = 0.5 * (np.maximum(r.controls - 1, 0) + 0.1 * r.controls).sum() + 2 * abs(r.trajectory(6.0)[0] - 21)
+    assert r.cost == pytest.approx(by_stage, abs=1e-8) and abs(r.accuracy.cost_error) < 1e-6
+
+    m = swb.Model(states="q v", controls="u")
+    u = m.u[0]
+    m.derivatives = [m.v, u]
+    ways = [swb.Ocp(m, 1.5, 5, control_bounds=(-1, 1), lagrange=abs(u)) for _ in range(2)]
+    ways[0].set_initial_state([0, 0])
+    ways[1].add_terminal(m.x, [1, 0], [1, 0])
+    both = swb.MultiPhase(ways)
+    both.link_continuous(0)
+    r = both.solve()
+    assert r.cost == pytest.approx(least_by_lp((1.0, -1.0), 10, 3.0, 1.0), abs=1e-8)
+
+    ocp = swb.Ocp(m, 3.0, 15, initial_state=[0, 0], control_bounds=(-1, 1), lagrange=abs(u) + 0.1 * m.q**2 + 0.1 * m.v**2)
+    ocp.set_mayer(5 * m.q**2 + 5 * m.v**2)
+    with swb.Nmpc(ocp) as c:
+        loop = swb.closed_loop(c, m, [1.0, 0.0], 40)
+    assert np.abs(loop.x[-1]).max() < 0.2
+    # it coasts: no smooth cost has forces that are zero
+    assert (np.abs(loop.u) < 1e-6).sum() >= 5

@@ -23,7 +23,7 @@ use super::extend::{Extended, Statement};
 use super::optimality::{Kink, Optimality, OTHER};
 use super::request::{Comparison, Request};
 use super::solve::Start;
-use super::{Durations, Ocp, OcpResult};
+use super::{CostOf, Durations, Ocp, OcpResult};
 use crate::error::{Error, Result};
 use crate::fesd::Sizes;
 use crate::nlp::{Control, Outcome, SecondOrder, Statistics};
@@ -218,10 +218,12 @@ impl Ocp {
             return Ok(Accuracy::stopped(self.n_stages, nx, why));
         }
         // without relaxed constraints: their price is no part of the cost that is compared
+        let lagrange = self.with_kinks(self.lagrange.as_ref(), CostOf::Running)?;
+        let mayer = self.with_kinks(self.mayer.as_ref(), CostOf::Terminal)?;
         let e = Extended::new(&Statement {
             system: &self.system,
-            lagrange: self.lagrange.as_ref(),
-            mayer: self.mayer.as_ref(),
+            lagrange: lagrange.as_ref(),
+            mayer: mayer.as_ref(),
             path: &[],
             terminal: &self.terminal,
             boundary: &[],

@@ -79,8 +79,7 @@ def _packed(ids: numpy.ndarray) -> numpy.ndarray:
 
 _SMOOTH = (
     "A cost is stated with a further state instead: make it the derivative of that state, and its value at the end the cost (set_mayer). "
-    "A constraint, and a cost too, may have an additional control s in its place: for abs(a), bound s - a and s + a below by 0 (add_path) "
-    "and put s into the cost"
+    "A constraint may have an additional control s in its place: for abs(a), bound s - a and s + a below by 0 (add_path)"
 )
 
 
@@ -831,7 +830,9 @@ class Model(Named):
         return s
 
     def function(self, outputs: Any, name: str = "f") -> Function:
-        """A function of the variables of the model with exact derivatives: for costs and constraints."""
+        """A function of the variables of the model with exact derivatives: for costs and constraints. One output may have `abs`, `minimum`
+        and `maximum` in it where these point down (`abs(u)`, `maximum(u, 0)**2`): it is a cost, of `Ocp.set_lagrange` or `set_mayer`, and nothing
+        else."""
         return self.graph.function(outputs, self.nx, self.nu, self.np, name)
 
     def between_ends(self, outputs: Callable[[Expr, Expr], Any], name: str = "ends") -> Function:

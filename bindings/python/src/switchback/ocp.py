@@ -344,7 +344,8 @@ class Ocp(Hints, OcpTerms, OcpSearch):
         return ocp
 
     def set_lagrange(self, f: Any) -> None:
-        """Set the cost rate, one output: its integral over the horizon is minimised."""
+        """Set the cost rate, one output: its integral over the horizon is minimised. Expressions may have `abs`, `minimum` and `maximum` of
+        controls in it where these point down, as `abs(u)` does: each is a variable of the program, without modes."""
         function = self._function(f, 1, "lagrange")
         self._do("set_lagrange", function)
         self._functions.append(function)
