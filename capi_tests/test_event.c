@@ -293,7 +293,8 @@ static void stepping(void)
     swb_run_stats stats;
     struct steps steps = {0, 0, -1, -1.0, NULL};
     const double x0 = -1.0, p = 0.5, u = 0.5, tight = 1e-10, stops[] = {0.5, 0.125, 9.0};
-    double x, t;
+    const double at[] = {0.0, 0.25, 0.5, 1.0}, falling[] = {1.5, 1.25};
+    double x, t, found[4];
     int32_t kind = -1, outcome = -1;
     int lines[8] = {0};
 
@@ -326,6 +327,23 @@ static void stepping(void)
     CHECK_OK(swb_integrator_advance(i, 1.5, &outcome));
     CHECK_OK(swb_integrator_get_state(i, &x, 1));
     CHECK_NEAR(x, 2.5, 1e-12);
+
+    /* states at times: the switch, and what was reached; no step ends for them */
+    steps.t = -1.0;
+    CHECK_OK(swb_integrator_reinit(i, 0.0, &x0, 1));
+    CHECK_OK(swb_integrator_sample(i, at, 4, found, 4, &outcome));
+    CHECK(outcome == SWB_RUN_OUTCOME_REACHED);
+    CHECK(found[0] == -1.0);
+    CHECK_NEAR(found[1], 0.0, 1e-12);
+    CHECK_NEAR(found[2], 0.5, 1e-12);
+    CHECK_NEAR(found[3], 1.5, 1e-12);
+    CHECK_OK(swb_integrator_get_time(i, &t));
+    CHECK(t == 1.0);
+    CHECK_OK(swb_integrator_sample(i, NULL, 0, NULL, 0, NULL));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_sample(i, at, 4, found, 4, &outcome));
+    CHECK_STATUS(SWB_ERR_RANGE, swb_integrator_sample(i, falling, 2, found, 2, &outcome));
+    CHECK_STATUS(SWB_ERR_DIMENSION, swb_integrator_sample(i, falling, 1, found, 2, &outcome));
+    CHECK_STATUS(SWB_ERR_NULL, swb_integrator_sample(i, falling, 1, NULL, 1, &outcome));
 
     /* stop times, in any order */
     CHECK_OK(swb_integrator_set_stop_times(i, stops, 3));

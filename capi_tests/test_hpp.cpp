@@ -416,6 +416,9 @@ static void events() {
     CHECK(std::abs(g.x0[0] - s[0]) < 1e-9 && std::abs(g.x0[1] - s[2]) < 1e-9 && g.p.empty());
     CHECK(std::abs(i.adjoint({0.0, 0.0}, {}, {}, {0}, {1.0}).x0[0] + std::exp(1.0)) < 1e-8);
     CHECK(status_of([&] { i.advance(0.0); }) == SWB_ERR_RANGE);
+    i.reinit(0.0, {std::exp(-1.0), 0.0});
+    const swb::Vector sampled = i.sample({0.3, end}), before = run.at({0.3});
+    CHECK(sampled.size() == 4 && std::abs(sampled[0] - before[0]) < 1e-12 && std::abs(sampled[2] - i.state()[0]) < 1e-12);
 
     i.on_step([](const swb_progress &) -> bool { throw std::logic_error("thrown in a step"); });
     i.reinit(0.0, {std::exp(-1.0), 0.0});

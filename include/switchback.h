@@ -6039,6 +6039,24 @@ swb_status swb_integrator_advance(struct swb_integrator *integrator,
                                   int32_t *outcome);
 
 /**
+ * Integrate to the last of the times, and write the states at all of them, which are on the dense output of the steps: no step ends for
+ * them, and the dense output of the run need not be kept. At a switch the state before it counts.
+ *
+ * @param[in]  t       [n] increasing, none behind the present time; none: nothing is done
+ * @param[out] x       [n * nx] states, those of a time together; NaN at times that the simulation did not reach
+ * @param[in]  n_x     n * nx
+ * @param[out] outcome an enum swb_run_outcome; may be NULL
+ * @return as swb_integrator_step; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a time is not finite or the times do not increase
+ */
+SWB_API
+swb_status swb_integrator_sample(struct swb_integrator *integrator,
+                                 const double *t,
+                                 int64_t n,
+                                 double *x,
+                                 int64_t n_x,
+                                 int32_t *outcome);
+
+/**
  * Derivatives of the dense output with respect to time at a time in the last step.
  *
  * @param[in]  k   order of the derivative, 0 for the state

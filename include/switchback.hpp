@@ -859,6 +859,12 @@ public:
         detail::check(swb_integrator_advance(get(), t, &o));
         return static_cast<swb_run_outcome>(o);
     }
+    /// Integrates to the last of the times: the states at all of them, one after the other. No step ends for them.
+    Vector sample(View times) {
+        Vector out(static_cast<std::size_t>(times.length() * nx_));
+        detail::check(swb_integrator_sample(get(), times.data(), times.length(), out.data(), times.length() * nx_, nullptr));
+        return out;
+    }
     /// `k`-th derivative of the dense output at a time in the last step.
     Vector dky(double t, int64_t k) {
         Vector out(static_cast<std::size_t>(nx_));

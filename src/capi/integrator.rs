@@ -369,6 +369,42 @@ pub unsafe extern "C" fn swb_integrator_advance(
     })
 }
 
+/// Integrate to the last of the times, and write the states at all of them, which are on the dense output of the steps: no step ends for
+/// them, and the dense output of the run need not be kept. At a switch the state before it counts.
+///
+/// @param[in]  t       [n] increasing, none behind the present time; none: nothing is done
+/// @param[out] x       [n * nx] states, those of a time together; NaN at times that the simulation did not reach
+/// @param[in]  n_x     n * nx
+/// @param[out] outcome an enum swb_run_outcome; may be NULL
+/// @return as swb_integrator_step; SWB_ERR_DIMENSION; SWB_ERR_RANGE if a time is not finite or the times do not increase
+#[no_mangle]
+pub unsafe extern "C" fn swb_integrator_sample(
+    integrator: *mut swb_integrator,
+    t: *const f64,
+    n: i64,
+    x: *mut f64,
+    n_x: i64,
+    outcome: *mut i32,
+) -> swb_status {
+    guard(|| unsafe {
+        let times = raw::slice(t, n, "t")?;
+        let reached = handle::with_mut(integrator, |o| {
+            let wanted = times.len().checked_mul(o.state().len());
+            if usize::try_from(n_x).ok() != wanted {
+                let nx = o.state().len();
+                return Err(Error::Dimension(format!(
+                    "x has room for {n_x} values: {n} times and {nx} states need others"
+                )));
+            }
+            let states = o.sample(times)?;
+            raw::write_slice(x, n_x, &states, "x")?;
+            Ok(ending_number(o.ending().0))
+        })?;
+        raw::write_optional(outcome, reached);
+        Ok(())
+    })
+}
+
 /// Derivatives of the dense output with respect to time at a time in the last step.
 ///
 /// @param[in]  k   order of the derivative, 0 for the state

@@ -293,6 +293,19 @@ impl Integrator {
         Ok(())
     }
 
+    /// Integrates to the last of the times, and gives back the states at all of them, see [`Engine::want_samples`].
+    ///
+    /// # Errors
+    /// Those of [`Engine::want_samples`] and [`Integrator::run`].
+    pub fn sample(&mut self, times: &[f64]) -> Result<Vec<f64>> {
+        self.prepare()?;
+        self.engine.get().want_samples(times)?;
+        let r = times.last().map_or(Ok(StepKind::Done), |&t| self.run(t, false));
+        // also where it failed: nothing is asked for any more
+        let states = self.engine.get().take_samples();
+        r.map(|_| states)
+    }
+
     /// Integrates to `t`, or does one step only.
     ///
     /// # Errors

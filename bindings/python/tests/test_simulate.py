@@ -113,6 +113,42 @@ def test_stepping():
         run(0.5)
 
 
+def test_states_at_times():
+    run = swb.simulate(oscillator(), OSCILLATOR_X0, OSCILLATOR_T)
+    with swb.Integrator(oscillator()) as i:
+        i.reinit(OSCILLATOR_X0)
+        times = [0.0, 0.3, 0.3, 1.0, 1.2, OSCILLATOR_T]
+        x = i.sample(times)
+        assert x.shape == (6, 2) and np.array_equal(x[0], OSCILLATOR_X0) and i.time == OSCILLATOR_T
+        assert np.allclose(x, run(times), rtol=0, atol=1e-13) and np.allclose(x[-1], i.state, rtol=0, atol=1e-13)
+        assert i.stats.steps == run.stats.steps  # none ends for them
+        assert i.sample([]).shape == (0, 2) and i.sample(OSCILLATOR_T + 0.1).shape == (1, 2)
+        for nonsense in ([0.1], [9.0, 8.0], [np.nan]):
+            with pytest.raises(swb.RangeError):
+                i.sample(nonsense)
+        with pytest.raises(swb.DimensionError):
+            i.sample([[9.0]])
+        with pytest.raises(AttributeError, match="sample"):
+            i.t_eval
+    # what is not reached is not known
+    with swb.Integrator(oscillator(), h_max=0.1, on_step=lambda s: s.t > 0.4) as i:
+        i.reinit(OSCILLATOR_X0)
+        x = i.sample([0.2, 1.0])
+        assert i.outcome == swb.RunOutcome.STOPPED and np.isfinite(x[0]).all() and np.isnan(x[1]).all()
+    # pieces of one step: impacts that accumulate are passed by time stepping, states that jump are those before
+    m = swb.Model(states=["q", "v"])
+    m.derivatives = [m.v, -1.0]
+    m.transition(m.q < 0, reset={m.v: -0.5 * m.v})
+    starts, times = [0.5, 0.0], np.linspace(0.0, 5.0, 101)
+    run = swb.simulate(m, starts, 5.0)
+    with swb.Integrator(m) as i:
+        i.reinit(starts)
+        x = i.sample(times)
+        assert i.outcome == run.outcome
+        known = times <= i.time
+        assert np.allclose(x[known], run(times[known]), rtol=0, atol=1e-9) and np.isnan(x[~known]).all()
+
+
 def test_stops():
     r = swb.simulate(oscillator(), OSCILLATOR_X0, 1.0, on_step=lambda s: s.t > 0.4, h_max=0.1)
     assert not r.success and r.outcome == swb.RunOutcome.STOPPED and 0.4 < r.t_end < 0.6 and r.reason

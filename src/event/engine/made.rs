@@ -5,6 +5,7 @@ use super::chatter::Window;
 use super::contact::SceneRoom;
 use super::control::{Cut, FirstStep, Pace};
 use super::limit_set::Shrinking;
+use super::record::Sampled;
 use super::{Engine, EPS};
 use crate::dcs::Dcs;
 use crate::error::{finite, Error, Result};
@@ -166,6 +167,7 @@ impl Engine {
             arbiter: None,
             stats: Statistics::default(),
             path: options.dense.then(|| Path::new(nx)),
+            sampled: Sampled::default(),
             sens,
             tape: options.adjoint.then(Tape::default),
             discrete: system.discrete_states(),
@@ -240,6 +242,7 @@ impl Engine {
         self.radau.factorisations = 0;
         self.dense_ready = false;
         self.step.h = 0.0;
+        self.sampled = Sampled::default();
         if let Some(p) = &mut self.path {
             p.clear();
         }

@@ -26,6 +26,7 @@ use self::chatter::Window;
 use self::contact::SceneRoom;
 use self::control::{Beyond, Cut, FirstStep, Pace, Tried};
 use self::limit_set::Shrinking;
+use self::record::Sampled;
 use self::search::Found;
 use super::bernstein::{Coefficients, Sampler};
 use super::explicit::Pair;
@@ -211,6 +212,7 @@ pub struct Engine {
     arbiter: Option<Arbiter>,
     stats: Statistics,
     path: Option<Path>,
+    sampled: Sampled,
     sens: Option<Sens>,
     tape: Option<Tape>,
     /// States that only transitions move.
@@ -655,13 +657,9 @@ impl Engine {
 
     /// Takes the step over.
     fn accept(&mut self, t1: f64) -> Result<()> {
-        if let Some(mut p) = self.path.take() {
-            let r = self.save_dense();
-            if r.is_ok() {
-                p.push(self.step.t, t1, self.step.h, &self.step.poly);
-            }
-            self.path = Some(p);
-            r?;
+        if self.path.is_some() || self.sampled.are_wanted(t1) {
+            self.save_dense()?;
+            self.note_piece(t1);
         }
         self.differentiate_step(t1)?;
         if let Some(c) = self.touched.take() {
@@ -685,9 +683,8 @@ impl Engine {
         for i in 0..self.nx {
             (self.x[i], self.f[i]) = (self.step.x1[i], self.step.f1[i]);
         }
-        let n = self.watches.len();
-        self.w0[..n].copy_from_slice(&self.w1[..n]);
-        for l in 0..n {
+        for l in 0..self.watches.len() {
+            self.w0[l] = self.w1[l];
             // what is a little below zero and rises does not vanish there
             let below = self.watches[l].may_begin_below() && self.w1[l] < 0.0;
             self.depart[l] = if self.resting[l] { 2 } else { u8::from(below) };

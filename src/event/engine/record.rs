@@ -1,14 +1,75 @@
 //! What a run leaves: dense output and the log of switches.
 
 use super::{recover, Engine, EPS};
-use crate::error::{Error, Result};
+use crate::error::{finite, Error, Result};
 use crate::event::explicit;
 use crate::event::path;
 use crate::event::sets;
 use crate::event::{Contact, Kind, Switch};
 use crate::func::EvalError;
+use crate::memory;
+
+/// States at times that were asked for before.
+#[derive(Debug, Default)]
+pub(super) struct Sampled {
+    /// In their order, and how many of them are known.
+    times: Vec<f64>,
+    known: usize,
+    /// Their states, one after the other; NaN where they are not known.
+    states: Vec<f64>,
+}
+
+impl Sampled {
+    /// Are there any up to this time?
+    pub(super) fn are_wanted(&self, t1: f64) -> bool {
+        self.times.get(self.known).is_some_and(|t| *t <= t1)
+    }
+
+    /// Writes those up to time `t1`.
+    fn write(&mut self, t1: f64, nx: usize, mut state: impl FnMut(f64, &mut [f64])) {
+        while let Some(&t) = self.times.get(self.known).filter(|t| **t <= t1) {
+            state(t, &mut self.states[self.known * nx..(self.known + 1) * nx]);
+            self.known += 1;
+        }
+    }
+}
 
 impl Engine {
+    /// Asks for the states at these times, which increase and do not lie behind, on the way that comes: they are on the dense output of
+    /// the steps, of which none is kept and none ends for them. At a switch the step before it counts.
+    pub fn want_samples(&mut self, times: &[f64]) -> Result<()> {
+        finite("time", times, times.len())?;
+        if let Some(t) = times.iter().find(|t| **t < self.t) {
+            return Err(Error::Range(format!("time {t} lies behind: {} is reached", self.t)));
+        }
+        if let Some(w) = times.windows(2).find(|w| w[1] < w[0]) {
+            return Err(Error::Range(format!("times must increase: {} comes behind {}", w[1], w[0])));
+        }
+        let mut s = Sampled::default();
+        memory::reserve(&mut s.times, times.len())?;
+        memory::reserve(&mut s.states, times.len() * self.nx)?;
+        s.times.extend_from_slice(times);
+        s.states.resize(times.len() * self.nx, f64::NAN);
+        self.sampled = s;
+        Ok(())
+    }
+
+    /// The states asked for, one after the other, which are not asked for any more; NaN at times behind the one reached.
+    pub fn take_samples(&mut self) -> Vec<f64> {
+        let (t, nx, x) = (self.t, self.nx, &self.x);
+        self.sampled.write(t, nx, |_, out| out.copy_from_slice(x));
+        std::mem::take(&mut self.sampled).states
+    }
+
+    /// A piece of the dense output, which stands in the step, ends at time `t1`.
+    pub(super) fn note_piece(&mut self, t1: f64) {
+        let s = &self.step;
+        if let Some(p) = &mut self.path {
+            p.push(s.t, t1, s.h, &s.poly);
+        }
+        self.sampled.write(t1, self.nx, |t, out| s.at((t - s.t) / s.h, out));
+    }
+
     /// `k`-th derivative of the dense output at a time in the last step.
     pub fn get_dky(&mut self, t: f64, k: usize, out: &mut [f64]) -> Result<()> {
         if out.len() != self.nx {

@@ -256,8 +256,6 @@ impl Engine {
             (p[0], p[1]) = (self.x[i], x1[i] - self.x[i]);
         }
         self.dense_ready = true;
-        if let Some(p) = &mut self.path {
-            p.push(s.t, t1, s.h, &s.poly);
-        }
+        self.note_piece(t1);
     }
 }

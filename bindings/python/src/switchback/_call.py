@@ -30,12 +30,10 @@ _live_lock = threading.RLock()
 class Frame:
     """What the callbacks of one running call have to say to it."""
 
-    __slots__ = ("error", "undefined", "stop")
-
-    def __init__(self) -> None:
-        self.error: BaseException | None = None
-        self.undefined: Undefined | None = None
-        self.stop = False
+    # of the class, until a callback says something: to make an object without a constructor is cheap
+    error: BaseException | None = None
+    undefined: Undefined | None = None
+    stop = False
 
 
 class _Frames(threading.local):
@@ -86,7 +84,7 @@ class Interrupts:
             self.previous(number, where)
 
     def __enter__(self) -> Interrupts:
-        if threading.current_thread() is threading.main_thread():
+        if threading.get_ident() == threading.main_thread().ident:
             handler = getsignal(_SIGINT)
             if callable(handler):
                 self.previous = handler
@@ -98,15 +96,6 @@ class Interrupts:
             set_signal(_SIGINT, self.previous)
             if self.pending is not None and error is None:
                 self.previous(*self.pending)
-
-
-class _Nothing:
-    def __enter__(self) -> None: ...
-
-    def __exit__(self, *_: Any) -> None: ...
-
-
-_nothing = _Nothing()
 
 
 _C_NAMES = re.compile(r"\b(enum )?swb_([a-z0-9_]+)\b")
@@ -135,6 +124,14 @@ def check(status: int, cause: BaseException | None = None) -> None:
         raise from_status(status, message, lib.swb_last_user_code()) from cause
 
 
+def _framed(stack: list[Frame], current: Frame, function: Callable[..., int], converted: list[Any]) -> int:
+    stack.append(current)
+    try:
+        return function(*converted)
+    finally:
+        stack.remove(current)
+
+
 def call(function: Callable[..., int], *arguments: Any, interruptible: bool = False) -> None:
     """Call the library; objects among the arguments are kept alive and stand for their handles.
 
@@ -151,12 +148,11 @@ def call(function: Callable[..., int], *arguments: Any, interruptible: bool = Fa
                 held.append(a)
                 a = a._handle
             converted.append(a)
-        with Interrupts(current) if interruptible else _nothing:
-            stack.append(current)
-            try:
-                status = function(*converted)
-            finally:
-                stack.remove(current)
+        if interruptible:
+            with Interrupts(current):
+                status = _framed(stack, current, function, converted)
+        else:
+            status = _framed(stack, current, function, converted)
     finally:
         for h in held:
             h._release()
@@ -235,12 +231,19 @@ class Handle:
             live[self._kind] += 1
         self._finalizer = weakref.finalize(self, _free, self._kind, handle)
 
+    def _unmade(self) -> StateError:
+        return StateError(f"{type(self).__name__} was not created: its constructor did not finish")
+
+    def _gone(self) -> StateError:
+        return StateError(f"{type(self).__name__} is closed")
+
     def _hold(self) -> None:
-        if self._finalizer is None:
-            raise StateError(f"{type(self).__name__} was not created: its constructor did not finish")
+        finalizer = self._finalizer
+        if finalizer is None:
+            raise self._unmade()
         with self._lock:
-            if not self._finalizer.alive:
-                raise StateError(f"{type(self).__name__} is closed")
+            if not finalizer.alive:
+                raise self._gone()
             self._uses += 1
 
     def _release(self) -> None:
@@ -272,6 +275,19 @@ class Handle:
 
     def _do(self, name: str, *arguments: Any, interruptible: bool = False) -> None:
         call(getattr(lib, f"swb_{self._kind}_{name}"), self, *arguments, interruptible=interruptible)
+
+    def _read(self, function: Callable[..., int], *arguments: Any) -> None:
+        """Call what only copies something out. It calls nobody back and ends at once, so it leaves nothing behind and there is nothing
+        to stop; the lock is held meanwhile, so that nobody frees the object."""
+        finalizer = self._finalizer
+        if finalizer is None:
+            raise self._unmade()
+        with self._lock:
+            if not finalizer.alive:
+                raise self._gone()
+            status = function(self._handle, *arguments)
+        if status:
+            check(status)
 
     def _get(self, name: str, kind: Any) -> Any:
         out = kind()

@@ -1261,6 +1261,7 @@ FUNCTIONS = {
     "swb_integrator_set_decider": (c_int32, [c_void_p, swb_decide_fn, c_void_p]),
     "swb_integrator_step": (c_int32, [c_void_p, c_double, c_void_p]),
     "swb_integrator_advance": (c_int32, [c_void_p, c_double, c_void_p]),
+    "swb_integrator_sample": (c_int32, [c_void_p, c_void_p, c_int64, c_void_p, c_int64, c_void_p]),
     "swb_integrator_get_dky": (c_int32, [c_void_p, c_double, c_int64, c_void_p, c_int64]),
     "swb_integrator_get_time": (c_int32, [c_void_p, c_void_p]),
     "swb_integrator_get_state": (c_int32, [c_void_p, c_void_p, c_int64]),

@@ -55,6 +55,10 @@ __all__ = [
     "simulate_batch",
 ]
 
+# to look a member up takes less than to call its enumeration
+_KINDS = {int(k): k for k in ProgressKind}
+_OUTCOMES = {int(o): o for o in RunOutcome}
+
 OnStep = Callable[[Step], Any]
 OnBranching = Callable[[Branching], Any]
 
@@ -134,6 +138,7 @@ class Integrator(Hints, Handle, HasSettings):
 
     _instead = {
         "t": "the time reached is integrator.time, the state integrator.state",
+        "t_eval": "sample(t) integrates to the last of the times and returns the states at all of them",
         "x": "the state reached is integrator.state, the time integrator.time",
         "y": "the state reached is integrator.state, the time integrator.time",
         "solve": "advance(t) integrates to a time, step(t) does one step",
@@ -160,6 +165,8 @@ class Integrator(Hints, Handle, HasSettings):
         chosen, tolerances = _chosen(settings, {"rtol": rtol, "atol": atol, "method": method}, options)
         on_log, _ = monitors(chosen, verbose, on_log)
         self._p: Array | None = None
+        self._room = numpy.empty(self.nx)
+        self._room_at = address(self._room)
         self._create(self.system, ctypes.byref(chosen._c))
         self._functions = list(self.system._functions)
         if tolerances is not None:
@@ -239,13 +246,24 @@ class Integrator(Hints, Handle, HasSettings):
         """Do one step, not beyond `t_stop` nor a stop time."""
         kind = ctypes.c_int32()
         self._do("step", number(t_stop, "t_stop"), ctypes.byref(kind), interruptible=True)
-        return ProgressKind(kind.value)
+        return _KINDS[kind.value]
 
     def advance(self, t: float) -> RunOutcome:
         """Integrate to the time `t`, exactly."""
         outcome = ctypes.c_int32()
         self._do("advance", number(t, "t"), ctypes.byref(outcome), interruptible=True)
-        return RunOutcome(outcome.value)
+        return _OUTCOMES[outcome.value]
+
+    def sample(self, t: Any) -> Array:
+        """Integrate to the last of the times, which increase, and return the states at all of them, [n, nx]. No step ends for them: they
+        are on the dense output of the steps, which is not kept for that. At a switch the state before it counts; NaN at times that
+        were not reached, see `outcome`."""
+        times = numpy.atleast_1d(real(t, "t"))
+        if times.ndim != 1:
+            raise DimensionError(f"t has shape {times.shape}, expected (n,)")
+        out = numpy.empty((times.size, self.nx))
+        self._do("sample", address(times), times.size, address(out), out.size, None, interruptible=True)
+        return out
 
     def get_dky(self, t: float, k: int = 0) -> Array:
         """`k`-th derivative of the dense output at a time in the last step."""
@@ -293,27 +311,34 @@ class Integrator(Hints, Handle, HasSettings):
     @property
     def time(self) -> float:
         """Time reached."""
-        return self._get("get_time", ctypes.c_double)
+        out = ctypes.c_double()
+        self._read(lib.swb_integrator_get_time, ctypes.byref(out))
+        return out.value
 
-    def _state(self, name: str) -> Array:
-        out = numpy.empty(self.nx)
-        self._do(name, address(out), out.size)
-        return out
+    def _state(self, function: Callable[..., int]) -> Array:
+        if self._finalizer is None:
+            raise self._unmade()
+        # room whose address is known, since to ask an array for it takes as long as the call; another thread may write to it
+        with self._lock:
+            self._read(function, self._room_at, self.nx)
+            return self._room.copy()
 
     @property
     def state(self) -> Array:
         """State reached."""
-        return self._state("get_state")
+        return self._state(lib.swb_integrator_get_state)
 
     @property
     def derivative(self) -> Array:
         """Derivative of the state under the present active modes."""
-        return self._state("get_derivative")
+        return self._state(lib.swb_integrator_get_derivative)
 
     @property
     def outcome(self) -> RunOutcome:
         """How the simulation stands."""
-        return RunOutcome(self._get("get_outcome", ctypes.c_int32))
+        out = ctypes.c_int32()
+        self._read(lib.swb_integrator_get_outcome, ctypes.byref(out))
+        return _OUTCOMES[out.value]
 
     @property
     def reason(self) -> str:
