@@ -72,6 +72,7 @@ impl Watch {
     }
 
     /// Rate of change for a velocity: of a contact that which stands among the values `q`, NaN for forces.
+    #[inline]
     pub(super) fn rate_in(&self, q: &[f64], dq: &[f64], field: &Field, velocity: &[f64]) -> f64 {
         match *self {
             Watch::Contact { a, .. } => q[a + TO_RATE],
@@ -80,6 +81,7 @@ impl Watch {
     }
 
     /// Is its gradient constant?
+    #[inline]
     pub(super) fn is_affine(&self, field: &Field) -> bool {
         match *self {
             Watch::Enter { sub, .. } => field.subs[sub].affine,
@@ -89,6 +91,7 @@ impl Watch {
     }
 
     /// Value from indicators `q` and the weights of the field.
+    #[inline]
     pub(super) fn value(&self, q: &[f64], field: &Field) -> f64 {
         match *self {
             Watch::Enter { a, b, sign, .. } => sign * (q[a] - b.map_or(0.0, |b| q[b])),
@@ -99,6 +102,7 @@ impl Watch {
     }
 
     /// Rate of change for a velocity, from the gradients `dq` of all that is watched; 0 for weights.
+    #[inline]
     pub(super) fn rate(&self, dq: &[f64], field: &Field, velocity: &[f64]) -> f64 {
         let Some((a, b, sign)) = self.difference() else { return 0.0 };
         let along = |j: usize| field.gradients.row(dq, j).along(velocity);

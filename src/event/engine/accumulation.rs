@@ -217,6 +217,7 @@ impl Engine {
     /// An error `δ` of a switching function makes an error `δ / ġ` of the time at which it vanishes. Where switches accumulate
     /// the rate `ġ` goes to zero with the time between them, so a fixed `δ` loses the switches when they are `√δ` apart, and with them
     /// the time of the accumulation. With a `δ` in proportion to the rate all of them are known as well as the first.
+    #[inline]
     pub(super) fn sharpness(&self) -> f64 {
         self.recent.falling.share(self.t - self.recent.last)
     }

@@ -105,11 +105,13 @@ pub(super) enum Tried {
 
 impl Engine {
     pub(super) fn set_weights(&mut self, with_end: bool) {
-        let sharpness = self.sharpness();
-        for (i, w) in self.weights.iter_mut().enumerate() {
-            let other = if with_end { self.step.x1[i] } else { self.step.h * self.step.f0[i] };
-            let size = self.step.x0[i].abs().max(other.abs());
-            *w = 1.0 / (sharpness * self.atol[i] + self.rtol[i] * size).max(f64::MIN_POSITIVE);
+        let (sharpness, s) = (self.sharpness(), &self.step);
+        let tolerances = self.atol.iter().zip(&self.rtol);
+        let ends = s.x0.iter().zip(if with_end { &s.x1 } else { &s.f0 });
+        let by = if with_end { 1.0 } else { s.h };
+        for ((w, (atol, rtol)), (start, other)) in self.weights.iter_mut().zip(tolerances).zip(ends) {
+            let size = start.abs().max((by * other).abs());
+            *w = 1.0 / (sharpness * atol + rtol * size).max(f64::MIN_POSITIVE);
         }
     }
 

@@ -199,7 +199,11 @@ impl Field {
     }
 
     /// The same where the indicator functions are known at this point.
+    #[inline]
     pub(in crate::event) fn watched_beside(&mut self, t: f64, x: &[f64]) -> EvalResult {
+        if self.guards.armed.is_empty() {
+            return Ok(());
+        }
         let at = Point { t, x, u: &self.u, p: &self.p };
         self.guards.values(&at, &mut self.q, &mut self.work)
     }
@@ -208,6 +212,10 @@ impl Field {
     pub(in crate::event) fn watched_gradients(&mut self, t: f64, x: &[f64]) -> EvalResult {
         self.gradients(t, x)?;
         if self.guards_known && self.dq_constant {
+            return Ok(());
+        }
+        if self.guards.armed.is_empty() {
+            self.guards_known = true;
             return Ok(());
         }
         let at = Point { t, x, u: &self.u, p: &self.p };

@@ -32,6 +32,7 @@ pub(in crate::event) struct Row<'a> {
 
 impl Row<'_> {
     /// Derivatives with respect to states, with their places.
+    #[inline]
     pub(in crate::event) fn states(&self) -> impl Iterator<Item = (usize, f64)> + '_ {
         self.columns.iter().copied().zip(self.values.iter().copied())
     }
@@ -42,6 +43,7 @@ impl Row<'_> {
     }
 
     /// Rate of change for a velocity.
+    #[inline]
     pub(in crate::event) fn along(&self, velocity: &[f64]) -> f64 {
         self.states().map(|(i, g)| g * velocity[i]).sum::<f64>() + self.t
     }
