@@ -329,3 +329,39 @@ fn condensing_conforms() {
     equations(&make, 1e-9);
     refuses(&make);
 }
+
+/// Kinks `|u_j|` by variables `s_j` that are no less than `u_j` and `−u_j`, every row twice, about a point where both are zero: the steps of such
+/// pairs are sums that cancel, and so are the rows of them, whose violation then is the rounding of zero.
+#[test]
+fn rows_twice_about_a_kink_are_no_circle() {
+    const N: usize = 12;
+    for seed in 0..60 {
+        let mut r = numbers(seed);
+        let rows = vec![Row { node: 0, price: Some(Price { linear: 40.0, quadratic: 0.0 }) }; 4 * N];
+        let mut qp = StageQp::new(1, 1, 2 * N, rows).unwrap();
+        let n = 2 * N;
+        let g: Vec<f64> = (0..n * n).map(|_| r()).collect();
+        for j in 0..n {
+            for i in 0..n {
+                let own = if i == j { 0.1 } else { 0.0 };
+                qp.hess_u[i + j * n] = (0..n).map(|l| g[i * n + l] * g[j * n + l]).sum::<f64>() / n as f64 + own;
+            }
+        }
+        for j in 0..N {
+            (qp.grad_u[j], qp.grad_u[N + j]) = (0.3 * r(), 1.0);
+            for k in 0..4 {
+                let i = 4 * j + k;
+                qp.row_u[i * n + j] = if k % 2 == 0 { 1.0 } else { -1.0 };
+                qp.row_u[i * n + N + j] = -1.0;
+                (qp.row_lower[i], qp.row_upper[i]) = (f64::NEG_INFINITY, 0.0);
+            }
+        }
+        qp.u_lower.fill(-0.2);
+        qp.u_upper.fill(0.2);
+        let mut solver = Condensing::new(&qp).unwrap();
+        assert!(solver.prepare(&qp));
+        assert_eq!(solver.solve(&qp, &[0.0], &Terms::default()), QpStatus::Solved, "{seed}");
+        // before the method takes it for a circle, and takes larger violations for rounding
+        assert!(solver.iterations() < 2 * (n + 4 * N), "{seed}: {} iterations", solver.iterations());
+    }
+}

@@ -30,6 +30,10 @@ const CHANGES: usize = 2;
 const GROWTH: f64 = 10.0;
 /// It grows up to here; a program that needs more is not solved.
 const COARSEST: f64 = 1e-6;
+/// Operations whose rounding is in the controls, at first; it grows with the share above.
+const ROUNDINGS: f64 = 64.0;
+/// Below this share of what the largest control would make of a row, it is asked whether a violation is rounding.
+const DOUBTFUL: f64 = 1e-8;
 
 /// What a row is at present.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -590,11 +594,33 @@ impl DualActiveSet {
             let Some(r) = i.checked_sub(self.n) else { return Some((i, up)) };
             let (value, bound) = (self.values[r], if up { q.row_upper[r] } else { q.row_lower[r] });
             let terms = self.a[r * self.n..(r + 1) * self.n].iter().zip(&self.u).map(|(a, u)| (a * u).abs());
-            if (value - bound).abs() > self.tolerance * terms.sum::<f64>() {
+            let beyond = (value - bound).abs();
+            if beyond > self.tolerance * terms.sum::<f64>() && !self.is_rounding(r, beyond, q) {
                 return Some((i, up));
             }
             self.cancelled[r] = true;
         }
+    }
+
+    /// Is a violation of a row by so much no more than the rounding of the controls? Those that are zero are sums of terms that cancel, and so is a
+    /// row of them alone.
+    fn is_rounding(&self, r: usize, beyond: f64, q: &Program) -> bool {
+        let a = &self.a[r * self.n..(r + 1) * self.n];
+        let largest = self.u.iter().fold(0.0f64, |m, v| m.max(v.abs()));
+        if beyond > DOUBTFUL * largest * a.iter().map(|a| a.abs()).sum::<f64>() {
+            return false;
+        }
+        let terms = |k: usize| -> f64 {
+            let active = (0..self.n + self.n_rows).filter(|i| self.state[*i] != State::Out);
+            q.free[k].abs() + active.map(|i| (self.lambda[i] * self.column(i, q.inverse)[k]).abs()).sum::<f64>()
+        };
+        let size: f64 = (0..self.n).filter(|k| a[*k] != 0.0).map(|k| a[k].abs() * terms(k)).sum();
+        beyond <= self.rounding() * size
+    }
+
+    /// Share of their terms up to which sums are rounding.
+    fn rounding(&self) -> f64 {
+        ROUNDINGS * f64::EPSILON * (self.tolerance / FEASIBLE)
     }
 
     /// The most violated constraint, and at which side: the bound that is violated most in the norm of the dual, without
@@ -722,14 +748,18 @@ impl DualActiveSet {
     fn is_met(&self, i: usize, r: &[f64], q: &Program) -> bool {
         let own = self.side[i] * self.bound(i, q);
         let (mut value, mut size) = (-own, own.abs());
+        let (mut others, mut factor) = (own.abs(), 1.0f64);
         for (&j, r) in self.active.iter().zip(r) {
             let beyond =
                 if self.state[j] == State::Shifted { (self.lambda[j] - self.cap[j]) * self.shift[j] } else { 0.0 };
-            let term = r * (self.side[j] * self.bound(j, q) + beyond);
-            value += term;
-            size += term.abs();
+            let bound = self.side[j] * self.bound(j, q) + beyond;
+            value += r * bound;
+            size += (r * bound).abs();
+            others += bound.abs();
+            factor = factor.max(r.abs());
         }
-        value.abs() <= self.tolerance * size
+        // factors that should be zero are rounding of the largest
+        value.abs() <= (self.tolerance * size).max(self.rounding() * factor * others)
     }
 
     /// Corrections of controls and multipliers by what rounding left of the optimality conditions with this active set.
