@@ -249,7 +249,7 @@ static void refusals() {
     CHECK(status_of([&] { m.derivatives({q}); }) == SWB_ERR_DIMENSION);
     CHECK(status_of([&] { m.derivative(q + 1, q); }) == SWB_ERR_RANGE);
     CHECK(status_of([&] { m.derivative(q, other.x(0)); }) == SWB_ERR_STATE);
-    CHECK(status_of([&] { m.function("f", {abs(q)}); }) == SWB_ERR_UNSUPPORTED);
+    CHECK(status_of([&] { m.function("f", {sign(q)}); }) == SWB_ERR_UNSUPPORTED);
     CHECK(status_of([&] { m.function("f", {q * std::nan("")}); }) == SWB_ERR_NONFINITE);
     CHECK(status_of([&] { m.function("f", {q}).jacobian({}, [](const swb_point &, double *) {}); }) == SWB_ERR_STATE);
     CHECK(status_of([&] { dot(m.x(), {q}); }) == SWB_ERR_DIMENSION);
