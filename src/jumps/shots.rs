@@ -46,8 +46,7 @@ const AS_GIVEN: f64 = 0.6;
 const SEED: u64 = 0x5eed;
 
 /// Tolerance, relative to the sizes of the states, and steps of a simulation.
-const EFFORT: Effort =
-    Effort { tolerance: 1e-7, sizes: &[], max_steps: 4000, max_events: 400, dense: false, bounded: false };
+const EFFORT: Effort = Effort { tolerance: 1e-7, sizes: &[], max_steps: 4000, max_events: 400, dense: false };
 /// Share of a range by which a variable moves for a difference.
 const DIFFERENCE: f64 = 1e-4;
 /// Steps of an aimed shot, damping they begin with, and how often a step is tried again with more of it.
@@ -62,15 +61,6 @@ const ALIKE: usize = 3;
 const HIT: f64 = 1e-4;
 const HITS: f64 = 0.02;
 const NEARLY: f64 = 0.25;
-/// Multiple of its scale by which a constraint is missed beyond which a shot is not aimed, and none that an answer lies beside: from there, steps to the
-/// constraints do not come near in as many as there are.
-const FAR: f64 = 10.0;
-/// Ends not seen yet that have to be expected of an order of contacts for it to be aimed from again.
-const EXPECTED: f64 = 0.5;
-/// Share by which the misses of two ends of one order of contacts may differ that are the same place.
-const ALIKE_ENDS: f64 = 0.1;
-/// Share of its violation that is left by a step of a shot that hits for it to be aimed on.
-const HALVED: f64 = 0.5;
 /// Share of its size by which a constraint is missed that counts as met.
 const MET: f64 = 1e-6;
 /// Range of a control without bounds, as a multiple of the constant control that would take the end as far as the target is away. The multiple
@@ -147,71 +137,7 @@ struct Flight {
     values: Vec<f64>,
     bounds: Vec<[f64; 2]>,
     word: Vec<(usize, bool)>,
-    /// The control stages of the parts of `word`.
-    stages: Vec<usize>,
     ends: Ends,
-}
-
-/// An order of contacts that shots were aimed from, or that they have ended at.
-struct Asked {
-    word: Vec<(usize, bool)>,
-    /// How often.
-    times: usize,
-    /// Shots that were aimed from it.
-    aims: usize,
-    /// Where these have ended, each place once.
-    ends: Vec<End>,
-}
-
-/// Where an aim has ended: an order of contacts in its control stages, which is all that programs begin with, and by how much it misses where that is
-/// more than what programs begin with.
-struct End {
-    word: Vec<(usize, bool)>,
-    stages: Vec<usize>,
-    miss: f64,
-}
-
-impl End {
-    fn is_that_of(&self, other: &End) -> bool {
-        let as_far = (self.miss - other.miss).abs() <= ALIKE_ENDS * self.miss.max(other.miss);
-        as_far && self.word == other.word && self.stages == other.stages
-    }
-}
-
-impl Asked {
-    fn new(word: &[(usize, bool)]) -> Asked {
-        Asked { word: word.to_vec(), times: 0, aims: 0, ends: Vec::new() }
-    }
-
-    /// Is one more aim from here to be expected to end where none has ended? Of n that have ended in w places w (n - 1) / (n - w - 2) places are to be
-    /// expected in all, and where that is below w + 1/2 all are known (C. G. E. Boender and A. H. G. Rinnooy Kan, 1987): eight aims for one place.
-    fn has_more(&self) -> bool {
-        let (n, w) = (self.aims as f64, self.ends.len() as f64);
-        n <= w + 2.0 || w * (n - 1.0) >= (w + EXPECTED) * (n - w - 2.0)
-    }
-}
-
-/// Notes an aim by the orders of contacts that it has begun and ended with, and by what it misses.
-fn note(asked: &mut Vec<Asked>, from: &Flight, to: &Flight, miss: f64) {
-    let mut count = |word: &[(usize, bool)]| {
-        let known = asked.iter().position(|a| a.word == word);
-        let k = known.unwrap_or_else(|| {
-            asked.push(Asked::new(word));
-            asked.len() - 1
-        });
-        asked[k].times += 1;
-        k
-    };
-    let start = count(&from.word);
-    if to.word != from.word {
-        count(&to.word);
-    }
-    let miss = if miss <= NEARLY { 0.0 } else { miss };
-    let end = End { word: to.word.clone(), stages: to.stages.clone(), miss };
-    asked[start].aims += 1;
-    if !asked[start].ends.iter().any(|known| known.is_that_of(&end)) {
-        asked[start].ends.push(end);
-    }
 }
 
 /// A flight with its variables, as shares of their ranges.
@@ -273,13 +199,12 @@ pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usiz
     let mut words: Vec<&[(usize, bool)]> = Vec::new();
     for k in best_of_every_word(&drawn, &scales, drawn.len(), true) {
         let d = &drawn[k];
-        let miss = largest(&d.flight.off(&scales));
         if out.len() >= MOST_CHEAPER {
             break;
         }
-        if miss <= FAR && !words.contains(&&d.flight.word[..]) {
+        if !words.contains(&&d.flight.word[..]) {
             words.push(&d.flight.word);
-            out.extend(range.shot(&d.at, miss)?);
+            out.extend(range.shot(&d.at, largest(&d.flight.off(&scales)))?);
         }
     }
     Ok(out)
@@ -493,8 +418,7 @@ impl<'a> Range<'a> {
             all.push((cost, [f64::NEG_INFINITY, most]));
         }
         let (values, bounds) = all.into_iter().unzip();
-        let (word, stages) = word(&s.run, &s.times);
-        Some(Flight { values, bounds, word, stages, ends: Ends { times: s.times, states: s.states } })
+        Some(Flight { values, bounds, word: word(&s.run), ends: Ends { times: s.times, states: s.states } })
     }
 
     /// The shot of what was given, and others drawn at random.
@@ -542,21 +466,20 @@ impl<'a> Range<'a> {
         }
         let scales = self.spread(drawn);
         // orders of contacts that were aimed from, or at which what was aimed ended
-        let mut asked: Vec<Asked> = Vec::new();
-        let most = if self.below.is_some() { FAR } else { f64::INFINITY };
-        let misses: Vec<f64> = drawn.iter().map(|d| squares(&d.flight.off(&scales)).sqrt()).collect();
-        let near: Vec<bool> = drawn.iter().map(|d| largest(&d.flight.off(&scales)) <= most).collect();
-        let n_drawn = drawn.len();
+        let mut asked: Vec<Vec<(usize, bool)>> = Vec::new();
         for _ in 0..AIMED {
-            let of = |k: usize| asked.iter().find(|a| a.word == drawn[k].flight.word);
-            let off = |k: usize| misses[k] * of(k).map_or(1, |a| a.times + 1) as f64;
-            let fresh = (0..n_drawn).filter(|&k| !drawn[k].aimed && near[k] && of(k).is_none_or(Asked::has_more));
-            let next = fresh.min_by(|a, b| off(*a).total_cmp(&off(*b)));
+            let times = |d: &Drawn| 1 + asked.iter().filter(|w| **w == d.flight.word).count();
+            let off = |d: &Drawn| squares(&d.flight.off(&scales)).sqrt() * times(d) as f64;
+            let fresh = (0..drawn.len()).filter(|&k| !drawn[k].aimed);
+            let next = fresh.min_by(|a, b| off(&drawn[*a]).total_cmp(&off(&drawn[*b])));
             let Some(k) = next.filter(|_| !self.is_over()) else { break };
             drawn[k].aimed = true;
             let found = self.aim(&drawn[k], &scales);
+            asked.push(drawn[k].flight.word.clone());
+            if found.flight.word != drawn[k].flight.word {
+                asked.push(found.flight.word.clone());
+            }
             let miss = largest(&found.flight.off(&scales));
-            note(&mut asked, &drawn[k].flight, &found.flight, miss);
             if miss <= NEARLY {
                 out.extend(self.shot(&found.at, miss)?);
             }
@@ -599,22 +522,15 @@ impl<'a> Range<'a> {
                 break;
             }
             let columns = self.columns(&at, &flight, scales);
-            let hits = largest(&off) <= HITS;
             let mut better = false;
             for _ in 0..TRIALS {
                 let next = step(&at, &columns, &off, damping);
                 if let Some(found) = self.fly(&next) {
-                    let left = squares(&found.off(scales)) / squares(&off);
-                    if found.touches_all_of(&from.flight) && left < 1.0 {
-                        // what hits is a start, and one that comes a little closer is the same start
-                        better = !hits || left <= HALVED * HALVED;
-                        (at, flight) = (next, found);
+                    if found.touches_all_of(&from.flight) && squares(&found.off(scales)) < squares(&off) {
+                        (at, flight, better) = (next, found, true);
                         damping /= MORE;
                         break;
                     }
-                }
-                if hits {
-                    break;
                 }
                 damping *= MORE;
             }
@@ -823,8 +739,8 @@ fn values(p: &Problem, f: &Filled, s: &Simulated) -> Option<Vec<(f64, [f64; 2])>
     out.iter().all(|v| v.0.is_finite()).then_some(out)
 }
 
-/// Contacts in the order in which they are hit, open or close, and in which control stages, whose ends are `ends`.
-fn word(run: &Run, ends: &[f64]) -> (Vec<(usize, bool)>, Vec<usize>) {
+/// Contacts in the order in which they are hit, open or close.
+fn word(run: &Run) -> Vec<(usize, bool)> {
     let mut events: Vec<(f64, usize, bool)> = run.impacts.iter().map(|i| (i.t, i.contact, true)).collect();
     for pair in run.phases.windows(2) {
         for (i, (a, b)) in pair[0].modes.iter().zip(&pair[1].modes).enumerate() {
@@ -834,16 +750,15 @@ fn word(run: &Run, ends: &[f64]) -> (Vec<(usize, bool)>, Vec<usize>) {
         }
     }
     events.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let (mut out, mut stages): (Vec<(usize, bool)>, Vec<usize>) = Default::default();
-    for (t, contact, hit) in events {
+    let mut out: Vec<(usize, bool)> = Vec::new();
+    for (_, contact, hit) in events {
         // impacts that accumulate are one order of contacts, however many of them there are
         let alike = out.iter().rev().take_while(|e| **e == (contact, hit)).count();
         if alike < ALIKE {
             out.push((contact, hit));
-            stages.push(ends.partition_point(|end| *end < t));
         }
     }
-    (out, stages)
+    out
 }
 
 /// Shots that come closest. The second best of an order of contacts counts as if it were twice as far off, the third as if it were three times
