@@ -212,6 +212,8 @@ class Handle:
     _kind: ClassVar[str]
     _handle: int
     _finalizer: weakref.finalize | None = None
+    # until an object is made, which has its own
+    _lock: Any = threading.RLock()
 
     def _create(self, *arguments: Any) -> None:
         self._make(getattr(lib, f"swb_{self._kind}_create"), *arguments)
@@ -231,19 +233,17 @@ class Handle:
             live[self._kind] += 1
         self._finalizer = weakref.finalize(self, _free, self._kind, handle)
 
-    def _unmade(self) -> StateError:
-        return StateError(f"{type(self).__name__} was not created: its constructor did not finish")
-
-    def _gone(self) -> StateError:
-        return StateError(f"{type(self).__name__} is closed")
-
-    def _hold(self) -> None:
+    def _check_open(self) -> None:
+        """With the lock held: there is an object behind this."""
         finalizer = self._finalizer
         if finalizer is None:
-            raise self._unmade()
+            raise StateError(f"{type(self).__name__} was not created: its constructor did not finish")
+        if not finalizer.alive:
+            raise StateError(f"{type(self).__name__} is closed")
+
+    def _hold(self) -> None:
         with self._lock:
-            if not finalizer.alive:
-                raise self._gone()
+            self._check_open()
             self._uses += 1
 
     def _release(self) -> None:
@@ -279,12 +279,8 @@ class Handle:
     def _read(self, function: Callable[..., int], *arguments: Any) -> None:
         """Call what only copies something out. It calls nobody back and ends at once, so it leaves nothing behind and there is nothing
         to stop; the lock is held meanwhile, so that nobody frees the object."""
-        finalizer = self._finalizer
-        if finalizer is None:
-            raise self._unmade()
         with self._lock:
-            if not finalizer.alive:
-                raise self._gone()
+            self._check_open()
             status = function(self._handle, *arguments)
         if status:
             check(status)
