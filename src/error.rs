@@ -89,6 +89,14 @@ impl fmt::Display for Error {
 
 impl std::error::Error for Error {}
 
+/// Checks a number that must be positive and finite; `what` it is, for the message.
+pub(crate) fn check_positive(what: &str, value: f64) -> Result<()> {
+    if value > 0.0 && value.is_finite() {
+        return Ok(());
+    }
+    Err(Error::Range(format!("{what} is {value}: it must be positive and finite")))
+}
+
 /// Checks length and finiteness of input data.
 pub(crate) fn finite(what: &str, v: &[f64], n: usize) -> Result<()> {
     if v.len() != n {

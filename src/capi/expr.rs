@@ -12,7 +12,6 @@ use crate::func::Dims;
 use crate::memory::sizes::{self, size};
 use crate::model::{Built, Model, Names, Trial};
 use std::ffi::c_char;
-use std::sync::Arc;
 
 /// Graph of expressions. Every expression is a number in its graph and exists once: equal expressions have equal
 /// numbers. Expressions live as long as the graph; functions and models made of them are independent of it.
@@ -417,10 +416,7 @@ pub unsafe extern "C" fn swb_expr_function(
             let (name, dims) = (raw::text(name, "name")?, dims(nx, nu, np)?);
             handle::with_mut(graph, |d| {
                 let outputs = ids(d, outputs, n_outputs, "outputs")?;
-                Ok(UserFunction::ready(match outputs[..] {
-                    [cost] => d.cost(name, dims, cost)?,
-                    _ => Arc::new(ExprFunction::new(name, d, dims, &outputs)?),
-                }))
+                Ok(UserFunction::ready(d.function(name, dims, &outputs)?))
             })
         })
     })

@@ -37,6 +37,17 @@ struct Choice {
 }
 
 impl Dag {
+    /// A function of these outputs: one output alone may be a cost with kinks.
+    ///
+    /// # Errors
+    /// As [`ExprFunction::new`], and [`Dag::cost`] for one output.
+    pub fn function(&mut self, name: &str, dims: Dims, outputs: &[Id]) -> Result<Arc<dyn Function>> {
+        match *outputs {
+            [output] => self.cost(name, dims, output),
+            _ => Ok(Arc::new(ExprFunction::new(name, self, dims, outputs)?)),
+        }
+    }
+
     /// A cost that may have kinks: [`ExprFunction`] where the output does not switch, else [`Kinked`].
     ///
     /// # Errors

@@ -11,7 +11,7 @@
 
 use std::sync::Arc;
 
-use crate::error::{Error, Result};
+use crate::error::{check_positive, Error, Result};
 use crate::expr::{Block, Dag, ExprFunction, Id};
 use crate::func::Dims;
 use crate::system::{Regions, Subsystem, System};
@@ -49,9 +49,7 @@ pub fn freeze_relay(dag: &mut Dag, relay: &Relay) -> Result<System> {
     if !span.is_finite() || span <= 0.0 {
         return Err(Error::Range(format!("off is {} and on is {}: off must be smaller", relay.off, relay.on)));
     }
-    if !(relay.strength > 0.0 && relay.strength.is_finite()) {
-        return Err(Error::Range(format!("the strength is {}: it must be positive", relay.strength)));
-    }
+    check_positive("the strength", relay.strength)?;
     for list in [&relay.low, &relay.high] {
         if list.len() != d.x {
             return Err(Error::Dimension(format!("{} derivatives for {} states", list.len(), d.x)));

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::{Dims, EvalResult, Function, Point};
-use crate::error::{Error, Result};
+use crate::error::{check_positive, Error, Result};
 use crate::linalg::csc::Pattern;
 
 /// `weight max(0, a_1, a_2, …)`, or its square where that is said.
@@ -46,12 +46,7 @@ impl Kinked {
         if smooth.n_out() != 1 || kinks.iter().any(|k| k.of.dims() != d || k.of.n_out() == 0) {
             return Err(Error::Dimension(format!("cost '{name}': its parts have other inputs, or no output")));
         }
-        if let Some(k) = kinks.iter().find(|k| !(k.weight > 0.0 && k.weight.is_finite())) {
-            return Err(Error::Range(format!(
-                "cost '{name}': {} times a maximum has no kink that points down",
-                k.weight
-            )));
-        }
+        kinks.iter().try_for_each(|k| check_positive(&format!("cost '{name}': the factor of a kink"), k.weight))?;
         let all = || std::iter::once(&smooth).chain(kinks.iter().map(|k| &k.of));
         let (mut columns, mut entries) = (vec![false; d.n_in()], Vec::new());
         for f in all() {

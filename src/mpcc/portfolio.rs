@@ -417,7 +417,7 @@ impl MpccSolver {
         proposer: &mut dyn ActiveSetProposer,
     ) {
         let asked = self.has_others() || self.solution.outcome == Outcome::Infeasible;
-        if !(asked && self.is_open()) {
+        if self.of_violation || !(asked && self.is_open()) {
             return self.retract();
         }
         let Ok(mut st) = violation::Structure::new(p) else { return self.retract() };
@@ -523,6 +523,7 @@ impl MpccSolver {
         let mut program = Violation { inner: p, st };
         let mut solver = MpccSolver::new(&mut program, settings).ok()?;
         solver.st.scaling.as_given = true;
+        solver.of_violation = true;
         if matches!(opinion, Opinion::Near | Opinion::NearItsEnd) {
             solver.solve_warm(&mut program, &own, &Warm { x: &start, y, z }, control, &mut NoProposals);
         } else {

@@ -127,6 +127,8 @@ pub struct MpccSolver {
     pub(super) relaxed_answer: Option<Solution>,
     /// The objective of the answer that a path competes with, where one was found before.
     pub(super) rival: Option<f64>,
+    /// Is the program the least violation of another one? Its own violation, which is none, is not looked for.
+    pub(super) of_violation: bool,
 }
 
 impl MpccSolver {
@@ -163,6 +165,7 @@ impl MpccSolver {
             elastic: None,
             relaxed_answer: None,
             rival: None,
+            of_violation: false,
             exact_rows: false,
             sides: vec![Side::First; n_groups],
             votes: vec![(0.0, 0.0); n_groups],

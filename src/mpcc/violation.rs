@@ -184,8 +184,13 @@ mod tests {
     }
 
     fn solved(m: usize, c: fn(&[f64], &mut [f64]), low: &[f64]) -> crate::mpcc::Solution {
+        solved_as(false, m, c, low)
+    }
+
+    fn solved_as(of_violation: bool, m: usize, c: fn(&[f64], &mut [f64]), low: &[f64]) -> crate::mpcc::Solution {
         let mut p = program(m, c);
         let mut solver = MpccSolver::new(&mut p, MpccSettings::default()).unwrap();
+        solver.of_violation = of_violation;
         let mut bounds = Bounds::free(2, m);
         bounds.xl = vec![0.0; 2];
         bounds.cl = low.to_vec();
@@ -203,7 +208,16 @@ mod tests {
         assert!(s.conflict.is_some_and(|c| !c.rows.is_empty()));
     }
 
-    /// The same with rows that one of the branches meets.
+    /// A program that is itself the least violation of another one, and that has no solution as its numbers are too large to
+    /// add, is not followed by that of its own: there would be no end.
+    #[test]
+    fn the_violation_of_a_violation_is_not_asked_for() {
+        let s = solved_as(true, 2, |x, c| c.copy_from_slice(x), &[1.0, 1.0]);
+        assert_eq!(s.outcome, Outcome::Stalled);
+        assert!(s.conflict.is_none());
+    }
+
+    /// Rows that one of the branches meets.
     #[test]
     fn a_branch_that_meets_the_rows_is_found() {
         let s = solved(2, |x, c| c.copy_from_slice(&[x[0] + x[1], x[0] - x[1]]), &[1.0, 0.5]);

@@ -71,7 +71,7 @@ pub(crate) use self::extend::CostOf;
 use self::extend::{Complementarity, LeastSquares, Soft};
 use self::solve::Built;
 
-use crate::error::{finite, Error, Result};
+use crate::error::{check_positive, finite, Error, Result};
 use crate::fesd::{Boundary, PathAt, PathConstraint, Sizes, Terminal, Trajectory};
 use crate::func::{Kinked, Maximum};
 use crate::linalg::kkt::LinearStats;
@@ -231,9 +231,7 @@ impl Ocp {
         system.check_transitions_are_followed()?;
         system.check_modes_known()?;
         settings.validate()?;
-        if !(horizon > 0.0 && horizon.is_finite()) {
-            return Err(Error::Range(format!("the horizon is {horizon}: it must be positive and finite")));
-        }
+        check_positive("the horizon", horizon)?;
         if n_stages == 0 {
             return Err(Error::Dimension("the horizon needs at least one control stage".into()));
         }
@@ -469,9 +467,7 @@ impl Ocp {
     ) -> Result<()> {
         self.check(&f, None)?;
         check_bounds("relaxed constraint", lower, upper, f.n_out())?;
-        if !(weight > 0.0 && weight.is_finite()) {
-            return Err(Error::Range(format!("the weight of the violation is {weight}: it must be positive")));
-        }
+        check_positive("the weight of the violation", weight)?;
         self.push_soft(Soft { f, lower: lower.to_vec(), upper: upper.to_vec(), at, norm, weight, cost: None });
         self.changed();
         Ok(())
@@ -557,12 +553,7 @@ impl Ocp {
     /// Adds a kink of a cost whose smooth part is set, as documents have them.
     pub(crate) fn add_kink(&mut self, of: CostOf, kink: Maximum) -> Result<()> {
         self.check(&kink.of, None)?;
-        if !(kink.weight > 0.0 && kink.weight.is_finite()) {
-            return Err(Error::Range(format!(
-                "the factor of a kink in the cost is {}: it must be positive",
-                kink.weight
-            )));
-        }
+        check_positive("the factor of a kink in the cost", kink.weight)?;
         let kinks: Vec<Soft> = Soft::kinks(of, &[kink]).collect();
         kinks.iter().try_for_each(|k| self.check_kink(k))?;
         self.soft.extend(kinks);

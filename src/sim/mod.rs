@@ -21,7 +21,7 @@ use std::time::Instant;
 
 use crate::dcs::filippov::{distinct, FilippovProblem, FilippovSolution};
 use crate::dcs::{Dcs, DcsFields};
-use crate::error::{finite, Error, Result};
+use crate::error::{check_positive, finite, Error, Result};
 use crate::fesd::{Exit, Fesd, Spec, Trajectory};
 use crate::func::Point;
 use crate::mpcc::{Mpcc, MpccSolver, Polish, Side};
@@ -498,9 +498,7 @@ fn is_stop(outcome: Outcome) -> bool {
 }
 
 fn check_run(duration: f64, n_steps: usize) -> Result<()> {
-    if !(duration > 0.0 && duration.is_finite()) {
-        return Err(Error::Range(format!("the duration is {duration}: it must be positive and finite")));
-    }
+    check_positive("the duration", duration)?;
     if n_steps == 0 {
         return Err(Error::Range("at least one step is needed".into()));
     }
