@@ -1,7 +1,7 @@
 //! Adjoint sensitivities: the transpose of every operation of [`sens`](super::sens), in reverse order.
 
 use super::collocation::Collocation;
-use super::explicit::Pair;
+use super::explicit::{self, Pair};
 use super::field::{Field, Rows, StagesOf};
 use super::radau::Radau;
 use super::step::Stages;
@@ -96,10 +96,10 @@ pub(super) fn sweep(tape: &Tape, radau: &Radau, field: &mut Field, v: &[f64], te
                 s.load(i);
                 Ok(())
             }
-            Entry::Explicit { at, set, t, h, end, rest, pair } => {
+            Entry::Explicit { at, set, t, h, part, end, rest, pair } => {
                 terms.add_states(end, &mut s.v);
                 s.enter(set);
-                s.explicit(at, (t, h, rest), pair)
+                s.explicit(at, (t, h, part, rest), pair)
             }
             Entry::Implicit { at, set, t, h, end } => {
                 terms.add_states(end, &mut s.v);
@@ -234,29 +234,37 @@ impl Sweep<'_> {
     }
 
     /// The transpose of `K_i = J_i (S + h Σ_j a_ij K_j)`, `S⁺ = S + h Σ_j b_j K_j`, of the rest behind the end, and in a sliding mode of
-    /// the projection onto the surfaces there.
-    fn explicit(&mut self, at: usize, (t, h, rest): (f64, f64, f64), pair: Pair) -> EvalResult {
+    /// the projection onto the surfaces there. Where only a part of the step is gone the `b_j` are those of its dense output.
+    fn explicit(&mut self, at: usize, (t, h, part, rest): (f64, f64, f64, f64), pair: Pair) -> EvalResult {
         let (nx, last_column) = (self.field.nx, self.field.n_z - 1);
         let rows = pair.rows().0;
         let last = rows.len() - 1;
         let (x0, rest_of) = self.tape.data[at..].split_at(nx);
-        let (derivatives, traces) = rest_of.split_at(last * nx);
+        let inside = (part < 1.0).then(|| explicit::weights_at(pair, part));
+        let (derivatives, traces) = rest_of.split_at((last + usize::from(inside.is_some())) * nx);
         for (j, own) in derivatives.chunks_exact(nx).enumerate() {
             self.k.iter_mut().zip(own).for_each(|(k, v)| k[j] = *v);
         }
         self.field.read_traces(last, traces);
-        let n = last + usize::from(rest != 0.0);
+        let n = last + usize::from(rest != 0.0 || inside.is_some());
         let stages = StagesOf { pair, t, h, x0, k: &self.k, n };
         self.field.linearise_stages(&stages, &mut self.jacobians)?;
         if self.field.asks_for_weights() && !self.field.is_explicit_only() {
-            stages.point(last, &mut self.x);
-            self.field.hidden(t + h, &self.x)?;
+            match &inside {
+                Some(weights) => {
+                    for ((x, x0), k) in self.x.iter_mut().zip(x0).zip(&self.k) {
+                        *x = x0 + h * weights.iter().zip(k).map(|(w, k)| w * k).sum::<f64>();
+                    }
+                }
+                None => stages.point(last, &mut self.x),
+            }
+            self.field.hidden(t + part * h, &self.x)?;
             self.project();
         }
         for i in (0..=last).rev() {
             let w = &mut self.w[..nx];
             w.fill(0.0);
-            if i == last {
+            if i == last && inside.is_none() {
                 self.y[i * nx..(i + 1) * nx].copy_from_slice(&self.v);
                 if rest == 0.0 {
                     continue;
@@ -269,6 +277,9 @@ impl Sweep<'_> {
                         w.iter_mut().zip(&self.y[l * nx..]).for_each(|(w, y)| *w += h * a * y);
                     }
                 }
+                if let Some(weights) = &inside {
+                    w.iter_mut().zip(&self.v).for_each(|(w, v)| *w += h * weights[i] * v);
+                }
             }
             let (rows, y) = (&self.jacobians[i], &mut self.y[i * nx..(i + 1) * nx]);
             for (m, w) in self.w[..nx].iter().enumerate().filter(|(_, w)| **w != 0.0) {
@@ -278,7 +289,9 @@ impl Sweep<'_> {
                 }
             }
         }
-        self.v.fill(0.0);
+        if inside.is_none() {
+            self.v.fill(0.0);
+        }
         for y in self.y[..(last + 1) * nx].chunks_exact(nx) {
             self.v.iter_mut().zip(y).for_each(|(v, y)| *v += y);
         }

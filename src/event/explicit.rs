@@ -144,6 +144,7 @@ fn dop853_stages(n: usize, field: &mut Field, s: &mut Step) -> EvalResult {
 
 #[inline(always)]
 fn begin(n: usize, s: &mut Step) {
+    s.part = 1.0;
     for (k, f) in s.k[..n].iter_mut().zip(&s.f0[..n]) {
         k[0] = *f;
     }
@@ -350,6 +351,24 @@ pub(super) fn dense(pair: Pair, field: &mut Field, s: &mut Step) -> EvalResult {
     Ok(())
 }
 
+/// Weights of the stages, its end the last of them, in the dense output of a pair that needs no others at relative time `s`.
+pub(super) fn weights_at(pair: Pair, s: f64) -> Stages {
+    debug_assert!(pair != Pair::Dop853);
+    let rows = pair.rows().0;
+    let last = rows.len() - 1;
+    let (mut end, mut bend) = ([0.0; 16], [0.0; 16]);
+    rows[last].iter().for_each(|&(j, b)| end[j] = b);
+    if pair == Pair::Dp5 {
+        dp5::D.iter().for_each(|&(j, d)| bend[j] = d);
+    }
+    std::array::from_fn(|j| {
+        let (first, second) = (f64::from(u8::from(j == 0)), f64::from(u8::from(j == last)));
+        let (d, e) = (end[j], bend[j]);
+        let (a, b) = (first - d, 2.0 * d - first - second);
+        s * (d + a + s * (b + e - a + s * (e * s - b - 2.0 * e)))
+    })
+}
+
 /// Multiplies out `τ (c_last + (1 − τ) (… (c_0)))`, with as many factors as coefficients.
 fn nested(c: &[f64], p: &mut [f64; 8]) {
     for (m, v) in c.iter().enumerate() {
@@ -367,6 +386,25 @@ fn nested(c: &[f64], p: &mut [f64; 8]) {
 #[cfg(test)]
 mod tests {
     use super::super::pairs::{bs3, dop853, dp5};
+    use super::{weights_at, Pair};
+
+    /// `Σ w_i(s) c_i^q = s^{q+1} / (q+1)` below the order of the dense output, and at the end the weights of the step.
+    #[test]
+    fn weights_of_the_dense_output() {
+        for (pair, order) in [(Pair::Bs3, 3), (Pair::Dp5, 4)] {
+            let (rows, c) = pair.rows();
+            for s in [0.0, 0.3, 0.8, 1.0] {
+                let w = weights_at(pair, s);
+                for q in 0..order {
+                    let sum: f64 = c.iter().zip(&w).map(|(c, w)| w * c.powi(q)).sum();
+                    assert!((sum - f64::powi(s, q + 1) / f64::from(q + 1)).abs() < 1e-14, "{pair:?} {s} {q}: {sum}");
+                }
+            }
+            let w = weights_at(pair, 1.0);
+            let end = |j: usize| rows[rows.len() - 1].iter().find(|b| b.0 == j).map_or(0.0, |b| b.1);
+            assert!((0..16).all(|j| (w[j] - end(j)).abs() < 1e-14), "{pair:?}: {w:?}");
+        }
+    }
 
     /// Of every tree of an order below, `Σ e_i Φ_i = 0`; of those of the order itself `Σ e_i Φ_i = p! / γ` without the last
     /// factor of the density, so that the sum is the derivative.

@@ -4,6 +4,7 @@
 use super::explicit::Pair;
 use super::field::Rows;
 use super::pairs::{bs3, dop853, dp5, Row};
+use super::step::Stages;
 use crate::linalg::dense::{widest, Kernel};
 
 /// Columns of a panel.
@@ -39,10 +40,12 @@ pub(super) struct Panels {
     moving: Vec<u32>,
 }
 
-/// One step: the pair, its length, what is gone along the velocity behind its end, and the Jacobians at the stages.
+/// One step: the pair, its length, weights of the stages where it ends inside, what is gone along the velocity behind its end, and the
+/// Jacobians at the stages.
 pub(super) struct Linearised<'a> {
     pub(super) pair: Pair,
     pub(super) h: f64,
+    pub(super) inside: Option<Stages>,
     pub(super) rest: f64,
     pub(super) stages: &'a [Rows],
 }
@@ -185,6 +188,18 @@ impl Moved<'_, '_> {
         }
     }
 
+    /// The arguments where the step ends inside.
+    #[inline(always)]
+    fn argument_inside<const W: usize, const FUSED: bool>(&mut self, weights: &Stages, n: usize) {
+        for (own, &a) in self.k.chunks_exact(KEPT).zip(self.rows) {
+            let mut sum = own[0];
+            for (w, k) in weights[..n].iter().zip(&own[1..]) {
+                add::<W, FUSED>(self.step.h * w, k, &mut sum);
+            }
+            self.y[a as usize] = sum;
+        }
+    }
+
     /// The derivatives at stage `i`.
     #[inline(always)]
     fn derivatives<const W: usize, const FUSED: bool>(&mut self, i: usize) {
@@ -252,8 +267,11 @@ fn panel<const W: usize, const FUSED: bool>(
     let mut moved = Moved { rows: moving, step, y, k };
     moved.stages::<W, FUSED>();
     let last = step.pair.rows().0.len() - 1;
-    if step.rest != 0.0 {
+    if step.rest != 0.0 || step.inside.is_some() {
         moved.derivatives::<W, FUSED>(last);
+    }
+    if let Some(weights) = &step.inside {
+        moved.argument_inside::<W, FUSED>(weights, last + 1);
     }
     for (own, &a) in k.chunks_exact(KEPT).zip(moving) {
         let end = &mut s[a as usize * n_c..(a as usize + 1) * n_c];
@@ -273,6 +291,7 @@ fn panel<const W: usize, const FUSED: bool>(
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::event::explicit::weights_at;
 
     /// Numbers that have nothing to do with each other.
     fn number(i: usize) -> f64 {
@@ -311,18 +330,32 @@ mod tests {
                     by_input + own.iter().zip(&y).map(|(j, y)| j * y).sum::<f64>()
                 };
                 let rates: Vec<f64> = (0..nx).map(rate).collect();
-                if i + 1 == tableau.len() {
-                    (0..nx).for_each(|a| s[a * n_c + c] = y[a] + step.rest * rates[a]);
-                }
                 k.push(rates);
+                if i + 1 == tableau.len() {
+                    let inside = |a: usize, w: &Stages| -> f64 { k.iter().zip(w).map(|(k, w)| w * k[a]).sum() };
+                    let end = |a: usize| match &step.inside {
+                        Some(w) => s[a * n_c + c] + step.h * inside(a, w),
+                        None => y[a] + step.rest * k[i][a],
+                    };
+                    let end: Vec<f64> = (0..nx).map(end).collect();
+                    (0..nx).for_each(|a| s[a * n_c + c] = end[a]);
+                }
             }
         }
     }
 
     #[test]
     fn panels_move_every_column_like_full_matrices() {
-        let all = [(Pair::Bs3, 2, 0.01), (Pair::Dp5, 1, 0.0), (Pair::Dop853, 3, 0.01), (Pair::Dop853, 9, 0.0)];
-        for (pair, n, rest) in all {
+        let all = [
+            (Pair::Bs3, 2, 0.01, 1.0),
+            (Pair::Bs3, 2, 0.0, 0.7),
+            (Pair::Dp5, 1, 0.0, 1.0),
+            (Pair::Dp5, 3, 0.0, 0.9),
+            (Pair::Dop853, 3, 0.01, 1.0),
+            (Pair::Dop853, 9, 0.0, 1.0),
+        ];
+        for (pair, n, rest, part) in all {
+            let inside = (part < 1.0).then(|| weights_at(pair, part));
             let (nx, n_c) = (2 * n, 3 * n);
             let inputs = chains(n);
             let full: Vec<Vec<f64>> = (0..STAGES)
@@ -336,7 +369,7 @@ mod tests {
                 })
                 .collect();
             let stages: Vec<Rows> = full.iter().map(|m| Rows::of_full(m, n_c + 1)).collect();
-            let step = Linearised { pair, h: 0.3, rest, stages: &stages };
+            let step = Linearised { pair, h: 0.3, inside, rest, stages: &stages };
             let mut start = vec![0.0; nx * n_c];
             for (a, inputs) in inputs.iter().enumerate() {
                 inputs.iter().for_each(|c| start[a * n_c + c] = number(7 * a + c));

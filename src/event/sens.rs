@@ -6,7 +6,7 @@
 //! leaving it (where the velocity is continuous).
 
 use super::collocation::Collocation;
-use super::explicit::Pair;
+use super::explicit::{self, Pair};
 use super::field::{reachable, Field, Rows, StagesOf, Supports};
 use super::panels::{Linearised, Panels};
 use super::radau::Radau;
@@ -96,19 +96,24 @@ impl Sens {
 
     /// Over an explicit step, and `rest` behind its end along the velocity.
     pub(super) fn explicit(&mut self, pair: Pair, field: &mut Field, s: &Step, rest: f64) -> EvalResult {
-        let h = s.h;
+        let h = s.h / s.part;
         self.filled |= field.is_selected();
         let last = pair.rows().0.len() - 1;
-        let n = last + usize::from(rest != 0.0);
+        let inside = (s.part < 1.0).then(|| explicit::weights_at(pair, s.part));
+        let rest = if inside.is_some() { 0.0 } else { rest };
+        let n = last + usize::from(rest != 0.0 || inside.is_some());
         let at = StagesOf { pair, t: s.t, h, x0: &s.x0, k: &s.k, n };
         field.linearise_stages(&at, &mut self.stages)?;
-        at.point(last, &mut self.x);
+        match inside {
+            Some(_) => self.x.copy_from_slice(&s.x1),
+            None => at.point(last, &mut self.x),
+        }
         let panels = self.apart.as_mut().filter(|_| !self.filled).unwrap_or(&mut self.whole);
-        panels.explicit(&Linearised { pair, h, rest, stages: &self.stages[..n] }, &mut self.s);
+        panels.explicit(&Linearised { pair, h, inside, rest, stages: &self.stages[..n] }, &mut self.s);
         // the state is moved onto the surfaces behind the step, and with it the derivatives; those of states that move at a given speed are
         // there already
         if field.asks_for_weights() && !field.is_explicit_only() {
-            field.hidden(s.t + h, &self.x)?;
+            field.hidden(s.t + s.h, &self.x)?;
             self.project(field);
         }
         Ok(())

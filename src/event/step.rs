@@ -9,6 +9,8 @@ pub(super) type Poly = [f64; 8];
 pub(super) struct Step {
     pub(super) t: f64,
     pub(super) h: f64,
+    /// The part of the step that its stages belong to, less than 1 where it ends on its dense output.
+    pub(super) part: f64,
     pub(super) x0: Vec<f64>,
     pub(super) f0: Vec<f64>,
     pub(super) x1: Vec<f64>,
@@ -30,6 +32,7 @@ impl Step {
         Step {
             t: 0.0,
             h: 0.0,
+            part: 1.0,
             x0: vec![0.0; nx],
             f0: vec![0.0; nx],
             x1: vec![0.0; nx],
@@ -43,8 +46,9 @@ impl Step {
         }
     }
 
-    /// Ends the step at relative time `s` of its dense output. Its stages do not belong to it any more.
+    /// Ends the step at relative time `s` of its dense output. Its stages are those of a longer one from now on.
     pub(super) fn end_at(&mut self, s: f64) {
+        self.part *= s;
         self.h *= s;
         self.n_k = 0;
         for ((p, x1), f1) in self.poly.iter_mut().zip(&mut self.x1).zip(&mut self.f1) {

@@ -23,8 +23,9 @@ pub(super) enum Time {
 pub(super) enum Entry {
     /// Parameters, then controls, from here on.
     Data { at: usize },
-    /// A step that ends at `end`: start, derivatives at the stages, what else is kept of the stages of a sliding mode; `rest` is gone along the velocity at the end.
-    Explicit { at: usize, set: usize, t: f64, h: f64, end: f64, rest: f64, pair: Pair },
+    /// A step that ends at `end`: start, derivatives at the stages, what else is kept of the stages of a sliding mode; of its length `h` it
+    /// has gone this part, or all of it and then `rest` along the velocity at the end.
+    Explicit { at: usize, set: usize, t: f64, h: f64, part: f64, end: f64, rest: f64, pair: Pair },
     /// A step: start, increments and weights at the stages.
     Implicit { at: usize, set: usize, t: f64, h: f64, end: f64 },
     /// A switch, the first one in the log that belongs to it; derivatives of its time, jump of the velocity.
@@ -91,12 +92,13 @@ impl Tape {
     pub(super) fn explicit(&mut self, pair: Pair, field: &mut Field, s: &Step, end: f64) {
         let (at, set) = (self.data.len(), self.set(field));
         self.data.extend_from_slice(&s.x0);
-        for j in 0..pair.rows().0.len() - 1 {
+        let last = pair.rows().0.len() - 1;
+        for j in 0..last + usize::from(s.part < 1.0) {
             self.data.extend(s.k.iter().map(|k| k[j]));
         }
-        field.write_traces(pair.rows().0.len() - 1, &mut self.data);
-        let rest = end - (s.t + s.h);
-        self.entries.push(Entry::Explicit { at, set, t: s.t, h: s.h, end, rest, pair });
+        field.write_traces(last, &mut self.data);
+        let rest = if s.part < 1.0 { 0.0 } else { end - (s.t + s.h) };
+        self.entries.push(Entry::Explicit { at, set, t: s.t, h: s.h / s.part, part: s.part, end, rest, pair });
     }
 
     pub(super) fn implicit(&mut self, radau: &Radau, field: &Field, s: &Step, end: f64) {

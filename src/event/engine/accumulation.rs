@@ -4,6 +4,7 @@ use super::limit_set::FAILED;
 use super::{recover, Engine, Progress, EPS};
 use crate::error::Result;
 use crate::event::tape::Time;
+use crate::event::watch::Watch;
 use crate::event::{Accumulation, Outcome, Zeno};
 
 /// Intervals between switches that are remembered.
@@ -20,6 +21,11 @@ pub(super) struct Recent {
     pub(super) free: [bool; MEMORY],
     /// There were transitions among them.
     pub(super) jumps: bool,
+    /// Where the run began, or went on with other data: the time, and the indicators.
+    pub(super) start: (f64, Vec<f64>),
+    /// The usual sizes of states, and the part of them that they are taken for, see [`Engine::set_sizes`].
+    pub(super) sizes: Vec<f64>,
+    pub(super) sized: f64,
     /// How fast the rates of the last crossings fall, see [`Engine::sharpness`].
     pub(super) falling: Falling,
     /// Where the intervals lead to, taken one by one, two by two, and by the rates of what vanishes.
@@ -33,38 +39,64 @@ pub(super) struct Recent {
 pub(super) struct Falling {
     /// The function that vanished last, and its rate there.
     last: Option<(usize, f64)>,
+    /// The interval before it.
+    gap: f64,
     n: usize,
-    /// The last rate relative to the first.
+    /// The rate of the next crossing relative to the first, as it is to be expected.
     share: f64,
+    /// The last rate relative to the first.
+    reached: f64,
     /// How long that says something.
     lasts: f64,
 }
 
 impl Default for Falling {
     fn default() -> Falling {
-        Falling { last: None, n: 0, share: 1.0, lasts: 0.0 }
+        Falling { last: None, gap: f64::INFINITY, n: 0, share: 1.0, reached: 1.0, lasts: 0.0 }
     }
 }
 
+/// So much slower than the last crossing says that the next one is slower again.
+const ONCE: f64 = 0.1;
+/// How much longer than that says the next interval may be.
+const LONGER: f64 = 4.0;
+/// What a function reaches between two switches, relative to its tolerance, for the time between them to mean anything.
+const RESOLVED: f64 = 1e3;
+
 impl Falling {
-    /// Another crossing, after an interval of length `gap`; `same` if it is of the same surface as the last one.
-    fn note(&mut self, crossed: Option<(usize, f64)>, gap: f64, same: bool) {
-        /// So much slower than the last one: once, or twice in a row.
-        const ONCE: f64 = 0.1;
-        const TWICE: f64 = 0.25;
-        /// How much longer than this says the next interval may be.
-        const LONGER: f64 = 4.0;
-        let ratio = match (self.last, crossed) {
-            (Some((i, before)), Some((j, rate))) if same && i == j => (rate / before).abs(),
+    /// A crossing a time `since` the last one turns out to be so much slower than that: the way to it is followed as closely. Says whether it
+    /// was not.
+    fn expect(&mut self, ratio: f64, since: f64) -> bool {
+        /// What makes a difference.
+        const MUCH: f64 = 0.5;
+        let share = self.reached * ratio;
+        let surprise = ratio < ONCE && share < MUCH * self.share(since);
+        if surprise {
+            (self.share, self.lasts) = (share, LONGER * since);
+        }
+        surprise
+    }
+
+    /// Another crossing, after an interval of length `gap`, at the end of which an error of one tolerance makes one of `noise` in time; `before`
+    /// is the rate that it is compared with: at the last crossing of the same surface, or on the way to the first one.
+    fn note(&mut self, crossed: Option<(usize, f64)>, (gap, noise): (f64, f64), before: Option<f64>) {
+        /// So much slower than the last one several times in a row, where intervals become as much shorter. Those of damped
+        /// oscillations do not.
+        const OFTEN: f64 = 0.5;
+        let ratio = match (crossed, before) {
+            (Some((_, rate)), Some(before)) => (rate / before).abs(),
             _ => f64::NAN,
         };
-        self.last = crossed;
-        if ratio < TWICE {
+        let shrinks = gap * gap <= OFTEN * self.gap * self.gap;
+        (self.last, self.gap) = (crossed, gap);
+        if ratio < ONCE || ratio < OFTEN && shrinks {
             self.n += 1;
-            self.share *= ratio;
+            self.reached *= ratio;
+            // next to the end the time between two of them is shorter than what that leaves of it
+            self.share = (self.reached * ratio).min(ratio * ratio * gap / (RESOLVED * noise));
             self.lasts = if self.n > 1 || ratio < ONCE { LONGER * ratio * gap } else { 0.0 };
         } else {
-            (self.n, self.share, self.lasts) = (0, 1.0, 0.0);
+            (self.n, self.share, self.reached, self.lasts) = (0, 1.0, 1.0, 0.0);
         }
     }
 
@@ -195,10 +227,9 @@ impl Recent {
 impl Engine {
     /// Notes the time of a switch, and what vanished there: `j` among it, with this rate, if it is known.
     pub(super) fn remember(&mut self, crossed: Option<(usize, f64)>) {
-        /// What a function reaches between two switches, relative to its tolerance, for the time between them to mean anything.
-        const RESOLVED: f64 = 1e3;
         let (gap, sharpness) = (self.t - self.recent.last, self.sharpness());
-        let noise = crossed.map_or(f64::INFINITY, |(j, rate)| sharpness * self.reach_of(j) / rate.abs());
+        let usual = crossed.map_or(f64::INFINITY, |(j, rate)| self.reach_of(j) / rate.abs());
+        let noise = sharpness * usual;
         let resolved = crossed.filter(|_| gap >= RESOLVED * noise);
         let i = self.recent.n % MEMORY;
         self.recent.gaps[i] = gap;
@@ -208,8 +239,32 @@ impl Engine {
         self.recent.free[i] = self.field.n_alg() == 0;
         self.recent.n += 1;
         self.recent.follow(resolved, noise);
-        let same = self.recent.n > 1 && self.crosses_one_surface(2);
-        self.recent.falling.note(crossed, gap, same);
+        let before = crossed.and_then(|(j, _)| self.rate_before(j, self.t, self.recent.n == 1));
+        let before = before.filter(|_| self.recent.n == 1 || self.crosses_one_surface(2));
+        self.recent.falling.note(crossed, (gap, usual), before);
+        self.follow_sharpness();
+    }
+
+    /// The rate that the one of a crossing of function `j` is compared with, if it says something: that of the crossing before it, if it was
+    /// of the same surface, and for the `first` crossing of a run the mean one on the way.
+    fn rate_before(&self, j: usize, at: f64, first: bool) -> Option<f64> {
+        if first {
+            let (t, values) = &self.recent.start;
+            return Some(values[j] / (at - t)).filter(|_| self.field.n_alg() == 0);
+        }
+        self.recent.falling.last.filter(|last| last.0 == j).map(|last| last.1)
+    }
+
+    /// Is the crossing at the end of the step, where watch `l` vanishes with this rate, much slower than the one before it, and not known as well?
+    /// An error that is small at that one is `1 / ġ` times as large in the time of this one: the step is taken again, with tolerances
+    /// that are in proportion to the rate. What was before it matters less, where motions that come so slowly to a surface approach each other.
+    pub(super) fn comes_slowly(&mut self, l: usize, rate: f64) -> bool {
+        let Watch::Enter { a, b: None, .. } = self.watches[l] else { return false };
+        let at = self.t + self.step.h;
+        let Some(before) = self.rate_before(a, at, self.recent.n == 0) else { return false };
+        let free = self.recent.n == 0 || self.crosses_one_surface(1);
+        let since = at - self.recent.last;
+        free && self.depart[l] == 0 && self.recent.falling.expect((rate / before).abs(), since)
     }
 
     /// Part of the absolute tolerances that the state is followed to.
@@ -220,6 +275,23 @@ impl Engine {
     #[inline]
     pub(super) fn sharpness(&self) -> f64 {
         self.recent.falling.share(self.t - self.recent.last)
+    }
+
+    /// The sizes that states have at least fall with the tolerances where several crossings in a row were slower.
+    #[inline]
+    pub(super) fn follow_sharpness(&mut self) {
+        let part = if self.recent.falling.n > 1 { self.sharpness() } else { 1.0 };
+        self.set_sizes(part);
+    }
+
+    /// Makes the sizes that states have at least, which rounding is relative to, this part of the usual ones: those of values that are
+    /// followed to the same part of their absolute tolerances.
+    #[inline]
+    pub(super) fn set_sizes(&mut self, part: f64) {
+        if part != self.recent.sized {
+            self.recent.sized = part;
+            self.field.floor.iter_mut().zip(&self.recent.sizes).for_each(|(floor, usual)| *floor = part * usual);
+        }
     }
 
     /// Ends the run where transitions accumulate.

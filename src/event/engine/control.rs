@@ -244,12 +244,10 @@ impl Engine {
         self.field.many_functions() && self.may_end_inside()
     }
 
-    /// May steps end on their dense output? Derivatives of a run follow its stages, and contacts are held at the ends of steps.
+    /// May steps end on their dense output? Contacts are held at the ends of steps.
     pub(super) fn may_end_inside(&self) -> bool {
         !self.implicit
             && self.options.method == Method::Auto
-            && self.sens.is_none()
-            && self.tape.is_none()
             && !self.field.has_contacts()
             && !self.field.in_limit_set()
     }

@@ -52,7 +52,7 @@ impl Engine {
 
     /// Gradient of a function of the final state, whose derivative with respect to it is `v`, plus `terms`, by the
     /// transpose of the forward derivatives in reverse order. The options have to ask for it: the run is recorded with
-    /// `nx (n_s + 1)` numbers for an explicit step of `n_s` stages (6 or 12), in a sliding mode that moves other states than those
+    /// `nx (n_s + 1)` numbers for an explicit step of `n_s` stages (3, 6 or 12; one more where it ends at a switch on its dense output), in a sliding mode that moves other states than those
     /// its surfaces depend on alone also `n_s` for every algebraic variable and for every state that its subsystem drives, `4 nx` and three
     /// for every algebraic variable for an implicit one, and `2 nx + np + nu` for a switch. A sweep costs about as much as the run,
     /// whatever the number of parameters.

@@ -49,6 +49,8 @@ impl Engine {
         /// Switches from which on the last two intervals may say that they become shorter, and by which factor at least.
         const FEW: usize = 3;
         const FAST: f64 = 0.25;
+        /// A time in units of its rounding.
+        const LATE: f64 = 1e3;
         if self.recent.n < FEW {
             return Ok(None);
         }
@@ -63,7 +65,9 @@ impl Engine {
         // an unstable set is left by ever longer ways
         let later: f64 = (MEMORY / 2..MEMORY).map(|i| self.recent.gap(i)).sum();
         let many = self.recent.n > MEMORY;
-        let shrinks = later < 0.5 * self.recent.gaps.iter().sum::<f64>() && self.recent.n % 4 == 0;
+        // times between them that are hardly more than rounding say nothing soon
+        let late = gap <= LATE * EPS * self.t.abs();
+        let shrinks = later < 0.5 * self.recent.gaps.iter().sum::<f64>() && (self.recent.n % 4 == 0 || late);
         let falls = gap < FAST * self.recent.gap(MEMORY - 2) && self.crosses_one_surface(FEW);
         if !(close && (many && shrinks || falls) || endless && self.recent.n % MEMORY == 0) {
             return Ok(None);
@@ -74,7 +78,14 @@ impl Engine {
             return Ok(endless.then(|| self.fail(Outcome::Zeno, text)));
         }
         self.mark_last(if many { MEMORY } else { FEW });
-        let p = self.enter_limit_set(if endless { f64::INFINITY } else { NEAR }, self.t, false)?;
+        let most = if endless {
+            f64::INFINITY
+        } else if late {
+            1.0
+        } else {
+            NEAR
+        };
+        let p = self.enter_limit_set(most, self.t, false)?;
         self.stats.accumulations += usize::from(p.is_some());
         Ok(p)
     }
@@ -173,6 +184,7 @@ impl Engine {
         if self.field.is_on_demand() {
             return Ok(None);
         }
+        self.set_sizes(1.0);
         let at_once = self.t - self.limits.0 <= self.no_time();
         let before = self.field.active.clone();
         if !within {
@@ -202,6 +214,7 @@ impl Engine {
         self.limits = (self.t, if at_once { self.limits.1 + 1 } else { 0 });
         if !within {
             self.recent.n = 0;
+            self.recent.falling = Default::default();
             self.shrinking = Shrinking::default();
             let t = self.recent.limit(limit);
             self.accumulations_push(Accumulation { t, until: self.t, steps: 0, error });

@@ -101,7 +101,7 @@ impl Engine {
             if delta.abs() <= 1e-8 * h || delta.abs() <= floor || !steep && self.is_short(delta, l) {
                 // forces of bodies that carry each other vanish together, and no step lies between them
                 let at_once = self.field.has_contacts() && h <= self.no_time();
-                if self.overlooked(l) && !at_once {
+                if self.overlooked(l) && !at_once || self.comes_slowly(l, rate) {
                     return Ok(None);
                 }
                 return self.touch_down(l, slope, grown).map(Some);
@@ -200,7 +200,8 @@ impl Engine {
         }
         self.w1[..self.watches.len()].fill(f64::NAN);
         self.accept(t)?;
-        self.known_end = true;
+        // derivatives evaluate the field elsewhere
+        self.known_end = self.sens.is_none();
         let grown = if self.note_end(true) { grown.min(self.step.h) } else { grown };
         self.switch(l, slope, grown).map(Some)
     }

@@ -139,6 +139,9 @@ impl Engine {
                 zero: vec![false; MEMORY * n_q],
                 free: [false; MEMORY],
                 jumps: false,
+                start: (f64::NAN, vec![f64::NAN; n_q]),
+                sizes: field.floor.clone(),
+                sized: 1.0,
                 falling: Default::default(),
                 series: Default::default(),
                 rates: vec![(f64::NAN, f64::NAN); n_q],
@@ -210,6 +213,7 @@ impl Engine {
         self.recent.jumps = false;
         self.recent.series = Default::default();
         self.recent.falling = Default::default();
+        self.set_sizes(1.0);
         self.shrinking = Shrinking::default();
         self.limits = (f64::NEG_INFINITY, 0);
         self.recent.last = t;

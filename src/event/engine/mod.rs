@@ -498,6 +498,7 @@ impl Engine {
             self.foreseen = time < longest.min(self.h);
             longest = longest.min(time);
         }
+        self.follow_sharpness();
         self.prepare_step();
         if self.h <= 64.0 * EPS * self.t.abs() {
             // what was left of the way to the last stop says nothing about the way to the next

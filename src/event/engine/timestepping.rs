@@ -34,6 +34,7 @@ const PASSAGE: f64 = 128.0;
 impl Engine {
     /// Goes from the present point to a time behind `t_limit`, the estimated point of accumulation.
     pub(super) fn step_through(&mut self, t_limit: f64) -> Result<Progress> {
+        self.set_sizes(1.0);
         let (t0, end) = (self.t, self.t_stop);
         let least = (2.0 * (t_limit - t0)).max(1e3 * EPS * t0.abs()).max(f64::MIN_POSITIVE).max(self.length_on_time());
         // where the last passage was not long enough this one is longer, so there are few of them

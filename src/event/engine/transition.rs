@@ -63,6 +63,8 @@ impl Engine {
         if self.outcome == Outcome::Reached {
             self.enter()?;
             self.project_sensitivity()?;
+            self.recent.start.0 = self.t;
+            self.recent.start.1.copy_from_slice(&self.q0);
         }
         self.one_sided |= !unique;
         self.ambiguous |= !unique;
