@@ -103,6 +103,7 @@ fn an_error_that_dies_out_is_followed_to_the_end() {
         assert!((r.x[0] - exact).abs() <= rtol, "rtol {rtol:e}: off by {:e}", r.x[0] - exact);
         assert!((r.x[2] - fine).abs() <= 20.0 * rtol, "rtol {rtol:e}: the integral is off by {:e}", r.x[2] - fine);
         assert!(r.stats.steps < 2000, "rtol {rtol:e}: {} steps", r.stats.steps);
+        assert!(r.accumulations.is_empty(), "rtol {rtol:e}: {:?}", r.accumulations);
     }
 }
 

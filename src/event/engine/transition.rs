@@ -448,25 +448,42 @@ impl Engine {
         Ok(moved)
     }
 
-    /// Where the field has a kink and no jump, both sides continue the motion. If it has come to such a surface again and again without
-    /// leaving its side, as where values and rates are rounding, the other side is the active set now, which the state is on by as much as
-    /// rounding; says whether it is.
+    /// Where the field has a kink and no jump, both sides continue the motion. If the state is beyond such a surface, where a zero of the dense
+    /// output alone has put it, or has come to it again and again without leaving its side, as where values and rates are rounding,
+    /// the other side is the active set now; says whether it is.
     fn goes_over_kink(&mut self, l: usize) -> std::result::Result<bool, EvalError> {
         /// Attempts to stay.
         const AGAIN: usize = 4;
-        /// Fields that differ by this part are one: a kink at a distance of rounding.
+        /// Fields that differ by this part on the surface are one.
         const KINK: f64 = 1e-9;
-        let Watch::Enter { sub, .. } = self.watches[l] else { return Ok(false) };
+        let Watch::Enter { sub, a: j, .. } = self.watches[l] else { return Ok(false) };
         let (&[here], &[a, b]) = (&self.field.active[sub][..], &self.candidates[sub][..]) else { return Ok(false) };
-        if self.crowd < AGAIN || self.field.in_limit_set() {
+        if self.field.in_limit_set() {
             return Ok(false);
+        }
+        self.field.watched(self.t, &self.x)?;
+        self.field.watched_gradients(self.t, &self.x)?;
+        let w = self.watches[l];
+        let value = w.value(&self.field.q, &self.field);
+        let beyond = value < -1e3 * EPS * w.scale(&self.field.dq, &self.field, self.t, &self.x).value;
+        if !beyond && self.crowd < AGAIN {
+            return Ok(false);
+        }
+        let mut at = self.x.clone();
+        if beyond && self.field.subs[sub].signs {
+            let (q, g) = (self.field.q[j], self.field.gradient_row(j));
+            let size = |i: usize| Some(self.field.size(i, self.x[i])).filter(|s| *s > 0.0).unwrap_or(1.0);
+            let total: f64 = g.states().map(|(i, g)| (g * size(i)).powi(2)).sum();
+            g.states().filter(|_| total > 0.0).for_each(|(i, g)| at[i] -= q / total * g * size(i).powi(2));
         }
         let present = self.field.active.clone();
         let mut other = present.clone();
         other[sub] = vec![if here == a { b } else { a }];
-        self.field.rhs(self.t, &self.x, &mut self.node)?;
-        self.field.set_active(&other);
-        let known = self.field.rhs(self.t, &self.x, &mut self.step.f);
+        let mut known = self.field.rhs(self.t, &at, &mut self.node);
+        if known.is_ok() {
+            self.field.set_active(&other);
+            known = self.field.rhs(self.t, &at, &mut self.step.f);
+        }
         let one = known.is_ok() && !differ(&self.field, &self.x, [&self.node, &self.step.f], KINK);
         if !one {
             self.field.set_active(&present);
