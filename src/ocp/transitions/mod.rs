@@ -131,7 +131,11 @@ impl Ocp {
         let automaton = search.automaton;
         let Some(Found { mut result, expanded, .. }) = found else {
             return Err(stop::requested().map_or_else(
-                || Error::Internal("no sequence of transitions could be tried".into()),
+                || {
+                    Error::Numeric(
+                        "no sequence of transitions could be tried: give another guess of the controls".into(),
+                    )
+                },
                 |why| why.error(),
             ));
         };
@@ -285,17 +289,16 @@ impl<'a> Search<'a> {
 
     /// Tries the sequences to begin with, then goes from the best one to those next to it as long as that helps.
     fn run(&mut self, last: Option<&OcpResult>, control: &mut Control) -> Result<()> {
-        match last.filter(|r| r.outcome == Outcome::Solved) {
-            Some(r) => {
-                let passage = |j: &JumpMade| Passage { transition: j.transition, stage: j.stage, at_once: j.at_once };
-                let sequence: Sequence = r.jumps.iter().map(passage).collect();
-                self.attempt(sequence, &Guess::of(r, self.ocp.t0), control)?;
-            }
-            None => {
-                for u in guess::controls(self.ocp) {
-                    let (sequence, guess) = guess::simulate(self.ocp, &self.automaton, &u)?;
-                    self.attempt(sequence, &guess, control)?;
-                }
+        if let Some(r) = last.filter(|r| r.outcome == Outcome::Solved) {
+            let passage = |j: &JumpMade| Passage { transition: j.transition, stage: j.stage, at_once: j.at_once };
+            let sequence: Sequence = r.jumps.iter().map(passage).collect();
+            self.attempt(sequence, &Guess::of(r, self.ocp.t0), control)?;
+        }
+        // an answer of before may have a sequence that the problem of now does not admit
+        if self.found.is_empty() {
+            for u in guess::controls(self.ocp) {
+                let (sequence, guess) = guess::simulate(self.ocp, &self.automaton, &u)?;
+                self.attempt(sequence, &guess, control)?;
             }
         }
         if self.ocp.is_determined() && self.found.first().is_some_and(|f| f.result.is_exact()) {
