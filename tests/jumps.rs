@@ -13,7 +13,7 @@ use switchback::settings::Settings;
 
 #[path = "common/contacts.rs"]
 mod contacts;
-use contacts::{ball_in_cup, example_819, puck, three_carts, thrown_crate, thrown_crate_in, G};
+use contacts::{ball_in_cup, example_819, example_819_between, puck, three_carts, thrown_crate, thrown_crate_in, G};
 
 /// Exact optimum over controls that are constant on 20 equal intervals: the block stops in interval 16 and sticks.
 /// Multiprecision, from the equations of sliding alone.
@@ -314,6 +314,75 @@ fn slope(steps: &[usize], errors: &[f64]) -> f64 {
     a.ln() / b.ln()
 }
 
+/// Horizon of Example 8.17, the time from which it is lifted, and drag and friction of the test: without a drag its motions are polynomials, which two
+/// stage points have without error.
+const END_817: f64 = 2.25;
+const LIFTED: f64 = 1.0;
+const DRAG: f64 = 0.3;
+const PUSH: f64 = 7.0;
+const MU_817: f64 = 0.6;
+
+/// Position and velocity along the floor after a time `s` under the force `a + b s` and the drag, from (x, v).
+fn dragged([x, v]: [f64; 2], (a, b): (f64, f64), s: f64) -> [f64; 2] {
+    let slope = b / DRAG;
+    let level = (a - slope) / DRAG;
+    let fades = (-DRAG * s).exp();
+    let moved = level * s + slope * s * s / 2.0 + (v - level) * (1.0 - fades) / DRAG;
+    [x + moved, level + slope * s + (v - level) * fades]
+}
+
+/// The state of Example 8.17 at the end, in closed form: it falls by one, slides from there on, is lifted more and more, and leaves the floor where
+/// that is its weight.
+fn end_of_example_817() -> [f64; 4] {
+    let landing = (2.0 / G).sqrt();
+    let mut at = dragged([0.0, 0.0], (PUSH, 0.0), landing);
+    at[1] -= MU_817 * G * landing;
+    at = dragged(at, (PUSH - MU_817 * G, 0.0), LIFTED - landing);
+    at = dragged(at, (PUSH - MU_817 * G, 2.0 * MU_817 * G), 0.5);
+    let flight = END_817 - LIFTED - 0.5;
+    let [x, vx] = dragged(at, (PUSH, 0.0), flight);
+    [x, G * flight.powi(3) / 3.0, vx, G * flight * flight]
+}
+
+/// How far an answer for Example 8.17 on `n` stages of a method with `n_s` stage points is off at the end.
+fn error_of_example_817(method: Jumps, n_s: usize, n: usize) -> f64 {
+    let g = Graph::new();
+    let mut scene = Scene::new("example 8.17", 2, 2, 0, 1).unwrap();
+    scene.set_force(0, (g.x(2) * -DRAG + PUSH).id()).unwrap();
+    scene.set_force(1, (g.p(0) * (g.t() - LIFTED) * (2.0 * G) - G).id()).unwrap();
+    let (mu, tangents) = (g.constant(MU_817).id(), vec![g.x(0).id()]);
+    scene.add_contact(Contact { friction: mu, tangents, ..Contact::new(&g, "floor", g.x(1)) }).unwrap();
+    let system = scene.build(&g).unwrap().system;
+    let mut settings = Settings::default();
+    settings.set_by_name("n_s", n_s as i64).unwrap();
+    settings.set_by_name("n_fe", 1i64).unwrap();
+    settings.accuracy = 0;
+    let mut ocp = Ocp::new(&system, END_817, n, &settings).unwrap();
+    ocp.set_x0(&[0.0, 1.0, 0.0, 0.0]).unwrap();
+    let lifted = |k: usize| f64::from(u8::from(9 * k >= 4 * n));
+    ocp.set_stage_params(&(0..n).map(lifted).collect::<Vec<f64>>()).unwrap();
+    ocp.set_jumps(method);
+    let r = ocp.solve(&mut Control::default()).unwrap();
+    assert_eq!(r.outcome, Outcome::Solved, "{method:?}, {n_s} stage points, {n} stages: {}", r.message);
+    let last = r.trajectory.elements.last().unwrap();
+    end_of_example_817().iter().zip(&last.x1).fold(0.0, |m, (a, b)| m.max((a - b).abs()))
+}
+
+/// It lands, slides and leaves the floor; the stages, of which the lift begins with one, are multiples of a quarter.
+#[test]
+fn programs_keep_the_order_of_the_method_on_example_817() {
+    for method in [Jumps::FesdJ, Jumps::Freezing] {
+        for n_s in [1, 2, 3] {
+            // time-freezing ends at the same programs, and takes long
+            let n: &[usize] = if method == Jumps::Freezing { &[9, 18] } else { &[9, 18, 36] };
+            let errors: Vec<f64> = n.iter().map(|&n| error_of_example_817(method, n_s, n)).collect();
+            let order = slope(n, &errors);
+            let expected = 2.0 * n_s as f64 - 1.0;
+            assert!(order > expected - 0.3, "{method:?}, {n_s} stage points: {errors:?}, slope {order:.2}");
+        }
+    }
+}
+
 #[test]
 fn programs_keep_the_order_of_the_method_on_a_curved_floor() {
     // it lands and slides; it bounces
@@ -555,5 +624,19 @@ fn answers_do_not_depend_on_units() {
             r.cost
         });
         assert!(costs.iter().all(|c| (c - costs[0]).abs() < 1e-9 * costs[0]), "{bounded}: {costs:?}");
+    }
+}
+
+#[test]
+fn contacts_that_are_out_of_reach_cost_nothing() {
+    // shots with the largest push go to x = 15, far beyond the bounds that the walls are left out for
+    let solve = |walls: usize, method: Jumps| {
+        let mut ocp = example_819_between(walls, method);
+        let r = ocp.solve(&mut Control::default()).unwrap().clone();
+        assert_eq!(r.outcome, Outcome::Solved, "{method:?}: {}", r.message);
+        (r.stats.iterations, r.stats.factorisations, r.stats.evaluations, r.cost.to_bits())
+    };
+    for method in [Jumps::Auto, Jumps::Shots] {
+        assert_eq!(solve(0, method), solve(3, method), "{method:?}");
     }
 }

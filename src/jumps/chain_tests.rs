@@ -150,7 +150,8 @@ fn events_of_a_simulation_are_limited() {
     let given = p.given();
     let inputs =
         Inputs { x0: &given.x0_bounds[0], controls: &[0.0], durations: &given.durations, params: &given.params };
-    let effort = Effort { tolerance: 1e-8, sizes: &[], max_steps: 10_000, max_events: usize::MAX, dense: false };
+    let effort =
+        Effort { tolerance: 1e-8, sizes: &[], max_steps: 10_000, max_events: usize::MAX, dense: false, bounded: true };
     let whole = simulate_with(&p, inputs, effort).unwrap();
     let events = |s: &Simulated| s.run.stats.switches + s.run.stats.impacts;
     assert!(whole.times.len() == 2 && events(&whole) > 3);

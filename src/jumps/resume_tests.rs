@@ -9,7 +9,8 @@ use crate::scene::{Contact, Scene};
 
 const STAGES: usize = 8;
 const TOLERANCE: f64 = 1e-8;
-const EFFORT: Effort = Effort { tolerance: TOLERANCE, sizes: &[], max_steps: 10_000, max_events: 1000, dense: false };
+const EFFORT: Effort =
+    Effort { tolerance: TOLERANCE, sizes: &[], max_steps: 10_000, max_events: 1000, dense: false, bounded: true };
 
 /// A block falls on a rough floor with a wall at its end, and a ball bounces beside it: contacts that slide, stick, and open again.
 fn problem() -> Problem {

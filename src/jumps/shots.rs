@@ -46,7 +46,8 @@ const AS_GIVEN: f64 = 0.6;
 const SEED: u64 = 0x5eed;
 
 /// Tolerance, relative to the sizes of the states, and steps of a simulation.
-const EFFORT: Effort = Effort { tolerance: 1e-7, sizes: &[], max_steps: 4000, max_events: 400, dense: false };
+const EFFORT: Effort =
+    Effort { tolerance: 1e-7, sizes: &[], max_steps: 4000, max_events: 400, dense: false, bounded: false };
 /// Share of a range by which a variable moves for a difference.
 const DIFFERENCE: f64 = 1e-4;
 /// Steps of an aimed shot, damping they begin with, and how often a step is tried again with more of it.
@@ -61,6 +62,8 @@ const ALIKE: usize = 3;
 const HIT: f64 = 1e-4;
 const HITS: f64 = 0.02;
 const NEARLY: f64 = 0.25;
+/// Share of its violation that is left by a step of a shot that hits for it to be aimed on.
+const HALVED: f64 = 0.5;
 /// Share of its size by which a constraint is missed that counts as met.
 const MET: f64 = 1e-6;
 /// Range of a control without bounds, as a multiple of the constant control that would take the end as far as the target is away. The multiple
@@ -164,6 +167,8 @@ struct Range<'a> {
     engine: Engine,
     stretches: usize,
     steps: usize,
+    /// What those shots miss at most that an aim has brought near.
+    aimed_from: f64,
 }
 
 /// Shots that nearly meet all constraints: those that hit, the cheapest first, then others as they come close; none where none does.
@@ -184,7 +189,7 @@ pub(super) fn shots(p: &Problem, o: &Options) -> Result<Vec<Shot>> {
 
 /// Shots that a cheaper answer may lie beside, with no more than so many steps of simulations: the cost of the known one is a
 /// constraint like the others, and no control is drawn from much further than its own. Those that were aimed and hit come first, then those
-/// that were only drawn, one of every order of contacts.
+/// that were only drawn, one of every order of contacts, unless they miss by more than every shot that an aim has brought near.
 pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usize) -> Result<Vec<Shot>> {
     let mut range = Range::new(p, o, (DRAWN_SHARE * most_steps as f64) as usize)?;
     range.below = Some(known.cost);
@@ -199,12 +204,13 @@ pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usiz
     let mut words: Vec<&[(usize, bool)]> = Vec::new();
     for k in best_of_every_word(&drawn, &scales, drawn.len(), true) {
         let d = &drawn[k];
+        let miss = largest(&d.flight.off(&scales));
         if out.len() >= MOST_CHEAPER {
             break;
         }
-        if !words.contains(&&d.flight.word[..]) {
+        if miss <= range.aimed_from && !words.contains(&&d.flight.word[..]) {
             words.push(&d.flight.word);
-            out.extend(range.shot(&d.at, largest(&d.flight.off(&scales)))?);
+            out.extend(range.shot(&d.at, miss)?);
         }
     }
     Ok(out)
@@ -234,6 +240,7 @@ impl<'a> Range<'a> {
             sizes,
             stretches,
             steps: 0,
+            aimed_from: 0.0,
         };
         let reaches = range.reaches();
         let mut variables = Vec::new();
@@ -481,6 +488,7 @@ impl<'a> Range<'a> {
             }
             let miss = largest(&found.flight.off(&scales));
             if miss <= NEARLY {
+                self.aimed_from = self.aimed_from.max(largest(&drawn[k].flight.off(&scales)));
                 out.extend(self.shot(&found.at, miss)?);
             }
             drawn.push(found);
@@ -522,15 +530,22 @@ impl<'a> Range<'a> {
                 break;
             }
             let columns = self.columns(&at, &flight, scales);
+            let hits = largest(&off) <= HITS;
             let mut better = false;
             for _ in 0..TRIALS {
                 let next = step(&at, &columns, &off, damping);
                 if let Some(found) = self.fly(&next) {
-                    if found.touches_all_of(&from.flight) && squares(&found.off(scales)) < squares(&off) {
-                        (at, flight, better) = (next, found, true);
+                    let left = squares(&found.off(scales)) / squares(&off);
+                    if found.touches_all_of(&from.flight) && left < 1.0 {
+                        // what hits is a start, and one that comes a little closer is the same start
+                        better = !hits || left <= HALVED * HALVED;
+                        (at, flight) = (next, found);
                         damping /= MORE;
                         break;
                     }
+                }
+                if hits {
+                    break;
                 }
                 damping *= MORE;
             }

@@ -46,6 +46,9 @@ pub(super) struct Effort<'a> {
     /// Impacts and changes of modes at most: each may cost as much as hundreds of steps.
     pub(super) max_events: usize,
     pub(super) dense: bool,
+    /// Does it end where it leaves the bounds that contacts were left out for? A guess need not: what is left out costs nothing then, and what
+    /// programs make of it is simulated within them.
+    pub(super) bounded: bool,
 }
 
 /// Times and states `[nx]` at the ends of control stages, the start first.
@@ -63,8 +66,14 @@ pub(super) fn simulate(p: &Problem, x0: &[f64], controls: &[f64], durations: &[f
 }
 
 /// The effort of a guess.
-const GUESS: Effort =
-    Effort { tolerance: TOLERANCE, sizes: &[], max_steps: MAX_STEPS, max_events: usize::MAX, dense: true };
+const GUESS: Effort = Effort {
+    tolerance: TOLERANCE,
+    sizes: &[],
+    max_steps: MAX_STEPS,
+    max_events: usize::MAX,
+    dense: true,
+    bounded: false,
+};
 
 /// The same with other parameters and another effort.
 pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Result<Simulated> {
@@ -73,12 +82,16 @@ pub(super) fn simulate_with(p: &Problem, inputs: Inputs, effort: Effort) -> Resu
 
 /// An engine for simulations with one effort, as many as are wanted one after the other: what comes before one leaves no trace in it.
 pub(super) fn engine(p: &Problem, effort: Effort) -> Result<Engine> {
-    let Effort { tolerance, sizes, max_steps, dense, .. } = effort;
+    let Effort { tolerance, sizes, max_steps, dense, bounded, .. } = effort;
     let mut options = Options { max_steps, dense, ..Options::with_tolerance(tolerance, tolerance) };
     if !sizes.is_empty() {
         options.atol = sizes.iter().map(|s| tolerance * s).collect();
     }
-    Engine::new(&p.given.system, &options)
+    let mut engine = Engine::new(&p.given.system, &options)?;
+    if !bounded {
+        engine.pass_bounds();
+    }
+    Ok(engine)
 }
 
 /// A simulation with so many events at most from the start of control stage `first` on: until there the motion is known, and its steps, impacts
@@ -330,7 +343,7 @@ pub fn replay(p: &Problem, a: &super::Answer, durations: &[f64], tol: f64) -> Re
     let given = with_free_parameters(p, a);
     let inputs = Inputs { x0: &a.x0, controls: a.controls(), durations, params: &given };
     let sizes = scales::of_motion(p, &a.x0, &a.track.pieces);
-    let s = simulate_with(p, inputs, Effort { tolerance: tol, sizes: &sizes, ..GUESS })?;
+    let s = simulate_with(p, inputs, Effort { tolerance: tol, sizes: &sizes, bounded: true, ..GUESS })?;
     let n = s.times.len() - 1;
     let mut differences = Vec::with_capacity(n);
     let mut x = vec![0.0; p.given.dims.x];

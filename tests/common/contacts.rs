@@ -11,6 +11,11 @@ pub const G: f64 = 9.81;
 
 /// A point mass above a floor with friction, pushed along it: Example 8.19.
 pub fn puck(mu: f64) -> (Graph, switchback::system::System) {
+    puck_between(0, mu)
+}
+
+/// The same with walls in a row at x = 5, 6 and so on, which it does not come near: it is said to stay between -1 and 4.
+pub fn puck_between(walls: usize, mu: f64) -> (Graph, switchback::system::System) {
     let g = Graph::new();
     let (x, y, u) = (g.x(0), g.x(1), g.u(0));
     let mut scene = Scene::new("puck", 2, 2, 1, 0).unwrap();
@@ -18,13 +23,22 @@ pub fn puck(mu: f64) -> (Graph, switchback::system::System) {
     scene.set_force(1, g.constant(-G).id()).unwrap();
     let (mu, tangents) = (g.constant(mu).id(), vec![x.id()]);
     scene.add_contact(Contact { friction: mu, tangents, ..Contact::new(&g, "floor", y) }).unwrap();
+    for i in 0..walls {
+        scene.add_contact(Contact::new(&g, &format!("wall {i}"), -x + (5.0 + i as f64))).unwrap();
+    }
+    scene.set_bounds(0, -1.0, 4.0).unwrap();
     let system = scene.build(&g).unwrap().system;
     (g, system)
 }
 
 /// Example 8.19: from (0, 1) at rest to (3, 0) at rest in 2 s, force at most 10, cost u².
 pub fn example_819(method: Jumps) -> Ocp {
-    let (g, system) = puck(0.6);
+    example_819_between(0, method)
+}
+
+/// The same with so many walls out of reach.
+pub fn example_819_between(walls: usize, method: Jumps) -> Ocp {
+    let (g, system) = puck_between(walls, 0.6);
     let mut settings = Settings::default();
     settings.set_by_name("n_s", 2i64).unwrap();
     settings.set_by_name("n_fe", 1i64).unwrap();

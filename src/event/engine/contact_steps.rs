@@ -203,7 +203,7 @@ impl Engine {
 
     /// A coordinate beyond the bounds that the reduction relies on.
     pub(super) fn outside(&self) -> Option<usize> {
-        let bounds = &self.field.scene()?.dynamics.mechanics.bounds;
+        let bounds = &self.field.scene().filter(|_| !self.passes_bounds)?.dynamics.mechanics.bounds;
         let mut all = bounds.iter().zip(&self.x).enumerate();
         all.find(|(_, (b, x))| b.is_some_and(|(low, high)| !(**x >= low && **x <= high))).map(|(i, _)| i)
     }

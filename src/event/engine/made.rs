@@ -103,6 +103,7 @@ impl Engine {
             candidates: Vec::new(),
             kept: vec![false; field.subs.len()],
             keeps: false,
+            passes_bounds: false,
             due: vec![f64::NAN; n_w],
             guesses: 0,
             foreseen: false,
@@ -186,6 +187,12 @@ impl Engine {
             refused: false,
             field,
         })
+    }
+
+    /// Goes on beyond the bounds that contacts of a scene were left out for: of a motion that is only a guess nothing but that it is close to one within
+    /// them is wanted.
+    pub(crate) fn pass_bounds(&mut self) {
+        self.passes_bounds = true;
     }
 
     /// Sets time and state and clears log, statistics and dense output.

@@ -132,6 +132,8 @@ pub struct Engine {
     /// Subsystems that the present switch does not touch, where that is known.
     kept: Vec<bool>,
     keeps: bool,
+    /// Do bounds that contacts were left out for say nothing?
+    passes_bounds: bool,
     /// When what is watched vanishes next, as far as is known, see [`Engine::time_to_switch`]: by indicator, then by cell.
     due: Vec<f64>,
     guesses: usize,
