@@ -167,8 +167,6 @@ struct Range<'a> {
     engine: Engine,
     stretches: usize,
     steps: usize,
-    /// What those shots miss at most that an aim has brought near.
-    aimed_from: f64,
 }
 
 /// Shots that nearly meet all constraints: those that hit, the cheapest first, then others as they come close; none where none does.
@@ -189,7 +187,7 @@ pub(super) fn shots(p: &Problem, o: &Options) -> Result<Vec<Shot>> {
 
 /// Shots that a cheaper answer may lie beside, with no more than so many steps of simulations: the cost of the known one is a
 /// constraint like the others, and no control is drawn from much further than its own. Those that were aimed and hit come first, then those
-/// that were only drawn, one of every order of contacts, unless they miss by more than every shot that an aim has brought near.
+/// that were only drawn, one of every order of contacts.
 pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usize) -> Result<Vec<Shot>> {
     let mut range = Range::new(p, o, (DRAWN_SHARE * most_steps as f64) as usize)?;
     range.below = Some(known.cost);
@@ -204,13 +202,12 @@ pub(super) fn cheaper(p: &Problem, o: &Options, known: &Answer, most_steps: usiz
     let mut words: Vec<&[(usize, bool)]> = Vec::new();
     for k in best_of_every_word(&drawn, &scales, drawn.len(), true) {
         let d = &drawn[k];
-        let miss = largest(&d.flight.off(&scales));
         if out.len() >= MOST_CHEAPER {
             break;
         }
-        if miss <= range.aimed_from && !words.contains(&&d.flight.word[..]) {
+        if !words.contains(&&d.flight.word[..]) {
             words.push(&d.flight.word);
-            out.extend(range.shot(&d.at, miss)?);
+            out.extend(range.shot(&d.at, largest(&d.flight.off(&scales)))?);
         }
     }
     Ok(out)
@@ -240,7 +237,6 @@ impl<'a> Range<'a> {
             sizes,
             stretches,
             steps: 0,
-            aimed_from: 0.0,
         };
         let reaches = range.reaches();
         let mut variables = Vec::new();
@@ -488,7 +484,6 @@ impl<'a> Range<'a> {
             }
             let miss = largest(&found.flight.off(&scales));
             if miss <= NEARLY {
-                self.aimed_from = self.aimed_from.max(largest(&drawn[k].flight.off(&scales)));
                 out.extend(self.shot(&found.at, miss)?);
             }
             drawn.push(found);

@@ -154,34 +154,10 @@ pub(super) fn theta(shape: &Shape, s: &[f64], c: &[f64]) -> f64 {
     t
 }
 
-/// Share of the barrier parameter that a distance from a bound costs where there is none on the other side, beyond the distance
-/// [`UNDAMPED`]: what neither rows nor objective hold would go to infinity for the sake of its barrier, and now ends where both slopes
-/// are the same, at the inverse of the share (section 3.7 of Wächter and Biegler, where all such distances cost something: that would
-/// change the path of every problem). Multipliers of the lower program of a problem with two levels are like that where its rows meet
-/// no condition of regularity.
-const DAMPING: f64 = 1e-5;
-const UNDAMPED: f64 = 1e3;
-
-/// What damping adds to the barrier of a value, over the barrier parameter, and to its derivative.
-#[inline]
-pub(super) fn damping([has_lower, has_upper]: [bool; 2], [lower, upper]: [f64; 2], value: f64) -> (f64, f64) {
-    let (beyond, sign) = match (has_lower, has_upper) {
-        (true, false) => (value - lower - UNDAMPED, 1.0),
-        (false, true) => (upper - value - UNDAMPED, -1.0),
-        _ => return (0.0, 0.0),
-    };
-    if beyond > 0.0 {
-        (DAMPING * beyond, DAMPING * sign)
-    } else {
-        (0.0, 0.0)
-    }
-}
-
-/// `φ_μ = f − μ Σ ln(distance to bounds)`, damped; +∞ when a point is outside.
+/// `φ_μ = f − μ Σ ln(distance to bounds)`; +∞ when a point is outside.
 pub(super) fn barrier(shape: &Shape, b: &Bounds, x: &[f64], s: &[f64], f: f64, mu: f64) -> f64 {
     // products of distances are accumulated so that one logarithm serves many bounds
     let mut acc = LogSum::default();
-    let mut damped = 0.0;
     for j in 0..x.len() {
         if shape.has_xl[j] {
             acc.push(x[j] - b.xl[j]);
@@ -189,7 +165,6 @@ pub(super) fn barrier(shape: &Shape, b: &Bounds, x: &[f64], s: &[f64], f: f64, m
         if shape.has_xu[j] {
             acc.push(b.xu[j] - x[j]);
         }
-        damped += damping([shape.has_xl[j], shape.has_xu[j]], [b.xl[j], b.xu[j]], x[j]).0;
     }
     for i in 0..s.len() {
         if shape.has_cl[i] {
@@ -198,9 +173,8 @@ pub(super) fn barrier(shape: &Shape, b: &Bounds, x: &[f64], s: &[f64], f: f64, m
         if shape.has_cu[i] {
             acc.push(b.cu[i] - s[i]);
         }
-        damped += damping([shape.has_cl[i], shape.has_cu[i]], [b.cl[i], b.cu[i]], s[i]).0;
     }
-    f - mu * (acc.finish() - damped)
+    f - mu * acc.finish()
 }
 
 /// Sum of logarithms of positive numbers with few calls of `ln`.
@@ -286,32 +260,4 @@ pub(super) fn kkt_error<const N: usize>(
     e.s_c = S_MAX.max(sum_z / n_z) / S_MAX;
     e.s_d = S_MAX.max((sum_z + sum_y) / n_all) / S_MAX;
     compl.map(|compl| KktError { compl, ..e })
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    /// The barrier of a variable with one bound, which nothing else holds, has its minimum where the damping ends it; near the bound, and
-    /// where there is another one, nothing is damped.
-    #[test]
-    fn the_barrier_of_a_free_ray_has_a_minimum() {
-        let phi = |x: f64, xu: f64| {
-            let b = Bounds { xl: vec![2.0], xu: vec![xu], cl: vec![], cu: vec![] };
-            let mut shape = Shape::new(1, 0);
-            shape.classify(&b);
-            let (_, slope) = damping([shape.has_xl[0], shape.has_xu[0]], [b.xl[0], b.xu[0]], x);
-            (barrier(&shape, &b, &[x], &[], 0.0, 0.1), slope)
-        };
-        let end = 1.0 / DAMPING;
-        for x in [0.5 * end, 2.0 * end] {
-            assert!(phi(2.0 + end, f64::INFINITY).0 < phi(2.0 + x, f64::INFINITY).0);
-        }
-        let (x, h) = (2.0 + 3.0 * UNDAMPED, 1.0);
-        let difference = (phi(x + h, f64::INFINITY).0 - phi(x - h, f64::INFINITY).0) / (2.0 * h);
-        let derivative = 0.1 * (phi(x, f64::INFINITY).1 - 1.0 / (x - 2.0));
-        assert!((difference - derivative).abs() < 1e-6 * derivative.abs(), "{difference} {derivative}");
-        assert_eq!(phi(2.0 + 0.5 * UNDAMPED, f64::INFINITY).0, -0.1 * (0.5 * UNDAMPED).ln());
-        assert_eq!(phi(2.0 + end, 1e9).1, 0.0);
-    }
 }

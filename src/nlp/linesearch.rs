@@ -3,7 +3,7 @@
 use std::time::Instant;
 
 use super::filter::{alpha_min, noise, DELTA, ETA_PHI, GAMMA_PHI, GAMMA_THETA, S_PHI, S_THETA};
-use super::iterate::{barrier, damping, lagrangian_gradient, theta, Iterate, RowKind};
+use super::iterate::{barrier, lagrangian_gradient, theta, Iterate, RowKind};
 use super::problem::{within, Nlp};
 use super::solver::Ipm;
 use crate::func::EvalError;
@@ -58,8 +58,7 @@ impl Ipm {
         let (b, sh, it) = (&self.bounds, &self.shape, &self.it);
         let mut s = 0.0;
         for j in 0..self.n {
-            let damped = damping([sh.has_xl[j], sh.has_xu[j]], [b.xl[j], b.xu[j]], it.x[j]).1;
-            let mut g = self.v.grad[j] + mu * damped;
+            let mut g = self.v.grad[j];
             if sh.has_xl[j] {
                 g -= mu / (it.x[j] - b.xl[j]);
             }
@@ -69,7 +68,6 @@ impl Ipm {
             s += g * self.dx[j];
         }
         for i in 0..self.m {
-            s += mu * damping([sh.has_cl[i], sh.has_cu[i]], [b.cl[i], b.cu[i]], it.s[i]).1 * self.ds[i];
             if sh.has_cl[i] {
                 s -= mu / (it.s[i] - b.cl[i]) * self.ds[i];
             }

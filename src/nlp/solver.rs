@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::augmented::{sigma_s, Augmented};
 use super::centrality::{Direction, Offsets};
 use super::filter::Filter;
-use super::iterate::{damping, kkt_error, lagrangian_gradient, theta, Iterate, KktError, RowKind, Shape, Values};
+use super::iterate::{kkt_error, lagrangian_gradient, theta, Iterate, KktError, RowKind, Shape, Values};
 use super::linesearch::{clamp_multiplier, tiny_gap, Search};
 use super::problem::{Bounds, Nlp};
 use super::report::{Control, IterationInfo, Outcome, Residuals, Statistics};
@@ -739,7 +739,7 @@ impl Ipm {
         let mu = self.level.mu;
         let Ipm { system, shape, bounds: b, it, lag, residual, n, offsets: o, .. } = self;
         for j in 0..*n {
-            let mut r = -lag[j] - mu * damping([shape.has_xl[j], shape.has_xu[j]], [b.xl[j], b.xu[j]], it.x[j]).1;
+            let mut r = -lag[j];
             if shape.has_xl[j] {
                 r += (mu + o.xl[j]) / (it.x[j] - b.xl[j]);
             }
@@ -807,8 +807,7 @@ fn rounding(jac: &Pattern, values: &[f64], x: &[f64], work: &mut [f64]) -> f64 {
 /// Gradient of the barrier Lagrangian in the slack of row `i`, whose bounds have parameters of their own.
 #[inline]
 fn slack_gradient(shape: &Shape, b: &Bounds, it: &Iterate, i: usize, mu: f64, o: &Offsets) -> f64 {
-    let damped = damping([shape.has_cl[i], shape.has_cu[i]], [b.cl[i], b.cu[i]], it.s[i]).1;
-    let mut g = -it.y[i] + mu * damped;
+    let mut g = -it.y[i];
     if shape.has_cl[i] {
         g -= (mu + o.cl[i]) / (it.s[i] - b.cl[i]);
     }

@@ -99,11 +99,17 @@ def best_step(at: Point, strong: bool) -> float | None:
             most = np.abs(member) @ at.radius
             matrix = scipy.sparse.hstack([member, scipy.sparse.diags(factor * most)])
             constraints.append((matrix, np.full(k, -np.inf), shift * most))
-    scale = reach
+    # in steps of size one: the tolerances of the solver are absolute, and times multipliers they count as a fall
+    unit = np.concatenate([np.full(p.n, RADIUS), np.ones(k)])
+    columns = scipy.sparse.diags(unit)
     result = scipy.optimize.milp(
-        cost / scale,
-        constraints=[scipy.optimize.LinearConstraint(m.tocsr(), lo, hi) for m, lo, hi in constraints if m.shape[0]],
-        bounds=scipy.optimize.Bounds(np.concatenate([lower, np.zeros(k)]), np.concatenate([upper, np.ones(k)])),
+        cost * unit / reach,
+        constraints=[
+            scipy.optimize.LinearConstraint((m @ columns / RADIUS).tocsr(), lo / RADIUS, hi / RADIUS)
+            for m, lo, hi in constraints
+            if m.shape[0]
+        ],
+        bounds=scipy.optimize.Bounds(np.concatenate([lower, np.zeros(k)]) / unit, np.concatenate([upper, np.ones(k)]) / unit),
         integrality=integrality,
         options={"time_limit": SECONDS},
     )
