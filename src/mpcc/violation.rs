@@ -208,8 +208,8 @@ mod tests {
         assert!(s.conflict.is_some_and(|c| !c.rows.is_empty()));
     }
 
-    /// A program that is itself the least violation of another one, and that has no solution as its numbers are too large to
-    /// add, is not followed by that of its own: there would be no end.
+    /// The solver of a least violation does not look for that of its own where it finds no solution: there would be no end. Any
+    /// program without a solution shows it, as only numbers that are too large to be added leave a least violation without one.
     #[test]
     fn the_violation_of_a_violation_is_not_asked_for() {
         let s = solved_as(true, 2, |x, c| c.copy_from_slice(x), &[1.0, 1.0]);
