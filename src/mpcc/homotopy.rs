@@ -47,6 +47,8 @@ pub struct Scholtes {
     priced: bool,
     /// How often the first relaxation was enlarged.
     enlarged: usize,
+    /// Barrier parameter at which the present first problem counts as solved.
+    plateau_mu: f64,
     /// Short steps in a row whose Hessian was shifted.
     shifted: usize,
     /// Were multipliers of the first relaxed problem estimated anew?
@@ -76,7 +78,9 @@ const LIGHT: f64 = 0.01;
 /// The same that a rung gets whose steps stay short.
 const CENTRING: f64 = 0.3;
 /// Share of one unit of the scaled objective from which the price of the first relaxation counts, the factor by which that is
-/// then enlarged, with the barrier parameter it begins at, relative to the first one, and how often.
+/// then enlarged, with the barrier parameter it begins at, relative to the first one, and how often. The barrier parameter that the
+/// larger one is solved to is larger by the same factor: solved further, its iterates hug bounds that the rungs down to the first
+/// relaxation take them away from again.
 const PRICE: f64 = 0.7;
 const ENLARGEMENT: f64 = 100.0;
 const ENLARGED_MU: f64 = 0.2;
@@ -105,6 +109,7 @@ impl Scholtes {
             given: false,
             priced: false,
             enlarged: 0,
+            plateau_mu: settings.plateau_mu,
             shifted: 0,
             renewed: false,
             settings,
@@ -150,19 +155,20 @@ impl Scholtes {
     fn advance_plateau(&mut self, m: &Measures) -> Advance {
         let Level { mu, sigma } = m.level;
         let s = self.settings;
-        if mu > s.plateau_mu {
+        if mu > self.plateau_mu {
             if m.error <= 10.0 * mu {
                 self.short = 0;
-                return Advance::To(Level { mu: lower_barrier(mu, s.plateau_mu), sigma });
+                return Advance::To(Level { mu: lower_barrier(mu, self.plateau_mu), sigma });
             }
         } else {
             self.stays += 1;
-            let solved = m.error <= PLATEAU_ERROR * s.plateau_mu || (self.given && self.stays > PLATEAU_ITERATIONS);
+            let solved = m.error <= PLATEAU_ERROR * self.plateau_mu || (self.given && self.stays > PLATEAU_ITERATIONS);
             if solved && m.primal <= s.plateau_viol {
                 // what the barrier adds to the multipliers of rows that do not bind is no price
                 let price = m.pull - mu * self.rows.len() as f64;
                 if self.priced && price > PRICE && self.enlarged < MAX_ENLARGEMENTS {
                     self.enlarged += 1;
+                    self.plateau_mu *= ENLARGEMENT;
                     (self.stays, self.short) = (0, 0);
                     return Advance::To(Level { mu: ENLARGED_MU * s.mu_init, sigma: ENLARGEMENT * sigma });
                 }
@@ -395,6 +401,37 @@ mod tests {
         assert_eq!(after_short_steps(&mut shifted, 1.0), Some(Advance::Renew));
         assert_eq!(after_short_steps(&mut shifted, 1.0), raised);
         assert_eq!(after_short_steps(&mut path(), 0.0), raised);
+    }
+
+    /// A first relaxation that weighs is enlarged once, and the barrier parameter that it is solved to with it.
+    #[test]
+    fn the_barrier_of_an_enlarged_relaxation_ends_with_it() {
+        let settings = MpccSettings { plateau_mu: 1e-4, ..MpccSettings::default() };
+        let mut path = Scholtes::new(settings, 0..1, 1e-8).of(true, true);
+        let mut ask = |level: Level| {
+            path.advance(&Measures {
+                level,
+                error: 0.0,
+                error0: 0.0,
+                primal: 0.0,
+                dual: 0.0,
+                pair_product: level.sigma,
+                rounding: 1e-16,
+                alpha: 1.0,
+                shift: 0.0,
+                pair_min: 1.0,
+                elastic: 0.0,
+                pull: 2.0 * PRICE,
+            })
+        };
+        let first = Level { mu: 1e-4, sigma: settings.sigma_init };
+        let Advance::To(large) = ask(first) else { panic!("not enlarged") };
+        assert_eq!(large.sigma, ENLARGEMENT * first.sigma);
+        assert!(large.mu > ENLARGEMENT * first.mu);
+        let end = Level { mu: ENLARGEMENT * first.mu, ..large };
+        assert_eq!(ask(large), Advance::To(end));
+        let Advance::To(rung) = ask(end) else { panic!("solved further") };
+        assert!(rung.sigma < large.sigma && rung.mu <= end.mu);
     }
 
     /// The barrier of a user's program stays far below the relaxation, that of a discretisation, whose start is near, as near as the option
