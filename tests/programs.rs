@@ -199,6 +199,25 @@ fn members_may_be_functions() {
     assert!(near(&s.x[..4], &[2.0, 1.0, 0.0, 2.0]) && (s.objective - 0.25).abs() < 1e-8, "{:?} {}", s.x, s.objective);
 }
 
+/// A multiplier that appears in nothing but its own pair, whose function is zero at the minimum: far out on its ray the rounding of the
+/// function makes the product of the two larger than any tolerance.
+#[test]
+fn what_nothing_holds_is_drawn_back() {
+    let slack: Vector = |x, o| o[0] = 0.1 * x[0] - 0.3;
+    let free: Vector = |x, o| o[0] = (x[0] - 1.0).powi(2) + 0.0 * x[1];
+    let held: Vector = |x, o| o[0] = (x[0] - 1.0).powi(2) + (1e-12 * x[1] - 1.0).powi(2);
+    for (objective, least, most) in [(free, 0.0, 1e6), (held, 0.99e12, 1.01e12)] {
+        let pair = [(Member::Variable(1), Member::Row(0))];
+        let mut p = Lifted::new(problem(2, objective, 1, slack), &pair).unwrap();
+        let b = p.bounds(&bounds(&[(-INF, INF), (0.0, INF)], &[(0.0, INF)])).unwrap();
+        let mut solver = MpccSolver::new(&mut p, MpccSettings::default()).unwrap();
+        let warm = Warm { x: &[3.0, 1e12, 0.0], y: &[0.0], z: &[0.0; 3] };
+        let s = solver.solve_warm(&mut p, &b, &warm, &mut Control::default(), &mut NoProposals);
+        assert_eq!((s.outcome, s.polish), (Outcome::Solved, Polish::Done));
+        assert!((s.x[0] - 3.0).abs() < 1e-9 && (least..most).contains(&s.x[1]), "{:?}", s.x);
+    }
+}
+
 #[test]
 fn pairs_that_make_no_sense_are_refused() {
     let pair = [(Member::Variable(0), Member::Variable(1))];

@@ -12,7 +12,7 @@ use super::homotopy::{Branch, Settle};
 use super::problem::{Mpcc, Side};
 use super::proposer::{ActiveSetProposer, ProposalKind};
 use super::relaxed::Relaxed;
-use super::solver::{MpccSolver, Polish};
+use super::solver::{MpccSolver, Polish, KEPT_RELAXATION};
 use crate::nlp::{Bounds, Control, Iterate, Monotone, Outcome, Start, INFINITE};
 use crate::stop;
 
@@ -30,6 +30,10 @@ pub(super) const NEAR: f64 = 1e-4;
 const TELLING: f64 = 1e-2;
 /// Newton solves with changing active sets.
 const ROUNDS: usize = 5;
+/// Product of the rounding of a member that is a function and its partner from which that is drawn back, and the share of it that it is
+/// drawn back to.
+const DRAWN: f64 = KEPT_RELAXATION;
+const DRAWN_SHARE: f64 = 1e-4;
 
 /// How much is tried for an exact point.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -332,13 +336,61 @@ impl MpccSolver {
         ok
     }
 
-    /// Newton's method on the square system at the point `active.at` under the bounds in `branch`.
+    /// The square system at the point `active.at` under the bounds in `branch`. Members that it leaves free and that run away are drawn back.
     pub(super) fn settle(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
         if !self.settings.square_newton {
             return false;
         }
         self.st.bounds(&self.branch, f64::INFINITY, &mut self.active.exact);
         self.active.guess();
+        if !self.settle_set(p, control) {
+            return false;
+        }
+        let (found, best) = (self.active.at.clone(), self.ipm.objective());
+        if !self.draw_back(p) {
+            return true;
+        }
+        let close = |f: f64| f - best <= DRAWN * (1.0 + best.abs());
+        if self.settle_set(p, control) && close(self.ipm.objective()) {
+            return true;
+        }
+        // something holds them: the point as it was
+        self.active.at.copy_from(&found);
+        self.active.guess();
+        self.settle_set(p, control)
+    }
+
+    /// Draws members back whose product with the rounding of their partner, a function, is no longer zero; false where there are none.
+    ///
+    /// A multiplier of a problem below another one that appears in nothing but its own pair, or with others whose gradients cancel,
+    /// is on a ray of solutions, and the barrier moves it towards infinity. The residual of the pair in double precision is the
+    /// rounding of the function times the multiplier, so that a point far out is a worse solution than one near by.
+    fn draw_back(&mut self, p: &dyn Mpcc) -> bool {
+        let lifts = p.lifts();
+        if lifts.is_empty() || p.is_discretised() {
+            return false;
+        }
+        let terms = self.ipm.row_terms();
+        let x = &mut self.active.at.x;
+        let mut rounding = vec![0.0; self.st.n];
+        for &(row, v) in lifts {
+            rounding[v] = f64::EPSILON * terms[row];
+        }
+        let mut drawn = false;
+        for &(a, b) in p.pairs() {
+            for (zero, other) in [(a, b), (b, a)] {
+                if x[other] * rounding[zero] > DRAWN {
+                    x[other] = DRAWN_SHARE * DRAWN / rounding[zero];
+                    drawn = true;
+                }
+            }
+        }
+        drawn
+    }
+
+    /// Newton's method on the square system at the point `active.at` with the active set in `active`, which changes until all signs are
+    /// right.
+    fn settle_set(&mut self, p: &mut dyn Mpcc, control: &mut Control) -> bool {
         self.ipm.settings_mut().restoration = false;
         let mut ok = false;
         for _ in 0..ROUNDS {

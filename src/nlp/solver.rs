@@ -304,6 +304,13 @@ impl Ipm {
         &self.v.c
     }
 
+    /// Sizes of the terms of the rows at that point to first order, `Σ |J_ij x_j|`: times `ε` the rounding of their values.
+    pub fn row_terms(&self) -> Vec<f64> {
+        let mut terms = vec![0.0; self.m];
+        row_terms(&self.jac, &self.v.jac, &self.it.x, &mut terms);
+        terms
+    }
+
     /// Bounds of the last solve, with `σ` where it ended.
     pub fn bounds(&self) -> &Bounds {
         &self.bounds
@@ -793,14 +800,19 @@ impl Ipm {
     }
 }
 
-/// Rounding error of the rows: the largest sum `ε Σ |J_ij x_j|`; `work[m]` is overwritten.
-fn rounding(jac: &Pattern, values: &[f64], x: &[f64], work: &mut [f64]) -> f64 {
-    work.fill(0.0);
+/// Sizes of the terms of the rows, `Σ |J_ij x_j|`.
+fn row_terms(jac: &Pattern, values: &[f64], x: &[f64], terms: &mut [f64]) {
+    terms.fill(0.0);
     for (j, x) in x.iter().enumerate() {
         for k in jac.range(j) {
-            work[jac.row_idx()[k]] += (values[k] * x).abs();
+            terms[jac.row_idx()[k]] += (values[k] * x).abs();
         }
     }
+}
+
+/// Rounding error of the rows: the largest sum of terms times `ε`; `work[m]` is overwritten.
+fn rounding(jac: &Pattern, values: &[f64], x: &[f64], work: &mut [f64]) -> f64 {
+    row_terms(jac, values, x, work);
     4.0 * f64::EPSILON * work.iter().fold(0f64, |a, v| a.max(*v))
 }
 
