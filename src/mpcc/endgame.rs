@@ -20,6 +20,9 @@ use crate::stop;
 const MAX_FLIPS: usize = 4;
 /// Ratio of the members of a pair up to which it leaves no doubt which one is zero.
 const CLEAR: f64 = 0.05;
+/// The same on the way. The signs in the square system say of every set whether it is the right one: one that is costs no further rungs, one that
+/// is not a few steps.
+const EARLY_CLEAR: f64 = 0.15;
 /// Ratio from which both may be zero.
 const DOUBTFUL: f64 = 1e-3;
 /// A multiplier, or a distance from a bound, that is as good as zero.
@@ -228,7 +231,7 @@ impl MpccSolver {
         let early = effort == Effort::Early;
         self.close = true;
         self.identify(p);
-        let clear = self.doubt(0) <= CLEAR;
+        let clear = self.doubt(0) <= if early { EARLY_CLEAR } else { CLEAR };
         let mut ok = (!early || (clear && !p.is_discretised())) && self.settle_branch(p, bounds, control);
         if !early {
             ok = ok || self.try_branch(p, bounds, control);
